@@ -1,0 +1,4 @@
+//! The engine of pliant.
+
+pub mod kkt;
+pub mod terms;

@@ -1,0 +1,104 @@
+//! Forces: one file per physical effect.
+//!
+//! A [`Law`] writes a force once, for one element, generic over the scalar; [`Automatic`] turns it into a [`Term`] with all
+//! derivatives by forward-mode dual numbers. Hot laws implement [`Term`] by hand beside their generic form, and a test holds
+//! the two equal.
+
+use crate::kkt::BlockBand;
+use nalgebra::Vector3;
+use num_dual::DualNum;
+use std::fmt::Debug;
+
+mod automatic;
+pub use automatic::Automatic;
+
+/// Scalars a law may be evaluated with: `f64` and dual numbers over it.
+pub trait Real: DualNum<Primitive = f64> + Copy {}
+impl<T: DualNum<Primitive = f64> + Copy> Real for T {}
+
+/// A three-vector of any [`Real`].
+pub type Vec3<S> = Vector3<S>;
+
+/// Where forces are evaluated: positions [m] and velocities [m/s] of all nodes (flat, three per node), and all parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct Point<'a> {
+    /// Node positions q̄ [m].
+    pub q: &'a [f64],
+    /// Node velocities v̄ [m/s].
+    pub v: &'a [f64],
+    /// The flat parameter vector θ.
+    pub theta: &'a [f64],
+}
+
+impl Point<'_> {
+    /// Position of node `i`.
+    #[inline]
+    pub fn position(&self, i: usize) -> Vec3<f64> {
+        Vec3::new(self.q[3 * i], self.q[3 * i + 1], self.q[3 * i + 2])
+    }
+
+    /// Velocity of node `i`.
+    #[inline]
+    pub fn velocity(&self, i: usize) -> Vec3<f64> {
+        Vec3::new(self.v[3 * i], self.v[3 * i + 1], self.v[3 * i + 2])
+    }
+}
+
+/// What the solver asks of a force. Everything accumulates; nothing is cleared here.
+pub trait Term: Debug + Send + Sync {
+    /// Name used in errors and reports.
+    fn name(&self) -> &str;
+
+    /// `f += f(q, v; θ)` [N].
+    fn add_force(&self, at: &Point, f: &mut [f64]);
+
+    /// As [`Term::add_force`], and `dq += ∂f/∂q` [N/m], `dv += ∂f/∂v` [N·s/m].
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand);
+
+    /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
+    fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64));
+
+    /// Potential energy [J]; zero for forces without one.
+    fn energy(&self, _at: &Point) -> f64 {
+        0.0
+    }
+
+    /// Whether ∂f/∂q and ∂f/∂v are symmetric at every point for these parameters.
+    fn symmetric(&self, theta: &[f64]) -> bool;
+
+    /// Largest |i − j| of nodes this term couples.
+    fn reach(&self) -> usize;
+}
+
+/// One occurrence of a law: the nodes it acts on, the entries of θ it reads, and constants of its geometry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    /// Nodes, in the order the law expects.
+    pub nodes: Vec<usize>,
+    /// Indices into θ, in the order the law expects.
+    pub params: Vec<usize>,
+    /// Constants that are not parameters (fractions of the length, for example).
+    pub constants: Vec<f64>,
+}
+
+/// A force on a small stencil of nodes, written once. This is the only thing a new physical effect has to provide.
+///
+/// At most [`Automatic::MAX_NODES`] nodes and [`Automatic::MAX_PARAMS`] parameters per element.
+pub trait Law: Debug + Send + Sync {
+    /// Name used in errors and reports.
+    fn name(&self) -> &str;
+
+    /// Adds the force [N] on each node of the stencil to `f`. `q`, `v`: positions [m] and velocities [m/s] of the element's
+    /// nodes; `p`: its parameters; `constants`: [`Element::constants`].
+    fn force<S: Real>(&self, q: &[Vec3<S>], v: &[Vec3<S>], p: &[S], constants: &[f64], f: &mut [Vec3<S>]);
+
+    /// Potential energy [J] of the element; zero for forces without one.
+    fn energy<S: Real>(&self, _q: &[Vec3<S>], _p: &[S], _constants: &[f64]) -> S {
+        S::zero()
+    }
+
+    /// Whether ∂f/∂q and ∂f/∂v are symmetric for parameter values `p`; `false` is always safe.
+    fn symmetric(&self, _p: &[f64]) -> bool {
+        false
+    }
+}

@@ -1,0 +1,1 @@
+//! Contact laws at one point.

@@ -1,0 +1,21 @@
+"""An independent JAX reference of pliant's rope dynamics.
+
+Written from the formulas alone; it shares no code with pliant and nothing in the
+product imports it. Every law is an energy, a dissipation or a force (`laws`),
+differentiated by JAX; the step is a root found by optimistix (`step`), whose
+implicit-function adjoint gives the derivatives. SI units, float64 throughout.
+
+    model = load("scene.toml")
+    step = make_step(model)
+    x_next = step(x, u, model.theta)          # jax.jvp, jax.vjp, jax.jacobian go through it
+"""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+from .equilibrium import make_equilibrium  # noqa: E402
+from .model import Model, load, loads  # noqa: E402
+from .step import make_rollout, make_step  # noqa: E402
+
+__all__ = ["Model", "load", "loads", "make_equilibrium", "make_rollout", "make_step"]

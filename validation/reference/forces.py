@@ -1,0 +1,121 @@
+"""Assembly: θ-dependent masses and smoothing, total force and contact impulse of a model."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from . import contact, laws
+
+
+def rope_values(model, theta, key, rope_of):
+    """The rope parameter `key`, gathered for elements that belong to ropes `rope_of`."""
+    return theta[np.array([where[key] for where in model.ropes])[rope_of]]
+
+
+def voronoi_lengths(model, theta):
+    """L_i  [m], (n_nodes,); zero at ghosts."""
+    return model.node_voronoi * rope_values(model, theta, "length", model.node_rope)
+
+
+def masses(model, theta):
+    """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node)  [kg]."""
+    density = rope_values(model, theta, "linear_density", model.node_rope)
+    m = density * voronoi_lengths(model, theta)
+    for where, nodes in zip(model.ropes, model.rope_nodes, strict=True):
+        m = m.at[nodes].add(theta[where["node_mass"]])
+        m = m.at[nodes[-1]].add(theta[where["tip_mass"]])
+    return m
+
+
+def kappas(model, theta):
+    """κ_i = rest_gap m_i |g|  [J]; follows θ, so that a resting node hovers at rest_gap."""
+    return model.rest_gap * masses(model, theta) * theta[model.magnitude]
+
+
+def gravity(model, theta):
+    """g  [m/s²]."""
+    return laws.gravity_vector(theta[model.magnitude], theta[model.tilt])
+
+
+def potential(model, q, theta):
+    """Gravity, stretch and bend energy  [J] at q (n_nodes, 3)."""
+    g, m = gravity(model, theta), masses(model, theta)
+    e = jnp.sum(jax.vmap(laws.gravity_energy, (0, 0, None))(q, m, g))
+    pairs, rope = model.edges, model.edge_rope
+    rest = model.edge_fraction * rope_values(model, theta, "length", rope)
+    stiffness = rope_values(model, theta, "stretch_stiffness", rope)
+    e += jnp.sum(jax.vmap(laws.stretch_energy)(q[pairs[:, 0]], q[pairs[:, 1]], rest, stiffness))
+    if len(model.stencils):
+        x, rope = q[model.stencils.T], model.stencil_rope
+        voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
+        stiffness = rope_values(model, theta, "bend_stiffness", rope)
+        e += jnp.sum(jax.vmap(laws.bend_energy)(*x, voronoi, stiffness))
+    return e
+
+
+def dissipation(model, q, v, theta):
+    """Stretch and bend dissipation R  [W]."""
+    pairs, rope = model.edges.T, model.edge_rope
+    rest = model.edge_fraction * rope_values(model, theta, "length", rope)
+    damping = rope_values(model, theta, "stretch_damping", rope)
+    r = jnp.sum(jax.vmap(laws.stretch_dissipation)(*q[pairs], *v[pairs], rest, damping))
+    if len(model.stencils):
+        nodes, rope = model.stencils.T, model.stencil_rope
+        voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
+        damping = rope_values(model, theta, "bend_damping", rope)
+        r += jnp.sum(jax.vmap(laws.bend_dissipation)(*q[nodes], *v[nodes], voronoi, damping))
+    return r
+
+
+def drag(model, v, theta):
+    """Air drag (n_nodes, 3)  [N]."""
+    linear = rope_values(model, theta, "drag_linear", model.node_rope)
+    quadratic = rope_values(model, theta, "drag_quadratic", model.node_rope)
+    each = jax.vmap(laws.drag_force, (0, None, 0, 0, 0))
+    return each(v, theta[model.wind], voronoi_lengths(model, theta), linear, quadratic)
+
+
+def total_force(model, q, v, theta):
+    """Σ f (n_nodes, 3)  [N], contact excluded."""
+    elastic = -jax.grad(potential, 1)(model, q, theta)
+    damping = -jax.grad(dissipation, 2)(model, q, v, theta)
+    return elastic + damping + drag(model, v, theta)
+
+
+def static_force(model, q, theta):
+    """Σ f at rest (n_nodes, 3)  [N]: elastic, gravity and the wind's drag."""
+    return -jax.grad(potential, 1)(model, q, theta) + drag(model, jnp.zeros_like(q), theta)
+
+
+def _shape_values(shape, theta):
+    kind, where, constants = shape
+    return contact.GAPS[kind], constants | {key: theta[at] for key, at in where.items()}
+
+
+def gaps_and_normals(model, q, theta):
+    """[(gap (n,), normal (n, 3), friction)] of every shape at the free nodes q (n, 3)."""
+    radius = rope_values(model, theta, "radius", model.node_rope)[model.free]
+    out = []
+    for shape in model.shapes:
+        gap_of, values = _shape_values(shape, theta)
+        gap, normal = jax.vmap(lambda x, r, f=gap_of, s=values: f(x, r, s))(q, radius)
+        out.append((gap, normal, values["friction"]))
+    return out
+
+
+def contact_impulse(model, q, v, theta, kappa, h):
+    """p (n, 3)  [N·s] of all shapes on the free nodes, geometry at q = q⁺; κ (n,) [J]."""
+    total = jnp.zeros_like(q)
+    for gap, normal, friction in gaps_and_normals(model, q, theta):
+        each = jax.vmap(contact.impulse, (None, 0, 0, 0, None, None, 0))
+        total += each(model.law, gap, normal, v, h, friction, kappa)
+    return total
+
+
+def contact_margins(model, q, v, theta, h):
+    """(shapes, n) distances to the edge of the admissible set [m/s]; positive inside."""
+    rows = []
+    for gap, normal, friction in gaps_and_normals(model, q, theta):
+        each = jax.vmap(contact.margin, (None, 0, 0, 0, None, None))
+        rows.append(each(model.law, gap, normal, v, h, friction))
+    return jnp.stack(rows)

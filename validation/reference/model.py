@@ -1,0 +1,256 @@
+"""The reference model of a scene: nodes, elements, grippers, shapes, θ.
+
+Nodes of all ropes are consecutive; a clamped end edge inserts a massless ghost node before
+(after) its rope. State x = [q, v], q and v of shape (3 n_nodes,) in m and m/s.
+"""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .parameters import Table, add_rope, add_shape
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A clamp. `nodes` are the real nodes it drives; an end clamp also drives `ghost`."""
+
+    name: str
+    mode: str  # "prescribed" | "velocity"
+    nodes: np.ndarray
+    ghost: int | None
+    fraction: float  # rest length of the clamped end edge / rope length
+    rope: int
+    offset: np.ndarray  # positions in θ
+    inputs: slice  # its part of u
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Everything about a scene that does not change with x, u, θ. Index arrays are per element."""
+
+    h: float
+    duration: float
+    integrator: str
+    law: str
+    rest_gap: float
+    paths: list
+    theta: np.ndarray
+    tilt: np.ndarray
+    wind: np.ndarray
+    magnitude: int
+    ropes: list  # θ positions per rope
+    n_nodes: int
+    rope_nodes: list  # real nodes of each rope, in order
+    node_rope: np.ndarray
+    node_voronoi: np.ndarray  # Voronoi length / rope length; 0 for ghosts
+    edges: np.ndarray  # (E, 2)
+    edge_rope: np.ndarray
+    edge_fraction: np.ndarray
+    stencils: np.ndarray  # (S, 3)
+    stencil_rope: np.ndarray
+    stencil_voronoi: np.ndarray
+    grippers: list
+    driven: np.ndarray  # (n_nodes,) bool
+    shapes: list  # (kind, θ positions, constants)
+    nu: int
+    control_names: list
+    q0: np.ndarray  # (n_nodes, 3)
+    v0: np.ndarray
+
+    @property
+    def nx(self):
+        return 6 * self.n_nodes
+
+    @property
+    def free(self):
+        """Indices of the nodes that no gripper drives."""
+        return np.flatnonzero(~self.driven)
+
+    def index(self, path):
+        """Position of a path in θ."""
+        return self.paths.index(path)
+
+    def initial_state(self):
+        """x0 (nx,) of the scene as given (no equilibrium is solved here)."""
+        return np.concatenate([self.q0.ravel(), self.v0.ravel()])
+
+    def hold(self, q=None):
+        """The input (nu,) that keeps every gripper where it is in q (n_nodes, 3)."""
+        q = self.q0 if q is None else np.asarray(q).reshape(-1, 3)
+        u = np.zeros(self.nu)
+        for g in self.grippers:
+            if g.mode != "prescribed":
+                continue
+            target = [q[i] - self.theta[g.offset] for i in g.nodes]
+            if g.ghost is not None:
+                axis = q[g.nodes[0]] - q[g.ghost]
+                target.append(axis / np.linalg.norm(axis))
+            u[g.inputs] = np.concatenate(target)
+        return u
+
+
+def load(path):
+    """Model of a scene file."""
+    return loads(Path(path).read_text())
+
+
+def loads(text):
+    """Model of a scene text (TOML)."""
+    scene = tomllib.loads(text)
+    table = Table()
+    gravity, air = scene.get("gravity", {}), scene.get("air", {})
+    magnitude = table.add("gravity.magnitude", gravity.get("magnitude", 9.81))
+    tilt = table.add_vector("gravity.tilt", gravity.get("tilt", [0.0, 0.0]))
+    wind = table.add_vector("air.wind", air.get("wind", [0.0, 0.0, 0.0]))
+    ropes = scene["rope"]
+    for rope in ropes:
+        given = rope.get("edge_fractions") or np.ones(rope["nodes"] - 1)
+        rope["fractions"] = np.asarray(given, dtype=float) / np.sum(given)
+    where = [add_rope(table, rope) for rope in ropes]
+    mesh = _mesh(ropes, scene.get("gripper", []))
+    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table)
+    driven = np.zeros(len(mesh["node_rope"]), dtype=bool)
+    for g in grippers:
+        driven[g.nodes] = True
+        if g.ghost is not None:
+            driven[g.ghost] = True
+    names = _control_names(grippers, scene.get("gripper", []))
+    time, contact = scene["time"], scene.get("contact", {})
+    q0, v0 = _initial(ropes, mesh)
+    del mesh["ghosts"]
+    return Model(
+        h=time["step"],
+        duration=time.get("duration", 0.0),
+        integrator=time.get("integrator", "midpoint"),
+        law=contact.get("law", "coulomb"),
+        rest_gap=contact.get("rest_gap", 1e-9),
+        shapes=_shapes(scene, table),
+        paths=table.paths,
+        theta=np.array(table.values),
+        tilt=tilt,
+        wind=wind,
+        magnitude=magnitude,
+        ropes=where,
+        n_nodes=len(driven),
+        grippers=grippers,
+        driven=driven,
+        nu=len(names),
+        control_names=names,
+        q0=q0,
+        v0=v0,
+        **mesh,
+    )
+
+
+def _mesh(ropes, grippers):
+    """Nodes, edges and bending stencils of all ropes; `ghosts[(rope, end)]` the ghost nodes."""
+    ends = {(g["rope"], g["end"]) for g in grippers if "end" in g}
+    out = {k: [] for k in ("rope_nodes", "node_rope", "node_voronoi", "edges", "edge_rope")}
+    out |= {k: [] for k in ("edge_fraction", "stencils", "stencil_rope", "stencil_voronoi")}
+    ghosts, base = {}, 0
+    for r, rope in enumerate(ropes):
+        fractions = rope["fractions"]
+        half = np.concatenate([[0.0], fractions, [0.0]]) / 2
+        voronoi = list(half[:-1] + half[1:])
+        first, last = (rope["name"], "first") in ends, (rope["name"], "last") in ends
+        nodes = base + first + np.arange(len(voronoi))
+        if first:
+            ghosts[r, "first"] = base
+            out["stencils"].append((base, nodes[0], nodes[1]))
+            out["stencil_voronoi"].append(fractions[0] / 2)
+        for i in range(1, len(nodes) - 1):
+            out["stencils"].append((nodes[i - 1], nodes[i], nodes[i + 1]))
+            out["stencil_voronoi"].append(voronoi[i])
+        if last:
+            ghosts[r, "last"] = nodes[-1] + 1
+            out["stencils"].append((nodes[-2], nodes[-1], nodes[-1] + 1))
+            out["stencil_voronoi"].append(fractions[-1] / 2)
+        out["stencil_rope"] += [r] * (len(out["stencils"]) - len(out["stencil_rope"]))
+        out["edges"] += list(zip(nodes[:-1], nodes[1:], strict=True))
+        out["edge_rope"] += [r] * len(fractions)
+        out["edge_fraction"] += list(fractions)
+        out["node_voronoi"] += [0.0] * first + voronoi + [0.0] * last
+        out["node_rope"] += [r] * (first + len(nodes) + last)
+        out["rope_nodes"].append(nodes)
+        base += first + len(nodes) + last
+    keep = {k: np.array(v) for k, v in out.items() if k != "rope_nodes"}
+    keep["stencils"] = keep["stencils"].reshape(-1, 3).astype(int)
+    keep["stencil_rope"] = keep["stencil_rope"].astype(int)
+    return keep | {"rope_nodes": out["rope_nodes"], "ghosts": ghosts}
+
+
+def _grippers(entries, ropes, mesh, table):
+    """The grippers in scene order, with their inputs laid out in u."""
+    names, out, start = [rope["name"] for rope in ropes], [], 0
+    for g in entries:
+        r, mode = names.index(g["rope"]), g.get("mode", "prescribed")
+        real = mesh["rope_nodes"][r]
+        ghost, fraction = None, 0.0
+        if "end" in g:
+            first = g["end"] == "first"
+            nodes = real[:1] if first else real[-1:]
+            ghost = int(mesh["ghosts"][r, g["end"]])
+            fraction = float(ropes[r]["fractions"][0 if first else -1])
+        else:
+            nodes = real[np.array(g["nodes"])]
+        size = 6 if ghost is not None else (3 * len(nodes) if mode == "prescribed" else 3)
+        offset = table.add_vector(f"{g['name']}.offset", g.get("offset", [0.0, 0.0, 0.0]))
+        inputs = slice(start, start + size)
+        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs))
+        start += size
+    return out
+
+
+def _control_names(grippers, entries):
+    """Names of u's entries, e.g. `left.node[0].x`."""
+    names = []
+    for g, entry in zip(grippers, entries, strict=True):
+        if g.mode == "prescribed":
+            second = "axis"
+            first = [f"node[{i}]" for i in entry["nodes"]] if g.ghost is None else ["position"]
+        else:
+            first, second = ["velocity"], "angular_velocity"
+        groups = first + ([second] if g.ghost is not None else [])
+        names += [f"{g.name}.{group}.{c}" for group in groups for c in "xyz"]
+    return names
+
+
+def _shapes(scene, table):
+    """(kind, θ positions, constants) of every shape: planes, then spheres, then capsules."""
+    out = []
+    for kind in ("plane", "sphere", "capsule"):
+        for shape in scene.get(kind, []):
+            constants = {}
+            if kind == "plane":
+                normal = np.array(shape.get("normal", [0.0, 0.0, 1.0]), dtype=float)
+                constants["normal"] = normal / np.linalg.norm(normal)
+                constants["point"] = np.array(shape.get("point", [0.0, 0.0, 0.0]), dtype=float)
+            out.append((kind, add_shape(table, kind, shape), constants))
+    return out
+
+
+def _initial(ropes, mesh):
+    """Positions and velocities (n_nodes, 3) as the scene gives them."""
+    q = np.zeros((len(mesh["node_rope"]), 3))
+    v = np.zeros_like(q)
+    for r, rope in enumerate(ropes):
+        nodes, initial = mesh["rope_nodes"][r], rope["initial"]
+        arc = np.concatenate([[0.0], np.cumsum(rope["fractions"])])[:, None]
+        if initial["shape"] == "straight":
+            direction = np.array(initial["direction"], dtype=float)
+            direction /= np.linalg.norm(direction)
+            q[nodes] = np.array(initial["from"]) + arc * rope["length"] * direction
+        elif initial["shape"] == "points":
+            q[nodes] = np.array(initial["points"], dtype=float)
+        else:
+            raise ValueError(f"the reference knows straight and points, not {initial['shape']!r}")
+        v[mesh["node_rope"] == r] = rope.get("velocity", [0.0, 0.0, 0.0])
+        for end, node, step in (("first", nodes[0], 1), ("last", nodes[-1], -1)):
+            if (r, end) in mesh["ghosts"]:
+                axis = q[node + step] - q[node]
+                rest = rope["length"] * rope["fractions"][0 if end == "first" else -1]
+                q[mesh["ghosts"][r, end]] = q[node] - rest * axis / np.linalg.norm(axis)
+    return q, v

@@ -1,0 +1,79 @@
+"""The flat parameter vector θ of a scene: paths, defaults and their positions.
+
+Order: gravity, air, per rope, per gripper, per shape. SI units.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+ROPE_SCALARS = (
+    "length",
+    "linear_density",
+    "stretch_stiffness",
+    "stretch_damping",
+    "bend_stiffness",
+    "bend_damping",
+    "drag_linear",
+    "drag_quadratic",
+    "tip_mass",
+    "radius",
+)
+ROPE_DEFAULTS = {
+    "stretch_damping": 0.0,
+    "bend_stiffness": 0.0,
+    "bend_damping": 0.0,
+    "drag_linear": 0.0,
+    "drag_quadratic": 0.0,
+    "tip_mass": 0.0,
+    "radius": 0.0,
+}
+SHAPE_ENTRIES = {  # kind -> (entry, components; 0 = scalar)
+    "plane": (("height", 0), ("friction", 0)),
+    "sphere": (("center", 3), ("radius", 0), ("friction", 0)),
+    "capsule": (("a", 3), ("b", 3), ("radius", 0), ("friction", 0)),
+}
+
+
+@dataclass
+class Table:
+    """Paths and default values of θ, and where each path sits."""
+
+    paths: list = field(default_factory=list)
+    values: list = field(default_factory=list)
+
+    def add(self, path, value):
+        """Appends one entry and returns its position."""
+        self.paths.append(path)
+        self.values.append(float(value))
+        return len(self.paths) - 1
+
+    def add_vector(self, path, values):
+        """Appends path[0], path[1], … and returns their positions."""
+        return np.array([self.add(f"{path}[{k}]", v) for k, v in enumerate(values)], dtype=int)
+
+
+def add_rope(table, rope):
+    """Adds a rope's entries; returns their positions by name, `node_mass` as an array."""
+    name, count = rope["name"], len(rope["fractions"]) + 1
+    where = {}
+    for key in ROPE_SCALARS:
+        where[key] = table.add(f"{name}.{key}", rope.get(key, ROPE_DEFAULTS.get(key)))
+    extra = np.zeros(count)
+    for entry in rope.get("node_mass", []):
+        extra[entry["node"]] += entry["mass"]
+    where["node_mass"] = np.array(
+        [table.add(f"{name}.node[{i}].mass", m) for i, m in enumerate(extra)]
+    )
+    return where
+
+
+def add_shape(table, kind, shape):
+    """Adds a shape's entries; returns their positions by name."""
+    where = {}
+    for entry, components in SHAPE_ENTRIES[kind]:
+        path = f"{shape['name']}.{entry}"
+        default = np.zeros(components) if components else 0.0
+        value = shape.get(entry, default)
+        where[entry] = table.add_vector(path, value) if components else table.add(path, value)
+    return where
