@@ -1,0 +1,179 @@
+//! The scene file: what its top level holds, and everything in it that is not an object.
+
+use super::gripper::Gripper;
+use super::rope::Rope;
+use super::shape::{Capsule, Plane, Sphere};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The schema version this crate reads and writes.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// A scene: one TOML file. All quantities are in SI units (m, kg, s, N, rad); unknown keys are refused.
+///
+/// `X` is the type of the `experiment` key, which the engine does not look into.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene<X = Nothing> {
+    /// Version of this format; 1.
+    pub schema_version: u32,
+    /// Step, duration, integrator.
+    pub time: Time,
+    /// Gravity.
+    #[serde(default)]
+    pub gravity: Gravity,
+    /// The air around everything.
+    #[serde(default)]
+    pub air: Air,
+    /// Ropes, cables, rods.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rope: Vec<Rope>,
+    /// Clamps that drive nodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gripper: Vec<Gripper>,
+    /// Fixed half-spaces.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plane: Vec<Plane>,
+    /// Fixed balls.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sphere: Vec<Sphere>,
+    /// Fixed capsules (a cylinder with round ends).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub capsule: Vec<Capsule>,
+    /// Contact law.
+    #[serde(default)]
+    pub contact: Contact,
+    /// Newton and linear algebra.
+    #[serde(default)]
+    pub solver: Solver,
+    /// What was measured and how; read by `fit` and `diagnose` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<X>,
+}
+
+/// The `experiment` of a scene that is only simulated: any table is accepted and ignored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Nothing {}
+
+/// Step, duration and integrator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Step h [s].
+    pub step: f64,
+    /// Simulated time [s], for `simulate` and `gradcheck`.
+    #[serde(default = "one")]
+    pub duration: f64,
+    /// Integrator; never switched by step or contact.
+    #[serde(default)]
+    pub integrator: Integrator,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Default for Time {
+    fn default() -> Self {
+        Self { step: 0.01, duration: 1.0, integrator: Integrator::default() }
+    }
+}
+
+/// Integrators of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Integrator {
+    /// Implicit Euler: first order, robust, damps hω²/2 per second; with contact.
+    Euler,
+    /// Implicit midpoint: second order, keeps energy; without contact.
+    #[default]
+    Midpoint,
+    /// Two implicit Euler stages, γ = 1 − 1/√2: second order with contact.
+    Sdirk2,
+}
+
+/// Gravity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Gravity {
+    /// Magnitude [m/s²].
+    pub magnitude: f64,
+    /// Rotations of the downward direction about x, then about y [rad].
+    pub tilt: [f64; 2],
+}
+
+impl Default for Gravity {
+    fn default() -> Self {
+        Self { magnitude: 9.81, tilt: [0.0; 2] }
+    }
+}
+
+/// The air around everything.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Air {
+    /// Velocity of the air [m/s].
+    pub wind: [f64; 3],
+}
+
+/// Contact law and its smoothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Contact {
+    /// Law of friction.
+    pub law: Law,
+    /// Gap at which a resting node hovers [m]; κ = rest_gap · mass · gravity.
+    pub rest_gap: f64,
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self { law: Law::default(), rest_gap: 1e-9 }
+    }
+}
+
+/// Laws of frictional contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Law {
+    /// Coulomb friction (de Saxcé).
+    #[default]
+    Coulomb,
+    /// The convex relaxation; sliding rides on a gap μ h |v|.
+    Anitescu,
+}
+
+/// Newton's method and its linear algebra.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Solver {
+    /// Factorization.
+    pub linear: LinearSolver,
+    /// Residual at which a step is accepted, as a part of the velocity scale [-].
+    pub tolerance: f64,
+    /// Newton iterations before a step is retried.
+    pub max_iterations: usize,
+    /// How often a failed step may be halved.
+    pub max_halvings: usize,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self { linear: LinearSolver::default(), tolerance: 1e-10, max_iterations: 40, max_halvings: 6 }
+    }
+}
+
+/// Factorizations of the step's matrix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LinearSolver {
+    /// Chosen by size and structure.
+    #[default]
+    Auto,
+    /// Block band LU.
+    Band,
+    /// Dense LU.
+    Dense,
+    /// Sparse LU.
+    Sparse,
+}

@@ -1,0 +1,93 @@
+//! Grippers in a scene file.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A clamp that drives nodes of a rope. Its parameters are `name.offset[0..2]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Gripper {
+    /// Name, unique in the scene, used in parameter paths.
+    pub name: String,
+    /// Name of the rope it holds.
+    pub rope: String,
+    /// What of the rope it holds.
+    #[serde(flatten)]
+    pub clamp: Clamp,
+    /// Driven by positions or by velocities.
+    #[serde(default)]
+    pub mode: Mode,
+    /// Constant shift of the commanded positions [m].
+    #[serde(default)]
+    pub offset: [f64; 3],
+    /// Motion in `simulate` and `gradcheck`; logs override it.
+    #[serde(default)]
+    pub motion: Motion,
+}
+
+impl Default for Gripper {
+    fn default() -> Self {
+        Self {
+            name: "hand".to_owned(),
+            rope: "rope".to_owned(),
+            clamp: Clamp::Nodes(vec![0]),
+            mode: Mode::default(),
+            offset: [0.0; 3],
+            motion: Motion::default(),
+        }
+    }
+}
+
+/// What a gripper holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Clamp {
+    /// These nodes; negative numbers count from the end.
+    Nodes(Vec<i64>),
+    /// The end edge: position and direction.
+    End(End),
+}
+
+/// Ends of a rope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// Node 0.
+    First,
+    /// The last node.
+    Last,
+}
+
+/// How a gripper is driven.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// By the positions at the end of each step [m].
+    #[default]
+    Prescribed,
+    /// By the velocities during each step [m/s], [rad/s].
+    Velocity,
+}
+
+/// Motion of a gripper, starting where the rope is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Motion {
+    /// At rest.
+    #[default]
+    Hold,
+    /// At constant velocity.
+    Line {
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+    },
+    /// amplitude · (sin(2π frequency t + phase) − sin(phase)).
+    Sine {
+        /// Amplitude [m].
+        amplitude: [f64; 3],
+        /// Frequency [Hz].
+        frequency: f64,
+        /// Phase at t = 0 [rad].
+        #[serde(default)]
+        phase: f64,
+    },
+}
