@@ -1,0 +1,203 @@
+//! The laws: which velocities s the impulse w is complementary to, and the impulse on the central path in closed form.
+
+use crate::Real;
+use std::fmt;
+use std::str::FromStr;
+
+/// How the sliding velocity enters the normal direction of the cone, s₀ = v_n + ς.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ContactLaw {
+    /// Coulomb's law after de Saxcé: ς = |s̄|²/s₀, which tends to μ|v_t| where the contact slides and is smooth at v_t = 0.
+    /// The contact plane stays at v_n ≥ 0 whatever the sliding velocity.
+    #[default]
+    Coulomb,
+    /// The convex relaxation: ς = 0. A steadily sliding contact rides on a gap of μ h |v_t| (h the step), and at large μ or small
+    /// h lifts off and loses its friction.
+    Anitescu,
+}
+
+/// The name of a law could not be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown contact law `{name}`: expected `coulomb` or `anitescu`")]
+pub struct UnknownLaw {
+    /// What was given.
+    pub name: String,
+}
+
+impl FromStr for ContactLaw {
+    type Err = UnknownLaw;
+
+    fn from_str(name: &str) -> Result<Self, UnknownLaw> {
+        match name {
+            "coulomb" => Ok(Self::Coulomb),
+            "anitescu" => Ok(Self::Anitescu),
+            _ => Err(UnknownLaw { name: name.to_owned() }),
+        }
+    }
+}
+
+impl fmt::Display for ContactLaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Coulomb => "coulomb",
+            Self::Anitescu => "anitescu",
+        })
+    }
+}
+
+/// The normal component s₀ [m/s] of the cone variable.
+///
+/// Coulomb: s₀ = (v_n + √(v_n² + 4|s̄|²))/2, the positive root of s₀ = v_n + |s̄|²/s₀. Anitescu: s₀ = v_n.
+///
+/// `v_n` [m/s]: normal velocity gap⁺/h, negative where it penetrates. `s_bar_norm2` [m²/s²]: |s̄|² = μ²|v_t|².
+///
+/// Limits: for Coulomb s is inside the cone exactly where v_n > 0, since s₀² − |s̄|² = v_n s₀. At v_n = 0, s̄ = 0 (the apex) s₀ has
+/// a kink; the derivative returned there is that of the separating side, ∂s₀/∂v_n = 1.
+pub fn normal_slack<S: Real>(law: ContactLaw, v_n: S, s_bar_norm2: S) -> S {
+    match law {
+        ContactLaw::Anitescu => v_n,
+        ContactLaw::Coulomb => {
+            let discriminant = v_n * v_n + s_bar_norm2 * 4.0;
+            if discriminant.re() == 0.0 {
+                return v_n;
+            }
+            let root = discriminant.sqrt();
+            if v_n.re() >= 0.0 { (v_n + root) * 0.5 } else { s_bar_norm2 * 2.0 / (root - v_n) }
+        }
+    }
+}
+
+/// The cone variable s = (s₀; μ v_t) [m/s] of a contact; `v_t` is a world vector in the tangent plane.
+pub fn slack<S: Real>(law: ContactLaw, mu: S, v_n: S, v_t: [S; 3]) -> [S; 4] {
+    let s_bar = v_t.map(|v| mu * v);
+    let norm2 = s_bar[0] * s_bar[0] + s_bar[1] * s_bar[1] + s_bar[2] * s_bar[2];
+    [normal_slack(law, v_n, norm2), s_bar[0], s_bar[1], s_bar[2]]
+}
+
+/// Whether s lies strictly inside the cone, which is where [`impulse`] is on the central path: v_n > 0 (Coulomb),
+/// v_n > μ|v_t| (Anitescu).
+pub fn admissible(law: ContactLaw, mu: f64, v_n: f64, v_t: [f64; 3]) -> bool {
+    let speed = v_t.iter().map(|v| v * v).sum::<f64>().sqrt();
+    match law {
+        ContactLaw::Coulomb => v_n > 0.0,
+        ContactLaw::Anitescu => v_n > mu * speed,
+    }
+}
+
+/// The impulse (γ_n, γ_t) [N·s] on the central path, w = κ s⁻¹ in the Jordan algebra, γ_n = w₀ and γ_t = μ w̄:
+///
+/// ```text
+/// Coulomb:   γ_n = κ/v_n,                        γ_t = −μ² γ_n v_t/s₀
+/// Anitescu:  γ_n = κ v_n/(v_n² − μ²|v_t|²),      γ_t = −μ² κ v_t/(v_n² − μ²|v_t|²)
+/// ```
+///
+/// `mu` [-] friction coefficient; `kappa` \[J\] smoothing; `v_n`, `v_t` [m/s] normal velocity and tangential world vector.
+///
+/// Sign: γ_n > 0 pushes apart; γ_t opposes v_t; γ_t is along v_t, so it stays in the tangent plane.
+/// Limits: only where [`admissible`]; elsewhere the formula is not on the path and its value means nothing. No division by μ:
+/// μ = 0 gives γ_t = 0 and γ_n = κ/v_n for both laws.
+/// Reference: Fukushima, Luo, Tseng (2002), Smoothing functions for second-order-cone complementarity problems; de Saxcé and
+/// Feng (1998) for s₀.
+pub fn impulse<S: Real>(law: ContactLaw, mu: S, kappa: S, v_n: S, v_t: [S; 3]) -> (S, [S; 3]) {
+    let s = slack(law, mu, v_n, v_t);
+    let gamma_n = match law {
+        ContactLaw::Coulomb => kappa / v_n,
+        ContactLaw::Anitescu => {
+            let determinant = v_n * v_n - (s[1] * s[1] + s[2] * s[2] + s[3] * s[3]);
+            kappa * v_n / determinant
+        }
+    };
+    let factor = -(mu * mu * gamma_n / s[0]);
+    (gamma_n, v_t.map(|v| factor * v))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use approx::assert_relative_eq;
+    use num_dual::first_derivative;
+
+    #[test]
+    fn names_are_read_and_written() {
+        for law in [ContactLaw::Coulomb, ContactLaw::Anitescu] {
+            assert_eq!(law.to_string().parse::<ContactLaw>().unwrap(), law);
+        }
+        let error = "Coulomb".parse::<ContactLaw>().unwrap_err();
+        assert_eq!(error.to_string(), "unknown contact law `Coulomb`: expected `coulomb` or `anitescu`");
+    }
+
+    #[test]
+    fn slack_solves_its_quadratic_without_cancellation() {
+        for v_n in [-3.0, -1e-3, -1e-9, 1e-9, 1e-3, 3.0_f64] {
+            for s_bar2 in [1e-24, 1e-12, 1e-6, 1.0_f64] {
+                let s0: f64 = normal_slack(ContactLaw::Coulomb, v_n, s_bar2);
+                // s₀ (s₀ − v_n) = |s̄|²: for v_n < 0 both factors are known to full precision
+                if v_n < 0.0 {
+                    assert_relative_eq!(s0 * (s0 - v_n), s_bar2, max_relative = 4e-16);
+                }
+                assert!(s0 > 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn slack_has_the_derivative_of_the_separating_side_at_the_apex() {
+        let (value, slope) = first_derivative(|v| normal_slack(ContactLaw::Coulomb, v, v * 0.0), 0.0);
+        assert_eq!((value, slope), (0.0, 1.0));
+    }
+
+    #[test]
+    fn impulse_is_complementary_to_the_slack() {
+        for law in [ContactLaw::Coulomb, ContactLaw::Anitescu] {
+            for mu in [0.1, 0.7, 1.5] {
+                for v_t in [[0.0, 0.0, 0.0], [1e-8, 0.0, 2e-8], [0.3, -0.2, 0.1]] {
+                    let kappa = 1e-9;
+                    let speed: f64 = v_t.iter().map(|v: &f64| v * v).sum::<f64>().sqrt();
+                    let v_n = 1e-6 + if law == ContactLaw::Anitescu { 1.001 * mu * speed } else { 0.0 };
+                    assert!(admissible(law, mu, v_n, v_t));
+                    let (gamma_n, gamma_t) = impulse(law, mu, kappa, v_n, v_t);
+                    let s = slack(law, mu, v_n, v_t);
+                    let w = [gamma_n, gamma_t[0] / mu, gamma_t[1] / mu, gamma_t[2] / mu];
+                    let inner: f64 = s.iter().zip(w).map(|(s, w)| s * w).sum();
+                    // s·w is a difference of two products that can be 1e5 times larger
+                    assert!((inner - kappa).abs() < 1e-14 * s[0] * w[0] + 1e-13 * kappa, "{law} {mu} {v_t:?}: {inner}");
+                    for a in 1..4 {
+                        assert!((s[0] * w[a] + w[0] * s[a]).abs() <= 1e-15 * s[0] * w[0]);
+                    }
+                    let w_bar = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt();
+                    assert!(w_bar < w[0], "inside the friction cone");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_friction_both_laws_are_a_normal_barrier() {
+        for law in [ContactLaw::Coulomb, ContactLaw::Anitescu] {
+            let (gamma_n, gamma_t): (f64, [f64; 3]) = impulse(law, 0.0, 1e-8, 1e-4, [2.0, 0.0, 0.0]);
+            assert_relative_eq!(gamma_n, 1e-4, max_relative = 1e-15);
+            assert_eq!(gamma_t.map(f64::abs), [0.0; 3]);
+        }
+    }
+
+    /// A weight that slides steadily at |v_t| needs γ_n = m g h: Coulomb hovers at κ/(m g) whatever the speed, Anitescu lifts off
+    /// by μ h |v_t|.
+    #[test]
+    fn steady_sliding_lifts_off_under_anitescu_only() {
+        let (mass, gravity, h, mu, speed) = (0.02, 9.81, 1e-2, 0.6, 0.5);
+        let kappa = 1e-9 * mass * gravity;
+        let gap = |law| {
+            // γ_n falls monotonically with v_n: bisect γ_n(v_n) = m g h
+            let (mut low, mut high): (f64, f64) = (if law == ContactLaw::Anitescu { mu * speed } else { 0.0 }, 10.0);
+            for _ in 0..200 {
+                let middle = 0.5 * (low + high);
+                let (gamma_n, _) = impulse(law, mu, kappa, middle, [speed, 0.0, 0.0]);
+                if gamma_n > mass * gravity * h { low = middle } else { high = middle }
+            }
+            h * high
+        };
+        assert_relative_eq!(gap(ContactLaw::Coulomb), 1e-9, max_relative = 1e-6);
+        assert_relative_eq!(gap(ContactLaw::Anitescu), mu * h * speed, max_relative = 1e-5);
+    }
+}
