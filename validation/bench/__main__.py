@@ -1,0 +1,144 @@
+"""`python -m validation.bench --json`: pliant and its peers, interleaved, one thread.
+
+Each round times every party once; the medians over the rounds are reported, and `ratio` is
+peer_s / pliant_s (above 1: pliant is faster). Where pliant is not installed its times and the
+ratios are null, so that the peers can be measured alone. `ratio_min` compares the fastest
+rounds: on a busy machine the two ratios should agree.
+
+work: rope_step, rope_step_contact [s per step]; rope_jacobian [s per full step Jacobian];
+rope_rollout_vjp [s per 60-step rollout with its reverse gradient].
+"""
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"):
+    os.environ[_name] = "1"
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
+
+import argparse  # noqa: E402
+import json  # noqa: E402
+import sys  # noqa: E402
+from statistics import median  # noqa: E402
+
+from validation.bench import scenes  # noqa: E402
+from validation.bench.machine import describe  # noqa: E402
+from validation.bench.peers import FD_PARAMETERS, JaxRope, MujocoRope  # noqa: E402
+
+try:
+    import pliant
+except ImportError:
+    pliant = None
+
+# work -> (pliant's name for it, with contact, the peers' timer)
+WORKS = {
+    "rope_step": ("step", False, "step"),
+    "rope_step_contact": ("step", True, "step"),
+    "rope_jacobian": ("linearize", False, "jacobian"),
+    "rope_rollout_vjp": ("rollout_vjp", False, "gradient"),
+}
+PEERS = {
+    "step": "MuJoCo 4.0 rod, mj_step",
+    "jacobian": "MuJoCo 4.0 rod, mjd_transitionFD (state only)",
+    "gradient": f"MuJoCo 4.0 rod, forward differences in {FD_PARAMETERS} parameters",
+}
+
+
+def time_pliant(work: str, size: int, repeats: int) -> float | None:
+    """Median seconds per unit of work from pliant's own loop; None where not installed."""
+    if pliant is None:
+        return None
+    name, contact, _ = WORKS[work]
+    return pliant.bench(scenes.scene_text(size, contact), name, repeats)
+
+
+def peers_of(work: str, size: int, jax: bool) -> dict:
+    """Timers by peer name: MuJoCo with and without twist hinges, JAX if asked for."""
+    _, contact, timer = WORKS[work]
+    timers = {}
+    for twist in (True, False):
+        label = PEERS[timer] + ("" if twist else ", without twist")
+        timers[label] = getattr(MujocoRope(size, contact, twist=twist), timer)
+    if jax:
+        timers["JAX reference"] = getattr(JaxRope(size, contact), timer)
+    return timers
+
+
+def own_rollout(rounds: int, repeats: int, size: int = 20) -> list[dict]:
+    """pliant's gradient beside its own forward rollout: what reverse mode costs."""
+    if pliant is None:
+        return []
+    text, pairs = scenes.scene_text(size, False), []
+    for _ in range(rounds):
+        pairs.append([pliant.bench(text, w, repeats) for w in ("rollout_vjp", "rollout")])
+    return [_row("rope_rollout_vjp", size, "pliant, forward rollout", *zip(*pairs, strict=True))]
+
+
+def measure(work: str, size: int, rounds: int, repeats: int, jax: bool) -> list[dict]:
+    """Interleaved rounds of pliant and every peer on one work and size."""
+    timers = peers_of(work, size, jax)
+    for timer in timers.values():
+        timer()  # warm caches and compilers
+    ours, theirs = [], {name: [] for name in timers}
+    for _ in range(rounds):
+        ours.append(time_pliant(work, size, repeats))
+        for name, timer in timers.items():
+            theirs[name].append(timer())
+    return [_row(work, size, name, ours, times) for name, times in theirs.items()]
+
+
+def growth(sizes, rounds: int, repeats: int) -> list[dict]:
+    """pliant's step alone, by size: how the time per node grows."""
+    if pliant is None:
+        return []
+    rows = []
+    for size in sizes:
+        times = [time_pliant("rope_step", size, repeats) for _ in range(rounds)]
+        rows.append(_row("rope_step", size, None, times, [None]))
+    return rows
+
+
+def _row(work, size, peer, ours, theirs):
+    pliant_s = None if None in ours else median(ours)
+    peer_s = None if None in theirs else median(theirs)
+    both = pliant_s is not None and peer_s is not None
+    return {
+        "work": work,
+        "size": size,
+        "pliant_s": pliant_s,
+        "peer": peer,
+        "peer_s": peer_s,
+        "ratio": peer_s / pliant_s if both else None,
+        "pliant_min_s": None if pliant_s is None else min(ours),
+        "ratio_min": min(theirs) / min(ours) if both else None,
+        "peer_min_s": None if peer_s is None else min(theirs),
+    }
+
+
+def main():
+    """Run the benchmark and print JSON, or a table."""
+    parser = argparse.ArgumentParser(prog="python -m validation.bench")
+    parser.add_argument("--json", action="store_true", help="machine-readable output")
+    parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds")
+    parser.add_argument("--repeats", type=int, default=200, help="pliant's units per round")
+    parser.add_argument("--sizes", type=int, nargs="*", default=[20], help="nodes, with peers")
+    parser.add_argument("--growth", type=int, nargs="*", default=[20, 60, 200, 500, 1000])
+    parser.add_argument("--jax", action="store_true", help="also the JAX reference")
+    options = parser.parse_args()
+    rows = []
+    for size in options.sizes:
+        for work in WORKS:
+            print(f"{work}, {size} nodes ...", file=sys.stderr)
+            rows += measure(work, size, options.rounds, options.repeats, options.jax)
+    rows += own_rollout(options.rounds, options.repeats)
+    rows += growth(options.growth, min(options.rounds, 5), options.repeats)
+    result = {"schema_version": 1, "machine": describe(), "command": sys.argv[1:], "rows": rows}
+    if options.json:
+        print(json.dumps(result, indent=2))
+    else:
+        from validation.bench.page import table
+
+        print(table(rows))
+
+
+if __name__ == "__main__":
+    main()

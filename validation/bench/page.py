@@ -1,0 +1,79 @@
+"""Writes the benchmark page from the JSON of `python -m validation.bench --json`.
+
+python -m validation.bench.page bench.json --date 2026-11-21 --out BENCHMARKS.md
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+INTRODUCTION = """# Benchmarks
+
+A 1 m rope of 0.05 kg, EA 10⁴ N, EI 10⁻³ N·m², step 1/60 s. Without contact it hangs from one
+node and swings; with contact all nodes slide over a floor (friction 0.1). pliant is timed by its
+own loop in Rust, MuJoCo by `mj_step(..., nstep)` in C; the parties take turns, each figure is
+the median over the rounds, one thread. *ratio* = peer / pliant: above 1, pliant is faster.
+
+What is not equal: pliant solves each step to 10⁻¹⁰ of the velocity scale and keeps the exact
+Jacobian; MuJoCo takes one linearized, positive semi-definite step at its default tolerance, holds
+the edges by a soft constraint instead of EA, and (unless "without twist") carries a hinge per
+edge. `mjd_transitionFD` gives forward differences in the state; pliant's Jacobian also covers the
+controls and every parameter. A finite-difference gradient costs one rollout per parameter and
+one more; pliant's reverse mode gives all parameters, controls and initial state at once."""
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return "–"
+    for scale, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if seconds >= scale or unit == "µs":
+            return f"{seconds / scale:.3g} {unit}"
+    raise AssertionError("unreachable")
+
+
+def table(rows: list[dict]) -> str:
+    """A Markdown table of benchmark rows."""
+    lines = [
+        "| work | nodes | pliant | peer | peer's time | ratio |",
+        "|---|---:|---:|---|---:|---:|",
+    ]
+    for row in rows:
+        ratio = "–" if row["ratio"] is None else f"{row['ratio']:.3g}"
+        cells = [row["work"], str(row["size"]), _time(row["pliant_s"]), row["peer"] or "–"]
+        lines.append("| " + " | ".join([*cells, _time(row["peer_s"]), ratio]) + " |")
+    return "\n".join(lines)
+
+
+def page(result: dict, date: str) -> str:
+    """The whole page."""
+    machine = result["machine"]
+    versions = ", ".join(f"{k} {v}" for k, v in machine["versions"].items() if v)
+    command = " ".join(["python -m validation.bench", *result["command"]])
+    against = [row for row in result["rows"] if row["peer"]]
+    alone = [row for row in result["rows"] if not row["peer"]]
+    parts = [INTRODUCTION, "## Against peers", table(against)]
+    if alone:
+        parts += ["## Growth with size", table(alone)]
+    parts += [
+        "## How it was measured",
+        f"`{command}`, {date}. {machine['processor']}, {machine['cores']} cores, "
+        f"{machine['system']}, Python {machine['python']}; {versions}. "
+        f"Load over the last minute at the end of the run: {machine['load_1min']}; on a busy "
+        "machine trust the ratios, which are taken in turns, not the times.",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def main():
+    """Read the JSON, write the page."""
+    parser = argparse.ArgumentParser(prog="python -m validation.bench.page")
+    parser.add_argument("result", type=Path, help="output of validation.bench --json")
+    parser.add_argument("--date", required=True, help="day of the run, as it shall be printed")
+    parser.add_argument("--out", type=Path, default=Path("BENCHMARKS.md"))
+    options = parser.parse_args()
+    result = json.loads(options.result.read_text(encoding="utf-8"))
+    options.out.write_text(page(result, options.date), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

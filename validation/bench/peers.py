@@ -1,0 +1,115 @@
+"""Peers' timers. Each returns seconds per unit of work, from a loop that runs in C or XLA."""
+
+import time
+from statistics import median
+
+import mujoco
+import numpy as np
+
+from validation.bench import scenes
+from validation.mujoco_rope import Rod
+
+FD_PARAMETERS = 10  # as many as a typical fit: gravity (3), EI, mass, drag, four node masses
+CHUNK = 5  # C steps per reading of the clock: short enough to dodge other processes
+
+
+class MujocoRope:
+    """MuJoCo 4.0's rod on the benchmark's scene."""
+
+    def __init__(self, nodes: int, contact: bool, **options):
+        self.rod = Rod(scenes.rope(nodes), scenes.mujoco_options(contact, **options))
+        self.start = scenes.points(nodes, contact)
+        self.velocity = np.tile(scenes.SLIDE if contact else (0.0, 0.0, 0.0), (nodes, 1))
+        self.rod.reset(self.start, self.velocity)
+        self._start = (self.rod.data.qpos.copy(), self.rod.data.qvel.copy())
+        model = self.rod.model
+        self._columns = np.zeros((2 * model.nv, 2 * model.nv))
+
+    def rollout(self) -> float:
+        """Seconds of `STEPS` steps in C from the start."""
+        self._reset()
+        begin = time.perf_counter()
+        self.rod.advance(scenes.STEPS)
+        return time.perf_counter() - begin
+
+    def step(self) -> float:
+        """Median seconds of a step over the rollout, timed in chunks of `CHUNK` C steps."""
+        self._reset()
+        times = []
+        for _ in range(scenes.STEPS // CHUNK):
+            begin = time.perf_counter()
+            self.rod.advance(CHUNK)
+            times.append((time.perf_counter() - begin) / CHUNK)
+        return median(times)
+
+    def jacobian(self) -> float:
+        """Seconds of `mjd_transitionFD` (forward differences, full A) a third of the way."""
+        self._reset()
+        self.rod.advance(scenes.STEPS // 3)
+        begin = time.perf_counter()
+        mujoco.mjd_transitionFD(
+            self.rod.model, self.rod.data, 1e-6, 0, self._columns, None, None, None
+        )
+        return time.perf_counter() - begin
+
+    def gradient(self) -> float:
+        """Seconds of a forward-difference gradient: one rollout per parameter, and one."""
+        return (FD_PARAMETERS + 1) * self.rollout()  # a changed constant costs nothing
+
+    def contacts(self) -> float:
+        """Mean number of active contacts over the rollout."""
+        self._reset()
+        counts = []
+        for _ in range(scenes.STEPS):
+            self.rod.advance()
+            counts.append(self.rod.data.ncon)
+        return float(np.mean(counts))
+
+    def _reset(self):
+        mujoco.mj_resetData(self.rod.model, self.rod.data)
+        self.rod.place(self.start)
+        self.rod.data.qpos[:], self.rod.data.qvel[:] = self._start
+        mujoco.mj_forward(self.rod.model, self.rod.data)
+
+
+class JaxRope:
+    """The JAX reference on the same scene: compiled once, then timed."""
+
+    def __init__(self, nodes: int, contact: bool):
+        import jax
+        import jax.numpy as jnp
+
+        from validation import reference
+
+        model = reference.loads(scenes.scene_text(nodes, contact))
+        rollout, step = reference.make_rollout(model), reference.make_step(model)
+        x0, theta = jnp.asarray(model.initial_state()), jnp.asarray(model.theta)
+        u0 = jnp.asarray(model.hold()).ravel()
+        u = jnp.tile(u0, (scenes.STEPS, 1))
+        self._args, self._one = (x0, u, theta), (x0, u0, theta)
+        self._rollout = jax.jit(lambda *a: rollout(*a)[0])
+        self._jacobian = jax.jit(jax.jacobian(lambda *a: step(*a)[: model.nx], argnums=(0, 1, 2)))
+        self._gradient = jax.jit(
+            jax.grad(lambda *a: jnp.sum(rollout(*a)[0][-1] ** 2), argnums=(0, 1, 2))
+        )
+        self._block = jax.block_until_ready
+
+    def _timed(self, function, args) -> float:
+        if not getattr(self, f"_warm_{id(function)}", False):
+            self._block(function(*args))
+            setattr(self, f"_warm_{id(function)}", True)
+        begin = time.perf_counter()
+        self._block(function(*args))
+        return time.perf_counter() - begin
+
+    def step(self) -> float:
+        """Mean seconds of a step over the compiled rollout."""
+        return self._timed(self._rollout, self._args) / scenes.STEPS
+
+    def jacobian(self) -> float:
+        """Seconds of the step's full Jacobian in x, u and theta."""
+        return self._timed(self._jacobian, self._one)
+
+    def gradient(self) -> float:
+        """Seconds of one reverse-mode gradient of the rollout in x0, u and theta."""
+        return self._timed(self._gradient, self._args)
