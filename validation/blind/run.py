@@ -1,0 +1,104 @@
+"""Blind test of `pliant diagnose`: hide effects, run the tool, score its verdicts.
+
+    python -m validation.blind.run --cases 100 --seed 1 --pliant target/release/pliant --json out.json
+
+Of the cases 40 % are nulls, 45 % effects of the library, 15 % outside it (--nulls, --outside). The tool
+sees a scene and its logs, never the truth; `--keep DIR` leaves the folders. `--ideal` runs the oracle's
+own linear test in place of the tool, as a yardstick.
+
+A null counts only where a fitter with exact derivatives and the true parameters would see nothing: the
+implicit midpoint rule at the scene's step, on the generator's forces and with the logged (piecewise
+linear) inputs, minus the ODE, whitened and with the nuisance projected out, is below 1 along every
+candidate (`mismatch_t2`). That the tool's laws and its step are these is for the reference tests to say.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from validation.blind import cases, ideal, score
+from validation.blind.families import FAMILIES
+
+
+def ask(pliant: str, scene: Path, timeout: float) -> tuple[dict | None, str]:
+    """The tool's JSON on one scene, or None and why."""
+    command = [pliant, "diagnose", str(scene), "--json", "--out", str(scene.parent / "report")]
+    environment = os.environ | {"RAYON_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            command, check=False, capture_output=True, text=True, timeout=timeout, env=environment
+        )
+    except subprocess.TimeoutExpired:
+        return None, f"no answer within {timeout} s"
+    try:
+        return json.loads(done.stdout), ""
+    except json.JSONDecodeError:
+        return None, (done.stderr or done.stdout)[-2000:]
+
+
+def kinds(n: int, nulls: float, outside: float, seed: int) -> list[str]:
+    """Kinds of n cases in a seeded order."""
+    n_null, n_outside = round(n * nulls), round(n * outside)
+    order = ["null"] * n_null + ["outside"] * n_outside + ["effect"] * (n - n_null - n_outside)
+    return np.random.default_rng([seed, 7]).permutation(order).tolist()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--cases", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--pliant", default="target/release/pliant")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--nulls", type=float, default=0.40)
+    parser.add_argument("--outside", type=float, default=0.15)
+    parser.add_argument("--family", choices=list(FAMILIES), action="append")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--timeout", type=float, default=300.0)
+    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--ideal", action="store_true")
+    options = parser.parse_args(arguments)
+    start = time.monotonic()
+    wanted = kinds(options.cases, options.nulls, options.outside, options.seed)
+    drawn = [cases.draw(options.seed, i, kind, options.family) for i, kind in enumerate(wanted)]
+    truths = cases.truths(drawn)
+    made = time.monotonic() - start
+    with tempfile.TemporaryDirectory() as scratch:
+        root = options.keep or Path(scratch)
+
+        def one(case: cases.Case) -> dict:
+            began = time.monotonic()
+            if options.ideal:
+                report, error = ideal.diagnose(case, *truths[case.index]), ""
+            else:
+                scene = cases.write(case, *truths[case.index], root / f"case{case.index:04d}")
+                report, error = ask(options.pliant, scene, options.timeout)
+            row = {"case": case.as_json(), "report": report, "error": error}
+            row |= {"outcome": score.outcome(row["case"], report), "seconds": time.monotonic() - began}
+            print(f"{case.index:4d} {case.family:9s} {case.kind:8s} {case.name or case.cause:17s} "
+                  f"λ {case.lam:6g}  {score.told_name(report):22s} {row['outcome']}", file=sys.stderr)  # fmt: skip
+            return row
+
+        with ThreadPoolExecutor(options.jobs) as pool:  # the work is in the tool's processes
+            results = list(pool.map(one, drawn))
+    summary = score.summarize(results)
+    summary["seconds"] = {"generation": made, "total": time.monotonic() - start}
+    print(score.table(summary))
+    print(f"\n  generation {made:.0f} s, total {summary['seconds']['total']:.0f} s")
+    if options.json:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps({"summary": summary, "cases": results}, indent=1), encoding="utf-8")
+    return int(any(row["state"] == "fails" for row in summary["requirements"]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
