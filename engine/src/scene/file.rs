@@ -1,6 +1,6 @@
 //! The scene file: what its top level holds, and everything in it that is not an object.
 
-use super::gripper::Gripper;
+use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
 use super::shape::{Capsule, Plane, Sphere};
 use schemars::JsonSchema;
@@ -55,6 +55,56 @@ pub struct Scene<X = Nothing> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Nothing {}
 
+impl<X> Scene<X> {
+    /// Whether a gripper clamps that end edge of a rope.
+    pub fn clamps_end(&self, rope: &Rope, end: End) -> bool {
+        self.gripper.iter().any(|g| g.rope == rope.name && g.clamp == Clamp::End(end))
+    }
+
+    /// The same scene with another experiment, or none.
+    pub fn with_experiment<Y>(&self, experiment: Option<Y>) -> Scene<Y> {
+        Scene {
+            schema_version: self.schema_version,
+            time: self.time.clone(),
+            gravity: self.gravity.clone(),
+            air: self.air.clone(),
+            rope: self.rope.clone(),
+            gripper: self.gripper.clone(),
+            plane: self.plane.clone(),
+            sphere: self.sphere.clone(),
+            capsule: self.capsule.clone(),
+            contact: self.contact.clone(),
+            solver: self.solver.clone(),
+            experiment,
+        }
+    }
+
+    /// Number of fixed shapes.
+    pub fn n_shapes(&self) -> usize {
+        self.plane.len() + self.sphere.len() + self.capsule.len()
+    }
+}
+
+/// A scene without objects: what is left out of a struct literal (`..Scene::default()`).
+impl<X> Default for Scene<X> {
+    fn default() -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            time: Time::default(),
+            gravity: Gravity::default(),
+            air: Air::default(),
+            rope: Vec::new(),
+            gripper: Vec::new(),
+            plane: Vec::new(),
+            sphere: Vec::new(),
+            capsule: Vec::new(),
+            contact: Contact::default(),
+            solver: Solver::default(),
+            experiment: None,
+        }
+    }
+}
+
 /// Step, duration and integrator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -71,6 +121,13 @@ pub struct Time {
 
 fn one() -> f64 {
     1.0
+}
+
+impl Time {
+    /// Number of steps in the duration, rounded.
+    pub fn n_steps(&self) -> usize {
+        (self.duration / self.step).round() as usize
+    }
 }
 
 impl Default for Time {
@@ -100,6 +157,14 @@ pub struct Gravity {
     pub magnitude: f64,
     /// Rotations of the downward direction about x, then about y [rad].
     pub tilt: [f64; 2],
+}
+
+impl Gravity {
+    /// Unit vector of gravity: Ry(tilt\[1\]) Rx(tilt\[0\]) (0, 0, −1).
+    pub fn direction(&self) -> [f64; 3] {
+        let ((sin_x, cos_x), (sin_y, cos_y)) = (self.tilt[0].sin_cos(), self.tilt[1].sin_cos());
+        [-cos_x * sin_y, sin_x, -cos_x * cos_y]
+    }
 }
 
 impl Default for Gravity {

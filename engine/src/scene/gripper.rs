@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// A clamp that drives nodes of a rope. Its parameters are `name.offset[0..2]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Gripper {
     /// Name, unique in the scene, used in parameter paths.
     pub name: String,
@@ -45,6 +46,17 @@ pub enum Clamp {
     Nodes(Vec<i64>),
     /// The end edge: position and direction.
     End(End),
+}
+
+impl Clamp {
+    /// Numbers of the nodes it holds, without the ghost of an end edge; as the scene counts them.
+    pub fn numbers(&self) -> Vec<i64> {
+        match self {
+            Self::Nodes(nodes) => nodes.clone(),
+            Self::End(End::First) => vec![0],
+            Self::End(End::Last) => vec![-1],
+        }
+    }
 }
 
 /// Ends of a rope.

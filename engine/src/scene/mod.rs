@@ -1,11 +1,51 @@
 //! Scene files: what a scene is, reading it, and refusing what makes no sense.
+//!
+//! ```text
+//! text ── keys against the JSON Schema ── serde ── check ── Scene ── initial_state, control_rows
+//! ```
+//! Every error says where (file, line, field), what, the likely cause and the fix.
+//!
+//! ```
+//! use pliant_engine::scene::{Nothing, parse_scene};
+//! let text = "
+//! schema_version = 1
+//! [time]
+//! step = 0.01
+//! [[rope]]
+//! name = \"cable\"
+//! nodes = 13
+//! lenght = 1.0
+//! ";
+//! let error = parse_scene::<Nothing>(text, "scene.toml").unwrap_err().to_string();
+//! assert!(error.starts_with("scene.toml:8: rope[0].lenght: unknown key `lenght`"));
+//! assert!(error.ends_with("fix: did you mean `length`?"));
+//! ```
 
+mod advice;
+mod check;
+mod error;
 mod file;
 mod gripper;
+mod initial;
+mod keys;
+mod motion;
+mod parabola;
+mod read;
 mod rope;
+mod schema;
 mod shape;
+mod source;
+mod vector;
+pub mod words;
 
+pub use check::check;
+pub use error::{Mistake, SceneError};
 pub use file::{Air, Contact, Gravity, Integrator, Law, LinearSolver, Nothing, SCHEMA_VERSION, Scene, Solver, Time};
 pub use gripper::{Clamp, End, Gripper, Mode, Motion};
+pub use initial::initial_state;
+pub use motion::{Control, control_list, control_rows, resting_inputs};
+pub use read::{parse_scene, parse_source, read_scene};
 pub use rope::{Initial, NodeMass, Rope, Start};
+pub use schema::json_schema;
 pub use shape::{Capsule, Plane, Sphere};
+pub use source::{Place, Source};

@@ -85,6 +85,13 @@ impl Rope {
         self.edge_fractions.as_ref().map_or(self.nodes.unwrap_or(0), |f| f.len() + 1)
     }
 
+    /// The node of that number, negative ones counted from the end; `None` if there is no such node.
+    pub fn node(&self, number: i64) -> Option<usize> {
+        let n = self.n_nodes();
+        let index = if number < 0 { number.checked_add(i64::try_from(n).ok()?)? } else { number };
+        usize::try_from(index).ok().filter(|index| *index < n)
+    }
+
     /// Rest length of each edge as a part of the rope's length; they sum to 1.
     pub fn fractions(&self) -> Vec<f64> {
         match &self.edge_fractions {

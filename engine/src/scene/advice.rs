@@ -1,0 +1,133 @@
+//! Likely cause and fix of each mistake.
+
+use super::error::Mistake;
+
+impl Mistake {
+    /// (likely cause, fix).
+    pub(super) fn advice(&self) -> (String, String) {
+        self.advice_on_text().or_else(|| self.advice_on_values()).unwrap_or_else(|| self.advice_on_objects())
+    }
+
+    /// Keys, types and words.
+    fn advice_on_text(&self) -> Option<(String, String)> {
+        Some(match self {
+            Self::Read { .. } => {
+                both("the path is wrong, or the file may not be read", "check the path and the file's permissions")
+            }
+            Self::Syntax { .. } => {
+                both("a bracket, quote or equals sign is missing or misplaced", "correct this line; see https://toml.io")
+            }
+            Self::UnknownKey { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean `{nearest}`?")),
+            Self::UnknownKey { known, .. } => {
+                both("a typing error, or a key of another object", format!("remove it; keys known here: {known}"))
+            }
+            Self::MissingKey { key, unit } => {
+                let unit = unit.as_ref().map_or_else(String::new, |unit| format!(", in {unit}"));
+                both("the key was left out, or stands in another table", format!("add `{key} = …`{unit}"))
+            }
+            Self::OneOf { keys, given: 0 } => both("a key was left out", format!("give one of {keys}")),
+            Self::OneOf { keys, .. } => both("they exclude each other", format!("keep one of {keys}")),
+            Self::Text { value: Some(value), unit, .. } => {
+                let unit = unit.as_deref().unwrap_or("SI units");
+                both("numbers are written without unit; the unit is fixed", format!("write {value} (in {unit}, without quotes)"))
+            }
+            Self::Text { unit, .. } => {
+                let unit = unit.as_deref().unwrap_or("SI units");
+                both("numbers are written without quotes and without unit", format!("write the number alone, in {unit}"))
+            }
+            Self::WrongType { expected, .. } => {
+                both("the value is of another type than this key takes", format!("write {expected}"))
+            }
+            Self::Choice { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
+            Self::Choice { choices, .. } => both("a word that this key does not know", format!("write one of {choices}")),
+            Self::Count { expected, .. } => both("entries are missing or superfluous", format!("write {expected} entries")),
+            Self::Refused { .. } => {
+                both("the value does not fit this key", "compare with `pliant schema`, which describes every key")
+            }
+            Self::Version { known, .. } => both(
+                "the scene was written for another version",
+                format!("write `schema_version = {known}` after comparing the keys"),
+            ),
+            _ => return None,
+        })
+    }
+
+    /// Numbers.
+    fn advice_on_values(&self) -> Option<(String, String)> {
+        Some(match self {
+            Self::NotFinite { .. } => {
+                both("a division by zero or a missing value where the number was made", "write a finite number")
+            }
+            Self::NotPositive { unit, .. } => {
+                both("a sign error, or a value left at zero", format!("write a number above 0, in {unit}"))
+            }
+            Self::Negative { unit, .. } => both("a sign error", format!("write 0 or a positive number, in {unit}")),
+            Self::Range { low, high, .. } => {
+                both("a wrong order of magnitude", format!("write a number between {low} and {high}"))
+            }
+            Self::Unit { unit, likely, instead, .. } => {
+                both(format!("given in {likely} instead of {unit}"), format!("if so, write {instead} (in {unit})"))
+            }
+            Self::NoStep { step, .. } => {
+                both("the duration or the step is in another unit", format!("write a duration of at least {step} s"))
+            }
+            _ => return None,
+        })
+    }
+
+    /// Ropes, grippers, shapes.
+    fn advice_on_objects(&self) -> (String, String) {
+        match self {
+            Self::Name { .. } => both(
+                "names become paths such as `cable.bend_stiffness`",
+                "use letters, digits, `_` and `-`, beginning with a letter; not gravity, air, sensor",
+            ),
+            Self::NameTaken { .. } => {
+                both("an object was copied and not renamed", "give every rope, gripper and shape its own name")
+            }
+            Self::NoRope => both("the scene is only a beginning", "add a [[rope]]"),
+            Self::TooFewNodes { needed, .. } => {
+                both("the rope is divided too coarsely", format!("write `nodes = {needed}` or more"))
+            }
+            Self::NoSuchNode { nodes, .. } => {
+                let last = nodes.saturating_sub(1);
+                both(
+                    "nodes are counted from 0",
+                    format!("write a node from 0 to {last}, or from -1 (the last) to -{nodes} (the first)"),
+                )
+            }
+            Self::NoSuchRope { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
+            Self::NoSuchRope { known, .. } => both("the rope was renamed or removed", format!("name one of: {known}")),
+            Self::PointCount { nodes, .. } => both("points were dropped, or `nodes` was changed", format!("give {nodes} points")),
+            Self::NoDirection => both("a vector left at zero", "write a vector with a direction, e.g. [1, 0, 0]"),
+            Self::Coincident { .. } => both("a point was given twice", "move one of them; neighbouring nodes need a distance"),
+            Self::Fold { .. } => both("two points are in the wrong order", "put the points in the order of the rope"),
+            Self::Stretched { length, rest, .. } if length > rest => both(
+                "positions in mm and length in m, or points in the wrong order, or a rope too short",
+                "give positions and `length` in m; the rope may start stretched by half at most",
+            ),
+            Self::Stretched { .. } => both(
+                "positions in m and length in mm, or a rope too long for its points",
+                "give positions and `length` in m; an edge may start at a tenth of its length at least",
+            ),
+            Self::HoldsNothing => both("an empty list", "write e.g. `nodes = [0]`, or `end = \"first\"`"),
+            Self::HeldTwice { .. } => {
+                both("a node is listed twice, perhaps once as a negative number", "let one gripper hold each node")
+            }
+            Self::PointCapsule => both("an end was copied", "move an end, or use a [[sphere]]"),
+            Self::MidpointContact { .. } => both(
+                "midpoint chatters at contact",
+                "write `integrator = \"sdirk2\"` (second order) or \"euler\", or remove the shapes",
+            ),
+            Self::NothingFree { .. } => both("a gripper holds more nodes than meant", "leave nodes free, or remove the shapes"),
+            Self::Inside { .. } => {
+                both("the start or the shape is misplaced, or in another unit", "move the rope or the shape apart")
+            }
+            _ => both("unknown", "compare with `pliant schema`"),
+        }
+    }
+}
+
+fn both(cause: impl Into<String>, fix: impl Into<String>) -> (String, String) {
+    (cause.into(), fix.into())
+}

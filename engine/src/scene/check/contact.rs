@@ -1,0 +1,87 @@
+//! Shapes, and what may touch them.
+
+use super::super::error::{Mistake, SceneError};
+use super::super::file::{Integrator, Scene};
+use super::super::initial::rope_points;
+use super::super::vector::{V3, add, dot, norm, scale, sub, unit};
+use super::{not_negative, positive};
+use std::collections::BTreeSet;
+
+pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    shapes(scene)?;
+    let shapes = scene.n_shapes();
+    if shapes == 0 {
+        return Ok(());
+    }
+    if scene.time.integrator == Integrator::Midpoint {
+        return Err(SceneError::at("time.integrator", Mistake::MidpointContact { shapes }));
+    }
+    let held: BTreeSet<(&str, usize)> = held(scene).collect();
+    let total: usize = scene.rope.iter().map(|rope| rope.n_nodes()).sum();
+    if held.len() == total {
+        return Err(SceneError::at("gripper", Mistake::NothingFree { shapes }));
+    }
+    outside(scene, &held)
+}
+
+/// (rope, node) of every node that a gripper holds.
+fn held<X>(scene: &Scene<X>) -> impl Iterator<Item = (&str, usize)> {
+    scene.gripper.iter().flat_map(|gripper| {
+        let rope = scene.rope.iter().find(|rope| rope.name == gripper.rope);
+        let nodes = gripper.clamp.numbers().into_iter();
+        nodes.filter_map(move |number| rope.and_then(|rope| Some((rope.name.as_str(), rope.node(number)?))))
+    })
+}
+
+fn shapes<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    for (i, plane) in scene.plane.iter().enumerate() {
+        not_negative(&format!("plane[{i}].friction"), plane.friction, "-")?;
+        if unit(plane.normal).is_none() {
+            return Err(SceneError::at(format!("plane[{i}].normal"), Mistake::NoDirection));
+        }
+    }
+    for (i, sphere) in scene.sphere.iter().enumerate() {
+        not_negative(&format!("sphere[{i}].friction"), sphere.friction, "-")?;
+        positive(&format!("sphere[{i}].radius"), sphere.radius, "m")?;
+    }
+    for (i, capsule) in scene.capsule.iter().enumerate() {
+        not_negative(&format!("capsule[{i}].friction"), capsule.friction, "-")?;
+        positive(&format!("capsule[{i}].radius"), capsule.radius, "m")?;
+        if capsule.a == capsule.b {
+            return Err(SceneError::at(format!("capsule[{i}].b"), Mistake::PointCapsule));
+        }
+    }
+    Ok(())
+}
+
+/// No free node may start with its centre inside a shape: contact would push it out through the nearest side, or explode.
+fn outside<X>(scene: &Scene<X>, held: &BTreeSet<(&str, usize)>) -> Result<(), SceneError> {
+    for (r, rope) in scene.rope.iter().enumerate() {
+        for (node, point) in rope_points(scene, r)?.into_iter().enumerate() {
+            if held.contains(&(rope.name.as_str(), node)) {
+                continue;
+            }
+            let deepest = distances(scene, point).min_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((shape, distance)) = deepest.filter(|(_, distance)| *distance < -1e-12) {
+                let mistake = Mistake::Inside { rope: rope.name.clone(), node, depth: -distance, shape };
+                return Err(SceneError::at(format!("rope[{r}].initial"), mistake));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Name of every shape and the distance of a point from its surface [m], negative inside.
+fn distances<X>(scene: &Scene<X>, point: V3) -> impl Iterator<Item = (String, f64)> {
+    let planes = scene.plane.iter().map(move |s| {
+        let normal = unit(s.normal).unwrap_or([0.0, 0.0, 1.0]);
+        (format!("plane \"{}\"", s.name), dot(normal, sub(point, s.point)) - s.height)
+    });
+    let spheres = scene.sphere.iter().map(move |s| (format!("sphere \"{}\"", s.name), norm(sub(point, s.center)) - s.radius));
+    let capsules = scene.capsule.iter().map(move |s| {
+        let axis = sub(s.b, s.a);
+        let along = (dot(sub(point, s.a), axis) / dot(axis, axis)).clamp(0.0, 1.0);
+        (format!("capsule \"{}\"", s.name), norm(sub(point, add(s.a, scale(axis, along)))) - s.radius)
+    });
+    planes.chain(spheres).chain(capsules)
+}

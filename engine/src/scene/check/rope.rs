@@ -1,0 +1,93 @@
+//! Ropes: counts, signs, sizes, start.
+
+use super::super::error::{Mistake, SceneError};
+use super::super::file::Scene;
+use super::super::gripper::End;
+use super::super::initial::rope_points;
+use super::super::rope::{Initial, Rope};
+use super::super::words::list;
+use super::{not_negative, positive};
+use std::f64::consts::PI;
+
+/// The longest rope [m] that is not taken for one in millimetres.
+const LONGEST: f64 = 1000.0;
+/// The densest material [kg/m³]; osmium has 22 600.
+const DENSEST: f64 = 1e5;
+
+pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
+    let rope = &scene.rope[r];
+    let at = |key: &str| format!("rope[{r}].{key}");
+    numbers(rope, &at)?;
+    units(rope, &at)?;
+    nodes(scene, rope, &at)?;
+    for (k, added) in rope.node_mass.iter().enumerate() {
+        not_negative(&at(&format!("node_mass[{k}].mass")), added.mass, "kg")?;
+        if rope.node(added.node).is_none() {
+            let mistake = Mistake::NoSuchNode { rope: rope.name.clone(), node: added.node, nodes: rope.n_nodes() };
+            return Err(SceneError::at(at(&format!("node_mass[{k}].node")), mistake));
+        }
+    }
+    if let Initial::Between { sag: Some(sag), .. } = rope.initial {
+        not_negative(&at("initial.sag"), sag, "m")?;
+    }
+    rope_points(scene, r).map(|_| ())
+}
+
+fn numbers(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    positive(&at("length"), rope.length, "m")?;
+    positive(&at("linear_density"), rope.linear_density, "kg/m")?;
+    let quantities = [
+        ("stretch_stiffness", rope.stretch_stiffness, "N"),
+        ("stretch_damping", rope.stretch_damping, "N·s"),
+        ("bend_stiffness", rope.bend_stiffness, "N·m²"),
+        ("bend_damping", rope.bend_damping, "N·m²·s"),
+        ("drag_linear", rope.drag_linear, "kg/(m·s)"),
+        ("drag_quadratic", rope.drag_quadratic, "kg/m²"),
+        ("tip_mass", rope.tip_mass, "kg"),
+        ("radius", rope.radius, "m"),
+    ];
+    quantities.iter().try_for_each(|(key, value, unit)| not_negative(&at(key), *value, unit))
+}
+
+/// Sizes that betray another unit.
+fn units(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    if rope.length > LONGEST {
+        let reason = format!(", longer than {LONGEST} m");
+        let mistake = Mistake::Unit { value: rope.length, unit: "m", reason, likely: "mm", instead: 1e-3 * rope.length };
+        return Err(SceneError::at(at("length"), mistake));
+    }
+    if 2.0 * rope.radius > rope.length {
+        let reason = format!(", so the rope is thicker than its length of {} m", rope.length);
+        let mistake = Mistake::Unit { value: rope.radius, unit: "m", reason, likely: "mm", instead: 1e-3 * rope.radius };
+        return Err(SceneError::at(at("radius"), mistake));
+    }
+    let density = rope.linear_density / (PI * rope.radius * rope.radius);
+    if rope.radius > 0.0 && density > DENSEST {
+        let reason = format!(", which in a radius of {} m is {density:.0} kg/m³, denser than any metal", rope.radius);
+        let instead = 1e-3 * rope.linear_density;
+        let mistake = Mistake::Unit { value: rope.linear_density, unit: "kg/m", reason, likely: "g/m", instead };
+        return Err(SceneError::at(at("linear_density"), mistake));
+    }
+    Ok(())
+}
+
+fn nodes<X>(scene: &Scene<X>, rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let given = usize::from(rope.nodes.is_some()) + usize::from(rope.edge_fractions.is_some());
+    if given != 1 {
+        let field = if given == 0 { at("") } else { at("nodes") };
+        let keys = list(["nodes", "edge_fractions"]);
+        return Err(SceneError::at(field.trim_end_matches('.'), Mistake::OneOf { keys, given }));
+    }
+    for (e, fraction) in rope.edge_fractions.iter().flatten().enumerate() {
+        positive(&at(&format!("edge_fractions[{e}]")), *fraction, "-")?;
+    }
+    let nodes = rope.n_nodes();
+    let clamped = [End::First, End::Last].iter().any(|end| scene.clamps_end(rope, *end));
+    let bends = (rope.bend_stiffness > 0.0 || rope.bend_damping > 0.0) && !clamped;
+    let (needed, why) = if bends { (3, "bending (`bend_stiffness`, `bend_damping`)") } else { (2, "a rope") };
+    if nodes < needed {
+        let key = if rope.nodes.is_some() { "nodes" } else { "edge_fractions" };
+        return Err(SceneError::at(at(key), Mistake::TooFewNodes { nodes, needed, why }));
+    }
+    Ok(())
+}

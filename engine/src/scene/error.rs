@@ -1,0 +1,151 @@
+//! What can be wrong with a scene: where, what, the likely cause, and the fix.
+
+use super::source::{Place, Source};
+use std::fmt;
+
+/// A scene that is refused.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneError {
+    /// Where.
+    pub place: Place,
+    /// What.
+    pub mistake: Box<Mistake>,
+}
+
+impl std::error::Error for SceneError {}
+
+impl SceneError {
+    pub(super) fn new(place: Place, mistake: Mistake) -> Self {
+        Self { place, mistake: Box::new(mistake) }
+    }
+
+    pub(super) fn at(field: impl Into<String>, mistake: Mistake) -> Self {
+        Self { place: Place::field(field), mistake: Box::new(mistake) }
+    }
+
+    /// The same error with file and line found in the text.
+    pub fn located(self, source: &Source) -> Self {
+        if self.place.file.is_some() { self } else { Self { place: source.place(&self.place.field), ..self } }
+    }
+}
+
+/// Three lines: place and mistake, likely cause, fix.
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let (cause, fix) = self.mistake.advice();
+        write!(f, "{}: {}\n  likely cause: {cause}\n  fix: {fix}", self.place, self.mistake)
+    }
+}
+
+/// What is wrong with a scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the fields are the words of the messages
+pub enum Mistake {
+    /// The file cannot be read.
+    #[error("cannot be read: {error}")]
+    Read { error: String },
+    /// Not TOML.
+    #[error("is not valid TOML: {message}")]
+    Syntax { message: String },
+    /// A key that does not exist here.
+    #[error("unknown key `{key}`")]
+    UnknownKey { key: String, nearest: Option<String>, known: String },
+    /// A key that must be there.
+    #[error("key `{key}` is missing{}", unit_in(unit))]
+    MissingKey { key: String, unit: Option<String> },
+    /// None of several keys, or more than one.
+    #[error("{} of the keys {keys} is given", if *.given == 0 { "none" } else { "more than one" })]
+    OneOf { keys: String, given: usize },
+    /// A text where a number belongs.
+    #[error("is the text \"{found}\", not a number{}", unit_in(unit))]
+    Text { found: String, unit: Option<String>, value: Option<f64> },
+    /// A value of another type.
+    #[error("is {found}, not {expected}{}", unit_in(unit))]
+    WrongType { found: String, expected: String, unit: Option<String> },
+    /// A word that is not among the choices.
+    #[error("\"{found}\" is none of {choices}")]
+    Choice { found: String, choices: String, nearest: Option<String> },
+    /// A list of the wrong length.
+    #[error("has {found} entries instead of {expected}")]
+    Count { found: usize, expected: usize },
+    /// Anything else the reader refuses.
+    #[error("{message}")]
+    Refused { message: String },
+    /// Another version of the format.
+    #[error("is {found}, but this version of pliant reads {known}")]
+    Version { found: u32, known: u32 },
+    /// Not a finite number.
+    #[error("is {value}, not a finite number")]
+    NotFinite { value: f64 },
+    /// Zero or negative.
+    #[error("is {value} {unit}, but must be positive")]
+    NotPositive { value: f64, unit: &'static str },
+    /// Negative.
+    #[error("is {value} {unit}, but must not be negative")]
+    Negative { value: f64, unit: &'static str },
+    /// Outside its interval.
+    #[error("is {value}, but must lie between {low} and {high}")]
+    Range { value: f64, low: f64, high: f64 },
+    /// A size that betrays another unit.
+    #[error("is {value} {unit}{reason}")]
+    Unit { value: f64, unit: &'static str, reason: String, likely: &'static str, instead: f64 },
+    /// The simulated time is shorter than one step.
+    #[error("is {duration} s, shorter than one step of {step} s")]
+    NoStep { duration: f64, step: f64 },
+    /// A name that cannot stand in a parameter path.
+    #[error("the name \"{name}\" cannot be part of a parameter path")]
+    Name { name: String },
+    /// A name that another object has.
+    #[error("the name \"{name}\" is taken by {other}")]
+    NameTaken { name: String, other: String },
+    /// Nothing to simulate.
+    #[error("the scene has no rope")]
+    NoRope,
+    /// Too few nodes.
+    #[error("the rope has {nodes} nodes; {why} needs at least {needed}")]
+    TooFewNodes { nodes: usize, needed: usize, why: &'static str },
+    /// A node that the rope does not have.
+    #[error("rope \"{rope}\" has no node {node}: it has {nodes} nodes")]
+    NoSuchNode { rope: String, node: i64, nodes: usize },
+    /// A rope that the scene does not have.
+    #[error("there is no rope \"{rope}\"")]
+    NoSuchRope { rope: String, nearest: Option<String>, known: String },
+    /// As many points as nodes are needed.
+    #[error("has {points} points, but the rope has {nodes} nodes")]
+    PointCount { points: usize, nodes: usize },
+    /// A vector of length zero.
+    #[error("has length zero, so it has no direction")]
+    NoDirection,
+    /// Two neighbouring nodes at one place.
+    #[error("nodes {first} and {} are at the same place", first + 1)]
+    Coincident { first: usize },
+    /// Neighbouring edges that point in opposite directions.
+    #[error("the rope folds back onto itself at node {node}, where its curvature is infinite")]
+    Fold { node: usize },
+    /// Positions far from the rest length.
+    #[error("the edge from node {edge} to node {} is {length:.4} m long, but {rest:.4} m at rest", edge + 1)]
+    Stretched { edge: usize, length: f64, rest: f64 },
+    /// A gripper without nodes.
+    #[error("the gripper holds no node")]
+    HoldsNothing,
+    /// Two commands for one node.
+    #[error("node {node} of rope \"{rope}\" is already held by gripper \"{other}\"")]
+    HeldTwice { rope: String, node: usize, other: String },
+    /// A capsule whose ends coincide.
+    #[error("the two ends of the capsule are the same point")]
+    PointCapsule,
+    /// Midpoint with shapes.
+    #[error("the midpoint integrator cannot be used with contact, and the scene has {shapes} shape(s)")]
+    MidpointContact { shapes: usize },
+    /// Contact rows that would act on commanded nodes alone.
+    #[error("the scene has {shapes} shape(s) to touch, but grippers hold every node, so contact could move nothing")]
+    NothingFree { shapes: usize },
+    /// A node that starts inside a shape.
+    #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
+    Inside { rope: String, node: usize, depth: f64, shape: String },
+}
+
+/// ` [m]`, or nothing.
+fn unit_in(unit: &Option<String>) -> String {
+    unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"))
+}

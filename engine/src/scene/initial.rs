@@ -1,0 +1,135 @@
+//! Where every node is at the beginning, and how fast.
+
+use super::error::{Mistake, SceneError};
+use super::file::Scene;
+use super::gripper::End;
+use super::parabola::nodes_between;
+use super::rope::{Initial, Rope};
+use super::vector::{V3, add, dot, norm, scale, sub, unit};
+
+/// Edges may start at between these parts of their rest length.
+const STRAIN: std::ops::RangeInclusive<f64> = 0.1..=1.5;
+/// Cosine of the sharpest bend at which a rope may start.
+const SHARPEST: f64 = -0.999;
+
+/// Positions q [m] and velocities v [m/s] of all nodes as the scene gives them: three numbers per node, rope after rope, the
+/// ghost of a clamped first edge before, that of a clamped last edge after the rope's nodes.
+pub fn initial_state<X>(scene: &Scene<X>) -> Result<(Vec<f64>, Vec<f64>), SceneError> {
+    let (mut q, mut v) = (Vec::new(), Vec::new());
+    for r in 0..scene.rope.len() {
+        let points = with_ghosts(scene, r)?;
+        v.extend(points.iter().flat_map(|_| scene.rope[r].velocity));
+        q.extend(points.into_iter().flatten());
+    }
+    Ok((q, v))
+}
+
+fn with_ghosts<X>(scene: &Scene<X>, r: usize) -> Result<Vec<V3>, SceneError> {
+    let rope = &scene.rope[r];
+    let mut points = rope_points(scene, r)?;
+    if scene.clamps_end(rope, End::First) {
+        let ghost = sub(points[0], scale(end_axis(&points, End::First), end_length(rope, End::First)));
+        points.insert(0, ghost);
+    }
+    if scene.clamps_end(rope, End::Last) {
+        let axis = end_axis(&points, End::Last);
+        points.push(sub(points[points.len() - 1], scale(axis, end_length(rope, End::Last))));
+    }
+    Ok(points)
+}
+
+/// Unit tangent pointing into the rope from one of its ends.
+pub(super) fn end_axis(points: &[V3], end: End) -> V3 {
+    let n = points.len();
+    let into = match end {
+        End::First => sub(points[1], points[0]),
+        End::Last => sub(points[n - 2], points[n - 1]),
+    };
+    // Neighbouring nodes are apart: rope_points has checked it.
+    unit(into).unwrap_or([1.0, 0.0, 0.0])
+}
+
+/// Rest length of the edge at an end [m].
+fn end_length(rope: &Rope, end: End) -> f64 {
+    let fractions = rope.fractions();
+    let edge = if end == End::First { 0 } else { fractions.len() - 1 };
+    rope.length * fractions[edge]
+}
+
+/// Positions of the nodes of rope `r`, without ghosts. A rope needs at least two nodes.
+pub(super) fn rope_points<X>(scene: &Scene<X>, r: usize) -> Result<Vec<V3>, SceneError> {
+    let rope = &scene.rope[r];
+    let n = rope.n_nodes();
+    if n < 2 {
+        let mistake = Mistake::TooFewNodes { nodes: n, needed: 2, why: "a rope" };
+        return Err(SceneError::at(format!("rope[{r}].nodes"), mistake));
+    }
+    let rest: Vec<f64> = rope.fractions().iter().map(|f| f * rope.length).collect();
+    let (points, field) = match &rope.initial {
+        Initial::Straight { from, direction } => (straight(*from, *direction, &rest, r)?, "direction"),
+        Initial::Between { from, to, sag } => (nodes_between(*from, *to, *sag, &rest, scene.gravity.direction()), "to"),
+        Initial::Points { points } if points.len() != n => {
+            let mistake = Mistake::PointCount { points: points.len(), nodes: n };
+            return Err(SceneError::at(format!("rope[{r}].initial.points"), mistake));
+        }
+        Initial::Points { points } => (points.clone(), "points"),
+    };
+    possible(&points, &rest, &format!("rope[{r}].initial.{field}"))?;
+    Ok(points)
+}
+
+fn straight(from: V3, direction: V3, rest: &[f64], r: usize) -> Result<Vec<V3>, SceneError> {
+    let refused = || SceneError::at(format!("rope[{r}].initial.direction"), Mistake::NoDirection);
+    let axis = unit(direction).ok_or_else(refused)?;
+    let mut arc = 0.0;
+    let others = rest.iter().map(|l| {
+        arc += l;
+        add(from, scale(axis, arc))
+    });
+    Ok(std::iter::once(from).chain(others).collect())
+}
+
+/// Refuses edges without length, far from their rest length, or folded back.
+fn possible(points: &[V3], rest: &[f64], field: &str) -> Result<(), SceneError> {
+    let at = |node: usize| if field.ends_with("points") { format!("{field}[{node}]") } else { field.to_owned() };
+    let edges: Vec<V3> = points.windows(2).map(|w| sub(w[1], w[0])).collect();
+    for (e, (edge, rest)) in edges.iter().zip(rest).enumerate() {
+        let length = norm(*edge);
+        if length == 0.0 {
+            return Err(SceneError::at(at(e + 1), Mistake::Coincident { first: e }));
+        }
+        if !STRAIN.contains(&(length / rest)) {
+            return Err(SceneError::at(at(e + 1), Mistake::Stretched { edge: e, length, rest: *rest }));
+        }
+    }
+    for (e, pair) in edges.windows(2).enumerate() {
+        if dot(pair[0], pair[1]) < SHARPEST * norm(pair[0]) * norm(pair[1]) {
+            return Err(SceneError::at(at(e + 1), Mistake::Fold { node: e + 1 }));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::{Clamp, Gripper, Nothing};
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn ghosts_stand_before_and_after_the_rope() {
+        let clamp = |name: &str, end| Gripper { name: name.into(), clamp: Clamp::End(end), ..Gripper::default() };
+        let mut rope = Rope { nodes: None, edge_fractions: Some(vec![1.0, 3.0]), velocity: [0.1, 0.2, 0.3], ..Rope::default() };
+        rope.initial = Initial::Straight { from: [1.0, 0.0, 0.0], direction: [0.0, 2.0, 0.0] };
+        let gripper = vec![clamp("left", End::First), clamp("right", End::Last)];
+        let scene = Scene::<Nothing> { rope: vec![rope], gripper, ..Scene::default() };
+        let (q, v) = initial_state(&scene).unwrap();
+        assert_eq!((q.len(), v.len()), (15, 15));
+        for (node, y) in [-0.25, 0.0, 0.25, 1.0, 1.75].iter().enumerate() {
+            assert_relative_eq!(q[3 * node], 1.0);
+            assert_relative_eq!(q[3 * node + 1], y);
+        }
+        assert_eq!(v[12..], [0.1, 0.2, 0.3]);
+    }
+}

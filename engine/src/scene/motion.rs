@@ -1,0 +1,151 @@
+//! What the grippers of a scene do: the rows of the input u.
+
+use super::error::SceneError;
+use super::file::Scene;
+use super::gripper::{Clamp, End, Gripper, Mode, Motion};
+use super::initial::{end_axis, rope_points};
+use super::vector::{V3, add, scale, sub};
+
+/// One entry of u.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Control {
+    /// Name, e.g. `left.node[0].x`, `left.position.x`, `left.axis.x`, `left.velocity.x`, `left.angular_velocity.x`.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+}
+
+/// The entries of u, gripper after gripper.
+pub fn control_list<X>(scene: &Scene<X>) -> Vec<Control> {
+    scene.gripper.iter().flat_map(|gripper| controls_of(scene, gripper)).collect()
+}
+
+fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
+    let rope = scene.rope.iter().find(|rope| rope.name == gripper.rope);
+    let node = |number: &i64| match rope.and_then(|rope| rope.node(*number)) {
+        Some(node) => (format!("node[{node}]"), "m"),
+        None => (format!("node[{number}]"), "m"),
+    };
+    let groups = match (&gripper.clamp, gripper.mode) {
+        (Clamp::Nodes(nodes), Mode::Prescribed) => nodes.iter().map(node).collect(),
+        (Clamp::Nodes(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s")],
+        (Clamp::End(_), Mode::Prescribed) => vec![("position".to_owned(), "m"), ("axis".to_owned(), "-")],
+        (Clamp::End(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s"), ("angular_velocity".to_owned(), "rad/s")],
+    };
+    let entry = |(group, unit): (String, &'static str)| {
+        ["x", "y", "z"].map(|axis| Control { name: format!("{}.{group}.{axis}", gripper.name), unit })
+    };
+    groups.into_iter().flat_map(entry).collect()
+}
+
+/// Row k is the input of step k: positions at its *end*, (k + 1) h, for prescribed grippers; for velocity-controlled ones the
+/// mean velocity of the motion over the step, so that both modes pass through the same positions.
+pub fn control_rows<X>(scene: &Scene<X>, n_steps: usize) -> Result<Vec<Vec<f64>>, SceneError> {
+    let rest = resting_inputs(scene)?;
+    let h = scene.time.step;
+    Ok((0..n_steps).map(|k| row(scene, &rest, k as f64 * h, (k + 1) as f64 * h)).collect())
+}
+
+/// The input that holds every gripper where the scene begins: positions at t = 0, velocities zero.
+pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
+    let mut u = Vec::new();
+    for gripper in &scene.gripper {
+        let Some(r) = scene.rope.iter().position(|rope| rope.name == gripper.rope) else { continue };
+        let points = rope_points(scene, r)?;
+        let held = gripper.clamp.numbers().into_iter().filter_map(|number| scene.rope[r].node(number));
+        let targets: Vec<V3> = held.map(|node| sub(points[node], gripper.offset)).collect();
+        match (&gripper.clamp, gripper.mode) {
+            (Clamp::Nodes(_), Mode::Prescribed) => u.extend(targets.into_iter().flatten()),
+            (Clamp::Nodes(_), Mode::Velocity) => u.extend([0.0; 3]),
+            (Clamp::End(end), Mode::Prescribed) => {
+                u.extend(targets.into_iter().flatten());
+                u.extend(end_axis(&points, *end));
+            }
+            (Clamp::End(End::First | End::Last), Mode::Velocity) => u.extend([0.0; 6]),
+        }
+    }
+    Ok(u)
+}
+
+fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
+    let mut u = rest.to_vec();
+    let mut first = 0;
+    for gripper in &scene.gripper {
+        let (groups, moving) = match (&gripper.clamp, gripper.mode) {
+            (Clamp::Nodes(nodes), Mode::Prescribed) => (nodes.len(), nodes.len()),
+            (Clamp::Nodes(_), Mode::Velocity) => (1, 1),
+            // The axis, or the angular velocity, stays as it is.
+            (Clamp::End(_), _) => (2, 1),
+        };
+        let at_end = displacement(&gripper.motion, end);
+        let change = match gripper.mode {
+            Mode::Prescribed => at_end,
+            Mode::Velocity => scale(sub(at_end, displacement(&gripper.motion, begin)), 1.0 / (end - begin)),
+        };
+        for group in (first..first + 3 * moving).step_by(3) {
+            let moved = add([u[group], u[group + 1], u[group + 2]], change);
+            u[group..group + 3].copy_from_slice(&moved);
+        }
+        first += 3 * groups;
+    }
+    u
+}
+
+/// How far a motion has come at time t [m].
+fn displacement(motion: &Motion, t: f64) -> V3 {
+    match motion {
+        Motion::Hold => [0.0; 3],
+        Motion::Line { velocity } => scale(*velocity, t),
+        Motion::Sine { amplitude, frequency, phase } => {
+            scale(*amplitude, (std::f64::consts::TAU * frequency * t + phase).sin() - phase.sin())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::{Nothing, Rope, Time};
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn scene(gripper: Vec<Gripper>) -> Scene<Nothing> {
+        let rope = Rope { nodes: Some(5), ..Rope::default() };
+        Scene { rope: vec![rope], gripper, time: Time { step: 0.1, ..Time::default() }, ..Scene::default() }
+    }
+
+    fn names(scene: &Scene) -> Vec<String> {
+        control_list(scene).into_iter().map(|c| c.name).collect()
+    }
+
+    #[test]
+    fn prescribed_nodes_are_where_they_shall_be_at_the_end_of_the_step() {
+        let motion = Motion::Sine { amplitude: [0.0, 0.0, 0.2], frequency: 0.5, phase: 0.3 };
+        let hand = Gripper { clamp: Clamp::Nodes(vec![1, -1]), offset: [0.01, 0.0, 0.0], motion, ..Gripper::default() };
+        let scene = scene(vec![hand]);
+        assert_eq!(names(&scene)[..4], ["hand.node[1].x", "hand.node[1].y", "hand.node[1].z", "hand.node[4].x"]);
+        let rows = control_rows(&scene, 3).unwrap();
+        let lift = 0.2 * ((std::f64::consts::TAU * 0.5 * 0.2 + 0.3_f64).sin() - 0.3_f64.sin());
+        assert_relative_eq!(rows[1][..], [0.24, 0.0, lift, 0.99, 0.0, lift], epsilon = 1e-14);
+        assert_relative_eq!(resting_inputs(&scene).unwrap()[..], [0.24, 0.0, 0.0, 0.99, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn an_end_edge_has_position_and_axis() {
+        let motion = Motion::Line { velocity: [0.0, 1.0, 0.0] };
+        let hand = Gripper { clamp: Clamp::End(End::Last), motion, ..Gripper::default() };
+        let scene = scene(vec![hand]);
+        assert_eq!(names(&scene)[2..4], ["hand.position.z", "hand.axis.x"]);
+        assert_relative_eq!(control_rows(&scene, 1).unwrap()[0][..], [1.0, 0.1, 0.0, -1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn velocities_lead_to_the_same_positions() {
+        let motion = Motion::Sine { amplitude: [0.1, 0.0, 0.0], frequency: 0.7, phase: 0.0 };
+        let tug = Gripper { mode: Mode::Velocity, clamp: Clamp::End(End::First), motion: motion.clone(), ..Gripper::default() };
+        let scene = scene(vec![tug]);
+        assert_eq!(names(&scene)[3], "hand.angular_velocity.x");
+        let travelled: f64 = control_rows(&scene, 7).unwrap().iter().map(|row| row[0] * 0.1).sum();
+        assert_relative_eq!(travelled, displacement(&motion, 0.7)[0], epsilon = 1e-14);
+    }
+}

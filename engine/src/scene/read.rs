@@ -1,0 +1,49 @@
+//! Reading scene files.
+
+use super::check::check;
+use super::error::{Mistake, SceneError};
+use super::file::Scene;
+use super::keys;
+use super::schema::json_schema;
+use super::source::{Place, Source};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use std::path::Path;
+use toml::de::DeTable;
+
+/// Reads a scene file and checks that it makes sense.
+pub fn read_scene<X: DeserializeOwned + JsonSchema>(path: impl AsRef<Path>) -> Result<Scene<X>, SceneError> {
+    parse_source(&Source::read(path.as_ref())?)
+}
+
+/// Reads a scene from a text; `file_name` is what errors call it.
+pub fn parse_scene<X: DeserializeOwned + JsonSchema>(text: &str, file_name: &str) -> Result<Scene<X>, SceneError> {
+    parse_source(&Source::new(file_name, text))
+}
+
+/// Reads a scene from a [`Source`], which the caller keeps to locate errors of its own.
+pub fn parse_source<X: DeserializeOwned + JsonSchema>(source: &Source) -> Result<Scene<X>, SceneError> {
+    let table = DeTable::parse(&source.text).map_err(|error| syntax(source, &error))?;
+    keys::compare(&json_schema::<X>(), &table, source)?;
+    let scene: Scene<X> = toml::from_str(&source.text).map_err(|error| refused(source, &error))?;
+    check(&scene).map_err(|error| error.located(source))?;
+    Ok(scene)
+}
+
+fn syntax(source: &Source, error: &toml::de::Error) -> SceneError {
+    let message = error.message().replace('\n', ", ");
+    SceneError::new(place(source, error), Mistake::Syntax { message })
+}
+
+/// What serde refuses although the schema allows it, e.g. a whole number too large for its type.
+fn refused(source: &Source, error: &toml::de::Error) -> SceneError {
+    let message = error.message().replace('\n', ", ");
+    SceneError::new(place(source, error), Mistake::Refused { message })
+}
+
+fn place(source: &Source, error: &toml::de::Error) -> Place {
+    match error.span() {
+        Some(span) => source.place_at(span.start, ""),
+        None => Place { file: Some(source.file.clone()), ..Place::default() },
+    }
+}

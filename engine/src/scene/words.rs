@@ -1,0 +1,94 @@
+//! Guessing what was meant: the nearest known word, the number in a text with a unit.
+
+/// The known word nearest to `word`, if it is near enough to be a typing error.
+pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let limit = (word.chars().count() / 3).max(1) + 1;
+    let near = known.into_iter().map(|candidate| (distance(word, candidate), candidate));
+    near.filter(|(d, _)| *d <= limit).min().map(|(_, candidate)| candidate)
+}
+
+/// Insertions, deletions and replacements that turn `a` into `b` (Levenshtein 1966), capitals ignored.
+fn distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.to_lowercase().chars().collect(), b.to_lowercase().chars().collect());
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+/// `` `a`, `b`, `c` ``
+pub fn list<'a>(words: impl IntoIterator<Item = &'a str>) -> String {
+    words.into_iter().map(|word| format!("`{word}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// (unit of a key, suffix somebody wrote, factor)
+const FACTORS: [(&str, &str, f64); 18] = [
+    ("m", "mm", 1e-3),
+    ("m", "cm", 1e-2),
+    ("m", "km", 1e3),
+    ("m", "um", 1e-6),
+    ("m", "in", 0.0254),
+    ("s", "ms", 1e-3),
+    ("s", "us", 1e-6),
+    ("s", "min", 60.0),
+    ("kg", "g", 1e-3),
+    ("kg", "mg", 1e-6),
+    ("rad", "deg", std::f64::consts::PI / 180.0),
+    ("rad", "°", std::f64::consts::PI / 180.0),
+    ("N", "kN", 1e3),
+    ("N", "mN", 1e-3),
+    ("kg/m", "g/m", 1e-3),
+    ("m/s", "mm/s", 1e-3),
+    ("m/s", "km/h", 1.0 / 3.6),
+    ("Hz", "kHz", 1e3),
+];
+
+/// The number in a text such as "5 mm", in the unit the key asks for.
+pub(super) fn number_in(text: &str, unit: Option<&str>) -> Option<f64> {
+    let text = text.trim();
+    let end = text.find(|c: char| !(c.is_ascii_digit() || "+-.eE".contains(c))).unwrap_or(text.len());
+    let (number, suffix) = text.split_at(end);
+    let (number, suffix) = (number.parse::<f64>().ok()?, suffix.trim());
+    if suffix.is_empty() || Some(suffix) == unit {
+        return Some(number);
+    }
+    let factor = FACTORS.iter().find(|(u, s, _)| Some(*u) == unit && *s == suffix)?.2;
+    // Rounded to the digits somebody would write.
+    format!("{:.12e}", number * factor).parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn finds_the_nearest_word() {
+        assert_eq!(nearest("bend_stifness", ["stretch_stiffness", "bend_stiffness", "length"]), Some("bend_stiffness"));
+        assert_eq!(nearest("Length", ["length", "radius"]), Some("length"));
+        assert_eq!(nearest("color", ["length", "radius"]), None);
+    }
+
+    #[test]
+    fn distances() {
+        assert_eq!(distance("kitten", "sitting"), 3);
+        assert_eq!(distance("", "abc"), 3);
+    }
+
+    #[test]
+    fn reads_numbers_with_units() {
+        assert_eq!(number_in("5 mm", Some("m")), Some(0.005));
+        assert_eq!(number_in("5mm", Some("m")), Some(0.005));
+        assert_eq!(number_in("0.5", Some("m")), Some(0.5));
+        assert_eq!(number_in("50 g/m", Some("kg/m")), Some(0.05));
+        assert_eq!(number_in("5 furlongs", Some("m")), None);
+        assert_eq!(number_in("soft", None), None);
+    }
+}

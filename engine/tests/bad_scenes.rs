@@ -1,0 +1,218 @@
+//! Every kind of bad scene is refused with its line, the field, what is wrong and the fix.
+#![allow(clippy::unwrap_used)]
+
+use pliant_engine::scene::{Nothing, parse_scene, read_scene};
+
+const GOOD: &str = r#"schema_version = 1
+[time]
+step = 0.01
+duration = 0.5
+integrator = "euler"
+[gravity]
+magnitude = 9.81
+tilt = [0.0, 0.0]
+[[rope]]
+name = "cable"
+nodes = 5
+length = 1.0
+linear_density = 0.05
+stretch_stiffness = 1.0e4
+bend_stiffness = 1.0e-3
+radius = 0.003
+node_mass = [{ node = 3, mass = 0.01 }]
+initial = { shape = "straight", from = [0, 0, 0.5], direction = [1, 0, 0] }
+[[gripper]]
+name = "left"
+rope = "cable"
+nodes = [0, 1]
+motion = { kind = "sine", amplitude = [0, 0, 0.1], frequency = 1.0 }
+[[plane]]
+name = "floor"
+normal = [0, 0, 1]
+friction = 0.5
+[[capsule]]
+name = "bar"
+a = [0, 0, -1]
+b = [1, 0, -1]
+radius = 0.02
+"#;
+
+/// The error of the good scene with one line replaced.
+#[track_caller]
+fn error(old: &str, new: &str) -> String {
+    assert!(GOOD.contains(old), "{old}");
+    parse_scene::<Nothing>(&GOOD.replacen(old, new, 1), "scene.toml").unwrap_err().to_string()
+}
+
+/// Checks the error's place, and that each of the parts occurs in it.
+#[track_caller]
+fn refused(old: &str, new: &str, place: &str, parts: &[&str]) {
+    let error = error(old, new);
+    assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
+    assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
+    for part in parts {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
+    }
+}
+
+#[test]
+fn the_good_scene_is_accepted() {
+    let scene = parse_scene::<Nothing>(GOOD, "scene.toml").unwrap();
+    assert_eq!((scene.rope.len(), scene.gripper.len(), scene.n_shapes()), (1, 1, 2));
+}
+
+#[test]
+fn unknown_key() {
+    refused(
+        "bend_stiffness =",
+        "bend_stifness =",
+        "15: rope[0].bend_stifness",
+        &["unknown key", "did you mean `bend_stiffness`?"],
+    );
+    refused("friction = 0.5", "colour = 3", "27: plane[0].colour", &["keys known here: `friction`, `height`, `name`"]);
+    refused("frequency = 1.0", "frequenzy = 1.0", "23: gripper[0].motion.frequenzy", &["did you mean `frequency`?"]);
+    refused("nodes = [0, 1]", "nodes = [0, 1]\nhold = 1", "23: gripper[0].hold", &["keys known here", "`nodes`", "`end`"]);
+    refused("[gravity]", "[gravitty]", "6: gravitty", &["did you mean `gravity`?"]);
+}
+
+#[test]
+fn missing_key() {
+    refused("length = 1.0\n", "", "9: rope[0]", &["key `length` is missing [m]", "add `length = …`, in m"]);
+    refused("step = 0.01", "", "2: time", &["key `step` is missing [s]"]);
+    refused(", direction = [1, 0, 0]", "", "18: rope[0].initial", &["`direction` is missing"]);
+    refused("shape = \"straight\", ", "", "18: rope[0].initial", &["`shape` is missing"]);
+    refused("nodes = [0, 1]", "", "19: gripper[0]", &["none of the keys `nodes`, `end`"]);
+    refused("nodes = [0, 1]", "nodes = [0]\nend = \"first\"", "19: gripper[0]", &["more than one of the keys", "keep one of"]);
+    refused("nodes = 5", "", "9: rope[0]", &["none of the keys `nodes`, `edge_fractions`"]);
+    refused("nodes = 5", "nodes = 5\nedge_fractions = [1, 1]", "11: rope[0].nodes", &["more than one of the keys"]);
+}
+
+#[test]
+fn wrong_unit() {
+    refused(
+        "radius = 0.003",
+        "radius = \"3 mm\"",
+        "16: rope[0].radius",
+        &["\"3 mm\"", "[m]", "write 0.003 (in m, without quotes)"],
+    );
+    refused("length = 1.0", "length = \"1\"", "12: rope[0].length", &["write 1 (in m"]);
+    refused("length = 1.0", "length = \"long\"", "12: rope[0].length", &["write the number alone, in m"]);
+    refused("length = 1.0", "length = 1500.0", "12: rope[0].length", &["1500 m", "given in mm", "write 1.5"]);
+    refused("radius = 0.003", "radius = 3", "16: rope[0].radius", &["thicker than its length", "given in mm", "write 0.003"]);
+    refused("linear_density = 0.05", "linear_density = 50", "13: rope[0].linear_density", &["given in g/m", "write 0.05"]);
+    refused("magnitude = 9.81", "magnitude = 9810", "7: gravity.magnitude", &["mm/s²", "write 9.81"]);
+    refused("tilt = [0.0, 0.0]", "tilt = [0.0, 45.0]", "8: gravity.tilt[1]", &["degrees", "write 0.785"]);
+    refused("step = 0.01", "step = 10", "3: time.step", &["given in ms", "write 0.01"]);
+}
+
+#[test]
+fn wrong_type() {
+    refused("nodes = 5", "nodes = 5.5", "11: rope[0].nodes", &["the number 5.5", "write a whole number"]);
+    refused("nodes = 5", "nodes = -5", "11: rope[0].nodes", &["a whole number from 0 on"]);
+    refused("tilt = [0.0, 0.0]", "tilt = 0.0", "8: gravity.tilt", &["not a list"]);
+    refused("a = [0, 0, -1]", "a = [0, 0]", "30: capsule[0].a", &["has 2 entries instead of 3"]);
+    refused("\"euler\"", "\"eulr\"", "5: time.integrator", &["\"eulr\" is none of", "did you mean \"euler\"?"]);
+    refused("\"straight\"", "\"round\"", "18: rope[0].initial.shape", &["\"straight\", \"between\", \"points\""]);
+    refused("name = \"left\"", "name = 7", "20: gripper[0].name", &["a text in quotes"]);
+    refused("[gravity]\nmagnitude = 9.81\ntilt = [0.0, 0.0]", "[air]\nwind = true", "7: air.wind", &["true, not a list"]);
+    let error = parse_scene::<Nothing>("schema_version = 1\ntime = 3\n", "scene.toml").unwrap_err().to_string();
+    assert!(error.starts_with("scene.toml:2: time: is the whole number 3, not a table"), "{error}");
+}
+
+#[test]
+fn not_toml() {
+    refused("tilt = [0.0, 0.0]", "tilt = [0.0, 0.0", "9", &["is not valid TOML"]);
+    refused("step = 0.01", "step = 0.01\nstep = 0.02", "4", &["is not valid TOML", "duplicate key"]);
+}
+
+#[test]
+fn version() {
+    refused("schema_version = 1", "schema_version = 2", "1: schema_version", &["is 2", "reads 1"]);
+}
+
+#[test]
+fn numbers() {
+    refused("length = 1.0", "length = nan", "12: rope[0].length", &["NaN, not a finite number"]);
+    refused("from = [0, 0, 0.5]", "from = [0, inf, 0.5]", "18: rope[0].initial.from[1]", &["inf"]);
+    refused("length = 1.0", "length = 0", "12: rope[0].length", &["must be positive"]);
+    refused("bend_stiffness = 1.0e-3", "bend_stiffness = -1.0", "15: rope[0].bend_stiffness", &["-1 N·m²", "sign error"]);
+    refused("friction = 0.5", "friction = -0.5", "27: plane[0].friction", &["must not be negative"]);
+    refused("radius = 0.02", "radius = 0.0", "32: capsule[0].radius", &["must be positive"]);
+    refused("frequency = 1.0", "frequency = 0", "23: gripper[0].motion.frequency", &["Hz"]);
+    refused("duration = 0.5", "duration = 0.001", "4: time.duration", &["shorter than one step of 0.01 s"]);
+}
+
+#[test]
+fn negative_mass() {
+    refused("mass = 0.01", "mass = -0.01", "17: rope[0].node_mass[0].mass", &["-0.01 kg", "must not be negative"]);
+    refused("radius = 0.003", "radius = 0.003\ntip_mass = -1.0", "17: rope[0].tip_mass", &["-1 kg"]);
+}
+
+#[test]
+fn nodes_that_do_not_exist() {
+    refused(
+        "nodes = [0, 1]",
+        "nodes = [0, 5]",
+        "22: gripper[0].nodes[1]",
+        &["rope \"cable\" has no node 5", "from 0 to 4", "to -5"],
+    );
+    refused("nodes = [0, 1]", "nodes = [-6]", "22: gripper[0].nodes[0]", &["no node -6"]);
+    refused("node = 3", "node = 13", "17: rope[0].node_mass[0].node", &["no node 13"]);
+    refused("rope = \"cable\"", "rope = \"cabel\"", "21: gripper[0].rope", &["no rope \"cabel\"", "did you mean \"cable\"?"]);
+    refused("rope = \"cable\"", "rope = \"x\"", "21: gripper[0].rope", &["name one of: `cable`"]);
+    refused("nodes = [0, 1]", "nodes = []", "22: gripper[0].nodes", &["holds no node"]);
+    refused("nodes = 5", "nodes = 1", "11: rope[0].nodes", &["1 nodes", "at least 3"]);
+    refused("nodes = 5", "nodes = 2", "11: rope[0].nodes", &["bending", "at least 3"]);
+}
+
+#[test]
+fn nodes_held_twice() {
+    refused("nodes = [0, 1]", "nodes = [0, -5]", "22: gripper[0].nodes[1]", &["node 0", "already held by gripper \"left\""]);
+    let second = "[[gripper]]\nname = \"right\"\nrope = \"cable\"\nend = \"first\"\n[[plane]]";
+    refused("[[plane]]", second, "27: gripper[1].end", &["already held by gripper \"left\""]);
+}
+
+#[test]
+fn names() {
+    refused("name = \"bar\"", "name = \"floor\"", "29: capsule[0].name", &["\"floor\" is taken by plane[0]"]);
+    refused("name = \"bar\"", "name = \"my.bar\"", "29: capsule[0].name", &["cannot be part of a parameter path"]);
+    refused("name = \"bar\"", "name = \"gravity\"", "29: capsule[0].name", &["not gravity"]);
+}
+
+#[test]
+fn impossible_geometry() {
+    let points = |list: &str| format!("shape = \"points\", points = {list} }}");
+    let old = "shape = \"straight\", from = [0, 0, 0.5], direction = [1, 0, 0] }";
+    let field = "18: rope[0].initial.points";
+    refused(old, &points("[[0, 0, 1], [1, 0, 1]]"), field, &["2 points", "5 nodes"]);
+    let twice = "[[0, 0, 1], [0, 0, 1], [0.5, 0, 1], [0.75, 0, 1], [1, 0, 1]]";
+    refused(old, &points(twice), "18: rope[0].initial.points[1]", &["nodes 0 and 1", "same place"]);
+    let folded = "[[0, 0, 1], [0.25, 0, 1], [0.5, 0, 1], [0.25, 0, 1], [0, 0, 1]]";
+    refused(old, &points(folded), "18: rope[0].initial.points[2]", &["folds back", "node 2"]);
+    let millimetres = "[[0, 0, 1], [250, 0, 1], [500, 0, 1], [750, 0, 1], [1000, 0, 1]]";
+    refused(old, &points(millimetres), "18: rope[0].initial.points[1]", &["250.0000 m long, but 0.2500 m at rest", "mm"]);
+    refused("direction = [1, 0, 0]", "direction = [0, 0, 0]", "18: rope[0].initial.direction", &["no direction"]);
+    let far = "shape = \"between\", from = [0, 0, 1], to = [9, 0, 1] }";
+    refused(old, far, "18: rope[0].initial.to", &["at rest", "too short"]);
+    refused("normal = [0, 0, 1]", "normal = [0, 0, 0]", "26: plane[0].normal", &["no direction"]);
+    refused("b = [1, 0, -1]", "b = [0, 0, -1]", "31: capsule[0].b", &["same point", "[[sphere]]"]);
+    refused("from = [0, 0, 0.5]", "from = [0, 0, -0.01]", "18: rope[0].initial", &["node 2", "0.0100 m inside plane \"floor\""]);
+}
+
+#[test]
+fn contact_that_cannot_be() {
+    refused("\"euler\"", "\"midpoint\"", "5: time.integrator", &["with contact", "2 shape(s)", "sdirk2"]);
+    refused("nodes = [0, 1]", "nodes = [0, 1, 2, 3, 4]", "19: gripper", &["hold every node", "leave nodes free"]);
+}
+
+#[test]
+fn nothing_to_simulate() {
+    let error = parse_scene::<Nothing>("schema_version = 1\n[time]\nstep = 0.01\n", "scene.toml").unwrap_err().to_string();
+    assert!(error.contains("scene.toml: rope: the scene has no rope") && error.contains("add a [[rope]]"), "{error}");
+}
+
+#[test]
+fn no_file() {
+    let error = read_scene::<Nothing>("/nowhere/scene.toml").unwrap_err().to_string();
+    assert!(error.starts_with("/nowhere/scene.toml: cannot be read") && error.contains("check the path"), "{error}");
+}
