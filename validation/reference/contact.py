@@ -7,26 +7,28 @@ Admissible: gap > 0 (coulomb), v̂_n > μ |v_t| (anitescu).
 
 import jax.numpy as jnp
 
+from .laws import dot
+
 
 def plane_gap(x, radius, shape):
     """gap = n·(x - p) - height - r  [m]; n constant."""
     normal = shape["normal"]
-    return normal @ (x - shape["point"]) - shape["height"] - radius, normal
+    return dot(normal, x - shape["point"]) - shape["height"] - radius, normal
 
 
 def sphere_gap(x, radius, shape):
     """gap = |x - c| - R - r  [m]; n = (x - c)/|x - c|."""
     offset = x - shape["center"]
-    distance = jnp.sqrt(offset @ offset)
+    distance = jnp.sqrt(dot(offset, offset))
     return distance - shape["radius"] - radius, offset / distance
 
 
 def capsule_gap(x, radius, shape):
     """gap = |x - s| - R - r  [m], s the point of the segment ab closest to x."""
     a, axis = shape["a"], shape["b"] - shape["a"]
-    fraction = jnp.clip((x - a) @ axis / (axis @ axis), 0.0, 1.0)
+    fraction = jnp.clip(dot(x - a, axis) / dot(axis, axis), 0.0, 1.0)
     offset = x - (a + fraction * axis)
-    distance = jnp.sqrt(offset @ offset)
+    distance = jnp.sqrt(dot(offset, offset))
     return distance - shape["radius"] - radius, offset / distance
 
 
@@ -35,7 +37,7 @@ GAPS = {"plane": plane_gap, "sphere": sphere_gap, "capsule": capsule_gap}
 
 def tangential(normal, velocity):
     """v_t = (I - n nᵀ) v  [m/s]."""
-    return velocity - normal * (normal @ velocity)
+    return velocity - normal * dot(normal, velocity)
 
 
 def impulse(law, gap, normal, velocity, h, friction, kappa):
@@ -46,7 +48,7 @@ def impulse(law, gap, normal, velocity, h, friction, kappa):
     """
     approach = gap / h
     v_t = tangential(normal, velocity)
-    slip2 = friction**2 * (v_t @ v_t)
+    slip2 = friction**2 * (dot(v_t, v_t))
     if law == "coulomb":
         s0 = 0.5 * (approach + jnp.sqrt(approach**2 + 4.0 * slip2))
         gamma_n = kappa / approach
@@ -62,4 +64,4 @@ def margin(law, gap, normal, velocity, h, friction):
     if law == "coulomb":
         return gap / h
     v_t = tangential(normal, velocity)
-    return gap / h - friction * jnp.sqrt(v_t @ v_t)
+    return gap / h - friction * jnp.sqrt(dot(v_t, v_t))

@@ -1,5 +1,7 @@
 """Assembly: θ-dependent masses and smoothing, total force and contact impulse of a model."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -75,6 +77,7 @@ def drag(model, v, theta):
     return each(v, theta[model.wind], voronoi_lengths(model, theta), linear, quadratic)
 
 
+@partial(jax.jit, static_argnums=0)
 def total_force(model, q, v, theta):
     """Σ f (n_nodes, 3)  [N], contact excluded."""
     elastic = -jax.grad(potential, 1)(model, q, theta)
@@ -103,6 +106,7 @@ def gaps_and_normals(model, q, theta):
     return out
 
 
+@partial(jax.jit, static_argnums=0)
 def contact_impulse(model, q, v, theta, kappa, h):
     """p (n, 3)  [N·s] of all shapes on the free nodes, geometry at q = q⁺; κ (n,) [J]."""
     total = jnp.zeros_like(q)

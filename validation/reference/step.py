@@ -28,7 +28,7 @@ def coefficients(model):
     """(a0, a1, b0, b1, d0, d1), each (n_nodes, 1)."""
     midpoint = model.integrator == "midpoint"
     free, driven = (MIDPOINT_FREE, MIDPOINT_DRIVEN) if midpoint else (EULER, EULER)
-    return np.where(model.driven[None, :, None], np.reshape(driven, (6, 1, 1)), np.reshape(free, (6, 1, 1)))
+    return [np.where(model.driven, d, f)[:, None] for f, d in zip(free, driven, strict=True)]
 
 
 def cayley(a):
@@ -71,10 +71,12 @@ def make_stage(model, h):
     def scaled(y, args, scale=1.0):
         q, v, v_cmd, theta, kappa, _ = args
         vp = expand(y, v_cmd)
-        force = forces.total_force(model, q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp, theta)[free]
+        q_bar, v_bar = q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp
+        force = forces.total_force(model, q_bar, v_bar, theta)[free]
         if touching:
             q_next = (q + h * (d0 * v + d1 * vp))[free]
-            force += forces.contact_impulse(model, q_next, vp[free], theta, scale * kappa[free], h) / h
+            smoothing = scale * kappa[free]
+            force += forces.contact_impulse(model, q_next, vp[free], theta, smoothing, h) / h
         m = forces.masses(model, theta)[free, None]
         return (vp[free] - v[free] - h / m * force).ravel()
 
@@ -83,16 +85,22 @@ def make_stage(model, h):
 
     def start(args):
         q, v, _, theta, _, _ = args
+
+        def rows(y, scale):
+            return scaled(y, args, scale)
+
         if not touching:
-            return warm.follow(lambda y, _: scaled(y, args), lambda y: jnp.ones(1), v[free].ravel(), weight(theta), 0)
-        at = lambda w: q[free] + h * w  # noqa: E731
-        v0 = warm.admissible(lambda w: forces.gaps_and_normals(model, at(w), theta), v[free], h)
+            return warm.follow(rows, lambda y: jnp.ones(1), v[free].ravel(), weight(theta), 0)
 
         def margins(y):
             w = y.reshape(-1, 3)
-            return forces.contact_margins(model, at(w), w, theta, h)
+            return forces.contact_margins(model, q[free] + h * w, w, theta, h)
 
-        return warm.follow(lambda y, s: scaled(y, args, s), margins, v0.ravel(), weight(theta), levels)
+        def geometry(w):
+            return forces.gaps_and_normals(model, q[free] + h * w, theta)
+
+        y0 = warm.admissible(geometry, v[free], h).ravel()
+        return warm.follow(rows, margins, y0, weight(theta), levels)
 
     def weight(theta):
         return jnp.repeat(jnp.sqrt(forces.masses(model, theta)[free]), 3)
@@ -103,10 +111,11 @@ def make_stage(model, h):
     def stage(q, v, v_cmd, theta, kappa):
         args = (q, v, v_cmd, theta, kappa, None)
         fixed = jax.lax.stop_gradient(args)
-        y0 = start(fixed)
-        precondition = jnp.linalg.inv(jax.jacfwd(scaled)(y0, fixed))
-        args = (*args[:5], jax.lax.stop_gradient(precondition))
-        found = optimistix.root_find(root, solver, y0, args, adjoint=adjoint, max_steps=20, throw=False)
+        y0, inverse = jax.lax.stop_gradient(start(fixed))
+        args = (*args[:5], inverse)
+        found = optimistix.root_find(
+            root, solver, y0, args, adjoint=adjoint, max_steps=20, throw=False
+        )
         error = jnp.max(jnp.abs(jax.lax.stop_gradient(root(found.value, args))))
         return expand(found.value, v_cmd), error
 

@@ -8,48 +8,50 @@ d = -K⁻¹ r are shortened until they stay admissible and contract in the natur
 
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 
-SHORTEST = 20  # the smallest step factor tried is 2^-SHORTEST
+SHORTEST = 2.0**-20  # a shorter step is taken as it is
 KEEP = 0.05  # a step may use up at most 1 - KEEP of a margin
 
 
-def follow(residual, margins, y0, weight, levels, max_iterations=400):
-    """y near the root of residual(·, scale=1).
+def follow(residual, margins, y0, weight, levels, max_iterations=1000):
+    """(y near the root of residual(·, scale=1), the inverse of K = ∂residual/∂y there).
 
     residual(y, scale) -> (n,) [m/s]; margins(y) -> array, positive where admissible;
     weight (n,) [√kg]; levels: number of tenfold reductions of κ. y0 must be admissible.
     """
-    factors = 0.5 ** jnp.arange(SHORTEST + 1)
 
     def size(d):
-        return jnp.sqrt(jnp.sum((weight * d) ** 2, axis=-1))
+        return jnp.sqrt(jnp.sum((weight * d) ** 2))
+
+    def twice(y, scale):
+        rows = residual(y, scale)
+        return rows, rows
 
     def body(carry):
-        y, level, count, _ = carry
-        scale = 10.0**level
-        factor = jsl.lu_factor(jax.jacfwd(residual)(y, scale))
-        d = -jsl.lu_solve(factor, residual(y, scale))
-        trials = y + factors[:, None] * d
-        inside = margins(y)
-        kept = jax.vmap(lambda t: jnp.all(margins(t) > KEEP * inside))(trials)
-        rows = jax.vmap(lambda t: residual(t, scale))(trials)
-        after = size(jsl.lu_solve(factor, rows.T).T)
-        contracts = kept & (after <= (1.0 - factors / 4.0) * size(d))
-        fallback = jnp.where(kept & jnp.isfinite(after), after, jnp.inf)
-        choice = jnp.where(jnp.any(contracts), jnp.argmax(contracts), jnp.argmin(fallback))
-        y = trials[choice]
-        settled = (choice == 0) & contracts[0] & (after[0] <= 0.1 * size(d))
-        fine = after[choice] <= 1e-9 * (1e-3 * jnp.linalg.norm(weight) + size(y))
+        y, d, inverse, alpha, level, fresh, count, _ = carry
+        trial = jnp.where(fresh, y, y + alpha * d)
+        slope, rows = jax.jacfwd(twice, has_aux=True)(trial, 10.0**level)
+        after = size(inverse @ rows)
+        contracts = (after <= (1.0 - alpha / 4.0) * size(d)) | (alpha < SHORTEST)
+        accept = fresh | (contracts & jnp.all(margins(trial) > KEEP * margins(y)))
+        settled = accept & ~fresh & (alpha == 1.0) & (after <= 0.1 * size(d))
+        fine = after <= 1e-9 * (1e-3 * jnp.linalg.norm(weight) + size(trial))
+        y = jnp.where(accept, trial, y)
+        new_inverse = jnp.linalg.inv(slope)
+        inverse = jnp.where(accept, new_inverse, inverse)
+        d = jnp.where(accept, -new_inverse @ rows, d)
+        alpha = jnp.where(accept, 1.0, 0.5 * alpha)
         done = settled & fine & (level == 0)
-        level = jnp.where(settled, jnp.maximum(level - 1, 0), level)
-        return y, level, count + 1, done
+        fresh = settled & (level > 0)
+        return y, d, inverse, alpha, level - fresh, fresh, count + 1, done
 
     def unfinished(carry):
-        return ~carry[3] & (carry[2] < max_iterations)
+        return ~carry[-1] & (carry[-2] < max_iterations)
 
-    start = (y0, jnp.asarray(levels), 0, False)
-    return jax.lax.while_loop(unfinished, body, start)[0]
+    n = len(y0)
+    start = (y0, jnp.zeros(n), jnp.eye(n), 1.0, jnp.asarray(levels), True, 0, False)
+    y, _, inverse, *_ = jax.lax.while_loop(unfinished, body, start)
+    return y, inverse
 
 
 def admissible(margins_and_normals, v, h):
