@@ -6,8 +6,8 @@ use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
 
 const CHUNK: usize = 6;
-const MAX_NODES: usize = 8;
-const MAX_PARAMS: usize = 16;
+pub(super) const MAX_NODES: usize = 8;
+pub(super) const MAX_PARAMS: usize = 16;
 type Dual = DualSVec64<CHUNK>;
 
 /// A law and its elements as a [`Term`]: the derivatives with respect to positions, velocities and parameters are automatic.
@@ -75,6 +75,14 @@ fn slopes(x: &Dual) -> SVector<f64, CHUNK> {
     x.eps.0.unwrap_or_else(SVector::zeros)
 }
 
+/// The parameters of an element, gathered into `buffer`.
+fn values<'a>(e: &Element, theta: &[f64], buffer: &'a mut [f64; MAX_PARAMS]) -> &'a [f64] {
+    for (value, &index) in buffer.iter_mut().zip(&e.params) {
+        *value = theta[index];
+    }
+    &buffer[..e.params.len()]
+}
+
 impl<L: Law> Term for Automatic<L> {
     fn name(&self) -> &str {
         self.law.name()
@@ -88,10 +96,7 @@ impl<L: Law> Term for Automatic<L> {
             for (k, &node) in e.nodes.iter().enumerate() {
                 (q[k], v[k]) = (at.position(node), at.velocity(node));
             }
-            for (value, &index) in p.iter_mut().zip(&e.params) {
-                *value = at.theta[index];
-            }
-            self.law.force(&q[..n], &v[..n], &p[..e.params.len()], &e.constants, &mut out[..n]);
+            self.law.force(&q[..n], &v[..n], values(e, at.theta, &mut p), &e.constants, &mut out[..n]);
             for (k, &node) in e.nodes.iter().enumerate() {
                 for a in 0..3 {
                     f[3 * node + a] += out[k][a];
@@ -107,12 +112,12 @@ impl<L: Law> Term for Automatic<L> {
             for first in (0..6 * n).step_by(CHUNK) {
                 self.eval_chunk(e, at, first, &mut out);
                 for (k, &node) in e.nodes.iter().enumerate() {
-                    for a in 0..3 {
+                    for (a, component) in out[k].iter().enumerate() {
                         let row = 3 * node + a;
                         if first == 0 {
-                            f[row] += out[k][a].re;
+                            f[row] += component.re;
                         }
-                        let s = slopes(&out[k][a]);
+                        let s = slopes(component);
                         for (direction, slope) in (first..6 * n).zip(s.iter()) {
                             let to_q = direction < 3 * n;
                             let local = if to_q { direction } else { direction - 3 * n };
@@ -132,8 +137,8 @@ impl<L: Law> Term for Automatic<L> {
             for first in (0..e.params.len()).step_by(CHUNK) {
                 self.eval_chunk(e, at, offset + first, &mut out);
                 for (k, &node) in e.nodes.iter().enumerate() {
-                    for a in 0..3 {
-                        let s = slopes(&out[k][a]);
+                    for (a, component) in out[k].iter().enumerate() {
+                        let s = slopes(component);
                         for (param, slope) in e.params[first..].iter().zip(s.iter()) {
                             visit(3 * node + a, *param, *slope);
                         }
@@ -144,21 +149,18 @@ impl<L: Law> Term for Automatic<L> {
     }
 
     fn energy(&self, at: &Point) -> f64 {
-        self.elements
-            .iter()
-            .map(|e| {
-                let q: Vec<_> = e.nodes.iter().map(|&i| at.position(i)).collect();
-                let p: Vec<_> = e.params.iter().map(|&k| at.theta[k]).collect();
-                self.law.energy(&q, &p, &e.constants)
-            })
-            .sum()
+        let of = |e: &Element| {
+            let mut q = [Vec3::zeros(); MAX_NODES];
+            for (x, &node) in q.iter_mut().zip(&e.nodes) {
+                *x = at.position(node);
+            }
+            self.law.energy(&q[..e.nodes.len()], values(e, at.theta, &mut [0.0; MAX_PARAMS]), &e.constants)
+        };
+        self.elements.iter().map(of).sum()
     }
 
     fn symmetric(&self, theta: &[f64]) -> bool {
-        self.elements.iter().all(|e| {
-            let p: Vec<_> = e.params.iter().map(|&k| theta[k]).collect();
-            self.law.symmetric(&p)
-        })
+        self.elements.iter().all(|e| self.law.symmetric(values(e, theta, &mut [0.0; MAX_PARAMS])))
     }
 
     fn reach(&self) -> usize {

@@ -10,7 +10,25 @@ use num_dual::DualNum;
 use std::fmt::Debug;
 
 mod automatic;
+mod bend;
+mod bend_damping;
+#[cfg(test)]
+mod check;
+mod drag;
+mod energy;
+mod gravity;
+mod stencil;
+mod stretch;
+mod stretch_damping;
+
 pub use automatic::Automatic;
+pub use bend::{Bend, BendLaw};
+pub use bend_damping::{BendDamping, BendDampingLaw};
+pub use drag::{Drag, DragLaw};
+pub use energy::{EnergyLaw, FromEnergy};
+pub use gravity::{Gravity, GravityLaw, gravity_vector};
+pub use stretch::{Stretch, StretchLaw};
+pub use stretch_damping::{StretchDamping, StretchDampingLaw};
 
 /// Scalars a law may be evaluated with: `f64` and dual numbers over it.
 pub trait Real: DualNum<Primitive = f64> + Copy {}
