@@ -21,10 +21,14 @@ the same point masses. What MuJoCo offers for the rest, and how it is matched he
 SI units; positions are (nodes, 3) arrays in metres, z up.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+
+# MuJoCo's warnings as Python's, instead of a MUJOCO_LOG.TXT wherever one happens to work
+mujoco.set_mju_user_warning(lambda text: warnings.warn(text, RuntimeWarning, stacklevel=2))
 
 GHOST = 1e-4  # length of the clamp's auxiliary edge in units of the rest edge
 
@@ -71,6 +75,7 @@ class Options:
     friction: float = 0.5
     tolerance: float = 1e-10
     integrator: str = "discrete"
+    sensors: tuple[int, ...] = ()  # nodes with a position sensor "node<i>"
 
 
 class Rod:
@@ -143,6 +148,9 @@ def mjcf(rope: Rope, options: Options) -> str:
         floor = f'<geom name="floor" type="plane" size="50 50 1" pos="0 0 {options.floor!r}" '
         floor += f'friction="{options.friction}"/>'
     contact = f'contype="{touch}" conaffinity="{touch}" friction="{options.friction}"'
+    sensors = "".join(
+        f'<framepos name="node{i}" objtype="body" objname="n{i}"/>' for i in options.sensors
+    )
     equality = f'<flex flex="rope" solref="{options.solref}" solimp="{options.solimp}"/>'
     return f"""<mujoco model="rope">
   <option timestep="{options.step!r}" integrator="{options.integrator}" solver="Newton"
@@ -157,6 +165,7 @@ def mjcf(rope: Rope, options: Options) -> str:
   </deformable>
   {_springs(rope) if options.stretch == "spring" else ""}
   {f"<equality>{equality}</equality>" if options.stretch == "equality" else ""}
+  {f"<sensor>{sensors}</sensor>" if sensors else ""}
 </mujoco>"""
 
 
@@ -230,7 +239,7 @@ def hanging(rope: Rope, start, end, speed=1e-10, most=200_000, **options) -> np.
     relaxed = _with_drag(rope)
     rod = Rod(relaxed, Options(fixed=(0, rope.nodes - 1), **options))
     rod.reset(arch(rope, start, end))
-    return _settle(rod, speed, most)
+    return settle(rod, speed, most)
 
 
 def cantilever(rope: Rope, speed=1e-10, most=200_000, **options) -> np.ndarray:
@@ -238,7 +247,7 @@ def cantilever(rope: Rope, speed=1e-10, most=200_000, **options) -> np.ndarray:
     options = {"ghost": True, "fixed": (0,)} | options
     rod = Rod(_with_drag(rope), Options(**options))
     rod.reset(straight(rope))
-    return _settle(rod, speed, most)
+    return settle(rod, speed, most)
 
 
 def swinging(rope: Rope, duration: float, every: int = 1, start=None, **options):
@@ -262,7 +271,8 @@ def _with_drag(rope):
     return Rope(**{**rope.__dict__, "drag_linear": float(drag)})
 
 
-def _settle(rod, speed, most):
+def settle(rod: Rod, speed: float, most: int) -> np.ndarray:
+    """Step until no node moves faster than `speed` [m/s]; the positions there."""
     for _ in range(0, most, 100):
         rod.advance(100)
         if rod.speed() < speed:
