@@ -37,7 +37,8 @@ class Case:
     kind: str
     cause: str  # oracle's key ("gripper_offset:left"), the outside effect, or ""
     name: str  # pliant's name of the cause, or ""
-    lam: float  # λ by the oracle (for `outside`: what remains)
+    lam: float  # λ by the oracle (for `outside`: what remains after the best single imitation)
+    lam_beyond_all: float  # `outside`: what remains after the best joint imitation by all candidates
     theta: float
     weights: dict[str, float]
     truth: dict[str, float]  # pliant's parameter path -> true value
@@ -63,7 +64,8 @@ def draw(seed: int, index: int, kind: str, names: list[str] | None = None) -> Ca
         judge = oracle.Oracle(oracle.sensitivity(family), noise.phi, noise.sigma, noise.quantum)
         guess = float(family.nominal["EI"] * np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2)))
         case = Case(
-            index=index, family=family.name, kind=kind, cause="", name="", lam=0.0, theta=0.0, weights={},
+            index=index, family=family.name, kind=kind, cause="", name="", lam=0.0,
+            lam_beyond_all=0.0, theta=0.0, weights={},
             truth={"cable.bend_stiffness": family.nominal["EI"]}, noise=noise, stiffness_guess=guess,
             allowed=False, margin=0.0, rivals=[], cosines={}, data_seed=[seed, index, 1],
             mismatch_t2=max(judge.mismatch_t2().values()),
@@ -84,6 +86,8 @@ def hide(case: Case, judge: oracle.Oracle, rng: np.random.Generator) -> bool:
             return False
         case.cause, case.lam, case.weights = key, float(rng.choice(REST_LAMBDAS)), {key: 1.0}
         case.theta = float(np.sqrt(case.lam / rest) / np.linalg.norm(u))
+        everything = oracle.orthonormal(list(np.hstack(list(judge.basis.values())).T))
+        case.lam_beyond_all = float(np.sum((u - everything @ (everything.T @ u)) ** 2) * case.theta**2)
         return True
     table = oracle.causes(family)
     case.cause = str(rng.choice(list(table)))

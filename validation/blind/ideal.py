@@ -4,8 +4,9 @@
 
 Named: the best candidate, if significant after Holm and (t_j - t_k)/√(2(1-ρ_jk)) > Φ⁻¹(1 - α/m) for all
 m rivals, and if nothing significant (and above 5 % of S_j: the test is linear) is left beside it.
-It answers in the command's JSON, without gains and intervals beyond one standard error's 90 %, and is
-what a tool could reach at best with small effects; it also exercises the scorer without the binary.
+It answers in the command's JSON, with linear 90 % intervals and no gains: about what a tool can reach
+with small effects, short of refits and of tests of the remainder. Effects outside the library that look
+like one cause at 97 % and more (bending friction as internal damping) it does name.
 """
 
 from __future__ import annotations

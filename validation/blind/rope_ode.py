@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 from validation.blind.families import Family, driven_positions
 
 GRAVITY = 9.81  # m/s²
-FRICTION_RATE = 0.2  # 1/s, δ of the bending friction
+FRICTION_RATE = 0.1  # 1/s, δ of the bending friction
 MAGNET_CORE = 0.15  # m, a of the pull
 HIDDEN = ("magnet", "hardening", "gradient", "curvature", "friction", "lag")
 Params = dict[str, np.ndarray]
