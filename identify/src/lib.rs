@@ -1,1 +1,3 @@
 //! Identify.
+
+pub mod stats;

@@ -1,0 +1,441 @@
+//! The score (Rao) test of many candidate causes from one linearization.
+//!
+//! r = N a + S_j θ_j + e, everything whitened, e ~ (0, φ I) with dispersion φ. With M = I − N N⁺ and U_j = M S_j:
+//!
+//!   LM_j = r ᵀU_j (U_jᵀU_j)⁻¹ U_jᵀ r / φ  ~ χ²_{k_j} at θ_j = 0
+//!   θ̂_j = (U_jᵀU_j)⁻¹ U_jᵀ r,   se = √(φ diag (U_jᵀU_j)⁻¹)      one Gauss–Newton step, units of θ_j
+//!   absorbed = 1 − |u|²/|s|²,   smallest detectable size = 5 se,   cosines between the U_j
+//!
+//! Beside the parametric statistic stands one that does not believe the noise model: the variance of U_jᵀr from the scores
+//! of time blocks (and of records, where there are enough), each centred on what the fitted size predicts for it and
+//! corrected for its leverage, with Satterthwaite degrees of freedom. The weaker of the two counts.
+//!
+//! References: Rao (1948); Bell & McCaffrey (2002) for the leverage-corrected cluster variance and its degrees of freedom;
+//! Self & Liang (1987) for a parameter on its bound (χ̄²).
+
+use super::basis::Basis;
+use super::dist::{chi2_sf, f_sf, normal_sf, t_two_sided, z_of_two_sided};
+use super::error::StatsError;
+use super::reduced::Reduced;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use serde::Serialize;
+
+/// Which values of a one-parameter cause are physical.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Sign {
+    /// Both.
+    Any,
+    /// θ ≥ 0 (friction, mass, delay).
+    NonNegative,
+    /// θ ≤ 0.
+    NonPositive,
+}
+
+impl Sign {
+    /// Whether a value of this size is physical.
+    pub fn admits(self, value: f64) -> bool {
+        match self {
+            Self::Any => true,
+            Self::NonNegative => value >= 0.0,
+            Self::NonPositive => value <= 0.0,
+        }
+    }
+}
+
+/// A candidate cause: global columns, and the admissible sign where it has just one column (ignored otherwise).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Candidate {
+    /// Global columns of its parameters.
+    pub columns: Vec<usize>,
+    /// Admissible sign.
+    pub sign: Sign,
+}
+
+impl Candidate {
+    /// A one-parameter cause of either sign.
+    pub fn scalar(column: usize) -> Self {
+        Self { columns: vec![column], sign: Sign::Any }
+    }
+}
+
+/// Settings of [`score_test`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScoreOptions {
+    /// A direction is dead when what the nuisance leaves of it is below this share of its norm.
+    pub tolerance: f64,
+    /// φ: variance of the whitened noise; 1 where the whitening is trusted.
+    pub dispersion: f64,
+    /// Cluster variances with fewer effective degrees of freedom are not used.
+    pub min_cluster_dof: f64,
+    /// Records also serve as clusters from this number on.
+    pub min_records: usize,
+}
+
+impl Default for ScoreOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-7, dispersion: 1.0, min_cluster_dof: 4.0, min_records: 10 }
+    }
+}
+
+/// What the test says of one candidate. Vectors are in the order of its columns; dead columns hold θ̂ = 0, se = ∞.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CandidateScore {
+    /// Independent directions that the nuisance leaves; 0: the cause is absorbed and nothing can be said.
+    pub rank: usize,
+    /// Positions (within the candidate's columns) without a direction of their own.
+    pub dead: Vec<usize>,
+    /// LM, ~ χ²_rank.
+    pub lm: f64,
+    /// u ᵀr / (|u| √φ), with sign, where rank = 1 and the candidate has one column; else NaN.
+    pub t: f64,
+    /// θ̂: one-step size.
+    pub theta: Vec<f64>,
+    /// Its standard errors under the noise model.
+    pub std_error: Vec<f64>,
+    /// Share of each column's squared norm that nuisance directions explain.
+    pub absorbed: Vec<f64>,
+    /// 5 se: the smallest size that would be seen.
+    pub detectable: Vec<f64>,
+    /// p of LM: χ²_rank, or χ̄² = ½χ²₀ + ½χ²₁ for one admissible sign (1 for the inadmissible one).
+    pub p_parametric: f64,
+    /// p with the variance from time blocks; none where they are too few.
+    pub p_blocks: Option<f64>,
+    /// p with the variance from records; none where they are too few.
+    pub p_records: Option<f64>,
+    /// The largest of these p-values.
+    pub p: f64,
+    /// |z| of a two-sided normal test as weak as the weakest of these statistics.
+    pub z: f64,
+    /// z over the |z| of the parametric statistic, ≤ 1: how much the robust variances take back.
+    pub weakening: f64,
+    /// Whether θ̂ has an admissible sign.
+    pub admissible: bool,
+}
+
+/// The test of all candidates on one set of nuisance directions.
+#[derive(Debug, Clone)]
+pub struct ScoreTest {
+    /// Per candidate, in the order given.
+    pub candidates: Vec<CandidateScore>,
+    /// ρ_jk: signed cosine of two one-direction causes, else the largest principal cosine; 0 where one is absorbed.
+    pub cosines: DMatrix<f64>,
+    /// Smallest principal cosine over the lesser rank: 1 means that the larger cause contains the smaller one.
+    pub containment: DMatrix<f64>,
+    /// Nuisance columns (of the list given) that are dead.
+    pub dead_nuisance: Vec<usize>,
+    /// Gauss–Newton step of the live nuisance parameters at θ_j = 0 (0 for dead ones), in the order given.
+    pub nuisance_step: Vec<f64>,
+    /// Squared norm of the residual that the nuisance leaves.
+    pub rss: f64,
+    /// Rows less all nuisance directions.
+    pub dof: f64,
+    /// Orthonormal directions of each candidate in the coordinates of the reduced triangle ((k+1) × rank).
+    pub(crate) bases: Vec<DMatrix<f64>>,
+    /// The residual in the same coordinates, divided by √φ.
+    pub(crate) residual: DVector<f64>,
+    /// Per candidate: scores of each record on its orthonormal directions (rank × records), divided by √φ.
+    pub(crate) record_scores: Vec<DMatrix<f64>>,
+    pub(crate) signs: Vec<Sign>,
+}
+
+impl ScoreTest {
+    /// Fitted contribution of a candidate, P_j r / √φ, in the coordinates of the reduced triangle.
+    pub(crate) fn contribution(&self, j: usize) -> DVector<f64> {
+        &self.bases[j] * (self.bases[j].transpose() * &self.residual)
+    }
+
+    /// LM and p of candidate j with candidate k as additional nuisance; p = 1 where nothing of j is left.
+    pub fn conditional(&self, j: usize, k: usize) -> (f64, f64) {
+        let mut left = self.bases[j].clone();
+        let other = &self.bases[k];
+        left -= other * (other.transpose() * &left);
+        let basis = Basis::new(&left, &vec![1.0; left.ncols()], CONDITIONAL_TOLERANCE);
+        let lm = (basis.q.transpose() * &self.residual).norm_squared();
+        (lm, if basis.rank() == 0 { 1.0 } else { chi2_sf(lm, basis.rank() as f64) })
+    }
+}
+
+/// A direction of which another cause leaves less than this (cosine above 0.9995) is the other cause's.
+const CONDITIONAL_TOLERANCE: f64 = 0.03;
+
+/// One candidate's orthonormal directions, and how they are made of global columns.
+struct Directions {
+    basis: Basis,
+    /// k × rank: directions = G̃ · weights.
+    weights: DMatrix<f64>,
+}
+
+/// Tests every candidate with the nuisance columns (and the records' own nuisance) projected out.
+///
+/// To test a cause in the presence of accepted ones, add their columns to `nuisance`.
+///
+/// # Errors
+/// A column out of range, a column both nuisance and candidate, or a dispersion that is not positive.
+pub fn score_test(
+    reduced: &Reduced,
+    nuisance: &[usize],
+    candidates: &[Candidate],
+    options: &ScoreOptions,
+) -> Result<ScoreTest, StatsError> {
+    check(reduced, nuisance, candidates, options)?;
+    let k = reduced.columns();
+    let factor = reduced.factor();
+    let norms: Vec<f64> = nuisance.iter().map(|&c| reduced.raw_norm(c)).collect();
+    let basis = Basis::new(&factor.select_columns(nuisance), &norms, options.tolerance);
+    let mut projected = factor.clone();
+    basis.project_out(&mut projected);
+    // Coefficients (k × (k+1)) that make the projection out of global columns: projected = factor − G̃ · coefficients.
+    let mut coefficients = DMatrix::zeros(k, k + 1);
+    let solved = basis.solve_r(&(basis.q.transpose() * factor));
+    for (row, &place) in basis.kept.iter().enumerate() {
+        coefficients.row_mut(nuisance[place]).copy_from(&solved.row(row));
+    }
+    let residual: DVector<f64> = projected.column(k).into_owned();
+    let step = coefficients.column(k).into_owned();
+    let clusters = Clusters::new(reduced, &step);
+
+    let mut out = ScoreTest {
+        candidates: Vec::with_capacity(candidates.len()),
+        cosines: DMatrix::zeros(0, 0),
+        containment: DMatrix::zeros(0, 0),
+        dead_nuisance: basis.dead.iter().map(|&p| nuisance[p]).collect(),
+        nuisance_step: nuisance.iter().map(|&c| step[c]).collect(),
+        rss: residual.norm_squared(),
+        dof: reduced.rows() as f64 - (reduced.own_rank() + basis.rank()) as f64,
+        bases: Vec::with_capacity(candidates.len()),
+        residual: &residual / options.dispersion.sqrt(),
+        record_scores: Vec::with_capacity(candidates.len()),
+        signs: candidates.iter().map(|c| c.sign).collect(),
+    };
+    let scale = options.dispersion.sqrt();
+    for candidate in candidates {
+        let directions = directions(reduced, &projected, &coefficients, candidate, options.tolerance);
+        let local = directions.basis.q.transpose() * &residual;
+        out.record_scores.push(clusters.by_record(&directions) / scale);
+        out.candidates.push(one_candidate(reduced, &projected, candidate, &directions, &local, &clusters, options));
+        out.bases.push(directions.basis.q);
+    }
+    (out.cosines, out.containment) = principal_cosines(&out.bases);
+    Ok(out)
+}
+
+fn check(reduced: &Reduced, nuisance: &[usize], candidates: &[Candidate], options: &ScoreOptions) -> Result<(), StatsError> {
+    let k = reduced.columns();
+    let all = nuisance.iter().chain(candidates.iter().flat_map(|c| &c.columns));
+    if let Some(&column) = all.clone().find(|c| **c >= k) {
+        return Err(StatsError::OutOfRange { what: "column", value: column as f64, range: "0..global columns" });
+    }
+    let mut seen = vec![false; k];
+    nuisance.iter().for_each(|&c| seen[c] = true);
+    if let Some(&column) = candidates.iter().flat_map(|c| &c.columns).find(|c| seen[**c]) {
+        return Err(StatsError::OutOfRange {
+            what: "candidate column",
+            value: column as f64,
+            range: "columns outside the nuisance",
+        });
+    }
+    if !(options.dispersion > 0.0 && options.dispersion.is_finite()) {
+        return Err(StatsError::OutOfRange { what: "dispersion", value: options.dispersion, range: "positive" });
+    }
+    Ok(())
+}
+
+fn directions(
+    reduced: &Reduced,
+    projected: &DMatrix<f64>,
+    coefficients: &DMatrix<f64>,
+    candidate: &Candidate,
+    tolerance: f64,
+) -> Directions {
+    let norms: Vec<f64> = candidate.columns.iter().map(|&c| reduced.raw_norm(c)).collect();
+    let basis = Basis::new(&projected.select_columns(&candidate.columns), &norms, tolerance);
+    let kept: Vec<usize> = basis.kept.iter().map(|&p| candidate.columns[p]).collect();
+    let mut raw = -coefficients.select_columns(&kept);
+    kept.iter().enumerate().for_each(|(i, &c)| raw[(c, i)] += 1.0);
+    // directions = (G̃ raw) R⁻¹
+    let weights = basis.solve_r(&DMatrix::identity(basis.rank(), basis.rank()));
+    Directions { weights: raw * weights, basis }
+}
+
+fn one_candidate(
+    reduced: &Reduced,
+    projected: &DMatrix<f64>,
+    candidate: &Candidate,
+    directions: &Directions,
+    local: &DVector<f64>,
+    clusters: &Clusters,
+    options: &ScoreOptions,
+) -> CandidateScore {
+    let basis = &directions.basis;
+    let (width, rank) = (candidate.columns.len(), basis.rank());
+    let mut theta = vec![0.0; width];
+    let mut std_error = vec![f64::INFINITY; width];
+    let solved = basis.solve_r(&DMatrix::from_column_slice(rank, 1, local.as_slice()));
+    let inverse = basis.solve_r(&DMatrix::identity(rank, rank));
+    for (row, &place) in basis.kept.iter().enumerate() {
+        theta[place] = solved[(row, 0)];
+        std_error[place] = inverse.row(row).norm() * options.dispersion.sqrt();
+    }
+    let absorbed = candidate.columns.iter().map(|&c| absorbed_share(projected.column(c).norm(), reduced.raw_norm(c))).collect();
+    let scalar = width == 1 && rank == 1;
+    let sign = if scalar { candidate.sign } else { Sign::Any };
+    let admissible = !scalar || sign.admits(theta[0]);
+    let lm = local.norm_squared() / options.dispersion;
+    // The basis direction of a single column is that column normalised: t has the sign of θ̂.
+    let t = if scalar { theta[0] / std_error[0] } else { f64::NAN };
+    let two_sided = if scalar { 2.0 * normal_sf(t.abs()) } else { chi2_sf(lm, rank as f64) };
+    let parametric = (if rank == 0 { 1.0 } else { two_sided }, if scalar { t.abs() } else { lm.sqrt() });
+    let by_blocks = clusters.test(directions, local, &clusters.blocks, options);
+    let by_records = if clusters.records.len() >= options.min_records {
+        clusters.test(directions, local, &clusters.records, options)
+    } else {
+        None
+    };
+    let one_sided = |p: f64| match (sign, admissible) {
+        (_, false) => 1.0,
+        (Sign::Any, _) => p,
+        _ => 0.5 * p,
+    };
+    let used = [Some(parametric), by_blocks, by_records];
+    let p = used.iter().flatten().map(|u| u.0).fold(0.0, f64::max);
+    // Where the tail has underflowed, the statistic itself stands in.
+    let as_z = |(p, fallback): (f64, f64)| if p > 1e-300 { z_of_two_sided(p) } else { fallback };
+    let z = used.iter().flatten().map(|u| as_z(*u)).fold(f64::INFINITY, f64::min);
+    CandidateScore {
+        rank,
+        dead: basis.dead.clone(),
+        lm,
+        t,
+        theta,
+        detectable: std_error.iter().map(|s| 5.0 * s).collect(),
+        std_error,
+        absorbed,
+        p_parametric: one_sided(parametric.0),
+        p_blocks: by_blocks.map(|u| one_sided(u.0)),
+        p_records: by_records.map(|u| one_sided(u.0)),
+        p: one_sided(p),
+        z,
+        weakening: z / as_z(parametric).max(f64::MIN_POSITIVE),
+        admissible,
+    }
+}
+
+fn absorbed_share(left: f64, raw: f64) -> f64 {
+    if raw > 0.0 { (1.0 - (left / raw).powi(2)).clamp(0.0, 1.0) } else { 1.0 }
+}
+
+/// Largest (signed where both have one direction) and smallest principal cosines between all pairs of orthonormal bases.
+fn principal_cosines(bases: &[DMatrix<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
+    let m = bases.len();
+    let (mut largest, mut smallest) = (DMatrix::zeros(m, m), DMatrix::zeros(m, m));
+    for i in 0..m {
+        for j in i..m {
+            let overlap = bases[i].transpose() * &bases[j];
+            let (top, bottom) = match overlap.shape() {
+                (0, _) | (_, 0) => (0.0, 0.0),
+                (1, 1) => (overlap[0].clamp(-1.0, 1.0), overlap[0].abs().min(1.0)),
+                _ => {
+                    let values = overlap.singular_values();
+                    (values.max().min(1.0), values.min().min(1.0))
+                }
+            };
+            (largest[(i, j)], largest[(j, i)]) = (top, top);
+            (smallest[(i, j)], smallest[(j, i)]) = (bottom, bottom);
+        }
+    }
+    (largest, smallest)
+}
+
+/// Sums of gram and residual score over one cluster.
+struct Cluster {
+    gram: DMatrix<f64>,
+    /// G̃_bᵀ (r̃_b − G̃_b step)
+    score: DVector<f64>,
+}
+
+struct Clusters {
+    blocks: Vec<Cluster>,
+    records: Vec<Cluster>,
+}
+
+impl Clusters {
+    fn new(reduced: &Reduced, step: &DVector<f64>) -> Self {
+        let blocks: Vec<Cluster> =
+            reduced.blocks().iter().map(|b| Cluster { score: &b.score - &b.gram * step, gram: b.gram.clone() }).collect();
+        let k = reduced.columns();
+        let empty = || Cluster { gram: DMatrix::zeros(k, k), score: DVector::zeros(k) };
+        let mut records: Vec<Cluster> = (0..reduced.records()).map(|_| empty()).collect();
+        for (block, cluster) in reduced.blocks().iter().zip(&blocks) {
+            records[block.record].gram += &cluster.gram;
+            records[block.record].score += &cluster.score;
+        }
+        Self { blocks, records }
+    }
+
+    /// Scores of the records on a candidate's directions (rank × records).
+    fn by_record(&self, directions: &Directions) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = self.records.iter().map(|c| directions.weights.transpose() * &c.score).collect();
+        DMatrix::from_fn(directions.basis.rank(), columns.len(), |i, j| columns[j][i])
+    }
+
+    /// (two-sided p, statistic) of the Wald-type test with cluster variance; none where the clusters are too few.
+    ///
+    /// In a candidate's orthonormal coordinates the scores s_b of the clusters sum to ŝ = `local` and their informations
+    /// I_b to the identity. d_b = (1 − I_b)^{−½}(s_b − I_b ŝ) has E d_b d_bᵀ = I_b under white noise, so V = Σ d_b d_bᵀ is
+    /// unbiased for Var ŝ; centring on I_b ŝ keeps a true effect out of the variance.
+    fn test(
+        &self,
+        directions: &Directions,
+        local: &DVector<f64>,
+        clusters: &[Cluster],
+        options: &ScoreOptions,
+    ) -> Option<(f64, f64)> {
+        let rank = directions.basis.rank();
+        if rank == 0 {
+            return None;
+        }
+        let w = &directions.weights;
+        let mut variance = DMatrix::zeros(rank, rank);
+        let mut shares = Vec::with_capacity(clusters.len());
+        for cluster in clusters {
+            let information = w.transpose() * &cluster.gram * w;
+            shares.push((information.trace() / rank as f64).clamp(0.0, 1.0));
+            let centred = w.transpose() * &cluster.score - &information * local;
+            let corrected = inverse_root_of_complement(information) * centred;
+            variance += &corrected * corrected.transpose();
+        }
+        let dof = satterthwaite(&shares);
+        let usable = dof - rank as f64 + 1.0;
+        if dof < options.min_cluster_dof || usable < 1.0 {
+            return None;
+        }
+        let squared = local.dot(&nalgebra::Cholesky::new(variance)?.solve(local));
+        if rank == 1 {
+            let t = squared.sqrt();
+            return Some((t_two_sided(t, dof), t));
+        }
+        let f = squared * usable / (dof * rank as f64);
+        Some((f_sf(f, rank as f64, usable), squared.sqrt()))
+    }
+}
+
+/// Largest leverage that is corrected for: above, one cluster holds nearly all the information.
+const LEVERAGE_LIMIT: f64 = 0.95;
+
+/// (1 − I)^{−½} of a symmetric I with eigenvalues in [0, 1].
+fn inverse_root_of_complement(information: DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = SymmetricEigen::new((&information + information.transpose()) * 0.5);
+    let roots = eigen.eigenvalues.map(|l| (1.0 - l.clamp(0.0, LEVERAGE_LIMIT)).powf(-0.5));
+    &eigen.eigenvectors * DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()
+}
+
+/// Degrees of freedom 2 E(V)²/Var(V) of V = Σ d_b² for information shares a_b (Σ a_b = 1) and white Gaussian noise:
+/// cov(d_b, d_c) = −a_b a_c/√((1−a_b)(1−a_c)), var(d_b) = a_b.
+fn satterthwaite(shares: &[f64]) -> f64 {
+    let mean: f64 = shares.iter().sum();
+    let leak = |a: f64| a * a / (1.0 - a.min(LEVERAGE_LIMIT));
+    // Σ_{b≠c} a_b² a_c² /((1−a_b)(1−a_c)) = (Σ leak)² − Σ leak²
+    let (sum, squares): (f64, f64) = shares.iter().fold((0.0, 0.0), |(s, q), &a| (s + leak(a), q + leak(a).powi(2)));
+    let total = shares.iter().map(|a| a * a).sum::<f64>() + sum * sum - squares;
+    if total > 0.0 { mean * mean / total } else { 0.0 }
+}

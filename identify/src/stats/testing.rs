@@ -1,0 +1,30 @@
+//! Random series for tests, with explicit seeds.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Independent standard normal numbers.
+pub fn gaussians(n: usize, seed: u64) -> Vec<f64> {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    (0..n).map(|_| gaussian(&mut rng)).collect()
+}
+
+/// One standard normal number (Box–Muller).
+pub fn gaussian(rng: &mut Pcg64) -> f64 {
+    let (u, w): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * w).cos()
+}
+
+/// Stationary AR series, row-major time × channel, after a burn-in.
+pub fn ar_series(phi: &[f64], times: usize, sigma: &[f64], seed: u64) -> Vec<f64> {
+    let (channels, burn) = (sigma.len(), 600);
+    let mut x = gaussians((times + burn) * channels, seed);
+    for t in 0..times + burn {
+        for c in 0..channels {
+            let memory: f64 =
+                phi.iter().enumerate().filter(|(i, _)| *i < t).map(|(i, f)| f * x[(t - 1 - i) * channels + c]).sum();
+            x[t * channels + c] = memory + sigma[c] * x[t * channels + c];
+        }
+    }
+    x.split_off(burn * channels)
+}
