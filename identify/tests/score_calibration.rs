@@ -22,7 +22,7 @@ fn smooth_columns() -> Vec<Vec<f64>> {
         let phase = gaussians(2, 900 + j as u64);
         move |t: usize| {
             let x = t as f64 / N as f64;
-            let decay = if j % 3 == 0 { (-3.0 * x).exp() } else { 1.0 };
+            let decay = if j.is_multiple_of(3) { (-3.0 * x).exp() } else { 1.0 };
             decay * ((2.0 + 3.7 * j as f64) * x * std::f64::consts::TAU / 2.0 + phase[0]).sin() + 0.1 * phase[1]
         }
     };
