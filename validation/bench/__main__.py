@@ -5,8 +5,8 @@ peer_s / pliant_s (above 1: pliant is faster). Where pliant is not installed its
 ratios are null, so that the peers can be measured alone. `ratio_min` compares the fastest
 rounds: on a busy machine the two ratios should agree.
 
-work: rope_step, rope_step_contact [s per step]; rope_jacobian [s per full step Jacobian];
-rope_rollout_vjp [s per 60-step rollout with its reverse gradient].
+work: rope_step, rope_step_contact (at rest), rope_step_sliding [s per step]; rope_jacobian
+[s per full step Jacobian]; rope_rollout_vjp [s per 60-step rollout with its reverse gradient].
 """
 
 import os
@@ -29,12 +29,13 @@ try:
 except ImportError:
     pliant = None
 
-# work -> (pliant's name for it, with contact, the peers' timer)
+# work -> (pliant's name for it, the scene's kind, the peers' timer)
 WORKS = {
-    "rope_step": ("step", False, "step"),
-    "rope_step_contact": ("step", True, "step"),
-    "rope_jacobian": ("linearize", False, "jacobian"),
-    "rope_rollout_vjp": ("rollout_vjp", False, "gradient"),
+    "rope_step": ("step", "hang", "step"),
+    "rope_step_contact": ("step", "rest", "step"),
+    "rope_step_sliding": ("step", "slide", "step"),
+    "rope_jacobian": ("linearize", "hang", "jacobian"),
+    "rope_rollout_vjp": ("rollout_vjp", "hang", "gradient"),
 }
 PEERS = {
     "step": "MuJoCo 4.0 rod, mj_step",
@@ -47,19 +48,19 @@ def time_pliant(work: str, size: int, repeats: int) -> float | None:
     """Median seconds per unit of work from pliant's own loop; None where not installed."""
     if pliant is None:
         return None
-    name, contact, _ = WORKS[work]
-    return pliant.bench(scenes.scene_text(size, contact), name, repeats)
+    name, kind, _ = WORKS[work]
+    return pliant.bench(scenes.scene_text(size, kind), name, repeats)
 
 
 def peers_of(work: str, size: int, jax: bool) -> dict:
     """Timers by peer name: MuJoCo with and without twist hinges, JAX if asked for."""
-    _, contact, timer = WORKS[work]
+    _, kind, timer = WORKS[work]
     timers = {}
     for twist in (True, False):
         label = PEERS[timer] + ("" if twist else ", without twist")
-        timers[label] = getattr(MujocoRope(size, contact, twist=twist), timer)
+        timers[label] = getattr(MujocoRope(size, kind, twist=twist), timer)
     if jax:
-        timers["JAX reference"] = getattr(JaxRope(size, contact), timer)
+        timers["JAX reference"] = getattr(JaxRope(size, kind), timer)
     return timers
 
 
@@ -67,7 +68,7 @@ def own_rollout(rounds: int, repeats: int, size: int = 20) -> list[dict]:
     """pliant's gradient beside its own forward rollout: what reverse mode costs."""
     if pliant is None:
         return []
-    text, pairs = scenes.scene_text(size, False), []
+    text, pairs = scenes.scene_text(size, "hang"), []
     for _ in range(rounds):
         pairs.append([pliant.bench(text, w, repeats) for w in ("rollout_vjp", "rollout")])
     return [_row("rope_rollout_vjp", size, "pliant, forward rollout", *zip(*pairs, strict=True))]

@@ -16,10 +16,10 @@ CHUNK = 5  # C steps per reading of the clock: short enough to dodge other proce
 class MujocoRope:
     """MuJoCo 4.0's rod on the benchmark's scene."""
 
-    def __init__(self, nodes: int, contact: bool, **options):
-        self.rod = Rod(scenes.rope(nodes), scenes.mujoco_options(contact, **options))
-        self.start = scenes.points(nodes, contact)
-        self.velocity = np.tile(scenes.SLIDE if contact else (0.0, 0.0, 0.0), (nodes, 1))
+    def __init__(self, nodes: int, kind: str, **options):
+        self.rod = Rod(scenes.rope(nodes), scenes.mujoco_options(kind, **options))
+        self.start = scenes.points(nodes, kind)
+        self.velocity = np.tile(scenes.VELOCITY[kind], (nodes, 1))
         self.rod.reset(self.start, self.velocity)
         self._start = (self.rod.data.qpos.copy(), self.rod.data.qvel.copy())
         model = self.rod.model
@@ -75,13 +75,13 @@ class MujocoRope:
 class JaxRope:
     """The JAX reference on the same scene: compiled once, then timed."""
 
-    def __init__(self, nodes: int, contact: bool):
+    def __init__(self, nodes: int, kind: str):
         import jax
         import jax.numpy as jnp
 
         from validation import reference
 
-        model = reference.loads(scenes.scene_text(nodes, contact))
+        model = reference.loads(scenes.scene_text(nodes, kind))
         rollout, step = reference.make_rollout(model), reference.make_step(model)
         x0, theta = jnp.asarray(model.initial_state()), jnp.asarray(model.theta)
         u0 = jnp.asarray(model.hold()).ravel()

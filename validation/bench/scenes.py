@@ -1,8 +1,8 @@
 """The timed work: one wavy rope, described once for pliant (TOML) and once for MuJoCo.
 
 Every size has the same 1 m, 0.05 kg rope (EA 1e4 N, EI 1e-3 N·m²) and step 1/60 s. Without
-contact it hangs from node 0 and swings; with contact it is free and slides over a floor of
-friction 0.1 on which every node starts at rest height, at (0.3, 1, 0) m/s.
+contact ("hang") it is held at node 0 and swings. With contact it is free and every node starts
+on the floor: "rest" lies there, friction 0.5; "slide" moves at (0.3, 1, 0) m/s, friction 0.1.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from validation.mujoco_rope import Options, Rope
 
 STEP = 1 / 60  # s
 STEPS = 60  # steps of one timed rollout
-SLIDE = (0.3, 1.0, 0.0)  # m/s
-FRICTION = 0.1
+VELOCITY = {"hang": (0.0, 0.0, 0.0), "rest": (0.0, 0.0, 0.0), "slide": (0.3, 1.0, 0.0)}  # m/s
+FRICTION = {"rest": 0.5, "slide": 0.1}
 
 
 def rope(nodes: int) -> Rope:
@@ -20,25 +20,24 @@ def rope(nodes: int) -> Rope:
     return Rope(nodes=nodes)
 
 
-def points(nodes: int, contact: bool) -> np.ndarray:
+def points(nodes: int, kind: str) -> np.ndarray:
     """Initial node positions [m]: unstretched edges whose heading waves by 0.3 rad."""
     r = rope(nodes)
     heading = 0.3 * np.sin(2 * np.pi * (np.arange(nodes - 1) + 0.5) / (nodes - 1))
     edges = r.edge * np.stack([np.cos(heading), np.sin(heading), 0 * heading], axis=1)
     nodes_at = np.vstack([np.zeros(3), np.cumsum(edges, axis=0)])
-    nodes_at[:, 2] = r.radius if contact else 0.0
+    nodes_at[:, 2] = 0.0 if kind == "hang" else r.radius
     return nodes_at
 
 
-def scene_text(nodes: int, contact: bool) -> str:
+def scene_text(nodes: int, kind: str) -> str:
     """The TOML scene pliant times."""
     r = rope(nodes)
-    listed = ", ".join(f"[{x:.17g}, {y:.17g}, {z:.17g}]" for x, y, z in points(nodes, contact))
+    listed = ", ".join(f"[{x:.17g}, {y:.17g}, {z:.17g}]" for x, y, z in points(nodes, kind))
+    contact = kind in FRICTION
     held = '[[gripper]]\nname = "hand"\nrope = "cable"\nnodes = [0]\nmode = "prescribed"\n'
-    floor = (
-        f'[[plane]]\nname = "floor"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\nfriction = {FRICTION}\n'
-    )
-    velocity = list(SLIDE) if contact else [0.0, 0.0, 0.0]
+    floor = '[[plane]]\nname = "floor"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n'
+    floor += f"friction = {FRICTION.get(kind)}\n"
     return f"""schema_version = 1
 [time]
 step = {STEP!r}
@@ -56,20 +55,20 @@ bend_stiffness = {r.bend_stiffness}
 radius = {r.radius}
 initial = {{ shape = "points", points = [{listed}] }}
 start = "as_given"
-velocity = {velocity}
+velocity = {list(VELOCITY[kind])}
 {floor if contact else held + 'motion = { kind = "hold" }'}
 """
 
 
-def mujoco_options(contact: bool, **changes) -> Options:
+def mujoco_options(kind: str, **changes) -> Options:
     """MuJoCo's side of the same scene: default solver tolerance, its own edge constraint."""
     return Options(
         **{
             "step": STEP,
-            "fixed": () if contact else (0,),
+            "fixed": () if kind in FRICTION else (0,),
             "stretch": "equality",
-            "floor": 0.0 if contact else None,
-            "friction": FRICTION,
+            "floor": 0.0 if kind in FRICTION else None,
+            "friction": FRICTION.get(kind, 0.0),
             "tolerance": 1e-8,
         }
         | changes
