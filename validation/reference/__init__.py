@@ -14,8 +14,8 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from .equilibrium import make_equilibrium  # noqa: E402
-from .model import Model, load, loads  # noqa: E402
-from .step import make_rollout, make_step  # noqa: E402
+from .equilibrium import make_equilibrium
+from .model import Model, load, loads
+from .step import make_rollout, make_step
 
 __all__ = ["Model", "load", "loads", "make_equilibrium", "make_rollout", "make_step"]

@@ -22,7 +22,7 @@ def voronoi_lengths(model, theta):
 def masses(model, theta):
     """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node)  [kg]."""
     density = rope_values(model, theta, "linear_density", model.node_rope)
-    m = density * voronoi_lengths(model, theta)
+    m = jnp.asarray(density * voronoi_lengths(model, theta))
     for where, nodes in zip(model.ropes, model.rope_nodes, strict=True):
         m = m.at[nodes].add(theta[where["node_mass"]])
         m = m.at[nodes[-1]].add(theta[where["tip_mass"]])

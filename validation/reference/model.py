@@ -4,6 +4,7 @@ Nodes of all ropes are consecutive; a clamped end edge inserts a massless ghost 
 (after) its rope. State x = [q, v], q and v of shape (3 n_nodes,) in m and m/s.
 """
 
+import itertools
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -169,7 +170,7 @@ def _mesh(ropes, grippers):
             out["stencils"].append((nodes[-2], nodes[-1], nodes[-1] + 1))
             out["stencil_voronoi"].append(fractions[-1] / 2)
         out["stencil_rope"] += [r] * (len(out["stencils"]) - len(out["stencil_rope"]))
-        out["edges"] += list(zip(nodes[:-1], nodes[1:], strict=True))
+        out["edges"] += list(itertools.pairwise(nodes))
         out["edge_rope"] += [r] * len(fractions)
         out["edge_fraction"] += list(fractions)
         out["node_voronoi"] += [0.0] * first + voronoi + [0.0] * last

@@ -1,0 +1,94 @@
+"""What the tests of the JAX reference share: scenes by name, and one compiled program per case.
+
+A program maps (x, u, θ, x̄⁺) to (x⁺, residual [m/s], (x̄, ū, θ̄)): a step and its pullback.
+Compiled programs are kept under target/, so a second run of the tests is quicker.
+"""
+
+import re
+from functools import cache, partial
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from validation import reference
+
+ROOT = Path(__file__).resolve().parents[2]
+jax.config.update("jax_compilation_cache_dir", str(ROOT / "target" / "jax-cache"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+# Quick compilation matters more here than quick execution.
+COMPILER = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
+jit = partial(jax.jit, compiler_options=COMPILER)
+
+
+def scene_text(name, integrator=None, law=None):
+    """Text of tests/scenes/<name>.toml, with another integrator or contact law."""
+    text = (ROOT / "tests" / "scenes" / f"{name}.toml").read_text()
+    if integrator:
+        text = re.sub(r'integrator = "\w+"', f'integrator = "{integrator}"', text)
+    if law:
+        text = re.sub(r'law = "\w+"', f'law = "{law}"', text)
+    return text
+
+
+class Case:
+    """A reference model with its compiled step-and-pullback."""
+
+    def __init__(self, name, integrator=None, law=None):
+        self.text = scene_text(name, integrator, law)
+        self.model = reference.loads(self.text)
+        step = reference.make_step(self.model, report=True)
+
+        def program(x, u, theta, x_bar):
+            x_next, pull, error = jax.vjp(step, x, u, theta, has_aux=True)
+            return x_next, error, pull(x_bar)
+
+        self.program = jit(program)
+
+    def rollout(self, x0, u, theta):
+        """(x (T + 1, nx), largest residual [m/s])."""
+        xs, errors = [np.asarray(x0)], []
+        for row in u:
+            x, error, _ = self.program(xs[-1], row, theta, np.zeros(self.model.nx))
+            xs.append(np.asarray(x))
+            errors.append(float(error))
+        return np.array(xs), max(errors)
+
+    def vjp(self, xs, u, theta, x_bar):
+        """(x̄0, ū (T, nu), θ̄) of the rollout xs for the cotangent x_bar (T + 1, nx)."""
+        u_bar, theta_bar, bar = np.zeros_like(u), np.zeros_like(theta), x_bar[-1].copy()
+        for k in reversed(range(len(u))):
+            _, _, (x_k, u_k, theta_k) = self.program(xs[k], u[k], theta, bar)
+            u_bar[k] = u_k
+            theta_bar += theta_k
+            bar = np.asarray(x_k) + x_bar[k]
+        return bar, u_bar, theta_bar
+
+
+@cache
+def case(name, integrator=None, law=None):
+    """The case, built once per test process."""
+    return Case(name, integrator, law)
+
+
+def wiggle(model, q0, steps, seed=0):
+    """Inputs (steps, nu): grippers that start where q0 has them and move gently.
+
+    Prescribed positions drift by up to 0.2 m/s, axes turn by up to 0.5 rad/s; velocity inputs
+    stay below 0.2 m/s and 1 rad/s.
+    """
+    rng = np.random.default_rng(seed)
+    u = np.tile(model.hold(q0), (steps, 1))
+    t = model.h * np.arange(1, steps + 1)[:, None]
+    for g in model.grippers:
+        size = g.inputs.stop - g.inputs.start
+        if g.mode == "velocity":
+            rate = np.concatenate([rng.uniform(-0.2, 0.2, 3), rng.uniform(-1.0, 1.0, size - 3)])
+            u[:, g.inputs] = rate * (1.0 + 0.3 * np.sin(20.0 * t))
+        elif g.ghost is None:
+            u[:, g.inputs] += np.tile(rng.uniform(-0.2, 0.2, 3), size // 3) * t
+        else:
+            rate = np.concatenate([rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.5, 0.5, 3)])
+            u[:, g.inputs] += rate * t
+    return u

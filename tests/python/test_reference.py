@@ -1,0 +1,112 @@
+"""pliant against the independent JAX reference at equal κ: states, gradients, equilibria.
+
+Bars: state ≤ 1e-9, gradient ≤ 1e-8, relative. A block of a gradient is x0's position or velocity
+part, u's inputs of one gripper, or one entry of θ.
+"""
+
+import jax
+import numpy as np
+import pytest
+from reference_cases import case, jit, wiggle
+
+from validation import reference
+
+pliant = pytest.importorskip("pliant")
+
+STEPS = 6
+CASES = [
+    ("free_swing", "midpoint", None),
+    ("clamped_ends", "midpoint", None),
+    ("edge_clamp", "midpoint", None),
+    ("edge_clamp", "sdirk2", None),
+    ("velocity_gripper", "midpoint", None),
+    ("velocity_gripper", "euler", None),
+    ("windy", "euler", None),
+    ("windy", "sdirk2", None),
+    ("sliding", "euler", "coulomb"),
+    ("sliding", "sdirk2", "anitescu"),
+    ("resting", "sdirk2", "coulomb"),
+    ("resting", "euler", "anitescu"),
+    ("capsule_drape", "euler", "coulomb"),
+    ("capsule_drape", "sdirk2", "anitescu"),
+    ("sphere_drape", "sdirk2", "coulomb"),
+]
+
+
+def relative(a, b):
+    """max |a - b| / max |b|."""
+    a, b = np.asarray(a), np.asarray(b)
+    return np.abs(a - b).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300)
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda c: "-".join(filter(None, c)))
+def both(request):
+    """(reference case, pliant model, x0, u, states of the reference, pliant's rollout)."""
+    run = case(*request.param)
+    model = pliant.loads(run.text)
+    x0, theta = run.model.initial_state(), run.model.theta
+    u = wiggle(run.model, run.model.q0, STEPS)
+    xs, error = run.rollout(x0, u, theta)
+    assert error < 1e-12
+    return run, model, x0, u, xs, model.rollout(x0, u, theta)
+
+
+def test_parameters_and_sizes(both):
+    run, model, *_ = both
+    assert list(model.param_paths) == run.model.paths
+    np.testing.assert_array_equal(model.theta, run.model.theta)
+    assert (model.n_nodes, model.nx, model.nu) == (run.model.n_nodes, run.model.nx, run.model.nu)
+
+
+def test_initial_state(both):
+    _, model, x0, *_ = both
+    np.testing.assert_allclose(model.initial_state(), x0, rtol=1e-12, atol=1e-14)
+
+
+def test_states(both):
+    _, _, _, _, xs, roll = both
+    half = xs.shape[1] // 2
+    assert relative(roll.x[:, :half], xs[:, :half]) <= 1e-9
+    assert relative(roll.x[:, half:], xs[:, half:]) <= 1e-9
+
+
+def test_gradients(both):
+    run, _, _, u, xs, roll = both
+    x_bar = np.random.default_rng(11).normal(size=xs.shape)
+    x0_bar, u_bar, theta_bar = run.vjp(xs, u, run.model.theta, x_bar)
+    got_x0, got_u, got_theta = roll.vjp(x_bar)
+    half, worst = len(x0_bar) // 2, {}
+    worst["q0"] = relative(got_x0[:half], x0_bar[:half])
+    worst["v0"] = relative(got_x0[half:], x0_bar[half:])
+    for g in run.model.grippers:
+        worst[f"u.{g.name}"] = relative(got_u[:, g.inputs], u_bar[:, g.inputs])
+    # An entry that hardly acts is compared on the scale of its group's effect, so that it
+    # is not asked for more digits than cancellation leaves in either program.
+    floor = 1e-9 * np.abs(x0_bar).max()
+    for path, a, b in zip(run.model.paths, got_theta, theta_bar, strict=True):
+        worst[path] = abs(a - b) / max(abs(b), floor)
+    failed = {k: v for k, v in worst.items() if not v <= 1e-8}
+    assert not failed, failed
+
+
+@pytest.mark.parametrize("name", ["clamped_ends", "edge_clamp"])
+def test_equilibrium(name):
+    run = case(name, "midpoint", None)
+    ours, model = run.model, pliant.loads(run.text)
+    u, theta = ours.hold(), ours.theta
+    equilibrium, find = reference.make_equilibrium(ours)
+    found = model.equilibrium(u, theta, guess=ours.q0.ravel())
+    guess = find(u, theta, np.asarray(found.q))
+    q_bar = np.random.default_rng(2).normal(size=3 * ours.n_nodes)
+
+    def program(u, theta):
+        q, pull = jax.vjp(lambda u, t: equilibrium(u, t, guess).ravel(), u, theta)
+        return q, pull(q_bar)
+
+    q, (u_bar, theta_bar) = jit(program)(u, theta)
+    got_u, got_theta = found.vjp(q_bar)
+    assert relative(found.q, q) <= 1e-9
+    assert relative(got_u, u_bar) <= 1e-8
+    floor = 1e-9 * np.abs(theta_bar).max()
+    scaled = np.abs(got_theta - theta_bar) / np.maximum(np.abs(theta_bar), floor)
+    assert scaled.max() <= 1e-8
