@@ -21,6 +21,8 @@
 //! assert!(error.ends_with("fix: did you mean `length`?"));
 //! ```
 
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, not a link
+
 mod advice;
 mod check;
 mod error;

@@ -4,7 +4,10 @@
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let limit = (word.chars().count() / 3).max(1) + 1;
     let near = known.into_iter().map(|candidate| (distance(word, candidate), candidate));
-    near.filter(|(d, _)| *d <= limit).min().map(|(_, candidate)| candidate)
+    let prefix = |candidate: &str| candidate.chars().zip(word.chars()).take_while(|(a, b)| a == b).count();
+    // Among equally near words the one with the longer common beginning.
+    let best = near.filter(|(d, _)| *d <= limit).min_by_key(|(d, candidate)| (*d, usize::MAX - prefix(candidate)));
+    best.map(|(_, candidate)| candidate)
 }
 
 /// Insertions, deletions and replacements that turn `a` into `b` (Levenshtein 1966), capitals ignored.
@@ -73,6 +76,7 @@ mod tests {
     fn finds_the_nearest_word() {
         assert_eq!(nearest("bend_stifness", ["stretch_stiffness", "bend_stiffness", "length"]), Some("bend_stiffness"));
         assert_eq!(nearest("Length", ["length", "radius"]), Some("length"));
+        assert_eq!(nearest("m_y", ["a_y", "m_yy", "m_zz"]), Some("m_yy"));
         assert_eq!(nearest("color", ["length", "radius"]), None);
     }
 

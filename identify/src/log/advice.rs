@@ -1,0 +1,118 @@
+//! Likely cause and fix of each mistake.
+
+use super::error::{LogMistake as M, Need};
+
+/// (likely cause, fix).
+pub(super) fn advice(mistake: &M) -> (String, String) {
+    of_the_experiment(mistake).or_else(|| of_the_values(mistake)).unwrap_or_else(|| of_the_file(mistake))
+}
+
+fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
+    Some(match mistake {
+        M::NoExperiment => {
+            both("the scene was written for simulation", "add an [experiment] with `time`, markers, inputs and records")
+        }
+        M::NoRecord => both("no log was named", "add a [[experiment.record]], or give `--log FILE`"),
+        M::NoMarker => {
+            both("the mapping from log to rope is missing", "add a [[experiment.marker]] with `rope`, `node` and `columns`")
+        }
+        M::OneOf { keys, given: 0 } => both("a key was left out", format!("give one of {keys}")),
+        M::OneOf { keys, .. } => both("they exclude each other", format!("keep one of {keys}")),
+        M::Unknown { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
+        M::Unknown { kind, known, .. } => both("it was renamed or removed", format!("name one of the known {kind}s: {known}")),
+        M::NoInput { gripper } => {
+            both("its motion was not mapped", format!("add an [[experiment.input]] with `gripper = \"{gripper}\"`"))
+        }
+        M::TwoInputs { .. } => both("an entry was copied and not renamed", "keep one entry per gripper"),
+        M::InputCount { needed, what, .. } => {
+            let needed = if *what == "points" { needed / 3 } else { *needed };
+            both(
+                "an input was left out, or belongs to another gripper",
+                format!("list {needed} {what}, in the order of the inputs"),
+            )
+        }
+        M::Range { low, high, unit, .. } => {
+            both("a wrong unit or sign", format!("write a number between {low} and {high} {unit}"))
+        }
+        M::Bounds { .. } => both("they were exchanged", "write the smaller number as `lower`"),
+        _ => return None,
+    })
+}
+
+fn of_the_values(mistake: &M) -> Option<(String, String)> {
+    Some(match mistake {
+        M::NotANumber { .. } => {
+            both("a unit, a decimal comma or a word in the cell", "write the number alone, with a decimal point")
+        }
+        M::Missing { of: Need::Clock, .. } => both("a lost row", "remove the row: a sample without time cannot be used"),
+        M::Missing { of: Need::Input, .. } => {
+            both("a lost sample; inputs drive the simulation and cannot be missing", "fill it in, or cut the record there")
+        }
+        M::Missing { .. } => {
+            both("a hidden marker or a lost sample", "write `may_be_missing = true` for this marker, or cut the record there")
+        }
+        M::Clock { before, after } if after == before => both("a sample was logged twice", "remove one of the two rows"),
+        M::Clock { .. } => both(
+            "two recordings in one file, a clock that was set, or rows out of order",
+            "split the file where the clock restarts, or sort its rows",
+        ),
+        M::TooFew { needed, .. } => {
+            both("the recording stopped early", format!("record at least {needed} samples, or leave this record out"))
+        }
+        M::TooShort { key, .. } => {
+            both("the recording stopped early", format!("record longer, leave this record out, or shorten {key}"))
+        }
+        M::Period { period, step, .. } => {
+            let steps = (period / step).ceil().max(1.0);
+            let fits = format!("{:.3e}", period / steps).parse::<f64>().unwrap_or(period / steps);
+            both(
+                "log and scene were set up for different rates, or `time.unit` is wrong",
+                format!("write `step = {fits}` in [time]"),
+            )
+        }
+        M::ClockUnit { .. } => {
+            both("the clock is not in the unit that `time.unit` says", "write `unit = \"ms\"` (or \"us\") in `time`")
+        }
+        M::Extent { extent, length } if extent > length => both(
+            "markers or inputs are in another unit than `unit` says, e.g. mm",
+            "write `unit = \"mm\"` for those that are in mm, or correct the ropes' length",
+        ),
+        M::Extent { .. } => both("the log is in m, not mm", "write `unit = \"m\"` for the markers, or correct the ropes' length"),
+        _ => return None,
+    })
+}
+
+fn of_the_file(mistake: &M) -> (String, String) {
+    match mistake {
+        M::Read { .. } => {
+            both("the path is wrong, or the file is damaged", "check the path; it is relative to the scene's folder")
+        }
+        M::Kind => both("another format", "convert it to .csv or .npz"),
+        M::Mapping { key, kind } => both(
+            "the mapping was written for the other kind of file",
+            format!("add `{key}`, or name a file of the other kind (this one is {kind})"),
+        ),
+        M::NoColumn { nearest: Some(nearest), known, .. } => {
+            both("a typing error", format!("did you mean \"{nearest}\"? The file has {known}"))
+        }
+        M::NoColumn { known, .. } => both("the log was made by another program", format!("name one of {known}")),
+        M::TwoColumns { .. } => both("columns were joined from two files", "rename one of them in the file"),
+        M::Ragged { .. } => both("the row was cut off, or has a comma too many", "correct or remove the row"),
+        M::NoArray { nearest: Some(nearest), known, .. } => {
+            both("a typing error", format!("did you mean \"{nearest}\"? The file has {known}"))
+        }
+        M::NoArray { known, .. } => both("the log was made by another program", format!("name one of {known}")),
+        M::WhichArray { .. } => both("the file holds several arrays", "write `array = \"…\"` in the [[experiment.record]]"),
+        M::Type { .. } => both("integers, texts or objects were saved", "save with numpy as float64"),
+        M::Shape { .. } => both("axes were exchanged or joined", "reshape the array before saving it"),
+        M::NoPoint { count, .. } => {
+            both("indices are counted from 0", format!("write an index from 0 to {}", count.saturating_sub(1)))
+        }
+        M::Disagree { .. } => both("arrays of different recordings", "save arrays that belong together with equal lengths"),
+        _ => both("unknown", "compare with `pliant schema`"),
+    }
+}
+
+fn both(cause: impl Into<String>, fix: impl Into<String>) -> (String, String) {
+    (cause.into(), fix.into())
+}

@@ -1,0 +1,202 @@
+//! Refusing experiments that do not fit the scene, and records that cannot be used.
+
+use super::error::{LogError, LogMistake};
+use super::experiment::{Experiment, Marker};
+use super::record::Record;
+use super::setup::{Setup, suggestion};
+use pliant_engine::scene::{Place, words};
+
+/// Samples below which no record is of use.
+const MIN_SAMPLES: usize = 10;
+/// Part by which the sample period may differ from a whole number of steps.
+const PERIOD_ERROR: f64 = 0.02;
+/// Steps between two samples beyond which the clock is taken for one in milliseconds.
+const MOST_STEPS: f64 = 500.0;
+/// Times the length of all ropes beyond which positions are taken for another unit's; below a hundredth they are, too.
+const EXTENT: f64 = 10.0;
+
+/// Checks the experiment against the scene.
+pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
+    let experiment = &setup.experiment;
+    let check = Check { setup };
+    let clock = &experiment.time;
+    let given = usize::from(clock.column.is_some()) + usize::from(clock.array.is_some()) + usize::from(clock.rate.is_some());
+    check.one_of("experiment.time", "`column`, `array`, `rate`", given)?;
+    check.range("experiment.time.rate", clock.rate.unwrap_or(1.0), 1e-3, 1e7, "Hz")?;
+    check.range("experiment.noise_floor", experiment.noise_floor, 1e-12, 1.0, "m")?;
+    check.range("experiment.lead_in", experiment.lead_in, 0.0, 1e6, "s")?;
+    check.range("experiment.fit.segment", experiment.fit.segment.unwrap_or(1.0), setup.scene.time.step, 1e6, "s")?;
+    if experiment.marker.is_empty() {
+        return check.refuse("experiment", LogMistake::NoMarker);
+    }
+    experiment.marker.iter().enumerate().try_for_each(|(k, marker)| check.marker(k, marker))?;
+    check.inputs(experiment)?;
+    check.free(experiment)
+}
+
+struct Check<'a> {
+    setup: &'a Setup,
+}
+
+impl Check<'_> {
+    fn refuse<T>(&self, field: &str, mistake: LogMistake) -> Result<T, LogError> {
+        Err(LogError::new(self.setup.source.place(field), mistake))
+    }
+
+    fn one_of(&self, field: &str, keys: &'static str, given: usize) -> Result<(), LogError> {
+        if given == 1 { Ok(()) } else { self.refuse(field, LogMistake::OneOf { keys, given }) }
+    }
+
+    fn range(&self, field: &str, value: f64, low: f64, high: f64, unit: &'static str) -> Result<(), LogError> {
+        if (low..=high).contains(&value) { Ok(()) } else { self.refuse(field, LogMistake::Range { value, low, high, unit }) }
+    }
+
+    fn unknown<T>(&self, field: &str, kind: &'static str, name: &str, known: &[&str]) -> Result<T, LogError> {
+        let (nearest, known) = suggestion(name, known);
+        self.refuse(field, LogMistake::Unknown { kind, name: name.to_owned(), nearest, known })
+    }
+
+    fn marker(&self, k: usize, marker: &Marker) -> Result<(), LogError> {
+        let at = |key: &str| format!("experiment.marker[{k}].{key}");
+        let scene = &self.setup.scene;
+        let Some(rope) = scene.rope.iter().find(|rope| rope.name == marker.rope) else {
+            let names: Vec<&str> = scene.rope.iter().map(|rope| rope.name.as_str()).collect();
+            return self.unknown(&at("rope"), "rope", &marker.rope, &names);
+        };
+        let item = format!("experiment.marker[{k}]");
+        self.one_of(&item, "`node`, `arc`", usize::from(marker.node.is_some()) + usize::from(marker.arc.is_some()))?;
+        self.one_of(&item, "`columns`, `index`", usize::from(marker.columns.is_some()) + usize::from(marker.index.is_some()))?;
+        self.range(&at("arc"), marker.arc.unwrap_or(0.0), 0.0, rope.length, "m")?;
+        if let Some(node) = marker.node.filter(|node| rope.node(*node).is_none()) {
+            let n = rope.n_nodes() as f64;
+            return self.refuse(&at("node"), LogMistake::Range { value: node as f64, low: -n, high: n - 1.0, unit: "(nodes)" });
+        }
+        Ok(())
+    }
+
+    fn inputs(&self, experiment: &Experiment) -> Result<(), LogError> {
+        let grippers: Vec<&str> = self.setup.scene.gripper.iter().map(|gripper| gripper.name.as_str()).collect();
+        for (k, input) in experiment.input.iter().enumerate() {
+            let item = format!("experiment.input[{k}]");
+            if !grippers.contains(&input.gripper.as_str()) {
+                return self.unknown(&format!("{item}.gripper"), "gripper", &input.gripper, &grippers);
+            }
+            if experiment.input[..k].iter().any(|other| other.gripper == input.gripper) {
+                return self.refuse(&item, LogMistake::TwoInputs { gripper: input.gripper.clone() });
+            }
+            self.one_of(
+                &item,
+                "`columns`, `indices`",
+                usize::from(input.columns.is_some()) + usize::from(input.indices.is_some()),
+            )?;
+            let (found, what, key, each) = match (&input.columns, &input.indices) {
+                (Some(columns), _) => (columns.len(), "columns", "columns", 1),
+                (None, indices) => (indices.iter().flatten().count(), "points", "indices", 3),
+            };
+            let controls = self.setup.controls_of(&input.gripper);
+            if found * each != controls.len() {
+                let names = words::list(controls.iter().map(|control| control.name.as_str()));
+                let mistake =
+                    LogMistake::InputCount { gripper: input.gripper.clone(), found, what, needed: controls.len(), names };
+                return self.refuse(&format!("{item}.{key}"), mistake);
+            }
+        }
+        match grippers.iter().find(|name| !experiment.input.iter().any(|input| input.gripper == **name)) {
+            Some(gripper) => self.refuse("experiment", LogMistake::NoInput { gripper: (*gripper).to_owned() }),
+            None => Ok(()),
+        }
+    }
+
+    fn free(&self, experiment: &Experiment) -> Result<(), LogError> {
+        for (k, free) in experiment.fit.free.iter().enumerate() {
+            let item = format!("experiment.fit.free[{k}]");
+            // Written so that NaN is refused too.
+            if !(free.lower < free.upper && free.lower.is_finite() && free.upper.is_finite()) {
+                return self.refuse(&format!("{item}.lower"), LogMistake::Bounds { lower: free.lower, upper: free.upper });
+            }
+            if let Some(prior) = &free.prior {
+                self.range(&format!("{item}.prior.mean"), prior.mean, free.lower, free.upper, "(its bounds)")?;
+                self.range(&format!("{item}.prior.std"), prior.std, f64::MIN_POSITIVE, f64::MAX, "")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Setup {
+    /// Checks that the paths of the free parameters are among those of the model and the sensor.
+    pub fn check_paths(&self, known: &[&str]) -> Result<(), LogError> {
+        for (k, free) in self.experiment.fit.free.iter().enumerate() {
+            if !known.iter().any(|path| matches(&free.path, path)) {
+                let field = format!("experiment.fit.free[{k}].path");
+                return Check { setup: self }.unknown(&field, "parameter", &free.path, known);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a path is meant by a pattern in which `[*]` stands for any number.
+pub(super) fn matches(pattern: &str, path: &str) -> bool {
+    match pattern.split_once("[*]") {
+        None => pattern == path,
+        Some((before, after)) => {
+            path.strip_prefix(before).and_then(|rest| rest.strip_prefix('[')?.split_once(']')).is_some_and(|(number, rest)| {
+                !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) && matches(after, rest)
+            })
+        }
+    }
+}
+
+/// Checks a record as read. `place` locates a sample's clock.
+pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
+    let n = record.time.len();
+    let last = place(n.saturating_sub(1));
+    if n < MIN_SAMPLES {
+        return Err(LogError::new(last, LogMistake::TooFew { found: n, needed: MIN_SAMPLES }));
+    }
+    for k in 1..n {
+        let (before, after) = (record.time[k - 1], record.time[k]);
+        if after <= before {
+            return Err(LogError::new(place(k), LogMistake::Clock { before, after }));
+        }
+    }
+    let duration = record.time[n - 1] - record.time[0];
+    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in)];
+    if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
+        return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
+    }
+    let (period, step) = (record.period(), setup.scene.time.step);
+    let ratio = period / step;
+    if ratio > MOST_STEPS {
+        return Err(LogError::new(place(0), LogMistake::ClockUnit { period, step, ratio }));
+    }
+    if ratio.round() < 1.0 || (ratio / ratio.round() - 1.0).abs() > PERIOD_ERROR {
+        return Err(LogError::new(place(0), LogMistake::Period { period, step, ratio }));
+    }
+    extent(setup, record, place)
+}
+
+/// Markers and grippers spread over a length that the ropes can span, or some are in another unit.
+fn extent(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
+    let length: f64 = setup.scene.rope.iter().map(|rope| rope.length).sum();
+    let controls = setup.controls();
+    let spread = |a: usize, with_inputs: bool| {
+        let ending = [".x", ".y", ".z"][a];
+        let positions: Vec<usize> =
+            (0..controls.len()).filter(|j| controls[*j].unit == "m" && controls[*j].name.ends_with(ending)).collect();
+        let driven = record.inputs.iter().flat_map(|row| positions.iter().map(|j| row[*j])).filter(|_| with_inputs);
+        let values = record.markers.iter().flatten().map(|p| p[a]).chain(driven).filter(|x| x.is_finite());
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+        (high - low).max(0.0)
+    };
+    let extent = |with_inputs| (0..3).map(|a| spread(a, with_inputs)).fold(0.0, f64::max);
+    // A single marker, or a rope at rest, may well stay in one place; several markers cannot.
+    let (all, markers) = (extent(true), extent(false));
+    let too_small = setup.experiment.marker.len() > 3 && markers < 0.01 * length;
+    if all > EXTENT * length || too_small {
+        let place = Place { line: None, column: None, field: "markers".to_owned(), ..place(0) };
+        return Err(LogError::new(place, LogMistake::Extent { extent: if too_small { markers } else { all }, length }));
+    }
+    Ok(())
+}

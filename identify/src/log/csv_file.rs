@@ -1,0 +1,135 @@
+//! CSV logs: one record per file, a header with column names, one row per sample. Comma, semicolon or tab; `#` begins a comment.
+
+use super::error::{LogError, LogMistake, Need};
+use super::experiment::RecordFile;
+use super::record::Record;
+use super::setup::{Setup, suggestion};
+use csv::{ReaderBuilder, StringRecord, Trim};
+use pliant_engine::scene::Place;
+use std::path::Path;
+
+/// A file while it is read.
+struct Table {
+    file: String,
+    header: Vec<String>,
+    rows: Vec<StringRecord>,
+}
+
+/// A column that the experiment asks for.
+struct Column {
+    index: usize,
+    factor: f64,
+}
+
+/// Reads the one record of a file.
+pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
+    let table = Table::read(path)?;
+    let time = table.time(setup)?;
+    let mut markers: Vec<Vec<[f64; 3]>> = vec![Vec::new(); table.rows.len()];
+    for (k, marker) in setup.experiment.marker.iter().enumerate() {
+        let Some(columns) = &marker.columns else {
+            return Err(LogError::new(setup.source.place(&format!("experiment.marker[{k}]")), mapping("columns")));
+        };
+        let need = if marker.may_be_missing { Need::HiddenMarker } else { Need::Marker };
+        let factor = marker.unit.metres();
+        let found: Vec<Vec<f64>> = columns.iter().map(|name| table.column(name, factor, need)).collect::<Result<_, _>>()?;
+        for (row, all) in markers.iter_mut().enumerate() {
+            all.push([found[0][row], found[1][row], found[2][row]]);
+        }
+    }
+    let mut inputs: Vec<Vec<f64>> = vec![Vec::new(); table.rows.len()];
+    for (k, input, factors) in setup.ordered_inputs() {
+        let Some(columns) = &input.columns else {
+            return Err(LogError::new(setup.source.place(&format!("experiment.input[{k}]")), mapping("columns")));
+        };
+        for (name, factor) in columns.iter().zip(factors) {
+            let values = table.column(name, factor, Need::Input)?;
+            inputs.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
+        }
+    }
+    let record = Record { name: file.file.clone(), time, markers, inputs, ..Record::default() };
+    let clock = setup.experiment.time.column.as_deref().unwrap_or("time");
+    Ok(vec![setup.finish(record, &|row| table.place(row, clock))?])
+}
+
+fn mapping(key: &'static str) -> LogMistake {
+    LogMistake::Mapping { key, kind: "CSV" }
+}
+
+impl Table {
+    fn read(path: &Path) -> Result<Self, LogError> {
+        let file = path.display().to_string();
+        let whole = Place { file: Some(file.clone()), ..Place::default() };
+        let unreadable = |error: String| LogError::new(whole.clone(), LogMistake::Read { error });
+        let text = std::fs::read_to_string(path).map_err(|error| unreadable(error.to_string()))?;
+        let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#')).unwrap_or("");
+        let delimiter = [b',', b';', b'\t'].into_iter().find(|d| first.contains(char::from(*d))).unwrap_or(b',');
+        let mut builder = ReaderBuilder::new();
+        builder.delimiter(delimiter).comment(Some(b'#')).trim(Trim::All).flexible(true);
+        let mut reader = builder.from_reader(text.as_bytes());
+        let header = reader.headers().map_err(|error| unreadable(error.to_string()))?;
+        let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
+        let rows: Vec<StringRecord> =
+            reader.records().collect::<Result<_, _>>().map_err(|error| unreadable(error.to_string()))?;
+        let table = Self { file, header, rows };
+        let expected = table.header.len();
+        match table.rows.iter().position(|row| row.len() != expected) {
+            Some(row) => {
+                let mistake = LogMistake::Ragged { found: table.rows[row].len(), expected };
+                Err(LogError::new(Place { field: String::new(), column: None, ..table.place(row, "") }, mistake))
+            }
+            None => Ok(table),
+        }
+    }
+
+    /// The place of a cell.
+    fn place(&self, row: usize, column: &str) -> Place {
+        let line = self.rows.get(row).and_then(|row| row.position()).map(|position| position.line() as usize);
+        let number = self.header.iter().position(|name| name == column).map(|index| index + 1);
+        Place { file: Some(self.file.clone()), line, column: number, field: format!("column {column}") }
+    }
+
+    fn time(&self, setup: &Setup) -> Result<Vec<f64>, LogError> {
+        let clock = &setup.experiment.time;
+        match (&clock.column, clock.rate) {
+            (Some(name), _) => self.column(name, clock.unit.seconds(), Need::Clock),
+            (None, Some(rate)) => Ok((0..self.rows.len()).map(|k| k as f64 / rate).collect()),
+            (None, None) => Err(LogError::new(setup.source.place("experiment.time"), mapping("column"))),
+        }
+    }
+
+    fn find(&self, name: &str) -> Result<usize, LogError> {
+        let mut found = self.header.iter().enumerate().filter(|(_, column)| *column == name);
+        let place = || Place { file: Some(self.file.clone()), line: Some(1), column: None, field: String::new() };
+        match (found.next(), found.next()) {
+            (Some((index, _)), None) => Ok(index),
+            (Some(_), Some(_)) => Err(LogError::new(place(), LogMistake::TwoColumns { name: name.to_owned() })),
+            (None, _) => {
+                let names: Vec<&str> = self.header.iter().map(String::as_str).collect();
+                let (nearest, known) = suggestion(name, &names);
+                Err(LogError::new(place(), LogMistake::NoColumn { name: name.to_owned(), nearest, known }))
+            }
+        }
+    }
+
+    /// All values of a column, in SI units.
+    fn column(&self, name: &str, factor: f64, need: Need) -> Result<Vec<f64>, LogError> {
+        let column = Column { index: self.find(name)?, factor };
+        (0..self.rows.len()).map(|row| self.cell(row, name, &column, need)).collect()
+    }
+
+    fn cell(&self, row: usize, name: &str, column: &Column, need: Need) -> Result<f64, LogError> {
+        let text = self.rows[row].get(column.index).unwrap_or("");
+        let value = if text.is_empty() { Ok(f64::NAN) } else { text.parse::<f64>() };
+        let refuse = |mistake| Err(LogError::new(self.place(row, name), mistake));
+        match value {
+            Ok(value) if value.is_finite() => Ok(value * column.factor),
+            Ok(value) if value.is_nan() && need == Need::HiddenMarker => Ok(f64::NAN),
+            Ok(value) => {
+                let found = if text.is_empty() { "empty" } else { super::npz_file::not_finite(value) };
+                refuse(LogMistake::Missing { found, of: need })
+            }
+            Err(_) => refuse(LogMistake::NotANumber { found: text.to_owned() }),
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! What can be wrong with an experiment or its logs: where, what, the likely cause, and the fix.
+
+use super::advice::advice;
+use pliant_engine::scene::{Place, SceneError};
+use std::fmt;
+
+/// An experiment or log that is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LogError {
+    /// The scene itself is wrong.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Its experiment, or a log.
+    #[error(transparent)]
+    Log(#[from] Refused),
+}
+
+/// A mistake and its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    /// Where: file, line (of a text file), field, column or array entry.
+    pub place: Place,
+    /// What.
+    pub mistake: Box<LogMistake>,
+}
+
+impl std::error::Error for Refused {}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let (cause, fix) = advice(&self.mistake);
+        write!(f, "{}: {}\n  likely cause: {cause}\n  fix: {fix}", self.place, self.mistake)
+    }
+}
+
+impl LogError {
+    pub(super) fn new(place: Place, mistake: LogMistake) -> Self {
+        Self::Log(Refused { place, mistake: Box::new(mistake) })
+    }
+}
+
+/// What is wrong with an experiment or a log.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the fields are the words of the messages
+pub enum LogMistake {
+    /// No `[experiment]`.
+    #[error("the scene has no [experiment]")]
+    NoExperiment,
+    /// No file to read.
+    #[error("there is no log to read")]
+    NoRecord,
+    /// No marker.
+    #[error("the experiment observes nothing: it has no [[experiment.marker]]")]
+    NoMarker,
+    /// None of several keys, or more than one.
+    #[error("{} of the keys {keys} is given", if *.given == 0 { "none" } else { "more than one" })]
+    OneOf { keys: &'static str, given: usize },
+    /// A word that names nothing.
+    #[error("there is no {kind} \"{name}\"")]
+    Unknown { kind: &'static str, name: String, nearest: Option<String>, known: String },
+    /// A gripper without logged inputs.
+    #[error("gripper \"{gripper}\" has no [[experiment.input]]")]
+    NoInput { gripper: String },
+    /// A gripper with two of them.
+    #[error("gripper \"{gripper}\" has more than one [[experiment.input]]")]
+    TwoInputs { gripper: String },
+    /// As many columns or points as inputs are needed.
+    #[error("gives {found} {what}, but gripper \"{gripper}\" has {needed} inputs: {names}")]
+    InputCount { gripper: String, found: usize, what: &'static str, needed: usize, names: String },
+    /// A number outside its interval.
+    #[error("is {value}, but must lie between {low} and {high} {unit}")]
+    Range { value: f64, low: f64, high: f64, unit: &'static str },
+    /// Bounds in the wrong order.
+    #[error("the lower bound {lower} is not below the upper bound {upper}")]
+    Bounds { lower: f64, upper: f64 },
+    /// The file cannot be read.
+    #[error("cannot be read: {error}")]
+    Read { error: String },
+    /// Not a known kind of file.
+    #[error("is neither .csv nor .npz")]
+    Kind,
+    /// The mapping is for the other kind of file.
+    #[error("has no `{key}`, which {kind} files need")]
+    Mapping { key: &'static str, kind: &'static str },
+    /// A column that is not there.
+    #[error("there is no column \"{name}\"")]
+    NoColumn { name: String, nearest: Option<String>, known: String },
+    /// A column that is there twice.
+    #[error("there are two columns \"{name}\"")]
+    TwoColumns { name: String },
+    /// A row of another length.
+    #[error("the row has {found} cells instead of {expected}")]
+    Ragged { found: usize, expected: usize },
+    /// Text where a number belongs.
+    #[error("\"{found}\" is not a number")]
+    NotANumber { found: String },
+    /// A missing sample.
+    #[error("is {found}")]
+    Missing { found: &'static str, of: Need },
+    /// A clock that runs backwards or stands still.
+    #[error("the clock {} from {before:.6} s to {after:.6} s", if after < before { "runs backwards" } else { "stands still" })]
+    Clock { before: f64, after: f64 },
+    /// Too few samples.
+    #[error("the record has {found} samples; at least {needed} are needed")]
+    TooFew { found: usize, needed: usize },
+    /// A record shorter than what it is cut into.
+    #[error("the record lasts {duration:.4} s, shorter than {key} = {needed} s")]
+    TooShort { duration: f64, key: &'static str, needed: f64 },
+    /// A sample period that the step does not divide.
+    #[error("the samples are {period:.6} s apart, which is {ratio:.4} steps of {step} s, not a whole number of them")]
+    Period { period: f64, step: f64, ratio: f64 },
+    /// A sample period that betrays another unit.
+    #[error("the samples are {period:.6} s apart, which is {ratio:.0} steps of {step} s")]
+    ClockUnit { period: f64, step: f64, ratio: f64 },
+    /// Positions that betray another unit.
+    #[error("markers and grippers spread over {extent:.4} m, but the ropes are {length:.4} m long")]
+    Extent { extent: f64, length: f64 },
+    /// An npz file without that array.
+    #[error("there is no array \"{name}\"")]
+    NoArray { name: String, nearest: Option<String>, known: String },
+    /// No array named, and several to choose from.
+    #[error("which array is meant? The file has {known}")]
+    WhichArray { known: String },
+    /// An array of numbers that are not floating point.
+    #[error("the array does not hold float32 or float64 numbers: {error}")]
+    Type { error: String },
+    /// An array of the wrong shape.
+    #[error("the array has shape {found:?}; expected {expected}")]
+    Shape { found: Vec<usize>, expected: &'static str },
+    /// A point or record that the array does not have.
+    #[error("there is no {what} {index}: the array has {count}")]
+    NoPoint { what: &'static str, index: i64, count: usize },
+    /// Arrays of one record that do not belong together.
+    #[error("array \"{name}\" has {found} {what}, but array \"{other}\" has {expected}")]
+    Disagree { name: String, found: usize, other: String, expected: usize, what: &'static str },
+}
+
+/// What a sample is needed for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// The clock.
+    Clock,
+    /// An input.
+    Input,
+    /// A marker.
+    Marker,
+    /// A marker that may be missing.
+    HiddenMarker,
+}

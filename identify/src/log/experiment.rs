@@ -1,0 +1,267 @@
+//! The `[experiment]` of a scene: what was measured, in which files, and what shall be found from it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What was measured, where it stands in the logs, and which parameters are free.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// What is known of the state at the beginning of each record.
+    #[serde(default)]
+    pub initial: Beginning,
+    /// "markers" if the grippers' inputs come from the sensor that sees the markers: its scale, rotation and bias act on both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gripper_sensor: Option<GripperSensor>,
+    /// Clock of the logs.
+    pub time: Clock,
+    /// Smallest standard deviation of a measured position that is believed [m].
+    #[serde(default = "noise_floor")]
+    pub noise_floor: f64,
+    /// Time from a record's start from which the initial state of a held-out record is estimated [s].
+    #[serde(default = "lead_in")]
+    pub lead_in: f64,
+    /// Observed points.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marker: Vec<Marker>,
+    /// Logged inputs, one entry per gripper.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub input: Vec<Input>,
+    /// Log files; the command's `--log FILE` adds more.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub record: Vec<RecordFile>,
+    /// The baseline fit.
+    #[serde(default)]
+    pub fit: Fit,
+}
+
+fn noise_floor() -> f64 {
+    1e-4
+}
+
+fn lead_in() -> f64 {
+    0.1
+}
+
+/// What is known of the state at the beginning of a record.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Beginning {
+    /// Every free node's position and velocity is an unknown with a prior from the data.
+    #[default]
+    Measured,
+    /// Static equilibrium with the record's first inputs.
+    Rest,
+}
+
+/// The sensor that measured the grippers' inputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum GripperSensor {
+    /// The one that sees the markers.
+    Markers,
+}
+
+/// Clock of the logs: one of `column` (CSV), `array` (npz), `rate`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Clock {
+    /// Column of a CSV file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// Array of an npz file, of shape (time) or (records, time).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array: Option<String>,
+    /// Samples per second [Hz], where the log has no clock.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+    /// Unit of the column or array.
+    #[serde(default)]
+    pub unit: TimeUnit,
+}
+
+/// Units of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TimeUnit {
+    /// Seconds.
+    #[default]
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+}
+
+/// Units of length; for velocities, the same per second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LengthUnit {
+    /// Metres.
+    #[default]
+    M,
+    /// Centimetres.
+    Cm,
+    /// Millimetres.
+    Mm,
+}
+
+/// Units of angle; for angular velocities, the same per second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AngleUnit {
+    /// Radians.
+    #[default]
+    Rad,
+    /// Degrees.
+    Deg,
+}
+
+/// An observed point of a rope: at a `node` or at an `arc` length; in CSV `columns` or at an `index` of an npz array.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Marker {
+    /// Name of the rope.
+    pub rope: String,
+    /// Node number; negative numbers count from the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub node: Option<i64>,
+    /// Arc length from the first node at rest [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arc: Option<f64>,
+    /// Columns of x, y, z in a CSV file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub columns: Option<[String; 3]>,
+    /// Array of an npz file; by default the record's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array: Option<String>,
+    /// Point in the array; negative numbers count from the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub index: Option<i64>,
+    /// Unit of the log.
+    #[serde(default)]
+    pub unit: LengthUnit,
+    /// Whether samples may be missing (NaN or an empty cell), as when the marker was hidden.
+    #[serde(default)]
+    pub may_be_missing: bool,
+}
+
+/// The logged inputs of one gripper: in CSV `columns`, or at `indices` of an npz array.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// Name of the gripper.
+    pub gripper: String,
+    /// Columns of a CSV file, as many as the gripper has inputs, in their order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub columns: Option<Vec<String>>,
+    /// Array of an npz file; by default the record's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array: Option<String>,
+    /// Points in the array, three inputs each; negative numbers count from the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub indices: Option<Vec<i64>>,
+    /// Unit of positions; of velocities, the same per second. Axes have none.
+    #[serde(default)]
+    pub unit: LengthUnit,
+    /// Unit of angular velocities, per second.
+    #[serde(default)]
+    pub angle_unit: AngleUnit,
+}
+
+/// A log file: CSV holds one record, an npz array of shape (time, points, 3) one, (records, time, points, 3) several.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordFile {
+    /// Path of the file, relative to the scene's folder.
+    pub file: String,
+    /// Array of an npz file that markers and inputs point into.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array: Option<String>,
+    /// What its records are for. Without any role whole records are split, every fourth (at least one) held out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub role: Option<Role>,
+    /// Numbers of records of an npz array to leave out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub skip: Vec<usize>,
+}
+
+/// What a record is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Parameters are found from it.
+    #[default]
+    Fit,
+    /// Results are judged by it.
+    HeldOut,
+}
+
+/// The baseline fit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Fit {
+    /// Free parameters.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub free: Vec<Free>,
+    /// Length of the shooting segments [s]; chosen from the data if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segment: Option<f64>,
+}
+
+/// A free parameter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Free {
+    /// Path, e.g. `cable.bend_stiffness`; `cable.node[*].mass` ties all that match into one.
+    pub path: String,
+    /// Lower bound, in the parameter's unit.
+    pub lower: f64,
+    /// Upper bound, in the parameter's unit.
+    pub upper: f64,
+    /// What is known beforehand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<Prior>,
+}
+
+/// A normal prior.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Prior {
+    /// Mean, in the parameter's unit.
+    pub mean: f64,
+    /// Standard deviation, in the parameter's unit.
+    pub std: f64,
+}
+
+impl TimeUnit {
+    /// The unit in seconds.
+    pub fn seconds(self) -> f64 {
+        match self {
+            Self::S => 1.0,
+            Self::Ms => 1e-3,
+            Self::Us => 1e-6,
+        }
+    }
+}
+
+impl LengthUnit {
+    /// The unit in metres.
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Cm => 1e-2,
+            Self::Mm => 1e-3,
+        }
+    }
+}
+
+impl AngleUnit {
+    /// The unit in radians.
+    pub fn radians(self) -> f64 {
+        match self {
+            Self::Rad => 1.0,
+            Self::Deg => std::f64::consts::PI / 180.0,
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Logs: what was measured, read from CSV and npz files by the mapping in the scene's `[experiment]`, checked, in SI units.
+//!
+//! ```text
+//! scene.toml ── Setup::read ── Setup { scene, experiment } ── Setup::read_logs ── Logs { records, split }
+//! ```
+//! Inputs stay at the log's own times; [`Record::step_inputs`] interpolates them linearly to the steps of a simulation.
+//! The sample period must be a whole number of steps (within 2 %, so that jittering clocks pass), and samples may then fall a
+//! little beside the steps: [`Record::samples_in_steps`] says where.
+
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, not a link
+
+mod advice;
+mod check;
+mod csv_file;
+mod error;
+mod experiment;
+mod npz_file;
+mod record;
+mod setup;
+
+pub use error::{LogError, LogMistake, Need, Refused};
+pub use experiment::{
+    AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, LengthUnit, Marker, Prior, RecordFile, Role,
+    TimeUnit,
+};
+pub use record::{Logs, Record, Split, StepTime};
+pub use setup::Setup;

@@ -1,0 +1,177 @@
+//! Records: measured runs in SI units.
+
+use super::experiment::Role;
+
+/// All records of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Logs {
+    /// The records, in the order of the scene, then of the command line.
+    pub records: Vec<Record>,
+    /// How they got their roles.
+    pub split: Split,
+}
+
+/// How records got their roles; a report has to say it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// The scene gives them; records without role are fitted.
+    Declared,
+    /// Every fourth record, at least one, is held out.
+    EveryFourth,
+    /// There is a single record: it is fitted, and nothing is held out.
+    NothingHeldOut,
+}
+
+impl Logs {
+    /// Records that parameters are found from.
+    pub fn fitted(&self) -> impl Iterator<Item = &Record> {
+        self.records.iter().filter(|record| record.role == Role::Fit)
+    }
+
+    /// Records that results are judged by.
+    pub fn held_out(&self) -> impl Iterator<Item = &Record> {
+        self.records.iter().filter(|record| record.role == Role::HeldOut)
+    }
+
+    /// Gives every record its role.
+    pub(super) fn split(mut records: Vec<Record>, declared: &[Option<Role>]) -> Self {
+        let split = if declared.iter().any(Option::is_some) {
+            Split::Declared
+        } else if records.len() < 2 {
+            Split::NothingHeldOut
+        } else {
+            Split::EveryFourth
+        };
+        let n = records.len();
+        for (k, record) in records.iter_mut().enumerate() {
+            let fourth = k % 4 == 3 || (n < 4 && k + 1 == n);
+            record.role = match split {
+                Split::Declared => declared.get(k).copied().flatten().unwrap_or_default(),
+                Split::EveryFourth if fourth => Role::HeldOut,
+                _ => Role::Fit,
+            };
+        }
+        Self { records, split }
+    }
+}
+
+/// One measured run. All lists over time are equally long.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Record {
+    /// Name: file, and array and number in an npz file.
+    pub name: String,
+    /// What it is for.
+    pub role: Role,
+    /// Times of the samples [s], increasing, the first one 0.
+    pub time: Vec<f64>,
+    /// Position of each marker [m], per time; NaN where a marker that may be missing is.
+    pub markers: Vec<Vec<[f64; 3]>>,
+    /// Inputs in the order of the model, in SI units, per time.
+    pub inputs: Vec<Vec<f64>>,
+    /// Per input the part of a step at which the step takes it: 1 for positions (at its end), ½ for velocities (its mean).
+    pub phase: Vec<f64>,
+}
+
+/// A time as the simulation counts it: `part` of the way from the state before step `step` to the state after it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepTime {
+    /// Step, counted from 0.
+    pub step: usize,
+    /// Part of the step, from 0 to 1.
+    pub part: f64,
+}
+
+impl Record {
+    /// Time from the first sample to the last [s].
+    pub fn duration(&self) -> f64 {
+        self.time.last().copied().unwrap_or(0.0)
+    }
+
+    /// Median time between samples [s].
+    pub fn period(&self) -> f64 {
+        let mut periods: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
+        periods.sort_by(f64::total_cmp);
+        periods.get(periods.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// Number of steps of h [s] that cover the record.
+    pub fn n_steps(&self, h: f64) -> usize {
+        // A last sample that jitter puts just behind a step does not need another one.
+        (self.duration() / h - 1e-6).ceil().max(0.0) as usize
+    }
+
+    /// The inputs of n steps of h [s], interpolated linearly in the log; held where the log has ended.
+    pub fn step_inputs(&self, h: f64, n_steps: usize) -> Vec<Vec<f64>> {
+        let row = |k: usize| (0..self.phase.len()).map(|j| self.input(j, (k as f64 + self.phase[j]) * h)).collect();
+        (0..n_steps).map(row).collect()
+    }
+
+    /// Where each sample falls among the steps of h [s].
+    pub fn samples_in_steps(&self, h: f64) -> Vec<StepTime> {
+        let last = self.n_steps(h).saturating_sub(1);
+        let place = |t: &f64| {
+            let step = ((t / h + 1e-9).floor() as usize).min(last);
+            StepTime { step, part: (t / h - step as f64).clamp(0.0, 1.0) }
+        };
+        self.time.iter().map(place).collect()
+    }
+
+    fn input(&self, j: usize, t: f64) -> f64 {
+        let after = self.time.partition_point(|sample| *sample < t);
+        if after == 0 {
+            return self.inputs[0][j];
+        }
+        if after == self.time.len() {
+            return self.inputs[after - 1][j];
+        }
+        let (t0, t1) = (self.time[after - 1], self.time[after]);
+        let part = (t - t0) / (t1 - t0);
+        (1.0 - part) * self.inputs[after - 1][j] + part * self.inputs[after][j]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record() -> Record {
+        let time = vec![0.0, 0.021, 0.04, 0.06];
+        let inputs = time.iter().map(|t| vec![10.0 * t, 1.0 - t]).collect();
+        Record { time, inputs, phase: vec![1.0, 0.5], ..Record::default() }
+    }
+
+    #[test]
+    fn inputs_are_interpolated_to_the_steps() {
+        let rows = record().step_inputs(0.01, 7);
+        for (k, row) in rows.iter().take(6).enumerate() {
+            let end = 0.01 * (k + 1) as f64;
+            assert!((row[0] - 10.0 * end).abs() < 1e-12 && (row[1] - (1.0 - (end - 0.005))).abs() < 1e-12, "{row:?}");
+        }
+        assert_eq!(rows[6][0], 0.6);
+    }
+
+    #[test]
+    fn samples_fall_into_steps() {
+        let record = record();
+        assert_eq!((record.n_steps(0.01), record.n_steps(0.02)), (6, 3));
+        let samples = record.samples_in_steps(0.02);
+        assert_eq!(samples[0], StepTime { step: 0, part: 0.0 });
+        assert!(samples[1].step == 1 && (samples[1].part - 0.05).abs() < 1e-9);
+        assert!(samples[3].step == 2 && (samples[3].part - 1.0).abs() < 1e-9);
+        assert!((record.period() - 0.02).abs() < 1e-9);
+    }
+
+    #[test]
+    fn whole_records_are_held_out() {
+        let roles = |n: usize| {
+            let logs = Logs::split(vec![Record::default(); n], &vec![None; n]);
+            (logs.split, logs.records.iter().map(|r| r.role == Role::HeldOut).collect::<Vec<_>>())
+        };
+        assert_eq!(roles(1), (Split::NothingHeldOut, vec![false]));
+        assert_eq!(roles(2), (Split::EveryFourth, vec![false, true]));
+        assert_eq!(roles(3).1, [false, false, true]);
+        assert_eq!(roles(9).1, [false, false, false, true, false, false, false, true, false]);
+        let logs = Logs::split(vec![Record::default(); 2], &[Some(Role::HeldOut), None]);
+        assert_eq!((logs.split, logs.fitted().count(), logs.held_out().count()), (Split::Declared, 1, 1));
+    }
+}

@@ -1,0 +1,128 @@
+//! A scene with its experiment, and the way from it to the records.
+
+use super::check::{check_experiment, check_record};
+use super::error::{LogError, LogMistake};
+use super::experiment::{Experiment, Input, RecordFile, Role};
+use super::record::{Logs, Record};
+use super::{csv_file, npz_file};
+use pliant_engine::scene::{Control, Place, Scene, Source, control_list, parse_source, words};
+use std::path::{Path, PathBuf};
+
+/// A scene file with an experiment that fits it.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The scene; its `experiment` is empty, see the field of that name.
+    pub scene: Scene,
+    /// What was measured.
+    pub experiment: Experiment,
+    /// The scene's text, to locate errors in.
+    pub source: Source,
+    /// Folder that the paths of records are relative to.
+    pub folder: PathBuf,
+}
+
+impl Setup {
+    /// Reads a scene file with an experiment.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        Self::from_source(Source::read(path)?, folder)
+    }
+
+    /// The same for a text; paths of records are relative to `folder`.
+    pub fn from_source(source: Source, folder: PathBuf) -> Result<Self, LogError> {
+        let full: Scene<Experiment> = parse_source(&source)?;
+        let scene = full.with_experiment(None);
+        let Some(experiment) = full.experiment else {
+            return Err(LogError::new(source.place("experiment"), LogMistake::NoExperiment));
+        };
+        let setup = Self { scene, experiment, source, folder };
+        check_experiment(&setup)?;
+        Ok(setup)
+    }
+
+    /// The scene with its experiment, as a file holds it; for writing an extended scene.
+    pub fn to_scene(&self) -> Scene<Experiment> {
+        self.scene.with_experiment(Some(self.experiment.clone()))
+    }
+
+    /// Reads the scene's records, and those of `more` files (`--log FILE`), by the same mapping.
+    pub fn read_logs(&self, more: &[PathBuf]) -> Result<Logs, LogError> {
+        let named = self.experiment.record.iter().map(|record| (self.folder.join(&record.file), record.clone()));
+        let added = more.iter().map(|path| (path.clone(), self.added(path)));
+        let (mut records, mut roles) = (Vec::new(), Vec::new());
+        for (path, file) in named.chain(added) {
+            let read = self.read_file(&path, &file)?;
+            roles.extend(std::iter::repeat_n(file.role, read.len()));
+            records.extend(read);
+        }
+        if records.is_empty() {
+            return Err(LogError::new(self.source.place("experiment"), LogMistake::NoRecord));
+        }
+        Ok(Logs::split(records, &roles))
+    }
+
+    /// A file of the command line: without role, with the array of the scene's first record.
+    fn added(&self, path: &Path) -> RecordFile {
+        let array = self.experiment.record.first().and_then(|record| record.array.clone());
+        RecordFile { file: path.display().to_string(), array, role: None::<Role>, skip: Vec::new() }
+    }
+
+    fn read_file(&self, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
+        let extension = path.extension().map(|e| e.to_ascii_lowercase());
+        match extension.as_deref().and_then(|e| e.to_str()) {
+            Some("csv" | "txt" | "tsv") => csv_file::read(self, path, file),
+            Some("npz") => npz_file::read(self, path, file),
+            _ => Err(LogError::new(Place { file: Some(path.display().to_string()), ..Place::default() }, LogMistake::Kind)),
+        }
+    }
+
+    /// Finishes a record: time from 0 on, phases, checks. `place` locates a sample's clock.
+    pub(super) fn finish(&self, mut record: Record, place: &dyn Fn(usize) -> Place) -> Result<Record, LogError> {
+        record.phase = self
+            .controls()
+            .iter()
+            .map(|control| if control.unit == "m/s" || control.unit == "rad/s" { 0.5 } else { 1.0 })
+            .collect();
+        check_record(self, &record, place)?;
+        let start = record.time[0];
+        record.time.iter_mut().for_each(|t| *t -= start);
+        Ok(record)
+    }
+
+    /// The inputs of the model.
+    pub fn controls(&self) -> Vec<Control> {
+        control_list(&self.scene)
+    }
+
+    /// (number in the experiment, input, factors to SI units of its controls), gripper after gripper.
+    pub(super) fn ordered_inputs(&self) -> Vec<(usize, &Input, Vec<f64>)> {
+        let of_gripper = |name: &String| {
+            let (k, input) = self.experiment.input.iter().enumerate().find(|(_, input)| input.gripper == *name)?;
+            let factors = self.controls_of(name).iter().map(|control| factor(input, control.unit)).collect();
+            Some((k, input, factors))
+        };
+        self.scene.gripper.iter().filter_map(|gripper| of_gripper(&gripper.name)).collect()
+    }
+
+    /// The inputs of one gripper.
+    pub(super) fn controls_of(&self, gripper: &str) -> Vec<Control> {
+        let mine = |control: &Control| control.name.strip_prefix(gripper).is_some_and(|rest| rest.starts_with('.'));
+        self.controls().into_iter().filter(mine).collect()
+    }
+}
+
+/// What an input is multiplied by to be in SI units.
+fn factor(input: &Input, unit: &str) -> f64 {
+    match unit {
+        "m" | "m/s" => input.unit.metres(),
+        "rad/s" => input.angle_unit.radians(),
+        _ => 1.0,
+    }
+}
+
+/// The nearest of the known names, and all of them.
+pub(super) fn suggestion<'a>(name: &str, known: &[&'a str]) -> (Option<String>, String) {
+    let nearest: Option<&'a str> = words::nearest(name, known.iter().copied());
+    (nearest.map(str::to_owned), words::list(known.iter().copied()))
+}
