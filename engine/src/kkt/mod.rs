@@ -1,4 +1,164 @@
 //! The linear systems of a step behind one face: storage, factorization, solve, transposed solve, refinement.
+//!
+//! A [`BlockBand`] holds K. A [`Symbolic`] is made once per model: which [`Method`], which [`Symmetry`], which nodes are driven,
+//! and whatever can be analysed before the numbers are known. A [`Factor`] holds the numbers: `refactor` at every Newton
+//! iteration, then as many `solve`s and `solve_transpose`s as wanted, with `_many` for right-hand sides side by side and
+//! `_refined` against the unregularized matrix. A factor can be cloned into a step's record and owns all it needs.
+//!
+//! **Driven nodes.** A node clamped by a gripper has identity rows. [`Symmetry::General`] takes them as they are. With
+//! [`Symmetry::Symmetric`], K = [[K_ff, K_fp], [0, 1]] with K_ff symmetric: K_ff is factored alone, and K_fp enters the solves.
+//!
+//! ```
+//! use pliant_engine::kkt::{BlockBand, Factor, Method, Symbolic, Symmetry};
+//!
+//! let mut k = BlockBand::zeros(3, 1);
+//! for i in 0..3 {
+//!     k.add_block(i, i, 4.0, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+//! }
+//! k.add_block(0, 1, -1.0, &[[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+//! let symbolic = Symbolic::new(Method::Band, Symmetry::General, 3, 1, &[false; 3], None)?;
+//! let mut factor = Factor::new(&symbolic);
+//! factor.refactor(&k)?;
+//! let mut x = vec![1.0; 9];
+//! factor.solve(&mut x);
+//! let mut back = vec![0.0; 9];
+//! k.add_mul(1.0, &x, &mut back);
+//! assert!(back.iter().all(|b| (b - 1.0).abs() < 1e-15));
+//! # Ok::<(), pliant_engine::kkt::KktError>(())
+//! ```
 
+mod band_cholesky;
+mod band_lu;
+mod band_sweep;
+mod dense;
+mod dense_small;
+mod driven;
+mod factor;
 mod matrix;
+mod sparse;
+mod symbolic;
+#[cfg(test)]
+mod tests;
+
+pub use factor::Factor;
 pub use matrix::BlockBand;
+pub use symbolic::Symbolic;
+
+use thiserror::Error;
+
+/// How a matrix is factored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// Inside the block band, without pivoting: linear in the number of nodes. The way for ropes.
+    Band,
+    /// As a full matrix, with row pivoting (general) or Cholesky (symmetric).
+    Dense,
+    /// With a fill-reducing order and row pivoting (general) or Cholesky (symmetric).
+    Sparse,
+}
+
+/// What may be assumed of a matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Symmetry {
+    /// Symmetric positive definite apart from the identity rows of driven nodes; anything else is an error. Of the free part
+    /// one triangle is read.
+    Symmetric,
+    /// Nothing.
+    General,
+}
+
+/// Why a system could not be set up or factored. Rows count scalar rows, three per node.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum KktError {
+    /// A pivot vanished beside the size of its row (with row pivoting: of the unknown `row`).
+    #[error("singular matrix: pivot {pivot:e} in row {row} of {dim} is nothing beside its size {size:e}")]
+    Singular {
+        /// Scalar row.
+        row: usize,
+        /// Rows of the matrix.
+        dim: usize,
+        /// The pivot found.
+        pivot: f64,
+        /// Size of the entries it should be compared with.
+        size: f64,
+    },
+    /// A symmetric matrix has a direction of negative or zero curvature.
+    #[error("matrix is not positive definite: pivot {pivot:e} in row {row} of {dim}, size {size:e}")]
+    NotPositiveDefinite {
+        /// Scalar row.
+        row: usize,
+        /// Rows of the matrix.
+        dim: usize,
+        /// The pivot found.
+        pivot: f64,
+        /// The diagonal entry before elimination.
+        size: f64,
+    },
+    /// Elimination without pivoting made the entries of a row too large to be trusted.
+    #[error("entries of row {row} of {dim} grew by a factor {growth:e} in elimination without pivoting")]
+    Growth {
+        /// Scalar row.
+        row: usize,
+        /// Rows of the matrix.
+        dim: usize,
+        /// Sum of the row's magnitudes after elimination over that before.
+        growth: f64,
+    },
+    /// A row holds an infinite or undefined number.
+    #[error("row {row} of {dim} is not finite")]
+    NotFinite {
+        /// Scalar row.
+        row: usize,
+        /// Rows of the matrix.
+        dim: usize,
+    },
+    /// A matrix or flag list does not have the size of the model.
+    #[error("{what}: expected {expected}, got {found}")]
+    Shape {
+        /// What was compared.
+        what: &'static str,
+        /// The size of the model.
+        expected: usize,
+        /// The size given.
+        found: usize,
+    },
+    /// A block of the pattern lies outside the matrix or its band.
+    #[error("block ({i}, {j}) lies outside the band of half width {half_width} of {n_blocks} nodes")]
+    Pattern {
+        /// Row node.
+        i: usize,
+        /// Column node.
+        j: usize,
+        /// Half width of the band in nodes.
+        half_width: usize,
+        /// Number of nodes.
+        n_blocks: usize,
+    },
+    /// The analysis of a sparse pattern failed.
+    #[error("analysis of a sparse {dim} × {dim} pattern failed: {source}")]
+    Analysis {
+        /// Rows of the matrix.
+        dim: usize,
+        /// The library's reason.
+        source: faer::sparse::FaerError,
+    },
+}
+
+/// A pivot below this part of its row's size is rounding noise.
+const PIVOT_FLOOR: f64 = 16.0 * f64::EPSILON;
+
+/// Larger growth leaves too few digits for refinement to start from.
+const GROWTH_LIMIT: f64 = 1e8;
+
+/// Sum of magnitudes, in four lanes; not finite if any entry is not.
+#[inline(always)]
+fn sum_abs(row: &[f64]) -> f64 {
+    let (quads, rest) = row.as_chunks::<4>();
+    let mut lanes = [0.0; 4];
+    for quad in quads {
+        for (lane, x) in lanes.iter_mut().zip(quad) {
+            *lane += x.abs();
+        }
+    }
+    rest.iter().fold((lanes[0] + lanes[1]) + (lanes[2] + lanes[3]), |sum, x| sum + x.abs())
+}

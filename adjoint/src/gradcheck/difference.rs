@@ -1,0 +1,109 @@
+//! Differences at their best step, with their own floor, and the Taylor slope.
+
+use super::block::Block;
+use super::{BlockReport, DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, SLOPE_TOLERANCE, Sample};
+use crate::AdjointError;
+
+/// Steps tried, as powers of ten of the block's scale.
+const EXPONENTS: std::ops::RangeInclusive<i32> = -14..=-2;
+/// Two steps per decade.
+const PER_DECADE: f64 = 2.0;
+/// Relative rounding of L: a step's root is found to about this part of the velocity scale.
+const ROUNDING: f64 = 1e-13;
+/// A remainder must exceed rounding by this factor to be given a slope.
+const ABOVE_NOISE: f64 = 30.0;
+
+struct Point {
+    eps: f64,
+    difference: f64,
+    remainder: f64,
+    switches: usize,
+}
+
+/// Compares the derivative along a block's direction with differences of `sample`.
+pub(crate) fn judge(
+    block: &Block,
+    derivative: f64,
+    by_jvp: f64,
+    size: f64,
+    sample: impl Fn(f64) -> Result<Sample, AdjointError>,
+) -> Result<BlockReport, AdjointError> {
+    let base = sample(0.0)?;
+    let scale = if block.scale > 0.0 { block.scale } else { 0.1 * base.value.abs() / derivative.abs().max(1e-12) };
+    let one_sided = block.range.0 >= 0.0;
+    let mut points = Vec::new();
+    for k in EXPONENTS {
+        let eps = scale * 10f64.powf(f64::from(k) / PER_DECADE);
+        let widest = if one_sided { 2.0 * eps } else { eps };
+        if widest < block.range.1 && -eps > block.range.0 || one_sided && widest < block.range.1 {
+            points.push(point(eps, derivative, one_sided, &base, &sample)?);
+        }
+    }
+    let magnitude = points.iter().map(|p| p.difference.abs()).fold(derivative.abs(), f64::max);
+    let negligible = size == 0.0 && points.iter().all(|p| p.difference == 0.0);
+    let best = (1..points.len()).min_by(|&a, &b| disagreement(&points, a).total_cmp(&disagreement(&points, b)));
+    let (difference, floor, step, switches) = match best {
+        Some(k) => {
+            let rounding = ROUNDING * base.value.abs() / points[k].eps;
+            (points[k].difference, disagreement(&points, k).max(rounding) / magnitude, points[k].eps, points[k].switches)
+        }
+        None => (f64::NAN, f64::INFINITY, 0.0, 0),
+    };
+    let (relative_error, floor) =
+        if negligible { (0.0, 0.0) } else { ((derivative - difference).abs() / derivative.abs().max(difference.abs()), floor) };
+    let dot_test = if size == 0.0 { 0.0 } else { (derivative - by_jvp).abs() / size };
+    let taylor_slope = slope(&points, base.value);
+    let accurate =
+        relative_error <= RELATIVE_ERROR.max(FLOOR_FACTOR * floor) && taylor_slope.is_none_or(|s| s > 2.0 - SLOPE_TOLERANCE);
+    Ok(BlockReport {
+        name: block.name.clone(),
+        size: block.size,
+        derivative,
+        difference,
+        relative_error,
+        floor,
+        step,
+        taylor_slope,
+        dot_test,
+        contact_switches: switches,
+        one_sided,
+        pass: dot_test <= DOT_TEST && (accurate || switches > 0),
+    })
+}
+
+/// Central difference, or the second-order forward one at a bound; and the first-order Taylor remainder.
+fn point(
+    eps: f64,
+    derivative: f64,
+    one_sided: bool,
+    base: &Sample,
+    sample: &impl Fn(f64) -> Result<Sample, AdjointError>,
+) -> Result<Point, AdjointError> {
+    let plus = sample(eps)?;
+    let other = sample(if one_sided { 2.0 * eps } else { -eps })?;
+    let difference = if one_sided {
+        (4.0 * plus.value - 3.0 * base.value - other.value) / (2.0 * eps)
+    } else {
+        (plus.value - other.value) / (2.0 * eps)
+    };
+    let changed =
+        |s: &Sample| s.modes.len().abs_diff(base.modes.len()) + s.modes.iter().zip(&base.modes).filter(|(a, b)| a != b).count();
+    let remainder = (plus.value - base.value - eps * derivative).abs();
+    Ok(Point { eps, difference, remainder, switches: changed(&plus) + changed(&other) })
+}
+
+fn disagreement(points: &[Point], k: usize) -> f64 {
+    let before = (points[k].difference - points[k - 1].difference).abs();
+    let after = points.get(k + 1).map_or(0.0, |p| (p.difference - points[k].difference).abs());
+    before.max(after)
+}
+
+/// Slope of log remainder over log ε between the two smallest steps whose remainder stands clear of rounding.
+fn slope(points: &[Point], value: f64) -> Option<f64> {
+    // rounding of L as seen in the smallest steps, where the true remainder has vanished
+    let seen = points.iter().take(3).map(|p| p.remainder).fold(0.0, f64::max);
+    let noise = ABOVE_NOISE * seen.max(f64::EPSILON * value.abs());
+    let clear: Vec<&Point> = points.iter().filter(|p| p.remainder > noise && p.switches == 0).collect();
+    let (a, b) = (clear.first()?, clear.get(2)?);
+    Some((b.remainder / a.remainder).ln() / (b.eps / a.eps).ln())
+}

@@ -1,0 +1,197 @@
+//! Are the gradients right? Central differences at their best step, Taylor slopes and the dot test, block by block.
+//!
+//! The scalar checked is L = Σ_k w_k·x_k over all states of a rollout with random weights. For each block of inputs (x₀, u,
+//! each quantity of θ) and a random direction d in it:
+//! - *relative error* of ⟨∇L, d⟩ against the central difference whose step makes neighbouring differences agree best; that
+//!   disagreement is the difference's own *floor*;
+//! - *Taylor slope*: |L(p + εd) − L(p) − ε⟨∇L, d⟩| must fall like ε² (unless the map is affine along d);
+//! - *dot test*: ⟨w, J d⟩ by jvp equals ⟨Jᵀw, d⟩ by vjp;
+//! - *contact switches*: how many contacts changed between separate, stick and slip, or steps were halved differently, inside
+//!   the differences that were used. A disagreement there is the map's own kink, not a wrong gradient.
+
+mod block;
+mod difference;
+
+use crate::{AdjointError, rollout_jvp, rollout_vjp};
+use block::Block;
+use pliant_engine::model::Model;
+use pliant_engine::rollout::{Rollout, rollout};
+use pliant_engine::state::State;
+use pliant_engine::step::StepOptions;
+use std::sync::Arc;
+
+/// Largest admissible relative error if the difference's floor is lower.
+pub const RELATIVE_ERROR: f64 = 1e-7;
+/// Multiple of the difference's own floor that is admissible.
+pub const FLOOR_FACTOR: f64 = 10.0;
+/// Admissible deviation of the Taylor slope from 2.
+pub const SLOPE_TOLERANCE: f64 = 0.1;
+/// Largest admissible relative disagreement of jvp and vjp.
+pub const DOT_TEST: f64 = 1e-11;
+
+/// Result for one block of inputs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockReport {
+    /// `x0.q`, `x0.v`, `u`, or the path of a quantity of θ with its indices as `*`.
+    pub name: String,
+    /// Number of entries.
+    pub size: usize,
+    /// ⟨∇L, d⟩ by vjp.
+    pub derivative: f64,
+    /// The best difference.
+    pub difference: f64,
+    /// |derivative − difference| over the larger of the two; 0 if both are negligible.
+    pub relative_error: f64,
+    /// Relative disagreement of neighbouring differences around the best.
+    pub floor: f64,
+    /// Step of the best difference along d, in the block's unit.
+    pub step: f64,
+    /// Slope of the Taylor remainder; `None` if it is below rounding (the map is affine along d).
+    pub taylor_slope: Option<f64>,
+    /// Relative disagreement of jvp and vjp along d.
+    pub dot_test: f64,
+    /// Contacts or halvings that changed within the best difference.
+    pub contact_switches: usize,
+    /// The difference is one-sided, because the value is at its physical bound.
+    pub one_sided: bool,
+    /// Whether all of it is within bounds; blocks with switches are reported but not judged by differences.
+    pub pass: bool,
+}
+
+/// Result of a gradient check.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Largest relative error over the blocks that differences can judge at [`RELATIVE_ERROR`]: no switches, and ten times
+    /// the floor below it. The others must agree within ten times their own floor to pass.
+    pub worst_relative_error: f64,
+    /// The Taylor slope farthest from 2; `None` if the map is affine in every block.
+    pub taylor_slope: Option<f64>,
+    /// Largest disagreement of jvp and vjp.
+    pub dot_test: f64,
+    /// Switches in all blocks.
+    pub contact_switches: usize,
+    /// Steps that were halved in the base rollout.
+    pub retries: usize,
+    /// Block by block.
+    pub blocks: Vec<BlockReport>,
+    /// Whether every block passes.
+    pub pass: bool,
+}
+
+/// What is differentiated: a rollout's inputs.
+#[derive(Clone, Debug)]
+pub(crate) struct Inputs {
+    pub x0: Vec<f64>,
+    pub u: Vec<Vec<f64>>,
+    pub theta: Vec<f64>,
+}
+
+/// L and what happened on the way: modes of all contacts and halvings of all steps.
+pub(crate) struct Sample {
+    pub value: f64,
+    pub modes: Vec<u8>,
+}
+
+/// Checks jvp and vjp of the rollout of `model` from `x0` through `controls` at `theta`; `seed` chooses weights and directions.
+pub fn gradcheck(
+    model: &Arc<Model>,
+    theta: &[f64],
+    x0: &State,
+    controls: &[Vec<f64>],
+    seed: u64,
+) -> Result<Report, AdjointError> {
+    let mut random = Random(seed);
+    let inputs = Inputs { x0: x0.to_flat(), u: controls.to_vec(), theta: theta.to_vec() };
+    let scale = 1.0 / (controls.len() + 1) as f64;
+    let weights: Vec<Vec<f64>> =
+        (0..=controls.len()).map(|_| (0..2 * model.nq()).map(|_| scale * random.symmetric()).collect()).collect();
+    let base = run(model, &inputs)?;
+    let gradient = rollout_vjp(&base, &weights)?;
+    let mut blocks = Vec::new();
+    for block in block::all(model, &inputs, &mut random) {
+        let tangent = rollout_jvp(&base, Some(&block.x0), Some(&block.u), Some(&block.theta))?;
+        let by_jvp = tangent.iter().zip(&weights).map(|(t, w)| dot(t, w)).sum();
+        let by_vjp = block.dot(&gradient);
+        let by_parts: f64 = tangent.iter().zip(&weights).map(|(t, w)| abs_dot(t, w)).sum();
+        let size = by_parts.max(by_vjp_size(&block, &gradient));
+        blocks.push(difference::judge(&block, by_vjp, by_jvp, size, |eps| {
+            let rollout = run(model, &block.moved(&inputs, eps))?;
+            Ok(Sample {
+                value: rollout.states.iter().zip(&weights).map(|(x, w)| dot(&x.to_flat(), w)).sum(),
+                modes: modes(&rollout),
+            })
+        })?);
+    }
+    Ok(summary(blocks, base.retries()))
+}
+
+fn run(model: &Arc<Model>, inputs: &Inputs) -> Result<Rollout, AdjointError> {
+    Ok(rollout(model, &inputs.theta, &State::from_flat(&inputs.x0), &inputs.u, StepOptions::default())?)
+}
+
+fn summary(blocks: Vec<BlockReport>, retries: usize) -> Report {
+    let judged = || blocks.iter().filter(|b| b.contact_switches == 0);
+    let farthest = judged().filter_map(|b| b.taylor_slope).max_by(|a, b| (a - 2.0).abs().total_cmp(&(b - 2.0).abs()));
+    Report {
+        worst_relative_error: judged()
+            .filter(|b| FLOOR_FACTOR * b.floor <= RELATIVE_ERROR)
+            .map(|b| b.relative_error)
+            .fold(0.0, f64::max),
+        taylor_slope: farthest,
+        dot_test: blocks.iter().map(|b| b.dot_test).fold(0.0, f64::max),
+        contact_switches: blocks.iter().map(|b| b.contact_switches).sum(),
+        retries,
+        pass: blocks.iter().all(|b| b.pass),
+        blocks,
+    }
+}
+
+/// Sum of the sizes of the parts of ⟨∇L, d⟩: rounding is relative to the parts, not to what is left of them.
+fn by_vjp_size(block: &Block, gradient: &crate::RolloutCotangent) -> f64 {
+    abs_dot(&block.x0, &gradient.x0)
+        + abs_dot(&block.theta, &gradient.theta)
+        + block.u.iter().zip(&gradient.u).map(|(a, b)| abs_dot(a, b)).sum::<f64>()
+}
+
+/// 0 separate, 1 stick, 2 slip for every contact of every stage, and the number of stages of every step.
+fn modes(rollout: &Rollout) -> Vec<u8> {
+    let mut out = Vec::new();
+    for record in &rollout.records {
+        out.push(record.stages.len() as u8);
+        for (_, stage) in &record.stages {
+            out.extend(stage.contact_modes(&rollout.model, &rollout.theta));
+        }
+    }
+    out
+}
+
+fn abs_dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (x * y).abs()).sum()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014): enough for directions, and the same everywhere.
+pub(crate) struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in [0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Uniform in [−1, 1).
+    pub(crate) fn symmetric(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+}

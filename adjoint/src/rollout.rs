@@ -1,0 +1,106 @@
+//! jvp and vjp of a rollout.
+
+use crate::AdjointError;
+use crate::seeds::Seeds;
+use crate::stage::Context;
+use crate::step::{Cotangent, Tangent, step_cotangent, step_tangent};
+use pliant_engine::rollout::Rollout;
+
+/// Cotangents of everything a rollout starts from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RolloutCotangent {
+    /// Of x₀ = (q, v).
+    pub x0: Vec<f64>,
+    /// Of each control row.
+    pub u: Vec<Vec<f64>>,
+    /// Of θ, in SI units of each entry.
+    pub theta: Vec<f64>,
+}
+
+/// Tangents of x₁ … x_T for directions `x0_dot` (2 nq), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
+pub fn rollout_jvp(
+    rollout: &Rollout,
+    x0_dot: Option<&[f64]>,
+    u_dot: Option<&[Vec<f64>]>,
+    theta_dot: Option<&[f64]>,
+) -> Result<Vec<Vec<f64>>, AdjointError> {
+    need_records(rollout)?;
+    let model = &rollout.model;
+    let nq = model.nq();
+    check("x0_dot", x0_dot.map(<[f64]>::len), 2 * nq)?;
+    check("theta_dot", theta_dot.map(<[f64]>::len), model.n_params())?;
+    check("u_dot", u_dot.map(<[Vec<f64>]>::len), rollout.records.len())?;
+    let mass = model.masses(&rollout.theta);
+    let cx = Context { model, theta: &rollout.theta, mass: &mass };
+    let mut seeds = Seeds::none(1, model.nu(), model.n_params());
+    for (k, &weight) in theta_dot.unwrap_or(&[]).iter().enumerate().filter(|(_, w)| **w != 0.0) {
+        seeds.add_theta(k, 0, weight);
+    }
+    let zero = vec![0.0; 2 * nq];
+    let (q, v) = x0_dot.unwrap_or(&zero).split_at(nq);
+    let mut x = Tangent { q: q.to_vec(), v: v.to_vec() };
+    let mut out = vec![[q, v].concat()];
+    for (k, record) in rollout.records.iter().enumerate() {
+        if let Some(u_dot) = u_dot {
+            check("u_dot row", Some(u_dot[k].len()), model.nu())?;
+            seeds.clear_u();
+            u_dot[k].iter().enumerate().for_each(|(c, &w)| seeds.add_u(c, 0, w));
+        }
+        step_tangent(cx, record, &mut x, &seeds);
+        out.push([x.q.as_slice(), x.v.as_slice()].concat());
+    }
+    Ok(out)
+}
+
+/// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nq) back to x₀, u and θ.
+pub fn rollout_vjp(rollout: &Rollout, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, AdjointError> {
+    need_records(rollout)?;
+    check("x_bar", Some(x_bar.len()), rollout.records.len() + 1)?;
+    let model = &rollout.model;
+    let mut out = RolloutCotangent {
+        x0: Vec::new(),
+        u: vec![vec![0.0; model.nu()]; rollout.records.len()],
+        theta: vec![0.0; model.n_params()],
+    };
+    let mut x = Cotangent { q: vec![0.0; model.nq()], v: vec![0.0; model.nq()] };
+    pull_back(rollout, 0, x_bar, &mut x, &mut out)?;
+    add(&mut x, &x_bar[0])?;
+    out.x0 = [x.q, x.v].concat();
+    Ok(out)
+}
+
+/// Pulls back through the records of `rollout`, which are steps `first` … of the whole; `x_bar` and `out` are of the whole.
+pub(crate) fn pull_back(
+    rollout: &Rollout,
+    first: usize,
+    x_bar: &[Vec<f64>],
+    x: &mut Cotangent,
+    out: &mut RolloutCotangent,
+) -> Result<(), AdjointError> {
+    let mass = rollout.model.masses(&rollout.theta);
+    let cx = Context { model: &rollout.model, theta: &rollout.theta, mass: &mass };
+    for (k, record) in rollout.records.iter().enumerate().rev() {
+        add(x, &x_bar[first + k + 1])?;
+        step_cotangent(cx, record, x, &mut out.u[first + k], &mut out.theta);
+    }
+    Ok(())
+}
+
+pub(crate) fn add(x: &mut Cotangent, x_bar: &[f64]) -> Result<(), AdjointError> {
+    check("x_bar row", Some(x_bar.len()), 2 * x.q.len())?;
+    let (q, v) = x_bar.split_at(x.q.len());
+    x.q.iter_mut().zip(q).for_each(|(a, b)| *a += b);
+    x.v.iter_mut().zip(v).for_each(|(a, b)| *a += b);
+    Ok(())
+}
+
+pub(crate) fn need_records(rollout: &Rollout) -> Result<(), AdjointError> {
+    if rollout.records.len() == rollout.controls.len() { Ok(()) } else { Err(AdjointError::NoRecords) }
+}
+
+pub(crate) fn check(what: &'static str, got: Option<usize>, expected: usize) -> Result<(), AdjointError> {
+    match got {
+        Some(got) if got != expected => Err(AdjointError::Size { what, got, expected }),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,130 @@
+//! jvp and vjp of one step: the chain of its stages.
+
+use crate::seeds::Seeds;
+use crate::stage::{Context, stage_cotangent, stage_tangent};
+use pliant_engine::kinematics::Input;
+use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
+
+/// Tangents of (q, v): row-major `nq × columns` each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tangent {
+    /// Position tangents.
+    pub q: Vec<f64>,
+    /// Velocity tangents.
+    pub v: Vec<f64>,
+}
+
+/// Cotangents of (q, v), nq each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cotangent {
+    /// Cotangent of q.
+    pub q: Vec<f64>,
+    /// Cotangent of v.
+    pub v: Vec<f64>,
+}
+
+/// Weight of (v₁ − v) in the reference velocity of sdirk2's second stage.
+const RATIO: f64 = (1.0 - SDIRK_GAMMA) / SDIRK_GAMMA;
+
+/// Pushes tangents through a step.
+pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seeds: &Seeds) {
+    let m = seeds.columns;
+    let cmd = command_tangent(step, x, seeds);
+    let mut start = Tangent::default();
+    for (link, stage) in &step.stages {
+        match link {
+            Link::Single => {
+                let v = stage_tangent(cx, stage, &x.q, &x.v, &cmd, seeds);
+                let v_before = std::mem::replace(&mut x.v, v);
+                move_positions(cx, stage, &mut x.q, &v_before, &x.v, m);
+            }
+            Link::SdirkFirst => {
+                start = x.clone();
+                x.v = stage_tangent(cx, stage, &x.q, &x.v, &cmd, seeds);
+            }
+            Link::SdirkSecond => {
+                // stage.h is γ h of the substep
+                let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
+                for ((q, q0), v1) in x.q.iter_mut().zip(&start.q).zip(&x.v) {
+                    *q = q0 + lead * v1;
+                }
+                for (v1, v0) in x.v.iter_mut().zip(&start.v) {
+                    *v1 = v0 + RATIO * (*v1 - v0);
+                }
+                let v = stage_tangent(cx, stage, &x.q, &x.v, &cmd, seeds);
+                let v_before = std::mem::replace(&mut x.v, v);
+                move_positions(cx, stage, &mut x.q, &v_before, &x.v, m);
+            }
+        }
+    }
+}
+
+fn command_tangent(step: &StepRecord, x: &Tangent, seeds: &Seeds) -> Vec<f64> {
+    let m = seeds.columns;
+    let mut cmd = vec![0.0; x.q.len()];
+    for &(row, input, value) in &step.command {
+        let out = &mut cmd[row * m..(row + 1) * m];
+        match input {
+            Input::Q(k) => out.iter_mut().zip(&x.q[k * m..(k + 1) * m]).for_each(|(o, q)| *o += value * q),
+            Input::U(k) => seeds.u(k).iter().for_each(|&(c, w)| out[c] += value * w),
+            Input::Theta(k) => seeds.theta(k).iter().for_each(|&(c, w)| out[c] += value * w),
+        }
+    }
+    cmd
+}
+
+/// q⁺ = q + h (d0 v + d1 v⁺).
+fn move_positions(cx: Context, stage: &StageRecord, q: &mut [f64], v: &[f64], v_next: &[f64], m: usize) {
+    for (node, &driven) in cx.model.driven().iter().enumerate() {
+        let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
+        for k in 3 * node * m..3 * (node + 1) * m {
+            q[k] += stage.h * (w.d0 * v[k] + w.d1 * v_next[k]);
+        }
+    }
+}
+
+/// Pulls the cotangent of the state after a step back to the state before it; adds to the cotangents of u and θ.
+pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, u_bar: &mut [f64], theta_bar: &mut [f64]) {
+    let mut cmd_bar = vec![0.0; x.q.len()];
+    let mut first_v_bar = Vec::new();
+    let mut start_v_bar = Vec::new();
+    for (link, stage) in step.stages.iter().rev() {
+        if *link == Link::SdirkFirst {
+            // only v₁ leaves the first stage; q and v of the substep's start were used by the second stage directly
+            let mut v_bar = std::mem::take(&mut start_v_bar);
+            stage_cotangent(cx, stage, &first_v_bar, &mut x.q, &mut v_bar, &mut cmd_bar, theta_bar);
+            x.v = v_bar;
+            continue;
+        }
+        let (y_bar, mut v_bar) = end_cotangent(cx, stage, x);
+        stage_cotangent(cx, stage, &y_bar, &mut x.q, &mut v_bar, &mut cmd_bar, theta_bar);
+        if *link == Link::SdirkSecond {
+            let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
+            first_v_bar = x.q.iter().zip(&v_bar).map(|(q, v)| lead * q + RATIO * v).collect();
+            start_v_bar = v_bar.iter().map(|v| (1.0 - RATIO) * v).collect();
+        } else {
+            x.v = v_bar;
+        }
+    }
+    for &(row, input, value) in &step.command {
+        let contribution = value * cmd_bar[row];
+        match input {
+            Input::Q(k) => x.q[k] += contribution,
+            Input::U(k) => u_bar[k] += contribution,
+            Input::Theta(k) => theta_bar[k] += contribution,
+        }
+    }
+}
+
+/// Cotangent of v⁺ and of the reference velocity from those of (q⁺, v⁺).
+fn end_cotangent(cx: Context, stage: &StageRecord, x: &Cotangent) -> (Vec<f64>, Vec<f64>) {
+    let (mut y_bar, mut v_bar) = (x.v.clone(), vec![0.0; x.v.len()]);
+    for (node, &driven) in cx.model.driven().iter().enumerate() {
+        let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
+        for k in 3 * node..3 * node + 3 {
+            y_bar[k] += stage.h * w.d1 * x.q[k];
+            v_bar[k] += stage.h * w.d0 * x.q[k];
+        }
+    }
+    (y_bar, v_bar)
+}

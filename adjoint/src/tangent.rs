@@ -1,0 +1,33 @@
+//! Tangents of many directions carried along a rollout, step by step: the sensitivities that fits are made of.
+
+use crate::seeds::Seeds;
+use crate::stage::Context;
+use crate::step::{Tangent, step_tangent};
+use pliant_engine::model::Model;
+use pliant_engine::step::StepRecord;
+
+/// Carries a block of tangents (of x₀, u and θ at once) through recorded steps.
+#[derive(Clone, Debug)]
+pub struct TangentStepper<'m> {
+    model: &'m Model,
+    theta: &'m [f64],
+    mass: Vec<f64>,
+    /// Directions in θ and u of each column; change those in u between steps as needed.
+    pub seeds: Seeds,
+    /// The tangents at the current state.
+    pub x: Tangent,
+}
+
+impl<'m> TangentStepper<'m> {
+    /// Starts with zero tangents of the state.
+    pub fn new(model: &'m Model, theta: &'m [f64], seeds: Seeds) -> Self {
+        let zero = vec![0.0; model.nq() * seeds.columns];
+        Self { model, theta, mass: model.masses(theta), seeds, x: Tangent { q: zero.clone(), v: zero } }
+    }
+
+    /// Pushes the tangents through one step.
+    pub fn step(&mut self, record: &StepRecord) {
+        let cx = Context { model: self.model, theta: self.theta, mass: &self.mass };
+        step_tangent(cx, record, &mut self.x, &self.seeds);
+    }
+}

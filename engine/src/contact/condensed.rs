@@ -1,0 +1,101 @@
+//! A contact linearized at an iterate, its cone variable eliminated.
+
+use super::Touch;
+use crate::terms::Vec3;
+use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Vector4};
+use pliant_smoothing::ContactLaw;
+
+/// The numbers a contact's law takes at one node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LawPoint {
+    pub law: ContactLaw,
+    /// Friction μ [-].
+    pub mu: f64,
+    /// Smoothing κ [J].
+    pub kappa: f64,
+    /// Step of the natural residual ρ [kg].
+    pub rho: f64,
+}
+
+/// The linearization of one contact and its elimination.
+#[derive(Clone, Debug)]
+pub(crate) struct Condensed {
+    /// Impulse p [N·s] at the iterate, world frame.
+    pub impulse: Vec3<f64>,
+    /// F at the iterate [N·s].
+    pub residual: Vector4<f64>,
+    /// ∂p/∂q⁺ [N·s/m] and ∂p/∂v⁺ [kg] with w eliminated; the first holds the dependence through gap and normal.
+    pub dp_dq: Matrix3<f64>,
+    pub dp_dv: Matrix3<f64>,
+    /// ∂p/∂w F_w⁻¹.
+    pub gain: Matrix3x4<f64>,
+    /// F_w⁻¹.
+    inverse: Matrix4<f64>,
+    /// ∂F/∂q⁺ and ∂F/∂v⁺.
+    df_dq: Matrix4x3<f64>,
+    df_dv: Matrix4x3<f64>,
+    /// ∂F/∂v_n, ∂F/∂v_t, ∂F/∂μ, ∂F/∂κ for parameter derivatives.
+    pub df_dvn: Vector4<f64>,
+    pub df_dvt: Matrix4x3<f64>,
+    pub df_dmu: Vector4<f64>,
+    pub df_dkappa: Vector4<f64>,
+}
+
+/// p = w₀ n + μ w̄.
+pub(crate) fn impulse(normal: Vec3<f64>, mu: f64, w: &Vector4<f64>) -> Vec3<f64> {
+    normal * w[0] + Vec3::new(w[1], w[2], w[3]) * mu
+}
+
+impl Condensed {
+    /// Linearizes at cone variable `w` and node velocity `v`; `h` is the stage length. `None` if F_w is singular.
+    pub(crate) fn new(at: LawPoint, touch: &Touch, v: Vec3<f64>, h: f64, w: &Vector4<f64>) -> Option<Self> {
+        let lin = pliant_smoothing::linearize(at.law, at.mu, at.kappa, at.rho, touch.v_n, touch.v_t.into(), (*w).into());
+        let inverse = lin.df_dw.try_inverse()?;
+        let df_dq = lin.df_dvn * (touch.normal / h).transpose() + lin.df_dvt * touch.dv_t_dq(v);
+        let df_dv = lin.df_dvt * touch.projector();
+        let mut dp_dw = Matrix3x4::zeros();
+        dp_dw.set_column(0, &touch.normal);
+        dp_dw.fixed_view_mut::<3, 3>(0, 1).fill_diagonal(at.mu);
+        let gain = dp_dw * inverse;
+        Some(Self {
+            impulse: impulse(touch.normal, at.mu, w),
+            residual: lin.f,
+            dp_dq: touch.hessian * w[0] - gain * df_dq,
+            dp_dv: -gain * df_dv,
+            gain,
+            inverse,
+            df_dq,
+            df_dv,
+            df_dvn: lin.df_dvn,
+            df_dvt: lin.df_dvt,
+            df_dmu: lin.df_dmu,
+            df_dkappa: lin.df_dkappa,
+        })
+    }
+
+    /// The change of w that goes with the change `dv` of the node's velocity, for the residual `f` at the current iterate;
+    /// `dq = h dv`.
+    pub(crate) fn dw(&self, f: &Vector4<f64>, dv: Vec3<f64>, h: f64) -> Vector4<f64> {
+        -(self.inverse * (f + (self.df_dq * h + self.df_dv) * dv))
+    }
+}
+
+impl Condensed {
+    /// A placeholder before the first linearization: no impulse, no gain.
+    pub(crate) fn zero() -> Self {
+        Self {
+            impulse: Vec3::zeros(),
+            residual: Vector4::zeros(),
+            dp_dq: Matrix3::zeros(),
+            dp_dv: Matrix3::zeros(),
+            gain: Matrix3x4::zeros(),
+            inverse: Matrix4::zeros(),
+            df_dq: Matrix4x3::zeros(),
+            df_dv: Matrix4x3::zeros(),
+            df_dvn: Vector4::zeros(),
+            df_dvt: Matrix4x3::zeros(),
+            df_dmu: Vector4::zeros(),
+            df_dkappa: Vector4::zeros(),
+        }
+    }
+}

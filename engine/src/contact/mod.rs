@@ -1,0 +1,13 @@
+//! Contact of rope nodes with fixed shapes: the smoothed law of `pliant-smoothing` joined with a shape's gap, condensed to a
+//! force on the node.
+//!
+//! With w the cone variable of a contact, the impulse is `p = w₀ n + μ w̄` and `F(w, v̂) = 0` is the smoothed natural residual.
+//! One Newton step eliminates `dw = −F_w⁻¹ (F + F_v dv)`; what is left acts on the node like a force `p/h` with derivatives
+//! `∂(p/h)/∂q⁺` and `∂(p/h)/∂v⁺`, so that contact is one more term to everything above it.
+
+mod condensed;
+mod pair;
+
+pub(crate) use condensed::{Condensed, LawPoint, impulse};
+pub use pair::ContactPair;
+pub(crate) use pair::Touch;

@@ -1,0 +1,243 @@
+//! Grippers: the velocity they command to the nodes they clamp.
+//!
+//! The command of a step is computed once, with the step's full length h, from the state at its start, the inputs u and θ:
+//!
+//! - prescribed: `v_cmd = (target(u, θ) − q)/h`, the target being the position at the *end* of the step;
+//! - velocity-controlled: `v_cmd = u`, and a clamped end edge also turns with the angular velocity ω by the Cayley map.
+//!
+//! A clamped end edge is a ghost node one rest length behind the end node: `p_ghost = p_end − l a/|a|`, `a` the axis pointing
+//! into the rope.
+
+use crate::terms::{Real, Vec3};
+use nalgebra::SVector;
+use num_dual::{Derivative, DualSVec64};
+
+/// What a command depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// A position dof at the start of the step.
+    Q(usize),
+    /// A control.
+    U(usize),
+    /// A parameter.
+    Theta(usize),
+}
+
+/// The ghost of a clamped end edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeClamp {
+    /// The rope's end node.
+    pub end: usize,
+    /// The massless node behind it.
+    pub ghost: usize,
+    /// Index in θ of the rope's length [m].
+    pub length: usize,
+    /// Rest length of the ghost edge as a fraction of the rope's length.
+    pub fraction: f64,
+}
+
+/// What a gripper holds and how it is moved. Controls start at `first_u`; `offset` is the index in θ of the gripper's offset [m].
+#[derive(Clone, Debug, PartialEq)]
+pub enum DriveKind {
+    /// Positions of the clamped nodes [m], three controls per node.
+    PrescribedNodes(Vec<usize>),
+    /// Position [m] of the end node and axis [-] (any length) into the rope: six controls.
+    PrescribedEdge(EdgeClamp),
+    /// One velocity [m/s] for all clamped nodes: three controls.
+    VelocityNodes(Vec<usize>),
+    /// Velocity [m/s] and angular velocity [rad/s] of the end edge: six controls.
+    VelocityEdge(EdgeClamp),
+}
+
+/// A gripper of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drive {
+    /// Name in the scene.
+    pub name: String,
+    /// What it holds.
+    pub kind: DriveKind,
+    /// First of its controls in u.
+    pub first_u: usize,
+    /// First of the three entries of its offset in θ.
+    pub offset: usize,
+}
+
+/// A command that cannot be computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CommandError {
+    /// The axis of a clamped end edge is zero or not finite.
+    #[error("gripper `{gripper}`: the axis of its clamped end edge is ({}, {}, {}), which has no direction; give a vector pointing into the rope", axis[0], axis[1], axis[2])]
+    Axis {
+        /// Gripper.
+        gripper: String,
+        /// The axis given.
+        axis: [f64; 3],
+    },
+    /// A control is not finite.
+    #[error("gripper `{gripper}`: control {index} is {value}; inputs must be finite numbers")]
+    NotFinite {
+        /// Gripper.
+        gripper: String,
+        /// Index into u.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+}
+
+const DUALS: usize = 12;
+type Dual = DualSVec64<DUALS>;
+
+impl Drive {
+    /// Number of controls of this gripper.
+    pub fn n_controls(&self) -> usize {
+        match &self.kind {
+            DriveKind::PrescribedNodes(nodes) => 3 * nodes.len(),
+            DriveKind::VelocityNodes(_) => 3,
+            DriveKind::PrescribedEdge(_) | DriveKind::VelocityEdge(_) => 6,
+        }
+    }
+
+    /// The nodes it clamps, ghosts included.
+    pub fn nodes(&self) -> Vec<usize> {
+        match &self.kind {
+            DriveKind::PrescribedNodes(nodes) | DriveKind::VelocityNodes(nodes) => nodes.clone(),
+            DriveKind::PrescribedEdge(c) | DriveKind::VelocityEdge(c) => vec![c.end, c.ghost],
+        }
+    }
+
+    /// Whether the controls are positions (rather than velocities).
+    pub fn is_prescribed(&self) -> bool {
+        matches!(self.kind, DriveKind::PrescribedNodes(_) | DriveKind::PrescribedEdge(_))
+    }
+
+    /// Writes the commanded velocities [m/s] of its nodes into `v_cmd` (flat, all nodes).
+    pub fn command(&self, q: &[f64], u: &[f64], theta: &[f64], h: f64, v_cmd: &mut [f64]) -> Result<(), CommandError> {
+        self.check(u)?;
+        match &self.kind {
+            DriveKind::PrescribedNodes(nodes) => {
+                for (k, &node) in nodes.iter().enumerate() {
+                    for a in 0..3 {
+                        let target = u[self.first_u + 3 * k + a] + theta[self.offset + a];
+                        v_cmd[3 * node + a] = (target - q[3 * node + a]) / h;
+                    }
+                }
+            }
+            DriveKind::VelocityNodes(nodes) => {
+                for &node in nodes {
+                    v_cmd[3 * node..3 * node + 3].copy_from_slice(&u[self.first_u..self.first_u + 3]);
+                }
+            }
+            DriveKind::PrescribedEdge(c) | DriveKind::VelocityEdge(c) => {
+                let (end, ghost) = self.edge_command(c, &|input| value(input, q, u, theta), h);
+                v_cmd[3 * c.end..3 * c.end + 3].copy_from_slice(end.as_slice());
+                v_cmd[3 * c.ghost..3 * c.ghost + 3].copy_from_slice(ghost.as_slice());
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls `visit(row, input, ∂v_cmd[row]/∂input)` for every structural nonzero.
+    pub fn visit(&self, q: &[f64], u: &[f64], theta: &[f64], h: f64, visit: &mut dyn FnMut(usize, Input, f64)) {
+        match &self.kind {
+            DriveKind::PrescribedNodes(nodes) => {
+                for (k, &node) in nodes.iter().enumerate() {
+                    for a in 0..3 {
+                        let row = 3 * node + a;
+                        visit(row, Input::U(self.first_u + 3 * k + a), 1.0 / h);
+                        visit(row, Input::Theta(self.offset + a), 1.0 / h);
+                        visit(row, Input::Q(row), -1.0 / h);
+                    }
+                }
+            }
+            DriveKind::VelocityNodes(nodes) => {
+                for &node in nodes {
+                    for a in 0..3 {
+                        visit(3 * node + a, Input::U(self.first_u + a), 1.0);
+                    }
+                }
+            }
+            DriveKind::PrescribedEdge(c) | DriveKind::VelocityEdge(c) => self.visit_edge(c, q, u, theta, h, visit),
+        }
+    }
+
+    fn visit_edge(&self, c: &EdgeClamp, q: &[f64], u: &[f64], theta: &[f64], h: f64, visit: &mut dyn FnMut(usize, Input, f64)) {
+        for inputs in self.edge_inputs(c).chunks(DUALS) {
+            let seeded = |input: Input| {
+                let re = value(input, q, u, theta);
+                match inputs.iter().position(|i| *i == input) {
+                    Some(k) => {
+                        let mut eps = SVector::<f64, DUALS>::zeros();
+                        eps[k] = 1.0;
+                        Dual::new(re, Derivative::some(eps))
+                    }
+                    None => Dual::from_re(re),
+                }
+            };
+            let (end, ghost) = self.edge_command(c, &seeded, h);
+            for (node, command) in [(c.end, end), (c.ghost, ghost)] {
+                for a in 0..3 {
+                    if let Some(eps) = command[a].eps.0 {
+                        for (k, input) in inputs.iter().enumerate() {
+                            visit(3 * node + a, *input, eps[k]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn edge_inputs(&self, c: &EdgeClamp) -> Vec<Input> {
+        let mut inputs: Vec<Input> = (0..6).map(|k| Input::U(self.first_u + k)).collect();
+        inputs.extend((0..3).flat_map(|a| [Input::Q(3 * c.end + a), Input::Q(3 * c.ghost + a)]));
+        if self.is_prescribed() {
+            inputs.extend((0..3).map(|a| Input::Theta(self.offset + a)));
+            inputs.push(Input::Theta(c.length));
+        }
+        inputs
+    }
+
+    fn edge_command<S: Real>(&self, c: &EdgeClamp, get: &dyn Fn(Input) -> S, h: f64) -> (Vec3<S>, Vec3<S>) {
+        let vec3 = |at: &dyn Fn(usize) -> Input| Vec3::new(get(at(0)), get(at(1)), get(at(2)));
+        let first = vec3(&|a| Input::U(self.first_u + a));
+        let second = vec3(&|a| Input::U(self.first_u + 3 + a));
+        let q_end = vec3(&|a| Input::Q(3 * c.end + a));
+        let q_ghost = vec3(&|a| Input::Q(3 * c.ghost + a));
+        if self.is_prescribed() {
+            let target = first + vec3(&|a| Input::Theta(self.offset + a));
+            let l = get(Input::Theta(c.length)) * c.fraction;
+            let ghost = target - second * (l / second.dot(&second).sqrt());
+            ((target - q_end) / S::from(h), (ghost - q_ghost) / S::from(h))
+        } else {
+            (first, first + cayley_minus_identity(second * S::from(h), q_ghost - q_end) / S::from(h))
+        }
+    }
+
+    fn check(&self, u: &[f64]) -> Result<(), CommandError> {
+        let range = self.first_u..self.first_u + self.n_controls();
+        if let Some(index) = range.clone().find(|&k| !u[k].is_finite()) {
+            return Err(CommandError::NotFinite { gripper: self.name.clone(), index, value: u[index] });
+        }
+        if matches!(self.kind, DriveKind::PrescribedEdge(_)) {
+            let axis = [u[range.start + 3], u[range.start + 4], u[range.start + 5]];
+            if axis.iter().map(|a| a * a).sum::<f64>() < f64::MIN_POSITIVE {
+                return Err(CommandError::Axis { gripper: self.name.clone(), axis });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn value(input: Input, q: &[f64], u: &[f64], theta: &[f64]) -> f64 {
+    match input {
+        Input::Q(k) => q[k],
+        Input::U(k) => u[k],
+        Input::Theta(k) => theta[k],
+    }
+}
+
+/// `(cay(a) − I) x` with `cay(a) = I + 4/(4 + |a|²) ([a]ₓ + ½ [a]ₓ²)`, a rotation about `a` by 2 atan(|a|/2).
+fn cayley_minus_identity<S: Real>(a: Vec3<S>, x: Vec3<S>) -> Vec3<S> {
+    let ax = a.cross(&x);
+    (ax + a.cross(&ax) * S::from(0.5)) * ((a.dot(&a) + 4.0).recip() * 4.0)
+}

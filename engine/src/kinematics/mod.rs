@@ -1,0 +1,4 @@
+//! How inputs move the clamped nodes.
+
+mod drive;
+pub use drive::{CommandError, Drive, DriveKind, EdgeClamp, Input};

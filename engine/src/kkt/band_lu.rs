@@ -1,0 +1,117 @@
+//! LU factorization inside a block band, without pivoting.
+
+use super::band_sweep::Band;
+use super::{BlockBand, GROWTH_LIMIT, KktError, PIVOT_FLOOR, sum_abs};
+
+/// A = L U with U unit upper (Crout's form), in the row storage of [`super::band_sweep`].
+///
+/// Without pivoting there is no fill outside the block band. That is safe for matrices near a positive definite one, which a
+/// step's are; each row's pivot and growth are checked, and one step of refinement restores full accuracy.
+#[derive(Clone, Debug)]
+pub(super) struct BandLu {
+    band: Band,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    inverse: Vec<f64>,
+    work: Vec<f64>,
+}
+
+impl BandLu {
+    pub fn new(n_blocks: usize, half_width: usize) -> Self {
+        let band = Band { n_blocks, half_width };
+        let triangle = vec![0.0; band.dim() * band.width()];
+        let work = vec![0.0; 3 * (6 * half_width + 3)];
+        Self { band, lower: triangle.clone(), upper: triangle, inverse: vec![0.0; band.dim()], work }
+    }
+
+    pub fn refactor(&mut self, a: &BlockBand) -> Result<(), KktError> {
+        self.band.specialised(|band| self.eliminate(band, a))
+    }
+
+    /// Node by node: the three rows of node i are reduced by all earlier rows of the band, then by one another.
+    #[inline(always)]
+    fn eliminate(&mut self, band: Band, a: &BlockBand) -> Result<(), KktError> {
+        let (width, half) = (band.width(), 3 * band.half_width);
+        let row_len = 2 * half + 3;
+        for i in 0..band.n_blocks {
+            self.work.copy_from_slice(&a.data()[3 * i * row_len..(3 * i + 3) * row_len]);
+            let size: [f64; 3] = std::array::from_fn(|b| sum_abs(&self.work[b * row_len..(b + 1) * row_len]));
+            for j in i.saturating_sub(band.half_width)..i {
+                let first = half - 3 * (i - j); // where node j's columns start in node i's rows
+                for c in 0..3 {
+                    let upper = &self.upper[(3 * j + c) * width..(3 * j + c + 1) * width];
+                    for row in self.work.chunks_exact_mut(row_len) {
+                        reduce(&mut row[first + c..], c, upper);
+                    }
+                }
+            }
+            for c in 0..3 {
+                self.pivot(band, 3 * i + c, size[c])?;
+                let upper = &self.upper[(3 * i + c) * width..(3 * i + c + 1) * width];
+                for row in self.work.chunks_exact_mut(row_len).skip(c + 1) {
+                    reduce(&mut row[half + c..], c, upper);
+                }
+            }
+            for c in 0..3 {
+                let lower = &mut self.lower[(3 * i + c) * width..(3 * i + c + 1) * width];
+                lower.copy_from_slice(&self.work[c * row_len..c * row_len + width]);
+                lower[half + c..].fill(0.0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the pivot of the reduced row `r`, and stores its reciprocal and the row of U.
+    #[inline(always)]
+    fn pivot(&mut self, band: Band, r: usize, size: f64) -> Result<(), KktError> {
+        let (width, half, c) = (band.width(), 3 * band.half_width, r % 3);
+        let row_len = 2 * half + 3;
+        let row = &self.work[c * row_len + half..(c + 1) * row_len]; // from the own node's first column on
+        let pivot = row[c];
+        let grown = sum_abs(&row[c..]);
+        // written so that NaN fails
+        let sound = pivot.abs() > PIVOT_FLOOR * size && grown <= GROWTH_LIMIT * size;
+        if !sound {
+            return Err(breakdown(r, band.dim(), pivot, size, grown));
+        }
+        let inverse = 1.0 / pivot;
+        self.inverse[r] = inverse;
+        let upper = &mut self.upper[r * width..(r + 1) * width];
+        for (u, x) in upper.iter_mut().zip(&row[1..]) {
+            *u = x * inverse;
+        }
+        upper[..c].fill(0.0);
+        Ok(())
+    }
+
+    pub fn solve(&self, b: &mut [f64], columns: usize, transpose: bool) {
+        if transpose {
+            self.band.solve_upper_transpose(&self.upper, b, columns);
+            self.band.solve_lower_transpose(&self.lower, &self.inverse, b, columns);
+        } else {
+            self.band.solve_lower(&self.lower, &self.inverse, b, columns);
+            self.band.solve_upper(&self.upper, b, columns);
+        }
+    }
+}
+
+/// Subtracts the multiple of a row of U that cancels `row[0]`, its column `c` of the pivot's node; U's row starts at that node's
+/// second column.
+#[inline(always)]
+fn reduce(row: &mut [f64], c: usize, upper: &[f64]) {
+    let factor = row[0];
+    for (x, u) in row[1..].iter_mut().zip(&upper[c..]) {
+        *x -= factor * u;
+    }
+}
+
+#[cold]
+fn breakdown(row: usize, dim: usize, pivot: f64, size: f64, grown: f64) -> KktError {
+    if !size.is_finite() {
+        KktError::NotFinite { row, dim }
+    } else if pivot.abs() > PIVOT_FLOOR * size || !grown.is_finite() {
+        KktError::Growth { row, dim, growth: grown / size }
+    } else {
+        KktError::Singular { row, dim, pivot, size }
+    }
+}

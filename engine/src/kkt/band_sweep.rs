@@ -1,0 +1,285 @@
+//! Triangular solves inside a block band, shared by the band's LU and Cholesky.
+//!
+//! A strict triangle is stored by rows of `width = 3 half_width + 2` entries. Row r of node i of an *upper* triangle holds the
+//! columns 3i + 1 … 3i + width; row r of node j of a *lower* one holds 3 (j − half_width) … 3j + 1. Entries that do not belong to
+//! the strict triangle, or lie outside the matrix, are zero. Every row then has the same length, and its part outside the own
+//! node is contiguous at a fixed offset.
+//!
+//! One right-hand side is vectorised along the band, many along the right-hand sides.
+
+/// Sizes of a block band.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Band {
+    pub n_blocks: usize,
+    pub half_width: usize,
+}
+
+/// Right-hand sides taken at a time.
+const LANES: usize = 8;
+
+impl Band {
+    pub fn dim(self) -> usize {
+        3 * self.n_blocks
+    }
+
+    #[inline(always)]
+    pub fn width(self) -> usize {
+        3 * self.half_width + 2
+    }
+
+    /// Calls `run` with the half width as a constant where it is a common one, so that its inner loops unroll.
+    #[inline(always)]
+    pub fn specialised<R>(self, run: impl FnOnce(Band) -> R) -> R {
+        match self.half_width {
+            2 => run(Band { half_width: 2, ..self }),
+            1 => run(Band { half_width: 1, ..self }),
+            _ => run(self),
+        }
+    }
+
+    /// `b ← U⁻¹ b`, U unit upper.
+    pub fn solve_upper(self, upper: &[f64], b: &mut [f64], columns: usize) {
+        self.specialised(|band| match columns {
+            1 => upper_one(band, upper, b),
+            _ => descend(band, b, columns, |r, c| upper[band.upper(r, c)], |_| 1.0),
+        });
+    }
+
+    /// `b ← U⁻ᵀ b`, U unit upper.
+    pub fn solve_upper_transpose(self, upper: &[f64], b: &mut [f64], columns: usize) {
+        self.specialised(|band| match columns {
+            1 => upper_transpose_one(band, upper, b),
+            _ => ascend(band, b, columns, |r, c| upper[band.upper(c, r)], |_| 1.0),
+        });
+    }
+
+    /// `b ← L⁻¹ b`, L = strict lower triangle + diagonal, the reciprocals of which are `inverse`.
+    pub fn solve_lower(self, lower: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
+        self.specialised(|band| match columns {
+            1 => lower_one(band, lower, inverse, b),
+            _ => ascend(band, b, columns, |r, c| lower[band.lower(r, c)], |r| inverse[r]),
+        });
+    }
+
+    /// `b ← L⁻ᵀ b`, L as in [`Self::solve_lower`].
+    pub fn solve_lower_transpose(self, lower: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
+        self.specialised(|band| match columns {
+            1 => lower_transpose_one(band, lower, inverse, b),
+            _ => descend(band, b, columns, |r, c| lower[band.lower(c, r)], |r| inverse[r]),
+        });
+    }
+
+    /// Position of entry (r, c) of an upper triangle.
+    #[inline(always)]
+    fn upper(self, r: usize, c: usize) -> usize {
+        r * self.width() + c - 3 * (r / 3) - 1
+    }
+
+    /// Position of entry (r, c) of a lower triangle.
+    #[inline(always)]
+    fn lower(self, r: usize, c: usize) -> usize {
+        r * self.width() + c + 3 * self.half_width - 3 * (r / 3)
+    }
+
+    /// Nodes below and above `i` that are coupled to it.
+    #[inline(always)]
+    fn before(self, i: usize) -> std::ops::Range<usize> {
+        i.saturating_sub(self.half_width)..i
+    }
+
+    #[inline(always)]
+    fn after(self, i: usize) -> std::ops::Range<usize> {
+        i + 1..self.n_blocks.min(i + 1 + self.half_width)
+    }
+}
+
+/// The three rows of node `i`, of `width` entries each.
+#[inline(always)]
+fn node_rows(triangle: &[f64], width: usize, i: usize) -> [&[f64]; 3] {
+    let rows = &triangle[3 * i * width..(3 * i + 3) * width];
+    [&rows[..width], &rows[width..2 * width], &rows[2 * width..]]
+}
+
+/// Three dot products with the same vector.
+#[inline(always)]
+fn dots(rows: [&[f64]; 3], x: &[f64]) -> [f64; 3] {
+    let mut even = [0.0; 3];
+    let mut odd = [0.0; 3];
+    for a in 0..3 {
+        let (pairs, x_pairs) = (rows[a][..x.len()].as_chunks::<2>(), x.as_chunks::<2>());
+        for (r, x) in pairs.0.iter().zip(x_pairs.0) {
+            even[a] += r[0] * x[0];
+            odd[a] += r[1] * x[1];
+        }
+        for (r, x) in pairs.1.iter().zip(x_pairs.1) {
+            even[a] += r * x;
+        }
+    }
+    [even[0] + odd[0], even[1] + odd[1], even[2] + odd[2]]
+}
+
+/// `x −= y₀ row₀ + y₁ row₁ + y₂ row₂`.
+#[inline(always)]
+fn subtract_rows(x: &mut [f64], rows: [&[f64]; 3], y: [f64; 3]) {
+    let n = x.len();
+    for (((x, r0), r1), r2) in x.iter_mut().zip(&rows[0][..n]).zip(&rows[1][..n]).zip(&rows[2][..n]) {
+        *x -= (y[0] * r0 + y[1] * r1) + y[2] * r2;
+    }
+}
+
+#[inline(always)]
+fn upper_one(band: Band, upper: &[f64], b: &mut [f64]) {
+    let far = 3 * band.half_width;
+    for i in (0..band.n_blocks).rev() {
+        let rows = node_rows(upper, band.width(), i);
+        let (head, tail) = b.split_at_mut(3 * i + 3);
+        let s = dots(rows.map(|row| &row[2..]), if tail.len() >= far { &tail[..far] } else { tail });
+        let x2 = head[3 * i + 2] - s[2];
+        let x1 = (head[3 * i + 1] - s[1]) - rows[1][1] * x2;
+        let x0 = ((head[3 * i] - s[0]) - rows[0][1] * x2) - rows[0][0] * x1;
+        head[3 * i..].copy_from_slice(&[x0, x1, x2]);
+    }
+}
+
+#[inline(always)]
+fn upper_transpose_one(band: Band, upper: &[f64], b: &mut [f64]) {
+    let far = 3 * band.half_width;
+    for i in 0..band.n_blocks {
+        let rows = node_rows(upper, band.width(), i);
+        let (head, tail) = b[3 * i..].split_at_mut(3);
+        let y0 = head[0];
+        let y1 = head[1] - rows[0][0] * y0;
+        let y2 = (head[2] - rows[0][1] * y0) - rows[1][1] * y1;
+        head.copy_from_slice(&[y0, y1, y2]);
+        let reach = far.min(tail.len());
+        subtract_rows(if reach == far { &mut tail[..far] } else { tail }, rows.map(|row| &row[2..]), [y0, y1, y2]);
+    }
+}
+
+#[inline(always)]
+fn lower_one(band: Band, lower: &[f64], inverse: &[f64], b: &mut [f64]) {
+    let far = 3 * band.half_width;
+    for i in 0..band.n_blocks {
+        let rows = node_rows(lower, band.width(), i);
+        let (head, own) = b.split_at_mut(3 * i);
+        let s = match head.len().checked_sub(far) {
+            Some(start) => dots(rows, &head[start..start + far]),
+            None => dots(rows.map(|row| &row[far - 3 * i..]), head),
+        };
+        let d = &inverse[3 * i..3 * i + 3];
+        let x0 = (own[0] - s[0]) * d[0];
+        let x1 = ((own[1] - s[1]) - rows[1][far] * x0) * d[1];
+        let x2 = (((own[2] - s[2]) - rows[2][far] * x0) - rows[2][far + 1] * x1) * d[2];
+        own[..3].copy_from_slice(&[x0, x1, x2]);
+    }
+}
+
+#[inline(always)]
+fn lower_transpose_one(band: Band, lower: &[f64], inverse: &[f64], b: &mut [f64]) {
+    let far = 3 * band.half_width;
+    for i in (0..band.n_blocks).rev() {
+        let rows = node_rows(lower, band.width(), i);
+        let (head, own) = b.split_at_mut(3 * i);
+        let d = &inverse[3 * i..3 * i + 3];
+        let x2 = own[2] * d[2];
+        let x1 = (own[1] - rows[2][far + 1] * x2) * d[1];
+        let x0 = ((own[0] - rows[2][far] * x2) - rows[1][far] * x1) * d[0];
+        own[..3].copy_from_slice(&[x0, x1, x2]);
+        match head.len().checked_sub(far) {
+            Some(start) => subtract_rows(&mut head[start..start + far], rows, [x0, x1, x2]),
+            None => subtract_rows(head, rows.map(|row| &row[far - 3 * i..]), [x0, x1, x2]),
+        }
+    }
+}
+
+/// Rows in rising order: `b_r ← (b_r − Σ_{c<r} t(r, c) b_c) · scale(r)` for all columns.
+#[inline(always)]
+fn ascend(band: Band, b: &mut [f64], columns: usize, t: impl Fn(usize, usize) -> f64, scale: impl Fn(usize) -> f64) {
+    in_lanes(columns, |first, wide| {
+        for i in 0..band.n_blocks {
+            let (r, near) = (3 * i, band.before(i));
+            if wide {
+                node::<LANES>(b, columns, first, r, near, &t, [0, 1, 2], &scale);
+            } else {
+                node::<1>(b, columns, first, r, near, &t, [0, 1, 2], &scale);
+            }
+        }
+    });
+}
+
+/// Rows in falling order: `b_r ← (b_r − Σ_{c>r} t(r, c) b_c) · scale(r)` for all columns.
+#[inline(always)]
+fn descend(band: Band, b: &mut [f64], columns: usize, t: impl Fn(usize, usize) -> f64, scale: impl Fn(usize) -> f64) {
+    in_lanes(columns, |first, wide| {
+        for i in (0..band.n_blocks).rev() {
+            let (r, near) = (3 * i, band.after(i));
+            if wide {
+                node::<LANES>(b, columns, first, r, near, &t, [2, 1, 0], &scale);
+            } else {
+                node::<1>(b, columns, first, r, near, &t, [2, 1, 0], &scale);
+            }
+        }
+    });
+}
+
+/// Calls `run(first column, whether LANES columns at once)` so that every column is met once.
+#[inline(always)]
+fn in_lanes(columns: usize, mut run: impl FnMut(usize, bool)) {
+    let whole = columns - columns % LANES;
+    for first in (0..whole).step_by(LANES) {
+        run(first, true);
+    }
+    for first in whole..columns {
+        run(first, false);
+    }
+}
+
+/// The three rows from `r` on of one node, for C columns from `first` on: subtracts the neighbours `near`, then the own rows in
+/// the given `order`.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn node<const C: usize>(
+    b: &mut [f64],
+    columns: usize,
+    first: usize,
+    r: usize,
+    near: std::ops::Range<usize>,
+    t: &impl Fn(usize, usize) -> f64,
+    order: [usize; 3],
+    scale: &impl Fn(usize) -> f64,
+) {
+    let mut own: [[f64; C]; 3] = std::array::from_fn(|a| *lanes::<C>(b, (r + a) * columns + first));
+    for c in 3 * near.start..3 * near.end {
+        let source = lanes::<C>(b, c * columns + first);
+        for (a, own) in own.iter_mut().enumerate() {
+            subtract(own, t(r + a, c), source);
+        }
+    }
+    for (k, &a) in order.iter().enumerate() {
+        for &done in &order[..k] {
+            let source = own[done];
+            subtract(&mut own[a], t(r + a, r + done), &source);
+        }
+        let factor = scale(r + a);
+        own[a] = own[a].map(|x| x * factor);
+    }
+    for (a, own) in own.iter().enumerate() {
+        b[(r + a) * columns + first..][..C].copy_from_slice(own);
+    }
+}
+
+#[inline(always)]
+fn subtract<const C: usize>(x: &mut [f64; C], factor: f64, y: &[f64; C]) {
+    for (x, y) in x.iter_mut().zip(y) {
+        *x -= factor * y;
+    }
+}
+
+/// C entries from `start` on.
+#[inline(always)]
+fn lanes<const C: usize>(b: &[f64], start: usize) -> &[f64; C] {
+    match b[start..].first_chunk::<C>() {
+        Some(lanes) => lanes,
+        None => &[0.0; C], // not reached: a row has `columns` entries
+    }
+}

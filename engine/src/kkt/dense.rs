@@ -1,0 +1,142 @@
+//! Dense factorizations: own kernels for small systems, faer's for large ones.
+
+use super::dense_small::{DenseCholesky, DenseLu};
+use super::{BlockBand, KktError, PIVOT_FLOOR, Symmetry, sum_abs};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::lu::partial_pivoting as lu;
+use faer::perm::PermRef;
+use faer::{Conj, MatMut, MatRef, Par};
+
+/// Rows from which faer's blocked factorizations win.
+const LARGE: usize = 128;
+
+/// A full matrix, row-major, factored in place.
+#[derive(Clone, Debug)]
+pub(super) struct Dense {
+    symmetry: Symmetry,
+    dim: usize,
+    entries: Vec<f64>,
+    /// Row permutation of a large LU, and its inverse.
+    permutation: [Vec<usize>; 2],
+    small_lu: DenseLu,
+    small_cholesky: DenseCholesky,
+}
+
+impl Dense {
+    pub fn new(symmetry: Symmetry, dim: usize) -> Self {
+        let permutation = [vec![0; dim], vec![0; dim]];
+        let entries = vec![0.0; dim * dim];
+        Self { symmetry, dim, entries, permutation, small_lu: DenseLu::new(dim), small_cholesky: DenseCholesky::new(dim) }
+    }
+
+    pub fn refactor(&mut self, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
+        self.load(a)?;
+        if self.symmetry == Symmetry::Symmetric {
+            self.uncouple(driven);
+        }
+        match (self.symmetry, self.dim < LARGE) {
+            (Symmetry::General, true) => self.small_lu.factor(&mut self.entries),
+            (Symmetry::Symmetric, true) => self.small_cholesky.factor(&mut self.entries),
+            (Symmetry::General, false) => self.large_lu(),
+            (Symmetry::Symmetric, false) => self.large_cholesky(),
+        }
+    }
+
+    fn load(&mut self, a: &BlockBand) -> Result<(), KktError> {
+        self.entries.fill(0.0);
+        for r in 0..self.dim {
+            let (span, column) = a.span(r);
+            let row = &a.row(r)[span];
+            if !sum_abs(row).is_finite() {
+                return Err(KktError::NotFinite { row: r, dim: self.dim });
+            }
+            self.entries[r * self.dim + column..][..row.len()].copy_from_slice(row);
+        }
+        Ok(())
+    }
+
+    /// Makes rows and columns of driven nodes those of the identity.
+    fn uncouple(&mut self, driven: &[bool]) {
+        let dim = self.dim;
+        for p in (0..dim).filter(|p| driven[p / 3]) {
+            self.entries[p * dim..(p + 1) * dim].fill(0.0);
+            for r in 0..dim {
+                self.entries[r * dim + p] = 0.0;
+            }
+            self.entries[p * dim + p] = 1.0;
+        }
+    }
+
+    fn large_lu(&mut self) -> Result<(), KktError> {
+        let dim = self.dim;
+        let mut sizes = vec![0.0_f64; dim];
+        for row in self.entries.chunks_exact(dim) {
+            for (size, x) in sizes.iter_mut().zip(row) {
+                *size = size.max(x.abs());
+            }
+        }
+        let mut memory = MemBuffer::new(lu::factor::lu_in_place_scratch::<usize, f64>(dim, dim, Par::Seq, Default::default()));
+        let entries = MatMut::from_row_major_slice_mut(&mut self.entries, dim, dim);
+        let [forward, inverse] = &mut self.permutation;
+        lu::factor::lu_in_place(entries, forward, inverse, Par::Seq, MemStack::new(&mut memory), Default::default());
+        for (row, &size) in sizes.iter().enumerate() {
+            let pivot = self.entries[row * dim + row];
+            let sound = pivot.abs() > PIVOT_FLOOR * size;
+            if !sound {
+                return Err(KktError::Singular { row, dim, pivot, size });
+            }
+        }
+        Ok(())
+    }
+
+    fn large_cholesky(&mut self) -> Result<(), KktError> {
+        let dim = self.dim;
+        let sizes: Vec<f64> = (0..dim).map(|r| self.entries[r * dim + r]).collect();
+        let mut memory = MemBuffer::new(llt::factor::cholesky_in_place_scratch::<f64>(dim, Par::Seq, Default::default()));
+        let entries = MatMut::from_column_major_slice_mut(&mut self.entries, dim, dim);
+        let stack = MemStack::new(&mut memory);
+        let done = llt::factor::cholesky_in_place(entries, Default::default(), Par::Seq, stack, Default::default());
+        // faer reports where it stopped, not the pivot; vanishing pivots it accepts are found below
+        let stopped = match done {
+            Ok(_) => None,
+            Err(llt::factor::LltError::NonPositivePivot { index }) => Some((index, f64::NAN)),
+        };
+        let vanished = || {
+            let pivots = (0..dim).map(|r| (r, self.entries[r * dim + r].powi(2)));
+            pivots.zip(&sizes).find(|((_, pivot), size)| *pivot <= PIVOT_FLOOR * *size).map(|(found, _)| found)
+        };
+        match stopped.or_else(vanished) {
+            Some((row, pivot)) => Err(KktError::NotPositiveDefinite { row, dim, pivot, size: sizes[row] }),
+            None => Ok(()),
+        }
+    }
+
+    pub fn solve(&self, b: &mut [f64], columns: usize, transpose: bool) {
+        match (self.symmetry, self.dim < LARGE) {
+            (Symmetry::General, true) => self.small_lu.solve(&self.entries, b, columns, transpose),
+            (Symmetry::Symmetric, true) => self.small_cholesky.solve(&self.entries, b, columns),
+            (Symmetry::General, false) => self.solve_large_lu(MatMut::from_row_major_slice_mut(b, self.dim, columns), transpose),
+            (Symmetry::Symmetric, false) => {
+                let l = MatRef::from_column_major_slice(&self.entries, self.dim, self.dim);
+                let b = MatMut::from_row_major_slice_mut(b, self.dim, columns);
+                let mut memory = MemBuffer::new(llt::solve::solve_in_place_scratch::<f64>(self.dim, columns, Par::Seq));
+                llt::solve::solve_in_place_with_conj(l, Conj::No, b, Par::Seq, MemStack::new(&mut memory));
+            }
+        }
+    }
+
+    fn solve_large_lu(&self, b: MatMut<'_, f64>, transpose: bool) {
+        let m = MatRef::from_row_major_slice(&self.entries, self.dim, self.dim);
+        let [forward, inverse] = &self.permutation;
+        let permutation = PermRef::new_checked(forward, inverse, self.dim);
+        let request = lu::solve::solve_in_place_scratch::<usize, f64>(self.dim, b.ncols(), Par::Seq);
+        let mut memory = MemBuffer::new(request);
+        let stack = MemStack::new(&mut memory);
+        if transpose {
+            lu::solve::solve_transpose_in_place_with_conj(m, m, permutation, Conj::No, b, Par::Seq, stack);
+        } else {
+            lu::solve::solve_in_place_with_conj(m, m, permutation, Conj::No, b, Par::Seq, stack);
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Dense LU and Cholesky for systems of up to about a hundred rows, where blocking costs more than it gives.
+
+use super::driven::axpy_rows;
+use super::{KktError, PIVOT_FLOOR};
+
+/// P A = L U with row pivoting, row-major in place: L unit lower, U upper.
+#[derive(Clone, Debug)]
+pub(super) struct DenseLu {
+    dim: usize,
+    /// Row exchanged with row k at step k.
+    swaps: Vec<usize>,
+    /// 1/U_kk.
+    inverse: Vec<f64>,
+    sizes: Vec<f64>,
+}
+
+impl DenseLu {
+    pub fn new(dim: usize) -> Self {
+        Self { dim, swaps: vec![0; dim], inverse: vec![0.0; dim], sizes: vec![0.0; dim] }
+    }
+
+    pub fn factor(&mut self, a: &mut [f64]) -> Result<(), KktError> {
+        let dim = self.dim;
+        self.sizes.fill(0.0);
+        for row in a.chunks_exact(dim) {
+            for (size, x) in self.sizes.iter_mut().zip(row) {
+                *size = size.max(x.abs());
+            }
+        }
+        for k in 0..dim {
+            let magnitude = |r: usize| a[r * dim + k].abs();
+            let best = (k + 1..dim).fold(k, |best, r| if magnitude(r) > magnitude(best) { r } else { best });
+            self.swaps[k] = best;
+            if best != k {
+                let (head, tail) = a.split_at_mut(best * dim);
+                head[k * dim..(k + 1) * dim].swap_with_slice(&mut tail[..dim]);
+            }
+            let pivot = a[k * dim + k];
+            let sound = pivot.abs() > PIVOT_FLOOR * self.sizes[k];
+            if !sound {
+                return Err(KktError::Singular { row: k, dim, pivot, size: self.sizes[k] });
+            }
+            self.inverse[k] = 1.0 / pivot;
+            let (head, below) = a.split_at_mut((k + 1) * dim);
+            let pivot_row = &head[k * dim + k + 1..];
+            for row in below.chunks_exact_mut(dim) {
+                // band matrices are mostly zero
+                if row[k] != 0.0 {
+                    let factor = row[k] * self.inverse[k];
+                    row[k] = factor;
+                    for (x, u) in row[k + 1..].iter_mut().zip(pivot_row) {
+                        *x -= factor * u;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub fn solve(&self, a: &[f64], b: &mut [f64], columns: usize, transpose: bool) {
+        let dim = self.dim;
+        if !transpose {
+            (0..dim).for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
+            (0..dim).for_each(|r| (0..r).for_each(|c| subtract(b, columns, r, c, a[r * dim + c])));
+            for r in (0..dim).rev() {
+                (r + 1..dim).for_each(|c| subtract(b, columns, r, c, a[r * dim + c]));
+                scale_row(b, columns, r, self.inverse[r]);
+            }
+        } else {
+            for r in 0..dim {
+                scale_row(b, columns, r, self.inverse[r]);
+                (r + 1..dim).for_each(|c| subtract(b, columns, c, r, a[r * dim + c]));
+            }
+            (0..dim).rev().for_each(|r| (0..r).for_each(|c| subtract(b, columns, c, r, a[r * dim + c])));
+            (0..dim).rev().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
+        }
+    }
+}
+
+/// A = L Lᵀ, row-major in place, lower triangle.
+#[derive(Clone, Debug)]
+pub(super) struct DenseCholesky {
+    dim: usize,
+    /// 1/L_kk.
+    inverse: Vec<f64>,
+}
+
+impl DenseCholesky {
+    pub fn new(dim: usize) -> Self {
+        Self { dim, inverse: vec![0.0; dim] }
+    }
+
+    pub fn factor(&mut self, a: &mut [f64]) -> Result<(), KktError> {
+        let dim = self.dim;
+        for r in 0..dim {
+            let (above, row) = a.split_at_mut(r * dim);
+            for (c, other) in above.chunks_exact(dim).enumerate() {
+                row[c] = (row[c] - dot(&row[..c], &other[..c])) * self.inverse[c];
+            }
+            let size = row[r];
+            let pivot = size - dot(&row[..r], &row[..r]);
+            let sound = pivot > PIVOT_FLOOR * size && pivot < f64::INFINITY;
+            if !sound {
+                return Err(KktError::NotPositiveDefinite { row: r, dim, pivot, size });
+            }
+            self.inverse[r] = 1.0 / pivot.sqrt();
+        }
+        Ok(())
+    }
+
+    pub fn solve(&self, a: &[f64], b: &mut [f64], columns: usize) {
+        let dim = self.dim;
+        for r in 0..dim {
+            (0..r).for_each(|c| subtract(b, columns, r, c, a[r * dim + c]));
+            scale_row(b, columns, r, self.inverse[r]);
+        }
+        for r in (0..dim).rev() {
+            scale_row(b, columns, r, self.inverse[r]);
+            (0..r).for_each(|c| subtract(b, columns, c, r, a[r * dim + c]));
+        }
+    }
+}
+
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    let (x, y) = (x.as_chunks::<4>(), y.as_chunks::<4>());
+    let mut lanes = [0.0; 4];
+    for (x, y) in x.0.iter().zip(y.0) {
+        for (lane, (x, y)) in lanes.iter_mut().zip(x.iter().zip(y)) {
+            *lane += x * y;
+        }
+    }
+    let rest: f64 = x.1.iter().zip(y.1).map(|(x, y)| x * y).sum();
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]) + rest
+}
+
+/// Row `target` −= factor · row `source`, unless there is nothing to subtract.
+#[inline(always)]
+fn subtract(b: &mut [f64], columns: usize, target: usize, source: usize, factor: f64) {
+    if factor == 0.0 {
+        return;
+    }
+    if columns == 1 {
+        b[target] -= factor * b[source];
+    } else {
+        axpy_rows(b, columns, target, source, factor);
+    }
+}
+
+fn scale_row(b: &mut [f64], columns: usize, r: usize, factor: f64) {
+    for x in &mut b[r * columns..(r + 1) * columns] {
+        *x *= factor;
+    }
+}
+
+fn swap_rows(b: &mut [f64], columns: usize, r: usize, other: usize) {
+    if r != other {
+        let (low, high) = (r.min(other), r.max(other));
+        let (head, tail) = b.split_at_mut(high * columns);
+        head[low * columns..(low + 1) * columns].swap_with_slice(&mut tail[..columns]);
+    }
+}

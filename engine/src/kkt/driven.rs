@@ -1,0 +1,67 @@
+//! The columns K_fp by which free rows feel driven nodes, kept beside a symmetric factor of K_ff.
+
+use super::BlockBand;
+
+/// Blocks (free i, driven j) of K_fp, and where they lie in a [`BlockBand`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct CouplingPattern {
+    blocks: Vec<(usize, usize)>,
+    half_width: usize,
+}
+
+impl CouplingPattern {
+    pub fn new(rows: &[Vec<usize>], driven: &[bool], half_width: usize) -> Self {
+        let free_rows = rows.iter().enumerate().filter(|(i, _)| !driven[*i]);
+        let blocks = free_rows.flat_map(|(i, row)| row.iter().filter(|&&j| driven[j]).map(move |&j| (i, j))).collect();
+        Self { blocks, half_width }
+    }
+
+    pub fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Copies the blocks' values.
+    pub fn load(&self, a: &BlockBand, values: &mut [[[f64; 3]; 3]]) {
+        for (&(i, j), block) in self.blocks.iter().zip(values) {
+            let start = 3 * (j + self.half_width - i);
+            for (b, row) in block.iter_mut().enumerate() {
+                row.copy_from_slice(&a.row(3 * i + b)[start..start + 3]);
+            }
+        }
+    }
+
+    /// `b_f −= K_fp b_p`, row-major with `columns` right-hand sides.
+    pub fn subtract(&self, values: &[[[f64; 3]; 3]], b: &mut [f64], columns: usize) {
+        self.for_pairs(values, |r, c, k| axpy_rows(b, columns, r, c, k));
+    }
+
+    /// `x_p −= K_fpᵀ x_f`.
+    pub fn subtract_transpose(&self, values: &[[[f64; 3]; 3]], x: &mut [f64], columns: usize) {
+        self.for_pairs(values, |r, c, k| axpy_rows(x, columns, c, r, k));
+    }
+
+    fn for_pairs(&self, values: &[[[f64; 3]; 3]], mut visit: impl FnMut(usize, usize, f64)) {
+        for (&(i, j), block) in self.blocks.iter().zip(values) {
+            for (b, row) in block.iter().enumerate() {
+                for (c, &k) in row.iter().enumerate() {
+                    visit(3 * i + b, 3 * j + c, k);
+                }
+            }
+        }
+    }
+}
+
+/// Row `target` −= factor · row `source` of a row-major matrix with `columns` columns.
+#[inline]
+pub(super) fn axpy_rows(b: &mut [f64], columns: usize, target: usize, source: usize, factor: f64) {
+    let (to, from) = if target < source {
+        let (head, tail) = b.split_at_mut(source * columns);
+        (&mut head[target * columns..(target + 1) * columns], &tail[..columns])
+    } else {
+        let (head, tail) = b.split_at_mut(target * columns);
+        (&mut tail[..columns], &head[source * columns..(source + 1) * columns])
+    };
+    for (t, s) in to.iter_mut().zip(from) {
+        *t -= factor * s;
+    }
+}

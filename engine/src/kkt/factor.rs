@@ -1,0 +1,168 @@
+//! A factored matrix: solves, transposed solves, many right-hand sides, refinement.
+
+use super::band_cholesky::BandCholesky;
+use super::band_lu::BandLu;
+use super::dense::Dense;
+use super::sparse::Sparse;
+use super::symbolic::{Shared, Symbolic};
+use super::{BlockBand, KktError, Method, Symmetry};
+
+/// The factorization of one matrix. Until [`Factor::refactor`] has succeeded, solves fill their argument with NaN.
+///
+/// Right-hand sides are overwritten by solutions. `_many` takes `columns` of them row-major: row r is
+/// `b[r * columns..(r + 1) * columns]`. Slices must have `dim` (times `columns`) entries.
+#[derive(Clone, Debug)]
+pub struct Factor {
+    symbolic: Symbolic,
+    kind: Kind,
+    coupling: Vec<[[f64; 3]; 3]>,
+    ready: bool,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    BandLu(BandLu),
+    BandCholesky(BandCholesky),
+    Dense(Dense),
+    Sparse(Sparse),
+}
+
+impl Factor {
+    /// Memory for factors of matrices described by `symbolic`.
+    pub fn new(symbolic: &Symbolic) -> Self {
+        let shared = &symbolic.shared;
+        let kind = match (shared.method, shared.symmetry) {
+            (Method::Band, Symmetry::General) => Kind::BandLu(BandLu::new(shared.n_blocks, shared.half_width)),
+            (Method::Band, Symmetry::Symmetric) => Kind::BandCholesky(BandCholesky::new(shared.n_blocks, shared.half_width)),
+            (Method::Dense, _) => Kind::Dense(Dense::new(shared.symmetry, shared.dim())),
+            (Method::Sparse, _) => Kind::Sparse(Sparse::new(shared)),
+        };
+        let coupling = vec![[[0.0; 3]; 3]; shared.coupling.len()];
+        Self { symbolic: symbolic.clone(), kind, coupling, ready: false }
+    }
+
+    /// What this factor was made for.
+    pub fn symbolic(&self) -> &Symbolic {
+        &self.symbolic
+    }
+
+    /// Number of scalar rows.
+    pub fn dim(&self) -> usize {
+        self.shared().dim()
+    }
+
+    /// Factors `a`. Without allocation after the first call for [`Method::Band`].
+    pub fn refactor(&mut self, a: &BlockBand) -> Result<(), KktError> {
+        self.ready = false;
+        let shared = &*self.symbolic.shared;
+        shared.check(a)?;
+        match &mut self.kind {
+            Kind::BandLu(f) => f.refactor(a)?,
+            Kind::BandCholesky(f) => f.refactor(a, &shared.driven)?,
+            Kind::Dense(f) => f.refactor(a, &shared.driven)?,
+            Kind::Sparse(f) => f.refactor(a, shared)?,
+        }
+        shared.coupling.load(a, &mut self.coupling);
+        self.ready = true;
+        Ok(())
+    }
+
+    /// `b ← A⁻¹ b`.
+    pub fn solve(&self, b: &mut [f64]) {
+        self.apply(b, 1, false);
+    }
+
+    /// `b ← A⁻ᵀ b`.
+    pub fn solve_transpose(&self, b: &mut [f64]) {
+        self.apply(b, 1, true);
+    }
+
+    /// `B ← A⁻¹ B`.
+    pub fn solve_many(&self, b: &mut [f64], columns: usize) {
+        self.apply(b, columns, false);
+    }
+
+    /// `B ← A⁻ᵀ B`.
+    pub fn solve_transpose_many(&self, b: &mut [f64], columns: usize) {
+        self.apply(b, columns, true);
+    }
+
+    /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction
+    /// relative to x (largest magnitudes; 0 without steps): what further refinement could still change.
+    pub fn solve_refined(&self, a: &BlockBand, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
+        self.refine(b, x, scratch, steps, 1, false, |x, r| a.add_mul(-1.0, x, r))
+    }
+
+    /// As [`Factor::solve_refined`], `x ← A⁻ᵀ b`.
+    pub fn solve_transpose_refined(&self, a: &BlockBand, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
+        self.refine(b, x, scratch, steps, 1, true, |x, r| a.add_mul_transpose(-1.0, x, r))
+    }
+
+    /// As [`Factor::solve_refined`], `X ← A⁻¹ B` with `columns` row-major right-hand sides.
+    pub fn solve_many_refined(
+        &self,
+        a: &BlockBand,
+        b: &[f64],
+        x: &mut [f64],
+        scratch: &mut Vec<f64>,
+        steps: usize,
+        columns: usize,
+    ) -> f64 {
+        self.refine(b, x, scratch, steps, columns, false, |x, r| a.add_mul_many(-1.0, x, r, columns))
+    }
+
+    fn shared(&self) -> &Shared {
+        &self.symbolic.shared
+    }
+
+    fn apply(&self, b: &mut [f64], columns: usize, transpose: bool) {
+        debug_assert_eq!(b.len(), self.dim() * columns);
+        if !self.ready {
+            b.fill(f64::NAN);
+            return;
+        }
+        let shared = self.shared();
+        if !transpose {
+            shared.coupling.subtract(&self.coupling, b, columns);
+        }
+        match &self.kind {
+            Kind::BandLu(f) => f.solve(b, columns, transpose),
+            Kind::BandCholesky(f) => f.solve(b, columns),
+            Kind::Dense(f) => f.solve(b, columns, transpose),
+            Kind::Sparse(f) => f.solve(shared, b, columns, transpose),
+        }
+        if transpose {
+            shared.coupling.subtract_transpose(&self.coupling, b, columns);
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn refine(
+        &self,
+        b: &[f64],
+        x: &mut [f64],
+        scratch: &mut Vec<f64>,
+        steps: usize,
+        columns: usize,
+        transpose: bool,
+        subtract_product: impl Fn(&[f64], &mut [f64]),
+    ) -> f64 {
+        x.copy_from_slice(b);
+        self.apply(x, columns, transpose);
+        let mut relative = 0.0;
+        for _ in 0..steps {
+            scratch.clear();
+            scratch.extend_from_slice(b);
+            subtract_product(x, scratch);
+            self.apply(scratch, columns, transpose);
+            let (mut correction, mut size) = (0.0_f64, 0.0_f64);
+            for (x, d) in x.iter_mut().zip(scratch.iter()) {
+                *x += d;
+                correction = correction.max(d.abs());
+                size = size.max(x.abs());
+            }
+            relative = if size > 0.0 { correction / size } else { 0.0 };
+        }
+        relative
+    }
+}

@@ -1,0 +1,290 @@
+#![allow(clippy::unwrap_used)]
+use super::*;
+use nalgebra::{DMatrix, DVector};
+
+const METHODS: [Method; 3] = [Method::Band, Method::Dense, Method::Sparse];
+const KINDS: [Symmetry; 2] = [Symmetry::General, Symmetry::Symmetric];
+
+/// A generator that is the same everywhere; uniform in (−1, 1).
+struct Lcg(u64);
+impl Lcg {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+    fn vector(&mut self, n: usize) -> Vec<f64> {
+        (0..n).map(|_| self.next()).collect()
+    }
+}
+
+/// Driven: the first two nodes, one in the middle, and the last.
+fn some_driven(n: usize) -> Vec<bool> {
+    (0..n).map(|i| i < 2 || i == n / 2 || i + 1 == n).collect()
+}
+
+/// Diagonally dominant, with stiffnesses over four decades; symmetric between free rows, identity in driven ones.
+fn random_matrix(symmetry: Symmetry, n: usize, half_width: usize, driven: &[bool], rng: &mut Lcg) -> BlockBand {
+    let mut a = BlockBand::zeros(n, half_width);
+    let scale: Vec<f64> = (0..n).map(|_| 10f64.powf(2.0 * rng.next())).collect();
+    for i in 0..n {
+        for j in i..n.min(i + half_width + 1) {
+            let s = (scale[i] * scale[j]).sqrt();
+            for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (3 * i + r, 3 * j + c))) {
+                if symmetry == Symmetry::General {
+                    a.add(r, c, s * rng.next());
+                    a.add(c, r, s * rng.next());
+                } else if r <= c {
+                    let value = s * rng.next();
+                    a.add(r, c, value);
+                    if r != c {
+                        a.add(c, r, value);
+                    }
+                } else if i != j {
+                    let value = s * rng.next();
+                    a.add(r, c, value);
+                    a.add(c, r, value);
+                }
+            }
+        }
+    }
+    let size = (6 * half_width + 3) as f64;
+    for r in 0..3 * n {
+        a.add(r, r, size * 100.0);
+        if driven[r / 3] {
+            a.row_mut(r).fill(0.0);
+            a.add(r, r, 1.0);
+        }
+    }
+    a
+}
+
+fn dense(a: &BlockBand) -> DMatrix<f64> {
+    DMatrix::from_fn(a.dim(), a.dim(), |r, c| a.get(r, c))
+}
+
+fn factor_of(method: Method, symmetry: Symmetry, a: &BlockBand, driven: &[bool]) -> Result<Factor, KktError> {
+    let symbolic = Symbolic::new(method, symmetry, a.n_blocks(), a.half_width(), driven, None)?;
+    let mut factor = Factor::new(&symbolic);
+    factor.refactor(a)?;
+    Ok(factor)
+}
+
+fn assert_close(x: &[f64], expected: &[f64], tolerance: f64, what: &str) {
+    let size = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let error = x.iter().zip(expected).fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()));
+    assert!(error <= tolerance * size, "{what}: off by {:e} of {size:e}", error);
+}
+
+/// Calls `check` for all kinds, sizes below and above the dense threshold, and widths with and without own code.
+fn for_systems(mut check: impl FnMut(Method, Symmetry, &BlockBand, &[bool], &mut Lcg, &str)) {
+    let mut rng = Lcg(3);
+    for symmetry in KINDS {
+        for (n, half_width) in [(1, 0), (1, 2), (2, 2), (7, 1), (20, 2), (11, 3), (50, 2)] {
+            for driven in [vec![false; n], some_driven(n)] {
+                let a = random_matrix(symmetry, n, half_width, &driven, &mut rng);
+                for method in METHODS {
+                    let what = format!("{method:?} {symmetry:?} n {n} half width {half_width} driven {}", driven[0]);
+                    check(method, symmetry, &a, &driven, &mut rng, &what);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn all_kinds_solve_as_a_dense_reference() {
+    for_systems(|method, symmetry, a, driven, rng, what| {
+        let factor = factor_of(method, symmetry, a, driven).unwrap();
+        let b = rng.vector(a.dim());
+        let reference = dense(a).lu();
+        let expected = reference.solve(&DVector::from_vec(b.clone())).unwrap();
+        let mut x = b.clone();
+        factor.solve(&mut x);
+        assert_close(&x, expected.as_slice(), 1e-13, what);
+        let expected = dense(a).transpose().lu().solve(&DVector::from_vec(b.clone())).unwrap();
+        let mut x = b;
+        factor.clone().solve_transpose(&mut x);
+        assert_close(&x, expected.as_slice(), 1e-13, &format!("{what}, transposed"));
+    });
+}
+
+#[test]
+fn many_right_hand_sides_are_single_ones_side_by_side() {
+    for_systems(|method, symmetry, a, driven, rng, what| {
+        let factor = factor_of(method, symmetry, a, driven).unwrap();
+        for columns in [1, 3, 8, 21] {
+            let b = rng.vector(a.dim() * columns);
+            for transpose in [false, true] {
+                let mut many = b.clone();
+                match transpose {
+                    false => factor.solve_many(&mut many, columns),
+                    true => factor.solve_transpose_many(&mut many, columns),
+                }
+                for k in 0..columns {
+                    let mut one: Vec<f64> = b.iter().skip(k).step_by(columns).copied().collect();
+                    if transpose {
+                        factor.solve_transpose(&mut one)
+                    } else {
+                        factor.solve(&mut one)
+                    }
+                    let column: Vec<f64> = many.iter().skip(k).step_by(columns).copied().collect();
+                    assert_close(&column, &one, 1e-14, what);
+                }
+            }
+        }
+        factor.solve_many(&mut [], 0);
+    });
+}
+
+#[test]
+fn refinement_recovers_a_factor_of_another_matrix() {
+    for_systems(|method, symmetry, a, driven, rng, what| {
+        let factor = factor_of(method, symmetry, a, driven).unwrap();
+        // the same up to 1e-4: what a regularized factor would be
+        let mut exact = a.clone();
+        for r in (0..a.dim()).filter(|r| !driven[r / 3]) {
+            exact.add(r, r, 1e-4 * a.get(r, r));
+        }
+        let (b, mut x, mut scratch, mut back) = (rng.vector(a.dim()), vec![0.0; a.dim()], Vec::new(), vec![0.0; a.dim()]);
+        let left = factor.solve_refined(&exact, &b, &mut x, &mut scratch, 4);
+        assert!(left < 1e-14, "{what}: {left:e}");
+        exact.add_mul(1.0, &x, &mut back);
+        assert_close(&back, &b, 1e-13, what);
+        factor.solve_transpose_refined(&exact, &b, &mut x, &mut scratch, 4);
+        back.fill(0.0);
+        exact.add_mul_transpose(1.0, &x, &mut back);
+        assert_close(&back, &b, 1e-13, what);
+
+        let columns = 5;
+        let (b, mut x) = (rng.vector(a.dim() * columns), vec![0.0; a.dim() * columns]);
+        factor.solve_many_refined(&exact, &b, &mut x, &mut scratch, 4, columns);
+        let mut back = vec![0.0; a.dim() * columns];
+        exact.add_mul_many(1.0, &x, &mut back, columns);
+        assert_close(&back, &b, 1e-13, what);
+    });
+}
+
+#[test]
+fn an_explicit_pattern_is_enough_for_the_sparse_kinds() {
+    let mut rng = Lcg(5);
+    let (n, half_width) = (9, 4);
+    let driven = some_driven(n);
+    let pattern: Vec<(usize, usize)> = (0..n - 1).map(|i| (i, i + 1)).chain([(1, 5), (4, 8)]).collect();
+    for symmetry in KINDS {
+        let full = random_matrix(symmetry, n, half_width, &driven, &mut rng);
+        let mut a = full.clone();
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            if i != j && i.abs_diff(j) <= half_width && !pattern.contains(&(i.min(j), i.max(j))) {
+                for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (3 * i + r, 3 * j + c))) {
+                    a.add(r, c, -full.get(r, c));
+                }
+            }
+        }
+        let symbolic = Symbolic::new(Method::Sparse, symmetry, n, half_width, &driven, Some(&pattern)).unwrap();
+        let mut factor = Factor::new(&symbolic);
+        factor.refactor(&a).unwrap();
+        let b = rng.vector(a.dim());
+        let (mut x, mut reference) = (b.clone(), b);
+        factor.solve(&mut x);
+        factor_of(Method::Band, symmetry, &a, &driven).unwrap().solve(&mut reference);
+        assert_close(&x, &reference, 1e-13, "explicit pattern");
+    }
+    let outside = Symbolic::new(Method::Sparse, Symmetry::General, n, 2, &driven, Some(&[(0, 3)]));
+    assert_eq!(outside.unwrap_err(), KktError::Pattern { i: 0, j: 3, half_width: 2, n_blocks: n });
+}
+
+#[test]
+fn singular_matrices_name_a_row() {
+    let (n, half_width, bad) = (20, 2, 34);
+    for symmetry in KINDS {
+        let driven = some_driven(n);
+        let mut a = random_matrix(symmetry, n, half_width, &driven, &mut Lcg(9));
+        for c in 0..3 * n {
+            if a.get(bad, c) != 0.0 || a.get(c, bad) != 0.0 {
+                let (rc, cr) = (a.get(bad, c), a.get(c, bad));
+                a.add(bad, c, -rc);
+                if c != bad {
+                    a.add(c, bad, -cr);
+                }
+            }
+        }
+        for method in METHODS {
+            let error = factor_of(method, symmetry, &a, &driven).unwrap_err();
+            let (KktError::Singular { row, dim, .. } | KktError::NotPositiveDefinite { row, dim, .. }) = error else {
+                panic!("{method:?} {symmetry:?}: {error}");
+            };
+            assert_eq!(dim, 3 * n);
+            assert_eq!(row, bad, "{method:?} {symmetry:?}: {error}");
+        }
+    }
+}
+
+#[test]
+fn rigid_translation_without_mass_is_found_singular() {
+    // a free chain of springs: rows add up to zero, the last pivots are rounding noise
+    let n = 12;
+    let mut a = BlockBand::zeros(n, 1);
+    for i in 0..n - 1 {
+        let k = [[3.0, 0.1, 0.0], [0.1, 2.0, 0.3], [0.0, 0.3, 1.0 / 3.0]];
+        for (r, c, s) in [(i, i, 1.0), (i + 1, i + 1, 1.0), (i, i + 1, -1.0), (i + 1, i, -1.0)] {
+            a.add_block(r, c, s, &k);
+        }
+    }
+    for method in METHODS {
+        for symmetry in KINDS {
+            let error = factor_of(method, symmetry, &a, &[false; 12]);
+            assert!(error.is_err(), "{method:?} {symmetry:?}");
+        }
+    }
+}
+
+#[test]
+fn indefinite_and_undefined_matrices_are_refused() {
+    let (n, half_width) = (10, 2);
+    let driven = vec![false; n];
+    let good = random_matrix(Symmetry::Symmetric, n, half_width, &driven, &mut Lcg(13));
+    for method in METHODS {
+        let mut a = good.clone();
+        a.add(17, 17, -2.0 * a.get(17, 17));
+        let error = factor_of(method, Symmetry::Symmetric, &a, &driven).unwrap_err();
+        assert!(matches!(error, KktError::NotPositiveDefinite { row: 17, dim: 30, .. }), "{method:?}: {error}");
+        factor_of(method, Symmetry::General, &a, &driven).unwrap();
+        for symmetry in KINDS {
+            for bad in [f64::NAN, f64::INFINITY] {
+                let mut a = good.clone();
+                a.add(5, 5, bad);
+                let error = factor_of(method, symmetry, &a, &driven).unwrap_err();
+                assert!(matches!(error, KktError::NotFinite { row: 5, .. }), "{method:?} {symmetry:?} {bad}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn growth_without_pivoting_is_refused() {
+    let mut a = BlockBand::zeros(2, 1);
+    for r in 0..6 {
+        a.add(r, r, 1.0);
+    }
+    a.add(0, 0, 1e-12 - 1.0);
+    a.add(0, 1, 1e-3);
+    a.add(1, 0, 1e-3);
+    let error = factor_of(Method::Band, Symmetry::General, &a, &[false; 2]).unwrap_err();
+    assert!(matches!(error, KktError::Growth { row: 0 | 1, .. }), "{error}");
+    factor_of(Method::Dense, Symmetry::General, &a, &[false; 2]).unwrap();
+}
+
+#[test]
+fn shapes_are_checked_and_unfactored_solves_are_nan() {
+    let symbolic = Symbolic::new(Method::Band, Symmetry::General, 4, 2, &[false; 4], None).unwrap();
+    let mut factor = Factor::new(&symbolic);
+    let error = factor.refactor(&BlockBand::zeros(5, 2)).unwrap_err();
+    assert_eq!(error, KktError::Shape { what: "nodes of the matrix", expected: 4, found: 5 });
+    let error = factor.refactor(&BlockBand::zeros(4, 1)).unwrap_err();
+    assert_eq!(error, KktError::Shape { what: "half width of the matrix", expected: 2, found: 1 });
+    let mut b = vec![1.0; 12];
+    factor.solve(&mut b);
+    assert!(b.iter().all(|x| x.is_nan()));
+    let error = Symbolic::new(Method::Band, Symmetry::General, 4, 2, &[false; 3], None).unwrap_err();
+    assert_eq!(error.to_string(), "driven flags: expected 4, got 3");
+}

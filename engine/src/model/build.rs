@@ -1,0 +1,345 @@
+//! From a scene to a model.
+
+use super::{Model, NodeMass, RopeSpan};
+use crate::contact::ContactPair;
+use crate::geometry::Shape;
+use crate::kinematics::{Drive, DriveKind, EdgeClamp};
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Start};
+use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, Stretch, StretchDamping, Term, Vec3};
+use std::sync::Arc;
+
+/// A model that cannot be built.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum BuildError {
+    /// The scene contradicts itself.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A custom term acts on a node that does not exist.
+    #[error("term `{term}`: element {element} acts on node {node}, but the model has nodes 0 to {last}")]
+    Node {
+        /// Term.
+        term: String,
+        /// Element number.
+        element: usize,
+        /// Node asked for.
+        node: usize,
+        /// Last node there is.
+        last: usize,
+    },
+}
+
+/// Builds a [`Model`] from a scene, and lets one add forces of one's own before it is finished.
+#[derive(Debug)]
+pub struct ModelBuilder {
+    model: Model,
+}
+
+/// Nodes of one rope while its elements are listed: real nodes, and the ghosts at clamped end edges.
+struct RopeNodes<'a> {
+    rope: &'a Rope,
+    span: RopeSpan,
+    ghost_first: Option<usize>,
+    ghost_last: Option<usize>,
+    params: RopeParams,
+}
+
+struct RopeParams {
+    length: usize,
+    density: usize,
+    stretch: usize,
+    stretch_damping: usize,
+    bend: usize,
+    bend_damping: usize,
+    drag_linear: usize,
+    drag_quadratic: usize,
+    tip: usize,
+    radius: usize,
+    first_node_mass: usize,
+}
+
+/// Element lists of all terms, filled rope by rope.
+#[derive(Default)]
+struct Elements {
+    gravity: Vec<Element>,
+    stretch: Vec<Element>,
+    stretch_damping: Vec<Element>,
+    bend: Vec<Element>,
+    bend_damping: Vec<Element>,
+    drag: Vec<Element>,
+}
+
+impl ModelBuilder {
+    /// Checks the scene and builds everything it describes.
+    pub fn new<X>(scene: &Scene<X>) -> Result<Self, BuildError> {
+        crate::scene::check(scene)?;
+        let mut params = Params::default();
+        let gravity = params.push("gravity.magnitude", "m/s²", NON_NEGATIVE, scene.gravity.magnitude);
+        for (a, tilt) in scene.gravity.tilt.iter().enumerate() {
+            params.push(format!("gravity.tilt[{a}]"), "rad", ANY, *tilt);
+        }
+        let wind = params.len();
+        for (a, wind) in scene.air.wind.iter().enumerate() {
+            params.push(format!("air.wind[{a}]"), "m/s", ANY, *wind);
+        }
+        let (q0, v0) = crate::scene::initial_state(scene)?;
+        let mut model = Model {
+            params,
+            ropes: Vec::new(),
+            masses: Vec::new(),
+            driven: Vec::new(),
+            drives: Vec::new(),
+            terms: Vec::new(),
+            shapes: Vec::new(),
+            shape_names: Vec::new(),
+            pairs: Vec::new(),
+            reach: 2,
+            gravity,
+            h: scene.time.step,
+            integrator: scene.time.integrator,
+            contact: scene.contact.clone(),
+            solver: scene.solver.clone(),
+            start: if scene.rope.iter().any(|r| r.start == Start::Equilibrium) { Start::Equilibrium } else { Start::AsGiven },
+            q0,
+            v0,
+        };
+        let mut elements = Elements::default();
+        let mut ropes = Vec::new();
+        for rope in &scene.rope {
+            let nodes = RopeNodes::place(rope, &scene.gripper, &mut model);
+            nodes.list_elements(gravity, wind, &mut elements);
+            ropes.push(nodes);
+        }
+        model.add_terms(elements);
+        model.driven = vec![false; model.n_nodes()];
+        for gripper in &scene.gripper {
+            model.add_gripper(gripper, &ropes);
+        }
+        model.add_shapes(scene);
+        model.add_pairs(&ropes);
+        Ok(Self { model })
+    }
+
+    /// Adds an entry to θ, for a law of one's own, and returns its index.
+    pub fn add_param(&mut self, path: &str, unit: &'static str, bounds: (f64, f64), value: f64) -> usize {
+        self.model.params.push(path, unit, bounds, value)
+    }
+
+    /// The model so far, to look up nodes and parameters.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Adds a law and the elements it acts on; its derivatives are automatic.
+    pub fn add_law<L: Law + 'static>(&mut self, law: L, elements: Vec<Element>) -> Result<(), BuildError> {
+        let last = self.model.n_nodes() - 1;
+        for (k, e) in elements.iter().enumerate() {
+            if let Some(&node) = e.nodes.iter().find(|&&n| n > last) {
+                return Err(BuildError::Node { term: law.name().to_owned(), element: k, node, last });
+            }
+        }
+        self.add_term(Arc::new(Automatic::new(law, elements)));
+        Ok(())
+    }
+
+    /// Adds a force with derivatives of its own.
+    pub fn add_term(&mut self, term: Arc<dyn Term>) {
+        self.model.reach = self.model.reach.max(term.reach());
+        self.model.terms.push(term);
+    }
+
+    /// The finished model.
+    pub fn build(self) -> Model {
+        self.model
+    }
+}
+
+impl<'a> RopeNodes<'a> {
+    fn place(rope: &'a Rope, grippers: &[Gripper], model: &mut Model) -> Self {
+        let clamped = |end| grippers.iter().any(|g| g.rope == rope.name && g.clamp == Clamp::End(end));
+        let n = rope.n_nodes();
+        let first = model.masses.len();
+        let ghost_first = clamped(End::First).then_some(first);
+        let start = first + usize::from(ghost_first.is_some());
+        let ghost_last = clamped(End::Last).then_some(start + n);
+        let params = RopeParams::push(rope, &mut model.params);
+        let fractions = rope.fractions();
+        let ghost = NodeMass { ghost: true, ..NodeMass::default() };
+        model.masses.extend(ghost_first.map(|_| ghost.clone()));
+        for i in 0..n {
+            let mut extras = vec![params.first_node_mass + i];
+            if i + 1 == n {
+                extras.push(params.tip);
+            }
+            let fraction = voronoi(&fractions, i);
+            model.masses.push(NodeMass { fraction, length: params.length, density: params.density, extras, ghost: false });
+        }
+        model.masses.extend(ghost_last.map(|_| ghost));
+        let span = RopeSpan { name: rope.name.clone(), nodes: start..start + n, fractions, length: params.length };
+        model.ropes.push(span.clone());
+        Self { rope, span, ghost_first, ghost_last, params }
+    }
+
+    fn list_elements(&self, gravity: usize, wind: usize, out: &mut Elements) {
+        let (p, fractions) = (&self.params, &self.span.fractions);
+        let n = fractions.len() + 1;
+        let node = |i: usize| self.span.nodes.start + i;
+        for i in 0..n {
+            let mut params = vec![gravity, gravity + 1, gravity + 2, p.length, p.density, p.first_node_mass + i];
+            if i + 1 == n {
+                params.push(p.tip);
+            }
+            let constants = vec![voronoi(fractions, i)];
+            out.gravity.push(Element { nodes: vec![node(i)], params, constants: constants.clone() });
+            let params = vec![p.length, p.drag_linear, p.drag_quadratic, wind, wind + 1, wind + 2];
+            out.drag.push(Element { nodes: vec![node(i)], params, constants });
+        }
+        let pair =
+            |params: Vec<usize>, e: usize| Element { nodes: vec![node(e), node(e + 1)], params, constants: vec![fractions[e]] };
+        for e in 0..n - 1 {
+            out.stretch.push(pair(vec![p.length, p.stretch], e));
+            out.stretch_damping.push(pair(vec![p.length, p.stretch_damping], e));
+        }
+        let mut bend = |nodes: Vec<usize>, fraction: f64| {
+            let constants = vec![fraction];
+            let element =
+                |stiffness| Element { nodes: nodes.clone(), params: vec![p.length, stiffness], constants: constants.clone() };
+            out.bend.push(element(p.bend));
+            out.bend_damping.push(element(p.bend_damping));
+        };
+        if let Some(ghost) = self.ghost_first {
+            bend(vec![ghost, node(0), node(1)], fractions[0] / 2.0);
+        }
+        for i in 1..n - 1 {
+            bend(vec![node(i - 1), node(i), node(i + 1)], voronoi(fractions, i));
+        }
+        if let Some(ghost) = self.ghost_last {
+            bend(vec![node(n - 2), node(n - 1), ghost], fractions[n - 2] / 2.0);
+        }
+    }
+
+    fn drive_kind(&self, gripper: &Gripper) -> DriveKind {
+        let edges = self.span.fractions.len();
+        let edge = match &gripper.clamp {
+            Clamp::Nodes(nodes) => {
+                let n = edges as i64 + 1;
+                let index = |k: &i64| self.span.nodes.start + (if *k < 0 { k + n } else { *k }) as usize;
+                let nodes = nodes.iter().map(index).collect();
+                return match gripper.mode {
+                    Mode::Prescribed => DriveKind::PrescribedNodes(nodes),
+                    Mode::Velocity => DriveKind::VelocityNodes(nodes),
+                };
+            }
+            Clamp::End(End::First) => (self.span.nodes.start, self.ghost_first, self.span.fractions[0]),
+            Clamp::End(End::Last) => (self.span.nodes.end - 1, self.ghost_last, self.span.fractions[edges - 1]),
+        };
+        let (end, ghost, fraction) = edge;
+        let clamp = EdgeClamp { end, ghost: ghost.unwrap_or(end), length: self.params.length, fraction };
+        match gripper.mode {
+            Mode::Prescribed => DriveKind::PrescribedEdge(clamp),
+            Mode::Velocity => DriveKind::VelocityEdge(clamp),
+        }
+    }
+}
+
+impl RopeParams {
+    fn push(rope: &Rope, params: &mut Params) -> Self {
+        let mut entry = |name: &str, unit, bounds, value| params.push(format!("{}.{name}", rope.name), unit, bounds, value);
+        let mut out = Self {
+            length: entry("length", "m", POSITIVE, rope.length),
+            density: entry("linear_density", "kg/m", POSITIVE, rope.linear_density),
+            stretch: entry("stretch_stiffness", "N", NON_NEGATIVE, rope.stretch_stiffness),
+            stretch_damping: entry("stretch_damping", "N·s", NON_NEGATIVE, rope.stretch_damping),
+            bend: entry("bend_stiffness", "N·m²", NON_NEGATIVE, rope.bend_stiffness),
+            bend_damping: entry("bend_damping", "N·m²·s", NON_NEGATIVE, rope.bend_damping),
+            drag_linear: entry("drag_linear", "kg/(m·s)", NON_NEGATIVE, rope.drag_linear),
+            drag_quadratic: entry("drag_quadratic", "kg/m²", NON_NEGATIVE, rope.drag_quadratic),
+            tip: entry("tip_mass", "kg", NON_NEGATIVE, rope.tip_mass),
+            radius: entry("radius", "m", NON_NEGATIVE, rope.radius),
+            first_node_mass: 0,
+        };
+        let n = rope.n_nodes();
+        out.first_node_mass = params.len();
+        for i in 0..n {
+            let index = |k: i64| if k < 0 { k + n as i64 } else { k };
+            let mass = rope.node_mass.iter().filter(|m| index(m.node) == i as i64).map(|m| m.mass).sum();
+            params.push(format!("{}.node[{i}].mass", rope.name), "kg", NON_NEGATIVE, mass);
+        }
+        out
+    }
+}
+
+impl Model {
+    fn add_terms(&mut self, e: Elements) {
+        self.terms = vec![
+            Arc::new(Gravity::new(e.gravity)),
+            Arc::new(Stretch::new(e.stretch)),
+            Arc::new(StretchDamping::new(e.stretch_damping)),
+            Arc::new(Bend::new(e.bend)),
+            Arc::new(BendDamping::new(e.bend_damping)),
+            Arc::new(Drag::new(e.drag)),
+        ];
+    }
+
+    fn add_gripper(&mut self, gripper: &Gripper, ropes: &[RopeNodes]) {
+        let Some(rope) = ropes.iter().find(|r| r.rope.name == gripper.rope) else { return };
+        let first_u = self.nu();
+        let offset = self.params.len();
+        for (a, value) in gripper.offset.iter().enumerate() {
+            self.params.push(format!("{}.offset[{a}]", gripper.name), "m", ANY, *value);
+        }
+        let drive = Drive { name: gripper.name.clone(), kind: rope.drive_kind(gripper), first_u, offset };
+        for node in drive.nodes() {
+            self.driven[node] = true;
+        }
+        self.drives.push(drive);
+    }
+
+    fn add_shapes<X>(&mut self, scene: &Scene<X>) {
+        for s in &scene.plane {
+            let height = self.params.push(format!("{}.height", s.name), "m", ANY, s.height);
+            let (name, normal) = (s.name.clone(), Vec3::from(s.normal).normalize());
+            self.add_shape(Shape::Plane { name, point: Vec3::from(s.point), normal, height }, s.friction);
+        }
+        for s in &scene.sphere {
+            let center = self.push_vector(&s.name, "center", s.center);
+            let radius = self.params.push(format!("{}.radius", s.name), "m", POSITIVE, s.radius);
+            self.add_shape(Shape::Sphere { name: s.name.clone(), center, radius }, s.friction);
+        }
+        for s in &scene.capsule {
+            let a = self.push_vector(&s.name, "a", s.a);
+            let b = self.push_vector(&s.name, "b", s.b);
+            let radius = self.params.push(format!("{}.radius", s.name), "m", POSITIVE, s.radius);
+            self.add_shape(Shape::Capsule { name: s.name.clone(), a, b, radius }, s.friction);
+        }
+    }
+
+    fn push_vector(&mut self, object: &str, quantity: &str, value: [f64; 3]) -> [usize; 3] {
+        [0, 1, 2].map(|a| self.params.push(format!("{object}.{quantity}[{a}]"), "m", ANY, value[a]))
+    }
+
+    fn add_shape(&mut self, shape: Shape, friction: f64) {
+        let (Shape::Plane { name, .. } | Shape::Sphere { name, .. } | Shape::Capsule { name, .. }) = &shape;
+        self.params.push(format!("{name}.friction"), "-", NON_NEGATIVE, friction);
+        self.shape_names.push(name.clone());
+        self.shapes.push(shape);
+    }
+
+    /// Every free node with every shape.
+    fn add_pairs(&mut self, ropes: &[RopeNodes]) {
+        for (shape, name) in self.shape_names.iter().enumerate() {
+            let Some(friction) = self.params.find(&format!("{name}.friction")) else { continue };
+            for rope in ropes {
+                let free = rope.span.nodes.clone().filter(|&i| !self.driven[i]);
+                self.pairs.extend(free.map(|node| ContactPair { node, shape, radius: rope.params.radius, friction }));
+            }
+        }
+    }
+}
+
+/// Half of each adjacent edge, as a fraction of the length.
+fn voronoi(fractions: &[f64], i: usize) -> f64 {
+    let before = if i > 0 { fractions[i - 1] } else { 0.0 };
+    let after = fractions.get(i).copied().unwrap_or(0.0);
+    0.5 * (before + after)
+}

@@ -1,0 +1,113 @@
+//! What is tried when Newton's method fails, in this order: the warm start; a cold start with κ taken down from a soft contact;
+//! a Levenberg-damped matrix. Halving the step is the caller's last resort.
+
+use super::{Stuck, Work, newton};
+use crate::step::{Stage, StepError, Workspace};
+use nalgebra::Vector4;
+
+/// κ falls by this factor per stage of the continuation.
+const KAPPA_FACTOR: f64 = 1e-2;
+/// Iterations with a damped matrix are cheap to waste and slow to converge.
+const DAMPED_ITERATIONS: usize = 4;
+
+/// Solves the stage into `ws.it`; leaves the cone variables there as the next warm start.
+pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<(), StepError> {
+    let limit = stage.model.solver.max_iterations;
+    let mut stuck = if stage.has_contact() && ws.warm.is_empty() {
+        None
+    } else {
+        start(stage, ws);
+        let warm = std::mem::take(&mut ws.warm);
+        ws.it.w.copy_from_slice(&warm);
+        ws.warm = warm;
+        Some(newton(stage, ws, limit, work))
+    };
+    if stage.has_contact() && !matches!(stuck, Some(Ok(()))) {
+        stuck = Some(cold(stage, ws, limit, work));
+    }
+    if !matches!(stuck, Some(Ok(()))) {
+        stuck = Some(damped(stage, ws, limit, work));
+    }
+    match stuck {
+        Some(Ok(())) => {
+            ws.warm.clear();
+            ws.warm.extend_from_slice(&ws.it.w);
+            Ok(())
+        }
+        Some(Err(Stuck::Error(e))) => Err(e),
+        Some(Err(Stuck::NoProgress { correction })) => Err(explain(stage, ws, correction, work)),
+        None => Err(explain(stage, ws, f64::NAN, work)),
+    }
+}
+
+/// Velocities of the last step, driven rows at their command.
+fn start(stage: &Stage, ws: &mut Workspace) {
+    for (node, &driven) in stage.model.driven.iter().enumerate() {
+        let from = if driven { stage.v_cmd } else { stage.v_ref };
+        ws.it.v[3 * node..3 * node + 3].copy_from_slice(&from[3 * node..3 * node + 3]);
+    }
+}
+
+/// Cone variable in the middle of the central path for smoothing `kappa`: `w = √(κ m) e`.
+fn cold_cone(kappa: f64, mass: f64) -> Vector4<f64> {
+    Vector4::new((kappa * mass).sqrt(), 0.0, 0.0, 0.0)
+}
+
+fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
+    start(stage, ws);
+    let g = stage.theta[stage.model.gravity];
+    let fastest = stage.v_ref.iter().fold(g * stage.h, |a, v| a.max(v.abs()));
+    // a contact this soft turns a node of that speed round within the step
+    let mut gap = (fastest * fastest / g.max(1e-3)).max(stage.rest_gap);
+    for (c, pair) in stage.model.pairs.iter().enumerate() {
+        let soft = Stage { rest_gap: gap, ..*stage };
+        ws.it.w[c] = cold_cone(soft.law_point(c).kappa, stage.mass[pair.node]);
+    }
+    loop {
+        newton(&Stage { rest_gap: gap, ..*stage }, ws, limit, work)?;
+        if gap <= stage.rest_gap {
+            return Ok(());
+        }
+        gap = (gap * KAPPA_FACTOR).max(stage.rest_gap);
+    }
+}
+
+fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
+    let mut last = Stuck::NoProgress { correction: f64::NAN };
+    for weight in [10.0, 1000.0] {
+        start(stage, ws);
+        for (c, pair) in stage.model.pairs.iter().enumerate() {
+            ws.it.w[c] = cold_cone(stage.law_point(c).kappa, stage.mass[pair.node]);
+        }
+        let stiff = Stage { damping: weight * stage.inertia.max(1.0), ..*stage };
+        // the damped matrix brings the iterate near; the true one finishes
+        match newton(&stiff, ws, DAMPED_ITERATIONS * limit, work) {
+            Ok(()) | Err(Stuck::NoProgress { .. }) => {}
+            Err(e) => return Err(e),
+        }
+        match newton(stage, ws, limit, work) {
+            Ok(()) => return Ok(()),
+            Err(e) => last = e,
+        }
+    }
+    Err(last)
+}
+
+/// The error of a stage that did not converge, naming the number, the row and the term.
+fn explain(stage: &Stage, ws: &mut Workspace, correction: f64, work: &Work) -> StepError {
+    let it = ws.it.clone();
+    if let Some(k) = stage.q_ref.iter().chain(stage.v_ref).position(|x| !x.is_finite()) {
+        let node = (k % stage.q_ref.len()) / 3;
+        return StepError::NotFinite { step: 0, term: "state".to_owned(), node, value: f64::NAN };
+    }
+    let row = match stage.residual(&it, ws) {
+        Ok(()) => (0..ws.r.len()).max_by(|&a, &b| ws.r[a].abs().total_cmp(&ws.r[b].abs())).unwrap_or(0),
+        Err(e) => return e,
+    };
+    let residual = ws.r[row].abs();
+    let (term, broken) = stage.blame(&it, row, ws);
+    match broken {
+        Some((term, node, value)) => StepError::NotFinite { step: 0, term, node, value },
+        None => StepError::NotConverged { step: 0, iterations: work.iterations, correction, residual, row, term },
+    }
+}

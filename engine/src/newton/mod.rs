@@ -1,0 +1,215 @@
+//! Newton's method for one stage.
+//!
+//! A full step with matrix K gives d = −K⁻¹ r(y). The *simplified* correction d̄ = −K⁻¹ r(y + α d), from the same factor,
+//! decides: the step is taken if ‖d̄‖ ≤ (1 − α/4) ‖d‖ (Deuflhard 2011, natural monotonicity, in the mass norm, which a rotating
+//! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄ is itself taken as the next step and
+//! no new factorization is made. The end is reached when ‖d̄‖ is below the tolerance and the eigenvalues of all cone
+//! variables have settled.
+
+mod fallback;
+
+pub(crate) use fallback::solve_stage;
+
+use crate::step::{Stage, StepError, Workspace};
+use pliant_smoothing::eigenvalues;
+
+/// Corrections below this part of the last one are worth taking without a new matrix.
+const QUICK: f64 = 0.1;
+/// Smallest damping factor tried.
+const MIN_ALPHA: f64 = 1e-3;
+/// Relative change below which an eigenvalue has settled.
+const SETTLED: f64 = 1e-6;
+/// Corrections this many times the tolerance count as rounding noise if they stop shrinking.
+const NOISE: f64 = 1e3;
+
+/// Work of a solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Newton matrices assembled and solved with.
+    pub iterations: usize,
+    /// Factorizations, those at the root for a record included.
+    pub factorizations: usize,
+    /// Residual evaluations in chords and line searches.
+    pub evaluations: usize,
+}
+
+impl Work {
+    pub(crate) fn add(&mut self, other: Self) {
+        self.iterations += other.iterations;
+        self.factorizations += other.factorizations;
+        self.evaluations += other.evaluations;
+    }
+}
+
+/// Why Newton's method gave up, and how far it was.
+#[derive(Clone, Debug)]
+pub(crate) enum Stuck {
+    /// The correction no longer shrinks, or there were too many iterations.
+    NoProgress { correction: f64 },
+    /// A typed error that no other start will mend.
+    Error(StepError),
+}
+
+impl From<StepError> for Stuck {
+    fn from(e: StepError) -> Self {
+        Self::Error(e)
+    }
+}
+
+/// Solves the stage from the iterate in `ws.it`, whose driven velocities already are the commanded ones.
+pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
+    let tolerance = stage.model.solver.tolerance * velocity_scale(stage, ws);
+    let mut correction = f64::INFINITY;
+    for _ in 0..max_iterations {
+        work.iterations += 1;
+        work.factorizations += 1;
+        stage.linearize(ws)?;
+        if ws.factor.refactor(&ws.k).is_err() {
+            return Err(Stuck::NoProgress { correction });
+        }
+        correction = direction(stage, ws);
+        if !correction.is_finite() {
+            return Err(Stuck::NoProgress { correction });
+        }
+        match descend(stage, ws, correction, tolerance, work)? {
+            Descent::Converged => return Ok(()),
+            Descent::Continue => {}
+            Descent::Stalled if correction <= NOISE * tolerance => return Ok(()),
+            Descent::Stalled => return Err(Stuck::NoProgress { correction }),
+        }
+    }
+    Err(Stuck::NoProgress { correction })
+}
+
+/// How one Newton direction ended.
+enum Descent {
+    Converged,
+    Continue,
+    Stalled,
+}
+
+/// Damped step along `ws.d`, then chords with the same matrix while they contract quickly.
+fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
+    let mut norm = norm;
+    let mut alpha: f64 = 1.0;
+    loop {
+        let next = try_step(stage, ws, alpha, work)?;
+        if next.is_finite() && next <= (1.0 - 0.25 * alpha) * norm {
+            accept(ws);
+            if alpha < 1.0 {
+                return Ok(Descent::Continue);
+            }
+            if next <= tolerance && settled(ws) {
+                take_correction(ws);
+                return Ok(Descent::Converged);
+            }
+            if next > QUICK * norm {
+                return Ok(Descent::Continue);
+            }
+            norm = next;
+        } else {
+            if norm <= tolerance {
+                // rounding noise: the last correction was already below the tolerance
+                return Ok(if settled(ws) { Descent::Converged } else { Descent::Stalled });
+            }
+            alpha = if next.is_finite() { reduced(alpha, norm, next) } else { 0.1 * alpha };
+            if alpha < MIN_ALPHA {
+                return Ok(Descent::Stalled);
+            }
+        }
+    }
+}
+
+/// Minimiser of the quadratic model of the simplified correction, kept within [0.1, 0.5] of the last factor.
+fn reduced(alpha: f64, norm: f64, next: f64) -> f64 {
+    let curvature = 2.0 * (next - (1.0 - alpha) * norm).abs() / (alpha * alpha);
+    (norm / curvature.max(f64::MIN_POSITIVE)).clamp(0.1 * alpha, 0.5 * alpha)
+}
+
+/// Solves for the correction at the linearized iterate: `ws.r`, `ws.cone` → `ws.d`, `ws.dw`; returns its norm.
+fn direction(stage: &Stage, ws: &mut Workspace) -> f64 {
+    negate_into(&ws.r, &mut ws.d);
+    ws.factor.solve(&mut ws.d);
+    for (c, pair) in stage.model.pairs.iter().enumerate() {
+        ws.dw[c] = ws.contacts[c].dw(&ws.cone[c], node_vector(&ws.d, pair.node), stage.h);
+    }
+    norm(stage, &ws.d, &ws.dw)
+}
+
+/// Residual at `it + alpha d` and its simplified correction into `ws.d_next`, `ws.dw_next`; returns its norm.
+fn try_step(stage: &Stage, ws: &mut Workspace, alpha: f64, work: &mut Work) -> Result<f64, Stuck> {
+    work.evaluations += 1;
+    let mut trial = std::mem::take(&mut ws.trial);
+    for ((t, v), d) in trial.v.iter_mut().zip(&ws.it.v).zip(&ws.d) {
+        *t = v + alpha * d;
+    }
+    for ((t, w), d) in trial.w.iter_mut().zip(&ws.it.w).zip(&ws.dw) {
+        *t = w + d * alpha;
+    }
+    let result = stage.residual(&trial, ws);
+    ws.trial = trial;
+    result?;
+    negate_into(&ws.r, &mut ws.d_next);
+    ws.factor.solve(&mut ws.d_next);
+    for (c, pair) in stage.model.pairs.iter().enumerate() {
+        ws.dw_next[c] = ws.contacts[c].dw(&ws.cone[c], node_vector(&ws.d_next, pair.node), stage.h);
+    }
+    Ok(norm(stage, &ws.d_next, &ws.dw_next))
+}
+
+/// The trial becomes the iterate, its simplified correction the next direction.
+fn accept(ws: &mut Workspace) {
+    std::mem::swap(&mut ws.it, &mut ws.trial);
+    std::mem::swap(&mut ws.d, &mut ws.d_next);
+    std::mem::swap(&mut ws.dw, &mut ws.dw_next);
+}
+
+fn take_correction(ws: &mut Workspace) {
+    for (v, d) in ws.it.v.iter_mut().zip(&ws.d) {
+        *v += d;
+    }
+    for (w, d) in ws.it.w.iter_mut().zip(&ws.dw) {
+        *w += d;
+    }
+}
+
+/// Whether the pending correction leaves the eigenvalues of every cone variable where they are. (Those of s are κ over
+/// those of w at the root, so the small eigenvalue of w stands for the large one of s.)
+fn settled(ws: &Workspace) -> bool {
+    ws.it.w.iter().zip(&ws.dw).all(|(w, dw)| {
+        let (before, after) = (eigenvalues((*w).into()), eigenvalues((w + dw).into()));
+        let still = |a: f64, b: f64| (a - b).abs() <= SETTLED * a.abs().max(b.abs());
+        still(before.0, after.0) && still(before.1, after.1)
+    })
+}
+
+/// Norm of a correction [m/s]: √(Σ m |d|² + Σ |dw|²/m) over the root of the total mass.
+fn norm(stage: &Stage, d: &[f64], dw: &[nalgebra::Vector4<f64>]) -> f64 {
+    let mut sum = 0.0;
+    let mut total = 0.0;
+    for (m, d) in stage.mass.iter().zip(d.chunks_exact(3)) {
+        sum += m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        total += m;
+    }
+    for (pair, dw) in stage.model.pairs.iter().zip(dw) {
+        sum += dw.norm_squared() / stage.mass[pair.node];
+    }
+    (sum / total).sqrt()
+}
+
+/// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.
+fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
+    let mean_square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>() / stage.mass.len() as f64;
+    let fall = stage.theta[stage.model.gravity] * stage.h.min(1.0 / stage.inertia.max(f64::MIN_POSITIVE));
+    mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs() + 1e-9
+}
+
+fn negate_into(from: &[f64], to: &mut [f64]) {
+    for (t, f) in to.iter_mut().zip(from) {
+        *t = -f;
+    }
+}
+
+fn node_vector(x: &[f64], node: usize) -> crate::terms::Vec3<f64> {
+    crate::terms::Vec3::new(x[3 * node], x[3 * node + 1], x[3 * node + 2])
+}

@@ -1,0 +1,118 @@
+//! Why a step failed.
+
+use crate::geometry::GeometryError;
+use crate::kinematics::CommandError;
+use crate::kkt::KktError;
+
+/// Why a step, a rollout or an equilibrium failed.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum StepError {
+    /// Newton's method did not converge.
+    #[error(
+        "step {step}: not converged after {iterations} iterations: correction {correction:.3e} m/s, largest residual {residual:.3e} N \
+         in row {row} (node {}, axis {}), where `{term}` is the largest force; a shorter step or softer stiffness may help", row / 3, ["x", "y", "z"][row % 3]
+    )]
+    NotConverged {
+        /// Step number, from 0.
+        step: usize,
+        /// Newton iterations of the last attempt.
+        iterations: usize,
+        /// Norm of the last Newton correction [m/s].
+        correction: f64,
+        /// Largest entry of the residual [N].
+        residual: f64,
+        /// Its row.
+        row: usize,
+        /// The term with the largest force in that row.
+        term: String,
+    },
+    /// A number became infinite or NaN.
+    #[error(
+        "step {step}: `{term}` gives {value} at node {node}; the state or a parameter has left the range where it is defined"
+    )]
+    NotFinite {
+        /// Step number.
+        step: usize,
+        /// The term that made it, or `state`.
+        term: String,
+        /// Node.
+        node: usize,
+        /// The number.
+        value: f64,
+    },
+    /// The matrix of the step is singular.
+    #[error("step {step}: {source}")]
+    Singular {
+        /// Step number.
+        step: usize,
+        /// The factorization's message.
+        source: KktError,
+    },
+    /// A command could not be computed.
+    #[error("step {step}: {source}")]
+    Command {
+        /// Step number.
+        step: usize,
+        /// The gripper's message.
+        source: CommandError,
+    },
+    /// A node is where its distance to a shape has no direction.
+    #[error("step {step}: node {node} and shape `{shape}`: {source}")]
+    Geometry {
+        /// Step number.
+        step: usize,
+        /// Node.
+        node: usize,
+        /// Shape.
+        shape: String,
+        /// The shape's message.
+        source: GeometryError,
+    },
+    /// An input has the wrong size.
+    #[error("{what} has {got} entries, but the model needs {expected}")]
+    Size {
+        /// Which input.
+        what: &'static str,
+        /// Its size.
+        got: usize,
+        /// The right size.
+        expected: usize,
+    },
+    /// Equilibrium was asked of a scene with contact.
+    #[error(
+        "an equilibrium with contact is not unique under friction (shape `{shape}` is present): simulate until the rope rests, or remove the shape"
+    )]
+    EquilibriumWithContact {
+        /// A shape of the model.
+        shape: String,
+    },
+    /// A parameter is outside its physical range.
+    #[error("parameter `{path}` is {value} {unit}, outside its physical range [{lower}, {upper}]")]
+    Parameter {
+        /// Path.
+        path: String,
+        /// Value given.
+        value: f64,
+        /// Unit.
+        unit: &'static str,
+        /// Smallest admissible value.
+        lower: f64,
+        /// Largest admissible value.
+        upper: f64,
+    },
+}
+
+impl StepError {
+    /// The same error at step `k` of a rollout.
+    pub fn at_step(mut self, k: usize) -> Self {
+        match &mut self {
+            Self::NotConverged { step, .. }
+            | Self::NotFinite { step, .. }
+            | Self::Singular { step, .. }
+            | Self::Command { step, .. }
+            | Self::Geometry { step, .. } => *step = k,
+            Self::Size { .. } | Self::EquilibriumWithContact { .. } | Self::Parameter { .. } => {}
+        }
+        self
+    }
+}

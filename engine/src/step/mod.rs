@@ -1,0 +1,16 @@
+//! One step: integrators as sequences of stages, retries, and the record of what was solved.
+
+mod error;
+mod record;
+mod scheme;
+mod stage;
+mod stepper;
+mod workspace;
+
+pub use error::StepError;
+pub use record::StageRecord;
+pub use scheme::{EULER, MIDPOINT, SDIRK_GAMMA, STATIC, Scheme, Weights};
+pub(crate) use stage::Stage;
+pub(crate) use stepper::check_size;
+pub use stepper::{Link, StepOptions, StepRecord, StepTrace, Stepper};
+pub use workspace::Workspace;

@@ -1,0 +1,161 @@
+//! What a step leaves behind for its derivatives: the factorization at the root, and the partials of the residual.
+
+use super::{Scheme, Stage, Workspace};
+use crate::contact::{Condensed, Touch};
+use crate::kinematics::Input;
+use crate::kkt::{BlockBand, Factor};
+use crate::model::Model;
+use crate::terms::{Point, Vec3};
+use nalgebra::Vector4;
+
+/// Tangential over normal impulse, |γ_t|/(μ γ_n), above which a contact counts as slipping.
+const SLIP: f64 = 0.999;
+
+/// A solved stage: the unsymmetric matrix factored at the root, and everything the residual depends on.
+#[derive(Clone, Debug)]
+pub struct StageRecord {
+    /// Stage length h [s].
+    pub h: f64,
+    /// Weights of the scheme.
+    pub scheme: Scheme,
+    /// Inertia weight σ [1/s].
+    pub inertia: f64,
+    /// Rest gap of the smoothing [m].
+    pub rest_gap: f64,
+    /// Reference positions and velocities of the stage.
+    pub q_ref: Vec<f64>,
+    /// Reference velocities.
+    pub v_ref: Vec<f64>,
+    /// The root v⁺ [m/s].
+    pub v: Vec<f64>,
+    /// Cone variables at the root [N·s].
+    pub w: Vec<Vector4<f64>>,
+    /// ∂f/∂q̄ [N/m] at the root, zero in driven rows; contacts included.
+    pub dq: BlockBand,
+    /// ∂f/∂v̄ [N·s/m].
+    pub dv: BlockBand,
+    /// K at the root.
+    pub matrix: BlockBand,
+    /// Its factorization.
+    pub factor: Factor,
+    pub(crate) contacts: Vec<Condensed>,
+}
+
+impl StageRecord {
+    /// Factors at the root in `ws.it` and copies what derivatives need.
+    pub(crate) fn take(stage: &Stage, ws: &mut Workspace) -> Result<Self, super::StepError> {
+        stage.linearize(ws)?;
+        ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
+        Ok(Self {
+            h: stage.h,
+            scheme: stage.scheme,
+            inertia: stage.inertia,
+            rest_gap: stage.rest_gap,
+            q_ref: stage.q_ref.to_vec(),
+            v_ref: stage.v_ref.to_vec(),
+            v: ws.it.v.clone(),
+            w: ws.it.w.clone(),
+            dq: ws.dq.clone(),
+            dv: ws.dv.clone(),
+            matrix: ws.k.clone(),
+            factor: ws.factor.clone(),
+            contacts: ws.contacts.clone(),
+        })
+    }
+
+    /// Positions at the end of the stage [m].
+    pub fn q_end(&self, driven: &[bool]) -> Vec<f64> {
+        let mut q = self.q_ref.clone();
+        for (node, &is_driven) in driven.iter().enumerate() {
+            let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
+            for k in 3 * node..3 * node + 3 {
+                q[k] += self.h * (w.d0 * self.v_ref[k] + w.d1 * self.v[k]);
+            }
+        }
+        q
+    }
+
+    /// 0 separate, 1 stick, 2 slip, for every contact pair at the root.
+    pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
+        let g = theta[model.gravity];
+        let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
+            let mass = model.masses[pair.node].mass(theta);
+            let centre = (self.rest_gap * mass * g * mass).sqrt();
+            let load = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt() / w[0];
+            if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
+        };
+        model.pairs.iter().zip(&self.w).map(mode).collect()
+    }
+
+    /// Calls `visit(row, parameter, ∂r_row/∂θ)` for every structural nonzero of the residual's parameter derivative.
+    pub fn visit_theta(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+        let (q_bar, v_bar) = self.evaluation_point(&model.driven);
+        let at = Point { q: &q_bar, v: &v_bar, theta };
+        for term in &model.terms {
+            term.visit_theta(&at, &mut |row, param, df| {
+                if !model.driven[row / 3] {
+                    visit(row, param, -df);
+                }
+            });
+        }
+        for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
+            mass.visit(theta, &mut |param, dm| {
+                for row in 3 * node..3 * node + 3 {
+                    visit(row, param, dm * self.inertia * (self.v[row] - self.v_ref[row]));
+                }
+            });
+        }
+        for c in 0..self.contacts.len() {
+            self.visit_contact(c, model, &q_bar, theta, visit);
+        }
+    }
+
+    /// Where the forces were evaluated.
+    pub fn evaluation_point(&self, driven: &[bool]) -> (Vec<f64>, Vec<f64>) {
+        let (mut q, mut v) = (self.q_ref.clone(), self.v.clone());
+        for (node, &is_driven) in driven.iter().enumerate() {
+            let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
+            for k in 3 * node..3 * node + 3 {
+                q[k] += self.h * (w.a0 * self.v_ref[k] + w.a1 * self.v[k]);
+                v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k];
+            }
+        }
+        (q, v)
+    }
+
+    /// The impulse of a contact depends on θ through gap and normal (shape, radius), friction, and κ = δ m g.
+    fn visit_contact(&self, c: usize, model: &Model, q: &[f64], theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+        let pair = &model.pairs[c];
+        let contact = &self.contacts[c];
+        let node_vector = |x: &[f64]| Vec3::new(x[3 * pair.node], x[3 * pair.node + 1], x[3 * pair.node + 2]);
+        let (x, v, w) = (node_vector(q), node_vector(&self.v), &self.w[c]);
+        let shape = &model.shapes[pair.shape];
+        let Ok(touch) = Touch::new(shape, x, v, self.h, theta[pair.radius], theta) else { return };
+        let mut emit = |param: usize, dp: Vec3<f64>| {
+            for a in 0..3 {
+                visit(3 * pair.node + a, param, -dp[a] / self.h);
+            }
+        };
+        let through_geometry = |dgap: f64, dn: Vec3<f64>| {
+            let dv_t = -(dn * touch.normal.dot(&v)) - touch.normal * dn.dot(&v);
+            dn * w[0] - contact.gain * (contact.df_dvn * (dgap / self.h) + contact.df_dvt * dv_t)
+        };
+        // the geometry was evaluated above without error, so it is here
+        let _ = shape.visit_theta(&x, pair.radius, theta, &mut |param, dgap, dn| emit(param, through_geometry(dgap, *dn)));
+        emit(pair.friction, Vec3::new(w[1], w[2], w[3]) - contact.gain * contact.df_dmu);
+        let (mass, g) = (model.masses[pair.node].mass(theta), theta[model.gravity]);
+        let by_kappa = -(contact.gain * contact.df_dkappa) * self.rest_gap;
+        emit(model.gravity, by_kappa * mass);
+        model.masses[pair.node].visit(theta, &mut |param, dm| emit(param, by_kappa * (dm * g)));
+    }
+
+    /// `∂v_cmd` does not belong to a stage: it is shared by all stages of a step. See [`Input`].
+    #[doc(hidden)]
+    pub fn command_inputs(model: &Model, q: &[f64], u: &[f64], theta: &[f64], h: f64) -> Vec<(usize, Input, f64)> {
+        let mut out = Vec::new();
+        for drive in &model.drives {
+            drive.visit(q, u, theta, h, &mut |row, input, value| out.push((row, input, value)));
+        }
+        out
+    }
+}

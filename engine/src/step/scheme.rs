@@ -1,0 +1,47 @@
+//! The integrators as weights of one stage.
+
+/// Where a stage evaluates forces and where it ends:
+/// `q̄ = q + h (a0 v + a1 v⁺)`, `v̄ = b0 v + b1 v⁺`, `q⁺ = q + h (d0 v + d1 v⁺)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// Weight of v in q̄.
+    pub a0: f64,
+    /// Weight of v⁺ in q̄.
+    pub a1: f64,
+    /// Weight of v in v̄.
+    pub b0: f64,
+    /// Weight of v⁺ in v̄.
+    pub b1: f64,
+    /// Weight of v in q⁺.
+    pub d0: f64,
+    /// Weight of v⁺ in q⁺.
+    pub d1: f64,
+}
+
+/// Weights of free and of driven dofs. A driven dof moves uniformly over the step, `v⁺ = Δp/h`, in every scheme.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scheme {
+    /// Free dofs.
+    pub free: Weights,
+    /// Driven dofs.
+    pub driven: Weights,
+}
+
+const END: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 };
+
+/// Implicit Euler, and each stage of sdirk2.
+pub const EULER: Scheme = Scheme { free: END, driven: END };
+
+/// Implicit midpoint.
+pub const MIDPOINT: Scheme = Scheme {
+    free: Weights { a0: 0.25, a1: 0.25, b0: 0.5, b1: 0.5, d0: 0.5, d1: 0.5 },
+    driven: Weights { a0: 0.0, a1: 0.5, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 },
+};
+
+const AT_REST: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 0.0, d0: 0.0, d1: 1.0 };
+
+/// Equilibrium: the unknown is a displacement (h = 1), forces are evaluated at zero velocity.
+pub const STATIC: Scheme = Scheme { free: AT_REST, driven: AT_REST };
+
+/// γ of sdirk2, 1 − 1/√2: the root for which two implicit Euler stages of length γh are second order and L-stable.
+pub const SDIRK_GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;

@@ -1,0 +1,231 @@
+//! One nonlinear system: residual and matrix of a stage.
+//!
+//! ```text
+//! free rows:    r = m (v⁺ − v) σ − Σ f(q̄, v̄; θ) − p/h      [N]     (σ = 1/h; at rest a pseudo-time weight)
+//! driven rows:  r = v⁺ − v_cmd                              [m/s]
+//! K = ∂r/∂v⁺ = σ M − h ∂f/∂q̄ a1 − ∂f/∂v̄ b1
+//! ```
+//! with the impulses p of contact condensed as described in `contact`.
+
+use super::{Scheme, StepError, Workspace};
+use crate::contact::{Condensed, LawPoint, Touch};
+use crate::model::Model;
+use crate::terms::{Point, Vec3};
+use nalgebra::Vector4;
+use pliant_smoothing::ContactLaw;
+
+/// Safe fraction of the node's mass as the step ρ of the natural residual (design: never above the mass itself).
+const RHO: f64 = 0.3;
+
+/// The unknowns of a stage.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Iterate {
+    /// Velocities v⁺ of all nodes [m/s].
+    pub v: Vec<f64>,
+    /// Cone variable of each contact [N·s].
+    pub w: Vec<Vector4<f64>>,
+}
+
+/// The data of a stage.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stage<'a> {
+    pub model: &'a Model,
+    pub theta: &'a [f64],
+    pub mass: &'a [f64],
+    pub scheme: Scheme,
+    pub h: f64,
+    /// σ: inertia per velocity change [1/s].
+    pub inertia: f64,
+    pub q_ref: &'a [f64],
+    pub v_ref: &'a [f64],
+    pub v_cmd: &'a [f64],
+    /// Rest gap δ of the smoothing, κ = δ m g [m].
+    pub rest_gap: f64,
+    /// Levenberg weight added to σ in the matrix only [1/s].
+    pub damping: f64,
+}
+
+impl Stage<'_> {
+    /// The law's numbers at contact `c`.
+    pub(crate) fn law_point(&self, c: usize) -> LawPoint {
+        let pair = &self.model.pairs[c];
+        let mass = self.mass[pair.node];
+        LawPoint {
+            law: match self.model.contact.law {
+                crate::scene::Law::Coulomb => ContactLaw::Coulomb,
+                crate::scene::Law::Anitescu => ContactLaw::Anitescu,
+            },
+            mu: self.theta[pair.friction],
+            kappa: self.rest_gap * mass * self.theta[self.model.gravity].max(f64::MIN_POSITIVE),
+            rho: RHO * mass,
+        }
+    }
+
+    pub(crate) fn has_contact(&self) -> bool {
+        !self.model.pairs.is_empty()
+    }
+
+    fn place(&self, v: &[f64], ws: &mut Workspace) {
+        for (node, &driven) in self.model.driven.iter().enumerate() {
+            let w = if driven { &self.scheme.driven } else { &self.scheme.free };
+            for k in 3 * node..3 * node + 3 {
+                ws.q_bar[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
+                ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
+            }
+        }
+    }
+
+    /// Contact `c` at q⁺, which is q̄ for the schemes that allow contact.
+    fn touch(&self, c: usize, q: &[f64], v: &[f64]) -> Result<(Touch, Vec3<f64>), StepError> {
+        let pair = &self.model.pairs[c];
+        let at = |x: &[f64]| Vec3::new(x[3 * pair.node], x[3 * pair.node + 1], x[3 * pair.node + 2]);
+        let v = at(v);
+        let touch = Touch::new(&self.model.shapes[pair.shape], at(q), v, self.h, self.theta[pair.radius], self.theta);
+        let touch = touch.map_err(|source| StepError::Geometry {
+            step: 0,
+            node: pair.node,
+            shape: self.model.shape_names[pair.shape].clone(),
+            source,
+        })?;
+        Ok((touch, v))
+    }
+
+    fn inertia_minus_force(&self, v: &[f64], ws: &mut Workspace) {
+        for (node, &driven) in self.model.driven.iter().enumerate() {
+            for k in 3 * node..3 * node + 3 {
+                ws.r[k] =
+                    if driven { v[k] - self.v_cmd[k] } else { self.mass[node] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
+            }
+        }
+    }
+
+    /// Residual at `it` into `ws.r` [N] and of the contacts into `ws.cone` [N·s]. With `ws.contacts` linearized before,
+    /// `ws.r` is the condensed right-hand side for those matrices.
+    pub(crate) fn residual(&self, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
+        self.place(&it.v, ws);
+        ws.f.fill(0.0);
+        let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
+        for term in &self.model.terms {
+            term.add_force(&at, &mut ws.f);
+        }
+        for c in 0..self.model.pairs.len() {
+            let (touch, _) = self.touch(c, &ws.q_bar, &it.v)?;
+            let at = self.law_point(c);
+            let cone = pliant_smoothing::residual(at.law, at.mu, at.kappa, at.rho, touch.v_n, touch.v_t.into(), it.w[c].into());
+            ws.cone[c] = Vector4::from(cone);
+            let impulse = crate::contact::impulse(touch.normal, at.mu, &it.w[c]);
+            self.add_contact_force(c, impulse, ws);
+        }
+        self.inertia_minus_force(&it.v, ws);
+        Ok(())
+    }
+
+    /// The condensed force of contact `c`: `(p − gain F)/h`.
+    fn add_contact_force(&self, c: usize, impulse: Vec3<f64>, ws: &mut Workspace) {
+        let node = self.model.pairs[c].node;
+        let force = (impulse - ws.contacts[c].gain * ws.cone[c]) / self.h;
+        for a in 0..3 {
+            ws.f[3 * node + a] += force[a];
+        }
+    }
+
+    /// Residual, Jacobians `ws.dq`, `ws.dv` (contacts condensed into them) and the matrix `ws.k` at `ws.it`.
+    pub(crate) fn linearize(&self, ws: &mut Workspace) -> Result<(), StepError> {
+        let it = std::mem::take(&mut ws.it);
+        let result = self.linearize_at(&it, ws);
+        ws.it = it;
+        result
+    }
+
+    fn linearize_at(&self, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
+        self.place(&it.v, ws);
+        ws.f.fill(0.0);
+        ws.dq.clear();
+        ws.dv.clear();
+        let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
+        for term in &self.model.terms {
+            term.add_jacobian(&at, &mut ws.f, &mut ws.dq, &mut ws.dv);
+        }
+        for c in 0..self.model.pairs.len() {
+            self.linearize_contact(c, it, ws)?;
+        }
+        self.inertia_minus_force(&it.v, ws);
+        for (node, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
+            for row in 3 * node..3 * node + 3 {
+                ws.dq.row_mut(row).fill(0.0);
+                ws.dv.row_mut(row).fill(0.0);
+            }
+        }
+        self.assemble(ws);
+        Ok(())
+    }
+
+    fn linearize_contact(&self, c: usize, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
+        let (touch, v) = self.touch(c, &ws.q_bar, &it.v)?;
+        let condensed = Condensed::new(self.law_point(c), &touch, v, self.h, &it.w[c]);
+        let node = self.model.pairs[c].node;
+        let condensed = condensed.ok_or_else(|| StepError::NotFinite {
+            step: 0,
+            term: self.model.shape_names[self.model.pairs[c].shape].clone(),
+            node,
+            value: it.w[c].norm(),
+        })?;
+        let rows = |m: &nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [m[(a, 0)], m[(a, 1)], m[(a, 2)]]);
+        ws.dq.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dq));
+        ws.dv.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dv));
+        let impulse = condensed.impulse;
+        ws.cone[c] = condensed.residual;
+        ws.contacts[c] = condensed;
+        self.add_contact_force(c, impulse, ws);
+        Ok(())
+    }
+
+    /// K = σ M − h a1 ∂f/∂q̄ − b1 ∂f/∂v̄, identity in driven rows.
+    fn assemble(&self, ws: &mut Workspace) {
+        let uniform = self.scheme.free.a1 == self.scheme.driven.a1 && self.scheme.free.b1 == self.scheme.driven.b1;
+        let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
+        let blocks = ws.dq.data().iter().zip(ws.dv.data());
+        for (k, (dq, dv)) in ws.k.data_mut().iter_mut().zip(blocks) {
+            *k = -(cq * dq + cv * dv);
+        }
+        if !uniform {
+            self.rescale_driven_columns(ws);
+        }
+        for (node, &driven) in self.model.driven.iter().enumerate() {
+            let diagonal = if driven { 1.0 } else { self.mass[node] * (self.inertia + self.damping) };
+            for k in 3 * node..3 * node + 3 {
+                ws.k.add(k, k, diagonal);
+            }
+        }
+    }
+
+    fn rescale_driven_columns(&self, ws: &mut Workspace) {
+        let (cq, cv) = (self.h * self.scheme.driven.a1, self.scheme.driven.b1);
+        let (n, half) = (ws.k.n_blocks(), ws.k.half_width());
+        for (j, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
+            for row in 3 * j.saturating_sub(half)..3 * (j + half + 1).min(n) {
+                let first = (3 * j as isize - ws.k.first_column(row)) as usize;
+                for k in first..first + 3 {
+                    ws.k.row_mut(row)[k] = -(cq * ws.dq.row(row)[k] + cv * ws.dv.row(row)[k]);
+                }
+            }
+        }
+    }
+
+    /// The term with the largest force in a row, and the first non-finite force, if any: for error messages.
+    pub(crate) fn blame(&self, it: &Iterate, row: usize, ws: &mut Workspace) -> (String, Option<(String, usize, f64)>) {
+        self.place(&it.v, ws);
+        let mut largest = ("inertia".to_owned(), 0.0);
+        for term in &self.model.terms {
+            ws.f.fill(0.0);
+            term.add_force(&Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta }, &mut ws.f);
+            if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
+                return (term.name().to_owned(), Some((term.name().to_owned(), k / 3, ws.f[k])));
+            }
+            if ws.f[row].abs() > largest.1 {
+                largest = (term.name().to_owned(), ws.f[row].abs());
+            }
+        }
+        (largest.0, None)
+    }
+}

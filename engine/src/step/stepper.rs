@@ -1,0 +1,237 @@
+//! Advances a state by steps of the model's integrator.
+
+use super::{EULER, MIDPOINT, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Workspace};
+use crate::kinematics::Input;
+use crate::model::Model;
+use crate::newton::{Work, solve_stage};
+use crate::scene::Integrator;
+use crate::state::State;
+use nalgebra::Vector4;
+
+/// How steps are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepOptions {
+    /// Keep the record of each step for derivatives; costs one factorization per stage.
+    pub record: bool,
+    /// Rest gap δ of the contact smoothing [m]; `None` takes the scene's.
+    pub rest_gap: Option<f64>,
+    /// How often a failed step may be halved; `None` takes the scene's, `Some(0)` forbids it.
+    pub max_halvings: Option<usize>,
+}
+
+impl Default for StepOptions {
+    fn default() -> Self {
+        Self { record: true, rest_gap: None, max_halvings: None }
+    }
+}
+
+/// How a stage takes its reference state from what came before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// The whole (sub)step: the reference is the state before it.
+    Single,
+    /// First stage of sdirk2: as `Single`, but the state before the substep is needed once more.
+    SdirkFirst,
+    /// Second stage of sdirk2: `q_ref = q + (1−γ)h v₁`, `v_ref = v + ((1−γ)/γ)(v₁ − v)`.
+    SdirkSecond,
+}
+
+/// What happened in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepTrace {
+    /// Work of all its stages.
+    pub work: Work,
+    /// Halvings: a step with any is another map than one without.
+    pub retries: usize,
+}
+
+/// A step's stages in the order they were solved.
+#[derive(Clone, Debug)]
+pub struct StepRecord {
+    /// Full step length h [s].
+    pub h: f64,
+    /// Stages and how each hangs on the one before.
+    pub stages: Vec<(Link, StageRecord)>,
+    /// ∂v_cmd: (row, input, derivative), shared by all stages.
+    pub command: Vec<(usize, Input, f64)>,
+}
+
+/// Takes steps of one model at one θ. Holds the solver's memory and the warm start of the contacts.
+#[derive(Clone, Debug)]
+pub struct Stepper<'m> {
+    model: &'m Model,
+    theta: &'m [f64],
+    options: StepOptions,
+    mass: Vec<f64>,
+    v_cmd: Vec<f64>,
+    q_ref: Vec<f64>,
+    v_ref: Vec<f64>,
+    ws: Workspace,
+}
+
+impl<'m> Stepper<'m> {
+    /// Checks θ against its physical bounds and allocates.
+    pub fn new(model: &'m Model, theta: &'m [f64], options: StepOptions) -> Result<Self, StepError> {
+        model.check_theta(theta)?;
+        let ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
+        let zeros = || vec![0.0; model.nq()];
+        Ok(Self { model, theta, options, mass: model.masses(theta), v_cmd: zeros(), q_ref: zeros(), v_ref: zeros(), ws })
+    }
+
+    /// The contacts' warm start: part of a checkpoint.
+    pub fn warm_start(&self) -> &[Vector4<f64>] {
+        &self.ws.warm
+    }
+
+    /// Restores a warm start, so that a replay is bitwise the same.
+    pub fn set_warm_start(&mut self, warm: &[Vector4<f64>]) {
+        self.ws.warm.clear();
+        self.ws.warm.extend_from_slice(warm);
+    }
+
+    /// Replaces `state` by the state one step later. On error the state is unchanged.
+    pub fn step(&mut self, state: &mut State, u: &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError> {
+        let (nq, nu) = (self.model.nq(), self.model.nu());
+        check_size("state", state.q.len() + state.v.len(), 2 * nq)?;
+        check_size("control", u.len(), nu)?;
+        let h = self.model.h;
+        let mut v_cmd = std::mem::take(&mut self.v_cmd);
+        let result = self.command(state, u, h, &mut v_cmd).and_then(|()| {
+            let mut trace = StepTrace::default();
+            let mut stages = Vec::new();
+            let mut next = state.clone();
+            let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
+            self.substep(&mut next, h, &v_cmd, halvings, &mut trace, &mut stages)?;
+            let record = self.options.record.then(|| StepRecord {
+                h,
+                stages,
+                command: StageRecord::command_inputs(self.model, &state.q, u, self.theta, h),
+            });
+            *state = next;
+            Ok((trace, record))
+        });
+        self.v_cmd = v_cmd;
+        result
+    }
+
+    fn command(&self, state: &State, u: &[f64], h: f64, v_cmd: &mut [f64]) -> Result<(), StepError> {
+        for drive in &self.model.drives {
+            drive.command(&state.q, u, self.theta, h, v_cmd).map_err(|source| StepError::Command { step: 0, source })?;
+        }
+        Ok(())
+    }
+
+    /// One (sub)step of length `h`, or two of half the length if it fails.
+    fn substep(
+        &mut self,
+        state: &mut State,
+        h: f64,
+        v_cmd: &[f64],
+        halvings: usize,
+        trace: &mut StepTrace,
+        stages: &mut Vec<(Link, StageRecord)>,
+    ) -> Result<(), StepError> {
+        let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
+        match self.integrate(state, h, v_cmd, trace, stages) {
+            Err(StepError::NotConverged { .. } | StepError::Singular { .. } | StepError::Geometry { .. }) if halvings > 0 => {
+                *state = before;
+                stages.truncate(kept);
+                self.set_warm_start(&warm);
+                trace.retries += 1;
+                self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)?;
+                self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)
+            }
+            other => other,
+        }
+    }
+
+    fn integrate(
+        &mut self,
+        state: &mut State,
+        h: f64,
+        v_cmd: &[f64],
+        trace: &mut StepTrace,
+        stages: &mut Vec<(Link, StageRecord)>,
+    ) -> Result<(), StepError> {
+        let single = match self.model.integrator {
+            Integrator::Euler => Some(EULER),
+            Integrator::Midpoint => Some(MIDPOINT),
+            Integrator::Sdirk2 => None,
+        };
+        if let Some(scheme) = single {
+            self.q_ref.copy_from_slice(&state.q);
+            self.v_ref.copy_from_slice(&state.v);
+            return self.stage(state, scheme, h, v_cmd, Link::Single, trace, stages);
+        }
+        let (gamma, start) = (SDIRK_GAMMA, state.clone());
+        self.q_ref.copy_from_slice(&start.q);
+        self.v_ref.copy_from_slice(&start.v);
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, trace, stages)?;
+        let ratio = (1.0 - gamma) / gamma;
+        for k in 0..start.q.len() {
+            self.q_ref[k] = start.q[k] + (1.0 - gamma) * h * state.v[k];
+            self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
+        }
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)
+    }
+
+    /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end.
+    #[allow(clippy::too_many_arguments)] // the trace and the records of a step are gathered through all its stages
+    fn stage(
+        &mut self,
+        state: &mut State,
+        scheme: Scheme,
+        h: f64,
+        v_cmd: &[f64],
+        link: Link,
+        trace: &mut StepTrace,
+        stages: &mut Vec<(Link, StageRecord)>,
+    ) -> Result<(), StepError> {
+        let stage = Stage {
+            model: self.model,
+            theta: self.theta,
+            mass: &self.mass,
+            scheme,
+            h,
+            inertia: 1.0 / h,
+            q_ref: &self.q_ref,
+            v_ref: &self.v_ref,
+            v_cmd,
+            rest_gap: self.options.rest_gap.unwrap_or(self.model.contact.rest_gap),
+            damping: 0.0,
+        };
+        let mut work = Work::default();
+        solve_stage(&stage, &mut self.ws, &mut work)?;
+        if self.options.record {
+            work.factorizations += 1;
+            stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
+        }
+        trace.work.add(work);
+        for (node, &driven) in self.model.driven.iter().enumerate() {
+            let w = if driven { &scheme.driven } else { &scheme.free };
+            for k in 3 * node..3 * node + 3 {
+                state.q[k] = self.q_ref[k] + h * (w.d0 * self.v_ref[k] + w.d1 * self.ws.it.v[k]);
+                state.v[k] = self.ws.it.v[k];
+            }
+        }
+        Ok(())
+    }
+}
+
+pub(crate) fn check_size(what: &'static str, got: usize, expected: usize) -> Result<(), StepError> {
+    if got == expected { Ok(()) } else { Err(StepError::Size { what, got, expected }) }
+}
+
+impl Model {
+    /// Refuses a θ of the wrong size, or with an entry that is not finite or outside its physical range.
+    pub fn check_theta(&self, theta: &[f64]) -> Result<(), StepError> {
+        check_size("parameter vector", theta.len(), self.n_params())?;
+        for (info, &value) in self.params.infos().iter().zip(theta) {
+            if !(value.is_finite() && value >= info.lower && value <= info.upper) {
+                let (path, unit) = (info.path.clone(), info.unit);
+                return Err(StepError::Parameter { path, value, unit, lower: info.lower, upper: info.upper });
+            }
+        }
+        Ok(())
+    }
+}
