@@ -52,13 +52,15 @@ impl Point<'_> {
     /// Position of node `i`.
     #[inline]
     pub fn position(&self, i: usize) -> Vec3<f64> {
-        Vec3::new(self.q[3 * i], self.q[3 * i + 1], self.q[3 * i + 2])
+        let x = &self.q[3 * i..3 * i + 3];
+        Vec3::new(x[0], x[1], x[2])
     }
 
     /// Velocity of node `i`.
     #[inline]
     pub fn velocity(&self, i: usize) -> Vec3<f64> {
-        Vec3::new(self.v[3 * i], self.v[3 * i + 1], self.v[3 * i + 2])
+        let x = &self.v[3 * i..3 * i + 3];
+        Vec3::new(x[0], x[1], x[2])
     }
 }
 

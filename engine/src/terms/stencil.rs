@@ -78,19 +78,19 @@ impl<const N: usize, const P: usize> Compact<N, P> {
     /// Values of the element's parameters.
     #[inline]
     pub fn values(&self, theta: &[f64]) -> [f64; P] {
-        self.params.map(|k| theta[k])
+        std::array::from_fn(|k| theta[self.params[k]])
     }
 
     /// Positions of the element's nodes [m].
     #[inline]
     pub fn positions(&self, at: &Point) -> [Vec3<f64>; N] {
-        self.nodes.map(|i| at.position(i))
+        std::array::from_fn(|k| at.position(self.nodes[k]))
     }
 
     /// Velocities of the element's nodes [m/s].
     #[inline]
     pub fn velocities(&self, at: &Point) -> [Vec3<f64>; N] {
-        self.nodes.map(|i| at.velocity(i))
+        std::array::from_fn(|k| at.velocity(self.nodes[k]))
     }
 }
 
@@ -166,43 +166,47 @@ pub(super) fn add_corner_force(f: &mut [f64], nodes: [usize; 3], tau1: &Vec3<f64
 
 /// Adds ∂f/∂x of a two-node stencil, `k` = ∂τ/∂e.
 #[inline]
-pub(super) fn add_edge_blocks(out: &mut BlockBand, [i, j]: [usize; 2], k: &Block) {
-    out.add_block(i, i, -1.0, k);
-    out.add_block(i, j, 1.0, k);
-    out.add_block(j, i, 1.0, k);
-    out.add_block(j, j, -1.0, k);
+pub(super) fn add_edge_blocks(out: &mut BlockBand, nodes: [usize; 2], k: &Block) {
+    for (a, [x, y, z]) in k.iter().enumerate() {
+        add_row(out, nodes[0], a, nodes, [-x, -y, -z, *x, *y, *z]);
+        add_row(out, nodes[1], a, nodes, [*x, *y, *z, -x, -y, -z]);
+    }
 }
 
 /// Adds ∂f/∂x of a three-node stencil, `t[a][b]` = ∂τ_a/∂e_b.
 #[inline]
 pub(super) fn add_corner_blocks(out: &mut BlockBand, nodes: [usize; 3], t: &[[Block; 2]; 2]) {
     let [[t11, t12], [t21, t22]] = t;
-    // Rows of the blocks (x₀, x₁, x₂) of each of the three forces.
-    let row = |force: usize, a: usize| -> [f64; 9] {
-        let of = |b: usize| match force {
-            0 => [-t11[a][b], t11[a][b] - t12[a][b], t12[a][b]],
-            1 => [t11[a][b] - t21[a][b], t21[a][b] + t12[a][b] - t11[a][b] - t22[a][b], t22[a][b] - t12[a][b]],
-            _ => [t21[a][b], t22[a][b] - t21[a][b], -t22[a][b]],
-        };
-        std::array::from_fn(|k| of(k % 3)[k / 3])
-    };
-    let [n0, n1, n2] = nodes;
-    if n1 == n0 + 1 && n2 == n0 + 2 {
-        let half_width = out.half_width();
-        for force in 0..3 {
-            for a in 0..3 {
-                let start = 3 * (half_width - force);
-                let entries = &mut out.row_mut(3 * (n0 + force) + a)[start..start + 9];
-                for (entry, x) in entries.iter_mut().zip(row(force, a)) {
-                    *entry += x;
-                }
-            }
+    for a in 0..3 {
+        // Row a of the three forces, to (x₀, x₁, x₂).
+        let mut rows = [[0.0; 9]; 3];
+        for b in 0..3 {
+            let (x11, x12, x21, x22) = (t11[a][b], t12[a][b], t21[a][b], t22[a][b]);
+            (rows[0][b], rows[0][3 + b], rows[0][6 + b]) = (-x11, x11 - x12, x12);
+            (rows[1][b], rows[1][3 + b], rows[1][6 + b]) = (x11 - x21, (x21 - x11) + (x12 - x22), x22 - x12);
+            (rows[2][b], rows[2][3 + b], rows[2][6 + b]) = (x21, x22 - x21, -x22);
+        }
+        for (row, i) in rows.into_iter().zip(nodes) {
+            add_row(out, i, a, nodes, row);
+        }
+    }
+}
+
+/// Adds to row `a` of node `i` the `values`, three at each of `nodes`.
+#[inline(always)]
+fn add_row<const N: usize, const M: usize>(out: &mut BlockBand, i: usize, a: usize, nodes: [usize; N], values: [f64; M]) {
+    let half_width = out.half_width();
+    let row = out.row_mut(3 * i + a);
+    if (1..N).all(|k| nodes[k] == nodes[0] + k) {
+        let start = 3 * (nodes[0] + half_width - i);
+        for (entry, x) in row[start..start + M].iter_mut().zip(values) {
+            *entry += x;
         }
     } else {
-        for (force, &i) in nodes.iter().enumerate() {
-            for (to, &j) in nodes.iter().enumerate() {
-                let block = std::array::from_fn(|a| std::array::from_fn(|b| row(force, a)[3 * to + b]));
-                out.add_block(i, j, 1.0, &block);
+        for (&j, part) in nodes.iter().zip(values.chunks(3)) {
+            let start = 3 * (j + half_width - i);
+            for (entry, x) in row[start..start + 3].iter_mut().zip(part) {
+                *entry += x;
             }
         }
     }
