@@ -123,7 +123,9 @@ def main():
     parser.add_argument("--repeats", type=int, default=200, help="pliant's units per round")
     parser.add_argument("--sizes", type=int, nargs="*", default=[20], help="nodes, with peers")
     parser.add_argument("--growth", type=int, nargs="*", default=[20, 60, 200, 500, 1000])
-    parser.add_argument("--jax", action="store_true", help="also the JAX reference")
+    parser.add_argument(
+        "--jax", action="store_true", help="also the JAX reference (compiles minutes)"
+    )
     options = parser.parse_args()
     rows = []
     for size in options.sizes:
