@@ -19,6 +19,7 @@ norm, which is 0/0 for a column that stays at zero, so it is replaced (`modify_r
 
 import argparse
 import csv
+import itertools
 import json
 import re
 import sys
@@ -142,7 +143,7 @@ def parameters(experiment: Experiment) -> tuple[sysid.ParameterDict, list[str]]:
 
 
 def _values(params):
-    return {name: float(params[name].value[0]) for name in params.keys()}
+    return {name: float(params[name].value[0]) for name in params}
 
 
 def _rope(experiment, values):
@@ -164,7 +165,7 @@ def simulate(experiment: Experiment, values: dict) -> np.ndarray:
     rod.reset(_at_rest(experiment, rope, driven[0]))
     substeps = round((experiment.times[1] - experiment.times[0]) / rod.options.step)
     records = [rod.positions()[experiment.nodes].ravel()]
-    for before, after in zip(driven[:-1], driven[1:], strict=True):
+    for before, after in itertools.pairwise(driven):
         for k in range(substeps):
             rod.place(before + (after - before) * (k + 1) / substeps)
             rod.advance()

@@ -22,7 +22,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 pytest.importorskip("mujoco", minversion="4.0")
-from validation import mujoco_rope as mj  # noqa: E402
+from validation import mujoco_rope as mj
 
 G = 9.81  # m/s²
 SAG_08 = 0.265438  # catenary of span / length 0.8: sag / L

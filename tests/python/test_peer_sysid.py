@@ -12,7 +12,7 @@ pytest.importorskip("mujoco", minversion="4.0")
 sysid = pytest.importorskip("mujoco.sysid")
 if not hasattr(sysid, "optimize"):
     pytest.skip("mujoco[sysid] is not installed", allow_module_level=True)
-from validation import peer_sysid  # noqa: E402
+from validation import peer_sysid
 
 SCENE = """schema_version = 1
 [time]

@@ -15,14 +15,14 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"):
     os.environ[_name] = "1"
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
-import argparse  # noqa: E402
-import json  # noqa: E402
-import sys  # noqa: E402
-from statistics import median  # noqa: E402
+import argparse
+import json
+import sys
+from statistics import median
 
-from validation.bench import scenes  # noqa: E402
-from validation.bench.machine import describe  # noqa: E402
-from validation.bench.peers import FD_PARAMETERS, JaxRope, MujocoRope  # noqa: E402
+from validation.bench import scenes
+from validation.bench.machine import describe
+from validation.bench.peers import FD_PARAMETERS, JaxRope, MujocoRope
 
 try:
     import pliant

@@ -57,10 +57,12 @@ def page(result: dict, date: str) -> str:
         parts += ["## Growth with size", table(alone)]
     parts += [
         "## How it was measured",
-        f"`{command}`, {date}. {machine['processor']}, {machine['cores']} cores, "
-        f"{machine['system']}, Python {machine['python']}; {versions}. "
-        f"Load over the last minute at the end of the run: {machine['load_1min']}; on a busy "
-        "machine trust the ratios, which are taken in turns, not the times.",
+        (
+            f"`{command}`, {date}. {machine['processor']}, {machine['cores']} cores, "
+            f"{machine['system']}, Python {machine['python']}; {versions}. "
+            f"Load over the last minute at the end of the run: {machine['load_1min']}; on a busy "
+            "machine trust the ratios, which are taken in turns, not the times."
+        ),
     ]
     return "\n\n".join(parts) + "\n"
 
