@@ -143,7 +143,8 @@ def parameters(experiment: Experiment) -> tuple[sysid.ParameterDict, list[str]]:
 
 
 def _values(params):
-    return {name: float(params[name].value[0]) for name in params}
+    names = params.keys()  # a ParameterDict does not iterate over its names
+    return {name: float(params[name].value[0]) for name in names}
 
 
 def _rope(experiment, values):
