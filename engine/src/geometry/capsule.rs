@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 /// s = (x − a)·(b − a)/|b − a|² clamped to [0, 1].
 ///
 /// C¹: gap and n are continuous where s is clamped, ∂n/∂x jumps there by the curvature along the axis. Negative inside; not finite
-/// where x lies on the segment or a = b. `x`: node [m], `radius`: r of the rope [m], `params` = [a₀, a₁, a₂, b₀, b₁, b₂, R] [m].
+/// where x lies on the segment or a = b. `x`: node \[m\], `radius`: r of the rope \[m\], `params` = [a₀, a₁, a₂, b₀, b₁, b₂, R] \[m\].
 pub fn gap<S: Real>(x: &Vec3<S>, radius: S, params: &[S]) -> (S, Vec3<S>) {
     let (a, b) = (Vec3::new(params[0], params[1], params[2]), Vec3::new(params[3], params[4], params[5]));
     let axis = b - a;

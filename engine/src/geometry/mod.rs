@@ -11,13 +11,13 @@ pub mod capsule;
 pub mod plane;
 pub mod sphere;
 
-/// Distance [m] of a node's centre to a sphere's centre or a capsule's segment below which there is no normal.
+/// Distance \[m\] of a node's centre to a sphere's centre or a capsule's segment below which there is no normal.
 pub const MIN_DISTANCE: f64 = 1e-12;
 
 /// A gap and its slopes with respect to the node's position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Distance between the surfaces [m], negative in penetration.
+    /// Distance between the surfaces \[m\], negative in penetration.
     pub gap: f64,
     /// n = ∂gap/∂x, outward unit normal of the shape [-].
     pub normal: Vec3<f64>,
@@ -35,9 +35,9 @@ pub enum GeometryError {
     NoNormal {
         /// Name of the shape.
         shape: String,
-        /// Centre of the node [m].
+        /// Centre of the node \[m\].
         point: [f64; 3],
-        /// Its distance to the sphere's centre or the capsule's segment [m].
+        /// Its distance to the sphere's centre or the capsule's segment \[m\].
         distance: f64,
     },
     /// A capsule whose ends coincide has no axis, and its gap no slope with respect to them.
@@ -45,7 +45,7 @@ pub enum GeometryError {
     NoAxis {
         /// Name of the shape.
         shape: String,
-        /// |b − a| [m].
+        /// |b − a| \[m\].
         length: f64,
     },
     /// A plane whose normal cannot be normalised.
@@ -65,31 +65,31 @@ pub enum Shape {
     Plane {
         /// Name in errors.
         name: String,
-        /// A point of the plane at height zero [m].
+        /// A point of the plane at height zero \[m\].
         point: Vec3<f64>,
         /// Outward unit normal.
         normal: Vec3<f64>,
-        /// Index of the height [m].
+        /// Index of the height \[m\].
         height: usize,
     },
     /// Sphere; see [`sphere::gap`].
     Sphere {
         /// Name in errors.
         name: String,
-        /// Indices of the centre [m].
+        /// Indices of the centre \[m\].
         center: [usize; 3],
-        /// Index of the radius [m].
+        /// Index of the radius \[m\].
         radius: usize,
     },
     /// Capsule; see [`capsule::gap`].
     Capsule {
         /// Name in errors.
         name: String,
-        /// Indices of the first end of the axis [m].
+        /// Indices of the first end of the axis \[m\].
         a: [usize; 3],
-        /// Indices of the second end of the axis [m].
+        /// Indices of the second end of the axis \[m\].
         b: [usize; 3],
-        /// Index of the radius [m].
+        /// Index of the radius \[m\].
         radius: usize,
     },
 }
@@ -115,7 +115,7 @@ impl Shape {
         }
     }
 
-    /// Gap [m], normal and Hessian for a node at `x` [m] of a rope with `radius` [m].
+    /// Gap \[m\], normal and Hessian for a node at `x` \[m\] of a rope with `radius` \[m\].
     ///
     /// # Errors
     /// [`GeometryError::NoNormal`] within [`MIN_DISTANCE`] of a sphere's centre or a capsule's segment,
@@ -138,7 +138,7 @@ impl Shape {
     }
 
     /// Calls `visit(parameter, ∂gap/∂θ, ∂n/∂θ)` for the rope's radius (index `radius`) and every parameter of the shape, at
-    /// constant x. Units: gap [m] and n [-] per unit of the parameter.
+    /// constant x. Units: gap \[m\] and n [-] per unit of the parameter.
     ///
     /// # Errors
     /// As [`Shape::eval`].

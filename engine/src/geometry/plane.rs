@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 
 /// gap = n·(x − p) − height − r, normal n: outward unit normal of the plane through p, shifted along it by the height.
 ///
-/// `x`: node [m], `radius`: r of the rope [m], `params` = [height] [m]; `point` p [m] and `normal` n are constants.
+/// `x`: node \[m\], `radius`: r of the rope \[m\], `params` = \[height\] \[m\]; `point` p \[m\] and `normal` n are constants.
 pub fn gap<S: Real>(x: &Vec3<S>, radius: S, params: &[S], point: &Vec3<f64>, normal: &Vec3<f64>) -> (S, Vec3<S>) {
     let n = normal.map(S::from);
     let distance = n.dot(&(x - point.map(S::from)));

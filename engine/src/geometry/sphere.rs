@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 
 /// gap = |x − c| − R − r, normal n = (x − c)/|x − c|. Negative inside; not finite at x = c.
 ///
-/// `x`: node [m], `radius`: r of the rope [m], `params` = [c₀, c₁, c₂, R] [m].
+/// `x`: node \[m\], `radius`: r of the rope \[m\], `params` = [c₀, c₁, c₂, R] \[m\].
 pub fn gap<S: Real>(x: &Vec3<S>, radius: S, params: &[S]) -> (S, Vec3<S>) {
     let d = x - Vec3::new(params[0], params[1], params[2]);
     let distance = d.dot(&d).sqrt();

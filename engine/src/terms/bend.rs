@@ -8,7 +8,7 @@ use crate::kkt::BlockBand;
 
 /// E = ½ (EI/l_v) |κ|² = 2 (EI/l_v) (1 − c)/(1 + c), κ = 2 (t₂ − t₁)/|t₁ + t₂|, c = t₁·t₂, l_v = fraction · length.
 ///
-/// |κ| = 2 tan(θ/2) at turning angle θ. Nodes: three, in order. Parameters: rope length [m], EI [N·m²]. Constant: the middle
+/// |κ| = 2 tan(θ/2) at turning angle θ. Nodes: three, in order. Parameters: rope length \[m\], EI [N·m²]. Constant: the middle
 /// node's Voronoi fraction of the length [-]. Energy and force grow without bound as the rope folds back (c → −1).
 /// Reference: Bergou et al. 2008, Discrete Elastic Rods, eq. 1 and 2 (isotropic, straight at rest).
 #[derive(Clone, Copy, Debug, Default)]

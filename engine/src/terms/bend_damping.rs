@@ -16,7 +16,7 @@ use crate::kkt::BlockBand;
 
 /// R = ½ (c_b/l_v) |D|², D = P_T dκ/dt, T = (t₁ + t₂)/|t₁ + t₂|, κ as in [`BendLaw`](super::BendLaw), l_v = fraction · length; f = −∂R/∂v.
 ///
-/// Nodes: three, in order. Parameters: rope length [m], c_b [N·m²·s]. Constant: the middle node's Voronoi fraction of the length
+/// Nodes: three, in order. Parameters: rope length \[m\], c_b [N·m²·s]. Constant: the middle node's Voronoi fraction of the length
 /// [-]. Rigid motions dissipate nothing except spinning about the own tangent T (the rope carries no twist angle: its material
 /// frame is the Bishop frame). Not finite where an edge vanishes or the rope folds back.
 #[derive(Clone, Copy, Debug, Default)]

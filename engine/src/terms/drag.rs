@@ -6,7 +6,7 @@ use crate::kkt::BlockBand;
 
 /// f = −L (linear + quadratic |u|) u, u = v − wind, L = fraction · length; isotropic.
 ///
-/// Nodes: one. Parameters: rope length [m], linear [kg/(m·s)], quadratic [kg/m²], wind₀, wind₁, wind₂ [m/s]. Constant: the node's
+/// Nodes: one. Parameters: rope length \[m\], linear [kg/(m·s)], quadratic [kg/m²], wind₀, wind₁, wind₂ [m/s]. Constant: the node's
 /// Voronoi fraction of the length [-]. |u| is given the slope 0 at u = 0, where the force is C¹.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DragLaw;

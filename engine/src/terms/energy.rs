@@ -11,7 +11,7 @@ pub trait EnergyLaw: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;
 
-    /// Energy [J] of the element; `q`: positions [m] of its nodes, `p`: its parameters, `constants`: those of the
+    /// Energy \[J\] of the element; `q`: positions \[m\] of its nodes, `p`: its parameters, `constants`: those of the
     /// [`Element`](super::Element).
     fn energy<S: Real>(&self, q: &[Vec3<S>], p: &[S], constants: &[f64]) -> S;
 }

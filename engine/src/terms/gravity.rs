@@ -9,7 +9,7 @@ const LENGTH: usize = 3;
 const DENSITY: usize = 4;
 const EXTRAS: usize = 5;
 
-/// g = magnitude · R_y(tilt₁) R_x(tilt₀) (0, 0, −1)  [m/s²], tilts [rad], right-handed rotations about x and y.
+/// g = magnitude · R_y(tilt₁) R_x(tilt₀) (0, 0, −1)  [m/s²], tilts \[rad\], right-handed rotations about x and y.
 #[inline]
 pub fn gravity_vector<S: Real>(magnitude: S, tilt: [S; 2]) -> Vec3<S> {
     let ((sx, cx), (sy, cy)) = (tilt[0].sin_cos(), tilt[1].sin_cos());
@@ -18,8 +18,8 @@ pub fn gravity_vector<S: Real>(magnitude: S, tilt: [S; 2]) -> Vec3<S> {
 
 /// f = m g, E = −m g·q, m = fraction · length · linear_density + Σ extra masses.
 ///
-/// Nodes: one. Parameters: gravity magnitude [m/s²], tilt₀, tilt₁ [rad], rope length [m], linear density [kg/m], then any
-/// number (up to the limit of [`Automatic`]) of extra masses [kg]. Constant: the node's Voronoi fraction of the length [-].
+/// Nodes: one. Parameters: gravity magnitude [m/s²], tilt₀, tilt₁ \[rad\], rope length \[m\], linear density [kg/m], then any
+/// number (up to the limit of [`Automatic`]) of extra masses \[kg\]. Constant: the node's Voronoi fraction of the length [-].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GravityLaw;
 

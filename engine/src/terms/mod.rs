@@ -37,10 +37,10 @@ impl<T: DualNum<Primitive = f64> + Copy> Real for T {}
 /// A three-vector of any [`Real`].
 pub type Vec3<S> = Vector3<S>;
 
-/// Where forces are evaluated: positions [m] and velocities [m/s] of all nodes (flat, three per node), and all parameters.
+/// Where forces are evaluated: positions \[m\] and velocities [m/s] of all nodes (flat, three per node), and all parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Point<'a> {
-    /// Node positions q̄ [m].
+    /// Node positions q̄ \[m\].
     pub q: &'a [f64],
     /// Node velocities v̄ [m/s].
     pub v: &'a [f64],
@@ -69,7 +69,7 @@ pub trait Term: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;
 
-    /// `f += f(q, v; θ)` [N].
+    /// `f += f(q, v; θ)` \[N\].
     fn add_force(&self, at: &Point, f: &mut [f64]);
 
     /// As [`Term::add_force`], and `dq += ∂f/∂q` [N/m], `dv += ∂f/∂v` [N·s/m].
@@ -78,7 +78,7 @@ pub trait Term: Debug + Send + Sync {
     /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64));
 
-    /// Potential energy [J]; zero for forces without one.
+    /// Potential energy \[J\]; zero for forces without one.
     fn energy(&self, _at: &Point) -> f64 {
         0.0
     }
@@ -108,11 +108,11 @@ pub trait Law: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;
 
-    /// Adds the force [N] on each node of the stencil to `f`. `q`, `v`: positions [m] and velocities [m/s] of the element's
+    /// Adds the force \[N\] on each node of the stencil to `f`. `q`, `v`: positions \[m\] and velocities [m/s] of the element's
     /// nodes; `p`: its parameters; `constants`: [`Element::constants`].
     fn force<S: Real>(&self, q: &[Vec3<S>], v: &[Vec3<S>], p: &[S], constants: &[f64], f: &mut [Vec3<S>]);
 
-    /// Potential energy [J] of the element; zero for forces without one.
+    /// Potential energy \[J\] of the element; zero for forces without one.
     fn energy<S: Real>(&self, _q: &[Vec3<S>], _p: &[S], _constants: &[f64]) -> S {
         S::zero()
     }

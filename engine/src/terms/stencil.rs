@@ -81,7 +81,7 @@ impl<const N: usize, const P: usize> Compact<N, P> {
         std::array::from_fn(|k| theta[self.params[k]])
     }
 
-    /// Positions of the element's nodes [m].
+    /// Positions of the element's nodes \[m\].
     #[inline]
     pub fn positions(&self, at: &Point) -> [Vec3<f64>; N] {
         std::array::from_fn(|k| at.position(self.nodes[k]))
@@ -94,7 +94,7 @@ impl<const N: usize, const P: usize> Compact<N, P> {
     }
 }
 
-/// An edge e: its unit tangent t = e/|e| and length |e| [m]. Not finite where |e| = 0.
+/// An edge e: its unit tangent t = e/|e| and length |e| \[m\]. Not finite where |e| = 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge<S> {
     pub tangent: Vec3<S>,

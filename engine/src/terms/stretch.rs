@@ -6,7 +6,7 @@ use crate::kkt::BlockBand;
 
 /// E = ½ EA l₀ ε², ε = |e|/l₀ − 1, l₀ = fraction · length; f₀ = −f₁ = EA ε t (a stretched edge pulls its nodes together).
 ///
-/// Nodes: the two ends. Parameters: rope length [m], EA [N]. Constant: the edge's fraction of the length [-].
+/// Nodes: the two ends. Parameters: rope length \[m\], EA \[N\]. Constant: the edge's fraction of the length [-].
 /// Not finite at |e| = 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StretchLaw;

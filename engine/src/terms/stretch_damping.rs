@@ -6,7 +6,7 @@ use crate::kkt::BlockBand;
 
 /// R = ½ c_s l₀ ε̇², ε̇ = t·w/l₀, w = v₁ − v₀, l₀ = fraction · length; f = −∂R/∂v, so f₀ = −f₁ = (c_s/l₀) (t·w) t.
 ///
-/// Nodes: the two ends. Parameters: rope length [m], c_s [N·s]. Constant: the edge's fraction of the length [-].
+/// Nodes: the two ends. Parameters: rope length \[m\], c_s [N·s]. Constant: the edge's fraction of the length [-].
 /// Rigid motions dissipate nothing. Not finite at |e| = 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StretchDampingLaw;
