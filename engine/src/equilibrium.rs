@@ -42,7 +42,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     if let Some(shape) = model.shape_names.first() {
         return Err(StepError::EquilibriumWithContact { shape: shape.clone() });
     }
-    let placement = place(model, theta, u, guess)?;
+    let placement = place_clamped(model, theta, u, guess)?;
     let mut q = placement.0;
     let mass = model.masses(theta);
     let zero = vec![0.0; model.nq()];
@@ -122,9 +122,11 @@ fn finish(
     Ok(Equilibrium { model: Arc::clone(model), theta: theta.to_vec(), q, record, placement, work })
 }
 
-/// Positions with the prescribed nodes moved to their targets, and the derivatives of those targets.
-#[allow(clippy::type_complexity)]
-fn place(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> Result<(Vec<f64>, Vec<(usize, Input, f64)>), StepError> {
+/// Derivatives of clamped positions: (row of q, control or parameter, value).
+pub type Placement = Vec<(usize, Input, f64)>;
+
+/// Positions `guess` with the prescribed nodes moved to where `u` puts them, and the derivatives of those targets.
+pub fn place_clamped(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> Result<(Vec<f64>, Placement), StepError> {
     let mut shift = vec![0.0; model.nq()];
     let mut derivatives = Vec::new();
     for drive in model.drives.iter().filter(|d| d.is_prescribed()) {

@@ -1,0 +1,63 @@
+//! The simulation's own error: how far halving the step moves the readings, against the residual.
+
+use crate::error::IdentifyError;
+use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::unknown::Values;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A simulation error above this part of the residual is a cause of its own.
+pub const TOLERATED: f64 = 0.1;
+
+/// What halving the step changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Discretisation {
+    /// Root mean square change of the readings [m], extrapolated to the error of the scene's step.
+    pub rms: f64,
+    /// The same over the residual's root mean square.
+    pub ratio: f64,
+    /// The step [s] that would bring it to [`TOLERATED`].
+    pub step_needed: f64,
+    /// Order of the integrator.
+    pub order: i32,
+}
+
+/// Compares the readings at the scene's step h with those at h/2 on every record; `rmse` is the residual's.
+pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse: f64) -> Result<Discretisation, IdentifyError> {
+    let h = plan.model.step_length();
+    let fine = Plan { model: Arc::new(plan.model.with_step(0.5 * h)), fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() };
+    let one = |rec: &RecordPlan| -> Result<(f64, usize), IdentifyError> {
+        let named = |source| IdentifyError::Simulation { record: rec.record.name.clone(), source };
+        let plain = RecordPlan { nodes: Vec::new(), ..rec.clone() };
+        let coarse = shoot(plan, &plain, values, ShotWants::default()).map_err(named)?.predicted;
+        let inputs = halved(&plain, plan);
+        let finer = shoot(&fine, &RecordPlan { inputs, ..plain.clone() }, values, ShotWants::default()).map_err(named)?.predicted;
+        Ok((coarse.iter().zip(&finer).map(|(a, b)| (a - b) * (a - b)).sum(), coarse.len()))
+    };
+    let parts: Vec<(f64, usize)> = records.par_iter().map(one).collect::<Result<_, _>>()?;
+    let (sum, count) = parts.iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let order = match plan.model.integrator() {
+        pliant_engine::scene::Integrator::Euler => 1,
+        pliant_engine::scene::Integrator::Midpoint | pliant_engine::scene::Integrator::Sdirk2 => 2,
+    };
+    // Richardson: the error at h is the change over (1 − 2^−order)
+    let rms = (sum / count.max(1) as f64).sqrt() / (1.0 - 0.5f64.powi(order));
+    let ratio = rms / rmse.max(f64::MIN_POSITIVE);
+    let step_needed = if ratio > TOLERATED { h * (TOLERATED / ratio).powf(1.0 / f64::from(order)) } else { h };
+    Ok(Discretisation { rms, ratio, step_needed, order })
+}
+
+/// The same piecewise-linear inputs on steps of half the length.
+fn halved(rec: &RecordPlan, plan: &Plan) -> Vec<Vec<f64>> {
+    let mut out = Vec::with_capacity(2 * rec.inputs.len());
+    let mut before = rec.record.inputs[0].clone();
+    let prescribed: Vec<bool> =
+        plan.model.drives().iter().flat_map(|d| std::iter::repeat_n(d.is_prescribed(), d.n_controls())).collect();
+    for row in &rec.inputs {
+        // positions are passed half-way, velocities are the same in both halves
+        out.push(row.iter().zip(&before).zip(&prescribed).map(|((r, b), p)| if *p { 0.5 * (r + b) } else { *r }).collect());
+        out.push(row.clone());
+        before.clone_from(row);
+    }
+    out
+}

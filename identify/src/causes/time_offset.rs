@@ -1,0 +1,17 @@
+//! A delay of the markers' clock against the grippers'.
+
+use super::{Cause, Situation};
+use crate::sensor::TIME_OFFSET;
+use crate::unknown::Unknown;
+
+pub(super) fn cause(at: &Situation) -> Cause {
+    let shared = at.plan.shared_sensor;
+    let unknown = Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2));
+    Cause {
+        name: "time_offset",
+        meaning: "the markers' clock is late or early against the grippers'",
+        unknowns: if shared { Vec::new() } else { vec![unknown] },
+        untestable: shared.then(|| "one sensor reads markers and grippers: they share its clock".to_owned()),
+        excitation: "a sharp start of the motion, seen by both",
+    }
+}

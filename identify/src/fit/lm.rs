@@ -1,0 +1,257 @@
+//! Bounded Levenberg–Marquardt over all fitted records.
+
+use super::arrow::{Share, solve};
+use super::noise::{fit_noise, floors};
+use crate::error::IdentifyError;
+use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::stats::ar::ArModel;
+use crate::unknown::{Unknown, Values};
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+/// How a fit is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitOptions {
+    /// Smallest believed standard deviation of a reading [m].
+    pub noise_floor: f64,
+    /// Most iterations per round.
+    pub max_iterations: usize,
+    /// Rounds of re-estimating the noise model.
+    pub rounds: usize,
+    /// An accepted step that lowers the cost by less than this part ends a round.
+    pub tolerance: f64,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self { noise_floor: 1e-4, max_iterations: 30, rounds: 3, tolerance: 1e-6 }
+    }
+}
+
+/// A converged fit.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// What was free.
+    pub unknowns: Vec<Unknown>,
+    /// Values at the optimum.
+    pub values: Values,
+    /// Records with their estimated initial states.
+    pub records: Vec<RecordPlan>,
+    /// Measured − simulated of each record [m].
+    pub residuals: Vec<Vec<f64>>,
+    /// Noise model of the residuals.
+    pub noise: ArModel,
+    /// −2 log likelihood under the noise model.
+    pub deviance: f64,
+    /// Root mean square of the residuals [m].
+    pub rmse: f64,
+    /// Iterations in all.
+    pub iterations: usize,
+    /// Whether the last round converged.
+    pub converged: bool,
+}
+
+/// One evaluation of all records.
+struct Point {
+    values: Values,
+    records: Vec<RecordPlan>,
+    cost: f64,
+}
+
+/// Weight of the defects in the merit, per [m]: a defect counts like an error of this size.
+const DEFECT_SIGMA: f64 = 1e-3;
+
+/// Fits `unknowns` and the initial states from `start`, with the noise model `noise` in the first round (white with the
+/// floor if `None`); with `rounds` = 0 the given noise model is kept.
+pub fn fit(
+    plan: &Plan,
+    records: &[RecordPlan],
+    start: &Values,
+    unknowns: &[Unknown],
+    noise: Option<&ArModel>,
+    options: &FitOptions,
+) -> Result<Fitted, IdentifyError> {
+    let mut noise = match noise {
+        Some(model) => model.clone(),
+        None => ArModel::white(floors(plan, 10.0 * options.noise_floor))?,
+    };
+    let mut point = Point { values: start.clone(), records: records.to_vec(), cost: f64::INFINITY };
+    let (mut iterations, mut converged) = (0, true);
+    for round in 0..=options.rounds {
+        (converged, iterations) = minimise(plan, &mut point, unknowns, &noise, options, iterations)?;
+        if options.rounds > 0 {
+            let residuals = residuals(plan, &point)?;
+            let lost = unknowns.len() + point.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+            let next = fit_noise(plan, &residuals, options.noise_floor, lost)?;
+            let settled = round > 0 && alike(&noise, &next);
+            noise = next;
+            if settled {
+                break;
+            }
+        }
+    }
+    let residuals = residuals(plan, &point)?;
+    let slices: Vec<&[f64]> = residuals.iter().map(Vec::as_slice).collect();
+    let deviance = noise.minus_two_log_likelihood(&slices)?;
+    let count: usize = residuals.iter().map(Vec::len).sum();
+    let rmse = (residuals.iter().flatten().map(|r| r * r).sum::<f64>() / count.max(1) as f64).sqrt();
+    Ok(Fitted {
+        unknowns: unknowns.to_vec(),
+        values: point.values,
+        records: point.records,
+        residuals,
+        noise,
+        deviance,
+        rmse,
+        iterations,
+        converged,
+    })
+}
+
+fn alike(a: &ArModel, b: &ArModel) -> bool {
+    let close = |x: &f64, y: &f64| (x - y).abs() <= 0.02 * x.abs().max(y.abs()).max(0.05);
+    a.order() == b.order()
+        && a.coefficients().iter().zip(b.coefficients()).all(|(x, y)| close(x, y))
+        && a.sigma().iter().zip(b.sigma()).all(|(x, y)| (x / y).ln().abs() < 0.02)
+}
+
+fn simulation(rec: &RecordPlan) -> impl Fn(pliant_engine::step::StepError) -> IdentifyError + '_ {
+    |source| IdentifyError::Simulation { record: rec.record.name.clone(), source }
+}
+
+fn residuals(plan: &Plan, point: &Point) -> Result<Vec<Vec<f64>>, IdentifyError> {
+    let one =
+        |rec: &RecordPlan| shoot(plan, rec, &point.values, ShotWants::default()).map(|s| s.residual).map_err(simulation(rec));
+    point.records.par_iter().map(one).collect()
+}
+
+/// Whitened cost of a point; infinite if a record cannot be simulated there.
+fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknown], noise: &ArModel) -> f64 {
+    let one = |rec: &RecordPlan| -> f64 {
+        let Ok(shot) = shoot(plan, rec, values, ShotWants::default()) else { return f64::INFINITY };
+        let mut r = shot.residual;
+        if noise.whiten(&mut r, plan.channels()).is_err() {
+            return f64::INFINITY;
+        }
+        let squares = |x: &[f64]| x.iter().map(|a| a * a).sum::<f64>();
+        squares(&r) + squares(&rec.start.z) + (shot.defect / DEFECT_SIGMA).powi(2)
+    };
+    let parts: Vec<f64> = records.par_iter().map(one).collect();
+    parts.iter().sum::<f64>() + prior_cost(values, unknowns)
+}
+
+fn prior_cost(values: &Values, unknowns: &[Unknown]) -> f64 {
+    unknowns.iter().filter_map(|u| u.prior.map(|(mean, std)| ((u.value(values) - mean) / std).powi(2))).sum()
+}
+
+fn minimise(
+    plan: &Plan,
+    point: &mut Point,
+    unknowns: &[Unknown],
+    noise: &ArModel,
+    options: &FitOptions,
+    mut iterations: usize,
+) -> Result<(bool, usize), IdentifyError> {
+    let mut damping = 1e-6;
+    point.cost = cost(plan, &point.values, &point.records, unknowns, noise);
+    for _ in 0..options.max_iterations {
+        iterations += 1;
+        let linear = linearize(plan, point, unknowns, noise)?;
+        let shares: Vec<Share> = linear.iter().map(|(share, _)| share.clone()).collect();
+        let mut accepted = None;
+        while damping < 1e8 {
+            let Some(trial) = step(point, &shares, &linear, unknowns, damping) else {
+                damping = (damping * 10.0).max(1e-6);
+                continue;
+            };
+            let trial_cost = cost(plan, &trial.0, &trial.1, unknowns, noise);
+            if trial_cost <= point.cost * (1.0 + 1e-14) {
+                accepted = Some((trial, trial_cost));
+                break;
+            }
+            if (trial_cost - point.cost).abs() <= 1e-9 * point.cost {
+                break;
+            }
+            damping = (damping * 10.0).max(1e-6);
+        }
+        let Some(((values, records), next)) = accepted else { return Ok((damping < 1e8 || point.cost.is_finite(), iterations)) };
+        let gain = (point.cost - next) / point.cost.max(f64::MIN_POSITIVE);
+        *point = Point { values, records, cost: next };
+        damping = (damping * 0.1).max(1e-9);
+        if gain <= options.tolerance {
+            return Ok((true, iterations));
+        }
+    }
+    Ok((false, iterations))
+}
+
+fn linearize(plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel) -> Result<Vec<(Share, Shot)>, IdentifyError> {
+    let one = |rec: &RecordPlan| -> Result<(Share, Shot), IdentifyError> {
+        let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
+        let mut shot = shoot(plan, rec, &point.values, wants).map_err(simulation(rec))?;
+        let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
+        noise.whiten(&mut shot.residual, channels)?;
+        if m > 0 {
+            noise.whiten_columns(&mut shot.own, channels, m)?;
+        }
+        if k > 0 {
+            noise.whiten_columns(&mut shot.global, channels, k)?;
+        }
+        let share = Share::new(&shot.residual, &shot.own, m, &shot.global, k, &rec.start.z);
+        Ok((share, Shot { boundary: shot.boundary, own_columns: m, ..Shot::default() }))
+    };
+    point.records.par_iter().map(one).collect()
+}
+
+/// The point one damped step away.
+fn step(
+    point: &Point,
+    shares: &[Share],
+    linear: &[(Share, Shot)],
+    unknowns: &[Unknown],
+    damping: f64,
+) -> Option<(Values, Vec<RecordPlan>)> {
+    let pulls: Vec<(f64, f64)> = unknowns
+        .iter()
+        .map(|u| {
+            let value = u.value(&point.values);
+            u.prior.map_or((0.0, 0.0), |(mean, std)| {
+                let slope = u.slope(value) / std;
+                (slope * slope, slope * (mean - value) / std)
+            })
+        })
+        .collect();
+    let mut held = vec![false; unknowns.len()];
+    let (common, own) = loop {
+        let (common, own) = solve(shares, damping, &pulls, &held)?;
+        // an unknown at a bound that wants to leave is held there, and the rest is solved again
+        let leaving = unknowns.iter().zip(common.iter()).enumerate().find(|(j, (u, d))| {
+            let value = u.value(&point.values);
+            !held[*j] && ((value <= u.bounds.0 && **d < 0.0) || (value >= u.bounds.1 && **d > 0.0))
+        });
+        match leaving {
+            Some((j, _)) => held[j] = true,
+            None => break (common, own),
+        }
+    };
+    let mut values = point.values.clone();
+    for (u, delta) in unknowns.iter().zip(common.iter()) {
+        u.set(&mut values, u.moved(u.value(&point.values), *delta));
+    }
+    let records =
+        point.records.iter().zip(&own).zip(linear).map(|((rec, dz), (_, shot))| moved(rec, dz, &common, shot)).collect();
+    Some((values, records))
+}
+
+/// A record's initial and segment states moved along the condensed step.
+fn moved(rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
+    let mut out = rec.clone();
+    out.start.z.iter_mut().zip(dz.iter()).for_each(|(z, d)| *z += d);
+    let step: Vec<f64> = dz.iter().chain(dphi.iter()).copied().chain([1.0]).collect();
+    for ((_, state), tangent) in out.nodes.iter_mut().zip(&shot.boundary) {
+        let change = |row: &[f64]| row.iter().zip(&step).map(|(t, s)| t * s).sum::<f64>();
+        state.q.iter_mut().zip(tangent.q.chunks_exact(step.len())).for_each(|(q, row)| *q += change(row));
+        state.v.iter_mut().zip(tangent.v.chunks_exact(step.len())).for_each(|(v, row)| *v += change(row));
+    }
+    out
+}
