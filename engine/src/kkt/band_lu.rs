@@ -38,18 +38,17 @@ impl BandLu {
             let size: [f64; 3] = std::array::from_fn(|b| sum_abs(&self.work[b * row_len..(b + 1) * row_len]));
             for j in i.saturating_sub(band.half_width)..i {
                 let first = half - 3 * (i - j); // where node j's columns start in node i's rows
-                for c in 0..3 {
-                    let upper = &self.upper[(3 * j + c) * width..(3 * j + c + 1) * width];
-                    for row in self.work.chunks_exact_mut(row_len) {
-                        reduce(&mut row[first + c..], c, upper);
-                    }
+                let upper = &self.upper[3 * j * width..(3 * j + 3) * width];
+                for row in self.work.chunks_exact_mut(row_len) {
+                    reduce_by_node(&mut row[first..], width, upper);
                 }
             }
             for c in 0..3 {
                 self.pivot(band, 3 * i + c, size[c])?;
                 let upper = &self.upper[(3 * i + c) * width..(3 * i + c + 1) * width];
                 for row in self.work.chunks_exact_mut(row_len).skip(c + 1) {
-                    reduce(&mut row[half + c..], c, upper);
+                    let factor = row[half + c];
+                    subtract(&mut row[half + 1..], factor, upper);
                 }
             }
             for c in 0..3 {
@@ -95,12 +94,39 @@ impl BandLu {
     }
 }
 
-/// Subtracts the multiple of a row of U that cancels `row[0]`, its column `c` of the pivot's node; U's row starts at that node's
-/// second column.
+/// Reduces a row, given from the first column of an earlier node on, by the three rows of U of that node. They start at the
+/// node's second column, and are zero up to their own.
 #[inline(always)]
-fn reduce(row: &mut [f64], c: usize, upper: &[f64]) {
-    let factor = row[0];
-    for (x, u) in row[1..].iter_mut().zip(&upper[c..]) {
+fn reduce_by_node(row: &mut [f64], width: usize, upper: &[f64]) {
+    match width {
+        8 => reduce_by_fixed::<8>(row, upper),
+        5 => reduce_by_fixed::<5>(row, upper),
+        _ => {
+            for (c, upper) in upper.chunks_exact(width).enumerate() {
+                let factor = row[c];
+                subtract(&mut row[1..], factor, upper);
+            }
+        }
+    }
+}
+
+/// The same with the row in registers.
+#[inline(always)]
+fn reduce_by_fixed<const W: usize>(row: &mut [f64], upper: &[f64]) {
+    let (mut factor, rest) = (row[0], &mut row[1..]);
+    let Some(target) = rest.first_chunk_mut::<W>() else { return };
+    let mut x = *target;
+    for (c, upper) in upper.as_chunks::<W>().0.iter().enumerate() {
+        subtract(&mut x, factor, upper);
+        factor = x[c];
+    }
+    *target = x;
+}
+
+/// `row −= factor · upper`, as long as `upper` is.
+#[inline(always)]
+fn subtract(row: &mut [f64], factor: f64, upper: &[f64]) {
+    for (x, u) in row.iter_mut().zip(upper) {
         *x -= factor * u;
     }
 }

@@ -41,7 +41,7 @@ impl Band {
     pub fn solve_upper(self, upper: &[f64], b: &mut [f64], columns: usize) {
         self.specialised(|band| match columns {
             1 => upper_one(band, upper, b),
-            _ => descend(band, b, columns, |r, c| upper[band.upper(r, c)], |_| 1.0),
+            _ => sweep(band, b, columns, Triangle::upper(band, upper, false), [2, 1, 0], |_| 1.0),
         });
     }
 
@@ -49,7 +49,7 @@ impl Band {
     pub fn solve_upper_transpose(self, upper: &[f64], b: &mut [f64], columns: usize) {
         self.specialised(|band| match columns {
             1 => upper_transpose_one(band, upper, b),
-            _ => ascend(band, b, columns, |r, c| upper[band.upper(c, r)], |_| 1.0),
+            _ => sweep(band, b, columns, Triangle::upper(band, upper, true), [0, 1, 2], |_| 1.0),
         });
     }
 
@@ -57,7 +57,7 @@ impl Band {
     pub fn solve_lower(self, lower: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
         self.specialised(|band| match columns {
             1 => lower_one(band, lower, inverse, b),
-            _ => ascend(band, b, columns, |r, c| lower[band.lower(r, c)], |r| inverse[r]),
+            _ => sweep(band, b, columns, Triangle::lower(band, lower, false), [0, 1, 2], |r| inverse[r]),
         });
     }
 
@@ -65,20 +65,8 @@ impl Band {
     pub fn solve_lower_transpose(self, lower: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
         self.specialised(|band| match columns {
             1 => lower_transpose_one(band, lower, inverse, b),
-            _ => descend(band, b, columns, |r, c| lower[band.lower(c, r)], |r| inverse[r]),
+            _ => sweep(band, b, columns, Triangle::lower(band, lower, true), [2, 1, 0], |r| inverse[r]),
         });
-    }
-
-    /// Position of entry (r, c) of an upper triangle.
-    #[inline(always)]
-    fn upper(self, r: usize, c: usize) -> usize {
-        r * self.width() + c - 3 * (r / 3) - 1
-    }
-
-    /// Position of entry (r, c) of a lower triangle.
-    #[inline(always)]
-    fn lower(self, r: usize, c: usize) -> usize {
-        r * self.width() + c + 3 * self.half_width - 3 * (r / 3)
     }
 
     /// Nodes below and above `i` that are coupled to it.
@@ -192,79 +180,104 @@ fn lower_transpose_one(band: Band, lower: &[f64], inverse: &[f64], b: &mut [f64]
     }
 }
 
-/// Rows in rising order: `b_r ← (b_r − Σ_{c<r} t(r, c) b_c) · scale(r)` for all columns.
-#[inline(always)]
-fn ascend(band: Band, b: &mut [f64], columns: usize, t: impl Fn(usize, usize) -> f64, scale: impl Fn(usize) -> f64) {
-    in_lanes(columns, |first, wide| {
-        for i in 0..band.n_blocks {
-            let (r, near) = (3 * i, band.before(i));
-            if wide {
-                node::<LANES>(b, columns, first, r, near, &t, [0, 1, 2], &scale);
-            } else {
-                node::<1>(b, columns, first, r, near, &t, [0, 1, 2], &scale);
-            }
-        }
-    });
+/// A stored triangle T, or its transpose, seen by blocks.
+#[derive(Clone, Copy)]
+struct Triangle<'a> {
+    entries: &'a [f64],
+    width: usize,
+    /// Entry (r, c) of node i is at r · width + c − 3i + offset − shift.
+    offset: usize,
+    shift: usize,
+    transpose: bool,
 }
 
-/// Rows in falling order: `b_r ← (b_r − Σ_{c>r} t(r, c) b_c) · scale(r)` for all columns.
-#[inline(always)]
-fn descend(band: Band, b: &mut [f64], columns: usize, t: impl Fn(usize, usize) -> f64, scale: impl Fn(usize) -> f64) {
-    in_lanes(columns, |first, wide| {
-        for i in (0..band.n_blocks).rev() {
-            let (r, near) = (3 * i, band.after(i));
-            if wide {
-                node::<LANES>(b, columns, first, r, near, &t, [2, 1, 0], &scale);
-            } else {
-                node::<1>(b, columns, first, r, near, &t, [2, 1, 0], &scale);
-            }
-        }
-    });
+impl<'a> Triangle<'a> {
+    #[inline(always)]
+    fn upper(band: Band, entries: &'a [f64], transpose: bool) -> Self {
+        Self { entries, width: band.width(), offset: 0, shift: 1, transpose }
+    }
+
+    #[inline(always)]
+    fn lower(band: Band, entries: &'a [f64], transpose: bool) -> Self {
+        Self { entries, width: band.width(), offset: 3 * band.half_width, shift: 0, transpose }
+    }
+
+    /// Where block (i, j) starts, plus the shift, and the distances between its rows and between its columns.
+    #[inline(always)]
+    fn start(self, i: usize, j: usize) -> usize {
+        let (owner, other) = if self.transpose { (j, i) } else { (i, j) };
+        3 * owner * self.width + 3 * other + self.offset - 3 * owner
+    }
+
+    #[inline(always)]
+    fn strides(self) -> (usize, usize) {
+        if self.transpose { (1, self.width) } else { (self.width, 1) }
+    }
+
+    /// Entry (a, c) of the diagonal block of node i.
+    #[inline(always)]
+    fn own(self, i: usize, a: usize, c: usize) -> f64 {
+        let (down, across) = self.strides();
+        self.entries[self.start(i, i) + a * down + c * across - self.shift]
+    }
+
+    /// Block (i, j), i ≠ j.
+    #[inline(always)]
+    fn block(self, i: usize, j: usize) -> [[f64; 3]; 3] {
+        let (down, across) = self.strides();
+        let entries = &self.entries[self.start(i, j) - self.shift..][..2 * self.width + 3];
+        std::array::from_fn(|a| std::array::from_fn(|c| entries[a * down + c * across]))
+    }
 }
 
-/// Calls `run(first column, whether LANES columns at once)` so that every column is met once.
+/// `b_r ← (b_r − Σ t(r, c) b_c) · scale(r)` for all columns, over the rows c before r in the sweep: nodes rising and the node's
+/// rows in `order` 0, 1, 2, or all falling.
 #[inline(always)]
-fn in_lanes(columns: usize, mut run: impl FnMut(usize, bool)) {
+fn sweep(band: Band, b: &mut [f64], columns: usize, t: Triangle, order: [usize; 3], scale: impl Fn(usize) -> f64) {
     let whole = columns - columns % LANES;
     for first in (0..whole).step_by(LANES) {
-        run(first, true);
+        sweep_lanes::<LANES>(band, b, columns, first, t, order, &scale);
     }
     for first in whole..columns {
-        run(first, false);
+        sweep_lanes::<1>(band, b, columns, first, t, order, &scale);
     }
 }
 
-/// The three rows from `r` on of one node, for C columns from `first` on: subtracts the neighbours `near`, then the own rows in
-/// the given `order`.
+/// The columns from `first` to `first + C`.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn node<const C: usize>(
+fn sweep_lanes<const C: usize>(
+    band: Band,
     b: &mut [f64],
     columns: usize,
     first: usize,
-    r: usize,
-    near: std::ops::Range<usize>,
-    t: &impl Fn(usize, usize) -> f64,
+    t: Triangle,
     order: [usize; 3],
     scale: &impl Fn(usize) -> f64,
 ) {
-    let mut own: [[f64; C]; 3] = std::array::from_fn(|a| *lanes::<C>(b, (r + a) * columns + first));
-    for c in 3 * near.start..3 * near.end {
-        let source = lanes::<C>(b, c * columns + first);
-        for (a, own) in own.iter_mut().enumerate() {
-            subtract(own, t(r + a, c), source);
+    let rising = order[0] == 0;
+    for k in 0..band.n_blocks {
+        let i = if rising { k } else { band.n_blocks - 1 - k };
+        let mut own: [[f64; C]; 3] = std::array::from_fn(|a| *lanes::<C>(b, (3 * i + a) * columns + first));
+        for j in if rising { band.before(i) } else { band.after(i) } {
+            let block = t.block(i, j);
+            for c in 0..3 {
+                let source = lanes::<C>(b, (3 * j + c) * columns + first);
+                for (own, row) in own.iter_mut().zip(&block) {
+                    subtract(own, row[c], source);
+                }
+            }
         }
-    }
-    for (k, &a) in order.iter().enumerate() {
-        for &done in &order[..k] {
-            let source = own[done];
-            subtract(&mut own[a], t(r + a, r + done), &source);
+        for (k, &a) in order.iter().enumerate() {
+            for &done in &order[..k] {
+                let source = own[done];
+                subtract(&mut own[a], t.own(i, a, done), &source);
+            }
+            let factor = scale(3 * i + a);
+            own[a] = own[a].map(|x| x * factor);
         }
-        let factor = scale(r + a);
-        own[a] = own[a].map(|x| x * factor);
-    }
-    for (a, own) in own.iter().enumerate() {
-        b[(r + a) * columns + first..][..C].copy_from_slice(own);
+        for (a, own) in own.iter().enumerate() {
+            b[(3 * i + a) * columns + first..][..C].copy_from_slice(own);
+        }
     }
 }
 

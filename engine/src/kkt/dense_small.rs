@@ -58,21 +58,21 @@ impl DenseLu {
     }
 
     pub fn solve(&self, a: &[f64], b: &mut [f64], columns: usize, transpose: bool) {
-        let dim = self.dim;
+        let (dim, order) = (self.dim, 0..self.dim);
         if !transpose {
-            (0..dim).for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
-            (0..dim).for_each(|r| (0..r).for_each(|c| subtract(b, columns, r, c, a[r * dim + c])));
-            for r in (0..dim).rev() {
-                (r + 1..dim).for_each(|c| subtract(b, columns, r, c, a[r * dim + c]));
+            order.clone().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
+            order.clone().for_each(|r| gather(b, columns, r, 0, &a[r * dim..r * dim + r]));
+            for r in order.rev() {
+                gather(b, columns, r, r + 1, &a[r * dim + r + 1..(r + 1) * dim]);
                 scale_row(b, columns, r, self.inverse[r]);
             }
         } else {
-            for r in 0..dim {
+            for r in order.clone() {
                 scale_row(b, columns, r, self.inverse[r]);
-                (r + 1..dim).for_each(|c| subtract(b, columns, c, r, a[r * dim + c]));
+                scatter(b, columns, r, r + 1, &a[r * dim + r + 1..(r + 1) * dim]);
             }
-            (0..dim).rev().for_each(|r| (0..r).for_each(|c| subtract(b, columns, c, r, a[r * dim + c])));
-            (0..dim).rev().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
+            order.clone().rev().for_each(|r| scatter(b, columns, r, 0, &a[r * dim..r * dim + r]));
+            order.rev().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
         }
     }
 }
@@ -111,12 +111,12 @@ impl DenseCholesky {
     pub fn solve(&self, a: &[f64], b: &mut [f64], columns: usize) {
         let dim = self.dim;
         for r in 0..dim {
-            (0..r).for_each(|c| subtract(b, columns, r, c, a[r * dim + c]));
+            gather(b, columns, r, 0, &a[r * dim..r * dim + r]);
             scale_row(b, columns, r, self.inverse[r]);
         }
         for r in (0..dim).rev() {
             scale_row(b, columns, r, self.inverse[r]);
-            (0..r).for_each(|c| subtract(b, columns, c, r, a[r * dim + c]));
+            scatter(b, columns, r, 0, &a[r * dim..r * dim + r]);
         }
     }
 }
@@ -133,16 +133,28 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]) + rest
 }
 
-/// Row `target` −= factor · row `source`, unless there is nothing to subtract.
-#[inline(always)]
-fn subtract(b: &mut [f64], columns: usize, target: usize, source: usize, factor: f64) {
-    if factor == 0.0 {
+/// Row `r` −= Σ_k factors[k] · row `first + k`.
+fn gather(b: &mut [f64], columns: usize, r: usize, first: usize, factors: &[f64]) {
+    if columns == 1 {
+        b[r] -= dot(factors, &b[first..first + factors.len()]);
         return;
     }
+    for (k, &factor) in factors.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
+        axpy_rows(b, columns, r, first + k, factor);
+    }
+}
+
+/// Row `first + k` −= factors[k] · row `r`, for all k.
+fn scatter(b: &mut [f64], columns: usize, r: usize, first: usize, factors: &[f64]) {
     if columns == 1 {
-        b[target] -= factor * b[source];
-    } else {
-        axpy_rows(b, columns, target, source, factor);
+        let source = b[r];
+        for (x, factor) in b[first..].iter_mut().zip(factors) {
+            *x -= factor * source;
+        }
+        return;
+    }
+    for (k, &factor) in factors.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
+        axpy_rows(b, columns, first + k, r, factor);
     }
 }
 

@@ -1,5 +1,7 @@
 //! Sparse factorizations by faer; the analysis of the pattern is made once and shared.
 
+use super::band_cholesky::BandCholesky;
+use super::band_lu::BandLu;
 use super::symbolic::Shared;
 use super::{BlockBand, KktError, Symmetry};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -95,7 +97,7 @@ pub(super) struct Sparse {
 
 #[derive(Clone, Debug)]
 enum Numeric {
-    Lu(NumericLu<usize, f64>),
+    Lu(Box<NumericLu<usize, f64>>),
     Cholesky(Vec<f64>),
     /// The model has no sparse pattern; cannot be reached through [`super::Factor`].
     None,
@@ -104,7 +106,7 @@ enum Numeric {
 impl Sparse {
     pub fn new(shared: &Shared) -> Self {
         let numeric = match shared.sparse.as_ref().map(|p| &p.analysis) {
-            Some(Analysis::Lu(_)) => Numeric::Lu(NumericLu::new()),
+            Some(Analysis::Lu(_)) => Numeric::Lu(Box::default()),
             Some(Analysis::Cholesky(symbolic)) => Numeric::Cholesky(vec![0.0; symbolic.len_val()]),
             None => Numeric::None,
         };
@@ -124,7 +126,11 @@ impl Sparse {
                 let mut memory = MemBuffer::new(symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()));
                 let stack = MemStack::new(&mut memory);
                 let done = symbolic.factorize_numeric_lu(numeric, matrix, Par::Seq, stack, Default::default());
-                done.map_err(|error| lu_error(error, dim))?;
+                match done {
+                    Ok(_) => {}
+                    Err(LuError::SymbolicSingular { index }) => return Err(blame(a, shared, index)),
+                    Err(LuError::Generic(source)) => return Err(KktError::Analysis { dim, source }),
+                }
             }
             (Analysis::Cholesky(symbolic), Numeric::Cholesky(values)) => {
                 let mut memory = MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()));
@@ -138,35 +144,30 @@ impl Sparse {
                     stack,
                     Default::default(),
                 );
-                done.map_err(|error| llt_error(error, symbolic, a, dim))?;
+                done.map_err(|LltError::NonPositivePivot { index }| blame(a, shared, index))?;
             }
             _ => {}
         }
-        self.probe(matrix, shared)
+        self.probe(matrix, a, shared)
     }
 
     /// faer factors singular matrices without complaint: solve for A·1, and name the row where 1 does not come back.
-    fn probe(&self, matrix: SparseColMatRef<'_, usize, f64>, shared: &Shared) -> Result<(), KktError> {
+    fn probe(&self, matrix: SparseColMatRef<'_, usize, f64>, a: &BlockBand, shared: &Shared) -> Result<(), KktError> {
         let dim = shared.dim();
         let mut x = vec![0.0; dim];
-        let mut sizes = vec![0.0_f64; dim];
         for c in 0..dim {
             for (r, &value) in matrix.row_idx_of_col(c).zip(matrix.val_of_col(c)) {
                 x[r] += value;
-                sizes[r] = sizes[r].max(value.abs());
                 if shared.symmetry == Symmetry::Symmetric && r != c {
                     x[c] += value;
-                    sizes[c] = sizes[c].max(value.abs());
                 }
             }
         }
         self.solve(shared, &mut x, 1, false);
         let error = |x: f64| if x.is_finite() { (x - 1.0).abs() } else { f64::INFINITY };
-        let (row, worst) = x.iter().map(|x| error(*x)).enumerate().fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
-        if worst > PROBE_LIMIT {
-            return Err(KktError::Singular { row, dim, pivot: f64::EPSILON * sizes[row] / worst, size: sizes[row] });
-        }
-        Ok(())
+        let errors = x.iter().map(|x| error(*x)).enumerate();
+        let (row, worst) = errors.fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst });
+        if worst > PROBE_LIMIT { Err(blame(a, shared, row)) } else { Ok(()) }
     }
 
     pub fn solve(&self, shared: &Shared, b: &mut [f64], columns: usize, transpose: bool) {
@@ -192,16 +193,17 @@ impl Sparse {
     }
 }
 
-fn lu_error(error: LuError, dim: usize) -> KktError {
-    match error {
-        LuError::SymbolicSingular { index } => KktError::Singular { row: index, dim, pivot: 0.0, size: 0.0 },
-        LuError::Generic(source) => KktError::Analysis { dim, source },
+/// Names the row at fault by eliminating in the band, since faer counts in its own order or not at all; `row` if that succeeds.
+#[cold]
+fn blame(a: &BlockBand, shared: &Shared, row: usize) -> KktError {
+    let dim = shared.dim();
+    let in_band = match shared.symmetry {
+        Symmetry::General => BandLu::new(shared.n_blocks, shared.half_width).refactor(a),
+        Symmetry::Symmetric => BandCholesky::new(shared.n_blocks, shared.half_width).refactor(a, &shared.driven),
+    };
+    match in_band {
+        Err(KktError::Growth { row, .. }) => KktError::Singular { row, dim, pivot: 0.0, size: super::sum_abs(a.row(row)) },
+        Err(error) => error,
+        Ok(()) => KktError::Singular { row, dim, pivot: 0.0, size: super::sum_abs(a.row(row)) },
     }
-}
-
-/// faer counts rows in its own order.
-fn llt_error(error: LltError, symbolic: &SymbolicCholesky<usize>, a: &BlockBand, dim: usize) -> KktError {
-    let LltError::NonPositivePivot { index } = error;
-    let row = symbolic.perm().and_then(|p| p.arrays().0.get(index).copied()).unwrap_or(index);
-    KktError::NotPositiveDefinite { row, dim, pivot: f64::NAN, size: a.get(row, row) }
 }
