@@ -1,3 +1,4 @@
 //! Identify.
 
+pub mod audit;
 pub mod stats;
