@@ -1,6 +1,8 @@
 //! Identify.
 
+pub mod audit;
 pub mod causes;
+pub mod diagnose;
 pub mod error;
 pub mod fit;
 pub mod log;
@@ -10,3 +12,4 @@ pub mod stats;
 pub mod unknown;
 
 pub use error::IdentifyError;
+pub use diagnose::{DiagnoseOptions, Diagnosis, FitReport, diagnose, fit_scene};

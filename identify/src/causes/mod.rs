@@ -17,7 +17,7 @@ mod time_offset;
 mod tip_mass;
 mod wind;
 
-pub use discretisation::{Discretisation, discretisation};
+pub use discretisation::{Discretisation, TOLERATED, discretisation};
 
 use crate::shoot::Plan;
 use crate::unknown::{Unknown, Values};

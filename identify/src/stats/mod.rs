@@ -13,6 +13,7 @@
 pub mod ar;
 mod basis;
 pub mod bootstrap;
+mod clusters;
 pub mod dist;
 mod error;
 pub mod multiple;

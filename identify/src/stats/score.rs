@@ -14,10 +14,11 @@
 //! Self & Liang (1987) for a parameter on its bound (χ̄²).
 
 use super::basis::Basis;
-use super::dist::{chi2_sf, f_sf, normal_sf, t_two_sided, z_of_two_sided};
+use super::clusters::Clusters;
+use super::dist::{chi2_sf, normal_sf, z_of_two_sided};
 use super::error::StatsError;
 use super::reduced::Reduced;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 /// Which values of a one-parameter cause are physical.
@@ -159,10 +160,10 @@ impl ScoreTest {
 const CONDITIONAL_TOLERANCE: f64 = 0.03;
 
 /// One candidate's orthonormal directions, and how they are made of global columns.
-struct Directions {
-    basis: Basis,
+pub(super) struct Directions {
+    pub basis: Basis,
     /// k × rank: directions = G̃ · weights.
-    weights: DMatrix<f64>,
+    pub weights: DMatrix<f64>,
 }
 
 /// Tests every candidate with the nuisance columns (and the records' own nuisance) projected out.
@@ -178,41 +179,25 @@ pub fn score_test(
     options: &ScoreOptions,
 ) -> Result<ScoreTest, StatsError> {
     check(reduced, nuisance, candidates, options)?;
-    let k = reduced.columns();
-    let factor = reduced.factor();
-    let norms: Vec<f64> = nuisance.iter().map(|&c| reduced.raw_norm(c)).collect();
-    let basis = Basis::new(&factor.select_columns(nuisance), &norms, options.tolerance);
-    let mut projected = factor.clone();
-    basis.project_out(&mut projected);
-    // Coefficients (k × (k+1)) that make the projection out of global columns: projected = factor − G̃ · coefficients.
-    let mut coefficients = DMatrix::zeros(k, k + 1);
-    let solved = basis.solve_r(&(basis.q.transpose() * factor));
-    for (row, &place) in basis.kept.iter().enumerate() {
-        coefficients.row_mut(nuisance[place]).copy_from(&solved.row(row));
-    }
-    let residual: DVector<f64> = projected.column(k).into_owned();
-    let step = coefficients.column(k).into_owned();
-    let clusters = Clusters::new(reduced, &step);
-
+    let linear = Linear::new(reduced, nuisance, options);
+    let scale = options.dispersion.sqrt();
     let mut out = ScoreTest {
         candidates: Vec::with_capacity(candidates.len()),
         cosines: DMatrix::zeros(0, 0),
         containment: DMatrix::zeros(0, 0),
-        dead_nuisance: basis.dead.iter().map(|&p| nuisance[p]).collect(),
-        nuisance_step: nuisance.iter().map(|&c| step[c]).collect(),
-        rss: residual.norm_squared(),
-        dof: reduced.rows() as f64 - (reduced.own_rank() + basis.rank()) as f64,
+        dead_nuisance: linear.nuisance.dead.iter().map(|&p| nuisance[p]).collect(),
+        nuisance_step: nuisance.iter().map(|&c| linear.coefficients[(c, reduced.columns())]).collect(),
+        rss: linear.residual.norm_squared(),
+        dof: reduced.rows() as f64 - (reduced.own_rank() + linear.nuisance.rank()) as f64,
         bases: Vec::with_capacity(candidates.len()),
-        residual: &residual / options.dispersion.sqrt(),
+        residual: &linear.residual / scale,
         record_scores: Vec::with_capacity(candidates.len()),
         signs: candidates.iter().map(|c| c.sign).collect(),
     };
-    let scale = options.dispersion.sqrt();
     for candidate in candidates {
-        let directions = directions(reduced, &projected, &coefficients, candidate, options.tolerance);
-        let local = directions.basis.q.transpose() * &residual;
-        out.record_scores.push(clusters.by_record(&directions) / scale);
-        out.candidates.push(one_candidate(reduced, &projected, candidate, &directions, &local, &clusters, options));
+        let directions = linear.directions(candidate);
+        out.record_scores.push(linear.clusters.by_record(&directions) / scale);
+        out.candidates.push(linear.score(candidate, &directions));
         out.bases.push(directions.basis.q);
     }
     (out.cosines, out.containment) = principal_cosines(&out.bases);
@@ -240,88 +225,123 @@ fn check(reduced: &Reduced, nuisance: &[usize], candidates: &[Candidate], option
     Ok(())
 }
 
-fn directions(
-    reduced: &Reduced,
-    projected: &DMatrix<f64>,
-    coefficients: &DMatrix<f64>,
-    candidate: &Candidate,
-    tolerance: f64,
-) -> Directions {
-    let norms: Vec<f64> = candidate.columns.iter().map(|&c| reduced.raw_norm(c)).collect();
-    let basis = Basis::new(&projected.select_columns(&candidate.columns), &norms, tolerance);
-    let kept: Vec<usize> = basis.kept.iter().map(|&p| candidate.columns[p]).collect();
-    let mut raw = -coefficients.select_columns(&kept);
-    kept.iter().enumerate().for_each(|(i, &c)| raw[(c, i)] += 1.0);
-    // directions = (G̃ raw) R⁻¹
-    let weights = basis.solve_r(&DMatrix::identity(basis.rank(), basis.rank()));
-    Directions { weights: raw * weights, basis }
+/// The reduced problem with its nuisance projected out.
+struct Linear<'a> {
+    reduced: &'a Reduced,
+    options: &'a ScoreOptions,
+    nuisance: Basis,
+    /// The triangle with the nuisance projected out of every column.
+    projected: DMatrix<f64>,
+    /// k × (k+1): projected = triangle − G̃ · coefficients.
+    coefficients: DMatrix<f64>,
+    residual: DVector<f64>,
+    clusters: Clusters,
 }
 
-fn one_candidate(
-    reduced: &Reduced,
-    projected: &DMatrix<f64>,
-    candidate: &Candidate,
-    directions: &Directions,
-    local: &DVector<f64>,
-    clusters: &Clusters,
-    options: &ScoreOptions,
-) -> CandidateScore {
-    let basis = &directions.basis;
-    let (width, rank) = (candidate.columns.len(), basis.rank());
-    let mut theta = vec![0.0; width];
-    let mut std_error = vec![f64::INFINITY; width];
-    let solved = basis.solve_r(&DMatrix::from_column_slice(rank, 1, local.as_slice()));
-    let inverse = basis.solve_r(&DMatrix::identity(rank, rank));
-    for (row, &place) in basis.kept.iter().enumerate() {
-        theta[place] = solved[(row, 0)];
-        std_error[place] = inverse.row(row).norm() * options.dispersion.sqrt();
+impl<'a> Linear<'a> {
+    fn new(reduced: &'a Reduced, nuisance: &[usize], options: &'a ScoreOptions) -> Self {
+        let k = reduced.columns();
+        let factor = reduced.factor();
+        let norms: Vec<f64> = nuisance.iter().map(|&c| reduced.raw_norm(c)).collect();
+        let basis = Basis::new(&factor.select_columns(nuisance), &norms, options.tolerance);
+        let mut projected = factor.clone();
+        basis.project_out(&mut projected);
+        let mut coefficients = DMatrix::zeros(k, k + 1);
+        let solved = basis.solve_r(&(basis.q.transpose() * factor));
+        for (row, &place) in basis.kept.iter().enumerate() {
+            coefficients.row_mut(nuisance[place]).copy_from(&solved.row(row));
+        }
+        let residual = projected.column(k).into_owned();
+        let clusters = Clusters::new(reduced, &coefficients.column(k).into_owned());
+        Self { reduced, options, nuisance: basis, projected, coefficients, residual, clusters }
     }
-    let absorbed = candidate.columns.iter().map(|&c| absorbed_share(projected.column(c).norm(), reduced.raw_norm(c))).collect();
-    let scalar = width == 1 && rank == 1;
-    let sign = if scalar { candidate.sign } else { Sign::Any };
-    let admissible = !scalar || sign.admits(theta[0]);
-    let lm = local.norm_squared() / options.dispersion;
-    // The basis direction of a single column is that column normalised: t has the sign of θ̂.
-    let t = if scalar { theta[0] / std_error[0] } else { f64::NAN };
-    let two_sided = if scalar { 2.0 * normal_sf(t.abs()) } else { chi2_sf(lm, rank as f64) };
-    let parametric = (if rank == 0 { 1.0 } else { two_sided }, if scalar { t.abs() } else { lm.sqrt() });
-    let by_blocks = clusters.test(directions, local, &clusters.blocks, options);
-    let by_records = if clusters.records.len() >= options.min_records {
-        clusters.test(directions, local, &clusters.records, options)
-    } else {
-        None
-    };
-    let one_sided = |p: f64| match (sign, admissible) {
-        (_, false) => 1.0,
-        (Sign::Any, _) => p,
-        _ => 0.5 * p,
-    };
-    let used = [Some(parametric), by_blocks, by_records];
-    let p = used.iter().flatten().map(|u| u.0).fold(0.0, f64::max);
-    // Where the tail has underflowed, the statistic itself stands in.
-    let as_z = |(p, fallback): (f64, f64)| if p > 1e-300 { z_of_two_sided(p) } else { fallback };
-    let z = used.iter().flatten().map(|u| as_z(*u)).fold(f64::INFINITY, f64::min);
-    CandidateScore {
-        rank,
-        dead: basis.dead.clone(),
-        lm,
-        t,
-        theta,
-        detectable: std_error.iter().map(|s| 5.0 * s).collect(),
-        std_error,
-        absorbed,
-        p_parametric: one_sided(parametric.0),
-        p_blocks: by_blocks.map(|u| one_sided(u.0)),
-        p_records: by_records.map(|u| one_sided(u.0)),
-        p: one_sided(p),
-        z,
-        weakening: z / as_z(parametric).max(f64::MIN_POSITIVE),
-        admissible,
+
+    fn directions(&self, candidate: &Candidate) -> Directions {
+        let norms: Vec<f64> = candidate.columns.iter().map(|&c| self.reduced.raw_norm(c)).collect();
+        let basis = Basis::new(&self.projected.select_columns(&candidate.columns), &norms, self.options.tolerance);
+        let kept: Vec<usize> = basis.kept.iter().map(|&p| candidate.columns[p]).collect();
+        let mut raw = -self.coefficients.select_columns(&kept);
+        kept.iter().enumerate().for_each(|(i, &c)| raw[(c, i)] += 1.0);
+        // directions = (G̃ raw) R⁻¹
+        let weights = raw * basis.solve_r(&DMatrix::identity(basis.rank(), basis.rank()));
+        Directions { basis, weights }
+    }
+
+    fn score(&self, candidate: &Candidate, directions: &Directions) -> CandidateScore {
+        let basis = &directions.basis;
+        let local = basis.q.transpose() * &self.residual;
+        let (theta, std_error) = self.sizes(candidate, basis, &local);
+        let absorbed = candidate.columns.iter().map(|&c| {
+            let (left, raw) = (self.projected.column(c).norm(), self.reduced.raw_norm(c));
+            if raw > 0.0 { (1.0 - (left / raw).powi(2)).clamp(0.0, 1.0) } else { 1.0 }
+        });
+        let scalar = candidate.columns.len() == 1 && basis.rank() == 1;
+        let sign = if scalar { candidate.sign } else { Sign::Any };
+        let admissible = !scalar || sign.admits(theta[0]);
+        let lm = local.norm_squared() / self.options.dispersion;
+        // The basis direction of a single column is that column normalised: t has the sign of θ̂.
+        let t = if scalar { theta[0] / std_error[0] } else { f64::NAN };
+        let parametric = Evidence::parametric(lm, t, basis.rank());
+        let (by_blocks, by_records) = self.clusters.evidence(directions, &local, self.options);
+        let all = [Some(parametric), by_blocks, by_records];
+        let z = all.iter().flatten().map(Evidence::z).fold(f64::INFINITY, f64::min);
+        let one_sided = |e: Evidence| match (sign, admissible) {
+            (_, false) => 1.0,
+            (Sign::Any, _) => e.p,
+            _ => 0.5 * e.p,
+        };
+        CandidateScore {
+            rank: basis.rank(),
+            dead: basis.dead.clone(),
+            lm,
+            t,
+            theta,
+            detectable: std_error.iter().map(|s| 5.0 * s).collect(),
+            std_error,
+            absorbed: absorbed.collect(),
+            p_parametric: one_sided(parametric),
+            p_blocks: by_blocks.map(one_sided),
+            p_records: by_records.map(one_sided),
+            p: all.iter().flatten().map(|e| one_sided(*e)).fold(0.0, f64::max),
+            z,
+            weakening: z / parametric.z().max(f64::MIN_POSITIVE),
+            admissible,
+        }
+    }
+
+    /// θ̂ and its standard errors in the order of the candidate's columns.
+    fn sizes(&self, candidate: &Candidate, basis: &Basis, local: &DVector<f64>) -> (Vec<f64>, Vec<f64>) {
+        let (width, rank) = (candidate.columns.len(), basis.rank());
+        let (mut theta, mut std_error) = (vec![0.0; width], vec![f64::INFINITY; width]);
+        let solved = basis.solve_r(&DMatrix::from_column_slice(rank, 1, local.as_slice()));
+        let inverse = basis.solve_r(&DMatrix::identity(rank, rank));
+        for (row, &place) in basis.kept.iter().enumerate() {
+            theta[place] = solved[(row, 0)];
+            std_error[place] = inverse.row(row).norm() * self.options.dispersion.sqrt();
+        }
+        (theta, std_error)
     }
 }
 
-fn absorbed_share(left: f64, raw: f64) -> f64 {
-    if raw > 0.0 { (1.0 - (left / raw).powi(2)).clamp(0.0, 1.0) } else { 1.0 }
+/// One statistic's two-sided p, and the statistic itself for where the tail underflows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Evidence {
+    pub p: f64,
+    pub statistic: f64,
+}
+
+impl Evidence {
+    fn parametric(lm: f64, t: f64, rank: usize) -> Self {
+        match rank {
+            0 => Self { p: 1.0, statistic: 0.0 },
+            _ if t.is_nan() => Self { p: chi2_sf(lm, rank as f64), statistic: lm.sqrt() },
+            _ => Self { p: 2.0 * normal_sf(t.abs()), statistic: t.abs() },
+        }
+    }
+
+    fn z(&self) -> f64 {
+        if self.p > 1e-300 { z_of_two_sided(self.p) } else { self.statistic }
+    }
 }
 
 /// Largest (signed where both have one direction) and smallest principal cosines between all pairs of orthonormal bases.
@@ -344,98 +364,4 @@ fn principal_cosines(bases: &[DMatrix<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
         }
     }
     (largest, smallest)
-}
-
-/// Sums of gram and residual score over one cluster.
-struct Cluster {
-    gram: DMatrix<f64>,
-    /// G̃_bᵀ (r̃_b − G̃_b step)
-    score: DVector<f64>,
-}
-
-struct Clusters {
-    blocks: Vec<Cluster>,
-    records: Vec<Cluster>,
-}
-
-impl Clusters {
-    fn new(reduced: &Reduced, step: &DVector<f64>) -> Self {
-        let blocks: Vec<Cluster> =
-            reduced.blocks().iter().map(|b| Cluster { score: &b.score - &b.gram * step, gram: b.gram.clone() }).collect();
-        let k = reduced.columns();
-        let empty = || Cluster { gram: DMatrix::zeros(k, k), score: DVector::zeros(k) };
-        let mut records: Vec<Cluster> = (0..reduced.records()).map(|_| empty()).collect();
-        for (block, cluster) in reduced.blocks().iter().zip(&blocks) {
-            records[block.record].gram += &cluster.gram;
-            records[block.record].score += &cluster.score;
-        }
-        Self { blocks, records }
-    }
-
-    /// Scores of the records on a candidate's directions (rank × records).
-    fn by_record(&self, directions: &Directions) -> DMatrix<f64> {
-        let columns: Vec<DVector<f64>> = self.records.iter().map(|c| directions.weights.transpose() * &c.score).collect();
-        DMatrix::from_fn(directions.basis.rank(), columns.len(), |i, j| columns[j][i])
-    }
-
-    /// (two-sided p, statistic) of the Wald-type test with cluster variance; none where the clusters are too few.
-    ///
-    /// In a candidate's orthonormal coordinates the scores s_b of the clusters sum to ŝ = `local` and their informations
-    /// I_b to the identity. d_b = (1 − I_b)^{−½}(s_b − I_b ŝ) has E d_b d_bᵀ = I_b under white noise, so V = Σ d_b d_bᵀ is
-    /// unbiased for Var ŝ; centring on I_b ŝ keeps a true effect out of the variance.
-    fn test(
-        &self,
-        directions: &Directions,
-        local: &DVector<f64>,
-        clusters: &[Cluster],
-        options: &ScoreOptions,
-    ) -> Option<(f64, f64)> {
-        let rank = directions.basis.rank();
-        if rank == 0 {
-            return None;
-        }
-        let w = &directions.weights;
-        let mut variance = DMatrix::zeros(rank, rank);
-        let mut shares = Vec::with_capacity(clusters.len());
-        for cluster in clusters {
-            let information = w.transpose() * &cluster.gram * w;
-            shares.push((information.trace() / rank as f64).clamp(0.0, 1.0));
-            let centred = w.transpose() * &cluster.score - &information * local;
-            let corrected = inverse_root_of_complement(information) * centred;
-            variance += &corrected * corrected.transpose();
-        }
-        let dof = satterthwaite(&shares);
-        let usable = dof - rank as f64 + 1.0;
-        if dof < options.min_cluster_dof || usable < 1.0 {
-            return None;
-        }
-        let squared = local.dot(&nalgebra::Cholesky::new(variance)?.solve(local));
-        if rank == 1 {
-            let t = squared.sqrt();
-            return Some((t_two_sided(t, dof), t));
-        }
-        let f = squared * usable / (dof * rank as f64);
-        Some((f_sf(f, rank as f64, usable), squared.sqrt()))
-    }
-}
-
-/// Largest leverage that is corrected for: above, one cluster holds nearly all the information.
-const LEVERAGE_LIMIT: f64 = 0.95;
-
-/// (1 − I)^{−½} of a symmetric I with eigenvalues in [0, 1].
-fn inverse_root_of_complement(information: DMatrix<f64>) -> DMatrix<f64> {
-    let eigen = SymmetricEigen::new((&information + information.transpose()) * 0.5);
-    let roots = eigen.eigenvalues.map(|l| (1.0 - l.clamp(0.0, LEVERAGE_LIMIT)).powf(-0.5));
-    &eigen.eigenvectors * DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()
-}
-
-/// Degrees of freedom 2 E(V)²/Var(V) of V = Σ d_b² for information shares a_b (Σ a_b = 1) and white Gaussian noise:
-/// cov(d_b, d_c) = −a_b a_c/√((1−a_b)(1−a_c)), var(d_b) = a_b.
-fn satterthwaite(shares: &[f64]) -> f64 {
-    let mean: f64 = shares.iter().sum();
-    let leak = |a: f64| a * a / (1.0 - a.min(LEVERAGE_LIMIT));
-    // Σ_{b≠c} a_b² a_c² /((1−a_b)(1−a_c)) = (Σ leak)² − Σ leak²
-    let (sum, squares): (f64, f64) = shares.iter().fold((0.0, 0.0), |(s, q), &a| (s + leak(a), q + leak(a).powi(2)));
-    let total = shares.iter().map(|a| a * a).sum::<f64>() + sum * sum - squares;
-    if total > 0.0 { mean * mean / total } else { 0.0 }
 }

@@ -1,0 +1,164 @@
+//! Step 8: the error on records that were not fitted.
+
+use super::result::{Curve, Gain, Snapshot};
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted, fit};
+use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::stats::bootstrap::{RecordError, log_rmse_gain};
+use crate::unknown::Values;
+use rayon::prelude::*;
+
+/// Held-out records with their initial states estimated from the lead-in under the baseline; the same before and after.
+pub(super) fn prepared(plan: &Plan, baseline: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
+    if plan.at_rest {
+        return Ok(plan.held_out.clone());
+    }
+    let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
+        let mut short = rec.clone();
+        let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + 1e-9).max(4);
+        short.record.time.truncate(keep);
+        short.record.markers.truncate(keep);
+        let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
+        short.inputs.truncate(steps);
+        let fixed = FitOptions { rounds: 0, max_iterations: 8, ..*options };
+        let white = crate::stats::ar::ArModel::white(baseline.noise.sigma().to_vec())?;
+        let fitted = fit(plan, &[short], &baseline.values, &[], Some(&white), &fixed)?;
+        let mut out = rec.clone();
+        out.start.z.clone_from(&fitted.records[0].start.z);
+        Ok(out)
+    };
+    plan.held_out.par_iter().map(one).collect()
+}
+
+/// Residuals of `records` at `values`.
+pub(super) fn residuals(plan: &Plan, records: &[RecordPlan], values: &Values) -> Result<Vec<Vec<f64>>, IdentifyError> {
+    let one = |rec: &RecordPlan| {
+        let shot = shoot(plan, rec, values, ShotWants::default());
+        shot.map(|s| s.residual).map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
+    };
+    records.par_iter().map(one).collect()
+}
+
+pub(super) fn rms(residuals: &[Vec<f64>]) -> f64 {
+    let n: usize = residuals.iter().map(Vec::len).sum();
+    (residuals.iter().flatten().map(|r| r * r).sum::<f64>() / n.max(1) as f64).sqrt()
+}
+
+pub(super) fn mean_abs(residuals: &[Vec<f64>]) -> f64 {
+    let n: usize = residuals.iter().map(Vec::len).sum();
+    residuals.iter().flatten().map(|r| r.abs()).sum::<f64>() / n.max(1) as f64
+}
+
+/// RMSE of a fit on the held-out records.
+pub(super) fn held_out_rmse(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
+    let records = prepared(plan, fitted, &FitOptions::default())?;
+    Ok(rms(&residuals(plan, &records, &fitted.values)?))
+}
+
+/// Errors at horizons of one step, 0.1 s, 1 s and the whole record; intervals by bootstrap over records.
+pub(super) fn gains(
+    plan: &Plan,
+    records: &[RecordPlan],
+    before: &[Vec<f64>],
+    after: &[Vec<f64>],
+    noise: f64,
+    seed: u64,
+) -> Result<Vec<Gain>, IdentifyError> {
+    let longest = records.iter().map(|r| r.record.duration()).fold(0.0, f64::max);
+    let mut horizons = vec![plan.model.step_length()];
+    horizons.extend([0.1, 0.5, 1.0].into_iter().filter(|h| *h < longest - 1e-9));
+    horizons.push(longest);
+    horizons.into_iter().map(|horizon| gain(plan, records, before, after, noise, horizon, seed)).collect()
+}
+
+/// Samples up to the horizon; the error *at* the horizon would be one noisy sample per record.
+fn gain(
+    plan: &Plan,
+    records: &[RecordPlan],
+    before: &[Vec<f64>],
+    after: &[Vec<f64>],
+    noise: f64,
+    horizon: f64,
+    seed: u64,
+) -> Result<Gain, IdentifyError> {
+    let channels = plan.channels();
+    let part = |all: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        let cut = |(r, rec): (&Vec<f64>, &RecordPlan)| {
+            let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + 1e-9) + 1e-6).max(2);
+            r[..(n * channels).min(r.len())].to_vec()
+        };
+        all.iter().zip(records).map(cut).collect()
+    };
+    let (b, a) = (part(before), part(after));
+    let square = |r: &Vec<f64>| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(1e-24);
+    let pairs: Vec<RecordError> = b.iter().zip(&a).map(|(b, a)| RecordError { before: square(b), after: square(a) }).collect();
+    let interval = log_rmse_gain(&pairs, 0.90, 4000, seed)?;
+    let (rb, ra) = (rms(&b), rms(&a));
+    let explainable = rb * rb - noise * noise;
+    let finite = |x: f64| x.clamp(-1e3, 1e3);
+    Ok(Gain {
+        horizon_s: horizon,
+        rmse_before: rb,
+        rmse_after: ra,
+        unit: "m".to_owned(),
+        // the statistic is after − before; the report counts improvement positive
+        interval: [finite(-interval.upper), finite(-interval.lower)],
+        explained_fraction: if explainable > 0.0 { (rb * rb - ra * ra) / explainable } else { 0.0 },
+        mean_abs: [mean_abs(&b), mean_abs(&a)],
+    })
+}
+
+/// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.
+pub(super) fn pictures(
+    plan: &Plan,
+    records: &[RecordPlan],
+    before: &Values,
+    after: &Values,
+) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
+    let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
+    for rec in records.iter().take(3) {
+        let run = |values: &Values| {
+            let wants = ShotWants { states: true, ..ShotWants::default() };
+            shoot(plan, rec, values, wants).map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
+        };
+        let (b, a) = (run(before)?, run(after)?);
+        let channels = plan.channels();
+        let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
+        let at = |s: &crate::shoot::Shot, k: usize, m: usize| {
+            let i = k * channels + 3 * m;
+            [s.predicted[i], s.predicted[i + 1], s.predicted[i + 2]]
+        };
+        let worst = |m: usize| b.residual.chunks_exact(channels).map(|row| size(&row[3 * m..3 * m + 3])).sum::<f64>();
+        let marker = (0..plan.markers.len()).max_by(|x, y| worst(*x).total_cmp(&worst(*y))).unwrap_or(0);
+        let samples = b.residual.len() / channels;
+        let stride = samples.div_ceil(400).max(1);
+        let chosen = || (0..samples).step_by(stride);
+        curves.push(Curve {
+            record: rec.record.name.clone(),
+            marker,
+            time: chosen().map(|k| rec.record.time[k]).collect(),
+            measured: chosen().map(|k| rec.record.markers[k][marker]).collect(),
+            before: chosen().map(|k| at(&b, k, marker)).collect(),
+            after: chosen().map(|k| at(&a, k, marker)).collect(),
+        });
+        let late = (0..samples).max_by(|x, y| {
+            let e = |k: usize| size(&b.residual[k * channels..(k + 1) * channels]);
+            e(*x).total_cmp(&e(*y))
+        });
+        let k = late.unwrap_or(0);
+        let step = ((rec.record.time[k] / plan.model.step_length()).round() as usize).min(b.states.len() - 1);
+        let ropes = plan.model.ropes();
+        let shape = |s: &crate::shoot::Shot| {
+            let q = &s.states[step].q;
+            ropes.iter().flat_map(|r| r.nodes.clone()).map(|n| [q[3 * n], q[3 * n + 1], q[3 * n + 2]]).collect()
+        };
+        snapshots.push(Snapshot {
+            record: rec.record.name.clone(),
+            time: rec.record.time[k],
+            measured: rec.record.markers[k].clone(),
+            before: shape(&b),
+            after: shape(&a),
+        });
+    }
+    Ok((curves, snapshots))
+}

@@ -1,0 +1,403 @@
+//! The whole diagnosis, in order.
+
+use super::certainty::{Curvature, estimates, profile};
+use super::result::*;
+use super::select::{Round, refit, round};
+use super::test::{Tested, test};
+use super::{audit, baseline, gain, remainder};
+use crate::causes::{Cause as Candidate, TOLERATED, discretisation};
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted};
+use crate::log::{Logs, Setup, Split};
+use crate::shoot::{Plan, RecordPlan};
+use crate::stats::dist::chi2_sf;
+use std::time::Instant;
+
+/// Settings of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiagnoseOptions {
+    /// Seed of bootstraps and sign flips.
+    pub seed: u64,
+    /// Most causes accepted.
+    pub max_causes: usize,
+}
+
+impl Default for DiagnoseOptions {
+    fn default() -> Self {
+        Self { seed: 0, max_causes: 6 }
+    }
+}
+
+/// Part of the explainable error that the accepted causes must take if the remainder still depends on the inputs: below it,
+/// they are an imitation of something outside the library.
+const ENOUGH: f64 = 0.5;
+
+struct Accepted {
+    cause: Candidate,
+    statistic: f64,
+    rivals: Vec<Rival>,
+}
+
+/// Finds out what the scene gets wrong about the logs.
+///
+/// `progress` is told what is being done. Errors: wrong input, or a baseline that cannot be simulated; everything else ends in
+/// a verdict.
+pub fn diagnose(
+    setup: &Setup,
+    logs: &Logs,
+    options: &DiagnoseOptions,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, IdentifyError> {
+    let clock = Instant::now();
+    progress("auditing the data");
+    let (mut findings, sensor_sigma, _) = audit::check(logs)?;
+    if logs.split == Split::NothingHeldOut {
+        findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
+    }
+    let mut plan = Plan::new(setup, logs)?;
+    let fit_options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
+    progress("fitting the baseline");
+    let base = baseline::baseline(setup, &mut plan, &fit_options)?;
+    let held_out = gain::prepared(&plan, &base, &fit_options)?;
+    let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
+    let mut story = Story { plan: &plan, judged, stages: Vec::new() };
+    story.add("baseline", &base)?;
+
+    let mut run = Selection { current: base.clone(), accepted: Vec::new(), ambiguous: Vec::new(), rejected: false, notes: Vec::new() };
+    progress("testing every cause");
+    let first = test(&plan, &base, options.seed)?;
+    run.grow(&plan, &first, options, &fit_options, &mut story, progress)?;
+    run.prune(&plan, &fit_options, progress)?;
+
+    progress("checking what remains");
+    let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
+    let p_input = remainder::depends_on_input(&plan, &run.current)?;
+    let last = test(&plan, &run.current, options.seed)?;
+    let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
+    let left = run.remainder(&base, sensor_sigma, p_input, untested);
+
+    progress("intervals and held-out gain");
+    let causes = run.causes(&plan, &base, &fit_options)?;
+    let before = gain::residuals(&plan, judged, &base.values)?;
+    let after = gain::residuals(&plan, judged, &run.current.values)?;
+    let gain = if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
+    let (curves, snapshots) = gain::pictures(&plan, judged, &base.values, &run.current.values)?;
+    let curvature = Curvature::new(&plan, &base)?;
+    let mut diagnosis = Diagnosis {
+        schema_version: SCHEMA_VERSION,
+        scene: setup.source.place("").file.unwrap_or_default(),
+        verdict: Verdict::Adequate,
+        reason: String::new(),
+        causes,
+        alternatives: run.alternatives(&first),
+        advice: Vec::new(),
+        remainder: left,
+        candidates: run.candidates(&first),
+        gain,
+        noise: noise(&run.current, sensor_sigma),
+        records: RecordCount { fit: plan.fitted.len(), held_out: plan.held_out.len() },
+        audit: findings,
+        baseline: estimates(&plan, &base, &curvature),
+        stages: story.stages,
+        curves,
+        snapshots,
+        wall_s: 0.0,
+    };
+    add_discretisation(&mut diagnosis, &numerics, plan.model.step_length());
+    decide(&mut diagnosis, &run, &first, base.converged);
+    diagnosis.wall_s = clock.elapsed().as_secs_f64();
+    Ok(diagnosis)
+}
+
+/// Forward selection in progress.
+struct Selection {
+    current: Fitted,
+    accepted: Vec<Accepted>,
+    ambiguous: Vec<(usize, Vec<String>)>,
+    rejected: bool,
+    notes: Vec<(String, String)>,
+}
+
+impl Selection {
+    fn grow(
+        &mut self,
+        plan: &Plan,
+        first: &Tested,
+        options: &DiagnoseOptions,
+        fit_options: &FitOptions,
+        story: &mut Story,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<(), IdentifyError> {
+        let mut tested = first.clone();
+        while self.accepted.len() < options.max_causes {
+            let mut notes = Vec::new();
+            let outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
+            self.notes.extend(notes.into_iter().map(|(j, why)| (label(&tested, j), why)));
+            match outcome {
+                Round::Nothing => return Ok(()),
+                Round::Rejected => {
+                    self.rejected = true;
+                    return Ok(());
+                }
+                Round::Ambiguous(set) => {
+                    self.ambiguous.push((self.accepted.len(), set.iter().map(|&j| label(&tested, j)).collect()));
+                    return Ok(());
+                }
+                Round::Accepted { candidate, fitted, statistic } => {
+                    let cause = tested.causes[tested.tested[candidate]].clone();
+                    progress(&format!("accepted {}", cause.name));
+                    self.accepted.push(Accepted { rivals: rivals(&tested, candidate), cause, statistic });
+                    self.current = *fitted;
+                    let name = self.accepted.last().map_or("", |a| a.cause.name);
+                    story.add(name, &self.current)?;
+                    tested = test(plan, &self.current, options.seed)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes out accepted causes that the later ones have made superfluous.
+    fn prune(&mut self, plan: &Plan, options: &FitOptions, progress: &mut dyn FnMut(&str)) -> Result<(), IdentifyError> {
+        if self.accepted.len() < 2 {
+            return Ok(());
+        }
+        for k in (0..self.accepted.len() - 1).rev() {
+            let own = self.accepted[k].cause.unknowns.clone();
+            progress(&format!("checking that {} is still needed", self.accepted[k].cause.name));
+            let mut without = self.current.clone();
+            without.unknowns.retain(|u| !own.iter().any(|o| o.target == u.target));
+            for u in &own {
+                u.set(&mut without.values, u.value(&plan.scene_values));
+            }
+            let fitted = refit(plan, &without, &[], options)?;
+            let drop = fitted.deviance - self.current.deviance;
+            self.accepted[k].statistic = drop;
+            if chi2_sf(drop.max(0.0), own.len() as f64) > super::select::LEVEL {
+                self.notes.push((self.accepted[k].cause.name.to_owned(), "accepted first, superfluous beside the later causes".to_owned()));
+                self.accepted.remove(k);
+                self.current = fitted;
+            }
+        }
+        Ok(())
+    }
+
+    fn remainder(&self, base: &Fitted, sensor_sigma: f64, p_input: f64, untested: bool) -> Remainder {
+        let by_input = remainder::is_significant(p_input);
+        let (before, after) = (base.rmse * base.rmse, self.current.rmse * self.current.rmse);
+        let explainable = before - sensor_sigma * sensor_sigma;
+        let note = match (by_input, untested) {
+            (true, _) => format!("the residual still depends on the grippers' motion (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"),
+            (false, true) => "candidates remain significant, but none may be named".to_owned(),
+            (false, false) => "what is left does not differ from coloured noise".to_owned(),
+        };
+        Remainder {
+            significant: by_input || untested,
+            rmse: self.current.rmse,
+            unit: "m".to_owned(),
+            explained_fraction: if explainable > 0.0 { (before - after) / explainable } else { 0.0 },
+            note,
+        }
+    }
+
+    fn causes(&self, plan: &Plan, base: &Fitted, options: &FitOptions) -> Result<Vec<Cause>, IdentifyError> {
+        let _ = base;
+        if self.accepted.is_empty() {
+            return Ok(Vec::new());
+        }
+        let errors = Curvature::new(plan, &self.current)?.std_errors();
+        let one = |a: &Accepted| -> Result<Cause, IdentifyError> {
+            let mut parameters = Vec::new();
+            for own in &a.cause.unknowns {
+                let Some(j) = self.current.unknowns.iter().position(|u| u.target == own.target) else { continue };
+                let u = &self.current.unknowns[j];
+                parameters.push(Estimate {
+                    path: u.path.clone(),
+                    estimate: u.value(&self.current.values),
+                    unit: u.unit.clone(),
+                    interval: profile(plan, &self.current, j, errors[j], options)?,
+                    scene_value: u.value(&plan.scene_values),
+                });
+            }
+            Ok(Cause {
+                name: a.cause.name.to_owned(),
+                meaning: a.cause.meaning.to_owned(),
+                parameters,
+                statistic: a.statistic,
+                rivals: a.rivals.clone(),
+            })
+        };
+        self.accepted.iter().map(one).collect()
+    }
+
+    fn alternatives(&self, _first: &Tested) -> Vec<Vec<String>> {
+        self.ambiguous.iter().map(|(_, names)| names.clone()).collect()
+    }
+
+    fn candidates(&self, first: &Tested) -> Vec<CandidateReport> {
+        let report = |c: usize| {
+            let cause = &first.causes[c];
+            let unit = cause.unknowns.first().map_or(String::new(), |u| u.unit.clone());
+            let base = CandidateReport {
+                name: cause.name.to_owned(),
+                status: Status::Untestable,
+                statistic: None,
+                dof: cause.unknowns.len(),
+                p_value: None,
+                absorbed_fraction: None,
+                smallest_detectable: None,
+                one_step: Vec::new(),
+                unit,
+                reason: cause.untestable.clone().unwrap_or_default(),
+            };
+            let Some(j) = first.tested.iter().position(|&t| t == c) else { return base };
+            let s = &first.score.candidates[j];
+            let absorbed = s.absorbed.iter().copied().fold(f64::NAN, f64::min);
+            let slope = |k: usize| cause.unknowns[k].slope(self.base_value(cause, k));
+            let reasons: Vec<&str> = self.notes.iter().filter(|(n, _)| *n == label(first, j)).map(|(_, why)| why.as_str()).collect();
+            CandidateReport {
+                status: if s.rank == 0 { Status::Absorbed } else { Status::Tested },
+                statistic: (s.rank > 0).then_some(s.lm),
+                p_value: (s.rank > 0).then_some(first.adjusted[j]),
+                absorbed_fraction: Some(absorbed).filter(|a| a.is_finite()),
+                smallest_detectable: s.detectable.first().map(|d| d * slope(0)).filter(|d| d.is_finite()),
+                one_step: s.theta.iter().enumerate().map(|(k, t)| t * slope(k)).collect(),
+                reason: if s.rank == 0 { "what can be fitted anyway hides it".to_owned() } else { reasons.join("; ") },
+                ..base
+            }
+        };
+        (0..first.causes.len()).map(report).collect()
+    }
+
+    /// Value of a cause's unknown in the scene, where its score was taken.
+    fn base_value(&self, cause: &Candidate, k: usize) -> f64 {
+        let u = &cause.unknowns[k];
+        if u.log { u.value(&self.current.values) } else { 0.0 }
+    }
+}
+
+/// Errors after each accepted cause.
+struct Story<'a> {
+    plan: &'a Plan,
+    judged: &'a [RecordPlan],
+    stages: Vec<Stage>,
+}
+
+impl Story<'_> {
+    fn add(&mut self, name: &str, fitted: &Fitted) -> Result<(), IdentifyError> {
+        let residuals = gain::residuals(self.plan, self.judged, &fitted.values)?;
+        let rows: f64 = fitted.residuals.iter().map(|r| r.len() as f64).sum();
+        let curvature = Curvature::new(self.plan, fitted)?;
+        self.stages.push(Stage {
+            name: name.to_owned(),
+            rmse_fit: fitted.rmse,
+            rmse_held_out: gain::rms(&residuals),
+            mean_abs_held_out: gain::mean_abs(&residuals),
+            bic: fitted.deviance + fitted.unknowns.len() as f64 * rows.ln(),
+            parameters: estimates(self.plan, fitted, &curvature),
+        });
+        Ok(())
+    }
+}
+
+/// Name of a tested candidate; where several share it (a gripper each), with its first path.
+fn label(tested: &Tested, j: usize) -> String {
+    tested.causes[tested.tested[j]].name.to_owned()
+}
+
+fn rivals(tested: &Tested, j: usize) -> Vec<Rival> {
+    let mut out: Vec<Rival> = (0..tested.tested.len())
+        .filter(|&k| k != j && tested.score.candidates[k].rank > 0)
+        .map(|k| Rival { name: label(tested, k), cosine: tested.score.cosines[(j, k)] })
+        .collect();
+    out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
+    out.truncate(4);
+    out
+}
+
+fn noise(fitted: &Fitted, sensor_sigma: f64) -> Noise {
+    let sigma = fitted.noise.sigma();
+    let mean_square = sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len().max(1) as f64;
+    let rows: usize = fitted.residuals.iter().map(Vec::len).sum();
+    let channels = sigma.len().max(1);
+    Noise {
+        ar: fitted.noise.coefficients().to_vec(),
+        sigma: (mean_square * fitted.noise.stationary_ratio()).sqrt(),
+        sensor_sigma,
+        effective_samples: fitted.noise.effective_samples(rows / channels) * channels as f64,
+    }
+}
+
+fn note(what: &str, advice: &str) -> AuditFinding {
+    AuditFinding {
+        severity: "warning".to_owned(),
+        record: String::new(),
+        place: String::new(),
+        time_s: None,
+        what: what.to_owned(),
+        number: 0.0,
+        unit: String::new(),
+        advice: advice.to_owned(),
+    }
+}
+
+fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisation, h: f64) {
+    let too_coarse = numerics.ratio > TOLERATED;
+    let reason = format!("the simulation's own error at h = {h} s is {:.2e} m, {:.1} % of the residual", numerics.rms, 100.0 * numerics.ratio);
+    d.candidates.push(CandidateReport {
+        name: "discretisation".to_owned(),
+        status: Status::Tested,
+        statistic: Some(numerics.ratio),
+        dof: 0,
+        p_value: None,
+        absorbed_fraction: None,
+        smallest_detectable: None,
+        one_step: vec![numerics.step_needed],
+        unit: "s".to_owned(),
+        reason,
+    });
+    if too_coarse {
+        d.causes.push(Cause {
+            name: "discretisation".to_owned(),
+            meaning: "the simulation's step is too coarse for these data".to_owned(),
+            parameters: vec![Estimate {
+                path: "time.step".to_owned(),
+                estimate: numerics.step_needed,
+                unit: "s".to_owned(),
+                interval: [0.5 * numerics.step_needed, numerics.step_needed],
+                scene_value: h,
+            }],
+            statistic: numerics.ratio,
+            rivals: Vec::new(),
+        });
+    }
+}
+
+fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool) {
+    let names: Vec<&str> = d.causes.iter().map(|c| c.name.as_str()).collect();
+    let imitation = !run.accepted.is_empty() && d.remainder.note.contains("dynamics are missing") && d.remainder.explained_fraction < ENOUGH;
+    (d.verdict, d.reason) = if !converged {
+        (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
+    } else if imitation {
+        let reason = format!(
+            "{} fits best, but takes only {:.0} % of what can be explained, and the rest still depends on the inputs: something outside the library",
+            names.join(", "),
+            100.0 * d.remainder.explained_fraction
+        );
+        (Verdict::NotInLibrary, reason)
+    } else if !d.causes.is_empty() {
+        (Verdict::Named, format!("accepted: {}", names.join(", ")))
+    } else if let Some(set) = d.alternatives.first() {
+        (Verdict::Ambiguous, format!("{} explain the data equally well", set.join(", ")))
+    } else if run.rejected || d.remainder.significant {
+        (Verdict::NotInLibrary, "something significant is there, and no cause of the library is accepted for it".to_owned())
+    } else {
+        (Verdict::Adequate, "nothing beyond the noise was found".to_owned())
+    };
+    if matches!(d.verdict, Verdict::NotInLibrary | Verdict::Withheld) {
+        d.causes.clear();
+    }
+    let wanted: Vec<&String> = d.alternatives.iter().flatten().collect();
+    d.advice = first.causes.iter().filter(|c| wanted.iter().any(|w| *w == c.name)).map(|c| format!("{}: {}", c.name, c.excitation)).collect();
+    d.advice.dedup();
+}

@@ -1,0 +1,266 @@
+//! What a diagnosis says: the object behind the JSON, the report and the text on the screen.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// Version of the JSON.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// The verdict of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One cause, or several jointly, are accepted; see `causes`.
+    Named,
+    /// Something is there, and several causes explain it equally well; see `alternatives`.
+    Ambiguous,
+    /// Something significant is there, and no cause of the library is accepted for it.
+    NotInLibrary,
+    /// Nothing significant is left to explain.
+    Adequate,
+    /// The analysis cannot be trusted; see `reason`.
+    Withheld,
+}
+
+/// An estimated parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Estimate {
+    /// Path, for example `cable.bend_damping`.
+    pub path: String,
+    /// Estimate, in the unit.
+    pub estimate: f64,
+    /// SI unit.
+    pub unit: String,
+    /// 90 % profile-likelihood interval.
+    pub interval: [f64; 2],
+    /// Value in the scene.
+    pub scene_value: f64,
+}
+
+/// A rival of an accepted cause.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Rival {
+    /// Name of the other cause.
+    pub name: String,
+    /// Cosine between the two effects on the measurements, what can be fitted projected out, noise whitened [-].
+    pub cosine: f64,
+}
+
+/// An accepted cause.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Cause {
+    /// Name.
+    pub name: String,
+    /// One sentence.
+    pub meaning: String,
+    /// Its parameters after the joint refit.
+    pub parameters: Vec<Estimate>,
+    /// Likelihood-ratio statistic of adding it last [-].
+    pub statistic: f64,
+    /// Causes it was held against, most similar first.
+    pub rivals: Vec<Rival>,
+}
+
+/// What became of a candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Its score was tested.
+    Tested,
+    /// What can be fitted anyway hides it.
+    Absorbed,
+    /// It cannot be tested here; see `reason`.
+    Untestable,
+}
+
+/// A candidate cause against the baseline.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct CandidateReport {
+    /// Name.
+    pub name: String,
+    /// What became of it.
+    pub status: Status,
+    /// Score statistic, compared with χ² of `dof` degrees [-]; absent unless tested.
+    pub statistic: Option<f64>,
+    /// Degrees of freedom.
+    pub dof: usize,
+    /// p-value after Holm's correction; absent unless tested.
+    pub p_value: Option<f64>,
+    /// Part of its effect (squared) that what can be fitted anyway absorbs [-].
+    pub absorbed_fraction: Option<f64>,
+    /// Smallest size of its first parameter that would be seen with certainty, in `unit`.
+    pub smallest_detectable: Option<f64>,
+    /// One-step estimate of its parameters.
+    pub one_step: Vec<f64>,
+    /// Unit of its first parameter.
+    pub unit: String,
+    /// Why it is absorbed, untestable, or was rejected.
+    pub reason: String,
+}
+
+/// What no accepted cause explains.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct Remainder {
+    /// Whether it is more than noise.
+    pub significant: bool,
+    /// Root mean square of the final residual on the fitted records [m].
+    pub rmse: f64,
+    /// Unit of `rmse`.
+    pub unit: String,
+    /// Part of the explainable baseline error that the accepted causes removed, (RMSE₀² − RMSE₁²)/(RMSE₀² − σ²) [-].
+    pub explained_fraction: f64,
+    /// In words.
+    pub note: String,
+}
+
+/// Error on held-out records before and after.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Gain {
+    /// Horizon from the start of a record [s].
+    pub horizon_s: f64,
+    /// RMSE of the baseline [m].
+    pub rmse_before: f64,
+    /// RMSE with the accepted causes [m].
+    pub rmse_after: f64,
+    /// Unit.
+    pub unit: String,
+    /// 90 % interval of the difference of log RMSE, positive = better.
+    pub interval: [f64; 2],
+    /// Part of the explainable error removed [-].
+    pub explained_fraction: f64,
+    /// Mean |error| per coordinate before and after [m].
+    pub mean_abs: [f64; 2],
+}
+
+/// The noise model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct Noise {
+    /// Autoregressive coefficients, common to all channels.
+    pub ar: Vec<f64>,
+    /// Root mean square of the channels' stationary standard deviation [m].
+    pub sigma: f64,
+    /// High-frequency noise of the sensor from fourth differences [m].
+    pub sensor_sigma: f64,
+    /// Effective number of independent samples.
+    pub effective_samples: f64,
+}
+
+/// Numbers of records.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct RecordCount {
+    /// Fitted.
+    pub fit: usize,
+    /// Held out.
+    pub held_out: usize,
+}
+
+/// A finding of the audit of the data.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct AuditFinding {
+    /// `info`, `warning` or `faulty`.
+    pub severity: String,
+    /// Record.
+    pub record: String,
+    /// Where in the record.
+    pub place: String,
+    /// When it is worst, or begins [s].
+    pub time_s: Option<f64>,
+    /// What.
+    pub what: String,
+    /// The size.
+    pub number: f64,
+    /// Its unit.
+    pub unit: String,
+    /// What to do.
+    pub advice: String,
+}
+
+/// One accepted step of the forward selection, for the story of the report.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Stage {
+    /// `baseline` or the cause accepted.
+    pub name: String,
+    /// RMSE on the fitted records [m].
+    pub rmse_fit: f64,
+    /// RMSE over the held-out records [m].
+    pub rmse_held_out: f64,
+    /// Mean |error| per coordinate over the held-out records [m].
+    pub mean_abs_held_out: f64,
+    /// −2 log likelihood plus the BIC penalty.
+    pub bic: f64,
+    /// Parameters fitted at this stage.
+    pub parameters: Vec<Estimate>,
+}
+
+/// Measured and simulated positions of one marker of one record, for pictures.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct Curve {
+    /// Record.
+    pub record: String,
+    /// Marker.
+    pub marker: usize,
+    /// Times [s].
+    pub time: Vec<f64>,
+    /// Measured positions [m].
+    pub measured: Vec<[f64; 3]>,
+    /// Simulated by the baseline [m].
+    pub before: Vec<[f64; 3]>,
+    /// Simulated with the accepted causes [m].
+    pub after: Vec<[f64; 3]>,
+}
+
+/// Shapes of the whole rope at one instant, for the picture of measured against simulated.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct Snapshot {
+    /// Record.
+    pub record: String,
+    /// Time [s].
+    pub time: f64,
+    /// Measured markers [m].
+    pub measured: Vec<[f64; 3]>,
+    /// Nodes simulated by the baseline [m].
+    pub before: Vec<[f64; 3]>,
+    /// Nodes simulated with the accepted causes [m].
+    pub after: Vec<[f64; 3]>,
+}
+
+/// A diagnosis.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Diagnosis {
+    /// Version of this object.
+    pub schema_version: u32,
+    /// Scene file.
+    pub scene: String,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Why, in one or two sentences.
+    pub reason: String,
+    /// Causes accepted jointly.
+    pub causes: Vec<Cause>,
+    /// Sets of causes that cannot be told apart.
+    pub alternatives: Vec<Vec<String>>,
+    /// What would tell them apart.
+    pub advice: Vec<String>,
+    /// What is left.
+    pub remainder: Remainder,
+    /// Every candidate against the baseline.
+    pub candidates: Vec<CandidateReport>,
+    /// Held-out errors.
+    pub gain: Vec<Gain>,
+    /// The noise model.
+    pub noise: Noise,
+    /// Numbers of records.
+    pub records: RecordCount,
+    /// Findings in the data themselves.
+    pub audit: Vec<AuditFinding>,
+    /// The declared free parameters after the baseline fit.
+    pub baseline: Vec<Estimate>,
+    /// Forward selection, step by step.
+    pub stages: Vec<Stage>,
+    /// Curves of held-out (or, without any, fitted) records.
+    pub curves: Vec<Curve>,
+    /// Shapes of the rope at the instant of the largest baseline error.
+    pub snapshots: Vec<Snapshot>,
+    /// Seconds it took.
+    pub wall_s: f64,
+}

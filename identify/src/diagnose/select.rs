@@ -1,0 +1,176 @@
+//! Steps 5 and 6: which cause is accepted next, if any may be named.
+//!
+//! Score tests are linear; a name is given only after nonlinear refits. The best refit j is named if it beats every rival k,
+//! ```text
+//! (C_k − C_j − (d_j − d_k)) / (2 |W (ŷ_j − ŷ_k)|) > Φ⁻¹(1 − 0.05/m)
+//! ```
+//! with C the whitened cost under the best refit's noise, d the number of parameters, m the number of rivals (Vuong 1989 for a
+//! known noise), or if j and k are each significant on top of the other (then both are present, and k will have its turn).
+
+use super::test::Tested;
+use crate::causes::Cause;
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted, fit};
+use crate::shoot::Plan;
+use crate::stats::ar::ArModel;
+use crate::stats::dist::{chi2_sf, normal_quantile};
+use crate::stats::naming::lead;
+use crate::unknown::Unknown;
+
+/// Level of tests and comparisons.
+pub(super) const LEVEL: f64 = 0.05;
+/// Refits per round, best scores first.
+const REFITS: usize = 6;
+/// A score at least this part of the best is refitted whatever its rank.
+const CLOSE: f64 = 0.5;
+
+/// How a round of selection ended.
+pub(super) enum Round {
+    /// Nothing is significant.
+    Nothing,
+    /// Something is, but every cause was rejected.
+    Rejected,
+    /// These causes explain it equally well (indices of tested candidates, best first).
+    Ambiguous(Vec<usize>),
+    /// This candidate is accepted.
+    Accepted { candidate: usize, fitted: Box<Fitted>, statistic: f64 },
+}
+
+struct Refit {
+    candidate: usize,
+    fitted: Fitted,
+    dims: usize,
+}
+
+/// One round; `notes` gathers why candidates were rejected.
+pub(super) fn round(
+    plan: &Plan,
+    current: &Fitted,
+    tested: &Tested,
+    options: &FitOptions,
+    notes: &mut Vec<(usize, String)>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Round, IdentifyError> {
+    let mut significant: Vec<usize> = (0..tested.tested.len())
+        .filter(|&j| tested.adjusted[j] <= LEVEL && tested.score.candidates[j].rank > 0 && tested.score.candidates[j].admissible)
+        .collect();
+    if significant.is_empty() {
+        return Ok(Round::Nothing);
+    }
+    significant.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
+    let top = tested.score.candidates[significant[0]].lm;
+    let chosen: Vec<usize> = significant
+        .iter()
+        .enumerate()
+        .filter(|(rank, j)| *rank < REFITS || tested.score.candidates[**j].lm > CLOSE * top)
+        .map(|(_, j)| *j)
+        .collect();
+    let mut refits = Vec::new();
+    for &candidate in &chosen {
+        let cause = &tested.causes[tested.tested[candidate]];
+        progress(&format!("refitting with {}", cause.name));
+        match refit(plan, current, &cause.unknowns, options) {
+            Ok(fitted) => match rejection(current, &fitted, cause) {
+                Some(reason) => notes.push((candidate, reason)),
+                None => refits.push(Refit { candidate, dims: cause.unknowns.len(), fitted }),
+            },
+            Err(e) => notes.push((candidate, format!("its refit failed: {e}"))),
+        }
+    }
+    let rows: f64 = current.residuals.iter().map(|r| r.len() as f64).sum();
+    let bic = |r: &Refit| r.fitted.deviance + r.dims as f64 * rows.ln();
+    let Some(best) = (0..refits.len()).min_by(|&a, &b| bic(&refits[a]).total_cmp(&bic(&refits[b]))) else {
+        return Ok(Round::Rejected);
+    };
+    let best = refits.swap_remove(best);
+    let rivals = unbeaten(plan, current, tested, &best, &refits, options)?;
+    if rivals.is_empty() {
+        let statistic = current.deviance - best.fitted.deviance;
+        return Ok(Round::Accepted { candidate: best.candidate, fitted: Box::new(best.fitted), statistic });
+    }
+    Ok(Round::Ambiguous([best.candidate].into_iter().chain(rivals).collect()))
+}
+
+/// Fit with further unknowns, from the current optimum.
+pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    let unknowns: Vec<Unknown> = current.unknowns.iter().chain(more).cloned().collect();
+    fit(plan, &current.records, &current.values, &unknowns, Some(&current.noise), options)
+}
+
+/// Why physics or likelihood rejects a refit.
+fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause) -> Option<String> {
+    let drop = current.deviance - fitted.deviance;
+    let p = chi2_sf(drop.max(0.0), cause.unknowns.len() as f64);
+    if p > LEVEL {
+        return Some(format!("after the refit it is not significant (likelihood ratio {drop:.1})"));
+    }
+    if let [one] = cause.unknowns.as_slice() {
+        let value = one.value(&fitted.values);
+        if value <= one.bounds.0 || value >= one.bounds.1 {
+            return Some(format!("its refit ends at the physical bound {} = {value}", one.path));
+        }
+    }
+    None
+}
+
+/// Candidates that the best refit does not beat.
+fn unbeaten(
+    plan: &Plan,
+    current: &Fitted,
+    tested: &Tested,
+    best: &Refit,
+    others: &[Refit],
+    options: &FitOptions,
+) -> Result<Vec<usize>, IdentifyError> {
+    let in_play: Vec<usize> = (0..tested.tested.len())
+        .filter(|&k| k != best.candidate && tested.score.candidates[k].rank > 0 && tested.score.candidates[k].admissible)
+        .collect();
+    let m = in_play.len().max(1) as f64;
+    let bar = normal_quantile(1.0 - LEVEL / m);
+    let weakening = tested.score.candidates[best.candidate].weakening.min(1.0);
+    let mut out = Vec::new();
+    for k in in_play {
+        let Some(rival) = others.iter().find(|r| r.candidate == k) else {
+            // not refitted: the linear rule, unless it was tried and rejected
+            let significant = tested.adjusted[k] <= LEVEL;
+            if !significant && tested.score.candidates[best.candidate].lm < CLOSE.recip() * tested.score.candidates[k].lm
+                && lead(&tested.score, best.candidate, k) <= bar
+            {
+                out.push(k);
+            }
+            continue;
+        };
+        if comparison(plan, best, rival, &best.fitted.noise)? * weakening > bar {
+            continue;
+        }
+        let cause = &tested.causes[tested.tested[k]];
+        let both = refit(plan, &best.fitted, &cause.unknowns, options)?;
+        let alpha = 0.5 * LEVEL / m;
+        let adds = |without: &Fitted, dims: usize| chi2_sf((without.deviance - both.deviance).max(0.0), dims as f64) < alpha;
+        if !(adds(&best.fitted, rival.dims) && adds(&rival.fitted, best.dims)) || symmetric(tested, best.candidate, k) {
+            out.push(k);
+        }
+    }
+    let _ = current;
+    out.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
+    Ok(out)
+}
+
+fn symmetric(tested: &Tested, j: usize, k: usize) -> bool {
+    tested.score.containment[(j, k)] >= 0.9995
+}
+
+/// Vuong's statistic of two refits under one noise model.
+fn comparison(plan: &Plan, best: &Refit, rival: &Refit, noise: &ArModel) -> Result<f64, IdentifyError> {
+    let (mut difference, mut distance) = (0.0, 0.0);
+    for (j, k) in best.fitted.residuals.iter().zip(&rival.fitted.residuals) {
+        let (mut j, mut k) = (j.clone(), k.clone());
+        noise.whiten(&mut j, plan.channels())?;
+        noise.whiten(&mut k, plan.channels())?;
+        for (a, b) in j.iter().zip(&k) {
+            difference += b * b - a * a;
+            distance += (a - b) * (a - b);
+        }
+    }
+    Ok((difference - (best.dims as f64 - rival.dims as f64)) / (2.0 * distance.sqrt()).max(1e-9))
+}
