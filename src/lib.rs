@@ -1,1 +1,72 @@
-//! Façade.
+//! pliant: a differentiable physics engine for things that bend.
+//!
+//! A step is one root of r(y; x, u, θ) = 0; its factorization is kept; every derivative follows from it:
+//! ```text
+//! scene.toml ── Case ── rollout(model, θ, x₀, u) ── Rollout { states, records }
+//!                            jvp: (ẋ₀, u̇, θ̇) → ẋ      vjp: x̄ → (x̄₀, ū, θ̄)      linearize: A, B, C of a step
+//! logs ── identify: fit, diagnose ── which physics the scene lacks, with estimates and intervals
+//! ```
+//! All quantities are in SI units. θ holds every number a physical law uses, as one flat vector with named entries
+//! (`cable.bend_stiffness`, `cable.node[3].mass`, …).
+//!
+//! How far does the tip of a hanging cable drop if it were longer? One backward sweep gives the answer for all of θ:
+//! ```
+//! use pliant::{Case, Differentiate, StepOptions, rollout};
+//!
+//! let case = Case::parse(
+//!     r#"
+//!     schema_version = 1
+//!     [time]
+//!     step = 0.01
+//!     duration = 0.3
+//!     integrator = "midpoint"
+//!     [[rope]]
+//!     name = "cable"
+//!     nodes = 7
+//!     length = 0.5
+//!     linear_density = 0.05
+//!     stretch_stiffness = 500.0
+//!     bend_stiffness = 1e-3
+//!     [[gripper]]
+//!     name = "hand"
+//!     rope = "cable"
+//!     nodes = [0, 1]
+//!     "#,
+//!     "hanging.toml",
+//! )?;
+//! let theta = case.model.params().values();
+//! let run = rollout(&case.model, theta, &case.x0, &case.controls, StepOptions::default())?;
+//!
+//! // L = height of the last node at the end; x = (q, v), node 6 has its z at 3·6 + 2.
+//! let mut x_bar = vec![vec![0.0; 2 * case.model.nq()]; run.states.len()];
+//! x_bar[30][20] = 1.0;
+//! let gradient = run.vjp(&x_bar)?;
+//! let stiffness = case.model.params().find("cable.bend_stiffness").unwrap();
+//! assert!(gradient.theta[stiffness] > 0.0, "a stiffer cable holds its tip higher");
+//!
+//! // The gradients prove themselves against differences.
+//! let report = pliant::gradcheck::gradcheck(&case.model, theta, &case.x0, &case.controls, 0)?;
+//! assert!(report.pass);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, not a link
+
+mod case;
+mod differentiate;
+
+pub use case::{Case, CaseError, start};
+pub use differentiate::Differentiate;
+
+pub use pliant_adjoint::{
+    AdjointError, CheckpointedRollout, Linearization, RolloutCotangent, checkpointed_rollout, equilibrium_tangent,
+    equilibrium_vjp, gradcheck,
+};
+pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
+pub use pliant_engine::model::{BuildError, Model, ModelBuilder};
+pub use pliant_engine::params::{ParamInfo, Params};
+pub use pliant_engine::rollout::{Rollout, rollout};
+pub use pliant_engine::state::State;
+pub use pliant_engine::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
+pub use pliant_engine::{scene, terms};
+pub use pliant_identify as identify;

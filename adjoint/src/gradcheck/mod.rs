@@ -30,7 +30,7 @@ pub const SLOPE_TOLERANCE: f64 = 0.1;
 pub const DOT_TEST: f64 = 1e-11;
 
 /// Result for one block of inputs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BlockReport {
     /// `x0.q`, `x0.v`, `u`, or the path of a quantity of θ with its indices as `*`.
     pub name: String,
@@ -59,7 +59,7 @@ pub struct BlockReport {
 }
 
 /// Result of a gradient check.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {
     /// Largest relative error over the blocks that differences can judge at [`RELATIVE_ERROR`]: no switches, and ten times
     /// the floor below it. The others must agree within ten times their own floor to pass.

@@ -1,0 +1,84 @@
+//! A scene, ready to run.
+
+use crate::scene::{self, Nothing, Scene, SceneError};
+use crate::{BuildError, Model, ModelBuilder, State, StepError, equilibrium};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A scene with its model, initial state and controls.
+#[derive(Clone, Debug)]
+pub struct Case<X = Nothing> {
+    /// The scene.
+    pub scene: Scene<X>,
+    /// Its model.
+    pub model: Arc<Model>,
+    /// Initial state at the scene's parameters; see [`start`].
+    pub x0: State,
+    /// One row of inputs for each step of the scene's duration.
+    pub controls: Vec<Vec<f64>>,
+}
+
+/// A scene that cannot be made ready.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum CaseError {
+    /// It is refused.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A custom term does not fit.
+    #[error(transparent)]
+    Build(BuildError),
+    /// Its initial equilibrium is not found.
+    #[error("initial equilibrium: {0}")]
+    Start(StepError),
+}
+
+impl From<BuildError> for CaseError {
+    fn from(error: BuildError) -> Self {
+        match error {
+            BuildError::Scene(error) => Self::Scene(error),
+            other => Self::Build(other),
+        }
+    }
+}
+
+impl Case {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// A scene that is refused, or whose initial equilibrium is not found.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, CaseError> {
+        Self::new(scene::read_scene(path)?)
+    }
+
+    /// Reads a scene from a text; `file_name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Case::read`].
+    pub fn parse(text: &str, file_name: &str) -> Result<Self, CaseError> {
+        Self::new(scene::parse_scene(text, file_name)?)
+    }
+}
+
+impl<X> Case<X> {
+    /// Builds the model of a scene.
+    ///
+    /// # Errors
+    /// As [`Case::read`].
+    pub fn new(scene: Scene<X>) -> Result<Self, CaseError> {
+        let model = Arc::new(ModelBuilder::new(&scene)?.build());
+        let u = scene::resting_inputs(&scene)?;
+        let x0 = start(&model, model.params().values(), &u).map_err(CaseError::Start)?;
+        let controls = scene::control_rows(&scene, scene.time.n_steps())?;
+        Ok(Self { scene, model, x0, controls })
+    }
+}
+
+/// The initial state: as the scene gives it, or the equilibrium at θ with the grippers at the inputs `u` if it asks for one.
+///
+/// # Errors
+/// An equilibrium that is not found, or asked for in a scene with contact.
+pub fn start(model: &Arc<Model>, theta: &[f64], u: &[f64]) -> Result<State, StepError> {
+    let (q, v) = (model.initial_positions(), model.initial_velocities().to_vec());
+    let q = if model.starts_at_equilibrium() { equilibrium(model, theta, q, u)?.q } else { q.to_vec() };
+    Ok(State { q, v })
+}

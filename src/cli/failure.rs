@@ -1,0 +1,120 @@
+//! Why a command failed: where, what, the likely cause, the fix; and its exit code.
+
+use pliant::identify::log::LogError;
+use pliant::scene::SceneError;
+use pliant::{AdjointError, CaseError, StepError};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// A failure of the command.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The scene is refused.
+    #[error("error: {0}")]
+    Scene(#[from] SceneError),
+    /// The experiment or a log is refused.
+    #[error("error: {0}")]
+    Log(#[from] LogError),
+    /// The scene cannot be built.
+    #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
+    Case { scene: PathBuf, source: CaseError, advice: (&'static str, &'static str) },
+    /// A step or an equilibrium failed.
+    #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
+    Step { scene: PathBuf, source: StepError, advice: (&'static str, &'static str) },
+    /// A derivative failed.
+    #[error("error: {scene}: {source}\n  likely cause: the rollout and its derivative do not belong together\n  fix: report this as a bug", scene = .scene.display())]
+    Adjoint { scene: PathBuf, source: AdjointError },
+    /// An output cannot be written.
+    #[error("error: {path}: cannot be written: {source}\n  likely cause: {cause}\n  fix: {fix}", path = .path.display())]
+    Write { path: PathBuf, source: std::io::Error, cause: &'static str, fix: &'static str },
+    /// An output of an unknown kind.
+    #[error("error: {path}: ends neither in .csv nor in .npz\n  likely cause: another format was meant\n  fix: write `--out {stem}.csv` or `--out {stem}.npz`", path = .path.display(), stem = .path.with_extension("").display())]
+    Kind { path: PathBuf },
+    /// A check did not pass; its report has been printed.
+    #[error("{0}")]
+    NotPassed(String),
+}
+
+impl Failure {
+    /// 1 numerics, 2 input.
+    pub fn exit_code(&self) -> ExitCode {
+        let numerics = match self {
+            Self::Case { source: CaseError::Start(step), .. } | Self::Step { source: step, .. } => !is_input(step),
+            Self::Adjoint { .. } | Self::NotPassed(_) => true,
+            _ => false,
+        };
+        ExitCode::from(if numerics { 1 } else { 2 })
+    }
+
+    /// A scene that cannot be made ready.
+    pub fn case(scene: &Path, source: CaseError) -> Self {
+        match source {
+            CaseError::Scene(error) => Self::Scene(error),
+            CaseError::Start(ref step) => Self::Case { scene: scene.to_owned(), advice: advice(step), source },
+            CaseError::Build(_) => {
+                let advice =
+                    ("a force acts on a node the scene does not have", "compare the node's number with the rope's nodes");
+                Self::Case { scene: scene.to_owned(), advice, source }
+            }
+        }
+    }
+
+    /// A step that failed.
+    pub fn step(scene: &Path, source: StepError) -> Self {
+        Self::Step { scene: scene.to_owned(), advice: advice(&source), source }
+    }
+
+    /// A derivative that failed, often because a step did.
+    pub fn adjoint(scene: &Path, source: AdjointError) -> Self {
+        match source {
+            AdjointError::Step(step) => Self::step(scene, step),
+            source => Self::Adjoint { scene: scene.to_owned(), source },
+        }
+    }
+
+    /// A file or folder that cannot be written.
+    pub fn write(path: &Path, source: std::io::Error) -> Self {
+        use std::io::ErrorKind as E;
+        let (cause, fix) = match source.kind() {
+            E::StorageFull | E::QuotaExceeded => {
+                ("the disk is full; nothing was left behind", "free some space, or write to another disk")
+            }
+            E::NotFound => ("the folder does not exist", "create it, or correct the path"),
+            E::PermissionDenied | E::ReadOnlyFilesystem => ("the folder may not be written to", "choose another folder"),
+            E::NotADirectory | E::IsADirectory => ("a file and a folder are mixed up", "correct the path"),
+            _ => ("the file system refused", "choose another folder"),
+        };
+        Self::Write { path: path.to_owned(), source, cause, fix }
+    }
+}
+
+/// Whether the input is to blame, not the numerics.
+fn is_input(step: &StepError) -> bool {
+    matches!(step, StepError::Size { .. } | StepError::EquilibriumWithContact { .. } | StepError::Parameter { .. })
+}
+
+/// (likely cause, fix).
+fn advice(step: &StepError) -> (&'static str, &'static str) {
+    match step {
+        StepError::NotConverged { .. } => (
+            "the motion is too fast or the rope too stiff for this step",
+            "shorten `time.step`, or raise `solver.max_iterations` and `solver.max_halvings`",
+        ),
+        StepError::NotFinite { .. } => (
+            "edges of length zero, a rope folded onto itself, or an extreme parameter",
+            "check the initial shape and that parameter",
+        ),
+        StepError::Singular { .. } => {
+            ("nothing holds a part of the rope, or a stiffness is zero", "add a gripper or a stiffness, or start \"as_given\"")
+        }
+        StepError::Command { .. } => ("a gripper is given an impossible target", "check the gripper's inputs at that step"),
+        StepError::Geometry { .. } => {
+            ("a node sits at the centre or on the axis of a shape", "start the rope outside the shape, or shorten `time.step`")
+        }
+        StepError::Size { .. } => ("inputs of another scene", "give as many as the scene has"),
+        StepError::EquilibriumWithContact { .. } => {
+            ("`start = \"equilibrium\"` in a scene with shapes", "write `start = \"as_given\"`, or remove the shapes")
+        }
+        StepError::Parameter { .. } => ("a wrong unit or sign", "give a value inside its range"),
+    }
+}

@@ -1,0 +1,49 @@
+//! The command: arguments, dispatch, exit codes.
+//!
+//! Data go to stdout, messages and progress to stderr. Exit codes: 0 done, 1 the numerics failed (or a check did not pass),
+//! 2 the input is wrong.
+
+mod failure;
+mod file;
+mod gradcheck;
+mod print;
+mod schema;
+mod simulate;
+mod trajectory;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Differentiable physics for things that bend: simulate, check gradients, fit, and find out what a simulation lacks.
+#[derive(Parser)]
+#[command(version, after_help = "Exit codes: 0 done, 1 the numerics failed or a check did not pass, 2 the input is wrong.")]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a scene, and write where its nodes go.
+    Simulate(simulate::Arguments),
+    /// Compare the gradients of a scene's rollout with differences.
+    Gradcheck(gradcheck::Arguments),
+    /// Print the JSON Schema of scene files, or of a diagnosis.
+    Schema(schema::Arguments),
+}
+
+/// Runs the command and returns its exit code.
+pub fn run(arguments: Arguments) -> ExitCode {
+    let done = match arguments.command {
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Gradcheck(arguments) => gradcheck::run(&arguments),
+        Command::Schema(arguments) => schema::run(&arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            print::message(&failure.to_string());
+            failure.exit_code()
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Stdout and stderr.
+
+use super::failure::Failure;
+use serde::Serialize;
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+/// Prints data on stdout. A reader that has left (`pliant … | head`) is no failure.
+pub fn data(text: &str) -> Result<(), Failure> {
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::write(Path::new("stdout"), error)),
+        _ => Ok(()),
+    }
+}
+
+/// Prints an object as JSON on stdout.
+pub fn json(value: &impl Serialize) -> Result<(), Failure> {
+    match serde_json::to_string_pretty(value) {
+        Ok(text) => data(&text),
+        Err(error) => Err(Failure::write(Path::new("stdout"), error.into())),
+    }
+}
+
+/// Prints a message on stderr; there is no one to tell if that fails.
+pub fn message(text: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}

@@ -1,0 +1,27 @@
+//! `pliant schema`.
+
+use super::failure::Failure;
+use super::print;
+use clap::ValueEnum;
+use pliant::identify::log::Experiment;
+use pliant::scene::json_schema;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Of what.
+    #[arg(value_enum, default_value_t = Subject::Scene)]
+    subject: Subject,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Subject {
+    /// Scene files, their [experiment] included.
+    Scene,
+}
+
+/// Prints a JSON Schema.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match arguments.subject {
+        Subject::Scene => print::json(&json_schema::<Experiment>()),
+    }
+}
