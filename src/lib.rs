@@ -27,6 +27,7 @@
 //!     linear_density = 0.05
 //!     stretch_stiffness = 500.0
 //!     bend_stiffness = 1e-3
+//!     initial = { shape = "straight", from = [0, 0, 0], direction = [1, 0, 0] }
 //!     [[gripper]]
 //!     name = "hand"
 //!     rope = "cable"
