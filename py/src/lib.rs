@@ -1,1 +1,32 @@
-//! Python bindings.
+//! Python bindings: NumPy arrays in, NumPy arrays out, the interpreter's lock released while the engine works.
+//!
+//! No formula lives here. Every error of the engine becomes one of two exceptions with the engine's own text: `InputError` if
+//! what was given is wrong, `NumericsError` if the numerics failed.
+
+mod batch;
+mod bench;
+mod convert;
+mod equilibrium;
+mod errors;
+mod gradcheck;
+mod model;
+mod options;
+mod rollout;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("InputError", m.py().get_type::<errors::InputError>())?;
+    m.add("NumericsError", m.py().get_type::<errors::NumericsError>())?;
+    m.add_class::<model::Model>()?;
+    m.add_class::<rollout::Rollout>()?;
+    m.add_class::<rollout::SurrogateRollout>()?;
+    m.add_class::<batch::Batch>()?;
+    m.add_class::<equilibrium::Equilibrium>()?;
+    m.add_function(wrap_pyfunction!(model::load, m)?)?;
+    m.add_function(wrap_pyfunction!(model::loads, m)?)?;
+    m.add_function(wrap_pyfunction!(bench::bench, m)?)?;
+    Ok(())
+}

@@ -1,0 +1,282 @@
+"""Types of the compiled module. Arrays are float64 in SI units; anything array-like is accepted."""
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import Literal, TypedDict, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+"""A float64 array. Shapes stand in the documentation: nx = 6 n_nodes, T steps."""
+
+__version__: str
+
+class InputError(ValueError):
+    """What was given is wrong: a scene, a log, an array's shape, a parameter."""
+
+class NumericsError(RuntimeError):
+    """The numerics failed: not converged, not finite, or singular."""
+
+class Trace(TypedDict):
+    """What each step of a rollout took, (T,) int64 each."""
+
+    iterations: NDArray[np.int64]
+    """Newton matrices assembled."""
+    factorizations: NDArray[np.int64]
+    """Factorizations, those at the root for a record included."""
+    evaluations: NDArray[np.int64]
+    """Residual evaluations besides."""
+    retries: NDArray[np.int64]
+    """Halvings: a step with any is another map than one without."""
+
+class BlockCheck(TypedDict):
+    """Finding of a gradient check for one block of inputs."""
+
+    name: str
+    """`x0.q`, `x0.v`, `u`, or the path of a quantity with its indices as `*`."""
+    size: int
+    derivative: float
+    """Directional derivative by vjp."""
+    difference: float
+    """The best central difference along the same direction."""
+    relative_error: float
+    floor: float
+    """The difference's own uncertainty, relative."""
+    step: float
+    taylor_slope: float | None
+    """2 where the map is curved along the direction; None where it is affine."""
+    dot_test: float
+    """Relative disagreement of jvp and vjp."""
+    contact_switches: int
+    """Contacts or halvings that changed inside the difference: no judgement by differences there."""
+    one_sided: bool
+
+# `pass` is a keyword, so these two are written as calls.
+BlockReport = TypedDict("BlockReport", {"pass": bool})
+GradcheckReport = TypedDict(
+    "GradcheckReport",
+    {
+        "pass": bool,
+        "worst_relative_error": float,
+        "taylor_slope": float | None,
+        "dot_test": float,
+        "contact_switches": int,
+        "retries": int,
+        "blocks": list[BlockCheck],
+    },
+)
+
+@final
+class Model:
+    """A scene made ready to simulate: a fixed map x_next = F(x, u, theta). Immutable."""
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes, ghosts at clamped end edges included."""
+    @property
+    def nx(self) -> int:
+        """Size of the state x = [q, v]: 6 n_nodes."""
+    @property
+    def nu(self) -> int:
+        """Number of inputs of all grippers."""
+    @property
+    def n_params(self) -> int:
+        """Number of parameters."""
+    @property
+    def step_length(self) -> float:
+        """Step length h [s]."""
+    @property
+    def rest_gap(self) -> float:
+        """Rest gap of the scene's contact [m]: how far above a floor a resting node hovers."""
+    @property
+    def param_paths(self) -> list[str]:
+        """Names of the parameters in the order of theta, e.g. `cable.bend_stiffness`."""
+    @property
+    def param_units(self) -> list[str]:
+        """SI units of the parameters; `-` if dimensionless."""
+    @property
+    def param_bounds(self) -> Array:
+        """Physical bounds of the parameters, (n_params, 2), in the parameters' units."""
+    @property
+    def theta(self) -> Array:
+        """The scene's parameters, (n_params,), in the parameters' units. A fresh copy."""
+    @property
+    def control_names(self) -> list[str]:
+        """Names of the inputs, e.g. `left.node[0].x`."""
+    @property
+    def control_units(self) -> list[str]:
+        """Units of the inputs: m for positions, m/s, rad/s; `-` for an axis."""
+    @property
+    def ropes(self) -> dict[str, slice]:
+        """Nodes of every rope, ghosts left out: `q.reshape(-1, 3)[model.ropes["cable"]]`."""
+    def param_index(self, path: str) -> int:
+        """Index of a parameter in theta. InputError names the nearest path."""
+    def theta_with(self, values: Mapping[str, float]) -> Array:
+        """The scene's parameters with some replaced, (n_params,); SI units."""
+    def initial_state(self, theta: ArrayLike | None = None) -> Array:
+        """The state the scene starts from, (nx,) [m, m/s].
+
+        The initial shape, or the equilibrium (solved at theta) if the scene says so.
+        """
+    def controls(self, n_steps: int | None = None) -> Array:
+        """Inputs of the scene's gripper motions, (n_steps, nu), by default for its duration.
+
+        Row k belongs to step k: prescribed positions are those at the step's end.
+        """
+    def masses(self, theta: ArrayLike | None = None) -> Array:
+        """Masses of all nodes [kg], (n_nodes,); ghosts have none."""
+    def step(self, x: ArrayLike, u: ArrayLike, theta: ArrayLike | None = None) -> Array:
+        """x (nx,) one step later, (nx,), with inputs u (nu,) and parameters theta (n_params,).
+
+        Keeps nothing for derivatives. Raises NumericsError if the step has no solution.
+        """
+    def rollout(
+        self,
+        x0: ArrayLike,
+        u: ArrayLike,
+        theta: ArrayLike | None = None,
+        *,
+        record: bool = True,
+        max_records: int | None = None,
+        rest_gap: float | None = None,
+    ) -> Rollout:
+        """Simulates from x0 (nx,) through u (T, nu) with parameters theta (n_params,).
+
+        record: keep each step's factorization, which derivatives need.
+        max_records: keep those of at most so many steps and recompute the others in vjp, which
+            stays bitwise the same; jvp and linearize then are not available.
+        rest_gap: another rest gap [m] than the scene's; the result is a SurrogateRollout.
+        """
+    def rollout_batch(
+        self,
+        x0s: ArrayLike,
+        us: ArrayLike,
+        thetas: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+        record: bool = True,
+        max_records: int | None = None,
+        rest_gap: float | None = None,
+    ) -> Batch:
+        """Simulates many at once, one task per rollout.
+
+        x0s: (batch, nx). us: (batch, T, nu), or (T, nu) shared. thetas: (batch, n_params), or
+        (n_params,) shared, or None. threads: how many; all cores if None. Results do not depend
+        on it. The error, if any, is that of the first rollout that fails.
+        """
+    def equilibrium(
+        self, u: ArrayLike, theta: ArrayLike | None = None, guess: ArrayLike | None = None
+    ) -> Equilibrium:
+        """Solves for rest with inputs u (nu,); contact is refused.
+
+        guess: positions [m] to start from, (3 n_nodes,) or (n_nodes, 3); also where
+        velocity-controlled grippers stay. By default the scene's initial shape.
+        """
+    def gradcheck(
+        self,
+        x0: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        theta: ArrayLike | None = None,
+        *,
+        seed: int = 0,
+    ) -> GradcheckReport:
+        """Checks the rollout's derivatives block by block against differences and each other.
+
+        By default of the scene's own rollout. seed chooses weights and directions.
+        """
+
+class Rollout:
+    """A simulated trajectory and its derivatives."""
+
+    @property
+    def x(self) -> Array:
+        """States x_0 … x_T, (T + 1, nx): positions [m], then velocities [m/s]."""
+    @property
+    def u(self) -> Array:
+        """Inputs it was simulated with, (T, nu)."""
+    @property
+    def theta(self) -> Array:
+        """Parameters it was simulated with, (n_params,)."""
+    @property
+    def surrogate(self) -> bool:
+        """Whether it was simulated at another rest gap than the scene's."""
+    @property
+    def trace(self) -> Trace | None:
+        """What each step took; None with max_records."""
+    def energy(self) -> Array:
+        """Total energy of every state [J], (T + 1,)."""
+    def jvp(
+        self,
+        x0_dot: ArrayLike | None = None,
+        u_dot: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+    ) -> Array:
+        """Tangents of all states, (T + 1, nx), along directions of x0, u, theta; None is zero."""
+    def vjp(self, x_bar: ArrayLike) -> tuple[Array, Array, Array]:
+        """Cotangents x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,) from x_bar (T + 1, nx).
+
+        The gradient of L(x_0 … x_T) has x_bar = dL/dx, and comes in units of L per SI unit.
+        """
+    def linearize(self, k: int) -> tuple[Array, Array, Array]:
+        """Jacobians of step k: A (nx, nx) by x_k, B (nx, nu) by u_k, C (nx, n_params) by theta."""
+    def __len__(self) -> int:
+        """Number of steps T."""
+
+@final
+class SurrogateRollout(Rollout):
+    """A rollout at another rest gap than the scene's.
+
+    States and derivatives are those of a smoother (or sharper) contact, consistent with each
+    other, but not the scene's.
+    """
+
+@final
+class Batch:
+    """Rollouts of one model."""
+
+    @property
+    def x(self) -> Array:
+        """States, (batch, T + 1, nx): positions [m], then velocities [m/s]."""
+    def vjp(self, x_bar: ArrayLike, threads: int | None = None) -> tuple[Array, Array, Array]:
+        """Cotangents x0_bar (batch, nx), u_bar (batch, T, nu), theta_bar (batch, n_params).
+
+        x_bar: (batch, T + 1, nx). Shared inputs get one cotangent per rollout: sum them.
+        """
+    def __len__(self) -> int:
+        """Number of rollouts."""
+    def __getitem__(self, b: int) -> Rollout:
+        """The rollout of that number."""
+
+@final
+class Equilibrium:
+    """A configuration at rest."""
+
+    @property
+    def q(self) -> Array:
+        """Positions [m], (3 n_nodes,)."""
+    @property
+    def iterations(self) -> int:
+        """Newton iterations it took."""
+    def jvp(self, u_dot: ArrayLike | None = None, theta_dot: ArrayLike | None = None) -> Array:
+        """Tangent of q, (3 n_nodes,), along directions of u (nu,) and theta (n_params,)."""
+    def vjp(self, q_bar: ArrayLike) -> tuple[Array, Array]:
+        """Cotangents u_bar (nu,), theta_bar (n_params,) from q_bar (3 n_nodes,)."""
+
+def load(path: str | PathLike[str]) -> Model:
+    """Reads a scene file (TOML). InputError says file, line, field, cause and fix."""
+
+def loads(text: str, name: str = "scene.toml") -> Model:
+    """Reads a scene from a text (TOML); errors call it `name`."""
+
+def bench(
+    scene_text: str,
+    work: Literal["step", "linearize", "rollout", "rollout_vjp"],
+    repeats: int,
+) -> float:
+    """Median seconds per unit of work over `repeats` units, without Python in the figure.
+
+    step: one step without records, along the scene's rollout. linearize: one step with its record
+    and its Jacobians A and B. rollout: all steps of the scene without records. rollout_vjp: the
+    same with records, and the gradient with respect to x0, u and theta.
+    """

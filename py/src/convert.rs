@@ -1,0 +1,109 @@
+//! NumPy arrays to the engine's vectors and back. Shapes are checked here, once.
+
+use crate::errors::input;
+use numpy::ndarray::Axis;
+use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods};
+use pyo3::prelude::*;
+
+/// Rows of a matrix.
+pub type Rows = Vec<Vec<f64>>;
+type Optional<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+fn array<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<PyArrayLikeDyn<'py, f64, AllowTypeChange>> {
+    value.extract().map_err(|error: PyErr| input(format!("{name} is not an array of numbers: {}", error.value(value.py()))))
+}
+
+fn shape_error(name: &str, got: &[usize], wanted: &str) -> PyErr {
+    input(format!("{name} has shape {}, but {wanted} is needed", shape_text(got)))
+}
+
+fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        _ => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// A vector of `n` numbers.
+pub fn vector(name: &str, value: &Bound<PyAny>, n: usize) -> PyResult<Vec<f64>> {
+    let array = array(name, value)?;
+    let view = array.as_array();
+    if view.shape() != [n] {
+        return Err(shape_error(name, view.shape(), &shape_text(&[n])));
+    }
+    Ok(view.iter().copied().collect())
+}
+
+/// A vector of `n` numbers, if it is given.
+pub fn optional_vector(name: &str, value: Optional, n: usize) -> PyResult<Option<Vec<f64>>> {
+    value.map(|value| vector(name, value, n)).transpose()
+}
+
+/// Positions: 3 n numbers flat, or n rows of three.
+pub fn points(name: &str, value: &Bound<PyAny>, n: usize) -> PyResult<Vec<f64>> {
+    let array = array(name, value)?;
+    let view = array.as_array();
+    if view.shape() != [3 * n] && view.shape() != [n, 3] {
+        return Err(shape_error(name, view.shape(), &format!("({},) or ({n}, 3)", 3 * n)));
+    }
+    Ok(view.iter().copied().collect())
+}
+
+/// A matrix of `columns` columns; of `rows` rows, if their number is known.
+pub fn matrix(name: &str, value: &Bound<PyAny>, rows: Option<usize>, columns: usize) -> PyResult<Rows> {
+    let array = array(name, value)?;
+    let view = array.as_array();
+    match view.shape() {
+        [r, c] if *c == columns && rows.is_none_or(|rows| rows == *r) => {}
+        shape => {
+            let rows = rows.map_or("any".to_owned(), |rows| rows.to_string());
+            return Err(shape_error(name, shape, &format!("({rows}, {columns})")));
+        }
+    }
+    Ok((0..view.shape()[0]).map(|r| view.index_axis(Axis(0), r).iter().copied().collect()).collect())
+}
+
+/// A matrix of that shape, if it is given.
+pub fn optional_matrix(name: &str, value: Optional, rows: usize, columns: usize) -> PyResult<Option<Rows>> {
+    value.map(|value| matrix(name, value, Some(rows), columns)).transpose()
+}
+
+/// A stack of matrices of `columns` columns: `(batch, rows, columns)`, each of the same number of rows.
+pub fn stack(name: &str, value: &Bound<PyAny>, rows: Option<usize>, columns: usize) -> PyResult<Vec<Rows>> {
+    let array = array(name, value)?;
+    let view = array.as_array();
+    match view.shape() {
+        [_, r, c] if *c == columns && rows.is_none_or(|rows| rows == *r) => {}
+        shape => {
+            let rows = rows.map_or("any".to_owned(), |rows| rows.to_string());
+            return Err(shape_error(name, shape, &format!("(batch, {rows}, {columns})")));
+        }
+    }
+    let row = |b: usize, r: usize| view.index_axis(Axis(0), b).index_axis(Axis(0), r).iter().copied().collect();
+    Ok((0..view.shape()[0]).map(|b| (0..view.shape()[1]).map(|r| row(b, r)).collect()).collect())
+}
+
+/// Number of axes of an array.
+pub fn n_axes(name: &str, value: &Bound<PyAny>) -> PyResult<usize> {
+    Ok(array(name, value)?.as_array().ndim())
+}
+
+/// A one-dimensional array.
+pub fn to_vector(py: Python<'_>, values: Vec<f64>) -> Bound<'_, PyArray1<f64>> {
+    values.into_pyarray(py)
+}
+
+/// A two-dimensional array from row-major numbers.
+pub fn to_matrix(py: Python<'_>, flat: Vec<f64>, columns: usize, rows: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    flat.into_pyarray(py).reshape([rows, columns])
+}
+
+/// A two-dimensional array from its rows.
+pub fn rows_to_matrix<'py>(py: Python<'py>, rows: &[Vec<f64>], columns: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    to_matrix(py, rows.concat(), columns, rows.len())
+}
+
+/// A three-dimensional array from row-major numbers.
+pub fn to_stack(py: Python<'_>, flat: Vec<f64>, shape: [usize; 3]) -> PyResult<Bound<'_, PyArray3<f64>>> {
+    flat.into_pyarray(py).reshape(shape)
+}

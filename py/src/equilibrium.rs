@@ -1,0 +1,58 @@
+//! A configuration at rest and its derivatives.
+
+use crate::convert::{optional_vector, to_vector, vector};
+use crate::errors;
+use numpy::PyArray1;
+use pliant_adjoint::{Seeds, equilibrium_tangent, equilibrium_vjp};
+use pyo3::prelude::*;
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+
+/// A static equilibrium: positions `q` (nq,) [m] where all forces vanish, and its derivatives.
+#[pyclass(module = "pliant", frozen)]
+pub struct Equilibrium {
+    pub inner: pliant_engine::equilibrium::Equilibrium,
+}
+
+#[pymethods]
+impl Equilibrium {
+    /// Positions [m], (nq,), ghosts included.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        to_vector(py, self.inner.q.clone())
+    }
+
+    /// Newton iterations it took.
+    #[getter]
+    fn iterations(&self) -> usize {
+        self.inner.work.iterations
+    }
+
+    /// Tangent of q (nq,) along directions of u (nu,) and theta (n_params,); None is zero.
+    #[pyo3(signature = (u_dot=None, theta_dot=None))]
+    fn jvp<'py>(
+        &self,
+        py: Python<'py>,
+        u_dot: Option<&Bound<'py, PyAny>>,
+        theta_dot: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let model = &self.inner.model;
+        let mut seeds = Seeds::none(1, model.nu(), model.n_params());
+        let u_dot = optional_vector("u_dot", u_dot, model.nu())?.unwrap_or_default();
+        let theta_dot = optional_vector("theta_dot", theta_dot, model.n_params())?.unwrap_or_default();
+        u_dot.iter().enumerate().for_each(|(k, &w)| seeds.add_u(k, 0, w));
+        theta_dot.iter().enumerate().for_each(|(k, &w)| seeds.add_theta(k, 0, w));
+        Ok(to_vector(py, py.detach(|| equilibrium_tangent(&self.inner, &seeds))))
+    }
+
+    /// Cotangents (u_bar (nu,), theta_bar (n_params,)) from q_bar (nq,).
+    fn vjp<'py>(&self, py: Python<'py>, q_bar: &Bound<'py, PyAny>) -> PyResult<(Vector<'py>, Vector<'py>)> {
+        let q_bar = vector("q_bar", q_bar, self.inner.model.nq())?;
+        let (u, theta) = py.detach(|| equilibrium_vjp(&self.inner, &q_bar)).map_err(errors::adjoint)?;
+        Ok((to_vector(py, u), to_vector(py, theta)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<pliant.Equilibrium: {} nodes>", self.inner.model.n_nodes())
+    }
+}

@@ -1,0 +1,309 @@
+//! A scene made ready to simulate.
+
+use crate::batch::{Batch, Job};
+use crate::convert::{matrix, optional_vector, points, rows_to_matrix, to_matrix, to_vector, vector};
+use crate::equilibrium::Equilibrium;
+use crate::errors::{self, input};
+use crate::options::Keep;
+use crate::rollout::wrap;
+use numpy::{PyArray1, PyArray2};
+use pliant_engine::equilibrium::equilibrium;
+use pliant_engine::model::{Model as Engine, ModelBuilder};
+use pliant_engine::scene::{Scene, Source, control_list, control_rows, parse_source, resting_inputs};
+use pliant_engine::state::State;
+use pliant_engine::step::{StepOptions, Stepper};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PySlice};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+/// A scene made ready to simulate. Immutable; all arrays are float64 in SI units.
+#[pyclass(module = "pliant", frozen)]
+pub struct Model {
+    model: Arc<Engine>,
+    scene: Scene,
+}
+
+/// Reads a scene file (TOML).
+#[pyfunction]
+pub fn load(path: PathBuf) -> PyResult<Model> {
+    Model::build(&Source::read(&path).map_err(errors::scene)?)
+}
+
+/// Reads a scene from a text (TOML); errors call it `name`.
+#[pyfunction]
+#[pyo3(signature = (text, name="scene.toml"))]
+pub fn loads(text: &str, name: &str) -> PyResult<Model> {
+    Model::build(&Source::new(name, text))
+}
+
+impl Model {
+    pub fn build(source: &Source) -> PyResult<Self> {
+        let scene: Scene = parse_source(source).map_err(errors::scene)?;
+        let model = ModelBuilder::new(&scene).map_err(errors::build)?.build();
+        Ok(Self { model: Arc::new(model), scene })
+    }
+
+    pub fn engine(&self) -> &Arc<Engine> {
+        &self.model
+    }
+
+    /// The scene's parameters where none are given.
+    pub fn theta_or_default(&self, theta: Option<&Bound<PyAny>>) -> PyResult<Vec<f64>> {
+        let theta = optional_vector("theta", theta, self.model.n_params())?;
+        Ok(theta.unwrap_or_else(|| self.model.params().values().to_vec()))
+    }
+
+    /// As the scene says: its initial shape, or the equilibrium with the grippers where they begin.
+    pub fn start(&self, theta: &[f64]) -> PyResult<State> {
+        let (model, v) = (&self.model, self.model.initial_velocities().to_vec());
+        let guess = model.initial_positions();
+        if !model.starts_at_equilibrium() {
+            return Ok(State { q: guess.to_vec(), v });
+        }
+        let u = resting_inputs(&self.scene).map_err(errors::scene)?;
+        let rest = equilibrium(model, theta, guess, &u).map_err(errors::step)?;
+        Ok(State { q: rest.q, v })
+    }
+
+    pub fn rows(&self, n_steps: Option<usize>) -> PyResult<Vec<Vec<f64>>> {
+        control_rows(&self.scene, n_steps.unwrap_or_else(|| self.scene.time.n_steps())).map_err(errors::scene)
+    }
+
+    fn keep(&self, record: bool, max_records: Option<usize>, rest_gap: Option<f64>) -> PyResult<(Keep, bool)> {
+        if let Some(gap) = rest_gap.filter(|gap| !(gap.is_finite() && *gap > 0.0)) {
+            return Err(input(format!("rest_gap is {gap} m, but must be positive")));
+        }
+        let surrogate = rest_gap.is_some_and(|gap| gap != self.scene.contact.rest_gap);
+        Ok((Keep { step: StepOptions { record, rest_gap, ..StepOptions::default() }, max_records }, surrogate))
+    }
+
+    fn index(&self, path: &str) -> PyResult<usize> {
+        let params = self.model.params();
+        params.find(path).ok_or_else(|| {
+            let nearest = params.nearest(path).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+            input(format!("there is no parameter `{path}`{nearest}"))
+        })
+    }
+}
+
+#[pymethods]
+impl Model {
+    /// Number of nodes, ghosts included.
+    #[getter]
+    fn n_nodes(&self) -> usize {
+        self.model.n_nodes()
+    }
+
+    /// Size of the state x = [q, v]: 6 n_nodes.
+    #[getter]
+    fn nx(&self) -> usize {
+        2 * self.model.nq()
+    }
+
+    /// Number of inputs.
+    #[getter]
+    fn nu(&self) -> usize {
+        self.model.nu()
+    }
+
+    /// Number of parameters.
+    #[getter]
+    fn n_params(&self) -> usize {
+        self.model.n_params()
+    }
+
+    /// Step length [s].
+    #[getter]
+    fn step_length(&self) -> f64 {
+        self.model.step_length()
+    }
+
+    /// Rest gap of the scene's contact [m].
+    #[getter]
+    fn rest_gap(&self) -> f64 {
+        self.scene.contact.rest_gap
+    }
+
+    /// Names of the parameters, in the order of theta.
+    #[getter]
+    fn param_paths(&self) -> Vec<String> {
+        self.model.params().infos().iter().map(|i| i.path.clone()).collect()
+    }
+
+    /// SI units of the parameters.
+    #[getter]
+    fn param_units(&self) -> Vec<&'static str> {
+        self.model.params().infos().iter().map(|i| i.unit).collect()
+    }
+
+    /// Physical bounds of the parameters, (n_params, 2).
+    #[getter]
+    fn param_bounds<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        let flat = self.model.params().infos().iter().flat_map(|i| [i.lower, i.upper]).collect();
+        to_matrix(py, flat, 2, self.model.n_params())
+    }
+
+    /// The scene's parameters, (n_params,).
+    #[getter]
+    fn theta<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        to_vector(py, self.model.params().values().to_vec())
+    }
+
+    /// Names of the inputs, e.g. `left.node[0].x`.
+    #[getter]
+    fn control_names(&self) -> Vec<String> {
+        control_list(&self.scene).into_iter().map(|c| c.name).collect()
+    }
+
+    /// Units of the inputs.
+    #[getter]
+    fn control_units(&self) -> Vec<&'static str> {
+        control_list(&self.scene).into_iter().map(|c| c.unit).collect()
+    }
+
+    /// Nodes of every rope, ghosts left out: name -> slice.
+    #[getter]
+    fn ropes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for rope in self.model.ropes() {
+            dict.set_item(&rope.name, PySlice::new(py, rope.nodes.start as isize, rope.nodes.end as isize, 1))?;
+        }
+        Ok(dict)
+    }
+
+    /// Index of a parameter in theta.
+    fn param_index(&self, path: &str) -> PyResult<usize> {
+        self.index(path)
+    }
+
+    /// The scene's parameters with some replaced: {path: value in SI units} -> (n_params,).
+    fn theta_with<'py>(&self, py: Python<'py>, values: &Bound<'py, PyDict>) -> PyResult<Vector<'py>> {
+        let mut theta = self.model.params().values().to_vec();
+        for (path, value) in values.iter() {
+            theta[self.index(&path.extract::<String>()?)?] = value.extract()?;
+        }
+        Ok(to_vector(py, theta))
+    }
+
+    /// The state the scene starts from, (nx,); an equilibrium if it says so.
+    #[pyo3(signature = (theta=None))]
+    fn initial_state<'py>(&self, py: Python<'py>, theta: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {
+        let theta = self.theta_or_default(theta)?;
+        Ok(to_vector(py, py.detach(|| self.start(&theta))?.to_flat()))
+    }
+
+    /// Inputs of the scene's gripper motions, (n_steps, nu); row k belongs to step k, positions at its end.
+    #[pyo3(signature = (n_steps=None))]
+    fn controls<'py>(&self, py: Python<'py>, n_steps: Option<usize>) -> PyResult<Matrix<'py>> {
+        rows_to_matrix(py, &self.rows(n_steps)?, self.model.nu())
+    }
+
+    /// Masses of all nodes [kg], (n_nodes,); ghosts have none.
+    #[pyo3(signature = (theta=None))]
+    fn masses<'py>(&self, py: Python<'py>, theta: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {
+        Ok(to_vector(py, self.model.masses(&self.theta_or_default(theta)?)))
+    }
+
+    /// One step without records: x (nx,), u (nu,) -> x_next (nx,).
+    #[pyo3(signature = (x, u, theta=None))]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        u: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let mut state = State::from_flat(&vector("x", x, 2 * self.model.nq())?);
+        let u = vector("u", u, self.model.nu())?;
+        let theta = self.theta_or_default(theta)?;
+        let options = StepOptions { record: false, ..StepOptions::default() };
+        py.detach(|| Stepper::new(&self.model, &theta, options)?.step(&mut state, &u)).map_err(errors::step)?;
+        Ok(to_vector(py, state.to_flat()))
+    }
+
+    /// Simulates from x0 (nx,) through u (T, nu). See the stubs for the options.
+    #[pyo3(signature = (x0, u, theta=None, *, record=true, max_records=None, rest_gap=None))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments
+    fn rollout<'py>(
+        &self,
+        py: Python<'py>,
+        x0: &Bound<'py, PyAny>,
+        u: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        record: bool,
+        max_records: Option<usize>,
+        rest_gap: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let x0 = vector("x0", x0, 2 * self.model.nq())?;
+        let u = matrix("u", u, None, self.model.nu())?;
+        let theta = self.theta_or_default(theta)?;
+        let (keep, surrogate) = self.keep(record, max_records, rest_gap)?;
+        let kept = py.detach(|| keep.run(&self.model, &theta, &x0, &u))?;
+        wrap(py, Arc::new(kept), surrogate)
+    }
+
+    /// Simulates many at once: x0s (batch, nx), us (batch, T, nu) or (T, nu), thetas (batch, n_params) or (n_params,).
+    #[pyo3(signature = (x0s, us, thetas=None, *, threads=None, record=true, max_records=None, rest_gap=None))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments
+    fn rollout_batch<'py>(
+        &self,
+        py: Python<'py>,
+        x0s: &Bound<'py, PyAny>,
+        us: &Bound<'py, PyAny>,
+        thetas: Option<&Bound<'py, PyAny>>,
+        threads: Option<usize>,
+        record: bool,
+        max_records: Option<usize>,
+        rest_gap: Option<f64>,
+    ) -> PyResult<Batch> {
+        let (keep, surrogate) = self.keep(record, max_records, rest_gap)?;
+        Job::read(&self.model, x0s, us, thetas, keep)?.run(py, threads, surrogate)
+    }
+
+    /// Solves for rest with inputs u (nu,); `guess` (nq,) or (n_nodes, 3) [m], else the scene's initial shape.
+    #[pyo3(signature = (u, theta=None, guess=None))]
+    fn equilibrium<'py>(
+        &self,
+        py: Python<'py>,
+        u: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        guess: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Equilibrium> {
+        let u = vector("u", u, self.model.nu())?;
+        let theta = self.theta_or_default(theta)?;
+        let guess = match guess {
+            Some(guess) => points("guess", guess, self.model.n_nodes())?,
+            None => self.model.initial_positions().to_vec(),
+        };
+        let inner = py.detach(|| equilibrium(&self.model, &theta, &guess, &u)).map_err(errors::step)?;
+        Ok(Equilibrium { inner })
+    }
+
+    /// Checks the derivatives of the rollout from x0 through u block by block against differences; a dict of the findings.
+    #[pyo3(signature = (x0=None, u=None, theta=None, *, seed=0))]
+    fn gradcheck<'py>(
+        &self,
+        py: Python<'py>,
+        x0: Option<&Bound<'py, PyAny>>,
+        u: Option<&Bound<'py, PyAny>>,
+        theta: Option<&Bound<'py, PyAny>>,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let theta = self.theta_or_default(theta)?;
+        let x0 = match x0 {
+            Some(x0) => State::from_flat(&vector("x0", x0, 2 * self.model.nq())?),
+            None => py.detach(|| self.start(&theta))?,
+        };
+        let u = u.map_or_else(|| self.rows(None), |u| matrix("u", u, None, self.model.nu()))?;
+        crate::gradcheck::gradcheck(py, &self.model, &theta, &x0, &u, seed)
+    }
+
+    fn __repr__(&self) -> String {
+        let (n, nu, np) = (self.model.n_nodes(), self.model.nu(), self.model.n_params());
+        format!("<pliant.Model: {n} nodes, {nu} inputs, {np} parameters>")
+    }
+}

@@ -1,0 +1,149 @@
+//! A trajectory and its derivatives.
+
+use crate::convert::{matrix, optional_matrix, optional_vector, rows_to_matrix, to_matrix, to_vector};
+use crate::errors::input;
+use crate::options::Trajectory;
+use numpy::{PyArray1, PyArray2};
+use pliant_adjoint::{Linearization, RolloutCotangent, linearize};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+/// A simulated trajectory: states `x` (T + 1, nx), x = [q, v] in m and m/s, and its derivatives.
+#[pyclass(module = "pliant", subclass, frozen)]
+pub struct Rollout {
+    pub kept: Arc<Trajectory>,
+    x: Py<PyArray2<f64>>,
+    surrogate: bool,
+}
+
+/// A rollout at another rest gap than the scene's: its states and derivatives are those of a smoother contact.
+#[pyclass(module = "pliant", extends = Rollout, frozen)]
+pub struct SurrogateRollout;
+
+/// A `Rollout`, or a `SurrogateRollout` if it is not the scene's own contact that was simulated.
+pub fn wrap(py: Python<'_>, kept: Arc<Trajectory>, surrogate: bool) -> PyResult<Bound<'_, PyAny>> {
+    let rows = kept.states().len();
+    let x = to_matrix(py, kept.flat(), 2 * kept.model().nq(), rows)?.unbind();
+    let base = Rollout { kept, x, surrogate };
+    if surrogate {
+        let init = PyClassInitializer::from(base).add_subclass(SurrogateRollout);
+        Ok(Bound::new(py, init)?.into_any())
+    } else {
+        Ok(Bound::new(py, base)?.into_any())
+    }
+}
+
+/// Cotangents of (x0, u, theta) as arrays.
+pub fn cotangent_arrays<'py>(
+    py: Python<'py>,
+    bar: RolloutCotangent,
+    nu: usize,
+) -> PyResult<(Vector<'py>, Matrix<'py>, Vector<'py>)> {
+    Ok((to_vector(py, bar.x0), rows_to_matrix(py, &bar.u, nu)?, to_vector(py, bar.theta)))
+}
+
+#[pymethods]
+impl Rollout {
+    /// States x_0 … x_T, (T + 1, nx): positions [m], then velocities [m/s].
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> Matrix<'py> {
+        self.x.bind(py).clone()
+    }
+
+    /// Inputs it was simulated with, (T, nu).
+    #[getter]
+    fn u<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        rows_to_matrix(py, self.kept.controls(), self.kept.model().nu())
+    }
+
+    /// Parameters it was simulated with, (n_params,).
+    #[getter]
+    fn theta<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        to_vector(py, self.kept.theta().to_vec())
+    }
+
+    /// Whether the rest gap differs from the scene's, so that the derivatives are those of a smoother contact.
+    #[getter]
+    fn surrogate(&self) -> bool {
+        self.surrogate
+    }
+
+    /// Per step: Newton `iterations`, `factorizations`, residual `evaluations`, `retries` (halvings); None with checkpoints.
+    #[getter]
+    fn trace<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(traces) = self.kept.traces() else { return Ok(None) };
+        let dict = PyDict::new(py);
+        let column = |value: fn(&pliant_engine::step::StepTrace) -> usize| {
+            PyArray1::from_iter(py, traces.iter().map(|t| value(t) as i64))
+        };
+        dict.set_item("iterations", column(|t| t.work.iterations))?;
+        dict.set_item("factorizations", column(|t| t.work.factorizations))?;
+        dict.set_item("evaluations", column(|t| t.work.evaluations))?;
+        dict.set_item("retries", column(|t| t.retries))?;
+        Ok(Some(dict))
+    }
+
+    /// Total energy of every state [J], (T + 1,).
+    fn energy<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        let model = self.kept.model();
+        let theta = self.kept.theta();
+        let total = |x: &pliant_engine::state::State| model.kinetic_energy(&x.v, theta) + model.potential_energy(&x.q, theta);
+        to_vector(py, self.kept.states().iter().map(total).collect())
+    }
+
+    /// Tangents (T + 1, nx) of all states along directions of x0 (nx,), u (T, nu), theta (n_params,); None is zero.
+    #[pyo3(signature = (x0_dot=None, u_dot=None, theta_dot=None))]
+    fn jvp<'py>(
+        &self,
+        py: Python<'py>,
+        x0_dot: Option<&Bound<'py, PyAny>>,
+        u_dot: Option<&Bound<'py, PyAny>>,
+        theta_dot: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Matrix<'py>> {
+        let model = self.kept.model();
+        let x0_dot = optional_vector("x0_dot", x0_dot, 2 * model.nq())?;
+        let u_dot = optional_matrix("u_dot", u_dot, self.kept.controls().len(), model.nu())?;
+        let theta_dot = optional_vector("theta_dot", theta_dot, model.n_params())?;
+        let rows = py.detach(|| self.kept.jvp(x0_dot.as_deref(), u_dot.as_deref(), theta_dot.as_deref()))?;
+        rows_to_matrix(py, &rows, 2 * model.nq())
+    }
+
+    /// Cotangents (x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,)) from x_bar (T + 1, nx).
+    fn vjp<'py>(
+        &self,
+        py: Python<'py>,
+        x_bar: &Bound<'py, PyAny>,
+    ) -> PyResult<(Vector<'py>, Matrix<'py>, Vector<'py>)> {
+        let model = self.kept.model();
+        let x_bar = matrix("x_bar", x_bar, Some(self.kept.states().len()), 2 * model.nq())?;
+        let bar = py.detach(|| self.kept.vjp(&x_bar))?;
+        cotangent_arrays(py, bar, model.nu())
+    }
+
+    /// Jacobians of step k, x_(k+1) = F(x_k, u_k, theta): A (nx, nx), B (nx, nu), C (nx, n_params). Negative k from the end.
+    fn linearize<'py>(&self, py: Python<'py>, k: isize) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
+        let whole = self.kept.whole("linearize")?;
+        let steps = whole.controls.len();
+        let index = if k < 0 { k + steps as isize } else { k };
+        let record = usize::try_from(index).ok().filter(|&i| i < steps);
+        let record = record.ok_or_else(|| input(format!("there is no step {k}: the rollout has {steps} steps")))?;
+        let record = whole.records.get(record).ok_or_else(|| crate::errors::adjoint(pliant_adjoint::AdjointError::NoRecords))?;
+        let model = &whole.model;
+        let Linearization { a, b, c } = py.detach(|| linearize(model, &whole.theta, record, true));
+        let (nx, nu, np) = (2 * model.nq(), model.nu(), model.n_params());
+        Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
+    }
+
+    fn __len__(&self) -> usize {
+        self.kept.controls().len()
+    }
+
+    fn __repr__(&self) -> String {
+        let kind = if self.surrogate { "SurrogateRollout" } else { "Rollout" };
+        format!("<pliant.{kind}: {} steps, {} nodes>", self.kept.controls().len(), self.kept.model().n_nodes())
+    }
+}
