@@ -47,23 +47,25 @@ impl fmt::Display for ContactLaw {
 
 /// The normal component s₀ [m/s] of the cone variable.
 ///
-/// Coulomb: s₀ = (v_n + √(v_n² + 4|s̄|²))/2, the positive root of s₀ = v_n + |s̄|²/s₀. Anitescu: s₀ = v_n.
+/// Coulomb: s₀ = (v_n + √(v_n² + 4|s̄|²))/2 for v_n ≥ 0, the positive root of s₀ = v_n + |s̄|²/s₀; and s₀ = |s̄| + v_n/2, its
+/// continuation with the same slope, for v_n < 0. Anitescu: s₀ = v_n.
 ///
 /// `v_n` [m/s]: normal velocity gap⁺/h, negative where it penetrates. `s_bar_norm2` [m²/s²]: |s̄|² = μ²|v_t|².
 ///
-/// Limits: for Coulomb s is inside the cone exactly where v_n > 0, since s₀² − |s̄|² = v_n s₀. At v_n = 0, s̄ = 0 (the apex) s₀ has
-/// a kink; the derivative returned there is that of the separating side, ∂s₀/∂v_n = 1.
+/// Limits: for Coulomb s is inside the cone exactly where v_n > 0, since there s₀² − |s̄|² = v_n s₀, and below s₀ < |s̄|. All
+/// roots have v_n > 0, so the continuation moves none; it only decides how an iteration sees penetration. (The same square root
+/// for v_n < 0 would send s to the apex as v_t → 0 and hide from Newton's method that there is penetration at all.) At
+/// v_n ≤ 0, s̄ = 0 there is a kink; the derivatives returned there are ∂s₀/∂s̄ = 0 and, at v_n = 0, that of the separating side,
+/// ∂s₀/∂v_n = 1.
 pub fn normal_slack<S: Real>(law: ContactLaw, v_n: S, s_bar_norm2: S) -> S {
     match law {
         ContactLaw::Anitescu => v_n,
-        ContactLaw::Coulomb => {
+        ContactLaw::Coulomb if v_n.re() >= 0.0 => {
             let discriminant = v_n * v_n + s_bar_norm2 * 4.0;
-            if discriminant.re() == 0.0 {
-                return v_n;
-            }
-            let root = discriminant.sqrt();
-            if v_n.re() >= 0.0 { (v_n + root) * 0.5 } else { s_bar_norm2 * 2.0 / (root - v_n) }
+            if discriminant.re() == 0.0 { v_n } else { (v_n + discriminant.sqrt()) * 0.5 }
         }
+        ContactLaw::Coulomb if s_bar_norm2.re() > 0.0 => s_bar_norm2.sqrt() + v_n * 0.5,
+        ContactLaw::Coulomb => v_n * 0.5,
     }
 }
 
@@ -128,16 +130,19 @@ mod tests {
     }
 
     #[test]
-    fn slack_solves_its_quadratic_without_cancellation() {
-        for v_n in [-3.0, -1e-3, -1e-9, 1e-9, 1e-3, 3.0_f64] {
-            for s_bar2 in [1e-24, 1e-12, 1e-6, 1.0_f64] {
-                let s0: f64 = normal_slack(ContactLaw::Coulomb, v_n, s_bar2);
-                // s₀ (s₀ − v_n) = |s̄|²: for v_n < 0 both factors are known to full precision
-                if v_n < 0.0 {
-                    assert_relative_eq!(s0 * (s0 - v_n), s_bar2, max_relative = 4e-16);
-                }
-                assert!(s0 > 0.0);
+    fn slack_solves_its_equation_and_continues_with_the_same_slope() {
+        for s_bar in [1e-12, 1e-6, 1e-3, 1.0_f64] {
+            for v_n in [1e-9, 1e-3, 3.0_f64] {
+                let s0: f64 = normal_slack(ContactLaw::Coulomb, v_n, s_bar * s_bar);
+                assert_relative_eq!(s0, v_n + s_bar * s_bar / s0, max_relative = 4e-16);
             }
+            let slope = |v_n: f64| first_derivative(|v| normal_slack(ContactLaw::Coulomb, v, v * 0.0 + s_bar * s_bar), v_n);
+            let (above, below) = (slope(0.0), slope(-1e-300));
+            assert_relative_eq!(above.0, below.0, max_relative = 1e-15);
+            assert_relative_eq!(above.1, below.1, max_relative = 1e-15);
+            // below, s is outside the cone and penetration is felt
+            let (s0, slope) = slope(-0.1);
+            assert!(s0 < s_bar && slope == 0.5);
         }
     }
 

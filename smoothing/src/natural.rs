@@ -12,6 +12,7 @@ use nalgebra::{Matrix4, Matrix4x3, Vector4};
 //   ∂P̄/∂z̄ = k 1 + e z̄ z̄ᵀ,                   e = (p − k)/r² = −4 z₀ Φ Ψ/(Π T³),
 //   ∂P₀/∂κ = ρ T/(2Π),                        ∂k/∂κ = −2ρ z₀/(T Π).
 // The complement 1 − ∂P has the same form with φ and ψ exchanged: p → (ψ₊/D₊ + ψ₋/D₋)/2, k → Ψ/T, c → −c, e → −e.
+// Its inverse again: p → (D₊/ψ₊ + D₋/ψ₋)/2 = (D₊φ₊ + D₋φ₋)/(2ρκ), k → T/Ψ, c → Φ²/(Tρκ), e → 2Φ²/(T²ρκ); no term cancels.
 // T and Π are functions of z₀ and r² alone, which makes the generic form differentiable at r = 0:
 //   Π² = (z₀² − r²)² + 8ρκ(z₀² + r²) + (4ρκ)²,   T² = 2(z₀² + r²) + 8ρκ + 2Π,   4ΦΨ = T² − 4z₀².
 // F = w − P₊(z) = ρ s − P₊(−z): the first loses nothing where w is small, the second where s is.
@@ -25,8 +26,8 @@ use nalgebra::{Matrix4, Matrix4x3, Vector4};
 /// `mu` [-]; `kappa` > 0 \[J\]; `rho` > 0 \[kg\]: the scale between impulse and velocity, about 0.3 of the contact's effective mass;
 /// `v_n` [m/s] normal velocity gap⁺/h; `v_t` [m/s] tangential world vector; `w` = (w₀; w̄) [N·s], w̄ a world vector.
 ///
-/// Limits: smooth everywhere for Anitescu's law; for Coulomb's wherever s is not at the apex (v_n = 0, v_t = 0), see
-/// [`normal_slack`]. Regular at z̄ = 0 and at μ = 0. Nothing cancels, however far an eigenvalue is from zero.
+/// Limits: smooth everywhere for Anitescu's law; for Coulomb's once continuously differentiable but for the kinks
+/// at v_n ≤ 0, v_t = 0, see [`normal_slack`]. Regular at z̄ = 0 and at μ = 0. Nothing cancels, however far an eigenvalue is from zero.
 ///
 /// Reference: Fukushima, Luo, Tseng (2002), section 5; Hayashi, Yamashita, Fukushima (2005).
 pub fn residual<S: Real>(law: ContactLaw, mu: S, kappa: S, rho: f64, v_n: S, v_t: [S; 3], w: [S; 4]) -> [S; 4] {
@@ -60,6 +61,8 @@ pub struct Linearization {
     pub f: Vector4<f64>,
     /// ∂F/∂w [-], symmetric.
     pub df_dw: Matrix4<f64>,
+    /// (∂F/∂w)⁻¹ [-], by its own formula: nothing is lost where stick or slip makes ∂F/∂w nearly singular.
+    pub df_dw_inverse: Matrix4<f64>,
     /// ∂F/∂v_n \[kg\].
     pub df_dvn: Vector4<f64>,
     /// ∂F/∂v_t \[kg\]; row a, column b: component a of F by world component b of v_t.
@@ -111,7 +114,7 @@ impl Slope {
 
 /// [`residual`] in `f64` with all its derivatives by hand, without allocation; arguments and limits as there.
 ///
-/// At the apex of Coulomb's law (v_n = 0, v_t = 0) the derivatives are those of the separating side, ∂s₀/∂(v_n, v_t) = (1, 0).
+/// At the kinks of Coulomb's law (v_n ≤ 0, v_t = 0) the derivatives are those of [`normal_slack`].
 pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> Linearization {
     let s_bar = v_t.map(|v| mu * v);
     let s_bar2 = s_bar[0] * s_bar[0] + s_bar[1] * s_bar[1] + s_bar[2] * s_bar[2];
@@ -132,6 +135,10 @@ pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: 
     let by_z = Slope { p: phi_plus * r_plus + phi_minus * r_minus, c, k, e };
     let complement = Slope { p: psi_plus * r_plus + psi_minus * r_minus, c: -c, k: k_complement, e: -e };
 
+    let along = phi * phi / (t * rk);
+    let p_inverse = (d_plus * phi_plus + d_minus * phi_minus) / (2.0 * rk);
+    let inverse = Slope { p: p_inverse, c: along, k: t / psi, e: 2.0 * along / t };
+
     let f = if z0 < 0.0 {
         Vector4::new(w[0] - 0.5 * phi, w[1] - k * z[0], w[2] - k * z[1], w[3] - k * z[2])
     } else {
@@ -149,6 +156,7 @@ pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: 
     Linearization {
         f,
         df_dw: complement.matrix(&z),
+        df_dw_inverse: inverse.matrix(&z),
         df_dvn: by_s(ds0_dvn, &[0.0; 3]),
         df_dvt: Matrix4x3::from_columns(&[axis(0), axis(1), axis(2)]),
         df_dmu: by_s(ds0_dmu, &v_t),
@@ -168,11 +176,15 @@ fn smoothed_parts(lambda: f64, rho_kappa: f64) -> (f64, f64, f64) {
 /// (∂s₀/∂v_n, ∂s₀/∂s̄).
 #[inline]
 fn slack_slope(law: ContactLaw, v_n: f64, s0: f64, s_bar: [f64; 3], s_bar2: f64) -> (f64, [f64; 3]) {
-    let root = (v_n * v_n + 4.0 * s_bar2).sqrt();
-    if law == ContactLaw::Anitescu || root == 0.0 {
+    if law == ContactLaw::Anitescu {
         return (1.0, [0.0; 3]);
     }
-    (s0 / root, s_bar.map(|s| 2.0 * s / root))
+    if v_n < 0.0 {
+        let size = s_bar2.sqrt();
+        return (0.5, if size > 0.0 { s_bar.map(|s| s / size) } else { [0.0; 3] });
+    }
+    let root = (v_n * v_n + 4.0 * s_bar2).sqrt();
+    if root == 0.0 { (1.0, [0.0; 3]) } else { (s0 / root, s_bar.map(|s| 2.0 * s / root)) }
 }
 
 /// Eigenvalues (x₀ − |x̄|, x₀ + |x̄|) of a cone variable, s [m/s] or w [N·s]; both positive inside the cone. An iteration has

@@ -1,7 +1,7 @@
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 use super::*;
 use crate::impulse;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
 const LAWS: [ContactLaw; 2] = [ContactLaw::Coulomb, ContactLaw::Anitescu];
@@ -159,6 +159,95 @@ fn regular_where_nothing_is_tangential() {
                         assert!((expected - column[a]).abs() <= 1e-12 * column.amax(), "{law} {v_n} {w0}: column {k} row {a}");
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Componentwise, where a general inverse loses nine digits.
+#[test]
+fn inverse_is_the_inverse() {
+    let mut worst = 0.0_f64;
+    for_points(|law, mu, kappa, rho, v_n, v_t, w| {
+        let l = linearize(law, mu, kappa, rho, v_n, v_t, w);
+        let error = (l.df_dw * l.df_dw_inverse - Matrix4::identity()).abs();
+        let rounding = l.df_dw.abs() * l.df_dw_inverse.abs();
+        worst = worst.max(error.component_div(&rounding.add_scalar(f64::MIN_POSITIVE)).max());
+    });
+    assert!(worst < 1e-14, "{worst:e}");
+}
+
+/// A mass over a plane with normal z, for [`newton_lands_a_falling_mass`]; unknowns (v⁺, w).
+struct FallingMass {
+    law: ContactLaw,
+    mu: f64,
+    kappa: f64,
+    mass: f64,
+    h: f64,
+    gap: f64,
+    v: Vector3<f64>,
+}
+
+impl FallingMass {
+    fn system(&self, y: &SVector<f64, 7>) -> (SVector<f64, 7>, SMatrix<f64, 7, 7>) {
+        let Self { law, mu, kappa, mass, h, gap, v } = self;
+        let (v_new, w) = (y.fixed_rows::<3>(0), y.fixed_rows::<4>(3));
+        let v_t = [v_new[0], v_new[1], 0.0];
+        let l = linearize(*law, *mu, *kappa, 0.3 * mass, gap / h + v_new[2], v_t, [w[0], w[1], w[2], w[3]]);
+        let mut r = SVector::<f64, 7>::zeros();
+        r.fixed_rows_mut::<3>(0).copy_from(&((v_new - v) * *mass - Vector3::new(mu * w[1], mu * w[2], w[0])));
+        r.fixed_rows_mut::<4>(3).copy_from(&l.f);
+        let mut k = SMatrix::<f64, 7, 7>::zeros();
+        k.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(*mass);
+        (k[(0, 4)], k[(1, 5)], k[(2, 3)]) = (-mu, -mu, -1.0);
+        k.fixed_view_mut::<4, 2>(3, 0).copy_from(&l.df_dvt.fixed_columns::<2>(0));
+        k.fixed_view_mut::<4, 1>(3, 2).copy_from(&l.df_dvn);
+        k.fixed_view_mut::<4, 4>(3, 3).copy_from(&l.df_dw);
+        (r, k)
+    }
+
+    /// Iterations of Newton's method with the natural monotonicity test, and the root.
+    fn newton(&self) -> Option<(usize, SVector<f64, 7>)> {
+        let norm = |d: &SVector<f64, 7>| (d.rows(0, 3).norm_squared() + d.rows(3, 4).norm_squared() / self.mass.powi(2)).sqrt();
+        let mut y = SVector::<f64, 7>::zeros();
+        y.fixed_rows_mut::<3>(0).copy_from(&self.v);
+        y[3] = (self.kappa * self.mass).sqrt();
+        for iteration in 1..30 {
+            let (r, k) = self.system(&y);
+            let factor = k.lu();
+            let d = -factor.solve(&r)?;
+            let mut alpha = 1.0;
+            loop {
+                let trial = y + d * alpha;
+                let next = norm(&factor.solve(&self.system(&trial).0)?);
+                if next <= (1.0 - alpha / 4.0) * norm(&d) || norm(&d) < 1e-10 {
+                    y = trial;
+                    if next < 1e-10 && alpha == 1.0 {
+                        return Some((iteration, y));
+                    }
+                    break;
+                }
+                alpha *= 0.5;
+                if alpha < 1e-3 {
+                    return None;
+                }
+            }
+        }
+        None
+    }
+}
+
+/// From a first guess that penetrates, with and without sliding: Newton's method must see the penetration.
+#[test]
+fn newton_lands_a_falling_mass() {
+    for law in LAWS {
+        for mu in [0.0, 0.3, 1.0] {
+            for speed in [0.0, 1e-6, 0.5] {
+                let (mass, h, gap, v) = (0.01, 0.005, 0.004, Vector3::new(speed, 0.0, -2.0));
+                let falling = FallingMass { law, mu, kappa: 1e-9 * mass * 9.81, mass, h, gap, v };
+                let (iterations, y) = falling.newton().unwrap_or_else(|| panic!("{law} mu {mu} speed {speed}: stuck"));
+                assert!(iterations <= 8, "{law} mu {mu} speed {speed}: {iterations} iterations");
+                assert!(gap + h * y[2] > 0.0 && y[3] > 0.0);
             }
         }
     }
