@@ -10,10 +10,10 @@
 use super::test::Tested;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, fit};
+use crate::fit::{FitOptions, Fitted, fit, restart};
 use crate::shoot::Plan;
 use crate::stats::ar::ArModel;
-use crate::stats::dist::{chi2_sf, normal_quantile};
+use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
 use crate::stats::naming::lead;
 use crate::unknown::Unknown;
 
@@ -94,7 +94,18 @@ pub(super) fn round(
 /// Fit with further unknowns, from the current optimum.
 pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &FitOptions) -> Result<Fitted, IdentifyError> {
     let unknowns: Vec<Unknown> = current.unknowns.iter().chain(more).cloned().collect();
-    fit(plan, &current.records, &current.values, &unknowns, Some(&current.noise), options)
+    let fitted = fit(plan, &current.records, &current.values, &unknowns, Some(&current.noise), options);
+    let gained = fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
+    if gained || more.is_empty() || current.records.iter().all(|r| r.nodes.is_empty()) {
+        return fitted;
+    }
+    // stuck on the old trajectory although the score is significant: start again from the data
+    let mut records = current.records.clone();
+    for rec in &mut records {
+        restart(plan, rec)?;
+        rec.start.z.fill(0.0);
+    }
+    fit(plan, &records, &current.values, &unknowns, None, options)
 }
 
 /// Why physics or likelihood rejects a refit.

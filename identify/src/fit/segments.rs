@@ -1,15 +1,19 @@
 //! Cutting records into shooting segments.
 
 use crate::error::IdentifyError;
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shoot::{Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::Values;
 use pliant_engine::state::State;
 
 /// Growth of a small disturbance over a segment that is still harmless: one Lyapunov time.
 const GROWTH: f64 = std::f64::consts::E;
 
+/// Longest segment of a record whose initial state is unknown [s]: short enough to stay near the data while parameters are wrong.
+const LONGEST: f64 = 0.5;
+
 /// Gives every record its segments: of `length` [s] if given, else as long as a disturbance of the initial state takes to
-/// grow e-fold (a damped rope: the whole record). Segment states start on the trajectory simulated with `values`.
+/// grow e-fold, at most half a second. Records that start at rest have one. Segment states start where the data have them,
+/// so that a wrong parameter meets a trajectory that is right.
 pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<usize, IdentifyError> {
     let mut fitted = std::mem::take(&mut plan.fitted);
     let mut most = 1;
@@ -37,12 +41,28 @@ fn cut_record(plan: &Plan, rec: &mut RecordPlan, values: &Values, length: Option
             let other = run(&moved)?.states;
             let distance = |k: usize| difference(&states[k], &other[k], h);
             let grown = distance(states.len() - 1) / distance(0).max(1e-300);
-            if grown <= GROWTH { steps } else { ((steps as f64 / grown.ln()) as usize).max(2) }
+            let lyapunov = if grown <= GROWTH { steps } else { ((steps as f64 / grown.ln()) as usize).max(2) };
+            lyapunov.min(((LONGEST / h).round() as usize).max(2))
         }
     };
     let segments = steps.div_ceil(per_segment).max(1);
     rec.nodes = (1..segments).map(|s| (s * steps / segments, states[s * steps / segments].clone())).collect();
+    restart(plan, rec)?;
     Ok(segments)
+}
+
+/// Puts the segment states back to where the data have them.
+pub fn restart(plan: &Plan, rec: &mut RecordPlan) -> Result<(), IdentifyError> {
+    if rec.start.spread.is_empty() {
+        return Ok(());
+    }
+    let h = plan.model.step_length();
+    for (step, state) in &mut rec.nodes {
+        let t = *step as f64 * h;
+        let sample = rec.record.time.partition_point(|x| *x < t - 0.5 * h).min(rec.record.time.len() - 1);
+        *state = state_at(plan, &rec.record, sample)?.0;
+    }
+    Ok(())
 }
 
 fn difference(a: &State, b: &State, h: f64) -> f64 {

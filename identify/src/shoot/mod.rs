@@ -15,4 +15,4 @@ mod start;
 
 pub use plan::{MarkerPlace, Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
-pub use start::{StartState, initial_guess};
+pub use start::{StartState, initial_guess, state_at};

@@ -42,23 +42,34 @@ impl StartState {
 /// along the rope, with a wider prior.
 pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
-    let theta = &plan.scene_values.theta;
-    let rest = equilibrium(model, theta, model.initial_positions(), &record.inputs[0]);
     if plan.at_rest {
+        let rest = equilibrium(model, &plan.scene_values.theta, model.initial_positions(), &record.inputs[0]);
         let rest = rest.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?;
         return Ok(StartState { mean: State { v: vec![0.0; rest.q.len()], q: rest.q }, ..StartState::default() });
     }
+    let (mean, spread) = state_at(plan, record, 0)?;
+    let z = vec![0.0; spread.len()];
+    Ok(StartState { mean, spread, z })
+}
+
+/// The state at a sample of the record as the data have it, and the spread of what they do not fix: a quadratic through the
+/// samples around it for each marker, the rest by interpolation.
+pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<(State, Vec<(usize, f64)>), IdentifyError> {
+    let model = &plan.model;
+    let theta = &plan.scene_values.theta;
+    let u = &record.inputs[sample];
+    let rest = equilibrium(model, theta, model.initial_positions(), u);
     let shape = match rest {
         Ok(rest) => rest.q,
         Err(_) => {
-            let placed = place_clamped(model, theta, &record.inputs[0], model.initial_positions());
+            let placed = place_clamped(model, theta, u, model.initial_positions());
             placed.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?.0
         }
     };
     let (mut q, mut v) = (shape.clone(), vec![0.0; shape.len()]);
     let mut spread = Vec::new();
     for rope in model.ropes() {
-        let known = known_nodes(plan, record, rope.nodes.clone(), &shape);
+        let known = known_nodes(plan, record, sample, rope.nodes.clone(), &shape);
         for node in rope.nodes.clone() {
             let (dq, dv, seen) = interpolate(&known, node);
             let sigma = if seen { SEEN } else { UNSEEN };
@@ -72,17 +83,16 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
             }
         }
     }
-    let z = vec![0.0; spread.len()];
-    Ok(StartState { mean: State { q, v }, spread, z })
+    Ok((State { q, v }, spread))
 }
 
 type Known = (usize, Vector3<f64>, Vector3<f64>, bool);
 
 /// Nodes whose difference to `shape` and velocity are known: markers, and clamped nodes.
-fn known_nodes(plan: &Plan, record: &Record, nodes: std::ops::Range<usize>, shape: &[f64]) -> Vec<Known> {
+fn known_nodes(plan: &Plan, record: &Record, sample: usize, nodes: std::ops::Range<usize>, shape: &[f64]) -> Vec<Known> {
     let mut known: Vec<Known> = Vec::new();
     for (m, marker) in plan.markers.iter().enumerate().filter(|(_, m)| m.weight == 0.0 && nodes.contains(&m.node)) {
-        if let Some((p, v)) = start_of(record, m) {
+        if let Some((p, v)) = local_fit(record, m, sample) {
             let at = Vector3::new(shape[3 * marker.node], shape[3 * marker.node + 1], shape[3 * marker.node + 2]);
             known.push((marker.node, p - at, v, true));
         }
@@ -110,10 +120,11 @@ fn interpolate(known: &[Known], node: usize) -> (Vector3<f64>, Vector3<f64>, boo
     }
 }
 
-/// Position and velocity at t = 0 by a least-squares quadratic through a marker's first samples.
-fn start_of(record: &Record, marker: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
-    let samples: Vec<(f64, [f64; 3])> = (0..record.time.len().min(SAMPLES))
-        .map(|k| (record.time[k], record.markers[k][marker]))
+/// Position and velocity at a sample by a least-squares quadratic through a marker's samples around it.
+fn local_fit(record: &Record, marker: usize, sample: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let first = sample.saturating_sub(SAMPLES / 2).min(record.time.len().saturating_sub(SAMPLES));
+    let samples: Vec<(f64, [f64; 3])> = (first..record.time.len().min(first + SAMPLES))
+        .map(|k| (record.time[k] - record.time[sample], record.markers[k][marker]))
         .filter(|(_, p)| p.iter().all(|x| x.is_finite()))
         .collect();
     if samples.len() < 4 {

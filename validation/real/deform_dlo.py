@@ -1,0 +1,106 @@
+"""Writes the scene of a real cable (DEFORM's DLO1 or DLO2) for `pliant diagnose`.
+
+    python -m validation.real.deform_dlo 1 out/dlo1.toml
+    pliant diagnose out/dlo1.toml --out out/dlo1_report
+
+The data are found by `data_folder` and never copied. Vertices 0, 1, -2, -1 are clamped by the two grippers and are the
+inputs; the others are measured. Neither mass nor stiffness is published: motion without forces identifies ratios only, so
+the mass per length is fixed at a plausible value and stiffness and damping are relative to it.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+DENSITY = 0.03  # kg/m, fixes the scale of all forces
+STRETCH_STIFFNESS = 500.0  # N; strains stay below 1e-3 under the cable's weight
+STRETCH_DAMPING = 0.3  # N·s; longitudinal waves (beyond 200 Hz) die within a few steps
+BEND_STIFFNESS = 5e-4  # N·m², a guess to start from
+BEND_DAMPING = 1e-5  # N·m²·s, a guess; without any the motion is chaotic and nothing can be fitted
+
+
+def data_folder() -> Path | None:
+    """Folder of the real measurements: PLIANT_DATA, else `../shared/data` beside the repository; None where absent."""
+    given = os.environ.get("PLIANT_DATA")
+    folder = Path(given) if given else Path(__file__).resolve().parents[2].parent / "shared" / "data"
+    return folder if folder.is_dir() else None
+
+
+def scene(cable: int, skip: list[int] | None = None) -> str:
+    """Scene text: rest lengths are the mean distances of neighbouring markers over the training records."""
+    folder = data_folder()
+    if folder is None:
+        raise FileNotFoundError("the real measurements are absent: set PLIANT_DATA to their folder")
+    file = folder / "deform_dlo" / f"DLO{cable}.npz"
+    train = np.load(file)["train"].astype(float)
+    n = train.shape[2]
+    edges = np.median(np.linalg.norm(np.diff(train, axis=2), axis=-1), axis=(0, 1))
+    points = train[0, 0]
+    rows = ", ".join("[" + ", ".join(f"{x:.5f}" for x in p) + "]" for p in points)
+    markers = "".join(f'\n[[experiment.marker]]\nrope = "cable"\nnode = {i}\nindex = {i}\n' for i in range(2, n - 2))
+    return f"""# Cable DLO{cable} held by two robot arms, motion capture at 100 Hz (DEFORM, CoRL 2024).
+schema_version = 1
+
+[time]
+step = 0.01
+duration = 5.0
+integrator = "midpoint"
+
+[[rope]]
+name = "cable"
+edge_fractions = [{", ".join(f"{e:.6f}" for e in edges)}]
+length = {edges.sum():.5f}
+linear_density = {DENSITY}
+stretch_stiffness = {STRETCH_STIFFNESS}
+stretch_damping = {STRETCH_DAMPING}
+bend_stiffness = {BEND_STIFFNESS}
+bend_damping = {BEND_DAMPING}
+initial = {{ shape = "points", points = [{rows}] }}
+
+[[gripper]]
+name = "left"
+rope = "cable"
+nodes = [0, 1]
+
+[[gripper]]
+name = "right"
+rope = "cable"
+nodes = [{n - 2}, {n - 1}]
+
+[experiment]
+initial = "measured"
+gripper_sensor = "markers"
+time = {{ rate = 100.0 }}
+noise_floor = 1e-4
+lead_in = 0.1
+{markers}
+[[experiment.input]]
+gripper = "left"
+indices = [0, 1]
+
+[[experiment.input]]
+gripper = "right"
+indices = [{n - 2}, {n - 1}]
+
+[[experiment.record]]
+file = "{file}"
+array = "train"
+role = "fit"
+skip = {skip or []}
+
+[[experiment.record]]
+file = "{file}"
+array = "eval"
+role = "held_out"
+
+[experiment.fit]
+free = [{{ path = "cable.bend_stiffness", lower = 1e-6, upper = 1e-1 }}]
+"""
+
+
+if __name__ == "__main__":
+    out = Path(sys.argv[2])
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(scene(int(sys.argv[1])))
