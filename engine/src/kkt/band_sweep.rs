@@ -14,8 +14,8 @@ pub(super) struct Band {
     pub half_width: usize,
 }
 
-/// Right-hand sides taken at a time.
-const LANES: usize = 8;
+/// Right-hand sides taken at a time, so that the rows of a band's width stay in the first cache.
+const CHUNK: usize = 256;
 
 impl Band {
     pub fn dim(self) -> usize {
@@ -234,65 +234,50 @@ impl<'a> Triangle<'a> {
 /// rows in `order` 0, 1, 2, or all falling.
 #[inline(always)]
 fn sweep(band: Band, b: &mut [f64], columns: usize, t: Triangle, order: [usize; 3], scale: impl Fn(usize) -> f64) {
-    let whole = columns - columns % LANES;
-    for first in (0..whole).step_by(LANES) {
-        sweep_lanes::<LANES>(band, b, columns, first, t, order, &scale);
-    }
-    for first in whole..columns {
-        sweep_lanes::<1>(band, b, columns, first, t, order, &scale);
-    }
-}
-
-/// The columns from `first` to `first + C`.
-#[inline(always)]
-fn sweep_lanes<const C: usize>(
-    band: Band,
-    b: &mut [f64],
-    columns: usize,
-    first: usize,
-    t: Triangle,
-    order: [usize; 3],
-    scale: &impl Fn(usize) -> f64,
-) {
     let rising = order[0] == 0;
-    for k in 0..band.n_blocks {
-        let i = if rising { k } else { band.n_blocks - 1 - k };
-        let mut own: [[f64; C]; 3] = std::array::from_fn(|a| *lanes::<C>(b, (3 * i + a) * columns + first));
-        for j in if rising { band.before(i) } else { band.after(i) } {
-            let block = t.block(i, j);
-            for c in 0..3 {
-                let source = lanes::<C>(b, (3 * j + c) * columns + first);
-                for (own, row) in own.iter_mut().zip(&block) {
-                    subtract(own, row[c], source);
+    for first in (0..columns).step_by(CHUNK) {
+        let chunk = first..columns.min(first + CHUNK);
+        for k in 0..band.n_blocks {
+            let i = if rising { k } else { band.n_blocks - 1 - k };
+            for j in if rising { band.before(i) } else { band.after(i) } {
+                let block = t.block(i, j);
+                let (own, near) = two_nodes(b, columns, i, j);
+                let near = [0, 1, 2].map(|c| &near[c * columns..][chunk.clone()]);
+                for (own, factors) in own.chunks_exact_mut(columns).zip(block) {
+                    subtract_rows(&mut own[chunk.clone()], near, factors);
+                }
+            }
+            for (k, &a) in order.iter().enumerate() {
+                for &done in &order[..k] {
+                    let factor = t.own(i, a, done);
+                    let (target, source) = two_rows(b, columns, 3 * i + a, 3 * i + done);
+                    for (x, y) in target[chunk.clone()].iter_mut().zip(&source[chunk.clone()]) {
+                        *x -= factor * y;
+                    }
+                }
+                let factor = scale(3 * i + a);
+                if factor != 1.0 {
+                    b[(3 * i + a) * columns..][chunk.clone()].iter_mut().for_each(|x| *x *= factor);
                 }
             }
         }
-        for (k, &a) in order.iter().enumerate() {
-            for &done in &order[..k] {
-                let source = own[done];
-                subtract(&mut own[a], t.own(i, a, done), &source);
-            }
-            let factor = scale(3 * i + a);
-            own[a] = own[a].map(|x| x * factor);
-        }
-        for (a, own) in own.iter().enumerate() {
-            b[(3 * i + a) * columns + first..][..C].copy_from_slice(own);
-        }
     }
 }
 
+/// The three rows of node i, to change, and those of node j ≠ i.
 #[inline(always)]
-fn subtract<const C: usize>(x: &mut [f64; C], factor: f64, y: &[f64; C]) {
-    for (x, y) in x.iter_mut().zip(y) {
-        *x -= factor * y;
-    }
+fn two_nodes(b: &mut [f64], columns: usize, i: usize, j: usize) -> (&mut [f64], &[f64]) {
+    two_rows(b, 3 * columns, i, j)
 }
 
-/// C entries from `start` on.
+/// Row r, to change, and row s ≠ r.
 #[inline(always)]
-fn lanes<const C: usize>(b: &[f64], start: usize) -> &[f64; C] {
-    match b[start..].first_chunk::<C>() {
-        Some(lanes) => lanes,
-        None => &[0.0; C], // not reached: a row has `columns` entries
+pub(super) fn two_rows(b: &mut [f64], columns: usize, r: usize, s: usize) -> (&mut [f64], &[f64]) {
+    if r < s {
+        let (head, tail) = b.split_at_mut(s * columns);
+        (&mut head[r * columns..(r + 1) * columns], &tail[..columns])
+    } else {
+        let (head, tail) = b.split_at_mut(r * columns);
+        (&mut tail[..columns], &head[s * columns..(s + 1) * columns])
     }
 }

@@ -1,6 +1,7 @@
 //! The columns K_fp by which free rows feel driven nodes, kept beside a symmetric factor of K_ff.
 
 use super::BlockBand;
+use super::band_sweep::two_rows;
 
 /// Blocks (free i, driven j) of K_fp, and where they lie in a [`BlockBand`].
 #[derive(Clone, Debug, Default)]
@@ -54,13 +55,7 @@ impl CouplingPattern {
 /// Row `target` −= factor · row `source` of a row-major matrix with `columns` columns.
 #[inline]
 pub(super) fn axpy_rows(b: &mut [f64], columns: usize, target: usize, source: usize, factor: f64) {
-    let (to, from) = if target < source {
-        let (head, tail) = b.split_at_mut(source * columns);
-        (&mut head[target * columns..(target + 1) * columns], &tail[..columns])
-    } else {
-        let (head, tail) = b.split_at_mut(target * columns);
-        (&mut tail[..columns], &head[source * columns..(source + 1) * columns])
-    };
+    let (to, from) = two_rows(b, columns, target, source);
     for (t, s) in to.iter_mut().zip(from) {
         *t -= factor * s;
     }
