@@ -12,4 +12,4 @@ pub mod stats;
 pub mod unknown;
 
 pub use error::IdentifyError;
-pub use diagnose::{DiagnoseOptions, Diagnosis, FitReport, diagnose, fit_scene};
+pub use diagnose::{DiagnoseOptions, Diagnosis, FitReport, Verdict, diagnose, fit_scene};

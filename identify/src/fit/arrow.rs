@@ -10,7 +10,6 @@ pub(crate) struct Share {
     pub common: DMatrix<f64>,
     pub own_rhs: DVector<f64>,
     pub common_rhs: DVector<f64>,
-    pub cost: f64,
 }
 
 impl Share {
@@ -42,7 +41,6 @@ impl Share {
             common: gram.view((m, m), (k, k)).into_owned(),
             own_rhs,
             common_rhs: rhs.rows(m, k).into_owned(),
-            cost: r.norm_squared() + z.iter().map(|z| z * z).sum::<f64>(),
         }
     }
 

@@ -1,0 +1,41 @@
+//! The example's logs come from another simulator (see `validation/blind/make_example.py`), which hides internal damping:
+//! 5e-5 N·m²·s where the scene believes 2e-5, and a bending stiffness of 1.5e-3 N·m² where it guesses 1.2e-3.
+#![allow(clippy::unwrap_used)]
+
+use pliant_engine::scene::Source;
+use pliant_identify::log::Setup;
+use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/hidden_effect")
+}
+
+fn run(change: impl Fn(String) -> String) -> Diagnosis {
+    let text = std::fs::read_to_string(folder().join("scene.toml")).unwrap();
+    let setup = Setup::from_source(Source::new("scene.toml", change(text)), folder()).unwrap();
+    let logs = setup.read_logs(&[]).unwrap();
+    diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
+}
+
+#[test]
+fn the_hidden_effect_is_named_with_its_size() {
+    let d = run(|text| text);
+    assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
+    let names: Vec<&str> = d.causes.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["internal_damping"]);
+    let damping = &d.causes[0].parameters[0];
+    assert!((damping.estimate - 5e-5).abs() < 2e-6, "{damping:?}");
+    assert!(damping.interval[0] < damping.estimate && damping.estimate < damping.interval[1]);
+    let stiffness = d.stages.last().unwrap().parameters.iter().find(|p| p.path == "cable.bend_stiffness").unwrap();
+    assert!((stiffness.estimate - 1.5e-3).abs() < 3e-5, "{stiffness:?}");
+    let whole = d.gain.last().unwrap();
+    assert!(whole.rmse_after < 0.4 * whole.rmse_before, "{whole:?}");
+}
+
+#[test]
+fn nothing_is_claimed_where_nothing_is_hidden() {
+    let d = run(|text| text.replace("bend_damping = 2.0000e-05", "bend_damping = 5.0e-05"));
+    assert_eq!(d.verdict, Verdict::Adequate, "{} {:?}", d.reason, d.causes);
+    assert!(d.causes.is_empty() && d.alternatives.is_empty());
+}
