@@ -6,6 +6,7 @@ pub mod diagnose;
 pub mod error;
 pub mod fit;
 pub mod log;
+pub mod report;
 pub mod sensor;
 pub mod shoot;
 pub mod stats;

@@ -1,0 +1,216 @@
+//! The scene with the estimates in place, as a scene file that says what was changed.
+
+use super::error::ReportError;
+use super::number::number_plain;
+use super::reproduce::{Provenance, relative};
+use crate::diagnose::{Diagnosis, Estimate};
+use crate::log::{Experiment, RecordFile, Setup};
+use pliant_engine::scene::Scene;
+use serde::Deserialize;
+use std::fmt::Write;
+use std::path::Path;
+use toml::{Table, Value};
+
+const FILE: &str = "scene_extended.toml";
+/// Lists of named objects.
+const OBJECTS: [&str; 5] = ["rope", "gripper", "plane", "sphere", "capsule"];
+
+/// A value that was set, by where it stands: table, its number in a list of tables, key.
+struct Place {
+    table: String,
+    number: usize,
+    key: String,
+}
+
+/// The text of `scene_extended.toml` in the folder `report`.
+pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance, report: &Path) -> Result<String, ReportError> {
+    let mut scene = setup.to_scene();
+    if let Some(experiment) = &mut scene.experiment {
+        move_records(experiment, setup, provenance, report);
+    }
+    let at = |source| ReportError::Toml { file: FILE, source };
+    let mut table = Table::try_from(&scene).map_err(at)?;
+    let mut placed = Vec::new();
+    let mut header = header(diagnosis);
+    for estimate in estimates(diagnosis) {
+        match set(&mut table, estimate) {
+            Some(place) => {
+                let _ = writeln!(header, "#   {}", note(estimate));
+                placed.push((place, estimate));
+            }
+            None => {
+                let _ = writeln!(header, "#   not part of a scene, so only said here: {}", note(estimate));
+            }
+        }
+    }
+    // Back through the scene, so that keys stand in their usual order and nothing is written that would not be read.
+    let scene = Scene::<Experiment>::deserialize(table).map_err(|error| at(serde::ser::Error::custom(error)))?;
+    let text = toml::to_string(&scene).map_err(at)?;
+    Ok(header + "\n" + &annotate(&text, &placed))
+}
+
+fn header(diagnosis: &Diagnosis) -> String {
+    let names: Vec<&str> = diagnosis.causes.iter().map(|cause| cause.name.as_str()).collect();
+    let found = if names.is_empty() { "no cause was accepted".to_owned() } else { format!("accepted: {}", names.join(", ")) };
+    // A line break in a file's name would end the comment.
+    let scene = diagnosis.scene.replace(char::is_control, " ");
+    format!("# {scene}, extended by pliant diagnose ({found}). These values are estimates from the logs:\n")
+}
+
+/// What was fitted last: the baseline's free parameters and those of the accepted causes, from their joint refit.
+fn estimates(diagnosis: &Diagnosis) -> Vec<&Estimate> {
+    let causes = || diagnosis.causes.iter().flat_map(|cause| &cause.parameters);
+    let mut out: Vec<&Estimate> = diagnosis.baseline.iter().collect();
+    // Without an accepted cause the last stage may belong to one that was rejected in the end.
+    if let Some(last) = diagnosis.stages.last().filter(|_| !diagnosis.causes.is_empty()) {
+        for estimate in &mut out {
+            *estimate = last.parameters.iter().find(|other| other.path == estimate.path).unwrap_or(estimate);
+        }
+    }
+    out.retain(|estimate| causes().all(|other| other.path != estimate.path));
+    out.extend(causes());
+    out
+}
+
+fn note(e: &Estimate) -> String {
+    let [low, high] = e.interval.map(number_plain);
+    format!("{} = {} {} (90 %: {low} to {high}); was {}", e.path, number_plain(e.estimate), e.unit, number_plain(e.scene_value))
+}
+
+/// Puts an estimate where its path says; `None` if a scene has no such place (the sensor, a term of one's own).
+fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
+    let (object, rest) = estimate.path.split_once('.')?;
+    let list = OBJECTS.iter().find_map(|list| {
+        let items = table.get(*list)?.as_array()?;
+        Some((*list, items.iter().position(|item| item.get("name").and_then(Value::as_str) == Some(object))?))
+    });
+    let (name, number, target) = match list {
+        Some((list, number)) => (list, number, table.get_mut(list)?.as_array_mut()?.get_mut(number)?.as_table_mut()?),
+        None => (object, 0, table.get_mut(object)?.as_table_mut()?),
+    };
+    if let Some(node) = rest.strip_prefix("node[").and_then(|rest| rest.strip_suffix("].mass")) {
+        set_mass(target, node, estimate.estimate)?;
+        return Some(Place { table: format!("{name}.node_mass"), number, key: String::new() });
+    }
+    let (key, index) = match rest.strip_suffix(']').and_then(|rest| rest.split_once('[')) {
+        Some((key, index)) => (key, Some(index.parse::<usize>().ok()?)),
+        None => (rest, None),
+    };
+    let value = target.get_mut(key)?;
+    match index {
+        Some(index) => *value.as_array_mut()?.get_mut(index)? = Value::Float(estimate.estimate),
+        None => *value = Value::Float(estimate.estimate),
+    }
+    Some(Place { table: name.to_owned(), number, key: key.to_owned() })
+}
+
+/// Mass added at one node, or at all nodes (`*`).
+fn set_mass(rope: &mut Table, node: &str, mass: f64) -> Option<()> {
+    let nodes = match rope.get("nodes").and_then(Value::as_integer) {
+        Some(nodes) => nodes,
+        None => i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()? + 1,
+    };
+    let which = if node == "*" { 0..nodes } else { node.parse().ok().map(|node: i64| node..node + 1)? };
+    let list = rope.entry("node_mass").or_insert_with(|| Value::Array(Vec::new())).as_array_mut()?;
+    for node in which {
+        let same = |item: &Value| item.get("node").and_then(Value::as_integer).is_some_and(|k| k.rem_euclid(nodes) == node);
+        list.retain(|item| !same(item));
+        let entry = [("node".to_owned(), Value::Integer(node)), ("mass".to_owned(), Value::Float(mass))];
+        list.push(Value::Table(entry.into_iter().collect()));
+    }
+    Some(())
+}
+
+/// Adds a comment to each line whose value was set.
+fn annotate(text: &str, placed: &[(Place, &Estimate)]) -> String {
+    let mut out = String::with_capacity(text.len());
+    let (mut table, mut count) = (String::new(), Vec::<(String, usize)>::new());
+    let mut number = 0;
+    for line in text.lines() {
+        if let Some(name) = line.strip_prefix("[[").and_then(|l| l.strip_suffix("]]")) {
+            table = name.to_owned();
+            number = match count.iter_mut().find(|(other, _)| other == name) {
+                Some((_, count)) => {
+                    *count += 1;
+                    *count
+                }
+                None => {
+                    count.push((name.to_owned(), 0));
+                    0
+                }
+            };
+        } else if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
+            (table, number) = (name.to_owned(), 0);
+        }
+        out += line;
+        let key = line.split_once(" = ").map(|(key, _)| key);
+        let here = |place: &Place| place.table == table && place.number == number && Some(place.key.as_str()) == key;
+        let notes: Vec<String> = placed.iter().filter(|(place, _)| here(place)).map(|(_, e)| was(e)).collect();
+        // A list that goes on over several lines has its comment in the header alone.
+        if !notes.is_empty() && !line.ends_with('[') {
+            out += &format!("  # estimated; {}", notes.join(", "));
+        }
+        out.push('\n');
+    }
+    out
+}
+
+fn was(e: &Estimate) -> String {
+    format!("{} was {} {}", e.path, number_plain(e.scene_value), e.unit)
+}
+
+/// Paths of records are relative to the scene, which now stands in the folder `report`.
+fn move_records(experiment: &mut Experiment, setup: &Setup, provenance: &Provenance, report: &Path) {
+    for record in &mut experiment.record {
+        record.file = if provenance.example.is_empty() {
+            relative(report, &setup.folder.join(&record.file))
+        } else {
+            format!("example/{}", record.file)
+        };
+    }
+    let array = experiment.record.first().and_then(|record| record.array.clone());
+    for log in &provenance.logs {
+        let file = relative(report, log);
+        experiment.record.push(RecordFile { file, array: array.clone(), role: None, skip: Vec::new() });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic)]
+    use super::super::sample;
+    use super::*;
+    use pliant_engine::scene::parse_scene;
+
+    #[test]
+    fn estimates_stand_in_the_scene_and_say_so() {
+        let (setup, mut diagnosis) = (sample::setup(), sample::diagnosis());
+        for (path, value) in [("cable.node[2].mass", 0.02), ("left.offset[1]", 0.003), ("sensor.time_offset", 0.01)] {
+            diagnosis.causes[0].parameters.push(sample::estimate(path, value));
+        }
+        let text = text(&diagnosis, &setup, &Provenance::default(), Path::new("/somewhere/report")).unwrap();
+        let scene = parse_scene::<Experiment>(&text, FILE).unwrap();
+        assert_eq!(scene.rope[0].bend_damping, 1.5e-4);
+        assert_eq!(scene.rope[0].bend_stiffness, 2.1e-3);
+        assert_eq!((scene.rope[0].node_mass[0].node, scene.rope[0].node_mass[0].mass), (2, 0.02));
+        assert_eq!(scene.gripper[0].offset, [0.0, 0.003, 0.0]);
+        assert!(text.contains("bend_damping = 0.00015  # estimated; cable.bend_damping was 0 N·m²·s"), "{text}");
+        assert!(text.contains("#   not part of a scene, so only said here: sensor.time_offset = 0.01"), "{text}");
+        assert!(scene.experiment.unwrap().record[0].file.ends_with("data/run1.csv"));
+    }
+
+    #[test]
+    fn a_rejected_imitation_stays_out() {
+        let mut diagnosis = sample::diagnosis();
+        diagnosis.causes.clear();
+        let [only] = estimates(&diagnosis)[..] else { panic!("more than the baseline") };
+        assert_eq!((only.path.as_str(), only.estimate), ("cable.bend_stiffness", 1.9e-3));
+    }
+
+    #[test]
+    fn tied_masses_are_set_at_every_node() {
+        let mut rope: Table = toml::from_str("nodes = 3\nnode_mass = [{ node = -1, mass = 1.0 }]").unwrap();
+        set_mass(&mut rope, "*", 0.1).unwrap();
+        assert_eq!(rope["node_mass"].as_array().unwrap().len(), 3);
+    }
+}

@@ -1,0 +1,84 @@
+//! Numbers as people read them.
+
+const SUPERSCRIPTS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+
+/// Three significant digits: `0.0123`, `1.23×10⁻⁵`.
+pub(super) fn number(x: f64) -> String {
+    let Some((mantissa, exponent)) = digits(x, 3) else { return special(x) };
+    if (-3..5).contains(&exponent) {
+        return plain(x, 3, exponent);
+    }
+    let sign = if exponent < 0 { "⁻" } else { "" };
+    let exponent: String =
+        exponent.unsigned_abs().to_string().chars().filter_map(|c| SUPERSCRIPTS.get(c.to_digit(10)? as usize)).collect();
+    format!("{}×10{sign}{exponent}", mantissa.replace('-', "−"))
+}
+
+/// The same for terminals: `1.23e-5`.
+pub(super) fn number_plain(x: f64) -> String {
+    match digits(x, 3) {
+        Some((_, exponent)) if (-3..5).contains(&exponent) => plain(x, 3, exponent).replace('−', "-"),
+        Some((mantissa, exponent)) => format!("{mantissa}e{exponent}"),
+        None => special(x),
+    }
+}
+
+/// A length [m] in mm.
+pub(super) fn millimetres(x: f64) -> String {
+    format!("{} mm", number(1e3 * x))
+}
+
+/// A fraction in per cent.
+pub(super) fn percent(x: f64) -> String {
+    if x.is_finite() { format!("{:.0} %", 100.0 * x).replace('-', "−") } else { special(x) }
+}
+
+/// A p-value.
+pub(super) fn p_value(p: f64) -> String {
+    if p < 1e-12 { "< 10⁻¹²".to_owned() } else { number(p) }
+}
+
+/// Mantissa with so many digits, and exponent; `None` if there are none.
+fn digits(x: f64, significant: usize) -> Option<(String, i32)> {
+    if x == 0.0 || !x.is_finite() {
+        return None;
+    }
+    let text = format!("{x:.*e}", significant - 1);
+    let (mantissa, exponent) = text.split_once('e')?;
+    let mantissa = if mantissa.contains('.') { mantissa.trim_end_matches('0').trim_end_matches('.') } else { mantissa };
+    Some((mantissa.to_owned(), exponent.parse().ok()?))
+}
+
+fn plain(x: f64, significant: i32, exponent: i32) -> String {
+    let decimals = usize::try_from(significant - 1 - exponent).unwrap_or(0);
+    let text = format!("{x:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    text.replace('-', "−")
+}
+
+fn special(x: f64) -> String {
+    match x {
+        0.0 => "0".to_owned(),
+        _ if x.is_nan() => "–".to_owned(),
+        _ if x > 0.0 => "∞".to_owned(),
+        _ => "−∞".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_digits() {
+        assert_eq!(number(0.012345), "0.0123");
+        assert_eq!(number(-1.0), "−1");
+        assert_eq!(number(1234.5), "1234");
+        assert_eq!(number(1.2345e-5), "1.23×10⁻⁵");
+        assert_eq!(number(-2.0e12), "−2×10¹²");
+        assert_eq!((number(0.0), number(f64::NAN), number(f64::INFINITY)), ("0".into(), "–".into(), "∞".into()));
+        assert_eq!(number_plain(-1.2345e-5), "-1.23e-5");
+        assert_eq!((percent(0.934), millimetres(0.00123)), ("93 %".into(), "1.23 mm".into()));
+        assert_eq!((p_value(1e-20), p_value(0.04)), ("< 10⁻¹²".into(), "0.04".into()));
+    }
+}

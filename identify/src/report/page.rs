@@ -1,0 +1,250 @@
+//! The page: everything formatted here, placed by the template.
+
+use super::error::ReportError;
+use super::number::{millimetres, number, p_value, percent};
+use super::reproduce::{InputFile, Provenance, VERSION};
+use super::story::{self, estimate, list, longest, sentence, unit, words};
+use super::{curves, shapes, stages};
+use crate::diagnose::{AuditFinding, CandidateReport, Diagnosis, Estimate, Gain, Status};
+use minijinja::{Environment, Value, context};
+use serde::Serialize;
+
+const TEMPLATE: &str = include_str!("report.html");
+
+/// The text of `report.html`.
+pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, ReportError> {
+    let mut environment = Environment::new();
+    // The name ends in .html, so every text is escaped.
+    environment.add_template("report.html", TEMPLATE)?;
+    let files: Vec<&InputFile> = provenance.files.iter().collect();
+    let context = context! {
+        scene => d.scene,
+        version => VERSION,
+        verdict => story::word(d.verdict),
+        verdict_class => d.verdict,
+        headline => story::headline(d),
+        reason => sentence(&d.reason),
+        figures => Key::of(d),
+        shapes => shapes::figures(&d.snapshots),
+        curves => curves::figures(&d.curves),
+        causes => causes(d),
+        alternatives => alternatives(d),
+        advice => d.advice,
+        stage_bars => Value::from_safe_string(stages::bars(&d.stages, d.noise.sigma)),
+        stages => stage_rows(d),
+        gain => d.gain.iter().map(gain_row).collect::<Vec<_>>(),
+        candidates => d.candidates.iter().map(|c| candidate_row(c, d)).collect::<Vec<_>>(),
+        remainder => context! {
+            significant => d.remainder.significant,
+            rmse => millimetres(d.remainder.rmse),
+            explained => percent(d.remainder.explained_fraction),
+            note => sentence(&d.remainder.note),
+        },
+        noise => context! {
+            sigma => millimetres(d.noise.sigma),
+            sensor => millimetres(d.noise.sensor_sigma),
+            ar => d.noise.ar.iter().map(|a| number(*a)).collect::<Vec<_>>().join(", "),
+            effective => number(d.noise.effective_samples.round()),
+        },
+        records => d.records,
+        audit => d.audit.iter().map(finding_row).collect::<Vec<_>>(),
+        audit_summary => story::audit(d),
+        parameters => parameters(d),
+        command => provenance.line(),
+        seed => provenance.seed,
+        threads => provenance.threads,
+        files => files,
+        example => !provenance.example.is_empty(),
+        wall => number(d.wall_s),
+    };
+    Ok(environment.get_template("report.html")?.render(context)?)
+}
+
+/// A number in large type.
+#[derive(Serialize)]
+struct Key {
+    value: String,
+    label: String,
+}
+
+impl Key {
+    fn of(d: &Diagnosis) -> Vec<Self> {
+        let mut out = Vec::new();
+        for e in d.causes.iter().flat_map(|cause| &cause.parameters).take(3) {
+            let [low, high] = e.interval.map(number);
+            out.push(Self { value: estimate(e), label: format!("{} (90 %: {low} to {high})", e.path) });
+        }
+        if let Some(g) = longest(&d.gain) {
+            let value = format!("{} → {}", number(1e3 * g.rmse_before), millimetres(g.rmse_after));
+            out.push(Self { value, label: format!("error on held-out records over {} s", number(g.horizon_s)) });
+        }
+        let label = "of the explainable error removed on fitted records".to_owned();
+        out.push(Self { value: percent(d.remainder.explained_fraction), label });
+        out.push(Self { value: millimetres(d.noise.sigma), label: "noise (standard deviation)".to_owned() });
+        out
+    }
+}
+
+#[derive(Serialize)]
+struct EstimateRow {
+    path: String,
+    value: String,
+    interval: String,
+    scene: String,
+    unit: String,
+}
+
+fn estimate_row(e: &Estimate) -> EstimateRow {
+    let [low, high] = e.interval.map(number);
+    EstimateRow {
+        path: e.path.clone(),
+        value: number(e.estimate),
+        interval: format!("{low} to {high}"),
+        scene: number(e.scene_value),
+        unit: unit(&e.unit).to_owned(),
+    }
+}
+
+fn causes(d: &Diagnosis) -> Vec<Value> {
+    let row = |cause: &crate::diagnose::Cause| {
+        let rivals = cause.rivals.iter().map(|r| format!("{} (cosine {:.2})", words(&r.name), r.cosine));
+        context! {
+            name => words(&cause.name),
+            meaning => sentence(&cause.meaning),
+            statistic => number(cause.statistic),
+            parameters => cause.parameters.iter().map(estimate_row).collect::<Vec<_>>(),
+            rivals => rivals.collect::<Vec<_>>().join(", "),
+        }
+    };
+    d.causes.iter().map(row).collect()
+}
+
+fn alternatives(d: &Diagnosis) -> Vec<String> {
+    d.alternatives.iter().map(|set| list(&set.iter().map(|name| words(name)).collect::<Vec<_>>(), "or")).collect()
+}
+
+/// All parameters of the last stage, or of the baseline.
+fn parameters(d: &Diagnosis) -> Vec<EstimateRow> {
+    let last = d.stages.last().map(|stage| &stage.parameters).filter(|parameters| !parameters.is_empty());
+    last.unwrap_or(&d.baseline).iter().map(estimate_row).collect()
+}
+
+fn stage_rows(d: &Diagnosis) -> Vec<Value> {
+    let row = |stage: &crate::diagnose::Stage| {
+        context! {
+            name => words(&stage.name),
+            fit => millimetres(stage.rmse_fit),
+            held_out => millimetres(stage.rmse_held_out),
+            mean_abs => millimetres(stage.mean_abs_held_out),
+            bic => number(stage.bic),
+            parameters => stage.parameters.iter().map(|e| format!("{} = {}", e.path, estimate(e))).collect::<Vec<_>>(),
+        }
+    };
+    d.stages.iter().map(row).collect()
+}
+
+fn gain_row(g: &Gain) -> Value {
+    context! {
+        horizon => number(g.horizon_s),
+        before => millimetres(g.rmse_before),
+        after => millimetres(g.rmse_after),
+        factor => format!("{} to {}", number(g.interval[0].exp()), number(g.interval[1].exp())),
+        explained => percent(g.explained_fraction),
+        mean_abs => format!("{} → {}", millimetres(g.mean_abs[0]), millimetres(g.mean_abs[1])),
+    }
+}
+
+fn candidate_row(c: &CandidateReport, d: &Diagnosis) -> Value {
+    let accepted = d.causes.iter().any(|cause| cause.name == c.name);
+    let (status, class) = match c.status {
+        Status::Tested => ("tested", "tested"),
+        Status::Absorbed => ("hidden", "absorbed"),
+        Status::Untestable => ("not testable", "untestable"),
+    };
+    let dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+    context! {
+        name => words(&c.name),
+        status => if accepted { "accepted" } else { status },
+        class => if accepted { "accepted" } else { class },
+        statistic => dash(c.statistic.map(number)),
+        dof => c.dof,
+        p => dash(c.p_value.map(p_value)),
+        absorbed => dash(c.absorbed_fraction.map(percent)),
+        detectable => dash(c.smallest_detectable.map(|x| format!("{} {}", number(x), unit(&c.unit)))),
+        reason => c.reason,
+    }
+}
+
+fn finding_row(f: &AuditFinding) -> Value {
+    let severity = match f.severity.as_str() {
+        "info" => "to know",
+        "warning" => "to watch",
+        other => other,
+    };
+    let time = f.time_s.map_or(String::new(), |t| format!("{} s", number(t)));
+    let (record, what) = (&f.record, &f.what);
+    context! { severity, class => f.severity, record, place => place(&f.place), time, what, advice => f.advice }
+}
+
+/// `Coordinate(2, 1)` as people write it.
+fn place(place: &str) -> String {
+    let (kind, rest) = place.split_once('(').unwrap_or((place, ""));
+    let numbers: Vec<&str> = rest.trim_end_matches(')').split(", ").collect();
+    match (kind, numbers.as_slice()) {
+        ("Record", _) => "whole record".to_owned(),
+        ("Clock", _) => "clock".to_owned(),
+        ("Point", [point]) => format!("marker {point}"),
+        ("Coordinate", [point, axis]) => {
+            let axis = axis.parse().ok().and_then(|axis: usize| ["x", "y", "z"].get(axis)).unwrap_or(&"?");
+            format!("marker {point}, {axis}")
+        }
+        ("Pair", [a, b]) => format!("markers {a} and {b}"),
+        ("Input", [input]) => format!("input {input}"),
+        _ => place.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::sample;
+    use super::*;
+    use crate::diagnose::Verdict;
+
+    fn render(d: &Diagnosis) -> String {
+        let command = vec!["pliant".to_owned(), "diagnose".to_owned(), "<scene>".to_owned()];
+        page(d, &Provenance { command, ..Provenance::default() }).unwrap()
+    }
+
+    #[test]
+    fn the_page_stands_alone_and_escapes_every_text() {
+        let text = render(&sample::diagnosis());
+        for part in ["http://", "https://", "<script", "@import", "url("] {
+            assert!(!text.contains(part), "{part}");
+        }
+        for part in
+            ["lacks one thing: internal damping", "&lt;script&gt;", "&lt;scene&gt;", "1.5×10⁻⁴ N·m²·s", "run3.csv, marker"]
+        {
+            assert!(text.contains(part), "{part:?}");
+        }
+    }
+
+    #[test]
+    fn places_are_in_words() {
+        assert_eq!((place("Coordinate(2, 1)"), place("Record")), ("marker 2, y".into(), "whole record".into()));
+        assert_eq!((place("Pair(0, 3)"), place("elsewhere (x)")), ("markers 0 and 3".into(), "elsewhere (x)".into()));
+    }
+
+    #[test]
+    fn every_verdict_makes_a_page() {
+        let full = sample::diagnosis();
+        for verdict in [Verdict::Ambiguous, Verdict::NotInLibrary, Verdict::Adequate, Verdict::Withheld] {
+            let mut d = Diagnosis { verdict, ..full.clone() };
+            assert!(render(&d).contains(&story::headline(&d)));
+            (d.causes, d.stages, d.curves, d.snapshots) = (vec![], vec![], vec![], vec![]);
+            (d.candidates, d.gain, d.audit, d.baseline) = (vec![], vec![], vec![], vec![]);
+            d.noise.sigma = f64::NAN;
+            assert!(render(&d).contains("<h1>"));
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! The verdict in words: one sentence, and a summary for a terminal.
+
+use super::number::{number, number_plain};
+use crate::diagnose::{Diagnosis, Estimate, Gain, Verdict};
+use std::fmt::Write;
+
+/// The verdict as one sentence.
+pub fn headline(d: &Diagnosis) -> String {
+    let names: Vec<String> = d.causes.iter().map(|cause| words(&cause.name)).collect();
+    match d.verdict {
+        Verdict::Named if names.len() == 1 => format!("The simulation lacks one thing: {}.", names[0]),
+        Verdict::Named => format!("The simulation lacks {} things, which act together: {}.", names.len(), list(&names, "and")),
+        Verdict::Ambiguous => {
+            let sets = d.alternatives.iter().map(|set| list(&set.iter().map(|n| words(n)).collect::<Vec<_>>(), "or"));
+            match sets.collect::<Vec<_>>().join("; and ") {
+                sets if sets.is_empty() => "Something is missing, and these data do not tell what.".to_owned(),
+                sets => format!("Something is missing, and these data do not tell which: {sets}."),
+            }
+        }
+        Verdict::NotInLibrary => "Something significant is missing, and none of the known causes explains it.".to_owned(),
+        Verdict::Adequate => "The simulation is adequate: nothing significant is left to explain.".to_owned(),
+        Verdict::Withheld => "No verdict: this analysis cannot be trusted.".to_owned(),
+    }
+}
+
+/// One word for the verdict.
+pub(super) fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Named => "named",
+        Verdict::Ambiguous => "ambiguous",
+        Verdict::NotInLibrary => "not in the library",
+        Verdict::Adequate => "adequate",
+        Verdict::Withheld => "withheld",
+    }
+}
+
+/// A short summary for a terminal: verdict, causes, gain, remainder, audit.
+pub fn summary(d: &Diagnosis) -> String {
+    let mut out = headline(d);
+    if !d.reason.is_empty() {
+        let _ = write!(out, "\n  {}", sentence(&d.reason)); // a String takes everything
+    }
+    for cause in &d.causes {
+        let _ = write!(out, "\n\n{}: {}", words(&cause.name), sentence(&cause.meaning));
+        for e in &cause.parameters {
+            let _ = write!(out, "\n  {}", plain(e));
+        }
+        if let Some(rival) = cause.rivals.first() {
+            let _ = write!(out, "\n  most similar: {} (cosine {:.2})", words(&rival.name), rival.cosine);
+        }
+    }
+    out.push('\n');
+    for advice in &d.advice {
+        let _ = write!(out, "\nto tell them apart: {advice}");
+    }
+    match longest(&d.gain) {
+        Some(g) => {
+            let _ = write!(
+                out,
+                "\nheld-out error over {} s: {} mm -> {} mm, {:.0} % of what can be explained",
+                number_plain(g.horizon_s),
+                number_plain(1e3 * g.rmse_before),
+                number_plain(1e3 * g.rmse_after),
+                100.0 * g.explained_fraction
+            );
+        }
+        None => out += "\nnothing was held out, so there is no independent check",
+    }
+    let r = &d.remainder;
+    let _ = write!(
+        out,
+        "\nremainder: {} mm on fitted records, {}; noise {} mm",
+        number_plain(1e3 * r.rmse),
+        if r.significant { "more than noise" } else { "no more than noise" },
+        number_plain(1e3 * d.noise.sigma)
+    );
+    if !r.note.is_empty() {
+        let _ = write!(out, " ({})", r.note);
+    }
+    let _ = write!(out, "\naudit of the data: {}", audit(d));
+    for finding in d.audit.iter().filter(|f| f.severity != "info").take(5) {
+        let record = if finding.record.is_empty() { String::new() } else { format!("{}: ", finding.record) };
+        let _ = write!(out, "\n  {record}{}; {}", finding.what, finding.advice);
+    }
+    out
+}
+
+/// The gain over the longest horizon.
+pub(super) fn longest(gain: &[Gain]) -> Option<&Gain> {
+    gain.iter().max_by(|a, b| a.horizon_s.total_cmp(&b.horizon_s))
+}
+
+/// How many findings of which kind.
+pub(super) fn audit(d: &Diagnosis) -> String {
+    let count = |severity: &str| d.audit.iter().filter(|f| f.severity == severity).count();
+    let (faulty, warning, info) = (count("faulty"), count("warning"), count("info"));
+    if d.audit.is_empty() {
+        return "nothing found".to_owned();
+    }
+    let kinds = [(faulty, "faulty"), (warning, "to watch"), (info, "to know")];
+    kinds.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>().join(", ")
+}
+
+/// `internal_damping` as people write it.
+pub(super) fn words(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+/// A fragment as a sentence: a capital first letter and a full stop.
+pub(super) fn sentence(text: &str) -> String {
+    let mut letters = text.trim().chars();
+    let Some(first) = letters.next() else { return String::new() };
+    let end = if text.trim_end().ends_with(['.', '!', '?']) { "" } else { "." };
+    first.to_uppercase().chain(letters).collect::<String>() + end
+}
+
+/// `a, b or c`.
+pub(super) fn list(items: &[String], last: &str) -> String {
+    match items {
+        [] => String::new(),
+        [one] => one.clone(),
+        [head @ .., tail] => format!("{} {last} {tail}", head.join(", ")),
+    }
+}
+
+/// Estimate, interval and unit.
+pub(super) fn estimate(e: &Estimate) -> String {
+    format!("{} {}", number(e.estimate), unit(&e.unit))
+}
+
+/// A unit, unless there is none.
+pub(super) fn unit(unit: &str) -> &str {
+    if unit == "-" { "" } else { unit }
+}
+
+fn plain(e: &Estimate) -> String {
+    let [low, high] = e.interval.map(number_plain);
+    let value = number_plain(e.estimate);
+    format!("{} = {value} {} (90 %: {low} to {high}; scene {})", e.path, unit(&e.unit), number_plain(e.scene_value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample;
+    use super::*;
+
+    #[test]
+    fn every_verdict_has_its_sentence() {
+        let mut d = sample::diagnosis();
+        assert_eq!(headline(&d), "The simulation lacks one thing: internal damping.");
+        d.verdict = Verdict::Ambiguous;
+        d.alternatives = vec![vec!["linear_drag".into(), "wind".into(), "tip_mass".into()]];
+        assert!(headline(&d).ends_with("which: linear drag, wind or tip mass."));
+        let rest = [Verdict::NotInLibrary, Verdict::Adequate, Verdict::Withheld];
+        assert!(rest.into_iter().all(|verdict| headline(&Diagnosis { verdict, ..d.clone() }).ends_with('.')));
+    }
+
+    #[test]
+    fn fragments_become_sentences() {
+        assert_eq!((sentence("a rope"), sentence("A rope."), sentence(" ")), ("A rope.".into(), "A rope.".into(), String::new()));
+    }
+
+    #[test]
+    fn the_summary_says_what_counts() {
+        let text = summary(&sample::diagnosis());
+        for part in
+            ["cable.bend_damping = 1.5e-4 N·m²·s (90 %: 1.2e-4 to 1.8e-4; scene 0)", "10 mm -> 2 mm", "1 to watch", "frozen"]
+        {
+            assert!(text.contains(part), "{part:?} is not in {text}");
+        }
+        assert!(text.lines().count() < 15);
+    }
+}
