@@ -138,4 +138,79 @@ fn the_schema_describes_the_experiment_too() {
     let schema = json(&pliant(&["schema", "scene"]));
     assert_eq!(schema["$defs"]["Rope"]["properties"]["length"]["description"], "Rest length [m].");
     assert!(schema["$defs"]["Marker"]["properties"]["columns"].is_object());
+    let schema = json(&pliant(&["schema", "diagnosis"]));
+    assert!(schema["properties"]["verdict"].is_object() && schema["$defs"]["Estimate"].is_object());
+}
+
+/// The built-in example's files in a folder; a text in one of them replaced.
+fn example(folder: &Path, file: &str, from: &str, to: &str) -> String {
+    let origin = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/hidden_effect");
+    for entry in std::fs::read_dir(origin).unwrap() {
+        let entry = entry.unwrap();
+        std::fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    }
+    let text = std::fs::read_to_string(folder.join(file)).unwrap();
+    assert!(text.contains(from), "{from}");
+    std::fs::write(folder.join(file), text.replacen(from, to, 1)).unwrap();
+    folder.join("scene.toml").to_str().unwrap().to_owned()
+}
+
+#[test]
+fn mistakes_in_experiments_and_logs_are_located() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("report");
+    let diagnose = |scene: &str| pliant(&["diagnose", scene, "--out", out.to_str().unwrap()]);
+    let scene = example(folder.path(), "scene.toml", "gripper = \"left\"\ncolumns", "gripper = \"left\"\ncolums");
+    assert_refused(&diagnose(&scene), &["unknown key `colums`", "did you mean `columns`?"]);
+    let scene = example(folder.path(), "run2.csv", "\n0.00000,", "\n0.00000,x");
+    assert_refused(&diagnose(&scene), &["run2.csv:2"]);
+    assert_refused(&pliant(&["fit", &scene]), &["run2.csv:2"]);
+    let scene = example(folder.path(), "scene.toml", "cable.bend_stiffness", "cable.bend_stifness");
+    assert_refused(&pliant(&["fit", &scene]), &["cable.bend_stifness", "cable.bend_stiffness"]);
+    let log = folder.path().join("missing.csv");
+    let scene = example(folder.path(), "scene.toml", "", "");
+    assert_refused(&pliant(&["fit", &scene, "--log", log.to_str().unwrap()]), &["missing.csv: cannot be read"]);
+    assert!(!out.exists());
+    assert_refused(&diagnose("tests/scenes/windy.toml"), &["no [experiment]"]);
+}
+
+#[test]
+fn a_report_never_replaces_what_is_not_one() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("thesis.tex"), "years").unwrap();
+    assert_refused(&pliant(&["diagnose", "--out", folder.path().to_str().unwrap()]), &["holds `thesis.tex`"]);
+    let missing = folder.path().join("missing/report");
+    assert_refused(&pliant(&["diagnose", "--out", missing.to_str().unwrap()]), &["does not exist"]);
+    assert_eq!(entries(folder.path()), 1);
+    assert_eq!(pliant(&["diagnose", "--log", "run.csv"]).status.code(), Some(2), "a log needs its scene");
+    assert_eq!(pliant(&["diagnose", "--threads", "0"]).status.code(), Some(2));
+}
+
+#[test]
+fn fit_prints_estimates() {
+    let output = pliant(&["fit", "examples/hidden_effect/scene.toml", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report = json(&output);
+    assert_eq!(report["parameters"][0]["path"], "cable.bend_stiffness");
+    assert!(report["parameters"][0]["estimate"].as_f64().unwrap() > 0.0 && report["rmse_fit"].is_number());
+}
+
+#[test]
+fn the_built_in_example_is_diagnosed_and_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("report");
+    let output = pliant(&["diagnose", "--json", "--seed", "1", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let diagnosis = json(&output);
+    for key in ["verdict", "reason", "causes", "candidates", "gain", "remainder", "noise", "audit", "stages"] {
+        assert!(!diagnosis[key].is_null(), "{key}");
+    }
+    for file in ["report.html", "diagnosis.json", "scene_extended.toml", "reproduce.toml", "example/run3.csv"] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+    assert_eq!(entries(folder.path()), 1, "nothing is left beside the report");
+    // The extended scene is a scene, and finds its logs.
+    let extended = out.join("scene_extended.toml");
+    assert!(pliant(&["simulate", extended.to_str().unwrap()]).status.success());
+    assert!(std::fs::read_to_string(&extended).unwrap().contains("file = \"example/run1.csv\""));
 }

@@ -1,8 +1,10 @@
 //! Why a command failed: where, what, the likely cause, the fix; and its exit code.
 
+use pliant::identify::IdentifyError;
 use pliant::identify::log::LogError;
+use pliant::identify::report::ReportError;
 use pliant::scene::SceneError;
-use pliant::{AdjointError, CaseError, StepError};
+use pliant::{AdjointError, BuildError, CaseError, StepError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -24,6 +26,12 @@ pub enum Failure {
     /// A derivative failed.
     #[error("error: {scene}: {source}\n  likely cause: the rollout and its derivative do not belong together\n  fix: report this as a bug", scene = .scene.display())]
     Adjoint { scene: PathBuf, source: AdjointError },
+    /// A fit or a diagnosis failed.
+    #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
+    Identify { scene: PathBuf, source: IdentifyError, advice: (&'static str, &'static str) },
+    /// The report cannot be written.
+    #[error("error: {0}")]
+    Report(#[from] ReportError),
     /// An output cannot be written.
     #[error("error: {path}: cannot be written: {source}\n  likely cause: {cause}\n  fix: {fix}", path = .path.display())]
     Write { path: PathBuf, source: std::io::Error, cause: &'static str, fix: &'static str },
@@ -41,6 +49,8 @@ impl Failure {
         let numerics = match self {
             Self::Case { source: CaseError::Start(step), .. } | Self::Step { source: step, .. } => !is_input(step),
             Self::Adjoint { .. } | Self::NotPassed(_) => true,
+            Self::Identify { source, .. } => !source.is_input(),
+            Self::Report(error) => !error.is_input(),
             _ => false,
         };
         ExitCode::from(if numerics { 1 } else { 2 })
@@ -70,6 +80,25 @@ impl Failure {
             AdjointError::Step(step) => Self::step(scene, step),
             source => Self::Adjoint { scene: scene.to_owned(), source },
         }
+    }
+
+    /// A fit or a diagnosis that failed.
+    pub fn identify(scene: &Path, source: IdentifyError) -> Self {
+        let advice = match &source {
+            IdentifyError::Build(BuildError::Scene(error)) => return Self::Scene(error.clone()),
+            IdentifyError::Simulation { source, .. } => advice(source),
+            IdentifyError::Input(_) | IdentifyError::Build(_) => {
+                ("the scene and its logs do not belong together", "correct what is named here")
+            }
+            IdentifyError::DeadParameter { .. } => {
+                ("the motion does not excite it", "fix its value, or move the rope differently")
+            }
+            IdentifyError::Stats(_) => ("too few samples, or channels that never change", "record longer, and with more motion"),
+            IdentifyError::NotConverged { .. } => {
+                ("starting values far from the truth", "start closer to the truth, or free fewer parameters")
+            }
+        };
+        Self::Identify { scene: scene.to_owned(), source, advice }
     }
 
     /// A file or folder that cannot be written.

@@ -3,12 +3,17 @@
 //! Data go to stdout, messages and progress to stderr. Exit codes: 0 done, 1 the numerics failed (or a check did not pass),
 //! 2 the input is wrong.
 
+mod diagnose;
+mod example;
 mod failure;
 mod file;
+mod fit;
 mod gradcheck;
 mod print;
+mod progress;
 mod schema;
 mod simulate;
+mod threads;
 mod trajectory;
 
 use clap::{Parser, Subcommand};
@@ -28,6 +33,10 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Compare the gradients of a scene's rollout with differences.
     Gradcheck(gradcheck::Arguments),
+    /// Fit the free parameters of a scene to its logs.
+    Fit(fit::Arguments),
+    /// Find out what a scene lacks that its logs show, and write a report.
+    Diagnose(diagnose::Arguments),
     /// Print the JSON Schema of scene files, or of a diagnosis.
     Schema(schema::Arguments),
 }
@@ -37,6 +46,8 @@ pub fn run(arguments: Arguments) -> ExitCode {
     let done = match arguments.command {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Gradcheck(arguments) => gradcheck::run(&arguments),
+        Command::Fit(arguments) => fit::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
     };
     match done {

@@ -15,7 +15,7 @@ pub fn data(text: &str) -> Result<(), Failure> {
 
 /// Prints an object as JSON on stdout.
 pub fn json(value: &impl Serialize) -> Result<(), Failure> {
-    match serde_json::to_string_pretty(value) {
+    match pliant::identify::report::json::text(value) {
         Ok(text) => data(&text),
         Err(error) => Err(Failure::write(Path::new("stdout"), error.into())),
     }

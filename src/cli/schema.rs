@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::print;
 use clap::ValueEnum;
+use pliant::identify::Diagnosis;
 use pliant::identify::log::Experiment;
 use pliant::scene::json_schema;
 
@@ -17,11 +18,14 @@ pub struct Arguments {
 enum Subject {
     /// Scene files, their [experiment] included.
     Scene,
+    /// What `pliant diagnose --json` prints.
+    Diagnosis,
 }
 
 /// Prints a JSON Schema.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match arguments.subject {
         Subject::Scene => print::json(&json_schema::<Experiment>()),
+        Subject::Diagnosis => print::json(&schemars::schema_for!(Diagnosis)),
     }
 }

@@ -1,0 +1,45 @@
+//! `pliant fit`.
+
+use super::failure::Failure;
+use super::progress::Progress;
+use super::{print, threads};
+use pliant::identify::log::Setup;
+use pliant::identify::{DiagnoseOptions, fit_scene};
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Scene file (TOML) with an [experiment] that lists free parameters.
+    scene: PathBuf,
+    /// Log file (.csv or .npz) beyond those the scene names; may be given several times.
+    #[arg(long = "log", value_name = "FILE")]
+    logs: Vec<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    /// Number of threads; by default one per core. The numbers do not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+/// Fits the declared free parameters of a scene.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    threads::set(arguments.threads);
+    let setup = Setup::read(&arguments.scene)?;
+    let logs = setup.read_logs(&arguments.logs)?;
+    let report = {
+        let mut progress = Progress::start();
+        fit_scene(&setup, &logs, &DiagnoseOptions::default(), &mut |what| progress.tell(what))
+            .map_err(|error| Failure::identify(&arguments.scene, error))?
+    };
+    if arguments.json {
+        print::json(&report)?;
+    } else {
+        print::data(report.to_string().trim_end())?;
+    }
+    if report.converged {
+        return Ok(());
+    }
+    let iterations = report.iterations;
+    Err(Failure::NotPassed(format!("the fit did not converge in {iterations} iterations; its estimates are not to be trusted")))
+}

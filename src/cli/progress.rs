@@ -1,0 +1,48 @@
+//! Progress on stderr: a spinner on a terminal, now and then a line elsewhere.
+
+use super::print;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+/// Time between two lines where there is no terminal.
+const PAUSE: Duration = Duration::from_secs(10);
+
+/// Tells what is being done, until it is dropped.
+pub struct Progress {
+    spinner: Option<ProgressBar>,
+    last: Option<Instant>,
+}
+
+impl Progress {
+    /// Begins; nothing is shown yet.
+    pub fn start() -> Self {
+        let spinner = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new_spinner();
+            if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed:>4} {wide_msg}") {
+                bar.set_style(style);
+            }
+            bar.enable_steady_tick(Duration::from_millis(120));
+            bar
+        });
+        Self { spinner, last: None }
+    }
+
+    /// Shows a message.
+    pub fn tell(&mut self, what: &str) {
+        if let Some(spinner) = &self.spinner {
+            spinner.set_message(what.to_owned());
+        } else if self.last.is_none_or(|last| last.elapsed() >= PAUSE) {
+            print::message(what);
+            self.last = Some(Instant::now());
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(spinner) = &self.spinner {
+            spinner.finish_and_clear();
+        }
+    }
+}
