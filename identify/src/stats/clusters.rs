@@ -62,13 +62,21 @@ fn wald(clusters: &[Cluster], directions: &Directions, local: &DVector<f64>, min
     if rank == 0 {
         return None;
     }
+    // Most columns are other candidates': their weights are zero.
     let w = &directions.weights;
+    let support: Vec<usize> = (0..w.nrows()).filter(|&i| w.row(i).iter().any(|x| *x != 0.0)).collect();
+    let weigh = |gram: &DMatrix<f64>| -> DMatrix<f64> {
+        DMatrix::from_fn(rank, rank, |a, b| {
+            let inner = |j: usize| support.iter().map(|&i| w[(i, a)] * gram[(i, j)]).sum::<f64>();
+            support.iter().map(|&j| inner(j) * w[(j, b)]).sum()
+        })
+    };
     let mut variance = DMatrix::zeros(rank, rank);
     let mut shares = Vec::with_capacity(clusters.len());
     for cluster in clusters {
-        let information = w.transpose() * &cluster.gram * w;
+        let information = weigh(&cluster.gram);
         shares.push((information.trace() / rank as f64).clamp(0.0, 1.0));
-        let centred = w.transpose() * &cluster.score - &information * local;
+        let centred = w.tr_mul(&cluster.score) - &information * local;
         let corrected = inverse_root_of_complement(information) * centred;
         variance += &corrected * corrected.transpose();
     }
@@ -91,6 +99,9 @@ const LEVERAGE_LIMIT: f64 = 0.95;
 
 /// (1 − I)^{−½} of a symmetric I with eigenvalues in [0, 1].
 fn inverse_root_of_complement(information: DMatrix<f64>) -> DMatrix<f64> {
+    if information.nrows() == 1 {
+        return information.map(|l| (1.0 - l.clamp(0.0, LEVERAGE_LIMIT)).powf(-0.5));
+    }
     let eigen = SymmetricEigen::new((&information + information.transpose()) * 0.5);
     let roots = eigen.eigenvalues.map(|l| (1.0 - l.clamp(0.0, LEVERAGE_LIMIT)).powf(-0.5));
     &eigen.eigenvectors * DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()

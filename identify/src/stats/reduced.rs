@@ -97,10 +97,17 @@ impl Reduced {
         let basis = Basis::new(&own, &norms, DEAD_TOLERANCE);
         basis.project_out(&mut data);
 
+        // QR block by block stays in cache, and gives the blocks' statistics on the way.
         let ends = starts.iter().skip(1).copied().chain([rows]);
-        let blocks = starts.iter().zip(ends).map(|(&start, end)| block(&data, start, end)).collect();
+        let parts: Vec<(usize, DMatrix<f64>)> = starts
+            .iter()
+            .zip(ends)
+            .map(|(&start, end)| (end - start, data.rows(start, end - start).into_owned().qr().unpack_r().upper_triangle()))
+            .collect();
+        let blocks = parts.iter().map(|(rows, r)| block(*rows, r)).collect();
+        let factor = triangle(stack(parts.iter().map(|p| &p.1), k + 1));
         let dead_own = basis.dead.iter().map(|&c| (0, c)).collect();
-        Ok(Self { factor: triangle(data), raw_square, rows, own_rank: basis.rank(), records: 1, blocks, dead_own })
+        Ok(Self { factor, raw_square, rows, own_rank: basis.rank(), records: 1, blocks, dead_own })
     }
 
     /// Adds the statistics of further records, numbered after those already here. Merging in the same order gives the same bits.
@@ -111,11 +118,7 @@ impl Reduced {
         if other.columns() != self.columns() {
             return Err(StatsError::Length { what: "global columns", found: other.columns(), expected: self.columns() });
         }
-        let n = self.factor.nrows();
-        let mut stacked = DMatrix::zeros(n + other.factor.nrows(), self.factor.ncols());
-        stacked.rows_mut(0, n).copy_from(&self.factor);
-        stacked.rows_mut(n, other.factor.nrows()).copy_from(&other.factor);
-        self.factor = triangle(stacked);
+        self.factor = triangle(stack([&self.factor, &other.factor].into_iter(), self.columns() + 1));
         self.raw_square.iter_mut().zip(&other.raw_square).for_each(|(a, b)| *a += b);
         self.blocks.extend(other.blocks.iter().map(|b| Block { record: b.record + self.records, ..b.clone() }));
         self.dead_own.extend(other.dead_own.iter().map(|(r, c)| (r + self.records, *c)));
@@ -207,14 +210,23 @@ fn checked_starts(starts: &[usize], rows: usize) -> Result<Vec<usize>, StatsErro
     }
 }
 
-fn block(data: &DMatrix<f64>, start: usize, end: usize) -> Block {
-    let k = data.ncols() - 1;
-    let part = data.rows(start, end - start).into_owned();
-    let g = part.columns(0, k).into_owned();
-    let products = g.transpose() * part;
-    let gram = products.columns(0, k).into_owned();
-    let score = products.column(k).into_owned();
-    Block { record: 0, rows: end - start, gram, score }
+/// A block's statistics from the triangle of its own [G̃_b r̃_b].
+fn block(rows: usize, r: &DMatrix<f64>) -> Block {
+    let k = r.ncols() - 1;
+    let g = r.columns(0, k).into_owned();
+    let products = g.transpose() * r;
+    Block { record: 0, rows, gram: products.columns(0, k).into_owned(), score: products.column(k).into_owned() }
+}
+
+fn stack<'a>(parts: impl Iterator<Item = &'a DMatrix<f64>> + Clone, columns: usize) -> DMatrix<f64> {
+    let rows = parts.clone().map(DMatrix::nrows).sum();
+    let mut stacked = DMatrix::zeros(rows, columns);
+    let mut next = 0;
+    for part in parts {
+        stacked.rows_mut(next, part.nrows()).copy_from(part);
+        next += part.nrows();
+    }
+    stacked
 }
 
 /// The upper triangle of a QR, always columns × columns (padded with zero rows).
