@@ -37,9 +37,9 @@ pub enum AuditError {
 /// One record as measured. Missing samples are NaN.
 #[derive(Debug, Clone, Copy)]
 pub struct RawRecord<'a> {
-    /// Time stamps [s].
+    /// Time stamps (s).
     pub time: &'a [f64],
-    /// Measured points, row-major time × point × dimension [m].
+    /// Measured points, row-major time × point × dimension (m).
     pub points: &'a [f64],
     /// Inputs, row-major time × input; for grippers their positions.
     pub inputs: &'a [f64],

@@ -41,7 +41,7 @@ pub struct Finding {
     pub record: usize,
     /// Where in it.
     pub place: Place,
-    /// When it is worst, or begins [s]; none for whole records.
+    /// When it is worst, or begins (s); none for whole records.
     pub time_s: Option<f64>,
     /// What, in a few words with the numbers that matter.
     pub what: String,
