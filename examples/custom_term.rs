@@ -120,8 +120,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let simulate = |k: f64| rollout(&model, &with(k), &x0, &controls, StepOptions::default());
 
     // Measurements of a cable that has the magnet.
-    let measured: Vec<f64> =
-        readings(&simulate(TRUTH)?).iter().enumerate().map(|(k, x)| x + NOISE * noise(k)).collect();
+    let measured: Vec<f64> = readings(&simulate(TRUTH)?).iter().enumerate().map(|(k, x)| x + NOISE * noise(k)).collect();
 
     // The gradient of L = ½ Σ (simulated − measured)² at k = 0, for all of θ in one backward sweep.
     let run = simulate(0.0)?;
