@@ -86,8 +86,9 @@ def over_time(curve):
         key: [(t, p[axis]) for t, p in zip(curve["time"], curve[key], strict=True)]
         for key in ("measured", "before", "after")
     }
-    place, _ = fit(sum(series.values(), []), RIGHT_PANEL, equal=False)
-    values = [y for points in series.values() for _, y in points]
+    everything = [point for points in series.values() for point in points]
+    place, _ = fit(everything, RIGHT_PANEL, equal=False)
+    values = [y for _, y in everything]
     left, right = RIGHT_PANEL
     end = curve["time"][-1]
     return [
