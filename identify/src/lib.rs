@@ -30,5 +30,5 @@ pub mod shoot;
 pub mod stats;
 pub mod unknown;
 
-pub use error::IdentifyError;
 pub use diagnose::{DiagnoseOptions, Diagnosis, FitReport, Verdict, diagnose, fit_scene};
+pub use error::IdentifyError;

@@ -77,9 +77,8 @@ impl Rollout {
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(traces) = self.kept.traces() else { return Ok(None) };
         let dict = PyDict::new(py);
-        let column = |value: fn(&pliant_engine::step::StepTrace) -> usize| {
-            PyArray1::from_iter(py, traces.iter().map(|t| value(t) as i64))
-        };
+        let column =
+            |value: fn(&pliant_engine::step::StepTrace) -> usize| PyArray1::from_iter(py, traces.iter().map(|t| value(t) as i64));
         dict.set_item("iterations", column(|t| t.work.iterations))?;
         dict.set_item("factorizations", column(|t| t.work.factorizations))?;
         dict.set_item("evaluations", column(|t| t.work.evaluations))?;
@@ -113,11 +112,7 @@ impl Rollout {
     }
 
     /// Cotangents (x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,)) from x_bar (T + 1, nx).
-    fn vjp<'py>(
-        &self,
-        py: Python<'py>,
-        x_bar: &Bound<'py, PyAny>,
-    ) -> PyResult<(Vector<'py>, Matrix<'py>, Vector<'py>)> {
+    fn vjp<'py>(&self, py: Python<'py>, x_bar: &Bound<'py, PyAny>) -> PyResult<(Vector<'py>, Matrix<'py>, Vector<'py>)> {
         let model = self.kept.model();
         let x_bar = matrix("x_bar", x_bar, Some(self.kept.states().len()), 2 * model.nq())?;
         let bar = py.detach(|| self.kept.vjp(&x_bar))?;

@@ -7,8 +7,10 @@ use nalgebra::Vector4;
 
 /// κ falls by this factor per stage of the continuation.
 const KAPPA_FACTOR: f64 = 1e-2;
-/// Iterations with a damped matrix are cheap to waste and slow to converge.
-const DAMPED_ITERATIONS: usize = 4;
+/// Levenberg weights as multiples of the inertia, tried in this order.
+const DAMPING_LADDER: [f64; 4] = [100.0, 10.0, 3.0, 0.5];
+/// How much longer the second walk down the ladder may take.
+const DAMPED_PATIENCE: usize = 4;
 
 /// Solves the stage into `ws.it`; leaves the cone variables there as the next warm start.
 pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<(), StepError> {
@@ -72,18 +74,21 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
     }
 }
 
+/// Down a ladder of Levenberg weights, each continuing where the last one stopped: the damped matrix brings the iterate near,
+/// the true one finishes. A second, longer walk follows if the first fails.
 fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
     let mut last = Stuck::NoProgress { correction: f64::NAN };
-    for weight in [10.0, 1000.0] {
+    for patience in [1, DAMPED_PATIENCE] {
         start(stage, ws);
         for (c, pair) in stage.model.pairs.iter().enumerate() {
             ws.it.w[c] = cold_cone(stage.law_point(c).kappa, stage.mass[pair.node]);
         }
-        let stiff = Stage { damping: weight * stage.inertia.max(1.0), ..*stage };
-        // the damped matrix brings the iterate near; the true one finishes
-        match newton(&stiff, ws, DAMPED_ITERATIONS * limit, work) {
-            Ok(()) | Err(Stuck::NoProgress { .. }) => {}
-            Err(e) => return Err(e),
+        for weight in DAMPING_LADDER {
+            let stiff = Stage { damping: weight * stage.inertia.max(1.0), ..*stage };
+            match newton(&stiff, ws, patience * limit, work) {
+                Ok(()) | Err(Stuck::NoProgress { .. }) => {}
+                Err(e) => return Err(e),
+            }
         }
         match newton(stage, ws, limit, work) {
             Ok(()) => return Ok(()),

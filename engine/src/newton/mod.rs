@@ -94,7 +94,9 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
     let mut alpha: f64 = 1.0;
     loop {
         let next = try_step(stage, ws, alpha, work)?;
-        if next.is_finite() && next <= (1.0 - 0.25 * alpha) * norm {
+        // a damped matrix contracts slowly by design: any decrease will do
+        let demanded = if stage.damping > 0.0 { 0.0 } else { 0.25 * alpha };
+        if next.is_finite() && next <= (1.0 - demanded) * norm {
             accept(ws);
             if alpha < 1.0 {
                 return Ok(Descent::Continue);

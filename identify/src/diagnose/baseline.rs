@@ -32,7 +32,11 @@ pub struct FitReport {
 impl std::fmt::Display for FitReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for p in &self.parameters {
-            writeln!(f, "{} = {:.6e} {}  (90 %: {:.6e} to {:.6e}; scene: {:.6e})", p.path, p.estimate, p.unit, p.interval[0], p.interval[1], p.scene_value)?;
+            writeln!(
+                f,
+                "{} = {:.6e} {}  (90 %: {:.6e} to {:.6e}; scene: {:.6e})",
+                p.path, p.estimate, p.unit, p.interval[0], p.interval[1], p.scene_value
+            )?;
         }
         writeln!(f, "residual {:.3e} m on {} fitted records", self.rmse_fit, self.records.fit)?;
         if let Some(held_out) = self.rmse_held_out {

@@ -45,7 +45,8 @@ impl Curvature {
         let weak = (0..self.gram.nrows()).filter(|&j| eigen.eigenvalues[j] < RANK * RANK * largest);
         let word = |j: usize| {
             let v = eigen.eigenvectors.column(j);
-            let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > 0.1).map(|(u, x)| format!("{x:+.2}·{}", u.path));
+            let parts =
+                fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > 0.1).map(|(u, x)| format!("{x:+.2}·{}", u.path));
             parts.collect::<Vec<_>>().join(" ")
         };
         weak.map(word).collect()
@@ -57,7 +58,15 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> 
     let errors = curvature.std_errors();
     let one = |(u, se): (&crate::unknown::Unknown, &f64)| {
         let value = u.value(&fitted.values);
-        let end = |z: f64| if se.is_finite() { u.moved(value, z * se) } else if z < 0.0 { u.bounds.0 } else { u.bounds.1 };
+        let end = |z: f64| {
+            if se.is_finite() {
+                u.moved(value, z * se)
+            } else if z < 0.0 {
+                u.bounds.0
+            } else {
+                u.bounds.1
+            }
+        };
         Estimate {
             path: u.path.clone(),
             estimate: value,
@@ -70,7 +79,13 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> 
 }
 
 /// 90 % profile-likelihood interval of unknown `j`: where the deviance, minimised over all else, has risen by χ²₁(0.90).
-pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64, options: &FitOptions) -> Result<[f64; 2], IdentifyError> {
+pub(super) fn profile(
+    plan: &Plan,
+    fitted: &Fitted,
+    j: usize,
+    std_error: f64,
+    options: &FitOptions,
+) -> Result<[f64; 2], IdentifyError> {
     let u = &fitted.unknowns[j];
     let best = u.value(&fitted.values);
     if !std_error.is_finite() {

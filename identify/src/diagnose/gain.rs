@@ -119,7 +119,8 @@ pub(super) fn pictures(
     for rec in records.iter().take(3) {
         let run = |values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
-            shoot(plan, rec, values, wants).map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
+            shoot(plan, rec, values, wants)
+                .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
         };
         let (b, a) = (run(before)?, run(after)?);
         let channels = plan.channels();

@@ -63,7 +63,8 @@ pub fn diagnose(
     let mut story = Story { plan: &plan, judged, stages: Vec::new() };
     story.add("baseline", &base)?;
 
-    let mut run = Selection { current: base.clone(), accepted: Vec::new(), ambiguous: Vec::new(), rejected: false, notes: Vec::new() };
+    let mut run =
+        Selection { current: base.clone(), accepted: Vec::new(), ambiguous: Vec::new(), rejected: false, notes: Vec::new() };
     progress("testing every cause");
     let first = test(&plan, &base, options.seed)?;
     run.grow(&plan, &first, options, &fit_options, &mut story, progress)?;
@@ -80,7 +81,8 @@ pub fn diagnose(
     let causes = run.causes(&plan, &base, &fit_options)?;
     let before = gain::residuals(&plan, judged, &base.values)?;
     let after = gain::residuals(&plan, judged, &run.current.values)?;
-    let gain = if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
+    let gain =
+        if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
     let (curves, snapshots) = gain::pictures(&plan, judged, &base.values, &run.current.values)?;
     let curvature = Curvature::new(&plan, &base)?;
     let mut diagnosis = Diagnosis {
@@ -174,7 +176,10 @@ impl Selection {
             let drop = fitted.deviance - self.current.deviance;
             self.accepted[k].statistic = drop;
             if chi2_sf(drop.max(0.0), own.len() as f64) > super::select::LEVEL {
-                self.notes.push((self.accepted[k].cause.name.to_owned(), "accepted first, superfluous beside the later causes".to_owned()));
+                self.notes.push((
+                    self.accepted[k].cause.name.to_owned(),
+                    "accepted first, superfluous beside the later causes".to_owned(),
+                ));
                 self.accepted.remove(k);
                 self.current = fitted;
             }
@@ -187,7 +192,9 @@ impl Selection {
         let (before, after) = (base.rmse * base.rmse, self.current.rmse * self.current.rmse);
         let explainable = before - sensor_sigma * sensor_sigma;
         let note = match (by_input, untested) {
-            (true, _) => format!("the residual still depends on the grippers' motion (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"),
+            (true, _) => format!(
+                "the residual still depends on the grippers' motion (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"
+            ),
             (false, true) => "candidates remain significant, but none may be named".to_owned(),
             (false, false) => "what is left does not differ from coloured noise".to_owned(),
         };
@@ -254,7 +261,8 @@ impl Selection {
             let s = &first.score.candidates[j];
             let absorbed = s.absorbed.iter().copied().fold(f64::NAN, f64::min);
             let slope = |k: usize| cause.unknowns[k].slope(self.base_value(cause, k));
-            let reasons: Vec<&str> = self.notes.iter().filter(|(n, _)| *n == label(first, j)).map(|(_, why)| why.as_str()).collect();
+            let reasons: Vec<&str> =
+                self.notes.iter().filter(|(n, _)| *n == label(first, j)).map(|(_, why)| why.as_str()).collect();
             CandidateReport {
                 status: if s.rank == 0 { Status::Absorbed } else { Status::Tested },
                 statistic: (s.rank > 0).then_some(s.lm),
@@ -343,7 +351,11 @@ fn note(what: &str, advice: &str) -> AuditFinding {
 
 fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisation, h: f64) {
     let too_coarse = numerics.ratio > TOLERATED;
-    let reason = format!("the simulation's own error at h = {h} s is {:.2e} m, {:.1} % of the residual", numerics.rms, 100.0 * numerics.ratio);
+    let reason = format!(
+        "the simulation's own error at h = {h} s is {:.2e} m, {:.1} % of the residual",
+        numerics.rms,
+        100.0 * numerics.ratio
+    );
     d.candidates.push(CandidateReport {
         name: "discretisation".to_owned(),
         status: Status::Tested,
@@ -375,7 +387,8 @@ fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisatio
 
 fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool) {
     let names: Vec<&str> = d.causes.iter().map(|c| c.name.as_str()).collect();
-    let imitation = !run.accepted.is_empty() && d.remainder.note.contains("dynamics are missing") && d.remainder.explained_fraction < ENOUGH;
+    let imitation =
+        !run.accepted.is_empty() && d.remainder.note.contains("dynamics are missing") && d.remainder.explained_fraction < ENOUGH;
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
     } else if imitation {
@@ -398,6 +411,11 @@ fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool) {
         d.causes.clear();
     }
     let wanted: Vec<&String> = d.alternatives.iter().flatten().collect();
-    d.advice = first.causes.iter().filter(|c| wanted.iter().any(|w| *w == c.name)).map(|c| format!("{}: {}", c.name, c.excitation)).collect();
+    d.advice = first
+        .causes
+        .iter()
+        .filter(|c| wanted.iter().any(|w| *w == c.name))
+        .map(|c| format!("{}: {}", c.name, c.excitation))
+        .collect();
     d.advice.dedup();
 }

@@ -28,7 +28,8 @@ pub(super) fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, Iden
     let lags = ((LAG_S / period) as usize).clamp(1, MOST_LAGS);
     let (mut smallest, mut tests) = (1.0f64, 0usize);
     for input in 0..inputs {
-        let rates: Vec<Vec<f64>> = fitted.records.iter().zip(&whitened).map(|(rec, r)| rate(&rec.record.inputs, input, r.len() / channels)).collect();
+        let rates: Vec<Vec<f64>> =
+            fitted.records.iter().zip(&whitened).map(|(rec, r)| rate(&rec.record.inputs, input, r.len() / channels)).collect();
         if rates.iter().flatten().all(|x| x.abs() < 1e-12) {
             continue;
         }

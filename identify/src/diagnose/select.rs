@@ -95,7 +95,8 @@ pub(super) fn round(
 pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &FitOptions) -> Result<Fitted, IdentifyError> {
     let unknowns: Vec<Unknown> = current.unknowns.iter().chain(more).cloned().collect();
     let fitted = fit(plan, &current.records, &current.values, &unknowns, Some(&current.noise), options);
-    let gained = fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
+    let gained =
+        fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
     if gained || more.is_empty() || current.records.iter().all(|r| r.nodes.is_empty()) {
         return fitted;
     }
@@ -144,7 +145,8 @@ fn unbeaten(
         let Some(rival) = others.iter().find(|r| r.candidate == k) else {
             // not refitted: the linear rule, unless it was tried and rejected
             let significant = tested.adjusted[k] <= LEVEL;
-            if !significant && tested.score.candidates[best.candidate].lm < CLOSE.recip() * tested.score.candidates[k].lm
+            if !significant
+                && tested.score.candidates[best.candidate].lm < CLOSE.recip() * tested.score.candidates[k].lm
                 && lead(&tested.score, best.candidate, k) <= bar
             {
                 out.push(k);

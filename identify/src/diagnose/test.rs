@@ -65,8 +65,8 @@ pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Resu
 
 fn reduce_record(plan: &Plan, fitted: &Fitted, rec: &RecordPlan, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
     let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
-    let mut shot =
-        shoot(plan, rec, &fitted.values, wants).map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
+    let mut shot = shoot(plan, rec, &fitted.values, wants)
+        .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
     let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
     fitted.noise.whiten(&mut shot.residual, channels)?;
     if m > 0 {
