@@ -39,8 +39,12 @@ pub(crate) fn judge(
             points.push(point(eps, derivative, one_sided, &base, &sample)?);
         }
     }
-    let magnitude = points.iter().map(|p| p.difference.abs()).fold(derivative.abs(), f64::max);
-    let negligible = size == 0.0 && points.iter().all(|p| p.difference == 0.0);
+    let widest_difference = points.last().map_or(0.0, |p| p.difference.abs());
+    let magnitude = derivative.abs().max(widest_difference);
+    // an influence that the widest difference could not tell from rounding is none
+    let widest = points.last().map_or(f64::INFINITY, |p| p.eps);
+    let unseen = magnitude <= FLOOR_FACTOR * ROUNDING * base.value.abs() / widest;
+    let negligible = unseen || size == 0.0 && points.iter().all(|p| p.difference == 0.0);
     let best = (1..points.len()).min_by(|&a, &b| disagreement(&points, a).total_cmp(&disagreement(&points, b)));
     let (difference, floor, step, switches) = match best {
         Some(k) => {
