@@ -47,10 +47,13 @@ pub(crate) fn impulse(normal: Vec3<f64>, mu: f64, w: &Vector4<f64>) -> Vec3<f64>
 }
 
 impl Condensed {
-    /// Linearizes at cone variable `w` and node velocity `v`; `h` is the stage length. `None` if F_w is singular.
+    /// Linearizes at cone variable `w` and node velocity `v`; `h` is the stage length. `None` if the iterate is not finite.
     pub(crate) fn new(at: LawPoint, touch: &Touch, v: Vec3<f64>, h: f64, w: &Vector4<f64>) -> Option<Self> {
         let lin = pliant_smoothing::linearize(at.law, at.mu, at.kappa, at.rho, touch.v_n, touch.v_t.into(), (*w).into());
-        let inverse = lin.df_dw.try_inverse()?;
+        let inverse = lin.df_dw_inverse;
+        if !inverse.iter().all(|x| x.is_finite()) {
+            return None;
+        }
         let df_dq = lin.df_dvn * (touch.normal / h).transpose() + lin.df_dvt * touch.dv_t_dq(v);
         let df_dv = lin.df_dvt * touch.projector();
         let mut dp_dw = Matrix3x4::zeros();
