@@ -99,7 +99,7 @@ fn a_failed_simulation_leaves_the_old_file_and_nothing_else() {
     let output = pliant(&["simulate", scene.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]);
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(message.contains("step 0: not converged") && message.contains("fix: shorten `time.step`"), "{message}");
+    assert!(message.contains(": not converged after") && message.contains("fix: shorten `time.step`"), "{message}");
     assert!(output.stdout.is_empty());
     assert_eq!(std::fs::read_to_string(&out).unwrap(), "old");
     assert_eq!(entries(folder.path()), 2);
