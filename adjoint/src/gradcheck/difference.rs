@@ -8,8 +8,12 @@ use crate::AdjointError;
 const EXPONENTS: std::ops::RangeInclusive<i32> = -14..=-2;
 /// Two steps per decade.
 const PER_DECADE: f64 = 2.0;
-/// Relative rounding of L: a step's root is found to about this part of the velocity scale.
+/// Rounding of L over the sum of its parts' sizes: a step's root is found to about this part of the velocity scale.
 const ROUNDING: f64 = 1e-13;
+/// Change of L, relative to the sum of its parts' sizes, below which an input without derivative has none: what the steps' tolerance leaves open.
+const UNMOVED: f64 = 1e-11;
+/// Largest scale given to a block of zeros, in its SI unit: an input that hardly matters is not moved without limit.
+const ZERO_SCALE: f64 = 0.1;
 /// A remainder must exceed rounding by this factor to be given a slope.
 const ABOVE_NOISE: f64 = 30.0;
 
@@ -29,14 +33,15 @@ pub(crate) fn judge(
     sample: impl Fn(f64) -> Result<Sample, AdjointError>,
 ) -> Result<BlockReport, AdjointError> {
     let base = sample(0.0)?;
-    let scale = if block.scale > 0.0 { block.scale } else { 0.1 * base.value.abs() / derivative.abs().max(1e-12) };
+    let scale = if block.scale > 0.0 { block.scale } else { (0.1 * base.value.abs() / derivative.abs()).min(ZERO_SCALE) };
     let one_sided = block.range.0 >= 0.0;
     let mut points = Vec::new();
     for k in EXPONENTS {
         let eps = scale * 10f64.powf(f64::from(k) / PER_DECADE);
         let widest = if one_sided { 2.0 * eps } else { eps };
         if widest < block.range.1 && -eps > block.range.0 || one_sided && widest < block.range.1 {
-            points.push(point(eps, derivative, one_sided, &base, &sample)?);
+            // the widest moves may leave the range where a step has a solution: the narrower ones judge
+            points.extend(point(eps, derivative, one_sided, &base, &sample).ok());
         }
     }
     let widest_difference = points.last().map_or(0.0, |p| p.difference.abs());
@@ -44,11 +49,12 @@ pub(crate) fn judge(
     // an influence that the widest difference could not tell from rounding is none
     let widest = points.last().map_or(f64::INFINITY, |p| p.eps);
     let unseen = magnitude <= FLOOR_FACTOR * ROUNDING * base.value.abs() / widest;
-    let negligible = unseen || size == 0.0 && points.iter().all(|p| p.difference == 0.0);
+    let unmoved = |p: &Point| p.difference.abs() * p.eps <= UNMOVED * base.parts;
+    let negligible = unseen || size == 0.0 && !points.is_empty() && points.iter().all(unmoved);
     let best = (1..points.len()).min_by(|&a, &b| disagreement(&points, a).total_cmp(&disagreement(&points, b)));
     let (difference, floor, step, switches) = match best {
         Some(k) => {
-            let rounding = ROUNDING * base.value.abs() / points[k].eps;
+            let rounding = ROUNDING * base.parts / points[k].eps;
             (points[k].difference, disagreement(&points, k).max(rounding) / magnitude, points[k].eps, points[k].switches)
         }
         None => (f64::NAN, f64::INFINITY, 0.0, 0),
@@ -56,7 +62,7 @@ pub(crate) fn judge(
     let (relative_error, floor) =
         if negligible { (0.0, 0.0) } else { ((derivative - difference).abs() / derivative.abs().max(difference.abs()), floor) };
     let dot_test = if size == 0.0 { 0.0 } else { (derivative - by_jvp).abs() / size };
-    let taylor_slope = slope(&points, base.value);
+    let taylor_slope = if negligible { None } else { slope(&points, base.value) };
     let accurate =
         relative_error <= RELATIVE_ERROR.max(FLOOR_FACTOR * floor) && taylor_slope.is_none_or(|s| s > 2.0 - SLOPE_TOLERANCE);
     Ok(BlockReport {

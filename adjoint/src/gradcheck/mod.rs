@@ -89,6 +89,8 @@ pub(crate) struct Inputs {
 /// L and what happened on the way: modes of all contacts and halvings of all steps.
 pub(crate) struct Sample {
     pub value: f64,
+    /// Sum of the sizes of what L adds up.
+    pub parts: f64,
     pub modes: Vec<u8>,
 }
 
@@ -118,6 +120,7 @@ pub fn gradcheck(
             let rollout = run(model, &block.moved(&inputs, eps))?;
             Ok(Sample {
                 value: rollout.states.iter().zip(&weights).map(|(x, w)| dot(&x.to_flat(), w)).sum(),
+                parts: rollout.states.iter().zip(&weights).map(|(x, w)| abs_dot(&x.to_flat(), w)).sum(),
                 modes: modes(&rollout),
             })
         })?);

@@ -1,0 +1,313 @@
+//! Derivatives of rollouts and equilibria on the scenes of `tests/scenes`, against differences.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, Report, gradcheck};
+use pliant_adjoint::{AdjointError, Seeds, checkpointed_rollout, equilibrium_tangent, equilibrium_vjp, rollout_jvp, rollout_vjp};
+use pliant_engine::equilibrium::equilibrium;
+use pliant_engine::model::{Model, ModelBuilder};
+use pliant_engine::rollout::{Rollout, rollout};
+use pliant_engine::scene::{Integrator, LinearSolver, Nothing, Scene, control_rows, read_scene, resting_inputs};
+use pliant_engine::state::State;
+use pliant_engine::step::{StepError, StepOptions};
+use std::sync::Arc;
+
+/// Steps of the rollouts that are checked.
+const STEPS: usize = 50;
+
+/// The same for contact at the scenes' own rest gaps, down to 1 nm: 4e7 N/m, where rounding grows with every step.
+const CONTACT_STEPS: usize = 20;
+
+struct Case {
+    model: Arc<Model>,
+    theta: Vec<f64>,
+    x0: State,
+    u: Vec<Vec<f64>>,
+}
+
+impl Case {
+    fn new(scene: &Scene, steps: usize) -> Self {
+        let model = Arc::new(ModelBuilder::new(scene).unwrap().build());
+        let (q, v) = (model.initial_positions().to_vec(), model.initial_velocities().to_vec());
+        Self { theta: model.params().values().to_vec(), x0: State { q, v }, u: control_rows(scene, steps).unwrap(), model }
+    }
+
+    fn run(&self, options: StepOptions) -> Rollout {
+        rollout(&self.model, &self.theta, &self.x0, &self.u, options).unwrap()
+    }
+
+    fn gradcheck(&self) -> Report {
+        gradcheck(&self.model, &self.theta, &self.x0, &self.u, 7).unwrap()
+    }
+
+    /// Weights of all states, the same every time.
+    fn x_bar(&self) -> Vec<Vec<f64>> {
+        let weight = |k: usize, i: usize| ((k * 37 + i * 11) as f64 * 0.61).sin();
+        (0..=self.u.len()).map(|k| (0..2 * self.model.nq()).map(|i| weight(k, i)).collect()).collect()
+    }
+}
+
+fn scene(name: &str) -> Scene {
+    read_scene::<Nothing>(format!("{}/../tests/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+fn with(name: &str, integrator: Integrator) -> Scene {
+    let mut scene = scene(name);
+    scene.time.integrator = integrator;
+    scene
+}
+
+fn show(what: &str, report: &Report) {
+    let judged = report.blocks.iter().filter(|b| b.contact_switches == 0).count();
+    println!(
+        "{what}: worst {:.1e}, slope {:?}, dot {:.1e}, judged {judged}/{}, switches {}, retries {}",
+        report.worst_relative_error,
+        report.taylor_slope,
+        report.dot_test,
+        report.blocks.len(),
+        report.contact_switches,
+        report.retries
+    );
+}
+
+/// Demands the dot test, every block's own verdict and the error of all blocks that can be judged.
+fn demand(what: &str, report: &Report) {
+    show(what, report);
+    let failed: Vec<_> = report.blocks.iter().filter(|b| !b.pass).collect();
+    assert!(failed.is_empty(), "{what}: {failed:#?}");
+    assert!(report.dot_test <= DOT_TEST && report.worst_relative_error <= RELATIVE_ERROR && report.pass, "{what}");
+}
+
+const SMOOTH: [&str; 5] = ["free_swing", "clamped_ends", "edge_clamp", "velocity_gripper", "windy"];
+const CONTACT: [&str; 4] = ["resting", "sliding", "sphere_drape", "capsule_drape"];
+
+#[test]
+fn smooth_rollouts_under_every_integrator() {
+    for name in SMOOTH {
+        for integrator in [Integrator::Midpoint, Integrator::Euler, Integrator::Sdirk2] {
+            let case = Case::new(&with(name, integrator), STEPS);
+            let report = case.gradcheck();
+            demand(&format!("{name} {integrator:?}"), &report);
+            let entries: usize = report.blocks.iter().map(|b| b.size).sum();
+            let all = 2 * case.model.nq() + STEPS * case.model.nu() + case.model.n_params();
+            assert_eq!(entries, all, "{name}: every input is in a block");
+            assert_eq!(report.contact_switches, 0);
+        }
+    }
+}
+
+#[test]
+fn rollouts_through_contact() {
+    for name in CONTACT {
+        for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+            let report = Case::new(&with(name, integrator), CONTACT_STEPS).gradcheck();
+            show(&format!("{name} {integrator:?}"), &report);
+            // no Taylor slope here: a landing's quadratic regime is as narrow as κ and lies below rounding
+            let judged = report.blocks.iter().filter(|b| b.contact_switches == 0);
+            let wrong: Vec<_> = judged.filter(|b| b.relative_error > RELATIVE_ERROR.max(FLOOR_FACTOR * b.floor)).collect();
+            assert!(wrong.is_empty(), "{name}: {wrong:#?}");
+            assert!(report.dot_test <= DOT_TEST);
+        }
+    }
+}
+
+#[test]
+fn softer_contact_is_judged_by_differences() {
+    for name in CONTACT {
+        let mut soft = with(name, Integrator::Euler);
+        soft.contact.rest_gap = 1e-4;
+        demand(&format!("{name} at 0.1 mm"), &Case::new(&soft, STEPS).gradcheck());
+    }
+}
+
+#[test]
+fn a_rollout_at_a_larger_rest_gap_is_the_smoothed_scene() {
+    let hard = Case::new(&with("sliding", Integrator::Euler), STEPS);
+    let options = StepOptions { rest_gap: Some(1e-4), ..StepOptions::default() };
+    let mut soft = with("sliding", Integrator::Euler);
+    soft.contact.rest_gap = 1e-4;
+    let soft = Case::new(&soft, STEPS);
+    let (surrogate, smoothed) = (hard.run(options), soft.run(StepOptions::default()));
+    assert_eq!(surrogate.states, smoothed.states);
+    let x_bar = hard.x_bar();
+    let gradient = rollout_vjp(&surrogate, &x_bar).unwrap();
+    assert_eq!(gradient, rollout_vjp(&smoothed, &x_bar).unwrap());
+    // and its derivative is that of the smoothed map, not of the hard one
+    let k = hard.model.params().find("floor.friction").unwrap();
+    let loss = |mu: f64| {
+        let mut theta = hard.theta.clone();
+        theta[k] = mu;
+        let run = rollout(&hard.model, &theta, &hard.x0, &hard.u, StepOptions { record: false, ..options }).unwrap();
+        run.states.iter().zip(&x_bar).map(|(x, w)| dot(&x.to_flat(), w)).sum::<f64>()
+    };
+    let (mu, eps) = (hard.theta[k], 1e-5);
+    let difference = (8.0 * (loss(mu + eps) - loss(mu - eps)) - loss(mu + 2.0 * eps) + loss(mu - 2.0 * eps)) / (12.0 * eps);
+    let by_hard = rollout_vjp(&hard.run(StepOptions::default()), &x_bar).unwrap().theta[k];
+    println!("surrogate ∂L/∂μ {:.9e}, its difference {difference:.9e}, hard {by_hard:.9e}", gradient.theta[k]);
+    assert!((gradient.theta[k] / difference - 1.0).abs() < 1e-7);
+    assert!((by_hard / difference - 1.0).abs() > 1e-4);
+}
+
+#[test]
+fn checkpoints_give_the_same_bits() {
+    for (name, integrator) in
+        [("free_swing", Integrator::Midpoint), ("sphere_drape", Integrator::Sdirk2), ("capsule_drape", Integrator::Euler)]
+    {
+        let case = Case::new(&with(name, integrator), STEPS);
+        let stored = rollout_vjp(&case.run(StepOptions::default()), &case.x_bar()).unwrap();
+        for records in [1, 7, STEPS + 3] {
+            let checkpointed =
+                checkpointed_rollout(&case.model, &case.theta, &case.x0, &case.u, StepOptions::default(), records).unwrap();
+            assert_eq!(checkpointed.vjp(&case.x_bar()).unwrap(), stored, "{name}, {records} records");
+        }
+    }
+}
+
+/// Inputs of an equilibrium: u, then θ.
+#[test]
+fn equilibria_against_differences() {
+    for name in ["free_swing", "clamped_ends", "edge_clamp", "windy"] {
+        let scene = scene(name);
+        let case = Case::new(&scene, 0);
+        let u = resting_inputs(&scene).unwrap();
+        let (nu, np) = (case.model.nu(), case.model.n_params());
+        let eq = equilibrium(&case.model, &case.theta, &case.x0.q, &u).unwrap();
+        let inputs = [u.as_slice(), case.theta.as_slice()].concat();
+        let solve = |p: &[f64]| equilibrium(&case.model, &p[nu..], &eq.q, &p[..nu]).unwrap().q;
+        let mut seeds = Seeds::none(nu + np, nu, np);
+        (0..nu).for_each(|k| seeds.add_u(k, k, 1.0));
+        (0..np).for_each(|k| seeds.add_theta(k, nu + k, 1.0));
+        let jacobian = equilibrium_tangent(&eq, &seeds);
+        let q_bar: Vec<f64> = (0..eq.q.len()).map(|i| (1.3 * i as f64).cos()).collect();
+        let (u_bar, theta_bar) = equilibrium_vjp(&eq, &q_bar).unwrap();
+        let mut worst = (0.0, String::new());
+        for (k, by_vjp) in u_bar.iter().chain(&theta_bar).enumerate() {
+            let column: Vec<f64> = (0..eq.q.len()).map(|row| jacobian[row * (nu + np) + k]).collect();
+            let parts: f64 = column.iter().zip(&q_bar).map(|(a, b)| (a * b).abs()).sum();
+            assert!((dot(&column, &q_bar) - by_vjp).abs() <= DOT_TEST * parts.max(1e-300), "{name}: column {k}");
+            let error = column_error(&column, &inputs, k, &solve);
+            if error > worst.0 {
+                let label = if k < nu { format!("u[{k}]") } else { case.model.params().info(k - nu).path.clone() };
+                worst = (error, label);
+            }
+        }
+        println!("equilibrium {name}: worst column error {:.1e} ({})", worst.0, worst.1);
+        assert!(worst.0 <= RELATIVE_ERROR, "{name}: {worst:?}");
+    }
+}
+
+/// Relative error of a column against the best of several fourth-order differences; forward ones at a bound of zero.
+fn column_error(column: &[f64], at: &[f64], k: usize, solve: &dyn Fn(&[f64]) -> Vec<f64>) -> f64 {
+    let moved = |d: f64| {
+        let mut p = at.to_vec();
+        p[k] += d;
+        solve(&p)
+    };
+    let scale = if at[k] == 0.0 { 0.02 } else { at[k].abs() };
+    let size = norm(column);
+    let error = |eps: f64| {
+        let samples: Vec<(f64, Vec<f64>)> = if at[k] == 0.0 {
+            let weights = [-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25];
+            weights.iter().enumerate().map(|(j, w)| (w / eps, moved(j as f64 * eps))).collect()
+        } else {
+            [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)].map(|(j, w)| (w / (12.0 * eps), moved(j * eps))).into()
+        };
+        let off = |i: usize| samples.iter().map(|(w, q)| w * q[i]).sum::<f64>() - column[i];
+        let defect = norm(&(0..column.len()).map(off).collect::<Vec<_>>());
+        // a column below the rounding of the differences is zero
+        if size.max(defect) * eps < 1e-12 { 0.0 } else { defect / size.max(defect) }
+    };
+    [1e-2, 1e-3, 1e-4].map(|e| error(e * scale)).into_iter().fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn every_factorization_gives_the_same_trajectory_and_gradient() {
+    for (name, integrator) in
+        [("clamped_ends", Integrator::Midpoint), ("windy", Integrator::Euler), ("sphere_drape", Integrator::Sdirk2)]
+    {
+        let mut results = Vec::new();
+        for linear in [LinearSolver::Band, LinearSolver::Dense, LinearSolver::Sparse] {
+            let mut scene = with(name, integrator);
+            scene.solver.linear = linear;
+            let case = Case::new(&scene, STEPS);
+            let run = case.run(StepOptions::default());
+            let gradient = rollout_vjp(&run, &case.x_bar()).unwrap();
+            results.push((run.states.iter().flat_map(State::to_flat).collect::<Vec<_>>(), gradient.theta));
+        }
+        for other in &results[1..] {
+            let (x, g) = (distance(&results[0].0, &other.0), distance(&results[0].1, &other.1));
+            println!("{name}: band against another, states {x:.1e}, gradient {g:.1e}");
+            assert!(x < 1e-10 && g < 1e-8, "{name}: {x:e} {g:e}");
+        }
+    }
+}
+
+/// Iterations and factorizations of 50 steps; a change for the worse beyond the slack shows here.
+#[test]
+fn work_per_step_stays_what_it_was() {
+    for (name, integrator, most) in WORK {
+        let case = Case::new(&with(name, integrator), STEPS);
+        let run = case.run(StepOptions { record: false, ..StepOptions::default() });
+        let work = run.work();
+        let (iterations, factorizations) = (work.iterations as f64 / STEPS as f64, work.factorizations as f64 / STEPS as f64);
+        println!("{name} {integrator:?}: {iterations:.2} iterations, {factorizations:.2} factorizations per step");
+        assert!(iterations <= most, "{name} {integrator:?}: {iterations} iterations per step, {most} expected at most");
+        assert!(factorizations <= most + 1.0);
+    }
+}
+
+const WORK: [(&str, Integrator, f64); 4] = [
+    ("free_swing", Integrator::Midpoint, 8.0),
+    ("clamped_ends", Integrator::Midpoint, 8.0),
+    ("sliding", Integrator::Euler, 8.0),
+    ("sphere_drape", Integrator::Sdirk2, 16.0),
+];
+
+#[test]
+fn wrong_inputs_are_refused_with_their_names() {
+    let case = Case::new(&scene("free_swing"), 3);
+    let (model, record) = (&case.model, StepOptions::default());
+    let mut bad = case.x0.clone();
+    bad.q[7] = f64::NAN;
+    let error = rollout(model, &case.theta, &bad, &case.u, record).unwrap_err();
+    assert!(matches!(error, StepError::NotFinite { step: 0, .. }), "{error}");
+    println!("{error}");
+
+    let short = State { q: case.x0.q[1..].to_vec(), v: case.x0.v.clone() };
+    let error = rollout(model, &case.theta, &short, &case.u, record).unwrap_err();
+    assert!(matches!(error, StepError::Size { what: "state", .. }), "{error}");
+    let error = rollout(model, &case.theta, &case.x0, &[vec![0.0; 2]], record).unwrap_err();
+    assert!(matches!(error, StepError::Size { what: "control", got: 2, expected: 3 }), "{error}");
+    let error = rollout(model, &case.theta[1..], &case.x0, &case.u, record).unwrap_err();
+    assert!(matches!(error, StepError::Size { what: "parameter vector", .. }), "{error}");
+
+    let mut theta = case.theta.clone();
+    theta[model.params().find("cable.bend_stiffness").unwrap()] = -1e-3;
+    let error = rollout(model, &theta, &case.x0, &case.u, record).unwrap_err().to_string();
+    assert!(error.contains("cable.bend_stiffness") && error.contains("-0.001 N·m²"), "{error}");
+}
+
+#[test]
+fn wrong_cotangents_are_refused() {
+    let case = Case::new(&scene("free_swing"), 3);
+    let run = case.run(StepOptions::default());
+    let x_bar = case.x_bar();
+    assert!(matches!(rollout_vjp(&run, &x_bar[1..]), Err(AdjointError::Size { what: "x_bar", got: 3, expected: 4 })));
+    let mut ragged = x_bar.clone();
+    ragged[2].pop();
+    assert!(matches!(rollout_vjp(&run, &ragged), Err(AdjointError::Size { what: "x_bar row", .. })));
+    assert!(matches!(rollout_jvp(&run, None, None, Some(&[1.0])), Err(AdjointError::Size { what: "theta_dot", .. })));
+    let unrecorded = case.run(StepOptions { record: false, ..StepOptions::default() });
+    assert!(matches!(rollout_vjp(&unrecorded, &x_bar), Err(AdjointError::NoRecords)));
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    norm(&a.iter().zip(b).map(|(x, y)| x - y).collect::<Vec<_>>()) / norm(a)
+}
