@@ -60,8 +60,8 @@ pub use case::{Case, CaseError, start};
 pub use differentiate::Differentiate;
 
 pub use pliant_adjoint::{
-    AdjointError, CheckpointedRollout, Linearization, RolloutCotangent, checkpointed_rollout, equilibrium_tangent,
-    equilibrium_vjp, gradcheck,
+    AdjointError, CheckpointedRollout, Linearization, RolloutCotangent, Seeds, checkpointed_rollout, equilibrium_tangent,
+    equilibrium_vjp, gradcheck, linearize,
 };
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
 pub use pliant_engine::model::{BuildError, Model, ModelBuilder};

@@ -5,8 +5,7 @@ use crate::errors::input;
 use crate::options::{Keep, Trajectory};
 use crate::rollout::wrap;
 use numpy::{PyArray2, PyArray3};
-use pliant_adjoint::RolloutCotangent;
-use pliant_engine::model::Model;
+use pliant::{Model, RolloutCotangent};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -70,9 +69,8 @@ impl Job {
     }
 }
 
-/// Runs `task(0) … task(n − 1)`, in order of their numbers in the result.
-fn in_parallel<T: Send>(threads: Option<usize>, n: usize, task: impl Fn(usize) -> T + Sync) -> PyResult<Vec<T>> {
-    let work = || (0..n).into_par_iter().map(&task).collect();
+/// Runs `work` on a pool of so many threads; on one per core if their number is not given.
+pub fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     match threads {
         None => Ok(work()),
         Some(0) => Err(input("threads is 0, but at least one is needed")),
@@ -81,6 +79,11 @@ fn in_parallel<T: Send>(threads: Option<usize>, n: usize, task: impl Fn(usize) -
             Ok(pool.install(work))
         }
     }
+}
+
+/// Runs `task(0) … task(n − 1)`, in order of their numbers in the result.
+fn in_parallel<T: Send>(threads: Option<usize>, n: usize, task: impl Fn(usize) -> T + Sync) -> PyResult<Vec<T>> {
+    on_threads(threads, || (0..n).into_par_iter().map(&task).collect())
 }
 
 fn first_failure<T>(py: Python<'_>, results: Vec<PyResult<T>>) -> PyResult<Vec<T>> {

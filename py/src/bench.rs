@@ -2,11 +2,8 @@
 
 use crate::errors::{self, input};
 use crate::model::Model;
-use pliant_adjoint::{linearize, rollout_vjp};
-use pliant_engine::rollout::rollout;
-use pliant_engine::scene::Source;
-use pliant_engine::state::State;
-use pliant_engine::step::{StepOptions, Stepper};
+use pliant::scene::Source;
+use pliant::{Differentiate, State, StepOptions, Stepper, linearize, rollout};
 use pyo3::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
@@ -75,7 +72,7 @@ impl Setup {
         let one = |_| {
             let begin = Instant::now();
             let run = rollout(self.model.engine(), &self.theta, &self.x0, &self.u, RECORDED).map_err(errors::step)?;
-            black_box(rollout_vjp(&run, &x_bar).map_err(errors::adjoint)?);
+            black_box(run.vjp(&x_bar).map_err(errors::adjoint)?);
             Ok(begin.elapsed().as_secs_f64())
         };
         (0..repeats).map(one).collect()

@@ -3,7 +3,7 @@
 use crate::convert::{optional_vector, to_vector, vector};
 use crate::errors;
 use numpy::PyArray1;
-use pliant_adjoint::{Seeds, equilibrium_tangent, equilibrium_vjp};
+use pliant::{Seeds, equilibrium_tangent, equilibrium_vjp};
 use pyo3::prelude::*;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
@@ -11,7 +11,7 @@ type Vector<'py> = Bound<'py, PyArray1<f64>>;
 /// A static equilibrium: positions `q` (nq,) [m] where all forces vanish, and its derivatives.
 #[pyclass(module = "pliant", frozen)]
 pub struct Equilibrium {
-    pub inner: pliant_engine::equilibrium::Equilibrium,
+    pub inner: pliant::Equilibrium,
 }
 
 #[pymethods]

@@ -1,9 +1,7 @@
 //! The engine's errors as Python exceptions.
 
-use pliant_adjoint::AdjointError;
-use pliant_engine::model::BuildError;
-use pliant_engine::scene::SceneError;
-use pliant_engine::step::StepError;
+use pliant::identify::IdentifyError;
+use pliant::{AdjointError, StepError};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use std::fmt::Display;
@@ -16,14 +14,6 @@ pub fn input(error: impl Display) -> PyErr {
     InputError::new_err(error.to_string())
 }
 
-pub fn scene(error: SceneError) -> PyErr {
-    input(error)
-}
-
-pub fn build(error: BuildError) -> PyErr {
-    input(error)
-}
-
 pub fn step(error: StepError) -> PyErr {
     match error {
         StepError::Size { .. }
@@ -34,6 +24,13 @@ pub fn step(error: StepError) -> PyErr {
         | StepError::NotFinite { .. }
         | StepError::Singular { .. }
         | StepError::Geometry { .. } => NumericsError::new_err(error.to_string()),
+    }
+}
+
+pub fn identify(error: IdentifyError) -> PyErr {
+    match error {
+        error if error.is_input() => input(error),
+        error => NumericsError::new_err(error.to_string()),
     }
 }
 

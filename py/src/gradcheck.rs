@@ -1,9 +1,8 @@
 //! The gradient check as dictionaries.
 
 use crate::errors;
-use pliant_adjoint::gradcheck::{BlockReport, gradcheck as check};
-use pliant_engine::model::Model;
-use pliant_engine::state::State;
+use pliant::gradcheck::{BlockReport, gradcheck as check};
+use pliant::{Model, State};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::Arc;

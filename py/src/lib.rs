@@ -12,6 +12,7 @@ mod gradcheck;
 mod model;
 mod options;
 mod rollout;
+mod study;
 
 use pyo3::prelude::*;
 
@@ -28,5 +29,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;
     m.add_function(wrap_pyfunction!(bench::bench, m)?)?;
+    m.add_function(wrap_pyfunction!(study::fit, m)?)?;
+    m.add_function(wrap_pyfunction!(study::diagnose, m)?)?;
     Ok(())
 }

@@ -7,11 +7,8 @@ use crate::errors::{self, input};
 use crate::options::Keep;
 use crate::rollout::wrap;
 use numpy::{PyArray1, PyArray2};
-use pliant_engine::equilibrium::equilibrium;
-use pliant_engine::model::{Model as Engine, ModelBuilder};
-use pliant_engine::scene::{Scene, Source, control_list, control_rows, parse_source, resting_inputs};
-use pliant_engine::state::State;
-use pliant_engine::step::{StepOptions, Stepper};
+use pliant::scene::{Scene, Source, control_list, control_rows, parse_source, resting_inputs};
+use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 use std::path::PathBuf;
@@ -30,7 +27,7 @@ pub struct Model {
 /// Reads a scene file (TOML).
 #[pyfunction]
 pub fn load(path: PathBuf) -> PyResult<Model> {
-    Model::build(&Source::read(&path).map_err(errors::scene)?)
+    Model::build(&Source::read(&path).map_err(input)?)
 }
 
 /// Reads a scene from a text (TOML); errors call it `name`.
@@ -42,8 +39,8 @@ pub fn loads(text: &str, name: &str) -> PyResult<Model> {
 
 impl Model {
     pub fn build(source: &Source) -> PyResult<Self> {
-        let scene: Scene = parse_source(source).map_err(errors::scene)?;
-        let model = ModelBuilder::new(&scene).map_err(errors::build)?.build();
+        let scene: Scene = parse_source(source).map_err(input)?;
+        let model = ModelBuilder::new(&scene).map_err(input)?.build();
         Ok(Self { model: Arc::new(model), scene })
     }
 
@@ -59,18 +56,12 @@ impl Model {
 
     /// As the scene says: its initial shape, or the equilibrium with the grippers where they begin.
     pub fn start(&self, theta: &[f64]) -> PyResult<State> {
-        let (model, v) = (&self.model, self.model.initial_velocities().to_vec());
-        let guess = model.initial_positions();
-        if !model.starts_at_equilibrium() {
-            return Ok(State { q: guess.to_vec(), v });
-        }
-        let u = resting_inputs(&self.scene).map_err(errors::scene)?;
-        let rest = equilibrium(model, theta, guess, &u).map_err(errors::step)?;
-        Ok(State { q: rest.q, v })
+        let u = resting_inputs(&self.scene).map_err(input)?;
+        start(&self.model, theta, &u).map_err(errors::step)
     }
 
     pub fn rows(&self, n_steps: Option<usize>) -> PyResult<Vec<Vec<f64>>> {
-        control_rows(&self.scene, n_steps.unwrap_or_else(|| self.scene.time.n_steps())).map_err(errors::scene)
+        control_rows(&self.scene, n_steps.unwrap_or_else(|| self.scene.time.n_steps())).map_err(input)
     }
 
     fn keep(&self, record: bool, max_records: Option<usize>, rest_gap: Option<f64>) -> PyResult<(Keep, bool)> {

@@ -1,11 +1,10 @@
 //! How a rollout is simulated: what every face of it takes.
 
 use crate::errors;
-use pliant_adjoint::{CheckpointedRollout, RolloutCotangent, checkpointed_rollout, rollout_jvp, rollout_vjp};
-use pliant_engine::model::Model;
-use pliant_engine::rollout::{Rollout, rollout};
-use pliant_engine::state::State;
-use pliant_engine::step::{StepOptions, StepTrace};
+use pliant::{
+    CheckpointedRollout, Differentiate, Model, Rollout, RolloutCotangent, State, StepOptions, StepTrace, checkpointed_rollout,
+    rollout,
+};
 use pyo3::PyErr;
 use std::sync::Arc;
 
@@ -85,7 +84,7 @@ impl Trajectory {
 
     pub fn vjp(&self, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, PyErr> {
         match self {
-            Self::Whole(r) => rollout_vjp(r, x_bar),
+            Self::Whole(r) => r.vjp(x_bar),
             Self::Checkpointed(r) => r.vjp(x_bar),
         }
         .map_err(errors::adjoint)
@@ -97,7 +96,7 @@ impl Trajectory {
         u_dot: Option<&[Vec<f64>]>,
         theta_dot: Option<&[f64]>,
     ) -> Result<Vec<Vec<f64>>, PyErr> {
-        rollout_jvp(self.whole("jvp")?, x0_dot, u_dot, theta_dot).map_err(errors::adjoint)
+        self.whole("jvp")?.jvp(x0_dot, u_dot, theta_dot).map_err(errors::adjoint)
     }
 
     /// All records, or an error that says how to keep them.

@@ -1,10 +1,10 @@
 //! A trajectory and its derivatives.
 
 use crate::convert::{matrix, optional_matrix, optional_vector, rows_to_matrix, to_matrix, to_vector};
-use crate::errors::input;
+use crate::errors::{self, input};
 use crate::options::Trajectory;
 use numpy::{PyArray1, PyArray2};
-use pliant_adjoint::{Linearization, RolloutCotangent, linearize};
+use pliant::{Differentiate, Linearization, RolloutCotangent, State, StepTrace};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -77,8 +77,7 @@ impl Rollout {
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(traces) = self.kept.traces() else { return Ok(None) };
         let dict = PyDict::new(py);
-        let column =
-            |value: fn(&pliant_engine::step::StepTrace) -> usize| PyArray1::from_iter(py, traces.iter().map(|t| value(t) as i64));
+        let column = |value: fn(&StepTrace) -> usize| PyArray1::from_iter(py, traces.iter().map(|t| value(t) as i64));
         dict.set_item("iterations", column(|t| t.work.iterations))?;
         dict.set_item("factorizations", column(|t| t.work.factorizations))?;
         dict.set_item("evaluations", column(|t| t.work.evaluations))?;
@@ -90,7 +89,7 @@ impl Rollout {
     fn energy<'py>(&self, py: Python<'py>) -> Vector<'py> {
         let model = self.kept.model();
         let theta = self.kept.theta();
-        let total = |x: &pliant_engine::state::State| model.kinetic_energy(&x.v, theta) + model.potential_energy(&x.q, theta);
+        let total = |x: &State| model.kinetic_energy(&x.v, theta) + model.potential_energy(&x.q, theta);
         to_vector(py, self.kept.states().iter().map(total).collect())
     }
 
@@ -126,9 +125,8 @@ impl Rollout {
         let index = if k < 0 { k + steps as isize } else { k };
         let record = usize::try_from(index).ok().filter(|&i| i < steps);
         let record = record.ok_or_else(|| input(format!("there is no step {k}: the rollout has {steps} steps")))?;
-        let record = whole.records.get(record).ok_or_else(|| crate::errors::adjoint(pliant_adjoint::AdjointError::NoRecords))?;
+        let Linearization { a, b, c } = py.detach(|| whole.linearize(record)).map_err(errors::adjoint)?;
         let model = &whole.model;
-        let Linearization { a, b, c } = py.detach(|| linearize(model, &whole.theta, record, true));
         let (nx, nu, np) = (2 * model.nq(), model.nu(), model.n_params());
         Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
     }

@@ -20,6 +20,8 @@ from ._pliant import (
     SurrogateRollout,
     __version__,
     bench,
+    diagnose,
+    fit,
     load,
     loads,
 )
@@ -34,6 +36,8 @@ __all__ = [
     "SurrogateRollout",
     "__version__",
     "bench",
+    "diagnose",
+    "fit",
     "load",
     "loads",
 ]

@@ -1,13 +1,13 @@
 """Types of the compiled module. Arrays are float64 in SI units; anything array-like is accepted."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Literal, TypedDict, final
+from typing import Any, Literal, TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+Array: TypeAlias = NDArray[np.float64]
 """A float64 array. Shapes stand in the documentation: nx = 6 n_nodes, T steps."""
 
 __version__: str
@@ -30,30 +30,33 @@ class Trace(TypedDict):
     retries: NDArray[np.int64]
     """Halvings: a step with any is another map than one without."""
 
-class BlockCheck(TypedDict):
-    """Finding of a gradient check for one block of inputs."""
+BlockReport = TypedDict(
+    "BlockReport",
+    {
+        "name": str,
+        "size": int,
+        "derivative": float,
+        "difference": float,
+        "relative_error": float,
+        "floor": float,
+        "step": float,
+        "taylor_slope": float | None,
+        "dot_test": float,
+        "contact_switches": int,
+        "one_sided": bool,
+        "pass": bool,
+    },
+)
+"""A gradient check along a random direction in one block of inputs.
 
-    name: str
-    """`x0.q`, `x0.v`, `u`, or the path of a quantity with its indices as `*`."""
-    size: int
-    derivative: float
-    """Directional derivative by vjp."""
-    difference: float
-    """The best central difference along the same direction."""
-    relative_error: float
-    floor: float
-    """The difference's own uncertainty, relative."""
-    step: float
-    taylor_slope: float | None
-    """2 where the map is curved along the direction; None where it is affine."""
-    dot_test: float
-    """Relative disagreement of jvp and vjp."""
-    contact_switches: int
-    """Contacts or halvings that changed inside the difference: no judgement by differences there."""
-    one_sided: bool
+name: `x0.q`, `x0.v`, `u`, or the path of a quantity of theta with its indices as `*`.
+derivative, difference: by vjp, and the best central difference (one_sided at a bound).
+relative_error, floor: their disagreement, and the difference's own uncertainty.
+taylor_slope: 2 where the map is curved along the direction; None where it is affine.
+dot_test: relative disagreement of jvp and vjp.
+contact_switches: contacts or halvings that changed inside the difference, which then is no judge.
+"""
 
-# `pass` is a keyword, so these two are written as calls.
-BlockReport = TypedDict("BlockReport", {"pass": bool})
 GradcheckReport = TypedDict(
     "GradcheckReport",
     {
@@ -63,9 +66,10 @@ GradcheckReport = TypedDict(
         "dot_test": float,
         "contact_switches": int,
         "retries": int,
-        "blocks": list[BlockCheck],
+        "blocks": list[BlockReport],
     },
 )
+"""The worst of all blocks, the halvings of the base rollout, and the blocks."""
 
 @final
 class Model:
@@ -279,4 +283,33 @@ def bench(
     step: one step without records, along the scene's rollout. linearize: one step with its record
     and its Jacobians A and B. rollout: all steps of the scene without records. rollout_vjp: the
     same with records, and the gradient with respect to x0, u and theta.
+    """
+
+def fit(
+    scene_path: str | PathLike[str],
+    logs: Sequence[str | PathLike[str]] = (),
+    *,
+    threads: int | None = None,
+    progress: Callable[[str], object] | None = None,
+) -> dict[str, Any]:
+    """Fits the free parameters that the scene's `[experiment.fit]` declares, from its records.
+
+    logs: more files, read by the same mapping. progress: told what is being done.
+    The dict has the keys of the command's JSON: `parameters` (path, estimate, unit, interval,
+    scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, …
+    """
+
+def diagnose(
+    scene_path: str | PathLike[str],
+    logs: Sequence[str | PathLike[str]] = (),
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[str], object] | None = None,
+) -> dict[str, Any]:
+    """Finds out what the scene gets wrong about the records of its experiment, and `logs`.
+
+    seed: of bootstraps and sign flips. The dict has the keys of the command's JSON: `verdict`
+    ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain`,
+    `candidates`, …
     """

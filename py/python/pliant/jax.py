@@ -29,91 +29,87 @@ def step(model: Model) -> Function:
     """`f(x, u, theta) -> x_next`: x (nx,) [m, m/s], u (nu,), theta (n_params,), all float64."""
 
     def forward(x, u, theta):
-        return _batched(model, x, u[..., None, :], theta, record=False).x[:, 1]
+        return (_batch(model, x, u[..., None, :], theta, record=False).x[:, 1],)
 
-    def backward(x, u, theta, x_bar):
-        batch = _batched(model, x, u[..., None, :], theta, record=True)
-        bars = np.zeros((len(batch), 2, model.nx))
-        bars[:, 1] = x_bar.reshape(len(batch), model.nx)
-        x_bar, u_bar, theta_bar = batch.vjp(bars)
-        return x_bar, u_bar[:, 0], theta_bar
+    def backward(x, u, theta, next_bar):
+        batch = _batch(model, x, u[..., None, :], theta, record=True)
+        xs_bar = np.zeros((len(batch), 2, model.nx))
+        xs_bar[:, 1] = next_bar.reshape(-1, model.nx)
+        return batch.vjp(xs_bar)
 
-    return _differentiable(model, forward, backward, lambda u: (model.nu,), lambda u: (model.nx,))
+    return _differentiable(
+        model,
+        forward,
+        backward,
+        inputs=lambda u: ((model.nx,), (model.nu,), (model.n_params,)),
+        output=lambda u: (model.nx,),
+    )
 
 
 def rollout(model: Model) -> Function:
     """`f(x0, u, theta) -> xs`: x0 (nx,), u (T, nu), theta (n_params,) to xs (T + 1, nx)."""
 
     def forward(x0, u, theta):
-        return _batched(model, x0, u, theta, record=False).x
+        return (_batch(model, x0, u, theta, record=False).x,)
 
-    def backward(x0, u, theta, x_bar):
-        batch = _batched(model, x0, u, theta, record=True)
-        return batch.vjp(x_bar.reshape(len(batch), *x_bar.shape[-2:]))
-
-    def shape_of_u(u):
-        return (*u.shape[:1], model.nu)
+    def backward(x0, u, theta, xs_bar):
+        batch = _batch(model, x0, u, theta, record=True)
+        return batch.vjp(xs_bar.reshape(-1, *xs_bar.shape[-2:]))
 
     return _differentiable(
-        model, forward, backward, shape_of_u, lambda u: (u.shape[0] + 1, model.nx)
+        model,
+        forward,
+        backward,
+        inputs=lambda u: ((model.nx,), (*u.shape[:1], model.nu), (model.n_params,)),
+        output=lambda u: (u.shape[0] + 1, model.nx),
     )
 
 
-def _batched(model, x0, u, theta, record):
-    """The rollouts of any number of leading axes, flattened into one."""
-    return model.rollout_batch(
-        x0.reshape(-1, model.nx),
-        u.reshape(-1, *u.shape[-2:]),
-        theta.reshape(-1, model.n_params),
-        record=record,
-    )
+def _batch(model, x0, u, theta, record):
+    """The rollouts of arguments with any number of leading axes."""
+    x0, theta = x0.reshape(-1, model.nx), theta.reshape(-1, model.n_params)
+    return model.rollout_batch(x0, u.reshape(-1, *u.shape[-2:]), theta, record=record)
 
 
-def _differentiable(model: Model, forward, backward, shape_of_u, shape_of_out) -> Function:
-    """Wraps the two NumPy functions, which map stacks to stacks, as one JAX function."""
+def _differentiable(model: Model, forward, backward, *, inputs, output) -> Function:
+    """One JAX function from two of NumPy, which take leading axes and return them as one.
 
-    def call(function, shapes, *args):
-        """`function` on the host; vmap adds leading axes to every argument."""
-
-        def on_host(*args):
-            args = [np.asarray(a) for a in args]
-            lead = args[0].shape[:-1]
-            out = function(*args)
-            if isinstance(shapes, tuple) and isinstance(shapes[0], jax.ShapeDtypeStruct):
-                pairs = zip(out, shapes, strict=True)
-                return tuple(o.reshape(*lead, *s.shape) for o, s in pairs)
-            return out.reshape(*lead, *shapes.shape)
-
-        return jax.pure_callback(on_host, shapes, *args, vmap_method="broadcast_all")
-
-    def evaluate(x, u, theta):
-        return call(forward, _like(shape_of_out(u)), x, u, theta)
+    inputs, output: shapes of a single call's arguments and result, as functions of u.
+    """
 
     @jax.custom_vjp
     def function(x, u, theta):
-        return evaluate(x, u, theta)
+        return _on_host(forward, (output(u),), x, u, theta)[0]
 
     def function_fwd(x, u, theta):
-        return evaluate(x, u, theta), (x, u, theta)
+        return function(x, u, theta), (x, u, theta)
 
-    def function_bwd(inputs, out_bar):
-        shapes = tuple(_like(a.shape) for a in inputs)
-        return call(backward, shapes, *inputs, out_bar)
+    def function_bwd(given, out_bar):
+        return _on_host(backward, [a.shape for a in given], *given, out_bar)
 
     function.defvjp(function_fwd, function_bwd)
 
     def checked(x, u, theta):
-        x, u, theta = (_float64(name, a) for name, a in (("x", x), ("u", u), ("theta", theta)))
-        _check_shape("x", x, (model.nx,))
-        _check_shape("u", u, shape_of_u(u))
-        _check_shape("theta", theta, (model.n_params,))
+        x, u, theta = _float64("x", x), _float64("u", u), _float64("theta", theta)
+        for name, array, shape in zip(("x", "u", "theta"), (x, u, theta), inputs(u), strict=True):
+            if array.shape != shape:
+                raise ValueError(f"{name} has shape {array.shape}, but {shape} is needed")
         return function(x, u, theta)
 
     return checked
 
 
-def _like(shape) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(tuple(shape), np.float64)
+def _on_host(function, shapes, *args):
+    """Calls `function` with NumPy arrays; under vmap all of them have the same leading axes."""
+
+    def call(*args):
+        arrays = [np.asarray(a) for a in args]
+        lead = arrays[0].shape[:-1]
+        results = zip(function(*arrays), shapes, strict=True)
+        return tuple(result.reshape(*lead, *shape) for result, shape in results)
+
+    results = tuple(jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes)
+    return jax.pure_callback(call, results, *args, vmap_method="broadcast_all")
 
 
 def _float64(name: str, value) -> jax.Array:
@@ -127,7 +123,3 @@ def _float64(name: str, value) -> jax.Array:
         raise TypeError(f"{name} is {array.dtype}, but pliant needs float64: {name}.astype(float)")
     return array
 
-
-def _check_shape(name: str, array: jax.Array, shape: tuple[int, ...]) -> None:
-    if array.shape != shape:
-        raise ValueError(f"{name} has shape {array.shape}, but {shape} is needed")
