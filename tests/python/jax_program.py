@@ -10,7 +10,6 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-
 import pliant
 import pliant.jax
 
@@ -21,7 +20,7 @@ STEPS, BATCH = 6, 3
 def off(ours, theirs):
     """Largest disagreement relative to the largest entry, over all pairs."""
     pairs = zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True)
-    sizes = [(np.abs(np.asarray(a) - b).max(), np.abs(b).max()) for a, b in pairs]
+    sizes = [(np.abs(np.asarray(a) - b).max(initial=0), np.abs(b).max(initial=0)) for a, b in pairs]
     return max(float(error / max(size, 1e-300)) for error, size in sizes)
 
 

@@ -68,7 +68,7 @@ def rollout(model: Model) -> Function:
 def _batch(model, x0, u, theta, record):
     """The rollouts of arguments with any number of leading axes."""
     x0, theta = x0.reshape(-1, model.nx), theta.reshape(-1, model.n_params)
-    return model.rollout_batch(x0, u.reshape(-1, *u.shape[-2:]), theta, record=record)
+    return model.rollout_batch(x0, u.reshape(len(x0), *u.shape[-2:]), theta, record=record)
 
 
 def _differentiable(model: Model, forward, backward, *, inputs, output) -> Function:
@@ -122,4 +122,3 @@ def _float64(name: str, value) -> jax.Array:
     if array.dtype != np.float64:
         raise TypeError(f"{name} is {array.dtype}, but pliant needs float64: {name}.astype(float)")
     return array
-
