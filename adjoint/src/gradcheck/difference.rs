@@ -54,7 +54,7 @@ pub(crate) fn judge(
     let best = (1..points.len()).min_by(|&a, &b| disagreement(&points, a).total_cmp(&disagreement(&points, b)));
     let (difference, floor, step, switches) = match best {
         Some(k) => {
-            let rounding = ROUNDING * base.parts / points[k].eps;
+            let rounding = noise(&points, &base) / points[k].eps;
             (points[k].difference, disagreement(&points, k).max(rounding) / magnitude, points[k].eps, points[k].switches)
         }
         None => (f64::NAN, f64::INFINITY, 0.0, 0),
@@ -62,7 +62,7 @@ pub(crate) fn judge(
     let (relative_error, floor) =
         if negligible { (0.0, 0.0) } else { ((derivative - difference).abs() / derivative.abs().max(difference.abs()), floor) };
     let dot_test = if size == 0.0 { 0.0 } else { (derivative - by_jvp).abs() / size };
-    let taylor_slope = if negligible { None } else { slope(&points, base.value) };
+    let taylor_slope = if negligible { None } else { slope(&points, &base) };
     let accurate =
         relative_error <= RELATIVE_ERROR.max(FLOOR_FACTOR * floor) && taylor_slope.is_none_or(|s| s > 2.0 - SLOPE_TOLERANCE);
     Ok(BlockReport {
@@ -108,11 +108,14 @@ fn disagreement(points: &[Point], k: usize) -> f64 {
     before.max(after)
 }
 
+/// Rounding of L as seen in the smallest steps, where the true remainder has vanished; at least that of its parts.
+fn noise(points: &[Point], base: &Sample) -> f64 {
+    points.iter().take(3).map(|p| p.remainder).fold(f64::EPSILON * base.parts, f64::max)
+}
+
 /// Slope of log remainder over log ε between the two smallest steps whose remainder stands clear of rounding.
-fn slope(points: &[Point], value: f64) -> Option<f64> {
-    // rounding of L as seen in the smallest steps, where the true remainder has vanished
-    let seen = points.iter().take(3).map(|p| p.remainder).fold(0.0, f64::max);
-    let noise = ABOVE_NOISE * seen.max(f64::EPSILON * value.abs());
+fn slope(points: &[Point], base: &Sample) -> Option<f64> {
+    let noise = ABOVE_NOISE * noise(points, base);
     let clear: Vec<&Point> = points.iter().filter(|p| p.remainder > noise && p.switches == 0).collect();
     let (a, b) = (clear.first()?, clear.get(2)?);
     Some((b.remainder / a.remainder).ln() / (b.eps / a.eps).ln())

@@ -2,7 +2,7 @@
 //! a Levenberg-damped matrix. Halving the step is the caller's last resort.
 
 use super::{Stuck, Work, newton};
-use crate::step::{Stage, StepError, Workspace};
+use crate::step::{STATIC, Stage, StepError, Workspace};
 use nalgebra::Vector4;
 
 /// κ falls by this factor per stage of the continuation.
@@ -47,6 +47,13 @@ fn start(stage: &Stage, ws: &mut Workspace) {
     for (node, &driven) in stage.model.driven.iter().enumerate() {
         let from = if driven { stage.v_cmd } else { stage.v_ref };
         ws.it.v[3 * node..3 * node + 3].copy_from_slice(&from[3 * node..3 * node + 3]);
+    }
+    if stage.scheme != STATIC {
+        ws.axial.fill(0.0);
+    } else {
+        // at rest nothing but the axial forces may hold a node sideways
+        ws.d.fill(0.0);
+        stage.predict_axial(1.0, ws);
     }
 }
 

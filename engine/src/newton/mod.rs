@@ -11,10 +11,15 @@ mod fallback;
 pub(crate) use fallback::solve_stage;
 
 use crate::step::{Stage, StepError, Workspace};
+use nalgebra::Vector4;
 use pliant_smoothing::eigenvalues;
 
 /// Corrections below this part of the last one are worth taking without a new matrix.
 const QUICK: f64 = 0.1;
+/// How many full steps of a solve may fail the monotonicity test, and the growth of the correction they may show. The matrix of
+/// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
+const BOLD_STEPS: usize = 2;
+const BOLD: f64 = 10.0;
 /// Smallest damping factor tried.
 const MIN_ALPHA: f64 = 1e-3;
 /// Relative change below which an eigenvalue has settled.
@@ -60,10 +65,11 @@ impl From<StepError> for Stuck {
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
     let tolerance = stage.model.solver.tolerance * velocity_scale(stage, ws);
     let mut correction = f64::INFINITY;
+    ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
     for _ in 0..max_iterations {
         work.iterations += 1;
         work.factorizations += 1;
-        stage.linearize(ws)?;
+        stage.linearize_mixed(ws)?;
         if ws.factor.refactor(&ws.k).is_err() {
             return Err(Stuck::NoProgress { correction });
         }
@@ -96,12 +102,16 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         let next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.damping > 0.0 { 0.0 } else { 0.25 * alpha };
-        if next.is_finite() && next <= (1.0 - demanded) * norm {
+        let monotone = next <= (1.0 - demanded) * norm;
+        let dare = alpha == 1.0 && ws.bold > 0 && next < BOLD * norm;
+        if next.is_finite() && (monotone || dare) {
+            ws.bold -= usize::from(!monotone);
+            stage.predict_axial(alpha, ws);
             accept(ws);
             if alpha < 1.0 {
                 return Ok(Descent::Continue);
             }
-            if next <= tolerance && settled(ws) {
+            if converged(stage, ws, next, tolerance) {
                 take_correction(ws);
                 return Ok(Descent::Converged);
             }
@@ -120,6 +130,27 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             }
         }
     }
+}
+
+/// Whether the pending correction is negligible: velocities below the tolerance, cone variables below it or their rounding noise,
+/// and their eigenvalues settled.
+fn converged(stage: &Stage, ws: &Workspace, norm: f64, tolerance: f64) -> bool {
+    if norm > tolerance {
+        let by_cones = cone_norm(stage, &ws.dw);
+        let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
+        if by_velocities > tolerance || by_cones > cone_rounding(stage, ws) {
+            return false;
+        }
+    }
+    settled(ws)
+}
+
+/// Rounding noise of the cone variables in [`norm`] [m/s]: that of the elastic forces, a relative ε of a coordinate times the
+/// largest stiffness, which a sticking contact has to balance. (It moves no node: the contact holds.)
+fn cone_rounding(stage: &Stage, ws: &Workspace) -> f64 {
+    let farthest = ws.q_bar.iter().fold(0.0_f64, |a, q| a.max(q.abs()));
+    let mass = stage.mass.iter().sum::<f64>() / stage.mass.len() as f64;
+    f64::EPSILON * farthest * ws.stiffness * stage.h / mass
 }
 
 /// Minimiser of the quadratic model of the simplified correction, kept within [0.1, 0.5] of the last factor.
@@ -186,17 +217,21 @@ fn settled(ws: &Workspace) -> bool {
 }
 
 /// Norm of a correction [m/s]: √(Σ m |d|² + Σ |dw|²/m) over the root of the total mass.
-fn norm(stage: &Stage, d: &[f64], dw: &[nalgebra::Vector4<f64>]) -> f64 {
+fn norm(stage: &Stage, d: &[f64], dw: &[Vector4<f64>]) -> f64 {
     let mut sum = 0.0;
     let mut total = 0.0;
     for (m, d) in stage.mass.iter().zip(d.chunks_exact(3)) {
         sum += m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         total += m;
     }
-    for (pair, dw) in stage.model.pairs.iter().zip(dw) {
-        sum += dw.norm_squared() / stage.mass[pair.node];
-    }
-    (sum / total).sqrt()
+    ((sum / total) + cone_norm(stage, dw).powi(2)).sqrt()
+}
+
+/// The cone variables' part of [`norm`].
+fn cone_norm(stage: &Stage, dw: &[Vector4<f64>]) -> f64 {
+    let cones = stage.model.pairs.iter().zip(dw);
+    let sum: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
+    (sum / stage.mass.iter().sum::<f64>()).sqrt()
 }
 
 /// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.

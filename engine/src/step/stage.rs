@@ -26,6 +26,15 @@ pub(crate) struct Iterate {
     pub w: Vec<Vector4<f64>>,
 }
 
+/// Which axial forces the geometric stiffness is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axial {
+    /// Those of the iterate: the true derivative.
+    Exact,
+    /// Those that Newton's method carries along.
+    Predicted,
+}
+
 /// The data of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stage<'a> {
@@ -131,20 +140,60 @@ impl Stage<'_> {
 
     /// Residual, Jacobians `ws.dq`, `ws.dv` (contacts condensed into them) and the matrix `ws.k` at `ws.it`.
     pub(crate) fn linearize(&self, ws: &mut Workspace) -> Result<(), StepError> {
+        self.linearize_with(Axial::Exact, ws)
+    }
+
+    /// As [`Stage::linearize`], with the axial forces of `ws.axial` in the geometric stiffness.
+    pub(crate) fn linearize_mixed(&self, ws: &mut Workspace) -> Result<(), StepError> {
+        self.linearize_with(Axial::Predicted, ws)
+    }
+
+    fn linearize_with(&self, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
         let it = std::mem::take(&mut ws.it);
-        let result = self.linearize_at(&it, ws);
+        let result = self.linearize_at(&it, axial, ws);
         ws.it = it;
         result
     }
 
-    fn linearize_at(&self, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
+    /// Takes the axial forces over to where the step `alpha * ws.d` from `ws.it` leads: part `alpha` of the way from what they
+    /// are to their first-order prediction at the whole step.
+    pub(crate) fn predict_axial(&self, alpha: f64, ws: &mut Workspace) {
+        let it = std::mem::take(&mut ws.it);
+        self.place(&it.v, ws);
+        ws.it = it;
+        for (dx, d) in ws.dx.iter_mut().zip(&ws.d) {
+            *dx = self.h * self.scheme.free.a1 * d;
+        }
+        let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
+        ws.axial_next.fill(0.0);
+        let mut first = 0;
+        for term in &self.model.terms {
+            let n = term.n_axial();
+            term.predict_axial(&at, &ws.dx, &mut ws.axial_next[first..first + n]);
+            first += n;
+        }
+        for (axial, next) in ws.axial.iter_mut().zip(&ws.axial_next) {
+            *axial += alpha * (next - *axial);
+        }
+    }
+
+    fn linearize_at(&self, it: &Iterate, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
         self.place(&it.v, ws);
         ws.f.fill(0.0);
         ws.dq.clear();
         ws.dv.clear();
         let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
+        let mut first = 0;
         for term in &self.model.terms {
-            term.add_jacobian(&at, &mut ws.f, &mut ws.dq, &mut ws.dv);
+            let n = term.n_axial();
+            match axial {
+                Axial::Exact => term.add_jacobian(&at, &mut ws.f, &mut ws.dq, &mut ws.dv),
+                Axial::Predicted => term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq, &mut ws.dv),
+            }
+            first += n;
+        }
+        if self.has_contact() {
+            ws.stiffness = (0..ws.f.len()).fold(0.0, |a, k| a.max(-ws.dq.get(k, k)));
         }
         for c in 0..self.model.pairs.len() {
             self.linearize_contact(c, it, ws)?;

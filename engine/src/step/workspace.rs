@@ -23,7 +23,16 @@ pub struct Workspace {
     pub(crate) dv: BlockBand,
     pub(crate) k: BlockBand,
     pub(crate) factor: Factor,
+    /// Full steps that may still fail the monotonicity test.
+    pub(crate) bold: usize,
     pub(crate) it: Iterate,
+    /// Axial forces of the stiff terms [N], term by term: unknowns of their own during Newton's method.
+    pub(crate) axial: Vec<f64>,
+    pub(crate) axial_next: Vec<f64>,
+    /// Largest diagonal entry of −∂f/∂q̄ without the contacts [N/m].
+    pub(crate) stiffness: f64,
+    /// Displacement of a step, for their prediction [m].
+    pub(crate) dx: Vec<f64>,
     pub(crate) trial: Iterate,
     /// Cone variables of the last converged stage; empty before the first.
     pub(crate) warm: Vec<Vector4<f64>>,
@@ -35,6 +44,7 @@ impl Workspace {
         let (n, nq, contacts) = (model.n_nodes(), model.nq(), model.pairs.len());
         let zeros = || vec![0.0; nq];
         let cones = || vec![Vector4::zeros(); contacts];
+        let axial = || vec![0.0; model.terms.iter().map(|t| t.n_axial()).sum()];
         let band = || BlockBand::zeros(n, model.reach);
         let symbolic = Symbolic::new(model.method(), model.symmetry(theta), n, model.reach, &model.driven, None)?;
         Ok(Self {
@@ -52,7 +62,12 @@ impl Workspace {
             dv: band(),
             k: band(),
             factor: Factor::new(&symbolic),
+            bold: 0,
             it: Iterate { v: zeros(), w: cones() },
+            stiffness: 0.0,
+            axial: axial(),
+            axial_next: axial(),
+            dx: zeros(),
             trial: Iterate { v: zeros(), w: cones() },
             warm: Vec::new(),
         })

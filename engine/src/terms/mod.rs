@@ -75,6 +75,20 @@ pub trait Term: Debug + Send + Sync {
     /// As [`Term::add_force`], and `dq += ∂f/∂q` [N/m], `dv += ∂f/∂v` [N·s/m].
     fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand);
 
+    /// Number of axial forces \[N\] that Newton's method carries as unknowns of their own; none unless a term is so stiff that
+    /// its force at an iterate says nothing about its force at the root.
+    fn n_axial(&self) -> usize {
+        0
+    }
+
+    /// The axial forces at `q + dq` to first order in `dq`.
+    fn predict_axial(&self, _at: &Point, _dq: &[f64], _axial: &mut [f64]) {}
+
+    /// As [`Term::add_jacobian`], with `axial` in place of the forces at q in the geometric part of ∂f/∂q.
+    fn add_mixed_jacobian(&self, at: &Point, _axial: &[f64], f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand) {
+        self.add_jacobian(at, f, dq, dv);
+    }
+
     /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64));
 

@@ -39,7 +39,7 @@ impl Law for StretchLaw {
     }
 }
 
-/// [`StretchLaw`] on many edges, with hand-derived Jacobians: ∂τ/∂e = EA (t tᵀ + ε I)/|e|.
+/// [`StretchLaw`] on many edges, with hand-derived Jacobians: ∂τ/∂e = (EA/l₀) t tᵀ + (EA ε/|e|)(I − t tᵀ).
 #[derive(Clone, Debug)]
 pub struct Stretch {
     automatic: Automatic<StretchLaw>,
@@ -56,17 +56,30 @@ impl Stretch {
         Self { automatic: Automatic::new(StretchLaw, elements), compact }
     }
 
-    /// Calls `each(element, edge, EA, ε)` for every edge with a stiffness.
+    /// Calls `each(index, element, edge, EA, ε)` for every edge with a stiffness.
     #[inline]
-    fn for_each(&self, at: &Point, mut each: impl FnMut(&Compact<2, 2>, &Edge<f64>, f64, f64)) {
-        for e in &self.compact {
+    fn for_each(&self, at: &Point, mut each: impl FnMut(usize, &Compact<2, 2>, &Edge<f64>, f64, f64)) {
+        for (i, e) in self.compact.iter().enumerate() {
             let p = e.values(at.theta);
             if p[1] != 0.0 {
                 let [x0, x1] = e.positions(at);
                 let edge = Edge::new(&x0, &x1);
-                each(e, &edge, p[1], edge.length / rest(&p, e.constant) - 1.0);
+                each(i, e, &edge, p[1], edge.length / rest(&p, e.constant) - 1.0);
             }
         }
+    }
+
+    /// Forces, and ∂τ/∂e = (EA/l₀) t tᵀ + (N/|e|)(I − t tᵀ) with the axial force N that `axial(element, EA ε)` gives.
+    #[inline]
+    fn jacobian(&self, at: &Point, axial: impl Fn(usize, f64) -> f64, f: &mut [f64], dq: &mut BlockBand) {
+        self.for_each(at, |i, e, edge, stiffness, strain| {
+            add_edge_force(f, e.nodes, &(edge.tangent * (stiffness * strain)));
+            let across = axial(i, stiffness * strain) / edge.length;
+            let along = stiffness * (1.0 + strain) / edge.length;
+            let mut k = diagonal(across);
+            add_outer(&mut k, &(edge.tangent * (along - across)), &edge.tangent);
+            add_edge_blocks(dq, e.nodes, &k);
+        });
     }
 }
 
@@ -76,19 +89,29 @@ impl Term for Stretch {
     }
 
     fn add_force(&self, at: &Point, f: &mut [f64]) {
-        self.for_each(at, |e, edge, stiffness, strain| {
+        self.for_each(at, |_, e, edge, stiffness, strain| {
             add_edge_force(f, e.nodes, &(edge.tangent * (stiffness * strain)));
         });
     }
 
     fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, _dv: &mut BlockBand) {
-        self.for_each(at, |e, edge, stiffness, strain| {
-            add_edge_force(f, e.nodes, &(edge.tangent * (stiffness * strain)));
-            let scale = stiffness / edge.length;
-            let mut k = diagonal(scale * strain);
-            add_outer(&mut k, &(edge.tangent * scale), &edge.tangent);
-            add_edge_blocks(dq, e.nodes, &k);
+        self.jacobian(at, |_, here| here, f, dq);
+    }
+
+    fn n_axial(&self) -> usize {
+        self.compact.len()
+    }
+
+    fn predict_axial(&self, at: &Point, dq: &[f64], axial: &mut [f64]) {
+        self.for_each(at, |i, e, edge, stiffness, strain| {
+            let [a, b] = e.nodes.map(|n| Vec3::new(dq[3 * n], dq[3 * n + 1], dq[3 * n + 2]));
+            let stretched = edge.tangent.dot(&(b - a)) / edge.length;
+            axial[i] = stiffness * (strain + (1.0 + strain) * stretched);
         });
+    }
+
+    fn add_mixed_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut BlockBand, _dv: &mut BlockBand) {
+        self.jacobian(at, |i, _| axial[i], f, dq);
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
