@@ -2,7 +2,7 @@
 
 use super::result::Estimate;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, cut, fit};
+use crate::fit::{FitOptions, Fitted, approach, cut, fit};
 use crate::log::{Logs, Setup};
 use crate::shoot::{Plan, ShotWants, shoot};
 use crate::unknown::{Target, Unknown};
@@ -100,7 +100,8 @@ pub(super) fn baseline(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> 
     refuse_dead(plan, &unknowns)?;
     let values = plan.scene_values.clone();
     cut(plan, &values, setup.experiment.fit.segment)?;
-    fit(plan, &plan.fitted, &values, &unknowns, None, options)
+    let (values, records) = approach(plan, &plan.fitted, &values, &unknowns, options)?;
+    fit(plan, &records, &values, &unknowns, None, options)
 }
 
 /// Plain system identification: fits the declared free parameters and reports them.
@@ -128,7 +129,7 @@ pub fn fit_scene(
         rmse_held_out: held_out,
         iterations: fitted.iterations,
         converged: fitted.converged,
-        records: super::RecordCount { fit: plan.fitted.len(), held_out: plan.held_out.len() },
+        records: super::RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         unidentifiable: curvature.unidentifiable(&fitted),
     })
 }

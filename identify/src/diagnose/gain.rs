@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// Held-out records with their initial states estimated from the lead-in under the baseline; the same before and after.
 pub(super) fn prepared(plan: &Plan, baseline: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
-    if plan.at_rest {
+    if plan.at_rest || plan.given {
         return Ok(plan.held_out.clone());
     }
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {

@@ -97,7 +97,7 @@ pub fn diagnose(
         candidates: run.candidates(&first),
         gain,
         noise: noise(&run.current, sensor_sigma),
-        records: RecordCount { fit: plan.fitted.len(), held_out: plan.held_out.len() },
+        records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
         baseline: estimates(&plan, &base, &curvature),
         stages: story.stages,

@@ -10,7 +10,7 @@
 use super::test::Tested;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, fit, restart};
+use crate::fit::{FitOptions, Fitted, approach, fit};
 use crate::shoot::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
@@ -97,16 +97,12 @@ pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &F
     let fitted = fit(plan, &current.records, &current.values, &unknowns, Some(&current.noise), options);
     let gained =
         fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
-    if gained || more.is_empty() || current.records.iter().all(|r| r.nodes.is_empty()) {
+    if gained || more.is_empty() {
         return fitted;
     }
     // stuck on the old trajectory although the score is significant: start again from the data
-    let mut records = current.records.clone();
-    for rec in &mut records {
-        restart(plan, rec)?;
-        rec.start.z.fill(0.0);
-    }
-    fit(plan, &records, &current.values, &unknowns, None, options)
+    let (values, records) = approach(plan, &current.records, &current.values, &unknowns, options)?;
+    fit(plan, &records, &values, &unknowns, None, options)
 }
 
 /// Why physics or likelihood rejects a refit.

@@ -60,7 +60,15 @@ pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, Id
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
     let one = |rec: &RecordPlan| reduce_record(plan, fitted, rec, unknowns);
     let parts: Vec<Reduced> = fitted.records.par_iter().map(one).collect::<Result<_, _>>()?;
-    Ok(Reduced::merge_all(&parts)?)
+    // pieces of one measured record are one record: they share its errors
+    let mut whole: Vec<Reduced> = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        match whole.last_mut() {
+            Some(last) if fitted.records[k - 1].parent == fitted.records[k].parent => last.append(part)?,
+            _ => whole.push(part.clone()),
+        }
+    }
+    Ok(Reduced::merge_all(&whole)?)
 }
 
 fn reduce_record(plan: &Plan, fitted: &Fitted, rec: &RecordPlan, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {

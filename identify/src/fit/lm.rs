@@ -61,6 +61,9 @@ struct Point {
 /// Weight of the defects in the merit, per [m]: a defect counts like an error of this size.
 const DEFECT_SIGMA: f64 = 1e-3;
 
+/// Most that a step is lengthened.
+const LONGEST: f64 = 64.0;
+
 /// Fits `unknowns` and the initial states from `start`, with the noise model `noise` in the first round (white with the
 /// floor if `None`); with `rounds` = 0 the given noise model is kept.
 pub fn fit(
@@ -160,7 +163,7 @@ fn minimise(
         let shares: Vec<Share> = linear.iter().map(|(share, _)| share.clone()).collect();
         let mut accepted = None;
         while damping < 1e8 {
-            let Some(trial) = step(point, &shares, &linear, unknowns, damping) else {
+            let Some(trial) = step(point, &shares, &linear, unknowns, damping, 1.0) else {
                 damping = (damping * 10.0).max(1e-6);
                 continue;
             };
@@ -174,6 +177,9 @@ fn minimise(
             }
             damping = (damping * 10.0).max(1e-6);
         }
+        if let Some((best, next)) = &mut accepted {
+            lengthen(plan, point, &shares, &linear, unknowns, noise, damping, best, next);
+        }
         let Some(((values, records), next)) = accepted else { return Ok((damping < 1e8 || point.cost.is_finite(), iterations)) };
         let gain = (point.cost - next) / point.cost.max(f64::MIN_POSITIVE);
         *point = Point { values, records, cost: next };
@@ -183,6 +189,35 @@ fn minimise(
         }
     }
     Ok((false, iterations))
+}
+
+/// Goes on along an accepted step, twice as far each time, while the cost falls: where the residual is large the curvature that
+/// Gauss–Newton leaves out makes its steps too short.
+#[allow(clippy::too_many_arguments)] // the parts of one iteration
+fn lengthen(
+    plan: &Plan,
+    point: &Point,
+    shares: &[Share],
+    linear: &[(Share, Shot)],
+    unknowns: &[Unknown],
+    noise: &ArModel,
+    damping: f64,
+    best: &mut (Values, Vec<RecordPlan>),
+    cost_at_best: &mut f64,
+) {
+    if unknowns.is_empty() || point.records.iter().any(|rec| !rec.nodes.is_empty()) {
+        return;
+    }
+    let mut length = 2.0;
+    while length <= LONGEST {
+        let Some(trial) = step(point, shares, linear, unknowns, damping, length) else { return };
+        let next = cost(plan, &trial.0, &trial.1, unknowns, noise);
+        if next >= *cost_at_best {
+            return;
+        }
+        (*best, *cost_at_best) = (trial, next);
+        length *= 2.0;
+    }
 }
 
 fn linearize(plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel) -> Result<Vec<(Share, Shot)>, IdentifyError> {
@@ -203,13 +238,14 @@ fn linearize(plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel) 
     point.records.par_iter().map(one).collect()
 }
 
-/// The point one damped step away.
+/// The point one damped step away, `length` times as far.
 fn step(
     point: &Point,
     shares: &[Share],
     linear: &[(Share, Shot)],
     unknowns: &[Unknown],
     damping: f64,
+    length: f64,
 ) -> Option<(Values, Vec<RecordPlan>)> {
     let pulls: Vec<(f64, f64)> = unknowns
         .iter()
@@ -222,7 +258,7 @@ fn step(
         })
         .collect();
     let mut held = vec![false; unknowns.len()];
-    let (common, own) = loop {
+    let (mut common, mut own) = loop {
         let (common, own) = solve(shares, damping, &pulls, &held)?;
         // an unknown at a bound that wants to leave is held there, and the rest is solved again
         let leaving = unknowns.iter().zip(common.iter()).enumerate().find(|(j, (u, d))| {
@@ -234,6 +270,8 @@ fn step(
             None => break (common, own),
         }
     };
+    common *= length;
+    own.iter_mut().for_each(|dz| *dz *= length);
     let mut values = point.values.clone();
     for (u, delta) in unknowns.iter().zip(common.iter()) {
         u.set(&mut values, u.moved(u.value(&point.values), *delta));

@@ -1,68 +1,161 @@
 //! Cutting records into shooting segments.
 
+use super::lm::{FitOptions, fit};
 use crate::error::IdentifyError;
+use crate::log::Record;
 use crate::shoot::{Plan, RecordPlan, ShotWants, shoot, state_at};
-use crate::unknown::Values;
+use crate::unknown::{Unknown, Values};
 use pliant_engine::state::State;
 
-/// Growth of a small disturbance over a segment that is still harmless: one Lyapunov time.
+/// Growth of a small disturbance that is still harmless: one Lyapunov time.
 const GROWTH: f64 = std::f64::consts::E;
 
 /// Longest segment of a record whose initial state is unknown [s]: short enough to stay near the data while parameters are wrong.
 const LONGEST: f64 = 0.5;
 
+/// Shortest segment [s]: a shorter one says little about forces.
+const SHORTEST: f64 = 0.2;
+
+/// How the fitted records are shot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cut {
+    /// Segments joined by continuity constraints: the statistics are those of whole records.
+    Joined,
+    /// Pieces of this length [s] on their own, each with an unknown initial state: the simulation is too sensitive to its
+    /// initial state to be followed for longer.
+    Pieces(f64),
+}
+
 /// Gives every record its segments: of `length` [s] if given, else as long as a disturbance of the initial state takes to
-/// grow e-fold, at most half a second. Records that start at rest have one. Segment states start where the data have them,
-/// so that a wrong parameter meets a trajectory that is right.
-pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<usize, IdentifyError> {
+/// grow e-fold, at most half a second. Records that start at rest have one. The states of joined segments are left to
+/// [`approach`].
+///
+/// Where a disturbance grows more than e-fold within a record, and no length is given, all records are cut into pieces
+/// without constraints instead: joined, every cause would look like every other, and like the initial state.
+pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut, IdentifyError> {
     let mut fitted = std::mem::take(&mut plan.fitted);
-    let mut most = 1;
+    let (mut shortest, mut wildest) = (f64::INFINITY, 1.0f64);
     for rec in &mut fitted {
-        most = most.max(cut_record(plan, rec, values, length)?);
+        let (seconds, grown) = segment_length(plan, rec, values, length)?;
+        (shortest, wildest) = (shortest.min(seconds), wildest.max(grown));
     }
-    plan.fitted = fitted;
-    Ok(most)
+    let (shortest, pieces) = (shortest.max(SHORTEST), length.is_none() && wildest > GROWTH);
+    plan.fitted = if pieces {
+        fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat()
+    } else {
+        fitted.into_iter().map(|rec| joined(plan, rec, shortest)).collect()
+    };
+    Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined })
 }
 
-fn cut_record(plan: &Plan, rec: &mut RecordPlan, values: &Values, length: Option<f64>) -> Result<usize, IdentifyError> {
-    let h = plan.model.step_length();
-    let steps = rec.inputs.len();
-    let run = |rec: &RecordPlan| {
-        let wants = ShotWants { states: true, ..ShotWants::default() };
-        shoot(plan, rec, values, wants).map_err(|e| IdentifyError::Simulation { record: rec.record.name.clone(), source: e })
+/// Length of a record's segments [s], and the growth of a small disturbance over the record.
+fn segment_length(plan: &Plan, rec: &RecordPlan, values: &Values, length: Option<f64>) -> Result<(f64, f64), IdentifyError> {
+    let whole = rec.inputs.len() as f64 * plan.model.step_length();
+    if let Some(length) = length {
+        return Ok((length, 1.0));
+    }
+    if rec.start.is_fixed() {
+        return Ok((f64::INFINITY, 1.0));
+    }
+    let grown = growth(plan, rec, values)?;
+    let lyapunov = if grown <= GROWTH { whole } else { whole / grown.ln() };
+    Ok((lyapunov.min(LONGEST), grown))
+}
+
+/// Growth of a small disturbance of the initial state over a record.
+pub fn growth(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<f64, IdentifyError> {
+    let mut moved = rec.clone();
+    moved.start.z.iter_mut().enumerate().for_each(|(i, z)| *z += 1e-4 * (i as f64 * 2.399).cos());
+    let (states, other) = (states(plan, rec, values)?, states(plan, &moved, values)?);
+    let distance = |k: usize| difference(&states[k], &other[k], plan.model.step_length());
+    Ok(distance(states.len() - 1) / distance(0).max(1e-300))
+}
+
+/// The record with joined segments of about `seconds`.
+fn joined(plan: &Plan, mut rec: RecordPlan, seconds: f64) -> RecordPlan {
+    let (h, steps) = (plan.model.step_length(), rec.inputs.len());
+    let per_segment = (seconds / h).round().clamp(2.0, steps.max(2) as f64) as usize;
+    let segments = if rec.start.is_fixed() { 1 } else { steps.div_ceil(per_segment).max(1) };
+    rec.nodes = (1..segments).map(|s| (s * steps / segments, rec.start.mean.clone())).collect();
+    rec
+}
+
+/// The record as pieces of about `seconds` that start at a sample, each a record of its own.
+fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>, IdentifyError> {
+    let (h, steps) = (plan.model.step_length(), rec.inputs.len());
+    let per_piece = (seconds / h).round().clamp(2.0, steps.max(2) as f64) as usize;
+    let sample_at = |step: usize| {
+        let t = step as f64 * h;
+        let k = rec.record.time.partition_point(|x| *x < t - 1e-6 * h);
+        rec.record.time.get(k).filter(|x| (*x - t).abs() <= 1e-6 * h).map(|_| k)
     };
-    let states = run(rec)?.states;
-    let per_segment = match length {
-        Some(length) => ((length / h).round() as usize).max(2),
-        None if rec.start.spread.is_empty() => steps,
-        None => {
-            let mut moved = rec.clone();
-            moved.start.z.iter_mut().enumerate().for_each(|(i, z)| *z += 1e-4 * (i as f64 * 2.399).cos());
-            let other = run(&moved)?.states;
-            let distance = |k: usize| difference(&states[k], &other[k], h);
-            let grown = distance(states.len() - 1) / distance(0).max(1e-300);
-            let lyapunov = if grown <= GROWTH { steps } else { ((steps as f64 / grown.ln()) as usize).max(2) };
-            lyapunov.min(((LONGEST / h).round() as usize).max(2))
+    let mut starts: Vec<(usize, usize)> = vec![(0, 0)];
+    let mut wanted = per_piece;
+    while wanted + per_piece / 2 < steps {
+        // a piece has to start at a sample: there the inputs are known
+        match (wanted..steps).find_map(|s| sample_at(s).map(|k| (s, k))) {
+            Some(start) => starts.push(start),
+            None => break,
         }
-    };
-    let segments = steps.div_ceil(per_segment).max(1);
-    rec.nodes = (1..segments).map(|s| (s * steps / segments, states[s * steps / segments].clone())).collect();
-    restart(plan, rec)?;
-    Ok(segments)
+        wanted = starts[starts.len() - 1].0 + per_piece;
+    }
+    let mut pieces = Vec::with_capacity(starts.len());
+    for (i, &(step, sample)) in starts.iter().enumerate() {
+        let (end_step, end_sample) = starts.get(i + 1).map_or((steps, rec.record.time.len()), |next| (next.0, next.1 + 1));
+        let start = state_at(plan, &rec.record, sample)?;
+        let record = Record {
+            name: format!("{} from {:.2} s", rec.record.name, rec.record.time[sample]),
+            time: rec.record.time[sample..end_sample].iter().map(|t| t - step as f64 * h).collect(),
+            markers: rec.record.markers[sample..end_sample].to_vec(),
+            inputs: rec.record.inputs[sample..end_sample].to_vec(),
+            ..rec.record.clone()
+        };
+        pieces.push(RecordPlan {
+            record,
+            inputs: rec.inputs[step..end_step].to_vec(),
+            start,
+            nodes: Vec::new(),
+            parent: rec.parent,
+        });
+    }
+    Ok(pieces)
 }
 
-/// Puts the segment states back to where the data have them.
-pub fn restart(plan: &Plan, rec: &mut RecordPlan) -> Result<(), IdentifyError> {
-    if rec.start.spread.is_empty() {
-        return Ok(());
+/// Values of `unknowns` and records from which a fit over whole records converges.
+///
+/// A parameter far off bends a long trajectory out of the range of its linearization. Over pieces that start where the data
+/// are it does not: they are fitted first, with white noise; then the whole records are simulated with what they give. Pieces
+/// and records at rest stay as they are.
+pub fn approach(
+    plan: &Plan,
+    records: &[RecordPlan],
+    values: &Values,
+    unknowns: &[Unknown],
+    options: &FitOptions,
+) -> Result<(Values, Vec<RecordPlan>), IdentifyError> {
+    let whole = |rec: &RecordPlan| plan.given || !rec.nodes.is_empty();
+    if !records.iter().all(whole) {
+        return Ok((values.clone(), records.to_vec()));
     }
-    let h = plan.model.step_length();
-    for (step, state) in &mut rec.nodes {
-        let t = *step as f64 * h;
-        let sample = rec.record.time.partition_point(|x| *x < t - 0.5 * h).min(rec.record.time.len() - 1);
-        *state = state_at(plan, &rec.record, sample)?.0;
-    }
-    Ok(())
+    let pieces = records.iter().map(|rec| split(plan, rec, LONGEST)).collect::<Result<Vec<_>, _>>()?.concat();
+    let short = FitOptions { rounds: 0, tolerance: 1e-3, ..*options };
+    let values = fit(plan, &pieces, values, unknowns, None, &short)?.values;
+    let follow = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
+        let mut rec = rec.clone();
+        rec.start.z.fill(0.0);
+        let steps: Vec<usize> = rec.nodes.drain(..).map(|(step, _)| step).collect();
+        let states = states(plan, &rec, &values)?;
+        rec.nodes = steps.into_iter().map(|step| (step, states[step].clone())).collect();
+        Ok(rec)
+    };
+    let records = records.iter().map(follow).collect::<Result<_, _>>()?;
+    Ok((values, records))
+}
+
+fn states(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<State>, IdentifyError> {
+    let wants = ShotWants { states: true, ..ShotWants::default() };
+    let shot = shoot(plan, rec, values, wants);
+    shot.map(|s| s.states).map_err(|e| IdentifyError::Simulation { record: rec.record.name.clone(), source: e })
 }
 
 fn difference(a: &State, b: &State, h: f64) -> f64 {

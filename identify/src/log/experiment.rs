@@ -50,6 +50,9 @@ pub enum Beginning {
     /// Every free node's position and velocity is an unknown with a prior from the data.
     #[default]
     Measured,
+    /// Position and velocity from the data, taken as they are: where the model's error within a few samples exceeds theirs, an
+    /// unknown initial state would only hide it.
+    Given,
     /// Static equilibrium with the record's first inputs.
     Rest,
 }

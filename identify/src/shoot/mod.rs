@@ -12,6 +12,7 @@
 mod plan;
 mod run;
 mod start;
+mod stretch_prior;
 
 pub use plan::{MarkerPlace, Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};

@@ -29,6 +29,8 @@ pub struct RecordPlan {
     pub start: StartState,
     /// States at segment starts, (step, x), estimated.
     pub nodes: Vec<(usize, pliant_engine::state::State)>,
+    /// Number of the measured record this is (a piece of), among those of its role.
+    pub parent: usize,
 }
 
 /// An experiment ready to be simulated.
@@ -44,6 +46,8 @@ pub struct Plan {
     pub shared_sensor: bool,
     /// Records start at rest.
     pub at_rest: bool,
+    /// Initial states are taken from the data as they are.
+    pub given: bool,
     /// Fitted records.
     pub fitted: Vec<RecordPlan>,
     /// Held-out records.
@@ -66,13 +70,16 @@ impl Plan {
             markers,
             shared_sensor: setup.experiment.gripper_sensor.is_some(),
             at_rest,
+            given: setup.experiment.initial == Beginning::Given,
             fitted: Vec::new(),
             held_out: Vec::new(),
             lead_in: setup.experiment.lead_in,
         };
         for record in &logs.records {
-            let prepared = plan.prepare(record)?;
-            if record.role == Role::Fit { plan.fitted.push(prepared) } else { plan.held_out.push(prepared) }
+            let mut prepared = plan.prepare(record)?;
+            let list = if record.role == Role::Fit { &mut plan.fitted } else { &mut plan.held_out };
+            prepared.parent = list.len();
+            list.push(prepared);
         }
         if plan.fitted.is_empty() {
             return Err(IdentifyError::Input("no record is left to fit: give at least one record the role \"fit\"".to_owned()));
@@ -85,11 +92,16 @@ impl Plan {
         3 * self.markers.len()
     }
 
+    /// Number of measured records that are fitted, however many pieces they are cut into.
+    pub fn fitted_records(&self) -> usize {
+        self.fitted.last().map_or(0, |rec| rec.parent + 1)
+    }
+
     fn prepare(&self, record: &Record) -> Result<RecordPlan, IdentifyError> {
         let h = self.model.step_length();
         let inputs = record.step_inputs(h, record.n_steps(h));
         let start = initial_guess(self, record)?;
-        Ok(RecordPlan { record: record.clone(), inputs, start, nodes: Vec::new() })
+        Ok(RecordPlan { record: record.clone(), inputs, start, nodes: Vec::new(), parent: 0 })
     }
 }
 

@@ -56,7 +56,7 @@ struct Pass<'a> {
 
 /// Simulates a record from its current initial state and segment states.
 pub fn shoot(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -> Result<Shot, StepError> {
-    let own = if wants.tangents { rec.start.spread.len() } else { 0 };
+    let own = if wants.tangents { rec.start.unknowns() } else { 0 };
     let columns = if wants.tangents { own + wants.unknowns.len() + 1 } else { 0 };
     let pass = Pass { plan, rec, values, wants, own, columns, h: plan.model.step_length() };
     pass.run()
@@ -126,9 +126,14 @@ impl Pass<'_> {
         let (q, placement) = place_clamped(model, &self.values.theta, &u0, &state.q)?;
         state.q = q;
         if self.wants.tangents {
-            let (m, nq) = (self.columns, model.nq());
-            for (c, &(dof, sigma)) in self.rec.start.spread.iter().enumerate() {
-                if dof < nq { tangent.x.q[dof * m + c] = sigma } else { tangent.x.v[(dof - nq) * m + c] = sigma }
+            let m = self.columns;
+            let start = &self.rec.start;
+            let n = start.dofs.len();
+            for (row, &dof) in start.dofs.iter().enumerate() {
+                for c in 0..n {
+                    tangent.x.q[dof * m + c] = start.position[(row, c)];
+                    tangent.x.v[dof * m + n + c] = start.velocity[(row, c)];
+                }
             }
             for (row, input, value) in placement {
                 let columns = match input {

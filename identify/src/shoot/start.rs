@@ -1,11 +1,13 @@
 //! Where a record starts: at rest, or at an unknown state with a prior from its first samples.
 
 use super::plan::Plan;
+use super::stretch_prior;
 use crate::error::IdentifyError;
 use crate::log::Record;
 use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::state::State;
+use pliant_engine::step::StepError;
 
 /// Samples of the local quadratic that gives positions and velocities at the start.
 const SAMPLES: usize = 9;
@@ -14,24 +16,41 @@ const SEEN: (f64, f64) = (2e-3, 0.05);
 /// Of a node between observed ones.
 const UNSEEN: (f64, f64) = (1e-2, 0.3);
 
-/// Initial state of a record: `x₀ = mean + spread · z` on the free dofs, z unknown with a standard normal prior.
+/// Initial state of a record: `x₀ = mean + L z` on the free dofs, z unknown with a standard normal prior.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartState {
     /// Prior mean.
     pub mean: State,
-    /// (dof of x = (q, v), prior standard deviation) per entry of z; empty at rest.
-    pub spread: Vec<(usize, f64)>,
+    /// Free dofs of q (and of v); empty where nothing is unknown.
+    pub dofs: Vec<usize>,
+    /// L for the positions: the first half of z moves them [m].
+    pub position: DMatrix<f64>,
+    /// L for the velocities: the second half of z [m/s].
+    pub velocity: DMatrix<f64>,
     /// Current estimate of z.
     pub z: Vec<f64>,
 }
 
 impl StartState {
+    /// Whether nothing is unknown: the record starts at rest, or as given.
+    pub fn is_fixed(&self) -> bool {
+        self.dofs.is_empty()
+    }
+
+    /// Number of unknowns.
+    pub fn unknowns(&self) -> usize {
+        2 * self.dofs.len()
+    }
+
     /// The current estimate of the state (before the clamped nodes are placed).
     pub fn state(&self) -> State {
         let mut x = self.mean.clone();
-        let nq = x.q.len();
-        for (&(dof, sigma), z) in self.spread.iter().zip(&self.z) {
-            if dof < nq { x.q[dof] += sigma * z } else { x.v[dof - nq] += sigma * z }
+        let n = self.dofs.len();
+        for (row, &dof) in self.dofs.iter().enumerate() {
+            for c in 0..n {
+                x.q[dof] += self.position[(row, c)] * self.z[c];
+                x.v[dof] += self.velocity[(row, c)] * self.z[n + c];
+            }
         }
         x
     }
@@ -47,29 +66,24 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
         let rest = rest.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?;
         return Ok(StartState { mean: State { v: vec![0.0; rest.q.len()], q: rest.q }, ..StartState::default() });
     }
-    let (mean, spread) = state_at(plan, record, 0)?;
-    let z = vec![0.0; spread.len()];
-    Ok(StartState { mean, spread, z })
+    state_at(plan, record, 0)
 }
 
-/// The state at a sample of the record as the data have it, and the spread of what they do not fix: a quadratic through the
-/// samples around it for each marker, the rest by interpolation.
-pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<(State, Vec<(usize, f64)>), IdentifyError> {
+/// The state at a sample of the record as the data have it, with its prior: a quadratic through the samples around it for each
+/// marker, the rest by interpolation, reconciled with what the ropes' stiffness allows.
+pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
     let theta = &plan.scene_values.theta;
+    let named = |e| IdentifyError::Simulation { record: record.name.clone(), source: e };
     let u = &record.inputs[sample];
-    let rest = equilibrium(model, theta, model.initial_positions(), u);
-    let shape = match rest {
+    let shape = match equilibrium(model, theta, model.initial_positions(), u) {
         Ok(rest) => rest.q,
-        Err(_) => {
-            let placed = place_clamped(model, theta, u, model.initial_positions());
-            placed.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?.0
-        }
+        Err(_) => place_clamped(model, theta, u, model.initial_positions()).map_err(named)?.0,
     };
-    let (mut q, mut v) = (shape.clone(), vec![0.0; shape.len()]);
-    let mut spread = Vec::new();
+    let (mut q, mut v) = (shape.clone(), driven_velocities(plan, record, sample, &shape).map_err(named)?);
+    let (mut dofs, mut sigma_q, mut sigma_v) = (Vec::new(), Vec::new(), Vec::new());
     for rope in model.ropes() {
-        let known = known_nodes(plan, record, sample, rope.nodes.clone(), &shape);
+        let known = known_nodes(plan, record, sample, rope.nodes.clone(), &shape, &v);
         for node in rope.nodes.clone() {
             let (dq, dv, seen) = interpolate(&known, node);
             let sigma = if seen { SEEN } else { UNSEEN };
@@ -77,19 +91,49 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<(State, V
                 q[3 * node + a] = shape[3 * node + a] + dq[a];
                 v[3 * node + a] = dv[a];
                 if !model.driven()[node] {
-                    spread.push((3 * node + a, sigma.0));
-                    spread.push((shape.len() + 3 * node + a, sigma.1));
+                    dofs.push(3 * node + a);
+                    sigma_q.push(sigma.0);
+                    sigma_v.push(sigma.1);
                 }
             }
         }
     }
-    Ok((State { q, v }, spread))
+    let by_q = stretch_prior::positions(model, theta, &q, &dofs, &sigma_q)?;
+    let by_v = stretch_prior::velocities(model, theta, &by_q.mean, &v, &dofs, &sigma_v)?;
+    if plan.given {
+        return Ok(StartState { mean: State { q: by_q.mean, v: by_v.mean }, ..StartState::default() });
+    }
+    let z = vec![0.0; 2 * dofs.len()];
+    Ok(StartState { mean: State { q: by_q.mean, v: by_v.mean }, dofs, position: by_q.factor, velocity: by_v.factor, z })
+}
+
+/// Velocities of the clamped nodes from the inputs at the next sample (or the one before); zero elsewhere.
+fn driven_velocities(plan: &Plan, record: &Record, sample: usize, shape: &[f64]) -> Result<Vec<f64>, StepError> {
+    let mut v = vec![0.0; shape.len()];
+    let other = if sample + 1 < record.inputs.len() { sample + 1 } else { sample.saturating_sub(1) };
+    let dt = record.time[other] - record.time[sample];
+    if dt == 0.0 {
+        return Ok(v);
+    }
+    let place = |k: usize| place_clamped(&plan.model, &plan.scene_values.theta, &record.inputs[k], shape);
+    let (here, there) = (place(sample)?.0, place(other)?.0);
+    for (node, _) in plan.model.driven().iter().enumerate().filter(|(_, d)| **d) {
+        (3 * node..3 * node + 3).for_each(|k| v[k] = (there[k] - here[k]) / dt);
+    }
+    Ok(v)
 }
 
 type Known = (usize, Vector3<f64>, Vector3<f64>, bool);
 
 /// Nodes whose difference to `shape` and velocity are known: markers, and clamped nodes.
-fn known_nodes(plan: &Plan, record: &Record, sample: usize, nodes: std::ops::Range<usize>, shape: &[f64]) -> Vec<Known> {
+fn known_nodes(
+    plan: &Plan,
+    record: &Record,
+    sample: usize,
+    nodes: std::ops::Range<usize>,
+    shape: &[f64],
+    v: &[f64],
+) -> Vec<Known> {
     let mut known: Vec<Known> = Vec::new();
     for (m, marker) in plan.markers.iter().enumerate().filter(|(_, m)| m.weight == 0.0 && nodes.contains(&m.node)) {
         if let Some((p, v)) = local_fit(record, m, sample) {
@@ -99,7 +143,8 @@ fn known_nodes(plan: &Plan, record: &Record, sample: usize, nodes: std::ops::Ran
     }
     for node in nodes {
         if plan.model.driven()[node] && !known.iter().any(|k| k.0 == node) {
-            known.push((node, Vector3::zeros(), Vector3::zeros(), false));
+            let speed = Vector3::new(v[3 * node], v[3 * node + 1], v[3 * node + 2]);
+            known.push((node, Vector3::zeros(), speed, false));
         }
     }
     known.sort_by_key(|k| k.0);

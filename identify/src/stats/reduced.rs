@@ -128,6 +128,18 @@ impl Reduced {
         Ok(())
     }
 
+    /// Adds further rows of the last record here: a piece of the same measurement with a nuisance of its own.
+    ///
+    /// # Errors
+    /// Another number of global columns.
+    pub fn append(&mut self, piece: &Self) -> Result<(), StatsError> {
+        let (records, first) = (self.records, self.blocks.len());
+        self.merge(piece)?;
+        self.records = records;
+        self.blocks[first..].iter_mut().for_each(|b| b.record = records - 1);
+        Ok(())
+    }
+
     /// Merges records in the order given.
     ///
     /// # Errors
