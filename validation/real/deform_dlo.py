@@ -18,7 +18,9 @@ DENSITY = 0.03  # kg/m, fixes the scale of all forces
 STRETCH_STIFFNESS = 500.0  # N; strains stay below 1e-3 under the cable's weight
 STRETCH_DAMPING = 0.3  # N·s; longitudinal waves (beyond 200 Hz) die within a few steps
 BEND_STIFFNESS = 5e-4  # N·m², a guess to start from
-BEND_DAMPING = 1e-5  # N·m²·s, a guess; without any the motion is chaotic and nothing can be fitted
+BEND_DAMPING = 3e-5  # N·m²·s, a guess; without any the motion is chaotic and nothing can be fitted
+# Training records that the audit finds faulty (frames lost and filled in, a marker that slipped, another clamp).
+FAULTY = {1: [11, 12, 16, 21, 26, 27, 28, 29, 36], 2: [35, 47, 48, 49]}
 
 
 def data_folder() -> Path | None:
@@ -29,7 +31,11 @@ def data_folder() -> Path | None:
 
 
 def scene(cable: int, skip: list[int] | None = None) -> str:
-    """Scene text: rest lengths are the mean distances of neighbouring markers over the training records."""
+    """Scene text: rest lengths are the median distances of neighbouring markers over the training records.
+
+    `skip`: training records left out, those of FAULTY if not given. Initial states are taken from the
+    data as they are: within 0.1 s the model (a straight, isotropic rod) is off by 3 mm, more than they.
+    """
     folder = data_folder()
     if folder is None:
         raise FileNotFoundError("the real measurements are absent: set PLIANT_DATA to their folder")
@@ -70,7 +76,7 @@ rope = "cable"
 nodes = [{n - 2}, {n - 1}]
 
 [experiment]
-initial = "measured"
+initial = "given"
 gripper_sensor = "markers"
 time = {{ rate = 100.0 }}
 noise_floor = 1e-4
@@ -88,7 +94,7 @@ indices = [{n - 2}, {n - 1}]
 file = "{file}"
 array = "train"
 role = "fit"
-skip = {skip or []}
+skip = {FAULTY[cable] if skip is None else skip}
 
 [[experiment.record]]
 file = "{file}"
@@ -96,7 +102,10 @@ array = "eval"
 role = "held_out"
 
 [experiment.fit]
-free = [{{ path = "cable.bend_stiffness", lower = 1e-6, upper = 1e-1 }}]
+free = [
+  {{ path = "cable.bend_stiffness", lower = 1e-6, upper = 1e-1 }},
+  {{ path = "cable.bend_damping", lower = 1e-7, upper = 1e-2 }},
+]
 """
 
 

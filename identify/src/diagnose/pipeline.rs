@@ -63,8 +63,14 @@ pub fn diagnose(
     let mut story = Story { plan: &plan, judged, stages: Vec::new() };
     story.add("baseline", &base)?;
 
-    let mut run =
-        Selection { current: base.clone(), accepted: Vec::new(), ambiguous: Vec::new(), rejected: false, notes: Vec::new() };
+    let mut run = Selection {
+        current: base.clone(),
+        accepted: Vec::new(),
+        ambiguous: Vec::new(),
+        undecided: None,
+        rejected: false,
+        notes: Vec::new(),
+    };
     progress("testing every cause");
     let first = test(&plan, &base, options.seed)?;
     run.grow(&plan, &first, options, &fit_options, &mut story, progress)?;
@@ -106,7 +112,8 @@ pub fn diagnose(
         wall_s: 0.0,
     };
     add_discretisation(&mut diagnosis, &numerics, plan.model.step_length());
-    decide(&mut diagnosis, &run, &first, base.converged);
+    let imitated = run.imitated(&plan, &base, sensor_sigma)?;
+    decide(&mut diagnosis, &run, &first, base.converged, imitated);
     diagnosis.wall_s = clock.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
@@ -116,6 +123,8 @@ struct Selection {
     current: Fitted,
     accepted: Vec<Accepted>,
     ambiguous: Vec<(usize, Vec<String>)>,
+    /// Fit with the best of the causes that cannot be told apart.
+    undecided: Option<Box<Fitted>>,
     rejected: bool,
     notes: Vec<(String, String)>,
 }
@@ -141,7 +150,8 @@ impl Selection {
                     self.rejected = true;
                     return Ok(());
                 }
-                Round::Ambiguous(set) => {
+                Round::Ambiguous { set, fitted } => {
+                    self.undecided = Some(fitted);
                     self.ambiguous.push((self.accepted.len(), set.iter().map(|&j| label(&tested, j)).collect()));
                     return Ok(());
                 }
@@ -205,6 +215,18 @@ impl Selection {
             explained_fraction: if explainable > 0.0 { (before - after) / explainable } else { 0.0 },
             note,
         }
+    }
+
+    /// The part of the explainable error that the best of several equal causes takes, if the rest still depends on the inputs:
+    /// they imitate something outside the library.
+    fn imitated(&self, plan: &Plan, base: &Fitted, sensor_sigma: f64) -> Result<Option<f64>, IdentifyError> {
+        let Some(fitted) = &self.undecided else { return Ok(None) };
+        if !remainder::is_significant(remainder::depends_on_input(plan, fitted)?) {
+            return Ok(None);
+        }
+        let square = |f: &Fitted| f.rmse * f.rmse;
+        let taken = (square(base) - square(fitted)) / (square(base) - sensor_sigma * sensor_sigma).max(f64::MIN_POSITIVE);
+        Ok((taken < ENOUGH).then_some(taken))
     }
 
     fn causes(&self, plan: &Plan, base: &Fitted, options: &FitOptions) -> Result<Vec<Cause>, IdentifyError> {
@@ -385,7 +407,7 @@ fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisatio
     }
 }
 
-fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool) {
+fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, imitated: Option<f64>) {
     let names: Vec<&str> = d.causes.iter().map(|c| c.name.as_str()).collect();
     let imitation =
         !run.accepted.is_empty() && d.remainder.note.contains("dynamics are missing") && d.remainder.explained_fraction < ENOUGH;
@@ -400,6 +422,13 @@ fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool) {
         (Verdict::NotInLibrary, reason)
     } else if !d.causes.is_empty() {
         (Verdict::Named, format!("accepted: {}", names.join(", ")))
+    } else if let (Some(taken), Some(set)) = (imitated, d.alternatives.first()) {
+        let reason = format!(
+            "{} fit equally well, but take only {:.0} % of what can be explained, and the rest still depends on the inputs: something outside the library",
+            set.join(", "),
+            100.0 * taken.max(0.0)
+        );
+        (Verdict::NotInLibrary, reason)
     } else if let Some(set) = d.alternatives.first() {
         (Verdict::Ambiguous, format!("{} explain the data equally well", set.join(", ")))
     } else if run.rejected || d.remainder.significant {

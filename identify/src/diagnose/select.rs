@@ -30,8 +30,8 @@ pub(super) enum Round {
     Nothing,
     /// Something is, but every cause was rejected.
     Rejected,
-    /// These causes explain it equally well (indices of tested candidates, best first).
-    Ambiguous(Vec<usize>),
+    /// These causes explain it equally well (indices of tested candidates, best first); the fit with the best.
+    Ambiguous { set: Vec<usize>, fitted: Box<Fitted> },
     /// This candidate is accepted.
     Accepted { candidate: usize, fitted: Box<Fitted>, statistic: f64 },
 }
@@ -88,7 +88,8 @@ pub(super) fn round(
         let statistic = current.deviance - best.fitted.deviance;
         return Ok(Round::Accepted { candidate: best.candidate, fitted: Box::new(best.fitted), statistic });
     }
-    Ok(Round::Ambiguous([best.candidate].into_iter().chain(rivals).collect()))
+    let set = [best.candidate].into_iter().chain(rivals).collect();
+    Ok(Round::Ambiguous { set, fitted: Box::new(best.fitted) })
 }
 
 /// Fit with further unknowns, from the current optimum.
@@ -135,7 +136,6 @@ fn unbeaten(
         .collect();
     let m = in_play.len().max(1) as f64;
     let bar = normal_quantile(1.0 - LEVEL / m);
-    let weakening = tested.score.candidates[best.candidate].weakening.min(1.0);
     let mut out = Vec::new();
     for k in in_play {
         let Some(rival) = others.iter().find(|r| r.candidate == k) else {
@@ -149,7 +149,7 @@ fn unbeaten(
             }
             continue;
         };
-        if comparison(plan, best, rival, &best.fitted.noise)? * weakening > bar {
+        if tested.score.candidates[best.candidate].credible(comparison(plan, best, rival, &best.fitted.noise)?) > bar {
             continue;
         }
         let cause = &tested.causes[tested.tested[k]];

@@ -91,7 +91,7 @@ fn wald(clusters: &[Cluster], directions: &Directions, local: &DVector<f64>, min
         1 => t_two_sided(statistic, dof),
         _ => f_sf(squared * usable / (dof * rank as f64), rank as f64, usable),
     };
-    Some(Evidence { p, statistic })
+    Some(Evidence { p, statistic, dof })
 }
 
 /// Largest leverage that is corrected for: above, one cluster holds nearly all the information.

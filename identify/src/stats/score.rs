@@ -15,7 +15,7 @@
 
 use super::basis::Basis;
 use super::clusters::Clusters;
-use super::dist::{chi2_sf, normal_sf, z_of_two_sided};
+use super::dist::{chi2_sf, normal_sf, t_two_sided, z_of_two_sided};
 use super::error::StatsError;
 use super::reduced::Reduced;
 use nalgebra::{DMatrix, DVector};
@@ -109,6 +109,8 @@ pub struct CandidateScore {
     pub z: f64,
     /// z over the |z| of the parametric statistic, ≤ 1: how much the robust variances take back.
     pub weakening: f64,
+    /// Per robust variance: its statistic over the parametric one (at most 1), and its degrees of freedom.
+    pub caution: Vec<(f64, f64)>,
     /// Whether θ̂ has an admissible sign.
     pub admissible: bool,
 }
@@ -305,6 +307,7 @@ impl<'a> Linear<'a> {
             p: all.iter().flatten().map(|e| one_sided(*e)).fold(0.0, f64::max),
             z,
             weakening: z / parametric.z().max(f64::MIN_POSITIVE),
+            caution: caution(parametric, &[by_blocks, by_records]),
             admissible,
         }
     }
@@ -328,19 +331,35 @@ impl<'a> Linear<'a> {
 pub(super) struct Evidence {
     pub p: f64,
     pub statistic: f64,
+    /// Degrees of freedom of the variance; infinite where it is taken as known.
+    pub dof: f64,
 }
 
 impl Evidence {
     fn parametric(lm: f64, t: f64, rank: usize) -> Self {
         match rank {
-            0 => Self { p: 1.0, statistic: 0.0 },
-            _ if t.is_nan() => Self { p: chi2_sf(lm, rank as f64), statistic: lm.sqrt() },
-            _ => Self { p: 2.0 * normal_sf(t.abs()), statistic: t.abs() },
+            0 => Self { p: 1.0, statistic: 0.0, dof: f64::INFINITY },
+            _ if t.is_nan() => Self { p: chi2_sf(lm, rank as f64), statistic: lm.sqrt(), dof: f64::INFINITY },
+            _ => Self { p: 2.0 * normal_sf(t.abs()), statistic: t.abs(), dof: f64::INFINITY },
         }
     }
 
     fn z(&self) -> f64 {
         if self.p > 1e-300 { z_of_two_sided(self.p) } else { self.statistic }
+    }
+}
+
+fn caution(parametric: Evidence, robust: &[Option<Evidence>]) -> Vec<(f64, f64)> {
+    let scale = |e: &Evidence| (e.statistic / parametric.statistic.max(f64::MIN_POSITIVE)).min(1.0);
+    robust.iter().flatten().map(|e| (scale(e), e.dof)).collect()
+}
+
+impl CandidateScore {
+    /// What a standard normal statistic of this cause is worth under its robust variances: as large a normal one as its value,
+    /// shrunk by the variances' ratio, is rare under Student's t.
+    pub fn credible(&self, z: f64) -> f64 {
+        let worth = |&(scale, dof): &(f64, f64)| z_of_two_sided(t_two_sided(z * scale, dof));
+        if z <= 0.0 { z } else { self.caution.iter().map(worth).fold(z, f64::min) }
     }
 }
 
