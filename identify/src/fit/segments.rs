@@ -11,7 +11,7 @@ const GROWTH: f64 = std::f64::consts::E;
 /// Longest segment of a record whose initial state is unknown [s]: short enough to stay near the data while parameters are wrong.
 const LONGEST: f64 = 0.5;
 
-/// Gives every record its segments: of `length` [s] if given, else as long as a disturbance of the initial state takes to
+/// Gives every record its segments: of `length` \[s\] if given, else as long as a disturbance of the initial state takes to
 /// grow e-fold, at most half a second. Records that start at rest have one. Segment states start where the data have them,
 /// so that a wrong parameter meets a trajectory that is right.
 pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<usize, IdentifyError> {
