@@ -120,7 +120,13 @@ impl Failure {
 
 /// Whether the input is to blame, not the numerics.
 fn is_input(step: &StepError) -> bool {
-    matches!(step, StepError::Size { .. } | StepError::EquilibriumWithContact { .. } | StepError::Parameter { .. })
+    matches!(
+        step,
+        StepError::Command { .. }
+            | StepError::Size { .. }
+            | StepError::EquilibriumWithContact { .. }
+            | StepError::Parameter { .. }
+    )
 }
 
 /// (likely cause, fix).
