@@ -9,6 +9,7 @@ mod baseline;
 mod certainty;
 mod gain;
 mod pipeline;
+mod reason;
 mod remainder;
 mod result;
 mod select;

@@ -1,8 +1,8 @@
 //! Pictures of the rope: measured against simulated, before and after.
 
-use super::number::number;
 use super::plot::{Frame, Point, range};
 use crate::diagnose::Snapshot;
+use crate::number::number;
 
 /// Pictures at most.
 const MOST: usize = 4;
