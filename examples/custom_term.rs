@@ -78,8 +78,10 @@ fn reach<S: Real>(q: &[Vec3<S>], constants: &[f64]) -> (Vec3<S>, S) {
     (to_magnet, (to_magnet.dot(&to_magnet) + constants[3] * constants[3]).sqrt())
 }
 
-/// The scene's model with the magnet, and the index of its strength in θ.
-fn model() -> Result<(Arc<Model>, usize, Vec<Vec<f64>>), Box<dyn Error>> {
+/// The scene's model with the magnet, the index of its strength in θ, and the controls of every step.
+type Magnetic = (Arc<Model>, usize, Vec<Vec<f64>>);
+
+fn model() -> Result<Magnetic, Box<dyn Error>> {
     let scene: scene::Scene = scene::parse_scene(SCENE, "magnet.toml")?;
     let controls = scene::control_rows(&scene, scene.time.n_steps())?;
     let mut builder = ModelBuilder::new(&scene)?;

@@ -51,8 +51,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, not a link
-
 mod case;
 mod differentiate;
 

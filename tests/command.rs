@@ -105,6 +105,18 @@ fn a_failed_simulation_leaves_the_old_file_and_nothing_else() {
     assert_eq!(entries(folder.path()), 2);
 }
 
+/// Half a period of a sine from −π/2 on is twice its amplitude: more than a number holds.
+#[test]
+fn an_impossible_command_is_an_input_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let motion = "motion = { kind = \"sine\", amplitude = [1e308, 0, 0], frequency = 50.0, phase = -1.5707963267948966 }";
+    let scene = changed(folder.path(), "edge_clamp.toml", "motion = { kind = \"hold\" }", motion);
+    for command in ["simulate", "gradcheck"] {
+        let output = pliant(&[command, scene.to_str().unwrap()]);
+        assert_refused(&output, &["step 0: gripper `clamp`: control 0 is inf", "impossible target"]);
+    }
+}
+
 #[test]
 fn mistakes_in_scenes_are_located() {
     let folder = tempfile::tempdir().unwrap();

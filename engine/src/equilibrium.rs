@@ -19,7 +19,7 @@ pub struct Equilibrium {
     pub model: Arc<Model>,
     /// The parameters.
     pub theta: Vec<f64>,
-    /// Node positions [m].
+    /// Node positions \[m\].
     pub q: Vec<f64>,
     /// The static root: K = −∂f/∂q.
     pub record: StageRecord,

@@ -65,7 +65,7 @@ impl Rollout {
         self.traces.iter().map(|t| t.retries).sum()
     }
 
-    /// Total energy [J] at every state.
+    /// Total energy \[J\] at every state.
     pub fn energy(&self) -> Vec<f64> {
         let total = |x: &State| self.model.kinetic_energy(&x.v, &self.theta) + self.model.potential_energy(&x.q, &self.theta);
         self.states.iter().map(total).collect()

@@ -1,9 +1,9 @@
 //! The state of a nodal system.
 
-/// Positions q [m] and velocities v [m/s] of all nodes, three numbers per node. As one vector, x = (q, v).
+/// Positions q \[m\] and velocities v [m/s] of all nodes, three numbers per node. As one vector, x = (q, v).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
-    /// Positions [m].
+    /// Positions \[m\].
     pub q: Vec<f64>,
     /// Velocities [m/s].
     pub v: Vec<f64>,

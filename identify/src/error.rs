@@ -46,6 +46,12 @@ pub enum IdentifyError {
 impl IdentifyError {
     /// Whether the input is at fault (exit code 2) rather than the numerics (exit code 1).
     pub fn is_input(&self) -> bool {
-        matches!(self, Self::Input(_) | Self::Build(_) | Self::DeadParameter { .. })
+        matches!(
+            self,
+            Self::Input(_)
+                | Self::Build(_)
+                | Self::DeadParameter { .. }
+                | Self::Simulation { source: StepError::Command { .. }, .. }
+        )
     }
 }

@@ -24,6 +24,7 @@ pub mod diagnose;
 pub mod error;
 pub mod fit;
 pub mod log;
+mod number;
 pub mod report;
 pub mod sensor;
 pub mod shoot;

@@ -3,8 +3,8 @@
 //! ```text
 //! y(t) = scale · R(rotation) p(t − time_offset) + bias
 //! ```
-//! `p` true position [m], `R` the rotation by the vector `rotation` [rad] about the world's origin, `bias` [m],
-//! `time_offset` [s] > 0 where the sensor is late. No sensor error: scale 1, all else 0.
+//! `p` true position \[m\], `R` the rotation by the vector `rotation` \[rad\] about the world's origin, `bias` \[m\],
+//! `time_offset` \[s\] > 0 where the sensor is late. No sensor error: scale 1, all else 0.
 
 use nalgebra::{Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualNum, DualSVec64};
@@ -44,7 +44,7 @@ impl Default for Sensor {
 type Dual = DualSVec64<7>;
 
 impl Sensor {
-    /// Time offset [s].
+    /// Time offset \[s\].
     pub fn time_offset(&self) -> f64 {
         self.0[TIME_OFFSET]
     }

@@ -19,16 +19,16 @@ pub enum Failure {
     Log(#[from] LogError),
     /// The scene cannot be built.
     #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
-    Case { scene: PathBuf, source: CaseError, advice: (&'static str, &'static str) },
+    Case { scene: PathBuf, source: Box<CaseError>, advice: (&'static str, &'static str) },
     /// A step or an equilibrium failed.
     #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
-    Step { scene: PathBuf, source: StepError, advice: (&'static str, &'static str) },
+    Step { scene: PathBuf, source: Box<StepError>, advice: (&'static str, &'static str) },
     /// A derivative failed.
     #[error("error: {scene}: {source}\n  likely cause: the rollout and its derivative do not belong together\n  fix: report this as a bug", scene = .scene.display())]
     Adjoint { scene: PathBuf, source: AdjointError },
     /// A fit or a diagnosis failed.
     #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
-    Identify { scene: PathBuf, source: IdentifyError, advice: (&'static str, &'static str) },
+    Identify { scene: PathBuf, source: Box<IdentifyError>, advice: (&'static str, &'static str) },
     /// The report cannot be written.
     #[error("error: {0}")]
     Report(#[from] ReportError),
@@ -47,7 +47,8 @@ impl Failure {
     /// 1 numerics, 2 input.
     pub fn exit_code(&self) -> ExitCode {
         let numerics = match self {
-            Self::Case { source: CaseError::Start(step), .. } | Self::Step { source: step, .. } => !is_input(step),
+            Self::Case { source, .. } => matches!(&**source, CaseError::Start(step) if !is_input(step)),
+            Self::Step { source, .. } => !is_input(source),
             Self::Adjoint { .. } | Self::NotPassed(_) => true,
             Self::Identify { source, .. } => !source.is_input(),
             Self::Report(error) => !error.is_input(),
@@ -60,18 +61,18 @@ impl Failure {
     pub fn case(scene: &Path, source: CaseError) -> Self {
         match source {
             CaseError::Scene(error) => Self::Scene(error),
-            CaseError::Start(ref step) => Self::Case { scene: scene.to_owned(), advice: advice(step), source },
+            CaseError::Start(ref step) => Self::Case { scene: scene.to_owned(), advice: advice(step), source: Box::new(source) },
             CaseError::Build(_) => {
                 let advice =
                     ("a force acts on a node the scene does not have", "compare the node's number with the rope's nodes");
-                Self::Case { scene: scene.to_owned(), advice, source }
+                Self::Case { scene: scene.to_owned(), advice, source: Box::new(source) }
             }
         }
     }
 
     /// A step that failed.
     pub fn step(scene: &Path, source: StepError) -> Self {
-        Self::Step { scene: scene.to_owned(), advice: advice(&source), source }
+        Self::Step { scene: scene.to_owned(), advice: advice(&source), source: Box::new(source) }
     }
 
     /// A derivative that failed, often because a step did.
@@ -98,7 +99,7 @@ impl Failure {
                 ("starting values far from the truth", "start closer to the truth, or free fewer parameters")
             }
         };
-        Self::Identify { scene: scene.to_owned(), source, advice }
+        Self::Identify { scene: scene.to_owned(), source: Box::new(source), advice }
     }
 
     /// A file or folder that cannot be written.
@@ -119,7 +120,13 @@ impl Failure {
 
 /// Whether the input is to blame, not the numerics.
 fn is_input(step: &StepError) -> bool {
-    matches!(step, StepError::Size { .. } | StepError::EquilibriumWithContact { .. } | StepError::Parameter { .. })
+    matches!(
+        step,
+        StepError::Command { .. }
+            | StepError::Size { .. }
+            | StepError::EquilibriumWithContact { .. }
+            | StepError::Parameter { .. }
+    )
 }
 
 /// (likely cause, fix).

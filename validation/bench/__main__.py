@@ -1,9 +1,9 @@
 """`python -m validation.bench --json`: pliant and its peers, interleaved, one thread.
 
 Each round times every party once; the medians over the rounds are reported, and `ratio` is
-peer_s / pliant_s (above 1: pliant is faster). Where pliant is not installed its times and the
+pliant_s / peer_s (below 1: pliant is faster). Where pliant is not installed its times and the
 ratios are null, so that the peers can be measured alone. `ratio_min` compares the fastest
-rounds: on a busy machine the two ratios should agree.
+rounds in the same way: on a busy machine the two ratios should agree.
 
 work: rope_step, rope_step_contact (at rest), rope_step_sliding [s per step]; rope_jacobian
 [s per full step Jacobian]; rope_rollout_vjp [s per 60-step rollout with its reverse gradient].
@@ -108,9 +108,9 @@ def _row(work, size, peer, ours, theirs):
         "pliant_s": pliant_s,
         "peer": peer,
         "peer_s": peer_s,
-        "ratio": peer_s / pliant_s if both else None,
+        "ratio": pliant_s / peer_s if both else None,
         "pliant_min_s": None if pliant_s is None else min(ours),
-        "ratio_min": min(theirs) / min(ours) if both else None,
+        "ratio_min": min(ours) / min(theirs) if both else None,
         "peer_min_s": None if peer_s is None else min(theirs),
     }
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 INTRODUCTION = """# Benchmarks
 
-A 1 m rope of 0.05 kg, EA 10⁴ N, EI 10⁻³ N·m², step 1/60 s. Without contact it hangs from one
-node and swings; in `rope_step_contact` it lies on a floor (friction 0.5, every node in contact),
-in `rope_step_sliding` it slides over one (1 m/s, friction 0.1). pliant is timed by its own loop
-in Rust, MuJoCo by `mj_step(..., nstep)` in C; the parties take turns, each figure is the median
-over the rounds, one thread. *ratio* = peer / pliant: above 1, pliant is faster.
+A 1 m rope of 0.05 kg, EA 10⁴ N, EI 10⁻³ N·m², step 1/60 s, implicit Euler. Without contact it
+hangs from one node and swings; in `rope_step_contact` it lies on a floor (friction 0.5, every
+node in contact), in `rope_step_sliding` it slides over one (1 m/s, friction 0.1). pliant is timed
+by its own loop in Rust, MuJoCo by `mj_step(..., nstep)` in C; the parties take turns, each figure
+is the median over the rounds, one thread. *ratio* = pliant / peer: below 1, pliant is faster.
 
 What is not equal: pliant solves each step to 10⁻¹⁰ of the velocity scale and keeps the exact
 Jacobian; MuJoCo takes one linearized, positive semi-definite step at its default tolerance, holds

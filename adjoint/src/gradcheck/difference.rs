@@ -39,7 +39,7 @@ pub(crate) fn judge(
     for k in EXPONENTS {
         let eps = scale * 10f64.powf(f64::from(k) / PER_DECADE);
         let widest = if one_sided { 2.0 * eps } else { eps };
-        if widest < block.range.1 && -eps > block.range.0 || one_sided && widest < block.range.1 {
+        if widest < block.range.1 && (one_sided || -eps > block.range.0) {
             // the widest moves may leave the range where a step has a solution: the narrower ones judge
             points.extend(point(eps, derivative, one_sided, &base, &sample).ok());
         }

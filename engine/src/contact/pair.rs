@@ -11,7 +11,7 @@ pub struct ContactPair {
     pub node: usize,
     /// Index of the shape in the model.
     pub shape: usize,
-    /// Index in θ of the rope's radius [m].
+    /// Index in θ of the rope's radius \[m\].
     pub radius: usize,
     /// Index in θ of the coefficient of friction [-].
     pub friction: usize,

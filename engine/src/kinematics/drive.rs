@@ -30,18 +30,18 @@ pub struct EdgeClamp {
     pub end: usize,
     /// The massless node behind it.
     pub ghost: usize,
-    /// Index in θ of the rope's length [m].
+    /// Index in θ of the rope's length \[m\].
     pub length: usize,
     /// Rest length of the ghost edge as a fraction of the rope's length.
     pub fraction: f64,
 }
 
-/// What a gripper holds and how it is moved. Controls start at `first_u`; `offset` is the index in θ of the gripper's offset [m].
+/// What a gripper holds and how it is moved. Controls start at `first_u`; `offset` is the index in θ of the gripper's offset \[m\].
 #[derive(Clone, Debug, PartialEq)]
 pub enum DriveKind {
-    /// Positions of the clamped nodes [m], three controls per node.
+    /// Positions of the clamped nodes \[m\], three controls per node.
     PrescribedNodes(Vec<usize>),
-    /// Position [m] of the end node and axis [-] (any length) into the rope: six controls.
+    /// Position \[m\] of the end node and axis [-] (any length) into the rope: six controls.
     PrescribedEdge(EdgeClamp),
     /// One velocity [m/s] for all clamped nodes: three controls.
     VelocityNodes(Vec<usize>),

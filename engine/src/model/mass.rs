@@ -1,22 +1,22 @@
 //! Lumped masses.
 
-/// Mass of a node, `m = ρA · length · fraction + Σ extras` [kg], as indices into θ.
+/// Mass of a node, `m = ρA · length · fraction + Σ extras` \[kg\], as indices into θ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeMass {
     /// Part of the rope's length that belongs to the node; 0 for ghosts.
     pub fraction: f64,
-    /// Index of the length [m].
+    /// Index of the length \[m\].
     pub length: usize,
     /// Index of the mass per length [kg/m].
     pub density: usize,
-    /// Indices of added masses [kg].
+    /// Indices of added masses \[kg\].
     pub extras: Vec<usize>,
     /// A ghost: no mass whatever θ.
     pub ghost: bool,
 }
 
 impl NodeMass {
-    /// Mass [kg].
+    /// Mass \[kg\].
     pub fn mass(&self, theta: &[f64]) -> f64 {
         if self.ghost {
             return 0.0;

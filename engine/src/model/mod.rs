@@ -24,7 +24,7 @@ pub struct RopeSpan {
     pub nodes: std::ops::Range<usize>,
     /// Rest edge lengths as fractions of the rope's length.
     pub fractions: Vec<f64>,
-    /// Index in θ of the rope's length [m].
+    /// Index in θ of the rope's length \[m\].
     pub length: usize,
 }
 
@@ -107,7 +107,7 @@ impl Model {
         &self.pairs
     }
 
-    /// Step h [s] of the scene.
+    /// Step h \[s\] of the scene.
     pub fn step_length(&self) -> f64 {
         self.h
     }
@@ -132,7 +132,7 @@ impl Model {
         self.start == Start::Equilibrium
     }
 
-    /// Positions of the scene's initial shape [m], ghosts included.
+    /// Positions of the scene's initial shape \[m\], ghosts included.
     pub fn initial_positions(&self) -> &[f64] {
         &self.q0
     }
@@ -142,18 +142,18 @@ impl Model {
         &self.v0
     }
 
-    /// Mass of every node [kg]; ghosts have none.
+    /// Mass of every node \[kg\]; ghosts have none.
     pub fn masses(&self, theta: &[f64]) -> Vec<f64> {
         self.masses.iter().map(|m| m.mass(theta)).collect()
     }
 
-    /// Kinetic energy ½ Σ m v² [J].
+    /// Kinetic energy ½ Σ m v² \[J\].
     pub fn kinetic_energy(&self, v: &[f64], theta: &[f64]) -> f64 {
         let speed2 = |i: usize| v[3 * i..3 * i + 3].iter().map(|x| x * x).sum::<f64>();
         self.masses.iter().enumerate().map(|(i, m)| 0.5 * m.mass(theta) * speed2(i)).sum()
     }
 
-    /// Potential energy of all terms [J].
+    /// Potential energy of all terms \[J\].
     pub fn potential_energy(&self, q: &[f64], theta: &[f64]) -> f64 {
         let v = vec![0.0; q.len()];
         let at = crate::terms::Point { q, v: &v, theta };

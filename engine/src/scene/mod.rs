@@ -21,7 +21,7 @@
 //! assert!(error.ends_with("fix: did you mean `length`?"));
 //! ```
 
-#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, not a link
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 mod advice;
 mod check;

@@ -19,7 +19,7 @@ pub enum StepError {
         iterations: usize,
         /// Norm of the last Newton correction [m/s].
         correction: f64,
-        /// Largest entry of the residual [N].
+        /// Largest entry of the residual \[N\].
         residual: f64,
         /// Its row.
         row: usize,

@@ -14,13 +14,13 @@ const SLIP: f64 = 0.999;
 /// A solved stage: the unsymmetric matrix factored at the root, and everything the residual depends on.
 #[derive(Clone, Debug)]
 pub struct StageRecord {
-    /// Stage length h [s].
+    /// Stage length h \[s\].
     pub h: f64,
     /// Weights of the scheme.
     pub scheme: Scheme,
     /// Inertia weight σ [1/s].
     pub inertia: f64,
-    /// Rest gap of the smoothing [m].
+    /// Rest gap of the smoothing \[m\].
     pub rest_gap: f64,
     /// Reference positions and velocities of the stage.
     pub q_ref: Vec<f64>,
@@ -63,12 +63,12 @@ impl StageRecord {
         })
     }
 
-    /// Positions at the end of the stage [m].
+    /// Positions at the end of the stage \[m\].
     pub fn q_end(&self, driven: &[bool]) -> Vec<f64> {
         let mut q = self.q_ref.clone();
         for (node, &is_driven) in driven.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
-            for k in 3 * node..3 * node + 3 {
+            for k in (0..3).map(|a| 3 * node + a) {
                 q[k] += self.h * (w.d0 * self.v_ref[k] + w.d1 * self.v[k]);
             }
         }
@@ -115,7 +115,7 @@ impl StageRecord {
         let (mut q, mut v) = (self.q_ref.clone(), self.v.clone());
         for (node, &is_driven) in driven.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
-            for k in 3 * node..3 * node + 3 {
+            for k in (0..3).map(|a| 3 * node + a) {
                 q[k] += self.h * (w.a0 * self.v_ref[k] + w.a1 * self.v[k]);
                 v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k];
             }

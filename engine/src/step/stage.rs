@@ -77,7 +77,7 @@ impl Stage<'_> {
     fn place(&self, v: &[f64], ws: &mut Workspace) {
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
-            for k in 3 * node..3 * node + 3 {
+            for k in (0..3).map(|a| 3 * node + a) {
                 ws.q_bar[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
                 ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
             }
@@ -101,7 +101,7 @@ impl Stage<'_> {
 
     fn inertia_minus_force(&self, v: &[f64], ws: &mut Workspace) {
         for (node, &driven) in self.model.driven.iter().enumerate() {
-            for k in 3 * node..3 * node + 3 {
+            for k in (0..3).map(|a| 3 * node + a) {
                 ws.r[k] =
                     if driven { v[k] - self.v_cmd[k] } else { self.mass[node] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
             }
@@ -242,7 +242,7 @@ impl Stage<'_> {
         }
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let diagonal = if driven { 1.0 } else { self.mass[node] * (self.inertia + self.damping) };
-            for k in 3 * node..3 * node + 3 {
+            for k in (0..3).map(|a| 3 * node + a) {
                 ws.k.add(k, k, diagonal);
             }
         }

@@ -13,7 +13,7 @@ use nalgebra::Vector4;
 pub struct StepOptions {
     /// Keep the record of each step for derivatives; costs one factorization per stage.
     pub record: bool,
-    /// Rest gap δ of the contact smoothing [m]; `None` takes the scene's.
+    /// Rest gap δ of the contact smoothing \[m\]; `None` takes the scene's.
     pub rest_gap: Option<f64>,
     /// How often a failed step may be halved; `None` takes the scene's, `Some(0)` forbids it.
     pub max_halvings: Option<usize>,
@@ -48,7 +48,7 @@ pub struct StepTrace {
 /// A step's stages in the order they were solved.
 #[derive(Clone, Debug)]
 pub struct StepRecord {
-    /// Full step length h [s].
+    /// Full step length h \[s\].
     pub h: f64,
     /// Stages and how each hangs on the one before.
     pub stages: Vec<(Link, StageRecord)>,

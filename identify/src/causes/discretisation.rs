@@ -12,11 +12,11 @@ pub const TOLERATED: f64 = 0.1;
 /// What halving the step changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Discretisation {
-    /// Root mean square change of the readings [m], extrapolated to the error of the scene's step.
+    /// Root mean square change of the readings \[m\], extrapolated to the error of the scene's step.
     pub rms: f64,
     /// The same over the residual's root mean square.
     pub ratio: f64,
-    /// The step [s] that would bring it to [`TOLERATED`].
+    /// The step \[s\] that would bring it to [`TOLERATED`].
     pub step_needed: f64,
     /// Order of the integrator.
     pub order: i32,

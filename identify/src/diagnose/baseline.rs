@@ -15,9 +15,9 @@ pub struct FitReport {
     pub schema_version: u32,
     /// Fitted parameters with 90 % intervals.
     pub parameters: Vec<Estimate>,
-    /// Root mean square residual on the fitted records [m].
+    /// Root mean square residual on the fitted records \[m\].
     pub rmse_fit: f64,
-    /// On the held-out records [m], if there are any.
+    /// On the held-out records \[m\], if there are any.
     pub rmse_held_out: Option<f64>,
     /// Iterations.
     pub iterations: usize,

@@ -2,9 +2,9 @@
 
 use super::certainty::{Curvature, estimates, profile};
 use super::result::*;
-use super::select::{Round, refit, round};
+use super::select::{Margin, Round, refit, round};
 use super::test::{Tested, test};
-use super::{audit, baseline, gain, remainder};
+use super::{audit, baseline, gain, reason, remainder};
 use crate::causes::{Cause as Candidate, TOLERATED, discretisation};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
@@ -36,6 +36,7 @@ struct Accepted {
     cause: Candidate,
     statistic: f64,
     rivals: Vec<Rival>,
+    margin: Option<Margin>,
 }
 
 /// Finds out what the scene gets wrong about the logs.
@@ -155,10 +156,10 @@ impl Selection {
                     self.ambiguous.push((self.accepted.len(), set.iter().map(|&j| label(&tested, j)).collect()));
                     return Ok(());
                 }
-                Round::Accepted { candidate, fitted, statistic } => {
+                Round::Accepted { candidate, fitted, statistic, margin } => {
                     let cause = tested.causes[tested.tested[candidate]].clone();
                     progress(&format!("accepted {}", cause.name));
-                    self.accepted.push(Accepted { rivals: rivals(&tested, candidate), cause, statistic });
+                    self.accepted.push(Accepted { rivals: rivals(&tested, candidate), cause, statistic, margin });
                     self.current = *fitted;
                     let name = self.accepted.last().map_or("", |a| a.cause.name);
                     story.add(name, &self.current)?;
@@ -379,7 +380,7 @@ fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisatio
         100.0 * numerics.ratio
     );
     d.candidates.push(CandidateReport {
-        name: "discretisation".to_owned(),
+        name: reason::DISCRETISATION.to_owned(),
         status: Status::Tested,
         statistic: Some(numerics.ratio),
         dof: 0,
@@ -392,7 +393,7 @@ fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisatio
     });
     if too_coarse {
         d.causes.push(Cause {
-            name: "discretisation".to_owned(),
+            name: reason::DISCRETISATION.to_owned(),
             meaning: "the simulation's step is too coarse for these data".to_owned(),
             parameters: vec![Estimate {
                 path: "time.step".to_owned(),
@@ -421,7 +422,8 @@ fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, i
         );
         (Verdict::NotInLibrary, reason)
     } else if !d.causes.is_empty() {
-        (Verdict::Named, format!("accepted: {}", names.join(", ")))
+        let margins = run.accepted.iter().filter_map(|a| Some((a.cause.name, a.margin.as_ref()?)));
+        (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
     } else if let (Some(taken), Some(set)) = (imitated, d.alternatives.first()) {
         let reason = format!(
             "{} fit equally well, but take only {:.0} % of what can be explained, and the rest still depends on the inputs: something outside the library",

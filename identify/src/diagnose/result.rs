@@ -1,4 +1,5 @@
 //! What a diagnosis says: the object behind the JSON, the report and the text on the screen.
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 use schemars::JsonSchema;
 use serde::Serialize;

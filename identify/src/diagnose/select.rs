@@ -33,7 +33,17 @@ pub(super) enum Round {
     /// These causes explain it equally well (indices of tested candidates, best first); the fit with the best.
     Ambiguous { set: Vec<usize>, fitted: Box<Fitted> },
     /// This candidate is accepted.
-    Accepted { candidate: usize, fitted: Box<Fitted>, statistic: f64 },
+    Accepted { candidate: usize, fitted: Box<Fitted>, statistic: f64, margin: Option<Margin> },
+}
+
+/// How far a cause is ahead of the rival that comes nearest among those that were refitted.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Margin {
+    pub rival: String,
+    /// Left side of the inequality above [-].
+    pub lead: f64,
+    /// Its right side [-].
+    pub needed: f64,
 }
 
 struct Refit {
@@ -83,10 +93,10 @@ pub(super) fn round(
         return Ok(Round::Rejected);
     };
     let best = refits.swap_remove(best);
-    let rivals = unbeaten(plan, current, tested, &best, &refits, options)?;
+    let (rivals, margin) = unbeaten(plan, current, tested, &best, &refits, options)?;
     if rivals.is_empty() {
         let statistic = current.deviance - best.fitted.deviance;
-        return Ok(Round::Accepted { candidate: best.candidate, fitted: Box::new(best.fitted), statistic });
+        return Ok(Round::Accepted { candidate: best.candidate, fitted: Box::new(best.fitted), statistic, margin });
     }
     let set = [best.candidate].into_iter().chain(rivals).collect();
     Ok(Round::Ambiguous { set, fitted: Box::new(best.fitted) })
@@ -122,7 +132,7 @@ fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause) -> Option<String>
     None
 }
 
-/// Candidates that the best refit does not beat.
+/// Candidates that the best refit does not beat, and how far it is ahead of the nearest that it beats.
 fn unbeaten(
     plan: &Plan,
     current: &Fitted,
@@ -130,13 +140,14 @@ fn unbeaten(
     best: &Refit,
     others: &[Refit],
     options: &FitOptions,
-) -> Result<Vec<usize>, IdentifyError> {
+) -> Result<(Vec<usize>, Option<Margin>), IdentifyError> {
     let in_play: Vec<usize> = (0..tested.tested.len())
         .filter(|&k| k != best.candidate && tested.score.candidates[k].rank > 0 && tested.score.candidates[k].admissible)
         .collect();
     let m = in_play.len().max(1) as f64;
     let bar = normal_quantile(1.0 - LEVEL / m);
     let mut out = Vec::new();
+    let mut nearest: Option<Margin> = None;
     for k in in_play {
         let Some(rival) = others.iter().find(|r| r.candidate == k) else {
             // not refitted: the linear rule, unless it was tried and rejected
@@ -149,10 +160,15 @@ fn unbeaten(
             }
             continue;
         };
-        if tested.score.candidates[best.candidate].credible(comparison(plan, best, rival, &best.fitted.noise)?) > bar {
+        let cause = &tested.causes[tested.tested[k]];
+        let ahead = comparison(plan, best, rival, &best.fitted.noise)?;
+        let ahead = tested.score.candidates[best.candidate].credible(ahead);
+        if ahead > bar {
+            if nearest.as_ref().is_none_or(|n| ahead < n.lead) {
+                nearest = Some(Margin { rival: cause.name.to_owned(), lead: ahead, needed: bar });
+            }
             continue;
         }
-        let cause = &tested.causes[tested.tested[k]];
         let both = refit(plan, &best.fitted, &cause.unknowns, options)?;
         let alpha = 0.5 * LEVEL / m;
         let adds = |without: &Fitted, dims: usize| chi2_sf((without.deviance - both.deviance).max(0.0), dims as f64) < alpha;
@@ -162,7 +178,7 @@ fn unbeaten(
     }
     let _ = current;
     out.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
-    Ok(out)
+    Ok((out, nearest))
 }
 
 fn symmetric(tested: &Tested, j: usize, k: usize) -> bool {

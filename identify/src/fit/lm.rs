@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// How a fit is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Smallest believed standard deviation of a reading [m].
+    /// Smallest believed standard deviation of a reading \[m\].
     pub noise_floor: f64,
     /// Most iterations per round.
     pub max_iterations: usize,
@@ -37,13 +37,13 @@ pub struct Fitted {
     pub values: Values,
     /// Records with their estimated initial states.
     pub records: Vec<RecordPlan>,
-    /// Measured − simulated of each record [m].
+    /// Measured − simulated of each record \[m\].
     pub residuals: Vec<Vec<f64>>,
     /// Noise model of the residuals.
     pub noise: ArModel,
     /// −2 log likelihood under the noise model.
     pub deviance: f64,
-    /// Root mean square of the residuals [m].
+    /// Root mean square of the residuals \[m\].
     pub rmse: f64,
     /// Iterations in all.
     pub iterations: usize,

@@ -4,7 +4,7 @@ use crate::error::IdentifyError;
 use crate::shoot::Plan;
 use crate::stats::ar::{ArModel, ArOptions, Order};
 
-/// σ floor of every channel [m]: half a quantisation step is seen as its standard deviation, `floor` is declared.
+/// σ floor of every channel \[m\]: half a quantisation step is seen as its standard deviation, `floor` is declared.
 pub fn floors(plan: &Plan, floor: f64) -> Vec<f64> {
     vec![floor.max(1e-9); plan.channels()]
 }

@@ -10,10 +10,10 @@ use pliant_engine::state::State;
 /// Growth of a small disturbance that is still harmless: one Lyapunov time.
 const GROWTH: f64 = std::f64::consts::E;
 
-/// Longest segment of a record whose initial state is unknown [s]: short enough to stay near the data while parameters are wrong.
+/// Longest segment of a record whose initial state is unknown \[s\]: short enough to stay near the data while parameters are wrong.
 const LONGEST: f64 = 0.5;
 
-/// Shortest segment [s]: a shorter one says little about forces.
+/// Shortest segment \[s\]: a shorter one says little about forces.
 const SHORTEST: f64 = 0.2;
 
 /// How the fitted records are shot.
@@ -21,12 +21,12 @@ const SHORTEST: f64 = 0.2;
 pub enum Cut {
     /// Segments joined by continuity constraints: the statistics are those of whole records.
     Joined,
-    /// Pieces of this length [s] on their own, each with an unknown initial state: the simulation is too sensitive to its
+    /// Pieces of this length \[s\] on their own, each with an unknown initial state: the simulation is too sensitive to its
     /// initial state to be followed for longer.
     Pieces(f64),
 }
 
-/// Gives every record its segments: of `length` [s] if given, else as long as a disturbance of the initial state takes to
+/// Gives every record its segments: of `length` \[s\] if given, else as long as a disturbance of the initial state takes to
 /// grow e-fold, at most half a second. Records that start at rest have one. The states of joined segments are left to
 /// [`approach`].
 ///
@@ -48,7 +48,7 @@ pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut,
     Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined })
 }
 
-/// Length of a record's segments [s], and the growth of a small disturbance over the record.
+/// Length of a record's segments \[s\], and the growth of a small disturbance over the record.
 fn segment_length(plan: &Plan, rec: &RecordPlan, values: &Values, length: Option<f64>) -> Result<(f64, f64), IdentifyError> {
     let whole = rec.inputs.len() as f64 * plan.model.step_length();
     if let Some(length) = length {

@@ -7,7 +7,7 @@
 //! The sample period must be a whole number of steps (within 2 %, so that jittering clocks pass), and samples may then fall a
 //! little beside the steps: [`Record::samples_in_steps`] says where.
 
-#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, not a link
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 mod advice;
 mod check;

@@ -1,10 +1,10 @@
 //! The scene with the estimates in place, as a scene file that says what was changed.
 
 use super::error::ReportError;
-use super::number::number_plain;
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Diagnosis, Estimate};
 use crate::log::{Experiment, RecordFile, Setup};
+use crate::number::number_plain;
 use pliant_engine::scene::Scene;
 use serde::Deserialize;
 use std::fmt::Write;

@@ -14,7 +14,6 @@ mod error;
 mod extended;
 mod folder;
 pub mod json;
-mod number;
 mod page;
 mod plot;
 mod reproduce;

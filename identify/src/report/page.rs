@@ -1,11 +1,11 @@
 //! The page: everything formatted here, placed by the template.
 
 use super::error::ReportError;
-use super::number::{millimetres, number, p_value, percent};
 use super::reproduce::{InputFile, Provenance, VERSION};
-use super::story::{self, estimate, list, longest, sentence, unit, words};
+use super::story::{self, estimate, list, longest, sentence, words};
 use super::{curves, shapes, stages};
 use crate::diagnose::{AuditFinding, CandidateReport, Diagnosis, Estimate, Gain, Status};
+use crate::number::{millimetres, number, p_value, percent, unit};
 use minijinja::{Environment, Value, context};
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! Drawing axes, lines and dots as SVG. Colours are CSS classes, so that the page decides them for light and dark.
 
-use super::number::number;
+use crate::number::number;
 use std::fmt::Write;
 
 /// A point to draw; not drawn unless finite.

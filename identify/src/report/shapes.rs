@@ -1,8 +1,8 @@
 //! Pictures of the rope: measured against simulated, before and after.
 
-use super::number::number;
 use super::plot::{Frame, Point, range};
 use crate::diagnose::Snapshot;
+use crate::number::number;
 
 /// Pictures at most.
 const MOST: usize = 4;
@@ -133,7 +133,7 @@ mod tests {
         let after = vec![[0.0, 0.0, 0.0], [1.0, 0.3, -1.0], [2.0, 0.0, 0.0]];
         let view = View::of(&[Snapshot { before, after, ..Snapshot::default() }]);
         assert!(view.up.ends_with("seen from above"));
-        assert_eq!((name(0.0), name(-1.5707)), ("x [m]".to_owned(), "−y [m]".to_owned()));
+        assert_eq!((name(0.0), name(-std::f64::consts::FRAC_PI_2)), ("x [m]".to_owned(), "−y [m]".to_owned()));
     }
 
     #[test]

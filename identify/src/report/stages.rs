@@ -1,9 +1,9 @@
 //! The error after each accepted cause, as bars.
 
-use super::number::millimetres;
 use super::plot::escape;
 use super::story::words;
 use crate::diagnose::Stage;
+use crate::number::millimetres;
 use std::fmt::Write;
 
 const WIDTH: f64 = 760.0;

@@ -1,7 +1,7 @@
 //! The verdict in words: one sentence, and a summary for a terminal.
 
-use super::number::{number, number_plain};
 use crate::diagnose::{Diagnosis, Estimate, Gain, Verdict};
+use crate::number::{number, number_plain, unit};
 use std::fmt::Write;
 
 /// The verdict as one sentence.
@@ -126,11 +126,6 @@ pub(super) fn list(items: &[String], last: &str) -> String {
 /// Estimate, interval and unit.
 pub(super) fn estimate(e: &Estimate) -> String {
     format!("{} {}", number(e.estimate), unit(&e.unit))
-}
-
-/// A unit, unless there is none.
-pub(super) fn unit(unit: &str) -> &str {
-    if unit == "-" { "" } else { unit }
 }
 
 fn plain(e: &Estimate) -> String {

@@ -52,7 +52,7 @@ pub struct Plan {
     pub fitted: Vec<RecordPlan>,
     /// Held-out records.
     pub held_out: Vec<RecordPlan>,
-    /// Time from which the initial state of held-out records is estimated [s].
+    /// Time from which the initial state of held-out records is estimated \[s\].
     pub lead_in: f64,
 }
 

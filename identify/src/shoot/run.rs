@@ -17,7 +17,7 @@ pub struct ShotWants<'a> {
     pub unknowns: &'a [Unknown],
     /// Derivatives at all (by the record's initial state and by `unknowns`).
     pub tangents: bool,
-    /// Stop after this time [s].
+    /// Stop after this time \[s\].
     pub until: Option<f64>,
     /// Keep the states.
     pub states: bool,
@@ -26,9 +26,9 @@ pub struct ShotWants<'a> {
 /// A simulated record. Matrices are row-major over rows (time, marker, axis).
 #[derive(Clone, Debug, Default)]
 pub struct Shot {
-    /// Simulated readings [m].
+    /// Simulated readings \[m\].
     pub predicted: Vec<f64>,
-    /// Measured − simulated, the accumulated defects taken off [m]; 0 where nothing was measured.
+    /// Measured − simulated, the accumulated defects taken off \[m\]; 0 where nothing was measured.
     pub residual: Vec<f64>,
     /// rows × own columns: ∂(reading)/∂z.
     pub own: Vec<f64>,
@@ -38,7 +38,7 @@ pub struct Shot {
     pub global: Vec<f64>,
     /// Tangents (own, unknowns, defect) at each segment start.
     pub boundary: Vec<Tangent>,
-    /// Norm of the defects [m] (velocities times the step).
+    /// Norm of the defects \[m\] (velocities times the step).
     pub defect: f64,
     /// States at all steps, if wanted.
     pub states: Vec<State>,

@@ -11,7 +11,7 @@ use pliant_engine::step::StepError;
 
 /// Samples of the local quadratic that gives positions and velocities at the start.
 const SAMPLES: usize = 9;
-/// Standard deviations of the prior of an observed node [m], [m/s].
+/// Standard deviations of the prior of an observed node \[m\], [m/s].
 const SEEN: (f64, f64) = (2e-3, 0.05);
 /// Of a node between observed ones.
 const UNSEEN: (f64, f64) = (1e-2, 0.3);
@@ -23,7 +23,7 @@ pub struct StartState {
     pub mean: State,
     /// Free dofs of q (and of v); empty where nothing is unknown.
     pub dofs: Vec<usize>,
-    /// L for the positions: the first half of z moves them [m].
+    /// L for the positions: the first half of z moves them \[m\].
     pub position: DMatrix<f64>,
     /// L for the velocities: the second half of z [m/s].
     pub velocity: DMatrix<f64>,

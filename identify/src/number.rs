@@ -3,7 +3,7 @@
 const SUPERSCRIPTS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
 
 /// Three significant digits: `0.0123`, `1.23×10⁻⁵`.
-pub(super) fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     let Some((mantissa, exponent)) = digits(x, 3) else { return special(x) };
     if (-3..5).contains(&exponent) {
         return plain(x, 3, exponent);
@@ -15,7 +15,7 @@ pub(super) fn number(x: f64) -> String {
 }
 
 /// The same for terminals: `1.23e-5`.
-pub(super) fn number_plain(x: f64) -> String {
+pub(crate) fn number_plain(x: f64) -> String {
     match digits(x, 3) {
         Some((_, exponent)) if (-3..5).contains(&exponent) => plain(x, 3, exponent).replace('−', "-"),
         Some((mantissa, exponent)) => format!("{mantissa}e{exponent}"),
@@ -24,17 +24,22 @@ pub(super) fn number_plain(x: f64) -> String {
 }
 
 /// A length [m] in mm.
-pub(super) fn millimetres(x: f64) -> String {
+pub(crate) fn millimetres(x: f64) -> String {
     format!("{} mm", number(1e3 * x))
 }
 
 /// A fraction in per cent.
-pub(super) fn percent(x: f64) -> String {
+pub(crate) fn percent(x: f64) -> String {
     if x.is_finite() { format!("{:.0} %", 100.0 * x).replace('-', "−") } else { special(x) }
 }
 
+/// A unit, unless there is none.
+pub(crate) fn unit(unit: &str) -> &str {
+    if unit == "-" { "" } else { unit }
+}
+
 /// A p-value.
-pub(super) fn p_value(p: f64) -> String {
+pub(crate) fn p_value(p: f64) -> String {
     if p < 1e-12 { "< 10⁻¹²".to_owned() } else { number(p) }
 }
 

@@ -1,0 +1,128 @@
+//! Why causes are named, in words.
+
+use super::result::{Cause, Estimate, Gain};
+use super::select::Margin;
+use crate::number::{number_plain, unit};
+
+/// Name of the cause that lies in the simulation itself.
+pub(super) const DISCRETISATION: &str = "discretisation";
+
+/// Which causes, of what size, how far ahead of the nearest rival, and what they gain on records that were not fitted.
+///
+/// `margins` belong to the accepted causes that had a rival to beat.
+pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (&'a str, &'a Margin)>, gain: &[Gain]) -> String {
+    let (numerics, physics): (Vec<&Cause>, Vec<&Cause>) = causes.iter().partition(|c| c.name == DISCRETISATION);
+    let mut out = Vec::new();
+    if !physics.is_empty() {
+        let all: Vec<String> = physics.iter().map(|c| format!("{}: {}", c.name, sizes(c))).collect();
+        let least = number_plain(physics.iter().map(|c| c.statistic).fold(f64::INFINITY, f64::min));
+        let proof = if all.len() == 1 {
+            format!("its likelihood-ratio statistic is {least}")
+        } else {
+            format!("taking any of them away costs a likelihood-ratio statistic of {least} or more")
+        };
+        out.push(format!("The data call for {}; {proof}.", all.join(", and for ")));
+    }
+    for e in numerics.iter().flat_map(|c| &c.parameters) {
+        let [needed, scene] = [e.estimate, e.scene_value].map(number_plain);
+        out.push(format!(
+            "The simulation's own step of {scene} {0} is too coarse for these data, {needed} {0} would do.",
+            e.unit
+        ));
+    }
+    if !physics.is_empty() {
+        let nearest = margins.min_by(|(_, a), (_, b)| (a.lead / a.needed).total_cmp(&(b.lead / b.needed)));
+        let rival = match nearest {
+            Some((name, m)) => format!(
+                "The rival nearest to {name}, {}, is beaten by {:.1} standard errors ({:.1} are needed)",
+                m.rival, m.lead, m.needed
+            ),
+            None => "No rival was left to beat after the refits".to_owned(),
+        };
+        out.push(format!("{rival}, and {}.", held_out(gain)));
+    }
+    out.join(" ")
+}
+
+/// Every parameter with interval and unit.
+fn sizes(cause: &Cause) -> String {
+    cause.parameters.iter().map(size).collect::<Vec<_>>().join(", ")
+}
+
+fn size(e: &Estimate) -> String {
+    let [low, high] = e.interval.map(number_plain);
+    let value = format!("{} {}", number_plain(e.estimate), unit(&e.unit));
+    format!("{} = {} (90 % interval {low} to {high}, scene {})", e.path, value.trim_end(), number_plain(e.scene_value))
+}
+
+/// Over the longest horizon.
+fn held_out(gain: &[Gain]) -> String {
+    let Some(g) = gain.iter().max_by(|a, b| a.horizon_s.total_cmp(&b.horizon_s)) else {
+        return "no record was held out to check this on".to_owned();
+    };
+    let moves = if g.rmse_after < g.rmse_before { "falls" } else { "rises" };
+    let [before, after] = [g.rmse_before, g.rmse_after].map(|rmse| number_plain(1e3 * rmse));
+    format!("the error on held-out records {moves} from {before} to {after} mm (RMSE over {} s)", number_plain(g.horizon_s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
+        let interval = [0.9 * estimate, 1.1 * estimate];
+        let parameter = Estimate { path: path.into(), estimate, unit: unit.into(), interval, scene_value: 0.0 };
+        Cause { name: name.into(), meaning: String::new(), parameters: vec![parameter], statistic, rivals: Vec::new() }
+    }
+
+    fn margin(rival: &str, lead: f64) -> Margin {
+        Margin { rival: rival.into(), lead, needed: 2.5 }
+    }
+
+    #[test]
+    fn one_cause_comes_with_size_rival_and_gain() {
+        let gain = |horizon_s: f64, rmse_after: f64| Gain {
+            horizon_s,
+            rmse_before: 4e-3,
+            rmse_after,
+            unit: "m".into(),
+            interval: [1.0, 2.0],
+            explained_fraction: 0.9,
+            mean_abs: [0.0; 2],
+        };
+        let (damping, drag) = (cause("internal_damping", "cable.bend_damping", 5e-5, "N·m²·s", 1e4), margin("linear_drag", 41.0));
+        let text = named(&[damping], [("internal_damping", &drag)].into_iter(), &[gain(0.1, 3e-3), gain(4.0, 1e-3)]);
+        assert_eq!(
+            text,
+            "The data call for internal_damping: cable.bend_damping = 5e-5 N·m²·s (90 % interval 4.5e-5 to 5.5e-5, scene 0); \
+             its likelihood-ratio statistic is 10000. The rival nearest to internal_damping, linear_drag, is beaten by 41.0 \
+             standard errors (2.5 are needed), and the error on held-out records falls from 4 to 1 mm (RMSE over 4 s)."
+        );
+    }
+
+    #[test]
+    fn several_causes_tell_the_closest_decision() {
+        let causes = [
+            cause("sensor_scale", "sensor.scale", 1.02, "-", 300.0),
+            cause("internal_damping", "cable.bend_damping", 5e-5, "N·m²·s", 200.0),
+            cause(DISCRETISATION, "time.step", 0.002, "s", 0.5),
+        ];
+        let (near, far) = (margin("gravity_tilt", 3.0), margin("linear_drag", 30.0));
+        let text = named(&causes, [("sensor_scale", &far), ("internal_damping", &near)].into_iter(), &[]);
+        assert!(text.starts_with("The data call for sensor_scale: sensor.scale = 1.02 (90 %"), "{text}");
+        for part in [
+            ", and for internal_damping: cable.bend_damping = 5e-5",
+            "costs a likelihood-ratio statistic of 200 or more. The simulation's own step of 0 s is too coarse",
+            ", 0.002 s would do. The rival nearest to internal_damping, gravity_tilt, is beaten by 3.0 ",
+            "and no record was held out to check this on.",
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_step_too_coarse_has_no_rival() {
+        let text = named(&[cause(DISCRETISATION, "time.step", 0.002, "s", 0.5)], [].into_iter(), &[]);
+        assert_eq!(text, "The simulation's own step of 0 s is too coarse for these data, 0.002 s would do.");
+    }
+}
