@@ -104,6 +104,8 @@ pub struct CandidateReport {
 pub struct Remainder {
     /// Whether it is more than noise.
     pub significant: bool,
+    /// Whether it depends on the grippers' motion: dynamics are missing.
+    pub by_input: bool,
     /// Root mean square of the final residual on the fitted records [m].
     pub rmse: f64,
     /// Unit of `rmse`.

@@ -81,6 +81,7 @@ pub(super) fn diagnosis() -> Diagnosis {
         alternatives: Vec::new(),
         advice: Vec::new(),
         remainder: Remainder {
+            by_input: false,
             significant: false,
             rmse: 1.1e-3,
             unit: "m".into(),
