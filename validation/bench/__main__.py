@@ -120,7 +120,7 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m validation.bench")
     parser.add_argument("--json", action="store_true", help="machine-readable output")
     parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds")
-    parser.add_argument("--repeats", type=int, default=200, help="pliant's units per round")
+    parser.add_argument("--repeats", type=int, default=240, help="pliant's units per round")
     parser.add_argument("--sizes", type=int, nargs="*", default=[20], help="nodes, with peers")
     parser.add_argument("--growth", type=int, nargs="*", default=[20, 60, 200, 500, 1000])
     parser.add_argument(
@@ -134,9 +134,9 @@ def main():
             rows += measure(work, size, options.rounds, options.repeats, options.jax)
     rows += own_rollout(options.rounds, options.repeats)
     rows += growth(options.growth, min(options.rounds, 5), options.repeats)
-    result = {"schema_version": 1, "machine": describe(), "command": sys.argv[1:], "rows": rows}
     if options.json:
-        print(json.dumps(result, indent=2))
+        about = {"machine": describe(), "command": sys.argv[1:]}
+        print(json.dumps([row | about for row in rows], indent=2))
     else:
         from validation.bench.page import table
 

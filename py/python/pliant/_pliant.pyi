@@ -278,7 +278,7 @@ def bench(
     work: Literal["step", "linearize", "rollout", "rollout_vjp"],
     repeats: int,
 ) -> float:
-    """Median seconds per unit of work over `repeats` units, without Python in the figure.
+    """Seconds per unit of work over `repeats` units (steps: mean, rollouts: median), without Python in the figure.
 
     step: one step without records, along the scene's rollout. linearize: one step with its record
     and its Jacobians A and B. rollout: all steps of the scene without records. rollout_vjp: the
