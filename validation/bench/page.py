@@ -15,7 +15,7 @@ node in contact), in `rope_step_sliding` it slides over one (1 m/s, friction 0.1
 by its own loop in Rust, MuJoCo by `mj_step(..., nstep)` in C; the parties take turns, each figure
 is the median over the rounds of the mean over 240 steps, one thread. *ratio* = pliant / peer: below 1, pliant is faster.
 
-What is not equal: pliant solves each step to 10⁻¹⁰ of the velocity scale and keeps the exact
+What is not equal: pliant solves each step to 10⁻¹² of the velocity scale and keeps the exact
 Jacobian; MuJoCo takes one linearized, positive semi-definite step at its default tolerance, holds
 the edges by a soft constraint instead of EA, and (unless "without twist") carries a hinge per
 edge. `mjd_transitionFD` gives forward differences in the state; pliant's Jacobian also covers the
