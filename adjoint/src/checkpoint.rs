@@ -6,10 +6,11 @@
 use crate::AdjointError;
 use crate::rollout::{RolloutCotangent, add, check, pull_back};
 use crate::step::Cotangent;
+use crate::surrogate::{Chain, Smoothing, Warm};
 use pliant_engine::model::Model;
 use pliant_engine::rollout::Rollout;
 use pliant_engine::state::State;
-use pliant_engine::step::{StepOptions, Stepper};
+use pliant_engine::step::{StepOptions, StepTrace};
 use std::sync::Arc;
 
 /// A rollout without records: its states, and what is needed to recompute any segment.
@@ -23,10 +24,13 @@ pub struct CheckpointedRollout {
     pub controls: Vec<Vec<f64>>,
     /// States x₀ … x_T.
     pub states: Vec<State>,
+    /// What happened in each step.
+    pub traces: Vec<StepTrace>,
     /// Steps between checkpoints.
     pub segment: usize,
     options: StepOptions,
-    warm: Vec<Vec<nalgebra::Vector4<f64>>>,
+    smoothing: Option<Smoothing>,
+    warm: Vec<Warm>,
 }
 
 /// Rolls out keeping records of at most `max_records` steps at a time.
@@ -38,14 +42,28 @@ pub fn checkpointed_rollout(
     options: StepOptions,
     max_records: usize,
 ) -> Result<CheckpointedRollout, AdjointError> {
+    checkpointed(model, theta, x0, controls, options, None, max_records)
+}
+
+/// Checkpoints hold what every chain of steps needs, those that are only recorded included.
+pub(crate) fn checkpointed(
+    model: &Arc<Model>,
+    theta: &[f64],
+    x0: &State,
+    controls: &[Vec<f64>],
+    options: StepOptions,
+    smoothing: Option<Smoothing>,
+    max_records: usize,
+) -> Result<CheckpointedRollout, AdjointError> {
     let segment = max_records.max(1);
-    let (mut states, mut warm, mut state) = (vec![x0.clone()], Vec::new(), x0.clone());
-    let mut stepper = Stepper::new(model, theta, StepOptions { record: false, ..options })?;
+    let (mut states, mut traces, mut warm, mut state) = (vec![x0.clone()], Vec::new(), Vec::new(), x0.clone());
+    let mut chain = Chain::new(model, theta, StepOptions { record: false, ..options }, smoothing)?;
     for (k, u) in controls.iter().enumerate() {
         if k % segment == 0 {
-            warm.push(stepper.warm_start().to_vec());
+            warm.push(chain.warm());
         }
-        stepper.step(&mut state, u).map_err(|e| e.at_step(k))?;
+        let (trace, _) = chain.step(&mut state, u).map_err(|e| e.at_step(k))?;
+        traces.push(trace);
         states.push(state.clone());
     }
     Ok(CheckpointedRollout {
@@ -53,8 +71,10 @@ pub fn checkpointed_rollout(
         theta: theta.to_vec(),
         controls: controls.to_vec(),
         states,
+        traces,
         segment,
         options,
+        smoothing,
         warm,
     })
 }
@@ -80,13 +100,14 @@ impl CheckpointedRollout {
         Ok(out)
     }
 
-    fn replay(&self, first: usize, last: usize, warm: &[nalgebra::Vector4<f64>]) -> Result<Rollout, AdjointError> {
-        let mut stepper = Stepper::new(&self.model, &self.theta, StepOptions { record: true, ..self.options })?;
-        stepper.set_warm_start(warm);
+    fn replay(&self, first: usize, last: usize, warm: &Warm) -> Result<Rollout, AdjointError> {
+        let options = StepOptions { record: true, ..self.options };
+        let mut chain = Chain::new(&self.model, &self.theta, options, self.smoothing)?;
+        chain.set_warm(warm);
         let mut state = self.states[first].clone();
         let mut records = Vec::with_capacity(last - first);
         for (k, u) in self.controls[first..last].iter().enumerate() {
-            let (_, record) = stepper.step(&mut state, u).map_err(|e| e.at_step(first + k))?;
+            let (_, record) = chain.step(&mut state, u).map_err(|e| e.at_step(first + k))?;
             records.extend(record);
         }
         Ok(Rollout {

@@ -15,6 +15,7 @@ mod rollout;
 mod seeds;
 mod stage;
 mod step;
+mod surrogate;
 mod tangent;
 
 pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};
@@ -23,6 +24,7 @@ pub use linearize::{Linearization, linearize};
 pub use rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
 pub use seeds::Seeds;
 pub use step::{Cotangent, Tangent};
+pub use surrogate::{Along, Smoothing, Surrogate, surrogate_checkpointed_rollout, surrogate_rollout};
 pub use tangent::TangentStepper;
 
 /// Why a derivative could not be taken.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 const G: f64 = 9.81;
 const NODES: [usize; 4] = [21, 41, 81, 161];
-const NO_RECORD: StepOptions = StepOptions { record: false, rest_gap: None, max_halvings: None };
+const NO_RECORD: StepOptions = StepOptions { record: false, max_halvings: None };
 
 fn build(scene: &Scene) -> Arc<Model> {
     Arc::new(ModelBuilder::new(scene).unwrap().build())

@@ -17,7 +17,6 @@ type Stack<'py> = Bound<'py, PyArray3<f64>>;
 #[pyclass(module = "pliant", frozen)]
 pub struct Batch {
     kept: Vec<Arc<Trajectory>>,
-    surrogate: bool,
     threads: Option<usize>,
 }
 
@@ -58,14 +57,14 @@ impl Job {
     }
 
     /// Simulates all; the error is that of the first rollout that fails.
-    pub fn run(&self, py: Python<'_>, threads: Option<usize>, surrogate: bool) -> PyResult<Batch> {
+    pub fn run(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<Batch> {
         let one = |b: usize| {
             let u = &self.us[if self.us.len() == 1 { 0 } else { b }];
             let theta = &self.thetas[if self.thetas.len() == 1 { 0 } else { b }];
             self.keep.run(&self.model, theta, &self.x0s[b], u).map(Arc::new)
         };
         let results = py.detach(|| in_parallel(threads, self.x0s.len(), one))?;
-        Ok(Batch { kept: first_failure(py, results)?, surrogate, threads })
+        Ok(Batch { kept: first_failure(py, results)?, threads })
     }
 }
 
@@ -143,7 +142,7 @@ impl Batch {
         let n = self.kept.len();
         let index = if b < 0 { b + n as isize } else { b };
         match usize::try_from(index).ok().and_then(|i| self.kept.get(i)) {
-            Some(kept) => wrap(py, Arc::clone(kept), self.surrogate),
+            Some(kept) => wrap(py, Arc::clone(kept)),
             None => Err(pyo3::exceptions::PyIndexError::new_err(format!("there is no rollout {b}: the batch has {n}"))),
         }
     }

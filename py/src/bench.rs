@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
 
-const FORWARD: StepOptions = StepOptions { record: false, rest_gap: None, max_halvings: None };
-const RECORDED: StepOptions = StepOptions { record: true, rest_gap: None, max_halvings: None };
+const FORWARD: StepOptions = StepOptions { record: false, max_halvings: None };
+const RECORDED: StepOptions = StepOptions { record: true, max_halvings: None };
 
 /// Seconds per unit of work over `repeats` units: the mean of "step" or "linearize", the median of "rollout" or "rollout_vjp".
 #[pyfunction]

@@ -64,14 +64,6 @@ impl Model {
         control_rows(&self.scene, n_steps.unwrap_or_else(|| self.scene.time.n_steps())).map_err(input)
     }
 
-    fn keep(&self, record: bool, max_records: Option<usize>, rest_gap: Option<f64>) -> PyResult<(Keep, bool)> {
-        if let Some(gap) = rest_gap.filter(|gap| !(gap.is_finite() && *gap > 0.0)) {
-            return Err(input(format!("rest_gap is {gap} m, but must be positive")));
-        }
-        let surrogate = rest_gap.is_some_and(|gap| gap != self.scene.contact.rest_gap);
-        Ok((Keep { step: StepOptions { record, rest_gap, ..StepOptions::default() }, max_records }, surrogate))
-    }
-
     fn index(&self, path: &str) -> PyResult<usize> {
         let params = self.model.params();
         params.find(path).ok_or_else(|| {
@@ -217,7 +209,7 @@ impl Model {
     }
 
     /// Simulates from x0 (nx,) through u (T, nu). See the stubs for the options.
-    #[pyo3(signature = (x0, u, theta=None, *, record=true, max_records=None, rest_gap=None))]
+    #[pyo3(signature = (x0, u, theta=None, *, record=true, max_records=None, rest_gap=None, states="smooth"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn rollout<'py>(
         &self,
@@ -228,17 +220,18 @@ impl Model {
         record: bool,
         max_records: Option<usize>,
         rest_gap: Option<f64>,
+        states: &str,
     ) -> PyResult<Bound<'py, PyAny>> {
         let x0 = vector("x0", x0, 2 * self.model.nq())?;
         let u = matrix("u", u, None, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
-        let (keep, surrogate) = self.keep(record, max_records, rest_gap)?;
+        let keep = Keep::new(&self.model, record, max_records, rest_gap, states)?;
         let kept = py.detach(|| keep.run(&self.model, &theta, &x0, &u))?;
-        wrap(py, Arc::new(kept), surrogate)
+        wrap(py, Arc::new(kept))
     }
 
     /// Simulates many at once: x0s (batch, nx), us (batch, T, nu) or (T, nu), thetas (batch, n_params) or (n_params,).
-    #[pyo3(signature = (x0s, us, thetas=None, *, threads=None, record=true, max_records=None, rest_gap=None))]
+    #[pyo3(signature = (x0s, us, thetas=None, *, threads=None, record=true, max_records=None, rest_gap=None, states="smooth"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn rollout_batch<'py>(
         &self,
@@ -250,9 +243,10 @@ impl Model {
         record: bool,
         max_records: Option<usize>,
         rest_gap: Option<f64>,
+        states: &str,
     ) -> PyResult<Batch> {
-        let (keep, surrogate) = self.keep(record, max_records, rest_gap)?;
-        Job::read(&self.model, x0s, us, thetas, keep)?.run(py, threads, surrogate)
+        let keep = Keep::new(&self.model, record, max_records, rest_gap, states)?;
+        Job::read(&self.model, x0s, us, thetas, keep)?.run(py, threads)
     }
 
     /// Solves for rest with inputs u (nu,); `guess` (nq,) or (n_nodes, 3) [m], else the scene's initial shape.

@@ -2,19 +2,23 @@
 
 use crate::errors;
 use pliant::{
-    CheckpointedRollout, Differentiate, Model, Rollout, RolloutCotangent, State, StepOptions, StepTrace, checkpointed_rollout,
-    rollout,
+    Along, CheckpointedRollout, Differentiate, Linearization, Model, Rollout, RolloutCotangent, Smoothing, State, StepOptions,
+    StepTrace, Surrogate, checkpointed_rollout, rollout, surrogate_checkpointed_rollout, surrogate_rollout,
 };
-use pyo3::PyErr;
+use pyo3::{PyErr, PyResult};
 use std::sync::Arc;
 
-/// Records of all steps, or of none, or checkpoints from which they are recomputed.
+/// Records of all steps or of none, or checkpoints from which they are recomputed; of the scene's contact or of a smoother one.
 #[derive(Debug)]
 pub enum Trajectory {
     /// All at once.
     Whole(Rollout),
     /// At most so many at a time.
     Checkpointed(CheckpointedRollout),
+    /// All at once, of a smoother contact.
+    Smoothed(Surrogate<Rollout>),
+    /// At most so many at a time, of a smoother contact.
+    SmoothedCheckpointed(Surrogate<CheckpointedRollout>),
 }
 
 /// What a simulation keeps.
@@ -24,48 +28,92 @@ pub struct Keep {
     pub step: StepOptions,
     /// Largest number of records in memory.
     pub max_records: Option<usize>,
+    /// The contact that is differentiated; the scene's own if `None`.
+    pub smoothing: Option<Smoothing>,
 }
 
 impl Keep {
+    /// From the keyword arguments `record`, `max_records`, `rest_gap` and `states`; the scene's own rest gap is no surrogate.
+    pub fn new(model: &Model, record: bool, max_records: Option<usize>, rest_gap: Option<f64>, states: &str) -> PyResult<Self> {
+        let along = match states {
+            "smooth" => Along::Smooth,
+            "hard" => Along::Hard,
+            other => return Err(errors::input(format!("states is \"{other}\", but must be \"smooth\" or \"hard\""))),
+        };
+        let smoothing = match rest_gap {
+            Some(gap) if !(gap.is_finite() && gap > 0.0) => {
+                return Err(errors::input(format!("rest_gap is {gap} m, but must be positive")));
+            }
+            None if along == Along::Hard => {
+                return Err(errors::input("states = \"hard\" needs a rest_gap: that of the steps to differentiate"));
+            }
+            gap => gap.filter(|gap| *gap != model.rest_gap()).map(|rest_gap| Smoothing { rest_gap, along }),
+        };
+        Ok(Self { step: StepOptions { record, ..StepOptions::default() }, max_records, smoothing })
+    }
+
     /// Simulates.
     pub fn run(self, model: &Arc<Model>, theta: &[f64], x0: &[f64], u: &[Vec<f64>]) -> Result<Trajectory, PyErr> {
-        let x0 = State::from_flat(x0);
-        match self.max_records {
-            Some(records) if records < u.len() && self.step.record => {
-                let kept = checkpointed_rollout(model, theta, &x0, u, self.step, records).map_err(errors::adjoint)?;
-                Ok(Trajectory::Checkpointed(kept))
+        let (x0, step) = (State::from_flat(x0), self.step);
+        let records = self.max_records.filter(|&records| records < u.len() && step.record);
+        match (self.smoothing, records) {
+            (None, None) => return rollout(model, theta, &x0, u, step).map(Trajectory::Whole).map_err(errors::step),
+            (None, Some(most)) => checkpointed_rollout(model, theta, &x0, u, step, most).map(Trajectory::Checkpointed),
+            (Some(smoothing), None) => surrogate_rollout(model, theta, &x0, u, step, smoothing).map(Trajectory::Smoothed),
+            (Some(smoothing), Some(most)) => {
+                surrogate_checkpointed_rollout(model, theta, &x0, u, step, smoothing, most).map(Trajectory::SmoothedCheckpointed)
             }
-            _ => rollout(model, theta, &x0, u, self.step).map(Trajectory::Whole).map_err(errors::step),
         }
+        .map_err(errors::adjoint)
     }
+}
+
+/// What both kinds of trajectory carry.
+macro_rules! of_either {
+    ($self:ident, $r:ident => $what:expr) => {
+        match $self {
+            Trajectory::Whole($r) => $what,
+            Trajectory::Checkpointed($r) => $what,
+            Trajectory::Smoothed(marked) => {
+                let $r = marked.as_ref();
+                $what
+            }
+            Trajectory::SmoothedCheckpointed(marked) => {
+                let $r = marked.as_ref();
+                $what
+            }
+        }
+    };
 }
 
 impl Trajectory {
     pub fn model(&self) -> &Arc<Model> {
-        match self {
-            Self::Whole(r) => &r.model,
-            Self::Checkpointed(r) => &r.model,
-        }
+        of_either!(self, r => &r.model)
     }
 
     pub fn theta(&self) -> &[f64] {
-        match self {
-            Self::Whole(r) => &r.theta,
-            Self::Checkpointed(r) => &r.theta,
-        }
+        of_either!(self, r => &r.theta)
     }
 
     pub fn states(&self) -> &[State] {
-        match self {
-            Self::Whole(r) => &r.states,
-            Self::Checkpointed(r) => &r.states,
-        }
+        of_either!(self, r => &r.states)
     }
 
     pub fn controls(&self) -> &[Vec<f64>] {
+        of_either!(self, r => &r.controls)
+    }
+
+    /// What happened in each step.
+    pub fn traces(&self) -> &[StepTrace] {
+        of_either!(self, r => &r.traces)
+    }
+
+    /// The contact that is differentiated, if it is not the scene's.
+    pub fn smoothing(&self) -> Option<Smoothing> {
         match self {
-            Self::Whole(r) => &r.controls,
-            Self::Checkpointed(r) => &r.controls,
+            Self::Whole(_) | Self::Checkpointed(_) => None,
+            Self::Smoothed(r) => Some(r.smoothing()),
+            Self::SmoothedCheckpointed(r) => Some(r.smoothing()),
         }
     }
 
@@ -74,41 +122,40 @@ impl Trajectory {
         self.states().iter().flat_map(State::to_flat).collect()
     }
 
-    /// What happened in each step; not kept with checkpoints.
-    pub fn traces(&self) -> Option<&[StepTrace]> {
-        match self {
-            Self::Whole(r) => Some(&r.traces),
-            Self::Checkpointed(_) => None,
-        }
-    }
-
-    pub fn vjp(&self, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, PyErr> {
+    pub fn vjp(&self, x_bar: &[Vec<f64>]) -> PyResult<RolloutCotangent> {
         match self {
             Self::Whole(r) => r.vjp(x_bar),
             Self::Checkpointed(r) => r.vjp(x_bar),
+            Self::Smoothed(r) => r.vjp(x_bar).map(Surrogate::into_unmarked),
+            Self::SmoothedCheckpointed(r) => r.vjp(x_bar).map(Surrogate::into_unmarked),
         }
         .map_err(errors::adjoint)
     }
 
-    pub fn jvp(
-        &self,
-        x0_dot: Option<&[f64]>,
-        u_dot: Option<&[Vec<f64>]>,
-        theta_dot: Option<&[f64]>,
-    ) -> Result<Vec<Vec<f64>>, PyErr> {
-        self.whole("jvp")?.jvp(x0_dot, u_dot, theta_dot).map_err(errors::adjoint)
+    pub fn jvp(&self, x0_dot: Option<&[f64]>, u_dot: Option<&[Vec<f64>]>, theta_dot: Option<&[f64]>) -> PyResult<Vec<Vec<f64>>> {
+        match self {
+            Self::Whole(r) => r.jvp(x0_dot, u_dot, theta_dot),
+            Self::Smoothed(r) => r.jvp(x0_dot, u_dot, theta_dot).map(Surrogate::into_unmarked),
+            Self::Checkpointed(_) | Self::SmoothedCheckpointed(_) => return Err(self.only_checkpoints("jvp")),
+        }
+        .map_err(errors::adjoint)
     }
 
-    /// All records, or an error that says how to keep them.
-    pub fn whole(&self, what: &str) -> Result<&Rollout, PyErr> {
+    pub fn linearize(&self, k: usize) -> PyResult<Linearization> {
         match self {
-            Self::Whole(r) => Ok(r),
-            Self::Checkpointed(r) => Err(errors::input(format!(
-                "{what} needs the records of all {} steps, but this rollout keeps at most {} at a time: simulate it without \
-                 `max_records`",
-                r.controls.len(),
-                r.segment
-            ))),
+            Self::Whole(r) => r.linearize(k),
+            Self::Smoothed(r) => r.linearize(k).map(Surrogate::into_unmarked),
+            Self::Checkpointed(_) | Self::SmoothedCheckpointed(_) => return Err(self.only_checkpoints("linearize")),
         }
+        .map_err(errors::adjoint)
+    }
+
+    /// Says how to keep all records.
+    fn only_checkpoints(&self, what: &str) -> PyErr {
+        errors::input(format!(
+            "{what} needs the records of all {} steps, but this rollout keeps only some at a time: simulate it without \
+             `max_records`",
+            self.controls().len()
+        ))
     }
 }

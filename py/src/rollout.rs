@@ -1,10 +1,10 @@
 //! A trajectory and its derivatives.
 
 use crate::convert::{matrix, optional_matrix, optional_vector, rows_to_matrix, to_matrix, to_vector};
-use crate::errors::{self, input};
+use crate::errors::input;
 use crate::options::Trajectory;
 use numpy::{PyArray1, PyArray2};
-use pliant::{Differentiate, Linearization, RolloutCotangent, State, StepTrace};
+use pliant::{Along, Linearization, RolloutCotangent, State, StepTrace};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -17,18 +17,33 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 pub struct Rollout {
     pub kept: Arc<Trajectory>,
     x: Py<PyArray2<f64>>,
-    surrogate: bool,
 }
 
-/// A rollout at another rest gap than the scene's: its states and derivatives are those of a smoother contact.
+/// A rollout whose derivatives are those of another rest gap than the scene's.
 #[pyclass(module = "pliant", extends = Rollout, frozen)]
 pub struct SurrogateRollout;
 
-/// A `Rollout`, or a `SurrogateRollout` if it is not the scene's own contact that was simulated.
-pub fn wrap(py: Python<'_>, kept: Arc<Trajectory>, surrogate: bool) -> PyResult<Bound<'_, PyAny>> {
+#[pymethods]
+impl SurrogateRollout {
+    /// Rest gap [m] of the steps that are differentiated.
+    #[getter]
+    fn rest_gap(this: PyRef<'_, Self>) -> Option<f64> {
+        this.as_super().kept.smoothing().map(|s| s.rest_gap)
+    }
+
+    /// Whose states `x` are: "smooth", the smoothed rollout's own, or "hard", those of the scene's contact.
+    #[getter]
+    fn states(this: PyRef<'_, Self>) -> Option<&'static str> {
+        this.as_super().kept.smoothing().map(|s| if s.along == Along::Hard { "hard" } else { "smooth" })
+    }
+}
+
+/// A `Rollout`, or a `SurrogateRollout` if it is not the scene's own contact that is differentiated.
+pub fn wrap(py: Python<'_>, kept: Arc<Trajectory>) -> PyResult<Bound<'_, PyAny>> {
     let rows = kept.states().len();
     let x = to_matrix(py, kept.flat(), 2 * kept.model().nq(), rows)?.unbind();
-    let base = Rollout { kept, x, surrogate };
+    let surrogate = kept.smoothing().is_some();
+    let base = Rollout { kept, x };
     if surrogate {
         let init = PyClassInitializer::from(base).add_subclass(SurrogateRollout);
         Ok(Bound::new(py, init)?.into_any())
@@ -66,23 +81,23 @@ impl Rollout {
         to_vector(py, self.kept.theta().to_vec())
     }
 
-    /// Whether the rest gap differs from the scene's, so that the derivatives are those of a smoother contact.
+    /// Whether the derivatives are those of another rest gap than the scene's.
     #[getter]
     fn surrogate(&self) -> bool {
-        self.surrogate
+        self.kept.smoothing().is_some()
     }
 
-    /// Per step: Newton `iterations`, `factorizations`, residual `evaluations`, `retries` (halvings); None with checkpoints.
+    /// Per step: Newton `iterations`, `factorizations`, residual `evaluations`, `retries` (halvings).
     #[getter]
-    fn trace<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(traces) = self.kept.traces() else { return Ok(None) };
+    fn trace<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let traces = self.kept.traces();
         let dict = PyDict::new(py);
         let column = |value: fn(&StepTrace) -> usize| PyArray1::from_iter(py, traces.iter().map(|t| value(t) as i64));
         dict.set_item("iterations", column(|t| t.work.iterations))?;
         dict.set_item("factorizations", column(|t| t.work.factorizations))?;
         dict.set_item("evaluations", column(|t| t.work.evaluations))?;
         dict.set_item("retries", column(|t| t.retries))?;
-        Ok(Some(dict))
+        Ok(dict)
     }
 
     /// Total energy of every state [J], (T + 1,).
@@ -120,13 +135,11 @@ impl Rollout {
 
     /// Jacobians of step k, x_(k+1) = F(x_k, u_k, theta): A (nx, nx), B (nx, nu), C (nx, n_params). Negative k from the end.
     fn linearize<'py>(&self, py: Python<'py>, k: isize) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
-        let whole = self.kept.whole("linearize")?;
-        let steps = whole.controls.len();
+        let (model, steps) = (self.kept.model(), self.kept.controls().len());
         let index = if k < 0 { k + steps as isize } else { k };
         let record = usize::try_from(index).ok().filter(|&i| i < steps);
         let record = record.ok_or_else(|| input(format!("there is no step {k}: the rollout has {steps} steps")))?;
-        let Linearization { a, b, c } = py.detach(|| whole.linearize(record)).map_err(errors::adjoint)?;
-        let model = &whole.model;
+        let Linearization { a, b, c } = py.detach(|| self.kept.linearize(record))?;
         let (nx, nu, np) = (2 * model.nq(), model.nu(), model.n_params());
         Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
     }
@@ -136,7 +149,7 @@ impl Rollout {
     }
 
     fn __repr__(&self) -> String {
-        let kind = if self.surrogate { "SurrogateRollout" } else { "Rollout" };
+        let kind = if self.surrogate() { "SurrogateRollout" } else { "Rollout" };
         format!("<pliant.{kind}: {} steps, {} nodes>", self.kept.controls().len(), self.kept.model().n_nodes())
     }
 }

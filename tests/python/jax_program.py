@@ -121,6 +121,15 @@ def vmap_of_scan(p):
     return off(jax.jit(jax.vmap(last))(p.thetas), theirs)
 
 
+def surrogate_grad(p):
+    """Forward hard, gradients of smoother steps along it."""
+    x0, u, theta = p.inputs
+    function = pliant.jax.rollout(p.model, backward_rest_gap=1e-4)
+    grad = jax.jit(jax.grad(lambda *a: (function(*a) * p.x_bar).sum(), argnums=(0, 1, 2)))
+    soft = p.model.rollout(x0, u, theta, rest_gap=1e-4, states="hard")
+    return off((function(*p.inputs), grad(*p.inputs)), (p.roll.x, soft.vjp(p.x_bar)))
+
+
 def many_calls(p):
     """A descent under jit: many callbacks in one program."""
     x0, u, theta = p.inputs
@@ -187,6 +196,7 @@ AGREE = [
     step_grad,
     scan_of_steps,
     vmap_of_scan,
+    surrogate_grad,
     many_calls,
 ]
 ONCE = [long_rollout, wrong_shape, failed_numerics, needs_float64, wrong_dtype]

@@ -24,6 +24,7 @@ AGREE = [
     "step_grad",
     "vmap_of_scan",
     "scan_of_steps",
+    "surrogate_grad",
     "many_calls",
 ]
 

@@ -199,6 +199,23 @@ def test_another_rest_gap_is_a_surrogate():
     assert type(own) is pliant.Rollout and not own.surrogate
     assert type(other) is pliant.SurrogateRollout and other.surrogate
     assert isinstance(other, pliant.Rollout) and np.any(own.x != other.x)
+    assert (other.rest_gap, other.states) == (1e-4, "smooth")
+
+
+def test_a_surrogate_along_hard_states_keeps_them():
+    model = load("sliding")
+    own, hard = run(model), run(model, rest_gap=1e-4, states="hard")
+    np.testing.assert_array_equal(own.x, hard.x)
+    assert type(hard) is pliant.SurrogateRollout and hard.states == "hard"
+    # step k of it is the smoothed step from the hard state x_k
+    smooth = model.rollout(own.x[3], own.u[3:4], rest_gap=1e-4)
+    for ours, theirs in zip(hard.linearize(3), smooth.linearize(0), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-7 * np.abs(theirs).max(initial=0))
+    assert np.abs(hard.linearize(3)[0] - own.linearize(3)[0]).max() > 1e-3
+    x_bar = np.ones_like(own.x)
+    few = run(model, rest_gap=1e-4, states="hard", max_records=2)
+    for ours, theirs in zip(few.vjp(x_bar), hard.vjp(x_bar), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_the_interpreter_is_free_meanwhile():
@@ -236,6 +253,8 @@ def test_wrong_shapes_are_input_errors():
         (lambda: model.step(["a"] * nx, u[0]), "x is not an array of numbers"),
         (lambda: model.rollout_batch([x0, x0], [u, u, u]), "us has 3 entries, but x0s has 2"),
         (lambda: model.rollout(x0, u, rest_gap=-1.0), "rest_gap is -1 m"),
+        (lambda: model.rollout(x0, u, states="hard"), "needs a rest_gap"),
+        (lambda: model.rollout(x0, u, rest_gap=1e-4, states="soft"), 'states is "soft"'),
         (lambda: model.rollout(x0, u, record=False).vjp(roll.x), "kept no records"),
     ]
     for call, text in cases:

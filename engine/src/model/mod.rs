@@ -112,6 +112,11 @@ impl Model {
         self.h
     }
 
+    /// Rest gap of the scene's contacts \[m\].
+    pub fn rest_gap(&self) -> f64 {
+        self.contact.rest_gap
+    }
+
     /// Integrator of the scene.
     pub fn integrator(&self) -> Integrator {
         self.integrator

@@ -39,7 +39,8 @@ pub struct Work {
 }
 
 impl Work {
-    pub(crate) fn add(&mut self, other: Self) {
+    /// Sums up.
+    pub fn add(&mut self, other: Self) {
         self.iterations += other.iterations;
         self.factorizations += other.factorizations;
         self.evaluations += other.evaluations;

@@ -13,15 +13,13 @@ use nalgebra::Vector4;
 pub struct StepOptions {
     /// Keep the record of each step for derivatives; costs one factorization per stage.
     pub record: bool,
-    /// Rest gap δ of the contact smoothing \[m\]; `None` takes the scene's.
-    pub rest_gap: Option<f64>,
     /// How often a failed step may be halved; `None` takes the scene's, `Some(0)` forbids it.
     pub max_halvings: Option<usize>,
 }
 
 impl Default for StepOptions {
     fn default() -> Self {
-        Self { record: true, rest_gap: None, max_halvings: None }
+        Self { record: true, max_halvings: None }
     }
 }
 
@@ -62,6 +60,7 @@ pub struct Stepper<'m> {
     model: &'m Model,
     theta: &'m [f64],
     options: StepOptions,
+    rest_gap: f64,
     mass: Vec<f64>,
     v_cmd: Vec<f64>,
     q_ref: Vec<f64>,
@@ -75,7 +74,18 @@ impl<'m> Stepper<'m> {
         model.check_theta(theta)?;
         let ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
         let zeros = || vec![0.0; model.nq()];
-        Ok(Self { model, theta, options, mass: model.masses(theta), v_cmd: zeros(), q_ref: zeros(), v_ref: zeros(), ws })
+        let (rest_gap, mass) = (model.contact.rest_gap, model.masses(theta));
+        Ok(Self { model, theta, options, rest_gap, mass, v_cmd: zeros(), q_ref: zeros(), v_ref: zeros(), ws })
+    }
+
+    /// Takes steps of another rest gap δ \[m\] than the scene's: another contact, hence another simulation.
+    pub fn with_rest_gap(mut self, rest_gap: f64) -> Result<Self, StepError> {
+        let (path, lower, upper) = ("contact.rest_gap".to_string(), f64::MIN_POSITIVE, f64::MAX);
+        if !(rest_gap >= lower && rest_gap <= upper) {
+            return Err(StepError::Parameter { path, value: rest_gap, unit: "m", lower, upper });
+        }
+        self.rest_gap = rest_gap;
+        Ok(self)
     }
 
     /// The contacts' warm start: part of a checkpoint.
@@ -197,7 +207,7 @@ impl<'m> Stepper<'m> {
             q_ref: &self.q_ref,
             v_ref: &self.v_ref,
             v_cmd,
-            rest_gap: self.options.rest_gap.unwrap_or(self.model.contact.rest_gap),
+            rest_gap: self.rest_gap,
             damping: 0.0,
         };
         let mut work = Work::default();

@@ -144,13 +144,16 @@ class Model:
         record: bool = True,
         max_records: int | None = None,
         rest_gap: float | None = None,
+        states: Literal["smooth", "hard"] = "smooth",
     ) -> Rollout:
         """Simulates from x0 (nx,) through u (T, nu) with parameters theta (n_params,).
 
         record: keep each step's factorization, which derivatives need.
         max_records: keep those of at most so many steps and recompute the others in vjp, which
             stays bitwise the same; jvp and linearize then are not available.
-        rest_gap: another rest gap [m] than the scene's; the result is a SurrogateRollout.
+        rest_gap: differentiate steps of another rest gap [m] than the scene's; the result is a
+            SurrogateRollout. states says through which states: "smooth", a rollout at that rest
+            gap, or "hard", each step taken from the states of the scene's own contact.
         """
     def rollout_batch(
         self,
@@ -162,6 +165,7 @@ class Model:
         record: bool = True,
         max_records: int | None = None,
         rest_gap: float | None = None,
+        states: Literal["smooth", "hard"] = "smooth",
     ) -> Batch:
         """Simulates many at once, one task per rollout.
 
@@ -204,10 +208,10 @@ class Rollout:
         """Parameters it was simulated with, (n_params,)."""
     @property
     def surrogate(self) -> bool:
-        """Whether it was simulated at another rest gap than the scene's."""
+        """Whether the derivatives are those of another rest gap than the scene's."""
     @property
-    def trace(self) -> Trace | None:
-        """What each step took; None with max_records."""
+    def trace(self) -> Trace:
+        """What each step took, both steps of a surrogate along hard states together."""
     def energy(self) -> Array:
         """Total energy of every state [J], (T + 1,)."""
     def jvp(
@@ -229,11 +233,19 @@ class Rollout:
 
 @final
 class SurrogateRollout(Rollout):
-    """A rollout at another rest gap than the scene's.
+    """A rollout whose derivatives are those of another rest gap than the scene's.
 
-    States and derivatives are those of a smoother (or sharper) contact, consistent with each
-    other, but not the scene's.
+    With smooth states, states and derivatives are those of a smoother contact, and differences
+    confirm them. With hard states the rollout is the scene's own, and each step's Jacobians are
+    those of the smoother step from there: the gradient of no single function, for planning.
     """
+
+    @property
+    def rest_gap(self) -> float:
+        """Rest gap [m] of the steps that are differentiated."""
+    @property
+    def states(self) -> Literal["smooth", "hard"]:
+        """Whose states x are."""
 
 @final
 class Batch:

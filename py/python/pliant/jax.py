@@ -5,6 +5,10 @@
     step = pliant.jax.step(model)          # (x, u, theta) -> x_next
     rollout = pliant.jax.rollout(model)    # (x0, u, theta) -> xs
 
+With `backward_rest_gap` [m] larger than the scene's the forward simulation stays the scene's, and
+gradients are those of smoother contact: *surrogates*, which reach contacts not yet made, and are the
+gradient of no single function.
+
 Both work under jit, grad, vmap and scan, in reverse mode once. They call pliant on the host through
 `jax.pure_callback`, which touches only NumPy, and keep no state between calls: the backward
 pass simulates again with records, then pulls the cotangents back.
@@ -25,14 +29,14 @@ __all__ = ["rollout", "step"]
 Function = Callable[[jax.Array, jax.Array, jax.Array], jax.Array]
 
 
-def step(model: Model) -> Function:
+def step(model: Model, *, backward_rest_gap: float | None = None) -> Function:
     """`f(x, u, theta) -> x_next`: x (nx,) [m, m/s], u (nu,), theta (n_params,), all float64."""
 
     def forward(x, u, theta):
         return (_batch(model, x, u[..., None, :], theta, record=False).x[:, 1],)
 
     def backward(x, u, theta, next_bar):
-        batch = _batch(model, x, u[..., None, :], theta, record=True)
+        batch = _batch(model, x, u[..., None, :], theta, record=True, rest_gap=backward_rest_gap)
         xs_bar = np.zeros((len(batch), 2, model.nx))
         xs_bar[:, 1] = next_bar.reshape(-1, model.nx)
         return batch.vjp(xs_bar)
@@ -46,14 +50,14 @@ def step(model: Model) -> Function:
     )
 
 
-def rollout(model: Model) -> Function:
+def rollout(model: Model, *, backward_rest_gap: float | None = None) -> Function:
     """`f(x0, u, theta) -> xs`: x0 (nx,), u (T, nu), theta (n_params,) to xs (T + 1, nx)."""
 
     def forward(x0, u, theta):
         return (_batch(model, x0, u, theta, record=False).x,)
 
     def backward(x0, u, theta, xs_bar):
-        batch = _batch(model, x0, u, theta, record=True)
+        batch = _batch(model, x0, u, theta, record=True, rest_gap=backward_rest_gap)
         return batch.vjp(xs_bar.reshape(-1, *xs_bar.shape[-2:]))
 
     return _differentiable(
@@ -65,10 +69,11 @@ def rollout(model: Model) -> Function:
     )
 
 
-def _batch(model, x0, u, theta, record):
+def _batch(model, x0, u, theta, record, rest_gap=None):
     """The rollouts of arguments with any number of leading axes."""
+    states = "smooth" if rest_gap is None else "hard"
     x0, theta = x0.reshape(-1, model.nx), theta.reshape(-1, model.n_params)
-    return model.rollout_batch(x0, u.reshape(len(x0), *u.shape[-2:]), theta, record=record)
+    return model.rollout_batch(x0, u.reshape(len(x0), *u.shape[-2:]), theta, record=record, rest_gap=rest_gap, states=states)
 
 
 def _differentiable(model: Model, forward, backward, *, inputs, output) -> Function:
