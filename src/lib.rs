@@ -58,8 +58,9 @@ pub use case::{Case, CaseError, start};
 pub use differentiate::Differentiate;
 
 pub use pliant_adjoint::{
-    AdjointError, Along, CheckpointedRollout, Linearization, RolloutCotangent, Seeds, Smoothing, Surrogate, checkpointed_rollout,
-    equilibrium_tangent, equilibrium_vjp, gradcheck, linearize, surrogate_checkpointed_rollout, surrogate_rollout,
+    AdjointError, Along, CheckpointedRollout, Linearization, Linearizer, RolloutCotangent, Seeds, Smoothing, Surrogate,
+    checkpointed_rollout, equilibrium_tangent, equilibrium_vjp, gradcheck, linearize, surrogate_checkpointed_rollout,
+    surrogate_rollout,
 };
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
 pub use pliant_engine::model::{BuildError, Model, ModelBuilder};

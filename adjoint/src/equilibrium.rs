@@ -3,7 +3,7 @@
 use crate::AdjointError;
 use crate::rollout::check;
 use crate::seeds::Seeds;
-use crate::stage::{Context, stage_cotangent, stage_tangent};
+use crate::stage::{Context, Memory, stage_cotangent, stage_tangent};
 use pliant_engine::equilibrium::Equilibrium;
 use pliant_engine::kinematics::Input;
 
@@ -22,8 +22,10 @@ pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
         };
         columns.iter().for_each(|&(c, w)| q[row * m + c] += value * w);
     }
-    let shift = stage_tangent(cx, &eq.record, &q, &zero, &zero, seeds);
-    q.iter_mut().zip(&shift).for_each(|(q, s)| *q += s);
+    let mut memory = Memory::default();
+    memory.cmd.clone_from(&zero);
+    stage_tangent(cx, &eq.record, &q, &zero, seeds, &mut memory);
+    q.iter_mut().zip(&memory.v_next).for_each(|(q, s)| *q += s);
     q
 }
 

@@ -4,7 +4,7 @@
 //! ```text
 //! jvp:  ẏ = −K⁻¹ (∂r/∂p) ṗ            vjp:  λ = −K⁻ᵀ ȳ,   p̄ += (∂r/∂p)ᵀ λ
 //! ```
-//! The minus of the theorem stands in [`negated`] and nowhere else. Solves are refined once against the matrix itself.
+//! The minus of the theorem stands in [`negate`] and nowhere else. Solves are refined once against the matrix itself.
 
 use pliant_engine::step::StageRecord;
 
@@ -13,27 +13,57 @@ fn refinements(stage: &StageRecord) -> usize {
     if stage.w.is_empty() { 1 } else { 2 }
 }
 
-fn negated(x: &[f64]) -> Vec<f64> {
-    x.iter().map(|a| -a).collect()
+/// Relative change by a refinement below which it is not worth its price for many columns.
+const REFINED: f64 = 1e-12;
+
+fn negate(x: &mut [f64]) {
+    x.iter_mut().for_each(|a| *a = -*a);
 }
 
-/// Tangent of the root for the residual's tangent `dr` = (∂r/∂p) ṗ; both row-major, `columns` directions per row.
-pub(crate) fn root_tangent(stage: &StageRecord, dr: &[f64], columns: usize) -> Vec<f64> {
-    let rhs = negated(dr);
-    let mut y_dot = rhs.clone();
-    stage.factor.solve_many(&mut y_dot, columns);
-    for _ in 0..refinements(stage) {
-        let mut defect = rhs.clone();
-        stage.matrix.add_mul_many(-1.0, &y_dot, &mut defect, columns);
-        stage.factor.solve_many(&mut defect, columns);
-        y_dot.iter_mut().zip(&defect).for_each(|(y, d)| *y += d);
+/// Memory of [`root_tangent`], kept from one call to the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Refinement {
+    rhs: Vec<f64>,
+    defect: Vec<f64>,
+}
+
+/// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root; row-major, `columns` directions per row.
+///
+/// Many columns are refined only if that changes their sum, which is solved first as a probe.
+pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
+    negate(x);
+    let refine = columns <= 1 || worth_refining(stage, x.chunks_exact(columns).map(|row| row.iter().sum()).collect());
+    if refine {
+        memory.rhs.clear();
+        memory.rhs.extend_from_slice(x);
     }
-    y_dot
+    stage.factor.solve_many(x, columns);
+    for _ in 0..if refine { refinements(stage) } else { 0 } {
+        memory.defect.clear();
+        memory.defect.extend_from_slice(&memory.rhs);
+        stage.matrix.add_mul_many(-1.0, x, &mut memory.defect, columns);
+        stage.factor.solve_many(&mut memory.defect, columns);
+        x.iter_mut().zip(&memory.defect).for_each(|(x, d)| *x += d);
+    }
+}
+
+/// Whether a refinement changes the solution for `rhs` by more than [`REFINED`] of its largest entry.
+fn worth_refining(stage: &StageRecord, rhs: Vec<f64>) -> bool {
+    let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let mut x = rhs.clone();
+    stage.factor.solve(&mut x);
+    let mut defect = rhs;
+    stage.matrix.add_mul_many(-1.0, &x, &mut defect, 1);
+    stage.factor.solve(&mut defect);
+    // written so that NaN is refined, and shows
+    let settled = largest(&defect) <= REFINED * largest(&x);
+    !settled
 }
 
 /// The multiplier λ of the cotangent `y_bar` of the root.
 pub(crate) fn multiplier(stage: &StageRecord, y_bar: &[f64]) -> Vec<f64> {
-    let rhs = negated(y_bar);
+    let mut rhs = y_bar.to_vec();
+    negate(&mut rhs);
     let mut lambda = rhs.clone();
     stage.factor.solve_transpose(&mut lambda);
     for _ in 0..refinements(stage) {

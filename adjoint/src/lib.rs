@@ -20,7 +20,7 @@ mod tangent;
 
 pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};
 pub use equilibrium::{equilibrium_tangent, equilibrium_vjp};
-pub use linearize::{Linearization, linearize};
+pub use linearize::{Linearization, Linearizer, linearize};
 pub use rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
 pub use seeds::Seeds;
 pub use step::{Cotangent, Tangent};

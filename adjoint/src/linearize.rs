@@ -1,8 +1,7 @@
 //! Full Jacobians of a step.
 
 use crate::seeds::Seeds;
-use crate::stage::Context;
-use crate::step::{Tangent, step_tangent};
+use crate::tangent::TangentStepper;
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
 
@@ -17,22 +16,47 @@ pub struct Linearization {
     pub c: Vec<f64>,
 }
 
-/// A and B, and C for all of θ if `with_theta` (else empty), from the factorization of the step.
-pub fn linearize(model: &Model, theta: &[f64], step: &StepRecord, with_theta: bool) -> Linearization {
-    let (nq, nu) = (model.nq(), model.nu());
-    let np = if with_theta { model.n_params() } else { 0 };
-    let (nx, m) = (2 * nq, 2 * nq + nu + np);
-    let mut seeds = Seeds::none(m, nu, model.n_params());
-    (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
-    (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
-    let mut x = Tangent { q: vec![0.0; nq * m], v: vec![0.0; nq * m] };
-    for k in 0..nq {
-        x.q[k * m + k] = 1.0;
-        x.v[k * m + nq + k] = 1.0;
+/// Takes Jacobians of many steps of one model at one θ, in memory of its own.
+#[derive(Clone, Debug)]
+pub struct Linearizer<'m> {
+    tangent: TangentStepper<'m>,
+    nx: usize,
+    nu: usize,
+}
+
+impl<'m> Linearizer<'m> {
+    /// Of A and B, and of C for all of θ if `with_theta`.
+    pub fn new(model: &'m Model, theta: &'m [f64], with_theta: bool) -> Self {
+        let (nx, nu) = (2 * model.nq(), model.nu());
+        let np = if with_theta { model.n_params() } else { 0 };
+        let mut seeds = Seeds::none(nx + nu + np, nu, model.n_params());
+        (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
+        (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
+        Self { tangent: TangentStepper::new(model, theta, seeds), nx, nu }
     }
-    let mass = model.masses(theta);
-    step_tangent(Context { model, theta, mass: &mass }, step, &mut x, &seeds);
-    let rows = || x.q.chunks_exact(m).chain(x.v.chunks_exact(m));
-    let part = |from: usize, to: usize| rows().flat_map(|r| r[from..to].iter().copied()).collect();
-    Linearization { a: part(0, nx), b: part(nx, nx + nu), c: part(nx + nu, m) }
+
+    /// The Jacobians of a step, from its factorization; C is empty unless asked for.
+    pub fn linearize(&mut self, step: &StepRecord) -> Linearization {
+        let (nq, m) = (self.nx / 2, self.tangent.seeds.columns);
+        let x = &mut self.tangent.x;
+        for (first, block) in [(0, &mut x.q), (nq, &mut x.v)] {
+            block.fill(0.0);
+            (0..nq).for_each(|k| block[k * m + first + k] = 1.0);
+        }
+        self.tangent.step(step);
+        let x = &self.tangent.x;
+        let rows = || x.q.chunks_exact(m).chain(x.v.chunks_exact(m));
+        let part = |from: usize, to: usize| {
+            let mut out = Vec::with_capacity(self.nx * (to - from));
+            rows().for_each(|r| out.extend_from_slice(&r[from..to]));
+            out
+        };
+        let (a, b) = (self.nx, self.nx + self.nu);
+        Linearization { a: part(0, a), b: part(a, b), c: part(b, m) }
+    }
+}
+
+/// A and B, and C for all of θ if `with_theta` (else empty), from the factorization of the step; for many steps see [`Linearizer`].
+pub fn linearize(model: &Model, theta: &[f64], step: &StepRecord, with_theta: bool) -> Linearization {
+    Linearizer::new(model, theta, with_theta).linearize(step)
 }

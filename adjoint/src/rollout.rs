@@ -2,7 +2,7 @@
 
 use crate::AdjointError;
 use crate::seeds::Seeds;
-use crate::stage::Context;
+use crate::stage::{Context, Memory};
 use crate::step::{Cotangent, Tangent, step_cotangent, step_tangent};
 use pliant_engine::rollout::Rollout;
 
@@ -39,14 +39,14 @@ pub fn rollout_jvp(
     let zero = vec![0.0; 2 * nq];
     let (q, v) = x0_dot.unwrap_or(&zero).split_at(nq);
     let mut x = Tangent { q: q.to_vec(), v: v.to_vec() };
-    let mut out = vec![[q, v].concat()];
+    let (mut out, mut memory) = (vec![[q, v].concat()], Memory::default());
     for (k, record) in rollout.records.iter().enumerate() {
         if let Some(u_dot) = u_dot {
             check("u_dot row", Some(u_dot[k].len()), model.nu())?;
             seeds.clear_u();
             u_dot[k].iter().enumerate().for_each(|(c, &w)| seeds.add_u(c, 0, w));
         }
-        step_tangent(cx, record, &mut x, &seeds);
+        step_tangent(cx, record, &mut x, &seeds, &mut memory);
         out.push([x.q.as_slice(), x.v.as_slice()].concat());
     }
     Ok(out)

@@ -5,7 +5,7 @@
 //! ```
 //! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows.
 
-use crate::implicit::{multiplier, root_tangent};
+use crate::implicit::{Refinement, multiplier, root_tangent};
 use crate::seeds::Seeds;
 use pliant_engine::model::Model;
 use pliant_engine::step::StageRecord;
@@ -18,33 +18,47 @@ pub(crate) struct Context<'a> {
     pub mass: &'a [f64],
 }
 
-/// Tangent of v⁺ (row-major, `seeds.columns` per row) for tangents of the reference state and the command.
-pub(crate) fn stage_tangent(
-    cx: Context,
-    stage: &StageRecord,
-    q_dot: &[f64],
-    v_dot: &[f64],
-    cmd_dot: &[f64],
-    seeds: &Seeds,
-) -> Vec<f64> {
+/// Memory of the tangents of a step, kept from one to the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Memory {
+    /// Tangents of the commanded velocities: only the rows of driven nodes mean anything.
+    pub cmd: Vec<f64>,
+    /// What [`stage_tangent`] made.
+    pub v_next: Vec<f64>,
+    /// The state before a substep, q then v.
+    pub start: [Vec<f64>; 2],
+    at: Vec<f64>,
+    refinement: Refinement,
+}
+
+/// Puts the tangent of v⁺ (row-major, `seeds.columns` per row) into `memory.v_next`, for tangents of the reference state and of the
+/// command in `memory.cmd`.
+pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_dot: &[f64], seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
-    let mut dr = vec![0.0; q_dot.len()];
     let scheme = &stage.scheme;
+    let Memory { cmd, v_next: dr, at, refinement, .. } = memory;
+    dr.clear();
+    dr.resize(q_dot.len(), 0.0);
     if scheme.free.a0 == 0.0 {
-        stage.dq.add_mul_many(-1.0, q_dot, &mut dr, m);
+        stage.dq.add_mul_many(-1.0, q_dot, dr, m);
     } else {
-        let placed = combine(q_dot, v_dot, cx, m, |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 });
-        stage.dq.add_mul_many(-1.0, &placed, &mut dr, m);
+        let weight = |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 };
+        at.clear();
+        at.extend_from_slice(q_dot);
+        add_weighted(at, v_dot, cx, m, weight);
+        stage.dq.add_mul_many(-1.0, at, dr, m);
     }
     if scheme.free.b0 != 0.0 {
-        let zero = vec![0.0; v_dot.len()];
-        let weighted = combine(&zero, v_dot, cx, m, |driven| if driven { scheme.driven.b0 } else { scheme.free.b0 });
-        stage.dv.add_mul_many(-1.0, &weighted, &mut dr, m);
+        at.clear();
+        at.resize(v_dot.len(), 0.0);
+        add_weighted(at, v_dot, cx, m, |driven| if driven { scheme.driven.b0 } else { scheme.free.b0 });
+        stage.dv.add_mul_many(-1.0, at, dr, m);
     }
     for (node, &driven) in cx.model.driven().iter().enumerate() {
         let range = 3 * node * m..3 * (node + 1) * m;
-        let (from, weight) = if driven { (cmd_dot, 1.0) } else { (v_dot, cx.mass[node] * stage.inertia) };
-        for (d, x) in dr[range.clone()].iter_mut().zip(&from[range]) {
+        let (from, weight) =
+            if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[node] * stage.inertia) };
+        for (d, x) in dr[range].iter_mut().zip(from) {
             *d -= weight * x;
         }
     }
@@ -55,17 +69,15 @@ pub(crate) fn stage_tangent(
             }
         });
     }
-    root_tangent(stage, &dr, m)
+    root_tangent(stage, dr, m, refinement);
 }
 
-fn combine(base: &[f64], v: &[f64], cx: Context, m: usize, weight: impl Fn(bool) -> f64) -> Vec<f64> {
-    let mut out = base.to_vec();
+fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl Fn(bool) -> f64) {
     for (node, &driven) in cx.model.driven().iter().enumerate() {
         let range = 3 * node * m..3 * (node + 1) * m;
         let w = weight(driven);
         out[range.clone()].iter_mut().zip(&v[range]).for_each(|(o, v)| *o += w * v);
     }
-    out
 }
 
 /// Pulls the cotangent `y_bar` of v⁺ back: adds to the cotangents of the reference state, the command and θ.

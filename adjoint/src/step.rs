@@ -1,7 +1,7 @@
 //! jvp and vjp of one step: the chain of its stages.
 
 use crate::seeds::Seeds;
-use crate::stage::{Context, stage_cotangent, stage_tangent};
+use crate::stage::{Context, Memory, stage_cotangent, stage_tangent};
 use pliant_engine::kinematics::Input;
 use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
 
@@ -27,41 +27,46 @@ pub struct Cotangent {
 const RATIO: f64 = (1.0 - SDIRK_GAMMA) / SDIRK_GAMMA;
 
 /// Pushes tangents through a step.
-pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seeds: &Seeds) {
+pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
-    let cmd = command_tangent(step, x, seeds);
-    let mut start = Tangent::default();
+    command_tangent(cx, step, x, seeds, memory);
     for (link, stage) in &step.stages {
         match link {
-            Link::Single => {
-                let v = stage_tangent(cx, stage, &x.q, &x.v, &cmd, seeds);
-                let v_before = std::mem::replace(&mut x.v, v);
-                move_positions(cx, stage, &mut x.q, &v_before, &x.v, m);
-            }
+            Link::Single => {}
             Link::SdirkFirst => {
-                start = x.clone();
-                x.v = stage_tangent(cx, stage, &x.q, &x.v, &cmd, seeds);
+                for (kept, x) in memory.start.iter_mut().zip([&x.q, &x.v]) {
+                    kept.clear();
+                    kept.extend_from_slice(x);
+                }
+                stage_tangent(cx, stage, &x.q, &x.v, seeds, memory);
+                std::mem::swap(&mut x.v, &mut memory.v_next);
+                continue;
             }
             Link::SdirkSecond => {
                 // stage.h is γ h of the substep
                 let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
-                for ((q, q0), v1) in x.q.iter_mut().zip(&start.q).zip(&x.v) {
+                for ((q, q0), v1) in x.q.iter_mut().zip(&memory.start[0]).zip(&x.v) {
                     *q = q0 + lead * v1;
                 }
-                for (v1, v0) in x.v.iter_mut().zip(&start.v) {
+                for (v1, v0) in x.v.iter_mut().zip(&memory.start[1]) {
                     *v1 = v0 + RATIO * (*v1 - v0);
                 }
-                let v = stage_tangent(cx, stage, &x.q, &x.v, &cmd, seeds);
-                let v_before = std::mem::replace(&mut x.v, v);
-                move_positions(cx, stage, &mut x.q, &v_before, &x.v, m);
             }
         }
+        stage_tangent(cx, stage, &x.q, &x.v, seeds, memory);
+        move_positions(cx, stage, &mut x.q, &x.v, &memory.v_next, m);
+        std::mem::swap(&mut x.v, &mut memory.v_next);
     }
 }
 
-fn command_tangent(step: &StepRecord, x: &Tangent, seeds: &Seeds) -> Vec<f64> {
+/// Tangents of the commanded velocities into the driven rows of `memory.cmd`.
+fn command_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
-    let mut cmd = vec![0.0; x.q.len()];
+    let cmd = &mut memory.cmd;
+    cmd.resize(x.q.len(), 0.0);
+    for (node, _) in cx.model.driven().iter().enumerate().filter(|(_, driven)| **driven) {
+        cmd[3 * node * m..3 * (node + 1) * m].fill(0.0);
+    }
     for &(row, input, value) in &step.command {
         let out = &mut cmd[row * m..(row + 1) * m];
         match input {
@@ -70,7 +75,6 @@ fn command_tangent(step: &StepRecord, x: &Tangent, seeds: &Seeds) -> Vec<f64> {
             Input::Theta(k) => seeds.theta(k).iter().for_each(|&(c, w)| out[c] += value * w),
         }
     }
-    cmd
 }
 
 /// q⁺ = q + h (d0 v + d1 v⁺).

@@ -1,7 +1,7 @@
 //! Tangents of many directions carried along a rollout, step by step: the sensitivities that fits are made of.
 
 use crate::seeds::Seeds;
-use crate::stage::Context;
+use crate::stage::{Context, Memory};
 use crate::step::{Tangent, step_tangent};
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
@@ -16,18 +16,20 @@ pub struct TangentStepper<'m> {
     pub seeds: Seeds,
     /// The tangents at the current state.
     pub x: Tangent,
+    memory: Memory,
 }
 
 impl<'m> TangentStepper<'m> {
     /// Starts with zero tangents of the state.
     pub fn new(model: &'m Model, theta: &'m [f64], seeds: Seeds) -> Self {
         let zero = vec![0.0; model.nq() * seeds.columns];
-        Self { model, theta, mass: model.masses(theta), seeds, x: Tangent { q: zero.clone(), v: zero } }
+        let x = Tangent { q: zero.clone(), v: zero };
+        Self { model, theta, mass: model.masses(theta), seeds, x, memory: Memory::default() }
     }
 
     /// Pushes the tangents through one step.
     pub fn step(&mut self, record: &StepRecord) {
         let cx = Context { model: self.model, theta: self.theta, mass: &self.mass };
-        step_tangent(cx, record, &mut self.x, &self.seeds);
+        step_tangent(cx, record, &mut self.x, &self.seeds, &mut self.memory);
     }
 }

@@ -3,7 +3,7 @@
 use crate::errors::{self, input};
 use crate::model::Model;
 use pliant::scene::Source;
-use pliant::{Differentiate, State, StepOptions, Stepper, linearize, rollout};
+use pliant::{Differentiate, Linearizer, State, StepOptions, Stepper, rollout};
 use pyo3::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
@@ -46,6 +46,7 @@ impl Setup {
     fn steps(&self, options: StepOptions, repeats: usize, jacobians: bool) -> PyResult<Vec<f64>> {
         let model = self.model.engine();
         let mut times = Vec::with_capacity(repeats);
+        let mut linearizer = Linearizer::new(model, &self.theta, false);
         while times.len() < repeats {
             let mut stepper = Stepper::new(model, &self.theta, options).map_err(errors::step)?;
             let mut state = self.x0.clone();
@@ -53,7 +54,7 @@ impl Setup {
                 let begin = Instant::now();
                 let (_, record) = stepper.step(&mut state, u).map_err(|e| errors::step(e.at_step(k)))?;
                 if let Some(record) = record.filter(|_| jacobians) {
-                    black_box(linearize(model, &self.theta, &record, false));
+                    black_box(linearizer.linearize(&record));
                 }
                 times.push(begin.elapsed().as_secs_f64());
             }

@@ -9,68 +9,100 @@ use super::{BlockBand, KktError, PIVOT_FLOOR};
 pub(super) struct BandCholesky {
     band: Band,
     upper: Vec<f64>,
+    /// D and 1/D.
+    pivots: Vec<f64>,
     inverse: Vec<f64>,
+    /// A node's three rows from its own first column on.
+    work: Vec<f64>,
 }
 
 impl BandCholesky {
     pub fn new(n_blocks: usize, half_width: usize) -> Self {
         let band = Band { n_blocks, half_width };
-        Self { band, upper: vec![0.0; band.dim() * band.width()], inverse: vec![0.0; band.dim()] }
+        let (dim, row_len) = (band.dim(), 3 * half_width + 3);
+        let upper = vec![0.0; dim * band.width()];
+        Self { band, upper, pivots: vec![0.0; dim], inverse: vec![0.0; dim], work: vec![0.0; 3 * row_len] }
     }
 
     pub fn refactor(&mut self, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
-        self.load(a, driven);
         self.band.specialised(|band| self.eliminate(band, a, driven))
     }
 
-    /// Copies the strict upper triangle of K_ff to `upper` and the diagonal to `inverse`.
-    fn load(&mut self, a: &BlockBand, driven: &[bool]) {
-        let (width, half) = (self.band.width(), 3 * self.band.half_width);
-        for r in 0..self.band.dim() {
-            let (i, c) = (r / 3, r % 3);
-            let upper = &mut self.upper[r * width..(r + 1) * width];
+    /// Node by node: the three rows of node i are reduced by all earlier rows of the band, then by one another.
+    #[inline(always)]
+    fn eliminate(&mut self, band: Band, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
+        let width = band.width();
+        for i in 0..band.n_blocks {
             if driven[i] {
-                upper.fill(0.0);
-                self.inverse[r] = 1.0;
+                self.upper[3 * i * width..(3 * i + 3) * width].fill(0.0);
+                self.pivots[3 * i..3 * i + 3].fill(1.0);
+                self.inverse[3 * i..3 * i + 3].fill(1.0);
                 continue;
             }
-            let row = a.row(r);
-            upper.copy_from_slice(&row[half + 1..]);
-            upper[..c].fill(0.0);
-            self.inverse[r] = row[half + c];
-            for (d, _) in driven[i + 1..].iter().take(self.band.half_width).enumerate().filter(|(_, driven)| **driven) {
-                upper[3 * d + 2..3 * d + 5].fill(0.0);
+            self.load(band, a, driven, i);
+            for distance in 1..=band.half_width.min(i) {
+                self.reduce_by_node(band, i - distance, distance);
+            }
+            for c in 0..3 {
+                self.pivot(band, a, i, c)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Copies the rows of free node `i` from its own first column on, without the columns of driven nodes.
+    #[inline(always)]
+    fn load(&mut self, band: Band, a: &BlockBand, driven: &[bool], i: usize) {
+        let half = 3 * band.half_width;
+        for (c, row) in self.work.chunks_exact_mut(half + 3).enumerate() {
+            row.copy_from_slice(&a.row(3 * i + c)[half..]);
+            for (d, _) in driven[i + 1..].iter().take(band.half_width).enumerate().filter(|(_, driven)| **driven) {
+                row[3 * d + 3..3 * d + 6].fill(0.0);
             }
         }
     }
 
-    /// Row by row, each reduces the rows below it.
+    /// Subtracts what the three rows of node `j`, `distance` before, contribute to the rows at work.
     #[inline(always)]
-    fn eliminate(&mut self, band: Band, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
-        let (width, dim) = (band.width(), band.dim());
-        for r in 0..dim {
-            let (i, c) = (r / 3, r % 3);
-            let pivot = self.inverse[r];
-            let size = if driven[i] { 1.0 } else { a.row(r)[3 * band.half_width + c] };
-            // written so that NaN fails
-            let sound = pivot > PIVOT_FLOOR * size && pivot < f64::INFINITY;
-            if !sound {
-                return Err(breakdown(a.row(r), r, dim, pivot, size));
-            }
-            let inverse = 1.0 / pivot;
-            self.inverse[r] = inverse;
-            let (done, below) = self.upper.split_at_mut((r + 1) * width);
-            let row = &mut done[r * width..];
-            // row[k] is column 3i + 1 + k; entries up to k = c − 1 are zero
-            for k in c..width.min(dim - 3 * i - 1) {
-                let factor = row[k] * inverse;
-                let t = 3 * i + 1 + k;
-                let target = &mut below[(t - r - 1) * width + t % 3..(t - r) * width];
-                for (x, u) in target.iter_mut().zip(&row[k + 1..]) {
+    fn reduce_by_node(&mut self, band: Band, j: usize, distance: usize) {
+        let (width, row_len) = (band.width(), 3 * band.half_width + 3);
+        let from = 3 * distance - 1; // where the columns of the node at work start in node j's rows
+        for c in 0..3 {
+            let row = &self.upper[(3 * j + c) * width + from..(3 * j + c + 1) * width];
+            let pivot = self.pivots[3 * j + c];
+            for (a, target) in self.work.chunks_exact_mut(row_len).enumerate() {
+                let factor = pivot * row[a];
+                for (x, u) in target[..row.len()].iter_mut().zip(row) {
                     *x -= factor * u;
                 }
-                self.inverse[t] -= factor * row[k];
-                row[k] = factor;
+            }
+        }
+    }
+
+    /// Checks the pivot of row `c` of node `i`, stores it and the row of U, and reduces the node's rows below by it.
+    #[inline(always)]
+    fn pivot(&mut self, band: Band, a: &BlockBand, i: usize, c: usize) -> Result<(), KktError> {
+        let (width, row_len, r) = (band.width(), 3 * band.half_width + 3, 3 * i + c);
+        let (done, below) = self.work.split_at_mut((c + 1) * row_len);
+        let row = &done[c * row_len..];
+        let (pivot, size) = (row[c], a.row(r)[3 * band.half_width + c]);
+        // written so that NaN fails
+        let sound = pivot > PIVOT_FLOOR * size && pivot < f64::INFINITY;
+        if !sound {
+            return Err(breakdown(a.row(r), r, band.dim(), pivot, size));
+        }
+        let inverse = 1.0 / pivot;
+        self.pivots[r] = pivot;
+        self.inverse[r] = inverse;
+        let upper = &mut self.upper[r * width..(r + 1) * width];
+        for (u, x) in upper.iter_mut().zip(&row[1..]) {
+            *u = x * inverse;
+        }
+        upper[..c].fill(0.0);
+        for (b, target) in below.chunks_exact_mut(row_len).enumerate() {
+            let factor = row[c + 1 + b];
+            for (x, u) in target[1..].iter_mut().zip(upper.iter()) {
+                *x -= factor * u;
             }
         }
         Ok(())

@@ -81,12 +81,12 @@ impl Gravity {
         let mut known: Option<([usize; 3], Field)> = None;
         for e in self.0.elements() {
             let indices = [e.params[MAGNITUDE], e.params[1], e.params[2]];
-            let field = match known {
-                Some((same, field)) if same == indices => field,
-                _ => Field::new(indices.map(|k| theta[k])),
-            };
-            known = Some((indices, field));
-            each(e, &field);
+            if known.as_ref().is_none_or(|(same, _)| *same != indices) {
+                known = Some((indices, Field::new(indices.map(|k| theta[k]))));
+            }
+            if let Some((_, field)) = &known {
+                each(e, field);
+            }
         }
     }
 }

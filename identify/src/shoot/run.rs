@@ -76,8 +76,8 @@ impl Pass<'_> {
         for (k, measured) in self.rec.inputs[..steps].iter().enumerate() {
             self.enter_segment(k, &mut state, &mut tangent, &mut shot);
             let u = self.inputs(measured, &mut tangent.seeds);
-            let (before, tangent_before) =
-                (state.clone(), if self.wants.tangents { tangent.x.clone() } else { Tangent::default() });
+            let due = self.wants.tangents && samples.get(next_sample).is_some_and(|s| s.0 == k);
+            let (before, tangent_before) = (state.clone(), if due { tangent.x.clone() } else { Tangent::default() });
             let (_, record) = stepper.step(&mut state, &u).map_err(|e| e.at_step(k))?;
             if let Some(record) = record {
                 tangent.step(&record);
