@@ -15,7 +15,7 @@ use nalgebra::Vector4;
 use pliant_smoothing::eigenvalues;
 
 /// Corrections below this part of the last one are worth taking without a new matrix.
-const QUICK: f64 = 0.1;
+const QUICK: f64 = 0.05;
 /// How many full steps of a solve may fail the monotonicity test, and the growth of the correction they may show. The matrix of
 /// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
 const BOLD_STEPS: usize = 2;
