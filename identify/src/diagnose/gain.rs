@@ -4,14 +4,25 @@ use super::result::{Curve, Gain, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
-use crate::stats::bootstrap::{RecordError, log_rmse_gain};
+use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
 use rayon::prelude::*;
 
-/// Held-out records with their initial states estimated from the lead-in under the baseline; the same before and after.
-pub(super) fn prepared(plan: &Plan, baseline: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
+/// Blocks that a single held-out record is cut into for its interval, and the fewest samples of one.
+const BLOCKS: usize = 8;
+const SHORTEST_BLOCK: usize = 4;
+/// Ends of an interval that is not known.
+const UNKNOWN: f64 = 1e3;
+
+/// Records with their initial states estimated from the lead-in under the baseline; the same before and after.
+pub(super) fn prepared(
+    plan: &Plan,
+    records: &[RecordPlan],
+    baseline: &Fitted,
+    options: &FitOptions,
+) -> Result<Vec<RecordPlan>, IdentifyError> {
     if plan.at_rest || plan.given {
-        return Ok(plan.held_out.clone());
+        return Ok(records.to_vec());
     }
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut short = rec.clone();
@@ -27,7 +38,7 @@ pub(super) fn prepared(plan: &Plan, baseline: &Fitted, options: &FitOptions) -> 
         out.start.z.clone_from(&fitted.records[0].start.z);
         Ok(out)
     };
-    plan.held_out.par_iter().map(one).collect()
+    records.par_iter().map(one).collect()
 }
 
 /// Residuals of `records` at `values`.
@@ -51,7 +62,7 @@ pub(super) fn mean_abs(residuals: &[Vec<f64>]) -> f64 {
 
 /// RMSE of a fit on the held-out records.
 pub(super) fn held_out_rmse(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
-    let records = prepared(plan, fitted, &FitOptions::default())?;
+    let records = prepared(plan, &plan.held_out, fitted, &FitOptions::default())?;
     Ok(rms(&residuals(plan, &records, &fitted.values)?))
 }
 
@@ -90,12 +101,10 @@ fn gain(
         all.iter().zip(records).map(cut).collect()
     };
     let (b, a) = (part(before), part(after));
-    let square = |r: &Vec<f64>| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(1e-24);
-    let pairs: Vec<RecordError> = b.iter().zip(&a).map(|(b, a)| RecordError { before: square(b), after: square(a) }).collect();
-    let interval = log_rmse_gain(&pairs, 0.90, 4000, seed)?;
+    let interval = interval(&b, &a, channels, seed)?;
     let (rb, ra) = (rms(&b), rms(&a));
     let explainable = rb * rb - noise * noise;
-    let finite = |x: f64| x.clamp(-1e3, 1e3);
+    let finite = |x: f64| x.clamp(-UNKNOWN, UNKNOWN);
     Ok(Gain {
         horizon_s: horizon,
         rmse_before: rb,
@@ -106,6 +115,22 @@ fn gain(
         explained_fraction: if explainable > 0.0 { (rb * rb - ra * ra) / explainable } else { 0.0 },
         mean_abs: [mean_abs(&b), mean_abs(&a)],
     })
+}
+
+/// 90 % interval of the difference of log RMSE: over records, or over blocks of the only one if it is long enough.
+fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64) -> Result<LogRmseGain, IdentifyError> {
+    let square = |r: &[f64]| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(1e-24);
+    let pair = |(b, a): (&[f64], &[f64])| RecordError { before: square(b), after: square(a) };
+    if let ([b], [a]) = (before, after) {
+        let samples = b.len() / channels;
+        if samples >= BLOCKS * SHORTEST_BLOCK {
+            let rows = samples / BLOCKS * channels;
+            let blocks: Vec<RecordError> = b.chunks_exact(rows).zip(a.chunks_exact(rows)).map(pair).collect();
+            return Ok(log_rmse_gain_of_blocks(&blocks, 0.90, 4000, seed)?);
+        }
+    }
+    let pairs: Vec<RecordError> = before.iter().zip(after).map(|(b, a)| pair((b, a))).collect();
+    Ok(log_rmse_gain(&pairs, 0.90, 4000, seed)?)
 }
 
 /// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.

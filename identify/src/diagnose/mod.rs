@@ -6,6 +6,7 @@
 
 mod audit;
 mod baseline;
+mod ceiling;
 mod certainty;
 mod gain;
 mod pipeline;

@@ -4,7 +4,7 @@ use super::certainty::{Curvature, estimates, profile};
 use super::result::*;
 use super::select::{Margin, Round, refit, round};
 use super::test::{Tested, test};
-use super::{audit, baseline, gain, reason, remainder};
+use super::{audit, baseline, ceiling, gain, reason, remainder};
 use crate::causes::{Cause as Candidate, TOLERATED, discretisation};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
@@ -60,7 +60,7 @@ pub fn diagnose(
     let fit_options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
     progress("fitting the baseline");
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;
-    let held_out = gain::prepared(&plan, &base, &fit_options)?;
+    let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
     let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
     let mut story = Story { plan: &plan, judged, stages: Vec::new() };
     story.add("baseline", &base)?;
@@ -91,6 +91,7 @@ pub fn diagnose(
     let after = gain::residuals(&plan, judged, &run.current.values)?;
     let gain =
         if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
+    let ceiling = ceiling::ceiling(&plan, &base, &run.current.values, judged, sensor_sigma, &fit_options)?;
     let (curves, snapshots) = gain::pictures(&plan, judged, &base.values, &run.current.values)?;
     let curvature = Curvature::new(&plan, &base)?;
     let mut diagnosis = Diagnosis {
@@ -104,6 +105,7 @@ pub fn diagnose(
         remainder: left,
         candidates: run.candidates(&first),
         gain,
+        ceiling,
         noise: noise(&run.current, sensor_sigma),
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,

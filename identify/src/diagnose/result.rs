@@ -127,12 +127,30 @@ pub struct Gain {
     pub rmse_after: f64,
     /// Unit.
     pub unit: String,
-    /// 90 % interval of the difference of log RMSE, positive = better.
+    /// 90 % interval of the difference of log RMSE, positive = better: over records; with a single one over its blocks, which says
+    /// nothing about other records; −1000 to 1000 where a single record is too short even for that.
     pub interval: [f64; 2],
     /// Part of the explainable error removed [-].
     pub explained_fraction: f64,
     /// Mean |error| per coordinate before and after [m].
     pub mean_abs: [f64; 2],
+}
+
+/// What a flexible statistical correction, learnt on the fitted records, takes of the held-out error over whole records: a
+/// yardstick for the causes, and no explanation.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Ceiling {
+    /// RMSE of the baseline with the correction [m].
+    pub rmse: f64,
+    /// RMSE of the final model with a correction of its own [m].
+    pub rmse_on_top: f64,
+    /// Unit.
+    pub unit: String,
+    /// Part of the explainable error that the correction takes from the baseline [-].
+    pub explained_fraction: f64,
+    /// What the accepted causes take over what the correction takes [-]; above 1 they carry over better. Absent where it takes
+    /// nothing.
+    pub share: Option<f64>,
 }
 
 /// The noise model.
@@ -250,6 +268,8 @@ pub struct Diagnosis {
     pub candidates: Vec<CandidateReport>,
     /// Held-out errors.
     pub gain: Vec<Gain>,
+    /// The yardstick; absent where nothing is held out.
+    pub ceiling: Option<Ceiling>,
     /// The noise model.
     pub noise: Noise,
     /// Numbers of records.

@@ -33,6 +33,7 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         stage_bars => Value::from_safe_string(stages::bars(&d.stages, d.noise.sigma)),
         stages => stage_rows(d),
         gain => d.gain.iter().map(gain_row).collect::<Vec<_>>(),
+        ceiling => d.ceiling.as_ref().map(|c| sentence(&story::against_ceiling(c))),
         candidates => d.candidates.iter().map(|c| candidate_row(c, d)).collect::<Vec<_>>(),
         remainder => context! {
             significant => d.remainder.significant,
@@ -148,7 +149,11 @@ fn gain_row(g: &Gain) -> Value {
         horizon => number(g.horizon_s),
         before => millimetres(g.rmse_before),
         after => millimetres(g.rmse_after),
-        factor => format!("{} to {}", number(g.interval[0].exp()), number(g.interval[1].exp())),
+        factor => if g.interval[1] < 700.0 {
+            format!("{} to {}", number(g.interval[0].exp()), number(g.interval[1].exp()))
+        } else {
+            "unknown: one short record".to_owned()
+        },
         explained => percent(g.explained_fraction),
         mean_abs => format!("{} → {}", millimetres(g.mean_abs[0]), millimetres(g.mean_abs[1])),
     }

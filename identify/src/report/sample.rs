@@ -95,6 +95,7 @@ pub(super) fn diagnosis() -> Diagnosis {
             candidate("wind", Status::Untestable, None, "<script>alert('no')</script>"),
         ],
         gain: vec![gain(0.5, 4e-3), gain(2.0, 1e-2)],
+        ceiling: Some(Ceiling { rmse: 6e-3, rmse_on_top: 1.9e-3, unit: "m".into(), explained_fraction: 0.7, share: Some(1.37) }),
         noise: Noise { ar: vec![0.4, 0.1], sigma: 1e-3, sensor_sigma: 8e-4, effective_samples: 420.0 },
         records: RecordCount { fit: 2, held_out: 1 },
         audit: vec![AuditFinding {

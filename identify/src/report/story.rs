@@ -1,6 +1,6 @@
 //! The verdict in words: one sentence, and a summary for a terminal.
 
-use crate::diagnose::{Diagnosis, Estimate, Gain, Verdict};
+use crate::diagnose::{Ceiling, Diagnosis, Estimate, Gain, Verdict};
 use crate::number::{number, number_plain, unit};
 use std::fmt::Write;
 
@@ -66,6 +66,9 @@ pub fn summary(d: &Diagnosis) -> String {
         }
         None => out += "\nnothing was held out, so there is no independent check",
     }
+    if let Some(c) = &d.ceiling {
+        let _ = write!(out, "\n{}", against_ceiling(c));
+    }
     let r = &d.remainder;
     let _ = write!(
         out,
@@ -83,6 +86,21 @@ pub fn summary(d: &Diagnosis) -> String {
         let _ = write!(out, "\n  {record}{}; {}", finding.what, finding.advice);
     }
     out
+}
+
+/// The causes beside what statistics alone would take.
+pub(super) fn against_ceiling(c: &Ceiling) -> String {
+    let mm = |rmse: f64| number_plain(1e3 * rmse);
+    let found = match c.share {
+        Some(share) if share > 0.0 => format!("; what was found takes {:.0} % of what it takes", 100.0 * share),
+        Some(_) => String::new(),
+        None => "; it does not carry over".to_owned(),
+    };
+    format!(
+        "a flexible correction without physics: {} mm{found}; on top of the final model: {} mm",
+        mm(c.rmse),
+        mm(c.rmse_on_top)
+    )
 }
 
 /// The gain over the longest horizon.

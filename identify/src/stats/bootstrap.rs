@@ -11,6 +11,8 @@ use serde::Serialize;
 
 /// From this number of records on the interval comes from the bootstrap.
 pub const MIN_BOOTSTRAP_RECORDS: usize = 5;
+/// Fewest blocks of a record that are resampled.
+pub const MIN_BLOCKS: usize = 4;
 
 /// Squared errors of one held-out record under both models, over the same samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +31,8 @@ pub enum IntervalKind {
     Bootstrap,
     /// Student's t on the records' differences: fewer than five records.
     StudentT,
+    /// Bootstrap over blocks of the only record: says nothing about other records.
+    Blocks,
     /// One record: no interval.
     None,
 }
@@ -94,6 +98,33 @@ pub fn log_rmse_gain(records: &[RecordError], level: f64, draws: usize, seed: u6
     Ok(LogRmseGain { difference: mean, lower, upper, kind, records: n, improved: d.iter().filter(|x| **x < 0.0).count() })
 }
 
+/// The gain on a single record from the squared errors of its consecutive, equally long blocks, which are resampled: how far the
+/// gain depends on which stretch of the record is looked at. (Errors are correlated over a block, hence blocks and not samples; what
+/// another record would show it cannot say.)
+///
+/// # Errors
+/// Fewer than [`MIN_BLOCKS`] blocks; errors as in [`log_rmse_gain`].
+pub fn log_rmse_gain_of_blocks(blocks: &[RecordError], level: f64, draws: usize, seed: u64) -> Result<LogRmseGain, StatsError> {
+    let n = blocks.len();
+    if n < MIN_BLOCKS {
+        return Err(StatsError::TooFew { what: "blocks of a record", found: n, needed: MIN_BLOCKS });
+    }
+    let ratio = |chosen: &mut dyn Iterator<Item = usize>| {
+        let sums = chosen.fold((0.0, 0.0), |s, k| (s.0 + blocks[k].before, s.1 + blocks[k].after));
+        0.5 * (sums.1 / sums.0).ln()
+    };
+    let difference = ratio(&mut (0..n));
+    if !difference.is_finite() {
+        return Err(StatsError::OutOfRange { what: "mean squared error", value: difference, range: "positive" });
+    }
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let draw = |_| ratio(&mut (0..n).map(|_| rng.random_range(0..n)).collect::<Vec<_>>().into_iter());
+    let mut ratios: Vec<f64> = (0..draws.max(200)).map(draw).collect();
+    let (lower, upper) = expanded_percentiles(&mut ratios, n, level);
+    let improved = blocks.iter().filter(|b| b.after < b.before).count();
+    Ok(LogRmseGain { difference, lower, upper, kind: IntervalKind::Blocks, records: 1, improved })
+}
+
 fn t_half_width(d: &[f64], mean: f64, level: f64) -> f64 {
     let n = d.len() as f64;
     let variance = d.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
@@ -105,10 +136,15 @@ fn bootstrap_mean(d: &[f64], level: f64, draws: usize, seed: u64) -> (f64, f64) 
     let mut rng = Pcg64::seed_from_u64(seed);
     let mut means: Vec<f64> =
         (0..draws.max(200)).map(|_| (0..n).map(|_| d[rng.random_range(0..n)]).sum::<f64>() / n as f64).collect();
-    means.sort_by(f64::total_cmp);
+    expanded_percentiles(&mut means, n, level)
+}
+
+/// Percentiles of bootstrap draws from `n` units at the expanded levels of [`log_rmse_gain`].
+fn expanded_percentiles(draws: &mut [f64], n: usize, level: f64) -> (f64, f64) {
+    draws.sort_by(f64::total_cmp);
     let expand = (n as f64 / (n as f64 - 1.0)).sqrt();
     let tail = normal_cdf(-expand * t_quantile(0.5 + 0.5 * level, n as f64 - 1.0));
-    (sorted_quantile(&means, tail), sorted_quantile(&means, 1.0 - tail))
+    (sorted_quantile(draws, tail), sorted_quantile(draws, 1.0 - tail))
 }
 
 /// Linear interpolation between order statistics.
@@ -141,6 +177,17 @@ mod tests {
         let one = log_rmse_gain(&from_differences(&[-0.1]), 0.9, 1000, 1).unwrap();
         assert_eq!(one.kind, IntervalKind::None);
         assert!(!one.is_gain());
+    }
+
+    #[test]
+    fn blocks_of_one_record_are_resampled() {
+        let blocks: Vec<RecordError> =
+            gaussians(8, 3).iter().map(|x| RecordError { before: 1.0 + 0.1 * x, after: 0.25 * (1.0 - 0.1 * x) }).collect();
+        let gain = log_rmse_gain_of_blocks(&blocks, 0.9, 1000, 1).unwrap();
+        assert_eq!((gain.kind, gain.improved), (IntervalKind::Blocks, 8));
+        assert!(gain.lower < gain.difference && gain.difference < gain.upper && gain.is_gain());
+        assert!((gain.difference / 0.5_f64.ln() - 1.0).abs() < 0.2);
+        assert!(log_rmse_gain_of_blocks(&blocks[..3], 0.9, 1000, 1).is_err());
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod error;
 pub mod multiple;
 pub mod naming;
 pub mod reduced;
+pub mod ridge;
 pub mod score;
 pub mod sign_flip;
 #[cfg(test)]

@@ -1,0 +1,180 @@
+//! The yardstick of step 8: what a flexible correction *without physics* takes of the held-out error.
+//!
+//! Per marker, a ridge regression of the open-loop residual on what any force could depend on: the simulated position and
+//! velocity of the marker, its speed times velocity, and the grippers' motion over the last 0.4 s. It is learnt on the fitted
+//! records, under the same protocol as held-out ones (initial state from the lead-in). It names nothing. Where it takes much
+//! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
+
+use super::gain;
+use super::result::Ceiling;
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted};
+use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::stats::ridge::{Group, cross_validated};
+use crate::unknown::Values;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// How far back the grippers' positions are looked at \[s\].
+const LAGS: [f64; 5] = [0.0, 0.05, 0.1, 0.2, 0.4];
+/// Fewest parts of the fitted records that are left out in turn to choose the regression's weight.
+const GROUPS: usize = 8;
+/// Features that do not come from the grippers: 1, position, velocity, speed × velocity.
+const OWN: usize = 10;
+
+/// The ceiling over the whole of the held-out records, for the baseline and for the final model; `None` where nothing is
+/// held out.
+pub(super) fn ceiling(
+    plan: &Plan,
+    base: &Fitted,
+    last: &Values,
+    judged: &[RecordPlan],
+    sensor_sigma: f64,
+    options: &FitOptions,
+) -> Result<Option<Ceiling>, IdentifyError> {
+    if plan.held_out.is_empty() {
+        return Ok(None);
+    }
+    let training = gain::prepared(plan, &plan.fitted, base, options)?;
+    let before = gain::rms(&gain::residuals(plan, judged, &base.values)?);
+    let after = gain::rms(&gain::residuals(plan, judged, last)?);
+    let flexible = corrected(plan, &training, judged, &base.values)?;
+    let explainable = before * before - sensor_sigma * sensor_sigma;
+    // rounding of the same sum taken twice is no gain
+    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > 1e-9 * before;
+    let taken = |rmse: f64| if takes(rmse) { (before * before - rmse * rmse) / explainable } else { 0.0 };
+    Ok(Some(Ceiling {
+        rmse: flexible,
+        explained_fraction: taken(flexible),
+        rmse_on_top: corrected(plan, &training, judged, last)?,
+        unit: "m".to_owned(),
+        share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
+    }))
+}
+
+/// RMSE \[m\] over `judged` after the correction learnt on `training`.
+fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values: &Values) -> Result<f64, IdentifyError> {
+    let learnt: Vec<Vec<Rows>> = training.par_iter().map(|rec| rows(plan, rec, values)).collect::<Result<_, _>>()?;
+    let blocks = GROUPS.div_ceil(training.len().max(1));
+    let groups: Vec<Vec<Group>> =
+        (0..plan.markers.len()).map(|m| learnt.iter().flat_map(|record| record[m].groups(blocks)).collect()).collect();
+    let b = cross_validated(&groups);
+    let seen: Vec<Vec<Rows>> = judged.par_iter().map(|rec| rows(plan, rec, values)).collect::<Result<_, _>>()?;
+    let (mut sum, mut count) = (0.0, 0);
+    for record in &seen {
+        for (m, rows) in record.iter().enumerate() {
+            sum += rows.squares(b.as_ref().map(|b| &b[m]));
+            count += 3 * rows.y.len();
+        }
+    }
+    Ok((sum / count.max(1) as f64).sqrt())
+}
+
+/// Features and residuals of one marker in one record.
+#[derive(Default)]
+struct Rows {
+    x: Vec<Vec<f64>>,
+    y: Vec<[f64; 3]>,
+}
+
+impl Rows {
+    /// So many consecutive blocks of the record, each to be left out once.
+    fn groups(&self, blocks: usize) -> Vec<Group> {
+        let length = self.x.len().div_ceil(blocks).max(1);
+        let group = |(x, y): (&[Vec<f64>], &[[f64; 3]])| {
+            let mut group = Group::new(x[0].len(), 3);
+            x.iter().zip(y).for_each(|(x, y)| group.add(x, y));
+            group
+        };
+        self.x.chunks(length).zip(self.y.chunks(length)).map(group).collect()
+    }
+
+    /// Squared residuals after the correction `b`, or as they are.
+    fn squares(&self, b: Option<&DMatrix<f64>>) -> f64 {
+        let one = |(x, y): (&Vec<f64>, &[f64; 3])| -> f64 {
+            let by = |a: usize| b.map_or(0.0, |b| x.iter().zip(b.column(a).iter()).map(|(x, b)| x * b).sum::<f64>());
+            (0..3).map(|a| (y[a] - by(a)).powi(2)).sum()
+        };
+        self.x.iter().zip(&self.y).map(one).sum()
+    }
+}
+
+/// One entry per marker; samples where it was not seen are left out.
+fn rows(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<Rows>, IdentifyError> {
+    let shot = shoot(plan, rec, values, ShotWants::default())
+        .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
+    let (channels, period) = (plan.channels(), rec.record.period().max(1e-9));
+    let back = LAGS.map(|lag| (lag / period).round() as usize);
+    let mut out: Vec<Rows> = plan.markers.iter().map(|_| Rows::default()).collect();
+    for t in 0..shot.residual.len() / channels {
+        let inputs = &rec.record.inputs;
+        let moved = back.iter().flat_map(|&lag| {
+            let then = &inputs[t.saturating_sub(lag).min(inputs.len() - 1)];
+            then.iter().zip(&inputs[0]).map(|(now, start)| now - start)
+        });
+        let grippers: Vec<f64> = moved.collect();
+        for (m, rows) in out.iter_mut().enumerate() {
+            if rec.record.markers[t][m].iter().any(|x| !x.is_finite()) {
+                continue;
+            }
+            let at = |t: usize| [0, 1, 2].map(|a| shot.predicted[t * channels + 3 * m + a]);
+            let (here, before, start) = (at(t), at(t.saturating_sub(1)), at(0));
+            let v: [f64; 3] = std::array::from_fn(|a| (here[a] - before[a]) / period);
+            let speed = v.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let mut x = Vec::with_capacity(OWN + grippers.len());
+            x.push(1.0);
+            x.extend((0..3).map(|a| here[a] - start[a]));
+            x.extend(v);
+            x.extend(v.map(|v| speed * v));
+            x.extend_from_slice(&grippers);
+            let r = t * channels + 3 * m;
+            rows.y.push([shot.residual[r], shot.residual[r + 1], shot.residual[r + 2]]);
+            rows.x.push(x);
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::log::Setup;
+
+    /// The example's motions, with readings that are the simulation's plus `error(gripper displacement, sample, axis)`.
+    fn plan(error: impl Fn(f64, usize, usize) -> f64) -> Plan {
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/hidden_effect/scene.toml");
+        let setup = Setup::read(scene).unwrap();
+        let mut plan = Plan::new(&setup, &setup.read_logs(&[]).unwrap()).unwrap();
+        let (model, values, channels) = (plan.clone(), plan.scene_values.clone(), plan.channels());
+        for rec in plan.fitted.iter_mut().chain(&mut plan.held_out) {
+            let predicted = shoot(&model, rec, &values, ShotWants::default()).unwrap().predicted;
+            for (t, row) in rec.record.markers.iter_mut().enumerate() {
+                let moved = rec.record.inputs[t][0] - rec.record.inputs[0][0];
+                for (m, point) in row.iter_mut().enumerate() {
+                    *point = [0, 1, 2].map(|a| predicted[t * channels + 3 * m + a] + error(moved, t, a));
+                }
+            }
+        }
+        plan
+    }
+
+    fn before_and_after(plan: &Plan) -> (f64, f64) {
+        let values = &plan.scene_values;
+        let before = gain::rms(&gain::residuals(plan, &plan.held_out, values).unwrap());
+        (before, corrected(plan, &plan.fitted, &plan.held_out, values).unwrap())
+    }
+
+    #[test]
+    fn takes_an_error_that_follows_the_grippers() {
+        let (before, after) = before_and_after(&plan(|moved, _, a| if a == 2 { 0.05 * moved } else { 0.0 }));
+        assert!(before > 1e-4 && after < 0.3 * before, "{before:e} {after:e}");
+    }
+
+    #[test]
+    fn takes_nothing_from_noise() {
+        let noise = |t: usize, a: usize| ((t * 7919 + a * 104_729) as f64 * 0.618).sin() * 1e-3;
+        let (before, after) = before_and_after(&plan(|_, t, a| noise(t, a)));
+        assert!((after / before - 1.0).abs() < 0.02, "{before:e} {after:e}");
+    }
+}
