@@ -13,11 +13,13 @@ mod length_scale;
 mod linear_drag;
 mod quadratic_drag;
 mod sensor_bias;
+mod spacing;
 mod time_offset;
 mod tip_mass;
 mod wind;
 
 pub use discretisation::{Discretisation, TOLERATED, discretisation};
+pub use spacing::{Spacing, spacing};
 
 use crate::shoot::Plan;
 use crate::unknown::{Unknown, Values};

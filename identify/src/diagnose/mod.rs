@@ -9,6 +9,7 @@ mod baseline;
 mod ceiling;
 mod certainty;
 mod gain;
+mod numerics;
 mod pipeline;
 mod reason;
 mod remainder;

@@ -4,8 +4,8 @@ use super::certainty::{Curvature, estimates, profile};
 use super::result::*;
 use super::select::{Margin, Round, refit, round};
 use super::test::{Tested, test};
-use super::{audit, baseline, ceiling, gain, reason, remainder};
-use crate::causes::{Cause as Candidate, TOLERATED, discretisation};
+use super::{audit, baseline, ceiling, gain, numerics, reason, remainder};
+use crate::causes::{Cause as Candidate, discretisation, spacing};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
@@ -80,6 +80,7 @@ pub fn diagnose(
 
     progress("checking what remains");
     let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
+    let edges = spacing(&setup.scene, &plan, &run.current.records, &run.current.values, run.current.rmse)?;
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = test(&plan, &run.current, options.seed)?;
     let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
@@ -115,9 +116,9 @@ pub fn diagnose(
         snapshots,
         wall_s: 0.0,
     };
-    add_discretisation(&mut diagnosis, &numerics, plan.model.step_length());
+    numerics::report(&mut diagnosis, &numerics, edges.as_ref(), plan.model.step_length());
     let imitated = run.imitated(&plan, &base, sensor_sigma)?;
-    decide(&mut diagnosis, &run, &first, base.converged, imitated);
+    decide(&mut diagnosis, &run, &first, base.converged, imitated, numerics.ratio);
     diagnosis.wall_s = clock.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
@@ -376,43 +377,7 @@ fn note(what: &str, advice: &str) -> AuditFinding {
     }
 }
 
-fn add_discretisation(d: &mut Diagnosis, numerics: &crate::causes::Discretisation, h: f64) {
-    let too_coarse = numerics.ratio > TOLERATED;
-    let reason = format!(
-        "the simulation's own error at h = {h} s is {:.2e} m, {:.1} % of the residual",
-        numerics.rms,
-        100.0 * numerics.ratio
-    );
-    d.candidates.push(CandidateReport {
-        name: reason::DISCRETISATION.to_owned(),
-        status: Status::Tested,
-        statistic: Some(numerics.ratio),
-        dof: 0,
-        p_value: None,
-        absorbed_fraction: None,
-        smallest_detectable: None,
-        one_step: vec![numerics.step_needed],
-        unit: "s".to_owned(),
-        reason,
-    });
-    if too_coarse {
-        d.causes.push(Cause {
-            name: reason::DISCRETISATION.to_owned(),
-            meaning: "the simulation's step is too coarse for these data".to_owned(),
-            parameters: vec![Estimate {
-                path: "time.step".to_owned(),
-                estimate: numerics.step_needed,
-                unit: "s".to_owned(),
-                interval: [0.5 * numerics.step_needed, numerics.step_needed],
-                scene_value: h,
-            }],
-            statistic: numerics.ratio,
-            rivals: Vec::new(),
-        });
-    }
-}
-
-fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, imitated: Option<f64>) {
+fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, imitated: Option<f64>, numerical_part: f64) {
     let names: Vec<&str> = d.causes.iter().map(|c| c.name.as_str()).collect();
     let little = !run.accepted.is_empty() && d.remainder.significant && d.remainder.explained_fraction < ENOUGH;
     let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input;
@@ -434,7 +399,7 @@ fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, i
             d.remainder.note
         );
         (Verdict::NotInLibrary, reason)
-    } else if !d.causes.is_empty() {
+    } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > ENOUGH)) {
         let margins = run.accepted.iter().filter_map(|a| Some((a.cause.name, a.margin.as_ref()?)));
         (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
     } else if let (Some(taken), Some(set)) = (imitated, d.alternatives.first()) {

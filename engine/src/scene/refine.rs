@@ -1,0 +1,130 @@
+//! The same scene with every edge halved: what a finer rope would do.
+
+use super::file::Scene;
+use super::gripper::{Clamp, Mode};
+use super::rope::{Initial, Rope};
+
+/// A refined scene and how its inputs follow from the original's. Node i of a rope becomes node 2i.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refined<X> {
+    /// The scene.
+    pub scene: Scene<X>,
+    /// Each input as the mean of two of the original's (the same twice where it is a copy).
+    pub inputs: Vec<[usize; 2]>,
+    /// Whether a gripper clamps an edge by its two nodes.
+    pub clamps_edges: bool,
+}
+
+impl<X> Refined<X> {
+    /// The refined scene's input for an input of the original.
+    pub fn input(&self, u: &[f64]) -> Vec<f64> {
+        self.inputs.iter().map(|&[a, b]| 0.5 * (u[a] + u[b])).collect()
+    }
+}
+
+impl<X: Clone> Scene<X> {
+    /// Halves every edge. A gripper that holds neighbouring nodes holds the new node between them too, in the middle.
+    ///
+    /// Materials are per length and stay; node numbers, points and edges are doubled.
+    pub fn refined(&self) -> Refined<X> {
+        let (mut scene, mut inputs, mut first) = (self.clone(), Vec::new(), 0);
+        let mut clamps_edges = false;
+        for gripper in &mut scene.gripper {
+            let rope = self.rope.iter().find(|rope| rope.name == gripper.rope);
+            match (&mut gripper.clamp, rope) {
+                (Clamp::Nodes(numbers), Some(rope)) => {
+                    let held: Vec<usize> = numbers.iter().filter_map(|&number| rope.node(number)).collect();
+                    let pairs = held_pairs(&held);
+                    clamps_edges |= !pairs.is_empty();
+                    *numbers =
+                        held.iter().map(|i| 2 * i).chain(pairs.iter().map(|p| 2 * held[p[0]] + 1)).map(as_number).collect();
+                    if gripper.mode == Mode::Prescribed {
+                        let copies = (0..held.len()).map(|k| [k, k]);
+                        let sources: Vec<[usize; 2]> = copies.chain(pairs).collect();
+                        inputs.extend(sources.iter().flat_map(|s| (0..3).map(|a| s.map(|k| first + 3 * k + a))));
+                        first += 3 * held.len();
+                    } else {
+                        inputs.extend((first..first + 3).map(|k| [k, k]));
+                        first += 3;
+                    }
+                }
+                _ => {
+                    inputs.extend((first..first + 6).map(|k| [k, k]));
+                    first += 6;
+                }
+            }
+        }
+        scene.rope.iter_mut().for_each(halve_edges);
+        Refined { scene, inputs, clamps_edges }
+    }
+}
+
+fn as_number(node: usize) -> i64 {
+    i64::try_from(node).unwrap_or(i64::MAX)
+}
+
+/// Positions in `held` of nodes that are neighbours, the lower node first.
+fn held_pairs(held: &[usize]) -> Vec<[usize; 2]> {
+    let place = |node: usize| held.iter().position(|&h| h == node);
+    (0..held.len()).filter_map(|k| Some([k, place(held[k] + 1)?])).collect()
+}
+
+fn halve_edges(rope: &mut Rope) {
+    for mass in &mut rope.node_mass {
+        mass.node = if mass.node < 0 { 2 * mass.node + 1 } else { 2 * mass.node };
+    }
+    if let Initial::Points { points } = &mut rope.initial {
+        let middle = |pair: &[[f64; 3]]| [pair[0], std::array::from_fn(|a| 0.5 * (pair[0][a] + pair[1][a]))];
+        *points = points.windows(2).flat_map(middle).chain(points.last().copied()).collect();
+    }
+    rope.nodes = rope.nodes.map(|n| 2 * n - 1);
+    if let Some(fractions) = &mut rope.edge_fractions {
+        *fractions = fractions.iter().flat_map(|f| [0.5 * f; 2]).collect();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::scene::{Nothing, check, parse_scene, resting_inputs};
+
+    const SCENE: &str = r#"
+        schema_version = 1
+        [time]
+        step = 0.01
+        [[rope]]
+        name = "cable"
+        edge_fractions = [0.2, 0.3, 0.5]
+        length = 1.0
+        linear_density = 0.05
+        stretch_stiffness = 100.0
+        node_mass = [{ node = 1, mass = 0.1 }, { node = -1, mass = 0.2 }]
+        initial = { shape = "points", points = [[0, 0, 0], [0.2, 0, 0], [0.5, 0, 0], [1, 0, 0]] }
+        [[gripper]]
+        name = "moved"
+        rope = "cable"
+        nodes = [2]
+        mode = "velocity"
+        [[gripper]]
+        name = "hand"
+        rope = "cable"
+        nodes = [1, 0]
+    "#;
+
+    #[test]
+    fn halves_edges_and_carries_everything_over() {
+        let scene: Scene<Nothing> = parse_scene(SCENE, "scene.toml").unwrap();
+        let refined = scene.refined();
+        check(&refined.scene).unwrap();
+        assert!(refined.clamps_edges);
+        let rope = &refined.scene.rope[0];
+        assert_eq!(rope.fractions(), [0.1, 0.1, 0.15, 0.15, 0.25, 0.25]);
+        assert_eq!(rope.node_mass.iter().map(|m| rope.node(m.node).unwrap()).collect::<Vec<_>>(), [2, 6]);
+        assert_eq!(refined.scene.gripper[0].clamp, Clamp::Nodes(vec![4]));
+        assert_eq!(refined.scene.gripper[1].clamp, Clamp::Nodes(vec![2, 0, 1]));
+        // the refined scene's own resting input is the one carried over
+        let carried = refined.input(&resting_inputs(&scene).unwrap());
+        assert_eq!(carried, resting_inputs(&refined.scene).unwrap());
+    }
+}

@@ -1,0 +1,145 @@
+//! The simulation's own error in space: how far halving every edge moves the readings, against the residual.
+//!
+//! A statement about the scene, not about the data: fitted stiffnesses may have made up for a coarse rope already. So it is
+//! reported beside the candidates and never named as a cause.
+
+use super::TOLERATED;
+use crate::error::IdentifyError;
+use crate::log::Record;
+use crate::shoot::{MarkerPlace, Plan, RecordPlan, ShotWants, initial_guess, shoot};
+use crate::unknown::Values;
+use pliant_engine::model::{Model, ModelBuilder};
+use pliant_engine::scene::{Refined, Scene};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// What halving the edges changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spacing {
+    /// Root mean square change of the readings \[m\].
+    pub change: f64,
+    /// The error of the scene's edges that it stands for, over the residual's root mean square.
+    pub ratio: f64,
+    /// Order in the edges' length: 1 where a gripper clamps an edge by its two nodes (half of that edge should bend and cannot),
+    /// else 2.
+    pub order: i32,
+    /// Factor on the number of edges that would bring it to [`TOLERATED`].
+    pub edges_needed: f64,
+}
+
+/// Compares the readings with those of the refined scene on every record, both from the same kind of start: rest, or the data's
+/// state. `None` where the refined scene cannot be simulated at this step.
+pub fn spacing(
+    scene: &Scene,
+    plan: &Plan,
+    records: &[RecordPlan],
+    values: &Values,
+    rmse: f64,
+) -> Result<Option<Spacing>, IdentifyError> {
+    let refined = scene.refined();
+    let (fine, fine_values) = refine_plan(&refined, plan, values)?;
+    let one = |rec: &RecordPlan| -> Option<(f64, usize)> {
+        let coarse = readings(plan, &rec.record, rec.inputs.clone(), values)?;
+        let inputs = rec.inputs.iter().map(|u| refined.input(u)).collect();
+        let finer = readings(&fine, &carry(&refined, &rec.record), inputs, &fine_values)?;
+        Some((coarse.iter().zip(&finer).map(|(a, b)| (a - b) * (a - b)).sum(), coarse.len()))
+    };
+    let parts: Option<Vec<(f64, usize)>> = records.par_iter().map(one).collect();
+    Ok(parts.map(|parts| {
+        let (sum, count) = parts.iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let change = (sum / count.max(1) as f64).sqrt();
+        let order = if refined.clamps_edges { 1 } else { 2 };
+        // Richardson: the error is the change over (1 − 2^−order)
+        let ratio = change / (1.0 - 0.5f64.powi(order)) / rmse.max(f64::MIN_POSITIVE);
+        Spacing { change, ratio, order, edges_needed: (ratio / TOLERATED).powf(1.0 / f64::from(order)).max(1.0) }
+    }))
+}
+
+fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values) -> Option<Vec<f64>> {
+    let start = initial_guess(plan, record).ok()?;
+    let rec = RecordPlan { record: record.clone(), inputs, start, nodes: Vec::new(), parent: 0 };
+    shoot(plan, &rec, values, ShotWants::default()).ok().map(|shot| shot.predicted)
+}
+
+fn carry(refined: &Refined<impl Clone>, record: &Record) -> Record {
+    let phase = refined.inputs.iter().map(|&[a, _]| record.phase[a]).collect();
+    Record { inputs: record.inputs.iter().map(|u| refined.input(u)).collect(), phase, ..record.clone() }
+}
+
+/// The plan and the values of the refined scene.
+fn refine_plan(refined: &Refined<impl Clone>, plan: &Plan, values: &Values) -> Result<(Plan, Values), IdentifyError> {
+    let model = Arc::new(ModelBuilder::new(&refined.scene)?.build());
+    let markers = plan.markers.iter().map(|m| place(&plan.model, &model, m)).collect();
+    let mut theta = model.params().values().to_vec();
+    for (info, value) in plan.model.params().infos().iter().zip(&values.theta) {
+        if let Some(k) = model.params().find(&renamed(&info.path)) {
+            theta[k] = *value;
+        }
+    }
+    let fine_values = Values { theta, sensor: values.sensor };
+    let scene_values = fine_values.clone();
+    Ok((Plan { model, scene_values, markers, fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() }, fine_values))
+}
+
+/// `rope.node[i].mass` becomes `rope.node[2i].mass`; all else stays.
+fn renamed(path: &str) -> String {
+    let doubled = || {
+        let (rope, rest) = path.split_once(".node[")?;
+        let (index, quantity) = rest.split_once(']')?;
+        Some(format!("{rope}.node[{}]{quantity}", 2 * index.parse::<usize>().ok()?))
+    };
+    doubled().unwrap_or_else(|| path.to_owned())
+}
+
+/// The same point on the refined rope.
+fn place(coarse: &Model, fine: &Model, marker: &MarkerPlace) -> MarkerPlace {
+    let ropes = coarse.ropes().iter().zip(fine.ropes());
+    for (old, new) in ropes {
+        if old.nodes.contains(&marker.node) {
+            let node = new.nodes.start + 2 * (marker.node - old.nodes.start);
+            return match 2.0 * marker.weight {
+                0.0 => MarkerPlace { node, next: node, weight: 0.0 },
+                w if w <= 1.0 => MarkerPlace { node, next: node + 1, weight: w },
+                w => MarkerPlace { node: node + 1, next: node + 2, weight: w - 1.0 },
+            };
+        }
+    }
+    *marker
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::log::Setup;
+
+    /// Spacing of a scene whose edges were halved so many times.
+    fn of(scene: &str, halvings: usize) -> Spacing {
+        let setup = Setup::read(scene).unwrap();
+        let logs = setup.read_logs(&[]).unwrap();
+        let (mut plan, mut scene) = (Plan::new(&setup, &logs).unwrap(), setup.scene.clone());
+        for _ in 0..halvings {
+            let refined = scene.refined();
+            let records = plan.fitted.clone();
+            plan = refine_plan(&refined, &plan, &plan.scene_values).unwrap().0;
+            plan.fitted = records
+                .into_iter()
+                .map(|rec| RecordPlan {
+                    record: carry(&refined, &rec.record),
+                    inputs: rec.inputs.iter().map(|u| refined.input(u)).collect(),
+                    ..rec
+                })
+                .collect();
+            scene = refined.scene;
+        }
+        spacing(&scene, &plan, &plan.fitted, &plan.scene_values, 1e-3).unwrap().unwrap()
+    }
+
+    #[test]
+    fn a_rope_clamped_by_two_nodes_converges_at_first_order() {
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/hidden_effect/scene.toml");
+        let (coarse, fine) = (of(scene, 0), of(scene, 1));
+        assert_eq!(coarse.order, 1);
+        assert!((1.5..2.7).contains(&(coarse.change / fine.change)), "{coarse:?} {fine:?}");
+    }
+}

@@ -1,0 +1,59 @@
+//! The simulation's own errors, in time and in space, among the candidates.
+
+use super::reason;
+use super::result::*;
+use crate::causes::{Discretisation, Spacing, TOLERATED};
+
+/// Name of the finding on node spacing; never a cause.
+const SPACING: &str = "node_spacing";
+
+/// Adds both to the candidates, and a step that is too coarse for these data to the causes.
+pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option<&Spacing>, h: f64) {
+    let reason = format!(
+        "the simulation's own error at h = {h} s is {:.2e} m, {:.1} % of the residual",
+        numerics.rms,
+        100.0 * numerics.ratio
+    );
+    d.candidates.push(candidate(reason::DISCRETISATION, Some((numerics.ratio, numerics.step_needed)), "s", reason));
+    let reason = match edges {
+        Some(e) => format!(
+            "halving every edge moves the readings by {:.2e} m, {:.1} % of the residual; that says what a finer rope would do, not \
+             that the data want one",
+            e.change,
+            100.0 * e.ratio * (1.0 - 0.5f64.powi(e.order))
+        ),
+        None => "a rope of edges half as long cannot be simulated at this step".to_owned(),
+    };
+    d.candidates.push(candidate(SPACING, edges.map(|e| (e.ratio, e.edges_needed)), "edges", reason));
+    if numerics.ratio > TOLERATED {
+        d.causes.push(Cause {
+            name: reason::DISCRETISATION.to_owned(),
+            meaning: "the simulation's step is too coarse for these data".to_owned(),
+            parameters: vec![Estimate {
+                path: "time.step".to_owned(),
+                estimate: numerics.step_needed,
+                unit: "s".to_owned(),
+                interval: [0.5 * numerics.step_needed, numerics.step_needed],
+                scene_value: h,
+            }],
+            statistic: numerics.ratio,
+            rivals: Vec::new(),
+        });
+    }
+}
+
+/// `found`: the error as a part of the residual, and what would bring it to [`TOLERATED`].
+fn candidate(name: &str, found: Option<(f64, f64)>, unit: &str, reason: String) -> CandidateReport {
+    CandidateReport {
+        name: name.to_owned(),
+        status: if found.is_some() { Status::Tested } else { Status::Untestable },
+        statistic: found.map(|f| f.0),
+        dof: 0,
+        p_value: None,
+        absorbed_fraction: None,
+        smallest_detectable: None,
+        one_step: found.map(|f| f.1).into_iter().collect(),
+        unit: unit.to_owned(),
+        reason,
+    }
+}
