@@ -8,6 +8,7 @@ mod audit;
 mod baseline;
 mod ceiling;
 mod certainty;
+mod constancy;
 mod gain;
 mod numerics;
 mod pipeline;

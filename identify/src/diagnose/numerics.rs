@@ -37,6 +37,7 @@ pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option
                 scene_value: h,
             }],
             statistic: numerics.ratio,
+            constancy_p: None,
             rivals: Vec::new(),
         });
     }

@@ -4,7 +4,7 @@ use super::certainty::{Curvature, estimates, profile};
 use super::result::*;
 use super::select::{Margin, Round, refit, round};
 use super::test::{Tested, test};
-use super::{audit, baseline, ceiling, gain, numerics, reason, remainder};
+use super::{audit, baseline, ceiling, constancy, gain, numerics, reason, remainder};
 use crate::causes::{Cause as Candidate, discretisation, spacing};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
@@ -38,6 +38,7 @@ struct Accepted {
     statistic: f64,
     rivals: Vec<Rival>,
     margin: Option<Margin>,
+    constancy: Option<f64>,
 }
 
 /// Finds out what the scene gets wrong about the logs.
@@ -84,7 +85,8 @@ pub fn diagnose(
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = test(&plan, &run.current, options.seed)?;
     let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
-    let left = run.remainder(&base, sensor_sigma, p_input, untested);
+    let varying = run.varying(&plan)?;
+    let left = run.remainder(&base, sensor_sigma, p_input, untested, varying);
 
     progress("intervals and held-out gain");
     let causes = run.causes(&plan, &base, &fit_options)?;
@@ -163,7 +165,8 @@ impl Selection {
                 Round::Accepted { candidate, fitted, statistic, margin } => {
                     let cause = tested.causes[tested.tested[candidate]].clone();
                     progress(&format!("accepted {}", cause.name));
-                    self.accepted.push(Accepted { rivals: rivals(&tested, candidate), cause, statistic, margin });
+                    let rivals = rivals(&tested, candidate);
+                    self.accepted.push(Accepted { rivals, cause, statistic, margin, constancy: None });
                     self.current = *fitted;
                     let name = self.accepted.last().map_or("", |a| a.cause.name);
                     story.add(name, &self.current)?;
@@ -202,11 +205,35 @@ impl Selection {
         Ok(())
     }
 
-    fn remainder(&self, base: &Fitted, sensor_sigma: f64, p_input: f64, untested: bool) -> Remainder {
+    /// The accepted cause whose size differs most between parts of the records, if any does, and its p.
+    fn varying(&mut self, plan: &Plan) -> Result<Option<(&'static str, f64)>, IdentifyError> {
+        let mut worst: Option<(&'static str, f64)> = None;
+        let all = self.accepted.len() as f64;
+        for accepted in &mut self.accepted {
+            let p = constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?;
+            accepted.constancy = Some(p);
+            if p * all < constancy::LEVEL && worst.is_none_or(|(_, least)| p < least) {
+                worst = Some((accepted.cause.name, p));
+            }
+        }
+        Ok(worst)
+    }
+
+    fn remainder(
+        &self,
+        base: &Fitted,
+        sensor_sigma: f64,
+        p_input: f64,
+        untested: bool,
+        varying: Option<(&'static str, f64)>,
+    ) -> Remainder {
         let by_input = remainder::is_significant(p_input);
         let (before, after) = (base.rmse * base.rmse, self.current.rmse * self.current.rmse);
         let explainable = before - sensor_sigma * sensor_sigma;
         let note = match (by_input, untested) {
+            (false, _) if let Some((name, p)) = varying => format!(
+                "{name} would need different sizes in different parts of the records (p = {p:.1e}): it imitates another law"
+            ),
             (true, _) => format!(
                 "the residual still depends on the grippers' motion (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"
             ),
@@ -214,7 +241,7 @@ impl Selection {
             (false, false) => "what is left does not differ from coloured noise".to_owned(),
         };
         Remainder {
-            significant: by_input || untested,
+            significant: by_input || untested || varying.is_some(),
             by_input,
             rmse: self.current.rmse,
             unit: "m".to_owned(),
@@ -259,6 +286,7 @@ impl Selection {
                 meaning: a.cause.meaning.to_owned(),
                 parameters,
                 statistic: a.statistic,
+                constancy_p: a.constancy,
                 rivals: a.rivals.clone(),
             })
         };

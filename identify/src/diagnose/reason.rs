@@ -72,7 +72,14 @@ mod tests {
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
         let interval = [0.9 * estimate, 1.1 * estimate];
         let parameter = Estimate { path: path.into(), estimate, unit: unit.into(), interval, scene_value: 0.0 };
-        Cause { name: name.into(), meaning: String::new(), parameters: vec![parameter], statistic, rivals: Vec::new() }
+        Cause {
+            name: name.into(),
+            meaning: String::new(),
+            parameters: vec![parameter],
+            statistic,
+            constancy_p: None,
+            rivals: Vec::new(),
+        }
     }
 
     fn margin(rival: &str, lead: f64) -> Margin {

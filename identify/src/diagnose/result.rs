@@ -58,6 +58,8 @@ pub struct Cause {
     pub parameters: Vec<Estimate>,
     /// Likelihood-ratio statistic of adding it last [-].
     pub statistic: f64,
+    /// p of the hypothesis that its size is the same in all parts of the records; absent where that was not tested.
+    pub constancy_p: Option<f64>,
     /// Causes it was held against, most similar first.
     pub rivals: Vec<Rival>,
 }

@@ -14,6 +14,9 @@ use rayon::prelude::*;
 /// Fewest records for which flips resolve a family of a dozen causes.
 const FLIP_RECORDS: usize = 10;
 const FLIP_DRAWS: usize = 4000;
+/// Time blocks of a record for variances robust to a wrong noise model, and the fewest samples of one.
+const BLOCKS: usize = 8;
+const SHORTEST_BLOCK: usize = 10;
 
 /// Score tests of the library against a fit.
 #[derive(Clone, Debug)]
@@ -58,7 +61,12 @@ pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, Id
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
-    let one = |rec: &RecordPlan| reduce_record(plan, fitted, rec, unknowns);
+    reduce_in(plan, fitted, unknowns, BLOCKS)
+}
+
+/// As [`reduce`], with so many time blocks per record (or piece of one).
+pub(super) fn reduce_in(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown], blocks: usize) -> Result<Reduced, IdentifyError> {
+    let one = |rec: &RecordPlan| reduce_record(plan, fitted, rec, unknowns, blocks);
     let parts: Vec<Reduced> = fitted.records.par_iter().map(one).collect::<Result<_, _>>()?;
     // pieces of one measured record are one record: they share its errors
     let mut whole: Vec<Reduced> = Vec::new();
@@ -71,7 +79,13 @@ pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Resu
     Ok(Reduced::merge_all(&whole)?)
 }
 
-fn reduce_record(plan: &Plan, fitted: &Fitted, rec: &RecordPlan, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
+fn reduce_record(
+    plan: &Plan,
+    fitted: &Fitted,
+    rec: &RecordPlan,
+    unknowns: &[Unknown],
+    blocks: usize,
+) -> Result<Reduced, IdentifyError> {
     let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
     let mut shot = shoot(plan, rec, &fitted.values, wants)
         .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
@@ -84,7 +98,7 @@ fn reduce_record(plan: &Plan, fitted: &Fitted, rec: &RecordPlan, unknowns: &[Unk
         fitted.noise.whiten_columns(&mut shot.global, channels, k)?;
     }
     let times = shot.residual.len() / channels;
-    let mut starts = time_blocks(times, channels, (times / 8).max(10));
+    let mut starts = time_blocks(times, channels, (times / blocks).max(SHORTEST_BLOCK));
     if m > 0 {
         // the prior on the record's own unknowns, rows of their own
         starts.push(shot.residual.len());

@@ -76,6 +76,7 @@ pub(super) fn diagnosis() -> Diagnosis {
             meaning: "The cable loses energy when it is bent.".into(),
             parameters: vec![damping.clone()],
             statistic: 312.0,
+            constancy_p: Some(0.4),
             rivals: vec![Rival { name: "linear_drag".into(), cosine: 0.71 }],
         }],
         alternatives: Vec::new(),
