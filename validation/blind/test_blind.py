@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.blind import cases, fitter_step, ideal, measure, oracle, rope_ode, score
+from validation.blind import cases, fitter_step, ideal, measure, oracle, peer, rope_ode, score
 from validation.blind.families import FAMILIES, ONE_END, TWO_ENDS
 
 SHORT = replace(ONE_END, name="short", n=6, duration=0.3, markers=(2, 3, 5))
@@ -170,3 +170,20 @@ def test_requirements_count_and_bound():
     assert state["90 % intervals cover 85-95 %"]["state"] == "too few cases"
     assert score.clopper_pearson(0, 10) == pytest.approx((0.0, 0.3085), abs=1e-4)
     assert "false naming" in score.table(score.summarize(rows))
+
+
+def test_the_peer_is_given_nulls_in_turn_and_the_largest_effects_it_can_represent():
+    def row(index, kind, name="", lam=0.0):
+        return {"case": {"index": index, "kind": kind, "name": name, "cause": name, "lam": lam}, "outcome": "clean"}
+
+    rows = [row(k, "null") for k in range(3)]
+    rows += [row(3, "effect", "linear_drag", 10.0), row(4, "effect", "wind", 1000.0)]
+    rows += [row(5, "effect", "time_offset", 100.0), row(6, "outside", "magnet", 100.0)]
+    pairs = [(r["case"]["index"], cause) for r, cause in peer.chosen(rows, 4)]
+    assert pairs == [(0, "linear_drag"), (1, "extensibility"), (5, "time_offset"), (3, "linear_drag")]
+
+    answer = {"found": True, "covered": [True, False], "insights": ["No Issues Detected"]}
+    text = peer.table([{**rows[0], "peer": answer}, {**rows[3], "peer": answer | {"found": False}}])
+    assert "null      1  mujoco.sysid: an interval excludes the scene's value in 1" in text
+    assert "effect    1  mujoco.sysid: an interval excludes the scene's value in 0" in text
+    assert "hold the truth: 2/4" in text
