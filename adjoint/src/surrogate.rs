@@ -16,7 +16,7 @@ use crate::checkpoint::{CheckpointedRollout, checkpointed};
 use crate::linearize::{Linearization, linearize};
 use crate::rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
 use pliant_engine::model::Model;
-use pliant_engine::rollout::Rollout;
+use pliant_engine::rollout::{Rollout, rollout_by};
 use pliant_engine::state::State;
 use pliant_engine::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
 use std::sync::Arc;
@@ -82,21 +82,7 @@ pub fn surrogate_rollout(
     smoothing: Smoothing,
 ) -> Result<Surrogate<Rollout>, AdjointError> {
     let mut chain = Chain::new(model, theta, options, Some(smoothing))?;
-    let mut value = Rollout {
-        model: Arc::clone(model),
-        theta: theta.to_vec(),
-        states: vec![x0.clone()],
-        controls: controls.to_vec(),
-        traces: Vec::with_capacity(controls.len()),
-        records: Vec::new(),
-    };
-    let mut state = x0.clone();
-    for (k, u) in controls.iter().enumerate() {
-        let (trace, record) = chain.step(&mut state, u).map_err(|e| e.at_step(k))?;
-        value.states.push(state.clone());
-        value.traces.push(trace);
-        value.records.extend(record);
-    }
+    let value = rollout_by(model, theta, x0, controls, |state, u| chain.step(state, u))?;
     Ok(Surrogate { value, smoothing })
 }
 

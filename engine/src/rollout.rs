@@ -34,6 +34,17 @@ pub fn rollout(
     options: StepOptions,
 ) -> Result<Rollout, StepError> {
     let mut stepper = Stepper::new(model, theta, options)?;
+    rollout_by(model, theta, x0, controls, |state, u| stepper.step(state, u))
+}
+
+/// As [`rollout`], with steps taken by `step`: it replaces the state by the next one, and returns a trace and the record to keep.
+pub fn rollout_by(
+    model: &Arc<Model>,
+    theta: &[f64],
+    x0: &State,
+    controls: &[Vec<f64>],
+    mut step: impl FnMut(&mut State, &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError>,
+) -> Result<Rollout, StepError> {
     let mut out = Rollout {
         model: Arc::clone(model),
         theta: theta.to_vec(),
@@ -44,7 +55,7 @@ pub fn rollout(
     };
     let mut state = x0.clone();
     for (k, u) in controls.iter().enumerate() {
-        let (trace, record) = stepper.step(&mut state, u).map_err(|e| e.at_step(k))?;
+        let (trace, record) = step(&mut state, u).map_err(|e| e.at_step(k))?;
         out.states.push(state.clone());
         out.traces.push(trace);
         out.records.extend(record);
