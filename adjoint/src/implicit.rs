@@ -4,7 +4,8 @@
 //! ```text
 //! jvp:  ẏ = −K⁻¹ (∂r/∂p) ṗ            vjp:  λ = −K⁻ᵀ ȳ,   p̄ += (∂r/∂p)ᵀ λ
 //! ```
-//! The minus of the theorem stands in [`negate`] and nowhere else. Solves are refined once against the matrix itself.
+//! The minus of the theorem stands in [`negate`] and nowhere else. Solves are refined against the matrix
+//! itself; many columns at once only where a probe shows that it changes them.
 
 use pliant_engine::step::StageRecord;
 

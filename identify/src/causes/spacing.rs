@@ -28,16 +28,10 @@ pub struct Spacing {
 }
 
 /// Compares the readings with those of the refined scene on every record, both from the same kind of start: rest, or the data's
-/// state. `None` where the refined scene cannot be simulated at this step.
-pub fn spacing(
-    scene: &Scene,
-    plan: &Plan,
-    records: &[RecordPlan],
-    values: &Values,
-    rmse: f64,
-) -> Result<Option<Spacing>, IdentifyError> {
+/// state. `None` where the refined scene cannot be built, or simulated at this step.
+pub fn spacing(scene: &Scene, plan: &Plan, records: &[RecordPlan], values: &Values, rmse: f64) -> Option<Spacing> {
     let refined = scene.refined();
-    let (fine, fine_values) = refine_plan(&refined, plan, values)?;
+    let (fine, fine_values) = refine_plan(&refined, plan, values).ok()?;
     let one = |rec: &RecordPlan| -> Option<(f64, usize)> {
         let coarse = readings(plan, &rec.record, rec.inputs.clone(), values)?;
         let inputs = rec.inputs.iter().map(|u| refined.input(u)).collect();
@@ -45,14 +39,14 @@ pub fn spacing(
         Some((coarse.iter().zip(&finer).map(|(a, b)| (a - b) * (a - b)).sum(), coarse.len()))
     };
     let parts: Option<Vec<(f64, usize)>> = records.par_iter().map(one).collect();
-    Ok(parts.map(|parts| {
+    parts.map(|parts| {
         let (sum, count) = parts.iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let change = (sum / count.max(1) as f64).sqrt();
         let order = if refined.clamps_edges { 1 } else { 2 };
         // Richardson: the error is the change over (1 − 2^−order)
         let ratio = change / (1.0 - 0.5f64.powi(order)) / rmse.max(f64::MIN_POSITIVE);
         Spacing { change, ratio, order, edges_needed: (ratio / TOLERATED).powf(1.0 / f64::from(order)).max(1.0) }
-    }))
+    })
 }
 
 fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values) -> Option<Vec<f64>> {
@@ -132,7 +126,7 @@ mod tests {
                 .collect();
             scene = refined.scene;
         }
-        spacing(&scene, &plan, &plan.fitted, &plan.scene_values, 1e-3).unwrap().unwrap()
+        spacing(&scene, &plan, &plan.fitted, &plan.scene_values, 1e-3).unwrap()
     }
 
     #[test]

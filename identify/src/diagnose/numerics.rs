@@ -17,14 +17,15 @@ pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option
     d.candidates.push(candidate(reason::DISCRETISATION, Some((numerics.ratio, numerics.step_needed)), "s", reason));
     let reason = match edges {
         Some(e) => format!(
-            "halving every edge moves the readings by {:.2e} m, {:.1} % of the residual; that says what a finer rope would do, not \
-             that the data want one",
+            "halving every edge moves the readings by {:.2e} m, {:.1} % of the residual ({:.1} times the edges would bring their error \
+             to a tenth of it); that says what a finer rope would do, not that the data want one",
             e.change,
-            100.0 * e.ratio * (1.0 - 0.5f64.powi(e.order))
+            100.0 * e.ratio * (1.0 - 0.5f64.powi(e.order)),
+            e.edges_needed
         ),
         None => "a rope of edges half as long cannot be simulated at this step".to_owned(),
     };
-    d.candidates.push(candidate(SPACING, edges.map(|e| (e.ratio, e.edges_needed)), "edges", reason));
+    d.candidates.push(candidate(SPACING, edges.map(|e| (e.ratio, e.edges_needed)), "-", reason));
     if numerics.ratio > TOLERATED {
         d.causes.push(Cause {
             name: reason::DISCRETISATION.to_owned(),

@@ -81,7 +81,7 @@ pub fn diagnose(
 
     progress("checking what remains");
     let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
-    let edges = spacing(&setup.scene, &plan, &run.current.records, &run.current.values, run.current.rmse)?;
+    let edges = spacing(&setup.scene, &plan, &run.current.records, &run.current.values, run.current.rmse);
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = test(&plan, &run.current, options.seed)?;
     let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
