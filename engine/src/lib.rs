@@ -46,6 +46,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod bodies;
 mod contact;
 pub mod equilibrium;
 pub mod geometry;

@@ -1,0 +1,258 @@
+//! Inverse dynamics, τ(q, v, a; θ) [N·m or N], and how it changes: recursive Newton–Euler and its partial derivatives.
+//!
+//! ```text
+//! F_b = I_b A_b + V_b ×* (I_b V_b) − W_b        body b, A including −g, W_b what acts on it from outside
+//! τ_l = S_l · Σ_{b beyond l} F_b + armature_l a_l
+//! ```
+//! With composites over all bodies beyond body b, I = Σ I_k, B = Σ B_k ([`VelocityPartial`]), C = Σ C_k, F = Σ F_k, and a
+//! displacement δq̄ = J δ, δv̄ = cv δ, δā = cm δ of every degree of freedom l, the change of τ_i is
+//! ```text
+//! l at or before i:   S_i · (I α_l + B β_l + C γ_l)               composites at the body of i
+//! l beyond i:         S_i · (I α_l + B β_l + C γ_l + γ_l ×* F)    composites at the body of l
+//! α = cm S + cv (Ψ̇ + Ṡ) + cq Ψ̈ J,   β = cv S + cq Ψ̇ J,   γ = cq S J
+//! ```
+//! Reference: S. Singh, R. Russell, P. Wensing (2022), IEEE RA-L 7(2), for the form of Ψ̇ and Ψ̈; C holds what a wrench from
+//! outside does when its body is displaced.
+
+use super::frames::Frames;
+use super::spatial::{Force, Inertia, Motion, VelocityPartial, column};
+use super::tree::Tree;
+use crate::terms::Real;
+use nalgebra::{Matrix3, Matrix6, Vector6};
+
+/// Generalized forces of inertia and gravity at `frames`, for inertias `inertia` about each body's own origin; `wrenches` act on
+/// the bodies from outside (none: empty). Overwrites `tau`; armature is not included.
+pub fn inverse_dynamics<S: Real>(
+    tree: &Tree,
+    frames: &Frames<S>,
+    inertia: &[Inertia<S>],
+    wrenches: &[Force<S>],
+    forces: &mut Vec<Force<S>>,
+    tau: &mut [S],
+) {
+    forces.clear();
+    for (b, frame) in frames.bodies.iter().enumerate() {
+        let inertia = inertia[b].placed(&frame.rotation, &frame.position);
+        let inertial = inertia.mul(&frame.acceleration) + frame.velocity.cross_force(&inertia.mul(&frame.velocity));
+        forces.push(wrenches.get(b).map_or(inertial, |w| inertial - *w));
+    }
+    for (b, body) in tree.bodies().iter().enumerate().rev() {
+        if let Some(parent) = body.parent {
+            let force = forces[b];
+            forces[parent] += force;
+        }
+    }
+    for (l, dof) in tree.dofs().iter().enumerate() {
+        tau[l] = frames.axes[l].s.dot(&forces[dof.body]);
+    }
+}
+
+/// Weights of the displacement that a matrix is wanted for: δā = cm δ, δv̄ = cv δ, δq̄ = cq J δ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Displacement {
+    /// Of accelerations.
+    pub cm: f64,
+    /// Of velocities.
+    pub cv: f64,
+    /// Of positions.
+    pub cq: f64,
+}
+
+/// Memory of [`Partials::evaluate`].
+#[derive(Clone, Debug, Default)]
+pub struct Partials {
+    inertia: Vec<Inertia<f64>>,
+    forces: Vec<Force<f64>>,
+    b: Vec<VelocityPartial>,
+    /// Of the wrenches from outside: with displacement (C), and with velocity.
+    outside: Vec<[Matrix6<f64>; 2]>,
+    columns: Vec<Columns>,
+}
+
+/// What a degree of freedom contributes to the products above.
+#[derive(Clone, Copy, Debug)]
+struct Columns {
+    alpha: Vector6<f64>,
+    beta: Vector6<f64>,
+    gamma: Vector6<f64>,
+}
+
+/// How the wrench on a body changes: with its displacement (twist of the body) and with its velocity.
+#[derive(Clone, Copy, Debug)]
+pub struct WrenchPartial {
+    /// The body.
+    pub body: usize,
+    /// ∂W/∂ξ for a displacement ξ of the body, at fixed velocity.
+    pub displaced: Matrix6<f64>,
+    /// ∂W/∂V.
+    pub moving: Matrix6<f64>,
+}
+
+impl Partials {
+    /// Composites at `frames`. `wrenches` as in [`inverse_dynamics`], `changes` how they depend on their own bodies.
+    pub fn gather(
+        &mut self,
+        tree: &Tree,
+        frames: &Frames<f64>,
+        inertia: &[Inertia<f64>],
+        wrenches: &[Force<f64>],
+        changes: &[WrenchPartial],
+    ) {
+        self.b.clear();
+        self.inertia.clear();
+        self.forces.clear();
+        for (b, frame) in frames.bodies.iter().enumerate() {
+            let inertia = inertia[b].placed(&frame.rotation, &frame.position);
+            let inertial = inertia.mul(&frame.acceleration) + frame.velocity.cross_force(&inertia.mul(&frame.velocity));
+            self.forces.push(wrenches.get(b).map_or(inertial, |w| inertial - *w));
+            self.b.push(VelocityPartial::new(&inertia, &frame.velocity));
+            self.inertia.push(inertia);
+        }
+        self.gather_outside(frames, wrenches, changes);
+        for (b, body) in tree.bodies().iter().enumerate().rev() {
+            if let Some(p) = body.parent {
+                let (inertia, force, velocity) = (self.inertia[b], self.forces[b], self.b[b]);
+                self.inertia[p] += inertia;
+                self.forces[p] += force;
+                self.b[p] += velocity;
+                if !self.outside.is_empty() {
+                    let [c, d] = self.outside[b];
+                    self.outside[p][0] += c;
+                    self.outside[p][1] += d;
+                }
+            }
+        }
+    }
+
+    fn gather_outside(&mut self, frames: &Frames<f64>, wrenches: &[Force<f64>], changes: &[WrenchPartial]) {
+        self.outside.clear();
+        if wrenches.is_empty() {
+            return;
+        }
+        self.outside.extend(wrenches.iter().map(|w| [force_cross_matrix(w), Matrix6::zeros()]));
+        for change in changes {
+            // in the body's own axes: δ'W = ∂W/∂ξ ξ + ∂W/∂V (δ'V + ξ × V) − ξ ×* W
+            let velocity = &frames.bodies[change.body].velocity;
+            self.outside[change.body][0] -= change.displaced + change.moving * cross_matrix(velocity);
+            self.outside[change.body][1] -= change.moving;
+        }
+    }
+
+    /// τ at what was gathered, without armature.
+    pub fn tau(&self, tree: &Tree, frames: &Frames<f64>, tau: &mut [f64]) {
+        for (l, dof) in tree.dofs().iter().enumerate() {
+            tau[l] = frames.axes[l].s.dot(&self.forces[dof.body]);
+        }
+    }
+
+    /// Adds the change of τ to the row-major matrix `out` (rows `stride` apart), for the displacement `by`; `turns` holds J of every
+    /// joint that has one of its own (identity if empty).
+    pub fn add(
+        &mut self,
+        tree: &Tree,
+        frames: &Frames<f64>,
+        by: Displacement,
+        turns: &[Option<Matrix3<f64>>],
+        out: &mut [f64],
+        stride: usize,
+    ) {
+        self.fill_columns(tree, frames, by, turns);
+        for (i, dof) in tree.dofs().iter().enumerate() {
+            let (inertia, b) = (&self.inertia[dof.body], &self.b[dof.body]);
+            let s = &frames.axes[i].s;
+            let own = &self.columns[i];
+            let z = force_column(&inertia.mul(s));
+            let mut y = Vector6::zeros();
+            y.fixed_rows_mut::<3>(0).copy_from(&b.tr_mul(s));
+            let gamma = as_motion(&own.gamma);
+            let turning = own.beta.fixed_rows::<3>(0).into_owned();
+            let carried = gamma.cross_force(&self.forces[dof.body]);
+            let mut beyond = force_column(&(inertia.mul(&as_motion(&own.alpha)) + b.mul(&turning) + carried));
+            let mut x = None;
+            if let Some([c, d]) = self.outside.get(dof.body) {
+                beyond += c * own.gamma + d * own.beta;
+                y += d.tr_mul(&column(s));
+                x = Some(c.tr_mul(&column(s)));
+            }
+            // the joint's own degrees of freedom and all before it
+            let mut next = Some(last_of_joint(tree, i));
+            while let Some(l) = next {
+                let other = &self.columns[l];
+                let mut value = z.dot(&other.alpha) + y.dot(&other.beta);
+                if let Some(x) = &x {
+                    value += x.dot(&other.gamma);
+                }
+                out[i * stride + l] += value;
+                next = tree.dofs()[l].parent;
+            }
+            // rows of those strictly before the joint see this degree of freedom from below
+            let mut next = dof.before_joint;
+            while let Some(l) = next {
+                out[l * stride + i] += column(&frames.axes[l].s).dot(&beyond);
+                next = tree.dofs()[l].parent;
+            }
+        }
+    }
+
+    fn fill_columns(&mut self, tree: &Tree, frames: &Frames<f64>, by: Displacement, turns: &[Option<Matrix3<f64>>]) {
+        self.columns.clear();
+        for axis in &frames.axes {
+            let [s, psi_dot, psi_ddot] = [axis.s, axis.psi_dot, axis.psi_ddot].map(|m| column(&m));
+            self.columns.push(Columns { alpha: psi_ddot * by.cq, beta: psi_dot * by.cq, gamma: s * by.cq });
+        }
+        for (joint, turn) in tree.joints().iter().zip(turns) {
+            if let Some(j) = turn {
+                turn_columns(&mut self.columns[joint.v..joint.v + 3], j);
+            }
+        }
+        for (columns, axis) in self.columns.iter_mut().zip(&frames.axes) {
+            let s = column(&axis.s);
+            columns.alpha += s * by.cm + (column(&axis.psi_dot) + column(&axis.s_dot)) * by.cv;
+            columns.beta += s * by.cv;
+        }
+    }
+}
+
+/// The last degree of freedom of the joint of `i`.
+fn last_of_joint(tree: &Tree, i: usize) -> usize {
+    let joint = &tree.joints()[tree.dofs()[i].joint];
+    joint.v + joint.kind.n_dofs() - 1
+}
+
+/// Column k becomes Σ_a (column a) J_ak.
+fn turn_columns(columns: &mut [Columns], j: &Matrix3<f64>) {
+    let old = [columns[0], columns[1], columns[2]];
+    for (k, new) in columns.iter_mut().enumerate() {
+        let mix = |part: fn(&Columns) -> Vector6<f64>| part(&old[0]) * j[(0, k)] + part(&old[1]) * j[(1, k)] + part(&old[2]) * j[(2, k)];
+        *new = Columns { alpha: mix(|c| c.alpha), beta: mix(|c| c.beta), gamma: mix(|c| c.gamma) };
+    }
+}
+
+fn as_motion(x: &Vector6<f64>) -> Motion<f64> {
+    Motion { w: x.fixed_rows::<3>(0).into_owned(), v: x.fixed_rows::<3>(3).into_owned() }
+}
+
+fn force_column(f: &Force<f64>) -> Vector6<f64> {
+    Vector6::new(f.n[0], f.n[1], f.n[2], f.f[0], f.f[1], f.f[2])
+}
+
+/// The matrix of `ξ ↦ ξ × V` … of a motion.
+fn cross_matrix(v: &Motion<f64>) -> Matrix6<f64> {
+    // ξ × V = −V × ξ
+    let (w, u) = (super::spatial::hat(&v.w), super::spatial::hat(&v.v));
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-w);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&-u);
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(&-w);
+    m
+}
+
+/// The matrix of `ξ ↦ ξ ×* W`.
+fn force_cross_matrix(w: &Force<f64>) -> Matrix6<f64> {
+    let (n, f) = (super::spatial::hat(&w.n), super::spatial::hat(&w.f));
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-n);
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-f);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&-f);
+    m
+}
