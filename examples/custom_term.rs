@@ -127,7 +127,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The gradient of L = ½ Σ (simulated − measured)² at k = 0, for all of θ in one backward sweep.
     let run = simulate(0.0)?;
     let residual: Vec<f64> = readings(&run).iter().zip(&measured).map(|(a, b)| a - b).collect();
-    let mut x_bar = vec![vec![0.0; 2 * model.nq()]; run.states.len()];
+    let mut x_bar = vec![vec![0.0; model.ndx()]; run.states.len()];
     let mut next = residual.iter();
     for_readings(&model, run.states.len(), |k, i| x_bar[k][i] = next.next().copied().unwrap_or(0.0));
     println!("dL/dk at k = 0:        {:.4e} m²/(N·m²)", run.vjp(&x_bar)?.theta[strength]);

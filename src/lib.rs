@@ -39,7 +39,7 @@
 //! let run = rollout(&case.model, theta, &case.x0, &case.controls, StepOptions::default())?;
 //!
 //! // L = height of the last node at the end; x = (q, v), node 6 has its z at 3·6 + 2.
-//! let mut x_bar = vec![vec![0.0; 2 * case.model.nq()]; run.states.len()];
+//! let mut x_bar = vec![vec![0.0; case.model.ndx()]; run.states.len()];
 //! x_bar[30][20] = 1.0;
 //! let gradient = run.vjp(&x_bar)?;
 //! let stiffness = case.model.params().find("cable.bend_stiffness").unwrap();

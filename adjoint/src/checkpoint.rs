@@ -88,7 +88,7 @@ impl CheckpointedRollout {
             u: vec![vec![0.0; self.model.nu()]; self.controls.len()],
             theta: vec![0.0; self.model.n_params()],
         };
-        let mut x = Cotangent { q: vec![0.0; self.model.nq()], v: vec![0.0; self.model.nq()] };
+        let mut x = Cotangent { q: vec![0.0; self.model.nv()], v: vec![0.0; self.model.nv()] };
         for (s, warm) in self.warm.iter().enumerate().rev() {
             let first = s * self.segment;
             let last = (first + self.segment).min(self.controls.len());

@@ -5,7 +5,7 @@ use crate::tangent::TangentStepper;
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
 
-/// Jacobians of x⁺ = F(x, u, θ), row-major, x = (q, v).
+/// Jacobians of x⁺ = F(x, u, θ), row-major, of changes δx = (δq, δv) with 2 nv entries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linearization {
     /// A = ∂x⁺/∂x, nx × nx.
@@ -27,7 +27,7 @@ pub struct Linearizer<'m> {
 impl<'m> Linearizer<'m> {
     /// Of A and B, and of C for all of θ if `with_theta`.
     pub fn new(model: &'m Model, theta: &'m [f64], with_theta: bool) -> Self {
-        let (nx, nu) = (2 * model.nq(), model.nu());
+        let (nx, nu) = (model.ndx(), model.nu());
         let np = if with_theta { model.n_params() } else { 0 };
         let mut seeds = Seeds::none(nx + nu + np, nu, model.n_params());
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
@@ -37,11 +37,11 @@ impl<'m> Linearizer<'m> {
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
     pub fn linearize(&mut self, step: &StepRecord) -> Linearization {
-        let (nq, m) = (self.nx / 2, self.tangent.seeds.columns);
+        let (nv, m) = (self.nx / 2, self.tangent.seeds.columns);
         let x = &mut self.tangent.x;
-        for (first, block) in [(0, &mut x.q), (nq, &mut x.v)] {
+        for (first, block) in [(0, &mut x.q), (nv, &mut x.v)] {
             block.fill(0.0);
-            (0..nq).for_each(|k| block[k * m + first + k] = 1.0);
+            (0..nv).for_each(|k| block[k * m + first + k] = 1.0);
         }
         self.tangent.step(step);
         let x = &self.tangent.x;

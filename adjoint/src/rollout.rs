@@ -9,7 +9,7 @@ use pliant_engine::rollout::Rollout;
 /// Cotangents of everything a rollout starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutCotangent {
-    /// Of x₀ = (q, v).
+    /// Of a change of x₀ = (q, v), 2 nv entries: for a ball, of a turn in its body's axes.
     pub x0: Vec<f64>,
     /// Of each control row.
     pub u: Vec<Vec<f64>>,
@@ -17,7 +17,7 @@ pub struct RolloutCotangent {
     pub theta: Vec<f64>,
 }
 
-/// Tangents of x₁ … x_T for directions `x0_dot` (2 nq), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
+/// Tangents of x₁ … x_T for directions `x0_dot` (2 nv), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
 pub fn rollout_jvp(
     rollout: &Rollout,
     x0_dot: Option<&[f64]>,
@@ -26,8 +26,8 @@ pub fn rollout_jvp(
 ) -> Result<Vec<Vec<f64>>, AdjointError> {
     need_records(rollout)?;
     let model = &rollout.model;
-    let nq = model.nq();
-    check("x0_dot", x0_dot.map(<[f64]>::len), 2 * nq)?;
+    let nv = model.nv();
+    check("x0_dot", x0_dot.map(<[f64]>::len), 2 * nv)?;
     check("theta_dot", theta_dot.map(<[f64]>::len), model.n_params())?;
     check("u_dot", u_dot.map(<[Vec<f64>]>::len), rollout.records.len())?;
     let mass = model.masses(&rollout.theta);
@@ -36,8 +36,8 @@ pub fn rollout_jvp(
     for (k, &weight) in theta_dot.unwrap_or(&[]).iter().enumerate().filter(|(_, w)| **w != 0.0) {
         seeds.add_theta(k, 0, weight);
     }
-    let zero = vec![0.0; 2 * nq];
-    let (q, v) = x0_dot.unwrap_or(&zero).split_at(nq);
+    let zero = vec![0.0; 2 * nv];
+    let (q, v) = x0_dot.unwrap_or(&zero).split_at(nv);
     let mut x = Tangent { q: q.to_vec(), v: v.to_vec() };
     let (mut out, mut memory) = (vec![[q, v].concat()], Memory::default());
     for (k, record) in rollout.records.iter().enumerate() {
@@ -52,7 +52,7 @@ pub fn rollout_jvp(
     Ok(out)
 }
 
-/// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nq) back to x₀, u and θ.
+/// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nv) back to x₀, u and θ.
 pub fn rollout_vjp(rollout: &Rollout, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, AdjointError> {
     need_records(rollout)?;
     check("x_bar", Some(x_bar.len()), rollout.records.len() + 1)?;
@@ -62,7 +62,7 @@ pub fn rollout_vjp(rollout: &Rollout, x_bar: &[Vec<f64>]) -> Result<RolloutCotan
         u: vec![vec![0.0; model.nu()]; rollout.records.len()],
         theta: vec![0.0; model.n_params()],
     };
-    let mut x = Cotangent { q: vec![0.0; model.nq()], v: vec![0.0; model.nq()] };
+    let mut x = Cotangent { q: vec![0.0; model.nv()], v: vec![0.0; model.nv()] };
     pull_back(rollout, 0, x_bar, &mut x, &mut out)?;
     add(&mut x, &x_bar[0])?;
     out.x0 = [x.q, x.v].concat();

@@ -1,12 +1,14 @@
 //! Products with the partials of one stage's residual.
 //!
 //! ```text
-//! ∂r/∂q_ref = −F_q,   ∂r/∂v_ref = −σ M − h a0 F_q − b0 F_v,   ∂r/∂v_cmd = −1 (driven rows),   ∂r/∂θ by visiting
+//! ∂r/∂q_ref = −F_q T,   ∂r/∂v_ref = −σ M − h a0 F_q J − b0 F_v,   ∂r/∂v_cmd = −1 (driven rows),   ∂r/∂(θ, u) by visiting
 //! ```
-//! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows.
+//! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows; T and J of [`Turns`].
 
 use crate::implicit::{Refinement, multiplier, root_tangent};
 use crate::seeds::Seeds;
+use pliant_engine::bodies::Turns;
+use pliant_engine::kinematics::Input;
 use pliant_engine::model::Model;
 use pliant_engine::step::StageRecord;
 
@@ -27,7 +29,8 @@ pub(crate) struct Memory {
     pub v_next: Vec<f64>,
     /// The state before a substep, q then v.
     pub start: [Vec<f64>; 2],
-    at: Vec<f64>,
+    /// Scratch.
+    pub at: Vec<f64>,
     refinement: Refinement,
 }
 
@@ -39,19 +42,21 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     let Memory { cmd, v_next: dr, at, refinement, .. } = memory;
     dr.clear();
     dr.resize(q_dot.len(), 0.0);
-    if scheme.free.a0 == 0.0 {
+    if scheme.free.a0 == 0.0 && stage.middle.is_identity() {
         stage.dq.add_mul_many(-1.0, q_dot, dr, m);
     } else {
         let weight = |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 };
         at.clear();
         at.extend_from_slice(q_dot);
-        add_weighted(at, v_dot, cx, m, weight);
+        move_along(cx, &stage.middle, at, v_dot, m, weight);
         stage.dq.add_mul_many(-1.0, at, dr, m);
     }
     if scheme.free.b0 != 0.0 {
         at.clear();
         at.resize(v_dot.len(), 0.0);
         add_weighted(at, v_dot, cx, m, |driven| if driven { scheme.driven.b0 } else { scheme.free.b0 });
+        let n = cx.model.n_node_dofs() * m;
+        at[n..].iter_mut().zip(&v_dot[n..]).for_each(|(o, v)| *o = scheme.free.b0 * v);
         stage.dv.add_mul_many(-1.0, at, dr, m);
     }
     for (node, &driven) in cx.model.driven().iter().enumerate() {
@@ -62,9 +67,16 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
             *d -= weight * x;
         }
     }
-    if seeds.has_theta() {
-        stage.visit_theta(cx.model, cx.theta, &mut |row, param, value| {
-            for &(column, weight) in seeds.theta(param) {
+    let n = cx.model.n_node_dofs() * m;
+    stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..], m);
+    if seeds.has_theta() || cx.model.has_actuators() {
+        stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| {
+            let columns = match input {
+                Input::Theta(k) => seeds.theta(k),
+                Input::U(k) => seeds.u(k),
+                Input::Q(_) => &[],
+            };
+            for &(column, weight) in columns {
                 dr[row * m + column] += value * weight;
             }
         });
@@ -72,6 +84,35 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     root_tangent(stage, dr, m, refinement);
 }
 
+/// `x ← T x + J (weight v)`: how a displacement moves on, for nodes with weights of their own.
+pub(crate) fn move_along(cx: Context, turns: &Turns, x: &mut [f64], v: &[f64], m: usize, weight: impl Fn(bool) -> f64) {
+    let n = cx.model.n_node_dofs() * m;
+    turns.transport(&mut x[n..], m);
+    let free = weight(false);
+    if free != 0.0 {
+        if turns.is_identity() {
+            x[n..].iter_mut().zip(&v[n..]).for_each(|(x, v)| *x += free * v);
+        } else {
+            let mut moved: Vec<f64> = v[n..].iter().map(|v| free * v).collect();
+            turns.jacobian(&mut moved, m);
+            x[n..].iter_mut().zip(&moved).for_each(|(x, v)| *x += v);
+        }
+    }
+    add_weighted(x, v, cx, m, weight);
+}
+
+/// Transposed [`move_along`] for one column: adds `weight Jᵀ x` of the bodies to `v` and replaces `x` by Tᵀ x.
+pub(crate) fn pull_along(cx: Context, turns: &Turns, x: &mut [f64], v: &mut [f64], weight: f64) {
+    let n = cx.model.n_node_dofs();
+    if weight != 0.0 {
+        let mut moved = x[n..].to_vec();
+        turns.jacobian_transpose(&mut moved);
+        v[n..].iter_mut().zip(&moved).for_each(|(v, x)| *v += weight * x);
+    }
+    turns.transport_transpose(&mut x[n..]);
+}
+
+/// Of the nodes: `out += weight v`.
 fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl Fn(bool) -> f64) {
     for (node, &driven) in cx.model.driven().iter().enumerate() {
         let range = 3 * node * m..3 * (node + 1) * m;
@@ -88,6 +129,7 @@ pub(crate) fn stage_cotangent(
     q_bar: &mut [f64],
     v_bar: &mut [f64],
     cmd_bar: &mut [f64],
+    u_bar: &mut [f64],
     theta_bar: &mut [f64],
 ) {
     let lambda = multiplier(stage, y_bar);
@@ -97,6 +139,12 @@ pub(crate) fn stage_cotangent(
     if stage.scheme.free.b0 != 0.0 {
         stage.dv.add_mul_transpose(-1.0, &lambda, &mut through_v);
     }
+    let n = cx.model.n_node_dofs();
+    let w = &stage.scheme.free;
+    stage.body_mass.add_mul_transpose(-stage.inertia, &lambda[n..], &mut v_bar[n..]);
+    (n..lambda.len()).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
+    pull_along(cx, &stage.middle, &mut through_q, v_bar, stage.h * w.a0);
+    (n..lambda.len()).for_each(|k| q_bar[k] += through_q[k]);
     for (node, &driven) in cx.model.driven().iter().enumerate() {
         let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
         for k in 3 * node..3 * node + 3 {
@@ -109,5 +157,9 @@ pub(crate) fn stage_cotangent(
             }
         }
     }
-    stage.visit_theta(cx.model, cx.theta, &mut |row, param, value| theta_bar[param] += value * lambda[row]);
+    stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| match input {
+        Input::Theta(k) => theta_bar[k] += value * lambda[row],
+        Input::U(k) => u_bar[k] += value * lambda[row],
+        Input::Q(_) => {}
+    });
 }

@@ -22,7 +22,7 @@ pub struct TangentStepper<'m> {
 impl<'m> TangentStepper<'m> {
     /// Starts with zero tangents of the state.
     pub fn new(model: &'m Model, theta: &'m [f64], seeds: Seeds) -> Self {
-        let zero = vec![0.0; model.nq() * seeds.columns];
+        let zero = vec![0.0; model.nv() * seeds.columns];
         let x = Tangent { q: zero.clone(), v: zero };
         Self { model, theta, mass: model.masses(theta), seeds, x, memory: Memory::default() }
     }

@@ -53,7 +53,7 @@ fn smooth_rollouts_under_every_integrator() {
             let report = check(&case);
             demand(&format!("{name} {integrator:?}"), &report);
             let entries: usize = report.blocks.iter().map(|b| b.size).sum();
-            let all = 2 * case.model.nq() + STEPS * case.model.nu() + case.model.n_params();
+            let all = case.model.ndx() + STEPS * case.model.nu() + case.model.n_params();
             assert_eq!(entries, all, "{name}: every input is in a block");
             assert_eq!(report.contact_switches, 0);
         }
@@ -89,7 +89,7 @@ fn softer_contact_is_judged_by_differences() {
 fn columns_of_the_jacobians_are_single_tangents() {
     for name in SMOOTH.into_iter().chain(CONTACT) {
         let case = Case::new(&scene(name), 10);
-        let (run, nx) = (case.run(StepOptions::default()), 2 * case.model.nq());
+        let (run, nx) = (case.run(StepOptions::default()), case.model.ndx());
         let last = run.records.len() - 1;
         let own = linearize(&case.model, &case.theta, &run.records[last], false).a;
         let alone = Rollout { states: run.states[last..].to_vec(), controls: run.controls[last..].to_vec(), ..run.clone() };
@@ -234,7 +234,7 @@ fn wrong_inputs_are_refused_with_their_names() {
 
     let short = State { q: case.x0.q[1..].to_vec(), v: case.x0.v.clone() };
     let error = rollout(model, &case.theta, &short, &case.u, record).unwrap_err();
-    assert!(matches!(error, StepError::Size { what: "state", .. }), "{error}");
+    assert!(matches!(error, StepError::Size { what: "position vector", .. }), "{error}");
     let error = rollout(model, &case.theta, &case.x0, &[vec![0.0; 2]], record).unwrap_err();
     assert!(matches!(error, StepError::Size { what: "control", got: 2, expected: 3 }), "{error}");
     let error = rollout(model, &case.theta[1..], &case.x0, &case.u, record).unwrap_err();

@@ -323,7 +323,7 @@ fn energies(h: f64, steps: usize) -> Vec<f64> {
     let model = build(&pendulum(h, Integrator::Midpoint));
     let theta = model.params().values();
     let mut out = Vec::with_capacity(steps);
-    let see = |x: &State| out.push(model.kinetic_energy(&x.v, theta) + model.potential_energy(&x.q, theta));
+    let see = |x: &State| out.push(model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, theta));
     run(&model, theta, start(&model), &vec![vec![0.0; 3]; steps], see);
     out
 }
@@ -406,7 +406,7 @@ fn drag_takes_energy() {
     scene.rope[0].drag_quadratic = 0.02;
     let model = build(&scene);
     let theta = model.params().values();
-    let energy = |x: &State| model.kinetic_energy(&x.v, theta) + model.potential_energy(&x.q, theta);
+    let energy = |x: &State| model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, theta);
     let first = energy(&start(&model));
     let last = energy(&run(&model, theta, start(&model), &vec![vec![0.0; 3]; 500], |_| ()));
     let kept = *energies(2e-3, 500).last().unwrap();

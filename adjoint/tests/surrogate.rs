@@ -71,7 +71,7 @@ fn a_surrogate_along_the_hard_trajectory_is_the_smoothed_step_at_its_states() {
                 assert!(off < 1e-7, "{name}, step {k}, {part}: {off:e}"); // another warm start, the same root
             }
         }
-        let (x_bar, x0_dot) = (hard.x_bar(), vec![1.0; 2 * hard.model.nq()]);
+        let (x_bar, x0_dot) = (hard.x_bar(), vec![1.0; hard.model.ndx()]);
         let tangent = surrogate.jvp(Some(&x0_dot), None, None).unwrap().into_unmarked();
         let by_jvp: f64 = tangent.iter().zip(&x_bar).map(|(t, w)| dot(t, w)).sum();
         let by_parts: f64 = tangent.iter().zip(&x_bar).flat_map(|(t, w)| t.iter().zip(w)).map(|(t, w)| (t * w).abs()).sum();
@@ -86,7 +86,7 @@ fn a_surrogate_feels_contacts_before_they_are_made() {
     let mut case = Case::new(&with("resting", Integrator::Euler), 1);
     case.x0.q.iter_mut().skip(2).step_by(3).for_each(|z| *z += 5e-3);
     let height = case.model.params().find("floor.height").unwrap();
-    let x_bar = vec![vec![1.0; 2 * case.model.nq()]; 2];
+    let x_bar = vec![vec![1.0; case.model.ndx()]; 2];
     let hard = rollout_vjp(&case.run(StepOptions::default()), &x_bar).unwrap().theta[height];
     let soft = surrogate(&case, Along::Hard).vjp(&x_bar).unwrap().into_unmarked().theta[height];
     println!("∂L/∂(floor height): hard {hard:.2e}, surrogate {soft:.2e}");

@@ -3,7 +3,8 @@
 use crate::kinematics::Input;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
-use crate::step::{STATIC, Stage, StageRecord, StepError, Workspace};
+use crate::bodies::spatial::Inertia;
+use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
 use std::sync::Arc;
 
 /// First pseudo-time step [s]; it grows while Newton's method follows and ends at infinity.
@@ -44,19 +45,20 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     }
     let placement = place_clamped(model, theta, u, guess)?;
     let mut q = placement.0;
-    let mass = model.masses(theta);
-    let zero = vec![0.0; model.nq()];
+    let (mass, inertias) = (model.masses(theta), model.inertias(theta));
+    let (zero, measure) = (vec![0.0; model.nv()], Measure::new(model, theta));
+    let fixed = Fixed { model, theta, mass: &mass, inertias: &inertias, measure: &measure, zero: &zero, u };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
     let mut tau = FIRST_STEP;
     for _ in 0..MAX_STEPS {
         let last = tau >= LAST_STEP;
         let inertia = if last { 0.0 } else { 1.0 / (tau * tau) };
-        match solve(model, theta, &mass, &zero, &q, inertia, &mut ws, &mut work) {
+        match solve_stage(&fixed.stage(&q, inertia), &mut ws, &mut work) {
             Ok(()) => {
-                q.iter_mut().zip(&ws.it.v).for_each(|(q, d)| *q += d);
+                fixed.displace(&mut q, &ws.it.v);
                 if last {
-                    return finish(model, theta, &mass, &zero, q, placement.1, ws, work);
+                    return finish(model, &fixed, q, placement.1, ws, work);
                 }
                 tau *= GROWTH;
             }
@@ -74,43 +76,48 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     })
 }
 
-#[allow(clippy::too_many_arguments)] // the parts of one stage
-fn stage<'a>(model: &'a Model, theta: &'a [f64], mass: &'a [f64], zero: &'a [f64], q: &'a [f64], inertia: f64) -> Stage<'a> {
-    Stage {
-        model,
-        theta,
-        mass,
-        scheme: STATIC,
-        h: 1.0,
-        inertia,
-        q_ref: q,
-        v_ref: zero,
-        v_cmd: zero,
-        rest_gap: model.contact.rest_gap,
-        damping: 0.0,
+/// What all solves of an equilibrium share.
+struct Fixed<'a> {
+    model: &'a Model,
+    theta: &'a [f64],
+    mass: &'a [f64],
+    inertias: &'a [Inertia<f64>],
+    measure: &'a Measure,
+    zero: &'a [f64],
+    u: &'a [f64],
+}
+
+impl Fixed<'_> {
+    fn stage<'a>(&'a self, q: &'a [f64], inertia: f64) -> Stage<'a> {
+        Stage {
+            model: self.model,
+            theta: self.theta,
+            mass: self.mass,
+            inertias: self.inertias,
+            measure: self.measure,
+            u: self.u,
+            scheme: STATIC,
+            h: 1.0,
+            inertia,
+            q_ref: q,
+            v_ref: self.zero,
+            v_cmd: self.zero,
+            rest_gap: self.model.contact.rest_gap,
+            damping: 0.0,
+        }
+    }
+
+    fn displace(&self, q: &mut [f64], d: &[f64]) {
+        let n = self.model.n_node_dofs();
+        q[..n].iter_mut().zip(&d[..n]).for_each(|(q, d)| *q += d);
+        let from = q[n..].to_vec();
+        self.model.tree.add(STATIC.end, &from, &d[n..], &mut q[n..]);
     }
 }
 
-#[allow(clippy::too_many_arguments)]
-fn solve(
-    model: &Model,
-    theta: &[f64],
-    mass: &[f64],
-    zero: &[f64],
-    q: &[f64],
-    inertia: f64,
-    ws: &mut Workspace,
-    work: &mut Work,
-) -> Result<(), StepError> {
-    solve_stage(&stage(model, theta, mass, zero, q, inertia), ws, work)
-}
-
-#[allow(clippy::too_many_arguments)]
 fn finish(
     model: &Arc<Model>,
-    theta: &[f64],
-    mass: &[f64],
-    zero: &[f64],
+    fixed: &Fixed,
     q: Vec<f64>,
     placement: Vec<(usize, Input, f64)>,
     mut ws: Workspace,
@@ -118,8 +125,8 @@ fn finish(
 ) -> Result<Equilibrium, StepError> {
     ws.it.v.fill(0.0);
     work.factorizations += 1;
-    let record = StageRecord::take(&stage(model, theta, mass, zero, &q, 0.0), &mut ws)?;
-    Ok(Equilibrium { model: Arc::clone(model), theta: theta.to_vec(), q, record, placement, work })
+    let record = StageRecord::take(&fixed.stage(&q, 0.0), &mut ws)?;
+    Ok(Equilibrium { model: Arc::clone(model), theta: fixed.theta.to_vec(), q, record, placement, work })
 }
 
 /// Derivatives of clamped positions: (row of q, control or parameter, value).
@@ -127,7 +134,7 @@ pub type Placement = Vec<(usize, Input, f64)>;
 
 /// Positions `guess` with the prescribed nodes moved to where `u` puts them, and the derivatives of those targets.
 pub fn place_clamped(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> Result<(Vec<f64>, Placement), StepError> {
-    let mut shift = vec![0.0; model.nq()];
+    let mut shift = vec![0.0; model.nv()];
     let mut derivatives = Vec::new();
     for drive in model.drives.iter().filter(|d| d.is_prescribed()) {
         drive.command(guess, u, theta, 1.0, &mut shift).map_err(|source| StepError::Command { step: 0, source })?;
@@ -137,5 +144,7 @@ pub fn place_clamped(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> 
             }
         });
     }
-    Ok((guess.iter().zip(&shift).map(|(q, d)| q + d).collect(), derivatives))
+    let mut q = guess.to_vec();
+    q[..model.n_node_dofs()].iter_mut().zip(&shift).for_each(|(q, d)| *q += d);
+    Ok((q, derivatives))
 }

@@ -208,7 +208,7 @@ fn contact_that_cannot_be() {
 #[test]
 fn nothing_to_simulate() {
     let error = parse_scene::<Nothing>("schema_version = 1\n[time]\nstep = 0.01\n", "scene.toml").unwrap_err().to_string();
-    assert!(error.contains("scene.toml: rope: the scene has no rope") && error.contains("add a [[rope]]"), "{error}");
+    assert!(error.contains("scene.toml: rope: the scene has nothing that moves") && error.contains("add a [[rope]]"), "{error}");
 }
 
 #[test]

@@ -38,7 +38,7 @@ impl Job {
         thetas: Option<&Bound<PyAny>>,
         keep: Keep,
     ) -> PyResult<Self> {
-        let x0s = matrix("x0s", x0s, None, 2 * model.nq())?;
+        let x0s = matrix("x0s", x0s, None, model.nx())?;
         let us = match n_axes("us", us)? {
             2 => vec![matrix("us", us, None, model.nu())?],
             _ => stack("us", us, None, model.nu())?,
@@ -104,7 +104,7 @@ impl Batch {
     /// States (batch, T + 1, nx): positions [m], then velocities [m/s].
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> PyResult<Stack<'py>> {
-        let (rows, columns) = self.kept.first().map_or((0, 0), |k| (k.states().len(), 2 * k.model().nq()));
+        let (rows, columns) = self.kept.first().map_or((0, 0), |k| (k.states().len(), k.model().nx()));
         to_stack(py, self.kept.iter().flat_map(|k| k.flat()).collect(), [self.kept.len(), rows, columns])
     }
 
@@ -119,7 +119,7 @@ impl Batch {
         let n = self.kept.len();
         let Some(first) = self.kept.first() else { return Err(input("the batch is empty")) };
         let (model, steps) = (first.model(), first.controls().len());
-        let x_bar = stack("x_bar", x_bar, Some(steps + 1), 2 * model.nq())?;
+        let x_bar = stack("x_bar", x_bar, Some(steps + 1), model.ndx())?;
         if x_bar.len() != n {
             return Err(input(format!("x_bar has {} entries, but the batch has {n}", x_bar.len())));
         }
@@ -127,7 +127,7 @@ impl Batch {
         let bars: Vec<RolloutCotangent> = first_failure(py, results)?;
         let flat = |part: fn(&RolloutCotangent) -> Vec<f64>| bars.iter().flat_map(part).collect::<Vec<_>>();
         Ok((
-            to_matrix(py, flat(|b| b.x0.clone()), 2 * model.nq(), n)?,
+            to_matrix(py, flat(|b| b.x0.clone()), model.ndx(), n)?,
             to_stack(py, flat(|b| b.u.concat()), [n, steps, model.nu()])?,
             to_matrix(py, flat(|b| b.theta.clone()), model.n_params(), n)?,
         ))

@@ -70,7 +70,7 @@ impl Setup {
 
     /// A rollout with records and the gradient of the sum of all its states.
     fn rollout_vjps(&self, repeats: usize) -> PyResult<Vec<f64>> {
-        let x_bar = vec![vec![1.0; 2 * self.model.engine().nq()]; self.u.len() + 1];
+        let x_bar = vec![vec![1.0; self.model.engine().ndx()]; self.u.len() + 1];
         let one = |_| {
             let begin = Instant::now();
             let run = rollout(self.model.engine(), &self.theta, &self.x0, &self.u, RECORDED).map_err(errors::step)?;

@@ -47,7 +47,7 @@ impl Equilibrium {
 
     /// Cotangents (u_bar (nu,), theta_bar (n_params,)) from q_bar (nq,).
     fn vjp<'py>(&self, py: Python<'py>, q_bar: &Bound<'py, PyAny>) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        let q_bar = vector("q_bar", q_bar, self.inner.model.nq())?;
+        let q_bar = vector("q_bar", q_bar, self.inner.model.nv())?;
         let (u, theta) = py.detach(|| equilibrium_vjp(&self.inner, &q_bar)).map_err(errors::adjoint)?;
         Ok((to_vector(py, u), to_vector(py, theta)))
     }

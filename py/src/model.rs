@@ -84,7 +84,7 @@ impl Model {
     /// Size of the state x = [q, v]: 6 n_nodes.
     #[getter]
     fn nx(&self) -> usize {
-        2 * self.model.nq()
+        self.model.nx()
     }
 
     /// Number of inputs.
@@ -200,7 +200,7 @@ impl Model {
         u: &Bound<'py, PyAny>,
         theta: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
-        let mut state = State::from_flat(&vector("x", x, 2 * self.model.nq())?);
+        let mut state = State::from_flat(&vector("x", x, self.model.nx())?, self.model.nq());
         let u = vector("u", u, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
         let options = StepOptions { record: false, ..StepOptions::default() };
@@ -222,7 +222,7 @@ impl Model {
         rest_gap: Option<f64>,
         states: &str,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let x0 = vector("x0", x0, 2 * self.model.nq())?;
+        let x0 = vector("x0", x0, self.model.nx())?;
         let u = matrix("u", u, None, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
         let keep = Keep::new(&self.model, record, max_records, rest_gap, states)?;
@@ -280,7 +280,7 @@ impl Model {
     ) -> PyResult<Bound<'py, PyDict>> {
         let theta = self.theta_or_default(theta)?;
         let x0 = match x0 {
-            Some(x0) => State::from_flat(&vector("x0", x0, 2 * self.model.nq())?),
+            Some(x0) => State::from_flat(&vector("x0", x0, self.model.nx())?, self.model.nq()),
             None => py.detach(|| self.start(&theta))?,
         };
         let u = u.map_or_else(|| self.rows(None), |u| matrix("u", u, None, self.model.nu()))?;

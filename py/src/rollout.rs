@@ -41,7 +41,7 @@ impl SurrogateRollout {
 /// A `Rollout`, or a `SurrogateRollout` if it is not the scene's own contact that is differentiated.
 pub fn wrap(py: Python<'_>, kept: Arc<Trajectory>) -> PyResult<Bound<'_, PyAny>> {
     let rows = kept.states().len();
-    let x = to_matrix(py, kept.flat(), 2 * kept.model().nq(), rows)?.unbind();
+    let x = to_matrix(py, kept.flat(), kept.model().nx(), rows)?.unbind();
     let surrogate = kept.smoothing().is_some();
     let base = Rollout { kept, x };
     if surrogate {
@@ -104,7 +104,7 @@ impl Rollout {
     fn energy<'py>(&self, py: Python<'py>) -> Vector<'py> {
         let model = self.kept.model();
         let theta = self.kept.theta();
-        let total = |x: &State| model.kinetic_energy(&x.v, theta) + model.potential_energy(&x.q, theta);
+        let total = |x: &State| model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, theta);
         to_vector(py, self.kept.states().iter().map(total).collect())
     }
 
@@ -118,17 +118,17 @@ impl Rollout {
         theta_dot: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Matrix<'py>> {
         let model = self.kept.model();
-        let x0_dot = optional_vector("x0_dot", x0_dot, 2 * model.nq())?;
+        let x0_dot = optional_vector("x0_dot", x0_dot, model.ndx())?;
         let u_dot = optional_matrix("u_dot", u_dot, self.kept.controls().len(), model.nu())?;
         let theta_dot = optional_vector("theta_dot", theta_dot, model.n_params())?;
         let rows = py.detach(|| self.kept.jvp(x0_dot.as_deref(), u_dot.as_deref(), theta_dot.as_deref()))?;
-        rows_to_matrix(py, &rows, 2 * model.nq())
+        rows_to_matrix(py, &rows, model.ndx())
     }
 
     /// Cotangents (x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,)) from x_bar (T + 1, nx).
     fn vjp<'py>(&self, py: Python<'py>, x_bar: &Bound<'py, PyAny>) -> PyResult<(Vector<'py>, Matrix<'py>, Vector<'py>)> {
         let model = self.kept.model();
-        let x_bar = matrix("x_bar", x_bar, Some(self.kept.states().len()), 2 * model.nq())?;
+        let x_bar = matrix("x_bar", x_bar, Some(self.kept.states().len()), model.ndx())?;
         let bar = py.detach(|| self.kept.vjp(&x_bar))?;
         cotangent_arrays(py, bar, model.nu())
     }
@@ -140,7 +140,7 @@ impl Rollout {
         let record = usize::try_from(index).ok().filter(|&i| i < steps);
         let record = record.ok_or_else(|| input(format!("there is no step {k}: the rollout has {steps} steps")))?;
         let Linearization { a, b, c } = py.detach(|| self.kept.linearize(record))?;
-        let (nx, nu, np) = (2 * model.nq(), model.nu(), model.n_params());
+        let (nx, nu, np) = (model.ndx(), model.nu(), model.n_params());
         Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
     }
 

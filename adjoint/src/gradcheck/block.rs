@@ -18,11 +18,11 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    fn empty(name: &str, inputs: &Inputs) -> Self {
+    fn empty(name: &str, model: &Model, inputs: &Inputs) -> Self {
         Self {
             name: name.to_owned(),
             size: 0,
-            x0: vec![0.0; inputs.x0.len()],
+            x0: vec![0.0; model.ndx()],
             u: inputs.u.iter().map(|row| vec![0.0; row.len()]).collect(),
             theta: vec![0.0; inputs.theta.len()],
             scale: 1.0,
@@ -38,10 +38,10 @@ impl Block {
     }
 
     /// Inputs moved by ε along the direction.
-    pub(crate) fn moved(&self, inputs: &Inputs, eps: f64) -> Inputs {
+    pub(crate) fn moved(&self, model: &Model, inputs: &Inputs, eps: f64) -> Inputs {
         let add = |a: &[f64], d: &[f64]| a.iter().zip(d).map(|(a, d)| a + eps * d).collect();
         Inputs {
-            x0: add(&inputs.x0, &self.x0),
+            x0: model.displaced(&inputs.x0, &self.x0.iter().map(|d| eps * d).collect::<Vec<_>>()),
             u: inputs.u.iter().zip(&self.u).map(|(a, d)| add(a, d)).collect(),
             theta: add(&inputs.theta, &self.theta),
         }
@@ -50,17 +50,17 @@ impl Block {
 
 /// One block for positions, velocities, controls, and every quantity of θ (indices joined).
 pub(crate) fn all(model: &Model, inputs: &Inputs, random: &mut Random) -> Vec<Block> {
-    let nq = model.nq();
+    let nv = model.nv();
     let mut blocks = Vec::new();
-    for (name, range) in [("x0.q", 0..nq), ("x0.v", nq..2 * nq)] {
-        let mut block = Block::empty(name, inputs);
+    for (name, range) in [("x0.q", 0..nv), ("x0.v", nv..2 * nv)] {
+        let mut block = Block::empty(name, model, inputs);
         block.size = range.len();
         block.x0[range].iter_mut().for_each(|d| *d = random.symmetric());
         block.scale = if name == "x0.q" { 1e-2 } else { 1e-1 };
         blocks.push(block);
     }
     if model.nu() > 0 && !inputs.u.is_empty() {
-        let mut block = Block::empty("u", inputs);
+        let mut block = Block::empty("u", model, inputs);
         block.size = model.nu() * inputs.u.len();
         block.u.iter_mut().flatten().for_each(|d| *d = random.symmetric());
         block.scale = 1e-2;
@@ -78,7 +78,7 @@ pub(crate) fn all(model: &Model, inputs: &Inputs, random: &mut Random) -> Vec<Bl
 }
 
 fn theta_block(name: &str, model: &Model, inputs: &Inputs, random: &mut Random) -> Block {
-    let mut block = Block::empty(name, inputs);
+    let mut block = Block::empty(name, model, inputs);
     let members: Vec<usize> =
         (0..inputs.theta.len()).filter(|&k| without_indices(&model.params().info(k).path) == name).collect();
     block.size = members.len();

@@ -1,6 +1,7 @@
 //! Are the gradients right? Central differences at their best step, Taylor slopes and the dot test, block by block.
 //!
-//! The scalar checked is L = Σ_k w_k·x_k over all states of a rollout with random weights. For each block of inputs (x₀, u,
+//! The scalar checked is L = Σ_k w_k·x_k over all states of a rollout with random weights (turns of balls counted from the rollout
+//! at hand). For each block of inputs (x₀, u,
 //! each quantity of θ) and a random direction d in it:
 //! - *relative error* of ⟨∇L, d⟩ against the central difference whose step makes neighbouring differences agree best; that
 //!   disagreement is the difference's own *floor*;
@@ -81,7 +82,7 @@ pub struct Report {
 /// What is differentiated: a rollout's inputs.
 #[derive(Clone, Debug)]
 pub(crate) struct Inputs {
-    pub x0: Vec<f64>,
+    pub x0: State,
     pub u: Vec<Vec<f64>>,
     pub theta: Vec<f64>,
 }
@@ -103,10 +104,10 @@ pub fn gradcheck(
     seed: u64,
 ) -> Result<Report, AdjointError> {
     let mut random = Random(seed);
-    let inputs = Inputs { x0: x0.to_flat(), u: controls.to_vec(), theta: theta.to_vec() };
+    let inputs = Inputs { x0: x0.clone(), u: controls.to_vec(), theta: theta.to_vec() };
     let scale = 1.0 / (controls.len() + 1) as f64;
     let weights: Vec<Vec<f64>> =
-        (0..=controls.len()).map(|_| (0..2 * model.nq()).map(|_| scale * random.symmetric()).collect()).collect();
+        (0..=controls.len()).map(|_| (0..model.ndx()).map(|_| scale * random.symmetric()).collect()).collect();
     let base = run(model, &inputs)?;
     let gradient = rollout_vjp(&base, &weights)?;
     let mut blocks = Vec::new();
@@ -117,10 +118,10 @@ pub fn gradcheck(
         let by_parts: f64 = tangent.iter().zip(&weights).map(|(t, w)| abs_dot(t, w)).sum();
         let size = by_parts.max(by_vjp_size(&block, &gradient));
         blocks.push(difference::judge(&block, by_vjp, by_jvp, size, |eps| {
-            let rollout = run(model, &block.moved(&inputs, eps))?;
+            let rollout = run(model, &block.moved(model, &inputs, eps))?;
             Ok(Sample {
-                value: rollout.states.iter().zip(&weights).map(|(x, w)| dot(&x.to_flat(), w)).sum(),
-                parts: rollout.states.iter().zip(&weights).map(|(x, w)| abs_dot(&x.to_flat(), w)).sum(),
+                value: levels(model, &base, &rollout).zip(&weights).map(|(x, w)| dot(&x, w)).sum(),
+                parts: rollout.states.iter().zip(&weights).map(|(x, w)| abs_dot(&sizes(model, x), w)).sum(),
                 modes: modes(&rollout),
             })
         })?);
@@ -129,7 +130,28 @@ pub fn gradcheck(
 }
 
 fn run(model: &Arc<Model>, inputs: &Inputs) -> Result<Rollout, AdjointError> {
-    Ok(rollout(model, &inputs.theta, &State::from_flat(&inputs.x0), &inputs.u, StepOptions::default())?)
+    Ok(rollout(model, &inputs.theta, &inputs.x0, &inputs.u, StepOptions::default())?)
+}
+
+/// The numbers of all states of `other`, turns of balls counted from those of `base`.
+fn levels<'a>(model: &'a Model, base: &'a Rollout, other: &'a Rollout) -> impl Iterator<Item = Vec<f64>> + 'a {
+    base.states.iter().zip(&other.states).map(|(a, b)| {
+        let mut x = sizes(model, a);
+        x.iter_mut().zip(model.difference(b, a)).for_each(|(x, d)| *x += d);
+        x
+    })
+}
+
+/// Sizes of the numbers that a change of state is a difference of; turns of balls are rounded like numbers of size one.
+fn sizes(model: &Model, x: &State) -> Vec<f64> {
+    let n = model.n_node_dofs();
+    let mut out = x.q[..n].to_vec();
+    for joint in model.tree().joints() {
+        let size = if joint.kind.n_dofs() == 1 { x.q[n + joint.q] } else { 1.0 };
+        out.extend(std::iter::repeat_n(size, joint.kind.n_dofs()));
+    }
+    out.extend_from_slice(&x.v);
+    out
 }
 
 fn summary(blocks: Vec<BlockReport>, retries: usize) -> Report {

@@ -32,7 +32,7 @@ impl Case {
     /// Weights of all states, the same every time.
     pub fn x_bar(&self) -> Vec<Vec<f64>> {
         let weight = |k: usize, i: usize| ((k * 37 + i * 11) as f64 * 0.61).sin();
-        (0..=self.u.len()).map(|k| (0..2 * self.model.nq()).map(|i| weight(k, i)).collect()).collect()
+        (0..=self.u.len()).map(|k| (0..self.model.ndx()).map(|i| weight(k, i)).collect()).collect()
     }
 }
 

@@ -7,6 +7,7 @@
 //! partials. [`rotation`] knows how quaternions move, [`spatial`] the six-vectors, [`inertia`] which masses are possible.
 
 pub mod dynamics;
+mod energy;
 pub mod frames;
 pub mod inertia;
 pub mod rotation;
@@ -14,7 +15,9 @@ pub mod spatial;
 #[cfg(test)]
 mod tests;
 mod tree;
+pub mod turns;
 
 pub use frames::{Frame, Frames};
 pub use inertia::{BodyInertia, InertiaError};
+pub use turns::Turns;
 pub use tree::{Body, Dof, Joint, JointKind, Tree, quaternion};

@@ -8,7 +8,7 @@ use super::spatial::{Force, Inertia, Motion};
 use super::*;
 use crate::terms::{Real, Vec3};
 use nalgebra::{Matrix3, Matrix6};
-use num_dual::{Dual64, DualNum};
+use num_dual::Dual64;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

@@ -162,6 +162,13 @@ impl Tree {
         self.nq != self.nv()
     }
 
+    /// A point near the bodies \[m\]: where the first root's sliding joints have taken it. Momenta are taken about it, for precision.
+    pub fn origin(&self, q: &[f64]) -> Vec3<f64> {
+        let Some(body) = self.bodies.first() else { return Vec3::zeros() };
+        let slides = self.joints[body.joints.clone()].iter().take_while(|j| j.kind == JointKind::Prismatic);
+        slides.fold(body.position, |p, j| p + body.rotation * j.axis * q[j.q])
+    }
+
     /// Coordinates with every joint at zero.
     pub fn neutral(&self) -> Vec<f64> {
         let mut q = vec![0.0; self.nq];

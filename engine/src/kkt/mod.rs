@@ -36,13 +36,17 @@ mod driven;
 mod factor;
 mod matrix;
 mod sparse;
+mod square;
 mod symbolic;
+mod system;
 #[cfg(test)]
 mod tests;
 
 pub use factor::Factor;
 pub use matrix::BlockBand;
+pub use square::Square;
 pub use symbolic::Symbolic;
+pub use system::{System, SystemFactor};
 
 use thiserror::Error;
 

@@ -1,6 +1,7 @@
 //! From a scene to a model.
 
 use super::{Model, NodeMass, RopeSpan};
+use crate::bodies::Tree;
 use crate::contact::ContactPair;
 use crate::geometry::Shape;
 use crate::kinematics::{Drive, DriveKind, EdgeClamp};
@@ -90,6 +91,9 @@ impl ModelBuilder {
             driven: Vec::new(),
             drives: Vec::new(),
             terms: Vec::new(),
+            tree: Tree::default(),
+            joint_terms: Vec::new(),
+            n_actuators: 0,
             shapes: Vec::new(),
             shape_names: Vec::new(),
             pairs: Vec::new(),
@@ -115,6 +119,7 @@ impl ModelBuilder {
         for gripper in &scene.gripper {
             model.add_gripper(gripper, &ropes);
         }
+        model.add_bodies(scene);
         model.add_shapes(scene);
         model.add_pairs(&ropes);
         Ok(Self { model })

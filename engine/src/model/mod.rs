@@ -1,18 +1,22 @@
 //! What does not change while it moves: nodes, masses, forces, grippers, shapes. Built once, shared by `Arc`.
 
+mod bodies;
 mod build;
 mod mass;
 
 pub use build::{BuildError, ModelBuilder};
 pub use mass::NodeMass;
 
+use crate::bodies::Tree;
 use crate::contact::ContactPair;
 use crate::geometry::Shape;
 use crate::kinematics::Drive;
 use crate::kkt::{Method, Symmetry};
 use crate::params::Params;
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
+use crate::state::State;
 use crate::terms::Term;
+use crate::terms::joint::{JointPoint, JointTerm};
 use std::sync::Arc;
 
 /// A rope's place in the model.
@@ -37,6 +41,9 @@ pub struct Model {
     pub(crate) driven: Vec<bool>,
     pub(crate) drives: Vec<Drive>,
     pub(crate) terms: Vec<Arc<dyn Term>>,
+    pub(crate) tree: Tree,
+    pub(crate) joint_terms: Vec<Arc<dyn JointTerm>>,
+    pub(crate) n_actuators: usize,
     pub(crate) shapes: Vec<Shape>,
     pub(crate) shape_names: Vec<String>,
     pub(crate) pairs: Vec<ContactPair>,
@@ -57,14 +64,65 @@ impl Model {
         self.masses.len()
     }
 
-    /// Number of position dofs, three per node; the state x = (q, v) has twice as many.
-    pub fn nq(&self) -> usize {
+    /// Number of rows that belong to nodes, three each; the bodies' degrees of freedom follow.
+    pub fn n_node_dofs(&self) -> usize {
         3 * self.n_nodes()
     }
 
-    /// Number of controls.
+    /// Number of coordinates: three per node, then those of the joints (four for a ball).
+    pub fn nq(&self) -> usize {
+        self.n_node_dofs() + self.tree.nq()
+    }
+
+    /// Number of velocities: three per node, then one per degree of freedom (three for a ball).
+    pub fn nv(&self) -> usize {
+        self.n_node_dofs() + self.tree.nv()
+    }
+
+    /// Numbers of a state as one vector, x = (q, v).
+    pub fn nx(&self) -> usize {
+        self.nq() + self.nv()
+    }
+
+    /// Numbers of a change of state, δx = (δq, δv): the size of tangents, cotangents and the Jacobian A. A change of a ball's
+    /// quaternion is a turn in its body's axes.
+    pub fn ndx(&self) -> usize {
+        2 * self.nv()
+    }
+
+    /// `x ⊕ δx`.
+    pub fn displaced(&self, x: &State, dx: &[f64]) -> State {
+        let (n, nv) = (self.n_node_dofs(), self.nv());
+        let mut out = x.clone();
+        out.q[..n].iter_mut().zip(&dx[..n]).for_each(|(q, d)| *q += d);
+        self.tree.add(crate::bodies::rotation::Map::Exponential, &x.q[n..], &dx[n..nv], &mut out.q[n..]);
+        out.v.iter_mut().zip(&dx[nv..]).for_each(|(v, d)| *v += d);
+        out
+    }
+
+    /// `b ⊖ a`, the change δx with `a ⊕ δx = b`.
+    pub fn difference(&self, b: &State, a: &State) -> Vec<f64> {
+        let (n, nv) = (self.n_node_dofs(), self.nv());
+        let mut dx = vec![0.0; self.ndx()];
+        (0..n).for_each(|k| dx[k] = b.q[k] - a.q[k]);
+        self.tree.subtract(&b.q[n..], &a.q[n..], &mut dx[n..nv]);
+        (0..nv).for_each(|k| dx[nv + k] = b.v[k] - a.v[k]);
+        dx
+    }
+
+    /// Number of controls: those of grippers, then one per actuator.
     pub fn nu(&self) -> usize {
-        self.drives.iter().map(Drive::n_controls).sum()
+        self.drives.iter().map(Drive::n_controls).sum::<usize>() + self.n_actuators
+    }
+
+    /// Whether anything but grippers is controlled.
+    pub fn has_actuators(&self) -> bool {
+        self.n_actuators > 0
+    }
+
+    /// The bodies and joints; their coordinates follow those of the nodes.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
     }
 
     /// Number of entries of θ.
@@ -152,17 +210,23 @@ impl Model {
         self.masses.iter().map(|m| m.mass(theta)).collect()
     }
 
-    /// Kinetic energy ½ Σ m v² \[J\].
-    pub fn kinetic_energy(&self, v: &[f64], theta: &[f64]) -> f64 {
+    /// Kinetic energy of nodes, bodies and armatures \[J\].
+    pub fn kinetic_energy(&self, q: &[f64], v: &[f64], theta: &[f64]) -> f64 {
         let speed2 = |i: usize| v[3 * i..3 * i + 3].iter().map(|x| x * x).sum::<f64>();
-        self.masses.iter().enumerate().map(|(i, m)| 0.5 * m.mass(theta) * speed2(i)).sum()
+        let nodes: f64 = self.masses.iter().enumerate().map(|(i, m)| 0.5 * m.mass(theta) * speed2(i)).sum();
+        nodes + self.tree.kinetic_energy(&q[self.n_node_dofs()..], &v[self.n_node_dofs()..], &self.inertias(theta), theta)
     }
 
-    /// Potential energy of all terms \[J\].
+    /// Potential energy of all terms and of the bodies' weight \[J\].
     pub fn potential_energy(&self, q: &[f64], theta: &[f64]) -> f64 {
-        let v = vec![0.0; q.len()];
+        let v = vec![0.0; self.nv()];
         let at = crate::terms::Point { q, v: &v, theta };
-        self.terms.iter().map(|t| t.energy(&at)).sum()
+        let n = self.n_node_dofs();
+        let u = vec![0.0; self.nu()];
+        let joints = JointPoint { tree: &self.tree, q: &q[n..], v: &v[n..], u: &u, theta };
+        self.terms.iter().map(|t| t.energy(&at)).sum::<f64>()
+            + self.joint_terms.iter().map(|t| t.energy(&joints)).sum::<f64>()
+            + self.tree.weight_energy(&q[n..], &self.inertias(theta), &self.gravity_vector(theta))
     }
 }
 

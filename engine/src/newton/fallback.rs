@@ -48,6 +48,8 @@ fn start(stage: &Stage, ws: &mut Workspace) {
         let from = if driven { stage.v_cmd } else { stage.v_ref };
         ws.it.v[3 * node..3 * node + 3].copy_from_slice(&from[3 * node..3 * node + 3]);
     }
+    let n = stage.model.n_node_dofs();
+    ws.it.v[n..].copy_from_slice(&stage.v_ref[n..]);
     if stage.scheme != STATIC {
         ws.axial.fill(0.0);
     } else {

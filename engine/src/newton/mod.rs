@@ -149,8 +149,8 @@ fn converged(stage: &Stage, ws: &Workspace, norm: f64, tolerance: f64) -> bool {
 /// Rounding noise of the cone variables in [`norm`] [m/s]: that of the elastic forces, a relative ε of a coordinate times the
 /// largest stiffness, which a sticking contact has to balance. (It moves no node: the contact holds.)
 fn cone_rounding(stage: &Stage, ws: &Workspace) -> f64 {
-    let farthest = ws.q_bar.iter().fold(0.0_f64, |a, q| a.max(q.abs()));
-    let mass = stage.mass.iter().sum::<f64>() / stage.mass.len() as f64;
+    let farthest = ws.q_bar[..3 * stage.mass.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()));
+    let mass = stage.mass.iter().sum::<f64>() / stage.mass.len().max(1) as f64;
     f64::EPSILON * farthest * ws.stiffness * stage.h / mass
 }
 
@@ -217,27 +217,36 @@ fn settled(ws: &Workspace) -> bool {
     })
 }
 
+/// Σ weight v² of the bodies' degrees of freedom.
+fn dofs_norm2(stage: &Stage, v: &[f64]) -> f64 {
+    stage.measure.dofs.iter().zip(v).map(|(w, v)| w * v * v).sum()
+}
+
 /// Norm of a correction [m/s]: √(Σ m |d|² + Σ |dw|²/m) over the root of the total mass.
 fn norm(stage: &Stage, d: &[f64], dw: &[Vector4<f64>]) -> f64 {
+    let (nodes, dofs) = d.split_at(3 * stage.mass.len());
     let mut sum = 0.0;
-    let mut total = 0.0;
-    for (m, d) in stage.mass.iter().zip(d.chunks_exact(3)) {
+    for (m, d) in stage.mass.iter().zip(nodes.chunks_exact(3)) {
         sum += m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        total += m;
     }
-    ((sum / total) + cone_norm(stage, dw).powi(2)).sqrt()
+    sum += dofs_norm2(stage, dofs);
+    ((sum / stage.measure.total) + cone_norm(stage, dw).powi(2)).sqrt()
 }
 
 /// The cone variables' part of [`norm`].
 fn cone_norm(stage: &Stage, dw: &[Vector4<f64>]) -> f64 {
     let cones = stage.model.pairs.iter().zip(dw);
     let sum: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
-    (sum / stage.mass.iter().sum::<f64>()).sqrt()
+    (sum / stage.measure.total).sqrt()
 }
 
 /// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.
 fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
-    let mean_square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>() / stage.mass.len() as f64;
+    let mean_square = |v: &[f64]| {
+        let (nodes, dofs) = v.split_at(3 * stage.mass.len());
+        let of_nodes = nodes.iter().map(|x| x * x).sum::<f64>() / (stage.mass.len().max(1)) as f64;
+        of_nodes + dofs_norm2(stage, dofs) / stage.measure.total
+    };
     let fall = stage.theta[stage.model.gravity] * stage.h.min(1.0 / stage.inertia.max(f64::MIN_POSITIVE));
     mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs() + 1e-9
 }

@@ -83,9 +83,30 @@ impl Mistake {
                 "use letters, digits, `_` and `-`, beginning with a letter; not gravity, air, sensor",
             ),
             Self::NameTaken { .. } => {
-                both("an object was copied and not renamed", "give every rope, gripper and shape its own name")
+                both("an object was copied and not renamed", "give every rope, body, joint, actuator, gripper and shape its own name")
             }
-            Self::NoRope => both("the scene is only a beginning", "add a [[rope]]"),
+            Self::Nothing => both("the scene is only a beginning", "add a [[rope]], or a [[body]] with a [[body.joint]]"),
+            Self::NoSuch { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
+            Self::NoSuch { what, known, .. } if known.is_empty() => {
+                both(format!("the scene has no {what} at all"), format!("add a {what}"))
+            }
+            Self::NoSuch { what, known, .. } => both(format!("the {what} was renamed or removed"), format!("name one of: {known}")),
+            Self::Cycle { .. } => both(
+                "a kinematic loop was written as parents",
+                "leave one `parent` of the circle out: parents form a tree",
+            ),
+            Self::Inertia { hint, .. } => both(
+                "moments about another point than the centre of mass, products of inertia of the wrong sign, or another unit",
+                format!("give xx, yy, zz, xy, xz, yz about the centre of mass in kg·m² ({hint})"),
+            ),
+            Self::Massless { .. } => {
+                both("a mass was left out", "give the body `mass` and `inertia`, or the joint an `armature`, or remove the joint")
+            }
+            Self::FreeBelow { .. } => both("a free body moves relative to the world", "leave `parent` and the other joints out"),
+            Self::Quaternion { .. } => both(
+                "another order of its numbers, or Euler angles",
+                "write (w, x, y, z) of length 1; [1, 0, 0, 0] does not turn",
+            ),
             Self::TooFewNodes { needed, .. } => {
                 both("the rope is divided too coarsely", format!("write `nodes = {needed}` or more"))
             }

@@ -99,8 +99,26 @@ pub enum Mistake {
     #[error("the name \"{name}\" is taken by {other}")]
     NameTaken { name: String, other: String },
     /// Nothing to simulate.
-    #[error("the scene has no rope")]
-    NoRope,
+    #[error("the scene has nothing that moves")]
+    Nothing,
+    /// An object that the scene does not have.
+    #[error("there is no {what} \"{name}\"")]
+    NoSuch { what: &'static str, name: String, nearest: Option<String>, known: String },
+    /// A body that hangs on itself.
+    #[error("body \"{body}\" hangs on itself: its parents form a circle")]
+    Cycle { body: String },
+    /// A mass that cannot be.
+    #[error("{error}")]
+    Inertia { error: crate::bodies::InertiaError, hint: &'static str },
+    /// A joint that moves nothing.
+    #[error("this joint of body \"{body}\" moves no mass: neither the body nor any beyond it has one")]
+    Massless { body: String },
+    /// A free joint that is not alone at the world.
+    #[error("body \"{body}\" has a free joint, but a parent or other joints too")]
+    FreeBelow { body: String },
+    /// Not a unit quaternion.
+    #[error("has length {norm}, not 1")]
+    Quaternion { norm: f64 },
     /// Too few nodes.
     #[error("the rope has {nodes} nodes; {why} needs at least {needed}")]
     TooFewNodes { nodes: usize, needed: usize, why: &'static str },

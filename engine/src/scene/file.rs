@@ -1,5 +1,6 @@
 //! The scene file: what its top level holds, and everything in it that is not an object.
 
+use super::body::{Actuator, Body};
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
 use super::shape::{Capsule, Plane, Sphere};
@@ -28,6 +29,12 @@ pub struct Scene<X = Nothing> {
     /// Ropes, cables, rods.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rope: Vec<Rope>,
+    /// Rigid bodies and their joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub body: Vec<Body>,
+    /// Motors at joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actuator: Vec<Actuator>,
     /// Clamps that drive nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gripper: Vec<Gripper>,
@@ -69,6 +76,8 @@ impl<X> Scene<X> {
             gravity: self.gravity.clone(),
             air: self.air.clone(),
             rope: self.rope.clone(),
+            body: self.body.clone(),
+            actuator: self.actuator.clone(),
             gripper: self.gripper.clone(),
             plane: self.plane.clone(),
             sphere: self.sphere.clone(),
@@ -94,6 +103,8 @@ impl<X> Default for Scene<X> {
             gravity: Gravity::default(),
             air: Air::default(),
             rope: Vec::new(),
+            body: Vec::new(),
+            actuator: Vec::new(),
             gripper: Vec::new(),
             plane: Vec::new(),
             sphere: Vec::new(),

@@ -24,6 +24,7 @@
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 mod advice;
+mod body;
 mod check;
 mod error;
 mod file;
@@ -41,7 +42,9 @@ mod source;
 mod vector;
 pub mod words;
 
+pub use body::{Actuator, ActuatorKind, Body, Command, Joint, JointKind};
 pub use check::check;
+pub(crate) use check::inertia_matrix;
 pub use error::{Mistake, SceneError};
 pub use file::{Air, Contact, Gravity, Integrator, Law, LinearSolver, Nothing, SCHEMA_VERSION, Scene, Solver, Time};
 pub use gripper::{Clamp, End, Gripper, Mode, Motion};

@@ -1,5 +1,6 @@
 //! What the grippers of a scene do: the rows of the input u.
 
+use super::body::{Actuator, ActuatorKind, JointKind};
 use super::error::SceneError;
 use super::file::Scene;
 use super::gripper::{Clamp, End, Gripper, Mode, Motion};
@@ -15,9 +16,22 @@ pub struct Control {
     pub unit: &'static str,
 }
 
-/// The entries of u, gripper after gripper.
+/// The entries of u, gripper after gripper, then actuator after actuator.
 pub fn control_list<X>(scene: &Scene<X>) -> Vec<Control> {
-    scene.gripper.iter().flat_map(|gripper| controls_of(scene, gripper)).collect()
+    let grippers = scene.gripper.iter().flat_map(|gripper| controls_of(scene, gripper));
+    grippers.chain(scene.actuator.iter().map(|a| Control { name: a.name.clone(), unit: control_unit(scene, a) })).collect()
+}
+
+fn control_unit<X>(scene: &Scene<X>, actuator: &Actuator) -> &'static str {
+    let joint = scene.body.iter().flat_map(|b| &b.joint).find(|j| j.name == actuator.joint);
+    let sliding = joint.is_some_and(|j| j.kind == JointKind::Prismatic);
+    match (actuator.kind, sliding) {
+        (ActuatorKind::Torque, _) => "-",
+        (ActuatorKind::Position, false) => "rad",
+        (ActuatorKind::Position, true) => "m",
+        (ActuatorKind::Velocity, false) => "rad/s",
+        (ActuatorKind::Velocity, true) => "m/s",
+    }
 }
 
 fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
@@ -64,6 +78,7 @@ pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
             (Clamp::End(End::First | End::Last), Mode::Velocity) => u.extend([0.0; 6]),
         }
     }
+    u.extend(scene.actuator.iter().map(|a| a.command.at(0.0)));
     Ok(u)
 }
 
@@ -88,6 +103,9 @@ fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
         }
         first += 3 * groups;
     }
+    // a command holds over its step: its value in the middle
+    let commands = scene.actuator.iter().map(|a| a.command.at(0.5 * (begin + end)));
+    u[first..].iter_mut().zip(commands).for_each(|(u, value)| *u = value);
     u
 }
 

@@ -1,5 +1,6 @@
 //! One step: integrators as sequences of stages, retries, and the record of what was solved.
 
+mod bodies;
 mod error;
 mod record;
 mod scheme;
@@ -7,10 +8,11 @@ mod stage;
 mod stepper;
 mod workspace;
 
+pub(crate) use bodies::end_positions;
 pub use error::StepError;
 pub use record::StageRecord;
 pub use scheme::{EULER, MIDPOINT, SDIRK_GAMMA, STATIC, Scheme, Weights};
-pub(crate) use stage::Stage;
+pub(crate) use stage::{Measure, Stage};
 pub(crate) use stepper::check_size;
 pub use stepper::{Link, StepOptions, StepRecord, StepTrace, Stepper};
 pub use workspace::Workspace;

@@ -1,9 +1,10 @@
 //! What a step leaves behind for its derivatives: the factorization at the root, and the partials of the residual.
 
-use super::{Scheme, Stage, Workspace};
+use super::{Scheme, Stage, Workspace, end_positions};
+use crate::bodies::turns::Turns;
 use crate::contact::{Condensed, Touch};
 use crate::kinematics::Input;
-use crate::kkt::{BlockBand, Factor};
+use crate::kkt::{Square, System, SystemFactor};
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
@@ -31,13 +32,23 @@ pub struct StageRecord {
     /// Cone variables at the root [N·s].
     pub w: Vec<Vector4<f64>>,
     /// ∂f/∂q̄ [N/m] at the root, zero in driven rows; contacts included.
-    pub dq: BlockBand,
+    pub dq: System,
     /// ∂f/∂v̄ [N·s/m].
-    pub dv: BlockBand,
+    pub dv: System,
     /// K at the root.
-    pub matrix: BlockBand,
+    pub matrix: System,
     /// Its factorization.
-    pub factor: Factor,
+    pub factor: SystemFactor,
+    /// Mass matrix of the bodies at q̄, armatures included.
+    pub body_mass: Square,
+    /// Controls of the step.
+    pub u: Vec<f64>,
+    /// How changes of q_ref and of the tangent show up at q̄, at q⁺, and (second stage of sdirk2) at q_ref.
+    pub middle: Turns,
+    /// At q⁺.
+    pub end: Turns,
+    /// From the substep's start to q_ref; only in the second stage of sdirk2.
+    pub lead: Turns,
     pub(crate) contacts: Vec<Condensed>,
 }
 
@@ -45,6 +56,8 @@ impl StageRecord {
     /// Factors at the root in `ws.it` and copies what derivatives need.
     pub(crate) fn take(stage: &Stage, ws: &mut Workspace) -> Result<Self, super::StepError> {
         stage.linearize(ws)?;
+        let body_mass = stage.body_partials(ws);
+        let (middle, end) = stage.turns(&ws.it.v);
         ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
         Ok(Self {
             h: stage.h,
@@ -59,14 +72,21 @@ impl StageRecord {
             dv: ws.dv.clone(),
             matrix: ws.k.clone(),
             factor: ws.factor.clone(),
+            body_mass,
+            u: stage.u.to_vec(),
+            middle,
+            end,
+            lead: Turns::default(),
             contacts: ws.contacts.clone(),
         })
     }
 
     /// Positions at the end of the stage \[m\].
-    pub fn q_end(&self, driven: &[bool]) -> Vec<f64> {
+    pub fn q_end(&self, model: &Model) -> Vec<f64> {
         let mut q = self.q_ref.clone();
-        for (node, &is_driven) in driven.iter().enumerate() {
+        let n = model.n_node_dofs();
+        end_positions(&model.tree, &self.scheme, self.h, &self.q_ref[n..], &self.v_ref[n..], &self.v[n..], &mut q[n..]);
+        for (node, &is_driven) in model.driven.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
             for k in (0..3).map(|a| 3 * node + a) {
                 q[k] += self.h * (w.d0 * self.v_ref[k] + w.d1 * self.v[k]);
@@ -87,10 +107,16 @@ impl StageRecord {
         model.pairs.iter().zip(&self.w).map(mode).collect()
     }
 
-    /// Calls `visit(row, parameter, ∂r_row/∂θ)` for every structural nonzero of the residual's parameter derivative.
-    pub fn visit_theta(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
-        let (q_bar, v_bar) = self.evaluation_point(&model.driven);
-        let at = Point { q: &q_bar, v: &v_bar, theta };
+    /// Calls `visit(row, input, ∂r_row/∂input)` for every structural nonzero of the residual's derivative with respect to parameters
+    /// and controls.
+    pub fn visit_inputs(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
+        let (q_bar, v_bar) = self.evaluation_point(model);
+        self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
+        self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
+    }
+
+    fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+        let at = Point { q: q_bar, v: v_bar, theta };
         for term in &model.terms {
             term.visit_theta(&at, &mut |row, param, df| {
                 if !model.driven[row / 3] {
@@ -106,14 +132,19 @@ impl StageRecord {
             });
         }
         for c in 0..self.contacts.len() {
-            self.visit_contact(c, model, &q_bar, theta, visit);
+            self.visit_contact(c, model, q_bar, theta, visit);
         }
     }
 
     /// Where the forces were evaluated.
-    pub fn evaluation_point(&self, driven: &[bool]) -> (Vec<f64>, Vec<f64>) {
+    pub fn evaluation_point(&self, model: &Model) -> (Vec<f64>, Vec<f64>) {
         let (mut q, mut v) = (self.q_ref.clone(), self.v.clone());
-        for (node, &is_driven) in driven.iter().enumerate() {
+        let (n, w) = (model.n_node_dofs(), &self.scheme.free);
+        let mut t = Vec::new();
+        super::bodies::tangent(self.h, [w.a0, w.a1], &self.v_ref[n..], &self.v[n..], &mut t);
+        model.tree.add(self.scheme.middle, &self.q_ref[n..], &t, &mut q[n..]);
+        (n..v.len()).for_each(|k| v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k]);
+        for (node, &is_driven) in model.driven.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
             for k in (0..3).map(|a| 3 * node + a) {
                 q[k] += self.h * (w.a0 * self.v_ref[k] + w.a1 * self.v[k]);

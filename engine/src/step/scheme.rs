@@ -1,5 +1,7 @@
 //! The integrators as weights of one stage.
 
+use crate::bodies::rotation::Map;
+
 /// Where a stage evaluates forces and where it ends:
 /// `q̄ = q + h (a0 v + a1 v⁺)`, `v̄ = b0 v + b1 v⁺`, `q⁺ = q + h (d0 v + d1 v⁺)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,23 +27,29 @@ pub struct Scheme {
     pub free: Weights,
     /// Driven dofs.
     pub driven: Weights,
+    /// How far balls turn on the way to q̄.
+    pub middle: Map,
+    /// How far they turn on the way to q⁺.
+    pub end: Map,
 }
 
 const END: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 };
 
 /// Implicit Euler, and each stage of sdirk2.
-pub const EULER: Scheme = Scheme { free: END, driven: END };
+pub const EULER: Scheme = Scheme { free: END, driven: END, middle: Map::Exponential, end: Map::Exponential };
 
 /// Implicit midpoint.
 pub const MIDPOINT: Scheme = Scheme {
     free: Weights { a0: 0.25, a1: 0.25, b0: 0.5, b1: 0.5, d0: 0.5, d1: 0.5 },
     driven: Weights { a0: 0.0, a1: 0.5, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 },
+    middle: Map::HalfCayley,
+    end: Map::Cayley,
 };
 
 const AT_REST: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 0.0, d0: 0.0, d1: 1.0 };
 
 /// Equilibrium: the unknown is a displacement (h = 1), forces are evaluated at zero velocity.
-pub const STATIC: Scheme = Scheme { free: AT_REST, driven: AT_REST };
+pub const STATIC: Scheme = Scheme { free: AT_REST, driven: AT_REST, middle: Map::Exponential, end: Map::Exponential };
 
 /// γ of sdirk2, 1 − 1/√2: the root for which two implicit Euler stages of length γh are second order and L-stable.
 pub const SDIRK_GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;

@@ -8,6 +8,7 @@
 //! with the impulses p of contact condensed as described in `contact`.
 
 use super::{Scheme, StepError, Workspace};
+use crate::bodies::spatial::Inertia;
 use crate::contact::{Condensed, LawPoint, Touch};
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
@@ -35,12 +36,33 @@ enum Axial {
     Predicted,
 }
 
+/// Weights of velocities in the solver's norms: √(Σ weight · v²/total) is a speed [m/s].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Measure {
+    /// Of the bodies' degrees of freedom [kg·m² or kg].
+    pub dofs: Vec<f64>,
+    /// Mass of everything [kg].
+    pub total: f64,
+}
+
+impl Measure {
+    pub fn new(model: &Model, theta: &[f64]) -> Self {
+        Self { dofs: model.dof_weights(theta), total: model.total_mass(theta) }
+    }
+}
+
 /// The data of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stage<'a> {
     pub model: &'a Model,
     pub theta: &'a [f64],
     pub mass: &'a [f64],
+    /// Every body's inertia about its origin.
+    pub inertias: &'a [Inertia<f64>],
+    /// What the solver compares velocities with: see [`Measure`].
+    pub measure: &'a Measure,
+    /// Controls of the step.
+    pub u: &'a [f64],
     pub scheme: Scheme,
     pub h: f64,
     /// σ: inertia per velocity change [1/s].
@@ -82,6 +104,7 @@ impl Stage<'_> {
                 ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
             }
         }
+        self.place_bodies(v, ws);
     }
 
     /// Contact `c` at q⁺, which is q̄ for the schemes that allow contact.
@@ -126,6 +149,7 @@ impl Stage<'_> {
             self.add_contact_force(c, impulse, ws);
         }
         self.inertia_minus_force(&it.v, ws);
+        self.body_residual(&it.v, ws);
         Ok(())
     }
 
@@ -180,20 +204,20 @@ impl Stage<'_> {
     fn linearize_at(&self, it: &Iterate, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
         self.place(&it.v, ws);
         ws.f.fill(0.0);
-        ws.dq.clear();
-        ws.dv.clear();
+        ws.dq.nodes.clear();
+        ws.dv.nodes.clear();
         let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
         let mut first = 0;
         for term in &self.model.terms {
             let n = term.n_axial();
             match axial {
-                Axial::Exact => term.add_jacobian(&at, &mut ws.f, &mut ws.dq, &mut ws.dv),
-                Axial::Predicted => term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq, &mut ws.dv),
+                Axial::Exact => term.add_jacobian(&at, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes),
+                Axial::Predicted => term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes),
             }
             first += n;
         }
         if self.has_contact() {
-            ws.stiffness = (0..ws.f.len()).fold(0.0, |a, k| a.max(-ws.dq.get(k, k)));
+            ws.stiffness = (0..ws.dq.nodes.dim()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
         }
         for c in 0..self.model.pairs.len() {
             self.linearize_contact(c, it, ws)?;
@@ -201,11 +225,12 @@ impl Stage<'_> {
         self.inertia_minus_force(&it.v, ws);
         for (node, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
             for row in 3 * node..3 * node + 3 {
-                ws.dq.row_mut(row).fill(0.0);
-                ws.dv.row_mut(row).fill(0.0);
+                ws.dq.nodes.row_mut(row).fill(0.0);
+                ws.dv.nodes.row_mut(row).fill(0.0);
             }
         }
         self.assemble(ws);
+        self.linearize_bodies(&it.v, ws);
         Ok(())
     }
 
@@ -220,8 +245,8 @@ impl Stage<'_> {
             value: it.w[c].norm(),
         })?;
         let rows = |m: &nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [m[(a, 0)], m[(a, 1)], m[(a, 2)]]);
-        ws.dq.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dq));
-        ws.dv.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dv));
+        ws.dq.nodes.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dq));
+        ws.dv.nodes.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dv));
         let impulse = condensed.impulse;
         ws.cone[c] = condensed.residual;
         ws.contacts[c] = condensed;
@@ -233,8 +258,8 @@ impl Stage<'_> {
     fn assemble(&self, ws: &mut Workspace) {
         let uniform = self.scheme.free.a1 == self.scheme.driven.a1 && self.scheme.free.b1 == self.scheme.driven.b1;
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
-        let blocks = ws.dq.data().iter().zip(ws.dv.data());
-        for (k, (dq, dv)) in ws.k.data_mut().iter_mut().zip(blocks) {
+        let blocks = ws.dq.nodes.data().iter().zip(ws.dv.nodes.data());
+        for (k, (dq, dv)) in ws.k.nodes.data_mut().iter_mut().zip(blocks) {
             *k = -(cq * dq + cv * dv);
         }
         if !uniform {
@@ -243,19 +268,19 @@ impl Stage<'_> {
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let diagonal = if driven { 1.0 } else { self.mass[node] * (self.inertia + self.damping) };
             for k in (0..3).map(|a| 3 * node + a) {
-                ws.k.add(k, k, diagonal);
+                ws.k.nodes.add(k, k, diagonal);
             }
         }
     }
 
     fn rescale_driven_columns(&self, ws: &mut Workspace) {
         let (cq, cv) = (self.h * self.scheme.driven.a1, self.scheme.driven.b1);
-        let (n, half) = (ws.k.n_blocks(), ws.k.half_width());
+        let (n, half) = (ws.k.nodes.n_blocks(), ws.k.nodes.half_width());
         for (j, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
             for row in 3 * j.saturating_sub(half)..3 * (j + half + 1).min(n) {
-                let first = (3 * j as isize - ws.k.first_column(row)) as usize;
+                let first = (3 * j as isize - ws.k.nodes.first_column(row)) as usize;
                 for k in first..first + 3 {
-                    ws.k.row_mut(row)[k] = -(cq * ws.dq.row(row)[k] + cv * ws.dv.row(row)[k]);
+                    ws.k.nodes.row_mut(row)[k] = -(cq * ws.dq.nodes.row(row)[k] + cv * ws.dv.nodes.row(row)[k]);
                 }
             }
         }
@@ -264,6 +289,9 @@ impl Stage<'_> {
     /// The term with the largest force in a row, and the first non-finite force, if any: for error messages.
     pub(crate) fn blame(&self, it: &Iterate, row: usize, ws: &mut Workspace) -> (String, Option<(String, usize, f64)>) {
         self.place(&it.v, ws);
+        if row >= self.model.n_node_dofs() {
+            return self.blame_joint(row - self.model.n_node_dofs(), ws);
+        }
         let mut largest = ("inertia".to_owned(), 0.0);
         for term in &self.model.terms {
             ws.f.fill(0.0);

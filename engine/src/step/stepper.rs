@@ -1,6 +1,9 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::{EULER, MIDPOINT, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Workspace};
+use super::{EULER, MIDPOINT, Measure, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Workspace, end_positions};
+use crate::bodies::rotation::Map;
+use crate::bodies::spatial::Inertia;
+use crate::bodies::turns::Turns;
 use crate::kinematics::Input;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
@@ -62,6 +65,9 @@ pub struct Stepper<'m> {
     options: StepOptions,
     rest_gap: f64,
     mass: Vec<f64>,
+    inertias: Vec<Inertia<f64>>,
+    measure: Measure,
+    u: Vec<f64>,
     v_cmd: Vec<f64>,
     q_ref: Vec<f64>,
     v_ref: Vec<f64>,
@@ -73,9 +79,21 @@ impl<'m> Stepper<'m> {
     pub fn new(model: &'m Model, theta: &'m [f64], options: StepOptions) -> Result<Self, StepError> {
         model.check_theta(theta)?;
         let ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
-        let zeros = || vec![0.0; model.nq()];
-        let (rest_gap, mass) = (model.contact.rest_gap, model.masses(theta));
-        Ok(Self { model, theta, options, rest_gap, mass, v_cmd: zeros(), q_ref: zeros(), v_ref: zeros(), ws })
+        let zeros = || vec![0.0; model.nv()];
+        Ok(Self {
+            model,
+            theta,
+            options,
+            rest_gap: model.contact.rest_gap,
+            mass: model.masses(theta),
+            inertias: model.inertias(theta),
+            measure: Measure::new(model, theta),
+            u: Vec::new(),
+            v_cmd: zeros(),
+            q_ref: vec![0.0; model.nq()],
+            v_ref: zeros(),
+            ws,
+        })
     }
 
     /// Takes steps of another rest gap δ \[m\] than the scene's: another contact, hence another simulation.
@@ -101,9 +119,11 @@ impl<'m> Stepper<'m> {
 
     /// Replaces `state` by the state one step later. On error the state is unchanged.
     pub fn step(&mut self, state: &mut State, u: &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError> {
-        let (nq, nu) = (self.model.nq(), self.model.nu());
-        check_size("state", state.q.len() + state.v.len(), 2 * nq)?;
-        check_size("control", u.len(), nu)?;
+        check_size("position vector", state.q.len(), self.model.nq())?;
+        check_size("velocity vector", state.v.len(), self.model.nv())?;
+        check_size("control", u.len(), self.model.nu())?;
+        self.u.clear();
+        self.u.extend_from_slice(u);
         let h = self.model.h;
         let mut v_cmd = std::mem::take(&mut self.v_cmd);
         let result = self.command(state, u, h, &mut v_cmd).and_then(|()| {
@@ -178,11 +198,23 @@ impl<'m> Stepper<'m> {
         self.v_ref.copy_from_slice(&start.v);
         self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, trace, stages)?;
         let ratio = (1.0 - gamma) / gamma;
-        for k in 0..start.q.len() {
+        let n = self.model.n_node_dofs();
+        for k in 0..n {
             self.q_ref[k] = start.q[k] + (1.0 - gamma) * h * state.v[k];
+        }
+        let lead: Vec<f64> = state.v[n..].iter().map(|v| (1.0 - gamma) * h * v).collect();
+        self.model.tree.add(Map::Exponential, &start.q[n..], &lead, &mut self.q_ref[n..]);
+        for k in 0..start.v.len() {
             self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
         }
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)
+        let first = stages.len();
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)?;
+        if let Some((_, record)) = stages.get_mut(first) {
+            let mut turns = Turns::default();
+            turns.evaluate(&self.model.tree, Map::Exponential, &lead);
+            record.lead = turns;
+        }
+        Ok(())
     }
 
     /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end.
@@ -201,6 +233,9 @@ impl<'m> Stepper<'m> {
             model: self.model,
             theta: self.theta,
             mass: &self.mass,
+            inertias: &self.inertias,
+            measure: &self.measure,
+            u: &self.u,
             scheme,
             h,
             inertia: 1.0 / h,
@@ -221,9 +256,12 @@ impl<'m> Stepper<'m> {
             let w = if driven { &scheme.driven } else { &scheme.free };
             for k in 3 * node..3 * node + 3 {
                 state.q[k] = self.q_ref[k] + h * (w.d0 * self.v_ref[k] + w.d1 * self.ws.it.v[k]);
-                state.v[k] = self.ws.it.v[k];
             }
         }
+        let n = self.model.n_node_dofs();
+        let (q_ref, v_ref, v) = (&self.q_ref[n..], &self.v_ref[n..], &self.ws.it.v[n..]);
+        end_positions(&self.model.tree, &scheme, h, q_ref, v_ref, v, &mut state.q[n..]);
+        state.v.copy_from_slice(&self.ws.it.v);
         Ok(())
     }
 }

@@ -1,8 +1,9 @@
 //! The memory of a step, allocated once and reused: the Newton loop allocates nothing.
 
+use super::bodies::BodyWorkspace;
 use super::stage::Iterate;
 use crate::contact::Condensed;
-use crate::kkt::{BlockBand, Factor, KktError, Symbolic};
+use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
 use nalgebra::Vector4;
 
@@ -19,10 +20,10 @@ pub struct Workspace {
     pub(crate) dw_next: Vec<Vector4<f64>>,
     pub(crate) cone: Vec<Vector4<f64>>,
     pub(crate) contacts: Vec<Condensed>,
-    pub(crate) dq: BlockBand,
-    pub(crate) dv: BlockBand,
-    pub(crate) k: BlockBand,
-    pub(crate) factor: Factor,
+    pub(crate) dq: System,
+    pub(crate) dv: System,
+    pub(crate) k: System,
+    pub(crate) factor: SystemFactor,
     /// Full steps that may still fail the monotonicity test.
     pub(crate) bold: usize,
     pub(crate) it: Iterate,
@@ -34,6 +35,8 @@ pub struct Workspace {
     /// Displacement of a step, for their prediction [m].
     pub(crate) dx: Vec<f64>,
     pub(crate) trial: Iterate,
+    /// The bodies' part.
+    pub(crate) bodies: BodyWorkspace,
     /// Cone variables of the last converged stage; empty before the first.
     pub(crate) warm: Vec<Vector4<f64>>,
 }
@@ -41,14 +44,14 @@ pub struct Workspace {
 impl Workspace {
     /// Buffers for `model`; `theta` decides whether its matrices are symmetric.
     pub fn new(model: &Model, theta: &[f64]) -> Result<Self, KktError> {
-        let (n, nq, contacts) = (model.n_nodes(), model.nq(), model.pairs.len());
-        let zeros = || vec![0.0; nq];
+        let (n, nv, contacts) = (model.n_nodes(), model.nv(), model.pairs.len());
+        let zeros = || vec![0.0; nv];
         let cones = || vec![Vector4::zeros(); contacts];
         let axial = || vec![0.0; model.terms.iter().map(|t| t.n_axial()).sum()];
-        let band = || BlockBand::zeros(n, model.reach);
+        let matrix = || System::zeros(n, model.reach, model.tree.nv());
         let symbolic = Symbolic::new(model.method(), model.symmetry(theta), n, model.reach, &model.driven, None)?;
         Ok(Self {
-            q_bar: zeros(),
+            q_bar: vec![0.0; model.nq()],
             v_bar: zeros(),
             f: zeros(),
             r: zeros(),
@@ -58,10 +61,10 @@ impl Workspace {
             dw_next: cones(),
             cone: cones(),
             contacts: vec![Condensed::zero(); contacts],
-            dq: band(),
-            dv: band(),
-            k: band(),
-            factor: Factor::new(&symbolic),
+            dq: matrix(),
+            dv: matrix(),
+            k: matrix(),
+            factor: SystemFactor::new(&symbolic, model.tree.nv()),
             bold: 0,
             it: Iterate { v: zeros(), w: cones() },
             stiffness: 0.0,
@@ -69,6 +72,7 @@ impl Workspace {
             axial_next: axial(),
             dx: zeros(),
             trial: Iterate { v: zeros(), w: cones() },
+            bodies: BodyWorkspace::default(),
             warm: Vec::new(),
         })
     }

@@ -17,6 +17,7 @@ mod check;
 mod drag;
 mod energy;
 mod gravity;
+pub mod joint;
 mod stencil;
 mod stretch;
 mod stretch_damping;

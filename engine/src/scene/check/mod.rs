@@ -1,8 +1,11 @@
 //! Refusing scenes that make no sense, before anything is built from them.
 
+mod body;
 mod contact;
 mod gripper;
 mod rope;
+
+pub(crate) use body::matrix as inertia_matrix;
 
 use super::Nothing;
 use super::error::{Mistake, SceneError};
@@ -24,11 +27,12 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     time(scene)?;
     surroundings(scene)?;
     solver(scene)?;
-    if scene.rope.is_empty() {
-        return Err(SceneError::at("rope", Mistake::NoRope));
+    if scene.rope.is_empty() && !scene.body.iter().any(|b| !b.joint.is_empty()) {
+        return Err(SceneError::at("rope", Mistake::Nothing));
     }
     names(scene)?;
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
+    body::check(scene)?;
     gripper::check(scene)?;
     contact::check(scene)
 }
@@ -135,5 +139,11 @@ fn named<X>(scene: &Scene<X>) -> impl Iterator<Item = (String, &str)> {
     let planes = scene.plane.iter().enumerate().map(|(i, o)| (format!("plane[{i}]"), o.name.as_str()));
     let spheres = scene.sphere.iter().enumerate().map(|(i, o)| (format!("sphere[{i}]"), o.name.as_str()));
     let capsules = scene.capsule.iter().enumerate().map(|(i, o)| (format!("capsule[{i}]"), o.name.as_str()));
+    let bodies = scene.body.iter().enumerate().map(|(i, o)| (format!("body[{i}]"), o.name.as_str()));
+    let joints = scene.body.iter().enumerate().flat_map(|(i, body)| {
+        body.joint.iter().enumerate().map(move |(j, o)| (format!("body[{i}].joint[{j}]"), o.name.as_str()))
+    });
+    let actuators = scene.actuator.iter().enumerate().map(|(i, o)| (format!("actuator[{i}]"), o.name.as_str()));
+    let ropes = ropes.chain(bodies).chain(joints).chain(actuators);
     ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules)
 }

@@ -1,0 +1,221 @@
+//! From a scene's bodies, joints and actuators to the tree and its forces.
+
+use super::Model;
+use crate::bodies::inertia::to_numbers;
+use crate::bodies::rotation::{matrix, normalized};
+use crate::bodies::{self, BodyInertia, Tree};
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use crate::scene::{Actuator, ActuatorKind, Body, Joint, JointKind, Scene};
+use crate::terms::Vec3;
+use crate::terms::joint::{
+    AutomaticJoint, CubicSpring, Damping, JointElement, JointLaw, PositionDrive, Spring, TorqueDrive, VelocityDrive,
+};
+use nalgebra::Matrix3;
+use std::sync::Arc;
+
+/// Elements of all joint laws, filled joint by joint.
+#[derive(Default)]
+struct Elements {
+    spring: Vec<JointElement>,
+    cubic: Vec<JointElement>,
+    damping: Vec<JointElement>,
+    torque: Vec<JointElement>,
+    position: Vec<JointElement>,
+    velocity: Vec<JointElement>,
+}
+
+impl Model {
+    /// Adds everything the scene says of bodies, parents first; coordinates and velocities follow those of the nodes.
+    pub(super) fn add_bodies<X>(&mut self, scene: &Scene<X>) {
+        let mut elements = Elements::default();
+        let (mut q, mut v) = (Vec::new(), Vec::new());
+        for body in parents_first(&scene.body) {
+            let parent = body.parent.as_deref().and_then(|name| self.tree.body(name));
+            let free = body.joint.iter().any(|j| j.kind == JointKind::Free);
+            let inertia = push_inertia(body, &mut self.params);
+            let first = self.tree.joints().len();
+            let mut joints = Vec::new();
+            for joint in &body.joint {
+                let params = JointParams::push(joint, &mut self.params);
+                let parts = elementary(joint, params.armature);
+                let places: Vec<usize> = (0..parts.len()).map(|k| first + joints.len() + k).collect();
+                list_elements(joint, &params, &places, &mut elements);
+                q.extend(initial_coordinates(body, joint));
+                let rest = vec![0.0; joint.kind.n_dofs()];
+                v.extend(if joint.velocity.is_empty() { rest } else { joint.velocity.clone() });
+                joints.extend(parts);
+            }
+            let rotation = if free { Matrix3::identity() } else { matrix(&normalized(&body.quaternion)) };
+            let position = if free { Vec3::zeros() } else { Vec3::from(body.position) };
+            self.tree.push(bodies::Body { name: body.name.clone(), parent, position, rotation, joints: 0..0, inertia }, joints);
+        }
+        self.q0.extend(q);
+        self.v0.extend(v);
+        for actuator in &scene.actuator {
+            self.add_actuator(actuator, &mut elements);
+        }
+        self.add_joint_terms(elements);
+    }
+
+    fn add_actuator(&mut self, actuator: &Actuator, elements: &mut Elements) {
+        let Some(joint) = self.tree.joint(&actuator.joint) else { return };
+        let control = self.nu();
+        let mut entry = |name: &str, unit, bounds, value| self.params.push(format!("{}.{name}", actuator.name), unit, bounds, value);
+        let mut params = match actuator.kind {
+            ActuatorKind::Torque => vec![entry("gain", "N·m", ANY, actuator.gain)],
+            ActuatorKind::Position => vec![
+                entry("stiffness", "N·m/rad", NON_NEGATIVE, actuator.stiffness),
+                entry("damping", "N·m·s/rad", NON_NEGATIVE, actuator.damping),
+            ],
+            ActuatorKind::Velocity => vec![entry("damping", "N·m·s/rad", NON_NEGATIVE, actuator.damping)],
+        };
+        params.push(entry("offset", "N·m", ANY, actuator.offset));
+        params.push(entry("gear", "-", ANY, actuator.gear));
+        let list = match actuator.kind {
+            ActuatorKind::Torque => &mut elements.torque,
+            ActuatorKind::Position => &mut elements.position,
+            ActuatorKind::Velocity => &mut elements.velocity,
+        };
+        list.push(JointElement { joints: vec![joint], controls: vec![control], params, constants: Vec::new() });
+        self.n_actuators += 1;
+    }
+
+    fn add_joint_terms(&mut self, e: Elements) {
+        self.add_joint_law(Spring, e.spring);
+        self.add_joint_law(CubicSpring, e.cubic);
+        self.add_joint_law(Damping, e.damping);
+        self.add_joint_law(TorqueDrive, e.torque);
+        self.add_joint_law(PositionDrive, e.position);
+        self.add_joint_law(VelocityDrive, e.velocity);
+    }
+
+    pub(super) fn add_joint_law<L: JointLaw + 'static>(&mut self, law: L, elements: Vec<JointElement>) {
+        if !elements.is_empty() {
+            self.joint_terms.push(Arc::new(AutomaticJoint::new(law, elements)));
+        }
+    }
+}
+
+/// Bodies in the scene's order, but none before its parent.
+fn parents_first(bodies: &[Body]) -> Vec<&Body> {
+    let mut out: Vec<&Body> = Vec::new();
+    while out.len() < bodies.len() {
+        let before = out.len();
+        for body in bodies {
+            let placed = |name: &str| out.iter().any(|b| b.name == name);
+            if !placed(&body.name) && body.parent.as_deref().is_none_or(placed) {
+                out.push(body);
+            }
+        }
+        if out.len() == before {
+            break; // a circle, which the scene's check refuses
+        }
+    }
+    out
+}
+
+fn push_inertia(body: &Body, params: &mut Params) -> Option<BodyInertia> {
+    let about_centre = crate::scene::inertia_matrix(&body.inertia?);
+    let x = to_numbers(body.mass, Vec3::from(body.center_of_mass), &about_centre).ok()?;
+    let name = &body.name;
+    let first = params.push(format!("{name}.mass"), "kg", POSITIVE, x[0]);
+    for k in 0..3 {
+        params.push(format!("{name}.center_of_mass[{k}]"), "m", ANY, x[1 + k]);
+    }
+    for k in 0..6 {
+        params.push(format!("{name}.spread[{k}]"), "m", if k < 3 { POSITIVE } else { ANY }, x[4 + k]);
+    }
+    Some(BodyInertia { first })
+}
+
+/// Indices in θ of a joint's numbers.
+struct JointParams {
+    armature: usize,
+    damping: usize,
+    stiffness: usize,
+    cubic: usize,
+    rest: Option<usize>,
+}
+
+impl JointParams {
+    fn push(joint: &Joint, params: &mut Params) -> Self {
+        let linear = joint.kind == JointKind::Prismatic;
+        let unit = |turning, sliding| if linear { sliding } else { turning };
+        let mut entry = |name: &str, unit, bounds, value| params.push(format!("{}.{name}", joint.name), unit, bounds, value);
+        let armature = entry("armature", unit("kg·m²", "kg"), NON_NEGATIVE, joint.armature);
+        let damping = entry("damping", unit("N·m·s/rad", "N·s/m"), NON_NEGATIVE, joint.damping);
+        let stiffness = entry("stiffness", unit("N·m/rad", "N/m"), NON_NEGATIVE, joint.stiffness);
+        let cubic = entry("cubic_stiffness", unit("N·m/rad³", "N/m³"), ANY, joint.cubic_stiffness);
+        let rest = (joint.kind.n_dofs() <= 2).then(|| entry("rest", unit("rad", "m"), ANY, joint.rest));
+        Self { armature, damping, stiffness, cubic, rest }
+    }
+}
+
+/// A joint as joints of one axis or a ball.
+fn elementary(joint: &Joint, armature: usize) -> Vec<bodies::Joint> {
+    let part = |suffix: &str, kind, axis: [f64; 3]| bodies::Joint {
+        name: format!("{}{suffix}", joint.name),
+        kind,
+        body: 0,
+        axis: Vec3::from(axis).normalize(),
+        anchor: Vec3::from(joint.anchor),
+        q: 0,
+        v: 0,
+        armature,
+    };
+    use bodies::JointKind::{Ball, Prismatic, Revolute};
+    let unit = |k: usize| std::array::from_fn(|a| if a == k { 1.0 } else { 0.0 });
+    match joint.kind {
+        JointKind::Revolute => vec![part("", Revolute, joint.axis)],
+        JointKind::Prismatic => vec![part("", Prismatic, joint.axis)],
+        JointKind::Universal => {
+            vec![part("[0]", Revolute, joint.axis), part("[1]", Revolute, joint.second_axis.unwrap_or(joint.axis))]
+        }
+        JointKind::Ball => vec![part("", Ball, unit(2))],
+        JointKind::Free => {
+            let mut parts: Vec<_> = ["x", "y", "z"].iter().enumerate().map(|(k, n)| part(&format!(".{n}"), Prismatic, unit(k))).collect();
+            parts.push(bodies::Joint { anchor: Vec3::zeros(), ..part(".turn", Ball, unit(2)) });
+            parts
+        }
+    }
+}
+
+/// Springs and dampers of a joint. Those of zero stiffness are listed too: a fit may free them.
+fn list_elements(joint: &Joint, p: &JointParams, places: &[usize], out: &mut Elements) {
+    let rotating = places.last().copied().into_iter();
+    // the slides of a free body have neither springs nor friction of their own
+    let places: Vec<usize> = if joint.kind == JointKind::Free { rotating.collect() } else { places.to_vec() };
+    if joint.kind == JointKind::Free {
+        return;
+    }
+    for place in places {
+        let with = |first: usize| {
+            let params = std::iter::once(first).chain(p.rest).collect();
+            JointElement { joints: vec![place], params, ..JointElement::default() }
+        };
+        out.spring.push(with(p.stiffness));
+        out.cubic.push(with(p.cubic));
+        out.damping.push(JointElement { joints: vec![place], params: vec![p.damping], ..JointElement::default() });
+    }
+}
+
+fn initial_coordinates(body: &Body, joint: &Joint) -> Vec<f64> {
+    match joint.kind {
+        JointKind::Ball => vec![1.0, 0.0, 0.0, 0.0],
+        JointKind::Free => body.position.into_iter().chain(normalized(&body.quaternion)).collect(),
+        _ if joint.start.is_empty() => vec![0.0; joint.kind.n_start()],
+        _ => joint.start.clone(),
+    }
+}
+
+/// The joint of that name in a scene maps to elementary joints of these names.
+pub(crate) fn is_part(elementary: &str, joint: &str) -> bool {
+    elementary.strip_prefix(joint).is_some_and(|rest| rest.is_empty() || rest.starts_with(['[', '.']))
+}
+
+impl Tree {
+    /// Elementary joints that make up the joint of that name in the scene.
+    pub fn joint_parts<'a>(&'a self, name: &'a str) -> impl Iterator<Item = usize> + 'a {
+        self.joints().iter().enumerate().filter(move |(_, j)| is_part(&j.name, name)).map(|(k, _)| k)
+    }
+}

@@ -1,0 +1,185 @@
+//! Refusing bodies, joints and actuators that make no sense.
+
+use super::{not_negative, positive};
+use crate::bodies::inertia::to_numbers;
+use crate::scene::body::{Actuator, Body, Joint, JointKind};
+use crate::scene::error::{Mistake, SceneError};
+use crate::scene::file::Scene;
+use crate::scene::words::nearest;
+use crate::terms::Vec3;
+use nalgebra::Matrix3;
+use std::f64::consts::PI;
+
+pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    for (b, body) in scene.body.iter().enumerate() {
+        let field = format!("body[{b}]");
+        parent(scene, b, &field)?;
+        mass(body, &field)?;
+        quaternion(body, &field)?;
+        for (j, joint) in body.joint.iter().enumerate() {
+            self::joint(body, joint, &format!("{field}.joint[{j}]"))?;
+        }
+    }
+    massless_leaves(scene)?;
+    scene.actuator.iter().enumerate().try_for_each(|(a, actuator)| self::actuator(scene, actuator, &format!("actuator[{a}]")))
+}
+
+/// The parent is there, and no body hangs on itself.
+fn parent<X>(scene: &Scene<X>, b: usize, field: &str) -> Result<(), SceneError> {
+    let mut above = b;
+    for _ in 0..=scene.body.len() {
+        let Some(name) = &scene.body[above].parent else { return Ok(()) };
+        let names = || scene.body.iter().map(|body| body.name.as_str());
+        let Some(next) = names().position(|other| other == name) else {
+            let mistake = Mistake::NoSuch {
+                what: "body",
+                name: name.clone(),
+                nearest: nearest(name, names()).map(str::to_owned),
+                known: names().collect::<Vec<_>>().join(", "),
+            };
+            return Err(SceneError::at(format!("body[{above}].parent"), mistake));
+        };
+        above = next;
+    }
+    Err(SceneError::at(format!("{field}.parent"), Mistake::Cycle { body: scene.body[b].name.clone() }))
+}
+
+fn mass(body: &Body, field: &str) -> Result<(), SceneError> {
+    not_negative(&format!("{field}.mass"), body.mass, "kg")?;
+    match body.inertia {
+        None if body.mass > 0.0 => {
+            let mistake = Mistake::MissingKey { key: "inertia".to_owned(), unit: Some("kg·m²".to_owned()) };
+            Err(SceneError::at(field, mistake))
+        }
+        Some(_) if body.mass == 0.0 => {
+            Err(SceneError::at(format!("{field}.mass"), Mistake::NotPositive { value: 0.0, unit: "kg" }))
+        }
+        Some(inertia) => {
+            let refused = |error: crate::bodies::InertiaError| {
+                let mm = "in mm or g: 1 kg·m² is 1e6 kg·mm² and 1e9 g·mm²";
+                SceneError::at(format!("{field}.inertia"), Mistake::Inertia { error, hint: mm })
+            };
+            to_numbers(body.mass, Vec3::from(body.center_of_mass), &matrix(&inertia)).map_err(refused)?;
+            large_inertia(body, &inertia, field)
+        }
+        None => Ok(()),
+    }
+}
+
+/// A radius of gyration beyond ten metres betrays a unit.
+fn large_inertia(body: &Body, inertia: &[f64; 6], field: &str) -> Result<(), SceneError> {
+    let radius = (inertia[..3].iter().fold(0.0_f64, |a, x| a.max(*x)) / body.mass).sqrt();
+    if radius > 10.0 {
+        let (reason, value) = (format!(", a radius of gyration of {radius:.0} m"), inertia[0]);
+        let mistake = Mistake::Unit { value, unit: "kg·m²", reason, likely: "kg·mm²", instead: 1e-6 * value };
+        return Err(SceneError::at(format!("{field}.inertia"), mistake));
+    }
+    Ok(())
+}
+
+/// The inertia matrix of (xx, yy, zz, xy, xz, yz).
+pub(crate) fn matrix(i: &[f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(i[0], i[3], i[4], i[3], i[1], i[5], i[4], i[5], i[2])
+}
+
+fn quaternion(body: &Body, field: &str) -> Result<(), SceneError> {
+    let norm = body.quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > 1e-3 {
+        return Err(SceneError::at(format!("{field}.quaternion"), Mistake::Quaternion { norm }));
+    }
+    Ok(())
+}
+
+fn joint(body: &Body, joint: &Joint, field: &str) -> Result<(), SceneError> {
+    let axes = [Some(joint.axis), joint.second_axis];
+    for (key, axis) in ["axis", "second_axis"].iter().zip(axes) {
+        if axis.is_some_and(|a| a.iter().all(|x| *x == 0.0)) {
+            return Err(SceneError::at(format!("{field}.{key}"), Mistake::NoDirection));
+        }
+    }
+    if joint.second_axis.is_some() != (joint.kind == JointKind::Universal) {
+        let mistake = match joint.second_axis {
+            None => Mistake::MissingKey { key: "second_axis".to_owned(), unit: None },
+            Some(_) => Mistake::Refused { message: "only a universal joint has a second axis".to_owned() },
+        };
+        return Err(SceneError::at(field, mistake));
+    }
+    if joint.kind == JointKind::Free && (body.parent.is_some() || body.joint.len() > 1) {
+        return Err(SceneError::at(field, Mistake::FreeBelow { body: body.name.clone() }));
+    }
+    for (key, value, unit) in
+        [("armature", joint.armature, "kg·m²"), ("damping", joint.damping, "N·m·s/rad"), ("stiffness", joint.stiffness, "N·m/rad")]
+    {
+        not_negative(&format!("{field}.{key}"), value, unit)?;
+    }
+    let counts = [("start", &joint.start, joint.kind.n_start()), ("velocity", &joint.velocity, joint.kind.n_dofs())];
+    for (key, values, expected) in counts {
+        if !values.is_empty() && values.len() != expected {
+            return Err(SceneError::at(format!("{field}.{key}"), Mistake::Count { found: values.len(), expected }));
+        }
+    }
+    if joint.kind != JointKind::Prismatic {
+        let angles = joint.start.iter().enumerate().map(|(k, x)| (format!("{field}.start[{k}]"), *x));
+        for (field, value) in angles.chain([(format!("{field}.rest"), joint.rest)]) {
+            angle(field, value)?;
+        }
+    }
+    Ok(())
+}
+
+/// Angles beyond eight turns are degrees.
+fn angle(field: String, value: f64) -> Result<(), SceneError> {
+    if value.abs() > 16.0 * PI {
+        let reason = ", more than eight turns".to_owned();
+        let mistake = Mistake::Unit { value, unit: "rad", reason, likely: "degrees", instead: value.to_radians() };
+        return Err(SceneError::at(field, mistake));
+    }
+    Ok(())
+}
+
+/// A joint must move some mass, its own armature or that of a body beyond.
+fn massless_leaves<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    for (b, body) in scene.body.iter().enumerate() {
+        let Some(j) = body.joint.iter().position(|j| j.armature == 0.0 || j.kind.n_dofs() > 1) else { continue };
+        if body.mass == 0.0 && !scene.body.iter().any(|other| other.mass > 0.0 && hangs_on(scene, other, body)) {
+            return Err(SceneError::at(format!("body[{b}].joint[{j}]"), Mistake::Massless { body: body.name.clone() }));
+        }
+    }
+    Ok(())
+}
+
+fn hangs_on<X>(scene: &Scene<X>, body: &Body, above: &Body) -> bool {
+    let mut name = body.parent.as_deref();
+    while let Some(parent) = name {
+        if parent == above.name {
+            return true;
+        }
+        name = scene.body.iter().find(|b| b.name == parent).and_then(|b| b.parent.as_deref());
+    }
+    false
+}
+
+fn actuator<X>(scene: &Scene<X>, actuator: &Actuator, field: &str) -> Result<(), SceneError> {
+    let joints = || scene.body.iter().flat_map(|b| &b.joint);
+    match joints().find(|j| j.name == actuator.joint) {
+        None => {
+            let mistake = Mistake::NoSuch {
+                what: "joint",
+                name: actuator.joint.clone(),
+                nearest: nearest(&actuator.joint, joints().map(|j| j.name.as_str())).map(str::to_owned),
+                known: joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", "),
+            };
+            return Err(SceneError::at(format!("{field}.joint"), mistake));
+        }
+        Some(joint) if joint.kind.n_dofs() > 1 => {
+            let mistake = Mistake::Refused {
+                message: format!("joint \"{}\" has {} degrees of freedom; an actuator drives one", joint.name, joint.kind.n_dofs()),
+            };
+            return Err(SceneError::at(format!("{field}.joint"), mistake));
+        }
+        Some(_) => {}
+    }
+    not_negative(&format!("{field}.stiffness"), actuator.stiffness, "N·m/rad")?;
+    not_negative(&format!("{field}.damping"), actuator.damping, "N·m·s/rad")?;
+    positive(&format!("{field}.gear"), actuator.gear.abs(), "-")
+}

@@ -1,0 +1,294 @@
+//! The bodies' rows of a stage:
+//! ```text
+//! r = ID(q̄, v̄, ā; θ) + armature ā − Σ f(q̄, v̄, u; θ)        [N·m or N],   ā = σ (v⁺ − v)
+//! K = ∂r/∂v⁺ = σ M + h a1 (∂r/∂q̄) J + b1 ∂r/∂v̄
+//! ```
+//! with J of [`crate::bodies::turns`]: q̄ = q ⊕ h (a0 v + a1 v⁺).
+
+use super::{Scheme, Stage, StageRecord, Workspace};
+use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
+use crate::bodies::inertia::{NUMBERS, from_numbers};
+use crate::bodies::spatial::{Force, Inertia, Motion};
+use crate::bodies::turns::Turns;
+use crate::bodies::{BodyInertia, Frame, Frames, Tree};
+use crate::kinematics::Input;
+use crate::kkt::Square;
+use crate::model::Model;
+use crate::terms::Vec3;
+use crate::terms::joint::JointPoint;
+use nalgebra::{Matrix3, SVector};
+use num_dual::{Derivative, Dual64, DualSVec64};
+
+/// Memory of the bodies' part of a stage.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BodyWorkspace {
+    pub frames: Frames<f64>,
+    pub partials: Partials,
+    forces: Vec<Force<f64>>,
+    t: Vec<f64>,
+    a: Vec<f64>,
+    middle: Turns,
+    jacobians: Vec<Option<Matrix3<f64>>>,
+}
+
+/// The tangent `h (w0 v_ref + w1 v)` of the bodies' degrees of freedom.
+pub(crate) fn tangent(h: f64, w: [f64; 2], v_ref: &[f64], v: &[f64], out: &mut Vec<f64>) {
+    out.clear();
+    out.extend(v_ref.iter().zip(v).map(|(a, b)| h * (w[0] * a + w[1] * b)));
+}
+
+impl Stage<'_> {
+    fn has_bodies(&self) -> bool {
+        !self.model.tree.bodies().is_empty()
+    }
+
+    /// q̄ and v̄ of the bodies.
+    pub(super) fn place_bodies(&self, v: &[f64], ws: &mut Workspace) {
+        if !self.has_bodies() {
+            return;
+        }
+        let (n, tree, w) = (self.model.n_node_dofs(), &self.model.tree, &self.scheme.free);
+        tangent(self.h, [w.a0, w.a1], &self.v_ref[n..], &v[n..], &mut ws.bodies.t);
+        tree.add(self.scheme.middle, &self.q_ref[n..], &ws.bodies.t, &mut ws.q_bar[n..]);
+        for k in n..v.len() {
+            ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
+        }
+    }
+
+    /// Frames and accelerations at q̄, v̄ of `ws`.
+    fn evaluate_frames(&self, v: &[f64], ws: &mut Workspace) {
+        let n = self.model.n_node_dofs();
+        let body = &mut ws.bodies;
+        body.a.clear();
+        body.a.extend(v[n..].iter().zip(&self.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)));
+        body.frames.origin = self.model.tree.origin(&self.q_ref[n..]);
+        let g = self.model.gravity_vector(self.theta);
+        body.frames.evaluate(&self.model.tree, &ws.q_bar[n..], &ws.v_bar[n..], &body.a, &g);
+    }
+
+    fn joint_point<'a>(&'a self, q_bar: &'a [f64], v_bar: &'a [f64]) -> JointPoint<'a> {
+        let n = self.model.n_node_dofs();
+        JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta }
+    }
+
+    /// The bodies' rows of the residual, with q̄ and v̄ in place.
+    pub(super) fn body_residual(&self, v: &[f64], ws: &mut Workspace) {
+        if !self.has_bodies() {
+            return;
+        }
+        let n = self.model.n_node_dofs();
+        self.evaluate_frames(v, ws);
+        let body = &mut ws.bodies;
+        inverse_dynamics(&self.model.tree, &body.frames, self.inertias, &[], &mut body.forces, &mut ws.r[n..]);
+        self.subtract_joint_forces(ws);
+    }
+
+    /// Completes the rows of inertia in `ws.r` by armatures and joint forces.
+    fn subtract_joint_forces(&self, ws: &mut Workspace) {
+        let n = self.model.n_node_dofs();
+        let f = &mut ws.f[n..];
+        f.fill(0.0);
+        let at = self.joint_point(&ws.q_bar, &ws.v_bar);
+        self.model.joint_terms.iter().for_each(|term| term.add_force(&at, f));
+        for (l, dof) in self.model.tree.dofs().iter().enumerate() {
+            let armature = self.theta[self.model.tree.joints()[dof.joint].armature];
+            ws.r[n + l] += armature * ws.bodies.a[l] - f[l];
+        }
+    }
+
+    /// The bodies' rows of the residual and their block of K, with q̄ and v̄ in place.
+    pub(super) fn linearize_bodies(&self, v: &[f64], ws: &mut Workspace) {
+        if !self.has_bodies() {
+            return;
+        }
+        let n = self.model.n_node_dofs();
+        self.evaluate_frames(v, ws);
+        let (tree, body) = (&self.model.tree, &mut ws.bodies);
+        body.partials.gather(tree, &body.frames, self.inertias, &[], &[]);
+        body.partials.tau(tree, &body.frames, &mut ws.r[n..]);
+        body.middle.evaluate(tree, self.scheme.middle, &body.t);
+        body.middle.jacobians(tree.joints().len(), &mut body.jacobians);
+        self.subtract_joint_forces(ws);
+        let w = &self.scheme.free;
+        let by = Displacement { cm: self.inertia + self.damping, cv: w.b1, cq: self.h * w.a1 };
+        let turns = std::mem::take(&mut ws.bodies.jacobians);
+        let mut k = std::mem::take(&mut ws.k.bodies);
+        self.add_body_change(by, &turns, ws, k.data_mut());
+        (ws.k.bodies, ws.bodies.jacobians) = (k, turns);
+    }
+
+    /// Overwrites `out` by the change of the residual for the displacement `by`.
+    pub(super) fn add_body_change(&self, by: Displacement, turns: &[Option<Matrix3<f64>>], ws: &mut Workspace, out: &mut [f64]) {
+        let tree = &self.model.tree;
+        let stride = tree.nv();
+        out.fill(0.0);
+        ws.bodies.partials.add(tree, &ws.bodies.frames, by, turns, out, stride);
+        for (l, dof) in tree.dofs().iter().enumerate() {
+            out[l * stride + l] += by.cm * self.theta[tree.joints()[dof.joint].armature];
+        }
+        let against = Displacement { cm: -by.cm, cv: -by.cv, cq: -by.cq };
+        let at = self.joint_point(&ws.q_bar, &ws.v_bar);
+        self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, turns, out, stride));
+    }
+
+    /// −∂r/∂q̄ and −∂r/∂v̄ into the bodies' blocks of `ws.dq` and `ws.dv`, after [`Stage::linearize`]; returns ∂r/∂ā, the mass matrix.
+    pub(super) fn body_partials(&self, ws: &mut Workspace) -> Square {
+        let mut mass = Square::zeros(self.model.tree.nv());
+        if !self.has_bodies() {
+            return mass;
+        }
+        let (mut dq, mut dv) = (std::mem::take(&mut ws.dq.bodies), std::mem::take(&mut ws.dv.bodies));
+        self.add_body_change(Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], ws, mass.data_mut());
+        self.add_body_change(Displacement { cm: 0.0, cv: 0.0, cq: -1.0 }, &[], ws, dq.data_mut());
+        if self.scheme.free.b0 != 0.0 {
+            self.add_body_change(Displacement { cm: 0.0, cv: -1.0, cq: 0.0 }, &[], ws, dv.data_mut());
+        }
+        (ws.dq.bodies, ws.dv.bodies) = (dq, dv);
+        mass
+    }
+
+    /// Turns from q_ref to q̄ and to q⁺ at the root `v`.
+    pub(super) fn turns(&self, v: &[f64]) -> (Turns, Turns) {
+        let (mut middle, mut end) = (Turns::default(), Turns::default());
+        if self.model.tree.has_balls() {
+            let (n, w) = (self.model.n_node_dofs(), &self.scheme.free);
+            let mut t = Vec::new();
+            tangent(self.h, [w.a0, w.a1], &self.v_ref[n..], &v[n..], &mut t);
+            middle.evaluate(&self.model.tree, self.scheme.middle, &t);
+            tangent(self.h, [w.d0, w.d1], &self.v_ref[n..], &v[n..], &mut t);
+            end.evaluate(&self.model.tree, self.scheme.end, &t);
+        }
+        (middle, end)
+    }
+
+    /// The joint force with the largest share of a row, and the first that is not finite.
+    pub(super) fn blame_joint(&self, dof: usize, ws: &mut Workspace) -> (String, Option<(String, usize, f64)>) {
+        let n = self.model.n_node_dofs();
+        let mut largest = ("inertia".to_owned(), 0.0);
+        let mut f = vec![0.0; self.model.tree.nv()];
+        for term in &self.model.joint_terms {
+            f.fill(0.0);
+            term.add_force(&self.joint_point(&ws.q_bar, &ws.v_bar), &mut f);
+            if let Some(k) = f.iter().position(|x| !x.is_finite()) {
+                return (term.name().to_owned(), Some((term.name().to_owned(), n + k, f[k])));
+            }
+            if f[dof].abs() > largest.1 {
+                largest = (term.name().to_owned(), f[dof].abs());
+            }
+        }
+        (largest.0, None)
+    }
+}
+
+impl StageRecord {
+    /// ∂r/∂(θ, u) of the bodies' rows.
+    pub(super) fn visit_bodies(
+        &self,
+        model: &Model,
+        theta: &[f64],
+        q_bar: &[f64],
+        v_bar: &[f64],
+        visit: &mut dyn FnMut(usize, Input, f64),
+    ) {
+        let (n, tree) = (model.n_node_dofs(), &model.tree);
+        if tree.bodies().is_empty() {
+            return;
+        }
+        let a: Vec<f64> = self.v[n..].iter().zip(&self.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)).collect();
+        let mut frames = Frames::about(tree.origin(&self.q_ref[n..]));
+        frames.evaluate(tree, &q_bar[n..], &v_bar[n..], &a, &model.gravity_vector(theta));
+        for (l, dof) in tree.dofs().iter().enumerate() {
+            visit(n + l, Input::Theta(tree.joints()[dof.joint].armature), a[l]);
+        }
+        visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
+        let at = JointPoint { tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta };
+        for term in &model.joint_terms {
+            term.visit_inputs(&at, &mut |dof, input, df| visit(n + dof, input, -df));
+        }
+    }
+}
+
+/// ∂τ/∂θ of inertia and gravity: (degree of freedom, parameter, value).
+fn visit_inertia(model: &Model, theta: &[f64], frames: &Frames<f64>, visit: &mut dyn FnMut(usize, usize, f64)) {
+    let tree = &model.tree;
+    let gravity = gravity_partials(model, theta);
+    for (b, (body, frame)) in tree.bodies().iter().zip(&frames.bodies).enumerate() {
+        let Some(inertia) = body.inertia else { continue };
+        let placed = inertia.evaluate(theta).placed(&frame.rotation, &frame.position);
+        let by_number = inertia_force_partials(&inertia, theta, frame);
+        // A holds −g
+        let by_gravity = gravity.map(|g| placed.mul(&Motion { w: Vec3::zeros(), v: -g }));
+        for l in tree.chain(tree.last_dof(b)) {
+            let s = &frames.axes[l].s;
+            by_number.iter().enumerate().for_each(|(k, f)| visit(l, inertia.first + k, s.dot(f)));
+            by_gravity.iter().enumerate().for_each(|(k, f)| visit(l, model.gravity + k, s.dot(f)));
+        }
+    }
+}
+
+/// ∂g/∂(magnitude, tilts).
+fn gravity_partials(model: &Model, theta: &[f64]) -> [Vec3<f64>; 3] {
+    let x: [f64; 3] = std::array::from_fn(|k| theta[model.gravity + k]);
+    std::array::from_fn(|k| {
+        let seeded = |c: usize| Dual64::new(x[c], if c == k { 1.0 } else { 0.0 });
+        crate::terms::gravity_vector(seeded(0), [seeded(1), seeded(2)]).map(|g| g.eps)
+    })
+}
+
+/// ∂(I A + V ×* I V)/∂ of the body's ten numbers.
+fn inertia_force_partials(inertia: &BodyInertia, theta: &[f64], frame: &Frame<f64>) -> [Force<f64>; NUMBERS] {
+    type Dual = DualSVec64<NUMBERS>;
+    let numbers: [Dual; NUMBERS] = std::array::from_fn(|k| {
+        let mut unit = SVector::zeros();
+        unit[k] = 1.0;
+        Dual::new(theta[inertia.first + k], Derivative::some(unit))
+    });
+    let lift = |x: &Vec3<f64>| x.map(Dual::from_re);
+    let motion = |m: &Motion<f64>| Motion { w: lift(&m.w), v: lift(&m.v) };
+    let (velocity, acceleration) = (motion(&frame.velocity), motion(&frame.acceleration));
+    let placed = from_numbers(&numbers).placed(&frame.rotation.map(Dual::from_re), &lift(&frame.position));
+    let force = placed.mul(&acceleration) + velocity.cross_force(&placed.mul(&velocity));
+    let part = |x: &Vec3<Dual>, k: usize| x.map(|x| x.eps.0.map_or(0.0, |e| e[k]));
+    std::array::from_fn(|k| Force { n: part(&force.n, k), f: part(&force.f, k) })
+}
+
+/// q⁺ of the bodies.
+pub(crate) fn end_positions(tree: &Tree, scheme: &Scheme, h: f64, q_ref: &[f64], v_ref: &[f64], v: &[f64], out: &mut [f64]) {
+    let mut t = Vec::new();
+    tangent(h, [scheme.free.d0, scheme.free.d1], v_ref, v, &mut t);
+    tree.add(scheme.end, q_ref, &t, out);
+}
+
+impl Model {
+    /// g [m/s²].
+    pub fn gravity_vector(&self, theta: &[f64]) -> Vec3<f64> {
+        let k = self.gravity;
+        crate::terms::gravity_vector(theta[k], [theta[k + 1], theta[k + 2]])
+    }
+
+    /// Every body's inertia about its origin.
+    pub fn inertias(&self, theta: &[f64]) -> Vec<Inertia<f64>> {
+        self.tree.bodies().iter().map(|b| b.inertia.map_or_else(Inertia::zero, |i| i.evaluate(theta))).collect()
+    }
+
+    /// Inertia of every degree of freedom of the bodies at the initial configuration [kg·m² or kg]: what velocities are weighted with
+    /// where the solver compares them.
+    pub(crate) fn dof_weights(&self, theta: &[f64]) -> Vec<f64> {
+        let tree = &self.tree;
+        let (n, zero) = (tree.nv(), vec![0.0; tree.nv()]);
+        let mut frames = Frames::default();
+        frames.evaluate(tree, &self.q0[self.n_node_dofs()..], &zero, &zero, &Vec3::zeros());
+        let mut partials = Partials::default();
+        partials.gather(tree, &frames, &self.inertias(theta), &[], &[]);
+        let mut m = vec![0.0; n * n];
+        partials.add(tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
+        tree.dofs().iter().enumerate().map(|(l, d)| m[l * n + l] + theta[tree.joints()[d.joint].armature]).collect()
+    }
+
+    /// Total mass of nodes and bodies \[kg\], armatures of turning joints counted as at a metre's distance.
+    pub(crate) fn total_mass(&self, theta: &[f64]) -> f64 {
+        let nodes: f64 = self.masses.iter().map(|m| m.mass(theta)).sum();
+        let bodies: f64 = self.inertias(theta).iter().map(|i| i.m).sum();
+        nodes + bodies + self.tree.joints().iter().map(|j| theta[j.armature]).sum::<f64>()
+    }
+}

@@ -1,0 +1,169 @@
+//! Derivatives of a [`JointLaw`] by dual numbers, all directions of an element at once.
+
+use super::{JointElement, JointLaw, JointPoint, JointState, JointTerm};
+use crate::bodies::dynamics::Displacement;
+use crate::bodies::rotation::{logarithm, logarithm_jacobian};
+use crate::bodies::{JointKind, quaternion};
+use crate::kinematics::Input;
+use nalgebra::{Matrix3, SVector};
+use num_dual::{Derivative, DualSVec64};
+
+const MAX_DOFS: usize = 6;
+const MAX_INPUTS: usize = 12;
+type Dual = DualSVec64<MAX_DOFS>;
+type InputDual = DualSVec64<MAX_INPUTS>;
+
+/// A joint law and its elements as a [`JointTerm`].
+#[derive(Clone, Debug)]
+pub struct AutomaticJoint<L> {
+    law: L,
+    elements: Vec<JointElement>,
+}
+
+/// Coordinates, velocities and degrees of freedom of an element.
+struct Local {
+    n: usize,
+    q: [f64; MAX_DOFS],
+    v: [f64; MAX_DOFS],
+    dofs: [usize; MAX_DOFS],
+}
+
+impl<L: JointLaw> AutomaticJoint<L> {
+    /// Largest number of degrees of freedom of an element.
+    pub const MAX_DOFS: usize = MAX_DOFS;
+    /// Largest number of controls and parameters of an element.
+    pub const MAX_INPUTS: usize = MAX_INPUTS;
+
+    /// Joins a law with the elements it acts on.
+    ///
+    /// # Panics
+    /// If an element exceeds [`Self::MAX_INPUTS`]: a mistake in the law's own file, not in user data.
+    pub fn new(law: L, elements: Vec<JointElement>) -> Self {
+        assert!(elements.iter().all(|e| e.params.len() + e.controls.len() <= MAX_INPUTS && e.joints.len() <= MAX_DOFS));
+        Self { law, elements }
+    }
+
+    fn local(e: &JointElement, at: &JointPoint) -> Local {
+        let mut local = Local { n: 0, q: [0.0; MAX_DOFS], v: [0.0; MAX_DOFS], dofs: [0; MAX_DOFS] };
+        for &j in &e.joints {
+            let joint = &at.tree.joints()[j];
+            if joint.kind == JointKind::Ball {
+                local.q[local.n..local.n + 3].copy_from_slice(logarithm(&quaternion(at.q, joint.q)).as_slice());
+            } else {
+                local.q[local.n] = at.q[joint.q];
+            }
+            for a in 0..joint.kind.n_dofs() {
+                local.v[local.n] = at.v[joint.v + a];
+                local.dofs[local.n] = joint.v + a;
+                local.n += 1;
+            }
+        }
+        local
+    }
+
+    fn values(indices: &[usize], from: &[f64]) -> [f64; MAX_INPUTS] {
+        let mut out = [0.0; MAX_INPUTS];
+        out.iter_mut().zip(indices).for_each(|(o, &k)| *o = from[k]);
+        out
+    }
+
+    fn evaluate(&self, e: &JointElement, at: &JointPoint, x: &Local) -> [f64; MAX_DOFS] {
+        let (u, p) = (Self::values(&e.controls, at.u), Self::values(&e.params, at.theta));
+        let state = JointState { q: &x.q[..x.n], v: &x.v[..x.n], u: &u[..e.controls.len()] };
+        let mut f = [0.0; MAX_DOFS];
+        self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
+        f
+    }
+
+    /// ∂(coordinates)/∂δ for δq̄ = cq J δ.
+    fn coordinate_changes(e: &JointElement, at: &JointPoint, x: &Local, cq: f64, turns: &[Option<Matrix3<f64>>]) -> [[f64; 6]; 6] {
+        let mut out = [[0.0; MAX_DOFS]; MAX_DOFS];
+        let mut first = 0;
+        for &j in &e.joints {
+            if at.tree.joints()[j].kind == JointKind::Ball {
+                let c = nalgebra::Vector3::new(x.q[first], x.q[first + 1], x.q[first + 2]);
+                let jacobian = match turns.get(j) {
+                    Some(Some(turn)) => logarithm_jacobian(&c) * turn,
+                    _ => logarithm_jacobian(&c),
+                };
+                (0..3).for_each(|r| (0..3).for_each(|k| out[first + r][first + k] = cq * jacobian[(r, k)]));
+                first += 3;
+            } else {
+                out[first][first] = cq;
+                first += 1;
+            }
+        }
+        out
+    }
+}
+
+impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
+    fn name(&self) -> &str {
+        self.law.name()
+    }
+
+    fn add_force(&self, at: &JointPoint, f: &mut [f64]) {
+        for e in &self.elements {
+            let x = Self::local(e, at);
+            let force = self.evaluate(e, at, &x);
+            (0..x.n).for_each(|k| f[x.dofs[k]] += force[k]);
+        }
+    }
+
+    fn add_change(&self, at: &JointPoint, by: Displacement, turns: &[Option<Matrix3<f64>>], out: &mut [f64], stride: usize) {
+        for e in &self.elements {
+            let x = Self::local(e, at);
+            let changes = Self::coordinate_changes(e, at, &x, by.cq, turns);
+            let zero = Dual::from_re(0.0);
+            let (mut q, mut v) = ([zero; MAX_DOFS], [zero; MAX_DOFS]);
+            for k in 0..x.n {
+                q[k] = Dual::new(x.q[k], Derivative::some(SVector::from(changes[k])));
+                let mut unit = SVector::zeros();
+                unit[k] = by.cv;
+                v[k] = Dual::new(x.v[k], Derivative::some(unit));
+            }
+            let u = Self::values(&e.controls, at.u).map(Dual::from_re);
+            let p = Self::values(&e.params, at.theta).map(Dual::from_re);
+            let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()] };
+            let mut f = [zero; MAX_DOFS];
+            self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
+            for r in 0..x.n {
+                let Some(change) = f[r].eps.0 else { continue };
+                (0..x.n).for_each(|c| out[x.dofs[r] * stride + x.dofs[c]] += change[c]);
+            }
+        }
+    }
+
+    fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
+        for e in &self.elements {
+            let x = Self::local(e, at);
+            let constant = |values: [f64; MAX_DOFS]| values.map(InputDual::from_re);
+            let seeded = |value: f64, k: usize| {
+                let mut unit = SVector::zeros();
+                unit[k] = 1.0;
+                InputDual::new(value, Derivative::some(unit))
+            };
+            let (q, v) = (constant(x.q), constant(x.v));
+            let (u, p) = (Self::values(&e.controls, at.u), Self::values(&e.params, at.theta));
+            let (nu, np) = (e.controls.len(), e.params.len());
+            let u: Vec<InputDual> = (0..nu).map(|k| seeded(u[k], k)).collect();
+            let p: Vec<InputDual> = (0..np).map(|k| seeded(p[k], nu + k)).collect();
+            let mut f = [InputDual::from_re(0.0); MAX_DOFS];
+            self.law.force(&JointState { q: &q[..x.n], v: &v[..x.n], u: &u }, &p, &e.constants, &mut f[..x.n]);
+            for r in 0..x.n {
+                let Some(change) = f[r].eps.0 else { continue };
+                e.controls.iter().enumerate().for_each(|(k, &c)| visit(x.dofs[r], Input::U(c), change[k]));
+                e.params.iter().enumerate().for_each(|(k, &c)| visit(x.dofs[r], Input::Theta(c), change[nu + k]));
+            }
+        }
+    }
+
+    fn energy(&self, at: &JointPoint) -> f64 {
+        let energy = |e: &JointElement| {
+            let x = Self::local(e, at);
+            let p = Self::values(&e.params, at.theta);
+            self.law.energy(&x.q[..x.n], &p[..e.params.len()], &e.constants)
+        };
+        self.elements.iter().map(energy).sum()
+    }
+}

@@ -1,0 +1,20 @@
+//! Viscous friction at joints.
+
+use super::{JointLaw, JointState};
+use crate::terms::Real;
+
+/// f = −d v [N·m or N]; parameter d [N·m·s/rad or N·s/m] ≥ 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Damping;
+
+impl JointLaw for Damping {
+    fn name(&self) -> &str {
+        "joint damping"
+    }
+
+    fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
+        for (f, v) in f.iter_mut().zip(at.v) {
+            *f -= p[0] * *v;
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Forces between bodies at their joints, springs to motors: one file per effect.
+//!
+//! A [`JointLaw`] writes the generalized force once, generic over the scalar; [`AutomaticJoint`] makes a [`JointTerm`] of it.
+
+mod automatic;
+mod damping;
+mod drive;
+mod spring;
+
+pub use automatic::AutomaticJoint;
+pub use damping::Damping;
+pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};
+pub use spring::{CubicSpring, Spring};
+
+use super::Real;
+use crate::bodies::Tree;
+use crate::bodies::dynamics::Displacement;
+use crate::kinematics::Input;
+use nalgebra::Matrix3;
+use std::fmt::Debug;
+
+/// Where joint forces are evaluated.
+#[derive(Clone, Copy, Debug)]
+pub struct JointPoint<'a> {
+    /// The bodies and joints.
+    pub tree: &'a Tree,
+    /// The bodies' coordinates q̄.
+    pub q: &'a [f64],
+    /// Their velocities v̄.
+    pub v: &'a [f64],
+    /// All controls of the step.
+    pub u: &'a [f64],
+    /// The flat parameter vector θ.
+    pub theta: &'a [f64],
+}
+
+/// What the solver asks of a joint force. Everything accumulates.
+pub trait JointTerm: Debug + Send + Sync {
+    /// Name used in errors and reports.
+    fn name(&self) -> &str;
+
+    /// `f += f(q, v, u; θ)` [N·m or N].
+    fn add_force(&self, at: &JointPoint, f: &mut [f64]);
+
+    /// Adds the change of f for displacements δv̄ = cv δ, δq̄ = cq J δ to the row-major matrix `out` (rows `stride` apart); `turns` as in
+    /// [`crate::bodies::dynamics::Partials::add`].
+    fn add_change(&self, at: &JointPoint, by: Displacement, turns: &[Option<Matrix3<f64>>], out: &mut [f64], stride: usize);
+
+    /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every control and parameter.
+    fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64));
+
+    /// Potential energy \[J\]; zero for forces without one.
+    fn energy(&self, _at: &JointPoint) -> f64 {
+        0.0
+    }
+}
+
+/// What one element of a joint law sees: coordinates (rad, m; a rotation vector for a ball, in the axes of the body before it
+/// turned as in those after), velocities and controls.
+#[derive(Clone, Copy, Debug)]
+pub struct JointState<'a, S> {
+    /// Coordinates, three for a ball.
+    pub q: &'a [S],
+    /// Velocities.
+    pub v: &'a [S],
+    /// Controls.
+    pub u: &'a [S],
+}
+
+/// One occurrence of a joint law.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JointElement {
+    /// Joints, in the order the law expects.
+    pub joints: Vec<usize>,
+    /// Indices into the controls.
+    pub controls: Vec<usize>,
+    /// Indices into θ.
+    pub params: Vec<usize>,
+    /// Constants that are not parameters.
+    pub constants: Vec<f64>,
+}
+
+/// A force at joints, written once. At most [`AutomaticJoint::MAX_DOFS`] degrees of freedom, and as many controls and parameters as
+/// [`AutomaticJoint::MAX_INPUTS`] together.
+pub trait JointLaw: Debug + Send + Sync {
+    /// Name used in errors and reports.
+    fn name(&self) -> &str;
+
+    /// Adds the generalized force to `f`, one entry per degree of freedom.
+    fn force<S: Real>(&self, at: &JointState<S>, p: &[S], constants: &[f64], f: &mut [S]);
+
+    /// Potential energy \[J\]; zero for forces without one.
+    fn energy<S: Real>(&self, _q: &[S], _p: &[S], _constants: &[f64]) -> S {
+        S::zero()
+    }
+}
