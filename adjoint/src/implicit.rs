@@ -9,7 +9,7 @@
 
 use pliant_engine::step::StageRecord;
 
-/// Contacts at a nanometre's rest gap are 1e7 times stiffer than the rope: their systems need a second refinement.
+/// Contacts at a nanometre's rest gap are 1e7 times stiffer than the rope: systems with them need a second refinement.
 fn refinements(stage: &StageRecord) -> usize {
     if stage.w.is_empty() { 1 } else { 2 }
 }
@@ -38,39 +38,40 @@ pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, m
         memory.rhs.clear();
         memory.rhs.extend_from_slice(x);
     }
-    stage.factor.solve_many(x, columns);
+    stage.solve_system(x, columns);
     for _ in 0..if refine { refinements(stage) } else { 0 } {
         memory.defect.clear();
         memory.defect.extend_from_slice(&memory.rhs);
-        stage.matrix.add_mul_many(-1.0, x, &mut memory.defect, columns);
-        stage.factor.solve_many(&mut memory.defect, columns);
+        stage.subtract_system(x, &mut memory.defect, columns);
+        stage.solve_system(&mut memory.defect, columns);
         x.iter_mut().zip(&memory.defect).for_each(|(x, d)| *x += d);
     }
 }
 
 /// Whether a refinement changes the solution for `rhs` by more than [`REFINED`] of its largest entry.
 fn worth_refining(stage: &StageRecord, rhs: Vec<f64>) -> bool {
-    let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let largest = |x: &[f64]| x[..stage.v.len()].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let mut x = rhs.clone();
-    stage.factor.solve(&mut x);
+    stage.solve_system(&mut x, 1);
     let mut defect = rhs;
-    stage.matrix.add_mul_many(-1.0, &x, &mut defect, 1);
-    stage.factor.solve(&mut defect);
+    stage.subtract_system(&x, &mut defect, 1);
+    stage.solve_system(&mut defect, 1);
     // written so that NaN is refined, and shows
     let settled = largest(&defect) <= REFINED * largest(&x);
     !settled
 }
 
-/// The multiplier λ of the cotangent `y_bar` of the root.
+/// The multiplier λ of the cotangent `y_bar` of the root's velocities; rows of the contacts follow those of the velocities.
 pub(crate) fn multiplier(stage: &StageRecord, y_bar: &[f64]) -> Vec<f64> {
     let mut rhs = y_bar.to_vec();
+    rhs.resize(stage.n_rows(), 0.0);
     negate(&mut rhs);
     let mut lambda = rhs.clone();
-    stage.factor.solve_transpose(&mut lambda);
+    stage.solve_system_transpose(&mut lambda);
     for _ in 0..refinements(stage) {
         let mut defect = rhs.clone();
-        stage.matrix.add_mul_transpose(-1.0, &lambda, &mut defect);
-        stage.factor.solve_transpose(&mut defect);
+        stage.subtract_system_transpose(&lambda, &mut defect);
+        stage.solve_system_transpose(&mut defect);
         lambda.iter_mut().zip(&defect).for_each(|(l, d)| *l += d);
     }
     lambda

@@ -41,15 +41,15 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     let scheme = &stage.scheme;
     let Memory { cmd, v_next: dr, at, refinement, .. } = memory;
     dr.clear();
-    dr.resize(q_dot.len(), 0.0);
+    dr.resize(stage.n_rows() * m, 0.0);
     if scheme.free.a0 == 0.0 && stage.middle.is_identity() {
-        stage.dq.add_mul_many(-1.0, q_dot, dr, m);
+        stage.add_position_product(1.0, q_dot, dr, m);
     } else {
         let weight = |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 };
         at.clear();
         at.extend_from_slice(q_dot);
         move_along(cx, &stage.middle, at, v_dot, m, weight);
-        stage.dq.add_mul_many(-1.0, at, dr, m);
+        stage.add_position_product(1.0, at, dr, m);
     }
     if scheme.free.b0 != 0.0 {
         at.clear();
@@ -57,7 +57,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         add_weighted(at, v_dot, cx, m, |driven| if driven { scheme.driven.b0 } else { scheme.free.b0 });
         let n = cx.model.n_node_dofs() * m;
         at[n..].iter_mut().zip(&v_dot[n..]).for_each(|(o, v)| *o = scheme.free.b0 * v);
-        stage.dv.add_mul_many(-1.0, at, dr, m);
+        stage.dv.add_mul_many(-1.0, at, &mut dr[..v_dot.len()], m);
     }
     for (node, &driven) in cx.model.driven().iter().enumerate() {
         let range = 3 * node * m..3 * (node + 1) * m;
@@ -68,7 +68,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         }
     }
     let n = cx.model.n_node_dofs() * m;
-    stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..], m);
+    stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
     if seeds.has_theta() || cx.model.has_actuators() {
         stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| {
             let columns = match input {
@@ -82,6 +82,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         });
     }
     root_tangent(stage, dr, m, refinement);
+    dr.truncate(v_dot.len());
 }
 
 /// `x ← T x + J (weight v)`: how a displacement moves on, for nodes with weights of their own.
@@ -133,18 +134,19 @@ pub(crate) fn stage_cotangent(
     theta_bar: &mut [f64],
 ) {
     let lambda = multiplier(stage, y_bar);
-    let mut through_q = vec![0.0; lambda.len()];
-    stage.dq.add_mul_transpose(-1.0, &lambda, &mut through_q);
-    let mut through_v = vec![0.0; lambda.len()];
+    let nv = stage.v.len();
+    let mut through_q = vec![0.0; nv];
+    stage.add_position_transpose(1.0, &lambda, &mut through_q);
+    let mut through_v = vec![0.0; nv];
     if stage.scheme.free.b0 != 0.0 {
-        stage.dv.add_mul_transpose(-1.0, &lambda, &mut through_v);
+        stage.dv.add_mul_transpose(-1.0, &lambda[..nv], &mut through_v);
     }
     let n = cx.model.n_node_dofs();
     let w = &stage.scheme.free;
-    stage.body_mass.add_mul_transpose(-stage.inertia, &lambda[n..], &mut v_bar[n..]);
-    (n..lambda.len()).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
+    stage.body_mass.add_mul_transpose(-stage.inertia, &lambda[n..nv], &mut v_bar[n..]);
+    (n..nv).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
     pull_along(cx, &stage.middle, &mut through_q, v_bar, stage.h * w.a0);
-    (n..lambda.len()).for_each(|k| q_bar[k] += through_q[k]);
+    (n..nv).for_each(|k| q_bar[k] += through_q[k]);
     for (node, &driven) in cx.model.driven().iter().enumerate() {
         let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
         for k in 3 * node..3 * node + 3 {

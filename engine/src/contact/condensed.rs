@@ -27,13 +27,18 @@ pub(crate) struct Condensed {
     /// ∂p/∂q⁺ [N·s/m] and ∂p/∂v⁺ [kg] with w eliminated; the first holds the dependence through gap and normal.
     pub dp_dq: Matrix3<f64>,
     pub dp_dv: Matrix3<f64>,
+    /// ∂p/∂q⁺ at fixed w [N·s/m].
+    pub dp_dq_fixed: Matrix3<f64>,
+    /// ∂p/∂w.
+    pub dp_dw: Matrix3x4<f64>,
     /// ∂p/∂w F_w⁻¹.
     pub gain: Matrix3x4<f64>,
-    /// F_w⁻¹.
-    inverse: Matrix4<f64>,
+    /// F_w and F_w⁻¹.
+    pub df_dw: Matrix4<f64>,
+    pub inverse: Matrix4<f64>,
     /// ∂F/∂q⁺ and ∂F/∂v⁺.
-    df_dq: Matrix4x3<f64>,
-    df_dv: Matrix4x3<f64>,
+    pub df_dq: Matrix4x3<f64>,
+    pub df_dv: Matrix4x3<f64>,
     /// ∂F/∂v_n, ∂F/∂v_t, ∂F/∂μ, ∂F/∂κ for parameter derivatives.
     pub df_dvn: Vector4<f64>,
     pub df_dvt: Matrix4x3<f64>,
@@ -64,6 +69,9 @@ impl Condensed {
             impulse: impulse(touch.normal, at.mu, w),
             residual: lin.f,
             dp_dq: touch.hessian * w[0] - gain * df_dq,
+            dp_dq_fixed: touch.hessian * w[0],
+            dp_dw,
+            df_dw: lin.df_dw,
             dp_dv: -gain * df_dv,
             gain,
             inverse,
@@ -91,6 +99,9 @@ impl Condensed {
             residual: Vector4::zeros(),
             dp_dq: Matrix3::zeros(),
             dp_dv: Matrix3::zeros(),
+            dp_dq_fixed: Matrix3::zeros(),
+            dp_dw: Matrix3x4::zeros(),
+            df_dw: Matrix4::zeros(),
             gain: Matrix3x4::zeros(),
             inverse: Matrix4::zeros(),
             df_dq: Matrix4x3::zeros(),

@@ -99,6 +99,20 @@ impl BlockBand {
         }
     }
 
+    /// The block of nodes (i, j), which must lie in the band.
+    pub fn block(&self, i: usize, j: usize) -> [[f64; 3]; 3] {
+        let start = 3 * (j + self.half_width - i);
+        std::array::from_fn(|a| std::array::from_fn(|b| self.row(3 * i + a)[start + b]))
+    }
+
+    /// Replaces the block of nodes (i, j), which must lie in the band.
+    pub fn set_block(&mut self, i: usize, j: usize, block: &[[f64; 3]; 3]) {
+        let start = 3 * (j + self.half_width - i);
+        for (a, row) in block.iter().enumerate() {
+            self.row_mut(3 * i + a)[start..start + 3].copy_from_slice(row);
+        }
+    }
+
     fn position(&self, r: usize, c: usize) -> Option<usize> {
         let k = (c + 3 * self.half_width) as isize - 3 * (r / 3) as isize;
         (c < self.dim() && (0..self.row_len() as isize).contains(&k)).then(|| r * self.row_len() + k as usize)

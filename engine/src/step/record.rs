@@ -31,13 +31,13 @@ pub struct StageRecord {
     pub v: Vec<f64>,
     /// Cone variables at the root [N·s].
     pub w: Vec<Vector4<f64>>,
-    /// ∂f/∂q̄ [N/m] at the root, zero in driven rows; contacts included.
+    /// ∂f/∂q̄ [N/m] at the root, zero in driven rows; contacts at fixed w.
     pub dq: System,
     /// ∂f/∂v̄ [N·s/m].
     pub dv: System,
-    /// K at the root.
+    /// A = ∂r/∂v⁺ at the root, contacts at fixed w: see [`contact_rows`](StageRecord::subtract_system).
     pub matrix: System,
-    /// Its factorization.
+    /// The factorization of K, A with the contacts condensed into it.
     pub factor: SystemFactor,
     /// Mass matrix of the bodies at q̄, armatures included.
     pub body_mass: Square,
@@ -50,6 +50,8 @@ pub struct StageRecord {
     /// From the substep's start to q_ref; only in the second stage of sdirk2.
     pub lead: Turns,
     pub(crate) contacts: Vec<Condensed>,
+    /// Node of each contact.
+    pub(crate) contact_nodes: Vec<usize>,
 }
 
 impl StageRecord {
@@ -59,6 +61,7 @@ impl StageRecord {
         let body_mass = stage.body_partials(ws);
         let (middle, end) = stage.turns(&ws.it.v);
         ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
+        let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
         Ok(Self {
             h: stage.h,
             scheme: stage.scheme,
@@ -68,9 +71,9 @@ impl StageRecord {
             v_ref: stage.v_ref.to_vec(),
             v: ws.it.v.clone(),
             w: ws.it.w.clone(),
-            dq: ws.dq.clone(),
-            dv: ws.dv.clone(),
-            matrix: ws.k.clone(),
+            dq,
+            dv,
+            matrix,
             factor: ws.factor.clone(),
             body_mass,
             u: stage.u.to_vec(),
@@ -78,6 +81,7 @@ impl StageRecord {
             end,
             lead: Turns::default(),
             contacts: ws.contacts.clone(),
+            contact_nodes: stage.model.pairs.iter().map(|p| p.node).collect(),
         })
     }
 
@@ -107,8 +111,8 @@ impl StageRecord {
         model.pairs.iter().zip(&self.w).map(mode).collect()
     }
 
-    /// Calls `visit(row, input, ∂r_row/∂input)` for every structural nonzero of the residual's derivative with respect to parameters
-    /// and controls.
+    /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters
+    /// and controls; rows as in [`StageRecord::subtract_system`].
     pub fn visit_inputs(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
@@ -162,22 +166,25 @@ impl StageRecord {
         let (x, v, w) = (node_vector(q), node_vector(&self.v), &self.w[c]);
         let shape = &model.shapes[pair.shape];
         let Ok(touch) = Touch::new(shape, x, v, self.h, theta[pair.radius], theta) else { return };
-        let mut emit = |param: usize, dp: Vec3<f64>| {
+        let row = self.v.len() + 4 * c;
+        let mut emit = |param: usize, dp: Vec3<f64>, df: Vector4<f64>| {
             for a in 0..3 {
                 visit(3 * pair.node + a, param, -dp[a] / self.h);
             }
-        };
-        let through_geometry = |dgap: f64, dn: Vec3<f64>| {
-            let dv_t = -(dn * touch.normal.dot(&v)) - touch.normal * dn.dot(&v);
-            dn * w[0] - contact.gain * (contact.df_dvn * (dgap / self.h) + contact.df_dvt * dv_t)
+            for a in 0..4 {
+                visit(row + a, param, df[a]);
+            }
         };
         // the geometry was evaluated above without error, so it is here
-        let _ = shape.visit_theta(&x, pair.radius, theta, &mut |param, dgap, dn| emit(param, through_geometry(dgap, *dn)));
-        emit(pair.friction, Vec3::new(w[1], w[2], w[3]) - contact.gain * contact.df_dmu);
+        let _ = shape.visit_theta(&x, pair.radius, theta, &mut |param, dgap, dn| {
+            let dv_t = -(dn * touch.normal.dot(&v)) - touch.normal * dn.dot(&v);
+            emit(param, dn * w[0], contact.df_dvn * (dgap / self.h) + contact.df_dvt * dv_t);
+        });
+        emit(pair.friction, Vec3::new(w[1], w[2], w[3]), contact.df_dmu);
         let (mass, g) = (model.masses[pair.node].mass(theta), theta[model.gravity]);
-        let by_kappa = -(contact.gain * contact.df_dkappa) * self.rest_gap;
-        emit(model.gravity, by_kappa * mass);
-        model.masses[pair.node].visit(theta, &mut |param, dm| emit(param, by_kappa * (dm * g)));
+        let by_kappa = contact.df_dkappa * self.rest_gap;
+        emit(model.gravity, Vec3::zeros(), by_kappa * mass);
+        model.masses[pair.node].visit(theta, &mut |param, dm| emit(param, Vec3::zeros(), by_kappa * (dm * g)));
     }
 
     /// `∂v_cmd` does not belong to a stage: it is shared by all stages of a step. See [`Input`].

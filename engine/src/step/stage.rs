@@ -10,6 +10,7 @@
 use super::{Scheme, StepError, Workspace};
 use crate::bodies::spatial::Inertia;
 use crate::contact::{Condensed, LawPoint, Touch};
+use crate::kkt::System;
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
@@ -219,6 +220,9 @@ impl Stage<'_> {
         if self.has_contact() {
             ws.stiffness = (0..ws.dq.nodes.dim()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
         }
+        for (node, blocks) in &mut ws.touching {
+            *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node)];
+        }
         for c in 0..self.model.pairs.len() {
             self.linearize_contact(c, it, ws)?;
         }
@@ -284,6 +288,32 @@ impl Stage<'_> {
                 }
             }
         }
+    }
+
+    /// ∂f/∂q̄, ∂f/∂v̄ and A after [`Stage::linearize`], contacts at fixed cone variables.
+    pub(crate) fn at_fixed_impulses(&self, ws: &Workspace) -> (System, System, System) {
+        let (mut dq, mut dv, mut a) = (ws.dq.clone(), ws.dv.clone(), ws.k.clone());
+        let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
+        for (node, [block_q, block_v]) in &ws.touching {
+            let mut block_q = *block_q;
+            for (pair, contact) in self.model.pairs.iter().zip(&ws.contacts).filter(|(pair, _)| pair.node == *node) {
+                debug_assert!(!self.model.driven[pair.node]);
+                for (r, row) in block_q.iter_mut().enumerate() {
+                    row.iter_mut().enumerate().for_each(|(c, x)| *x += contact.dp_dq_fixed[(r, c)] / self.h);
+                }
+            }
+            let inertia = self.mass[*node] * (self.inertia + self.damping);
+            let block = std::array::from_fn(|r| {
+                std::array::from_fn(|c| {
+                    let own = if r == c { inertia } else { 0.0 };
+                    own - (cq * block_q[r][c] + cv * block_v[r][c])
+                })
+            });
+            dq.nodes.set_block(*node, *node, &block_q);
+            dv.nodes.set_block(*node, *node, block_v);
+            a.nodes.set_block(*node, *node, &block);
+        }
+        (dq, dv, a)
     }
 
     /// The term with the largest force in a row, and the first non-finite force, if any: for error messages.

@@ -35,6 +35,8 @@ pub struct Workspace {
     /// Displacement of a step, for their prediction [m].
     pub(crate) dx: Vec<f64>,
     pub(crate) trial: Iterate,
+    /// Nodes that may touch, and their blocks of ∂f/∂q̄ and ∂f/∂v̄ before contacts were added.
+    pub(crate) touching: Vec<(usize, [[[f64; 3]; 3]; 2])>,
     /// The bodies' part.
     pub(crate) bodies: BodyWorkspace,
     /// Cone variables of the last converged stage; empty before the first.
@@ -72,6 +74,7 @@ impl Workspace {
             axial_next: axial(),
             dx: zeros(),
             trial: Iterate { v: zeros(), w: cones() },
+            touching: touching_nodes(model),
             bodies: BodyWorkspace::default(),
             warm: Vec::new(),
         })
@@ -81,4 +84,11 @@ impl Workspace {
     pub fn forget(&mut self) {
         self.warm.clear();
     }
+}
+
+fn touching_nodes(model: &Model) -> Vec<(usize, [[[f64; 3]; 3]; 2])> {
+    let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes.into_iter().map(|node| (node, [[[0.0; 3]; 3]; 2])).collect()
 }

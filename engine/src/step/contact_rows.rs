@@ -1,0 +1,131 @@
+//! The system of a stage with its contacts *not* condensed, for derivatives:
+//! ```text
+//! [ A     −P/h ] [v⁺]     A  = ∂r/∂v⁺ at fixed impulses,         P   = ∂p/∂w
+//! [ F_v   F_w  ] [w ]     F_v = h a1 ∂F/∂q⁺ + ∂F/∂v⁺,            F_w = ∂F/∂w
+//! ```
+//! A closed contact at a nanometre's rest gap is 1e7 times stiffer than the rope. Condensed, K = A + P F_w⁻¹ F_v/h, that stiffness
+//! stands in the same numbers as the rope's and eats seven of their sixteen digits; here all entries are of their natural size.
+//! K's factor solves this system too, and refinement against it recovers what condensing lost.
+//!
+//! Vectors have nv rows and then four per contact; `columns` numbers per row.
+
+use super::StageRecord;
+use nalgebra::{Matrix3x4, Matrix4, Matrix4x3, SMatrix, SVector};
+
+impl StageRecord {
+    /// Rows of the system: nv, and four per contact.
+    pub fn n_rows(&self) -> usize {
+        self.v.len() + 4 * self.contacts.len()
+    }
+
+    /// ∂F/∂v⁺ of contact `c`, positions moving along.
+    fn f_v(&self, c: usize) -> Matrix4x3<f64> {
+        let contact = &self.contacts[c];
+        contact.df_dq * (self.h * self.scheme.free.a1) + contact.df_dv
+    }
+
+    /// First row of contact `c`.
+    fn row(&self, c: usize) -> usize {
+        self.v.len() + 4 * c
+    }
+
+    /// `out −= system · x`.
+    pub fn subtract_system(&self, x: &[f64], out: &mut [f64], columns: usize) {
+        let split = self.v.len() * columns;
+        self.matrix.add_mul_many(-1.0, &x[..split], &mut out[..split], columns);
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            let impulse = contact.dp_dw / self.h;
+            add_product(&impulse, x, self.row(c), out, 3 * node, columns);
+            add_product(&-self.f_v(c), x, 3 * node, out, self.row(c), columns);
+            add_product(&-contact.df_dw, x, self.row(c), out, self.row(c), columns);
+        }
+    }
+
+    /// `out −= systemᵀ · x`, one column.
+    pub fn subtract_system_transpose(&self, x: &[f64], out: &mut [f64]) {
+        let split = self.v.len();
+        self.matrix.add_mul_transpose(-1.0, &x[..split], &mut out[..split]);
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            let impulse = contact.dp_dw.transpose() / self.h;
+            add_product(&impulse, x, 3 * node, out, self.row(c), 1);
+            add_product(&-self.f_v(c).transpose(), x, self.row(c), out, 3 * node, 1);
+            add_product(&-contact.df_dw.transpose(), x, self.row(c), out, self.row(c), 1);
+        }
+    }
+
+    /// `b ← system⁻¹ b`, by the factor of K.
+    pub fn solve_system(&self, b: &mut [f64], columns: usize) {
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            let gain: Matrix3x4<f64> = contact.gain / self.h;
+            add_within(&gain, b, self.row(c), 3 * node, columns);
+        }
+        self.factor.solve_many(&mut b[..self.v.len() * columns], columns);
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            add_within(&-self.f_v(c), b, 3 * node, self.row(c), columns);
+            replace(&contact.inverse, b, self.row(c), columns);
+        }
+    }
+
+    /// `b ← system⁻ᵀ b`, one column.
+    pub fn solve_system_transpose(&self, b: &mut [f64]) {
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            replace(&contact.inverse.transpose(), b, self.row(c), 1);
+            add_within(&-self.f_v(c).transpose(), b, self.row(c), 3 * node, 1);
+        }
+        self.factor.solve_transpose(&mut b[..self.v.len()]);
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            let gain = contact.gain.transpose() / self.h;
+            add_within(&gain, b, 3 * node, self.row(c), 1);
+        }
+    }
+
+    /// `out += scale · ∂(r, F)/∂q̄ · q`, with `q` of nv rows.
+    pub fn add_position_product(&self, scale: f64, q: &[f64], out: &mut [f64], columns: usize) {
+        let split = self.v.len() * columns;
+        self.dq.add_mul_many(-scale, q, &mut out[..split], columns);
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            add_product(&(contact.df_dq * scale), q, 3 * node, out, self.row(c), columns);
+        }
+    }
+
+    /// `out += scale · (∂(r, F)/∂q̄)ᵀ · x`, one column.
+    pub fn add_position_transpose(&self, scale: f64, x: &[f64], out: &mut [f64]) {
+        self.dq.add_mul_transpose(-scale, &x[..self.v.len()], out);
+        for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
+            add_product(&(contact.df_dq.transpose() * scale), x, self.row(c), out, 3 * node, 1);
+        }
+    }
+}
+
+/// `out[to..] += m x[from..]`.
+fn add_product<const R: usize, const C: usize>(
+    m: &SMatrix<f64, R, C>,
+    x: &[f64],
+    from: usize,
+    out: &mut [f64],
+    to: usize,
+    columns: usize,
+) {
+    for k in 0..columns {
+        let part = SVector::<f64, C>::from_fn(|r, _| x[(from + r) * columns + k]);
+        let product = m * part;
+        (0..R).for_each(|r| out[(to + r) * columns + k] += product[r]);
+    }
+}
+
+/// `b[to..] += m b[from..]`.
+fn add_within<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>, b: &mut [f64], from: usize, to: usize, columns: usize) {
+    for k in 0..columns {
+        let part = SVector::<f64, C>::from_fn(|r, _| b[(from + r) * columns + k]);
+        let product = m * part;
+        (0..R).for_each(|r| b[(to + r) * columns + k] += product[r]);
+    }
+}
+
+/// `b[at..] ← m b[at..]`.
+fn replace(m: &Matrix4<f64>, b: &mut [f64], at: usize, columns: usize) {
+    for k in 0..columns {
+        let product = m * SVector::<f64, 4>::from_fn(|r, _| b[(at + r) * columns + k]);
+        (0..4).for_each(|r| b[(at + r) * columns + k] = product[r]);
+    }
+}
