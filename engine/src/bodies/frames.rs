@@ -52,6 +52,15 @@ impl<S: Real> Frames<S> {
 
     /// Evaluates at coordinates q, velocities v and accelerations a; `gravity` is g [m/s²].
     pub fn evaluate(&mut self, tree: &Tree, q: &[S], v: &[S], a: &[S], gravity: &Vec3<S>) {
+        self.run::<true>(tree, q, v, a, gravity);
+    }
+
+    /// As [`Frames::evaluate`], leaving out of the axes what only partial derivatives need.
+    pub fn evaluate_values(&mut self, tree: &Tree, q: &[S], v: &[S], a: &[S], gravity: &Vec3<S>) {
+        self.run::<false>(tree, q, v, a, gravity);
+    }
+
+    fn run<const PARTIALS: bool>(&mut self, tree: &Tree, q: &[S], v: &[S], a: &[S], gravity: &Vec3<S>) {
         self.bodies.clear();
         self.axes.clear();
         let zero = Vec3::repeat(S::zero());
@@ -64,7 +73,7 @@ impl<S: Real> Frames<S> {
         for body in tree.bodies() {
             let parent = body.parent.map_or(&world, |p| &self.bodies[p]);
             let mut frame = Frame {
-                rotation: times_constant(&parent.rotation, &body.rotation),
+                rotation: if body.aligned { parent.rotation } else { times_constant(&parent.rotation, &body.rotation) },
                 position: parent.position + apply(&parent.rotation, &body.position),
                 ..*parent
             };
@@ -73,13 +82,13 @@ impl<S: Real> Frames<S> {
                 match joint.kind {
                     JointKind::Revolute => {
                         let axis = apply(&frame.rotation, &joint.axis);
-                        self.push(&mut frame, Motion::turning(axis, &at), v[joint.v], a[joint.v]);
+                        self.push::<PARTIALS>(&mut frame, Motion::turning(axis, &at), v[joint.v], a[joint.v]);
                         frame.rotation *= about(&joint.axis, q[joint.q]);
                         frame.position = at - apply(&frame.rotation, &joint.anchor);
                     }
                     JointKind::Prismatic => {
                         let axis = apply(&frame.rotation, &joint.axis);
-                        self.push(&mut frame, Motion { w: zero, v: axis }, v[joint.v], a[joint.v]);
+                        self.push::<PARTIALS>(&mut frame, Motion { w: zero, v: axis }, v[joint.v], a[joint.v]);
                         frame.position += axis * q[joint.q];
                     }
                     JointKind::Ball => {
@@ -93,9 +102,11 @@ impl<S: Real> Frames<S> {
         }
     }
 
-    fn push(&mut self, frame: &mut Frame<S>, s: Motion<S>, v: S, a: S) {
+    #[inline]
+    fn push<const PARTIALS: bool>(&mut self, frame: &mut Frame<S>, s: Motion<S>, v: S, a: S) {
         let psi_dot = frame.velocity.cross(&s);
-        let psi_ddot = frame.acceleration.cross(&s) + frame.velocity.cross(&psi_dot);
+        let psi_ddot =
+            if PARTIALS { frame.acceleration.cross(&s) + frame.velocity.cross(&psi_dot) } else { Motion::zero() };
         // S × S = 0: the velocity before and after the joint carry S alike
         self.axes.push(Axis { s, s_dot: psi_dot, psi_dot, psi_ddot });
         frame.velocity += s * v;

@@ -60,6 +60,30 @@ pub fn from_numbers<S: Real>(x: &[S; NUMBERS]) -> Inertia<S> {
     Inertia { m, h: Vec3::new(m * cx, m * cy, m * cz), j }
 }
 
+/// ∂(m, h, J)/∂ of each number, for [`from_numbers`].
+pub fn number_partials(x: &[f64; NUMBERS]) -> [Inertia<f64>; NUMBERS] {
+    let [m, cx, cy, cz, xx, yy, zz, xy, xz, yz] = *x;
+    let of_mass = from_numbers(&[1.0, cx, cy, cz, xx, yy, zz, xy, xz, yz]);
+    // second moments about the origin (sxx, syy, szz, sxy, sxz, syz) per mass
+    let second = |h: [f64; 3], s: [f64; 6]| {
+        let [a, b, c, d, e, f] = s.map(|s| m * s);
+        Inertia { m: 0.0, h: Vec3::from(h), j: [b + c, a + c, a + b, -d, -e, -f] }
+    };
+    let none = [0.0; 3];
+    [
+        of_mass,
+        second([m, 0.0, 0.0], [2.0 * cx, 0.0, 0.0, cy, cz, 0.0]),
+        second([0.0, m, 0.0], [0.0, 2.0 * cy, 0.0, cx, 0.0, cz]),
+        second([0.0, 0.0, m], [0.0, 0.0, 2.0 * cz, 0.0, cx, cy]),
+        second(none, [2.0 * xx, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        second(none, [0.0, 2.0 * yy, 0.0, xy, 0.0, 0.0]),
+        second(none, [0.0, 0.0, 2.0 * zz, 0.0, xz, yz]),
+        second(none, [2.0 * xy, 0.0, 0.0, yy, 0.0, 0.0]),
+        second(none, [2.0 * xz, 0.0, 0.0, yz, zz, 0.0]),
+        second(none, [0.0, 2.0 * yz, 0.0, xz, 0.0, zz]),
+    ]
+}
+
 /// The ten numbers of a body of mass `m`, centre `c` and inertia matrix `about_centre` (its axes, about its centre of mass).
 pub fn to_numbers(m: f64, c: Vec3<f64>, about_centre: &Matrix3<f64>) -> Result<[f64; NUMBERS], InertiaError> {
     if !(m > 0.0 && m.is_finite()) {
@@ -100,6 +124,18 @@ mod tests {
         let shift = (Matrix3::from_diagonal_element(c.norm_squared()) - c * c.transpose()) * m;
         assert_relative_eq!(full(&inertia.j), about_centre + shift, epsilon = 1e-16);
         assert_relative_eq!(inertia.h, c * m, epsilon = 1e-16);
+    }
+
+    #[test]
+    fn partials_are_those_of_dual_numbers() {
+        use num_dual::Dual64;
+        let x = [2.0, 0.1, -0.2, 0.3, 0.2, 0.15, 0.1, 0.02, -0.03, 0.01];
+        for (k, change) in number_partials(&x).iter().enumerate() {
+            let dual = from_numbers(&std::array::from_fn(|i| Dual64::new(x[i], if i == k { 1.0 } else { 0.0 })));
+            assert_relative_eq!(change.m, dual.m.eps, epsilon = 1e-15);
+            assert_relative_eq!(change.h, dual.h.map(|h| h.eps), epsilon = 1e-15);
+            assert_relative_eq!(change.j[..], dual.j.map(|j| j.eps)[..], epsilon = 1e-15);
+        }
     }
 
     #[test]

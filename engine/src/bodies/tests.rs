@@ -46,6 +46,7 @@ pub(crate) fn forest(rng: &mut Pcg64) -> (Tree, Vec<[f64; NUMBERS]>) {
             parent: *parent,
             position: vector(),
             rotation: about(&axis, 0.7),
+            aligned: false,
             joints: 0..0,
             inertia: None,
         };

@@ -61,7 +61,9 @@ pub struct Body {
     pub position: Vec3<f64>,
     /// Axes in the parent's frame with all joints at zero.
     pub rotation: Matrix3<f64>,
-    /// Its joints.
+    /// Whether `rotation` is the identity; filled in by [`Tree::push`].
+    pub aligned: bool,
+    /// Its joints; filled in by [`Tree::push`].
     pub joints: Range<usize>,
     /// Its mass; none if it has no mass.
     pub inertia: Option<BodyInertia>,
@@ -108,7 +110,8 @@ impl Tree {
             self.joints.push(joint);
         }
         self.last_dof.push(last);
-        self.bodies.push(Body { joints: first..self.joints.len(), ..body });
+        let aligned = body.rotation == Matrix3::identity();
+        self.bodies.push(Body { joints: first..self.joints.len(), aligned, ..body });
         index
     }
 

@@ -47,7 +47,7 @@ impl Model {
             }
             let rotation = if free { Matrix3::identity() } else { matrix(&normalized(&body.quaternion)) };
             let position = if free { Vec3::zeros() } else { Vec3::from(body.position) };
-            self.tree.push(bodies::Body { name: body.name.clone(), parent, position, rotation, joints: 0..0, inertia }, joints);
+            self.tree.push(bodies::Body { name: body.name.clone(), parent, position, rotation, aligned: false, joints: 0..0, inertia }, joints);
         }
         self.q0.extend(q);
         self.v0.extend(v);

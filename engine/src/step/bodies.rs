@@ -7,7 +7,7 @@
 
 use super::{Scheme, Stage, StageRecord, Workspace};
 use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
-use crate::bodies::inertia::{NUMBERS, from_numbers};
+use crate::bodies::inertia::{NUMBERS, number_partials};
 use crate::bodies::spatial::{Force, Inertia, Motion};
 use crate::bodies::turns::Turns;
 use crate::bodies::{BodyInertia, Frame, Frames, Tree};
@@ -16,8 +16,8 @@ use crate::kkt::Square;
 use crate::model::Model;
 use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
-use nalgebra::{Matrix3, SVector};
-use num_dual::{Derivative, Dual64, DualSVec64};
+use nalgebra::Matrix3;
+use num_dual::Dual64;
 
 /// Memory of the bodies' part of a stage.
 #[derive(Clone, Debug, Default)]
@@ -56,14 +56,19 @@ impl Stage<'_> {
     }
 
     /// Frames and accelerations at q̄, v̄ of `ws`.
-    fn evaluate_frames(&self, v: &[f64], ws: &mut Workspace) {
+    fn evaluate_frames(&self, v: &[f64], ws: &mut Workspace, partials: bool) {
         let n = self.model.n_node_dofs();
         let body = &mut ws.bodies;
         body.a.clear();
         body.a.extend(v[n..].iter().zip(&self.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)));
         body.frames.origin = self.model.tree.origin(&self.q_ref[n..]);
         let g = self.model.gravity_vector(self.theta);
-        body.frames.evaluate(&self.model.tree, &ws.q_bar[n..], &ws.v_bar[n..], &body.a, &g);
+        let (tree, q, v) = (&self.model.tree, &ws.q_bar[n..], &ws.v_bar[n..]);
+        if partials {
+            body.frames.evaluate(tree, q, v, &body.a, &g);
+        } else {
+            body.frames.evaluate_values(tree, q, v, &body.a, &g);
+        }
     }
 
     fn joint_point<'a>(&'a self, q_bar: &'a [f64], v_bar: &'a [f64]) -> JointPoint<'a> {
@@ -77,7 +82,7 @@ impl Stage<'_> {
             return;
         }
         let n = self.model.n_node_dofs();
-        self.evaluate_frames(v, ws);
+        self.evaluate_frames(v, ws, false);
         let body = &mut ws.bodies;
         inverse_dynamics(&self.model.tree, &body.frames, self.inertias, &[], &mut body.forces, &mut ws.r[n..]);
         self.subtract_joint_forces(ws);
@@ -102,7 +107,7 @@ impl Stage<'_> {
             return;
         }
         let n = self.model.n_node_dofs();
-        self.evaluate_frames(v, ws);
+        self.evaluate_frames(v, ws, true);
         let (tree, body) = (&self.model.tree, &mut ws.bodies);
         body.partials.gather(tree, &body.frames, self.inertias, &[], &[]);
         body.partials.tau(tree, &body.frames, &mut ws.r[n..]);
@@ -235,21 +240,17 @@ fn gravity_partials(model: &Model, theta: &[f64]) -> [Vec3<f64>; 3] {
     })
 }
 
-/// ∂(I A + V ×* I V)/∂ of the body's ten numbers.
+/// ∂(I A + V ×* I V)/∂ of the body's ten numbers. The force is linear in mass, first and second moments: it is made in the body's
+/// own axes and turned once per number.
 fn inertia_force_partials(inertia: &BodyInertia, theta: &[f64], frame: &Frame<f64>) -> [Force<f64>; NUMBERS] {
-    type Dual = DualSVec64<NUMBERS>;
-    let numbers: [Dual; NUMBERS] = std::array::from_fn(|k| {
-        let mut unit = SVector::zeros();
-        unit[k] = 1.0;
-        Dual::new(theta[inertia.first + k], Derivative::some(unit))
-    });
-    let lift = |x: &Vec3<f64>| x.map(Dual::from_re);
-    let motion = |m: &Motion<f64>| Motion { w: lift(&m.w), v: lift(&m.v) };
-    let (velocity, acceleration) = (motion(&frame.velocity), motion(&frame.acceleration));
-    let placed = from_numbers(&numbers).placed(&frame.rotation.map(Dual::from_re), &lift(&frame.position));
-    let force = placed.mul(&acceleration) + velocity.cross_force(&placed.mul(&velocity));
-    let part = |x: &Vec3<Dual>, k: usize| x.map(|x| x.eps.0.map_or(0.0, |e| e[k]));
-    std::array::from_fn(|k| Force { n: part(&force.n, k), f: part(&force.f, k) })
+    let x: [f64; NUMBERS] = std::array::from_fn(|k| theta[inertia.first + k]);
+    let own = |m: &Motion<f64>| Motion { w: frame.rotation.tr_mul(&m.w), v: frame.rotation.tr_mul(&m.at(&frame.position)) };
+    let (velocity, acceleration) = (own(&frame.velocity), own(&frame.acceleration));
+    number_partials(&x).map(|change| {
+        let force = change.mul(&acceleration) + velocity.cross_force(&change.mul(&velocity));
+        let f = frame.rotation * force.f;
+        Force { n: frame.rotation * force.n + frame.position.cross(&f), f }
+    })
 }
 
 /// q⁺ of the bodies.

@@ -6,10 +6,10 @@ use crate::bodies::rotation::{logarithm, logarithm_jacobian};
 use crate::bodies::{JointKind, quaternion};
 use crate::kinematics::Input;
 use nalgebra::{Matrix3, SVector};
-use num_dual::{Derivative, DualSVec64};
+use num_dual::{Derivative, Dual64, DualSVec64};
 
 const MAX_DOFS: usize = 6;
-const MAX_INPUTS: usize = 12;
+const MAX_INPUTS: usize = 8;
 type Dual = DualSVec64<MAX_DOFS>;
 type InputDual = DualSVec64<MAX_INPUTS>;
 
@@ -97,13 +97,43 @@ impl<L: JointLaw> AutomaticJoint<L> {
     }
 }
 
+impl<L: JointLaw> AutomaticJoint<L> {
+    /// Whether an element does nothing at these parameters.
+    fn idle(&self, e: &JointElement, theta: &[f64]) -> bool {
+        self.law.vanishes(&Self::values(&e.params, theta)[..e.params.len()])
+    }
+
+    /// Index of the only coordinate and degree of freedom of an element on one joint of one axis.
+    fn single(e: &JointElement, at: &JointPoint) -> Option<(usize, usize)> {
+        let [joint] = e.joints[..] else { return None };
+        let joint = &at.tree.joints()[joint];
+        (joint.kind != JointKind::Ball).then_some((joint.q, joint.v))
+    }
+
+    /// Force of an element on one axis at (q, v).
+    fn single_force<S: crate::terms::Real>(&self, e: &JointElement, at: &JointPoint, q: S, v: S) -> S {
+        let lift = |indices: &[usize], from: &[f64]| -> [S; MAX_INPUTS] {
+            std::array::from_fn(|k| S::from(indices.get(k).map_or(0.0, |&i| from[i])))
+        };
+        let (u, p) = (lift(&e.controls, at.u), lift(&e.params, at.theta));
+        let mut f = [S::zero()];
+        let state = JointState { q: &[q], v: &[v], u: &u[..e.controls.len()] };
+        self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f);
+        f[0]
+    }
+}
+
 impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
     fn name(&self) -> &str {
         self.law.name()
     }
 
     fn add_force(&self, at: &JointPoint, f: &mut [f64]) {
-        for e in &self.elements {
+        for e in self.elements.iter().filter(|e| !self.idle(e, at.theta)) {
+            if let Some((q, v)) = Self::single(e, at) {
+                f[v] += self.single_force(e, at, at.q[q], at.v[v]);
+                continue;
+            }
             let x = Self::local(e, at);
             let force = self.evaluate(e, at, &x);
             (0..x.n).for_each(|k| f[x.dofs[k]] += force[k]);
@@ -111,7 +141,12 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
     }
 
     fn add_change(&self, at: &JointPoint, by: Displacement, turns: &[Option<Matrix3<f64>>], out: &mut [f64], stride: usize) {
-        for e in &self.elements {
+        for e in self.elements.iter().filter(|e| !self.idle(e, at.theta)) {
+            if let Some((q, v)) = Self::single(e, at) {
+                let f = self.single_force(e, at, Dual64::new(at.q[q], by.cq), Dual64::new(at.v[v], by.cv));
+                out[v * stride + v] += f.eps;
+                continue;
+            }
             let x = Self::local(e, at);
             let changes = Self::coordinate_changes(e, at, &x, by.cq, turns);
             let zero = Dual::from_re(0.0);

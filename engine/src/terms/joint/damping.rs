@@ -12,6 +12,10 @@ impl JointLaw for Damping {
         "joint damping"
     }
 
+    fn vanishes(&self, p: &[f64]) -> bool {
+        p[0] == 0.0
+    }
+
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
         for (f, v) in f.iter_mut().zip(at.v) {
             *f -= p[0] * *v;

@@ -89,6 +89,11 @@ pub trait JointLaw: Debug + Send + Sync {
     /// Adds the generalized force to `f`, one entry per degree of freedom.
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], constants: &[f64], f: &mut [S]);
 
+    /// Whether the force vanishes at these parameters wherever the joint is, so that it need not be evaluated.
+    fn vanishes(&self, _p: &[f64]) -> bool {
+        false
+    }
+
     /// Potential energy \[J\]; zero for forces without one.
     fn energy<S: Real>(&self, _q: &[S], _p: &[S], _constants: &[f64]) -> S {
         S::zero()

@@ -16,6 +16,10 @@ impl JointLaw for Spring {
         "joint stiffness"
     }
 
+    fn vanishes(&self, p: &[f64]) -> bool {
+        p[0] == 0.0
+    }
+
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
         for (f, q) in f.iter_mut().zip(at.q) {
             *f -= p[0] * stretch(*q, p);
@@ -35,6 +39,10 @@ pub struct CubicSpring;
 impl JointLaw for CubicSpring {
     fn name(&self) -> &str {
         "cubic joint stiffness"
+    }
+
+    fn vanishes(&self, p: &[f64]) -> bool {
+        p[0] == 0.0
     }
 
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
