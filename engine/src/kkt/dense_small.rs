@@ -1,6 +1,7 @@
 //! Dense LU and Cholesky for systems of up to about a hundred rows, where blocking costs more than it gives.
 
 use super::driven::axpy_rows;
+use super::wide::wide;
 use super::{KktError, PIVOT_FLOOR};
 
 /// P A = L U with row pivoting, row-major in place: L unit lower, U upper.
@@ -20,6 +21,14 @@ impl DenseLu {
     }
 
     pub fn factor(&mut self, a: &mut [f64]) -> Result<(), KktError> {
+        wide(
+            #[inline(always)]
+            || self.factor_kernel(a),
+        )
+    }
+
+    #[inline(always)]
+    fn factor_kernel(&mut self, a: &mut [f64]) -> Result<(), KktError> {
         let dim = self.dim;
         self.sizes.fill(0.0);
         for row in a.chunks_exact(dim) {
@@ -58,6 +67,14 @@ impl DenseLu {
     }
 
     pub fn solve(&self, a: &[f64], b: &mut [f64], columns: usize, transpose: bool) {
+        wide(
+            #[inline(always)]
+            || self.solve_kernel(a, b, columns, transpose),
+        );
+    }
+
+    #[inline(always)]
+    fn solve_kernel(&self, a: &[f64], b: &mut [f64], columns: usize, transpose: bool) {
         let (dim, order) = (self.dim, 0..self.dim);
         if !transpose {
             order.clone().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
@@ -121,6 +138,7 @@ impl DenseCholesky {
     }
 }
 
+#[inline(always)]
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     let (x, y) = (x.as_chunks::<4>(), y.as_chunks::<4>());
     let mut lanes = [0.0; 4];
@@ -133,18 +151,40 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]) + rest
 }
 
-/// Row `r` −= Σ_k factors[k] · row `first + k`.
+/// Columns that are gathered at once, in registers.
+const PANEL: usize = 16;
+
+/// Row `r` −= Σ_k factors[k] · row `first + k`; those rows all lie before `r`, or all after it.
+#[inline(always)]
 fn gather(b: &mut [f64], columns: usize, r: usize, first: usize, factors: &[f64]) {
+    if factors.is_empty() || columns == 0 {
+        return;
+    }
     if columns == 1 {
         b[r] -= dot(factors, &b[first..first + factors.len()]);
         return;
     }
-    for (k, &factor) in factors.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
-        axpy_rows(b, columns, r, first + k, factor);
+    let (before, rest) = b.split_at_mut(r * columns);
+    let (row, after) = rest.split_at_mut(columns);
+    let sources = if first < r { &before[first * columns..] } else { &after[(first - r - 1) * columns..] };
+    let mut panels = row.chunks_exact_mut(PANEL);
+    for (p, panel) in panels.by_ref().enumerate() {
+        let mut sums = [0.0; PANEL];
+        for (factor, source) in factors.iter().zip(sources.chunks_exact(columns)) {
+            let source = &source[p * PANEL..(p + 1) * PANEL];
+            sums.iter_mut().zip(source).for_each(|(s, x)| *s += factor * x);
+        }
+        panel.iter_mut().zip(sums).for_each(|(x, s)| *x -= s);
+    }
+    let tail = panels.into_remainder();
+    let begin = columns - tail.len();
+    for (factor, source) in factors.iter().zip(sources.chunks_exact(columns)) {
+        tail.iter_mut().zip(&source[begin..]).for_each(|(t, x)| *t -= factor * x);
     }
 }
 
 /// Row `first + k` −= factors[k] · row `r`, for all k.
+#[inline(always)]
 fn scatter(b: &mut [f64], columns: usize, r: usize, first: usize, factors: &[f64]) {
     if columns == 1 {
         let source = b[r];
@@ -158,12 +198,14 @@ fn scatter(b: &mut [f64], columns: usize, r: usize, first: usize, factors: &[f64
     }
 }
 
+#[inline(always)]
 fn scale_row(b: &mut [f64], columns: usize, r: usize, factor: f64) {
     for x in &mut b[r * columns..(r + 1) * columns] {
         *x *= factor;
     }
 }
 
+#[inline(always)]
 fn swap_rows(b: &mut [f64], columns: usize, r: usize, other: usize) {
     if r != other {
         let (low, high) = (r.min(other), r.max(other));

@@ -53,7 +53,7 @@ impl CouplingPattern {
 }
 
 /// Row `target` −= factor · row `source` of a row-major matrix with `columns` columns.
-#[inline]
+#[inline(always)]
 pub(super) fn axpy_rows(b: &mut [f64], columns: usize, target: usize, source: usize, factor: f64) {
     let (to, from) = two_rows(b, columns, target, source);
     for (t, s) in to.iter_mut().zip(from) {

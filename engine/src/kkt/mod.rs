@@ -41,6 +41,7 @@ mod symbolic;
 mod system;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 pub use factor::Factor;
 pub use matrix::BlockBand;

@@ -1,5 +1,6 @@
 //! A full square matrix: the block of the bodies' degrees of freedom.
 
+use super::wide::wide;
 use super::KktError;
 use super::dense_small::DenseLu;
 
@@ -47,16 +48,28 @@ impl Square {
         &mut self.data
     }
 
-    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`.
+    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`. Rows of X that are zero but for a few columns (the unit columns of
+    /// a Jacobian) cost only those.
     pub fn add_mul_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
         if self.dim == 0 || columns == 0 {
             return;
         }
-        for (row, y) in self.data.chunks_exact(self.dim).zip(y.chunks_exact_mut(columns)) {
-            for (a, x) in row.iter().zip(x.chunks_exact(columns)) {
-                let factor = scale * a;
+        wide(
+            #[inline(always)]
+            || self.add_mul_kernel(scale, x, y, columns),
+        );
+    }
+
+    #[inline(always)]
+    fn add_mul_kernel(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
+        for (k, x) in x.chunks_exact(columns).enumerate() {
+            let Some(first) = x.iter().position(|x| *x != 0.0) else { continue };
+            let last = x.iter().rposition(|x| *x != 0.0).unwrap_or(first);
+            let x = &x[first..=last];
+            for (r, y) in y.chunks_exact_mut(columns).enumerate() {
+                let factor = scale * self.data[r * self.dim + k];
                 if factor != 0.0 {
-                    y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x);
+                    y[first..=last].iter_mut().zip(x).for_each(|(y, x)| *y += factor * x);
                 }
             }
         }
