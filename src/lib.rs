@@ -62,6 +62,7 @@ pub use pliant_adjoint::{
     checkpointed_rollout, equilibrium_tangent, equilibrium_vjp, gradcheck, linearize, surrogate_checkpointed_rollout,
     surrogate_rollout,
 };
+pub use pliant_engine::bodies::{Joint, JointKind, Tree};
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
 pub use pliant_engine::model::{BuildError, Model, ModelBuilder};
 pub use pliant_engine::params::{ParamInfo, Params};

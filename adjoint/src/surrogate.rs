@@ -154,7 +154,7 @@ pub(crate) struct Chain<'m> {
 }
 
 /// Warm starts of a chain: part of a checkpoint.
-pub(crate) type Warm = [Vec<nalgebra::Vector4<f64>>; 2];
+pub(crate) type Warm = [Option<pliant_engine::step::Warm>; 2];
 
 impl<'m> Chain<'m> {
     pub fn new(
@@ -186,14 +186,13 @@ impl<'m> Chain<'m> {
     }
 
     pub fn warm(&self) -> Warm {
-        let of = |stepper: &Stepper| stepper.warm_start().to_vec();
-        [of(&self.forward), self.smooth.as_ref().map(of).unwrap_or_default()]
+        [self.forward.warm_start().cloned(), self.smooth.as_ref().and_then(|s| s.warm_start().cloned())]
     }
 
     pub fn set_warm(&mut self, [forward, smooth]: &Warm) {
-        self.forward.set_warm_start(forward);
+        self.forward.set_warm_start(forward.clone());
         if let Some(stepper) = &mut self.smooth {
-            stepper.set_warm_start(smooth);
+            stepper.set_warm_start(smooth.clone());
         }
     }
 }

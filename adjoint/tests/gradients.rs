@@ -78,6 +78,24 @@ fn rollouts_through_contact() {
     }
 }
 
+/// Dry friction that slides and sticks, and a stop that is run into, from a soft to a hard rest gap.
+#[test]
+fn friction_and_stops_of_joints() {
+    for (integrator, gap) in [(Integrator::Euler, 1e-4), (Integrator::Euler, 1e-8), (Integrator::Sdirk2, 1e-8)] {
+        let mut scene = with("arm_stops", integrator);
+        scene.contact.rest_gap = gap;
+        let case = Case::new(&scene, 2 * STEPS);
+        let run = case.run(StepOptions::default());
+        let modes = |k: usize| run.records[k].stages[0].1.contact_modes(&case.model, &case.theta);
+        let seen: Vec<Vec<u8>> = (0..run.records.len()).map(modes).collect();
+        // shoulder friction, elbow friction, lower stop, upper stop
+        let hard = gap < 1e-5; // a soft law slides a little below its bound, like one that sticks
+        assert!(!hard || seen.iter().any(|m| m[0] == 1) && seen.iter().any(|m| m[0] == 2), "the shoulder slides, then sticks");
+        assert!(seen.iter().any(|m| m[3] == 1), "the elbow runs into its stop");
+        demand(&format!("arm_stops {integrator:?} at {gap:e}"), &check(&case));
+    }
+}
+
 #[test]
 fn softer_contact_is_judged_by_differences() {
     for name in CONTACT {

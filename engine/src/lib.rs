@@ -61,5 +61,5 @@ pub mod state;
 pub mod step;
 pub mod terms;
 
-pub use contact::ContactPair;
+pub use contact::{ContactPair, JointRow, JointRowKind};
 pub use newton::Work;

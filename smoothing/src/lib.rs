@@ -32,10 +32,12 @@
 //! assert!(slack(ContactLaw::Coulomb, mu, v_n, v_t)[0] > mu * 0.2); // inside the cone
 //! ```
 
+mod bounded;
 mod law;
 mod natural;
 mod schedule;
 
+pub use bounded::{friction_residual, stop_residual};
 pub use law::{ContactLaw, UnknownLaw, admissible, impulse, normal_slack, slack};
 pub use natural::{Linearization, eigenvalues, linearize, residual};
 pub use schedule::{Annealing, ScheduleError, hover, reach};

@@ -1,10 +1,10 @@
-//! Trajectory files: CSV with one named column per coordinate, or npz with one array per rope.
+//! Trajectory files: CSV with one named column per coordinate, or npz with one array per rope and per joint.
 
 use super::failure::Failure;
 use super::file;
-use ndarray::{Array1, Array3};
+use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::{NpzWriter, WriteNpzError};
-use pliant::Rollout;
+use pliant::{Joint, Model, Rollout, State};
 use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
 
@@ -26,7 +26,8 @@ fn kind(path: &Path) -> Option<Kind> {
     }
 }
 
-/// Writes positions [m] and velocities [m/s] of all real nodes at all states, and the total energy [J].
+/// Writes positions [m] and velocities [m/s] of all real nodes and of all joints ([rad], [rad/s], or [m], [m/s]) at all states, and the
+/// total energy [J].
 pub fn write(path: &Path, run: &Rollout, energy: &[f64]) -> Result<(), Failure> {
     match kind(path) {
         Some(Kind::Csv) => file::write(path, |out| csv(out, run, energy)),
@@ -38,7 +39,8 @@ pub fn write(path: &Path, run: &Rollout, energy: &[f64]) -> Result<(), Failure> 
     }
 }
 
-/// Columns `t`, `cable.node[0].x`, … `.z`, `.vx`, … `.vz`, next node, …, `energy`.
+/// Columns `t`, `cable.node[0].x`, … `.z`, `.vx`, … `.vz`, next node, …; `elbow.q`, `elbow.v`, or for a ball `wrist.qw`, … `.qz`,
+/// `.vx`, … `.vz`, next joint, …; `energy`.
 fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io::Result<()> {
     let h = run.model.step_length();
     write!(out, "t")?;
@@ -49,6 +51,10 @@ fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io
             }
         }
     }
+    for joint in run.model.tree().joints() {
+        let names: &[&str] = if joint.kind.n_dofs() == 3 { &["qw", "qx", "qy", "qz", "vx", "vy", "vz"] } else { &["q", "v"] };
+        names.iter().try_for_each(|name| write!(out, ",{}.{name}", joint.name))?;
+    }
     writeln!(out, ",energy")?;
     for (k, state) in run.states.iter().enumerate() {
         write!(out, "{}", k as f64 * h)?;
@@ -57,12 +63,25 @@ fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io
                 write!(out, ",{number}")?;
             }
         }
+        for joint in run.model.tree().joints() {
+            joint_numbers(&run.model, joint, state).try_for_each(|number| write!(out, ",{number}"))?;
+        }
         writeln!(out, ",{}", energy[k])?;
     }
     Ok(())
 }
 
-/// Arrays `t` (T+1), `energy` (T+1), and per rope `cable.position` and `cable.velocity` (T+1, nodes, 3).
+/// A joint's coordinates, then its velocities.
+fn joint_numbers<'a>(model: &Model, joint: &Joint, state: &'a State) -> impl Iterator<Item = &'a f64> {
+    let n = model.n_node_dofs();
+    let q = &state.q[n + joint.q..n + joint.q + joint.kind.n_coordinates()];
+    let v = &state.v[n + joint.v..n + joint.v + joint.kind.n_dofs()];
+    q.iter().chain(v)
+}
+
+
+/// Arrays `t` (T+1), `energy` (T+1), and per rope `cable.position` and `cable.velocity` (T+1, nodes, 3), per joint `elbow.q`
+/// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3).
 fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
     let h = run.model.step_length();
     let times = run.states.len();
@@ -75,6 +94,13 @@ fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
         let velocity = Array3::from_shape_fn((times, n, 3), |(k, i, a)| run.states[k].v[3 * (first + i) + a]);
         out.add_array(format!("{}.position", rope.name), &position)?;
         out.add_array(format!("{}.velocity", rope.name), &velocity)?;
+    }
+    let n = run.model.n_node_dofs();
+    for joint in run.model.tree().joints() {
+        let q = Array2::from_shape_fn((times, joint.kind.n_coordinates()), |(k, a)| run.states[k].q[n + joint.q + a]);
+        let v = Array2::from_shape_fn((times, joint.kind.n_dofs()), |(k, a)| run.states[k].v[n + joint.v + a]);
+        out.add_array(format!("{}.q", joint.name), &q)?;
+        out.add_array(format!("{}.v", joint.name), &v)?;
     }
     Ok(out.finish()?.into_inner())
 }

@@ -32,6 +32,11 @@ impl Square {
         self.data[r * self.dim + c]
     }
 
+    /// Replaces entry (r, c).
+    pub fn set(&mut self, r: usize, c: usize, value: f64) {
+        self.data[r * self.dim + c] = value;
+    }
+
     /// Adds to entry (r, c).
     #[inline]
     pub fn add(&mut self, r: usize, c: usize, value: f64) {

@@ -4,6 +4,7 @@ use super::Model;
 use crate::bodies::inertia::to_numbers;
 use crate::bodies::rotation::{matrix, normalized};
 use crate::bodies::{self, BodyInertia, Tree};
+use crate::contact::{JointRow, JointRowKind};
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::scene::{Actuator, ActuatorKind, Body, Joint, JointKind, Scene};
 use crate::terms::Vec3;
@@ -39,7 +40,8 @@ impl Model {
                 let params = JointParams::push(joint, &mut self.params);
                 let parts = elementary(joint, params.armature);
                 let places: Vec<usize> = (0..parts.len()).map(|k| first + joints.len() + k).collect();
-                list_elements(joint, &params, &places, &mut elements);
+                list_elements(&params, &places, &mut elements);
+                self.list_rows(joint, parts.len(), [q.len(), v.len()]);
                 q.extend(initial_coordinates(body, joint));
                 let rest = vec![0.0; joint.kind.n_dofs()];
                 v.extend(if joint.velocity.is_empty() { rest } else { joint.velocity.clone() });
@@ -55,6 +57,32 @@ impl Model {
             self.add_actuator(actuator, &mut elements);
         }
         self.add_joint_terms(elements);
+    }
+
+    /// Friction and stops of a joint of `parts` axes with this first coordinate and degree of freedom.
+    fn list_rows(&mut self, joint: &Joint, parts: usize, [q, first]: [usize; 2]) {
+        if joint.kind.n_dofs() > 2 {
+            return;
+        }
+        let name = &joint.name;
+        let linear = joint.kind == JointKind::Prismatic;
+        let (torque, speed, place) = if linear { ("N", "m/s", "m") } else { ("N·m", "rad/s", "rad") };
+        let friction = [
+            self.params.push(format!("{name}.friction"), torque, NON_NEGATIVE, joint.friction),
+            self.params.push(format!("{name}.stiction"), torque, NON_NEGATIVE, joint.stiction),
+            self.params.push(format!("{name}.stribeck_velocity"), speed, POSITIVE, joint.stribeck_velocity),
+        ];
+        let limits = joint.limits.map(|limits| {
+            [0, 1].map(|k| self.params.push(format!("{name}.limit[{k}]"), place, ANY, limits[k]))
+        });
+        for k in 0..parts {
+            let row = |kind| JointRow { dof: first + k, q: q + k, kind };
+            self.joint_rows.push(row(JointRowKind::Friction(friction)));
+            if let Some([low, high]) = limits {
+                self.joint_rows.push(row(JointRowKind::Stop(low, 1.0)));
+                self.joint_rows.push(row(JointRowKind::Stop(high, -1.0)));
+            }
+        }
     }
 
     fn add_actuator(&mut self, actuator: &Actuator, elements: &mut Elements) {
@@ -128,9 +156,13 @@ fn push_inertia(body: &Body, params: &mut Params) -> Option<BodyInertia> {
     Some(BodyInertia { first })
 }
 
-/// Indices in θ of a joint's numbers.
+/// Indices in θ of a joint's numbers; a free joint has an armature alone.
 struct JointParams {
     armature: usize,
+    forces: Option<ForceParams>,
+}
+
+struct ForceParams {
     damping: usize,
     stiffness: usize,
     cubic: usize,
@@ -143,11 +175,14 @@ impl JointParams {
         let unit = |turning, sliding| if linear { sliding } else { turning };
         let mut entry = |name: &str, unit, bounds, value| params.push(format!("{}.{name}", joint.name), unit, bounds, value);
         let armature = entry("armature", unit("kg·m²", "kg"), NON_NEGATIVE, joint.armature);
+        if joint.kind == JointKind::Free {
+            return Self { armature, forces: None };
+        }
         let damping = entry("damping", unit("N·m·s/rad", "N·s/m"), NON_NEGATIVE, joint.damping);
         let stiffness = entry("stiffness", unit("N·m/rad", "N/m"), NON_NEGATIVE, joint.stiffness);
         let cubic = entry("cubic_stiffness", unit("N·m/rad³", "N/m³"), ANY, joint.cubic_stiffness);
         let rest = (joint.kind.n_dofs() <= 2).then(|| entry("rest", unit("rad", "m"), ANY, joint.rest));
-        Self { armature, damping, stiffness, cubic, rest }
+        Self { armature, forces: Some(ForceParams { damping, stiffness, cubic, rest }) }
     }
 }
 
@@ -181,14 +216,9 @@ fn elementary(joint: &Joint, armature: usize) -> Vec<bodies::Joint> {
 }
 
 /// Springs and dampers of a joint. Those of zero stiffness are listed too: a fit may free them.
-fn list_elements(joint: &Joint, p: &JointParams, places: &[usize], out: &mut Elements) {
-    let rotating = places.last().copied().into_iter();
-    // the slides of a free body have neither springs nor friction of their own
-    let places: Vec<usize> = if joint.kind == JointKind::Free { rotating.collect() } else { places.to_vec() };
-    if joint.kind == JointKind::Free {
-        return;
-    }
-    for place in places {
+fn list_elements(joints: &JointParams, places: &[usize], out: &mut Elements) {
+    let Some(p) = &joints.forces else { return };
+    for &place in places {
         let with = |first: usize| {
             let params = std::iter::once(first).chain(p.rest).collect();
             JointElement { joints: vec![place], params, ..JointElement::default() }

@@ -1,6 +1,6 @@
 //! From a scene to a model.
 
-use super::{Model, NodeMass, RopeSpan};
+use super::{DofWeights, Model, NodeMass, RopeSpan};
 use crate::bodies::Tree;
 use crate::contact::ContactPair;
 use crate::geometry::Shape;
@@ -93,6 +93,8 @@ impl ModelBuilder {
             terms: Vec::new(),
             tree: Tree::default(),
             joint_terms: Vec::new(),
+            joint_rows: Vec::new(),
+            weights: DofWeights::default(),
             n_actuators: 0,
             shapes: Vec::new(),
             shape_names: Vec::new(),
@@ -120,6 +122,7 @@ impl ModelBuilder {
             model.add_gripper(gripper, &ropes);
         }
         model.add_bodies(scene);
+        model.weights = model.dof_weights();
         model.add_shapes(scene);
         model.add_pairs(&ropes);
         Ok(Self { model })

@@ -8,7 +8,7 @@ pub use build::{BuildError, ModelBuilder};
 pub use mass::NodeMass;
 
 use crate::bodies::Tree;
-use crate::contact::ContactPair;
+use crate::contact::{ContactPair, JointRow};
 use crate::geometry::Shape;
 use crate::kinematics::Drive;
 use crate::kkt::{Method, Symmetry};
@@ -32,6 +32,16 @@ pub struct RopeSpan {
     pub length: usize,
 }
 
+/// Inertia of every degree of freedom of the bodies as the scene begins [kg·m² or kg]: what the solver weights velocities with, and
+/// what the smoothing of joint friction and stops is made of. It does not follow θ, so no derivative runs through it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DofWeights {
+    /// All other degrees of freedom held.
+    pub held: Vec<f64>,
+    /// All others yielding.
+    pub yielding: Vec<f64>,
+}
+
 /// A set of ropes with everything that acts on them.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -43,6 +53,8 @@ pub struct Model {
     pub(crate) terms: Vec<Arc<dyn Term>>,
     pub(crate) tree: Tree,
     pub(crate) joint_terms: Vec<Arc<dyn JointTerm>>,
+    pub(crate) joint_rows: Vec<JointRow>,
+    pub(crate) weights: DofWeights,
     pub(crate) n_actuators: usize,
     pub(crate) shapes: Vec<Shape>,
     pub(crate) shape_names: Vec<String>,
@@ -163,6 +175,11 @@ impl Model {
     /// The possible contacts.
     pub fn contact_pairs(&self) -> &[ContactPair] {
         &self.pairs
+    }
+
+    /// Friction and stops at joints.
+    pub fn joint_rows(&self) -> &[JointRow] {
+        &self.joint_rows
     }
 
     /// Step h \[s\] of the scene.

@@ -15,13 +15,14 @@ const DAMPED_PATIENCE: usize = 4;
 /// Solves the stage into `ws.it`; leaves the cone variables there as the next warm start.
 pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<(), StepError> {
     let limit = stage.model.solver.max_iterations;
-    let mut stuck = if stage.has_contact() && ws.warm.is_empty() {
+    let mut stuck = if stage.has_contact() && ws.warm.is_none() {
         None
     } else {
         start(stage, ws);
-        let warm = std::mem::take(&mut ws.warm);
-        ws.it.w.copy_from_slice(&warm);
-        ws.warm = warm;
+        if let Some(warm) = &ws.warm {
+            ws.it.w.copy_from_slice(&warm.cones);
+            ws.it.s.copy_from_slice(&warm.rows);
+        }
         Some(newton(stage, ws, limit, work))
     };
     if stage.has_contact() && !matches!(stuck, Some(Ok(()))) {
@@ -32,8 +33,9 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
     }
     match stuck {
         Some(Ok(())) => {
-            ws.warm.clear();
-            ws.warm.extend_from_slice(&ws.it.w);
+            let warm = ws.warm.get_or_insert_default();
+            warm.cones.clone_from(&ws.it.w);
+            warm.rows.clone_from(&ws.it.s);
             Ok(())
         }
         Some(Err(Stuck::Error(e))) => Err(e),
@@ -74,6 +76,7 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
         let soft = Stage { rest_gap: gap, ..*stage };
         ws.it.w[c] = cold_cone(soft.law_point(c).kappa, stage.mass[pair.node]);
     }
+    ws.it.s.fill(0.0);
     loop {
         newton(&Stage { rest_gap: gap, ..*stage }, ws, limit, work)?;
         if gap <= stage.rest_gap {
@@ -92,6 +95,7 @@ fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> R
         for (c, pair) in stage.model.pairs.iter().enumerate() {
             ws.it.w[c] = cold_cone(stage.law_point(c).kappa, stage.mass[pair.node]);
         }
+        ws.it.s.fill(0.0);
         for weight in DAMPING_LADDER {
             let stiff = Stage { damping: weight * stage.inertia.max(1.0), ..*stage };
             match newton(&stiff, ws, patience * limit, work) {

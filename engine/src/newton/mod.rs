@@ -123,7 +123,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         } else {
             if norm <= tolerance {
                 // rounding noise: the last correction was already below the tolerance
-                return Ok(if settled(ws) { Descent::Converged } else { Descent::Stalled });
+                return Ok(if settled(stage, ws) { Descent::Converged } else { Descent::Stalled });
             }
             alpha = if next.is_finite() { reduced(alpha, norm, next) } else { 0.1 * alpha };
             if alpha < MIN_ALPHA {
@@ -137,21 +137,24 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
 /// and their eigenvalues settled.
 fn converged(stage: &Stage, ws: &Workspace, norm: f64, tolerance: f64) -> bool {
     if norm > tolerance {
-        let by_cones = cone_norm(stage, &ws.dw);
+        let by_cones = cone_norm(stage, &ws.dw, &ws.ds);
         let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
         if by_velocities > tolerance || by_cones > cone_rounding(stage, ws) {
             return false;
         }
     }
-    settled(ws)
+    settled(stage, ws)
 }
 
 /// Rounding noise of the cone variables in [`norm`] [m/s]: that of the elastic forces, a relative ε of a coordinate times the
-/// largest stiffness, which a sticking contact has to balance. (It moves no node: the contact holds.)
+/// largest stiffness, which a sticking contact has to balance; and that of joint friction and stops. (It moves nothing: the contact
+/// holds.)
 fn cone_rounding(stage: &Stage, ws: &Workspace) -> f64 {
     let farthest = ws.q_bar[..3 * stage.mass.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()));
-    let mass = stage.mass.iter().sum::<f64>() / stage.mass.len().max(1) as f64;
-    f64::EPSILON * farthest * ws.stiffness * stage.h / mass
+    let nodes = stage.mass.len().max(1) as f64;
+    let mass = stage.mass.iter().sum::<f64>().max(f64::MIN_POSITIVE) / nodes;
+    let of_nodes = f64::EPSILON * farthest * ws.stiffness * stage.h / mass;
+    of_nodes + (stage.rows_rounding2(&ws.rows) / stage.measure.total).sqrt()
 }
 
 /// Minimiser of the quadratic model of the simplified correction, kept within [0.1, 0.5] of the last factor.
@@ -167,7 +170,8 @@ fn direction(stage: &Stage, ws: &mut Workspace) -> f64 {
     for (c, pair) in stage.model.pairs.iter().enumerate() {
         ws.dw[c] = ws.contacts[c].dw(&ws.cone[c], node_vector(&ws.d, pair.node), stage.h);
     }
-    norm(stage, &ws.d, &ws.dw)
+    stage.row_changes(&ws.d, &ws.rows, &ws.row_residuals, &mut ws.ds);
+    norm(stage, &ws.d, &ws.dw, &ws.ds)
 }
 
 /// Residual at `it + alpha d` and its simplified correction into `ws.d_next`, `ws.dw_next`; returns its norm.
@@ -180,6 +184,9 @@ fn try_step(stage: &Stage, ws: &mut Workspace, alpha: f64, work: &mut Work) -> R
     for ((t, w), d) in trial.w.iter_mut().zip(&ws.it.w).zip(&ws.dw) {
         *t = w + d * alpha;
     }
+    for ((t, s), d) in trial.s.iter_mut().zip(&ws.it.s).zip(&ws.ds) {
+        *t = s + d * alpha;
+    }
     let result = stage.residual(&trial, ws);
     ws.trial = trial;
     result?;
@@ -188,7 +195,8 @@ fn try_step(stage: &Stage, ws: &mut Workspace, alpha: f64, work: &mut Work) -> R
     for (c, pair) in stage.model.pairs.iter().enumerate() {
         ws.dw_next[c] = ws.contacts[c].dw(&ws.cone[c], node_vector(&ws.d_next, pair.node), stage.h);
     }
-    Ok(norm(stage, &ws.d_next, &ws.dw_next))
+    stage.row_changes(&ws.d_next, &ws.rows, &ws.row_residuals, &mut ws.ds_next);
+    Ok(norm(stage, &ws.d_next, &ws.dw_next, &ws.ds_next))
 }
 
 /// The trial becomes the iterate, its simplified correction the next direction.
@@ -196,6 +204,7 @@ fn accept(ws: &mut Workspace) {
     std::mem::swap(&mut ws.it, &mut ws.trial);
     std::mem::swap(&mut ws.d, &mut ws.d_next);
     std::mem::swap(&mut ws.dw, &mut ws.dw_next);
+    std::mem::swap(&mut ws.ds, &mut ws.ds_next);
 }
 
 fn take_correction(ws: &mut Workspace) {
@@ -205,39 +214,43 @@ fn take_correction(ws: &mut Workspace) {
     for (w, d) in ws.it.w.iter_mut().zip(&ws.dw) {
         *w += d;
     }
+    for (s, d) in ws.it.s.iter_mut().zip(&ws.ds) {
+        *s += d;
+    }
 }
 
 /// Whether the pending correction leaves the eigenvalues of every cone variable where they are. (Those of s are κ over
 /// those of w at the root, so the small eigenvalue of w stands for the large one of s.)
-fn settled(ws: &Workspace) -> bool {
-    ws.it.w.iter().zip(&ws.dw).all(|(w, dw)| {
+fn settled(stage: &Stage, ws: &Workspace) -> bool {
+    let cones = ws.it.w.iter().zip(&ws.dw).all(|(w, dw)| {
         let (before, after) = (eigenvalues((*w).into()), eigenvalues((w + dw).into()));
         let still = |a: f64, b: f64| (a - b).abs() <= SETTLED * a.abs().max(b.abs());
         still(before.0, after.0) && still(before.1, after.1)
-    })
+    });
+    cones && stage.rows_settled(&ws.it.s, &ws.ds)
 }
 
 /// Σ weight v² of the bodies' degrees of freedom.
 fn dofs_norm2(stage: &Stage, v: &[f64]) -> f64 {
-    stage.measure.dofs.iter().zip(v).map(|(w, v)| w * v * v).sum()
+    stage.model.weights.held.iter().zip(v).map(|(w, v)| w * v * v).sum()
 }
 
 /// Norm of a correction [m/s]: √(Σ m |d|² + Σ |dw|²/m) over the root of the total mass.
-fn norm(stage: &Stage, d: &[f64], dw: &[Vector4<f64>]) -> f64 {
+fn norm(stage: &Stage, d: &[f64], dw: &[Vector4<f64>], ds: &[f64]) -> f64 {
     let (nodes, dofs) = d.split_at(3 * stage.mass.len());
     let mut sum = 0.0;
     for (m, d) in stage.mass.iter().zip(nodes.chunks_exact(3)) {
         sum += m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     }
     sum += dofs_norm2(stage, dofs);
-    ((sum / stage.measure.total) + cone_norm(stage, dw).powi(2)).sqrt()
+    ((sum / stage.measure.total) + cone_norm(stage, dw, ds).powi(2)).sqrt()
 }
 
 /// The cone variables' part of [`norm`].
-fn cone_norm(stage: &Stage, dw: &[Vector4<f64>]) -> f64 {
+fn cone_norm(stage: &Stage, dw: &[Vector4<f64>], ds: &[f64]) -> f64 {
     let cones = stage.model.pairs.iter().zip(dw);
     let sum: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
-    (sum / stage.measure.total).sqrt()
+    ((sum + stage.rows_norm2(ds)) / stage.measure.total).sqrt()
 }
 
 /// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.

@@ -102,6 +102,11 @@ impl Mistake {
             Self::Massless { .. } => {
                 both("a mass was left out", "give the body `mass` and `inertia`, or the joint an `armature`, or remove the joint")
             }
+            Self::Limits { .. } => both("the limits are exchanged, or one is in degrees", "write limits = [lower, upper]"),
+            Self::MidpointStops { .. } => both(
+                "midpoint chatters at a stop",
+                "write `integrator = \"sdirk2\"` (second order) or \"euler\", or remove the limits",
+            ),
             Self::FreeBelow { .. } => both("a free body moves relative to the world", "leave `parent` and the other joints out"),
             Self::Quaternion { .. } => both(
                 "another order of its numbers, or Euler angles",

@@ -53,7 +53,8 @@ impl Default for Body {
     }
 }
 
-/// A joint. Its parameters are `name.armature`, `name.damping`, `name.stiffness`, `name.cubic_stiffness` and `name.rest`.
+/// A joint. Its parameters are `name.armature`, `name.damping`, `name.stiffness`, `name.cubic_stiffness`, `name.rest`,
+/// `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far as its kind has them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -85,6 +86,18 @@ pub struct Joint {
     /// Coordinate where the springs are at rest [rad] or [m]; revolute and prismatic joints.
     #[serde(default)]
     pub rest: f64,
+    /// Dry (Coulomb) friction [N·m] or [N].
+    #[serde(default)]
+    pub friction: f64,
+    /// What holds a joint at rest beyond its dry friction [N·m] or [N]; it fades with speed as exp(−(v/stribeck_velocity)²).
+    #[serde(default)]
+    pub stiction: f64,
+    /// Speed at which stiction has faded by e [rad/s] or [m/s].
+    #[serde(default = "stribeck")]
+    pub stribeck_velocity: f64,
+    /// Lowest and highest coordinate [rad] or [m]; hard stops without rebound.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<[f64; 2]>,
     /// Coordinate at the start [rad] or [m]: one number, two for a universal joint; none for ball and free joints, which start as the
     /// body stands.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -93,6 +106,10 @@ pub struct Joint {
     /// velocity in the world's axes and then its angular velocity in its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub velocity: Vec<f64>,
+}
+
+fn stribeck() -> f64 {
+    0.1
 }
 
 fn upwards() -> [f64; 3] {
@@ -112,6 +129,10 @@ impl Default for Joint {
             stiffness: 0.0,
             cubic_stiffness: 0.0,
             rest: 0.0,
+            friction: 0.0,
+            stiction: 0.0,
+            stribeck_velocity: stribeck(),
+            limits: None,
             start: Vec::new(),
             velocity: Vec::new(),
         }

@@ -116,6 +116,12 @@ pub enum Mistake {
     /// A free joint that is not alone at the world.
     #[error("body \"{body}\" has a free joint, but a parent or other joints too")]
     FreeBelow { body: String },
+    /// Limits in the wrong order.
+    #[error("the lower limit {low} is not below the upper limit {high}")]
+    Limits { low: f64, high: f64 },
+    /// Midpoint with stops.
+    #[error("the midpoint integrator cannot be used with stops, and {joints} joint(s) have limits")]
+    MidpointStops { joints: usize },
     /// Not a unit quaternion.
     #[error("has length {norm}, not 1")]
     Quaternion { norm: f64 },

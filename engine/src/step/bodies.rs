@@ -13,7 +13,7 @@ use crate::bodies::turns::Turns;
 use crate::bodies::{BodyInertia, Frame, Frames, Tree};
 use crate::kinematics::Input;
 use crate::kkt::Square;
-use crate::model::Model;
+use crate::model::{DofWeights, Model};
 use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
 use nalgebra::Matrix3;
@@ -272,10 +272,9 @@ impl Model {
         self.tree.bodies().iter().map(|b| b.inertia.map_or_else(Inertia::zero, |i| i.evaluate(theta))).collect()
     }
 
-    /// Inertia of every degree of freedom of the bodies at the initial configuration [kg·m² or kg]: what velocities are weighted with
-    /// where the solver compares them.
-    pub(crate) fn dof_weights(&self, theta: &[f64]) -> Vec<f64> {
-        let tree = &self.tree;
+    /// Computes [`DofWeights`] at the scene's parameters and initial configuration.
+    pub(crate) fn dof_weights(&self) -> DofWeights {
+        let (tree, theta) = (&self.tree, self.params.values());
         let (n, zero) = (tree.nv(), vec![0.0; tree.nv()]);
         let mut frames = Frames::default();
         frames.evaluate(tree, &self.q0[self.n_node_dofs()..], &zero, &zero, &Vec3::zeros());
@@ -283,7 +282,11 @@ impl Model {
         partials.gather(tree, &frames, &self.inertias(theta), &[], &[]);
         let mut m = vec![0.0; n * n];
         partials.add(tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
-        tree.dofs().iter().enumerate().map(|(l, d)| m[l * n + l] + theta[tree.joints()[d.joint].armature]).collect()
+        let mut m = nalgebra::DMatrix::from_row_slice(n, n, &m);
+        tree.dofs().iter().enumerate().for_each(|(l, d)| m[(l, l)] += theta[tree.joints()[d.joint].armature]);
+        let held: Vec<f64> = m.diagonal().iter().copied().collect();
+        let yielding = m.cholesky().map(|c| c.inverse().diagonal().iter().map(|x| 1.0 / x).collect());
+        DofWeights { yielding: yielding.unwrap_or_else(|| held.clone()), held }
     }
 
     /// Total mass of nodes and bodies \[kg\], armatures of turning joints counted as at a metre's distance.

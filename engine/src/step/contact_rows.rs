@@ -7,15 +7,26 @@
 //! stands in the same numbers as the rope's and eats seven of their sixteen digits; here all entries are of their natural size.
 //! K's factor solves this system too, and refinement against it recovers what condensing lost.
 //!
-//! Vectors have nv rows and then four per contact; `columns` numbers per row.
+//! Vectors have nv rows, then four per contact, then one per joint friction or stop; `columns` numbers per row.
 
 use super::StageRecord;
+use crate::contact::RowLinear;
 use nalgebra::{Matrix3x4, Matrix4, Matrix4x3, SMatrix, SVector};
 
 impl StageRecord {
-    /// Rows of the system: nv, and four per contact.
+    /// Rows of the system: nv, four per contact, one per joint friction or stop.
     pub fn n_rows(&self) -> usize {
-        self.v.len() + 4 * self.contacts.len()
+        self.v.len() + 4 * self.contacts.len() + self.rows.len()
+    }
+
+    /// Row of joint friction or stop `k`.
+    pub(super) fn joint_row(&self, k: usize) -> usize {
+        self.v.len() + 4 * self.contacts.len() + k
+    }
+
+    /// ∂F/∂v⁺ of joint row `k`, positions moving along.
+    fn joint_slope(&self, k: usize) -> f64 {
+        self.rows[k].linear.f_v + self.h * self.scheme.free.a1 * self.rows[k].linear.f_q
     }
 
     /// ∂F/∂v⁺ of contact `c`, positions moving along.
@@ -39,6 +50,12 @@ impl StageRecord {
             add_product(&-self.f_v(c), x, 3 * node, out, self.row(c), columns);
             add_product(&-contact.df_dw, x, self.row(c), out, self.row(c), columns);
         }
+        for (k, row) in self.rows.iter().enumerate() {
+            let at = self.joint_row(k);
+            add_scaled(row.direction / self.h, x, at, out, row.v, columns);
+            add_scaled(-self.joint_slope(k), x, row.v, out, at, columns);
+            add_scaled(-row.linear.f_gamma, x, at, out, at, columns);
+        }
     }
 
     /// `out −= systemᵀ · x`, one column.
@@ -51,6 +68,12 @@ impl StageRecord {
             add_product(&-self.f_v(c).transpose(), x, self.row(c), out, 3 * node, 1);
             add_product(&-contact.df_dw.transpose(), x, self.row(c), out, self.row(c), 1);
         }
+        for (k, row) in self.rows.iter().enumerate() {
+            let at = self.joint_row(k);
+            add_scaled(row.direction / self.h, x, row.v, out, at, 1);
+            add_scaled(-self.joint_slope(k), x, at, out, row.v, 1);
+            add_scaled(-row.linear.f_gamma, x, at, out, at, 1);
+        }
     }
 
     /// `b ← system⁻¹ b`, by the factor of K.
@@ -59,10 +82,18 @@ impl StageRecord {
             let gain: Matrix3x4<f64> = contact.gain / self.h;
             add_within(&gain, b, self.row(c), 3 * node, columns);
         }
+        for (k, row) in self.rows.iter().enumerate() {
+            add_scaled_within(row.direction / (row.linear.f_gamma * self.h), b, self.joint_row(k), row.v, columns);
+        }
         self.factor.solve_many(&mut b[..self.v.len() * columns], columns);
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             add_within(&-self.f_v(c), b, 3 * node, self.row(c), columns);
             replace(&contact.inverse, b, self.row(c), columns);
+        }
+        for (k, row) in self.rows.iter().enumerate() {
+            let at = self.joint_row(k);
+            add_scaled_within(-self.joint_slope(k), b, row.v, at, columns);
+            b[at * columns..(at + 1) * columns].iter_mut().for_each(|x| *x /= row.linear.f_gamma);
         }
     }
 
@@ -72,10 +103,18 @@ impl StageRecord {
             replace(&contact.inverse.transpose(), b, self.row(c), 1);
             add_within(&-self.f_v(c).transpose(), b, self.row(c), 3 * node, 1);
         }
+        for (k, row) in self.rows.iter().enumerate() {
+            let at = self.joint_row(k);
+            b[at] /= row.linear.f_gamma;
+            b[row.v] -= self.joint_slope(k) * b[at];
+        }
         self.factor.solve_transpose(&mut b[..self.v.len()]);
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             let gain = contact.gain.transpose() / self.h;
             add_within(&gain, b, 3 * node, self.row(c), 1);
+        }
+        for (k, row) in self.rows.iter().enumerate() {
+            b[self.joint_row(k)] += row.direction / (row.linear.f_gamma * self.h) * b[row.v];
         }
     }
 
@@ -86,6 +125,9 @@ impl StageRecord {
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             add_product(&(contact.df_dq * scale), q, 3 * node, out, self.row(c), columns);
         }
+        for (k, row) in self.rows.iter().enumerate() {
+            add_scaled(scale * row.linear.f_q, q, row.v, out, self.joint_row(k), columns);
+        }
     }
 
     /// `out += scale · (∂(r, F)/∂q̄)ᵀ · x`, one column.
@@ -94,6 +136,32 @@ impl StageRecord {
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             add_product(&(contact.df_dq.transpose() * scale), x, self.row(c), out, 3 * node, 1);
         }
+        for (k, row) in self.rows.iter().enumerate() {
+            out[row.v] += scale * row.linear.f_q * x[self.joint_row(k)];
+        }
+    }
+}
+
+/// A joint's friction or stop at the root.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RowRecord {
+    /// Row of its degree of freedom.
+    pub v: usize,
+    /// Impulse on it per unit of γ.
+    pub direction: f64,
+    pub linear: RowLinear,
+}
+
+/// Row `to` of `out` += factor · row `from` of `x`.
+fn add_scaled(factor: f64, x: &[f64], from: usize, out: &mut [f64], to: usize, columns: usize) {
+    let source = &x[from * columns..(from + 1) * columns];
+    out[to * columns..(to + 1) * columns].iter_mut().zip(source).for_each(|(o, x)| *o += factor * x);
+}
+
+/// Row `to` of `b` += factor · row `from`.
+fn add_scaled_within(factor: f64, b: &mut [f64], from: usize, to: usize, columns: usize) {
+    for k in 0..columns {
+        b[to * columns + k] += factor * b[from * columns + k];
     }
 }
 

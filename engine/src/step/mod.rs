@@ -3,6 +3,7 @@
 mod bodies;
 mod contact_rows;
 mod error;
+mod joint_rows;
 mod record;
 mod scheme;
 mod stage;
@@ -16,4 +17,4 @@ pub use scheme::{EULER, MIDPOINT, SDIRK_GAMMA, STATIC, Scheme, Weights};
 pub(crate) use stage::{Measure, Stage};
 pub(crate) use stepper::check_size;
 pub use stepper::{Link, StepOptions, StepRecord, StepTrace, Stepper};
-pub use workspace::Workspace;
+pub use workspace::{Warm, Workspace};

@@ -1,5 +1,6 @@
 //! What a step leaves behind for its derivatives: the factorization at the root, and the partials of the residual.
 
+use super::contact_rows::RowRecord;
 use super::{Scheme, Stage, Workspace, end_positions};
 use crate::bodies::turns::Turns;
 use crate::contact::{Condensed, Touch};
@@ -52,6 +53,9 @@ pub struct StageRecord {
     pub(crate) contacts: Vec<Condensed>,
     /// Node of each contact.
     pub(crate) contact_nodes: Vec<usize>,
+    /// Impulses of joint friction and stops at the root [N·m·s, N·s].
+    pub s: Vec<f64>,
+    pub(crate) rows: Vec<RowRecord>,
 }
 
 impl StageRecord {
@@ -82,6 +86,8 @@ impl StageRecord {
             lead: Turns::default(),
             contacts: ws.contacts.clone(),
             contact_nodes: stage.model.pairs.iter().map(|p| p.node).collect(),
+            s: ws.it.s.clone(),
+            rows: stage.row_records(&ws.rows),
         })
     }
 
@@ -99,7 +105,8 @@ impl StageRecord {
         q
     }
 
-    /// 0 separate, 1 stick, 2 slip, for every contact pair at the root.
+    /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
+    /// that, and for every stop 0 open, 1 closed.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
@@ -108,7 +115,7 @@ impl StageRecord {
             let load = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt() / w[0];
             if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
         };
-        model.pairs.iter().zip(&self.w).map(mode).collect()
+        model.pairs.iter().zip(&self.w).map(mode).chain(self.row_modes(model, theta)).collect()
     }
 
     /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters
@@ -116,6 +123,7 @@ impl StageRecord {
     pub fn visit_inputs(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
+        self.visit_rows(model, theta, &q_bar, visit);
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
     }
 

@@ -9,7 +9,7 @@
 
 use super::{Scheme, StepError, Workspace};
 use crate::bodies::spatial::Inertia;
-use crate::contact::{Condensed, LawPoint, Touch};
+use crate::contact::{Condensed, JointRow, LawPoint, Touch};
 use crate::kkt::System;
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
@@ -26,6 +26,8 @@ pub(crate) struct Iterate {
     pub v: Vec<f64>,
     /// Cone variable of each contact [N·s].
     pub w: Vec<Vector4<f64>>,
+    /// Impulse of each joint friction and stop [N·m·s, N·s].
+    pub s: Vec<f64>,
 }
 
 /// Which axial forces the geometric stiffness is made of.
@@ -37,18 +39,19 @@ enum Axial {
     Predicted,
 }
 
-/// Weights of velocities in the solver's norms: √(Σ weight · v²/total) is a speed [m/s].
+/// What the solver knows from θ alone: which rows there are, and weights of velocities for its norms (√(Σ weight · v²/total) is a
+/// speed [m/s]).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Measure {
-    /// Of the bodies' degrees of freedom [kg·m² or kg].
-    pub dofs: Vec<f64>,
     /// Mass of everything [kg].
     pub total: f64,
+    /// Friction and stops that can act at these parameters.
+    pub rows: Vec<JointRow>,
 }
 
 impl Measure {
     pub fn new(model: &Model, theta: &[f64]) -> Self {
-        Self { dofs: model.dof_weights(theta), total: model.total_mass(theta) }
+        Self { total: model.total_mass(theta), rows: model.active_rows(theta) }
     }
 }
 
@@ -94,7 +97,7 @@ impl Stage<'_> {
     }
 
     pub(crate) fn has_contact(&self) -> bool {
-        !self.model.pairs.is_empty()
+        !(self.model.pairs.is_empty() && self.measure.rows.is_empty())
     }
 
     fn place(&self, v: &[f64], ws: &mut Workspace) {
@@ -151,6 +154,7 @@ impl Stage<'_> {
         }
         self.inertia_minus_force(&it.v, ws);
         self.body_residual(&it.v, ws);
+        self.add_rows(&it.s, &it.v, ws);
         Ok(())
     }
 
@@ -235,6 +239,7 @@ impl Stage<'_> {
         }
         self.assemble(ws);
         self.linearize_bodies(&it.v, ws);
+        self.linearize_rows(&it.s, &it.v, ws);
         Ok(())
     }
 
@@ -312,6 +317,9 @@ impl Stage<'_> {
             dq.nodes.set_block(*node, *node, &block_q);
             dv.nodes.set_block(*node, *node, block_v);
             a.nodes.set_block(*node, *node, &block);
+        }
+        for (row, diagonal) in self.measure.rows.iter().zip(&ws.row_diagonals) {
+            a.bodies.set(row.dof, row.dof, *diagonal);
         }
         (dq, dv, a)
     }

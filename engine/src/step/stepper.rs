@@ -1,6 +1,6 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::{EULER, MIDPOINT, Measure, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Workspace, end_positions};
+use super::{EULER, MIDPOINT, Measure, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions};
 use crate::bodies::rotation::Map;
 use crate::bodies::spatial::Inertia;
 use crate::bodies::turns::Turns;
@@ -9,7 +9,6 @@ use crate::model::Model;
 use crate::newton::{Work, solve_stage};
 use crate::scene::Integrator;
 use crate::state::State;
-use nalgebra::Vector4;
 
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,14 +106,13 @@ impl<'m> Stepper<'m> {
     }
 
     /// The contacts' warm start: part of a checkpoint.
-    pub fn warm_start(&self) -> &[Vector4<f64>] {
-        &self.ws.warm
+    pub fn warm_start(&self) -> Option<&Warm> {
+        self.ws.warm.as_ref()
     }
 
     /// Restores a warm start, so that a replay is bitwise the same.
-    pub fn set_warm_start(&mut self, warm: &[Vector4<f64>]) {
-        self.ws.warm.clear();
-        self.ws.warm.extend_from_slice(warm);
+    pub fn set_warm_start(&mut self, warm: Option<Warm>) {
+        self.ws.warm = warm;
     }
 
     /// Replaces `state` by the state one step later. On error the state is unchanged.
@@ -166,7 +164,7 @@ impl<'m> Stepper<'m> {
             Err(StepError::NotConverged { .. } | StepError::Singular { .. } | StepError::Geometry { .. }) if halvings > 0 => {
                 *state = before;
                 stages.truncate(kept);
-                self.set_warm_start(&warm);
+                self.set_warm_start(warm);
                 trace.retries += 1;
                 self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)?;
                 self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)

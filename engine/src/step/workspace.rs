@@ -2,10 +2,19 @@
 
 use super::bodies::BodyWorkspace;
 use super::stage::Iterate;
-use crate::contact::Condensed;
+use crate::contact::{Condensed, RowLinear};
 use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
 use nalgebra::Vector4;
+
+/// Impulses to start from: those of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Warm {
+    /// Cone variables of contacts [N·s].
+    pub(crate) cones: Vec<Vector4<f64>>,
+    /// Impulses of joint friction and stops [N·m·s, N·s].
+    pub(crate) rows: Vec<f64>,
+}
 
 /// Buffers of the solver for one model, and the warm start of its contacts.
 #[derive(Clone, Debug)]
@@ -37,10 +46,17 @@ pub struct Workspace {
     pub(crate) trial: Iterate,
     /// Nodes that may touch, and their blocks of ∂f/∂q̄ and ∂f/∂v̄ before contacts were added.
     pub(crate) touching: Vec<(usize, [[[f64; 3]; 3]; 2])>,
+    /// Friction and stops at joints, linearized, and their residuals at the iterate.
+    pub(crate) rows: Vec<RowLinear>,
+    pub(crate) row_residuals: Vec<f64>,
+    /// Diagonal entries of K at the rows' degrees of freedom before they were added.
+    pub(crate) row_diagonals: Vec<f64>,
+    pub(crate) ds: Vec<f64>,
+    pub(crate) ds_next: Vec<f64>,
     /// The bodies' part.
     pub(crate) bodies: BodyWorkspace,
-    /// Cone variables of the last converged stage; empty before the first.
-    pub(crate) warm: Vec<Vector4<f64>>,
+    /// Impulses of the last converged stage; none before the first.
+    pub(crate) warm: Option<Warm>,
 }
 
 impl Workspace {
@@ -49,6 +65,8 @@ impl Workspace {
         let (n, nv, contacts) = (model.n_nodes(), model.nv(), model.pairs.len());
         let zeros = || vec![0.0; nv];
         let cones = || vec![Vector4::zeros(); contacts];
+        let n_rows = model.active_rows(theta).len();
+        let rows = || vec![0.0; n_rows];
         let axial = || vec![0.0; model.terms.iter().map(|t| t.n_axial()).sum()];
         let matrix = || System::zeros(n, model.reach, model.tree.nv());
         let symbolic = Symbolic::new(model.method(), model.symmetry(theta), n, model.reach, &model.driven, None)?;
@@ -68,21 +86,26 @@ impl Workspace {
             k: matrix(),
             factor: SystemFactor::new(&symbolic, model.tree.nv()),
             bold: 0,
-            it: Iterate { v: zeros(), w: cones() },
+            it: Iterate { v: zeros(), w: cones(), s: rows() },
             stiffness: 0.0,
             axial: axial(),
             axial_next: axial(),
             dx: zeros(),
-            trial: Iterate { v: zeros(), w: cones() },
+            trial: Iterate { v: zeros(), w: cones(), s: rows() },
             touching: touching_nodes(model),
             bodies: BodyWorkspace::default(),
-            warm: Vec::new(),
+            rows: vec![RowLinear::default(); n_rows],
+            row_residuals: rows(),
+            row_diagonals: rows(),
+            ds: rows(),
+            ds_next: rows(),
+            warm: None,
         })
     }
 
     /// Forgets the contacts' warm start, so that what follows depends on its inputs alone.
     pub fn forget(&mut self) {
-        self.warm.clear();
+        self.warm = None;
     }
 }
 

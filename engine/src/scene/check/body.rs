@@ -4,13 +4,14 @@ use super::{not_negative, positive};
 use crate::bodies::inertia::to_numbers;
 use crate::scene::body::{Actuator, Body, Joint, JointKind};
 use crate::scene::error::{Mistake, SceneError};
-use crate::scene::file::Scene;
+use crate::scene::file::{Integrator, Scene};
 use crate::scene::words::nearest;
 use crate::terms::Vec3;
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
 pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    stops_of_midpoint(scene)?;
     for (b, body) in scene.body.iter().enumerate() {
         let field = format!("body[{b}]");
         parent(scene, b, &field)?;
@@ -22,6 +23,15 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     }
     massless_leaves(scene)?;
     scene.actuator.iter().enumerate().try_for_each(|(a, actuator)| self::actuator(scene, actuator, &format!("actuator[{a}]")))
+}
+
+/// Stops are contact: midpoint chatters there.
+fn stops_of_midpoint<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    let limited = scene.body.iter().flat_map(|b| &b.joint).filter(|j| j.limits.is_some()).count();
+    if scene.time.integrator == Integrator::Midpoint && limited > 0 {
+        return Err(SceneError::at("time.integrator", Mistake::MidpointStops { joints: limited }));
+    }
+    Ok(())
 }
 
 /// The parent is there, and no body hangs on itself.
@@ -112,6 +122,7 @@ fn joint(body: &Body, joint: &Joint, field: &str) -> Result<(), SceneError> {
     {
         not_negative(&format!("{field}.{key}"), value, unit)?;
     }
+    friction_and_stops(joint, field)?;
     let counts = [("start", &joint.start, joint.kind.n_start()), ("velocity", &joint.velocity, joint.kind.n_dofs())];
     for (key, values, expected) in counts {
         if !values.is_empty() && values.len() != expected {
@@ -123,6 +134,29 @@ fn joint(body: &Body, joint: &Joint, field: &str) -> Result<(), SceneError> {
         for (field, value) in angles.chain([(format!("{field}.rest"), joint.rest)]) {
             angle(field, value)?;
         }
+    }
+    Ok(())
+}
+
+fn friction_and_stops(joint: &Joint, field: &str) -> Result<(), SceneError> {
+    not_negative(&format!("{field}.friction"), joint.friction, "N·m")?;
+    not_negative(&format!("{field}.stiction"), joint.stiction, "N·m")?;
+    positive(&format!("{field}.stribeck_velocity"), joint.stribeck_velocity, "rad/s")?;
+    let given = joint.friction > 0.0 || joint.stiction > 0.0 || joint.limits.is_some();
+    if given && joint.kind.n_dofs() > 2 {
+        let message = "dry friction, stiction and limits are for joints of one or two axes".to_owned();
+        return Err(SceneError::at(field, Mistake::Refused { message }));
+    }
+    let Some([low, high]) = joint.limits else { return Ok(()) };
+    if low >= high {
+        return Err(SceneError::at(format!("{field}.limits"), Mistake::Limits { low, high }));
+    }
+    if let Some((k, start)) = joint.start.iter().enumerate().find(|(_, x)| !(low..=high).contains(*x)) {
+        return Err(SceneError::at(format!("{field}.start[{k}]"), Mistake::Range { value: *start, low, high }));
+    }
+    if joint.kind != JointKind::Prismatic {
+        angle(format!("{field}.limits[0]"), low)?;
+        angle(format!("{field}.limits[1]"), high)?;
     }
     Ok(())
 }

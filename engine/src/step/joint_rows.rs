@@ -1,0 +1,137 @@
+//! Friction and stops at joints in a stage: each impulse γ is eliminated,
+//! ```text
+//! r_l = … − γ/h,   F(γ; q⁺, v⁺) = 0      ⇒      r_l = … − (γ − F/F_γ)/h,   K_ll += (F_v + h a1 F_q)/(F_γ h)
+//! ```
+//! as contacts are.
+
+use super::contact_rows::RowRecord;
+use super::{Stage, StageRecord, Workspace};
+use crate::contact::{JointRow, RowLinear, RowPoint};
+use crate::kinematics::Input;
+use crate::model::Model;
+
+/// Relative change below which an impulse has settled.
+const SETTLED: f64 = 1e-6;
+/// Part of the degree of freedom's inertia that is the step ρ of the natural residual.
+const RHO: f64 = 0.3;
+
+impl Stage<'_> {
+    /// What row `k` is evaluated with.
+    fn row_point(&self, row: &JointRow, q: &[f64], v: &[f64]) -> RowPoint {
+        row_point(self.model, row, q, v, [self.h, self.rest_gap])
+    }
+
+    /// What the record keeps of the rows.
+    pub(super) fn row_records(&self, rows: &[RowLinear]) -> Vec<RowRecord> {
+        let n = self.model.n_node_dofs();
+        let one = |(row, linear): (&JointRow, &RowLinear)| RowRecord { v: n + row.dof, direction: row.direction(), linear: *linear };
+        self.measure.rows.iter().zip(rows).map(one).collect()
+    }
+
+    /// Rows at the iterate, and their share of `ws.r`, for the matrices linearized before.
+    pub(super) fn add_rows(&self, s: &[f64], v: &[f64], ws: &mut Workspace) {
+        let n = self.model.n_node_dofs();
+        for (k, row) in self.measure.rows.iter().enumerate() {
+            let f = row.residual(&self.row_point(row, &ws.q_bar, v), s[k], self.theta);
+            ws.row_residuals[k] = f;
+            ws.r[n + row.dof] -= row.direction() * (s[k] - f / ws.rows[k].f_gamma) / self.h;
+        }
+    }
+
+    /// Linearizes the rows, and adds their share to `ws.r` and `ws.k`.
+    pub(super) fn linearize_rows(&self, s: &[f64], v: &[f64], ws: &mut Workspace) {
+        let n = self.model.n_node_dofs();
+        for (diagonal, row) in ws.row_diagonals.iter_mut().zip(&self.measure.rows) {
+            *diagonal = ws.k.bodies.get(row.dof, row.dof);
+        }
+        for (k, row) in self.measure.rows.iter().enumerate() {
+            let linear = row.linearize(&self.row_point(row, &ws.q_bar, v), s[k], self.theta);
+            ws.row_residuals[k] = linear.f;
+            ws.r[n + row.dof] -= row.direction() * (s[k] - linear.f / linear.f_gamma) / self.h;
+            ws.k.bodies.add(row.dof, row.dof, row.direction() * self.row_slope(&linear) / (linear.f_gamma * self.h));
+            ws.rows[k] = linear;
+        }
+    }
+
+    /// ∂F/∂v⁺, positions moving along.
+    fn row_slope(&self, linear: &RowLinear) -> f64 {
+        linear.f_v + self.h * self.scheme.free.a1 * linear.f_q
+    }
+
+    /// Changes of all γ that go with the change `d` of velocities, for the residuals at hand.
+    pub(crate) fn row_changes(&self, d: &[f64], ws_rows: &[RowLinear], residuals: &[f64], ds: &mut [f64]) {
+        let n = self.model.n_node_dofs();
+        for (k, row) in self.measure.rows.iter().enumerate() {
+            ds[k] = -(residuals[k] + self.row_slope(&ws_rows[k]) * d[n + row.dof]) / ws_rows[k].f_gamma;
+        }
+    }
+
+    /// Rounding noise of all γ in the same measure.
+    pub(crate) fn rows_rounding2(&self, rows: &[RowLinear]) -> f64 {
+        let noise = |(row, linear): (&JointRow, &RowLinear)| linear.rounding.powi(2) / self.model.weights.yielding[row.dof];
+        self.measure.rows.iter().zip(rows).map(noise).sum()
+    }
+
+    /// Σ |Δγ|²/inertia.
+    pub(crate) fn rows_norm2(&self, ds: &[f64]) -> f64 {
+        self.measure.rows.iter().zip(ds).map(|(row, d)| d * d / self.model.weights.yielding[row.dof]).sum()
+    }
+
+    /// Whether the pending changes leave the impulses where they are: relative to them, or to what gravity does in the step.
+    pub(crate) fn rows_settled(&self, s: &[f64], ds: &[f64]) -> bool {
+        self.measure.rows.iter().zip(s).zip(ds).all(|((row, s), d)| {
+            let weight = self.model.weights.held[row.dof] * WEIGHT * self.h;
+            d.abs() <= SETTLED * s.abs().max(1e-3 * weight)
+        })
+    }
+}
+
+/// Acceleration that makes a weight of an inertia in smoothing and tolerances [1/s²] or [m/s²]; near gravity's, but no parameter.
+const WEIGHT: f64 = 10.0;
+
+fn row_point(model: &Model, row: &JointRow, q: &[f64], v: &[f64], [h, rest_gap]: [f64; 2]) -> RowPoint {
+    let n = model.n_node_dofs();
+    RowPoint {
+        q: q[n + row.q],
+        v: v[n + row.dof],
+        h,
+        rest_gap,
+        weight: WEIGHT * model.weights.held[row.dof],
+        rho: RHO * model.weights.yielding[row.dof],
+    }
+}
+
+impl Model {
+    /// Friction and stops that can act at these parameters.
+    pub(crate) fn active_rows(&self, theta: &[f64]) -> Vec<JointRow> {
+        self.joint_rows.iter().copied().filter(|row| row.acts(theta)).collect()
+    }
+}
+
+impl StageRecord {
+    /// What every joint friction and stop does at the root.
+    pub(super) fn row_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
+        let (q, _) = self.evaluation_point(model);
+        let rows = model.joint_rows.iter().filter(|row| row.acts(theta));
+        rows.zip(&self.s).map(|(row, s)| row.mode(&row_point(model, row, &q, &self.v, [self.h, self.rest_gap]), *s, theta)).collect()
+    }
+
+    /// ∂F/∂θ of the joints' friction and stops; their smoothing is made of the scene's own inertia and does not change with θ.
+    pub(super) fn visit_rows(&self, model: &Model, theta: &[f64], q_bar: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
+        if model.joint_rows.is_empty() {
+            return;
+        }
+        let point = |row: &JointRow| row_point(model, row, q_bar, &self.v, [self.h, self.rest_gap]);
+        for (k, row) in model.joint_rows.iter().filter(|row| row.acts(theta)).enumerate() {
+            let at = self.joint_row(k);
+            row.visit_theta(&point(row), self.s[k], theta, &mut |param, value| visit(at, Input::Theta(param), value));
+        }
+        // friction of size zero has no row; its impulse would begin as γ = −F
+        let n = model.n_node_dofs();
+        for row in model.joint_rows.iter().filter(|row| !row.acts(theta)) {
+            row.visit_theta(&point(row), 0.0, theta, &mut |param, value| {
+                visit(n + row.dof, Input::Theta(param), row.direction() * value / self.h);
+            });
+        }
+    }
+}
