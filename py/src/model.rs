@@ -81,10 +81,27 @@ impl Model {
         self.model.n_nodes()
     }
 
-    /// Size of the state x = [q, v]: 6 n_nodes.
+    /// Size of the state x = [q, v]: node positions and joint coordinates (a quaternion for a ball), then as many velocities.
     #[getter]
     fn nx(&self) -> usize {
         self.model.nx()
+    }
+
+    /// Size of a change of state, [dq, dv]: what tangents, cotangents and Jacobians have. nx, but for three numbers instead of a
+    /// ball's quaternion: a turn in its body's axes \[rad\].
+    #[getter]
+    fn ndx(&self) -> usize {
+        self.model.ndx()
+    }
+
+    /// Names of the entries of v that belong to joints: the joint's, with `[k]` for the parts of a ball.
+    #[getter]
+    fn dof_names(&self) -> Vec<String> {
+        let names = |j: &pliant::Joint| match j.kind.n_dofs() {
+            1 => vec![j.name.clone()],
+            n => (0..n).map(|k| format!("{}[{k}]", j.name)).collect(),
+        };
+        self.model.tree().joints().iter().flat_map(names).collect()
     }
 
     /// Number of inputs.

@@ -32,7 +32,7 @@ pub enum InertiaError {
     Negative(f64),
     /// One principal moment is as large as the two others together or larger: no distribution of mass does that.
     #[error(
-        "principal moments of inertia {0:.4e}, {1:.4e} and {2:.4e} kg·m² break the triangle inequality: the largest must be less \
+        "principal moments of inertia {0:.4e}, {1:.4e} and {2:.4e} kg·m² break the triangle inequality: the largest must be no more \
          than the sum of the others"
     )]
     Triangle(f64, f64, f64),
@@ -96,8 +96,23 @@ pub fn to_numbers(m: f64, c: Vec3<f64>, about_centre: &Matrix3<f64>) -> Result<[
         return Err(InertiaError::Negative(a));
     }
     let spread = Matrix3::from_diagonal_element(0.5 * about_centre.trace()) - about_centre;
-    let u = upper_cholesky(&(spread / m)).ok_or(InertiaError::Triangle(a, b, c_max))?;
+    let thick = thickened(&(spread / m)).ok_or(InertiaError::Triangle(a, b, c_max))?;
+    let u = upper_cholesky(&thick).ok_or(InertiaError::Triangle(a, b, c_max))?;
     Ok([m, c[0], c[1], c[2], u[(0, 0)], u[(1, 1)], u[(2, 2)], u[(0, 1)], u[(0, 2)], u[(1, 2)]])
+}
+
+/// Thickness that a flat body or a thin rod is given, relative to its size.
+const THICKNESS: f64 = 1e-6;
+
+/// Second moments with flat directions made that thick; none if one is negative beyond rounding.
+fn thickened(spread: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let (floor, mut eigen) = (spread.trace() * THICKNESS * THICKNESS, spread.symmetric_eigen());
+    if eigen.eigenvalues.min() >= floor {
+        return Some(*spread);
+    }
+    let possible = eigen.eigenvalues.min() > -1e-6 * spread.trace();
+    eigen.eigenvalues.iter_mut().for_each(|x| *x = x.max(floor));
+    possible.then(|| eigen.recompose())
 }
 
 /// U with A = U Uᵀ; none unless A is positive definite.
@@ -145,6 +160,7 @@ mod tests {
         assert!(matches!(of(0.0, diagonal(1.0, 1.0, 1.0)), InertiaError::Mass(_)));
         assert!(matches!(of(1.0, diagonal(1.0, -1.0, 1.0)), InertiaError::Negative(_)));
         assert!(matches!(of(1.0, diagonal(1.0, 1.0, 2.5)), InertiaError::Triangle(..)));
-        assert!(matches!(of(1.0, diagonal(1.0, 1.0, 2.0)), InertiaError::Triangle(..)));
+        // a flat disc is the limit of what is possible
+        assert!(to_numbers(1.0, Vec3::zeros(), &diagonal(1.0, 1.0, 2.0)).is_ok());
     }
 }

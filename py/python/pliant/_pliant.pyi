@@ -80,7 +80,15 @@ class Model:
         """Number of nodes, ghosts at clamped end edges included."""
     @property
     def nx(self) -> int:
-        """Size of the state x = [q, v]: 6 n_nodes."""
+        """Size of the state x = [q, v]: node positions [m] and joint coordinates [rad, m] (a unit quaternion,
+        w first, for a ball), then velocities of nodes [m/s] and joints [rad/s, m/s]."""
+    @property
+    def ndx(self) -> int:
+        """Size of a change of state [dq, dv], of tangents, cotangents and Jacobians: nx, but for three numbers
+        instead of a ball's quaternion, a turn in its body's axes [rad]."""
+    @property
+    def dof_names(self) -> list[str]:
+        """Names of the entries of v that belong to joints, in order; `name[k]` for the parts of a ball."""
     @property
     def nu(self) -> int:
         """Number of inputs of all grippers."""

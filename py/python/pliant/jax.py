@@ -82,6 +82,12 @@ def _differentiable(model: Model, forward, backward, *, inputs, output) -> Funct
     inputs, output: shapes of a single call's arguments and result, as functions of u.
     """
 
+    if model.ndx != model.nx:
+        raise NotImplementedError(
+            "pliant.jax does not differentiate scenes with ball or free joints yet: a state has a quaternion, its change "
+            "a turn of three numbers; use the rollout's own vjp and jvp"
+        )
+
     @jax.custom_vjp
     def function(x, u, theta):
         return _on_host(forward, (output(u),), x, u, theta)[0]

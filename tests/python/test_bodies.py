@@ -1,0 +1,160 @@
+"""Articulated bodies against MuJoCo's RK4, a high-order solver, and what mechanics conserves."""
+
+import mujoco
+import numpy as np
+import pliant
+import pytest
+from scipy.integrate import solve_ivp
+
+from validation.bodies import chains
+from validation.bodies.chains import Chain
+
+SECONDS = 0.25
+
+
+def reference(chain: Chain, step: float = 1e-5) -> np.ndarray:
+    """MuJoCo's coordinates after SECONDS, RK4."""
+    model = mujoco.MjModel.from_xml_string(chains.mjcf(chain, integrator="RK4", step=step))
+    data = mujoco.MjData(model)
+    data.qpos[:] = chains.start(chain)
+    mujoco.mj_step(model, data, round(SECONDS / step))
+    return data.qpos.copy()
+
+
+def simulate(text: str):
+    model = pliant.loads(text)
+    return model.rollout(model.initial_state(), model.controls())
+
+
+def end(chain: Chain, integrator: str, step: float) -> np.ndarray:
+    x = simulate(chains.scene(chain, integrator=integrator, step=step, duration=SECONDS)).x[-1]
+    return x[: len(chains.start(chain))]
+
+
+@pytest.mark.parametrize(
+    "chain",
+    [Chain(2), Chain(7), Chain(18), Chain(7, armature=0.01), Chain(6, joint="ball", stiffness=0.05, damping=1e-3)],
+    ids=["2", "7", "18", "7 with rotors", "6 balls"],
+)
+def test_chains_converge_to_mujoco_at_second_order(chain):
+    truth = reference(chain)
+    steps = [2e-3, 1e-3, 5e-4]
+    for integrator, order in [("midpoint", 2.0), ("sdirk2", 2.0), ("euler", 1.0)]:
+        errors = [np.abs(end(chain, integrator, h) - truth).max() for h in steps]
+        orders = np.log2(np.array(errors[:-1]) / errors[1:])
+        assert abs(orders[-1] - order) < 0.15, (integrator, errors, orders)
+        if order == 2.0:
+            assert errors[-1] < 2e-4, (integrator, errors)
+
+
+def double_pendulum(t, y):
+    """Two rods of `chains` in one plane, both hinges along y; y = (q1, q2, v1, v2), q2 relative."""
+    m, length, g = chains.MASS, chains.LENGTH, 9.81
+    inertia = Chain(2).inertia[1]
+    q1, q2, v1, v2 = y
+    half = length / 2
+    # point masses at the centres, angles from x downwards
+    m12 = inertia + m * half**2 + m * length * half * np.cos(q2)
+    m22 = inertia + m * half**2
+    m11 = 2 * inertia + 2 * m * half**2 + m * length**2 + 2 * m * length * half * np.cos(q2)
+    bend = m * length * half * np.sin(q2)
+    down = m * g * half * np.cos(q1 + q2)
+    torque = np.array([bend * (2 * v1 * v2 + v2**2) + m * g * (half + length) * np.cos(q1) + down, -bend * v1**2 + down])
+    return [v1, v2, *np.linalg.solve([[m11, m12], [m12, m22]], torque)]
+
+
+def test_double_pendulum_against_a_high_order_solver():
+    truth = solve_ivp(double_pendulum, (0, 5), [0.3, 0.3, 0, 0], method="DOP853", rtol=1e-13, atol=1e-13).y[:2, -1]
+    chain = Chain(2, damping=0.0)
+    errors = []
+    for step in [1e-3, 5e-4, 2.5e-4]:
+        text = chains.scene(chain, integrator="midpoint", step=step, duration=5.0).replace("axis = [0, 0, 1]", "axis = [0, 1, 0]")
+        errors.append(np.abs(simulate(text).x[-1][:2] - truth).max())
+    assert abs(np.log2(errors[1] / errors[2]) - 2) < 0.1, errors
+    assert errors[2] < 0.02, errors
+
+
+SPINNING = """
+schema_version = 1
+[time]
+step = 0.01
+duration = 20.0
+integrator = "midpoint"
+[gravity]
+magnitude = 0.0
+[[body]]
+name = "stone"
+position = [3.0, 0.0, 0.0]
+mass = 0.4
+inertia = [0.001, 0.002, 0.0025, 0.0002, 0.0, -0.0001]
+[[body.joint]]
+name = "flight"
+kind = "free"
+velocity = [0.5, 0.0, 2.0, 0.1, 6.0, 0.2]
+"""
+
+
+def test_free_rotation_keeps_energy_and_momentum():
+    run = simulate(SPINNING)
+    energy = np.asarray(run.energy)
+    assert np.abs(energy / energy[0] - 1).max() < 1e-12
+    w, x, y, z = run.x[:, 3:7].T
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+    inertia = np.array([[0.001, 0.0002, 0.0], [0.0002, 0.002, -0.0001], [0.0, -0.0001, 0.0025]])
+    momentum = np.einsum("tij,jk,tk->ti", rotation, inertia, run.x[:, 10:13])
+    assert np.abs(momentum - momentum[0]).max() < 1e-12 * np.linalg.norm(momentum[0])
+    # turning about the middle axis is unstable: it must have tumbled, or nothing was shown
+    assert (run.x[:, 11] < -3).any()
+    np.testing.assert_allclose(run.x[-1, :3], [13.0, 0.0, 40.0], atol=1e-9)
+
+
+WHEEL = """
+schema_version = 1
+[time]
+step = 0.002
+duration = 1.0
+integrator = "{integrator}"
+[[body]]
+name = "wheel"
+mass = 1.0
+inertia = [0.01, 0.01, 0.02, 0, 0, 0]
+[[body.joint]]
+name = "hub"
+kind = "revolute"
+friction = 0.1
+velocity = [3.0]
+[[actuator]]
+name = "motor"
+joint = "hub"
+kind = "torque"
+command = {{ kind = "hold", value = {torque} }}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "sdirk2"])
+def test_dry_friction_slows_at_its_torque_and_then_holds(integrator):
+    run = simulate(WHEEL.format(integrator=integrator, torque=0.0))
+    v = run.x[:, 1]
+    t = 0.002 * np.arange(len(v))
+    sliding = t < 0.55  # 3 rad/s at 5 rad/s²: 0.6 s
+    np.testing.assert_allclose(v[sliding], 3.0 - 5.0 * t[sliding], atol=1e-6)
+    assert np.abs(v[t > 0.61]).max() < 1e-6
+    # below its bound it holds; the creep is (rest gap / step) ρ/(1 − ρ²), twice the smoothing
+    held = simulate(WHEEL.format(integrator=integrator, torque=0.05)).x[-1, 1]
+    assert 0 < held < 5e-6
+    moving = simulate(WHEEL.format(integrator=integrator, torque=0.2)).x[-1, 1]
+    assert abs(moving - (3.0 + 5.0)) < 1e-6
+
+
+def test_a_stop_holds_without_rebound():
+    text = WHEEL.format(integrator="euler", torque=0.3).replace("friction = 0.1", "limits = [-1.0, 0.5]")
+    run = simulate(text)
+    q, v = run.x[:, 0], run.x[:, 1]
+    assert q.max() < 0.5 and q[-1] > 0.5 - 1e-6
+    assert v.min() > -1e-6

@@ -1,0 +1,1 @@
+"""Articulated bodies of pliant beside other simulators of the same bodies."""
