@@ -113,6 +113,7 @@ pub fn diagnose(
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
         baseline: estimates(&plan, &base, &curvature),
+        unidentifiable: curvature.unidentifiable(&base),
         stages: story.stages,
         curves,
         snapshots,

@@ -280,6 +280,9 @@ pub struct Diagnosis {
     pub audit: Vec<AuditFinding>,
     /// The declared free parameters after the baseline fit.
     pub baseline: Vec<Estimate>,
+    /// Combinations of them that the data do not determine, weights in the fit's coordinates; the intervals of the parameters in
+    /// them are their bounds.
+    pub unidentifiable: Vec<String>,
     /// Forward selection, step by step.
     pub stages: Vec<Stage>,
     /// Curves of held-out (or, without any, fitted) records.

@@ -51,6 +51,7 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         audit => d.audit.iter().map(finding_row).collect::<Vec<_>>(),
         audit_summary => story::audit(d),
         parameters => parameters(d),
+        unidentifiable => d.unidentifiable,
         command => provenance.line(),
         seed => provenance.seed,
         threads => provenance.threads,
@@ -232,6 +233,14 @@ mod tests {
         {
             assert!(text.contains(part), "{part:?}");
         }
+    }
+
+    #[test]
+    fn what_is_not_determined_is_said() {
+        let mut d = sample::diagnosis();
+        assert!(!render(&d).contains("do not determine"));
+        d.unidentifiable = vec!["+0.71·cable.length -0.71·sensor.scale".into()];
+        assert!(render(&d).contains("These data do not determine") && render(&d).contains("-0.71·sensor.scale"));
     }
 
     #[test]

@@ -110,6 +110,7 @@ pub(super) fn diagnosis() -> Diagnosis {
             advice: "mask them".into(),
         }],
         baseline: vec![Estimate { estimate: 1.9e-3, ..stiffness.clone() }],
+        unidentifiable: Vec::new(),
         stages: vec![stage("baseline", 9e-3, &[&stiffness]), stage("internal_damping", 1.1e-3, &[&stiffness, &damping])],
         curves: (0..3).map(curve).collect(),
         snapshots: [0.4, 1.3].map(snapshot).to_vec(),

@@ -50,6 +50,9 @@ pub fn summary(d: &Diagnosis) -> String {
         }
     }
     out.push('\n');
+    for line in &d.unidentifiable {
+        let _ = write!(out, "\nnot determined by these data: {line}");
+    }
     for advice in &d.advice {
         let _ = write!(out, "\nto tell them apart: {advice}");
     }
@@ -181,6 +184,9 @@ mod tests {
         {
             assert!(text.contains(part), "{part:?} is not in {text}");
         }
-        assert!(text.lines().count() < 15);
+        assert!(text.lines().count() < 15 && !text.contains("not determined"));
+        let unidentifiable = vec!["+1.00·cable.length".into()];
+        let text = summary(&Diagnosis { unidentifiable, ..sample::diagnosis() });
+        assert!(text.contains("\nnot determined by these data: +1.00·cable.length"), "{text}");
     }
 }
