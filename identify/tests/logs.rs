@@ -178,9 +178,24 @@ fn csv_in_si_units_and_model_order() {
 #[test]
 fn the_command_line_adds_records() {
     let case = Case::csv(|_| {});
-    case.write("more.csv", |_| {});
+    case.write("more.csv", |lines| lines[5] = lines[5].replacen("-30", "-31", 1));
     let logs = case.setup().unwrap().read_logs(&[case.path("more.csv")]).unwrap();
     assert_eq!((logs.split, logs.held_out().count()), (Split::EveryFourth, 1));
+}
+
+#[test]
+fn a_measurement_is_read_once() {
+    let twice = |role: &str| format!("[[experiment.record]]\nfile = \"copy.csv\"\nrole = \"{role}\"\n");
+    for role in ["fit", "held_out"] {
+        let mut case = Case::csv(|_| {});
+        case.write("copy.csv", |lines| lines.insert(0, "# under another name".into()));
+        case.scene += &twice(role);
+        let first = "the same times and readings as record run.csv (scene.toml:38: experiment.record[0].file)";
+        case.refused("scene.toml:40: experiment.record[1].file", &["record copy.csv", first, "keep one of the two"]);
+    }
+    let case = Case::csv(|_| {});
+    let error = case.setup().unwrap().read_logs(&[case.path("run.csv")]).unwrap_err().to_string();
+    assert!(error.starts_with(&format!("{}: record ", case.path("run.csv").display())), "{error}");
 }
 
 #[test]

@@ -98,6 +98,10 @@ fn of_the_file(mistake: &M) -> (String, String) {
         M::NoColumn { known, .. } => both("the log was made by another program", format!("name one of {known}")),
         M::TwoColumns { .. } => both("columns were joined from two files", "rename one of them in the file"),
         M::Ragged { .. } => both("the row was cut off, or has a comma too many", "correct or remove the row"),
+        M::SameRecord { .. } => both(
+            "a file was listed twice, given by `--log` again, or copied under another name",
+            "keep one of the two: what is fitted cannot also be held out, and nothing counts twice",
+        ),
         M::NoArray { nearest: Some(nearest), known, .. } => {
             both("a typing error", format!("did you mean \"{nearest}\"? The file has {known}"))
         }

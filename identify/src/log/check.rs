@@ -177,6 +177,19 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
     extent(setup, record, place)
 }
 
+/// Refuses a measurement that is there twice: fitted, it would count double; held out, it would measure no gain.
+///
+/// By content, so that a copy under another name is found too. `places` tell where each record is listed.
+pub(super) fn check_twice(records: &[Record], places: &[Place]) -> Result<(), LogError> {
+    for (k, record) in records.iter().enumerate() {
+        if let Some(first) = records[..k].iter().position(|other| record.is_copy_of(other)) {
+            let other = format!("{} ({})", records[first].name, places[first]);
+            return Err(LogError::new(places[k].clone(), LogMistake::SameRecord { name: record.name.clone(), other }));
+        }
+    }
+    Ok(())
+}
+
 /// Markers and grippers spread over a length that the ropes can span, or some are in another unit.
 fn extent(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
     let length: f64 = setup.scene.rope.iter().map(|rope| rope.length).sum();

@@ -100,6 +100,9 @@ pub enum LogMistake {
     /// A clock that runs backwards or stands still.
     #[error("the clock {} from {before:.6} s to {after:.6} s", if after < before { "runs backwards" } else { "stands still" })]
     Clock { before: f64, after: f64 },
+    /// A measurement that is there twice.
+    #[error("record {name} has the same times and readings as record {other}")]
+    SameRecord { name: String, other: String },
     /// Too few samples.
     #[error("the record has {found} samples; at least {needed} are needed")]
     TooFew { found: usize, needed: usize },
