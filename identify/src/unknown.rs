@@ -126,7 +126,7 @@ impl Unknown {
 }
 
 /// `*` matches any run of characters.
-fn matches(pattern: &str, path: &str) -> bool {
+pub(crate) fn matches(pattern: &str, path: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == path,
         Some((head, tail)) => path

@@ -87,6 +87,7 @@ impl Failure {
     pub fn identify(scene: &Path, source: IdentifyError) -> Self {
         let advice = match &source {
             IdentifyError::Build(BuildError::Scene(error)) => return Self::Scene(error.clone()),
+            IdentifyError::Log(error) => return Self::Log(error.clone()),
             IdentifyError::Simulation { source, .. } => advice(source),
             IdentifyError::Input(_) | IdentifyError::Build(_) => {
                 ("the scene and its logs do not belong together", "correct what is named here")

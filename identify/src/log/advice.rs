@@ -34,6 +34,23 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
         M::Range { low, high, unit, .. } => {
             both("a wrong unit or sign", format!("write a number between {low} and {high} {unit}"))
         }
+        M::TiedSensor { each, .. } => both("a pattern meant for nodes of a rope", format!("free them one by one: {each}")),
+        M::FreeTwice { .. } => both("an entry was copied, or a pattern with `*` covers it", "keep one entry per parameter"),
+        M::Unphysical { low, high, .. } => {
+            both("a sign error, or bounds of another quantity", format!("write bounds from {low} to {high}"))
+        }
+        M::Outside { .. } => both(
+            "the bounds or the scene's value are in another unit",
+            "widen the bounds, or change the value in the scene: the fit starts there",
+        ),
+        M::NothingFree => both(
+            "the experiment was written for `diagnose` alone",
+            "add e.g. `free = [{ path = \"cable.bend_stiffness\", lower = 1e-5, upper = 0.1 }]` to [experiment.fit]",
+        ),
+        M::AllHeldOut => both(
+            "`role = \"held_out\"` was copied to all of them",
+            "write `role = \"fit\"` for at least one, or leave all roles out: every fourth is then held out",
+        ),
         M::Bounds { .. } => both("they were exchanged", "write the smaller number as `lower`"),
         _ => return None,
     })

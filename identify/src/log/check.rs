@@ -5,6 +5,7 @@ use super::experiment::{Experiment, Marker};
 use super::record::Record;
 use super::setup::{Setup, suggestion};
 use pliant_engine::scene::{Place, words};
+use std::f64::consts::PI;
 
 /// Samples below which no record is of use.
 const MIN_SAMPLES: usize = 10;
@@ -30,6 +31,7 @@ pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
         return check.refuse("experiment", LogMistake::NoMarker);
     }
     experiment.marker.iter().enumerate().try_for_each(|(k, marker)| check.marker(k, marker))?;
+    check.sensor(experiment)?;
     check.inputs(experiment)?;
     check.free(experiment)
 }
@@ -70,6 +72,18 @@ impl Check<'_> {
         if let Some(node) = marker.node.filter(|node| rope.node(*node).is_none()) {
             let n = rope.n_nodes() as f64;
             return self.refuse(&at("node"), LogMistake::Range { value: node as f64, low: -n, high: n - 1.0, unit: "(nodes)" });
+        }
+        Ok(())
+    }
+
+    fn sensor(&self, experiment: &Experiment) -> Result<(), LogError> {
+        let at = |key: &str| format!("experiment.sensor.{key}");
+        let sensor = &experiment.sensor;
+        self.range(&at("scale"), sensor.scale, 0.5, 2.0, "")?;
+        self.range(&at("time_offset"), sensor.time_offset, -10.0, 10.0, "s")?;
+        for a in 0..3 {
+            self.range(&at(&format!("bias[{a}]")), sensor.bias[a], -1e3, 1e3, "m")?;
+            self.range(&at(&format!("rotation[{a}]")), sensor.rotation[a], -PI, PI, "rad")?;
         }
         Ok(())
     }
@@ -120,31 +134,6 @@ impl Check<'_> {
             }
         }
         Ok(())
-    }
-}
-
-impl Setup {
-    /// Checks that the paths of the free parameters are among those of the model and the sensor.
-    pub fn check_paths(&self, known: &[&str]) -> Result<(), LogError> {
-        for (k, free) in self.experiment.fit.free.iter().enumerate() {
-            if !known.iter().any(|path| matches(&free.path, path)) {
-                let field = format!("experiment.fit.free[{k}].path");
-                return Check { setup: self }.unknown(&field, "parameter", &free.path, known);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Whether a path is meant by a pattern in which `[*]` stands for any number.
-pub(super) fn matches(pattern: &str, path: &str) -> bool {
-    match pattern.split_once("[*]") {
-        None => pattern == path,
-        Some((before, after)) => {
-            path.strip_prefix(before).and_then(|rest| rest.strip_prefix('[')?.split_once(']')).is_some_and(|(number, rest)| {
-                !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) && matches(after, rest)
-            })
-        }
     }
 }
 

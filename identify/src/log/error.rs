@@ -73,6 +73,24 @@ pub enum LogMistake {
     /// Bounds in the wrong order.
     #[error("the lower bound {lower} is not below the upper bound {upper}")]
     Bounds { lower: f64, upper: f64 },
+    /// A pattern that would tie parameters of the sensor.
+    #[error("`{path}` would tie parameters of the sensor to one value, which says nothing of a sensor")]
+    TiedSensor { path: String, each: String },
+    /// A parameter that is freed twice.
+    #[error("`{path}` is free already, by {other}")]
+    FreeTwice { path: String, other: String },
+    /// A bound beyond what is physical.
+    #[error("the bound of `{path}` is {value} {unit}, but it can only be from {low} to {high}")]
+    Unphysical { path: String, value: f64, low: f64, high: f64, unit: &'static str },
+    /// A starting value outside the bounds.
+    #[error("the scene's `{path}` is {value} {unit}, outside its bounds {lower} to {upper}")]
+    Outside { path: String, value: f64, lower: f64, upper: f64, unit: &'static str },
+    /// Nothing to fit.
+    #[error("lists no free parameter, so there is nothing to fit")]
+    NothingFree,
+    /// Nothing to fit to.
+    #[error("every record is held out, so there is nothing to fit to")]
+    AllHeldOut,
     /// The file cannot be read.
     #[error("cannot be read: {error}")]
     Read { error: String },

@@ -51,7 +51,8 @@ impl Setup {
         let listed = |k: usize| self.source.place(&format!("experiment.record[{k}].file"));
         let named = self.experiment.record.iter().enumerate();
         let named = named.map(|(k, record)| (self.folder.join(&record.file), record.clone(), listed(k)));
-        let added = more.iter().map(|path| (path.clone(), self.added(path), Place { file: Some(name_of(path)), ..Place::default() }));
+        let added =
+            more.iter().map(|path| (path.clone(), self.added(path), Place { file: Some(name_of(path)), ..Place::default() }));
         let (mut records, mut roles, mut places) = (Vec::new(), Vec::new(), Vec::new());
         for (path, file, place) in named.chain(added) {
             let read = self.read_file(&path, &file)?;
@@ -92,6 +93,11 @@ impl Setup {
         let start = record.time[0];
         record.time.iter_mut().for_each(|t| *t -= start);
         Ok(record)
+    }
+
+    /// An error at a field of the scene.
+    pub(crate) fn refuse(&self, field: &str, mistake: LogMistake) -> LogError {
+        LogError::new(self.source.place(field), mistake)
     }
 
     /// The inputs of the model.

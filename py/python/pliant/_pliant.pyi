@@ -308,7 +308,13 @@ def fit(
 
     logs: more files, read by the same mapping. progress: told what is being done.
     The dict has the keys of the command's JSON: `parameters` (path, estimate, unit, interval,
-    scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, …
+    scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, `warnings` (a residual that
+    is not noise, estimates at their bounds), …
+
+    Besides the parameters of the model (`Model.param_paths`), those of the markers' sensor can be
+    free: `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad],
+    `sensor.time_offset` [s]; a marker at p is read as scale R(rotation) p(t - time_offset) + bias.
+    What is known of them stands in the scene's `[experiment.sensor]`.
     """
 
 def diagnose(
@@ -322,6 +328,6 @@ def diagnose(
     """Finds out what the scene gets wrong about the records of its experiment, and `logs`.
 
     seed: of bootstraps and sign flips. The dict has the keys of the command's JSON: `verdict`
-    ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain`,
-    `candidates`, …
+    ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain` (whose
+    `interval` is None where it is unknown), `candidates`, `unidentifiable`, …
     """
