@@ -28,6 +28,16 @@ pub(crate) fn millimetres(x: f64) -> String {
     format!("{} mm", number(1e3 * x))
 }
 
+/// The same for terminals.
+pub(crate) fn millimetres_plain(x: f64) -> String {
+    format!("{} mm", number_plain(1e3 * x))
+}
+
+/// A fraction of something that may have been taken, in words: `93 %`, or `nothing` where it has grown instead.
+pub(crate) fn share(x: f64) -> String {
+    if x >= 0.005 { format!("{:.0} %", 100.0 * x) } else { "nothing".to_owned() }
+}
+
 /// A fraction in per cent.
 pub(crate) fn percent(x: f64) -> String {
     if x.is_finite() { format!("{:.0} %", 100.0 * x).replace('-', "−") } else { special(x) }
@@ -83,6 +93,7 @@ mod tests {
         assert_eq!(number(-2.0e12), "−2×10¹²");
         assert_eq!((number(0.0), number(f64::NAN), number(f64::INFINITY)), ("0".into(), "–".into(), "∞".into()));
         assert_eq!(number_plain(-1.2345e-5), "-1.23e-5");
+        assert_eq!((share(0.934), share(-0.15)), ("93 %".into(), "nothing".into()));
         assert_eq!((percent(0.934), millimetres(0.00123)), ("93 %".into(), "1.23 mm".into()));
         assert_eq!((p_value(1e-20), p_value(0.04)), ("< 10⁻¹²".into(), "0.04".into()));
     }
