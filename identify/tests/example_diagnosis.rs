@@ -29,6 +29,9 @@ fn the_hidden_effect_is_named_with_its_size() {
     assert!(damping.interval[0] < damping.estimate && damping.estimate < damping.interval[1]);
     let stiffness = d.stages.last().unwrap().parameters.iter().find(|p| p.path == "cable.bend_stiffness").unwrap();
     assert!((stiffness.estimate - 1.5e-3).abs() < 3e-5, "{stiffness:?}");
+    let offsets = d.candidates.iter().filter(|c| c.name == "gripper_offset").map(|c| c.object.as_deref());
+    assert_eq!(offsets.collect::<Vec<_>>(), [Some("left"), Some("right")]);
+    assert!(d.candidates.iter().filter(|c| c.name != "gripper_offset").all(|c| c.object.is_none()));
     let whole = d.gain.last().unwrap();
     assert!(whole.rmse_after < 0.4 * whole.rmse_before, "{whole:?}");
 }

@@ -82,19 +82,21 @@ impl Mistake {
                 "names become paths such as `cable.bend_stiffness`",
                 "use letters, digits, `_` and `-`, beginning with a letter; not gravity, air, sensor",
             ),
-            Self::NameTaken { .. } => {
-                both("an object was copied and not renamed", "give every rope, body, joint, actuator, gripper and shape its own name")
-            }
+            Self::NameTaken { .. } => both(
+                "an object was copied and not renamed",
+                "give every rope, body, joint, actuator, gripper and shape its own name",
+            ),
             Self::Nothing => both("the scene is only a beginning", "add a [[rope]], or a [[body]] with a [[body.joint]]"),
             Self::NoSuch { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
             Self::NoSuch { what, known, .. } if known.is_empty() => {
                 both(format!("the scene has no {what} at all"), format!("add a {what}"))
             }
-            Self::NoSuch { what, known, .. } => both(format!("the {what} was renamed or removed"), format!("name one of: {known}")),
-            Self::Cycle { .. } => both(
-                "a kinematic loop was written as parents",
-                "leave one `parent` of the circle out: parents form a tree",
-            ),
+            Self::NoSuch { what, known, .. } => {
+                both(format!("the {what} was renamed or removed"), format!("name one of: {known}"))
+            }
+            Self::Cycle { .. } => {
+                both("a kinematic loop was written as parents", "leave one `parent` of the circle out: parents form a tree")
+            }
             Self::Inertia { hint, .. } => both(
                 "moments about another point than the centre of mass, products of inertia of the wrong sign, or another unit",
                 format!("give xx, yy, zz, xy, xz, yz about the centre of mass in kg·m² ({hint})"),

@@ -5,7 +5,7 @@ use super::test::reduce;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::shoot::Plan;
-use nalgebra::{DMatrix, Dyn, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Two-sided 90 % of a normal.
 const Z90: f64 = 1.644_853_626_951_472_6;
@@ -29,7 +29,8 @@ impl Curvature {
     }
 
     fn of(gram: DMatrix<f64>) -> Self {
-        Self { eigen: SymmetricEigen::new(gram) }
+        let empty = SymmetricEigen { eigenvectors: DMatrix::zeros(0, 0), eigenvalues: DVector::zeros(0) };
+        Self { eigen: if gram.is_empty() { empty } else { SymmetricEigen::new(gram) } }
     }
 
     /// Numbers of the directions without influence.
