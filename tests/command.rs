@@ -141,6 +141,8 @@ fn gradcheck_reports_every_block() {
     assert_eq!(report["pass"], true);
     assert_eq!(report["steps"], 5);
     assert!(report["blocks"].as_array().unwrap().iter().any(|block| block["name"] == "cord.bend_stiffness"));
+    let longer = json(&pliant(&["gradcheck", "tests/scenes/edge_clamp.toml", "--steps", "22", "--json"]));
+    assert_eq!((&longer["steps"], &longer["pass"]), (&22.into(), &true.into()), "two more than its duration has");
     let table = text(&pliant(&arguments).stdout);
     assert!(table.starts_with("input") && table.trim_end().ends_with(": pass"), "{table}");
 }
