@@ -126,7 +126,7 @@ class Model:
     def controls(self, n_steps: int | None = None) -> Array:
         """Inputs of the scene's gripper motions, (n_steps, nu), by default for its duration.
 
-        Row k belongs to step k: prescribed positions are those at the step's end.
+        Row k belongs to step k: prescribed positions are those at the step's end. At most 10⁷ rows.
         """
     def masses(self, theta: ArrayLike | None = None) -> Array:
         """Masses of all nodes [kg], (n_nodes,); ghosts have none."""
@@ -149,8 +149,8 @@ class Model:
         """Simulates from x0 (nx,) through u (T, nu) with parameters theta (n_params,).
 
         record: keep each step's factorization, which derivatives need.
-        max_records: keep those of at most so many steps and recompute the others in vjp, which
-            stays bitwise the same; jvp and linearize then are not available.
+        max_records: keep those of at most so many steps, at least 1, and recompute the others in
+            vjp, which stays bitwise the same; jvp and linearize then are not available.
         rest_gap: differentiate steps of another rest gap [m] than the scene's; the result is a
             SurrogateRollout. states says through which states: "smooth", a rollout at that rest
             gap, or "hard", each step taken from the states of the scene's own contact.
@@ -225,6 +225,7 @@ class Rollout:
         """Cotangents x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,) from x_bar (T + 1, nx).
 
         The gradient of L(x_0 … x_T) has x_bar = dL/dx, and comes in units of L per SI unit.
+        NaN or infinity in x_bar is refused.
         """
     def linearize(self, k: int) -> tuple[Array, Array, Array]:
         """Jacobians of step k: A (nx, nx) by x_k, B (nx, nu) by u_k, C (nx, n_params) by theta."""
