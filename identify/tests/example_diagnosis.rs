@@ -39,6 +39,19 @@ fn the_hidden_effect_is_named_with_its_size() {
 #[test]
 fn nothing_is_claimed_where_nothing_is_hidden() {
     let d = run(|text| text.replace("bend_damping = 2.0000e-05", "bend_damping = 5.0e-05"));
+    assert!(!d.audit.iter().any(|f| f.what.contains("gripper holds")));
     assert_eq!(d.verdict, Verdict::Adequate, "{} {:?}", d.reason, d.causes);
     assert!(d.causes.is_empty() && d.alternatives.is_empty());
+}
+
+/// The gripper's own log as a marker: fitted to rounding, and said.
+#[test]
+fn a_marker_on_a_held_node_is_pointed_out() {
+    let marker =
+        "[[experiment.marker]]\nrope = \"cable\"\nnode = -1\ncolumns = [\"right12_x\", \"right12_y\", \"right12_z\"]\n\n";
+    let first = "[[experiment.input]]\ngripper = \"left\"";
+    let d = run(|text| text.replacen(first, &format!("{marker}{first}"), 1));
+    let found: Vec<_> =
+        d.audit.iter().filter(|f| f.what == "marker 4 is on node 12 of \"cable\", which a gripper holds").collect();
+    assert_eq!((found.len(), found[0].severity.as_str(), found[0].place.as_str()), (1, "info", "Point(4)"));
 }

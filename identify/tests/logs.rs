@@ -242,6 +242,10 @@ fn clocks() {
     Case::csv(|lines| lines[8] = lines[8].replacen("570", "", 1)).refused("run.csv:9: column t", &["is empty", "remove the row"]);
     let seconds = Case::csv(|_| {}).with("unit = \"ms\"", "unit = \"s\"");
     seconds.refused("run.csv:2: column t", &["10.000000 s apart", "1000 steps", "`unit = \"ms\"`"]);
+    let microseconds = Case::csv(|_| {}).with("unit = \"ms\"", "unit = \"us\"");
+    microseconds.refused("run.csv:2: column t", &["0.000010 s apart", "0.0010 steps", "unit that `time.unit` says"]);
+    Case::csv(|lines| lines[8] = lines[8].replacen("570", "1e300", 1))
+        .refused("run.csv:10: column t", &["runs backwards from 1.000e297 s to 0.580000 s"]);
 }
 
 #[test]
@@ -307,6 +311,7 @@ fn arrays() {
 #[test]
 fn files() {
     Case::new(CSV).refused("run.csv", &["cannot be read", "relative to the scene's folder"]);
+    Case::csv(Vec::clear).refused("run.csv", &["is empty", "record again"]);
     Case::new(CSV).with("run.csv", "run.mat").refused("run.mat", &["neither .csv nor .npz"]);
     Case::new(CSV)
         .with("[[experiment.record]]\nfile = \"run.csv\"\n", "")
@@ -339,6 +344,8 @@ fn mappings() {
     Case::new(CSV)
         .with("unit = \"mm\"", "unit = \"inch\"")
         .refused("scene.toml:27: experiment.marker[0].unit", &["\"m\", \"cm\", \"mm\""]);
+    let error = Case::new(CSV).with("unit = \"mm\"", "unit = \"kg\"").setup().unwrap_err().to_string();
+    assert!(error.contains("write one of \"m\", \"cm\", \"mm\"") && !error.contains("did you mean"), "{error}");
     Case::new(CSV).with("node = 2\n", "nod = 2\n").refused("scene.toml:25: experiment.marker[0].nod", &["did you mean `node`?"]);
 }
 

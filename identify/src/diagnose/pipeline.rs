@@ -59,6 +59,7 @@ pub fn diagnose(
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
     }
     let mut plan = Plan::new(setup, logs)?;
+    findings.extend(audit::held_markers(&plan));
     let fit_options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
     progress("fitting the baseline");
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;

@@ -291,7 +291,8 @@ pub struct Diagnosis {
     pub advice: Vec<String>,
     /// What is left.
     pub remainder: Remainder,
-    /// Every candidate against the baseline.
+    /// Every candidate against the baseline: a cause once, or once per gripper (`object`); and `node_spacing`, what a finer rope would
+    /// change, which is no cause.
     pub candidates: Vec<CandidateReport>,
     /// Held-out errors.
     pub gain: Vec<Gain>,

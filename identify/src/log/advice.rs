@@ -1,6 +1,7 @@
 //! Likely cause and fix of each mistake.
 
 use super::error::{LogMistake as M, Need};
+use pliant_engine::scene::words::Num;
 
 /// (likely cause, fix).
 pub(super) fn advice(mistake: &M) -> (String, String) {
@@ -32,12 +33,12 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
             )
         }
         M::Range { low, high, unit, .. } => {
-            both("a wrong unit or sign", format!("write a number between {low} and {high} {unit}"))
+            both("a wrong unit or sign", format!("write a number between {} and {} {unit}", Num(*low), Num(*high)))
         }
         M::TiedSensor { each, .. } => both("a pattern meant for nodes of a rope", format!("free them one by one: {each}")),
         M::FreeTwice { .. } => both("an entry was copied, or a pattern with `*` covers it", "keep one entry per parameter"),
         M::Unphysical { low, high, .. } => {
-            both("a sign error, or bounds of another quantity", format!("write bounds from {low} to {high}"))
+            both("a sign error, or bounds of another quantity", format!("write bounds from {} to {}", Num(*low), Num(*high)))
         }
         M::Outside { .. } => both(
             "the bounds or the scene's value are in another unit",
@@ -87,6 +88,9 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
                 format!("write `step = {fits}` in [time]"),
             )
         }
+        M::ClockUnit { ratio, .. } if *ratio < 1.0 => {
+            both("the clock is not in the unit that `time.unit` says", "write `unit = \"s\"` (or \"ms\") in `time`")
+        }
         M::ClockUnit { .. } => {
             both("the clock is not in the unit that `time.unit` says", "write `unit = \"ms\"` (or \"us\") in `time`")
         }
@@ -104,6 +108,7 @@ fn of_the_file(mistake: &M) -> (String, String) {
         M::Read { .. } => {
             both("the path is wrong, or the file is damaged", "check the path; it is relative to the scene's folder")
         }
+        M::Empty => both("the recording did not begin, or another file was meant", "record again, or leave this file out"),
         M::Kind => both("another format", "convert it to .csv or .npz"),
         M::Mapping { key, kind } => both(
             "the mapping was written for the other kind of file",

@@ -13,6 +13,8 @@ const MIN_SAMPLES: usize = 10;
 const PERIOD_ERROR: f64 = 0.02;
 /// Steps between two samples beyond which the clock is taken for one in milliseconds.
 const MOST_STEPS: f64 = 500.0;
+/// And below which it is taken for one in seconds that is read as milliseconds.
+const FEWEST_STEPS: f64 = 0.05;
 /// Times the length of all ropes beyond which positions are taken for another unit's; below a hundredth they are, too.
 const EXTENT: f64 = 10.0;
 
@@ -150,18 +152,18 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
             return Err(LogError::new(place(k), LogMistake::Clock { before, after }));
         }
     }
-    let duration = record.time[n - 1] - record.time[0];
-    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in)];
-    if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
-        return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
-    }
     let (period, step) = (record.period(), setup.scene.time.step);
     let ratio = period / step;
-    if ratio > MOST_STEPS {
+    if !(FEWEST_STEPS..=MOST_STEPS).contains(&ratio) {
         return Err(LogError::new(place(0), LogMistake::ClockUnit { period, step, ratio }));
     }
     if ratio.round() < 1.0 || (ratio / ratio.round() - 1.0).abs() > PERIOD_ERROR {
         return Err(LogError::new(place(0), LogMistake::Period { period, step, ratio }));
+    }
+    let duration = record.time[n - 1] - record.time[0];
+    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in)];
+    if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
+        return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
     }
     extent(setup, record, place)
 }
