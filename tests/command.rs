@@ -141,6 +141,8 @@ fn gradcheck_reports_every_block() {
     assert_eq!(report["pass"], true);
     assert_eq!(report["steps"], 5);
     assert!(report["blocks"].as_array().unwrap().iter().any(|block| block["name"] == "cord.bend_stiffness"));
+    let longer = json(&pliant(&["gradcheck", "tests/scenes/edge_clamp.toml", "--steps", "22", "--json"]));
+    assert_eq!((&longer["steps"], &longer["pass"]), (&22.into(), &true.into()), "two more than its duration has");
     let table = text(&pliant(&arguments).stdout);
     assert!(table.starts_with("input") && table.trim_end().ends_with(": pass"), "{table}");
 }
@@ -152,6 +154,11 @@ fn the_schema_describes_the_experiment_too() {
     assert!(schema["$defs"]["Marker"]["properties"]["columns"].is_object());
     let schema = json(&pliant(&["schema", "diagnosis"]));
     assert!(schema["properties"]["verdict"].is_object() && schema["$defs"]["Estimate"].is_object());
+    assert!(schema["properties"]["unidentifiable"]["description"].as_str().unwrap().contains("their bounds"));
+    let interval = &schema["$defs"]["Gain"]["properties"]["interval"];
+    assert!(interval["type"].to_string().contains("null"), "{interval}");
+    let schema = json(&pliant(&["schema", "fit"]));
+    assert!(schema["properties"]["warnings"]["description"].is_string());
 }
 
 /// The built-in example's files in a folder; a text in one of them replaced.
@@ -179,6 +186,24 @@ fn mistakes_in_experiments_and_logs_are_located() {
     assert_refused(&pliant(&["fit", &scene]), &["run2.csv:2"]);
     let scene = example(folder.path(), "scene.toml", "cable.bend_stiffness", "cable.bend_stifness");
     assert_refused(&pliant(&["fit", &scene]), &["cable.bend_stifness", "cable.bend_stiffness"]);
+    for (from, to, parts) in [
+        ("cable.bend_stiffness", "sensor.foo", ["scene.toml:102: experiment.fit.free[0].path", "`sensor.bias[0]`"]),
+        (
+            "role = \"held_out\"",
+            "role = \"fit\"\n[[experiment.record]]\nfile = \"run1.csv\"",
+            ["record[3].file", "keep one of the two"],
+        ),
+    ] {
+        let scene = example(folder.path(), "scene.toml", from, to);
+        assert_refused(&pliant(&["fit", &scene]), &parts);
+        assert_refused(&diagnose(&scene), &parts);
+    }
+    let scene = example(folder.path(), "scene.toml", "", "");
+    let held_out = folder.path().join("run3.csv");
+    assert_refused(
+        &pliant(&["fit", &scene, "--log", held_out.to_str().unwrap()]),
+        &["run3.csv: record", "scene.toml:98: experiment.record[2].file"],
+    );
     let log = folder.path().join("missing.csv");
     let scene = example(folder.path(), "scene.toml", "", "");
     assert_refused(&pliant(&["fit", &scene, "--log", log.to_str().unwrap()]), &["missing.csv: cannot be read"]);

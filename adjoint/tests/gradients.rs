@@ -292,3 +292,17 @@ fn norm(a: &[f64]) -> f64 {
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     norm(&a.iter().zip(b).map(|(x, y)| x - y).collect::<Vec<_>>()) / norm(a)
 }
+
+/// A plane is without friction unless it says so: both laws hold the square of the coefficient, so nothing is wrong with a
+/// gradient of 0 there, whatever slope a difference to larger coefficients finds.
+#[test]
+fn no_friction_has_no_gradient() {
+    for rest_gap in [1e-9, 1e-6] {
+        let mut scene = scene("sliding");
+        scene.plane[0].friction = 0.0;
+        scene.contact.rest_gap = rest_gap;
+        let report = check(&Case::new(&scene, 10));
+        let friction = report.blocks.iter().find(|b| b.name == "floor.friction").unwrap();
+        assert!(friction.pass && friction.one_sided && friction.derivative.abs() < 1e-9, "{friction:#?}");
+    }
+}

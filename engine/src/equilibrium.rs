@@ -1,9 +1,9 @@
 //! Static equilibrium: the configuration where all forces vanish.
 
+use crate::bodies::spatial::Inertia;
 use crate::kinematics::Input;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
-use crate::bodies::spatial::Inertia;
 use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
 use std::sync::Arc;
 

@@ -78,7 +78,8 @@ impl Rollout {
 
     /// Total energy \[J\] at every state.
     pub fn energy(&self) -> Vec<f64> {
-        let total = |x: &State| self.model.kinetic_energy(&x.q, &x.v, &self.theta) + self.model.potential_energy(&x.q, &self.theta);
+        let total =
+            |x: &State| self.model.kinetic_energy(&x.q, &x.v, &self.theta) + self.model.potential_energy(&x.q, &self.theta);
         self.states.iter().map(total).collect()
     }
 }

@@ -143,6 +143,19 @@ fn numbers() {
 }
 
 #[test]
+fn sizes_beyond_memory() {
+    refused(
+        "duration = 0.5",
+        "duration = 1e12",
+        "4: time.duration",
+        &["1e14 steps of 0.01 s", "may have 10000000", "at most 100000 s"],
+    );
+    refused("step = 0.01", "step = 1e-300", "3: time.step", &["is 1e-300, but must lie between 1e-9 and 1"]);
+    refused("nodes = 5", "nodes = 300000000", "11: rope[0].nodes", &["300000000 nodes", "may have 1000000"]);
+    refused("length = 1.0", "length = -1e300", "12: rope[0].length", &["is -1e300 m"]);
+}
+
+#[test]
 fn negative_mass() {
     refused("mass = 0.01", "mass = -0.01", "17: rope[0].node_mass[0].mass", &["-0.01 kg", "must not be negative"]);
     refused("radius = 0.003", "radius = 0.003\ntip_mass = -1.0", "17: rope[0].tip_mass", &["-1 kg"]);
@@ -202,7 +215,14 @@ fn impossible_geometry() {
 #[test]
 fn contact_that_cannot_be() {
     refused("\"euler\"", "\"midpoint\"", "5: time.integrator", &["with contact", "2 shape(s)", "sdirk2"]);
-    refused("nodes = [0, 1]", "nodes = [0, 1, 2, 3, 4]", "19: gripper", &["hold every node", "leave nodes free"]);
+    let held = &["grippers hold every node of rope \"cable\"", "leave nodes of it free"];
+    refused("nodes = [0, 1]", "nodes = [0, 1, 2, 3, 4]", "9: rope[0]", held);
+    // a second rope that is free changes nothing about the first
+    let free = "[[rope]]\nname = \"free\"\nnodes = 3\nlength = 1.0\nlinear_density = 0.05\nstretch_stiffness = 1.0e4\n\
+                initial = { shape = \"straight\", from = [0, 0, 9], direction = [1, 0, 0] }\n[[plane]]";
+    let two = GOOD.replacen("nodes = [0, 1]", "nodes = [0, 1, 2, 3, 4]", 1).replacen("[[plane]]", free, 1);
+    let error = parse_scene::<Nothing>(&two, "scene.toml").unwrap_err().to_string();
+    assert!(error.starts_with("scene.toml:9: rope[0]: grippers hold every node of rope \"cable\""), "{error}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Why a fit or a diagnosis failed.
 
+use crate::log::LogError;
 use pliant_engine::model::BuildError;
 use pliant_engine::step::StepError;
 
@@ -9,6 +10,9 @@ pub enum IdentifyError {
     /// The scene, the logs or the request are wrong.
     #[error("{0}")]
     Input(String),
+    /// The experiment or its logs are wrong; with the place.
+    #[error(transparent)]
+    Log(#[from] LogError),
     /// The scene cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
@@ -49,6 +53,7 @@ impl IdentifyError {
         matches!(
             self,
             Self::Input(_)
+                | Self::Log(_)
                 | Self::Build(_)
                 | Self::DeadParameter { .. }
                 | Self::Simulation { source: StepError::Command { .. }, .. }

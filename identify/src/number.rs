@@ -23,9 +23,24 @@ pub(crate) fn number_plain(x: f64) -> String {
     }
 }
 
+/// So many decimals, unless the number is too large for them.
+pub(crate) fn fixed(x: f64, decimals: usize) -> String {
+    if x.abs() < 1e9 { format!("{x:.decimals$}") } else { format!("{x:.3e}") }
+}
+
 /// A length [m] in mm.
 pub(crate) fn millimetres(x: f64) -> String {
     format!("{} mm", number(1e3 * x))
+}
+
+/// The same for terminals.
+pub(crate) fn millimetres_plain(x: f64) -> String {
+    format!("{} mm", number_plain(1e3 * x))
+}
+
+/// A fraction of something that may have been taken, in words: `93 %`, or `nothing` where it has grown instead.
+pub(crate) fn share(x: f64) -> String {
+    if x >= 0.005 { format!("{:.0} %", 100.0 * x) } else { "nothing".to_owned() }
 }
 
 /// A fraction in per cent.
@@ -83,6 +98,8 @@ mod tests {
         assert_eq!(number(-2.0e12), "−2×10¹²");
         assert_eq!((number(0.0), number(f64::NAN), number(f64::INFINITY)), ("0".into(), "–".into(), "∞".into()));
         assert_eq!(number_plain(-1.2345e-5), "-1.23e-5");
+        assert_eq!((fixed(0.5, 4), fixed(1e300, 4)), ("0.5000".into(), "1.000e300".into()));
+        assert_eq!((share(0.934), share(-0.15)), ("93 %".into(), "nothing".into()));
         assert_eq!((percent(0.934), millimetres(0.00123)), ("93 %".into(), "1.23 mm".into()));
         assert_eq!((p_value(1e-20), p_value(0.04)), ("< 10⁻¹²".into(), "0.04".into()));
     }

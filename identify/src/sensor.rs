@@ -8,6 +8,7 @@
 
 use nalgebra::{Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualNum, DualSVec64};
+use pliant_engine::params::{ANY, POSITIVE};
 
 /// Entries of a sensor's parameters, in this order: bias (3), scale, rotation (3), time offset.
 pub const SENSOR_PARAMS: usize = 8;
@@ -24,6 +25,8 @@ pub const SENSOR_PATHS: [&str; SENSOR_PARAMS] = [
 ];
 /// Units of [`SENSOR_PARAMS`].
 pub const SENSOR_UNITS: [&str; SENSOR_PARAMS] = ["m", "m", "m", "-", "rad", "rad", "rad", "s"];
+/// Physical bounds of [`SENSOR_PARAMS`].
+pub const SENSOR_BOUNDS: [(f64, f64); SENSOR_PARAMS] = [ANY, ANY, ANY, POSITIVE, ANY, ANY, ANY, ANY];
 /// Index of the scale.
 pub const SCALE: usize = 3;
 /// Index of the time offset.

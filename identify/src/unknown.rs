@@ -107,6 +107,12 @@ impl Unknown {
         moved.clamp(self.bounds.0, self.bounds.1)
     }
 
+    /// As [`Unknown::moved`], but as far as `delta` says: the end of an interval, not a step of a fit.
+    pub fn far(&self, value: f64, delta: f64) -> f64 {
+        let moved = if self.log { value * delta.exp() } else { value + self.scale * delta };
+        moved.clamp(self.bounds.0, self.bounds.1)
+    }
+
     /// Which directions from a value are physical.
     pub fn sign(&self, value: f64) -> Sign {
         if value <= self.bounds.0 {
@@ -120,7 +126,7 @@ impl Unknown {
 }
 
 /// `*` matches any run of characters.
-fn matches(pattern: &str, path: &str) -> bool {
+pub(crate) fn matches(pattern: &str, path: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == path,
         Some((head, tail)) => path

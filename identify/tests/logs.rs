@@ -5,6 +5,7 @@ use ndarray::{Array1, Array3, Array4};
 use ndarray_npy::NpzWriter;
 use pliant_engine::scene::Source;
 use pliant_identify::log::{Beginning, LogError, Logs, Role, Setup, Split};
+use pliant_identify::{DiagnoseOptions, fit_scene};
 use std::fmt::Write;
 use std::fs;
 use std::path::PathBuf;
@@ -178,9 +179,24 @@ fn csv_in_si_units_and_model_order() {
 #[test]
 fn the_command_line_adds_records() {
     let case = Case::csv(|_| {});
-    case.write("more.csv", |_| {});
+    case.write("more.csv", |lines| lines[5] = lines[5].replacen("-30", "-31", 1));
     let logs = case.setup().unwrap().read_logs(&[case.path("more.csv")]).unwrap();
     assert_eq!((logs.split, logs.held_out().count()), (Split::EveryFourth, 1));
+}
+
+#[test]
+fn a_measurement_is_read_once() {
+    let twice = |role: &str| format!("[[experiment.record]]\nfile = \"copy.csv\"\nrole = \"{role}\"\n");
+    for role in ["fit", "held_out"] {
+        let mut case = Case::csv(|_| {});
+        case.write("copy.csv", |lines| lines.insert(0, "# under another name".into()));
+        case.scene += &twice(role);
+        let first = "the same times and readings as record run.csv (scene.toml:38: experiment.record[0].file)";
+        case.refused("scene.toml:40: experiment.record[1].file", &["record copy.csv", first, "keep one of the two"]);
+    }
+    let case = Case::csv(|_| {});
+    let error = case.setup().unwrap().read_logs(&[case.path("run.csv")]).unwrap_err().to_string();
+    assert!(error.starts_with(&format!("{}: record ", case.path("run.csv").display())), "{error}");
 }
 
 #[test]
@@ -226,6 +242,10 @@ fn clocks() {
     Case::csv(|lines| lines[8] = lines[8].replacen("570", "", 1)).refused("run.csv:9: column t", &["is empty", "remove the row"]);
     let seconds = Case::csv(|_| {}).with("unit = \"ms\"", "unit = \"s\"");
     seconds.refused("run.csv:2: column t", &["10.000000 s apart", "1000 steps", "`unit = \"ms\"`"]);
+    let microseconds = Case::csv(|_| {}).with("unit = \"ms\"", "unit = \"us\"");
+    microseconds.refused("run.csv:2: column t", &["0.000010 s apart", "0.0010 steps", "unit that `time.unit` says"]);
+    Case::csv(|lines| lines[8] = lines[8].replacen("570", "1e300", 1))
+        .refused("run.csv:10: column t", &["runs backwards from 1.000e297 s to 0.580000 s"]);
 }
 
 #[test]
@@ -291,6 +311,7 @@ fn arrays() {
 #[test]
 fn files() {
     Case::new(CSV).refused("run.csv", &["cannot be read", "relative to the scene's folder"]);
+    Case::csv(Vec::clear).refused("run.csv", &["is empty", "record again"]);
     Case::new(CSV).with("run.csv", "run.mat").refused("run.mat", &["neither .csv nor .npz"]);
     Case::new(CSV)
         .with("[[experiment.record]]\nfile = \"run.csv\"\n", "")
@@ -323,6 +344,8 @@ fn mappings() {
     Case::new(CSV)
         .with("unit = \"mm\"", "unit = \"inch\"")
         .refused("scene.toml:27: experiment.marker[0].unit", &["\"m\", \"cm\", \"mm\""]);
+    let error = Case::new(CSV).with("unit = \"mm\"", "unit = \"kg\"").setup().unwrap_err().to_string();
+    assert!(error.contains("write one of \"m\", \"cm\", \"mm\"") && !error.contains("did you mean"), "{error}");
     Case::new(CSV).with("node = 2\n", "nod = 2\n").refused("scene.toml:25: experiment.marker[0].nod", &["did you mean `node`?"]);
 }
 
@@ -333,8 +356,64 @@ fn free_parameters() {
     bounds.refused(&format!("{field}.lower"), &["2 is not below the upper bound 1"]);
     let prior = Case::new(CSV).with("upper = 1.0", "upper = 1.0, prior = { mean = 3, std = 1 }");
     prior.refused(&format!("{field}.prior.mean"), &["is 3", "its bounds"]);
-    let setup = Case::new(CSV).with("cable.bend_stiffness", "cable.node[*].mass").setup().unwrap();
-    setup.check_paths(&["cable.length", "cable.node[12].mass"]).unwrap();
-    let error = setup.check_paths(&["cable.length", "cable.nodes[12].mass"]).unwrap_err().to_string();
-    assert!(error.starts_with(&format!("{field}.path: there is no parameter \"cable.node[*].mass\"")), "{error}");
+}
+
+/// The error of fitting the good log with another list of free parameters.
+fn free_error(list: &str) -> String {
+    let case = Case::csv(|_| {}).with("{ path = \"cable.bend_stiffness\", lower = 1e-6, upper = 1.0 }", list);
+    let setup = case.setup().unwrap();
+    let logs = setup.read_logs(&[]).unwrap();
+    let error = fit_scene(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap_err();
+    assert!(error.is_input(), "{error}");
+    let error = error.to_string();
+    assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
+    error
+}
+
+#[test]
+fn free_parameters_that_the_model_does_not_allow() {
+    let field = "scene.toml:36: experiment.fit.free[0]";
+    let free = |path: &str, bounds: &str| format!("{{ path = \"{path}\", {bounds} }}");
+    let cases = [
+        ("cable.bend_stifness", "lower = 0, upper = 1", "path: there is no parameter", "did you mean \"cable.bend_stiffness\"?"),
+        ("cable.temperature", "lower = 0, upper = 1", "path: there is no parameter", "`cable.node[*].mass`"),
+        ("sensor.foo", "lower = 0, upper = 1", "path: there is no parameter", "`sensor.bias[0]`, `sensor.bias[1]`"),
+        ("sensor.bias[*]", "lower = -1, upper = 1", "path: `sensor.bias[*]` would tie", "one by one: `sensor.bias[0]`"),
+        ("cable.length", "lower = 2, upper = 3", "lower: the scene's `cable.length` is 1 m, outside its bounds 2 to 3", "widen"),
+        ("cable.bend_damping", "lower = -1, upper = 3", "lower: the bound of `cable.bend_damping` is -1", "from 0 to inf"),
+    ];
+    for (path, bounds, what, fix) in cases {
+        let error = free_error(&free(path, bounds));
+        assert!(error.starts_with(&format!("{field}.{what}")) && error.contains(fix), "{error}");
+    }
+    let length = free("cable.length", "lower = 0.5, upper = 2");
+    let error = free_error(&format!("{length}, {length}"));
+    assert!(error.starts_with("scene.toml:36: experiment.fit.free[1].path: `cable.length` is free already"), "{error}");
+    let error = free_error(&format!(
+        "{}, {}",
+        free("cable.node[*].mass", "lower = 0, upper = 1"),
+        free("cable.node[2].mass", "lower = 0, upper = 1")
+    ));
+    assert!(error.contains("free already, by experiment.fit.free[0], `cable.node[*].mass`"), "{error}");
+    let error = free_error("");
+    assert!(error.starts_with("scene.toml:35: experiment.fit: lists no free parameter"), "{error}");
+}
+
+#[test]
+fn something_must_be_left_to_fit_to() {
+    let mut case = Case::csv(|_| {});
+    case.scene += "role = \"held_out\"\n";
+    let setup = case.setup().unwrap();
+    let error = fit_scene(&setup, &setup.read_logs(&[]).unwrap(), &DiagnoseOptions::default(), &mut |_| {}).unwrap_err();
+    let error = error.to_string();
+    assert!(error.starts_with("scene.toml:39: experiment.record[0].role: every record is held out"), "{error}");
+}
+
+#[test]
+fn what_is_known_of_the_sensor() {
+    let known = "[experiment]\nsensor = { bias = [0, 0, 0.01], time_offset = 0.02 }";
+    let sensor = Case::new(CSV).with("[experiment]", known).setup().unwrap().experiment.sensor;
+    assert_eq!(sensor.values().0, [0.0, 0.0, 0.01, 1.0, 0.0, 0.0, 0.0, 0.02]);
+    let wrong = Case::new(CSV).with("[experiment]", "[experiment]\nsensor = { scale = 1000.0 }");
+    wrong.refused("scene.toml:21: experiment.sensor.scale", &["is 1000", "between 0.5 and 2"]);
 }

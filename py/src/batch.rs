@@ -1,6 +1,6 @@
 //! Many rollouts at once, one task per rollout. Which thread runs which does not show in the results.
 
-use crate::convert::{matrix, n_axes, stack, to_matrix, to_stack};
+use crate::convert::{finite, matrix, n_axes, stack, to_matrix, to_stack};
 use crate::errors::input;
 use crate::options::{Keep, Trajectory};
 use crate::rollout::wrap;
@@ -123,6 +123,7 @@ impl Batch {
         if x_bar.len() != n {
             return Err(input(format!("x_bar has {} entries, but the batch has {n}", x_bar.len())));
         }
+        x_bar.iter().enumerate().try_for_each(|(b, rows)| finite(&format!("x_bar[{b}]"), rows.iter().map(Vec::as_slice)))?;
         let results = py.detach(|| in_parallel(threads.or(self.threads), n, |b| self.kept[b].vjp(&x_bar[b])))?;
         let bars: Vec<RolloutCotangent> = first_failure(py, results)?;
         let flat = |part: fn(&RolloutCotangent) -> Vec<f64>| bars.iter().flat_map(part).collect::<Vec<_>>();

@@ -34,6 +34,16 @@ pub fn vector(name: &str, value: &Bound<PyAny>, n: usize) -> PyResult<Vec<f64>> 
     Ok(view.iter().copied().collect())
 }
 
+/// Refuses NaN and infinity in a gradient: all that comes of it would be NaN.
+pub fn finite<'a>(name: &str, rows: impl IntoIterator<Item = &'a [f64]>) -> PyResult<()> {
+    for (r, row) in rows.into_iter().enumerate() {
+        if let Some(c) = row.iter().position(|x| !x.is_finite()) {
+            return Err(input(format!("{name}[{r}, {c}] is {}, but must be finite", row[c])));
+        }
+    }
+    Ok(())
+}
+
 /// A vector of `n` numbers, if it is given.
 pub fn optional_vector(name: &str, value: Optional, n: usize) -> PyResult<Option<Vec<f64>>> {
     value.map(|value| vector(name, value, n)).transpose()

@@ -37,6 +37,7 @@ pub fn identify(error: IdentifyError) -> PyErr {
 pub fn adjoint(error: AdjointError) -> PyErr {
     match error {
         AdjointError::Step(error) => step(error),
-        AdjointError::NoRecords | AdjointError::Size { .. } => input(error),
+        AdjointError::NoRecords => input("this rollout kept no records, which derivatives need: simulate it with `record=True`"),
+        AdjointError::Size { .. } => input(error),
     }
 }

@@ -7,7 +7,7 @@ use crate::errors::{self, input};
 use crate::options::Keep;
 use crate::rollout::wrap;
 use numpy::{PyArray1, PyArray2};
-use pliant::scene::{Scene, Source, control_list, control_rows, parse_source, resting_inputs};
+use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs};
 use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
@@ -198,7 +198,10 @@ impl Model {
 
     /// Inputs of the scene's gripper motions, (n_steps, nu); row k belongs to step k, positions at its end.
     #[pyo3(signature = (n_steps=None))]
-    fn controls<'py>(&self, py: Python<'py>, n_steps: Option<usize>) -> PyResult<Matrix<'py>> {
+    fn controls<'py>(&self, py: Python<'py>, n_steps: Option<i64>) -> PyResult<Matrix<'py>> {
+        let refused = |n: i64| input(format!("n_steps is {n}, but must be from 0 to {MOST_STEPS}"));
+        let checked = |n: i64| usize::try_from(n).ok().filter(|n| *n <= MOST_STEPS).ok_or_else(|| refused(n));
+        let n_steps = n_steps.map(checked).transpose()?;
         rows_to_matrix(py, &self.rows(n_steps)?, self.model.nu())
     }
 

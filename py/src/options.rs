@@ -35,6 +35,9 @@ pub struct Keep {
 impl Keep {
     /// From the keyword arguments `record`, `max_records`, `rest_gap` and `states`; the scene's own rest gap is no surrogate.
     pub fn new(model: &Model, record: bool, max_records: Option<usize>, rest_gap: Option<f64>, states: &str) -> PyResult<Self> {
+        if max_records == Some(0) {
+            return Err(errors::input("max_records is 0, but must be at least 1, or None to keep all"));
+        }
         let along = match states {
             "smooth" => Along::Smooth,
             "hard" => Along::Hard,

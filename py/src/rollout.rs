@@ -1,6 +1,6 @@
 //! A trajectory and its derivatives.
 
-use crate::convert::{matrix, optional_matrix, optional_vector, rows_to_matrix, to_matrix, to_vector};
+use crate::convert::{finite, matrix, optional_matrix, optional_vector, rows_to_matrix, to_matrix, to_vector};
 use crate::errors::input;
 use crate::options::Trajectory;
 use numpy::{PyArray1, PyArray2};
@@ -129,6 +129,7 @@ impl Rollout {
     fn vjp<'py>(&self, py: Python<'py>, x_bar: &Bound<'py, PyAny>) -> PyResult<(Vector<'py>, Matrix<'py>, Vector<'py>)> {
         let model = self.kept.model();
         let x_bar = matrix("x_bar", x_bar, Some(self.kept.states().len()), model.ndx())?;
+        finite("x_bar", x_bar.iter().map(Vec::as_slice))?;
         let bar = py.detach(|| self.kept.vjp(&x_bar))?;
         cotangent_arrays(py, bar, model.nu())
     }

@@ -87,6 +87,7 @@ impl Failure {
     pub fn identify(scene: &Path, source: IdentifyError) -> Self {
         let advice = match &source {
             IdentifyError::Build(BuildError::Scene(error)) => return Self::Scene(error.clone()),
+            IdentifyError::Log(error) => return Self::Log(error.clone()),
             IdentifyError::Simulation { source, .. } => advice(source),
             IdentifyError::Input(_) | IdentifyError::Build(_) => {
                 ("the scene and its logs do not belong together", "correct what is named here")
@@ -100,6 +101,17 @@ impl Failure {
             }
         };
         Self::Identify { scene: scene.to_owned(), source: Box::new(source), advice }
+    }
+
+    /// What is printed cannot be; files that were written before are complete.
+    pub fn stdout(source: std::io::Error) -> Self {
+        let (cause, fix) = match source.kind() {
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+                ("what it is sent to is full; files written before are complete", "free some space, or send it elsewhere")
+            }
+            _ => ("what it is sent to refuses it; files written before are complete", "send it elsewhere"),
+        };
+        Self::Write { path: "stdout".into(), source, cause, fix }
     }
 
     /// A file or folder that cannot be written.
@@ -152,5 +164,16 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
             ("`start = \"equilibrium\"` in a scene with shapes", "write `start = \"as_given\"`, or remove the shapes")
         }
         StepError::Parameter { .. } => ("a wrong unit or sign", "give a value inside its range"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_stdout_does_not_deny_the_files() {
+        let text = Failure::stdout(std::io::ErrorKind::StorageFull.into()).to_string();
+        assert!(text.contains("files written before are complete") && !text.contains("nothing was left"), "{text}");
     }
 }

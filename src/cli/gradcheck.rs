@@ -3,7 +3,8 @@
 use super::failure::Failure;
 use super::print;
 use pliant::Case;
-use pliant::gradcheck::{BlockReport, Report, gradcheck};
+use pliant::gradcheck::{BlockReport, DOT_TEST, Report, gradcheck};
+use pliant::scene::{MOST_STEPS, control_rows};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -12,8 +13,8 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// Scene file (TOML).
     scene: PathBuf,
-    /// Number of steps to differentiate; by default the scene's duration.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Number of steps to differentiate; by default the scene's duration, beyond which its motions go on.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_STEPS as i64))]
     steps: Option<u32>,
     /// Seed of weights and directions.
     #[arg(long, default_value_t = 0)]
@@ -37,7 +38,8 @@ struct Output<'a> {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut case = Case::read(&arguments.scene).map_err(|error| Failure::case(&arguments.scene, error))?;
     if let Some(steps) = arguments.steps {
-        case.controls.truncate(steps as usize);
+        case.controls =
+            control_rows(&case.scene, steps as usize).map_err(|error| Failure::case(&arguments.scene, error.into()))?;
     }
     let theta = case.model.params().values();
     let report = gradcheck(&case.model, theta, &case.x0, &case.controls, arguments.seed)
@@ -51,9 +53,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if report.pass { Ok(()) } else { Err(Failure::NotPassed(failed(&report))) }
 }
 
+/// What disagrees with what, and in which blocks.
 fn failed(report: &Report) -> String {
-    let names: Vec<&str> = report.blocks.iter().filter(|block| !block.pass).map(|block| block.name.as_str()).collect();
-    format!("gradients and differences disagree in {}", names.join(", "))
+    let names = |bad: fn(&BlockReport) -> bool| {
+        let names: Vec<&str> = report.blocks.iter().filter(|block| bad(block)).map(|block| block.name.as_str()).collect();
+        names.join(", ")
+    };
+    let (modes, differences) = (names(|b| !b.modes_agree()), names(|b| !b.agrees_with_differences()));
+    let modes = (!modes.is_empty()).then(|| format!("jvp and vjp disagree by more than {DOT_TEST:e} in {modes}"));
+    let differences = (!differences.is_empty()).then(|| format!("gradients and differences disagree in {differences}"));
+    modes.into_iter().chain(differences).collect::<Vec<_>>().join("; ")
 }
 
 fn text(report: &Report) -> String {
@@ -91,4 +100,44 @@ fn row(block: &BlockReport, width: usize) -> String {
         if block.one_sided { "  one-sided" } else { "" },
         if block.pass { "" } else { "  FAIL" },
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block(name: &str, dot_test: f64, relative_error: f64) -> BlockReport {
+        BlockReport {
+            name: name.to_owned(),
+            size: 1,
+            derivative: 1.0,
+            difference: 1.0,
+            relative_error,
+            floor: 0.0,
+            step: 1e-5,
+            taylor_slope: None,
+            dot_test,
+            contact_switches: 0,
+            one_sided: false,
+            pass: false,
+        }
+    }
+
+    #[test]
+    fn the_failure_names_what_disagrees() {
+        let message = |blocks: Vec<BlockReport>| {
+            failed(&Report {
+                worst_relative_error: 0.0,
+                taylor_slope: None,
+                dot_test: 0.0,
+                contact_switches: 0,
+                retries: 0,
+                blocks,
+                pass: false,
+            })
+        };
+        assert_eq!(message(vec![block("u", 1e-9, 0.0), block("x0.q", 0.0, 0.0)]), "jvp and vjp disagree by more than 1e-11 in u");
+        assert_eq!(message(vec![block("u", 0.0, 0.1)]), "gradients and differences disagree in u");
+        assert!(message(vec![block("u", 1e-9, 0.1)]).contains("in u; gradients and differences disagree in u"));
+    }
 }

@@ -37,7 +37,7 @@ enum Command {
     Fit(fit::Arguments),
     /// Find out what a scene lacks that its logs show, and write a report.
     Diagnose(diagnose::Arguments),
-    /// Print the JSON Schema of scene files, or of a diagnosis.
+    /// Print the JSON Schema of scene files, or of what `diagnose` or `fit` prints.
     Schema(schema::Arguments),
 }
 

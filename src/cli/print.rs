@@ -3,12 +3,11 @@
 use super::failure::Failure;
 use serde::Serialize;
 use std::io::{ErrorKind, Write};
-use std::path::Path;
 
 /// Prints data on stdout. A reader that has left (`pliant … | head`) is no failure.
 pub fn data(text: &str) -> Result<(), Failure> {
     match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::write(Path::new("stdout"), error)),
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::stdout(error)),
         _ => Ok(()),
     }
 }
@@ -17,7 +16,7 @@ pub fn data(text: &str) -> Result<(), Failure> {
 pub fn json(value: &impl Serialize) -> Result<(), Failure> {
     match pliant::identify::report::json::text(value) {
         Ok(text) => data(&text),
-        Err(error) => Err(Failure::write(Path::new("stdout"), error.into())),
+        Err(error) => Err(Failure::stdout(error.into())),
     }
 }
 

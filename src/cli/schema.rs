@@ -3,8 +3,8 @@
 use super::failure::Failure;
 use super::print;
 use clap::ValueEnum;
-use pliant::identify::Diagnosis;
 use pliant::identify::log::Experiment;
+use pliant::identify::{Diagnosis, FitReport};
 use pliant::scene::json_schema;
 
 #[derive(clap::Args)]
@@ -20,6 +20,8 @@ enum Subject {
     Scene,
     /// What `pliant diagnose --json` prints.
     Diagnosis,
+    /// What `pliant fit --json` prints.
+    Fit,
 }
 
 /// Prints a JSON Schema.
@@ -27,5 +29,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match arguments.subject {
         Subject::Scene => print::json(&json_schema::<Experiment>()),
         Subject::Diagnosis => print::json(&schemars::schema_for!(Diagnosis)),
+        Subject::Fit => print::json(&schemars::schema_for!(FitReport)),
     }
 }

@@ -31,6 +31,12 @@ def test_entries_compare_pliant_with_its_peers():
             assert row["ratio_min"] == pytest.approx(least)
 
 
+def test_the_folder_runs_from_anywhere(tmp_path):
+    command = [sys.executable, str(ROOT / "validation" / "bench"), "--help"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0 and "--json" in run.stdout, run.stderr
+
+
 @pytest.mark.parametrize("kind", scenes.VELOCITY)
 def test_every_scene_is_stepped_by_euler(kind):
     assert 'integrator = "euler"' in scenes.scene_text(6, kind)

@@ -255,7 +255,10 @@ def test_wrong_shapes_are_input_errors():
         (lambda: model.rollout(x0, u, rest_gap=-1.0), "rest_gap is -1 m"),
         (lambda: model.rollout(x0, u, states="hard"), "needs a rest_gap"),
         (lambda: model.rollout(x0, u, rest_gap=1e-4, states="soft"), 'states is "soft"'),
-        (lambda: model.rollout(x0, u, record=False).vjp(roll.x), "kept no records"),
+        (lambda: model.rollout(x0, u, record=False).vjp(roll.x), "kept no records.*`record=True`"),
+        (lambda: model.rollout(x0, u, max_records=0), "max_records is 0, but must be at least 1"),
+        (lambda: roll.vjp(np.full_like(roll.x, np.nan)), r"x_bar\[0, 0\] is NaN"),
+        (lambda: model.controls(-3), "n_steps is -3, but must be from 0"),
     ]
     for call, text in cases:
         with pytest.raises(pliant.InputError, match=text):

@@ -1,4 +1,6 @@
-"""`python -m validation.bench --json`: pliant and its peers, interleaved, one thread.
+"""`python validation/bench --json`: pliant and its peers, interleaved, one thread.
+
+The same as `python -m validation.bench --json` at the repository's root.
 
 Each round times every party once; the medians over the rounds are reported, and `ratio` is
 pliant_s / peer_s (below 1: pliant is faster). Where pliant is not installed its times and the
@@ -18,7 +20,11 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 import argparse
 import json
 import sys
+from pathlib import Path
 from statistics import median
+
+if not __package__:  # run as a folder: the package is then found from the repository's root
+    sys.path[0] = str(Path(__file__).resolve().parents[2])
 
 from validation.bench import scenes
 from validation.bench.machine import describe

@@ -11,6 +11,8 @@ pub(crate) struct Block {
     pub x0: Vec<f64>,
     pub u: Vec<Vec<f64>>,
     pub theta: Vec<f64>,
+    /// L is even in these values: coefficients of friction, all zero.
+    pub even: bool,
     /// Typical size of the block's values; 0 if they are all zero, so that no relative step makes sense.
     pub scale: f64,
     /// Smallest and largest ε (in units of the direction) the bounds of θ allow.
@@ -25,6 +27,7 @@ impl Block {
             x0: vec![0.0; model.ndx()],
             u: inputs.u.iter().map(|row| vec![0.0; row.len()]).collect(),
             theta: vec![0.0; inputs.theta.len()],
+            even: false,
             scale: 1.0,
             range: (f64::NEG_INFINITY, f64::INFINITY),
         }
@@ -83,6 +86,7 @@ fn theta_block(name: &str, model: &Model, inputs: &Inputs, random: &mut Random) 
         (0..inputs.theta.len()).filter(|&k| without_indices(&model.params().info(k).path) == name).collect();
     block.size = members.len();
     block.scale = members.iter().map(|&k| inputs.theta[k].abs()).fold(0.0, f64::max);
+    block.even = name.ends_with(".friction") && block.scale == 0.0;
     for k in members {
         let info = model.params().info(k);
         let (value, at_bound) = (inputs.theta[k], inputs.theta[k] <= info.lower);

@@ -59,6 +59,20 @@ pub struct BlockReport {
     pub pass: bool,
 }
 
+impl BlockReport {
+    /// Whether jvp and vjp agree.
+    pub fn modes_agree(&self) -> bool {
+        self.dot_test <= DOT_TEST
+    }
+
+    /// Whether the derivative agrees with its differences, as far as contact switches let these judge.
+    pub fn agrees_with_differences(&self) -> bool {
+        let near = self.relative_error <= RELATIVE_ERROR.max(FLOOR_FACTOR * self.floor);
+        let curved = self.taylor_slope.is_none_or(|s| s > 2.0 - SLOPE_TOLERANCE);
+        near && curved || self.contact_switches > 0
+    }
+}
+
 /// Result of a gradient check.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {

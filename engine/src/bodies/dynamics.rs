@@ -223,7 +223,9 @@ fn last_of_joint(tree: &Tree, i: usize) -> usize {
 fn turn_columns(columns: &mut [Columns], j: &Matrix3<f64>) {
     let old = [columns[0], columns[1], columns[2]];
     for (k, new) in columns.iter_mut().enumerate() {
-        let mix = |part: fn(&Columns) -> Vector6<f64>| part(&old[0]) * j[(0, k)] + part(&old[1]) * j[(1, k)] + part(&old[2]) * j[(2, k)];
+        let mix = |part: fn(&Columns) -> Vector6<f64>| {
+            part(&old[0]) * j[(0, k)] + part(&old[1]) * j[(1, k)] + part(&old[2]) * j[(2, k)]
+        };
         *new = Columns { alpha: mix(|c| c.alpha), beta: mix(|c| c.beta), gamma: mix(|c| c.gamma) };
     }
 }

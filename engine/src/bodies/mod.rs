@@ -19,5 +19,5 @@ pub mod turns;
 
 pub use frames::{Frame, Frames};
 pub use inertia::{BodyInertia, InertiaError};
-pub use turns::Turns;
 pub use tree::{Body, Dof, Joint, JointKind, Tree, quaternion};
+pub use turns::Turns;

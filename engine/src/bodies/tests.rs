@@ -84,11 +84,8 @@ fn tau<S: Real>(s: &Sample, q: &[S], v: &[S], a: &[S], with_wrench: bool) -> Vec
     let mut frames = Frames::about(Vec3::from(ORIGIN));
     frames.evaluate(&s.tree, q, v, a, &Vec3::from(GRAVITY).map(S::from));
     let inertias: Vec<Inertia<S>> = s.inertias.iter().map(|x| from_numbers(&x.map(S::from))).collect();
-    let wrenches: Vec<Force<S>> = if with_wrench {
-        (0..s.tree.bodies().len()).map(|b| wrench(b, &frames.bodies[b])).collect()
-    } else {
-        Vec::new()
-    };
+    let wrenches: Vec<Force<S>> =
+        if with_wrench { (0..s.tree.bodies().len()).map(|b| wrench(b, &frames.bodies[b])).collect() } else { Vec::new() };
     let mut tau = vec![S::zero(); s.tree.nv()];
     inverse_dynamics(&s.tree, &frames, &inertias, &wrenches, &mut Vec::new(), &mut tau);
     tau

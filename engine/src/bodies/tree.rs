@@ -184,7 +184,8 @@ impl Tree {
         for joint in &self.joints {
             match joint.kind {
                 JointKind::Ball => {
-                    let turned = product(&quaternion(from, joint.q), &map.turn(&Vec3::new(t[joint.v], t[joint.v + 1], t[joint.v + 2])));
+                    let turned =
+                        product(&quaternion(from, joint.q), &map.turn(&Vec3::new(t[joint.v], t[joint.v + 1], t[joint.v + 2])));
                     to[joint.q..joint.q + 4].copy_from_slice(&normalized(&turned));
                 }
                 _ => to[joint.q] = from[joint.q] + t[joint.v],

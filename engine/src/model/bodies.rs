@@ -88,7 +88,8 @@ impl Model {
     fn add_actuator(&mut self, actuator: &Actuator, elements: &mut Elements) {
         let Some(joint) = self.tree.joint(&actuator.joint) else { return };
         let control = self.nu();
-        let mut entry = |name: &str, unit, bounds, value| self.params.push(format!("{}.{name}", actuator.name), unit, bounds, value);
+        let mut entry =
+            |name: &str, unit, bounds, value| self.params.push(format!("{}.{name}", actuator.name), unit, bounds, value);
         let mut params = match actuator.kind {
             ActuatorKind::Torque => vec![entry("gain", "N·m", ANY, actuator.gain)],
             ActuatorKind::Position => vec![
@@ -208,7 +209,8 @@ fn elementary(joint: &Joint, armature: usize) -> Vec<bodies::Joint> {
         }
         JointKind::Ball => vec![part("", Ball, unit(2))],
         JointKind::Free => {
-            let mut parts: Vec<_> = ["x", "y", "z"].iter().enumerate().map(|(k, n)| part(&format!(".{n}"), Prismatic, unit(k))).collect();
+            let mut parts: Vec<_> =
+                ["x", "y", "z"].iter().enumerate().map(|(k, n)| part(&format!(".{n}"), Prismatic, unit(k))).collect();
             parts.push(bodies::Joint { anchor: Vec3::zeros(), ..part(".turn", Ball, unit(2)) });
             parts
         }

@@ -1,6 +1,7 @@
 //! Likely cause and fix of each mistake.
 
 use super::error::Mistake;
+use super::words::Num;
 
 impl Mistake {
     /// (likely cause, fix).
@@ -63,13 +64,17 @@ impl Mistake {
             }
             Self::Negative { unit, .. } => both("a sign error", format!("write 0 or a positive number, in {unit}")),
             Self::Range { low, high, .. } => {
-                both("a wrong order of magnitude", format!("write a number between {low} and {high}"))
+                both("a wrong order of magnitude", format!("write a number between {} and {}", Num(*low), Num(*high)))
             }
             Self::Unit { unit, likely, instead, .. } => {
-                both(format!("given in {likely} instead of {unit}"), format!("if so, write {instead} (in {unit})"))
+                both(format!("given in {likely} instead of {unit}"), format!("if so, write {} (in {unit})", Num(*instead)))
             }
+            Self::TooManySteps { step, most, .. } => both(
+                "the duration or the step is in another unit",
+                format!("write a duration of at most {} s, or a longer step", Num(step * *most as f64)),
+            ),
             Self::NoStep { step, .. } => {
-                both("the duration or the step is in another unit", format!("write a duration of at least {step} s"))
+                both("the duration or the step is in another unit", format!("write a duration of at least {} s", Num(*step)))
             }
             _ => return None,
         })
@@ -82,19 +87,21 @@ impl Mistake {
                 "names become paths such as `cable.bend_stiffness`",
                 "use letters, digits, `_` and `-`, beginning with a letter; not gravity, air, sensor",
             ),
-            Self::NameTaken { .. } => {
-                both("an object was copied and not renamed", "give every rope, body, joint, actuator, gripper and shape its own name")
-            }
+            Self::NameTaken { .. } => both(
+                "an object was copied and not renamed",
+                "give every rope, body, joint, actuator, gripper and shape its own name",
+            ),
             Self::Nothing => both("the scene is only a beginning", "add a [[rope]], or a [[body]] with a [[body.joint]]"),
             Self::NoSuch { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
             Self::NoSuch { what, known, .. } if known.is_empty() => {
                 both(format!("the scene has no {what} at all"), format!("add a {what}"))
             }
-            Self::NoSuch { what, known, .. } => both(format!("the {what} was renamed or removed"), format!("name one of: {known}")),
-            Self::Cycle { .. } => both(
-                "a kinematic loop was written as parents",
-                "leave one `parent` of the circle out: parents form a tree",
-            ),
+            Self::NoSuch { what, known, .. } => {
+                both(format!("the {what} was renamed or removed"), format!("name one of: {known}"))
+            }
+            Self::Cycle { .. } => {
+                both("a kinematic loop was written as parents", "leave one `parent` of the circle out: parents form a tree")
+            }
             Self::Inertia { hint, .. } => both(
                 "moments about another point than the centre of mass, products of inertia of the wrong sign, or another unit",
                 format!("give xx, yy, zz, xy, xz, yz about the centre of mass in kg·m² ({hint})"),
@@ -145,7 +152,11 @@ impl Mistake {
                 "midpoint chatters at contact",
                 "write `integrator = \"sdirk2\"` (second order) or \"euler\", or remove the shapes",
             ),
-            Self::NothingFree { .. } => both("a gripper holds more nodes than meant", "leave nodes free, or remove the shapes"),
+            Self::NothingFree { .. } => both("only nodes of ropes touch shapes", "add a [[rope]], or remove the shapes"),
+            Self::AllHeld { .. } => {
+                both("a gripper holds more nodes than meant", "leave nodes of it free, or remove the rope or the shapes")
+            }
+            Self::TooManyNodes { .. } => both("a typing error", "divide the ropes less finely"),
             Self::Inside { .. } => {
                 both("the start or the shape is misplaced, or in another unit", "move the rope or the shape apart")
             }

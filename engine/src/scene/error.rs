@@ -1,6 +1,7 @@
 //! What can be wrong with a scene: where, what, the likely cause, and the fix.
 
 use super::source::{Place, Source};
+use super::words::Num;
 use std::fmt;
 
 /// A scene that is refused.
@@ -78,20 +79,26 @@ pub enum Mistake {
     #[error("is {value}, not a finite number")]
     NotFinite { value: f64 },
     /// Zero or negative.
-    #[error("is {value} {unit}, but must be positive")]
+    #[error("is {} {unit}, but must be positive", Num(*.value))]
     NotPositive { value: f64, unit: &'static str },
     /// Negative.
-    #[error("is {value} {unit}, but must not be negative")]
+    #[error("is {} {unit}, but must not be negative", Num(*.value))]
     Negative { value: f64, unit: &'static str },
     /// Outside its interval.
-    #[error("is {value}, but must lie between {low} and {high}")]
+    #[error("is {}, but must lie between {} and {}", Num(*.value), Num(*.low), Num(*.high))]
     Range { value: f64, low: f64, high: f64 },
     /// A size that betrays another unit.
-    #[error("is {value} {unit}{reason}")]
+    #[error("is {} {unit}{reason}", Num(*.value))]
     Unit { value: f64, unit: &'static str, reason: String, likely: &'static str, instead: f64 },
     /// The simulated time is shorter than one step.
-    #[error("is {duration} s, shorter than one step of {step} s")]
+    #[error("is {} s, shorter than one step of {} s", Num(*.duration), Num(*.step))]
     NoStep { duration: f64, step: f64 },
+    /// More steps than are kept in memory.
+    #[error("is {} s, which is {} steps of {} s; a scene may have {most}", Num(*.duration), Num((*.duration / *.step).round()), Num(*.step))]
+    TooManySteps { duration: f64, step: f64, most: usize },
+    /// More nodes than are simulated.
+    #[error("the scene has {nodes} nodes; it may have {most}")]
+    TooManyNodes { nodes: usize, most: usize },
     /// A name that cannot stand in a parameter path.
     #[error("the name \"{name}\" cannot be part of a parameter path")]
     Name { name: String },
@@ -162,8 +169,11 @@ pub enum Mistake {
     #[error("the midpoint integrator cannot be used with contact, and the scene has {shapes} shape(s)")]
     MidpointContact { shapes: usize },
     /// Contact rows that would act on commanded nodes alone.
-    #[error("the scene has {shapes} shape(s) to touch, but grippers hold every node, so contact could move nothing")]
+    #[error("the scene has {shapes} shape(s) to touch, but no rope, so contact could move nothing")]
     NothingFree { shapes: usize },
+    /// A rope that no shape can move.
+    #[error("grippers hold every node of rope \"{rope}\", so it goes through the scene's {shapes} shape(s) and touches none")]
+    AllHeld { rope: String, shapes: usize },
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },

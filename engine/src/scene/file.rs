@@ -120,9 +120,9 @@ impl<X> Default for Scene<X> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
-    /// Step h [s].
+    /// Step h [s], from 1e-9 to below 1.
     pub step: f64,
-    /// Simulated time [s], for `simulate` and `gradcheck`.
+    /// Simulated time [s], for `simulate` and `gradcheck`; at most 10⁷ steps.
     #[serde(default = "one")]
     pub duration: f64,
     /// Integrator; never switched by step or contact.

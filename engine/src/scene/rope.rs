@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Rope {
     /// Name, unique in the scene, used in parameter paths.
     pub name: String,
-    /// Number of nodes, with equal edges between them. Either this or `edge_fractions`.
+    /// Number of nodes, with equal edges between them; at most 10⁶ in a scene. Either this or `edge_fractions`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nodes: Option<usize>,
     /// Rest length of each edge as a part of `length` [-], scaled to sum 1. Either this or `nodes`.

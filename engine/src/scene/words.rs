@@ -2,7 +2,9 @@
 
 /// The known word nearest to `word`, if it is near enough to be a typing error.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = (word.chars().count() / 3).max(1) + 1;
+    let letters = word.chars().count();
+    // a word with every letter replaced is another word
+    let limit = ((letters / 3).max(1) + 1).min(letters.saturating_sub(1));
     let near = known.into_iter().map(|candidate| (distance(word, candidate), candidate));
     let prefix = |candidate: &str| candidate.chars().zip(word.chars()).take_while(|(a, b)| a == b).count();
     // Among equally near words the one with the longer common beginning.
@@ -29,6 +31,23 @@ fn distance(a: &str, b: &str) -> usize {
 /// `` `a`, `b`, `c` ``
 pub fn list<'a>(words: impl IntoIterator<Item = &'a str>) -> String {
     words.into_iter().map(|word| format!("`{word}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// A number for messages: plain where it is short, `1e-300` instead of three hundred digits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Num(pub f64);
+
+impl std::fmt::Display for Num {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let size = self.0.abs();
+        if size == 0.0 {
+            write!(f, "0") // not −0
+        } else if (1e-5..1e9).contains(&size) || !size.is_finite() {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:e}", self.0)
+        }
+    }
 }
 
 /// (unit of a key, suffix somebody wrote, factor)
@@ -78,12 +97,20 @@ mod tests {
         assert_eq!(nearest("Length", ["length", "radius"]), Some("length"));
         assert_eq!(nearest("m_y", ["a_y", "m_yy", "m_zz"]), Some("m_yy"));
         assert_eq!(nearest("color", ["length", "radius"]), None);
+        assert_eq!((nearest("kg", ["m", "cm", "mm"]), nearest("MM", ["m", "cm", "mm"])), (None, Some("mm")));
     }
 
     #[test]
     fn distances() {
         assert_eq!(distance("kitten", "sitting"), 3);
         assert_eq!(distance("", "abc"), 3);
+    }
+
+    #[test]
+    fn numbers_stay_short() {
+        let text = |x: f64| Num(x).to_string();
+        assert_eq!((text(1e-300), text(-2.5e300), text(-0.0)), ("1e-300".into(), "-2.5e300".into(), "0".into()));
+        assert_eq!((text(1500.0), text(0.003), text(f64::INFINITY)), ("1500".into(), "0.003".into(), "inf".into()));
     }
 
     #[test]

@@ -217,7 +217,9 @@ impl Stage<'_> {
             let n = term.n_axial();
             match axial {
                 Axial::Exact => term.add_jacobian(&at, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes),
-                Axial::Predicted => term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes),
+                Axial::Predicted => {
+                    term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
+                }
             }
             first += n;
         }

@@ -6,6 +6,7 @@ pub(super) fn cause(at: &Situation) -> Cause {
     let testable = at.value("gravity.magnitude") > 0.0;
     Cause {
         name: "gravity_tilt",
+        object: None,
         meaning: "gravity is not along −z of the scene's frame",
         unknowns: if testable {
             (0..2).filter_map(|a| at.theta(&format!("gravity.tilt[{a}]"), 0.01)).collect()

@@ -7,6 +7,7 @@ pub(super) fn cause(at: &Situation) -> Cause {
     let typical = |rope: &str| 0.01 * at.value(&format!("{rope}.bend_stiffness")).max(1e-8);
     Cause {
         name: "internal_damping",
+        object: None,
         meaning: "damping inside the material, proportional to the rate of bending, is missing or wrong",
         unknowns: at.per_rope("bend_damping", typical),
         untestable: None,

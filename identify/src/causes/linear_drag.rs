@@ -5,6 +5,7 @@ use super::{Cause, Situation};
 pub(super) fn cause(at: &Situation) -> Cause {
     Cause {
         name: "linear_drag",
+        object: None,
         meaning: "air drag proportional to speed is missing or wrong",
         unknowns: at.per_rope("drag_linear", |rope| at.typical_drag(rope)),
         untestable: None,

@@ -29,6 +29,8 @@ use crate::unknown::{Unknown, Values};
 pub struct Cause {
     /// Name.
     pub name: &'static str,
+    /// The gripper it is about, where each has a cause of this name.
+    pub object: Option<String>,
     /// What it means, in a sentence.
     pub meaning: &'static str,
     /// What it frees; empty where it cannot be tested.
@@ -37,6 +39,18 @@ pub struct Cause {
     pub untestable: Option<String>,
     /// The experiment that would show it best.
     pub excitation: &'static str,
+}
+
+impl Cause {
+    /// What tells it from all others: `gripper_offset (left)`.
+    pub fn title(&self) -> String {
+        title(self.name, self.object.as_deref())
+    }
+}
+
+/// A cause's name, and the object it is about.
+pub(crate) fn title(name: &str, object: Option<&str>) -> String {
+    object.map_or(name.to_owned(), |object| format!("{name} ({object})"))
 }
 
 /// Context a cause is proposed in.

@@ -5,6 +5,7 @@ use super::{Cause, Situation};
 pub(super) fn cause(at: &Situation) -> Cause {
     Cause {
         name: "quadratic_drag",
+        object: None,
         meaning: "air drag proportional to the square of speed is missing or wrong",
         unknowns: at.per_rope("drag_quadratic", |rope| at.typical_drag(rope)),
         untestable: None,

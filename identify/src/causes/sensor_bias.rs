@@ -8,6 +8,7 @@ pub(super) fn cause(at: &Situation) -> Cause {
     let unknowns = (0..3).map(|a| Unknown::of_sensor(a, 1e-3, (-1.0, 1.0))).collect();
     Cause {
         name: "sensor_bias",
+        object: None,
         meaning: "the markers' readings are shifted by a constant",
         unknowns: if shared { Vec::new() } else { unknowns },
         untestable: shared.then(|| {

@@ -9,6 +9,7 @@ pub(super) fn cause(at: &Situation) -> Cause {
     let unknown = Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2));
     Cause {
         name: "time_offset",
+        object: None,
         meaning: "the markers' clock is late or early against the grippers'",
         unknowns: if shared { Vec::new() } else { vec![unknown] },
         untestable: shared.then(|| "one sensor reads markers and grippers: they share its clock".to_owned()),

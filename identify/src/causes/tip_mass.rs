@@ -10,6 +10,7 @@ pub(super) fn cause(at: &Situation) -> Cause {
         at.ropes().into_iter().filter(free_end).filter_map(|rope| at.theta(&format!("{rope}.tip_mass"), mass(rope))).collect();
     Cause {
         name: "tip_mass",
+        object: None,
         meaning: "the rope's free end carries another mass than simulated",
         untestable: unknowns.is_empty().then(|| "the last node is held by a gripper, so its mass acts on nothing".to_owned()),
         unknowns,

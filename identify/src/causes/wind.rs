@@ -9,6 +9,7 @@ pub(super) fn cause(at: &Situation) -> Cause {
     let unknowns = (0..3).filter_map(|a| at.theta(&format!("air.wind[{a}]"), 0.1)).collect();
     Cause {
         name: "wind",
+        object: None,
         meaning: "the air moves",
         unknowns: if testable { unknowns } else { Vec::new() },
         untestable: (!testable)

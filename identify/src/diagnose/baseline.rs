@@ -1,23 +1,31 @@
 //! Step 2: refit of the declared free parameters.
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 use super::result::Estimate;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, approach, cut, fit};
-use crate::log::{Logs, Setup};
+use crate::fit::{FitOptions, Fitted, approach, cut, fit, fit_noise};
+use crate::log::{LogMistake, Logs, Setup};
+use crate::number::{millimetres_plain, number_plain, unit};
+use crate::sensor::{SENSOR_BOUNDS, SENSOR_PATHS};
 use crate::shoot::{Plan, ShotWants, shoot};
+use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown};
+use schemars::JsonSchema;
 use serde::Serialize;
 
+/// A whitened fit whose residual exceeds that of least squares by this factor has given the data up.
+const WORSE: f64 = 1.05;
+
 /// Result of a plain system identification.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FitReport {
     /// Version of this object.
     pub schema_version: u32,
     /// Fitted parameters with 90 % intervals.
     pub parameters: Vec<Estimate>,
-    /// Root mean square residual on the fitted records \[m\].
+    /// Root mean square residual on the fitted records [m].
     pub rmse_fit: f64,
-    /// On the held-out records \[m\], if there are any.
+    /// On the held-out records [m], if there are any.
     pub rmse_held_out: Option<f64>,
     /// Iterations.
     pub iterations: usize,
@@ -25,8 +33,11 @@ pub struct FitReport {
     pub converged: bool,
     /// Numbers of records.
     pub records: super::RecordCount,
-    /// Combinations of parameters that the data do not determine.
+    /// Combinations of parameters that the data do not determine, weights in the fit's coordinates; the intervals of the parameters
+    /// in them are their bounds.
     pub unidentifiable: Vec<String>,
+    /// What to know before trusting the estimates: a residual that is not noise, estimates at their bounds.
+    pub warnings: Vec<String>,
 }
 
 impl std::fmt::Display for FitReport {
@@ -35,7 +46,12 @@ impl std::fmt::Display for FitReport {
             writeln!(
                 f,
                 "{} = {:.6e} {}  (90 %: {:.6e} to {:.6e}; scene: {:.6e})",
-                p.path, p.estimate, p.unit, p.interval[0], p.interval[1], p.scene_value
+                p.path,
+                p.estimate,
+                p.unit,
+                p.interval[0],
+                p.interval[1],
+                p.scene_value + 0.0 // −0 is 0
             )?;
         }
         writeln!(f, "residual {:.3e} m on {} fitted records", self.rmse_fit, self.records.fit)?;
@@ -45,35 +61,29 @@ impl std::fmt::Display for FitReport {
         for line in &self.unidentifiable {
             writeln!(f, "not determined by these data: {line}")?;
         }
+        for line in &self.warnings {
+            writeln!(f, "warning: {line}")?;
+        }
         Ok(())
     }
 }
 
 /// The declared free parameters as unknowns.
 pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, IdentifyError> {
+    setup.check_free(plan.model.params())?;
     let one = |free: &crate::log::Free| {
-        let sensor = crate::sensor::SENSOR_PATHS.iter().position(|p| *p == free.path);
-        let unknown = match sensor {
-            Some(entry) => Some(Unknown::of_sensor(entry, 0.01, (free.lower, free.upper))),
-            None => Unknown::of_theta(&plan.model, &free.path, 0.1 * (free.upper - free.lower)),
+        let mut unknown = match SENSOR_PATHS.iter().position(|path| *path == free.path) {
+            Some(entry) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
+            None => Unknown::of_theta(&plan.model, &free.path, 0.1 * (free.upper - free.lower))?,
         };
-        let mut unknown = unknown.ok_or_else(|| {
-            let nearest = plan.model.params().nearest(&free.path).unwrap_or("?").to_owned();
-            IdentifyError::Input(format!("experiment.fit.free: there is no parameter `{}`; did you mean `{nearest}`?", free.path))
-        })?;
         unknown.bounds = (unknown.bounds.0.max(free.lower), unknown.bounds.1.min(free.upper));
         unknown.prior = free.prior.as_ref().map(|p| (p.mean, p.std));
         let value = unknown.value(&plan.scene_values);
-        if value < unknown.bounds.0 || value > unknown.bounds.1 {
-            return Err(IdentifyError::Input(format!(
-                "experiment.fit.free: the scene's {} = {value} lies outside its bounds [{}, {}]; widen the bounds or change the scene",
-                free.path, unknown.bounds.0, unknown.bounds.1
-            )));
-        }
         let positive = value > 0.0 && unknown.bounds.0 >= 0.0 && matches!(unknown.target, Target::Theta(_));
-        Ok(if positive { unknown.logarithmic() } else { unknown })
+        Some(if positive { unknown.logarithmic() } else { unknown })
     };
-    setup.experiment.fit.free.iter().map(one).collect()
+    // the check above has found every path
+    Ok(setup.experiment.fit.free.iter().filter_map(one).collect())
 }
 
 /// Refuses free parameters that influence nothing that was measured.
@@ -104,6 +114,74 @@ pub(super) fn baseline(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> 
     fit(plan, &records, &values, &unknowns, None, options)
 }
 
+/// The better of two fits, what its intervals are taken from, and what has to be said about it.
+struct Chosen {
+    fitted: Fitted,
+    /// The same fit under the noise model of its intervals.
+    spread: Fitted,
+    warnings: Vec<String>,
+}
+
+/// Least squares first, then the whitened fit from there, unless that one gives least squares up.
+///
+/// Whitened by its own colour, a residual that is noise gives the best estimates. Where the model lacks something, the residual is
+/// no noise, and the whitened optimum may lie far from the data: it explains the fast part and lets the slow one go.
+fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
+    let unknowns = declared(setup, plan)?;
+    refuse_dead(plan, &unknowns)?;
+    let values = plan.scene_values.clone();
+    cut(plan, &values, setup.experiment.fit.segment)?;
+    let (values, records) = approach(plan, &plan.fitted, &values, &unknowns, options)?;
+    let plain = fit(plan, &records, &values, &unknowns, None, &FitOptions { rounds: 0, ..*options })?;
+    let whitened = fit(plan, &plain.records, &plain.values, &unknowns, None, options)?;
+    let given_up = whitened.rmse > WORSE * plain.rmse;
+    let mut warnings = Vec::new();
+    let (fitted, spread) = if given_up {
+        warnings.push(format!(
+            "the residual is not noise: whitened by its own colour, the fit would leave {} where least squares leaves {}, so the model \
+             lacks something; these are the least-squares values, their intervals do not cover what is lacking, and `pliant diagnose` \
+             looks for it",
+            millimetres_plain(whitened.rmse),
+            millimetres_plain(plain.rmse)
+        ));
+        coloured(plan, plain, options)?
+    } else {
+        (whitened.clone(), whitened)
+    };
+    warnings.extend(fitted.unknowns.iter().filter_map(|u| at_bound(u, &fitted)));
+    Ok(Chosen { fitted, spread, warnings })
+}
+
+/// A least-squares fit with the noise model of its residual, and with white noise of as many independent samples as that has:
+/// the error of least squares where its residual is coloured.
+fn coloured(plan: &Plan, plain: Fitted, options: &FitOptions) -> Result<(Fitted, Fitted), IdentifyError> {
+    let lost = plain.unknowns.len() + plain.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+    let noise = fit_noise(plan, &plain.residuals, options.noise_floor, lost)?;
+    let samples = plain.residuals.iter().map(Vec::len).sum::<usize>() / plan.channels().max(1);
+    let wider = (samples as f64 / noise.effective_samples(samples)).max(1.0).sqrt();
+    let sigma = noise.sigma().iter().map(|s| s * noise.stationary_ratio().sqrt() * wider).collect();
+    let spread = Fitted { noise: ArModel::white(sigma)?, ..plain.clone() };
+    Ok((Fitted { noise, ..plain }, spread))
+}
+
+/// What to say of an estimate that ends at one of its bounds.
+fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
+    let value = u.value(&fitted.values);
+    let bound = if value <= u.bounds.0 {
+        "lower"
+    } else if value >= u.bounds.1 {
+        "upper"
+    } else {
+        return None;
+    };
+    let value = format!("{} {}", number_plain(value), unit(&u.unit));
+    let value = value.trim_end();
+    Some(format!(
+        "{} ends at its {bound} bound, {value}: the bound is too narrow, or it makes up for something the model lacks",
+        u.path
+    ))
+}
+
 /// Plain system identification: fits the declared free parameters and reports them.
 pub fn fit_scene(
     setup: &Setup,
@@ -111,16 +189,16 @@ pub fn fit_scene(
     _options: &super::DiagnoseOptions,
     progress: &mut dyn FnMut(&str),
 ) -> Result<FitReport, IdentifyError> {
-    let mut plan = Plan::new(setup, logs)?;
     if setup.experiment.fit.free.is_empty() {
-        return Err(IdentifyError::Input("nothing to fit: list parameters in experiment.fit.free".to_owned()));
+        return Err(setup.refuse("experiment.fit", LogMistake::NothingFree).into());
     }
+    let mut plan = Plan::new(setup, logs)?;
     let options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
     progress("fitting");
-    let fitted = baseline(setup, &mut plan, &options)?;
+    let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, &options)?;
     progress("intervals");
-    let curvature = super::certainty::Curvature::new(&plan, &fitted)?;
-    let parameters = super::certainty::estimates(&plan, &fitted, &curvature);
+    let curvature = super::certainty::Curvature::new(&plan, &spread)?;
+    let parameters = super::certainty::estimates(&plan, &spread, &curvature);
     let held_out = if plan.held_out.is_empty() { None } else { Some(super::gain::held_out_rmse(&plan, &fitted)?) };
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,
@@ -131,5 +209,6 @@ pub fn fit_scene(
         converged: fitted.converged,
         records: super::RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         unidentifiable: curvature.unidentifiable(&fitted),
+        warnings,
     })
 }

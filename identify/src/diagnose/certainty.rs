@@ -5,7 +5,7 @@ use super::test::reduce;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::shoot::Plan;
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Two-sided 90 % of a normal.
 const Z90: f64 = 1.644_853_626_951_472_6;
@@ -13,43 +13,63 @@ const Z90: f64 = 1.644_853_626_951_472_6;
 const DEVIANCE90: f64 = 2.705_543_454_095_404;
 /// Singular values below this part of the largest are not determined.
 const RANK: f64 = 1e-6;
+/// Smallest component of a unit vector without influence that counts: below it may be rounding of the determined ones.
+const COMPONENT: f64 = 0.01;
 /// Secant steps towards an end of a profile interval.
 const PROFILE_STEPS: usize = 5;
 
-/// Curvature of the deviance in the fit's coordinates, initial states eliminated.
+/// Curvature of the deviance in the fit's coordinates, initial states eliminated, by its principal directions.
 pub(super) struct Curvature {
-    gram: DMatrix<f64>,
+    eigen: SymmetricEigen<f64, Dyn>,
 }
 
 impl Curvature {
     pub(super) fn new(plan: &Plan, fitted: &Fitted) -> Result<Self, IdentifyError> {
-        Ok(Self { gram: reduce(plan, fitted, &fitted.unknowns)?.gram() })
+        Ok(Self::of(reduce(plan, fitted, &fitted.unknowns)?.gram()))
+    }
+
+    fn of(gram: DMatrix<f64>) -> Self {
+        let empty = SymmetricEigen { eigenvectors: DMatrix::zeros(0, 0), eigenvalues: DVector::zeros(0) };
+        Self { eigen: if gram.is_empty() { empty } else { SymmetricEigen::new(gram) } }
+    }
+
+    /// Numbers of the directions without influence.
+    fn weak(&self) -> Vec<usize> {
+        let values = &self.eigen.eigenvalues;
+        let least = self.least();
+        (0..values.len()).filter(|&k| values[k] <= least).collect()
+    }
+
+    /// The curvature up to which a direction is not determined.
+    fn least(&self) -> f64 {
+        RANK * RANK * self.eigen.eigenvalues.iter().copied().fold(0.0, f64::max)
     }
 
     /// Standard error of each coordinate; infinite where nothing determines it.
+    ///
+    /// By the principal directions, not by the inverse: that of a nearly singular matrix has a diagonal of either sign, and an
+    /// error of zero would be the opposite of the truth.
     pub(super) fn std_errors(&self) -> Vec<f64> {
-        let n = self.gram.nrows();
-        match self.gram.clone().try_inverse() {
-            Some(inverse) => (0..n).map(|j| inverse[(j, j)].max(0.0).sqrt()).collect(),
-            None => vec![f64::INFINITY; n],
-        }
+        let (vectors, values) = (&self.eigen.eigenvectors, &self.eigen.eigenvalues);
+        let (weak, least) = (self.weak(), self.least());
+        let one = |j: usize| {
+            if weak.iter().any(|&k| vectors[(j, k)].abs() > COMPONENT) {
+                return f64::INFINITY;
+            }
+            let parts = (0..values.len()).map(|k| vectors[(j, k)].powi(2) / values[k].max(least).max(f64::MIN_POSITIVE));
+            parts.sum::<f64>().sqrt()
+        };
+        (0..vectors.nrows()).map(one).collect()
     }
 
     /// Combinations of parameters without influence, in words.
     pub(super) fn unidentifiable(&self, fitted: &Fitted) -> Vec<String> {
-        if self.gram.nrows() == 0 {
-            return Vec::new();
-        }
-        let eigen = SymmetricEigen::new(self.gram.clone());
-        let largest = eigen.eigenvalues.max();
-        let weak = (0..self.gram.nrows()).filter(|&j| eigen.eigenvalues[j] < RANK * RANK * largest);
-        let word = |j: usize| {
-            let v = eigen.eigenvectors.column(j);
-            let parts =
-                fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > 0.1).map(|(u, x)| format!("{x:+.2}·{}", u.path));
-            parts.collect::<Vec<_>>().join(" ")
+        let word = |k: usize| {
+            let v = self.eigen.eigenvectors.column(k);
+            let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > COMPONENT);
+            parts.map(|(u, x)| format!("{x:+.2}·{}", u.path)).collect::<Vec<_>>().join(" ")
         };
-        weak.map(word).collect()
+        self.weak().into_iter().map(word).collect()
     }
 }
 
@@ -60,7 +80,7 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> 
         let value = u.value(&fitted.values);
         let end = |z: f64| {
             if se.is_finite() {
-                u.moved(value, z * se)
+                u.far(value, z * se)
             } else if z < 0.0 {
                 u.bounds.0
             } else {
@@ -124,4 +144,28 @@ pub(super) fn profile(
         }
     }
     Ok(ends)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_singular_matrix_does_not_determine_has_no_finite_error() {
+        // the second and third columns have the same effect to rounding: their inverse's diagonal may come out negative
+        let effect = [[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.3, 2.0, 2.0 + 1e-9]];
+        let j = DMatrix::from_fn(3, 3, |r, c| 1e3 * effect[r][c]);
+        let errors = Curvature::of(j.transpose() * &j).std_errors();
+        assert!((1e3 * errors[0] - 1.0).abs() < 0.1, "{errors:?}");
+        assert!(errors[1].is_infinite() && errors[2].is_infinite(), "{errors:?}");
+    }
+
+    #[test]
+    fn the_errors_are_those_of_the_inverse_where_it_exists() {
+        let gram = DMatrix::from_row_slice(2, 2, &[4.0, 1.0, 1.0, 9.0]);
+        let errors = Curvature::of(gram).std_errors();
+        assert!((errors[0] - (9.0f64 / 35.0).sqrt()).abs() < 1e-12 && (errors[1] - (4.0f64 / 35.0).sqrt()).abs() < 1e-12);
+        assert!(Curvature::of(DMatrix::zeros(1, 1)).std_errors()[0].is_infinite());
+        assert!(Curvature::of(DMatrix::zeros(0, 0)).std_errors().is_empty());
+    }
 }

@@ -11,8 +11,6 @@ use rayon::prelude::*;
 /// Blocks that a single held-out record is cut into for its interval, and the fewest samples of one.
 const BLOCKS: usize = 8;
 const SHORTEST_BLOCK: usize = 4;
-/// Ends of an interval that is not known.
-const UNKNOWN: f64 = 1e3;
 
 /// Records with their initial states estimated from the lead-in under the baseline; the same before and after.
 pub(super) fn prepared(
@@ -104,17 +102,20 @@ fn gain(
     let interval = interval(&b, &a, channels, seed)?;
     let (rb, ra) = (rms(&b), rms(&a));
     let explainable = rb * rb - noise * noise;
-    let finite = |x: f64| x.clamp(-UNKNOWN, UNKNOWN);
     Ok(Gain {
         horizon_s: horizon,
         rmse_before: rb,
         rmse_after: ra,
         unit: "m".to_owned(),
-        // the statistic is after − before; the report counts improvement positive
-        interval: [finite(-interval.upper), finite(-interval.lower)],
+        interval: ends(&interval),
         explained_fraction: if explainable > 0.0 { (rb * rb - ra * ra) / explainable } else { 0.0 },
         mean_abs: [mean_abs(&b), mean_abs(&a)],
     })
+}
+
+/// Ends of an interval, if it is known. The statistic is after − before; the report counts improvement positive.
+fn ends(interval: &LogRmseGain) -> Option<[f64; 2]> {
+    Some([-interval.upper, -interval.lower]).filter(|ends| ends.iter().all(|x| x.is_finite()))
 }
 
 /// 90 % interval of the difference of log RMSE: over records, or over blocks of the only one if it is long enough.
@@ -187,4 +188,21 @@ pub(super) fn pictures(
         });
     }
     Ok((curves, snapshots))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn one_record_has_an_interval_only_if_it_is_long() {
+        let record = |samples: u32| vec![(0..3 * samples).map(|k| 1e-3 * (1.0 + 0.1 * f64::from(k).sin())).collect::<Vec<f64>>()];
+        let known = |samples: u32| {
+            let gain = interval(&record(samples), &record(samples), 3, 1).unwrap();
+            ends(&gain)
+        };
+        assert!(known(64).is_some_and(|[low, high]| low <= high));
+        assert_eq!(known(20), None);
+    }
 }

@@ -29,6 +29,7 @@ pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option
     if numerics.ratio > TOLERATED {
         d.causes.push(Cause {
             name: reason::DISCRETISATION.to_owned(),
+            object: None,
             meaning: "the simulation's step is too coarse for these data".to_owned(),
             parameters: vec![Estimate {
                 path: "time.step".to_owned(),
@@ -48,6 +49,7 @@ pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option
 fn candidate(name: &str, found: Option<(f64, f64)>, unit: &str, reason: String) -> CandidateReport {
     CandidateReport {
         name: name.to_owned(),
+        object: None,
         status: if found.is_some() { Status::Tested } else { Status::Untestable },
         statistic: found.map(|f| f.0),
         dof: 0,

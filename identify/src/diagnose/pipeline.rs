@@ -9,6 +9,7 @@ use crate::causes::{Cause as Candidate, discretisation, spacing};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
+use crate::number::share;
 use crate::shoot::{Plan, RecordPlan};
 use crate::stats::dist::chi2_sf;
 use std::time::Instant;
@@ -58,6 +59,7 @@ pub fn diagnose(
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
     }
     let mut plan = Plan::new(setup, logs)?;
+    findings.extend(audit::held_markers(&plan));
     let fit_options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
     progress("fitting the baseline");
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;
@@ -103,7 +105,8 @@ pub fn diagnose(
         verdict: Verdict::Adequate,
         reason: String::new(),
         causes,
-        alternatives: run.alternatives(&first),
+        alternatives: Vec::new(),
+        alternative_objects: Vec::new(),
         advice: Vec::new(),
         remainder: left,
         candidates: run.candidates(&first),
@@ -113,11 +116,13 @@ pub fn diagnose(
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
         baseline: estimates(&plan, &base, &curvature),
+        unidentifiable: curvature.unidentifiable(&base),
         stages: story.stages,
         curves,
         snapshots,
         wall_s: 0.0,
     };
+    set_alternatives(&mut diagnosis, &run.alternatives());
     numerics::report(&mut diagnosis, &numerics, edges.as_ref(), plan.model.step_length());
     let imitated = run.imitated(&plan, &base, sensor_sigma)?;
     decide(&mut diagnosis, &run, &first, base.converged, imitated, numerics.ratio);
@@ -129,12 +134,16 @@ pub fn diagnose(
 struct Selection {
     current: Fitted,
     accepted: Vec<Accepted>,
-    ambiguous: Vec<(usize, Vec<String>)>,
+    ambiguous: Vec<Vec<Name>>,
     /// Fit with the best of the causes that cannot be told apart.
     undecided: Option<Box<Fitted>>,
     rejected: bool,
+    /// (title of a candidate, what was found about it)
     notes: Vec<(String, String)>,
 }
+
+/// Name of a cause, and the gripper it is about.
+type Name = (String, Option<String>);
 
 impl Selection {
     fn grow(
@@ -150,7 +159,7 @@ impl Selection {
         while self.accepted.len() < options.max_causes {
             let mut notes = Vec::new();
             let outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
-            self.notes.extend(notes.into_iter().map(|(j, why)| (label(&tested, j), why)));
+            self.notes.extend(notes.into_iter().map(|(j, why)| (candidate(&tested, j).title(), why)));
             match outcome {
                 Round::Nothing => return Ok(()),
                 Round::Rejected => {
@@ -159,12 +168,12 @@ impl Selection {
                 }
                 Round::Ambiguous { set, fitted } => {
                     self.undecided = Some(fitted);
-                    self.ambiguous.push((self.accepted.len(), set.iter().map(|&j| label(&tested, j)).collect()));
+                    self.ambiguous.push(set.iter().map(|&j| name(candidate(&tested, j))).collect());
                     return Ok(());
                 }
                 Round::Accepted { candidate, fitted, statistic, margin } => {
-                    let cause = tested.causes[tested.tested[candidate]].clone();
-                    progress(&format!("accepted {}", cause.name));
+                    let cause = self::candidate(&tested, candidate).clone();
+                    progress(&format!("accepted {}", cause.title()));
                     let rivals = rivals(&tested, candidate);
                     self.accepted.push(Accepted { rivals, cause, statistic, margin, constancy: None });
                     self.current = *fitted;
@@ -184,7 +193,7 @@ impl Selection {
         }
         for k in (0..self.accepted.len() - 1).rev() {
             let own = self.accepted[k].cause.unknowns.clone();
-            progress(&format!("checking that {} is still needed", self.accepted[k].cause.name));
+            progress(&format!("checking that {} is still needed", self.accepted[k].cause.title()));
             let mut without = self.current.clone();
             without.unknowns.retain(|u| !own.iter().any(|o| o.target == u.target));
             for u in &own {
@@ -194,10 +203,8 @@ impl Selection {
             let drop = fitted.deviance - self.current.deviance;
             self.accepted[k].statistic = drop;
             if chi2_sf(drop.max(0.0), own.len() as f64) > super::select::LEVEL {
-                self.notes.push((
-                    self.accepted[k].cause.name.to_owned(),
-                    "accepted first, superfluous beside the later causes".to_owned(),
-                ));
+                self.notes
+                    .push((self.accepted[k].cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
                 self.accepted.remove(k);
                 self.current = fitted;
             }
@@ -206,14 +213,14 @@ impl Selection {
     }
 
     /// The accepted cause whose size differs most between parts of the records, if any does, and its p.
-    fn varying(&mut self, plan: &Plan) -> Result<Option<(&'static str, f64)>, IdentifyError> {
-        let mut worst: Option<(&'static str, f64)> = None;
+    fn varying(&mut self, plan: &Plan) -> Result<Option<(String, f64)>, IdentifyError> {
+        let mut worst: Option<(String, f64)> = None;
         let all = self.accepted.len() as f64;
         for accepted in &mut self.accepted {
             let p = constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?;
             accepted.constancy = Some(p);
-            if p * all < constancy::LEVEL && worst.is_none_or(|(_, least)| p < least) {
-                worst = Some((accepted.cause.name, p));
+            if p * all < constancy::LEVEL && worst.as_ref().is_none_or(|(_, least)| p < *least) {
+                worst = Some((accepted.cause.title(), p));
             }
         }
         Ok(worst)
@@ -225,13 +232,13 @@ impl Selection {
         sensor_sigma: f64,
         p_input: f64,
         untested: bool,
-        varying: Option<(&'static str, f64)>,
+        varying: Option<(String, f64)>,
     ) -> Remainder {
         let by_input = remainder::is_significant(p_input);
         let (before, after) = (base.rmse * base.rmse, self.current.rmse * self.current.rmse);
         let explainable = before - sensor_sigma * sensor_sigma;
         let note = match (by_input, untested) {
-            (false, _) if let Some((name, p)) = varying => format!(
+            (false, _) if let Some((name, p)) = &varying => format!(
                 "{name} would need different sizes in different parts of the records (p = {p:.1e}): it imitates another law"
             ),
             (true, _) => format!(
@@ -283,6 +290,7 @@ impl Selection {
             }
             Ok(Cause {
                 name: a.cause.name.to_owned(),
+                object: a.cause.object.clone(),
                 meaning: a.cause.meaning.to_owned(),
                 parameters,
                 statistic: a.statistic,
@@ -293,8 +301,8 @@ impl Selection {
         self.accepted.iter().map(one).collect()
     }
 
-    fn alternatives(&self, _first: &Tested) -> Vec<Vec<String>> {
-        self.ambiguous.iter().map(|(_, names)| names.clone()).collect()
+    fn alternatives(&self) -> Vec<Vec<Name>> {
+        self.ambiguous.clone()
     }
 
     fn candidates(&self, first: &Tested) -> Vec<CandidateReport> {
@@ -303,6 +311,7 @@ impl Selection {
             let unit = cause.unknowns.first().map_or(String::new(), |u| u.unit.clone());
             let base = CandidateReport {
                 name: cause.name.to_owned(),
+                object: cause.object.clone(),
                 status: Status::Untestable,
                 statistic: None,
                 dof: cause.unknowns.len(),
@@ -318,7 +327,7 @@ impl Selection {
             let absorbed = s.absorbed.iter().copied().fold(f64::NAN, f64::min);
             let slope = |k: usize| cause.unknowns[k].slope(self.base_value(cause, k));
             let reasons: Vec<&str> =
-                self.notes.iter().filter(|(n, _)| *n == label(first, j)).map(|(_, why)| why.as_str()).collect();
+                self.notes.iter().filter(|(n, _)| *n == cause.title()).map(|(_, why)| why.as_str()).collect();
             CandidateReport {
                 status: if s.rank == 0 { Status::Absorbed } else { Status::Tested },
                 statistic: (s.rank > 0).then_some(s.lm),
@@ -364,15 +373,27 @@ impl Story<'_> {
     }
 }
 
-/// Name of a tested candidate; where several share it (a gripper each), with its first path.
-fn label(tested: &Tested, j: usize) -> String {
-    tested.causes[tested.tested[j]].name.to_owned()
+/// A tested candidate.
+fn candidate(tested: &Tested, j: usize) -> &Candidate {
+    &tested.causes[tested.tested[j]]
+}
+
+fn name(cause: &Candidate) -> Name {
+    (cause.name.to_owned(), cause.object.clone())
+}
+
+fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {
+    d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
+    d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
 }
 
 fn rivals(tested: &Tested, j: usize) -> Vec<Rival> {
     let mut out: Vec<Rival> = (0..tested.tested.len())
         .filter(|&k| k != j && tested.score.candidates[k].rank > 0)
-        .map(|k| Rival { name: label(tested, k), cosine: tested.score.cosines[(j, k)] })
+        .map(|k| {
+            let (name, object) = name(candidate(tested, k));
+            Rival { name, object, cosine: tested.score.cosines[(j, k)] }
+        })
         .collect();
     out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
     out.truncate(4);
@@ -406,38 +427,39 @@ fn note(what: &str, advice: &str) -> AuditFinding {
 }
 
 fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, imitated: Option<f64>, numerical_part: f64) {
-    let names: Vec<&str> = d.causes.iter().map(|c| c.name.as_str()).collect();
+    let names: Vec<String> = d.causes.iter().map(Cause::title).collect();
+    let titles = d.alternative_titles();
     let little = !run.accepted.is_empty() && d.remainder.significant && d.remainder.explained_fraction < ENOUGH;
     let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input;
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
     } else if open {
         let reason = format!(
-            "{} takes {:.0} % of what can be explained, but what remains is significant and fits several causes equally well: {}",
+            "{} takes {} of what can be explained, but what remains is significant and fits several causes equally well: {}",
             names.join(" with "),
-            100.0 * d.remainder.explained_fraction,
-            run.alternatives(first).concat().join(", ")
+            share(d.remainder.explained_fraction),
+            titles.concat().join(", ")
         );
         (Verdict::Ambiguous, reason)
     } else if little {
         let reason = format!(
-            "{} fits best, but takes only {:.0} % of what can be explained, and the rest is significant ({}): something outside the library",
+            "{} fits best, but takes {} of what can be explained, and the rest is significant ({}): something outside the library",
             names.join(" with "),
-            100.0 * d.remainder.explained_fraction,
+            share(d.remainder.explained_fraction),
             d.remainder.note
         );
         (Verdict::NotInLibrary, reason)
     } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > ENOUGH)) {
-        let margins = run.accepted.iter().filter_map(|a| Some((a.cause.name, a.margin.as_ref()?)));
+        let margins = run.accepted.iter().filter_map(|a| Some((a.cause.title(), a.margin.as_ref()?)));
         (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
-    } else if let (Some(taken), Some(set)) = (imitated, d.alternatives.first()) {
+    } else if let (Some(taken), Some(set)) = (imitated, titles.first()) {
         let reason = format!(
-            "{} fit equally well, but take only {:.0} % of what can be explained, and the rest still depends on the inputs: something outside the library",
+            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs: something outside the library",
             set.join(", "),
-            100.0 * taken.max(0.0)
+            share(taken)
         );
         (Verdict::NotInLibrary, reason)
-    } else if let Some(set) = d.alternatives.first() {
+    } else if let Some(set) = titles.first() {
         (Verdict::Ambiguous, format!("{} explain the data equally well", set.join(", ")))
     } else if run.rejected || d.remainder.significant {
         (Verdict::NotInLibrary, "something significant is there, and no cause of the library is accepted for it".to_owned())
@@ -445,8 +467,9 @@ fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, i
         (Verdict::Adequate, "nothing beyond the noise was found".to_owned())
     };
     if open && d.verdict == Verdict::Ambiguous {
-        let accepted = names.iter().map(|n| (*n).to_owned());
-        d.alternatives = vec![accepted.chain(run.alternatives(first).concat()).collect()];
+        let accepted = run.accepted.iter().map(|a| name(&a.cause));
+        let set = accepted.chain(run.alternatives().concat()).collect();
+        set_alternatives(d, &[set]);
     }
     if d.verdict != Verdict::Named {
         d.causes.clear();

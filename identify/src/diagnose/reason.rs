@@ -10,11 +10,11 @@ pub(super) const DISCRETISATION: &str = "discretisation";
 /// Which causes, of what size, how far ahead of the nearest rival, and what they gain on records that were not fitted.
 ///
 /// `margins` belong to the accepted causes that had a rival to beat.
-pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (&'a str, &'a Margin)>, gain: &[Gain]) -> String {
+pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String, &'a Margin)>, gain: &[Gain]) -> String {
     let (numerics, physics): (Vec<&Cause>, Vec<&Cause>) = causes.iter().partition(|c| c.name == DISCRETISATION);
     let mut out = Vec::new();
     if !physics.is_empty() {
-        let all: Vec<String> = physics.iter().map(|c| format!("{}: {}", c.name, sizes(c))).collect();
+        let all: Vec<String> = physics.iter().map(|c| format!("{}: {}", c.title(), sizes(c))).collect();
         let least = number_plain(physics.iter().map(|c| c.statistic).fold(f64::INFINITY, f64::min));
         let proof = if all.len() == 1 {
             format!("its likelihood-ratio statistic is {least}")
@@ -74,6 +74,7 @@ mod tests {
         let parameter = Estimate { path: path.into(), estimate, unit: unit.into(), interval, scene_value: 0.0 };
         Cause {
             name: name.into(),
+            object: None,
             meaning: String::new(),
             parameters: vec![parameter],
             statistic,
@@ -93,12 +94,12 @@ mod tests {
             rmse_before: 4e-3,
             rmse_after,
             unit: "m".into(),
-            interval: [1.0, 2.0],
+            interval: Some([1.0, 2.0]),
             explained_fraction: 0.9,
             mean_abs: [0.0; 2],
         };
         let (damping, drag) = (cause("internal_damping", "cable.bend_damping", 5e-5, "N·m²·s", 1e4), margin("linear_drag", 41.0));
-        let text = named(&[damping], [("internal_damping", &drag)].into_iter(), &[gain(0.1, 3e-3), gain(4.0, 1e-3)]);
+        let text = named(&[damping], [("internal_damping".to_owned(), &drag)].into_iter(), &[gain(0.1, 3e-3), gain(4.0, 1e-3)]);
         assert_eq!(
             text,
             "The data call for internal_damping: cable.bend_damping = 5e-5 N·m²·s (90 % interval 4.5e-5 to 5.5e-5, scene 0); \
@@ -115,7 +116,7 @@ mod tests {
             cause(DISCRETISATION, "time.step", 0.002, "s", 0.5),
         ];
         let (near, far) = (margin("gravity_tilt", 3.0), margin("linear_drag", 30.0));
-        let text = named(&causes, [("sensor_scale", &far), ("internal_damping", &near)].into_iter(), &[]);
+        let text = named(&causes, [("sensor_scale".to_owned(), &far), ("internal_damping".to_owned(), &near)].into_iter(), &[]);
         assert!(text.starts_with("The data call for sensor_scale: sensor.scale = 1.02 (90 %"), "{text}");
         for part in [
             ", and for internal_damping: cable.bend_damping = 5e-5",

@@ -1,6 +1,7 @@
 //! What a diagnosis says: the object behind the JSON, the report and the text on the screen.
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
+use crate::causes::title;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -43,6 +44,8 @@ pub struct Estimate {
 pub struct Rival {
     /// Name of the other cause.
     pub name: String,
+    /// The gripper it is about, where each has a cause of this name; null else.
+    pub object: Option<String>,
     /// Cosine between the two effects on the measurements, what can be fitted projected out, noise whitened [-].
     pub cosine: f64,
 }
@@ -52,6 +55,8 @@ pub struct Rival {
 pub struct Cause {
     /// Name.
     pub name: String,
+    /// The gripper it is about, where each has a cause of this name; null else.
+    pub object: Option<String>,
     /// One sentence.
     pub meaning: String,
     /// Its parameters after the joint refit.
@@ -81,6 +86,8 @@ pub enum Status {
 pub struct CandidateReport {
     /// Name.
     pub name: String,
+    /// The gripper it is about, where each has a cause of this name; null else.
+    pub object: Option<String>,
     /// What became of it.
     pub status: Status,
     /// Score statistic, compared with χ² of `dof` degrees [-]; absent unless tested.
@@ -130,8 +137,8 @@ pub struct Gain {
     /// Unit.
     pub unit: String,
     /// 90 % interval of the difference of log RMSE, positive = better: over records; with a single one over its blocks, which says
-    /// nothing about other records; −1000 to 1000 where a single record is too short even for that.
-    pub interval: [f64; 2],
+    /// nothing about other records; null where it is unknown, because a single record is too short even for that.
+    pub interval: Option<[f64; 2]>,
     /// Part of the explainable error removed [-].
     pub explained_fraction: f64,
     /// Mean |error| per coordinate before and after [m].
@@ -175,6 +182,22 @@ pub struct RecordCount {
     pub fit: usize,
     /// Held out.
     pub held_out: usize,
+}
+
+impl Cause {
+    /// What tells it from all others: `gripper_offset (left)`.
+    pub fn title(&self) -> String {
+        title(&self.name, self.object.as_deref())
+    }
+}
+
+impl Diagnosis {
+    /// The causes that cannot be told apart, as sets of titles.
+    pub fn alternative_titles(&self) -> Vec<Vec<String>> {
+        let object = |set: usize, k: usize| self.alternative_objects.get(set)?.get(k)?.as_deref();
+        let one = |(i, set): (usize, &Vec<String>)| set.iter().enumerate().map(|(k, name)| title(name, object(i, k))).collect();
+        self.alternatives.iter().enumerate().map(one).collect()
+    }
 }
 
 /// A finding of the audit of the data.
@@ -262,11 +285,14 @@ pub struct Diagnosis {
     pub causes: Vec<Cause>,
     /// Sets of causes that cannot be told apart.
     pub alternatives: Vec<Vec<String>>,
+    /// The grippers that `alternatives` are about, in the same order; null where there is none.
+    pub alternative_objects: Vec<Vec<Option<String>>>,
     /// What would tell them apart.
     pub advice: Vec<String>,
     /// What is left.
     pub remainder: Remainder,
-    /// Every candidate against the baseline.
+    /// Every candidate against the baseline: a cause once, or once per gripper (`object`); and `node_spacing`, what a finer rope would
+    /// change, which is no cause.
     pub candidates: Vec<CandidateReport>,
     /// Held-out errors.
     pub gain: Vec<Gain>,
@@ -280,6 +306,9 @@ pub struct Diagnosis {
     pub audit: Vec<AuditFinding>,
     /// The declared free parameters after the baseline fit.
     pub baseline: Vec<Estimate>,
+    /// Combinations of them that the data do not determine, weights in the fit's coordinates; the intervals of the parameters in
+    /// them are their bounds.
+    pub unidentifiable: Vec<String>,
     /// Forward selection, step by step.
     pub stages: Vec<Stage>,
     /// Curves of held-out (or, without any, fitted) records.

@@ -78,7 +78,7 @@ pub(super) fn round(
     let mut refits = Vec::new();
     for &candidate in &chosen {
         let cause = &tested.causes[tested.tested[candidate]];
-        progress(&format!("refitting with {}", cause.name));
+        progress(&format!("refitting with {}", cause.title()));
         match refit(plan, current, &cause.unknowns, options) {
             Ok(fitted) => match rejection(current, &fitted, cause) {
                 Some(reason) => notes.push((candidate, reason)),
@@ -165,7 +165,7 @@ fn unbeaten(
         let ahead = tested.score.candidates[best.candidate].credible(ahead);
         if ahead > bar {
             if nearest.as_ref().is_none_or(|n| ahead < n.lead) {
-                nearest = Some(Margin { rival: cause.name.to_owned(), lead: ahead, needed: bar });
+                nearest = Some(Margin { rival: cause.title(), lead: ahead, needed: bar });
             }
             continue;
         }

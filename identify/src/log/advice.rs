@@ -1,6 +1,7 @@
 //! Likely cause and fix of each mistake.
 
 use super::error::{LogMistake as M, Need};
+use pliant_engine::scene::words::Num;
 
 /// (likely cause, fix).
 pub(super) fn advice(mistake: &M) -> (String, String) {
@@ -32,8 +33,25 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
             )
         }
         M::Range { low, high, unit, .. } => {
-            both("a wrong unit or sign", format!("write a number between {low} and {high} {unit}"))
+            both("a wrong unit or sign", format!("write a number between {} and {} {unit}", Num(*low), Num(*high)))
         }
+        M::TiedSensor { each, .. } => both("a pattern meant for nodes of a rope", format!("free them one by one: {each}")),
+        M::FreeTwice { .. } => both("an entry was copied, or a pattern with `*` covers it", "keep one entry per parameter"),
+        M::Unphysical { low, high, .. } => {
+            both("a sign error, or bounds of another quantity", format!("write bounds from {} to {}", Num(*low), Num(*high)))
+        }
+        M::Outside { .. } => both(
+            "the bounds or the scene's value are in another unit",
+            "widen the bounds, or change the value in the scene: the fit starts there",
+        ),
+        M::NothingFree => both(
+            "the experiment was written for `diagnose` alone",
+            "add e.g. `free = [{ path = \"cable.bend_stiffness\", lower = 1e-5, upper = 0.1 }]` to [experiment.fit]",
+        ),
+        M::AllHeldOut => both(
+            "`role = \"held_out\"` was copied to all of them",
+            "write `role = \"fit\"` for at least one, or leave all roles out: every fourth is then held out",
+        ),
         M::Bounds { .. } => both("they were exchanged", "write the smaller number as `lower`"),
         _ => return None,
     })
@@ -70,6 +88,9 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
                 format!("write `step = {fits}` in [time]"),
             )
         }
+        M::ClockUnit { ratio, .. } if *ratio < 1.0 => {
+            both("the clock is not in the unit that `time.unit` says", "write `unit = \"s\"` (or \"ms\") in `time`")
+        }
         M::ClockUnit { .. } => {
             both("the clock is not in the unit that `time.unit` says", "write `unit = \"ms\"` (or \"us\") in `time`")
         }
@@ -87,6 +108,7 @@ fn of_the_file(mistake: &M) -> (String, String) {
         M::Read { .. } => {
             both("the path is wrong, or the file is damaged", "check the path; it is relative to the scene's folder")
         }
+        M::Empty => both("the recording did not begin, or another file was meant", "record again, or leave this file out"),
         M::Kind => both("another format", "convert it to .csv or .npz"),
         M::Mapping { key, kind } => both(
             "the mapping was written for the other kind of file",
@@ -98,6 +120,10 @@ fn of_the_file(mistake: &M) -> (String, String) {
         M::NoColumn { known, .. } => both("the log was made by another program", format!("name one of {known}")),
         M::TwoColumns { .. } => both("columns were joined from two files", "rename one of them in the file"),
         M::Ragged { .. } => both("the row was cut off, or has a comma too many", "correct or remove the row"),
+        M::SameRecord { .. } => both(
+            "a file was listed twice, given by `--log` again, or copied under another name",
+            "keep one of the two: what is fitted cannot also be held out, and nothing counts twice",
+        ),
         M::NoArray { nearest: Some(nearest), known, .. } => {
             both("a typing error", format!("did you mean \"{nearest}\"? The file has {known}"))
         }

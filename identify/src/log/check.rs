@@ -5,6 +5,7 @@ use super::experiment::{Experiment, Marker};
 use super::record::Record;
 use super::setup::{Setup, suggestion};
 use pliant_engine::scene::{Place, words};
+use std::f64::consts::PI;
 
 /// Samples below which no record is of use.
 const MIN_SAMPLES: usize = 10;
@@ -12,6 +13,8 @@ const MIN_SAMPLES: usize = 10;
 const PERIOD_ERROR: f64 = 0.02;
 /// Steps between two samples beyond which the clock is taken for one in milliseconds.
 const MOST_STEPS: f64 = 500.0;
+/// And below which it is taken for one in seconds that is read as milliseconds.
+const FEWEST_STEPS: f64 = 0.05;
 /// Times the length of all ropes beyond which positions are taken for another unit's; below a hundredth they are, too.
 const EXTENT: f64 = 10.0;
 
@@ -30,6 +33,7 @@ pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
         return check.refuse("experiment", LogMistake::NoMarker);
     }
     experiment.marker.iter().enumerate().try_for_each(|(k, marker)| check.marker(k, marker))?;
+    check.sensor(experiment)?;
     check.inputs(experiment)?;
     check.free(experiment)
 }
@@ -70,6 +74,18 @@ impl Check<'_> {
         if let Some(node) = marker.node.filter(|node| rope.node(*node).is_none()) {
             let n = rope.n_nodes() as f64;
             return self.refuse(&at("node"), LogMistake::Range { value: node as f64, low: -n, high: n - 1.0, unit: "(nodes)" });
+        }
+        Ok(())
+    }
+
+    fn sensor(&self, experiment: &Experiment) -> Result<(), LogError> {
+        let at = |key: &str| format!("experiment.sensor.{key}");
+        let sensor = &experiment.sensor;
+        self.range(&at("scale"), sensor.scale, 0.5, 2.0, "")?;
+        self.range(&at("time_offset"), sensor.time_offset, -10.0, 10.0, "s")?;
+        for a in 0..3 {
+            self.range(&at(&format!("bias[{a}]")), sensor.bias[a], -1e3, 1e3, "m")?;
+            self.range(&at(&format!("rotation[{a}]")), sensor.rotation[a], -PI, PI, "rad")?;
         }
         Ok(())
     }
@@ -123,31 +139,6 @@ impl Check<'_> {
     }
 }
 
-impl Setup {
-    /// Checks that the paths of the free parameters are among those of the model and the sensor.
-    pub fn check_paths(&self, known: &[&str]) -> Result<(), LogError> {
-        for (k, free) in self.experiment.fit.free.iter().enumerate() {
-            if !known.iter().any(|path| matches(&free.path, path)) {
-                let field = format!("experiment.fit.free[{k}].path");
-                return Check { setup: self }.unknown(&field, "parameter", &free.path, known);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Whether a path is meant by a pattern in which `[*]` stands for any number.
-pub(super) fn matches(pattern: &str, path: &str) -> bool {
-    match pattern.split_once("[*]") {
-        None => pattern == path,
-        Some((before, after)) => {
-            path.strip_prefix(before).and_then(|rest| rest.strip_prefix('[')?.split_once(']')).is_some_and(|(number, rest)| {
-                !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) && matches(after, rest)
-            })
-        }
-    }
-}
-
 /// Checks a record as read. `place` locates a sample's clock.
 pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
     let n = record.time.len();
@@ -161,20 +152,33 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
             return Err(LogError::new(place(k), LogMistake::Clock { before, after }));
         }
     }
-    let duration = record.time[n - 1] - record.time[0];
-    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in)];
-    if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
-        return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
-    }
     let (period, step) = (record.period(), setup.scene.time.step);
     let ratio = period / step;
-    if ratio > MOST_STEPS {
+    if !(FEWEST_STEPS..=MOST_STEPS).contains(&ratio) {
         return Err(LogError::new(place(0), LogMistake::ClockUnit { period, step, ratio }));
     }
     if ratio.round() < 1.0 || (ratio / ratio.round() - 1.0).abs() > PERIOD_ERROR {
         return Err(LogError::new(place(0), LogMistake::Period { period, step, ratio }));
     }
+    let duration = record.time[n - 1] - record.time[0];
+    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in)];
+    if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
+        return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
+    }
     extent(setup, record, place)
+}
+
+/// Refuses a measurement that is there twice: fitted, it would count double; held out, it would measure no gain.
+///
+/// By content, so that a copy under another name is found too. `places` tell where each record is listed.
+pub(super) fn check_twice(records: &[Record], places: &[Place]) -> Result<(), LogError> {
+    for (k, record) in records.iter().enumerate() {
+        if let Some(first) = records[..k].iter().position(|other| record.is_copy_of(other)) {
+            let other = format!("{} ({})", records[first].name, places[first]);
+            return Err(LogError::new(places[k].clone(), LogMistake::SameRecord { name: record.name.clone(), other }));
+        }
+    }
+    Ok(())
 }
 
 /// Markers and grippers spread over a length that the ropes can span, or some are in another unit.

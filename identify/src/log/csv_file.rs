@@ -69,6 +69,9 @@ impl Table {
         let mut reader = builder.from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| unreadable(error.to_string()))?;
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
+        if header.iter().all(String::is_empty) {
+            return Err(LogError::new(whole.clone(), LogMistake::Empty));
+        }
         let rows: Vec<StringRecord> =
             reader.records().collect::<Result<_, _>>().map_err(|error| unreadable(error.to_string()))?;
         let table = Self { file, header, rows };

@@ -1,6 +1,8 @@
 //! What can be wrong with an experiment or its logs: where, what, the likely cause, and the fix.
 
 use super::advice::advice;
+use crate::number::fixed;
+use pliant_engine::scene::words::Num;
 use pliant_engine::scene::{Place, SceneError};
 use std::fmt;
 
@@ -68,17 +70,38 @@ pub enum LogMistake {
     #[error("gives {found} {what}, but gripper \"{gripper}\" has {needed} inputs: {names}")]
     InputCount { gripper: String, found: usize, what: &'static str, needed: usize, names: String },
     /// A number outside its interval.
-    #[error("is {value}, but must lie between {low} and {high} {unit}")]
+    #[error("is {}, but must lie between {} and {} {unit}", Num(*.value), Num(*.low), Num(*.high))]
     Range { value: f64, low: f64, high: f64, unit: &'static str },
     /// Bounds in the wrong order.
-    #[error("the lower bound {lower} is not below the upper bound {upper}")]
+    #[error("the lower bound {} is not below the upper bound {}", Num(*.lower), Num(*.upper))]
     Bounds { lower: f64, upper: f64 },
+    /// A pattern that would tie parameters of the sensor.
+    #[error("`{path}` would tie parameters of the sensor to one value, which says nothing of a sensor")]
+    TiedSensor { path: String, each: String },
+    /// A parameter that is freed twice.
+    #[error("`{path}` is free already, by {other}")]
+    FreeTwice { path: String, other: String },
+    /// A bound beyond what is physical.
+    #[error("the bound of `{path}` is {} {unit}, but it can only be from {} to {}", Num(*.value), Num(*.low), Num(*.high))]
+    Unphysical { path: String, value: f64, low: f64, high: f64, unit: &'static str },
+    /// A starting value outside the bounds.
+    #[error("the scene's `{path}` is {} {unit}, outside its bounds {} to {}", Num(*.value), Num(*.lower), Num(*.upper))]
+    Outside { path: String, value: f64, lower: f64, upper: f64, unit: &'static str },
+    /// Nothing to fit.
+    #[error("lists no free parameter, so there is nothing to fit")]
+    NothingFree,
+    /// Nothing to fit to.
+    #[error("every record is held out, so there is nothing to fit to")]
+    AllHeldOut,
     /// The file cannot be read.
     #[error("cannot be read: {error}")]
     Read { error: String },
     /// Not a known kind of file.
     #[error("is neither .csv nor .npz")]
     Kind,
+    /// A file of no content.
+    #[error("is empty: it has no header and no rows")]
+    Empty,
     /// The mapping is for the other kind of file.
     #[error("has no `{key}`, which {kind} files need")]
     Mapping { key: &'static str, kind: &'static str },
@@ -98,22 +121,25 @@ pub enum LogMistake {
     #[error("is {found}")]
     Missing { found: &'static str, of: Need },
     /// A clock that runs backwards or stands still.
-    #[error("the clock {} from {before:.6} s to {after:.6} s", if after < before { "runs backwards" } else { "stands still" })]
+    #[error("the clock {} from {} s to {} s", if after < before { "runs backwards" } else { "stands still" }, fixed(*.before, 6), fixed(*.after, 6))]
     Clock { before: f64, after: f64 },
+    /// A measurement that is there twice.
+    #[error("record {name} has the same times and readings as record {other}")]
+    SameRecord { name: String, other: String },
     /// Too few samples.
     #[error("the record has {found} samples; at least {needed} are needed")]
     TooFew { found: usize, needed: usize },
     /// A record shorter than what it is cut into.
-    #[error("the record lasts {duration:.4} s, shorter than {key} = {needed} s")]
+    #[error("the record lasts {} s, shorter than {key} = {} s", fixed(*.duration, 4), Num(*.needed))]
     TooShort { duration: f64, key: &'static str, needed: f64 },
     /// A sample period that the step does not divide.
-    #[error("the samples are {period:.6} s apart, which is {ratio:.4} steps of {step} s, not a whole number of them")]
+    #[error("the samples are {} s apart, which is {} steps of {} s, not a whole number of them", fixed(*.period, 6), fixed(*.ratio, 4), Num(*.step))]
     Period { period: f64, step: f64, ratio: f64 },
     /// A sample period that betrays another unit.
-    #[error("the samples are {period:.6} s apart, which is {ratio:.0} steps of {step} s")]
+    #[error("the samples are {} s apart, which is {} steps of {} s", fixed(*.period, 6), fixed(*.ratio, if *.ratio < 1.0 { 4 } else { 0 }), Num(*.step))]
     ClockUnit { period: f64, step: f64, ratio: f64 },
     /// Positions that betray another unit.
-    #[error("markers and grippers spread over {extent:.4} m, but the ropes are {length:.4} m long")]
+    #[error("markers and grippers spread over {} m, but the ropes are {} m long", fixed(*.extent, 4), fixed(*.length, 4))]
     Extent { extent: f64, length: f64 },
     /// An npz file without that array.
     #[error("there is no array \"{name}\"")]

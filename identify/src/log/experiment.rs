@@ -1,9 +1,13 @@
 //! The `[experiment]` of a scene: what was measured, in which files, and what shall be found from it.
 
+use crate::sensor::{SCALE, Sensor, TIME_OFFSET};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What was measured, where it stands in the logs, and which parameters are free.
+///
+/// A marker at p is read as y(t) = scale · R(rotation) p(t − time_offset) + bias: see `sensor` for the values, and free them as
+/// `sensor.scale` and so on in `fit`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
@@ -13,6 +17,9 @@ pub struct Experiment {
     /// "markers" if the grippers' inputs come from the sensor that sees the markers: its scale, rotation and bias act on both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gripper_sensor: Option<GripperSensor>,
+    /// Known errors of the sensor that sees the markers; none if left out.
+    #[serde(default, skip_serializing_if = "SensorStart::is_perfect")]
+    pub sensor: SensorStart,
     /// Clock of the logs.
     pub time: Clock,
     /// Smallest standard deviation of a measured position that is believed [m].
@@ -63,6 +70,43 @@ pub enum Beginning {
 pub enum GripperSensor {
     /// The one that sees the markers.
     Markers,
+}
+
+/// What is known of the markers' sensor: y(t) = scale · R(rotation) p(t − time_offset) + bias. A fit starts from these values.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorStart {
+    /// What is added to every position [m].
+    pub bias: [f64; 3],
+    /// What every length is multiplied by [-].
+    pub scale: f64,
+    /// Vector about which, and by whose length, positions are turned about the world's origin [rad].
+    pub rotation: [f64; 3],
+    /// How late the markers' clock is against the grippers' [s].
+    pub time_offset: f64,
+}
+
+impl Default for SensorStart {
+    fn default() -> Self {
+        Self { bias: [0.0; 3], scale: 1.0, rotation: [0.0; 3], time_offset: 0.0 }
+    }
+}
+
+impl SensorStart {
+    /// Whether it has no errors.
+    pub fn is_perfect(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The same as a sensor.
+    pub fn values(&self) -> Sensor {
+        let mut out = Sensor::default();
+        out.0[..SCALE].copy_from_slice(&self.bias);
+        out.0[SCALE] = self.scale;
+        out.0[SCALE + 1..TIME_OFFSET].copy_from_slice(&self.rotation);
+        out.0[TIME_OFFSET] = self.time_offset;
+        out
+    }
 }
 
 /// Clock of the logs: one of `column` (CSV), `array` (npz), `rate`.
@@ -216,7 +260,8 @@ pub struct Fit {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Free {
-    /// Path, e.g. `cable.bend_stiffness`; `cable.node[*].mass` ties all that match into one.
+    /// Path, e.g. `cable.bend_stiffness`; `cable.node[*].mass` ties all that match into one. Of the markers' sensor:
+    /// `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad], `sensor.time_offset` [s].
     pub path: String,
     /// Lower bound, in the parameter's unit.
     pub lower: f64,

@@ -14,6 +14,7 @@ mod check;
 mod csv_file;
 mod error;
 mod experiment;
+mod free;
 mod npz_file;
 mod record;
 mod setup;
@@ -21,7 +22,7 @@ mod setup;
 pub use error::{LogError, LogMistake, Need, Refused};
 pub use experiment::{
     AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, LengthUnit, Marker, Prior, RecordFile, Role,
-    TimeUnit,
+    SensorStart, TimeUnit,
 };
 pub use record::{Logs, Record, Split, StepTime};
 pub use setup::Setup;

@@ -1,6 +1,6 @@
 //! A scene with its experiment, and the way from it to the records.
 
-use super::check::{check_experiment, check_record};
+use super::check::{check_experiment, check_record, check_twice};
 use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Input, RecordFile, Role};
 use super::record::{Logs, Record};
@@ -48,24 +48,29 @@ impl Setup {
 
     /// Reads the scene's records, and those of `more` files (`--log FILE`), by the same mapping.
     pub fn read_logs(&self, more: &[PathBuf]) -> Result<Logs, LogError> {
-        let named = self.experiment.record.iter().map(|record| (self.folder.join(&record.file), record.clone()));
-        let added = more.iter().map(|path| (path.clone(), self.added(path)));
-        let (mut records, mut roles) = (Vec::new(), Vec::new());
-        for (path, file) in named.chain(added) {
+        let listed = |k: usize| self.source.place(&format!("experiment.record[{k}].file"));
+        let named = self.experiment.record.iter().enumerate();
+        let named = named.map(|(k, record)| (self.folder.join(&record.file), record.clone(), listed(k)));
+        let added =
+            more.iter().map(|path| (path.clone(), self.added(path), Place { file: Some(name_of(path)), ..Place::default() }));
+        let (mut records, mut roles, mut places) = (Vec::new(), Vec::new(), Vec::new());
+        for (path, file, place) in named.chain(added) {
             let read = self.read_file(&path, &file)?;
             roles.extend(std::iter::repeat_n(file.role, read.len()));
+            places.extend(std::iter::repeat_n(place, read.len()));
             records.extend(read);
         }
         if records.is_empty() {
             return Err(LogError::new(self.source.place("experiment"), LogMistake::NoRecord));
         }
+        check_twice(&records, &places)?;
         Ok(Logs::split(records, &roles))
     }
 
     /// A file of the command line: without role, with the array of the scene's first record.
     fn added(&self, path: &Path) -> RecordFile {
         let array = self.experiment.record.first().and_then(|record| record.array.clone());
-        RecordFile { file: path.display().to_string(), array, role: None::<Role>, skip: Vec::new() }
+        RecordFile { file: name_of(path), array, role: None::<Role>, skip: Vec::new() }
     }
 
     fn read_file(&self, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
@@ -90,6 +95,11 @@ impl Setup {
         Ok(record)
     }
 
+    /// An error at a field of the scene.
+    pub(crate) fn refuse(&self, field: &str, mistake: LogMistake) -> LogError {
+        LogError::new(self.source.place(field), mistake)
+    }
+
     /// The inputs of the model.
     pub fn controls(&self) -> Vec<Control> {
         control_list(&self.scene)
@@ -110,6 +120,10 @@ impl Setup {
         let mine = |control: &Control| control.name.strip_prefix(gripper).is_some_and(|rest| rest.starts_with('.'));
         self.controls().into_iter().filter(mine).collect()
     }
+}
+
+fn name_of(path: &Path) -> String {
+    path.display().to_string()
 }
 
 /// What an input is multiplied by to be in SI units.

@@ -2,8 +2,8 @@
 
 use super::error::ReportError;
 use super::reproduce::{Provenance, relative};
-use crate::diagnose::{Diagnosis, Estimate};
-use crate::log::{Experiment, RecordFile, Setup};
+use crate::diagnose::{Cause, Diagnosis, Estimate};
+use crate::log::{Experiment, RecordFile, SensorStart, Setup};
 use crate::number::number_plain;
 use pliant_engine::scene::Scene;
 use serde::Deserialize;
@@ -50,7 +50,7 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
 }
 
 fn header(diagnosis: &Diagnosis) -> String {
-    let names: Vec<&str> = diagnosis.causes.iter().map(|cause| cause.name.as_str()).collect();
+    let names: Vec<String> = diagnosis.causes.iter().map(Cause::title).collect();
     let found = if names.is_empty() { "no cause was accepted".to_owned() } else { format!("accepted: {}", names.join(", ")) };
     // A line break in a file's name would end the comment.
     let scene = diagnosis.scene.replace(char::is_control, " ");
@@ -77,9 +77,15 @@ fn note(e: &Estimate) -> String {
     format!("{} = {} {} (90 %: {low} to {high}); was {}", e.path, number_plain(e.estimate), e.unit, number_plain(e.scene_value))
 }
 
-/// Puts an estimate where its path says; `None` if a scene has no such place (the sensor, a term of one's own).
+/// Puts an estimate where its path says; `None` if a scene has no such place (a term of one's own).
 fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
     let (object, rest) = estimate.path.split_once('.')?;
+    if object == "sensor" {
+        let experiment = table.get_mut("experiment")?.as_table_mut()?;
+        let perfect = Value::try_from(SensorStart::default()).ok()?;
+        let key = set_value(experiment.entry("sensor").or_insert(perfect).as_table_mut()?, rest, estimate.estimate)?;
+        return Some(Place { table: "experiment.sensor".to_owned(), number: 0, key });
+    }
     let list = OBJECTS.iter().find_map(|list| {
         let items = table.get(*list)?.as_array()?;
         Some((*list, items.iter().position(|item| item.get("name").and_then(Value::as_str) == Some(object))?))
@@ -92,16 +98,22 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         set_mass(target, node, estimate.estimate)?;
         return Some(Place { table: format!("{name}.node_mass"), number, key: String::new() });
     }
-    let (key, index) = match rest.strip_suffix(']').and_then(|rest| rest.split_once('[')) {
+    let key = set_value(target, rest, estimate.estimate)?;
+    Some(Place { table: name.to_owned(), number, key })
+}
+
+/// Sets `key` or `key[index]` of a table, and returns the key.
+fn set_value(table: &mut Table, path: &str, new: f64) -> Option<String> {
+    let (key, index) = match path.strip_suffix(']').and_then(|path| path.split_once('[')) {
         Some((key, index)) => (key, Some(index.parse::<usize>().ok()?)),
-        None => (rest, None),
+        None => (path, None),
     };
-    let value = target.get_mut(key)?;
+    let value = table.get_mut(key)?;
     match index {
-        Some(index) => *value.as_array_mut()?.get_mut(index)? = Value::Float(estimate.estimate),
-        None => *value = Value::Float(estimate.estimate),
+        Some(index) => *value.as_array_mut()?.get_mut(index)? = Value::Float(new),
+        None => *value = Value::Float(new),
     }
-    Some(Place { table: name.to_owned(), number, key: key.to_owned() })
+    Some(key.to_owned())
 }
 
 /// Mass added at one node, or at all nodes (`*`).
@@ -185,7 +197,14 @@ mod tests {
     #[test]
     fn estimates_stand_in_the_scene_and_say_so() {
         let (setup, mut diagnosis) = (sample::setup(), sample::diagnosis());
-        for (path, value) in [("cable.node[2].mass", 0.02), ("left.offset[1]", 0.003), ("sensor.time_offset", 0.01)] {
+        let found = [
+            ("cable.node[2].mass", 0.02),
+            ("left.offset[1]", 0.003),
+            ("sensor.time_offset", 0.01),
+            ("sensor.bias[2]", 0.002),
+            ("magnet.strength", 0.3),
+        ];
+        for (path, value) in found {
             diagnosis.causes[0].parameters.push(sample::estimate(path, value));
         }
         let text = text(&diagnosis, &setup, &Provenance::default(), Path::new("/somewhere/report")).unwrap();
@@ -195,8 +214,12 @@ mod tests {
         assert_eq!((scene.rope[0].node_mass[0].node, scene.rope[0].node_mass[0].mass), (2, 0.02));
         assert_eq!(scene.gripper[0].offset, [0.0, 0.003, 0.0]);
         assert!(text.contains("bend_damping = 0.00015  # estimated; cable.bend_damping was 0 N·m²·s"), "{text}");
-        assert!(text.contains("#   not part of a scene, so only said here: sensor.time_offset = 0.01"), "{text}");
-        assert!(scene.experiment.unwrap().record[0].file.ends_with("data/run1.csv"));
+        assert!(text.contains("#   not part of a scene, so only said here: magnet.strength = 0.3"), "{text}");
+        assert!(text.contains("time_offset = 0.01  # estimated; sensor.time_offset was 0 N·m²·s"), "{text}");
+        let experiment = scene.experiment.unwrap();
+        let sensor = SensorStart { bias: [0.0, 0.0, 0.002], time_offset: 0.01, ..SensorStart::default() };
+        assert_eq!(experiment.sensor, sensor);
+        assert!(experiment.record[0].file.ends_with("data/run1.csv"));
     }
 
     #[test]

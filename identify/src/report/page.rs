@@ -2,7 +2,7 @@
 
 use super::error::ReportError;
 use super::reproduce::{InputFile, Provenance, VERSION};
-use super::story::{self, estimate, list, longest, sentence, words};
+use super::story::{self, estimate, list, longest, sentence, titled, words};
 use super::{curves, shapes, stages};
 use crate::diagnose::{AuditFinding, CandidateReport, Diagnosis, Estimate, Gain, Status};
 use crate::number::{millimetres, number, p_value, percent, unit};
@@ -51,6 +51,7 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         audit => d.audit.iter().map(finding_row).collect::<Vec<_>>(),
         audit_summary => story::audit(d),
         parameters => parameters(d),
+        unidentifiable => d.unidentifiable,
         command => provenance.line(),
         seed => provenance.seed,
         threads => provenance.threads,
@@ -108,9 +109,9 @@ fn estimate_row(e: &Estimate) -> EstimateRow {
 
 fn causes(d: &Diagnosis) -> Vec<Value> {
     let row = |cause: &crate::diagnose::Cause| {
-        let rivals = cause.rivals.iter().map(|r| format!("{} (cosine {:.2})", words(&r.name), r.cosine));
+        let rivals = cause.rivals.iter().map(|r| format!("{} (cosine {:.2})", titled(&r.name, r.object.as_deref()), r.cosine));
         context! {
-            name => words(&cause.name),
+            name => titled(&cause.name, cause.object.as_deref()),
             meaning => sentence(&cause.meaning),
             statistic => number(cause.statistic),
             parameters => cause.parameters.iter().map(estimate_row).collect::<Vec<_>>(),
@@ -121,7 +122,7 @@ fn causes(d: &Diagnosis) -> Vec<Value> {
 }
 
 fn alternatives(d: &Diagnosis) -> Vec<String> {
-    d.alternatives.iter().map(|set| list(&set.iter().map(|name| words(name)).collect::<Vec<_>>(), "or")).collect()
+    d.alternative_titles().iter().map(|set| list(&set.iter().map(|name| words(name)).collect::<Vec<_>>(), "or")).collect()
 }
 
 /// All parameters of the last stage, or of the baseline.
@@ -149,10 +150,9 @@ fn gain_row(g: &Gain) -> Value {
         horizon => number(g.horizon_s),
         before => millimetres(g.rmse_before),
         after => millimetres(g.rmse_after),
-        factor => if g.interval[1] < 700.0 {
-            format!("{} to {}", number(g.interval[0].exp()), number(g.interval[1].exp()))
-        } else {
-            "unknown: one short record".to_owned()
+        factor => match g.interval {
+            Some([low, high]) => format!("{} to {}", number(low.exp()), number(high.exp())),
+            None => "unknown: one short record".to_owned(),
         },
         explained => percent(g.explained_fraction),
         mean_abs => format!("{} → {}", millimetres(g.mean_abs[0]), millimetres(g.mean_abs[1])),
@@ -160,7 +160,7 @@ fn gain_row(g: &Gain) -> Value {
 }
 
 fn candidate_row(c: &CandidateReport, d: &Diagnosis) -> Value {
-    let accepted = d.causes.iter().any(|cause| cause.name == c.name);
+    let accepted = d.causes.iter().any(|cause| cause.name == c.name && cause.object == c.object);
     let (status, class) = match c.status {
         Status::Tested => ("tested", "tested"),
         Status::Absorbed => ("hidden", "absorbed"),
@@ -168,7 +168,7 @@ fn candidate_row(c: &CandidateReport, d: &Diagnosis) -> Value {
     };
     let dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
     context! {
-        name => words(&c.name),
+        name => titled(&c.name, c.object.as_deref()),
         status => if accepted { "accepted" } else { status },
         class => if accepted { "accepted" } else { class },
         statistic => dash(c.statistic.map(number)),
@@ -232,6 +232,29 @@ mod tests {
         {
             assert!(text.contains(part), "{part:?}");
         }
+    }
+
+    #[test]
+    fn what_is_not_determined_is_said() {
+        let mut d = sample::diagnosis();
+        assert!(!render(&d).contains("do not determine"));
+        d.unidentifiable = vec!["+0.71·cable.length -0.71·sensor.scale".into()];
+        assert!(render(&d).contains("These data do not determine") && render(&d).contains("-0.71·sensor.scale"));
+    }
+
+    #[test]
+    fn causes_of_one_name_are_told_apart() {
+        let mut d = sample::diagnosis();
+        for (k, gripper) in ["left", "right"].into_iter().enumerate() {
+            (d.candidates[k].name, d.candidates[k].object) = ("gripper_offset".into(), Some(gripper.into()));
+        }
+        (d.causes[0].name, d.causes[0].object) = ("gripper_offset".into(), Some("left".into()));
+        let text = render(&d);
+        assert!(text.contains("gripper offset (left)") && text.contains("gripper offset (right)"));
+        assert_eq!(text.matches("<tr class=\"accepted\">").count(), 1);
+        (d.verdict, d.alternatives) = (Verdict::Ambiguous, vec![vec!["gripper_offset".into(); 2]]);
+        d.alternative_objects = vec![vec![Some("left".into()), Some("right".into())]];
+        assert!(story::headline(&d).ends_with("which: gripper offset (left) or gripper offset (right)."));
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub(super) fn diagnosis() -> Diagnosis {
         rmse_before,
         rmse_after: 0.2 * rmse_before,
         unit: "m".into(),
-        interval: [1.2, 1.9],
+        interval: Some([1.2, 1.9]),
         explained_fraction: 0.93,
         mean_abs: [0.5 * rmse_before, 0.1 * rmse_before],
     };
@@ -73,13 +73,15 @@ pub(super) fn diagnosis() -> Diagnosis {
         reason: "Its score is far beyond chance, and no other cause comes close.".into(),
         causes: vec![Cause {
             name: "internal_damping".into(),
+            object: None,
             meaning: "The cable loses energy when it is bent.".into(),
             parameters: vec![damping.clone()],
             statistic: 312.0,
             constancy_p: Some(0.4),
-            rivals: vec![Rival { name: "linear_drag".into(), cosine: 0.71 }],
+            rivals: vec![Rival { name: "linear_drag".into(), object: None, cosine: 0.71 }],
         }],
         alternatives: Vec::new(),
+        alternative_objects: Vec::new(),
         advice: Vec::new(),
         remainder: Remainder {
             by_input: false,
@@ -110,6 +112,7 @@ pub(super) fn diagnosis() -> Diagnosis {
             advice: "mask them".into(),
         }],
         baseline: vec![Estimate { estimate: 1.9e-3, ..stiffness.clone() }],
+        unidentifiable: Vec::new(),
         stages: vec![stage("baseline", 9e-3, &[&stiffness]), stage("internal_damping", 1.1e-3, &[&stiffness, &damping])],
         curves: (0..3).map(curve).collect(),
         snapshots: [0.4, 1.3].map(snapshot).to_vec(),
@@ -120,6 +123,7 @@ pub(super) fn diagnosis() -> Diagnosis {
 fn candidate(name: &str, status: Status, statistic: Option<f64>, reason: &str) -> CandidateReport {
     CandidateReport {
         name: name.into(),
+        object: None,
         status,
         statistic,
         dof: 1,

@@ -1,17 +1,19 @@
 //! The verdict in words: one sentence, and a summary for a terminal.
 
+use crate::causes::title;
 use crate::diagnose::{Ceiling, Diagnosis, Estimate, Gain, Verdict};
-use crate::number::{number, number_plain, unit};
+use crate::number::{number, number_plain, share, unit};
 use std::fmt::Write;
 
 /// The verdict as one sentence.
 pub fn headline(d: &Diagnosis) -> String {
-    let names: Vec<String> = d.causes.iter().map(|cause| words(&cause.name)).collect();
+    let names: Vec<String> = d.causes.iter().map(|cause| words(&cause.title())).collect();
     match d.verdict {
         Verdict::Named if names.len() == 1 => format!("The simulation lacks one thing: {}.", names[0]),
         Verdict::Named => format!("The simulation lacks {} things, which act together: {}.", names.len(), list(&names, "and")),
         Verdict::Ambiguous => {
-            let sets = d.alternatives.iter().map(|set| list(&set.iter().map(|n| words(n)).collect::<Vec<_>>(), "or"));
+            let sets = d.alternative_titles();
+            let sets = sets.iter().map(|set| list(&set.iter().map(|n| words(n)).collect::<Vec<_>>(), "or"));
             match sets.collect::<Vec<_>>().join("; and ") {
                 sets if sets.is_empty() => "Something is missing, and these data do not tell what.".to_owned(),
                 sets => format!("Something is missing, and these data do not tell which: {sets}."),
@@ -41,27 +43,35 @@ pub fn summary(d: &Diagnosis) -> String {
         let _ = write!(out, "\n  {}", sentence(&d.reason)); // a String takes everything
     }
     for cause in &d.causes {
-        let _ = write!(out, "\n\n{}: {}", words(&cause.name), sentence(&cause.meaning));
+        let _ = write!(out, "\n\n{}: {}", words(&cause.title()), sentence(&cause.meaning));
         for e in &cause.parameters {
             let _ = write!(out, "\n  {}", plain(e));
         }
         if let Some(rival) = cause.rivals.first() {
-            let _ = write!(out, "\n  most similar: {} (cosine {:.2})", words(&rival.name), rival.cosine);
+            let _ =
+                write!(out, "\n  most similar: {} (cosine {:.2})", titled(&rival.name, rival.object.as_deref()), rival.cosine);
         }
     }
     out.push('\n');
+    for line in &d.unidentifiable {
+        let _ = write!(out, "\nnot determined by these data: {line}");
+    }
     for advice in &d.advice {
         let _ = write!(out, "\nto tell them apart: {advice}");
     }
     match longest(&d.gain) {
         Some(g) => {
+            let factor = match g.interval {
+                Some([low, high]) => format!("smaller by {} to {} (90 %)", number_plain(low.exp()), number_plain(high.exp())),
+                None => "interval unknown: one short record".to_owned(),
+            };
             let _ = write!(
                 out,
-                "\nheld-out error over {} s: {} mm -> {} mm, {:.0} % of what can be explained",
+                "\nheld-out error over {} s: {} mm -> {} mm, {factor}, {} of what can be explained",
                 number_plain(g.horizon_s),
                 number_plain(1e3 * g.rmse_before),
                 number_plain(1e3 * g.rmse_after),
-                100.0 * g.explained_fraction
+                share(g.explained_fraction)
             );
         }
         None => out += "\nnothing was held out, so there is no independent check",
@@ -119,9 +129,17 @@ pub(super) fn audit(d: &Diagnosis) -> String {
     kinds.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>().join(", ")
 }
 
-/// `internal_damping` as people write it.
-pub(super) fn words(name: &str) -> String {
-    name.replace('_', " ")
+/// `internal_damping` as people write it; the object in brackets keeps its name.
+pub(super) fn words(title: &str) -> String {
+    match title.split_once(" (") {
+        Some((name, object)) => format!("{} ({object}", name.replace('_', " ")),
+        None => title.replace('_', " "),
+    }
+}
+
+/// The same with the object it is about: `gripper offset (left)`.
+pub(super) fn titled(name: &str, object: Option<&str>) -> String {
+    words(&title(name, object))
 }
 
 /// A fragment as a sentence: a capital first letter and a full stop.
@@ -164,6 +182,7 @@ mod tests {
         d.verdict = Verdict::Ambiguous;
         d.alternatives = vec![vec!["linear_drag".into(), "wind".into(), "tip_mass".into()]];
         assert!(headline(&d).ends_with("which: linear drag, wind or tip mass."));
+        assert_eq!(words("gripper_offset (left_arm)"), "gripper offset (left_arm)");
         let rest = [Verdict::NotInLibrary, Verdict::Adequate, Verdict::Withheld];
         assert!(rest.into_iter().all(|verdict| headline(&Diagnosis { verdict, ..d.clone() }).ends_with('.')));
     }
@@ -181,6 +200,13 @@ mod tests {
         {
             assert!(text.contains(part), "{part:?} is not in {text}");
         }
-        assert!(text.lines().count() < 15);
+        assert!(text.contains("smaller by 3.32 to 6.69 (90 %), 93 % of what can"), "{text}");
+        let mut short = sample::diagnosis();
+        (short.gain[1].interval, short.gain[1].explained_fraction) = (None, -0.15);
+        assert!(summary(&short).contains("interval unknown: one short record, nothing of what can"), "{}", summary(&short));
+        assert!(text.lines().count() < 15 && !text.contains("not determined"));
+        let unidentifiable = vec!["+1.00·cable.length".into()];
+        let text = summary(&Diagnosis { unidentifiable, ..sample::diagnosis() });
+        assert!(text.contains("\nnot determined by these data: +1.00·cable.length"), "{text}");
     }
 }

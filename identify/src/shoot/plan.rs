@@ -1,7 +1,7 @@
 //! What does not change while a record is shot again and again.
 
 use crate::error::IdentifyError;
-use crate::log::{Beginning, Logs, Record, Role, Setup};
+use crate::log::{Beginning, LogMistake, Logs, Record, Role, Setup};
 use crate::shoot::start::{StartState, initial_guess};
 use crate::unknown::Values;
 use pliant_engine::model::{Model, ModelBuilder};
@@ -62,7 +62,7 @@ impl Plan {
         let model = Arc::new(ModelBuilder::new(&setup.scene)?.build());
         let markers = setup.experiment.marker.iter().map(|m| place(&model, &m.rope, m.node, m.arc)).collect::<Option<Vec<_>>>();
         let markers = markers.ok_or_else(|| IdentifyError::Input("a marker lies on a rope that does not exist".to_owned()))?;
-        let scene_values = Values { theta: model.params().values().to_vec(), sensor: Default::default() };
+        let scene_values = Values { theta: model.params().values().to_vec(), sensor: setup.experiment.sensor.values() };
         let at_rest = setup.experiment.initial == Beginning::Rest;
         let mut plan = Self {
             model,
@@ -82,7 +82,7 @@ impl Plan {
             list.push(prepared);
         }
         if plan.fitted.is_empty() {
-            return Err(IdentifyError::Input("no record is left to fit: give at least one record the role \"fit\"".to_owned()));
+            return Err(setup.refuse("experiment.record[0].role", LogMistake::AllHeldOut).into());
         }
         Ok(plan)
     }

@@ -4,6 +4,7 @@ use super::plan::Plan;
 use super::stretch_prior;
 use crate::error::IdentifyError;
 use crate::log::Record;
+use crate::sensor::SCALE;
 use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::state::State;
@@ -137,6 +138,7 @@ fn known_nodes(
     let mut known: Vec<Known> = Vec::new();
     for (m, marker) in plan.markers.iter().enumerate().filter(|(_, m)| m.weight == 0.0 && nodes.contains(&m.node)) {
         if let Some((p, v)) = local_fit(record, m, sample) {
+            let (p, v) = located(plan, p, v);
             let at = Vector3::new(shape[3 * marker.node], shape[3 * marker.node + 1], shape[3 * marker.node + 2]);
             known.push((marker.node, p - at, v, true));
         }
@@ -149,6 +151,13 @@ fn known_nodes(
     }
     known.sort_by_key(|k| k.0);
     known
+}
+
+/// Position and velocity of what is read as moving by `p` with `v`, by what is known of the sensor beforehand.
+fn located(plan: &Plan, p: Vector3<f64>, v: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let sensor = &plan.scene_values.sensor;
+    let v = sensor.locate_direction(v).0 / sensor.0[SCALE];
+    (sensor.locate(p).0 + v * sensor.time_offset(), v)
 }
 
 fn interpolate(known: &[Known], node: usize) -> (Vector3<f64>, Vector3<f64>, bool) {

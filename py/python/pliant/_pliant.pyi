@@ -134,7 +134,7 @@ class Model:
     def controls(self, n_steps: int | None = None) -> Array:
         """Inputs of the scene's gripper motions, (n_steps, nu), by default for its duration.
 
-        Row k belongs to step k: prescribed positions are those at the step's end.
+        Row k belongs to step k: prescribed positions are those at the step's end. At most 10⁷ rows.
         """
     def masses(self, theta: ArrayLike | None = None) -> Array:
         """Masses of all nodes [kg], (n_nodes,); ghosts have none."""
@@ -157,8 +157,8 @@ class Model:
         """Simulates from x0 (nx,) through u (T, nu) with parameters theta (n_params,).
 
         record: keep each step's factorization, which derivatives need.
-        max_records: keep those of at most so many steps and recompute the others in vjp, which
-            stays bitwise the same; jvp and linearize then are not available.
+        max_records: keep those of at most so many steps, at least 1, and recompute the others in
+            vjp, which stays bitwise the same; jvp and linearize then are not available.
         rest_gap: differentiate steps of another rest gap [m] than the scene's; the result is a
             SurrogateRollout. states says through which states: "smooth", a rollout at that rest
             gap, or "hard", each step taken from the states of the scene's own contact.
@@ -233,6 +233,7 @@ class Rollout:
         """Cotangents x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,) from x_bar (T + 1, nx).
 
         The gradient of L(x_0 … x_T) has x_bar = dL/dx, and comes in units of L per SI unit.
+        NaN or infinity in x_bar is refused.
         """
     def linearize(self, k: int) -> tuple[Array, Array, Array]:
         """Jacobians of step k: A (nx, nx) by x_k, B (nx, nu) by u_k, C (nx, n_params) by theta."""
@@ -316,7 +317,13 @@ def fit(
 
     logs: more files, read by the same mapping. progress: told what is being done.
     The dict has the keys of the command's JSON: `parameters` (path, estimate, unit, interval,
-    scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, …
+    scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, `warnings` (a residual that
+    is not noise, estimates at their bounds), …
+
+    Besides the parameters of the model (`Model.param_paths`), those of the markers' sensor can be
+    free: `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad],
+    `sensor.time_offset` [s]; a marker at p is read as scale R(rotation) p(t - time_offset) + bias.
+    What is known of them stands in the scene's `[experiment.sensor]`.
     """
 
 def diagnose(
@@ -330,6 +337,6 @@ def diagnose(
     """Finds out what the scene gets wrong about the records of its experiment, and `logs`.
 
     seed: of bootstraps and sign flips. The dict has the keys of the command's JSON: `verdict`
-    ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain`,
-    `candidates`, …
+    ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain` (whose
+    `interval` is None where it is unknown), `candidates`, `unidentifiable`, …
     """

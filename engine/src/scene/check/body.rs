@@ -117,9 +117,11 @@ fn joint(body: &Body, joint: &Joint, field: &str) -> Result<(), SceneError> {
     if joint.kind == JointKind::Free && (body.parent.is_some() || body.joint.len() > 1) {
         return Err(SceneError::at(field, Mistake::FreeBelow { body: body.name.clone() }));
     }
-    for (key, value, unit) in
-        [("armature", joint.armature, "kg·m²"), ("damping", joint.damping, "N·m·s/rad"), ("stiffness", joint.stiffness, "N·m/rad")]
-    {
+    for (key, value, unit) in [
+        ("armature", joint.armature, "kg·m²"),
+        ("damping", joint.damping, "N·m·s/rad"),
+        ("stiffness", joint.stiffness, "N·m/rad"),
+    ] {
         not_negative(&format!("{field}.{key}"), value, unit)?;
     }
     friction_and_stops(joint, field)?;
@@ -207,7 +209,11 @@ fn actuator<X>(scene: &Scene<X>, actuator: &Actuator, field: &str) -> Result<(),
         }
         Some(joint) if joint.kind.n_dofs() > 1 => {
             let mistake = Mistake::Refused {
-                message: format!("joint \"{}\" has {} degrees of freedom; an actuator drives one", joint.name, joint.kind.n_dofs()),
+                message: format!(
+                    "joint \"{}\" has {} degrees of freedom; an actuator drives one",
+                    joint.name,
+                    joint.kind.n_dofs()
+                ),
             };
             return Err(SceneError::at(format!("{field}.joint"), mistake));
         }

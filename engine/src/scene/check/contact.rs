@@ -17,9 +17,13 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
         return Err(SceneError::at("time.integrator", Mistake::MidpointContact { shapes }));
     }
     let held: BTreeSet<(&str, usize)> = held(scene).collect();
-    let total: usize = scene.rope.iter().map(|rope| rope.n_nodes()).sum();
-    if held.len() == total {
-        return Err(SceneError::at("gripper", Mistake::NothingFree { shapes }));
+    if scene.rope.is_empty() {
+        return Err(SceneError::at("rope", Mistake::NothingFree { shapes }));
+    }
+    // a commanded node does not feel contact: such a rope would go through everything without a word
+    let all_held = |name: &str, nodes: usize| (0..nodes).all(|node| held.contains(&(name, node)));
+    if let Some((r, rope)) = scene.rope.iter().enumerate().find(|(_, rope)| all_held(&rope.name, rope.n_nodes())) {
+        return Err(SceneError::at(format!("rope[{r}]"), Mistake::AllHeld { rope: rope.name.clone(), shapes }));
     }
     outside(scene, &held)
 }

@@ -17,6 +17,13 @@ use toml::Value;
 /// Names that parameter paths use for something else.
 const RESERVED: [&str; 3] = ["gravity", "air", "sensor"];
 
+/// The shortest step [s]; shorter ones drown in the rounding of time.
+const SHORTEST_STEP: f64 = 1e-9;
+/// Most steps of a scene's duration: their inputs and states are all in memory.
+pub const MOST_STEPS: usize = 10_000_000;
+/// Most nodes of a scene.
+pub const MOST_NODES: usize = 1_000_000;
+
 /// Checks a scene. The error names the field; [`super::read_scene`] adds file and line.
 pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     if scene.schema_version != SCHEMA_VERSION {
@@ -31,6 +38,7 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
         return Err(SceneError::at("rope", Mistake::Nothing));
     }
     names(scene)?;
+    size(scene)?;
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
     body::check(scene)?;
     gripper::check(scene)?;
@@ -78,8 +86,25 @@ fn time<X>(scene: &Scene<X>) -> Result<(), SceneError> {
         let mistake = Mistake::Unit { value: step, unit: "s", reason, likely: "ms", instead: 1e-3 * step };
         return Err(SceneError::at("time.step", mistake));
     }
-    if scene.time.n_steps() == 0 {
-        return Err(SceneError::at("time.duration", Mistake::NoStep { duration, step }));
+    if step < SHORTEST_STEP {
+        return Err(SceneError::at("time.step", Mistake::Range { value: step, low: SHORTEST_STEP, high: 1.0 }));
+    }
+    match scene.time.n_steps() {
+        0 => Err(SceneError::at("time.duration", Mistake::NoStep { duration, step })),
+        n if n > MOST_STEPS => Err(SceneError::at("time.duration", Mistake::TooManySteps { duration, step, most: MOST_STEPS })),
+        _ => Ok(()),
+    }
+}
+
+/// Before anything is made of the nodes.
+fn size<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    let mut nodes = 0usize;
+    for (r, rope) in scene.rope.iter().enumerate() {
+        nodes = nodes.saturating_add(rope.n_nodes());
+        if nodes > MOST_NODES {
+            let key = if rope.nodes.is_some() { "nodes" } else { "edge_fractions" };
+            return Err(SceneError::at(format!("rope[{r}].{key}"), Mistake::TooManyNodes { nodes, most: MOST_NODES }));
+        }
     }
     Ok(())
 }

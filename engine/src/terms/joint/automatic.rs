@@ -76,7 +76,13 @@ impl<L: JointLaw> AutomaticJoint<L> {
     }
 
     /// ∂(coordinates)/∂δ for δq̄ = cq J δ.
-    fn coordinate_changes(e: &JointElement, at: &JointPoint, x: &Local, cq: f64, turns: &[Option<Matrix3<f64>>]) -> [[f64; 6]; 6] {
+    fn coordinate_changes(
+        e: &JointElement,
+        at: &JointPoint,
+        x: &Local,
+        cq: f64,
+        turns: &[Option<Matrix3<f64>>],
+    ) -> [[f64; 6]; 6] {
         let mut out = [[0.0; MAX_DOFS]; MAX_DOFS];
         let mut first = 0;
         for &j in &e.joints {
