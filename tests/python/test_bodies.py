@@ -96,8 +96,9 @@ velocity = [0.5, 0.0, 2.0, 0.1, 6.0, 0.2]
 
 def test_free_rotation_keeps_energy_and_momentum():
     run = simulate(SPINNING)
-    energy = np.asarray(run.energy)
-    assert np.abs(energy / energy[0] - 1).max() < 1e-12
+    energy = np.asarray(run.energy())
+    # a step's root is found to 1e-12 of its velocities; 2000 steps add up
+    assert np.abs(energy / energy[0] - 1).max() < 1e-10
     w, x, y, z = run.x[:, 3:7].T
     rotation = np.array(
         [
@@ -108,7 +109,7 @@ def test_free_rotation_keeps_energy_and_momentum():
     ).transpose(2, 0, 1)
     inertia = np.array([[0.001, 0.0002, 0.0], [0.0002, 0.002, -0.0001], [0.0, -0.0001, 0.0025]])
     momentum = np.einsum("tij,jk,tk->ti", rotation, inertia, run.x[:, 10:13])
-    assert np.abs(momentum - momentum[0]).max() < 1e-12 * np.linalg.norm(momentum[0])
+    assert np.abs(momentum - momentum[0]).max() < 1e-10 * np.linalg.norm(momentum[0])
     # turning about the middle axis is unstable: it must have tumbled, or nothing was shown
     assert (run.x[:, 11] < -3).any()
     np.testing.assert_allclose(run.x[-1, :3], [13.0, 0.0, 40.0], atol=1e-9)
@@ -146,7 +147,8 @@ def test_dry_friction_slows_at_its_torque_and_then_holds(integrator):
     np.testing.assert_allclose(v[sliding], 3.0 - 5.0 * t[sliding], atol=1e-6)
     assert np.abs(v[t > 0.61]).max() < 1e-6
     # below its bound it holds; the creep is (rest gap / step) ρ/(1 − ρ²), twice the smoothing
-    held = simulate(WHEEL.format(integrator=integrator, torque=0.05)).x[-1, 1]
+    resting = WHEEL.replace("velocity = [3.0]", "velocity = [0.0]")
+    held = simulate(resting.format(integrator=integrator, torque=0.05)).x[-1, 1]
     assert 0 < held < 5e-6
     moving = simulate(WHEEL.format(integrator=integrator, torque=0.2)).x[-1, 1]
     assert abs(moving - (3.0 + 5.0)) < 1e-6
