@@ -187,7 +187,7 @@ fn mistakes_in_experiments_and_logs_are_located() {
     let scene = example(folder.path(), "scene.toml", "cable.bend_stiffness", "cable.bend_stifness");
     assert_refused(&pliant(&["fit", &scene]), &["cable.bend_stifness", "cable.bend_stiffness"]);
     for (from, to, parts) in [
-        ("cable.bend_stiffness", "sensor.foo", ["scene.toml:102: experiment.fit.free[0].path", "`sensor.bias[0]`"]),
+        ("cable.bend_stiffness", "sensor.foo", ["scene.toml:92: experiment.fit.free[0].path", "`sensor.bias[0]`"]),
         (
             "role = \"held_out\"",
             "role = \"fit\"\n[[experiment.record]]\nfile = \"run1.csv\"",
@@ -202,7 +202,7 @@ fn mistakes_in_experiments_and_logs_are_located() {
     let held_out = folder.path().join("run3.csv");
     assert_refused(
         &pliant(&["fit", &scene, "--log", held_out.to_str().unwrap()]),
-        &["run3.csv: record", "scene.toml:98: experiment.record[2].file"],
+        &["run3.csv: record", "scene.toml:88: experiment.record[2].file"],
     );
     let log = folder.path().join("missing.csv");
     let scene = example(folder.path(), "scene.toml", "", "");
