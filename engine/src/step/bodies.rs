@@ -274,15 +274,8 @@ impl Model {
     /// Inertia of every degree of freedom of the bodies at the initial configuration [kg·m² or kg]: what velocities are weighted with
     /// where the solver compares them.
     pub(crate) fn dof_weights(&self, theta: &[f64]) -> Vec<f64> {
-        let tree = &self.tree;
-        let (n, zero) = (tree.nv(), vec![0.0; tree.nv()]);
-        let mut frames = Frames::default();
-        frames.evaluate(tree, &self.q0[self.n_node_dofs()..], &zero, &zero, &Vec3::zeros());
-        let mut partials = Partials::default();
-        partials.gather(tree, &frames, &self.inertias(theta), &[], &[]);
-        let mut m = vec![0.0; n * n];
-        partials.add(tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
-        tree.dofs().iter().enumerate().map(|(l, d)| m[l * n + l] + theta[tree.joints()[d.joint].armature]).collect()
+        let (m, n) = (self.mass_matrix(&self.q0, theta), self.tree.nv());
+        (0..n).map(|l| m[l * n + l]).collect()
     }
 
     /// Total mass of nodes and bodies \[kg\], armatures of turning joints counted as at a metre's distance.

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 use toml::Value;
 
 /// Names that parameter paths use for something else.
-const RESERVED: [&str; 3] = ["gravity", "air", "sensor"];
+pub(crate) const RESERVED: [&str; 3] = ["gravity", "air", "sensor"];
 
 /// Checks a scene. The error names the field; [`super::read_scene`] adds file and line.
 pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
