@@ -207,7 +207,12 @@ impl Model {
 
     /// Mass matrix of the bodies' degrees of freedom at q (nq,), armatures included: (n, n) [kg·m², kg·m or kg].
     #[pyo3(signature = (q, theta=None))]
-    fn mass_matrix<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>, theta: Option<&Bound<'py, PyAny>>) -> PyResult<Matrix<'py>> {
+    fn mass_matrix<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Matrix<'py>> {
         let theta = self.theta_or_default(theta)?;
         let m = self.model.mass_matrix(&vector("q", q, self.model.nq())?, &theta);
         let n = self.model.tree().nv();

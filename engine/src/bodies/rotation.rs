@@ -241,7 +241,13 @@ mod tests {
 
     #[test]
     fn quaternions_come_back_from_their_matrices() {
-        for t in [Vec3::zeros(), Vec3::new(3.1, 0.1, 0.0), Vec3::new(-0.2, 3.0, 0.3), Vec3::new(0.1, 0.0, 3.14), Vec3::new(0.4, -0.2, 1.1)] {
+        for t in [
+            Vec3::zeros(),
+            Vec3::new(3.1, 0.1, 0.0),
+            Vec3::new(-0.2, 3.0, 0.3),
+            Vec3::new(0.1, 0.0, 3.14),
+            Vec3::new(0.4, -0.2, 1.1),
+        ] {
             let q: Quaternion<f64> = Map::Exponential.turn(&t);
             from_matrix(&matrix(&q)).iter().zip(q).for_each(|(a, b)| assert_relative_eq!(*a, b, epsilon = 1e-15));
         }

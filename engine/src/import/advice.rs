@@ -11,7 +11,9 @@ impl ImportMistake {
     /// Files, elements, attributes.
     fn advice_on_text(&self) -> Option<(String, String)> {
         Some(match self {
-            Self::Read { .. } => both("the path is wrong, or the file may not be read", "check the path and the file's permissions"),
+            Self::Read { .. } => {
+                both("the path is wrong, or the file may not be read", "check the path and the file's permissions")
+            }
             Self::Syntax { xacro: true, .. } => {
                 both("macros (xacro) that have not been expanded", "expand them first: `xacro robot.urdf.xacro > robot.urdf`")
             }
@@ -35,9 +37,10 @@ impl ImportMistake {
             Self::Choice { nearest: Some(near), .. } => both("a typing error", format!("did you mean \"{near}\"?")),
             Self::Choice { choices, .. } => both("a word that this attribute does not know", format!("write one of {choices}")),
             Self::IncludeCycle { .. } => both("two files include each other", "remove one of the <include> elements"),
-            Self::MissingFile { .. } => {
-                both("the path is relative to another folder, or the file was not copied along", "put the file there, or correct the path")
-            }
+            Self::MissingFile { .. } => both(
+                "the path is relative to another folder, or the file was not copied along",
+                "put the file there, or correct the path",
+            ),
             _ => return None,
         })
     }
@@ -51,14 +54,20 @@ impl ImportMistake {
             Self::UnknownClass { known, .. } => {
                 both("the class is defined in a file that is not included", format!("define it, or write one of: {known}"))
             }
-            Self::NoSuch { what, known, .. } if known.is_empty() => both(format!("the model has no {what} at all"), format!("add a {what}")),
-            Self::NoSuch { what, known, .. } => both(format!("the {what} was renamed or removed"), format!("name one of: {known}")),
+            Self::NoSuch { what, known, .. } if known.is_empty() => {
+                both(format!("the model has no {what} at all"), format!("add a {what}"))
+            }
+            Self::NoSuch { what, known, .. } => {
+                both(format!("the {what} was renamed or removed"), format!("name one of: {known}"))
+            }
             Self::Duplicate { what, .. } => both("a part was copied and not renamed", format!("give every {what} its own name")),
             Self::Loop { .. } => both(
                 "a kinematic loop, which a tree of links cannot hold",
                 "remove one of the two joints; closing it again needs a constraint, which is not there yet",
             ),
-            Self::NoRoot => both("parent and child were swapped in a joint", "turn one joint around, so that the links form a tree"),
+            Self::NoRoot => {
+                both("parent and child were swapped in a joint", "turn one joint around, so that the links form a tree")
+            }
             Self::Roots { .. } => both("a joint is missing", "connect every link but one to a parent by a <joint>"),
             _ => return None,
         })

@@ -78,7 +78,8 @@ impl Report {
     /// Lines grouped by verdict, what is missing first.
     pub fn text(&self) -> String {
         let mut out = String::new();
-        for (verdict, title) in [(Verdict::Ignored, "ignored"), (Verdict::Approximated, "approximated"), (Verdict::Kept, "kept")] {
+        for (verdict, title) in [(Verdict::Ignored, "ignored"), (Verdict::Approximated, "approximated"), (Verdict::Kept, "kept")]
+        {
             let count = self.count(verdict);
             if count == 0 {
                 continue;

@@ -11,6 +11,8 @@ use super::{Imported, Options};
 use crate::bodies::InertiaError;
 use crate::scene::{Body, Joint, Mistake, Scene, SceneError, check};
 
+/// Why something is ignored that the importer has no word for.
+const UNREAD: &str = "not read by the importer";
 /// Longer than this betrays millimetres \[m\].
 const LARGE: f64 = 50.0;
 /// Heavier than this betrays grams \[kg\].
@@ -100,7 +102,8 @@ impl<'o> Work<'o> {
     pub fn check_angles(&self, view: &View, attribute: &str, values: &[f64]) -> Result<(), ImportError> {
         match values.iter().find(|x| x.abs() > 4.0 * std::f64::consts::PI + 1e-3) {
             Some(value) if !self.options.approximate => {
-                let mistake = ImportMistake::Unit { attribute: attribute.to_owned(), value: *value, unit: "rad", likely: "degrees" };
+                let mistake =
+                    ImportMistake::Unit { attribute: attribute.to_owned(), value: *value, unit: "rad", likely: "degrees" };
                 Err(view.error(attribute, mistake))
             }
             _ => Ok(()),
@@ -115,7 +118,7 @@ impl<'o> Work<'o> {
         }
         match mass.check() {
             Ok(()) => Ok(mass),
-            Err(InertiaError::Triangle(..)) if self.options.approximate => {
+            Err(InertiaError::Triangle(..) | InertiaError::Negative(0.0)) if self.options.approximate => {
                 let made = mass.made_possible();
                 self.approximated(element, body, "moments of inertia that no mass has, raised to the nearest that one has");
                 Ok(made)
@@ -140,9 +143,30 @@ impl<'o> Work<'o> {
     }
 
     /// The checked scene and the report.
-    pub fn finish(self, root: &Element) -> Result<Imported, ImportError> {
+    pub fn finish(mut self, root: &Element) -> Result<Imported, ImportError> {
+        self.sweep(root);
         check(&self.scene).map_err(|error| self.blame(root, error))?;
         Ok(Imported { scene: self.scene, report: self.report })
+    }
+
+    /// Reports what nobody has looked at, so that nothing is dropped silently.
+    fn sweep(&mut self, element: &Element) {
+        if !element.is_seen() {
+            self.ignored_whole(element, UNREAD);
+            return;
+        }
+        let unused = element.take_unused().join(", ");
+        if !unused.is_empty() {
+            self.ignored(element, element.label(), format!("{unused}: {UNREAD}"));
+        }
+        element.children.iter().for_each(|child| self.sweep(child));
+    }
+
+    /// The pose in the world of a body of the scene that cannot move.
+    pub fn fixed_pose(&self, body: &str) -> Option<Pose> {
+        let body = self.scene.body.iter().find(|b| b.name == body).filter(|b| b.joint.is_empty())?;
+        let own = Pose { position: body.position.into(), rotation: body.quaternion };
+        body.parent.as_deref().map_or(Some(own), |parent| Some(self.fixed_pose(parent)?.then(&own)))
     }
 
     /// The element that a mistake in the scene comes from.

@@ -7,6 +7,9 @@ use std::cell::Cell;
 use std::path::Path;
 use std::rc::Rc;
 
+/// Levels of elements, and of links that hang on each other.
+pub const DEEPEST: usize = 300;
+
 /// An element.
 #[derive(Clone, Debug)]
 pub struct Element {
@@ -20,8 +23,6 @@ pub struct Element {
     pub attributes: Vec<Attribute>,
     /// Elements in it.
     pub children: Vec<Element>,
-    /// Text in it.
-    pub text: String,
     seen: Cell<bool>,
 }
 
@@ -130,10 +131,10 @@ pub fn parse(text: &str, file: &str) -> Result<Element, ImportError> {
         let xacro = message.contains("xacro") || text.contains("<xacro:") || text.contains("$(arg");
         ImportError::in_file(file, error.pos().row as usize, ImportMistake::Syntax { message, xacro })
     })?;
-    Ok(copy(&document, document.root_element(), &Rc::from(file)))
+    copy(&document, document.root_element(), &Rc::from(file), 0)
 }
 
-fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>) -> Element {
+fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>, depth: usize) -> Result<Element, ImportError> {
     let line = |byte: usize| document.text_pos_at(byte).row as usize;
     let attribute = |a: roxmltree::Attribute| Attribute {
         name: a.name().to_owned(),
@@ -141,14 +142,28 @@ fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>) -
         line: line(a.range().start),
         used: Cell::new(false),
     };
-    Element {
+    let mut element = Element {
         file: Rc::clone(file),
         line: line(node.range().start),
         tag: node.tag_name().name().to_owned(),
         attributes: node.attributes().map(attribute).collect(),
-        children: node.children().filter(|c| c.is_element()).map(|c| copy(document, c, file)).collect(),
-        text: node.text().unwrap_or("").trim().to_owned(),
+        children: Vec::new(),
         seen: Cell::new(false),
+    };
+    if depth > DEEPEST {
+        return Err(ImportError::at(&element, too_deep()));
+    }
+    for child in node.children().filter(|c| c.is_element()) {
+        element.children.push(copy(document, child, file, depth + 1)?);
+    }
+    Ok(element)
+}
+
+/// The mistake of more than [`DEEPEST`] levels.
+pub fn too_deep() -> ImportMistake {
+    ImportMistake::Unsupported {
+        what: format!("a tree of more than {DEEPEST} levels"),
+        reason: "it would exhaust the stack".to_owned(),
     }
 }
 

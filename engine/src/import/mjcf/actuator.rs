@@ -162,7 +162,8 @@ impl<'a> Reader<'a> {
 
     /// An actuator at something else than a joint.
     fn without_joint(&mut self, element: &Element) -> Result<(), ImportError> {
-        let other = ["tendon", "site", "body", "slidersite", "cranksite", "plugin"].into_iter().find(|name| element.get(name).is_some());
+        let other =
+            ["tendon", "site", "body", "slidersite", "cranksite", "plugin"].into_iter().find(|name| element.get(name).is_some());
         match other {
             Some(what) => self.work.ignored_whole(element, &format!("left out: it acts on a {what}, not on a joint")),
             None => return Err(ImportError::at(element, ImportMistake::Missing { what: "`joint`".to_owned() })),

@@ -5,39 +5,48 @@ use crate::import::view::View;
 use crate::import::xml::{self, Element};
 use std::path::{Path, PathBuf};
 
-/// The model with all included files in place. Paths are relative to the folder of the main file, as MuJoCo has it, or else to
-/// that of the file that includes.
-pub fn expand(mut root: Element, path: &Path) -> Result<Element, ImportError> {
-    let main = path.to_owned();
-    expand_in(&mut root, &main, &mut vec![main.clone()])?;
-    Ok(root)
+/// The files being read, from the main one to that read now, and the `<include>` elements met so far.
+struct Reading {
+    open: Vec<PathBuf>,
+    includes: Vec<Element>,
 }
 
-fn expand_in(element: &mut Element, main: &Path, open: &mut Vec<PathBuf>) -> Result<(), ImportError> {
-    for mut child in std::mem::take(&mut element.children) {
-        if child.tag == "include" {
-            element.children.extend(included(&child, main, open)?);
-        } else {
-            expand_in(&mut child, main, open)?;
-            element.children.push(child);
+/// The model with all included files in place, and the elements that named them. Paths are relative to the folder of the main
+/// file, as MuJoCo has it, or else to that of the file that includes.
+pub fn expand(mut root: Element, path: &Path) -> Result<(Element, Vec<Element>), ImportError> {
+    let mut reading = Reading { open: vec![path.to_owned()], includes: Vec::new() };
+    reading.expand(&mut root)?;
+    Ok((root, reading.includes))
+}
+
+impl Reading {
+    fn expand(&mut self, element: &mut Element) -> Result<(), ImportError> {
+        for mut child in std::mem::take(&mut element.children) {
+            if child.tag == "include" {
+                element.children.extend(self.included(&child)?);
+                self.includes.push(child);
+            } else {
+                self.expand(&mut child)?;
+                element.children.push(child);
+            }
         }
+        Ok(())
     }
-    Ok(())
-}
 
-/// What an `<include>` stands for.
-fn included(include: &Element, main: &Path, open: &mut Vec<PathBuf>) -> Result<Vec<Element>, ImportError> {
-    let file = View::plain(include).required("file")?;
-    let path = find(file, main, open.last().map_or(main, PathBuf::as_path));
-    if open.iter().any(|p| same(p, &path)) {
-        let chain: Vec<String> = open.iter().chain([&path]).map(|p| p.display().to_string()).collect();
-        return Err(ImportError::at(include, ImportMistake::IncludeCycle { chain: chain.join(" → ") }));
+    /// What an `<include>` stands for.
+    fn included(&mut self, include: &Element) -> Result<Vec<Element>, ImportError> {
+        let file = View::plain(include).required("file")?;
+        let path = find(file, &self.open[0], &self.open[self.open.len() - 1]);
+        if self.open.iter().any(|p| same(p, &path)) {
+            let chain: Vec<String> = self.open.iter().chain([&path]).map(|p| p.display().to_string()).collect();
+            return Err(ImportError::at(include, ImportMistake::IncludeCycle { chain: chain.join(" → ") }));
+        }
+        let mut root = xml::read(&path, Some(include))?;
+        self.open.push(path);
+        self.expand(&mut root)?;
+        self.open.pop();
+        Ok(root.children)
     }
-    let mut root = xml::read(&path, Some(include))?;
-    open.push(path);
-    expand_in(&mut root, main, open)?;
-    open.pop();
-    Ok(root.children)
 }
 
 fn find(file: &str, main: &Path, including: &Path) -> PathBuf {

@@ -41,7 +41,9 @@ impl<'a> Reader<'a> {
         let pose = part.frame.then(&self.pose(&view)?);
         let mass = view.number("mass")?.ok_or_else(|| view.missing("`mass`"))?;
         if mass < 0.0 {
-            return Err(view.error("mass", ImportMistake::Sign { attribute: "mass".to_owned(), value: mass, must: "not be negative" }));
+            return Err(
+                view.error("mass", ImportMistake::Sign { attribute: "mass".to_owned(), value: mass, must: "not be negative" })
+            );
         }
         let (diagonal, matrix) = (view.vector::<3>("diaginertia")?, view.vector::<6>("fullinertia")?);
         let inertia = match (diagonal, matrix) {

@@ -180,8 +180,16 @@ impl<'a> Reader<'a> {
             (true, false) => "rad",
             _ => "m",
         };
-        let doubt = if unit == "degrees" && low.abs().max(high.abs()) < 6.3 { " (radians? then angle=\"radian\" is missing)" } else { "" };
-        self.work.ignored(view.element, &joint.name, format!("range {low} … {high} {unit}{doubt}: joint limits are not simulated"));
+        let doubt = if unit == "degrees" && low.abs().max(high.abs()) < 6.3 {
+            " (radians? then angle=\"radian\" is missing)"
+        } else {
+            ""
+        };
+        self.work.ignored(
+            view.element,
+            &joint.name,
+            format!("range {low} … {high} {unit}{doubt}: joint limits are not simulated"),
+        );
         Ok(())
     }
 

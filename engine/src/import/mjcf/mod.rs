@@ -38,10 +38,11 @@ struct Reader<'a> {
 
 /// Reads a model whose root element is `root`.
 pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported, ImportError> {
-    let root = include::expand(root, path)?;
+    let (root, includes) = include::expand(root, path)?;
     check_children(&root, &words::SECTIONS)?;
     root.mark_all_of("model");
     let mut work = Work::new("mjcf", &root.file, options);
+    includes.iter().for_each(|i| work.kept(i, i.value("file").unwrap_or(""), "the file's elements, in its place"));
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;

@@ -2,25 +2,89 @@
 
 /// Sections of a model.
 pub const SECTIONS: [&str; 17] = [
-    "compiler", "option", "size", "statistic", "visual", "default", "extension", "custom", "asset", "worldbody", "deformable",
-    "contact", "tendon", "equality", "actuator", "sensor", "keyframe",
+    "compiler",
+    "option",
+    "size",
+    "statistic",
+    "visual",
+    "default",
+    "extension",
+    "custom",
+    "asset",
+    "worldbody",
+    "deformable",
+    "contact",
+    "tendon",
+    "equality",
+    "actuator",
+    "sensor",
+    "keyframe",
 ];
 
 /// What a body, a frame or the world may hold.
 pub const IN_BODY: [&str; 14] = [
-    "inertial", "joint", "freejoint", "geom", "site", "camera", "light", "body", "frame", "replicate", "attach", "composite", "flexcomp",
+    "inertial",
+    "joint",
+    "freejoint",
+    "geom",
+    "site",
+    "camera",
+    "light",
+    "body",
+    "frame",
+    "replicate",
+    "attach",
+    "composite",
+    "flexcomp",
     "plugin",
 ];
 
 /// What a default class may hold.
 pub const IN_DEFAULT: [&str; 27] = [
-    "default", "mesh", "texture", "material", "joint", "geom", "site", "camera", "light", "pair", "equality", "tendon", "general",
-    "motor", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "cylinder", "muscle", "adhesion", "dcmotor", "plugin", "flex", "skin",
+    "default",
+    "mesh",
+    "texture",
+    "material",
+    "joint",
+    "geom",
+    "site",
+    "camera",
+    "light",
+    "pair",
+    "equality",
+    "tendon",
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
+    "flex",
+    "skin",
 ];
 
 /// Kinds of actuators.
 pub const ACTUATORS: [&str; 13] = [
-    "general", "motor", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "cylinder", "muscle", "adhesion", "dcmotor", "plugin",
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
 ];
 
 pub const COMPILER: &str = "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict coordinate discardvisual \
@@ -65,8 +129,14 @@ pub const BODY_REASONS: [(&str, &str); 3] = [
 
 /// Why attributes of actuators are ignored.
 pub const ACTUATOR_REASONS: [(&str, &str); 4] = [
-    ("ctrlrange ctrllimited inheritrange forcerange forcelimited actrange actlimited velrange ffrange", "controls and forces are not limited"),
-    ("dyntype dynprm actdim actearly timeconst delay interp nsample", "the actuator acts at once: its dynamics and delays are not simulated"),
+    (
+        "ctrlrange ctrllimited inheritrange forcerange forcelimited actrange actlimited velrange ffrange",
+        "controls and forces are not limited",
+    ),
+    (
+        "dyntype dynprm actdim actearly timeconst delay interp nsample",
+        "the actuator acts at once: its dynamics and delays are not simulated",
+    ),
     ("lengthrange cranklength", "a matter of other transmissions"),
     ("group user", "without effect on the motion"),
 ];

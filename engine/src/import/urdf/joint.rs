@@ -123,7 +123,11 @@ impl<'a> Reader<'a> {
             };
             return Err(ImportError::at(mimic, mistake));
         }
-        self.work.approximate(mimic, "a joint that follows another", "constraints between joints are not simulated: it moves freely")?;
+        self.work.approximate(
+            mimic,
+            "a joint that follows another",
+            "constraints between joints are not simulated: it moves freely",
+        )?;
         mimic.mark_all();
         Ok(())
     }

@@ -7,30 +7,40 @@ use crate::import::error::{ImportError, ImportMistake};
 use crate::import::inertia::Mass;
 use crate::import::pose::Pose;
 use crate::import::view::{View, check_attributes, check_children};
-use crate::import::xml::Element;
+use crate::import::xml::{DEEPEST, Element, too_deep};
 use crate::scene::{Joint, JointKind};
 use std::path::Path;
 
 impl<'a> Reader<'a> {
     /// A link on the joint that carries it, and then those that hang on it. `carrier` is that joint with the parent's name in the
     /// scene; the root has none.
-    pub(super) fn link(&mut self, link: &'a Element, carrier: Option<(Edge<'a>, &str)>) -> Result<(), ImportError> {
+    pub(super) fn link(&mut self, link: &'a Element, carrier: Option<(Edge<'a>, &str)>, depth: usize) -> Result<(), ImportError> {
+        if depth > DEEPEST {
+            return Err(ImportError::at(link, too_deep()));
+        }
         check_attributes(link, "name type")?;
         check_children(link, &["inertial", "visual", "collision", "self_collision_checking", "contact", "sensor", "gazebo"])?;
         link.get("name");
         let name = self.work.names.give(link.label(), "body", self.work.scene.body.len() + 1);
         let mass = self.mass(link, &name)?;
         self.shapes(link)?;
-        let (pose, joints) = match carrier {
+        let (mut pose, joints) = match carrier {
             Some((edge, _)) => self.joint(&edge)?,
             None => (Pose::identity(), self.base()),
         };
+        let mut parent = carrier.map(|(_, parent)| parent);
+        if joints.iter().any(|j| j.kind == JointKind::Free) {
+            // a free body hangs on the world; below a link that moves the scene's check refuses it
+            if let Some(fixed) = parent.and_then(|p| self.work.fixed_pose(p)) {
+                (pose, parent) = (fixed.then(&pose), None);
+            }
+        }
         self.work.leftovers(link, &name, &[("type", "without effect")]);
         self.work.kept(link, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
-        self.work.add_body(link, &name, carrier.map(|(_, parent)| parent), &pose, &mass, joints);
+        self.work.add_body(link, &name, parent, &pose, &mass, joints);
         for edge in self.links.below(link) {
             if let Some(child) = self.links.find(edge.child) {
-                self.link(child, Some((edge, &name)))?;
+                self.link(child, Some((edge, &name)), depth + 1)?;
             }
         }
         Ok(())
@@ -63,7 +73,11 @@ impl<'a> Reader<'a> {
         }
         let pose = origin(&mut self.work, inertial)?;
         self.work.kept(inertial, name, format!("{mass} kg"));
-        if mass == 0.0 { Ok(Mass::none()) } else { self.work.possible(inertial, name, Mass::with_inertia(mass, &full(&numbers), &pose)) }
+        if mass == 0.0 {
+            Ok(Mass::none())
+        } else {
+            self.work.possible(inertial, name, Mass::with_inertia(mass, &full(&numbers), &pose))
+        }
     }
 
     /// Collision and visual shapes, which a scene of bodies does not have.

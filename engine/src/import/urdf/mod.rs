@@ -37,7 +37,9 @@ pub fn import(root: &Element, path: &Path, options: &Options) -> Result<Imported
         match element.tag.as_str() {
             "link" | "joint" => {}
             "material" => work.ignored_whole(element, "bodies are not drawn"),
-            "transmission" => work.ignored_whole(element, "motors are not made from transmissions: add an [[actuator]] to the scene"),
+            "transmission" => {
+                work.ignored_whole(element, "motors are not made from transmissions: add an [[actuator]] to the scene")
+            }
             tag if SECTIONS.contains(&tag) => work.ignored_whole(element, "an extension for another program"),
             _ => return Err(unknown_element(element, root, &SECTIONS)),
         }
@@ -46,7 +48,7 @@ pub fn import(root: &Element, path: &Path, options: &Options) -> Result<Imported
     let links = Links::read(root)?;
     let base = links.root(root)?;
     let mut reader = Reader { work, links, path, n_joints: 0 };
-    reader.link(base, None)?;
+    reader.link(base, None, 0)?;
     reader.work.finish(root)
 }
 
