@@ -69,5 +69,5 @@ pub use pliant_engine::params::{ParamInfo, Params};
 pub use pliant_engine::rollout::{Rollout, rollout};
 pub use pliant_engine::state::State;
 pub use pliant_engine::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
-pub use pliant_engine::{scene, terms};
+pub use pliant_engine::{import, scene, terms};
 pub use pliant_identify as identify;

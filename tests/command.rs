@@ -251,3 +251,19 @@ fn the_built_in_example_is_diagnosed_and_reported() {
     assert!(pliant(&["simulate", extended.to_str().unwrap()]).status.success());
     assert!(std::fs::read_to_string(&extended).unwrap().contains("file = \"example/run1.csv\""));
 }
+
+#[test]
+fn import_writes_a_scene_that_simulates_and_a_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("arm.toml");
+    let output = pliant(&["import", "tests/models/arm7.xml", "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report = json(&output);
+    assert_eq!((&report["schema_version"], &report["joints"], &report["actuators"]), (&1.into(), &7.into(), &7.into()));
+    assert!(report["entries"].as_array().unwrap().iter().all(|e| e["line"].is_number() && e["verdict"].is_string()));
+    assert!(pliant(&["simulate", out.to_str().unwrap()]).status.success());
+
+    let output = pliant(&["import", "tests/models/crane.urdf"]);
+    assert!(text(&output.stdout).contains("name = \"boom\"") && text(&output.stderr).contains("crane.urdf:52: limit \"luff\""));
+    assert_refused(&pliant(&["import", "tests/scenes/windy.toml"]), &["tests/scenes/windy.toml:1: is not valid XML"]);
+}

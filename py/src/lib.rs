@@ -9,6 +9,7 @@ mod convert;
 mod equilibrium;
 mod errors;
 mod gradcheck;
+mod import;
 mod model;
 mod options;
 mod rollout;
@@ -28,6 +29,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<equilibrium::Equilibrium>()?;
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;
+    m.add_function(wrap_pyfunction!(import::import_model, m)?)?;
     m.add_function(wrap_pyfunction!(bench::bench, m)?)?;
     m.add_function(wrap_pyfunction!(study::fit, m)?)?;
     m.add_function(wrap_pyfunction!(study::diagnose, m)?)?;

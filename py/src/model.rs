@@ -211,6 +211,48 @@ impl Model {
         Ok(to_vector(py, self.model.masses(&self.theta_or_default(theta)?)))
     }
 
+    /// Names of the bodies, in the order of `body_poses`.
+    #[getter]
+    fn body_names(&self) -> Vec<String> {
+        self.model.tree().bodies().iter().map(|b| b.name.clone()).collect()
+    }
+
+    /// Origins [m] and unit quaternions (w, x, y, z) of all bodies in the world at q (nq,): (n_bodies, 3) and (n_bodies, 4).
+    fn body_poses<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        let poses = self.model.body_poses(&vector("q", q, self.model.nq())?);
+        let positions = poses.iter().flat_map(|(p, _)| [p[0], p[1], p[2]]).collect();
+        let quaternions = poses.iter().flat_map(|(_, q)| *q).collect();
+        Ok((to_matrix(py, positions, 3, poses.len())?, to_matrix(py, quaternions, 4, poses.len())?))
+    }
+
+    /// Mass matrix of the bodies' degrees of freedom at q (nq,), armatures included: (n, n) [kg·m², kg·m or kg].
+    #[pyo3(signature = (q, theta=None))]
+    fn mass_matrix<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Matrix<'py>> {
+        let theta = self.theta_or_default(theta)?;
+        let m = self.model.mass_matrix(&vector("q", q, self.model.nq())?, &theta);
+        let n = self.model.tree().nv();
+        to_matrix(py, m, n, n)
+    }
+
+    /// Coriolis forces less weight at q (nq,), v (nv,), by degree of freedom of the bodies: (n,) [N·m or N].
+    #[pyo3(signature = (q, v, theta=None))]
+    fn bias_forces<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let theta = self.theta_or_default(theta)?;
+        let (q, v) = (vector("q", q, self.model.nq())?, vector("v", v, self.model.nv())?);
+        Ok(to_vector(py, self.model.bias_forces(&q, &v, &theta)))
+    }
+
     /// One step without records: x (nx,), u (nu,) -> x_next (nx,).
     #[pyo3(signature = (x, u, theta=None))]
     fn step<'py>(

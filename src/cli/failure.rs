@@ -3,6 +3,7 @@
 use pliant::identify::IdentifyError;
 use pliant::identify::log::LogError;
 use pliant::identify::report::ReportError;
+use pliant::import::ImportError;
 use pliant::scene::SceneError;
 use pliant::{AdjointError, BuildError, CaseError, StepError};
 use std::path::{Path, PathBuf};
@@ -14,6 +15,9 @@ pub enum Failure {
     /// The scene is refused.
     #[error("error: {0}")]
     Scene(#[from] SceneError),
+    /// A model of another format is refused.
+    #[error("error: {0}")]
+    Import(#[from] ImportError),
     /// The experiment or a log is refused.
     #[error("error: {0}")]
     Log(#[from] LogError),

@@ -9,6 +9,7 @@ mod failure;
 mod file;
 mod fit;
 mod gradcheck;
+mod import;
 mod print;
 mod progress;
 mod schema;
@@ -37,6 +38,8 @@ enum Command {
     Fit(fit::Arguments),
     /// Find out what a scene lacks that its logs show, and write a report.
     Diagnose(diagnose::Arguments),
+    /// Turn a model of MuJoCo (MJCF) or ROS (URDF) into a scene, and say what became of every element.
+    Import(import::Arguments),
     /// Print the JSON Schema of scene files, or of what `diagnose` or `fit` prints.
     Schema(schema::Arguments),
 }
@@ -48,6 +51,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Command::Gradcheck(arguments) => gradcheck::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
     };
     match done {

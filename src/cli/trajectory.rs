@@ -79,7 +79,6 @@ fn joint_numbers<'a>(model: &Model, joint: &Joint, state: &'a State) -> impl Ite
     q.iter().chain(v)
 }
 
-
 /// Arrays `t` (T+1), `energy` (T+1), and per rope `cable.position` and `cable.velocity` (T+1, nodes, 3), per joint `elbow.q`
 /// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3).
 fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {

@@ -105,8 +105,7 @@ impl<S: Real> Frames<S> {
     #[inline]
     fn push<const PARTIALS: bool>(&mut self, frame: &mut Frame<S>, s: Motion<S>, v: S, a: S) {
         let psi_dot = frame.velocity.cross(&s);
-        let psi_ddot =
-            if PARTIALS { frame.acceleration.cross(&s) + frame.velocity.cross(&psi_dot) } else { Motion::zero() };
+        let psi_ddot = if PARTIALS { frame.acceleration.cross(&s) + frame.velocity.cross(&psi_dot) } else { Motion::zero() };
         // S × S = 0: the velocity before and after the joint carry S alike
         self.axes.push(Axis { s, s_dot: psi_dot, psi_dot, psi_ddot });
         frame.velocity += s * v;

@@ -116,6 +116,23 @@ pub fn matrix<S: Real>(a: &Quaternion<S>) -> Matrix3<S> {
     )
 }
 
+/// The unit quaternion of a rotation matrix, w ≥ 0. (S. Shepperd, 1978: by the largest of its four squares, for precision.)
+pub fn from_matrix(r: &Matrix3<f64>) -> Quaternion<f64> {
+    let trace = r.trace();
+    let squares = [trace, r[(0, 0)], r[(1, 1)], r[(2, 2)]];
+    let largest = (1..4).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+    let side = |i: usize, j: usize| r[(i, j)] - r[(j, i)];
+    let both = |i: usize, j: usize| r[(i, j)] + r[(j, i)];
+    let q = match largest {
+        0 => [1.0 + trace, side(2, 1), side(0, 2), side(1, 0)],
+        1 => [side(2, 1), 1.0 + 2.0 * r[(0, 0)] - trace, both(0, 1), both(0, 2)],
+        2 => [side(0, 2), both(0, 1), 1.0 + 2.0 * r[(1, 1)] - trace, both(1, 2)],
+        _ => [side(1, 0), both(0, 2), both(1, 2), 1.0 + 2.0 * r[(2, 2)] - trace],
+    };
+    let q = normalized(&q);
+    if q[0] < 0.0 { q.map(|x| -x) } else { q }
+}
+
 /// Turning by `angle` [rad] about the unit axis `a`.
 pub fn about<S: Real>(a: &Vec3<f64>, angle: S) -> Matrix3<S> {
     let (s, c) = angle.sin_cos();
@@ -220,5 +237,19 @@ mod tests {
         let axis = Vec3::new(0.6, 0.0, 0.8);
         let q: Quaternion<f64> = Map::Exponential.turn(&(axis * 0.7));
         assert_relative_eq!(matrix(&q), about(&axis, 0.7), epsilon = 1e-15);
+    }
+
+    #[test]
+    fn quaternions_come_back_from_their_matrices() {
+        for t in [
+            Vec3::zeros(),
+            Vec3::new(3.1, 0.1, 0.0),
+            Vec3::new(-0.2, 3.0, 0.3),
+            Vec3::new(0.1, 0.0, 3.14),
+            Vec3::new(0.4, -0.2, 1.1),
+        ] {
+            let q: Quaternion<f64> = Map::Exponential.turn(&t);
+            from_matrix(&matrix(&q)).iter().zip(q).for_each(|(a, b)| assert_relative_eq!(*a, b, epsilon = 1e-15));
+        }
     }
 }

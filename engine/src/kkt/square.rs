@@ -1,8 +1,8 @@
 //! A full square matrix: the block of the bodies' degrees of freedom.
 
-use super::wide::wide;
 use super::KktError;
 use super::dense_small::DenseLu;
+use super::wide::wide;
 
 /// A full matrix by rows.
 #[derive(Clone, Debug, Default, PartialEq)]

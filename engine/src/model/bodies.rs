@@ -49,7 +49,10 @@ impl Model {
             }
             let rotation = if free { Matrix3::identity() } else { matrix(&normalized(&body.quaternion)) };
             let position = if free { Vec3::zeros() } else { Vec3::from(body.position) };
-            self.tree.push(bodies::Body { name: body.name.clone(), parent, position, rotation, aligned: false, joints: 0..0, inertia }, joints);
+            self.tree.push(
+                bodies::Body { name: body.name.clone(), parent, position, rotation, aligned: false, joints: 0..0, inertia },
+                joints,
+            );
         }
         self.q0.extend(q);
         self.v0.extend(v);
@@ -72,9 +75,8 @@ impl Model {
             self.params.push(format!("{name}.stiction"), torque, NON_NEGATIVE, joint.stiction),
             self.params.push(format!("{name}.stribeck_velocity"), speed, POSITIVE, joint.stribeck_velocity),
         ];
-        let limits = joint.limits.map(|limits| {
-            [0, 1].map(|k| self.params.push(format!("{name}.limit[{k}]"), place, ANY, limits[k]))
-        });
+        let limits =
+            joint.limits.map(|limits| [0, 1].map(|k| self.params.push(format!("{name}.limit[{k}]"), place, ANY, limits[k])));
         for k in 0..parts {
             let row = |kind| JointRow { dof: first + k, q: q + k, kind };
             self.joint_rows.push(row(JointRowKind::Friction(friction)));

@@ -3,6 +3,7 @@
 mod bodies;
 mod build;
 mod mass;
+mod query;
 
 pub use build::{BuildError, ModelBuilder};
 pub use mass::NodeMass;

@@ -43,8 +43,8 @@ mod vector;
 pub mod words;
 
 pub use body::{Actuator, ActuatorKind, Body, Command, Joint, JointKind};
-pub(crate) use check::inertia_matrix;
 pub use check::{MOST_NODES, MOST_STEPS, check};
+pub(crate) use check::{RESERVED, inertia_matrix};
 pub use error::{Mistake, SceneError};
 pub use file::{Air, Contact, Gravity, Integrator, Law, LinearSolver, Nothing, SCHEMA_VERSION, Scene, Solver, Time};
 pub use gripper::{Clamp, End, Gripper, Mode, Motion};

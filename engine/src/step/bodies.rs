@@ -274,16 +274,8 @@ impl Model {
 
     /// Computes [`DofWeights`] at the scene's parameters and initial configuration.
     pub(crate) fn dof_weights(&self) -> DofWeights {
-        let (tree, theta) = (&self.tree, self.params.values());
-        let (n, zero) = (tree.nv(), vec![0.0; tree.nv()]);
-        let mut frames = Frames::default();
-        frames.evaluate(tree, &self.q0[self.n_node_dofs()..], &zero, &zero, &Vec3::zeros());
-        let mut partials = Partials::default();
-        partials.gather(tree, &frames, &self.inertias(theta), &[], &[]);
-        let mut m = vec![0.0; n * n];
-        partials.add(tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
-        let mut m = nalgebra::DMatrix::from_row_slice(n, n, &m);
-        tree.dofs().iter().enumerate().for_each(|(l, d)| m[(l, l)] += theta[tree.joints()[d.joint].armature]);
+        let n = self.tree.nv();
+        let m = nalgebra::DMatrix::from_row_slice(n, n, &self.mass_matrix(&self.q0, self.params.values()));
         let held: Vec<f64> = m.diagonal().iter().copied().collect();
         let yielding = m.cholesky().map(|c| c.inverse().diagonal().iter().map(|x| 1.0 / x).collect());
         DofWeights { yielding: yielding.unwrap_or_else(|| held.clone()), held }

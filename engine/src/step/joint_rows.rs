@@ -24,7 +24,8 @@ impl Stage<'_> {
     /// What the record keeps of the rows.
     pub(super) fn row_records(&self, rows: &[RowLinear]) -> Vec<RowRecord> {
         let n = self.model.n_node_dofs();
-        let one = |(row, linear): (&JointRow, &RowLinear)| RowRecord { v: n + row.dof, direction: row.direction(), linear: *linear };
+        let one =
+            |(row, linear): (&JointRow, &RowLinear)| RowRecord { v: n + row.dof, direction: row.direction(), linear: *linear };
         self.measure.rows.iter().zip(rows).map(one).collect()
     }
 
@@ -113,7 +114,9 @@ impl StageRecord {
     pub(super) fn row_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let (q, _) = self.evaluation_point(model);
         let rows = model.joint_rows.iter().filter(|row| row.acts(theta));
-        rows.zip(&self.s).map(|(row, s)| row.mode(&row_point(model, row, &q, &self.v, [self.h, self.rest_gap]), *s, theta)).collect()
+        rows.zip(&self.s)
+            .map(|(row, s)| row.mode(&row_point(model, row, &q, &self.v, [self.h, self.rest_gap]), *s, theta))
+            .collect()
     }
 
     /// ∂F/∂θ of the joints' friction and stops; their smoothing is made of the scene's own inertia and does not change with θ.

@@ -22,6 +22,7 @@ from ._pliant import (
     bench,
     diagnose,
     fit,
+    import_model,
     load,
     loads,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "bench",
     "diagnose",
     "fit",
+    "import_model",
     "load",
     "loads",
 ]

@@ -138,6 +138,27 @@ class Model:
         """
     def masses(self, theta: ArrayLike | None = None) -> Array:
         """Masses of all nodes [kg], (n_nodes,); ghosts have none."""
+    @property
+    def body_names(self) -> list[str]:
+        """Names of the bodies, in the order of `body_poses`."""
+    def body_poses(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Origins [m], (n_bodies, 3), and unit quaternions (w, x, y, z), (n_bodies, 4), in the world.
+
+        q (nq,): nodes first, then joint by joint: a number [rad or m] of a hinge or slide, a unit
+        quaternion of a ball, the origin in the world [m] and a quaternion of a free body.
+        """
+    def mass_matrix(self, q: ArrayLike, theta: ArrayLike | None = None) -> Array:
+        """Mass matrix of the bodies' degrees of freedom at q (nq,), (n, n), armatures included.
+
+        In kg·m², kg·m or kg. Velocities are those of q: of a ball its angular velocity in the
+        body's axes; of a free body its origin's velocity in the world's axes, then its angular
+        velocity in its own.
+        """
+    def bias_forces(self, q: ArrayLike, v: ArrayLike, theta: ArrayLike | None = None) -> Array:
+        """Coriolis forces less weight at q (nq,) and v (nv,), (n,) [N·m or N].
+
+        What the joints must exert for no acceleration, without springs, friction and motors.
+        """
     def step(self, x: ArrayLike, u: ArrayLike, theta: ArrayLike | None = None) -> Array:
         """x (nx,) one step later, (nx,), with inputs u (nu,) and parameters theta (n_params,).
 
@@ -293,6 +314,17 @@ def load(path: str | PathLike[str]) -> Model:
 
 def loads(text: str, name: str = "scene.toml") -> Model:
     """Reads a scene from a text (TOML); errors call it `name`."""
+
+def import_model(
+    path: str | PathLike[str], *, approximate: bool = False, free_base: bool = False
+) -> tuple[str, dict[str, Any]]:
+    """Reads an MJCF or URDF file: the text of a scene for `loads`, and what became of every element.
+
+    approximate: import what can be of a model that uses constraints, tendons or meshes as masses,
+    instead of refusing it. free_base: let the root link of a URDF fly. The report has `format`,
+    `source` and `entries`: `file`, `line`, `element`, `name`, `original` (the name in the file, if
+    it is another), `verdict` ("kept", "approximated", "ignored") and `reason`.
+    """
 
 def bench(
     scene_text: str,

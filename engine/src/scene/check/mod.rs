@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 use toml::Value;
 
 /// Names that parameter paths use for something else.
-const RESERVED: [&str; 3] = ["gravity", "air", "sensor"];
+pub(crate) const RESERVED: [&str; 3] = ["gravity", "air", "sensor"];
 
 /// The shortest step [s]; shorter ones drown in the rounding of time.
 const SHORTEST_STEP: f64 = 1e-9;

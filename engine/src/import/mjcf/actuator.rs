@@ -1,0 +1,239 @@
+//! `<actuator>`: motors and servos at hinges and slides.
+//!
+//! MuJoCo's force is gain · u + b₀ + b₁ l + b₂ l̇ with the length l = gear · (q + ref) and acts on the joint times gear. Shortcuts
+//! (`motor`, `position`, `velocity`) set these numbers, in default classes first, then in the element.
+
+use super::{Reader, words};
+use crate::import::error::{ImportError, ImportMistake};
+use crate::import::view::{View, check_children};
+use crate::import::xml::Element;
+use crate::model::ModelBuilder;
+use crate::scene::{Actuator, ActuatorKind, JointKind};
+
+/// Numbers of an actuator, as far as they are set.
+#[derive(Clone, Debug)]
+struct Numbers {
+    gear: f64,
+    gain: f64,
+    bias: [f64; 3],
+    /// Whether the bias acts.
+    affine: bool,
+    /// The shortcut that set them last.
+    shortcut: Option<&'static str>,
+    armature: f64,
+    damping: f64,
+    /// Why it is no actuator of a scene.
+    odd: Option<String>,
+    /// Whether it has an internal state.
+    dynamic: bool,
+}
+
+impl Default for Numbers {
+    fn default() -> Self {
+        Self {
+            gear: 1.0,
+            gain: 1.0,
+            bias: [0.0; 3],
+            affine: false,
+            shortcut: None,
+            armature: 0.0,
+            damping: 0.0,
+            odd: None,
+            dynamic: false,
+        }
+    }
+}
+
+impl Numbers {
+    /// What an element, or a default, sets.
+    fn apply(&mut self, element: &Element) -> Result<(), ImportError> {
+        let view = View::plain(element);
+        if let Some(gear) = view.numbers("gear", 1..=6)? {
+            self.gear = gear[0];
+        }
+        self.armature = view.number("armature")?.unwrap_or(self.armature);
+        self.damping = view.numbers("damping", 1..=3)?.map_or(self.damping, |d| d[0]);
+        match element.tag.as_str() {
+            "general" => self.general(&view)?,
+            "motor" => (self.gain, self.affine, self.odd, self.dynamic) = (1.0, false, None, false),
+            "position" => self.position(&view)?,
+            "velocity" => {
+                self.begin("velocity");
+                self.gain = view.not_negative("kv", self.gain)?;
+                (self.bias, self.affine, self.odd, self.dynamic) = ([0.0, 0.0, -self.gain], true, None, false);
+            }
+            other => self.odd = Some(format!("a scene has no actuator like <{other}>")),
+        }
+        Ok(())
+    }
+
+    /// Forgets the numbers of another shortcut.
+    fn begin(&mut self, shortcut: &'static str) {
+        if self.shortcut.is_some_and(|other| other != shortcut) {
+            (self.gain, self.bias) = (1.0, [0.0; 3]);
+        }
+        self.shortcut = Some(shortcut);
+    }
+
+    fn position(&mut self, view: &View) -> Result<(), ImportError> {
+        self.begin("position");
+        self.gain = view.not_negative("kp", self.gain)?;
+        (self.bias[0], self.bias[1], self.affine, self.odd) = (0.0, -self.gain, true, None);
+        if view.has("kv") {
+            self.bias[2] = -view.not_negative("kv", 0.0)?;
+        }
+        if view.has("dampratio") {
+            self.bias[2] = view.not_negative("dampratio", 0.0)?;
+        }
+        self.dynamic = view.number("timeconst")?.map_or(self.dynamic, |t| t > 0.0);
+        Ok(())
+    }
+
+    /// The damping ratio, from which the damping is computed: in MuJoCo the third number of a servo's bias, if it is positive.
+    fn ratio(&self) -> Option<f64> {
+        (self.affine && self.gain == -self.bias[1] && self.bias[2] > 0.0).then_some(self.bias[2])
+    }
+
+    fn general(&mut self, view: &View) -> Result<(), ImportError> {
+        if let Some(gain) = view.numbers("gainprm", 1..=10)? {
+            self.gain = gain[0];
+        }
+        if let Some(bias) = view.numbers("biasprm", 1..=10)? {
+            bias.iter().take(3).zip(&mut self.bias).for_each(|(b, slot)| *slot = *b);
+        }
+        let kinds = ["fixed", "affine", "muscle", "dcmotor", "user"];
+        if let Some(kind) = view.word("gaintype", &kinds)?.filter(|kind| *kind != "fixed") {
+            self.odd = Some(format!("a gain of type `{kind}`"));
+        }
+        match view.word("biastype", &["none", "affine", "muscle", "dcmotor", "user"])? {
+            Some("affine") => self.affine = true,
+            Some("none") => self.affine = false,
+            Some(kind) => self.odd = Some(format!("a bias of type `{kind}`")),
+            None => {}
+        }
+        let dynamics = ["none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "user"];
+        match view.word("dyntype", &dynamics)? {
+            Some("none") => self.dynamic = false,
+            Some("filter" | "filterexact") => self.dynamic = true,
+            Some(kind) => self.odd = Some(format!("dynamics of type `{kind}`")),
+            None => {}
+        }
+        Ok(())
+    }
+}
+
+impl<'a> Reader<'a> {
+    /// All actuators of a section.
+    pub(super) fn actuators(&mut self, section: &'a Element) -> Result<(), ImportError> {
+        check_children(section, &words::ACTUATORS)?;
+        section.mark();
+        section.children.iter().try_for_each(|element| self.actuator(element))
+    }
+
+    fn actuator(&mut self, element: &'a Element) -> Result<(), ImportError> {
+        let mut numbers = Numbers::default();
+        for source in self.defaults.chain(element, element.value("class"), &words::ACTUATORS)?.into_iter().chain([element]) {
+            numbers.apply(source)?;
+        }
+        let Some(joint_name) = element.value("joint").or_else(|| element.value("jointinparent")) else {
+            return self.without_joint(element);
+        };
+        let place = self.find_joint(element, joint_name)?.clone();
+        if !matches!(place.kind, JointKind::Revolute | JointKind::Prismatic) {
+            numbers.odd = Some("a joint of more than one degree of freedom".to_owned());
+        }
+        if !self.physics.actuation {
+            numbers.odd = Some("switched off by the option's flag".to_owned());
+        }
+        if let Some(why) = numbers.odd {
+            self.work.ignored_whole(element, &format!("left out: {why}"));
+            return Ok(());
+        }
+        self.rotor(element, &place.name, &numbers)?;
+        if let Some(ratio) = numbers.ratio() {
+            numbers.bias[2] = -self.damping_of(element, &place.name, ratio, &numbers)?;
+        }
+        let number = self.work.scene.actuator.len() + 1;
+        let name = self.work.names.give(element.label(), "motor", number);
+        element.get("name");
+        let actuator = Actuator { name, joint: place.name, gear: numbers.gear, ..Actuator::default() };
+        self.add(element, &numbers, place.zero, actuator)
+    }
+
+    /// An actuator at something else than a joint.
+    fn without_joint(&mut self, element: &Element) -> Result<(), ImportError> {
+        let other =
+            ["tendon", "site", "body", "slidersite", "cranksite", "plugin"].into_iter().find(|name| element.get(name).is_some());
+        match other {
+            Some(what) => self.work.ignored_whole(element, &format!("left out: it acts on a {what}, not on a joint")),
+            None => return Err(ImportError::at(element, ImportMistake::Missing { what: "`joint`".to_owned() })),
+        }
+        Ok(())
+    }
+
+    /// A motor's own inertia and friction, seen at its joint.
+    fn rotor(&mut self, element: &Element, joint: &str, numbers: &Numbers) -> Result<(), ImportError> {
+        if numbers.armature == 0.0 && numbers.damping == 0.0 {
+            return Ok(());
+        }
+        let squared = numbers.gear * numbers.gear;
+        if let Some(joint) = self.work.scene.body.iter_mut().flat_map(|b| &mut b.joint).find(|j| j.name == joint) {
+            joint.armature += squared * numbers.armature;
+            joint.damping += squared * numbers.damping;
+        }
+        self.work.kept(element, joint, "armature and damping of the actuator, as those of its joint");
+        Ok(())
+    }
+
+    /// The damping of a ratio: ratio · 2 √(kp m), with the inertia m that the joint feels where all joints are at zero.
+    fn damping_of(&self, element: &Element, joint: &str, ratio: f64, numbers: &Numbers) -> Result<f64, ImportError> {
+        let failed = |error| ImportError::at(element, ImportMistake::Scene { error });
+        let model = match ModelBuilder::new(&self.work.scene) {
+            Ok(builder) => builder.build(),
+            Err(crate::model::BuildError::Scene(error)) => return Err(failed(error)),
+            Err(_) => return Ok(0.0),
+        };
+        let (theta, n) = (model.params().values(), model.tree().nv());
+        let inertia = model.mass_matrix(&model.tree().neutral(), theta);
+        let dof = model.tree().joint(joint).map_or(0, |j| model.tree().joints()[j].v);
+        let felt = inertia[dof * n + dof] / (numbers.gear * numbers.gear);
+        Ok(ratio * 2.0 * (numbers.gain * felt).sqrt())
+    }
+
+    /// Adds the actuator whose force has these numbers.
+    fn add(&mut self, element: &Element, n: &Numbers, zero: f64, mut actuator: Actuator) -> Result<(), ImportError> {
+        let [b0, b1, b2] = if n.affine { n.bias } else { [0.0; 3] };
+        // b₁ acts on MuJoCo's coordinate, the scene's plus `zero`
+        actuator.offset = b0 + b1 * n.gear * zero;
+        // the control of a servo in units of its own stiffness or damping
+        let (kind, scale) = match (b1, b2) {
+            (0.0, 0.0) => (ActuatorKind::Torque, 1.0),
+            (0.0, b2) if b2 < 0.0 => (ActuatorKind::Velocity, -n.gain / b2),
+            (b1, b2) if b1 < 0.0 && b2 <= 0.0 => (ActuatorKind::Position, -n.gain / b1),
+            _ => {
+                self.work.ignored_whole(element, "left out: it drives its joint away, which no servo of a scene does");
+                return Ok(());
+            }
+        };
+        (actuator.kind, actuator.stiffness, actuator.damping) = (kind, -b1 + 0.0, -b2 + 0.0);
+        if kind == ActuatorKind::Torque {
+            actuator.gain = n.gain;
+        }
+        let name = actuator.name.clone();
+        if scale != 1.0 {
+            self.work.approximated(element, &name, format!("its control is MuJoCo's times {scale}"));
+        }
+        if n.dynamic {
+            self.work.approximated(element, &name, "it acts at once: its dynamics are not simulated");
+        }
+        self.work.leftovers(element, &name, &words::ACTUATOR_REASONS);
+        let what = match kind {
+            ActuatorKind::Torque => "torque",
+            ActuatorKind::Position => "position",
+            ActuatorKind::Velocity => "velocity",
+        };
+        self.work.kept(element, &name, format!("{what} drive at {}", actuator.joint));
+        self.work.scene.actuator.push(actuator);
+        Ok(())
+    }
+}

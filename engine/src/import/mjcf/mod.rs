@@ -1,0 +1,74 @@
+//! MJCF, the format of MuJoCo.
+//!
+//! The order of reading: included files are put in place; compiler, options and defaults of the whole model; bodies, each before
+//! those that hang on it; actuators; and what is left, which is only reported.
+
+mod actuator;
+mod body;
+mod compiler;
+mod defaults;
+mod geom;
+mod include;
+mod inertial;
+mod joint;
+mod option;
+mod sections;
+mod words;
+
+use super::error::ImportError;
+use super::pose::Pose;
+use super::view::{View, check_children};
+use super::work::Work;
+use super::xml::Element;
+use super::{Imported, Options};
+use compiler::Compiler;
+use defaults::Defaults;
+use joint::JointPlace;
+use option::Physics;
+use std::path::Path;
+
+/// A model under way.
+struct Reader<'a> {
+    work: Work<'a>,
+    compiler: Compiler,
+    physics: Physics,
+    defaults: Defaults<'a>,
+    joints: Vec<JointPlace>,
+}
+
+/// Reads a model whose root element is `root`.
+pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported, ImportError> {
+    let (root, includes) = include::expand(root, path)?;
+    check_children(&root, &words::SECTIONS)?;
+    root.mark_all_of("model");
+    let mut work = Work::new("mjcf", &root.file, options);
+    includes.iter().for_each(|i| work.kept(i, i.value("file").unwrap_or(""), "the file's elements, in its place"));
+    let compiler = Compiler::read(&root, &mut work)?;
+    let physics = Physics::read(&root, &mut work)?;
+    let defaults = Defaults::read(&root)?;
+    let mut reader = Reader { work, compiler, physics, defaults, joints: Vec::new() };
+    for world in root.children_of("worldbody") {
+        reader.world(world)?;
+    }
+    reader.set_total_mass();
+    for section in root.children_of("actuator") {
+        reader.actuators(section)?;
+    }
+    reader.sections(&root)?;
+    reader.work.finish(&root)
+}
+
+impl<'a> Reader<'a> {
+    /// An element with the defaults of its class, or of `class` if it names none.
+    fn view(&self, element: &'a Element, class: Option<&str>) -> Result<View<'a>, ImportError> {
+        let class = element.value("class").or(class);
+        Ok(View::new(element, self.defaults.chain(element, class, &[&element.tag])?.into_iter().rev()))
+    }
+
+    /// Where an element's frame stands: its position and orientation.
+    fn pose(&self, view: &View) -> Result<Pose, ImportError> {
+        let position = view.vector::<3>("pos")?.unwrap_or_default();
+        self.work.check_lengths(view, "pos", &position)?;
+        Ok(Pose { position: position.into(), rotation: self.compiler.orientation(view)? })
+    }
+}

@@ -1,0 +1,163 @@
+//! Which elements and attributes MJCF has where, as far as the importer looks into them, and why some do not matter.
+
+/// Sections of a model.
+pub const SECTIONS: [&str; 17] = [
+    "compiler",
+    "option",
+    "size",
+    "statistic",
+    "visual",
+    "default",
+    "extension",
+    "custom",
+    "asset",
+    "worldbody",
+    "deformable",
+    "contact",
+    "tendon",
+    "equality",
+    "actuator",
+    "sensor",
+    "keyframe",
+];
+
+/// What a body, a frame or the world may hold.
+pub const IN_BODY: [&str; 14] = [
+    "inertial",
+    "joint",
+    "freejoint",
+    "geom",
+    "site",
+    "camera",
+    "light",
+    "body",
+    "frame",
+    "replicate",
+    "attach",
+    "composite",
+    "flexcomp",
+    "plugin",
+];
+
+/// What a default class may hold.
+pub const IN_DEFAULT: [&str; 27] = [
+    "default",
+    "mesh",
+    "texture",
+    "material",
+    "joint",
+    "geom",
+    "site",
+    "camera",
+    "light",
+    "pair",
+    "equality",
+    "tendon",
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
+    "flex",
+    "skin",
+];
+
+/// Kinds of actuators.
+pub const ACTUATORS: [&str; 13] = [
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
+];
+
+pub const COMPILER: &str = "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict coordinate discardvisual \
+    eulerseq fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical savecompiled saveinertial \
+    settotalmass strippath texturedir usethread exactmeshinertia convexhull";
+
+pub const OPTION: &str = "actuatorgroupdisable apirate ccd_iterations ccd_tolerance cone density gravity impratio integrator iterations \
+    jacobian ls_iterations ls_tolerance magnetic mpr_iterations mpr_tolerance noslip_iterations noslip_tolerance o_friction o_margin \
+    o_solimp o_solref sdf_initpoints sdf_iterations sleep_tolerance solver timestep tolerance viscosity wind collision";
+
+pub const BODY: &str = "axisangle childclass euler fuse gravcomp mocap name pos quat simple sleep user xyaxes zaxis";
+
+pub const FRAME: &str = "axisangle childclass euler name pos quat xyaxes zaxis";
+
+pub const INERTIAL: &str = "axisangle diaginertia euler fullinertia mass pos quat xyaxes zaxis";
+
+pub const JOINT: &str = "actuatorfrclimited actuatorfrcrange actuatorgravcomp armature axis class damping frictionloss group limited \
+    margin name pos range ref solimpfriction solimplimit solreffriction solreflimit springdamper springref springyield stiffness type \
+    user";
+
+pub const FREEJOINT: &str = "align group name";
+
+pub const GEOM: &str = "adhesion axisangle castshadow class conaffinity condim contype density euler fitscale fluidcoef fluidshape \
+    friction fromto gap group hfield margin mass material mesh name pos priority quat rgba shellinertia size solimp solmix solref \
+    surfacevel type user xyaxes zaxis";
+
+/// Why attributes of joints are ignored.
+pub const JOINT_REASONS: [(&str, &str); 5] = [
+    ("range limited margin solreflimit solimplimit", "joint limits are not simulated"),
+    ("frictionloss solreffriction solimpfriction", "dry friction in joints is not simulated"),
+    ("actuatorfrcrange actuatorfrclimited", "limits of motor forces are not simulated"),
+    ("actuatorgravcomp", "gravity compensation is not simulated"),
+    ("springyield", "yielding springs are not simulated"),
+];
+
+/// Why attributes of bodies are ignored.
+pub const BODY_REASONS: [(&str, &str); 3] = [
+    ("gravcomp", "gravity compensation is not simulated: the body feels its whole weight"),
+    ("user", "data of the user, without effect"),
+    ("sleep fuse simple", "a matter of MuJoCo's numerics"),
+];
+
+/// Why attributes of actuators are ignored.
+pub const ACTUATOR_REASONS: [(&str, &str); 4] = [
+    (
+        "ctrlrange ctrllimited inheritrange forcerange forcelimited actrange actlimited velrange ffrange",
+        "controls and forces are not limited",
+    ),
+    (
+        "dyntype dynprm actdim actearly timeconst delay interp nsample",
+        "the actuator acts at once: its dynamics and delays are not simulated",
+    ),
+    ("lengthrange cranklength", "a matter of other transmissions"),
+    ("group user", "without effect on the motion"),
+];
+
+/// Why attributes of options are ignored.
+pub const OPTION_REASONS: [(&str, &str); 4] = [
+    ("density viscosity wind", "the medium's drag on bodies is not simulated"),
+    ("magnetic", "read by sensors only"),
+    ("integrator", "the scene's own integrator is `midpoint`, of second order"),
+    ("actuatorgroupdisable", "groups of actuators cannot be disabled: all act"),
+];
+
+/// Why whole sections are ignored.
+pub const SECTION_REASONS: [(&str, &str); 9] = [
+    ("size", "sizes of MuJoCo's memory"),
+    ("statistic", "a matter of display"),
+    ("visual", "a matter of display"),
+    ("asset", "appearance and shapes, which a scene of bodies does not have"),
+    ("custom", "data of the user, without effect"),
+    ("contact", "bodies do not touch each other or anything else"),
+    ("sensor", "a scene has no sensors: read the state"),
+    ("keyframe", "the scene starts where the joints are at zero"),
+    ("extension", "plugins are not run"),
+];

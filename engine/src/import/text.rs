@@ -1,0 +1,123 @@
+//! A scene of bodies as a TOML file: what differs from the defaults, and the numbers in full.
+
+use super::report::{Report, Verdict};
+use crate::scene::{Actuator, ActuatorKind, Body, Integrator, Joint, JointKind, Scene};
+use std::fmt::Write;
+
+/// The file.
+pub fn scene(scene: &Scene, report: &Report) -> String {
+    let count = |verdict| report.count(verdict);
+    let mut out = format!(
+        "# Imported from {} ({}): {} elements kept, {} approximated, {} ignored.\nschema_version = {}\n\n[time]\n",
+        report.source.replace(char::is_control, " "),
+        report.format,
+        count(Verdict::Kept),
+        count(Verdict::Approximated),
+        count(Verdict::Ignored),
+        scene.schema_version
+    );
+    line(&mut out, "step", &number(scene.time.step));
+    line(&mut out, "duration", &number(scene.time.duration));
+    let integrator = match scene.time.integrator {
+        Integrator::Euler => "euler",
+        Integrator::Midpoint => "midpoint",
+        Integrator::Sdirk2 => "sdirk2",
+    };
+    line(&mut out, "integrator", &quoted(integrator));
+    out += "\n[gravity]\n";
+    line(&mut out, "magnitude", &number(scene.gravity.magnitude));
+    list(&mut out, "tilt", &scene.gravity.tilt, &[0.0; 2]);
+    scene.body.iter().for_each(|b| body(&mut out, b));
+    scene.actuator.iter().for_each(|a| actuator(&mut out, a));
+    out
+}
+
+fn body(out: &mut String, body: &Body) {
+    let default = Body::default();
+    *out += "\n[[body]]\n";
+    line(out, "name", &quoted(&body.name));
+    if let Some(parent) = &body.parent {
+        line(out, "parent", &quoted(parent));
+    }
+    list(out, "position", &body.position, &default.position);
+    list(out, "quaternion", &body.quaternion, &default.quaternion);
+    differing(out, "mass", body.mass, default.mass);
+    list(out, "center_of_mass", &body.center_of_mass, &default.center_of_mass);
+    if let Some(inertia) = &body.inertia {
+        list(out, "inertia", inertia, &[]);
+    }
+    body.joint.iter().for_each(|j| joint(out, j));
+}
+
+fn joint(out: &mut String, joint: &Joint) {
+    let default = Joint::default();
+    *out += "\n[[body.joint]]\n";
+    line(out, "name", &quoted(&joint.name));
+    let (kind, has_axis) = match joint.kind {
+        JointKind::Revolute => ("revolute", true),
+        JointKind::Prismatic => ("prismatic", true),
+        JointKind::Universal => ("universal", true),
+        JointKind::Ball => ("ball", false),
+        JointKind::Free => ("free", false),
+    };
+    line(out, "kind", &quoted(kind));
+    if has_axis {
+        list(out, "axis", &joint.axis, &default.axis);
+    }
+    if let Some(second) = &joint.second_axis {
+        list(out, "second_axis", second, &[]);
+    }
+    list(out, "anchor", &joint.anchor, &default.anchor);
+    differing(out, "armature", joint.armature, default.armature);
+    differing(out, "damping", joint.damping, default.damping);
+    differing(out, "stiffness", joint.stiffness, default.stiffness);
+    differing(out, "cubic_stiffness", joint.cubic_stiffness, default.cubic_stiffness);
+    differing(out, "rest", joint.rest, default.rest);
+    list(out, "start", &joint.start, &[]);
+    list(out, "velocity", &joint.velocity, &[]);
+}
+
+fn actuator(out: &mut String, actuator: &Actuator) {
+    let default = Actuator::default();
+    *out += "\n[[actuator]]\n";
+    line(out, "name", &quoted(&actuator.name));
+    line(out, "joint", &quoted(&actuator.joint));
+    let kind = match actuator.kind {
+        ActuatorKind::Torque => "torque",
+        ActuatorKind::Position => "position",
+        ActuatorKind::Velocity => "velocity",
+    };
+    line(out, "kind", &quoted(kind));
+    differing(out, "gain", actuator.gain, default.gain);
+    differing(out, "stiffness", actuator.stiffness, default.stiffness);
+    differing(out, "damping", actuator.damping, default.damping);
+    differing(out, "offset", actuator.offset, default.offset);
+    differing(out, "gear", actuator.gear, default.gear);
+}
+
+fn line(out: &mut String, key: &str, value: &str) {
+    let _ = writeln!(out, "{key} = {value}");
+}
+
+fn differing(out: &mut String, key: &str, value: f64, default: f64) {
+    if value != default {
+        line(out, key, &number(value));
+    }
+}
+
+fn list(out: &mut String, key: &str, values: &[f64], default: &[f64]) {
+    if !values.is_empty() && values != default {
+        let numbers: Vec<String> = values.iter().map(|x| number(*x)).collect();
+        line(out, key, &format!("[{}]", numbers.join(", ")));
+    }
+}
+
+/// With as few digits as read back as the same number.
+fn number(x: f64) -> String {
+    format!("{x:?}")
+}
+
+/// Names have no characters that would have to be escaped.
+fn quoted(text: &str) -> String {
+    format!("\"{text}\"")
+}

@@ -1,0 +1,140 @@
+//! `<joint>`: how a link hangs on its parent.
+
+use super::tree::Edge;
+use super::{Reader, origin};
+use crate::import::error::{ImportError, ImportMistake};
+use crate::import::pose::Pose;
+use crate::import::view::{View, check_attributes, check_children};
+use crate::import::xml::Element;
+use crate::scene::words::{list, nearest};
+use crate::scene::{Joint, JointKind};
+
+const KINDS: [&str; 6] = ["fixed", "revolute", "continuous", "prismatic", "floating", "planar"];
+
+impl<'a> Reader<'a> {
+    /// Where a link stands in its parent, and its joint, if it can move.
+    pub(super) fn joint(&mut self, edge: &Edge<'a>) -> Result<(Pose, Vec<Joint>), ImportError> {
+        let element = edge.joint;
+        check_attributes(element, "name type")?;
+        let known = ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"];
+        check_children(element, &known)?;
+        let view = View::plain(element);
+        view.required("type")?;
+        view.text("name");
+        let kind = match view.word("type", &KINDS)? {
+            Some("revolute" | "continuous") => JointKind::Revolute,
+            Some("prismatic") => JointKind::Prismatic,
+            Some("floating") => JointKind::Free,
+            Some("planar") => {
+                let (what, reason) = ("a planar joint".to_owned(), "write two prismatic joints and a continuous one".to_owned());
+                return Err(view.error("type", ImportMistake::Unsupported { what, reason }));
+            }
+            _ => return self.fixed(element),
+        };
+        self.n_joints += 1;
+        let name = self.work.names.give(element.label(), "joint", self.n_joints);
+        let mut joint = Joint { name, kind, axis: [1.0, 0.0, 0.0], ..Joint::default() };
+        let pose = origin(&mut self.work, element)?;
+        self.axis(element, &mut joint)?;
+        self.limit(element, &joint)?;
+        self.dynamics(element, &mut joint)?;
+        self.mimic(element)?;
+        self.rest(element);
+        let what = view.text("type").unwrap_or("");
+        self.work.kept(element, &joint.name, what);
+        Ok((pose, vec![joint]))
+    }
+
+    fn fixed(&mut self, element: &'a Element) -> Result<(Pose, Vec<Joint>), ImportError> {
+        let pose = origin(&mut self.work, element)?;
+        let no_effect = ["axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"];
+        for child in element.children.iter().filter(|c| no_effect.contains(&c.tag.as_str())) {
+            self.work.ignored_whole(child, "without effect on a fixed joint");
+        }
+        self.work.kept(element, element.label(), "fixed: the link is a body without joints");
+        Ok((pose, Vec::new()))
+    }
+
+    fn axis(&mut self, element: &'a Element, joint: &mut Joint) -> Result<(), ImportError> {
+        let Some(axis) = element.child("axis") else { return Ok(()) };
+        check_attributes(axis, "xyz")?;
+        if joint.kind == JointKind::Free {
+            self.work.ignored_whole(axis, "a floating joint has no axis");
+            return Ok(());
+        }
+        joint.axis = View::plain(axis).direction::<3>("xyz")?.unwrap_or(joint.axis);
+        axis.mark();
+        Ok(())
+    }
+
+    fn limit(&mut self, element: &'a Element, joint: &Joint) -> Result<(), ImportError> {
+        let continuous = element.value("type") == Some("continuous");
+        let Some(limit) = element.child("limit") else { return Ok(()) };
+        check_attributes(limit, "lower upper effort velocity acceleration jerk deceleration")?;
+        let view = View::plain(limit);
+        let (low, high) = (view.number("lower")?.unwrap_or(0.0), view.number("upper")?.unwrap_or(0.0));
+        if low > high {
+            return Err(view.error("lower", ImportMistake::LimitOrder { attribute: "lower".to_owned(), low, high }));
+        }
+        if joint.kind == JointKind::Revolute && !continuous {
+            self.work.check_angles(&view, "lower", &[low])?;
+            self.work.check_angles(&view, "upper", &[high])?;
+        }
+        if joint.kind == JointKind::Prismatic {
+            self.work.check_lengths(&view, "lower", &[low])?;
+            self.work.check_lengths(&view, "upper", &[high])?;
+        }
+        let effort = view.number("effort")?.map_or(String::new(), |x| format!(", effort {x}"));
+        let velocity = view.number("velocity")?.map_or(String::new(), |x| format!(", velocity {x}"));
+        limit.take_unused();
+        self.work.ignored(limit, &joint.name, format!("{low} … {high}{effort}{velocity}: joint limits are not simulated"));
+        Ok(())
+    }
+
+    fn dynamics(&mut self, element: &'a Element, joint: &mut Joint) -> Result<(), ImportError> {
+        let Some(dynamics) = element.child("dynamics") else { return Ok(()) };
+        check_attributes(dynamics, "damping friction")?;
+        let view = View::plain(dynamics);
+        let damping = view.not_negative("damping", 0.0)?;
+        let friction = view.not_negative("friction", 0.0)?;
+        if friction > 0.0 {
+            self.work.ignored(dynamics, &joint.name, format!("friction {friction}: dry friction in joints is not simulated"));
+        }
+        if joint.kind == JointKind::Free && damping > 0.0 {
+            self.work.ignored(dynamics, &joint.name, "damping: free bodies have no friction");
+        } else {
+            joint.damping = damping;
+            self.work.kept(dynamics, &joint.name, format!("damping {damping}"));
+        }
+        Ok(())
+    }
+
+    /// A joint that follows another one.
+    fn mimic(&mut self, element: &'a Element) -> Result<(), ImportError> {
+        let Some(mimic) = element.child("mimic") else { return Ok(()) };
+        check_attributes(mimic, "joint multiplier offset")?;
+        let other = View::plain(mimic).required("joint")?;
+        if self.links.joint(other).is_none() {
+            let mistake = ImportMistake::NoSuch {
+                what: "joint",
+                name: other.to_owned(),
+                nearest: nearest(other, self.links.joint_names()).map(str::to_owned),
+                known: list(self.links.joint_names()),
+            };
+            return Err(ImportError::at(mimic, mistake));
+        }
+        self.work.approximate(
+            mimic,
+            "a joint that follows another",
+            "constraints between joints are not simulated: it moves freely",
+        )?;
+        mimic.mark_all();
+        Ok(())
+    }
+
+    fn rest(&mut self, element: &'a Element) {
+        for tag in ["calibration", "safety_controller"] {
+            element.children_of(tag).for_each(|c| self.work.ignored_whole(c, "a matter of the robot's controller"));
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! An import under way: the scene so far, and what has become of the elements read.
+
+use super::error::{ImportError, ImportMistake};
+use super::inertia::Mass;
+use super::names::Names;
+use super::pose::Pose;
+use super::report::{Report, Verdict};
+use super::view::View;
+use super::xml::Element;
+use super::{Imported, Options};
+use crate::bodies::InertiaError;
+use crate::scene::{Body, Joint, Mistake, Scene, SceneError, check};
+
+/// Why something is ignored that the importer has no word for.
+const UNREAD: &str = "not read by the importer";
+/// Longer than this betrays millimetres \[m\].
+const LARGE: f64 = 50.0;
+/// Heavier than this betrays grams \[kg\].
+const HEAVY: f64 = 1e5;
+
+/// An import under way.
+#[derive(Debug)]
+pub struct Work<'o> {
+    pub options: &'o Options,
+    pub report: Report,
+    pub names: Names,
+    pub scene: Scene,
+    /// What each body of the scene was made from.
+    origins: Vec<ImportError>,
+}
+
+impl<'o> Work<'o> {
+    pub fn new(format: &'static str, source: &str, options: &'o Options) -> Self {
+        Self {
+            options,
+            report: Report::new(format, source.to_owned()),
+            names: Names::default(),
+            scene: Scene::default(),
+            origins: Vec::new(),
+        }
+    }
+
+    pub fn kept(&mut self, element: &Element, name: &str, reason: impl Into<String>) {
+        self.report.add(element, name, Verdict::Kept, reason);
+    }
+
+    pub fn approximated(&mut self, element: &Element, name: &str, reason: impl Into<String>) {
+        self.report.add(element, name, Verdict::Approximated, reason);
+    }
+
+    pub fn ignored(&mut self, element: &Element, name: &str, reason: impl Into<String>) {
+        self.report.add(element, name, Verdict::Ignored, reason);
+    }
+
+    /// An element that is ignored with everything in it.
+    pub fn ignored_whole(&mut self, element: &Element, reason: &str) {
+        let inside = element.size() - 1;
+        let with = if inside > 0 { format!(" (with {inside} elements in it)") } else { String::new() };
+        self.ignored(element, element.label(), format!("{reason}{with}"));
+        element.mark_all();
+    }
+
+    /// Something that makes it another model if it is left out: an error, or a line in the report if that was asked for.
+    pub fn approximate(&mut self, element: &Element, what: &str, reason: &str) -> Result<(), ImportError> {
+        if self.options.approximate {
+            self.approximated(element, element.label(), format!("{what}: {reason}"));
+            return Ok(());
+        }
+        let mistake = ImportMistake::NeedsApproximate { what: what.to_owned(), reason: reason.to_owned() };
+        Err(ImportError::at(element, mistake))
+    }
+
+    /// Reports attributes of an element that nobody has read, each with the reason that `reasons` has for it.
+    pub fn leftovers(&mut self, element: &Element, name: &str, reasons: &[(&str, &str)]) {
+        let unused = element.take_unused();
+        let mut said: Vec<(&str, Vec<&str>)> = Vec::new();
+        for attribute in unused {
+            let known = reasons.iter().find(|(words, _)| words.split_whitespace().any(|w| w == attribute));
+            let reason = known.map_or("has no counterpart in a scene", |(_, reason)| *reason);
+            match said.iter_mut().find(|(r, _)| *r == reason) {
+                Some((_, list)) => list.push(attribute),
+                None => said.push((reason, vec![attribute])),
+            }
+        }
+        for (reason, attributes) in said {
+            self.ignored(element, name, format!("{}: {reason}", attributes.join(", ")));
+        }
+    }
+
+    /// Refuses lengths that are likely in millimetres.
+    pub fn check_lengths(&self, view: &View, attribute: &str, values: &[f64]) -> Result<(), ImportError> {
+        match values.iter().find(|x| x.abs() > LARGE) {
+            Some(value) if !self.options.approximate => {
+                let mistake = ImportMistake::Unit { attribute: attribute.to_owned(), value: *value, unit: "m", likely: "mm" };
+                Err(view.error(attribute, mistake))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses angles that are likely in degrees: beyond two turns.
+    pub fn check_angles(&self, view: &View, attribute: &str, values: &[f64]) -> Result<(), ImportError> {
+        match values.iter().find(|x| x.abs() > 4.0 * std::f64::consts::PI + 1e-3) {
+            Some(value) if !self.options.approximate => {
+                let mistake =
+                    ImportMistake::Unit { attribute: attribute.to_owned(), value: *value, unit: "rad", likely: "degrees" };
+                Err(view.error(attribute, mistake))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A mass that scenes accept.
+    pub fn possible(&mut self, element: &Element, body: &str, mass: Mass) -> Result<Mass, ImportError> {
+        if mass.mass > HEAVY && !self.options.approximate {
+            let mistake = ImportMistake::Unit { attribute: "mass".to_owned(), value: mass.mass, unit: "kg", likely: "g" };
+            return Err(ImportError::at(element, mistake));
+        }
+        match mass.check() {
+            Ok(()) => Ok(mass),
+            Err(InertiaError::Triangle(..) | InertiaError::Negative(0.0)) if self.options.approximate => {
+                let made = mass.made_possible();
+                self.approximated(element, body, "moments of inertia that no mass has, raised to the nearest that one has");
+                Ok(made)
+            }
+            Err(error) => Err(ImportError::at(element, ImportMistake::Inertia { body: body.to_owned(), error })),
+        }
+    }
+
+    /// Adds a body to the scene; `mass` as [`Work::possible`] returns it, or none.
+    pub fn add_body(&mut self, element: &Element, name: &str, parent: Option<&str>, pose: &Pose, mass: &Mass, joint: Vec<Joint>) {
+        self.origins.push(ImportError::at(element, ImportMistake::Massless { body: name.to_owned() }));
+        self.scene.body.push(Body {
+            name: name.to_owned(),
+            parent: parent.map(str::to_owned),
+            position: plain(pose.position.into()),
+            quaternion: plain(pose.rotation),
+            mass: mass.mass,
+            center_of_mass: plain(mass.center.into()),
+            inertia: (mass.mass > 0.0).then(|| plain(mass.numbers())),
+            joint,
+        });
+    }
+
+    /// The checked scene and the report.
+    pub fn finish(mut self, root: &Element) -> Result<Imported, ImportError> {
+        self.sweep(root);
+        check(&self.scene).map_err(|error| self.blame(root, error))?;
+        Ok(Imported { scene: self.scene, report: self.report })
+    }
+
+    /// Reports what nobody has looked at, so that nothing is dropped silently.
+    fn sweep(&mut self, element: &Element) {
+        if !element.is_seen() {
+            self.ignored_whole(element, UNREAD);
+            return;
+        }
+        let unused = element.take_unused().join(", ");
+        if !unused.is_empty() {
+            self.ignored(element, element.label(), format!("{unused}: {UNREAD}"));
+        }
+        element.children.iter().for_each(|child| self.sweep(child));
+    }
+
+    /// The pose in the world of a body of the scene that cannot move.
+    pub fn fixed_pose(&self, body: &str) -> Option<Pose> {
+        let body = self.scene.body.iter().find(|b| b.name == body).filter(|b| b.joint.is_empty())?;
+        let own = Pose { position: body.position.into(), rotation: body.quaternion };
+        body.parent.as_deref().map_or(Some(own), |parent| Some(self.fixed_pose(parent)?.then(&own)))
+    }
+
+    /// The element that a mistake in the scene comes from.
+    fn blame(&self, root: &Element, error: SceneError) -> ImportError {
+        let number = error.place.field.strip_prefix("body[").and_then(|rest| rest.split(']').next()?.parse::<usize>().ok());
+        let origin = number.and_then(|b| self.origins.get(b));
+        let mistake = match *error.mistake {
+            Mistake::Massless { ref body } => ImportMistake::Massless { body: body.clone() },
+            Mistake::FreeBelow { ref body } => ImportMistake::FreeBelow { body: body.clone() },
+            _ => ImportMistake::Scene { error },
+        };
+        match origin {
+            Some(origin) => ImportError { mistake: Box::new(mistake), ..origin.clone() },
+            None => ImportError::at(root, mistake),
+        }
+    }
+}
+
+/// −0 as 0.
+fn plain<const N: usize>(x: [f64; N]) -> [f64; N] {
+    x.map(|x| x + 0.0)
+}

@@ -1,0 +1,64 @@
+//! Poses, mass matrix and bias forces of the bodies: what a step is made of, for controllers, planners and comparisons.
+//!
+//! Coordinates q (nq) and velocities v (nv) are those of a whole state: nodes first, then joint by joint in the bodies' order. A
+//! revolute or prismatic joint has one number each [rad, rad/s or m, m/s]; a ball a unit quaternion (w, x, y, z) and its angular
+//! velocity in the body's axes; a free body its origin in the world \[m\] and a quaternion, the velocity of its origin in the
+//! world's axes and its angular velocity in its own.
+
+use super::Model;
+use crate::bodies::Frames;
+use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
+use crate::bodies::rotation::{Quaternion, from_matrix};
+use crate::terms::Vec3;
+
+impl Model {
+    /// Origin \[m\] and axes, a unit quaternion (w ≥ 0), of every body's frame in the world.
+    ///
+    /// # Panics
+    /// If `q` has not nq entries.
+    pub fn body_poses(&self, q: &[f64]) -> Vec<(Vec3<f64>, Quaternion<f64>)> {
+        let zero = vec![0.0; self.tree.nv()];
+        let frames = self.body_frames(q, &zero, &Vec3::zeros());
+        frames.bodies.iter().map(|b| (b.position + frames.origin, from_matrix(&b.rotation))).collect()
+    }
+
+    /// M(q; θ) of the bodies' degrees of freedom, armatures included, row-major and square [kg·m², kg·m or kg]:
+    /// ```text
+    /// kinetic energy = ½ vᵀ M v,    M a + bias = joint forces
+    /// ```
+    ///
+    /// # Panics
+    /// If `q` has not nq entries or `theta` not n_params.
+    pub fn mass_matrix(&self, q: &[f64], theta: &[f64]) -> Vec<f64> {
+        let (tree, n) = (&self.tree, self.tree.nv());
+        let frames = self.body_frames(q, &vec![0.0; n], &Vec3::zeros());
+        let mut partials = Partials::default();
+        partials.gather(tree, &frames, &self.inertias(theta), &[], &[]);
+        let mut m = vec![0.0; n * n];
+        partials.add(tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
+        for (l, dof) in tree.dofs().iter().enumerate() {
+            m[l * n + l] += theta[tree.joints()[dof.joint].armature];
+        }
+        m
+    }
+
+    /// Forces of the bodies' degrees of freedom that let them move without acceleration, Coriolis forces less weight [N·m or N]:
+    /// inverse dynamics at a = 0. Springs, friction and motors are not among them.
+    ///
+    /// # Panics
+    /// If `q`, `v` or `theta` have not nq, nv and n_params entries.
+    pub fn bias_forces(&self, q: &[f64], v: &[f64], theta: &[f64]) -> Vec<f64> {
+        let frames = self.body_frames(q, &v[self.n_node_dofs()..], &self.gravity_vector(theta));
+        let mut tau = vec![0.0; self.tree.nv()];
+        inverse_dynamics(&self.tree, &frames, &self.inertias(theta), &[], &mut Vec::new(), &mut tau);
+        tau
+    }
+
+    /// Frames at q and the bodies' velocities v, without acceleration.
+    fn body_frames(&self, q: &[f64], v: &[f64], gravity: &Vec3<f64>) -> Frames<f64> {
+        let q = &q[self.n_node_dofs()..];
+        let mut frames = Frames::about(self.tree.origin(q));
+        frames.evaluate(&self.tree, q, v, &vec![0.0; self.tree.nv()], gravity);
+        frames
+    }
+}

@@ -1,0 +1,81 @@
+//! `pliant import`.
+
+use super::failure::Failure;
+use super::{file, print};
+use pliant::import::{Imported, Options, Report, import_model};
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Model file: MJCF (root element <mujoco>) or URDF (<robot>).
+    model: PathBuf,
+    /// File for the scene (TOML); without it the scene goes to stdout and the report to stderr.
+    #[arg(long, value_name = "SCENE.toml")]
+    out: Option<PathBuf>,
+    /// Print the report as one JSON object, with the scene in it unless --out is given.
+    #[arg(long)]
+    json: bool,
+    /// Import what can be of a model that uses constraints, tendons or meshes as masses, instead of refusing it.
+    #[arg(long)]
+    approximate: bool,
+    /// Let the root link of a URDF fly, instead of fixing it to the world.
+    #[arg(long)]
+    free_base: bool,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Summary<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    bodies: usize,
+    joints: usize,
+    actuators: usize,
+    out: Option<String>,
+    scene: Option<&'a str>,
+}
+
+/// Imports a model.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    if let Some(out) = &arguments.out {
+        file::check(out)?;
+    }
+    let options = Options { approximate: arguments.approximate, free_base: arguments.free_base };
+    let imported = import_model(&arguments.model, &options)?;
+    let scene = imported.to_toml();
+    if let Some(out) = &arguments.out {
+        file::write(out, |file| file.write_all(scene.as_bytes()))?;
+    }
+    let out = arguments.out.as_ref().map(|out| out.display().to_string());
+    if arguments.json {
+        return json(&imported, &scene, out);
+    }
+    match out {
+        Some(out) => print::data(&format!("{}\nwrote {out}: {}", imported.report.text(), size(&imported))),
+        None => {
+            print::message(&imported.report.text());
+            print::data(scene.trim_end())
+        }
+    }
+}
+
+fn json(imported: &Imported, scene: &str, out: Option<String>) -> Result<(), Failure> {
+    print::json(&Summary {
+        report: &imported.report,
+        bodies: imported.scene.body.len(),
+        joints: joints(imported),
+        actuators: imported.scene.actuator.len(),
+        scene: out.is_none().then_some(scene),
+        out,
+    })
+}
+
+fn joints(imported: &Imported) -> usize {
+    imported.scene.body.iter().map(|b| b.joint.len()).sum()
+}
+
+fn size(imported: &Imported) -> String {
+    format!("{} bodies, {} joints, {} actuators", imported.scene.body.len(), joints(imported), imported.scene.actuator.len())
+}

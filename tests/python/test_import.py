@@ -1,0 +1,204 @@
+"""Imported models against MuJoCo's own compiler: masses, kinematics, mass matrices, bias forces, motion.
+
+Coordinates are MuJoCo's, less the joints' `ref`. For URDF MuJoCo fuses links on fixed joints, so
+bodies are compared where MuJoCo has them, and degrees of freedom by their joints' names.
+"""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco", minversion="4.0")
+pliant = pytest.importorskip("pliant")
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+MJCF = sorted(p.name for p in MODELS.glob("*.xml"))
+URDF = sorted(p.name for p in MODELS.glob("*.urdf"))
+HINGE, SLIDE, BALL, FREE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE", "BALL", "FREE"))
+TOLERANCE = 1e-9
+SAMPLES = 5
+
+
+def relative(a, b):
+    """Largest difference, relative to the largest entry."""
+    a, b = np.asarray(a), np.asarray(b)
+    assert a.shape == b.shape
+    return float(np.abs(a - b).max() / max(1e-3, np.abs(b).max())) if a.size else 0.0
+
+
+def compiled(name, **options):
+    """pliant's model, its scene as a dictionary, the report, MuJoCo's model."""
+    text, report = pliant.import_model(MODELS / name, **options)
+    return pliant.loads(text), tomllib.loads(text), report, mujoco.MjModel.from_xml_path(str(MODELS / name))
+
+
+def random_state(mj, rng):
+    """qpos with quaternions of length one, and qvel."""
+    q = mj.qpos0 + rng.normal(size=mj.nq)
+    for j in range(mj.njnt):
+        start = mj.jnt_qposadr[j] + (3 if mj.jnt_type[j] == FREE else 0)
+        if mj.jnt_type[j] in (FREE, BALL):
+            q[start : start + 4] = rng.normal(size=4)
+            q[start : start + 4] /= np.linalg.norm(q[start : start + 4])
+    return q, rng.normal(size=mj.nv)
+
+
+def ours(mj, q):
+    """qpos as pliant counts it: hinges and slides from where the file has them."""
+    q = q.copy()
+    for j in range(mj.njnt):
+        if mj.jnt_type[j] in (HINGE, SLIDE):
+            q[mj.jnt_qposadr[j]] -= mj.qpos0[mj.jnt_qposadr[j]]
+    return q
+
+
+def forward(mj, q, v):
+    data = mujoco.MjData(mj)
+    data.qpos[:], data.qvel[:] = q, v
+    mujoco.mj_forward(mj, data)
+    return data
+
+
+def full_mass_matrix(mj, data):
+    full = np.zeros((mj.nv, mj.nv))
+    mujoco.mj_fullM(mj, data, full)
+    return full
+
+
+def rotation(quaternion):
+    flat = np.zeros(9)
+    mujoco.mju_quat2Mat(flat, np.asarray(quaternion, float))
+    return flat.reshape(3, 3)
+
+
+def matrix(numbers):
+    xx, yy, zz, xy, xz, yz = numbers
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+@pytest.mark.parametrize("name", MJCF)
+def test_masses_are_those_of_mujoco(name):
+    _, scene, _, mj = compiled(name)
+    assert len(scene["body"]) == mj.nbody - 1
+    for b, body in enumerate(scene["body"], start=1):
+        assert relative(body.get("mass", 0.0), mj.body_mass[b]) < TOLERANCE
+        if mj.body_mass[b] == 0.0:
+            continue
+        assert np.abs(np.array(body.get("center_of_mass", [0, 0, 0])) - mj.body_ipos[b]).max() < 1e-12
+        r = rotation(mj.body_iquat[b])
+        inertia = r @ np.diag(mj.body_inertia[b]) @ r.T
+        assert np.abs(matrix(body["inertia"]) - inertia).max() < TOLERANCE * np.abs(inertia).max()
+
+
+@pytest.mark.parametrize("name", MJCF)
+def test_kinematics_and_dynamics_are_those_of_mujoco(name):
+    model, _, _, mj = compiled(name)
+    assert model.nx == mj.nq + mj.nv
+    rng = np.random.default_rng(0)
+    for _ in range(SAMPLES):
+        q, v = random_state(mj, rng)
+        data = forward(mj, q, v)
+        at = ours(mj, q)
+        positions, quaternions = model.body_poses(at)
+        assert relative(positions, data.xpos[1:]) < TOLERANCE
+        for mine, theirs in zip(quaternions, data.xquat[1:], strict=True):
+            assert relative(rotation(mine), rotation(theirs)) < TOLERANCE
+        assert relative(model.mass_matrix(at), full_mass_matrix(mj, data)) < TOLERANCE
+        assert relative(model.bias_forces(at, v), data.qfrc_bias) < TOLERANCE
+
+
+@pytest.mark.parametrize("name", URDF)
+@pytest.mark.parametrize("samples", [SAMPLES])
+def test_robots_move_like_those_of_mujoco(name, samples):
+    model, scene, _, mj = compiled(name)
+    # MuJoCo's degree of freedom for each of pliant's, by the joint's name in the file
+    originals = {e["name"]: e.get("original", e["name"]) for e in pliant.import_model(MODELS / name)[1]["entries"]}
+    joints = [originals[j["name"]] for body in scene["body"] for j in body.get("joint", [])]
+    order = [mj.joint(name).dofadr[0] for name in joints]
+    assert sorted(order) == list(range(mj.nv))
+    known = {originals.get(n, n): k for k, n in enumerate(model.body_names)}
+    rng = np.random.default_rng(0)
+    for _ in range(samples):
+        q, v = random_state(mj, rng)
+        data = forward(mj, q, v)
+        positions, quaternions = model.body_poses(q[order])
+        for b in range(1, mj.nbody):
+            k = known[mj.body(b).name]
+            assert relative(positions[k], data.xpos[b]) < TOLERANCE
+            assert relative(rotation(quaternions[k]), rotation(data.xquat[b])) < TOLERANCE
+        assert relative(model.mass_matrix(q[order]), full_mass_matrix(mj, data)[np.ix_(order, order)]) < TOLERANCE
+        assert relative(model.bias_forces(q[order], v[order]), data.qfrc_bias[order]) < TOLERANCE
+
+
+def test_a_robot_flies_if_it_is_told_to(tmp_path):
+    """MuJoCo has a floating joint in the file instead."""
+    model, _, _, _ = compiled("rover.urdf", free_base=True)
+    text = (MODELS / "rover.urdf").read_text()
+    joint = '<joint name="base" type="floating"><parent link="world"/><child link="chassis"/></joint>'
+    flying = tmp_path / "flying.urdf"
+    flying.write_text(text.replace("</robot>", f'<link name="world"/>{joint}</robot>'))
+    mj = mujoco.MjModel.from_xml_path(str(flying))
+    assert model.nx == mj.nq + mj.nv
+    same, _ = pliant.import_model(flying)
+    flies = pliant.loads(same)
+    q, v = random_state(mj, np.random.default_rng(1))
+    data = forward(mj, q, v)
+    names = [mj.joint(j).name for j in range(mj.njnt)]
+    assert names == ["base", "pan", "left_pivot", "front left", "rear left", "right_pivot", "front right"]
+    for one in (model, flies):
+        assert relative(one.mass_matrix(q), full_mass_matrix(mj, data)) < TOLERANCE
+        assert relative(one.bias_forces(q, v), data.qfrc_bias) < TOLERANCE
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("pendulum.xml", 1e-6), ("cable.xml", 1e-5), ("slider_crank.xml", 1e-5)])
+def test_motion_is_that_of_mujoco(name, tolerance):
+    """Midpoint steps of 0.1 ms against MuJoCo's fourth-order ones, friction, springs and motors included."""
+    text, _ = pliant.import_model(MODELS / name)
+    mj = mujoco.MjModel.from_xml_path(str(MODELS / name))
+    mj.opt.timestep, mj.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
+    mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    scene = tomllib.loads(text)
+    model = pliant.loads(text.replace(f"step = {scene['time']['step']}", "step = 0.0001"))
+    data = mujoco.MjData(mj)
+    rng = np.random.default_rng(2)
+    data.qvel[:] = rng.normal(size=mj.nv) * 0.5
+    data.ctrl[:] = 0.3
+    x0 = np.concatenate([ours(mj, data.qpos), data.qvel])
+    steps = 1000
+    roll = model.rollout(x0, np.full((steps, model.nu), 0.3), record=False)
+    for _ in range(steps):
+        mujoco.mj_step(mj, data)
+    end = np.concatenate([ours(mj, data.qpos), data.qvel])
+    assert relative(roll.x[-1], end) < tolerance
+
+
+@pytest.mark.parametrize("name", MJCF + URDF)
+def test_every_element_is_reported(name):
+    _, _, report, _ = compiled(name)
+    assert report["schema_version"] == 1 and report["source"].endswith(name)
+    assert all(e["verdict"] in ("kept", "approximated", "ignored") and e["reason"] for e in report["entries"])
+    assert all(e["line"] > 0 for e in report["entries"])
+
+
+def test_names_are_made_usable():
+    _, scene, report, _ = compiled("slider_crank.xml")
+    names = [j["name"] for body in scene["body"] for j in body["joint"]]
+    assert names == ["turn", "pin", "wrist_pin", "stroke"]
+    assert scene["actuator"][1]["name"] == "turn_motor"
+    renamed = {e["name"]: e["original"] for e in report["entries"] if e.get("original")}
+    assert renamed == {"wrist_pin": "wrist/pin", "turn_motor": "turn"}
+
+
+def test_what_cannot_be_kept_is_refused(tmp_path):
+    body = '<body name="{0}"><joint/><geom size=".1"/></body>'
+    loop = tmp_path / "loop.xml"
+    loop.write_text(
+        f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody>\n"
+        '<equality><weld body1="a" body2="b"/></equality></mujoco>'
+    )
+    with pytest.raises(pliant.InputError, match=r"loop.xml:2: weld.*cannot be kept(.|\n)*--approximate"):
+        pliant.import_model(loop)
+    _, report = pliant.import_model(loop, approximate=True)
+    assert [e["line"] for e in report["entries"] if e["verdict"] == "approximated" and e["element"] == "weld"] == [2]
