@@ -3,7 +3,7 @@
 use crate::AdjointError;
 use crate::rollout::check;
 use crate::seeds::Seeds;
-use crate::stage::{Context, Memory, move_along, pull_along, stage_cotangent, stage_tangent};
+use crate::stage::{Context, InputBars, Memory, move_along, pull_along, stage_cotangent, stage_tangent};
 use pliant_engine::equilibrium::Equilibrium;
 use pliant_engine::kinematics::Input;
 
@@ -40,7 +40,8 @@ pub fn equilibrium_vjp(eq: &Equilibrium, q_bar: &[f64]) -> Result<(Vec<f64>, Vec
     let (n, mut y_bar) = (eq.model.n_node_dofs(), q_bar.to_vec());
     y_bar[n..].fill(0.0);
     pull_along(cx, &eq.record.end, &mut reference, &mut y_bar, 1.0);
-    stage_cotangent(cx, &eq.record, &y_bar, &mut reference, &mut v, &mut cmd, &mut u, &mut theta);
+    let mut inputs = InputBars { cmd: &mut cmd, u: &mut u, theta: &mut theta };
+    stage_cotangent(cx, &eq.record, &y_bar, &mut reference, &mut v, &mut inputs);
     for &(row, input, value) in &eq.placement {
         match input {
             Input::U(k) => u[k] += value * reference[row],

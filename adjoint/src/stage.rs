@@ -122,6 +122,16 @@ fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl 
     }
 }
 
+/// Cotangents of what a stage is given beside its reference state; they accumulate.
+pub(crate) struct InputBars<'a> {
+    /// Of the commanded velocities.
+    pub cmd: &'a mut [f64],
+    /// Of the controls.
+    pub u: &'a mut [f64],
+    /// Of θ.
+    pub theta: &'a mut [f64],
+}
+
 /// Pulls the cotangent `y_bar` of v⁺ back: adds to the cotangents of the reference state, the command and θ.
 pub(crate) fn stage_cotangent(
     cx: Context,
@@ -129,9 +139,7 @@ pub(crate) fn stage_cotangent(
     y_bar: &[f64],
     q_bar: &mut [f64],
     v_bar: &mut [f64],
-    cmd_bar: &mut [f64],
-    u_bar: &mut [f64],
-    theta_bar: &mut [f64],
+    inputs: &mut InputBars,
 ) {
     let lambda = multiplier(stage, y_bar);
     let nv = stage.v.len();
@@ -153,15 +161,15 @@ pub(crate) fn stage_cotangent(
             q_bar[k] += through_q[k];
             v_bar[k] += stage.h * w.a0 * through_q[k] + w.b0 * through_v[k];
             if driven {
-                cmd_bar[k] -= lambda[k];
+                inputs.cmd[k] -= lambda[k];
             } else {
                 v_bar[k] -= cx.mass[node] * stage.inertia * lambda[k];
             }
         }
     }
     stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| match input {
-        Input::Theta(k) => theta_bar[k] += value * lambda[row],
-        Input::U(k) => u_bar[k] += value * lambda[row],
+        Input::Theta(k) => inputs.theta[k] += value * lambda[row],
+        Input::U(k) => inputs.u[k] += value * lambda[row],
         Input::Q(_) => {}
     });
 }

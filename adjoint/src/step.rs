@@ -1,7 +1,7 @@
 //! jvp and vjp of one step: the chain of its stages.
 
 use crate::seeds::Seeds;
-use crate::stage::{Context, Memory, move_along, pull_along, stage_cotangent, stage_tangent};
+use crate::stage::{Context, InputBars, Memory, move_along, pull_along, stage_cotangent, stage_tangent};
 use pliant_engine::kinematics::Input;
 use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
 
@@ -100,12 +100,14 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
         if *link == Link::SdirkFirst {
             // only v₁ leaves the first stage; q and v of the substep's start were used by the second stage directly
             let mut v_bar = std::mem::take(&mut start_v_bar);
-            stage_cotangent(cx, stage, &first_v_bar, &mut x.q, &mut v_bar, &mut cmd_bar, u_bar, theta_bar);
+            let mut inputs = InputBars { cmd: &mut cmd_bar, u: u_bar, theta: theta_bar };
+            stage_cotangent(cx, stage, &first_v_bar, &mut x.q, &mut v_bar, &mut inputs);
             x.v = v_bar;
             continue;
         }
         let (y_bar, mut v_bar) = end_cotangent(cx, stage, x);
-        stage_cotangent(cx, stage, &y_bar, &mut x.q, &mut v_bar, &mut cmd_bar, u_bar, theta_bar);
+        let mut inputs = InputBars { cmd: &mut cmd_bar, u: u_bar, theta: theta_bar };
+        stage_cotangent(cx, stage, &y_bar, &mut x.q, &mut v_bar, &mut inputs);
         if *link == Link::SdirkSecond {
             let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
             first_v_bar = x.q.iter().zip(&v_bar).map(|(q, v)| lead * q + RATIO * v).collect();

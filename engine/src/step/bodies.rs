@@ -50,8 +50,8 @@ impl Stage<'_> {
         let (n, tree, w) = (self.model.n_node_dofs(), &self.model.tree, &self.scheme.free);
         tangent(self.h, [w.a0, w.a1], &self.v_ref[n..], &v[n..], &mut ws.bodies.t);
         tree.add(self.scheme.middle, &self.q_ref[n..], &ws.bodies.t, &mut ws.q_bar[n..]);
-        for k in n..v.len() {
-            ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
+        for ((v_bar, v_ref), v) in ws.v_bar[n..].iter_mut().zip(&self.v_ref[n..]).zip(&v[n..]) {
+            *v_bar = w.b0 * v_ref + w.b1 * v;
         }
     }
 

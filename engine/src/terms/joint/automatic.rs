@@ -168,9 +168,9 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
             let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()] };
             let mut f = [zero; MAX_DOFS];
             self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
-            for r in 0..x.n {
-                let Some(change) = f[r].eps.0 else { continue };
-                (0..x.n).for_each(|c| out[x.dofs[r] * stride + x.dofs[c]] += change[c]);
+            for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
+                let Some(change) = f.eps.0 else { continue };
+                x.dofs[..x.n].iter().zip(change.iter()).for_each(|(column, d)| out[row * stride + column] += d);
             }
         }
     }
@@ -191,10 +191,10 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
             let p: Vec<InputDual> = (0..np).map(|k| seeded(p[k], nu + k)).collect();
             let mut f = [InputDual::from_re(0.0); MAX_DOFS];
             self.law.force(&JointState { q: &q[..x.n], v: &v[..x.n], u: &u }, &p, &e.constants, &mut f[..x.n]);
-            for r in 0..x.n {
-                let Some(change) = f[r].eps.0 else { continue };
-                e.controls.iter().enumerate().for_each(|(k, &c)| visit(x.dofs[r], Input::U(c), change[k]));
-                e.params.iter().enumerate().for_each(|(k, &c)| visit(x.dofs[r], Input::Theta(c), change[nu + k]));
+            for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
+                let Some(change) = f.eps.0 else { continue };
+                e.controls.iter().enumerate().for_each(|(k, &c)| visit(*row, Input::U(c), change[k]));
+                e.params.iter().enumerate().for_each(|(k, &c)| visit(*row, Input::Theta(c), change[nu + k]));
             }
         }
     }
