@@ -245,7 +245,7 @@ mod tests {
             Vec3::zeros(),
             Vec3::new(3.1, 0.1, 0.0),
             Vec3::new(-0.2, 3.0, 0.3),
-            Vec3::new(0.1, 0.0, 3.14),
+            Vec3::new(0.1, 0.0, 3.0),
             Vec3::new(0.4, -0.2, 1.1),
         ] {
             let q: Quaternion<f64> = Map::Exponential.turn(&t);
