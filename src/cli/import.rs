@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Model file: MJCF (root element <mujoco>) or URDF (<robot>).
+    /// Model file: MJCF (root element `mujoco`) or URDF (`robot`).
     model: PathBuf,
     /// File for the scene (TOML); without it the scene goes to stdout and the report to stderr.
     #[arg(long, value_name = "SCENE.toml")]

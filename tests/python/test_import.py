@@ -1,4 +1,4 @@
-"""Imported models against MuJoCo's own compiler: masses, kinematics, mass matrices, bias forces, motion.
+"""Imported models against MuJoCo's own compiler: masses, kinematics, dynamics, motion.
 
 Coordinates are MuJoCo's, less the joints' `ref`. For URDF MuJoCo fuses links on fixed joints, so
 bodies are compared where MuJoCo has them, and degrees of freedom by their joints' names.
@@ -16,7 +16,9 @@ pliant = pytest.importorskip("pliant")
 MODELS = Path(__file__).resolve().parents[1] / "models"
 MJCF = sorted(p.name for p in MODELS.glob("*.xml"))
 URDF = sorted(p.name for p in MODELS.glob("*.urdf"))
-HINGE, SLIDE, BALL, FREE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE", "BALL", "FREE"))
+HINGE, SLIDE, BALL, FREE = (
+    int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE", "BALL", "FREE")
+)
 TOLERANCE = 1e-9
 SAMPLES = 5
 
@@ -31,7 +33,12 @@ def relative(a, b):
 def compiled(name, **options):
     """pliant's model, its scene as a dictionary, the report, MuJoCo's model."""
     text, report = pliant.import_model(MODELS / name, **options)
-    return pliant.loads(text), tomllib.loads(text), report, mujoco.MjModel.from_xml_path(str(MODELS / name))
+    return (
+        pliant.loads(text),
+        tomllib.loads(text),
+        report,
+        mujoco.MjModel.from_xml_path(str(MODELS / name)),
+    )
 
 
 def random_state(mj, rng):
@@ -86,7 +93,9 @@ def test_masses_are_those_of_mujoco(name):
         assert relative(body.get("mass", 0.0), mj.body_mass[b]) < TOLERANCE
         if mj.body_mass[b] == 0.0:
             continue
-        assert np.abs(np.array(body.get("center_of_mass", [0, 0, 0])) - mj.body_ipos[b]).max() < 1e-12
+        assert (
+            np.abs(np.array(body.get("center_of_mass", [0, 0, 0])) - mj.body_ipos[b]).max() < 1e-12
+        )
         r = rotation(mj.body_iquat[b])
         inertia = r @ np.diag(mj.body_inertia[b]) @ r.T
         assert np.abs(matrix(body["inertia"]) - inertia).max() < TOLERANCE * np.abs(inertia).max()
@@ -114,7 +123,10 @@ def test_kinematics_and_dynamics_are_those_of_mujoco(name):
 def test_robots_move_like_those_of_mujoco(name, samples):
     model, scene, _, mj = compiled(name)
     # MuJoCo's degree of freedom for each of pliant's, by the joint's name in the file
-    originals = {e["name"]: e.get("original", e["name"]) for e in pliant.import_model(MODELS / name)[1]["entries"]}
+    originals = {
+        e["name"]: e.get("original", e["name"])
+        for e in pliant.import_model(MODELS / name)[1]["entries"]
+    }
     joints = [originals[j["name"]] for body in scene["body"] for j in body.get("joint", [])]
     order = [mj.joint(name).dofadr[0] for name in joints]
     assert sorted(order) == list(range(mj.nv))
@@ -128,7 +140,10 @@ def test_robots_move_like_those_of_mujoco(name, samples):
             k = known[mj.body(b).name]
             assert relative(positions[k], data.xpos[b]) < TOLERANCE
             assert relative(rotation(quaternions[k]), rotation(data.xquat[b])) < TOLERANCE
-        assert relative(model.mass_matrix(q[order]), full_mass_matrix(mj, data)[np.ix_(order, order)]) < TOLERANCE
+        assert (
+            relative(model.mass_matrix(q[order]), full_mass_matrix(mj, data)[np.ix_(order, order)])
+            < TOLERANCE
+        )
         assert relative(model.bias_forces(q[order], v[order]), data.qfrc_bias[order]) < TOLERANCE
 
 
@@ -136,7 +151,9 @@ def test_a_robot_flies_if_it_is_told_to(tmp_path):
     """MuJoCo has a floating joint in the file instead."""
     model, _, _, _ = compiled("rover.urdf", free_base=True)
     text = (MODELS / "rover.urdf").read_text()
-    joint = '<joint name="base" type="floating"><parent link="world"/><child link="chassis"/></joint>'
+    joint = (
+        '<joint name="base" type="floating"><parent link="world"/><child link="chassis"/></joint>'
+    )
     flying = tmp_path / "flying.urdf"
     flying.write_text(text.replace("</robot>", f'<link name="world"/>{joint}</robot>'))
     mj = mujoco.MjModel.from_xml_path(str(flying))
@@ -146,15 +163,25 @@ def test_a_robot_flies_if_it_is_told_to(tmp_path):
     q, v = random_state(mj, np.random.default_rng(1))
     data = forward(mj, q, v)
     names = [mj.joint(j).name for j in range(mj.njnt)]
-    assert names == ["base", "pan", "left_pivot", "front left", "rear left", "right_pivot", "front right"]
+    assert names == [
+        "base",
+        "pan",
+        "left_pivot",
+        "front left",
+        "rear left",
+        "right_pivot",
+        "front right",
+    ]
     for one in (model, flies):
         assert relative(one.mass_matrix(q), full_mass_matrix(mj, data)) < TOLERANCE
         assert relative(one.bias_forces(q, v), data.qfrc_bias) < TOLERANCE
 
 
-@pytest.mark.parametrize(("name", "tolerance"), [("pendulum.xml", 1e-6), ("cable.xml", 1e-5), ("slider_crank.xml", 1e-5)])
+@pytest.mark.parametrize(
+    ("name", "tolerance"), [("pendulum.xml", 1e-6), ("cable.xml", 1e-5), ("slider_crank.xml", 1e-5)]
+)
 def test_motion_is_that_of_mujoco(name, tolerance):
-    """Midpoint steps of 0.1 ms against MuJoCo's fourth-order ones, friction, springs and motors included."""
+    """Midpoint steps of 0.1 ms against MuJoCo's fourth order, friction, springs, motors too."""
     text, _ = pliant.import_model(MODELS / name)
     mj = mujoco.MjModel.from_xml_path(str(MODELS / name))
     mj.opt.timestep, mj.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
@@ -178,7 +205,10 @@ def test_motion_is_that_of_mujoco(name, tolerance):
 def test_every_element_is_reported(name):
     _, _, report, _ = compiled(name)
     assert report["schema_version"] == 1 and report["source"].endswith(name)
-    assert all(e["verdict"] in ("kept", "approximated", "ignored") and e["reason"] for e in report["entries"])
+    assert all(
+        e["verdict"] in ("kept", "approximated", "ignored") and e["reason"]
+        for e in report["entries"]
+    )
     assert all(e["line"] > 0 for e in report["entries"])
 
 
@@ -198,7 +228,13 @@ def test_what_cannot_be_kept_is_refused(tmp_path):
         f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody>\n"
         '<equality><weld body1="a" body2="b"/></equality></mujoco>'
     )
-    with pytest.raises(pliant.InputError, match=r"loop.xml:2: weld.*cannot be kept(.|\n)*--approximate"):
+    with pytest.raises(
+        pliant.InputError, match=r"loop.xml:2: weld.*cannot be kept(.|\n)*--approximate"
+    ):
         pliant.import_model(loop)
     _, report = pliant.import_model(loop, approximate=True)
-    assert [e["line"] for e in report["entries"] if e["verdict"] == "approximated" and e["element"] == "weld"] == [2]
+    assert [
+        e["line"]
+        for e in report["entries"]
+        if e["verdict"] == "approximated" and e["element"] == "weld"
+    ] == [2]
