@@ -167,6 +167,14 @@ def failed_numerics(p):
     return "nothing was raised"
 
 
+def balls_are_refused(p):
+    try:
+        pliant.jax.step(pliant.load(SCENES / "arm_free.toml"))
+    except NotImplementedError as error:
+        return str(error)
+    return "nothing was raised"
+
+
 def needs_float64(p):
     with jax.enable_x64(False):
         try:
@@ -199,7 +207,7 @@ AGREE = [
     surrogate_grad,
     many_calls,
 ]
-ONCE = [long_rollout, wrong_shape, failed_numerics, needs_float64, wrong_dtype]
+ONCE = [long_rollout, wrong_shape, failed_numerics, balls_are_refused, needs_float64, wrong_dtype]
 
 
 def main():

@@ -61,6 +61,7 @@ def test_long_rollout(found):
     [
         ("wrong_shape", "x has shape (47,), but (48,) is needed"),
         ("failed_numerics", "NumericsError: step 0"),
+        ("balls_are_refused", "does not differentiate scenes with ball or free joints"),
         ("needs_float64", 'jax.config.update("jax_enable_x64", True)'),
         ("wrong_dtype", "x is float32, but pliant needs float64"),
     ],

@@ -25,25 +25,26 @@ def run(model, steps=8, **options):
 
 
 def weights(roll, seed=0):
-    """A random cotangent of all states."""
-    return np.random.default_rng(seed).normal(size=roll.x.shape)
+    """A random cotangent of all states; a ball's quaternion changes by three numbers."""
+    ndx = roll.linearize(0)[0].shape[0]
+    return np.random.default_rng(seed).normal(size=(len(roll.x), ndx))
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 def test_shapes(path):
     model = pliant.load(str(path))
     roll = run(model, 3)
-    nx, nu, n_params = model.nx, model.nu, model.n_params
-    assert nx == 6 * model.n_nodes and len(roll) == 3
+    nx, ndx, nu, n_params = model.nx, model.ndx, model.nu, model.n_params
+    assert ndx == 6 * model.n_nodes + 2 * len(model.dof_names) and len(roll) == 3
     assert roll.x.shape == (4, nx) and roll.u.shape == (3, nu)
     assert roll.x.dtype == np.float64 and roll.x.flags.c_contiguous
     assert len(model.param_paths) == len(model.param_units) == n_params
     assert model.theta.shape == (n_params,) and model.param_bounds.shape == (n_params, 2)
     assert len(model.control_names) == len(model.control_units) == nu
     a, b, c = roll.linearize(-1)
-    assert (a.shape, b.shape, c.shape) == ((nx, nx), (nx, nu), (nx, n_params))
+    assert (a.shape, b.shape, c.shape) == ((ndx, ndx), (ndx, nu), (ndx, n_params))
     x0_bar, u_bar, theta_bar = roll.vjp(weights(roll))
-    assert (x0_bar.shape, u_bar.shape, theta_bar.shape) == ((nx,), (3, nu), (n_params,))
+    assert (x0_bar.shape, u_bar.shape, theta_bar.shape) == ((ndx,), (3, nu), (n_params,))
     assert all(len(column) == 3 for column in roll.trace.values())
     assert roll.energy().shape == (4,) and not roll.surrogate
     for nodes in model.ropes.values():
@@ -95,7 +96,7 @@ def test_linearize_equals_jvp(path):
     """A, B, C chained over the steps carry a tangent as jvp does."""
     roll = run(pliant.load(path), 5)
     rng = np.random.default_rng(2)
-    x0_dot = rng.normal(size=roll.x.shape[1])
+    x0_dot = rng.normal(size=roll.linearize(0)[0].shape[0])
     u_dot, theta_dot = rng.normal(size=roll.u.shape), rng.normal(size=roll.theta.shape)
     x_dot = x0_dot
     for k in range(len(roll)):
