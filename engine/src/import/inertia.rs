@@ -215,10 +215,8 @@ mod tests {
         let mass = Mass::principal(2.0, [0.1, 0.1, 0.3], &Pose::identity());
         assert!(mass.check().is_err() && mass.is_unbalanced());
         mass.made_possible().check().unwrap();
+        // a flat disc is the limit of what is possible
         let disc = Mass::principal(2.0, [0.1, 0.1, 0.2], &Pose::identity());
-        assert!(disc.check().is_err() && !disc.is_unbalanced());
-        let possible = disc.made_possible();
-        possible.check().unwrap();
-        assert_relative_eq!(possible.inertia, disc.inertia, epsilon = 1e-6);
+        assert!(disc.check().is_ok() && !disc.is_unbalanced());
     }
 }

@@ -113,10 +113,14 @@ impl StageRecord {
     /// What every joint friction and stop does at the root.
     pub(super) fn row_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let (q, _) = self.evaluation_point(model);
-        let rows = model.joint_rows.iter().filter(|row| row.acts(theta));
-        rows.zip(&self.s)
-            .map(|(row, s)| row.mode(&row_point(model, row, &q, &self.v, [self.h, self.rest_gap]), *s, theta))
-            .collect()
+        let point = |row: &JointRow| row_point(model, row, &q, &self.v, [self.h, self.rest_gap]);
+        let mut impulses = self.s.iter();
+        let mode = |row: &JointRow| match row.acts(theta).then(|| impulses.next()).flatten() {
+            Some(gamma) => row.mode(&point(row), *gamma, theta),
+            // friction of size zero slips
+            None => 2 + u8::from(point(row).v < 0.0),
+        };
+        model.joint_rows.iter().map(mode).collect()
     }
 
     /// ∂F/∂θ of the joints' friction and stops; their smoothing is made of the scene's own inertia and does not change with θ.
