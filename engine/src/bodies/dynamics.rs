@@ -58,7 +58,7 @@ pub struct Displacement {
     pub cq: f64,
 }
 
-/// Memory of [`Partials::evaluate`].
+/// Composites over subtrees: see [`Partials::gather`].
 #[derive(Clone, Debug, Default)]
 pub struct Partials {
     inertia: Vec<Inertia<f64>>,

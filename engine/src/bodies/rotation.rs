@@ -133,7 +133,7 @@ pub fn from_matrix(r: &Matrix3<f64>) -> Quaternion<f64> {
     if q[0] < 0.0 { q.map(|x| -x) } else { q }
 }
 
-/// Turning by `angle` [rad] about the unit axis `a`.
+/// Turning by `angle` \[rad\] about the unit axis `a`.
 pub fn about<S: Real>(a: &Vec3<f64>, angle: S) -> Matrix3<S> {
     let (s, c) = angle.sin_cos();
     let lost = S::one() - c;
