@@ -36,11 +36,13 @@ mod bounded;
 mod law;
 mod natural;
 mod schedule;
+mod split;
 
 pub use bounded::{friction_residual, stop_residual};
 pub use law::{ContactLaw, UnknownLaw, admissible, impulse, normal_slack, slack};
 pub use natural::{Linearization, eigenvalues, linearize, residual};
 pub use schedule::{Annealing, ScheduleError, hover, reach};
+pub use split::{SplitPoint, split_linearize, split_residual};
 
 use num_dual::DualNum;
 

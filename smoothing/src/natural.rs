@@ -166,7 +166,7 @@ pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: 
 
 /// (D, φ, ψ) of an eigenvalue, each to full relative precision.
 #[inline]
-fn smoothed_parts(lambda: f64, rho_kappa: f64) -> (f64, f64, f64) {
+pub(crate) fn smoothed_parts(lambda: f64, rho_kappa: f64) -> (f64, f64, f64) {
     let d = (lambda * lambda + 4.0 * rho_kappa).sqrt();
     let large = 0.5 * (d + lambda.abs());
     let small = rho_kappa / large;

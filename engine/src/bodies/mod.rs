@@ -10,6 +10,7 @@ pub mod dynamics;
 mod energy;
 pub mod frames;
 pub mod inertia;
+pub mod operational;
 pub mod rotation;
 pub mod spatial;
 #[cfg(test)]

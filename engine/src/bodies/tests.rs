@@ -246,3 +246,36 @@ fn mass_matrix_is_symmetric() {
         assert!(m[i * n + i] > 0.0);
     }
 }
+
+/// Ω against J M⁻¹ Jᵀ with the full mass matrix.
+#[test]
+fn mobilities_are_those_of_the_mass_matrix() {
+    let s = sample(5);
+    let n = s.tree.nv();
+    let mut frames = Frames::about(Vec3::from(ORIGIN));
+    frames.evaluate(&s.tree, &s.q, &s.v, &s.a, &Vec3::from(GRAVITY));
+    let inertias: Vec<Inertia<f64>> = s.inertias.iter().map(|x| from_numbers(x)).collect();
+    let mut partials = Partials::default();
+    partials.gather(&s.tree, &frames, &inertias, &[], &[]);
+    let mut m = vec![0.0; n * n];
+    partials.add(&s.tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
+    let mut stiffening = vec![0.0; n * n];
+    for (l, dof) in s.tree.dofs().iter().enumerate() {
+        stiffening[l * n + l] = 0.1 + 0.05 * dof.joint as f64;
+    }
+    let m = nalgebra::DMatrix::from_row_slice(n, n, &m) + nalgebra::DMatrix::from_row_slice(n, n, &stiffening);
+    let inverse = m.try_inverse().unwrap();
+    let mut omega = Vec::new();
+    super::operational::mobilities(&s.tree, &frames, &inertias, &stiffening, &mut omega);
+    for (b, omega) in omega.iter().enumerate() {
+        let chain: Vec<usize> = s.tree.chain(s.tree.last_dof(b)).collect();
+        let mut expected = Matrix6::zeros();
+        for &i in &chain {
+            for &l in &chain {
+                let (a, c) = (super::spatial::column(&frames.axes[i].s), super::spatial::column(&frames.axes[l].s));
+                expected += a * c.transpose() * inverse[(i, l)];
+            }
+        }
+        assert!((omega - expected).amax() < 1e-9 * expected.amax(), "body {b}: {}", (omega - expected).amax());
+    }
+}

@@ -9,6 +9,7 @@ use num_dual::DualSVec64;
 
 pub mod capsule;
 pub mod plane;
+pub mod solid;
 pub mod sphere;
 
 /// Distance \[m\] of a node's centre to a sphere's centre or a capsule's segment below which there is no normal.

@@ -30,6 +30,7 @@
 mod band_cholesky;
 mod band_lu;
 mod band_sweep;
+mod coupling;
 mod dense;
 mod dense_small;
 mod driven;
@@ -43,6 +44,7 @@ mod system;
 mod tests;
 mod wide;
 
+pub use coupling::Coupling;
 pub use factor::Factor;
 pub use matrix::BlockBand;
 pub use square::Square;

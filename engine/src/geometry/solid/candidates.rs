@@ -1,0 +1,254 @@
+//! Which features of two solids may meet in the coming step.
+
+use super::features::RIM_POINTS;
+use super::{Feature, Form, Posed, Spot, meet};
+
+/// Tilt (sine) of a cylinder's axis against a face's normal below which the rim's deepest point is left to the rim's fixed points:
+/// it would run round the rim at once.
+const UPRIGHT: f64 = 1e-3;
+/// Tilt above which the fixed points are not needed beside the deepest one.
+const LEANING: f64 = 0.1;
+/// Sine of the angle between two lines below which they count as parallel: their ends meet, not their middles.
+const PARALLEL: f64 = 1e-3;
+/// How far beyond an edge or a line's end a meeting still counts, as a part of the solid's size.
+const SLIVER: f64 = 1e-9;
+
+/// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
+fn in_order(a: Form, b: Form) -> bool {
+    let rank = |form| match form {
+        Form::Ball => 0,
+        Form::Capsule => 1,
+        Form::Cylinder => 2,
+        Form::Block => 3,
+        Form::HalfSpace => 4,
+    };
+    rank(a) <= rank(b)
+}
+
+/// Lists the spots of a pair that are nearer than `margin` \[m\]: each with `false`, or with `true` where the solids change places
+/// (the first of the spot is then the second of the pair). Nothing for two half spaces.
+///
+/// The list is complete for gaps of the pair above −(the smallest size): distances between the surfaces are the least of its gaps.
+/// A cylinder's rim is its deepest point over faces, and an octagon against everything else.
+pub fn candidates(a: &Posed<f64>, b: &Posed<f64>, margin: f64, found: &mut Vec<(Spot, bool)>) {
+    if a.form == Form::HalfSpace && b.form == Form::HalfSpace {
+        return;
+    }
+    if in_order(a.form, b.form) {
+        Pair { a, b, margin, swapped: false, found }.list();
+    } else {
+        Pair { a: b, b: a, margin, swapped: true, found }.list();
+    }
+}
+
+struct Pair<'a> {
+    a: &'a Posed<f64>,
+    b: &'a Posed<f64>,
+    margin: f64,
+    swapped: bool,
+    found: &'a mut Vec<(Spot, bool)>,
+}
+
+const SIDES: [i8; 2] = [-1, 1];
+
+fn corners() -> impl Iterator<Item = Feature> {
+    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
+}
+
+fn edges() -> impl Iterator<Item = Feature> {
+    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
+}
+
+fn rim_points() -> impl Iterator<Item = Feature> {
+    SIDES.into_iter().flat_map(|side| (0..RIM_POINTS).map(move |k| Feature::RimPoint(side, k)))
+}
+
+/// Points that a solid can touch with.
+fn points(form: Form) -> Vec<Feature> {
+    match form {
+        Form::HalfSpace => vec![],
+        Form::Ball => vec![Feature::Whole],
+        Form::Capsule => SIDES.map(Feature::End).to_vec(),
+        Form::Cylinder => rim_points().collect(),
+        Form::Block => corners().collect(),
+    }
+}
+
+impl Pair<'_> {
+    fn list(&mut self) {
+        let round = matches!(self.a.form, Form::Ball | Form::Capsule);
+        for first in points(self.a.form) {
+            if round { self.whole(first) } else { self.sharp(first) }
+        }
+        match (self.a.form, self.b.form) {
+            (Form::Cylinder, Form::HalfSpace) => self.rims(),
+            (Form::Cylinder, Form::Block | Form::Cylinder) => {
+                self.rims();
+                self.lines();
+                self.the_other_way();
+            }
+            (Form::Capsule, Form::Cylinder | Form::Block | Form::Capsule) | (Form::Block, Form::Block) => {
+                self.lines();
+                self.the_other_way();
+            }
+            _ => {}
+        }
+    }
+
+    /// What the second solid's points touch of the first.
+    fn other_points(&mut self) {
+        let round = matches!(self.a.form, Form::Ball | Form::Capsule);
+        for first in points(self.a.form) {
+            match (round, self.b.form) {
+                (true, _) | (_, Form::Ball | Form::Capsule) => self.whole(first),
+                _ => self.sharp(first),
+            }
+        }
+        if (self.a.form, self.b.form) == (Form::Cylinder, Form::Cylinder) {
+            self.rims();
+        }
+    }
+
+    fn the_other_way(&mut self) {
+        Pair { a: self.b, b: self.a, margin: self.margin, swapped: !self.swapped, found: self.found }.other_points();
+    }
+
+    fn push(&mut self, first: Feature, second: Feature) {
+        let spot = Spot { first, second };
+        if meet(&spot, self.a, self.b).is_ok_and(|m| m.gap <= self.margin) {
+            self.found.push((spot, self.swapped));
+        }
+    }
+
+    /// A point against all of the second solid.
+    fn whole(&mut self, first: Feature) {
+        match self.b.form {
+            Form::HalfSpace => self.push(first, Feature::Face(2, 1)),
+            _ => self.push(first, Feature::Whole),
+        }
+    }
+
+    /// A sharp point against the face under it.
+    fn sharp(&mut self, first: Feature) {
+        if self.b.form == Form::HalfSpace {
+            if !self.rolls(first, 2, 1) {
+                self.push(first, Feature::Face(2, 1));
+            }
+            return;
+        }
+        let y = self.b.local(&self.a.point(first));
+        let sizes = self.b.sizes;
+        if self.b.form == Form::Cylinder {
+            let radial = y[0].hypot(y[1]);
+            let (beside, beyond) = (radial - sizes[0], y[2].abs() - sizes[1]);
+            let sliver = SLIVER * sizes[0];
+            if beside >= beyond && beyond <= sliver && radial > 0.0 {
+                self.push(first, Feature::Side);
+            } else if beyond > beside && beside <= sliver {
+                self.push(first, Feature::Face(2, if y[2] < 0.0 { -1 } else { 1 }));
+            }
+            return;
+        }
+        let beyond = |k: usize| y[k].abs() - sizes[k];
+        let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
+        let side = if y[k] < 0.0 { -1 } else { 1 };
+        let over = (0..3).all(|i| i == k || beyond(i) <= SLIVER * sizes[i]);
+        if over && !self.rolls(first, k, side) {
+            self.push(first, Feature::Face(k as u8, side));
+        }
+    }
+
+    /// Whether a rim's fixed point is not wanted on a face because the rim's deepest point says all: the cylinder leans.
+    fn rolls(&self, first: Feature, k: usize, side: i8) -> bool {
+        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > LEANING
+    }
+
+    /// Sine of the angle between the first solid's axis and a face's normal.
+    fn tilt(&self, k: usize, side: i8) -> f64 {
+        let (_, normal) = self.b.face(k as u8, side);
+        self.a.axis(2).cross(&normal).norm()
+    }
+
+    /// Deepest points of a cylinder's rims over the faces they are above.
+    fn rims(&mut self) {
+        let faces: Vec<(usize, i8)> = match self.b.form {
+            Form::HalfSpace => vec![(2, 1)],
+            Form::Cylinder => SIDES.map(|s| (2, s)).to_vec(),
+            _ => (0..3).flat_map(|k| SIDES.map(|s| (k, s))).collect(),
+        };
+        for (k, side) in faces {
+            if self.tilt(k, side) < UPRIGHT {
+                continue;
+            }
+            for end in SIDES {
+                let spot = Spot { first: Feature::Rim(end), second: Feature::Face(k as u8, side) };
+                let Ok(m) = meet(&spot, self.a, self.b) else { continue };
+                // the rim's lowest point, not that of the far end of a cylinder that passes by
+                let y = self.b.local(&m.point);
+                let [sx, sy, sz] = self.b.sizes;
+                let over = match self.b.form {
+                    Form::HalfSpace => true,
+                    Form::Cylinder => y[0].hypot(y[1]) <= sx,
+                    _ => (0..3).all(|i| i == k || y[i].abs() <= [sx, sy, sz][i]),
+                };
+                if over && m.gap <= self.margin && m.gap > -self.depth() {
+                    self.found.push((spot, self.swapped));
+                }
+            }
+        }
+    }
+
+    /// How deep a meeting may be before it is one through the whole solid.
+    fn depth(&self) -> f64 {
+        match self.b.form {
+            Form::HalfSpace => f64::INFINITY,
+            Form::Block => self.b.sizes.iter().copied().fold(f64::INFINITY, f64::min),
+            _ => self.b.sizes[0].min(self.b.sizes[1]),
+        }
+    }
+
+    /// Edges and axes that cross.
+    fn lines(&mut self) {
+        let lines = |form| match form {
+            Form::Block => edges().collect(),
+            _ => vec![Feature::Axis],
+        };
+        for first in lines(self.a.form) {
+            for second in lines(self.b.form) {
+                self.crossing(first, second);
+            }
+        }
+    }
+
+    fn crossing(&mut self, first: Feature, second: Feature) {
+        let ((p, d), (q, e)) = (self.a.line(first), self.b.line(second));
+        let cross = d.cross(&e);
+        if cross.norm() < PARALLEL {
+            return;
+        }
+        let spot = Spot { first, second };
+        let Ok(m) = meet(&spot, self.a, self.b) else { return };
+        let (reach_a, reach_b) = (self.a.half_length(first), self.b.half_length(second));
+        let between = p - q;
+        let square = cross.norm_squared();
+        let s = -between.cross(&e).dot(&cross) / square;
+        let t = -between.cross(&d).dot(&cross) / square;
+        let within = s.abs() <= reach_a * (1.0 + SLIVER) && t.abs() <= reach_b * (1.0 + SLIVER);
+        let depth = self.a.sizes[0].min(self.b.sizes[0]);
+        if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&spot, &m.normal) {
+            self.found.push((spot, self.swapped));
+        }
+    }
+
+    /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.
+    fn faces_out(&self, spot: &Spot, normal: &crate::terms::Vec3<f64>) -> bool {
+        let at = |feature: Feature, solid: &Posed<f64>, sign: f64| match feature {
+            Feature::Edge(k, sides) => (0..2).all(|i| {
+                let axis = solid.axis((usize::from(k) + 1 + i) % 3);
+                sign * f64::from(sides[i]) * axis.dot(normal) >= -PARALLEL
+            }),
+            _ => true,
+        };
+        at(spot.first, self.a, -1.0) && at(spot.second, self.b, 1.0)
+    }
+}

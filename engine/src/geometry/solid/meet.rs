@@ -1,0 +1,162 @@
+//! The gap between two features in closed form, for any scalar.
+
+use super::{Feature, Form, Posed, Spot};
+use crate::geometry::MIN_DISTANCE;
+use crate::terms::{Real, Vec3};
+
+/// Where and how two features meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Meeting<S> {
+    /// Distance of the surfaces \[m\], negative in penetration.
+    pub gap: S,
+    /// Unit normal, from the second solid to the first.
+    pub normal: Vec3<S>,
+    /// Middle between the nearest points of the surfaces \[m\], seen from the origin of the evaluation.
+    pub point: Vec3<S>,
+}
+
+/// Gap, normal and point of two features; the distance [m] where it is too small for a normal.
+///
+/// Point against face, line against line and rim against face are smooth; distances to whole solids are C¹ (their curvature jumps
+/// from a face to an edge), and continuous only inside a block or cylinder.
+pub fn meet<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+    match (spot.first, spot.second) {
+        (Feature::Rim(side), Feature::Face(k, s)) => rim_face(a, side, b.face(k, s)),
+        (Feature::Axis | Feature::Edge(..), Feature::Axis | Feature::Edge(..)) => line_line(spot, a, b),
+        (first, Feature::Face(k, s)) => Ok(point_face(a.point(first), a.roundness(first), b.face(k, s))),
+        (first, Feature::Side) => point_side(a.point(first), a.roundness(first), b),
+        (first, _) => point_whole(a.point(first), a.roundness(first), b),
+    }
+}
+
+/// The middle between the surfaces of a ball of radius `r` at `x` and of what is `gap` beyond it against the normal.
+fn middle<S: Real>(x: Vec3<S>, r: S, gap: S, normal: Vec3<S>) -> Meeting<S> {
+    Meeting { gap, normal, point: x - normal * (r + gap * 0.5) }
+}
+
+fn point_face<S: Real>(x: Vec3<S>, r: S, (at, normal): (Vec3<S>, Vec3<S>)) -> Meeting<S> {
+    middle(x, r, (x - at).dot(&normal) - r, normal)
+}
+
+/// A ball against what is at the distance `d` (a vector to its centre), thick by `thickness`.
+fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<Meeting<S>, f64> {
+    let distance = d.dot(&d).sqrt();
+    if distance.re() < MIN_DISTANCE || !distance.re().is_finite() {
+        return Err(distance.re());
+    }
+    Ok(middle(x, r, distance - thickness - r, d * distance.recip()))
+}
+
+/// Against the endless side of a cylinder.
+fn point_side<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+    let (d, axis) = (x - b.position, b.axis(2));
+    apart(x, r, d - axis * d.dot(&axis), b.sizes[0])
+}
+
+fn point_whole<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+    match b.form {
+        Form::HalfSpace => Ok(point_face(x, r, b.face(2, 1))),
+        Form::Ball => apart(x, r, x - b.position, b.sizes[0]),
+        Form::Capsule => {
+            let (d, axis) = (x - b.position, b.axis(2));
+            let along = clamp(d.dot(&axis), b.sizes[1]);
+            apart(x, r, d - axis * along, b.sizes[0])
+        }
+        Form::Block => point_block(x, r, b),
+        Form::Cylinder => point_cylinder(x, r, b),
+    }
+}
+
+/// `y` kept within ±`half`.
+fn clamp<S: Real>(y: S, half: S) -> S {
+    match y.re() {
+        re if re > half.re() => half,
+        re if re < -half.re() => -half,
+        _ => y,
+    }
+}
+
+fn point_block<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+    let y = b.local(&x);
+    let d: Vec3<S> = Vec3::from_fn(|k, _| y[k] - clamp(y[k], b.sizes[k]));
+    let outside: Vec<usize> = (0..3).filter(|&k| y[k].re().abs() > b.sizes[k].re()).collect();
+    if outside.len() > 1 {
+        return apart(x, r, b.rotation * d, S::from(0.0));
+    }
+    // one face: over it, or the nearest from inside
+    let depth = |k: &usize| b.sizes[*k].re() - y[*k].re().abs();
+    let nearest = || (0..3).min_by(|i, j| depth(i).total_cmp(&depth(j))).unwrap_or(0);
+    let k = outside.first().copied().unwrap_or_else(nearest);
+    let side = if y[k].re() < 0.0 { -1 } else { 1 };
+    Ok(point_face(x, r, b.face(k as u8, side)))
+}
+
+fn point_cylinder<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+    let y = b.local(&x);
+    let radial = (y[0].re() * y[0].re() + y[1].re() * y[1].re()).sqrt();
+    let (beside, beyond) = (radial - b.sizes[0].re(), y[2].re().abs() - b.sizes[1].re());
+    let side = if y[2].re() < 0.0 { -1.0 } else { 1.0 };
+    if beside > 0.0 && beyond > 0.0 {
+        let across = Vec3::new(y[0], y[1], S::from(0.0));
+        let length = across.dot(&across).sqrt();
+        let mut d = across * ((length - b.sizes[0]) / length);
+        d[2] = y[2] - b.sizes[1] * side;
+        return apart(x, r, b.rotation * d, S::from(0.0));
+    }
+    // over the side or over an end, or the nearest of both from inside
+    if beside > 0.0 || (beyond <= 0.0 && beside > beyond) {
+        return point_side(x, r, b);
+    }
+    Ok(point_face(x, r, b.face(2, if side < 0.0 { -1 } else { 1 })))
+}
+
+/// The deepest point of a rim over a face: n·c − R √(1 − (n·a)²).
+fn rim_face<S: Real>(a: &Posed<S>, side: i8, (at, normal): (Vec3<S>, Vec3<S>)) -> Result<Meeting<S>, f64> {
+    let axis = a.axis(2);
+    let center = a.position + axis * (a.sizes[1] * f64::from(side));
+    let across = axis * axis.dot(&normal) - normal;
+    let length = across.dot(&across).sqrt();
+    if length.re() < MIN_DISTANCE || !length.re().is_finite() {
+        return Err(length.re());
+    }
+    let deepest = center + across * (a.sizes[0] / length);
+    Ok(point_face(deepest, S::from(0.0), (at, normal)))
+}
+
+/// Two endless lines, each thick by its roundness; the normal is that of their common perpendicular which points from the second
+/// solid's middle to the first's side.
+fn line_line<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+    let ((p, d), (q, e)) = (a.line(spot.first), b.line(spot.second));
+    let cross = d.cross(&e);
+    let sine = cross.dot(&cross).sqrt();
+    if sine.re() < MIN_DISTANCE || !sine.re().is_finite() {
+        return Err(sine.re());
+    }
+    let mut normal = cross * sine.recip();
+    let between = p - q;
+    if outward(spot, a, b, &normal, &between) < 0.0 {
+        normal = -normal;
+    }
+    // nearest points p + s d, q + t e
+    let sine2 = sine * sine;
+    let s = -between.cross(&e).dot(&cross) / sine2;
+    let t = -between.cross(&d).dot(&cross) / sine2;
+    let (ra, rb) = (a.roundness(spot.first), b.roundness(spot.second));
+    let (x, y) = (p + d * s, q + e * t);
+    let gap = between.dot(&normal) - ra - rb;
+    Ok(Meeting { gap, normal, point: (x - normal * ra + y + normal * rb) * S::from(0.5) })
+}
+
+/// Positive if `normal` points out of the second solid at its edge (or, for an axis, into the first from its edge); between two axes,
+/// from one line to the other.
+fn outward<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>, normal: &Vec3<S>, between: &Vec3<S>) -> f64 {
+    let corner = |feature, solid: &Posed<S>| {
+        let d = solid.line(feature).0 - solid.position;
+        d.dot(normal).re()
+    };
+    match (spot.first, spot.second) {
+        (_, Feature::Edge(..)) => corner(spot.second, b),
+        (Feature::Edge(..), _) => -corner(spot.first, a),
+        _ => between.dot(normal).re(),
+    }
+}

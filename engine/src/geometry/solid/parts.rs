@@ -1,0 +1,76 @@
+//! Points, lines and faces of a solid in the world.
+
+use super::features::RIM_POINTS;
+use super::{Feature, Form, Posed};
+use crate::terms::{Real, Vec3};
+use std::f64::consts::TAU;
+
+impl<S: Real> Posed<S> {
+    /// Axis `k`, a unit vector.
+    pub(super) fn axis(&self, k: usize) -> Vec3<S> {
+        self.rotation.column(k).into_owned()
+    }
+
+    /// A vector in the solid's axes.
+    pub(super) fn local(&self, x: &Vec3<S>) -> Vec3<S> {
+        self.rotation.tr_mul(&(x - self.position))
+    }
+
+    /// Half the length along axis `k` of a block, or of a capsule's or cylinder's axis.
+    fn half(&self, k: usize) -> S {
+        match self.form {
+            Form::Block => self.sizes[k],
+            _ => self.sizes[1],
+        }
+    }
+
+    /// Radius of the ball that a point feature is \[m\]: zero where it is sharp.
+    pub(super) fn roundness(&self, feature: Feature) -> S {
+        match (feature, self.form) {
+            (Feature::Whole, Form::Ball) | (Feature::End(_) | Feature::Axis, _) => self.sizes[0],
+            _ => S::from(0.0),
+        }
+    }
+
+    /// Where a point feature is.
+    pub(super) fn point(&self, feature: Feature) -> Vec3<S> {
+        match feature {
+            Feature::End(side) => self.position + self.axis(2) * (self.sizes[1] * f64::from(side)),
+            Feature::Corner(sides) => {
+                let along = |k: usize| self.axis(k) * (self.sizes[k] * f64::from(sides[k]));
+                self.position + along(0) + along(1) + along(2)
+            }
+            Feature::RimPoint(side, k) => {
+                let angle = TAU * f64::from(k) / f64::from(RIM_POINTS);
+                let across = self.axis(0) * S::from(angle.cos()) + self.axis(1) * S::from(angle.sin());
+                self.position + self.axis(2) * (self.sizes[1] * f64::from(side)) + across * self.sizes[0]
+            }
+            _ => self.position,
+        }
+    }
+
+    /// A point of a line feature and its unit direction.
+    pub(super) fn line(&self, feature: Feature) -> (Vec3<S>, Vec3<S>) {
+        let Feature::Edge(k, sides) = feature else { return (self.position, self.axis(2)) };
+        let k = usize::from(k);
+        let along = |next: usize, side: i8| self.axis((k + next) % 3) * (self.sizes[(k + next) % 3] * f64::from(side));
+        (self.position + along(1, sides[0]) + along(2, sides[1]), self.axis(k))
+    }
+
+    /// Half the length of a line feature.
+    pub(super) fn half_length(&self, feature: Feature) -> S {
+        match feature {
+            Feature::Edge(k, _) => self.half(usize::from(k)),
+            _ => self.half(2),
+        }
+    }
+
+    /// A point of a flat feature and its outward normal.
+    pub(super) fn face(&self, k: u8, side: i8) -> (Vec3<S>, Vec3<S>) {
+        let normal = self.axis(usize::from(k)) * S::from(f64::from(side));
+        match self.form {
+            Form::HalfSpace => (self.position, normal),
+            _ => (self.position + normal * self.half(usize::from(k)), normal),
+        }
+    }
+}

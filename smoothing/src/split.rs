@@ -1,0 +1,219 @@
+//! Coulomb's law at one contact as a *split* residual: the normal impulse by itself, the tangential one against it. It has the roots
+//! of the natural residual ([`crate::residual`]), and suits contacts between bodies, where several contacts share directions of very
+//! different inertia: the normal part does not see the sliding, and each part has a step of its own.
+
+use crate::natural::smoothed_parts;
+use crate::{Linearization, Real};
+use nalgebra::{Matrix3, Matrix4, Matrix4x3, Vector3, Vector4};
+
+// Derivation. Coulomb's smoothed law has γ_n v_n = κ and w̄ = −(w₀/s₀) s̄ (see `law`). With τ = |w̄|, u = w̄ − ρ_t s̄ and s̄ = μ v_t,
+// the second gives u ∥ w̄ and |u| − τ = ρ_t τ s₀/w₀, and s ∘ w = κ e gives s₀ (w₀² − τ²) = κ w₀. Together
+//   (w₀² − τ²)(|u| − τ) = ρ_t κ τ,
+// in which t = τ/|u| has no division by |u|: with X = |u|², G = w₀², c = ρ_t κ, s = 1 − t,
+//   H = (G − t² X) s − c t = 0,   e = G − t² X ≥ 0,
+//   ∂t/∂X = −t² s/D,   ∂t/∂G = s/D,   ∂t/∂c = −t/D,   D = 2 t X s + e + c > 0.
+// Sticking, s is small and e is not; slipping, the other way round: the small one is taken from s e = c t, so neither cancels.
+
+/// What one contact's law is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SplitPoint {
+    /// Friction μ [-].
+    pub mu: f64,
+    /// Smoothing κ \[J\].
+    pub kappa: f64,
+    /// Step of the normal part \[kg\], about 0.3 of the effective mass along the normal.
+    pub rho_n: f64,
+    /// Step of the tangential part \[kg\], about 0.3 of the smallest effective mass across it.
+    pub rho_t: f64,
+    /// Compliance over h² [1/kg]: the contact gives way by v_n += give · w₀.
+    pub give: f64,
+}
+
+/// The root t of H in (0, 1), its complement s, e and D of the derivation, each to full relative precision.
+#[derive(Clone, Copy, Debug)]
+struct Ratio {
+    t: f64,
+    s: f64,
+    d: f64,
+}
+
+impl Ratio {
+    fn solve(x: f64, g: f64, c: f64) -> Self {
+        // f(s) = s e − c (1 − s) rises from f(low) ≤ 0 to f(1) = G > 0
+        let low = if x > g { (x - g) / (x + (g * x).sqrt()) } else { 0.0 };
+        let gap = g - x;
+        let e_at = |s: f64| gap + (2.0 - s) * s * x;
+        let mut s = if x > g {
+            let push = c / x;
+            low + push / (low + (low * low + 2.0 * push).sqrt())
+        } else {
+            let b = gap + c;
+            2.0 * c / (b + (b * b + 8.0 * x * c).sqrt())
+        };
+        let (mut below, mut above) = (low, 1.0);
+        for _ in 0..60 {
+            let t = 1.0 - s;
+            let f = s * e_at(s) - c * t;
+            if f > 0.0 { above = s } else { below = s }
+            let slope = e_at(s) + 2.0 * s * t * x + c;
+            let mut next = s - f / slope;
+            if !(next > below && next < above) {
+                next = 0.5 * (below + above);
+            }
+            let done = (next - s).abs() <= 4.0 * f64::EPSILON * s;
+            s = next;
+            if done {
+                break;
+            }
+        }
+        let (mut s, t) = (s, 1.0 - s);
+        let mut e = e_at(s);
+        if x > g && e < 0.5 * g {
+            e = c * t / s;
+        } else {
+            s = c * t / e;
+        }
+        Self { t, s, d: 2.0 * t * x * s + e + c }
+    }
+}
+
+/// The split residual F(w) [N·s] for any scalar: zero exactly where Coulomb's smoothed law holds. Arguments and units as those of
+/// [`SplitPoint`] and [`crate::residual`]; `v_n` without what the contact's compliance adds.
+#[allow(clippy::too_many_arguments)] // the numbers of a law, each with a derivative of its own
+pub fn split_residual<S: Real>(mu: S, kappa: S, rho_n: f64, rho_t: f64, give: S, v_n: S, v_t: [S; 3], w: [S; 4]) -> [S; 4] {
+    let v_n = v_n + give * w[0];
+    let z = w[0] - v_n * rho_n;
+    let rk = kappa * rho_n;
+    let d = (z * z + rk * 4.0).sqrt();
+    let phi = if z.re() < 0.0 { rk * 2.0 / (d - z) } else { (z + d) * 0.5 };
+    let f0 = if z.re() < 0.0 { w[0] - phi } else { v_n * rho_n - rk / phi };
+    let step: [S; 3] = std::array::from_fn(|a| v_t[a] * mu * rho_t);
+    let u: [S; 3] = std::array::from_fn(|a| w[1 + a] - step[a]);
+    let (x, g, c) = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2], phi * phi, kappa * rho_t);
+    let root = Ratio::solve(x.re(), g.re(), c.re());
+    // one step of Newton's method from the root carries the derivatives
+    let s0 = S::from(root.s);
+    let t0 = S::from(root.t);
+    let s = s0 - (((g - t0 * t0 * x) * s0 - c * t0) - ((g - t0 * t0 * x) * s0 - c * t0).re()) / S::from(root.d);
+    let t = S::from(1.0) - s;
+    [f0, w[1] * s + step[0] * t, w[2] * s + step[1] * t, w[3] * s + step[2] * t]
+}
+
+/// [`split_residual`] at a point, with its derivatives by hand; ∂F/∂(1/kg of `give`) is ∂F/∂v_n · w₀.
+pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> Linearization {
+    let SplitPoint { mu, kappa, rho_n, rho_t, give } = *at;
+    let v_n = v_n + give * w[0];
+    let z = w[0] - rho_n * v_n;
+    let (root, phi, psi) = smoothed_parts(z, rho_n * kappa);
+    let (up, down) = (phi / root, psi / root);
+    let f0 = if z < 0.0 { w[0] - phi } else { rho_n * v_n - psi };
+
+    let v_t = Vector3::from(v_t);
+    let w_bar = Vector3::new(w[1], w[2], w[3]);
+    let u = w_bar - v_t * (rho_t * mu);
+    let (x, g, c) = (u.norm_squared(), phi * phi, rho_t * kappa);
+    let Ratio { t, s, d } = Ratio::solve(x, g, c);
+    let (t_x, t_g, t_c) = (-t * t * s / d, s / d, -t / d);
+    let f_bar = w_bar * s + v_t * (t * rho_t * mu);
+
+    let outer = u * u.transpose();
+    // −∂F̄/∂u = t 1 + 2 t_X u uᵀ
+    let by_u = Matrix3::identity() * t + outer * (2.0 * t_x);
+    let by_phi = u * (-t_g * 2.0 * phi);
+    let dz = 1.0 - rho_n * give;
+    let mut df_dw = Matrix4::zeros();
+    // 1 − φ′ dz, without cancellation where the contact is closed
+    let diagonal = down + up * rho_n * give;
+    df_dw[(0, 0)] = diagonal;
+    df_dw.fixed_view_mut::<3, 1>(1, 0).copy_from(&(by_phi * (up * dz)));
+    df_dw.fixed_view_mut::<3, 3>(1, 1).copy_from(&(Matrix3::identity() * s - outer * (2.0 * t_x)));
+
+    let k = 2.0 * t * t / d;
+    let inverse_bar = (Matrix3::identity() - outer * (k / (1.0 + k * x))) / s;
+    let mut inverse = Matrix4::zeros();
+    inverse[(0, 0)] = 1.0 / diagonal;
+    inverse.fixed_view_mut::<3, 1>(1, 0).copy_from(&(inverse_bar * by_phi * (-up * dz / diagonal)));
+    inverse.fixed_view_mut::<3, 3>(1, 1).copy_from(&inverse_bar);
+
+    let stack = |top: f64, bottom: Vector3<f64>| Vector4::new(top, bottom[0], bottom[1], bottom[2]);
+    let mut df_dvt = Matrix4x3::zeros();
+    df_dvt.fixed_view_mut::<3, 3>(1, 0).copy_from(&(by_u * (rho_t * mu)));
+    let phi_kappa = rho_n / root;
+    Linearization {
+        f: stack(f0, f_bar),
+        df_dw,
+        df_dw_inverse: inverse,
+        df_dvn: stack(up * rho_n, by_phi * (-up * rho_n)),
+        df_dvt,
+        df_dmu: stack(0.0, by_u * v_t * rho_t),
+        df_dkappa: stack(-phi_kappa, by_phi * phi_kappa - u * (t_c * rho_t)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ContactLaw, impulse};
+    use approx::assert_relative_eq;
+    use num_dual::Dual64;
+
+    const CASES: [(f64, f64, [f64; 3]); 7] = [
+        (0.5, 1e-6, [0.2, 0.0, 0.0]),
+        (0.5, 1e-9, [1e-9, 2e-9, 0.0]),
+        (0.8, 1e-7, [0.0, -3e-7, 1e-7]),
+        (0.0, 1e-5, [0.3, 0.1, 0.0]),
+        (0.3, 0.5, [0.1, 0.0, 0.2]),
+        (1.2, 1e-8, [1e-3, 0.0, 1e-3]),
+        (0.5, 1e-8, [0.0, 0.0, 0.0]),
+    ];
+
+    #[test]
+    fn its_roots_are_those_of_the_closed_law() {
+        for kappa in [1e-4, 1e-9, 1e-12] {
+            for (mu, v_n, v_t) in CASES {
+                let (normal, tangential): (f64, [f64; 3]) = impulse(ContactLaw::Coulomb, mu, kappa, v_n, v_t);
+                if mu == 0.0 {
+                    continue; // the tangential part of the cone variable is free of the impulse
+                }
+                let w = [normal, tangential[0] / mu, tangential[1] / mu, tangential[2] / mu];
+                let f: [f64; 4] = split_residual(mu, kappa, 0.1, 0.05, 0.0, v_n, v_t, w);
+                let size = normal + 0.1 * v_n + 0.05 * mu * v_t.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
+                assert!(f.iter().all(|f| f.abs() <= 4e-16 * size), "{mu} {kappa:e} {v_n:e} {v_t:?}: {f:?} of {size:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_by_hand_are_those_of_dual_numbers() {
+        let at = SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.2, rho_t: 0.07, give: 0.3 };
+        for (w, v_n, v_t) in [
+            ([0.05, 0.02, -0.03, 0.001], 1e-3, [0.1, -0.2, 0.05]),
+            ([0.2, 0.02, 0.01, 0.0], -1e-2, [1e-3, 0.0, 2e-3]),
+            ([1e-4, 0.0, 0.0, 0.0], 0.3, [0.0, 0.0, 0.0]),
+            ([0.1, 0.3, 0.2, -0.1], 0.01, [0.4, 0.0, -0.3]),
+        ] {
+            let lin = split_linearize(&at, v_n, v_t, w);
+            let dual = |k: usize| {
+                let seed = |i: usize, x: f64| Dual64::new(x, f64::from(u8::from(i == k)));
+                let w: [Dual64; 4] = std::array::from_fn(|a| seed(a, w[a]));
+                let v_t: [Dual64; 3] = std::array::from_fn(|a| seed(5 + a, v_t[a]));
+                split_residual(seed(8, at.mu), seed(9, at.kappa), at.rho_n, at.rho_t, seed(10, at.give), seed(4, v_n), v_t, w)
+            };
+            let hand: Vec<Vector4<f64>> = (0..4)
+                .map(|a| lin.df_dw.column(a).into_owned())
+                .chain([lin.df_dvn])
+                .chain((0..3).map(|a| lin.df_dvt.column(a).into_owned()))
+                .chain([lin.df_dmu, lin.df_dkappa, lin.df_dvn * w[0]])
+                .collect();
+            for (k, column) in hand.iter().enumerate() {
+                let f = dual(k);
+                for a in 0..4 {
+                    assert_relative_eq!(f[a].re, lin.f[a], epsilon = 1e-14);
+                    assert_relative_eq!(f[a].eps, column[a], epsilon = 1e-9 * column.norm().max(1e-3), max_relative = 1e-9);
+                }
+            }
+            let unit = lin.df_dw * lin.df_dw_inverse;
+            assert_relative_eq!(unit, Matrix4::identity(), epsilon = 1e-9);
+        }
+    }
+}
