@@ -11,7 +11,7 @@ use pliant_engine::step::StageRecord;
 
 /// Contacts at a nanometre's rest gap are 1e7 times stiffer than the rope: systems with them need a second refinement.
 fn refinements(stage: &StageRecord) -> usize {
-    if stage.w.is_empty() { 1 } else { 2 }
+    if stage.n_rows() == stage.v.len() { 1 } else { 2 }
 }
 
 /// Relative change by a refinement below which it is not worth its price for many columns.

@@ -23,6 +23,8 @@ pub fn step(error: StepError) -> PyErr {
         StepError::NotConverged { .. }
         | StepError::NotFinite { .. }
         | StepError::Singular { .. }
+        | StepError::NoNormal { .. }
+        | StepError::ContactNotFinite { .. }
         | StepError::Geometry { .. } => NumericsError::new_err(error.to_string()),
     }
 }

@@ -163,6 +163,13 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
         StepError::Geometry { .. } => {
             ("a node sits at the centre or on the axis of a shape", "start the rope outside the shape, or shorten `time.step`")
         }
+        StepError::NoNormal { .. } => (
+            "a body went through another within a step, or they overlap as the scene begins",
+            "shorten `time.step`, or move them apart",
+        ),
+        StepError::ContactNotFinite { .. } => {
+            ("an extreme size, mass, friction or compliance", "check the parameters of the two objects")
+        }
         StepError::Size { .. } => ("inputs of another scene", "give as many as the scene has"),
         StepError::EquilibriumWithContact { .. } => {
             ("`start = \"equilibrium\"` in a scene with shapes", "write `start = \"as_given\"`, or remove the shapes")

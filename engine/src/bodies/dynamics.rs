@@ -194,7 +194,32 @@ impl Partials {
         }
     }
 
-    fn fill_columns(&mut self, tree: &Tree, frames: &Frames<f64>, by: Displacement, turns: &[Option<Matrix3<f64>>]) {
+    /// Displacement and change of velocity (world axes) of the bodies that degree of freedom `l` moves, one of which has `velocity`,
+    /// for the last displacement that was added.
+    pub fn change(&self, l: usize, velocity: &Motion<f64>) -> (Vector6<f64>, Vector6<f64>) {
+        let own = &self.columns[l];
+        (own.gamma, own.beta + moved_along(&own.gamma, velocity))
+    }
+
+    /// Displacement of every body, and change of its velocity seen from its own axes, for the changes `d` of all degrees of freedom,
+    /// by the columns of the last displacement that was added.
+    pub fn carry(&self, tree: &Tree, d: &[f64]) -> Vec<(Vector6<f64>, Vector6<f64>)> {
+        let mut out: Vec<(Vector6<f64>, Vector6<f64>)> = Vec::with_capacity(tree.bodies().len());
+        for body in tree.bodies() {
+            let (mut gamma, mut beta) = body.parent.map_or((Vector6::zeros(), Vector6::zeros()), |p| out[p]);
+            for joint in &tree.joints()[body.joints.clone()] {
+                for l in joint.v..joint.v + joint.kind.n_dofs() {
+                    gamma += self.columns[l].gamma * d[l];
+                    beta += self.columns[l].beta * d[l];
+                }
+            }
+            out.push((gamma, beta));
+        }
+        out
+    }
+
+    /// The columns of the displacement `by` alone, for [`Partials::change`].
+    pub fn fill_columns(&mut self, tree: &Tree, frames: &Frames<f64>, by: Displacement, turns: &[Option<Matrix3<f64>>]) {
         self.columns.clear();
         for axis in &frames.axes {
             let [s, psi_dot, psi_ddot] = [axis.s, axis.psi_dot, axis.psi_ddot].map(|m| column(&m));
@@ -211,6 +236,11 @@ impl Partials {
             columns.beta += s * by.cv;
         }
     }
+}
+
+/// ξ × V: what a displacement makes of a velocity that is carried along.
+pub fn moved_along(xi: &Vector6<f64>, velocity: &Motion<f64>) -> Vector6<f64> {
+    column(&as_motion(xi).cross(velocity))
 }
 
 /// The last degree of freedom of the joint of `i`.

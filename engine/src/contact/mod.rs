@@ -8,6 +8,7 @@
 mod condensed;
 mod joint_row;
 mod pair;
+mod solid_pair;
 
 pub(crate) use condensed::{Condensed, LawPoint, impulse};
 pub(crate) use joint_row::RowLinear;
@@ -15,3 +16,7 @@ pub(crate) use joint_row::RowPoint;
 pub use joint_row::{JointRow, JointRowKind};
 pub use pair::ContactPair;
 pub(crate) use pair::Touch;
+pub use solid_pair::{Friction, SolidPair};
+pub(crate) use solid_pair::{
+    Sliding, SpotKey, SpotLaw, SpotLinear, SpotState, meeting_changes, node_of, pose_of_world, spot_wrench,
+};

@@ -139,6 +139,7 @@ impl<'o> Work<'o> {
             center_of_mass: plain(mass.center.into()),
             inertia: (mass.mass > 0.0).then(|| plain(mass.numbers())),
             joint,
+            shape: Vec::new(),
         });
     }
 

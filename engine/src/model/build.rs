@@ -99,6 +99,8 @@ impl ModelBuilder {
             shapes: Vec::new(),
             shape_names: Vec::new(),
             pairs: Vec::new(),
+            solids: Vec::new(),
+            solid_pairs: Vec::new(),
             reach: 2,
             gravity,
             h: scene.time.step,
@@ -125,6 +127,8 @@ impl ModelBuilder {
         model.weights = model.dof_weights();
         model.add_shapes(scene);
         model.add_pairs(&ropes);
+        let radii: Vec<usize> = ropes.iter().map(|r| r.params.radius).collect();
+        model.add_solids(scene, &radii)?;
         Ok(Self { model })
     }
 

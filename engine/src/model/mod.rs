@@ -4,13 +4,15 @@ mod bodies;
 mod build;
 mod mass;
 mod query;
+mod solids;
 
 pub use build::{BuildError, ModelBuilder};
 pub use mass::NodeMass;
 
 use crate::bodies::Tree;
-use crate::contact::{ContactPair, JointRow};
+use crate::contact::{ContactPair, JointRow, SolidPair};
 use crate::geometry::Shape;
+use crate::geometry::solid::Solid;
 use crate::kinematics::Drive;
 use crate::kkt::{Method, Symmetry};
 use crate::params::Params;
@@ -60,6 +62,8 @@ pub struct Model {
     pub(crate) shapes: Vec<Shape>,
     pub(crate) shape_names: Vec<String>,
     pub(crate) pairs: Vec<ContactPair>,
+    pub(crate) solids: Vec<Solid>,
+    pub(crate) solid_pairs: Vec<SolidPair>,
     pub(crate) reach: usize,
     pub(crate) gravity: usize,
     pub(crate) h: f64,
@@ -178,6 +182,16 @@ impl Model {
         &self.pairs
     }
 
+    /// Shapes of bodies, shapes they may touch, and nodes that may touch them.
+    pub fn solids(&self) -> &[Solid] {
+        &self.solids
+    }
+
+    /// Which of them may touch.
+    pub fn solid_pairs(&self) -> &[SolidPair] {
+        &self.solid_pairs
+    }
+
     /// Friction and stops at joints.
     pub fn joint_rows(&self) -> &[JointRow] {
         &self.joint_rows
@@ -260,7 +274,7 @@ impl Model {
 
     /// Whether the matrices of a step are symmetric at these parameters: no term breaks it, and there is no contact.
     pub(crate) fn symmetry(&self, theta: &[f64]) -> Symmetry {
-        let symmetric = self.pairs.is_empty() && self.terms.iter().all(|t| t.symmetric(theta));
+        let symmetric = self.pairs.is_empty() && self.solid_pairs.is_empty() && self.terms.iter().all(|t| t.symmetric(theta));
         if symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }
 }

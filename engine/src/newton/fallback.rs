@@ -15,7 +15,8 @@ const DAMPED_PATIENCE: usize = 4;
 /// Solves the stage into `ws.it`; leaves the cone variables there as the next warm start.
 pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<(), StepError> {
     let limit = stage.model.solver.max_iterations;
-    let mut stuck = if stage.has_contact() && ws.warm.is_none() {
+    stage.find_spots(ws);
+    let mut stuck = if stage.has_cones() && ws.warm.is_none() {
         None
     } else {
         start(stage, ws);
@@ -36,6 +37,9 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
             let warm = ws.warm.get_or_insert_default();
             warm.cones.clone_from(&ws.it.w);
             warm.rows.clone_from(&ws.it.s);
+            warm.spots.clear();
+            warm.spots.extend(ws.spots.spots.iter().map(|s| s.key).zip(ws.it.p.iter().copied()));
+            warm.spots.sort_unstable_by(|a, b| a.0.cmp(&b.0));
             Ok(())
         }
         Some(Err(Stuck::Error(e))) => Err(e),
@@ -77,6 +81,7 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
         ws.it.w[c] = cold_cone(soft.law_point(c).kappa, stage.mass[pair.node]);
     }
     ws.it.s.fill(0.0);
+    Stage { rest_gap: gap, ..*stage }.soften_spots(ws);
     loop {
         newton(&Stage { rest_gap: gap, ..*stage }, ws, limit, work)?;
         if gap <= stage.rest_gap {
@@ -96,6 +101,7 @@ fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> R
             ws.it.w[c] = cold_cone(stage.law_point(c).kappa, stage.mass[pair.node]);
         }
         ws.it.s.fill(0.0);
+        stage.start_spots(ws);
         for weight in DAMPING_LADDER {
             let stiff = Stage { damping: weight * stage.inertia.max(1.0), ..*stage };
             match newton(&stiff, ws, patience * limit, work) {

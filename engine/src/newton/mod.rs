@@ -137,7 +137,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
 /// and their eigenvalues settled.
 fn converged(stage: &Stage, ws: &Workspace, norm: f64, tolerance: f64) -> bool {
     if norm > tolerance {
-        let by_cones = cone_norm(stage, &ws.dw, &ws.ds);
+        let by_cones = cone_norm(stage, ws, [&ws.dw, &ws.spots.dw], &ws.ds);
         let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
         if by_velocities > tolerance || by_cones > cone_rounding(stage, ws) {
             return false;
@@ -154,7 +154,7 @@ fn cone_rounding(stage: &Stage, ws: &Workspace) -> f64 {
     let nodes = stage.mass.len().max(1) as f64;
     let mass = stage.mass.iter().sum::<f64>().max(f64::MIN_POSITIVE) / nodes;
     let of_nodes = f64::EPSILON * farthest * ws.stiffness * stage.h / mass;
-    of_nodes + (stage.rows_rounding2(&ws.rows) / stage.measure.total).sqrt()
+    of_nodes + ((stage.rows_rounding2(&ws.rows) + stage.spots_rounding2(&ws.spots)) / stage.measure.total).sqrt()
 }
 
 /// Minimiser of the quadratic model of the simplified correction, kept within [0.1, 0.5] of the last factor.
@@ -171,7 +171,10 @@ fn direction(stage: &Stage, ws: &mut Workspace) -> f64 {
         ws.dw[c] = ws.contacts[c].dw(&ws.cone[c], node_vector(&ws.d, pair.node), stage.h);
     }
     stage.row_changes(&ws.d, &ws.rows, &ws.row_residuals, &mut ws.ds);
-    norm(stage, &ws.d, &ws.dw, &ws.ds)
+    let d = std::mem::take(&mut ws.d);
+    stage.spot_steps(&d, ws, false);
+    ws.d = d;
+    norm(stage, &ws.d, ws, [&ws.dw, &ws.spots.dw], &ws.ds)
 }
 
 /// Residual at `it + alpha d` and its simplified correction into `ws.d_next`, `ws.dw_next`; returns its norm.
@@ -187,6 +190,9 @@ fn try_step(stage: &Stage, ws: &mut Workspace, alpha: f64, work: &mut Work) -> R
     for ((t, s), d) in trial.s.iter_mut().zip(&ws.it.s).zip(&ws.ds) {
         *t = s + d * alpha;
     }
+    for ((t, w), d) in trial.p.iter_mut().zip(&ws.it.p).zip(&ws.spots.dw) {
+        *t = w + d * alpha;
+    }
     let result = stage.residual(&trial, ws);
     ws.trial = trial;
     result?;
@@ -196,7 +202,10 @@ fn try_step(stage: &Stage, ws: &mut Workspace, alpha: f64, work: &mut Work) -> R
         ws.dw_next[c] = ws.contacts[c].dw(&ws.cone[c], node_vector(&ws.d_next, pair.node), stage.h);
     }
     stage.row_changes(&ws.d_next, &ws.rows, &ws.row_residuals, &mut ws.ds_next);
-    Ok(norm(stage, &ws.d_next, &ws.dw_next, &ws.ds_next))
+    let d = std::mem::take(&mut ws.d_next);
+    stage.spot_steps(&d, ws, true);
+    ws.d_next = d;
+    Ok(norm(stage, &ws.d_next, ws, [&ws.dw_next, &ws.spots.dw_next], &ws.ds_next))
 }
 
 /// The trial becomes the iterate, its simplified correction the next direction.
@@ -205,6 +214,7 @@ fn accept(ws: &mut Workspace) {
     std::mem::swap(&mut ws.d, &mut ws.d_next);
     std::mem::swap(&mut ws.dw, &mut ws.dw_next);
     std::mem::swap(&mut ws.ds, &mut ws.ds_next);
+    std::mem::swap(&mut ws.spots.dw, &mut ws.spots.dw_next);
 }
 
 fn take_correction(ws: &mut Workspace) {
@@ -217,6 +227,9 @@ fn take_correction(ws: &mut Workspace) {
     for (s, d) in ws.it.s.iter_mut().zip(&ws.ds) {
         *s += d;
     }
+    for (p, d) in ws.it.p.iter_mut().zip(&ws.spots.dw) {
+        *p += d;
+    }
 }
 
 /// Whether the pending correction leaves the eigenvalues of every cone variable where they are. (Those of s are κ over
@@ -227,7 +240,7 @@ fn settled(stage: &Stage, ws: &Workspace) -> bool {
         let still = |a: f64, b: f64| (a - b).abs() <= SETTLED * a.abs().max(b.abs());
         still(before.0, after.0) && still(before.1, after.1)
     });
-    cones && stage.rows_settled(&ws.it.s, &ws.ds)
+    cones && stage.rows_settled(&ws.it.s, &ws.ds) && stage.spots_settled(&ws.it.p, &ws.spots)
 }
 
 /// Σ weight v² of the bodies' degrees of freedom.
@@ -236,21 +249,21 @@ fn dofs_norm2(stage: &Stage, v: &[f64]) -> f64 {
 }
 
 /// Norm of a correction [m/s]: √(Σ m |d|² + Σ |dw|²/m) over the root of the total mass.
-fn norm(stage: &Stage, d: &[f64], dw: &[Vector4<f64>], ds: &[f64]) -> f64 {
+fn norm(stage: &Stage, d: &[f64], ws: &Workspace, dw: [&[Vector4<f64>]; 2], ds: &[f64]) -> f64 {
     let (nodes, dofs) = d.split_at(3 * stage.mass.len());
     let mut sum = 0.0;
     for (m, d) in stage.mass.iter().zip(nodes.chunks_exact(3)) {
         sum += m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     }
     sum += dofs_norm2(stage, dofs);
-    ((sum / stage.measure.total) + cone_norm(stage, dw, ds).powi(2)).sqrt()
+    ((sum / stage.measure.total) + cone_norm(stage, ws, dw, ds).powi(2)).sqrt()
 }
 
 /// The cone variables' part of [`norm`].
-fn cone_norm(stage: &Stage, dw: &[Vector4<f64>], ds: &[f64]) -> f64 {
+fn cone_norm(stage: &Stage, ws: &Workspace, [dw, dp]: [&[Vector4<f64>]; 2], ds: &[f64]) -> f64 {
     let cones = stage.model.pairs.iter().zip(dw);
     let sum: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
-    ((sum + stage.rows_norm2(ds)) / stage.measure.total).sqrt()
+    ((sum + stage.rows_norm2(ds) + stage.spots_norm2(&ws.spots.spots, dp)) / stage.measure.total).sqrt()
 }
 
 /// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.

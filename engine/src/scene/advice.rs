@@ -152,7 +152,18 @@ impl Mistake {
                 "midpoint chatters at contact",
                 "write `integrator = \"sdirk2\"` (second order) or \"euler\", or remove the shapes",
             ),
-            Self::NothingFree { .. } => both("only nodes of ropes touch shapes", "add a [[rope]], or remove the shapes"),
+            Self::NothingFree { .. } => both(
+                "only nodes of ropes and bodies with shapes touch",
+                "add a [[rope]] or give a body a [[body.shape]], or remove the shapes",
+            ),
+            Self::NoSize { key, .. } => both("a size was left out", format!("write `{key}` in m")),
+            Self::OtherSize { key, .. } => both("a size of another kind of shape", format!("remove `{key}`, or change `kind`")),
+            Self::Overlap { .. } => both(
+                "shapes in another unit, a misplaced start, or neighbours that are meant to overlap",
+                "move them apart, or write [[contact.pair]] with `between` and `ignore = true`",
+            ),
+            Self::NeverTouch { .. } => both("a rule that does nothing", "remove it"),
+            Self::NoCompliance { .. } => both("a number that would do nothing", "remove `compliance`"),
             Self::AllHeld { .. } => {
                 both("a gripper holds more nodes than meant", "leave nodes of it free, or remove the rope or the shapes")
             }

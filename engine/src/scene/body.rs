@@ -1,5 +1,6 @@
 //! Bodies, joints and actuators in a scene file.
 
+use super::shape::BodyShape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +33,9 @@ pub struct Body {
     /// Its joints, one after the other; none if it is fixed to its parent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<Joint>,
+    /// What it touches others with; a body without shapes goes through everything.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shape: Vec<BodyShape>,
 }
 
 fn upright() -> [f64; 4] {
@@ -49,6 +53,7 @@ impl Default for Body {
             center_of_mass: [0.0; 3],
             inertia: None,
             joint: Vec::new(),
+            shape: Vec::new(),
         }
     }
 }

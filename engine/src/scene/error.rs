@@ -20,7 +20,7 @@ impl SceneError {
         Self { place, mistake: Box::new(mistake) }
     }
 
-    pub(super) fn at(field: impl Into<String>, mistake: Mistake) -> Self {
+    pub(crate) fn at(field: impl Into<String>, mistake: Mistake) -> Self {
         Self { place: Place::field(field), mistake: Box::new(mistake) }
     }
 
@@ -174,6 +174,21 @@ pub enum Mistake {
     /// A rope that no shape can move.
     #[error("grippers hold every node of rope \"{rope}\", so it goes through the scene's {shapes} shape(s) and touches none")]
     AllHeld { rope: String, shapes: usize },
+    /// A size that this kind of shape needs.
+    #[error("a {kind} needs `{key}`")]
+    NoSize { kind: &'static str, key: &'static str },
+    /// A size that this kind of shape does not have.
+    #[error("a {kind} has no `{key}`")]
+    OtherSize { kind: &'static str, key: &'static str },
+    /// Two objects that overlap as the scene begins.
+    #[error("{first} and {second} overlap by {depth:.2e} m as the scene begins")]
+    Overlap { first: String, second: String, depth: f64 },
+    /// A rule for a pair that does not touch anyway.
+    #[error("\"{first}\" and \"{second}\" never touch: {why}")]
+    NeverTouch { first: String, second: String, why: &'static str },
+    /// Compliance where it is not modelled.
+    #[error("compliance is modelled between bodies and what they touch, with Coulomb's law: {why}")]
+    NoCompliance { why: &'static str },
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },

@@ -3,7 +3,7 @@
 use super::body::{Actuator, Body};
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
-use super::shape::{Capsule, Plane, Sphere};
+use super::shape::{Block, Capsule, ContactRule, Cylinder, Plane, Sphere};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +47,12 @@ pub struct Scene<X = Nothing> {
     /// Fixed capsules (a cylinder with round ends).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub capsule: Vec<Capsule>,
+    /// Fixed cuboids.
+    #[serde(default, rename = "box", skip_serializing_if = "Vec::is_empty")]
+    pub block: Vec<Block>,
+    /// Fixed cylinders.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cylinder: Vec<Cylinder>,
     /// Contact law.
     #[serde(default)]
     pub contact: Contact,
@@ -82,6 +88,8 @@ impl<X> Scene<X> {
             plane: self.plane.clone(),
             sphere: self.sphere.clone(),
             capsule: self.capsule.clone(),
+            block: self.block.clone(),
+            cylinder: self.cylinder.clone(),
             contact: self.contact.clone(),
             solver: self.solver.clone(),
             experiment,
@@ -90,7 +98,7 @@ impl<X> Scene<X> {
 
     /// Number of fixed shapes.
     pub fn n_shapes(&self) -> usize {
-        self.plane.len() + self.sphere.len() + self.capsule.len()
+        self.plane.len() + self.sphere.len() + self.capsule.len() + self.block.len() + self.cylinder.len()
     }
 }
 
@@ -109,6 +117,8 @@ impl<X> Default for Scene<X> {
             plane: Vec::new(),
             sphere: Vec::new(),
             capsule: Vec::new(),
+            block: Vec::new(),
+            cylinder: Vec::new(),
             contact: Contact::default(),
             solver: Solver::default(),
             experiment: None,
@@ -198,13 +208,16 @@ pub struct Air {
 pub struct Contact {
     /// Law of friction.
     pub law: Law,
-    /// Gap at which a resting node hovers [m]; κ = rest_gap · mass · gravity.
+    /// Gap at which a resting node hovers [m]; κ = rest_gap · mass · gravity. (A body hovers at about that.)
     pub rest_gap: f64,
+    /// What is special between two objects.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pair: Vec<ContactRule>,
 }
 
 impl Default for Contact {
     fn default() -> Self {
-        Self { law: Law::default(), rest_gap: 1e-9 }
+        Self { law: Law::default(), rest_gap: 1e-9, pair: Vec::new() }
     }
 }
 

@@ -54,5 +54,5 @@ pub use read::{parse_scene, parse_source, read_scene};
 pub use refine::Refined;
 pub use rope::{Initial, NodeMass, Rope, Start};
 pub use schema::json_schema;
-pub use shape::{Capsule, Plane, Sphere};
+pub use shape::{Block, BodyShape, Capsule, ContactRule, Cylinder, Plane, ShapeKind, Sphere};
 pub use source::{Place, Source};

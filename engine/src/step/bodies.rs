@@ -12,7 +12,7 @@ use crate::bodies::spatial::{Force, Inertia, Motion};
 use crate::bodies::turns::Turns;
 use crate::bodies::{BodyInertia, Frame, Frames, Tree};
 use crate::kinematics::Input;
-use crate::kkt::Square;
+use crate::kkt::{BlockBand, Square, System};
 use crate::model::{DofWeights, Model};
 use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
@@ -55,8 +55,30 @@ impl Stage<'_> {
         }
     }
 
+    /// Frames where the stage begins, at rest accelerations.
+    pub(super) fn frames_at_start(&self, ws: &mut Workspace) {
+        let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
+        let body = &mut ws.bodies;
+        body.frames.origin = tree.origin(&self.q_ref[n..]);
+        body.a.clear();
+        body.a.resize(tree.nv(), 0.0);
+        body.frames.evaluate_values(tree, &self.q_ref[n..], &self.v_ref[n..], &body.a, &Vec3::zeros());
+    }
+
+    /// Adds what armatures, damping and stiffness of the joints are beside inertia to the row-major matrix `out` of the degrees of
+    /// freedom: armature + h ∂f/∂v + h² ∂f/∂q, where the stage begins.
+    pub(super) fn joint_stiffening(&self, n: usize, out: &mut [f64]) {
+        let tree = &self.model.tree;
+        let against = Displacement { cm: 0.0, cv: -self.h, cq: -self.h * self.h };
+        let at = JointPoint { tree, q: &self.q_ref[n..], v: &self.v_ref[n..], u: self.u, theta: self.theta };
+        self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, &[], out, tree.nv()));
+        for (l, dof) in tree.dofs().iter().enumerate() {
+            out[l * tree.nv() + l] += self.theta[tree.joints()[dof.joint].armature];
+        }
+    }
+
     /// Frames and accelerations at q̄, v̄ of `ws`.
-    fn evaluate_frames(&self, v: &[f64], ws: &mut Workspace, partials: bool) {
+    pub(super) fn evaluate_frames(&self, v: &[f64], ws: &mut Workspace, partials: bool) {
         let n = self.model.n_node_dofs();
         let body = &mut ws.bodies;
         body.a.clear();
@@ -76,15 +98,14 @@ impl Stage<'_> {
         JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta }
     }
 
-    /// The bodies' rows of the residual, with q̄ and v̄ in place.
-    pub(super) fn body_residual(&self, v: &[f64], ws: &mut Workspace) {
+    /// The bodies' rows of the residual, with the frames at q̄, v̄ and the wrenches of contacts in place.
+    pub(super) fn body_residual(&self, ws: &mut Workspace) {
         if !self.has_bodies() {
             return;
         }
         let n = self.model.n_node_dofs();
-        self.evaluate_frames(v, ws, false);
         let body = &mut ws.bodies;
-        inverse_dynamics(&self.model.tree, &body.frames, self.inertias, &[], &mut body.forces, &mut ws.r[n..]);
+        inverse_dynamics(&self.model.tree, &body.frames, self.inertias, &ws.spots.wrenches, &mut body.forces, &mut ws.r[n..]);
         self.subtract_joint_forces(ws);
     }
 
@@ -101,25 +122,39 @@ impl Stage<'_> {
         }
     }
 
-    /// The bodies' rows of the residual and their block of K, with q̄ and v̄ in place.
-    pub(super) fn linearize_bodies(&self, v: &[f64], ws: &mut Workspace) {
+    /// The bodies' rows of the residual, their block of K and the blocks that couple them to nodes, with the frames at q̄, v̄ and the
+    /// contacts linearized.
+    pub(super) fn linearize_bodies(&self, ws: &mut Workspace) {
         if !self.has_bodies() {
             return;
         }
         let n = self.model.n_node_dofs();
-        self.evaluate_frames(v, ws, true);
+        self.gather_partials(true, ws);
         let (tree, body) = (&self.model.tree, &mut ws.bodies);
-        body.partials.gather(tree, &body.frames, self.inertias, &[], &[]);
         body.partials.tau(tree, &body.frames, &mut ws.r[n..]);
         body.middle.evaluate(tree, self.scheme.middle, &body.t);
         body.middle.jacobians(tree.joints().len(), &mut body.jacobians);
         self.subtract_joint_forces(ws);
+        let mut k = std::mem::replace(&mut ws.k, System::zeros(0, 0, 0));
+        self.change_by_velocities(true, ws, &mut k);
+        ws.k = k;
+    }
+
+    /// Composites at the frames in place; contacts with their cone variables following (`condensed`) or fixed.
+    pub(super) fn gather_partials(&self, condensed: bool, ws: &mut Workspace) {
+        self.spot_changes(condensed, ws);
+        let (body, spots) = (&mut ws.bodies, &ws.spots);
+        body.partials.gather(&self.model.tree, &body.frames, self.inertias, &spots.wrenches, &spots.changes);
+    }
+
+    /// Overwrites the bodies' block and the coupling of `k` by the change of the residual with v⁺, for what was gathered.
+    pub(super) fn change_by_velocities(&self, condensed: bool, ws: &mut Workspace, k: &mut System) {
         let w = &self.scheme.free;
         let by = Displacement { cm: self.inertia + self.damping, cv: w.b1, cq: self.h * w.a1 };
         let turns = std::mem::take(&mut ws.bodies.jacobians);
-        let mut k = std::mem::take(&mut ws.k.bodies);
-        self.add_body_change(by, &turns, ws, k.data_mut());
-        (ws.k.bodies, ws.bodies.jacobians) = (k, turns);
+        self.add_body_change(by, &turns, ws, k.bodies.data_mut());
+        self.add_crossings(by, condensed, ws, k);
+        ws.bodies.jacobians = turns;
     }
 
     /// Overwrites `out` by the change of the residual for the displacement `by`.
@@ -136,7 +171,8 @@ impl Stage<'_> {
         self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, turns, out, stride));
     }
 
-    /// −∂r/∂q̄ and −∂r/∂v̄ into the bodies' blocks of `ws.dq` and `ws.dv`, after [`Stage::linearize`]; returns ∂r/∂ā, the mass matrix.
+    /// −∂r/∂q̄ and −∂r/∂v̄ into the bodies' blocks of `ws.dq` and `ws.dv`, for what was gathered (contacts at fixed cone variables);
+    /// returns ∂r/∂ā, the mass matrix.
     pub(super) fn body_partials(&self, ws: &mut Workspace) -> Square {
         let mut mass = Square::zeros(self.model.tree.nv());
         if !self.has_bodies() {
@@ -144,7 +180,11 @@ impl Stage<'_> {
         }
         let (mut dq, mut dv) = (std::mem::take(&mut ws.dq.bodies), std::mem::take(&mut ws.dv.bodies));
         self.add_body_change(Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], ws, mass.data_mut());
-        self.add_body_change(Displacement { cm: 0.0, cv: 0.0, cq: -1.0 }, &[], ws, dq.data_mut());
+        let by = Displacement { cm: 0.0, cv: 0.0, cq: -1.0 };
+        self.add_body_change(by, &[], ws, dq.data_mut());
+        let mut crossed = System { nodes: BlockBand::zeros(0, 0), bodies: dq, coupling: std::mem::take(&mut ws.dq.coupling) };
+        self.add_crossings(by, false, ws, &mut crossed);
+        (dq, ws.dq.coupling) = (crossed.bodies, crossed.coupling);
         if self.scheme.free.b0 != 0.0 {
             self.add_body_change(Displacement { cm: 0.0, cv: -1.0, cq: 0.0 }, &[], ws, dv.data_mut());
         }
@@ -196,7 +236,7 @@ impl StageRecord {
         visit: &mut dyn FnMut(usize, Input, f64),
     ) {
         let (n, tree) = (model.n_node_dofs(), &model.tree);
-        if tree.bodies().is_empty() {
+        if tree.bodies().is_empty() && self.spots.is_empty() {
             return;
         }
         let a: Vec<f64> = self.v[n..].iter().zip(&self.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)).collect();
@@ -205,6 +245,7 @@ impl StageRecord {
         for (l, dof) in tree.dofs().iter().enumerate() {
             visit(n + l, Input::Theta(tree.joints()[dof.joint].armature), a[l]);
         }
+        self.visit_spots(model, theta, q_bar, &frames, visit);
         visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
         let at = JointPoint { tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta };
         for term in &model.joint_terms {

@@ -7,16 +7,17 @@
 //! stands in the same numbers as the rope's and eats seven of their sixteen digits; here all entries are of their natural size.
 //! K's factor solves this system too, and refinement against it recovers what condensing lost.
 //!
-//! Vectors have nv rows, then four per contact, then one per joint friction or stop; `columns` numbers per row.
+//! Vectors have nv rows, then four per contact of a node, then one per joint friction or stop, then four per contact of solids
+//! ([`super::spot_rows`]); `columns` numbers per row.
 
 use super::StageRecord;
 use crate::contact::RowLinear;
 use nalgebra::{Matrix3x4, Matrix4, Matrix4x3, SMatrix, SVector};
 
 impl StageRecord {
-    /// Rows of the system: nv, four per contact, one per joint friction or stop.
+    /// Rows of the system: nv, four per contact of a node, one per joint friction or stop, four per contact of solids.
     pub fn n_rows(&self) -> usize {
-        self.v.len() + 4 * self.contacts.len() + self.rows.len()
+        self.v.len() + 4 * self.contacts.len() + self.rows.len() + 4 * self.spots.len()
     }
 
     /// Row of joint friction or stop `k`.
@@ -56,6 +57,7 @@ impl StageRecord {
             add_scaled(-self.joint_slope(k), x, row.v, out, at, columns);
             add_scaled(-row.linear.f_gamma, x, at, out, at, columns);
         }
+        self.subtract_spots(x, out, columns);
     }
 
     /// `out −= systemᵀ · x`, one column.
@@ -74,6 +76,7 @@ impl StageRecord {
             add_scaled(-self.joint_slope(k), x, at, out, row.v, 1);
             add_scaled(-row.linear.f_gamma, x, at, out, at, 1);
         }
+        self.subtract_spots_transpose(x, out);
     }
 
     /// `b ← system⁻¹ b`, by the factor of K.
@@ -85,7 +88,9 @@ impl StageRecord {
         for (k, row) in self.rows.iter().enumerate() {
             add_scaled_within(row.direction / (row.linear.f_gamma * self.h), b, self.joint_row(k), row.v, columns);
         }
+        self.eliminate_spots(b, columns);
         self.factor.solve_many(&mut b[..self.v.len() * columns], columns);
+        self.recover_spots(b, columns);
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             add_within(&-self.f_v(c), b, 3 * node, self.row(c), columns);
             replace(&contact.inverse, b, self.row(c), columns);
@@ -108,7 +113,9 @@ impl StageRecord {
             b[at] /= row.linear.f_gamma;
             b[row.v] -= self.joint_slope(k) * b[at];
         }
+        self.eliminate_spots_transpose(b);
         self.factor.solve_transpose(&mut b[..self.v.len()]);
+        self.recover_spots_transpose(b);
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             let gain = contact.gain.transpose() / self.h;
             add_within(&gain, b, 3 * node, self.row(c), 1);
@@ -128,6 +135,7 @@ impl StageRecord {
         for (k, row) in self.rows.iter().enumerate() {
             add_scaled(scale * row.linear.f_q, q, row.v, out, self.joint_row(k), columns);
         }
+        self.add_spot_positions(scale, q, out, columns);
     }
 
     /// `out += scale · (∂(r, F)/∂q̄)ᵀ · x`, one column.
@@ -139,6 +147,7 @@ impl StageRecord {
         for (k, row) in self.rows.iter().enumerate() {
             out[row.v] += scale * row.linear.f_q * x[self.joint_row(k)];
         }
+        self.add_spot_positions_transpose(scale, x, out);
     }
 }
 
@@ -166,7 +175,7 @@ fn add_scaled_within(factor: f64, b: &mut [f64], from: usize, to: usize, columns
 }
 
 /// `out[to..] += m x[from..]`.
-fn add_product<const R: usize, const C: usize>(
+pub(super) fn add_product<const R: usize, const C: usize>(
     m: &SMatrix<f64, R, C>,
     x: &[f64],
     from: usize,
@@ -191,7 +200,7 @@ fn add_within<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>, b: &mut [f
 }
 
 /// `b[at..] ← m b[at..]`.
-fn replace(m: &Matrix4<f64>, b: &mut [f64], at: usize, columns: usize) {
+pub(super) fn replace(m: &Matrix4<f64>, b: &mut [f64], at: usize, columns: usize) {
     for k in 0..columns {
         let product = m * SVector::<f64, 4>::from_fn(|r, _| b[(at + r) * columns + k]);
         (0..4).for_each(|r| b[(at + r) * columns + k] = product[r]);

@@ -68,6 +68,33 @@ pub enum StepError {
         /// The shape's message.
         source: GeometryError,
     },
+    /// Two solids are where their distance has no direction.
+    #[error(
+        "step {step}: `{first}` and `{second}` are {distance:e} m apart at their middles or axes, where their contact has no normal; \
+         one has gone through the other: a shorter step helps, or a start where they do not overlap"
+    )]
+    NoNormal {
+        /// Step number.
+        step: usize,
+        /// One solid.
+        first: String,
+        /// The other.
+        second: String,
+        /// The distance that is too small \[m\].
+        distance: f64,
+    },
+    /// The impulse between two solids became infinite or NaN.
+    #[error("step {step}: the impulse between `{first}` and `{second}` is {value}; the state or a parameter has left the range where contact is defined")]
+    ContactNotFinite {
+        /// Step number.
+        step: usize,
+        /// One solid.
+        first: String,
+        /// The other.
+        second: String,
+        /// Size of the impulse.
+        value: f64,
+    },
     /// An input has the wrong size.
     #[error("{what} has {got} entries, but the model needs {expected}")]
     Size {
@@ -110,6 +137,8 @@ impl StepError {
             | Self::NotFinite { step, .. }
             | Self::Singular { step, .. }
             | Self::Command { step, .. }
+            | Self::NoNormal { step, .. }
+            | Self::ContactNotFinite { step, .. }
             | Self::Geometry { step, .. } => *step = k,
             Self::Size { .. } | Self::EquilibriumWithContact { .. } | Self::Parameter { .. } => {}
         }

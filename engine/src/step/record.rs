@@ -1,6 +1,7 @@
 //! What a step leaves behind for its derivatives: the factorization at the root, and the partials of the residual.
 
 use super::contact_rows::RowRecord;
+use super::spot_rows::SpotRecord;
 use super::{Scheme, Stage, Workspace, end_positions};
 use crate::bodies::turns::Turns;
 use crate::contact::{Condensed, Touch};
@@ -56,15 +57,20 @@ pub struct StageRecord {
     /// Impulses of joint friction and stops at the root [N·m·s, N·s].
     pub s: Vec<f64>,
     pub(crate) rows: Vec<RowRecord>,
+    pub(crate) spots: Vec<SpotRecord>,
 }
 
 impl StageRecord {
     /// Factors at the root in `ws.it` and copies what derivatives need.
     pub(crate) fn take(stage: &Stage, ws: &mut Workspace) -> Result<Self, super::StepError> {
         stage.linearize(ws)?;
+        ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
+        let spots = stage.spot_records(ws);
+        if !ws.spots.spots.is_empty() {
+            stage.gather_partials(false, ws);
+        }
         let body_mass = stage.body_partials(ws);
         let (middle, end) = stage.turns(&ws.it.v);
-        ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
         let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
         Ok(Self {
             h: stage.h,
@@ -88,6 +94,7 @@ impl StageRecord {
             contact_nodes: stage.model.pairs.iter().map(|p| p.node).collect(),
             s: ws.it.s.clone(),
             rows: stage.row_records(&ws.rows),
+            spots,
         })
     }
 
@@ -106,7 +113,7 @@ impl StageRecord {
     }
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
-    /// that, and for every stop 0 open, 1 closed.
+    /// that, and for every stop 0 open, 1 closed. Of contacts of solids only those that touch, each with numbers that tell it apart.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
@@ -115,7 +122,7 @@ impl StageRecord {
             let load = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt() / w[0];
             if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
         };
-        model.pairs.iter().zip(&self.w).map(mode).chain(self.row_modes(model, theta)).collect()
+        model.pairs.iter().zip(&self.w).map(mode).chain(self.row_modes(model, theta)).chain(self.spot_modes(model, theta)).collect()
     }
 
     /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters

@@ -10,6 +10,7 @@
 use super::{Scheme, StepError, Workspace};
 use crate::bodies::spatial::Inertia;
 use crate::contact::{Condensed, JointRow, LawPoint, Touch};
+use crate::geometry::solid::Carrier;
 use crate::kkt::System;
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
@@ -28,6 +29,8 @@ pub(crate) struct Iterate {
     pub w: Vec<Vector4<f64>>,
     /// Impulse of each joint friction and stop [N·m·s, N·s].
     pub s: Vec<f64>,
+    /// Cone variable of each contact of solids [N·s].
+    pub p: Vec<Vector4<f64>>,
 }
 
 /// Which axial forces the geometric stiffness is made of.
@@ -96,8 +99,13 @@ impl Stage<'_> {
         }
     }
 
-    pub(crate) fn has_contact(&self) -> bool {
+    /// Whether there are cone variables that need a value to start from.
+    pub(crate) fn has_cones(&self) -> bool {
         !(self.model.pairs.is_empty() && self.measure.rows.is_empty())
+    }
+
+    pub(crate) fn has_contact(&self) -> bool {
+        !(self.model.pairs.is_empty() && self.measure.rows.is_empty() && self.model.solid_pairs.is_empty())
     }
 
     fn place(&self, v: &[f64], ws: &mut Workspace) {
@@ -152,8 +160,10 @@ impl Stage<'_> {
             let impulse = crate::contact::impulse(touch.normal, at.mu, &it.w[c]);
             self.add_contact_force(c, impulse, ws);
         }
+        self.evaluate_frames(&it.v, ws, false);
+        self.add_spots(&it.p, &it.v, ws)?;
         self.inertia_minus_force(&it.v, ws);
-        self.body_residual(&it.v, ws);
+        self.body_residual(ws);
         self.add_rows(&it.s, &it.v, ws);
         Ok(())
     }
@@ -232,6 +242,8 @@ impl Stage<'_> {
         for c in 0..self.model.pairs.len() {
             self.linearize_contact(c, it, ws)?;
         }
+        self.evaluate_frames(&it.v, ws, true);
+        self.linearize_spots(&it.p, &it.v, ws)?;
         self.inertia_minus_force(&it.v, ws);
         for (node, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
             for row in 3 * node..3 * node + 3 {
@@ -240,7 +252,7 @@ impl Stage<'_> {
             }
         }
         self.assemble(ws);
-        self.linearize_bodies(&it.v, ws);
+        self.linearize_bodies(ws);
         self.linearize_rows(&it.s, &it.v, ws);
         Ok(())
     }
@@ -298,7 +310,7 @@ impl Stage<'_> {
     }
 
     /// ∂f/∂q̄, ∂f/∂v̄ and A after [`Stage::linearize`], contacts at fixed cone variables.
-    pub(crate) fn at_fixed_impulses(&self, ws: &Workspace) -> (System, System, System) {
+    pub(crate) fn at_fixed_impulses(&self, ws: &mut Workspace) -> (System, System, System) {
         let (mut dq, mut dv, mut a) = (ws.dq.clone(), ws.dv.clone(), ws.k.clone());
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
         for (node, [block_q, block_v]) in &ws.touching {
@@ -307,6 +319,14 @@ impl Stage<'_> {
                 debug_assert!(!self.model.driven[pair.node]);
                 for (r, row) in block_q.iter_mut().enumerate() {
                     row.iter_mut().enumerate().for_each(|(c, x)| *x += contact.dp_dq_fixed[(r, c)] / self.h);
+                }
+            }
+            for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
+                for side in (0..2).filter(|s| self.model.solids[spot.solids[*s]].carrier == Carrier::Node(*node)) {
+                    let (scale, m) = (if side == 0 { 1.0 / self.h } else { -1.0 / self.h }, linear.w_xi[side]);
+                    for (r, row) in block_q.iter_mut().enumerate() {
+                        row.iter_mut().enumerate().for_each(|(c, x)| *x += scale * m[(3 + r, 3 + c)]);
+                    }
                 }
             }
             let inertia = self.mass[*node] * (self.inertia + self.damping);
@@ -319,6 +339,10 @@ impl Stage<'_> {
             dq.nodes.set_block(*node, *node, &block_q);
             dv.nodes.set_block(*node, *node, block_v);
             a.nodes.set_block(*node, *node, &block);
+        }
+        if !ws.spots.spots.is_empty() {
+            self.change_by_velocities(false, ws, &mut a);
+            return (dq, dv, a);
         }
         for (row, diagonal) in self.measure.rows.iter().zip(&ws.row_diagonals) {
             a.bodies.set(row.dof, row.dof, *diagonal);

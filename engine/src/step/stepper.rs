@@ -161,7 +161,12 @@ impl<'m> Stepper<'m> {
     ) -> Result<(), StepError> {
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
         match self.integrate(state, h, v_cmd, trace, stages) {
-            Err(StepError::NotConverged { .. } | StepError::Singular { .. } | StepError::Geometry { .. }) if halvings > 0 => {
+            Err(
+                StepError::NotConverged { .. }
+                | StepError::Singular { .. }
+                | StepError::Geometry { .. }
+                | StepError::NoNormal { .. },
+            ) if halvings > 0 => {
                 *state = before;
                 stages.truncate(kept);
                 self.set_warm_start(warm);

@@ -1,8 +1,9 @@
 //! The memory of a step, allocated once and reused: the Newton loop allocates nothing.
 
 use super::bodies::BodyWorkspace;
+use super::spots::SpotWorkspace;
 use super::stage::Iterate;
-use crate::contact::{Condensed, RowLinear};
+use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
 use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
 use nalgebra::Vector4;
@@ -14,6 +15,8 @@ pub struct Warm {
     pub(crate) cones: Vec<Vector4<f64>>,
     /// Impulses of joint friction and stops [N·m·s, N·s].
     pub(crate) rows: Vec<f64>,
+    /// Cone variables of contacts of solids [N·s], in the order of their keys.
+    pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,
 }
 
 /// Buffers of the solver for one model, and the warm start of its contacts.
@@ -53,6 +56,8 @@ pub struct Workspace {
     pub(crate) row_diagonals: Vec<f64>,
     pub(crate) ds: Vec<f64>,
     pub(crate) ds_next: Vec<f64>,
+    /// Contacts of solids.
+    pub(crate) spots: SpotWorkspace,
     /// The bodies' part.
     pub(crate) bodies: BodyWorkspace,
     /// Impulses of the last converged stage; none before the first.
@@ -86,13 +91,14 @@ impl Workspace {
             k: matrix(),
             factor: SystemFactor::new(&symbolic, model.tree.nv()),
             bold: 0,
-            it: Iterate { v: zeros(), w: cones(), s: rows() },
+            it: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             stiffness: 0.0,
             axial: axial(),
             axial_next: axial(),
             dx: zeros(),
-            trial: Iterate { v: zeros(), w: cones(), s: rows() },
+            trial: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             touching: touching_nodes(model),
+            spots: SpotWorkspace::default(),
             bodies: BodyWorkspace::default(),
             rows: vec![RowLinear::default(); n_rows],
             row_residuals: rows(),
@@ -110,7 +116,7 @@ impl Workspace {
 }
 
 fn touching_nodes(model: &Model) -> Vec<(usize, [[[f64; 3]; 3]; 2])> {
-    let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).collect();
+    let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).chain(model.solids.iter().filter_map(|s| node_of(s.carrier))).collect();
     nodes.sort_unstable();
     nodes.dedup();
     nodes.into_iter().map(|node| (node, [[[0.0; 3]; 3]; 2])).collect()

@@ -9,15 +9,16 @@ use std::collections::BTreeSet;
 
 pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     shapes(scene)?;
-    let shapes = scene.n_shapes();
-    if shapes == 0 {
+    let bodies = scene.body.iter().filter(|b| !b.shape.is_empty()).count();
+    let shapes = scene.n_shapes() + scene.body.iter().map(|b| b.shape.len()).sum::<usize>();
+    if shapes == 0 || (scene.n_shapes() == 0 && scene.rope.is_empty() && bodies == 1) {
         return Ok(());
     }
     if scene.time.integrator == Integrator::Midpoint {
         return Err(SceneError::at("time.integrator", Mistake::MidpointContact { shapes }));
     }
     let held: BTreeSet<(&str, usize)> = held(scene).collect();
-    if scene.rope.is_empty() {
+    if scene.rope.is_empty() && bodies == 0 {
         return Err(SceneError::at("rope", Mistake::NothingFree { shapes }));
     }
     // a commanded node does not feel contact: such a rope would go through everything without a word
@@ -87,5 +88,20 @@ fn distances<X>(scene: &Scene<X>, point: V3) -> impl Iterator<Item = (String, f6
         let along = (dot(sub(point, s.a), axis) / dot(axis, axis)).clamp(0.0, 1.0);
         (format!("capsule \"{}\"", s.name), norm(sub(point, add(s.a, scale(axis, along)))) - s.radius)
     });
-    planes.chain(spheres).chain(capsules)
+    let blocks = scene.block.iter().map(move |s| {
+        let y = turned(s.quaternion, sub(point, s.position));
+        let over: V3 = std::array::from_fn(|k| y[k].abs() - s.half_extents[k]);
+        (format!("box \"{}\"", s.name), over.into_iter().fold(f64::NEG_INFINITY, f64::max))
+    });
+    let cylinders = scene.cylinder.iter().map(move |s| {
+        let y = turned(s.quaternion, sub(point, s.position));
+        (format!("cylinder \"{}\"", s.name), (y[0].hypot(y[1]) - s.radius).max(y[2].abs() - s.half_length))
+    });
+    planes.chain(spheres).chain(capsules).chain(blocks).chain(cylinders)
+}
+
+/// A vector of the world in the axes of a quaternion.
+fn turned(quaternion: [f64; 4], x: V3) -> V3 {
+    let y = crate::bodies::rotation::matrix(&quaternion).tr_mul(&crate::terms::Vec3::from(x));
+    y.into()
 }

@@ -4,6 +4,7 @@ mod body;
 mod contact;
 mod gripper;
 mod rope;
+mod solid;
 
 pub(crate) use body::matrix as inertia_matrix;
 
@@ -42,6 +43,7 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
     body::check(scene)?;
     gripper::check(scene)?;
+    solid::check(scene)?;
     contact::check(scene)
 }
 
@@ -170,5 +172,7 @@ fn named<X>(scene: &Scene<X>) -> impl Iterator<Item = (String, &str)> {
     });
     let actuators = scene.actuator.iter().enumerate().map(|(i, o)| (format!("actuator[{i}]"), o.name.as_str()));
     let ropes = ropes.chain(bodies).chain(joints).chain(actuators);
-    ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules)
+    let blocks = scene.block.iter().enumerate().map(|(i, o)| (format!("box[{i}]"), o.name.as_str()));
+    let cylinders = scene.cylinder.iter().enumerate().map(|(i, o)| (format!("cylinder[{i}]"), o.name.as_str()));
+    ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules).chain(blocks).chain(cylinders)
 }

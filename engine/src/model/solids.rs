@@ -1,0 +1,293 @@
+//! From a scene's shapes to solids, and which of them may touch.
+
+use super::Model;
+use crate::bodies::rotation::{matrix, normalized};
+use crate::contact::{Friction, SolidPair};
+use crate::geometry::solid::{Carrier, Form, Place, Solid, candidates, meet};
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
+use crate::scene::{Body, BodyShape, ContactRule, Mistake, Scene, SceneError, ShapeKind};
+use crate::step::SOLID_WEIGHT;
+use crate::terms::Vec3;
+use nalgebra::Matrix3;
+use std::collections::HashMap;
+
+/// Overlap at the start that contact opens without a jerk \[m\].
+const OVERLAP: f64 = 1e-6;
+
+/// A solid while pairs are listed.
+struct Entry {
+    /// Name of the object that has it, in the scene.
+    object: String,
+    /// Field of the scene, for errors.
+    field: String,
+}
+
+/// A rule of the scene, with its entries of θ.
+struct Rule<'a> {
+    rule: &'a ContactRule,
+    friction: Option<usize>,
+    compliance: Option<usize>,
+}
+
+impl Model {
+    /// Adds solids and pairs; of every rope the index of its radius in θ.
+    pub(super) fn add_solids<X>(&mut self, scene: &Scene<X>, radii: &[usize]) -> Result<(), SceneError> {
+        let mut entries = self.body_solids(scene);
+        let of_bodies = self.solids.len();
+        self.fixed_solids(scene, &mut entries);
+        let fixed = self.solids.len();
+        if of_bodies > 0 || !scene.block.is_empty() || !scene.cylinder.is_empty() {
+            self.node_solids(radii, &mut entries);
+        }
+        let rules: Vec<Rule> = scene.contact.pair.iter().enumerate().map(|(k, rule)| self.push_rule(k, rule)).collect();
+        let weights = self.body_weights();
+        let joined = self.joined();
+        for a in 0..self.solids.len() {
+            for b in a + 1..self.solids.len() {
+                if !self.may_touch(a, b, of_bodies..fixed, &joined) {
+                    continue;
+                }
+                let of_pair = |rule: &&Rule| {
+                    let [x, y] = &rule.rule.between;
+                    let (p, q) = (&entries[a].object, &entries[b].object);
+                    (x == p && y == q) || (x == q && y == p)
+                };
+                let rule = rules.iter().find(of_pair);
+                if rule.is_some_and(|r| r.rule.ignore) {
+                    continue;
+                }
+                let own = match (self.solids[a].friction, self.solids[b].friction) {
+                    (Some(x), Some(y)) => Friction::Larger(x, y),
+                    (Some(x), None) | (None, Some(x)) => Friction::Of(x),
+                    (None, None) => Friction::Of(self.no_friction()),
+                };
+                let friction = rule.and_then(|r| r.friction).map_or(own, Friction::Of);
+                let weight = self.weight(&weights, a).min(self.weight(&weights, b));
+                self.solid_pairs.push(SolidPair {
+                    solids: [a, b],
+                    friction,
+                    compliance: rule.and_then(|r| r.compliance),
+                    weight,
+                });
+            }
+        }
+        self.refuse_overlaps(&entries)
+    }
+
+    fn body_solids<X>(&mut self, scene: &Scene<X>) -> Vec<Entry> {
+        let mut entries = Vec::new();
+        for (b, body) in scene.body.iter().enumerate() {
+            let Some(index) = self.tree.body(&body.name) else { continue };
+            for (k, shape) in body.shape.iter().enumerate() {
+                let solid = self.body_solid(body, k, shape, index);
+                self.solids.push(solid);
+                entries.push(Entry { object: body.name.clone(), field: format!("body[{b}].shape[{k}]") });
+            }
+        }
+        entries
+    }
+
+    fn body_solid(&mut self, body: &Body, k: usize, shape: &BodyShape, index: usize) -> Solid {
+        let name = format!("{}.shape[{k}]", body.name);
+        let place = Place::At(self.push_position(&name, shape.position));
+        let (form, sizes) = match shape.kind {
+            ShapeKind::Sphere => (Form::Ball, [shape.radius, None, None]),
+            ShapeKind::Capsule => (Form::Capsule, [shape.radius, shape.half_length, None]),
+            ShapeKind::Cylinder => (Form::Cylinder, [shape.radius, shape.half_length, None]),
+            ShapeKind::Box => (Form::Block, [0, 1, 2].map(|a| shape.half_extents.map(|x| x[a]))),
+        };
+        let sizes = self.push_sizes(&name, form, sizes.map(|x| x.unwrap_or(0.0)));
+        let friction = shape.friction.map(|mu| self.params.push(format!("{name}.friction"), "-", NON_NEGATIVE, mu));
+        let rotation = matrix(&normalized(&shape.quaternion));
+        Solid { name, form, carrier: Carrier::Body(index), rotation, point: Vec3::zeros(), place, sizes, friction }
+    }
+
+    fn push_position(&mut self, name: &str, position: [f64; 3]) -> usize {
+        let first = self.params.len();
+        for (a, x) in position.into_iter().enumerate() {
+            self.params.push(format!("{name}.position[{a}]"), "m", ANY, x);
+        }
+        first
+    }
+
+    fn push_sizes(&mut self, name: &str, form: Form, sizes: [f64; 3]) -> [usize; 3] {
+        let names: &[&str] = match form {
+            Form::HalfSpace => &[],
+            Form::Ball => &["radius"],
+            Form::Capsule | Form::Cylinder => &["radius", "half_length"],
+            Form::Block => &["half_extent[0]", "half_extent[1]", "half_extent[2]"],
+        };
+        let mut out = [0; 3];
+        for (k, quantity) in names.iter().enumerate() {
+            out[k] = self.params.push(format!("{name}.{quantity}"), "m", POSITIVE, sizes[k]);
+        }
+        out
+    }
+
+    /// Solids for the fixed shapes; planes, spheres and capsules share their parameters with the shapes that nodes touch.
+    fn fixed_solids<X>(&mut self, scene: &Scene<X>, entries: &mut Vec<Entry>) {
+        let identity = Matrix3::identity();
+        let mut push = |model: &mut Self, field: String, solid: Solid| {
+            entries.push(Entry { object: solid.name.clone(), field });
+            model.solids.push(solid);
+        };
+        let fixed = |name: &str, form, rotation, place, sizes, friction| Solid {
+            name: name.to_owned(),
+            form,
+            carrier: Carrier::World,
+            rotation,
+            point: Vec3::zeros(),
+            place,
+            sizes,
+            friction,
+        };
+        let find = |model: &Self, name: &str, quantity: &str| model.params.find(&format!("{name}.{quantity}"));
+        for (i, s) in scene.plane.iter().enumerate() {
+            let Some(height) = find(self, &s.name, "height") else { continue };
+            let friction = find(self, &s.name, "friction");
+            let solid = fixed(&s.name, Form::HalfSpace, along(&Vec3::from(s.normal)), Place::Height(height), [0; 3], friction);
+            push(self, format!("plane[{i}]"), Solid { point: Vec3::from(s.point), ..solid });
+        }
+        for (i, s) in scene.sphere.iter().enumerate() {
+            let (Some(center), Some(radius)) = (find(self, &s.name, "center[0]"), find(self, &s.name, "radius")) else { continue };
+            let friction = find(self, &s.name, "friction");
+            push(self, format!("sphere[{i}]"), fixed(&s.name, Form::Ball, identity, Place::At(center), [radius, 0, 0], friction));
+        }
+        for (i, s) in scene.capsule.iter().enumerate() {
+            let ends = [find(self, &s.name, "a[0]"), find(self, &s.name, "b[0]"), find(self, &s.name, "radius")];
+            let [Some(a), Some(b), Some(radius)] = ends else { continue };
+            let place = Place::Between([a, a + 1, a + 2], [b, b + 1, b + 2]);
+            let friction = find(self, &s.name, "friction");
+            push(self, format!("capsule[{i}]"), fixed(&s.name, Form::Capsule, identity, place, [radius, 0, 0], friction));
+        }
+        for (i, s) in scene.block.iter().enumerate() {
+            let place = Place::At(self.push_position(&s.name, s.position));
+            let sizes = self.push_sizes(&s.name, Form::Block, s.half_extents);
+            let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
+            let rotation = matrix(&normalized(&s.quaternion));
+            push(self, format!("box[{i}]"), fixed(&s.name, Form::Block, rotation, place, sizes, Some(friction)));
+        }
+        for (i, s) in scene.cylinder.iter().enumerate() {
+            let place = Place::At(self.push_position(&s.name, s.position));
+            let sizes = self.push_sizes(&s.name, Form::Cylinder, [s.radius, s.half_length, 0.0]);
+            let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
+            let rotation = matrix(&normalized(&s.quaternion));
+            push(self, format!("cylinder[{i}]"), fixed(&s.name, Form::Cylinder, rotation, place, sizes, Some(friction)));
+        }
+    }
+
+    fn node_solids(&mut self, radii: &[usize], entries: &mut Vec<Entry>) {
+        for (r, (rope, radius)) in self.ropes.iter().zip(radii).enumerate() {
+            for (k, node) in rope.nodes.clone().enumerate().filter(|(_, node)| !self.driven[*node]) {
+                self.solids.push(Solid {
+                    name: format!("{}.node[{k}]", rope.name),
+                    form: Form::Ball,
+                    carrier: Carrier::Node(node),
+                    rotation: Matrix3::identity(),
+                    point: Vec3::zeros(),
+                    place: Place::Origin,
+                    sizes: [*radius, 0, 0],
+                    friction: None,
+                });
+                entries.push(Entry { object: rope.name.clone(), field: format!("rope[{r}].initial") });
+            }
+        }
+    }
+
+    fn push_rule<'a>(&mut self, k: usize, rule: &'a ContactRule) -> Rule<'a> {
+        let mut entry = |name: &str, unit, value: Option<f64>| {
+            value.map(|value| self.params.push(format!("contact.pair[{k}].{name}"), unit, NON_NEGATIVE, value))
+        };
+        Rule { rule, friction: entry("friction", "-", rule.friction), compliance: entry("compliance", "m/N", rule.compliance) }
+    }
+
+    /// The entry of θ of two solids that both have no friction of their own.
+    fn no_friction(&mut self) -> usize {
+        let path = "contact.friction";
+        self.params.find(path).unwrap_or_else(|| self.params.push(path, "-", NON_NEGATIVE, 0.0))
+    }
+
+    /// Mass of every body as the scene begins \[kg\]; of one without, that of everything on it.
+    fn body_weights(&self) -> Vec<f64> {
+        let inertias = self.inertias(self.params.values());
+        let mut beyond: Vec<f64> = inertias.iter().map(|i| i.m).collect();
+        for (b, body) in self.tree.bodies().iter().enumerate().rev() {
+            if let Some(parent) = body.parent {
+                beyond[parent] += beyond[b];
+            }
+        }
+        inertias.iter().zip(beyond).map(|(i, all)| if i.m > 0.0 { i.m } else { all }).collect()
+    }
+
+    /// Weight of what carries a solid \[N\]; infinite for the world.
+    fn weight(&self, bodies: &[f64], solid: usize) -> f64 {
+        SOLID_WEIGHT
+            * match self.solids[solid].carrier {
+                Carrier::World => f64::INFINITY,
+                Carrier::Body(body) => bodies[body].max(1e-9),
+                Carrier::Node(node) => self.masses[node].mass(self.params.values()).max(1e-9),
+            }
+    }
+
+    /// For every body the first one that it is fixed to without a joint; none if that is the world.
+    fn joined(&self) -> Vec<Option<usize>> {
+        let mut out: Vec<Option<usize>> = Vec::new();
+        for (b, body) in self.tree.bodies().iter().enumerate() {
+            out.push(if body.joints.is_empty() { body.parent.and_then(|p| out[p]) } else { Some(b) });
+        }
+        out
+    }
+
+    fn may_touch(&self, a: usize, b: usize, fixed: std::ops::Range<usize>, joined: &[Option<usize>]) -> bool {
+        let new_to_nodes = |solid: usize| matches!(self.solids[solid].form, Form::Block | Form::Cylinder);
+        match (self.solids[a].carrier, self.solids[b].carrier) {
+            (Carrier::World, Carrier::World) | (Carrier::Node(_), Carrier::Node(_)) => false,
+            // nodes touch fixed planes, spheres and capsules by a way of their own
+            (Carrier::World, Carrier::Node(_)) => fixed.contains(&a) && new_to_nodes(a),
+            (Carrier::Node(_), Carrier::World) => fixed.contains(&b) && new_to_nodes(b),
+            (Carrier::Body(x), Carrier::Body(y)) => {
+                let (x, y) = (joined[x], joined[y]);
+                let above = |x: Option<usize>| x.and_then(|x| self.tree.bodies()[x].parent).and_then(|p| joined[p]);
+                // neighbours at a joint overlap there, and two that are fixed to the world do not move
+                x != y && (x.is_none() || above(x) != y || y.is_none()) && (y.is_none() || above(y) != x || x.is_none())
+            }
+            (Carrier::Body(x), Carrier::World) | (Carrier::World, Carrier::Body(x)) => joined[x].is_some(),
+            (Carrier::Body(_), Carrier::Node(_)) | (Carrier::Node(_), Carrier::Body(_)) => true,
+        }
+    }
+
+    /// No pair may overlap as the scene begins: contact would throw them apart.
+    fn refuse_overlaps(&self, entries: &[Entry]) -> Result<(), SceneError> {
+        let theta = self.params.values();
+        let frames = self.tree.frames(&self.q0[self.n_node_dofs()..], &vec![0.0; self.tree.nv()]);
+        let pose = |s: &Solid| crate::step::solid_pose(s.carrier, &self.q0, &frames);
+        let posed: Vec<_> = self.solids.iter().map(|s| s.posed(&pose(s), |k| theta[k])).collect();
+        let mut deepest: HashMap<(usize, usize), f64> = HashMap::new();
+        let mut found = Vec::new();
+        for pair in &self.solid_pairs {
+            let [a, b] = pair.solids;
+            found.clear();
+            candidates(&posed[a], &posed[b], 0.0, &mut found);
+            for (spot, swapped) in &found {
+                let (a, b) = if *swapped { (b, a) } else { (a, b) };
+                // only points that lie in the other solid tell how deep it is
+                let Ok(meeting) = meet(spot, &posed[a], &posed[b]) else { continue };
+                let depth = deepest.entry((pair.solids[0], pair.solids[1])).or_insert(0.0);
+                *depth = depth.max(-meeting.gap);
+            }
+        }
+        let worst = deepest.into_iter().filter(|(_, depth)| *depth > OVERLAP).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));
+        let Some(((a, b), depth)) = worst else { return Ok(()) };
+        let name = |k: usize| format!("`{}`", self.solids[k].name);
+        Err(SceneError::at(entries[a].field.clone(), Mistake::Overlap { first: name(a), second: name(b), depth }))
+    }
+}
+
+/// Axes with z along `normal`.
+fn along(normal: &Vec3<f64>) -> Matrix3<f64> {
+    let z = normal.normalize();
+    let mut e = Vec3::zeros();
+    e[z.iamin()] = 1.0;
+    let x = e.cross(&z).normalize();
+    Matrix3::from_columns(&[x, z.cross(&x), z])
+}

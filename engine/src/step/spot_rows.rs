@@ -1,0 +1,302 @@
+//! Contacts of solids in a record, with their cone variables as unknowns: see [`super::contact_rows`]. Each moves the degrees of
+//! freedom of two carriers, so its blocks are lists over those:
+//! ```text
+//! r_k −= (column_k · w)/h,     F(w; slope) = F_w dw + Σ_k slope_k dv_k
+//! ```
+
+use super::contact_rows::{add_product, replace};
+use super::spots::{pose, spot_law, velocity};
+use super::{Stage, StageRecord, Workspace};
+use crate::bodies::Frames;
+use crate::bodies::dynamics::Displacement;
+use crate::bodies::spatial::{Force, column};
+use crate::contact::{Sliding, SpotState, spot_wrench};
+use crate::geometry::solid::{Carrier, Meeting, Posed, meet};
+use crate::kinematics::Input;
+use crate::model::Model;
+use crate::terms::Vec3;
+use nalgebra::{Matrix4, SMatrix, Vector4, Vector6};
+use num_dual::Dual64;
+
+/// Part of its bound from which friction counts as slipping.
+const SLIP: f64 = 0.999;
+
+/// A degree of freedom that a contact moves or is moved by.
+#[derive(Clone, Copy, Debug)]
+struct SpotDof {
+    /// Its row.
+    v: usize,
+    /// Impulse on it per unit of w.
+    impulse: Vector4<f64>,
+    /// ∂F/∂q̄ along it, and ∂F/∂v⁺ with positions moving along.
+    by_q: Vector4<f64>,
+    slope: Vector4<f64>,
+}
+
+/// A contact at the root.
+#[derive(Clone, Debug)]
+pub(crate) struct SpotRecord {
+    state: SpotState,
+    /// Cone variable [N·s].
+    w: Vector4<f64>,
+    dofs: Vec<SpotDof>,
+    f_w: Matrix4<f64>,
+    inverse: Matrix4<f64>,
+    f_vn: Vector4<f64>,
+    f_mu: Vector4<f64>,
+    f_vt: SMatrix<f64, 4, 3>,
+}
+
+impl Stage<'_> {
+    /// What the record keeps of the contacts, linearized at the root.
+    pub(super) fn spot_records(&self, ws: &mut Workspace) -> Vec<SpotRecord> {
+        if ws.spots.spots.is_empty() {
+            return Vec::new();
+        }
+        let by_v = self.spot_dofs(ws);
+        ws.bodies.partials.fill_columns(&self.model.tree, &ws.bodies.frames, Displacement { cm: 0.0, cv: 0.0, cq: 1.0 }, &[]);
+        let by_q = self.spot_dofs(ws);
+        let record = |(k, state): (usize, &SpotState)| {
+            let linear = &ws.spots.linear[k];
+            let dofs = by_v[k].iter().zip(&by_q[k]);
+            SpotRecord {
+                state: *state,
+                w: ws.it.p[k],
+                dofs: dofs.map(|(v, q)| SpotDof { v: v.0, impulse: v.1, slope: v.2, by_q: q.3 }).collect(),
+                f_w: linear.f_w,
+                inverse: linear.inverse,
+                f_vn: linear.f_vn,
+                f_mu: linear.f_mu,
+                f_vt: linear.f_vt,
+            }
+        };
+        ws.spots.spots.iter().enumerate().map(record).collect()
+    }
+
+    /// For every spot and every degree of freedom it has to do with: (row, impulse, ∂F by the composites' columns with nodes moving
+    /// along as in K, and with nodes displaced alone).
+    #[allow(clippy::type_complexity)] // four numbers per degree of freedom, used at once
+    fn spot_dofs(&self, ws: &Workspace) -> Vec<Vec<(usize, Vector4<f64>, Vector4<f64>, Vector4<f64>)>> {
+        let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
+        let of_spot = |(state, linear): (&SpotState, &crate::contact::SpotLinear)| {
+            let mut out: Vec<(usize, Vector4<f64>, Vector4<f64>, Vector4<f64>)> = Vec::new();
+            let mut add = |row: usize, impulse, with_v: Vector4<f64>, alone: Vector4<f64>| match out.iter_mut().find(|d| d.0 == row) {
+                Some(d) => {
+                    d.1 += impulse;
+                    d.2 += with_v;
+                    d.3 += alone;
+                }
+                None => out.push((row, impulse, with_v, alone)),
+            };
+            for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                match self.model.solids[state.solids[side]].carrier {
+                    Carrier::World => {}
+                    Carrier::Node(node) => (0..3).for_each(|a| {
+                        let xi = linear.f_xi[side].column(3 + a).into_owned();
+                        let v = linear.f_v.column(3 + a) * sign;
+                        let impulse = linear.w_w.row(3 + a).transpose() * sign;
+                        if !self.model.driven[node] {
+                            add(3 * node + a, impulse, xi * (self.h * self.scheme.free.a1) + v, xi);
+                        }
+                    }),
+                    Carrier::Body(body) => {
+                        let motion = ws.bodies.frames.bodies[body].velocity;
+                        for l in tree.chain(tree.last_dof(body)) {
+                            let (xi, v): (Vector6<f64>, Vector6<f64>) = ws.bodies.partials.change(l, &motion);
+                            let f = linear.f_xi[side] * xi + linear.f_v * v * sign;
+                            let impulse = linear.w_w.transpose() * column(&ws.bodies.frames.axes[l].s) * sign;
+                            add(n + l, impulse, f, f);
+                        }
+                    }
+                }
+            }
+            out
+        };
+        ws.spots.spots.iter().zip(&ws.spots.linear).map(of_spot).collect()
+    }
+}
+
+impl StageRecord {
+    fn spot_row(&self, k: usize) -> usize {
+        self.v.len() + 4 * self.contacts.len() + self.rows.len() + 4 * k
+    }
+
+    pub(super) fn subtract_spots(&self, x: &[f64], out: &mut [f64], columns: usize) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for dof in &spot.dofs {
+                add_product(&(dof.impulse.transpose() / self.h), x, at, out, dof.v, columns);
+                add_product(&-dof.slope, x, dof.v, out, at, columns);
+            }
+            add_product(&-spot.f_w, x, at, out, at, columns);
+        }
+    }
+
+    pub(super) fn subtract_spots_transpose(&self, x: &[f64], out: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for dof in &spot.dofs {
+                add_product(&(dof.impulse / self.h), x, dof.v, out, at, 1);
+                add_product(&-dof.slope.transpose(), x, at, out, dof.v, 1);
+            }
+            add_product(&-spot.f_w.transpose(), x, at, out, at, 1);
+        }
+    }
+
+    /// `b_v += impulse F_w⁻¹ b_w/h`.
+    pub(super) fn eliminate_spots(&self, b: &mut [f64], columns: usize) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for j in 0..columns {
+                let w = spot.inverse * Vector4::from_fn(|r, _| b[(at + r) * columns + j]) / self.h;
+                spot.dofs.iter().for_each(|dof| b[dof.v * columns + j] += dof.impulse.dot(&w));
+            }
+        }
+    }
+
+    /// `b_w ← F_w⁻¹ (b_w − slope b_v)`.
+    pub(super) fn recover_spots(&self, b: &mut [f64], columns: usize) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for j in 0..columns {
+                let change: Vector4<f64> = spot.dofs.iter().map(|dof| dof.slope * b[dof.v * columns + j]).sum();
+                (0..4).for_each(|r| b[(at + r) * columns + j] -= change[r]);
+            }
+            replace(&spot.inverse, b, at, columns);
+        }
+    }
+
+    /// `b_w ← F_w⁻ᵀ b_w`, `b_v −= slopeᵀ b_w`.
+    pub(super) fn eliminate_spots_transpose(&self, b: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            replace(&spot.inverse.transpose(), b, at, 1);
+            let w = Vector4::from_fn(|r, _| b[at + r]);
+            spot.dofs.iter().for_each(|dof| b[dof.v] -= dof.slope.dot(&w));
+        }
+    }
+
+    /// `b_w += F_w⁻ᵀ impulseᵀ b_v/h`.
+    pub(super) fn recover_spots_transpose(&self, b: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            let pulled: Vector4<f64> = spot.dofs.iter().map(|dof| dof.impulse * b[dof.v]).sum();
+            let w = spot.inverse.tr_mul(&pulled) / self.h;
+            (0..4).for_each(|r| b[at + r] += w[r]);
+        }
+    }
+
+    pub(super) fn add_spot_positions(&self, scale: f64, q: &[f64], out: &mut [f64], columns: usize) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            for dof in &spot.dofs {
+                add_product(&(dof.by_q * scale), q, dof.v, out, self.spot_row(k), columns);
+            }
+        }
+    }
+
+    pub(super) fn add_spot_positions_transpose(&self, scale: f64, x: &[f64], out: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let w = Vector4::from_fn(|r, _| x[self.spot_row(k) + r]);
+            spot.dofs.iter().for_each(|dof| out[dof.v] += scale * dof.by_q.dot(&w));
+        }
+    }
+
+    /// Of every contact of solids that touches: which it is (its pair and features, folded), and 1 stick or 2 slip.
+    pub(super) fn spot_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
+        let mode = |spot: &SpotRecord| {
+            let law = spot_law(model.contact.law, &model.solid_pairs[spot.state.key.pair], &spot.state, theta, [self.h, self.rest_gap]);
+            let open = spot.w[0] < (law.at.kappa * law.at.rho_n).sqrt();
+            let load = spot.w.fixed_rows::<3>(1).norm() / spot.w[0];
+            (!open).then(|| [spot.state.key.fold().to_le_bytes().to_vec(), vec![1 + u8::from(load > SLIP)]].concat())
+        };
+        self.spots.iter().filter_map(mode).flatten().collect()
+    }
+
+    /// ∂(r, F)/∂θ of the contacts of solids: friction, compliance, and what places and sizes them.
+    pub(super) fn visit_spots(
+        &self,
+        model: &Model,
+        theta: &[f64],
+        q_bar: &[f64],
+        frames: &Frames<f64>,
+        visit: &mut dyn FnMut(usize, Input, f64),
+    ) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let pair = &model.solid_pairs[spot.state.key.pair];
+            let at = self.spot_row(k);
+            let mut emit = |param: usize, wrench: Option<Force<f64>>, f: Vector4<f64>| {
+                if let Some(wrench) = wrench {
+                    self.visit_wrench(model, frames, &spot.state, &(wrench * (1.0 / self.h)), &mut |row, value| {
+                        visit(row, Input::Theta(param), -value);
+                    });
+                }
+                (0..4).for_each(|a| visit(at + a, Input::Theta(param), f[a]));
+            };
+            let Some((meeting, _)) = meeting_along(model, &spot.state, q_bar, frames, theta, None) else { continue };
+            let [a, b] = spot.state.solids.map(|s| velocity(model.solids[s].carrier, &self.v, frames));
+            let sliding = Sliding::new(&meeting, a - b);
+            let mu = theta[pair.friction.entry(theta)];
+            let tangential = Vec3::new(spot.w[1], spot.w[2], spot.w[3]);
+            emit(pair.friction.entry(theta), Some(Force::at(&meeting.point, tangential)), spot.f_mu);
+            if let Some(compliance) = pair.compliance {
+                emit(compliance, None, spot.f_vn * (spot.w[0] / (self.h * self.h)));
+            }
+            let mut params: Vec<usize> = spot.state.solids.iter().flat_map(|s| model.solids[*s].params()).collect();
+            params.sort_unstable();
+            params.dedup();
+            let wrench = spot_wrench(&meeting, mu, &spot.w);
+            let n = &meeting.normal;
+            for param in params {
+                let Some((_, by)) = meeting_along(model, &spot.state, q_bar, frames, theta, Some(param)) else { continue };
+                let impulse = by.normal * spot.w[0];
+                let change = Force { n: by.point.cross(&wrench.f) + meeting.point.cross(&impulse), f: impulse };
+                let slip = sliding.relative.w.cross(&by.point);
+                let dv_t = slip - n * n.dot(&slip) - by.normal * n.dot(&sliding.velocity) - n * by.normal.dot(&sliding.velocity);
+                emit(param, Some(change), spot.f_vn * (by.gap / self.h) + spot.f_vt * dv_t);
+            }
+        }
+    }
+
+    /// Generalized forces of a wrench on the first solid and its opposite on the second.
+    fn visit_wrench(
+        &self,
+        model: &Model,
+        frames: &Frames<f64>,
+        state: &SpotState,
+        wrench: &Force<f64>,
+        visit: &mut dyn FnMut(usize, f64),
+    ) {
+        let (n, tree) = (model.n_node_dofs(), &model.tree);
+        for (side, sign) in [(0, 1.0), (1, -1.0)] {
+            match model.solids[state.solids[side]].carrier {
+                Carrier::World => {}
+                Carrier::Node(node) if model.driven[node] => {}
+                Carrier::Node(node) => (0..3).for_each(|a| visit(3 * node + a, sign * wrench.f[a])),
+                Carrier::Body(body) => {
+                    tree.chain(tree.last_dof(body)).for_each(|l| visit(n + l, sign * frames.axes[l].s.dot(wrench)));
+                }
+            }
+        }
+    }
+}
+
+/// A spot's meeting, and its derivative with respect to one entry of θ at fixed poses.
+fn meeting_along(
+    model: &Model,
+    state: &SpotState,
+    q_bar: &[f64],
+    frames: &Frames<f64>,
+    theta: &[f64],
+    param: Option<usize>,
+) -> Option<(Meeting<f64>, Meeting<f64>)> {
+    let seeded = |k: usize| Dual64::new(theta[k], if Some(k) == param { 1.0 } else { 0.0 });
+    let [a, b]: [Posed<Dual64>; 2] = state.solids.map(|s| {
+        let solid = &model.solids[s];
+        let pose = pose(solid.carrier, q_bar, frames);
+        let pose = crate::geometry::solid::Pose { rotation: pose.rotation.map(Dual64::from), position: pose.position.map(Dual64::from) };
+        solid.posed(&pose, seeded)
+    });
+    let m = meet(&state.key.spot, &a, &b).ok()?;
+    let part = |take: fn(&Dual64) -> f64| Meeting { gap: take(&m.gap), normal: m.normal.map(|x| take(&x)), point: m.point.map(|x| take(&x)) };
+    Some((part(|x| x.re), part(|x| x.eps)))
+}

@@ -1,0 +1,439 @@
+//! Contacts of solids in a stage: where they may be, their wrenches, and what they add to the matrix.
+//!
+//! Spots are listed once per stage, from where it begins. Each has a cone variable w; its wrench W(w)/h acts on the first solid and
+//! the opposite on the second. Newton eliminates w, which leaves wrenches that depend on the displacements and velocities of both
+//! sides; what depends on the own side goes with the composites of [`crate::bodies::dynamics`], what depends on the other side and on
+//! nodes is added here.
+
+use super::{Stage, StepError, Workspace};
+use crate::bodies::dynamics::{Displacement, WrenchPartial};
+use crate::bodies::operational::{mobilities, yields};
+use crate::bodies::spatial::{Force, Motion, column};
+use crate::contact::{
+    SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, Sliding, meeting_changes, node_of, pose_of_world, spot_wrench,
+};
+use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, candidates, meet};
+use crate::kkt::System;
+use crate::terms::Vec3;
+use nalgebra::{Matrix6, Vector4, Vector6};
+use pliant_smoothing::{ContactLaw, SplitPoint};
+
+/// Safe fraction of the effective mass as the law's steps ρ.
+const RHO: f64 = 0.3;
+/// Acceleration that makes a weight of a mass in the smoothing of contacts of solids [m/s²]: near gravity's, but no parameter.
+pub(crate) const WEIGHT: f64 = 10.0;
+/// A spot farther away than this many rest gaps pushes with less than 1e-6 of the weight, and is left out.
+const FAR: f64 = 1e6;
+
+/// What the contacts of solids keep through a stage.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SpotWorkspace {
+    /// Contacts of the stage, and each linearized.
+    pub spots: Vec<SpotState>,
+    pub linear: Vec<SpotLinear>,
+    /// F of each at the last residual [N·s], and the rounding of its w.
+    pub f: Vec<Vector4<f64>>,
+    pub rounding: Vec<f64>,
+    /// Corrections of the cone variables.
+    pub dw: Vec<Vector4<f64>>,
+    pub dw_next: Vec<Vector4<f64>>,
+    /// Forces on bodies (wrench over stage length), and how they change with the own body.
+    pub wrenches: Vec<Force<f64>>,
+    pub changes: Vec<WrenchPartial>,
+    posed: Vec<Posed<f64>>,
+    mobility: Vec<Matrix6<f64>>,
+    stiffening: Vec<f64>,
+    found: Vec<(crate::geometry::solid::Spot, bool)>,
+}
+
+impl Stage<'_> {
+    /// Whether solids may touch at all.
+    pub(crate) fn has_solids(&self) -> bool {
+        !self.model.solid_pairs.is_empty()
+    }
+
+    /// The law's numbers at a spot.
+    pub(crate) fn spot_law(&self, spot: &SpotState) -> SpotLaw {
+        let pair = &self.model.solid_pairs[spot.key.pair];
+        spot_law(self.model.contact.law, pair, spot, self.theta, [self.h, self.rest_gap])
+    }
+
+    fn pose(&self, carrier: Carrier, q: &[f64], ws: &Workspace) -> Pose<f64> {
+        pose(carrier, q, &ws.bodies.frames)
+    }
+
+    /// Velocity of a carrier about the origin of the frames.
+    fn velocity(&self, carrier: Carrier, v: &[f64], ws: &Workspace) -> Motion<f64> {
+        velocity(carrier, v, &ws.bodies.frames)
+    }
+
+    /// Lists the spots of this stage in `ws.spots`, and starts their cone variables: those of the last stage where there are any.
+    pub(crate) fn find_spots(&self, ws: &mut Workspace) {
+        if !self.has_solids() {
+            return;
+        }
+        let n = self.model.n_node_dofs();
+        self.frames_at_start(ws);
+        let mut part = std::mem::take(&mut ws.spots);
+        part.posed.clear();
+        for solid in &self.model.solids {
+            part.posed.push(solid.posed(&self.pose(solid.carrier, self.q_ref, ws), |k| self.theta[k]));
+        }
+        part.spots.clear();
+        let g = self.theta[self.model.gravity].abs();
+        let speed = |solid: usize, posed: &Posed<f64>| {
+            let motion = self.velocity(self.model.solids[solid].carrier, self.v_ref, ws);
+            let turning = if motion.w == Vec3::zeros() { 0.0 } else { motion.w.norm() * posed.reach() };
+            motion.at(&posed.position).norm() + turning
+        };
+        for (k, pair) in self.model.solid_pairs.iter().enumerate() {
+            let [a, b] = pair.solids;
+            let (pa, pb) = (&part.posed[a], &part.posed[b]);
+            let margin = FAR * self.rest_gap + 2.0 * self.h * (speed(a, pa) + speed(b, pb)) + 4.0 * g * self.h * self.h;
+            if bound(pa, pb) > margin {
+                continue;
+            }
+            part.found.clear();
+            candidates(pa, pb, margin, &mut part.found);
+            for &(spot, swapped) in &part.found {
+                let solids = if swapped { [b, a] } else { [a, b] };
+                part.spots.push(SpotState { key: SpotKey { pair: k, spot, swapped }, solids, rho_n: 0.0, rho_t: 0.0 });
+            }
+        }
+        if !part.spots.is_empty() {
+            self.weigh_spots(&mut part, n, ws);
+        }
+        let count = part.spots.len();
+        part.f.resize(count, Vector4::zeros());
+        part.rounding.resize(count, 0.0);
+        part.dw.resize(count, Vector4::zeros());
+        part.dw_next.resize(count, Vector4::zeros());
+        ws.spots = part;
+        ws.it.p.resize(count, Vector4::zeros());
+        ws.trial.p.resize(count, Vector4::zeros());
+        self.start_spots(ws);
+    }
+
+    /// Steps ρ of the law at every spot, from the effective masses there.
+    fn weigh_spots(&self, part: &mut SpotWorkspace, n: usize, ws: &mut Workspace) {
+        let tree = &self.model.tree;
+        part.stiffening.clear();
+        part.stiffening.resize(tree.nv() * tree.nv(), 0.0);
+        self.joint_stiffening(n, &mut part.stiffening);
+        mobilities(tree, &ws.bodies.frames, self.inertias, &part.stiffening, &mut part.mobility);
+        for spot in &mut part.spots {
+            let [a, b] = spot.solids;
+            let Ok(meeting) = meet(&spot.key.spot, &part.posed[a], &part.posed[b]) else { continue };
+            let mobility = |x: &Vec3<f64>| -> f64 {
+                let of = |solid: usize| match self.model.solids[solid].carrier {
+                    Carrier::World => 0.0,
+                    Carrier::Body(body) => yields(&part.mobility[body], &meeting.point, x),
+                    Carrier::Node(node) => x.norm_squared() / self.mass[node].max(f64::MIN_POSITIVE),
+                };
+                of(a) + of(b)
+            };
+            let [s, t] = tangents(&meeting.normal);
+            // the largest mobility across the normal
+            let (ss, tt) = (mobility(&s), mobility(&t));
+            let st = 0.25 * (mobility(&(s + t)) - mobility(&(s - t)));
+            let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
+            spot.rho_n = RHO / mobility(&meeting.normal);
+            spot.rho_t = RHO / across;
+        }
+    }
+
+    /// Cone variables to start from: those of the last stage; of a new contact on the central path.
+    pub(crate) fn start_spots(&self, ws: &mut Workspace) {
+        for k in 0..ws.spots.spots.len() {
+            let spot = ws.spots.spots[k];
+            let known = ws.warm.as_ref().and_then(|warm| {
+                let at = warm.spots.binary_search_by(|(key, _)| key.cmp(&spot.key)).ok()?;
+                Some(warm.spots[at].1)
+            });
+            ws.it.p[k] = known.unwrap_or_else(|| self.central(&spot, ws));
+        }
+    }
+
+    /// w on the central path for the gap at the beginning: w₀ v_n = κ, bounded by what closes it.
+    fn central(&self, spot: &SpotState, ws: &Workspace) -> Vector4<f64> {
+        let law = self.spot_law(spot);
+        let [a, b] = spot.solids;
+        let gap = meet(&spot.key.spot, &ws.spots.posed[a], &ws.spots.posed[b]).map_or(0.0, |m| m.gap);
+        let z = -law.at.rho_n * gap.max(0.0) / self.h;
+        let rk = law.at.rho_n * law.at.kappa;
+        Vector4::new(2.0 * rk / ((z * z + 4.0 * rk).sqrt() - z), 0.0, 0.0, 0.0)
+    }
+
+    /// w in the middle of the central path: where a continuation from a soft contact begins.
+    pub(crate) fn soften_spots(&self, ws: &mut Workspace) {
+        for (spot, w) in ws.spots.spots.iter().zip(&mut ws.it.p) {
+            let law = self.spot_law(spot);
+            *w = Vector4::new((law.at.kappa * law.at.rho_n / RHO).sqrt(), 0.0, 0.0, 0.0);
+        }
+    }
+
+    fn meeting(&self, spot: &SpotState, q: &[f64], ws: &Workspace) -> Result<Meeting<f64>, StepError> {
+        let [a, b] = spot.solids.map(|s| {
+            let solid = &self.model.solids[s];
+            solid.posed(&self.pose(solid.carrier, q, ws), |k| self.theta[k])
+        });
+        meet(&spot.key.spot, &a, &b).map_err(|distance| self.no_normal(spot, distance))
+    }
+
+    fn no_normal(&self, spot: &SpotState, distance: f64) -> StepError {
+        let [first, second] = spot.solids.map(|s| self.model.solids[s].name.clone());
+        StepError::NoNormal { step: 0, first, second, distance }
+    }
+
+    fn sliding(&self, spot: &SpotState, meeting: &Meeting<f64>, v: &[f64], ws: &Workspace) -> Sliding {
+        let [a, b] = spot.solids.map(|s| self.velocity(self.model.solids[s].carrier, v, ws));
+        Sliding::new(meeting, a - b)
+    }
+
+    /// Adds forces to `ws.f` (nodes) and `ws.spots.wrenches` (bodies), with the frames at the iterate in place and for the matrices
+    /// linearized before.
+    pub(super) fn add_spots(&self, p: &[Vector4<f64>], v: &[f64], ws: &mut Workspace) -> Result<(), StepError> {
+        self.clear_wrenches(ws);
+        for k in 0..ws.spots.spots.len() {
+            let spot = ws.spots.spots[k];
+            let meeting = self.meeting(&spot, &ws.q_bar, ws)?;
+            let sliding = self.sliding(&spot, &meeting, v, ws);
+            let law = self.spot_law(&spot);
+            let f = law.residual(meeting.gap / self.h, &sliding.v_t, &p[k]);
+            ws.spots.f[k] = f;
+            let w = p[k] - ws.spots.linear[k].inverse * f;
+            self.push(&spot, spot_wrench(&meeting, law.at.mu, &w), ws);
+        }
+        Ok(())
+    }
+
+    fn clear_wrenches(&self, ws: &mut Workspace) {
+        ws.spots.wrenches.clear();
+        if !ws.spots.spots.is_empty() {
+            ws.spots.wrenches.resize(self.model.tree.bodies().len(), Force::zero());
+        }
+    }
+
+    /// The impulse `wrench` on the first solid of a spot, and its opposite on the second, as forces.
+    fn push(&self, spot: &SpotState, wrench: Force<f64>, ws: &mut Workspace) {
+        for (side, sign) in [(0, 1.0 / self.h), (1, -1.0 / self.h)] {
+            match self.model.solids[spot.solids[side]].carrier {
+                Carrier::World => {}
+                Carrier::Body(body) => ws.spots.wrenches[body] += wrench * sign,
+                Carrier::Node(node) => (0..3).for_each(|a| ws.f[3 * node + a] += sign * wrench.f[a]),
+            }
+        }
+    }
+
+    /// As [`Stage::add_spots`], linearizing each: into `ws.spots.linear`, and the nodes' blocks of `ws.dq`, `ws.dv`.
+    pub(super) fn linearize_spots(&self, p: &[Vector4<f64>], v: &[f64], ws: &mut Workspace) -> Result<(), StepError> {
+        self.clear_wrenches(ws);
+        ws.spots.linear.clear();
+        for k in 0..ws.spots.spots.len() {
+            let spot = ws.spots.spots[k];
+            let solids = spot.solids.map(|s| &self.model.solids[s]);
+            let poses = solids.map(|s| self.pose(s.carrier, &ws.q_bar, ws));
+            let (meeting, changes) = meeting_changes(&spot.key.spot, solids, [&poses[0], &poses[1]], self.theta)
+                .map_err(|distance| self.no_normal(&spot, distance))?;
+            let sliding = self.sliding(&spot, &meeting, v, ws);
+            let law = self.spot_law(&spot);
+            let linear = SpotLinear::new(&law, &meeting, &changes, &sliding, self.h, &p[k]).ok_or_else(|| {
+                let [first, second] = solids.map(|s| s.name.clone());
+                StepError::ContactNotFinite { step: 0, first, second, value: p[k].norm() }
+            })?;
+            let w = p[k] - linear.inverse * linear.f;
+            self.push(&spot, spot_wrench(&meeting, law.at.mu, &w), ws);
+            for (side, node) in spot.solids.iter().enumerate().filter_map(|(side, s)| Some((side, node_of(self.model.solids[*s].carrier)?))) {
+                let sign = if side == 0 { 1.0 } else { -1.0 };
+                let rows = |m: Matrix6<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(3 + r, 3 + c)]));
+                ws.dq.nodes.add_block(node, node, sign / self.h, &rows(linear.by_displacement(side, true)));
+                ws.dv.nodes.add_block(node, node, sign / self.h, &rows(linear.by_velocity(side, true)));
+            }
+            ws.spots.f[k] = linear.f;
+            ws.spots.rounding[k] = linear.rounding(&p[k], &law, &sliding.v_t);
+            ws.spots.linear.push(linear);
+        }
+        Ok(())
+    }
+
+    /// How the forces on bodies change with their own bodies, for [`crate::bodies::dynamics::Partials::gather`].
+    pub(super) fn spot_changes(&self, condensed: bool, ws: &mut Workspace) {
+        let mut changes = std::mem::take(&mut ws.spots.changes);
+        changes.clear();
+        for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
+            for side in 0..2 {
+                let Carrier::Body(body) = self.model.solids[spot.solids[side]].carrier else { continue };
+                let scale = if side == 0 { 1.0 / self.h } else { -1.0 / self.h };
+                changes.push(WrenchPartial {
+                    body,
+                    displaced: linear.by_displacement(side, condensed) * scale,
+                    moving: linear.by_velocity(side, condensed) * scale,
+                });
+            }
+        }
+        ws.spots.changes = changes;
+    }
+
+    /// Adds to `out` what each side's wrench does when the other side is displaced by `by`; the composites' columns must be those of
+    /// `by`.
+    pub(super) fn add_crossings(&self, by: Displacement, condensed: bool, ws: &Workspace, out: &mut System) {
+        let mut nodes: Vec<usize> = Vec::new();
+        for spot in &ws.spots.spots {
+            let [a, b] = spot.solids.map(|s| self.model.solids[s].carrier);
+            match (a, b) {
+                (Carrier::Node(node), Carrier::Body(_)) | (Carrier::Body(_), Carrier::Node(node)) => nodes.push(node),
+                _ => {}
+            }
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        out.coupling.reset(nodes.into_iter(), self.model.tree.nv());
+        for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
+            for side in 0..2 {
+                // rows of `side`, columns of the other
+                let [own, other] = [side, 1 - side].map(|s| self.model.solids[spot.solids[s]].carrier);
+                let scale = if side == 0 { -1.0 / self.h } else { 1.0 / self.h };
+                let displaced = linear.by_displacement(1 - side, condensed) * scale;
+                let moving = linear.by_velocity(1 - side, condensed) * scale;
+                let change = |(xi, v): (Vector6<f64>, Vector6<f64>)| displaced * xi + moving * v;
+                match (own, other) {
+                    (Carrier::Body(i), Carrier::Body(l)) => self.each_column(l, ws, &mut |dof, column_change| {
+                        let d = change(column_change);
+                        self.each_row(i, ws, &mut |row, s| out.bodies.add(row, dof, s.dot(&d)));
+                    }),
+                    (Carrier::Node(node), Carrier::Body(l)) => self.each_column(l, ws, &mut |dof, column_change| {
+                        let d = change(column_change);
+                        (0..3).for_each(|a| out.coupling.add_upper(node, a, dof, d[3 + a]));
+                    }),
+                    (Carrier::Body(i), Carrier::Node(node)) => {
+                        for a in 0..3 {
+                            let mut unit = Vector6::zeros();
+                            unit[3 + a] = 1.0;
+                            let d = change((unit * by.cq, unit * by.cv));
+                            self.each_row(i, ws, &mut |row, s| out.coupling.add_lower(row, node, a, s.dot(&d)));
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Degrees of freedom that move a body, with their axes.
+    fn each_row(&self, body: usize, ws: &Workspace, visit: &mut dyn FnMut(usize, &Vector6<f64>)) {
+        let tree = &self.model.tree;
+        for l in tree.chain(tree.last_dof(body)) {
+            visit(l, &column(&ws.bodies.frames.axes[l].s));
+        }
+    }
+
+    /// Degrees of freedom that move a body, with the displacement and the change of velocity it then has.
+    fn each_column(&self, body: usize, ws: &Workspace, visit: &mut dyn FnMut(usize, (Vector6<f64>, Vector6<f64>))) {
+        let tree = &self.model.tree;
+        let velocity = ws.bodies.frames.bodies[body].velocity;
+        for l in tree.chain(tree.last_dof(body)) {
+            visit(l, ws.bodies.partials.change(l, &velocity));
+        }
+    }
+
+    /// Changes of all w that go with the change `d` of velocities, for the residuals at hand; the columns must be those of K.
+    pub(crate) fn spot_steps(&self, d: &[f64], ws: &mut Workspace, next: bool) {
+        if ws.spots.spots.is_empty() {
+            return;
+        }
+        let n = self.model.n_node_dofs();
+        let moved = ws.bodies.partials.carry(&self.model.tree, &d[n..]);
+        let change = |carrier: Carrier| match carrier {
+            Carrier::World => [Vector6::zeros(); 2],
+            Carrier::Node(node) => {
+                let v = Vector6::new(0.0, 0.0, 0.0, d[3 * node], d[3 * node + 1], d[3 * node + 2]);
+                [v * (self.h * self.scheme.free.a1), v]
+            }
+            Carrier::Body(body) => {
+                let (xi, own) = moved[body];
+                [xi, own + crate::bodies::dynamics::moved_along(&xi, &ws.bodies.frames.bodies[body].velocity)]
+            }
+        };
+        let steps = ws.spots.spots.iter().zip(&ws.spots.linear).zip(&ws.spots.f).map(|((spot, linear), f)| {
+            linear.dw(f, &spot.solids.map(|s| change(self.model.solids[s].carrier)))
+        });
+        let target: Vec<Vector4<f64>> = steps.collect();
+        if next { ws.spots.dw_next = target } else { ws.spots.dw = target }
+    }
+
+    /// Σ |Δw|²/effective mass.
+    pub(crate) fn spots_norm2(&self, spots: &[SpotState], dw: &[Vector4<f64>]) -> f64 {
+        spots.iter().zip(dw).map(|(s, dw)| RHO * (dw[0] * dw[0] / s.rho_n + dw.fixed_rows::<3>(1).norm_squared() / s.rho_t)).sum()
+    }
+
+    /// Rounding noise of all w in the same measure.
+    pub(crate) fn spots_rounding2(&self, part: &SpotWorkspace) -> f64 {
+        part.spots.iter().zip(&part.rounding).map(|(s, r)| RHO * r * r / s.rho_n.min(s.rho_t)).sum()
+    }
+
+    /// Whether the pending changes leave the impulses where they are.
+    pub(crate) fn spots_settled(&self, p: &[Vector4<f64>], part: &SpotWorkspace) -> bool {
+        const SETTLED: f64 = 1e-6;
+        p.iter().zip(&part.dw).all(|(w, dw)| dw.amax() <= SETTLED * w[0].abs().max(w.amax()))
+    }
+}
+
+/// The law's numbers at a spot for a stage length and a rest gap.
+pub(super) fn spot_law(law: crate::scene::Law, pair: &SolidPair, spot: &SpotState, theta: &[f64], [h, rest_gap]: [f64; 2]) -> SpotLaw {
+    SpotLaw {
+        law: match law {
+            crate::scene::Law::Coulomb => ContactLaw::Coulomb,
+            crate::scene::Law::Anitescu => ContactLaw::Anitescu,
+        },
+        at: SplitPoint {
+            mu: theta[pair.friction.entry(theta)],
+            kappa: rest_gap * pair.weight,
+            rho_n: spot.rho_n,
+            rho_t: spot.rho_t,
+            give: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
+        },
+    }
+}
+
+/// Pose of a carrier seen from the origin of the frames.
+pub(crate) fn pose(carrier: Carrier, q: &[f64], frames: &crate::bodies::Frames<f64>) -> Pose<f64> {
+    match carrier {
+        Carrier::World => pose_of_world(&frames.origin),
+        Carrier::Body(body) => {
+            let frame = &frames.bodies[body];
+            Pose { rotation: frame.rotation, position: frame.position }
+        }
+        Carrier::Node(node) => {
+            let x = Vec3::new(q[3 * node], q[3 * node + 1], q[3 * node + 2]);
+            Pose { position: x - frames.origin, ..pose_of_world(&frames.origin) }
+        }
+    }
+}
+
+/// Velocity of a carrier about the origin of the frames.
+pub(super) fn velocity(carrier: Carrier, v: &[f64], frames: &crate::bodies::Frames<f64>) -> Motion<f64> {
+    match carrier {
+        Carrier::World => Motion::zero(),
+        Carrier::Body(body) => frames.bodies[body].velocity,
+        Carrier::Node(node) => Motion { w: Vec3::zeros(), v: Vec3::new(v[3 * node], v[3 * node + 1], v[3 * node + 2]) },
+    }
+}
+
+/// A lower bound of the distance between two solids \[m\].
+fn bound(a: &Posed<f64>, b: &Posed<f64>) -> f64 {
+    match (a.form, b.form) {
+        (Form::HalfSpace, Form::HalfSpace) => f64::INFINITY,
+        (Form::HalfSpace, _) => (b.position - a.position).dot(&a.rotation.column(2)) - b.reach(),
+        (_, Form::HalfSpace) => (a.position - b.position).dot(&b.rotation.column(2)) - a.reach(),
+        _ => (a.position - b.position).norm() - a.reach() - b.reach(),
+    }
+}
+
+/// Two unit vectors across a unit vector and each other.
+fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
+    let k = n.iamin();
+    let mut e = Vec3::zeros();
+    e[k] = 1.0;
+    let s = n.cross(&e).normalize();
+    [s, n.cross(&s)]
+}
