@@ -104,6 +104,8 @@ impl Fixed<'_> {
             v_cmd: self.zero,
             rest_gap: self.model.contact.rest_gap,
             damping: 0.0,
+            soften: 0.0,
+            coarse: false,
         }
     }
 

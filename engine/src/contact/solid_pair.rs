@@ -91,9 +91,7 @@ impl SpotLaw {
         let at = &self.at;
         match self.law {
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()),
-            ContactLaw::Anitescu => {
-                linearize(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into())
-            }
+            ContactLaw::Anitescu => linearize(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()),
         }
     }
 }
@@ -173,6 +171,8 @@ pub(crate) struct SpotLinear {
     pub f_v: Matrix4x6<f64>,
     /// ∂W/∂w.
     pub w_w: Matrix6x4<f64>,
+    /// ∂W/∂w F_w⁻¹.
+    pub gain: Matrix6x4<f64>,
     /// ∂W/∂ξ of each side at fixed w.
     pub w_xi: [Matrix6<f64>; 2],
     /// ∂F/∂(v_n, μ).
@@ -182,7 +182,14 @@ pub(crate) struct SpotLinear {
 }
 
 impl SpotLinear {
-    pub fn new(law: &SpotLaw, meeting: &Meeting<f64>, changes: &Changes, sliding: &Sliding, h: f64, w: &Vector4<f64>) -> Option<Self> {
+    pub fn new(
+        law: &SpotLaw,
+        meeting: &Meeting<f64>,
+        changes: &Changes,
+        sliding: &Sliding,
+        h: f64,
+        w: &Vector4<f64>,
+    ) -> Option<Self> {
         let lin = law.linearize(meeting.gap / h, &sliding.v_t, w);
         if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
             return None;
@@ -214,6 +221,7 @@ impl SpotLinear {
             f_xi,
             f_v: lin.df_dvt * (projector * carried(c, true)),
             w_w,
+            gain: w_w * lin.df_dw_inverse,
             w_xi,
             f_vn: lin.df_dvn,
             f_mu: lin.df_dmu,
@@ -223,7 +231,7 @@ impl SpotLinear {
 
     /// ∂W/∂ξ of a side, with w following (`condensed`) or fixed.
     pub fn by_displacement(&self, side: usize, condensed: bool) -> Matrix6<f64> {
-        if condensed { self.w_xi[side] - self.w_w * (self.inverse * self.f_xi[side]) } else { self.w_xi[side] }
+        if condensed { self.w_xi[side] - self.gain * self.f_xi[side] } else { self.w_xi[side] }
     }
 
     /// ∂W/∂V of a side.
@@ -231,7 +239,7 @@ impl SpotLinear {
         if !condensed {
             return Matrix6::zeros();
         }
-        let of_first = -(self.w_w * (self.inverse * self.f_v));
+        let of_first = -(self.gain * self.f_v);
         if side == 0 { of_first } else { -of_first }
     }
 

@@ -73,7 +73,8 @@ fn cold_cone(kappa: f64, mass: f64) -> Vector4<f64> {
 fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
     start(stage, ws);
     let g = stage.theta[stage.model.gravity];
-    let fastest = stage.v_ref.iter().fold(g * stage.h, |a, v| a.max(v.abs()));
+    let nodes = &stage.v_ref[..stage.model.n_node_dofs()];
+    let fastest = nodes.iter().fold((g * stage.h).max(ws.spots.fastest), |a, v| a.max(v.abs()));
     // a contact this soft turns a node of that speed round within the step
     let mut gap = (fastest * fastest / g.max(1e-3)).max(stage.rest_gap);
     for (c, pair) in stage.model.pairs.iter().enumerate() {
@@ -83,11 +84,13 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
     ws.it.s.fill(0.0);
     Stage { rest_gap: gap, ..*stage }.soften_spots(ws);
     loop {
-        newton(&Stage { rest_gap: gap, ..*stage }, ws, limit, work)?;
+        let coarse = gap > stage.rest_gap;
+        newton(&Stage { rest_gap: gap, coarse, ..*stage }, ws, limit, work)?;
         if gap <= stage.rest_gap {
             return Ok(());
         }
-        gap = (gap * KAPPA_FACTOR).max(stage.rest_gap);
+        // the last one exactly
+        gap = if gap * KAPPA_FACTOR > 2.0 * stage.rest_gap { gap * KAPPA_FACTOR } else { stage.rest_gap };
     }
 }
 

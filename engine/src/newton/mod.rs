@@ -22,6 +22,17 @@ const BOLD_STEPS: usize = 2;
 const BOLD: f64 = 10.0;
 /// Smallest damping factor tried.
 const MIN_ALPHA: f64 = 1e-3;
+/// Precision of the stages of a continuation that are only passed through.
+const COARSE: f64 = 1e-3;
+/// Softening of contacts of solids where full steps fail: the first, its growth and fall, the least and the most.
+const FIRST_SOFT: f64 = 1e-3;
+const SOFT_RISE: f64 = 10.0;
+const SOFT_FALL: f64 = 1e-3;
+const SOFT_HOLD: f64 = 0.3;
+const LEAST_SOFT: f64 = 1e-9;
+/// From here on a softened root is as good a start for the hard one as any.
+const NEARLY_HARD: f64 = 1e-4;
+const MOST_SOFT: f64 = 0.05;
 /// Relative change below which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
 /// Corrections this many times the tolerance count as rounding noise if they stop shrinking.
@@ -64,10 +75,13 @@ impl From<StepError> for Stuck {
 
 /// Solves the stage from the iterate in `ws.it`, whose driven velocities already are the commanded ones.
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
-    let tolerance = stage.model.solver.tolerance * velocity_scale(stage, ws);
+    let precision = if stage.coarse { stage.model.solver.tolerance.max(COARSE) } else { stage.model.solver.tolerance };
+    let tolerance = precision * velocity_scale(stage, ws);
     let mut correction = f64::INFINITY;
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
+    let mut soften = 0.0;
     for _ in 0..max_iterations {
+        let stage = &Stage { soften, ..*stage };
         work.iterations += 1;
         work.factorizations += 1;
         stage.linearize_mixed(ws)?;
@@ -75,12 +89,29 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             return Err(Stuck::NoProgress { correction });
         }
         correction = direction(stage, ws);
+        if std::env::var("NT").is_ok() {
+            eprintln!(
+                "   it d {:.2e} cones {:.2e} rg {:.0e} lm {:.0e} soft {:.0e} tol {:.1e} spots {}",
+                correction,
+                cone_norm(stage, ws, [&ws.dw, &ws.spots.dw], &ws.ds),
+                stage.rest_gap,
+                stage.damping,
+                soften,
+                tolerance,
+                ws.spots.spots.len()
+            );
+        }
         if !correction.is_finite() {
             return Err(Stuck::NoProgress { correction });
         }
         match descend(stage, ws, correction, tolerance, work)? {
+            // softened contacts have converged when they have without
+            Descent::Converged if soften > 0.0 && !stage.coarse => {
+                soften = if soften > NEARLY_HARD { soften * SOFT_FALL } else { 0.0 }
+            }
             Descent::Converged => return Ok(()),
-            Descent::Continue => {}
+            Descent::Continue(ratio) => soften = fallen(soften, ratio),
+            Descent::Soften => soften = (soften * SOFT_RISE).max(FIRST_SOFT),
             Descent::Stalled if correction <= NOISE * tolerance => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
@@ -88,21 +119,32 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     Err(Stuck::NoProgress { correction })
 }
 
+/// A softening after a correction fell by `ratio`.
+fn fallen(soften: f64, ratio: f64) -> f64 {
+    if soften > LEAST_SOFT { soften * ratio.clamp(SOFT_FALL, SOFT_HOLD) } else { 0.0 }
+}
+
 /// How one Newton direction ended.
 enum Descent {
     Converged,
-    Continue,
+    /// A step was taken, and the correction fell by this ratio.
+    Continue(f64),
+    /// No step was taken: contacts of solids must be softened.
+    Soften,
     Stalled,
 }
 
 /// Damped step along `ws.d`, then chords with the same matrix while they contract quickly.
 fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
-    let mut norm = norm;
+    let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
     loop {
         let next = try_step(stage, ws, alpha, work)?;
+        if std::env::var("NT").is_ok() {
+            eprintln!("      alpha {alpha:.3} next {next:.2e} / {norm:.2e}");
+        }
         // a damped matrix contracts slowly by design: any decrease will do
-        let demanded = if stage.damping > 0.0 { 0.0 } else { 0.25 * alpha };
+        let demanded = if stage.damping > 0.0 || stage.soften > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
         let dare = alpha == 1.0 && ws.bold > 0 && next < BOLD * norm;
         if next.is_finite() && (monotone || dare) {
@@ -110,20 +152,23 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             stage.predict_axial(alpha, ws);
             accept(ws);
             if alpha < 1.0 {
-                return Ok(Descent::Continue);
+                return Ok(Descent::Continue(1.0));
             }
             if converged(stage, ws, next, tolerance) {
                 take_correction(ws);
                 return Ok(Descent::Converged);
             }
             if next > QUICK * norm {
-                return Ok(Descent::Continue);
+                return Ok(Descent::Continue(next / first));
             }
             norm = next;
         } else {
             if norm <= tolerance {
                 // rounding noise: the last correction was already below the tolerance
                 return Ok(if settled(stage, ws) { Descent::Converged } else { Descent::Stalled });
+            }
+            if alpha == 1.0 && stage.soften < MOST_SOFT && !ws.spots.spots.is_empty() {
+                return Ok(Descent::Soften);
             }
             alpha = if next.is_finite() { reduced(alpha, norm, next) } else { 0.1 * alpha };
             if alpha < MIN_ALPHA {
@@ -235,6 +280,9 @@ fn take_correction(ws: &mut Workspace) {
 /// Whether the pending correction leaves the eigenvalues of every cone variable where they are. (Those of s are κ over
 /// those of w at the root, so the small eigenvalue of w stands for the large one of s.)
 fn settled(stage: &Stage, ws: &Workspace) -> bool {
+    if stage.coarse {
+        return true;
+    }
     let cones = ws.it.w.iter().zip(&ws.dw).all(|(w, dw)| {
         let (before, after) = (eigenvalues((*w).into()), eigenvalues((w + dw).into()));
         let still = |a: f64, b: f64| (a - b).abs() <= SETTLED * a.abs().max(b.abs());

@@ -10,7 +10,7 @@ use crate::bodies::dynamics::{Displacement, WrenchPartial};
 use crate::bodies::operational::{mobilities, yields};
 use crate::bodies::spatial::{Force, Motion, column};
 use crate::contact::{
-    SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, Sliding, meeting_changes, node_of, pose_of_world, spot_wrench,
+    Sliding, SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, meeting_changes, node_of, pose_of_world, spot_wrench,
 };
 use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, candidates, meet};
 use crate::kkt::System;
@@ -22,8 +22,11 @@ use pliant_smoothing::{ContactLaw, SplitPoint};
 const RHO: f64 = 0.3;
 /// Acceleration that makes a weight of a mass in the smoothing of contacts of solids [m/s²]: near gravity's, but no parameter.
 pub(crate) const WEIGHT: f64 = 10.0;
-/// A spot farther away than this many rest gaps pushes with less than 1e-6 of the weight, and is left out.
-const FAR: f64 = 1e6;
+/// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be
+/// the whole scene), and is left out.
+fn reach(rest_gap: f64) -> f64 {
+    (1e6 * rest_gap).min((1e3 * rest_gap).max(0.01))
+}
 
 /// What the contacts of solids keep through a stage.
 #[derive(Clone, Debug, Default)]
@@ -39,6 +42,8 @@ pub(crate) struct SpotWorkspace {
     pub dw_next: Vec<Vector4<f64>>,
     /// Forces on bodies (wrench over stage length), and how they change with the own body.
     pub wrenches: Vec<Force<f64>>,
+    /// The fastest approach of two solids with a contact, or a step's fall [m/s].
+    pub fastest: f64,
     pub changes: Vec<WrenchPartial>,
     posed: Vec<Posed<f64>>,
     mobility: Vec<Matrix6<f64>>,
@@ -55,7 +60,7 @@ impl Stage<'_> {
     /// The law's numbers at a spot.
     pub(crate) fn spot_law(&self, spot: &SpotState) -> SpotLaw {
         let pair = &self.model.solid_pairs[spot.key.pair];
-        spot_law(self.model.contact.law, pair, spot, self.theta, [self.h, self.rest_gap])
+        spot_law(self.model.contact.law, pair, spot, self.theta, [self.h, self.rest_gap], self.soften)
     }
 
     fn pose(&self, carrier: Carrier, q: &[f64], ws: &Workspace) -> Pose<f64> {
@@ -81,20 +86,19 @@ impl Stage<'_> {
         }
         part.spots.clear();
         let g = self.theta[self.model.gravity].abs();
-        let speed = |solid: usize, posed: &Posed<f64>| {
-            let motion = self.velocity(self.model.solids[solid].carrier, self.v_ref, ws);
-            let turning = if motion.w == Vec3::zeros() { 0.0 } else { motion.w.norm() * posed.reach() };
-            motion.at(&posed.position).norm() + turning
-        };
+        part.fastest = g * self.h;
         for (k, pair) in self.model.solid_pairs.iter().enumerate() {
             let [a, b] = pair.solids;
             let (pa, pb) = (&part.posed[a], &part.posed[b]);
-            let margin = FAR * self.rest_gap + 2.0 * self.h * (speed(a, pa) + speed(b, pb)) + 4.0 * g * self.h * self.h;
+            let [va, vb] = [a, b].map(|s| self.velocity(self.model.solids[s].carrier, self.v_ref, ws));
+            let speed = approach(pa, pb, &(va - vb));
+            let margin = reach(self.rest_gap) + 1.5 * self.h * speed + 4.0 * g * self.h * self.h;
             if bound(pa, pb) > margin {
                 continue;
             }
             part.found.clear();
             candidates(pa, pb, margin, &mut part.found);
+            part.fastest = if part.found.is_empty() { part.fastest } else { part.fastest.max(speed) };
             for &(spot, swapped) in &part.found {
                 let solids = if swapped { [b, a] } else { [a, b] };
                 part.spots.push(SpotState { key: SpotKey { pair: k, spot, swapped }, solids, rho_n: 0.0, rho_t: 0.0 });
@@ -241,9 +245,26 @@ impl Stage<'_> {
                 let [first, second] = solids.map(|s| s.name.clone());
                 StepError::ContactNotFinite { step: 0, first, second, value: p[k].norm() }
             })?;
+            if std::env::var("NT").is_ok() {
+                eprintln!(
+                    "        spot {k} gap {:.2e} vn {:.2e} vt {:.2e} w0 {:.3e} |wt| {:.3e} f {:.2e} {:.2e} rho {:.2e} {:.2e} s {:.2e}",
+                    meeting.gap,
+                    meeting.gap / self.h,
+                    sliding.v_t.norm(),
+                    p[k][0],
+                    p[k].fixed_rows::<3>(1).norm(),
+                    linear.f[0],
+                    linear.f.fixed_rows::<3>(1).norm(),
+                    law.at.rho_n,
+                    law.at.rho_t,
+                    1.0 / linear.inverse[(1, 1)]
+                );
+            }
             let w = p[k] - linear.inverse * linear.f;
             self.push(&spot, spot_wrench(&meeting, law.at.mu, &w), ws);
-            for (side, node) in spot.solids.iter().enumerate().filter_map(|(side, s)| Some((side, node_of(self.model.solids[*s].carrier)?))) {
+            for (side, node) in
+                spot.solids.iter().enumerate().filter_map(|(side, s)| Some((side, node_of(self.model.solids[*s].carrier)?)))
+            {
                 let sign = if side == 0 { 1.0 } else { -1.0 };
                 let rows = |m: Matrix6<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(3 + r, 3 + c)]));
                 ws.dq.nodes.add_block(node, node, sign / self.h, &rows(linear.by_displacement(side, true)));
@@ -293,6 +314,12 @@ impl Stage<'_> {
                 // rows of `side`, columns of the other
                 let [own, other] = [side, 1 - side].map(|s| self.model.solids[spot.solids[s]].carrier);
                 let scale = if side == 0 { -1.0 / self.h } else { 1.0 / self.h };
+                if !matches!(
+                    (own, other),
+                    (Carrier::Body(_) | Carrier::Node(_), Carrier::Body(_)) | (Carrier::Body(_), Carrier::Node(_))
+                ) {
+                    continue;
+                }
                 let displaced = linear.by_displacement(1 - side, condensed) * scale;
                 let moving = linear.by_velocity(1 - side, condensed) * scale;
                 let change = |(xi, v): (Vector6<f64>, Vector6<f64>)| displaced * xi + moving * v;
@@ -354,9 +381,13 @@ impl Stage<'_> {
                 [xi, own + crate::bodies::dynamics::moved_along(&xi, &ws.bodies.frames.bodies[body].velocity)]
             }
         };
-        let steps = ws.spots.spots.iter().zip(&ws.spots.linear).zip(&ws.spots.f).map(|((spot, linear), f)| {
-            linear.dw(f, &spot.solids.map(|s| change(self.model.solids[s].carrier)))
-        });
+        let steps = ws
+            .spots
+            .spots
+            .iter()
+            .zip(&ws.spots.linear)
+            .zip(&ws.spots.f)
+            .map(|((spot, linear), f)| linear.dw(f, &spot.solids.map(|s| change(self.model.solids[s].carrier))));
         let target: Vec<Vector4<f64>> = steps.collect();
         if next { ws.spots.dw_next = target } else { ws.spots.dw = target }
     }
@@ -379,7 +410,14 @@ impl Stage<'_> {
 }
 
 /// The law's numbers at a spot for a stage length and a rest gap.
-pub(super) fn spot_law(law: crate::scene::Law, pair: &SolidPair, spot: &SpotState, theta: &[f64], [h, rest_gap]: [f64; 2]) -> SpotLaw {
+pub(super) fn spot_law(
+    law: crate::scene::Law,
+    pair: &SolidPair,
+    spot: &SpotState,
+    theta: &[f64],
+    [h, rest_gap]: [f64; 2],
+    soften: f64,
+) -> SpotLaw {
     SpotLaw {
         law: match law {
             crate::scene::Law::Coulomb => ContactLaw::Coulomb,
@@ -391,6 +429,7 @@ pub(super) fn spot_law(law: crate::scene::Law, pair: &SolidPair, spot: &SpotStat
             rho_n: spot.rho_n,
             rho_t: spot.rho_t,
             give: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
+            soften,
         },
     }
 }
@@ -416,6 +455,17 @@ pub(super) fn velocity(carrier: Carrier, v: &[f64], frames: &crate::bodies::Fram
         Carrier::World => Motion::zero(),
         Carrier::Body(body) => frames.bodies[body].velocity,
         Carrier::Node(node) => Motion { w: Vec3::zeros(), v: Vec3::new(v[3 * node], v[3 * node + 1], v[3 * node + 2]) },
+    }
+}
+
+/// A bound of how fast two solids approach anywhere, for the motion of the first relative to the second [m/s].
+fn approach(a: &Posed<f64>, b: &Posed<f64>, relative: &Motion<f64>) -> f64 {
+    let toward = |solid: &Posed<f64>, down: f64| down.max(0.0) + relative.w.norm() * solid.reach();
+    match (a.form, b.form) {
+        (Form::HalfSpace, _) => toward(b, relative.at(&b.position).dot(&a.rotation.column(2))),
+        (_, Form::HalfSpace) => toward(a, -relative.at(&a.position).dot(&b.rotation.column(2))),
+        _ if a.reach() < b.reach() => toward(a, relative.at(&a.position).norm()),
+        _ => toward(b, relative.at(&b.position).norm()),
     }
 }
 

@@ -81,6 +81,10 @@ pub(crate) struct Stage<'a> {
     pub rest_gap: f64,
     /// Levenberg weight added to σ in the matrix only [1/s].
     pub damping: f64,
+    /// The same for the contacts of solids [-]; see [`pliant_smoothing::SplitPoint`].
+    pub soften: f64,
+    /// Whether the root is only passed through.
+    pub coarse: bool,
 }
 
 impl Stage<'_> {

@@ -247,6 +247,8 @@ impl<'m> Stepper<'m> {
             v_cmd,
             rest_gap: self.rest_gap,
             damping: 0.0,
+            soften: 0.0,
+            coarse: false,
         };
         let mut work = Work::default();
         solve_stage(&stage, &mut self.ws, &mut work)?;
