@@ -12,22 +12,21 @@ use pliant_smoothing::{ContactLaw, Linearization, SplitPoint, linearize, residua
 pub enum Friction {
     /// This entry of θ.
     Of(usize),
-    /// The larger of two entries: each solid has one of its own.
-    Larger(usize, usize),
+    /// The mean of two entries: each solid has one of its own.
+    Mean(usize, usize),
 }
 
 impl Friction {
-    /// The entry that counts; of two equal ones the first.
-    pub fn entry(self, theta: &[f64]) -> usize {
+    /// The coefficient [-].
+    pub fn value(self, theta: &[f64]) -> f64 {
+        self.entries().into_iter().flatten().map(|(k, share)| share * theta[k]).sum()
+    }
+
+    /// Entries of θ and their shares.
+    pub fn entries(self) -> [Option<(usize, f64)>; 2] {
         match self {
-            Self::Of(k) => k,
-            Self::Larger(a, b) => {
-                if theta[b] > theta[a] {
-                    b
-                } else {
-                    a
-                }
-            }
+            Self::Of(k) => [Some((k, 1.0)), None],
+            Self::Mean(a, b) => [Some((a, 0.5)), Some((b, 0.5))],
         }
     }
 }

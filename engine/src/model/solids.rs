@@ -57,7 +57,7 @@ impl Model {
                     continue;
                 }
                 let own = match (self.solids[a].friction, self.solids[b].friction) {
-                    (Some(x), Some(y)) => Friction::Larger(x, y),
+                    (Some(x), Some(y)) => Friction::Mean(x, y),
                     (Some(x), None) | (None, Some(x)) => Friction::Of(x),
                     (None, None) => Friction::Of(self.no_friction()),
                 };

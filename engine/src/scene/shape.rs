@@ -133,7 +133,7 @@ pub struct BodyShape {
     /// Half of a box's edges along its own axes [m].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_extents: Option<[f64; 3]>,
-    /// Friction coefficient [-]. Between two shapes the larger one counts; without one of its own a shape takes its partner's.
+    /// Friction coefficient [-]. Between two shapes their mean counts; a shape without one of its own takes its partner's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
 }

@@ -244,9 +244,11 @@ impl StageRecord {
             let Some((meeting, _)) = meeting_along(model, &spot.state, q_bar, frames, theta, None) else { continue };
             let [a, b] = spot.state.solids.map(|s| velocity(model.solids[s].carrier, &self.v, frames));
             let sliding = Sliding::new(&meeting, a - b);
-            let mu = theta[pair.friction.entry(theta)];
+            let mu = pair.friction.value(theta);
             let tangential = Vec3::new(spot.w[1], spot.w[2], spot.w[3]);
-            emit(pair.friction.entry(theta), Some(Force::at(&meeting.point, tangential)), spot.f_mu);
+            for (param, share) in pair.friction.entries().into_iter().flatten() {
+                emit(param, Some(Force::at(&meeting.point, tangential) * share), spot.f_mu * share);
+            }
             if let Some(compliance) = pair.compliance {
                 emit(compliance, None, spot.f_vn * (spot.w[0] / (self.h * self.h)));
             }

@@ -424,7 +424,7 @@ pub(super) fn spot_law(
             crate::scene::Law::Anitescu => ContactLaw::Anitescu,
         },
         at: SplitPoint {
-            mu: theta[pair.friction.entry(theta)],
+            mu: pair.friction.value(theta),
             kappa: rest_gap * pair.weight,
             rho_n: spot.rho_n,
             rho_t: spot.rho_t,
