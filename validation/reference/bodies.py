@@ -160,7 +160,7 @@ def weights(model):
 
     What smooths friction and stops; it does not follow θ, and no derivative passes through it.
     """
-    m = np.asarray(mass_matrix(model, jnp.asarray(model.q0), jnp.asarray(model.theta)))
+    m = np.asarray(jax.jit(lambda *at: mass_matrix(model, *at))(model.q0, model.theta))
     return np.diag(m), 1.0 / np.diag(np.linalg.inv(m))
 
 
