@@ -1,7 +1,7 @@
 """The timed work on bodies: chains of hinges with a motor each, as a pliant scene and for MuJoCo.
 
-Rods of 0.1 m and 0.2 kg that fall from 0.3 rad at every hinge; damping 0.01 N·m·s/rad, motors at rest. Steps of 1/240 s by implicit
-Euler: MuJoCo's implicitfast is of first order too. Nothing touches.
+Rods of 0.1 m and 0.2 kg that fall from 0.3 rad at every hinge; damping 0.01 N·m·s/rad, motors at rest. Steps of 1/240 s by
+implicit Euler: MuJoCo's implicitfast is of first order too. Nothing touches.
 """
 
 from validation.bodies import chains

@@ -173,17 +173,17 @@ def rows(model, weights, q, v, gamma, theta, h, scale=1.0):
     held, yielding = weights
     out, n = [], len(model.frictions)
     if n:
-        l = np.array([joint.v.start for joint, _ in model.frictions])
+        dof = np.array([joint.v.start for joint, _ in model.frictions])
         c, s, v_s = theta[np.array([where for _, where in model.frictions]).T]
-        bound = h * joints.friction_bound(c, s, v_s, v[l])
-        kappa = model.rest_gap * (c + joints.FRICTION_FLOOR * joints.WEIGHT * held[l])
-        out.append(joints.friction_residual(bound, v[l], gamma[:n], joints.RHO * yielding[l], scale * kappa))
+        bound = h * joints.friction_bound(c, s, v_s, v[dof])
+        kappa = model.rest_gap * (c + joints.FRICTION_FLOOR * joints.WEIGHT * held[dof])
+        out.append(joints.friction_residual(bound, v[dof], gamma[:n], joints.RHO * yielding[dof], scale * kappa))
     if model.stops:
-        l, at = (np.array([getattr(joint, x).start for joint, *_ in model.stops]) for x in "vq")
+        dof, at = (np.array([getattr(joint, x).start for joint, *_ in model.stops]) for x in "vq")
         limit, side = np.array([limit for _, limit, _ in model.stops]), np.array([side for *_, side in model.stops])
-        kappa = model.rest_gap * joints.WEIGHT * held[l]
+        kappa = model.rest_gap * joints.WEIGHT * held[dof]
         approach = side * (q[at] - theta[limit]) / h
-        out.append(joints.stop_residual(approach, gamma[n:], joints.RHO * yielding[l], scale * kappa))
+        out.append(joints.stop_residual(approach, gamma[n:], joints.RHO * yielding[dof], scale * kappa))
     return jnp.concatenate(out) if out else jnp.zeros(0)
 
 
