@@ -48,6 +48,7 @@ class Problem:
     def __init__(self, name):
         self.name, self.model = name, pliant.load(SCENES / f"{name}.toml")
         model = self.model
+        self._slope = jax.jit(jax.jacfwd(lambda dx, x: changed(name, x, dx)))
         self.inputs = (model.initial_state(), model.controls(STEPS), model.theta)
         rng = np.random.default_rng(0)
         self.x_bar = rng.normal(size=(STEPS + 1, model.nx))
@@ -61,7 +62,7 @@ class Problem:
 
     def slope(self, x):
         """E(x) (nx, ndx)."""
-        return np.asarray(jax.jacfwd(lambda dx: changed(self.name, jnp.asarray(x), dx))(jnp.zeros(self.model.ndx)))
+        return np.asarray(self._slope(np.zeros(self.model.ndx), x))
 
     def vjp(self, roll, x_bar):
         """The rollout's own vjp for cotangents of coordinates (T + 1, nx)."""
@@ -293,20 +294,33 @@ velocity = [3.0, -4.0, 5.0]
 def quaternion_reference(p):
     """A gradient through a scan of steps, beside that of the JAX reference; the same along the sphere."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+    from reference_cases import jit
+
     from validation.reference import body_model, body_step
 
     model, ours = pliant.loads(PENDULUM), body_model.loads(PENDULUM)
     step, theirs = pliant.jax.step(model), body_step.make_step(ours)
 
-    def loss_of(step):
-        def loss(x0, theta):
-            x, _ = jax.lax.scan(lambda x, _: (step(x, jnp.zeros(0), theta), None), x0, None, length=3)
-            return (x[:4] @ jnp.array([0.1, 0.7, -0.5, 0.3])) ** 2 + x[5]
+    def end(x):
+        return (x[:4] @ jnp.array([0.1, 0.7, -0.5, 0.3])) ** 2 + x[5]
 
-        return jax.jit(jax.grad(loss, argnums=(0, 1)))
+    def loss(x0, theta):
+        return end(jax.lax.scan(lambda x, _: (step(x, jnp.zeros(0), theta), None), x0, None, length=3)[0])
+
+    @jit
+    def pulled(x, theta, x_bar):
+        x_next, pull = jax.vjp(lambda *a: theirs(a[0], jnp.zeros(0), a[1])[0], x, theta)
+        return x_next, *pull(x_bar)
 
     x0, theta = jnp.asarray(model.initial_state()), jnp.asarray(model.theta)
-    got, want = loss_of(step)(x0, theta), loss_of(lambda *a: theirs(*a)[0])(x0, theta)
+    xs = [x0]
+    for _ in range(3):
+        xs.append(pulled(xs[-1], theta, 0.0 * x0)[0])
+    bar, theta_bar = jax.grad(end)(xs[-1]), 0.0
+    for x in reversed(xs[:-1]):
+        _, bar, part = pulled(x, theta, bar)
+        theta_bar += part
+    got, want = jax.jit(jax.grad(loss, argnums=(0, 1)))(x0, theta), (bar, theta_bar)
     # the reference goes on beyond the sphere in a way of its own
     along = want[0][:4] - x0[:4] * (x0[:4] @ want[0][:4])
     return off(got, (np.concatenate([along, want[0][4:]]), np.asarray(want[1])))
