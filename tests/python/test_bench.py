@@ -5,22 +5,34 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-pytest.importorskip("mujoco", minversion="4.0")
-pytest.importorskip("pliant")
-from validation.bench import scenes
+mujoco = pytest.importorskip("mujoco", minversion="4.0")
+pliant = pytest.importorskip("pliant")
+from validation.bench import bodies, scenes
+from validation.bodies import chains
 
 
 def test_entries_compare_pliant_with_its_peers():
-    sizes = ["--sizes", "6", "--growth", "6"]
+    sizes = ["--sizes", "6", "--growth", "6", "--chains", "2", "7"]
     command = [sys.executable, "-m", "validation.bench", "--json", "--rounds", "1", "--repeats", "5"]
     run = subprocess.run([*command, *sizes], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     rows = json.loads(run.stdout)
     assert {"rope_step", "rope_step_contact", "rope_jacobian"} <= {row["work"] for row in rows}
+    expected = {
+        "bodies_step": ["mj_step"],
+        "bodies_jacobian": ["forward", "centred"],
+        "bodies_rollout_vjp": ["in 10 parameters", "in 100 parameters", "pliant, forward rollout"],
+    }
+    for work, peers in expected.items():
+        found = [row["peer"] for row in rows if row["work"] == work and row["size"] == 7]
+        assert len(found) == len(peers) and all(x.endswith(y) for x, y in zip(found, peers, strict=True)), found
+    # two links have fewer than a hundred parameters
+    assert not any("100 parameters" in row["peer"] for row in rows if row["work"] == "bodies_rollout_vjp" and row["size"] == 2)
     for row in rows:
         assert row["size"] > 0 and row["pliant_s"] > 0
         if row["peer"] is None:
@@ -35,6 +47,23 @@ def test_the_folder_runs_from_anywhere(tmp_path):
     command = [sys.executable, str(ROOT / "validation" / "bench"), "--help"]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0 and "--json" in run.stdout, run.stderr
+
+
+def test_both_programs_simulate_the_same_chain():
+    """Both are of first order: at the benchmark's step they stay near each other, and nearer at a finer one."""
+    gaps = []
+    for step in (bodies.STEP, bodies.STEP / 8):
+        chain, seconds = bodies.chain(2), 0.2
+        text = chains.scene(chain, integrator="euler", step=step, duration=seconds)
+        ours = pliant.loads(text)
+        x = ours.rollout(ours.initial_state(), ours.controls(), record=False).x[-1]
+        model = mujoco.MjModel.from_xml_string(chains.mjcf(chain, integrator="implicitfast", step=step))
+        data = mujoco.MjData(model)
+        data.qpos[:] = chains.start(chain)
+        mujoco.mj_step(model, data, len(ours.controls()))
+        assert (model.nu, ours.nu) == (2, 2)
+        gaps.append(np.abs(x[:2] - data.qpos).max())
+    assert gaps[0] < 0.1 and gaps[1] < gaps[0] / 5, gaps
 
 
 @pytest.mark.parametrize("kind", scenes.VELOCITY)

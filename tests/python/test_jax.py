@@ -44,12 +44,26 @@ def found():
     return json.loads(out.stdout)
 
 
-@pytest.mark.parametrize("scene", ["windy", "sliding"])
+@pytest.mark.parametrize("scene", ["windy", "sliding", "arm_free"])
 @pytest.mark.parametrize("check", AGREE)
 def test_agrees_with_vjp(found, scene, check):
     """The same code runs below, so the same bits but for summation order and cold contacts."""
     bound = 1e-9 if scene == "sliding" and "scan" in check else 1e-12
     assert found[f"{scene}-{check}"] <= bound
+
+
+@pytest.mark.parametrize(
+    ("check", "bound"),
+    [
+        ("quaternion_differences", 1e-9),
+        ("quaternion_chain", 1e-9),
+        ("quaternion_radial", 1e-15),
+        ("quaternion_reference", 1e-9),
+    ],
+)
+def test_quaternions(found, check, bound):
+    """Balls and free joints: against central differences, along the sphere, and the JAX reference."""
+    assert found[check] <= bound
 
 
 def test_long_rollout(found):
@@ -61,7 +75,6 @@ def test_long_rollout(found):
     [
         ("wrong_shape", "x has shape (47,), but (48,) is needed"),
         ("failed_numerics", "NumericsError: step 0"),
-        ("balls_are_refused", "does not differentiate scenes with ball or free joints"),
         ("needs_float64", 'jax.config.update("jax_enable_x64", True)'),
         ("wrong_dtype", "x is float32, but pliant needs float64"),
     ],

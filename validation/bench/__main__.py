@@ -8,7 +8,9 @@ ratios are null, so that the peers can be measured alone. `ratio_min` compares t
 rounds in the same way: on a busy machine the two ratios should agree.
 
 work: rope_step, rope_step_contact (at rest), rope_step_sliding [s per step]; rope_jacobian
-[s per full step Jacobian]; rope_rollout_vjp [s per 60-step rollout with its reverse gradient].
+[s per full step Jacobian]; rope_rollout_vjp [s per 60-step rollout with its reverse gradient];
+bodies_step, bodies_jacobian and bodies_rollout_vjp the same of chains of hinges, 200 steps. `size`
+is the number of nodes, or of links.
 """
 
 import os
@@ -26,9 +28,9 @@ from statistics import median
 if not __package__:  # run as a folder: the package is then found from the repository's root
     sys.path[0] = str(Path(__file__).resolve().parents[2])
 
-from validation.bench import scenes
+from validation.bench import bodies, scenes
 from validation.bench.machine import describe
-from validation.bench.peers import FD_PARAMETERS, JaxRope, MujocoRope
+from validation.bench.peers import FD_PARAMETERS, JaxRope, MujocoChain, MujocoRope
 
 try:
     import pliant
@@ -72,25 +74,49 @@ def peers_of(work: str, size: int, jax: bool) -> dict:
 
 def own_rollout(rounds: int, repeats: int, size: int = 20) -> list[dict]:
     """pliant's gradient beside its own forward rollout: what reverse mode costs."""
+    text = scenes.scene_text(size, "hang")
+    return beside_itself("rope_rollout_vjp", size, text, rounds, repeats)
+
+
+def beside_itself(work: str, size: int, text: str, rounds: int, repeats: int) -> list[dict]:
+    """The gradient of a scene's rollout beside the rollout."""
     if pliant is None:
         return []
-    text, pairs = scenes.scene_text(size, "hang"), []
-    for _ in range(rounds):
-        pairs.append([pliant.bench(text, w, repeats) for w in ("rollout_vjp", "rollout")])
-    return [_row("rope_rollout_vjp", size, "pliant, forward rollout", *zip(*pairs, strict=True))]
+    forward = {"pliant, forward rollout": lambda: pliant.bench(text, "rollout", repeats)}
+    return compare(work, size, lambda: pliant.bench(text, "rollout_vjp", repeats), forward, rounds)
 
 
 def measure(work: str, size: int, rounds: int, repeats: int, jax: bool) -> list[dict]:
-    """Interleaved rounds of pliant and every peer on one work and size."""
-    timers = peers_of(work, size, jax)
+    """Interleaved rounds of pliant and every peer on one work and size of rope."""
+    return compare(work, size, lambda: time_pliant(work, size, repeats), peers_of(work, size, jax), rounds)
+
+
+def compare(work: str, size: int, our_timer, timers: dict, rounds: int) -> list[dict]:
+    """Interleaved rounds of pliant's timer and the peers' by name; a row for each peer."""
     for timer in timers.values():
         timer()  # warm caches and compilers
     ours, theirs = [], {name: [] for name in timers}
     for _ in range(rounds):
-        ours.append(time_pliant(work, size, repeats))
+        ours.append(our_timer())
         for name, timer in timers.items():
             theirs[name].append(timer())
     return [_row(work, size, name, ours, times) for name, times in theirs.items()]
+
+
+def measure_bodies(links: int, rounds: int, repeats: int) -> list[dict]:
+    """All works of a chain of that many links."""
+    text, peer, rows = bodies.scene_text(links), MujocoChain(links), []
+    n_params = None if pliant is None else pliant.loads(text).n_params
+    # a rollout is 200 steps long: fewer of them per round
+    rollouts = max(1, repeats // 16)
+    for work, name in bodies.WORKS.items():
+        units = rollouts if name == "rollout_vjp" else repeats
+
+        def our_timer(name=name, units=units):
+            return None if pliant is None else pliant.bench(text, name, units)
+
+        rows += compare(work, links, our_timer, bodies.timers(work, peer, n_params), rounds)
+    return rows + beside_itself("bodies_rollout_vjp", links, text, rounds, rollouts)
 
 
 def growth(sizes, rounds: int, repeats: int) -> list[dict]:
@@ -127,6 +153,7 @@ def main():
     parser.add_argument("--json", action="store_true", help="machine-readable output")
     parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds")
     parser.add_argument("--repeats", type=int, default=240, help="pliant's units per round")
+    parser.add_argument("--chains", type=int, nargs="*", default=[2, 7, 18], help="links, with MuJoCo")
     parser.add_argument("--sizes", type=int, nargs="*", default=[20], help="nodes, with peers")
     parser.add_argument("--growth", type=int, nargs="*", default=[20, 60, 200, 500, 1000])
     parser.add_argument(
@@ -139,6 +166,9 @@ def main():
             print(f"{work}, {size} nodes ...", file=sys.stderr)
             rows += measure(work, size, options.rounds, options.repeats, options.jax)
     rows += own_rollout(options.rounds, options.repeats)
+    for links in options.chains:
+        print(f"bodies, {links} links ...", file=sys.stderr)
+        rows += measure_bodies(links, options.rounds, options.repeats)
     rows += growth(options.growth, min(options.rounds, 5), options.repeats)
     if options.json:
         about = {"machine": describe(), "command": sys.argv[1:]}

@@ -20,7 +20,14 @@ Jacobian; MuJoCo takes one linearized, positive semi-definite step at its defaul
 the edges by a soft constraint instead of EA, and (unless "without twist") carries a hinge per
 edge. `mjd_transitionFD` gives forward differences in the state; pliant's Jacobian also covers the
 controls and every parameter. A finite-difference gradient costs one rollout per parameter and
-one more; pliant's reverse mode gives all parameters, controls and initial state at once."""
+one more; pliant's reverse mode gives all parameters, controls and initial state at once.
+
+*bodies*: chains of rods of 0.1 m and 0.2 kg, joined by hinges with damping and a motor each, fall
+for 200 steps of 1/240 s, implicit Euler beside MuJoCo's `implicitfast`. pliant takes inertia, Coriolis
+forces and weight at the end of the step and iterates to the root; `implicitfast` is implicit in damping
+alone and solves once. Both Jacobians are A and B, all states and all motors; MuJoCo's are differences of
+its step, forward ones with errors near 10⁻⁶. Where a chain has fewer parameters than a row differences,
+the row is left out."""
 
 
 def _time(seconds: float | None) -> str:
@@ -35,7 +42,7 @@ def _time(seconds: float | None) -> str:
 def table(rows: list[dict]) -> str:
     """A Markdown table of benchmark rows."""
     lines = [
-        "| work | nodes | pliant | peer | peer's time | ratio |",
+        "| work | nodes or links | pliant | peer | peer's time | ratio |",
         "|---|---:|---:|---|---:|---:|",
     ]
     for row in rows:

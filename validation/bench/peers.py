@@ -6,7 +6,8 @@ from statistics import median
 import mujoco
 import numpy as np
 
-from validation.bench import scenes
+from validation.bench import bodies, scenes
+from validation.bodies import chains
 from validation.mujoco_rope import Rod
 
 FD_PARAMETERS = 10  # as many as a typical fit: gravity (3), EI, mass, drag, four node masses
@@ -70,6 +71,50 @@ class MujocoRope:
         self.rod.place(self.start)
         self.rod.data.qpos[:], self.rod.data.qvel[:] = self._start
         mujoco.mj_forward(self.rod.model, self.rod.data)
+
+
+class MujocoChain:
+    """MuJoCo's implicitfast on one of the benchmark's chains of hinges."""
+
+    def __init__(self, links: int):
+        chain = bodies.chain(links)
+        text = chains.mjcf(chain, integrator="implicitfast", step=bodies.STEP)
+        self.model = mujoco.MjModel.from_xml_string(text)
+        self.data = mujoco.MjData(self.model)
+        self._start = chains.start(chain)
+        n = 2 * self.model.nv
+        self._a, self._b = np.zeros((n, n)), np.zeros((n, self.model.nu))
+
+    def rollout(self) -> float:
+        """Seconds of `STEPS` steps in C from the start."""
+        self._reset()
+        begin = time.perf_counter()
+        mujoco.mj_step(self.model, self.data, bodies.STEPS)
+        return time.perf_counter() - begin
+
+    def step(self) -> float:
+        """Mean seconds of a step over the rollout."""
+        return self.rollout() / bodies.STEPS
+
+    def jacobian(self, centred: bool) -> float:
+        """Median seconds of `mjd_transitionFD` (full A and B) along the rollout."""
+        self._reset()
+        times = []
+        for _ in range(bodies.JACOBIANS):
+            mujoco.mj_step(self.model, self.data, bodies.STEPS // bodies.JACOBIANS)
+            begin = time.perf_counter()
+            mujoco.mjd_transitionFD(self.model, self.data, 1e-6, centred, self._a, self._b, None, None)
+            times.append(time.perf_counter() - begin)
+        return median(times)
+
+    def gradient(self, parameters: int) -> float:
+        """Seconds of a forward-difference gradient: one rollout per parameter, and one."""
+        return (parameters + 1) * self.rollout()  # a changed constant costs nothing
+
+    def _reset(self):
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = self._start
+        mujoco.mj_forward(self.model, self.data)
 
 
 class JaxRope:

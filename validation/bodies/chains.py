@@ -20,6 +20,7 @@ class Chain:
     damping: float = 0.01  # N·m·s/rad
     armature: float = 0.0  # kg·m²
     start: float = 0.3  # rad; revolute joints
+    motors: bool = False  # a torque motor at every revolute joint, at rest
 
     @property
     def inertia(self) -> tuple[float, float, float]:
@@ -48,22 +49,25 @@ stiffness = {chain.stiffness}
 damping = {chain.damping}
 armature = {chain.armature}
 {start}"""
+    for i in range(chain.links if chain.motors else 0):
+        text += f'\n[[actuator]]\nname = "motor_{i}"\njoint = "joint_{i}"\nkind = "torque"\n'
     return text
 
 
 def mjcf(chain: Chain, *, integrator: str, step: float) -> str:
     """The chain as MJCF."""
     kind = {"revolute": "hinge", "ball": "ball"}[chain.joint]
-    bodies, ends = "", ""
+    bodies, ends, motors = "", "", ""
     for i in range(chain.links):
         along = " ".join(map(str, axis(i)))
         passive = f'stiffness="{chain.stiffness}" damping="{chain.damping}" armature="{chain.armature}"'
         bodies += f"""
-<body pos="{LENGTH if i else 0} 0 0"><joint type="{kind}" axis="{along}" {passive}/>
+<body pos="{LENGTH if i else 0} 0 0"><joint name="joint_{i}" type="{kind}" axis="{along}" {passive}/>
 <inertial pos="{LENGTH / 2} 0 0" mass="{MASS}" diaginertia="{" ".join(map(repr, chain.inertia))}"/>"""
         ends += "</body>"
+        motors += f'<motor joint="joint_{i}"/>' if chain.motors else ""
     return f"""<mujoco><option timestep="{step}" integrator="{integrator}" gravity="0 0 -9.81"><flag contact="disable"/></option>
-<worldbody>{bodies}{ends}</worldbody></mujoco>"""
+<worldbody>{bodies}{ends}</worldbody><actuator>{motors}</actuator></mujoco>"""
 
 
 def axis(i: int) -> tuple[int, int, int]:

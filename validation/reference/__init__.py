@@ -1,4 +1,4 @@
-"""An independent JAX reference of pliant's rope dynamics.
+"""An independent JAX reference of pliant's ropes and articulated bodies.
 
 Written from the formulas alone; it shares no code with pliant and nothing in the
 product imports it. Every law is an energy, a dissipation or a force (`laws`),
@@ -8,6 +8,9 @@ implicit-function adjoint gives the derivatives. SI units, float64 throughout.
     model = load("scene.toml")
     step = make_step(model)
     x_next = step(x, u, model.theta)          # jax.jvp, jax.vjp, jax.jacobian go through it
+
+Scenes of bodies have `body_model.loads` and `body_step.make_step` instead: poses of a tree of joints (`bodies`),
+energies and d'Alembert's principle on them, friction and stops (`joints`).
 """
 
 import jax

@@ -10,14 +10,16 @@ import jax
 import jax.numpy as jnp
 
 SHORTEST = 2.0**-20  # a shorter step is taken as it is
+NOISE = 1e-14  # relative size of a step that is rounding: it need not contract
 KEEP = 0.05  # a step may use up at most 1 - KEEP of a margin
 
 
-def follow(residual, margins, y0, weight, levels, max_iterations=1000):
+def follow(residual, margins, y0, weight, levels, tolerance=1e-9, max_iterations=1000):
     """(y near the root of residual(·, scale=1), the inverse of K = ∂residual/∂y there).
 
     residual(y, scale) -> (n,) [m/s]; margins(y) -> array, positive where admissible;
-    weight (n,) [√kg]; levels: number of tenfold reductions of κ. y0 must be admissible.
+    weight (n,) [√kg]; levels: number of tenfold reductions of κ. y0 must be admissible. tolerance: relative
+    size of the Newton step that is left at the end.
     """
 
     def size(d):
@@ -32,10 +34,11 @@ def follow(residual, margins, y0, weight, levels, max_iterations=1000):
         trial = jnp.where(fresh, y, y + alpha * d)
         slope, rows = jax.jacfwd(twice, has_aux=True)(trial, 10.0**level)
         after = size(inverse @ rows)
-        contracts = (after <= (1.0 - alpha / 4.0) * size(d)) | (alpha < SHORTEST)
+        noise = after <= NOISE * (1e-3 * jnp.linalg.norm(weight) + size(trial))
+        contracts = (after <= (1.0 - alpha / 4.0) * size(d)) | (alpha < SHORTEST) | noise
         accept = fresh | (contracts & jnp.all(margins(trial) > KEEP * margins(y)))
-        settled = accept & ~fresh & (alpha == 1.0) & (after <= 0.1 * size(d))
-        fine = after <= 1e-9 * (1e-3 * jnp.linalg.norm(weight) + size(trial))
+        settled = accept & ~fresh & (alpha == 1.0) & ((after <= 0.1 * size(d)) | noise)
+        fine = after <= tolerance * (1e-3 * jnp.linalg.norm(weight) + size(trial))
         y = jnp.where(accept, trial, y)
         new_inverse = jnp.linalg.inv(slope)
         inverse = jnp.where(accept, new_inverse, inverse)

@@ -6,8 +6,8 @@
     roll = model.rollout(model.initial_state(), model.controls())
     x0_bar, u_bar, theta_bar = roll.vjp(x_bar)
 
-All arrays are float64 in SI units; a state is x = [q, v], positions [m] then velocities [m/s],
-three numbers per node. `pliant.jax` has the same as differentiable JAX functions.
+All arrays are float64 in SI units; a state is x = [q, v], coordinates then velocities: three numbers
+per node [m, m/s], then those of joints [rad or m]. `pliant.jax` has the same as differentiable JAX functions.
 """
 
 from ._pliant import (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
-"""A float64 array. Shapes stand in the documentation: nx = 6 n_nodes, T steps."""
+"""A float64 array. Shapes stand in the documentation: nx numbers of a state, ndx of its change, T steps."""
 
 __version__: str
 
@@ -249,15 +249,16 @@ class Rollout:
         u_dot: ArrayLike | None = None,
         theta_dot: ArrayLike | None = None,
     ) -> Array:
-        """Tangents of all states, (T + 1, nx), along directions of x0, u, theta; None is zero."""
+        """Tangents of all states, (T + 1, ndx), along directions x0_dot (ndx,), u_dot (T, nu), theta_dot; None is zero."""
     def vjp(self, x_bar: ArrayLike) -> tuple[Array, Array, Array]:
-        """Cotangents x0_bar (nx,), u_bar (T, nu), theta_bar (n_params,) from x_bar (T + 1, nx).
+        """Cotangents x0_bar (ndx,), u_bar (T, nu), theta_bar (n_params,) from x_bar (T + 1, ndx).
 
-        The gradient of L(x_0 … x_T) has x_bar = dL/dx, and comes in units of L per SI unit.
+        The gradient of L(x_0 … x_T) has x_bar = dL/dx, by turns where x has a quaternion, and comes in units of L
+        per SI unit.
         NaN or infinity in x_bar is refused.
         """
     def linearize(self, k: int) -> tuple[Array, Array, Array]:
-        """Jacobians of step k: A (nx, nx) by x_k, B (nx, nu) by u_k, C (nx, n_params) by theta."""
+        """Jacobians of step k: A (ndx, ndx) by x_k, B (ndx, nu) by u_k, C (ndx, n_params) by theta."""
     def __len__(self) -> int:
         """Number of steps T."""
 
@@ -285,9 +286,9 @@ class Batch:
     def x(self) -> Array:
         """States, (batch, T + 1, nx): positions [m], then velocities [m/s]."""
     def vjp(self, x_bar: ArrayLike, threads: int | None = None) -> tuple[Array, Array, Array]:
-        """Cotangents x0_bar (batch, nx), u_bar (batch, T, nu), theta_bar (batch, n_params).
+        """Cotangents x0_bar (batch, ndx), u_bar (batch, T, nu), theta_bar (batch, n_params).
 
-        x_bar: (batch, T + 1, nx). Shared inputs get one cotangent per rollout: sum them.
+        x_bar: (batch, T + 1, ndx). Shared inputs get one cotangent per rollout: sum them.
         """
     def __len__(self) -> int:
         """Number of rollouts."""

@@ -9,6 +9,14 @@ With `backward_rest_gap` [m] larger than the scene's the forward simulation stay
 gradients are those of smoother contact: *surrogates*, which reach contacts not yet made, and are the
 gradient of no single function.
 
+States are coordinates x (nx,). Where a joint is a ball, or free, these hold a unit quaternion p (w first), and its
+cotangent lives in R⁴ too: a turn ω in the body's axes moves p by ṗ = ½ p (0, ω), so that
+
+    ω̄ = ½ L(p)ᵀ p̄   on the way into a step,     p̄ = 2 L(p) ω̄ / |p|²   on the way out,     L(p) ω = p (0, ω)
+
+pull cotangents through exactly. They have no part along p: how a function of x goes on beyond unit length does not
+matter to the chain rule through quaternions that are one long. A step takes p for p/|p|.
+
 Both work under jit, grad, vmap and scan, in reverse mode once. They call pliant on the host through
 `jax.pure_callback`, which touches only NumPy, and keep no state between calls: the backward
 pass simulates again with records, then pulls the cotangents back.
@@ -30,16 +38,17 @@ Function = Callable[[jax.Array, jax.Array, jax.Array], jax.Array]
 
 
 def step(model: Model, *, backward_rest_gap: float | None = None) -> Function:
-    """`f(x, u, theta) -> x_next`: x (nx,) [m, m/s], u (nu,), theta (n_params,), all float64."""
+    """`f(x, u, theta) -> x_next`: x (nx,) [m, rad, m/s, rad/s], u (nu,), theta (n_params,), all float64."""
+    chart = _Chart(model)
 
     def forward(x, u, theta):
         return (_batch(model, x, u[..., None, :], theta, record=False).x[:, 1],)
 
     def backward(x, u, theta, next_bar):
         batch = _batch(model, x, u[..., None, :], theta, record=True, rest_gap=backward_rest_gap)
-        xs_bar = np.zeros((len(batch), 2, model.nx))
-        xs_bar[:, 1] = next_bar.reshape(-1, model.nx)
-        return batch.vjp(xs_bar)
+        xs_bar = np.zeros((len(batch), 2, model.ndx))
+        xs_bar[:, 1] = chart.to_changes(batch.x[:, 1], next_bar.reshape(-1, model.nx))
+        return chart.pulled_back(batch, xs_bar)
 
     return _differentiable(
         model,
@@ -52,13 +61,14 @@ def step(model: Model, *, backward_rest_gap: float | None = None) -> Function:
 
 def rollout(model: Model, *, backward_rest_gap: float | None = None) -> Function:
     """`f(x0, u, theta) -> xs`: x0 (nx,), u (T, nu), theta (n_params,) to xs (T + 1, nx)."""
+    chart = _Chart(model)
 
     def forward(x0, u, theta):
         return (_batch(model, x0, u, theta, record=False).x,)
 
     def backward(x0, u, theta, xs_bar):
         batch = _batch(model, x0, u, theta, record=True, rest_gap=backward_rest_gap)
-        return batch.vjp(xs_bar.reshape(-1, *xs_bar.shape[-2:]))
+        return chart.pulled_back(batch, chart.to_changes(batch.x, xs_bar.reshape(batch.x.shape)))
 
     return _differentiable(
         model,
@@ -67,6 +77,51 @@ def rollout(model: Model, *, backward_rest_gap: float | None = None) -> Function
         inputs=lambda u: ((model.nx,), (*u.shape[:1], model.nu), (model.n_params,)),
         output=lambda u: (u.shape[0] + 1, model.nx),
     )
+
+
+class _Chart:
+    """Cotangents of states x (…, nx) and of their changes δx (…, ndx), which have a turn for a quaternion."""
+
+    def __init__(self, model: Model):
+        nodes, names = 3 * model.n_nodes, model.dof_names
+        # only a ball's three parts, and no name of a joint, end in an index of two
+        balls = np.array([k - 2 for k, name in enumerate(names) if name.endswith("[2]")], dtype=int)
+        if len(balls) != model.nx - model.ndx:
+            raise RuntimeError(f"{model.nx - model.ndx} quaternions in a state, but joints with {len(balls)}: {names}")
+        self.turns = nodes + balls[:, None] + np.arange(3)
+        self.quaternions = nodes + (balls + np.arange(len(balls)))[:, None] + np.arange(4)
+        self.plain_change = np.setdiff1d(np.arange(model.ndx), self.turns)
+        self.plain = np.setdiff1d(np.arange(model.nx), self.quaternions)
+        self.sizes = (model.nx, model.ndx)
+
+    def to_changes(self, x, x_bar):
+        """δx̄ (…, ndx) of x̄ (…, nx) at x: ω̄ = ½ L(p)ᵀ p̄."""
+        out = np.empty((*x_bar.shape[:-1], self.sizes[1]))
+        out[..., self.plain_change] = x_bar[..., self.plain]
+        (w, u), (w_bar, u_bar) = (_split(a[..., self.quaternions]) for a in (x, x_bar))
+        out[..., self.turns] = 0.5 * (w * u_bar - w_bar * u - np.cross(u, u_bar))
+        return out
+
+    def to_coordinates(self, x, dx_bar):
+        """x̄ (…, nx) of δx̄ (…, ndx) at x: p̄ = 2 L(p) ω̄ / |p|²."""
+        out = np.empty((*dx_bar.shape[:-1], self.sizes[0]))
+        out[..., self.plain] = dx_bar[..., self.plain_change]
+        p, turn = x[..., self.quaternions], dx_bar[..., self.turns]
+        (w, u), size2 = _split(p), np.sum(p * p, axis=-1, keepdims=True)
+        vector = w * turn + np.cross(u, turn)
+        scalar = -np.sum(u * turn, axis=-1, keepdims=True)
+        out[..., self.quaternions] = 2.0 / size2 * np.concatenate([scalar, vector], axis=-1)
+        return out
+
+    def pulled_back(self, batch, dxs_bar):
+        """Cotangents of (x0, u, theta) from those of the changes of all states."""
+        dx0_bar, u_bar, theta_bar = batch.vjp(dxs_bar)
+        return self.to_coordinates(batch.x[:, 0], dx0_bar), u_bar, theta_bar
+
+
+def _split(quaternions):
+    """Scalar parts (…, n, 1) and vector parts (…, n, 3)."""
+    return quaternions[..., :1], quaternions[..., 1:]
 
 
 def _batch(model, x0, u, theta, record, rest_gap=None):
@@ -81,12 +136,6 @@ def _differentiable(model: Model, forward, backward, *, inputs, output) -> Funct
 
     inputs, output: shapes of a single call's arguments and result, as functions of u.
     """
-
-    if model.ndx != model.nx:
-        raise NotImplementedError(
-            "pliant.jax does not differentiate scenes with ball or free joints yet: a state has a quaternion, its change "
-            "a turn of three numbers; use the rollout's own vjp and jvp"
-        )
 
     @jax.custom_vjp
     def function(x, u, theta):
