@@ -22,6 +22,8 @@ use pliant_smoothing::{ContactLaw, SplitPoint};
 const RHO: f64 = 0.3;
 /// Acceleration that makes a weight of a mass in the smoothing of contacts of solids [m/s²]: near gravity's, but no parameter.
 pub(crate) const WEIGHT: f64 = 10.0;
+/// Relative change below which a cone variable has settled: derivatives of friction that almost slips feel its last digits.
+const SETTLED: f64 = 1e-10;
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be
 /// the whole scene), and is left out.
 fn reach(rest_gap: f64) -> f64 {
@@ -404,8 +406,9 @@ impl Stage<'_> {
 
     /// Whether the pending changes leave the impulses where they are.
     pub(crate) fn spots_settled(&self, p: &[Vector4<f64>], part: &SpotWorkspace) -> bool {
-        const SETTLED: f64 = 1e-6;
-        p.iter().zip(&part.dw).all(|(w, dw)| dw.amax() <= SETTLED * w[0].abs().max(w.amax()))
+        let still =
+            |((w, dw), rounding): ((&Vector4<f64>, &Vector4<f64>), &f64)| dw.amax() <= (SETTLED * w.amax()).max(4.0 * rounding);
+        p.iter().zip(&part.dw).zip(&part.rounding).all(still)
     }
 }
 
