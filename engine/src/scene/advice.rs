@@ -109,7 +109,9 @@ impl Mistake {
             Self::Massless { .. } => {
                 both("a mass was left out", "give the body `mass` and `inertia`, or the joint an `armature`, or remove the joint")
             }
-            Self::Limits { .. } => both("the limits are exchanged, or one is in degrees", "write the lower one first, [lower, upper]"),
+            Self::Limits { .. } => {
+                both("the limits are exchanged, or one is in degrees", "write the lower one first, [lower, upper]")
+            }
             Self::Delay { delay, .. } => both(
                 "`max_delay` was left at an earlier delay",
                 format!("write `max_delay = {}` or more, or leave it out", Num(*delay)),
