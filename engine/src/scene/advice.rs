@@ -168,6 +168,14 @@ impl Mistake {
                 "shapes in another unit, a misplaced start, or neighbours that are meant to overlap",
                 "move them apart, or write [[contact.pair]] with `between` and `ignore = true`",
             ),
+            Self::Open { .. } => both(
+                "joints that start where the loop is not closed",
+                "leave `to_point` out, or change `start` of the joints so that the points meet",
+            ),
+            Self::HoldsNoBody { .. } => both("a body was named twice, or one that is fixed", "name a body that moves"),
+            Self::MidpointClosure { .. } => {
+                both("closures hold at the end of a step", "write `integrator = \"sdirk2\"` (second order) or \"euler\"")
+            }
             Self::NeverTouch { .. } => both("a rule that does nothing", "remove it"),
             Self::NoCompliance { .. } => both("a number that would do nothing", "remove `compliance`"),
             Self::AllHeld { .. } => {
