@@ -13,7 +13,7 @@ use toml::{Table, Value};
 
 const FILE: &str = "scene_extended.toml";
 /// Lists of named objects.
-const OBJECTS: [&str; 5] = ["rope", "gripper", "plane", "sphere", "capsule"];
+const OBJECTS: [&str; 7] = ["rope", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
 
 /// A value that was set, by where it stands: table, its number in a list of tables, key.
 struct Place {
