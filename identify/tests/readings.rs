@@ -4,7 +4,7 @@
 use pliant_engine::scene::Source;
 use pliant_identify::log::Setup;
 use pliant_identify::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
-use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::shoot::{Plan, RecordPlan, ShotWants, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use std::fmt::Write;
 use tempfile::TempDir;
@@ -125,7 +125,7 @@ fn derivatives_are_those_of_the_readings() {
     let values = plan.scene_values.clone();
     let wants = ShotWants { unknowns: &unknowns, tangents: true, ..ShotWants::default() };
     let shot = shoot(&plan, &rec, &values, wants).unwrap();
-    let residual = |rec, values: &Values| shoot(&plan, rec, values, ShotWants::default()).unwrap().residual;
+    let residual = |rec: &RecordPlan, values: &Values| shoot(&plan, rec, values, ShotWants::default()).unwrap().residual;
     assert_eq!(plan.channels(), 3 + 6 + 6);
     assert_eq!(shot.residual.len(), 12 * plan.channels());
     let (k, m) = (unknowns.len(), shot.own_columns);

@@ -42,7 +42,7 @@ use crate::unknown::{Probe, Unknown, Values};
 use pliant_engine::model::Model;
 
 /// A possible cause of what a simulation gets wrong.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cause {
     /// Name.
     pub name: &'static str,
@@ -61,21 +61,6 @@ pub struct Cause {
     pub settings: Vec<Vec<(usize, f64)>>,
     /// What is no candidate because it would move the readings in exactly the same way.
     pub twins: Vec<&'static str>,
-}
-
-impl Default for Cause {
-    fn default() -> Self {
-        Self {
-            name: "",
-            object: None,
-            meaning: "",
-            unknowns: Vec::new(),
-            untestable: None,
-            excitation: "",
-            settings: Vec::new(),
-            twins: Vec::new(),
-        }
-    }
 }
 
 impl Cause {

@@ -290,6 +290,16 @@ impl Selection {
                     scene_value: u.value(&plan.scene_values),
                 });
             }
+            for &(entry, value) in a.cause.settings.iter().flatten() {
+                let info = plan.model.params().info(entry);
+                parameters.push(Estimate {
+                    path: info.path.clone(),
+                    estimate: value,
+                    unit: info.unit.to_owned(),
+                    interval: [value; 2],
+                    scene_value: plan.scene_values.theta[entry],
+                });
+            }
             Ok(Cause {
                 name: a.cause.name.to_owned(),
                 object: a.cause.object.clone(),

@@ -114,7 +114,7 @@ impl Pass<'_> {
                 rows.iter_mut().zip(own).for_each(|(r, t)| *r += sensor[GAIN] * by * t);
             }
         }
-        let residual = measured.is_finite().then(|| [measured - y, 0.0, 0.0]);
+        let residual = measured.is_finite().then_some([measured - y, 0.0, 0.0]);
         let reading = Reading { value: [y, 0.0, 0.0], residual, rows };
         let direct = |unknown: &Unknown, _: usize| match &unknown.target {
             Target::Sensor(TIME_OFFSET) => -sensor[GAIN] * x.rate,
