@@ -51,6 +51,7 @@ stiffness = 3.0
 damping = 0.1
 [experiment]
 time = { column = "t" }
+lead_in = 0.05
 sensor = { scale = 1.01, rotation = [0.1, -0.05, 0.2], bias = [0.01, 0, 0], time_offset = 0.0013 }
 [[experiment.joint]]
 joint = "elbow"

@@ -42,9 +42,15 @@ class Effect:
 
 EFFECTS = {
     "null": Effect("null"),
-    "viscous_friction": Effect("viscous_friction", "elbow", {"elbow": {"damping": 0.02}}),
-    "coulomb_friction": Effect("coulomb_friction", "shoulder", {"shoulder": {"frictionloss": 0.06}}),
-    "joint_stiffness": Effect("joint_stiffness", "elbow", {"elbow": {"stiffness": 0.2}}),
+    "viscous_friction": Effect(
+        "viscous_friction", "elbow", {"elbow": {"damping": 0.02}}
+    ),
+    "coulomb_friction": Effect(
+        "coulomb_friction", "shoulder", {"shoulder": {"frictionloss": 0.06}}
+    ),
+    "joint_stiffness": Effect(
+        "joint_stiffness", "elbow", {"elbow": {"stiffness": 0.2}}
+    ),
     "armature": Effect("armature", "shoulder", {"shoulder": {"armature": 0.01}}),
     "torque_gain": Effect("torque_gain", "motor_elbow", gain=(1.0, 0.9)),
     "torque_offset": Effect("torque_offset", "motor_shoulder", offset=(0.05, 0.0)),
@@ -58,7 +64,9 @@ def model(effect: Effect) -> mujoco.MjModel:
     """The arm: links of 0.3 and 0.25 m, axes along y, hanging at zero."""
 
     def joint(name: str) -> str:
-        more = " ".join(f'{key}="{value}"' for key, value in effect.joint.get(name, {}).items())
+        more = " ".join(
+            f'{key}="{value}"' for key, value in effect.joint.get(name, {}).items()
+        )
         # friction as hard as MuJoCo makes it at this step
         return f'<joint name="{name}" axis="0 1 0" solreffriction="{2.5 * FINE} 1" solimpfriction="0.999 0.9999 0.001" {more}/>'
 
@@ -81,11 +89,19 @@ def torques(record: int, n: int, rng: np.random.Generator) -> np.ndarray:
         return u
     for j, size in enumerate((1.2, 0.35)):
         for _ in range(4):
-            u[:, j] += size / 2 * np.sin(2 * np.pi * rng.uniform(0.2, 2.0) * t + rng.uniform(0, 2 * np.pi))
+            u[:, j] += (
+                size
+                / 2
+                * np.sin(
+                    2 * np.pi * rng.uniform(0.2, 2.0) * t + rng.uniform(0, 2 * np.pi)
+                )
+            )
     return u
 
 
-def record(effect: Effect, number: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def record(
+    effect: Effect, number: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, readings and commands of one record. Commands are linear between samples."""
     arm = model(effect)
     data = mujoco.MjData(arm)
@@ -93,7 +109,9 @@ def record(effect: Effect, number: int, rng: np.random.Generator) -> tuple[np.nd
     late = effect.delay
     u = torques(number, n, rng)
     t = np.arange(n) / RATE
-    data.qpos[:] = rng.uniform(-0.5, 0.5, 2) + (np.array([0.9, -0.6]) if number % 3 == 2 else 0.0)
+    data.qpos[:] = rng.uniform(-0.5, 0.5, 2) + (
+        np.array([0.9, -0.6]) if number % 3 == 2 else 0.0
+    )
     data.qvel[:] = rng.uniform(-0.5, 0.5, 2)
     steps = round(t[-1] / FINE)
     q = np.empty((steps + 1, 2))
@@ -101,12 +119,16 @@ def record(effect: Effect, number: int, rng: np.random.Generator) -> tuple[np.nd
     gain, offset = np.array(effect.gain), np.array(effect.offset)
     for k in range(steps):
         now = (k + 0.5) * FINE
-        data.ctrl[:] = gain * [np.interp(now, t, u[:, 0]), np.interp(now, t, u[:, 1])] + offset
+        data.ctrl[:] = (
+            gain * [np.interp(now, t, u[:, 0]), np.interp(now, t, u[:, 1])] + offset
+        )
         mujoco.mj_step(arm, data)
         q[k + 1] = data.qpos
     fine = np.arange(steps + 1) * FINE
     keep = t >= late - 1e-12  # what is read at t was so `late` before
-    read = np.stack([np.interp(t[keep] - late, fine, q[:, j]) for j in range(2)], axis=1)
+    read = np.stack(
+        [np.interp(t[keep] - late, fine, q[:, j]) for j in range(2)], axis=1
+    )
     read += np.array(effect.bias) + SIGMA * rng.standard_normal(read.shape)
     first = t[keep][0]
     return t[keep] - first, QUANTUM * np.round(read / QUANTUM), u[keep]
@@ -116,13 +138,16 @@ def scene(names: list[str], held_out: list[bool]) -> str:
     """What the scene believes: everything but the effect."""
     joint = 'kind = "revolute"\naxis = [0, 1, 0]\n'
     motors = "".join(
-        f'[[actuator]]\nname = "motor_{j}"\njoint = "{j}"\nkind = "torque"\n' for j in ("shoulder", "elbow")
+        f'[[actuator]]\nname = "motor_{j}"\njoint = "{j}"\nkind = "torque"\n'
+        for j in ("shoulder", "elbow")
     )
     inputs = "".join(
-        f'[[experiment.input]]\nactuator = "motor_{j}"\ncolumns = ["u_{j}"]\n' for j in ("shoulder", "elbow")
+        f'[[experiment.input]]\nactuator = "motor_{j}"\ncolumns = ["u_{j}"]\n'
+        for j in ("shoulder", "elbow")
     )
     sensors = "".join(
-        f'[[experiment.joint]]\njoint = "{j}"\ncolumn = "q_{j}"\nnoise_floor = 1e-4\n' for j in ("shoulder", "elbow")
+        f'[[experiment.joint]]\njoint = "{j}"\ncolumn = "q_{j}"\nnoise_floor = 1e-4\n'
+        for j in ("shoulder", "elbow")
     )
     records = "".join(
         f'[[experiment.record]]\nfile = "{name}"\nrole = "{"held_out" if out else "fit"}"\n'
@@ -168,7 +193,9 @@ def write(effect: Effect, folder: Path, seed: int, n_records: int = 6) -> Path:
         header = "t,q_shoulder,q_elbow,u_shoulder,u_elbow"
         np.savetxt(folder / name, table, "%.7g", ",", header=header, comments="")
     path = folder / "scene.toml"
-    path.write_text(scene(names, [k >= n_records - 2 for k in range(n_records)]), encoding="utf-8")
+    path.write_text(
+        scene(names, [k >= n_records - 2 for k in range(n_records)]), encoding="utf-8"
+    )
     return path
 
 

@@ -23,8 +23,10 @@ const TURNED: (f64, f64) = (0.01, 0.3);
 /// A reading's standard deviation in floors, and in residuals of its quadratic.
 const FLOORS: f64 = 10.0;
 const RESIDUALS: f64 = 3.0;
-/// Part of the record's own speed that the slope of a quadratic may be off.
-const SLOPE: f64 = 0.1;
+/// Parts of the record's own motion and speed that a reading may be off: a wrong zero, scale or delay of its sensor must not be held
+/// against the cause that explains it, and the samples of a record say far more of the state than this.
+const MOTION: f64 = 0.3;
+const SLOPE: f64 = 0.3;
 /// Gauss–Newton steps, and the longest of them [rad or m].
 const STEPS: usize = 50;
 const LONGEST: f64 = 0.5;
@@ -37,10 +39,11 @@ pub(super) struct BodyStart {
     pub velocity: DMatrix<f64>,
 }
 
-/// What is known at a sample: (value, standard deviation) of what is observed, and of its rate; `Turn`: axes and angular velocity.
+/// What is known at a sample: value, standard deviation and slack of what is observed, and of its rate; `Turn`: axes and angular
+/// velocity. The slack widens the prior and does not move it.
 enum Known {
     Point(usize, Vector3<f64>, Vector3<f64>),
-    Number(usize, (f64, f64), (f64, f64)),
+    Number(usize, [f64; 3], [f64; 3]),
     Turn(usize, [f64; 4], Vector3<f64>),
 }
 
@@ -52,14 +55,13 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     let known = known(plan, record, sample);
     let singular = || IdentifyError::Input("an initial state cannot be read off the log: it is not finite".to_owned());
     let mut q = scene.clone();
-    let mut system = System::new(nv);
     for _ in 0..STEPS {
-        system = System::new(nv);
+        let mut system = System::new(nv);
         let mut away = vec![0.0; nv];
         tree.subtract(&q, &scene, &mut away);
         (0..nv).for_each(|l| system.add(&[(l, 1.0)], -away[l], UNSEEN.0));
         let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv]);
-        known.iter().for_each(|k| add_place(plan, &bodies, k, &mut system));
+        known.iter().for_each(|k| add_place(plan, &bodies, k, false, &mut system));
         let step = system.solve().ok_or_else(singular)?;
         let size = step.amax();
         let shorter = (LONGEST / size.max(LONGEST)).min(1.0);
@@ -69,13 +71,22 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
             break;
         }
     }
-    let position = system.factor().ok_or_else(singular)?;
     let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv]);
-    let mut system = System::new(nv);
-    (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.1));
-    known.iter().for_each(|k| add_rate(plan, &bodies, k, &mut system));
-    let v = system.solve().ok_or_else(singular)?.as_slice().to_vec();
-    Ok(BodyStart { q, v, position, velocity: system.factor().ok_or_else(singular)? })
+    let placed = |wide: bool| {
+        let mut system = System::new(nv);
+        (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.0));
+        known.iter().for_each(|k| add_place(plan, &bodies, k, wide, &mut system));
+        system
+    };
+    let moving = |wide: bool| {
+        let mut system = System::new(nv);
+        (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.1));
+        known.iter().for_each(|k| add_rate(plan, &bodies, k, wide, &mut system));
+        system
+    };
+    let v = moving(false).solve().ok_or_else(singular)?.as_slice().to_vec();
+    let position = placed(true).factor().ok_or_else(singular)?;
+    Ok(BodyStart { q, v, position, velocity: moving(true).factor().ok_or_else(singular)? })
 }
 
 fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
@@ -104,12 +115,17 @@ fn number_at(plan: &Plan, record: &Record, k: usize, sample: usize) -> Option<Kn
     let sensor = &plan.scene_values.joints[k];
     let late = plan.scene_values.sensor.time_offset() + sensor[DELAY];
     let (x, rate) = ((fit.value - sensor[BIAS]) / sensor[GAIN], fit.slope / sensor[GAIN]);
+    let read = || record.joints.iter().map(|row| row[k]).filter(|x| x.is_finite());
+    let n = read().count().max(1) as f64;
+    let mean = read().sum::<f64>() / n;
+    let motion = (read().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
     let sigma = (FLOORS * place.floor).max(RESIDUALS * fit.residual) / sensor[GAIN].abs();
+    let slack = MOTION * motion / sensor[GAIN].abs();
     let speeds = record.joints.windows(2).zip(record.time.windows(2));
     let squares = speeds.map(|(y, t)| ((y[1][k] - y[0][k]) / (t[1] - t[0])).powi(2)).filter(|s| s.is_finite());
     let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));
     let speed = (sum / f64::max(count, 1.0)).sqrt() / sensor[GAIN].abs();
-    Some(Known::Number(k, (x + rate * late, sigma), (rate, (sigma / fit.half_window).max(SLOPE * speed))))
+    Some(Known::Number(k, [x + rate * late, sigma, slack], [rate, sigma / fit.half_window, SLOPE * speed]))
 }
 
 fn turn_at(record: &Record, k: usize, sample: usize) -> Option<Known> {
@@ -123,7 +139,7 @@ fn turn_at(record: &Record, k: usize, sample: usize) -> Option<Known> {
     Some(Known::Turn(k, here, rate))
 }
 
-fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, system: &mut System) {
+fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mut System) {
     let model = &plan.model;
     match known {
         Known::Point(k, p, _) => {
@@ -132,9 +148,10 @@ fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, system: &mut System) {
                 system.add_vector(&seen.by, &(p - seen.value), SEEN.0);
             }
         }
-        Known::Number(k, (x, sigma), _) if plan.joints[*k].quantity == JointQuantity::Position => {
+        Known::Number(k, [x, sigma, slack], _) if plan.joints[*k].quantity == JointQuantity::Position => {
             let place = &plan.joints[*k];
-            system.add(&[(place.v, 1.0)], x - bodies.q[place.q], *sigma);
+            let sigma = if wide { sigma.hypot(*slack) } else { *sigma };
+            system.add(&[(place.v, 1.0)], x - bodies.q[place.q], sigma);
         }
         Known::Number(..) => {}
         Known::Turn(k, measured, _) => {
@@ -145,7 +162,7 @@ fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, system: &mut System) {
     }
 }
 
-fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, system: &mut System) {
+fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mut System) {
     let model = &plan.model;
     match known {
         Known::Point(k, _, v) => {
@@ -155,8 +172,8 @@ fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, system: &mut System) {
         }
         Known::Number(k, value, rate) => {
             let place = &plan.joints[*k];
-            let (x, sigma) = if place.quantity == JointQuantity::Position { *rate } else { *value };
-            system.add(&[(place.v, 1.0)], x, sigma);
+            let [x, sigma, slack] = if place.quantity == JointQuantity::Position { *rate } else { *value };
+            system.add(&[(place.v, 1.0)], x, if wide { sigma.hypot(slack) } else { sigma });
         }
         Known::Turn(k, _, rate) => {
             system.add_vector(&bodies.turn(model, plan.orientations[*k].body).by, rate, TURNED.1);
