@@ -1,7 +1,7 @@
 //! A state between two steps.
 
 use super::bodies::Bodies;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use pliant_adjoint::Tangent;
 use pliant_engine::bodies::JointKind;
 use pliant_engine::bodies::quaternion;
@@ -90,8 +90,6 @@ impl Blend {
     }
 
     /// Tangents of what [`Blend::bodies`] gives, (coordinates, velocities), m columns per degree of freedom.
-    ///
-    /// Within a step a ball's tangents are those of its ends, carried to the instant's axes and weighted linearly: exact at the ends.
     pub fn body_tangents(&self, model: &Model, x: [&State; 2], t: [&Tangent; 2], m: usize) -> (Vec<f64>, Vec<f64>) {
         let (n, tree) = (model.n_node_dofs(), model.tree());
         let nv = tree.nv();
@@ -105,14 +103,11 @@ impl Blend {
             }
             let (start, end) = (quaternion(&x[0].q[n..], joint.q), quaternion(&x[1].q[n..], joint.q));
             let arc = logarithm(&product(&conjugate(&start), &end));
-            for (tangent, turn, weight) in [(t[0], arc * -a, b), (t[1], arc * b, a)] {
-                if weight == 0.0 {
-                    continue;
-                }
-                let carried = matrix(&Map::Exponential.turn(&turn)) * weight;
+            let [before, after] = arc_slopes(&arc, a);
+            for (tangent, slope) in [(t[0], before), (t[1], after)] {
                 for c in 0..m {
                     let at = |k: usize| tangent.q[(n + l + k) * m + c];
-                    let moved = carried * Vector3::new(at(0), at(1), at(2));
+                    let moved = slope * Vector3::new(at(0), at(1), at(2));
                     (0..3).for_each(|k| q[(l + k) * m + c] += moved[k]);
                 }
             }
@@ -121,4 +116,16 @@ impl Blend {
         let v = t[0].v[rows.clone()].iter().zip(&t[1].v[rows]).map(|(v0, v1)| b * v0 + a * v1).collect();
         (q, v)
     }
+}
+
+/// How q = q₀ exp(a ξ) turns (in its own axes) with turns of q₀ and of q₁ = q₀ exp(ξ):
+/// ```text
+/// exp(−a ξ) − a J(a ξ) J(−ξ)⁻¹      and      a J(a ξ) J(ξ)⁻¹
+/// ```
+/// with J of exp(ξ + δ) = exp(ξ) exp(J δ).
+fn arc_slopes(arc: &Vector3<f64>, a: f64) -> [Matrix3<f64>; 2] {
+    let jacobian = |t: &Vector3<f64>| Map::Exponential.jacobian(t);
+    let inverse = |t: &Vector3<f64>| jacobian(t).try_inverse().unwrap_or_else(Matrix3::identity);
+    let along = jacobian(&(arc * a)) * a;
+    [matrix(&Map::Exponential.turn(&(arc * -a))) - along * inverse(&-arc), along * inverse(arc)]
 }

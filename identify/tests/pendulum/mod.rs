@@ -93,7 +93,7 @@ fn gaussians() -> impl FnMut() -> f64 {
 /// The scene of the pendulum that only swings by its weight and its command; `more` goes into its experiment.
 pub const SCENE: &str = r#"schema_version = 1
 [time]
-step = 0.0025
+step = 0.00125
 duration = 1.0
 integrator = "midpoint"
 [[body]]
