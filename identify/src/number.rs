@@ -28,14 +28,19 @@ pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     if x.abs() < 1e9 { format!("{x:.decimals$}") } else { format!("{x:.3e}") }
 }
 
-/// A length [m] in mm.
-pub(crate) fn millimetres(x: f64) -> String {
-    format!("{} mm", number(1e3 * x))
+/// What errors are told in: lengths [m] in mm, all else in thousandths of its unit.
+pub(crate) fn thousandths(unit: &str) -> String {
+    if unit == "m" || unit.is_empty() { "mm".to_owned() } else { format!("10⁻³ {unit}") }
+}
+
+/// A size [unit] in [`thousandths`].
+pub(crate) fn quantity(x: f64, unit: &str) -> String {
+    format!("{} {}", number(1e3 * x), thousandths(unit))
 }
 
 /// The same for terminals.
-pub(crate) fn millimetres_plain(x: f64) -> String {
-    format!("{} mm", number_plain(1e3 * x))
+pub(crate) fn quantity_plain(x: f64, unit: &str) -> String {
+    format!("{} {}", number_plain(1e3 * x), thousandths(unit))
 }
 
 /// A fraction of something that may have been taken, in words: `93 %`, or `nothing` where it has grown instead.
@@ -100,7 +105,8 @@ mod tests {
         assert_eq!(number_plain(-1.2345e-5), "-1.23e-5");
         assert_eq!((fixed(0.5, 4), fixed(1e300, 4)), ("0.5000".into(), "1.000e300".into()));
         assert_eq!((share(0.934), share(-0.15)), ("93 %".into(), "nothing".into()));
-        assert_eq!((percent(0.934), millimetres(0.00123)), ("93 %".into(), "1.23 mm".into()));
+        assert_eq!((percent(0.934), quantity(0.00123, "m")), ("93 %".into(), "1.23 mm".into()));
+        assert_eq!(quantity_plain(0.0123, "rad"), "12.3 10⁻³ rad");
         assert_eq!((p_value(1e-20), p_value(0.04)), ("< 10⁻¹²".into(), "0.04".into()));
     }
 }

@@ -1,10 +1,17 @@
-//! The observation model: what a position sensor reads.
+//! The observation model: what sensors read.
 //!
 //! ```text
 //! y(t) = scale · R(rotation) p(t − time_offset) + bias
 //! ```
 //! `p` true position \[m\], `R` the rotation by the vector `rotation` \[rad\] about the world's origin, `bias` \[m\],
 //! `time_offset` \[s\] > 0 where the sensor is late. No sensor error: scale 1, all else 0.
+
+//!
+//! A sensor at a joint reads one number x (a coordinate, a velocity or a torque):
+//! ```text
+//! y(t) = scale · x(t − time_offset − delay) + bias
+//! ```
+//! with `time_offset` that of the markers' sensor, which all sensors share, and `delay` \[s\] > 0 where this one is later still.
 
 use nalgebra::{Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualNum, DualSVec64};
@@ -31,6 +38,17 @@ pub const SENSOR_BOUNDS: [(f64, f64); SENSOR_PARAMS] = [ANY, ANY, ANY, POSITIVE,
 pub const SCALE: usize = 3;
 /// Index of the time offset.
 pub const TIME_OFFSET: usize = 7;
+
+/// Numbers of a sensor at a joint, in this order.
+pub const JOINT_ENTRIES: [&str; 3] = ["bias", "scale", "delay"];
+/// Their physical bounds. A sensor may well count backwards.
+pub const JOINT_BOUNDS: [(f64, f64); 3] = [ANY, ANY, ANY];
+/// Index of a joint sensor's bias.
+pub const BIAS: usize = 0;
+/// Index of its scale.
+pub const GAIN: usize = 1;
+/// Index of its delay.
+pub const DELAY: usize = 2;
 
 /// A position sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]

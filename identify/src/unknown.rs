@@ -9,8 +9,10 @@ use pliant_engine::model::Model;
 pub enum Target {
     /// These entries of θ, all to the same value.
     Theta(Vec<usize>),
-    /// This entry of the sensor's parameters.
+    /// This entry of the markers' sensor.
     Sensor(usize),
+    /// This sensor at a joint, and which of its values ([`crate::sensor::JOINT_ENTRIES`]).
+    Joint(usize, usize),
 }
 
 /// A number to be found. Its coordinate is `ln(value)` where `log`, else `value/scale`.
@@ -30,6 +32,18 @@ pub struct Unknown {
     pub log: bool,
     /// Normal prior of the value (mean, standard deviation).
     pub prior: Option<(f64, f64)>,
+    /// Where its effect is looked at if its value is zero, because its law is silent there (dry friction of size zero), and where a
+    /// fit of it begins.
+    pub probe: Option<Probe>,
+}
+
+/// Small sizes of a quantity whose law is silent at zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Small enough to change nothing else.
+    pub small: f64,
+    /// Where a fit begins.
+    pub start: f64,
 }
 
 /// All values a simulation of an experiment depends on.
@@ -37,8 +51,10 @@ pub struct Unknown {
 pub struct Values {
     /// Parameters of the model.
     pub theta: Vec<f64>,
-    /// Parameters of the sensor.
+    /// Parameters of the markers' sensor.
     pub sensor: Sensor,
+    /// Bias, scale and delay of each sensor at a joint.
+    pub joints: Vec<[f64; 3]>,
 }
 
 impl Unknown {
@@ -57,7 +73,25 @@ impl Unknown {
             scale: if positive { value } else { scale },
             log: false,
             prior: None,
+            probe: None,
         })
+    }
+
+    /// A value of a sensor at a joint, of this path.
+    pub fn of_joint(path: String, unit: &str, (sensor, entry): (usize, usize), scale: f64, bounds: (f64, f64)) -> Self {
+        let (unit, target) = (unit.to_owned(), Target::Joint(sensor, entry));
+        Self { path, unit, target, bounds, scale, log: false, prior: None, probe: None }
+    }
+
+    /// With a [`Probe`].
+    pub fn probed(mut self, probe: Probe) -> Self {
+        self.probe = Some(probe);
+        self
+    }
+
+    /// The probe, where it is needed: at zero.
+    pub fn silent(&self, values: &Values) -> Option<Probe> {
+        self.probe.filter(|_| self.value(values) == 0.0)
     }
 
     /// An entry of the sensor's parameters.
@@ -70,6 +104,7 @@ impl Unknown {
             scale,
             log: false,
             prior: None,
+            probe: None,
         }
     }
 
@@ -84,6 +119,7 @@ impl Unknown {
         match &self.target {
             Target::Theta(entries) => values.theta[entries[0]],
             Target::Sensor(entry) => values.sensor.0[*entry],
+            Target::Joint(sensor, entry) => values.joints[*sensor][*entry],
         }
     }
 
@@ -93,6 +129,7 @@ impl Unknown {
         match &self.target {
             Target::Theta(entries) => entries.iter().for_each(|&k| values.theta[k] = value),
             Target::Sensor(entry) => values.sensor.0[*entry] = value,
+            Target::Joint(sensor, entry) => values.joints[*sensor][*entry] = value,
         }
     }
 

@@ -10,5 +10,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         unknowns: at.per_rope("stretch_stiffness", |_| 1.0).into_iter().map(|u| u.logarithmic()).collect(),
         untestable: None,
         excitation: "load the rope along itself: a heavier tip, or pulled taut",
+        ..Cause::default()
     }
 }

@@ -11,5 +11,6 @@ pub(super) fn cause(_at: &Situation) -> Cause {
         unknowns: (4..7).map(|a| Unknown::of_sensor(a, 0.01, (-1.0, 1.0))).collect(),
         untestable: None,
         excitation: "measure three markers at known places",
+        ..Cause::default()
     }
 }

@@ -15,5 +15,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         },
         untestable: (!testable).then(|| "the scene has no gravity".to_owned()),
         excitation: "turn the set-up by 90° about the vertical: tilt stays with the room, a rotated camera frame turns along",
+        ..Cause::default()
     }
 }

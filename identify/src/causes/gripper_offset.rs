@@ -16,6 +16,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
                 untestable: (!testable)
                     .then(|| format!("gripper `{}` is controlled by velocity and has no measured position", drive.name)),
                 excitation: "measure a marker on the gripper itself: it shows an offset of the gripper and not one of the sensor",
+                ..Cause::default()
             }
         })
         .collect()

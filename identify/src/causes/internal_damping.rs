@@ -12,5 +12,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         unknowns: at.per_rope("bend_damping", typical),
         untestable: None,
         excitation: "excite high modes: short strokes at high frequency; air drag damps slow large swings instead",
+        ..Cause::default()
     }
 }

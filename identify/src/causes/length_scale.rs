@@ -12,5 +12,6 @@ pub(super) fn cause(_at: &Situation) -> Cause {
         unknowns: vec![Unknown::of_sensor(SCALE, 0.01, (0.5, 2.0))],
         untestable: None,
         excitation: "measure a known length",
+        ..Cause::default()
     }
 }

@@ -10,5 +10,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         unknowns: at.per_rope("drag_linear", |rope| at.typical_drag(rope)),
         untestable: None,
         excitation: "swing at two amplitudes: linear drag damps both alike, quadratic drag the larger one more",
+        ..Cause::default()
     }
 }

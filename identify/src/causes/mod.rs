@@ -3,33 +3,50 @@
 //! A cause says what it is called, what it means, which unknowns it frees, when it cannot be tested, and what experiment
 //! would excite it. Everything else (derivatives, tests, refits) is common.
 
+mod armature;
+mod center_of_mass;
+mod coulomb_friction;
+mod cubic_stiffness;
 mod discretisation;
+mod encoder_bias;
+mod encoder_scale;
 mod extensibility;
 mod frame_rotation;
 mod gravity_tilt;
 mod gripper_offset;
 mod internal_damping;
+mod joint_stiffness;
 mod length_scale;
 mod linear_drag;
+mod link_inertia;
+mod payload;
 mod quadratic_drag;
 mod sensor_bias;
+mod sensor_delay;
 mod spacing;
+mod stribeck;
 mod time_offset;
 mod tip_mass;
+mod torque_gain;
+mod torque_offset;
+mod viscous_friction;
 mod wind;
 
 pub use discretisation::{Discretisation, TOLERATED, discretisation};
 pub use spacing::{Spacing, spacing};
 
-use crate::shoot::Plan;
-use crate::unknown::{Unknown, Values};
+use crate::log::JointQuantity;
+use crate::sensor::JOINT_ENTRIES;
+use crate::shoot::{JointPlace, Plan};
+use crate::unknown::{Probe, Unknown, Values};
+use pliant_engine::model::Model;
 
 /// A possible cause of what a simulation gets wrong.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cause {
     /// Name.
     pub name: &'static str,
-    /// The gripper it is about, where each has a cause of this name.
+    /// The gripper, joint, body or actuator it is about, where each has a cause of this name.
     pub object: Option<String>,
     /// What it means, in a sentence.
     pub meaning: &'static str,
@@ -39,6 +56,11 @@ pub struct Cause {
     pub untestable: Option<String>,
     /// The experiment that would show it best.
     pub excitation: &'static str,
+    /// Values of θ that the cause brings along, one set per entry: its effect is tested with each, the best one counts, and its p is
+    /// multiplied by their number. For quantities that nothing determines while the cause has no size.
+    pub settings: Vec<Vec<(usize, f64)>>,
+    /// What is no candidate because it would move the readings in exactly the same way.
+    pub twins: Vec<&'static str>,
 }
 
 impl Cause {
@@ -89,21 +111,116 @@ impl Situation<'_> {
     fn typical_drag(&self, rope: &str) -> f64 {
         0.1 * self.value(&format!("{rope}.linear_density")) * self.value("gravity.magnitude").max(1.0)
     }
+
+    /// A cause of this shape for every joint that has such a quantity. Its typical size is `size` times the joint's inertia.
+    fn per_joint(&self, quantity: &str, size: f64, shape: &Cause) -> Vec<Cause> {
+        let joints = self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(".armature"));
+        let one = |joint: &str| {
+            let inertia = joint_inertia(&self.plan.model, joint)?;
+            let unknown = self.theta(&format!("{joint}.{quantity}"), size * inertia)?;
+            Some(Cause { object: Some(joint.to_owned()), unknowns: vec![probed(self.plan, unknown)], ..shape.clone() })
+        };
+        joints.filter_map(one).collect()
+    }
+
+    /// A cause of this shape for every actuator that has such a quantity.
+    fn per_actuator(&self, quantity: &str, scale: f64, shape: &Cause) -> Vec<Cause> {
+        let suffix = format!(".{quantity}");
+        let actuators = self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(".gear"));
+        let one = |name: &str| {
+            let unknown = self.theta(&format!("{name}{suffix}"), scale)?;
+            Some(Cause { object: Some(name.to_owned()), unknowns: vec![unknown], ..shape.clone() })
+        };
+        actuators.filter_map(one).collect()
+    }
+
+    /// A cause of this shape for every sensor of joints' positions, freeing one of its numbers.
+    fn per_encoder(&self, entry: usize, scale: f64, bounds: (f64, f64), shape: &Cause) -> Vec<Cause> {
+        let encoders = self.plan.joints.iter().enumerate().filter(|(_, j)| j.quantity == JointQuantity::Position);
+        let one = |(k, place): (usize, &JointPlace)| {
+            let path = format!("{}.position_{}", place.joint, JOINT_ENTRIES[entry]);
+            let unit = [place.unit, "-", "s"][entry];
+            let unknown = Unknown::of_joint(path, unit, (k, entry), scale, bounds);
+            Cause { object: Some(place.joint.clone()), unknowns: vec![unknown], ..shape.clone() }
+        };
+        encoders.map(one).collect()
+    }
+
+    /// Root mean square speed of a joint that an encoder reads [rad/s or m/s]; 1 where none does.
+    fn typical_speed(&self, joint: &str) -> f64 {
+        let plan = self.plan;
+        let read = |p: &JointPlace| p.joint == joint && p.quantity == JointQuantity::Position;
+        let Some(k) = plan.joints.iter().position(read) else { return 1.0 };
+        let (mut sum, mut count) = (0.0, 0.0);
+        for rec in &plan.fitted {
+            for (y, t) in rec.record.joints.windows(SPACED).zip(rec.record.time.windows(SPACED)) {
+                let speed = (y[SPACED - 1][k] - y[0][k]) / (t[SPACED - 1] - t[0]);
+                if speed.is_finite() {
+                    (sum, count) = (sum + speed * speed, count + 1.0);
+                }
+            }
+        }
+        if sum > 0.0 { (sum / f64::max(count, 1.0)).sqrt() } else { 1.0 }
+    }
+
+    /// Whether anything drives the joints.
+    fn has_actuators(&self) -> bool {
+        self.plan.model.has_actuators()
+    }
+}
+
+/// Inertia of a joint as the scene begins, all other joints held [kg·m² or kg]; the first axis' of a universal one.
+fn joint_inertia(model: &Model, joint: &str) -> Option<f64> {
+    let tree = model.tree();
+    let nv = tree.nv();
+    let l = tree.joint_parts(joint).map(|k| tree.joints()[k].v).next()?;
+    Some(model.mass_matrix(model.initial_positions(), model.params().values())[l * nv + l])
+}
+
+/// Samples between the two that a typical speed is taken from, so that noise counts little.
+const SPACED: usize = 9;
+
+/// Acceleration that friction is probed with [rad/s² or m/s²], and that a fit of it begins with.
+const PROBED: Probe = Probe { small: 1e-4, start: 0.1 };
+
+/// With a probe, if the unknown's law is silent at zero: dry friction, which has no derivative there.
+pub(crate) fn probed(plan: &Plan, unknown: Unknown) -> Unknown {
+    let joint = [".friction", ".stiction"].iter().find_map(|end| unknown.path.strip_suffix(end));
+    match joint.and_then(|joint| joint_inertia(&plan.model, joint)) {
+        Some(inertia) => unknown.probed(Probe { small: PROBED.small * inertia, start: PROBED.start * inertia }),
+        None => unknown,
+    }
+}
+
+/// Causes that lie in joints, links, motors and encoders.
+///
+/// Here belong, once the engine has them: asymmetric and load-dependent friction, delay, lag and saturation of actuators, plasticity
+/// of joints. (Height and friction of the ground belong to contact.)
+fn of_joints(at: &Situation) -> Vec<Cause> {
+    let friction = [viscous_friction::causes(at), coulomb_friction::causes(at), stribeck::causes(at)];
+    let springs = [joint_stiffness::causes(at), cubic_stiffness::causes(at)];
+    let inertia = [payload::causes(at), link_inertia::causes(at), center_of_mass::causes(at), armature::causes(at)];
+    let motors = [torque_gain::causes(at), torque_offset::causes(at)];
+    let sensors = [encoder_bias::causes(at), encoder_scale::causes(at), sensor_delay::causes(at)];
+    friction.into_iter().chain(springs).chain(inertia).chain(motors).chain(sensors).flatten().collect()
 }
 
 /// All causes of the library as they stand in this situation. A cause whose unknowns are all free already is left out.
 pub fn library(at: &Situation) -> Vec<Cause> {
-    let mut causes = vec![
-        linear_drag::cause(at),
-        quadratic_drag::cause(at),
-        wind::cause(at),
-        gravity_tilt::cause(at),
-        extensibility::cause(at),
-        internal_damping::cause(at),
-        tip_mass::cause(at),
-    ];
+    let mut causes = Vec::new();
+    if !at.ropes().is_empty() {
+        causes.extend([linear_drag::cause(at), quadratic_drag::cause(at), wind::cause(at)]);
+    }
+    causes.push(gravity_tilt::cause(at));
+    if !at.ropes().is_empty() {
+        causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
+    }
     causes.extend(gripper_offset::causes(at));
-    causes.extend([sensor_bias::cause(at), frame_rotation::cause(at), length_scale::cause(at), time_offset::cause(at)]);
+    causes.extend(of_joints(at));
+    if !at.plan.markers.is_empty() {
+        causes.extend([sensor_bias::cause(at), frame_rotation::cause(at), length_scale::cause(at)]);
+    }
+    causes.push(time_offset::cause(at));
     let is_free = |u: &Unknown| at.free.iter().any(|f| f.target == u.target);
     for cause in &mut causes {
         cause.unknowns.retain(|u| !is_free(u));

@@ -10,5 +10,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         unknowns: at.per_rope("drag_quadratic", |rope| at.typical_drag(rope)),
         untestable: None,
         excitation: "swing fast and at two amplitudes: the damping must grow with amplitude",
+        ..Cause::default()
     }
 }

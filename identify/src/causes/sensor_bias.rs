@@ -15,5 +15,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
             "one sensor reads markers and grippers: a common shift moves the whole scene and changes nothing".to_owned()
         }),
         excitation: "measure a marker at a known place",
+        ..Cause::default()
     }
 }

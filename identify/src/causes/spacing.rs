@@ -6,7 +6,7 @@
 use super::TOLERATED;
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::shoot::{MarkerPlace, Plan, RecordPlan, ShotWants, initial_guess, shoot};
+use crate::shoot::{MarkerPlace, NodePair, Plan, RecordPlan, ShotWants, initial_guess, shoot};
 use crate::unknown::Values;
 use pliant_engine::model::{Model, ModelBuilder};
 use pliant_engine::scene::{Refined, Scene};
@@ -70,7 +70,7 @@ fn refine_plan(refined: &Refined<impl Clone>, plan: &Plan, values: &Values) -> R
             theta[k] = *value;
         }
     }
-    let fine_values = Values { theta, sensor: values.sensor };
+    let fine_values = Values { theta, ..values.clone() };
     let scene_values = fine_values.clone();
     Ok((Plan { model, scene_values, markers, fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() }, fine_values))
 }
@@ -87,18 +87,19 @@ fn renamed(path: &str) -> String {
 
 /// The same point on the refined rope.
 fn place(coarse: &Model, fine: &Model, marker: &MarkerPlace) -> MarkerPlace {
+    let MarkerPlace::Nodes(marker) = marker else { return *marker };
     let ropes = coarse.ropes().iter().zip(fine.ropes());
     for (old, new) in ropes {
         if old.nodes.contains(&marker.node) {
             let node = new.nodes.start + 2 * (marker.node - old.nodes.start);
-            return match 2.0 * marker.weight {
-                0.0 => MarkerPlace { node, next: node, weight: 0.0 },
-                w if w <= 1.0 => MarkerPlace { node, next: node + 1, weight: w },
-                w => MarkerPlace { node: node + 1, next: node + 2, weight: w - 1.0 },
-            };
+            return MarkerPlace::Nodes(match 2.0 * marker.weight {
+                0.0 => NodePair { node, next: node, weight: 0.0 },
+                w if w <= 1.0 => NodePair { node, next: node + 1, weight: w },
+                w => NodePair { node: node + 1, next: node + 2, weight: w - 1.0 },
+            });
         }
     }
-    *marker
+    MarkerPlace::Nodes(*marker)
 }
 
 #[cfg(test)]

@@ -1,10 +1,13 @@
 //! A delay of the markers' clock against the grippers'.
 
-use super::{Cause, Situation};
+use super::{Cause, Situation, sensor_delay};
 use crate::sensor::TIME_OFFSET;
 use crate::unknown::Unknown;
 
 pub(super) fn cause(at: &Situation) -> Cause {
+    if at.plan.markers.is_empty() {
+        return sensor_delay::common(at);
+    }
     let shared = at.plan.shared_sensor;
     let unknown = Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2));
     Cause {
@@ -14,5 +17,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         unknowns: if shared { Vec::new() } else { vec![unknown] },
         untestable: shared.then(|| "one sensor reads markers and grippers: they share its clock".to_owned()),
         excitation: "a sharp start of the motion, seen by both",
+        ..Cause::default()
     }
 }

@@ -15,5 +15,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         untestable: unknowns.is_empty().then(|| "the last node is held by a gripper, so its mass acts on nothing".to_owned()),
         unknowns,
         excitation: "weigh it; or swing the free end",
+        ..Cause::default()
     }
 }

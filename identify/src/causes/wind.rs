@@ -15,5 +15,6 @@ pub(super) fn cause(at: &Situation) -> Cause {
         untestable: (!testable)
             .then(|| "wind acts through drag, and the simulation has none: give the rope drag, or accept drag first".to_owned()),
         excitation: "turn the set-up by 90°: wind and tilt turn differently; or shield it",
+        ..Cause::default()
     }
 }

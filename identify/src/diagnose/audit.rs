@@ -1,46 +1,71 @@
 //! Step 0: the raw records.
 
 use super::result::AuditFinding;
-use crate::audit::{AuditReport, Layout, RawRecord, audit};
+use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};
 use crate::error::IdentifyError;
-use crate::log::Logs;
-use crate::shoot::Plan;
+use crate::log::{Logs, Record};
+use crate::shoot::{NodePair, Plan};
 
-/// Findings in words, and the median noise of all channels [m].
-pub(super) fn check(logs: &Logs) -> Result<(Vec<AuditFinding>, f64, AuditReport), IdentifyError> {
+/// Findings in words, and the median noise of the channels whose errors are reported.
+pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64), IdentifyError> {
     let first = &logs.records[0];
-    let layout = Layout::rope(first.markers[0].len(), first.inputs[0].len());
-    let points: Vec<Vec<f64>> = logs.records.iter().map(|r| r.markers.iter().flatten().flatten().copied().collect()).collect();
+    let mut sigmas = Vec::new();
+    let mut findings = Vec::new();
+    let nothing_else = plan.joints.is_empty() && plan.orientations.is_empty();
+    if !plan.markers.is_empty() || nothing_else {
+        let on_ropes = plan.markers.iter().all(|m| m.nodes().is_some());
+        let rope = Layout::rope(first.markers[0].len(), first.inputs[0].len());
+        let layout = if on_ropes { rope } else { Layout { chords: Vec::new(), ..rope } };
+        let points = |r: &Record| r.markers.iter().flatten().flatten().copied().collect();
+        let report = audited(logs, &layout, &points)?;
+        findings.extend(report.findings.iter().map(|f| worded(f, logs, format!("{:?}", f.place), "m")));
+        sigmas.extend(report.noise.iter().flat_map(|n| n.sigma.clone()));
+    }
+    for (k, sensor) in plan.joints.iter().enumerate() {
+        let layout = Layout { dimension: 1, vertical: None, ..Layout::rope(1, first.inputs[0].len()) };
+        let report = audited(logs, &layout, &|r: &Record| r.joints.iter().map(|row| row[k]).collect())?;
+        // what it says of clocks and inputs, the first audit has said
+        let again = |f: &Finding| matches!(f.place, Place::Clock | Place::Input(_)) && (k > 0 || !plan.markers.is_empty());
+        let own = |f: &Finding| if matches!(f.place, Place::Input(_)) { format!("{:?}", f.place) } else { sensor.name.clone() };
+        findings.extend(report.findings.iter().filter(|f| !again(f)).map(|f| worded(f, logs, own(f), sensor.unit)));
+        if sensor.unit == plan.unit() {
+            sigmas.extend(report.noise.iter().flat_map(|n| n.sigma.clone()));
+        }
+    }
+    sigmas.retain(|s| s.is_finite());
+    sigmas.sort_by(f64::total_cmp);
+    Ok((findings, sigmas.get(sigmas.len() / 2).copied().unwrap_or(0.0)))
+}
+
+fn audited(logs: &Logs, layout: &Layout, read: &dyn Fn(&Record) -> Vec<f64>) -> Result<AuditReport, IdentifyError> {
+    let points: Vec<Vec<f64>> = logs.records.iter().map(read).collect();
     let inputs: Vec<Vec<f64>> = logs.records.iter().map(|r| r.inputs.concat()).collect();
-    let raw: Vec<RawRecord> = logs
-        .records
-        .iter()
-        .zip(points.iter().zip(&inputs))
-        .map(|(r, (points, inputs))| RawRecord { time: &r.time, points, inputs })
-        .collect();
-    let report = audit(&raw, &layout).map_err(|e| IdentifyError::Input(e.to_string()))?;
-    let findings = report.findings.iter().map(|f| AuditFinding {
+    let parts = logs.records.iter().zip(points.iter().zip(&inputs));
+    let raw: Vec<RawRecord> = parts.map(|(r, (points, inputs))| RawRecord { time: &r.time, points, inputs }).collect();
+    audit(&raw, layout).map_err(|e| IdentifyError::Input(e.to_string()))
+}
+
+/// A finding in words; the audit speaks of metres where the readings are in `unit`.
+fn worded(f: &Finding, logs: &Logs, place: String, unit: &str) -> AuditFinding {
+    AuditFinding {
         severity: format!("{:?}", f.severity).to_lowercase(),
         record: logs.records[f.record].name.clone(),
-        place: format!("{:?}", f.place),
+        place,
         time_s: f.time_s,
         what: f.what.clone(),
         number: f.number,
-        unit: f.unit.to_owned(),
+        unit: if f.unit == "m" { unit.to_owned() } else { f.unit.to_owned() },
         advice: f.advice.to_owned(),
-    });
-    let mut sigmas: Vec<f64> = report.noise.iter().flat_map(|n| n.sigma.iter().copied()).filter(|s| s.is_finite()).collect();
-    sigmas.sort_by(f64::total_cmp);
-    let median = sigmas.get(sigmas.len() / 2).copied().unwrap_or(0.0);
-    Ok((findings.collect(), median, report))
+    }
 }
 
 /// Markers on nodes that a gripper holds: they measure it, and nothing about the rope.
 pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
     let held = |node: usize| plan.model.driven()[node];
     let rope = |node: usize| plan.model.ropes().iter().find(|rope| rope.nodes.contains(&node));
-    let on_held = plan.markers.iter().enumerate().filter(|(_, m)| held(m.node) && held(m.next));
-    let finding = |(k, marker): (usize, &crate::shoot::MarkerPlace)| AuditFinding {
+    let on_nodes = plan.markers.iter().enumerate().filter_map(|(k, m)| Some((k, m.nodes()?)));
+    let on_held = on_nodes.filter(|(_, m)| held(m.node) && held(m.next));
+    let finding = |(k, marker): (usize, &NodePair)| AuditFinding {
         severity: "info".to_owned(),
         record: String::new(),
         place: format!("Point({k})"),

@@ -2,14 +2,15 @@
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 use super::result::Estimate;
+use crate::causes::probed;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, cut, fit, fit_noise};
 use crate::log::{LogMistake, Logs, Setup};
-use crate::number::{millimetres_plain, number_plain, unit};
-use crate::sensor::{SENSOR_BOUNDS, SENSOR_PATHS};
+use crate::number::{number_plain, quantity_plain, unit};
+use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
 use crate::shoot::{Plan, ShotWants, shoot};
 use crate::stats::ar::ArModel;
-use crate::unknown::{Target, Unknown};
+use crate::unknown::{Target, Unknown, Values};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -23,9 +24,11 @@ pub struct FitReport {
     pub schema_version: u32,
     /// Fitted parameters with 90 % intervals.
     pub parameters: Vec<Estimate>,
-    /// Root mean square residual on the fitted records [m].
+    /// Unit of the residuals.
+    pub unit: String,
+    /// Root mean square residual on the fitted records.
     pub rmse_fit: f64,
-    /// On the held-out records [m], if there are any.
+    /// On the held-out records, if there are any.
     pub rmse_held_out: Option<f64>,
     /// Iterations.
     pub iterations: usize,
@@ -54,9 +57,9 @@ impl std::fmt::Display for FitReport {
                 p.scene_value + 0.0 // −0 is 0
             )?;
         }
-        writeln!(f, "residual {:.3e} m on {} fitted records", self.rmse_fit, self.records.fit)?;
+        writeln!(f, "residual {:.3e} {} on {} fitted records", self.rmse_fit, self.unit, self.records.fit)?;
         if let Some(held_out) = self.rmse_held_out {
-            writeln!(f, "residual {:.3e} m on {} held-out records", held_out, self.records.held_out)?;
+            writeln!(f, "residual {:.3e} {} on {} held-out records", held_out, self.unit, self.records.held_out)?;
         }
         for line in &self.unidentifiable {
             writeln!(f, "not determined by these data: {line}")?;
@@ -72,9 +75,16 @@ impl std::fmt::Display for FitReport {
 pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, IdentifyError> {
     setup.check_free(plan.model.params())?;
     let one = |free: &crate::log::Free| {
-        let mut unknown = match SENSOR_PATHS.iter().position(|path| *path == free.path) {
-            Some(entry) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
-            None => Unknown::of_theta(&plan.model, &free.path, 0.1 * (free.upper - free.lower))?,
+        let of_joint = |sensor: usize| setup.experiment.joint[sensor].paths().iter().position(|p| *p == free.path);
+        let joint = (0..setup.experiment.joint.len()).find_map(|sensor| Some((sensor, of_joint(sensor)?)));
+        let width = 0.1 * (free.upper - free.lower);
+        let mut unknown = match (SENSOR_PATHS.iter().position(|path| *path == free.path), joint) {
+            (Some(entry), _) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
+            (None, Some((sensor, entry))) => {
+                let unit = setup.joint_units(sensor)[entry];
+                Unknown::of_joint(free.path.clone(), unit, (sensor, entry), width, JOINT_BOUNDS[entry])
+            }
+            (None, None) => probed(plan, Unknown::of_theta(&plan.model, &free.path, width)?),
         };
         unknown.bounds = (unknown.bounds.0.max(free.lower), unknown.bounds.1.min(free.upper));
         unknown.prior = free.prior.as_ref().map(|p| (p.mean, p.std));
@@ -90,9 +100,10 @@ pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, Ident
 pub(super) fn refuse_dead(plan: &Plan, unknowns: &[Unknown]) -> Result<(), IdentifyError> {
     let k = unknowns.len();
     let mut norm = vec![0.0f64; k];
+    let values = opened(&plan.scene_values, unknowns);
     for rec in &plan.fitted {
         let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
-        let shot = shoot(plan, rec, &plan.scene_values, wants)
+        let shot = shoot(plan, rec, &values, wants)
             .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
         for row in shot.global.chunks_exact(k.max(1)) {
             norm.iter_mut().zip(row).for_each(|(n, d)| *n += d * d);
@@ -104,11 +115,22 @@ pub(super) fn refuse_dead(plan: &Plan, unknowns: &[Unknown]) -> Result<(), Ident
     }
 }
 
+/// The values with everything at its start whose law is silent at zero.
+fn opened(values: &Values, unknowns: &[Unknown]) -> Values {
+    let mut out = values.clone();
+    for u in unknowns {
+        if let Some(probe) = u.silent(values) {
+            u.set(&mut out, probe.start);
+        }
+    }
+    out
+}
+
 /// Baseline fit: segments, noise model, declared unknowns.
 pub(super) fn baseline(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
     let unknowns = declared(setup, plan)?;
     refuse_dead(plan, &unknowns)?;
-    let values = plan.scene_values.clone();
+    let values = opened(&plan.scene_values, &unknowns);
     cut(plan, &values, setup.experiment.fit.segment)?;
     let (values, records) = approach(plan, &plan.fitted, &values, &unknowns, options)?;
     fit(plan, &records, &values, &unknowns, None, options)
@@ -129,7 +151,7 @@ struct Chosen {
 fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let unknowns = declared(setup, plan)?;
     refuse_dead(plan, &unknowns)?;
-    let values = plan.scene_values.clone();
+    let values = opened(&plan.scene_values, &unknowns);
     cut(plan, &values, setup.experiment.fit.segment)?;
     let (values, records) = approach(plan, &plan.fitted, &values, &unknowns, options)?;
     let plain = fit(plan, &records, &values, &unknowns, None, &FitOptions { rounds: 0, ..*options })?;
@@ -141,10 +163,10 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
             "the residual is not noise: whitened by its own colour, the fit would leave {} where least squares leaves {}, so the model \
              lacks something; these are the least-squares values, their intervals do not cover what is lacking, and `pliant diagnose` \
              looks for it",
-            millimetres_plain(whitened.rmse),
-            millimetres_plain(plain.rmse)
+            quantity_plain(whitened.rmse, plan.unit()),
+            quantity_plain(plain.rmse, plan.unit())
         ));
-        coloured(plan, plain, options)?
+        coloured(plan, plain)?
     } else {
         (whitened.clone(), whitened)
     };
@@ -154,9 +176,9 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
 
 /// A least-squares fit with the noise model of its residual, and with white noise of as many independent samples as that has:
 /// the error of least squares where its residual is coloured.
-fn coloured(plan: &Plan, plain: Fitted, options: &FitOptions) -> Result<(Fitted, Fitted), IdentifyError> {
+fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), IdentifyError> {
     let lost = plain.unknowns.len() + plain.records.iter().map(|r| r.start.z.len()).sum::<usize>();
-    let noise = fit_noise(plan, &plain.residuals, options.noise_floor, lost)?;
+    let noise = fit_noise(plan, &plain.residuals, lost)?;
     let samples = plain.residuals.iter().map(Vec::len).sum::<usize>() / plan.channels().max(1);
     let wider = (samples as f64 / noise.effective_samples(samples)).max(1.0).sqrt();
     let sigma = noise.sigma().iter().map(|s| s * noise.stationary_ratio().sqrt() * wider).collect();
@@ -193,7 +215,7 @@ pub fn fit_scene(
         return Err(setup.refuse("experiment.fit", LogMistake::NothingFree).into());
     }
     let mut plan = Plan::new(setup, logs)?;
-    let options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
+    let options = FitOptions::default();
     progress("fitting");
     let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, &options)?;
     progress("intervals");
@@ -203,6 +225,7 @@ pub fn fit_scene(
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,
         parameters,
+        unit: plan.unit().to_owned(),
         rmse_fit: fitted.rmse,
         rmse_held_out: held_out,
         iterations: fitted.iterations,

@@ -1,7 +1,7 @@
 //! The yardstick of step 8: what a flexible correction *without physics* takes of the held-out error.
 //!
-//! Per marker, a ridge regression of the open-loop residual on what any force could depend on: the simulated position and
-//! velocity of the marker, its speed times velocity, and the grippers' motion over the last 0.4 s. It is learnt on the fitted
+//! Per marker (and per sensor at a joint), a ridge regression of the open-loop residual on what any force could depend on: the
+//! simulated position and velocity, speed times velocity, and the inputs over the last 0.4 s. It is learnt on the fitted
 //! records, under the same protocol as held-out ones (initial state from the lead-in). It names nothing. Where it takes much
 //! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
 
@@ -9,7 +9,7 @@ use super::gain;
 use super::result::Ceiling;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ridge::{Group, cross_validated};
 use crate::unknown::Values;
 use nalgebra::DMatrix;
@@ -19,8 +19,6 @@ use rayon::prelude::*;
 const LAGS: [f64; 5] = [0.0, 0.05, 0.1, 0.2, 0.4];
 /// Fewest parts of the fitted records that are left out in turn to choose the regression's weight.
 const GROUPS: usize = 8;
-/// Features that do not come from the grippers: 1, position, velocity, speed × velocity.
-const OWN: usize = 10;
 
 /// The ceiling over the whole of the held-out records, for the baseline and for the final model; `None` where nothing is
 /// held out.
@@ -36,8 +34,8 @@ pub(super) fn ceiling(
         return Ok(None);
     }
     let training = gain::prepared(plan, &plan.fitted, base, options)?;
-    let before = gain::rms(&gain::residuals(plan, judged, &base.values)?);
-    let after = gain::rms(&gain::residuals(plan, judged, last)?);
+    let before = plan.rms(&gain::residuals(plan, judged, &base.values)?);
+    let after = plan.rms(&gain::residuals(plan, judged, last)?);
     let flexible = corrected(plan, &training, judged, &base.values)?;
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
@@ -47,7 +45,7 @@ pub(super) fn ceiling(
         rmse: flexible,
         explained_fraction: taken(flexible),
         rmse_on_top: corrected(plan, &training, judged, last)?,
-        unit: "m".to_owned(),
+        unit: plan.unit().to_owned(),
         share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
     }))
 }
@@ -57,32 +55,37 @@ fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values
     let learnt: Vec<Vec<Rows>> = training.par_iter().map(|rec| rows(plan, rec, values)).collect::<Result<_, _>>()?;
     let blocks = GROUPS.div_ceil(training.len().max(1));
     let groups: Vec<Vec<Group>> =
-        (0..plan.markers.len()).map(|m| learnt.iter().flat_map(|record| record[m].groups(blocks)).collect()).collect();
+        (0..groups_of(plan).len()).map(|m| learnt.iter().flat_map(|record| record[m].groups(blocks)).collect()).collect();
     let b = cross_validated(&groups);
     let seen: Vec<Vec<Rows>> = judged.par_iter().map(|rec| rows(plan, rec, values)).collect::<Result<_, _>>()?;
     let (mut sum, mut count) = (0.0, 0);
     for record in &seen {
         for (m, rows) in record.iter().enumerate() {
             sum += rows.squares(b.as_ref().map(|b| &b[m]));
-            count += 3 * rows.y.len();
+            count += rows.y.iter().map(Vec::len).sum::<usize>();
         }
     }
     Ok((sum / count.max(1) as f64).sqrt())
 }
 
-/// Features and residuals of one marker in one record.
+/// What is corrected on its own: everything observed whose errors are reported.
+fn groups_of(plan: &Plan) -> Vec<Observed> {
+    plan.observed().into_iter().filter(|o| plan.unit_of(*o) == plan.unit()).collect()
+}
+
+/// Features and residuals of one of them in one record.
 #[derive(Default)]
 struct Rows {
     x: Vec<Vec<f64>>,
-    y: Vec<[f64; 3]>,
+    y: Vec<Vec<f64>>,
 }
 
 impl Rows {
     /// So many consecutive blocks of the record, each to be left out once.
     fn groups(&self, blocks: usize) -> Vec<Group> {
         let length = self.x.len().div_ceil(blocks).max(1);
-        let group = |(x, y): (&[Vec<f64>], &[[f64; 3]])| {
-            let mut group = Group::new(x[0].len(), 3);
+        let group = |(x, y): (&[Vec<f64>], &[Vec<f64>])| {
+            let mut group = Group::new(x[0].len(), y[0].len());
             x.iter().zip(y).for_each(|(x, y)| group.add(x, y));
             group
         };
@@ -91,21 +94,22 @@ impl Rows {
 
     /// Squared residuals after the correction `b`, or as they are.
     fn squares(&self, b: Option<&DMatrix<f64>>) -> f64 {
-        let one = |(x, y): (&Vec<f64>, &[f64; 3])| -> f64 {
+        let one = |(x, y): (&Vec<f64>, &Vec<f64>)| -> f64 {
             let by = |a: usize| b.map_or(0.0, |b| x.iter().zip(b.column(a).iter()).map(|(x, b)| x * b).sum::<f64>());
-            (0..3).map(|a| (y[a] - by(a)).powi(2)).sum()
+            y.iter().enumerate().map(|(a, y)| (y - by(a)).powi(2)).sum()
         };
         self.x.iter().zip(&self.y).map(one).sum()
     }
 }
 
-/// One entry per marker; samples where it was not seen are left out.
+/// One entry per group; samples where it was not seen are left out.
 fn rows(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<Rows>, IdentifyError> {
     let shot = shoot(plan, rec, values, ShotWants::default())
         .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
     let (channels, period) = (plan.channels(), rec.record.period().max(1e-9));
     let back = LAGS.map(|lag| (lag / period).round() as usize);
-    let mut out: Vec<Rows> = plan.markers.iter().map(|_| Rows::default()).collect();
+    let groups = groups_of(plan);
+    let mut out: Vec<Rows> = groups.iter().map(|_| Rows::default()).collect();
     for t in 0..shot.residual.len() / channels {
         let inputs = &rec.record.inputs;
         let moved = back.iter().flat_map(|&lag| {
@@ -114,21 +118,21 @@ fn rows(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<Rows>, Ide
         });
         let grippers: Vec<f64> = moved.collect();
         for (m, rows) in out.iter_mut().enumerate() {
-            if rec.record.markers[t][m].iter().any(|x| !x.is_finite()) {
+            if plan.measured(&rec.record, t, groups[m]).iter().any(|x| !x.is_finite()) {
                 continue;
             }
-            let at = |t: usize| [0, 1, 2].map(|a| shot.predicted[t * channels + 3 * m + a]);
+            let range = plan.channels_of(groups[m]);
+            let row = |t: usize| t * channels + range.start..t * channels + range.end;
+            let at = |t: usize| &shot.predicted[row(t)];
             let (here, before, start) = (at(t), at(t.saturating_sub(1)), at(0));
-            let v: [f64; 3] = std::array::from_fn(|a| (here[a] - before[a]) / period);
+            let v: Vec<f64> = here.iter().zip(before).map(|(here, before)| (here - before) / period).collect();
             let speed = v.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let mut x = Vec::with_capacity(OWN + grippers.len());
-            x.push(1.0);
-            x.extend((0..3).map(|a| here[a] - start[a]));
-            x.extend(v);
-            x.extend(v.map(|v| speed * v));
+            let mut x = vec![1.0];
+            x.extend(here.iter().zip(start).map(|(here, start)| here - start));
+            x.extend(v.iter());
+            x.extend(v.iter().map(|v| speed * v));
             x.extend_from_slice(&grippers);
-            let r = t * channels + 3 * m;
-            rows.y.push([shot.residual[r], shot.residual[r + 1], shot.residual[r + 2]]);
+            rows.y.push(shot.residual[row(t)].to_vec());
             rows.x.push(x);
         }
     }
@@ -161,7 +165,7 @@ mod tests {
 
     fn before_and_after(plan: &Plan) -> (f64, f64) {
         let values = &plan.scene_values;
-        let before = gain::rms(&gain::residuals(plan, &plan.held_out, values).unwrap());
+        let before = plan.rms(&gain::residuals(plan, &plan.held_out, values).unwrap());
         (before, corrected(plan, &plan.fitted, &plan.held_out, values).unwrap())
     }
 

@@ -99,13 +99,7 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> 
 }
 
 /// 90 % profile-likelihood interval of unknown `j`: where the deviance, minimised over all else, has risen by χ²₁(0.90).
-pub(super) fn profile(
-    plan: &Plan,
-    fitted: &Fitted,
-    j: usize,
-    std_error: f64,
-    options: &FitOptions,
-) -> Result<[f64; 2], IdentifyError> {
+pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) -> Result<[f64; 2], IdentifyError> {
     let u = &fitted.unknowns[j];
     let best = u.value(&fitted.values);
     if !std_error.is_finite() {
@@ -118,7 +112,7 @@ pub(super) fn profile(
     };
     let base = whitened(fitted)?;
     let others: Vec<_> = fitted.unknowns.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, u)| u.clone()).collect();
-    let fixed = FitOptions { rounds: 0, max_iterations: 6, tolerance: 1e-5, ..*options };
+    let fixed = FitOptions { rounds: 0, max_iterations: 6, tolerance: 1e-5 };
     let rise = |value: f64| -> Result<f64, IdentifyError> {
         let mut start = fitted.values.clone();
         u.set(&mut start, value);

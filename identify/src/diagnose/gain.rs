@@ -3,7 +3,7 @@
 use super::result::{Curve, Gain, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
 use rayon::prelude::*;
@@ -25,8 +25,7 @@ pub(super) fn prepared(
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut short = rec.clone();
         let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + 1e-9).max(4);
-        short.record.time.truncate(keep);
-        short.record.markers.truncate(keep);
+        short.record.truncate(keep);
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
         let fixed = FitOptions { rounds: 0, max_iterations: 8, ..*options };
@@ -48,20 +47,10 @@ pub(super) fn residuals(plan: &Plan, records: &[RecordPlan], values: &Values) ->
     records.par_iter().map(one).collect()
 }
 
-pub(super) fn rms(residuals: &[Vec<f64>]) -> f64 {
-    let n: usize = residuals.iter().map(Vec::len).sum();
-    (residuals.iter().flatten().map(|r| r * r).sum::<f64>() / n.max(1) as f64).sqrt()
-}
-
-pub(super) fn mean_abs(residuals: &[Vec<f64>]) -> f64 {
-    let n: usize = residuals.iter().map(Vec::len).sum();
-    residuals.iter().flatten().map(|r| r.abs()).sum::<f64>() / n.max(1) as f64
-}
-
 /// RMSE of a fit on the held-out records.
 pub(super) fn held_out_rmse(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
     let records = prepared(plan, &plan.held_out, fitted, &FitOptions::default())?;
-    Ok(rms(&residuals(plan, &records, &fitted.values)?))
+    Ok(plan.rms(&residuals(plan, &records, &fitted.values)?))
 }
 
 /// Errors at horizons of one step, 0.1 s, 1 s and the whole record; intervals by bootstrap over records.
@@ -99,17 +88,19 @@ fn gain(
         all.iter().zip(records).map(cut).collect()
     };
     let (b, a) = (part(before), part(after));
-    let interval = interval(&b, &a, channels, seed)?;
-    let (rb, ra) = (rms(&b), rms(&a));
+    let (rb, ra, mean_abs) = (plan.rms(&b), plan.rms(&a), [plan.mean_abs(&b), plan.mean_abs(&a)]);
+    let kept = |all: Vec<Vec<f64>>| -> Vec<Vec<f64>> { all.iter().map(|r| plan.reported_errors(r)).collect() };
+    let per_sample = plan.reported().iter().filter(|r| **r).count();
+    let interval = interval(&kept(b), &kept(a), per_sample, seed)?;
     let explainable = rb * rb - noise * noise;
     Ok(Gain {
         horizon_s: horizon,
         rmse_before: rb,
         rmse_after: ra,
-        unit: "m".to_owned(),
+        unit: plan.unit().to_owned(),
         interval: ends(&interval),
         explained_fraction: if explainable > 0.0 { (rb * rb - ra * ra) / explainable } else { 0.0 },
-        mean_abs: [mean_abs(&b), mean_abs(&a)],
+        mean_abs,
     })
 }
 
@@ -151,23 +142,36 @@ pub(super) fn pictures(
         let (b, a) = (run(before)?, run(after)?);
         let channels = plan.channels();
         let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
-        let at = |s: &crate::shoot::Shot, k: usize, m: usize| {
-            let i = k * channels + 3 * m;
-            [s.predicted[i], s.predicted[i + 1], s.predicted[i + 2]]
+        let unit = plan.unit();
+        let candidates = plan.observed().into_iter().filter(|o| plan.unit_of(*o) == unit);
+        let worst = |o: &Observed| b.residual.chunks_exact(channels).map(|row| size(&row[plan.channels_of(*o)])).sum::<f64>();
+        let Some(shown) = candidates.max_by(|x, y| worst(x).total_cmp(&worst(y))) else { continue };
+        let range = plan.channels_of(shown);
+        // of numbers and turns the first component, and nothing in the others
+        let three =
+            |row: &[f64]| [0, 1, 2].map(|a| row.get(range.start + a).copied().filter(|_| a < shown.width()).unwrap_or(0.0));
+        let at = |s: &crate::shoot::Shot, k: usize| three(&s.predicted[k * channels..(k + 1) * channels]);
+        let measured = |k: usize| match shown {
+            Observed::Marker(m) => rec.record.markers[k][m],
+            Observed::Joint(j) => [rec.record.joints[k][j], 0.0, 0.0],
+            Observed::Orientation(_) => [0.0; 3],
         };
-        let worst = |m: usize| b.residual.chunks_exact(channels).map(|row| size(&row[3 * m..3 * m + 3])).sum::<f64>();
-        let marker = (0..plan.markers.len()).max_by(|x, y| worst(*x).total_cmp(&worst(*y))).unwrap_or(0);
         let samples = b.residual.len() / channels;
         let stride = samples.div_ceil(400).max(1);
         let chosen = || (0..samples).step_by(stride);
         curves.push(Curve {
             record: rec.record.name.clone(),
-            marker,
+            marker: if let Observed::Marker(m) = shown { m } else { 0 },
+            quantity: if matches!(shown, Observed::Marker(_)) { String::new() } else { plan.name_of(shown) },
+            unit: unit.to_owned(),
             time: chosen().map(|k| rec.record.time[k]).collect(),
-            measured: chosen().map(|k| rec.record.markers[k][marker]).collect(),
-            before: chosen().map(|k| at(&b, k, marker)).collect(),
-            after: chosen().map(|k| at(&a, k, marker)).collect(),
+            measured: chosen().map(measured).collect(),
+            before: chosen().map(|k| at(&b, k)).collect(),
+            after: chosen().map(|k| at(&a, k)).collect(),
         });
+        if plan.model.ropes().is_empty() || plan.markers.is_empty() {
+            continue;
+        }
         let late = (0..samples).max_by(|x, y| {
             let e = |k: usize| size(&b.residual[k * channels..(k + 1) * channels]);
             e(*x).total_cmp(&e(*y))

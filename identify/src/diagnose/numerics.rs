@@ -7,15 +7,16 @@ use crate::causes::{Discretisation, Spacing, TOLERATED};
 /// Name of the finding on node spacing; never a cause.
 const SPACING: &str = "node_spacing";
 
-/// Adds both to the candidates, and a step that is too coarse for these data to the causes.
-pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option<&Spacing>, h: f64) {
+/// Adds both to the candidates (the second only where there are ropes), and a step that is too coarse for these data to the causes.
+pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option<Option<&Spacing>>, h: f64) {
     let reason = format!(
-        "the simulation's own error at h = {h} s is {:.2e} m, {:.1} % of the residual",
+        "the simulation's own error at h = {h} s is {:.2e} {}, {:.1} % of the residual",
         numerics.rms,
+        d.remainder.unit,
         100.0 * numerics.ratio
     );
     d.candidates.push(candidate(reason::DISCRETISATION, Some((numerics.ratio, numerics.step_needed)), "s", reason));
-    let reason = match edges {
+    let worded = |edges: Option<&Spacing>| match edges {
         Some(e) => format!(
             "halving every edge moves the readings by {:.2e} m, {:.1} % of the residual ({:.1} times the edges would bring their error \
              to a tenth of it); that says what a finer rope would do, not that the data want one",
@@ -25,7 +26,9 @@ pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option
         ),
         None => "a rope of edges half as long cannot be simulated at this step".to_owned(),
     };
-    d.candidates.push(candidate(SPACING, edges.map(|e| (e.ratio, e.edges_needed)), "-", reason));
+    if let Some(edges) = edges {
+        d.candidates.push(candidate(SPACING, edges.map(|e| (e.ratio, e.edges_needed)), "-", worded(edges)));
+    }
     if numerics.ratio > TOLERATED {
         d.causes.push(Cause {
             name: reason::DISCRETISATION.to_owned(),

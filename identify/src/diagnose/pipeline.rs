@@ -54,13 +54,13 @@ pub fn diagnose(
 ) -> Result<Diagnosis, IdentifyError> {
     let clock = Instant::now();
     progress("auditing the data");
-    let (mut findings, sensor_sigma, _) = audit::check(logs)?;
+    let mut plan = Plan::new(setup, logs)?;
+    let (mut findings, sensor_sigma) = audit::check(&plan, logs)?;
     if logs.split == Split::NothingHeldOut {
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
     }
-    let mut plan = Plan::new(setup, logs)?;
     findings.extend(audit::held_markers(&plan));
-    let fit_options = FitOptions { noise_floor: setup.experiment.noise_floor, ..FitOptions::default() };
+    let fit_options = FitOptions::default();
     progress("fitting the baseline");
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;
     let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
@@ -83,15 +83,17 @@ pub fn diagnose(
 
     progress("checking what remains");
     let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
-    let edges = spacing(&setup.scene, &plan, &run.current.records, &run.current.values, run.current.rmse);
+    let has_ropes = !plan.model.ropes().is_empty();
+    let spaced = || spacing(&setup.scene, &plan, &run.current.records, &run.current.values, run.current.rmse);
+    let edges = if has_ropes { spaced() } else { None };
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = test(&plan, &run.current, options.seed)?;
     let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
     let varying = run.varying(&plan)?;
-    let left = run.remainder(&base, sensor_sigma, p_input, untested, varying);
+    let left = run.remainder(&plan, &base, sensor_sigma, p_input, untested, varying);
 
     progress("intervals and held-out gain");
-    let causes = run.causes(&plan, &base, &fit_options)?;
+    let causes = run.causes(&plan)?;
     let before = gain::residuals(&plan, judged, &base.values)?;
     let after = gain::residuals(&plan, judged, &run.current.values)?;
     let gain =
@@ -112,7 +114,7 @@ pub fn diagnose(
         candidates: run.candidates(&first),
         gain,
         ceiling,
-        noise: noise(&run.current, sensor_sigma),
+        noise: noise(&plan, &run.current, sensor_sigma),
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
         baseline: estimates(&plan, &base, &curvature),
@@ -123,7 +125,7 @@ pub fn diagnose(
         wall_s: 0.0,
     };
     set_alternatives(&mut diagnosis, &run.alternatives());
-    numerics::report(&mut diagnosis, &numerics, edges.as_ref(), plan.model.step_length());
+    numerics::report(&mut diagnosis, &numerics, has_ropes.then_some(edges.as_ref()), plan.model.step_length());
     let imitated = run.imitated(&plan, &base, sensor_sigma)?;
     decide(&mut diagnosis, &run, &first, base.converged, imitated, numerics.ratio);
     diagnosis.wall_s = clock.elapsed().as_secs_f64();
@@ -228,6 +230,7 @@ impl Selection {
 
     fn remainder(
         &self,
+        plan: &Plan,
         base: &Fitted,
         sensor_sigma: f64,
         p_input: f64,
@@ -242,7 +245,7 @@ impl Selection {
                 "{name} would need different sizes in different parts of the records (p = {p:.1e}): it imitates another law"
             ),
             (true, _) => format!(
-                "the residual still depends on the grippers' motion (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"
+                "the residual still depends on the inputs (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"
             ),
             (false, true) => "candidates remain significant, but none may be named".to_owned(),
             (false, false) => "what is left does not differ from coloured noise".to_owned(),
@@ -251,7 +254,7 @@ impl Selection {
             significant: by_input || untested || varying.is_some(),
             by_input,
             rmse: self.current.rmse,
-            unit: "m".to_owned(),
+            unit: plan.unit().to_owned(),
             explained_fraction: if explainable > 0.0 { (before - after) / explainable } else { 0.0 },
             note,
         }
@@ -269,8 +272,7 @@ impl Selection {
         Ok((taken < ENOUGH).then_some(taken))
     }
 
-    fn causes(&self, plan: &Plan, base: &Fitted, options: &FitOptions) -> Result<Vec<Cause>, IdentifyError> {
-        let _ = base;
+    fn causes(&self, plan: &Plan) -> Result<Vec<Cause>, IdentifyError> {
         if self.accepted.is_empty() {
             return Ok(Vec::new());
         }
@@ -284,8 +286,18 @@ impl Selection {
                     path: u.path.clone(),
                     estimate: u.value(&self.current.values),
                     unit: u.unit.clone(),
-                    interval: profile(plan, &self.current, j, errors[j], options)?,
+                    interval: profile(plan, &self.current, j, errors[j])?,
                     scene_value: u.value(&plan.scene_values),
+                });
+            }
+            for &(entry, value) in a.cause.settings.iter().flatten() {
+                let info = plan.model.params().info(entry);
+                parameters.push(Estimate {
+                    path: info.path.clone(),
+                    estimate: value,
+                    unit: info.unit.to_owned(),
+                    interval: [value; 2],
+                    scene_value: plan.scene_values.theta[entry],
                 });
             }
             Ok(Cause {
@@ -301,8 +313,21 @@ impl Selection {
         self.accepted.iter().map(one).collect()
     }
 
+    /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
     fn alternatives(&self) -> Vec<Vec<Name>> {
-        self.ambiguous.clone()
+        let twinned = self.accepted.iter().filter(|a| !a.cause.twins.is_empty()).map(|a| with_twins(&a.cause));
+        self.ambiguous.iter().cloned().chain(twinned).collect()
+    }
+
+    /// The set, and why, if nothing is accepted but a cause with twins.
+    fn only_twins(&self) -> Option<(Vec<Name>, String)> {
+        let [one] = self.accepted.as_slice() else { return None };
+        let twins = one.cause.twins.join(", ");
+        let reason = format!(
+            "{} explains the data, and no log of these sensors can tell it from {twins}: both move the readings in the same way",
+            one.cause.title()
+        );
+        (!twins.is_empty()).then(|| (with_twins(&one.cause), reason))
     }
 
     fn candidates(&self, first: &Tested) -> Vec<CandidateReport> {
@@ -364,8 +389,8 @@ impl Story<'_> {
         self.stages.push(Stage {
             name: name.to_owned(),
             rmse_fit: fitted.rmse,
-            rmse_held_out: gain::rms(&residuals),
-            mean_abs_held_out: gain::mean_abs(&residuals),
+            rmse_held_out: self.plan.rms(&residuals),
+            mean_abs_held_out: self.plan.mean_abs(&residuals),
             bic: fitted.deviance + fitted.unknowns.len() as f64 * rows.ln(),
             parameters: estimates(self.plan, fitted, &curvature),
         });
@@ -380,6 +405,11 @@ fn candidate(tested: &Tested, j: usize) -> &Candidate {
 
 fn name(cause: &Candidate) -> Name {
     (cause.name.to_owned(), cause.object.clone())
+}
+
+fn with_twins(cause: &Candidate) -> Vec<Name> {
+    let twins = cause.twins.iter().map(|twin| ((*twin).to_owned(), cause.object.clone()));
+    std::iter::once(name(cause)).chain(twins).collect()
 }
 
 fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {
@@ -400,14 +430,14 @@ fn rivals(tested: &Tested, j: usize) -> Vec<Rival> {
     out
 }
 
-fn noise(fitted: &Fitted, sensor_sigma: f64) -> Noise {
+fn noise(plan: &Plan, fitted: &Fitted, sensor_sigma: f64) -> Noise {
     let sigma = fitted.noise.sigma();
-    let mean_square = sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len().max(1) as f64;
+    let reported = plan.rms(&[sigma.to_vec()]);
     let rows: usize = fitted.residuals.iter().map(Vec::len).sum();
     let channels = sigma.len().max(1);
     Noise {
         ar: fitted.noise.coefficients().to_vec(),
-        sigma: (mean_square * fitted.noise.stationary_ratio()).sqrt(),
+        sigma: reported * fitted.noise.stationary_ratio().sqrt(),
         sensor_sigma,
         effective_samples: fitted.noise.effective_samples(rows / channels) * channels as f64,
     }
@@ -449,6 +479,9 @@ fn decide(d: &mut Diagnosis, run: &Selection, first: &Tested, converged: bool, i
             d.remainder.note
         );
         (Verdict::NotInLibrary, reason)
+    } else if let Some((set, reason)) = run.only_twins() {
+        set_alternatives(d, &[set]);
+        (Verdict::Ambiguous, reason)
     } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > ENOUGH)) {
         let margins = run.accepted.iter().filter_map(|a| Some((a.cause.title(), a.margin.as_ref()?)));
         (Verdict::Named, reason::named(&d.causes, margins, &d.gain))

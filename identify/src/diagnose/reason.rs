@@ -2,7 +2,7 @@
 
 use super::result::{Cause, Estimate, Gain};
 use super::select::Margin;
-use crate::number::{number_plain, unit};
+use crate::number::{number_plain, quantity_plain, unit};
 
 /// Name of the cause that lies in the simulation itself.
 pub(super) const DISCRETISATION: &str = "discretisation";
@@ -61,8 +61,8 @@ fn held_out(gain: &[Gain]) -> String {
         return "no record was held out to check this on".to_owned();
     };
     let moves = if g.rmse_after < g.rmse_before { "falls" } else { "rises" };
-    let [before, after] = [g.rmse_before, g.rmse_after].map(|rmse| number_plain(1e3 * rmse));
-    format!("the error on held-out records {moves} from {before} to {after} mm (RMSE over {} s)", number_plain(g.horizon_s))
+    let (before, after) = (number_plain(1e3 * g.rmse_before), quantity_plain(g.rmse_after, &g.unit));
+    format!("the error on held-out records {moves} from {before} to {after} (RMSE over {} s)", number_plain(g.horizon_s))
 }
 
 #[cfg(test)]

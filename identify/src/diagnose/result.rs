@@ -245,6 +245,11 @@ pub struct Curve {
     pub record: String,
     /// Marker.
     pub marker: usize,
+    /// What it is instead, if not a marker: then its numbers are the first of each three.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub quantity: String,
+    /// Unit of the numbers.
+    pub unit: String,
     /// Times [s].
     pub time: Vec<f64>,
     /// Measured positions [m].

@@ -24,6 +24,9 @@ const REFITS: usize = 6;
 /// A score at least this part of the best is refitted whatever its rank.
 const CLOSE: f64 = 0.5;
 
+/// Whitened distance of two predictions below which they are the same: their costs then differ by their numbers of parameters alone.
+const INDISTINCT: f64 = 1.0;
+
 /// How a round of selection ended.
 pub(super) enum Round {
     /// Nothing is significant.
@@ -79,7 +82,7 @@ pub(super) fn round(
     for &candidate in &chosen {
         let cause = &tested.causes[tested.tested[candidate]];
         progress(&format!("refitting with {}", cause.title()));
-        match refit(plan, current, &cause.unknowns, options) {
+        match refit_with(plan, &opened(current, cause, tested, candidate), &cause.unknowns, current, options) {
             Ok(fitted) => match rejection(current, &fitted, cause) {
                 Some(reason) => notes.push((candidate, reason)),
                 None => refits.push(Refit { candidate, dims: cause.unknowns.len(), fitted }),
@@ -102,17 +105,44 @@ pub(super) fn round(
     Ok(Round::Ambiguous { set, fitted: Box::new(best.fitted) })
 }
 
+/// The current fit with what the cause brings along, and its size at the half of its one-step estimate where its law is silent at
+/// zero: a joint that friction holds still would say nothing of its size.
+fn opened(current: &Fitted, cause: &Cause, tested: &Tested, candidate: usize) -> Fitted {
+    let mut out = current.clone();
+    if let [setting] = cause.settings.as_slice() {
+        setting.iter().for_each(|&(entry, value)| out.values.theta[entry] = value);
+    }
+    for (u, step) in cause.unknowns.iter().zip(&tested.score.candidates[candidate].theta) {
+        if let Some(probe) = u.silent(&current.values) {
+            let start = 0.5 * step * u.slope(0.0);
+            u.set(&mut out.values, if start > probe.small { start } else { probe.start });
+        }
+    }
+    out
+}
+
 /// Fit with further unknowns, from the current optimum.
 pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    refit_with(plan, current, more, current, options)
+}
+
+/// The same from `start`, which is not the optimum itself.
+fn refit_with(
+    plan: &Plan,
+    start: &Fitted,
+    more: &[Unknown],
+    current: &Fitted,
+    options: &FitOptions,
+) -> Result<Fitted, IdentifyError> {
     let unknowns: Vec<Unknown> = current.unknowns.iter().chain(more).cloned().collect();
-    let fitted = fit(plan, &current.records, &current.values, &unknowns, Some(&current.noise), options);
+    let fitted = fit(plan, &current.records, &start.values, &unknowns, Some(&current.noise), options);
     let gained =
         fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
     if gained || more.is_empty() {
         return fitted;
     }
     // stuck on the old trajectory although the score is significant: start again from the data
-    let (values, records) = approach(plan, &current.records, &current.values, &unknowns, options)?;
+    let (values, records) = approach(plan, &current.records, &start.values, &unknowns, options)?;
     fit(plan, &records, &values, &unknowns, None, options)
 }
 
@@ -169,7 +199,7 @@ fn unbeaten(
             }
             continue;
         }
-        let both = refit(plan, &best.fitted, &cause.unknowns, options)?;
+        let both = refit_with(plan, &opened(&best.fitted, cause, tested, k), &cause.unknowns, &best.fitted, options)?;
         let alpha = 0.5 * LEVEL / m;
         let adds = |without: &Fitted, dims: usize| chi2_sf((without.deviance - both.deviance).max(0.0), dims as f64) < alpha;
         if !(adds(&best.fitted, rival.dims) && adds(&rival.fitted, best.dims)) || symmetric(tested, best.candidate, k) {
@@ -197,5 +227,5 @@ fn comparison(plan: &Plan, best: &Refit, rival: &Refit, noise: &ArModel) -> Resu
             distance += (a - b) * (a - b);
         }
     }
-    Ok((difference - (best.dims as f64 - rival.dims as f64)) / (2.0 * distance.sqrt()).max(1e-9))
+    Ok((difference - (best.dims as f64 - rival.dims as f64)) / (2.0 * distance.sqrt().max(INDISTINCT)))
 }

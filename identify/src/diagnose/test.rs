@@ -3,12 +3,12 @@
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::multiple::holm;
 use crate::stats::reduced::{RecordRows, Reduced, time_blocks};
 use crate::stats::score::{Candidate, ScoreOptions, ScoreTest, Sign, score_test};
 use crate::stats::sign_flip::{MIN_RECORDS, sign_flip};
-use crate::unknown::Unknown;
+use crate::unknown::{Unknown, Values};
 use rayon::prelude::*;
 
 /// Fewest records for which flips resolve a family of a dozen causes.
@@ -33,23 +33,38 @@ pub(super) struct Tested {
 
 /// Tests every cause that can be tested at `fitted`.
 pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, IdentifyError> {
-    let causes = library(&Situation { plan, values: &fitted.values, free: &fitted.unknowns });
-    let tested: Vec<usize> = (0..causes.len()).filter(|&c| causes[c].untestable.is_none()).collect();
-    let mut unknowns = fitted.unknowns.clone();
-    let mut candidates = Vec::new();
-    for &c in &tested {
-        let first = unknowns.len();
-        unknowns.extend(causes[c].unknowns.iter().cloned());
-        let sign = match causes[c].unknowns.as_slice() {
-            [one] => one.sign(one.value(&fitted.values)),
-            _ => Sign::Any,
-        };
-        candidates.push(Candidate { columns: (first..unknowns.len()).collect(), sign });
-    }
-    let reduced = reduce(plan, fitted, &unknowns)?;
+    let mut causes = library(&Situation { plan, values: &fitted.values, free: &fitted.unknowns });
+    let columns = Columns::new(&causes, fitted);
+    let reduced = columns.reduce(plan, fitted)?;
     let nuisance: Vec<usize> = (0..fitted.unknowns.len()).collect();
-    let score = score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())?;
-    let p: Vec<f64> = score.candidates.iter().map(|c| c.p).collect();
+    let trial = |chosen: &[&Column]| {
+        let candidates: Vec<Candidate> =
+            chosen.iter().map(|c| Candidate { columns: c.columns.clone(), sign: c.sign(&causes, fitted) }).collect();
+        score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())
+    };
+    let all: Vec<&Column> = columns.candidates.iter().collect();
+    let first = trial(&all)?;
+    // of each cause the best of its settings
+    let mut best: Vec<usize> = Vec::new();
+    for (k, column) in all.iter().enumerate() {
+        match best.last_mut() {
+            Some(last) if all[*last].cause == column.cause => {
+                if first.candidates[k].lm > first.candidates[*last].lm {
+                    *last = k;
+                }
+            }
+            _ => best.push(k),
+        }
+    }
+    let chosen: Vec<&Column> = best.iter().map(|&k| all[k]).collect();
+    let score = if chosen.len() == all.len() { first } else { trial(&chosen)? };
+    let tried = |c: &Column| causes[c.cause].settings.len().max(1) as f64;
+    let p: Vec<f64> = score.candidates.iter().zip(&chosen).map(|(s, c)| (s.p * tried(c)).min(1.0)).collect();
+    let tested: Vec<usize> = chosen.iter().map(|c| c.cause).collect();
+    let kept: Vec<(usize, Vec<(usize, f64)>)> = chosen.iter().map(|c| (c.cause, c.setting.clone())).collect();
+    for (cause, setting) in kept {
+        causes[cause].settings = if setting.is_empty() { Vec::new() } else { vec![setting] };
+    }
     let mut adjusted = holm(&p);
     if reduced.records() >= FLIP_RECORDS.max(MIN_RECORDS) {
         let flips = sign_flip(&score, FLIP_DRAWS, seed)?;
@@ -59,6 +74,76 @@ pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, Id
     Ok(Tested { causes, tested, score, adjusted })
 }
 
+/// A candidate: a cause with one of its settings, and its columns.
+struct Column {
+    cause: usize,
+    setting: Vec<(usize, f64)>,
+    columns: Vec<usize>,
+}
+
+impl Column {
+    fn sign(&self, causes: &[Cause], fitted: &Fitted) -> Sign {
+        match causes[self.cause].unknowns.as_slice() {
+            [one] => one.sign(one.value(&fitted.values)),
+            _ => Sign::Any,
+        }
+    }
+}
+
+/// Columns of everything fitted and of all candidates, by the values they are taken at: those of the fit, or for laws that are
+/// silent there, close by.
+struct Columns {
+    unknowns: Vec<Unknown>,
+    candidates: Vec<Column>,
+    /// (values, columns taken there)
+    passes: Vec<(Values, Vec<usize>)>,
+}
+
+impl Columns {
+    fn new(causes: &[Cause], fitted: &Fitted) -> Self {
+        let mut unknowns = fitted.unknowns.clone();
+        let mut candidates = Vec::new();
+        let mut passes = vec![(fitted.values.clone(), (0..unknowns.len()).collect::<Vec<usize>>())];
+        let mut probed = (fitted.values.clone(), Vec::new());
+        for (c, cause) in causes.iter().enumerate().filter(|(_, cause)| cause.untestable.is_none()) {
+            let plain = vec![Vec::new()];
+            for setting in if cause.settings.is_empty() { &plain } else { &cause.settings } {
+                let columns: Vec<usize> = (unknowns.len()..unknowns.len() + cause.unknowns.len()).collect();
+                unknowns.extend(cause.unknowns.iter().cloned());
+                let silent = cause.unknowns.iter().any(|u| u.silent(&fitted.values).is_some());
+                if !setting.is_empty() {
+                    let mut values = fitted.values.clone();
+                    setting.iter().for_each(|&(entry, value)| values.theta[entry] = value);
+                    probe(&cause.unknowns, &fitted.values, &mut values);
+                    passes.push((values, columns.clone()));
+                } else if silent {
+                    probe(&cause.unknowns, &fitted.values, &mut probed.0);
+                    probed.1.extend(columns.clone());
+                } else {
+                    passes[0].1.extend(columns.clone());
+                }
+                candidates.push(Column { cause: c, setting: setting.clone(), columns });
+            }
+        }
+        if !probed.1.is_empty() {
+            passes.push(probed);
+        }
+        Self { unknowns, candidates, passes }
+    }
+
+    fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {
+        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, BLOCKS))
+    }
+}
+
+fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
+    for u in unknowns {
+        if let Some(probe) = u.silent(at) {
+            u.set(values, probe.small);
+        }
+    }
+}
+
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
     reduce_in(plan, fitted, unknowns, BLOCKS)
@@ -66,7 +151,15 @@ pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Resu
 
 /// As [`reduce`], with so many time blocks per record (or piece of one).
 pub(super) fn reduce_in(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown], blocks: usize) -> Result<Reduced, IdentifyError> {
-    let one = |rec: &RecordPlan| reduce_record(plan, fitted, rec, unknowns, blocks);
+    let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
+    merged(fitted, |rec| reduce_record(plan, fitted, rec, unknowns, &passes, blocks))
+}
+
+/// The statistics of all records.
+fn merged(
+    fitted: &Fitted,
+    one: impl Fn(&RecordPlan) -> Result<Reduced, IdentifyError> + Sync + Send,
+) -> Result<Reduced, IdentifyError> {
     let parts: Vec<Reduced> = fitted.records.par_iter().map(one).collect::<Result<_, _>>()?;
     // pieces of one measured record are one record: they share its errors
     let mut whole: Vec<Reduced> = Vec::new();
@@ -84,11 +177,10 @@ fn reduce_record(
     fitted: &Fitted,
     rec: &RecordPlan,
     unknowns: &[Unknown],
+    passes: &[(Values, Vec<usize>)],
     blocks: usize,
 ) -> Result<Reduced, IdentifyError> {
-    let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
-    let mut shot = shoot(plan, rec, &fitted.values, wants)
-        .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
+    let mut shot = shot_of(plan, rec, unknowns, passes)?;
     let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
     fitted.noise.whiten(&mut shot.residual, channels)?;
     if m > 0 {
@@ -117,4 +209,29 @@ fn reduce_record(
         block_starts: &starts,
     };
     Ok(Reduced::of_record(&rows)?)
+}
+
+/// Residual and own columns of the first pass, and of every pass its columns.
+fn shot_of(plan: &Plan, rec: &RecordPlan, unknowns: &[Unknown], passes: &[(Values, Vec<usize>)]) -> Result<Shot, IdentifyError> {
+    let k = unknowns.len();
+    let run = |(values, columns): &(Values, Vec<usize>)| {
+        let own: Vec<Unknown> = columns.iter().map(|&c| unknowns[c].clone()).collect();
+        let wants = ShotWants { unknowns: &own, tangents: true, ..ShotWants::default() };
+        shoot(plan, rec, values, wants).map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
+    };
+    let mut out = run(&passes[0])?;
+    let rows = out.residual.len();
+    let mut global = vec![0.0; rows * k];
+    let mut place = |shot: &Shot, columns: &[usize]| {
+        let n = columns.len();
+        for r in 0..rows.min(shot.residual.len()) {
+            columns.iter().enumerate().for_each(|(i, &c)| global[r * k + c] = shot.global[r * n + i]);
+        }
+    };
+    place(&out, &passes[0].1);
+    for pass in &passes[1..] {
+        place(&run(pass)?, &pass.1);
+    }
+    out.global = global;
+    Ok(out)
 }

@@ -12,8 +12,6 @@ use rayon::prelude::*;
 /// How a fit is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Smallest believed standard deviation of a reading \[m\].
-    pub noise_floor: f64,
     /// Most iterations per round.
     pub max_iterations: usize,
     /// Rounds of re-estimating the noise model.
@@ -24,7 +22,7 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { noise_floor: 1e-4, max_iterations: 30, rounds: 3, tolerance: 1e-6 }
+        Self { max_iterations: 30, rounds: 3, tolerance: 1e-6 }
     }
 }
 
@@ -37,13 +35,13 @@ pub struct Fitted {
     pub values: Values,
     /// Records with their estimated initial states.
     pub records: Vec<RecordPlan>,
-    /// Measured − simulated of each record \[m\].
+    /// Measured − simulated of each record, rows (time, channel).
     pub residuals: Vec<Vec<f64>>,
     /// Noise model of the residuals.
     pub noise: ArModel,
     /// −2 log likelihood under the noise model.
     pub deviance: f64,
-    /// Root mean square of the residuals \[m\].
+    /// Root mean square of the residuals in the reported unit.
     pub rmse: f64,
     /// Iterations in all.
     pub iterations: usize,
@@ -76,7 +74,7 @@ pub fn fit(
 ) -> Result<Fitted, IdentifyError> {
     let mut noise = match noise {
         Some(model) => model.clone(),
-        None => ArModel::white(floors(plan, 10.0 * options.noise_floor))?,
+        None => ArModel::white(floors(plan, 10.0))?,
     };
     let mut point = Point { values: start.clone(), records: records.to_vec(), cost: f64::INFINITY };
     let (mut iterations, mut converged) = (0, true);
@@ -85,7 +83,7 @@ pub fn fit(
         if options.rounds > 0 {
             let residuals = residuals(plan, &point)?;
             let lost = unknowns.len() + point.records.iter().map(|r| r.start.z.len()).sum::<usize>();
-            let next = fit_noise(plan, &residuals, options.noise_floor, lost)?;
+            let next = fit_noise(plan, &residuals, lost)?;
             let settled = round > 0 && alike(&noise, &next);
             noise = next;
             if settled {
@@ -96,8 +94,7 @@ pub fn fit(
     let residuals = residuals(plan, &point)?;
     let slices: Vec<&[f64]> = residuals.iter().map(Vec::as_slice).collect();
     let deviance = noise.minus_two_log_likelihood(&slices)?;
-    let count: usize = residuals.iter().map(Vec::len).sum();
-    let rmse = (residuals.iter().flatten().map(|r| r * r).sum::<f64>() / count.max(1) as f64).sqrt();
+    let rmse = plan.rms(&residuals);
     Ok(Fitted {
         unknowns: unknowns.to_vec(),
         values: point.values,
@@ -163,7 +160,7 @@ fn minimise(
         let shares: Vec<Share> = linear.iter().map(|(share, _)| share.clone()).collect();
         let mut accepted = None;
         while damping < 1e8 {
-            let Some(trial) = step(point, &shares, &linear, unknowns, damping, 1.0) else {
+            let Some(trial) = step(plan, point, &shares, &linear, unknowns, damping, 1.0) else {
                 damping = (damping * 10.0).max(1e-6);
                 continue;
             };
@@ -210,7 +207,7 @@ fn lengthen(
     }
     let mut length = 2.0;
     while length <= LONGEST {
-        let Some(trial) = step(point, shares, linear, unknowns, damping, length) else { return };
+        let Some(trial) = step(plan, point, shares, linear, unknowns, damping, length) else { return };
         let next = cost(plan, &trial.0, &trial.1, unknowns, noise);
         if next >= *cost_at_best {
             return;
@@ -240,6 +237,7 @@ fn linearize(plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel) 
 
 /// The point one damped step away, `length` times as far.
 fn step(
+    plan: &Plan,
     point: &Point,
     shares: &[Share],
     linear: &[(Share, Shot)],
@@ -277,20 +275,23 @@ fn step(
         u.set(&mut values, u.moved(u.value(&point.values), *delta));
     }
     let records =
-        point.records.iter().zip(&own).zip(linear).map(|((rec, dz), (_, shot))| moved(rec, dz, &common, shot)).collect();
+        point.records.iter().zip(&own).zip(linear).map(|((rec, dz), (_, shot))| moved(plan, rec, dz, &common, shot)).collect();
     Some((values, records))
 }
 
 /// A record's initial and segment states moved along the condensed step.
-fn moved(rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
+fn moved(plan: &Plan, rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
     let mut out = rec.clone();
     out.start.z.iter_mut().zip(dz.iter()).for_each(|(z, d)| *z += d);
     let step: Vec<f64> = dz.iter().chain(dphi.iter()).copied().chain([1.0]).collect();
     for ((_, state), tangent) in out.nodes.iter_mut().zip(&shot.boundary) {
         let change = |row: &[f64]| row.iter().zip(&step).map(|(t, s)| t * s).sum::<f64>();
-        state.q.iter_mut().zip(tangent.q.chunks_exact(step.len())).for_each(|(q, row)| *q += change(row));
-        state.v.iter_mut().zip(tangent.v.chunks_exact(step.len())).for_each(|(v, row)| *v += change(row));
-        state.z.iter_mut().zip(tangent.z.chunks_exact(step.len())).for_each(|(z, row)| *z += change(row));
+        let rows = tangent
+            .q
+            .chunks_exact(step.len())
+            .chain(tangent.v.chunks_exact(step.len()))
+            .chain(tangent.z.chunks_exact(step.len()));
+        *state = plan.model.displaced(state, &rows.map(change).collect::<Vec<f64>>());
     }
     out
 }

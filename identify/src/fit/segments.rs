@@ -103,13 +103,8 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
     for (i, &(step, sample)) in starts.iter().enumerate() {
         let (end_step, end_sample) = starts.get(i + 1).map_or((steps, rec.record.time.len()), |next| (next.0, next.1 + 1));
         let start = state_at(plan, &rec.record, sample)?;
-        let record = Record {
-            name: format!("{} from {:.2} s", rec.record.name, rec.record.time[sample]),
-            time: rec.record.time[sample..end_sample].iter().map(|t| t - step as f64 * h).collect(),
-            markers: rec.record.markers[sample..end_sample].to_vec(),
-            inputs: rec.record.inputs[sample..end_sample].to_vec(),
-            ..rec.record.clone()
-        };
+        let name = format!("{} from {:.2} s", rec.record.name, rec.record.time[sample]);
+        let record = Record { name, ..rec.record.piece(sample..end_sample, step as f64 * h) };
         pieces.push(RecordPlan {
             record,
             inputs: rec.inputs[step..end_step].to_vec(),

@@ -14,21 +14,40 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
             both("the scene was written for simulation", "add an [experiment] with `time`, markers, inputs and records")
         }
         M::NoRecord => both("no log was named", "add a [[experiment.record]], or give `--log FILE`"),
-        M::NoMarker => {
+        M::NoMarker { bodies: false } => {
             both("the mapping from log to rope is missing", "add a [[experiment.marker]] with `rope`, `node` and `columns`")
         }
+        M::NoMarker { bodies: true } => both(
+            "the mapping from log to joints and bodies is missing",
+            "add a [[experiment.joint]] with `joint` and `column`, or a [[experiment.marker]] with `body` and `columns`",
+        ),
+        M::Misplaced { key, .. } => both("an entry was copied from another object", format!("remove `{key}`")),
+        M::TwoSensors { .. } => both("an entry was copied and not changed", "keep one, or correct `joint` or `measures`"),
+        M::ShapedTorque { .. } => both(
+            "torque readings are modelled for plain motors",
+            "measure position or velocity instead, or remove delay, lag, saturation and delta_scale from the motor",
+        ),
+        M::NoTorque { joint } => both(
+            "the log's torque is an input of the simulation, or the actuator is missing",
+            format!(
+                "add an [[actuator]] with `joint = \"{joint}\"` and read the torque by an [[experiment.input]], or remove the sensor"
+            ),
+        ),
+        M::OrientationColumns { .. } => both("a column was left out", "list four or three columns"),
+        M::OnlyCsv => both("the log was saved by another program", "save each record as a CSV file with a header"),
         M::OneOf { keys, given: 0 } => both("a key was left out", format!("give one of {keys}")),
         M::OneOf { keys, .. } => both("they exclude each other", format!("keep one of {keys}")),
         M::Unknown { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
         M::Unknown { kind, known, .. } => both("it was renamed or removed", format!("name one of the known {kind}s: {known}")),
-        M::NoInput { gripper } => {
-            both("its motion was not mapped", format!("add an [[experiment.input]] with `gripper = \"{gripper}\"`"))
-        }
-        M::TwoInputs { .. } => both("an entry was copied and not renamed", "keep one entry per gripper"),
-        M::InputCount { needed, what, .. } => {
+        M::NoInput { kind, name } => both(
+            if *kind == "gripper" { "its motion was not mapped" } else { "its commands were not mapped" },
+            format!("add an [[experiment.input]] with `{kind} = \"{name}\"`"),
+        ),
+        M::TwoInputs { kind, .. } => both("an entry was copied and not renamed", format!("keep one entry per {kind}")),
+        M::InputCount { kind, needed, what, .. } => {
             let needed = if *what == "points" { needed / 3 } else { *needed };
             both(
-                "an input was left out, or belongs to another gripper",
+                format!("an input was left out, or belongs to another {kind}"),
                 format!("list {needed} {what}, in the order of the inputs"),
             )
         }
@@ -66,6 +85,20 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
         M::Missing { of: Need::Input, .. } => {
             both("a lost sample; inputs drive the simulation and cannot be missing", "fill it in, or cut the record there")
         }
+        M::Missing { of: Need::Reading | Need::HiddenReading, .. } => {
+            both("a lost sample", "write `may_be_missing = true` for this sensor, or cut the record there")
+        }
+        M::Quaternion { .. } => {
+            both("the columns are in another order, or hold something else", "list the columns of w, x, y, z")
+        }
+        M::Angles { unit: "rad", limits, .. } => both(
+            match limits {
+                Some(limits) => format!("the log is in degrees; the joint's limits are {} rad apart", Num(*limits)),
+                None => "the log is in degrees".to_owned(),
+            },
+            "write `angle_unit = \"deg\"` for this sensor, or correct the joint's limits",
+        ),
+        M::Angles { .. } => both("the log is in mm", "write `unit = \"mm\"` for this sensor, or correct the joint's limits"),
         M::Missing { .. } => {
             both("a hidden marker or a lost sample", "write `may_be_missing = true` for this marker, or cut the record there")
         }

@@ -2,6 +2,7 @@
 
 use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Marker};
+use super::joint_sensor::check_angles;
 use super::record::Record;
 use super::setup::{Setup, suggestion};
 use pliant_engine::scene::{Place, words};
@@ -29,21 +30,23 @@ pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
     check.range("experiment.noise_floor", experiment.noise_floor, 1e-12, 1.0, "m")?;
     check.range("experiment.lead_in", experiment.lead_in, 0.0, 1e6, "s")?;
     check.range("experiment.fit.segment", experiment.fit.segment.unwrap_or(1.0), setup.scene.time.step, 1e6, "s")?;
-    if experiment.marker.is_empty() {
-        return check.refuse("experiment", LogMistake::NoMarker);
+    if experiment.marker.is_empty() && experiment.joint.is_empty() && experiment.orientation.is_empty() {
+        return check.refuse("experiment", LogMistake::NoMarker { bodies: setup.scene.rope.is_empty() });
     }
     experiment.marker.iter().enumerate().try_for_each(|(k, marker)| check.marker(k, marker))?;
+    check.joint_sensors(experiment)?;
+    check.orientations(experiment)?;
     check.sensor(experiment)?;
     check.inputs(experiment)?;
     check.free(experiment)
 }
 
-struct Check<'a> {
-    setup: &'a Setup,
+pub(super) struct Check<'a> {
+    pub(super) setup: &'a Setup,
 }
 
 impl Check<'_> {
-    fn refuse<T>(&self, field: &str, mistake: LogMistake) -> Result<T, LogError> {
+    pub(super) fn refuse<T>(&self, field: &str, mistake: LogMistake) -> Result<T, LogError> {
         Err(LogError::new(self.setup.source.place(field), mistake))
     }
 
@@ -51,11 +54,11 @@ impl Check<'_> {
         if given == 1 { Ok(()) } else { self.refuse(field, LogMistake::OneOf { keys, given }) }
     }
 
-    fn range(&self, field: &str, value: f64, low: f64, high: f64, unit: &'static str) -> Result<(), LogError> {
+    pub(super) fn range(&self, field: &str, value: f64, low: f64, high: f64, unit: &'static str) -> Result<(), LogError> {
         if (low..=high).contains(&value) { Ok(()) } else { self.refuse(field, LogMistake::Range { value, low, high, unit }) }
     }
 
-    fn unknown<T>(&self, field: &str, kind: &'static str, name: &str, known: &[&str]) -> Result<T, LogError> {
+    pub(super) fn unknown<T>(&self, field: &str, kind: &'static str, name: &str, known: &[&str]) -> Result<T, LogError> {
         let (nearest, known) = suggestion(name, known);
         self.refuse(field, LogMistake::Unknown { kind, name: name.to_owned(), nearest, known })
     }
@@ -63,19 +66,43 @@ impl Check<'_> {
     fn marker(&self, k: usize, marker: &Marker) -> Result<(), LogError> {
         let at = |key: &str| format!("experiment.marker[{k}].{key}");
         let scene = &self.setup.scene;
-        let Some(rope) = scene.rope.iter().find(|rope| rope.name == marker.rope) else {
-            let names: Vec<&str> = scene.rope.iter().map(|rope| rope.name.as_str()).collect();
-            return self.unknown(&at("rope"), "rope", &marker.rope, &names);
-        };
         let item = format!("experiment.marker[{k}]");
-        self.one_of(&item, "`node`, `arc`", usize::from(marker.node.is_some()) + usize::from(marker.arc.is_some()))?;
+        self.one_of(&item, "`rope`, `body`", usize::from(marker.rope.is_some()) + usize::from(marker.body.is_some()))?;
         self.one_of(&item, "`columns`, `index`", usize::from(marker.columns.is_some()) + usize::from(marker.index.is_some()))?;
+        if let Some(body) = &marker.body {
+            return self.body_marker(&item, body, marker);
+        }
+        if marker.point.is_some() {
+            return self.refuse(&at("point"), LogMistake::Misplaced { key: "point", owner: "markers on bodies" });
+        }
+        let name = marker.rope.as_deref().unwrap_or("");
+        let Some(rope) = scene.rope.iter().find(|rope| rope.name == name) else {
+            let names: Vec<&str> = scene.rope.iter().map(|rope| rope.name.as_str()).collect();
+            return self.unknown(&at("rope"), "rope", name, &names);
+        };
+        self.one_of(&item, "`node`, `arc`", usize::from(marker.node.is_some()) + usize::from(marker.arc.is_some()))?;
         self.range(&at("arc"), marker.arc.unwrap_or(0.0), 0.0, rope.length, "m")?;
         if let Some(node) = marker.node.filter(|node| rope.node(*node).is_none()) {
             let n = rope.n_nodes() as f64;
             return self.refuse(&at("node"), LogMistake::Range { value: node as f64, low: -n, high: n - 1.0, unit: "(nodes)" });
         }
         Ok(())
+    }
+
+    fn body_marker(&self, item: &str, body: &str, marker: &Marker) -> Result<(), LogError> {
+        let names: Vec<&str> = self.setup.scene.body.iter().map(|body| body.name.as_str()).collect();
+        if !names.contains(&body) {
+            return self.unknown(&format!("{item}.body"), "body", body, &names);
+        }
+        for (key, given) in [("node", marker.node.is_some()), ("arc", marker.arc.is_some())] {
+            if given {
+                return self.refuse(&format!("{item}.{key}"), LogMistake::Misplaced { key, owner: "markers on ropes" });
+            }
+        }
+        (0..3).try_for_each(|a| {
+            let x = marker.point.map_or(0.0, |point| point[a]);
+            self.range(&format!("{item}.point[{a}]"), x, -1e3, 1e3, "m")
+        })
     }
 
     fn sensor(&self, experiment: &Experiment) -> Result<(), LogError> {
@@ -92,13 +119,19 @@ impl Check<'_> {
 
     fn inputs(&self, experiment: &Experiment) -> Result<(), LogError> {
         let grippers: Vec<&str> = self.setup.scene.gripper.iter().map(|gripper| gripper.name.as_str()).collect();
+        let actuators: Vec<&str> = self.setup.scene.actuator.iter().map(|actuator| actuator.name.as_str()).collect();
         for (k, input) in experiment.input.iter().enumerate() {
             let item = format!("experiment.input[{k}]");
-            if !grippers.contains(&input.gripper.as_str()) {
-                return self.unknown(&format!("{item}.gripper"), "gripper", &input.gripper, &grippers);
+            // before there were actuators, `gripper` was the one key that had to be there
+            let keys = usize::from(input.gripper.is_some()) + usize::from(input.actuator.is_some());
+            self.one_of(&item, "`gripper`, `actuator`", keys)?;
+            let (kind, known) = if input.gripper.is_some() { ("gripper", &grippers) } else { ("actuator", &actuators) };
+            let name = input.target().to_owned();
+            if !known.contains(&name.as_str()) {
+                return self.unknown(&format!("{item}.{kind}"), kind, &name, known);
             }
-            if experiment.input[..k].iter().any(|other| other.gripper == input.gripper) {
-                return self.refuse(&item, LogMistake::TwoInputs { gripper: input.gripper.clone() });
+            if experiment.input[..k].iter().any(|other| other.target() == name) {
+                return self.refuse(&item, LogMistake::TwoInputs { kind, name });
             }
             self.one_of(
                 &item,
@@ -109,17 +142,21 @@ impl Check<'_> {
                 (Some(columns), _) => (columns.len(), "columns", "columns", 1),
                 (None, indices) => (indices.iter().flatten().count(), "points", "indices", 3),
             };
-            let controls = self.setup.controls_of(&input.gripper);
+            let controls = self.setup.controls_of(&name);
             if found * each != controls.len() {
                 let names = words::list(controls.iter().map(|control| control.name.as_str()));
-                let mistake =
-                    LogMistake::InputCount { gripper: input.gripper.clone(), found, what, needed: controls.len(), names };
+                let mistake = LogMistake::InputCount { kind, name, found, what, needed: controls.len(), names };
                 return self.refuse(&format!("{item}.{key}"), mistake);
             }
         }
-        match grippers.iter().find(|name| !experiment.input.iter().any(|input| input.gripper == **name)) {
-            Some(gripper) => self.refuse("experiment", LogMistake::NoInput { gripper: (*gripper).to_owned() }),
-            None => Ok(()),
+        let without = |names: &[&str]| {
+            let found = names.iter().find(|name| !experiment.input.iter().any(|input| input.target() == **name));
+            found.map(|name| (*name).to_owned())
+        };
+        match (without(&grippers), without(&actuators)) {
+            (Some(name), _) => self.refuse("experiment", LogMistake::NoInput { kind: "gripper", name }),
+            (None, Some(name)) => self.refuse("experiment", LogMistake::NoInput { kind: "actuator", name }),
+            (None, None) => Ok(()),
         }
     }
 
@@ -165,6 +202,7 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
     if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
         return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
     }
+    check_angles(setup, record, place)?;
     extent(setup, record, place)
 }
 
@@ -184,6 +222,9 @@ pub(super) fn check_twice(records: &[Record], places: &[Place]) -> Result<(), Lo
 /// Markers and grippers spread over a length that the ropes can span, or some are in another unit.
 fn extent(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
     let length: f64 = setup.scene.rope.iter().map(|rope| rope.length).sum();
+    if setup.scene.rope.is_empty() {
+        return Ok(());
+    }
     let controls = setup.controls();
     let spread = |a: usize, with_inputs: bool| {
         let ending = [".x", ".y", ".z"][a];

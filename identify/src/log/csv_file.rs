@@ -47,7 +47,8 @@ pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<
             inputs.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
         }
     }
-    let record = Record { name: file.file.clone(), time, markers, inputs, ..Record::default() };
+    let (joints, orientations) = (table.joints(setup)?, table.orientations(setup)?);
+    let record = Record { name: file.file.clone(), time, markers, joints, orientations, inputs, ..Record::default() };
     let clock = setup.experiment.time.column.as_deref().unwrap_or("time");
     Ok(vec![setup.finish(record, &|row| table.place(row, clock))?])
 }
@@ -101,6 +102,35 @@ impl Table {
         }
     }
 
+    /// Readings of the sensors at joints, per time.
+    fn joints(&self, setup: &Setup) -> Result<Vec<Vec<f64>>, LogError> {
+        let axes = setup.axes();
+        let mut out: Vec<Vec<f64>> = vec![Vec::new(); self.rows.len()];
+        for sensor in &setup.experiment.joint {
+            let slides = axes.iter().any(|(name, slides)| *name == sensor.joint && *slides);
+            let need = if sensor.may_be_missing { Need::HiddenReading } else { Need::Reading };
+            let values = self.column(&sensor.column, sensor.factor(slides), need)?;
+            out.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
+        }
+        Ok(out)
+    }
+
+    /// Observed orientations as unit quaternions, per time.
+    fn orientations(&self, setup: &Setup) -> Result<Vec<Vec<[f64; 4]>>, LogError> {
+        let mut out: Vec<Vec<[f64; 4]>> = vec![Vec::new(); self.rows.len()];
+        for observed in &setup.experiment.orientation {
+            let need = if observed.may_be_missing { Need::HiddenReading } else { Need::Reading };
+            let factor = observed.factor();
+            let found: Vec<Vec<f64>> =
+                observed.columns.iter().map(|name| self.column(name, factor, need)).collect::<Result<_, _>>()?;
+            for (k, row) in out.iter_mut().enumerate() {
+                let numbers: Vec<f64> = found.iter().map(|column| column[k]).collect();
+                row.push(observed.quaternion(&numbers).map_err(|m| LogError::new(self.place(k, &observed.columns[0]), m))?);
+            }
+        }
+        Ok(out)
+    }
+
     fn find(&self, name: &str) -> Result<usize, LogError> {
         let mut found = self.header.iter().enumerate().filter(|(_, column)| *column == name);
         let place = || Place { file: Some(self.file.clone()), line: Some(1), column: None, field: String::new() };
@@ -127,7 +157,7 @@ impl Table {
         let refuse = |mistake| Err(LogError::new(self.place(row, name), mistake));
         match value {
             Ok(value) if value.is_finite() => Ok(value * column.factor),
-            Ok(value) if value.is_nan() && need == Need::HiddenMarker => Ok(f64::NAN),
+            Ok(value) if value.is_nan() && matches!(need, Need::HiddenMarker | Need::HiddenReading) => Ok(f64::NAN),
             Ok(value) => {
                 let found = if text.is_empty() { "empty" } else { super::npz_file::not_finite(value) };
                 refuse(LogMistake::Missing { found, of: need })

@@ -51,24 +51,50 @@ pub enum LogMistake {
     /// No file to read.
     #[error("there is no log to read")]
     NoRecord,
-    /// No marker.
-    #[error("the experiment observes nothing: it has no [[experiment.marker]]")]
-    NoMarker,
+    /// No marker, sensor or orientation.
+    #[error("the experiment observes nothing: it has no [[experiment.{}]]", if *.bodies { "joint]], [[experiment.marker]] or [[experiment.orientation" } else { "marker" })]
+    NoMarker { bodies: bool },
+    /// A key that belongs to another kind of object.
+    #[error("`{key}` is given, but only {owner} have one")]
+    Misplaced { key: &'static str, owner: &'static str },
+    /// Two sensors of one quantity at one joint.
+    #[error("joint \"{joint}\" has two sensors of its {quantity}")]
+    TwoSensors { joint: String, quantity: &'static str },
+    /// A torque sensor where nothing drives.
+    #[error("no actuator drives joint \"{joint}\", so there is no torque to measure")]
+    NoTorque { joint: String },
+    /// The torque of a motor whose command is delayed, lagging, summed up or limited.
+    #[error(
+        "the torque of motor \"{actuator}\" cannot be read: its delay, lag, saturation or delta_scale stands between command and torque"
+    )]
+    ShapedTorque { actuator: String },
+    /// As many columns as an orientation needs.
+    #[error("gives {found} columns; an orientation has four (a quaternion w, x, y, z) or three (a rotation vector)")]
+    OrientationColumns { found: usize },
+    /// A quaternion that is none.
+    #[error("the quaternion's length is {}, not 1", Num(*.length))]
+    Quaternion { length: f64 },
+    /// Readings that only CSV files can hold.
+    #[error("sensors at joints and orientations are read from CSV files, and this record is an npz file")]
+    OnlyCsv,
+    /// Angles that betray another unit.
+    #[error("joint \"{joint}\" moves over {} {unit}", Num(*.spread))]
+    Angles { joint: String, spread: f64, unit: &'static str, limits: Option<f64> },
     /// None of several keys, or more than one.
     #[error("{} of the keys {keys} is given", if *.given == 0 { "none" } else { "more than one" })]
     OneOf { keys: &'static str, given: usize },
     /// A word that names nothing.
     #[error("there is no {kind} \"{name}\"")]
     Unknown { kind: &'static str, name: String, nearest: Option<String>, known: String },
-    /// A gripper without logged inputs.
-    #[error("gripper \"{gripper}\" has no [[experiment.input]]")]
-    NoInput { gripper: String },
-    /// A gripper with two of them.
-    #[error("gripper \"{gripper}\" has more than one [[experiment.input]]")]
-    TwoInputs { gripper: String },
+    /// A gripper or actuator without logged inputs.
+    #[error("{kind} \"{name}\" has no [[experiment.input]]")]
+    NoInput { kind: &'static str, name: String },
+    /// A gripper or actuator with two of them.
+    #[error("{kind} \"{name}\" has more than one [[experiment.input]]")]
+    TwoInputs { kind: &'static str, name: String },
     /// As many columns or points as inputs are needed.
-    #[error("gives {found} {what}, but gripper \"{gripper}\" has {needed} inputs: {names}")]
-    InputCount { gripper: String, found: usize, what: &'static str, needed: usize, names: String },
+    #[error("gives {found} {what}, but {kind} \"{name}\" has {needed} inputs: {names}")]
+    InputCount { kind: &'static str, name: String, found: usize, what: &'static str, needed: usize, names: String },
     /// A number outside its interval.
     #[error("is {}, but must lie between {} and {} {unit}", Num(*.value), Num(*.low), Num(*.high))]
     Range { value: f64, low: f64, high: f64, unit: &'static str },
@@ -172,4 +198,8 @@ pub enum Need {
     Marker,
     /// A marker that may be missing.
     HiddenMarker,
+    /// A sensor at a joint, or an orientation.
+    Reading,
+    /// One that may be missing.
+    HiddenReading,
 }

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 /// What was measured, where it stands in the logs, and which parameters are free.
 ///
 /// A marker at p is read as y(t) = scale · R(rotation) p(t − time_offset) + bias: see `sensor` for the values, and free them as
-/// `sensor.scale` and so on in `fit`.
+/// `sensor.scale` and so on in `fit`. A joint's sensor reads y(t) = scale · x(t − time_offset − delay) + bias, with values of its own
+/// for each but the time offset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
@@ -31,7 +32,13 @@ pub struct Experiment {
     /// Observed points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub marker: Vec<Marker>,
-    /// Logged inputs, one entry per gripper.
+    /// Sensors at joints: encoders, tachometers, torque sensors.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint: Vec<JointSensor>,
+    /// Observed orientations of bodies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub orientation: Vec<Orientation>,
+    /// Logged inputs, one entry per gripper and per actuator.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub input: Vec<Input>,
     /// Log files; the command's `--log FILE` adds more.
@@ -54,7 +61,7 @@ fn lead_in() -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Beginning {
-    /// Every free node's position and velocity is an unknown with a prior from the data.
+    /// Position and velocity of every free node and joint are unknowns with a prior from the data.
     #[default]
     Measured,
     /// Position and velocity from the data, taken as they are: where the model's error within a few samples exceeds theirs, an
@@ -164,12 +171,19 @@ pub enum AngleUnit {
     Deg,
 }
 
-/// An observed point of a rope: at a `node` or at an `arc` length; in CSV `columns` or at an `index` of an npz array.
+/// An observed point of a rope, at a `node` or at an `arc` length, or of a `body`; in CSV `columns` or at an `index` of an npz array.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Marker {
     /// Name of the rope.
-    pub rope: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rope: Option<String>,
+    /// Name of the body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Place in the body's frame [m]; its origin if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<[f64; 3]>,
     /// Node number; negative numbers count from the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node: Option<i64>,
@@ -193,13 +207,94 @@ pub struct Marker {
     pub may_be_missing: bool,
 }
 
-/// The logged inputs of one gripper: in CSV `columns`, or at `indices` of an npz array.
+/// A sensor at a joint of one axis: y(t) = scale · x(t − time_offset − delay) + bias, with the time offset of `sensor`.
+///
+/// `fit` frees its values by the paths `joint.position_bias`, `joint.position_scale`, `joint.position_delay`, and likewise for
+/// `velocity` and `torque`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointSensor {
+    /// Name of the joint, `name[0]` or `name[1]` for the two axes of a universal one.
+    pub joint: String,
+    /// What x is.
+    #[serde(default)]
+    pub measures: JointQuantity,
+    /// Column of a CSV file.
+    pub column: String,
+    /// Unit in the log of a sliding joint's coordinate; of its velocity, the same per second. Forces are in N.
+    #[serde(default)]
+    pub unit: LengthUnit,
+    /// Unit in the log of a turning joint's coordinate; of its velocity, the same per second. Torques are in N·m.
+    #[serde(default)]
+    pub angle_unit: AngleUnit,
+    /// What is added to every reading [rad, rad/s, N·m; m, m/s, N].
+    #[serde(default)]
+    pub bias: f64,
+    /// What every reading is multiplied by [-].
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// How late the reading is, beyond `sensor.time_offset` [s].
+    #[serde(default)]
+    pub delay: f64,
+    /// Smallest standard deviation of a reading that is believed [rad, rad/s, N·m; m, m/s, N]; 10⁻⁴, 10⁻³ and 10⁻³ if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_floor: Option<f64>,
+    /// Whether samples may be missing (NaN or an empty cell).
+    #[serde(default)]
+    pub may_be_missing: bool,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// What a sensor at a joint measures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum JointQuantity {
+    /// Its coordinate [rad or m].
+    #[default]
+    Position,
+    /// Its velocity [rad/s or m/s].
+    Velocity,
+    /// What the actuators at the joint exert on it [N·m or N].
+    Torque,
+}
+
+/// The observed orientation of a body in the world, in CSV `columns`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Orientation {
+    /// Name of the body.
+    pub body: String,
+    /// Columns of a CSV file: four for a quaternion (w, x, y, z), three for a rotation vector.
+    pub columns: Vec<String>,
+    /// Unit in the log of a rotation vector.
+    #[serde(default)]
+    pub angle_unit: AngleUnit,
+    /// Smallest standard deviation of a measured angle that is believed [rad].
+    #[serde(default = "angle_floor")]
+    pub noise_floor: f64,
+    /// Whether samples may be missing (NaN or an empty cell).
+    #[serde(default)]
+    pub may_be_missing: bool,
+}
+
+fn angle_floor() -> f64 {
+    1e-3
+}
+
+/// The logged inputs of one gripper or actuator: in CSV `columns`, or at `indices` of an npz array.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
     /// Name of the gripper.
-    pub gripper: String,
-    /// Columns of a CSV file, as many as the gripper has inputs, in their order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gripper: Option<String>,
+    /// Name of the actuator.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub actuator: Option<String>,
+    /// Columns of a CSV file, as many as the gripper has inputs, in their order; one for an actuator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub columns: Option<Vec<String>>,
     /// Array of an npz file; by default the record's.
@@ -208,12 +303,19 @@ pub struct Input {
     /// Points in the array, three inputs each; negative numbers count from the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub indices: Option<Vec<i64>>,
-    /// Unit of positions; of velocities, the same per second. Axes have none.
+    /// Unit of positions; of velocities, the same per second. Axes, and controls of torque drives, have none.
     #[serde(default)]
     pub unit: LengthUnit,
-    /// Unit of angular velocities, per second.
+    /// Unit of angles; of angular velocities, the same per second.
     #[serde(default)]
     pub angle_unit: AngleUnit,
+}
+
+impl Input {
+    /// Name of the gripper or actuator.
+    pub fn target(&self) -> &str {
+        self.gripper.as_deref().or(self.actuator.as_deref()).unwrap_or("")
+    }
 }
 
 /// A log file: CSV holds one record, an npz array of shape (time, points, 3) one, (records, time, points, 3) several.
@@ -261,7 +363,8 @@ pub struct Fit {
 #[serde(deny_unknown_fields)]
 pub struct Free {
     /// Path, e.g. `cable.bend_stiffness`; `cable.node[*].mass` ties all that match into one. Of the markers' sensor:
-    /// `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad], `sensor.time_offset` [s].
+    /// `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad], `sensor.time_offset` [s]. Of the
+    /// sensors at joints: `shoulder.position_bias`, `shoulder.position_scale`, `shoulder.position_delay`, and so on.
     pub path: String,
     /// Lower bound, in the parameter's unit.
     pub lower: f64,

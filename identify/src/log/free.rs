@@ -1,9 +1,9 @@
 //! Refusing free parameters that the model, its bounds or each other do not allow.
 
 use super::error::{LogError, LogMistake};
-use super::experiment::Free;
+use super::experiment::{Free, JointSensor};
 use super::setup::Setup;
-use crate::sensor::{SENSOR_BOUNDS, SENSOR_PATHS, SENSOR_UNITS};
+use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS, SENSOR_UNITS};
 use crate::unknown::matches;
 use pliant_engine::params::{POSITIVE, Params};
 use pliant_engine::scene::words;
@@ -13,8 +13,10 @@ use pliant_engine::scene::words;
 enum Meaning {
     /// These entries of θ, tied to one value.
     Theta(Vec<usize>),
-    /// This entry of the sensor's parameters.
+    /// This entry of the markers' sensor.
     Sensor(usize),
+    /// This sensor at a joint, and which of its values.
+    Joint(usize, usize),
 }
 
 impl Setup {
@@ -39,6 +41,10 @@ impl Setup {
                     let (low, high) = SENSOR_BOUNDS[*entry];
                     (self.experiment.sensor.values().0[*entry], low, high, SENSOR_UNITS[*entry])
                 }
+                Meaning::Joint(sensor, entry) => {
+                    let (low, high) = JOINT_BOUNDS[*entry];
+                    (self.joint_values()[*sensor][*entry], low, high, self.joint_units(*sensor)[*entry])
+                }
             };
             self.bounds(k, one, (low, high), unit)?;
             if value < one.lower || value > one.upper {
@@ -54,6 +60,10 @@ impl Setup {
         if let Some(entry) = SENSOR_PATHS.iter().position(|path| *path == free.path) {
             return Ok(Meaning::Sensor(entry));
         }
+        let sensors = self.experiment.joint.iter().map(JointSensor::paths);
+        if let Some((sensor, entry)) = sensors.enumerate().find_map(|(k, p)| Some((k, p.iter().position(|x| *x == free.path)?))) {
+            return Ok(Meaning::Joint(sensor, entry));
+        }
         let entries: Vec<usize> = (0..params.len()).filter(|&e| matches(&free.path, &params.info(e).path)).collect();
         if !entries.is_empty() {
             return Ok(Meaning::Theta(entries));
@@ -61,6 +71,8 @@ impl Setup {
         let tied: Vec<&str> = SENSOR_PATHS.into_iter().filter(|path| matches(&free.path, path)).collect();
         let mistake = if tied.is_empty() {
             let known: Vec<&str> = params.infos().iter().map(|info| info.path.as_str()).chain(SENSOR_PATHS).collect();
+            let own: Vec<String> = self.experiment.joint.iter().flat_map(JointSensor::paths).collect();
+            let known: Vec<&str> = known.into_iter().chain(own.iter().map(String::as_str)).collect();
             let nearest = words::nearest(&free.path, known.iter().copied()).map(str::to_owned);
             LogMistake::Unknown { kind: "parameter", name: free.path.clone(), nearest, known: known_near(&free.path, &known) }
         } else {

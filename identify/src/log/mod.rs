@@ -15,14 +15,15 @@ mod csv_file;
 mod error;
 mod experiment;
 mod free;
+mod joint_sensor;
 mod npz_file;
 mod record;
 mod setup;
 
 pub use error::{LogError, LogMistake, Need, Refused};
 pub use experiment::{
-    AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, LengthUnit, Marker, Prior, RecordFile, Role,
-    SensorStart, TimeUnit,
+    AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, JointQuantity, JointSensor, LengthUnit, Marker,
+    Orientation, Prior, RecordFile, Role, SensorStart, TimeUnit,
 };
 pub use record::{Logs, Record, Split, StepTime};
 pub use setup::Setup;

@@ -24,6 +24,10 @@ struct Arrays {
 
 /// Reads all records of a file.
 pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
+    let only_csv = [("joint", setup.experiment.joint.len()), ("orientation", setup.experiment.orientation.len())];
+    if let Some((table, _)) = only_csv.iter().find(|(_, count)| *count > 0) {
+        return Err(setup.refuse(&format!("experiment.{table}[0]"), LogMistake::OnlyCsv));
+    }
     let mut arrays = Arrays::open(path)?;
     let main = arrays.load_all(setup, file)?;
     let (records, samples) = (arrays.points[&main].shape()[0], arrays.points[&main].shape()[1]);
@@ -37,6 +41,7 @@ pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<
         let mut record = Record { name, time: clock.time[r].clone(), ..Record::default() };
         record.markers = arrays.markers(setup, &main, r, samples)?;
         record.inputs = arrays.inputs(setup, &main, r, samples)?;
+        (record.joints, record.orientations) = (vec![Vec::new(); samples], vec![Vec::new(); samples]);
         let place = |k: usize| arrays.place(&format!("{}[{r}], time {k}", clock.name));
         out.push(setup.finish(record, &place)?);
     }

@@ -66,6 +66,10 @@ pub struct Record {
     pub time: Vec<f64>,
     /// Position of each marker [m], per time; NaN where a marker that may be missing is.
     pub markers: Vec<Vec<[f64; 3]>>,
+    /// Reading of each sensor at a joint [rad, rad/s, N·m; m, m/s, N], per time; NaN where it may be missing and is.
+    pub joints: Vec<Vec<f64>>,
+    /// Each observed orientation, a unit quaternion (w, x, y, z), per time; NaN where it may be missing and is.
+    pub orientations: Vec<Vec<[f64; 4]>>,
     /// Inputs in the order of the model, in SI units, per time.
     pub inputs: Vec<Vec<f64>>,
     /// Per input the part of a step at which the step takes it: 1 for positions (at its end), ½ for velocities (its mean).
@@ -116,12 +120,37 @@ impl Record {
         self.time.iter().map(place).collect()
     }
 
+    /// Its first `n` samples.
+    pub fn truncate(&mut self, n: usize) {
+        self.time.truncate(n);
+        self.markers.truncate(n);
+        self.joints.truncate(n);
+        self.orientations.truncate(n);
+        self.inputs.truncate(n);
+    }
+
+    /// The samples of a range, with times from `start` [s] on.
+    pub fn piece(&self, samples: std::ops::Range<usize>, start: f64) -> Self {
+        Self {
+            name: self.name.clone(),
+            role: self.role,
+            time: self.time[samples.clone()].iter().map(|t| t - start).collect(),
+            markers: self.markers[samples.clone()].to_vec(),
+            joints: self.joints[samples.clone()].to_vec(),
+            orientations: self.orientations[samples.clone()].to_vec(),
+            inputs: self.inputs[samples].to_vec(),
+            phase: self.phase.clone(),
+        }
+    }
+
     /// Whether times, readings and inputs are those of another record, bit by bit: the same measurement.
     pub fn is_copy_of(&self, other: &Self) -> bool {
         let same = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits());
         let markers = || self.markers.iter().zip(&other.markers).all(|(a, b)| same(a.as_flattened(), b.as_flattened()));
         let inputs = || self.inputs.iter().zip(&other.inputs).all(|(a, b)| same(a, b));
-        same(&self.time, &other.time) && markers() && inputs()
+        let joints = || self.joints.iter().zip(&other.joints).all(|(a, b)| same(a, b));
+        let turns = || self.orientations.iter().zip(&other.orientations).all(|(a, b)| same(a.as_flattened(), b.as_flattened()));
+        same(&self.time, &other.time) && markers() && joints() && turns() && inputs()
     }
 
     fn input(&self, j: usize, t: f64) -> f64 {

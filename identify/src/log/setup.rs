@@ -5,7 +5,7 @@ use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Input, RecordFile, Role};
 use super::record::{Logs, Record};
 use super::{csv_file, npz_file};
-use pliant_engine::scene::{Control, Place, Scene, Source, control_list, parse_source, words};
+use pliant_engine::scene::{Control, Joint, JointKind, Place, Scene, Source, control_list, parse_source, words};
 use std::path::{Path, PathBuf};
 
 /// A scene file with an experiment that fits it.
@@ -84,11 +84,12 @@ impl Setup {
 
     /// Finishes a record: time from 0 on, phases, checks. `place` locates a sample's clock.
     pub(super) fn finish(&self, mut record: Record, place: &dyn Fn(usize) -> Place) -> Result<Record, LogError> {
-        record.phase = self
-            .controls()
-            .iter()
-            .map(|control| if control.unit == "m/s" || control.unit == "rad/s" { 0.5 } else { 1.0 })
-            .collect();
+        let actuators = self.scene.actuator.len();
+        let controls = self.controls();
+        let of_grippers = controls.len() - actuators;
+        // an actuator acts throughout a step, a gripper's position is where the step ends
+        let phase = |(k, control): (usize, &Control)| if k >= of_grippers || control.unit.ends_with("/s") { 0.5 } else { 1.0 };
+        record.phase = controls.iter().enumerate().map(phase).collect();
         check_record(self, &record, place)?;
         let start = record.time[0];
         record.time.iter_mut().for_each(|t| *t -= start);
@@ -105,20 +106,44 @@ impl Setup {
         control_list(&self.scene)
     }
 
-    /// (number in the experiment, input, factors to SI units of its controls), gripper after gripper.
+    /// (number in the experiment, input, factors to SI units of its controls), gripper after gripper, then the actuators.
     pub(super) fn ordered_inputs(&self) -> Vec<(usize, &Input, Vec<f64>)> {
-        let of_gripper = |name: &String| {
-            let (k, input) = self.experiment.input.iter().enumerate().find(|(_, input)| input.gripper == *name)?;
+        let of = |name: &String| {
+            let (k, input) = self.experiment.input.iter().enumerate().find(|(_, input)| input.target() == *name)?;
             let factors = self.controls_of(name).iter().map(|control| factor(input, control.unit)).collect();
             Some((k, input, factors))
         };
-        self.scene.gripper.iter().filter_map(|gripper| of_gripper(&gripper.name)).collect()
+        let grippers = self.scene.gripper.iter().map(|gripper| &gripper.name);
+        grippers.chain(self.scene.actuator.iter().map(|actuator| &actuator.name)).filter_map(of).collect()
     }
 
-    /// The inputs of one gripper.
-    pub(super) fn controls_of(&self, gripper: &str) -> Vec<Control> {
-        let mine = |control: &Control| control.name.strip_prefix(gripper).is_some_and(|rest| rest.starts_with('.'));
+    /// The inputs of one gripper or actuator.
+    pub(super) fn controls_of(&self, name: &str) -> Vec<Control> {
+        let mine =
+            |control: &Control| control.name.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
         self.controls().into_iter().filter(mine).collect()
+    }
+
+    /// Bias, scale and delay of each sensor at a joint, as the experiment has them.
+    pub fn joint_values(&self) -> Vec<[f64; 3]> {
+        self.experiment.joint.iter().map(|sensor| [sensor.bias, sensor.scale, sensor.delay]).collect()
+    }
+
+    /// Units of bias, scale and delay of a sensor at a joint.
+    pub(crate) fn joint_units(&self, sensor: usize) -> [&'static str; 3] {
+        let sensor = &self.experiment.joint[sensor];
+        let slides = self.axes().iter().any(|(name, slides)| *name == sensor.joint && *slides);
+        [sensor.measures.unit(slides), "-", "s"]
+    }
+
+    /// Names of the joints of one axis, and whether they slide.
+    pub(crate) fn axes(&self) -> Vec<(String, bool)> {
+        let of = |joint: &Joint| match joint.kind {
+            JointKind::Revolute | JointKind::Prismatic => vec![(joint.name.clone(), joint.kind == JointKind::Prismatic)],
+            JointKind::Universal => [0, 1].map(|k| (format!("{}[{k}]", joint.name), false)).to_vec(),
+            JointKind::Ball | JointKind::Free => Vec::new(),
+        };
+        self.scene.body.iter().flat_map(|body| &body.joint).flat_map(of).collect()
     }
 }
 
@@ -130,7 +155,7 @@ fn name_of(path: &Path) -> String {
 fn factor(input: &Input, unit: &str) -> f64 {
     match unit {
         "m" | "m/s" => input.unit.metres(),
-        "rad/s" => input.angle_unit.radians(),
+        "rad" | "rad/s" => input.angle_unit.radians(),
         _ => 1.0,
     }
 }

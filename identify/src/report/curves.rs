@@ -3,6 +3,7 @@
 use super::plot::{Frame, Point, range};
 use super::shapes::Figure;
 use crate::diagnose::Curve;
+use crate::number::thousandths;
 
 /// Markers shown per record, the worst ones first.
 const PER_RECORD: usize = 2;
@@ -25,14 +26,17 @@ pub(super) fn figures(curves: &[Curve]) -> Vec<Figure> {
 
 fn figure(curve: &Curve) -> Figure {
     let axis = (0..3).max_by(|&a, &b| along(curve, a).total_cmp(&along(curve, b))).unwrap_or(2);
-    let name = ["x", "y", "z"][axis];
-    let label = format!("{}, marker {}", curve.record, curve.marker);
+    let of_marker = curve.quantity.is_empty();
+    let name = if of_marker { ["x", "y", "z"][axis] } else { curve.quantity.as_str() };
+    let what = if of_marker { format!("marker {}", curve.marker) } else { curve.quantity.clone() };
+    let label = format!("{}, {what}", curve.record);
+    let unit = if curve.unit.is_empty() { "m" } else { curve.unit.as_str() };
     let t = range_of_time(&curve.time);
     let series = |points: &[[f64; 3]]| -> Vec<Point> { curve.time.iter().zip(points).map(|(t, p)| (*t, p[axis])).collect() };
     let (measured, before, after) = (series(&curve.measured), series(&curve.before), series(&curve.after));
     let all = measured.iter().chain(&before).chain(&after).map(|p| p.1);
     let position = Frame::new(520.0, 220.0, t, range(all));
-    let body = position.axes("time [s]", &format!("{name} [m]"))
+    let body = position.axes("time [s]", &format!("{name} [{unit}]"))
         + &position.dots("measured pale", 2.4, &measured)
         + &position.line("before", &before)
         + &position.line("after", &after);
@@ -41,12 +45,14 @@ fn figure(curve: &Curve) -> Figure {
     let (before, after) = (error(curve, &curve.before), error(curve, &curve.after));
     let high = range(before.iter().chain(&after).map(|p| p.1)).1.max(0.0);
     let off = Frame::new(520.0, 170.0, t, (0.0, high));
-    let body = off.axes("time [s]", "error [mm]") + &off.line("before", &before) + &off.line("after", &after);
+    let body = off.axes("time [s]", &format!("error [{}]", thousandths(unit)))
+        + &off.line("before", &before)
+        + &off.line("after", &after);
     let below = off.svg(&format!("Distance of simulated from measured, {label}"), &body);
     Figure::new(above + &below, format!("{label}: {name}, and the distance between simulated and measured"))
 }
 
-/// Distance of simulated from measured [mm].
+/// Distance of simulated from measured, in thousandths of the unit.
 fn error(curve: &Curve, simulated: &[[f64; 3]]) -> Vec<Point> {
     let distance = |(p, m): (&[f64; 3], &[f64; 3])| 1e3 * (0..3).map(|a| (p[a] - m[a]).powi(2)).sum::<f64>().sqrt();
     curve.time.iter().copied().zip(simulated.iter().zip(&curve.measured).map(distance)).collect()
@@ -75,7 +81,8 @@ mod tests {
     fn curve(record: &str, marker: usize, error: f64) -> Curve {
         let at = |y: f64| vec![[0.0, y, 0.0]; 5];
         let time = (0..5).map(f64::from).collect();
-        Curve { record: record.into(), marker, time, measured: at(0.0), before: at(error), after: at(0.1 * error) }
+        let measured = at(0.0);
+        Curve { record: record.into(), marker, time, measured, before: at(error), after: at(0.1 * error), ..Curve::default() }
     }
 
     #[test]

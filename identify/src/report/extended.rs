@@ -1,6 +1,7 @@
 //! The scene with the estimates in place, as a scene file that says what was changed.
 
 use super::error::ReportError;
+use super::place_body::{set_inertia, set_joint};
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
 use crate::log::{Experiment, RecordFile, SensorStart, Setup};
@@ -13,13 +14,13 @@ use toml::{Table, Value};
 
 const FILE: &str = "scene_extended.toml";
 /// Lists of named objects.
-const OBJECTS: [&str; 5] = ["rope", "gripper", "plane", "sphere", "capsule"];
+const OBJECTS: [&str; 7] = ["rope", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
 
 /// A value that was set, by where it stands: table, its number in a list of tables, key.
-struct Place {
-    table: String,
-    number: usize,
-    key: String,
+pub(super) struct Place {
+    pub table: String,
+    pub number: usize,
+    pub key: String,
 }
 
 /// The text of `scene_extended.toml` in the folder `report`.
@@ -90,6 +91,11 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         let items = table.get(*list)?.as_array()?;
         Some((*list, items.iter().position(|item| item.get("name").and_then(Value::as_str) == Some(object))?))
     });
+    if list.is_none()
+        && let Some(place) = set_joint(table, object, rest, estimate)
+    {
+        return Some(place);
+    }
     let (name, number, target) = match list {
         Some((list, number)) => (list, number, table.get_mut(list)?.as_array_mut()?.get_mut(number)?.as_table_mut()?),
         None => (object, 0, table.get_mut(object)?.as_table_mut()?),
@@ -98,12 +104,13 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         set_mass(target, node, estimate.estimate)?;
         return Some(Place { table: format!("{name}.node_mass"), number, key: String::new() });
     }
-    let key = set_value(target, rest, estimate.estimate)?;
+    let inertia = if name == "body" { set_inertia(target, rest, estimate.estimate) } else { None };
+    let key = inertia.or_else(|| set_value(target, rest, estimate.estimate))?;
     Some(Place { table: name.to_owned(), number, key })
 }
 
 /// Sets `key` or `key[index]` of a table, and returns the key.
-fn set_value(table: &mut Table, path: &str, new: f64) -> Option<String> {
+pub(super) fn set_value(table: &mut Table, path: &str, new: f64) -> Option<String> {
     let (key, index) = match path.strip_suffix(']').and_then(|path| path.split_once('[')) {
         Some((key, index)) => (key, Some(index.parse::<usize>().ok()?)),
         None => (path, None),

@@ -15,6 +15,7 @@ mod extended;
 mod folder;
 pub mod json;
 mod page;
+mod place_body;
 mod plot;
 mod reproduce;
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::reproduce::{InputFile, Provenance, VERSION};
 use super::story::{self, estimate, list, longest, sentence, titled, words};
 use super::{curves, shapes, stages};
 use crate::diagnose::{AuditFinding, CandidateReport, Diagnosis, Estimate, Gain, Status};
-use crate::number::{millimetres, number, p_value, percent, unit};
+use crate::number::{number, p_value, percent, quantity, unit};
 use minijinja::{Environment, Value, context};
 use serde::Serialize;
 
@@ -30,20 +30,20 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         causes => causes(d),
         alternatives => alternatives(d),
         advice => d.advice,
-        stage_bars => Value::from_safe_string(stages::bars(&d.stages, d.noise.sigma)),
+        stage_bars => Value::from_safe_string(stages::bars(&d.stages, d.noise.sigma, &d.remainder.unit)),
         stages => stage_rows(d),
         gain => d.gain.iter().map(gain_row).collect::<Vec<_>>(),
         ceiling => d.ceiling.as_ref().map(|c| sentence(&story::against_ceiling(c))),
         candidates => d.candidates.iter().map(|c| candidate_row(c, d)).collect::<Vec<_>>(),
         remainder => context! {
             significant => d.remainder.significant,
-            rmse => millimetres(d.remainder.rmse),
+            rmse => quantity(d.remainder.rmse, &d.remainder.unit),
             explained => percent(d.remainder.explained_fraction),
             note => sentence(&d.remainder.note),
         },
         noise => context! {
-            sigma => millimetres(d.noise.sigma),
-            sensor => millimetres(d.noise.sensor_sigma),
+            sigma => quantity(d.noise.sigma, &d.remainder.unit),
+            sensor => quantity(d.noise.sensor_sigma, &d.remainder.unit),
             ar => d.noise.ar.iter().map(|a| number(*a)).collect::<Vec<_>>().join(", "),
             effective => number(d.noise.effective_samples.round()),
         },
@@ -77,12 +77,12 @@ impl Key {
             out.push(Self { value: estimate(e), label: format!("{} (90 %: {low} to {high})", e.path) });
         }
         if let Some(g) = longest(&d.gain) {
-            let value = format!("{} → {}", number(1e3 * g.rmse_before), millimetres(g.rmse_after));
+            let value = format!("{} → {}", number(1e3 * g.rmse_before), quantity(g.rmse_after, &g.unit));
             out.push(Self { value, label: format!("error on held-out records over {} s", number(g.horizon_s)) });
         }
         let label = "of the explainable error removed on fitted records".to_owned();
         out.push(Self { value: percent(d.remainder.explained_fraction), label });
-        out.push(Self { value: millimetres(d.noise.sigma), label: "noise (standard deviation)".to_owned() });
+        out.push(Self { value: quantity(d.noise.sigma, &d.remainder.unit), label: "noise (standard deviation)".to_owned() });
         out
     }
 }
@@ -135,9 +135,9 @@ fn stage_rows(d: &Diagnosis) -> Vec<Value> {
     let row = |stage: &crate::diagnose::Stage| {
         context! {
             name => words(&stage.name),
-            fit => millimetres(stage.rmse_fit),
-            held_out => millimetres(stage.rmse_held_out),
-            mean_abs => millimetres(stage.mean_abs_held_out),
+            fit => quantity(stage.rmse_fit, &d.remainder.unit),
+            held_out => quantity(stage.rmse_held_out, &d.remainder.unit),
+            mean_abs => quantity(stage.mean_abs_held_out, &d.remainder.unit),
             bic => number(stage.bic),
             parameters => stage.parameters.iter().map(|e| format!("{} = {}", e.path, estimate(e))).collect::<Vec<_>>(),
         }
@@ -148,14 +148,14 @@ fn stage_rows(d: &Diagnosis) -> Vec<Value> {
 fn gain_row(g: &Gain) -> Value {
     context! {
         horizon => number(g.horizon_s),
-        before => millimetres(g.rmse_before),
-        after => millimetres(g.rmse_after),
+        before => quantity(g.rmse_before, &g.unit),
+        after => quantity(g.rmse_after, &g.unit),
         factor => match g.interval {
             Some([low, high]) => format!("{} to {}", number(low.exp()), number(high.exp())),
             None => "unknown: one short record".to_owned(),
         },
         explained => percent(g.explained_fraction),
-        mean_abs => format!("{} → {}", millimetres(g.mean_abs[0]), millimetres(g.mean_abs[1])),
+        mean_abs => format!("{} → {}", quantity(g.mean_abs[0], &g.unit), quantity(g.mean_abs[1], &g.unit)),
     }
 }
 

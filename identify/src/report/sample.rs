@@ -148,7 +148,7 @@ fn curve(marker: usize) -> Curve {
     let run = |rate: f64| time.iter().map(|t| shape(s, *t, rate)).collect::<Vec<_>>();
     let noise = |k: usize, a: usize| 1e-3 * (((k * 7919 + a * 104_729 + marker * 31) % 1000) as f64 / 500.0 - 1.0);
     let measured = run(1.5).iter().enumerate().map(|(k, p)| [0, 1, 2].map(|a| p[a] + noise(k, a))).collect();
-    Curve { record: "run3.csv".into(), marker, measured, before: run(0.6), after: run(1.48), time }
+    Curve { record: "run3.csv".into(), marker, measured, before: run(0.6), after: run(1.48), time, ..Curve::default() }
 }
 
 fn snapshot(time: f64) -> Snapshot {

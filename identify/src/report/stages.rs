@@ -3,7 +3,7 @@
 use super::plot::escape;
 use super::story::words;
 use crate::diagnose::Stage;
-use crate::number::millimetres;
+use crate::number::quantity;
 use std::fmt::Write;
 
 const WIDTH: f64 = 760.0;
@@ -12,7 +12,7 @@ const LEFT: f64 = 190.0;
 const RIGHT: f64 = 90.0;
 
 /// Two bars per stage (fitted and held out), and a line at the noise level `sigma` [m].
-pub(super) fn bars(stages: &[Stage], sigma: f64) -> String {
+pub(super) fn bars(stages: &[Stage], sigma: f64, unit: &str) -> String {
     let errors = stages.iter().flat_map(|s| [s.rmse_fit, s.rmse_held_out]).filter(|e| e.is_finite());
     let longest = errors.fold(sigma.max(1e-12), f64::max);
     let length = |e: f64| if e.is_finite() { (WIDTH - LEFT - RIGHT) * e / longest } else { 0.0 };
@@ -27,8 +27,13 @@ pub(super) fn bars(stages: &[Stage], sigma: f64) -> String {
             if error.is_finite() {
                 let w = length(error);
                 let _ = write!(out, r#"<rect class="{class}" x="{LEFT}" y="{y}" width="{w:.1}" height="15" rx="2"/>"#);
-                let _ =
-                    write!(out, r#"<text class="tick" x="{:.1}" y="{}">{}</text>"#, LEFT + w + 6.0, y + 12.0, millimetres(error));
+                let _ = write!(
+                    out,
+                    r#"<text class="tick" x="{:.1}" y="{}">{}</text>"#,
+                    LEFT + w + 6.0,
+                    y + 12.0,
+                    quantity(error, unit)
+                );
             }
         }
     }
@@ -38,7 +43,7 @@ pub(super) fn bars(stages: &[Stage], sigma: f64) -> String {
         out,
         r#"<text class="tick" x="{x:.1}" y="{}" text-anchor="middle">noise {}</text>"#,
         height - 6.0,
-        millimetres(sigma)
+        quantity(sigma, unit)
     );
     out + "</svg>"
 }

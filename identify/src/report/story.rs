@@ -2,7 +2,7 @@
 
 use crate::causes::title;
 use crate::diagnose::{Ceiling, Diagnosis, Estimate, Gain, Verdict};
-use crate::number::{number, number_plain, share, unit};
+use crate::number::{number, number_plain, quantity_plain, share, unit};
 use std::fmt::Write;
 
 /// The verdict as one sentence.
@@ -67,10 +67,10 @@ pub fn summary(d: &Diagnosis) -> String {
             };
             let _ = write!(
                 out,
-                "\nheld-out error over {} s: {} mm -> {} mm, {factor}, {} of what can be explained",
+                "\nheld-out error over {} s: {} -> {}, {factor}, {} of what can be explained",
                 number_plain(g.horizon_s),
-                number_plain(1e3 * g.rmse_before),
-                number_plain(1e3 * g.rmse_after),
+                quantity_plain(g.rmse_before, &g.unit),
+                quantity_plain(g.rmse_after, &g.unit),
                 share(g.explained_fraction)
             );
         }
@@ -82,10 +82,10 @@ pub fn summary(d: &Diagnosis) -> String {
     let r = &d.remainder;
     let _ = write!(
         out,
-        "\nremainder: {} mm on fitted records, {}; noise {} mm",
-        number_plain(1e3 * r.rmse),
+        "\nremainder: {} on fitted records, {}; noise {}",
+        quantity_plain(r.rmse, &r.unit),
         if r.significant { "more than noise" } else { "no more than noise" },
-        number_plain(1e3 * d.noise.sigma)
+        quantity_plain(d.noise.sigma, &r.unit)
     );
     if !r.note.is_empty() {
         let _ = write!(out, " ({})", r.note);
@@ -100,16 +100,15 @@ pub fn summary(d: &Diagnosis) -> String {
 
 /// The causes beside what statistics alone would take.
 pub(super) fn against_ceiling(c: &Ceiling) -> String {
-    let mm = |rmse: f64| number_plain(1e3 * rmse);
     let found = match c.share {
         Some(share) if share > 0.0 => format!("; what was found takes {:.0} % of what it takes", 100.0 * share),
         Some(_) => String::new(),
         None => "; it does not carry over".to_owned(),
     };
     format!(
-        "a flexible correction without physics: {} mm{found}; on top of the final model: {} mm",
-        mm(c.rmse),
-        mm(c.rmse_on_top)
+        "a flexible correction without physics: {}{found}; on top of the final model: {}",
+        quantity_plain(c.rmse, &c.unit),
+        quantity_plain(c.rmse_on_top, &c.unit)
     )
 }
 

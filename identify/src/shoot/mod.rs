@@ -9,11 +9,19 @@
 //! accumulated defects. So statistics are those of one long record, and nonlinearity that of short ones; with all defects
 //! zero it is the plain simulation.
 
+mod blend;
+mod bodies;
+mod observe;
+mod observed;
 mod plan;
 mod run;
 mod start;
+mod start_bodies;
 mod stretch_prior;
+mod torque;
 
-pub use plan::{MarkerPlace, Plan, RecordPlan};
+pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
+pub use plan::{Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
 pub use start::{StartState, initial_guess, state_at};
+pub use torque::DrivePlace;

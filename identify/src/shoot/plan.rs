@@ -1,22 +1,15 @@
 //! What does not change while a record is shot again and again.
 
+use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
+use super::torque::drives_of;
 use crate::error::IdentifyError;
-use crate::log::{Beginning, LogMistake, Logs, Record, Role, Setup};
+use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
 use crate::shoot::start::{StartState, initial_guess};
 use crate::unknown::Values;
+use nalgebra::Vector3;
+use pliant_engine::bodies::JointKind;
 use pliant_engine::model::{Model, ModelBuilder};
 use std::sync::Arc;
-
-/// An observed point as a weighted pair of nodes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MarkerPlace {
-    /// First node.
-    pub node: usize,
-    /// Second node.
-    pub next: usize,
-    /// Weight of the second node.
-    pub weight: f64,
-}
 
 /// A record ready to be shot.
 #[derive(Clone, Debug)]
@@ -42,6 +35,12 @@ pub struct Plan {
     pub scene_values: Values,
     /// Observed points.
     pub markers: Vec<MarkerPlace>,
+    /// Sensors at joints.
+    pub joints: Vec<JointPlace>,
+    /// Observed orientations.
+    pub orientations: Vec<OrientationPlace>,
+    /// Smallest believed standard deviation of a marker's coordinate \[m\].
+    pub marker_floor: f64,
     /// Grippers' inputs come from the sensor that sees the markers.
     pub shared_sensor: bool,
     /// Records start at rest.
@@ -60,16 +59,26 @@ impl Plan {
     /// Builds the model and prepares every record.
     pub fn new(setup: &Setup, logs: &Logs) -> Result<Self, IdentifyError> {
         let model = Arc::new(ModelBuilder::new(&setup.scene)?.build());
-        let markers = setup.experiment.marker.iter().map(|m| place(&model, &m.rope, m.node, m.arc)).collect::<Option<Vec<_>>>();
-        let markers = markers.ok_or_else(|| IdentifyError::Input("a marker lies on a rope that does not exist".to_owned()))?;
-        let scene_values = Values { theta: model.params().values().to_vec(), sensor: setup.experiment.sensor.values() };
-        let at_rest = setup.experiment.initial == Beginning::Rest;
+        let missing = |what: &str| IdentifyError::Input(format!("{what} that does not exist"));
+        let markers = setup.experiment.marker.iter().map(|m| place(&model, m)).collect::<Option<Vec<_>>>();
+        let joints = setup.experiment.joint.iter().map(|s| joint(setup, &model, s)).collect::<Option<Vec<_>>>();
+        let turn =
+            |o: &crate::log::Orientation| Some(OrientationPlace { body: model.tree().body(&o.body)?, floor: o.noise_floor });
+        let orientations = setup.experiment.orientation.iter().map(turn).collect::<Option<Vec<_>>>();
+        let scene_values = Values {
+            theta: model.params().values().to_vec(),
+            sensor: setup.experiment.sensor.values(),
+            joints: setup.joint_values(),
+        };
         let mut plan = Self {
             model,
             scene_values,
-            markers,
+            markers: markers.ok_or_else(|| missing("a marker lies on a rope or body"))?,
+            joints: joints.ok_or_else(|| missing("a sensor is at a joint"))?,
+            orientations: orientations.ok_or_else(|| missing("an orientation is of a body"))?,
+            marker_floor: setup.experiment.noise_floor,
             shared_sensor: setup.experiment.gripper_sensor.is_some(),
-            at_rest,
+            at_rest: setup.experiment.initial == Beginning::Rest,
             given: setup.experiment.initial == Beginning::Given,
             fitted: Vec::new(),
             held_out: Vec::new(),
@@ -87,9 +96,93 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Number of measured channels, three per marker.
+    /// Number of measured channels: three per marker, then one per sensor at a joint, then three per orientation.
     pub fn channels(&self) -> usize {
-        3 * self.markers.len()
+        3 * (self.markers.len() + self.orientations.len()) + self.joints.len()
+    }
+
+    /// Everything observed, in the order of the channels.
+    pub fn observed(&self) -> Vec<Observed> {
+        let markers = (0..self.markers.len()).map(Observed::Marker);
+        let joints = (0..self.joints.len()).map(Observed::Joint);
+        markers.chain(joints).chain((0..self.orientations.len()).map(Observed::Orientation)).collect()
+    }
+
+    /// The channels of something observed.
+    pub fn channels_of(&self, observed: Observed) -> std::ops::Range<usize> {
+        let joints = 3 * self.markers.len();
+        let first = match observed {
+            Observed::Marker(k) => 3 * k,
+            Observed::Joint(k) => joints + k,
+            Observed::Orientation(k) => joints + self.joints.len() + 3 * k,
+        };
+        first..first + observed.width()
+    }
+
+    /// Smallest believed standard deviation of every channel.
+    pub fn floors(&self) -> Vec<f64> {
+        let floor = |observed| match observed {
+            Observed::Marker(_) => self.marker_floor,
+            Observed::Joint(k) => self.joints[k].floor,
+            Observed::Orientation(k) => self.orientations[k].floor,
+        };
+        self.observed().into_iter().flat_map(|o| std::iter::repeat_n(floor(o), o.width())).collect()
+    }
+
+    /// SI unit of something observed.
+    pub fn unit_of(&self, observed: Observed) -> &'static str {
+        match observed {
+            Observed::Marker(_) => "m",
+            Observed::Joint(k) => self.joints[k].unit,
+            Observed::Orientation(_) => "rad",
+        }
+    }
+
+    /// The unit that errors are reported in: that of the first channel. Channels of other units count in the fit alone.
+    pub fn unit(&self) -> &'static str {
+        self.observed().first().map_or("m", |o| self.unit_of(*o))
+    }
+
+    /// Whether each channel's errors are reported.
+    pub fn reported(&self) -> Vec<bool> {
+        let unit = self.unit();
+        self.observed().into_iter().flat_map(|o| std::iter::repeat_n(self.unit_of(o) == unit, o.width())).collect()
+    }
+
+    /// The errors that are reported, of those over rows (time, channel).
+    pub fn reported_errors(&self, errors: &[f64]) -> Vec<f64> {
+        let reported = self.reported();
+        errors.iter().zip(reported.iter().cycle()).filter(|(_, r)| **r).map(|(e, _)| *e).collect()
+    }
+
+    /// Root mean square of the reported errors of all records.
+    pub fn rms(&self, errors: &[Vec<f64>]) -> f64 {
+        let kept = || errors.iter().flat_map(|e| self.reported_errors(e));
+        (kept().map(|e| e * e).sum::<f64>() / kept().count().max(1) as f64).sqrt()
+    }
+
+    /// Mean size of the reported errors of all records.
+    pub fn mean_abs(&self, errors: &[Vec<f64>]) -> f64 {
+        let kept = || errors.iter().flat_map(|e| self.reported_errors(e));
+        kept().map(f64::abs).sum::<f64>() / kept().count().max(1) as f64
+    }
+
+    /// What a record has of something observed at a sample, up to four numbers; NaN where it is missing.
+    pub fn measured(&self, record: &Record, sample: usize, observed: Observed) -> Vec<f64> {
+        match observed {
+            Observed::Marker(k) => record.markers[sample][k].to_vec(),
+            Observed::Joint(k) => vec![record.joints[sample][k]],
+            Observed::Orientation(k) => record.orientations[sample][k].to_vec(),
+        }
+    }
+
+    /// Name of something observed, for pictures and messages.
+    pub fn name_of(&self, observed: Observed) -> String {
+        match observed {
+            Observed::Marker(k) => format!("marker {k}"),
+            Observed::Joint(k) => self.joints[k].name.clone(),
+            Observed::Orientation(k) => format!("orientation of {}", self.model.tree().bodies()[self.orientations[k].body].name),
+        }
     }
 
     /// Number of measured records that are fitted, however many pieces they are cut into.
@@ -105,18 +198,37 @@ impl Plan {
     }
 }
 
-fn place(model: &Model, rope: &str, node: Option<i64>, arc: Option<f64>) -> Option<MarkerPlace> {
-    let rope = model.rope(rope)?;
-    let (start, n) = (rope.nodes.start, rope.nodes.len());
-    if let Some(node) = node {
-        let k = start + if node < 0 { (node + n as i64) as usize } else { node as usize };
-        return Some(MarkerPlace { node: k, next: k, weight: 0.0 });
+fn joint(setup: &Setup, model: &Model, sensor: &JointSensor) -> Option<JointPlace> {
+    let tree = model.tree();
+    let joint = &tree.joints()[tree.joint(&sensor.joint)?];
+    Some(JointPlace {
+        name: format!("{} of {}", sensor.measures.name(), sensor.joint),
+        joint: sensor.joint.clone(),
+        quantity: sensor.measures,
+        q: joint.q,
+        v: joint.v,
+        floor: sensor.floor(),
+        unit: sensor.measures.unit(joint.kind == JointKind::Prismatic),
+        drives: if sensor.measures == JointQuantity::Torque { drives_of(setup, model, &sensor.joint) } else { Vec::new() },
+    })
+}
+
+fn place(model: &Model, marker: &Marker) -> Option<MarkerPlace> {
+    if let Some(body) = &marker.body {
+        let point = Vector3::from(marker.point.unwrap_or_default());
+        return Some(MarkerPlace::Body { body: model.tree().body(body)?, point });
     }
-    let mut left = arc? / model.params().values()[rope.length];
+    let rope = model.rope(marker.rope.as_deref()?)?;
+    let (start, n) = (rope.nodes.start, rope.nodes.len());
+    if let Some(node) = marker.node {
+        let k = start + if node < 0 { (node + n as i64) as usize } else { node as usize };
+        return Some(MarkerPlace::Nodes(NodePair { node: k, next: k, weight: 0.0 }));
+    }
+    let mut left = marker.arc? / model.params().values()[rope.length];
     for (e, fraction) in rope.fractions.iter().enumerate() {
         if left <= *fraction || e + 2 == n {
             let weight = (left / fraction).clamp(0.0, 1.0);
-            return Some(MarkerPlace { node: start + e, next: start + e + 1, weight });
+            return Some(MarkerPlace::Nodes(NodePair { node: start + e, next: start + e + 1, weight }));
         }
         left -= fraction;
     }

@@ -1,10 +1,15 @@
 //! One pass through a record: simulation, readings, and their derivatives.
 
+use super::blend::Blend;
+use super::observe::Instant;
+use super::observed::Observed;
 use super::plan::{Plan, RecordPlan};
-use crate::sensor::TIME_OFFSET;
+use crate::sensor::{DELAY, TIME_OFFSET};
 use crate::unknown::{Target, Unknown, Values};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use pliant_adjoint::{Seeds, Tangent, TangentStepper, equilibrium_tangent};
+use pliant_engine::bodies::Turns;
+use pliant_engine::bodies::rotation::Map;
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::kinematics::Input;
 use pliant_engine::state::State;
@@ -23,12 +28,12 @@ pub struct ShotWants<'a> {
     pub states: bool,
 }
 
-/// A simulated record. Matrices are row-major over rows (time, marker, axis).
+/// A simulated record. Matrices are row-major over rows (time, channel).
 #[derive(Clone, Debug, Default)]
 pub struct Shot {
-    /// Simulated readings \[m\].
+    /// Simulated readings, each channel in its unit; of an orientation, −(turn from simulated to measured).
     pub predicted: Vec<f64>,
-    /// Measured − simulated, the accumulated defects taken off \[m\]; 0 where nothing was measured.
+    /// Measured − simulated, the accumulated defects taken off; 0 where nothing was measured.
     pub residual: Vec<f64>,
     /// rows × own columns: ∂(reading)/∂z.
     pub own: Vec<f64>,
@@ -38,20 +43,27 @@ pub struct Shot {
     pub global: Vec<f64>,
     /// Tangents (own, unknowns, defect) at each segment start.
     pub boundary: Vec<Tangent>,
-    /// Norm of the defects \[m\] (velocities times the step).
+    /// Norm of the defects [m, rad] (velocities times the step).
     pub defect: f64,
     /// States at all steps, if wanted.
     pub states: Vec<State>,
 }
 
-struct Pass<'a> {
-    plan: &'a Plan,
-    rec: &'a RecordPlan,
-    values: &'a Values,
-    wants: ShotWants<'a>,
-    own: usize,
-    columns: usize,
-    h: f64,
+pub(super) struct Pass<'a> {
+    pub plan: &'a Plan,
+    pub rec: &'a RecordPlan,
+    pub values: &'a Values,
+    pub wants: ShotWants<'a>,
+    pub own: usize,
+    pub columns: usize,
+    pub h: f64,
+}
+
+/// Everything that is read at the same shifted times, and where its samples fall: (step, part of it).
+struct Timetable {
+    observed: Vec<Observed>,
+    samples: Vec<(usize, f64)>,
+    next: usize,
 }
 
 /// Simulates a record from its current initial state and segment states.
@@ -71,21 +83,27 @@ impl Pass<'_> {
         let mut state = self.start(&mut tangent)?;
         let options = StepOptions { record: self.wants.tangents, ..StepOptions::default() };
         let mut stepper = Stepper::new(model, &self.values.theta, options)?;
-        let samples = self.samples(steps);
-        let mut next_sample = 0;
+        let mut tables = self.timetables(steps);
+        let complete = tables.iter().map(|t| t.samples.len()).min().unwrap_or(0);
+        self.reserve(&mut shot, complete);
         for (k, measured) in self.rec.inputs[..steps].iter().enumerate() {
             self.enter_segment(k, &mut state, &mut tangent, &mut shot);
             let u = self.inputs(measured, &mut tangent.seeds);
-            let due = self.wants.tangents && samples.get(next_sample).is_some_and(|s| s.0 == k);
-            let (before, tangent_before) = (state.clone(), if due { tangent.x.clone() } else { Tangent::default() });
+            let due = |t: &Timetable| t.next < complete && t.samples[t.next].0 == k;
+            let keep = self.wants.tangents && tables.iter().any(due);
+            let (before, tangent_before) = (state.clone(), if keep { tangent.x.clone() } else { Tangent::default() });
             let (_, record) = stepper.step(&mut state, &u).map_err(|e| e.at_step(k))?;
             if let Some(record) = record {
                 tangent.step(&record);
             }
-            while samples.get(next_sample).is_some_and(|s| s.0 == k) {
-                let blend = Blend::new(samples[next_sample].1, self.h);
-                self.observe(next_sample, &blend, [&before, &state], [&tangent_before, &tangent.x], &mut shot);
-                next_sample += 1;
+            for table in &mut tables {
+                while due(table) {
+                    let part = table.samples[table.next].1;
+                    let at =
+                        Instant::new(self, k, Blend::new(part, self.h), part, [&before, &state], [&tangent_before, &tangent.x]);
+                    table.observed.iter().for_each(|o| self.observe(table.next, *o, &at, &mut shot));
+                    table.next += 1;
+                }
             }
             if self.wants.states {
                 if k == 0 {
@@ -120,9 +138,9 @@ impl Pass<'_> {
             if self.wants.tangents {
                 tangent.x.q = equilibrium_tangent(&rest, &tangent.seeds);
             }
-            return Ok(State { v: vec![0.0; rest.q.len()], q: rest.q, z: model.initial_memory() });
+            return Ok(State { v: vec![0.0; model.nv()], q: rest.q, z: model.initial_memory() });
         }
-        let mut state = self.rec.start.state();
+        let mut state = self.rec.start.state(model);
         let (q, placement) = place_clamped(model, &self.values.theta, &u0, &state.q)?;
         state.q = q;
         if self.wants.tangents {
@@ -135,6 +153,11 @@ impl Pass<'_> {
                     tangent.x.v[dof * m + n + c] = start.velocity[(row, c)];
                 }
             }
+            // x₀ = mean ⊕ L z: balls turn on from where z has taken them
+            let bodies = model.n_node_dofs();
+            let mut turns = Turns::default();
+            turns.evaluate(model.tree(), Map::Exponential, &start.change(model)[bodies..model.nv()]);
+            turns.jacobian(&mut tangent.x.q[bodies * m..], m);
             for (row, input, value) in placement {
                 let columns = match input {
                     Input::U(k) => tangent.seeds.u(k),
@@ -150,10 +173,11 @@ impl Pass<'_> {
     /// At a segment start the state becomes the estimated one, and the defect joins the last column.
     fn enter_segment(&self, k: usize, state: &mut State, tangent: &mut TangentStepper, shot: &mut Shot) {
         let Some((_, node)) = self.rec.nodes.iter().find(|(step, _)| *step == k) else { return };
-        let mut defect2 = 0.0;
+        let (mut defect2, nv) = (0.0, self.plan.model.nv());
         let last = self.columns.wrapping_sub(1);
-        for i in 0..state.q.len() {
-            let (dq, dv) = (state.q[i] - node.q[i], state.v[i] - node.v[i]);
+        let gap = self.plan.model.difference(state, node);
+        for i in 0..nv {
+            let (dq, dv) = (gap[i], gap[nv + i]);
             defect2 += dq * dq + (dv * self.h).powi(2);
             if self.wants.tangents {
                 tangent.x.q[i * self.columns + last] += dq;
@@ -213,9 +237,22 @@ impl Pass<'_> {
         }
     }
 
-    /// (step, part of it) of every sample that the simulated steps cover.
-    fn samples(&self, steps: usize) -> Vec<(usize, f64)> {
-        let shift = self.values.sensor.time_offset();
+    /// What is read at which times, those of equal shift together.
+    fn timetables(&self, steps: usize) -> Vec<Timetable> {
+        let offset = self.values.sensor.time_offset();
+        let mut shifts: Vec<(f64, Vec<Observed>)> = Vec::new();
+        for observed in self.plan.observed() {
+            let own = if let Observed::Joint(k) = observed { self.values.joints[k][DELAY] } else { 0.0 };
+            match shifts.iter_mut().find(|(shift, _)| *shift == offset + own) {
+                Some((_, list)) => list.push(observed),
+                None => shifts.push((offset + own, vec![observed])),
+            }
+        }
+        shifts.into_iter().map(|(shift, observed)| Timetable { observed, samples: self.samples(steps, shift), next: 0 }).collect()
+    }
+
+    /// (step, part of it) of every sample that the simulated steps cover, read `shift` late \[s\].
+    fn samples(&self, steps: usize, shift: f64) -> Vec<(usize, f64)> {
         let place = |t: &f64| {
             let x = (t - shift) / self.h;
             let step = ((x + 1e-9).floor().max(0.0) as usize).min(self.rec.inputs.len() - 1);
@@ -224,114 +261,11 @@ impl Pass<'_> {
         self.rec.record.time.iter().map(place).take_while(|(step, part)| *step < steps && *part < 2.0).collect()
     }
 
-    fn observe(&self, sample: usize, blend: &Blend, x: [&State; 2], t: [&Tangent; 2], shot: &mut Shot) {
-        let m = self.columns;
-        let mut point = vec![0.0; 3 * m];
-        for (marker, place) in self.plan.markers.iter().enumerate() {
-            let parts = [(place.node, 1.0 - place.weight), (place.next, place.weight)];
-            let p: Vector3<f64> = parts.iter().map(|&(n, w)| blend.position(x, n) * w).sum();
-            let (y, dy_dp, by) = self.values.sensor.read(p);
-            let measured = self.rec.record.markers[sample][marker];
-            let seen = measured.iter().all(|c| c.is_finite());
-            shot.predicted.extend(y.iter());
-            let mut residual = if seen { Vector3::from(measured) - y } else { Vector3::zeros() };
-            if self.wants.tangents {
-                point.fill(0.0);
-                for &(node, w) in parts.iter().filter(|(_, w)| *w != 0.0) {
-                    blend.tangent(t, node, m, w, &mut point);
-                }
-                let speed: Vector3<f64> = parts.iter().map(|&(n, w)| blend.velocity(x, n) * w).sum();
-                let rows = turn(&dy_dp, &point, m);
-                if seen {
-                    (0..3).for_each(|a| residual[a] -= rows[a * m + m - 1]);
-                }
-                for a in 0..3 {
-                    let row = &rows[a * m..(a + 1) * m];
-                    let visible = f64::from(u8::from(seen));
-                    shot.own.extend(row[..self.own].iter().map(|d| d * visible));
-                    for (j, unknown) in self.wants.unknowns.iter().enumerate() {
-                        let direct = self.sensor_part(unknown, a, &by, &dy_dp, &speed);
-                        shot.global.push((row[self.own + j] + direct) * visible);
-                    }
-                }
-            }
-            shot.residual.extend(residual.iter());
-        }
-    }
-
-    /// Direct dependence of a reading on the sensor's own unknowns.
-    fn sensor_part(
-        &self,
-        unknown: &Unknown,
-        axis: usize,
-        by: &[Vector3<f64>; 7],
-        dy_dp: &Matrix3<f64>,
-        speed: &Vector3<f64>,
-    ) -> f64 {
-        let Target::Sensor(entry) = unknown.target else { return 0.0 };
-        let slope = unknown.slope(unknown.value(self.values));
-        if entry == TIME_OFFSET { -(dy_dp * speed)[axis] * slope } else { by[entry][axis] * slope }
-    }
-}
-
-/// Rows of `dy_dp · point`, three rows of `m` columns.
-fn turn(dy_dp: &Matrix3<f64>, point: &[f64], m: usize) -> Vec<f64> {
-    if *dy_dp == Matrix3::identity() {
-        return point.to_vec();
-    }
-    let mut out = vec![0.0; 3 * m];
-    for a in 0..3 {
-        for b in 0..3 {
-            let c = dy_dp[(a, b)];
-            out[a * m..(a + 1) * m].iter_mut().zip(&point[b * m..(b + 1) * m]).for_each(|(o, p)| *o += c * p);
-        }
-    }
-    out
-}
-
-/// Cubic Hermite interpolation within a step.
-struct Blend {
-    position: [f64; 4],
-    velocity: [f64; 4],
-}
-
-impl Blend {
-    /// At the part `a` of a step of length `h`; weights of q, v before and q, v after.
-    fn new(a: f64, h: f64) -> Self {
-        let b = 1.0 - a;
-        let a = if a.abs() < 1e-9 {
-            0.0
-        } else if b.abs() < 1e-9 {
-            1.0
-        } else {
-            a
-        };
-        let b = 1.0 - a;
-        Self {
-            position: [b * b * (1.0 + 2.0 * a), a * b * b * h, a * a * (1.0 + 2.0 * b), -a * a * b * h],
-            velocity: [-6.0 * a * b / h, b * (1.0 - 3.0 * a), 6.0 * a * b / h, a * (3.0 * a - 2.0)],
-        }
-    }
-
-    fn sum(weights: &[f64; 4], x: [&State; 2], node: usize) -> Vector3<f64> {
-        let at = |s: &[f64]| Vector3::new(s[3 * node], s[3 * node + 1], s[3 * node + 2]);
-        at(&x[0].q) * weights[0] + at(&x[0].v) * weights[1] + at(&x[1].q) * weights[2] + at(&x[1].v) * weights[3]
-    }
-
-    fn position(&self, x: [&State; 2], node: usize) -> Vector3<f64> {
-        Self::sum(&self.position, x, node)
-    }
-
-    fn velocity(&self, x: [&State; 2], node: usize) -> Vector3<f64> {
-        Self::sum(&self.velocity, x, node)
-    }
-
-    fn tangent(&self, t: [&Tangent; 2], node: usize, m: usize, scale: f64, out: &mut [f64]) {
-        let range = 3 * node * m..3 * (node + 1) * m;
-        for (weight, from) in self.position.iter().zip([&t[0].q, &t[0].v, &t[1].q, &t[1].v]) {
-            if *weight != 0.0 {
-                out.iter_mut().zip(&from[range.clone()]).for_each(|(o, x)| *o += scale * weight * x);
-            }
+    fn reserve(&self, shot: &mut Shot, samples: usize) {
+        let rows = samples * self.plan.channels();
+        (shot.predicted, shot.residual) = (vec![0.0; rows], vec![0.0; rows]);
+        if self.wants.tangents {
+            (shot.own, shot.global) = (vec![0.0; rows * self.own], vec![0.0; rows * self.wants.unknowns.len()]);
         }
     }
 }

@@ -1,32 +1,35 @@
 //! Where a record starts: at rest, or at an unknown state with a prior from its first samples.
 
+use super::observed::MarkerPlace;
 use super::plan::Plan;
+use super::start_bodies::body_start;
 use super::stretch_prior;
 use crate::error::IdentifyError;
 use crate::log::Record;
 use crate::sensor::SCALE;
 use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
+use pliant_engine::model::Model;
 use pliant_engine::state::State;
 use pliant_engine::step::StepError;
 
 /// Samples of the local quadratic that gives positions and velocities at the start.
 const SAMPLES: usize = 9;
 /// Standard deviations of the prior of an observed node \[m\], [m/s].
-const SEEN: (f64, f64) = (2e-3, 0.05);
+pub(super) const SEEN: (f64, f64) = (2e-3, 0.05);
 /// Of a node between observed ones.
 const UNSEEN: (f64, f64) = (1e-2, 0.3);
 
-/// Initial state of a record: `x₀ = mean + L z` on the free dofs, z unknown with a standard normal prior.
+/// Initial state of a record: `x₀ = mean ⊕ L z` on the free dofs, z unknown with a standard normal prior.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartState {
     /// Prior mean.
     pub mean: State,
-    /// Free dofs of q (and of v); empty where nothing is unknown.
+    /// Free degrees of freedom; empty where nothing is unknown.
     pub dofs: Vec<usize>,
-    /// L for the positions: the first half of z moves them \[m\].
+    /// L for the positions: the first half of z moves them [m, rad].
     pub position: DMatrix<f64>,
-    /// L for the velocities: the second half of z [m/s].
+    /// L for the velocities: the second half of z [m/s, rad/s].
     pub velocity: DMatrix<f64>,
     /// Current estimate of z.
     pub z: Vec<f64>,
@@ -44,16 +47,21 @@ impl StartState {
     }
 
     /// The current estimate of the state (before the clamped nodes are placed).
-    pub fn state(&self) -> State {
-        let mut x = self.mean.clone();
-        let n = self.dofs.len();
+    pub fn state(&self, model: &Model) -> State {
+        model.displaced(&self.mean, &self.change(model))
+    }
+
+    /// L z, a change of state.
+    pub(super) fn change(&self, model: &Model) -> Vec<f64> {
+        let (n, nv) = (self.dofs.len(), model.nv());
+        let mut out = vec![0.0; model.ndx()];
         for (row, &dof) in self.dofs.iter().enumerate() {
             for c in 0..n {
-                x.q[dof] += self.position[(row, c)] * self.z[c];
-                x.v[dof] += self.velocity[(row, c)] * self.z[n + c];
+                out[dof] += self.position[(row, c)] * self.z[c];
+                out[nv + dof] += self.velocity[(row, c)] * self.z[n + c];
             }
         }
-        x
+        out
     }
 }
 
@@ -66,7 +74,7 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
         let rest = equilibrium(model, &plan.scene_values.theta, model.initial_positions(), &record.inputs[0]);
         let rest = rest.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?;
         return Ok(StartState {
-            mean: State { v: vec![0.0; rest.q.len()], q: rest.q, z: model.initial_memory() },
+            mean: State { v: vec![0.0; model.nv()], q: rest.q, z: model.initial_memory() },
             ..StartState::default()
         });
     }
@@ -81,8 +89,8 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     let named = |e| IdentifyError::Simulation { record: record.name.clone(), source: e };
     let u = &record.inputs[sample];
     let shape = match equilibrium(model, theta, model.initial_positions(), u) {
-        Ok(rest) => rest.q,
-        Err(_) => place_clamped(model, theta, u, model.initial_positions()).map_err(named)?.0,
+        Ok(rest) if !model.ropes().is_empty() => rest.q,
+        _ => place_clamped(model, theta, u, model.initial_positions()).map_err(named)?.0,
     };
     let (mut q, mut v) = (shape.clone(), driven_velocities(plan, record, sample, &shape).map_err(named)?);
     let (mut dofs, mut sigma_q, mut sigma_v) = (Vec::new(), Vec::new(), Vec::new());
@@ -104,22 +112,32 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     }
     let by_q = stretch_prior::positions(model, theta, &q, &dofs, &sigma_q)?;
     let by_v = stretch_prior::velocities(model, theta, &by_q.mean, &v, &dofs, &sigma_v)?;
+    let mut mean = State { q: by_q.mean, v: by_v.mean, z: model.initial_memory() };
+    let bodies = body_start(plan, record, sample)?;
+    let nodes = model.n_node_dofs();
+    mean.q[nodes..].copy_from_slice(&bodies.q);
+    mean.v[nodes..].copy_from_slice(&bodies.v);
     if plan.given {
-        return Ok(StartState { mean: State { q: by_q.mean, v: by_v.mean, z: model.initial_memory() }, ..StartState::default() });
+        return Ok(StartState { mean, ..StartState::default() });
     }
+    dofs.extend(nodes..model.nv());
     let z = vec![0.0; 2 * dofs.len()];
-    Ok(StartState {
-        mean: State { q: by_q.mean, v: by_v.mean, z: model.initial_memory() },
-        dofs,
-        position: by_q.factor,
-        velocity: by_v.factor,
-        z,
-    })
+    let (position, velocity) = (beside(&by_q.factor, &bodies.position), beside(&by_v.factor, &bodies.velocity));
+    Ok(StartState { mean, dofs, position, velocity, z })
+}
+
+/// A block diagonal matrix.
+fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let (n, m) = (a.nrows(), b.nrows());
+    let mut out = DMatrix::zeros(n + m, n + m);
+    out.view_mut((0, 0), (n, n)).copy_from(a);
+    out.view_mut((n, n), (m, m)).copy_from(b);
+    out
 }
 
 /// Velocities of the clamped nodes from the inputs at the next sample (or the one before); zero elsewhere.
 fn driven_velocities(plan: &Plan, record: &Record, sample: usize, shape: &[f64]) -> Result<Vec<f64>, StepError> {
-    let mut v = vec![0.0; shape.len()];
+    let mut v = vec![0.0; plan.model.nv()];
     let other = if sample + 1 < record.inputs.len() { sample + 1 } else { sample.saturating_sub(1) };
     let dt = record.time[other] - record.time[sample];
     if dt == 0.0 {
@@ -145,9 +163,9 @@ fn known_nodes(
     v: &[f64],
 ) -> Vec<Known> {
     let mut known: Vec<Known> = Vec::new();
-    for (m, marker) in plan.markers.iter().enumerate().filter(|(_, m)| m.weight == 0.0 && nodes.contains(&m.node)) {
-        if let Some((p, v)) = local_fit(record, m, sample) {
-            let (p, v) = located(plan, p, v);
+    let on_nodes = plan.markers.iter().map(MarkerPlace::nodes).enumerate().filter_map(|(m, pair)| Some((m, pair?)));
+    for (m, marker) in on_nodes.filter(|(_, m)| m.weight == 0.0 && nodes.contains(&m.node)) {
+        if let Some((p, v)) = marker_at(plan, record, m, sample) {
             let at = Vector3::new(shape[3 * marker.node], shape[3 * marker.node + 1], shape[3 * marker.node + 2]);
             known.push((marker.node, p - at, v, true));
         }
@@ -183,21 +201,38 @@ fn interpolate(known: &[Known], node: usize) -> (Vector3<f64>, Vector3<f64>, boo
     }
 }
 
-/// Position and velocity at a sample by a least-squares quadratic through a marker's samples around it.
-fn local_fit(record: &Record, marker: usize, sample: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
+/// Where a marker is at a sample and how it moves, by what is known of the sensor beforehand.
+pub(super) fn marker_at(plan: &Plan, record: &Record, marker: usize, sample: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let seen = |t: usize| record.markers[t][marker].iter().all(|x| x.is_finite());
+    let along = |a: usize| local_fit(record, sample, |t| if seen(t) { record.markers[t][marker][a] } else { f64::NAN });
+    let (x, y, z) = (along(0)?, along(1)?, along(2)?);
+    Some(located(plan, Vector3::new(x.value, y.value, z.value), Vector3::new(x.slope, y.slope, z.slope)))
+}
+
+/// A quadratic through the samples around one.
+pub(super) struct LocalFit {
+    pub value: f64,
+    pub slope: f64,
+    /// Root mean square of what it leaves.
+    pub residual: f64,
+    /// Half the time it spans \[s\].
+    pub half_window: f64,
+}
+
+/// By least squares; none where too few samples are finite.
+pub(super) fn local_fit(record: &Record, sample: usize, read: impl Fn(usize) -> f64) -> Option<LocalFit> {
     let first = sample.saturating_sub(SAMPLES / 2).min(record.time.len().saturating_sub(SAMPLES));
-    let samples: Vec<(f64, [f64; 3])> = (first..record.time.len().min(first + SAMPLES))
-        .map(|k| (record.time[k] - record.time[sample], record.markers[k][marker]))
-        .filter(|(_, p)| p.iter().all(|x| x.is_finite()))
+    let samples: Vec<(f64, f64)> = (first..record.time.len().min(first + SAMPLES))
+        .map(|k| (record.time[k] - record.time[sample], read(k)))
+        .filter(|(_, x)| x.is_finite())
         .collect();
     if samples.len() < 4 {
         return None;
     }
     let a = DMatrix::from_fn(samples.len(), 3, |i, j| samples[i].0.powi(j as i32));
-    let fit = |axis: usize| {
-        let b = DVector::from_fn(samples.len(), |i, _| samples[i].1[axis]);
-        a.clone().svd(true, true).solve(&b, 1e-12).ok()
-    };
-    let (x, y, z) = (fit(0)?, fit(1)?, fit(2)?);
-    Some((Vector3::new(x[0], y[0], z[0]), Vector3::new(x[1], y[1], z[1])))
+    let b = DVector::from_fn(samples.len(), |i, _| samples[i].1);
+    let x = a.clone().svd(true, true).solve(&b, 1e-12).ok()?;
+    let left = (&a * &x - &b).norm_squared() / (samples.len() - 3) as f64;
+    let half_window = 0.5 * (samples[samples.len() - 1].0 - samples[0].0);
+    Some(LocalFit { value: x[0], slope: x[1], residual: left.sqrt(), half_window })
 }

@@ -1,0 +1,131 @@
+//! A state between two steps.
+
+use super::bodies::Bodies;
+use nalgebra::{Matrix3, Vector3};
+use pliant_adjoint::Tangent;
+use pliant_engine::bodies::JointKind;
+use pliant_engine::bodies::quaternion;
+use pliant_engine::bodies::rotation::{Map, conjugate, logarithm, matrix, product};
+use pliant_engine::model::Model;
+use pliant_engine::state::State;
+
+/// Cubic Hermite interpolation within a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blend {
+    part: f64,
+    h: f64,
+    position: [f64; 4],
+    velocity: [f64; 4],
+}
+
+impl Blend {
+    /// At the part `a` of a step of length `h`; weights of q, v before and q, v after.
+    pub fn new(a: f64, h: f64) -> Self {
+        let b = 1.0 - a;
+        let a = if a.abs() < 1e-9 {
+            0.0
+        } else if b.abs() < 1e-9 {
+            1.0
+        } else {
+            a
+        };
+        let b = 1.0 - a;
+        Self {
+            part: a,
+            h,
+            position: [b * b * (1.0 + 2.0 * a), a * b * b * h, a * a * (1.0 + 2.0 * b), -a * a * b * h],
+            velocity: [-6.0 * a * b / h, b * (1.0 - 3.0 * a), 6.0 * a * b / h, a * (3.0 * a - 2.0)],
+        }
+    }
+
+    fn sum(weights: &[f64; 4], x: [&State; 2], node: usize) -> Vector3<f64> {
+        let at = |s: &[f64]| Vector3::new(s[3 * node], s[3 * node + 1], s[3 * node + 2]);
+        at(&x[0].q) * weights[0] + at(&x[0].v) * weights[1] + at(&x[1].q) * weights[2] + at(&x[1].v) * weights[3]
+    }
+
+    /// Position of a node.
+    pub fn position(&self, x: [&State; 2], node: usize) -> Vector3<f64> {
+        Self::sum(&self.position, x, node)
+    }
+
+    /// Its velocity.
+    pub fn velocity(&self, x: [&State; 2], node: usize) -> Vector3<f64> {
+        Self::sum(&self.velocity, x, node)
+    }
+
+    /// Adds `scale` times the tangents of a node's position to three rows of m columns.
+    pub fn tangent(&self, t: [&Tangent; 2], node: usize, m: usize, scale: f64, out: &mut [f64]) {
+        self.add_rows(t, 3 * node, 3, m, scale, out);
+    }
+
+    fn add_rows(&self, t: [&Tangent; 2], row: usize, rows: usize, m: usize, scale: f64, out: &mut [f64]) {
+        let range = row * m..(row + rows) * m;
+        for (weight, from) in self.position.iter().zip([&t[0].q, &t[0].v, &t[1].q, &t[1].v]) {
+            if *weight != 0.0 {
+                out.iter_mut().zip(&from[range.clone()]).for_each(|(o, x)| *o += scale * weight * x);
+            }
+        }
+    }
+
+    /// The bodies at this instant: coordinates by Hermite's formula, balls along the arc between their ends; velocities linearly.
+    pub fn bodies(&self, model: &Model, x: [&State; 2]) -> Bodies {
+        let (n, tree) = (model.n_node_dofs(), model.tree());
+        let (a, b) = (self.part, 1.0 - self.part);
+        let (q0, q1, v0, v1) = (&x[0].q[n..], &x[1].q[n..], &x[0].v[n..], &x[1].v[n..]);
+        let mut q = q1.to_vec();
+        for joint in tree.joints() {
+            let (k, l) = (joint.q, joint.v);
+            if joint.kind == JointKind::Ball {
+                let start = quaternion(q0, k);
+                let arc = logarithm(&product(&conjugate(&start), &quaternion(q1, k)));
+                q[k..k + 4].copy_from_slice(&product(&start, &Map::Exponential.turn(&(arc * a))));
+            } else {
+                let w = &self.position;
+                q[k] = w[0] * q0[k] + w[1] * v0[l] + w[2] * q1[k] + w[3] * v1[l];
+            }
+        }
+        let v = v0.iter().zip(v1).map(|(v0, v1)| b * v0 + a * v1).collect();
+        let acceleration = v0.iter().zip(v1).map(|(v0, v1)| (v1 - v0) / self.h).collect();
+        Bodies::new(model, q, v, acceleration)
+    }
+
+    /// Tangents of what [`Blend::bodies`] gives, (coordinates, velocities), m columns per degree of freedom.
+    pub fn body_tangents(&self, model: &Model, x: [&State; 2], t: [&Tangent; 2], m: usize) -> (Vec<f64>, Vec<f64>) {
+        let (n, tree) = (model.n_node_dofs(), model.tree());
+        let nv = tree.nv();
+        let (a, b) = (self.part, 1.0 - self.part);
+        let mut q = vec![0.0; nv * m];
+        for joint in tree.joints() {
+            let l = joint.v;
+            if joint.kind != JointKind::Ball {
+                self.add_rows(t, n + l, 1, m, 1.0, &mut q[l * m..(l + 1) * m]);
+                continue;
+            }
+            let (start, end) = (quaternion(&x[0].q[n..], joint.q), quaternion(&x[1].q[n..], joint.q));
+            let arc = logarithm(&product(&conjugate(&start), &end));
+            let [before, after] = arc_slopes(&arc, a);
+            for (tangent, slope) in [(t[0], before), (t[1], after)] {
+                for c in 0..m {
+                    let at = |k: usize| tangent.q[(n + l + k) * m + c];
+                    let moved = slope * Vector3::new(at(0), at(1), at(2));
+                    (0..3).for_each(|k| q[(l + k) * m + c] += moved[k]);
+                }
+            }
+        }
+        let rows = n * m..(n + nv) * m;
+        let v = t[0].v[rows.clone()].iter().zip(&t[1].v[rows]).map(|(v0, v1)| b * v0 + a * v1).collect();
+        (q, v)
+    }
+}
+
+/// How q = q₀ exp(a ξ) turns (in its own axes) with turns of q₀ and of q₁ = q₀ exp(ξ):
+/// ```text
+/// exp(−a ξ) − a J(a ξ) J(−ξ)⁻¹      and      a J(a ξ) J(ξ)⁻¹
+/// ```
+/// with J of exp(ξ + δ) = exp(ξ) exp(J δ).
+fn arc_slopes(arc: &Vector3<f64>, a: f64) -> [Matrix3<f64>; 2] {
+    let jacobian = |t: &Vector3<f64>| Map::Exponential.jacobian(t);
+    let inverse = |t: &Vector3<f64>| jacobian(t).try_inverse().unwrap_or_else(Matrix3::identity);
+    let along = jacobian(&(arc * a)) * a;
+    [matrix(&Map::Exponential.turn(&(arc * -a))) - along * inverse(&-arc), along * inverse(arc)]
+}

@@ -1,0 +1,221 @@
+//! Where bodies start: coordinates and velocities that agree with everything their sensors read, and how sure that is.
+//!
+//! Readings around a sample are fitted by a quadratic each. With ŷ(q) what they would read of a state and J = ∂ŷ/∂(q ⊕ t),
+//! ```text
+//! q: Σ |(y − ŷ(q))/σ|² + |q ⊖ q_scene|²/w²,      v: Σ |(ẏ − J v)/σ̇|² + |v|²/ẇ²
+//! ```
+//! are minimised (Gauss–Newton); the inverse curvatures are the prior's covariances.
+
+use super::bodies::Bodies;
+use super::observed::{MarkerPlace, Observed};
+use super::plan::Plan;
+use super::start::{SEEN, local_fit};
+use crate::error::IdentifyError;
+use crate::log::{JointQuantity, Record};
+use crate::sensor::{BIAS, DELAY, GAIN};
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
+use pliant_engine::bodies::rotation::{Map, conjugate, from_matrix, logarithm, matrix, product};
+
+/// Standard deviations of what nothing is read of: coordinate [rad or m], velocity [rad/s or m/s].
+const UNSEEN: (f64, f64) = (1.0, 3.0);
+/// An orientation's and an angular velocity's \[rad\], [rad/s].
+const TURNED: (f64, f64) = (0.01, 0.3);
+/// A reading's standard deviation in floors, and in residuals of its quadratic.
+const FLOORS: f64 = 10.0;
+const RESIDUALS: f64 = 3.0;
+/// Parts of the record's own motion and speed that a reading may be off: a wrong zero, scale or delay of its sensor must not be held
+/// against the cause that explains it, and the samples of a record say far more of the state than this.
+const MOTION: f64 = 0.3;
+const SLOPE: f64 = 0.3;
+/// Gauss–Newton steps, and the longest of them [rad or m].
+const STEPS: usize = 50;
+const LONGEST: f64 = 0.5;
+
+/// Bodies' coordinates and velocities, with factors L of their covariances L Lᵀ over the degrees of freedom.
+pub(super) struct BodyStart {
+    pub q: Vec<f64>,
+    pub v: Vec<f64>,
+    pub position: DMatrix<f64>,
+    pub velocity: DMatrix<f64>,
+}
+
+/// What is known at a sample: value, standard deviation and slack of what is observed, and of its rate; `Turn`: axes and angular
+/// velocity. The slack widens the prior and does not move it.
+enum Known {
+    Point(usize, Vector3<f64>, Vector3<f64>),
+    Number(usize, [f64; 3], [f64; 3]),
+    Turn(usize, [f64; 4], Vector3<f64>),
+}
+
+/// The bodies' state at a sample of the record as the data have it.
+pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<BodyStart, IdentifyError> {
+    let (tree, model) = (plan.model.tree(), &plan.model);
+    let nv = tree.nv();
+    let scene = model.initial_positions()[model.n_node_dofs()..].to_vec();
+    let known = known(plan, record, sample);
+    let singular = || IdentifyError::Input("an initial state cannot be read off the log: it is not finite".to_owned());
+    let mut q = scene.clone();
+    for _ in 0..STEPS {
+        let mut system = System::new(nv);
+        let mut away = vec![0.0; nv];
+        tree.subtract(&q, &scene, &mut away);
+        (0..nv).for_each(|l| system.add(&[(l, 1.0)], -away[l], UNSEEN.0));
+        let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv]);
+        known.iter().for_each(|k| add_place(plan, &bodies, k, false, &mut system));
+        let step = system.solve().ok_or_else(singular)?;
+        let size = step.amax();
+        let shorter = (LONGEST / size.max(LONGEST)).min(1.0);
+        let from = q.clone();
+        tree.add(Map::Exponential, &from, (step * shorter).as_slice(), &mut q);
+        if size < 1e-12 {
+            break;
+        }
+    }
+    let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv]);
+    let placed = |wide: bool| {
+        let mut system = System::new(nv);
+        (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.0));
+        known.iter().for_each(|k| add_place(plan, &bodies, k, wide, &mut system));
+        system
+    };
+    let moving = |wide: bool| {
+        let mut system = System::new(nv);
+        (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.1));
+        known.iter().for_each(|k| add_rate(plan, &bodies, k, wide, &mut system));
+        system
+    };
+    let v = moving(false).solve().ok_or_else(singular)?.as_slice().to_vec();
+    let position = placed(true).factor().ok_or_else(singular)?;
+    Ok(BodyStart { q, v, position, velocity: moving(true).factor().ok_or_else(singular)? })
+}
+
+fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
+    let mut out = Vec::new();
+    for observed in plan.observed() {
+        match observed {
+            Observed::Marker(k) if matches!(plan.markers[k], MarkerPlace::Body { .. }) => {
+                if let Some((p, v)) = super::start::marker_at(plan, record, k, sample) {
+                    out.push(Known::Point(k, p, v));
+                }
+            }
+            Observed::Joint(k) => out.extend(number_at(plan, record, k, sample)),
+            Observed::Orientation(k) => out.extend(turn_at(record, k, sample)),
+            Observed::Marker(_) => {}
+        }
+    }
+    out
+}
+
+fn number_at(plan: &Plan, record: &Record, k: usize, sample: usize) -> Option<Known> {
+    let place = &plan.joints[k];
+    if place.quantity == JointQuantity::Torque {
+        return None; // it says little about the state
+    }
+    let fit = local_fit(record, sample, |t| record.joints[t][k])?;
+    let sensor = &plan.scene_values.joints[k];
+    let late = plan.scene_values.sensor.time_offset() + sensor[DELAY];
+    let (x, rate) = ((fit.value - sensor[BIAS]) / sensor[GAIN], fit.slope / sensor[GAIN]);
+    let read = || record.joints.iter().map(|row| row[k]).filter(|x| x.is_finite());
+    let n = read().count().max(1) as f64;
+    let mean = read().sum::<f64>() / n;
+    let motion = (read().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let sigma = (FLOORS * place.floor).max(RESIDUALS * fit.residual) / sensor[GAIN].abs();
+    let slack = MOTION * motion / sensor[GAIN].abs();
+    let speeds = record.joints.windows(2).zip(record.time.windows(2));
+    let squares = speeds.map(|(y, t)| ((y[1][k] - y[0][k]) / (t[1] - t[0])).powi(2)).filter(|s| s.is_finite());
+    let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));
+    let speed = (sum / f64::max(count, 1.0)).sqrt() / sensor[GAIN].abs();
+    Some(Known::Number(k, [x + rate * late, sigma, slack], [rate, sigma / fit.half_window, SLOPE * speed]))
+}
+
+fn turn_at(record: &Record, k: usize, sample: usize) -> Option<Known> {
+    let at = |t: usize| record.orientations.get(t).map(|row| row[k]).filter(|q| q.iter().all(|x| x.is_finite()));
+    let here = at(sample)?;
+    let (first, last) = (sample.saturating_sub(2), (sample + 2).min(record.time.len() - 1));
+    let rate = match (at(first), at(last)) {
+        (Some(a), Some(b)) if last > first => logarithm(&product(&conjugate(&a), &b)) / (record.time[last] - record.time[first]),
+        _ => Vector3::zeros(),
+    };
+    Some(Known::Turn(k, here, rate))
+}
+
+fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mut System) {
+    let model = &plan.model;
+    match known {
+        Known::Point(k, p, _) => {
+            if let MarkerPlace::Body { body, point } = &plan.markers[*k] {
+                let seen = bodies.point(model, *body, point);
+                system.add_vector(&seen.by, &(p - seen.value), SEEN.0);
+            }
+        }
+        Known::Number(k, [x, sigma, slack], _) if plan.joints[*k].quantity == JointQuantity::Position => {
+            let place = &plan.joints[*k];
+            let sigma = if wide { sigma.hypot(*slack) } else { *sigma };
+            system.add(&[(place.v, 1.0)], x - bodies.q[place.q], sigma);
+        }
+        Known::Number(..) => {}
+        Known::Turn(k, measured, _) => {
+            let body = plan.orientations[*k].body;
+            let off = logarithm(&from_matrix(&(bodies.axes(body).transpose() * matrix(measured))));
+            system.add_vector(&bodies.turn(model, body).by, &off, TURNED.0);
+        }
+    }
+}
+
+fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mut System) {
+    let model = &plan.model;
+    match known {
+        Known::Point(k, _, v) => {
+            if let MarkerPlace::Body { body, point } = &plan.markers[*k] {
+                system.add_vector(&bodies.point(model, *body, point).by, v, SEEN.1);
+            }
+        }
+        Known::Number(k, value, rate) => {
+            let place = &plan.joints[*k];
+            let [x, sigma, slack] = if place.quantity == JointQuantity::Position { *rate } else { *value };
+            system.add(&[(place.v, 1.0)], x, if wide { sigma.hypot(slack) } else { sigma });
+        }
+        Known::Turn(k, _, rate) => {
+            system.add_vector(&bodies.turn(model, plan.orientations[*k].body).by, rate, TURNED.1);
+        }
+    }
+}
+
+/// Normal equations over the degrees of freedom.
+struct System {
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl System {
+    fn new(n: usize) -> Self {
+        Self { matrix: DMatrix::zeros(n, n), right: DVector::zeros(n) }
+    }
+
+    /// One row: slopes · t = target, with standard deviation σ.
+    fn add(&mut self, slopes: &[(usize, f64)], target: f64, sigma: f64) {
+        let weight = 1.0 / (sigma * sigma);
+        for &(i, a) in slopes {
+            self.right[i] += weight * a * target;
+            slopes.iter().for_each(|&(j, b)| self.matrix[(i, j)] += weight * a * b);
+        }
+    }
+
+    fn add_vector(&mut self, by: &[(usize, Vector3<f64>)], target: &Vector3<f64>, sigma: f64) {
+        for a in 0..3 {
+            let slopes: Vec<(usize, f64)> = by.iter().map(|(l, column)| (*l, column[a])).collect();
+            self.add(&slopes, target[a], sigma);
+        }
+    }
+
+    fn solve(&self) -> Option<DVector<f64>> {
+        Cholesky::new(self.matrix.clone()).map(|lower| lower.solve(&self.right))
+    }
+
+    /// L with L Lᵀ = matrix⁻¹.
+    fn factor(&self) -> Option<DMatrix<f64>> {
+        let n = self.matrix.nrows();
+        let lower = Cholesky::new(self.matrix.clone())?;
+        lower.l().transpose().solve_upper_triangular(&DMatrix::identity(n, n))
+    }
+}

@@ -1,0 +1,139 @@
+//! A driven pendulum integrated by a Runge–Kutta method of its own, and its logs with a scene that may lack something.
+#![allow(dead_code)]
+
+use pliant_engine::scene::Source;
+use pliant_identify::log::Setup;
+use std::fmt::Write;
+use tempfile::TempDir;
+
+/// What really happens. I θ̈ = −w sin(θ − tilt) − b θ̇ − c sgn θ̇ − k θ − k₃ θ³ + gain u(t − late), read as θ(t) + bias + noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Truth {
+    pub damping: f64,
+    pub friction: f64,
+    pub cubic: f64,
+    pub gain: f64,
+    pub late: f64,
+    pub bias: f64,
+    pub noise: f64,
+}
+
+/// Inertia about the axis [kg·m²], and weight times lever [N·m]: 0.5 kg at 0.3 m.
+pub const INERTIA: f64 = 0.045;
+const WEIGHT: f64 = 0.5 * 9.81 * 0.3;
+/// Rate of the log [Hz], duration [s] and steps of the truth per sample.
+const RATE: f64 = 100.0;
+const DURATION: f64 = 4.0;
+const FINE: usize = 50;
+
+impl Default for Truth {
+    fn default() -> Self {
+        Self { damping: 0.0, friction: 0.0, cubic: 0.0, gain: 1.0, late: 0.0, bias: 0.0, noise: 1e-3 }
+    }
+}
+
+impl Truth {
+    fn acceleration(&self, angle: f64, speed: f64, torque: f64) -> f64 {
+        let dry = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
+        let spring = self.cubic * angle.powi(3);
+        (-WEIGHT * angle.sin() - self.damping * speed - dry - spring + self.gain * torque) / INERTIA
+    }
+
+    /// Columns t, angle, speed and command of a record.
+    fn run(&self, record: usize, noise: &mut impl FnMut() -> f64) -> String {
+        let command = |t: f64| {
+            let k = record as f64;
+            0.5 * (2.0 * t * (1.0 + 0.3 * k) + k).sin() + 0.25 * (7.3 * t + 2.0 * k).sin()
+        };
+        // the log is interpolated linearly, so the truth is driven by the same line
+        let line = |t: f64| {
+            let k = (t * RATE).floor();
+            let part = t * RATE - k;
+            (1.0 - part) * command(k / RATE) + part * command((k + 1.0) / RATE)
+        };
+        let h = 1.0 / RATE / FINE as f64;
+        let (mut x, mut v) = (0.6 - 0.3 * record as f64, 0.2 * record as f64);
+        let mut out = "t,angle,command\n".to_owned();
+        for sample in 0..=(DURATION * RATE) as usize {
+            let t = sample as f64 / RATE;
+            let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x + self.bias + self.noise * noise(), line(t));
+            for k in 0..FINE {
+                let t = t + k as f64 * h - self.late;
+                let f = |x: f64, v: f64, t: f64| (v, self.acceleration(x, v, line(t)));
+                let a = f(x, v, t);
+                let b = f(x + 0.5 * h * a.0, v + 0.5 * h * a.1, t + 0.5 * h);
+                let c = f(x + 0.5 * h * b.0, v + 0.5 * h * b.1, t + 0.5 * h);
+                let d = f(x + h * c.0, v + h * c.1, t + h);
+                x += h / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
+                v += h / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
+            }
+        }
+        out
+    }
+
+    /// Four records, the last one held out.
+    pub fn logs(&self, folder: &TempDir) -> std::io::Result<()> {
+        let mut noise = gaussians();
+        (0..4).try_for_each(|k| std::fs::write(folder.path().join(format!("run{k}.csv")), self.run(k, &mut noise)))
+    }
+}
+
+/// Standard normal numbers from a fixed seed (sums of twelve uniform ones).
+fn gaussians() -> impl FnMut() -> f64 {
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut uniform = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
+/// The scene of the pendulum that only swings by its weight and its command; `more` goes into its experiment.
+pub const SCENE: &str = r#"schema_version = 1
+[time]
+step = 0.00125
+duration = 1.0
+integrator = "midpoint"
+[[body]]
+name = "link"
+mass = 0.5
+center_of_mass = [0, 0, -0.3]
+inertia = [1e-9, 1e-9, 1e-9, 0, 0, 0]
+[[body.joint]]
+name = "pivot"
+kind = "revolute"
+axis = [0, -1, 0]
+[[actuator]]
+name = "motor"
+joint = "pivot"
+kind = "torque"
+[experiment]
+time = { column = "t" }
+[[experiment.joint]]
+joint = "pivot"
+column = "angle"
+[[experiment.input]]
+actuator = "motor"
+columns = ["command"]
+[[experiment.record]]
+file = "run0.csv"
+role = "fit"
+[[experiment.record]]
+file = "run1.csv"
+role = "fit"
+[[experiment.record]]
+file = "run2.csv"
+role = "fit"
+[[experiment.record]]
+file = "run3.csv"
+role = "held_out"
+"#;
+
+/// The scene with logs of this truth.
+pub fn setup(truth: &Truth, folder: &TempDir) -> Result<Setup, Box<dyn std::error::Error>> {
+    truth.logs(folder)?;
+    let source = Source { file: "scene.toml".to_owned(), text: SCENE.to_owned() };
+    Ok(Setup::from_source(source, folder.path().to_owned())?)
+}

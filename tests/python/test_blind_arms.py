@@ -1,0 +1,35 @@
+"""Logs of an arm made by MuJoCo: what is hidden must be found, and nothing where nothing is hidden."""
+
+from pathlib import Path
+
+import pliant
+import pytest
+
+from validation.blind import arms
+
+
+def diagnose(name: str, folder: Path) -> dict:
+    """pliant's answer to the scene and logs of an effect."""
+    return pliant.diagnose(str(arms.write(arms.EFFECTS[name], folder / name, seed=0)))
+
+
+@pytest.mark.parametrize("name", ["viscous_friction", "coulomb_friction"])
+def test_friction_at_a_joint_is_named(name, tmp_path):
+    report = diagnose(name, tmp_path)
+    effect = arms.EFFECTS[name]
+    assert report["verdict"] == "named", report["reason"]
+    assert [(cause["name"], cause["object"]) for cause in report["causes"]] == [
+        (name, effect.object)
+    ]
+    (size,) = effect.joint[effect.object].values()
+    assert report["causes"][0]["parameters"][0]["estimate"] == pytest.approx(
+        size, rel=0.03
+    )
+    whole = report["gain"][-1]
+    assert whole["unit"] == "rad" and whole["rmse_after"] < 0.1 * whole["rmse_before"]
+
+
+def test_nothing_is_claimed_where_nothing_is_hidden(tmp_path):
+    report = diagnose("null", tmp_path)
+    assert report["verdict"] == "adequate", report["reason"]
+    assert report["causes"] == [] and report["alternatives"] == []
