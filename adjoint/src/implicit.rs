@@ -30,10 +30,13 @@ pub(crate) struct Refinement {
 
 /// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root; row-major, `columns` directions per row.
 ///
-/// Many columns are refined only if that changes their sum, which is solved first as a probe.
+/// Many columns are refined only if that changes their sum, which is solved first as a probe, or if bodies touch: what four legs share
+/// may cancel in the sum.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);
-    let refine = columns <= 1 || worth_refining(stage, x.chunks_exact(columns).map(|row| row.iter().sum()).collect());
+    let refine = columns <= 1
+        || stage.has_solids()
+        || worth_refining(stage, x.chunks_exact(columns).map(|row| row.iter().sum()).collect());
     if refine {
         memory.rhs.clear();
         memory.rhs.extend_from_slice(x);

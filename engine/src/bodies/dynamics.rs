@@ -208,9 +208,10 @@ impl Partials {
         for body in tree.bodies() {
             let (mut gamma, mut beta) = body.parent.map_or((Vector6::zeros(), Vector6::zeros()), |p| out[p]);
             for joint in &tree.joints()[body.joints.clone()] {
-                for l in joint.v..joint.v + joint.kind.n_dofs() {
-                    gamma += self.columns[l].gamma * d[l];
-                    beta += self.columns[l].beta * d[l];
+                let dofs = joint.v..joint.v + joint.kind.n_dofs();
+                for (columns, d) in self.columns[dofs.clone()].iter().zip(&d[dofs]) {
+                    gamma += columns.gamma * *d;
+                    beta += columns.beta * *d;
                 }
             }
             out.push((gamma, beta));

@@ -254,7 +254,7 @@ fn mobilities_are_those_of_the_mass_matrix() {
     let n = s.tree.nv();
     let mut frames = Frames::about(Vec3::from(ORIGIN));
     frames.evaluate(&s.tree, &s.q, &s.v, &s.a, &Vec3::from(GRAVITY));
-    let inertias: Vec<Inertia<f64>> = s.inertias.iter().map(|x| from_numbers(x)).collect();
+    let inertias: Vec<Inertia<f64>> = s.inertias.iter().map(from_numbers).collect();
     let mut partials = Partials::default();
     partials.gather(&s.tree, &frames, &inertias, &[], &[]);
     let mut m = vec![0.0; n * n];

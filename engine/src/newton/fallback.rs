@@ -39,7 +39,7 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
             warm.rows.clone_from(&ws.it.s);
             warm.spots.clear();
             warm.spots.extend(ws.spots.spots.iter().map(|s| s.key).zip(ws.it.p.iter().copied()));
-            warm.spots.sort_unstable_by(|a, b| a.0.cmp(&b.0));
+            warm.spots.sort_unstable_by_key(|(key, _)| *key);
             Ok(())
         }
         Some(Err(Stuck::Error(e))) => Err(e),

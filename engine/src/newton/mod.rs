@@ -89,18 +89,6 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             return Err(Stuck::NoProgress { correction });
         }
         correction = direction(stage, ws);
-        if std::env::var("NT").is_ok() {
-            eprintln!(
-                "   it d {:.2e} cones {:.2e} rg {:.0e} lm {:.0e} soft {:.0e} tol {:.1e} spots {}",
-                correction,
-                cone_norm(stage, ws, [&ws.dw, &ws.spots.dw], &ws.ds),
-                stage.rest_gap,
-                stage.damping,
-                soften,
-                tolerance,
-                ws.spots.spots.len()
-            );
-        }
         if !correction.is_finite() {
             return Err(Stuck::NoProgress { correction });
         }
@@ -140,9 +128,6 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
     let mut alpha: f64 = 1.0;
     loop {
         let next = try_step(stage, ws, alpha, work)?;
-        if std::env::var("NT").is_ok() {
-            eprintln!("      alpha {alpha:.3} next {next:.2e} / {norm:.2e}");
-        }
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.damping > 0.0 || stage.soften > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;

@@ -118,6 +118,11 @@ impl Stage<'_> {
 }
 
 impl StageRecord {
+    /// Whether there are contacts of solids, or closures.
+    pub fn has_solids(&self) -> bool {
+        !self.spots.is_empty()
+    }
+
     fn spot_row(&self, k: usize) -> usize {
         self.v.len() + 4 * self.contacts.len() + self.rows.len() + 4 * k
     }

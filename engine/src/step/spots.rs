@@ -229,7 +229,7 @@ impl Stage<'_> {
     /// linearized before.
     pub(super) fn add_spots(&self, p: &[Vector4<f64>], v: &[f64], ws: &mut Workspace) -> Result<(), StepError> {
         self.clear_wrenches(ws);
-        for k in 0..ws.spots.spots.len() {
+        for (k, p) in p.iter().enumerate() {
             let spot = ws.spots.spots[k];
             let inverse = ws.spots.linear[k].inverse;
             let (f, wrench) = match spot.key {
@@ -237,13 +237,13 @@ impl Stage<'_> {
                     let meeting = self.meeting(&features, &spot, &ws.q_bar, ws)?;
                     let sliding = self.sliding(&spot, &meeting, v, ws);
                     let law = self.spot_law(pair, &spot);
-                    let f = law.residual(meeting.gap / self.h, &sliding.v_t, &p[k]);
-                    (f, spot_wrench(&meeting, law.at.mu, &(p[k] - inverse * f)))
+                    let f = law.residual(meeting.gap / self.h, &sliding.v_t, p);
+                    (f, spot_wrench(&meeting, law.at.mu, &(p - inverse * f)))
                 }
                 SpotKey::Tie { tie, turn } => {
                     let rows = self.tie_rows(tie, turn, &spot, &ws.q_bar, ws);
-                    let f = rows.residual(&self.tie_law(tie, &spot), self.h, &p[k]);
-                    (f, rows.wrench(&(p[k] - inverse * f)))
+                    let f = rows.residual(&self.tie_law(tie, &spot), self.h, p);
+                    (f, rows.wrench(&(p - inverse * f)))
                 }
             };
             ws.spots.f[k] = f;
@@ -274,19 +274,19 @@ impl Stage<'_> {
     pub(super) fn linearize_spots(&self, p: &[Vector4<f64>], v: &[f64], ws: &mut Workspace) -> Result<(), StepError> {
         self.clear_wrenches(ws);
         ws.spots.linear.clear();
-        for k in 0..ws.spots.spots.len() {
+        for (k, p) in p.iter().enumerate() {
             let spot = ws.spots.spots[k];
             let (linear, wrench, rounding) = match spot.key {
                 SpotKey::Contact { pair, spot: features, .. } => {
-                    self.linearize_contact_of_solids(pair, &features, &spot, &p[k], v, ws)?
+                    self.linearize_contact_of_solids(pair, &features, &spot, p, v, ws)?
                 }
                 SpotKey::Tie { tie, turn } => {
                     let rows = self.tie_rows(tie, turn, &spot, &ws.q_bar, ws);
                     let law = self.tie_law(tie, &spot);
-                    let linear = rows.linearize(&law, self.h, &p[k]);
+                    let linear = rows.linearize(&law, self.h, p);
                     let size = rows.point.map_or(1.0, |x| x.norm()) / self.h;
                     let rounding = 4.0 * f64::EPSILON * law.rho * size * linear.inverse[(1, 1)];
-                    let wrench = rows.wrench(&(p[k] - linear.inverse * linear.f));
+                    let wrench = rows.wrench(&(p - linear.inverse * linear.f));
                     (linear, wrench, rounding)
                 }
             };

@@ -17,7 +17,7 @@ pub enum Feature {
     Axis,
     /// The circle round a flat end of a cylinder, −1 or 1 along z.
     Rim(i8),
-    /// One of [`RIM_POINTS`] points of that circle, fixed in the solid.
+    /// One of eight points of that circle, fixed in the solid.
     RimPoint(i8, u8),
     /// The round side of a cylinder, endless along its axis.
     Side,

@@ -15,7 +15,7 @@ pub struct Meeting<S> {
     pub point: Vec3<S>,
 }
 
-/// Gap, normal and point of two features; the distance [m] where it is too small for a normal.
+/// Gap, normal and point of two features; the distance \[m\] where it is too small for a normal.
 ///
 /// Point against face, line against line and rim against face are smooth; distances to whole solids are C¹ (their curvature jumps
 /// from a face to an edge), and continuous only inside a block or cylinder.

@@ -4,7 +4,7 @@ use super::{JointLaw, JointState};
 use crate::terms::Real;
 
 /// A motor that takes a torque: f = G τ, τ = g u + f₀ [N·m or N]; parameters gain g [N·m per unit of u], offset f₀ [N·m], gear G [-],
-/// and of a motor that saturates the least and the largest τ (see [`limited`]).
+/// and of a motor that saturates the least and the largest τ, beyond which it stays.
 #[derive(Clone, Copy, Debug)]
 pub struct TorqueDrive;
 

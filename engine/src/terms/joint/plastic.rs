@@ -7,7 +7,7 @@ use crate::terms::{Real, Vec3};
 /// ```text
 /// f = −(k + k₃ e²) e,      ė = q̇ − R(e)/τ,      R(e) = e, or with a yield e_y:  sign(e) max(|e| − e_y, 0)
 /// ```
-/// Parameters: k [N·m/rad or N/m], k₃ [N·m/rad³ or N/m³], τ [s] > 0, then e_y [rad or m] > 0 where `constants[0]` is 1, then the rest q₀
+/// Parameters: k [N·m/rad or N/m], k₃ [N·m/rad³ or N/m³], τ \[s\] > 0, then e_y [rad or m] > 0 where `constants[0]` is 1, then the rest q₀
 /// of a joint of one axis. Internal variable: the plastic part p of the coordinate, e = q − q₀ − p; it begins at `plastic_start` and the
 /// joint is at rest at q₀ + p.
 ///
