@@ -33,7 +33,7 @@ pub const DOT_TEST: f64 = 1e-11;
 /// Result for one block of inputs.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BlockReport {
-    /// `x0.q`, `x0.v`, `u`, or the path of a quantity of θ with its indices as `*`.
+    /// `x0.q`, `x0.v`, `x0.z`, `u`, or the path of a quantity of θ with its indices as `*`.
     pub name: String,
     /// Number of entries.
     pub size: usize,
@@ -165,6 +165,7 @@ fn sizes(model: &Model, x: &State) -> Vec<f64> {
         out.extend(std::iter::repeat_n(size, joint.kind.n_dofs()));
     }
     out.extend_from_slice(&x.v);
+    out.extend_from_slice(&x.z);
     out
 }
 

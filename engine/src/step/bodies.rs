@@ -13,6 +13,7 @@ use crate::bodies::turns::Turns;
 use crate::bodies::{BodyInertia, Frame, Frames, Tree};
 use crate::kinematics::Input;
 use crate::kkt::{BlockBand, Square, System};
+use crate::memory::{Past, from_nodes};
 use crate::model::{DofWeights, Model};
 use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
@@ -95,7 +96,7 @@ impl Stage<'_> {
 
     fn joint_point<'a>(&'a self, q_bar: &'a [f64], v_bar: &'a [f64]) -> JointPoint<'a> {
         let n = self.model.n_node_dofs();
-        JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta }
+        JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta, past: self.past }
     }
 
     /// The bodies' rows of the residual, with the frames at q̄, v̄ and the wrenches of contacts in place.
@@ -226,7 +227,7 @@ impl Stage<'_> {
 }
 
 impl StageRecord {
-    /// ∂r/∂(θ, u) of the bodies' rows.
+    /// ∂r/∂(θ, u, z) of the bodies' rows, and by coordinates at the beginning of the step.
     pub(super) fn visit_bodies(
         &self,
         model: &Model,
@@ -247,9 +248,11 @@ impl StageRecord {
         }
         self.visit_spots(model, theta, q_bar, &frames, visit);
         visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
-        let at = JointPoint { tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta };
+        let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
+        let at = JointPoint { tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta, past };
         for term in &model.joint_terms {
             term.visit_inputs(&at, &mut |dof, input, df| visit(n + dof, input, -df));
+            term.visit_past(&at, &mut |dof, input, df| visit(n + dof, from_nodes(input, n), -df));
         }
     }
 }

@@ -43,8 +43,16 @@ pub struct StageRecord {
     pub factor: SystemFactor,
     /// Mass matrix of the bodies at q̄, armatures included.
     pub body_mass: Square,
-    /// Controls of the step.
+    /// What motors saw of the controls of the step.
     pub u: Vec<f64>,
+    /// The bodies' coordinates at the beginning of the (sub)step; empty if nothing remembers.
+    pub q_past: Vec<f64>,
+    /// Internal variables there.
+    pub z_past: Vec<f64>,
+    /// Time from there to the evaluation \[s\].
+    pub elapsed: f64,
+    /// ∂z⁺/∂input of the materials at the end of the (sub)step, as (place, input, derivative): in its last stage, if anything remembers.
+    pub memory: Vec<(usize, Input, f64)>,
     /// How changes of q_ref and of the tangent show up at q̄, at q⁺, and (second stage of sdirk2) at q_ref.
     pub middle: Turns,
     /// At q⁺.
@@ -87,6 +95,10 @@ impl StageRecord {
             factor: ws.factor.clone(),
             body_mass,
             u: stage.u.to_vec(),
+            q_past: stage.past.q.to_vec(),
+            z_past: stage.past.z.to_vec(),
+            elapsed: stage.past.elapsed,
+            memory: Vec::new(),
             middle,
             end,
             lead: Turns::default(),
@@ -125,8 +137,8 @@ impl StageRecord {
         model.pairs.iter().zip(&self.w).map(mode).chain(self.row_modes(model, theta)).chain(self.spot_modes(model, theta)).collect()
     }
 
-    /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters
-    /// and controls; rows as in [`StageRecord::subtract_system`].
+    /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters,
+    /// what motors see (`U`), internal variables (`Z`) and coordinates (`Q`) at the beginning of the (sub)step; rows as in [`StageRecord::subtract_system`].
     pub fn visit_inputs(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);

@@ -12,6 +12,7 @@ use crate::bodies::spatial::Inertia;
 use crate::contact::{Condensed, JointRow, LawPoint, Touch};
 use crate::geometry::solid::Carrier;
 use crate::kkt::System;
+use crate::memory::Past;
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
@@ -68,8 +69,10 @@ pub(crate) struct Stage<'a> {
     pub inertias: &'a [Inertia<f64>],
     /// What the solver compares velocities with: see [`Measure`].
     pub measure: &'a Measure,
-    /// Controls of the step.
+    /// What motors see of the controls of the step.
     pub u: &'a [f64],
+    /// The beginning of the (sub)step.
+    pub past: Past<'a>,
     pub scheme: Scheme,
     pub h: f64,
     /// σ: inertia per velocity change [1/s].
