@@ -78,6 +78,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         correction: f64::NAN,
         residual: f64::NAN,
         row: 0,
+        place: "everywhere".to_owned(),
         term: "equilibrium".to_owned(),
     })
 }

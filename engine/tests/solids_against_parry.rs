@@ -113,11 +113,13 @@ fn a_cylinder_touches_the_floor_with_the_lowest_point_of_its_rims() {
     for _ in 0..200 {
         let cylinder = random(Form::Cylinder, &mut rng);
         let axis = cylinder.rotation.column(2).into_owned();
-        let lowest = cylinder.position[2] - cylinder.sizes[1] * axis[2].abs() - cylinder.sizes[0] * (1.0 - axis[2] * axis[2]).sqrt();
+        let lowest =
+            cylinder.position[2] - cylinder.sizes[1] * axis[2].abs() - cylinder.sizes[0] * (1.0 - axis[2] * axis[2]).sqrt();
         let (gap, normal) = nearest(&cylinder, &floor).unwrap();
         assert!((gap - lowest).abs() < 1e-12 && (normal - Vector3::z()).norm() < 1e-15);
     }
-    let upright = Posed { form: Form::Cylinder, rotation: Matrix3::identity(), position: Vector3::z() * 0.3, sizes: [0.1, 0.2, 0.0] };
+    let upright =
+        Posed { form: Form::Cylinder, rotation: Matrix3::identity(), position: Vector3::z() * 0.3, sizes: [0.1, 0.2, 0.0] };
     let mut found = Vec::new();
     candidates(&upright, &floor, 0.2, &mut found);
     assert_eq!(found.len(), 8, "it stands on the points of one rim");

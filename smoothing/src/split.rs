@@ -54,7 +54,11 @@ impl Ratio {
         for _ in 0..60 {
             let t = 1.0 - s;
             let f = s * e_at(s) - c * t;
-            if f > 0.0 { above = s } else { below = s }
+            if f > 0.0 {
+                above = s
+            } else {
+                below = s
+            }
             let slope = e_at(s) + 2.0 * s * t * x + c;
             let mut next = s - f / slope;
             if !(next > below && next < above) {

@@ -184,7 +184,8 @@ mod tests {
                 a.coupling.add_lower(r, node, axis, rng.random_range(-1.0..1.0));
             }
         }
-        let symbolic = Symbolic::new(Method::Band, Symmetry::General, 6, 2, &[false; 6], None).unwrap_or_else(|e| unreachable!("{e}"));
+        let symbolic =
+            Symbolic::new(Method::Band, Symmetry::General, 6, 2, &[false; 6], None).unwrap_or_else(|e| unreachable!("{e}"));
         let mut factor = SystemFactor::new(&symbolic, 4);
         assert!(factor.refactor(&a).is_ok());
         let x: Vec<f64> = (0..22 * 3).map(|_| rng.random_range(-1.0..1.0)).collect();
