@@ -116,6 +116,28 @@ fn friction_of_gears() {
     }
 }
 
+/// A delay of whole steps is a kink between shorter and longer ones; its derivative is that towards longer ones.
+#[test]
+fn a_delay_of_whole_steps_is_noticed() {
+    let mut scene = with("arm_actuators", Integrator::Euler);
+    scene.actuator[0].delay = Some(0.01);
+    let case = Case::new(&scene, 20);
+    let report = check(&case);
+    let delay = report.blocks.iter().find(|b| b.name == "shoulder_servo.delay").unwrap();
+    assert!(delay.contact_switches > 0 && delay.dot_test <= DOT_TEST && report.pass, "{delay:#?}");
+    let path = case.model.params().find("shoulder_servo.delay").unwrap();
+    let end = |delay: f64| {
+        let mut theta = case.theta.clone();
+        theta[path] = delay;
+        rollout(&case.model, &theta, &case.x0, &case.u, StepOptions::default()).unwrap().states[20].q[0]
+    };
+    let mut theta_dot = vec![0.0; case.theta.len()];
+    theta_dot[path] = 1.0;
+    let tangent = rollout_jvp(&case.run(StepOptions::default()), None, None, Some(&theta_dot)).unwrap()[20][0];
+    let [longer, shorter] = [1e-5, -1e-5].map(|e| (end(0.01 + e) - end(0.01)) / e);
+    assert!((tangent - longer).abs() < 1e-3 * tangent.abs() && (longer - shorter).abs() > 1e-2 * tangent.abs());
+}
+
 #[test]
 fn softer_contact_is_judged_by_differences() {
     for name in CONTACT {

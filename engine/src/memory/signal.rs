@@ -142,6 +142,16 @@ impl Model {
         }
     }
 
+    /// On which branch every motor's signal is, between kinks: whole steps of its delay, and 1 or 2 where a target's step is cut.
+    pub fn signal_modes(&self, u: &[f64], theta: &[f64]) -> Vec<u8> {
+        let mode = |(path, first): (&SignalPath, usize)| {
+            let u = u[path.control];
+            let cut = if path.scale.is_some() && u.abs() > 1.0 { 1 + u8::from(u > 0.0) } else { 0 };
+            [path.whole(first, theta, self.h).0 as u8, cut]
+        };
+        self.memory.placed(self.h).flat_map(mode).collect()
+    }
+
     /// Moves the signals' part of z on by a step.
     pub(crate) fn advance_signals(&self, u: &[f64], z: &mut [f64], theta: &[f64]) {
         for (path, first) in self.memory.placed(self.h) {

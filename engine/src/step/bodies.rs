@@ -227,6 +227,18 @@ impl Stage<'_> {
 }
 
 impl StageRecord {
+    /// On which branches of their laws joint forces were.
+    pub(super) fn joint_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
+        let mut out = Vec::new();
+        if !model.joint_terms.is_empty() {
+            let (n, (q, v)) = (model.n_node_dofs(), self.evaluation_point(model));
+            let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
+            let at = JointPoint { tree: &model.tree, q: &q[n..], v: &v[n..], u: &self.u, theta, past };
+            model.joint_terms.iter().for_each(|term| term.modes(&at, &mut out));
+        }
+        out
+    }
+
     /// ∂r/∂(θ, u, z) of the bodies' rows, and by coordinates at the beginning of the step.
     pub(super) fn visit_bodies(
         &self,

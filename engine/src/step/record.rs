@@ -125,7 +125,8 @@ impl StageRecord {
     }
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
-    /// that, and for every stop 0 open, 1 closed. Of contacts of solids only those that touch, each with numbers that tell it apart.
+    /// that (plus 4 under a negative load), and for every stop 0 open, 1 closed; for every motor with limits 0 within, 1 and 2 beyond
+    /// one. Of contacts of solids only those that touch, each with numbers that tell it apart.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
@@ -134,7 +135,8 @@ impl StageRecord {
             let load = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt() / w[0];
             if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
         };
-        model.pairs.iter().zip(&self.w).map(mode).chain(self.row_modes(model, theta)).chain(self.spot_modes(model, theta)).collect()
+        let joints = self.row_modes(model, theta).into_iter().chain(self.joint_modes(model, theta));
+        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(self.spot_modes(model, theta)).collect()
     }
 
     /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters,

@@ -313,6 +313,13 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
         }
     }
 
+    fn modes(&self, at: &JointPoint, out: &mut Vec<u8>) {
+        out.extend(self.elements.iter().filter_map(|e| {
+            let (x, u, p) = (local(e, at), Self::values(&e.controls, at.u), Self::values(&e.params, at.theta));
+            self.law.mode(&x.state(&u[..e.controls.len()]), &p[..e.params.len()])
+        }));
+    }
+
     fn advance(&self, at: &JointPoint, z: &mut [f64]) {
         for e in self.remembering() {
             let x = Self::local(e, at);

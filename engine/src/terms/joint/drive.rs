@@ -14,7 +14,11 @@ impl JointLaw for TorqueDrive {
     }
 
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
-        f[0] += p[2] * limited(p[0] * at.u[0] + p[1], &p[3..]);
+        f[0] += p[2] * limited(Self::torque(at, p), &p[3..]);
+    }
+
+    fn mode(&self, at: &JointState<f64>, p: &[f64]) -> Option<u8> {
+        branch(Self::torque(at, p), &p[3..])
     }
 }
 
@@ -30,8 +34,11 @@ impl JointLaw for PositionDrive {
     }
 
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
-        let [k, d, offset, gear] = [p[0], p[1], p[2], p[3]];
-        f[0] += gear * limited(k * (at.u[0] - gear * at.q[0]) - d * gear * at.v[0] + offset, &p[4..]);
+        f[0] += p[3] * limited(Self::torque(at, p), &p[4..]);
+    }
+
+    fn mode(&self, at: &JointState<f64>, p: &[f64]) -> Option<u8> {
+        branch(Self::torque(at, p), &p[4..])
     }
 }
 
@@ -46,8 +53,39 @@ impl JointLaw for VelocityDrive {
     }
 
     fn force<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64], f: &mut [S]) {
+        f[0] += p[2] * limited(Self::torque(at, p), &p[3..]);
+    }
+
+    fn mode(&self, at: &JointState<f64>, p: &[f64]) -> Option<u8> {
+        branch(Self::torque(at, p), &p[3..])
+    }
+}
+
+impl TorqueDrive {
+    fn torque<S: Real>(at: &JointState<S>, p: &[S]) -> S {
+        p[0] * at.u[0] + p[1]
+    }
+}
+
+impl PositionDrive {
+    fn torque<S: Real>(at: &JointState<S>, p: &[S]) -> S {
+        let [k, d, offset, gear] = [p[0], p[1], p[2], p[3]];
+        k * (at.u[0] - gear * at.q[0]) - d * gear * at.v[0] + offset
+    }
+}
+
+impl VelocityDrive {
+    fn torque<S: Real>(at: &JointState<S>, p: &[S]) -> S {
         let [d, offset, gear] = [p[0], p[1], p[2]];
-        f[0] += gear * limited(d * (at.u[0] - gear * at.v[0]) + offset, &p[3..]);
+        d * (at.u[0] - gear * at.v[0]) + offset
+    }
+}
+
+/// Of a motor with limits: 1 below the least torque, 2 above the largest, 0 between.
+fn branch(torque: f64, limits: &[f64]) -> Option<u8> {
+    match limits {
+        [least, largest] => Some(if torque < *least { 1 } else { 2 * u8::from(torque > *largest) }),
+        _ => None,
     }
 }
 

@@ -60,6 +60,9 @@ pub trait JointTerm: Debug + Send + Sync {
     /// the step that the force depends on.
     fn visit_past(&self, _at: &JointPoint, _visit: &mut dyn FnMut(usize, Input, f64)) {}
 
+    /// Appends which branch of its law each element is on, if it has kinks between branches: 1 and 2 saturated, 0 not.
+    fn modes(&self, _at: &JointPoint, _out: &mut Vec<u8>) {}
+
     /// Writes into `z` what the force remembers of a step that ended at `at`.
     fn advance(&self, _at: &JointPoint, _z: &mut [f64]) {}
 
@@ -118,6 +121,11 @@ pub trait JointLaw: Debug + Send + Sync {
     /// Whether the force vanishes at these parameters wherever the joint is, so that it need not be evaluated.
     fn vanishes(&self, _p: &[f64]) -> bool {
         false
+    }
+
+    /// Which branch of the law this is, if it has kinks between branches.
+    fn mode(&self, _at: &JointState<f64>, _p: &[f64]) -> Option<u8> {
+        None
     }
 
     /// Internal variables z⁺ at the end of a step that ended at `at`, one per degree of freedom.
