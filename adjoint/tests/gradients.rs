@@ -111,7 +111,7 @@ fn friction_of_gears() {
         let run = case.run(StepOptions::default());
         let modes = |k: usize| run.records[k].stages[0].1.contact_modes(&case.model, &case.theta);
         let seen: Vec<Vec<u8>> = (0..run.records.len()).map(modes).collect();
-        assert!(seen.iter().any(|m| m[2] == 2) && seen.iter().any(|m| m[2] == 3), "the elbow slides both ways");
+        assert!(seen.iter().any(|m| m[2] % 4 == 2) && seen.iter().any(|m| m[2] % 4 == 3), "the elbow slides both ways");
         demand(&format!("arm_gear {integrator:?} at {gap:e}"), &check(&case));
     }
 }
@@ -120,7 +120,7 @@ fn friction_of_gears() {
 #[test]
 fn a_delay_of_whole_steps_is_noticed() {
     let mut scene = with("arm_actuators", Integrator::Euler);
-    scene.actuator[0].delay = Some(0.01);
+    (scene.actuator[0].delay, scene.actuator[0].lag) = (Some(0.01), None);
     let case = Case::new(&scene, 20);
     let report = check(&case);
     let delay = report.blocks.iter().find(|b| b.name == "shoulder_servo.delay").unwrap();
@@ -129,13 +129,14 @@ fn a_delay_of_whole_steps_is_noticed() {
     let end = |delay: f64| {
         let mut theta = case.theta.clone();
         theta[path] = delay;
-        rollout(&case.model, &theta, &case.x0, &case.u, StepOptions::default()).unwrap().states[20].q[0]
+        rollout(&case.model, &theta, &case.x0, &case.u, StepOptions::default()).unwrap().states[20].v[0]
     };
     let mut theta_dot = vec![0.0; case.theta.len()];
     theta_dot[path] = 1.0;
-    let tangent = rollout_jvp(&case.run(StepOptions::default()), None, None, Some(&theta_dot)).unwrap()[20][0];
-    let [longer, shorter] = [1e-5, -1e-5].map(|e| (end(0.01 + e) - end(0.01)) / e);
-    assert!((tangent - longer).abs() < 1e-3 * tangent.abs() && (longer - shorter).abs() > 1e-2 * tangent.abs());
+    let tangent = rollout_jvp(&case.run(StepOptions::default()), None, None, Some(&theta_dot)).unwrap()[20][case.model.nv()];
+    let [longer, shorter] = [1e-6, -1e-6].map(|e| (end(0.01 + e) - end(0.01)) / e);
+    let (right, left) = ((tangent - longer).abs(), (tangent - shorter).abs());
+    assert!(right < 1e-3 * left && left > 1e-3 * tangent.abs(), "{tangent} is neither {longer} nor apart from {shorter}");
 }
 
 #[test]

@@ -134,13 +134,14 @@ impl JointRow {
         if let JointRowKind::Stop(_, side) = self.kind { side } else { 1.0 }
     }
 
-    /// Friction: 1 stick, 2 and 3 slip; a stop: 0 open, 1 closed.
+    /// Friction: 1 stick, 2 and 3 slip, plus 4 under a negative load; a stop: 0 open, 1 closed.
     pub(crate) fn mode(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> u8 {
         match self.kind {
             JointRowKind::Friction(_) => {
                 let [against_forward, against_backward] = self.bounds(at, theta);
                 let sticks = -SLIP * against_forward <= gamma && gamma <= SLIP * against_backward;
-                if sticks { 1 } else { 2 + u8::from(gamma > 0.0) }
+                let motion = if sticks { 1 } else { 2 + u8::from(gamma > 0.0) };
+                motion + 4 * u8::from(at.load < 0.0)
             }
             JointRowKind::Stop(..) => u8::from(gamma > (at.rest_gap * at.weight * at.rho).sqrt()),
         }
