@@ -91,9 +91,7 @@ impl SpotLaw {
         let at = &self.at;
         match self.law {
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()),
-            ContactLaw::Anitescu => {
-                linearize(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into())
-            }
+            ContactLaw::Anitescu => linearize(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()),
         }
     }
 }
@@ -182,7 +180,14 @@ pub(crate) struct SpotLinear {
 }
 
 impl SpotLinear {
-    pub fn new(law: &SpotLaw, meeting: &Meeting<f64>, changes: &Changes, sliding: &Sliding, h: f64, w: &Vector4<f64>) -> Option<Self> {
+    pub fn new(
+        law: &SpotLaw,
+        meeting: &Meeting<f64>,
+        changes: &Changes,
+        sliding: &Sliding,
+        h: f64,
+        w: &Vector4<f64>,
+    ) -> Option<Self> {
         let lin = law.linearize(meeting.gap / h, &sliding.v_t, w);
         if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
             return None;

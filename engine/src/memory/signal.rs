@@ -224,9 +224,9 @@ impl Model {
     pub(crate) fn resting_signals(&self, u: &[f64]) -> (Vec<f64>, Partials) {
         let (mut out, mut partials): (Vec<f64>, Partials) = (u.to_vec(), Vec::new());
         let held = |k: usize| self.memory.paths.iter().find(|p| p.control == k && p.scale.is_some());
-        for k in 0..u.len() {
+        for (k, signal) in out.iter_mut().enumerate() {
             match held(k) {
-                Some(path) => out[k] = path.start,
+                Some(path) => *signal = path.start,
                 None => partials.push((k, Input::U(k), 1.0)),
             }
         }

@@ -149,7 +149,9 @@ impl Model {
             push(self, format!("plane[{i}]"), Solid { point: Vec3::from(s.point), ..solid });
         }
         for (i, s) in scene.sphere.iter().enumerate() {
-            let (Some(center), Some(radius)) = (find(self, &s.name, "center[0]"), find(self, &s.name, "radius")) else { continue };
+            let (Some(center), Some(radius)) = (find(self, &s.name, "center[0]"), find(self, &s.name, "radius")) else {
+                continue;
+            };
             let friction = find(self, &s.name, "friction");
             push(self, format!("sphere[{i}]"), fixed(&s.name, Form::Ball, identity, Place::At(center), [radius, 0, 0], friction));
         }
@@ -276,7 +278,8 @@ impl Model {
                 *depth = depth.max(-meeting.gap);
             }
         }
-        let worst = deepest.into_iter().filter(|(_, depth)| *depth > OVERLAP).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));
+        let worst =
+            deepest.into_iter().filter(|(_, depth)| *depth > OVERLAP).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));
         let Some(((a, b), depth)) = worst else { return Ok(()) };
         let name = |k: usize| format!("`{}`", self.solids[k].name);
         Err(SceneError::at(entries[a].field.clone(), Mistake::Overlap { first: name(a), second: name(b), depth }))

@@ -71,7 +71,8 @@ impl Stage<'_> {
     pub(super) fn joint_stiffening(&self, n: usize, out: &mut [f64]) {
         let tree = &self.model.tree;
         let against = Displacement { cm: 0.0, cv: -self.h, cq: -self.h * self.h };
-        let at = JointPoint { tree, q: &self.q_ref[n..], v: &self.v_ref[n..], u: self.u, theta: self.theta };
+        let (q, v) = (&self.q_ref[n..], &self.v_ref[n..]);
+        let at = JointPoint { tree, q, v, u: self.u, theta: self.theta, past: self.past };
         self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, &[], out, tree.nv()));
         for (l, dof) in tree.dofs().iter().enumerate() {
             out[l * tree.nv() + l] += self.theta[tree.joints()[dof.joint].armature];

@@ -84,7 +84,9 @@ pub enum StepError {
         distance: f64,
     },
     /// The impulse between two solids became infinite or NaN.
-    #[error("step {step}: the impulse between `{first}` and `{second}` is {value}; the state or a parameter has left the range where contact is defined")]
+    #[error(
+        "step {step}: the impulse between `{first}` and `{second}` is {value}; the state or a parameter has left the range where contact is defined"
+    )]
     ContactNotFinite {
         /// Step number.
         step: usize,

@@ -80,14 +80,15 @@ impl Stage<'_> {
         let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
         let of_spot = |(state, linear): (&SpotState, &crate::contact::SpotLinear)| {
             let mut out: Vec<(usize, Vector4<f64>, Vector4<f64>, Vector4<f64>)> = Vec::new();
-            let mut add = |row: usize, impulse, with_v: Vector4<f64>, alone: Vector4<f64>| match out.iter_mut().find(|d| d.0 == row) {
-                Some(d) => {
-                    d.1 += impulse;
-                    d.2 += with_v;
-                    d.3 += alone;
-                }
-                None => out.push((row, impulse, with_v, alone)),
-            };
+            let mut add =
+                |row: usize, impulse, with_v: Vector4<f64>, alone: Vector4<f64>| match out.iter_mut().find(|d| d.0 == row) {
+                    Some(d) => {
+                        d.1 += impulse;
+                        d.2 += with_v;
+                        d.3 += alone;
+                    }
+                    None => out.push((row, impulse, with_v, alone)),
+                };
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
                 match self.model.solids[state.solids[side]].carrier {
                     Carrier::World => {}
@@ -204,7 +205,8 @@ impl StageRecord {
     /// Of every contact of solids that touches: which it is (its pair and features, folded), and 1 stick or 2 slip.
     pub(super) fn spot_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let mode = |spot: &SpotRecord| {
-            let law = spot_law(model.contact.law, &model.solid_pairs[spot.state.key.pair], &spot.state, theta, [self.h, self.rest_gap]);
+            let law =
+                spot_law(model.contact.law, &model.solid_pairs[spot.state.key.pair], &spot.state, theta, [self.h, self.rest_gap]);
             let open = spot.w[0] < (law.at.kappa * law.at.rho_n).sqrt();
             let load = spot.w.fixed_rows::<3>(1).norm() / spot.w[0];
             (!open).then(|| [spot.state.key.fold().to_le_bytes().to_vec(), vec![1 + u8::from(load > SLIP)]].concat())
@@ -293,10 +295,15 @@ fn meeting_along(
     let [a, b]: [Posed<Dual64>; 2] = state.solids.map(|s| {
         let solid = &model.solids[s];
         let pose = pose(solid.carrier, q_bar, frames);
-        let pose = crate::geometry::solid::Pose { rotation: pose.rotation.map(Dual64::from), position: pose.position.map(Dual64::from) };
+        let pose =
+            crate::geometry::solid::Pose { rotation: pose.rotation.map(Dual64::from), position: pose.position.map(Dual64::from) };
         solid.posed(&pose, seeded)
     });
     let m = meet(&state.key.spot, &a, &b).ok()?;
-    let part = |take: fn(&Dual64) -> f64| Meeting { gap: take(&m.gap), normal: m.normal.map(|x| take(&x)), point: m.point.map(|x| take(&x)) };
+    let part = |take: fn(&Dual64) -> f64| Meeting {
+        gap: take(&m.gap),
+        normal: m.normal.map(|x| take(&x)),
+        point: m.point.map(|x| take(&x)),
+    };
     Some((part(|x| x.re), part(|x| x.eps)))
 }

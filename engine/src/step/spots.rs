@@ -10,7 +10,7 @@ use crate::bodies::dynamics::{Displacement, WrenchPartial};
 use crate::bodies::operational::{mobilities, yields};
 use crate::bodies::spatial::{Force, Motion, column};
 use crate::contact::{
-    SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, Sliding, meeting_changes, node_of, pose_of_world, spot_wrench,
+    Sliding, SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, meeting_changes, node_of, pose_of_world, spot_wrench,
 };
 use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, candidates, meet};
 use crate::kkt::System;
@@ -243,7 +243,9 @@ impl Stage<'_> {
             })?;
             let w = p[k] - linear.inverse * linear.f;
             self.push(&spot, spot_wrench(&meeting, law.at.mu, &w), ws);
-            for (side, node) in spot.solids.iter().enumerate().filter_map(|(side, s)| Some((side, node_of(self.model.solids[*s].carrier)?))) {
+            for (side, node) in
+                spot.solids.iter().enumerate().filter_map(|(side, s)| Some((side, node_of(self.model.solids[*s].carrier)?)))
+            {
                 let sign = if side == 0 { 1.0 } else { -1.0 };
                 let rows = |m: Matrix6<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(3 + r, 3 + c)]));
                 ws.dq.nodes.add_block(node, node, sign / self.h, &rows(linear.by_displacement(side, true)));
@@ -354,9 +356,13 @@ impl Stage<'_> {
                 [xi, own + crate::bodies::dynamics::moved_along(&xi, &ws.bodies.frames.bodies[body].velocity)]
             }
         };
-        let steps = ws.spots.spots.iter().zip(&ws.spots.linear).zip(&ws.spots.f).map(|((spot, linear), f)| {
-            linear.dw(f, &spot.solids.map(|s| change(self.model.solids[s].carrier)))
-        });
+        let steps = ws
+            .spots
+            .spots
+            .iter()
+            .zip(&ws.spots.linear)
+            .zip(&ws.spots.f)
+            .map(|((spot, linear), f)| linear.dw(f, &spot.solids.map(|s| change(self.model.solids[s].carrier))));
         let target: Vec<Vector4<f64>> = steps.collect();
         if next { ws.spots.dw_next = target } else { ws.spots.dw = target }
     }
@@ -379,7 +385,13 @@ impl Stage<'_> {
 }
 
 /// The law's numbers at a spot for a stage length and a rest gap.
-pub(super) fn spot_law(law: crate::scene::Law, pair: &SolidPair, spot: &SpotState, theta: &[f64], [h, rest_gap]: [f64; 2]) -> SpotLaw {
+pub(super) fn spot_law(
+    law: crate::scene::Law,
+    pair: &SolidPair,
+    spot: &SpotState,
+    theta: &[f64],
+    [h, rest_gap]: [f64; 2],
+) -> SpotLaw {
     SpotLaw {
         law: match law {
             crate::scene::Law::Coulomb => ContactLaw::Coulomb,

@@ -116,7 +116,8 @@ impl Workspace {
 }
 
 fn touching_nodes(model: &Model) -> Vec<(usize, [[[f64; 3]; 3]; 2])> {
-    let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).chain(model.solids.iter().filter_map(|s| node_of(s.carrier))).collect();
+    let mut nodes: Vec<usize> =
+        model.pairs.iter().map(|p| p.node).chain(model.solids.iter().filter_map(|s| node_of(s.carrier))).collect();
     nodes.sort_unstable();
     nodes.dedup();
     nodes.into_iter().map(|node| (node, [[[0.0; 3]; 3]; 2])).collect()
