@@ -14,7 +14,7 @@
 
 use pliant::gradcheck::gradcheck;
 use pliant::terms::{Element, Law, Real, Vec3};
-use pliant::{Differentiate, Model, ModelBuilder, Rollout, State, StepOptions, rollout, scene};
+use pliant::{Differentiate, Model, ModelBuilder, Rollout, StepOptions, rollout, scene};
 use std::error::Error;
 use std::sync::Arc;
 
@@ -113,7 +113,7 @@ fn noise(k: usize) -> f64 {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (model, strength, controls) = model()?;
-    let x0 = State { q: model.initial_positions().to_vec(), v: model.initial_velocities().to_vec() };
+    let x0 = model.initial_state();
     let with = |k: f64| {
         let mut theta = model.params().values().to_vec();
         theta[strength] = k;

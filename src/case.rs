@@ -78,7 +78,9 @@ impl<X> Case<X> {
 /// # Errors
 /// An equilibrium that is not found, or asked for in a scene with contact.
 pub fn start(model: &Arc<Model>, theta: &[f64], u: &[f64]) -> Result<State, StepError> {
-    let (q, v) = (model.initial_positions(), model.initial_velocities().to_vec());
-    let q = if model.starts_at_equilibrium() { equilibrium(model, theta, q, u)?.q } else { q.to_vec() };
-    Ok(State { q, v })
+    let mut start = model.initial_state();
+    if model.starts_at_equilibrium() {
+        start.q = equilibrium(model, theta, &start.q, u)?.q;
+    }
+    Ok(start)
 }

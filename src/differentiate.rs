@@ -4,7 +4,7 @@ use crate::{AdjointError, Linearization, Rollout, RolloutCotangent};
 
 /// Derivatives of a recorded rollout.
 pub trait Differentiate {
-    /// Tangents of x₀ … x_T along `x0_dot` (2 nq), `u_dot` (T rows) and `theta_dot`; `None` is zero.
+    /// Tangents of x₀ … x_T along `x0_dot` (2 nv + nz), `u_dot` (T rows) and `theta_dot`; `None` is zero.
     ///
     /// # Errors
     /// A rollout without records, or arguments of another size.
@@ -15,13 +15,13 @@ pub trait Differentiate {
         theta_dot: Option<&[f64]>,
     ) -> Result<Vec<Vec<f64>>, AdjointError>;
 
-    /// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nq) back to x₀, u and θ.
+    /// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nv + nz) back to x₀, u and θ.
     ///
     /// # Errors
     /// A rollout without records, or arguments of another size.
     fn vjp(&self, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, AdjointError>;
 
-    /// A, B and C of step `k`: row-major, x = (q, v).
+    /// A, B and C of step `k`: row-major, x = (q, v, z).
     ///
     /// # Errors
     /// A rollout without a record of that step.

@@ -42,6 +42,21 @@ fn assert_refused(output: &Output, parts: &[&str]) {
     }
 }
 
+/// What joints and motors remember stands in trajectories under its names.
+#[test]
+fn trajectories_have_internal_variables() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run.csv");
+    let output = pliant(&["simulate", "tests/scenes/arm_plastic.toml", "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let csv = std::fs::read_to_string(&out).unwrap();
+    let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let (header, first) = (lines.next().unwrap(), lines.next().unwrap());
+    let start = |name: &str| first[header.iter().position(|h| *h == name).unwrap()];
+    assert_eq!([start("shoulder.plastic[1]"), start("elbow.plastic"), start("wrist.plastic[2]")], ["-0.2", "0", "-0.1"]);
+    assert!(lines.all(|line| line.len() == header.len()));
+}
+
 #[test]
 fn simulate_prints_one_object_and_writes_named_columns() {
     let folder = tempfile::tempdir().unwrap();

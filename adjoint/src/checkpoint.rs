@@ -88,7 +88,7 @@ impl CheckpointedRollout {
             u: vec![vec![0.0; self.model.nu()]; self.controls.len()],
             theta: vec![0.0; self.model.n_params()],
         };
-        let mut x = Cotangent { q: vec![0.0; self.model.nv()], v: vec![0.0; self.model.nv()] };
+        let mut x = Cotangent::zero(&self.model);
         for (s, warm) in self.warm.iter().enumerate().rev() {
             let first = s * self.segment;
             let last = (first + self.segment).min(self.controls.len());
@@ -96,7 +96,7 @@ impl CheckpointedRollout {
             pull_back(&segment, first, x_bar, &mut x, &mut out)?;
         }
         add(&mut x, &x_bar[0])?;
-        out.x0 = [x.q, x.v].concat();
+        out.x0 = [x.q, x.v, x.z].concat();
         Ok(out)
     }
 

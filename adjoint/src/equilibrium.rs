@@ -3,7 +3,7 @@
 use crate::AdjointError;
 use crate::rollout::check;
 use crate::seeds::Seeds;
-use crate::stage::{Context, InputBars, Memory, move_along, pull_along, stage_cotangent, stage_tangent};
+use crate::stage::{Context, InputBars, Memory, Tangents, move_along, pull_along, stage_cotangent, stage_tangent};
 use pliant_engine::equilibrium::Equilibrium;
 use pliant_engine::kinematics::Input;
 
@@ -18,12 +18,20 @@ pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
         let columns = match input {
             Input::U(k) => seeds.u(k),
             Input::Theta(k) => seeds.theta(k),
-            Input::Q(_) => &[],
+            _ => &[],
         };
         columns.iter().for_each(|&(c, w)| q[row * m + c] += value * w);
     }
     let mut memory = Memory::default();
     memory.cmd.clone_from(&zero);
+    // the beginning is where it is: what is remembered does not move
+    memory.start[0].clone_from(&zero);
+    memory.z_past.resize(eq.model.nz() * m, 0.0);
+    memory.signals.resize(eq.model.nu() * m, 0.0);
+    let tangents = Tangents { seeds, signals: &[], q: &[], z: &[], end: [&[], &[]] };
+    for &(row, input, value) in &eq.signals {
+        tangents.add(input, value, &mut memory.signals[row * m..(row + 1) * m]);
+    }
     stage_tangent(cx, &eq.record, &q, &zero, seeds, &mut memory);
     move_along(cx, &eq.record.end, &mut q, &memory.v_next, m, |_| 1.0);
     q
@@ -40,13 +48,19 @@ pub fn equilibrium_vjp(eq: &Equilibrium, q_bar: &[f64]) -> Result<(Vec<f64>, Vec
     let (n, mut y_bar) = (eq.model.n_node_dofs(), q_bar.to_vec());
     y_bar[n..].fill(0.0);
     pull_along(cx, &eq.record.end, &mut reference, &mut y_bar, 1.0);
-    let mut inputs = InputBars { cmd: &mut cmd, u: &mut u, theta: &mut theta };
+    let (mut past, mut z, mut signals) = (vec![0.0; q_bar.len()], vec![0.0; eq.model.nz()], vec![0.0; u.len()]);
+    let mut inputs = InputBars { cmd: &mut cmd, u: &mut signals, theta: &mut theta, q: &mut past, z: &mut z };
     stage_cotangent(cx, &eq.record, &y_bar, &mut reference, &mut v, &mut inputs);
+    for &(row, input, value) in &eq.signals {
+        if let Input::U(k) = input {
+            u[k] += value * signals[row];
+        }
+    }
     for &(row, input, value) in &eq.placement {
         match input {
             Input::U(k) => u[k] += value * reference[row],
             Input::Theta(k) => theta[k] += value * reference[row],
-            Input::Q(_) => {}
+            _ => {}
         }
     }
     Ok((u, theta))

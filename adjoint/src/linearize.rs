@@ -5,7 +5,7 @@ use crate::tangent::TangentStepper;
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
 
-/// Jacobians of x⁺ = F(x, u, θ), row-major, of changes δx = (δq, δv) with 2 nv entries.
+/// Jacobians of x⁺ = F(x, u, θ), row-major, of changes δx = (δq, δv, δz) with 2 nv + nz entries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linearization {
     /// A = ∂x⁺/∂x, nx × nx.
@@ -20,6 +20,7 @@ pub struct Linearization {
 #[derive(Clone, Debug)]
 pub struct Linearizer<'m> {
     tangent: TangentStepper<'m>,
+    nv: usize,
     nx: usize,
     nu: usize,
 }
@@ -32,20 +33,20 @@ impl<'m> Linearizer<'m> {
         let mut seeds = Seeds::none(nx + nu + np, nu, model.n_params());
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
-        Self { tangent: TangentStepper::new(model, theta, seeds), nx, nu }
+        Self { tangent: TangentStepper::new(model, theta, seeds), nv: model.nv(), nx, nu }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
     pub fn linearize(&mut self, step: &StepRecord) -> Linearization {
-        let (nv, m) = (self.nx / 2, self.tangent.seeds.columns);
+        let (nv, m) = (self.nv, self.tangent.seeds.columns);
         let x = &mut self.tangent.x;
-        for (first, block) in [(0, &mut x.q), (nv, &mut x.v)] {
+        for (first, block) in [(0, &mut x.q), (nv, &mut x.v), (2 * nv, &mut x.z)] {
             block.fill(0.0);
-            (0..nv).for_each(|k| block[k * m + first + k] = 1.0);
+            (0..block.len() / m).for_each(|k| block[k * m + first + k] = 1.0);
         }
         self.tangent.step(step);
         let x = &self.tangent.x;
-        let rows = || x.q.chunks_exact(m).chain(x.v.chunks_exact(m));
+        let rows = || x.q.chunks_exact(m).chain(x.v.chunks_exact(m)).chain(x.z.chunks_exact(m));
         let part = |from: usize, to: usize| {
             let mut out = Vec::with_capacity(self.nx * (to - from));
             rows().for_each(|r| out.extend_from_slice(&r[from..to]));

@@ -9,7 +9,7 @@ use pliant_engine::rollout::Rollout;
 /// Cotangents of everything a rollout starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutCotangent {
-    /// Of a change of x₀ = (q, v), 2 nv entries: for a ball, of a turn in its body's axes.
+    /// Of a change of x₀ = (q, v, z), 2 nv + nz entries: for a ball, of a turn in its body's axes.
     pub x0: Vec<f64>,
     /// Of each control row.
     pub u: Vec<Vec<f64>>,
@@ -17,7 +17,7 @@ pub struct RolloutCotangent {
     pub theta: Vec<f64>,
 }
 
-/// Tangents of x₁ … x_T for directions `x0_dot` (2 nv), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
+/// Tangents of x₁ … x_T for directions `x0_dot` (2 nv + nz), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
 pub fn rollout_jvp(
     rollout: &Rollout,
     x0_dot: Option<&[f64]>,
@@ -27,7 +27,7 @@ pub fn rollout_jvp(
     need_records(rollout)?;
     let model = &rollout.model;
     let nv = model.nv();
-    check("x0_dot", x0_dot.map(<[f64]>::len), 2 * nv)?;
+    check("x0_dot", x0_dot.map(<[f64]>::len), model.ndx())?;
     check("theta_dot", theta_dot.map(<[f64]>::len), model.n_params())?;
     check("u_dot", u_dot.map(<[Vec<f64>]>::len), rollout.records.len())?;
     let mass = model.masses(&rollout.theta);
@@ -36,10 +36,11 @@ pub fn rollout_jvp(
     for (k, &weight) in theta_dot.unwrap_or(&[]).iter().enumerate().filter(|(_, w)| **w != 0.0) {
         seeds.add_theta(k, 0, weight);
     }
-    let zero = vec![0.0; 2 * nv];
-    let (q, v) = x0_dot.unwrap_or(&zero).split_at(nv);
-    let mut x = Tangent { q: q.to_vec(), v: v.to_vec() };
-    let (mut out, mut memory) = (vec![[q, v].concat()], Memory::default());
+    let zero = vec![0.0; model.ndx()];
+    let x0_dot = x0_dot.unwrap_or(&zero);
+    let (q, (v, z)) = (&x0_dot[..nv], x0_dot[nv..].split_at(nv));
+    let mut x = Tangent { q: q.to_vec(), v: v.to_vec(), z: z.to_vec() };
+    let (mut out, mut memory) = (vec![x0_dot.to_vec()], Memory::default());
     for (k, record) in rollout.records.iter().enumerate() {
         if let Some(u_dot) = u_dot {
             check("u_dot row", Some(u_dot[k].len()), model.nu())?;
@@ -47,12 +48,12 @@ pub fn rollout_jvp(
             u_dot[k].iter().enumerate().for_each(|(c, &w)| seeds.add_u(c, 0, w));
         }
         step_tangent(cx, record, &mut x, &seeds, &mut memory);
-        out.push([x.q.as_slice(), x.v.as_slice()].concat());
+        out.push([x.q.as_slice(), x.v.as_slice(), x.z.as_slice()].concat());
     }
     Ok(out)
 }
 
-/// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nv) back to x₀, u and θ.
+/// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nv + nz) back to x₀, u and θ.
 pub fn rollout_vjp(rollout: &Rollout, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, AdjointError> {
     need_records(rollout)?;
     check("x_bar", Some(x_bar.len()), rollout.records.len() + 1)?;
@@ -62,10 +63,10 @@ pub fn rollout_vjp(rollout: &Rollout, x_bar: &[Vec<f64>]) -> Result<RolloutCotan
         u: vec![vec![0.0; model.nu()]; rollout.records.len()],
         theta: vec![0.0; model.n_params()],
     };
-    let mut x = Cotangent { q: vec![0.0; model.nv()], v: vec![0.0; model.nv()] };
+    let mut x = Cotangent::zero(model);
     pull_back(rollout, 0, x_bar, &mut x, &mut out)?;
     add(&mut x, &x_bar[0])?;
-    out.x0 = [x.q, x.v].concat();
+    out.x0 = [x.q, x.v, x.z].concat();
     Ok(out)
 }
 
@@ -87,8 +88,10 @@ pub(crate) fn pull_back(
 }
 
 pub(crate) fn add(x: &mut Cotangent, x_bar: &[f64]) -> Result<(), AdjointError> {
-    check("x_bar row", Some(x_bar.len()), 2 * x.q.len())?;
-    let (q, v) = x_bar.split_at(x.q.len());
+    check("x_bar row", Some(x_bar.len()), 2 * x.q.len() + x.z.len())?;
+    let (q, rest) = x_bar.split_at(x.q.len());
+    let (v, z) = rest.split_at(x.v.len());
+    x.z.iter_mut().zip(z).for_each(|(a, b)| *a += b);
     x.q.iter_mut().zip(q).for_each(|(a, b)| *a += b);
     x.v.iter_mut().zip(v).for_each(|(a, b)| *a += b);
     Ok(())

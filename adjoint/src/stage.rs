@@ -3,7 +3,8 @@
 //! ```text
 //! ∂r/∂q_ref = −F_q T,   ∂r/∂v_ref = −σ M − h a0 F_q J − b0 F_v,   ∂r/∂v_cmd = −1 (driven rows),   ∂r/∂(θ, u) by visiting
 //! ```
-//! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows; T and J of [`Turns`].
+//! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows; T and J of [`Turns`]. What a joint remembers adds ∂r/∂z and ∂r/∂q of the
+//! (sub)step's beginning, by visiting too.
 
 use crate::implicit::{Refinement, multiplier, root_tangent};
 use crate::seeds::Seeds;
@@ -29,6 +30,11 @@ pub(crate) struct Memory {
     pub v_next: Vec<f64>,
     /// The state before a substep, q then v.
     pub start: [Vec<f64>; 2],
+    /// Tangents of what motors see, a row per control; empty if that is u.
+    pub signals: Vec<f64>,
+    /// Tangents of z at the beginning of a substep, and what they become.
+    pub z_past: Vec<f64>,
+    pub z_next: Vec<f64>,
     /// Scratch.
     pub at: Vec<f64>,
     refinement: Refinement,
@@ -39,7 +45,7 @@ pub(crate) struct Memory {
 pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_dot: &[f64], seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
     let scheme = &stage.scheme;
-    let Memory { cmd, v_next: dr, at, refinement, .. } = memory;
+    let Memory { cmd, v_next: dr, at, refinement, start, signals, z_past, .. } = memory;
     dr.clear();
     dr.resize(stage.n_rows() * m, 0.0);
     if scheme.free.a0 == 0.0 && stage.middle.is_identity() {
@@ -69,20 +75,50 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     }
     let n = cx.model.n_node_dofs() * m;
     stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
-    if seeds.has_theta() || cx.model.has_actuators() {
+    if seeds.has_theta() || cx.model.has_actuators() || cx.model.nz() > 0 {
+        let tangents = Tangents { seeds, signals, q: &start[0], z: z_past, end: [&[], &[]] };
         stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| {
-            let columns = match input {
-                Input::Theta(k) => seeds.theta(k),
-                Input::U(k) => seeds.u(k),
-                Input::Q(_) => &[],
-            };
-            for &(column, weight) in columns {
-                dr[row * m + column] += value * weight;
-            }
+            tangents.add(input, value, &mut dr[row * m..(row + 1) * m]);
         });
     }
     root_tangent(stage, dr, m, refinement);
     dr.truncate(v_dot.len());
+}
+
+/// Tangents of everything that an [`Input`] can be, a row each.
+pub(crate) struct Tangents<'a> {
+    pub seeds: &'a Seeds,
+    /// Of what motors see; empty for the controls themselves.
+    pub signals: &'a [f64],
+    /// Of q and z at the beginning of the (sub)step.
+    pub q: &'a [f64],
+    pub z: &'a [f64],
+    /// Of (q, v) at its end.
+    pub end: [&'a [f64]; 2],
+}
+
+impl Tangents<'_> {
+    /// `out += value · tangent`.
+    pub fn add(&self, input: Input, value: f64, out: &mut [f64]) {
+        let m = out.len();
+        let sparse = match input {
+            Input::Theta(k) => self.seeds.theta(k),
+            Input::U(k) if self.signals.is_empty() => self.seeds.u(k),
+            _ => {
+                let (rows, k) = match input {
+                    Input::U(k) => (self.signals, k),
+                    Input::Q(k) => (self.q, k),
+                    Input::Z(k) => (self.z, k),
+                    Input::QNext(k) => (self.end[0], k),
+                    Input::VNext(k) => (self.end[1], k),
+                    Input::Theta(_) => return,
+                };
+                out.iter_mut().zip(&rows[k * m..(k + 1) * m]).for_each(|(o, x)| *o += value * x);
+                return;
+            }
+        };
+        sparse.iter().for_each(|&(column, weight)| out[column] += value * weight);
+    }
 }
 
 /// `x ← T x + J (weight v)`: how a displacement moves on, for nodes with weights of their own.
@@ -126,10 +162,28 @@ fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl 
 pub(crate) struct InputBars<'a> {
     /// Of the commanded velocities.
     pub cmd: &'a mut [f64],
-    /// Of the controls.
+    /// Of what motors see of the controls.
     pub u: &'a mut [f64],
     /// Of θ.
     pub theta: &'a mut [f64],
+    /// Of q and z at the beginning of the (sub)step.
+    pub q: &'a mut [f64],
+    pub z: &'a mut [f64],
+}
+
+impl InputBars<'_> {
+    /// Adds to the cotangent of an input; those of the (sub)step's end go to `end`, (q, v).
+    pub fn add(&mut self, input: Input, value: f64, end: Option<[&mut [f64]; 2]>) {
+        match (input, end) {
+            (Input::Theta(k), _) => self.theta[k] += value,
+            (Input::U(k), _) => self.u[k] += value,
+            (Input::Q(k), _) => self.q[k] += value,
+            (Input::Z(k), _) => self.z[k] += value,
+            (Input::QNext(k), Some([q, _])) => q[k] += value,
+            (Input::VNext(k), Some([_, v])) => v[k] += value,
+            (Input::QNext(_) | Input::VNext(_), None) => {}
+        }
+    }
 }
 
 /// Pulls the cotangent `y_bar` of v⁺ back: adds to the cotangents of the reference state, the command and θ.
@@ -167,9 +221,5 @@ pub(crate) fn stage_cotangent(
             }
         }
     }
-    stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| match input {
-        Input::Theta(k) => inputs.theta[k] += value * lambda[row],
-        Input::U(k) => inputs.u[k] += value * lambda[row],
-        Input::Q(_) => {}
-    });
+    stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| inputs.add(input, value * lambda[row], None));
 }

@@ -1,26 +1,38 @@
 //! jvp and vjp of one step: the chain of its stages.
 
 use crate::seeds::Seeds;
-use crate::stage::{Context, InputBars, Memory, move_along, pull_along, stage_cotangent, stage_tangent};
+use crate::stage::{Context, InputBars, Memory, Tangents, move_along, pull_along, stage_cotangent, stage_tangent};
 use pliant_engine::kinematics::Input;
+use pliant_engine::model::Model;
 use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
 
-/// Tangents of (q, v): row-major `nv × columns` each.
+/// Tangents of (q, v, z): row-major, `nv × columns` for q and v, `nz × columns` for z.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tangent {
     /// Position tangents.
     pub q: Vec<f64>,
     /// Velocity tangents.
     pub v: Vec<f64>,
+    /// Tangents of internal variables.
+    pub z: Vec<f64>,
 }
 
-/// Cotangents of (q, v), nv each.
+/// Cotangents of (q, v, z): nv, nv and nz numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cotangent {
     /// Cotangent of q.
     pub q: Vec<f64>,
     /// Cotangent of v.
     pub v: Vec<f64>,
+    /// Cotangent of z.
+    pub z: Vec<f64>,
+}
+
+impl Cotangent {
+    /// Of the size of a state of `model`.
+    pub(crate) fn zero(model: &Model) -> Self {
+        Self { q: vec![0.0; model.nv()], v: vec![0.0; model.nv()], z: vec![0.0; model.nz()] }
+    }
 }
 
 /// Weight of (v₁ − v) in the reference velocity of sdirk2's second stage.
@@ -30,14 +42,16 @@ const RATIO: f64 = (1.0 - SDIRK_GAMMA) / SDIRK_GAMMA;
 pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
     command_tangent(cx, step, x, seeds, memory);
+    signal_tangent(cx, step, x, seeds, memory);
     for (link, stage) in &step.stages {
         match link {
-            Link::Single => {}
-            Link::SdirkFirst => {
-                for (kept, x) in memory.start.iter_mut().zip([&x.q, &x.v]) {
-                    kept.clear();
-                    kept.extend_from_slice(x);
+            Link::Single => {
+                if !x.z.is_empty() {
+                    memory.keep(x);
                 }
+            }
+            Link::SdirkFirst => {
+                memory.keep(x);
                 stage_tangent(cx, stage, &x.q, &x.v, seeds, memory);
                 std::mem::swap(&mut x.v, &mut memory.v_next);
                 continue;
@@ -55,6 +69,56 @@ pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seed
         stage_tangent(cx, stage, &x.q, &x.v, seeds, memory);
         move_positions(cx, stage, &mut x.q, &x.v, &memory.v_next, m, &mut memory.at);
         std::mem::swap(&mut x.v, &mut memory.v_next);
+        move_memory(&stage.memory, seeds, x, memory);
+    }
+    let Memory { z_past, z_next, .. } = memory;
+    z_past.clone_from(&x.z);
+    z_next.clear();
+    z_next.resize(x.z.len(), 0.0);
+    // commands reach the motors' part of z themselves, not by way of the signals
+    let tangents = Tangents { seeds, signals: &[], q: &[], z: z_past, end: [&[], &[]] };
+    replace_rows(&step.memory, &tangents, z_next, &mut x.z, m);
+}
+
+impl Memory {
+    /// Keeps the tangents at the beginning of a substep.
+    fn keep(&mut self, x: &Tangent) {
+        for (kept, x) in self.start.iter_mut().chain([&mut self.z_past]).zip([&x.q, &x.v, &x.z]) {
+            kept.clear();
+            kept.extend_from_slice(x);
+        }
+    }
+}
+
+/// Tangents of what motors see.
+fn signal_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, memory: &mut Memory) {
+    let m = seeds.columns;
+    memory.signals.clear();
+    if !step.signals.is_empty() {
+        memory.signals.resize(cx.model.nu() * m, 0.0);
+        let tangents = Tangents { seeds, signals: &[], q: &[], z: &x.z, end: [&[], &[]] };
+        for &(row, input, value) in &step.signals {
+            tangents.add(input, value, &mut memory.signals[row * m..(row + 1) * m]);
+        }
+    }
+}
+
+/// Moves the tangents of what joints remember to the end of a substep, where `x` stands but for z.
+fn move_memory(partials: &[(usize, Input, f64)], seeds: &Seeds, x: &mut Tangent, memory: &mut Memory) {
+    let Memory { start, signals, z_past, z_next, .. } = memory;
+    z_next.clear();
+    z_next.resize(x.z.len(), 0.0);
+    let tangents = Tangents { seeds, signals, q: &start[0], z: z_past, end: [&x.q, &x.v] };
+    replace_rows(partials, &tangents, z_next, &mut x.z, seeds.columns);
+}
+
+/// Replaces the rows of `z` that `partials` speaks of; `next` is zero.
+fn replace_rows(partials: &[(usize, Input, f64)], tangents: &Tangents, next: &mut [f64], z: &mut [f64], m: usize) {
+    for &(row, input, value) in partials {
+        tangents.add(input, value, &mut next[row * m..(row + 1) * m]);
+    }
+    for &(row, ..) in partials {
+        z[row * m..(row + 1) * m].copy_from_slice(&next[row * m..(row + 1) * m]);
     }
 }
 
@@ -72,6 +136,7 @@ fn command_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, m
             Input::Q(k) => out.iter_mut().zip(&x.q[k * m..(k + 1) * m]).for_each(|(o, q)| *o += value * q),
             Input::U(k) => seeds.u(k).iter().for_each(|&(c, w)| out[c] += value * w),
             Input::Theta(k) => seeds.theta(k).iter().for_each(|&(c, w)| out[c] += value * w),
+            Input::Z(_) | Input::QNext(_) | Input::VNext(_) => {}
         }
     }
 }
@@ -96,17 +161,27 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
     let mut cmd_bar = vec![0.0; x.q.len()];
     let mut first_v_bar = Vec::new();
     let mut start_v_bar = Vec::new();
+    let mut signal_bar = vec![0.0; u_bar.len()];
+    let mut past_bar = vec![0.0; x.q.len()];
+    let late = take_rows(&step.memory, &mut x.z);
+    pull_memory(&step.memory, &late, &mut InputBars { cmd: &mut [], u: u_bar, theta: theta_bar, q: &mut [], z: &mut x.z }, None);
     for (link, stage) in step.stages.iter().rev() {
         if *link == Link::SdirkFirst {
             // only v₁ leaves the first stage; q and v of the substep's start were used by the second stage directly
             let mut v_bar = std::mem::take(&mut start_v_bar);
-            let mut inputs = InputBars { cmd: &mut cmd_bar, u: u_bar, theta: theta_bar };
+            let (q, z) = (&mut past_bar, &mut x.z);
+            let mut inputs = InputBars { cmd: &mut cmd_bar, u: &mut signal_bar, theta: theta_bar, q, z };
             stage_cotangent(cx, stage, &first_v_bar, &mut x.q, &mut v_bar, &mut inputs);
             x.v = v_bar;
+            add_taken(&mut x.q, &mut past_bar);
             continue;
         }
+        let late = take_rows(&stage.memory, &mut x.z);
+        let mut inputs = InputBars { cmd: &mut [], u: &mut signal_bar, theta: theta_bar, q: &mut past_bar, z: &mut x.z };
+        pull_memory(&stage.memory, &late, &mut inputs, Some([&mut x.q, &mut x.v]));
         let (y_bar, mut v_bar) = end_cotangent(cx, stage, x);
-        let mut inputs = InputBars { cmd: &mut cmd_bar, u: u_bar, theta: theta_bar };
+        let (q, z) = (&mut past_bar, &mut x.z);
+        let mut inputs = InputBars { cmd: &mut cmd_bar, u: &mut signal_bar, theta: theta_bar, q, z };
         stage_cotangent(cx, stage, &y_bar, &mut x.q, &mut v_bar, &mut inputs);
         if *link == Link::SdirkSecond {
             let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
@@ -115,15 +190,44 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
             start_v_bar = v_bar.iter().map(|v| (1.0 - RATIO) * v).collect();
         } else {
             x.v = v_bar;
+            add_taken(&mut x.q, &mut past_bar);
         }
     }
+    if step.signals.is_empty() {
+        add_taken(u_bar, &mut signal_bar);
+    }
+    let mut inputs = InputBars { cmd: &mut [], u: u_bar, theta: theta_bar, q: &mut [], z: &mut x.z };
+    step.signals.iter().for_each(|&(row, input, value)| inputs.add(input, value * signal_bar[row], None));
     for &(row, input, value) in &step.command {
         let contribution = value * cmd_bar[row];
         match input {
             Input::Q(k) => x.q[k] += contribution,
             Input::U(k) => u_bar[k] += contribution,
             Input::Theta(k) => theta_bar[k] += contribution,
+            Input::Z(_) | Input::QNext(_) | Input::VNext(_) => {}
         }
+    }
+}
+
+/// Takes the cotangents of the rows of z⁺ that `partials` speaks of, and leaves zero: what z gets in return is of the beginning.
+fn take_rows(partials: &[(usize, Input, f64)], z: &mut [f64]) -> Vec<f64> {
+    let taken = if partials.is_empty() { Vec::new() } else { z.to_vec() };
+    partials.iter().for_each(|&(row, ..)| z[row] = 0.0);
+    taken
+}
+
+/// Pulls the cotangents `late` of z⁺ back to what it was made of.
+fn pull_memory(partials: &[(usize, Input, f64)], late: &[f64], inputs: &mut InputBars, end: Option<[&mut [f64]; 2]>) {
+    let mut end = end;
+    for &(row, input, value) in partials {
+        inputs.add(input, value * late[row], end.as_mut().map(|[q, v]| [&mut **q, &mut **v]));
+    }
+}
+
+/// `x += y`, and y is zero.
+fn add_taken(x: &mut [f64], y: &mut [f64]) {
+    for (x, y) in x.iter_mut().zip(y) {
+        *x += std::mem::take(y);
     }
 }
 

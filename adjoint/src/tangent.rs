@@ -23,7 +23,7 @@ impl<'m> TangentStepper<'m> {
     /// Starts with zero tangents of the state.
     pub fn new(model: &'m Model, theta: &'m [f64], seeds: Seeds) -> Self {
         let zero = vec![0.0; model.nv() * seeds.columns];
-        let x = Tangent { q: zero.clone(), v: zero };
+        let x = Tangent { q: zero.clone(), v: zero, z: vec![0.0; model.nz() * seeds.columns] };
         Self { model, theta, mass: model.masses(theta), seeds, x, memory: Memory::default() }
     }
 

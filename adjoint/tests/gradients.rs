@@ -39,7 +39,8 @@ fn demand(what: &str, report: &Report) {
     assert!(report.dot_test <= DOT_TEST && report.pass, "{what}");
 }
 
-const SMOOTH: [&str; 6] = ["free_swing", "clamped_ends", "edge_clamp", "velocity_gripper", "windy", "arm_free"];
+const SMOOTH: [&str; 8] =
+    ["free_swing", "clamped_ends", "edge_clamp", "velocity_gripper", "windy", "arm_free", "arm_actuators", "arm_plastic"];
 /// The default rest gap, 1 nm: contacts of 4e7 N/m on ropes of 1 N/m.
 const HARDEST: f64 = 1e-9;
 const CONTACT: [&str; 4] = ["resting", "sliding", "sphere_drape", "capsule_drape"];
@@ -98,6 +99,46 @@ fn friction_and_stops_of_joints() {
     }
 }
 
+/// Friction that differs by direction and grows with the load, sliding both ways.
+#[test]
+fn friction_of_gears() {
+    for (integrator, gap) in
+        [(Integrator::Euler, 1e-4), (Integrator::Euler, 1e-8), (Integrator::Sdirk2, 1e-8), (Integrator::Midpoint, 1e-6)]
+    {
+        let mut scene = with("arm_gear", integrator);
+        scene.contact.rest_gap = gap;
+        let case = Case::new(&scene, STEPS);
+        let run = case.run(StepOptions::default());
+        let modes = |k: usize| run.records[k].stages[0].1.contact_modes(&case.model, &case.theta);
+        let seen: Vec<Vec<u8>> = (0..run.records.len()).map(modes).collect();
+        assert!(seen.iter().any(|m| m[2] % 4 == 2) && seen.iter().any(|m| m[2] % 4 == 3), "the elbow slides both ways");
+        demand(&format!("arm_gear {integrator:?} at {gap:e}"), &check(&case));
+    }
+}
+
+/// A delay of whole steps is a kink between shorter and longer ones; its derivative is that towards longer ones.
+#[test]
+fn a_delay_of_whole_steps_is_noticed() {
+    let mut scene = with("arm_actuators", Integrator::Euler);
+    (scene.actuator[0].delay, scene.actuator[0].lag) = (Some(0.01), None);
+    let case = Case::new(&scene, 20);
+    let report = check(&case);
+    let delay = report.blocks.iter().find(|b| b.name == "shoulder_servo.delay").unwrap();
+    assert!(delay.contact_switches > 0 && delay.dot_test <= DOT_TEST && report.pass, "{delay:#?}");
+    let path = case.model.params().find("shoulder_servo.delay").unwrap();
+    let end = |delay: f64| {
+        let mut theta = case.theta.clone();
+        theta[path] = delay;
+        rollout(&case.model, &theta, &case.x0, &case.u, StepOptions::default()).unwrap().states[20].v[0]
+    };
+    let mut theta_dot = vec![0.0; case.theta.len()];
+    theta_dot[path] = 1.0;
+    let tangent = rollout_jvp(&case.run(StepOptions::default()), None, None, Some(&theta_dot)).unwrap()[20][case.model.nv()];
+    let [longer, shorter] = [1e-6, -1e-6].map(|e| (end(0.01 + e) - end(0.01)) / e);
+    let (right, left) = ((tangent - longer).abs(), (tangent - shorter).abs());
+    assert!(right < 1e-3 * left && left > 1e-3 * tangent.abs(), "{tangent} is neither {longer} nor apart from {shorter}");
+}
+
 #[test]
 fn softer_contact_is_judged_by_differences() {
     for name in CONTACT {
@@ -131,9 +172,13 @@ fn columns_of_the_jacobians_are_single_tangents() {
 
 #[test]
 fn checkpoints_give_the_same_bits() {
-    for (name, integrator) in
-        [("free_swing", Integrator::Midpoint), ("sphere_drape", Integrator::Sdirk2), ("capsule_drape", Integrator::Euler)]
-    {
+    for (name, integrator) in [
+        ("free_swing", Integrator::Midpoint),
+        ("sphere_drape", Integrator::Sdirk2),
+        ("capsule_drape", Integrator::Euler),
+        ("arm_gear", Integrator::Sdirk2),
+        ("arm_actuators", Integrator::Midpoint),
+    ] {
         let case = Case::new(&with(name, integrator), STEPS);
         let stored = rollout_vjp(&case.run(StepOptions::default()), &case.x_bar()).unwrap();
         for records in [1, 7, STEPS + 3] {
@@ -255,7 +300,7 @@ fn wrong_inputs_are_refused_with_their_names() {
     assert!(matches!(error, StepError::NotFinite { step: 0, .. }), "{error}");
     println!("{error}");
 
-    let short = State { q: case.x0.q[1..].to_vec(), v: case.x0.v.clone() };
+    let short = State { q: case.x0.q[1..].to_vec(), ..case.x0.clone() };
     let error = rollout(model, &case.theta, &short, &case.u, record).unwrap_err();
     assert!(matches!(error, StepError::Size { what: "position vector", .. }), "{error}");
     let error = rollout(model, &case.theta, &case.x0, &[vec![0.0; 2]], record).unwrap_err();

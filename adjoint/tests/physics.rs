@@ -18,7 +18,7 @@ fn build(scene: &Scene) -> Arc<Model> {
 }
 
 fn start(model: &Model) -> State {
-    State { q: model.initial_positions().to_vec(), v: model.initial_velocities().to_vec() }
+    model.initial_state()
 }
 
 /// Runs through `controls`, showing every new state to `see`.
@@ -323,7 +323,7 @@ fn energies(h: f64, steps: usize) -> Vec<f64> {
     let model = build(&pendulum(h, Integrator::Midpoint));
     let theta = model.params().values();
     let mut out = Vec::with_capacity(steps);
-    let see = |x: &State| out.push(model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, theta));
+    let see = |x: &State| out.push(model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, &x.z, theta));
     run(&model, theta, start(&model), &vec![vec![0.0; 3]; steps], see);
     out
 }
@@ -332,7 +332,7 @@ fn energies(h: f64, steps: usize) -> Vec<f64> {
 fn midpoint_energy_error_is_second_order_without_trend() {
     let scale = 0.05 * 0.5 * G * 0.25;
     let model = build(&pendulum(1e-3, Integrator::Midpoint));
-    let at_start = model.potential_energy(model.initial_positions(), model.params().values());
+    let at_start = model.potential_energy(model.initial_positions(), &[], model.params().values());
     let largest = |e: &[f64]| e.iter().map(|e| (e - at_start).abs()).fold(0.0, f64::max) / scale;
     let errors = [2e-3, 1e-3, 5e-4].map(|h: f64| largest(&energies(h, (1.0 / h).round() as usize)));
     println!("midpoint energy error over 1 s: {errors:?}, orders {:.2?}", orders(errors));
@@ -406,7 +406,7 @@ fn drag_takes_energy() {
     scene.rope[0].drag_quadratic = 0.02;
     let model = build(&scene);
     let theta = model.params().values();
-    let energy = |x: &State| model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, theta);
+    let energy = |x: &State| model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, &x.z, theta);
     let first = energy(&start(&model));
     let last = energy(&run(&model, theta, start(&model), &vec![vec![0.0; 3]; 500], |_| ()));
     let kept = *energies(2e-3, 500).last().unwrap();
@@ -431,7 +431,7 @@ fn swing(integrator: Integrator, h: f64, moving: bool) -> Vec<f64> {
     }
     let model = build(&scene);
     let controls = control_rows(&scene, (0.4 / h).round() as usize).unwrap();
-    let x = State { v: vec![0.0; q.len()], q };
+    let x = State { v: vec![0.0; q.len()], q, ..State::default() };
     run(&model, model.params().values(), x, &controls, |_| ()).q
 }
 

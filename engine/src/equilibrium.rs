@@ -2,6 +2,7 @@
 
 use crate::bodies::spatial::Inertia;
 use crate::kinematics::Input;
+use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
 use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
@@ -26,12 +27,16 @@ pub struct Equilibrium {
     pub record: StageRecord,
     /// Derivatives of the clamped positions: (row, input, value).
     pub placement: Vec<(usize, Input, f64)>,
+    /// ∂/∂u of what motors see: (control, input, value).
+    pub signals: Vec<(usize, Input, f64)>,
     /// Work done.
     pub work: Work,
 }
 
 /// Solves `f(q, v = 0; θ) = 0` for the free nodes, with prescribed grippers where `u` puts them and velocity-controlled ones
 /// where `guess` has them.
+///
+/// What joints remember stays as the scene begins with; motors see commands held for ever (a target stays where it begins).
 ///
 /// Pseudo-time continuation: `m Δq/Δτ² − f(q + Δq) = 0` with growing Δτ follows the energy downhill, so that a stable
 /// equilibrium is found; the last solve is without the mass. Errors: contact (see [`StepError::EquilibriumWithContact`]), no
@@ -47,7 +52,8 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     let mut q = placement.0;
     let (mass, inertias) = (model.masses(theta), model.inertias(theta));
     let (zero, measure) = (vec![0.0; model.nv()], Measure::new(model, theta));
-    let fixed = Fixed { model, theta, mass: &mass, inertias: &inertias, measure: &measure, zero: &zero, u };
+    let ((signals, _), z) = (model.resting_signals(u), model.initial_memory());
+    let fixed = Fixed { model, theta, mass: &mass, inertias: &inertias, measure: &measure, zero: &zero, u: &signals, z: &z };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
     let mut tau = FIRST_STEP;
@@ -72,6 +78,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         correction: f64::NAN,
         residual: f64::NAN,
         row: 0,
+        place: "everywhere".to_owned(),
         term: "equilibrium".to_owned(),
     })
 }
@@ -85,6 +92,7 @@ struct Fixed<'a> {
     measure: &'a Measure,
     zero: &'a [f64],
     u: &'a [f64],
+    z: &'a [f64],
 }
 
 impl Fixed<'_> {
@@ -96,6 +104,7 @@ impl Fixed<'_> {
             inertias: self.inertias,
             measure: self.measure,
             u: self.u,
+            past: Past { q: &q[self.model.n_node_dofs()..], z: self.z, elapsed: 0.0 },
             scheme: STATIC,
             h: 1.0,
             inertia,
@@ -128,7 +137,8 @@ fn finish(
     ws.it.v.fill(0.0);
     work.factorizations += 1;
     let record = StageRecord::take(&fixed.stage(&q, 0.0), &mut ws)?;
-    Ok(Equilibrium { model: Arc::clone(model), theta: fixed.theta.to_vec(), q, record, placement, work })
+    let signals = model.resting_signals(fixed.u).1;
+    Ok(Equilibrium { model: Arc::clone(model), theta: fixed.theta.to_vec(), q, record, placement, signals, work })
 }
 
 /// Derivatives of clamped positions: (row of q, control or parameter, value).

@@ -17,7 +17,7 @@
 //!
 //! A rope let go falls as one, whatever its springs are; the midpoint rule is exact there:
 //! ```
-//! use pliant_engine::{model::ModelBuilder, rollout::rollout, scene, state::State, step::StepOptions};
+//! use pliant_engine::{model::ModelBuilder, rollout::rollout, scene, step::StepOptions};
 //! use std::sync::Arc;
 //!
 //! let text = r#"
@@ -37,7 +37,7 @@
 //! "#;
 //! let scene: scene::Scene = scene::parse_scene(text, "falling.toml")?;
 //! let model = Arc::new(ModelBuilder::new(&scene)?.build());
-//! let x0 = State { q: model.initial_positions().to_vec(), v: model.initial_velocities().to_vec() };
+//! let x0 = model.initial_state();
 //! let controls = scene::control_rows(&scene, scene.time.n_steps())?;
 //! let run = rollout(&model, model.params().values(), &x0, &controls, StepOptions::default())?;
 //! for node in run.states[10].v.chunks(3) {
@@ -53,6 +53,7 @@ pub mod geometry;
 pub mod import;
 pub mod kinematics;
 pub mod kkt;
+pub mod memory;
 pub mod model;
 mod newton;
 pub mod params;
@@ -62,5 +63,5 @@ pub mod state;
 pub mod step;
 pub mod terms;
 
-pub use contact::{ContactPair, JointRow, JointRowKind};
+pub use contact::{ContactPair, JointFriction, JointRow, JointRowKind};
 pub use newton::Work;

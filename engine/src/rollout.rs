@@ -79,7 +79,7 @@ impl Rollout {
     /// Total energy \[J\] at every state.
     pub fn energy(&self) -> Vec<f64> {
         let total =
-            |x: &State| self.model.kinetic_energy(&x.q, &x.v, &self.theta) + self.model.potential_energy(&x.q, &self.theta);
+            |x: &State| self.model.kinetic_energy(&x.q, &x.v, &self.theta) + self.model.potential_energy(&x.q, &x.z, &self.theta);
         self.states.iter().map(total).collect()
     }
 }

@@ -81,13 +81,14 @@ impl Model {
         self.model.n_nodes()
     }
 
-    /// Size of the state x = [q, v]: node positions and joint coordinates (a quaternion for a ball), then as many velocities.
+    /// Size of the state x = [q, v, z]: node positions and joint coordinates (a quaternion for a ball), then as many velocities, then
+    /// what joints and motors remember (see memory_names).
     #[getter]
     fn nx(&self) -> usize {
         self.model.nx()
     }
 
-    /// Size of a change of state, [dq, dv]: what tangents, cotangents and Jacobians have. nx, but for three numbers instead of a
+    /// Size of a change of state, [dq, dv, dz]: what tangents, cotangents and Jacobians have. nx, but for three numbers instead of a
     /// ball's quaternion: a turn in its body's axes \[rad\].
     #[getter]
     fn ndx(&self) -> usize {
@@ -102,6 +103,12 @@ impl Model {
             n => (0..n).map(|k| format!("{}[{k}]", j.name)).collect(),
         };
         self.model.tree().joints().iter().flat_map(names).collect()
+    }
+
+    /// Names of the entries of z: "elbow.plastic", "elbow.load", "motor.target", "motor.command[k]", "motor.lagged".
+    #[getter]
+    fn memory_names(&self) -> Vec<String> {
+        self.model.memory_names()
     }
 
     /// Number of inputs.
@@ -262,7 +269,7 @@ impl Model {
         u: &Bound<'py, PyAny>,
         theta: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
-        let mut state = State::from_flat(&vector("x", x, self.model.nx())?, self.model.nq());
+        let mut state = State::from_flat(&vector("x", x, self.model.nx())?, self.model.nq(), self.model.nv());
         let u = vector("u", u, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
         let options = StepOptions { record: false, ..StepOptions::default() };
@@ -342,7 +349,7 @@ impl Model {
     ) -> PyResult<Bound<'py, PyDict>> {
         let theta = self.theta_or_default(theta)?;
         let x0 = match x0 {
-            Some(x0) => State::from_flat(&vector("x0", x0, self.model.nx())?, self.model.nq()),
+            Some(x0) => State::from_flat(&vector("x0", x0, self.model.nx())?, self.model.nq(), self.model.nv()),
             None => py.detach(|| self.start(&theta))?,
         };
         let u = u.map_or_else(|| self.rows(None), |u| matrix("u", u, None, self.model.nu()))?;

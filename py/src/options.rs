@@ -57,7 +57,7 @@ impl Keep {
 
     /// Simulates.
     pub fn run(self, model: &Arc<Model>, theta: &[f64], x0: &[f64], u: &[Vec<f64>]) -> Result<Trajectory, PyErr> {
-        let (x0, step) = (State::from_flat(x0, model.nq()), self.step);
+        let (x0, step) = (State::from_flat(x0, model.nq(), model.nv()), self.step);
         let records = self.max_records.filter(|&records| records < u.len() && step.record);
         match (self.smoothing, records) {
             (None, None) => return rollout(model, theta, &x0, u, step).map(Trajectory::Whole).map_err(errors::step),

@@ -104,7 +104,7 @@ impl Rollout {
     fn energy<'py>(&self, py: Python<'py>) -> Vector<'py> {
         let model = self.kept.model();
         let theta = self.kept.theta();
-        let total = |x: &State| model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, theta);
+        let total = |x: &State| model.kinetic_energy(&x.q, &x.v, theta) + model.potential_energy(&x.q, &x.z, theta);
         to_vector(py, self.kept.states().iter().map(total).collect())
     }
 

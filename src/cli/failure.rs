@@ -149,11 +149,11 @@ fn is_input(step: &StepError) -> bool {
 fn advice(step: &StepError) -> (&'static str, &'static str) {
     match step {
         StepError::NotConverged { .. } => (
-            "the motion is too fast or the rope too stiff for this step",
+            "the motion is too fast, or a rope, a spring or a servo too stiff, for this step",
             "shorten `time.step`, or raise `solver.max_iterations` and `solver.max_halvings`",
         ),
         StepError::NotFinite { .. } => (
-            "edges of length zero, a rope folded onto itself, or an extreme parameter",
+            "edges of length zero, a rope folded onto itself, a state that is no number, or an extreme parameter",
             "check the initial shape and that parameter",
         ),
         StepError::Singular { .. } => {

@@ -40,7 +40,7 @@ pub fn write(path: &Path, run: &Rollout, energy: &[f64]) -> Result<(), Failure> 
 }
 
 /// Columns `t`, `cable.node[0].x`, … `.z`, `.vx`, … `.vz`, next node, …; `elbow.q`, `elbow.v`, or for a ball `wrist.qw`, … `.qz`,
-/// `.vx`, … `.vz`, next joint, …; `energy`.
+/// `.vx`, … `.vz`, next joint, …; what joints and motors remember, `elbow.plastic`, …; `energy`.
 fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io::Result<()> {
     let h = run.model.step_length();
     write!(out, "t")?;
@@ -55,6 +55,7 @@ fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io
         let names: &[&str] = if joint.kind.n_dofs() == 3 { &["qw", "qx", "qy", "qz", "vx", "vy", "vz"] } else { &["q", "v"] };
         names.iter().try_for_each(|name| write!(out, ",{}.{name}", joint.name))?;
     }
+    run.model.memory_names().iter().try_for_each(|name| write!(out, ",{name}"))?;
     writeln!(out, ",energy")?;
     for (k, state) in run.states.iter().enumerate() {
         write!(out, "{}", k as f64 * h)?;
@@ -66,6 +67,7 @@ fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io
         for joint in run.model.tree().joints() {
             joint_numbers(&run.model, joint, state).try_for_each(|number| write!(out, ",{number}"))?;
         }
+        state.z.iter().try_for_each(|number| write!(out, ",{number}"))?;
         writeln!(out, ",{}", energy[k])?;
     }
     Ok(())
@@ -80,7 +82,7 @@ fn joint_numbers<'a>(model: &Model, joint: &Joint, state: &'a State) -> impl Ite
 }
 
 /// Arrays `t` (T+1), `energy` (T+1), and per rope `cable.position` and `cable.velocity` (T+1, nodes, 3), per joint `elbow.q`
-/// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3).
+/// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3), and for each number that joints and motors remember `elbow.plastic`, … (T+1).
 fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
     let h = run.model.step_length();
     let times = run.states.len();
@@ -100,6 +102,9 @@ fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
         let v = Array2::from_shape_fn((times, joint.kind.n_dofs()), |(k, a)| run.states[k].v[n + joint.v + a]);
         out.add_array(format!("{}.q", joint.name), &q)?;
         out.add_array(format!("{}.v", joint.name), &v)?;
+    }
+    for (k, name) in run.model.memory_names().iter().enumerate() {
+        out.add_array(name, &Array1::from_shape_fn(times, |step| run.states[step].z[k]))?;
     }
     Ok(out.finish()?.into_inner())
 }

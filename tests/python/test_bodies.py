@@ -1,5 +1,7 @@
 """Articulated bodies against MuJoCo's RK4, a high-order solver, and what mechanics conserves."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pliant
@@ -10,6 +12,7 @@ from validation.bodies import chains
 from validation.bodies.chains import Chain
 
 SECONDS = 0.25
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
 
 
 def reference(chain: Chain, step: float = 1e-5) -> np.ndarray:
@@ -160,3 +163,25 @@ def test_a_stop_holds_without_rebound():
     q, v = run.x[:, 0], run.x[:, 1]
     assert q.max() < 0.5 and q[-1] > 0.5 - 1e-6
     assert v.min() > -1e-6
+
+
+def test_states_hold_what_joints_and_motors_remember():
+    """x = [q, v, z]: sizes and names agree, and a Jacobian has the rows of z."""
+    model = pliant.load(SCENES / "arm_actuators.toml")
+    names = model.memory_names
+    assert names == (
+        ["shoulder_servo.target"]
+        + [f"shoulder_servo.command[{k}]" for k in range(4)]
+        + ["shoulder_servo.lagged", "elbow_motor.command[0]", "elbow_motor.command[1]", "finger_motor.lagged"]
+    )
+    roll = model.rollout(model.initial_state(), model.controls())
+    assert roll.x.shape[1] == model.nx == model.ndx + 1  # one ball
+    z = roll.x[:, -len(names) :]
+    assert np.array_equal(z[1:, 1], z[1:, 0])  # the newest command kept is the target
+    assert np.array_equal(z[1:, 2], z[:-1, 1])
+    step = int(np.argmax(np.abs(roll.u[:, 0]) < 0.9))  # the first one whose command is not cut
+    a, b, _ = roll.linearize(step)
+    assert a.shape == (model.ndx, model.ndx) and a[-len(names) + 2, -len(names) + 1] == 1.0
+    assert b[-len(names), 0] == 0.02
+    theta_bar = roll.vjp(np.ones((len(roll.x), model.ndx)))[2]
+    assert theta_bar[model.param_index("shoulder_servo.delay")] != 0.0

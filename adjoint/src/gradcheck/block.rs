@@ -51,15 +51,18 @@ impl Block {
     }
 }
 
-/// One block for positions, velocities, controls, and every quantity of θ (indices joined).
+/// One block for positions, velocities, internal variables, controls, and every quantity of θ (indices joined).
 pub(crate) fn all(model: &Model, inputs: &Inputs, random: &mut Random) -> Vec<Block> {
     let nv = model.nv();
     let mut blocks = Vec::new();
-    for (name, range) in [("x0.q", 0..nv), ("x0.v", nv..2 * nv)] {
+    for (name, range) in [("x0.q", 0..nv), ("x0.v", nv..2 * nv), ("x0.z", 2 * nv..model.ndx())] {
+        if range.is_empty() {
+            continue;
+        }
         let mut block = Block::empty(name, model, inputs);
         block.size = range.len();
         block.x0[range].iter_mut().for_each(|d| *d = random.symmetric());
-        block.scale = if name == "x0.q" { 1e-2 } else { 1e-1 };
+        block.scale = if name == "x0.v" { 1e-1 } else { 1e-2 };
         blocks.push(block);
     }
     if model.nu() > 0 && !inputs.u.is_empty() {

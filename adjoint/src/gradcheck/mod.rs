@@ -7,7 +7,8 @@
 //!   disagreement is the difference's own *floor*;
 //! - *Taylor slope*: |L(p + εd) − L(p) − ε⟨∇L, d⟩| must fall like ε² (unless the map is affine along d);
 //! - *dot test*: ⟨w, J d⟩ by jvp equals ⟨Jᵀw, d⟩ by vjp;
-//! - *contact switches*: how many contacts changed between separate, stick and slip, or steps were halved differently, inside
+//! - *contact switches*: how many contacts changed between separate, stick and slip, motors began or ceased to saturate, delays
+//!   passed a whole number of steps, or steps were halved differently, inside
 //!   the differences that were used. A disagreement there is the map's own kink, not a wrong gradient.
 
 mod block;
@@ -33,7 +34,7 @@ pub const DOT_TEST: f64 = 1e-11;
 /// Result for one block of inputs.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BlockReport {
-    /// `x0.q`, `x0.v`, `u`, or the path of a quantity of θ with its indices as `*`.
+    /// `x0.q`, `x0.v`, `x0.z`, `u`, or the path of a quantity of θ with its indices as `*`.
     pub name: String,
     /// Number of entries.
     pub size: usize,
@@ -165,6 +166,7 @@ fn sizes(model: &Model, x: &State) -> Vec<f64> {
         out.extend(std::iter::repeat_n(size, joint.kind.n_dofs()));
     }
     out.extend_from_slice(&x.v);
+    out.extend_from_slice(&x.z);
     out
 }
 
@@ -189,10 +191,11 @@ fn by_vjp_size(block: &Block, gradient: &crate::RolloutCotangent) -> f64 {
         + block.u.iter().zip(&gradient.u).map(|(a, b)| abs_dot(a, b)).sum::<f64>()
 }
 
-/// 0 separate, 1 stick, 2 slip for every contact of every stage, and the number of stages of every step.
+/// Branches of every step: of its motors' signals, of contacts, joints and motors in each of its stages, and how many these are.
 fn modes(rollout: &Rollout) -> Vec<u8> {
     let mut out = Vec::new();
-    for record in &rollout.records {
+    for (record, u) in rollout.records.iter().zip(&rollout.controls) {
+        out.extend(rollout.model.signal_modes(u, &rollout.theta));
         out.push(record.stages.len() as u8);
         for (_, stage) in &record.stages {
             out.extend(stage.contact_modes(&rollout.model, &rollout.theta));

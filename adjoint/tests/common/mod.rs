@@ -21,8 +21,7 @@ pub struct Case {
 impl Case {
     pub fn new(scene: &Scene, steps: usize) -> Self {
         let model = Arc::new(ModelBuilder::new(scene).unwrap().build());
-        let (q, v) = (model.initial_positions().to_vec(), model.initial_velocities().to_vec());
-        Self { theta: model.params().values().to_vec(), x0: State { q, v }, u: control_rows(scene, steps).unwrap(), model }
+        Self { theta: model.params().values().to_vec(), x0: model.initial_state(), u: control_rows(scene, steps).unwrap(), model }
     }
 
     pub fn run(&self, options: StepOptions) -> Rollout {

@@ -1,20 +1,41 @@
 //! Friction and stops at joints: one impulse each, condensed into the force on its degree of freedom.
 
 use nalgebra::{SVector, Vector3};
-use num_dual::{Derivative, DualSVec64};
+use num_dual::{Derivative, Dual64, DualSVec64};
 use pliant_smoothing::{Real, friction_residual, stop_residual};
 
 /// Part of its bound from which friction counts as slipping.
 const SLIP: f64 = 0.999;
 /// Numbers of θ that a row reads.
-const PARAMS: usize = 3;
+const PARAMS: usize = 5;
+
+/// Dry friction of a joint: indices in θ, and where in z its load is. Against v > 0 the impulse is at most
+/// ```text
+/// h (c₊ + s exp(−(v/v_s)²) + μ |T|),      against v < 0 likewise with c₋
+/// ```
+/// with Coulomb's torque c± [N·m or N], the excess s of stiction over it, the speed v_s at which that has fallen by e (Stribeck), and the
+/// part μ of the load T that springs and motors put on the joint *at the end of the last step*. A load of the same step would make the
+/// bound depend on the motion it bounds, through servos as steep as 1/μ or more with two solutions or none; known beforehand, it
+/// leaves the law well posed for every μ ≥ 0, at the price of first order in h where the load changes. The derivative by T is 0 at T = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointFriction {
+    /// c₊, against positive velocities.
+    pub coulomb: usize,
+    /// c₋, against negative ones; the same index if there is no difference.
+    pub backward: usize,
+    /// s.
+    pub stiction: usize,
+    /// v_s.
+    pub stribeck: usize,
+    /// μ, and the place of T in z.
+    pub load: Option<(usize, usize)>,
+}
 
 /// What a row is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointRowKind {
-    /// Dry friction: Coulomb torque c, excess of stiction over it s, and speed v_s at which the excess has fallen by e (Stribeck):
-    /// the bound is c + s exp(−(v/v_s)²). Indices in θ.
-    Friction([usize; PARAMS]),
+    /// Dry friction.
+    Friction(JointFriction),
     /// A stop at the coordinate with this index in θ: below it (+1: coordinates are above) or above it (−1).
     Stop(usize, f64),
 }
@@ -44,6 +65,8 @@ pub(crate) struct RowPoint {
     pub weight: f64,
     /// Step of the natural residual [kg·m² or kg].
     pub rho: f64,
+    /// Load T of the joint [N·m or N].
+    pub load: f64,
 }
 
 /// A row linearized at an iterate.
@@ -63,19 +86,26 @@ impl JointRow {
     /// Indices in θ, with how many count.
     pub(crate) fn params(&self) -> ([usize; PARAMS], usize) {
         match self.kind {
-            JointRowKind::Friction(params) => (params, PARAMS),
+            JointRowKind::Friction(f) => {
+                let part = f.load.map(|(part, _)| part);
+                let params = [f.coulomb, f.backward, f.stiction, f.stribeck, part.unwrap_or(f.coulomb)];
+                (params, if part.is_some() { PARAMS } else { PARAMS - 1 })
+            }
             JointRowKind::Stop(bound, _) => ([bound; PARAMS], 1),
         }
     }
 
-    /// F for any scalar. κ = δ (c + weight/1000) for friction, δ weight for a stop.
-    fn law<S: Real>(&self, at: &RowPoint, q: S, v: S, gamma: S, p: &[S]) -> S {
+    /// F for any scalar, of (q, v, γ, load). κ = δ (c + weight/1000) for friction with c the mean of c₊ and c₋, δ weight for a stop.
+    fn law<S: Real>(&self, at: &RowPoint, [q, v, gamma, load]: [S; 4], p: &[S]) -> S {
         match self.kind {
-            JointRowKind::Friction(_) => {
-                let fall = (-(v * v) / (p[2] * p[2])).exp();
-                let bound = (p[0] + p[1] * fall) * at.h;
-                let kappa = (p[0] + 1e-3 * at.weight) * at.rest_gap;
-                friction_residual(kappa, at.rho, bound, bound, v, gamma)
+            JointRowKind::Friction(friction) => {
+                let fall = (-(v * v) / (p[3] * p[3])).exp();
+                let mut more = p[2] * fall;
+                if friction.load.is_some() {
+                    more += p[4] * if load.re() == 0.0 { S::zero() } else { load.abs() };
+                }
+                let kappa = ((p[0] + p[1]) * 0.5 + 1e-3 * at.weight) * at.rest_gap;
+                friction_residual(kappa, at.rho, (p[0] + more) * at.h, (p[1] + more) * at.h, v, gamma)
             }
             JointRowKind::Stop(_, side) => {
                 let v_n = (q - p[0]) * (side / at.h);
@@ -91,7 +121,10 @@ impl JointRow {
     /// Whether it can act: a stop always, friction if it has a size.
     pub(crate) fn acts(&self, theta: &[f64]) -> bool {
         match self.kind {
-            JointRowKind::Friction([coulomb, stiction, _]) => theta[coulomb] > 0.0 || theta[stiction] > 0.0,
+            JointRowKind::Friction(f) => {
+                let part = f.load.map(|(part, _)| part);
+                [Some(f.coulomb), Some(f.backward), Some(f.stiction), part].into_iter().flatten().any(|k| theta[k] > 0.0)
+            }
             JointRowKind::Stop(..) => true,
         }
     }
@@ -101,28 +134,42 @@ impl JointRow {
         if let JointRowKind::Stop(_, side) = self.kind { side } else { 1.0 }
     }
 
-    /// Friction: 1 stick, 2 and 3 slip; a stop: 0 open, 1 closed.
+    /// Friction: 1 stick, 2 and 3 slip, plus 4 under a negative load; a stop: 0 open, 1 closed.
     pub(crate) fn mode(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> u8 {
         match self.kind {
-            JointRowKind::Friction(_) if gamma.abs() <= SLIP * self.bound(at, theta) => 1,
-            JointRowKind::Friction(_) => 2 + u8::from(gamma > 0.0),
+            JointRowKind::Friction(_) => {
+                let [against_forward, against_backward] = self.bounds(at, theta);
+                let sticks = -SLIP * against_forward <= gamma && gamma <= SLIP * against_backward;
+                let motion = if sticks { 1 } else { 2 + u8::from(gamma > 0.0) };
+                motion + 4 * u8::from(at.load < 0.0)
+            }
             JointRowKind::Stop(..) => u8::from(gamma > (at.rest_gap * at.weight * at.rho).sqrt()),
         }
     }
 
-    /// Largest impulse of friction [N·m·s or N·s]; 0 for a stop.
-    fn bound(&self, at: &RowPoint, theta: &[f64]) -> f64 {
+    /// Place in z of the load that it depends on.
+    pub(crate) fn load(&self) -> Option<usize> {
         match self.kind {
-            JointRowKind::Friction([coulomb, stiction, speed]) => {
-                (theta[coulomb] + theta[stiction] * (-(at.v / theta[speed]).powi(2)).exp()) * at.h
+            JointRowKind::Friction(f) => f.load.map(|(_, place)| place),
+            JointRowKind::Stop(..) => None,
+        }
+    }
+
+    /// Largest impulses of friction against positive and negative velocities [N·m·s or N·s]; 0 for a stop.
+    fn bounds(&self, at: &RowPoint, theta: &[f64]) -> [f64; 2] {
+        match self.kind {
+            JointRowKind::Friction(f) => {
+                let part = f.load.map_or(0.0, |(part, _)| theta[part]);
+                let more = theta[f.stiction] * (-(at.v / theta[f.stribeck]).powi(2)).exp() + part * at.load.abs();
+                [f.coulomb, f.backward].map(|c| (theta[c] + more) * at.h)
             }
-            JointRowKind::Stop(..) => 0.0,
+            JointRowKind::Stop(..) => [0.0; 2],
         }
     }
 
     /// F alone.
     pub(crate) fn residual(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> f64 {
-        self.law(at, at.q, at.v, gamma, &self.values(theta))
+        self.law(at, [at.q, at.v, gamma, at.load], &self.values(theta))
     }
 
     /// F and its derivatives.
@@ -134,9 +181,9 @@ impl JointRow {
             Dual::new(x, Derivative::some(unit))
         };
         let p = self.values(theta).map(Dual::from_re);
-        let f = self.law(at, seeded(at.q, 0), seeded(at.v, 1), seeded(gamma, 2), &p);
+        let f = self.law(at, [seeded(at.q, 0), seeded(at.v, 1), seeded(gamma, 2), Dual::from_re(at.load)], &p);
         let by = f.eps.0.unwrap_or_else(Vector3::zeros);
-        let size = gamma.abs() + (at.rho * at.v).abs() + self.bound(at, theta);
+        let size = gamma.abs() + (at.rho * at.v).abs() + self.bounds(at, theta).into_iter().fold(0.0, f64::max);
         let rounding = 4.0 * f64::EPSILON * size / by[2].abs();
         RowLinear { f: f.re, f_q: by[0], f_v: by[1], f_gamma: by[2], rounding }
     }
@@ -151,9 +198,16 @@ impl JointRow {
             Dual::new(theta[indices[k]], Derivative::some(unit))
         });
         let constant = |x: f64| Dual::from_re(x);
-        let f = self.law(at, constant(at.q), constant(at.v), constant(gamma), &p);
+        let f = self.law(at, [at.q, at.v, gamma, at.load].map(constant), &p);
         if let Some(by) = f.eps.0 {
             (0..count).for_each(|k| visit(indices[k], by[k]));
         }
+    }
+
+    /// ∂F/∂load.
+    pub(crate) fn by_load(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> f64 {
+        let p = self.values(theta).map(Dual64::from_re);
+        let [q, v, gamma] = [at.q, at.v, gamma].map(Dual64::from_re);
+        self.law(at, [q, v, gamma, Dual64::new(at.load, 1.0)], &p).eps
     }
 }

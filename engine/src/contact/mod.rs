@@ -13,7 +13,7 @@ mod solid_pair;
 pub(crate) use condensed::{Condensed, LawPoint, impulse};
 pub(crate) use joint_row::RowLinear;
 pub(crate) use joint_row::RowPoint;
-pub use joint_row::{JointRow, JointRowKind};
+pub use joint_row::{JointFriction, JointRow, JointRowKind};
 pub use pair::ContactPair;
 pub(crate) use pair::Touch;
 pub use solid_pair::{Friction, SolidPair};

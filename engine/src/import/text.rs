@@ -73,6 +73,8 @@ fn joint(out: &mut String, joint: &Joint) {
     differing(out, "stiffness", joint.stiffness, default.stiffness);
     differing(out, "cubic_stiffness", joint.cubic_stiffness, default.cubic_stiffness);
     differing(out, "rest", joint.rest, default.rest);
+    differing(out, "friction", joint.friction, default.friction);
+    list(out, "limits", joint.limits.as_ref().map_or(&[], |limits| limits), &[]);
     list(out, "start", &joint.start, &[]);
     list(out, "velocity", &joint.velocity, &[]);
 }

@@ -9,7 +9,7 @@ use super::view::View;
 use super::xml::Element;
 use super::{Imported, Options};
 use crate::bodies::InertiaError;
-use crate::scene::{Body, Joint, Mistake, Scene, SceneError, check};
+use crate::scene::{Body, Integrator, Joint, Mistake, Scene, SceneError, check};
 
 /// Why something is ignored that the importer has no word for.
 const UNREAD: &str = "not read by the importer";
@@ -107,6 +107,22 @@ impl<'o> Work<'o> {
                 Err(view.error(attribute, mistake))
             }
             _ => Ok(()),
+        }
+    }
+
+    /// Stops of a joint [rad or m], in the scene's coordinate. They need an integrator that allows contact, and a start between them.
+    pub fn stops(&mut self, element: &Element, joint: &mut Joint, [low, high]: [f64; 2], given: &str) {
+        if low == high {
+            self.ignored(element, &joint.name, format!("{given}: both stops at one place, which holds no joint in a scene"));
+            return;
+        }
+        joint.limits = Some([low, high]);
+        self.scene.time.integrator = Integrator::Sdirk2;
+        self.kept(element, &joint.name, format!("{given}: hard stops without rebound; the integrator is `sdirk2`"));
+        if !(low..=high).contains(&0.0) {
+            let start = if low > 0.0 { low } else { high };
+            joint.start = vec![start];
+            self.approximated(element, &joint.name, format!("its zero is beyond a stop: it starts at that stop, {start}"));
         }
     }
 

@@ -21,6 +21,12 @@ pub enum Input {
     U(usize),
     /// A parameter.
     Theta(usize),
+    /// An internal variable at the start of the step.
+    Z(usize),
+    /// A position dof at the end of the step.
+    QNext(usize),
+    /// A velocity at the end of the step.
+    VNext(usize),
 }
 
 /// The ghost of a clamped end edge.
@@ -233,6 +239,7 @@ fn value(input: Input, q: &[f64], u: &[f64], theta: &[f64]) -> f64 {
         Input::Q(k) => q[k],
         Input::U(k) => u[k],
         Input::Theta(k) => theta[k],
+        Input::Z(_) | Input::QNext(_) | Input::VNext(_) => 0.0, // a gripper reads none of them
     }
 }
 

@@ -4,12 +4,14 @@ use super::Model;
 use crate::bodies::inertia::to_numbers;
 use crate::bodies::rotation::{matrix, normalized};
 use crate::bodies::{self, BodyInertia, Tree};
-use crate::contact::{JointRow, JointRowKind};
+use crate::contact::{JointFriction, JointRow, JointRowKind};
+use crate::memory::SignalPath;
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::scene::{Actuator, ActuatorKind, Body, Joint, JointKind, Scene};
 use crate::terms::Vec3;
 use crate::terms::joint::{
-    AutomaticJoint, CubicSpring, Damping, JointElement, JointLaw, PositionDrive, Spring, TorqueDrive, VelocityDrive,
+    AutomaticJoint, CubicSpring, Damping, GravityCompensation, JointElement, JointLaw, PlasticSpring, PositionDrive, Spring,
+    TorqueDrive, VelocityDrive,
 };
 use nalgebra::Matrix3;
 use std::sync::Arc;
@@ -19,6 +21,9 @@ use std::sync::Arc;
 struct Elements {
     spring: Vec<JointElement>,
     cubic: Vec<JointElement>,
+    plastic: Vec<JointElement>,
+    /// Gains of gravity compensation: degree of freedom and index in θ.
+    compensated: Vec<(usize, usize)>,
     damping: Vec<JointElement>,
     torque: Vec<JointElement>,
     position: Vec<JointElement>,
@@ -40,7 +45,14 @@ impl Model {
                 let params = JointParams::push(joint, &mut self.params);
                 let parts = elementary(joint, params.armature);
                 let places: Vec<usize> = (0..parts.len()).map(|k| first + joints.len() + k).collect();
-                list_elements(&params, &places, &mut elements);
+                if joint.plastic_time.is_some() {
+                    self.list_plastic(joint, &params, &places, &mut elements);
+                }
+                list_elements(&params, &places, joint.plastic_time.is_some(), &mut elements);
+                if let Some(gain) = joint.gravity_compensation {
+                    let gain = self.params.push(format!("{}.gravity_compensation", joint.name), "-", ANY, gain);
+                    elements.compensated.extend((0..joint.kind.n_dofs()).map(|k| (v.len() + k, gain)));
+                }
                 self.list_rows(joint, parts.len(), [q.len(), v.len()]);
                 q.extend(initial_coordinates(body, joint));
                 let rest = vec![0.0; joint.kind.n_dofs()];
@@ -70,20 +82,52 @@ impl Model {
         let name = &joint.name;
         let linear = joint.kind == JointKind::Prismatic;
         let (torque, speed, place) = if linear { ("N", "m/s", "m") } else { ("N·m", "rad/s", "rad") };
-        let friction = [
-            self.params.push(format!("{name}.friction"), torque, NON_NEGATIVE, joint.friction),
-            self.params.push(format!("{name}.stiction"), torque, NON_NEGATIVE, joint.stiction),
-            self.params.push(format!("{name}.stribeck_velocity"), speed, POSITIVE, joint.stribeck_velocity),
-        ];
+        let coulomb = self.params.push(format!("{name}.friction"), torque, NON_NEGATIVE, joint.friction);
+        let stiction = self.params.push(format!("{name}.stiction"), torque, NON_NEGATIVE, joint.stiction);
+        let stribeck = self.params.push(format!("{name}.stribeck_velocity"), speed, POSITIVE, joint.stribeck_velocity);
+        let mut own = |key: &str, unit, value: Option<f64>| {
+            value.map(|value| self.params.push(format!("{name}.{key}"), unit, NON_NEGATIVE, value))
+        };
+        let backward = own("friction_backward", torque, joint.friction_backward).unwrap_or(coulomb);
+        let part = own("load_friction", "-", joint.load_friction);
         let limits =
             joint.limits.map(|limits| [0, 1].map(|k| self.params.push(format!("{name}.limit[{k}]"), place, ANY, limits[k])));
         for k in 0..parts {
             let row = |kind| JointRow { dof: first + k, q: q + k, kind };
+            let load = part.map(|part| {
+                let suffix = if parts > 1 { format!("[{k}]") } else { String::new() };
+                let place = self.memory.push(format!("{name}{suffix}.load"), 0.0);
+                self.memory.loads.push((first + k, place));
+                (part, place)
+            });
+            let friction = JointFriction { coulomb, backward, stiction, stribeck, load };
             self.joint_rows.push(row(JointRowKind::Friction(friction)));
             if let Some([low, high]) = limits {
                 self.joint_rows.push(row(JointRowKind::Stop(low, 1.0)));
                 self.joint_rows.push(row(JointRowKind::Stop(high, -1.0)));
             }
+        }
+    }
+
+    /// The spring of a joint that creeps, and its place in z.
+    fn list_plastic(&mut self, joint: &Joint, params: &JointParams, places: &[usize], out: &mut Elements) {
+        let (Some(time), Some(p)) = (joint.plastic_time, &params.forces) else { return };
+        let unit = if joint.kind == JointKind::Prismatic { "m" } else { "rad" };
+        let time = self.params.push(format!("{}.plastic_time", joint.name), "s", POSITIVE, time);
+        let limit = joint.yield_at.map(|limit| self.params.push(format!("{}.yield", joint.name), unit, POSITIVE, limit));
+        let numbers = joint.kind.n_dofs();
+        let mut places_in_z = (0..numbers).map(|k| {
+            let suffix = if numbers > 1 { format!("[{k}]") } else { String::new() };
+            self.memory.push(format!("{}.plastic{suffix}", joint.name), joint.plastic_start.get(k).copied().unwrap_or(0.0))
+        });
+        for &place in places {
+            out.plastic.push(JointElement {
+                joints: vec![place],
+                controls: Vec::new(),
+                params: [p.stiffness, p.cubic, time].into_iter().chain(limit).chain(p.rest).collect(),
+                constants: vec![if limit.is_some() { 1.0 } else { 0.0 }],
+                memory: places_in_z.by_ref().take(numbers / places.len()).collect(),
+            });
         }
     }
 
@@ -102,22 +146,40 @@ impl Model {
         };
         params.push(entry("offset", "N·m", ANY, actuator.offset));
         params.push(entry("gear", "-", ANY, actuator.gear));
+        if let Some(limits) = actuator.saturation {
+            params.extend([0, 1].map(|k| entry(&format!("saturation[{k}]"), "N·m", ANY, limits[k])));
+        }
+        let scale = actuator.delta_scale.map(|scale| entry("delta_scale", "rad", ANY, scale));
+        let delay = actuator.delay.zip(actuator.longest_delay());
+        let delay = delay.map(|(delay, longest)| (entry("delay", "s", (0.0, longest), delay), longest));
+        let lag = actuator.lag.map(|lag| entry("lag", "s", NON_NEGATIVE, lag));
+        if scale.is_some() || delay.is_some() || lag.is_some() {
+            let at_joint = actuator.gear * self.q0[self.n_node_dofs() + self.tree.joints()[joint].q];
+            let start = actuator.start.unwrap_or(if actuator.kind == ActuatorKind::Position { at_joint } else { 0.0 });
+            self.memory.paths.push(SignalPath { name: actuator.name.clone(), control, scale, delay, lag, start });
+        }
         let list = match actuator.kind {
             ActuatorKind::Torque => &mut elements.torque,
             ActuatorKind::Position => &mut elements.position,
             ActuatorKind::Velocity => &mut elements.velocity,
         };
-        list.push(JointElement { joints: vec![joint], controls: vec![control], params, constants: Vec::new() });
+        list.push(JointElement { joints: vec![joint], controls: vec![control], params, ..JointElement::default() });
         self.n_actuators += 1;
     }
 
     fn add_joint_terms(&mut self, e: Elements) {
         self.add_joint_law(Spring, e.spring);
         self.add_joint_law(CubicSpring, e.cubic);
+        self.add_joint_law(PlasticSpring, e.plastic);
         self.add_joint_law(Damping, e.damping);
         self.add_joint_law(TorqueDrive, e.torque);
         self.add_joint_law(PositionDrive, e.position);
         self.add_joint_law(VelocityDrive, e.velocity);
+        if !e.compensated.is_empty() {
+            let theta = self.params.values();
+            let (inertias, gravity) = (self.inertias(theta), self.gravity_vector(theta));
+            self.joint_terms.push(Arc::new(GravityCompensation { gains: e.compensated, inertias, gravity }));
+        }
     }
 
     pub(super) fn add_joint_law<L: JointLaw + 'static>(&mut self, law: L, elements: Vec<JointElement>) {
@@ -219,16 +281,18 @@ fn elementary(joint: &Joint, armature: usize) -> Vec<bodies::Joint> {
     }
 }
 
-/// Springs and dampers of a joint. Those of zero stiffness are listed too: a fit may free them.
-fn list_elements(joints: &JointParams, places: &[usize], out: &mut Elements) {
+/// Springs and dampers of a joint, dampers alone if it creeps. Those of zero stiffness are listed too: a fit may free them.
+fn list_elements(joints: &JointParams, places: &[usize], creeps: bool, out: &mut Elements) {
     let Some(p) = &joints.forces else { return };
     for &place in places {
         let with = |first: usize| {
             let params = std::iter::once(first).chain(p.rest).collect();
             JointElement { joints: vec![place], params, ..JointElement::default() }
         };
-        out.spring.push(with(p.stiffness));
-        out.cubic.push(with(p.cubic));
+        if !creeps {
+            out.spring.push(with(p.stiffness));
+            out.cubic.push(with(p.cubic));
+        }
         out.damping.push(JointElement { joints: vec![place], params: vec![p.damping], ..JointElement::default() });
     }
 }

@@ -5,6 +5,7 @@ use crate::bodies::Tree;
 use crate::contact::ContactPair;
 use crate::geometry::Shape;
 use crate::kinematics::{Drive, DriveKind, EdgeClamp};
+use crate::memory::Layout;
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Start};
 use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, Stretch, StretchDamping, Term, Vec3};
@@ -96,6 +97,7 @@ impl ModelBuilder {
             joint_rows: Vec::new(),
             weights: DofWeights::default(),
             n_actuators: 0,
+            memory: Layout::default(),
             shapes: Vec::new(),
             shape_names: Vec::new(),
             pairs: Vec::new(),

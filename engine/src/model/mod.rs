@@ -15,6 +15,7 @@ use crate::geometry::Shape;
 use crate::geometry::solid::Solid;
 use crate::kinematics::Drive;
 use crate::kkt::{Method, Symmetry};
+use crate::memory::{Layout, Past};
 use crate::params::Params;
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use crate::state::State;
@@ -59,6 +60,7 @@ pub struct Model {
     pub(crate) joint_rows: Vec<JointRow>,
     pub(crate) weights: DofWeights,
     pub(crate) n_actuators: usize,
+    pub(crate) memory: Layout,
     pub(crate) shapes: Vec<Shape>,
     pub(crate) shape_names: Vec<String>,
     pub(crate) pairs: Vec<ContactPair>,
@@ -96,15 +98,15 @@ impl Model {
         self.n_node_dofs() + self.tree.nv()
     }
 
-    /// Numbers of a state as one vector, x = (q, v).
+    /// Numbers of a state as one vector, x = (q, v, z).
     pub fn nx(&self) -> usize {
-        self.nq() + self.nv()
+        self.nq() + self.nv() + self.nz()
     }
 
-    /// Numbers of a change of state, δx = (δq, δv): the size of tangents, cotangents and the Jacobian A. A change of a ball's
+    /// Numbers of a change of state, δx = (δq, δv, δz): the size of tangents, cotangents and the Jacobian A. A change of a ball's
     /// quaternion is a turn in its body's axes.
     pub fn ndx(&self) -> usize {
-        2 * self.nv()
+        2 * self.nv() + self.nz()
     }
 
     /// `x ⊕ δx`.
@@ -114,6 +116,7 @@ impl Model {
         out.q[..n].iter_mut().zip(&dx[..n]).for_each(|(q, d)| *q += d);
         self.tree.add(crate::bodies::rotation::Map::Exponential, &x.q[n..], &dx[n..nv], &mut out.q[n..]);
         out.v.iter_mut().zip(&dx[nv..]).for_each(|(v, d)| *v += d);
+        out.z.iter_mut().zip(&dx[2 * nv..]).for_each(|(z, d)| *z += d);
         out
     }
 
@@ -124,6 +127,7 @@ impl Model {
         (0..n).for_each(|k| dx[k] = b.q[k] - a.q[k]);
         self.tree.subtract(&b.q[n..], &a.q[n..], &mut dx[n..nv]);
         (0..nv).for_each(|k| dx[nv + k] = b.v[k] - a.v[k]);
+        dx[2 * nv..].iter_mut().zip(b.z.iter().zip(&a.z)).for_each(|(d, (b, a))| *d = b - a);
         dx
     }
 
@@ -212,7 +216,8 @@ impl Model {
         self.integrator
     }
 
-    /// The same model at another step length, for convergence studies. Controls then belong to the new steps.
+    /// The same model at another step length, for convergence studies. Controls then belong to the new steps, and a delay line has as
+    /// many numbers as the new steps need.
     pub fn with_step(&self, h: f64) -> Self {
         Self { h, ..self.clone() }
     }
@@ -249,13 +254,14 @@ impl Model {
         nodes + self.tree.kinetic_energy(&q[self.n_node_dofs()..], &v[self.n_node_dofs()..], &self.inertias(theta), theta)
     }
 
-    /// Potential energy of all terms and of the bodies' weight \[J\].
-    pub fn potential_energy(&self, q: &[f64], theta: &[f64]) -> f64 {
+    /// Potential energy of all terms and of the bodies' weight \[J\], at internal variables z.
+    pub fn potential_energy(&self, q: &[f64], z: &[f64], theta: &[f64]) -> f64 {
         let v = vec![0.0; self.nv()];
         let at = crate::terms::Point { q, v: &v, theta };
         let n = self.n_node_dofs();
         let u = vec![0.0; self.nu()];
-        let joints = JointPoint { tree: &self.tree, q: &q[n..], v: &v[n..], u: &u, theta };
+        let past = Past { q: &q[n..], z, elapsed: 0.0 };
+        let joints = JointPoint { tree: &self.tree, q: &q[n..], v: &v[n..], u: &u, theta, past };
         self.terms.iter().map(|t| t.energy(&at)).sum::<f64>()
             + self.joint_terms.iter().map(|t| t.energy(&joints)).sum::<f64>()
             + self.tree.weight_energy(&q[n..], &self.inertias(theta), &self.gravity_vector(theta))

@@ -54,6 +54,29 @@ impl Model {
         tau
     }
 
+    /// What a row of the velocities belongs to, for messages: "node 3, axis x", or a joint by its name.
+    pub fn row_name(&self, row: usize) -> String {
+        match row.checked_sub(self.n_node_dofs()).and_then(|l| Some((l, self.tree.dofs().get(l)?))) {
+            None => format!("node {}, axis {}", row / 3, ["x", "y", "z"][row % 3]),
+            Some((l, dof)) => {
+                let joint = &self.tree.joints()[dof.joint];
+                match joint.kind.n_dofs() {
+                    1 => format!("joint `{}`", joint.name),
+                    _ => format!("joint `{}`, axis {}", joint.name, ["x", "y", "z"][l - joint.v]),
+                }
+            }
+        }
+    }
+
+    /// What a coordinate belongs to.
+    pub(crate) fn coordinate_name(&self, k: usize) -> String {
+        let own = |l: usize| self.tree.joints().iter().find(|j| (j.q..j.q + j.kind.n_coordinates()).contains(&l));
+        match k.checked_sub(self.n_node_dofs()).and_then(own) {
+            Some(joint) => format!("joint `{}`", joint.name),
+            None => self.row_name(k),
+        }
+    }
+
     /// Frames at q and the bodies' velocities v, without acceleration.
     fn body_frames(&self, q: &[f64], v: &[f64], gravity: &Vec3<f64>) -> Frames<f64> {
         let q = &q[self.n_node_dofs()..];

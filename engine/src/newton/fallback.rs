@@ -124,8 +124,11 @@ fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> R
 fn explain(stage: &Stage, ws: &mut Workspace, correction: f64, work: &Work) -> StepError {
     let it = ws.it.clone();
     if let Some(k) = stage.q_ref.iter().chain(stage.v_ref).position(|x| !x.is_finite()) {
-        let node = (k % stage.q_ref.len()) / 3;
-        return StepError::NotFinite { step: 0, term: "state".to_owned(), node, value: f64::NAN };
+        let place = match k.checked_sub(stage.q_ref.len()) {
+            None => stage.model.coordinate_name(k),
+            Some(row) => stage.model.row_name(row),
+        };
+        return StepError::NotFinite { step: 0, term: "state".to_owned(), place, value: f64::NAN };
     }
     let row = match stage.residual(&it, ws) {
         Ok(()) => (0..ws.r.len()).max_by(|&a, &b| ws.r[a].abs().total_cmp(&ws.r[b].abs())).unwrap_or(0),
@@ -134,7 +137,10 @@ fn explain(stage: &Stage, ws: &mut Workspace, correction: f64, work: &Work) -> S
     let residual = ws.r[row].abs();
     let (term, broken) = stage.blame(&it, row, ws);
     match broken {
-        Some((term, node, value)) => StepError::NotFinite { step: 0, term, node, value },
-        None => StepError::NotConverged { step: 0, iterations: work.iterations, correction, residual, row, term },
+        Some((term, row, value)) => StepError::NotFinite { step: 0, term, place: stage.model.row_name(row), value },
+        None => {
+            let place = stage.model.row_name(row);
+            StepError::NotConverged { step: 0, iterations: work.iterations, correction, residual, row, place, term }
+        }
     }
 }

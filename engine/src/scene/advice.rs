@@ -110,6 +110,10 @@ impl Mistake {
                 both("a mass was left out", "give the body `mass` and `inertia`, or the joint an `armature`, or remove the joint")
             }
             Self::Limits { .. } => both("the limits are exchanged, or one is in degrees", "write limits = [lower, upper]"),
+            Self::Delay { delay, .. } => both(
+                "`max_delay` was left at an earlier delay",
+                format!("write `max_delay = {}` or more, or leave it out", Num(*delay)),
+            ),
             Self::MidpointStops { .. } => both(
                 "midpoint chatters at a stop",
                 "write `integrator = \"sdirk2\"` (second order) or \"euler\", or remove the limits",

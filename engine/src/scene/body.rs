@@ -1,4 +1,4 @@
-//! Bodies, joints and actuators in a scene file.
+//! Bodies and joints in a scene file.
 
 use super::shape::BodyShape;
 use schemars::JsonSchema;
@@ -59,7 +59,8 @@ impl Default for Body {
 }
 
 /// A joint. Its parameters are `name.armature`, `name.damping`, `name.stiffness`, `name.cubic_stiffness`, `name.rest`,
-/// `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far as its kind has them.
+/// `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far as its kind has them, and
+/// `name.friction_backward`, `name.load_friction`, `name.plastic_time`, `name.yield` and `name.gravity_compensation` if the keys are given.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -91,9 +92,32 @@ pub struct Joint {
     /// Coordinate where the springs are at rest [rad] or [m]; revolute and prismatic joints.
     #[serde(default)]
     pub rest: f64,
+    /// Time in which a load that is held creeps once more by its elastic deflection [s]: the springs become Maxwell elements, with the
+    /// elastic part e of the coordinate and e' = q' − e/plastic_time. A rest that follows the joint by a part β of its deflection every
+    /// h₀ (SILO: h₀ = 1/240 s) has plastic_time = h₀/β.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plastic_time: Option<f64>,
+    /// Elastic part beyond which alone it creeps [rad] or [m]: e' = q' − sign(e) max(|e| − yield, 0)/plastic_time; of a ball, for each
+    /// axis of its rotation vector.
+    #[serde(rename = "yield", skip_serializing_if = "Option::is_none")]
+    pub yield_at: Option<f64>,
+    /// How far the joint has crept at the start [rad] or [m], one number per degree of freedom: it is at rest at rest + plastic_start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plastic_start: Vec<f64>,
+    /// Part of the weight beyond the joint that its motor carries [-]: its torque is this times what would hold the scene's arm still.
+    /// 1 at every joint holds an arm wherever it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity_compensation: Option<f64>,
     /// Dry (Coulomb) friction [N·m] or [N].
     #[serde(default)]
     pub friction: f64,
+    /// Dry friction against negative velocities [N·m] or [N]; `friction` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction_backward: Option<f64>,
+    /// Dry friction per torque of springs and motors at the joint [-], added in both directions; the torque is that at the end of the
+    /// last step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load_friction: Option<f64>,
     /// What holds a joint at rest beyond its dry friction [N·m] or [N]; it fades with speed as exp(−(v/stribeck_velocity)²).
     #[serde(default)]
     pub stiction: f64,
@@ -134,7 +158,13 @@ impl Default for Joint {
             stiffness: 0.0,
             cubic_stiffness: 0.0,
             rest: 0.0,
+            plastic_time: None,
+            yield_at: None,
+            plastic_start: Vec::new(),
+            gravity_compensation: None,
             friction: 0.0,
+            friction_backward: None,
+            load_friction: None,
             stiction: 0.0,
             stribeck_velocity: stribeck(),
             limits: None,
@@ -177,112 +207,6 @@ impl JointKind {
             Self::Revolute | Self::Prismatic => 1,
             Self::Universal => 2,
             Self::Ball | Self::Free => 0,
-        }
-    }
-}
-
-/// A motor at a revolute or prismatic joint, one control each. Its parameters are `name.gain`, `name.stiffness`, `name.damping`,
-/// `name.offset` and `name.gear`, as far as its kind has them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Actuator {
-    /// Name, unique in the scene, used in parameter paths.
-    pub name: String,
-    /// Name of the joint it drives.
-    pub joint: String,
-    /// What it makes of its control.
-    pub kind: ActuatorKind,
-    /// Torque per unit of control [N·m] or [N]; torque drives.
-    #[serde(default = "one")]
-    pub gain: f64,
-    /// Stiffness of the servo [N·m/rad] or [N/m]; position drives.
-    #[serde(default)]
-    pub stiffness: f64,
-    /// Damping of the servo [N·m·s/rad] or [N·s/m]; position and velocity drives.
-    #[serde(default)]
-    pub damping: f64,
-    /// Torque added to what is commanded [N·m] or [N].
-    #[serde(default)]
-    pub offset: f64,
-    /// Turns of the motor per turn of the joint [-]; torques grow by as much.
-    #[serde(default = "one")]
-    pub gear: f64,
-    /// Control in `simulate` and `gradcheck`; logs override it.
-    #[serde(default)]
-    pub command: Command,
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-impl Default for Actuator {
-    fn default() -> Self {
-        Self {
-            name: "motor".to_owned(),
-            joint: "joint".to_owned(),
-            kind: ActuatorKind::Torque,
-            gain: 1.0,
-            stiffness: 0.0,
-            damping: 0.0,
-            offset: 0.0,
-            gear: 1.0,
-            command: Command::default(),
-        }
-    }
-}
-
-/// Kinds of actuators.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum ActuatorKind {
-    /// Control is a torque, in units of `gain`: gear · (gain · u + offset).
-    Torque,
-    /// Control is a position of the motor [rad] or [m]: gear · (stiffness · (u − gear · q) − damping · gear · v + offset).
-    Position,
-    /// Control is a velocity of the motor [rad/s] or [m/s]: gear · (damping · (u − gear · v) + offset).
-    Velocity,
-}
-
-/// A control over time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
-pub enum Command {
-    /// Constant.
-    Hold {
-        /// Value.
-        #[serde(default)]
-        value: f64,
-    },
-    /// mean + amplitude · sin(2π frequency t + phase).
-    Sine {
-        /// Mean.
-        #[serde(default)]
-        mean: f64,
-        /// Amplitude.
-        amplitude: f64,
-        /// Frequency [Hz].
-        frequency: f64,
-        /// Phase at t = 0 [rad].
-        #[serde(default)]
-        phase: f64,
-    },
-}
-
-impl Default for Command {
-    fn default() -> Self {
-        Self::Hold { value: 0.0 }
-    }
-}
-
-impl Command {
-    /// Value at time `t` [s].
-    pub fn at(&self, t: f64) -> f64 {
-        match self {
-            Self::Hold { value } => *value,
-            Self::Sine { mean, amplitude, frequency, phase } => {
-                mean + amplitude * (std::f64::consts::TAU * frequency * t + phase).sin()
-            }
         }
     }
 }

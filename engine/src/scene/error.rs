@@ -126,6 +126,9 @@ pub enum Mistake {
     /// Limits in the wrong order.
     #[error("the lower limit {low} is not below the upper limit {high}")]
     Limits { low: f64, high: f64 },
+    /// A delay beyond the longest.
+    #[error("the delay of {} s is longer than `max_delay`, {} s", Num(*.delay), Num(*.longest))]
+    Delay { delay: f64, longest: f64 },
     /// Midpoint with stops.
     #[error("the midpoint integrator cannot be used with stops, and {joints} joint(s) have limits")]
     MidpointStops { joints: usize },

@@ -1,6 +1,7 @@
 //! The scene file: what its top level holds, and everything in it that is not an object.
 
-use super::body::{Actuator, Body};
+use super::actuator::Actuator;
+use super::body::Body;
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
 use super::shape::{Block, Capsule, ContactRule, Cylinder, Plane, Sphere};

@@ -23,6 +23,7 @@
 
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
+mod actuator;
 mod advice;
 mod body;
 mod check;
@@ -42,7 +43,8 @@ mod source;
 mod vector;
 pub mod words;
 
-pub use body::{Actuator, ActuatorKind, Body, Command, Joint, JointKind};
+pub use actuator::{Actuator, ActuatorKind, Command};
+pub use body::{Body, Joint, JointKind};
 pub use check::{MOST_NODES, MOST_STEPS, check};
 pub(crate) use check::{RESERVED, inertia_matrix};
 pub use error::{Mistake, SceneError};

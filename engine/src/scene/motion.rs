@@ -1,6 +1,7 @@
 //! What the grippers of a scene do: the rows of the input u.
 
-use super::body::{Actuator, ActuatorKind, JointKind};
+use super::actuator::{Actuator, ActuatorKind};
+use super::body::JointKind;
 use super::error::SceneError;
 use super::file::Scene;
 use super::gripper::{Clamp, End, Gripper, Mode, Motion};

@@ -13,6 +13,7 @@ use crate::bodies::turns::Turns;
 use crate::bodies::{BodyInertia, Frame, Frames, Tree};
 use crate::kinematics::Input;
 use crate::kkt::{BlockBand, Square, System};
+use crate::memory::{Past, from_nodes};
 use crate::model::{DofWeights, Model};
 use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
@@ -70,7 +71,8 @@ impl Stage<'_> {
     pub(super) fn joint_stiffening(&self, n: usize, out: &mut [f64]) {
         let tree = &self.model.tree;
         let against = Displacement { cm: 0.0, cv: -self.h, cq: -self.h * self.h };
-        let at = JointPoint { tree, q: &self.q_ref[n..], v: &self.v_ref[n..], u: self.u, theta: self.theta };
+        let (q, v) = (&self.q_ref[n..], &self.v_ref[n..]);
+        let at = JointPoint { tree, q, v, u: self.u, theta: self.theta, past: self.past };
         self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, &[], out, tree.nv()));
         for (l, dof) in tree.dofs().iter().enumerate() {
             out[l * tree.nv() + l] += self.theta[tree.joints()[dof.joint].armature];
@@ -95,7 +97,7 @@ impl Stage<'_> {
 
     fn joint_point<'a>(&'a self, q_bar: &'a [f64], v_bar: &'a [f64]) -> JointPoint<'a> {
         let n = self.model.n_node_dofs();
-        JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta }
+        JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta, past: self.past }
     }
 
     /// The bodies' rows of the residual, with the frames at q̄, v̄ and the wrenches of contacts in place.
@@ -226,7 +228,19 @@ impl Stage<'_> {
 }
 
 impl StageRecord {
-    /// ∂r/∂(θ, u) of the bodies' rows.
+    /// On which branches of their laws joint forces were.
+    pub(super) fn joint_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
+        let mut out = Vec::new();
+        if !model.joint_terms.is_empty() {
+            let (n, (q, v)) = (model.n_node_dofs(), self.evaluation_point(model));
+            let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
+            let at = JointPoint { tree: &model.tree, q: &q[n..], v: &v[n..], u: &self.u, theta, past };
+            model.joint_terms.iter().for_each(|term| term.modes(&at, &mut out));
+        }
+        out
+    }
+
+    /// ∂r/∂(θ, u, z) of the bodies' rows, and by coordinates at the beginning of the step.
     pub(super) fn visit_bodies(
         &self,
         model: &Model,
@@ -247,9 +261,11 @@ impl StageRecord {
         }
         self.visit_spots(model, theta, q_bar, &frames, visit);
         visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
-        let at = JointPoint { tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta };
+        let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
+        let at = JointPoint { tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta, past };
         for term in &model.joint_terms {
             term.visit_inputs(&at, &mut |dof, input, df| visit(n + dof, input, -df));
+            term.visit_past(&at, &mut |dof, input, df| visit(n + dof, from_nodes(input, n), -df));
         }
     }
 }

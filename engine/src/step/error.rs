@@ -10,7 +10,7 @@ pub enum StepError {
     /// Newton's method did not converge.
     #[error(
         "step {step}: not converged after {iterations} iterations: correction {correction:.3e} m/s, largest residual {residual:.3e} N \
-         in row {row} (node {}, axis {}), where `{term}` is the largest force; a shorter step or softer stiffness may help", row / 3, ["x", "y", "z"][row % 3]
+         in row {row} ({place}), where `{term}` is the largest force; a shorter step or softer stiffness may help"
     )]
     NotConverged {
         /// Step number, from 0.
@@ -23,20 +23,20 @@ pub enum StepError {
         residual: f64,
         /// Its row.
         row: usize,
+        /// The node and axis, or the joint, of that row.
+        place: String,
         /// The term with the largest force in that row.
         term: String,
     },
     /// A number became infinite or NaN.
-    #[error(
-        "step {step}: `{term}` gives {value} at node {node}; the state or a parameter has left the range where it is defined"
-    )]
+    #[error("step {step}: `{term}` gives {value} at {place}; the state or a parameter has left the range where it is defined")]
     NotFinite {
         /// Step number.
         step: usize,
         /// The term that made it, or `state`.
         term: String,
-        /// Node.
-        node: usize,
+        /// Node and axis, or joint.
+        place: String,
         /// The number.
         value: f64,
     },

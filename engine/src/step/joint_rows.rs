@@ -18,7 +18,7 @@ const RHO: f64 = 0.3;
 impl Stage<'_> {
     /// What row `k` is evaluated with.
     fn row_point(&self, row: &JointRow, q: &[f64], v: &[f64]) -> RowPoint {
-        row_point(self.model, row, q, v, [self.h, self.rest_gap])
+        row_point(self.model, row, [q, v, self.past.z], [self.h, self.rest_gap])
     }
 
     /// What the record keeps of the rows.
@@ -90,7 +90,7 @@ impl Stage<'_> {
 /// Acceleration that makes a weight of an inertia in smoothing and tolerances [1/s²] or [m/s²]; near gravity's, but no parameter.
 const WEIGHT: f64 = 10.0;
 
-fn row_point(model: &Model, row: &JointRow, q: &[f64], v: &[f64], [h, rest_gap]: [f64; 2]) -> RowPoint {
+fn row_point(model: &Model, row: &JointRow, [q, v, z]: [&[f64]; 3], [h, rest_gap]: [f64; 2]) -> RowPoint {
     let n = model.n_node_dofs();
     RowPoint {
         q: q[n + row.q],
@@ -99,6 +99,7 @@ fn row_point(model: &Model, row: &JointRow, q: &[f64], v: &[f64], [h, rest_gap]:
         rest_gap,
         weight: WEIGHT * model.weights.held[row.dof],
         rho: RHO * model.weights.yielding[row.dof],
+        load: row.load().map_or(0.0, |place| z[place]),
     }
 }
 
@@ -113,7 +114,7 @@ impl StageRecord {
     /// What every joint friction and stop does at the root.
     pub(super) fn row_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let (q, _) = self.evaluation_point(model);
-        let point = |row: &JointRow| row_point(model, row, &q, &self.v, [self.h, self.rest_gap]);
+        let point = |row: &JointRow| row_point(model, row, [&q, &self.v, &self.z_past], [self.h, self.rest_gap]);
         let mut impulses = self.s.iter();
         let mode = |row: &JointRow| match row.acts(theta).then(|| impulses.next()).flatten() {
             Some(gamma) => row.mode(&point(row), *gamma, theta),
@@ -123,15 +124,18 @@ impl StageRecord {
         model.joint_rows.iter().map(mode).collect()
     }
 
-    /// ∂F/∂θ of the joints' friction and stops; their smoothing is made of the scene's own inertia and does not change with θ.
+    /// ∂F/∂(θ, loads) of the joints' friction and stops; their smoothing is made of the scene's own inertia and does not change with θ.
     pub(super) fn visit_rows(&self, model: &Model, theta: &[f64], q_bar: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         if model.joint_rows.is_empty() {
             return;
         }
-        let point = |row: &JointRow| row_point(model, row, q_bar, &self.v, [self.h, self.rest_gap]);
+        let point = |row: &JointRow| row_point(model, row, [q_bar, &self.v, &self.z_past], [self.h, self.rest_gap]);
         for (k, row) in model.joint_rows.iter().filter(|row| row.acts(theta)).enumerate() {
             let at = self.joint_row(k);
             row.visit_theta(&point(row), self.s[k], theta, &mut |param, value| visit(at, Input::Theta(param), value));
+            if let Some(place) = row.load() {
+                visit(at, Input::Z(place), row.by_load(&point(row), self.s[k], theta));
+            }
         }
         // friction of size zero has no row; its impulse would begin as γ = −F
         let n = model.n_node_dofs();

@@ -43,8 +43,16 @@ pub struct StageRecord {
     pub factor: SystemFactor,
     /// Mass matrix of the bodies at q̄, armatures included.
     pub body_mass: Square,
-    /// Controls of the step.
+    /// What motors saw of the controls of the step.
     pub u: Vec<f64>,
+    /// The bodies' coordinates at the beginning of the (sub)step; empty if nothing remembers.
+    pub q_past: Vec<f64>,
+    /// Internal variables there.
+    pub z_past: Vec<f64>,
+    /// Time from there to the evaluation \[s\].
+    pub elapsed: f64,
+    /// ∂z⁺/∂input of the materials at the end of the (sub)step, as (place, input, derivative): in its last stage, if anything remembers.
+    pub memory: Vec<(usize, Input, f64)>,
     /// How changes of q_ref and of the tangent show up at q̄, at q⁺, and (second stage of sdirk2) at q_ref.
     pub middle: Turns,
     /// At q⁺.
@@ -87,6 +95,10 @@ impl StageRecord {
             factor: ws.factor.clone(),
             body_mass,
             u: stage.u.to_vec(),
+            q_past: stage.past.q.to_vec(),
+            z_past: stage.past.z.to_vec(),
+            elapsed: stage.past.elapsed,
+            memory: Vec::new(),
             middle,
             end,
             lead: Turns::default(),
@@ -113,8 +125,9 @@ impl StageRecord {
     }
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
-    /// that, and for every stop 0 open, 1 closed. Then, for every contact of solids that is near, numbers that tell it apart, and
-    /// 0, 1 or 2 as for pairs.
+    /// that (plus 4 under a negative load), and for every stop 0 open, 1 closed; for every motor with limits 0 within, 1 and 2 beyond
+    /// one. Then, for every contact of solids that is near, numbers that tell it apart,
+    /// and 0, 1 or 2 as for pairs.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
@@ -123,18 +136,12 @@ impl StageRecord {
             let load = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt() / w[0];
             if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
         };
-        model
-            .pairs
-            .iter()
-            .zip(&self.w)
-            .map(mode)
-            .chain(self.row_modes(model, theta))
-            .chain(self.spot_modes(model, theta))
-            .collect()
+        let joints = self.row_modes(model, theta).into_iter().chain(self.joint_modes(model, theta));
+        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(self.spot_modes(model, theta)).collect()
     }
 
-    /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters
-    /// and controls; rows as in [`StageRecord::subtract_system`].
+    /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters,
+    /// what motors see (`U`), internal variables (`Z`) and coordinates (`Q`) at the beginning of the (sub)step; rows as in [`StageRecord::subtract_system`].
     pub fn visit_inputs(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);

@@ -12,6 +12,7 @@ use crate::bodies::spatial::Inertia;
 use crate::contact::{Condensed, JointRow, LawPoint, Touch};
 use crate::geometry::solid::Carrier;
 use crate::kkt::System;
+use crate::memory::Past;
 use crate::model::Model;
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
@@ -68,8 +69,10 @@ pub(crate) struct Stage<'a> {
     pub inertias: &'a [Inertia<f64>],
     /// What the solver compares velocities with: see [`Measure`].
     pub measure: &'a Measure,
-    /// Controls of the step.
+    /// What motors see of the controls of the step.
     pub u: &'a [f64],
+    /// The beginning of the (sub)step.
+    pub past: Past<'a>,
     pub scheme: Scheme,
     pub h: f64,
     /// σ: inertia per velocity change [1/s].
@@ -268,7 +271,7 @@ impl Stage<'_> {
         let condensed = condensed.ok_or_else(|| StepError::NotFinite {
             step: 0,
             term: self.model.shape_names[self.model.pairs[c].shape].clone(),
-            node,
+            place: self.model.row_name(3 * node),
             value: it.w[c].norm(),
         })?;
         let rows = |m: &nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [m[(a, 0)], m[(a, 1)], m[(a, 2)]]);
@@ -354,7 +357,7 @@ impl Stage<'_> {
         (dq, dv, a)
     }
 
-    /// The term with the largest force in a row, and the first non-finite force, if any: for error messages.
+    /// The term with the largest force in a row, and the first non-finite force with its row, if any: for error messages.
     pub(crate) fn blame(&self, it: &Iterate, row: usize, ws: &mut Workspace) -> (String, Option<(String, usize, f64)>) {
         self.place(&it.v, ws);
         if row >= self.model.n_node_dofs() {
@@ -365,7 +368,7 @@ impl Stage<'_> {
             ws.f.fill(0.0);
             term.add_force(&Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta }, &mut ws.f);
             if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
-                return (term.name().to_owned(), Some((term.name().to_owned(), k / 3, ws.f[k])));
+                return (term.name().to_owned(), Some((term.name().to_owned(), k, ws.f[k])));
             }
             if ws.f[row].abs() > largest.1 {
                 largest = (term.name().to_owned(), ws.f[row].abs());

@@ -5,10 +5,12 @@ use crate::bodies::rotation::Map;
 use crate::bodies::spatial::Inertia;
 use crate::bodies::turns::Turns;
 use crate::kinematics::Input;
+use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
 use crate::scene::Integrator;
 use crate::state::State;
+use crate::terms::joint::JointPoint;
 
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +56,10 @@ pub struct StepRecord {
     pub stages: Vec<(Link, StageRecord)>,
     /// ∂v_cmd: (row, input, derivative), shared by all stages.
     pub command: Vec<(usize, Input, f64)>,
+    /// ∂/∂(u, z, θ) of what motors see, rows counted as controls; empty if that is u.
+    pub signals: Vec<(usize, Input, f64)>,
+    /// ∂z⁺/∂(u, z, θ) of the motors' part of z.
+    pub memory: Vec<(usize, Input, f64)>,
 }
 
 /// Takes steps of one model at one θ. Holds the solver's memory and the warm start of the contacts.
@@ -67,6 +73,9 @@ pub struct Stepper<'m> {
     inertias: Vec<Inertia<f64>>,
     measure: Measure,
     u: Vec<f64>,
+    q_past: Vec<f64>,
+    z_past: Vec<f64>,
+    elapsed: f64,
     v_cmd: Vec<f64>,
     q_ref: Vec<f64>,
     v_ref: Vec<f64>,
@@ -88,6 +97,9 @@ impl<'m> Stepper<'m> {
             inertias: model.inertias(theta),
             measure: Measure::new(model, theta),
             u: Vec::new(),
+            q_past: Vec::new(),
+            z_past: Vec::new(),
+            elapsed: 0.0,
             v_cmd: zeros(),
             q_ref: vec![0.0; model.nq()],
             v_ref: zeros(),
@@ -119,9 +131,9 @@ impl<'m> Stepper<'m> {
     pub fn step(&mut self, state: &mut State, u: &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError> {
         check_size("position vector", state.q.len(), self.model.nq())?;
         check_size("velocity vector", state.v.len(), self.model.nv())?;
+        check_size("internal variables", state.z.len(), self.model.nz())?;
         check_size("control", u.len(), self.model.nu())?;
-        self.u.clear();
-        self.u.extend_from_slice(u);
+        self.model.signals(u, &state.z, self.theta, &mut self.u);
         let h = self.model.h;
         let mut v_cmd = std::mem::take(&mut self.v_cmd);
         let result = self.command(state, u, h, &mut v_cmd).and_then(|()| {
@@ -130,10 +142,11 @@ impl<'m> Stepper<'m> {
             let mut next = state.clone();
             let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
             self.substep(&mut next, h, &v_cmd, halvings, &mut trace, &mut stages)?;
-            let record = self.options.record.then(|| StepRecord {
-                h,
-                stages,
-                command: StageRecord::command_inputs(self.model, &state.q, u, self.theta, h),
+            self.model.advance_signals(u, &mut next.z, self.theta);
+            let record = self.options.record.then(|| {
+                let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
+                let command = StageRecord::command_inputs(self.model, &state.q, u, self.theta, h);
+                StepRecord { h, stages, command, signals, memory }
             });
             *state = next;
             Ok((trace, record))
@@ -186,6 +199,7 @@ impl<'m> Stepper<'m> {
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
+        self.remember(state);
         let single = match self.model.integrator {
             Integrator::Euler => Some(EULER),
             Integrator::Midpoint => Some(MIDPOINT),
@@ -194,11 +208,15 @@ impl<'m> Stepper<'m> {
         if let Some(scheme) = single {
             self.q_ref.copy_from_slice(&state.q);
             self.v_ref.copy_from_slice(&state.v);
-            return self.stage(state, scheme, h, v_cmd, Link::Single, trace, stages);
+            self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
+            self.stage(state, scheme, h, v_cmd, Link::Single, trace, stages)?;
+            self.advance(state, h, stages);
+            return Ok(());
         }
         let (gamma, start) = (SDIRK_GAMMA, state.clone());
         self.q_ref.copy_from_slice(&start.q);
         self.v_ref.copy_from_slice(&start.v);
+        self.elapsed = gamma * h;
         self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, trace, stages)?;
         let ratio = (1.0 - gamma) / gamma;
         let n = self.model.n_node_dofs();
@@ -211,13 +229,40 @@ impl<'m> Stepper<'m> {
             self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
         }
         let first = stages.len();
+        self.elapsed = h;
         self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)?;
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
             record.lead = turns;
         }
+        self.advance(state, h, stages);
         Ok(())
+    }
+
+    /// Keeps the beginning of a (sub)step for what remembers it.
+    fn remember(&mut self, state: &State) {
+        if self.model.n_materials() > 0 {
+            self.q_past.clear();
+            self.q_past.extend_from_slice(&state.q[self.model.n_node_dofs()..]);
+            self.z_past.clear();
+            self.z_past.extend_from_slice(&state.z);
+        }
+    }
+
+    /// Moves what materials remember on to the end of the (sub)step of length `h`.
+    fn advance(&self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
+        if self.model.n_materials() == 0 {
+            return;
+        }
+        let n = self.model.n_node_dofs();
+        let past = Past { q: &self.q_past, z: &self.z_past, elapsed: h };
+        let (q, v) = (&state.q[n..], &state.v[n..]);
+        let end = JointPoint { tree: &self.model.tree, q, v, u: &self.u, theta: self.theta, past };
+        self.model.advance_materials(&end, &mut state.z);
+        if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
+            record.memory = self.model.material_partials(&end);
+        }
     }
 
     /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end.
@@ -239,6 +284,7 @@ impl<'m> Stepper<'m> {
             inertias: &self.inertias,
             measure: &self.measure,
             u: &self.u,
+            past: Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed },
             scheme,
             h,
             inertia: 1.0 / h,

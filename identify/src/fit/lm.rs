@@ -290,6 +290,7 @@ fn moved(rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) 
         let change = |row: &[f64]| row.iter().zip(&step).map(|(t, s)| t * s).sum::<f64>();
         state.q.iter_mut().zip(tangent.q.chunks_exact(step.len())).for_each(|(q, row)| *q += change(row));
         state.v.iter_mut().zip(tangent.v.chunks_exact(step.len())).for_each(|(v, row)| *v += change(row));
+        state.z.iter_mut().zip(tangent.z.chunks_exact(step.len())).for_each(|(z, row)| *z += change(row));
     }
     out
 }

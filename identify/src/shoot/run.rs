@@ -120,7 +120,7 @@ impl Pass<'_> {
             if self.wants.tangents {
                 tangent.x.q = equilibrium_tangent(&rest, &tangent.seeds);
             }
-            return Ok(State { v: vec![0.0; rest.q.len()], q: rest.q });
+            return Ok(State { v: vec![0.0; rest.q.len()], q: rest.q, z: model.initial_memory() });
         }
         let mut state = self.rec.start.state();
         let (q, placement) = place_clamped(model, &self.values.theta, &u0, &state.q)?;
@@ -139,7 +139,7 @@ impl Pass<'_> {
                 let columns = match input {
                     Input::U(k) => tangent.seeds.u(k),
                     Input::Theta(k) => tangent.seeds.theta(k),
-                    Input::Q(_) => &[],
+                    _ => &[],
                 };
                 columns.iter().for_each(|&(c, w)| tangent.x.q[row * m + c] += value * w);
             }
@@ -158,6 +158,13 @@ impl Pass<'_> {
             if self.wants.tangents {
                 tangent.x.q[i * self.columns + last] += dq;
                 tangent.x.v[i * self.columns + last] += dv;
+            }
+        }
+        for i in 0..state.z.len() {
+            let dz = state.z[i] - node.z[i];
+            defect2 += dz * dz;
+            if self.wants.tangents {
+                tangent.x.z[i * self.columns + last] += dz;
             }
         }
         shot.defect += defect2.sqrt();

@@ -65,7 +65,10 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
     if plan.at_rest {
         let rest = equilibrium(model, &plan.scene_values.theta, model.initial_positions(), &record.inputs[0]);
         let rest = rest.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?;
-        return Ok(StartState { mean: State { v: vec![0.0; rest.q.len()], q: rest.q }, ..StartState::default() });
+        return Ok(StartState {
+            mean: State { v: vec![0.0; rest.q.len()], q: rest.q, z: model.initial_memory() },
+            ..StartState::default()
+        });
     }
     state_at(plan, record, 0)
 }
@@ -102,10 +105,16 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     let by_q = stretch_prior::positions(model, theta, &q, &dofs, &sigma_q)?;
     let by_v = stretch_prior::velocities(model, theta, &by_q.mean, &v, &dofs, &sigma_v)?;
     if plan.given {
-        return Ok(StartState { mean: State { q: by_q.mean, v: by_v.mean }, ..StartState::default() });
+        return Ok(StartState { mean: State { q: by_q.mean, v: by_v.mean, z: model.initial_memory() }, ..StartState::default() });
     }
     let z = vec![0.0; 2 * dofs.len()];
-    Ok(StartState { mean: State { q: by_q.mean, v: by_v.mean }, dofs, position: by_q.factor, velocity: by_v.factor, z })
+    Ok(StartState {
+        mean: State { q: by_q.mean, v: by_v.mean, z: model.initial_memory() },
+        dofs,
+        position: by_q.factor,
+        velocity: by_v.factor,
+        z,
+    })
 }
 
 /// Velocities of the clamped nodes from the inputs at the next sample (or the one before); zero elsewhere.

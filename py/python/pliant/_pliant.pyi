@@ -80,15 +80,20 @@ class Model:
         """Number of nodes, ghosts at clamped end edges included."""
     @property
     def nx(self) -> int:
-        """Size of the state x = [q, v]: node positions [m] and joint coordinates [rad, m] (a unit quaternion,
-        w first, for a ball), then velocities of nodes [m/s] and joints [rad/s, m/s]."""
+        """Size of the state x = [q, v, z]: node positions [m] and joint coordinates [rad, m] (a unit quaternion,
+        w first, for a ball), velocities of nodes [m/s] and joints [rad/s, m/s], then what joints and motors
+        remember (`memory_names`)."""
     @property
     def ndx(self) -> int:
-        """Size of a change of state [dq, dv], of tangents, cotangents and Jacobians: nx, but for three numbers
+        """Size of a change of state [dq, dv, dz], of tangents, cotangents and Jacobians: nx, but for three numbers
         instead of a ball's quaternion, a turn in its body's axes [rad]."""
     @property
     def dof_names(self) -> list[str]:
         """Names of the entries of v that belong to joints, in order; `name[k]` for the parts of a ball."""
+    @property
+    def memory_names(self) -> list[str]:
+        """Names of the entries of z, the end of x: `elbow.plastic` [rad, m], `elbow.load` [N·m, N], `motor.target`,
+        `motor.command[k]` (k + 1 steps ago) and `motor.lagged`, in the unit of the motor's control."""
     @property
     def nu(self) -> int:
         """Number of inputs of all grippers."""
@@ -228,7 +233,7 @@ class Rollout:
 
     @property
     def x(self) -> Array:
-        """States x_0 … x_T, (T + 1, nx): positions [m], then velocities [m/s]."""
+        """States x_0 … x_T, (T + 1, nx): positions [m], velocities [m/s], then what is remembered."""
     @property
     def u(self) -> Array:
         """Inputs it was simulated with, (T, nu)."""

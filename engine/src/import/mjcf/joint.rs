@@ -40,7 +40,7 @@ impl<'a> Reader<'a> {
         self.place(&view, part, &mut joint)?;
         let zero = self.zero(&view, kind)?;
         self.forces(&view, &mut joint, zero)?;
-        self.report_joint(&view, &joint, zero)?;
+        self.report_joint(&view, &mut joint, zero)?;
         self.joints.push(JointPlace { original, name, kind, zero });
         Ok(joint)
     }
@@ -140,11 +140,18 @@ impl<'a> Reader<'a> {
         Err(view.error(name, ImportMistake::Sign { attribute: name.to_owned(), value, must: "not be negative" }))
     }
 
-    fn report_joint(&mut self, view: &View, joint: &Joint, zero: f64) -> Result<(), ImportError> {
+    fn report_joint(&mut self, view: &View, joint: &mut Joint, zero: f64) -> Result<(), ImportError> {
+        self.limits(view, joint, zero)?;
+        let friction = view.not_negative("frictionloss", 0.0)?;
         let (element, name) = (view.element, joint.name.as_str());
-        self.limits(view, joint)?;
-        if let Some(friction) = view.number("frictionloss")?.filter(|x| *x != 0.0) {
-            self.work.ignored(element, name, format!("frictionloss {friction}: dry friction in joints is not simulated"));
+        if friction > 0.0 && self.physics.friction {
+            if matches!(joint.kind, JointKind::Revolute | JointKind::Prismatic) {
+                joint.friction = friction;
+                self.work.kept(element, name, format!("frictionloss {friction}: dry friction that sticks"));
+            } else {
+                let reason = "dry friction is simulated in joints of one axis only";
+                self.work.ignored(element, name, format!("frictionloss {friction}: {reason}"));
+            }
         }
         if zero != 0.0 {
             self.work.approximated(element, name, format!("ref: the coordinate is MuJoCo's less {zero}; the motion is the same"));
@@ -160,12 +167,12 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Checks a joint's limits, and reports that they are not there.
-    fn limits(&mut self, view: &View, joint: &Joint) -> Result<(), ImportError> {
+    /// Checks a joint's limits, and makes them stops.
+    fn limits(&mut self, view: &View, joint: &mut Joint, zero: f64) -> Result<(), ImportError> {
         let limited = view.word("limited", &["auto", "true", "false"])?;
         let Some([low, high]) = view.vector::<2>("range")? else { return Ok(()) };
         let is_limited = limited == Some("true") || (limited != Some("false") && self.compiler.autolimits);
-        if !is_limited || joint.kind == JointKind::Free {
+        if !is_limited || joint.kind == JointKind::Free || !self.physics.limits {
             return Ok(());
         }
         if low > high {
@@ -185,11 +192,13 @@ impl<'a> Reader<'a> {
         } else {
             ""
         };
-        self.work.ignored(
-            view.element,
-            &joint.name,
-            format!("range {low} … {high} {unit}{doubt}: joint limits are not simulated"),
-        );
+        let given = format!("range {low} … {high} {unit}{doubt}");
+        if joint.kind == JointKind::Ball {
+            self.work.ignored(view.element, &joint.name, format!("{given}: a ball's largest turn is not simulated"));
+            return Ok(());
+        }
+        let limits = [low, high].map(|x| if turns { self.compiler.angle(x) } else { x } - zero);
+        self.work.stops(view.element, joint, limits, &given);
         Ok(())
     }
 

@@ -15,12 +15,22 @@ pub struct Physics {
     pub dampers: bool,
     pub constraints: bool,
     pub actuation: bool,
+    pub limits: bool,
+    pub friction: bool,
 }
 
 impl Physics {
     /// Reads all `<option>` elements into the scene's time and gravity; what comes later wins.
     pub fn read(root: &Element, work: &mut Work) -> Result<Self, ImportError> {
-        let mut physics = Self { gravity: true, springs: true, dampers: true, constraints: true, actuation: true };
+        let mut physics = Self {
+            gravity: true,
+            springs: true,
+            dampers: true,
+            constraints: true,
+            actuation: true,
+            limits: true,
+            friction: true,
+        };
         let (mut step, mut gravity) = (0.002, [0.0, 0.0, -9.81]);
         for element in root.children_of("option") {
             check_attributes(element, words::OPTION)?;
@@ -53,6 +63,8 @@ impl Physics {
             ("damper", &mut self.dampers),
             ("equality", &mut self.constraints),
             ("actuation", &mut self.actuation),
+            ("limit", &mut self.limits),
+            ("frictionloss", &mut self.friction),
         ];
         for (name, slot) in slots {
             if let Some(word) = view.word(name, &["enable", "disable"])? {
@@ -60,7 +72,7 @@ impl Physics {
             }
         }
         if view.word("constraint", &["enable", "disable"])? == Some("disable") {
-            self.constraints = false;
+            (self.constraints, self.limits, self.friction) = (false, false, false);
         }
         if view.word("passive", &["enable", "disable"])? == Some("disable") {
             (self.springs, self.dampers) = (false, false);
@@ -70,7 +82,11 @@ impl Physics {
         if !all.is_empty() {
             work.ignored(element, "", format!("{all}: {numerics}"));
         }
-        work.kept(element, "", "gravity, springs, dampers, constraints and actuators are switched as it says");
+        work.kept(
+            element,
+            "",
+            "gravity, springs, dampers, limits, dry friction, constraints and actuators are switched as it says",
+        );
         Ok(())
     }
 }

@@ -112,9 +112,10 @@ pub const GEOM: &str = "adhesion axisangle castshadow class conaffinity condim c
     surfacevel type user xyaxes zaxis";
 
 /// Why attributes of joints are ignored.
-pub const JOINT_REASONS: [(&str, &str); 5] = [
-    ("range limited margin solreflimit solimplimit", "joint limits are not simulated"),
-    ("frictionloss solreffriction solimpfriction", "dry friction in joints is not simulated"),
+pub const JOINT_REASONS: [(&str, &str); 6] = [
+    ("range limited", "it is switched off"),
+    ("margin solreflimit solimplimit", "stops of a scene are hard"),
+    ("solreffriction solimpfriction", "dry friction of a scene sticks"),
     ("actuatorfrcrange actuatorfrclimited", "limits of motor forces are not simulated"),
     ("actuatorgravcomp", "gravity compensation is not simulated"),
     ("springyield", "yielding springs are not simulated"),
@@ -145,7 +146,7 @@ pub const ACTUATOR_REASONS: [(&str, &str); 4] = [
 pub const OPTION_REASONS: [(&str, &str); 4] = [
     ("density viscosity wind", "the medium's drag on bodies is not simulated"),
     ("magnetic", "read by sensors only"),
-    ("integrator", "the scene's own integrator is `midpoint`, of second order"),
+    ("integrator", "the scene's own is `midpoint`, or `sdirk2` with stops, both of second order"),
     ("actuatorgroupdisable", "groups of actuators cannot be disabled: all act"),
 ];
 

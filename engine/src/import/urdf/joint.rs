@@ -36,7 +36,7 @@ impl<'a> Reader<'a> {
         let mut joint = Joint { name, kind, axis: [1.0, 0.0, 0.0], ..Joint::default() };
         let pose = origin(&mut self.work, element)?;
         self.axis(element, &mut joint)?;
-        self.limit(element, &joint)?;
+        self.limit(element, &mut joint)?;
         self.dynamics(element, &mut joint)?;
         self.mimic(element)?;
         self.rest(element);
@@ -67,7 +67,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn limit(&mut self, element: &'a Element, joint: &Joint) -> Result<(), ImportError> {
+    fn limit(&mut self, element: &'a Element, joint: &mut Joint) -> Result<(), ImportError> {
         let continuous = element.value("type") == Some("continuous");
         let Some(limit) = element.child("limit") else { return Ok(()) };
         check_attributes(limit, "lower upper effort velocity acceleration jerk deceleration")?;
@@ -86,8 +86,18 @@ impl<'a> Reader<'a> {
         }
         let effort = view.number("effort")?.map_or(String::new(), |x| format!(", effort {x}"));
         let velocity = view.number("velocity")?.map_or(String::new(), |x| format!(", velocity {x}"));
+        let bounded = ["lower", "upper"].iter().any(|key| limit.value(key).is_some());
         limit.take_unused();
-        self.work.ignored(limit, &joint.name, format!("{low} … {high}{effort}{velocity}: joint limits are not simulated"));
+        if continuous || joint.kind == JointKind::Free || !bounded {
+            self.work.ignored(limit, &joint.name, format!("{low} … {high}{effort}{velocity}: not limits of this joint's place"));
+            return Ok(());
+        }
+        self.work.stops(limit, joint, [low, high], &format!("{low} … {high}"));
+        if !(effort.is_empty() && velocity.is_empty()) {
+            let given = format!("{effort}{velocity}");
+            let reason = "a file has no motors that they could limit";
+            self.work.ignored(limit, &joint.name, format!("{}: {reason}", given.trim_start_matches(", ")));
+        }
         Ok(())
     }
 
@@ -97,14 +107,12 @@ impl<'a> Reader<'a> {
         let view = View::plain(dynamics);
         let damping = view.not_negative("damping", 0.0)?;
         let friction = view.not_negative("friction", 0.0)?;
-        if friction > 0.0 {
-            self.work.ignored(dynamics, &joint.name, format!("friction {friction}: dry friction in joints is not simulated"));
-        }
-        if joint.kind == JointKind::Free && damping > 0.0 {
-            self.work.ignored(dynamics, &joint.name, "damping: free bodies have no friction");
+        if joint.kind == JointKind::Free && (damping > 0.0 || friction > 0.0) {
+            self.work.ignored(dynamics, &joint.name, "free bodies have no friction");
         } else {
-            joint.damping = damping;
-            self.work.kept(dynamics, &joint.name, format!("damping {damping}"));
+            (joint.damping, joint.friction) = (damping, friction);
+            let dry = if friction > 0.0 { format!(", dry friction {friction}") } else { String::new() };
+            self.work.kept(dynamics, &joint.name, format!("damping {damping}{dry}"));
         }
         Ok(())
     }

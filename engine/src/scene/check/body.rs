@@ -2,7 +2,7 @@
 
 use super::{not_negative, positive};
 use crate::bodies::inertia::to_numbers;
-use crate::scene::body::{Actuator, Body, Joint, JointKind};
+use crate::scene::body::{Body, Joint, JointKind};
 use crate::scene::error::{Mistake, SceneError};
 use crate::scene::file::{Integrator, Scene};
 use crate::scene::words::nearest;
@@ -21,8 +21,7 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
             self::joint(body, joint, &format!("{field}.joint[{j}]"))?;
         }
     }
-    massless_leaves(scene)?;
-    scene.actuator.iter().enumerate().try_for_each(|(a, actuator)| self::actuator(scene, actuator, &format!("actuator[{a}]")))
+    massless_leaves(scene)
 }
 
 /// Stops are contact: midpoint chatters there.
@@ -125,6 +124,7 @@ fn joint(body: &Body, joint: &Joint, field: &str) -> Result<(), SceneError> {
         not_negative(&format!("{field}.{key}"), value, unit)?;
     }
     friction_and_stops(joint, field)?;
+    super::joint_law::check(joint, field)?;
     let counts = [("start", &joint.start, joint.kind.n_start()), ("velocity", &joint.velocity, joint.kind.n_dofs())];
     for (key, values, expected) in counts {
         if !values.is_empty() && values.len() != expected {
@@ -193,33 +193,4 @@ fn hangs_on<X>(scene: &Scene<X>, body: &Body, above: &Body) -> bool {
         name = scene.body.iter().find(|b| b.name == parent).and_then(|b| b.parent.as_deref());
     }
     false
-}
-
-fn actuator<X>(scene: &Scene<X>, actuator: &Actuator, field: &str) -> Result<(), SceneError> {
-    let joints = || scene.body.iter().flat_map(|b| &b.joint);
-    match joints().find(|j| j.name == actuator.joint) {
-        None => {
-            let mistake = Mistake::NoSuch {
-                what: "joint",
-                name: actuator.joint.clone(),
-                nearest: nearest(&actuator.joint, joints().map(|j| j.name.as_str())).map(str::to_owned),
-                known: joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", "),
-            };
-            return Err(SceneError::at(format!("{field}.joint"), mistake));
-        }
-        Some(joint) if joint.kind.n_dofs() > 1 => {
-            let mistake = Mistake::Refused {
-                message: format!(
-                    "joint \"{}\" has {} degrees of freedom; an actuator drives one",
-                    joint.name,
-                    joint.kind.n_dofs()
-                ),
-            };
-            return Err(SceneError::at(format!("{field}.joint"), mistake));
-        }
-        Some(_) => {}
-    }
-    not_negative(&format!("{field}.stiffness"), actuator.stiffness, "N·m/rad")?;
-    not_negative(&format!("{field}.damping"), actuator.damping, "N·m·s/rad")?;
-    positive(&format!("{field}.gear"), actuator.gear.abs(), "-")
 }

@@ -1,8 +1,10 @@
 //! Refusing scenes that make no sense, before anything is built from them.
 
+mod actuator;
 mod body;
 mod contact;
 mod gripper;
+mod joint_law;
 mod rope;
 mod solid;
 
@@ -42,6 +44,7 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     size(scene)?;
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
     body::check(scene)?;
+    actuator::check(scene)?;
     gripper::check(scene)?;
     solid::check(scene)?;
     contact::check(scene)

@@ -10,8 +10,11 @@ use num_dual::{Derivative, Dual64, DualSVec64};
 
 const MAX_DOFS: usize = 6;
 const MAX_INPUTS: usize = 8;
+/// Coordinates at both ends of a step, internal variables and parameters of an element that remembers.
+const MEMORY: usize = 9 + MAX_INPUTS;
 type Dual = DualSVec64<MAX_DOFS>;
 type InputDual = DualSVec64<MAX_INPUTS>;
+type MemoryDual = DualSVec64<MEMORY>;
 
 /// A joint law and its elements as a [`JointTerm`].
 #[derive(Clone, Debug)]
@@ -26,6 +29,47 @@ struct Local {
     q: [f64; MAX_DOFS],
     v: [f64; MAX_DOFS],
     dofs: [usize; MAX_DOFS],
+    /// Coordinates and internal variables at the beginning of the step, of an element that remembers.
+    m: usize,
+    q_past: [f64; 3],
+    z: [f64; 3],
+    elapsed: f64,
+}
+
+fn local(e: &JointElement, at: &JointPoint) -> Local {
+    let mut local = Local {
+        n: 0,
+        q: [0.0; MAX_DOFS],
+        v: [0.0; MAX_DOFS],
+        dofs: [0; MAX_DOFS],
+        m: e.memory.len(),
+        q_past: [0.0; 3],
+        z: [0.0; 3],
+        elapsed: at.past.elapsed,
+    };
+    if let (Some(&j), true) = (e.joints.first(), local.m > 0) {
+        let joint = &at.tree.joints()[j];
+        if joint.kind == JointKind::Ball {
+            local.q_past.copy_from_slice(logarithm(&quaternion(at.past.q, joint.q)).as_slice());
+        } else {
+            local.q_past[0] = at.past.q[joint.q];
+        }
+        local.z.iter_mut().zip(&e.memory).for_each(|(z, &k)| *z = at.past.z[k]);
+    }
+    for &j in &e.joints {
+        let joint = &at.tree.joints()[j];
+        if joint.kind == JointKind::Ball {
+            local.q[local.n..local.n + 3].copy_from_slice(logarithm(&quaternion(at.q, joint.q)).as_slice());
+        } else {
+            local.q[local.n] = at.q[joint.q];
+        }
+        for a in 0..joint.kind.n_dofs() {
+            local.v[local.n] = at.v[joint.v + a];
+            local.dofs[local.n] = joint.v + a;
+            local.n += 1;
+        }
+    }
+    local
 }
 
 impl<L: JointLaw> AutomaticJoint<L> {
@@ -40,25 +84,8 @@ impl<L: JointLaw> AutomaticJoint<L> {
     /// If an element exceeds [`Self::MAX_INPUTS`]: a mistake in the law's own file, not in user data.
     pub fn new(law: L, elements: Vec<JointElement>) -> Self {
         assert!(elements.iter().all(|e| e.params.len() + e.controls.len() <= MAX_INPUTS && e.joints.len() <= MAX_DOFS));
+        assert!(elements.iter().all(|e| e.memory.len() <= 3 && (e.memory.is_empty() || e.joints.len() == 1)));
         Self { law, elements }
-    }
-
-    fn local(e: &JointElement, at: &JointPoint) -> Local {
-        let mut local = Local { n: 0, q: [0.0; MAX_DOFS], v: [0.0; MAX_DOFS], dofs: [0; MAX_DOFS] };
-        for &j in &e.joints {
-            let joint = &at.tree.joints()[j];
-            if joint.kind == JointKind::Ball {
-                local.q[local.n..local.n + 3].copy_from_slice(logarithm(&quaternion(at.q, joint.q)).as_slice());
-            } else {
-                local.q[local.n] = at.q[joint.q];
-            }
-            for a in 0..joint.kind.n_dofs() {
-                local.v[local.n] = at.v[joint.v + a];
-                local.dofs[local.n] = joint.v + a;
-                local.n += 1;
-            }
-        }
-        local
     }
 
     fn values(indices: &[usize], from: &[f64]) -> [f64; MAX_INPUTS] {
@@ -69,7 +96,7 @@ impl<L: JointLaw> AutomaticJoint<L> {
 
     fn evaluate(&self, e: &JointElement, at: &JointPoint, x: &Local) -> [f64; MAX_DOFS] {
         let (u, p) = (Self::values(&e.controls, at.u), Self::values(&e.params, at.theta));
-        let state = JointState { q: &x.q[..x.n], v: &x.v[..x.n], u: &u[..e.controls.len()] };
+        let state = x.state(&u[..e.controls.len()]);
         let mut f = [0.0; MAX_DOFS];
         self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
         f
@@ -103,7 +130,69 @@ impl<L: JointLaw> AutomaticJoint<L> {
     }
 }
 
+impl Local {
+    fn state<'a>(&'a self, u: &'a [f64]) -> JointState<'a, f64> {
+        let (q_past, z) = (&self.q_past[..self.m], &self.z[..self.m]);
+        JointState { q: &self.q[..self.n], v: &self.v[..self.n], u, q_past, z, elapsed: self.elapsed }
+    }
+}
+
+/// What an element that remembers reads, seeded: changes of coordinates at the step's end and beginning, z, parameters.
+struct Seeded {
+    q: [MemoryDual; 3],
+    q_past: [MemoryDual; 3],
+    z: [MemoryDual; 3],
+    p: [MemoryDual; MAX_INPUTS],
+}
+
+impl Seeded {
+    fn new(e: &JointElement, at: &JointPoint) -> (Local, Self) {
+        let x = local(e, at);
+        let seeded = |value: f64, first: usize, row: Vec<f64>| {
+            let mut unit = SVector::zeros();
+            row.iter().enumerate().for_each(|(k, d)| unit[first + k] = *d);
+            MemoryDual::new(value, Derivative::some(unit))
+        };
+        // a ball's coordinates are changed by turns in its body's axes
+        let rows = |c: &[f64]| {
+            let jacobian =
+                if x.m == 3 { logarithm_jacobian(&nalgebra::Vector3::new(c[0], c[1], c[2])) } else { Matrix3::identity() };
+            move |k: usize| jacobian.row(k).iter().copied().collect::<Vec<f64>>()
+        };
+        let unit = |k: usize| (0..=k).map(|j| f64::from(u8::from(j == k))).collect::<Vec<f64>>();
+        let (end, start) = (rows(&x.q[..3]), rows(&x.q_past));
+        let mut p = [MemoryDual::from_re(0.0); MAX_INPUTS];
+        e.params.iter().enumerate().for_each(|(k, &i)| p[k] = seeded(at.theta[i], 9, unit(k)));
+        let seeds = Self {
+            q: std::array::from_fn(|k| seeded(x.q[k], 0, end(k))),
+            q_past: std::array::from_fn(|k| seeded(x.q_past[k], 3, start(k))),
+            z: std::array::from_fn(|k| seeded(x.z[k], 6, unit(k))),
+            p,
+        };
+        (x, seeds)
+    }
+
+    /// Calls `out(input, derivative of value)`.
+    fn emit(&self, x: &Local, e: &JointElement, value: &MemoryDual, out: &mut dyn FnMut(Input, f64)) {
+        let Some(by) = value.eps.0 else { return };
+        let inputs = (0..x.m).flat_map(|k| {
+            let dof = x.dofs[k];
+            [(k, Input::QNext(dof)), (3 + k, Input::Q(dof)), (6 + k, Input::Z(e.memory[k]))]
+        });
+        let inputs = inputs.chain(e.params.iter().enumerate().map(|(k, &i)| (9 + k, Input::Theta(i))));
+        inputs.filter(|(k, _)| by[*k] != 0.0).for_each(|(k, input)| out(input, by[k]));
+    }
+}
+
 impl<L: JointLaw> AutomaticJoint<L> {
+    fn remembering(&self) -> impl Iterator<Item = &JointElement> {
+        self.elements.iter().filter(|e| !e.memory.is_empty())
+    }
+
+    fn local(e: &JointElement, at: &JointPoint) -> Local {
+        local(e, at)
+    }
+
     /// Whether an element does nothing at these parameters.
     fn idle(&self, e: &JointElement, theta: &[f64]) -> bool {
         self.law.vanishes(&Self::values(&e.params, theta)[..e.params.len()])
@@ -123,7 +212,11 @@ impl<L: JointLaw> AutomaticJoint<L> {
         };
         let (u, p) = (lift(&e.controls, at.u), lift(&e.params, at.theta));
         let mut f = [S::zero()];
-        let state = JointState { q: &[q], v: &[v], u: &u[..e.controls.len()] };
+        let joint = &at.tree.joints()[e.joints[0]];
+        let past: [S; 2] = e.memory.first().map_or([S::zero(); 2], |&k| [at.past.q[joint.q], at.past.z[k]].map(S::from));
+        let m = e.memory.len();
+        let (q_past, z, elapsed) = (&past[..m], &past[1..1 + m], at.past.elapsed);
+        let state = JointState { q: &[q], v: &[v], u: &u[..e.controls.len()], q_past, z, elapsed };
         self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f);
         f[0]
     }
@@ -165,7 +258,9 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
             }
             let u = Self::values(&e.controls, at.u).map(Dual::from_re);
             let p = Self::values(&e.params, at.theta).map(Dual::from_re);
-            let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()] };
+            let (q_past, z) = (x.q_past.map(Dual::from_re), x.z.map(Dual::from_re));
+            let (q_past, z, elapsed) = (&q_past[..x.m], &z[..x.m], x.elapsed);
+            let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()], q_past, z, elapsed };
             let mut f = [zero; MAX_DOFS];
             self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
             for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
@@ -190,7 +285,10 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
             let u: Vec<InputDual> = (0..nu).map(|k| seeded(u[k], k)).collect();
             let p: Vec<InputDual> = (0..np).map(|k| seeded(p[k], nu + k)).collect();
             let mut f = [InputDual::from_re(0.0); MAX_DOFS];
-            self.law.force(&JointState { q: &q[..x.n], v: &v[..x.n], u: &u }, &p, &e.constants, &mut f[..x.n]);
+            let (q_past, z) = (x.q_past.map(InputDual::from_re), x.z.map(InputDual::from_re));
+            let (q_past, z, elapsed) = (&q_past[..x.m], &z[..x.m], x.elapsed);
+            let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u, q_past, z, elapsed };
+            self.law.force(&state, &p, &e.constants, &mut f[..x.n]);
             for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
                 let Some(change) = f.eps.0 else { continue };
                 e.controls.iter().enumerate().for_each(|(k, &c)| visit(*row, Input::U(c), change[k]));
@@ -199,11 +297,58 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
         }
     }
 
+    fn visit_past(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
+        for e in self.remembering() {
+            let (x, seeds) = Seeded::new(e, at);
+            let p = Self::values(&e.params, at.theta).map(MemoryDual::from_re);
+            let u = Self::values(&e.controls, at.u).map(MemoryDual::from_re);
+            let (q, v) = (x.q.map(MemoryDual::from_re), x.v.map(MemoryDual::from_re));
+            let (q_past, z, elapsed) = (&seeds.q_past[..x.m], &seeds.z[..x.m], x.elapsed);
+            let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()], q_past, z, elapsed };
+            let mut f = [MemoryDual::from_re(0.0); MAX_DOFS];
+            self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
+            for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
+                seeds.emit(&x, e, f, &mut |input, d| visit(*row, input, d));
+            }
+        }
+    }
+
+    fn modes(&self, at: &JointPoint, out: &mut Vec<u8>) {
+        out.extend(self.elements.iter().filter_map(|e| {
+            let (x, u, p) = (local(e, at), Self::values(&e.controls, at.u), Self::values(&e.params, at.theta));
+            self.law.mode(&x.state(&u[..e.controls.len()]), &p[..e.params.len()])
+        }));
+    }
+
+    fn advance(&self, at: &JointPoint, z: &mut [f64]) {
+        for e in self.remembering() {
+            let x = Self::local(e, at);
+            let p = Self::values(&e.params, at.theta);
+            let mut next = [0.0; 3];
+            self.law.advance(&x.state(&[]), &p[..e.params.len()], &e.constants, &mut next[..x.m]);
+            e.memory.iter().zip(next).for_each(|(&k, value)| z[k] = value);
+        }
+    }
+
+    fn visit_advance(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
+        for e in self.remembering() {
+            let (x, seeds) = Seeded::new(e, at);
+            let (zero, v) = (MemoryDual::from_re(0.0), x.v.map(MemoryDual::from_re));
+            let (q_past, z, elapsed) = (&seeds.q_past[..x.m], &seeds.z[..x.m], x.elapsed);
+            let state = JointState { q: &seeds.q[..x.n], v: &v[..x.n], u: &[], q_past, z, elapsed };
+            let mut next = [zero; 3];
+            self.law.advance(&state, &seeds.p[..e.params.len()], &e.constants, &mut next[..x.m]);
+            for (&place, next) in e.memory.iter().zip(&next) {
+                seeds.emit(&x, e, next, &mut |input, d| visit(place, input, d));
+            }
+        }
+    }
+
     fn energy(&self, at: &JointPoint) -> f64 {
         let energy = |e: &JointElement| {
             let x = Self::local(e, at);
             let p = Self::values(&e.params, at.theta);
-            self.law.energy(&x.q[..x.n], &p[..e.params.len()], &e.constants)
+            self.law.energy(&x.state(&[]), &p[..e.params.len()], &e.constants)
         };
         self.elements.iter().map(energy).sum()
     }

@@ -3,19 +3,24 @@
 //! A [`JointLaw`] writes the generalized force once, generic over the scalar; [`AutomaticJoint`] makes a [`JointTerm`] of it.
 
 mod automatic;
+mod compensation;
 mod damping;
 mod drive;
+mod plastic;
 mod spring;
 
 pub use automatic::AutomaticJoint;
+pub use compensation::GravityCompensation;
 pub use damping::Damping;
 pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};
+pub use plastic::{PlasticSpring, relax};
 pub use spring::{CubicSpring, Spring};
 
 use super::Real;
 use crate::bodies::Tree;
 use crate::bodies::dynamics::Displacement;
 use crate::kinematics::Input;
+use crate::memory::Past;
 use nalgebra::Matrix3;
 use std::fmt::Debug;
 
@@ -28,10 +33,12 @@ pub struct JointPoint<'a> {
     pub q: &'a [f64],
     /// Their velocities v̄.
     pub v: &'a [f64],
-    /// All controls of the step.
+    /// What motors see of all controls of the step.
     pub u: &'a [f64],
     /// The flat parameter vector θ.
     pub theta: &'a [f64],
+    /// The beginning of the step.
+    pub past: Past<'a>,
 }
 
 /// What the solver asks of a joint force. Everything accumulates.
@@ -49,6 +56,20 @@ pub trait JointTerm: Debug + Send + Sync {
     /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every control and parameter.
     fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64));
 
+    /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every internal variable (`Z`) and coordinate (`Q`) at the beginning of
+    /// the step that the force depends on.
+    fn visit_past(&self, _at: &JointPoint, _visit: &mut dyn FnMut(usize, Input, f64)) {}
+
+    /// Appends which branch of its law each element is on, if it has kinks between branches: 1 and 2 saturated, 0 not.
+    fn modes(&self, _at: &JointPoint, _out: &mut Vec<u8>) {}
+
+    /// Writes into `z` what the force remembers of a step that ended at `at`.
+    fn advance(&self, _at: &JointPoint, _z: &mut [f64]) {}
+
+    /// Calls `visit(place in z, input, ∂z⁺/∂input)` for everything that [`JointTerm::advance`] depends on: `QNext` is a coordinate at
+    /// the end of the step, `Q` and `Z` belong to its beginning.
+    fn visit_advance(&self, _at: &JointPoint, _visit: &mut dyn FnMut(usize, Input, f64)) {}
+
     /// Potential energy \[J\]; zero for forces without one.
     fn energy(&self, _at: &JointPoint) -> f64 {
         0.0
@@ -65,6 +86,12 @@ pub struct JointState<'a, S> {
     pub v: &'a [S],
     /// Controls.
     pub u: &'a [S],
+    /// Of a law that remembers: coordinates at the beginning of the step; otherwise empty.
+    pub q_past: &'a [S],
+    /// Its internal variables there.
+    pub z: &'a [S],
+    /// Time since then \[s\].
+    pub elapsed: f64,
 }
 
 /// One occurrence of a joint law.
@@ -78,6 +105,8 @@ pub struct JointElement {
     pub params: Vec<usize>,
     /// Constants that are not parameters.
     pub constants: Vec<f64>,
+    /// Places in z, one per degree of freedom of the one joint of a law that remembers; otherwise empty.
+    pub memory: Vec<usize>,
 }
 
 /// A force at joints, written once. At most [`AutomaticJoint::MAX_DOFS`] degrees of freedom, and as many controls and parameters as
@@ -94,8 +123,16 @@ pub trait JointLaw: Debug + Send + Sync {
         false
     }
 
+    /// Which branch of the law this is, if it has kinks between branches.
+    fn mode(&self, _at: &JointState<f64>, _p: &[f64]) -> Option<u8> {
+        None
+    }
+
+    /// Internal variables z⁺ at the end of a step that ended at `at`, one per degree of freedom.
+    fn advance<S: Real>(&self, _at: &JointState<S>, _p: &[S], _constants: &[f64], _z: &mut [S]) {}
+
     /// Potential energy \[J\]; zero for forces without one.
-    fn energy<S: Real>(&self, _q: &[S], _p: &[S], _constants: &[f64]) -> S {
+    fn energy<S: Real>(&self, _at: &JointState<S>, _p: &[S], _constants: &[f64]) -> S {
         S::zero()
     }
 }

@@ -26,8 +26,8 @@ impl JointLaw for Spring {
         }
     }
 
-    fn energy<S: Real>(&self, q: &[S], p: &[S], _constants: &[f64]) -> S {
-        q.iter().fold(S::zero(), |sum, q| sum + p[0] * stretch(*q, p) * stretch(*q, p) * 0.5)
+    fn energy<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64]) -> S {
+        at.q.iter().fold(S::zero(), |sum, q| sum + p[0] * stretch(*q, p) * stretch(*q, p) * 0.5)
     }
 }
 
@@ -52,8 +52,8 @@ impl JointLaw for CubicSpring {
         }
     }
 
-    fn energy<S: Real>(&self, q: &[S], p: &[S], _constants: &[f64]) -> S {
-        let size = squared(q, p);
+    fn energy<S: Real>(&self, at: &JointState<S>, p: &[S], _constants: &[f64]) -> S {
+        let size = squared(at.q, p);
         p[0] * size * size * 0.25
     }
 }

@@ -1,0 +1,243 @@
+//! From the command of a step to what a motor sees of it.
+
+use super::Layout;
+use crate::kinematics::Input;
+use crate::model::Model;
+use crate::terms::Real;
+use nalgebra::SVector;
+use num_dual::{Derivative, DualSVec64};
+
+/// The way of one command: controller, delay, lag, each of them or none.
+/// ```text
+/// controller   c = u,   or   target⁺ = target + scale · min(max(u, −1), 1),  c = target⁺
+/// delay        c_D(t) = c(t − D): over a step, c_{k−m−1} for the time f h and then c_{k−m}, with D = (m + f) h, 0 ≤ f ≤ 1
+/// lag          T ẏ = c_D − y, exactly for that c_D:   y ← E y + (1 − E) c,  E = e^{−t/T}, over t = f h and then (1 − f) h
+/// signal       s = mean of y over the step (of c_D without lag: f c_{k−m−1} + (1 − f) c_{k−m})
+/// ```
+/// Units are the command's; D, T in seconds. z holds `target`, the commands c_{k−1} … c_{k−L} (L h ≥ the longest delay), and y.
+///
+/// The limits: T = 0 is no lag, D = 0 no delay. s has a kink in D where D/h is whole (the derivative there is that towards longer
+/// delays), and in u at ±1 of a target's controller (beyond, the derivative is 0).
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalPath {
+    /// The actuator's name.
+    pub name: String,
+    /// The control.
+    pub control: usize,
+    /// Index in θ of a controller's scale; none if u is the command itself.
+    pub scale: Option<usize>,
+    /// Index in θ of the delay, and the longest it may be \[s\].
+    pub delay: Option<(usize, f64)>,
+    /// Index in θ of the lag's time constant.
+    pub lag: Option<usize>,
+    /// Command before the start.
+    pub start: f64,
+}
+
+/// A lag below this part of a step is none: e^{−h/T} is zero long before.
+const NO_LAG: f64 = 1e-12;
+
+/// What a path reads: u, target, the two commands that the delay lets through, y, and scale, D, T.
+const INPUTS: usize = 8;
+type Dual = DualSVec64<INPUTS>;
+
+/// What a path makes of a step: command, signal and the lag's end.
+struct Passed<S> {
+    command: S,
+    signal: S,
+    lagged: S,
+}
+
+impl SignalPath {
+    /// Commands kept at steps of length `h`.
+    fn kept(&self, h: f64) -> usize {
+        // a longest delay of whole steps needs no more, whatever its rounding
+        self.delay.map_or(0, |(_, longest)| ((longest / h - 1e-9).ceil() as usize).max(1))
+    }
+
+    /// Numbers of z at steps of length `h`.
+    pub(crate) fn size(&self, h: f64) -> usize {
+        usize::from(self.scale.is_some()) + self.kept(h) + usize::from(self.lag.is_some())
+    }
+
+    /// Names of its numbers.
+    pub(crate) fn names(&self, h: f64) -> Vec<String> {
+        let target = self.scale.map(|_| format!("{}.target", self.name));
+        let kept = (0..self.kept(h)).map(|k| format!("{}.command[{k}]", self.name));
+        target.into_iter().chain(kept).chain(self.lag.map(|_| format!("{}.lagged", self.name))).collect()
+    }
+
+    /// Whole steps of delay, at most as many as are kept, and where they are: (m, place of c_{k−1}).
+    fn whole(&self, first: usize, theta: &[f64], h: f64) -> (usize, usize) {
+        let m = self.delay.map_or(0, |(d, _)| ((theta[d] / h).floor() as usize).min(self.kept(h) - 1));
+        (m, first + usize::from(self.scale.is_some()))
+    }
+
+    /// Indices of what the path reads, in the order of [`SignalPath::pass`].
+    fn inputs(&self, first: usize, theta: &[f64], h: f64) -> [Option<Input>; INPUTS] {
+        let (m, line) = self.whole(first, theta, h);
+        let delayed = self.delay.is_some();
+        [
+            Some(Input::U(self.control)),
+            self.scale.map(|_| Input::Z(first)),
+            delayed.then_some(Input::Z(line + m)),
+            (delayed && m > 0).then(|| Input::Z(line + m - 1)),
+            self.lag.map(|_| Input::Z(line + self.kept(h))),
+            self.scale.map(Input::Theta),
+            self.delay.map(|(d, _)| Input::Theta(d)),
+            self.lag.map(Input::Theta),
+        ]
+    }
+
+    fn pass<S: Real>(&self, [u, target, older, newer, y, scale, delay, lag]: [S; INPUTS], m: usize, h: f64) -> Passed<S> {
+        let command = if self.scale.is_some() { target + scale * clipped(u) } else { u };
+        let (older, newer, part) = match self.delay {
+            Some(_) => (older, if m > 0 { newer } else { command }, delay / h - m as f64),
+            None => (command, command, S::zero()),
+        };
+        let delayed = older * part + newer * (-part + 1.0);
+        if self.lag.is_none() {
+            return Passed { command, signal: delayed, lagged: delayed };
+        }
+        if lag.re() < NO_LAG * h {
+            return Passed { command, signal: delayed + (y - newer) * lag / h, lagged: newer };
+        }
+        let (first, area) = lagging(y, older, part * h, lag);
+        let (last, rest) = lagging(first, newer, (-part + 1.0) * h, lag);
+        Passed { command, signal: delayed + (area + rest) / h, lagged: last }
+    }
+
+    fn evaluate(&self, first: usize, u: &[f64], z: &[f64], theta: &[f64], h: f64) -> Passed<f64> {
+        let value = |input: Option<Input>| match input {
+            Some(Input::U(k)) => u[k],
+            Some(Input::Z(k)) => z[k],
+            Some(Input::Theta(k)) => theta[k],
+            _ => 0.0,
+        };
+        self.pass(self.inputs(first, theta, h).map(value), self.whole(first, theta, h).0, h)
+    }
+}
+
+/// min(max(u, −1), 1); the derivative is 1 at ±1 and 0 beyond.
+fn clipped<S: Real>(u: S) -> S {
+    if u.re().abs() <= 1.0 { u } else { S::from(u.re().signum()) }
+}
+
+/// End of T ẏ = c − y after the time t, and ∫ (y − c) dt over it.
+fn lagging<S: Real>(y: S, c: S, t: S, lag: S) -> (S, S) {
+    let decayed = -(-(t / lag)).exp_m1(); // 1 − E
+    ((c - y) * decayed + y, (y - c) * lag * decayed)
+}
+
+/// (row, input, derivative).
+pub(crate) type Partials = Vec<(usize, Input, f64)>;
+
+impl Model {
+    /// What every motor sees of the controls `u` over the step from z; a gripper's controls as they are.
+    pub(crate) fn signals(&self, u: &[f64], z: &[f64], theta: &[f64], out: &mut Vec<f64>) {
+        out.clear();
+        out.extend_from_slice(u);
+        for (path, first) in self.memory.placed(self.h) {
+            out[path.control] = path.evaluate(first, u, z, theta, self.h).signal;
+        }
+    }
+
+    /// On which branch every motor's signal is, between kinks: whole steps of its delay, and 1 or 2 where a target's step is cut.
+    pub fn signal_modes(&self, u: &[f64], theta: &[f64]) -> Vec<u8> {
+        let mode = |(path, first): (&SignalPath, usize)| {
+            let u = u[path.control];
+            let cut = if path.scale.is_some() && u.abs() > 1.0 { 1 + u8::from(u > 0.0) } else { 0 };
+            [path.whole(first, theta, self.h).0 as u8, cut]
+        };
+        self.memory.placed(self.h).flat_map(mode).collect()
+    }
+
+    /// Moves the signals' part of z on by a step.
+    pub(crate) fn advance_signals(&self, u: &[f64], z: &mut [f64], theta: &[f64]) {
+        for (path, first) in self.memory.placed(self.h) {
+            let passed = path.evaluate(first, u, z, theta, self.h);
+            let (_, line) = path.whole(first, theta, self.h);
+            let end = line + path.kept(self.h);
+            if path.scale.is_some() {
+                z[first] = passed.command;
+            }
+            if end > line {
+                z[line..end].rotate_right(1);
+                z[line] = passed.command;
+            }
+            if path.lag.is_some() {
+                z[end] = passed.lagged;
+            }
+        }
+    }
+
+    /// ∂s/∂(u, z, θ), rows counted as controls, and ∂z⁺/∂(u, z, θ) of the signals' part of z. Both empty if no motor remembers: s = u.
+    pub(crate) fn signal_partials(&self, u: &[f64], z: &[f64], theta: &[f64]) -> [Partials; 2] {
+        let (mut signals, mut next) = (Vec::new(), Vec::new());
+        if self.memory.paths.is_empty() {
+            return [signals, next];
+        }
+        let remembers = |k: usize| self.memory.paths.iter().any(|p| p.control == k);
+        signals.extend((0..u.len()).filter(|k| !remembers(*k)).map(|k| (k, Input::U(k), 1.0)));
+        for (path, first) in self.memory.placed(self.h) {
+            self.path_partials(path, first, [u, z, theta], &mut signals, &mut next);
+        }
+        [signals, next]
+    }
+
+    fn path_partials(&self, path: &SignalPath, first: usize, at: [&[f64]; 3], signals: &mut Partials, next: &mut Partials) {
+        let ([u, z, theta], h) = (at, self.h);
+        let inputs = path.inputs(first, theta, h);
+        let (m, line) = path.whole(first, theta, h);
+        let end = line + path.kept(h);
+        let seeded: [Dual; INPUTS] = std::array::from_fn(|k| {
+            let value = match inputs[k] {
+                Some(Input::U(k)) => u[k],
+                Some(Input::Z(k)) => z[k],
+                Some(Input::Theta(k)) => theta[k],
+                _ => 0.0,
+            };
+            let mut unit = SVector::zeros();
+            unit[k] = 1.0;
+            Dual::new(value, Derivative::some(unit))
+        });
+        let passed = path.pass(seeded, m, h);
+        let emit = |out: &mut Partials, row: usize, x: Dual| {
+            let Some(by) = x.eps.0 else { return };
+            let entries = inputs.iter().zip(by.iter()).filter(|(_, d)| **d != 0.0);
+            out.extend(entries.filter_map(|(input, d)| input.map(|input| (row, input, *d))));
+        };
+        emit(signals, path.control, passed.signal);
+        if path.scale.is_some() {
+            emit(next, first, passed.command);
+        }
+        if end > line {
+            emit(next, line, passed.command);
+            next.extend((line + 1..end).map(|k| (k, Input::Z(k - 1), 1.0)));
+        }
+        if path.lag.is_some() {
+            emit(next, end, passed.lagged);
+        }
+    }
+
+    /// Signals of commands held for ever, for an equilibrium; a target stays at the start whatever u is.
+    pub(crate) fn resting_signals(&self, u: &[f64]) -> (Vec<f64>, Partials) {
+        let (mut out, mut partials): (Vec<f64>, Partials) = (u.to_vec(), Vec::new());
+        let held = |k: usize| self.memory.paths.iter().find(|p| p.control == k && p.scale.is_some());
+        for (k, signal) in out.iter_mut().enumerate() {
+            match held(k) {
+                Some(path) => *signal = path.start,
+                None => partials.push((k, Input::U(k), 1.0)),
+            }
+        }
+        (out, partials)
+    }
+}
+
+impl Layout {
+    /// Signals at rest at their starting commands.
+    pub(super) fn resting(&self, h: f64) -> Vec<f64> {
+        let materials = self.materials.iter().map(|(_, start)| *start);
+        materials.chain(self.paths.iter().flat_map(|p| std::iter::repeat_n(p.start, p.size(h)))).collect()
+    }
+}
