@@ -59,7 +59,7 @@ pub struct Plan {
 impl Plan {
     /// Builds the model and prepares every record.
     pub fn new(setup: &Setup, logs: &Logs) -> Result<Self, IdentifyError> {
-        let model = Arc::new(ModelBuilder::new(&setup.scene)?.build());
+        let model = Arc::new(ModelBuilder::new(&setup.scene).map_err(|error| error.located(&setup.source))?.build());
         let markers = setup.experiment.marker.iter().map(|m| place(&model, &m.rope, m.node, m.arc)).collect::<Option<Vec<_>>>();
         let markers = markers.ok_or_else(|| IdentifyError::Input("a marker lies on a rope that does not exist".to_owned()))?;
         let scene_values = Values { theta: model.params().values().to_vec(), sensor: setup.experiment.sensor.values() };
