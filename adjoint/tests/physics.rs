@@ -212,7 +212,7 @@ fn block(slope: f64, gap: f64, speed: f64, contact: Contact, integrator: Integra
 }
 
 fn with_gap(rest_gap: f64, law: Law) -> Contact {
-    Contact { law, rest_gap }
+    Contact { law, rest_gap, ..Contact::default() }
 }
 
 /// Velocity along the slope and height after each of `steps` steps, of every node.

@@ -14,6 +14,8 @@ const ROUNDING: f64 = 1e-13;
 const UNMOVED: f64 = 1e-11;
 /// Largest scale given to a block of zeros, in its SI unit: an input that hardly matters is not moved without limit.
 const ZERO_SCALE: f64 = 0.1;
+/// Part of the scale within which an input without derivative must leave L unmoved: a wider move may reach another edge of a shape.
+const NEAR: f64 = 0.02;
 /// A remainder must exceed rounding by this factor to be given a slope.
 const ABOVE_NOISE: f64 = 30.0;
 
@@ -54,7 +56,9 @@ pub(crate) fn judge(
     // central difference would be too, but no difference may go below 0. A one-sided one sees the derivative only at coefficients
     // below the rest gap over the distance slid in a step, which rounding hides; above, it finds the slope of Coulomb's cone.
     let even = block.even && one_sided && size * ZERO_SCALE <= UNMOVED * base.parts;
-    let negligible = even || unseen || size == 0.0 && !points.is_empty() && points.iter().all(unmoved);
+    let negligible = even
+        || unseen
+        || size == 0.0 && !points.is_empty() && points.iter().filter(|p| p.switches == 0 && p.eps <= NEAR * scale).all(unmoved);
     let best = (1..points.len()).min_by(|&a, &b| disagreement(&points, a).total_cmp(&disagreement(&points, b)));
     let (difference, floor, step, switches) = match best {
         Some(k) => {

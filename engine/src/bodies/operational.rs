@@ -8,7 +8,7 @@
 //! Reference: K. Kreutz-Delgado, A. Jain, G. Rodriguez (1992), Int. J. Robotics Research 11(4), for the recursion of Ω.
 
 use super::frames::Frames;
-use super::spatial::{Inertia, column, full, hat};
+use super::spatial::{Force, Inertia, column, full, hat};
 use super::tree::Tree;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector6};
 
@@ -77,9 +77,8 @@ fn matrix(inertia: &Inertia<f64>) -> Matrix6<f64> {
     m
 }
 
-/// The velocity that a unit impulse along `n` at `p` gives the body's point there, along `n` [1/kg].
-pub fn yields(omega: &Matrix6<f64>, p: &nalgebra::Vector3<f64>, n: &nalgebra::Vector3<f64>) -> f64 {
-    let moment = p.cross(n);
-    let wrench = Vector6::new(moment[0], moment[1], moment[2], n[0], n[1], n[2]);
-    wrench.dot(&(omega * wrench))
+/// W·Ω W: how fast a body moves along a unit impulse W when it is given it [1/kg or 1/(kg·m²)].
+pub fn yields(omega: &Matrix6<f64>, wrench: &Force<f64>) -> f64 {
+    let w = Vector6::new(wrench.n[0], wrench.n[1], wrench.n[2], wrench.f[0], wrench.f[1], wrench.f[2]);
+    w.dot(&(omega * w))
 }

@@ -9,6 +9,7 @@ mod condensed;
 mod joint_row;
 mod pair;
 mod solid_pair;
+mod tie;
 
 pub(crate) use condensed::{Condensed, LawPoint, impulse};
 pub(crate) use joint_row::RowLinear;
@@ -20,3 +21,5 @@ pub use solid_pair::{Friction, SolidPair};
 pub(crate) use solid_pair::{
     Sliding, SpotKey, SpotLaw, SpotLinear, SpotState, meeting_changes, node_of, pose_of_world, spot_wrench,
 };
+pub use tie::Tie;
+pub(crate) use tie::{TieLaw, TieRows};

@@ -44,22 +44,34 @@ pub struct SolidPair {
     pub weight: f64,
 }
 
-/// A contact of one step: two features of a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct SpotKey {
-    /// Index of the pair.
-    pub pair: usize,
-    /// Its features.
-    pub spot: Spot,
-    /// Whether the pair's second solid is the spot's first.
-    pub swapped: bool,
+/// What a spot is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) enum SpotKey {
+    /// Two features of a pair of solids.
+    Contact {
+        /// Index of the pair.
+        pair: usize,
+        /// Its features.
+        spot: Spot,
+        /// Whether the pair's second solid is the spot's first.
+        swapped: bool,
+    },
+    /// A tie's points, or its axes.
+    Tie {
+        /// Index of the tie.
+        tie: usize,
+        /// Whether it is about the axes.
+        turn: bool,
+    },
 }
 
-/// A contact with what the step's beginning says of it.
+/// A contact of one step, or a part of a tie, with what the step's beginning says of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SpotState {
     pub key: SpotKey,
-    /// Solids of the spot in its order.
+    /// What it pushes apart or holds together.
+    pub carriers: [Carrier; 2],
+    /// Solids of a contact in the spot's order.
     pub solids: [usize; 2],
     /// Steps of the law \[kg\].
     pub rho_n: f64,
@@ -277,7 +289,7 @@ impl SpotKey {
     pub fn fold(&self) -> u64 {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
-        (self.pair, self.spot, self.swapped).hash(&mut hasher);
+        self.hash(&mut hasher);
         hasher.finish()
     }
 }

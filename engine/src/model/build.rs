@@ -113,6 +113,7 @@ impl ModelBuilder {
             pairs: Vec::new(),
             solids: Vec::new(),
             solid_pairs: Vec::new(),
+            ties: Vec::new(),
             reach: 2,
             gravity,
             h: scene.time.step,
@@ -141,6 +142,7 @@ impl ModelBuilder {
         model.add_pairs(&ropes);
         let radii: Vec<usize> = ropes.iter().map(|r| r.params.radius).collect();
         model.add_solids(scene, &radii)?;
+        model.add_ties(scene)?;
         Ok(Self { model })
     }
 

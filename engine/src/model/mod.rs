@@ -5,12 +5,13 @@ mod build;
 mod mass;
 mod query;
 mod solids;
+mod ties;
 
 pub use build::{BuildError, ModelBuilder};
 pub use mass::NodeMass;
 
 use crate::bodies::Tree;
-use crate::contact::{ContactPair, JointRow, SolidPair};
+use crate::contact::{ContactPair, JointRow, SolidPair, Tie};
 use crate::geometry::Shape;
 use crate::geometry::solid::Solid;
 use crate::kinematics::Drive;
@@ -66,6 +67,7 @@ pub struct Model {
     pub(crate) pairs: Vec<ContactPair>,
     pub(crate) solids: Vec<Solid>,
     pub(crate) solid_pairs: Vec<SolidPair>,
+    pub(crate) ties: Vec<Tie>,
     pub(crate) reach: usize,
     pub(crate) gravity: usize,
     pub(crate) h: f64,
@@ -194,6 +196,11 @@ impl Model {
     /// Which of them may touch.
     pub fn solid_pairs(&self) -> &[SolidPair] {
         &self.solid_pairs
+    }
+
+    /// Bodies held together.
+    pub fn ties(&self) -> &[Tie] {
+        &self.ties
     }
 
     /// Friction and stops at joints.

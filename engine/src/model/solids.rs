@@ -210,7 +210,7 @@ impl Model {
     }
 
     /// Mass of every body as the scene begins \[kg\]; of one without, that of everything on it.
-    fn body_weights(&self) -> Vec<f64> {
+    pub(super) fn body_weights(&self) -> Vec<f64> {
         let inertias = self.inertias(self.params.values());
         let mut beyond: Vec<f64> = inertias.iter().map(|i| i.m).collect();
         for (b, body) in self.tree.bodies().iter().enumerate().rev() {

@@ -109,7 +109,9 @@ impl Mistake {
             Self::Massless { .. } => {
                 both("a mass was left out", "give the body `mass` and `inertia`, or the joint an `armature`, or remove the joint")
             }
-            Self::Limits { .. } => both("the limits are exchanged, or one is in degrees", "write limits = [lower, upper]"),
+            Self::Limits { .. } => {
+                both("the limits are exchanged, or one is in degrees", "write the lower one first, [lower, upper]")
+            }
             Self::Delay { delay, .. } => both(
                 "`max_delay` was left at an earlier delay",
                 format!("write `max_delay = {}` or more, or leave it out", Num(*delay)),
@@ -166,6 +168,14 @@ impl Mistake {
                 "shapes in another unit, a misplaced start, or neighbours that are meant to overlap",
                 "move them apart, or write [[contact.pair]] with `between` and `ignore = true`",
             ),
+            Self::Open { .. } => both(
+                "joints that start where the loop is not closed",
+                "leave `to_point` out, or change `start` of the joints so that the points meet",
+            ),
+            Self::HoldsNoBody { .. } => both("a body was named twice, or one that is fixed", "name a body that moves"),
+            Self::MidpointClosure { .. } => {
+                both("closures hold at the end of a step", "write `integrator = \"sdirk2\"` (second order) or \"euler\"")
+            }
             Self::NeverTouch { .. } => both("a rule that does nothing", "remove it"),
             Self::NoCompliance { .. } => both("a number that would do nothing", "remove `compliance`"),
             Self::AllHeld { .. } => {

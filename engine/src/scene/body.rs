@@ -210,3 +210,38 @@ impl JointKind {
         }
     }
 }
+
+/// Two bodies held together beside their joints, or a body held to the world: what closes a kinematic loop. Its parameters are
+/// `name.first[0..2]`, `name.second[0..2]` and, if it is given, `name.compliance`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Closure {
+    /// Name, unique in the scene, used in parameter paths.
+    pub name: String,
+    /// What it holds.
+    pub kind: ClosureKind,
+    /// A body.
+    pub body: String,
+    /// The other body; the world if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to: Option<String>,
+    /// The point that is held, in the first body's frame [m].
+    #[serde(default)]
+    pub point: [f64; 3],
+    /// The point it is held at, in the other's frame [m]; where the first one is as the scene begins, if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_point: Option<[f64; 3]>,
+    /// How far it gives way [m/N], and a weld's turn [rad/(N·m)]; as little as contact if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compliance: Option<f64>,
+}
+
+/// Kinds of closures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ClosureKind {
+    /// A point: a ball joint.
+    Connect,
+    /// A point and the axes, as they are to each other when the scene begins.
+    Weld,
+}

@@ -186,6 +186,15 @@ pub enum Mistake {
     /// Two objects that overlap as the scene begins.
     #[error("{first} and {second} overlap by {depth:.2e} m as the scene begins")]
     Overlap { first: String, second: String, depth: f64 },
+    /// Points of a closure that are not at one place.
+    #[error("the two points of the closure are {} m apart as the scene begins", Num(*.distance))]
+    Open { distance: f64 },
+    /// A closure that holds nothing.
+    #[error("the closure holds nothing: {why}")]
+    HoldsNoBody { why: &'static str },
+    /// Midpoint with closures.
+    #[error("the midpoint integrator cannot be used with closures, and the scene has {closures}")]
+    MidpointClosure { closures: usize },
     /// A rule for a pair that does not touch anyway.
     #[error("\"{first}\" and \"{second}\" never touch: {why}")]
     NeverTouch { first: String, second: String, why: &'static str },

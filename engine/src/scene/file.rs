@@ -1,7 +1,7 @@
 //! The scene file: what its top level holds, and everything in it that is not an object.
 
 use super::actuator::Actuator;
-use super::body::Body;
+use super::body::{Body, Closure};
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
 use super::shape::{Block, Capsule, ContactRule, Cylinder, Plane, Sphere};
@@ -36,6 +36,9 @@ pub struct Scene<X = Nothing> {
     /// Motors at joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actuator: Vec<Actuator>,
+    /// Bodies held together beside their joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub closure: Vec<Closure>,
     /// Clamps that drive nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gripper: Vec<Gripper>,
@@ -85,6 +88,7 @@ impl<X> Scene<X> {
             rope: self.rope.clone(),
             body: self.body.clone(),
             actuator: self.actuator.clone(),
+            closure: self.closure.clone(),
             gripper: self.gripper.clone(),
             plane: self.plane.clone(),
             sphere: self.sphere.clone(),
@@ -114,6 +118,7 @@ impl<X> Default for Scene<X> {
             rope: Vec::new(),
             body: Vec::new(),
             actuator: Vec::new(),
+            closure: Vec::new(),
             gripper: Vec::new(),
             plane: Vec::new(),
             sphere: Vec::new(),

@@ -45,6 +45,7 @@ pub mod words;
 
 pub use actuator::{Actuator, ActuatorKind, Command};
 pub use body::{Body, Joint, JointKind};
+pub use body::{Closure, ClosureKind};
 pub use check::{MOST_NODES, MOST_STEPS, check};
 pub(crate) use check::{RESERVED, inertia_matrix};
 pub use error::{Mistake, SceneError};

@@ -5,13 +5,13 @@
 //! ```
 
 use super::contact_rows::{add_product, replace};
-use super::spots::{pose, spot_law, velocity};
+use super::spots::{pose, spot_law, tie_law, velocity};
 use super::{Stage, StageRecord, Workspace};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::Displacement;
 use crate::bodies::spatial::{Force, column};
-use crate::contact::{Sliding, SpotState, spot_wrench};
-use crate::geometry::solid::{Carrier, Meeting, Posed, meet};
+use crate::contact::{Sliding, SpotKey, SpotState, Tie, spot_wrench};
+use crate::geometry::solid::{Carrier, Meeting, Posed, Spot, meet};
 use crate::kinematics::Input;
 use crate::model::Model;
 use crate::terms::Vec3;
@@ -90,7 +90,7 @@ impl Stage<'_> {
                     None => out.push((row, impulse, with_v, alone)),
                 };
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
-                match self.model.solids[state.solids[side]].carrier {
+                match state.carriers[side] {
                     Carrier::World => {}
                     Carrier::Node(node) => (0..3).for_each(|a| {
                         let xi = linear.f_xi[side].column(3 + a).into_owned();
@@ -205,14 +205,8 @@ impl StageRecord {
     /// Of every contact of solids: which it is (its pair and features, folded), and 0 separate, 1 stick or 2 slip.
     pub(super) fn spot_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let mode = |spot: &SpotRecord| {
-            let law = spot_law(
-                model.contact.law,
-                &model.solid_pairs[spot.state.key.pair],
-                &spot.state,
-                theta,
-                [self.h, self.rest_gap],
-                0.0,
-            );
+            let SpotKey::Contact { pair, .. } = spot.state.key else { return Vec::new() };
+            let law = spot_law(model.contact.law, &model.solid_pairs[pair], &spot.state, theta, [self.h, self.rest_gap], 0.0);
             let open = spot.w[0] < (law.at.kappa * law.at.rho_n).sqrt();
             let load = spot.w.fixed_rows::<3>(1).norm() / spot.w[0];
             let mode = if open { 0 } else { 1 + u8::from(load > SLIP) };
@@ -231,7 +225,13 @@ impl StageRecord {
         visit: &mut dyn FnMut(usize, Input, f64),
     ) {
         for (k, spot) in self.spots.iter().enumerate() {
-            let pair = &model.solid_pairs[spot.state.key.pair];
+            let (pair, features) = match &spot.state.key {
+                SpotKey::Contact { pair, spot: features, .. } => (&model.solid_pairs[*pair], features),
+                SpotKey::Tie { tie, turn } => {
+                    self.visit_tie(k, &model.ties[*tie], *turn, model, theta, q_bar, frames, visit);
+                    continue;
+                }
+            };
             let at = self.spot_row(k);
             let mut emit = |param: usize, wrench: Option<Force<f64>>, f: Vector4<f64>| {
                 if let Some(wrench) = wrench {
@@ -241,8 +241,8 @@ impl StageRecord {
                 }
                 (0..4).for_each(|a| visit(at + a, Input::Theta(param), f[a]));
             };
-            let Some((meeting, _)) = meeting_along(model, &spot.state, q_bar, frames, theta, None) else { continue };
-            let [a, b] = spot.state.solids.map(|s| velocity(model.solids[s].carrier, &self.v, frames));
+            let Some((meeting, _)) = meeting_along(model, features, &spot.state, q_bar, frames, theta, None) else { continue };
+            let [a, b] = spot.state.carriers.map(|c| velocity(c, &self.v, frames));
             let sliding = Sliding::new(&meeting, a - b);
             let mu = pair.friction.value(theta);
             let tangential = Vec3::new(spot.w[1], spot.w[2], spot.w[3]);
@@ -258,12 +258,48 @@ impl StageRecord {
             let wrench = spot_wrench(&meeting, mu, &spot.w);
             let n = &meeting.normal;
             for param in params {
-                let Some((_, by)) = meeting_along(model, &spot.state, q_bar, frames, theta, Some(param)) else { continue };
+                let Some((_, by)) = meeting_along(model, features, &spot.state, q_bar, frames, theta, Some(param)) else {
+                    continue;
+                };
                 let impulse = by.normal * spot.w[0];
                 let change = Force { n: by.point.cross(&wrench.f) + meeting.point.cross(&impulse), f: impulse };
                 let slip = sliding.relative.w.cross(&by.point);
                 let dv_t = slip - n * n.dot(&slip) - by.normal * n.dot(&sliding.velocity) - n * by.normal.dot(&sliding.velocity);
                 emit(param, Some(change), spot.f_vn * (by.gap / self.h) + spot.f_vt * dv_t);
+            }
+        }
+    }
+
+    /// ∂(r, F)/∂θ of a tie: its points and its compliance.
+    #[allow(clippy::too_many_arguments)] // what `visit_spots` has, and which tie
+    fn visit_tie(
+        &self,
+        k: usize,
+        tie: &Tie,
+        turn: bool,
+        model: &Model,
+        theta: &[f64],
+        q_bar: &[f64],
+        frames: &Frames<f64>,
+        visit: &mut dyn FnMut(usize, Input, f64),
+    ) {
+        let (spot, at) = (&self.spots[k], self.spot_row(k));
+        let law = tie_law(tie, &spot.state, theta, [self.h, self.rest_gap], 0.0);
+        let w = Vec3::new(spot.w[1], spot.w[2], spot.w[3]);
+        if let Some(compliance) = tie.compliance {
+            (0..3).for_each(|a| visit(at + 1 + a, Input::Theta(compliance), law.rho * w[a] / (self.h * self.h)));
+        }
+        if turn {
+            return;
+        }
+        for (side, sign) in [(0, 1.0), (1, -1.0)] {
+            let pose = pose(tie.carriers[side], q_bar, frames);
+            for axis in 0..3 {
+                let param = Input::Theta(tie.points[side] + axis);
+                let moved = pose.rotation.column(axis).into_owned();
+                (0..3).for_each(|a| visit(at + 1 + a, param, sign * law.rho / self.h * moved[a]));
+                let wrench = Force { n: moved.cross(&w) * (0.5 / self.h), f: Vec3::zeros() };
+                self.visit_wrench(model, frames, &spot.state, &wrench, &mut |row, value| visit(row, param, -value));
             }
         }
     }
@@ -279,7 +315,7 @@ impl StageRecord {
     ) {
         let (n, tree) = (model.n_node_dofs(), &model.tree);
         for (side, sign) in [(0, 1.0), (1, -1.0)] {
-            match model.solids[state.solids[side]].carrier {
+            match state.carriers[side] {
                 Carrier::World => {}
                 Carrier::Node(node) if model.driven[node] => {}
                 Carrier::Node(node) => (0..3).for_each(|a| visit(3 * node + a, sign * wrench.f[a])),
@@ -294,6 +330,7 @@ impl StageRecord {
 /// A spot's meeting, and its derivative with respect to one entry of θ at fixed poses.
 fn meeting_along(
     model: &Model,
+    features: &Spot,
     state: &SpotState,
     q_bar: &[f64],
     frames: &Frames<f64>,
@@ -308,7 +345,7 @@ fn meeting_along(
             crate::geometry::solid::Pose { rotation: pose.rotation.map(Dual64::from), position: pose.position.map(Dual64::from) };
         solid.posed(&pose, seeded)
     });
-    let m = meet(&state.key.spot, &a, &b).ok()?;
+    let m = meet(features, &a, &b).ok()?;
     let part = |take: fn(&Dual64) -> f64| Meeting {
         gap: take(&m.gap),
         normal: m.normal.map(|x| take(&x)),

@@ -10,9 +10,10 @@ use crate::bodies::dynamics::{Displacement, WrenchPartial};
 use crate::bodies::operational::{mobilities, yields};
 use crate::bodies::spatial::{Force, Motion, column};
 use crate::contact::{
-    Sliding, SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, meeting_changes, node_of, pose_of_world, spot_wrench,
+    Sliding, SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, Tie, TieLaw, TieRows, meeting_changes, node_of, pose_of_world,
+    spot_wrench,
 };
-use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, candidates, meet};
+use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, Spot, candidates, meet};
 use crate::kkt::System;
 use crate::terms::Vec3;
 use nalgebra::{Matrix6, Vector4, Vector6};
@@ -22,6 +23,8 @@ use pliant_smoothing::{ContactLaw, SplitPoint};
 const RHO: f64 = 0.3;
 /// Acceleration that makes a weight of a mass in the smoothing of contacts of solids [m/s²]: near gravity's, but no parameter.
 pub(crate) const WEIGHT: f64 = 10.0;
+/// Relative change below which a cone variable has settled: derivatives of friction that almost slips feel its last digits.
+const SETTLED: f64 = 1e-10;
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be
 /// the whole scene), and is left out.
 fn reach(rest_gap: f64) -> f64 {
@@ -52,15 +55,25 @@ pub(crate) struct SpotWorkspace {
 }
 
 impl Stage<'_> {
-    /// Whether solids may touch at all.
-    pub(crate) fn has_solids(&self) -> bool {
-        !self.model.solid_pairs.is_empty()
+    /// Whether solids may touch, or are tied.
+    pub(crate) fn has_spots(&self) -> bool {
+        !(self.model.solid_pairs.is_empty() && self.model.ties.is_empty())
     }
 
-    /// The law's numbers at a spot.
-    pub(crate) fn spot_law(&self, spot: &SpotState) -> SpotLaw {
-        let pair = &self.model.solid_pairs[spot.key.pair];
+    /// The law's numbers at a contact of `pair`.
+    fn spot_law(&self, pair: usize, spot: &SpotState) -> SpotLaw {
+        let pair = &self.model.solid_pairs[pair];
         spot_law(self.model.contact.law, pair, spot, self.theta, [self.h, self.rest_gap], self.soften)
+    }
+
+    /// The numbers of a tie's rows.
+    fn tie_law(&self, tie: usize, spot: &SpotState) -> TieLaw {
+        tie_law(&self.model.ties[tie], spot, self.theta, [self.h, self.rest_gap], self.soften)
+    }
+
+    fn tie_rows(&self, tie: usize, turn: bool, spot: &SpotState, q: &[f64], ws: &Workspace) -> TieRows {
+        let poses = spot.carriers.map(|c| self.pose(c, q, ws));
+        self.model.ties[tie].rows(turn, [&poses[0], &poses[1]], self.theta)
     }
 
     fn pose(&self, carrier: Carrier, q: &[f64], ws: &Workspace) -> Pose<f64> {
@@ -74,7 +87,7 @@ impl Stage<'_> {
 
     /// Lists the spots of this stage in `ws.spots`, and starts their cone variables: those of the last stage where there are any.
     pub(crate) fn find_spots(&self, ws: &mut Workspace) {
-        if !self.has_solids() {
+        if !self.has_spots() {
             return;
         }
         let n = self.model.n_node_dofs();
@@ -101,7 +114,15 @@ impl Stage<'_> {
             part.fastest = if part.found.is_empty() { part.fastest } else { part.fastest.max(speed) };
             for &(spot, swapped) in &part.found {
                 let solids = if swapped { [b, a] } else { [a, b] };
-                part.spots.push(SpotState { key: SpotKey { pair: k, spot, swapped }, solids, rho_n: 0.0, rho_t: 0.0 });
+                let carriers = solids.map(|s| self.model.solids[s].carrier);
+                let key = SpotKey::Contact { pair: k, spot, swapped };
+                part.spots.push(SpotState { key, carriers, solids, rho_n: 0.0, rho_t: 0.0 });
+            }
+        }
+        for (tie, held) in self.model.ties.iter().enumerate() {
+            for turn in [false, true].into_iter().take(1 + usize::from(held.relative.is_some())) {
+                let key = SpotKey::Tie { tie, turn };
+                part.spots.push(SpotState { key, carriers: held.carriers, solids: [0; 2], rho_n: 0.0, rho_t: 0.0 });
             }
         }
         if !part.spots.is_empty() {
@@ -126,23 +147,31 @@ impl Stage<'_> {
         self.joint_stiffening(n, &mut part.stiffening);
         mobilities(tree, &ws.bodies.frames, self.inertias, &part.stiffening, &mut part.mobility);
         for spot in &mut part.spots {
-            let [a, b] = spot.solids;
-            let Ok(meeting) = meet(&spot.key.spot, &part.posed[a], &part.posed[b]) else { continue };
-            let mobility = |x: &Vec3<f64>| -> f64 {
-                let of = |solid: usize| match self.model.solids[solid].carrier {
-                    Carrier::World => 0.0,
-                    Carrier::Body(body) => yields(&part.mobility[body], &meeting.point, x),
-                    Carrier::Node(node) => x.norm_squared() / self.mass[node].max(f64::MIN_POSITIVE),
-                };
-                of(a) + of(b)
+            let of = |carrier: Carrier, wrench: &Force<f64>| match carrier {
+                Carrier::World => 0.0,
+                Carrier::Body(body) => yields(&part.mobility[body], wrench),
+                Carrier::Node(node) => wrench.f.norm_squared() / self.mass[node].max(f64::MIN_POSITIVE),
             };
-            let [s, t] = tangents(&meeting.normal);
-            // the largest mobility across the normal
-            let (ss, tt) = (mobility(&s), mobility(&t));
-            let st = 0.25 * (mobility(&(s + t)) - mobility(&(s - t)));
-            let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
-            spot.rho_n = RHO / mobility(&meeting.normal);
-            spot.rho_t = RHO / across;
+            let mobility = |wrench: Force<f64>| of(spot.carriers[0], &wrench) + of(spot.carriers[1], &wrench);
+            match spot.key {
+                SpotKey::Contact { spot: features, .. } => {
+                    let [a, b] = spot.solids;
+                    let Ok(meeting) = meet(&features, &part.posed[a], &part.posed[b]) else { continue };
+                    let along = |x: Vec3<f64>| mobility(Force::at(&meeting.point, x));
+                    let [s, t] = tangents(&meeting.normal);
+                    // the largest mobility across the normal
+                    let (ss, tt) = (along(s), along(t));
+                    let st = 0.25 * (along(s + t) - along(s - t));
+                    let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
+                    (spot.rho_n, spot.rho_t) = (RHO / along(meeting.normal), RHO / across);
+                }
+                SpotKey::Tie { tie, turn } => {
+                    let rows = self.tie_rows(tie, turn, spot, self.q_ref, ws);
+                    let unit = |k: usize| rows.wrench(&Vector4::from_fn(|r, _| f64::from(u8::from(r == k + 1))));
+                    let most: f64 = (0..3).map(|k| mobility(unit(k))).sum();
+                    (spot.rho_n, spot.rho_t) = (RHO / most, RHO / most);
+                }
+            }
         }
     }
 
@@ -160,9 +189,10 @@ impl Stage<'_> {
 
     /// w on the central path for the gap at the beginning: w₀ v_n = κ, bounded by what closes it.
     fn central(&self, spot: &SpotState, ws: &Workspace) -> Vector4<f64> {
-        let law = self.spot_law(spot);
+        let SpotKey::Contact { pair, spot: features, .. } = spot.key else { return Vector4::zeros() };
+        let law = self.spot_law(pair, spot);
         let [a, b] = spot.solids;
-        let gap = meet(&spot.key.spot, &ws.spots.posed[a], &ws.spots.posed[b]).map_or(0.0, |m| m.gap);
+        let gap = meet(&features, &ws.spots.posed[a], &ws.spots.posed[b]).map_or(0.0, |m| m.gap);
         let z = -law.at.rho_n * gap.max(0.0) / self.h;
         let rk = law.at.rho_n * law.at.kappa;
         Vector4::new(2.0 * rk / ((z * z + 4.0 * rk).sqrt() - z), 0.0, 0.0, 0.0)
@@ -171,17 +201,18 @@ impl Stage<'_> {
     /// w in the middle of the central path: where a continuation from a soft contact begins.
     pub(crate) fn soften_spots(&self, ws: &mut Workspace) {
         for (spot, w) in ws.spots.spots.iter().zip(&mut ws.it.p) {
-            let law = self.spot_law(spot);
+            let SpotKey::Contact { pair, .. } = spot.key else { continue };
+            let law = self.spot_law(pair, spot);
             *w = Vector4::new((law.at.kappa * law.at.rho_n / RHO).sqrt(), 0.0, 0.0, 0.0);
         }
     }
 
-    fn meeting(&self, spot: &SpotState, q: &[f64], ws: &Workspace) -> Result<Meeting<f64>, StepError> {
+    fn meeting(&self, features: &Spot, spot: &SpotState, q: &[f64], ws: &Workspace) -> Result<Meeting<f64>, StepError> {
         let [a, b] = spot.solids.map(|s| {
             let solid = &self.model.solids[s];
             solid.posed(&self.pose(solid.carrier, q, ws), |k| self.theta[k])
         });
-        meet(&spot.key.spot, &a, &b).map_err(|distance| self.no_normal(spot, distance))
+        meet(features, &a, &b).map_err(|distance| self.no_normal(spot, distance))
     }
 
     fn no_normal(&self, spot: &SpotState, distance: f64) -> StepError {
@@ -190,7 +221,7 @@ impl Stage<'_> {
     }
 
     fn sliding(&self, spot: &SpotState, meeting: &Meeting<f64>, v: &[f64], ws: &Workspace) -> Sliding {
-        let [a, b] = spot.solids.map(|s| self.velocity(self.model.solids[s].carrier, v, ws));
+        let [a, b] = spot.carriers.map(|c| self.velocity(c, v, ws));
         Sliding::new(meeting, a - b)
     }
 
@@ -200,13 +231,23 @@ impl Stage<'_> {
         self.clear_wrenches(ws);
         for k in 0..ws.spots.spots.len() {
             let spot = ws.spots.spots[k];
-            let meeting = self.meeting(&spot, &ws.q_bar, ws)?;
-            let sliding = self.sliding(&spot, &meeting, v, ws);
-            let law = self.spot_law(&spot);
-            let f = law.residual(meeting.gap / self.h, &sliding.v_t, &p[k]);
+            let inverse = ws.spots.linear[k].inverse;
+            let (f, wrench) = match spot.key {
+                SpotKey::Contact { pair, spot: features, .. } => {
+                    let meeting = self.meeting(&features, &spot, &ws.q_bar, ws)?;
+                    let sliding = self.sliding(&spot, &meeting, v, ws);
+                    let law = self.spot_law(pair, &spot);
+                    let f = law.residual(meeting.gap / self.h, &sliding.v_t, &p[k]);
+                    (f, spot_wrench(&meeting, law.at.mu, &(p[k] - inverse * f)))
+                }
+                SpotKey::Tie { tie, turn } => {
+                    let rows = self.tie_rows(tie, turn, &spot, &ws.q_bar, ws);
+                    let f = rows.residual(&self.tie_law(tie, &spot), self.h, &p[k]);
+                    (f, rows.wrench(&(p[k] - inverse * f)))
+                }
+            };
             ws.spots.f[k] = f;
-            let w = p[k] - ws.spots.linear[k].inverse * f;
-            self.push(&spot, spot_wrench(&meeting, law.at.mu, &w), ws);
+            self.push(&spot, wrench, ws);
         }
         Ok(())
     }
@@ -221,7 +262,7 @@ impl Stage<'_> {
     /// The impulse `wrench` on the first solid of a spot, and its opposite on the second, as forces.
     fn push(&self, spot: &SpotState, wrench: Force<f64>, ws: &mut Workspace) {
         for (side, sign) in [(0, 1.0 / self.h), (1, -1.0 / self.h)] {
-            match self.model.solids[spot.solids[side]].carrier {
+            match spot.carriers[side] {
                 Carrier::World => {}
                 Carrier::Body(body) => ws.spots.wrenches[body] += wrench * sign,
                 Carrier::Node(node) => (0..3).for_each(|a| ws.f[3 * node + a] += sign * wrench.f[a]),
@@ -235,46 +276,57 @@ impl Stage<'_> {
         ws.spots.linear.clear();
         for k in 0..ws.spots.spots.len() {
             let spot = ws.spots.spots[k];
-            let solids = spot.solids.map(|s| &self.model.solids[s]);
-            let poses = solids.map(|s| self.pose(s.carrier, &ws.q_bar, ws));
-            let (meeting, changes) = meeting_changes(&spot.key.spot, solids, [&poses[0], &poses[1]], self.theta)
-                .map_err(|distance| self.no_normal(&spot, distance))?;
-            let sliding = self.sliding(&spot, &meeting, v, ws);
-            let law = self.spot_law(&spot);
-            let linear = SpotLinear::new(&law, &meeting, &changes, &sliding, self.h, &p[k]).ok_or_else(|| {
-                let [first, second] = solids.map(|s| s.name.clone());
-                StepError::ContactNotFinite { step: 0, first, second, value: p[k].norm() }
-            })?;
-            if std::env::var("NT").is_ok() {
-                eprintln!(
-                    "        spot {k} gap {:.2e} vn {:.2e} vt {:.2e} w0 {:.3e} |wt| {:.3e} f {:.2e} {:.2e} rho {:.2e} {:.2e} s {:.2e}",
-                    meeting.gap,
-                    meeting.gap / self.h,
-                    sliding.v_t.norm(),
-                    p[k][0],
-                    p[k].fixed_rows::<3>(1).norm(),
-                    linear.f[0],
-                    linear.f.fixed_rows::<3>(1).norm(),
-                    law.at.rho_n,
-                    law.at.rho_t,
-                    1.0 / linear.inverse[(1, 1)]
-                );
-            }
-            let w = p[k] - linear.inverse * linear.f;
-            self.push(&spot, spot_wrench(&meeting, law.at.mu, &w), ws);
-            for (side, node) in
-                spot.solids.iter().enumerate().filter_map(|(side, s)| Some((side, node_of(self.model.solids[*s].carrier)?)))
-            {
+            let (linear, wrench, rounding) = match spot.key {
+                SpotKey::Contact { pair, spot: features, .. } => {
+                    self.linearize_contact_of_solids(pair, &features, &spot, &p[k], v, ws)?
+                }
+                SpotKey::Tie { tie, turn } => {
+                    let rows = self.tie_rows(tie, turn, &spot, &ws.q_bar, ws);
+                    let law = self.tie_law(tie, &spot);
+                    let linear = rows.linearize(&law, self.h, &p[k]);
+                    let size = rows.point.map_or(1.0, |x| x.norm()) / self.h;
+                    let rounding = 4.0 * f64::EPSILON * law.rho * size * linear.inverse[(1, 1)];
+                    let wrench = rows.wrench(&(p[k] - linear.inverse * linear.f));
+                    (linear, wrench, rounding)
+                }
+            };
+            self.push(&spot, wrench, ws);
+            for (side, node) in spot.carriers.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {
                 let sign = if side == 0 { 1.0 } else { -1.0 };
                 let rows = |m: Matrix6<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(3 + r, 3 + c)]));
                 ws.dq.nodes.add_block(node, node, sign / self.h, &rows(linear.by_displacement(side, true)));
                 ws.dv.nodes.add_block(node, node, sign / self.h, &rows(linear.by_velocity(side, true)));
             }
             ws.spots.f[k] = linear.f;
-            ws.spots.rounding[k] = linear.rounding(&p[k], &law, &sliding.v_t);
+            ws.spots.rounding[k] = rounding;
             ws.spots.linear.push(linear);
         }
         Ok(())
+    }
+
+    /// A contact linearized, its condensed wrench, and the rounding of its w.
+    fn linearize_contact_of_solids(
+        &self,
+        pair: usize,
+        features: &Spot,
+        spot: &SpotState,
+        w: &Vector4<f64>,
+        v: &[f64],
+        ws: &Workspace,
+    ) -> Result<(SpotLinear, Force<f64>, f64), StepError> {
+        let solids = spot.solids.map(|s| &self.model.solids[s]);
+        let poses = spot.carriers.map(|c| self.pose(c, &ws.q_bar, ws));
+        let (meeting, changes) = meeting_changes(features, solids, [&poses[0], &poses[1]], self.theta)
+            .map_err(|distance| self.no_normal(spot, distance))?;
+        let sliding = self.sliding(spot, &meeting, v, ws);
+        let law = self.spot_law(pair, spot);
+        let linear = SpotLinear::new(&law, &meeting, &changes, &sliding, self.h, w).ok_or_else(|| {
+            let [first, second] = solids.map(|s| s.name.clone());
+            StepError::ContactNotFinite { step: 0, first, second, value: w.norm() }
+        })?;
+        let wrench = spot_wrench(&meeting, law.at.mu, &(w - linear.inverse * linear.f));
+        let rounding = linear.rounding(w, &law, &sliding.v_t);
+        Ok((linear, wrench, rounding))
     }
 
     /// How the forces on bodies change with their own bodies, for [`crate::bodies::dynamics::Partials::gather`].
@@ -283,7 +335,7 @@ impl Stage<'_> {
         changes.clear();
         for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
             for side in 0..2 {
-                let Carrier::Body(body) = self.model.solids[spot.solids[side]].carrier else { continue };
+                let Carrier::Body(body) = spot.carriers[side] else { continue };
                 let scale = if side == 0 { 1.0 / self.h } else { -1.0 / self.h };
                 changes.push(WrenchPartial {
                     body,
@@ -300,8 +352,7 @@ impl Stage<'_> {
     pub(super) fn add_crossings(&self, by: Displacement, condensed: bool, ws: &Workspace, out: &mut System) {
         let mut nodes: Vec<usize> = Vec::new();
         for spot in &ws.spots.spots {
-            let [a, b] = spot.solids.map(|s| self.model.solids[s].carrier);
-            match (a, b) {
+            match (spot.carriers[0], spot.carriers[1]) {
                 (Carrier::Node(node), Carrier::Body(_)) | (Carrier::Body(_), Carrier::Node(node)) => nodes.push(node),
                 _ => {}
             }
@@ -312,7 +363,7 @@ impl Stage<'_> {
         for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
             for side in 0..2 {
                 // rows of `side`, columns of the other
-                let [own, other] = [side, 1 - side].map(|s| self.model.solids[spot.solids[s]].carrier);
+                let [own, other] = [spot.carriers[side], spot.carriers[1 - side]];
                 let scale = if side == 0 { -1.0 / self.h } else { 1.0 / self.h };
                 if !matches!(
                     (own, other),
@@ -387,7 +438,7 @@ impl Stage<'_> {
             .iter()
             .zip(&ws.spots.linear)
             .zip(&ws.spots.f)
-            .map(|((spot, linear), f)| linear.dw(f, &spot.solids.map(|s| change(self.model.solids[s].carrier))));
+            .map(|((spot, linear), f)| linear.dw(f, &spot.carriers.map(change)));
         let target: Vec<Vector4<f64>> = steps.collect();
         if next { ws.spots.dw_next = target } else { ws.spots.dw = target }
     }
@@ -404,9 +455,16 @@ impl Stage<'_> {
 
     /// Whether the pending changes leave the impulses where they are.
     pub(crate) fn spots_settled(&self, p: &[Vector4<f64>], part: &SpotWorkspace) -> bool {
-        const SETTLED: f64 = 1e-6;
-        p.iter().zip(&part.dw).all(|(w, dw)| dw.amax() <= SETTLED * w[0].abs().max(w.amax()))
+        let still =
+            |((w, dw), rounding): ((&Vector4<f64>, &Vector4<f64>), &f64)| dw.amax() <= (SETTLED * w.amax()).max(4.0 * rounding);
+        p.iter().zip(&part.dw).zip(&part.rounding).all(still)
     }
+}
+
+/// The numbers of a tie's rows for a stage length and a rest gap.
+pub(super) fn tie_law(tie: &Tie, spot: &SpotState, theta: &[f64], [h, rest_gap]: [f64; 2], soften: f64) -> TieLaw {
+    let compliance = tie.compliance.map_or(0.0, |k| theta[k]) + rest_gap / tie.weight;
+    TieLaw { rho: spot.rho_t, give: compliance / (h * h), soften }
 }
 
 /// The law's numbers at a spot for a stage length and a rest gap.

@@ -112,7 +112,10 @@ impl Stage<'_> {
     }
 
     pub(crate) fn has_contact(&self) -> bool {
-        !(self.model.pairs.is_empty() && self.measure.rows.is_empty() && self.model.solid_pairs.is_empty())
+        !(self.model.pairs.is_empty()
+            && self.measure.rows.is_empty()
+            && self.model.solid_pairs.is_empty()
+            && self.model.ties.is_empty())
     }
 
     fn place(&self, v: &[f64], ws: &mut Workspace) {
@@ -329,7 +332,7 @@ impl Stage<'_> {
                 }
             }
             for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
-                for side in (0..2).filter(|s| self.model.solids[spot.solids[*s]].carrier == Carrier::Node(*node)) {
+                for side in (0..2).filter(|s| spot.carriers[*s] == Carrier::Node(*node)) {
                     let (scale, m) = (if side == 0 { 1.0 / self.h } else { -1.0 / self.h }, linear.w_xi[side]);
                     for (r, row) in block_q.iter_mut().enumerate() {
                         row.iter_mut().enumerate().for_each(|(c, x)| *x += scale * m[(3 + r, 3 + c)]);

@@ -12,6 +12,7 @@ use std::f64::consts::PI;
 
 pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     stops_of_midpoint(scene)?;
+    closures(scene)?;
     for (b, body) in scene.body.iter().enumerate() {
         let field = format!("body[{b}]");
         parent(scene, b, &field)?;
@@ -193,4 +194,31 @@ fn hangs_on<X>(scene: &Scene<X>, body: &Body, above: &Body) -> bool {
         name = scene.body.iter().find(|b| b.name == parent).and_then(|b| b.parent.as_deref());
     }
     false
+}
+
+/// Bodies of closures are there, and no closure holds a body to itself.
+fn closures<X>(scene: &Scene<X>) -> Result<(), SceneError> {
+    if scene.time.integrator == Integrator::Midpoint && !scene.closure.is_empty() {
+        return Err(SceneError::at("time.integrator", Mistake::MidpointClosure { closures: scene.closure.len() }));
+    }
+    let names = || scene.body.iter().map(|body| body.name.as_str());
+    for (k, closure) in scene.closure.iter().enumerate() {
+        let sides = [("body", Some(&closure.body)), ("to", closure.to.as_ref())];
+        for (key, name) in sides.into_iter().filter_map(|(key, name)| Some((key, name?))) {
+            if !names().any(|n| n == name) {
+                let nearest = nearest(name, names()).map(str::to_owned);
+                let known = names().collect::<Vec<_>>().join(", ");
+                let mistake = Mistake::NoSuch { what: "body", name: name.clone(), nearest, known };
+                return Err(SceneError::at(format!("closure[{k}].{key}"), mistake));
+            }
+        }
+        if closure.to.as_ref() == Some(&closure.body) {
+            let why = "both sides are the same body";
+            return Err(SceneError::at(format!("closure[{k}].to"), Mistake::HoldsNoBody { why }));
+        }
+        if let Some(compliance) = closure.compliance {
+            not_negative(&format!("closure[{k}].compliance"), compliance, "m/N")?;
+        }
+    }
+    Ok(())
 }

@@ -174,7 +174,8 @@ fn named<X>(scene: &Scene<X>) -> impl Iterator<Item = (String, &str)> {
         body.joint.iter().enumerate().map(move |(j, o)| (format!("body[{i}].joint[{j}]"), o.name.as_str()))
     });
     let actuators = scene.actuator.iter().enumerate().map(|(i, o)| (format!("actuator[{i}]"), o.name.as_str()));
-    let ropes = ropes.chain(bodies).chain(joints).chain(actuators);
+    let closures = scene.closure.iter().enumerate().map(|(i, o)| (format!("closure[{i}]"), o.name.as_str()));
+    let ropes = ropes.chain(bodies).chain(joints).chain(actuators).chain(closures);
     let blocks = scene.block.iter().enumerate().map(|(i, o)| (format!("box[{i}]"), o.name.as_str()));
     let cylinders = scene.cylinder.iter().enumerate().map(|(i, o)| (format!("cylinder[{i}]"), o.name.as_str()));
     ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules).chain(blocks).chain(cylinders)

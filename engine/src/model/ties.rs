@@ -1,0 +1,61 @@
+//! From a scene's closures to ties.
+
+use super::Model;
+use crate::contact::Tie;
+use crate::geometry::solid::{Carrier, Pose};
+use crate::params::{ANY, NON_NEGATIVE};
+use crate::scene::{Closure, ClosureKind, Mistake, Scene, SceneError};
+use crate::step::{SOLID_WEIGHT, solid_pose};
+use crate::terms::Vec3;
+
+/// Distance of two tied points at the start that a first step closes without a jerk \[m\].
+const OPEN: f64 = 1e-6;
+
+impl Model {
+    /// Adds what holds bodies together beside joints; their second points are where the first ones are as the scene begins.
+    pub(super) fn add_ties<X>(&mut self, scene: &Scene<X>) -> Result<(), SceneError> {
+        let weights = self.body_weights();
+        let frames = self.tree.frames(&self.q0[self.n_node_dofs()..], &vec![0.0; self.tree.nv()]);
+        for (k, closure) in scene.closure.iter().enumerate() {
+            let carrier = |name: &Option<String>| {
+                name.as_deref().and_then(|name| self.tree.body(name)).map_or(Carrier::World, Carrier::Body)
+            };
+            let carriers = [carrier(&Some(closure.body.clone())), carrier(&closure.to)];
+            let poses = carriers.map(|c| solid_pose(c, &self.q0, &frames));
+            let second = second_point(closure, &poses, &format!("closure[{k}]"))?;
+            let points = [("first", closure.point), ("second", second)].map(|(side, point)| {
+                let first = self.params.len();
+                for (a, x) in point.into_iter().enumerate() {
+                    self.params.push(format!("{}.{side}[{a}]", closure.name), "m", ANY, x);
+                }
+                first
+            });
+            let compliance =
+                closure.compliance.map(|c| self.params.push(format!("{}.compliance", closure.name), "m/N", NON_NEGATIVE, c));
+            let weight = |c: Carrier| if let Carrier::Body(b) = c { SOLID_WEIGHT * weights[b].max(1e-9) } else { f64::INFINITY };
+            self.ties.push(Tie {
+                name: closure.name.clone(),
+                carriers,
+                points,
+                relative: (closure.kind == ClosureKind::Weld).then(|| poses[1].rotation.transpose() * poses[0].rotation),
+                compliance,
+                weight: weight(carriers[0]).min(weight(carriers[1])),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The point of the second side, in its frame: as given, or where the first point is.
+fn second_point(closure: &Closure, poses: &[Pose<f64>; 2], field: &str) -> Result<[f64; 3], SceneError> {
+    let first = poses[0].position + poses[0].rotation * Vec3::from(closure.point);
+    let Some(given) = closure.to_point else {
+        return Ok(poses[1].rotation.tr_mul(&(first - poses[1].position)).into());
+    };
+    let second = poses[1].position + poses[1].rotation * Vec3::from(given);
+    let distance = (first - second).norm();
+    if distance > OPEN {
+        return Err(SceneError::at(format!("{field}.to_point"), Mistake::Open { distance }));
+    }
+    Ok(given)
+}
