@@ -343,3 +343,29 @@ def test_bad_shapes_are_refused_with_their_place(old, new, words):
     with pytest.raises(pliant.InputError, match=words) as refused:
         pliant.loads(text.replace(old, new), "bad.toml")
     assert "likely cause: " in str(refused.value) and "fix: " in str(refused.value)
+
+
+ROD = Solid("capsule", (0.01, 0.3))
+BAR = Solid("box", (0.02, 0.02, 0.2))
+DRUM = Solid("cylinder", (0.1, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "turn"),
+    [
+        (BALL, BALL, (1, 0, 0, 0)),
+        (BALL, CAPSULE, (1, 0, 0, 0)),
+        (BAR, BAR, (1, 1, 0, 0)),
+        (BAR, BAR, TILTED),
+        (ROD, BOX, (1, 0, 0, 0)),
+        (ROD, DRUM, (1, 1, 0, 0)),
+        (ROD, ROD, (1, 1, 0, 0)),
+        (Solid("cylinder", (0.01, 0.3)), BOX, TILTED),
+        (Solid("box", (0.3, 0.3, 0.005)), BOX, (1, 0, 0, 0)),
+    ],
+)
+def test_solids_that_pierce_each_other_are_refused(first, second, turn):
+    """No end, corner or edge of one need be within the other."""
+    through = Free("first", first, (0, 0, 0), normalized(turn))
+    with pytest.raises(pliant.InputError, match=r":\d+: body\[0\]\.shape\[0\]: .*overlap by"):
+        pliant.loads(scene(Setting(floor=None), through, Free("second", second, (0, 0, 0))))
