@@ -1,6 +1,6 @@
 //! A scene, ready to run.
 
-use crate::scene::{self, Nothing, Scene, SceneError};
+use crate::scene::{self, Nothing, Scene, SceneError, Source};
 use crate::{BuildError, Model, ModelBuilder, State, StepError, equilibrium};
 use std::path::Path;
 use std::sync::Arc;
@@ -47,7 +47,7 @@ impl Case {
     /// # Errors
     /// A scene that is refused, or whose initial equilibrium is not found.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, CaseError> {
-        Self::new(scene::read_scene(path)?)
+        Self::from_source(&Source::read(path.as_ref())?)
     }
 
     /// Reads a scene from a text; `file_name` is what errors call it.
@@ -55,7 +55,15 @@ impl Case {
     /// # Errors
     /// As [`Case::read`].
     pub fn parse(text: &str, file_name: &str) -> Result<Self, CaseError> {
-        Self::new(scene::parse_scene(text, file_name)?)
+        Self::from_source(&Source::new(file_name, text))
+    }
+
+    /// What only the model can refuse, such as an overlap, has its place in the file too.
+    fn from_source(source: &Source) -> Result<Self, CaseError> {
+        Self::new(scene::parse_source(source)?).map_err(|error| match error {
+            CaseError::Scene(error) => CaseError::Scene(error.located(source)),
+            other => other,
+        })
     }
 }
 

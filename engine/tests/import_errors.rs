@@ -41,7 +41,7 @@ const URDF: &str = r#"<robot name="r">
 </robot>"#;
 
 fn import(text: &str, approximate: bool) -> Result<Imported, ImportError> {
-    import_text(text, "model.xml", &Options { approximate, free_base: false })
+    import_text(text, "model.xml", &Options { approximate, ..Options::default() })
 }
 
 /// The error of a good model with one text replaced: its place, that it has all its parts, and what it is.
@@ -156,6 +156,34 @@ fn masses_limits_and_units() {
     advice(MJCF, "\"-1 1\"", "\"-90 90\"", "degrees?");
 }
 
+#[test]
+fn shapes_and_pairs() {
+    let geom = "<geom type=\"capsule\"";
+    assert!(matches!(refused(MJCF, geom, "<geom friction=\"-1\" type=\"capsule\"", "7"), M::Sign { .. }));
+    assert!(matches!(refused(MJCF, geom, "<geom friction=\"high\" type=\"capsule\"", "7"), M::NotANumber { .. }));
+    let contact = |inside: &str| format!("</worldbody><contact>\n{inside}</contact>");
+    let of = |inside: &str| refused(MJCF, "</worldbody>", &contact(inside), "14");
+    assert!(matches!(of("<exclude body1=\"arm\" body2=\"hnd\"/>"), M::NoSuch { what: "body", nearest: Some(_), .. }));
+    assert!(matches!(of("<exclude body1=\"arm\"/>"), M::Missing { .. }));
+    assert!(matches!(of("<pair geom1=\"a\" geom2=\"b\"/>"), M::NoSuch { what: "geom", .. }));
+    assert!(matches!(of("<pair geom1=\"a\" geom2=\"b\" friction=\"-1\"/>"), M::Sign { .. }));
+    let within = "<geom name=\"a\" size=\"0.1\" pos=\"0 0 0.9\"/>\n<body name=\"arm\"";
+    let overlap = refused(MJCF, "<body name=\"arm\"", within, "6: body \"arm\"");
+    assert!(matches!(overlap, M::Overlap { .. }), "{overlap}");
+    advice(MJCF, "<body name=\"arm\"", within, "<exclude>");
+    let unnamed = MJCF.replacen("<body name=\"arm\"", within, 1);
+    let rules = import(&unnamed, true).unwrap().scene.contact.pair;
+    assert!(rules.len() == 1 && rules[0].ignore);
+
+    let collision = |shape: &str| format!("<link name=\"base\"><collision><geometry>\n{shape}</geometry></collision></link>");
+    let of = |shape: &str| refused(URDF, "<link name=\"base\"/>", &collision(shape), "3");
+    assert!(matches!(of("<sphere/>"), M::Missing { .. }));
+    assert!(matches!(of("<sphere radius=\"0\"/>"), M::Sign { .. }));
+    assert!(matches!(of("<box size=\"1 2\"/>"), M::Count { .. }));
+    assert!(matches!(of("<box size=\"1 -2 3\"/>"), M::Sign { .. }));
+    assert!(matches!(of("<cylinder radius=\"80\" length=\"0.2\"/>"), M::Unit { likely: "mm", .. }));
+}
+
 /// What makes it another model is refused, and with `approximate` reported.
 #[test]
 fn what_cannot_be_kept() {
@@ -226,7 +254,7 @@ fn the_shared_models_come_through_whole() {
             continue;
         }
         for free_base in [false, true] {
-            let imported = import_model(&path, &Options { approximate: false, free_base }).unwrap();
+            let imported = import_model(&path, &Options { free_base, ..Options::default() }).unwrap();
             let again: Scene<Nothing> = parse_scene(&imported.to_toml(), "scene.toml").unwrap();
             assert_eq!(again, imported.scene, "{}", path.display());
             let unread = imported.report.entries.iter().find(|e| e.reason.contains("not read by the importer"));

@@ -7,9 +7,16 @@ use std::path::PathBuf;
 
 /// Reads an MJCF or URDF file: the text of a scene, and the report as the dictionary of the command's JSON.
 #[pyfunction]
-#[pyo3(signature = (path, *, approximate=false, free_base=false))]
-pub fn import_model(py: Python<'_>, path: PathBuf, approximate: bool, free_base: bool) -> PyResult<(String, Py<PyAny>)> {
-    let imported = pliant::import::import_model(path, &Options { approximate, free_base }).map_err(input)?;
+#[pyo3(signature = (path, *, approximate=false, free_base=false, contact=true))]
+pub fn import_model(
+    py: Python<'_>,
+    path: PathBuf,
+    approximate: bool,
+    free_base: bool,
+    contact: bool,
+) -> PyResult<(String, Py<PyAny>)> {
+    let imported =
+        pliant::import::import_model(path, &Options { approximate, free_base, no_contact: !contact }).map_err(input)?;
     let text = serde_json::to_string(&imported.report).map_err(|e| InputError::new_err(e.to_string()))?;
     Ok((imported.to_toml(), py.import("json")?.call_method1("loads", (text,))?.unbind()))
 }

@@ -40,7 +40,7 @@ pub fn loads(text: &str, name: &str) -> PyResult<Model> {
 impl Model {
     pub fn build(source: &Source) -> PyResult<Self> {
         let scene: Scene = parse_source(source).map_err(input)?;
-        let model = ModelBuilder::new(&scene).map_err(input)?.build();
+        let model = ModelBuilder::new(&scene).map_err(|error| input(error.located(source)))?.build();
         Ok(Self { model: Arc::new(model), scene })
     }
 

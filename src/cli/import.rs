@@ -23,6 +23,9 @@ pub struct Arguments {
     /// Let the root link of a URDF fly, instead of fixing it to the world.
     #[arg(long)]
     free_base: bool,
+    /// Leave out the shapes that bodies touch with.
+    #[arg(long)]
+    no_contact: bool,
 }
 
 /// What is printed.
@@ -42,7 +45,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(out) = &arguments.out {
         file::check(out)?;
     }
-    let options = Options { approximate: arguments.approximate, free_base: arguments.free_base };
+    let options =
+        Options { approximate: arguments.approximate, free_base: arguments.free_base, no_contact: arguments.no_contact };
     let imported = import_model(&arguments.model, &options)?;
     let scene = imported.to_toml();
     if let Some(out) = &arguments.out {

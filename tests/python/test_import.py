@@ -182,7 +182,7 @@ def test_a_robot_flies_if_it_is_told_to(tmp_path):
 )
 def test_motion_is_that_of_mujoco(name, tolerance):
     """Midpoint steps of 0.1 ms against MuJoCo's fourth order, friction, springs, motors too."""
-    text, _ = pliant.import_model(MODELS / name)
+    text, _ = pliant.import_model(MODELS / name, contact=False)
     mj = mujoco.MjModel.from_xml_path(str(MODELS / name))
     mj.opt.timestep, mj.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
     mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
@@ -238,3 +238,145 @@ def test_what_cannot_be_kept_is_refused(tmp_path):
         for e in report["entries"]
         if e["verdict"] == "approximated" and e["element"] == "weld"
     ] == [2]
+
+
+def shapes(mj, body):
+    """Kind, sizes, place and orientation of a body's geoms that may touch, as scenes count them."""
+    out = []
+    for g in range(mj.ngeom):
+        kind = mujoco.mjtGeom(mj.geom_type[g]).name.removeprefix("mjGEOM_").lower()
+        masks = mj.geom_contype[g] or mj.geom_conaffinity[g]
+        paired = g in mj.pair_geom1 or g in mj.pair_geom2
+        if mj.geom_bodyid[g] == body and (masks or paired) and kind != "ellipsoid":
+            out.append((kind, mj.geom_size[g], mj.geom_pos[g], rotation(mj.geom_quat[g])))
+    return out
+
+
+@pytest.mark.parametrize("name", sorted({*MJCF} - {"arm7.xml", "pendulum.xml", "slider_crank.xml"}))
+def test_shapes_are_those_of_mujoco(name):
+    _, scene, _, mj = compiled(name)
+    touching = 0
+    for b, body in enumerate(scene["body"], start=1):
+        theirs = shapes(mj, b)
+        assert len(body.get("shape", [])) == len(theirs)
+        for mine, (kind, size, position, axes) in zip(body.get("shape", []), theirs, strict=True):
+            assert mine["kind"] == kind
+            sizes = mine.get("half_extents") or [mine["radius"], mine.get("half_length", 0.0)]
+            assert relative(sizes, size[: len(sizes)]) < TOLERANCE
+            assert np.abs(np.array(mine.get("position", [0, 0, 0])) - position).max() < 1e-9
+            assert np.abs(rotation(mine.get("quaternion", [1, 0, 0, 0])) - axes).max() < 1e-9
+            touching += 1
+    assert touching > 0 or name == "free_body.xml"
+    assert (scene["time"]["integrator"] == "euler") == (touching > 1)
+
+
+def scene_pairs(scene):
+    """Pairs of objects that touch in a scene, with their friction; by the rules of scenes, written down again."""
+    bodies = {b["name"]: b for b in scene["body"]}
+
+    def carrier(name):
+        while name is not None and not bodies[name].get("joint"):
+            name = bodies[name].get("parent")
+        return name
+
+    def above(name):
+        return name and carrier(bodies[name].get("parent"))
+
+    frictions = {n: b["shape"][0]["friction"] for n, b in bodies.items() if b.get("shape")}
+    for kind in ("plane", "sphere", "capsule", "box", "cylinder"):
+        frictions |= {s["name"]: s["friction"] for s in scene.get(kind, [])}
+    rules = {frozenset(r["between"]): r for r in scene["contact"]["pair"]}
+    out = {}
+    for a in frictions:
+        for b in frictions:
+            if a >= b:
+                continue
+            x, y = (carrier(n) if n in bodies else None for n in (a, b))
+            neighbours = x is not None and y is not None and y in (above(x), x) or x == y
+            neighbours |= x is not None and y is not None and above(y) == x
+            rule = rules.get(frozenset((a, b)), {})
+            if not neighbours and not rule.get("ignore"):
+                out[a, b] = rule.get("friction", (frictions[a] + frictions[b]) / 2)
+    return out
+
+
+def test_what_touches_is_what_touches_in_mujoco():
+    """All bodies are thrown about one place, where MuJoCo finds contacts of whatever may touch."""
+    model, scene, report, mj = compiled("touching.xml")
+    data = mujoco.MjData(mj)
+    theirs = {}
+    rng = np.random.default_rng(4)
+    for _ in range(400):
+        data.qpos[:], _ = random_state(mj, rng)
+        for j in range(mj.njnt):
+            if mj.jnt_type[j] == FREE:
+                place = [0, 0, -0.45] + rng.uniform(-1, 1, 3) * [0.1, 0.1, 0.3]
+                data.qpos[mj.jnt_qposadr[j] :][:3] = place
+        mujoco.mj_forward(mj, data)
+        for c in data.contact:
+            geoms = (int(c.geom1), int(c.geom2))
+            bodies = [mj.geom_bodyid[g] for g in geoms]
+            names = [
+                mj.body(b).name if b else mj.geom(g).name
+                for g, b in zip(geoms, bodies, strict=True)
+            ]
+            theirs[tuple(sorted(names))] = c.friction[0] if c.dim > 1 else 0.0
+    theirs = {k: v for k, v in theirs.items() if "egg" not in k}
+    # the flag may touch cart and plate, but cannot reach them
+    mine = scene_pairs(scene)
+    assert mine.pop(("cart", "flag")) == mine.pop(("flag", "plate")) == 0.6
+    assert mine.keys() == theirs.keys()
+    assert mine == pytest.approx(theirs)
+    assert model.rollout(model.initial_state(), model.controls(20), record=False).x.shape[0] == 21
+    said = {(e["element"], e["verdict"], e["reason"].split(":")[0]) for e in report["entries"]}
+    assert ("exclude", "kept", "ball and pill pass through each other") in said
+    assert ("exclude", "kept", "the world and can pass through each other") in said
+    assert ("pair", "kept", '"ball" and "spirit" touch') in said
+    assert any(
+        e["line"] == 24 and e["verdict"] == "approximated" for e in report["entries"]
+    )  # the egg
+    assert any(e["reason"].startswith("solref: ") for e in report["entries"])
+
+
+def test_collision_shapes_of_a_robot_touch():
+    _, scene, report, mj = compiled("gripper.urdf")
+    base, arm, finger = scene["body"]
+    assert base["shape"] == [
+        {
+            "kind": "cylinder",
+            "position": [0.0, 0.0, 0.1],
+            "radius": 0.08,
+            "half_length": 0.1,
+            "friction": 1.0,
+        }
+    ]
+    assert arm["shape"][0]["half_extents"] == [0.03, 0.04, 0.15]
+    assert np.abs(rotation(arm["shape"][0]["quaternion"]) - rotation(mj.geom_quat[1])).max() < 1e-6
+    assert [s["kind"] for s in finger["shape"]] == ["sphere", "cylinder"]
+    assert [s["friction"] for s in finger["shape"]] == [1.4, 1.4]
+    assert scene["contact"]["pair"] == [{"between": ["base", "arm"], "ignore": True}]
+    assert arm["joint"][0]["limits"] == [-2.0, 2.0] and arm["joint"][0]["friction"] == 0.05
+    assert scene["time"]["integrator"] == "euler"
+    _, without = pliant.import_model(MODELS / "gripper.urdf", contact=False)
+    assert [e["verdict"] for e in without["entries"] if e["element"] == "collision"] == [
+        "ignored"
+    ] * 4
+    assert [e["verdict"] for e in report["entries"] if e["element"] == "collision"] == ["kept"] * 4
+
+
+def test_shapes_that_overlap_at_the_start_are_refused(tmp_path):
+    """Unless they may pass through each other."""
+    body = '<body name="{0}" pos="{1} 0 0"><freejoint/><geom size=".1"/></body>'
+    file = tmp_path / "two.xml"
+    file.write_text(
+        f"<mujoco><worldbody>\n{body.format('a', 0)}\n{body.format('b', 0.15)}\n</worldbody></mujoco>"
+    )
+    with pytest.raises(
+        pliant.InputError,
+        match=r"two.xml:2: body \"a\".*overlap by 5.00e-2 m(.|\n)*<exclude>(.|\n)*--approximate",
+    ):
+        pliant.import_model(file)
+    text, report = pliant.import_model(file, approximate=True)
+    assert tomllib.loads(text)["contact"]["pair"] == [{"between": ["a", "b"], "ignore": True}]
+    assert any("the two pass through each other" in e["reason"] for e in report["entries"])
+    assert "[[body.shape]]" not in pliant.import_model(file, contact=False)[0]

@@ -35,7 +35,8 @@ def test_shapes(path):
     model = pliant.load(str(path))
     roll = run(model, 3)
     nx, ndx, nu, n_params = model.nx, model.ndx, model.nu, model.n_params
-    assert ndx == 6 * model.n_nodes + 2 * len(model.dof_names) and len(roll) == 3
+    joints = 2 * len(model.dof_names) + len(model.memory_names)
+    assert ndx == 6 * model.n_nodes + joints and len(roll) == 3
     assert roll.x.shape == (4, nx) and roll.u.shape == (3, nu)
     assert roll.x.dtype == np.float64 and roll.x.flags.c_contiguous
     assert len(model.param_paths) == len(model.param_units) == n_params

@@ -87,6 +87,11 @@ impl ImportMistake {
             Self::Unit { likely, unit, .. } => {
                 both(format!("{likely}?"), format!("write it in {unit}; if it is meant so, pass --approximate"))
             }
+            Self::Overlap { .. } => both(
+                "neighbours that are meant to overlap, a start in the ground, or shapes in another unit",
+                "move them apart; or let them pass through each other, in MJCF by <exclude> in <contact>, for all such pairs by \
+                 --approximate; or leave all shapes out by --no-contact",
+            ),
             Self::FreeBelow { .. } => both("a floating link in the middle of a tree", "let it hang on the world, alone"),
             Self::NeedsApproximate { .. } => both(
                 "the model uses what scenes do not have yet",

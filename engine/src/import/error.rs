@@ -127,6 +127,9 @@ pub enum ImportMistake {
     /// A size that betrays another unit.
     #[error("`{attribute}` is {value} {unit}")]
     Unit { attribute: String, value: f64, unit: &'static str, likely: &'static str },
+    /// Shapes that overlap as the scene begins.
+    #[error("{first} and {second} overlap by {depth:.2e} m as the scene begins, and would be thrown apart")]
+    Overlap { first: String, second: String, depth: f64 },
     /// A free joint that is not alone at the world.
     #[error("a free joint of body \"{body}\", which has a parent or other joints too")]
     FreeBelow { body: String },

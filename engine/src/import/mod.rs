@@ -33,6 +33,7 @@ mod mjcf;
 mod names;
 mod pose;
 mod report;
+mod solid;
 mod text;
 mod urdf;
 mod view;
@@ -53,6 +54,8 @@ pub struct Options {
     pub approximate: bool,
     /// Let the root link of a URDF fly, instead of fixing it to the world.
     pub free_base: bool,
+    /// Leave out the shapes that bodies touch with.
+    pub no_contact: bool,
 }
 
 /// A model that was read.

@@ -1,7 +1,7 @@
 //! A scene of bodies as a TOML file: what differs from the defaults, and the numbers in full.
 
 use super::report::{Report, Verdict};
-use crate::scene::{Actuator, ActuatorKind, Body, Integrator, Joint, JointKind, Scene};
+use crate::scene::{Actuator, ActuatorKind, Body, BodyShape, ContactRule, Integrator, Joint, JointKind, Scene, ShapeKind};
 use std::fmt::Write;
 
 /// The file.
@@ -28,7 +28,9 @@ pub fn scene(scene: &Scene, report: &Report) -> String {
     line(&mut out, "magnitude", &number(scene.gravity.magnitude));
     list(&mut out, "tilt", &scene.gravity.tilt, &[0.0; 2]);
     scene.body.iter().for_each(|b| body(&mut out, b));
+    fixed(&mut out, scene);
     scene.actuator.iter().for_each(|a| actuator(&mut out, a));
+    scene.contact.pair.iter().for_each(|r| rule(&mut out, r));
     out
 }
 
@@ -47,6 +49,75 @@ fn body(out: &mut String, body: &Body) {
         list(out, "inertia", inertia, &[]);
     }
     body.joint.iter().for_each(|j| joint(out, j));
+    body.shape.iter().for_each(|s| shape(out, s));
+}
+
+fn shape(out: &mut String, shape: &BodyShape) {
+    *out += "\n[[body.shape]]\n";
+    let kind = match shape.kind {
+        ShapeKind::Sphere => "sphere",
+        ShapeKind::Capsule => "capsule",
+        ShapeKind::Cylinder => "cylinder",
+        ShapeKind::Box => "box",
+    };
+    line(out, "kind", &quoted(kind));
+    list(out, "position", &shape.position, &[0.0; 3]);
+    list(out, "quaternion", &shape.quaternion, &[1.0, 0.0, 0.0, 0.0]);
+    given(out, "radius", shape.radius);
+    given(out, "half_length", shape.half_length);
+    list(out, "half_extents", shape.half_extents.as_ref().map_or(&[], |x| x), &[]);
+    given(out, "friction", shape.friction);
+}
+
+/// Fixed shapes.
+fn fixed(out: &mut String, scene: &Scene) {
+    let open = |out: &mut String, kind: &str, name: &str| {
+        let _ = write!(out, "\n[[{kind}]]\n");
+        line(out, "name", &quoted(name));
+    };
+    for s in &scene.plane {
+        open(out, "plane", &s.name);
+        list(out, "point", &s.point, &[0.0; 3]);
+        list(out, "normal", &s.normal, &[0.0, 0.0, 1.0]);
+        line(out, "friction", &number(s.friction));
+    }
+    for s in &scene.sphere {
+        open(out, "sphere", &s.name);
+        list(out, "center", &s.center, &[]);
+        line(out, "radius", &number(s.radius));
+        line(out, "friction", &number(s.friction));
+    }
+    for s in &scene.capsule {
+        open(out, "capsule", &s.name);
+        list(out, "a", &s.a, &[]);
+        list(out, "b", &s.b, &[]);
+        line(out, "radius", &number(s.radius));
+        line(out, "friction", &number(s.friction));
+    }
+    for s in &scene.block {
+        open(out, "box", &s.name);
+        list(out, "position", &s.position, &[0.0; 3]);
+        list(out, "quaternion", &s.quaternion, &[1.0, 0.0, 0.0, 0.0]);
+        list(out, "half_extents", &s.half_extents, &[]);
+        line(out, "friction", &number(s.friction));
+    }
+    for s in &scene.cylinder {
+        open(out, "cylinder", &s.name);
+        list(out, "position", &s.position, &[0.0; 3]);
+        list(out, "quaternion", &s.quaternion, &[1.0, 0.0, 0.0, 0.0]);
+        line(out, "radius", &number(s.radius));
+        line(out, "half_length", &number(s.half_length));
+        line(out, "friction", &number(s.friction));
+    }
+}
+
+fn rule(out: &mut String, rule: &ContactRule) {
+    *out += "\n[[contact.pair]]\n";
+    line(out, "between", &format!("[{}, {}]", quoted(&rule.between[0]), quoted(&rule.between[1])));
+    if rule.ignore {
+        line(out, "ignore", "true");
+    }
+    given(out, "friction", rule.friction);
 }
 
 fn joint(out: &mut String, joint: &Joint) {
@@ -99,6 +170,12 @@ fn actuator(out: &mut String, actuator: &Actuator) {
 
 fn line(out: &mut String, key: &str, value: &str) {
     let _ = writeln!(out, "{key} = {value}");
+}
+
+fn given(out: &mut String, key: &str, value: Option<f64>) {
+    if let Some(value) = value {
+        line(out, key, &number(value));
+    }
 }
 
 fn differing(out: &mut String, key: &str, value: f64, default: f64) {

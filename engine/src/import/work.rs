@@ -9,7 +9,8 @@ use super::view::View;
 use super::xml::Element;
 use super::{Imported, Options};
 use crate::bodies::InertiaError;
-use crate::scene::{Body, Integrator, Joint, Mistake, Scene, SceneError, check};
+use crate::model::{BuildError, ModelBuilder};
+use crate::scene::{Body, BodyShape, ContactRule, Integrator, Joint, Mistake, Scene, SceneError, check};
 
 /// Why something is ignored that the importer has no word for.
 const UNREAD: &str = "not read by the importer";
@@ -118,7 +119,11 @@ impl<'o> Work<'o> {
         }
         joint.limits = Some([low, high]);
         self.scene.time.integrator = Integrator::Sdirk2;
-        self.kept(element, &joint.name, format!("{given}: hard stops without rebound; the integrator is `sdirk2`"));
+        self.kept(
+            element,
+            &joint.name,
+            format!("{given}: hard stops without rebound; the integrator is `sdirk2`, or `euler` if bodies touch"),
+        );
         if !(low..=high).contains(&0.0) {
             let start = if low > 0.0 { low } else { high };
             joint.start = vec![start];
@@ -144,7 +149,15 @@ impl<'o> Work<'o> {
     }
 
     /// Adds a body to the scene; `mass` as [`Work::possible`] returns it, or none.
-    pub fn add_body(&mut self, element: &Element, name: &str, parent: Option<&str>, pose: &Pose, mass: &Mass, joint: Vec<Joint>) {
+    pub fn add_body(
+        &mut self,
+        element: &Element,
+        name: &str,
+        place: (Option<&str>, &Pose),
+        mass: &Mass,
+        carried: (Vec<Joint>, Vec<BodyShape>),
+    ) {
+        let ((parent, pose), (joint, shape)) = (place, carried);
         self.origins.push(ImportError::at(element, ImportMistake::Massless { body: name.to_owned() }));
         self.scene.body.push(Body {
             name: name.to_owned(),
@@ -155,15 +168,55 @@ impl<'o> Work<'o> {
             center_of_mass: plain(mass.center.into()),
             inertia: (mass.mass > 0.0).then(|| plain(mass.numbers())),
             joint,
-            shape: Vec::new(),
+            shape,
         });
     }
 
     /// The checked scene and the report.
     pub fn finish(mut self, root: &Element) -> Result<Imported, ImportError> {
         self.sweep(root);
+        self.allow_contact(root);
         check(&self.scene).map_err(|error| self.blame(root, error))?;
+        self.separate(root)?;
         Ok(Imported { scene: self.scene, report: self.report })
+    }
+
+    /// Steps that impacts do not upset, if anything can touch.
+    fn allow_contact(&mut self, root: &Element) {
+        let carriers = self.scene.body.iter().filter(|b| !b.shape.is_empty()).count();
+        if carriers + self.scene.n_shapes().min(1) < 2 {
+            return;
+        }
+        self.scene.time.integrator = Integrator::Euler;
+        self.kept(root, "", "bodies touch: the integrator is `euler`, which takes impacts best");
+    }
+
+    /// Lets bodies that overlap as the scene begins pass through each other if that was asked for; otherwise an error.
+    fn separate(&mut self, root: &Element) -> Result<(), ImportError> {
+        let pairs = self.scene.body.len() * (self.scene.body.len() + self.scene.n_shapes());
+        for _ in 0..=pairs {
+            let Err(error) = ModelBuilder::new(&self.scene) else { return Ok(()) };
+            let BuildError::Scene(error) = error else { return Ok(()) };
+            let Mistake::Overlap { first, second, depth } = (*error.mistake).clone() else { return Err(self.blame(root, error)) };
+            if !self.options.approximate {
+                return Err(self.blame(root, error));
+            }
+            let [first, second] = [&first, &second].map(|name| name.trim_matches('`').split('.').next().unwrap_or("").to_owned());
+            let reason = format!("it overlaps \"{second}\" by {depth:.1e} m at the start: the two pass through each other");
+            self.approximated(root, &first, reason);
+            self.ignore_pair(&first, &second);
+        }
+        Ok(())
+    }
+
+    /// Lets two objects pass through each other.
+    pub fn ignore_pair(&mut self, first: &str, second: &str) {
+        let rule = ContactRule { between: [first.to_owned(), second.to_owned()], ignore: true, ..ContactRule::default() };
+        let same = |r: &&mut ContactRule| r.between == rule.between || (r.between[0] == second && r.between[1] == first);
+        match self.scene.contact.pair.iter_mut().find(same) {
+            Some(old) => *old = rule,
+            None => self.scene.contact.pair.push(rule),
+        }
     }
 
     /// Reports what nobody has looked at, so that nothing is dropped silently.
@@ -193,6 +246,9 @@ impl<'o> Work<'o> {
         let mistake = match *error.mistake {
             Mistake::Massless { ref body } => ImportMistake::Massless { body: body.clone() },
             Mistake::FreeBelow { ref body } => ImportMistake::FreeBelow { body: body.clone() },
+            Mistake::Overlap { ref first, ref second, depth } => {
+                ImportMistake::Overlap { first: first.clone(), second: second.clone(), depth }
+            }
             _ => ImportMistake::Scene { error },
         };
         match origin {
@@ -203,6 +259,6 @@ impl<'o> Work<'o> {
 }
 
 /// −0 as 0.
-fn plain<const N: usize>(x: [f64; N]) -> [f64; N] {
+pub fn plain<const N: usize>(x: [f64; N]) -> [f64; N] {
     x.map(|x| x + 0.0)
 }

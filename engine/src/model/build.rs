@@ -7,7 +7,7 @@ use crate::geometry::Shape;
 use crate::kinematics::{Drive, DriveKind, EdgeClamp};
 use crate::memory::Layout;
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
-use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Start};
+use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Source, Start};
 use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, Stretch, StretchDamping, Term, Vec3};
 use std::sync::Arc;
 
@@ -29,6 +29,16 @@ pub enum BuildError {
         /// Last node there is.
         last: usize,
     },
+}
+
+impl BuildError {
+    /// The same error with file and line found in the scene's text.
+    pub fn located(self, source: &Source) -> Self {
+        match self {
+            Self::Scene(error) => Self::Scene(error.located(source)),
+            other => other,
+        }
+    }
 }
 
 /// Builds a [`Model`] from a scene, and lets one add forces of one's own before it is finished.

@@ -3,7 +3,7 @@
 use super::Model;
 use crate::bodies::rotation::{matrix, normalized};
 use crate::contact::{Friction, SolidPair};
-use crate::geometry::solid::{Carrier, Form, Place, Solid, candidates, meet};
+use crate::geometry::solid::{Carrier, Form, Place, Solid, candidates, meet, overlap};
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
 use crate::scene::{Body, BodyShape, ContactRule, Mistake, Scene, SceneError, ShapeKind};
 use crate::step::SOLID_WEIGHT;
@@ -277,6 +277,9 @@ impl Model {
                 let depth = deepest.entry((pair.solids[0], pair.solids[1])).or_insert(0.0);
                 *depth = depth.max(-meeting.gap);
             }
+            // where no features meet
+            let depth = deepest.entry((a, b)).or_insert(0.0);
+            *depth = depth.max(overlap(&posed[a], &posed[b]));
         }
         let worst =
             deepest.into_iter().filter(|(_, depth)| *depth > OVERLAP).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));

@@ -58,7 +58,7 @@ pub struct Plan {
 impl Plan {
     /// Builds the model and prepares every record.
     pub fn new(setup: &Setup, logs: &Logs) -> Result<Self, IdentifyError> {
-        let model = Arc::new(ModelBuilder::new(&setup.scene)?.build());
+        let model = Arc::new(ModelBuilder::new(&setup.scene).map_err(|error| error.located(&setup.source))?.build());
         let missing = |what: &str| IdentifyError::Input(format!("{what} that does not exist"));
         let markers = setup.experiment.marker.iter().map(|m| place(&model, m)).collect::<Option<Vec<_>>>();
         let joints = setup.experiment.joint.iter().map(|s| joint(setup, &model, s)).collect::<Option<Vec<_>>>();

@@ -322,12 +322,18 @@ def loads(text: str, name: str = "scene.toml") -> Model:
     """Reads a scene from a text (TOML); errors call it `name`."""
 
 def import_model(
-    path: str | PathLike[str], *, approximate: bool = False, free_base: bool = False
+    path: str | PathLike[str],
+    *,
+    approximate: bool = False,
+    free_base: bool = False,
+    contact: bool = True,
 ) -> tuple[str, dict[str, Any]]:
     """Reads an MJCF or URDF file: the text of a scene for `loads`, and what became of every element.
 
     approximate: import what can be of a model that uses constraints, tendons or meshes as masses,
-    instead of refusing it. free_base: let the root link of a URDF fly. The report has `format`,
+    instead of refusing it, and let bodies that overlap at the start pass through each other.
+    free_base: let the root link of a URDF fly. contact: with the shapes that bodies touch with; a
+    scene that has them runs with the integrator `euler`. The report has `format`,
     `source` and `entries`: `file`, `line`, `element`, `name`, `original` (the name in the file, if
     it is another), `verdict` ("kept", "approximated", "ignored") and `reason`.
     """

@@ -8,11 +8,13 @@
 mod candidates;
 mod features;
 mod meet;
+mod overlap;
 mod parts;
 
 pub use candidates::candidates;
 pub use features::{Feature, Spot};
 pub use meet::{Meeting, meet};
+pub use overlap::overlap;
 
 use crate::bodies::spatial::hat;
 use crate::terms::{Real, Vec3};

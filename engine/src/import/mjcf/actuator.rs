@@ -188,7 +188,10 @@ impl<'a> Reader<'a> {
     /// The damping of a ratio: ratio · 2 √(kp m), with the inertia m that the joint feels where all joints are at zero.
     fn damping_of(&self, element: &Element, joint: &str, ratio: f64, numbers: &Numbers) -> Result<f64, ImportError> {
         let failed = |error| ImportError::at(element, ImportMistake::Scene { error });
-        let model = match ModelBuilder::new(&self.work.scene) {
+        // what touches what is not settled yet, and has no part in it
+        let mut bare = self.work.scene.clone();
+        bare.body.iter_mut().for_each(|b| b.shape.clear());
+        let model = match ModelBuilder::new(&bare) {
             Ok(builder) => builder.build(),
             Err(crate::model::BuildError::Scene(error)) => return Err(failed(error)),
             Err(_) => return Ok(0.0),

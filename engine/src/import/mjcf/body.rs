@@ -58,13 +58,16 @@ impl<'a> Reader<'a> {
         for joint in &parts.joints {
             joints.push(self.joint(joint)?);
         }
-        let mass = self.mass(element, &name, &parts)?;
+        let above = parent.map_or(Some(Pose::identity()), |p| self.work.fixed_pose(p));
+        let fixed = above.filter(|_| joints.is_empty()).map(|above| above.then(&pose));
+        let (mass, shapes) = self.mass(element, &name, &parts, fixed)?;
         if view.flag("mocap")? == Some(true) {
             self.work.approximated(element, &name, "mocap: the body stays where it is");
         }
         self.work.leftovers(element, &name, &words::BODY_REASONS);
         self.work.kept(element, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
-        self.work.add_body(element, &name, parent, &pose, &mass, joints);
+        self.work.add_body(element, &name, (parent, &pose), &mass, (joints, shapes));
+        self.bodies.push((view.text("name").unwrap_or("").to_owned(), name.clone()));
         parts.bodies.iter().try_for_each(|body| self.body(body, Some(&name)))
     }
 

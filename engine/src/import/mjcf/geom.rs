@@ -1,11 +1,15 @@
-//! `<geom>`: a shape, of which only the mass is read.
+//! `<geom>`: a shape, which gives its body mass, and which touches others.
 
 use super::body::Part;
+use super::contact::Touching;
 use super::{Reader, words};
 use crate::import::error::{ImportError, ImportMistake};
 use crate::import::inertia::{Mass, Shape};
 use crate::import::pose::{Pose, from_z};
+use crate::import::solid::{self, NO_CONTACT};
 use crate::import::view::{View, check_attributes};
+use crate::import::xml::Element;
+use crate::scene::BodyShape;
 use crate::terms::Vec3;
 
 /// Kinds of geoms, with the numbers of `size` they need, and with `fromto`.
@@ -21,37 +25,170 @@ const KINDS: [(&str, usize, usize); 9] = [
     ("sdf", 0, 0),
 ];
 
-const APPEARANCE: &str = "bodies do not touch and are not drawn";
+const OFF: &str = "touches nothing (contype and conaffinity 0)";
+
+/// What holds a geom: the world, or a body, with where that stands if it cannot move.
+#[derive(Clone, Copy)]
+enum Holder<'h> {
+    World,
+    Body(&'h str, Option<Pose>),
+}
+
+/// What a geom touches with, in words too: a shape of its body, an object of its own by name, or nothing and why.
+enum Made {
+    Shape(BodyShape, String),
+    Fixed(String, String),
+    Nothing(String),
+}
+
+/// Attributes that are only appearance, in brackets.
+fn rest(element: &Element) -> String {
+    let rest = element.take_unused().into_iter().filter(|a| *a != "name" && *a != "class").collect::<Vec<_>>().join(", ");
+    if rest.is_empty() { String::new() } else { format!(" (not {rest})") }
+}
 
 impl<'a> Reader<'a> {
     /// A geom of the world.
     pub(super) fn geom_of_world(&mut self, part: &Part<'a>) -> Result<(), ImportError> {
-        check_attributes(part.element, words::GEOM)?;
-        self.view(part.element, part.class)?;
-        self.work.ignored_whole(part.element, "a fixed shape: bodies do not touch it");
+        let element = part.element;
+        check_attributes(element, words::GEOM)?;
+        let view = self.view(element, part.class)?;
+        match self.touch(&view, part, Holder::World)? {
+            Made::Nothing(why) => self.work.ignored_whole(element, &why),
+            Made::Fixed(name, what) => self.close(element, &name, what),
+            Made::Shape(..) => {}
+        }
         Ok(())
     }
 
-    /// The mass of a geom in its body's frame, if `counts` and if it has one.
-    pub(super) fn geom(&mut self, part: &Part<'a>, counts: bool) -> Result<Option<Mass>, ImportError> {
+    /// The mass of a geom in its body's frame, if `counts` and if it has one, and what it touches with.
+    pub(super) fn geom(
+        &mut self,
+        part: &Part<'a>,
+        body: &str,
+        counts: bool,
+        fixed: Option<Pose>,
+    ) -> Result<(Option<Mass>, Option<BodyShape>), ImportError> {
         let element = part.element;
         check_attributes(element, words::GEOM)?;
         let view = self.view(element, part.class)?;
         let group = view.number("group")?.unwrap_or(0.0);
         let in_groups = (self.compiler.groups[0]..=self.compiler.groups[1]).contains(&group);
         let mass = if counts && in_groups { self.mass_of(&view, part)? } else { None };
-        let rest = element.take_unused().into_iter().filter(|a| *a != "name" && *a != "class").collect::<Vec<_>>().join(", ");
-        let rest = if rest.is_empty() { String::new() } else { format!(" ({rest})") };
-        let touches = view.number("contype")? != Some(0.0) || view.number("conaffinity")? != Some(0.0);
-        match mass {
-            Some(mass) if touches => {
-                self.work.approximated(element, element.label(), format!("{} kg of its body; {APPEARANCE}{rest}", mass.mass));
+        let made = self.touch(&view, part, Holder::Body(body, fixed))?;
+        let has = mass.map_or(String::new(), |mass| format!("{} kg of its body; ", mass.mass));
+        let (shape, what) = match made {
+            Made::Shape(shape, what) => (Some(shape), what),
+            Made::Fixed(name, what) => (None, format!("{what}, as \"{name}\"")),
+            Made::Nothing(why) => {
+                let wanted = why != OFF && why != NO_CONTACT;
+                let rest = rest(element);
+                match mass {
+                    Some(_) if wanted => self.work.approximated(element, element.label(), format!("{has}{why}{rest}")),
+                    Some(_) => self.work.kept(element, element.label(), format!("{has}{why}{rest}")),
+                    None => self.work.ignored(element, element.label(), format!("without mass here; {why}{rest}")),
+                }
+                element.children.iter().for_each(|c| self.work.ignored_whole(c, "plugins are not run"));
+                return Ok((mass, None));
             }
-            Some(mass) => self.work.kept(element, element.label(), format!("{} kg of its body{rest}", mass.mass)),
-            None => self.work.ignored(element, element.label(), format!("without mass here; {APPEARANCE}{rest}")),
+        };
+        self.close(element, element.label(), format!("{has}{what}"));
+        Ok((mass, shape))
+    }
+
+    /// Reports a geom that touches.
+    fn close(&mut self, element: &Element, name: &str, what: String) {
+        let unread: Vec<&str> = element.attributes.iter().filter(|a| !a.is_used()).map(|a| a.name.as_str()).collect();
+        for (names, reason) in words::CONTACT_REASONS {
+            let hard: Vec<&str> = names.split_whitespace().filter(|n| unread.contains(n)).collect();
+            hard.iter().for_each(|n| {
+                element.get(n);
+            });
+            if !hard.is_empty() {
+                self.work.ignored(element, name, format!("{}: {reason}", hard.join(", ")));
+            }
         }
+        self.work.kept(element, name, format!("{what}{}", rest(element)));
         element.children.iter().for_each(|c| self.work.ignored_whole(c, "plugins are not run"));
-        Ok(mass)
+    }
+
+    /// What a geom touches with, noted for the pairs it makes.
+    fn touch(&mut self, view: &View<'a>, part: &Part<'a>, holder: Holder) -> Result<Made, ImportError> {
+        let mask = |name| -> Result<u32, ImportError> { Ok(view.number(name)?.unwrap_or(1.0) as i64 as u32) };
+        let masks = [mask("contype")?, mask("conaffinity")?];
+        let original = view.text("name").unwrap_or("");
+        if !original.is_empty() {
+            self.known_geoms.insert(original.to_owned());
+        }
+        if masks == [0, 0] && !self.is_paired(original) {
+            return Ok(Made::Nothing(OFF.to_owned()));
+        }
+        if self.work.options.no_contact || !self.physics.contact {
+            return Ok(Made::Nothing(NO_CONTACT.to_owned()));
+        }
+        let friction = view.numbers("friction", 1..=3)?.map_or(1.0, |f| f[0]);
+        if friction < 0.0 {
+            let mistake = ImportMistake::Sign { attribute: "friction".to_owned(), value: friction, must: "not be negative" };
+            return Err(view.error("friction", mistake));
+        }
+        let (condim, priority) = (view.number("condim")?.unwrap_or(3.0), view.number("priority")?.unwrap_or(0.0));
+        if condim > 3.0 {
+            self.work.ignored(
+                view.element,
+                original,
+                format!("condim {condim}: friction against twisting and rolling is not simulated"),
+            );
+        }
+        let own = if condim < 3.0 { 0.0 } else { friction };
+        let (made, object, body) = self.make(view, part, holder, own)?;
+        if let Some(object) = object {
+            self.touching.push(Touching { element: view.element, original, object, body, masks, friction, condim, priority });
+        }
+        Ok(made)
+    }
+
+    /// The shape or the fixed object of a geom, with the names of the object and of the body that has it.
+    #[allow(clippy::type_complexity)]
+    fn make(
+        &mut self,
+        view: &View,
+        part: &Part,
+        holder: Holder,
+        friction: f64,
+    ) -> Result<(Made, Option<String>, Option<String>), ImportError> {
+        let kind = view.word("type", &KINDS.map(|k| k.0))?.unwrap_or("sphere");
+        let nothing =
+            |what: &str| Ok((Made::Nothing(format!("touches nothing: {what} have no counterpart in a scene")), None, None));
+        if view.has("mesh") || matches!(kind, "mesh" | "sdf" | "hfield") {
+            return nothing("meshes and height fields");
+        }
+        let (body, place) = match holder {
+            Holder::World => (None, Some(Pose::identity())),
+            Holder::Body(body, fixed) => (Some(body.to_owned()), fixed),
+        };
+        let original = view.text("name").unwrap_or("");
+        if kind == "plane" {
+            view.numbers("size", 1..=3)?;
+            let Some(place) = place else { return nothing("planes that move") };
+            let pose = place.then(&part.frame).then(&self.pose(view)?);
+            let name = self.work.names.give(original, "plane", self.work.scene.plane.len() + 1);
+            self.work.scene.plane.push(solid::plane(&name, &pose, friction));
+            return Ok((Made::Fixed(name.clone(), format!("a fixed half-space of friction {friction}")), Some(name), body));
+        }
+        let (shape, pose) = self.shape(kind, view)?;
+        let pose = part.frame.then(&pose);
+        let words = format!("{} of friction {friction}", solid::words(&shape));
+        if let Some(body) = body {
+            let made = solid::of_body(&shape, &pose, friction);
+            return made
+                .map_or_else(|| nothing("ellipsoids"), |made| Ok((Made::Shape(made, words), Some(body.clone()), Some(body))));
+        }
+        if matches!(shape, Shape::Ellipsoid { .. }) {
+            return nothing("ellipsoids");
+        }
+        let name = self.work.names.give(original, kind, self.work.scene.n_shapes() + 1);
+        solid::add_fixed(&mut self.work.scene, &name, &shape, &pose, friction);
+        Ok((Made::Fixed(name.clone(), format!("fixed: {words}")), Some(name), None))
     }
 
     fn mass_of(&mut self, view: &View, part: &Part) -> Result<Option<Mass>, ImportError> {

@@ -9,18 +9,27 @@ use crate::import::inertia::Mass;
 use crate::import::pose::Pose;
 use crate::import::view::{View, check_attributes};
 use crate::import::xml::Element;
+use crate::scene::BodyShape;
 
 impl<'a> Reader<'a> {
-    /// A body's mass as the compiler makes it.
-    pub(super) fn mass(&mut self, element: &Element, name: &str, parts: &Parts<'a>) -> Result<Mass, ImportError> {
+    /// A body's mass as the compiler makes it, and the shapes it touches with; `fixed` is where it stands if it cannot move.
+    pub(super) fn mass(
+        &mut self,
+        element: &Element,
+        name: &str,
+        parts: &Parts<'a>,
+        fixed: Option<Pose>,
+    ) -> Result<(Mass, Vec<BodyShape>), ImportError> {
         let from_geoms = match self.compiler.from_geoms {
             FromGeoms::Auto => parts.inertial.is_none(),
             FromGeoms::Always => true,
             FromGeoms::Never => false,
         };
-        let mut shapes = Vec::new();
+        let (mut masses, mut shapes) = (Vec::new(), Vec::new());
         for geom in &parts.geoms {
-            shapes.extend(self.geom(geom, from_geoms)?);
+            let (mass, shape) = self.geom(geom, name, from_geoms, fixed)?;
+            masses.extend(mass);
+            shapes.extend(shape);
         }
         let given = match &parts.inertial {
             Some(part) if from_geoms => {
@@ -30,8 +39,9 @@ impl<'a> Reader<'a> {
             Some(part) => Some(self.inertial(part, name)?),
             None => None,
         };
-        let mass = self.bounded(given.unwrap_or_else(|| Mass::sum(&shapes)));
-        if mass.mass == 0.0 { Ok(Mass::none()) } else { self.work.possible(element, name, mass) }
+        let mass = self.bounded(given.unwrap_or_else(|| Mass::sum(&masses)));
+        let mass = if mass.mass == 0.0 { Mass::none() } else { self.work.possible(element, name, mass)? };
+        Ok((mass, shapes))
     }
 
     fn inertial(&mut self, part: &Part<'a>, body: &str) -> Result<Mass, ImportError> {

@@ -6,6 +6,7 @@
 mod actuator;
 mod body;
 mod compiler;
+mod contact;
 mod defaults;
 mod geom;
 mod include;
@@ -22,9 +23,11 @@ use super::work::Work;
 use super::xml::Element;
 use super::{Imported, Options};
 use compiler::Compiler;
+use contact::{Paired, Touching};
 use defaults::Defaults;
 use joint::JointPlace;
 use option::Physics;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// A model under way.
@@ -34,6 +37,14 @@ struct Reader<'a> {
     physics: Physics,
     defaults: Defaults<'a>,
     joints: Vec<JointPlace>,
+    /// Names in the file and in the scene of all bodies.
+    bodies: Vec<(String, String)>,
+    /// Geoms that may touch.
+    touching: Vec<Touching<'a>>,
+    /// Pairs of geoms that `<pair>` names.
+    paired: Vec<Paired<'a>>,
+    /// Names of all geoms in the file.
+    known_geoms: BTreeSet<String>,
 }
 
 /// Reads a model whose root element is `root`.
@@ -46,7 +57,9 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;
-    let mut reader = Reader { work, compiler, physics, defaults, joints: Vec::new() };
+    let (joints, bodies, touching, paired, known_geoms) = Default::default();
+    let mut reader = Reader { work, compiler, physics, defaults, joints, bodies, touching, paired, known_geoms };
+    reader.read_pairs(&root)?;
     for world in root.children_of("worldbody") {
         reader.world(world)?;
     }
@@ -54,6 +67,7 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     for section in root.children_of("actuator") {
         reader.actuators(section)?;
     }
+    reader.contacts(&root)?;
     reader.sections(&root)?;
     reader.work.finish(&root)
 }

@@ -17,6 +17,9 @@ pub struct Physics {
     pub actuation: bool,
     pub limits: bool,
     pub friction: bool,
+    pub contact: bool,
+    /// Whether neighbours at a joint pass through each other.
+    pub filter_parent: bool,
 }
 
 impl Physics {
@@ -30,6 +33,8 @@ impl Physics {
             actuation: true,
             limits: true,
             friction: true,
+            contact: true,
+            filter_parent: true,
         };
         let (mut step, mut gravity) = (0.002, [0.0, 0.0, -9.81]);
         for element in root.children_of("option") {
@@ -65,6 +70,8 @@ impl Physics {
             ("actuation", &mut self.actuation),
             ("limit", &mut self.limits),
             ("frictionloss", &mut self.friction),
+            ("contact", &mut self.contact),
+            ("filterparent", &mut self.filter_parent),
         ];
         for (name, slot) in slots {
             if let Some(word) = view.word(name, &["enable", "disable"])? {
@@ -72,7 +79,7 @@ impl Physics {
             }
         }
         if view.word("constraint", &["enable", "disable"])? == Some("disable") {
-            (self.constraints, self.limits, self.friction) = (false, false, false);
+            (self.constraints, self.limits, self.friction, self.contact) = (false, false, false, false);
         }
         if view.word("passive", &["enable", "disable"])? == Some("disable") {
             (self.springs, self.dampers) = (false, false);
@@ -85,7 +92,7 @@ impl Physics {
         work.kept(
             element,
             "",
-            "gravity, springs, dampers, limits, dry friction, constraints and actuators are switched as it says",
+            "gravity, springs, dampers, limits, dry friction, contact, constraints and actuators are switched as it says",
         );
         Ok(())
     }

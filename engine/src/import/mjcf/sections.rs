@@ -13,7 +13,7 @@ impl<'a> Reader<'a> {
     pub(super) fn sections(&mut self, root: &'a Element) -> Result<(), ImportError> {
         for section in &root.children {
             match section.tag.as_str() {
-                "compiler" | "option" | "default" | "worldbody" | "actuator" => {}
+                "compiler" | "option" | "default" | "worldbody" | "actuator" | "contact" => {}
                 "equality" => self.equalities(section)?,
                 "tendon" => self.tendons(section)?,
                 "deformable" => self.deformables(section)?,
@@ -72,7 +72,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A section all of whose elements have been reported.
-    fn closed(&mut self, section: &Element) {
+    pub(super) fn closed(&mut self, section: &Element) {
         if section.children.is_empty() {
             self.work.ignored(section, "", "empty");
         }
@@ -96,6 +96,7 @@ impl<'a> Reader<'a> {
             match element.tag.as_str() {
                 "joint" => check_attributes(element, words::JOINT)?,
                 "geom" => check_attributes(element, words::GEOM)?,
+                "pair" => check_attributes(element, words::PAIR)?,
                 _ => {}
             }
             let (all, unused) = (element.attributes.len(), element.take_unused());

@@ -111,6 +111,14 @@ pub const GEOM: &str = "adhesion axisangle castshadow class conaffinity condim c
     friction fromto gap group hfield margin mass material mesh name pos priority quat rgba shellinertia size solimp solmix solref \
     surfacevel type user xyaxes zaxis";
 
+pub const PAIR: &str = "class condim friction gap geom1 geom2 margin name solimp solref solreffriction";
+
+/// Why attributes of geoms that touch, and of pairs, are ignored.
+pub const CONTACT_REASONS: [(&str, &str); 1] = [(
+    "solref solimp solmix solreffriction margin gap adhesion surfacevel",
+    "contact of a scene is hard, without rebound or margin",
+)];
+
 /// Why attributes of joints are ignored.
 pub const JOINT_REASONS: [(&str, &str); 6] = [
     ("range limited", "it is switched off"),
@@ -151,13 +159,12 @@ pub const OPTION_REASONS: [(&str, &str); 4] = [
 ];
 
 /// Why whole sections are ignored.
-pub const SECTION_REASONS: [(&str, &str); 9] = [
+pub const SECTION_REASONS: [(&str, &str); 8] = [
     ("size", "sizes of MuJoCo's memory"),
     ("statistic", "a matter of display"),
     ("visual", "a matter of display"),
     ("asset", "appearance and shapes, which a scene of bodies does not have"),
     ("custom", "data of the user, without effect"),
-    ("contact", "bodies do not touch each other or anything else"),
     ("sensor", "a scene has no sensors: read the state"),
     ("keyframe", "the scene starts where the joints are at zero"),
     ("extension", "plugins are not run"),

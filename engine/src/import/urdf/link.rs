@@ -4,11 +4,12 @@ use super::tree::Edge;
 use super::{Reader, origin};
 use crate::bodies::spatial::full;
 use crate::import::error::{ImportError, ImportMistake};
-use crate::import::inertia::Mass;
+use crate::import::inertia::{Mass, Shape};
 use crate::import::pose::Pose;
+use crate::import::solid::{self, NO_CONTACT};
 use crate::import::view::{View, check_attributes, check_children};
 use crate::import::xml::{DEEPEST, Element, too_deep};
-use crate::scene::{Joint, JointKind};
+use crate::scene::{BodyShape, Joint, JointKind};
 use std::path::Path;
 
 impl<'a> Reader<'a> {
@@ -23,7 +24,7 @@ impl<'a> Reader<'a> {
         link.get("name");
         let name = self.work.names.give(link.label(), "body", self.work.scene.body.len() + 1);
         let mass = self.mass(link, &name)?;
-        self.shapes(link)?;
+        let shapes = self.shapes(link, &name)?;
         let (mut pose, joints) = match carrier {
             Some((edge, _)) => self.joint(&edge)?,
             None => (Pose::identity(), self.base()),
@@ -37,7 +38,15 @@ impl<'a> Reader<'a> {
         }
         self.work.leftovers(link, &name, &[("type", "without effect")]);
         self.work.kept(link, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
-        self.work.add_body(link, &name, parent, &pose, &mass, joints);
+        // links joined to what does not move are neighbours too, which a scene of other makes would let touch
+        let still = parent.filter(|p| !joints.is_empty() && self.work.fixed_pose(p).is_some());
+        let with_shapes = |name: &str| self.work.scene.body.iter().any(|b| b.name == name && !b.shape.is_empty());
+        let ignored = still.filter(|p| !shapes.is_empty() && with_shapes(p)).map(str::to_owned);
+        self.work.add_body(link, &name, (parent, &pose), &mass, (joints, shapes));
+        if let Some(parent) = ignored {
+            self.work.kept(link, &name, format!("it does not touch its neighbour \"{parent}\", as a [[contact.pair]]"));
+            self.work.ignore_pair(&parent, &name);
+        }
         for edge in self.links.below(link) {
             if let Some(child) = self.links.find(edge.child) {
                 self.link(child, Some((edge, &name)), depth + 1)?;
@@ -80,23 +89,77 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Collision and visual shapes, which a scene of bodies does not have.
-    fn shapes(&mut self, link: &Element) -> Result<(), ImportError> {
+    /// Collision shapes; visual ones are left out.
+    fn shapes(&mut self, link: &Element, body: &str) -> Result<Vec<BodyShape>, ImportError> {
+        let mut shapes = Vec::new();
+        let friction = self.friction(link)?;
         for element in &link.children {
             match element.tag.as_str() {
                 "inertial" => {}
                 "collision" => {
                     self.missing_mesh(element)?;
-                    self.work.ignored_whole(element, "bodies do not touch");
+                    shapes.extend(self.collision(element, body, friction)?);
                 }
                 "visual" => {
                     self.missing_mesh(element)?;
                     self.work.ignored_whole(element, "bodies are not drawn");
                 }
+                "contact" if element.child("lateral_friction").is_some() => {
+                    self.work.kept(element, body, format!("friction {friction}"));
+                    element.mark_all();
+                }
                 _ => self.work.ignored_whole(element, "an extension for another program"),
             }
         }
-        Ok(())
+        Ok(shapes)
+    }
+
+    /// Friction of a link's shapes: 1 unless an extension of Bullet's says otherwise.
+    fn friction(&self, link: &Element) -> Result<f64, ImportError> {
+        let given = link.child("contact").and_then(|c| c.child("lateral_friction"));
+        given.map_or(Ok(1.0), |friction| View::plain(friction).not_negative("value", 1.0))
+    }
+
+    fn collision(&mut self, element: &Element, body: &str, friction: f64) -> Result<Option<BodyShape>, ImportError> {
+        if self.work.options.no_contact {
+            self.work.ignored_whole(element, NO_CONTACT);
+            return Ok(None);
+        }
+        let pose = origin(&mut self.work, element)?;
+        let geometry = needed(element, "geometry")?;
+        let missing = || ImportError::at(geometry, ImportMistake::Missing { what: "a shape".to_owned() });
+        let form = geometry.children.first().ok_or_else(missing)?;
+        let view = View::plain(form);
+        let shape = match form.tag.as_str() {
+            "sphere" => Shape::Sphere { radius: self.size(&view, "radius")? },
+            "cylinder" => Shape::Cylinder { radius: self.size(&view, "radius")?, half: 0.5 * self.size(&view, "length")? },
+            "capsule" => Shape::Capsule { radius: self.size(&view, "radius")?, half: 0.5 * self.size(&view, "length")? },
+            "box" => {
+                let sides = view.vector::<3>("size")?.ok_or_else(|| view.missing("`size`"))?;
+                if let Some(value) = sides.iter().copied().find(|x| *x <= 0.0) {
+                    let mistake = ImportMistake::Sign { attribute: "size".to_owned(), value, must: "be positive" };
+                    return Err(view.error("size", mistake));
+                }
+                self.work.check_lengths(&view, "size", &sides)?;
+                Shape::Box { half: sides.map(|x| 0.5 * x) }
+            }
+            _ => {
+                self.work.ignored_whole(element, &format!("a {} touches nothing: only primitive shapes do", form.tag));
+                return Ok(None);
+            }
+        };
+        self.work.kept(element, body, format!("{} of friction {friction}", solid::words(&shape)));
+        element.mark_all();
+        Ok(solid::of_body(&shape, &pose, friction))
+    }
+
+    fn size(&self, view: &View, name: &str) -> Result<f64, ImportError> {
+        let value = view.number(name)?.ok_or_else(|| view.missing(&format!("`{name}`")))?;
+        if value <= 0.0 {
+            return Err(view.error(name, ImportMistake::Sign { attribute: name.to_owned(), value, must: "be positive" }));
+        }
+        self.work.check_lengths(view, name, &[value])?;
+        Ok(value)
     }
 
     /// Says if a mesh that the shape names is not there; it would not be read, but a model without its files is likely incomplete.
