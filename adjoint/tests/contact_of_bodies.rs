@@ -5,7 +5,9 @@ mod common;
 
 use common::{Case, STEPS, scene, with};
 use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, Report, gradcheck};
-use pliant_engine::scene::{Body, BodyShape, Contact, Integrator, Joint, JointKind, Plane, Scene, ShapeKind, Time};
+use pliant_engine::scene::{
+    Body, BodyShape, Closure, ClosureKind, Contact, Integrator, Joint, JointKind, Plane, Scene, ShapeKind, Time,
+};
 use pliant_engine::step::StepOptions;
 use std::collections::BTreeSet;
 
@@ -123,5 +125,42 @@ fn an_arm_pushes_a_box_for_200_steps() {
 fn a_rope_falls_over_bodies() {
     for integrator in [Integrator::Euler, Integrator::Sdirk2] {
         demand(&format!("rope_on_box {integrator:?}"), &Case::new(&with("rope_on_box", integrator), 60));
+    }
+}
+
+#[test]
+fn closed_loops() {
+    for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+        demand(&format!("four_bar {integrator:?}"), &Case::new(&with("four_bar", integrator), 2 * STEPS));
+    }
+}
+
+/// Two bodies thrown and welded to each other, hard and with some give.
+#[test]
+fn welded_bodies() {
+    for compliance in [None, Some(1e-4)] {
+        let mut scene = two(ShapeKind::Sphere, ShapeKind::Box);
+        scene.plane.clear();
+        scene.body.iter_mut().for_each(|body| body.shape.clear());
+        scene.closure = vec![Closure {
+            name: "weld".to_owned(),
+            kind: ClosureKind::Weld,
+            body: "low".to_owned(),
+            to: Some("high".to_owned()),
+            point: [0.02, 0.0, 0.08],
+            to_point: None,
+            compliance,
+        }];
+        let case = Case::new(&scene, STEPS);
+        demand(&format!("a weld of compliance {compliance:?}"), &case);
+        let run = case.run(StepOptions::default());
+        let momentum = |k: usize| {
+            let v = &run.states[k].v;
+            (0..3).map(|a| 0.8 * (v[a] + v[6 + a])).collect::<Vec<f64>>()
+        };
+        let (before, after) = (momentum(0), momentum(STEPS));
+        let fall = 1.6 * 9.81 * STEPS as f64 / 240.0;
+        let expected = [before[0], before[1], before[2] - fall];
+        assert!(after.iter().zip(expected).all(|(a, e)| (a - e).abs() < 1e-10), "{after:?} {expected:?}");
     }
 }

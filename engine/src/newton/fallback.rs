@@ -84,13 +84,16 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
     ws.it.s.fill(0.0);
     Stage { rest_gap: gap, ..*stage }.soften_spots(ws);
     loop {
-        let coarse = gap > stage.rest_gap;
+        let coarse = stage.has_spots() && gap > stage.rest_gap;
         newton(&Stage { rest_gap: gap, coarse, ..*stage }, ws, limit, work)?;
         if gap <= stage.rest_gap {
             return Ok(());
         }
-        // the last one exactly
-        gap = if gap * KAPPA_FACTOR > 2.0 * stage.rest_gap { gap * KAPPA_FACTOR } else { stage.rest_gap };
+        gap = (gap * KAPPA_FACTOR).max(stage.rest_gap);
+        if coarse && gap < 2.0 * stage.rest_gap {
+            // what is only passed through is not precise, so the last one must not be missed by rounding
+            gap = stage.rest_gap;
+        }
     }
 }
 
