@@ -5,7 +5,7 @@ use super::torque::torque;
 use crate::log::JointQuantity;
 use nalgebra::{Matrix3, Vector3};
 use pliant_engine::bodies::Frames;
-use pliant_engine::bodies::spatial::hat;
+use pliant_engine::bodies::rotation::Map;
 use pliant_engine::model::Model;
 
 /// Coordinates, velocities and accelerations of the bodies, and their frames.
@@ -81,8 +81,7 @@ impl Bodies {
     }
 }
 
-/// L⁻¹ of log(exp(−δ) exp(r)) = r − L⁻¹ δ + …, the inverse of the left Jacobian of rotations, to fourth order in r.
+/// L⁻¹ of log(exp(−δ) exp(r)) = r − L⁻¹ δ + …, the inverse of the left Jacobian of rotations; r shorter than a full turn.
 pub(super) fn inverse_left_jacobian(r: &Vector3<f64>) -> Matrix3<f64> {
-    let x = hat(r);
-    Matrix3::identity() - x * 0.5 + x * x * (1.0 / 12.0)
+    Map::Exponential.jacobian(&-r).try_inverse().unwrap_or_else(Matrix3::identity)
 }
