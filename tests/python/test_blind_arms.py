@@ -18,13 +18,11 @@ def test_friction_at_a_joint_is_named(name, tmp_path):
     report = diagnose(name, tmp_path)
     effect = arms.EFFECTS[name]
     assert report["verdict"] == "named", report["reason"]
-    assert [(cause["name"], cause["object"]) for cause in report["causes"]] == [
-        (name, effect.object)
-    ]
+    # the scene's own step may be a cause too: the arm goes over the top
+    causes = [cause for cause in report["causes"] if cause["name"] != "discretisation"]
+    assert [(cause["name"], cause["object"]) for cause in causes] == [(name, effect.object)]
     (size,) = effect.joint[effect.object].values()
-    assert report["causes"][0]["parameters"][0]["estimate"] == pytest.approx(
-        size, rel=0.03
-    )
+    assert causes[0]["parameters"][0]["estimate"] == pytest.approx(size, rel=0.03)
     whole = report["gain"][-1]
     assert whole["unit"] == "rad" and whole["rmse_after"] < 0.1 * whole["rmse_before"]
 

@@ -73,20 +73,24 @@ impl Blend {
         let (a, b) = (self.part, 1.0 - self.part);
         let (q0, q1, v0, v1) = (&x[0].q[n..], &x[1].q[n..], &x[0].v[n..], &x[1].v[n..]);
         let mut q = q1.to_vec();
+        let mut slope = v1.to_vec();
         for joint in tree.joints() {
             let (k, l) = (joint.q, joint.v);
             if joint.kind == JointKind::Ball {
                 let start = quaternion(q0, k);
                 let arc = logarithm(&product(&conjugate(&start), &quaternion(q1, k)));
                 q[k..k + 4].copy_from_slice(&product(&start, &Map::Exponential.turn(&(arc * a))));
+                slope[l..l + 3].copy_from_slice((arc / self.h).as_slice());
             } else {
                 let w = &self.position;
                 q[k] = w[0] * q0[k] + w[1] * v0[l] + w[2] * q1[k] + w[3] * v1[l];
+                let w = &self.velocity;
+                slope[l] = w[0] * q0[k] + w[1] * v0[l] + w[2] * q1[k] + w[3] * v1[l];
             }
         }
         let v = v0.iter().zip(v1).map(|(v0, v1)| b * v0 + a * v1).collect();
         let acceleration = v0.iter().zip(v1).map(|(v0, v1)| (v1 - v0) / self.h).collect();
-        Bodies::new(model, q, v, acceleration)
+        Bodies::new(model, q, v, slope, acceleration)
     }
 
     /// Tangents of what [`Blend::bodies`] gives, (coordinates, velocities), m columns per degree of freedom.

@@ -13,6 +13,8 @@ use pliant_engine::model::Model;
 pub(super) struct Bodies {
     pub q: Vec<f64>,
     pub v: Vec<f64>,
+    /// How the coordinates change in time: the slope of what lies between two steps.
+    slope: Vec<f64>,
     acceleration: Vec<f64>,
     frames: Frames<f64>,
 }
@@ -35,11 +37,11 @@ pub(super) struct Number {
 }
 
 impl Bodies {
-    pub fn new(model: &Model, q: Vec<f64>, v: Vec<f64>, acceleration: Vec<f64>) -> Self {
+    pub fn new(model: &Model, q: Vec<f64>, v: Vec<f64>, slope: Vec<f64>, acceleration: Vec<f64>) -> Self {
         let tree = model.tree();
         let mut frames = Frames::about(tree.origin(&q));
-        frames.evaluate_values(tree, &q, &v, &acceleration, &Vector3::zeros());
-        Self { q, v, acceleration, frames }
+        frames.evaluate_values(tree, &q, &slope, &acceleration, &Vector3::zeros());
+        Self { q, v, slope, acceleration, frames }
     }
 
     /// A point of a body, in the world \[m\].
@@ -68,13 +70,14 @@ impl Bodies {
     /// What a sensor at a joint would read without error, under controls u that change at the rates `u_rate`.
     pub fn number(&self, place: &JointPlace, [u, u_rate]: [&[f64]; 2], theta: &[f64]) -> Number {
         let (q, v, a) = (self.q[place.q], self.v[place.v], self.acceleration[place.v]);
+        let slope = self.slope[place.v];
         match place.quantity {
-            JointQuantity::Position => Number { value: q, rate: v, by_q: 1.0, ..Number::default() },
+            JointQuantity::Position => Number { value: q, rate: slope, by_q: 1.0, ..Number::default() },
             JointQuantity::Velocity => Number { value: v, rate: a, by_v: 1.0, ..Number::default() },
             JointQuantity::Torque => {
                 let t = torque(&place.drives, q, v, u, theta);
                 let commanded: f64 = t.by_u.iter().map(|&(k, d)| d * u_rate[k]).sum();
-                let rate = t.by_q * v + t.by_v * a + commanded;
+                let rate = t.by_q * slope + t.by_v * a + commanded;
                 Number { value: t.value, rate, by_q: t.by_q, by_v: t.by_v, by_theta: t.by_theta }
             }
         }

@@ -60,7 +60,7 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
         let mut away = vec![0.0; nv];
         tree.subtract(&q, &scene, &mut away);
         (0..nv).for_each(|l| system.add(&[(l, 1.0)], -away[l], UNSEEN.0));
-        let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv]);
+        let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
         known.iter().for_each(|k| add_place(plan, &bodies, k, false, &mut system));
         let step = system.solve().ok_or_else(singular)?;
         let size = step.amax();
@@ -71,7 +71,7 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
             break;
         }
     }
-    let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv]);
+    let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
     let placed = |wide: bool| {
         let mut system = System::new(nv);
         (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.0));
