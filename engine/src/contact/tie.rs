@@ -74,8 +74,8 @@ impl Tie {
         let error = Vec3::new(e[(2, 1)] - e[(1, 2)], e[(0, 2)] - e[(2, 0)], e[(1, 0)] - e[(0, 1)]) * 0.5;
         let spread = Matrix3::from_diagonal_element(e.trace());
         let mut by = [zero; 2];
-        by[0].fixed_view_mut::<3, 3>(0, 0).copy_from(&((spread - e.transpose()) * 0.5));
-        by[1].fixed_view_mut::<3, 3>(0, 0).copy_from(&((e - spread) * 0.5));
+        by[0].fixed_view_mut::<3, 3>(0, 0).copy_from(&((spread - e) * 0.5));
+        by[1].fixed_view_mut::<3, 3>(0, 0).copy_from(&((e.transpose() - spread) * 0.5));
         TieRows { error, by_displacement: by, point: None, point_changes: [zero; 2] }
     }
 }

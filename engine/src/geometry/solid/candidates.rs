@@ -28,7 +28,8 @@ fn in_order(a: Form, b: Form) -> bool {
 /// Lists the spots of a pair that are nearer than `margin` \[m\]: each with `false`, or with `true` where the solids change places
 /// (the first of the spot is then the second of the pair). Nothing for two half spaces.
 ///
-/// The list is complete for gaps of the pair above −(the smallest size): distances between the surfaces are the least of its gaps.
+/// Of two solids that touch or nearly do, the least gap is their distance; far apart, two corners or a corner and an edge may be nearest,
+/// and have no spot.
 /// A cylinder's rim is its deepest point over faces, and an octagon against everything else.
 pub fn candidates(a: &Posed<f64>, b: &Posed<f64>, margin: f64, found: &mut Vec<(Spot, bool)>) {
     if a.form == Form::HalfSpace && b.form == Form::HalfSpace {
