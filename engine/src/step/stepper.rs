@@ -173,7 +173,7 @@ impl<'m> Stepper<'m> {
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        match self.integrate(state, h, v_cmd, trace, stages) {
+        match self.integrate(state, h, v_cmd, halvings == 0, trace, stages) {
             Err(
                 StepError::NotConverged { .. }
                 | StepError::Singular { .. }
@@ -196,6 +196,7 @@ impl<'m> Stepper<'m> {
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
+        thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
@@ -209,7 +210,7 @@ impl<'m> Stepper<'m> {
             self.q_ref.copy_from_slice(&state.q);
             self.v_ref.copy_from_slice(&state.v);
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
-            self.stage(state, scheme, h, v_cmd, Link::Single, trace, stages)?;
+            self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)?;
             self.advance(state, h, stages);
             return Ok(());
         }
@@ -217,7 +218,7 @@ impl<'m> Stepper<'m> {
         self.q_ref.copy_from_slice(&start.q);
         self.v_ref.copy_from_slice(&start.v);
         self.elapsed = gamma * h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, trace, stages)?;
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, thorough, trace, stages)?;
         let ratio = (1.0 - gamma) / gamma;
         let n = self.model.n_node_dofs();
         for k in 0..n {
@@ -230,7 +231,7 @@ impl<'m> Stepper<'m> {
         }
         let first = stages.len();
         self.elapsed = h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)?;
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, thorough, trace, stages)?;
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
@@ -274,6 +275,7 @@ impl<'m> Stepper<'m> {
         h: f64,
         v_cmd: &[f64],
         link: Link,
+        thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
@@ -297,12 +299,13 @@ impl<'m> Stepper<'m> {
             coarse: false,
         };
         let mut work = Work::default();
-        solve_stage(&stage, &mut self.ws, &mut work)?;
+        let solved = solve_stage(&stage, &mut self.ws, thorough, &mut work);
+        work.factorizations += usize::from(solved.is_ok() && self.options.record);
+        trace.work.add(work); // what failed was work too
+        solved?;
         if self.options.record {
-            work.factorizations += 1;
             stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
         }
-        trace.work.add(work);
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let w = if driven { &scheme.driven } else { &scheme.free };
             for k in 3 * node..3 * node + 3 {
