@@ -175,6 +175,7 @@ fn add_scaled_within(factor: f64, b: &mut [f64], from: usize, to: usize, columns
 }
 
 /// `out[to..] += m x[from..]`.
+#[inline(always)]
 pub(super) fn add_product<const R: usize, const C: usize>(
     m: &SMatrix<f64, R, C>,
     x: &[f64],
@@ -183,10 +184,11 @@ pub(super) fn add_product<const R: usize, const C: usize>(
     to: usize,
     columns: usize,
 ) {
-    for k in 0..columns {
-        let part = SVector::<f64, C>::from_fn(|r, _| x[(from + r) * columns + k]);
-        let product = m * part;
-        (0..R).for_each(|r| out[(to + r) * columns + k] += product[r]);
+    for (r, out) in out[to * columns..(to + R) * columns].chunks_exact_mut(columns).enumerate() {
+        for (c, x) in x[from * columns..(from + C) * columns].chunks_exact(columns).enumerate() {
+            let factor = m[(r, c)];
+            out.iter_mut().zip(x).for_each(|(o, x)| *o += factor * x);
+        }
     }
 }
 
@@ -200,6 +202,7 @@ fn add_within<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>, b: &mut [f
 }
 
 /// `b[at..] ← m b[at..]`.
+#[inline(always)]
 pub(super) fn replace(m: &Matrix4<f64>, b: &mut [f64], at: usize, columns: usize) {
     for k in 0..columns {
         let product = m * SVector::<f64, 4>::from_fn(|r, _| b[(at + r) * columns + k]);

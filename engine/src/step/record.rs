@@ -148,6 +148,15 @@ impl StageRecord {
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
     }
 
+    /// As [`StageRecord::visit_inputs`] for all but θ: some parameters are visited too, most are not.
+    pub fn visit_signals(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
+        let (q_bar, v_bar) = self.evaluation_point(model);
+        self.visit_joints(model, theta, [&q_bar, &v_bar], true, visit);
+        if model.nz() > 0 {
+            self.visit_rows(model, theta, &q_bar, visit);
+        }
+    }
+
     fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
         let at = Point { q: q_bar, v: v_bar, theta };
         for term in &model.terms {
