@@ -119,7 +119,3 @@ class MujocoTouching(MujocoRun):
                     start[model.joint(joint["name"]).qposadr] = joint["start"]
         super().__init__(model, start, _controls(tomllib.loads(text)))
 
-
-def timers(work: str, peer: MujocoTouching, n_params: int | None) -> dict:
-    """Timers by name on a work, as for chains."""
-    return bodies.timers(work, peer, n_params)

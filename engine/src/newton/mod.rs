@@ -99,13 +99,13 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             }
             Descent::Converged => return Ok(()),
             Descent::Continue(ratio) => soften = fallen(soften, ratio),
-            Descent::Soften if correction <= NOISE * tolerance => break,
             Descent::Soften => soften = (soften * SOFT_RISE).max(FIRST_SOFT),
-            Descent::Stalled => break,
+            Descent::Stalled if correction <= NOISE * tolerance => return Ok(()),
+            Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
     // what no longer shrinks, or shrinks with a softened matrix only, is rounding noise if it is small
-    if correction <= NOISE * tolerance { Ok(()) } else { Err(Stuck::NoProgress { correction }) }
+    if correction <= tolerance { Ok(()) } else { Err(Stuck::NoProgress { correction }) }
 }
 
 /// A softening after a correction fell by `ratio`.

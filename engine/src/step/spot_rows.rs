@@ -164,11 +164,14 @@ impl StageRecord {
         wide(
             #[inline(always)]
             || {
+                // F_w⁻¹ first: its large entries cancel there
+                let mut w = vec![0.0; 4 * columns];
                 for (k, spot) in self.spots.iter().enumerate() {
-                    for dof in &spot.dofs {
-                        let gain = dof.impulse.transpose() * spot.inverse / self.h;
-                        add_product(&gain, cones, 4 * k, velocities, dof.v, columns);
-                    }
+                    w.copy_from_slice(&cones[4 * k * columns..4 * (k + 1) * columns]);
+                    replace(&spot.inverse, &mut w, 0, columns);
+                    spot.dofs
+                        .iter()
+                        .for_each(|d| add_product(&(d.impulse.transpose() / self.h), &w, 0, velocities, d.v, columns));
                 }
             },
         )

@@ -328,7 +328,8 @@ impl Stage<'_> {
             .map_err(|distance| self.no_normal(spot, distance))?;
         let sliding = self.sliding(spot, &meeting, v, ws);
         let law = self.spot_law(pair, spot);
-        let linear = SpotLinear::new(&law, &meeting, &changes, &sliding, self.h, w).ok_or_else(|| {
+        let linear = SpotLinear::new(spot.carriers.map(|c| c != Carrier::World), &law, &meeting, &changes, &sliding, self.h, w)
+            .ok_or_else(|| {
             let [first, second] = solids.map(|s| s.name.clone());
             StepError::ContactNotFinite { step: 0, first, second, value: w.norm() }
         })?;

@@ -304,7 +304,8 @@ impl<'m> Stepper<'m> {
         let solved = solve_stage(&stage, &mut self.ws, thorough, &mut work);
         trace.work.add(work); // what failed was work too
         solved?;
-        let sound = thorough || !stage.contacts_drive(&mut self.ws)?;
+        // a stage of several is no motion of its own, and its contacts' work means nothing
+        let sound = thorough || link != Link::Single || !stage.contacts_drive(&mut self.ws)?;
         if self.options.record && sound {
             trace.work.factorizations += 1;
             stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
