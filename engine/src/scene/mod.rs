@@ -43,6 +43,7 @@ mod shape;
 mod source;
 mod vector;
 pub mod words;
+mod write;
 
 pub use actuator::{Actuator, ActuatorKind, Command};
 pub use body::{Body, Joint, JointKind};
@@ -61,3 +62,4 @@ pub use rope::{Initial, NodeMass, Rope, Start};
 pub use schema::json_schema;
 pub use shape::{Block, BodyShape, Capsule, ContactRule, Cylinder, Plane, ShapeKind, Sphere};
 pub use source::{Place, Source};
+pub use write::to_toml;

@@ -330,7 +330,7 @@ def import_model(
 ) -> tuple[str, dict[str, Any]]:
     """Reads an MJCF or URDF file: the text of a scene for `loads`, and what became of every element.
 
-    approximate: import what can be of a model that uses constraints, tendons or meshes as masses,
+    approximate: import what can be of a model that uses tendons, sites in constraints or meshes as masses,
     instead of refusing it, and let bodies that overlap at the start pass through each other.
     free_base: let the root link of a URDF fly. contact: with the shapes that bodies touch with; a
     scene that has them runs with the integrator `euler`. The report has `format`,
