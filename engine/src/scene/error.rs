@@ -216,6 +216,9 @@ pub enum Mistake {
     /// Compliance where it is not modelled.
     #[error("compliance is modelled between bodies and what they touch, with Coulomb's law: {why}")]
     NoCompliance { why: &'static str },
+    /// Links that are no longer than they are thick.
+    #[error("{links} links are {} m long each, no longer than they are thick ({} m)", Num(*.link), Num(*.diameter))]
+    ShortLinks { links: usize, link: f64, diameter: f64 },
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },
