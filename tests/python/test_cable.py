@@ -39,12 +39,20 @@ motion = {{{{ kind = "hold" }}}}
 
 def cantilever(links, gravity=GRAVITY, step=1 / 240, **options):
     text = pliant.cable(
-        links=links, length=LENGTH, linear_density=DENSITY, bend_stiffness=STIFFNESS, bend_damping=0.0, plasticity=0.0,
-        clamped=True, **options,
+        links=links,
+        length=LENGTH,
+        linear_density=DENSITY,
+        bend_stiffness=STIFFNESS,
+        bend_damping=0.0,
+        plasticity=0.0,
+        clamped=True,
+        **options,
     )
     # equilibria know no contact
     text = re.sub(r"\n\[\[body.shape\]\]\n(\w.*\n)+", "\n", text)
-    text = text.replace(f"magnitude = {GRAVITY}", f"magnitude = {gravity}").replace(f"step = {1 / 240!r}", f"step = {step!r}")
+    text = text.replace(f"magnitude = {GRAVITY}", f"magnitude = {gravity}").replace(
+        f"step = {1 / 240!r}", f"step = {step!r}"
+    )
     return pliant.loads(text), tomllib.loads(text)
 
 
@@ -64,7 +72,9 @@ def elastica():
     weight = DENSITY * GRAVITY
 
     def slope(s, y):
-        return np.vstack([y[1], -weight * (LENGTH - s) * np.cos(y[0]) / STIFFNESS, np.cos(y[0]), np.sin(y[0])])
+        return np.vstack(
+            [y[1], -weight * (LENGTH - s) * np.cos(y[0]) / STIFFNESS, np.cos(y[0]), np.sin(y[0])]
+        )
 
     def ends(a, b):
         return np.array([a[0], b[1], a[2], a[3]])
@@ -86,7 +96,12 @@ def test_a_cantilever_sags_as_the_elastica():
         nodal = rope(links)
         end = nodal.equilibrium(nodal.controls(1)[0]).q.reshape(-1, 3)[nodal.ropes["rod"]][-1]
         of_rope.append(np.linalg.norm(end - exact))
-    print("sag: tip off by, of the length:", [f"{e / LENGTH:.1e}" for e in errors], "rope:", [f"{e / LENGTH:.1e}" for e in of_rope])
+    print(
+        "sag: tip off by, of the length:",
+        [f"{e / LENGTH:.1e}" for e in errors],
+        "rope:",
+        [f"{e / LENGTH:.1e}" for e in of_rope],
+    )
     assert exact[2] < 0.1 - 0.3 * LENGTH  # it sags far
     assert errors[2] < 1e-3 * LENGTH
     for coarse, fine in itertools.pairwise(errors):
@@ -109,7 +124,12 @@ def test_it_swings_as_a_beam():
         model, _ = cantilever(links, gravity=0.0, step=1e-4)
         errors.append(frequencies(model)[0] / first - 1)
         of_rope.append(frequencies(rope(links, gravity=0.0, step=1e-4))[0] / first - 1)
-    print("first frequency off by:", [f"{e:.1e}" for e in errors], "rope:", [f"{e:.1e}" for e in of_rope])
+    print(
+        "first frequency off by:",
+        [f"{e:.1e}" for e in errors],
+        "rope:",
+        [f"{e:.1e}" for e in of_rope],
+    )
     assert abs(errors[2]) < 1e-3
     assert 3.0 < errors[0] / errors[1] < 5.0
     assert abs(errors[2]) < 2.5 * abs(of_rope[2])
@@ -126,7 +146,9 @@ def test_twist_has_a_stiffness_of_its_own():
     assert nearest == pytest.approx(wanted, rel=2e-3)
     # bending is as it was
     first = 1.8751040687**2 * math.sqrt(STIFFNESS / DENSITY) / LENGTH**2
-    assert frequencies(cantilever(24, 0.0, 1e-4, twist_stiffness=torsion)[0])[0] == pytest.approx(first, rel=2e-3)
+    assert frequencies(cantilever(24, 0.0, 1e-4, twist_stiffness=torsion)[0])[0] == pytest.approx(
+        first, rel=2e-3
+    )
 
 
 def test_the_defaults_are_silos():
@@ -134,7 +156,11 @@ def test_the_defaults_are_silos():
     assert len(scene["body"]) == 18
     assert scene["body"][0]["joint"] == [{"name": "cable_free", "kind": "free"}]
     joint = scene["body"][5]["joint"][0]
-    assert (joint["kind"], joint["stiffness"], joint["damping"]) == ("ball", pytest.approx(1e-2), pytest.approx(1e-3))
+    assert (joint["kind"], joint["stiffness"], joint["damping"]) == (
+        "ball",
+        pytest.approx(1e-2),
+        pytest.approx(1e-3),
+    )
     assert joint["plastic_time"] == pytest.approx(1 / 240 / 0.7)
     shape = scene["body"][5]["shape"][0]
     assert (shape["kind"], shape["radius"]) == ("capsule", 0.003)
@@ -148,7 +174,10 @@ def test_the_defaults_are_silos():
 CLIPPED = {
     "position": [-0.1875, 0.001, 0.02],
     "floor": -0.003,
-    "clips": [{"position": [0.0, 0.0, 0.0], "opening": 0.01, "depth": 0.03}, {"position": [0.12, 0.0, 0.0], "opening": 0.01}],
+    "clips": [
+        {"position": [0.0, 0.0, 0.0], "opening": 0.01, "depth": 0.03},
+        {"position": [0.12, 0.0, 0.0], "opening": 0.01},
+    ],
 }
 
 
@@ -177,7 +206,10 @@ def test_it_is_laid_through_clips():
 
 def test_cables_that_cannot_be_are_refused():
     for options, words in [
-        ({"links": 100}, r"cable.links: 100 links are 0.00375 m long each, no longer than they are thick \(0.006 m\)"),
+        (
+            {"links": 100},
+            r"cable.links: 100 links are 0.00375 m long each, no longer than they are thick \(0.006 m\)",
+        ),
         ({"plasticity": 1.5}, r"cable.plasticity: is 1.5, but must lie between 0 and 1"),
         ({"length": -1.0}, r"cable.length: is -1 m, but must be positive"),
         ({"direction": [0, 0, 0]}, r"cable.direction: has length zero"),

@@ -42,13 +42,17 @@ kind = "{kind}"
 def pair(ratio, kind="revolute", integrator="sdirk2", inertias=(0.02, 0.5)):
     wheels = [
         WHEEL.format(name=name, x=x, mass=1.5, inertia=inertia, kind=which)
-        for name, x, inertia, which in zip(("first", "second"), (0, 1), inertias, ("revolute", kind), strict=True)
+        for name, x, inertia, which in zip(
+            ("first", "second"), (0, 1), inertias, ("revolute", kind), strict=True
+        )
     ]
     return PAIR.format(bodies="".join(wheels), ratio=ratio, integrator=integrator)
 
 
 @pytest.mark.parametrize("integrator", ["euler", "sdirk2"])
-@pytest.mark.parametrize(("kind", "ratio"), [("revolute", -0.25), ("revolute", 8.0), ("prismatic", 0.02)])
+@pytest.mark.parametrize(
+    ("kind", "ratio"), [("revolute", -0.25), ("revolute", 8.0), ("prismatic", 0.02)]
+)
 def test_gears_and_screws_have_the_inertia_that_the_motor_feels(kind, ratio, integrator):
     """J = J1 + n^2 J2, of a screw J1 + n^2 m; a constant torque turns it evenly, and work is not lost."""
     model = pliant.loads(pair(ratio, kind, integrator))
@@ -116,7 +120,9 @@ def test_gears_and_a_cam_move_as_in_mujoco():
         return data.qpos.copy()
 
     def ours(step):
-        text = SCENE.replace("step = 0.004166666666666667", f"step = {step!r}").replace("compliance = 1e-6\n", "")
+        text = SCENE.replace("step = 0.004166666666666667", f"step = {step!r}").replace(
+            "compliance = 1e-6\n", ""
+        )
         model = pliant.loads(text)
         steps = round(0.4 / step)
         return model.rollout(model.initial_state(), model.controls(steps), record=False).x[-1][:3]

@@ -50,7 +50,9 @@ def ours_run(text, scene, step, duration, start, control):
     nq = model.nx - len(start) - len(model.memory_names)
     x0[nq : nq + len(start)] = start
     steps = round(duration / step)
-    roll = model.rollout(x0, np.tile(control, (steps, 1)) if len(control) else model.controls(steps), record=False)
+    roll = model.rollout(
+        x0, np.tile(control, (steps, 1)) if len(control) else model.controls(steps), record=False
+    )
     return roll.x[:, :nq]
 
 
@@ -63,9 +65,15 @@ def test_loops_are_closed_where_mujoco_has_them():
     assert np.abs(np.array(pin["point"]) - mj.eq_data[0, :3]).max() < 1e-12
     assert np.abs(np.array(pin["to_point"]) - mj.eq_data[0, 3:6]).max() < 1e-12
     assert np.abs(np.array(mount["to_point"]) - mj.eq_data[1, :3]).max() < 1e-12
-    assert verdicts(report, "connect") == [("pin", "kept"), ("spare", "ignored"), ("footing", "ignored")]
+    assert verdicts(report, "connect") == [
+        ("pin", "kept"),
+        ("spare", "ignored"),
+        ("footing", "ignored"),
+    ]
     assert scene["time"]["integrator"] == "sdirk2"
-    assert any(e["reason"].startswith("solref") or "solref" in e["reason"] for e in report["entries"])
+    assert any(
+        e["reason"].startswith("solref") or "solref" in e["reason"] for e in report["entries"]
+    )
     assert np.abs(np.array(mount["point"]) - mj.eq_data[1, 3:6]).max() < 1e-12
 
 
@@ -78,12 +86,16 @@ def rotation(quaternion):
 def test_a_loop_moves_as_in_mujoco():
     text, scene, _, mj = imported("four_bar.xml")
     start, duration = np.zeros(mj.nv), 0.3
-    (coarse, _), (fine, open_there) = (theirs_end(mj, step, duration, start, []) for step in (1e-4, 5e-5))
+    (coarse, _), (fine, open_there) = (
+        theirs_end(mj, step, duration, start, []) for step in (1e-4, 5e-5)
+    )
     expected = 2 * fine - coarse
     q = ours_run(text, scene, 0.0005, duration, start, [])
     error = np.abs(q[-1] - expected).max()
     moved = np.abs(q[-1] - q[0]).max()
-    print(f"four_bar: error {error:.1e} of {moved:.2f}, MuJoCo's own change by half the step {np.abs(fine - coarse).max():.1e}")
+    print(
+        f"four_bar: error {error:.1e} of {moved:.2f}, MuJoCo's own change by half the step {np.abs(fine - coarse).max():.1e}"
+    )
     assert moved > 0.3
     assert error < 2e-5
     # held a thousand times better than there
@@ -105,7 +117,11 @@ def test_a_loop_moves_as_in_mujoco():
 def test_gears_filters_and_limits_are_those_of_mujoco():
     _, scene, report, _ = imported("gears.xml")
     teeth, cam, brake = scene["coupling"]
-    assert (teeth["joint"], teeth["to"], teeth["coefficients"]) == ("wheel_joint", "pinion_joint", [0.0, -0.5])
+    assert (teeth["joint"], teeth["to"], teeth["coefficients"]) == (
+        "wheel_joint",
+        "pinion_joint",
+        [0.0, -0.5],
+    )
     assert cam["coefficients"] == [0.0, 0.02, 0.03, -0.01]
     assert (brake["joint"], brake.get("to"), brake["coefficients"]) == ("clutch_joint", None, [0.0])
     said = [v for v in verdicts(report, "joint") if v[0] in ("teeth", "cam", "brake", "idle")]
@@ -116,11 +132,15 @@ def test_gears_filters_and_limits_are_those_of_mujoco():
     # forcerange and ctrlrange
     assert lid["saturation"] == [-0.15, 0.1]
     assert "saturation" not in latch and latch["lag"] == 0.05
-    carried = {j["name"]: j.get("gravity_compensation") for b in scene["body"] for j in b.get("joint", [])}
+    carried = {
+        j["name"]: j.get("gravity_compensation") for b in scene["body"] for j in b.get("joint", [])
+    }
     assert (carried["lid_joint"], carried["latch_joint"], carried["tether"]) == (0.8, 0.8, None)
     ignored = {e["name"]: e["reason"] for e in report["entries"] if e["verdict"] == "ignored"}
     assert "gravcomp 1" in ignored["balloon"]
-    assert any("keep them within" in e["reason"] for e in report["entries"] if e["name"] == "latch_servo")
+    assert any(
+        "keep them within" in e["reason"] for e in report["entries"] if e["name"] == "latch_servo"
+    )
 
 
 def test_gears_move_as_in_mujoco():
@@ -130,13 +150,19 @@ def test_gears_move_as_in_mujoco():
     start = np.zeros(mj.nv)
     start[mj.joint("latch").dofadr[0]] = 0.4
     control, duration = np.array([0.6, 0.5, 0.7]), 0.3
-    (coarse, _), (fine, _) = (theirs_end(mj, step, duration, start, control) for step in (1e-4, 5e-5))
+    (coarse, _), (fine, _) = (
+        theirs_end(mj, step, duration, start, control) for step in (1e-4, 5e-5)
+    )
     expected = 2 * fine - coarse
     # Euler's error is proportional to its step too
     euler = text.replace('integrator = "sdirk2"', 'integrator = "euler"')
-    rough, q = (ours_run(euler, scene, step, duration, start, control) for step in (0.0005, 0.00025))
+    rough, q = (
+        ours_run(euler, scene, step, duration, start, control) for step in (0.0005, 0.00025)
+    )
     error, moved = np.abs(2 * q[-1] - rough[-1] - expected).max(), np.abs(q[-1] - q[0])
-    print(f"gears: error {error:.1e}, moved {moved}, MuJoCo's own change by half the step {np.abs(fine - coarse).max():.1e}")
+    print(
+        f"gears: error {error:.1e}, moved {moved}, MuJoCo's own change by half the step {np.abs(fine - coarse).max():.1e}"
+    )
     assert moved[0] > 0.5 and moved[4] > 0.05 and moved[5] > 0.3
     assert error < 2e-5
     assert np.abs(q[:, 1] + 0.5 * q[:, 0]).max() < 1e-7 and np.abs(q[:, 3]).max() < 1e-7
@@ -145,8 +171,16 @@ def test_gears_move_as_in_mujoco():
 def test_fingers_follow():
     _, scene, report, mj = imported("fingers.urdf")
     slide, thumb = scene["coupling"]
-    assert (slide["joint"], slide["to"], slide["coefficients"]) == ("right_slide", "left_slide", [0.0, 1.0])
-    assert (thumb["joint"], thumb["to"], thumb["coefficients"]) == ("thumb_hinge", "wrist_turn", [0.2, -0.5])
+    assert (slide["joint"], slide["to"], slide["coefficients"]) == (
+        "right_slide",
+        "left_slide",
+        [0.0, 1.0],
+    )
+    assert (thumb["joint"], thumb["to"], thumb["coefficients"]) == (
+        "thumb_hinge",
+        "wrist_turn",
+        [0.2, -0.5],
+    )
     assert np.abs(mj.eq_data[:, :2] - [[0.0, 1.0], [0.2, -0.5]]).max() < 1e-15
     # it starts where it follows to, which MuJoCo's does only after a while
     starts = {j["name"]: j.get("start") for b in scene["body"] for j in b.get("joint", [])}
@@ -171,10 +205,22 @@ EQUALITY = (
     [
         ('<connect body1="a" body2="c" anchor="0 0 0"/>', r":7: connect: there is no body \"c\""),
         ('<connect body1="a" body2="b"/>', r":7: connect: `anchor` is missing"),
-        ('<connect body1="a" body2="b" anchor="0 0 0" ancor="1"/>', r":7: connect: unknown attribute `ancor`(.|\n)*`anchor`"),
-        ('<weld body1="a" body2="b" relpose="1 0.1 0 1 0 0 0"/>', r":7: weld: a `relpose` that is not how(.|\n)*--approximate"),
-        ('<connect site1="s" site2="t"/>', r":7: connect: a constraint between sites(.|\n)*--approximate"),
-        ('<joint joint1="j" joint2="k"/>', r":7: joint: a coupling of such a joint(.|\n)*--approximate"),
+        (
+            '<connect body1="a" body2="b" anchor="0 0 0" ancor="1"/>',
+            r":7: connect: unknown attribute `ancor`(.|\n)*`anchor`",
+        ),
+        (
+            '<weld body1="a" body2="b" relpose="1 0.1 0 1 0 0 0"/>',
+            r":7: weld: a `relpose` that is not how(.|\n)*--approximate",
+        ),
+        (
+            '<connect site1="s" site2="t"/>',
+            r":7: connect: a constraint between sites(.|\n)*--approximate",
+        ),
+        (
+            '<joint joint1="j" joint2="k"/>',
+            r":7: joint: a coupling of such a joint(.|\n)*--approximate",
+        ),
         ('<joint joint1="j" joint2="l"/>', r":7: joint: there is no joint \"l\""),
         ('<tendon tendon1="t"/>', r":7: tendon: an equality constraint(.|\n)*--approximate"),
     ],
