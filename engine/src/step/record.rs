@@ -62,7 +62,7 @@ pub struct StageRecord {
     pub(crate) contacts: Vec<Condensed>,
     /// Node of each contact.
     pub(crate) contact_nodes: Vec<usize>,
-    /// Impulses of joint friction and stops at the root [N·m·s, N·s].
+    /// Impulses of joint friction, stops and couplings at the root [N·m·s, N·s].
     pub s: Vec<f64>,
     pub(crate) rows: Vec<RowRecord>,
     pub(crate) spots: Vec<SpotRecord>,
@@ -125,7 +125,7 @@ impl StageRecord {
     }
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
-    /// that (plus 4 under a negative load), and for every stop 0 open, 1 closed; for every motor with limits 0 within, 1 and 2 beyond
+    /// that (plus 4 under a negative load), for every stop 0 open, 1 closed, and for every coupling 0; for every motor with limits 0 within, 1 and 2 beyond
     /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
