@@ -104,8 +104,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
-    // what no longer shrinks, or shrinks with a softened matrix only, is rounding noise if it is small
-    if correction <= tolerance { Ok(()) } else { Err(Stuck::NoProgress { correction }) }
+    Err(Stuck::NoProgress { correction })
 }
 
 /// A softening after a correction fell by `ratio`.

@@ -3,7 +3,6 @@
 mod bodies;
 mod contact_rows;
 mod error;
-mod guard;
 mod joint_rows;
 mod record;
 mod scheme;

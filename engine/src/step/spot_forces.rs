@@ -58,14 +58,6 @@ impl Stage<'_> {
         Ok(())
     }
 
-    /// Work of a contact with cone variable `w` within the stage \[J\], with the frames at `v` in place; of a tie none.
-    pub(super) fn contact_work(&self, spot: &SpotState, w: &Vector4<f64>, v: &[f64], ws: &Workspace) -> Result<f64, StepError> {
-        let SpotKey::Contact { pair, spot: features, .. } = spot.key else { return Ok(0.0) };
-        let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
-        let wrench = spot_wrench(&meeting, self.spot_law(pair, spot).at.mu, w);
-        Ok(self.sliding(spot, &meeting, v, ws).relative.dot(&wrench))
-    }
-
     fn clear_wrenches(&self, ws: &mut Workspace) {
         ws.spots.wrenches.clear();
         if !ws.spots.spots.is_empty() {

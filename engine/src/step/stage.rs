@@ -118,7 +118,7 @@ impl Stage<'_> {
             && self.model.ties.is_empty())
     }
 
-    pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
+    fn place(&self, v: &[f64], ws: &mut Workspace) {
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
             for k in (0..3).map(|a| 3 * node + a) {
