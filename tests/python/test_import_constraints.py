@@ -8,9 +8,9 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco", minversion="4.0")
 pliant = pytest.importorskip("pliant")
+from test_import import ours
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
-SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
 def imported(name):
@@ -21,15 +21,6 @@ def imported(name):
 
 def verdicts(report, element):
     return [(e["name"], e["verdict"]) for e in report["entries"] if e["element"] == element]
-
-
-def ours(mj, q):
-    """qpos as pliant counts it: hinges and slides from where the file has them."""
-    q = q.copy()
-    for j in range(mj.njnt):
-        if mj.jnt_type[j] in (HINGE, SLIDE):
-            q[mj.jnt_qposadr[j]] -= mj.qpos0[mj.jnt_qposadr[j]]
-    return q
 
 
 def theirs_end(mj, step, duration, start, control):

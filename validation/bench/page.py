@@ -29,7 +29,7 @@ alone and solves once. Both Jacobians are A and B, all states and all motors; Mu
 its step, forward ones with errors near 10⁻⁶. Where a chain has fewer parameters than a row differences,
 the row is left out.
 
-*cable*: 18 capsules on ball joints (57 degrees of freedom, 0.375 m) fall 2 cm onto a floor, curled, and come to rest; *arm_box*: an
+*cable*: 18 capsules on ball joints (57 degrees of freedom, 0.375 m) fall 8 cm onto a floor, curled, and come to rest; *arm_box*: an
 arm of two links with position drives pushes a box over a floor (8 degrees of freedom). The same steps. pliant's contacts are hard
 (rest gap 1 nm and 10 nm) and close where the step ends; MuJoCo's are soft, at their defaults, and closed where it begins."""
 

@@ -148,7 +148,7 @@ impl StageRecord {
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
     }
 
-    /// As [`StageRecord::visit_inputs`] for all but θ: some parameters are visited too, most are not.
+    /// As [`StageRecord::visit_inputs`] where no parameter is asked for: visits all inputs that are none, and few that are.
     pub fn visit_signals(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_joints(model, theta, [&q_bar, &v_bar], true, visit);

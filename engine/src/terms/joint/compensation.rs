@@ -59,6 +59,10 @@ impl JointTerm for GravityCompensation {
         }
     }
 
+    fn is_driven(&self) -> bool {
+        false
+    }
+
     fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
         let tau = self.weights(at);
         self.gains.iter().for_each(|&(dof, gain)| visit(dof, Input::Theta(gain), tau[dof]));
