@@ -26,7 +26,7 @@ pub(super) fn ceiling(
     plan: &Plan,
     base: &Fitted,
     last: &Values,
-    judged: &[RecordPlan],
+    [judged, judged_last]: [&[RecordPlan]; 2],
     sensor_sigma: f64,
     options: &FitOptions,
 ) -> Result<Option<Ceiling>, IdentifyError> {
@@ -35,7 +35,7 @@ pub(super) fn ceiling(
     }
     let training = gain::prepared(plan, &plan.fitted, base, options)?;
     let before = plan.rms(&gain::residuals(plan, judged, &base.values)?);
-    let after = plan.rms(&gain::residuals(plan, judged, last)?);
+    let after = plan.rms(&gain::residuals(plan, judged_last, last)?);
     let flexible = corrected(plan, &training, judged, &base.values)?;
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
@@ -44,7 +44,7 @@ pub(super) fn ceiling(
     Ok(Some(Ceiling {
         rmse: flexible,
         explained_fraction: taken(flexible),
-        rmse_on_top: corrected(plan, &training, judged, last)?,
+        rmse_on_top: corrected(plan, &training, judged_last, last)?,
         unit: plan.unit().to_owned(),
         share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
     }))

@@ -12,11 +12,17 @@ use rayon::prelude::*;
 const BLOCKS: usize = 8;
 const SHORTEST_BLOCK: usize = 4;
 
-/// Records with their initial states estimated from the lead-in under the baseline; the same before and after.
+/// The records that a fit is judged on: those held out, each with the initial state that its lead-in has under this fit (a zero or a
+/// delay of a sensor that the fit has found moves it); where nothing is held out, the fitted ones.
+pub(super) fn judged(plan: &Plan, fitted: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
+    if plan.held_out.is_empty() { Ok(fitted.records.clone()) } else { prepared(plan, &plan.held_out, fitted, options) }
+}
+
+/// Records with their initial states estimated from the lead-in under a fit.
 pub(super) fn prepared(
     plan: &Plan,
     records: &[RecordPlan],
-    baseline: &Fitted,
+    by: &Fitted,
     options: &FitOptions,
 ) -> Result<Vec<RecordPlan>, IdentifyError> {
     if plan.at_rest || plan.given {
@@ -29,8 +35,8 @@ pub(super) fn prepared(
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
         let fixed = FitOptions { rounds: 0, max_iterations: 8, ..*options };
-        let white = crate::stats::ar::ArModel::white(baseline.noise.sigma().to_vec())?;
-        let fitted = fit(plan, &[short], &baseline.values, &[], Some(&white), &fixed)?;
+        let white = crate::stats::ar::ArModel::white(by.noise.sigma().to_vec())?;
+        let fitted = fit(plan, &[short], &by.values, &[], Some(&white), &fixed)?;
         let mut out = rec.clone();
         out.start.z.clone_from(&fitted.records[0].start.z);
         Ok(out)
@@ -128,18 +134,17 @@ fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64)
 /// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.
 pub(super) fn pictures(
     plan: &Plan,
-    records: &[RecordPlan],
-    before: &Values,
-    after: &Values,
+    (records, before): (&[RecordPlan], &Values),
+    (after_records, after): (&[RecordPlan], &Values),
 ) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
     let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
-    for rec in records.iter().take(3) {
-        let run = |values: &Values| {
+    for (rec, rec_after) in records.iter().zip(after_records).take(3) {
+        let run = |rec: &RecordPlan, values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
             shoot(plan, rec, values, wants)
                 .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
         };
-        let (b, a) = (run(before)?, run(after)?);
+        let (b, a) = (run(rec, before)?, run(rec_after, after)?);
         let channels = plan.channels();
         let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
         let unit = plan.unit();

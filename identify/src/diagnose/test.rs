@@ -36,13 +36,19 @@ pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, Id
     let mut causes = library(&Situation { plan, values: &fitted.values, free: &fitted.unknowns });
     let columns = Columns::new(&causes, fitted);
     let reduced = columns.reduce(plan, fitted)?;
+    let silent = |c: &Column| c.columns.iter().all(|&k| reduced.raw_norm(k) == 0.0);
+    for (k, cause) in causes.iter_mut().enumerate().filter(|(_, cause)| cause.untestable.is_none()) {
+        if columns.candidates.iter().filter(|c| c.cause == k).all(silent) {
+            cause.untestable = Some("no reading of these records depends on it".to_owned());
+        }
+    }
     let nuisance: Vec<usize> = (0..fitted.unknowns.len()).collect();
     let trial = |chosen: &[&Column]| {
         let candidates: Vec<Candidate> =
             chosen.iter().map(|c| Candidate { columns: c.columns.clone(), sign: c.sign(&causes, fitted) }).collect();
         score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())
     };
-    let all: Vec<&Column> = columns.candidates.iter().collect();
+    let all: Vec<&Column> = columns.candidates.iter().filter(|c| causes[c.cause].untestable.is_none()).collect();
     let first = trial(&all)?;
     // of each cause the best of its settings
     let mut best: Vec<usize> = Vec::new();
