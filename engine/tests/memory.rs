@@ -130,9 +130,9 @@ fn priming_is_what_simulating_the_commands_leaves() {
                 theta[k] += d;
                 primed(&theta).0
             });
-            for place in 0..model.nz() {
+            for (place, (above, below)) in moved[0].iter().zip(&moved[1]).enumerate() {
                 let known = slopes.iter().find(|s| (s.0, s.1) == (place, k)).map_or(0.0, |s| s.2);
-                near(known, (moved[0][place] - moved[1][place]) / (2.0 * eps), 1e-6);
+                near(known, (above - below) / (2.0 * eps), 1e-6);
             }
         }
     }

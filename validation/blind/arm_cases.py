@@ -16,6 +16,7 @@ from validation.blind.arm_oracle import JOINTS, PEAK, changed, nothing, pair
 
 LAMBDAS = (10.0, 30.0, 100.0, 1e3, 1e4, 1e5, 1e6)
 RECORDS, FITTED = 6, 4
+DURATION = 2.0  # s
 # effect -> sizes of both ends, drawn log-uniformly; None: with a random sign
 EFFECTS = {
     "viscous_friction": (2e-3, 5e-2, 1),
@@ -130,7 +131,7 @@ def judge(case: Case, k: int, rng: np.random.Generator) -> None:
     seeds = np.random.default_rng(case.data_seed)
     known = case.effect.known_friction
     base = nothing(known)
-    motions = [arms.motion(base, r, np.random.default_rng(seeds.integers(2**63)), case.size) for r in range(FITTED)]
+    motions = [arms.motion(base, r, np.random.default_rng(seeds.integers(2**63)), case.size, DURATION) for r in range(FITTED)]
     spread = float(np.hypot(case.sigma, arms.QUANTUM / np.sqrt(12.0)))
     oracle = arm_oracle.Oracle(arm_oracle.cut(motions), base, spread, case.colour)
     table = arm_oracle.candidates(known, case.size)
@@ -181,12 +182,12 @@ def write(case: Case, folder: Path) -> Path:
     names = [f"run{k + 1}.csv" for k in range(RECORDS)]
     for k, name in enumerate(names):
         own = np.random.default_rng(rng.integers(2**63))
-        t, q, u = arms.record(case.effect, k, own, case.size, case.sigma, case.colour)
+        t, q, u = arms.record(case.effect, k, own, case.size, case.sigma, case.colour, DURATION)
         header = "t,q_shoulder,q_elbow,u_shoulder,u_elbow"
         np.savetxt(folder / name, np.column_stack([t, q, u]), "%.7g", ",", header=header, comments="")
     held_out = [k >= FITTED for k in range(RECORDS)]
     scene = folder / "scene.toml"
-    text = arms.scene(names, held_out, case.guess, case.effect.known_friction)
+    text = arms.scene(names, held_out, case.guess, case.effect.known_friction, arm_oracle.EVERY)
     scene.write_text(text, encoding="utf-8")
     return scene
 

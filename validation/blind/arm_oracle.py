@@ -18,8 +18,8 @@ from validation.blind import arm_ode, arms
 from validation.blind.arms import Effect
 
 PIECE = 0.5  # s
-STEP = 1.0 / 1600.0  # s
-EVERY = 8  # steps per sample
+EVERY = 4  # steps per sample
+STEP = 1.0 / arms.RATE / EVERY  # s
 ALPHA = 0.05
 JOINTS = ("shoulder", "elbow")
 PEAK = (2.0, 0.6)  # N·m, of which a limit cuts a part

@@ -164,12 +164,16 @@ def with_play(q: np.ndarray, half: float) -> np.ndarray:
 
 
 def motion(
-    effect: Effect, number: int, rng: np.random.Generator, size: float = 1.0
+    effect: Effect,
+    number: int,
+    rng: np.random.Generator,
+    size: float = 1.0,
+    duration: float = DURATION,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Times and commands at the samples; angles and velocities at all steps of MuJoCo."""
     arm = model(effect)
     data = mujoco.MjData(arm)
-    n = round(DURATION * RATE) + 1
+    n = round(duration * RATE) + 1
     u = torques(number, n, rng, size)
     t = np.arange(n) / RATE
     data.qpos[:] = rng.uniform(-0.5, 0.5, 2) + (
@@ -207,9 +211,10 @@ def record(
     size: float = 1.0,
     sigma: float = SIGMA,
     colour: float = 0.0,
+    duration: float = DURATION,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, readings and commands of one record; noise of `sigma` [rad], correlated by `colour` from sample to sample."""
-    t, u, q, _ = motion(effect, number, rng, size)
+    t, u, q, _ = motion(effect, number, rng, size, duration)
     late = effect.delay
     fine = np.arange(len(q)) * FINE
     keep = t >= late - 1e-12  # what is read at t was so `late` before
@@ -228,6 +233,7 @@ def scene(
     held_out: list[bool],
     guess: float = GUESS,
     friction: tuple[float, float] = (0.0, 0.0),
+    substeps: int = 8,
 ) -> str:
     """What the scene believes: everything but the effect. `guess` [kg] is its mass of the lower link, `friction` [N·m] what it knows."""
     joint = 'kind = "revolute"\naxis = [0, 1, 0]\n'
@@ -250,7 +256,7 @@ def scene(
     return f"""# A two-link arm; written by validation/blind/arms.py, whose simulator is not pliant.
 schema_version = 1
 [time]
-step = {1 / RATE / 8}
+step = {1 / RATE / substeps}
 duration = {DURATION}
 integrator = "midpoint"
 [[body]]

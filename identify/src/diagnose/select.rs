@@ -16,7 +16,7 @@ use crate::shoot::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
 use crate::stats::naming::lead;
-use crate::unknown::{Target, Unknown};
+use crate::unknown::{Target, Unknown, Values};
 
 /// Level of tests and comparisons.
 pub(super) const LEVEL: f64 = 0.05;
@@ -24,6 +24,11 @@ pub(super) const LEVEL: f64 = 0.05;
 const REFITS: usize = 6;
 /// A score at least this part of the best is refitted whatever its rank.
 const CLOSE: f64 = 0.5;
+
+/// A refit that leaves less than this part of the error needs no second try; a second try that leaves more than the other part of
+/// what the first one left is none.
+const HALF_WAY: f64 = 0.5;
+const NEARER: f64 = 0.8;
 
 /// Whitened distance of two predictions below which they are the same: their costs then differ by their numbers of parameters alone.
 const INDISTINCT: f64 = 1.0;
@@ -215,12 +220,32 @@ fn refit_with(
     let fitted = fit(plan, &current.records, &values, &unknowns, Some(&current.noise), options);
     let gained =
         fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
-    if gained || more.is_empty() {
+    if more.is_empty() {
         return fitted;
+    }
+    if let (true, Ok(fitted)) = (gained, &fitted) {
+        return nearer(plan, fitted, current, &values, options);
     }
     // stuck on the old trajectory although the score is significant: start again from the data
     let (values, records) = approach(plan, &current.records, &values, &unknowns, options)?;
     fit(plan, &records, &values, &unknowns, None, options)
+}
+
+/// A refit, or the one that least squares leads to if that comes much nearer to the data.
+///
+/// Whitened by the colour of a large residual, a fit sees little of what is slow and may stop on the way: the friction of a floor ended
+/// half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
+fn nearer(plan: &Plan, fitted: &Fitted, current: &Fitted, start: &Values, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    if fitted.rmse < HALF_WAY * current.rmse {
+        return Ok(fitted.clone());
+    }
+    let squares = FitOptions { rounds: 0, ..*options };
+    let Ok(plain) = fit(plan, &current.records, start, &fitted.unknowns, None, &squares) else { return Ok(fitted.clone()) };
+    if plain.rmse > NEARER * fitted.rmse {
+        return Ok(fitted.clone());
+    }
+    let other = fit(plan, &plain.records, &plain.values, &fitted.unknowns, None, options)?;
+    Ok(if other.deviance < fitted.deviance { other } else { fitted.clone() })
 }
 
 /// Why physics or likelihood rejects a refit.

@@ -38,10 +38,8 @@ pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
         if springy || driven.contains(&joint.name) {
             joint.load_friction.get_or_insert(0.0);
         }
-        if springy {
-            if joint.plastic_time.is_none() {
-                (joint.plastic_time, joint.yield_at) = (Some(NEVER), Some(NOTHING));
-            }
+        if springy && joint.plastic_time.is_none() {
+            (joint.plastic_time, joint.yield_at) = (Some(NEVER), Some(NOTHING));
         }
     }
     out
@@ -67,7 +65,7 @@ pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> 
             u.target = Target::Theta(if own { vec![leader] } else { vec![leader, follower] });
         }
     }
-    let alone: Vec<usize> = unknowns.iter().filter_map(|u| only(u)).collect();
+    let alone: Vec<usize> = unknowns.iter().filter_map(only).collect();
     for u in &mut unknowns {
         if let Target::Theta(entries) = &mut u.target
             && entries.len() > 1
