@@ -51,9 +51,3 @@ def test_an_encoders_zero_is_found_and_moves_the_start_of_held_out_records(tmp_p
     whole = report["gain"][-1]
     assert whole["rmse_after"] < 0.2 * whole["rmse_before"]
 
-
-def test_a_late_motor_is_told_from_late_encoders(tmp_path):
-    report = diagnose("actuator_delay", tmp_path)
-    told = {name for group in report["alternatives"] for name in group} | {c["name"] for c in report["causes"]}
-    assert "actuator_delay" in told, report["reason"]
-    assert told <= {"actuator_delay", "actuator_lag", "discretisation"}, report["reason"]

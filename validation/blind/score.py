@@ -54,9 +54,9 @@ def told(case: dict, report: dict) -> list[tuple[str, str]]:
     Of arms the simulation's own step is no answer to the question, and no mistake either: they go over the top, where the scene's
     step does show.
     """
-    of_arm = case["family"] == "arm"
+    of_arm = case.get("family") == "arm"
     causes = [c for c in report["causes"] if not (of_arm and c["name"] == "discretisation")]
-    return [(c["name"], c["object"] or "" if of_arm else "") for c in causes]
+    return [(c["name"], (c.get("object") or "") if of_arm else "") for c in causes]
 
 
 def coverage(case: dict, report: dict) -> list[bool]:
