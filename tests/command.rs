@@ -42,6 +42,25 @@ fn assert_refused(output: &Output, parts: &[&str]) {
     }
 }
 
+/// A cable with a clip is written, reads back and runs; sizes that make no sense are refused.
+#[test]
+fn cables() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("cable.toml");
+    let path = out.to_str().unwrap();
+    let sizes =
+        ["cable", "--links", "5", "--position", "-0.2", "0", "0.01", "--clip", "0", "0", "0", "-0.1", "--floor", "-0.003"];
+    let written = pliant(&[&sizes[..], &["--out", path]].concat());
+    assert_eq!(written.status.code(), Some(0), "{}", text(&written.stderr));
+    assert_eq!(text(&pliant(&sizes).stdout).trim_end(), std::fs::read_to_string(&out).unwrap().trim_end());
+    let scene = std::fs::read_to_string(&out).unwrap();
+    assert!(scene.contains("name = \"cable_4\"") && scene.contains("name = \"clip_0_right\""), "{scene}");
+    let short = scene.replace("duration = 1.0", "duration = 0.05");
+    std::fs::write(&out, short).unwrap();
+    assert_eq!(pliant(&["simulate", path]).status.code(), Some(0));
+    assert_refused(&pliant(&["cable", "--links", "100"]), &["cable.links: 100 links are 0.00375 m long", "fewer links"]);
+}
+
 /// What joints and motors remember stands in trajectories under its names.
 #[test]
 fn trajectories_have_internal_variables() {

@@ -77,9 +77,12 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
     if seeds.has_theta() || cx.model.has_actuators() || cx.model.nz() > 0 {
         let tangents = Tangents { seeds, signals, q: &start[0], z: z_past, end: [&[], &[]] };
-        stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| {
-            tangents.add(input, value, &mut dr[row * m..(row + 1) * m]);
-        });
+        let mut visit = |row: usize, input, value| tangents.add(input, value, &mut dr[row * m..(row + 1) * m]);
+        if seeds.has_theta() {
+            stage.visit_inputs(cx.model, cx.theta, &mut visit);
+        } else {
+            stage.visit_signals(cx.model, cx.theta, &mut visit);
+        }
     }
     root_tangent(stage, dr, m, refinement);
     dr.truncate(v_dot.len());

@@ -60,7 +60,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     for _ in 0..MAX_STEPS {
         let last = tau >= LAST_STEP;
         let inertia = if last { 0.0 } else { 1.0 / (tau * tau) };
-        match solve_stage(&fixed.stage(&q, inertia), &mut ws, &mut work) {
+        match solve_stage(&fixed.stage(&q, inertia), &mut ws, true, &mut work) {
             Ok(()) => {
                 fixed.displace(&mut q, &ws.it.v);
                 if last {

@@ -63,5 +63,5 @@ pub mod state;
 pub mod step;
 pub mod terms;
 
-pub use contact::{ContactPair, JointFriction, JointRow, JointRowKind};
+pub use contact::{ContactPair, Coupling, JointFriction, JointRow, JointRowKind, Lead};
 pub use newton::Work;

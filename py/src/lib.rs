@@ -5,6 +5,7 @@
 
 mod batch;
 mod bench;
+mod cable;
 mod convert;
 mod equilibrium;
 mod errors;
@@ -29,6 +30,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<equilibrium::Equilibrium>()?;
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;
+    m.add_function(wrap_pyfunction!(cable::cable, m)?)?;
     m.add_function(wrap_pyfunction!(import::import_model, m)?)?;
     m.add_function(wrap_pyfunction!(bench::bench, m)?)?;
     m.add_function(wrap_pyfunction!(study::fit, m)?)?;

@@ -17,7 +17,7 @@ pub struct Arguments {
     /// Print the report as one JSON object, with the scene in it unless --out is given.
     #[arg(long)]
     json: bool,
-    /// Import what can be of a model that uses constraints, tendons or meshes as masses, instead of refusing it.
+    /// Import what can be of a model that uses tendons, sites in constraints or meshes as masses, instead of refusing it.
     #[arg(long)]
     approximate: bool,
     /// Let the root link of a URDF fly, instead of fixing it to the world.

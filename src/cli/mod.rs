@@ -3,6 +3,7 @@
 //! Data go to stdout, messages and progress to stderr. Exit codes: 0 done, 1 the numerics failed (or a check did not pass),
 //! 2 the input is wrong.
 
+mod cable;
 mod diagnose;
 mod example;
 mod failure;
@@ -40,6 +41,8 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// Turn a model of MuJoCo (MJCF) or ROS (URDF) into a scene, and say what became of every element.
     Import(import::Arguments),
+    /// Write the scene of a cable: a chain of capsules, clips to lay it in, a floor.
+    Cable(cable::Arguments),
     /// Print the JSON Schema of scene files, or of what `diagnose` or `fit` prints.
     Schema(schema::Arguments),
 }
@@ -52,6 +55,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Cable(arguments) => cable::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
     };
     match done {

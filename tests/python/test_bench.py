@@ -12,12 +12,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 mujoco = pytest.importorskip("mujoco", minversion="4.0")
 pliant = pytest.importorskip("pliant")
-from validation.bench import bodies, scenes
+from validation.bench import bodies, scenes, touching
 from validation.bodies import chains
 
 
 def test_entries_compare_pliant_with_its_peers():
-    sizes = ["--sizes", "6", "--growth", "6", "--chains", "2", "7"]
+    sizes = ["--sizes", "6", "--growth", "6", "--chains", "2", "7", "--touching", "arm_box"]
     command = [sys.executable, "-m", "validation.bench", "--json", "--rounds", "1", "--repeats", "5"]
     run = subprocess.run([*command, *sizes], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
@@ -31,6 +31,7 @@ def test_entries_compare_pliant_with_its_peers():
     for work, peers in expected.items():
         found = [row["peer"] for row in rows if row["work"] == work and row["size"] == 7]
         assert len(found) == len(peers) and all(x.endswith(y) for x, y in zip(found, peers, strict=True)), found
+    assert {row["work"] for row in rows if row["size"] == 8} == {"arm_box_step", "arm_box_jacobian", "arm_box_rollout_vjp"}
     # two links have fewer than a hundred parameters
     assert not any("100 parameters" in row["peer"] for row in rows if row["work"] == "bodies_rollout_vjp" and row["size"] == 2)
     for row in rows:
@@ -47,6 +48,16 @@ def test_the_folder_runs_from_anywhere(tmp_path):
     command = [sys.executable, str(ROOT / "validation" / "bench"), "--help"]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0 and "--json" in run.stdout, run.stderr
+
+
+def test_both_programs_push_the_same_box():
+    """MuJoCo's soft contact lets the box go a little later and slower: 2.6 mm of 200 mm."""
+    ours = pliant.loads(touching.scene_text("arm_box"))
+    x = ours.rollout(ours.initial_state(), ours.controls(bodies.STEPS), record=False).x[-1]
+    peer = touching.MujocoTouching("arm_box")
+    peer.rollout()
+    assert x[:3] == pytest.approx(peer.data.qpos[:3], abs=5e-3)
+    assert x[2] > 0.25 and x[4] == pytest.approx(0.05, abs=1e-6)
 
 
 def test_both_programs_simulate_the_same_chain():

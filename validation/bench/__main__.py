@@ -9,8 +9,9 @@ rounds in the same way: on a busy machine the two ratios should agree.
 
 work: rope_step, rope_step_contact (at rest), rope_step_sliding [s per step]; rope_jacobian
 [s per full step Jacobian]; rope_rollout_vjp [s per 60-step rollout with its reverse gradient];
-bodies_step, bodies_jacobian and bodies_rollout_vjp the same of chains of hinges, 200 steps. `size`
-is the number of nodes, or of links.
+bodies_step, bodies_jacobian and bodies_rollout_vjp the same of chains of hinges, 200 steps;
+cable_… and arm_box_… the same of the cable on the floor and of the arm that pushes a box. `size`
+is the number of nodes, or of links, or of degrees of freedom.
 """
 
 import os
@@ -28,7 +29,7 @@ from statistics import median
 if not __package__:  # run as a folder: the package is then found from the repository's root
     sys.path[0] = str(Path(__file__).resolve().parents[2])
 
-from validation.bench import bodies, scenes
+from validation.bench import bodies, scenes, touching
 from validation.bench.machine import describe
 from validation.bench.peers import FD_PARAMETERS, JaxRope, MujocoChain, MujocoRope
 
@@ -103,9 +104,20 @@ def compare(work: str, size: int, our_timer, timers: dict, rounds: int) -> list[
     return [_row(work, size, name, ours, times) for name, times in theirs.items()]
 
 
-def measure_bodies(links: int, rounds: int, repeats: int) -> list[dict]:
+def measure_chain(links: int, rounds: int, repeats: int) -> list[dict]:
     """All works of a chain of that many links."""
-    text, peer, rows = bodies.scene_text(links), MujocoChain(links), []
+    return measure_bodies("bodies", links, bodies.scene_text(links), MujocoChain(links), rounds, repeats)
+
+
+def measure_touching(case: str, rounds: int, repeats: int) -> list[dict]:
+    """All works of bodies that touch."""
+    peer = touching.MujocoTouching(case)
+    return measure_bodies(case, peer.model.nv, touching.scene_text(case), peer, rounds, repeats)
+
+
+def measure_bodies(kind: str, size: int, text: str, peer, rounds: int, repeats: int) -> list[dict]:
+    """All works of a scene of bodies beside a `MujocoRun`."""
+    rows = []
     n_params = None if pliant is None else pliant.loads(text).n_params
     # a rollout is 200 steps long: fewer of them per round
     rollouts = max(1, repeats // 16)
@@ -115,8 +127,9 @@ def measure_bodies(links: int, rounds: int, repeats: int) -> list[dict]:
         def our_timer(name=name, units=units):
             return None if pliant is None else pliant.bench(text, name, units)
 
-        rows += compare(work, links, our_timer, bodies.timers(work, peer, n_params), rounds)
-    return rows + beside_itself("bodies_rollout_vjp", links, text, rounds, rollouts)
+        timers = bodies.timers(name, peer, n_params)
+        rows += compare(f"{kind}_{work}", size, our_timer, timers, rounds)
+    return rows + beside_itself(f"{kind}_rollout_vjp", size, text, rounds, rollouts)
 
 
 def growth(sizes, rounds: int, repeats: int) -> list[dict]:
@@ -154,6 +167,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds")
     parser.add_argument("--repeats", type=int, default=240, help="pliant's units per round")
     parser.add_argument("--chains", type=int, nargs="*", default=[2, 7, 18], help="links, with MuJoCo")
+    parser.add_argument("--touching", nargs="*", default=touching.CASES, choices=touching.CASES)
     parser.add_argument("--sizes", type=int, nargs="*", default=[20], help="nodes, with peers")
     parser.add_argument("--growth", type=int, nargs="*", default=[20, 60, 200, 500, 1000])
     parser.add_argument(
@@ -168,7 +182,10 @@ def main():
     rows += own_rollout(options.rounds, options.repeats)
     for links in options.chains:
         print(f"bodies, {links} links ...", file=sys.stderr)
-        rows += measure_bodies(links, options.rounds, options.repeats)
+        rows += measure_chain(links, options.rounds, options.repeats)
+    for case in options.touching:
+        print(f"{case} ...", file=sys.stderr)
+        rows += measure_touching(case, options.rounds, options.repeats)
     rows += growth(options.growth, min(options.rounds, 5), options.repeats)
     if options.json:
         about = {"machine": describe(), "command": sys.argv[1:]}

@@ -13,7 +13,7 @@ JACOBIANS = 10  # of MuJoCo per reading, spread over the rollout
 PARAMETERS = (10, 100)  # of a gradient by differences: a fit of an arm, and all that is in one
 
 # work -> pliant's name for it
-WORKS = {"bodies_step": "step", "bodies_jacobian": "linearize", "bodies_rollout_vjp": "rollout_vjp"}
+WORKS = {"step": "step", "jacobian": "linearize", "rollout_vjp": "rollout_vjp"}
 
 
 def chain(links: int) -> Chain:
@@ -27,13 +27,13 @@ def scene_text(links: int) -> str:
 
 
 def timers(work: str, peer, n_params: int | None) -> dict:
-    """Timers by name of a `MujocoChain` on a work.
+    """Timers by name of a `MujocoRun` on a work, by pliant's name.
 
     Differences in more parameters than pliant's θ has, n_params, are left out: they would be differences in nothing.
     """
-    if work == "bodies_step":
+    if work == "step":
         return {"MuJoCo implicitfast, mj_step": peer.step}
-    if work == "bodies_jacobian":
+    if work == "linearize":
         name = "MuJoCo implicitfast, mjd_transitionFD"
         return {f"{name}, {k}": lambda c=c: peer.jacobian(c) for k, c in (("forward", False), ("centred", True))}
     some = [n for n in PARAMETERS if n_params is None or n <= n_params]

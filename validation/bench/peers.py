@@ -5,6 +5,7 @@ from statistics import median
 
 import mujoco
 import numpy as np
+from mujoco import rollout
 
 from validation.bench import bodies, scenes
 from validation.bodies import chains
@@ -73,23 +74,21 @@ class MujocoRope:
         mujoco.mj_forward(self.rod.model, self.rod.data)
 
 
-class MujocoChain:
-    """MuJoCo's implicitfast on one of the benchmark's chains of hinges."""
+class MujocoRun:
+    """MuJoCo's implicitfast on bodies from a configuration at rest; controls by step, (`STEPS`, n_u)."""
 
-    def __init__(self, links: int):
-        chain = bodies.chain(links)
-        text = chains.mjcf(chain, integrator="implicitfast", step=bodies.STEP)
-        self.model = mujoco.MjModel.from_xml_string(text)
-        self.data = mujoco.MjData(self.model)
-        self._start = chains.start(chain)
-        n = 2 * self.model.nv
-        self._a, self._b = np.zeros((n, n)), np.zeros((n, self.model.nu))
+    def __init__(self, model: mujoco.MjModel, start: np.ndarray, controls: np.ndarray):
+        self.model, self.data = model, mujoco.MjData(model)
+        self._start, self._controls = start, controls
+        n = 2 * model.nv
+        self._a, self._b = np.zeros((n, n)), np.zeros((n, model.nu))
 
     def rollout(self) -> float:
         """Seconds of `STEPS` steps in C from the start."""
         self._reset()
+        state = self._state()
         begin = time.perf_counter()
-        mujoco.mj_step(self.model, self.data, bodies.STEPS)
+        rollout.rollout(self.model, self.data, state, self._controls[None])
         return time.perf_counter() - begin
 
     def step(self) -> float:
@@ -100,8 +99,8 @@ class MujocoChain:
         """Median seconds of `mjd_transitionFD` (full A and B) along the rollout."""
         self._reset()
         times = []
-        for _ in range(bodies.JACOBIANS):
-            mujoco.mj_step(self.model, self.data, bodies.STEPS // bodies.JACOBIANS)
+        for controls in np.array_split(self._controls, bodies.JACOBIANS):
+            rollout.rollout(self.model, self.data, self._state(), controls[None])
             begin = time.perf_counter()
             mujoco.mjd_transitionFD(self.model, self.data, 1e-6, centred, self._a, self._b, None, None)
             times.append(time.perf_counter() - begin)
@@ -111,10 +110,25 @@ class MujocoChain:
         """Seconds of a forward-difference gradient: one rollout per parameter, and one."""
         return (parameters + 1) * self.rollout()  # a changed constant costs nothing
 
+    def _state(self) -> np.ndarray:
+        state = np.empty(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+        mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        return state
+
     def _reset(self):
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = self._start
         mujoco.mj_forward(self.model, self.data)
+
+
+class MujocoChain(MujocoRun):
+    """One of the benchmark's chains of hinges, motors at rest."""
+
+    def __init__(self, links: int):
+        chain = bodies.chain(links)
+        text = chains.mjcf(chain, integrator="implicitfast", step=bodies.STEP)
+        model = mujoco.MjModel.from_xml_string(text)
+        super().__init__(model, chains.start(chain), np.zeros((bodies.STEPS, model.nu)))
 
 
 class JaxRope:

@@ -63,7 +63,9 @@ pub(crate) fn judge(
     let (difference, floor, step, switches) = match best {
         Some(k) => {
             let rounding = noise(&points, &base) / points[k].eps;
-            (points[k].difference, disagreement(&points, k).max(rounding) / magnitude, points[k].eps, points[k].switches)
+            // relative to what the error is relative to: a wide difference over a switch may be of any size
+            let size = derivative.abs().max(points[k].difference.abs());
+            (points[k].difference, disagreement(&points, k).max(rounding) / size, points[k].eps, points[k].switches)
         }
         None => (f64::NAN, f64::INFINITY, 0.0, 0),
     };

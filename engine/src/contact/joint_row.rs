@@ -1,5 +1,6 @@
-//! Friction and stops at joints: one impulse each, condensed into the force on its degree of freedom.
+//! Friction and stops at joints, and joints that follow others: one impulse each, condensed into the force on its degrees of freedom.
 
+use super::coupling::Coupling;
 use nalgebra::{SVector, Vector3};
 use num_dual::{Derivative, Dual64, DualSVec64};
 use pliant_smoothing::{Real, friction_residual, stop_residual};
@@ -38,9 +39,11 @@ pub enum JointRowKind {
     Friction(JointFriction),
     /// A stop at the coordinate with this index in θ: below it (+1: coordinates are above) or above it (−1).
     Stop(usize, f64),
+    /// It follows another one.
+    Coupling(Coupling),
 }
 
-/// Friction or a stop at one degree of freedom.
+/// Friction or a stop at one degree of freedom, or what couples it to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointRow {
     /// Degree of freedom, counted from the first of the bodies'.
@@ -57,6 +60,8 @@ pub(crate) struct RowPoint {
     /// Coordinate and velocity at the end of the step.
     pub q: f64,
     pub v: f64,
+    /// Coordinate of the joint that leads, if one does.
+    pub lead: f64,
     /// Length of the stage [s].
     pub h: f64,
     /// Rest gap δ [m, rad].
@@ -80,6 +85,9 @@ pub(crate) struct RowLinear {
     pub f_gamma: f64,
     /// Rounding of γ: that of F through F_γ, which vanishes where a joint sticks or a stop is closed hard.
     pub rounding: f64,
+    /// Impulse on the leading degree of freedom per unit of γ, by which its motion counts in F too; and ∂/∂ of its coordinate.
+    pub lever: f64,
+    pub lever_bend: f64,
 }
 
 impl JointRow {
@@ -92,6 +100,8 @@ impl JointRow {
                 (params, if part.is_some() { PARAMS } else { PARAMS - 1 })
             }
             JointRowKind::Stop(bound, _) => ([bound; PARAMS], 1),
+            // it has a law of its own
+            JointRowKind::Coupling(c) => ([c.coefficients; PARAMS], 0),
         }
     }
 
@@ -111,6 +121,7 @@ impl JointRow {
                 let v_n = (q - p[0]) * (side / at.h);
                 stop_residual(S::from(at.rest_gap * at.weight), at.rho, v_n, gamma)
             }
+            JointRowKind::Coupling(_) => S::zero(),
         }
     }
 
@@ -118,15 +129,30 @@ impl JointRow {
         self.params().0.map(|k| theta[k])
     }
 
-    /// Whether it can act: a stop always, friction if it has a size.
+    /// Whether it can act: stops and couplings always, friction if it has a size.
     pub(crate) fn acts(&self, theta: &[f64]) -> bool {
         match self.kind {
             JointRowKind::Friction(f) => {
                 let part = f.load.map(|(part, _)| part);
                 [Some(f.coulomb), Some(f.backward), Some(f.stiction), part].into_iter().flatten().any(|k| theta[k] > 0.0)
             }
-            JointRowKind::Stop(..) => true,
+            JointRowKind::Stop(..) | JointRowKind::Coupling(_) => true,
         }
+    }
+
+    /// The coupling that it is, if any.
+    pub(crate) fn coupling(&self) -> Option<&Coupling> {
+        if let JointRowKind::Coupling(coupling) = &self.kind { Some(coupling) } else { None }
+    }
+
+    /// Degree of freedom that leads, if it is a coupling to one.
+    pub(crate) fn lead(&self) -> Option<usize> {
+        self.coupling().and_then(|c| c.lead).map(|joint| joint.dof)
+    }
+
+    /// Impulse on the leading degree of freedom per unit of γ.
+    pub(crate) fn lever(&self, at: &RowPoint, theta: &[f64]) -> f64 {
+        self.coupling().map_or(0.0, |c| c.lever(at, theta))
     }
 
     /// Generalized impulse per unit of γ.
@@ -134,7 +160,7 @@ impl JointRow {
         if let JointRowKind::Stop(_, side) = self.kind { side } else { 1.0 }
     }
 
-    /// Friction: 1 stick, 2 and 3 slip, plus 4 under a negative load; a stop: 0 open, 1 closed.
+    /// Friction: 1 stick, 2 and 3 slip, plus 4 under a negative load; a stop: 0 open, 1 closed; a coupling: 0.
     pub(crate) fn mode(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> u8 {
         match self.kind {
             JointRowKind::Friction(_) => {
@@ -143,6 +169,7 @@ impl JointRow {
                 let motion = if sticks { 1 } else { 2 + u8::from(gamma > 0.0) };
                 motion + 4 * u8::from(at.load < 0.0)
             }
+            JointRowKind::Coupling(_) => 0,
             JointRowKind::Stop(..) => u8::from(gamma > (at.rest_gap * at.weight * at.rho).sqrt()),
         }
     }
@@ -151,11 +178,11 @@ impl JointRow {
     pub(crate) fn load(&self) -> Option<usize> {
         match self.kind {
             JointRowKind::Friction(f) => f.load.map(|(_, place)| place),
-            JointRowKind::Stop(..) => None,
+            JointRowKind::Stop(..) | JointRowKind::Coupling(_) => None,
         }
     }
 
-    /// Largest impulses of friction against positive and negative velocities [N·m·s or N·s]; 0 for a stop.
+    /// Largest impulses of friction against positive and negative velocities [N·m·s or N·s]; 0 for the others.
     fn bounds(&self, at: &RowPoint, theta: &[f64]) -> [f64; 2] {
         match self.kind {
             JointRowKind::Friction(f) => {
@@ -163,17 +190,23 @@ impl JointRow {
                 let more = theta[f.stiction] * (-(at.v / theta[f.stribeck]).powi(2)).exp() + part * at.load.abs();
                 [f.coulomb, f.backward].map(|c| (theta[c] + more) * at.h)
             }
-            JointRowKind::Stop(..) => [0.0; 2],
+            JointRowKind::Stop(..) | JointRowKind::Coupling(_) => [0.0; 2],
         }
     }
 
     /// F alone.
     pub(crate) fn residual(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> f64 {
+        if let Some(coupling) = self.coupling() {
+            return coupling.residual(at, gamma, theta);
+        }
         self.law(at, [at.q, at.v, gamma, at.load], &self.values(theta))
     }
 
     /// F and its derivatives.
     pub(crate) fn linearize(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> RowLinear {
+        if let Some(coupling) = self.coupling() {
+            return coupling.linearize(at, gamma, theta);
+        }
         type Dual = DualSVec64<3>;
         let seeded = |x: f64, k: usize| {
             let mut unit = Vector3::zeros();
@@ -185,11 +218,14 @@ impl JointRow {
         let by = f.eps.0.unwrap_or_else(Vector3::zeros);
         let size = gamma.abs() + (at.rho * at.v).abs() + self.bounds(at, theta).into_iter().fold(0.0, f64::max);
         let rounding = 4.0 * f64::EPSILON * size / by[2].abs();
-        RowLinear { f: f.re, f_q: by[0], f_v: by[1], f_gamma: by[2], rounding }
+        RowLinear { f: f.re, f_q: by[0], f_v: by[1], f_gamma: by[2], rounding, ..RowLinear::default() }
     }
 
     /// ∂F/∂θ of each number it reads.
     pub(crate) fn visit_theta(&self, at: &RowPoint, gamma: f64, theta: &[f64], visit: &mut dyn FnMut(usize, f64)) {
+        if let Some(coupling) = self.coupling() {
+            return coupling.visit_theta(at, gamma, theta, &mut |param, [by_f, _]| visit(param, by_f));
+        }
         type Dual = DualSVec64<PARAMS>;
         let (indices, count) = self.params();
         let p: [Dual; PARAMS] = std::array::from_fn(|k| {

@@ -1,4 +1,4 @@
-//! Contact of rope nodes with fixed shapes, and friction and stops at joints. Of contacts: the smoothed law of `pliant-smoothing` joined with a shape's gap, condensed to a
+//! Contact of rope nodes with fixed shapes, and friction and stops at joints, and joints that follow others. Of contacts: the smoothed law of `pliant-smoothing` joined with a shape's gap, condensed to a
 //! force on the node.
 //!
 //! With w the cone variable of a contact, the impulse is `p = w₀ n + μ w̄` and `F(w, v̂) = 0` is the smoothed natural residual.
@@ -6,12 +6,14 @@
 //! `∂(p/h)/∂q⁺` and `∂(p/h)/∂v⁺`, so that contact is one more term to everything above it.
 
 mod condensed;
+mod coupling;
 mod joint_row;
 mod pair;
 mod solid_pair;
 mod tie;
 
 pub(crate) use condensed::{Condensed, LawPoint, impulse};
+pub use coupling::{Coupling, Lead};
 pub(crate) use joint_row::RowLinear;
 pub(crate) use joint_row::RowPoint;
 pub use joint_row::{JointFriction, JointRow, JointRowKind};

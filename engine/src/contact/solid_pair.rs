@@ -193,7 +193,9 @@ pub(crate) struct SpotLinear {
 }
 
 impl SpotLinear {
+    /// `moves` says which sides can; derivatives by the others are left zero.
     pub fn new(
+        moves: [bool; 2],
         law: &SpotLaw,
         meeting: &Meeting<f64>,
         changes: &Changes,
@@ -211,11 +213,17 @@ impl SpotLinear {
         let along = n.dot(&sliding.velocity);
         let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * mu;
         let f_xi = [0, 1].map(|side| {
+            if !moves[side] {
+                return Matrix4x6::zeros();
+            }
             let dn = &changes.normal[side];
             let dv_t = turning * changes.point[side] - dn * along - n * (sliding.velocity.transpose() * dn);
             lin.df_dvn * (changes.gap[side] / h) + lin.df_dvt * dv_t
         });
         let w_xi = [0, 1].map(|side| {
+            if !moves[side] {
+                return Matrix6::zeros();
+            }
             let dp = changes.normal[side] * w[0];
             stack(&(hat(c) * dp - hat(&impulse) * changes.point[side]), &dp)
         });

@@ -63,7 +63,7 @@ impl ImportMistake {
             Self::Duplicate { what, .. } => both("a part was copied and not renamed", format!("give every {what} its own name")),
             Self::Loop { .. } => both(
                 "a kinematic loop, which a tree of links cannot hold",
-                "remove one of the two joints; closing it again needs a constraint, which is not there yet",
+                "remove one of the two joints; close the loop again by a [[closure]] in the scene",
             ),
             Self::NoRoot => {
                 both("parent and child were swapped in a joint", "turn one joint around, so that the links form a tree")

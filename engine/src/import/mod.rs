@@ -4,7 +4,7 @@
 //! file ── xml (elements with lines) ── mjcf or urdf ── Work: Scene and Report ── scene::check ── Imported
 //! ```
 //! Nothing is dropped silently: every element ends up in the [`Report`] as kept, approximated or ignored. What would make it another
-//! model if it were left out (constraints, tendons, masses from meshes) is an error unless [`Options::approximate`] is set.
+//! model if it were left out (tendons, constraints between sites, masses from meshes) is an error unless [`Options::approximate`] is set.
 //!
 //! Conventions are those of MuJoCo: coordinates q and velocities v of the imported model are MuJoCo's `qpos` and `qvel`, joint by
 //! joint, except that a joint's `ref` is subtracted.
@@ -34,7 +34,6 @@ mod names;
 mod pose;
 mod report;
 mod solid;
-mod text;
 mod urdf;
 mod view;
 mod work;
@@ -43,7 +42,7 @@ mod xml;
 pub use error::{ImportError, ImportMistake};
 pub use report::{Entry, Report, Verdict};
 
-use crate::scene::Scene;
+use crate::scene::{Scene, to_toml};
 use std::path::Path;
 use xml::Element;
 
@@ -70,7 +69,16 @@ pub struct Imported {
 impl Imported {
     /// The scene as a file.
     pub fn to_toml(&self) -> String {
-        text::scene(&self.scene, &self.report)
+        let count = |verdict| self.report.count(verdict);
+        let comment = format!(
+            "Imported from {} ({}): {} elements kept, {} approximated, {} ignored.",
+            self.report.source,
+            self.report.format,
+            count(Verdict::Kept),
+            count(Verdict::Approximated),
+            count(Verdict::Ignored)
+        );
+        to_toml(&self.scene, &comment)
     }
 }
 

@@ -10,7 +10,7 @@ use super::xml::Element;
 use super::{Imported, Options};
 use crate::bodies::InertiaError;
 use crate::model::{BuildError, ModelBuilder};
-use crate::scene::{Body, BodyShape, ContactRule, Integrator, Joint, Mistake, Scene, SceneError, check};
+use crate::scene::{Body, BodyShape, ContactRule, Coupling, Integrator, Joint, Mistake, Scene, SceneError, check};
 
 /// Why something is ignored that the importer has no word for.
 const UNREAD: &str = "not read by the importer";
@@ -237,6 +237,36 @@ impl<'o> Work<'o> {
         let body = self.scene.body.iter().find(|b| b.name == body).filter(|b| b.joint.is_empty())?;
         let own = Pose { position: body.position.into(), rotation: body.quaternion };
         body.parent.as_deref().map_or(Some(own), |parent| Some(self.fixed_pose(parent)?.then(&own)))
+    }
+
+    /// The pose in the world of a body of the scene with all joints at zero; the world's without one.
+    pub fn pose_at_zero(&self, body: Option<&str>) -> Pose {
+        let Some(body) = body.and_then(|name| self.scene.body.iter().find(|b| b.name == name)) else { return Pose::identity() };
+        let own = Pose { position: body.position.into(), rotation: body.quaternion };
+        self.pose_at_zero(body.parent.as_deref()).then(&own)
+    }
+
+    /// Adds a coupling, and lets its joint start where it follows to.
+    pub fn couple(&mut self, element: &Element, coupling: Coupling) {
+        self.scene.coupling.push(coupling);
+        // those that follow it start elsewhere too
+        for _ in 0..self.scene.coupling.len() {
+            for coupling in &self.scene.coupling {
+                let joints = || self.scene.body.iter().flat_map(|b| &b.joint);
+                let start = |name: &str| joints().find(|j| j.name == name).and_then(|j| j.start.first().copied()).unwrap_or(0.0);
+                let d = coupling.to.as_deref().map_or(0.0, |to| start(to) - coupling.reference);
+                let wanted = coupling.coefficients.iter().rev().fold(0.0, |p, c| p * d + c);
+                if (start(&coupling.joint) - wanted).abs() <= 1e-9 {
+                    continue;
+                }
+                let name = coupling.joint.clone();
+                if let Some(joint) = self.scene.body.iter_mut().flat_map(|b| &mut b.joint).find(|j| j.name == name) {
+                    joint.start = vec![wanted];
+                }
+                let reason = format!("it starts at {wanted}, where the joint that it follows has it");
+                self.report.add(element, &name, Verdict::Approximated, reason);
+            }
+        }
     }
 
     /// The element that a mistake in the scene comes from.

@@ -43,6 +43,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 mod wide;
+pub(crate) use wide::wide;
 
 pub use coupling::Coupling;
 pub use factor::Factor;

@@ -3,6 +3,6 @@
 /// Runs `kernel` compiled for the processor at hand. Only what is inlined into it gains, so kernels and what they call are
 /// `#[inline(always)]`. The order of operations is the same whatever the width.
 #[inline]
-pub(super) fn wide<R>(kernel: impl FnOnce() -> R) -> R {
+pub(crate) fn wide<R>(kernel: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(kernel)
 }

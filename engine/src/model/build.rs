@@ -138,6 +138,7 @@ impl ModelBuilder {
         }
         model.add_bodies(scene);
         model.weights = model.dof_weights();
+        model.add_couplings(scene)?;
         model.add_shapes(scene);
         model.add_pairs(&ropes);
         let radii: Vec<usize> = ropes.iter().map(|r| r.params.radius).collect();

@@ -2,6 +2,7 @@
 
 mod bodies;
 mod build;
+mod couplings;
 mod mass;
 mod query;
 mod solids;
@@ -203,7 +204,7 @@ impl Model {
         &self.ties
     }
 
-    /// Friction and stops at joints.
+    /// Friction and stops at joints, and joints that follow others.
     pub fn joint_rows(&self) -> &[JointRow] {
         &self.joint_rows
     }

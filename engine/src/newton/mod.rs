@@ -104,7 +104,8 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
-    Err(Stuck::NoProgress { correction })
+    // what no longer shrinks, or shrinks with a softened matrix only, is rounding noise if it is small
+    if correction <= tolerance { Ok(()) } else { Err(Stuck::NoProgress { correction }) }
 }
 
 /// A softening after a correction fell by `ratio`.
@@ -273,7 +274,7 @@ fn settled(stage: &Stage, ws: &Workspace) -> bool {
         let still = |a: f64, b: f64| (a - b).abs() <= SETTLED * a.abs().max(b.abs());
         still(before.0, after.0) && still(before.1, after.1)
     });
-    cones && stage.rows_settled(&ws.it.s, &ws.ds) && stage.spots_settled(&ws.it.p, &ws.spots)
+    cones && stage.rows_settled(&ws.it.s, &ws.ds, &ws.rows) && stage.spots_settled(&ws.it.p, &ws.spots)
 }
 
 /// Σ weight v² of the bodies' degrees of freedom.

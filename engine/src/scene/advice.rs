@@ -173,9 +173,24 @@ impl Mistake {
                 "leave `to_point` out, or change `start` of the joints so that the points meet",
             ),
             Self::HoldsNoBody { .. } => both("a body was named twice, or one that is fixed", "name a body that moves"),
-            Self::MidpointClosure { .. } => {
-                both("closures hold at the end of a step", "write `integrator = \"sdirk2\"` (second order) or \"euler\"")
+            Self::MidpointClosure { .. } => both(
+                "closures and couplings hold at the end of a step",
+                "write `integrator = \"sdirk2\"` (second order) or \"euler\"",
+            ),
+            Self::FollowsItself { .. } => both("a name was copied", "name the joint that leads"),
+            Self::CouplesMany { .. } => both(
+                "ball and universal joints have no single angle",
+                "couple revolute or prismatic joints; write a universal joint as two revolute ones",
+            ),
+            Self::Coefficients { .. } => both("a missing or superfluous number", "write e.g. `coefficients = [0, -2]`"),
+            Self::NobodyLeads { .. } => {
+                both("`to` was left out", "write `to = …`, or one coefficient, at which the joint is held")
             }
+            Self::StartsApart { wanted, .. } => both(
+                "the start of one of the two joints was left out, or is in another unit",
+                format!("write `start = [{}]` at this joint, or change the first coefficient", Num(*wanted)),
+            ),
+            Self::ShortLinks { .. } => both("too many links, or a size in another unit", "write fewer links, or sizes in m"),
             Self::NeverTouch { .. } => both("a rule that does nothing", "remove it"),
             Self::NoCompliance { .. } => both("a number that would do nothing", "remove `compliance`"),
             Self::AllHeld { .. } => {

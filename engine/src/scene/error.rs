@@ -192,15 +192,33 @@ pub enum Mistake {
     /// A closure that holds nothing.
     #[error("the closure holds nothing: {why}")]
     HoldsNoBody { why: &'static str },
-    /// Midpoint with closures.
-    #[error("the midpoint integrator cannot be used with closures, and the scene has {closures}")]
+    /// Midpoint with closures or couplings.
+    #[error("the midpoint integrator cannot be used with closures and couplings, and the scene has {closures}")]
     MidpointClosure { closures: usize },
+    /// A joint coupled to itself.
+    #[error("joint \"{joint}\" follows itself")]
+    FollowsItself { joint: String },
+    /// A joint of several coordinates in a coupling.
+    #[error("joint \"{joint}\" has {dofs} degrees of freedom; a coupling is between joints of one")]
+    CouplesMany { joint: String, dofs: usize },
+    /// A polynomial without coefficients, or with too many.
+    #[error("has {found} coefficients, not 1 to {most}")]
+    Coefficients { found: usize, most: usize },
+    /// Numbers that need a leading joint.
+    #[error("no joint leads, so there is nothing that {} could multiply", if *.coefficients > 1 { "further coefficients" } else { "a reference" })]
+    NobodyLeads { coefficients: usize },
+    /// A joint that starts elsewhere than its coupling has it.
+    #[error("joint \"{joint}\" starts at {}, but follows to {}", Num(*.start), Num(*.wanted))]
+    StartsApart { joint: String, start: f64, wanted: f64 },
     /// A rule for a pair that does not touch anyway.
     #[error("\"{first}\" and \"{second}\" never touch: {why}")]
     NeverTouch { first: String, second: String, why: &'static str },
     /// Compliance where it is not modelled.
     #[error("compliance is modelled between bodies and what they touch, with Coulomb's law: {why}")]
     NoCompliance { why: &'static str },
+    /// Links that are no longer than they are thick.
+    #[error("{links} links are {} m long each, no longer than they are thick ({} m)", Num(*.link), Num(*.diameter))]
+    ShortLinks { links: usize, link: f64, diameter: f64 },
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },

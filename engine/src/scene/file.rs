@@ -2,6 +2,7 @@
 
 use super::actuator::Actuator;
 use super::body::{Body, Closure};
+use super::coupling::Coupling;
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
 use super::shape::{Block, Capsule, ContactRule, Cylinder, Plane, Sphere};
@@ -39,6 +40,9 @@ pub struct Scene<X = Nothing> {
     /// Bodies held together beside their joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub closure: Vec<Closure>,
+    /// Joints that follow others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub coupling: Vec<Coupling>,
     /// Clamps that drive nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gripper: Vec<Gripper>,
@@ -89,6 +93,7 @@ impl<X> Scene<X> {
             body: self.body.clone(),
             actuator: self.actuator.clone(),
             closure: self.closure.clone(),
+            coupling: self.coupling.clone(),
             gripper: self.gripper.clone(),
             plane: self.plane.clone(),
             sphere: self.sphere.clone(),
@@ -119,6 +124,7 @@ impl<X> Default for Scene<X> {
             body: Vec::new(),
             actuator: Vec::new(),
             closure: Vec::new(),
+            coupling: Vec::new(),
             gripper: Vec::new(),
             plane: Vec::new(),
             sphere: Vec::new(),

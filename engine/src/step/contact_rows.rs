@@ -7,7 +7,7 @@
 //! stands in the same numbers as the rope's and eats seven of their sixteen digits; here all entries are of their natural size.
 //! K's factor solves this system too, and refinement against it recovers what condensing lost.
 //!
-//! Vectors have nv rows, then four per contact of a node, then one per joint friction or stop, then four per contact of solids
+//! Vectors have nv rows, then four per contact of a node, then one per joint friction, stop or coupling, then four per contact of solids
 //! ([`super::spot_rows`]); `columns` numbers per row.
 
 use super::StageRecord;
@@ -15,12 +15,12 @@ use crate::contact::RowLinear;
 use nalgebra::{Matrix3x4, Matrix4, Matrix4x3, SMatrix, SVector};
 
 impl StageRecord {
-    /// Rows of the system: nv, four per contact of a node, one per joint friction or stop, four per contact of solids.
+    /// Rows of the system: nv, four per contact of a node, one per joint friction, stop or coupling, four per contact of solids.
     pub fn n_rows(&self) -> usize {
         self.v.len() + 4 * self.contacts.len() + self.rows.len() + 4 * self.spots.len()
     }
 
-    /// Row of joint friction or stop `k`.
+    /// Row of joint friction, stop or coupling `k`.
     pub(super) fn joint_row(&self, k: usize) -> usize {
         self.v.len() + 4 * self.contacts.len() + k
     }
@@ -53,8 +53,10 @@ impl StageRecord {
         }
         for (k, row) in self.rows.iter().enumerate() {
             let at = self.joint_row(k);
-            add_scaled(row.direction / self.h, x, at, out, row.v, columns);
-            add_scaled(-self.joint_slope(k), x, row.v, out, at, columns);
+            for (v, lever) in row.dofs() {
+                add_scaled(row.direction * lever / self.h, x, at, out, v, columns);
+                add_scaled(-self.joint_slope(k) * lever, x, v, out, at, columns);
+            }
             add_scaled(-row.linear.f_gamma, x, at, out, at, columns);
         }
         self.subtract_spots(x, out, columns);
@@ -72,8 +74,10 @@ impl StageRecord {
         }
         for (k, row) in self.rows.iter().enumerate() {
             let at = self.joint_row(k);
-            add_scaled(row.direction / self.h, x, row.v, out, at, 1);
-            add_scaled(-self.joint_slope(k), x, at, out, row.v, 1);
+            for (v, lever) in row.dofs() {
+                add_scaled(row.direction * lever / self.h, x, v, out, at, 1);
+                add_scaled(-self.joint_slope(k) * lever, x, at, out, v, 1);
+            }
             add_scaled(-row.linear.f_gamma, x, at, out, at, 1);
         }
         self.subtract_spots_transpose(x, out);
@@ -86,7 +90,9 @@ impl StageRecord {
             add_within(&gain, b, self.row(c), 3 * node, columns);
         }
         for (k, row) in self.rows.iter().enumerate() {
-            add_scaled_within(row.direction / (row.linear.f_gamma * self.h), b, self.joint_row(k), row.v, columns);
+            for (v, lever) in row.dofs() {
+                add_scaled_within(row.direction * lever / (row.linear.f_gamma * self.h), b, self.joint_row(k), v, columns);
+            }
         }
         self.eliminate_spots(b, columns);
         self.factor.solve_many(&mut b[..self.v.len() * columns], columns);
@@ -97,7 +103,7 @@ impl StageRecord {
         }
         for (k, row) in self.rows.iter().enumerate() {
             let at = self.joint_row(k);
-            add_scaled_within(-self.joint_slope(k), b, row.v, at, columns);
+            row.dofs().for_each(|(v, lever)| add_scaled_within(-self.joint_slope(k) * lever, b, v, at, columns));
             b[at * columns..(at + 1) * columns].iter_mut().for_each(|x| *x /= row.linear.f_gamma);
         }
     }
@@ -111,7 +117,7 @@ impl StageRecord {
         for (k, row) in self.rows.iter().enumerate() {
             let at = self.joint_row(k);
             b[at] /= row.linear.f_gamma;
-            b[row.v] -= self.joint_slope(k) * b[at];
+            row.dofs().for_each(|(v, lever)| b[v] -= self.joint_slope(k) * lever * b[at]);
         }
         self.eliminate_spots_transpose(b);
         self.factor.solve_transpose(&mut b[..self.v.len()]);
@@ -121,7 +127,8 @@ impl StageRecord {
             add_within(&gain, b, 3 * node, self.row(c), 1);
         }
         for (k, row) in self.rows.iter().enumerate() {
-            b[self.joint_row(k)] += row.direction / (row.linear.f_gamma * self.h) * b[row.v];
+            let pulled: f64 = row.dofs().map(|(v, lever)| lever * b[v]).sum();
+            b[self.joint_row(k)] += row.direction / (row.linear.f_gamma * self.h) * pulled;
         }
     }
 
@@ -133,7 +140,7 @@ impl StageRecord {
             add_product(&(contact.df_dq * scale), q, 3 * node, out, self.row(c), columns);
         }
         for (k, row) in self.rows.iter().enumerate() {
-            add_scaled(scale * row.linear.f_q, q, row.v, out, self.joint_row(k), columns);
+            row.dofs().for_each(|(v, lever)| add_scaled(scale * row.linear.f_q * lever, q, v, out, self.joint_row(k), columns));
         }
         self.add_spot_positions(scale, q, out, columns);
     }
@@ -145,20 +152,29 @@ impl StageRecord {
             add_product(&(contact.df_dq.transpose() * scale), x, self.row(c), out, 3 * node, 1);
         }
         for (k, row) in self.rows.iter().enumerate() {
-            out[row.v] += scale * row.linear.f_q * x[self.joint_row(k)];
+            row.dofs().for_each(|(v, lever)| out[v] += scale * row.linear.f_q * lever * x[self.joint_row(k)]);
         }
         self.add_spot_positions_transpose(scale, x, out);
     }
 }
 
-/// A joint's friction or stop at the root.
+/// A joint's friction or stop, or a coupling, at the root.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowRecord {
     /// Row of its degree of freedom.
     pub v: usize,
     /// Impulse on it per unit of γ.
     pub direction: f64,
+    /// Row of the degree of freedom that leads, and its lever.
+    pub lead: Option<(usize, f64)>,
     pub linear: RowLinear,
+}
+
+impl RowRecord {
+    /// Rows of the degrees of freedom it acts on, with how much of them counts.
+    fn dofs(&self) -> impl Iterator<Item = (usize, f64)> {
+        std::iter::once((self.v, 1.0)).chain(self.lead)
+    }
 }
 
 /// Row `to` of `out` += factor · row `from` of `x`.
@@ -175,6 +191,7 @@ fn add_scaled_within(factor: f64, b: &mut [f64], from: usize, to: usize, columns
 }
 
 /// `out[to..] += m x[from..]`.
+#[inline(always)]
 pub(super) fn add_product<const R: usize, const C: usize>(
     m: &SMatrix<f64, R, C>,
     x: &[f64],
@@ -183,10 +200,11 @@ pub(super) fn add_product<const R: usize, const C: usize>(
     to: usize,
     columns: usize,
 ) {
-    for k in 0..columns {
-        let part = SVector::<f64, C>::from_fn(|r, _| x[(from + r) * columns + k]);
-        let product = m * part;
-        (0..R).for_each(|r| out[(to + r) * columns + k] += product[r]);
+    for (r, out) in out[to * columns..(to + R) * columns].chunks_exact_mut(columns).enumerate() {
+        for (c, x) in x[from * columns..(from + C) * columns].chunks_exact(columns).enumerate() {
+            let factor = m[(r, c)];
+            out.iter_mut().zip(x).for_each(|(o, x)| *o += factor * x);
+        }
     }
 }
 
@@ -200,6 +218,7 @@ fn add_within<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>, b: &mut [f
 }
 
 /// `b[at..] ← m b[at..]`.
+#[inline(always)]
 pub(super) fn replace(m: &Matrix4<f64>, b: &mut [f64], at: usize, columns: usize) {
     for k in 0..columns {
         let product = m * SVector::<f64, 4>::from_fn(|r, _| b[(at + r) * columns + k]);

@@ -1,13 +1,15 @@
-//! Friction and stops at joints in a stage: each impulse γ is eliminated,
+//! Friction and stops at joints in a stage, and joints that follow others: each impulse γ is eliminated,
 //! ```text
 //! r_l = … − γ/h,   F(γ; q⁺, v⁺) = 0      ⇒      r_l = … − (γ − F/F_γ)/h,   K_ll += (F_v + h a1 F_q)/(F_γ h)
 //! ```
-//! as contacts are.
+//! as contacts are. A coupling does the same along l and, by its lever, along the degree of freedom that leads; there the lever's own
+//! change adds −a1 γ ∂lever/∂q to K.
 
 use super::contact_rows::RowRecord;
 use super::{Stage, StageRecord, Workspace};
 use crate::contact::{JointRow, RowLinear, RowPoint};
 use crate::kinematics::Input;
+use crate::kkt::System;
 use crate::model::Model;
 
 /// Relative change below which an impulse has settled.
@@ -24,8 +26,12 @@ impl Stage<'_> {
     /// What the record keeps of the rows.
     pub(super) fn row_records(&self, rows: &[RowLinear]) -> Vec<RowRecord> {
         let n = self.model.n_node_dofs();
-        let one =
-            |(row, linear): (&JointRow, &RowLinear)| RowRecord { v: n + row.dof, direction: row.direction(), linear: *linear };
+        let one = |(row, linear): (&JointRow, &RowLinear)| RowRecord {
+            v: n + row.dof,
+            direction: row.direction(),
+            lead: row.lead().map(|dof| (n + dof, linear.lever)),
+            linear: *linear,
+        };
         self.measure.rows.iter().zip(rows).map(one).collect()
     }
 
@@ -33,9 +39,14 @@ impl Stage<'_> {
     pub(super) fn add_rows(&self, s: &[f64], v: &[f64], ws: &mut Workspace) {
         let n = self.model.n_node_dofs();
         for (k, row) in self.measure.rows.iter().enumerate() {
-            let f = row.residual(&self.row_point(row, &ws.q_bar, v), s[k], self.theta);
+            let at = self.row_point(row, &ws.q_bar, v);
+            let f = row.residual(&at, s[k], self.theta);
             ws.row_residuals[k] = f;
-            ws.r[n + row.dof] -= row.direction() * (s[k] - f / ws.rows[k].f_gamma) / self.h;
+            let force = row.direction() * (s[k] - f / ws.rows[k].f_gamma) / self.h;
+            ws.r[n + row.dof] -= force;
+            if let Some(lead) = row.lead() {
+                ws.r[n + lead] -= row.lever(&at, self.theta) * force;
+            }
         }
     }
 
@@ -48,8 +59,16 @@ impl Stage<'_> {
         for (k, row) in self.measure.rows.iter().enumerate() {
             let linear = row.linearize(&self.row_point(row, &ws.q_bar, v), s[k], self.theta);
             ws.row_residuals[k] = linear.f;
-            ws.r[n + row.dof] -= row.direction() * (s[k] - linear.f / linear.f_gamma) / self.h;
-            ws.k.bodies.add(row.dof, row.dof, row.direction() * self.row_slope(&linear) / (linear.f_gamma * self.h));
+            let force = row.direction() * (s[k] - linear.f / linear.f_gamma) / self.h;
+            let slope = row.direction() * self.row_slope(&linear) / (linear.f_gamma * self.h);
+            ws.r[n + row.dof] -= force;
+            ws.k.bodies.add(row.dof, row.dof, slope);
+            if let Some(lead) = row.lead() {
+                ws.r[n + lead] -= linear.lever * force;
+                ws.k.bodies.add(row.dof, lead, slope * linear.lever);
+                ws.k.bodies.add(lead, row.dof, slope * linear.lever);
+                ws.k.bodies.add(lead, lead, slope * linear.lever * linear.lever - self.scheme.free.a1 * linear.lever_bend * s[k]);
+            }
             ws.rows[k] = linear;
         }
     }
@@ -63,26 +82,47 @@ impl Stage<'_> {
     pub(crate) fn row_changes(&self, d: &[f64], ws_rows: &[RowLinear], residuals: &[f64], ds: &mut [f64]) {
         let n = self.model.n_node_dofs();
         for (k, row) in self.measure.rows.iter().enumerate() {
-            ds[k] = -(residuals[k] + self.row_slope(&ws_rows[k]) * d[n + row.dof]) / ws_rows[k].f_gamma;
+            let moved = d[n + row.dof] + row.lead().map_or(0.0, |lead| ws_rows[k].lever * d[n + lead]);
+            ds[k] = -(residuals[k] + self.row_slope(&ws_rows[k]) * moved) / ws_rows[k].f_gamma;
+        }
+    }
+
+    /// Takes what condensed rows added out of `a`, which is K, and leaves what they do at fixed impulses, as ∂f/∂q̄ in `dq` too.
+    pub(super) fn rows_at_fixed_impulses(&self, ws: &mut Workspace, dq: &mut System, a: &mut System) {
+        let coupled = self.measure.rows.iter().any(|row| row.lead().is_some());
+        if coupled || !ws.spots.spots.is_empty() {
+            self.change_by_velocities(false, ws, a);
+        } else {
+            for (row, diagonal) in self.measure.rows.iter().zip(&ws.row_diagonals) {
+                a.bodies.set(row.dof, row.dof, *diagonal);
+            }
+        }
+        for ((row, linear), s) in self.measure.rows.iter().zip(&ws.rows).zip(&ws.it.s) {
+            if let Some(lead) = row.lead() {
+                a.bodies.add(lead, lead, -self.scheme.free.a1 * linear.lever_bend * s);
+                dq.bodies.add(lead, lead, linear.lever_bend * s / self.h);
+            }
         }
     }
 
     /// Rounding noise of all γ in the same measure.
     pub(crate) fn rows_rounding2(&self, rows: &[RowLinear]) -> f64 {
-        let noise = |(row, linear): (&JointRow, &RowLinear)| linear.rounding.powi(2) / self.model.weights.yielding[row.dof];
+        let noise = |(row, linear): (&JointRow, &RowLinear)| linear.rounding.powi(2) / inertias(self.model, row)[1];
         self.measure.rows.iter().zip(rows).map(noise).sum()
     }
 
     /// Σ |Δγ|²/inertia.
     pub(crate) fn rows_norm2(&self, ds: &[f64]) -> f64 {
-        self.measure.rows.iter().zip(ds).map(|(row, d)| d * d / self.model.weights.yielding[row.dof]).sum()
+        self.measure.rows.iter().zip(ds).map(|(row, d)| d * d / inertias(self.model, row)[1]).sum()
     }
 
-    /// Whether the pending changes leave the impulses where they are: relative to them, or to what gravity does in the step.
-    pub(crate) fn rows_settled(&self, s: &[f64], ds: &[f64]) -> bool {
-        self.measure.rows.iter().zip(s).zip(ds).all(|((row, s), d)| {
-            let weight = self.model.weights.held[row.dof] * WEIGHT * self.h;
-            d.abs() <= SETTLED * s.abs().max(1e-3 * weight)
+    /// Whether the pending changes leave the impulses where they are: relative to them, or to what gravity does in the step; those of
+    /// couplings at least within their rounding.
+    pub(crate) fn rows_settled(&self, s: &[f64], ds: &[f64], rows: &[RowLinear]) -> bool {
+        self.measure.rows.iter().zip(s).zip(ds).zip(rows).all(|(((row, s), d), linear)| {
+            let weight = inertias(self.model, row)[0] * WEIGHT * self.h;
+            let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { 0.0 };
+            d.abs() <= (SETTLED * s.abs().max(1e-3 * weight)).max(noise)
         })
     }
 }
@@ -90,21 +130,31 @@ impl Stage<'_> {
 /// Acceleration that makes a weight of an inertia in smoothing and tolerances [1/s²] or [m/s²]; near gravity's, but no parameter.
 const WEIGHT: f64 = 10.0;
 
+/// Inertia that a row acts on, all other degrees of freedom held, and all yielding [kg·m² or kg].
+fn inertias(model: &Model, row: &JointRow) -> [f64; 2] {
+    match row.coupling() {
+        Some(coupling) => [coupling.held, coupling.yielding],
+        None => [model.weights.held[row.dof], model.weights.yielding[row.dof]],
+    }
+}
+
 fn row_point(model: &Model, row: &JointRow, [q, v, z]: [&[f64]; 3], [h, rest_gap]: [f64; 2]) -> RowPoint {
     let n = model.n_node_dofs();
+    let [held, yielding] = inertias(model, row);
     RowPoint {
         q: q[n + row.q],
         v: v[n + row.dof],
+        lead: row.coupling().and_then(|c| c.lead).map_or(0.0, |joint| q[n + joint.q]),
         h,
         rest_gap,
-        weight: WEIGHT * model.weights.held[row.dof],
-        rho: RHO * model.weights.yielding[row.dof],
+        weight: WEIGHT * held,
+        rho: RHO * yielding,
         load: row.load().map_or(0.0, |place| z[place]),
     }
 }
 
 impl Model {
-    /// Friction and stops that can act at these parameters.
+    /// Friction and stops that can act at these parameters, and couplings.
     pub(crate) fn active_rows(&self, theta: &[f64]) -> Vec<JointRow> {
         self.joint_rows.iter().copied().filter(|row| row.acts(theta)).collect()
     }
@@ -133,6 +183,11 @@ impl StageRecord {
         for (k, row) in model.joint_rows.iter().filter(|row| row.acts(theta)).enumerate() {
             let at = self.joint_row(k);
             row.visit_theta(&point(row), self.s[k], theta, &mut |param, value| visit(at, Input::Theta(param), value));
+            if let Some((coupling, lead)) = row.coupling().zip(row.lead()) {
+                coupling.visit_theta(&point(row), self.s[k], theta, &mut |param, [_, by_lever]| {
+                    visit(model.n_node_dofs() + lead, Input::Theta(param), -by_lever * self.s[k] / self.h);
+                });
+            }
             if let Some(place) = row.load() {
                 visit(at, Input::Z(place), row.by_load(&point(row), self.s[k], theta));
             }

@@ -3,9 +3,11 @@
 mod bodies;
 mod contact_rows;
 mod error;
+mod guard;
 mod joint_rows;
 mod record;
 mod scheme;
+mod spot_forces;
 mod spot_rows;
 mod spots;
 mod stage;

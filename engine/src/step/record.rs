@@ -62,7 +62,7 @@ pub struct StageRecord {
     pub(crate) contacts: Vec<Condensed>,
     /// Node of each contact.
     pub(crate) contact_nodes: Vec<usize>,
-    /// Impulses of joint friction and stops at the root [N·m·s, N·s].
+    /// Impulses of joint friction, stops and couplings at the root [N·m·s, N·s].
     pub s: Vec<f64>,
     pub(crate) rows: Vec<RowRecord>,
     pub(crate) spots: Vec<SpotRecord>,
@@ -125,7 +125,7 @@ impl StageRecord {
     }
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
-    /// that (plus 4 under a negative load), and for every stop 0 open, 1 closed; for every motor with limits 0 within, 1 and 2 beyond
+    /// that (plus 4 under a negative load), for every stop 0 open, 1 closed, and for every coupling 0; for every motor with limits 0 within, 1 and 2 beyond
     /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
@@ -146,6 +146,15 @@ impl StageRecord {
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
         self.visit_rows(model, theta, &q_bar, visit);
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
+    }
+
+    /// As [`StageRecord::visit_inputs`] for all but θ: some parameters are visited too, most are not.
+    pub fn visit_signals(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
+        let (q_bar, v_bar) = self.evaluation_point(model);
+        self.visit_joints(model, theta, [&q_bar, &v_bar], true, visit);
+        if model.nz() > 0 {
+            self.visit_rows(model, theta, &q_bar, visit);
+        }
     }
 
     fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {

@@ -13,6 +13,7 @@ use crate::bodies::spatial::{Force, column};
 use crate::contact::{Sliding, SpotKey, SpotState, Tie, spot_wrench};
 use crate::geometry::solid::{Carrier, Meeting, Posed, Spot, meet};
 use crate::kinematics::Input;
+use crate::kkt::wide;
 use crate::model::Model;
 use crate::terms::Vec3;
 use nalgebra::{Matrix4, SMatrix, Vector4, Vector6};
@@ -80,15 +81,18 @@ impl Stage<'_> {
         let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
         let of_spot = |(state, linear): (&SpotState, &crate::contact::SpotLinear)| {
             let mut out: Vec<(usize, Vector4<f64>, Vector4<f64>, Vector4<f64>)> = Vec::new();
-            let mut add =
-                |row: usize, impulse, with_v: Vector4<f64>, alone: Vector4<f64>| match out.iter_mut().find(|d| d.0 == row) {
+            let twice = state.carriers.iter().all(|c| matches!(c, Carrier::Body(_)));
+            let mut add = |row: usize, impulse, with_v: Vector4<f64>, alone: Vector4<f64>| {
+                // only two bodies can share degrees of freedom
+                match out.iter_mut().filter(|_| twice).find(|d| d.0 == row) {
                     Some(d) => {
                         d.1 += impulse;
                         d.2 += with_v;
                         d.3 += alone;
                     }
                     None => out.push((row, impulse, with_v, alone)),
-                };
+                }
+            };
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
                 match state.carriers[side] {
                     Carrier::World => {}
@@ -128,14 +132,19 @@ impl StageRecord {
     }
 
     pub(super) fn subtract_spots(&self, x: &[f64], out: &mut [f64], columns: usize) {
-        for (k, spot) in self.spots.iter().enumerate() {
-            let at = self.spot_row(k);
-            for dof in &spot.dofs {
-                add_product(&(dof.impulse.transpose() / self.h), x, at, out, dof.v, columns);
-                add_product(&-dof.slope, x, dof.v, out, at, columns);
-            }
-            add_product(&-spot.f_w, x, at, out, at, columns);
-        }
+        wide(
+            #[inline(always)]
+            || {
+                for (k, spot) in self.spots.iter().enumerate() {
+                    let at = self.spot_row(k);
+                    for dof in &spot.dofs {
+                        add_product(&(dof.impulse.transpose() / self.h), x, at, out, dof.v, columns);
+                        add_product(&-dof.slope, x, dof.v, out, at, columns);
+                    }
+                    add_product(&-spot.f_w, x, at, out, at, columns);
+                }
+            },
+        )
     }
 
     pub(super) fn subtract_spots_transpose(&self, x: &[f64], out: &mut [f64]) {
@@ -151,25 +160,35 @@ impl StageRecord {
 
     /// `b_v += impulse F_w⁻¹ b_w/h`.
     pub(super) fn eliminate_spots(&self, b: &mut [f64], columns: usize) {
-        for (k, spot) in self.spots.iter().enumerate() {
-            let at = self.spot_row(k);
-            for j in 0..columns {
-                let w = spot.inverse * Vector4::from_fn(|r, _| b[(at + r) * columns + j]) / self.h;
-                spot.dofs.iter().for_each(|dof| b[dof.v * columns + j] += dof.impulse.dot(&w));
-            }
-        }
+        let (velocities, cones) = b.split_at_mut(self.spot_row(0) * columns);
+        wide(
+            #[inline(always)]
+            || {
+                // F_w⁻¹ first: its large entries cancel there
+                let mut w = vec![0.0; 4 * columns];
+                for (k, spot) in self.spots.iter().enumerate() {
+                    w.copy_from_slice(&cones[4 * k * columns..4 * (k + 1) * columns]);
+                    replace(&spot.inverse, &mut w, 0, columns);
+                    spot.dofs
+                        .iter()
+                        .for_each(|d| add_product(&(d.impulse.transpose() / self.h), &w, 0, velocities, d.v, columns));
+                }
+            },
+        )
     }
 
     /// `b_w ← F_w⁻¹ (b_w − slope b_v)`.
     pub(super) fn recover_spots(&self, b: &mut [f64], columns: usize) {
-        for (k, spot) in self.spots.iter().enumerate() {
-            let at = self.spot_row(k);
-            for j in 0..columns {
-                let change: Vector4<f64> = spot.dofs.iter().map(|dof| dof.slope * b[dof.v * columns + j]).sum();
-                (0..4).for_each(|r| b[(at + r) * columns + j] -= change[r]);
-            }
-            replace(&spot.inverse, b, at, columns);
-        }
+        let (velocities, cones) = b.split_at_mut(self.spot_row(0) * columns);
+        wide(
+            #[inline(always)]
+            || {
+                for (k, spot) in self.spots.iter().enumerate() {
+                    spot.dofs.iter().for_each(|dof| add_product(&-dof.slope, velocities, dof.v, cones, 4 * k, columns));
+                    replace(&spot.inverse, cones, 4 * k, columns);
+                }
+            },
+        )
     }
 
     /// `b_w ← F_w⁻ᵀ b_w`, `b_v −= slopeᵀ b_w`.

@@ -49,7 +49,7 @@ enum Axial {
 pub(crate) struct Measure {
     /// Mass of everything [kg].
     pub total: f64,
-    /// Friction and stops that can act at these parameters.
+    /// Friction and stops that can act at these parameters, and couplings.
     pub rows: Vec<JointRow>,
 }
 
@@ -106,9 +106,9 @@ impl Stage<'_> {
         }
     }
 
-    /// Whether there are cone variables that need a value to start from.
+    /// Whether there are cone variables that need a value to start from; couplings are linear in theirs.
     pub(crate) fn has_cones(&self) -> bool {
-        !(self.model.pairs.is_empty() && self.measure.rows.is_empty())
+        !self.model.pairs.is_empty() || self.measure.rows.iter().any(|row| row.coupling().is_none())
     }
 
     pub(crate) fn has_contact(&self) -> bool {
@@ -118,7 +118,7 @@ impl Stage<'_> {
             && self.model.ties.is_empty())
     }
 
-    fn place(&self, v: &[f64], ws: &mut Workspace) {
+    pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
             for k in (0..3).map(|a| 3 * node + a) {
@@ -350,13 +350,7 @@ impl Stage<'_> {
             dv.nodes.set_block(*node, *node, block_v);
             a.nodes.set_block(*node, *node, &block);
         }
-        if !ws.spots.spots.is_empty() {
-            self.change_by_velocities(false, ws, &mut a);
-            return (dq, dv, a);
-        }
-        for (row, diagonal) in self.measure.rows.iter().zip(&ws.row_diagonals) {
-            a.bodies.set(row.dof, row.dof, *diagonal);
-        }
+        self.rows_at_fixed_impulses(ws, &mut dq, &mut a);
         (dq, dv, a)
     }
 

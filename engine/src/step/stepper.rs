@@ -173,8 +173,9 @@ impl<'m> Stepper<'m> {
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        match self.integrate(state, h, v_cmd, trace, stages) {
-            Err(
+        match self.integrate(state, h, v_cmd, halvings == 0, trace, stages) {
+            Ok(false)
+            | Err(
                 StepError::NotConverged { .. }
                 | StepError::Singular { .. }
                 | StepError::Geometry { .. }
@@ -187,18 +188,20 @@ impl<'m> Stepper<'m> {
                 self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)?;
                 self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)
             }
-            other => other,
+            other => other.map(|_| ()),
         }
     }
 
+    /// Takes one (sub)step; false if it is too long for its contacts. `thorough` if it cannot be halved.
     fn integrate(
         &mut self,
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
+        thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
-    ) -> Result<(), StepError> {
+    ) -> Result<bool, StepError> {
         self.remember(state);
         let single = match self.model.integrator {
             Integrator::Euler => Some(EULER),
@@ -209,15 +212,15 @@ impl<'m> Stepper<'m> {
             self.q_ref.copy_from_slice(&state.q);
             self.v_ref.copy_from_slice(&state.v);
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
-            self.stage(state, scheme, h, v_cmd, Link::Single, trace, stages)?;
+            let sound = self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)?;
             self.advance(state, h, stages);
-            return Ok(());
+            return Ok(sound);
         }
         let (gamma, start) = (SDIRK_GAMMA, state.clone());
         self.q_ref.copy_from_slice(&start.q);
         self.v_ref.copy_from_slice(&start.v);
         self.elapsed = gamma * h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, trace, stages)?;
+        let first_sound = self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, thorough, trace, stages)?;
         let ratio = (1.0 - gamma) / gamma;
         let n = self.model.n_node_dofs();
         for k in 0..n {
@@ -230,14 +233,14 @@ impl<'m> Stepper<'m> {
         }
         let first = stages.len();
         self.elapsed = h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)?;
+        let sound = self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, thorough, trace, stages)?;
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
             record.lead = turns;
         }
         self.advance(state, h, stages);
-        Ok(())
+        Ok(first_sound && sound)
     }
 
     /// Keeps the beginning of a (sub)step for what remembers it.
@@ -265,7 +268,7 @@ impl<'m> Stepper<'m> {
         }
     }
 
-    /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end.
+    /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end. False if it is too long for its contacts.
     #[allow(clippy::too_many_arguments)] // the trace and the records of a step are gathered through all its stages
     fn stage(
         &mut self,
@@ -274,9 +277,10 @@ impl<'m> Stepper<'m> {
         h: f64,
         v_cmd: &[f64],
         link: Link,
+        thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
-    ) -> Result<(), StepError> {
+    ) -> Result<bool, StepError> {
         let stage = Stage {
             model: self.model,
             theta: self.theta,
@@ -297,12 +301,15 @@ impl<'m> Stepper<'m> {
             coarse: false,
         };
         let mut work = Work::default();
-        solve_stage(&stage, &mut self.ws, &mut work)?;
-        if self.options.record {
-            work.factorizations += 1;
+        let solved = solve_stage(&stage, &mut self.ws, thorough, &mut work);
+        trace.work.add(work); // what failed was work too
+        solved?;
+        // a stage of several is no motion of its own, and its contacts' work means nothing
+        let sound = thorough || link != Link::Single || !stage.contacts_drive(&mut self.ws)?;
+        if self.options.record && sound {
+            trace.work.factorizations += 1;
             stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
         }
-        trace.work.add(work);
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let w = if driven { &scheme.driven } else { &scheme.free };
             for k in 3 * node..3 * node + 3 {
@@ -313,7 +320,7 @@ impl<'m> Stepper<'m> {
         let (q_ref, v_ref, v) = (&self.q_ref[n..], &self.v_ref[n..], &self.ws.it.v[n..]);
         end_positions(&self.model.tree, &scheme, h, q_ref, v_ref, v, &mut state.q[n..]);
         state.v.copy_from_slice(&self.ws.it.v);
-        Ok(())
+        Ok(sound)
     }
 }
 

@@ -13,7 +13,7 @@ use nalgebra::Vector4;
 pub struct Warm {
     /// Cone variables of contacts [N·s].
     pub(crate) cones: Vec<Vector4<f64>>,
-    /// Impulses of joint friction and stops [N·m·s, N·s].
+    /// Impulses of joint friction, stops and couplings [N·m·s, N·s].
     pub(crate) rows: Vec<f64>,
     /// Cone variables of contacts of solids [N·s], in the order of their keys.
     pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,

@@ -330,12 +330,45 @@ def import_model(
 ) -> tuple[str, dict[str, Any]]:
     """Reads an MJCF or URDF file: the text of a scene for `loads`, and what became of every element.
 
-    approximate: import what can be of a model that uses constraints, tendons or meshes as masses,
+    approximate: import what can be of a model that uses tendons, sites in constraints or meshes as masses,
     instead of refusing it, and let bodies that overlap at the start pass through each other.
     free_base: let the root link of a URDF fly. contact: with the shapes that bodies touch with; a
     scene that has them runs with the integrator `euler`. The report has `format`,
     `source` and `entries`: `file`, `line`, `element`, `name`, `original` (the name in the file, if
     it is another), `verdict` ("kept", "approximated", "ignored") and `reason`.
+    """
+
+def cable(
+    *,
+    name: str | None = None,
+    links: int | None = None,
+    length: float | None = None,
+    radius: float | None = None,
+    linear_density: float | None = None,
+    bend_stiffness: float | None = None,
+    twist_stiffness: float | None = None,
+    bend_damping: float | None = None,
+    plasticity: float | None = None,
+    yield_angle: float | None = None,
+    friction: float | None = None,
+    clamped: bool = False,
+    position: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    clips: Sequence[Mapping[str, Any]] = (),
+    floor: float | None = None,
+) -> str:
+    """The text of a scene with a cable: `links` capsules joined by springs of EI/link, for `loads` or a file.
+
+    The defaults are SILO's cable: 18 links, length 0.375 m, radius 3 mm, bend_stiffness EI and bend_damping
+    such that a joint has 1e-2 N m/rad and 1e-3 N m s/rad, plasticity 0.7 (the part of its bend that a
+    joint forgets every 1/240 s; 0 is elastic), which become the time constant of its creep.
+    linear_density is that of 1200 kg/m3. twist_stiffness GJ is EI if left out; if it differs, joints are
+    universal ones with a hinge, good for bends below 90 degrees. clamped holds the first end, which is at
+    `position` and from where the cable points along `direction`; otherwise it is free.
+
+    clips: U-shaped holders of three boxes, each a mapping with `position` (the middle of the floor of its
+    slot) and, if they differ from the defaults, `yaw` [rad] (0: along x), `opening`, `wall`, `depth`,
+    `height` [m], `friction`, `name`. floor: the height of a floor. Steps are Euler's of 1/240 s.
     """
 
 def bench(

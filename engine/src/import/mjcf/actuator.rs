@@ -1,7 +1,8 @@
 //! `<actuator>`: motors and servos at hinges and slides.
 //!
 //! MuJoCo's force is gain · u + b₀ + b₁ l + b₂ l̇ with the length l = gear · (q + ref) and acts on the joint times gear. Shortcuts
-//! (`motor`, `position`, `velocity`) set these numbers, in default classes first, then in the element.
+//! (`motor`, `position`, `velocity`) set these numbers, in default classes first, then in the element. A filter of the control is a lag,
+//! a range of the force a saturation; so is a range of the control of a torque drive, since nothing else makes its torque.
 
 use super::{Reader, words};
 use crate::import::error::{ImportError, ImportMistake};
@@ -24,8 +25,12 @@ struct Numbers {
     damping: f64,
     /// Why it is no actuator of a scene.
     odd: Option<String>,
-    /// Whether it has an internal state.
-    dynamic: bool,
+    /// Whether a filter of the first order stands before it, and its time constant [s].
+    filtered: bool,
+    time: f64,
+    /// Ranges of control and force, and whether they count; by default if they are given.
+    ranges: [Option<[f64; 2]>; 2],
+    limited: [Option<bool>; 2],
 }
 
 impl Default for Numbers {
@@ -39,7 +44,10 @@ impl Default for Numbers {
             armature: 0.0,
             damping: 0.0,
             odd: None,
-            dynamic: false,
+            filtered: false,
+            time: 1.0,
+            ranges: [None; 2],
+            limited: [None; 2],
         }
     }
 }
@@ -53,14 +61,19 @@ impl Numbers {
         }
         self.armature = view.number("armature")?.unwrap_or(self.armature);
         self.damping = view.numbers("damping", 1..=3)?.map_or(self.damping, |d| d[0]);
+        for (k, name) in ["ctrl", "force"].into_iter().enumerate() {
+            self.ranges[k] = view.vector::<2>(&format!("{name}range"))?.or(self.ranges[k]);
+            let switch = view.word(&format!("{name}limited"), &["auto", "true", "false"])?;
+            self.limited[k] = switch.map_or(self.limited[k], |word| (word != "auto").then_some(word == "true"));
+        }
         match element.tag.as_str() {
             "general" => self.general(&view)?,
-            "motor" => (self.gain, self.affine, self.odd, self.dynamic) = (1.0, false, None, false),
+            "motor" => (self.gain, self.affine, self.odd, self.filtered) = (1.0, false, None, false),
             "position" => self.position(&view)?,
             "velocity" => {
                 self.begin("velocity");
                 self.gain = view.not_negative("kv", self.gain)?;
-                (self.bias, self.affine, self.odd, self.dynamic) = ([0.0, 0.0, -self.gain], true, None, false);
+                (self.bias, self.affine, self.odd, self.filtered) = ([0.0, 0.0, -self.gain], true, None, false);
             }
             other => self.odd = Some(format!("a scene has no actuator like <{other}>")),
         }
@@ -85,7 +98,9 @@ impl Numbers {
         if view.has("dampratio") {
             self.bias[2] = view.not_negative("dampratio", 0.0)?;
         }
-        self.dynamic = view.number("timeconst")?.map_or(self.dynamic, |t| t > 0.0);
+        if let Some(time) = view.number("timeconst")? {
+            (self.filtered, self.time) = (time > 0.0, time);
+        }
         Ok(())
     }
 
@@ -113,12 +128,20 @@ impl Numbers {
         }
         let dynamics = ["none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "user"];
         match view.word("dyntype", &dynamics)? {
-            Some("none") => self.dynamic = false,
-            Some("filter" | "filterexact") => self.dynamic = true,
+            Some("none") => self.filtered = false,
+            Some("filter" | "filterexact") => self.filtered = true,
             Some(kind) => self.odd = Some(format!("dynamics of type `{kind}`")),
             None => {}
         }
+        if let Some(numbers) = view.numbers("dynprm", 1..=10)? {
+            self.time = numbers[0];
+        }
         Ok(())
+    }
+
+    /// A range that counts: of the control (0) or the force (1).
+    fn range(&self, which: usize, auto: bool) -> Option<[f64; 2]> {
+        self.ranges[which].filter(|[low, high]| low < high && self.limited[which].unwrap_or(auto))
     }
 }
 
@@ -226,9 +249,13 @@ impl<'a> Reader<'a> {
         if scale != 1.0 {
             self.work.approximated(element, &name, format!("its control is MuJoCo's times {scale}"));
         }
-        if n.dynamic {
-            self.work.approximated(element, &name, "it acts at once: its dynamics are not simulated");
+        if n.filtered && n.time > 0.0 {
+            // MuJoCo's filter begins at zero
+            (actuator.lag, actuator.start) = (Some(n.time), Some(0.0));
+            self.work.kept(element, &name, format!("a filter of {} s, as its lag", n.time));
         }
+        let auto = self.compiler.autolimits;
+        self.saturate(element, [n.range(0, auto), n.range(1, auto)], &mut actuator);
         self.work.leftovers(element, &name, &words::ACTUATOR_REASONS);
         let what = match kind {
             ActuatorKind::Torque => "torque",

@@ -1,5 +1,6 @@
 //! `<worldbody>`, `<body>` and `<frame>`.
 
+use super::gravcomp::Carried;
 use super::{Reader, words};
 use crate::import::error::{ImportError, ImportMistake};
 use crate::import::pose::Pose;
@@ -63,6 +64,9 @@ impl<'a> Reader<'a> {
         let (mass, shapes) = self.mass(element, &name, &parts, fixed)?;
         if view.flag("mocap")? == Some(true) {
             self.work.approximated(element, &name, "mocap: the body stays where it is");
+        }
+        if let Some(part) = view.number("gravcomp")?.filter(|part| *part != 0.0) {
+            self.carried.push(Carried { element, body: name.clone(), part });
         }
         self.work.leftovers(element, &name, &words::BODY_REASONS);
         self.work.kept(element, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));

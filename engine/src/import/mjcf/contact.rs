@@ -173,7 +173,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The first body at or above one that has joints; none if it cannot move.
-    fn carrier(&self, name: &str) -> Option<&str> {
+    pub(super) fn carrier(&self, name: &str) -> Option<&str> {
         let body = self.scene_body(name)?;
         if body.joint.is_empty() { body.parent.as_deref().and_then(|p| self.carrier(p)) } else { Some(&body.name) }
     }
@@ -258,7 +258,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The body that an attribute names, in the scene; none for the world.
-    fn find_body(&self, view: &View, attribute: &str) -> Result<Option<String>, ImportError> {
+    pub(super) fn find_body(&self, view: &View, attribute: &str) -> Result<Option<String>, ImportError> {
         let name = view.required(attribute)?;
         if name == "world" {
             return Ok(None);

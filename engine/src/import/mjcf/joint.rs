@@ -10,7 +10,8 @@ use crate::terms::Vec3;
 
 /// A joint that was read, as actuators find it.
 #[derive(Clone, Debug)]
-pub struct JointPlace {
+pub struct JointPlace<'a> {
+    pub element: &'a Element,
     /// Name in the file.
     pub original: String,
     /// Name in the scene.
@@ -18,6 +19,8 @@ pub struct JointPlace {
     pub kind: JointKind,
     /// MuJoCo's coordinate when the scene's is zero [rad or m].
     pub zero: f64,
+    /// Least and largest force of all its motors together [N·m or N].
+    pub force_range: Option<[f64; 2]>,
 }
 
 impl<'a> Reader<'a> {
@@ -40,8 +43,9 @@ impl<'a> Reader<'a> {
         self.place(&view, part, &mut joint)?;
         let zero = self.zero(&view, kind)?;
         self.forces(&view, &mut joint, zero)?;
+        let force_range = self.force_range(&view)?;
         self.report_joint(&view, &mut joint, zero)?;
-        self.joints.push(JointPlace { original, name, kind, zero });
+        self.joints.push(JointPlace { element, original, name, kind, zero, force_range });
         Ok(joint)
     }
 
@@ -202,8 +206,16 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
+    /// Limits of what its motors do together, if they are switched on.
+    fn force_range(&self, view: &View) -> Result<Option<[f64; 2]>, ImportError> {
+        let limited = view.word("actuatorfrclimited", &["auto", "true", "false"])?;
+        let counts = limited == Some("true") || (limited != Some("false") && self.compiler.autolimits);
+        let range = if counts { view.vector::<2>("actuatorfrcrange")? } else { None };
+        Ok(range.filter(|[low, high]| low < high))
+    }
+
     /// The joint of that name in the file; `user` names it.
-    pub(super) fn find_joint(&self, user: &Element, name: &str) -> Result<&JointPlace, ImportError> {
+    pub(super) fn find_joint(&self, user: &Element, name: &str) -> Result<&JointPlace<'a>, ImportError> {
         self.joints.iter().find(|j| j.original == name).ok_or_else(|| {
             let names = || self.joints.iter().map(|j| j.original.as_str()).filter(|n| !n.is_empty());
             let mistake = ImportMistake::NoSuch {

@@ -8,11 +8,14 @@ mod body;
 mod compiler;
 mod contact;
 mod defaults;
+mod equality;
 mod geom;
+mod gravcomp;
 mod include;
 mod inertial;
 mod joint;
 mod option;
+mod saturation;
 mod sections;
 mod words;
 
@@ -25,6 +28,7 @@ use super::{Imported, Options};
 use compiler::Compiler;
 use contact::{Paired, Touching};
 use defaults::Defaults;
+use gravcomp::Carried;
 use joint::JointPlace;
 use option::Physics;
 use std::collections::BTreeSet;
@@ -36,7 +40,7 @@ struct Reader<'a> {
     compiler: Compiler,
     physics: Physics,
     defaults: Defaults<'a>,
-    joints: Vec<JointPlace>,
+    joints: Vec<JointPlace<'a>>,
     /// Names in the file and in the scene of all bodies.
     bodies: Vec<(String, String)>,
     /// Geoms that may touch.
@@ -45,6 +49,8 @@ struct Reader<'a> {
     paired: Vec<Paired<'a>>,
     /// Names of all geoms in the file.
     known_geoms: BTreeSet<String>,
+    /// Bodies whose weight is carried, by how much of it.
+    carried: Vec<Carried<'a>>,
 }
 
 /// Reads a model whose root element is `root`.
@@ -57,16 +63,18 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;
-    let (joints, bodies, touching, paired, known_geoms) = Default::default();
-    let mut reader = Reader { work, compiler, physics, defaults, joints, bodies, touching, paired, known_geoms };
+    let (joints, bodies, touching, paired, known_geoms, carried) = Default::default();
+    let mut reader = Reader { work, compiler, physics, defaults, joints, bodies, touching, paired, known_geoms, carried };
     reader.read_pairs(&root)?;
     for world in root.children_of("worldbody") {
         reader.world(world)?;
     }
     reader.set_total_mass();
+    reader.carry_weights();
     for section in root.children_of("actuator") {
         reader.actuators(section)?;
     }
+    reader.joint_force_limits();
     reader.contacts(&root)?;
     reader.sections(&root)?;
     reader.work.finish(&root)

@@ -1,4 +1,4 @@
-//! What is left after bodies and actuators: constraints and tendons, and everything that is only reported.
+//! What is left after bodies, actuators and constraints: tendons, and everything that is only reported.
 
 use super::{Reader, words};
 use crate::import::error::ImportError;
@@ -21,23 +21,6 @@ impl<'a> Reader<'a> {
             }
         }
         self.report_defaults()
-    }
-
-    fn equalities(&mut self, section: &'a Element) -> Result<(), ImportError> {
-        check_children(section, &["connect", "weld", "joint", "tendon", "flex", "flexvert", "flexstrain"])?;
-        for element in &section.children {
-            let class = element.value("class");
-            let defaults = self.defaults.chain(element, class, &["equality"])?;
-            let active = View::new(element, defaults.into_iter().rev()).flag("active")?.unwrap_or(true);
-            if !active || !self.physics.constraints {
-                self.work.ignored_whole(element, "a constraint that is switched off");
-                continue;
-            }
-            self.work.approximate(element, "an equality constraint", "constraints between bodies are not simulated")?;
-            element.mark_all();
-        }
-        self.closed(section);
-        Ok(())
     }
 
     fn tendons(&mut self, section: &'a Element) -> Result<(), ImportError> {

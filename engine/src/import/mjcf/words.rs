@@ -113,6 +113,13 @@ pub const GEOM: &str = "adhesion axisangle castshadow class conaffinity condim c
 
 pub const PAIR: &str = "class condim friction gap geom1 geom2 margin name solimp solref solreffriction";
 
+pub const EQUALITY: &str =
+    "active anchor body1 body2 class joint1 joint2 name polycoef relpose site1 site2 solimp solref torquescale";
+
+/// Why attributes of constraints are ignored.
+pub const EQUALITY_REASONS: [(&str, &str); 2] =
+    [("solref solimp torquescale", "what a scene holds together is hard"), ("relpose", "the bodies stand like that in the file")];
+
 /// Why attributes of geoms that touch, and of pairs, are ignored.
 pub const CONTACT_REASONS: [(&str, &str); 1] = [(
     "solref solimp solmix solreffriction margin gap adhesion surfacevel",
@@ -124,28 +131,21 @@ pub const JOINT_REASONS: [(&str, &str); 6] = [
     ("range limited", "it is switched off"),
     ("margin solreflimit solimplimit", "stops of a scene are hard"),
     ("solreffriction solimpfriction", "dry friction of a scene sticks"),
-    ("actuatorfrcrange actuatorfrclimited", "limits of motor forces are not simulated"),
-    ("actuatorgravcomp", "gravity compensation is not simulated"),
+    ("actuatorfrcrange actuatorfrclimited", "it is switched off"),
+    ("actuatorgravcomp", "what carries the weight does not count in the motor's limits"),
     ("springyield", "yielding springs are not simulated"),
 ];
 
 /// Why attributes of bodies are ignored.
-pub const BODY_REASONS: [(&str, &str); 3] = [
-    ("gravcomp", "gravity compensation is not simulated: the body feels its whole weight"),
-    ("user", "data of the user, without effect"),
-    ("sleep fuse simple", "a matter of MuJoCo's numerics"),
-];
+pub const BODY_REASONS: [(&str, &str); 2] =
+    [("user", "data of the user, without effect"), ("sleep fuse simple", "a matter of MuJoCo's numerics")];
 
 /// Why attributes of actuators are ignored.
-pub const ACTUATOR_REASONS: [(&str, &str); 4] = [
-    (
-        "ctrlrange ctrllimited inheritrange forcerange forcelimited actrange actlimited velrange ffrange",
-        "controls and forces are not limited",
-    ),
-    (
-        "dyntype dynprm actdim actearly timeconst delay interp nsample",
-        "the actuator acts at once: its dynamics and delays are not simulated",
-    ),
+pub const ACTUATOR_REASONS: [(&str, &str); 6] = [
+    ("ctrlrange ctrllimited forcerange forcelimited", "it is switched off"),
+    ("inheritrange actrange actlimited velrange ffrange", "what the control makes of itself is not limited"),
+    ("dyntype dynprm actdim actearly timeconst", "it has no dynamics, or a scene has them exactly"),
+    ("delay interp nsample", "the actuator acts at once: write `delay` in the scene"),
     ("lengthrange cranklength", "a matter of other transmissions"),
     ("group user", "without effect on the motion"),
 ];

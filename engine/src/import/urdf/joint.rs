@@ -7,7 +7,7 @@ use crate::import::pose::Pose;
 use crate::import::view::{View, check_attributes, check_children};
 use crate::import::xml::Element;
 use crate::scene::words::{list, nearest};
-use crate::scene::{Joint, JointKind};
+use crate::scene::{Coupling, Integrator, Joint, JointKind};
 
 const KINDS: [&str; 6] = ["fixed", "revolute", "continuous", "prismatic", "floating", "planar"];
 
@@ -38,7 +38,8 @@ impl<'a> Reader<'a> {
         self.axis(element, &mut joint)?;
         self.limit(element, &mut joint)?;
         self.dynamics(element, &mut joint)?;
-        self.mimic(element)?;
+        self.mimic(element, &joint)?;
+        self.joints.push((element.label().to_owned(), joint.name.clone()));
         self.rest(element);
         let what = view.text("type").unwrap_or("");
         self.work.kept(element, &joint.name, what);
@@ -117,8 +118,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A joint that follows another one.
-    fn mimic(&mut self, element: &'a Element) -> Result<(), ImportError> {
+    /// A joint that follows another one; which may not have been read yet.
+    fn mimic(&mut self, element: &'a Element, joint: &Joint) -> Result<(), ImportError> {
         let Some(mimic) = element.child("mimic") else { return Ok(()) };
         check_attributes(mimic, "joint multiplier offset")?;
         let other = View::plain(mimic).required("joint")?;
@@ -131,12 +132,40 @@ impl<'a> Reader<'a> {
             };
             return Err(ImportError::at(mimic, mistake));
         }
-        self.work.approximate(
-            mimic,
-            "a joint that follows another",
-            "constraints between joints are not simulated: it moves freely",
-        )?;
-        mimic.mark_all();
+        mimic.mark();
+        self.mimics.push((mimic, joint.name.clone(), joint.kind));
+        Ok(())
+    }
+
+    /// All joints that follow others, as couplings: q = multiplier q_other + offset.
+    pub(super) fn couple_mimics(&mut self) -> Result<(), ImportError> {
+        for (mimic, joint, kind) in std::mem::take(&mut self.mimics) {
+            let view = View::plain(mimic);
+            let (multiplier, offset) = (view.number("multiplier")?.unwrap_or(1.0), view.number("offset")?.unwrap_or(0.0));
+            let original = view.required("joint")?;
+            let other = self.joints.iter().find(|(name, _)| name == original).map(|(_, name)| name.clone());
+            let floats = |name: &str| {
+                let mut joints = self.work.scene.body.iter().flat_map(|b| &b.joint);
+                joints.any(|j| j.name == name && j.kind == JointKind::Free)
+            };
+            if kind == JointKind::Free || other.as_deref().is_some_and(floats) || other.as_deref() == Some(joint.as_str()) {
+                let reason = "a joint of one axis follows another one of one axis; this one moves freely";
+                self.work.approximate(mimic, "such a joint that follows another", reason)?;
+                continue;
+            }
+            let (coefficients, reason) = match &other {
+                Some(other) => {
+                    (vec![offset, multiplier], format!("{joint} = {multiplier} {other} + {offset}, as a [[coupling]]"))
+                }
+                None => (vec![offset], format!("{original} is fixed: {joint} is held at {offset}, as a [[coupling]]")),
+            };
+            let name = self.work.names.give(&format!("{joint}_follows"), "coupling", self.work.scene.coupling.len() + 1);
+            self.work.kept(mimic, &name, reason);
+            if self.work.scene.time.integrator == Integrator::Midpoint {
+                self.work.scene.time.integrator = Integrator::Sdirk2;
+            }
+            self.work.couple(mimic, Coupling { name, joint, to: other, coefficients, reference: 0.0, compliance: None });
+        }
         Ok(())
     }
 

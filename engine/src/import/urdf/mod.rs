@@ -13,7 +13,7 @@ use super::view::{View, check_attributes, unknown_element};
 use super::work::Work;
 use super::xml::Element;
 use super::{Imported, Options};
-use crate::scene::Time;
+use crate::scene::{JointKind, Time};
 use std::path::Path;
 use tree::Links;
 
@@ -26,6 +26,10 @@ struct Reader<'a> {
     links: Links<'a>,
     path: &'a Path,
     n_joints: usize,
+    /// Names in the file and in the scene of joints that move.
+    joints: Vec<(String, String)>,
+    /// `<mimic>` elements, with the joints that have them.
+    mimics: Vec<(&'a Element, String, JointKind)>,
 }
 
 /// Reads a robot whose root element is `root`.
@@ -47,8 +51,9 @@ pub fn import(root: &Element, path: &Path, options: &Options) -> Result<Imported
     work.scene.time = Time { step: 0.002, ..Time::default() };
     let links = Links::read(root)?;
     let base = links.root(root)?;
-    let mut reader = Reader { work, links, path, n_joints: 0 };
+    let mut reader = Reader { work, links, path, n_joints: 0, joints: Vec::new(), mimics: Vec::new() };
     reader.link(base, None, 0)?;
+    reader.couple_mimics()?;
     reader.work.finish(root)
 }
 

@@ -198,8 +198,9 @@ fn hangs_on<X>(scene: &Scene<X>, body: &Body, above: &Body) -> bool {
 
 /// Bodies of closures are there, and no closure holds a body to itself.
 fn closures<X>(scene: &Scene<X>) -> Result<(), SceneError> {
-    if scene.time.integrator == Integrator::Midpoint && !scene.closure.is_empty() {
-        return Err(SceneError::at("time.integrator", Mistake::MidpointClosure { closures: scene.closure.len() }));
+    let held = scene.closure.len() + scene.coupling.len();
+    if scene.time.integrator == Integrator::Midpoint && held > 0 {
+        return Err(SceneError::at("time.integrator", Mistake::MidpointClosure { closures: held }));
     }
     let names = || scene.body.iter().map(|body| body.name.as_str());
     for (k, closure) in scene.closure.iter().enumerate() {

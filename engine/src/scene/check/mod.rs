@@ -3,6 +3,7 @@
 mod actuator;
 mod body;
 mod contact;
+mod coupling;
 mod gripper;
 mod joint_law;
 mod rope;
@@ -44,6 +45,7 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     size(scene)?;
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
     body::check(scene)?;
+    coupling::check(scene)?;
     actuator::check(scene)?;
     gripper::check(scene)?;
     solid::check(scene)?;
@@ -175,7 +177,8 @@ fn named<X>(scene: &Scene<X>) -> impl Iterator<Item = (String, &str)> {
     });
     let actuators = scene.actuator.iter().enumerate().map(|(i, o)| (format!("actuator[{i}]"), o.name.as_str()));
     let closures = scene.closure.iter().enumerate().map(|(i, o)| (format!("closure[{i}]"), o.name.as_str()));
-    let ropes = ropes.chain(bodies).chain(joints).chain(actuators).chain(closures);
+    let couplings = scene.coupling.iter().enumerate().map(|(i, o)| (format!("coupling[{i}]"), o.name.as_str()));
+    let ropes = ropes.chain(bodies).chain(joints).chain(actuators).chain(closures).chain(couplings);
     let blocks = scene.block.iter().enumerate().map(|(i, o)| (format!("box[{i}]"), o.name.as_str()));
     let cylinders = scene.cylinder.iter().enumerate().map(|(i, o)| (format!("cylinder[{i}]"), o.name.as_str()));
     ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules).chain(blocks).chain(cylinders)

@@ -270,6 +270,10 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
         }
     }
 
+    fn is_driven(&self) -> bool {
+        self.elements.iter().any(|e| !e.controls.is_empty())
+    }
+
     fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
         for e in &self.elements {
             let x = Self::local(e, at);

@@ -56,6 +56,11 @@ pub trait JointTerm: Debug + Send + Sync {
     /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every control and parameter.
     fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64));
 
+    /// Whether the force depends on controls.
+    fn is_driven(&self) -> bool {
+        false
+    }
+
     /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every internal variable (`Z`) and coordinate (`Q`) at the beginning of
     /// the step that the force depends on.
     fn visit_past(&self, _at: &JointPoint, _visit: &mut dyn FnMut(usize, Input, f64)) {}

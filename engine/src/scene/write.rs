@@ -1,21 +1,15 @@
 //! A scene of bodies as a TOML file: what differs from the defaults, and the numbers in full.
 
-use super::report::{Report, Verdict};
-use crate::scene::{Actuator, ActuatorKind, Body, BodyShape, ContactRule, Integrator, Joint, JointKind, Scene, ShapeKind};
+use super::{
+    Actuator, ActuatorKind, Body, BodyShape, Closure, ClosureKind, Command, Contact, ContactRule, Coupling, Integrator, Joint,
+    JointKind, Law, Scene, ShapeKind,
+};
 use std::fmt::Write;
 
-/// The file.
-pub fn scene(scene: &Scene, report: &Report) -> String {
-    let count = |verdict| report.count(verdict);
-    let mut out = format!(
-        "# Imported from {} ({}): {} elements kept, {} approximated, {} ignored.\nschema_version = {}\n\n[time]\n",
-        report.source.replace(char::is_control, " "),
-        report.format,
-        count(Verdict::Kept),
-        count(Verdict::Approximated),
-        count(Verdict::Ignored),
-        scene.schema_version
-    );
+/// The file of a scene that was made, by an importer or a builder, with `comment` as its first line. What only people write (ropes,
+/// grippers, wind, solver settings, `experiment`) is left out.
+pub fn to_toml<X>(scene: &Scene<X>, comment: &str) -> String {
+    let mut out = format!("# {}\nschema_version = {}\n\n[time]\n", comment.replace(char::is_control, " "), scene.schema_version);
     line(&mut out, "step", &number(scene.time.step));
     line(&mut out, "duration", &number(scene.time.duration));
     let integrator = match scene.time.integrator {
@@ -27,11 +21,52 @@ pub fn scene(scene: &Scene, report: &Report) -> String {
     out += "\n[gravity]\n";
     line(&mut out, "magnitude", &number(scene.gravity.magnitude));
     list(&mut out, "tilt", &scene.gravity.tilt, &[0.0; 2]);
+    contact(&mut out, &scene.contact);
     scene.body.iter().for_each(|b| body(&mut out, b));
+    scene.closure.iter().for_each(|c| closure(&mut out, c));
+    scene.coupling.iter().for_each(|c| coupling(&mut out, c));
     fixed(&mut out, scene);
     scene.actuator.iter().for_each(|a| actuator(&mut out, a));
     scene.contact.pair.iter().for_each(|r| rule(&mut out, r));
     out
+}
+
+/// The law; its rules follow as tables of their own.
+fn contact(out: &mut String, contact: &Contact) {
+    let default = Contact::default();
+    if contact.law == default.law && contact.rest_gap == default.rest_gap {
+        return;
+    }
+    *out += "\n[contact]\n";
+    if contact.law == Law::Anitescu {
+        line(out, "law", &quoted("anitescu"));
+    }
+    differing(out, "rest_gap", contact.rest_gap, default.rest_gap);
+}
+
+fn closure(out: &mut String, closure: &Closure) {
+    *out += "\n[[closure]]\n";
+    line(out, "name", &quoted(&closure.name));
+    line(out, "kind", &quoted(if closure.kind == ClosureKind::Weld { "weld" } else { "connect" }));
+    line(out, "body", &quoted(&closure.body));
+    if let Some(to) = &closure.to {
+        line(out, "to", &quoted(to));
+    }
+    list(out, "point", &closure.point, &[0.0; 3]);
+    list(out, "to_point", closure.to_point.as_ref().map_or(&[], |x| x), &[]);
+    given(out, "compliance", closure.compliance);
+}
+
+fn coupling(out: &mut String, coupling: &Coupling) {
+    *out += "\n[[coupling]]\n";
+    line(out, "name", &quoted(&coupling.name));
+    line(out, "joint", &quoted(&coupling.joint));
+    if let Some(to) = &coupling.to {
+        line(out, "to", &quoted(to));
+    }
+    list(out, "coefficients", &coupling.coefficients, &[]);
+    differing(out, "reference", coupling.reference, 0.0);
+    given(out, "compliance", coupling.compliance);
 }
 
 fn body(out: &mut String, body: &Body) {
@@ -70,7 +105,7 @@ fn shape(out: &mut String, shape: &BodyShape) {
 }
 
 /// Fixed shapes.
-fn fixed(out: &mut String, scene: &Scene) {
+fn fixed<X>(out: &mut String, scene: &Scene<X>) {
     let open = |out: &mut String, kind: &str, name: &str| {
         let _ = write!(out, "\n[[{kind}]]\n");
         line(out, "name", &quoted(name));
@@ -79,6 +114,7 @@ fn fixed(out: &mut String, scene: &Scene) {
         open(out, "plane", &s.name);
         list(out, "point", &s.point, &[0.0; 3]);
         list(out, "normal", &s.normal, &[0.0, 0.0, 1.0]);
+        differing(out, "height", s.height, 0.0);
         line(out, "friction", &number(s.friction));
     }
     for s in &scene.sphere {
@@ -118,6 +154,7 @@ fn rule(out: &mut String, rule: &ContactRule) {
         line(out, "ignore", "true");
     }
     given(out, "friction", rule.friction);
+    given(out, "compliance", rule.compliance);
 }
 
 fn joint(out: &mut String, joint: &Joint) {
@@ -144,7 +181,15 @@ fn joint(out: &mut String, joint: &Joint) {
     differing(out, "stiffness", joint.stiffness, default.stiffness);
     differing(out, "cubic_stiffness", joint.cubic_stiffness, default.cubic_stiffness);
     differing(out, "rest", joint.rest, default.rest);
+    given(out, "plastic_time", joint.plastic_time);
+    given(out, "yield", joint.yield_at);
+    list(out, "plastic_start", &joint.plastic_start, &[]);
+    given(out, "gravity_compensation", joint.gravity_compensation);
     differing(out, "friction", joint.friction, default.friction);
+    given(out, "friction_backward", joint.friction_backward);
+    given(out, "load_friction", joint.load_friction);
+    differing(out, "stiction", joint.stiction, default.stiction);
+    differing(out, "stribeck_velocity", joint.stribeck_velocity, default.stribeck_velocity);
     list(out, "limits", joint.limits.as_ref().map_or(&[], |limits| limits), &[]);
     list(out, "start", &joint.start, &[]);
     list(out, "velocity", &joint.velocity, &[]);
@@ -166,6 +211,21 @@ fn actuator(out: &mut String, actuator: &Actuator) {
     differing(out, "damping", actuator.damping, default.damping);
     differing(out, "offset", actuator.offset, default.offset);
     differing(out, "gear", actuator.gear, default.gear);
+    given(out, "delta_scale", actuator.delta_scale);
+    given(out, "delay", actuator.delay);
+    given(out, "max_delay", actuator.max_delay);
+    given(out, "lag", actuator.lag);
+    list(out, "saturation", actuator.saturation.as_ref().map_or(&[], |x| x), &[]);
+    given(out, "start", actuator.start);
+    let command = match &actuator.command {
+        Command::Hold { value: 0.0 } => return,
+        Command::Hold { value } => format!("{{ kind = \"hold\", value = {} }}", number(*value)),
+        Command::Sine { mean, amplitude, frequency, phase } => {
+            let [mean, amplitude, frequency, phase] = [mean, amplitude, frequency, phase].map(|x| number(*x));
+            format!("{{ kind = \"sine\", mean = {mean}, amplitude = {amplitude}, frequency = {frequency}, phase = {phase} }}")
+        }
+    };
+    line(out, "command", &command);
 }
 
 fn line(out: &mut String, key: &str, value: &str) {

@@ -1,0 +1,232 @@
+"""Loops, gears, filters and limits of imported models against MuJoCo: what they hold, and how they move."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco", minversion="4.0")
+pliant = pytest.importorskip("pliant")
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def imported(name):
+    text, report = pliant.import_model(MODELS / name)
+    mj = mujoco.MjModel.from_xml_path(str(MODELS / name))
+    return text, tomllib.loads(text), report, mj
+
+
+def verdicts(report, element):
+    return [(e["name"], e["verdict"]) for e in report["entries"] if e["element"] == element]
+
+
+def ours(mj, q):
+    """qpos as pliant counts it: hinges and slides from where the file has them."""
+    q = q.copy()
+    for j in range(mj.njnt):
+        if mj.jnt_type[j] in (HINGE, SLIDE):
+            q[mj.jnt_qposadr[j]] -= mj.qpos0[mj.jnt_qposadr[j]]
+    return q
+
+
+def theirs_end(mj, step, duration, start, control):
+    """Where MuJoCo is at the end, in pliant's coordinates; constraints as stiff as the step allows."""
+    mj.opt.timestep, mj.opt.integrator = step, mujoco.mjtIntegrator.mjINT_IMPLICIT
+    mj.eq_solref[:, 0] = 2 * step
+    data = mujoco.MjData(mj)
+    data.qvel[:] = start
+    data.ctrl[:] = control
+    for _ in range(round(duration / step)):
+        mujoco.mj_step(mj, data)
+    return ours(mj, data.qpos), np.abs(data.efc_pos[: data.ne]).max()
+
+
+def ours_run(text, scene, step, duration, start, control):
+    model = pliant.loads(text.replace(f"step = {scene['time']['step']!r}", f"step = {step!r}"))
+    x0 = model.initial_state()
+    nq = model.nx - len(start) - len(model.memory_names)
+    x0[nq : nq + len(start)] = start
+    steps = round(duration / step)
+    roll = model.rollout(
+        x0, np.tile(control, (steps, 1)) if len(control) else model.controls(steps), record=False
+    )
+    return roll.x[:, :nq]
+
+
+def test_loops_are_closed_where_mujoco_has_them():
+    _, scene, report, mj = imported("four_bar.xml")
+    pin, mount = scene["closure"]
+    assert (pin["kind"], pin["body"], pin["to"]) == ("connect", "coupler", "rocker")
+    assert (mount["kind"], mount["body"], mount["to"]) == ("weld", "coupler", "tool")
+    # MuJoCo computes the second anchor of a connection; that of a weld is the file's, in the second body
+    assert np.abs(np.array(pin["point"]) - mj.eq_data[0, :3]).max() < 1e-12
+    assert np.abs(np.array(pin["to_point"]) - mj.eq_data[0, 3:6]).max() < 1e-12
+    assert np.abs(np.array(mount["to_point"]) - mj.eq_data[1, :3]).max() < 1e-12
+    assert verdicts(report, "connect") == [
+        ("pin", "kept"),
+        ("spare", "ignored"),
+        ("footing", "ignored"),
+    ]
+    assert scene["time"]["integrator"] == "sdirk2"
+    assert any(
+        e["reason"].startswith("solref") or "solref" in e["reason"] for e in report["entries"]
+    )
+    assert np.abs(np.array(mount["point"]) - mj.eq_data[1, 3:6]).max() < 1e-12
+
+
+def rotation(quaternion):
+    flat = np.zeros(9)
+    mujoco.mju_quat2Mat(flat, np.asarray(quaternion, float))
+    return flat.reshape(3, 3)
+
+
+def test_a_loop_moves_as_in_mujoco():
+    text, scene, _, mj = imported("four_bar.xml")
+    start, duration = np.zeros(mj.nv), 0.3
+    (coarse, _), (fine, open_there) = (
+        theirs_end(mj, step, duration, start, []) for step in (1e-4, 5e-5)
+    )
+    expected = 2 * fine - coarse
+    q = ours_run(text, scene, 0.0005, duration, start, [])
+    error = np.abs(q[-1] - expected).max()
+    moved = np.abs(q[-1] - q[0]).max()
+    print(
+        f"four_bar: error {error:.1e} of {moved:.2f}, MuJoCo's own change by half the step {np.abs(fine - coarse).max():.1e}"
+    )
+    assert moved > 0.3
+    assert error < 2e-5
+    # held a thousand times better than there
+    model = pliant.loads(text)
+    pin = scene["closure"][0]
+    names = model.body_names
+    worst = 0.0
+    for state in q:
+        positions, quaternions = model.body_poses(state)
+        ends = []
+        for body, point in ((pin["body"], pin["point"]), (pin["to"], pin["to_point"])):
+            k = names.index(body)
+            ends.append(positions[k] + rotation(quaternions[k]) @ np.array(point))
+        worst = max(worst, np.linalg.norm(ends[0] - ends[1]))
+    print(f"four_bar: open by {worst:.1e} m, MuJoCo's by {open_there:.1e}")
+    assert worst < 1e-7
+
+
+def test_gears_filters_and_limits_are_those_of_mujoco():
+    _, scene, report, _ = imported("gears.xml")
+    teeth, cam, brake = scene["coupling"]
+    assert (teeth["joint"], teeth["to"], teeth["coefficients"]) == (
+        "wheel_joint",
+        "pinion_joint",
+        [0.0, -0.5],
+    )
+    assert cam["coefficients"] == [0.0, 0.02, 0.03, -0.01]
+    assert (brake["joint"], brake.get("to"), brake["coefficients"]) == ("clutch_joint", None, [0.0])
+    said = [v for v in verdicts(report, "joint") if v[0] in ("teeth", "cam", "brake", "idle")]
+    assert said == [("teeth", "kept"), ("cam", "kept"), ("brake", "kept"), ("idle", "ignored")]
+    motor, lid, latch = scene["actuator"]
+    # forcerange, and actuatorfrcrange over the gear
+    assert motor["saturation"] == [-0.2, 0.125] and (motor["lag"], motor["start"]) == (0.02, 0.0)
+    # forcerange and ctrlrange
+    assert lid["saturation"] == [-0.15, 0.1]
+    assert "saturation" not in latch and latch["lag"] == 0.05
+    carried = {
+        j["name"]: j.get("gravity_compensation") for b in scene["body"] for j in b.get("joint", [])
+    }
+    assert (carried["lid_joint"], carried["latch_joint"], carried["tether"]) == (0.8, 0.8, None)
+    ignored = {e["name"]: e["reason"] for e in report["entries"] if e["verdict"] == "ignored"}
+    assert "gravcomp 1" in ignored["balloon"]
+    assert any(
+        "keep them within" in e["reason"] for e in report["entries"] if e["name"] == "latch_servo"
+    )
+
+
+def test_gears_move_as_in_mujoco():
+    """Teeth, cam, brake, filters, saturation and a balanced lid; without the balloon, whose weight is not carried here."""
+    text, scene, _, mj = imported("gears.xml")
+    mj.body_gravcomp[mj.body("balloon").id] = 0.0
+    start = np.zeros(mj.nv)
+    start[mj.joint("latch").dofadr[0]] = 0.4
+    control, duration = np.array([0.6, 0.5, 0.7]), 0.3
+    (coarse, _), (fine, _) = (
+        theirs_end(mj, step, duration, start, control) for step in (1e-4, 5e-5)
+    )
+    expected = 2 * fine - coarse
+    # Euler's error is proportional to its step too
+    euler = text.replace('integrator = "sdirk2"', 'integrator = "euler"')
+    rough, q = (
+        ours_run(euler, scene, step, duration, start, control) for step in (0.0005, 0.00025)
+    )
+    error, moved = np.abs(2 * q[-1] - rough[-1] - expected).max(), np.abs(q[-1] - q[0])
+    print(
+        f"gears: error {error:.1e}, moved {moved}, MuJoCo's own change by half the step {np.abs(fine - coarse).max():.1e}"
+    )
+    assert moved[0] > 0.5 and moved[4] > 0.05 and moved[5] > 0.3
+    assert error < 2e-5
+    assert np.abs(q[:, 1] + 0.5 * q[:, 0]).max() < 1e-7 and np.abs(q[:, 3]).max() < 1e-7
+
+
+def test_fingers_follow():
+    _, scene, report, mj = imported("fingers.urdf")
+    slide, thumb = scene["coupling"]
+    assert (slide["joint"], slide["to"], slide["coefficients"]) == (
+        "right_slide",
+        "left_slide",
+        [0.0, 1.0],
+    )
+    assert (thumb["joint"], thumb["to"], thumb["coefficients"]) == (
+        "thumb_hinge",
+        "wrist_turn",
+        [0.2, -0.5],
+    )
+    assert np.abs(mj.eq_data[:, :2] - [[0.0, 1.0], [0.2, -0.5]]).max() < 1e-15
+    # it starts where it follows to, which MuJoCo's does only after a while
+    starts = {j["name"]: j.get("start") for b in scene["body"] for j in b.get("joint", [])}
+    assert starts["thumb_hinge"] == [0.2]
+    entries = [(e["line"], e["verdict"]) for e in report["entries"] if e["element"] == "mimic"]
+    assert [v for _, v in entries] == ["kept", "kept", "approximated"]
+    model = pliant.loads(pliant.import_model(MODELS / "fingers.urdf")[0])
+    x = model.rollout(model.initial_state(), model.controls(100), record=False).x
+    names = model.dof_names
+    left, right = (x[:, names.index(n)] for n in ("left_slide", "right_slide"))
+    assert np.abs(left - right).max() < 1e-8
+
+
+EQUALITY = (
+    '<mujoco>\n<worldbody>\n<body name="a"><joint name="j"/><geom size=".1"/></body>\n'
+    '<body name="b" pos="1 0 0"><joint name="k" type="ball"/><geom size=".1"/></body>\n</worldbody>\n<equality>\n{}\n</equality></mujoco>'
+)
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        ('<connect body1="a" body2="c" anchor="0 0 0"/>', r":7: connect: there is no body \"c\""),
+        ('<connect body1="a" body2="b"/>', r":7: connect: `anchor` is missing"),
+        (
+            '<connect body1="a" body2="b" anchor="0 0 0" ancor="1"/>',
+            r":7: connect: unknown attribute `ancor`(.|\n)*`anchor`",
+        ),
+        (
+            '<weld body1="a" body2="b" relpose="1 0.1 0 1 0 0 0"/>',
+            r":7: weld: a `relpose` that is not how(.|\n)*--approximate",
+        ),
+        (
+            '<connect site1="s" site2="t"/>',
+            r":7: connect: a constraint between sites(.|\n)*--approximate",
+        ),
+        (
+            '<joint joint1="j" joint2="k"/>',
+            r":7: joint: a coupling of such a joint(.|\n)*--approximate",
+        ),
+        ('<joint joint1="j" joint2="l"/>', r":7: joint: there is no joint \"l\""),
+        ('<tendon tendon1="t"/>', r":7: tendon: an equality constraint(.|\n)*--approximate"),
+    ],
+)
+def test_constraints_that_cannot_be_kept_are_refused(tmp_path, inside, words):
+    file = tmp_path / "model.xml"
+    file.write_text(EQUALITY.format(inside))
+    with pytest.raises(pliant.InputError, match=words):
+        pliant.import_model(file)
