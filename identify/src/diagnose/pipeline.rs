@@ -65,7 +65,7 @@ pub fn diagnose(
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;
     let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
     let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
-    let mut story = Story { plan: &plan, judged, stages: Vec::new() };
+    let mut story = Story { plan: &plan, judged, base: &base, options: &fit_options, stages: Vec::new() };
     story.add("baseline", &base)?;
 
     let mut run = Selection {
@@ -95,11 +95,12 @@ pub fn diagnose(
     progress("intervals and held-out gain");
     let causes = run.causes(&plan)?;
     let before = gain::residuals(&plan, judged, &base.values)?;
-    let after = gain::residuals(&plan, judged, &run.current.values)?;
+    let reread = gain::reread(&plan, judged, &base, &run.current, &fit_options)?;
+    let after = gain::residuals(&plan, &reread, &run.current.values)?;
     let gain =
         if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
-    let ceiling = ceiling::ceiling(&plan, &base, &run.current.values, judged, sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(&plan, judged, &base.values, &run.current.values)?;
+    let ceiling = ceiling::ceiling(&plan, &base, &run.current, judged, sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(&plan, (judged, &base.values), (&reread, &run.current.values))?;
     let curvature = Curvature::new(&plan, &base)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
@@ -378,12 +379,15 @@ impl Selection {
 struct Story<'a> {
     plan: &'a Plan,
     judged: &'a [RecordPlan],
+    base: &'a Fitted,
+    options: &'a FitOptions,
     stages: Vec<Stage>,
 }
 
 impl Story<'_> {
     fn add(&mut self, name: &str, fitted: &Fitted) -> Result<(), IdentifyError> {
-        let residuals = gain::residuals(self.plan, self.judged, &fitted.values)?;
+        let records = gain::reread(self.plan, self.judged, self.base, fitted, self.options)?;
+        let residuals = gain::residuals(self.plan, &records, &fitted.values)?;
         let rows: f64 = fitted.residuals.iter().map(|r| r.len() as f64).sum();
         let curvature = Curvature::new(self.plan, fitted)?;
         self.stages.push(Stage {
