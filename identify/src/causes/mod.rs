@@ -16,6 +16,7 @@ mod encoder_bias;
 mod encoder_scale;
 mod extensibility;
 mod frame_rotation;
+mod gravity_magnitude;
 mod gravity_tilt;
 mod gripper_offset;
 mod ground_height;
@@ -279,6 +280,7 @@ pub fn library(at: &Situation) -> Vec<Cause> {
         causes.extend([linear_drag::cause(at), quadratic_drag::cause(at), wind::cause(at)]);
     }
     causes.push(gravity_tilt::cause(at));
+    causes.extend(gravity_magnitude::causes(at));
     if !at.ropes().is_empty() {
         causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
     }

@@ -12,12 +12,6 @@ use rayon::prelude::*;
 const BLOCKS: usize = 8;
 const SHORTEST_BLOCK: usize = 4;
 
-/// The records that a fit is judged on: those held out, each with the initial state that its lead-in has under this fit (a zero or a
-/// delay of a sensor that the fit has found moves it); where nothing is held out, the fitted ones.
-pub(super) fn judged(plan: &Plan, fitted: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
-    if plan.held_out.is_empty() { Ok(fitted.records.clone()) } else { prepared(plan, &plan.held_out, fitted, options) }
-}
-
 /// Records with their initial states estimated from the lead-in under a fit.
 pub(super) fn prepared(
     plan: &Plan,
@@ -42,6 +36,20 @@ pub(super) fn prepared(
         Ok(out)
     };
     records.par_iter().map(one).collect()
+}
+
+/// The same records for a model that reads them by another sensor than the baseline: what a reading says of the state is then another
+/// state, estimated from the same lead-in. Elsewhere they stay as they are.
+pub(super) fn reread(
+    plan: &Plan,
+    records: &[RecordPlan],
+    base: &Fitted,
+    fitted: &Fitted,
+    options: &FitOptions,
+) -> Result<Vec<RecordPlan>, IdentifyError> {
+    let same = base.values.sensor == fitted.values.sensor && base.values.joints == fitted.values.joints;
+    // records that were fitted have more states than their first
+    if same || plan.held_out.is_empty() { Ok(records.to_vec()) } else { prepared(plan, records, fitted, options) }
 }
 
 /// Residuals of `records` at `values`.
@@ -135,16 +143,16 @@ fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64)
 pub(super) fn pictures(
     plan: &Plan,
     (records, before): (&[RecordPlan], &Values),
-    (after_records, after): (&[RecordPlan], &Values),
+    (reread, after): (&[RecordPlan], &Values),
 ) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
     let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
-    for (rec, rec_after) in records.iter().zip(after_records).take(3) {
+    for (rec, again) in records.iter().zip(reread).take(3) {
         let run = |rec: &RecordPlan, values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
             shoot(plan, rec, values, wants)
                 .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
         };
-        let (b, a) = (run(rec, before)?, run(rec_after, after)?);
+        let (b, a) = (run(rec, before)?, run(again, after)?);
         let channels = plan.channels();
         let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
         let unit = plan.unit();

@@ -10,7 +10,7 @@ use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
 use crate::number::share;
-use crate::shoot::{Plan, opened};
+use crate::shoot::{Plan, RecordPlan, opened};
 use crate::stats::ar::ArModel;
 use crate::stats::dist::chi2_sf;
 use crate::unknown::{Coordinate, Unknown};
@@ -68,8 +68,9 @@ pub fn diagnose(
     let fit_options = FitOptions::default();
     progress("fitting the baseline");
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;
-    let judged = gain::judged(&plan, &base, &fit_options)?;
-    let mut story = Story { plan: &plan, options: &fit_options, stages: Vec::new() };
+    let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
+    let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
+    let mut story = Story { plan: &plan, judged, base: &base, options: &fit_options, stages: Vec::new() };
     story.add("baseline", &base)?;
 
     let mut run = Selection {
@@ -98,15 +99,13 @@ pub fn diagnose(
 
     progress("intervals and held-out gain");
     let causes = run.causes(&plan)?;
-    let judged_last = gain::judged(&plan, &run.current, &fit_options)?;
-    let (first_values, last_values) = (&base.values, &run.current.values);
-    let before = gain::residuals(&plan, &judged, first_values)?;
-    let after = gain::residuals(&plan, &judged_last, last_values)?;
-    let nothing_held_out = plan.held_out.is_empty();
+    let before = gain::residuals(&plan, judged, &base.values)?;
+    let reread = gain::reread(&plan, judged, &base, &run.current, &fit_options)?;
+    let after = gain::residuals(&plan, &reread, &run.current.values)?;
     let gain =
-        if nothing_held_out { Vec::new() } else { gain::gains(&plan, &judged, &before, &after, sensor_sigma, options.seed)? };
-    let ceiling = ceiling::ceiling(&plan, &base, last_values, [&judged, &judged_last], sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(&plan, (&judged, first_values), (&judged_last, last_values))?;
+        if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
+    let ceiling = ceiling::ceiling(&plan, &base, &run.current, judged, sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(&plan, (judged, &base.values), (&reread, &run.current.values))?;
     let curvature = Curvature::new(&plan, &base)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
@@ -404,14 +403,16 @@ impl Selection {
 /// Errors after each accepted cause.
 struct Story<'a> {
     plan: &'a Plan,
+    judged: &'a [RecordPlan],
+    base: &'a Fitted,
     options: &'a FitOptions,
     stages: Vec<Stage>,
 }
 
 impl Story<'_> {
     fn add(&mut self, name: &str, fitted: &Fitted) -> Result<(), IdentifyError> {
-        let judged = gain::judged(self.plan, fitted, self.options)?;
-        let residuals = gain::residuals(self.plan, &judged, &fitted.values)?;
+        let records = gain::reread(self.plan, self.judged, self.base, fitted, self.options)?;
+        let residuals = gain::residuals(self.plan, &records, &fitted.values)?;
         let rows: f64 = fitted.residuals.iter().map(|r| r.len() as f64).sum();
         let curvature = Curvature::new(self.plan, fitted)?;
         self.stages.push(Stage {
