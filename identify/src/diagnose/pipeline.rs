@@ -2,7 +2,7 @@
 
 use super::certainty::{Curvature, estimates, profile};
 use super::result::*;
-use super::select::{Margin, Round, refit, round, second_look};
+use super::select::{Margin, Round, refit, round};
 use super::test::{Tested, test};
 use super::{audit, baseline, ceiling, constancy, gain, numerics, reason, remainder};
 use crate::causes::{Cause as Candidate, discretisation, spacing};
@@ -11,7 +11,6 @@ use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
 use crate::number::share;
 use crate::shoot::{Plan, RecordPlan, opened};
-use crate::stats::ar::ArModel;
 use crate::stats::dist::chi2_sf;
 use crate::unknown::{Coordinate, Unknown};
 use std::time::Instant;
@@ -35,9 +34,6 @@ impl Default for DiagnoseOptions {
 /// imitation of something outside the library. (In blind batches effects of the library leave nothing significant; winds and
 /// offsets that imitate others took up to 0.72.)
 const ENOUGH: f64 = 0.9;
-
-/// A residual of so many times the sensors' noise is looked at again where no score is significant.
-const EXCESS: f64 = 1.5;
 
 struct Accepted {
     cause: Candidate,
@@ -83,7 +79,7 @@ pub fn diagnose(
     };
     progress("testing every cause");
     let first = test(&plan, &base, options.seed)?;
-    run.grow(&plan, &first, sensor_sigma, options, &fit_options, &mut story, progress)?;
+    run.grow(&plan, &first, options, &fit_options, &mut story, progress)?;
     run.prune(&plan, &fit_options, progress)?;
 
     progress("checking what remains");
@@ -154,12 +150,10 @@ struct Selection {
 type Name = (String, Option<String>);
 
 impl Selection {
-    #[allow(clippy::too_many_arguments)] // the parts of the selection
     fn grow(
         &mut self,
         plan: &Plan,
         first: &Tested,
-        sensor_sigma: f64,
         options: &DiagnoseOptions,
         fit_options: &FitOptions,
         story: &mut Story,
@@ -168,17 +162,7 @@ impl Selection {
         let mut tested = first.clone();
         while self.accepted.len() < options.max_causes {
             let mut notes = Vec::new();
-            let mut outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
-            if matches!(outcome, Round::Nothing) && self.current.rmse > EXCESS * sensor_sigma {
-                let noise = &self.current.noise;
-                let sigma = noise.sigma().iter().map(|s| s * noise.stationary_ratio().sqrt()).collect();
-                let white = Fitted { noise: ArModel::white(sigma)?, ..self.current.clone() };
-                let looked = test(plan, &white, options.seed)?;
-                outcome = second_look(plan, &self.current, &looked, fit_options, &mut notes, progress)?;
-                if !matches!(outcome, Round::Nothing) {
-                    tested = looked;
-                }
-            }
+            let outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
             self.notes.extend(notes.into_iter().map(|(j, why)| (candidate(&tested, j).title(), why)));
             match outcome {
                 Round::Nothing => return Ok(()),

@@ -77,42 +77,7 @@ pub(super) fn round(
         return Ok(Round::Nothing);
     }
     significant.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
-    compare(plan, current, tested, &foremost(tested, &significant), LEVEL, options, notes, progress)
-}
-
-/// A second look where no score is significant but the residual is more than the sensors' noise.
-///
-/// A residual that is mostly a slow cause has that cause's colour, and a noise model fitted to it takes the cause for noise: an
-/// encoder's zero off by forty standard deviations was lost so. A refit takes the colour away with the cause, so its likelihood, each
-/// fit under the noise of its own residual, tells: the likelihood ratio with the noise among the nuisance parameters. `white` is the
-/// test without colour; it only says which causes are refitted, and the level is shared among all that it could have chosen.
-pub(super) fn second_look(
-    plan: &Plan,
-    current: &Fitted,
-    white: &Tested,
-    options: &FitOptions,
-    notes: &mut Vec<(usize, String)>,
-    progress: &mut dyn FnMut(&str),
-) -> Result<Round, IdentifyError> {
-    let scores = &white.score.candidates;
-    let mut able: Vec<usize> = (0..scores.len()).filter(|&j| scores[j].rank > 0 && scores[j].admissible).collect();
-    if able.is_empty() {
-        return Ok(Round::Nothing);
-    }
-    able.sort_by(|&a, &b| scores[b].z.total_cmp(&scores[a].z));
-    let level = LEVEL / able.len() as f64;
-    let mut rejected = Vec::new();
-    let found = compare(plan, current, white, &foremost(white, &able), level, options, &mut rejected, progress)?;
-    let mut note = |candidate: usize| {
-        let why = "slow: its score is lost in the residual's colour, its refit takes that colour away";
-        notes.push((candidate, why.to_owned()));
-    };
-    match &found {
-        Round::Accepted { candidate, .. } => note(*candidate),
-        Round::Ambiguous { set, .. } => set.iter().for_each(|j| note(*j)),
-        Round::Rejected | Round::Nothing => return Ok(Round::Nothing),
-    }
-    Ok(found)
+    compare(plan, current, tested, &foremost(tested, &significant), options, notes, progress)
 }
 
 /// The first few of the candidates, and those whose score comes near the best.
@@ -129,7 +94,6 @@ fn compare(
     current: &Fitted,
     tested: &Tested,
     chosen: &[usize],
-    level: f64,
     options: &FitOptions,
     notes: &mut Vec<(usize, String)>,
     progress: &mut dyn FnMut(&str),
@@ -139,7 +103,7 @@ fn compare(
         let cause = &tested.causes[tested.tested[candidate]];
         progress(&format!("refitting with {}", cause.title()));
         match refit_with(plan, &opened(current, cause, tested, candidate), &cause.unknowns, current, options) {
-            Ok(fitted) => match rejection(current, &fitted, cause, level) {
+            Ok(fitted) => match rejection(current, &fitted, cause) {
                 Some(reason) => notes.push((candidate, reason)),
                 None => refits.push(Refit { candidate, dims: cause.unknowns.len(), fitted }),
             },
@@ -249,10 +213,10 @@ fn nearer(plan: &Plan, fitted: &Fitted, current: &Fitted, start: &Values, option
 }
 
 /// Why physics or likelihood rejects a refit.
-fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause, level: f64) -> Option<String> {
+fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause) -> Option<String> {
     let drop = current.deviance - fitted.deviance;
     let p = chi2_sf(drop.max(0.0), cause.unknowns.len() as f64);
-    if p > level {
+    if p > LEVEL {
         return Some(format!("after the refit it is not significant (likelihood ratio {drop:.1})"));
     }
     if let [one] = cause.unknowns.as_slice() {
