@@ -104,6 +104,40 @@ fn a_delay_line_is_as_long_as_its_step_needs() {
     near(coarse, 0.5 * 0.18 / INERTIA, 1e-12);
 }
 
+/// What a motor remembers after a stretch of commands is the same whether they were simulated or only primed.
+#[test]
+fn priming_is_what_simulating_the_commands_leaves() {
+    let h = 0.005;
+    let commands: Vec<f64> = (0..40).map(|k| (0.4 * f64::from(k)).sin() + 0.5).collect();
+    let past: Vec<Vec<f64>> = commands.iter().map(|u| vec![*u]).collect();
+    for (delay, lag) in [(None, Some(0.02)), (Some(0.0123), None), (Some(0.0123), Some(0.008)), (Some(0.0), Some(0.0))] {
+        let motor = Actuator { delay, max_delay: delay.map(|_| 0.05), lag, start: Some(commands[0]), ..Actuator::default() };
+        let model = flywheel(Joint::default(), vec![motor], h, Integrator::Midpoint);
+        let simulated = run(&model, model.initial_state(), &commands)[39].z.clone();
+        let primed = |theta: &[f64]| {
+            let mut z = vec![0.0; model.nz()];
+            let slopes = model.prime_signals(&past, theta, &mut z);
+            (z, slopes)
+        };
+        let theta = model.params().values().to_vec();
+        let (z, slopes) = primed(&theta);
+        z.iter().zip(&simulated).for_each(|(a, b)| near(*a, *b, 1e-12));
+        for (name, value) in [("motor.delay", delay), ("motor.lag", lag)] {
+            let Some(k) = model.params().find(name).filter(|_| value.is_some_and(|x| x > 0.0)) else { continue };
+            let eps = 1e-6;
+            let moved = [eps, -eps].map(|d| {
+                let mut theta = theta.clone();
+                theta[k] += d;
+                primed(&theta).0
+            });
+            for (place, (above, below)) in moved[0].iter().zip(&moved[1]).enumerate() {
+                let known = slopes.iter().find(|s| (s.0, s.1) == (place, k)).map_or(0.0, |s| s.2);
+                near(known, (above - below) / (2.0 * eps), 1e-6);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_motor_saturates_before_its_gear() {
     for (u, torque) in [(7.0, 0.3), (-7.0, -0.2), (0.1, 0.1)] {

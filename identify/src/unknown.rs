@@ -9,13 +9,45 @@ use pliant_engine::model::Model;
 pub enum Target {
     /// These entries of θ, all to the same value.
     Theta(Vec<usize>),
+    /// The second of these entries of θ to the value, the first to its negative: limits that are the same both ways.
+    Mirrored(usize, usize),
     /// This entry of the markers' sensor.
     Sensor(usize),
     /// This sensor at a joint, and which of its values ([`crate::sensor::JOINT_ENTRIES`]).
     Joint(usize, usize),
 }
 
-/// A number to be found. Its coordinate is `ln(value)` where `log`, else `value/scale`.
+impl Target {
+    /// Whether both set the same number, whatever else follows it.
+    pub fn same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Theta(a), Self::Theta(b)) => a.first() == b.first(),
+            _ => self == other,
+        }
+    }
+
+    /// Entries of θ that it sets, each with its factor.
+    pub fn entries(&self) -> Vec<(usize, f64)> {
+        match self {
+            Self::Theta(entries) => entries.iter().map(|&k| (k, 1.0)).collect(),
+            Self::Mirrored(low, high) => vec![(*low, -1.0), (*high, 1.0)],
+            Self::Sensor(_) | Self::Joint(..) => Vec::new(),
+        }
+    }
+}
+
+/// How the coordinate in which a fit moves belongs to the value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinate {
+    /// value/scale.
+    Linear,
+    /// ln(value).
+    Log,
+    /// 1/(value · scale): of a time constant at infinity, or of a limit that is never reached.
+    Inverse,
+}
+
+/// A number to be found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknown {
     /// Path, for messages.
@@ -26,10 +58,10 @@ pub struct Unknown {
     pub target: Target,
     /// Bounds of the value.
     pub bounds: (f64, f64),
-    /// Typical size of a change of the value.
+    /// Typical size of a change of the value; of the value's inverse where that is the coordinate.
     pub scale: f64,
-    /// Logarithmic coordinate.
-    pub log: bool,
+    /// Its coordinate in a fit.
+    pub coordinate: Coordinate,
     /// Normal prior of the value (mean, standard deviation).
     pub prior: Option<(f64, f64)>,
     /// Where its effect is looked at if its value is zero, because its law is silent there (dry friction of size zero), and where a
@@ -71,7 +103,7 @@ impl Unknown {
             target: Target::Theta(entries),
             bounds: (info.lower, info.upper),
             scale: if positive { value } else { scale },
-            log: false,
+            coordinate: Coordinate::Linear,
             prior: None,
             probe: None,
         })
@@ -80,7 +112,7 @@ impl Unknown {
     /// A value of a sensor at a joint, of this path.
     pub fn of_joint(path: String, unit: &str, (sensor, entry): (usize, usize), scale: f64, bounds: (f64, f64)) -> Self {
         let (unit, target) = (unit.to_owned(), Target::Joint(sensor, entry));
-        Self { path, unit, target, bounds, scale, log: false, prior: None, probe: None }
+        Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
     }
 
     /// With a [`Probe`].
@@ -102,7 +134,7 @@ impl Unknown {
             target: Target::Sensor(entry),
             bounds,
             scale,
-            log: false,
+            coordinate: Coordinate::Linear,
             prior: None,
             probe: None,
         }
@@ -110,7 +142,16 @@ impl Unknown {
 
     /// Switches to the logarithmic coordinate; for positive values that may change by orders of magnitude.
     pub fn logarithmic(mut self) -> Self {
-        self.log = self.bounds.0 >= 0.0;
+        if self.bounds.0 >= 0.0 {
+            self.coordinate = Coordinate::Log;
+        }
+        self
+    }
+
+    /// Switches to the inverse as coordinate, with a typical size of it; for values between positive bounds of which the upper one
+    /// stands for infinity.
+    pub fn inverse(mut self, scale: f64, bounds: (f64, f64)) -> Self {
+        (self.coordinate, self.scale, self.bounds) = (Coordinate::Inverse, scale, bounds);
         self
     }
 
@@ -118,6 +159,7 @@ impl Unknown {
     pub fn value(&self, values: &Values) -> f64 {
         match &self.target {
             Target::Theta(entries) => values.theta[entries[0]],
+            Target::Mirrored(_, high) => values.theta[*high],
             Target::Sensor(entry) => values.sensor.0[*entry],
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry],
         }
@@ -128,6 +170,7 @@ impl Unknown {
         let value = value.clamp(self.bounds.0, self.bounds.1);
         match &self.target {
             Target::Theta(entries) => entries.iter().for_each(|&k| values.theta[k] = value),
+            Target::Mirrored(low, high) => (values.theta[*low], values.theta[*high]) = (-value, value),
             Target::Sensor(entry) => values.sensor.0[*entry] = value,
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry] = value,
         }
@@ -135,29 +178,48 @@ impl Unknown {
 
     /// d value/d coordinate at a value.
     pub fn slope(&self, value: f64) -> f64 {
-        if self.log { value.max(f64::MIN_POSITIVE) } else { self.scale }
+        match self.coordinate {
+            Coordinate::Linear => self.scale,
+            Coordinate::Log => value.max(f64::MIN_POSITIVE),
+            Coordinate::Inverse => -value * value * self.scale,
+        }
     }
 
     /// The value after the coordinate has changed by `delta`; logarithmic steps are at most a factor of e².
     pub fn moved(&self, value: f64, delta: f64) -> f64 {
-        let moved = if self.log { value * delta.clamp(-2.0, 2.0).exp() } else { value + self.scale * delta };
-        moved.clamp(self.bounds.0, self.bounds.1)
+        self.far(value, if self.coordinate == Coordinate::Log { delta.clamp(-2.0, 2.0) } else { delta })
     }
 
     /// As [`Unknown::moved`], but as far as `delta` says: the end of an interval, not a step of a fit.
     pub fn far(&self, value: f64, delta: f64) -> f64 {
-        let moved = if self.log { value * delta.exp() } else { value + self.scale * delta };
+        let moved = match self.coordinate {
+            Coordinate::Linear => value + self.scale * delta,
+            Coordinate::Log => value * delta.exp(),
+            // beyond infinity lie negative values; the upper bound stands for both
+            Coordinate::Inverse => 1.0 / (1.0 / value + self.scale * delta).max(f64::MIN_POSITIVE),
+        };
         moved.clamp(self.bounds.0, self.bounds.1)
     }
 
-    /// Which directions from a value are physical.
+    /// Which directions of the coordinate from a value are physical.
     pub fn sign(&self, value: f64) -> Sign {
-        if value <= self.bounds.0 {
-            Sign::NonNegative
-        } else if value >= self.bounds.1 {
-            Sign::NonPositive
-        } else {
-            Sign::Any
+        let (mut low, mut high) = (value <= self.bounds.0, value >= self.bounds.1);
+        if self.coordinate == Coordinate::Inverse {
+            (low, high) = (high, low);
+        }
+        match (low, high) {
+            (true, _) => Sign::NonNegative,
+            (_, true) => Sign::NonPositive,
+            _ => Sign::Any,
+        }
+    }
+
+    /// Whether a step of the coordinate leads past a bound that the value is at.
+    pub fn leaves(&self, value: f64, delta: f64) -> bool {
+        match self.sign(value) {
+            Sign::NonNegative => delta < 0.0,
+            Sign::NonPositive => delta > 0.0,
+            Sign::Any => false,
         }
     }
 }

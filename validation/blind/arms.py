@@ -38,6 +38,22 @@ class Effect:
     delay: float = 0.0  # s, of the readings
     bias: tuple[float, float] = (0.0, 0.0)  # rad
     tilt: float = 0.0  # rad, of gravity in the plane of motion
+    scale: tuple[float, float] = (1.0, 1.0)  # of the readings
+    play: tuple[float, float] = (0.0, 0.0)  # rad, half the play between joint and encoder
+    late: tuple[float, float] = (0.0, 0.0)  # s, of the commands
+    lag: tuple[float, float] = (0.0, 0.0)  # s, first order, behind them
+    limit: tuple[float, float] = (np.inf, np.inf)  # N·m, of the motor
+    push: tuple[float, float] = (0.0, 0.0)  # N·m, past the motor
+    load: tuple[float, float] = (0.0, 0.0)  # friction per torque of the motor
+    cubic: tuple[float, float] = (0.0, 0.0)  # N·m/rad³
+    ripple: tuple[float, float] = (0.0, 0.0)  # N·m of sin(8 q)
+    quadratic: tuple[float, float] = (0.0, 0.0)  # N·m·s²/rad²
+    known_friction: tuple[float, float] = (0.0, 0.0)  # N·m, what the scene says of dry friction
+
+    @property
+    def acts_by_state(self) -> bool:
+        """Whether a torque depends on the motion in a way that MuJoCo's joints do not have."""
+        return any(self.cubic + self.ripple + self.quadratic)
 
 
 EFFECTS = {
@@ -57,6 +73,21 @@ EFFECTS = {
     "sensor_delay": Effect("sensor_delay", delay=0.008),
     "encoder_bias": Effect("encoder_bias", "elbow", bias=(0.0, 0.02)),
     "gravity_tilt": Effect("gravity_tilt", tilt=0.02),
+    "actuator_delay": Effect("actuator_delay", "motor_elbow", late=(0.0, 0.006)),
+    "actuator_lag": Effect("actuator_lag", "motor_shoulder", lag=(0.02, 0.0)),
+    "saturation": Effect("saturation", "motor_shoulder", limit=(1.0, np.inf)),
+    "asymmetric_friction": Effect(
+        "asymmetric_friction",
+        "shoulder",
+        {"shoulder": {"frictionloss": 0.075}},
+        push=(0.025, 0.0),  # 0.05 N·m against positive velocities, 0.1 against negative ones
+        known_friction=(0.05, 0.0),
+    ),
+    "load_friction": Effect("load_friction", "shoulder", load=(0.1, 0.0)),
+    # outside the library
+    "ripple": Effect("", ripple=(0.05, 0.0)),
+    "quadratic": Effect("", quadratic=(0.01, 0.0)),
+    "backlash": Effect("", play=(0.0, 0.01)),
 }
 
 
@@ -64,9 +95,10 @@ def model(effect: Effect) -> mujoco.MjModel:
     """The arm: links of 0.3 and 0.25 m, axes along y, hanging at zero."""
 
     def joint(name: str) -> str:
-        more = " ".join(
-            f'{key}="{value}"' for key, value in effect.joint.get(name, {}).items()
-        )
+        own = dict(effect.joint.get(name, {}))
+        if effect.load[name == "elbow"]:
+            own.setdefault("frictionloss", 1e-6)  # set anew at every step
+        more = " ".join(f'{key}="{value}"' for key, value in own.items())
         # friction as hard as MuJoCo makes it at this step
         return f'<joint name="{name}" axis="0 1 0" solreffriction="{2.5 * FINE} 1" solimpfriction="0.999 0.9999 0.001" {more}/>'
 
@@ -81,16 +113,18 @@ def model(effect: Effect) -> mujoco.MjModel:
   <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator></mujoco>""")
 
 
-def torques(record: int, n: int, rng: np.random.Generator) -> np.ndarray:
+def torques(
+    record: int, n: int, rng: np.random.Generator, size: float = 1.0
+) -> np.ndarray:
     """Commands at the samples [N·m]; none in every third record, which is a free swing."""
     t = np.arange(n) / RATE
     u = np.zeros((n, 2))
     if record % 3 == 2:
         return u
-    for j, size in enumerate((1.2, 0.35)):
+    for j, own in enumerate((1.2 * size, 0.35 * size)):
         for _ in range(4):
             u[:, j] += (
-                size
+                own
                 / 2
                 * np.sin(
                     2 * np.pi * rng.uniform(0.2, 2.0) * t + rng.uniform(0, 2 * np.pi)
@@ -99,43 +133,109 @@ def torques(record: int, n: int, rng: np.random.Generator) -> np.ndarray:
     return u
 
 
-def record(
-    effect: Effect, number: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, readings and commands of one record. Commands are linear between samples."""
+def motor_torque(
+    effect: Effect, t: np.ndarray, u: np.ndarray, h: float, steps: int
+) -> np.ndarray:
+    """What the motors exert over each of `steps` steps of h [N·m]: commands linear between samples, the first held before."""
+    out = np.empty((steps, 2))
+    for j in range(2):
+        command = np.interp((np.arange(steps) + 0.5) * h - effect.late[j], t, u[:, j])
+        if effect.lag[j] > 0.0:
+            decay = np.exp(-h / effect.lag[j])
+            y, lagged = u[0, j], np.empty(steps)
+            for k, c in enumerate(command):
+                lagged[k] = c + (y - c) * (1.0 - decay) * effect.lag[j] / h
+                y = c + (y - c) * decay
+            command = lagged
+        raw = effect.gain[j] * command + effect.offset[j]
+        out[:, j] = np.clip(raw, -effect.limit[j], effect.limit[j])
+    return out
+
+
+def with_play(q: np.ndarray, half: float) -> np.ndarray:
+    """What an encoder reads that follows the joint with play."""
+    if half == 0.0:
+        return q
+    out, at = np.empty_like(q), q[0]
+    for k, x in enumerate(q):
+        at = min(max(at, x - half), x + half)
+        out[k] = at
+    return out
+
+
+def motion(
+    effect: Effect,
+    number: int,
+    rng: np.random.Generator,
+    size: float = 1.0,
+    duration: float = DURATION,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times and commands at the samples; angles and velocities at all steps of MuJoCo."""
     arm = model(effect)
     data = mujoco.MjData(arm)
-    n = round(DURATION * RATE) + 1
-    late = effect.delay
-    u = torques(number, n, rng)
+    n = round(duration * RATE) + 1
+    u = torques(number, n, rng, size)
     t = np.arange(n) / RATE
     data.qpos[:] = rng.uniform(-0.5, 0.5, 2) + (
         np.array([0.9, -0.6]) if number % 3 == 2 else 0.0
     )
     data.qvel[:] = rng.uniform(-0.5, 0.5, 2)
     steps = round(t[-1] / FINE)
-    q = np.empty((steps + 1, 2))
-    q[0] = data.qpos
-    gain, offset = np.array(effect.gain), np.array(effect.offset)
-    for k in range(steps):
-        now = (k + 0.5) * FINE
-        data.ctrl[:] = (
-            gain * [np.interp(now, t, u[:, 0]), np.interp(now, t, u[:, 1])] + offset
-        )
-        mujoco.mj_step(arm, data)
-        q[k + 1] = data.qpos
-    fine = np.arange(steps + 1) * FINE
-    keep = t >= late - 1e-12  # what is read at t was so `late` before
-    read = np.stack(
-        [np.interp(t[keep] - late, fine, q[:, j]) for j in range(2)], axis=1
+    q, v = np.empty((steps + 1, 2)), np.empty((steps + 1, 2))
+    q[0], v[0] = data.qpos, data.qvel
+    torque = motor_torque(effect, t, u, FINE, steps)
+    load, push = np.array(effect.load), np.array(effect.push)
+    cubic, ripple, quadratic = (
+        np.array(x) for x in (effect.cubic, effect.ripple, effect.quadratic)
     )
-    read += np.array(effect.bias) + SIGMA * rng.standard_normal(read.shape)
+    data.qfrc_applied[:] = push
+    for k in range(steps):
+        data.ctrl[:] = torque[k]
+        if load.any():
+            arm.dof_frictionloss[:] = np.maximum(load * np.abs(torque[k]), 1e-6 * (load > 0))
+        if effect.acts_by_state:
+            # in the middle of the step
+            x, w = q[k] + 0.5 * FINE * v[k], v[k] + 0.5 * FINE * data.qacc
+            data.qfrc_applied[:] = (
+                push - cubic * x**3 + ripple * np.sin(8 * x) - quadratic * w * np.abs(w)
+            )
+        mujoco.mj_step(arm, data)
+        q[k + 1], v[k + 1] = data.qpos, data.qvel
+    return t, u, q, v
+
+
+def record(
+    effect: Effect,
+    number: int,
+    rng: np.random.Generator,
+    size: float = 1.0,
+    sigma: float = SIGMA,
+    colour: float = 0.0,
+    duration: float = DURATION,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, readings and commands of one record; noise of `sigma` [rad], correlated by `colour` from sample to sample."""
+    t, u, q, _ = motion(effect, number, rng, size, duration)
+    late = effect.delay
+    fine = np.arange(len(q)) * FINE
+    keep = t >= late - 1e-12  # what is read at t was so `late` before
+    seen = [with_play(q[:, j], effect.play[j]) for j in range(2)]
+    read = np.stack([np.interp(t[keep] - late, fine, x) for x in seen], axis=1)
+    noise = sigma * rng.standard_normal(read.shape)
+    for k in range(1, len(noise)):
+        noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
+    read = np.array(effect.scale) * read + np.array(effect.bias) + noise
     first = t[keep][0]
     return t[keep] - first, QUANTUM * np.round(read / QUANTUM), u[keep]
 
 
-def scene(names: list[str], held_out: list[bool]) -> str:
-    """What the scene believes: everything but the effect."""
+def scene(
+    names: list[str],
+    held_out: list[bool],
+    guess: float = GUESS,
+    friction: tuple[float, float] = (0.0, 0.0),
+    substeps: int = 8,
+) -> str:
+    """What the scene believes: everything but the effect. `guess` [kg] is its mass of the lower link, `friction` [N·m] what it knows."""
     joint = 'kind = "revolute"\naxis = [0, 1, 0]\n'
     motors = "".join(
         f'[[actuator]]\nname = "motor_{j}"\njoint = "{j}"\nkind = "torque"\n'
@@ -156,7 +256,7 @@ def scene(names: list[str], held_out: list[bool]) -> str:
     return f"""# A two-link arm; written by validation/blind/arms.py, whose simulator is not pliant.
 schema_version = 1
 [time]
-step = {1 / RATE / 8}
+step = {1 / RATE / substeps}
 duration = {DURATION}
 integrator = "midpoint"
 [[body]]
@@ -166,15 +266,17 @@ center_of_mass = [0, 0, -0.15]
 inertia = [0.0085, 0.0085, 0.001, 0, 0, 0]
 [[body.joint]]
 name = "shoulder"
+friction = {friction[0]}
 {joint}[[body]]
 name = "lower"
 parent = "upper"
 position = [0, 0, -0.3]
-mass = {GUESS}
+mass = {guess}
 center_of_mass = [0, 0, -0.12]
-inertia = [{0.0045 * GUESS / LOWER_MASS}, {0.0045 * GUESS / LOWER_MASS}, {0.0006 * GUESS / LOWER_MASS}, 0, 0, 0]
+inertia = [{0.0045 * guess / LOWER_MASS}, {0.0045 * guess / LOWER_MASS}, {0.0006 * guess / LOWER_MASS}, 0, 0, 0]
 [[body.joint]]
 name = "elbow"
+friction = {friction[1]}
 {joint}{motors}[experiment]
 time = {{ column = "t" }}
 {sensors}{inputs}{records}[experiment.fit]
@@ -194,7 +296,12 @@ def write(effect: Effect, folder: Path, seed: int, n_records: int = 6) -> Path:
         np.savetxt(folder / name, table, "%.7g", ",", header=header, comments="")
     path = folder / "scene.toml"
     path.write_text(
-        scene(names, [k >= n_records - 2 for k in range(n_records)]), encoding="utf-8"
+        scene(
+            names,
+            [k >= n_records - 2 for k in range(n_records)],
+            friction=effect.known_friction,
+        ),
+        encoding="utf-8",
     )
     return path
 

@@ -1,6 +1,7 @@
 """Blind test of `pliant diagnose`: hide effects, run the tool, score its verdicts.
 
     python -m validation.blind.run --cases 100 --seed 1 --pliant target/release/pliant --json out.json
+    python -m validation.blind.run --arms --cases 50 --seed 1
 
 Of the cases 40 % are nulls, 45 % effects of the library, 15 % outside it (--nulls, --outside). The tool
 sees a scene and its logs, never the truth; `--keep DIR` leaves the folders. `--ideal` runs the oracle's
@@ -21,12 +22,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
-from validation.blind import cases, ideal, score
+from validation.blind import arm_cases, cases, ideal, score
 from validation.blind.families import FAMILIES
 
 
@@ -53,6 +54,11 @@ def kinds(n: int, nulls: float, outside: float, seed: int) -> list[str]:
     return np.random.default_rng([seed, 7]).permutation(order).tolist()
 
 
+def _draw(job: tuple):
+    draw, *arguments = job
+    return draw(*arguments)
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--cases", type=int, default=40)
@@ -61,6 +67,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--nulls", type=float, default=0.40)
     parser.add_argument("--outside", type=float, default=0.15)
+    parser.add_argument("--arms", action="store_true", help="two-link arms made by MuJoCo in place of ropes")
+    parser.add_argument("--effect", action="append", help="of arms: these effects alone")
     parser.add_argument("--family", choices=list(FAMILIES), action="append")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--timeout", type=float, default=300.0)
@@ -69,18 +77,21 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     start = time.monotonic()
     wanted = kinds(options.cases, options.nulls, options.outside, options.seed)
-    drawn = [cases.draw(options.seed, i, kind, options.family) for i, kind in enumerate(wanted)]
-    truths = cases.truths(drawn)
+    source, among = (arm_cases, options.effect) if options.arms else (cases, options.family)
+    jobs = [(source.draw, options.seed, i, kind, among) for i, kind in enumerate(wanted)]
+    with ProcessPoolExecutor(options.jobs if options.arms else 1) as pool:
+        drawn = list(pool.map(_draw, jobs)) if options.arms else [_draw(job) for job in jobs]
+    truths = source.truths(drawn)
     made = time.monotonic() - start
     with tempfile.TemporaryDirectory() as scratch:
         root = options.keep or Path(scratch)
 
-        def one(case: cases.Case) -> dict:
+        def one(case: cases.Case | arm_cases.Case) -> dict:
             began = time.monotonic()
             if options.ideal:
                 report, error = ideal.diagnose(case, *truths[case.index]), ""
             else:
-                scene = cases.write(case, *truths[case.index], root / f"case{case.index:04d}")
+                scene = source.write(case, *truths[case.index], root / f"case{case.index:04d}")
                 report, error = ask(options.pliant, scene, options.timeout)
             row = {"case": case.as_json(), "report": report, "error": error}
             row |= {"outcome": score.outcome(row["case"], report), "seconds": time.monotonic() - began}

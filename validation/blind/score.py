@@ -37,19 +37,32 @@ def outcome(case: dict, report: dict | None) -> str:
     if case["kind"] == "null":
         if case["mismatch_t2"] >= 1.0:
             return "void"
+        if verdict == "named" and not told(case, report):
+            return "clean"
         return {"adequate": "clean", "named": "false_alarm", "withheld": "withheld"}.get(verdict, "flagged")
     if verdict == "named":
-        return "right" if [c["name"] for c in report["causes"]] == [case["name"]] else "wrong"
+        return "right" if told(case, report) == [(case["name"], case.get("object", ""))] else "wrong"
     if verdict == "ambiguous":
         known = {name for group in report["alternatives"] for name in group}
         return "honest" if case["name"] in known else "astray"
     return {"adequate": "missed"}.get(verdict, verdict)
 
 
+def told(case: dict, report: dict) -> list[tuple[str, str]]:
+    """The causes named, with their objects where the case knows one.
+
+    Of arms the simulation's own step is no answer to the question, and no mistake either: they go over the top, where the scene's
+    step does show.
+    """
+    of_arm = case.get("family") == "arm"
+    causes = [c for c in report["causes"] if not (of_arm and c["name"] == "discretisation")]
+    return [(c["name"], (c.get("object") or "") if of_arm else "") for c in causes]
+
+
 def coverage(case: dict, report: dict) -> list[bool]:
     """Whether each interval of the rightly named cause holds the true value."""
     hits = []
-    for p in report["causes"][0]["parameters"]:
+    for p in [p for cause in report["causes"] for p in cause["parameters"]]:
         if p["path"] in case["truth"]:
             low, high = p["interval"]
             hits.append(bool(low <= case["truth"][p["path"]] <= high))
@@ -66,7 +79,8 @@ def gain_is_right(report: dict) -> bool | None:
 
 def lost_to_symmetry(case: dict) -> bool:
     """Whether some other cause imitates this one (all but) exactly."""
-    others = {k: c for k, c in case["cosines"].items() if k.split(":")[0] != case["name"]}
+    own = f"{case['name']}:{case['object']}" if case.get("object") else case["name"]
+    others = {k: c for k, c in case["cosines"].items() if (k if "object" in case else k.split(":")[0]) != own}
     return case["kind"] == "effect" and max(others.values()) > SYMMETRIC
 
 

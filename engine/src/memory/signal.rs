@@ -108,13 +108,48 @@ impl SignalPath {
     }
 
     fn evaluate(&self, first: usize, u: &[f64], z: &[f64], theta: &[f64], h: f64) -> Passed<f64> {
-        let value = |input: Option<Input>| match input {
-            Some(Input::U(k)) => u[k],
-            Some(Input::Z(k)) => z[k],
-            Some(Input::Theta(k)) => theta[k],
-            _ => 0.0,
-        };
-        self.pass(self.inputs(first, theta, h).map(value), self.whole(first, theta, h).0, h)
+        self.pass(self.inputs(first, theta, h).map(|input| read(input, u, z, theta)), self.whole(first, theta, h).0, h)
+    }
+}
+
+/// Places of y, D and T among the inputs of [`SignalPath::pass`].
+const LAGGED: [usize; 3] = [4, 6, 7];
+
+impl SignalPath {
+    /// Moves a path without controller on over the commands `past`, one row per step; ∂(the lag's end)/∂(D, T).
+    fn prime(&self, first: usize, past: &[Vec<f64>], z: &mut [f64], theta: &[f64], h: f64) -> [f64; 2] {
+        let (m, line) = self.whole(first, theta, h);
+        let (end, mut slope) = (line + self.kept(h), [0.0; 2]);
+        for u in past {
+            let inputs = self.inputs(first, theta, h);
+            let mut seeded = inputs.map(|input| Dual::from_re(read(input, u, z, theta)));
+            for k in LAGGED {
+                let mut unit = SVector::zeros();
+                unit[k] = 1.0;
+                seeded[k].eps = Derivative::some(unit);
+            }
+            let passed = self.pass(seeded, m, h);
+            if self.lag.is_some() {
+                let by = passed.lagged.eps.0.unwrap_or_else(SVector::zeros);
+                slope = [by[LAGGED[1]] + by[LAGGED[0]] * slope[0], by[LAGGED[2]] + by[LAGGED[0]] * slope[1]];
+                z[end] = passed.lagged.re;
+            }
+            if end > line {
+                z[line..end].rotate_right(1);
+                z[line] = passed.command.re;
+            }
+        }
+        slope
+    }
+}
+
+/// What an input of a path is.
+fn read(input: Option<Input>, u: &[f64], z: &[f64], theta: &[f64]) -> f64 {
+    match input {
+        Some(Input::U(k)) => u[k],
+        Some(Input::Z(k)) => z[k],
+        Some(Input::Theta(k)) => theta[k],
+        _ => 0.0,
     }
 }
 
@@ -171,6 +206,24 @@ impl Model {
         }
     }
 
+    /// What motors remember after the commands `past`, one row of controls per step, the first of them held for ever before:
+    /// z in the signals' places of `z`, and (place, index in θ, derivative) of what depends on delays and lags.
+    ///
+    /// A motor with a controller keeps what `z` has of it: where its target was nobody knows.
+    pub fn prime_signals(&self, past: &[Vec<f64>], theta: &[f64], z: &mut [f64]) -> Vec<(usize, usize, f64)> {
+        let mut by_theta = Vec::new();
+        let Some(first_row) = past.first() else { return by_theta };
+        for (path, first) in self.memory.placed(self.h).filter(|(path, _)| path.scale.is_none()) {
+            let size = path.size(self.h);
+            z[first..first + size].fill(first_row[path.control]);
+            let slope = path.prime(first, past, z, theta, self.h);
+            let place = first + size - 1;
+            let entries = [path.delay.map(|(d, _)| d), path.lag];
+            by_theta.extend(entries.into_iter().zip(slope).filter_map(|(k, d)| Some((place, k.filter(|_| d != 0.0)?, d))));
+        }
+        by_theta
+    }
+
     /// ∂s/∂(u, z, θ), rows counted as controls, and ∂z⁺/∂(u, z, θ) of the signals' part of z. Both empty if no motor remembers: s = u.
     pub(crate) fn signal_partials(&self, u: &[f64], z: &[f64], theta: &[f64]) -> [Partials; 2] {
         let (mut signals, mut next) = (Vec::new(), Vec::new());
@@ -191,15 +244,9 @@ impl Model {
         let (m, line) = path.whole(first, theta, h);
         let end = line + path.kept(h);
         let seeded: [Dual; INPUTS] = std::array::from_fn(|k| {
-            let value = match inputs[k] {
-                Some(Input::U(k)) => u[k],
-                Some(Input::Z(k)) => z[k],
-                Some(Input::Theta(k)) => theta[k],
-                _ => 0.0,
-            };
             let mut unit = SVector::zeros();
             unit[k] = 1.0;
-            Dual::new(value, Derivative::some(unit))
+            Dual::new(read(inputs[k], u, z, theta), Derivative::some(unit))
         });
         let passed = path.pass(seeded, m, h);
         let emit = |out: &mut Partials, row: usize, x: Dual| {

@@ -9,5 +9,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         excitation: "accelerate fast by a known torque; with several joints, in several poses: a rotor stays, the links move",
         ..Cause::default()
     };
-    at.per_joint("armature", 0.1, &shape)
+    // a free body has no rotor; what the scene calls so there would be a second mass without weight
+    let damped = |joint: &str| at.plan.model.params().find(&format!("{joint}.damping")).is_some();
+    at.per_joint("armature", 0.1, &shape).into_iter().filter(|c| c.object.as_deref().is_some_and(damped)).collect()
 }

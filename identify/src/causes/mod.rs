@@ -3,8 +3,12 @@
 //! A cause says what it is called, what it means, which unknowns it frees, when it cannot be tested, and what experiment
 //! would excite it. Everything else (derivatives, tests, refits) is common.
 
+mod actuator_delay;
+mod actuator_lag;
 mod armature;
+mod asymmetric_friction;
 mod center_of_mass;
+mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
 mod discretisation;
@@ -12,15 +16,20 @@ mod encoder_bias;
 mod encoder_scale;
 mod extensibility;
 mod frame_rotation;
+mod gravity_magnitude;
 mod gravity_tilt;
 mod gripper_offset;
+mod ground_height;
 mod internal_damping;
+mod joint_plasticity;
 mod joint_stiffness;
 mod length_scale;
 mod linear_drag;
 mod link_inertia;
+mod load_friction;
 mod payload;
 mod quadratic_drag;
+mod saturation;
 mod sensor_bias;
 mod sensor_delay;
 mod spacing;
@@ -114,24 +123,58 @@ impl Situation<'_> {
 
     /// A cause of this shape for every joint that has such a quantity. Its typical size is `size` times the joint's inertia.
     fn per_joint(&self, quantity: &str, size: f64, shape: &Cause) -> Vec<Cause> {
+        self.per_joint_of(quantity, shape, |inertia| size * inertia)
+    }
+
+    /// The same with a typical size of the joint's inertia [kg·m² or kg].
+    fn per_joint_of(&self, quantity: &str, shape: &Cause, size: impl Fn(f64) -> f64) -> Vec<Cause> {
         let joints = self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(".armature"));
         let one = |joint: &str| {
             let inertia = joint_inertia(&self.plan.model, joint)?;
-            let unknown = self.theta(&format!("{joint}.{quantity}"), size * inertia)?;
-            Some(Cause { object: Some(joint.to_owned()), unknowns: vec![probed(self.plan, unknown)], ..shape.clone() })
+            let unknown = self.theta(&format!("{joint}.{quantity}"), size(inertia))?;
+            let unknowns = self.testable(vec![probed(self.plan, unknown)], shape);
+            Some(Cause { object: Some(joint.to_owned()), unknowns, ..shape.clone() })
         };
         joints.filter_map(one).collect()
     }
 
     /// A cause of this shape for every actuator that has such a quantity.
     fn per_actuator(&self, quantity: &str, scale: f64, shape: &Cause) -> Vec<Cause> {
-        let suffix = format!(".{quantity}");
-        let actuators = self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(".gear"));
         let one = |name: &str| {
-            let unknown = self.theta(&format!("{name}{suffix}"), scale)?;
-            Some(Cause { object: Some(name.to_owned()), unknowns: vec![unknown], ..shape.clone() })
+            let unknown = self.theta(&format!("{name}.{quantity}"), scale)?;
+            let unknowns = self.testable(vec![unknown], shape);
+            Some(Cause { object: Some(name.to_owned()), unknowns, ..shape.clone() })
         };
-        actuators.filter_map(one).collect()
+        self.actuators().into_iter().filter_map(one).collect()
+    }
+
+    /// A cause of this shape for every path with this end; its object is what comes before.
+    fn per_path(&self, end: &str, scale: f64, shape: &Cause) -> Vec<Cause> {
+        let objects = self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(end));
+        let one = |object: &str| {
+            let unknown = self.theta(&format!("{object}{end}"), scale)?;
+            Some(Cause { object: Some(object.to_owned()), unknowns: vec![unknown], ..shape.clone() })
+        };
+        objects.filter_map(one).collect()
+    }
+
+    /// What a cause of this shape frees: nothing if it cannot be tested.
+    fn testable(&self, unknowns: Vec<Unknown>, shape: &Cause) -> Vec<Unknown> {
+        if shape.untestable.is_some() { Vec::new() } else { unknowns }
+    }
+
+    /// Names of the actuators, in the order of their controls.
+    fn actuators(&self) -> Vec<&str> {
+        self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(".gear")).collect()
+    }
+
+    /// Largest distance of a joint from its spring's rest that an encoder reads [rad or m]; 1 where none does.
+    fn largest_deflection(&self, joint: &str) -> f64 {
+        let read = |p: &JointPlace| p.joint == joint && p.quantity == JointQuantity::Position;
+        let Some(k) = self.plan.joints.iter().position(read) else { return 1.0 };
+        let rest = self.value(&format!("{joint}.rest"));
+        let all = self.plan.fitted.iter().flat_map(|rec| &rec.record.joints).map(|row| (row[k] - rest).abs());
+        all.filter(|x| x.is_finite()).fold(0.0, f64::max).max(1e-6)
     }
 
     /// A cause of this shape for every sensor of joints' positions, freeing one of its numbers.
@@ -183,9 +226,25 @@ const SPACED: usize = 9;
 /// Acceleration that friction is probed with [rad/s² or m/s²], and that a fit of it begins with.
 const PROBED: Probe = Probe { small: 1e-4, start: 0.1 };
 
+/// Part of a joint's load that friction which grows with it is probed with, and that a fit of it begins with [-].
+const PROBED_LOAD: Probe = Probe { small: 1e-4, start: 0.02 };
+
+/// Why what happens between a command and a motor's torque cannot be tested, if it cannot.
+fn unread(at: &Situation) -> Option<String> {
+    let torque = |place: &JointPlace| place.quantity == JointQuantity::Torque;
+    at.plan
+        .joints
+        .iter()
+        .any(torque)
+        .then(|| "the model of a torque sensor reads what is commanded, without what the motor makes of it".to_owned())
+}
+
 /// With a probe, if the unknown's law is silent at zero: dry friction, which has no derivative there.
 pub(crate) fn probed(plan: &Plan, unknown: Unknown) -> Unknown {
-    let joint = [".friction", ".stiction"].iter().find_map(|end| unknown.path.strip_suffix(end));
+    if unknown.path.ends_with(".load_friction") {
+        return unknown.probed(PROBED_LOAD);
+    }
+    let joint = [".friction", ".friction_backward", ".stiction"].iter().find_map(|end| unknown.path.strip_suffix(end));
     match joint.and_then(|joint| joint_inertia(&plan.model, joint)) {
         Some(inertia) => unknown.probed(Probe { small: PROBED.small * inertia, start: PROBED.start * inertia }),
         None => unknown,
@@ -193,14 +252,23 @@ pub(crate) fn probed(plan: &Plan, unknown: Unknown) -> Unknown {
 }
 
 /// Causes that lie in joints, links, motors and encoders.
-///
-/// Here belong, once the engine has them: asymmetric and load-dependent friction, delay, lag and saturation of actuators, plasticity
-/// of joints. (Height and friction of the ground belong to contact.)
 fn of_joints(at: &Situation) -> Vec<Cause> {
-    let friction = [viscous_friction::causes(at), coulomb_friction::causes(at), stribeck::causes(at)];
-    let springs = [joint_stiffness::causes(at), cubic_stiffness::causes(at)];
+    let friction = [
+        viscous_friction::causes(at),
+        coulomb_friction::causes(at),
+        stribeck::causes(at),
+        asymmetric_friction::causes(at),
+        load_friction::causes(at),
+    ];
+    let springs = [joint_stiffness::causes(at), cubic_stiffness::causes(at), joint_plasticity::causes(at)];
     let inertia = [payload::causes(at), link_inertia::causes(at), center_of_mass::causes(at), armature::causes(at)];
-    let motors = [torque_gain::causes(at), torque_offset::causes(at)];
+    let motors = [
+        torque_gain::causes(at),
+        torque_offset::causes(at),
+        actuator_delay::causes(at),
+        actuator_lag::causes(at),
+        saturation::causes(at),
+    ];
     let sensors = [encoder_bias::causes(at), encoder_scale::causes(at), sensor_delay::causes(at)];
     friction.into_iter().chain(springs).chain(inertia).chain(motors).chain(sensors).flatten().collect()
 }
@@ -212,18 +280,23 @@ pub fn library(at: &Situation) -> Vec<Cause> {
         causes.extend([linear_drag::cause(at), quadratic_drag::cause(at), wind::cause(at)]);
     }
     causes.push(gravity_tilt::cause(at));
+    causes.extend(gravity_magnitude::causes(at));
     if !at.ropes().is_empty() {
         causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
     }
     causes.extend(gripper_offset::causes(at));
     causes.extend(of_joints(at));
+    causes.extend(ground_height::causes(at));
+    causes.extend(contact_friction::causes(at));
     if !at.plan.markers.is_empty() {
         causes.extend([sensor_bias::cause(at), frame_rotation::cause(at), length_scale::cause(at)]);
     }
     causes.push(time_offset::cause(at));
-    let is_free = |u: &Unknown| at.free.iter().any(|f| f.target == u.target);
+    let is_free = |u: &Unknown| at.free.iter().any(|f| f.target.same(&u.target));
     for cause in &mut causes {
         cause.unknowns.retain(|u| !is_free(u));
+        let with_free = at.free.iter().chain(&cause.unknowns).cloned().collect();
+        cause.unknowns = at.plan.tied(with_free).split_off(at.free.len());
     }
     causes.retain(|c| !c.unknowns.is_empty() || c.untestable.is_some());
     causes

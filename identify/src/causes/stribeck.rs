@@ -1,7 +1,7 @@
 //! Friction at rest beyond that in motion (Stribeck): the bound of dry friction is c + s exp(−(v/v_s)²).
 //!
 //! Without an excess s nothing determines the speed v_s it fades at, so the effect is looked at for several; the best one counts, at a
-//! price, and stays fixed.
+//! price. Once the excess is there, the speed is fitted too where the data determine it, and stays at that value where not.
 
 use super::{Cause, Situation};
 

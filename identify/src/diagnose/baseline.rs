@@ -93,7 +93,7 @@ pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, Ident
         Some(if positive { unknown.logarithmic() } else { unknown })
     };
     // the check above has found every path
-    Ok(setup.experiment.fit.free.iter().filter_map(one).collect())
+    Ok(plan.tied(setup.experiment.fit.free.iter().filter_map(one).collect()))
 }
 
 /// Refuses free parameters that influence nothing that was measured.

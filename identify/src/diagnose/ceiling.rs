@@ -25,7 +25,7 @@ const GROUPS: usize = 8;
 pub(super) fn ceiling(
     plan: &Plan,
     base: &Fitted,
-    last: &Values,
+    last: &Fitted,
     judged: &[RecordPlan],
     sensor_sigma: f64,
     options: &FitOptions,
@@ -35,7 +35,9 @@ pub(super) fn ceiling(
     }
     let training = gain::prepared(plan, &plan.fitted, base, options)?;
     let before = plan.rms(&gain::residuals(plan, judged, &base.values)?);
-    let after = plan.rms(&gain::residuals(plan, judged, last)?);
+    let again = |records: &[RecordPlan]| gain::reread(plan, records, base, last, options);
+    let (relearnt, rejudged) = (again(&training)?, again(judged)?);
+    let after = plan.rms(&gain::residuals(plan, &rejudged, &last.values)?);
     let flexible = corrected(plan, &training, judged, &base.values)?;
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
@@ -44,7 +46,7 @@ pub(super) fn ceiling(
     Ok(Some(Ceiling {
         rmse: flexible,
         explained_fraction: taken(flexible),
-        rmse_on_top: corrected(plan, &training, judged, last)?,
+        rmse_on_top: corrected(plan, &relearnt, &rejudged, &last.values)?,
         unit: plan.unit().to_owned(),
         share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
     }))

@@ -91,7 +91,7 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> 
             path: u.path.clone(),
             estimate: value,
             unit: u.unit.clone(),
-            interval: [end(-Z90), end(Z90)],
+            interval: rising([end(-Z90), end(Z90)]),
             scene_value: u.value(&plan.scene_values),
         }
     };
@@ -137,7 +137,12 @@ pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) ->
             reach *= factor;
         }
     }
-    Ok(ends)
+    Ok(rising(ends))
+}
+
+/// Ends of an interval of the value, whichever way its coordinate runs.
+fn rising([a, b]: [f64; 2]) -> [f64; 2] {
+    [a.min(b), a.max(b)]
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ const FEEBLE: f64 = 1e-3;
 pub(super) fn p_value(plan: &Plan, fitted: &Fitted, own: &[Unknown]) -> Result<f64, IdentifyError> {
     let reduced = reduce_in(plan, fitted, &fitted.unknowns, PARTS)?;
     let columns: Vec<usize> =
-        (0..fitted.unknowns.len()).filter(|&j| own.iter().any(|o| o.target == fitted.unknowns[j].target)).collect();
+        (0..fitted.unknowns.len()).filter(|&j| own.iter().any(|o| o.target.same(&fitted.unknowns[j].target))).collect();
     let smallest = columns.iter().map(|&c| of_column(&reduced, c)).fold(1.0, f64::min);
     Ok((smallest * columns.len() as f64).min(1.0))
 }

@@ -12,11 +12,11 @@ use rayon::prelude::*;
 const BLOCKS: usize = 8;
 const SHORTEST_BLOCK: usize = 4;
 
-/// Records with their initial states estimated from the lead-in under the baseline; the same before and after.
+/// Records with their initial states estimated from the lead-in under a fit.
 pub(super) fn prepared(
     plan: &Plan,
     records: &[RecordPlan],
-    baseline: &Fitted,
+    by: &Fitted,
     options: &FitOptions,
 ) -> Result<Vec<RecordPlan>, IdentifyError> {
     if plan.at_rest || plan.given {
@@ -29,13 +29,27 @@ pub(super) fn prepared(
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
         let fixed = FitOptions { rounds: 0, max_iterations: 8, ..*options };
-        let white = crate::stats::ar::ArModel::white(baseline.noise.sigma().to_vec())?;
-        let fitted = fit(plan, &[short], &baseline.values, &[], Some(&white), &fixed)?;
+        let white = crate::stats::ar::ArModel::white(by.noise.sigma().to_vec())?;
+        let fitted = fit(plan, &[short], &by.values, &[], Some(&white), &fixed)?;
         let mut out = rec.clone();
         out.start.z.clone_from(&fitted.records[0].start.z);
         Ok(out)
     };
     records.par_iter().map(one).collect()
+}
+
+/// The same records for a model that reads them by another sensor than the baseline: what a reading says of the state is then another
+/// state, estimated from the same lead-in. Elsewhere they stay as they are.
+pub(super) fn reread(
+    plan: &Plan,
+    records: &[RecordPlan],
+    base: &Fitted,
+    fitted: &Fitted,
+    options: &FitOptions,
+) -> Result<Vec<RecordPlan>, IdentifyError> {
+    let same = base.values.sensor == fitted.values.sensor && base.values.joints == fitted.values.joints;
+    // records that were fitted have more states than their first
+    if same || plan.held_out.is_empty() { Ok(records.to_vec()) } else { prepared(plan, records, fitted, options) }
 }
 
 /// Residuals of `records` at `values`.
@@ -128,18 +142,17 @@ fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64)
 /// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.
 pub(super) fn pictures(
     plan: &Plan,
-    records: &[RecordPlan],
-    before: &Values,
-    after: &Values,
+    (records, before): (&[RecordPlan], &Values),
+    (reread, after): (&[RecordPlan], &Values),
 ) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
     let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
-    for rec in records.iter().take(3) {
-        let run = |values: &Values| {
+    for (rec, again) in records.iter().zip(reread).take(3) {
+        let run = |rec: &RecordPlan, values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
             shoot(plan, rec, values, wants)
                 .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
         };
-        let (b, a) = (run(before)?, run(after)?);
+        let (b, a) = (run(rec, before)?, run(again, after)?);
         let channels = plan.channels();
         let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
         let unit = plan.unit();

@@ -10,8 +10,9 @@ use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
 use crate::number::share;
-use crate::shoot::{Plan, RecordPlan};
+use crate::shoot::{Plan, RecordPlan, opened};
 use crate::stats::dist::chi2_sf;
+use crate::unknown::{Coordinate, Unknown};
 use std::time::Instant;
 
 /// Settings of a diagnosis.
@@ -54,7 +55,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis, IdentifyError> {
     let clock = Instant::now();
     progress("auditing the data");
-    let mut plan = Plan::new(setup, logs)?;
+    let mut plan = Plan::opened(setup, logs)?;
     let (mut findings, sensor_sigma) = audit::check(&plan, logs)?;
     if logs.split == Split::NothingHeldOut {
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
@@ -65,7 +66,7 @@ pub fn diagnose(
     let base = baseline::baseline(setup, &mut plan, &fit_options)?;
     let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
     let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
-    let mut story = Story { plan: &plan, judged, stages: Vec::new() };
+    let mut story = Story { plan: &plan, judged, base: &base, options: &fit_options, stages: Vec::new() };
     story.add("baseline", &base)?;
 
     let mut run = Selection {
@@ -84,7 +85,7 @@ pub fn diagnose(
     progress("checking what remains");
     let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
     let has_ropes = !plan.model.ropes().is_empty();
-    let spaced = || spacing(&setup.scene, &plan, &run.current.records, &run.current.values, run.current.rmse);
+    let spaced = || spacing(&opened(&setup.scene), &plan, &run.current.records, &run.current.values, run.current.rmse);
     let edges = if has_ropes { spaced() } else { None };
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = test(&plan, &run.current, options.seed)?;
@@ -95,11 +96,12 @@ pub fn diagnose(
     progress("intervals and held-out gain");
     let causes = run.causes(&plan)?;
     let before = gain::residuals(&plan, judged, &base.values)?;
-    let after = gain::residuals(&plan, judged, &run.current.values)?;
+    let reread = gain::reread(&plan, judged, &base, &run.current, &fit_options)?;
+    let after = gain::residuals(&plan, &reread, &run.current.values)?;
     let gain =
         if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
-    let ceiling = ceiling::ceiling(&plan, &base, &run.current.values, judged, sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(&plan, judged, &base.values, &run.current.values)?;
+    let ceiling = ceiling::ceiling(&plan, &base, &run.current, judged, sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(&plan, (judged, &base.values), (&reread, &run.current.values))?;
     let curvature = Curvature::new(&plan, &base)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
@@ -173,8 +175,12 @@ impl Selection {
                     self.ambiguous.push(set.iter().map(|&j| name(candidate(&tested, j))).collect());
                     return Ok(());
                 }
-                Round::Accepted { candidate, fitted, statistic, margin } => {
-                    let cause = self::candidate(&tested, candidate).clone();
+                Round::Accepted { candidate, fitted, shape, statistic, margin } => {
+                    let mut cause = self::candidate(&tested, candidate).clone();
+                    if !shape.is_empty() {
+                        cause.settings.clear();
+                        cause.unknowns.extend(shape);
+                    }
                     progress(&format!("accepted {}", cause.title()));
                     let rivals = rivals(&tested, candidate);
                     self.accepted.push(Accepted { rivals, cause, statistic, margin, constancy: None });
@@ -197,7 +203,7 @@ impl Selection {
             let own = self.accepted[k].cause.unknowns.clone();
             progress(&format!("checking that {} is still needed", self.accepted[k].cause.title()));
             let mut without = self.current.clone();
-            without.unknowns.retain(|u| !own.iter().any(|o| o.target == u.target));
+            without.unknowns.retain(|u| !own.iter().any(|o| o.target.same(&u.target)));
             for u in &own {
                 u.set(&mut without.values, u.value(&plan.scene_values));
             }
@@ -280,7 +286,7 @@ impl Selection {
         let one = |a: &Accepted| -> Result<Cause, IdentifyError> {
             let mut parameters = Vec::new();
             for own in &a.cause.unknowns {
-                let Some(j) = self.current.unknowns.iter().position(|u| u.target == own.target) else { continue };
+                let Some(j) = self.current.unknowns.iter().position(|u| u.target.same(&own.target)) else { continue };
                 let u = &self.current.unknowns[j];
                 parameters.push(Estimate {
                     path: u.path.clone(),
@@ -290,7 +296,8 @@ impl Selection {
                     scene_value: u.value(&plan.scene_values),
                 });
             }
-            for &(entry, value) in a.cause.settings.iter().flatten() {
+            let own: Vec<usize> = a.cause.unknowns.iter().flat_map(|u| u.target.entries()).map(|(k, _)| k).collect();
+            for &(entry, value) in a.cause.settings.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
                 let info = plan.model.params().info(entry);
                 parameters.push(Estimate {
                     path: info.path.clone(),
@@ -350,7 +357,7 @@ impl Selection {
             let Some(j) = first.tested.iter().position(|&t| t == c) else { return base };
             let s = &first.score.candidates[j];
             let absorbed = s.absorbed.iter().copied().fold(f64::NAN, f64::min);
-            let slope = |k: usize| cause.unknowns[k].slope(self.base_value(cause, k));
+            let change = |k: usize, t: f64| self.change(&cause.unknowns[k], t);
             let reasons: Vec<&str> =
                 self.notes.iter().filter(|(n, _)| *n == cause.title()).map(|(_, why)| why.as_str()).collect();
             CandidateReport {
@@ -358,8 +365,8 @@ impl Selection {
                 statistic: (s.rank > 0).then_some(s.lm),
                 p_value: (s.rank > 0).then_some(first.adjusted[j]),
                 absorbed_fraction: Some(absorbed).filter(|a| a.is_finite()),
-                smallest_detectable: s.detectable.first().map(|d| d * slope(0)).filter(|d| d.is_finite()),
-                one_step: s.theta.iter().enumerate().map(|(k, t)| t * slope(k)).collect(),
+                smallest_detectable: s.detectable.first().map(|d| change(0, *d)).filter(|d| d.is_finite()),
+                one_step: s.theta.iter().enumerate().map(|(k, t)| change(k, *t)).collect(),
                 reason: if s.rank == 0 { "what can be fitted anyway hides it".to_owned() } else { reasons.join("; ") },
                 ..base
             }
@@ -367,10 +374,13 @@ impl Selection {
         (0..first.causes.len()).map(report).collect()
     }
 
-    /// Value of a cause's unknown in the scene, where its score was taken.
-    fn base_value(&self, cause: &Candidate, k: usize) -> f64 {
-        let u = &cause.unknowns[k];
-        if u.log { u.value(&self.current.values) } else { 0.0 }
+    /// What a step of a cause's coordinate means: a change of its value, or where that stands for infinity, the value.
+    fn change(&self, u: &Unknown, step: f64) -> f64 {
+        match u.coordinate {
+            Coordinate::Linear => u.slope(0.0) * step,
+            Coordinate::Log => u.slope(u.value(&self.current.values)) * step,
+            Coordinate::Inverse => u.far(u.value(&self.current.values), step),
+        }
     }
 }
 
@@ -378,12 +388,15 @@ impl Selection {
 struct Story<'a> {
     plan: &'a Plan,
     judged: &'a [RecordPlan],
+    base: &'a Fitted,
+    options: &'a FitOptions,
     stages: Vec<Stage>,
 }
 
 impl Story<'_> {
     fn add(&mut self, name: &str, fitted: &Fitted) -> Result<(), IdentifyError> {
-        let residuals = gain::residuals(self.plan, self.judged, &fitted.values)?;
+        let records = gain::reread(self.plan, self.judged, self.base, fitted, self.options)?;
+        let residuals = gain::residuals(self.plan, &records, &fitted.values)?;
         let rows: f64 = fitted.residuals.iter().map(|r| r.len() as f64).sum();
         let curvature = Curvature::new(self.plan, fitted)?;
         self.stages.push(Stage {

@@ -7,6 +7,7 @@
 //! with C the whitened cost under the best refit's noise, d the number of parameters, m the number of rivals (Vuong 1989 for a
 //! known noise), or if j and k are each significant on top of the other (then both are present, and k will have its turn).
 
+use super::certainty::Curvature;
 use super::test::Tested;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -15,7 +16,7 @@ use crate::shoot::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
 use crate::stats::naming::lead;
-use crate::unknown::Unknown;
+use crate::unknown::{Target, Unknown, Values};
 
 /// Level of tests and comparisons.
 pub(super) const LEVEL: f64 = 0.05;
@@ -23,6 +24,11 @@ pub(super) const LEVEL: f64 = 0.05;
 const REFITS: usize = 6;
 /// A score at least this part of the best is refitted whatever its rank.
 const CLOSE: f64 = 0.5;
+
+/// A refit that leaves less than this part of the error needs no second try; a second try that leaves more than the other part of
+/// what the first one left is none.
+const HALF_WAY: f64 = 0.5;
+const NEARER: f64 = 0.8;
 
 /// Whitened distance of two predictions below which they are the same: their costs then differ by their numbers of parameters alone.
 const INDISTINCT: f64 = 1.0;
@@ -35,8 +41,8 @@ pub(super) enum Round {
     Rejected,
     /// These causes explain it equally well (indices of tested candidates, best first); the fit with the best.
     Ambiguous { set: Vec<usize>, fitted: Box<Fitted> },
-    /// This candidate is accepted.
-    Accepted { candidate: usize, fitted: Box<Fitted>, statistic: f64, margin: Option<Margin> },
+    /// This candidate is accepted; `shape` is free beside its own unknowns.
+    Accepted { candidate: usize, fitted: Box<Fitted>, shape: Vec<Unknown>, statistic: f64, margin: Option<Margin> },
 }
 
 /// How far a cause is ahead of the rival that comes nearest among those that were refitted.
@@ -71,15 +77,29 @@ pub(super) fn round(
         return Ok(Round::Nothing);
     }
     significant.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
-    let top = tested.score.candidates[significant[0]].lm;
-    let chosen: Vec<usize> = significant
-        .iter()
-        .enumerate()
-        .filter(|(rank, j)| *rank < REFITS || tested.score.candidates[**j].lm > CLOSE * top)
-        .map(|(_, j)| *j)
-        .collect();
+    compare(plan, current, tested, &foremost(tested, &significant), options, notes, progress)
+}
+
+/// The first few of the candidates, and those whose score comes near the best.
+fn foremost(tested: &Tested, sorted: &[usize]) -> Vec<usize> {
+    let lm = |j: usize| tested.score.candidates[j].lm;
+    let close = |(rank, j): (usize, &usize)| (rank < REFITS || lm(*j) > CLOSE * lm(sorted[0])).then_some(*j);
+    sorted.iter().enumerate().filter_map(close).collect()
+}
+
+/// Refits the chosen candidates and compares the best with the others.
+#[allow(clippy::too_many_arguments)] // the parts of a round
+fn compare(
+    plan: &Plan,
+    current: &Fitted,
+    tested: &Tested,
+    chosen: &[usize],
+    options: &FitOptions,
+    notes: &mut Vec<(usize, String)>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Round, IdentifyError> {
     let mut refits = Vec::new();
-    for &candidate in &chosen {
+    for &candidate in chosen {
         let cause = &tested.causes[tested.tested[candidate]];
         progress(&format!("refitting with {}", cause.title()));
         match refit_with(plan, &opened(current, cause, tested, candidate), &cause.unknowns, current, options) {
@@ -99,7 +119,9 @@ pub(super) fn round(
     let (rivals, margin) = unbeaten(plan, current, tested, &best, &refits, options)?;
     if rivals.is_empty() {
         let statistic = current.deviance - best.fitted.deviance;
-        return Ok(Round::Accepted { candidate: best.candidate, fitted: Box::new(best.fitted), statistic, margin });
+        let cause = &tested.causes[tested.tested[best.candidate]];
+        let (fitted, shape) = shaped(plan, best.fitted, cause, options)?;
+        return Ok(Round::Accepted { candidate: best.candidate, fitted: Box::new(fitted), shape, statistic, margin });
     }
     let set = [best.candidate].into_iter().chain(rivals).collect();
     Ok(Round::Ambiguous { set, fitted: Box::new(best.fitted) })
@@ -121,6 +143,24 @@ fn opened(current: &Fitted, cause: &Cause, tested: &Tested, candidate: usize) ->
     out
 }
 
+/// The refit with what the cause brings along freed too, now that its size is not zero: all of it if the data determine it (the
+/// standard error of its logarithm below 1), else nothing.
+fn shaped(plan: &Plan, fitted: Fitted, cause: &Cause, options: &FitOptions) -> Result<(Fitted, Vec<Unknown>), IdentifyError> {
+    let own = |entry: usize| cause.unknowns.iter().any(|u| u.target.entries().iter().any(|(k, _)| *k == entry));
+    let brought = cause.settings.iter().flatten().filter(|(entry, _)| !own(*entry));
+    let free = |&(entry, _): &(usize, f64)| {
+        Some(Unknown::of_theta(&plan.model, &plan.model.params().info(entry).path, 1.0)?.logarithmic())
+    };
+    let shape: Vec<Unknown> = brought.filter_map(free).collect();
+    if shape.is_empty() {
+        return Ok((fitted, shape));
+    }
+    let Ok(freed) = refit(plan, &fitted, &shape, options) else { return Ok((fitted, Vec::new())) };
+    let errors = Curvature::new(plan, &freed)?.std_errors();
+    let known = errors.iter().rev().take(shape.len()).all(|error| *error < 1.0);
+    Ok(if known && freed.converged && freed.deviance <= fitted.deviance { (freed, shape) } else { (fitted, Vec::new()) })
+}
+
 /// Fit with further unknowns, from the current optimum.
 pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &FitOptions) -> Result<Fitted, IdentifyError> {
     refit_with(plan, current, more, current, options)
@@ -134,16 +174,42 @@ fn refit_with(
     current: &Fitted,
     options: &FitOptions,
 ) -> Result<Fitted, IdentifyError> {
-    let unknowns: Vec<Unknown> = current.unknowns.iter().chain(more).cloned().collect();
-    let fitted = fit(plan, &current.records, &start.values, &unknowns, Some(&current.noise), options);
+    let unknowns = plan.tied(current.unknowns.iter().chain(more).cloned().collect());
+    let mut values = start.values.clone();
+    plan.followers.iter().for_each(|&(leader, follower)| {
+        if unknowns.iter().any(|u| u.target == Target::Theta(vec![leader, follower])) {
+            values.theta[follower] = values.theta[leader];
+        }
+    });
+    let fitted = fit(plan, &current.records, &values, &unknowns, Some(&current.noise), options);
     let gained =
         fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
-    if gained || more.is_empty() {
+    if more.is_empty() {
         return fitted;
     }
+    if let (true, Ok(fitted)) = (gained, &fitted) {
+        return nearer(plan, fitted, current, &values, options);
+    }
     // stuck on the old trajectory although the score is significant: start again from the data
-    let (values, records) = approach(plan, &current.records, &start.values, &unknowns, options)?;
+    let (values, records) = approach(plan, &current.records, &values, &unknowns, options)?;
     fit(plan, &records, &values, &unknowns, None, options)
+}
+
+/// A refit, or the one that least squares leads to if that comes much nearer to the data.
+///
+/// Whitened by the colour of a large residual, a fit sees little of what is slow and may stop on the way: the friction of a floor ended
+/// half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
+fn nearer(plan: &Plan, fitted: &Fitted, current: &Fitted, start: &Values, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    if fitted.rmse < HALF_WAY * current.rmse {
+        return Ok(fitted.clone());
+    }
+    let squares = FitOptions { rounds: 0, ..*options };
+    let Ok(plain) = fit(plan, &current.records, start, &fitted.unknowns, None, &squares) else { return Ok(fitted.clone()) };
+    if plain.rmse > NEARER * fitted.rmse {
+        return Ok(fitted.clone());
+    }
+    let other = fit(plan, &plain.records, &plain.values, &fitted.unknowns, None, options)?;
+    Ok(if other.deviance < fitted.deviance { other } else { fitted.clone() })
 }
 
 /// Why physics or likelihood rejects a refit.

@@ -18,6 +18,9 @@ const FLIP_DRAWS: usize = 4000;
 const BLOCKS: usize = 8;
 const SHORTEST_BLOCK: usize = 10;
 
+/// A number of a cause that moves the readings by less than this part of its others moves none.
+const DEAD: f64 = 1e-9;
+
 /// Score tests of the library against a fit.
 #[derive(Clone, Debug)]
 pub(super) struct Tested {
@@ -34,15 +37,22 @@ pub(super) struct Tested {
 /// Tests every cause that can be tested at `fitted`.
 pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, IdentifyError> {
     let mut causes = library(&Situation { plan, values: &fitted.values, free: &fitted.unknowns });
-    let columns = Columns::new(&causes, fitted);
+    let mut columns = Columns::new(&causes, fitted);
     let reduced = columns.reduce(plan, fitted)?;
+    columns.drop_dead(&mut causes, &reduced);
+    let silent = |c: &Column| c.columns.iter().all(|&k| reduced.raw_norm(k) == 0.0);
+    for (k, cause) in causes.iter_mut().enumerate().filter(|(_, cause)| cause.untestable.is_none()) {
+        if columns.candidates.iter().filter(|c| c.cause == k).all(silent) {
+            cause.untestable = Some("no reading of these records depends on it".to_owned());
+        }
+    }
     let nuisance: Vec<usize> = (0..fitted.unknowns.len()).collect();
     let trial = |chosen: &[&Column]| {
         let candidates: Vec<Candidate> =
             chosen.iter().map(|c| Candidate { columns: c.columns.clone(), sign: c.sign(&causes, fitted) }).collect();
         score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())
     };
-    let all: Vec<&Column> = columns.candidates.iter().collect();
+    let all: Vec<&Column> = columns.candidates.iter().filter(|c| causes[c.cause].untestable.is_none()).collect();
     let first = trial(&all)?;
     // of each cause the best of its settings
     let mut best: Vec<usize> = Vec::new();
@@ -129,6 +139,21 @@ impl Columns {
             passes.push(probed);
         }
         Self { unknowns, candidates, passes }
+    }
+
+    /// Takes out of a cause of several numbers those that move no reading (a tilt across an arm's plane): in a refit they would make
+    /// the equations singular, and the cause would pay for numbers it does not use.
+    fn drop_dead(&mut self, causes: &mut [Cause], reduced: &Reduced) {
+        for column in self.candidates.iter_mut().filter(|c| c.setting.is_empty()) {
+            let norms: Vec<f64> = column.columns.iter().map(|&k| reduced.raw_norm(k)).collect();
+            let largest = norms.iter().copied().fold(0.0, f64::max);
+            if largest == 0.0 {
+                continue;
+            }
+            let mut acts = norms.iter().map(|norm| *norm > DEAD * largest).cycle();
+            column.columns.retain(|_| acts.next().unwrap_or(true));
+            causes[column.cause].unknowns.retain(|_| acts.next().unwrap_or(true));
+        }
     }
 
     fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {

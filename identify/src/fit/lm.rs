@@ -261,7 +261,7 @@ fn step(
         // an unknown at a bound that wants to leave is held there, and the rest is solved again
         let leaving = unknowns.iter().zip(common.iter()).enumerate().find(|(j, (u, d))| {
             let value = u.value(&point.values);
-            !held[*j] && ((value <= u.bounds.0 && **d < 0.0) || (value >= u.bounds.1 && **d > 0.0))
+            !held[*j] && u.leaves(value, **d)
         });
         match leaving {
             Some((j, _)) => held[j] = true,

@@ -16,6 +16,9 @@ const LONGEST: f64 = 0.5;
 /// Shortest segment \[s\]: a shorter one says little about forces.
 const SHORTEST: f64 = 0.2;
 
+/// How far back motors remember their commands \[s\]: several of the longest delays and lags.
+const REMEMBERED: f64 = 0.3;
+
 /// How the fitted records are shot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
@@ -40,6 +43,7 @@ pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut,
         (shortest, wildest) = (shortest.min(seconds), wildest.max(grown));
     }
     let (shortest, pieces) = (shortest.max(SHORTEST), length.is_none() && wildest > GROWTH);
+    plan.in_pieces = pieces;
     plan.fitted = if pieces {
         fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat()
     } else {
@@ -105,9 +109,12 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
         let start = state_at(plan, &rec.record, sample)?;
         let name = format!("{} from {:.2} s", rec.record.name, rec.record.time[sample]);
         let record = Record { name, ..rec.record.piece(sample..end_sample, step as f64 * h) };
+        let back = (REMEMBERED / h).round() as usize;
+        let past = if step == 0 { rec.past.clone() } else { rec.inputs[step.saturating_sub(back)..step].to_vec() };
         pieces.push(RecordPlan {
             record,
             inputs: rec.inputs[step..end_step].to_vec(),
+            past,
             start,
             nodes: Vec::new(),
             parent: rec.parent,

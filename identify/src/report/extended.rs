@@ -16,6 +16,9 @@ const FILE: &str = "scene_extended.toml";
 /// Lists of named objects.
 const OBJECTS: [&str; 7] = ["rope", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
 
+/// Keys that a scene without such an effect leaves out.
+const LEFT_OUT: [&str; 6] = ["delay", "lag", "friction_backward", "load_friction", "plastic_time", "yield"];
+
 /// A value that was set, by where it stands: table, its number in a list of tables, key.
 pub(super) struct Place {
     pub table: String,
@@ -109,13 +112,20 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
     Some(Place { table: name.to_owned(), number, key })
 }
 
-/// Sets `key` or `key[index]` of a table, and returns the key.
+/// Sets `key` or `key[index]` of a table, and returns the key. A `saturation` is the same both ways.
 pub(super) fn set_value(table: &mut Table, path: &str, new: f64) -> Option<String> {
     let (key, index) = match path.strip_suffix(']').and_then(|path| path.split_once('[')) {
         Some((key, index)) => (key, Some(index.parse::<usize>().ok()?)),
         None => (path, None),
     };
-    let value = table.get_mut(key)?;
+    if key == "saturation" && index.is_none() {
+        table.insert(key.to_owned(), Value::Array(vec![Value::Float(-new), Value::Float(new)]));
+        return Some(key.to_owned());
+    }
+    let value = match LEFT_OUT.contains(&key) {
+        true => table.entry(key).or_insert(Value::Float(new)),
+        false => table.get_mut(key)?,
+    };
     match index {
         Some(index) => *value.as_array_mut()?.get_mut(index)? = Value::Float(new),
         None => *value = Value::Float(new),
@@ -235,6 +245,16 @@ mod tests {
         diagnosis.causes.clear();
         let [only] = estimates(&diagnosis)[..] else { panic!("more than the baseline") };
         assert_eq!((only.path.as_str(), only.estimate), ("cable.bend_stiffness", 1.9e-3));
+    }
+
+    #[test]
+    fn effects_that_the_scene_left_out_are_written() {
+        let mut motor: Table = toml::from_str("name = 'motor'").unwrap();
+        assert_eq!(set_value(&mut motor, "delay", 0.004).unwrap(), "delay");
+        assert_eq!(set_value(&mut motor, "saturation", 1.5).unwrap(), "saturation");
+        assert_eq!(set_value(&mut motor, "strength", 1.5), None);
+        let limits: Vec<f64> = motor["saturation"].as_array().unwrap().iter().filter_map(Value::as_float).collect();
+        assert_eq!((motor["delay"].as_float(), limits), (Some(0.004), vec![-1.5, 1.5]));
     }
 
     #[test]

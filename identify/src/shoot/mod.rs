@@ -13,6 +13,7 @@ mod blend;
 mod bodies;
 mod observe;
 mod observed;
+mod opened;
 mod plan;
 mod run;
 mod start;
@@ -21,6 +22,8 @@ mod stretch_prior;
 mod torque;
 
 pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
+pub(crate) use opened::opened;
+pub use opened::{FAR, LONGEST_DELAY, NEVER};
 pub use plan::{Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
 pub use start::{StartState, initial_guess, state_at};

@@ -121,11 +121,12 @@ impl Pass<'_> {
             Target::Joint(sensor, BIAS) if *sensor == k => 1.0,
             Target::Joint(sensor, GAIN) if *sensor == k => x.value,
             Target::Joint(other, DELAY) if *other == k => -sensor[GAIN] * x.rate,
-            Target::Theta(entries) => {
-                let mine = x.by_theta.iter().filter(|(entry, _)| entries.contains(entry));
-                sensor[GAIN] * mine.map(|(_, d)| d).sum::<f64>()
+            Target::Sensor(_) | Target::Joint(..) => 0.0,
+            Target::Theta(_) | Target::Mirrored(..) => {
+                let entries = unknown.target.entries();
+                let by = |k: usize| x.by_theta.iter().filter(move |(entry, _)| *entry == k).map(|(_, d)| d).sum::<f64>();
+                sensor[GAIN] * entries.into_iter().map(|(k, part)| part * by(k)).sum::<f64>()
             }
-            _ => 0.0,
         };
         self.store(sample, Observed::Joint(k), reading, &direct, shot);
     }

@@ -1,14 +1,16 @@
 //! What does not change while a record is shot again and again.
 
 use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
+use super::opened::{followers, opened, tied};
 use super::torque::drives_of;
 use crate::error::IdentifyError;
 use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
 use crate::shoot::start::{StartState, initial_guess};
-use crate::unknown::Values;
+use crate::unknown::{Unknown, Values};
 use nalgebra::Vector3;
 use pliant_engine::bodies::JointKind;
 use pliant_engine::model::{Model, ModelBuilder};
+use pliant_engine::scene::Scene;
 use std::sync::Arc;
 
 /// A record ready to be shot.
@@ -18,6 +20,8 @@ pub struct RecordPlan {
     pub record: Record,
     /// Inputs of each step, as measured.
     pub inputs: Vec<Vec<f64>>,
+    /// Inputs of the steps before, as far as motors may remember them; of a whole record that of its beginning.
+    pub past: Vec<Vec<f64>>,
     /// Its initial state: prior and current estimate.
     pub start: StartState,
     /// States at segment starts, (step, x), estimated.
@@ -53,12 +57,33 @@ pub struct Plan {
     pub held_out: Vec<RecordPlan>,
     /// Time from which the initial state of held-out records is estimated \[s\].
     pub lead_in: f64,
+    /// Entries of θ that follow others, (leader, follower).
+    pub followers: Vec<(usize, usize)>,
+    /// Fitted records are cut into pieces on their own: nothing that builds up over a record can be seen.
+    pub in_pieces: bool,
 }
 
 impl Plan {
     /// Builds the model and prepares every record.
     pub fn new(setup: &Setup, logs: &Logs) -> Result<Self, IdentifyError> {
-        let model = Arc::new(ModelBuilder::new(&setup.scene).map_err(|error| error.located(&setup.source))?.build());
+        Self::of_scene(setup, &setup.scene, logs)
+    }
+
+    /// The same with everything in θ that a cause may free, at values that change nothing.
+    pub fn opened(setup: &Setup, logs: &Logs) -> Result<Self, IdentifyError> {
+        ModelBuilder::new(&setup.scene).map_err(|error| error.located(&setup.source))?;
+        let mut plan = Self::of_scene(setup, &opened(&setup.scene), logs)?;
+        plan.followers = followers(&setup.scene, &plan.model);
+        Ok(plan)
+    }
+
+    /// The unknowns, each setting what follows it unless another of them sets that itself.
+    pub fn tied(&self, unknowns: Vec<Unknown>) -> Vec<Unknown> {
+        tied(&self.followers, unknowns)
+    }
+
+    fn of_scene(setup: &Setup, scene: &Scene, logs: &Logs) -> Result<Self, IdentifyError> {
+        let model = Arc::new(ModelBuilder::new(scene).map_err(|error| error.located(&setup.source))?.build());
         let missing = |what: &str| IdentifyError::Input(format!("{what} that does not exist"));
         let markers = setup.experiment.marker.iter().map(|m| place(&model, m)).collect::<Option<Vec<_>>>();
         let joints = setup.experiment.joint.iter().map(|s| joint(setup, &model, s)).collect::<Option<Vec<_>>>();
@@ -83,6 +108,8 @@ impl Plan {
             fitted: Vec::new(),
             held_out: Vec::new(),
             lead_in: setup.experiment.lead_in,
+            followers: Vec::new(),
+            in_pieces: false,
         };
         for record in &logs.records {
             let mut prepared = plan.prepare(record)?;
@@ -194,7 +221,8 @@ impl Plan {
         let h = self.model.step_length();
         let inputs = record.step_inputs(h, record.n_steps(h));
         let start = initial_guess(self, record)?;
-        Ok(RecordPlan { record: record.clone(), inputs, start, nodes: Vec::new(), parent: 0 })
+        let past = inputs.first().cloned().into_iter().collect();
+        Ok(RecordPlan { record: record.clone(), inputs, past, start, nodes: Vec::new(), parent: 0 })
     }
 }
 

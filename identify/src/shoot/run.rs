@@ -120,10 +120,8 @@ impl Pass<'_> {
         let mut seeds = Seeds::none(self.columns, model.nu(), model.n_params());
         if self.wants.tangents {
             for (j, unknown) in self.wants.unknowns.iter().enumerate() {
-                if let Target::Theta(entries) = &unknown.target {
-                    let slope = unknown.slope(unknown.value(self.values));
-                    entries.iter().for_each(|&k| seeds.add_theta(k, self.own + j, slope));
-                }
+                let slope = unknown.slope(unknown.value(self.values));
+                unknown.target.entries().into_iter().for_each(|(k, part)| seeds.add_theta(k, self.own + j, part * slope));
             }
         }
         seeds
@@ -138,9 +136,9 @@ impl Pass<'_> {
             if self.wants.tangents {
                 tangent.x.q = equilibrium_tangent(&rest, &tangent.seeds);
             }
-            return Ok(State { v: vec![0.0; model.nv()], q: rest.q, z: model.initial_memory() });
+            return Ok(State { v: vec![0.0; model.nv()], q: rest.q, z: self.memory(tangent) });
         }
-        let mut state = self.rec.start.state(model);
+        let mut state = State { z: self.memory(tangent), ..self.rec.start.state(model) };
         let (q, placement) = place_clamped(model, &self.values.theta, &u0, &state.q)?;
         state.q = q;
         if self.wants.tangents {
@@ -168,6 +166,21 @@ impl Pass<'_> {
             }
         }
         Ok(state)
+    }
+
+    /// What is remembered at t = 0, with its tangents: of motors what the inputs before leave, of joints what the scene says.
+    fn memory(&self, tangent: &mut TangentStepper) -> Vec<f64> {
+        let model = &self.plan.model;
+        let mut z = model.initial_memory();
+        let slopes = model.prime_signals(&self.rec.past, &self.values.theta, &mut z);
+        if self.wants.tangents {
+            for (place, k, slope) in slopes {
+                for &(column, weight) in tangent.seeds.theta(k) {
+                    tangent.x.z[place * self.columns + column] += slope * weight;
+                }
+            }
+        }
+        z
     }
 
     /// At a segment start the state becomes the estimated one, and the defect joins the last column.

@@ -23,8 +23,9 @@ const TURNED: (f64, f64) = (0.01, 0.3);
 /// A reading's standard deviation in floors, and in residuals of its quadratic.
 const FLOORS: f64 = 10.0;
 const RESIDUALS: f64 = 3.0;
-/// Parts of the record's own motion and speed that a reading may be off: a wrong zero, scale or delay of its sensor must not be held
-/// against the cause that explains it, and the samples of a record say far more of the state than this.
+/// Parts of the record's own motion and speed (of a point: of its distance from the sensor's origin and its speed) that a reading may
+/// be off: a wrong zero, scale or delay of its sensor must not be held against the cause that explains it, and the samples of a record
+/// say far more of the state than this.
 const MOTION: f64 = 0.3;
 const SLOPE: f64 = 0.3;
 /// Gauss–Newton steps, and the longest of them [rad or m].
@@ -42,7 +43,7 @@ pub(super) struct BodyStart {
 /// What is known at a sample: value, standard deviation and slack of what is observed, and of its rate; `Turn`: axes and angular
 /// velocity. The slack widens the prior and does not move it.
 enum Known {
-    Point(usize, Vector3<f64>, Vector3<f64>),
+    Point(usize, Vector3<f64>, Vector3<f64>, [f64; 2]),
     Number(usize, [f64; 3], [f64; 3]),
     Turn(usize, [f64; 4], Vector3<f64>),
 }
@@ -95,7 +96,7 @@ fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
         match observed {
             Observed::Marker(k) if matches!(plan.markers[k], MarkerPlace::Body { .. }) => {
                 if let Some((p, v)) = super::start::marker_at(plan, record, k, sample) {
-                    out.push(Known::Point(k, p, v));
+                    out.push(Known::Point(k, p, v, point_slack(record, k)));
                 }
             }
             Observed::Joint(k) => out.extend(number_at(plan, record, k, sample)),
@@ -104,6 +105,19 @@ fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
         }
     }
     out
+}
+
+/// How far a point's place and velocity may be off \[m\], [m/s].
+fn point_slack(record: &Record, k: usize) -> [f64; 2] {
+    let rms = |squares: &mut dyn Iterator<Item = f64>| {
+        let (sum, n) = squares.filter(|s| s.is_finite()).fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));
+        (sum / f64::max(n, 1.0)).sqrt()
+    };
+    let place = |t: usize| Vector3::from(record.markers[t][k]);
+    let speeds = |t: usize| (place(t + 1) - place(t)).norm_squared() / (record.time[t + 1] - record.time[t]).powi(2);
+    let n = record.time.len();
+    let distance = rms(&mut (0..n).map(|t| place(t).norm_squared()));
+    [MOTION * distance, SLOPE * rms(&mut (0..n.saturating_sub(1)).map(speeds))]
 }
 
 fn number_at(plan: &Plan, record: &Record, k: usize, sample: usize) -> Option<Known> {
@@ -142,10 +156,10 @@ fn turn_at(record: &Record, k: usize, sample: usize) -> Option<Known> {
 fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mut System) {
     let model = &plan.model;
     match known {
-        Known::Point(k, p, _) => {
+        Known::Point(k, p, _, [slack, _]) => {
             if let MarkerPlace::Body { body, point } = &plan.markers[*k] {
                 let seen = bodies.point(model, *body, point);
-                system.add_vector(&seen.by, &(p - seen.value), SEEN.0);
+                system.add_vector(&seen.by, &(p - seen.value), if wide { SEEN.0.hypot(*slack) } else { SEEN.0 });
             }
         }
         Known::Number(k, [x, sigma, slack], _) if plan.joints[*k].quantity == JointQuantity::Position => {
@@ -165,9 +179,10 @@ fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &m
 fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mut System) {
     let model = &plan.model;
     match known {
-        Known::Point(k, _, v) => {
+        Known::Point(k, _, v, [_, slack]) => {
             if let MarkerPlace::Body { body, point } = &plan.markers[*k] {
-                system.add_vector(&bodies.point(model, *body, point).by, v, SEEN.1);
+                let sigma = if wide { SEEN.1.hypot(*slack) } else { SEEN.1 };
+                system.add_vector(&bodies.point(model, *body, point).by, v, sigma);
             }
         }
         Known::Number(k, value, rate) => {

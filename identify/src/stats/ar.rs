@@ -3,7 +3,7 @@
 //! x_{t,c} = Σ_{i=1..p} φ_i x_{t−i,c} + σ_c e_{t,c},  e independent, mean 0, variance 1.
 //!
 //! φ is common to all channels c of all records (records are not joined), σ_c [unit of channel c] is the innovation
-//! standard deviation. The model lives in its reflection coefficients (partial autocorrelations) k_1..k_p: |k_i| < 1 is
+//! standard deviation. A residual of exactly 0 says that nothing was measured: it counts neither for σ_c nor for the likelihood. The model lives in its reflection coefficients (partial autocorrelations) k_1..k_p: |k_i| < 1 is
 //! stationarity, and Levinson's recursion gives from them the predictors of every lower order, which is the Cholesky factor
 //! of the stationary covariance without ever forming it.
 //!
@@ -99,18 +99,19 @@ impl ArModel {
     /// Lengths that are no multiple of `channels`, numbers that are not finite, no data, a floor list of the wrong length,
     /// or a channel of zeros without a floor.
     pub fn fit(records: &[&[f64]], channels: usize, options: &ArOptions) -> Result<Self, StatsError> {
-        let rows = check_records(records, channels)?;
+        check_records(records, channels)?;
+        let seen = seen(records, channels);
         let floor = floors(&options.sigma_floor, channels)?;
-        let mut scale = channel_rms(records, channels, rows, &floor)?;
+        let mut scale = channel_rms(records, channels, &seen, &floor)?;
         let orders = match options.order {
             Order::Fixed(p) => p..=p,
             Order::Bic { max } => 0..=max,
         };
-        let total = (rows * channels) as f64;
+        let total = seen.iter().sum::<f64>().max(1.0);
         let inflate = (total / (total - options.lost_dof as f64).max(1.0)).sqrt();
         let mut best: Option<(f64, Self)> = None;
         for p in orders {
-            let model = Self::fit_order(records, channels, rows, p, &floor, &mut scale)?;
+            let model = Self::fit_order(records, &seen, p, &floor, &mut scale)?;
             let bic = model.minus_two_log_likelihood(records)? + p as f64 * total.ln();
             if best.as_ref().is_none_or(|(b, _)| bic < *b) {
                 best = Some((bic, model));
@@ -122,14 +123,8 @@ impl ArModel {
     }
 
     /// One order: reflection coefficients with channels weighted by 1/scale², then σ_c, twice so that the weights settle.
-    fn fit_order(
-        records: &[&[f64]],
-        channels: usize,
-        rows: usize,
-        p: usize,
-        floor: &[f64],
-        scale: &mut [f64],
-    ) -> Result<Self, StatsError> {
+    fn fit_order(records: &[&[f64]], seen: &[f64], p: usize, floor: &[f64], scale: &mut [f64]) -> Result<Self, StatsError> {
+        let channels = seen.len();
         let mut model = Self::white(scale.to_vec())?;
         for _ in 0..2 {
             let reflection = burg(records, channels, p, scale);
@@ -140,8 +135,8 @@ impl ArModel {
                 model.whiten(&mut white, channels)?;
                 white.chunks_exact(channels).for_each(|row| row.iter().zip(&mut sum).for_each(|(x, s)| *s += x * x));
             }
-            for ((s, f), q) in scale.iter_mut().zip(floor).zip(&sum) {
-                *s = (q / rows as f64).sqrt().max(*f).max(f64::MIN_POSITIVE.sqrt());
+            for (((s, f), q), n) in scale.iter_mut().zip(floor).zip(&sum).zip(seen) {
+                *s = (q / n.max(1.0)).sqrt().max(*f).max(f64::MIN_POSITIVE.sqrt());
             }
             model.sigma = scale.to_vec();
         }
@@ -236,7 +231,8 @@ impl ArModel {
     /// As [`ArModel::whiten`].
     pub fn minus_two_log_likelihood(&self, records: &[&[f64]]) -> Result<f64, StatsError> {
         let channels = self.sigma.len();
-        let log_sigma: f64 = self.sigma.iter().map(|s| s.ln()).sum();
+        let log_sigma =
+            |record: &[f64]| -> f64 { seen(&[record], channels).iter().zip(&self.sigma).map(|(n, s)| n * s.ln()).sum() };
         let mut total = 0.0;
         for record in records {
             let mut white = record.to_vec();
@@ -244,14 +240,14 @@ impl ArModel {
             total += white.iter().map(|x| x * x).sum::<f64>();
             let rows = record.len() / channels;
             let start: f64 = self.spread.iter().take(rows.min(self.order())).map(|s| s.ln()).sum();
-            total += 2.0 * (rows as f64 * log_sigma + channels as f64 * start);
+            total += 2.0 * (log_sigma(record) + channels as f64 * start);
         }
         Ok(total)
     }
 }
 
-/// Total number of time rows, after checking every record.
-fn check_records(records: &[&[f64]], channels: usize) -> Result<usize, StatsError> {
+/// Checks every record, and that there are samples.
+fn check_records(records: &[&[f64]], channels: usize) -> Result<(), StatsError> {
     if channels == 0 {
         return Err(StatsError::TooFew { what: "channels", found: 0, needed: 1 });
     }
@@ -263,7 +259,7 @@ fn check_records(records: &[&[f64]], channels: usize) -> Result<usize, StatsErro
     if rows == 0 {
         return Err(StatsError::TooFew { what: "samples", found: 0, needed: 1 });
     }
-    Ok(rows)
+    Ok(())
 }
 
 fn floors(given: &[f64], channels: usize) -> Result<Vec<f64>, StatsError> {
@@ -275,12 +271,21 @@ fn floors(given: &[f64], channels: usize) -> Result<Vec<f64>, StatsError> {
     }
 }
 
-fn channel_rms(records: &[&[f64]], channels: usize, rows: usize, floor: &[f64]) -> Result<Vec<f64>, StatsError> {
+/// How many samples of each channel were measured.
+fn seen(records: &[&[f64]], channels: usize) -> Vec<f64> {
+    let mut count = vec![0.0; channels];
+    for row in records.iter().flat_map(|r| r.chunks_exact(channels)) {
+        row.iter().zip(&mut count).for_each(|(x, n)| *n += f64::from(u8::from(*x != 0.0)));
+    }
+    count
+}
+
+fn channel_rms(records: &[&[f64]], channels: usize, seen: &[f64], floor: &[f64]) -> Result<Vec<f64>, StatsError> {
     let mut sum = vec![0.0; channels];
     for row in records.iter().flat_map(|r| r.chunks_exact(channels)) {
         row.iter().zip(&mut sum).for_each(|(x, s)| *s += x * x);
     }
-    let rms = |channel: usize| (sum[channel] / rows as f64).sqrt().max(floor[channel]);
+    let rms = |channel: usize| (sum[channel] / seen[channel].max(1.0)).sqrt().max(floor[channel]);
     (0..channels).map(|c| if rms(c) > 0.0 { Ok(rms(c)) } else { Err(StatsError::DeadChannel { channel: c }) }).collect()
 }
 
@@ -395,6 +400,20 @@ mod tests {
         assert_eq!(ArModel::fit(&[&zeros], 2, &ArOptions::default()), Err(StatsError::DeadChannel { channel: 0 }));
         assert!(ArModel::fit(&[&zeros], 2, &options).is_ok());
         assert!(ArModel::fit(&[&x[..7]], 2, &options).is_err());
+    }
+
+    #[test]
+    fn what_was_not_measured_is_not_taken_for_silence() {
+        let (x, rare) = (gaussians(400, 6), 10);
+        let missing: Vec<f64> = (0..800).map(|i| if i % 2 == 1 && i / 2 % rare > 0 { 0.0 } else { x[i / 2] }).collect();
+        let options = ArOptions { order: Order::Fixed(0), ..Default::default() };
+        let model = ArModel::fit(&[&missing], 2, &options).unwrap();
+        let kept: Vec<f64> = x.iter().step_by(rare).copied().collect();
+        let alone = ArModel::fit(&[&kept], 1, &options).unwrap();
+        assert_relative_eq!(model.sigma()[1], alone.sigma()[0], max_relative = 1e-12);
+        let full = ArModel::fit(&[&x], 1, &options).unwrap();
+        let parts = full.minus_two_log_likelihood(&[&x]).unwrap() + alone.minus_two_log_likelihood(&[&kept]).unwrap();
+        assert_relative_eq!(model.minus_two_log_likelihood(&[&missing]).unwrap(), parts, max_relative = 1e-12);
     }
 
     #[test]

@@ -227,6 +227,9 @@ fn check(reduced: &Reduced, nuisance: &[usize], candidates: &[Candidate], option
     Ok(())
 }
 
+/// Whitened effect of a change of typical size below which a column is rounding: the mass of what falls freely.
+const FEEBLE: f64 = 1e-6;
+
 /// The reduced problem with its nuisance projected out.
 struct Linear<'a> {
     reduced: &'a Reduced,
@@ -259,7 +262,8 @@ impl<'a> Linear<'a> {
     }
 
     fn directions(&self, candidate: &Candidate) -> Directions {
-        let norms: Vec<f64> = candidate.columns.iter().map(|&c| self.reduced.raw_norm(c)).collect();
+        let norm = |&c: &usize| Some(self.reduced.raw_norm(c)).filter(|n| *n > FEEBLE).unwrap_or(0.0);
+        let norms: Vec<f64> = candidate.columns.iter().map(norm).collect();
         let basis = Basis::new(&self.projected.select_columns(&candidate.columns), &norms, self.options.tolerance);
         let kept: Vec<usize> = basis.kept.iter().map(|&p| candidate.columns[p]).collect();
         let mut raw = -self.coefficients.select_columns(&kept);

@@ -6,7 +6,8 @@ use pliant_identify::log::Setup;
 use std::fmt::Write;
 use tempfile::TempDir;
 
-/// What really happens. I θ̈ = −w sin(θ − tilt) − b θ̇ − c sgn θ̇ − k θ − k₃ θ³ + gain u(t − late), read as θ(t) + bias + noise.
+/// What really happens. I θ̈ = −w sin θ − b θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + τ, read as θ(t) + bias + noise, with the motor's
+/// τ = gain u(t − late) cut at ±limit, and of the spring k the plastic part ṗ = (θ − p)/creep.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     pub damping: f64,
@@ -16,6 +17,9 @@ pub struct Truth {
     pub late: f64,
     pub bias: f64,
     pub noise: f64,
+    pub limit: f64,
+    pub spring: f64,
+    pub creep: f64,
 }
 
 /// Inertia about the axis [kg·m²], and weight times lever [N·m]: 0.5 kg at 0.3 m.
@@ -28,15 +32,27 @@ const FINE: usize = 50;
 
 impl Default for Truth {
     fn default() -> Self {
-        Self { damping: 0.0, friction: 0.0, cubic: 0.0, gain: 1.0, late: 0.0, bias: 0.0, noise: 1e-3 }
+        Self {
+            damping: 0.0,
+            friction: 0.0,
+            cubic: 0.0,
+            gain: 1.0,
+            late: 0.0,
+            bias: 0.0,
+            noise: 1e-3,
+            limit: 1e9,
+            spring: 0.0,
+            creep: 1e9,
+        }
     }
 }
 
 impl Truth {
-    fn acceleration(&self, angle: f64, speed: f64, torque: f64) -> f64 {
+    fn acceleration(&self, [angle, speed, plastic]: [f64; 3], command: f64) -> f64 {
         let dry = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
-        let spring = self.cubic * angle.powi(3);
-        (-WEIGHT * angle.sin() - self.damping * speed - dry - spring + self.gain * torque) / INERTIA
+        let spring = self.spring * (angle - plastic) + self.cubic * angle.powi(3);
+        let torque = (self.gain * command).clamp(-self.limit, self.limit);
+        (-WEIGHT * angle.sin() - self.damping * speed - dry - spring + torque) / INERTIA
     }
 
     /// Columns t, angle, speed and command of a record.
@@ -52,20 +68,20 @@ impl Truth {
             (1.0 - part) * command(k / RATE) + part * command((k + 1.0) / RATE)
         };
         let h = 1.0 / RATE / FINE as f64;
-        let (mut x, mut v) = (0.6 - 0.3 * record as f64, 0.2 * record as f64);
+        let mut x = [0.6 - 0.3 * record as f64, 0.2 * record as f64, 0.0];
         let mut out = "t,angle,command\n".to_owned();
         for sample in 0..=(DURATION * RATE) as usize {
             let t = sample as f64 / RATE;
-            let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x + self.bias + self.noise * noise(), line(t));
+            let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x[0] + self.bias + self.noise * noise(), line(t));
             for k in 0..FINE {
                 let t = t + k as f64 * h - self.late;
-                let f = |x: f64, v: f64, t: f64| (v, self.acceleration(x, v, line(t)));
-                let a = f(x, v, t);
-                let b = f(x + 0.5 * h * a.0, v + 0.5 * h * a.1, t + 0.5 * h);
-                let c = f(x + 0.5 * h * b.0, v + 0.5 * h * b.1, t + 0.5 * h);
-                let d = f(x + h * c.0, v + h * c.1, t + h);
-                x += h / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
-                v += h / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
+                let f = |x: [f64; 3], t: f64| [x[1], self.acceleration(x, line(t)), (x[0] - x[2]) / self.creep];
+                let moved = |by: f64, d: [f64; 3]| [0, 1, 2].map(|i| x[i] + by * d[i]);
+                let a = f(x, t);
+                let b = f(moved(0.5 * h, a), t + 0.5 * h);
+                let c = f(moved(0.5 * h, b), t + 0.5 * h);
+                let d = f(moved(h, c), t + h);
+                x = [0, 1, 2].map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
             }
         }
         out
@@ -134,6 +150,8 @@ role = "held_out"
 /// The scene with logs of this truth.
 pub fn setup(truth: &Truth, folder: &TempDir) -> Result<Setup, Box<dyn std::error::Error>> {
     truth.logs(folder)?;
-    let source = Source { file: "scene.toml".to_owned(), text: SCENE.to_owned() };
+    let spring = format!("axis = [0, -1, 0]\nstiffness = {:?}", truth.spring);
+    let text = SCENE.replace("axis = [0, -1, 0]", &spring);
+    let source = Source { file: "scene.toml".to_owned(), text };
     Ok(Setup::from_source(source, folder.path().to_owned())?)
 }

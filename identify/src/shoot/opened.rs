@@ -1,0 +1,152 @@
+//! The scene of a diagnosis: laws that a scene file leaves out, at values where they change nothing.
+//!
+//! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
+//! ```text
+//! motors    delay 0 (at most LONGEST_DELAY), lag 0, saturation ±FAR
+//! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
+//! ```
+//! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it.
+
+use crate::unknown::{Target, Unknown};
+use pliant_engine::model::Model;
+use pliant_engine::scene::{Joint, JointKind, Scene};
+
+/// Longest delay that a diagnosis tries \[s\]. Every step of it is remembered: longer ones cost time in all simulations.
+pub const LONGEST_DELAY: f64 = 0.05;
+/// A torque that no motor reaches [N·m or N].
+pub const FAR: f64 = 1e9;
+/// A time after which no joint has crept \[s\].
+pub const NEVER: f64 = 1e7;
+
+/// A deflection beyond which everything lies [rad or m].
+const NOTHING: f64 = 1e-9;
+
+/// The scene with these laws.
+pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
+    let mut out = scene.clone();
+    for actuator in &mut out.actuator {
+        if actuator.delay.is_none() {
+            (actuator.delay, actuator.max_delay) = (Some(0.0), Some(LONGEST_DELAY));
+        }
+        actuator.lag.get_or_insert(0.0);
+        actuator.saturation.get_or_insert([-FAR, FAR]);
+    }
+    let driven: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
+    for joint in out.body.iter_mut().flat_map(|body| &mut body.joint).filter(|joint| has_friction(joint)) {
+        joint.friction_backward.get_or_insert(joint.friction);
+        let springy = joint.stiffness != 0.0 || joint.cubic_stiffness != 0.0;
+        if springy || driven.contains(&joint.name) {
+            joint.load_friction.get_or_insert(0.0);
+        }
+        if springy && joint.plastic_time.is_none() {
+            (joint.plastic_time, joint.yield_at) = (Some(NEVER), Some(NOTHING));
+        }
+    }
+    out
+}
+
+fn has_friction(joint: &Joint) -> bool {
+    matches!(joint.kind, JointKind::Revolute | JointKind::Prismatic | JointKind::Universal)
+}
+
+/// (leader, follower) in θ of every joint whose backward friction the scene does not have.
+pub(super) fn followers<X>(scene: &Scene<X>, model: &Model) -> Vec<(usize, usize)> {
+    let joints = scene.body.iter().flat_map(|body| &body.joint).filter(|j| has_friction(j) && j.friction_backward.is_none());
+    let find = |joint: &Joint, key: &str| model.params().find(&format!("{}.{key}", joint.name));
+    joints.filter_map(|j| Some((find(j, "friction")?, find(j, "friction_backward")?))).collect()
+}
+
+/// The unknowns, each setting what follows it, and nothing that another of them sets alone.
+pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> Vec<Unknown> {
+    for &(leader, follower) in followers {
+        let sets = |u: &Unknown, k: usize| matches!(&u.target, Target::Theta(entries) if entries.first() == Some(&k));
+        let own = unknowns.iter().any(|u| sets(u, follower));
+        for u in unknowns.iter_mut().filter(|u| sets(u, leader)) {
+            u.target = Target::Theta(if own { vec![leader] } else { vec![leader, follower] });
+        }
+    }
+    let alone: Vec<usize> = unknowns.iter().filter_map(only).collect();
+    for u in &mut unknowns {
+        if let Target::Theta(entries) = &mut u.target
+            && entries.len() > 1
+        {
+            let first = entries[0];
+            entries.retain(|k| *k == first || !alone.contains(k));
+        }
+    }
+    unknowns
+}
+
+/// The entry of θ that an unknown sets, if it is one.
+fn only(u: &Unknown) -> Option<usize> {
+    match &u.target {
+        Target::Theta(entries) if entries.len() == 1 => entries.first().copied(),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use pliant_engine::model::ModelBuilder;
+    use pliant_engine::scene::parse_scene;
+    use pliant_engine::step::{StepOptions, Stepper};
+
+    const ARM: &str = r#"
+schema_version = 1
+[time]
+step = 0.002
+duration = 0.1
+integrator = "midpoint"
+[[body]]
+name = "link"
+mass = 0.5
+center_of_mass = [0, 0, -0.3]
+inertia = [1e-3, 1e-3, 1e-3, 0, 0, 0]
+[[body.joint]]
+name = "pivot"
+kind = "revolute"
+axis = [0, -1, 0]
+stiffness = 0.3
+damping = 0.01
+friction = 0.02
+[[actuator]]
+name = "motor"
+joint = "pivot"
+kind = "torque"
+command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
+"#;
+
+    #[test]
+    fn what_is_opened_changes_no_motion() {
+        let scene = parse_scene::<()>(ARM, "arm.toml").unwrap();
+        let run = |scene: &Scene<()>| {
+            let model = ModelBuilder::new(scene).unwrap().build();
+            let mut stepper = Stepper::new(&model, model.params().values(), StepOptions::default()).unwrap();
+            let mut x = model.initial_state();
+            for k in 0..100 {
+                stepper.step(&mut x, &[(0.3 * f64::from(k)).sin()]).unwrap();
+            }
+            x
+        };
+        let (plain, opened) = (run(&scene), run(&opened(&scene)));
+        assert!((plain.q[0] - opened.q[0]).abs() < 1e-9 && (plain.v[0] - opened.v[0]).abs() < 1e-8, "{plain:?} {opened:?}");
+        assert!(opened.z.len() >= 25 + 3, "{}", opened.z.len());
+    }
+
+    #[test]
+    fn backward_friction_follows_until_it_is_freed() {
+        let scene = parse_scene::<()>(ARM, "arm.toml").unwrap();
+        let model = ModelBuilder::new(&opened(&scene)).unwrap().build();
+        let ties = followers(&scene, &model);
+        let find = |path: &str| model.params().find(path).unwrap();
+        assert_eq!(ties, [(find("pivot.friction"), find("pivot.friction_backward"))]);
+        let unknown = |path: &str| Unknown::of_theta(&model, path, 1.0).unwrap();
+        let alone = tied(&ties, vec![unknown("pivot.friction")]);
+        assert_eq!(alone[0].target, Target::Theta(vec![ties[0].0, ties[0].1]));
+        let both = tied(&ties, [alone, vec![unknown("pivot.friction_backward")]].concat());
+        assert_eq!(both[0].target, Target::Theta(vec![ties[0].0]));
+        assert_eq!(both[1].target, Target::Theta(vec![ties[0].1]));
+    }
+}
