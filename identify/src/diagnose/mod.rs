@@ -15,6 +15,7 @@ mod pipeline;
 mod reason;
 mod remainder;
 mod result;
+mod second_look;
 mod select;
 mod test;
 

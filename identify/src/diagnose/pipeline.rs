@@ -2,6 +2,7 @@
 
 use super::certainty::{Curvature, estimates, profile};
 use super::result::*;
+use super::second_look::second_look;
 use super::select::{Margin, Round, refit, round};
 use super::test::{Tested, test};
 use super::{audit, baseline, ceiling, constancy, gain, numerics, reason, remainder};
@@ -79,7 +80,7 @@ pub fn diagnose(
     };
     progress("testing every cause");
     let first = test(&plan, &base, options.seed)?;
-    run.grow(&plan, &first, options, &fit_options, &mut story, progress)?;
+    run.grow(&plan, &first, sensor_sigma, options, &fit_options, &mut story, progress)?;
     run.prune(&plan, &fit_options, progress)?;
 
     progress("checking what remains");
@@ -150,10 +151,12 @@ struct Selection {
 type Name = (String, Option<String>);
 
 impl Selection {
+    #[allow(clippy::too_many_arguments)] // the parts of the selection
     fn grow(
         &mut self,
         plan: &Plan,
         first: &Tested,
+        sensor_sigma: f64,
         options: &DiagnoseOptions,
         fit_options: &FitOptions,
         story: &mut Story,
@@ -162,7 +165,14 @@ impl Selection {
         let mut tested = first.clone();
         while self.accepted.len() < options.max_causes {
             let mut notes = Vec::new();
-            let outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
+            let mut outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
+            if matches!(outcome, Round::Nothing) {
+                let seed = options.seed;
+                let again = second_look(plan, &self.current, sensor_sigma, fit_options, seed, &mut notes, progress)?;
+                if let Some(found) = again {
+                    (outcome, tested) = found;
+                }
+            }
             self.notes.extend(notes.into_iter().map(|(j, why)| (candidate(&tested, j).title(), why)));
             match outcome {
                 Round::Nothing => return Ok(()),

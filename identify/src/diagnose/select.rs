@@ -89,7 +89,7 @@ fn foremost(tested: &Tested, sorted: &[usize]) -> Vec<usize> {
 
 /// Refits the chosen candidates and compares the best with the others.
 #[allow(clippy::too_many_arguments)] // the parts of a round
-fn compare(
+pub(super) fn compare(
     plan: &Plan,
     current: &Fitted,
     tested: &Tested,

@@ -161,6 +161,25 @@ impl Columns {
     }
 }
 
+/// Readings of the records as they were, with the columns of everything fitted first and those of the tested candidates behind
+/// them: no more than `limit` readings, of whole records. With each record's shot, the candidates in the order of `tested`.
+pub(super) fn raw(
+    plan: &Plan,
+    fitted: &Fitted,
+    tested: &Tested,
+    limit: usize,
+) -> Result<(Vec<Shot>, Vec<Candidate>), IdentifyError> {
+    let columns = Columns::new(&tested.causes, fitted);
+    let candidate = |c: &Column| Candidate { columns: c.columns.clone(), sign: c.sign(&tested.causes, fitted) };
+    let of = |cause: &usize| columns.candidates.iter().find(|c| c.cause == *cause).map(candidate);
+    let candidates = tested.tested.iter().filter_map(of).collect();
+    let total: usize = fitted.residuals.iter().map(Vec::len).sum();
+    let every = total.div_ceil(limit).max(1);
+    let chosen: Vec<&RecordPlan> = fitted.records.iter().step_by(every).collect();
+    let shots = chosen.par_iter().map(|rec| shot_of(plan, rec, &columns.unknowns, &columns.passes)).collect::<Result<_, _>>()?;
+    Ok((shots, candidates))
+}
+
 fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
     for u in unknowns {
         if let Some(probe) = u.silent(at) {

@@ -10,7 +10,9 @@
 //! Why it matters: a test that takes noise of φ = 0.9 for white raises a false alarm nearly always.
 //! Reference: Burg (1967); Brockwell & Davis, Time Series (1991), §5.2 and §8.2; pooled over segments: de Waele & Broersen (2000).
 
+use super::dist::gaussian;
 use super::error::{StatsError, check_slice};
+use rand::RngExt;
 
 /// Largest magnitude of a fitted reflection coefficient.
 pub const REFLECTION_LIMIT: f64 = 0.999;
@@ -225,6 +227,20 @@ impl ArModel {
         Ok(())
     }
 
+    /// A stationary series of `times` samples, row-major time × channel.
+    pub fn sample(&self, times: usize, rng: &mut impl RngExt) -> Vec<f64> {
+        let channels = self.sigma.len();
+        let mut x: Vec<f64> = Vec::with_capacity(times * channels);
+        for t in 0..times {
+            let m = t.min(self.order());
+            for (c, sigma) in self.sigma.iter().enumerate() {
+                let memory: f64 = self.predictors[m].iter().enumerate().map(|(i, phi)| phi * x[(t - 1 - i) * channels + c]).sum();
+                x.push(memory + sigma * self.spread[m] * gaussian(rng));
+            }
+        }
+        x
+    }
+
     /// −2 log L of records (row-major time × channel) up to the constant N log 2π, exact Gaussian likelihood.
     ///
     /// # Errors
@@ -327,6 +343,7 @@ mod tests {
     use crate::stats::testing::{ar_series, gaussians};
     use approx::assert_relative_eq;
     use nalgebra::{Cholesky, DMatrix, DVector};
+    use rand::SeedableRng;
 
     #[test]
     fn recovers_ar2_over_records_and_channels() {
@@ -400,6 +417,22 @@ mod tests {
         assert_eq!(ArModel::fit(&[&zeros], 2, &ArOptions::default()), Err(StatsError::DeadChannel { channel: 0 }));
         assert!(ArModel::fit(&[&zeros], 2, &options).is_ok());
         assert!(ArModel::fit(&[&x[..7]], 2, &options).is_err());
+    }
+
+    #[test]
+    fn a_sample_has_the_models_own_covariance() {
+        let model = ArModel::from_reflection(&[0.8, -0.3], vec![2.0]).unwrap();
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
+        let lag = |x: &[f64], k: usize| x[k..].iter().zip(x).map(|(a, b)| a * b).sum::<f64>() / (x.len() - k) as f64;
+        let x = model.sample(200_000, &mut rng);
+        let variance = (2.0 * model.stationary_ratio()).powi(2);
+        assert_relative_eq!(lag(&x, 0), variance, max_relative = 0.03);
+        for (k, rho) in model.autocorrelation(3).into_iter().enumerate() {
+            assert!((lag(&x, k) / variance - rho).abs() < 0.03, "lag {k}");
+        }
+        // the first sample is as wide as any other
+        let first = (0..20_000).map(|_| model.sample(1, &mut rng)[0].powi(2)).sum::<f64>() / 20_000.0;
+        assert_relative_eq!(first, variance, max_relative = 0.05);
     }
 
     #[test]

@@ -1,6 +1,13 @@
 //! Distribution functions under one roof, total on all of ℝ (no panics, tails by the survival function).
 
+use rand::RngExt;
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF, Normal, StudentsT};
+
+/// One standard normal number (Box–Muller).
+pub fn gaussian(rng: &mut impl RngExt) -> f64 {
+    let (u, w): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * w).cos()
+}
 
 /// Φ(x), the standard normal distribution function.
 pub fn normal_cdf(x: f64) -> f64 {

@@ -1,18 +1,13 @@
 //! Random series for tests, with explicit seeds.
 
-use rand::{RngExt, SeedableRng};
+pub use super::dist::gaussian;
+use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
 /// Independent standard normal numbers.
 pub fn gaussians(n: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
     (0..n).map(|_| gaussian(&mut rng)).collect()
-}
-
-/// One standard normal number (Box–Muller).
-pub fn gaussian(rng: &mut Pcg64) -> f64 {
-    let (u, w): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * w).cos()
 }
 
 /// Stationary AR series, row-major time × channel, after a burn-in.
