@@ -114,6 +114,8 @@ impl Fixed<'_> {
             rest_gap: self.model.contact.rest_gap,
             damping: 0.0,
             soften: 0.0,
+            absent: false,
+            thorough: true,
             coarse: false,
         }
     }

@@ -261,14 +261,16 @@ def test_a_rope_and_a_box_keep_their_momentum():
     assert x[-1, 129] < velocity[2] - G * 0.5 - 1e-3  # they met
 
 
-@pytest.mark.parametrize("rate", [240, 120, 60])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+# links turn by up to a radian in a step as the cable hits the floor: without a guard of energy that of seed 67 exceeds its start
+CABLES = [(seed, rate) for seed in (0, 1, 2) for rate in (240, 120, 60)] + [(67, 120)]
+
+
+@pytest.mark.parametrize(("seed", "rate"), CABLES)
 def test_a_cable_of_capsules_falls_on_the_floor(seed, rate):
     motion = drop_cable(pliant, seed, 1 / rate, 0.6)
     energy = motion.energies()
     assert np.isfinite(motion.x).all()
-    # links turn by up to a radian in a step as the cable hits the floor
-    assert energy.max() == energy[0] and rises(motion) < 0.15 * energy[0]
+    assert energy.max() == energy[0] and rises(motion) < 0.01 * energy[0]
     assert energy[-1] < 0.1 * energy[0]
 
 

@@ -76,6 +76,8 @@ pub(crate) struct SpotState {
     /// Steps of the law \[kg\].
     pub rho_n: f64,
     pub rho_t: f64,
+    /// Gap where the stage begins \[m\]; 0 of ties.
+    pub gap: f64,
 }
 
 /// The numbers of the law at a spot.

@@ -25,7 +25,7 @@ const MIN_ALPHA: f64 = 1e-3;
 /// Precision of the stages of a continuation that are only passed through.
 const COARSE: f64 = 1e-3;
 /// Softening of contacts of solids where full steps fail: the first, its growth and fall, the least and the most.
-const FIRST_SOFT: f64 = 1e-3;
+pub(super) const FIRST_SOFT: f64 = 1e-3;
 const SOFT_RISE: f64 = 10.0;
 const SOFT_FALL: f64 = 1e-3;
 const SOFT_HOLD: f64 = 0.3;
@@ -79,7 +79,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     let tolerance = precision * velocity_scale(stage, ws);
     let mut correction = f64::INFINITY;
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
-    let mut soften = 0.0;
+    let (mut soften, mut eased) = (stage.soften, false);
     for _ in 0..max_iterations {
         let stage = &Stage { soften, ..*stage };
         work.iterations += 1;
@@ -95,10 +95,13 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
         match descend(stage, ws, correction, tolerance, work)? {
             // softened contacts have converged when they have without
             Descent::Converged if soften > 0.0 && !stage.coarse => {
+                eased = true;
                 soften = if soften > NEARLY_HARD { soften * SOFT_FALL } else { 0.0 }
             }
             Descent::Converged => return Ok(()),
             Descent::Continue(ratio) => soften = fallen(soften, ratio),
+            // what is left where softened contacts have converged is rounding noise if it is small
+            Descent::Soften if eased && correction <= NOISE * tolerance => return Ok(()),
             Descent::Soften => soften = (soften * SOFT_RISE).max(FIRST_SOFT),
             Descent::Stalled if correction <= NOISE * tolerance => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
@@ -283,13 +286,7 @@ fn dofs_norm2(stage: &Stage, v: &[f64]) -> f64 {
 
 /// Norm of a correction [m/s]: √(Σ m |d|² + Σ |dw|²/m) over the root of the total mass.
 fn norm(stage: &Stage, d: &[f64], ws: &Workspace, dw: [&[Vector4<f64>]; 2], ds: &[f64]) -> f64 {
-    let (nodes, dofs) = d.split_at(3 * stage.mass.len());
-    let mut sum = 0.0;
-    for (m, d) in stage.mass.iter().zip(nodes.chunks_exact(3)) {
-        sum += m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    }
-    sum += dofs_norm2(stage, dofs);
-    ((sum / stage.measure.total) + cone_norm(stage, ws, dw, ds).powi(2)).sqrt()
+    speed(stage, d).hypot(cone_norm(stage, ws, dw, ds))
 }
 
 /// The cone variables' part of [`norm`].
@@ -297,6 +294,13 @@ fn cone_norm(stage: &Stage, ws: &Workspace, [dw, dp]: [&[Vector4<f64>]; 2], ds: 
     let cones = stage.model.pairs.iter().zip(dw);
     let sum: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
     ((sum + stage.rows_norm2(ds) + stage.spots_norm2(&ws.spots.spots, dp)) / stage.measure.total).sqrt()
+}
+
+/// √(Σ m v²/Σ m) [m/s] of velocities or their change.
+fn speed(stage: &Stage, v: &[f64]) -> f64 {
+    let (nodes, dofs) = v.split_at(3 * stage.mass.len());
+    let of_nodes = stage.mass.iter().zip(nodes.chunks_exact(3)).map(|(m, d)| m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]));
+    ((of_nodes.sum::<f64>() + dofs_norm2(stage, dofs)) / stage.measure.total).sqrt()
 }
 
 /// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.

@@ -3,6 +3,8 @@
 mod bodies;
 mod contact_rows;
 mod error;
+mod frozen;
+mod guard;
 mod joint_rows;
 mod record;
 mod scheme;

@@ -13,7 +13,13 @@ use crate::kkt::System;
 use nalgebra::{Matrix6, Vector4, Vector6};
 
 impl Stage<'_> {
-    fn meeting(&self, features: &Spot, spot: &SpotState, q: &[f64], ws: &Workspace) -> Result<Meeting<f64>, StepError> {
+    pub(super) fn meeting(
+        &self,
+        features: &Spot,
+        spot: &SpotState,
+        q: &[f64],
+        ws: &Workspace,
+    ) -> Result<Meeting<f64>, StepError> {
         let [a, b] = spot.solids.map(|s| {
             let solid = &self.model.solids[s];
             solid.posed(&self.pose(solid.carrier, q, ws), |k| self.theta[k])
@@ -26,7 +32,7 @@ impl Stage<'_> {
         StepError::NoNormal { step: 0, first, second, distance }
     }
 
-    fn sliding(&self, spot: &SpotState, meeting: &Meeting<f64>, v: &[f64], ws: &Workspace) -> Sliding {
+    pub(super) fn sliding(&self, spot: &SpotState, meeting: &Meeting<f64>, v: &[f64], ws: &Workspace) -> Sliding {
         let [a, b] = spot.carriers.map(|c| self.velocity(c, v, ws));
         Sliding::new(meeting, a - b)
     }
@@ -228,17 +234,7 @@ impl Stage<'_> {
         }
         let n = self.model.n_node_dofs();
         let moved = ws.bodies.partials.carry(&self.model.tree, &d[n..]);
-        let change = |carrier: Carrier| match carrier {
-            Carrier::World => [Vector6::zeros(); 2],
-            Carrier::Node(node) => {
-                let v = Vector6::new(0.0, 0.0, 0.0, d[3 * node], d[3 * node + 1], d[3 * node + 2]);
-                [v * (self.h * self.scheme.free.a1), v]
-            }
-            Carrier::Body(body) => {
-                let (xi, own) = moved[body];
-                [xi, own + moved_along(&xi, &ws.bodies.frames.bodies[body].velocity)]
-            }
-        };
+        let change = |carrier: Carrier| self.moved(carrier, d, &moved, ws);
         let steps = ws
             .spots
             .spots
@@ -248,5 +244,27 @@ impl Stage<'_> {
             .map(|((spot, linear), f)| linear.dw(f, &spot.carriers.map(change)));
         let target: Vec<Vector4<f64>> = steps.collect();
         if next { ws.spots.dw_next = target } else { ws.spots.dw = target }
+    }
+
+    /// The displacement of a carrier and the change of its velocity that go with the change `d` of velocities; `moved` is what
+    /// [`crate::bodies::dynamics::Partials::carry`] makes of it.
+    pub(super) fn moved(
+        &self,
+        carrier: Carrier,
+        d: &[f64],
+        moved: &[(Vector6<f64>, Vector6<f64>)],
+        ws: &Workspace,
+    ) -> [Vector6<f64>; 2] {
+        match carrier {
+            Carrier::World => [Vector6::zeros(); 2],
+            Carrier::Node(node) => {
+                let v = Vector6::new(0.0, 0.0, 0.0, d[3 * node], d[3 * node + 1], d[3 * node + 2]);
+                [v * (self.h * self.scheme.free.a1), v]
+            }
+            Carrier::Body(body) => {
+                let (xi, own) = moved[body];
+                [xi, own + moved_along(&xi, &ws.bodies.frames.bodies[body].velocity)]
+            }
+        }
     }
 }

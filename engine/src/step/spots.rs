@@ -16,6 +16,8 @@ use pliant_smoothing::{ContactLaw, SplitPoint};
 const RHO: f64 = 0.3;
 /// Acceleration that makes a weight of a mass in the smoothing of contacts of solids [m/s²]: near gravity's, but no parameter.
 pub(crate) const WEIGHT: f64 = 10.0;
+/// Softening that leaves nothing of a contact.
+const ABSENT: f64 = 1e12;
 /// Relative change below which a cone variable has settled: derivatives of friction that almost slips feel its last digits.
 const SETTLED: f64 = 1e-10;
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be
@@ -40,11 +42,20 @@ pub(crate) struct SpotWorkspace {
     pub wrenches: Vec<Force<f64>>,
     /// The fastest approach of two solids with a contact, or a step's fall [m/s].
     pub fastest: f64,
+    /// The fastest at which one would be pierced if nothing changed its motion [m/s].
+    pub closing: f64,
     pub changes: Vec<WrenchPartial>,
     posed: Vec<Posed<f64>>,
     mobility: Vec<Matrix6<f64>>,
     stiffening: Vec<f64>,
     found: Vec<(crate::geometry::solid::Spot, bool)>,
+}
+
+impl SpotWorkspace {
+    /// Whether solids are near enough to touch within the stage.
+    pub(crate) fn touching(&self) -> bool {
+        self.spots.iter().any(|s| matches!(s.key, SpotKey::Contact { .. }))
+    }
 }
 
 impl Stage<'_> {
@@ -56,7 +67,14 @@ impl Stage<'_> {
     /// The law's numbers at a contact of `pair`.
     pub(super) fn spot_law(&self, pair: usize, spot: &SpotState) -> SpotLaw {
         let pair = &self.model.solid_pairs[pair];
-        spot_law(self.model.contact.law, pair, spot, self.theta, [self.h, self.rest_gap], self.soften)
+        spot_law(
+            self.model.contact.law,
+            pair,
+            spot,
+            self.theta,
+            [self.h, self.rest_gap],
+            if self.absent { ABSENT } else { self.soften },
+        )
     }
 
     /// The numbers of a tie's rows.
@@ -109,15 +127,16 @@ impl Stage<'_> {
                 let solids = if swapped { [b, a] } else { [a, b] };
                 let carriers = solids.map(|s| self.model.solids[s].carrier);
                 let key = SpotKey::Contact { pair: k, spot, swapped };
-                part.spots.push(SpotState { key, carriers, solids, rho_n: 0.0, rho_t: 0.0 });
+                part.spots.push(SpotState { key, carriers, solids, rho_n: 0.0, rho_t: 0.0, gap: 0.0 });
             }
         }
         for (tie, held) in self.model.ties.iter().enumerate() {
             for turn in [false, true].into_iter().take(1 + usize::from(held.relative.is_some())) {
                 let key = SpotKey::Tie { tie, turn };
-                part.spots.push(SpotState { key, carriers: held.carriers, solids: [0; 2], rho_n: 0.0, rho_t: 0.0 });
+                part.spots.push(SpotState { key, carriers: held.carriers, solids: [0; 2], rho_n: 0.0, rho_t: 0.0, gap: 0.0 });
             }
         }
+        part.closing = 0.0;
         if !part.spots.is_empty() {
             self.weigh_spots(&mut part, n, ws);
         }
@@ -139,6 +158,7 @@ impl Stage<'_> {
         part.stiffening.resize(tree.nv() * tree.nv(), 0.0);
         self.joint_stiffening(n, &mut part.stiffening);
         mobilities(tree, &ws.bodies.frames, self.inertias, &part.stiffening, &mut part.mobility);
+        let mut closing = 0.0_f64;
         for spot in &mut part.spots {
             let of = |carrier: Carrier, wrench: &Force<f64>| match carrier {
                 Carrier::World => 0.0,
@@ -157,6 +177,9 @@ impl Stage<'_> {
                     let st = 0.25 * (along(s + t) - along(s - t));
                     let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
                     (spot.rho_n, spot.rho_t) = (RHO / along(meeting.normal), RHO / across);
+                    spot.gap = meeting.gap;
+                    let [va, vb] = spot.carriers.map(|c| self.velocity(c, self.v_ref, ws));
+                    closing = closing.max(-meeting.gap / self.h - (va - vb).at(&meeting.point).dot(&meeting.normal));
                 }
                 SpotKey::Tie { tie, turn } => {
                     let rows = self.tie_rows(tie, turn, spot, self.q_ref, ws);
@@ -166,6 +189,7 @@ impl Stage<'_> {
                 }
             }
         }
+        part.closing = closing;
     }
 
     /// Cone variables to start from: those of the last stage; of a new contact on the central path.
@@ -295,7 +319,7 @@ fn bound(a: &Posed<f64>, b: &Posed<f64>) -> f64 {
 }
 
 /// Two unit vectors across a unit vector and each other.
-fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
+pub(super) fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
     let k = n.iamin();
     let mut e = Vec3::zeros();
     e[k] = 1.0;

@@ -86,6 +86,10 @@ pub(crate) struct Stage<'a> {
     pub damping: f64,
     /// The same for the contacts of solids [-]; see [`pliant_smoothing::SplitPoint`].
     pub soften: f64,
+    /// Whether contacts of solids push nothing, beside the impulses of the iterate.
+    pub absent: bool,
+    /// Whether everything is tried; otherwise the step can be halved.
+    pub thorough: bool,
     /// Whether the root is only passed through.
     pub coarse: bool,
 }
@@ -118,7 +122,7 @@ impl Stage<'_> {
             && self.model.ties.is_empty())
     }
 
-    fn place(&self, v: &[f64], ws: &mut Workspace) {
+    pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
         for (node, &driven) in self.model.driven.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
             for k in (0..3).map(|a| 3 * node + a) {

@@ -12,6 +12,9 @@ use crate::scene::Integrator;
 use crate::state::State;
 use crate::terms::joint::JointPoint;
 
+/// Substeps longer than this part of the step are refused if they create energy: what they create falls with the square of their length.
+const SHORTEST_GUARDED: f64 = 0.1;
+
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepOptions {
@@ -162,7 +165,7 @@ impl<'m> Stepper<'m> {
         Ok(())
     }
 
-    /// One (sub)step of length `h`, or two of half the length if it fails.
+    /// One (sub)step of length `h`, or two of half the length if it fails or creates energy.
     fn substep(
         &mut self,
         state: &mut State,
@@ -173,12 +176,14 @@ impl<'m> Stepper<'m> {
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        match self.integrate(state, h, v_cmd, trace, stages) {
-            Err(
+        match self.integrate(state, h, v_cmd, halvings == 0, trace, stages) {
+            Ok(false)
+            | Err(
                 StepError::NotConverged { .. }
                 | StepError::Singular { .. }
                 | StepError::Geometry { .. }
-                | StepError::NoNormal { .. },
+                | StepError::NoNormal { .. }
+                | StepError::ContactNotFinite { .. },
             ) if halvings > 0 => {
                 *state = before;
                 stages.truncate(kept);
@@ -187,18 +192,20 @@ impl<'m> Stepper<'m> {
                 self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)?;
                 self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)
             }
-            other => other,
+            other => other.map(|_| ()),
         }
     }
 
+    /// Takes one (sub)step; false if it is refused. `thorough` if it cannot be halved.
     fn integrate(
         &mut self,
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
+        thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
-    ) -> Result<(), StepError> {
+    ) -> Result<bool, StepError> {
         self.remember(state);
         let single = match self.model.integrator {
             Integrator::Euler => Some(EULER),
@@ -209,15 +216,17 @@ impl<'m> Stepper<'m> {
             self.q_ref.copy_from_slice(&state.q);
             self.v_ref.copy_from_slice(&state.v);
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
-            self.stage(state, scheme, h, v_cmd, Link::Single, trace, stages)?;
-            self.advance(state, h, stages);
-            return Ok(());
+            let sound = self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)?;
+            if sound {
+                self.advance(state, h, stages);
+            }
+            return Ok(sound);
         }
         let (gamma, start) = (SDIRK_GAMMA, state.clone());
         self.q_ref.copy_from_slice(&start.q);
         self.v_ref.copy_from_slice(&start.v);
         self.elapsed = gamma * h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, trace, stages)?;
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, thorough, trace, stages)?;
         let ratio = (1.0 - gamma) / gamma;
         let n = self.model.n_node_dofs();
         for k in 0..n {
@@ -230,14 +239,14 @@ impl<'m> Stepper<'m> {
         }
         let first = stages.len();
         self.elapsed = h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, trace, stages)?;
+        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, thorough, trace, stages)?;
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
             record.lead = turns;
         }
         self.advance(state, h, stages);
-        Ok(())
+        Ok(true)
     }
 
     /// Keeps the beginning of a (sub)step for what remembers it.
@@ -265,7 +274,7 @@ impl<'m> Stepper<'m> {
         }
     }
 
-    /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end.
+    /// Solves one stage from `q_ref`, `v_ref`; `state` becomes its end, unless the stage is refused (false).
     #[allow(clippy::too_many_arguments)] // the trace and the records of a step are gathered through all its stages
     fn stage(
         &mut self,
@@ -274,9 +283,10 @@ impl<'m> Stepper<'m> {
         h: f64,
         v_cmd: &[f64],
         link: Link,
+        thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
-    ) -> Result<(), StepError> {
+    ) -> Result<bool, StepError> {
         let stage = Stage {
             model: self.model,
             theta: self.theta,
@@ -294,10 +304,19 @@ impl<'m> Stepper<'m> {
             rest_gap: self.rest_gap,
             damping: 0.0,
             soften: 0.0,
+            absent: false,
+            thorough,
             coarse: false,
         };
         let mut work = Work::default();
-        solve_stage(&stage, &mut self.ws, &mut work)?;
+        let solved = solve_stage(&stage, &mut self.ws, &mut work);
+        trace.work.add(work);
+        solved?;
+        let mut work = Work::default();
+        let guarded = link == Link::Single && !thorough && h > SHORTEST_GUARDED * self.model.h;
+        if guarded && stage.creates_energy(&mut self.ws)? {
+            return Ok(false);
+        }
         if self.options.record {
             work.factorizations += 1;
             stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
@@ -313,7 +332,7 @@ impl<'m> Stepper<'m> {
         let (q_ref, v_ref, v) = (&self.q_ref[n..], &self.v_ref[n..], &self.ws.it.v[n..]);
         end_positions(&self.model.tree, &scheme, h, q_ref, v_ref, v, &mut state.q[n..]);
         state.v.copy_from_slice(&self.ws.it.v);
-        Ok(())
+        Ok(true)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The memory of a step, allocated once and reused: the Newton loop allocates nothing.
 
 use super::bodies::BodyWorkspace;
+use super::frozen::FrozenWorkspace;
 use super::spots::SpotWorkspace;
 use super::stage::Iterate;
 use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
@@ -58,6 +59,8 @@ pub struct Workspace {
     pub(crate) ds_next: Vec<f64>,
     /// Contacts of solids.
     pub(crate) spots: SpotWorkspace,
+    /// Their start at frozen geometry.
+    pub(crate) frozen: FrozenWorkspace,
     /// The bodies' part.
     pub(crate) bodies: BodyWorkspace,
     /// Impulses of the last converged stage; none before the first.
@@ -99,6 +102,7 @@ impl Workspace {
             trial: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             touching: touching_nodes(model),
             spots: SpotWorkspace::default(),
+            frozen: FrozenWorkspace::default(),
             bodies: BodyWorkspace::default(),
             rows: vec![RowLinear::default(); n_rows],
             row_residuals: rows(),

@@ -1,0 +1,211 @@
+//! A start for Newton's method where contacts of solids are made or change: their law at frozen geometry.
+//!
+//! With K of everything but the contacts, factored once where the stage begins, velocities and relative velocities at the contacts are
+//! affine in the impulses p,
+//! ```text
+//! v = v₀ − K⁻¹ r₀ + Y p,   u = b + G p,   Y = K⁻¹ Sᵀ/h,   G = ∂u/∂v Y,   u = (gap/h, v_s, v_t)
+//! ```
+//! and Coulomb's law without smoothing is swept over contact by contact: `p_n ← max(0, p_n − u_n/G_nn)`, then `p_t − u_t/G_tt` drawn back
+//! to the disc μ p_n. This finds which contacts close and which slide, which Newton's method on stiff contacts takes many
+//! factorizations to find; it takes one. What is left to Newton is that bodies turn.
+//! Reference: J. J. Moreau (1999), Comput. Methods Appl. Mech. Engrg. 177, for the sweeps.
+
+use super::spots::tangents;
+use super::{Stage, StepError, Workspace};
+use crate::bodies::spatial::Force;
+use crate::contact::{SpotKey, SpotState};
+use crate::geometry::solid::Carrier;
+use crate::terms::Vec3;
+use nalgebra::{Vector4, Vector6};
+
+/// Sweeps over all contacts, and the change of the impulses, relative to the largest, that ends them.
+const SWEEPS: usize = 100;
+const ENOUGH: f64 = 1e-4;
+
+/// What the start keeps between stages.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FrozenWorkspace {
+    /// Contacts: index of the spot, μ, compliance over h², axes and the point they meet at.
+    points: Vec<FrozenPoint>,
+    /// Y, row-major, and G by columns.
+    response: Vec<f64>,
+    delassus: Vec<f64>,
+    /// u [m/s] and p [N·s].
+    u: Vec<f64>,
+    p: Vec<f64>,
+    column: Vec<f64>,
+}
+
+#[derive(Clone, Debug)]
+struct FrozenPoint {
+    spot: usize,
+    mu: f64,
+    give: f64,
+    axes: [Vec3<f64>; 3],
+    point: Vec3<f64>,
+}
+
+impl Stage<'_> {
+    /// Takes the iterate to the root of the law at the geometry it has there. False, and the iterate unchanged, if there is none; what it
+    /// was is in `ws.trial`.
+    pub(crate) fn solve_frozen(&self, ws: &mut Workspace) -> bool {
+        ws.trial.clone_from(&ws.it);
+        let contacts = ws.it.p.iter_mut().zip(&ws.spots.spots).filter(|(_, spot)| is_contact(spot));
+        contacts.for_each(|(w, _)| *w = Vector4::zeros());
+        let mut part = std::mem::take(&mut ws.frozen);
+        let linear = Stage { absent: true, ..*self }.linearize_mixed(ws).is_ok() && ws.factor.refactor(&ws.k).is_ok();
+        let solved = linear && self.list_frozen(&mut part, ws).is_ok() && self.meet_frozen(&mut part, ws);
+        ws.frozen = part;
+        if !solved {
+            ws.it.clone_from(&ws.trial);
+        }
+        solved
+    }
+
+    /// Sweeps over the contacts listed, and moves the iterate; false if it leaves what is finite.
+    fn meet_frozen(&self, part: &mut FrozenWorkspace, ws: &mut Workspace) -> bool {
+        let (n, nv) = (3 * part.points.len(), ws.d.len());
+        // r₀ moves the bodies
+        ws.d.iter_mut().zip(&ws.r).for_each(|(d, r)| *d = -r);
+        ws.factor.solve(&mut ws.d);
+        let d = std::mem::take(&mut ws.d);
+        part.column.clear();
+        part.column.resize(n, 0.0);
+        self.relative(&d, &part.points, ws, &mut part.column);
+        part.u.iter_mut().zip(&part.column).for_each(|(u, c)| *u += c);
+        // Y and G
+        part.response.clear();
+        part.response.resize(nv * n, 0.0);
+        for (c, at) in part.points.iter().enumerate() {
+            for (k, axis) in at.axes.iter().enumerate() {
+                self.spread(&Force::at(&at.point, *axis), at.spot, ws, &mut |row, f| {
+                    part.response[row * n + 3 * c + k] += f / self.h
+                });
+            }
+        }
+        ws.factor.solve_many(&mut part.response, n);
+        part.delassus.clear();
+        part.delassus.resize(n * n, 0.0);
+        let mut y = std::mem::take(&mut ws.d_next);
+        for j in 0..n {
+            y.iter_mut().zip(part.response.chunks_exact(n)).for_each(|(y, row)| *y = row[j]);
+            self.relative(&y, &part.points, ws, &mut part.delassus[j * n..(j + 1) * n]);
+        }
+        (ws.d, ws.d_next) = (d, y);
+        for j in 0..n {
+            let p = part.p[j];
+            part.u.iter_mut().zip(&part.delassus[j * n..(j + 1) * n]).for_each(|(u, g)| *u += g * p);
+        }
+        part.sweep();
+        for ((v, d), row) in ws.it.v.iter_mut().zip(&ws.d).zip(part.response.chunks_exact(n)) {
+            *v += d + row.iter().zip(&part.p).map(|(y, p)| y * p).sum::<f64>();
+        }
+        for (c, at) in part.points.iter().enumerate() {
+            let SpotKey::Contact { pair, .. } = ws.spots.spots[at.spot].key else { continue };
+            let law = self.spot_law(pair, &ws.spots.spots[at.spot]);
+            let p = &part.p[3 * c..3 * c + 3];
+            let (z, rk) = (p[0] - law.at.rho_n * (part.u[3 * c] + at.give * p[0]), law.at.rho_n * law.at.kappa);
+            let root = (z * z + 4.0 * rk).sqrt();
+            let normal = if z > 0.0 { 0.5 * (z + root) } else { 2.0 * rk / (root - z) };
+            let share = if at.mu > 0.0 { 1.0 / at.mu } else { 0.0 };
+            let across = (at.axes[1] * p[1] + at.axes[2] * p[2]) * share;
+            ws.it.p[at.spot] = Vector4::new(normal, across[0], across[1], across[2]);
+        }
+        ws.it.v.iter().chain(ws.it.p.iter().flatten()).all(|x| x.is_finite())
+    }
+
+    /// The contacts, u where the linearization is, and p from the impulses that `ws.trial` keeps.
+    fn list_frozen(&self, part: &mut FrozenWorkspace, ws: &Workspace) -> Result<(), StepError> {
+        part.points.clear();
+        part.u.clear();
+        part.p.clear();
+        for (k, spot) in ws.spots.spots.iter().enumerate() {
+            let SpotKey::Contact { pair, spot: features, .. } = spot.key else { continue };
+            let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
+            let sliding = self.sliding(spot, &meeting, &ws.trial.v, ws);
+            let law = self.spot_law(pair, spot);
+            let [s, t] = tangents(&meeting.normal);
+            let (mu, w) = (law.at.mu, ws.trial.p[k]);
+            let across = Vec3::new(w[1], w[2], w[3]) * mu;
+            part.points.push(FrozenPoint { spot: k, mu, give: law.at.give, axes: [meeting.normal, s, t], point: meeting.point });
+            part.u.extend([meeting.gap / self.h, sliding.velocity.dot(&s), sliding.velocity.dot(&t)]);
+            part.p.extend([w[0], across.dot(&s), across.dot(&t)]);
+        }
+        Ok(())
+    }
+
+    /// Changes of u that go with the change `d` of velocities; the columns must be those of K.
+    fn relative(&self, d: &[f64], points: &[FrozenPoint], ws: &Workspace, out: &mut [f64]) {
+        let moved = ws.bodies.partials.carry(&self.model.tree, &d[self.model.n_node_dofs()..]);
+        for (at, u) in points.iter().zip(out.chunks_exact_mut(3)) {
+            let [a, b] = ws.spots.spots[at.spot].carriers.map(|c| self.moved(c, d, &moved, ws));
+            let along = |x: Vector6<f64>, axis: &Vec3<f64>| column_dot(&x, &Force::at(&at.point, *axis));
+            u[0] = along(a[0] - b[0], &at.axes[0]) / self.h;
+            u[1] = along(a[1] - b[1], &at.axes[1]);
+            u[2] = along(a[1] - b[1], &at.axes[2]);
+        }
+    }
+
+    /// Generalized forces of a wrench on the first solid of a spot and its opposite on the second.
+    fn spread(&self, wrench: &Force<f64>, spot: usize, ws: &Workspace, add: &mut dyn FnMut(usize, f64)) {
+        let n = self.model.n_node_dofs();
+        for (carrier, sign) in ws.spots.spots[spot].carriers.iter().zip([1.0, -1.0]) {
+            match *carrier {
+                Carrier::World => {}
+                Carrier::Node(node) if self.model.driven[node] => {}
+                Carrier::Node(node) => (0..3).for_each(|a| add(3 * node + a, sign * wrench.f[a])),
+                Carrier::Body(body) => {
+                    let tree = &self.model.tree;
+                    tree.chain(tree.last_dof(body)).for_each(|l| add(n + l, sign * ws.bodies.frames.axes[l].s.dot(wrench)));
+                }
+            }
+        }
+    }
+}
+
+impl FrozenWorkspace {
+    /// Sweeps until impulses change little.
+    fn sweep(&mut self) {
+        let n = self.p.len();
+        for _ in 0..SWEEPS {
+            let (mut change, mut largest) = (0.0_f64, 0.0_f64);
+            for (c, at) in self.points.iter().enumerate() {
+                let k = 3 * c;
+                let g = |a: usize| self.delassus[(k + a) * n + k + a].max(f64::MIN_POSITIVE);
+                let old = [self.p[k], self.p[k + 1], self.p[k + 2]];
+                let normal = (old[0] - (self.u[k] + at.give * old[0]) / (g(0) + at.give)).max(0.0);
+                add_column(&mut self.u, &self.delassus, k, normal - old[0]);
+                let stiff = 1.0 / g(1).max(g(2));
+                let mut across = [1, 2].map(|a| old[a] - self.u[k + a] * stiff);
+                let (size, most) = (across[0].hypot(across[1]), at.mu * normal);
+                if size > most {
+                    across = across.map(|x| x * most / size);
+                }
+                add_column(&mut self.u, &self.delassus, k + 1, across[0] - old[1]);
+                add_column(&mut self.u, &self.delassus, k + 2, across[1] - old[2]);
+                let new = [normal, across[0], across[1]];
+                self.p[k..k + 3].copy_from_slice(&new);
+                change = new.iter().zip(old).fold(change, |m, (x, y)| m.max((x - y).abs()));
+                largest = largest.max(normal);
+            }
+            if change <= ENOUGH * largest {
+                break;
+            }
+        }
+    }
+}
+
+/// `u += G e_j x`.
+fn add_column(u: &mut [f64], delassus: &[f64], j: usize, x: f64) {
+    let n = u.len();
+    u.iter_mut().zip(&delassus[j * n..(j + 1) * n]).for_each(|(u, g)| *u += g * x);
+}
+
+fn is_contact(spot: &SpotState) -> bool {
+    matches!(spot.key, SpotKey::Contact { .. })
+}
+
+/// A six-vector of motion along a wrench.
+fn column_dot(x: &Vector6<f64>, f: &Force<f64>) -> f64 {
+    x[0] * f.n[0] + x[1] * f.n[1] + x[2] * f.n[2] + x[3] * f.f[0] + x[4] * f.f[1] + x[5] * f.f[2]
+}

@@ -1,0 +1,74 @@
+//! Steps too long for what turns in them.
+//!
+//! Newton's method finds a root of the discrete equations; that it is the motion they stand for is another matter. At it the forces f do
+//! the work h v⁺·f, and the change of energy may exceed it, since inertia, weight and the distance between two solids change along the
+//! way while forces are those of its end:
+//! ```text
+//! D = ΔT − g·Δ(Σ m x) − h v⁺·ID(q⁺, v⁺, ā) + Σ_contacts w·u⁺        [J]
+//! ```
+//! with ID of inertia and weight, and u⁺ the relative velocity at a contact, which by itself can only take energy. For bodies that do not
+//! turn D ≤ 0: implicit Euler dissipates. A step that creates a noticeable part of the kinetic energy is refused, and two of half the
+//! length are taken.
+
+use super::{Stage, StepError, Workspace};
+use crate::bodies::Frames;
+use crate::bodies::dynamics::inverse_dynamics;
+use crate::contact::{SpotKey, spot_wrench};
+use crate::terms::Vec3;
+
+/// Largest part of the kinetic energy that a step may create.
+const CREATED: f64 = 0.02;
+
+impl Stage<'_> {
+    /// Whether the root in `ws.it` created too much energy, where solids may touch.
+    pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<bool, StepError> {
+        if !ws.spots.touching() {
+            return Ok(false);
+        }
+        let it = std::mem::take(&mut ws.it);
+        let balance = self.balance(&it, ws);
+        ws.it = it;
+        let (created, kinetic) = balance?;
+        let fall = self.theta[self.model.gravity] * self.h;
+        Ok(created > CREATED * kinetic + 0.5 * self.measure.total * fall * fall)
+    }
+
+    /// D and the kinetic energy at the end \[J\], of bodies.
+    fn balance(&self, it: &super::stage::Iterate, ws: &mut Workspace) -> Result<(f64, f64), StepError> {
+        let n = self.model.n_node_dofs();
+        self.frames_at_start(ws);
+        let (before, moment_before) = self.kinetic_and_moment(&ws.bodies.frames);
+        self.place(&it.v, ws);
+        self.evaluate_frames(&it.v, ws, false);
+        let (after, moment_after) = self.kinetic_and_moment(&ws.bodies.frames);
+        let mut touched = 0.0;
+        // further than a step's fall: a contact not listed before, which pushes out what pierces it faster the shorter the step
+        let pierced = self.theta[self.model.gravity].abs() * self.h * self.h;
+        for (spot, w) in ws.spots.spots.iter().zip(&it.p) {
+            let SpotKey::Contact { pair, spot: features, .. } = spot.key else { continue };
+            if spot.gap < -pierced {
+                continue;
+            }
+            let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
+            let wrench = spot_wrench(&meeting, self.spot_law(pair, spot).at.mu, w);
+            touched += self.sliding(spot, &meeting, &it.v, ws).relative.dot(&wrench);
+        }
+        let tau = &mut ws.r[n..];
+        let mut forces = Vec::new();
+        inverse_dynamics(&self.model.tree, &ws.bodies.frames, self.inertias, &[], &mut forces, tau);
+        let work: f64 = tau.iter().zip(&it.v[n..]).map(|(t, v)| t * v).sum();
+        let lifted = self.model.gravity_vector(self.theta).dot(&(moment_after - moment_before));
+        Ok((after - before - lifted - self.h * work + touched, after))
+    }
+
+    /// Kinetic energy \[J\] and first moment of mass about the frames' origin [kg·m] of the bodies.
+    fn kinetic_and_moment(&self, frames: &Frames<f64>) -> (f64, Vec3<f64>) {
+        let mut sum = (0.0, Vec3::zeros());
+        for (frame, inertia) in frames.bodies.iter().zip(self.inertias) {
+            let placed = inertia.placed(&frame.rotation, &frame.position);
+            sum.0 += 0.5 * frame.velocity.dot(&placed.mul(&frame.velocity));
+            sum.1 += placed.h;
+        }
+        sum
+    }
+}
