@@ -121,6 +121,9 @@ impl StageRecord {
     }
 
     pub(super) fn subtract_spots(&self, x: &[f64], out: &mut [f64], columns: usize) {
+        if columns == 1 {
+            return self.subtract_spots_one(x, out);
+        }
         self.run(Task::Subtract { x, out }, columns);
     }
 
@@ -138,6 +141,9 @@ impl StageRecord {
 
     /// `b_v += impulse F_w⁻¹ b_w/h`.
     pub(super) fn eliminate_spots(&self, b: &mut [f64], columns: usize) {
+        if columns == 1 {
+            return self.eliminate_spots_one(b);
+        }
         self.run(Task::Eliminate { b }, columns);
     }
 
@@ -158,6 +164,9 @@ impl StageRecord {
 
     /// `b_w ← F_w⁻¹ (b_w − slope b_v)`.
     pub(super) fn recover_spots(&self, b: &mut [f64], columns: usize) {
+        if columns == 1 {
+            return self.recover_spots_one(b);
+        }
         self.run(Task::Recover { b }, columns);
     }
 
@@ -175,6 +184,9 @@ impl StageRecord {
     }
 
     pub(super) fn add_spot_positions(&self, scale: f64, q: &[f64], out: &mut [f64], columns: usize) {
+        if columns == 1 {
+            return self.add_spot_positions_one(scale, q, out);
+        }
         self.run(Task::Positions { scale, q, out }, columns);
     }
 

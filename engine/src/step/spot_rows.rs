@@ -130,6 +130,48 @@ impl StageRecord {
         self.v.len() + 4 * self.contacts.len() + self.rows.len() + 4 * k
     }
 
+    // One column: the same operations as of the transpose, in the same order, so that products with the one and the other agree.
+
+    pub(super) fn subtract_spots_one(&self, x: &[f64], out: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for dof in &spot.dofs {
+                add_product(&(dof.impulse.transpose() / self.h), x, at, out, dof.v, 1);
+                add_product(&-dof.slope, x, dof.v, out, at, 1);
+            }
+            add_product(&-spot.f_w, x, at, out, at, 1);
+        }
+    }
+
+    /// `b_v += impulse F_w⁻¹ b_w/h`; F_w⁻¹ first: its large entries cancel there.
+    pub(super) fn eliminate_spots_one(&self, b: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            let w = spot.inverse * Vector4::from_fn(|r, _| b[at + r]);
+            spot.dofs.iter().for_each(|dof| b[dof.v] += dof.impulse.dot(&w) / self.h);
+        }
+    }
+
+    /// `b_w ← F_w⁻¹ (b_w − slope b_v)`.
+    pub(super) fn recover_spots_one(&self, b: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            let mut w = Vector4::from_fn(|r, _| b[at + r]);
+            spot.dofs.iter().for_each(|dof| w -= dof.slope * b[dof.v]);
+            w = spot.inverse * w;
+            (0..4).for_each(|r| b[at + r] = w[r]);
+        }
+    }
+
+    pub(super) fn add_spot_positions_one(&self, scale: f64, q: &[f64], out: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for dof in &spot.dofs {
+                (0..4).for_each(|r| out[at + r] += scale * dof.by_q[r] * q[dof.v]);
+            }
+        }
+    }
+
     pub(super) fn subtract_spots_transpose(&self, x: &[f64], out: &mut [f64]) {
         for (k, spot) in self.spots.iter().enumerate() {
             let at = self.spot_row(k);
