@@ -26,29 +26,60 @@ fn negate(x: &mut [f64]) {
 pub(crate) struct Refinement {
     rhs: Vec<f64>,
     defect: Vec<f64>,
+    /// Largest entries of the columns of a solution and its correction.
+    largest: [Vec<f64>; 2],
 }
 
-/// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root; row-major, `columns` directions per row.
+/// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root, of which only the rows of velocities are meant; row-major,
+/// `columns` directions per row.
 ///
 /// Many columns are refined only if that changes their sum, which is solved first as a probe, or if bodies touch: what four legs share
-/// may cancel in the sum.
+/// may cancel in the sum. They are refined a second time only if the first says that it would show: each correction is to the one
+/// before as that is to the solution. A single column is always refined fully.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);
     let refine = columns <= 1
         || stage.has_solids()
         || worth_refining(stage, x.chunks_exact(columns).map(|row| row.iter().sum()).collect());
-    if refine {
-        memory.rhs.clear();
-        memory.rhs.extend_from_slice(x);
+    if !refine {
+        stage.solve_velocities(x, columns);
+        return;
     }
+    memory.rhs.clear();
+    memory.rhs.extend_from_slice(x);
     stage.solve_system(x, columns);
-    for _ in 0..if refine { refinements(stage) } else { 0 } {
+    let velocities = stage.v.len() * columns;
+    for left in (0..refinements(stage)).rev() {
         memory.defect.clear();
         memory.defect.extend_from_slice(&memory.rhs);
         stage.subtract_system(x, &mut memory.defect, columns);
-        stage.solve_system(&mut memory.defect, columns);
-        x.iter_mut().zip(&memory.defect).for_each(|(x, d)| *x += d);
+        stage.solve_velocities(&mut memory.defect, columns);
+        let (solution, correction) = (&x[..velocities], &memory.defect[..velocities]);
+        let done = left == 0 || (columns > 1 && settled(solution, correction, columns, &mut memory.largest));
+        let end = if done {
+            velocities
+        } else {
+            stage.recover_impulses(&mut memory.defect, columns);
+            x.len()
+        };
+        x[..end].iter_mut().zip(&memory.defect).for_each(|(x, d)| *x += d);
+        if done {
+            break;
+        }
     }
+}
+
+/// Whether the correction after `d` would be below [`REFINED`] of the largest entry of `x`, in every column.
+fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f64>; 2]) -> bool {
+    for (largest, rows) in largest.iter_mut().zip([x, d]) {
+        largest.clear();
+        largest.resize(columns, 0.0);
+        for row in rows.chunks_exact(columns) {
+            // plain comparisons: they pass NaN over, which then shows all the same
+            largest.iter_mut().zip(row).for_each(|(m, x)| *m = if x.abs() > *m { x.abs() } else { *m });
+        }
+    }
+    largest[0].iter().zip(&largest[1]).all(|(x, d)| d * d <= REFINED * x * x)
 }
 
 /// Whether a refinement changes the solution for `rhs` by more than [`REFINED`] of its largest entry.

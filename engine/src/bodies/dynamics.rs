@@ -15,7 +15,8 @@
 //! outside does when its body is displaced.
 
 use super::frames::Frames;
-use super::spatial::{Force, Inertia, Motion, VelocityPartial, column};
+use super::spatial::{Force, Inertia, Motion, VelocityPartial, column, product};
+use super::spread::Spread;
 use super::tree::Tree;
 use crate::terms::Real;
 use nalgebra::{Matrix3, Matrix6, Vector6};
@@ -61,20 +62,21 @@ pub struct Displacement {
 /// Composites over subtrees: see [`Partials::gather`].
 #[derive(Clone, Debug, Default)]
 pub struct Partials {
-    inertia: Vec<Inertia<f64>>,
-    forces: Vec<Force<f64>>,
-    b: Vec<VelocityPartial>,
+    pub(super) inertia: Vec<Inertia<f64>>,
+    pub(super) forces: Vec<Force<f64>>,
+    pub(super) b: Vec<VelocityPartial>,
     /// Of the wrenches from outside: with displacement (C), and with velocity.
-    outside: Vec<[Matrix6<f64>; 2]>,
-    columns: Vec<Columns>,
+    pub(super) outside: Vec<[Matrix6<f64>; 2]>,
+    pub(super) columns: Vec<Columns>,
+    pub(super) spread: Spread,
 }
 
 /// What a degree of freedom contributes to the products above.
 #[derive(Clone, Copy, Debug)]
-struct Columns {
-    alpha: Vector6<f64>,
-    beta: Vector6<f64>,
-    gamma: Vector6<f64>,
+pub(super) struct Columns {
+    pub alpha: Vector6<f64>,
+    pub beta: Vector6<f64>,
+    pub gamma: Vector6<f64>,
 }
 
 /// How the wrench on a body changes: with its displacement (twist of the body) and with its velocity.
@@ -133,7 +135,7 @@ impl Partials {
         for change in changes {
             // in the body's own axes: δ'W = ∂W/∂ξ ξ + ∂W/∂V (δ'V + ξ × V) − ξ ×* W
             let velocity = &frames.bodies[change.body].velocity;
-            self.outside[change.body][0] -= change.displaced + change.moving * cross_matrix(velocity);
+            self.outside[change.body][0] -= change.displaced + product(&change.moving, &cross_matrix(velocity));
             self.outside[change.body][1] -= change.moving;
         }
     }
@@ -142,55 +144,6 @@ impl Partials {
     pub fn tau(&self, tree: &Tree, frames: &Frames<f64>, tau: &mut [f64]) {
         for (l, dof) in tree.dofs().iter().enumerate() {
             tau[l] = frames.axes[l].s.dot(&self.forces[dof.body]);
-        }
-    }
-
-    /// Adds the change of τ to the row-major matrix `out` (rows `stride` apart), for the displacement `by`; `turns` holds J of every
-    /// joint that has one of its own (identity if empty).
-    pub fn add(
-        &mut self,
-        tree: &Tree,
-        frames: &Frames<f64>,
-        by: Displacement,
-        turns: &[Option<Matrix3<f64>>],
-        out: &mut [f64],
-        stride: usize,
-    ) {
-        self.fill_columns(tree, frames, by, turns);
-        for (i, dof) in tree.dofs().iter().enumerate() {
-            let (inertia, b) = (&self.inertia[dof.body], &self.b[dof.body]);
-            let s = &frames.axes[i].s;
-            let own = &self.columns[i];
-            let z = force_column(&inertia.mul(s));
-            let mut y = Vector6::zeros();
-            y.fixed_rows_mut::<3>(0).copy_from(&b.tr_mul(s));
-            let gamma = as_motion(&own.gamma);
-            let turning = own.beta.fixed_rows::<3>(0).into_owned();
-            let carried = gamma.cross_force(&self.forces[dof.body]);
-            let mut beyond = force_column(&(inertia.mul(&as_motion(&own.alpha)) + b.mul(&turning) + carried));
-            let mut x = None;
-            if let Some([c, d]) = self.outside.get(dof.body) {
-                beyond += c * own.gamma + d * own.beta;
-                y += d.tr_mul(&column(s));
-                x = Some(c.tr_mul(&column(s)));
-            }
-            // the joint's own degrees of freedom and all before it
-            let mut next = Some(last_of_joint(tree, i));
-            while let Some(l) = next {
-                let other = &self.columns[l];
-                let mut value = z.dot(&other.alpha) + y.dot(&other.beta);
-                if let Some(x) = &x {
-                    value += x.dot(&other.gamma);
-                }
-                out[i * stride + l] += value;
-                next = tree.dofs()[l].parent;
-            }
-            // rows of those strictly before the joint see this degree of freedom from below
-            let mut next = dof.before_joint;
-            while let Some(l) = next {
-                out[l * stride + i] += column(&frames.axes[l].s).dot(&beyond);
-                next = tree.dofs()[l].parent;
-            }
         }
     }
 
@@ -244,12 +197,6 @@ pub fn moved_along(xi: &Vector6<f64>, velocity: &Motion<f64>) -> Vector6<f64> {
     column(&as_motion(xi).cross(velocity))
 }
 
-/// The last degree of freedom of the joint of `i`.
-fn last_of_joint(tree: &Tree, i: usize) -> usize {
-    let joint = &tree.joints()[tree.dofs()[i].joint];
-    joint.v + joint.kind.n_dofs() - 1
-}
-
 /// Column k becomes Σ_a (column a) J_ak.
 fn turn_columns(columns: &mut [Columns], j: &Matrix3<f64>) {
     let old = [columns[0], columns[1], columns[2]];
@@ -261,11 +208,11 @@ fn turn_columns(columns: &mut [Columns], j: &Matrix3<f64>) {
     }
 }
 
-fn as_motion(x: &Vector6<f64>) -> Motion<f64> {
+pub(super) fn as_motion(x: &Vector6<f64>) -> Motion<f64> {
     Motion { w: x.fixed_rows::<3>(0).into_owned(), v: x.fixed_rows::<3>(3).into_owned() }
 }
 
-fn force_column(f: &Force<f64>) -> Vector6<f64> {
+pub(super) fn force_column(f: &Force<f64>) -> Vector6<f64> {
     Vector6::new(f.n[0], f.n[1], f.n[2], f.f[0], f.f[1], f.f[2])
 }
 

@@ -4,7 +4,7 @@
 //! forces that the joints must exert, and ∂τ/∂(q̄, v̄, ā) in O(n · depth).
 //!
 //! **The flow.** 1. [`Tree`] is built once; 2. [`Frames`] places its bodies and axes; 3. [`dynamics`] turns them into τ and its
-//! partials. [`rotation`] knows how quaternions move, [`spatial`] the six-vectors, [`inertia`] which masses are possible.
+//! partials, which `spread` multiplies out into a matrix. [`rotation`] knows how quaternions move, [`spatial`] the six-vectors, [`inertia`] which masses are possible.
 
 pub mod dynamics;
 mod energy;
@@ -13,6 +13,7 @@ pub mod inertia;
 pub mod operational;
 pub mod rotation;
 pub mod spatial;
+mod spread;
 #[cfg(test)]
 mod tests;
 mod tree;

@@ -8,7 +8,7 @@
 //! Reference: K. Kreutz-Delgado, A. Jain, G. Rodriguez (1992), Int. J. Robotics Research 11(4), for the recursion of Ω.
 
 use super::frames::Frames;
-use super::spatial::{Force, Inertia, column, full, hat};
+use super::spatial::{Force, Inertia, column, full, hat, product, transposed_product};
 use super::tree::Tree;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector6};
 
@@ -32,7 +32,7 @@ pub fn mobilities(tree: &Tree, frames: &Frames<f64>, inertia: &[Inertia<f64>], s
             let dofs = joint.v..joint.v + joint.kind.n_dofs();
             let mut s = SMatrix::<f64, 6, 3>::zeros();
             dofs.clone().enumerate().for_each(|(k, l)| s.set_column(k, &axis(l)));
-            let mut d = s.transpose() * a * s;
+            let mut d = transposed_product(&s, &product(&a, &s));
             for (r, i) in dofs.clone().enumerate() {
                 for (c, l) in dofs.clone().enumerate() {
                     d[(r, c)] += stiffening[i * n + l];
@@ -40,8 +40,8 @@ pub fn mobilities(tree: &Tree, frames: &Frames<f64>, inertia: &[Inertia<f64>], s
             }
             (dofs.len()..3).for_each(|k| d[(k, k)] = 1.0);
             let Some(inverse) = d.try_inverse() else { continue };
-            let response = Response { s, gain: s * inverse, articulated: a };
-            a -= a * response.gain * s.transpose() * a;
+            let response = Response { s, gain: product(&s, &inverse), articulated: a };
+            a -= product(&product(&a, &response.gain), &transposed_product(&s, &a));
             responses[j] = Some(response);
         }
         if let Some(p) = body.parent {
@@ -52,8 +52,9 @@ pub fn mobilities(tree: &Tree, frames: &Frames<f64>, inertia: &[Inertia<f64>], s
     for body in tree.bodies() {
         let mut omega = body.parent.map_or_else(Matrix6::zeros, |p| out[p]);
         for response in body.joints.clone().filter_map(|j| responses[j].as_ref()) {
-            let pass = Matrix6::identity() - response.gain * response.s.transpose() * response.articulated;
-            omega = pass * omega * pass.transpose() + response.gain * response.s.transpose();
+            let pass = Matrix6::identity() - product(&response.gain, &transposed_product(&response.s, &response.articulated));
+            let passed = product(&product(&pass, &omega), &pass.transpose());
+            omega = passed + product(&response.gain, &response.s.transpose());
         }
         out.push(omega);
     }
@@ -80,5 +81,5 @@ fn matrix(inertia: &Inertia<f64>) -> Matrix6<f64> {
 /// W·Ω W: how fast a body moves along a unit impulse W when it is given it [1/kg or 1/(kg·m²)].
 pub fn yields(omega: &Matrix6<f64>, wrench: &Force<f64>) -> f64 {
     let w = Vector6::new(wrench.n[0], wrench.n[1], wrench.n[2], wrench.f[0], wrench.f[1], wrench.f[2]);
-    w.dot(&(omega * w))
+    w.dot(&product(omega, &w))
 }

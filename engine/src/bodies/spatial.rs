@@ -4,7 +4,7 @@
 //! about the origin and the force. Reference: R. Featherstone (2008), Rigid Body Dynamics Algorithms, chapter 2.
 
 use crate::terms::{Real, Vec3};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SMatrix};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// A velocity, an acceleration, or an axis of motion: angular part [rad/s], linear part at the origin [m/s].
@@ -244,4 +244,39 @@ impl AddAssign for VelocityPartial {
 #[inline]
 pub fn column(m: &Motion<f64>) -> nalgebra::Vector6<f64> {
     nalgebra::Vector6::new(m.w[0], m.w[1], m.w[2], m.v[0], m.v[1], m.v[2])
+}
+
+/// a b, all loops unrolled: the library's product is made for larger matrices.
+#[inline]
+pub(crate) fn product<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut out = SMatrix::<f64, R, C>::zeros();
+    for c in 0..C {
+        for k in 0..K {
+            let factor = b[(k, c)];
+            for r in 0..R {
+                out[(r, c)] += a[(r, k)] * factor;
+            }
+        }
+    }
+    out
+}
+
+/// aᵀ b.
+#[inline]
+pub(crate) fn transposed_product<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, K, R>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut out = SMatrix::<f64, R, C>::zeros();
+    for c in 0..C {
+        for r in 0..R {
+            for k in 0..K {
+                out[(r, c)] += a[(k, r)] * b[(k, c)];
+            }
+        }
+    }
+    out
 }

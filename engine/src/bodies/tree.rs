@@ -90,6 +90,8 @@ pub struct Tree {
     dofs: Vec<Dof>,
     /// Last degree of freedom that moves each body.
     last_dof: Vec<Option<usize>>,
+    /// First of the neighbouring numbers that each degree of freedom's way to the root begins with.
+    run_start: Vec<usize>,
     nq: usize,
 }
 
@@ -104,8 +106,10 @@ impl Tree {
             self.nq += joint.kind.n_coordinates();
             let before_joint = last;
             for _ in 0..joint.kind.n_dofs() {
+                let dof = self.dofs.len();
+                self.run_start.push(last.filter(|l| l + 1 == dof).map_or(dof, |l| self.run_start[l]));
                 self.dofs.push(Dof { body: index, joint: self.joints.len(), parent: last, before_joint });
-                last = Some(self.dofs.len() - 1);
+                last = Some(dof);
             }
             self.joints.push(joint);
         }
@@ -148,6 +152,12 @@ impl Tree {
     /// The degrees of freedom from `last` to the root.
     pub fn chain(&self, last: Option<usize>) -> impl Iterator<Item = usize> + '_ {
         std::iter::successors(last, |&l| self.dofs[l].parent)
+    }
+
+    /// As [`Tree::chain`], in runs of neighbouring numbers.
+    pub fn runs(&self, last: Option<usize>) -> impl Iterator<Item = Range<usize>> + '_ {
+        let run = |last: usize| self.run_start[last]..last + 1;
+        std::iter::successors(last.map(run), move |r| self.dofs[r.start].parent.map(run))
     }
 
     /// The body of that name.

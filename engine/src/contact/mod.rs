@@ -8,6 +8,7 @@
 mod condensed;
 mod coupling;
 mod joint_row;
+mod meeting;
 mod pair;
 mod solid_pair;
 mod tie;
@@ -17,11 +18,10 @@ pub use coupling::{Coupling, Lead};
 pub(crate) use joint_row::RowLinear;
 pub(crate) use joint_row::RowPoint;
 pub use joint_row::{JointFriction, JointRow, JointRowKind};
+pub(crate) use meeting::meeting_changes;
 pub use pair::ContactPair;
 pub(crate) use pair::Touch;
 pub use solid_pair::{Friction, SolidPair};
-pub(crate) use solid_pair::{
-    Sliding, SpotKey, SpotLaw, SpotLinear, SpotState, meeting_changes, node_of, pose_of_world, spot_wrench,
-};
+pub(crate) use solid_pair::{Sliding, SpotKey, SpotLaw, SpotLinear, SpotState, node_of, pose_of_world, spot_wrench};
 pub use tie::Tie;
 pub(crate) use tie::{TieLaw, TieRows};

@@ -1,10 +1,10 @@
 //! Two solids that may touch, and their contact at one spot linearized.
 
-use crate::bodies::spatial::{Force, Motion, hat};
-use crate::geometry::solid::{Carrier, Meeting, Pose, Posed, Solid, Spot, carried, meet};
+use super::meeting::Changes;
+use crate::bodies::spatial::{Force, Motion, hat, product};
+use crate::geometry::solid::{Carrier, Meeting, Pose, Spot, carried};
 use crate::terms::Vec3;
-use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, RowVector6, SMatrix, Vector4, Vector6};
-use num_dual::DualSVec64;
+use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4, Vector6};
 use pliant_smoothing::{ContactLaw, Linearization, SplitPoint, linearize, residual, split_linearize};
 
 /// Where a pair's coefficient of friction comes from.
@@ -131,45 +131,6 @@ pub(crate) fn spot_wrench(meeting: &Meeting<f64>, mu: f64, w: &Vector4<f64>) -> 
     Force::at(&meeting.point, meeting.normal * w[0] + Vec3::new(w[1], w[2], w[3]) * mu)
 }
 
-/// How a meeting changes with displacements (angular part first): of the first solid, and of the second.
-pub(crate) struct Changes {
-    gap: [RowVector6<f64>; 2],
-    normal: [Matrix3x6<f64>; 2],
-    point: [Matrix3x6<f64>; 2],
-}
-
-/// The meeting of a spot of two solids and its [`Changes`]; the distance where there is no normal.
-pub(crate) fn meeting_changes(
-    spot: &Spot,
-    solids: [&Solid; 2],
-    poses: [&Pose<f64>; 2],
-    theta: &[f64],
-) -> Result<(Meeting<f64>, Changes), f64> {
-    type Dual = DualSVec64<6>;
-    let constant = |k: usize| Dual::from_re(theta[k]);
-    let seeds: [Dual; 6] = std::array::from_fn(|k| Dual::from_re(0.0).derivative(k));
-    let a = solids[0].posed(&poses[0].displaced(&seeds), constant);
-    let still: Posed<f64> = solids[1].posed(poses[1], |k| theta[k]);
-    let b = Posed {
-        form: still.form,
-        rotation: still.rotation.map(Dual::from_re),
-        position: still.position.map(Dual::from_re),
-        sizes: still.sizes.map(Dual::from_re),
-    };
-    let m = meet(spot, &a, &b)?;
-    let slope = |x: &Dual| x.eps.0.map_or_else(RowVector6::zeros, |e| e.transpose());
-    let rows = |x: &Vec3<Dual>| Matrix3x6::from_rows(&[slope(&x[0]), slope(&x[1]), slope(&x[2])]);
-    let meeting = Meeting { gap: m.gap.re, normal: m.normal.map(|x| x.re), point: m.point.map(|x| x.re) };
-    // both displaced alike, everything is carried along
-    let (gap, normal, point) = (slope(&m.gap), rows(&m.normal), rows(&m.point));
-    let changes = Changes {
-        gap: [gap, -gap],
-        normal: [normal, carried(&meeting.normal, false) - normal],
-        point: [point, carried(&meeting.point, true) - point],
-    };
-    Ok((meeting, changes))
-}
-
 /// A spot linearized at an iterate, its cone variable eliminated. Displacements and velocities are six-vectors about the origin of
 /// the evaluation, angular part first; side 0 is the first solid. The wrench is that on the first; on the second it is the opposite.
 #[derive(Clone, Debug)]
@@ -219,15 +180,15 @@ impl SpotLinear {
                 return Matrix4x6::zeros();
             }
             let dn = &changes.normal[side];
-            let dv_t = turning * changes.point[side] - dn * along - n * (sliding.velocity.transpose() * dn);
-            lin.df_dvn * (changes.gap[side] / h) + lin.df_dvt * dv_t
+            let dv_t = product(&turning, &changes.point[side]) - dn * along - n * (sliding.velocity.transpose() * dn);
+            lin.df_dvn * (changes.gap[side] / h) + product(&lin.df_dvt, &dv_t)
         });
         let w_xi = [0, 1].map(|side| {
             if !moves[side] {
                 return Matrix6::zeros();
             }
             let dp = changes.normal[side] * w[0];
-            stack(&(hat(c) * dp - hat(&impulse) * changes.point[side]), &dp)
+            stack(&(product(&hat(c), &dp) - product(&hat(&impulse), &changes.point[side])), &dp)
         });
         let mut by_w = SMatrix::<f64, 3, 4>::zeros();
         by_w.set_column(0, n);
@@ -240,9 +201,9 @@ impl SpotLinear {
             f_w: lin.df_dw,
             inverse: lin.df_dw_inverse,
             f_xi,
-            f_v: lin.df_dvt * (projector * carried(c, true)),
+            f_v: product(&lin.df_dvt, &product(&projector, &carried(c, true))),
             w_w,
-            gain: w_w * lin.df_dw_inverse,
+            gain: product(&w_w, &lin.df_dw_inverse),
             w_xi,
             f_vn: lin.df_dvn,
             f_mu: lin.df_dmu,
@@ -252,7 +213,7 @@ impl SpotLinear {
 
     /// ∂W/∂ξ of a side, with w following (`condensed`) or fixed.
     pub fn by_displacement(&self, side: usize, condensed: bool) -> Matrix6<f64> {
-        if condensed { self.w_xi[side] - self.gain * self.f_xi[side] } else { self.w_xi[side] }
+        if condensed { self.w_xi[side] - product(&self.gain, &self.f_xi[side]) } else { self.w_xi[side] }
     }
 
     /// ∂W/∂V of a side.
@@ -260,7 +221,7 @@ impl SpotLinear {
         if !condensed {
             return Matrix6::zeros();
         }
-        let of_first = -(self.gain * self.f_v);
+        let of_first = -product(&self.gain, &self.f_v);
         if side == 0 { of_first } else { -of_first }
     }
 

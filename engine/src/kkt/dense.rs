@@ -1,6 +1,7 @@
 //! Dense factorizations: own kernels for small systems, faer's for large ones.
 
-use super::dense_small::{DenseCholesky, DenseLu};
+use super::dense_cholesky::DenseCholesky;
+use super::dense_lu::DenseLu;
 use super::{BlockBand, KktError, PIVOT_FLOOR, Symmetry, sum_abs};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
@@ -27,7 +28,8 @@ impl Dense {
     pub fn new(symmetry: Symmetry, dim: usize) -> Self {
         let permutation = [vec![0; dim], vec![0; dim]];
         let entries = vec![0.0; dim * dim];
-        Self { symmetry, dim, entries, permutation, small_lu: DenseLu::new(dim), small_cholesky: DenseCholesky::new(dim) }
+        let small_lu = DenseLu::new(if symmetry == Symmetry::General && dim < LARGE { dim } else { 0 });
+        Self { symmetry, dim, entries, permutation, small_lu, small_cholesky: DenseCholesky::new(dim) }
     }
 
     pub fn refactor(&mut self, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
@@ -36,7 +38,7 @@ impl Dense {
             self.uncouple(driven);
         }
         match (self.symmetry, self.dim < LARGE) {
-            (Symmetry::General, true) => self.small_lu.factor(&mut self.entries),
+            (Symmetry::General, true) => self.small_lu.factor(&self.entries),
             (Symmetry::Symmetric, true) => self.small_cholesky.factor(&mut self.entries),
             (Symmetry::General, false) => self.large_lu(),
             (Symmetry::Symmetric, false) => self.large_cholesky(),
@@ -114,7 +116,7 @@ impl Dense {
 
     pub fn solve(&self, b: &mut [f64], columns: usize, transpose: bool) {
         match (self.symmetry, self.dim < LARGE) {
-            (Symmetry::General, true) => self.small_lu.solve(&self.entries, b, columns, transpose),
+            (Symmetry::General, true) => self.small_lu.solve(b, columns, transpose),
             (Symmetry::Symmetric, true) => self.small_cholesky.solve(&self.entries, b, columns),
             (Symmetry::General, false) => self.solve_large_lu(MatMut::from_row_major_slice_mut(b, self.dim, columns), transpose),
             (Symmetry::Symmetric, false) => {

@@ -32,9 +32,11 @@ mod band_lu;
 mod band_sweep;
 mod coupling;
 mod dense;
-mod dense_small;
+mod dense_cholesky;
+mod dense_lu;
 mod driven;
 mod factor;
+pub(crate) mod lanes;
 mod matrix;
 mod sparse;
 mod square;
@@ -42,8 +44,6 @@ mod symbolic;
 mod system;
 #[cfg(test)]
 mod tests;
-mod wide;
-pub(crate) use wide::wide;
 
 pub use coupling::Coupling;
 pub use factor::Factor;

@@ -85,6 +85,12 @@ impl StageRecord {
 
     /// `b ← system⁻¹ b`, by the factor of K.
     pub fn solve_system(&self, b: &mut [f64], columns: usize) {
+        self.solve_velocities(b, columns);
+        self.recover_impulses(b, columns);
+    }
+
+    /// The rows of `system⁻¹ b` that are velocities; the others stay as they are, for [`StageRecord::recover_impulses`].
+    pub fn solve_velocities(&self, b: &mut [f64], columns: usize) {
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             let gain: Matrix3x4<f64> = contact.gain / self.h;
             add_within(&gain, b, self.row(c), 3 * node, columns);
@@ -96,6 +102,10 @@ impl StageRecord {
         }
         self.eliminate_spots(b, columns);
         self.factor.solve_many(&mut b[..self.v.len() * columns], columns);
+    }
+
+    /// The other rows of `system⁻¹ b` after [`StageRecord::solve_velocities`].
+    pub fn recover_impulses(&self, b: &mut [f64], columns: usize) {
         self.recover_spots(b, columns);
         for (c, (contact, &node)) in self.contacts.iter().zip(&self.contact_nodes).enumerate() {
             add_within(&-self.f_v(c), b, 3 * node, self.row(c), columns);

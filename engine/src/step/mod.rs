@@ -9,6 +9,7 @@ mod joint_rows;
 mod record;
 mod scheme;
 mod spot_forces;
+mod spot_products;
 mod spot_rows;
 mod spots;
 mod stage;

@@ -13,7 +13,6 @@ use crate::bodies::spatial::{Force, column};
 use crate::contact::{Sliding, SpotKey, SpotState, Tie, spot_wrench};
 use crate::geometry::solid::{Carrier, Meeting, Posed, Spot, meet};
 use crate::kinematics::Input;
-use crate::kkt::wide;
 use crate::model::Model;
 use crate::terms::Vec3;
 use nalgebra::{Matrix4, SMatrix, Vector4, Vector6};
@@ -24,14 +23,14 @@ const SLIP: f64 = 0.999;
 
 /// A degree of freedom that a contact moves or is moved by.
 #[derive(Clone, Copy, Debug)]
-struct SpotDof {
+pub(super) struct SpotDof {
     /// Its row.
-    v: usize,
+    pub v: usize,
     /// Impulse on it per unit of w.
-    impulse: Vector4<f64>,
+    pub impulse: Vector4<f64>,
     /// ∂F/∂q̄ along it, and ∂F/∂v⁺ with positions moving along.
-    by_q: Vector4<f64>,
-    slope: Vector4<f64>,
+    pub by_q: Vector4<f64>,
+    pub slope: Vector4<f64>,
 }
 
 /// A contact at the root.
@@ -40,9 +39,9 @@ pub(crate) struct SpotRecord {
     state: SpotState,
     /// Cone variable [N·s].
     w: Vector4<f64>,
-    dofs: Vec<SpotDof>,
-    f_w: Matrix4<f64>,
-    inverse: Matrix4<f64>,
+    pub(super) dofs: Vec<SpotDof>,
+    pub(super) f_w: Matrix4<f64>,
+    pub(super) inverse: Matrix4<f64>,
     f_vn: Vector4<f64>,
     f_mu: Vector4<f64>,
     f_vt: SMatrix<f64, 4, 3>,
@@ -127,24 +126,50 @@ impl StageRecord {
         !self.spots.is_empty()
     }
 
-    fn spot_row(&self, k: usize) -> usize {
+    pub(super) fn spot_row(&self, k: usize) -> usize {
         self.v.len() + 4 * self.contacts.len() + self.rows.len() + 4 * k
     }
 
-    pub(super) fn subtract_spots(&self, x: &[f64], out: &mut [f64], columns: usize) {
-        wide(
-            #[inline(always)]
-            || {
-                for (k, spot) in self.spots.iter().enumerate() {
-                    let at = self.spot_row(k);
-                    for dof in &spot.dofs {
-                        add_product(&(dof.impulse.transpose() / self.h), x, at, out, dof.v, columns);
-                        add_product(&-dof.slope, x, dof.v, out, at, columns);
-                    }
-                    add_product(&-spot.f_w, x, at, out, at, columns);
-                }
-            },
-        )
+    // One column: the same operations as of the transpose, in the same order, so that products with the one and the other agree.
+
+    pub(super) fn subtract_spots_one(&self, x: &[f64], out: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for dof in &spot.dofs {
+                add_product(&(dof.impulse.transpose() / self.h), x, at, out, dof.v, 1);
+                add_product(&-dof.slope, x, dof.v, out, at, 1);
+            }
+            add_product(&-spot.f_w, x, at, out, at, 1);
+        }
+    }
+
+    /// `b_v += impulse F_w⁻¹ b_w/h`; F_w⁻¹ first: its large entries cancel there.
+    pub(super) fn eliminate_spots_one(&self, b: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            let w = spot.inverse * Vector4::from_fn(|r, _| b[at + r]);
+            spot.dofs.iter().for_each(|dof| b[dof.v] += dof.impulse.dot(&w) / self.h);
+        }
+    }
+
+    /// `b_w ← F_w⁻¹ (b_w − slope b_v)`.
+    pub(super) fn recover_spots_one(&self, b: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            let mut w = Vector4::from_fn(|r, _| b[at + r]);
+            spot.dofs.iter().for_each(|dof| w -= dof.slope * b[dof.v]);
+            w = spot.inverse * w;
+            (0..4).for_each(|r| b[at + r] = w[r]);
+        }
+    }
+
+    pub(super) fn add_spot_positions_one(&self, scale: f64, q: &[f64], out: &mut [f64]) {
+        for (k, spot) in self.spots.iter().enumerate() {
+            let at = self.spot_row(k);
+            for dof in &spot.dofs {
+                (0..4).for_each(|r| out[at + r] += scale * dof.by_q[r] * q[dof.v]);
+            }
+        }
     }
 
     pub(super) fn subtract_spots_transpose(&self, x: &[f64], out: &mut [f64]) {
@@ -156,39 +181,6 @@ impl StageRecord {
             }
             add_product(&-spot.f_w.transpose(), x, at, out, at, 1);
         }
-    }
-
-    /// `b_v += impulse F_w⁻¹ b_w/h`.
-    pub(super) fn eliminate_spots(&self, b: &mut [f64], columns: usize) {
-        let (velocities, cones) = b.split_at_mut(self.spot_row(0) * columns);
-        wide(
-            #[inline(always)]
-            || {
-                // F_w⁻¹ first: its large entries cancel there
-                let mut w = vec![0.0; 4 * columns];
-                for (k, spot) in self.spots.iter().enumerate() {
-                    w.copy_from_slice(&cones[4 * k * columns..4 * (k + 1) * columns]);
-                    replace(&spot.inverse, &mut w, 0, columns);
-                    spot.dofs
-                        .iter()
-                        .for_each(|d| add_product(&(d.impulse.transpose() / self.h), &w, 0, velocities, d.v, columns));
-                }
-            },
-        )
-    }
-
-    /// `b_w ← F_w⁻¹ (b_w − slope b_v)`.
-    pub(super) fn recover_spots(&self, b: &mut [f64], columns: usize) {
-        let (velocities, cones) = b.split_at_mut(self.spot_row(0) * columns);
-        wide(
-            #[inline(always)]
-            || {
-                for (k, spot) in self.spots.iter().enumerate() {
-                    spot.dofs.iter().for_each(|dof| add_product(&-dof.slope, velocities, dof.v, cones, 4 * k, columns));
-                    replace(&spot.inverse, cones, 4 * k, columns);
-                }
-            },
-        )
     }
 
     /// `b_w ← F_w⁻ᵀ b_w`, `b_v −= slopeᵀ b_w`.
@@ -208,14 +200,6 @@ impl StageRecord {
             let pulled: Vector4<f64> = spot.dofs.iter().map(|dof| dof.impulse * b[dof.v]).sum();
             let w = spot.inverse.tr_mul(&pulled) / self.h;
             (0..4).for_each(|r| b[at + r] += w[r]);
-        }
-    }
-
-    pub(super) fn add_spot_positions(&self, scale: f64, q: &[f64], out: &mut [f64], columns: usize) {
-        for (k, spot) in self.spots.iter().enumerate() {
-            for dof in &spot.dofs {
-                add_product(&(dof.by_q * scale), q, dof.v, out, self.spot_row(k), columns);
-            }
         }
     }
 

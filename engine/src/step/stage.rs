@@ -211,6 +211,9 @@ impl Stage<'_> {
     /// Takes the axial forces over to where the step `alpha * ws.d` from `ws.it` leads: part `alpha` of the way from what they
     /// are to their first-order prediction at the whole step.
     pub(crate) fn predict_axial(&self, alpha: f64, ws: &mut Workspace) {
+        if ws.axial.is_empty() {
+            return;
+        }
         let it = std::mem::take(&mut ws.it);
         self.place(&it.v, ws);
         ws.it = it;

@@ -29,6 +29,13 @@ pub fn meet<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting<
     }
 }
 
+/// The centre of the ball that a spot's first feature is \[m\], if it stays where it is in its solid and the second is a face.
+pub(crate) fn point_over_face(spot: &Spot, a: &Posed<f64>, b: &Posed<f64>) -> Option<Vec3<f64>> {
+    let point = !matches!(spot.first, Feature::Rim(_) | Feature::Axis | Feature::Edge(..));
+    let face = matches!(spot.second, Feature::Face(..)) || (spot.second == Feature::Whole && b.form == Form::HalfSpace);
+    (point && face).then(|| a.point(spot.first))
+}
+
 /// The middle between the surfaces of a ball of radius `r` at `x` and of what is `gap` beyond it against the normal.
 fn middle<S: Real>(x: Vec3<S>, r: S, gap: S, normal: Vec3<S>) -> Meeting<S> {
     Meeting { gap, normal, point: x - normal * (r + gap * 0.5) }

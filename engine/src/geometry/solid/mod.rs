@@ -13,6 +13,7 @@ mod parts;
 
 pub use candidates::candidates;
 pub use features::{Feature, Spot};
+pub(crate) use meet::point_over_face;
 pub use meet::{Meeting, meet};
 pub use overlap::overlap;
 

@@ -12,7 +12,6 @@ const MAX_DOFS: usize = 6;
 const MAX_INPUTS: usize = 8;
 /// Coordinates at both ends of a step, internal variables and parameters of an element that remembers.
 const MEMORY: usize = 9 + MAX_INPUTS;
-type Dual = DualSVec64<MAX_DOFS>;
 type InputDual = DualSVec64<MAX_INPUTS>;
 type MemoryDual = DualSVec64<MEMORY>;
 
@@ -193,6 +192,39 @@ impl<L: JointLaw> AutomaticJoint<L> {
         local(e, at)
     }
 
+    /// Adds the change of an element's force with dual numbers of `N` directions, as many as it has degrees of freedom or more.
+    #[allow(clippy::too_many_arguments)] // an element where it is, and where its change goes
+    fn add_local_change<const N: usize>(
+        &self,
+        e: &JointElement,
+        at: &JointPoint,
+        x: &Local,
+        changes: &[[f64; MAX_DOFS]; MAX_DOFS],
+        cv: f64,
+        out: &mut [f64],
+        stride: usize,
+    ) {
+        let constant = DualSVec64::<N>::from_re;
+        let (mut q, mut v) = ([constant(0.0); N], [constant(0.0); N]);
+        for k in 0..x.n {
+            q[k] = DualSVec64::new(x.q[k], Derivative::some(SVector::from_fn(|i, _| changes[k][i])));
+            let mut unit = SVector::zeros();
+            unit[k] = cv;
+            v[k] = DualSVec64::new(x.v[k], Derivative::some(unit));
+        }
+        let u = Self::values(&e.controls, at.u).map(constant);
+        let p = Self::values(&e.params, at.theta).map(constant);
+        let (q_past, z) = (x.q_past.map(constant), x.z.map(constant));
+        let (q_past, z, elapsed) = (&q_past[..x.m], &z[..x.m], x.elapsed);
+        let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()], q_past, z, elapsed };
+        let mut f = [constant(0.0); N];
+        self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
+        for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
+            let Some(change) = f.eps.0 else { continue };
+            x.dofs[..x.n].iter().zip(change.iter()).for_each(|(column, d)| out[row * stride + column] += d);
+        }
+    }
+
     /// Whether an element does nothing at these parameters.
     fn idle(&self, e: &JointElement, theta: &[f64]) -> bool {
         self.law.vanishes(&Self::values(&e.params, theta)[..e.params.len()])
@@ -207,10 +239,22 @@ impl<L: JointLaw> AutomaticJoint<L> {
 
     /// Force of an element on one axis at (q, v).
     fn single_force<S: crate::terms::Real>(&self, e: &JointElement, at: &JointPoint, q: S, v: S) -> S {
-        let lift = |indices: &[usize], from: &[f64]| -> [S; MAX_INPUTS] {
-            std::array::from_fn(|k| S::from(indices.get(k).map_or(0.0, |&i| from[i])))
+        self.single_force_with(e, at, q, v, |_, x| S::from(x))
+    }
+
+    /// As [`Self::single_force`], with `lift` making scalars of controls and, counted on, parameters.
+    fn single_force_with<S: crate::terms::Real>(
+        &self,
+        e: &JointElement,
+        at: &JointPoint,
+        q: S,
+        v: S,
+        lift: impl Fn(usize, f64) -> S,
+    ) -> S {
+        let lifted = |first: usize, indices: &[usize], from: &[f64]| -> [S; MAX_INPUTS] {
+            std::array::from_fn(|k| indices.get(k).map_or(S::zero(), |&i| lift(first + k, from[i])))
         };
-        let (u, p) = (lift(&e.controls, at.u), lift(&e.params, at.theta));
+        let (u, p) = (lifted(0, &e.controls, at.u), lifted(e.controls.len(), &e.params, at.theta));
         let mut f = [S::zero()];
         let joint = &at.tree.joints()[e.joints[0]];
         let past: [S; 2] = e.memory.first().map_or([S::zero(); 2], |&k| [at.past.q[joint.q], at.past.z[k]].map(S::from));
@@ -248,24 +292,10 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
             }
             let x = Self::local(e, at);
             let changes = Self::coordinate_changes(e, at, &x, by.cq, turns);
-            let zero = Dual::from_re(0.0);
-            let (mut q, mut v) = ([zero; MAX_DOFS], [zero; MAX_DOFS]);
-            for k in 0..x.n {
-                q[k] = Dual::new(x.q[k], Derivative::some(SVector::from(changes[k])));
-                let mut unit = SVector::zeros();
-                unit[k] = by.cv;
-                v[k] = Dual::new(x.v[k], Derivative::some(unit));
-            }
-            let u = Self::values(&e.controls, at.u).map(Dual::from_re);
-            let p = Self::values(&e.params, at.theta).map(Dual::from_re);
-            let (q_past, z) = (x.q_past.map(Dual::from_re), x.z.map(Dual::from_re));
-            let (q_past, z, elapsed) = (&q_past[..x.m], &z[..x.m], x.elapsed);
-            let state = JointState { q: &q[..x.n], v: &v[..x.n], u: &u[..e.controls.len()], q_past, z, elapsed };
-            let mut f = [zero; MAX_DOFS];
-            self.law.force(&state, &p[..e.params.len()], &e.constants, &mut f[..x.n]);
-            for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
-                let Some(change) = f.eps.0 else { continue };
-                x.dofs[..x.n].iter().zip(change.iter()).for_each(|(column, d)| out[row * stride + column] += d);
+            if x.n <= 3 {
+                self.add_local_change::<3>(e, at, &x, &changes, by.cv, out, stride);
+            } else {
+                self.add_local_change::<MAX_DOFS>(e, at, &x, &changes, by.cv, out, stride);
             }
         }
     }
@@ -276,6 +306,15 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
 
     fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
         for e in &self.elements {
+            if let Some((q, v)) = Self::single(e, at) {
+                let (q, speed) = (at.q[q], at.v[v]);
+                let inputs = e.controls.iter().map(|&c| Input::U(c)).chain(e.params.iter().map(|&c| Input::Theta(c)));
+                for (seed, input) in inputs.enumerate() {
+                    let lift = |k: usize, x: f64| Dual64::new(x, if k == seed { 1.0 } else { 0.0 });
+                    visit(v, input, self.single_force_with(e, at, Dual64::from(q), Dual64::from(speed), lift).eps);
+                }
+                continue;
+            }
             let x = Self::local(e, at);
             let constant = |values: [f64; MAX_DOFS]| values.map(InputDual::from_re);
             let seeded = |value: f64, k: usize| {

@@ -1,98 +1,7 @@
-//! Dense LU and Cholesky for systems of up to about a hundred rows, where blocking costs more than it gives.
+//! Dense Cholesky for systems of up to about a hundred rows, where blocking costs more than it gives.
 
 use super::driven::axpy_rows;
-use super::wide::wide;
 use super::{KktError, PIVOT_FLOOR};
-
-/// P A = L U with row pivoting, row-major in place: L unit lower, U upper.
-#[derive(Clone, Debug)]
-pub(super) struct DenseLu {
-    dim: usize,
-    /// Row exchanged with row k at step k.
-    swaps: Vec<usize>,
-    /// 1/U_kk.
-    inverse: Vec<f64>,
-    sizes: Vec<f64>,
-}
-
-impl DenseLu {
-    pub fn new(dim: usize) -> Self {
-        Self { dim, swaps: vec![0; dim], inverse: vec![0.0; dim], sizes: vec![0.0; dim] }
-    }
-
-    pub fn factor(&mut self, a: &mut [f64]) -> Result<(), KktError> {
-        wide(
-            #[inline(always)]
-            || self.factor_kernel(a),
-        )
-    }
-
-    #[inline(always)]
-    fn factor_kernel(&mut self, a: &mut [f64]) -> Result<(), KktError> {
-        let dim = self.dim;
-        self.sizes.fill(0.0);
-        for row in a.chunks_exact(dim) {
-            for (size, x) in self.sizes.iter_mut().zip(row) {
-                *size = size.max(x.abs());
-            }
-        }
-        for k in 0..dim {
-            let magnitude = |r: usize| a[r * dim + k].abs();
-            let best = (k + 1..dim).fold(k, |best, r| if magnitude(r) > magnitude(best) { r } else { best });
-            self.swaps[k] = best;
-            if best != k {
-                let (head, tail) = a.split_at_mut(best * dim);
-                head[k * dim..(k + 1) * dim].swap_with_slice(&mut tail[..dim]);
-            }
-            let pivot = a[k * dim + k];
-            let sound = pivot.abs() > PIVOT_FLOOR * self.sizes[k];
-            if !sound {
-                return Err(KktError::Singular { row: k, dim, pivot, size: self.sizes[k] });
-            }
-            self.inverse[k] = 1.0 / pivot;
-            let (head, below) = a.split_at_mut((k + 1) * dim);
-            let pivot_row = &head[k * dim + k + 1..];
-            for row in below.chunks_exact_mut(dim) {
-                // band matrices are mostly zero
-                if row[k] != 0.0 {
-                    let factor = row[k] * self.inverse[k];
-                    row[k] = factor;
-                    for (x, u) in row[k + 1..].iter_mut().zip(pivot_row) {
-                        *x -= factor * u;
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    pub fn solve(&self, a: &[f64], b: &mut [f64], columns: usize, transpose: bool) {
-        wide(
-            #[inline(always)]
-            || self.solve_kernel(a, b, columns, transpose),
-        );
-    }
-
-    #[inline(always)]
-    fn solve_kernel(&self, a: &[f64], b: &mut [f64], columns: usize, transpose: bool) {
-        let (dim, order) = (self.dim, 0..self.dim);
-        if !transpose {
-            order.clone().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
-            order.clone().for_each(|r| gather(b, columns, r, 0, &a[r * dim..r * dim + r]));
-            for r in order.rev() {
-                gather(b, columns, r, r + 1, &a[r * dim + r + 1..(r + 1) * dim]);
-                scale_row(b, columns, r, self.inverse[r]);
-            }
-        } else {
-            for r in order.clone() {
-                scale_row(b, columns, r, self.inverse[r]);
-                scatter(b, columns, r, r + 1, &a[r * dim + r + 1..(r + 1) * dim]);
-            }
-            order.clone().rev().for_each(|r| scatter(b, columns, r, 0, &a[r * dim..r * dim + r]));
-            order.rev().for_each(|k| swap_rows(b, columns, k, self.swaps[k]));
-        }
-    }
-}
 
 /// A = L Lᵀ, row-major in place, lower triangle.
 #[derive(Clone, Debug)]
@@ -202,14 +111,5 @@ fn scatter(b: &mut [f64], columns: usize, r: usize, first: usize, factors: &[f64
 fn scale_row(b: &mut [f64], columns: usize, r: usize, factor: f64) {
     for x in &mut b[r * columns..(r + 1) * columns] {
         *x *= factor;
-    }
-}
-
-#[inline(always)]
-fn swap_rows(b: &mut [f64], columns: usize, r: usize, other: usize) {
-    if r != other {
-        let (low, high) = (r.min(other), r.max(other));
-        let (head, tail) = b.split_at_mut(high * columns);
-        head[low * columns..(low + 1) * columns].swap_with_slice(&mut tail[..columns]);
     }
 }

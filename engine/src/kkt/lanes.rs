@@ -1,0 +1,178 @@
+//! Loops over the numbers of rows in the processor's vectors, multiplication and addition fused where it can.
+
+use pulp::Simd;
+use std::ops::Range;
+
+/// `y −= Σ_i a_i x_i` for four rows, as long as y at least.
+#[inline(always)]
+pub(crate) fn subtract_four<S: Simd>(simd: S, y: &mut [f64], a: [f64; 4], x: [&[f64]; 4]) {
+    let n = y.len();
+    let [(x0, t0), (x1, t1), (x2, t2), (x3, t3)] =
+        [S::as_simd_f64s(&x[0][..n]), S::as_simd_f64s(&x[1][..n]), S::as_simd_f64s(&x[2][..n]), S::as_simd_f64s(&x[3][..n])];
+    let [a0, a1, a2, a3] = [simd.splat_f64s(a[0]), simd.splat_f64s(a[1]), simd.splat_f64s(a[2]), simd.splat_f64s(a[3])];
+    let change = |y: S::f64s, x0: S::f64s, x1: S::f64s, x2: S::f64s, x3: S::f64s| {
+        let y = simd.negate_mul_add_e_f64s(a0, x0, y);
+        let y = simd.negate_mul_add_e_f64s(a1, x1, y);
+        let y = simd.negate_mul_add_e_f64s(a2, x2, y);
+        simd.negate_mul_add_e_f64s(a3, x3, y)
+    };
+    let (y, rest) = S::as_mut_simd_f64s(y);
+    let n = y.len();
+    let (x0, x1, x2, x3) = (&x0[..n], &x1[..n], &x2[..n], &x3[..n]);
+    for k in 0..n {
+        y[k] = change(y[k], x0[k], x1[k], x2[k], x3[k]);
+    }
+    if !rest.is_empty() {
+        let load = |x| simd.partial_load_f64s(x);
+        let changed = change(load(rest), load(t0), load(t1), load(t2), load(t3));
+        simd.partial_store_f64s(rest, changed);
+    }
+}
+
+/// `y ← −Σ_i a_i x_i`, rows x `stride` apart in `table`, from column `first` on; `a` holds a multiple of four.
+#[inline(always)]
+pub(crate) fn combine<S: Simd>(simd: S, y: &mut [f64], a: &[f64], table: &[f64], stride: usize, first: usize) {
+    y.fill(0.0);
+    for (four, rows) in a.as_chunks::<4>().0.iter().zip(table.chunks_exact(4 * stride)) {
+        let row = |i: usize| &rows[i * stride + first..][..y.len()];
+        let rows = [row(0), row(1), row(2), row(3)];
+        subtract_four(simd, y, *four, rows);
+    }
+}
+
+/// Rows that [`combine`] makes are as long as a multiple of this: the longest vectors of a processor.
+pub(crate) const PADDING: usize = 8;
+
+/// Where a row is not zero: from its first such number to its last.
+pub(crate) fn support(row: &[f64]) -> Range<usize> {
+    let nonzero = |x: &f64| *x != 0.0;
+    match row.iter().position(nonzero) {
+        Some(first) => first..row.iter().rposition(nonzero).map_or(first, |last| last + 1),
+        None => 0..0,
+    }
+}
+
+/// The shortest range that holds both.
+pub(crate) fn joined(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
+    match (a.is_empty(), b.is_empty()) {
+        (true, _) => b.clone(),
+        (_, true) => a.clone(),
+        _ => a.start.min(b.start)..a.end.max(b.end),
+    }
+}
+
+/// Four rows times a column.
+#[inline(always)]
+pub(super) fn products<S: Simd>(simd: S, rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
+    let n = x.len();
+    let (x, rest) = S::as_simd_f64s(x);
+    let [(a, ta), (b, tb), (c, tc), (d, td)] = [
+        S::as_simd_f64s(&rows[0][..n]),
+        S::as_simd_f64s(&rows[1][..n]),
+        S::as_simd_f64s(&rows[2][..n]),
+        S::as_simd_f64s(&rows[3][..n]),
+    ];
+    let zero = simd.splat_f64s(0.0);
+    let (mut s, mut t, mut u, mut v) = (zero, zero, zero, zero);
+    let n = x.len();
+    let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+    for k in 0..n {
+        s = simd.mul_add_e_f64s(a[k], x[k], s);
+        t = simd.mul_add_e_f64s(b[k], x[k], t);
+        u = simd.mul_add_e_f64s(c[k], x[k], u);
+        v = simd.mul_add_e_f64s(d[k], x[k], v);
+    }
+    let mut sums = [simd.reduce_sum_f64s(s), simd.reduce_sum_f64s(t), simd.reduce_sum_f64s(u), simd.reduce_sum_f64s(v)];
+    for (k, x) in rest.iter().enumerate() {
+        sums[0] += ta[k] * x;
+        sums[1] += tb[k] * x;
+        sums[2] += tc[k] * x;
+        sums[3] += td[k] * x;
+    }
+    sums
+}
+
+/// Columns of a panel: what one pass over a matrix changes in registers.
+pub(super) const PANEL: usize = 32;
+
+/// Some of the columns of a row-major matrix, a row after the other, those that are missing zero.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Panel(Vec<[f64; PANEL]>);
+
+impl Panel {
+    /// Columns `first` to `first + PANEL` of the row-major `b`, as far as they exist.
+    #[inline(always)]
+    pub fn load(&mut self, b: &[f64], columns: usize, first: usize) {
+        let count = (columns - first).min(PANEL);
+        self.0.resize(b.len() / columns, [0.0; PANEL]);
+        for (row, b) in self.0.iter_mut().zip(b.chunks_exact(columns)) {
+            match b[first..first + count].first_chunk() {
+                Some(whole) => *row = *whole,
+                None => {
+                    row[..count].copy_from_slice(&b[first..first + count]);
+                    row[count..].fill(0.0);
+                }
+            }
+        }
+    }
+
+    /// Writes the columns back.
+    #[inline(always)]
+    pub fn store(&self, b: &mut [f64], columns: usize, first: usize) {
+        let count = (columns - first).min(PANEL);
+        for (row, b) in self.0.iter().zip(b.chunks_exact_mut(columns)) {
+            match b[first..first + count].first_chunk_mut() {
+                Some(whole) => *whole = *row,
+                None => b[first..first + count].copy_from_slice(&row[..count]),
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn rows(&mut self) -> &mut [[f64; PANEL]] {
+        &mut self.0
+    }
+}
+
+/// `y ← (y − Σ_k factors_k x_k) scale` in the first `used` numbers of the rows, rounded up to what fits.
+#[inline(always)]
+pub(super) fn reduce_row<S: Simd>(simd: S, y: &mut [f64; PANEL], factors: &[f64], x: &[[f64; PANEL]], scale: f64, used: usize) {
+    match used.div_ceil(S::F64_LANES) {
+        0 => {}
+        1 => reduce_part::<S, 1>(simd, y, factors, x, scale, 0),
+        2 => reduce_part::<S, 2>(simd, y, factors, x, scale, 0),
+        3..=4 => reduce_part::<S, 4>(simd, y, factors, x, scale, 0),
+        5..=8 => reduce_part::<S, 8>(simd, y, factors, x, scale, 0),
+        n => {
+            // narrow vectors: eight at a time
+            for first in (0..n).step_by(8) {
+                reduce_part::<S, 8>(simd, y, factors, x, scale, first);
+            }
+        }
+    }
+}
+
+/// [`reduce_row`] for `N` vectors from number `first` on.
+#[inline(always)]
+fn reduce_part<S: Simd, const N: usize>(
+    simd: S,
+    y: &mut [f64; PANEL],
+    factors: &[f64],
+    x: &[[f64; PANEL]],
+    scale: f64,
+    first: usize,
+) {
+    let y = &mut S::as_mut_simd_f64s(y).0[first..first + N];
+    let mut sums = [simd.splat_f64s(0.0); N];
+    sums.copy_from_slice(y);
+    for (factor, x) in factors.iter().zip(x) {
+        let (factor, x) = (simd.splat_f64s(*factor), &S::as_simd_f64s(x).0[first..first + N]);
+        for k in 0..N {
+            sums[k] = simd.negate_mul_add_e_f64s(factor, x[k], sums[k]);
+        }
+    }
+    let scale = simd.splat_f64s(scale);
+    for k in 0..N {
+        y[k] = simd.mul_f64s(sums[k], scale);
+    }
+}
