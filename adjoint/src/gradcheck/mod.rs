@@ -50,7 +50,7 @@ pub struct BlockReport {
     pub step: f64,
     /// Slope of the Taylor remainder; `None` if it is below rounding (the map is affine along d).
     pub taylor_slope: Option<f64>,
-    /// Relative disagreement of jvp and vjp along d.
+    /// Disagreement of jvp and vjp along d, beyond what L's last digit is over the block's scale, relative to their parts.
     pub dot_test: f64,
     /// Contacts or halvings that changed within the best difference.
     pub contact_switches: usize,

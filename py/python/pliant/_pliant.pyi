@@ -53,7 +53,7 @@ name: `x0.q`, `x0.v`, `u`, or the path of a quantity of theta with its indices a
 derivative, difference: by vjp, and the best central difference (one_sided at a bound).
 relative_error, floor: their disagreement, and the difference's own uncertainty.
 taylor_slope: 2 where the map is curved along the direction; None where it is affine.
-dot_test: relative disagreement of jvp and vjp.
+dot_test: relative disagreement of jvp and vjp, beyond the last digit of the loss.
 contact_switches: contacts or halvings that changed inside the difference, which then is no judge.
 """
 
