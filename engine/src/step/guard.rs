@@ -46,11 +46,11 @@ impl Stage<'_> {
         let pierced = self.theta[self.model.gravity].abs() * self.h * self.h;
         for (spot, w) in ws.spots.spots.iter().zip(&it.p) {
             let SpotKey::Contact { pair, spot: features, .. } = spot.key else { continue };
-            let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
-            let wrench = spot_wrench(&meeting, self.spot_law(pair, spot).at.mu, w);
             if spot.gap < -pierced {
                 continue;
             }
+            let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
+            let wrench = spot_wrench(&meeting, self.spot_law(pair, spot).at.mu, w);
             touched += self.sliding(spot, &meeting, &it.v, ws).relative.dot(&wrench);
         }
         let tau = &mut ws.r[n..];
