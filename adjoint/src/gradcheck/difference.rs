@@ -1,7 +1,7 @@
 //! Differences at their best step, with their own floor, and the Taylor slope.
 
 use super::block::Block;
-use super::{BlockReport, FLOOR_FACTOR, Sample};
+use super::{BlockReport, FLOOR_FACTOR, RELATIVE_ERROR, Sample};
 use crate::AdjointError;
 
 /// Steps tried, as powers of ten of the block's scale.
@@ -59,7 +59,7 @@ pub(crate) fn judge(
     let negligible = even
         || unseen
         || size == 0.0 && !points.is_empty() && points.iter().filter(|p| p.switches == 0 && p.eps <= NEAR * scale).all(unmoved);
-    let best = (1..points.len()).min_by(|&a, &b| disagreement(&points, a).total_cmp(&disagreement(&points, b)));
+    let best = best(&points, derivative);
     let (difference, floor, step, switches) = match best {
         Some(k) => {
             let rounding = noise(&points, &base) / points[k].eps;
@@ -113,6 +113,17 @@ fn point(
         |s: &Sample| s.modes.len().abs_diff(base.modes.len()) + s.modes.iter().zip(&base.modes).filter(|(a, b)| a != b).count();
     let remainder = (plus.value - base.value - eps * derivative).abs();
     Ok(Point { eps, difference, remainder, switches: changed(&plus) + changed(&other) })
+}
+
+/// The difference that agrees best with its neighbours: of those within which nothing switches, if one of them is good enough to judge.
+fn best(points: &[Point], derivative: f64) -> Option<usize> {
+    let best_of = |kept: &dyn Fn(usize) -> bool| {
+        (1..points.len()).filter(|&k| kept(k)).min_by(|&a, &b| disagreement(points, a).total_cmp(&disagreement(points, b)))
+    };
+    let unswitched = best_of(&|k| points[k].switches == 0);
+    let judges =
+        |&k: &usize| FLOOR_FACTOR * disagreement(points, k) <= RELATIVE_ERROR * derivative.abs().max(points[k].difference.abs());
+    unswitched.filter(judges).or_else(|| best_of(&|_| true))
 }
 
 fn disagreement(points: &[Point], k: usize) -> f64 {
