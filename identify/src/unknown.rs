@@ -15,6 +15,8 @@ pub enum Target {
     Sensor(usize),
     /// This sensor at a joint, and which of its values ([`crate::sensor::JOINT_ENTRIES`]).
     Joint(usize, usize),
+    /// How late this control's motor gets its commands, where the scene has no delay of it.
+    Late(usize),
 }
 
 impl Target {
@@ -31,7 +33,7 @@ impl Target {
         match self {
             Self::Theta(entries) => entries.iter().map(|&k| (k, 1.0)).collect(),
             Self::Mirrored(low, high) => vec![(*low, -1.0), (*high, 1.0)],
-            Self::Sensor(_) | Self::Joint(..) => Vec::new(),
+            Self::Sensor(_) | Self::Joint(..) | Self::Late(_) => Vec::new(),
         }
     }
 }
@@ -87,6 +89,8 @@ pub struct Values {
     pub sensor: Sensor,
     /// Bias, scale and delay of each sensor at a joint.
     pub joints: Vec<[f64; 3]>,
+    /// How late each control gets to its motor, beyond what the scene's motor has of delay \[s\].
+    pub late: Vec<f64>,
 }
 
 impl Unknown {
@@ -112,6 +116,12 @@ impl Unknown {
     /// A value of a sensor at a joint, of this path.
     pub fn of_joint(path: String, unit: &str, (sensor, entry): (usize, usize), scale: f64, bounds: (f64, f64)) -> Self {
         let (unit, target) = (unit.to_owned(), Target::Joint(sensor, entry));
+        Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
+    }
+
+    /// The delay of a control's motor that has none in the scene, of this path \[s\].
+    pub fn of_late(path: String, control: usize, scale: f64, bounds: (f64, f64)) -> Self {
+        let (unit, target) = ("s".to_owned(), Target::Late(control));
         Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
     }
 
@@ -162,6 +172,7 @@ impl Unknown {
             Target::Mirrored(_, high) => values.theta[*high],
             Target::Sensor(entry) => values.sensor.0[*entry],
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry],
+            Target::Late(control) => values.late[*control],
         }
     }
 
@@ -173,6 +184,7 @@ impl Unknown {
             Target::Mirrored(low, high) => (values.theta[*low], values.theta[*high]) = (-value, value),
             Target::Sensor(entry) => values.sensor.0[*entry] = value,
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry] = value,
+            Target::Late(control) => values.late[*control] = value,
         }
     }
 

@@ -224,6 +224,12 @@ impl Model {
         by_theta
     }
 
+    /// Where the lag of a control's motor stands: its place in z, and the index of its time constant in θ.
+    pub fn lag_of(&self, control: usize) -> Option<(usize, usize)> {
+        let (path, first) = self.memory.placed(self.h).find(|(path, _)| path.control == control)?;
+        Some((first + path.size(self.h) - 1, path.lag?))
+    }
+
     /// ∂s/∂(u, z, θ), rows counted as controls, and ∂z⁺/∂(u, z, θ) of the signals' part of z. Both empty if no motor remembers: s = u.
     pub(crate) fn signal_partials(&self, u: &[f64], z: &[f64], theta: &[f64]) -> [Partials; 2] {
         let (mut signals, mut next) = (Vec::new(), Vec::new());

@@ -5,6 +5,11 @@
 //! step of what reaches it), so the derivative at no delay exists; to first order it is that of a lag as long.
 
 use super::{Cause, Situation, unread};
+use crate::shoot::LONGEST_DELAY;
+use crate::unknown::Unknown;
+
+/// Typical size of a delay \[s\].
+const TYPICAL: f64 = 1e-3;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
@@ -15,5 +20,17 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         ..Cause::default()
     };
     // a single motor is late together with everything that is read
-    if at.actuators().len() > 1 { at.per_actuator("delay", 1e-3, &shape) } else { Vec::new() }
+    let actuators = at.actuators();
+    if actuators.len() < 2 {
+        return Vec::new();
+    }
+    let first = at.plan.model.nu() - actuators.len();
+    let one = |(k, name): (usize, &str)| {
+        let path = format!("{name}.delay");
+        // a motor whose delay the scene has remembers its commands; of the others it is the inputs that are late
+        let late = || Unknown::of_late(path.clone(), first + k, TYPICAL, (0.0, LONGEST_DELAY));
+        let unknown = at.theta(&path, TYPICAL).unwrap_or_else(late);
+        Cause { object: Some(name.to_owned()), unknowns: at.testable(vec![unknown], &shape), ..shape.clone() }
+    };
+    actuators.into_iter().enumerate().map(one).collect()
 }

@@ -11,7 +11,7 @@ use super::certainty::Curvature;
 use super::test::Tested;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, approach, fit};
+use crate::fit::{FitOptions, Fitted, approach, fit, fit_noise};
 use crate::shoot::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
@@ -29,6 +29,20 @@ const CLOSE: f64 = 0.5;
 /// what the first one left is none.
 const HALF_WAY: f64 = 0.5;
 const NEARER: f64 = 0.8;
+
+/// A second try that leaves this many times the error of another cause's refit is not followed: it will not be the best.
+const FAR_BEHIND: f64 = 1.5;
+
+/// How far that second try goes: a step that gains less than this part of the squares, or so many steps, end it.
+const COARSE: f64 = 1e-2;
+const TRIES: usize = 12;
+
+/// Refits that leave the deviance further than this behind the best, and gain less than half of what it gains, are not followed to
+/// their end: with Δ between two deviances and G the best's gain, the inequality's left side is at least Δ/(2 (1 + √½) √G), which is above
+/// any bar in use from Δ = G/2 = 400 on.
+const REACH: f64 = 400.0;
+/// Step whose part of the cost ends such a refit.
+const ROUGH: f64 = 1e-3;
 
 /// Whitened distance of two predictions below which they are the same: their costs then differ by their numbers of parameters alone.
 const INDISTINCT: f64 = 1.0;
@@ -59,6 +73,16 @@ struct Refit {
     candidate: usize,
     fitted: Fitted,
     dims: usize,
+}
+
+/// What a refit takes off the deviance.
+fn gain(current: &Fitted, fitted: &Fitted) -> f64 {
+    current.deviance - fitted.deviance
+}
+
+/// A rough refit followed to its end.
+fn finished(plan: &Plan, rough: &Fitted, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    fit(plan, &rough.records, &rough.values, &rough.unknowns, Some(&rough.noise), options)
 }
 
 /// One round; `notes` gathers why candidates were rejected.
@@ -98,18 +122,33 @@ pub(super) fn compare(
     notes: &mut Vec<(usize, String)>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Round, IdentifyError> {
+    let rough = FitOptions { tolerance: ROUGH, ..*options };
     let mut refits = Vec::new();
     for &candidate in chosen {
         let cause = &tested.causes[tested.tested[candidate]];
         progress(&format!("refitting with {}", cause.title()));
-        match refit_with(plan, &opened(current, cause, tested, candidate), &cause.unknowns, current, options) {
-            Ok(fitted) => match rejection(current, &fitted, cause) {
-                Some(reason) => notes.push((candidate, reason)),
-                None => refits.push(Refit { candidate, dims: cause.unknowns.len(), fitted }),
-            },
+        let least = refits.iter().map(|r: &Refit| r.fitted.rmse).fold(f64::INFINITY, f64::min);
+        let start = opened(current, cause, tested, candidate);
+        match refit_with(plan, &start, &cause.unknowns, current, FAR_BEHIND * least, &rough) {
+            Ok(fitted) => refits.push(Refit { candidate, dims: cause.unknowns.len(), fitted }),
             Err(e) => notes.push((candidate, format!("its refit failed: {e}"))),
         }
     }
+    let most = refits.iter().map(|r| gain(current, &r.fitted)).fold(0.0, f64::max);
+    let mut kept = Vec::new();
+    for mut refit in refits {
+        let cause = &tested.causes[tested.tested[refit.candidate]];
+        let own = gain(current, &refit.fitted);
+        if own > 0.5 * most || most - own < REACH {
+            progress(&format!("finishing the refit with {}", cause.title()));
+            refit.fitted = finished(plan, &refit.fitted, options)?;
+        }
+        match rejection(current, &refit.fitted, cause) {
+            Some(reason) => notes.push((refit.candidate, reason)),
+            None => kept.push(refit),
+        }
+    }
+    let mut refits = kept;
     let rows: f64 = current.residuals.iter().map(|r| r.len() as f64).sum();
     let bic = |r: &Refit| r.fitted.deviance + r.dims as f64 * rows.ln();
     let Some(best) = (0..refits.len()).min_by(|&a, &b| bic(&refits[a]).total_cmp(&bic(&refits[b]))) else {
@@ -163,15 +202,16 @@ fn shaped(plan: &Plan, fitted: Fitted, cause: &Cause, options: &FitOptions) -> R
 
 /// Fit with further unknowns, from the current optimum.
 pub(super) fn refit(plan: &Plan, current: &Fitted, more: &[Unknown], options: &FitOptions) -> Result<Fitted, IdentifyError> {
-    refit_with(plan, current, more, current, options)
+    refit_with(plan, current, more, current, f64::INFINITY, options)
 }
 
-/// The same from `start`, which is not the optimum itself.
+/// The same from `start`, which is not the optimum itself; an error above `useless` is of no interest.
 fn refit_with(
     plan: &Plan,
     start: &Fitted,
     more: &[Unknown],
     current: &Fitted,
+    useless: f64,
     options: &FitOptions,
 ) -> Result<Fitted, IdentifyError> {
     let unknowns = plan.tied(current.unknowns.iter().chain(more).cloned().collect());
@@ -182,13 +222,12 @@ fn refit_with(
         }
     });
     let fitted = fit(plan, &current.records, &values, &unknowns, Some(&current.noise), options);
-    let gained =
-        fitted.as_ref().is_ok_and(|f| current.deviance - f.deviance > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
+    let gained = fitted.as_ref().is_ok_and(|f| gain(current, f) > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
     if more.is_empty() {
         return fitted;
     }
     if let (true, Ok(fitted)) = (gained, &fitted) {
-        return nearer(plan, fitted, current, &values, options);
+        return nearer(plan, fitted, current, &values, useless, options);
     }
     // stuck on the old trajectory although the score is significant: start again from the data
     let (values, records) = approach(plan, &current.records, &values, &unknowns, options)?;
@@ -199,22 +238,31 @@ fn refit_with(
 ///
 /// Whitened by the colour of a large residual, a fit sees little of what is slow and may stop on the way: the friction of a floor ended
 /// half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
-fn nearer(plan: &Plan, fitted: &Fitted, current: &Fitted, start: &Values, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+fn nearer(
+    plan: &Plan,
+    fitted: &Fitted,
+    current: &Fitted,
+    start: &Values,
+    useless: f64,
+    options: &FitOptions,
+) -> Result<Fitted, IdentifyError> {
     if fitted.rmse < HALF_WAY * current.rmse {
         return Ok(fitted.clone());
     }
-    let squares = FitOptions { rounds: 0, ..*options };
+    let squares = FitOptions { rounds: 0, tolerance: COARSE, max_iterations: TRIES };
     let Ok(plain) = fit(plan, &current.records, start, &fitted.unknowns, None, &squares) else { return Ok(fitted.clone()) };
-    if plain.rmse > NEARER * fitted.rmse {
+    if plain.rmse > (NEARER * fitted.rmse).min(useless) {
         return Ok(fitted.clone());
     }
-    let other = fit(plan, &plain.records, &plain.values, &fitted.unknowns, None, options)?;
+    let lost = fitted.unknowns.len() + plain.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+    let noise = fit_noise(plan, &plain.residuals, lost)?;
+    let other = fit(plan, &plain.records, &plain.values, &fitted.unknowns, Some(&noise), options)?;
     Ok(if other.deviance < fitted.deviance { other } else { fitted.clone() })
 }
 
 /// Why physics or likelihood rejects a refit.
 fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause) -> Option<String> {
-    let drop = current.deviance - fitted.deviance;
+    let drop = gain(current, fitted);
     let p = chi2_sf(drop.max(0.0), cause.unknowns.len() as f64);
     if p > LEVEL {
         return Some(format!("after the refit it is not significant (likelihood ratio {drop:.1})"));
@@ -265,7 +313,8 @@ fn unbeaten(
             }
             continue;
         }
-        let both = refit_with(plan, &opened(&best.fitted, cause, tested, k), &cause.unknowns, &best.fitted, options)?;
+        let start = opened(&best.fitted, cause, tested, k);
+        let both = refit_with(plan, &start, &cause.unknowns, &best.fitted, f64::INFINITY, options)?;
         let alpha = 0.5 * LEVEL / m;
         let adds = |without: &Fitted, dims: usize| chi2_sf((without.deviance - both.deviance).max(0.0), dims as f64) < alpha;
         if !(adds(&best.fitted, rival.dims) && adds(&rival.fitted, best.dims)) || symmetric(tested, best.candidate, k) {

@@ -16,9 +16,15 @@ pub struct FitOptions {
     pub max_iterations: usize,
     /// Rounds of re-estimating the noise model.
     pub rounds: usize,
-    /// An accepted step that lowers the cost by less than this part ends a round.
+    /// An accepted step that lowers the cost by less than this part ends the last round; rounds before it end at [`LOOSE`].
     pub tolerance: f64,
 }
+
+/// Part of the cost below which a step ends a round whose noise model is still to be re-estimated.
+const LOOSE: f64 = 1e-3;
+
+/// A step that lowers the whitened cost by less than this ends a round under a noise model that fits: far below any quantile.
+const SETTLED: f64 = 0.01;
 
 impl Default for FitOptions {
     fn default() -> Self {
@@ -77,19 +83,21 @@ pub fn fit(
         None => ArModel::white(floors(plan, 10.0))?,
     };
     let mut point = Point { values: start.clone(), records: records.to_vec(), cost: f64::INFINITY };
-    let (mut iterations, mut converged) = (0, true);
-    for round in 0..=options.rounds {
-        (converged, iterations) = minimise(plan, &mut point, unknowns, &noise, options, iterations)?;
-        if options.rounds > 0 {
-            let residuals = residuals(plan, &point)?;
-            let lost = unknowns.len() + point.records.iter().map(|r| r.start.z.len()).sum::<usize>();
-            let next = fit_noise(plan, &residuals, lost)?;
-            let settled = round > 0 && alike(&noise, &next);
-            noise = next;
-            if settled {
-                break;
-            }
+    let mut iterations = 0;
+    let loose = FitOptions { tolerance: options.tolerance.max(LOOSE), ..*options };
+    for round in 0..options.rounds {
+        iterations = minimise(plan, &mut point, unknowns, &noise, &loose, iterations)?.1;
+        let next = noise_of(plan, &point, unknowns)?;
+        let settled = round > 0 && alike(&noise, &next);
+        noise = next;
+        if settled {
+            break;
         }
+    }
+    let converged;
+    (converged, iterations) = minimise(plan, &mut point, unknowns, &noise, options, iterations)?;
+    if options.rounds > 0 {
+        noise = noise_of(plan, &point, unknowns)?;
     }
     let residuals = residuals(plan, &point)?;
     let slices: Vec<&[f64]> = residuals.iter().map(Vec::as_slice).collect();
@@ -106,6 +114,12 @@ pub fn fit(
         iterations,
         converged,
     })
+}
+
+/// The noise model of a point's residuals.
+fn noise_of(plan: &Plan, point: &Point, unknowns: &[Unknown]) -> Result<ArModel, IdentifyError> {
+    let lost = unknowns.len() + point.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+    fit_noise(plan, &residuals(plan, point)?, lost)
 }
 
 fn alike(a: &ArModel, b: &ArModel) -> bool {
@@ -178,10 +192,11 @@ fn minimise(
             lengthen(plan, point, &shares, &linear, unknowns, noise, damping, best, next);
         }
         let Some(((values, records), next)) = accepted else { return Ok((damping < 1e8 || point.cost.is_finite(), iterations)) };
-        let gain = (point.cost - next) / point.cost.max(f64::MIN_POSITIVE);
+        let drop = point.cost - next;
+        let gain = drop / point.cost.max(f64::MIN_POSITIVE);
         *point = Point { values, records, cost: next };
         damping = (damping * 0.1).max(1e-9);
-        if gain <= options.tolerance {
+        if gain <= options.tolerance || options.rounds > 0 && drop <= SETTLED {
             return Ok((true, iterations));
         }
     }

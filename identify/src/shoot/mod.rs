@@ -11,6 +11,7 @@
 
 mod blend;
 mod bodies;
+mod late;
 mod observe;
 mod observed;
 mod opened;
@@ -21,9 +22,10 @@ mod start_bodies;
 mod stretch_prior;
 mod torque;
 
+pub use late::LONGEST_DELAY;
 pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
 pub(crate) use opened::opened;
-pub use opened::{FAR, LONGEST_DELAY, NEVER};
+pub use opened::{FAR, NEVER};
 pub use plan::{Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
 pub use start::{StartState, initial_guess, state_at};

@@ -121,7 +121,7 @@ impl Pass<'_> {
             Target::Joint(sensor, BIAS) if *sensor == k => 1.0,
             Target::Joint(sensor, GAIN) if *sensor == k => x.value,
             Target::Joint(other, DELAY) if *other == k => -sensor[GAIN] * x.rate,
-            Target::Sensor(_) | Target::Joint(..) => 0.0,
+            Target::Sensor(_) | Target::Joint(..) | Target::Late(_) => 0.0,
             Target::Theta(_) | Target::Mirrored(..) => {
                 let entries = unknown.target.entries();
                 let by = |k: usize| x.by_theta.iter().filter(move |(entry, _)| *entry == k).map(|(_, d)| d).sum::<f64>();

@@ -94,6 +94,7 @@ impl Plan {
             theta: model.params().values().to_vec(),
             sensor: setup.experiment.sensor.values(),
             joints: setup.joint_values(),
+            late: vec![0.0; model.nu()],
         };
         let mut plan = Self {
             model,

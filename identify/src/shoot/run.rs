@@ -88,7 +88,7 @@ impl Pass<'_> {
         self.reserve(&mut shot, complete);
         for (k, measured) in self.rec.inputs[..steps].iter().enumerate() {
             self.enter_segment(k, &mut state, &mut tangent, &mut shot);
-            let u = self.inputs(measured, &mut tangent.seeds);
+            let u = self.inputs(k, measured, &mut tangent.seeds);
             let due = |t: &Timetable| t.next < complete && t.samples[t.next].0 == k;
             let keep = self.wants.tangents && tables.iter().any(due);
             let (before, tangent_before) = (state.clone(), if keep { tangent.x.clone() } else { Tangent::default() });
@@ -130,7 +130,7 @@ impl Pass<'_> {
     /// The state at t = 0 and its tangents.
     fn start(&self, tangent: &mut TangentStepper) -> Result<State, StepError> {
         let model = &self.plan.model;
-        let u0 = self.inputs(&self.rec.record.inputs[0], &mut tangent.seeds);
+        let u0 = self.inputs(0, &self.rec.record.inputs[0], &mut tangent.seeds);
         if self.plan.at_rest {
             let rest = equilibrium(model, &self.values.theta, &self.rec.start.mean.q, &u0)?;
             if self.wants.tangents {
@@ -172,13 +172,14 @@ impl Pass<'_> {
     fn memory(&self, tangent: &mut TangentStepper) -> Vec<f64> {
         let model = &self.plan.model;
         let mut z = model.initial_memory();
-        let slopes = model.prime_signals(&self.rec.past, &self.values.theta, &mut z);
+        let slopes = model.prime_signals(&self.late_past(), &self.values.theta, &mut z);
         if self.wants.tangents {
             for (place, k, slope) in slopes {
                 for &(column, weight) in tangent.seeds.theta(k) {
                     tangent.x.z[place * self.columns + column] += slope * weight;
                 }
             }
+            self.seed_late_memory(&z, tangent);
         }
         z
     }
@@ -211,14 +212,16 @@ impl Pass<'_> {
         }
     }
 
-    /// Inputs of a step; where the sensor measured them too, freed of its errors, with the derivatives by its unknowns.
-    fn inputs(&self, measured: &[f64], seeds: &mut Seeds) -> Vec<f64> {
+    /// Inputs of a step: as late as they reach the motors; where the sensor measured them too, freed of its errors; with the derivatives
+    /// by the unknowns of both.
+    fn inputs(&self, k: usize, measured: &[f64], seeds: &mut Seeds) -> Vec<f64> {
         seeds.clear_u();
         let sensor = &self.values.sensor;
-        if !self.plan.shared_sensor {
-            return measured.to_vec();
-        }
         let mut u = measured.to_vec();
+        self.make_late(k, &mut u, seeds);
+        if !self.plan.shared_sensor {
+            return u;
+        }
         for drive in self.plan.model.drives().iter().filter(|d| d.is_prescribed()) {
             let edge = drive.nodes().len() == 2 && drive.n_controls() == 6 && self.is_edge(drive);
             for first in (drive.first_u..drive.first_u + drive.n_controls()).step_by(3) {
