@@ -14,8 +14,9 @@ fn refinements(stage: &StageRecord) -> usize {
     if stage.n_rows() == stage.v.len() { 1 } else { 2 }
 }
 
-/// Relative change by a refinement below which it is not worth its price for many columns.
-const REFINED: f64 = 1e-12;
+/// Relative change by a refinement below which it is not worth its price for many columns. What a step makes of a column may be far
+/// larger than what the next leave of it: joints pulled off their coupling move by the pull over the step, and back.
+const REFINED: f64 = 1e-14;
 
 fn negate(x: &mut [f64]) {
     x.iter_mut().for_each(|a| *a = -*a);
