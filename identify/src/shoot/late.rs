@@ -5,8 +5,9 @@
 //! ```text
 //! c'_k = f c_{k−m−1} + (1 − f) c_{k−m},     D = (m + f) h, m whole, 0 ≤ f < 1;      ∂c'_k/∂D = (c_{k−m−1} − c_{k−m}) / h
 //! ```
-//! as the delay line of a scene's motor gives it ([`pliant_engine::memory::SignalPath`]). The derivative is that towards longer
-//! delays. Before the record its first commands are taken to have been held.
+//! as the delay line of a scene's motor gives it ([`pliant_engine::memory::SignalPath`]), but for a lag behind it, which here takes
+//! the mean over the step for what comes in two parts (an error of second order in h over the lag). The derivative is that towards
+//! longer delays. Before the record its first commands are taken to have been held.
 
 use super::plan::RecordPlan;
 use super::run::Pass;
