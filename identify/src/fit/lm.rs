@@ -16,7 +16,7 @@ pub struct FitOptions {
     pub max_iterations: usize,
     /// Rounds of re-estimating the noise model.
     pub rounds: usize,
-    /// An accepted step that lowers the cost by less than this part ends the last round; rounds before it end at [`LOOSE`].
+    /// An accepted step that lowers the cost by less than this part ends the last round; rounds before it end earlier.
     pub tolerance: f64,
 }
 
