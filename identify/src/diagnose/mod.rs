@@ -10,6 +10,7 @@ mod ceiling;
 mod certainty;
 mod constancy;
 mod gain;
+mod listing;
 mod numerics;
 mod pipeline;
 mod reason;
@@ -17,7 +18,10 @@ mod remainder;
 mod result;
 mod second_look;
 mod select;
+mod selection;
+mod story;
 mod test;
+mod verdict;
 
 pub use baseline::{FitReport, fit_scene};
 pub use pipeline::{DiagnoseOptions, diagnose};

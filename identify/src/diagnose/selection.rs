@@ -1,0 +1,228 @@
+//! Forward selection: causes are accepted one after the other while something significant is left.
+
+use super::constancy;
+use super::pipeline::DiagnoseOptions;
+use super::remainder;
+use super::result::*;
+use super::second_look::second_look;
+use super::select::{Margin, Round, refit, round};
+use super::story::Story;
+use super::test::{Tested, test};
+use super::verdict::ENOUGH;
+use crate::causes::Cause as Candidate;
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted};
+use crate::shoot::Plan;
+use crate::stats::dist::chi2_sf;
+
+/// An accepted cause, and what was found about it.
+pub(super) struct Accepted {
+    pub cause: Candidate,
+    pub statistic: f64,
+    pub rivals: Vec<Rival>,
+    pub margin: Option<Margin>,
+    pub constancy: Option<f64>,
+}
+
+/// Forward selection in progress.
+pub(super) struct Selection {
+    pub current: Fitted,
+    pub accepted: Vec<Accepted>,
+    pub ambiguous: Vec<Vec<Name>>,
+    /// Fit with the best of the causes that cannot be told apart.
+    pub undecided: Option<Box<Fitted>>,
+    pub rejected: bool,
+    /// (title of a candidate, what was found about it)
+    pub notes: Vec<(String, String)>,
+}
+
+/// Name of a cause, and the gripper it is about.
+pub(super) type Name = (String, Option<String>);
+
+impl Selection {
+    #[allow(clippy::too_many_arguments)] // the parts of the selection
+    pub(super) fn grow(
+        &mut self,
+        plan: &Plan,
+        first: &Tested,
+        sensor_sigma: f64,
+        options: &DiagnoseOptions,
+        fit_options: &FitOptions,
+        story: &mut Story,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<(), IdentifyError> {
+        let mut tested = first.clone();
+        while self.accepted.len() < options.max_causes {
+            let mut notes = Vec::new();
+            let mut outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
+            if matches!(outcome, Round::Nothing) {
+                let seed = options.seed;
+                let again = second_look(plan, &self.current, sensor_sigma, fit_options, seed, &mut notes, progress)?;
+                if let Some(found) = again {
+                    (outcome, tested) = found;
+                }
+            }
+            self.notes.extend(notes.into_iter().map(|(j, why)| (candidate(&tested, j).title(), why)));
+            match outcome {
+                Round::Nothing => return Ok(()),
+                Round::Rejected => {
+                    self.rejected = true;
+                    return Ok(());
+                }
+                Round::Ambiguous { set, fitted } => {
+                    self.undecided = Some(fitted);
+                    self.ambiguous.push(set.iter().map(|&j| name(candidate(&tested, j))).collect());
+                    return Ok(());
+                }
+                Round::Accepted { candidate, fitted, shape, statistic, margin } => {
+                    let mut cause = self::candidate(&tested, candidate).clone();
+                    if !shape.is_empty() {
+                        cause.settings.clear();
+                        cause.unknowns.extend(shape);
+                    }
+                    progress(&format!("accepted {}", cause.title()));
+                    let rivals = rivals(&tested, candidate);
+                    self.accepted.push(Accepted { rivals, cause, statistic, margin, constancy: None });
+                    self.current = *fitted;
+                    let name = self.accepted.last().map_or("", |a| a.cause.name);
+                    story.add(name, &self.current)?;
+                    tested = test(plan, &self.current, options.seed)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes out accepted causes that the later ones have made superfluous.
+    pub(super) fn prune(
+        &mut self,
+        plan: &Plan,
+        options: &FitOptions,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<(), IdentifyError> {
+        if self.accepted.len() < 2 {
+            return Ok(());
+        }
+        for k in (0..self.accepted.len() - 1).rev() {
+            let own = self.accepted[k].cause.unknowns.clone();
+            progress(&format!("checking that {} is still needed", self.accepted[k].cause.title()));
+            let mut without = self.current.clone();
+            without.unknowns.retain(|u| !own.iter().any(|o| o.target.same(&u.target)));
+            for u in &own {
+                u.set(&mut without.values, u.value(&plan.scene_values));
+            }
+            let fitted = refit(plan, &without, &[], options)?;
+            let drop = fitted.deviance - self.current.deviance;
+            self.accepted[k].statistic = drop;
+            if chi2_sf(drop.max(0.0), own.len() as f64) > super::select::LEVEL {
+                self.notes
+                    .push((self.accepted[k].cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
+                self.accepted.remove(k);
+                self.current = fitted;
+            }
+        }
+        Ok(())
+    }
+
+    /// The accepted cause whose size differs most between parts of the records, if any does, and its p.
+    pub(super) fn varying(&mut self, plan: &Plan) -> Result<Option<(String, f64)>, IdentifyError> {
+        let mut worst: Option<(String, f64)> = None;
+        let all = self.accepted.len() as f64;
+        for accepted in &mut self.accepted {
+            let p = constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?;
+            accepted.constancy = Some(p);
+            if p * all < constancy::LEVEL && worst.as_ref().is_none_or(|(_, least)| p < *least) {
+                worst = Some((accepted.cause.title(), p));
+            }
+        }
+        Ok(worst)
+    }
+
+    pub(super) fn remainder(
+        &self,
+        plan: &Plan,
+        base: &Fitted,
+        sensor_sigma: f64,
+        p_input: f64,
+        untested: bool,
+        varying: Option<(String, f64)>,
+    ) -> Remainder {
+        let by_input = remainder::is_significant(p_input);
+        let (before, after) = (base.rmse * base.rmse, self.current.rmse * self.current.rmse);
+        let explainable = before - sensor_sigma * sensor_sigma;
+        let note = match (by_input, untested) {
+            (false, _) if let Some((name, p)) = &varying => format!(
+                "{name} would need different sizes in different parts of the records (p = {p:.1e}): it imitates another law"
+            ),
+            (true, _) => format!(
+                "the residual still depends on the inputs (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"
+            ),
+            (false, true) => "candidates remain significant, but none may be named".to_owned(),
+            (false, false) => "what is left does not differ from coloured noise".to_owned(),
+        };
+        Remainder {
+            significant: by_input || untested || varying.is_some(),
+            by_input,
+            rmse: self.current.rmse,
+            unit: plan.unit().to_owned(),
+            explained_fraction: if explainable > 0.0 { (before - after) / explainable } else { 0.0 },
+            note,
+        }
+    }
+
+    /// The part of the explainable error that the best of several equal causes takes, if the rest still depends on the inputs:
+    /// they imitate something outside the library.
+    pub(super) fn imitated(&self, plan: &Plan, base: &Fitted, sensor_sigma: f64) -> Result<Option<f64>, IdentifyError> {
+        let Some(fitted) = &self.undecided else { return Ok(None) };
+        if !remainder::is_significant(remainder::depends_on_input(plan, fitted)?) {
+            return Ok(None);
+        }
+        let square = |f: &Fitted| f.rmse * f.rmse;
+        let taken = (square(base) - square(fitted)) / (square(base) - sensor_sigma * sensor_sigma).max(f64::MIN_POSITIVE);
+        Ok((taken < ENOUGH).then_some(taken))
+    }
+
+    /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
+    pub(super) fn alternatives(&self) -> Vec<Vec<Name>> {
+        let twinned = self.accepted.iter().filter(|a| !a.cause.twins.is_empty()).map(|a| with_twins(&a.cause));
+        self.ambiguous.iter().cloned().chain(twinned).collect()
+    }
+
+    /// The set, and why, if nothing is accepted but a cause with twins.
+    pub(super) fn only_twins(&self) -> Option<(Vec<Name>, String)> {
+        let [one] = self.accepted.as_slice() else { return None };
+        let twins = one.cause.twins.join(", ");
+        let reason = format!(
+            "{} explains the data, and no log of these sensors can tell it from {twins}: both move the readings in the same way",
+            one.cause.title()
+        );
+        (!twins.is_empty()).then(|| (with_twins(&one.cause), reason))
+    }
+}
+
+/// A tested candidate.
+fn candidate(tested: &Tested, j: usize) -> &Candidate {
+    &tested.causes[tested.tested[j]]
+}
+
+pub(super) fn name(cause: &Candidate) -> Name {
+    (cause.name.to_owned(), cause.object.clone())
+}
+
+fn with_twins(cause: &Candidate) -> Vec<Name> {
+    let twins = cause.twins.iter().map(|twin| ((*twin).to_owned(), cause.object.clone()));
+    std::iter::once(name(cause)).chain(twins).collect()
+}
+
+fn rivals(tested: &Tested, j: usize) -> Vec<Rival> {
+    let mut out: Vec<Rival> = (0..tested.tested.len())
+        .filter(|&k| k != j && tested.score.candidates[k].rank > 0)
+        .map(|k| {
+            let (name, object) = name(candidate(tested, k));
+            Rival { name, object, cosine: tested.score.cosines[(j, k)] }
+        })
+        .collect();
+    out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
+    out.truncate(4);
+    out
+}

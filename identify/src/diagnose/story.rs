@@ -1,0 +1,35 @@
+//! The errors after each accepted cause.
+
+use super::certainty::{Curvature, estimates};
+use super::gain;
+use super::result::*;
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted};
+use crate::shoot::{Plan, RecordPlan};
+
+/// Errors after each accepted cause.
+pub(super) struct Story<'a> {
+    pub plan: &'a Plan,
+    pub judged: &'a [RecordPlan],
+    pub base: &'a Fitted,
+    pub options: &'a FitOptions,
+    pub stages: Vec<Stage>,
+}
+
+impl Story<'_> {
+    pub(super) fn add(&mut self, name: &str, fitted: &Fitted) -> Result<(), IdentifyError> {
+        let records = gain::reread(self.plan, self.judged, self.base, fitted, self.options)?;
+        let residuals = gain::residuals(self.plan, &records, &fitted.values)?;
+        let rows: f64 = fitted.residuals.iter().map(|r| r.len() as f64).sum();
+        let curvature = Curvature::new(self.plan, fitted)?;
+        self.stages.push(Stage {
+            name: name.to_owned(),
+            rmse_fit: fitted.rmse,
+            rmse_held_out: self.plan.rms(&residuals),
+            mean_abs_held_out: self.plan.mean_abs(&residuals),
+            bic: fitted.deviance + fitted.unknowns.len() as f64 * rows.ln(),
+            parameters: estimates(self.plan, fitted, &curvature),
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,86 @@
+//! What is said in the end.
+
+use super::reason;
+use super::result::*;
+use super::selection::{Name, Selection, name};
+use super::test::Tested;
+use crate::number::share;
+
+/// Part of the explainable error that the accepted causes must take if something significant remains: below it, they may be an
+/// imitation of something outside the library. (In blind batches effects of the library leave nothing significant; winds and
+/// offsets that imitate others took up to 0.72.)
+pub(super) const ENOUGH: f64 = 0.9;
+
+pub(super) fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {
+    d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
+    d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
+}
+
+/// Verdict, reason and advice.
+pub(super) fn decide(
+    d: &mut Diagnosis,
+    run: &Selection,
+    first: &Tested,
+    converged: bool,
+    imitated: Option<f64>,
+    numerical_part: f64,
+) {
+    let names: Vec<String> = d.causes.iter().map(Cause::title).collect();
+    let titles = d.alternative_titles();
+    let little = !run.accepted.is_empty() && d.remainder.significant && d.remainder.explained_fraction < ENOUGH;
+    let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input;
+    (d.verdict, d.reason) = if !converged {
+        (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
+    } else if open {
+        let reason = format!(
+            "{} takes {} of what can be explained, but what remains is significant and fits several causes equally well: {}",
+            names.join(" with "),
+            share(d.remainder.explained_fraction),
+            titles.concat().join(", ")
+        );
+        (Verdict::Ambiguous, reason)
+    } else if little {
+        let reason = format!(
+            "{} fits best, but takes {} of what can be explained, and the rest is significant ({}): something outside the library",
+            names.join(" with "),
+            share(d.remainder.explained_fraction),
+            d.remainder.note
+        );
+        (Verdict::NotInLibrary, reason)
+    } else if let Some((set, reason)) = run.only_twins() {
+        set_alternatives(d, &[set]);
+        (Verdict::Ambiguous, reason)
+    } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > ENOUGH)) {
+        let margins = run.accepted.iter().filter_map(|a| Some((a.cause.title(), a.margin.as_ref()?)));
+        (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
+    } else if let (Some(taken), Some(set)) = (imitated, titles.first()) {
+        let reason = format!(
+            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs: something outside the library",
+            set.join(", "),
+            share(taken)
+        );
+        (Verdict::NotInLibrary, reason)
+    } else if let Some(set) = titles.first() {
+        (Verdict::Ambiguous, format!("{} explain the data equally well", set.join(", ")))
+    } else if run.rejected || d.remainder.significant {
+        (Verdict::NotInLibrary, "something significant is there, and no cause of the library is accepted for it".to_owned())
+    } else {
+        (Verdict::Adequate, "nothing beyond the noise was found".to_owned())
+    };
+    if open && d.verdict == Verdict::Ambiguous {
+        let accepted = run.accepted.iter().map(|a| name(&a.cause));
+        let set = accepted.chain(run.alternatives().concat()).collect();
+        set_alternatives(d, &[set]);
+    }
+    if d.verdict != Verdict::Named {
+        d.causes.clear();
+    }
+    let wanted: Vec<&String> = d.alternatives.iter().flatten().collect();
+    d.advice = first
+        .causes
+        .iter()
+        .filter(|c| wanted.iter().any(|w| *w == c.name))
+        .map(|c| format!("{}: {}", c.name, c.excitation))
+        .collect();
+    d.advice.dedup();
+}
