@@ -92,7 +92,12 @@ EFFECTS = {
 
 
 def model(effect: Effect) -> mujoco.MjModel:
-    """The arm: links of 0.3 and 0.25 m, axes along y, hanging at zero."""
+    """The arm as MuJoCo simulates it."""
+    return mujoco.MjModel.from_xml_string(xml(effect))
+
+
+def xml(effect: Effect) -> str:
+    """The arm: links of 0.3 and 0.25 m, axes along y, hanging at zero; its encoders are sensors."""
 
     def joint(name: str) -> str:
         own = dict(effect.joint.get(name, {}))
@@ -103,14 +108,15 @@ def model(effect: Effect) -> mujoco.MjModel:
         return f'<joint name="{name}" axis="0 1 0" solreffriction="{2.5 * FINE} 1" solimpfriction="0.999 0.9999 0.001" {more}/>'
 
     gravity = f"{9.81 * np.sin(effect.tilt)} 0 {-9.81 * np.cos(effect.tilt)}"
-    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+    return f"""<mujoco>
   <option timestep="{FINE}" integrator="RK4" gravity="{gravity}" tolerance="1e-14"><flag contact="disable"/></option>
   <worldbody><body name="upper">{joint("shoulder")}
     <inertial pos="0 0 -0.15" mass="1" diaginertia="0.0085 0.0085 0.001"/>
     <body name="lower" pos="0 0 -0.3">{joint("elbow")}
       <inertial pos="0 0 -0.12" mass="{effect.lower_mass}" diaginertia="0.0045 0.0045 0.0006"/>
     </body></body></worldbody>
-  <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator></mujoco>""")
+  <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>
+  <sensor><jointpos joint="shoulder"/><jointpos joint="elbow"/></sensor></mujoco>"""
 
 
 def torques(
