@@ -81,15 +81,27 @@ def read(folder: Path) -> tuple[float, list[Record]]:
 def change(path: str, x: float) -> dict:
     """What a parameter changes of an `arms.Effect`; of readings nothing."""
     owner, _, end = path.partition(".")
-    attributes = {"damping": "damping", "friction": "frictionloss", "stiffness": "stiffness", "armature": "armature"}
+    attributes = {
+        "damping": "damping",
+        "friction": "frictionloss",
+        "stiffness": "stiffness",
+        "armature": "armature",
+    }
     if end in attributes:
         return {"joint": {owner: {attributes[end]: x}}}
     k = int(owner.endswith("elbow"))
-    motors = {"gain": ("gain", 1.0), "offset": ("offset", 0.0), "delay": ("late", 0.0), "lag": ("lag", 0.0)}
+    motors = {
+        "gain": ("gain", 1.0),
+        "offset": ("offset", 0.0),
+        "delay": ("late", 0.0),
+        "lag": ("lag", 0.0),
+    }
     return {motors[end][0]: pair(k, x, motors[end][1])} if end in motors else {}
 
 
-def simulate(record: Record, start: np.ndarray, values: dict[str, float], path: str | None) -> np.ndarray:
+def simulate(
+    record: Record, start: np.ndarray, values: dict[str, float], path: str | None
+) -> np.ndarray:
     """Readings at the samples (T, 2) [rad]."""
     effect = nothing((0.0, 0.0))
     if path is not None:
@@ -103,7 +115,9 @@ def simulate(record: Record, start: np.ndarray, values: dict[str, float], path: 
     steps = EVERY * (len(record.times) - 1)
     control = arms.motor_torque(effect, record.times, record.u, STEP, steps)
     state = np.array([0.0, *start])
-    states, _ = rollout.rollout(model, mujoco.MjData(model), state[None, :], control[None, :, :])
+    states, _ = rollout.rollout(
+        model, mujoco.MjData(model), state[None, :], control[None, :, :]
+    )
     q = np.vstack([start[:2], states[0, :, 1:3]])
     late = values.get("sensor.time_offset", 0.0)
     t = np.arange(steps + 1) * STEP
@@ -134,7 +148,9 @@ def ask(folder: Path, case: dict, cause: str, iterations: int) -> dict:
     return {
         "cause": cause,
         "found": half is not None and abs(value - nominal) > half,
-        "covered": [] if half is None else [abs(value - case["truth"].get(path, nominal)) <= half],
+        "covered": []
+        if half is None
+        else [abs(value - case["truth"].get(path, nominal)) <= half],
         "rms_rad": rms,
         "insights": insights,
         "value": [path, value, half],
@@ -153,19 +169,38 @@ def fit(records: list[Record], params: sysid.ParameterDict, path: str, iteration
         control = sysid.TimeSeries(record.times, record.u, {})
         start = record.start()
         state = sysid.create_initial_state(model, start[:2], start[2:], np.zeros(0))
-        sequences.append(sysid.ModelSequences(f"record{r}", spec, "log", state, control, measured))
+        sequences.append(
+            sysid.ModelSequences(f"record{r}", spec, "log", state, control, measured)
+        )
         numbers |= {id(control): r, id(measured): r}
 
     def rolled(models, control_signal, initial_states, param_dicts, **_):
         out = []
-        for of, control, state, candidate in zip(models, control_signal, initial_states, param_dicts, strict=True):
+        for of, control, state, candidate in zip(
+            models, control_signal, initial_states, param_dicts, strict=True
+        ):
             r = numbers[id(control)]
-            values = {name: float(candidate[name].value[0]) for name in candidate.keys()}
+            names = candidate.keys()  # a ParameterDict does not iterate over its names
+            values = {name: float(candidate[name].value[0]) for name in names}
             start = np.array([values[f"start{r}[{k}]"] for k in range(4)])
-            seen = simulate(records[r], start, values, path if change(path, 0.0) else None)
-            series = sysid.TimeSeries(records[r].times, seen, sequences[r].sensordata[0].signal_mapping)
-            clock = np.repeat(records[r].times[:, None], state.size, axis=1)  # only t is read
-            out.append(sysid.SystemTrajectory(of, control, series, state, sysid.TimeSeries(records[r].times, clock)))
+            seen = simulate(
+                records[r], start, values, path if change(path, 0.0) else None
+            )
+            series = sysid.TimeSeries(
+                records[r].times, seen, sequences[r].sensordata[0].signal_mapping
+            )
+            clock = np.repeat(
+                records[r].times[:, None], state.size, axis=1
+            )  # only t is read
+            out.append(
+                sysid.SystemTrajectory(
+                    of,
+                    control,
+                    series,
+                    state,
+                    sysid.TimeSeries(records[r].times, clock),
+                )
+            )
         return out
 
     def compared(_candidate, predicted, measured, *_args, **_kwargs):
@@ -181,21 +216,38 @@ def fit(records: list[Record], params: sysid.ParameterDict, path: str, iteration
     )
 
     def error(at) -> float:
-        return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in residual(at.as_vector(), at)[0]]) ** 2)))
+        return float(
+            np.sqrt(
+                np.mean(
+                    np.concatenate([r.ravel() for r in residual(at.as_vector(), at)[0]])
+                    ** 2
+                )
+            )
+        )
 
     before = error(params)
     best, result = sysid.optimize(params, residual, verbose=False, max_iters=iterations)
     at_best = residual(best.as_vector(), best)[0]
     _, halves = sysid.calculate_intervals([r.ravel() for r in at_best], result.jac)
-    listed = {name: float(h) if np.isfinite(h) else None for name, h in zip(best.keys(), halves, strict=True)}
-    insights = [i.get("title", str(i)) for i in AutomatedInsights("insights", best).get_context()["insights"]]
+    listed = {
+        name: float(h) if np.isfinite(h) else None
+        for name, h in zip(best.keys(), halves, strict=True)
+    }
+    insights = [
+        i.get("title", str(i))
+        for i in AutomatedInsights("insights", best).get_context()["insights"]
+    ]
     return best, listed, insights, [before, error(best)]
 
 
 def chosen(rows: list[dict], n: int) -> list[tuple[dict, str]]:
     """n/2 nulls, each with a cause in turn, and n/2 representable effects of the largest λ, with theirs."""
     nulls = [row for row in rows if row["case"]["kind"] == "null"][: n // 2]
-    effects = [row for row in rows if row["case"]["kind"] == "effect" and row["case"]["name"] in CAUSES]
+    effects = [
+        row
+        for row in rows
+        if row["case"]["kind"] == "effect" and row["case"]["name"] in CAUSES
+    ]
     effects.sort(key=lambda row: (-row["case"]["lam"], row["case"]["index"]))
     names = list(CAUSES)
     tried = [(row, names[k % len(names)]) for k, row in enumerate(nulls)]
@@ -208,7 +260,9 @@ def _one(job: tuple[Path, dict, str, int]) -> dict:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("batch", type=Path)
     parser.add_argument("--kept", type=Path, required=True)
     parser.add_argument("--cases", type=int, default=12)
@@ -218,7 +272,15 @@ def main() -> None:
     options = parser.parse_args()
     rows = json.loads(options.batch.read_text(encoding="utf-8"))["cases"]
     pairs = chosen(rows, options.cases)
-    jobs = [(options.kept / f"case{row['case']['index']:04d}", row["case"], cause, options.iterations) for row, cause in pairs]
+    jobs = [
+        (
+            options.kept / f"case{row['case']['index']:04d}",
+            row["case"],
+            cause,
+            options.iterations,
+        )
+        for row, cause in pairs
+    ]
     with ProcessPoolExecutor(options.jobs) as pool:
         answers = list(pool.map(_one, jobs))
     results = [
