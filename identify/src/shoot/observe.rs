@@ -181,12 +181,12 @@ impl Pass<'_> {
             let r = sample * self.plan.channels() + channel;
             shot.predicted[r] = reading.value[a];
             let Some(residual) = reading.residual else { continue };
-            shot.residual[r] = residual[a];
+            shot.residual[r] = met(residual[a]);
             if !self.wants.tangents {
                 continue;
             }
             let row = &reading.rows[a * m..(a + 1) * m];
-            shot.residual[r] -= row[m - 1];
+            shot.residual[r] = met(residual[a] - row[m - 1]);
             shot.own[r * self.own..(r + 1) * self.own].copy_from_slice(&row[..self.own]);
             for (j, unknown) in self.wants.unknowns.iter().enumerate() {
                 let slope = unknown.slope(unknown.value(self.values));
@@ -194,6 +194,12 @@ impl Pass<'_> {
             }
         }
     }
+}
+
+/// A residual of what was measured: never exactly 0, which says that nothing was. A marker on a gripper that the same sensor drives is
+/// met exactly or to rounding, by chance, and must count the same both times.
+fn met(residual: f64) -> f64 {
+    if residual == 0.0 { f64::MIN_POSITIVE } else { residual }
 }
 
 /// Rows of `by · point`, three rows of `m` columns.
