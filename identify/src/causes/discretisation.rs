@@ -3,7 +3,6 @@
 use crate::error::IdentifyError;
 use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
 use crate::unknown::Values;
-use pliant_engine::scene::Integrator;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -26,19 +25,6 @@ pub struct Discretisation {
 /// Compares the readings at the scene's step h with those at h/2 on every record; `rmse` is the residual's.
 pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse: f64) -> Result<Discretisation, IdentifyError> {
     let h = plan.model.step_length();
-    let changes: Vec<Vec<f64>> = errors(plan, records, values)?;
-    let order = order(plan);
-    let rms = plan.rms(&changes);
-    let ratio = rms / rmse.max(f64::MIN_POSITIVE);
-    let step_needed = if ratio > TOLERATED { h * (TOLERATED / ratio).powf(1.0 / f64::from(order)) } else { h };
-    Ok(Discretisation { rms, ratio, step_needed, order })
-}
-
-/// Readings at the scene's step less those of an ever finer one, of every record: by Richardson, the change from h to h/2 over
-/// 1 − 2^−order.
-pub fn errors(plan: &Plan, records: &[RecordPlan], values: &Values) -> Result<Vec<Vec<f64>>, IdentifyError> {
-    let h = plan.model.step_length();
-    let whole = 1.0 - 0.5f64.powi(order(plan));
     let fine = Plan { model: Arc::new(plan.model.with_step(0.5 * h)), fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() };
     let one = |rec: &RecordPlan| -> Result<Vec<f64>, IdentifyError> {
         let named = |source| IdentifyError::Simulation { record: rec.record.name.clone(), source };
@@ -48,17 +34,18 @@ pub fn errors(plan: &Plan, records: &[RecordPlan], values: &Values) -> Result<Ve
         let past = plain.past.iter().flat_map(|row| [row.clone(), row.clone()]).collect();
         let finer =
             shoot(&fine, &RecordPlan { inputs, past, ..plain.clone() }, values, ShotWants::default()).map_err(named)?.predicted;
-        Ok(coarse.iter().zip(&finer).map(|(a, b)| (a - b) / whole).collect())
+        Ok(coarse.iter().zip(&finer).map(|(a, b)| a - b).collect())
     };
-    records.par_iter().map(one).collect()
-}
-
-/// Order of the scene's integrator.
-fn order(plan: &Plan) -> i32 {
-    match plan.model.integrator() {
-        Integrator::Euler => 1,
-        Integrator::Midpoint | Integrator::Sdirk2 => 2,
-    }
+    let changes: Vec<Vec<f64>> = records.par_iter().map(one).collect::<Result<_, _>>()?;
+    let order = match plan.model.integrator() {
+        pliant_engine::scene::Integrator::Euler => 1,
+        pliant_engine::scene::Integrator::Midpoint | pliant_engine::scene::Integrator::Sdirk2 => 2,
+    };
+    // Richardson: the error at h is the change over (1 − 2^−order)
+    let rms = plan.rms(&changes) / (1.0 - 0.5f64.powi(order));
+    let ratio = rms / rmse.max(f64::MIN_POSITIVE);
+    let step_needed = if ratio > TOLERATED { h * (TOLERATED / ratio).powf(1.0 / f64::from(order)) } else { h };
+    Ok(Discretisation { rms, ratio, step_needed, order })
 }
 
 /// The same piecewise-linear inputs on steps of half the length.

@@ -41,7 +41,7 @@ mod torque_offset;
 mod viscous_friction;
 mod wind;
 
-pub use discretisation::{Discretisation, TOLERATED, discretisation, errors};
+pub use discretisation::{Discretisation, TOLERATED, discretisation};
 pub use spacing::{Spacing, spacing};
 
 use crate::log::JointQuantity;

@@ -1,9 +1,6 @@
 //! Step 4: score tests of all causes from one linearization at the current fit.
-//!
-//! Of bodies that swing freely the residual is that of an ever finer step: the simulation's own error, by Richardson's extrapolation,
-//! is taken off. A small cause that happens to look like it would be found else, in data that hide nothing.
 
-use crate::causes::{Cause, Situation, errors, library};
+use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
@@ -160,12 +157,7 @@ impl Columns {
     }
 
     fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {
-        // ropes and contacts are stiff: what their step leaves out is in no series in h
-        let smooth = plan.model.ropes().is_empty() && plan.model.solids().is_empty();
-        merged(fitted, |rec| {
-            let own = if smooth { errors(plan, std::slice::from_ref(rec), &fitted.values)?.concat() } else { Vec::new() };
-            reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, &own, BLOCKS)
-        })
+        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, BLOCKS))
     }
 }
 
@@ -204,7 +196,7 @@ pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Resu
 /// As [`reduce`], with so many time blocks per record (or piece of one).
 pub(super) fn reduce_in(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown], blocks: usize) -> Result<Reduced, IdentifyError> {
     let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    merged(fitted, |rec| reduce_record(plan, fitted, rec, unknowns, &passes, &[], blocks))
+    merged(fitted, |rec| reduce_record(plan, fitted, rec, unknowns, &passes, blocks))
 }
 
 /// The statistics of all records.
@@ -224,19 +216,15 @@ fn merged(
     Ok(Reduced::merge_all(&whole)?)
 }
 
-/// The statistics of a record, whose readings the simulation's own error `error` (none: empty) has moved.
 fn reduce_record(
     plan: &Plan,
     fitted: &Fitted,
     rec: &RecordPlan,
     unknowns: &[Unknown],
     passes: &[(Values, Vec<usize>)],
-    error: &[f64],
     blocks: usize,
 ) -> Result<Reduced, IdentifyError> {
     let mut shot = shot_of(plan, rec, unknowns, passes)?;
-    // what was not measured has no residual
-    shot.residual.iter_mut().zip(error).filter(|(r, _)| **r != 0.0).for_each(|(r, e)| *r += e);
     let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
     fitted.noise.whiten(&mut shot.residual, channels)?;
     if m > 0 {
