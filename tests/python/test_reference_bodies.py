@@ -25,6 +25,8 @@ CASES = [
     ("arm_stops", "euler"),
     ("arm_stops", "sdirk2"),
     ("arm_stops-resting", "euler"),
+    ("gears", "euler"),
+    ("gears", "sdirk2"),
 ]
 
 

@@ -165,10 +165,10 @@ def weights(model):
 
 
 def rows(model, weights, q, v, gamma, theta, h, scale=1.0):
-    """Residuals F (n_rows,) of friction, then stops, of joints at q = q⁺, v = v⁺, for impulses gamma.
+    """Residuals F (n_rows,) of friction, then stops, then couplings, of joints at q = q⁺, v = v⁺, for impulses gamma.
 
     κ = rest_gap (c + WEIGHT/1000 inertia) of friction with Coulomb part c, rest_gap WEIGHT inertia of a
-    stop [J]; `scale` multiplies κ.
+    stop [J]; `scale` multiplies κ. A coupling gives way by rest_gap/(WEIGHT inertia) beyond its own compliance.
     """
     held, yielding = weights
     out, n = [], len(model.frictions)
@@ -183,12 +183,49 @@ def rows(model, weights, q, v, gamma, theta, h, scale=1.0):
         limit, side = np.array([limit for _, limit, _ in model.stops]), np.array([side for *_, side in model.stops])
         kappa = model.rest_gap * joints.WEIGHT * held[dof]
         approach = side * (q[at] - theta[limit]) / h
-        out.append(joints.stop_residual(approach, gamma[n:], joints.RHO * yielding[dof], scale * kappa))
+        own = gamma[n : n + len(dof)]
+        out.append(joints.stop_residual(approach, own, joints.RHO * yielding[dof], scale * kappa))
+    for coupling, g in zip(model.couplings, gamma[n + len(model.stops) :], strict=True):
+        wanted, _ = led(coupling, q, theta)
+        stiff, soft = coupled_inertias(model, coupling, weights)
+        own = 0.0 if coupling.compliance is None else theta[coupling.compliance]
+        give = (own + model.rest_gap / (joints.WEIGHT * stiff)) / h**2
+        out.append(joints.RHO * soft * ((q[coupling.joint.q] - wanted) / h + give * g))
     return jnp.concatenate(out) if out else jnp.zeros(0)
 
 
-def directions(model):
-    """(nv, n_rows): the generalized impulse of each row's γ."""
+def led(coupling, q, theta):
+    """Coordinate of a coupled joint that the leading one's asks for, p(d), and p'(d)."""
+    coefficients = theta[coupling.coefficients][::-1]
+    if coupling.lead is None:
+        return coefficients[-1], 0.0
+    d = q[coupling.lead.q][0] - theta[coupling.reference]
+    return jnp.polyval(coefficients, d), jnp.polyval(jnp.polyder(coefficients), d)
+
+
+def coupled_inertias(model, coupling, weights):
+    """Inertia seen from a coupled joint as the scene begins, all others held, and all yielding."""
+    follower, lead = coupling.joint, coupling.lead
+    if lead is None:
+        return [inertia[follower.v.start] for inertia in weights]
+    d = model.q0[lead.q][0] - model.theta[coupling.reference]
+    slope = np.polyval(np.polyder(model.theta[coupling.coefficients][::-1]), d)
+    return [1.0 / (1.0 / inertia[follower.v.start] + slope**2 / inertia[lead.v.start]) for inertia in weights]
+
+
+def directions(model, q, theta):
+    """(nv, n_rows): the generalized impulse of each row's γ at coordinates q; of a coupling -p' on the joint that leads."""
+    first = len(model.frictions) + len(model.stops)
+    out = jnp.asarray(np.hstack([fixed_directions(model), np.zeros((model.nv, len(model.couplings)))]))
+    for k, coupling in enumerate(model.couplings):
+        out = out.at[coupling.joint.v.start, first + k].add(1.0)
+        if coupling.lead is not None:
+            out = out.at[coupling.lead.v.start, first + k].add(-led(coupling, q, theta)[1])
+    return out
+
+
+def fixed_directions(model):
+    """Those of friction and stops, which do not change."""
     out = np.zeros((model.nv, len(model.frictions) + len(model.stops)))
     for k, (joint, _) in enumerate(model.frictions):
         out[joint.v.start, k] = 1.0

@@ -1,4 +1,4 @@
-"""The reference model of a scene of bodies: a tree of joints, θ, motors, friction and stops.
+"""The reference model of a scene of bodies: a tree of joints, θ, motors, friction, stops and couplings.
 
 State x = [q, v]: joint by joint, parents before children; a ball has a quaternion (w first) in q and
 its angular velocity in the body's axes in v [rad/s]. A change of state δx = [δq, δv] has a turn in
@@ -47,6 +47,17 @@ class Motor:
 
 
 @dataclass(frozen=True, eq=False)
+class Coupling:
+    """A joint of one axis whose coordinate is a polynomial of another's, or a constant."""
+
+    joint: Joint
+    lead: Joint | None
+    coefficients: np.ndarray  # positions in θ, the constant first
+    reference: int | None  # position in θ
+    compliance: int | None  # position in θ
+
+
+@dataclass(frozen=True, eq=False)
 class BodyModel:
     """Everything about a scene of bodies that does not change with x, u, θ."""
 
@@ -61,6 +72,7 @@ class BodyModel:
     motors: list
     frictions: list  # (joint, θ positions of friction, stiction, stribeck_velocity)
     stops: list  # (joint, θ position of the limit, +1 above it or -1 below)
+    couplings: list
     q0: np.ndarray
     v0: np.ndarray
 
@@ -134,6 +146,7 @@ def loads(text):
     for entry in _parents_first(scene["body"]):
         build.add_body(entry, table)
     motors = [build.motor(entry, table) for entry in scene.get("actuator", [])]
+    couplings = [build.coupling(entry, table) for entry in scene.get("coupling", [])]
     return BodyModel(
         h=time["step"],
         integrator=time.get("integrator", "midpoint"),
@@ -146,6 +159,7 @@ def loads(text):
         motors=motors,
         frictions=build.frictions,
         stops=build.stops,
+        couplings=couplings,
         q0=np.array(build.q0, dtype=float),
         v0=np.array(build.v0, dtype=float),
     )
@@ -243,6 +257,16 @@ class _Builder:
         keys = [*own, "offset", "gear"]
         theta = {k: table.add(f"{entry['name']}.{k}", entry.get(k, defaults.get(k, 0.0))) for k in keys}
         return Motor(entry["kind"], self.by_name[entry["joint"]], theta)
+
+
+    def coupling(self, entry, table):
+        """The coupling of one [[coupling]]."""
+        name, to = entry["name"], entry.get("to")
+        coefficients = [table.add(f"{name}.coefficient[{k}]", c) for k, c in enumerate(entry["coefficients"])]
+        reference = None if to is None else table.add(f"{name}.reference", entry.get("reference", 0.0))
+        compliance = table.add(f"{name}.compliance", entry["compliance"]) if "compliance" in entry else None
+        lead = None if to is None else self.by_name[to]
+        return Coupling(self.by_name[entry["joint"]], lead, np.array(coefficients), reference, compliance)
 
 
 def _matrix(a):

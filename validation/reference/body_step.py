@@ -1,7 +1,7 @@
 """One step of bodies as a root, for euler, midpoint and sdirk2, and changes of states.
 
 Stage of length h, unknowns y = (v⁺, γ), ā = (v⁺ - v)/h:
-    inertia(q̄, v̄, ā) - f(q̄, v̄, u) - D γ/h = 0  [N·m or N],   F(γ; q⁺, v⁺) = 0 for friction and stops
+    inertia(q̄, v̄, ā) - f(q̄, v̄, u) - D(q̄) γ/h = 0  [N·m or N],   F(γ; q⁺, v⁺) = 0 for friction, stops and couplings
     euler     q̄ = q⁺ = q ⊕ exp(h v⁺), v̄ = v⁺
     midpoint  v̄ = (v + v⁺)/2, q⁺ = q ⊕ cay(h v̄), q̄ the exact half of that displacement
 The root is Newton's; derivatives are those of the implicit function theorem.
@@ -31,9 +31,9 @@ def ends(model, q, v, v_next, h):
 
 def make_stage(model, h):
     """stage(q, v, u, theta) -> (v⁺ (nv,), size of the last Newton step)."""
-    if model.integrator == "midpoint" and model.stops:
-        raise ValueError("midpoint has no stops")
-    weights, directions = bodies.weights(model), jnp.asarray(bodies.directions(model))
+    if model.integrator == "midpoint" and (model.stops or model.couplings):
+        raise ValueError("midpoint has no stops and no couplings")
+    weights, directions = bodies.weights(model), bodies.directions(model, model.q0, model.theta)
     n, n_rows = model.nv, directions.shape[1]
     levels = max(0, round(math.log10(1e-3 / model.rest_gap))) if n_rows else 0
 
@@ -42,7 +42,7 @@ def make_stage(model, h):
         v_next, gamma = y[:n], y[n:]
         q_bar, v_bar, q_next = ends(model, q, v, v_next, h)
         r = bodies.inertia_force(model, q_bar, v_bar, (v_next - v) / h, theta)
-        r -= bodies.force(model, q_bar, v_bar, u, theta) + directions @ gamma / h
+        r -= bodies.force(model, q_bar, v_bar, u, theta) + bodies.directions(model, q_bar, theta) @ gamma / h
         return jnp.concatenate([r, bodies.rows(model, weights, q_next, v_next, gamma, theta, h, scale)])
 
     def search(args):
