@@ -17,6 +17,7 @@ import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -36,12 +37,11 @@ CAUSES = {
 }
 
 
-def chosen(rows: list[dict], n: int) -> list[tuple[dict, str]]:
-    """n/2 nulls, each with a cause in turn, and n/2 representable effects of the largest λ, with theirs."""
+def chosen(rows: list[dict], n: int, names: list[str]) -> list[tuple[dict, str]]:
+    """n/2 nulls, each with one of the causes `names` in turn, and n/2 representable effects of the largest λ, with theirs."""
     nulls = [row for row in rows if row["case"]["kind"] == "null"][: n // 2]
-    effects = [row for row in rows if row["case"]["kind"] == "effect" and row["case"]["name"] in CAUSES]
+    effects = [row for row in rows if row["case"]["kind"] == "effect" and row["case"]["name"] in names]
     effects.sort(key=lambda row: (-row["case"]["lam"], row["case"]["index"]))
-    names = list(CAUSES)
     tried = [(row, names[k % len(names)]) for k, row in enumerate(nulls)]
     return tried + [(row, row["case"]["name"]) for row in effects[: n - n // 2]]
 
@@ -91,38 +91,37 @@ def table(results: list[dict]) -> str:
     return "\n".join(out)
 
 
-def _one(job: tuple[Path, dict, str, int]) -> dict:
-    return ask(*job)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+def compare(description: str, ask: Callable[[Path, dict, str, int], dict], names: list[str], cases: int) -> None:
+    """The command line: `ask` about the chosen cases of a batch, beside pliant's verdicts on them."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("batch", type=Path)
     parser.add_argument("--kept", type=Path, required=True)
-    parser.add_argument("--cases", type=int, default=24)
+    parser.add_argument("--cases", type=int, default=cases)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--iterations", type=int, default=15)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     rows = json.loads(options.batch.read_text(encoding="utf-8"))["cases"]
-    pairs = chosen(rows, options.cases)
-    jobs = [
-        (options.kept / f"case{row['case']['index']:04d}", row["case"], cause, options.iterations)
-        for row, cause in pairs
-    ]
+    pairs = chosen(rows, options.cases, names)
+    folders = [options.kept / f"case{row['case']['index']:04d}" for row, _ in pairs]
     with ProcessPoolExecutor(options.jobs) as pool:
-        answers = list(pool.map(_one, jobs))
+        hidden, causes = [row["case"] for row, _ in pairs], [cause for _, cause in pairs]
+        answers = list(pool.map(ask, folders, hidden, causes, [options.iterations] * len(pairs)))
     results = [
         {"case": row["case"], "outcome": row["outcome"], "peer": answer}
         for (row, _), answer in zip(pairs, answers, strict=True)
     ]
     for r in results:
-        print(f"{r['case']['index']:4d} {r['case']['kind']:7s} {r['peer']['cause']:15s} λ {r['case']['lam']:6g}"
+        print(f"{r['case']['index']:4d} {r['case']['kind']:7s} {r['peer']['cause']:17s} λ {r['case']['lam']:6g}"
               f"  sysid {'found' if r['peer']['found'] else '-':6s} pliant {r['outcome']:10s}"
               f" {r['peer']['seconds']:.0f} s", file=sys.stderr)  # fmt: skip
     print(table(results))
     if options.json:
         options.json.write_text(json.dumps(results, indent=1), encoding="utf-8")
+
+
+def main() -> None:
+    compare(__doc__, ask, list(CAUSES), cases=24)
 
 
 if __name__ == "__main__":

@@ -11,13 +11,10 @@ record's initial state is free, from its first readings: a user who does that do
 
 from __future__ import annotations
 
-import argparse
 import csv
-import json
 import sys
 import time
 import tomllib
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +26,7 @@ from mujoco.sysid.report.sections.insights import AutomatedInsights
 
 from validation.blind import arms
 from validation.blind.arm_oracle import EVERY, JOINTS, STEP, changed, nothing, pair
-from validation.blind.peer import table
+from validation.blind.peer import compare
 
 # cause -> (end of its parameter's path, the scene's value, bounds)
 CAUSES = {
@@ -142,7 +139,8 @@ def ask(folder: Path, case: dict, cause: str, iterations: int) -> dict:
     for r, record in enumerate(records):
         for k, x in enumerate(record.start()):
             params.add(sysid.Parameter(f"start{r}[{k}]", x, x - 0.5, x + 0.5))
-    best, halves, insights, rms = fit(records, params, path, iterations)
+    with redirect_stdout(sys.stderr):  # the toolbox prints its iterations
+        best, halves, insights, rms = fit(records, params, path, iterations)
     value = float(best[path].value[0])
     half = halves[path]
     return {
@@ -240,61 +238,8 @@ def fit(records: list[Record], params: sysid.ParameterDict, path: str, iteration
     return best, listed, insights, [before, error(best)]
 
 
-def chosen(rows: list[dict], n: int) -> list[tuple[dict, str]]:
-    """n/2 nulls, each with a cause in turn, and n/2 representable effects of the largest λ, with theirs."""
-    nulls = [row for row in rows if row["case"]["kind"] == "null"][: n // 2]
-    effects = [
-        row
-        for row in rows
-        if row["case"]["kind"] == "effect" and row["case"]["name"] in CAUSES
-    ]
-    effects.sort(key=lambda row: (-row["case"]["lam"], row["case"]["index"]))
-    names = list(CAUSES)
-    tried = [(row, names[k % len(names)]) for k, row in enumerate(nulls)]
-    return tried + [(row, row["case"]["name"]) for row in effects[: n - n // 2]]
-
-
-def _one(job: tuple[Path, dict, str, int]) -> dict:
-    with redirect_stdout(sys.stderr):  # the toolbox prints its iterations
-        return ask(*job)
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("batch", type=Path)
-    parser.add_argument("--kept", type=Path, required=True)
-    parser.add_argument("--cases", type=int, default=12)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--iterations", type=int, default=15)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    rows = json.loads(options.batch.read_text(encoding="utf-8"))["cases"]
-    pairs = chosen(rows, options.cases)
-    jobs = [
-        (
-            options.kept / f"case{row['case']['index']:04d}",
-            row["case"],
-            cause,
-            options.iterations,
-        )
-        for row, cause in pairs
-    ]
-    with ProcessPoolExecutor(options.jobs) as pool:
-        answers = list(pool.map(_one, jobs))
-    results = [
-        {"case": row["case"], "outcome": row["outcome"], "peer": answer}
-        for (row, _), answer in zip(pairs, answers, strict=True)
-    ]
-    for r in results:
-        path, value, half = r["peer"]["value"]
-        print(f"{r['case']['index']:4d} {r['case']['kind']:7s} {r['peer']['cause']:17s} λ {r['case']['lam']:6g}  {path} = {value:.4g}"
-              f" ± {half or float('nan'):.2g} {'found' if r['peer']['found'] else '-':6s} pliant {r['outcome']:10s}"
-              f" {r['peer']['seconds']:.0f} s", file=sys.stderr)  # fmt: skip
-    print(table(results))
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=1), encoding="utf-8")
+    compare(__doc__, ask, list(CAUSES), cases=12)
 
 
 if __name__ == "__main__":

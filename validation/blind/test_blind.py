@@ -179,7 +179,7 @@ def test_the_peer_is_given_nulls_in_turn_and_the_largest_effects_it_can_represen
     rows = [row(k, "null") for k in range(3)]
     rows += [row(3, "effect", "linear_drag", 10.0), row(4, "effect", "wind", 1000.0)]
     rows += [row(5, "effect", "time_offset", 100.0), row(6, "outside", "magnet", 100.0)]
-    pairs = [(r["case"]["index"], cause) for r, cause in peer.chosen(rows, 4)]
+    pairs = [(r["case"]["index"], cause) for r, cause in peer.chosen(rows, 4, list(peer.CAUSES))]
     assert pairs == [(0, "linear_drag"), (1, "extensibility"), (5, "time_offset"), (3, "linear_drag")]
 
     answer = {"found": True, "covered": [True, False], "insights": ["No Issues Detected"]}
