@@ -141,7 +141,13 @@ pub(super) fn compare(
         let own = gain(current, &refit.fitted);
         if own > 0.5 * most || most - own < REACH {
             progress(&format!("finishing the refit with {}", cause.title()));
-            refit.fitted = finished(plan, &refit.fitted, options)?;
+            match finished(plan, &refit.fitted, options) {
+                Ok(fitted) => refit.fitted = fitted,
+                Err(e) => {
+                    notes.push((refit.candidate, format!("its refit failed: {e}")));
+                    continue;
+                }
+            }
         }
         match rejection(current, &refit.fitted, cause) {
             Some(reason) => notes.push((refit.candidate, reason)),
