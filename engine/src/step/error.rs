@@ -109,7 +109,7 @@ pub enum StepError {
     },
     /// Equilibrium was asked of a scene with contact.
     #[error(
-        "an equilibrium with contact is not unique under friction (shape `{shape}` is present): simulate until the rope rests, or remove the shape"
+        "an equilibrium with contact is not unique under friction (shape `{shape}` is present): simulate until everything rests, or remove the shape"
     )]
     EquilibriumWithContact {
         /// A shape of the model.

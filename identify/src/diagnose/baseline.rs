@@ -4,7 +4,7 @@
 use super::result::Estimate;
 use crate::causes::probed;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, approach, cut, fit, fit_noise};
+use crate::fit::{FitOptions, Fitted, fit, fit_noise, prepare};
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
@@ -131,8 +131,7 @@ pub(super) fn baseline(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> 
     let unknowns = declared(setup, plan)?;
     refuse_dead(plan, &unknowns)?;
     let values = opened(&plan.scene_values, &unknowns);
-    cut(plan, &values, setup.experiment.fit.segment)?;
-    let (values, records) = approach(plan, &plan.fitted, &values, &unknowns, options)?;
+    let (values, records) = prepare(plan, &values, &unknowns, setup.experiment.fit.segment, options)?;
     fit(plan, &records, &values, &unknowns, None, options)
 }
 
@@ -152,8 +151,7 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
     let unknowns = declared(setup, plan)?;
     refuse_dead(plan, &unknowns)?;
     let values = opened(&plan.scene_values, &unknowns);
-    cut(plan, &values, setup.experiment.fit.segment)?;
-    let (values, records) = approach(plan, &plan.fitted, &values, &unknowns, options)?;
+    let (values, records) = prepare(plan, &values, &unknowns, setup.experiment.fit.segment, options)?;
     let plain = fit(plan, &records, &values, &unknowns, None, &FitOptions { rounds: 0, ..*options })?;
     let whitened = fit(plan, &plain.records, &plain.values, &unknowns, None, options)?;
     let given_up = whitened.rmse > WORSE * plain.rmse;

@@ -11,16 +11,23 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 const Z90: f64 = 1.644_853_626_951_472_6;
 /// χ²₁ at 90 %.
 const DEVIANCE90: f64 = 2.705_543_454_095_404;
-/// Singular values below this part of the largest are not determined.
+/// Singular values of the columns, each made of length one, below this part of the largest are not determined.
 const RANK: f64 = 1e-6;
+/// A column shorter than this part of the longest is rounding: what it belongs to has no influence.
+const DUST: f64 = 1e-10;
 /// Smallest component of a unit vector without influence that counts: below it may be rounding of the determined ones.
 const COMPONENT: f64 = 0.01;
 /// Secant steps towards an end of a profile interval.
 const PROFILE_STEPS: usize = 5;
 
 /// Curvature of the deviance in the fit's coordinates, initial states eliminated, by its principal directions.
+///
+/// Each coordinate is measured by its own influence: its typical size may be off by orders of magnitude (a cubic spring is one N/m³ or a
+/// million), and that says nothing of whether the data determine it.
 pub(super) struct Curvature {
     eigen: SymmetricEigen<f64, Dyn>,
+    /// Square root of each coordinate's own curvature; 1 where there is none.
+    lengths: DVector<f64>,
 }
 
 impl Curvature {
@@ -29,8 +36,14 @@ impl Curvature {
     }
 
     fn of(gram: DMatrix<f64>) -> Self {
+        let own: Vec<f64> = gram.diagonal().iter().map(|d| d.max(0.0).sqrt()).collect();
+        let dust = DUST * own.iter().copied().fold(0.0, f64::max);
+        let influence = |j: usize| own[j] > dust;
+        let lengths = DVector::from_fn(own.len(), |j, _| if influence(j) { own[j] } else { 1.0 });
+        let unit = |i, j| if influence(i) && influence(j) { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
+        let scaled = DMatrix::from_fn(own.len(), own.len(), unit);
         let empty = SymmetricEigen { eigenvectors: DMatrix::zeros(0, 0), eigenvalues: DVector::zeros(0) };
-        Self { eigen: if gram.is_empty() { empty } else { SymmetricEigen::new(gram) } }
+        Self { eigen: if scaled.is_empty() { empty } else { SymmetricEigen::new(scaled) }, lengths }
     }
 
     /// Numbers of the directions without influence.
@@ -57,7 +70,7 @@ impl Curvature {
                 return f64::INFINITY;
             }
             let parts = (0..values.len()).map(|k| vectors[(j, k)].powi(2) / values[k].max(least).max(f64::MIN_POSITIVE));
-            parts.sum::<f64>().sqrt()
+            parts.sum::<f64>().sqrt() / self.lengths[j]
         };
         (0..vectors.nrows()).map(one).collect()
     }
@@ -65,7 +78,8 @@ impl Curvature {
     /// Combinations of parameters without influence, in words.
     pub(super) fn unidentifiable(&self, fitted: &Fitted) -> Vec<String> {
         let word = |k: usize| {
-            let v = self.eigen.eigenvectors.column(k);
+            // back from coordinates of equal influence to those of the fit
+            let v = self.eigen.eigenvectors.column(k).component_div(&self.lengths).normalize();
             let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > COMPONENT);
             parts.map(|(u, x)| format!("{x:+.2}·{}", u.path)).collect::<Vec<_>>().join(" ")
         };
@@ -101,7 +115,6 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> 
 /// 90 % profile-likelihood interval of unknown `j`: where the deviance, minimised over all else, has risen by χ²₁(0.90).
 pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) -> Result<[f64; 2], IdentifyError> {
     let u = &fitted.unknowns[j];
-    let best = u.value(&fitted.values);
     if !std_error.is_finite() {
         return Ok([u.bounds.0, u.bounds.1]);
     }
@@ -110,13 +123,16 @@ pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) ->
         let own: f64 = f.records.iter().flat_map(|r| &r.start.z).map(|z| z * z).sum();
         Ok(fitted.noise.minus_two_log_likelihood(&slices)? + own)
     };
-    let base = whitened(fitted)?;
-    let others: Vec<_> = fitted.unknowns.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, u)| u.clone()).collect();
+    // the fit ended under the noise model before the last one: the deviance is at its least a little further on
     let fixed = FitOptions { rounds: 0, max_iterations: 6, tolerance: 1e-5 };
+    let least = fit(plan, &fitted.records, &fitted.values, &fitted.unknowns, Some(&fitted.noise), &fixed)?;
+    let (base, best) = (whitened(&least)?, u.value(&least.values));
+    let others: Vec<_> = fitted.unknowns.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, u)| u.clone()).collect();
     let rise = |value: f64| -> Result<f64, IdentifyError> {
-        let mut start = fitted.values.clone();
+        let mut start = least.values.clone();
         u.set(&mut start, value);
-        let at = fit(plan, &fitted.records, &start, &others, Some(&fitted.noise), &fixed)?;
+        // a value with which the records cannot even be simulated lies outside
+        let Ok(at) = fit(plan, &least.records, &start, &others, Some(&fitted.noise), &fixed) else { return Ok(f64::INFINITY) };
         Ok((whitened(&at)? - base).max(0.0))
     };
     let mut ends = [best; 2];
@@ -157,6 +173,16 @@ mod tests {
         let errors = Curvature::of(j.transpose() * &j).std_errors();
         assert!((1e3 * errors[0] - 1.0).abs() < 0.1, "{errors:?}");
         assert!(errors[1].is_infinite() && errors[2].is_infinite(), "{errors:?}");
+    }
+
+    #[test]
+    fn a_typical_size_that_is_off_by_orders_of_magnitude_hides_nothing() {
+        // the second coordinate's unit is 1e-7 of what it should be: its error is large in that unit, not unknown
+        let (s, c) = (1e-7, 0.6);
+        let gram = DMatrix::from_row_slice(2, 2, &[1.0, c * s, c * s, s * s]);
+        let errors = Curvature::of(gram).std_errors();
+        let own = (1.0f64 / (1.0 - c * c)).sqrt();
+        assert!((errors[0] / own - 1.0).abs() < 1e-9 && (s * errors[1] / own - 1.0).abs() < 1e-9, "{errors:?}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Why causes are named, in words.
 
-use super::result::{Cause, Estimate, Gain};
+use super::result::{Cause, Estimate, Gain, Noise, Remainder};
 use super::select::Margin;
 use crate::number::{number_plain, quantity_plain, unit};
 
@@ -44,6 +44,22 @@ pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String,
     out.join(" ")
 }
 
+/// Times the sensors' own noise above which a residual without a cause is said to be larger.
+const LARGER: f64 = 2.0;
+
+/// That no cause was found; and where the residual is slow and larger than the sensors' own noise, that this is all the data say.
+pub(super) fn adequate(noise: &Noise, left: &Remainder) -> String {
+    if left.rmse <= LARGER * noise.sensor_sigma || noise.sensor_sigma == 0.0 {
+        return "nothing beyond the noise was found".to_owned();
+    }
+    format!(
+        "nothing was found that coloured noise could not be: what is left, {}, is {:.1} times what the readings scatter from one to the \
+         next, and slow; whether that is noise or something slow outside the library, the same experiment done twice would tell",
+        quantity_plain(left.rmse, &left.unit),
+        left.rmse / noise.sensor_sigma
+    )
+}
+
 /// Every parameter with interval and unit.
 fn sizes(cause: &Cause) -> String {
     cause.parameters.iter().map(size).collect::<Vec<_>>().join(", ")
@@ -68,6 +84,15 @@ fn held_out(gain: &[Gain]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_residual_that_is_slow_and_large_is_not_called_noise() {
+        let noise = |sensor_sigma| Noise { ar: vec![0.97], sigma: 1e-3, sensor_sigma, effective_samples: 28.0 };
+        let left = Remainder { rmse: 1.2e-3, unit: "rad".to_owned(), ..Remainder::default() };
+        assert_eq!(adequate(&noise(1e-3), &left), "nothing beyond the noise was found");
+        let slow = adequate(&noise(3e-4), &left);
+        assert!(slow.contains("1.2 10⁻³ rad, is 4.0 times") && slow.contains("twice"), "{slow}");
+    }
 
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
         let interval = [0.9 * estimate, 1.1 * estimate];

@@ -138,6 +138,12 @@ impl Selection {
         Ok(worst)
     }
 
+    /// Whether any accepted cause was found to differ in size ([`Selection::varying`]).
+    pub(super) fn varies(&self) -> bool {
+        let all = self.accepted.len() as f64;
+        self.accepted.iter().any(|a| a.constancy.is_some_and(|p| p * all < constancy::LEVEL))
+    }
+
     pub(super) fn remainder(
         &self,
         plan: &Plan,

@@ -14,4 +14,4 @@ mod segments;
 
 pub use lm::{FitOptions, Fitted, fit};
 pub use noise::{fit_noise, floors};
-pub use segments::{Cut, approach, cut, growth};
+pub use segments::{Cut, approach, cut, growth, prepare};

@@ -154,6 +154,25 @@ pub fn approach(
     Ok((values, records))
 }
 
+/// Cuts the fitted records ([`cut`]) and brings `values` near ([`approach`]); cuts them again where only the values found show that the
+/// motion is too sensitive to be followed over a whole record. (An arm whose link spins was not, with a mass 10 % too large; whole
+/// records then pulled the mass to half its value.)
+pub fn prepare(
+    plan: &mut Plan,
+    values: &Values,
+    unknowns: &[Unknown],
+    length: Option<f64>,
+    options: &FitOptions,
+) -> Result<(Values, Vec<RecordPlan>), IdentifyError> {
+    let first = cut(plan, values, length)?;
+    let (values, records) = approach(plan, &plan.fitted, values, unknowns, options)?;
+    if first == Cut::Joined && matches!(cut(plan, &values, length)?, Cut::Pieces(_)) {
+        let pieces = plan.fitted.clone();
+        return Ok((values, pieces));
+    }
+    Ok((values, records))
+}
+
 fn states(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<State>, IdentifyError> {
     let wants = ShotWants { states: true, ..ShotWants::default() };
     let shot = shoot(plan, rec, values, wants);

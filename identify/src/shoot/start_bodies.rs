@@ -48,19 +48,36 @@ enum Known {
     Turn(usize, [f64; 4], Vector3<f64>),
 }
 
+impl Known {
+    /// A sensor at a joint, and what it reads of the joint.
+    fn coordinate(&self) -> Option<(usize, f64)> {
+        match self {
+            Self::Number(k, [x, ..], _) => Some((*k, *x)),
+            Self::Point(..) | Self::Turn(..) => None,
+        }
+    }
+}
+
 /// The bodies' state at a sample of the record as the data have it.
 pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<BodyStart, IdentifyError> {
     let (tree, model) = (plan.model.tree(), &plan.model);
     let nv = tree.nv();
     let scene = model.initial_positions()[model.n_node_dofs()..].to_vec();
     let known = known(plan, record, sample);
+    let [unread, rate_unread] = [false, true].map(|rate| unread(plan, &known, rate));
     let singular = || IdentifyError::Input("an initial state cannot be read off the log: it is not finite".to_owned());
     let mut q = scene.clone();
+    // a link may have turned round many times since: what its own sensor reads is not to be reached in short steps
+    for (k, x) in known.iter().filter_map(Known::coordinate) {
+        if plan.joints[k].quantity == JointQuantity::Position {
+            q[plan.joints[k].q] = x;
+        }
+    }
     for _ in 0..STEPS {
         let mut system = System::new(nv);
         let mut away = vec![0.0; nv];
         tree.subtract(&q, &scene, &mut away);
-        (0..nv).for_each(|l| system.add(&[(l, 1.0)], -away[l], UNSEEN.0));
+        unread.iter().for_each(|&l| system.add(&[(l, 1.0)], -away[l], UNSEEN.0));
         let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
         known.iter().for_each(|k| add_place(plan, &bodies, k, false, &mut system));
         let step = system.solve().ok_or_else(singular)?;
@@ -75,19 +92,30 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
     let placed = |wide: bool| {
         let mut system = System::new(nv);
-        (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.0));
+        unread.iter().for_each(|&l| system.add(&[(l, 1.0)], 0.0, UNSEEN.0));
         known.iter().for_each(|k| add_place(plan, &bodies, k, wide, &mut system));
         system
     };
     let moving = |wide: bool| {
         let mut system = System::new(nv);
-        (0..nv).for_each(|l| system.add(&[(l, 1.0)], 0.0, UNSEEN.1));
+        rate_unread.iter().for_each(|&l| system.add(&[(l, 1.0)], 0.0, UNSEEN.1));
         known.iter().for_each(|k| add_rate(plan, &bodies, k, wide, &mut system));
         system
     };
     let v = moving(false).solve().ok_or_else(singular)?.as_slice().to_vec();
     let position = placed(true).factor().ok_or_else(singular)?;
     Ok(BodyStart { q, v, position, velocity: moving(true).factor().ok_or_else(singular)? })
+}
+
+/// Degrees of freedom whose coordinate (whose velocity, by `rate`) no sensor at a joint reads.
+fn unread(plan: &Plan, known: &[Known], rate: bool) -> Vec<usize> {
+    let read = |l: usize| {
+        known.iter().filter_map(Known::coordinate).any(|(k, _)| {
+            let joint = &plan.joints[k];
+            joint.v == l && (rate || joint.quantity == JointQuantity::Position)
+        })
+    };
+    (0..plan.model.tree().nv()).filter(|&l| !read(l)).collect()
 }
 
 fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
