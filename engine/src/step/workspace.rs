@@ -9,7 +9,7 @@ use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
 use nalgebra::Vector4;
 
-/// Impulses to start from: those of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
+/// What to start from: impulses and accelerations of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Warm {
     /// Cone variables of contacts [N·s].
@@ -18,6 +18,10 @@ pub struct Warm {
     pub(crate) rows: Vec<f64>,
     /// Cone variables of contacts of solids [N·s], in the order of their keys.
     pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,
+    /// Changes of the bodies' velocities, times the stage's σ [m/s² or rad/s²].
+    pub(crate) accelerations: Vec<f64>,
+    /// Whether the stage before had nearly the same ones.
+    pub(crate) steady: bool,
 }
 
 /// Buffers of the solver for one model, and the warm start of its contacts.
