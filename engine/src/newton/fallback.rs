@@ -15,8 +15,6 @@ const DAMPING_LADDER: [f64; 4] = [100.0, 10.0, 3.0, 0.5];
 const FROZEN_STARTS: [usize; 2] = [2, 6];
 /// Relative change of velocities after which another one is no use.
 const FROZEN: f64 = 1e-3;
-/// Relative change of accelerations from one step to the next up to which they are worth extrapolating.
-const STEADY: f64 = 0.5;
 /// Solids that would pierce each other faster than this many steps' fall collide.
 const COLLIDING: f64 = 2.0;
 /// Iterations of the first attempt where solids touch: what takes more of them is found sooner by the second.
@@ -55,8 +53,8 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
     }
     match stuck {
         Some(Ok(())) => {
-            keep_accelerations(stage, ws);
-            let warm = ws.warm.get_or_insert_default();
+            let (n, warm) = (stage.model.n_node_dofs(), ws.warm.get_or_insert_default());
+            warm.history.push(stage.inertia, &stage.v_ref[n..], &ws.it.v[n..], &stage.model.weights.held);
             warm.cones.clone_from(&ws.it.w);
             warm.rows.clone_from(&ws.it.s);
             warm.spots.clear();
@@ -80,28 +78,11 @@ fn start_warm(stage: &Stage, ws: &mut Workspace) {
     stage.start_spots(ws);
 }
 
-/// The bodies' velocities of the last step, changed once more as they were in it, if that would have been a good start for it too.
+/// The bodies' velocities of the last step, changed as their accelerations up to now let expect.
 fn extrapolate(stage: &Stage, ws: &mut Workspace) {
-    let Some(warm) = ws.warm.as_ref().filter(|warm| warm.steady && stage.scheme != STATIC) else { return };
-    for (v, a) in ws.it.v[stage.model.n_node_dofs()..].iter_mut().zip(&warm.accelerations) {
-        *v += a / stage.inertia;
+    if let Some(warm) = ws.warm.as_ref().filter(|_| stage.scheme != STATIC) {
+        warm.history.extrapolate(1.0 / stage.inertia, &mut ws.it.v[stage.model.n_node_dofs()..]);
     }
-}
-
-/// Keeps the bodies' accelerations of the solved stage for [`extrapolate`], and whether they are nearly those of the stage before.
-fn keep_accelerations(stage: &Stage, ws: &mut Workspace) {
-    let n = stage.model.n_node_dofs();
-    let (warm, changes) = (ws.warm.get_or_insert_default(), ws.it.v[n..].iter().zip(&stage.v_ref[n..]));
-    let known = warm.accelerations.len() == stage.model.tree.nv();
-    warm.accelerations.resize(stage.model.tree.nv(), 0.0);
-    let (mut size2, mut missed2) = (0.0, 0.0);
-    for ((a, (v, old)), weight) in warm.accelerations.iter_mut().zip(changes).zip(&stage.model.weights.held) {
-        let now = (v - old) * stage.inertia;
-        size2 += weight * now * now;
-        missed2 += weight * (now - *a) * (now - *a);
-        *a = now;
-    }
-    warm.steady = known && missed2 <= STEADY * STEADY * size2;
 }
 
 /// From there to the root of the law at frozen geometry, as often as given, or until it moves little.

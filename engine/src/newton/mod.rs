@@ -7,8 +7,10 @@
 //! variables have settled.
 
 mod fallback;
+mod history;
 
 pub(crate) use fallback::solve_stage;
+pub(crate) use history::History;
 
 use crate::step::{Stage, StepError, Workspace};
 use nalgebra::Vector4;

@@ -7,6 +7,7 @@ use super::stage::Iterate;
 use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
 use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
+use crate::newton::History;
 use nalgebra::Vector4;
 
 /// What to start from: impulses and accelerations of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
@@ -18,10 +19,8 @@ pub struct Warm {
     pub(crate) rows: Vec<f64>,
     /// Cone variables of contacts of solids [N·s], in the order of their keys.
     pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,
-    /// Changes of the bodies' velocities, times the stage's σ [m/s² or rad/s²].
-    pub(crate) accelerations: Vec<f64>,
-    /// Whether the stage before had nearly the same ones.
-    pub(crate) steady: bool,
+    /// What the next accelerations of the bodies may be.
+    pub(crate) history: History,
 }
 
 /// Buffers of the solver for one model, and the warm start of its contacts.
