@@ -57,11 +57,13 @@ pub(crate) fn combine<S: Simd, const K: usize, const FIRST: usize, const ROWS: u
 /// Columns of a piece of what [`combine`] takes and makes: the longest vectors of a processor.
 pub(crate) const PADDING: usize = 8;
 
-/// Where a row is not zero: from its first such number to its last.
+/// Where a row is not zero: from its first such number to its last, in whole pieces of [`PADDING`] as far as the row goes.
+#[inline(always)]
 pub(crate) fn support(row: &[f64]) -> Range<usize> {
-    let nonzero = |x: &f64| *x != 0.0;
-    match row.iter().position(nonzero) {
-        Some(first) => first..row.iter().rposition(nonzero).map_or(first, |last| last + 1),
+    let nonzero = |piece: &[f64]| piece.iter().fold(false, |some, x| some | (*x != 0.0));
+    let mut pieces = row.chunks(PADDING).enumerate().filter(|(_, piece)| nonzero(piece)).map(|(k, _)| k);
+    match pieces.next() {
+        Some(first) => first * PADDING..((pieces.last().unwrap_or(first) + 1) * PADDING).min(row.len()),
         None => 0..0,
     }
 }

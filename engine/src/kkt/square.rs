@@ -2,7 +2,7 @@
 
 use super::KktError;
 use super::dense_lu::DenseLu;
-use super::lanes::{joined, subtract_four, support};
+use super::lanes::{PADDING, joined, subtract_four, support};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -102,7 +102,8 @@ impl Square {
             if range.is_empty() {
                 continue;
             }
-            if range.len() <= count && (0..count).all(|i| support(&row(i)[range.clone()]).len() <= 1) {
+            let single = |i: usize| row(i)[range.clone()].iter().filter(|x| **x != 0.0).count() <= 1;
+            if range.len() <= 2 * PADDING && (0..count).all(single) {
                 self.add_few(scale, first..first + count, x, y, columns, &range);
                 continue;
             }

@@ -168,6 +168,9 @@ impl Stage<'_> {
         for (l, dof) in tree.dofs().iter().enumerate() {
             out[l * stride + l] += by.cm * self.theta[tree.joints()[dof.joint].armature];
         }
+        if by.cv == 0.0 && by.cq == 0.0 {
+            return;
+        }
         let against = Displacement { cm: -by.cm, cv: -by.cv, cq: -by.cq };
         let at = self.joint_point(&ws.q_bar, &ws.v_bar);
         self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, turns, out, stride));
