@@ -53,7 +53,9 @@ pub fn inverse_dynamics<S: Real>(
 /// f = m a + α × h + ω × (ω × h),   n = J α + ω × J ω + h × a
 /// ```
 fn inertial_force<S: Real>(inertia: &Inertia<S>, frame: &Frame<S>) -> Force<S> {
-    let own = |x: &Vec3<S>| Vec3::new(frame.rotation.column(0).dot(x), frame.rotation.column(1).dot(x), frame.rotation.column(2).dot(x));
+    let own = |x: &Vec3<S>| {
+        Vec3::new(frame.rotation.column(0).dot(x), frame.rotation.column(1).dot(x), frame.rotation.column(2).dot(x))
+    };
     let (velocity, acceleration, p) = (&frame.velocity, &frame.acceleration, &frame.position);
     let a = own(&(acceleration.at(p) + velocity.w.cross(&velocity.at(p))));
     let (w, alpha, h) = (own(&velocity.w), own(&acceleration.w), &inertia.h);

@@ -308,7 +308,8 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
         for e in self.elements.iter().filter(|e| all || !e.controls.is_empty()) {
             if let Some((q, v)) = Self::single(e, at) {
                 let (q, speed) = (at.q[q], at.v[v]);
-                let inputs = e.controls.iter().map(|&c| Input::U(c)).chain(e.params.iter().filter(|_| all).map(|&c| Input::Theta(c)));
+                let inputs =
+                    e.controls.iter().map(|&c| Input::U(c)).chain(e.params.iter().filter(|_| all).map(|&c| Input::Theta(c)));
                 for (seed, input) in inputs.enumerate() {
                     let lift = |k: usize, x: f64| Dual64::new(x, if k == seed { 1.0 } else { 0.0 });
                     visit(v, input, self.single_force_with(e, at, Dual64::from(q), Dual64::from(speed), lift).eps);
