@@ -23,17 +23,23 @@ pub struct Linearizer<'m> {
     nv: usize,
     nx: usize,
     nu: usize,
+    np: usize,
 }
+
+/// Numbers in the longest vectors of a processor.
+const VECTOR: usize = 8;
 
 impl<'m> Linearizer<'m> {
     /// Of A and B, and of C for all of θ if `with_theta`.
     pub fn new(model: &'m Model, theta: &'m [f64], with_theta: bool) -> Self {
         let (nx, nu) = (model.ndx(), model.nu());
         let np = if with_theta { model.n_params() } else { 0 };
-        let mut seeds = Seeds::none(nx + nu + np, nu, model.n_params());
+        // rows of whole vectors, which the kernels need no remainders for
+        let columns = (nx + nu + np).next_multiple_of(VECTOR);
+        let mut seeds = Seeds::none(columns, nu, model.n_params());
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
-        Self { tangent: TangentStepper::new(model, theta, seeds), nv: model.nv(), nx, nu }
+        Self { tangent: TangentStepper::new(model, theta, seeds), nv: model.nv(), nx, nu, np }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
@@ -53,7 +59,7 @@ impl<'m> Linearizer<'m> {
             out
         };
         let (a, b) = (self.nx, self.nx + self.nu);
-        Linearization { a: part(0, a), b: part(a, b), c: part(b, m) }
+        Linearization { a: part(0, a), b: part(a, b), c: part(b, b + self.np) }
     }
 }
 

@@ -14,11 +14,11 @@
 //! Reference: S. Singh, R. Russell, P. Wensing (2022), IEEE RA-L 7(2), for the form of Ψ̇ and Ψ̈; C holds what a wrench from
 //! outside does when its body is displaced.
 
-use super::frames::Frames;
-use super::spatial::{Force, Inertia, Motion, VelocityPartial, column, product};
+use super::frames::{Frame, Frames};
+use super::spatial::{Force, Inertia, Motion, VelocityPartial, column, product, symmetric_mul};
 use super::spread::Spread;
 use super::tree::Tree;
-use crate::terms::Real;
+use crate::terms::{Real, Vec3};
 use nalgebra::{Matrix3, Matrix6, Vector6};
 
 /// Generalized forces of inertia and gravity at `frames`, for inertias `inertia` about each body's own origin; `wrenches` act on
@@ -33,8 +33,7 @@ pub fn inverse_dynamics<S: Real>(
 ) {
     forces.clear();
     for (b, frame) in frames.bodies.iter().enumerate() {
-        let inertia = inertia[b].placed(&frame.rotation, &frame.position);
-        let inertial = inertia.mul(&frame.acceleration) + frame.velocity.cross_force(&inertia.mul(&frame.velocity));
+        let inertial = inertial_force(&inertia[b], frame);
         forces.push(wrenches.get(b).map_or(inertial, |w| inertial - *w));
     }
     for (b, body) in tree.bodies().iter().enumerate().rev() {
@@ -46,6 +45,24 @@ pub fn inverse_dynamics<S: Real>(
     for (l, dof) in tree.dofs().iter().enumerate() {
         tau[l] = frames.axes[l].s.dot(&forces[dof.body]);
     }
+}
+
+/// I A + V ×* I V of a body, about the origin of the evaluation. In the body's axes about its own origin, where the inertia is constant,
+/// with the origin's acceleration a:
+/// ```text
+/// f = m a + α × h + ω × (ω × h),   n = J α + ω × J ω + h × a
+/// ```
+fn inertial_force<S: Real>(inertia: &Inertia<S>, frame: &Frame<S>) -> Force<S> {
+    let own = |x: &Vec3<S>| {
+        Vec3::new(frame.rotation.column(0).dot(x), frame.rotation.column(1).dot(x), frame.rotation.column(2).dot(x))
+    };
+    let (velocity, acceleration, p) = (&frame.velocity, &frame.acceleration, &frame.position);
+    let a = own(&(acceleration.at(p) + velocity.w.cross(&velocity.at(p))));
+    let (w, alpha, h) = (own(&velocity.w), own(&acceleration.w), &inertia.h);
+    let f = a * inertia.m + alpha.cross(h) + w.cross(&w.cross(h));
+    let n = symmetric_mul(&inertia.j, &alpha) + w.cross(&symmetric_mul(&inertia.j, &w)) + h.cross(&a);
+    let f = frame.rotation * f;
+    Force { n: frame.rotation * n + p.cross(&f), f }
 }
 
 /// Weights of the displacement that a matrix is wanted for: δā = cm δ, δv̄ = cv δ, δq̄ = cq J δ.

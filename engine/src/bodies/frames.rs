@@ -78,13 +78,14 @@ impl<S: Real> Frames<S> {
                 ..*parent
             };
             for joint in &tree.joints()[body.joints.clone()] {
-                let at = frame.position + apply(&frame.rotation, &joint.anchor);
+                let centred = joint.anchor == Vec3::zeros();
+                let at = if centred { frame.position } else { frame.position + apply(&frame.rotation, &joint.anchor) };
                 match joint.kind {
                     JointKind::Revolute => {
                         let axis = apply(&frame.rotation, &joint.axis);
                         self.push::<PARTIALS>(&mut frame, Motion::turning(axis, &at), v[joint.v], a[joint.v]);
-                        frame.rotation *= about(&joint.axis, q[joint.q]);
-                        frame.position = at - apply(&frame.rotation, &joint.anchor);
+                        turn(&mut frame.rotation, &joint.axis, q[joint.q]);
+                        frame.position = if centred { at } else { at - apply(&frame.rotation, &joint.anchor) };
                     }
                     JointKind::Prismatic => {
                         let axis = apply(&frame.rotation, &joint.axis);
@@ -125,6 +126,20 @@ impl<S: Real> Frames<S> {
             self.axes.push(Axis { s: *s, s_dot, psi_dot, psi_ddot });
             frame.acceleration += *s * *a + s_dot * *v;
         }
+    }
+}
+
+/// `r ← r · rot(axis, angle)`: for an axis of the frame itself, two columns.
+fn turn<S: Real>(r: &mut Matrix3<S>, axis: &Vec3<f64>, angle: S) {
+    let along = |k: usize| axis[k] == 1.0 && axis[(k + 1) % 3] == 0.0 && axis[(k + 2) % 3] == 0.0;
+    match (0..3).find(|k| along(*k)) {
+        Some(k) => {
+            let (sin, cos) = angle.sin_cos();
+            let (a, b) = (r.column((k + 1) % 3).into_owned(), r.column((k + 2) % 3).into_owned());
+            r.set_column((k + 1) % 3, &(a * cos + b * sin));
+            r.set_column((k + 2) % 3, &(b * cos - a * sin));
+        }
+        None => *r *= about(axis, angle),
     }
 }
 

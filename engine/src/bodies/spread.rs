@@ -13,18 +13,20 @@ use pulp::{Arch, Simd, WithSimd};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Spread {
     products: Vec<Products>,
-    /// Row by row α, β and γ of all degrees of freedom and two rows of zeros, then S and two more, longer than these by [`PADDING`].
-    table: Vec<f64>,
-    row: Vec<f64>,
+    /// α, β, γ and S of all degrees of freedom, a row for each of their numbers, by pieces of [`PADDING`] columns.
+    table: Vec<[[f64; PADDING]; 24]>,
+    row: Vec<[f64; PADDING]>,
 }
 
-/// What a degree of freedom's row holds of the columns (α; β; γ) at or before it, and its column of the axes S before it, with the
-/// opposite sign and filled up with zeros to fours.
+/// What a degree of freedom's row holds of the columns (α; β; γ) at or before it, and its column of the axes S before it.
 #[derive(Clone, Copy, Debug)]
 struct Products {
-    row: [f64; 20],
-    column: [f64; 8],
+    row: [f64; 18],
+    column: [f64; 6],
 }
+
+/// Of a row without wrenches from outside: nothing but α and the angular part of β counts.
+const INERTIAL: usize = 9;
 
 impl Partials {
     /// Adds the change of τ to the row-major matrix `out` (rows `stride` apart), for the displacement `by`; `turns` holds J of every
@@ -41,7 +43,7 @@ impl Partials {
         self.fill_columns(tree, frames, by, turns);
         self.fill_products(tree, frames);
         self.fill_table(frames);
-        self.spread.row.resize(tree.nv() + PADDING, 0.0);
+        self.spread.row.resize(self.spread.table.len(), [0.0; PADDING]);
         struct Run<'a>(&'a mut Partials, &'a Tree, &'a mut [f64], usize);
         impl WithSimd for Run<'_> {
             type Output = ();
@@ -59,9 +61,9 @@ impl Partials {
             let (inertia, b) = (&self.inertia[dof.body], &self.b[dof.body]);
             let s = &frames.axes[i].s;
             let own = &self.columns[i];
-            let mut row = [0.0; 20];
-            set_negative(&mut row[..6], force_column(&inertia.mul(s)).as_slice());
-            set_negative(&mut row[6..9], b.tr_mul(s).as_slice());
+            let mut row = [0.0; 18];
+            row[..6].copy_from_slice(force_column(&inertia.mul(s)).as_slice());
+            row[6..9].copy_from_slice(b.tr_mul(s).as_slice());
             let gamma = as_motion(&own.gamma);
             let turning = own.beta.fixed_rows::<3>(0).into_owned();
             let carried = gamma.cross_force(&self.forces[dof.body]);
@@ -69,23 +71,21 @@ impl Partials {
             if let Some([c, d]) = self.outside.get(dof.body) {
                 let s = column(s);
                 own_column += product(c, &own.gamma) + product(d, &own.beta);
-                row[6..12].iter_mut().zip(&transposed_product(d, &s)).for_each(|(y, x)| *y -= x);
-                set_negative(&mut row[12..18], transposed_product(c, &s).as_slice());
+                row[6..12].iter_mut().zip(&transposed_product(d, &s)).for_each(|(y, x)| *y += x);
+                row[12..].copy_from_slice(transposed_product(c, &s).as_slice());
             }
-            let mut column = [0.0; 8];
-            set_negative(&mut column[..6], own_column.as_slice());
-            self.spread.products.push(Products { row, column });
+            self.spread.products.push(Products { row, column: own_column.into() });
         }
     }
 
     fn fill_table(&mut self, frames: &Frames<f64>) {
-        let stride = self.columns.len() + PADDING;
-        self.spread.table.resize(28 * stride, 0.0);
-        for (l, (columns, axis)) in self.columns.iter().zip(&frames.axes).enumerate() {
-            let s = column(&axis.s);
-            for (first, values) in [(0, &columns.alpha), (6, &columns.beta), (12, &columns.gamma), (20, &s)] {
-                for (k, value) in values.iter().enumerate() {
-                    self.spread.table[(first + k) * stride + l] = *value;
+        self.spread.table.resize(self.columns.len().div_ceil(PADDING), [[0.0; PADDING]; 24]);
+        let pieces = self.columns.chunks(PADDING).zip(frames.axes.chunks(PADDING));
+        for (piece, (columns, axes)) in self.spread.table.iter_mut().zip(pieces) {
+            for (l, (columns, axis)) in columns.iter().zip(axes).enumerate() {
+                let s = column(&axis.s);
+                for (first, values) in [(0, &columns.alpha), (6, &columns.beta), (12, &columns.gamma), (18, &s)] {
+                    (0..6).for_each(|k| piece[first + k][l] = values[k]);
                 }
             }
         }
@@ -93,24 +93,27 @@ impl Partials {
 
     #[inline(always)]
     fn spread_rows<S: Simd>(&mut self, simd: S, tree: &Tree, out: &mut [f64], stride: usize) {
-        let width = self.columns.len() + PADDING;
-        let (before, axes) = self.spread.table.split_at(20 * width);
-        // without wrenches from outside nothing but α and the angular part of β counts
-        let used = if self.outside.is_empty() { 12 } else { 20 };
-        for (i, (dof, products)) in tree.dofs().iter().zip(&self.spread.products).enumerate() {
+        let Spread { products, table, row } = &mut self.spread;
+        for (i, (dof, products)) in tree.dofs().iter().zip(products.iter()).enumerate() {
             // the joint's own degrees of freedom and all before it
             for run in tree.runs(Some(last_of_joint(tree, i))) {
-                let row = &mut self.spread.row[..run.len().next_multiple_of(PADDING)];
-                combine(simd, row, &products.row[..used], before, width, run.start);
+                let pieces = run.start / PADDING..run.end.div_ceil(PADDING);
+                let (row, table) = (&mut row[pieces.clone()], &table[pieces.clone()]);
+                match products.row.first_chunk::<INERTIAL>().filter(|_| self.outside.is_empty()) {
+                    Some(inertial) => combine::<S, INERTIAL, 0, 24>(simd, row, inertial, table),
+                    None => combine::<S, 18, 0, 24>(simd, row, &products.row, table),
+                }
+                let row = &row.as_flattened()[run.start - PADDING * pieces.start..];
                 for (out, x) in out[i * stride + run.start..i * stride + run.end].iter_mut().zip(row) {
                     *out += *x;
                 }
             }
             // rows of those strictly before the joint see this degree of freedom from below
             for run in tree.runs(dof.before_joint) {
-                let row = &mut self.spread.row[..run.len().next_multiple_of(PADDING)];
-                combine(simd, row, &products.column, axes, width, run.start);
-                for (out, x) in out[run.start * stride..].chunks_mut(stride).zip(&row[..run.len()]) {
+                let pieces = run.start / PADDING..run.end.div_ceil(PADDING);
+                combine::<S, 6, 18, 24>(simd, &mut row[pieces.clone()], &products.column, &table[pieces.clone()]);
+                let row = &row[pieces.clone()].as_flattened()[run.start - PADDING * pieces.start..][..run.len()];
+                for (out, x) in out[run.start * stride..].chunks_mut(stride).zip(row) {
                     out[i] += *x;
                 }
             }
@@ -122,8 +125,4 @@ impl Partials {
 fn last_of_joint(tree: &Tree, i: usize) -> usize {
     let joint = &tree.joints()[tree.dofs()[i].joint];
     joint.v + joint.kind.n_dofs() - 1
-}
-
-fn set_negative(to: &mut [f64], from: &[f64]) {
-    to.iter_mut().zip(from).for_each(|(t, f)| *t = -f);
 }

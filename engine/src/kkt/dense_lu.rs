@@ -72,11 +72,14 @@ impl DenseLu {
         let (dim, stride) = (self.dim, self.stride);
         for first in (0..dim).step_by(4) {
             self.strip.clear();
+            let mut largest = [0.0; 4];
             for row in self.entries[first * stride..dim * stride].chunks_exact(stride) {
-                self.strip.push(four(row, first));
+                let quad = four(row, first);
+                enlarge(&mut largest, &quad);
+                self.strip.push(quad);
             }
             for c in 0..(dim - first).min(4) {
-                self.pivot(first, c)?;
+                self.pivot(first, c, &mut largest)?;
             }
             for (row, quad) in self.entries[first * stride..dim * stride].chunks_exact_mut(stride).zip(&self.strip) {
                 row[first..first + 4].copy_from_slice(quad);
@@ -105,18 +108,11 @@ impl DenseLu {
     }
 
     /// Brings the pivot of column `c` of the strip, which begins at row and column `first`, to its row, and eliminates below it within
-    /// the strip.
+    /// the strip. `largest` holds the largest magnitudes of the strip's columns from row `c` on, and then those below it.
     #[inline(always)]
-    fn pivot(&mut self, first: usize, c: usize) -> Result<(), KktError> {
+    fn pivot(&mut self, first: usize, c: usize, largest: &mut [f64; 4]) -> Result<(), KktError> {
         let (dim, stride, k) = (self.dim, self.stride, first + c);
         let candidates = &self.strip[c..];
-        let mut largest = [0.0; 4];
-        for quad in candidates {
-            for i in 0..4 {
-                let magnitude = quad[i].abs();
-                largest[i] = if magnitude > largest[i] { magnitude } else { largest[i] };
-            }
-        }
         let mut best = c;
         if candidates[0][c].abs() < largest[c] {
             best += candidates.iter().position(|quad| quad[c].abs() == largest[c]).unwrap_or(0);
@@ -141,12 +137,14 @@ impl DenseLu {
         pivots[c] = -1.0;
         let mut kept = [1.0; 4];
         kept[c] = 0.0;
+        *largest = [0.0; 4];
         for quad in below {
             // the entry itself is replaced by its factor
             let factor = quad[c] * inverse;
             for i in 0..4 {
                 quad[i] = quad[i] * kept[i] - factor * pivots[i];
             }
+            enlarge(largest, quad);
         }
         Ok(())
     }
@@ -295,6 +293,15 @@ impl DenseLu {
         for (k, &other) in self.swaps.iter().enumerate().rev() {
             x.swap(k, other);
         }
+    }
+}
+
+/// Takes in the magnitudes of four numbers.
+#[inline(always)]
+fn enlarge(largest: &mut [f64; 4], quad: &[f64; 4]) {
+    for (largest, x) in largest.iter_mut().zip(quad) {
+        let magnitude = x.abs();
+        *largest = if magnitude > *largest { magnitude } else { *largest };
     }
 }
 

@@ -29,25 +29,41 @@ pub(crate) fn subtract_four<S: Simd>(simd: S, y: &mut [f64], a: [f64; 4], x: [&[
     }
 }
 
-/// `y ← −Σ_i a_i x_i`, rows x `stride` apart in `table`, from column `first` on; `a` holds a multiple of four.
+/// `y ← Σ_i a_i x_i` over rows x of a table, the one numbered `FIRST` and those after it; table and y in pieces of [`PADDING`] columns.
 #[inline(always)]
-pub(crate) fn combine<S: Simd>(simd: S, y: &mut [f64], a: &[f64], table: &[f64], stride: usize, first: usize) {
-    y.fill(0.0);
-    for (four, rows) in a.as_chunks::<4>().0.iter().zip(table.chunks_exact(4 * stride)) {
-        let row = |i: usize| &rows[i * stride + first..][..y.len()];
-        let rows = [row(0), row(1), row(2), row(3)];
-        subtract_four(simd, y, *four, rows);
+pub(crate) fn combine<S: Simd, const K: usize, const FIRST: usize, const ROWS: usize>(
+    simd: S,
+    y: &mut [[f64; PADDING]],
+    a: &[f64; K],
+    table: &[[[f64; PADDING]; ROWS]],
+) {
+    let mut factors = [simd.splat_f64s(0.0); K];
+    for (factor, a) in factors.iter_mut().zip(a) {
+        *factor = simd.splat_f64s(*a);
+    }
+    for (y, x) in y.iter_mut().zip(table) {
+        let y = S::as_mut_simd_f64s(y).0;
+        for (v, y) in y.iter_mut().enumerate() {
+            // two sums, of which none waits for the other
+            let mut sums = [simd.splat_f64s(0.0); 2];
+            for i in 0..K {
+                sums[i % 2] = simd.mul_add_e_f64s(factors[i], S::as_simd_f64s(&x[FIRST + i]).0[v], sums[i % 2]);
+            }
+            *y = simd.add_f64s(sums[0], sums[1]);
+        }
     }
 }
 
-/// Rows that [`combine`] makes are as long as a multiple of this: the longest vectors of a processor.
+/// Columns of a piece of what [`combine`] takes and makes: the longest vectors of a processor.
 pub(crate) const PADDING: usize = 8;
 
-/// Where a row is not zero: from its first such number to its last.
+/// Where a row is not zero: from its first such number to its last, in whole pieces of [`PADDING`] as far as the row goes.
+#[inline(always)]
 pub(crate) fn support(row: &[f64]) -> Range<usize> {
-    let nonzero = |x: &f64| *x != 0.0;
-    match row.iter().position(nonzero) {
-        Some(first) => first..row.iter().rposition(nonzero).map_or(first, |last| last + 1),
+    let nonzero = |piece: &[f64]| piece.iter().fold(false, |some, x| some | (*x != 0.0));
+    let mut pieces = row.chunks(PADDING).enumerate().filter(|(_, piece)| nonzero(piece)).map(|(k, _)| k);
+    match pieces.next() {
+        Some(first) => first * PADDING..((pieces.last().unwrap_or(first) + 1) * PADDING).min(row.len()),
         None => 0..0,
     }
 }
@@ -93,7 +109,7 @@ pub(super) fn products<S: Simd>(simd: S, rows: [&[f64]; 4], x: &[f64]) -> [f64; 
 }
 
 /// Columns of a panel: what one pass over a matrix changes in registers.
-pub(super) const PANEL: usize = 32;
+pub(super) const PANEL: usize = 64;
 
 /// Some of the columns of a row-major matrix, a row after the other, those that are missing zero.
 #[derive(Clone, Debug, Default)]

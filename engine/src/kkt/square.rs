@@ -2,8 +2,9 @@
 
 use super::KktError;
 use super::dense_lu::DenseLu;
-use super::lanes::{joined, subtract_four, support};
+use super::lanes::{PADDING, joined, subtract_four, support};
 use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
 
 /// A full matrix by rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -101,6 +102,11 @@ impl Square {
             if range.is_empty() {
                 continue;
             }
+            let single = |i: usize| row(i)[range.clone()].iter().filter(|x| **x != 0.0).count() <= 1;
+            if range.len() <= 2 * PADDING && (0..count).all(single) {
+                self.add_few(scale, first..first + count, x, y, columns, &range);
+                continue;
+            }
             let rows = [&row(0)[range.clone()], &row(1)[range.clone()], &row(2)[range.clone()], &row(3)[range.clone()]];
             for (a, y) in self.data.chunks_exact(self.dim).zip(y.chunks_exact_mut(columns)) {
                 let mut factors = [0.0; 4];
@@ -109,6 +115,20 @@ impl Square {
                 }
                 if factors != [0.0; 4] {
                     subtract_four(simd, &mut y[range.clone()], factors, rows);
+                }
+            }
+        }
+    }
+
+    /// The part of [`Square::add_mul_many`] of these rows of x, which are zero but for one number each, in `range`.
+    #[inline(always)]
+    fn add_few(&self, scale: f64, rows: Range<usize>, x: &[f64], y: &mut [f64], columns: usize, range: &Range<usize>) {
+        for k in rows {
+            let row = &x[k * columns..(k + 1) * columns];
+            if let Some(c) = range.clone().find(|c| row[*c] != 0.0) {
+                let factor = scale * row[c];
+                for (a, y) in self.data.chunks_exact(self.dim).zip(y.chunks_exact_mut(columns)) {
+                    y[c] += a[k] * factor;
                 }
             }
         }

@@ -79,7 +79,7 @@ impl Model {
             let mut visit = |dof: usize, input: Input, value: f64| {
                 out.extend(place(dof).map(|place| (place, from_nodes(input, n), value)));
             };
-            term.visit_inputs(end, &mut visit);
+            term.visit_inputs(end, true, &mut visit);
             term.visit_past(end, &mut visit);
         }
         for &(dof, place) in &self.memory.loads {

@@ -34,6 +34,8 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
         start_warm(stage, ws);
         if touching && ws.spots.closing > COLLIDING * stage.h * stage.theta[stage.model.gravity].abs() {
             start_frozen(stage, ws, FROZEN_STARTS[0], work);
+        } else {
+            extrapolate(stage, ws);
         }
         Some(newton(stage, ws, if touching { limit.min(FIRST_PATIENCE) } else { limit }, work))
     };
@@ -51,7 +53,8 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
     }
     match stuck {
         Some(Ok(())) => {
-            let warm = ws.warm.get_or_insert_default();
+            let (n, warm) = (stage.model.n_node_dofs(), ws.warm.get_or_insert_default());
+            warm.history.push(stage.inertia, &stage.v_ref[n..], &ws.it.v[n..], &stage.model.weights.held);
             warm.cones.clone_from(&ws.it.w);
             warm.rows.clone_from(&ws.it.s);
             warm.spots.clear();
@@ -73,6 +76,13 @@ fn start_warm(stage: &Stage, ws: &mut Workspace) {
         ws.it.s.copy_from_slice(&warm.rows);
     }
     stage.start_spots(ws);
+}
+
+/// The bodies' velocities of the last step, changed as their accelerations up to now let expect.
+fn extrapolate(stage: &Stage, ws: &mut Workspace) {
+    if let Some(warm) = ws.warm.as_ref().filter(|_| stage.scheme != STATIC) {
+        warm.history.extrapolate(1.0 / stage.inertia, &mut ws.it.v[stage.model.n_node_dofs()..]);
+    }
 }
 
 /// From there to the root of the law at frozen geometry, as often as given, or until it moves little.

@@ -7,8 +7,10 @@
 //! variables have settled.
 
 mod fallback;
+mod history;
 
 pub(crate) use fallback::solve_stage;
+pub(crate) use history::History;
 
 use crate::step::{Stage, StepError, Workspace};
 use nalgebra::Vector4;
@@ -16,6 +18,8 @@ use pliant_smoothing::eigenvalues;
 
 /// Corrections below this part of the last one are worth taking without a new matrix.
 const QUICK: f64 = 0.05;
+/// So are slower ones if about this many of them are left: a new matrix costs as much.
+const CHORDS: f64 = 3.0;
 /// How many full steps of a solve may fail the monotonicity test, and the growth of the correction they may show. The matrix of
 /// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
 const BOLD_STEPS: usize = 2;
@@ -146,7 +150,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 take_correction(ws);
                 return Ok(Descent::Converged);
             }
-            if next > QUICK * norm {
+            if next > QUICK * norm && chords_left(next, norm, tolerance) > CHORDS {
                 return Ok(Descent::Continue(next / first));
             }
             norm = next;
@@ -164,6 +168,13 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             }
         }
     }
+}
+
+/// How many corrections it takes from `next` to the tolerance, if all fall as it did from `norm`.
+fn chords_left(next: f64, norm: f64, tolerance: f64) -> f64 {
+    // NaN where nothing falls, which is no small number
+    let left = (tolerance / next).ln() / (next / norm).ln();
+    if left > 0.0 && next < norm { left } else { f64::INFINITY }
 }
 
 /// Whether the pending correction is negligible: velocities below the tolerance, cone variables below it or their rounding noise,

@@ -168,6 +168,9 @@ impl Stage<'_> {
         for (l, dof) in tree.dofs().iter().enumerate() {
             out[l * stride + l] += by.cm * self.theta[tree.joints()[dof.joint].armature];
         }
+        if by.cv == 0.0 && by.cq == 0.0 {
+            return;
+        }
         let against = Displacement { cm: -by.cm, cv: -by.cv, cq: -by.cq };
         let at = self.joint_point(&ws.q_bar, &ws.v_bar);
         self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, turns, out, stride));
@@ -261,24 +264,24 @@ impl StageRecord {
         }
         self.visit_spots(model, theta, q_bar, &frames, visit);
         visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
-        self.visit_joints(model, theta, [q_bar, v_bar], false, visit);
+        self.visit_joints(model, theta, [q_bar, v_bar], true, visit);
     }
 
-    /// ∂r/∂(θ, u, z, q at the beginning) of the forces of joints; of the laws without controls only if not `driven_only`.
+    /// ∂r/∂(θ, u, z, q at the beginning) of the forces of joints; ∂θ only if `all`.
     pub(super) fn visit_joints(
         &self,
         model: &Model,
         theta: &[f64],
         [q_bar, v_bar]: [&[f64]; 2],
-        driven_only: bool,
+        all: bool,
         visit: &mut dyn FnMut(usize, Input, f64),
     ) {
         let n = model.n_node_dofs();
         let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
         let at = JointPoint { tree: &model.tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta, past };
         for term in &model.joint_terms {
-            if !driven_only || term.is_driven() {
-                term.visit_inputs(&at, &mut |dof, input, df| visit(n + dof, input, -df));
+            if all || term.is_driven() {
+                term.visit_inputs(&at, all, &mut |dof, input, df| visit(n + dof, input, -df));
             }
             term.visit_past(&at, &mut |dof, input, df| visit(n + dof, from_nodes(input, n), -df));
         }

@@ -151,7 +151,7 @@ impl StageRecord {
     /// As [`StageRecord::visit_inputs`] where no parameter is asked for: visits all inputs that are none, and few that are.
     pub fn visit_signals(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
-        self.visit_joints(model, theta, [&q_bar, &v_bar], true, visit);
+        self.visit_joints(model, theta, [&q_bar, &v_bar], false, visit);
         if model.nz() > 0 {
             self.visit_rows(model, theta, &q_bar, visit);
         }

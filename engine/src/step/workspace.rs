@@ -7,9 +7,10 @@ use super::stage::Iterate;
 use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
 use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
+use crate::newton::History;
 use nalgebra::Vector4;
 
-/// Impulses to start from: those of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
+/// What to start from: impulses and accelerations of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Warm {
     /// Cone variables of contacts [N·s].
@@ -18,6 +19,8 @@ pub struct Warm {
     pub(crate) rows: Vec<f64>,
     /// Cone variables of contacts of solids [N·s], in the order of their keys.
     pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,
+    /// What the next accelerations of the bodies may be.
+    pub(crate) history: History,
 }
 
 /// Buffers of the solver for one model, and the warm start of its contacts.

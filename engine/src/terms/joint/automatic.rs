@@ -304,11 +304,12 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
         self.elements.iter().any(|e| !e.controls.is_empty())
     }
 
-    fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
-        for e in &self.elements {
+    fn visit_inputs(&self, at: &JointPoint, all: bool, visit: &mut dyn FnMut(usize, Input, f64)) {
+        for e in self.elements.iter().filter(|e| all || !e.controls.is_empty()) {
             if let Some((q, v)) = Self::single(e, at) {
                 let (q, speed) = (at.q[q], at.v[v]);
-                let inputs = e.controls.iter().map(|&c| Input::U(c)).chain(e.params.iter().map(|&c| Input::Theta(c)));
+                let inputs =
+                    e.controls.iter().map(|&c| Input::U(c)).chain(e.params.iter().filter(|_| all).map(|&c| Input::Theta(c)));
                 for (seed, input) in inputs.enumerate() {
                     let lift = |k: usize, x: f64| Dual64::new(x, if k == seed { 1.0 } else { 0.0 });
                     visit(v, input, self.single_force_with(e, at, Dual64::from(q), Dual64::from(speed), lift).eps);
@@ -335,7 +336,9 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
             for (row, f) in x.dofs.iter().zip(&f[..x.n]) {
                 let Some(change) = f.eps.0 else { continue };
                 e.controls.iter().enumerate().for_each(|(k, &c)| visit(*row, Input::U(c), change[k]));
-                e.params.iter().enumerate().for_each(|(k, &c)| visit(*row, Input::Theta(c), change[nu + k]));
+                if all {
+                    e.params.iter().enumerate().for_each(|(k, &c)| visit(*row, Input::Theta(c), change[nu + k]));
+                }
             }
         }
     }

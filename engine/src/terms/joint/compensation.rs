@@ -63,7 +63,10 @@ impl JointTerm for GravityCompensation {
         false
     }
 
-    fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64)) {
+    fn visit_inputs(&self, at: &JointPoint, all: bool, visit: &mut dyn FnMut(usize, Input, f64)) {
+        if !all {
+            return;
+        }
         let tau = self.weights(at);
         self.gains.iter().for_each(|&(dof, gain)| visit(dof, Input::Theta(gain), tau[dof]));
     }

@@ -53,8 +53,8 @@ pub trait JointTerm: Debug + Send + Sync {
     /// [`crate::bodies::dynamics::Partials::add`].
     fn add_change(&self, at: &JointPoint, by: Displacement, turns: &[Option<Matrix3<f64>>], out: &mut [f64], stride: usize);
 
-    /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every control and parameter.
-    fn visit_inputs(&self, at: &JointPoint, visit: &mut dyn FnMut(usize, Input, f64));
+    /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every control, and for every parameter if `all`.
+    fn visit_inputs(&self, at: &JointPoint, all: bool, visit: &mut dyn FnMut(usize, Input, f64));
 
     /// Whether the force depends on controls.
     fn is_driven(&self) -> bool;
