@@ -1,11 +1,13 @@
-"""Forces on the cable of `cables.py` that MuJoCo does not have, added to its passive forces in every stage of its integrator.
+"""Forces on the cable of `cables.py` that MuJoCo does not have, added to its passive ones in every stage of a step.
 
-    cubic at a ball         f = -k₃ |q|² q                     q: rotation vector [rad], f: moment in the link's axes [N·m]
-    creep at a ball         f = -k Jᵀ e,  e = q - p,  ṗ = e/τ    J: the rate of q by the link's angular velocity
-    slack at a ball         f = -k max(1 - s/|q|, 0) q
-    quadratic drag          f = -c |v| v                       at the middle of each link
-    gust                    f = a sin(2π 1.3 Hz t)             at the middle of each link, along x and y
-    pull                    f = P d/(|d|² + d₀²)               at the middle of the last link, d towards a magnet beside it
+cubic at a ball         f = -k₃ |q|² q             q: rotation vector [rad], f: moment in the link's axes [N·m]
+creep at a ball         f = -k Jᵀ e,  e = q - p,  ṗ = e/τ,  J: the rate of q by the link's angular velocity
+slack at a ball         f = -k max(1 - s/|q|, 0) q
+quadratic drag          f = -c |v| v               at the middle of each link
+cubic at a slide        f = -k₃ x³
+friction at a slide     f = -(s exp(-(v/v_s)²) + μ |u|) tanh(v/1 mm/s),  u: force of the servo
+gust                    f = a sin(2π 1.3 Hz t)     at the middle of each link, along x and y
+pull                    f = P d/(|d|² + d₀²)       at the middle of the last link, d towards a magnet beside it
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import numpy as np
 
 LINKS = 6
 GUST = 1.3  # Hz
+SHARP = 1e-3  # m/s, over which dry friction turns
 MAGNET, SOFT = np.array([0.1, 0.05, -0.38]), 0.03  # m
 
 
@@ -35,6 +38,9 @@ class Forces:
     cubic: dict[int, float] = field(default_factory=dict)  # N·m/rad³
     creep: dict[int, float] = field(default_factory=dict)  # 1/τ [1/s]
     slack: dict[int, float] = field(default_factory=dict)  # rad
+    cubic_slide: dict[int, float] = field(default_factory=dict)  # N/m³
+    stribeck: dict[int, tuple[float, float]] = field(default_factory=dict)  # N, m/s
+    load: dict[int, float] = field(default_factory=dict)
     drag: float = 0.0  # N·s²/m² a link
     gust: tuple[float, float] = (0.0, 0.0)  # N a link
     pull: float = 0.0  # N·m
@@ -45,14 +51,15 @@ class Forces:
 
     @property
     def none(self) -> bool:
-        return not (self.cubic or self.creep or self.slack or self.drag or any(self.gust) or self.pull)
+        at_joints = self.cubic or self.creep or self.slack or self.cubic_slide or self.stribeck or self.load
+        return not (at_joints or self.drag or any(self.gust) or self.pull)
 
 
 class Acting:
     """Forces with what they remember: the parts p by which balls have crept."""
 
-    def __init__(self, forces: Forces, stiffness: float, h: float) -> None:
-        self.forces, self.stiffness, self.h = forces, stiffness, h
+    def __init__(self, forces: Forces, stiffness: float, servo: tuple[float, float], h: float) -> None:
+        self.forces, self.stiffness, self.servo, self.h = forces, stiffness, servo, h
         self.crept = {k: np.zeros(3) for k in forces.creep}
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -66,8 +73,20 @@ class Acting:
         for k, free in own.slack.items():
             q = turn(data, k)
             add(data, k, -self.stiffness * max(1.0 - free / max(math.sqrt(q @ q), 1e-12), 0.0) * q)
+        self.at_slides(data)
         if own.drag or any(own.gust) or own.pull:
             self.at_links(model, data)
+
+    def at_slides(self, data: mujoco.MjData) -> None:
+        own = self.forces
+        for j, size in own.cubic_slide.items():
+            data.qfrc_passive[j] -= size * data.qpos[j] ** 3
+        for j, (size, speed) in own.stribeck.items():
+            v = data.qvel[j]
+            data.qfrc_passive[j] -= size * math.exp(-((v / speed) ** 2)) * math.tanh(v / SHARP)
+        for j, size in own.load.items():
+            servo = self.servo[0] * (data.ctrl[j] - data.qpos[j]) - self.servo[1] * data.qvel[j]
+            data.qfrc_passive[j] -= size * abs(servo) * math.tanh(data.qvel[j] / SHARP)
 
     def at_links(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         own = self.forces

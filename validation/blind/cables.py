@@ -1,10 +1,10 @@
-"""Logs of a cable that a gantry swings, with one effect hidden, made by MuJoCo (RK4 at 0.1 ms): not pliant's integrator, not its step.
+"""Logs of a cable that a gantry swings, with one effect hidden, made by MuJoCo: RK4 at 0.1 ms, not pliant's step.
 
     python -m validation.blind.cables FOLDER [--effect joint_stiffness] [--seed 0]
 
-Six capsules on ball joints with the drives of SILO's cable (its Table 8) hang from a carriage that two servos move along x and y by
-logged commands. A record begins at rest. Three markers are seen, in three coordinates each. The scene lacks what was hidden; the
-stiffness that all ball joints share is a guess to be refitted.
+Six capsules on ball joints with the drives of SILO's cable (its Table 8) hang from a carriage that two servos
+move along x and y by logged commands. A record begins at rest. Three markers are seen, in three coordinates each.
+The scene lacks what was hidden; the stiffness that all ball joints share is a guess to be refitted.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from validation.blind import cable_forces
@@ -26,6 +25,7 @@ from validation.blind.measure import Noise, coloured
 LINK, RADIUS, MASS = 0.06, 0.008, 0.01  # m, m, kg
 ACROSS = MASS * (LINK**2 / 12 + RADIUS**2 / 4)  # kg·m²
 ALONG = 0.5 * MASS * RADIUS**2  # kg·m²
+ELASTIC = 1e7  # s, in which a joint creeps that does not
 STIFFNESS, DAMPING = 1e-2, 1e-3  # N·m/rad, N·m·s/rad
 CARRIAGE = 0.5  # kg
 SERVO, BRAKE = 2000.0, 60.0  # N/m, N·s/m
@@ -39,15 +39,16 @@ BALLS = tuple(f"joint_{k}" for k in range(LINKS))
 SLIDES = ("slide_x", "slide_y")
 BODIES = tuple(f"link_{k}" for k in range(LINKS))
 AXES = "xyz"
+NOISE = Noise(0.5, 3e-4)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """What is hidden: attributes of MuJoCo's joints and bodies, forces of our own, or what is done to commands and readings."""
+    """What is hidden in MuJoCo's joints and bodies, by forces of our own, or in commands and readings."""
 
     joint: dict[str, dict[str, float]] = field(default_factory=dict)
     mass: dict[str, float] = field(default_factory=dict)  # factor; the inertia grows with it
-    spread: dict[str, float] = field(default_factory=dict)  # factor of the inertia across a link
+    spread: dict[str, tuple[float, ...]] = field(default_factory=dict)  # kg·m², more of ∫ x², y², z² dm
     centre: dict[str, tuple[float, ...]] = field(default_factory=dict)  # m, shift of the centre of mass
     tilt: tuple[float, float] = (0.0, 0.0)  # rad, of gravity about x and then y
     gravity: float = 9.81  # m/s²
@@ -55,7 +56,7 @@ class Effect:
     late: tuple[float, float] = (0.0, 0.0)  # s, of the commands
     lag: tuple[float, float] = (0.0, 0.0)  # s, first order, behind them
     limit: tuple[float, float] = (math.inf, math.inf)  # N, of the servos
-    forces: Forces = Forces()
+    forces: Forces = field(default_factory=Forces)
     bias: tuple[float, ...] = zeros()  # m, of the readings
     rotation: tuple[float, ...] = zeros()  # rad
     scale: float = 1.0
@@ -96,19 +97,22 @@ def body(effect: Effect, k: int) -> str:
     """A link, left open for the next."""
     name, factor = BODIES[k], effect.mass.get(BODIES[k], 1.0)
     x, y, z = np.array([0.0, 0.0, -0.5 * LINK]) + effect.centre.get(name, zeros())
-    across = ACROSS * factor * effect.spread.get(name, 1.0)
+    a, b, c = effect.spread.get(name, zeros())
+    moments = factor * np.array([ACROSS, ACROSS, ALONG]) + (b + c, a + c, a + b)
     return f"""<body name="{name}" pos="0 0 {-LINK if k else 0}">{joint(effect, BALLS[k], 'type="ball"')}
-    <inertial pos="{x} {y} {z}" mass="{MASS * factor!r}" diaginertia="{across} {across} {ALONG * factor}"/>"""
+    <inertial pos="{x} {y} {z}" mass="{MASS * factor!r}" diaginertia="{" ".join(map(repr, moments.tolist()))}"/>"""
 
 
 def xml(effect: Effect) -> str:
     """The cable hanging straight down from its carriage."""
     slides = "".join(
-        joint(effect, name, f'type="slide" axis="{axis}"') for name, axis in zip(SLIDES, ("1 0 0", "0 1 0"), strict=True)
+        joint(effect, name, f'type="slide" axis="{axis}"')
+        for name, axis in zip(SLIDES, ("1 0 0", "0 1 0"), strict=True)
     )
-    limits = ['' if math.isinf(x) else f'forcerange="{-x} {x}"' for x in effect.limit]
+    limits = ["" if math.isinf(x) else f'forcerange="{-x} {x}"' for x in effect.limit]
     servos = "".join(
-        f'<position joint="{name}" kp="{SERVO}" kv="{BRAKE}" {limit}/>' for name, limit in zip(SLIDES, limits, strict=True)
+        f'<position joint="{name}" kp="{SERVO}" kv="{BRAKE}" {limit}/>'
+        for name, limit in zip(SLIDES, limits, strict=True)
     )
     g = " ".join(map(repr, map(float, gravity(effect))))
     return f"""<mujoco>
@@ -119,7 +123,7 @@ def xml(effect: Effect) -> str:
 
 
 def commands(excitation: int, record: int, duration: float = DURATION) -> tuple[np.ndarray, np.ndarray]:
-    """Times and commanded places of the carriage (samples, 2) [m]: sums of sines that grow from rest, another for each record."""
+    """Times and commanded places of the carriage (samples, 2) [m]: sums of sines that grow from rest."""
     rng = np.random.default_rng([excitation, record, 5])
     t = np.arange(round(duration * RATE) + 1) / RATE
     u = np.zeros((len(t), 2))
@@ -132,10 +136,13 @@ def commands(excitation: int, record: int, duration: float = DURATION) -> tuple[
 
 
 def motor_command(effect: Effect, t: np.ndarray, u: np.ndarray, h: float, steps: int) -> np.ndarray:
-    """What the servos are told over each of `steps` steps of h [m]: linear between samples, the first held before."""
+    """What the servos are told over each of `steps` steps of h [m]: linear between samples, the first held before.
+
+    Readings that are late, of a motion that begins at rest, are those of a motion whose commands are all late.
+    """
     out = np.empty((steps, 2))
     for j in range(2):
-        command = np.interp((np.arange(steps) + 0.5) * h - effect.late[j], t, u[:, j])
+        command = np.interp((np.arange(steps) + 0.5) * h - effect.late[j] - effect.delay, t, u[:, j])
         if effect.lag[j] > 0.0:
             decay, tau = math.exp(-h / effect.lag[j]), effect.lag[j]
             y = u[0, j]
@@ -145,26 +152,27 @@ def motor_command(effect: Effect, t: np.ndarray, u: np.ndarray, h: float, steps:
     return out
 
 
-def motion(effect: Effect, t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Places of the markers (samples, markers, 3) [m], from rest."""
+def motion(effect: Effect, t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the markers (samples, markers, 3) [m] from rest, and the largest forces of the servos (2,) [N]."""
     with cable_forces.alone():
         model = mujoco.MjModel.from_xml_string(xml(effect))
         data = mujoco.MjData(model)
-        forces = cable_forces.Acting(effect.forces, STIFFNESS, FINE)
+        forces = cable_forces.Acting(effect.forces, STIFFNESS, (SERVO, BRAKE), FINE)
         if not effect.forces.none:
             mujoco.set_mjcb_passive(forces)
         every = round(1.0 / RATE / FINE)
         command = motor_command(effect, t, u, FINE, (len(t) - 1) * every)
         settle(model, data, effect, u[0])
-        out = [markers(data)]
+        out, peak = [markers(data)], np.zeros(2)
         for k, own in enumerate(command):
             data.ctrl[:] = own
             mujoco.mj_step(model, data)
+            peak = np.maximum(peak, np.abs(data.actuator_force))
             forces.advance(data)
             if (k + 1) % every == 0:
                 mujoco.mj_kinematics(model, data)
                 out.append(markers(data))
-    return np.array(out)
+    return np.array(out), peak
 
 
 def settle(model: mujoco.MjModel, data: mujoco.MjData, effect: Effect, first: np.ndarray) -> None:
@@ -197,15 +205,10 @@ def markers(data: mujoco.MjData) -> np.ndarray:
     return data.xpos[bodies] - LINK * data.xmat[bodies].reshape(-1, 3, 3)[:, :, 2]
 
 
-def seen(effect: Effect, t: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What the sensor reads of markers, without noise; what is read at t was so `delay` before, and at rest before the beginning."""
-    if effect.delay:
-        late = t - effect.delay
-        # not a spline through the rest: it would ring where the motion begins
-        slope = np.gradient(y, t, axis=0, edge_order=2)
-        slope[0] = 0.0
-        y = CubicHermiteSpline(t, y, slope, axis=0)(np.clip(late, t[0], t[-1]))
-    return effect.scale * Rotation.from_rotvec(effect.rotation).apply(y.reshape(-1, 3)).reshape(y.shape) + effect.bias
+def seen(effect: Effect, y: np.ndarray) -> np.ndarray:
+    """What the sensor reads of markers, without noise and delay."""
+    turned = Rotation.from_rotvec(effect.rotation).apply(y.reshape(-1, 3)).reshape(y.shape)
+    return effect.scale * turned + effect.bias
 
 
 def record(
@@ -213,7 +216,7 @@ def record(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, readings (samples, markers, 3) and commands of one record."""
     t, u = commands(excitation, number)
-    y = seen(effect, t, motion(effect, t, u))
+    y = seen(effect, motion(effect, t, u)[0])
     y = y + coloured(noise, y.shape, rng)
     return t, noise.quantum * np.round(y / noise.quantum), u
 
@@ -223,7 +226,12 @@ def columns() -> list[str]:
 
 
 def write(
-    effect: Effect, folder: Path, seed: list[int], excitation: int = 0, noise: Noise = Noise(0.5, 3e-4), guess: float = 0.8
+    effect: Effect,
+    folder: Path,
+    seed: list[int],
+    excitation: int = 0,
+    noise: Noise = NOISE,
+    guess: float = 0.8,
 ) -> Path:
     """Scene and logs in a folder, the last records held out; `guess` is the scene's stiffness over the true one."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -240,7 +248,7 @@ def write(
 
 def scene(names: list[str], stiffness: float) -> str:
     """What is believed: everything but the effect. `stiffness` [N·m/rad] is its guess for all ball joints."""
-    servos = "".join(
+    slides = "".join(
         f'''[[body.joint]]
 name = "{name}"
 kind = "prismatic"
@@ -265,22 +273,21 @@ name = "{BALLS[k]}"
 kind = "ball"
 stiffness = {stiffness}
 damping = {DAMPING}
+plastic_time = {ELASTIC}
 '''
         for k in range(LINKS)
     )
     seen = "".join(
         f'[[experiment.marker]]\nbody = "{BODIES[k]}"\npoint = [0, 0, {-LINK}]\n'
-        f'columns = [{", ".join(f"{chr(34)}m{k}_{axis}{chr(34)}" for axis in AXES)}]\n'
+        f"columns = [{', '.join(f'{chr(34)}m{k}_{axis}{chr(34)}' for axis in AXES)}]\n"
         for k in MARKED
     )
-    told = "".join(
-        f'[[experiment.input]]\nactuator = "motor_{a}"\ncolumns = ["u_{a}"]\n' for a in AXES[:2]
-    )
+    told = "".join(f'[[experiment.input]]\nactuator = "motor_{a}"\ncolumns = ["u_{a}"]\n' for a in AXES[:2])
     records = "".join(
         f'[[experiment.record]]\nfile = "{name}"\nrole = "{"fit" if k < FITTED else "held_out"}"\n'
         for k, name in enumerate(names)
     )
-    return f'''# A cable of capsules that a gantry swings; written by validation/blind/cables.py, whose simulator is not pliant.
+    return f"""# A cable of capsules that a gantry swings; written by validation/blind/cables.py with MuJoCo.
 schema_version = 1
 [time]
 step = {1 / RATE / EVERY}
@@ -290,12 +297,12 @@ integrator = "midpoint"
 name = "carriage"
 mass = {CARRIAGE}
 inertia = [1e-3, 1e-3, 1e-3, 0, 0, 0]
-{servos}{links}{motors}[experiment]
+{slides}{links}{motors}[experiment]
 initial = "rest"
 time = {{ column = "t" }}
 {seen}{told}{records}[experiment.fit]
 free = [{{ path = "joint_*.stiffness", lower = 1e-4, upper = 1.0 }}]
-'''
+"""
 
 
 def main() -> None:
