@@ -1,8 +1,8 @@
 """Draws effects hidden in the cable of `cables.py` from a seed, and writes the cases; the same interface as `cases.py`.
 
-Kinds: `null`, `effect` (a cause of the library at a random joint, link or servo, of the size that gives a λ of `LAMBDAS` by
-`cable_oracle`), `outside` (what no candidate describes; its λ is what remains after the best imitation). All cases have the same
-commands; noise, effect and the scene's guess are the seed's.
+Kinds: `null`, `effect` (a cause of the library at a random joint, link or servo, of the size that gives a λ of
+`LAMBDAS` by `cable_oracle`), `outside` (what no candidate describes; its λ is what remains after the best
+imitation). All cases have the same commands; noise, effect and the scene's guess are the seed's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.blind import arm_oracle, cable_oracle, cables
+from validation.blind import arm_oracle, cable_logs, cable_oracle, cables
 from validation.blind.cable_forces import Forces
 from validation.blind.cable_oracle import MOTORS, pair
 from validation.blind.cables import BALLS, BODIES, DAMPING, SLIDES, STIFFNESS, Effect
@@ -149,7 +149,7 @@ EFFECTS = {
 }
 OUTSIDE = {
     "dry ball": (at_ball("frictionloss", 0.0), 1e-5, 2e-3, False),
-    # where a spring has no place left to act in, it is a spring that is missing: only the joint that turns most, and a little
+    # where slack leaves a spring nothing, it is a spring that is missing: only the joint that turns most, and a little
     "slack": (lambda _, x, __: (Effect(forces=Forces(slack={0: x})), "", {}), 5e-3, 0.06, False),
     "drag": (lambda _, x, __: (Effect(forces=Forces(drag=x)), "", {}), 1e-4, 3e-2, False),
     "gust": (lambda _, x, d: (Effect(forces=Forces(gust=tuple(x * d[:2]))), "", {}), 1e-4, 2e-2, False),
@@ -186,7 +186,7 @@ def hide(
     case: Case, oracle: cable_oracle.Oracle, rng: np.random.Generator,
     make: Callable[[int, float, np.ndarray], Hidden], low: float, high: float, either: bool,
 ) -> None:  # fmt: skip
-    """Gives the effect the size of a λ drawn from `LAMBDAS`, if that is within its ends; then λ, rivals, whether it is nameable."""
+    """Gives the effect the size of a λ of `LAMBDAS`, if that is within its ends; then λ, rivals, whether nameable."""
     k, d = int(rng.integers(len(BALLS))), rng.standard_normal(3)
     sign = float(rng.choice([-1.0, 1.0])) if either else 1.0
     size, wanted, lam = low, 0.0, 0.0
@@ -218,4 +218,4 @@ def truths(cases: list[Case]) -> dict[int, tuple]:
 
 def write(case: Case, folder: Path) -> Path:
     """Scene and logs of a case; the truth is not among them. Returns the scene's path."""
-    return cables.write(case.effect, folder, case.data_seed, EXCITATION, case.noise, case.guess)
+    return cable_logs.write(case.effect, folder, case.data_seed, EXCITATION, case.noise, case.guess)

@@ -1,4 +1,4 @@
-"""What could be known of an effect hidden in the cable of `cables.py`: its size against the noise, and what imitates it.
+"""What could be known of an effect hidden in the cable of `cables.py`: its size against the noise, its imitations.
 
     s_k = ∂y/∂θ_k              differences of MuJoCo's own motions, initial equilibria included
     u_k = w(s_k)               whitened, and the shared stiffness, which is refitted, projected out
@@ -33,7 +33,7 @@ PARTS = (0.9, 0.6)  # of the largest force, where a servo's limit may be
 
 @dataclass(frozen=True)
 class Direction:
-    """The effect of a size, the size to take differences with, and how: on both sides, on one, or the whole change."""
+    """The effect of a size, the size to take differences with, and how: on both sides, on one, the whole change."""
 
     effect: Callable[[float], Effect]
     size: float
@@ -137,7 +137,7 @@ def readings(effect: Effect, excitation: int) -> np.ndarray:
 
 @dataclass
 class Known:
-    """Noise-free readings of an excitation, their derivatives by causes' directions, the midpoint rule minus MuJoCo."""
+    """Noise-free readings of an excitation, their derivatives by all causes, the midpoint rule minus MuJoCo."""
 
     excitation: int
     y: np.ndarray
@@ -147,12 +147,17 @@ class Known:
     peaks: np.ndarray
 
 
-@functools.cache
-def known(excitation: int) -> Known:
-    """From the cache, where the generator's source is unchanged."""
+def cached(excitation: int) -> Path:
+    """Where the derivatives are kept as long as the generator's source is unchanged."""
     source = "".join(inspect.getsource(m) for m in (cables, cable_forces, cable_midpoint))
     source += "".join(inspect.getsource(f) for f in (of_cable, of_carriage, of_all, difference))
-    path = CACHE / f"cable{excitation}-{hashlib.sha256(source.encode()).hexdigest()[:12]}.npz"
+    return CACHE / f"cable{excitation}-{hashlib.sha256(source.encode()).hexdigest()[:12]}.npz"
+
+
+@functools.cache
+def known(excitation: int) -> Known:
+    """From the cache, or computed in minutes."""
+    path = cached(excitation)
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, **compute(excitation))

@@ -1,18 +1,14 @@
-"""Logs of a cable that a gantry swings, with one effect hidden, made by MuJoCo: RK4 at 0.1 ms, not pliant's step.
-
-    python -m validation.blind.cables FOLDER [--effect joint_stiffness] [--seed 0]
+"""Motions of a cable that a gantry swings, with one effect hidden, made by MuJoCo: RK4 at 0.1 ms, not pliant's step.
 
 Six capsules on ball joints with the drives of SILO's cable (its Table 8) hang from a carriage that two servos
 move along x and y by logged commands. A record begins at rest. Three markers are seen, in three coordinates each.
-The scene lacks what was hidden; the stiffness that all ball joints share is a guess to be refitted.
+`cable_logs.py` adds noise and writes logs and a scene, which lacks what was hidden.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -20,12 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from validation.blind import cable_forces
 from validation.blind.cable_forces import LINKS, Forces, zeros
-from validation.blind.measure import Noise, coloured
 
 LINK, RADIUS, MASS = 0.06, 0.008, 0.01  # m, m, kg
 ACROSS = MASS * (LINK**2 / 12 + RADIUS**2 / 4)  # kg·m²
 ALONG = 0.5 * MASS * RADIUS**2  # kg·m²
-ELASTIC = 1e7  # s, in which a joint creeps that does not
 STIFFNESS, DAMPING = 1e-2, 1e-3  # N·m/rad, N·m·s/rad
 CARRIAGE = 0.5  # kg
 SERVO, BRAKE = 2000.0, 60.0  # N/m, N·s/m
@@ -39,7 +33,6 @@ BALLS = tuple(f"joint_{k}" for k in range(LINKS))
 SLIDES = ("slide_x", "slide_y")
 BODIES = tuple(f"link_{k}" for k in range(LINKS))
 AXES = "xyz"
-NOISE = Noise(0.5, 3e-4)
 
 
 @dataclass(frozen=True)
@@ -61,20 +54,6 @@ class Effect:
     rotation: tuple[float, ...] = zeros()  # rad
     scale: float = 1.0
     delay: float = 0.0  # s
-
-
-EFFECTS = {
-    "null": Effect(),
-    "viscous_friction": Effect(joint={"joint_3": {"damping": 2 * DAMPING}}),
-    "joint_stiffness": Effect(joint={"joint_2": {"stiffness": 2 * STIFFNESS}}),
-    "payload": Effect(mass={"link_5": 1.2}),
-    "gravity_tilt": Effect(tilt=(0.0, 0.03)),
-    "actuator_delay": Effect(late=(0.01, 0.0)),
-    "length_scale": Effect(scale=1.02),
-    "time_offset": Effect(delay=0.01),
-    # outside the library
-    "drag": Effect(forces=Forces(drag=0.01)),
-}
 
 
 def gravity(effect: Effect) -> np.ndarray:
@@ -209,110 +188,3 @@ def seen(effect: Effect, y: np.ndarray) -> np.ndarray:
     """What the sensor reads of markers, without noise and delay."""
     turned = Rotation.from_rotvec(effect.rotation).apply(y.reshape(-1, 3)).reshape(y.shape)
     return effect.scale * turned + effect.bias
-
-
-def record(
-    effect: Effect, excitation: int, number: int, noise: Noise, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, readings (samples, markers, 3) and commands of one record."""
-    t, u = commands(excitation, number)
-    y = seen(effect, motion(effect, t, u)[0])
-    y = y + coloured(noise, y.shape, rng)
-    return t, noise.quantum * np.round(y / noise.quantum), u
-
-
-def columns() -> list[str]:
-    return ["t", *(f"m{k}_{axis}" for k in MARKED for axis in AXES), "u_x", "u_y"]
-
-
-def write(
-    effect: Effect,
-    folder: Path,
-    seed: list[int],
-    excitation: int = 0,
-    noise: Noise = NOISE,
-    guess: float = 0.8,
-) -> Path:
-    """Scene and logs in a folder, the last records held out; `guess` is the scene's stiffness over the true one."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rng = np.random.default_rng(seed)
-    names = [f"run{k + 1}.csv" for k in range(RECORDS)]
-    for k, name in enumerate(names):
-        t, y, u = record(effect, excitation, k, noise, rng)
-        table = np.column_stack([t, y.reshape(len(t), -1), u])
-        np.savetxt(folder / name, table, "%.7g", ",", header=",".join(columns()), comments="")
-    path = folder / "scene.toml"
-    path.write_text(scene(names, guess * STIFFNESS), encoding="utf-8")
-    return path
-
-
-def scene(names: list[str], stiffness: float) -> str:
-    """What is believed: everything but the effect. `stiffness` [N·m/rad] is its guess for all ball joints."""
-    slides = "".join(
-        f'''[[body.joint]]
-name = "{name}"
-kind = "prismatic"
-axis = {axis}
-'''
-        for name, axis in zip(SLIDES, ([1, 0, 0], [0, 1, 0]), strict=True)
-    )
-    motors = "".join(
-        f'[[actuator]]\nname = "motor_{a}"\njoint = "slide_{a}"\nkind = "position"\nstiffness = {SERVO}\ndamping = {BRAKE}\n'
-        for a in AXES[:2]
-    )
-    links = "".join(
-        f'''[[body]]
-name = "{BODIES[k]}"
-parent = "{BODIES[k - 1] if k else "carriage"}"
-position = [0, 0, {-LINK if k else 0.0}]
-mass = {MASS}
-center_of_mass = [0, 0, {-0.5 * LINK}]
-inertia = [{ACROSS}, {ACROSS}, {ALONG}, 0, 0, 0]
-[[body.joint]]
-name = "{BALLS[k]}"
-kind = "ball"
-stiffness = {stiffness}
-damping = {DAMPING}
-plastic_time = {ELASTIC}
-'''
-        for k in range(LINKS)
-    )
-    seen = "".join(
-        f'[[experiment.marker]]\nbody = "{BODIES[k]}"\npoint = [0, 0, {-LINK}]\n'
-        f"columns = [{', '.join(f'{chr(34)}m{k}_{axis}{chr(34)}' for axis in AXES)}]\n"
-        for k in MARKED
-    )
-    told = "".join(f'[[experiment.input]]\nactuator = "motor_{a}"\ncolumns = ["u_{a}"]\n' for a in AXES[:2])
-    records = "".join(
-        f'[[experiment.record]]\nfile = "{name}"\nrole = "{"fit" if k < FITTED else "held_out"}"\n'
-        for k, name in enumerate(names)
-    )
-    return f"""# A cable of capsules that a gantry swings; written by validation/blind/cables.py with MuJoCo.
-schema_version = 1
-[time]
-step = {1 / RATE / EVERY}
-duration = {DURATION}
-integrator = "midpoint"
-[[body]]
-name = "carriage"
-mass = {CARRIAGE}
-inertia = [1e-3, 1e-3, 1e-3, 0, 0, 0]
-{slides}{links}{motors}[experiment]
-initial = "rest"
-time = {{ column = "t" }}
-{seen}{told}{records}[experiment.fit]
-free = [{{ path = "joint_*.stiffness", lower = 1e-4, upper = 1.0 }}]
-"""
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--effect", choices=EFFECTS, default="joint_stiffness")
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    print(write(EFFECTS[args.effect], args.folder, [args.seed]))
-
-
-if __name__ == "__main__":
-    main()
