@@ -211,11 +211,16 @@ def cosines(directions: dict[str, np.ndarray], u: np.ndarray) -> dict[str, float
     return out
 
 
-def allows_name(lam: float, rho: dict[str, float], own: str) -> tuple[bool, float, list[str]]:
-    """The naming rule in expectation: (allowed, margin of the worst rival [σ], rivals not beaten)."""
+def allows_name(
+    lam: float, rho: dict[str, float], own: str, dimensions: int = 1
+) -> tuple[bool, float, list[str]]:
+    """The naming rule in expectation: (allowed, margin of the worst rival [σ], rivals not beaten).
+
+    `dimensions`: parameters of the cause.
+    """
     rivals = {k: c for k, c in rho.items() if k != own}
     gate = norm.ppf(1.0 - ALPHA / len(rivals))
     margins = {k: float(np.sqrt(0.5 * lam * max(1.0 - c, 0.0)) - gate) for k, c in rivals.items()}
-    significant = lam > chi2.ppf(1.0 - ALPHA / len(rho), 1)
+    significant = lam > chi2.ppf(1.0 - ALPHA / len(rho), dimensions)
     lost = sorted((k for k, m in margins.items() if m <= 0.0), key=lambda k: margins[k])
     return bool(significant and not lost), float(min(margins.values())), lost

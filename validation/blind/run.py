@@ -2,6 +2,7 @@
 
     python -m validation.blind.run --cases 100 --seed 1 --pliant target/release/pliant --json out.json
     python -m validation.blind.run --arms --cases 50 --seed 1
+    python -m validation.blind.run --cables --cases 50 --seed 1
 
 Of the cases 40 % are nulls, 45 % effects of the library, 15 % outside it (--nulls, --outside). The tool
 sees a scene and its logs, never the truth; `--keep DIR` leaves the folders. `--ideal` runs the oracle's
@@ -27,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.blind import arm_cases, cases, ideal, score
+from validation.blind import arm_cases, cable_cases, cases, ideal, score
 from validation.blind.families import FAMILIES
 
 
@@ -68,7 +69,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--nulls", type=float, default=0.40)
     parser.add_argument("--outside", type=float, default=0.15)
     parser.add_argument("--arms", action="store_true", help="two-link arms made by MuJoCo in place of ropes")
-    parser.add_argument("--effect", action="append", help="of arms: these effects alone")
+    parser.add_argument("--cables", action="store_true", help="cables of capsules made by MuJoCo in place of ropes")
+    parser.add_argument("--effect", action="append", help="of arms and cables: these effects alone")
     parser.add_argument("--family", choices=list(FAMILIES), action="append")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--timeout", type=float, default=300.0)
@@ -77,16 +79,20 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     start = time.monotonic()
     wanted = kinds(options.cases, options.nulls, options.outside, options.seed)
-    source, among = (arm_cases, options.effect) if options.arms else (cases, options.family)
+    source = arm_cases if options.arms else cable_cases if options.cables else cases
+    of_bodies = source is not cases
+    among = options.effect if of_bodies else options.family
+    if options.cables:
+        cable_cases.prepare()
     jobs = [(source.draw, options.seed, i, kind, among) for i, kind in enumerate(wanted)]
-    with ProcessPoolExecutor(options.jobs if options.arms else 1) as pool:
-        drawn = list(pool.map(_draw, jobs)) if options.arms else [_draw(job) for job in jobs]
+    with ProcessPoolExecutor(options.jobs if of_bodies else 1) as pool:
+        drawn = list(pool.map(_draw, jobs)) if of_bodies else [_draw(job) for job in jobs]
     truths = source.truths(drawn)
     made = time.monotonic() - start
     with tempfile.TemporaryDirectory() as scratch:
         root = options.keep or Path(scratch)
 
-        def one(case: cases.Case | arm_cases.Case) -> dict:
+        def one(case: cases.Case | arm_cases.Case | cable_cases.Case) -> dict:
             began = time.monotonic()
             if options.ideal:
                 report, error = ideal.diagnose(case, *truths[case.index]), ""

@@ -56,7 +56,7 @@ def told(case: dict, report: dict) -> list[tuple[str, str]]:
     """
     of_arm = case.get("family") == "arm"
     causes = [c for c in report["causes"] if not (of_arm and c["name"] == "discretisation")]
-    return [(c["name"], (c.get("object") or "") if of_arm else "") for c in causes]
+    return [(c["name"], (c.get("object") or "") if "object" in case else "") for c in causes]
 
 
 def coverage(case: dict, report: dict) -> list[bool]:
