@@ -40,7 +40,6 @@ from validation.blind.cables import (
 )
 from validation.blind.measure import Noise, coloured
 
-ELASTIC = 1e7  # s, in which a joint creeps that does not
 NOISE = Noise(0.5, 3e-4)
 EFFECTS = {
     "null": Effect(),
@@ -107,7 +106,6 @@ name = "{BALLS[k]}"
 kind = "ball"
 stiffness = {stiffness}
 damping = {DAMPING}
-plastic_time = {ELASTIC}
 '''
         for k in range(LINKS)
     )

@@ -63,7 +63,7 @@ pub(crate) fn support(row: &[f64]) -> Range<usize> {
     let nonzero = |piece: &[f64]| piece.iter().fold(false, |some, x| some | (*x != 0.0));
     let mut pieces = row.chunks(PADDING).enumerate().filter(|(_, piece)| nonzero(piece)).map(|(k, _)| k);
     match pieces.next() {
-        Some(first) => first * PADDING..((pieces.last().unwrap_or(first) + 1) * PADDING).min(row.len()),
+        Some(first) => first * PADDING..((pieces.next_back().unwrap_or(first) + 1) * PADDING).min(row.len()),
         None => 0..0,
     }
 }

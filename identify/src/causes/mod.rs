@@ -292,7 +292,7 @@ pub fn library(at: &Situation) -> Vec<Cause> {
         causes.extend([sensor_bias::cause(at), frame_rotation::cause(at), length_scale::cause(at)]);
     }
     causes.push(time_offset::cause(at));
-    let is_free = |u: &Unknown| at.free.iter().any(|f| f.target.same(&u.target));
+    let is_free = |u: &Unknown| at.free.iter().any(|f| f.target.same(&u.target) && at.plan.only_followers(f, u));
     for cause in &mut causes {
         cause.unknowns.retain(|u| !is_free(u));
         let with_free = at.free.iter().chain(&cause.unknowns).cloned().collect();

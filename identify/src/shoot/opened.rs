@@ -29,13 +29,16 @@ pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
         actuator.saturation.get_or_insert([-FAR, FAR]);
     }
     let driven: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
-    for joint in out.body.iter_mut().flat_map(|body| &mut body.joint).filter(|joint| has_friction(joint)) {
-        joint.friction_backward.get_or_insert(joint.friction);
+    for joint in out.body.iter_mut().flat_map(|body| &mut body.joint) {
         let springy = joint.stiffness != 0.0 || joint.cubic_stiffness != 0.0;
-        if springy || driven.contains(&joint.name) {
-            joint.load_friction.get_or_insert(0.0);
+        if has_friction(joint) {
+            joint.friction_backward.get_or_insert(joint.friction);
+            if springy || driven.contains(&joint.name) {
+                joint.load_friction.get_or_insert(0.0);
+            }
         }
-        if springy && joint.plastic_time.is_none() {
+        let creeps = has_friction(joint) || joint.kind == JointKind::Ball;
+        if creeps && springy && joint.plastic_time.is_none() {
             (joint.plastic_time, joint.yield_at) = (Some(NEVER), Some(NOTHING));
         }
     }
@@ -67,8 +70,8 @@ pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> 
         if let Target::Theta(entries) = &mut u.target
             && entries.len() > 1
         {
-            let first = entries[0];
-            entries.retain(|k| *k == first || !alone.contains(k));
+            let (first, others) = (entries[0], entries.iter().any(|k| !alone.contains(k)));
+            entries.retain(|k| if others { !alone.contains(k) } else { *k == first });
         }
     }
     unknowns
@@ -130,6 +133,22 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
         let (plain, opened) = (run(&scene), run(&opened(&scene)));
         assert!((plain.q[0] - opened.q[0]).abs() < 1e-9 && (plain.v[0] - opened.v[0]).abs() < 1e-8, "{plain:?} {opened:?}");
         assert!(opened.z.len() >= 3, "{}", opened.z.len());
+    }
+
+    #[test]
+    fn one_of_several_that_are_tied_may_differ_whichever_it_is() {
+        let model = ModelBuilder::new(&parse_scene::<()>(ARM, "arm.toml").unwrap()).unwrap().build();
+        let one =
+            |k: usize| Unknown { target: Target::Theta(vec![k]), ..Unknown::of_theta(&model, "pivot.damping", 1.0).unwrap() };
+        let tie = Unknown { target: Target::Theta(vec![4, 5, 6]), ..one(4) };
+        let rest = |alone: &[usize]| {
+            let unknowns = std::iter::once(tie.clone()).chain(alone.iter().map(|k| one(*k))).collect();
+            tied(&[], unknowns)[0].target.clone()
+        };
+        assert_eq!(rest(&[]), Target::Theta(vec![4, 5, 6]));
+        assert_eq!(rest(&[4]), Target::Theta(vec![5, 6]));
+        assert_eq!(rest(&[5]), Target::Theta(vec![4, 6]));
+        assert_eq!(rest(&[6, 5, 4]), Target::Theta(vec![4]));
     }
 
     #[test]

@@ -82,6 +82,14 @@ impl Plan {
         tied(&self.followers, unknowns)
     }
 
+    /// Whether all that `free` sets beyond what `own` does is what follows that: if not, the two are a tie of several and one of them, which
+    /// may differ from the others.
+    pub(crate) fn only_followers(&self, free: &Unknown, own: &Unknown) -> bool {
+        let (free, own) = (free.target.entries(), own.target.entries());
+        let follows = |k: usize| own.iter().any(|(leader, _)| self.followers.contains(&(*leader, k)));
+        free.iter().all(|(k, _)| own.iter().any(|(o, _)| o == k) || follows(*k))
+    }
+
     fn of_scene(setup: &Setup, scene: &Scene, logs: &Logs) -> Result<Self, IdentifyError> {
         let model = Arc::new(ModelBuilder::new(scene).map_err(|error| error.located(&setup.source))?.build());
         let missing = |what: &str| IdentifyError::Input(format!("{what} that does not exist"));
