@@ -40,6 +40,8 @@ def outcome(case: dict, report: dict | None) -> str:
         if verdict == "named" and not told(case, report):
             return "clean"
         return {"adequate": "clean", "named": "false_alarm", "withheld": "withheld"}.get(verdict, "flagged")
+    if verdict == "named" and not told(case, report):
+        return "missed"
     if verdict == "named":
         return "right" if told(case, report) == [(case["name"], case.get("object", ""))] else "wrong"
     if verdict == "ambiguous":
