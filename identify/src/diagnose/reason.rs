@@ -47,6 +47,21 @@ pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String,
 /// Times the sensors' own noise above which a residual without a cause is said to be larger.
 const LARGER: f64 = 2.0;
 
+/// Times the sensors' own noise above which it is not noise: were all of it coloured, by 0.98 from one sample to the next, it would be 9.3.
+const NO_NOISE: f64 = 10.0;
+
+/// That a residual without a cause is too large and too slow to be noise, if it is.
+pub(super) fn unlike_noise(noise: &Noise, left: &Remainder) -> Option<String> {
+    let times = left.rmse / noise.sensor_sigma;
+    (noise.sensor_sigma > 0.0 && times > NO_NOISE).then(|| {
+        format!(
+            "no cause of the library was found, but what is left, {}, is {times:.0} times what the readings scatter from one to the next: \
+             too much for noise, and slow: something outside the library",
+            quantity_plain(left.rmse, &left.unit)
+        )
+    })
+}
+
 /// That no cause was found; and where the residual is slow and larger than the sensors' own noise, that this is all the data say.
 pub(super) fn adequate(noise: &Noise, left: &Remainder) -> String {
     if left.rmse <= LARGER * noise.sensor_sigma || noise.sensor_sigma == 0.0 {
@@ -92,6 +107,9 @@ mod tests {
         assert_eq!(adequate(&noise(1e-3), &left), "nothing beyond the noise was found");
         let slow = adequate(&noise(3e-4), &left);
         assert!(slow.contains("1.2 10⁻³ rad, is 4.0 times") && slow.contains("twice"), "{slow}");
+        assert_eq!(unlike_noise(&noise(3e-4), &left), None);
+        let large = unlike_noise(&noise(1e-4), &left).unwrap_or_default();
+        assert!(large.contains("is 12 times") && large.ends_with("something outside the library"), "{large}");
     }
 
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {

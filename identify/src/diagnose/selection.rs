@@ -14,6 +14,7 @@ use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::shoot::Plan;
 use crate::stats::dist::chi2_sf;
+use crate::unknown::Unknown;
 
 /// An accepted cause, and what was found about it.
 pub(super) struct Accepted {
@@ -176,11 +177,14 @@ impl Selection {
         }
     }
 
-    /// The part of the explainable error that the best of several equal causes takes, if the rest still depends on the inputs:
-    /// they imitate something outside the library.
+    /// The part of the explainable error that the best of several equal causes takes, if the rest still depends on the inputs or the
+    /// cause's size differs between parts of the records: they imitate something outside the library.
     pub(super) fn imitated(&self, plan: &Plan, base: &Fitted, sensor_sigma: f64) -> Result<Option<f64>, IdentifyError> {
         let Some(fitted) = &self.undecided else { return Ok(None) };
-        if !remainder::is_significant(remainder::depends_on_input(plan, fitted)?) {
+        let known = |u: &&Unknown| !self.current.unknowns.iter().any(|k| k.target.same(&u.target));
+        let own: Vec<Unknown> = fitted.unknowns.iter().filter(known).cloned().collect();
+        let by_input = remainder::is_significant(remainder::depends_on_input(plan, fitted)?);
+        if !by_input && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= constancy::LEVEL) {
             return Ok(None);
         }
         let square = |f: &Fitted| f.rmse * f.rmse;

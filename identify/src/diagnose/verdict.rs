@@ -34,7 +34,7 @@ pub(super) fn decide(
     let titles = d.alternative_titles();
     let enough = if run.varies() { ENOUGH_THOUGH_VARYING } else { ENOUGH };
     let little = !run.accepted.is_empty() && d.remainder.significant && d.remainder.explained_fraction < enough;
-    let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input;
+    let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input && imitated.is_none();
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
     } else if open {
@@ -61,7 +61,8 @@ pub(super) fn decide(
         (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
     } else if let (Some(taken), Some(set)) = (imitated, titles.first()) {
         let reason = format!(
-            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs: something outside the library",
+            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs or asks for another \
+             size in every part of the records: something outside the library",
             set.join(", "),
             share(taken)
         );
@@ -70,6 +71,8 @@ pub(super) fn decide(
         (Verdict::Ambiguous, format!("{} explain the data equally well", set.join(", ")))
     } else if run.rejected || d.remainder.significant {
         (Verdict::NotInLibrary, "something significant is there, and no cause of the library is accepted for it".to_owned())
+    } else if let Some(reason) = reason::unlike_noise(&d.noise, &d.remainder) {
+        (Verdict::NotInLibrary, reason)
     } else {
         (Verdict::Adequate, reason::adequate(&d.noise, &d.remainder))
     };
