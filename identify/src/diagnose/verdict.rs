@@ -12,8 +12,8 @@ use crate::number::share;
 pub(super) const ENOUGH: f64 = 0.9;
 
 /// The same where the size of an accepted cause differs between parts of the records. Viscous friction takes 0.95 of what damping by the
-/// square of the speed leaves, but never with one coefficient; causes that were really there took 0.99 and more wherever theirs seemed
-/// to differ (real joints and MuJoCo's friction do, a little).
+/// square of the speed leaves, but never with one coefficient; in the two blind cases where the size of a cause that was really there seemed
+/// to differ (friction by load, a sensor's delay), it took 0.999.
 const ENOUGH_THOUGH_VARYING: f64 = 0.98;
 
 pub(super) fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {

@@ -155,8 +155,7 @@ pub fn approach(
 }
 
 /// Cuts the fitted records ([`cut`]) and brings `values` near ([`approach`]); cuts them again where only the values found show that the
-/// motion is too sensitive to be followed over a whole record. (An arm whose link spins was not, with a mass 10 % too large; whole
-/// records then pulled the mass to half its value.)
+/// motion is too sensitive to be followed over a whole record.
 pub fn prepare(
     plan: &mut Plan,
     values: &Values,
