@@ -76,7 +76,7 @@ pub fn diagnose(
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = test(&plan, &run.current, options.seed)?;
     let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
-    let varying = run.varying(&plan)?;
+    let varying = run.test_constancy(&plan)?;
     let left = run.remainder(&plan, &base, sensor_sigma, p_input, untested, varying);
 
     progress("intervals and held-out gain");

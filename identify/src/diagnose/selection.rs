@@ -129,24 +129,19 @@ impl Selection {
         Ok(())
     }
 
-    /// The accepted cause whose size differs most between parts of the records, if any does, and its p.
-    pub(super) fn varying(&mut self, plan: &Plan) -> Result<Option<(String, f64)>, IdentifyError> {
-        let mut worst: Option<(String, f64)> = None;
-        let all = self.accepted.len() as f64;
+    /// Tests of every accepted cause whether its size differs between parts of the records; gives what [`Selection::varying`] does.
+    pub(super) fn test_constancy(&mut self, plan: &Plan) -> Result<Option<(String, f64)>, IdentifyError> {
         for accepted in &mut self.accepted {
-            let p = constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?;
-            accepted.constancy = Some(p);
-            if p * all < constancy::LEVEL && worst.as_ref().is_none_or(|(_, least)| p < *least) {
-                worst = Some((accepted.cause.title(), p));
-            }
+            accepted.constancy = Some(constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?);
         }
-        Ok(worst)
+        Ok(self.varying())
     }
 
-    /// Whether any accepted cause was found to differ in size ([`Selection::varying`]).
-    pub(super) fn varies(&self) -> bool {
+    /// The accepted cause whose size differs most between parts of the records, if any was found to, and its p.
+    pub(super) fn varying(&self) -> Option<(String, f64)> {
         let all = self.accepted.len() as f64;
-        self.accepted.iter().any(|a| a.constancy.is_some_and(|p| p * all < constancy::LEVEL))
+        let found = self.accepted.iter().filter_map(|a| Some((a.cause.title(), a.constancy?)));
+        found.filter(|(_, p)| p * all < constancy::LEVEL).min_by(|(_, a), (_, b)| a.total_cmp(b))
     }
 
     pub(super) fn remainder(
@@ -193,7 +188,7 @@ impl Selection {
         }
         let square = |f: &Fitted| f.rmse * f.rmse;
         let taken = (square(base) - square(fitted)) / (square(base) - sensor_sigma * sensor_sigma).max(f64::MIN_POSITIVE);
-        Ok((taken < if by_input { ENOUGH } else { MOST }).then_some(taken))
+        Ok(is_imitation(taken, by_input).then_some(taken))
     }
 
     /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
@@ -212,6 +207,12 @@ impl Selection {
         );
         (!twins.is_empty()).then(|| (with_twins(&one.cause), reason))
     }
+}
+
+/// Whether equal causes of which the best takes this part of the explainable error only imitate: the rest depends on the inputs, or else
+/// their size varies.
+fn is_imitation(taken: f64, by_input: bool) -> bool {
+    taken < if by_input { ENOUGH } else { MOST }
 }
 
 /// A tested candidate.
@@ -239,4 +240,16 @@ fn rivals(tested: &Tested, j: usize) -> Vec<Rival> {
     out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
     out.truncate(4);
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_imitation;
+
+    #[test]
+    fn equal_causes_imitate_where_they_take_little() {
+        // a size that varies alone says less than a rest that depends on the inputs
+        assert!(is_imitation(0.4, false) && is_imitation(0.4, true) && is_imitation(0.8, true));
+        assert!(!is_imitation(0.8, false) && !is_imitation(0.95, true));
+    }
 }

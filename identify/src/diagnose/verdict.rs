@@ -16,6 +16,12 @@ pub(super) const ENOUGH: f64 = 0.9;
 /// to differ (friction by load, a sensor's delay), it took 0.999.
 const ENOUGH_THOUGH_VARYING: f64 = 0.98;
 
+/// Whether accepted causes leave too much that is significant; of a cause whose size varies more is asked.
+fn takes_too_little(remainder: &Remainder, varying: bool) -> bool {
+    let enough = if varying { ENOUGH_THOUGH_VARYING } else { ENOUGH };
+    remainder.significant && remainder.explained_fraction < enough
+}
+
 pub(super) fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {
     d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
     d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
@@ -32,8 +38,7 @@ pub(super) fn decide(
 ) {
     let names: Vec<String> = d.causes.iter().map(Cause::title).collect();
     let titles = d.alternative_titles();
-    let enough = if run.varies() { ENOUGH_THOUGH_VARYING } else { ENOUGH };
-    let little = !run.accepted.is_empty() && d.remainder.significant && d.remainder.explained_fraction < enough;
+    let little = !run.accepted.is_empty() && takes_too_little(&d.remainder, run.varying().is_some());
     let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input && imitated.is_none();
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
@@ -92,4 +97,24 @@ pub(super) fn decide(
         .map(|c| format!("{}: {}", c.name, c.excitation))
         .collect();
     d.advice.dedup();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_whose_size_varies_has_to_explain_more() {
+        let left = |explained_fraction: f64, significant: bool| Remainder {
+            significant,
+            by_input: false,
+            rmse: 1e-3,
+            unit: "rad".to_owned(),
+            explained_fraction,
+            note: String::new(),
+        };
+        assert!(takes_too_little(&left(0.95, true), true) && !takes_too_little(&left(0.95, true), false));
+        assert!(takes_too_little(&left(0.85, true), false) && !takes_too_little(&left(0.999, true), true));
+        assert!(!takes_too_little(&left(0.5, false), true));
+    }
 }

@@ -294,19 +294,17 @@ fn step(
     Some((values, records))
 }
 
-/// A record's initial and segment states moved along the condensed step.
+/// A record's initial and segment states moved along the condensed step; what is remembered is the simulation's own.
 fn moved(plan: &Plan, rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
     let mut out = rec.clone();
     out.start.z.iter_mut().zip(dz.iter()).for_each(|(z, d)| *z += d);
     let step: Vec<f64> = dz.iter().chain(dphi.iter()).copied().chain([1.0]).collect();
     for ((_, state), tangent) in out.nodes.iter_mut().zip(&shot.boundary) {
         let change = |row: &[f64]| row.iter().zip(&step).map(|(t, s)| t * s).sum::<f64>();
-        let rows = tangent
-            .q
-            .chunks_exact(step.len())
-            .chain(tangent.v.chunks_exact(step.len()))
-            .chain(tangent.z.chunks_exact(step.len()));
-        *state = plan.model.displaced(state, &rows.map(change).collect::<Vec<f64>>());
+        let rows = tangent.q.chunks_exact(step.len()).chain(tangent.v.chunks_exact(step.len()));
+        let mut along: Vec<f64> = rows.map(change).collect();
+        along.resize(plan.model.ndx(), 0.0);
+        *state = plan.model.displaced(state, &along);
     }
     out
 }

@@ -19,6 +19,10 @@ const SHORTEST: f64 = 0.2;
 /// How far back motors remember their commands \[s\]: several of the longest delays and lags.
 const REMEMBERED: f64 = 0.3;
 
+/// How long before its first reading a piece of bodies starts \[s\]: readings are some of the longest delays of sensors late, and are of
+/// states that would otherwise lie before the piece and have to be extrapolated.
+const LEAD: f64 = 0.03;
+
 /// How the fitted records are shot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
@@ -84,7 +88,8 @@ fn joined(plan: &Plan, mut rec: RecordPlan, seconds: f64) -> RecordPlan {
     rec
 }
 
-/// The record as pieces of about `seconds` that start at a sample, each a record of its own.
+/// The record as pieces of about `seconds` that start at a sample, each a record of its own. All but the first begin to be read [`LEAD`]
+/// later, and the one before is read until then; with ropes they are read at once, since the first reading tells how the ends are held.
 fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>, IdentifyError> {
     let (h, steps) = (plan.model.step_length(), rec.inputs.len());
     let per_piece = (seconds / h).round().clamp(2.0, steps.max(2) as f64) as usize;
@@ -103,12 +108,19 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
         }
         wanted = starts[starts.len() - 1].0 + per_piece;
     }
+    let time = &rec.record.time;
+    let lead = if plan.model.ropes().is_empty() { LEAD } else { 0.0 };
+    let first_read = |start: (usize, usize)| match start {
+        (0, _) => 0,
+        (_, sample) => time.partition_point(|t| *t < time[sample] + lead - 1e-6 * h).min(time.len() - 1),
+    };
     let mut pieces = Vec::with_capacity(starts.len());
     for (i, &(step, sample)) in starts.iter().enumerate() {
-        let (end_step, end_sample) = starts.get(i + 1).map_or((steps, rec.record.time.len()), |next| (next.0, next.1 + 1));
+        let end_sample = starts.get(i + 1).map_or(time.len(), |next| first_read(*next) + 1);
+        let end_step = (time[end_sample - 1] / h - 1e-6).ceil().clamp(step as f64 + 1.0, steps as f64) as usize;
         let start = state_at(plan, &rec.record, sample)?;
-        let name = format!("{} from {:.2} s", rec.record.name, rec.record.time[sample]);
-        let record = Record { name, ..rec.record.piece(sample..end_sample, step as f64 * h) };
+        let name = format!("{} from {:.2} s", rec.record.name, time[sample]);
+        let record = Record { name, ..rec.record.piece(first_read((step, sample))..end_sample, step as f64 * h) };
         let back = (REMEMBERED / h).round() as usize;
         let past = if step == 0 { rec.past.clone() } else { rec.inputs[step.saturating_sub(back)..step].to_vec() };
         pieces.push(RecordPlan {
@@ -154,8 +166,7 @@ pub fn approach(
     Ok((values, records))
 }
 
-/// Cuts the fitted records ([`cut`]) and brings `values` near ([`approach`]); cuts them again where only the values found show that the
-/// motion is too sensitive to be followed over a whole record.
+/// Cuts the fitted records ([`cut`]) and brings `values` near ([`approach`]).
 pub fn prepare(
     plan: &mut Plan,
     values: &Values,
@@ -163,13 +174,8 @@ pub fn prepare(
     length: Option<f64>,
     options: &FitOptions,
 ) -> Result<(Values, Vec<RecordPlan>), IdentifyError> {
-    let first = cut(plan, values, length)?;
-    let (values, records) = approach(plan, &plan.fitted, values, unknowns, options)?;
-    if first == Cut::Joined && matches!(cut(plan, &values, length)?, Cut::Pieces(_)) {
-        let pieces = plan.fitted.clone();
-        return Ok((values, pieces));
-    }
-    Ok((values, records))
+    cut(plan, values, length)?;
+    approach(plan, &plan.fitted, values, unknowns, options)
 }
 
 fn states(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<State>, IdentifyError> {

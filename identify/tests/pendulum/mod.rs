@@ -20,6 +20,8 @@ pub struct Truth {
     pub limit: f64,
     pub spring: f64,
     pub creep: f64,
+    /// How much farther up it starts [rad].
+    pub turned: f64,
 }
 
 /// Inertia about the axis [kg·m²], and weight times lever [N·m]: 0.5 kg at 0.3 m.
@@ -43,6 +45,7 @@ impl Default for Truth {
             limit: 1e9,
             spring: 0.0,
             creep: 1e9,
+            turned: 0.0,
         }
     }
 }
@@ -68,7 +71,7 @@ impl Truth {
             (1.0 - part) * command(k / RATE) + part * command((k + 1.0) / RATE)
         };
         let h = 1.0 / RATE / FINE as f64;
-        let mut x = [0.6 - 0.3 * record as f64, 0.2 * record as f64, 0.0];
+        let mut x = [0.6 - 0.3 * record as f64 + self.turned, 0.2 * record as f64, 0.0];
         let mut out = "t,angle,command\n".to_owned();
         for sample in 0..=(DURATION * RATE) as usize {
             let t = sample as f64 / RATE;
