@@ -6,13 +6,14 @@ Kinds: `null`, `effect` (a cause of the library at a random joint, with noise an
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from validation.blind import arm_oracle, arms
 from validation.blind.arm_oracle import JOINTS, PEAK, changed, nothing, pair
+from validation.blind.case import BodyCase
 
 LAMBDAS = (10.0, 30.0, 100.0, 1e3, 1e4, 1e5, 1e6)
 RECORDS, FITTED = 6, 4
@@ -38,34 +39,15 @@ EFFECTS = {
 OUTSIDE = {"ripple": (0.01, 0.1), "quadratic": (3e-3, 3e-2), "backlash": (3e-3, 2e-2)}
 
 
-@dataclass
-class Case:
-    """One blind case and what the oracle knows of it; the fields that scoring reads are those of `cases.Case`."""
+@dataclass(kw_only=True)
+class Case(BodyCase):
+    """One blind case of an arm."""
 
-    index: int
-    family: str
-    kind: str
-    cause: str
-    name: str
-    object: str
-    lam: float
-    lam_exact: float
-    theta: float
-    truth: dict[str, float]
     effect: arms.Effect
     size: float  # of the excitation
     sigma: float
     colour: float
-    guess: float
-    allowed: bool
-    margin: float
-    rivals: list[str]
-    cosines: dict[str, float]
-    mismatch_t2: float
-    data_seed: list[int]
-
-    def as_json(self) -> dict:
-        return asdict(self)
+    guess: float  # the scene's number over the true one
 
 
 def change_of(name: str, k: int, x: float, size: float) -> tuple[dict, str, dict[str, float]]:
@@ -117,10 +99,9 @@ def draw(seed: int, index: int, kind: str, names: list[str] | None = None) -> Ca
         x *= 1.0 if not sign or sign[0] else float(rng.choice([-1.0, 1.0]))
     known = pair(k, 0.05 if k == 0 else 0.02) if name == "asymmetric_friction" else (0.0, 0.0)
     case = Case(
-        index=index, family="arm", kind=kind, cause=name, name="" if kind == "outside" else name, object="",
-        lam=0.0, lam_exact=0.0, theta=x, truth={"lower.mass": arms.LOWER_MASS}, effect=nothing(known),
-        size=size, sigma=sigma, colour=colour, guess=guess, allowed=False, margin=0.0, rivals=[],
-        cosines={}, mismatch_t2=0.0, data_seed=data_seed,
+        index=index, family="arm", kind=kind, cause=name, name="" if kind == "outside" else name, theta=x,
+        truth={"lower.mass": arms.LOWER_MASS}, effect=nothing(known), size=size, sigma=sigma, colour=colour, guess=guess,
+        data_seed=data_seed,
     )  # fmt: skip
     judge(case, k, rng)
     return case

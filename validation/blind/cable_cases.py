@@ -8,7 +8,7 @@ imitation). All cases have the same commands; noise, effect and the scene's gues
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from validation.blind import arm_oracle, cable_logs, cable_oracle, cables
 from validation.blind.cable_forces import Forces
 from validation.blind.cable_oracle import MOTORS, pair
 from validation.blind.cables import BALLS, BODIES, DAMPING, SLIDES, STIFFNESS, Effect
+from validation.blind.case import BodyCase
 from validation.blind.measure import Noise
 
 LAMBDAS = (10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
@@ -26,32 +27,13 @@ QUANTUM = 1e-4  # m
 Hidden = tuple[Effect, str, dict[str, float]]
 
 
-@dataclass
-class Case:
-    """One blind case and what the oracle knows of it; the fields that scoring reads are those of `cases.Case`."""
+@dataclass(kw_only=True)
+class Case(BodyCase):
+    """One blind case of a cable."""
 
-    index: int
-    family: str
-    kind: str
-    cause: str
-    name: str
-    object: str
-    lam: float
-    lam_exact: float
-    theta: float
-    truth: dict[str, float]
     effect: Effect
     noise: Noise
     guess: float  # the scene's stiffness over the true one
-    allowed: bool
-    margin: float
-    rivals: list[str]
-    cosines: dict[str, float]
-    mismatch_t2: float
-    data_seed: list[int]
-
-    def as_json(self) -> dict:
-        return asdict(self)
 
 
 def at_ball(attribute: str, base: float) -> Callable[[int, float, np.ndarray], Hidden]:
@@ -167,10 +149,8 @@ def draw(seed: int, index: int, kind: str, names: list[str] | None = None) -> Ca
     rng = np.random.default_rng([seed, index, 3])
     sigma, colour = float(np.exp(rng.uniform(np.log(2e-4), np.log(6e-4)))), float(rng.uniform(0.0, 0.7))
     case = Case(
-        index=index, family="cable", kind=kind, cause="", name="", object="", lam=0.0, lam_exact=0.0, theta=0.0,
-        truth={}, effect=Effect(), noise=Noise(colour, sigma, QUANTUM),
-        guess=float(np.exp(0.1 * np.clip(rng.standard_normal(), -2, 2))), allowed=False, margin=0.0, rivals=[],
-        cosines={}, mismatch_t2=0.0, data_seed=[seed, index, 1],
+        index=index, family="cable", kind=kind, truth={}, effect=Effect(), noise=Noise(colour, sigma, QUANTUM),
+        guess=float(np.exp(0.1 * np.clip(rng.standard_normal(), -2, 2))), data_seed=[seed, index, 1],
     )  # fmt: skip
     oracle = cable_oracle.Oracle(cable_oracle.known(EXCITATION), case.noise)
     case.mismatch_t2 = oracle.mismatch_t2()

@@ -8,12 +8,13 @@ The truth's EI is the family's nominal one; the scene given to the tool holds a 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from validation.blind import measure, oracle, rope_ode
+from validation.blind.case import BlindCase
 from validation.blind.families import FAMILIES, Family
 
 LAMBDAS = (10.0, 30.0, 100.0, 1000.0)
@@ -28,31 +29,14 @@ LIMIT = {  # largest size that is still the physics meant (others: 1.0)
 }
 
 
-@dataclass
-class Case:
-    """One blind case and what the oracle knows of it."""
+@dataclass(kw_only=True)
+class Case(BlindCase):
+    """One blind case of a rope."""
 
-    index: int
-    family: str
-    kind: str
-    cause: str  # oracle's key ("gripper_offset:left"), the outside effect, or ""
-    name: str  # pliant's name of the cause, or ""
-    lam: float  # λ by the oracle (for `outside`: what remains after the best single imitation)
-    lam_beyond_all: float  # `outside`: what remains after the best joint imitation by all candidates
-    theta: float
-    weights: dict[str, float]
-    truth: dict[str, float]  # pliant's parameter path -> true value
+    lam_beyond_all: float = 0.0  # `outside`: what remains after the best joint imitation by all candidates
+    weights: dict[str, float] = field(default_factory=dict)
     noise: measure.Noise
     stiffness_guess: float
-    allowed: bool
-    margin: float
-    rivals: list[str]
-    cosines: dict[str, float]
-    mismatch_t2: float  # largest over the candidates; a null with 1 or more is void
-    data_seed: list[int]
-
-    def as_json(self) -> dict:
-        return asdict(self)
 
 
 def draw(seed: int, index: int, kind: str, names: list[str] | None = None) -> Case:
@@ -64,11 +48,8 @@ def draw(seed: int, index: int, kind: str, names: list[str] | None = None) -> Ca
         judge = oracle.Oracle(oracle.sensitivity(family), noise.phi, noise.sigma, noise.quantum)
         guess = float(family.nominal["EI"] * np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2)))
         case = Case(
-            index=index, family=family.name, kind=kind, cause="", name="", lam=0.0,
-            lam_beyond_all=0.0, theta=0.0, weights={},
-            truth={"cable.bend_stiffness": family.nominal["EI"]}, noise=noise, stiffness_guess=guess,
-            allowed=False, margin=0.0, rivals=[], cosines={}, data_seed=[seed, index, 1],
-            mismatch_t2=max(judge.mismatch_t2().values()),
+            index=index, family=family.name, kind=kind, truth={"cable.bend_stiffness": family.nominal["EI"]}, noise=noise,
+            stiffness_guess=guess, data_seed=[seed, index, 1], mismatch_t2=max(judge.mismatch_t2().values()),
         )  # fmt: skip
         if kind == "null" or (hide(case, judge, rng) and plausible(case)):
             return case
