@@ -224,5 +224,5 @@ pub(crate) fn stage_cotangent(
             }
         }
     }
-    stage.visit_inputs(cx.model, cx.theta, &mut |row, input, value| inputs.add(input, value * lambda[row], None));
+    stage.pull_inputs(cx.model, cx.theta, &lambda, &mut |input, value| inputs.add(input, value, None));
 }

@@ -63,6 +63,8 @@ impl<S: Real> Frames<S> {
     fn run<const PARTIALS: bool>(&mut self, tree: &Tree, q: &[S], v: &[S], a: &[S], gravity: &Vec3<S>) {
         self.bodies.clear();
         self.axes.clear();
+        self.bodies.reserve(tree.bodies().len());
+        self.axes.reserve(tree.nv());
         let zero = Vec3::repeat(S::zero());
         let world = Frame {
             rotation: Matrix3::identity(),

@@ -6,7 +6,7 @@ use super::frames::Frames;
 use super::spatial::{column, product, transposed_product};
 use super::tree::Tree;
 use crate::kkt::lanes::{PADDING, combine};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector6};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Memory of [`Partials::add`].
@@ -23,6 +23,14 @@ pub(super) struct Spread {
 struct Products {
     row: [f64; 18],
     column: [f64; 6],
+}
+
+/// First row of the axes S in the table.
+const AXES: usize = 18;
+
+/// Six numbers of degree of freedom `l` of a piece of the table, from row `first` on.
+fn put(piece: &mut [[f64; PADDING]; 24], first: usize, l: usize, values: &Vector6<f64>) {
+    (0..6).for_each(|k| piece[first + k][l] = values[k]);
 }
 
 /// Of a row without wrenches from outside: nothing but α and the angular part of β counts.
@@ -55,6 +63,30 @@ impl Partials {
         Arch::new().dispatch(Run(self, tree, out, stride));
     }
 
+    /// Adds the mass matrix at what was gathered, armatures left out, to the row-major matrix `out` (rows `stride` apart): symmetric, so
+    /// that every row is made up to its diagonal and written down its column too.
+    pub fn add_mass(&mut self, tree: &Tree, frames: &Frames<f64>, out: &mut [f64], stride: usize) {
+        self.spread.products.clear();
+        for (dof, axis) in tree.dofs().iter().zip(&frames.axes) {
+            let column = force_column(&self.inertia[dof.body].mul(&axis.s)).into();
+            self.spread.products.push(Products { row: [0.0; 18], column });
+        }
+        self.spread.table.resize(frames.axes.len().div_ceil(PADDING), [[0.0; PADDING]; 24]);
+        for (piece, axes) in self.spread.table.iter_mut().zip(frames.axes.chunks(PADDING)) {
+            axes.iter().enumerate().for_each(|(l, axis)| put(piece, AXES, l, &column(&axis.s)));
+        }
+        self.spread.row.resize(self.spread.table.len(), [0.0; PADDING]);
+        struct Run<'a>(&'a mut Spread, &'a Tree, &'a mut [f64], usize);
+        impl WithSimd for Run<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                self.0.symmetric_rows(simd, self.1, self.2, self.3);
+            }
+        }
+        Arch::new().dispatch(Run(&mut self.spread, tree, out, stride));
+    }
+
     fn fill_products(&mut self, tree: &Tree, frames: &Frames<f64>) {
         self.spread.products.clear();
         for (i, dof) in tree.dofs().iter().enumerate() {
@@ -83,10 +115,10 @@ impl Partials {
         let pieces = self.columns.chunks(PADDING).zip(frames.axes.chunks(PADDING));
         for (piece, (columns, axes)) in self.spread.table.iter_mut().zip(pieces) {
             for (l, (columns, axis)) in columns.iter().zip(axes).enumerate() {
-                let s = column(&axis.s);
-                for (first, values) in [(0, &columns.alpha), (6, &columns.beta), (12, &columns.gamma), (18, &s)] {
-                    (0..6).for_each(|k| piece[first + k][l] = values[k]);
-                }
+                put(piece, 0, l, &columns.alpha);
+                put(piece, 6, l, &columns.beta);
+                put(piece, 12, l, &columns.gamma);
+                put(piece, AXES, l, &column(&axis.s));
             }
         }
     }
@@ -111,10 +143,30 @@ impl Partials {
             // rows of those strictly before the joint see this degree of freedom from below
             for run in tree.runs(dof.before_joint) {
                 let pieces = run.start / PADDING..run.end.div_ceil(PADDING);
-                combine::<S, 6, 18, 24>(simd, &mut row[pieces.clone()], &products.column, &table[pieces.clone()]);
+                combine::<S, 6, AXES, 24>(simd, &mut row[pieces.clone()], &products.column, &table[pieces.clone()]);
                 let row = &row[pieces.clone()].as_flattened()[run.start - PADDING * pieces.start..][..run.len()];
                 for (out, x) in out[run.start * stride..].chunks_mut(stride).zip(row) {
                     out[i] += *x;
+                }
+            }
+        }
+    }
+}
+
+impl Spread {
+    #[inline(always)]
+    fn symmetric_rows<S: Simd>(&mut self, simd: S, tree: &Tree, out: &mut [f64], stride: usize) {
+        let Self { products, table, row } = self;
+        for (i, products) in products.iter().enumerate() {
+            for run in tree.runs(Some(i)) {
+                let pieces = run.start / PADDING..run.end.div_ceil(PADDING);
+                combine::<S, 6, AXES, 24>(simd, &mut row[pieces.clone()], &products.column, &table[pieces.clone()]);
+                let row = &row[pieces.clone()].as_flattened()[run.start - PADDING * pieces.start..][..run.len()];
+                for (l, x) in run.zip(row) {
+                    out[i * stride + l] += *x;
+                    if l < i {
+                        out[l * stride + i] += *x;
+                    }
                 }
             }
         }

@@ -7,7 +7,7 @@
 
 use super::Model;
 use crate::bodies::Frames;
-use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
+use crate::bodies::dynamics::{Partials, inverse_dynamics};
 use crate::bodies::rotation::{Quaternion, from_matrix};
 use crate::terms::Vec3;
 
@@ -35,7 +35,7 @@ impl Model {
         let mut partials = Partials::default();
         partials.gather(tree, &frames, &self.inertias(theta), &[], &[]);
         let mut m = vec![0.0; n * n];
-        partials.add(tree, &frames, Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], &mut m, n);
+        partials.add_mass(tree, &frames, &mut m, n);
         for (l, dof) in tree.dofs().iter().enumerate() {
             m[l * n + l] += theta[tree.joints()[dof.joint].armature];
         }

@@ -7,18 +7,15 @@
 
 use super::{Scheme, Stage, StageRecord, Workspace};
 use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
-use crate::bodies::inertia::{NUMBERS, number_partials};
-use crate::bodies::spatial::{Force, Inertia, Motion};
+use crate::bodies::spatial::{Force, Inertia};
 use crate::bodies::turns::Turns;
-use crate::bodies::{BodyInertia, Frame, Frames, Tree};
-use crate::kinematics::Input;
+use crate::bodies::{Frames, Tree};
 use crate::kkt::{BlockBand, Square, System};
-use crate::memory::{Past, from_nodes};
+use crate::memory::Past;
 use crate::model::{DofWeights, Model};
 use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
 use nalgebra::Matrix3;
-use num_dual::Dual64;
 
 /// Memory of the bodies' part of a stage.
 #[derive(Clone, Debug, Default)]
@@ -168,9 +165,6 @@ impl Stage<'_> {
         for (l, dof) in tree.dofs().iter().enumerate() {
             out[l * stride + l] += by.cm * self.theta[tree.joints()[dof.joint].armature];
         }
-        if by.cv == 0.0 && by.cq == 0.0 {
-            return;
-        }
         let against = Displacement { cm: -by.cm, cv: -by.cv, cq: -by.cq };
         let at = self.joint_point(&ws.q_bar, &ws.v_bar);
         self.model.joint_terms.iter().for_each(|term| term.add_change(&at, against, turns, out, stride));
@@ -179,12 +173,16 @@ impl Stage<'_> {
     /// −∂r/∂q̄ and −∂r/∂v̄ into the bodies' blocks of `ws.dq` and `ws.dv`, for what was gathered (contacts at fixed cone variables);
     /// returns ∂r/∂ā, the mass matrix.
     pub(super) fn body_partials(&self, ws: &mut Workspace) -> Square {
-        let mut mass = Square::zeros(self.model.tree.nv());
+        let (tree, n) = (&self.model.tree, self.model.tree.nv());
+        let mut mass = Square::zeros(n);
         if !self.has_bodies() {
             return mass;
         }
+        ws.bodies.partials.add_mass(tree, &ws.bodies.frames, mass.data_mut(), n);
+        for (l, dof) in tree.dofs().iter().enumerate() {
+            mass.add(l, l, self.theta[tree.joints()[dof.joint].armature]);
+        }
         let (mut dq, mut dv) = (std::mem::take(&mut ws.dq.bodies), std::mem::take(&mut ws.dv.bodies));
-        self.add_body_change(Displacement { cm: 1.0, cv: 0.0, cq: 0.0 }, &[], ws, mass.data_mut());
         let by = Displacement { cm: 0.0, cv: 0.0, cq: -1.0 };
         self.add_body_change(by, &[], ws, dq.data_mut());
         let mut crossed = System { nodes: BlockBand::zeros(0, 0), bodies: dq, coupling: std::mem::take(&mut ws.dq.coupling) };
@@ -242,90 +240,6 @@ impl StageRecord {
         }
         out
     }
-
-    /// ∂r/∂(θ, u, z) of the bodies' rows, and by coordinates at the beginning of the step.
-    pub(super) fn visit_bodies(
-        &self,
-        model: &Model,
-        theta: &[f64],
-        q_bar: &[f64],
-        v_bar: &[f64],
-        visit: &mut dyn FnMut(usize, Input, f64),
-    ) {
-        let (n, tree) = (model.n_node_dofs(), &model.tree);
-        if tree.bodies().is_empty() && self.spots.is_empty() {
-            return;
-        }
-        let a: Vec<f64> = self.v[n..].iter().zip(&self.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)).collect();
-        let mut frames = Frames::about(tree.origin(&self.q_ref[n..]));
-        frames.evaluate(tree, &q_bar[n..], &v_bar[n..], &a, &model.gravity_vector(theta));
-        for (l, dof) in tree.dofs().iter().enumerate() {
-            visit(n + l, Input::Theta(tree.joints()[dof.joint].armature), a[l]);
-        }
-        self.visit_spots(model, theta, q_bar, &frames, visit);
-        visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
-        self.visit_joints(model, theta, [q_bar, v_bar], true, visit);
-    }
-
-    /// ∂r/∂(θ, u, z, q at the beginning) of the forces of joints; ∂θ only if `all`.
-    pub(super) fn visit_joints(
-        &self,
-        model: &Model,
-        theta: &[f64],
-        [q_bar, v_bar]: [&[f64]; 2],
-        all: bool,
-        visit: &mut dyn FnMut(usize, Input, f64),
-    ) {
-        let n = model.n_node_dofs();
-        let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
-        let at = JointPoint { tree: &model.tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta, past };
-        for term in &model.joint_terms {
-            if all || term.is_driven() {
-                term.visit_inputs(&at, all, &mut |dof, input, df| visit(n + dof, input, -df));
-            }
-            term.visit_past(&at, &mut |dof, input, df| visit(n + dof, from_nodes(input, n), -df));
-        }
-    }
-}
-
-/// ∂τ/∂θ of inertia and gravity: (degree of freedom, parameter, value).
-fn visit_inertia(model: &Model, theta: &[f64], frames: &Frames<f64>, visit: &mut dyn FnMut(usize, usize, f64)) {
-    let tree = &model.tree;
-    let gravity = gravity_partials(model, theta);
-    for (b, (body, frame)) in tree.bodies().iter().zip(&frames.bodies).enumerate() {
-        let Some(inertia) = body.inertia else { continue };
-        let placed = inertia.evaluate(theta).placed(&frame.rotation, &frame.position);
-        let by_number = inertia_force_partials(&inertia, theta, frame);
-        // A holds −g
-        let by_gravity = gravity.map(|g| placed.mul(&Motion { w: Vec3::zeros(), v: -g }));
-        for l in tree.chain(tree.last_dof(b)) {
-            let s = &frames.axes[l].s;
-            by_number.iter().enumerate().for_each(|(k, f)| visit(l, inertia.first + k, s.dot(f)));
-            by_gravity.iter().enumerate().for_each(|(k, f)| visit(l, model.gravity + k, s.dot(f)));
-        }
-    }
-}
-
-/// ∂g/∂(magnitude, tilts).
-fn gravity_partials(model: &Model, theta: &[f64]) -> [Vec3<f64>; 3] {
-    let x: [f64; 3] = std::array::from_fn(|k| theta[model.gravity + k]);
-    std::array::from_fn(|k| {
-        let seeded = |c: usize| Dual64::new(x[c], if c == k { 1.0 } else { 0.0 });
-        crate::terms::gravity_vector(seeded(0), [seeded(1), seeded(2)]).map(|g| g.eps)
-    })
-}
-
-/// ∂(I A + V ×* I V)/∂ of the body's ten numbers. The force is linear in mass, first and second moments: it is made in the body's
-/// own axes and turned once per number.
-fn inertia_force_partials(inertia: &BodyInertia, theta: &[f64], frame: &Frame<f64>) -> [Force<f64>; NUMBERS] {
-    let x: [f64; NUMBERS] = std::array::from_fn(|k| theta[inertia.first + k]);
-    let own = |m: &Motion<f64>| Motion { w: frame.rotation.tr_mul(&m.w), v: frame.rotation.tr_mul(&m.at(&frame.position)) };
-    let (velocity, acceleration) = (own(&frame.velocity), own(&frame.acceleration));
-    number_partials(&x).map(|change| {
-        let force = change.mul(&acceleration) + velocity.cross_force(&change.mul(&velocity));
-        let f = frame.rotation * force.f;
-        Force { n: frame.rotation * force.n + frame.position.cross(&f), f }
-    })
 }
 
 /// q⁺ of the bodies.

@@ -1,6 +1,7 @@
 //! One step: integrators as sequences of stages, retries, and the record of what was solved.
 
 mod bodies;
+mod body_inputs;
 mod contact_rows;
 mod error;
 mod frozen;

@@ -35,7 +35,7 @@ pub struct StageRecord {
     pub w: Vec<Vector4<f64>>,
     /// ∂f/∂q̄ [N/m] at the root, zero in driven rows; contacts at fixed w.
     pub dq: System,
-    /// ∂f/∂v̄ [N·s/m].
+    /// ∂f/∂v̄ [N·s/m]; empty in schemes that take forces at v⁺ alone.
     pub dv: System,
     /// A = ∂r/∂v⁺ at the root, contacts at fixed w: see [`contact_rows`](StageRecord::subtract_system).
     pub matrix: System,
@@ -146,6 +146,14 @@ impl StageRecord {
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
         self.visit_rows(model, theta, &q_bar, visit);
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
+    }
+
+    /// As [`StageRecord::visit_inputs`], contracted: calls `pull(input, Σ_row λ_row ∂(r, F)_row/∂input)`, an input's sum in one call or several.
+    pub fn pull_inputs(&self, model: &Model, theta: &[f64], lambda: &[f64], pull: &mut dyn FnMut(Input, f64)) {
+        let (q_bar, v_bar) = self.evaluation_point(model);
+        self.pull_bodies(model, theta, [&q_bar, &v_bar], lambda, pull);
+        self.visit_rows(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
+        self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| pull(Input::Theta(param), value * lambda[row]));
     }
 
     /// As [`StageRecord::visit_inputs`] where no parameter is asked for: visits all inputs that are none, and few that are.

@@ -33,6 +33,13 @@ pub struct Scheme {
     pub end: Map,
 }
 
+impl Scheme {
+    /// Whether forces depend on the velocities that a stage begins with other than by the coordinates.
+    pub(crate) fn looks_back(&self) -> bool {
+        self.free.b0 != 0.0 || self.driven.b0 != 0.0
+    }
+}
+
 const END: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 };
 
 /// Implicit Euler, and each stage of sdirk2.

@@ -326,9 +326,10 @@ impl Stage<'_> {
         }
     }
 
-    /// ∂f/∂q̄, ∂f/∂v̄ and A after [`Stage::linearize`], contacts at fixed cone variables.
+    /// ∂f/∂q̄, ∂f/∂v̄ (empty unless it [matters](Scheme::looks_back)) and A after [`Stage::linearize`], contacts at fixed cone variables.
     pub(crate) fn at_fixed_impulses(&self, ws: &mut Workspace) -> (System, System, System) {
-        let (mut dq, mut dv, mut a) = (ws.dq.clone(), ws.dv.clone(), ws.k.clone());
+        let (mut dq, mut a) = (ws.dq.clone(), ws.k.clone());
+        let mut dv = if self.scheme.looks_back() { ws.dv.clone() } else { System::zeros(0, 0, 0) };
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
         for (node, [block_q, block_v]) in &ws.touching {
             let mut block_q = *block_q;
@@ -354,7 +355,9 @@ impl Stage<'_> {
                 })
             });
             dq.nodes.set_block(*node, *node, &block_q);
-            dv.nodes.set_block(*node, *node, block_v);
+            if dv.dim() > 0 {
+                dv.nodes.set_block(*node, *node, block_v);
+            }
             a.nodes.set_block(*node, *node, &block);
         }
         self.rows_at_fixed_impulses(ws, &mut dq, &mut a);
