@@ -158,7 +158,7 @@ impl Selection {
         let explainable = before - sensor_sigma * sensor_sigma;
         let note = match (by_input, untested) {
             (false, _) if let Some((name, p)) = &varying => format!(
-                "{name} would need different sizes in different parts of the records (p = {p:.1e}): it imitates another law"
+                "{name} would need different sizes in different parts of the records (p = {p:.1e}), as a law that imitates another does"
             ),
             (true, _) => format!(
                 "the residual still depends on the inputs (p = {p_input:.1e}): dynamics are missing that no accepted cause explains"
