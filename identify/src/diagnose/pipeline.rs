@@ -66,7 +66,7 @@ pub fn diagnose(
     progress("testing every cause");
     let first = test(&plan, &base, options.seed)?;
     run.grow(&plan, &first, sensor_sigma, options, &fit_options, &mut story, progress)?;
-    run.prune(&plan, &fit_options, progress)?;
+    run.prune(&plan, &base.unknowns, &fit_options, progress)?;
 
     progress("checking what remains");
     let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;

@@ -98,10 +98,11 @@ impl Selection {
         Ok(())
     }
 
-    /// Takes out accepted causes that the later ones have made superfluous.
+    /// Takes out accepted causes that the later ones have made superfluous; `declared` was free before any of them.
     pub(super) fn prune(
         &mut self,
         plan: &Plan,
+        declared: &[Unknown],
         options: &FitOptions,
         progress: &mut dyn FnMut(&str),
     ) -> Result<(), IdentifyError> {
@@ -112,10 +113,7 @@ impl Selection {
             let own = self.accepted[k].cause.unknowns.clone();
             progress(&format!("checking that {} is still needed", self.accepted[k].cause.title()));
             let mut without = self.current.clone();
-            without.unknowns.retain(|u| !own.iter().any(|o| o.target.same(&u.target)));
-            for u in &own {
-                u.set(&mut without.values, u.value(&plan.scene_values));
-            }
+            without.unknowns = plan.taken_out(declared, &self.current.unknowns, &own, &mut without.values);
             let fitted = refit(plan, &without, &[], options)?;
             let drop = fitted.deviance - self.current.deviance;
             self.accepted[k].statistic = drop;

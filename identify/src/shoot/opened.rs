@@ -9,7 +9,7 @@
 //!
 //! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it.
 
-use crate::unknown::{Target, Unknown};
+use crate::unknown::{Target, Unknown, Values};
 use pliant_engine::model::Model;
 use pliant_engine::scene::{Joint, JointKind, Scene};
 
@@ -75,6 +75,18 @@ pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> 
         }
     }
     unknowns
+}
+
+/// Gives everything that one of `unknowns` sets the value of what it set before: an entry that was free on its own goes back into its tie.
+pub(super) fn rejoin(before: &[Unknown], unknowns: &[Unknown], values: &mut Values) {
+    for u in unknowns {
+        let own = u.target.entries();
+        let part = |b: &&Unknown| b.target.entries().iter().all(|(k, _)| own.iter().any(|(o, _)| o == k));
+        if let (Target::Theta(_), Some(tie)) = (&u.target, before.iter().filter(part).max_by_key(|b| b.target.entries().len())) {
+            let value = tie.value(values);
+            u.set(values, value);
+        }
+    }
 }
 
 /// The entry of θ that an unknown sets, if it is one.
@@ -149,6 +161,23 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
         assert_eq!(rest(&[4]), Target::Theta(vec![5, 6]));
         assert_eq!(rest(&[5]), Target::Theta(vec![4, 6]));
         assert_eq!(rest(&[6, 5, 4]), Target::Theta(vec![4]));
+    }
+
+    #[test]
+    fn what_was_free_on_its_own_goes_back_into_its_tie() {
+        let model = ModelBuilder::new(&parse_scene::<()>(ARM, "arm.toml").unwrap()).unwrap().build();
+        let tie = |entries: &[usize]| Unknown {
+            target: Target::Theta(entries.to_vec()),
+            ..Unknown::of_theta(&model, "pivot.damping", 1.0).unwrap()
+        };
+        let theta = vec![0.0, 0.0, 0.0, 0.0, 2.0, 7.0, 2.0];
+        let mut values = Values { theta, sensor: Default::default(), joints: Vec::new(), late: Vec::new() };
+        rejoin(&[tie(&[4, 6]), tie(&[5])], &[tie(&[4, 5, 6])], &mut values);
+        assert_eq!(values.theta[4..], [2.0, 2.0, 2.0]);
+        // the tie's first, too
+        values.theta[4] = 7.0;
+        rejoin(&[tie(&[5, 6]), tie(&[4])], &[tie(&[4, 5, 6])], &mut values);
+        assert_eq!(values.theta[4..], [2.0, 2.0, 2.0]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What does not change while a record is shot again and again.
 
 use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
-use super::opened::{followers, opened, tied};
+use super::opened::{followers, opened, rejoin, tied};
 use super::torque::drives_of;
 use crate::error::IdentifyError;
 use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
@@ -80,6 +80,17 @@ impl Plan {
     /// The unknowns, each setting what follows it unless another of them sets that itself.
     pub fn tied(&self, unknowns: Vec<Unknown>) -> Vec<Unknown> {
         tied(&self.followers, unknowns)
+    }
+
+    /// The unknowns without those of `out`, which go back into the ties they came from in `declared`, or else to the scene's values.
+    pub(crate) fn taken_out(&self, declared: &[Unknown], now: &[Unknown], out: &[Unknown], values: &mut Values) -> Vec<Unknown> {
+        out.iter().for_each(|u| u.set(values, u.value(&self.scene_values)));
+        let known = |u: &Unknown, list: &[Unknown]| list.iter().any(|o| o.path == u.path);
+        let others = now.iter().filter(|u| !known(u, out) && !known(u, declared));
+        let unknowns = self.tied(declared.iter().chain(others).cloned().collect());
+        let kept: Vec<Unknown> = now.iter().filter(|u| !known(u, out)).cloned().collect();
+        rejoin(&kept, &unknowns, values);
+        unknowns
     }
 
     /// Whether all that `free` sets beyond what `own` does is what follows that: if not, the two are a tie of several and one of them, which
