@@ -188,11 +188,9 @@ fn shapes_and_pairs() {
 #[test]
 fn what_cannot_be_kept() {
     let equality = "</worldbody><equality><tendon tendon1=\"t\"/></equality>";
-    let sites = "</worldbody><equality><connect site1=\"s\" site2=\"t\"/></equality>";
     let tendon = "</worldbody><tendon><fixed stiffness=\"3\"><joint joint=\"hinge\" coef=\"1\"/></fixed></tendon>";
     let cases = [
         (MJCF, "</worldbody>", equality, "tendon"),
-        (MJCF, "</worldbody>", sites, "connect"),
         (MJCF, "</worldbody>", tendon, "fixed"),
         (MJCF, "<geom type=\"capsule\" fromto=\"0 0 0 0 0 -0.5\" size=\"0.02\"/>", "<geom type=\"mesh\" mesh=\"m\"/>", "geom"),
         (MJCF, "<body name=\"hand\"", "<replicate count=\"2\"/><body name=\"hand\"", "replicate"),

@@ -159,6 +159,43 @@ def test_gears_move_as_in_mujoco():
     assert np.abs(q[:, 1] + 0.5 * q[:, 0]).max() < 1e-7 and np.abs(q[:, 3]).max() < 1e-7
 
 
+SITES = """
+<mujoco><default><default class="ends"><site pos="0.5 0 0"/></default></default>
+<worldbody><site name="wall" pos="0 -0.2 0"/>
+<body name="a"><joint name="j" axis="0 0 1"/><geom size=".1"/><site name="tip" class="ends"/></body>
+<body name="b" pos="1 0 0" euler="0 0 90"><joint name="k" axis="0 0 1"/><geom size=".1"/>
+  <frame pos="0 0.3 0"><site name="end" type="capsule" fromto="-0.1 0.2 0 0.1 0.2 0" size=".01"/></frame></body>
+<body name="c" pos="0 -0.2 0.3"><joint name="l" axis="1 0 0" type="hinge"/><geom size=".1"/><site name="foot" pos="0 0 -0.3"/></body>
+</worldbody><equality>{}</equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("by_sites", "by_bodies"),
+    [
+        ('<connect site1="tip" site2="end"/>', '<connect body1="a" body2="b" anchor="0.5 0 0"/>'),
+        ('<connect site1="wall" site2="foot"/>', '<connect body1="c" anchor="0 0 -0.3"/>'),
+        ('<weld site1="foot" site2="wall"/>', '<weld body1="c" body2="world" anchor="0 -0.2 0"/>'),
+    ],
+)
+def test_sites_that_meet_are_held_together(tmp_path, by_sites, by_bodies):
+    """The same as with the bodies named, and where MuJoCo has the sites."""
+    closures = []
+    for inside in (by_sites, by_bodies):
+        file = tmp_path / "model.xml"
+        file.write_text(SITES.format(inside))
+        closures.append(tomllib.loads(pliant.import_model(file)[0])["closure"][0])
+    site, body = closures
+    assert (site["kind"], site["body"], site.get("to")) == (body["kind"], body["body"], body.get("to"))
+    assert np.allclose(site["point"], body["point"], atol=1e-15)
+    assert np.allclose(site["to_point"], body["to_point"], atol=1e-15)
+    mj = mujoco.MjModel.from_xml_string(SITES.format(by_sites))
+    data = mujoco.MjData(mj)
+    mujoco.mj_forward(mj, data)
+    first = data.body(site["body"])
+    place = first.xpos + first.xmat.reshape(3, 3) @ site["point"]
+    assert np.abs(place - data.site(mj.eq_obj1id[0]).xpos).max() < 1e-12
+
+
 def test_fingers_follow():
     _, scene, report, mj = imported("fingers.urdf")
     slide, thumb = scene["coupling"]
@@ -186,8 +223,9 @@ def test_fingers_follow():
 
 
 EQUALITY = (
-    '<mujoco>\n<worldbody>\n<body name="a"><joint name="j"/><geom size=".1"/></body>\n'
-    '<body name="b" pos="1 0 0"><joint name="k" type="ball"/><geom size=".1"/></body>\n</worldbody>\n<equality>\n{}\n</equality></mujoco>'
+    '<mujoco>\n<worldbody>\n<body name="a"><joint name="j"/><geom size=".1"/><site name="s" pos=".5 0 0"/></body>\n'
+    '<body name="b" pos="1 0 0"><joint name="k" type="ball"/><geom size=".1"/><site name="t" pos="-.3 0 0"/>'
+    '<site name="v" pos="-.5 0 0" euler="0 0 5"/></body>\n</worldbody>\n<equality>\n{}\n</equality></mujoco>'
 )
 
 
@@ -204,9 +242,15 @@ EQUALITY = (
             '<weld body1="a" body2="b" relpose="1 0.1 0 1 0 0 0"/>',
             r":7: weld: a `relpose` that is not how(.|\n)*--approximate",
         ),
+        ('<connect site1="s" site2="u"/>', r":7: connect: there is no site \"u\"(.|\n)*s, t, v"),
+        ('<connect site1="s"/>', r":7: connect: `site2` is missing"),
         (
             '<connect site1="s" site2="t"/>',
-            r":7: connect: a constraint between sites(.|\n)*--approximate",
+            r":7: connect: a constraint between sites that are apart by 2\.000e-1 m(.|\n)*--approximate",
+        ),
+        (
+            '<weld site1="s" site2="v"/>',
+            r":7: weld: a constraint between sites that are apart by their axes(.|\n)*--approximate",
         ),
         (
             '<joint joint1="j" joint2="k"/>',

@@ -4,7 +4,7 @@
 //! file ── xml (elements with lines) ── mjcf or urdf ── Work: Scene and Report ── scene::check ── Imported
 //! ```
 //! Nothing is dropped silently: every element ends up in the [`Report`] as kept, approximated or ignored. What would make it another
-//! model if it were left out (tendons, constraints between sites, masses from meshes) is an error unless [`Options::approximate`] is set.
+//! model if it were left out (tendons, masses from meshes) is an error unless [`Options::approximate`] is set.
 //!
 //! Conventions are those of MuJoCo: coordinates q and velocities v of the imported model are MuJoCo's `qpos` and `qvel`, joint by
 //! joint, except that a joint's `ref` is subtracted.

@@ -21,6 +21,7 @@ pub struct Parts<'a> {
     pub joints: Vec<Part<'a>>,
     pub geoms: Vec<Part<'a>>,
     pub bodies: Vec<Part<'a>>,
+    pub sites: Vec<Part<'a>>,
     pub inertial: Option<Part<'a>>,
 }
 
@@ -34,6 +35,7 @@ impl<'a> Reader<'a> {
         for geom in parts.geoms {
             self.geom_of_world(&geom)?;
         }
+        self.keep_sites(&parts.sites, None);
         self.work.kept(world, "", "the world");
         self.work.leftovers(world, "", &words::BODY_REASONS);
         parts.bodies.iter().try_for_each(|body| self.body(body, None))
@@ -72,6 +74,7 @@ impl<'a> Reader<'a> {
         self.work.kept(element, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
         self.work.add_body(element, &name, (parent, &pose), &mass, (joints, shapes));
         self.bodies.push((view.text("name").unwrap_or("").to_owned(), name.clone()));
+        self.keep_sites(&parts.sites, Some(&name));
         parts.bodies.iter().try_for_each(|body| self.body(body, Some(&name)))
     }
 
@@ -92,7 +95,8 @@ impl<'a> Reader<'a> {
                 }
                 "inertial" => parts.inertial = Some(part),
                 "frame" => self.frame(&part, in_world, parts)?,
-                "site" | "camera" | "light" => self.work.ignored_whole(element, "a scene of bodies has none"),
+                "site" => parts.sites.push(part),
+                "camera" | "light" => self.work.ignored_whole(element, "a scene of bodies has none"),
                 _ => self.left_out(element)?,
             }
         }

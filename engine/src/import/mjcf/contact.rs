@@ -305,7 +305,7 @@ impl Excluded {
     }
 }
 
-fn no_such(what: &'static str, name: &str, known: Vec<&str>) -> ImportMistake {
+pub(super) fn no_such(what: &'static str, name: &str, known: Vec<&str>) -> ImportMistake {
     ImportMistake::NoSuch {
         what,
         name: name.to_owned(),

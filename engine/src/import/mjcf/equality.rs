@@ -46,33 +46,31 @@ impl<'a> Reader<'a> {
         let element = view.element;
         check_attributes(element, words::EQUALITY)?;
         let weld = element.tag == "weld";
-        if view.has("site1") || view.has("site2") {
-            let reason = "sites are not read: name the bodies and the `anchor` instead";
-            self.work.approximate(element, "a constraint between sites", reason)?;
-            element.mark_all();
-            return Ok(());
-        }
-        let first = self.find_body(view, "body1")?;
-        let second = if view.has("body2") { self.find_body(view, "body2")? } else { None };
-        let mut sides = [first, second];
+        let by_sites = view.has("site1") || view.has("site2");
+        let sites = if by_sites { Some([self.find_site(view, "site1")?, self.find_site(view, "site2")?]) } else { None };
+        let mut sides = match &sites {
+            Some(sites) => sites.clone().map(|(body, _)| body),
+            None => [self.find_body(view, "body1")?, if view.has("body2") { self.find_body(view, "body2")? } else { None }],
+        };
         let moving = [0, 1].map(|k| sides[k].as_deref().and_then(|name| self.carrier(name)).map(str::to_owned));
         if moving[0] == moving[1] {
             self.work.ignored_whole(element, "it holds what is one rigid body anyway");
             return Ok(());
         }
         let poses = [0, 1].map(|k| self.work.pose_at_zero(sides[k].as_deref()));
-        let anchor = view.vector::<3>("anchor")?;
-        if anchor.is_none() && !weld {
-            return Err(view.missing("`anchor`"));
-        }
-        let anchor = anchor.unwrap_or_default();
-        self.work.check_lengths(view, "anchor", &anchor)?;
         // a weld's anchor is in the second body, a connection's in the first
         let own = usize::from(weld);
+        let anchor = match &sites {
+            Some(sites) => {
+                self.sites_meet(view, [0, 1].map(|k| poses[k].then(&sites[k].1)), weld)?;
+                sites[own].1.position.into()
+            }
+            None => self.anchor(view, weld)?,
+        };
         let place = poses[own].point(&Vec3::from(anchor));
         let mut points: [[f64; 3]; 2] = poses.map(|pose| plain(pose.matrix().tr_mul(&(place - pose.position)).into()));
         points[own] = plain(anchor);
-        if weld {
+        if weld && !by_sites {
             self.as_they_stand(view, &poses)?;
         }
         if sides[0].is_none() {
@@ -97,6 +95,30 @@ impl<'a> Reader<'a> {
             to_point: Some(points[1]),
             compliance: None,
         });
+        Ok(())
+    }
+
+    /// The point that is held, in its body; a weld's is the origin unless it is given.
+    fn anchor(&self, view: &View, weld: bool) -> Result<[f64; 3], ImportError> {
+        let anchor = view.vector::<3>("anchor")?;
+        if anchor.is_none() && !weld {
+            return Err(view.missing("`anchor`"));
+        }
+        let anchor = anchor.unwrap_or_default();
+        self.work.check_lengths(view, "anchor", &anchor)?;
+        Ok(anchor)
+    }
+
+    /// Refuses sites that stand apart, or whose axes do if they are to be welded.
+    fn sites_meet(&mut self, view: &View, [a, b]: [Pose; 2], weld: bool) -> Result<(), ImportError> {
+        let apart = (a.position - b.position).norm();
+        let turned = weld && (a.matrix() - b.matrix()).amax() > AS_THEY_STAND;
+        if apart > AS_THEY_STAND || turned {
+            let by = if apart > AS_THEY_STAND { format!("by {apart:.3e} m") } else { "by their axes".to_owned() };
+            let (held, how) = if weld { (2, "welded as they stand in the file") } else { (1, "held there") };
+            let reason = format!("a scene starts with its loops closed; the bodies are {how}, where site{held} is");
+            self.work.approximate(view.element, &format!("a constraint between sites that are apart {by}"), &reason)?;
+        }
         Ok(())
     }
 

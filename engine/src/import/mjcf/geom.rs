@@ -254,7 +254,7 @@ impl<'a> Reader<'a> {
 }
 
 /// The frame in the middle between two points, its z axis along them, and half their distance.
-fn along(view: &View, [ax, ay, az, bx, by, bz]: [f64; 6]) -> Result<(Pose, f64), ImportError> {
+pub(super) fn along(view: &View, [ax, ay, az, bx, by, bz]: [f64; 6]) -> Result<(Pose, f64), ImportError> {
     let (a, b) = (Vec3::new(ax, ay, az), Vec3::new(bx, by, bz));
     let half = 0.5 * (b - a).norm();
     if half == 0.0 {

@@ -17,6 +17,7 @@ mod joint;
 mod option;
 mod saturation;
 mod sections;
+mod site;
 mod words;
 
 use super::error::ImportError;
@@ -31,6 +32,7 @@ use defaults::Defaults;
 use gravcomp::Carried;
 use joint::JointPlace;
 use option::Physics;
+use site::Site;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -49,6 +51,8 @@ struct Reader<'a> {
     paired: Vec<Paired<'a>>,
     /// Names of all geoms in the file.
     known_geoms: BTreeSet<String>,
+    /// Sites that have a name.
+    sites: Vec<Site<'a>>,
     /// Bodies whose weight is carried, by how much of it.
     carried: Vec<Carried<'a>>,
 }
@@ -63,8 +67,8 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;
-    let (joints, bodies, touching, paired, known_geoms, carried) = Default::default();
-    let mut reader = Reader { work, compiler, physics, defaults, joints, bodies, touching, paired, known_geoms, carried };
+    let (joints, bodies, touching, paired, known_geoms, sites, carried) = Default::default();
+    let mut reader = Reader { work, compiler, physics, defaults, joints, bodies, touching, paired, known_geoms, sites, carried };
     reader.read_pairs(&root)?;
     for world in root.children_of("worldbody") {
         reader.world(world)?;
