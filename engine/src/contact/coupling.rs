@@ -80,6 +80,7 @@ impl Coupling {
         let [p, slope, bend] = self.polynomial(self.distance(at.lead, theta), theta);
         let give = self.give(at, theta);
         RowLinear {
+            held: 0.0,
             f: at.rho * ((at.q - p) / at.h + give * gamma),
             f_q: at.rho / at.h,
             f_v: 0.0,

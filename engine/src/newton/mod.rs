@@ -177,13 +177,13 @@ fn chords_left(next: f64, norm: f64, tolerance: f64) -> f64 {
     if left > 0.0 && next < norm { left } else { f64::INFINITY }
 }
 
-/// Whether the pending correction is negligible: velocities below the tolerance, cone variables below it or their rounding noise,
-/// and their eigenvalues settled.
+/// Whether the pending correction is negligible: velocities below the tolerance or the rounding of those that stops tell, cone variables
+/// below it or their rounding noise, and their eigenvalues settled.
 fn converged(stage: &Stage, ws: &Workspace, norm: f64, tolerance: f64) -> bool {
     if norm > tolerance {
         let by_cones = cone_norm(stage, ws, [&ws.dw, &ws.spots.dw], &ws.ds);
         let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
-        if by_velocities > tolerance || by_cones > cone_rounding(stage, ws) {
+        if by_velocities > tolerance.max(stage.rows_held(&ws.rows)) || by_cones > cone_rounding(stage, ws) {
             return false;
         }
     }

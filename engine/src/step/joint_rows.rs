@@ -116,12 +116,20 @@ impl Stage<'_> {
         self.measure.rows.iter().zip(ds).map(|(row, d)| d * d / inertias(self.model, row)[1]).sum()
     }
 
+    /// Rounding of the velocities that closed stops tell, in the norm of corrections [m/s].
+    pub(crate) fn rows_held(&self, rows: &[RowLinear]) -> f64 {
+        let noise = |(row, linear): (&JointRow, &RowLinear)| linear.held.powi(2) * inertias(self.model, row)[0];
+        (self.measure.rows.iter().zip(rows).map(noise).sum::<f64>() / self.measure.total).sqrt()
+    }
+
     /// Whether the pending changes leave the impulses where they are: relative to them, or to what gravity does in the step; those of
-    /// couplings at least within their rounding.
+    /// couplings at least within their rounding, and those where a stop is closed within what the velocity's makes of them.
     pub(crate) fn rows_settled(&self, s: &[f64], ds: &[f64], rows: &[RowLinear]) -> bool {
         self.measure.rows.iter().zip(s).zip(ds).zip(rows).all(|(((row, s), d), linear)| {
             let weight = inertias(self.model, row)[0] * WEIGHT * self.h;
-            let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { 0.0 };
+            let at_stop = self.measure.rows.iter().zip(rows).filter(|(other, _)| other.dof == row.dof).map(|(_, other)| other.held);
+            let moved = at_stop.fold(0.0, f64::max) * (self.row_slope(linear) / linear.f_gamma).abs();
+            let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { moved };
             d.abs() <= (SETTLED * s.abs().max(1e-3 * weight)).max(noise)
         })
     }
