@@ -37,7 +37,7 @@ fn ranges_of_mjcf_are_stops() {
     let hinge = mjcf("range=\"-90 45\" ref=\"15\"", "");
     let limits = joint(&hinge).limits.unwrap();
     assert!((limits[0] + 105.0 / 180.0 * PI).abs() < 1e-15 && (limits[1] - PI / 6.0).abs() < 1e-15, "{limits:?}");
-    assert_eq!(hinge.scene.time.integrator, Integrator::Sdirk2);
+    assert_eq!(hinge.scene.time.integrator, Integrator::Euler);
     says(&hinge, Verdict::Kept, "range -90 … 45 degrees: hard stops");
     ModelBuilder::new(&hinge.scene).unwrap();
 
@@ -79,7 +79,7 @@ fn limits_and_friction_of_urdf() {
     assert_eq!((read.limits, read.friction, read.damping), (Some([-1.0, 0.5]), 0.3, 0.1));
     says(&revolute, Verdict::Kept, "-1 … 0.5: hard stops");
     says(&revolute, Verdict::Ignored, "effort 30, velocity 2");
-    assert_eq!(revolute.scene.time.integrator, Integrator::Sdirk2);
+    assert_eq!(revolute.scene.time.integrator, Integrator::Euler);
     for (kind, inside) in [("continuous", limit), ("revolute", "<limit effort=\"30\" velocity=\"2\"/>"), ("prismatic", "")] {
         assert_eq!(joint(&urdf(kind, inside)).limits, None, "{kind}");
     }

@@ -265,3 +265,102 @@ def test_constraints_that_cannot_be_kept_are_refused(tmp_path, inside, words):
     file.write_text(EQUALITY.format(inside))
     with pytest.raises(pliant.InputError, match=words):
         pliant.import_model(file)
+
+
+ARM = """<mujoco><option timestep="0.002"{option}/>{top}<worldbody>{world}<body name="arm" pos="0 0 1">{joint}
+<geom name="g" type="capsule" size=".05" fromto="0 0 0 .3 0 0" contype="0" conaffinity="0"/>{inside}</body></worldbody>
+<actuator>{actuator}</actuator></mujoco>"""
+HINGE = '<joint name="j" axis="0 1 0" damping="0.5" frictionloss="0.2" range="-90 90"/>'
+
+
+def arm(tmp_path, **parts):
+    file = tmp_path / "arm.xml"
+    defaults = dict(option="", top="", world="", inside="", actuator="", joint=HINGE)
+    file.write_text(ARM.format(**(defaults | parts)))
+    return file
+
+
+@pytest.mark.parametrize("integrator", ["euler", "sdirk2"])
+def test_a_motor_holds_a_joint_with_friction_at_its_stop(tmp_path, integrator):
+    """Stops take impacts without rebound (Euler), and what presses against them converges to the last digit of the coordinate."""
+    file = arm(tmp_path, actuator='<motor name="m" joint="j" gear="20" ctrlrange="-1 1"/>')
+    text = pliant.import_model(file)[0]
+    assert 'integrator = "euler"' in text
+    model = pliant.loads(text.replace('integrator = "euler"', f'integrator = "{integrator}"'))
+    at_stop = 0
+    for control in np.linspace(-1, 1, 12):
+        run = model.rollout(model.initial_state(), np.full((600, 1), control), record=False)
+        assert run.trace["retries"].sum() <= 3
+        assert np.abs(run.x[:, 0]).max() < np.pi / 2 + 1e-9
+        at_stop += abs(run.x[-1, 0]) > np.pi / 2 - 1e-6
+    assert at_stop > 4
+
+
+def test_stops_of_imported_models_do_not_rebound(tmp_path):
+    joint = '<joint name="j" axis="0 1 0" range="-90 90"/>'
+    file = arm(tmp_path, option=' gravity="0 0 0"', joint=joint)
+    model = pliant.loads(pliant.import_model(file)[0])
+    for k in range(10):
+        start = np.array([np.pi / 2 - 0.1 - k * 0.0006, 3.0])
+        end = model.rollout(start, np.zeros((100, 0)), record=False).x[-1]
+        assert abs(end[1]) < 1e-3 * 3.0 and abs(end[0] - np.pi / 2) < 1e-4
+
+
+def test_a_floor_that_nothing_can_touch_is_left_out(tmp_path):
+    text, report = pliant.import_model(arm(tmp_path, world='<geom name="floor" type="plane" size="1 1 .1"/>'))
+    assert "plane" not in tomllib.loads(text)
+    assert any("no body has a shape" in e["reason"] for e in report["entries"] if e["verdict"] == "ignored")
+
+
+def test_a_damping_ratio_is_of_the_inertia_that_yields(tmp_path):
+    """MuJoCo computes it from 1/(M⁻¹)_jj."""
+    lower = (
+        '<body name="lower" pos=".3 0 0"><joint name="k" axis="0 1 0"/>'
+        '<geom type="capsule" size=".04" fromto="0 0 0 .2 0 .1" contype="0" conaffinity="0"/></body>'
+    )
+    servo = '<position name="s" joint="j" kp="3" dampratio="0.5"/>'
+    file = arm(tmp_path, inside=lower, actuator=servo, joint='<joint name="j" axis="0 1 0"/>')
+    motor = tomllib.loads(pliant.import_model(file)[0])["actuator"][0]
+    mj = mujoco.MjModel.from_xml_path(str(file))
+    assert motor["damping"] == pytest.approx(-mj.actuator_biasprm[0, 2], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        (
+            {"actuator": '<motor name="m" joint="j" ctrllimited="true" ctrlrange="1 -1"/>'},
+            r":3: motor \"m\": `ctrlrange` goes from 1 down to -1",
+        ),
+        ({"actuator": '<motor joint="j" forcelimited="true"/>'}, r":3: motor: `forcerange` is missing"),
+        ({"joint": '<joint name="j" limited="true"/>'}, r":1: joint \"j\": `range` is missing"),
+        (
+            {"actuator": '<motor name="m" joint="j"/><motor name="m" joint="j"/>'},
+            r':3: motor: the actuator "m" is there twice|"m"(.|\n)*line 3',
+        ),
+        ({"inside": '<geom name="g" size=".1" contype="0" conaffinity="0"/>'}, r'"g"(.|\n)*line 2'),
+        ({"inside": '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="m"/>'}, r'there is no mesh "m"'),
+        (
+            {
+                "top": '<asset><mesh name="m" file="no.stl"/></asset>',
+                "inside": '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="m"/>',
+            },
+            r":2: geom(.|\n)*no\.stl",
+        ),
+        (
+            {
+                "top": '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>',
+                "actuator": '<motor name="m" tendon="t"/>',
+            },
+            r":3: motor \"m\": an actuator that is left out(.|\n)*on a tendon(.|\n)*--approximate",
+        ),
+        ({"option": ' density="1000"'}, r":1: option: `density` of the medium(.|\n)*--approximate"),
+        (
+            {"joint": '<joint type="free" damping="0.1"/>'},
+            r":1: joint: the damping of a free joint(.|\n)*--approximate",
+        ),
+    ],
+)
+def test_what_would_be_another_model_is_refused(tmp_path, parts, words):
+    with pytest.raises(pliant.InputError, match=words):
+        pliant.import_model(arm(tmp_path, **parts))

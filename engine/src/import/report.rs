@@ -86,7 +86,11 @@ impl Report {
             }
             let _ = writeln!(out, "{title} ({count})");
             for entry in self.entries.iter().filter(|e| e.verdict == verdict) {
-                let name = if entry.name.is_empty() { String::new() } else { format!(" \"{}\"", entry.name) };
+                let name = match (&entry.name, &entry.original) {
+                    (name, _) if name.is_empty() => String::new(),
+                    (name, None) => format!(" \"{name}\""),
+                    (name, Some(original)) => format!(" \"{name}\" (\"{original}\" in the file)"),
+                };
                 let _ = writeln!(out, "  {}:{}: {}{name}: {}", entry.file, entry.line, entry.element, entry.reason);
             }
         }

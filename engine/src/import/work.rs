@@ -118,11 +118,11 @@ impl<'o> Work<'o> {
             return;
         }
         joint.limits = Some([low, high]);
-        self.scene.time.integrator = Integrator::Sdirk2;
+        self.scene.time.integrator = Integrator::Euler;
         self.kept(
             element,
             &joint.name,
-            format!("{given}: hard stops without rebound; the integrator is `sdirk2`, or `euler` if bodies touch"),
+            format!("{given}: hard stops without rebound; the integrator is `euler`, which takes impacts best"),
         );
         if !(low..=high).contains(&0.0) {
             let start = if low > 0.0 { low } else { high };
@@ -184,11 +184,23 @@ impl<'o> Work<'o> {
     /// Steps that impacts do not upset, if anything can touch.
     fn allow_contact(&mut self, root: &Element) {
         let carriers = self.scene.body.iter().filter(|b| !b.shape.is_empty()).count();
+        if carriers == 0 && self.scene.n_shapes() > 0 {
+            self.clear_world(root);
+        }
         if carriers + self.scene.n_shapes().min(1) < 2 {
             return;
         }
         self.scene.time.integrator = Integrator::Euler;
         self.kept(root, "", "bodies touch: the integrator is `euler`, which takes impacts best");
+    }
+
+    /// Takes out what stands in the world where nothing that moves has a shape to touch it with.
+    fn clear_world(&mut self, root: &Element) {
+        let scene = &mut self.scene;
+        let count = scene.n_shapes();
+        (scene.plane, scene.sphere, scene.capsule, scene.block, scene.cylinder) = Default::default();
+        scene.contact.pair.clear();
+        self.ignored(root, "", format!("{count} fixed shape(s): no body has a shape that could touch them"));
     }
 
     /// Lets bodies that overlap as the scene begins pass through each other if that was asked for; otherwise an error.

@@ -154,6 +154,7 @@ impl<'a> Reader<'a> {
     }
 
     fn actuator(&mut self, element: &'a Element) -> Result<(), ImportError> {
+        self.claim(element, "actuator")?;
         let mut numbers = Numbers::default();
         for source in self.defaults.chain(element, element.value("class"), &words::ACTUATORS)?.into_iter().chain([element]) {
             numbers.apply(source)?;
@@ -166,15 +167,18 @@ impl<'a> Reader<'a> {
             numbers.odd = Some("a joint of more than one degree of freedom".to_owned());
         }
         if !self.physics.actuation {
-            numbers.odd = Some("switched off by the option's flag".to_owned());
-        }
-        if let Some(why) = numbers.odd {
-            self.work.ignored_whole(element, &format!("left out: {why}"));
+            self.work.ignored_whole(element, "left out: switched off by the option's flag");
             return Ok(());
         }
+        if let Some(why) = &numbers.odd {
+            return self.leave_out(element, why);
+        }
+        self.check_ranges(element, &numbers)?;
         self.rotor(element, &place.name, &numbers)?;
         if let Some(ratio) = numbers.ratio() {
             numbers.bias[2] = -self.damping_of(element, &place.name, ratio, &numbers)?;
+            let damping = -numbers.bias[2];
+            self.work.kept(element, element.label(), format!("dampratio {ratio}, as damping {damping:.6} with all joints at zero"));
         }
         let number = self.work.scene.actuator.len() + 1;
         let name = self.work.names.give(element.label(), "motor", number);
@@ -188,8 +192,29 @@ impl<'a> Reader<'a> {
         let other =
             ["tendon", "site", "body", "slidersite", "cranksite", "plugin"].into_iter().find(|name| element.get(name).is_some());
         match other {
-            Some(what) => self.work.ignored_whole(element, &format!("left out: it acts on a {what}, not on a joint")),
-            None => return Err(ImportError::at(element, ImportMistake::Missing { what: "`joint`".to_owned() })),
+            Some(what) => self.leave_out(element, &format!("it acts on a {what}, not on a joint")),
+            None => Err(ImportError::at(element, ImportMistake::Missing { what: "`joint`".to_owned() })),
+        }
+    }
+
+    /// An actuator that the scene goes without, with one control less.
+    fn leave_out(&mut self, element: &Element, why: &str) -> Result<(), ImportError> {
+        self.work.approximate(element, "an actuator that is left out", why)?;
+        element.mark_all();
+        Ok(())
+    }
+
+    /// Refuses limits that are switched on and missing, or the wrong way round.
+    fn check_ranges(&self, element: &Element, numbers: &Numbers) -> Result<(), ImportError> {
+        for (k, name) in ["ctrlrange", "forcerange"].into_iter().enumerate() {
+            let error = |mistake| Err(View::plain(element).error(name, mistake));
+            match (numbers.ranges[k], numbers.limited[k]) {
+                (None, Some(true)) => return error(ImportMistake::Missing { what: format!("`{name}`") }),
+                (Some([low, high]), limited) if low > high && limited.unwrap_or(self.compiler.autolimits) => {
+                    return error(ImportMistake::LimitOrder { attribute: name.to_owned(), low, high });
+                }
+                _ => {}
+            }
         }
         Ok(())
     }
@@ -208,7 +233,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The damping of a ratio: ratio · 2 √(kp m), with the inertia m that the joint feels where all joints are at zero.
+    /// The damping of a ratio: ratio · 2 √(kp m), with the inertia m = 1/(M⁻¹)_jj that the joint feels where all joints are at zero and
+    /// all others yield.
     fn damping_of(&self, element: &Element, joint: &str, ratio: f64, numbers: &Numbers) -> Result<f64, ImportError> {
         let failed = |error| ImportError::at(element, ImportMistake::Scene { error });
         // what touches what is not settled yet, and has no part in it
@@ -222,7 +248,8 @@ impl<'a> Reader<'a> {
         let (theta, n) = (model.params().values(), model.tree().nv());
         let inertia = model.mass_matrix(&model.tree().neutral(), theta);
         let dof = model.tree().joint(joint).map_or(0, |j| model.tree().joints()[j].v);
-        let felt = inertia[dof * n + dof] / (numbers.gear * numbers.gear);
+        let inverse = nalgebra::DMatrix::from_row_slice(n, n, &inertia).cholesky().map(|c| c.inverse());
+        let felt = inverse.map_or(inertia[dof * n + dof], |inverse| 1.0 / inverse[(dof, dof)]) / (numbers.gear * numbers.gear);
         Ok(ratio * 2.0 * (numbers.gain * felt).sqrt())
     }
 
@@ -237,8 +264,7 @@ impl<'a> Reader<'a> {
             (0.0, b2) if b2 < 0.0 => (ActuatorKind::Velocity, -n.gain / b2),
             (b1, b2) if b1 < 0.0 && b2 <= 0.0 => (ActuatorKind::Position, -n.gain / b1),
             _ => {
-                self.work.ignored_whole(element, "left out: it drives its joint away, which no servo of a scene does");
-                return Ok(());
+                return self.leave_out(element, "it drives its joint away, which no servo of a scene does");
             }
         };
         (actuator.kind, actuator.stiffness, actuator.damping) = (kind, -b1 + 0.0, -b2 + 0.0);

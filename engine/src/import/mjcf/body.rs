@@ -35,7 +35,7 @@ impl<'a> Reader<'a> {
         for geom in parts.geoms {
             self.geom_of_world(&geom)?;
         }
-        self.keep_sites(&parts.sites, None);
+        self.keep_sites(&parts.sites, None)?;
         self.work.kept(world, "", "the world");
         self.work.leftovers(world, "", &words::BODY_REASONS);
         parts.bodies.iter().try_for_each(|body| self.body(body, None))
@@ -52,6 +52,7 @@ impl<'a> Reader<'a> {
     fn body(&mut self, part: &Part<'a>, parent: Option<&str>) -> Result<(), ImportError> {
         let element = part.element;
         check_attributes(element, words::BODY)?;
+        self.claim(element, "body")?;
         let (view, class) = (View::plain(element), self.childclass(element, part.class)?);
         let pose = part.frame.then(&self.pose(&view)?);
         let name = self.work.names.give(view.text("name").unwrap_or(""), "body", self.work.scene.body.len() + 1);
@@ -74,7 +75,7 @@ impl<'a> Reader<'a> {
         self.work.kept(element, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
         self.work.add_body(element, &name, (parent, &pose), &mass, (joints, shapes));
         self.bodies.push((view.text("name").unwrap_or("").to_owned(), name.clone()));
-        self.keep_sites(&parts.sites, Some(&name));
+        self.keep_sites(&parts.sites, Some(&name))?;
         parts.bodies.iter().try_for_each(|body| self.body(body, Some(&name)))
     }
 

@@ -116,6 +116,10 @@ impl<'a> Reader<'a> {
     fn touch(&mut self, view: &View<'a>, part: &Part<'a>, holder: Holder) -> Result<Made, ImportError> {
         let mask = |name| -> Result<u32, ImportError> { Ok(view.number(name)?.unwrap_or(1.0) as i64 as u32) };
         let masks = [mask("contype")?, mask("conaffinity")?];
+        self.claim(view.element, "geom")?;
+        if let Some(name) = view.text("mesh") {
+            self.missing_mesh(view, name)?;
+        }
         let original = view.text("name").unwrap_or("");
         if !original.is_empty() {
             self.known_geoms.insert(original.to_owned());
@@ -157,6 +161,9 @@ impl<'a> Reader<'a> {
         friction: f64,
     ) -> Result<(Made, Option<String>, Option<String>), ImportError> {
         let kind = view.word("type", &KINDS.map(|k| k.0))?.unwrap_or("sphere");
+        if kind == "hfield" {
+            self.work.approximate(view.element, "a height field", "it has no counterpart in a scene: nothing stands on it")?;
+        }
         let nothing =
             |what: &str| Ok((Made::Nothing(format!("touches nothing: {what} have no counterpart in a scene")), None, None));
         if view.has("mesh") || matches!(kind, "mesh" | "sdf" | "hfield") {

@@ -37,6 +37,7 @@ impl<'a> Reader<'a> {
             Some("free") => JointKind::Free,
             _ => JointKind::Revolute,
         };
+        self.claim(element, "joint")?;
         let original = view.text("name").unwrap_or("").to_owned();
         let name = self.work.names.give(&original, "joint", self.joints.len() + 1);
         let mut joint = Joint { name: name.clone(), kind, ..Joint::default() };
@@ -102,7 +103,7 @@ impl<'a> Reader<'a> {
             (joint.stiffness, joint.cubic_stiffness) = (0.0, 0.0);
         }
         if joint.kind == JointKind::Free && joint.damping != 0.0 {
-            self.work.ignored(view.element, &joint.name, "damping: free bodies have no friction");
+            self.work.approximate(view.element, "the damping of a free joint", "free bodies have no friction")?;
             joint.damping = 0.0;
         }
         Ok(())
@@ -154,7 +155,7 @@ impl<'a> Reader<'a> {
                 self.work.kept(element, name, format!("frictionloss {friction}: dry friction that sticks"));
             } else {
                 let reason = "dry friction is simulated in joints of one axis only";
-                self.work.ignored(element, name, format!("frictionloss {friction}: {reason}"));
+                self.work.approximate(element, &format!("frictionloss {friction}"), reason)?;
             }
         }
         if zero != 0.0 {
@@ -174,7 +175,9 @@ impl<'a> Reader<'a> {
     /// Checks a joint's limits, and makes them stops.
     fn limits(&mut self, view: &View, joint: &mut Joint, zero: f64) -> Result<(), ImportError> {
         let limited = view.word("limited", &["auto", "true", "false"])?;
-        let Some([low, high]) = view.vector::<2>("range")? else { return Ok(()) };
+        let Some([low, high]) = view.vector::<2>("range")? else {
+            return if limited == Some("true") { Err(view.missing("`range`")) } else { Ok(()) };
+        };
         let is_limited = limited == Some("true") || (limited != Some("false") && self.compiler.autolimits);
         if !is_limited || joint.kind == JointKind::Free || !self.physics.limits {
             return Ok(());
@@ -198,7 +201,7 @@ impl<'a> Reader<'a> {
         };
         let given = format!("range {low} … {high} {unit}{doubt}");
         if joint.kind == JointKind::Ball {
-            self.work.ignored(view.element, &joint.name, format!("{given}: a ball's largest turn is not simulated"));
+            self.work.approximate(view.element, &given, "a ball's largest turn is not simulated")?;
             return Ok(());
         }
         let limits = [low, high].map(|x| if turns { self.compiler.angle(x) } else { x } - zero);

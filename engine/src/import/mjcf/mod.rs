@@ -14,13 +14,14 @@ mod gravcomp;
 mod include;
 mod inertial;
 mod joint;
+mod mesh;
 mod option;
 mod saturation;
 mod sections;
 mod site;
 mod words;
 
-use super::error::ImportError;
+use super::error::{ImportError, ImportMistake};
 use super::pose::Pose;
 use super::view::{View, check_children};
 use super::work::Work;
@@ -31,9 +32,10 @@ use contact::{Paired, Touching};
 use defaults::Defaults;
 use gravcomp::Carried;
 use joint::JointPlace;
+use mesh::Meshes;
 use option::Physics;
 use site::Site;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A model under way.
@@ -51,6 +53,9 @@ struct Reader<'a> {
     paired: Vec<Paired<'a>>,
     /// Names of all geoms in the file.
     known_geoms: BTreeSet<String>,
+    /// Lines of all names of a kind: each may be given once.
+    given: BTreeMap<(&'static str, String), usize>,
+    meshes: Meshes,
     /// Sites that have a name.
     sites: Vec<Site<'a>>,
     /// Bodies whose weight is carried, by how much of it.
@@ -67,8 +72,22 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;
-    let (joints, bodies, touching, paired, known_geoms, sites, carried) = Default::default();
-    let mut reader = Reader { work, compiler, physics, defaults, joints, bodies, touching, paired, known_geoms, sites, carried };
+    let meshes = Meshes::read(&root, path);
+    let mut reader = Reader {
+        work,
+        compiler,
+        physics,
+        defaults,
+        meshes,
+        joints: Vec::new(),
+        bodies: Vec::new(),
+        touching: Vec::new(),
+        paired: Vec::new(),
+        known_geoms: BTreeSet::new(),
+        given: BTreeMap::new(),
+        sites: Vec::new(),
+        carried: Vec::new(),
+    };
     reader.read_pairs(&root)?;
     for world in root.children_of("worldbody") {
         reader.world(world)?;
@@ -89,6 +108,15 @@ impl<'a> Reader<'a> {
     fn view(&self, element: &'a Element, class: Option<&str>) -> Result<View<'a>, ImportError> {
         let class = element.value("class").or(class);
         Ok(View::new(element, self.defaults.chain(element, class, &[&element.tag])?.into_iter().rev()))
+    }
+
+    /// Refuses a name that another element of the kind has.
+    fn claim(&mut self, element: &Element, kind: &'static str) -> Result<(), ImportError> {
+        let Some(name) = element.value("name").filter(|name| !name.is_empty()) else { return Ok(()) };
+        match self.given.insert((kind, name.to_owned()), element.line) {
+            Some(first) => Err(ImportError::at(element, ImportMistake::Duplicate { what: kind, name: name.to_owned(), first })),
+            None => Ok(()),
+        }
     }
 
     /// Where an element's frame stands: its position and orientation.

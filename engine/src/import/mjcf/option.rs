@@ -49,6 +49,14 @@ impl Physics {
                 step = value;
             }
             gravity = view.vector::<3>("gravity")?.unwrap_or(gravity);
+            for name in ["density", "viscosity"] {
+                if view.not_negative(name, 0.0)? > 0.0 {
+                    work.approximate(element, &format!("`{name}` of the medium"), "its drag on bodies is not simulated")?;
+                }
+            }
+            if view.numbers("actuatorgroupdisable", 0..=31)?.is_some_and(|groups| !groups.is_empty()) {
+                work.approximate(element, "`actuatorgroupdisable`", "groups of actuators cannot be disabled: all act")?;
+            }
             work.leftovers(element, "", &words::OPTION_REASONS);
             work.kept(element, "", format!("step {step} s, gravity {gravity:?} m/s²"));
             for flags in &element.children {

@@ -18,12 +18,14 @@ pub(super) struct Site<'a> {
 
 impl<'a> Reader<'a> {
     /// Keeps the sites of a body in mind.
-    pub(super) fn keep_sites(&mut self, sites: &[Part<'a>], body: Option<&str>) {
+    pub(super) fn keep_sites(&mut self, sites: &[Part<'a>], body: Option<&str>) -> Result<(), ImportError> {
         for part in sites {
+            self.claim(part.element, "site")?;
             self.work.ignored_whole(part.element, "a scene has no sites; constraints between them take where they stand");
             let body = body.map(str::to_owned);
             self.sites.extend(part.element.value("name").map(|name| Site { name, body, part: *part }));
         }
+        Ok(())
     }
 
     /// The body of the site that an attribute names (none: the world), and where it stands in it.

@@ -151,11 +151,10 @@ pub const ACTUATOR_REASONS: [(&str, &str); 6] = [
 ];
 
 /// Why attributes of options are ignored.
-pub const OPTION_REASONS: [(&str, &str); 4] = [
-    ("density viscosity wind", "the medium's drag on bodies is not simulated"),
+pub const OPTION_REASONS: [(&str, &str); 3] = [
+    ("wind", "without density or viscosity of the medium it does nothing"),
     ("magnetic", "read by sensors only"),
-    ("integrator", "the scene's own is `midpoint`, or `sdirk2` with stops, both of second order"),
-    ("actuatorgroupdisable", "groups of actuators cannot be disabled: all act"),
+    ("integrator", "the scene's own is `midpoint`; `sdirk2` where something is held together, `euler` with stops and contact"),
 ];
 
 /// Why whole sections are ignored.
