@@ -2,6 +2,11 @@
 
 use super::experiment::Role;
 
+/// Interval between samples beyond which the inputs in between are unknown \[s\], and in periods.
+const GAP: (f64, f64) = (0.1, 5.0);
+/// Samples of a part between gaps that is worth simulating.
+const PART: usize = 20;
+
 /// All records of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logs {
@@ -120,6 +125,25 @@ impl Record {
         self.time.iter().map(place).collect()
     }
 
+    /// Its parts between gaps in its log: over a gap the inputs are unknown, and a simulation could not follow what is measured behind it.
+    /// Itself where there are none, or no inputs; short parts are left out.
+    pub fn between_gaps(&self) -> Vec<Self> {
+        let longest = GAP.0.max(GAP.1 * self.period());
+        let gaps = (1..self.time.len()).filter(|&k| self.time[k] - self.time[k - 1] > longest);
+        let ends: Vec<usize> = gaps.chain([self.time.len()]).collect();
+        if ends.len() < 2 || self.phase.is_empty() {
+            return vec![self.clone()];
+        }
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        let part = |(start, end): (usize, &usize)| {
+            let from = self.time[start];
+            let name = if start == 0 { self.name.clone() } else { format!("{} from {from:.2} s", self.name) };
+            Self { name, ..self.piece(start..*end, from) }
+        };
+        let parts: Vec<Self> = starts.zip(&ends).filter(|(start, end)| *end - start >= PART).map(part).collect();
+        if parts.is_empty() { vec![self.clone()] } else { parts }
+    }
+
     /// Its first `n` samples.
     pub fn truncate(&mut self, n: usize) {
         self.time.truncate(n);
@@ -185,6 +209,21 @@ mod tests {
             assert!((row[0] - 10.0 * end).abs() < 1e-12 && (row[1] - (1.0 - (end - 0.005))).abs() < 1e-12, "{row:?}");
         }
         assert_eq!(rows[6][0], 0.6);
+    }
+
+    #[test]
+    fn a_record_is_cut_where_inputs_are_unknown() {
+        let mut time: Vec<f64> = (0..60).map(|k| 0.01 * k as f64).collect();
+        time.iter_mut().skip(25).for_each(|t| *t += 0.3);
+        time.iter_mut().skip(55).for_each(|t| *t += 0.2);
+        let rows = |n: usize| vec![vec![n as f64]; 60];
+        let whole = Record { name: "run".to_owned(), time, joints: rows(1), inputs: rows(2), ..Record::default() };
+        assert_eq!(whole.between_gaps(), [whole.clone()]);
+        let parts = Record { phase: vec![0.5], markers: vec![Vec::new(); 60], orientations: vec![Vec::new(); 60], ..whole }.between_gaps();
+        // the last five samples are too few
+        let said: Vec<_> = parts.iter().map(|p| (p.name.as_str(), p.time.len(), p.inputs.len())).collect();
+        assert_eq!(said, [("run", 25, 25), ("run from 0.55 s", 30, 30)]);
+        assert!(parts[1].time[0] == 0.0 && (parts[1].time[29] - 0.29).abs() < 1e-12);
     }
 
     #[test]

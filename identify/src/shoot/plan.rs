@@ -131,11 +131,16 @@ impl Plan {
             followers: Vec::new(),
             in_pieces: false,
         };
+        let mut counts = [0; 2];
         for record in &logs.records {
-            let mut prepared = plan.prepare(record)?;
-            let list = if record.role == Role::Fit { &mut plan.fitted } else { &mut plan.held_out };
-            prepared.parent = list.len();
-            list.push(prepared);
+            let held_out = usize::from(record.role != Role::Fit);
+            // what follows a gap does not begin at rest
+            let parts = record.between_gaps().into_iter().take(if plan.at_rest { 1 } else { usize::MAX });
+            for part in parts.collect::<Vec<_>>() {
+                let prepared = RecordPlan { parent: counts[held_out], ..plan.prepare(&part)? };
+                if held_out == 1 { plan.held_out.push(prepared) } else { plan.fitted.push(prepared) }
+            }
+            counts[held_out] += 1;
         }
         if plan.fitted.is_empty() {
             return Err(setup.refuse("experiment.record[0].role", LogMistake::AllHeldOut).into());
