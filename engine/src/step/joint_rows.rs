@@ -127,7 +127,8 @@ impl Stage<'_> {
     pub(crate) fn rows_settled(&self, s: &[f64], ds: &[f64], rows: &[RowLinear]) -> bool {
         self.measure.rows.iter().zip(s).zip(ds).zip(rows).all(|(((row, s), d), linear)| {
             let weight = inertias(self.model, row)[0] * WEIGHT * self.h;
-            let at_stop = self.measure.rows.iter().zip(rows).filter(|(other, _)| other.dof == row.dof).map(|(_, other)| other.held);
+            let at_stop =
+                self.measure.rows.iter().zip(rows).filter(|(other, _)| other.dof == row.dof).map(|(_, other)| other.held);
             let moved = at_stop.fold(0.0, f64::max) * (self.row_slope(linear) / linear.f_gamma).abs();
             let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { moved };
             d.abs() <= (SETTLED * s.abs().max(1e-3 * weight)).max(noise)

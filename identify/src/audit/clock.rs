@@ -32,7 +32,8 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) {
         let lost: f64 = gaps.iter().map(|&t| (intervals[t] / typical).round() - 1.0).sum();
         let severe = gaps.len() as f64 > 0.02 * intervals.len() as f64;
         let what = format!("{} gaps in the time stamps, {lost:.0} samples short; the longest is given", gaps.len());
-        let advice = "step the simulation with the stamps, or cut the record at the gaps, as fits and diagnoses do at those of over 0.1 s";
+        let advice =
+            "step the simulation with the stamps, or cut the record at the gaps, as fits and diagnoses do at those of over 0.1 s";
         add(if severe { Severity::Faulty } else { Severity::Warning }, record.at(worst), what, intervals[worst], "s", advice);
     }
     let jitter = spread(&intervals) / typical;

@@ -284,7 +284,9 @@ fn angle_floor() -> f64 {
     1e-3
 }
 
-/// The logged inputs of one gripper or actuator: in CSV `columns`, or at `indices` of an npz array.
+/// The logged inputs of one gripper or actuator: in CSV `columns`, or at `indices` of an npz array. Between samples they are taken to be
+/// linear, so that a controller that holds its command from one sample to the next seems half a sample late; over gaps of more than 0.1 s
+/// they are unknown, and the record is cut there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Input {

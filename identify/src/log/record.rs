@@ -219,7 +219,8 @@ mod tests {
         let rows = |n: usize| vec![vec![n as f64]; 60];
         let whole = Record { name: "run".to_owned(), time, joints: rows(1), inputs: rows(2), ..Record::default() };
         assert_eq!(whole.between_gaps(), [whole.clone()]);
-        let parts = Record { phase: vec![0.5], markers: vec![Vec::new(); 60], orientations: vec![Vec::new(); 60], ..whole }.between_gaps();
+        let parts = Record { phase: vec![0.5], markers: vec![Vec::new(); 60], orientations: vec![Vec::new(); 60], ..whole }
+            .between_gaps();
         // the last five samples are too few
         let said: Vec<_> = parts.iter().map(|p| (p.name.as_str(), p.time.len(), p.inputs.len())).collect();
         assert_eq!(said, [("run", 25, 25), ("run from 0.55 s", 30, 30)]);

@@ -178,7 +178,11 @@ impl<'a> Reader<'a> {
         if let Some(ratio) = numbers.ratio() {
             numbers.bias[2] = -self.damping_of(element, &place.name, ratio, &numbers)?;
             let damping = -numbers.bias[2];
-            self.work.kept(element, element.label(), format!("dampratio {ratio}, as damping {damping:.6} with all joints at zero"));
+            self.work.kept(
+                element,
+                element.label(),
+                format!("dampratio {ratio}, as damping {damping:.6} with all joints at zero"),
+            );
         }
         let number = self.work.scene.actuator.len() + 1;
         let name = self.work.names.give(element.label(), "motor", number);
