@@ -48,7 +48,7 @@ pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String,
 const LARGER: f64 = 2.0;
 
 /// Times the sensors' own noise above which it is not noise: were all of it coloured, by 0.98 from one sample to the next, it would be 9.3.
-const NO_NOISE: f64 = 10.0;
+pub(super) const NO_NOISE: f64 = 10.0;
 
 /// That a residual without a cause is too large and too slow to be noise, if it is.
 pub(super) fn unlike_noise(noise: &Noise, left: &Remainder) -> Option<String> {

@@ -2,6 +2,7 @@
 
 use super::constancy;
 use super::pipeline::DiagnoseOptions;
+use super::reason::NO_NOISE;
 use super::remainder;
 use super::result::*;
 use super::second_look::second_look;
@@ -174,19 +175,20 @@ impl Selection {
         }
     }
 
-    /// The part of the explainable error that the best of several equal causes takes, if the rest still depends on the inputs or the
-    /// cause's size differs between parts of the records: they imitate something outside the library.
+    /// The part of the explainable error that the best of several equal causes takes, if the rest still depends on the inputs, is far more
+    /// than noise, or the cause's size differs between parts of the records: they imitate something outside the library.
     pub(super) fn imitated(&self, plan: &Plan, base: &Fitted, sensor_sigma: f64) -> Result<Option<f64>, IdentifyError> {
         let Some(fitted) = &self.undecided else { return Ok(None) };
         let known = |u: &&Unknown| !self.current.unknowns.iter().any(|k| k.target.same(&u.target));
         let own: Vec<Unknown> = fitted.unknowns.iter().filter(known).cloned().collect();
         let by_input = remainder::is_significant(remainder::depends_on_input(plan, fitted)?);
-        if !by_input && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= constancy::LEVEL) {
+        let large = sensor_sigma > 0.0 && fitted.rmse > NO_NOISE * sensor_sigma;
+        if !by_input && !large && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= constancy::LEVEL) {
             return Ok(None);
         }
         let square = |f: &Fitted| f.rmse * f.rmse;
         let taken = (square(base) - square(fitted)) / (square(base) - sensor_sigma * sensor_sigma).max(f64::MIN_POSITIVE);
-        Ok(is_imitation(taken, by_input).then_some(taken))
+        Ok((large || is_imitation(taken, by_input)).then_some(taken))
     }
 
     /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.

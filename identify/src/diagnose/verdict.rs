@@ -70,8 +70,8 @@ pub(super) fn decide(
         (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
     } else if let (Some(taken), Some(set)) = (imitated, titles.first()) {
         let reason = format!(
-            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs or asks for another \
-             size in every part of the records: something outside the library",
+            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs, asks for another \
+             size in every part of the records, or is far more than noise: something outside the library",
             set.join(", "),
             share(taken)
         );

@@ -218,7 +218,7 @@ mod tests {
         time.iter_mut().skip(55).for_each(|t| *t += 0.2);
         let rows = |n: usize| vec![vec![n as f64]; 60];
         let whole = Record { name: "run".to_owned(), time, joints: rows(1), inputs: rows(2), ..Record::default() };
-        assert_eq!(whole.between_gaps(), [whole.clone()]);
+        assert_eq!(whole.between_gaps(), std::slice::from_ref(&whole));
         let parts = Record { phase: vec![0.5], markers: vec![Vec::new(); 60], orientations: vec![Vec::new(); 60], ..whole }
             .between_gaps();
         // the last five samples are too few
