@@ -135,7 +135,7 @@ fn trees() {
         <joint name=\"j4\" type=\"fixed\"><parent link=\"b\"/><child link=\"a\"/></joint></robot>";
     assert!(matches!(refused(URDF, "</robot>", circle, "16: link \"a\""), M::NoRoot));
     assert!(matches!(refused(URDF, "\"prismatic\"", "\"floating\"", "6: link \"tool\""), M::FreeBelow { .. }));
-    assert!(matches!(refused(MJCF, "type=\"slide\"", "type=\"free\"", "8"), M::FreeBelow { .. }));
+    assert!(matches!(refused(MJCF, "type=\"slide\" class=\"soft\"", "type=\"free\"", "8"), M::FreeBelow { .. }));
 }
 
 #[test]

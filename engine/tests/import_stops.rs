@@ -6,11 +6,22 @@ use pliant_engine::model::ModelBuilder;
 use pliant_engine::scene::{Integrator, Joint};
 use std::f64::consts::PI;
 
-fn mjcf(joint: &str, option: &str) -> Imported {
-    let text = format!(
+fn model(joint: &str, option: &str) -> String {
+    format!(
         "<mujoco>{option}<worldbody><body name=\"a\"><joint name=\"j\" {joint}/><geom size=\"0.1\"/></body></worldbody></mujoco>"
-    );
-    import_text(&text, "model.xml", &Options::default()).unwrap()
+    )
+}
+
+fn mjcf(joint: &str, option: &str) -> Imported {
+    import_text(&model(joint, option), "model.xml", &Options::default()).unwrap()
+}
+
+/// What a scene cannot have is refused, and left out where that is asked for.
+fn approximated(joint: &str) -> Imported {
+    let text = model(joint, "");
+    let error = import_text(&text, "model.xml", &Options::default()).unwrap_err();
+    assert!(error.to_string().contains("--approximate"), "{error}");
+    import_text(&text, "model.xml", &Options { approximate: true, ..Options::default() }).unwrap()
 }
 
 fn urdf(kind: &str, inside: &str) -> Imported {
@@ -55,9 +66,9 @@ fn ranges_of_mjcf_are_stops() {
         assert_eq!((joint(&free).limits, free.scene.time.integrator), (None, Integrator::Midpoint), "{attributes} {option}");
     }
     assert!(joint(&mjcf("range=\"-90 45\" limited=\"true\"", "<compiler autolimits=\"false\"/>")).limits.is_some());
-    let ball = mjcf("type=\"ball\" range=\"0 45\"", "");
+    let ball = approximated("type=\"ball\" range=\"0 45\"");
     assert_eq!(joint(&ball).limits, None);
-    says(&ball, Verdict::Ignored, "a ball's largest turn");
+    says(&ball, Verdict::Approximated, "a ball's largest turn");
 }
 
 #[test]
@@ -66,9 +77,9 @@ fn frictionloss_of_mjcf_is_dry_friction() {
     assert_eq!((joint(&hinge).friction, hinge.scene.time.integrator), (0.2, Integrator::Midpoint));
     says(&hinge, Verdict::Kept, "frictionloss 0.2");
     assert_eq!(joint(&mjcf("frictionloss=\"0.2\"", "<option><flag frictionloss=\"disable\"/></option>")).friction, 0.0);
-    let ball = mjcf("type=\"ball\" frictionloss=\"0.2\"", "");
+    let ball = approximated("type=\"ball\" frictionloss=\"0.2\"");
     assert_eq!(joint(&ball).friction, 0.0);
-    says(&ball, Verdict::Ignored, "frictionloss 0.2");
+    says(&ball, Verdict::Approximated, "frictionloss 0.2");
 }
 
 #[test]

@@ -188,7 +188,7 @@ impl Selection {
         }
         let square = |f: &Fitted| f.rmse * f.rmse;
         let taken = (square(base) - square(fitted)) / (square(base) - sensor_sigma * sensor_sigma).max(f64::MIN_POSITIVE);
-        Ok((large || is_imitation(taken, by_input)).then_some(taken))
+        Ok(is_imitation(taken, by_input).then_some(taken))
     }
 
     /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
@@ -210,7 +210,7 @@ impl Selection {
 }
 
 /// Whether equal causes of which the best takes this part of the explainable error only imitate: the rest depends on the inputs, or else
-/// their size varies.
+/// is far more than noise, or their size varies. (Of real systems more than noise is left beside the right cause, too.)
 fn is_imitation(taken: f64, by_input: bool) -> bool {
     taken < if by_input { ENOUGH } else { MOST }
 }
