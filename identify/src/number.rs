@@ -2,11 +2,19 @@
 
 const SUPERSCRIPTS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
 
+/// Significant digits of most numbers.
+const FEW: usize = 3;
+
 /// Three significant digits: `0.0123`, `1.23×10⁻⁵`.
 pub(crate) fn number(x: f64) -> String {
-    let Some((mantissa, exponent)) = digits(x, 3) else { return special(x) };
+    number_with(x, FEW)
+}
+
+/// So many significant digits.
+fn number_with(x: f64, significant: usize) -> String {
+    let Some((mantissa, exponent)) = digits(x, significant) else { return special(x) };
     if (-3..5).contains(&exponent) {
-        return plain(x, 3, exponent);
+        return plain(x, significant, exponent);
     }
     let sign = if exponent < 0 { "⁻" } else { "" };
     let exponent: String =
@@ -16,11 +24,33 @@ pub(crate) fn number(x: f64) -> String {
 
 /// The same for terminals: `1.23e-5`.
 pub(crate) fn number_plain(x: f64) -> String {
-    match digits(x, 3) {
-        Some((_, exponent)) if (-3..5).contains(&exponent) => plain(x, 3, exponent).replace('−', "-"),
+    number_plain_with(x, FEW)
+}
+
+fn number_plain_with(x: f64, significant: usize) -> String {
+    match digits(x, significant) {
+        Some((_, exponent)) if (-3..5).contains(&exponent) => plain(x, significant, exponent).replace('−', "-"),
         Some((mantissa, exponent)) => format!("{mantissa}e{exponent}"),
         None => special(x),
     }
+}
+
+/// An estimate and the ends of its interval, with as many digits as show two of its half width.
+pub(crate) fn estimate_of(x: f64, interval: [f64; 2]) -> [String; 3] {
+    let significant = resolving(x, interval);
+    [x, interval[0], interval[1]].map(|x| number_with(x, significant))
+}
+
+/// The same for terminals.
+pub(crate) fn estimate_plain(x: f64, interval: [f64; 2]) -> [String; 3] {
+    let significant = resolving(x, interval);
+    [x, interval[0], interval[1]].map(|x| number_plain_with(x, significant))
+}
+
+fn resolving(x: f64, [low, high]: [f64; 2]) -> usize {
+    let digits = x.abs().log10().floor() - (0.5 * (high - low)).log10().floor() + 2.0;
+    // NaN and infinite where there is no interval, or no width
+    if digits.is_finite() { digits.clamp(FEW as f64, 9.0) as usize } else { FEW }
 }
 
 /// So many decimals, unless the number is too large for them.
@@ -74,8 +104,8 @@ fn digits(x: f64, significant: usize) -> Option<(String, i32)> {
     Some((mantissa.to_owned(), exponent.parse().ok()?))
 }
 
-fn plain(x: f64, significant: i32, exponent: i32) -> String {
-    let decimals = usize::try_from(significant - 1 - exponent).unwrap_or(0);
+fn plain(x: f64, significant: usize, exponent: i32) -> String {
+    let decimals = usize::try_from(significant as i32 - 1 - exponent).unwrap_or(0);
     let text = format!("{x:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     text.replace('-', "−")
@@ -108,5 +138,14 @@ mod tests {
         assert_eq!((percent(0.934), quantity(0.00123, "m")), ("93 %".into(), "1.23 mm".into()));
         assert_eq!(quantity_plain(0.0123, "rad"), "12.3 10⁻³ rad");
         assert_eq!((p_value(1e-20), p_value(0.04)), ("< 10⁻¹²".into(), "0.04".into()));
+    }
+
+    #[test]
+    fn intervals_show_their_width() {
+        assert_eq!(estimate_plain(0.80005, [0.79982, 0.80018]), ["0.80005", "0.79982", "0.80018"]);
+        assert_eq!(estimate_plain(1.5e-4, [1.2e-4, 1.8e-4]), ["1.5e-4", "1.2e-4", "1.8e-4"]);
+        assert_eq!(estimate_of(-7.33214e5, [-7.341e5, -7.323e5]), ["−7.3321×10⁵", "−7.341×10⁵", "−7.323×10⁵"]);
+        assert_eq!(estimate_plain(0.3, [0.3, 0.3]), ["0.3", "0.3", "0.3"]);
+        assert_eq!(estimate_plain(2.0, [f64::NEG_INFINITY, f64::INFINITY]), ["2", "−∞", "∞"]);
     }
 }

@@ -150,8 +150,8 @@ struct Chosen {
 fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let unknowns = declared(setup, plan)?;
     refuse_dead(plan, &unknowns)?;
-    let values = opened(&plan.scene_values, &unknowns);
-    let (values, records) = prepare(plan, &values, &unknowns, setup.experiment.fit.segment, options)?;
+    let start = opened(&plan.scene_values, &unknowns);
+    let (values, records) = prepare(plan, &start, &unknowns, setup.experiment.fit.segment, options)?;
     let plain = fit(plan, &records, &values, &unknowns, None, &FitOptions { rounds: 0, ..*options })?;
     let whitened = fit(plan, &plain.records, &plain.values, &unknowns, None, options)?;
     let given_up = whitened.rmse > WORSE * plain.rmse;
@@ -168,8 +168,20 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
     } else {
         (whitened.clone(), whitened)
     };
-    warnings.extend(fitted.unknowns.iter().filter_map(|u| at_bound(u, &fitted)));
+    for u in &fitted.unknowns {
+        let still = || (u.value(&fitted.values) == u.value(&start)).then(|| unmoved(u));
+        warnings.extend(at_bound(u, &fitted).or_else(still));
+    }
     Ok(Chosen { fitted, spread, warnings })
+}
+
+/// What has to be said of an unknown that no step moved.
+fn unmoved(u: &Unknown) -> String {
+    format!(
+        "{} stayed where it started, since no step from there lowered the error: its value and interval say nothing. Where bodies land or \
+         slide under `sdirk2`, try `euler`; or start elsewhere",
+        u.path
+    )
 }
 
 /// A least-squares fit with the noise model of its residual, and with white noise of as many independent samples as that has:

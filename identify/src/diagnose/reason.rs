@@ -2,7 +2,7 @@
 
 use super::result::{Cause, Estimate, Gain, Noise, Remainder};
 use super::select::Margin;
-use crate::number::{number_plain, quantity_plain, unit};
+use crate::number::{estimate_plain, number_plain, quantity_plain, unit};
 
 /// Name of the cause that lies in the simulation itself.
 pub(super) const DISCRETISATION: &str = "discretisation";
@@ -81,8 +81,8 @@ fn sizes(cause: &Cause) -> String {
 }
 
 fn size(e: &Estimate) -> String {
-    let [low, high] = e.interval.map(number_plain);
-    let value = format!("{} {}", number_plain(e.estimate), unit(&e.unit));
+    let [value, low, high] = estimate_plain(e.estimate, e.interval);
+    let value = format!("{value} {}", unit(&e.unit));
     format!("{} = {} (90 % interval {low} to {high}, scene {})", e.path, value.trim_end(), number_plain(e.scene_value))
 }
 

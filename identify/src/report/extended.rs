@@ -5,7 +5,7 @@ use super::place_body::{set_inertia, set_joint};
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
 use crate::log::{Experiment, RecordFile, SensorStart, Setup};
-use crate::number::number_plain;
+use crate::number::{estimate_plain, number_plain};
 use pliant_engine::scene::Scene;
 use serde::Deserialize;
 use std::fmt::Write;
@@ -77,8 +77,8 @@ fn estimates(diagnosis: &Diagnosis) -> Vec<&Estimate> {
 }
 
 fn note(e: &Estimate) -> String {
-    let [low, high] = e.interval.map(number_plain);
-    format!("{} = {} {} (90 %: {low} to {high}); was {}", e.path, number_plain(e.estimate), e.unit, number_plain(e.scene_value))
+    let [value, low, high] = estimate_plain(e.estimate, e.interval);
+    format!("{} = {value} {} (90 %: {low} to {high}); was {}", e.path, e.unit, number_plain(e.scene_value))
 }
 
 /// Puts an estimate where its path says; `None` if a scene has no such place (a term of one's own).

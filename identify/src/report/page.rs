@@ -5,7 +5,7 @@ use super::reproduce::{InputFile, Provenance, VERSION};
 use super::story::{self, estimate, list, longest, sentence, titled, words};
 use super::{curves, shapes, stages};
 use crate::diagnose::{AuditFinding, CandidateReport, Diagnosis, Estimate, Gain, Status};
-use crate::number::{number, p_value, percent, quantity, unit};
+use crate::number::{estimate_of, number, p_value, percent, quantity, unit};
 use minijinja::{Environment, Value, context};
 use serde::Serialize;
 
@@ -73,7 +73,7 @@ impl Key {
     fn of(d: &Diagnosis) -> Vec<Self> {
         let mut out = Vec::new();
         for e in d.causes.iter().flat_map(|cause| &cause.parameters).take(3) {
-            let [low, high] = e.interval.map(number);
+            let [_, low, high] = estimate_of(e.estimate, e.interval);
             out.push(Self { value: estimate(e), label: format!("{} (90 %: {low} to {high})", e.path) });
         }
         if let Some(g) = longest(&d.gain) {
@@ -97,10 +97,10 @@ struct EstimateRow {
 }
 
 fn estimate_row(e: &Estimate) -> EstimateRow {
-    let [low, high] = e.interval.map(number);
+    let [value, low, high] = estimate_of(e.estimate, e.interval);
     EstimateRow {
         path: e.path.clone(),
-        value: number(e.estimate),
+        value,
         interval: format!("{low} to {high}"),
         scene: number(e.scene_value),
         unit: unit(&e.unit).to_owned(),

@@ -2,7 +2,7 @@
 
 use crate::causes::title;
 use crate::diagnose::{Ceiling, Diagnosis, Estimate, Gain, Verdict};
-use crate::number::{number, number_plain, quantity_plain, share, unit};
+use crate::number::{estimate_of, estimate_plain, number_plain, quantity_plain, share, unit};
 use std::fmt::Write;
 
 /// The verdict as one sentence.
@@ -101,6 +101,7 @@ pub fn summary(d: &Diagnosis) -> String {
 /// The causes beside what statistics alone would take.
 pub(super) fn against_ceiling(c: &Ceiling) -> String {
     let found = match c.share {
+        Some(share) if share > 2.0 => "; what was found takes many times what it takes".to_owned(),
         Some(share) if share > 0.0 => format!("; what was found takes {:.0} % of what it takes", 100.0 * share),
         Some(_) => String::new(),
         None => "; it does not carry over".to_owned(),
@@ -160,12 +161,12 @@ pub(super) fn list(items: &[String], last: &str) -> String {
 
 /// Estimate, interval and unit.
 pub(super) fn estimate(e: &Estimate) -> String {
-    format!("{} {}", number(e.estimate), unit(&e.unit))
+    let [value, ..] = estimate_of(e.estimate, e.interval);
+    format!("{value} {}", unit(&e.unit))
 }
 
 fn plain(e: &Estimate) -> String {
-    let [low, high] = e.interval.map(number_plain);
-    let value = number_plain(e.estimate);
+    let [value, low, high] = estimate_plain(e.estimate, e.interval);
     format!("{} = {value} {} (90 %: {low} to {high}; scene {})", e.path, unit(&e.unit), number_plain(e.scene_value))
 }
 
