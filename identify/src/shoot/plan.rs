@@ -134,8 +134,8 @@ impl Plan {
         let mut counts = [0; 2];
         for record in &logs.records {
             let held_out = usize::from(record.role != Role::Fit);
-            // what follows a gap does not begin at rest
-            let parts = record.between_gaps().into_iter().take(if plan.at_rest { 1 } else { usize::MAX });
+            // what follows a gap, and is named after its start, does not begin at rest
+            let parts = record.between_gaps().into_iter().filter(|part| !plan.at_rest || part.name == record.name);
             for part in parts.collect::<Vec<_>>() {
                 let prepared = RecordPlan { parent: counts[held_out], ..plan.prepare(&part)? };
                 if held_out == 1 { plan.held_out.push(prepared) } else { plan.fitted.push(prepared) }
