@@ -1,7 +1,7 @@
 //! Time of each term on a rope of 20 nodes: force alone, force with Jacobians, slopes to the parameters.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use pliant_engine::kkt::BlockBand;
+use pliant_engine::kkt::NodeMatrix;
 use pliant_engine::terms::{
     Automatic, Bend, BendDamping, BendDampingLaw, BendLaw, Drag, Element, Gravity, Point, Stretch, StretchDamping, StretchLaw,
     Term,
@@ -45,7 +45,7 @@ fn bench(c: &mut Criterion) {
         .collect();
     let v: Vec<f64> = (0..3 * NODES).map(|i| (1.7 * i as f64).sin()).collect();
     let at = Point { q: &q, v: &v, theta: &THETA };
-    let zeros = || (vec![0.0; 3 * NODES], BlockBand::zeros(NODES, 2), BlockBand::zeros(NODES, 2));
+    let zeros = || (vec![0.0; 3 * NODES], NodeMatrix::band(NODES, 2), NodeMatrix::band(NODES, 2));
     for (name, terms) in terms() {
         let mut group = c.benchmark_group(name);
         group.bench_function("force", |b| {
@@ -56,7 +56,7 @@ fn bench(c: &mut Criterion) {
             );
         });
         group.bench_function("jacobian", |b| {
-            let all = |(f, dq, dv): &mut (Vec<f64>, BlockBand, BlockBand)| {
+            let all = |(f, dq, dv): &mut (Vec<f64>, NodeMatrix, NodeMatrix)| {
                 terms.iter().for_each(|t| t.add_jacobian(black_box(&at), f, dq, dv));
             };
             b.iter_batched_ref(zeros, all, BatchSize::SmallInput);

@@ -1,13 +1,13 @@
 //! Times the factorizations and solves of all methods for a rope's matrix: `cargo run --release --example kkt_timing -- 20`.
 
-use pliant_engine::kkt::{BlockBand, Factor, KktError, Method, Symbolic, Symmetry};
+use pliant_engine::kkt::{Factor, KktError, Method, NodeMatrix, Symbolic, Symmetry};
 use std::time::Instant;
 
 const COLUMNS: usize = 120;
 
 /// A chain of springs with mass and bending, stiffness over mass as in a cable.
-fn rope(n: usize) -> BlockBand {
-    let mut k = BlockBand::zeros(n, 2);
+fn rope(n: usize) -> NodeMatrix {
+    let mut k = NodeMatrix::band(n, 2);
     let mut add = |i: usize, j: usize, t: [f64; 3], stiffness: f64, soft: f64| {
         let block = std::array::from_fn(|a| std::array::from_fn(|b| stiffness * t[a] * t[b] + if a == b { soft } else { 0.0 }));
         for (r, c, sign) in [(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)] {
@@ -43,7 +43,7 @@ fn main() -> Result<(), KktError> {
     println!("{n} nodes; microseconds: factor, clone, solve, transposed, {COLUMNS} columns, {COLUMNS} transposed");
     for method in [Method::Band, Method::Dense, Method::Sparse] {
         for symmetry in [Symmetry::General, Symmetry::Symmetric] {
-            let symbolic = Symbolic::new(method, symmetry, n, 2, &vec![false; n], None)?;
+            let symbolic = Symbolic::new(method, symmetry, k.layout(), &vec![false; n])?;
             let mut factor = Factor::new(&symbolic);
             factor.refactor(&k)?;
             let (mut one, mut many) = (vec![1.0; 3 * n], vec![1.0; 3 * n * COLUMNS]);

@@ -1,13 +1,13 @@
 //! Cholesky factorization inside a block band.
 
 use super::band_sweep::Band;
-use super::{BlockBand, KktError, PIVOT_FLOOR};
+use super::{KktError, NodeMatrix, PIVOT_FLOOR};
 
 /// K_ff = Uᵀ D U with U unit upper in the row storage of [`super::band_sweep`], D > 0 (the square-root-free form of L Lᵀ,
 /// L = Uᵀ √D); driven nodes are identity rows and columns. Reads the upper triangle.
 #[derive(Clone, Debug)]
 pub(super) struct BandCholesky {
-    band: Band,
+    band: Band<3>,
     upper: Vec<f64>,
     /// D and 1/D.
     pivots: Vec<f64>,
@@ -24,13 +24,13 @@ impl BandCholesky {
         Self { band, upper, pivots: vec![0.0; dim], inverse: vec![0.0; dim], work: vec![0.0; 3 * row_len] }
     }
 
-    pub fn refactor(&mut self, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
+    pub fn refactor(&mut self, a: &NodeMatrix, driven: &[bool]) -> Result<(), KktError> {
         self.band.specialised(|band| self.eliminate(band, a, driven))
     }
 
     /// Node by node: the three rows of node i are reduced by all earlier rows of the band, then by one another.
     #[inline(always)]
-    fn eliminate(&mut self, band: Band, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
+    fn eliminate(&mut self, band: Band<3>, a: &NodeMatrix, driven: &[bool]) -> Result<(), KktError> {
         let width = band.width();
         for i in 0..band.n_blocks {
             if driven[i] {
@@ -52,7 +52,7 @@ impl BandCholesky {
 
     /// Copies the rows of free node `i` from its own first column on, without the columns of driven nodes.
     #[inline(always)]
-    fn load(&mut self, band: Band, a: &BlockBand, driven: &[bool], i: usize) {
+    fn load(&mut self, band: Band<3>, a: &NodeMatrix, driven: &[bool], i: usize) {
         let half = 3 * band.half_width;
         for (c, row) in self.work.chunks_exact_mut(half + 3).enumerate() {
             row.copy_from_slice(&a.row(3 * i + c)[half..]);
@@ -64,7 +64,7 @@ impl BandCholesky {
 
     /// Subtracts what the three rows of node `j`, `distance` before, contribute to the rows at work.
     #[inline(always)]
-    fn reduce_by_node(&mut self, band: Band, j: usize, distance: usize) {
+    fn reduce_by_node(&mut self, band: Band<3>, j: usize, distance: usize) {
         let (width, row_len) = (band.width(), 3 * band.half_width + 3);
         let from = 3 * distance - 1; // where the columns of the node at work start in node j's rows
         for c in 0..3 {
@@ -81,7 +81,7 @@ impl BandCholesky {
 
     /// Checks the pivot of row `c` of node `i`, stores it and the row of U, and reduces the node's rows below by it.
     #[inline(always)]
-    fn pivot(&mut self, band: Band, a: &BlockBand, i: usize, c: usize) -> Result<(), KktError> {
+    fn pivot(&mut self, band: Band<3>, a: &NodeMatrix, i: usize, c: usize) -> Result<(), KktError> {
         let (width, row_len, r) = (band.width(), 3 * band.half_width + 3, 3 * i + c);
         let (done, below) = self.work.split_at_mut((c + 1) * row_len);
         let row = &done[c * row_len..];

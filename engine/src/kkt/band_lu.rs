@@ -1,58 +1,58 @@
 //! LU factorization inside a block band, without pivoting.
 
 use super::band_sweep::Band;
-use super::{BlockBand, GROWTH_LIMIT, KktError, PIVOT_FLOOR, sum_abs};
+use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, sum_abs};
 
 /// A = L U with U unit upper (Crout's form), in the row storage of [`super::band_sweep`].
 ///
 /// Without pivoting there is no fill outside the block band. That is safe for matrices near a positive definite one, which a
 /// step's are; each row's pivot and growth are checked, and one step of refinement restores full accuracy.
 #[derive(Clone, Debug)]
-pub(super) struct BandLu {
-    band: Band,
+pub(super) struct BandLu<const B: usize> {
+    band: Band<B>,
     lower: Vec<f64>,
     upper: Vec<f64>,
     inverse: Vec<f64>,
     work: Vec<f64>,
 }
 
-impl BandLu {
+impl<const B: usize> BandLu<B> {
     pub fn new(n_blocks: usize, half_width: usize) -> Self {
         let band = Band { n_blocks, half_width };
         let triangle = vec![0.0; band.dim() * band.width()];
-        let work = vec![0.0; 3 * (6 * half_width + 3)];
+        let work = vec![0.0; B * B * (2 * half_width + 1)];
         Self { band, lower: triangle.clone(), upper: triangle, inverse: vec![0.0; band.dim()], work }
     }
 
-    pub fn refactor(&mut self, a: &BlockBand) -> Result<(), KktError> {
+    pub fn refactor(&mut self, a: &NodeMatrix) -> Result<(), KktError> {
         self.band.specialised(|band| self.eliminate(band, a))
     }
 
-    /// Node by node: the three rows of node i are reduced by all earlier rows of the band, then by one another.
+    /// Node by node: the rows of node i are reduced by all earlier rows of the band, then by one another.
     #[inline(always)]
-    fn eliminate(&mut self, band: Band, a: &BlockBand) -> Result<(), KktError> {
-        let (width, half) = (band.width(), 3 * band.half_width);
-        let row_len = 2 * half + 3;
+    fn eliminate(&mut self, band: Band<B>, a: &NodeMatrix) -> Result<(), KktError> {
+        let (width, half) = (band.width(), B * band.half_width);
+        let row_len = 2 * half + B;
         for i in 0..band.n_blocks {
-            self.work.copy_from_slice(&a.data()[3 * i * row_len..(3 * i + 3) * row_len]);
-            let size: [f64; 3] = std::array::from_fn(|b| sum_abs(&self.work[b * row_len..(b + 1) * row_len]));
+            self.work.copy_from_slice(&a.data()[B * i * row_len..(B * i + B) * row_len]);
+            let size: [f64; B] = std::array::from_fn(|b| sum_abs(&self.work[b * row_len..(b + 1) * row_len]));
             for j in i.saturating_sub(band.half_width)..i {
-                let first = half - 3 * (i - j); // where node j's columns start in node i's rows
-                let upper = &self.upper[3 * j * width..(3 * j + 3) * width];
+                let first = half - B * (i - j); // where node j's columns start in node i's rows
+                let upper = &self.upper[B * j * width..(B * j + B) * width];
                 for row in self.work.chunks_exact_mut(row_len) {
                     reduce_by_node(&mut row[first..], width, upper);
                 }
             }
-            for c in 0..3 {
-                self.pivot(band, 3 * i + c, size[c])?;
-                let upper = &self.upper[(3 * i + c) * width..(3 * i + c + 1) * width];
+            for c in 0..B {
+                self.pivot(band, B * i + c, size[c])?;
+                let upper = &self.upper[(B * i + c) * width..(B * i + c + 1) * width];
                 for row in self.work.chunks_exact_mut(row_len).skip(c + 1) {
                     let factor = row[half + c];
                     subtract(&mut row[half + 1..], factor, upper);
                 }
             }
-            for c in 0..3 {
-                let lower = &mut self.lower[(3 * i + c) * width..(3 * i + c + 1) * width];
+            for c in 0..B {
+                let lower = &mut self.lower[(B * i + c) * width..(B * i + c + 1) * width];
                 lower.copy_from_slice(&self.work[c * row_len..c * row_len + width]);
                 lower[half + c..].fill(0.0);
             }
@@ -62,9 +62,9 @@ impl BandLu {
 
     /// Checks the pivot of the reduced row `r`, and stores its reciprocal and the row of U.
     #[inline(always)]
-    fn pivot(&mut self, band: Band, r: usize, size: f64) -> Result<(), KktError> {
-        let (width, half, c) = (band.width(), 3 * band.half_width, r % 3);
-        let row_len = 2 * half + 3;
+    fn pivot(&mut self, band: Band<B>, r: usize, size: f64) -> Result<(), KktError> {
+        let (width, half, c) = (band.width(), B * band.half_width, r % B);
+        let row_len = 2 * half + B;
         let row = &self.work[c * row_len + half..(c + 1) * row_len]; // from the own node's first column on
         let pivot = row[c];
         let grown = sum_abs(&row[c..]);
@@ -94,13 +94,15 @@ impl BandLu {
     }
 }
 
-/// Reduces a row, given from the first column of an earlier node on, by the three rows of U of that node. They start at the
+/// Reduces a row, given from the first column of an earlier node on, by the rows of U of that node. They start at the
 /// node's second column, and are zero up to their own.
 #[inline(always)]
 fn reduce_by_node(row: &mut [f64], width: usize, upper: &[f64]) {
     match width {
         8 => reduce_by_fixed::<8>(row, upper),
         5 => reduce_by_fixed::<5>(row, upper),
+        11 => reduce_by_fixed::<11>(row, upper),
+        7 => reduce_by_fixed::<7>(row, upper),
         _ => {
             for (c, upper) in upper.chunks_exact(width).enumerate() {
                 let factor = row[c];

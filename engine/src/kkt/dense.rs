@@ -2,7 +2,7 @@
 
 use super::dense_cholesky::DenseCholesky;
 use super::dense_lu::DenseLu;
-use super::{BlockBand, KktError, PIVOT_FLOOR, Symmetry, sum_abs};
+use super::{KktError, NodeMatrix, PIVOT_FLOOR, Symmetry, sum_abs};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::lu::partial_pivoting as lu;
@@ -32,7 +32,7 @@ impl Dense {
         Self { symmetry, dim, entries, permutation, small_lu, small_cholesky: DenseCholesky::new(dim) }
     }
 
-    pub fn refactor(&mut self, a: &BlockBand, driven: &[bool]) -> Result<(), KktError> {
+    pub fn refactor(&mut self, a: &NodeMatrix, driven: &[bool]) -> Result<(), KktError> {
         self.load(a)?;
         if self.symmetry == Symmetry::Symmetric {
             self.uncouple(driven);
@@ -45,15 +45,14 @@ impl Dense {
         }
     }
 
-    fn load(&mut self, a: &BlockBand) -> Result<(), KktError> {
+    fn load(&mut self, a: &NodeMatrix) -> Result<(), KktError> {
         self.entries.fill(0.0);
         for r in 0..self.dim {
-            let (span, column) = a.span(r);
-            let row = &a.row(r)[span];
-            if !sum_abs(row).is_finite() {
+            if !sum_abs(a.row(r)).is_finite() {
                 return Err(KktError::NotFinite { row: r, dim: self.dim });
             }
-            self.entries[r * self.dim + column..][..row.len()].copy_from_slice(row);
+            let row = &mut self.entries[r * self.dim..(r + 1) * self.dim];
+            a.for_row(r, |c, place| row[c] = a.data()[place]);
         }
         Ok(())
     }

@@ -1,20 +1,21 @@
 //! The columns K_fp by which free rows feel driven nodes, kept beside a symmetric factor of K_ff.
 
-use super::BlockBand;
 use super::band_sweep::two_rows;
+use super::{NodeLayout, NodeMatrix};
 
-/// Blocks (free i, driven j) of K_fp, and where they lie in a [`BlockBand`].
+/// Blocks (free i, driven j) of K_fp in slots, and where they start in a [`NodeMatrix`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct CouplingPattern {
     blocks: Vec<(usize, usize)>,
-    half_width: usize,
+    places: Vec<(usize, usize)>,
 }
 
 impl CouplingPattern {
-    pub fn new(rows: &[Vec<usize>], driven: &[bool], half_width: usize) -> Self {
-        let free_rows = rows.iter().enumerate().filter(|(i, _)| !driven[*i]);
-        let blocks = free_rows.flat_map(|(i, row)| row.iter().filter(|&&j| driven[j]).map(move |&j| (i, j))).collect();
-        Self { blocks, half_width }
+    pub fn new(layout: &NodeLayout, driven: &[bool]) -> Self {
+        let free_rows = (0..layout.n_nodes()).filter(|&i| !driven[i]);
+        let blocks: Vec<_> = free_rows.flat_map(|i| layout.row(i).filter(|&j| driven[j]).map(move |j| (i, j))).collect();
+        let places = blocks.iter().filter_map(|&(i, j)| layout.place(i, j)).collect();
+        Self { blocks, places }
     }
 
     pub fn len(&self) -> usize {
@@ -22,11 +23,10 @@ impl CouplingPattern {
     }
 
     /// Copies the blocks' values.
-    pub fn load(&self, a: &BlockBand, values: &mut [[[f64; 3]; 3]]) {
-        for (&(i, j), block) in self.blocks.iter().zip(values) {
-            let start = 3 * (j + self.half_width - i);
+    pub fn load(&self, a: &NodeMatrix, values: &mut [[[f64; 3]; 3]]) {
+        for (&(start, down), block) in self.places.iter().zip(values) {
             for (b, row) in block.iter_mut().enumerate() {
-                row.copy_from_slice(&a.row(3 * i + b)[start..start + 3]);
+                row.copy_from_slice(&a.data()[start + b * down..][..3]);
             }
         }
     }

@@ -5,7 +5,13 @@ use super::band_lu::BandLu;
 use super::dense::Dense;
 use super::sparse::Sparse;
 use super::symbolic::{Shared, Symbolic};
-use super::{BlockBand, KktError, Method, Symmetry};
+use super::{KktError, Method, NodeMatrix, Symmetry};
+use std::cell::RefCell;
+
+thread_local! {
+    /// Right-hand sides in storage order.
+    static STORED: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+}
 
 /// The factorization of one matrix. Until [`Factor::refactor`] has succeeded, solves fill their argument with NaN.
 ///
@@ -21,7 +27,8 @@ pub struct Factor {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    BandLu(BandLu),
+    BandLu3(BandLu<3>),
+    BandLu4(BandLu<4>),
     BandCholesky(BandCholesky),
     Dense(Dense),
     Sparse(Sparse),
@@ -31,11 +38,13 @@ impl Factor {
     /// Memory for factors of matrices described by `symbolic`.
     pub fn new(symbolic: &Symbolic) -> Self {
         let shared = &symbolic.shared;
-        let kind = match (shared.method, shared.symmetry) {
-            (Method::Band, Symmetry::General) => Kind::BandLu(BandLu::new(shared.n_blocks, shared.half_width)),
-            (Method::Band, Symmetry::Symmetric) => Kind::BandCholesky(BandCholesky::new(shared.n_blocks, shared.half_width)),
-            (Method::Dense, _) => Kind::Dense(Dense::new(shared.symmetry, shared.dim())),
-            (Method::Sparse, _) => Kind::Sparse(Sparse::new(shared)),
+        let (n, half_width) = (shared.layout.n_nodes(), shared.layout.half_width());
+        let kind = match (shared.method, shared.symmetry, shared.layout.block()) {
+            (Method::Band, Symmetry::General, 4) => Kind::BandLu4(BandLu::new(n, half_width)),
+            (Method::Band, Symmetry::General, _) => Kind::BandLu3(BandLu::new(n, half_width)),
+            (Method::Band, Symmetry::Symmetric, _) => Kind::BandCholesky(BandCholesky::new(n, half_width)),
+            (Method::Dense, ..) => Kind::Dense(Dense::new(shared.symmetry, shared.layout.stored())),
+            (Method::Sparse, ..) => Kind::Sparse(Sparse::new(shared)),
         };
         let coupling = vec![[[0.0; 3]; 3]; shared.coupling.len()];
         Self { symbolic: symbolic.clone(), kind, coupling, ready: false }
@@ -48,20 +57,22 @@ impl Factor {
 
     /// Number of scalar rows.
     pub fn dim(&self) -> usize {
-        self.shared().dim()
+        self.shared().layout.dim()
     }
 
     /// Factors `a`. Without allocation after the first call for [`Method::Band`].
-    pub fn refactor(&mut self, a: &BlockBand) -> Result<(), KktError> {
+    pub fn refactor(&mut self, a: &NodeMatrix) -> Result<(), KktError> {
         self.ready = false;
         let shared = &*self.symbolic.shared;
         shared.check(a)?;
-        match &mut self.kind {
-            Kind::BandLu(f) => f.refactor(a)?,
-            Kind::BandCholesky(f) => f.refactor(a, &shared.driven)?,
-            Kind::Dense(f) => f.refactor(a, &shared.driven)?,
-            Kind::Sparse(f) => f.refactor(a, shared)?,
-        }
+        let done = match &mut self.kind {
+            Kind::BandLu3(f) => f.refactor(a),
+            Kind::BandLu4(f) => f.refactor(a),
+            Kind::BandCholesky(f) => f.refactor(a, &shared.driven),
+            Kind::Dense(f) => f.refactor(a, &shared.driven),
+            Kind::Sparse(f) => f.refactor(a, shared),
+        };
+        done.map_err(|error| error.in_system(&shared.layout))?;
         shared.coupling.load(a, &mut self.coupling);
         self.ready = true;
         Ok(())
@@ -89,19 +100,19 @@ impl Factor {
 
     /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction
     /// relative to x (largest magnitudes; 0 without steps): what further refinement could still change.
-    pub fn solve_refined(&self, a: &BlockBand, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
+    pub fn solve_refined(&self, a: &NodeMatrix, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
         self.refine(b, x, scratch, steps, 1, false, |x, r| a.add_mul(-1.0, x, r))
     }
 
     /// As [`Factor::solve_refined`], `x ← A⁻ᵀ b`.
-    pub fn solve_transpose_refined(&self, a: &BlockBand, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
+    pub fn solve_transpose_refined(&self, a: &NodeMatrix, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
         self.refine(b, x, scratch, steps, 1, true, |x, r| a.add_mul_transpose(-1.0, x, r))
     }
 
     /// As [`Factor::solve_refined`], `X ← A⁻¹ B` with `columns` row-major right-hand sides.
     pub fn solve_many_refined(
         &self,
-        a: &BlockBand,
+        a: &NodeMatrix,
         b: &[f64],
         x: &mut [f64],
         scratch: &mut Vec<f64>,
@@ -121,12 +132,27 @@ impl Factor {
             b.fill(f64::NAN);
             return;
         }
+        let layout = &self.shared().layout;
+        if layout.is_plain() {
+            return self.apply_stored(b, columns, transpose);
+        }
+        // one buffer a thread, so that solves neither allocate nor share
+        STORED.with_borrow_mut(|stored| {
+            layout.gather(b, stored, columns);
+            self.apply_stored(stored, columns, transpose);
+            layout.scatter(stored, b, columns);
+        });
+    }
+
+    /// In storage order.
+    fn apply_stored(&self, b: &mut [f64], columns: usize, transpose: bool) {
         let shared = self.shared();
         if !transpose {
             shared.coupling.subtract(&self.coupling, b, columns);
         }
         match &self.kind {
-            Kind::BandLu(f) => f.solve(b, columns, transpose),
+            Kind::BandLu3(f) => f.solve(b, columns, transpose),
+            Kind::BandLu4(f) => f.solve(b, columns, transpose),
             Kind::BandCholesky(f) => f.solve(b, columns),
             Kind::Dense(f) => f.solve(b, columns, transpose),
             Kind::Sparse(f) => f.solve(shared, b, columns, transpose),

@@ -1,40 +1,43 @@
-//! A square matrix of 3 × 3 node blocks within a block band, the storage of every Jacobian of a nodal system.
+//! The storage of every Jacobian of a nodal system.
 
-/// Square block-band matrix: `n_blocks` nodes of three dofs, blocks (i, j) with |i − j| ≤ `half_width` are stored, all else is zero.
+use super::layout::{NodeLayout, Pattern};
+use std::sync::{Arc, LazyLock};
+
+/// A square matrix of nodes' and twists' rows in blocks, where a [`NodeLayout`] has room for them; all else is zero.
 ///
-/// Rows are contiguous: row r of node i holds the columns `3 (i − half_width) ..= 3 (i + half_width) + 2`; the parts that stick
-/// out at either end of the matrix are stored and stay zero, so that every row has the same length.
+/// Rows of a slot are contiguous, and so are the stored entries of a row, block by block. In a band, blocks that stick out at either
+/// end of the matrix are stored and stay zero, so that every row has the same length.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BlockBand {
-    n_blocks: usize,
-    half_width: usize,
+pub struct NodeMatrix {
+    layout: Arc<NodeLayout>,
     data: Vec<f64>,
 }
 
-impl BlockBand {
+impl NodeMatrix {
     /// The zero matrix.
-    pub fn zeros(n_blocks: usize, half_width: usize) -> Self {
-        Self { n_blocks, half_width, data: vec![0.0; 3 * n_blocks * 3 * (2 * half_width + 1)] }
+    pub fn zeros(layout: &Arc<NodeLayout>) -> Self {
+        Self { layout: Arc::clone(layout), data: vec![0.0; layout.len()] }
     }
 
-    /// Number of node blocks along the diagonal.
-    pub fn n_blocks(&self) -> usize {
-        self.n_blocks
+    /// A matrix without rows.
+    pub fn empty() -> Self {
+        static NOTHING: LazyLock<Arc<NodeLayout>> = LazyLock::new(|| Arc::new(NodeLayout::band(0, 0)));
+        Self { layout: Arc::clone(&NOTHING), data: Vec::new() }
     }
 
-    /// Number of rows, three per node.
+    /// The zero matrix of `n_nodes` nodes with blocks (i, j), |i − j| ≤ `half_width`.
+    pub fn band(n_nodes: usize, half_width: usize) -> Self {
+        Self::zeros(&Arc::new(NodeLayout::band(n_nodes, half_width)))
+    }
+
+    /// Sizes, order and pattern.
+    pub fn layout(&self) -> &Arc<NodeLayout> {
+        &self.layout
+    }
+
+    /// Number of rows: three per node, one per twist.
     pub fn dim(&self) -> usize {
-        3 * self.n_blocks
-    }
-
-    /// Half width of the band in node blocks.
-    pub fn half_width(&self) -> usize {
-        self.half_width
-    }
-
-    /// Stored entries per row, `3 (2 half_width + 1)`.
-    pub fn row_len(&self) -> usize {
-        3 * (2 * self.half_width + 1)
+        self.layout.dim()
     }
 
     /// Sets every entry to zero and keeps the memory.
@@ -42,128 +45,221 @@ impl BlockBand {
         self.data.fill(0.0);
     }
 
-    /// Column of the first stored entry of row `r` (negative near the top: those entries are outside the matrix and zero).
-    pub fn first_column(&self, r: usize) -> isize {
-        3 * ((r / 3) as isize - self.half_width as isize)
-    }
-
-    /// The stored entries of row `r`, starting at [`Self::first_column`].
-    pub fn row(&self, r: usize) -> &[f64] {
-        let len = self.row_len();
-        &self.data[r * len..(r + 1) * len]
-    }
-
-    /// The stored entries of row `r`, to change.
-    pub fn row_mut(&mut self, r: usize) -> &mut [f64] {
-        let len = self.row_len();
-        &mut self.data[r * len..(r + 1) * len]
-    }
-
-    /// All rows in one slice.
-    pub fn data(&self) -> &[f64] {
+    /// All stored entries.
+    pub(super) fn data(&self) -> &[f64] {
         &self.data
     }
 
-    /// All rows in one slice, to change.
-    pub fn data_mut(&mut self) -> &mut [f64] {
-        &mut self.data
+    /// Where block (i, j) of slots starts, and the distance between its rows; the layout was made to have room for it.
+    #[inline]
+    fn room(&self, i: usize, j: usize) -> (usize, usize) {
+        let place = self.layout.place(i, j);
+        debug_assert!(place.is_some(), "no room for block ({i}, {j})");
+        place.unwrap_or((0, 0))
     }
 
-    /// Entry (r, c); zero outside the band.
+    /// Entry (r, c); zero where nothing is stored.
     pub fn get(&self, r: usize, c: usize) -> f64 {
-        match self.position(r, c) {
-            Some(k) => self.data[k],
-            None => 0.0,
+        let place = self.layout.entry(self.layout.storage(r), self.layout.storage(c));
+        place.map_or(0.0, |k| self.data[k])
+    }
+
+    /// Adds `value` to entry (r, c), for which there must be room.
+    #[inline]
+    pub fn add(&mut self, r: usize, c: usize, value: f64) {
+        let place = self.layout.entry(self.layout.storage(r), self.layout.storage(c));
+        debug_assert!(place.is_some(), "no room for entry ({r}, {c})");
+        if let Some(k) = place {
+            self.data[k] += value;
         }
     }
 
-    /// Adds `value` to entry (r, c), which must lie in the band.
-    #[inline]
-    pub fn add(&mut self, r: usize, c: usize, value: f64) {
-        let k = (c + 3 * self.half_width) - 3 * (r / 3);
-        let len = self.row_len();
-        debug_assert!(k < len);
-        self.data[r * len + k] += value;
-    }
-
-    /// Adds `scale · block` to the block of nodes (i, j), which must lie in the band. `block[a][b]` is row a, column b.
+    /// Adds `scale · block` to the block of nodes (i, j), for which there must be room. `block[a][b]` is row a, column b.
     #[inline]
     pub fn add_block(&mut self, i: usize, j: usize, scale: f64, block: &[[f64; 3]; 3]) {
-        let len = self.row_len();
-        let start = 3 * i * len + 3 * (j + self.half_width - i);
+        let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
         for (a, block_row) in block.iter().enumerate() {
-            let row = &mut self.data[start + a * len..start + a * len + 3];
+            let row = &mut self.data[start + a * down..][..3];
             for (entry, b) in row.iter_mut().zip(block_row) {
                 *entry += scale * b;
             }
         }
     }
 
-    /// The block of nodes (i, j), which must lie in the band.
-    pub fn block(&self, i: usize, j: usize) -> [[f64; 3]; 3] {
-        let start = 3 * (j + self.half_width - i);
-        std::array::from_fn(|a| std::array::from_fn(|b| self.row(3 * i + a)[start + b]))
-    }
-
-    /// Replaces the block of nodes (i, j), which must lie in the band.
-    pub fn set_block(&mut self, i: usize, j: usize, block: &[[f64; 3]; 3]) {
-        let start = 3 * (j + self.half_width - i);
-        for (a, row) in block.iter().enumerate() {
-            self.row_mut(3 * i + a)[start..start + 3].copy_from_slice(row);
+    /// Adds to row `a` of node `i` the `values`, three at each of `nodes`.
+    #[inline(always)]
+    pub(crate) fn add_row<const N: usize, const M: usize>(&mut self, i: usize, a: usize, nodes: [usize; N], values: [f64; M]) {
+        if let (Pattern::Band(half_width), true) = (&self.layout.pattern, self.layout.is_plain())
+            && (1..N).all(|k| nodes[k] == nodes[0] + k)
+        {
+            let row_len = 3 * (2 * half_width + 1);
+            let start = (3 * i + a) * row_len + 3 * (nodes[0] + half_width - i);
+            for (entry, x) in self.data[start..start + M].iter_mut().zip(values) {
+                *entry += x;
+            }
+        } else {
+            for (&j, part) in nodes.iter().zip(values.chunks(3)) {
+                let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
+                for (entry, x) in self.data[start + a * down..][..3].iter_mut().zip(part) {
+                    *entry += x;
+                }
+            }
         }
     }
 
-    fn position(&self, r: usize, c: usize) -> Option<usize> {
-        let k = (c + 3 * self.half_width) as isize - 3 * (r / 3) as isize;
-        (c < self.dim() && (0..self.row_len() as isize).contains(&k)).then(|| r * self.row_len() + k as usize)
+    /// The block of nodes (i, j), for which there must be room.
+    pub fn block(&self, i: usize, j: usize) -> [[f64; 3]; 3] {
+        let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
+        std::array::from_fn(|a| std::array::from_fn(|b| self.data[start + a * down + b]))
     }
 
-    /// Range of stored positions in row `r` that lie inside the matrix, and the column of its first.
+    /// Replaces the block of nodes (i, j), for which there must be room.
+    pub fn set_block(&mut self, i: usize, j: usize, block: &[[f64; 3]; 3]) {
+        let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
+        for (a, row) in block.iter().enumerate() {
+            self.data[start + a * down..][..3].copy_from_slice(row);
+        }
+    }
+
+    /// Sets row `r` to zero.
+    pub fn clear_row(&mut self, r: usize) {
+        let range = self.stored_row(self.layout.storage(r)).1;
+        self.data[range].fill(0.0);
+    }
+
+    /// `self = −(a·x + b·y)`, entry by entry, of matrices of the same layout; empty rows become the identity's.
+    pub fn set_sum(&mut self, a: f64, x: &Self, b: f64, y: &Self) {
+        for (k, (x, y)) in self.data.iter_mut().zip(x.data.iter().zip(&y.data)) {
+            *k = -(a * x + b * y);
+        }
+        for at in (0..self.layout.stored()).filter(|at| self.layout.system(*at).is_none()) {
+            if let Some(k) = self.layout.entry(at, at) {
+                self.data[k] = 1.0;
+            }
+        }
+    }
+
+    /// As [`Self::set_sum`] in the columns of node `j` alone.
+    pub fn set_sum_in_columns(&mut self, j: usize, a: f64, x: &Self, b: f64, y: &Self) {
+        let (layout, j) = (Arc::clone(&self.layout), self.layout.slot(j));
+        let size = layout.block();
+        for i in layout.row(j) {
+            let (start, down) = self.room(i, j);
+            for k in (0..size).flat_map(|r| (0..3).map(move |c| start + r * down + c)) {
+                self.data[k] = -(a * x.data[k] + b * y.data[k]);
+            }
+        }
+    }
+
+    /// Slots of the columns that a storage row begins with (before the first one, in a band), and where its entries are.
     #[inline]
-    pub fn span(&self, r: usize) -> (std::ops::Range<usize>, usize) {
-        let first = self.first_column(r);
-        let skip = (-first).max(0) as usize;
-        let column = first.max(0) as usize;
-        let end = self.row_len().min((self.dim() as isize - first) as usize);
-        (skip..end, column)
+    fn stored_row(&self, at: usize) -> (isize, std::ops::Range<usize>) {
+        let b = self.layout.block();
+        let (i, a) = (at / b, at % b);
+        match &self.layout.pattern {
+            Pattern::Band(half_width) => {
+                let len = b * (2 * half_width + 1);
+                (i as isize - *half_width as isize, at * len..(at + 1) * len)
+            }
+            Pattern::Sparse { starts, .. } => {
+                let len = b * (starts[i + 1] - starts[i]);
+                let start = starts[i] * b * b + a * len;
+                (0, start..start + len)
+            }
+        }
+    }
+
+    /// The stored entries of a storage row.
+    pub(super) fn row(&self, at: usize) -> &[f64] {
+        &self.data[self.stored_row(at).1]
+    }
+
+    /// Calls `visit(column, place)` for every entry inside the matrix of a storage row, columns rising in storage order.
+    #[inline(always)]
+    pub(super) fn for_row(&self, at: usize, mut visit: impl FnMut(usize, usize)) {
+        let b = self.layout.block();
+        let (first, range) = self.stored_row(at);
+        match &self.layout.pattern {
+            Pattern::Band(_) => {
+                let skip = (-first).max(0) as usize;
+                let column = first.max(0) as usize * b;
+                let end = range.end.min((self.layout.stored() as isize - b as isize * first) as usize + range.start);
+                for (k, place) in (range.start + skip * b..end).enumerate() {
+                    visit(column + k, place);
+                }
+            }
+            Pattern::Sparse { starts, columns } => {
+                let row = &columns[starts[at / b]..starts[at / b + 1]];
+                for (block, &j) in row.iter().enumerate() {
+                    for c in 0..b {
+                        visit(b * j + c, range.start + b * block + c);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The part of a plain band's row that lies inside the matrix, and the column of its first entry.
+    #[inline]
+    fn span(&self, r: usize) -> Option<(&[f64], usize)> {
+        let Pattern::Band(_) = self.layout.pattern else { return None };
+        if !self.layout.is_plain() {
+            return None;
+        }
+        let (first, range) = self.stored_row(r);
+        let (skip, column) = (3 * (-first).max(0) as usize, 3 * first.max(0) as usize);
+        let end = range.len().min((self.dim() as isize - 3 * first) as usize);
+        Some((&self.data[range][skip..end], column))
+    }
+
+    /// Calls `visit(column, entry)` for the entries of row `r` of the system.
+    #[inline(always)]
+    fn for_system_row(&self, r: usize, mut visit: impl FnMut(usize, f64)) {
+        self.for_row(self.layout.storage(r), |c, place| {
+            if let Some(column) = self.layout.system(c) {
+                visit(column, self.data[place]);
+            }
+        });
     }
 
     /// `y += scale · A x`.
     pub fn add_mul(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         for (r, y_r) in y.iter_mut().enumerate() {
-            let (span, column) = self.span(r);
-            let row = &self.row(r)[span];
-            let sum: f64 = row.iter().zip(&x[column..column + row.len()]).map(|(a, b)| a * b).sum();
-            *y_r += scale * sum;
+            *y_r += scale
+                * match self.span(r) {
+                    Some((row, column)) => row.iter().zip(&x[column..column + row.len()]).map(|(a, b)| a * b).sum(),
+                    None => {
+                        let mut sum = 0.0;
+                        self.for_system_row(r, |c, a| sum += a * x[c]);
+                        sum
+                    }
+                };
         }
     }
 
     /// `y += scale · Aᵀ x`.
     pub fn add_mul_transpose(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         for (r, x_r) in x.iter().enumerate() {
-            let (span, column) = self.span(r);
-            let row = &self.row(r)[span];
             let factor = scale * x_r;
-            for (y_c, a) in y[column..column + row.len()].iter_mut().zip(row) {
-                *y_c += factor * a;
+            match self.span(r) {
+                Some((row, column)) => {
+                    y[column..column + row.len()].iter_mut().zip(row).for_each(|(y_c, a)| *y_c += factor * a);
+                }
+                None => self.for_system_row(r, |c, a| y[c] += factor * a),
             }
         }
     }
 
     /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`: row r of X is `x[r * columns..(r + 1) * columns]`.
     pub fn add_mul_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        for r in 0..self.dim() {
-            let (span, column) = self.span(r);
-            let y_row = &mut y[r * columns..(r + 1) * columns];
-            for (k, a) in self.row(r)[span].iter().enumerate() {
+        for (r, y_row) in y.chunks_exact_mut(columns.max(1)).enumerate().take(self.dim()) {
+            self.for_system_row(r, |c, a| {
                 let factor = scale * a;
                 if factor != 0.0 {
-                    let x_row = &x[(column + k) * columns..(column + k + 1) * columns];
-                    for (y_c, x_c) in y_row.iter_mut().zip(x_row) {
-                        *y_c += factor * x_c;
-                    }
+                    let x_row = &x[c * columns..(c + 1) * columns];
+                    y_row.iter_mut().zip(x_row).for_each(|(y_c, x_c)| *y_c += factor * x_c);
                 }
-            }
+            });
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The linear systems of a step behind one face: storage, factorization, solve, transposed solve, refinement.
 //!
-//! A [`BlockBand`] holds K. A [`Symbolic`] is made once per model: which [`Method`], which [`Symmetry`], which nodes are driven,
+//! A [`NodeMatrix`] holds K. A [`Symbolic`] is made once per model: which [`Method`], which [`Symmetry`], which nodes are driven,
 //! and whatever can be analysed before the numbers are known. A [`Factor`] holds the numbers: `refactor` at every Newton
 //! iteration, then as many `solve`s and `solve_transpose`s as wanted, with `_many` for right-hand sides side by side and
 //! `_refined` against the unregularized matrix. A factor can be cloned into a step's record and owns all it needs.
@@ -9,14 +9,14 @@
 //! [`Symmetry::Symmetric`], K = [[K_ff, K_fp], [0, 1]] with K_ff symmetric: K_ff is factored alone, and K_fp enters the solves.
 //!
 //! ```
-//! use pliant_engine::kkt::{BlockBand, Factor, Method, Symbolic, Symmetry};
+//! use pliant_engine::kkt::{NodeMatrix, Factor, Method, Symbolic, Symmetry};
 //!
-//! let mut k = BlockBand::zeros(3, 1);
+//! let mut k = NodeMatrix::band(3, 1);
 //! for i in 0..3 {
 //!     k.add_block(i, i, 4.0, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
 //! }
 //! k.add_block(0, 1, -1.0, &[[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-//! let symbolic = Symbolic::new(Method::Band, Symmetry::General, 3, 1, &[false; 3], None)?;
+//! let symbolic = Symbolic::new(Method::Band, Symmetry::General, k.layout(), &[false; 3])?;
 //! let mut factor = Factor::new(&symbolic);
 //! factor.refactor(&k)?;
 //! let mut x = vec![1.0; 9];
@@ -37,6 +37,7 @@ mod dense_lu;
 mod driven;
 mod factor;
 pub(crate) mod lanes;
+mod layout;
 mod matrix;
 mod sparse;
 mod square;
@@ -47,7 +48,8 @@ mod tests;
 
 pub use coupling::Coupling;
 pub use factor::Factor;
-pub use matrix::BlockBand;
+pub use layout::NodeLayout;
+pub use matrix::NodeMatrix;
 pub use square::Square;
 pub use symbolic::Symbolic;
 pub use system::{System, SystemFactor};
@@ -75,7 +77,7 @@ pub enum Symmetry {
     General,
 }
 
-/// Why a system could not be set up or factored. Rows count scalar rows, three per node.
+/// Why a system could not be set up or factored. Rows count scalar rows: three per node, then one per twist.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum KktError {
     /// A pivot vanished beside the size of its row (with row pivoting: of the unknown `row`).
@@ -130,18 +132,20 @@ pub enum KktError {
         /// The size given.
         found: usize,
     },
-    /// A block of the pattern lies outside the matrix or its band.
-    #[error("block ({i}, {j}) lies outside the band of half width {half_width} of {n_blocks} nodes")]
-    Pattern {
-        /// Row node.
-        i: usize,
-        /// Column node.
-        j: usize,
-        /// Half width of the band in nodes.
-        half_width: usize,
+    /// A node is not there, or has two places where it may have one.
+    #[error("node {node} is missing, there twice, or beyond the {n_nodes} nodes of the matrix")]
+    Order {
+        /// Node.
+        node: usize,
         /// Number of nodes.
-        n_blocks: usize,
+        n_nodes: usize,
     },
+    /// Symmetric factorizations have no place for twists.
+    #[error("matrices with twists are not factored as symmetric ones: frames carried along a bent rod break the symmetry")]
+    Twists,
+    /// A sparse layout was to be factored in a band.
+    #[error("matrices of a sparse layout are not factored in a band")]
+    NoBand,
     /// The analysis of a sparse pattern failed.
     #[error("analysis of a sparse {dim} × {dim} pattern failed: {source}")]
     Analysis {
@@ -150,6 +154,21 @@ pub enum KktError {
         /// The library's reason.
         source: faer::sparse::FaerError,
     },
+}
+
+impl KktError {
+    /// The same with the row counted as the system's instead of the storage's.
+    fn in_system(mut self, layout: &NodeLayout) -> Self {
+        if let Self::Singular { row, dim, .. }
+        | Self::NotPositiveDefinite { row, dim, .. }
+        | Self::Growth { row, dim, .. }
+        | Self::NotFinite { row, dim } = &mut self
+        {
+            *row = layout.system(*row).unwrap_or(*row);
+            *dim = layout.dim();
+        }
+        self
+    }
 }
 
 /// A pivot below this part of its row's size is rounding noise.

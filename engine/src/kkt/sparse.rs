@@ -2,8 +2,9 @@
 
 use super::band_cholesky::BandCholesky;
 use super::band_lu::BandLu;
+use super::layout::{NodeLayout, Pattern};
 use super::symbolic::Shared;
-use super::{BlockBand, KktError, Symmetry};
+use super::{KktError, NodeMatrix, Symmetry};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::sparse::linalg::LuError;
@@ -19,7 +20,7 @@ const PROBE_LIMIT: f64 = 1e-3;
 #[derive(Debug)]
 pub(super) struct SparsePattern {
     pattern: SymbolicSparseColMat<usize>,
-    /// For each entry its position in [`BlockBand::data`].
+    /// For each entry its position in [`NodeMatrix::data`].
     source: Vec<Source>,
     analysis: Analysis,
 }
@@ -38,22 +39,15 @@ enum Analysis {
 }
 
 impl SparsePattern {
-    /// `blocks[i]`: sorted column nodes of row node i; structurally symmetric.
-    pub fn new(
-        symmetry: Symmetry,
-        n_blocks: usize,
-        half_width: usize,
-        driven: &[bool],
-        blocks: &[Vec<usize>],
-    ) -> Result<Self, KktError> {
-        let dim = 3 * n_blocks;
-        let row_len = 3 * (2 * half_width + 1);
+    /// In storage order; structurally symmetric.
+    pub fn new(symmetry: Symmetry, layout: &NodeLayout, driven: &[bool]) -> Result<Self, KktError> {
+        let (dim, size) = (layout.stored(), layout.block());
         let (mut column_starts, mut rows, mut source) = (vec![0], Vec::new(), Vec::new());
         for c in 0..dim {
-            let j = c / 3;
-            for r in blocks[j].iter().flat_map(|&i| 3 * i..3 * i + 3) {
-                let i = r / 3;
-                let at = Source::At(r * row_len + c + 3 * half_width - 3 * i);
+            let j = c / size;
+            for r in layout.row(j).flat_map(|i| size * i..size * i + size) {
+                let i = r / size;
+                let Some(at) = layout.entry(r, c).map(Source::At) else { continue };
                 match symmetry {
                     Symmetry::Symmetric if r < c => continue, // the lower triangle serves
                     Symmetry::Symmetric if driven[i] || driven[j] => {
@@ -77,7 +71,7 @@ impl SparsePattern {
         Ok(Self { pattern, source, analysis })
     }
 
-    fn load(&self, a: &BlockBand, values: &mut [f64]) {
+    fn load(&self, a: &NodeMatrix, values: &mut [f64]) {
         for (value, source) in values.iter_mut().zip(&self.source) {
             *value = match source {
                 Source::At(k) => a.data()[*k],
@@ -113,9 +107,9 @@ impl Sparse {
         Self { values: vec![0.0; shared.sparse.as_ref().map_or(0, |p| p.source.len())], numeric }
     }
 
-    pub fn refactor(&mut self, a: &BlockBand, shared: &Shared) -> Result<(), KktError> {
+    pub fn refactor(&mut self, a: &NodeMatrix, shared: &Shared) -> Result<(), KktError> {
         let Some(pattern) = &shared.sparse else { return Ok(()) };
-        let dim = shared.dim();
+        let dim = shared.layout.stored();
         if let Some(row) = (0..dim).find(|&r| !super::sum_abs(a.row(r)).is_finite()) {
             return Err(KktError::NotFinite { row, dim });
         }
@@ -152,8 +146,8 @@ impl Sparse {
     }
 
     /// faer factors singular matrices without complaint: solve for A·1, and name the row where 1 does not come back.
-    fn probe(&self, matrix: SparseColMatRef<'_, usize, f64>, a: &BlockBand, shared: &Shared) -> Result<(), KktError> {
-        let dim = shared.dim();
+    fn probe(&self, matrix: SparseColMatRef<'_, usize, f64>, a: &NodeMatrix, shared: &Shared) -> Result<(), KktError> {
+        let dim = shared.layout.stored();
         let mut x = vec![0.0; dim];
         for c in 0..dim {
             for (r, &value) in matrix.row_idx_of_col(c).zip(matrix.val_of_col(c)) {
@@ -172,7 +166,7 @@ impl Sparse {
 
     pub fn solve(&self, shared: &Shared, b: &mut [f64], columns: usize, transpose: bool) {
         let Some(pattern) = &shared.sparse else { return };
-        let b = MatMut::from_row_major_slice_mut(b, shared.dim(), columns);
+        let b = MatMut::from_row_major_slice_mut(b, shared.layout.stored(), columns);
         match (&pattern.analysis, &self.numeric) {
             (Analysis::Lu(symbolic), Numeric::Lu(numeric)) => {
                 let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq));
@@ -195,11 +189,14 @@ impl Sparse {
 
 /// Names the row at fault by eliminating in the band, since faer counts in its own order or not at all; `row` if that succeeds.
 #[cold]
-fn blame(a: &BlockBand, shared: &Shared, row: usize) -> KktError {
-    let dim = shared.dim();
-    let in_band = match shared.symmetry {
-        Symmetry::General => BandLu::new(shared.n_blocks, shared.half_width).refactor(a),
-        Symmetry::Symmetric => BandCholesky::new(shared.n_blocks, shared.half_width).refactor(a, &shared.driven),
+fn blame(a: &NodeMatrix, shared: &Shared, row: usize) -> KktError {
+    let dim = shared.layout.stored();
+    let in_band = match (&shared.layout.pattern, shared.symmetry, shared.layout.block()) {
+        (Pattern::Band(half_width), Symmetry::General, 3) => BandLu::<3>::new(shared.layout.n_nodes(), *half_width).refactor(a),
+        (Pattern::Band(half_width), Symmetry::Symmetric, 3) => {
+            BandCholesky::new(shared.layout.n_nodes(), *half_width).refactor(a, &shared.driven)
+        }
+        _ => Ok(()),
     };
     match in_band {
         Err(KktError::Growth { row, .. }) => KktError::Singular { row, dim, pivot: 0.0, size: super::sum_abs(a.row(row)) },

@@ -1,8 +1,9 @@
 //! What is known about a system before its numbers: made once per model, shared.
 
 use super::driven::CouplingPattern;
+use super::layout::{NodeLayout, Pattern};
 use super::sparse::SparsePattern;
-use super::{BlockBand, KktError, Method, Symmetry};
+use super::{KktError, Method, NodeMatrix, Symmetry};
 use std::sync::Arc;
 
 /// Method, symmetry, sizes and driven nodes of a system, and the analysis of its pattern. Cheap to clone.
@@ -15,8 +16,8 @@ pub struct Symbolic {
 pub(super) struct Shared {
     pub method: Method,
     pub symmetry: Symmetry,
-    pub n_blocks: usize,
-    pub half_width: usize,
+    pub layout: Arc<NodeLayout>,
+    /// Slot by slot.
     pub driven: Vec<bool>,
     /// Blocks of K_fp; empty unless symmetric.
     pub coupling: CouplingPattern,
@@ -25,32 +26,27 @@ pub(super) struct Shared {
 }
 
 impl Symbolic {
-    /// Analyses systems of `n_blocks` nodes with blocks (i, j), |i − j| ≤ `half_width`.
-    ///
-    /// `driven[i]`: node i has identity rows. `pattern`: the blocks (i, j) that can be nonzero, for [`Method::Sparse`] (other
-    /// methods use the whole band); diagonal blocks are always included, and so is (j, i) with (i, j).
-    pub fn new(
-        method: Method,
-        symmetry: Symmetry,
-        n_blocks: usize,
-        half_width: usize,
-        driven: &[bool],
-        pattern: Option<&[(usize, usize)]>,
-    ) -> Result<Self, KktError> {
-        if driven.len() != n_blocks {
-            return Err(KktError::Shape { what: "driven flags", expected: n_blocks, found: driven.len() });
+    /// Analyses systems of that layout. `driven[i]`: node i has identity rows.
+    pub fn new(method: Method, symmetry: Symmetry, layout: &Arc<NodeLayout>, driven: &[bool]) -> Result<Self, KktError> {
+        if driven.len() != layout.n_nodes() {
+            return Err(KktError::Shape { what: "driven flags", expected: layout.n_nodes(), found: driven.len() });
         }
-        let blocks = block_pattern(n_blocks, half_width, pattern)?;
+        if symmetry == Symmetry::Symmetric && layout.block() != 3 {
+            return Err(KktError::Twists);
+        }
+        if method == Method::Band && !matches!(layout.pattern, Pattern::Band(_)) {
+            return Err(KktError::NoBand);
+        }
+        let driven = layout.by_slot(driven);
         let coupling = match symmetry {
-            Symmetry::Symmetric => CouplingPattern::new(&blocks, driven, half_width),
+            Symmetry::Symmetric => CouplingPattern::new(layout, &driven),
             Symmetry::General => CouplingPattern::default(),
         };
         let sparse = match method {
-            Method::Sparse => Some(SparsePattern::new(symmetry, n_blocks, half_width, driven, &blocks)?),
+            Method::Sparse => Some(SparsePattern::new(symmetry, layout, &driven)?),
             Method::Band | Method::Dense => None,
         };
-        let driven = driven.to_vec();
-        Ok(Self { shared: Arc::new(Shared { method, symmetry, n_blocks, half_width, driven, coupling, sparse }) })
+        Ok(Self { shared: Arc::new(Shared { method, symmetry, layout: Arc::clone(layout), driven, coupling, sparse }) })
     }
 
     /// How matrices are factored.
@@ -63,54 +59,17 @@ impl Symbolic {
         self.shared.symmetry
     }
 
-    /// Number of nodes.
-    pub fn n_blocks(&self) -> usize {
-        self.shared.n_blocks
-    }
-
-    /// Half width of the band in nodes.
-    pub fn half_width(&self) -> usize {
-        self.shared.half_width
-    }
-
     /// Number of scalar rows.
     pub fn dim(&self) -> usize {
-        3 * self.shared.n_blocks
+        self.shared.layout.dim()
     }
 }
 
 impl Shared {
-    pub fn dim(&self) -> usize {
-        3 * self.n_blocks
-    }
-
-    pub fn check(&self, a: &BlockBand) -> Result<(), KktError> {
-        if a.n_blocks() != self.n_blocks {
-            return Err(KktError::Shape { what: "nodes of the matrix", expected: self.n_blocks, found: a.n_blocks() });
+    pub fn check(&self, a: &NodeMatrix) -> Result<(), KktError> {
+        if Arc::ptr_eq(a.layout(), &self.layout) || **a.layout() == *self.layout {
+            return Ok(());
         }
-        if a.half_width() != self.half_width {
-            return Err(KktError::Shape { what: "half width of the matrix", expected: self.half_width, found: a.half_width() });
-        }
-        Ok(())
+        Err(KktError::Shape { what: "rows of the matrix (or their pattern)", expected: self.layout.dim(), found: a.dim() })
     }
-}
-
-/// Sorted column nodes of every row node.
-fn block_pattern(n: usize, half_width: usize, pattern: Option<&[(usize, usize)]>) -> Result<Vec<Vec<usize>>, KktError> {
-    let Some(pattern) = pattern else {
-        return Ok((0..n).map(|i| (i.saturating_sub(half_width)..n.min(i + half_width + 1)).collect()).collect());
-    };
-    let mut rows: Vec<Vec<usize>> = (0..n).map(|i| vec![i]).collect();
-    for &(i, j) in pattern {
-        if i >= n || j >= n || i.abs_diff(j) > half_width {
-            return Err(KktError::Pattern { i, j, half_width, n_blocks: n });
-        }
-        rows[i].push(j);
-        rows[j].push(i);
-    }
-    for row in &mut rows {
-        row.sort_unstable();
-        row.dedup();
-    }
-    Ok(rows)
 }

@@ -4,9 +4,10 @@
 use super::coupling::Coupling;
 use super::factor::Factor;
 use super::square::{Square, SquareLu};
-use super::{BlockBand, KktError, Symbolic};
+use super::{KktError, NodeLayout, NodeMatrix, Symbolic};
+use std::sync::Arc;
 
-/// Rows 0 … 3 n_nodes − 1 belong to nodes, the others to the bodies' degrees of freedom:
+/// The first rows belong to nodes and twists (see [`NodeLayout`]), the others to the bodies' degrees of freedom:
 /// ```text
 /// [ nodes   upper  ]
 /// [ lower   bodies ]
@@ -14,7 +15,7 @@ use super::{BlockBand, KktError, Symbolic};
 #[derive(Clone, Debug, PartialEq)]
 pub struct System {
     /// The nodes' block.
-    pub nodes: BlockBand,
+    pub nodes: NodeMatrix,
     /// The bodies' block.
     pub bodies: Square,
     /// Upper and lower block; empty unless nodes touch bodies.
@@ -23,8 +24,13 @@ pub struct System {
 
 impl System {
     /// The zero matrix.
-    pub fn zeros(n_nodes: usize, half_width: usize, n_dofs: usize) -> Self {
-        Self { nodes: BlockBand::zeros(n_nodes, half_width), bodies: Square::zeros(n_dofs), coupling: Coupling::default() }
+    pub fn zeros(layout: &Arc<NodeLayout>, n_dofs: usize) -> Self {
+        Self { nodes: NodeMatrix::zeros(layout), bodies: Square::zeros(n_dofs), coupling: Coupling::default() }
+    }
+
+    /// A matrix without rows.
+    pub fn empty() -> Self {
+        Self { nodes: NodeMatrix::empty(), bodies: Square::zeros(0), coupling: Coupling::default() }
     }
 
     /// Number of rows.
@@ -88,7 +94,7 @@ impl SystemFactor {
     /// Factors `a`.
     pub fn refactor(&mut self, a: &System) -> Result<(), KktError> {
         self.ready = false;
-        if a.nodes.n_blocks() > 0 {
+        if a.nodes.dim() > 0 {
             self.nodes.refactor(&a.nodes)?;
         }
         self.coupling.clone_from(&a.coupling);
@@ -164,7 +170,7 @@ mod tests {
     #[test]
     fn solves_are_inverse_to_products_with_coupled_blocks() {
         let mut rng = Pcg64Mcg::seed_from_u64(9);
-        let mut a = System::zeros(6, 2, 4);
+        let mut a = System::zeros(&Arc::new(NodeLayout::band(6, 2)), 4);
         a.clear();
         for i in 0..6_usize {
             for j in i.saturating_sub(2)..(i + 3).min(6) {
@@ -185,7 +191,7 @@ mod tests {
             }
         }
         let symbolic =
-            Symbolic::new(Method::Band, Symmetry::General, 6, 2, &[false; 6], None).unwrap_or_else(|e| unreachable!("{e}"));
+            Symbolic::new(Method::Band, Symmetry::General, a.nodes.layout(), &[false; 6]).unwrap_or_else(|e| unreachable!("{e}"));
         let mut factor = SystemFactor::new(&symbolic, 4);
         assert!(factor.refactor(&a).is_ok());
         let x: Vec<f64> = (0..22 * 3).map(|_| rng.random_range(-1.0..1.0)).collect();

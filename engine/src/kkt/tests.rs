@@ -1,6 +1,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 use super::*;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 const METHODS: [Method; 3] = [Method::Band, Method::Dense, Method::Sparse];
 const KINDS: [Symmetry; 2] = [Symmetry::General, Symmetry::Symmetric];
@@ -23,47 +24,45 @@ fn some_driven(n: usize) -> Vec<bool> {
 }
 
 /// Diagonally dominant, with stiffnesses over four decades; symmetric between free rows, identity in driven ones.
-fn random_matrix(symmetry: Symmetry, n: usize, half_width: usize, driven: &[bool], rng: &mut Lcg) -> BlockBand {
-    let mut a = BlockBand::zeros(n, half_width);
-    let scale: Vec<f64> = (0..n).map(|_| 10f64.powf(2.0 * rng.next())).collect();
-    for i in 0..n {
-        for j in i..n.min(i + half_width + 1) {
-            let s = (scale[i] * scale[j]).sqrt();
-            for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (3 * i + r, 3 * j + c))) {
-                if symmetry == Symmetry::General {
-                    a.add(r, c, s * rng.next());
-                    a.add(c, r, s * rng.next());
-                } else if r <= c {
-                    let value = s * rng.next();
-                    a.add(r, c, value);
-                    if r != c {
-                        a.add(c, r, value);
-                    }
-                } else if i != j {
-                    let value = s * rng.next();
-                    a.add(r, c, value);
-                    a.add(c, r, value);
-                }
+fn random_matrix(symmetry: Symmetry, layout: &Arc<NodeLayout>, driven: &[bool], rng: &mut Lcg) -> NodeMatrix {
+    let mut a = NodeMatrix::zeros(layout);
+    let dim = a.dim();
+    let scale: Vec<f64> = (0..dim).map(|_| 10f64.powf(2.0 * rng.next())).collect();
+    let room = |r: usize, c: usize| layout.entry(layout.storage(r), layout.storage(c)).is_some();
+    for r in 0..dim {
+        for c in (r..dim).filter(|c| room(r, *c)) {
+            let s = (scale[r / 3] * scale[c / 3]).sqrt();
+            let value = s * rng.next();
+            a.add(r, c, value);
+            if r != c {
+                a.add(c, r, if symmetry == Symmetry::General { s * rng.next() } else { value });
             }
         }
     }
-    let size = (6 * half_width + 3) as f64;
-    for r in 0..3 * n {
+    let size = (6 * layout.half_width() + 3) as f64;
+    for r in 0..dim {
         a.add(r, r, size * 100.0);
-        if driven[r / 3] {
-            a.row_mut(r).fill(0.0);
+        if r < 3 * driven.len() && driven[r / 3] {
+            a.clear_row(r);
             a.add(r, r, 1.0);
         }
     }
-    a
+    pad(&a)
 }
 
-fn dense(a: &BlockBand) -> DMatrix<f64> {
+/// As steps make their matrices: empty rows are the identity's.
+fn pad(a: &NodeMatrix) -> NodeMatrix {
+    let mut out = a.clone();
+    out.set_sum(-1.0, a, 0.0, a);
+    out
+}
+
+fn dense(a: &NodeMatrix) -> DMatrix<f64> {
     DMatrix::from_fn(a.dim(), a.dim(), |r, c| a.get(r, c))
 }
 
-fn factor_of(method: Method, symmetry: Symmetry, a: &BlockBand, driven: &[bool]) -> Result<Factor, KktError> {
-    let symbolic = Symbolic::new(method, symmetry, a.n_blocks(), a.half_width(), driven, None)?;
+fn factor_of(method: Method, symmetry: Symmetry, a: &NodeMatrix, driven: &[bool]) -> Result<Factor, KktError> {
+    let symbolic = Symbolic::new(method, symmetry, a.layout(), driven)?;
     let mut factor = Factor::new(&symbolic);
     factor.refactor(a)?;
     Ok(factor)
@@ -75,17 +74,43 @@ fn assert_close(x: &[f64], expected: &[f64], tolerance: f64, what: &str) {
     assert!(error <= tolerance * size, "{what}: off by {:e} of {size:e}", error);
 }
 
-/// Calls `check` for all kinds, sizes below and above the dense threshold, and widths with and without own code.
-fn for_systems(mut check: impl FnMut(Method, Symmetry, &BlockBand, &[bool], &mut Lcg, &str)) {
+/// Bands, sizes below and above the dense threshold, widths with and without own code; twists, orders of their own, sparse patterns.
+fn layouts() -> Vec<(NodeLayout, &'static str)> {
+    let bands = [(1, 0), (1, 2), (2, 2), (7, 1), (20, 2), (11, 3), (50, 2)];
+    let mut out: Vec<_> = bands.into_iter().map(|(n, half_width)| (NodeLayout::band(n, half_width), "band")).collect();
+    let threes = |n: usize| (0..n - 2).map(|i| (i..i + 3).collect()).collect::<Vec<Vec<usize>>>();
+    for n in [3, 12, 40] {
+        let twists: Vec<usize> = (0..n - 1).filter(|i| *i != n / 2).collect();
+        out.push((NodeLayout::banded(n, &twists, None, &threes(n)).unwrap(), "twists"));
+        out.push((NodeLayout::sparse(n, &twists, None, &threes(n)).unwrap(), "sparse, twists"));
+    }
+    let ring: Vec<Vec<usize>> = (0..10).map(|i| vec![i, (i + 1) % 10]).collect();
+    let folded: Vec<usize> = (0..10).map(|k| if k % 2 == 0 { k / 2 } else { 9 - k / 2 }).collect();
+    out.push((NodeLayout::banded(10, &[], Some(&folded), &ring).unwrap(), "folded"));
+    out.push((NodeLayout::banded(10, &[3, 9], Some(&folded), &ring).unwrap(), "folded, twists"));
+    out.push((NodeLayout::sparse(10, &[], Some(&folded), &ring).unwrap(), "sparse ring"));
+    let grid = |i: usize, j: usize| 7 * i + j;
+    let cells = (0..6).flat_map(|i| (0..6).map(move |j| vec![grid(i, j), grid(i + 1, j), grid(i, j + 1), grid(i + 1, j + 1)]));
+    out.push((NodeLayout::sparse(49, &[], None, &cells.collect::<Vec<_>>()).unwrap(), "sparse grid"));
+    out
+}
+
+/// Calls `check` for all kinds of factors and all layouts.
+fn for_systems(mut check: impl FnMut(Method, Symmetry, &NodeMatrix, &[bool], &mut Lcg, &str)) {
     let mut rng = Lcg(3);
-    for symmetry in KINDS {
-        for (n, half_width) in [(1, 0), (1, 2), (2, 2), (7, 1), (20, 2), (11, 3), (50, 2)] {
-            for driven in [vec![false; n], some_driven(n)] {
-                let a = random_matrix(symmetry, n, half_width, &driven, &mut rng);
-                for method in METHODS {
-                    let what = format!("{method:?} {symmetry:?} n {n} half width {half_width} driven {}", driven[0]);
-                    check(method, symmetry, &a, &driven, &mut rng, &what);
+    for (layout, kind) in layouts() {
+        let (n, layout) = (layout.n_nodes(), Arc::new(layout));
+        for (symmetry, driven) in KINDS.into_iter().flat_map(|s| [(s, vec![false; n]), (s, some_driven(n))]) {
+            if symmetry == Symmetry::Symmetric && layout.block() == 4 {
+                continue;
+            }
+            let a = random_matrix(symmetry, &layout, &driven, &mut rng);
+            for method in METHODS {
+                if method == Method::Band && matches!(layout.pattern, layout::Pattern::Sparse { .. }) {
+                    continue;
                 }
+                let what = format!("{method:?} {symmetry:?} {kind} n {n} driven {}", driven[0]);
+                check(method, symmetry, &a, &driven, &mut rng, &what);
             }
         }
     }
@@ -142,7 +167,7 @@ fn refinement_recovers_a_factor_of_another_matrix() {
         let factor = factor_of(method, symmetry, a, driven).unwrap();
         // the same up to 1e-4: what a regularized factor would be
         let mut exact = a.clone();
-        for r in (0..a.dim()).filter(|r| !driven[r / 3]) {
+        for r in (0..a.dim()).filter(|r| !driven.get(r / 3).is_some_and(|d| *d)) {
             exact.add(r, r, 1e-4 * a.get(r, r));
         }
         let (b, mut x, mut scratch, mut back) = (rng.vector(a.dim()), vec![0.0; a.dim()], Vec::new(), vec![0.0; a.dim()]);
@@ -165,32 +190,14 @@ fn refinement_recovers_a_factor_of_another_matrix() {
 }
 
 #[test]
-fn an_explicit_pattern_is_enough_for_the_sparse_kinds() {
-    let mut rng = Lcg(5);
-    let (n, half_width) = (9, 4);
-    let driven = some_driven(n);
-    let pattern: Vec<(usize, usize)> = (0..n - 1).map(|i| (i, i + 1)).chain([(1, 5), (4, 8)]).collect();
-    for symmetry in KINDS {
-        let full = random_matrix(symmetry, n, half_width, &driven, &mut rng);
-        let mut a = full.clone();
-        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-            if i != j && i.abs_diff(j) <= half_width && !pattern.contains(&(i.min(j), i.max(j))) {
-                for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (3 * i + r, 3 * j + c))) {
-                    a.add(r, c, -full.get(r, c));
-                }
-            }
-        }
-        let symbolic = Symbolic::new(Method::Sparse, symmetry, n, half_width, &driven, Some(&pattern)).unwrap();
-        let mut factor = Factor::new(&symbolic);
-        factor.refactor(&a).unwrap();
-        let b = rng.vector(a.dim());
-        let (mut x, mut reference) = (b.clone(), b);
-        factor.solve(&mut x);
-        factor_of(Method::Band, symmetry, &a, &driven).unwrap().solve(&mut reference);
-        assert_close(&x, &reference, 1e-13, "explicit pattern");
-    }
-    let outside = Symbolic::new(Method::Sparse, Symmetry::General, n, 2, &driven, Some(&[(0, 3)]));
-    assert_eq!(outside.unwrap_err(), KktError::Pattern { i: 0, j: 3, half_width: 2, n_blocks: n });
+fn layouts_that_do_not_serve_are_refused() {
+    let three = [vec![0, 1, 2]];
+    let new = |method, symmetry, layout: NodeLayout| Symbolic::new(method, symmetry, &Arc::new(layout), &[false; 3]).map(|_| ());
+    let twisted = || NodeLayout::banded(3, &[0], None, &three).unwrap();
+    assert_eq!(new(Method::Band, Symmetry::Symmetric, twisted()), Err(KktError::Twists));
+    let sparse = NodeLayout::sparse(3, &[], None, &three).unwrap();
+    assert_eq!(new(Method::Band, Symmetry::General, sparse), Err(KktError::NoBand));
+    assert_eq!(NodeLayout::banded(3, &[0, 0], None, &three).unwrap_err(), KktError::Order { node: 0, n_nodes: 3 });
 }
 
 #[test]
@@ -198,7 +205,7 @@ fn singular_matrices_name_a_row() {
     let (n, half_width, bad) = (20, 2, 34);
     for symmetry in KINDS {
         let driven = some_driven(n);
-        let mut a = random_matrix(symmetry, n, half_width, &driven, &mut Lcg(9));
+        let mut a = random_matrix(symmetry, &Arc::new(NodeLayout::band(n, half_width)), &driven, &mut Lcg(9));
         for c in 0..3 * n {
             if a.get(bad, c) != 0.0 || a.get(c, bad) != 0.0 {
                 let (rc, cr) = (a.get(bad, c), a.get(c, bad));
@@ -223,7 +230,7 @@ fn singular_matrices_name_a_row() {
 fn rigid_translation_without_mass_is_found_singular() {
     // a free chain of springs: rows add up to zero, the last pivots are rounding noise
     let n = 12;
-    let mut a = BlockBand::zeros(n, 1);
+    let mut a = NodeMatrix::band(n, 1);
     for i in 0..n - 1 {
         let k = [[3.0, 0.1, 0.0], [0.1, 2.0, 0.3], [0.0, 0.3, 1.0 / 3.0]];
         for (r, c, s) in [(i, i, 1.0), (i + 1, i + 1, 1.0), (i, i + 1, -1.0), (i + 1, i, -1.0)] {
@@ -242,7 +249,7 @@ fn rigid_translation_without_mass_is_found_singular() {
 fn indefinite_and_undefined_matrices_are_refused() {
     let (n, half_width) = (10, 2);
     let driven = vec![false; n];
-    let good = random_matrix(Symmetry::Symmetric, n, half_width, &driven, &mut Lcg(13));
+    let good = random_matrix(Symmetry::Symmetric, &Arc::new(NodeLayout::band(n, half_width)), &driven, &mut Lcg(13));
     for method in METHODS {
         let mut a = good.clone();
         a.add(17, 17, -2.0 * a.get(17, 17));
@@ -262,7 +269,7 @@ fn indefinite_and_undefined_matrices_are_refused() {
 
 #[test]
 fn growth_without_pivoting_is_refused() {
-    let mut a = BlockBand::zeros(2, 1);
+    let mut a = NodeMatrix::band(2, 1);
     for r in 0..6 {
         a.add(r, r, 1.0);
     }
@@ -276,15 +283,16 @@ fn growth_without_pivoting_is_refused() {
 
 #[test]
 fn shapes_are_checked_and_unfactored_solves_are_nan() {
-    let symbolic = Symbolic::new(Method::Band, Symmetry::General, 4, 2, &[false; 4], None).unwrap();
+    let layout = Arc::new(NodeLayout::band(4, 2));
+    let symbolic = Symbolic::new(Method::Band, Symmetry::General, &layout, &[false; 4]).unwrap();
     let mut factor = Factor::new(&symbolic);
-    let error = factor.refactor(&BlockBand::zeros(5, 2)).unwrap_err();
-    assert_eq!(error, KktError::Shape { what: "nodes of the matrix", expected: 4, found: 5 });
-    let error = factor.refactor(&BlockBand::zeros(4, 1)).unwrap_err();
-    assert_eq!(error, KktError::Shape { what: "half width of the matrix", expected: 2, found: 1 });
+    let error = factor.refactor(&NodeMatrix::band(5, 2)).unwrap_err();
+    assert_eq!(error, KktError::Shape { what: "rows of the matrix (or their pattern)", expected: 12, found: 15 });
+    let error = factor.refactor(&NodeMatrix::band(4, 1)).unwrap_err();
+    assert_eq!(error, KktError::Shape { what: "rows of the matrix (or their pattern)", expected: 12, found: 12 });
     let mut b = vec![1.0; 12];
     factor.solve(&mut b);
     assert!(b.iter().all(|x| x.is_nan()));
-    let error = Symbolic::new(Method::Band, Symmetry::General, 4, 2, &[false; 3], None).unwrap_err();
+    let error = Symbolic::new(Method::Band, Symmetry::General, &layout, &[false; 3]).unwrap_err();
     assert_eq!(error.to_string(), "driven flags: expected 4, got 3");
 }

@@ -5,6 +5,7 @@ use crate::bodies::Tree;
 use crate::contact::ContactPair;
 use crate::geometry::Shape;
 use crate::kinematics::{Drive, DriveKind, EdgeClamp};
+use crate::kkt::NodeLayout;
 use crate::memory::Layout;
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Source, Start};
@@ -114,7 +115,7 @@ impl ModelBuilder {
             solids: Vec::new(),
             solid_pairs: Vec::new(),
             ties: Vec::new(),
-            reach: 2,
+            layout: Arc::new(NodeLayout::band(0, 0)),
             gravity,
             h: scene.time.step,
             integrator: scene.time.integrator,
@@ -159,24 +160,26 @@ impl ModelBuilder {
 
     /// Adds a law and the elements it acts on; its derivatives are automatic.
     pub fn add_law<L: Law + 'static>(&mut self, law: L, elements: Vec<Element>) -> Result<(), BuildError> {
-        let last = self.model.n_nodes() - 1;
-        for (k, e) in elements.iter().enumerate() {
-            if let Some(&node) = e.nodes.iter().find(|&&n| n > last) {
-                return Err(BuildError::Node { term: law.name().to_owned(), element: k, node, last });
-            }
-        }
-        self.add_term(Arc::new(Automatic::new(law, elements)));
-        Ok(())
+        self.add_term(Arc::new(Automatic::new(law, elements)))
     }
 
     /// Adds a force with derivatives of its own.
-    pub fn add_term(&mut self, term: Arc<dyn Term>) {
-        self.model.reach = self.model.reach.max(term.reach());
+    pub fn add_term(&mut self, term: Arc<dyn Term>) -> Result<(), BuildError> {
+        let (last, mut element, mut beyond) = (self.model.n_nodes() - 1, 0, None);
+        term.visit_stencils(&mut |nodes| {
+            beyond = beyond.or_else(|| nodes.iter().find(|n| **n > last).map(|n| (element, *n)));
+            element += 1;
+        });
+        if let Some((element, node)) = beyond {
+            return Err(BuildError::Node { term: term.name().to_owned(), element, node, last });
+        }
         self.model.terms.push(term);
+        Ok(())
     }
 
     /// The finished model.
-    pub fn build(self) -> Model {
+    pub fn build(mut self) -> Model {
+        self.model.layout = Arc::new(self.model.make_layout());
         self.model
     }
 }

@@ -16,7 +16,7 @@ use crate::contact::{ContactPair, JointRow, SolidPair, Tie};
 use crate::geometry::Shape;
 use crate::geometry::solid::Solid;
 use crate::kinematics::Drive;
-use crate::kkt::{Method, Symmetry};
+use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
 use crate::params::Params;
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
@@ -69,7 +69,7 @@ pub struct Model {
     pub(crate) solids: Vec<Solid>,
     pub(crate) solid_pairs: Vec<SolidPair>,
     pub(crate) ties: Vec<Tie>,
-    pub(crate) reach: usize,
+    pub(crate) layout: Arc<NodeLayout>,
     pub(crate) gravity: usize,
     pub(crate) h: f64,
     pub(crate) integrator: Integrator,
@@ -284,6 +284,19 @@ impl Model {
             LinearSolver::Dense => Method::Dense,
             LinearSolver::Sparse => Method::Sparse,
         }
+    }
+
+    /// Room for what terms write.
+    pub(crate) fn make_layout(&self) -> NodeLayout {
+        let mut stencils = Vec::new();
+        self.terms.iter().for_each(|term| term.visit_stencils(&mut |nodes| stencils.push(nodes.to_vec())));
+        let n = self.n_nodes();
+        let layout = match self.method() {
+            Method::Sparse => NodeLayout::sparse(n, &[], None, &stencils),
+            Method::Band | Method::Dense => NodeLayout::banded(n, &[], None, &stencils),
+        };
+        // terms were refused when added if they act on nodes that are not there
+        layout.unwrap_or_else(|_| NodeLayout::band(n, n.saturating_sub(1)))
     }
 
     /// Whether the matrices of a step are symmetric at these parameters: no term breaks it, and there is no contact.

@@ -10,7 +10,7 @@ use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
 use crate::bodies::spatial::{Force, Inertia};
 use crate::bodies::turns::Turns;
 use crate::bodies::{Frames, Tree};
-use crate::kkt::{BlockBand, Square, System};
+use crate::kkt::{NodeMatrix, Square, System};
 use crate::memory::Past;
 use crate::model::{DofWeights, Model};
 use crate::terms::Vec3;
@@ -134,7 +134,7 @@ impl Stage<'_> {
         body.middle.evaluate(tree, self.scheme.middle, &body.t);
         body.middle.jacobians(tree.joints().len(), &mut body.jacobians);
         self.subtract_joint_forces(ws);
-        let mut k = std::mem::replace(&mut ws.k, System::zeros(0, 0, 0));
+        let mut k = std::mem::replace(&mut ws.k, System::empty());
         self.change_by_velocities(true, ws, &mut k);
         ws.k = k;
     }
@@ -185,7 +185,7 @@ impl Stage<'_> {
         let (mut dq, mut dv) = (std::mem::take(&mut ws.dq.bodies), std::mem::take(&mut ws.dv.bodies));
         let by = Displacement { cm: 0.0, cv: 0.0, cq: -1.0 };
         self.add_body_change(by, &[], ws, dq.data_mut());
-        let mut crossed = System { nodes: BlockBand::zeros(0, 0), bodies: dq, coupling: std::mem::take(&mut ws.dq.coupling) };
+        let mut crossed = System { nodes: NodeMatrix::empty(), bodies: dq, coupling: std::mem::take(&mut ws.dq.coupling) };
         self.add_crossings(by, false, ws, &mut crossed);
         (dq, ws.dq.coupling) = (crossed.bodies, crossed.coupling);
         if self.scheme.free.b0 != 0.0 {

@@ -251,7 +251,7 @@ impl Stage<'_> {
             first += n;
         }
         if self.has_contact() {
-            ws.stiffness = (0..ws.dq.nodes.dim()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
+            ws.stiffness = (0..3 * self.mass.len()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
         }
         for (node, blocks) in &mut ws.touching {
             *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node)];
@@ -264,8 +264,8 @@ impl Stage<'_> {
         self.inertia_minus_force(&it.v, ws);
         for (node, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
             for row in 3 * node..3 * node + 3 {
-                ws.dq.nodes.row_mut(row).fill(0.0);
-                ws.dv.nodes.row_mut(row).fill(0.0);
+                ws.dq.nodes.clear_row(row);
+                ws.dv.nodes.clear_row(row);
             }
         }
         self.assemble(ws);
@@ -298,10 +298,7 @@ impl Stage<'_> {
     fn assemble(&self, ws: &mut Workspace) {
         let uniform = self.scheme.free.a1 == self.scheme.driven.a1 && self.scheme.free.b1 == self.scheme.driven.b1;
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
-        let blocks = ws.dq.nodes.data().iter().zip(ws.dv.nodes.data());
-        for (k, (dq, dv)) in ws.k.nodes.data_mut().iter_mut().zip(blocks) {
-            *k = -(cq * dq + cv * dv);
-        }
+        ws.k.nodes.set_sum(cq, &ws.dq.nodes, cv, &ws.dv.nodes);
         if !uniform {
             self.rescale_driven_columns(ws);
         }
@@ -315,21 +312,15 @@ impl Stage<'_> {
 
     fn rescale_driven_columns(&self, ws: &mut Workspace) {
         let (cq, cv) = (self.h * self.scheme.driven.a1, self.scheme.driven.b1);
-        let (n, half) = (ws.k.nodes.n_blocks(), ws.k.nodes.half_width());
         for (j, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
-            for row in 3 * j.saturating_sub(half)..3 * (j + half + 1).min(n) {
-                let first = (3 * j as isize - ws.k.nodes.first_column(row)) as usize;
-                for k in first..first + 3 {
-                    ws.k.nodes.row_mut(row)[k] = -(cq * ws.dq.nodes.row(row)[k] + cv * ws.dv.nodes.row(row)[k]);
-                }
-            }
+            ws.k.nodes.set_sum_in_columns(j, cq, &ws.dq.nodes, cv, &ws.dv.nodes);
         }
     }
 
     /// ∂f/∂q̄, ∂f/∂v̄ (empty unless it [matters](Scheme::looks_back)) and A after [`Stage::linearize`], contacts at fixed cone variables.
     pub(crate) fn at_fixed_impulses(&self, ws: &mut Workspace) -> (System, System, System) {
         let (mut dq, mut a) = (ws.dq.clone(), ws.k.clone());
-        let mut dv = if self.scheme.looks_back() { ws.dv.clone() } else { System::zeros(0, 0, 0) };
+        let mut dv = if self.scheme.looks_back() { ws.dv.clone() } else { System::empty() };
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
         for (node, [block_q, block_v]) in &ws.touching {
             let mut block_q = *block_q;

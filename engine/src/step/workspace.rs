@@ -73,14 +73,14 @@ pub struct Workspace {
 impl Workspace {
     /// Buffers for `model`; `theta` decides whether its matrices are symmetric.
     pub fn new(model: &Model, theta: &[f64]) -> Result<Self, KktError> {
-        let (n, nv, contacts) = (model.n_nodes(), model.nv(), model.pairs.len());
+        let (nv, contacts) = (model.nv(), model.pairs.len());
         let zeros = || vec![0.0; nv];
         let cones = || vec![Vector4::zeros(); contacts];
         let n_rows = model.active_rows(theta).len();
         let rows = || vec![0.0; n_rows];
         let axial = || vec![0.0; model.terms.iter().map(|t| t.n_axial()).sum()];
-        let matrix = || System::zeros(n, model.reach, model.tree.nv());
-        let symbolic = Symbolic::new(model.method(), model.symmetry(theta), n, model.reach, &model.driven, None)?;
+        let matrix = || System::zeros(&model.layout, model.tree.nv());
+        let symbolic = Symbolic::new(model.method(), model.symmetry(theta), &model.layout, &model.driven)?;
         Ok(Self {
             q_bar: vec![0.0; model.nq()],
             v_bar: zeros(),

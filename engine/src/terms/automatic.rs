@@ -1,7 +1,7 @@
 //! Derivatives of a [`Law`] by forward-mode dual numbers, a chunk of directions at a time.
 
 use super::{Element, Law, Point, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
 
@@ -105,7 +105,7 @@ impl<L: Law> Term for Automatic<L> {
         }
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, dv: &mut NodeMatrix) {
         let mut out = [Vec3::repeat(Dual::from_re(0.0)); MAX_NODES];
         for e in &self.elements {
             let n = e.nodes.len();
@@ -163,8 +163,7 @@ impl<L: Law> Term for Automatic<L> {
         self.elements.iter().all(|e| self.law.symmetric(values(e, theta, &mut [0.0; MAX_PARAMS])))
     }
 
-    fn reach(&self) -> usize {
-        let spread = |e: &Element| e.nodes.iter().max().zip(e.nodes.iter().min()).map_or(0, |(a, b)| a - b);
-        self.elements.iter().map(spread).max().unwrap_or(0)
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.elements.iter().for_each(|e| visit(&e.nodes));
     }
 }

@@ -4,7 +4,7 @@ use super::stencil::{
     Block, Compact, Corner, Edge, add_corner_blocks, add_corner_force, add_outer, diagonal, transposed, visit_corner,
 };
 use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 /// E = ½ (EI/l_v) |κ|² = 2 (EI/l_v) (1 − c)/(1 + c), κ = 2 (t₂ − t₁)/|t₁ + t₂|, c = t₁·t₂, l_v = fraction · length.
 ///
@@ -111,7 +111,7 @@ impl Term for Bend {
         });
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, _dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
         self.for_each(at, |e, corner, stiffness| {
             let ([tau1, tau2], t) = slopes(corner, stiffness);
             add_corner_force(f, e.nodes, &tau1, &tau2);
@@ -136,8 +136,8 @@ impl Term for Bend {
         true
     }
 
-    fn reach(&self) -> usize {
-        self.automatic.reach()
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.automatic.visit_stencils(visit);
     }
 }
 

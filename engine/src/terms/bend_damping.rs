@@ -12,7 +12,7 @@
 use super::stencil::{Block, Compact, Corner, Edge, add_corner_blocks, add_corner_force, add_outer, combine, diagonal};
 use super::stencil::{scaled, transposed, visit_corner};
 use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 /// R = ½ (c_b/l_v) |D|², D = P_T dκ/dt, T = (t₁ + t₂)/|t₁ + t₂|, κ as in [`BendLaw`](super::BendLaw), l_v = fraction · length; f = −∂R/∂v.
 ///
@@ -181,7 +181,7 @@ impl Term for BendDamping {
         });
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, dv: &mut NodeMatrix) {
         self.for_each(at, |e, rate| {
             let [tau1, tau2] = rate.edge_forces();
             add_corner_force(f, e.nodes, &tau1, &tau2);
@@ -204,8 +204,8 @@ impl Term for BendDamping {
         self.compact.iter().all(|e| theta[e.params[1]] == 0.0)
     }
 
-    fn reach(&self) -> usize {
-        self.automatic.reach()
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.automatic.visit_stencils(visit);
     }
 }
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::{Element, Law, Point, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 use nalgebra::{DMatrix, DVector, Rotation3};
 use num_dual::DualSVec64;
 use rand::{RngExt, SeedableRng};
@@ -56,11 +56,11 @@ pub struct Dense {
 
 pub fn dense(term: &dyn Term, at: &Point) -> Dense {
     let n = at.q.len();
-    let (mut f, mut dq, mut dv) = (vec![0.0; n], BlockBand::zeros(n / 3, 2), BlockBand::zeros(n / 3, 2));
+    let (mut f, mut dq, mut dv) = (vec![0.0; n], NodeMatrix::band(n / 3, 2), NodeMatrix::band(n / 3, 2));
     term.add_jacobian(at, &mut f, &mut dq, &mut dv);
     let mut dtheta = DMatrix::zeros(n, at.theta.len());
     term.visit_theta(at, &mut |row, param, slope| dtheta[(row, param)] += slope);
-    let full = |band: &BlockBand| DMatrix::from_fn(n, n, |r, c| band.get(r, c));
+    let full = |band: &NodeMatrix| DMatrix::from_fn(n, n, |r, c| band.get(r, c));
     Dense { f: DVector::from_vec(f), dq: full(&dq), dv: full(&dv), dtheta }
 }
 
@@ -79,7 +79,7 @@ fn column(x: &DVector<f64>) -> DMatrix<f64> {
     DMatrix::from_column_slice(x.len(), 1, x.as_slice())
 }
 
-/// Holds a kernel equal to the automatic derivatives of its law: forces, ∂f/∂q, ∂f/∂v, ∂f/∂θ, energy, reach.
+/// Holds a kernel equal to the automatic derivatives of its law: forces, ∂f/∂q, ∂f/∂v, ∂f/∂θ, energy, stencils.
 pub fn same(kernel: &dyn Term, law: &dyn Term) {
     for seed in 0..TRIALS {
         let sample = Sample::new(seed);
@@ -95,9 +95,15 @@ pub fn same(kernel: &dyn Term, law: &dyn Term) {
         }
         let (x, y) = (kernel.energy(&sample.at()), law.energy(&sample.at()));
         assert!((x - y).abs() <= TOLERANCE * y.abs(), "energy: {x} against {y}");
-        assert_eq!(kernel.reach(), law.reach());
+        assert_eq!(stencils(kernel), stencils(law));
         assert_eq!(kernel.symmetric(&sample.theta), law.symmetric(&sample.theta));
     }
+}
+
+fn stencils(term: &dyn Term) -> Vec<Vec<usize>> {
+    let mut out = Vec::new();
+    term.visit_stencils(&mut |nodes| out.push(nodes.to_vec()));
+    out
 }
 
 /// Holds −∂E/∂q, by dual numbers of the law's energy, equal to its force.

@@ -2,7 +2,7 @@
 
 use super::stencil::{Block, Compact, add_node, add_outer, diagonal};
 use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 /// f = −L (linear + quadratic |u|) u, u = v − wind, L = fraction · length; isotropic.
 ///
@@ -85,7 +85,7 @@ impl Term for Drag {
         });
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], _dq: &mut BlockBand, dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], _dq: &mut NodeMatrix, dv: &mut NodeMatrix) {
         self.for_each(at, |e, p, u, speed| {
             let extent = p[0] * e.constant;
             add_node(f, e.nodes[0], &(u * (-(p[1] + p[2] * speed) * extent)));
@@ -115,8 +115,8 @@ impl Term for Drag {
         true
     }
 
-    fn reach(&self) -> usize {
-        self.automatic.reach()
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.automatic.visit_stencils(visit);
     }
 }
 
@@ -146,7 +146,7 @@ mod tests {
         let theta = [2.0, 0.1, 0.4, 3.0, 0.0, 4.0];
         let at = Point { q: &[0.0; 3], v: &[3.0, 0.0, 4.0], theta: &theta };
         for term in [&kernel as &dyn Term, &kernel.automatic] {
-            let (mut f, mut dq, mut dv) = ([0.0; 3], BlockBand::zeros(1, 2), BlockBand::zeros(1, 2));
+            let (mut f, mut dq, mut dv) = ([0.0; 3], NodeMatrix::band(1, 2), NodeMatrix::band(1, 2));
             term.add_jacobian(&at, &mut f, &mut dq, &mut dv);
             assert_eq!(f, [0.0; 3]);
             for a in 0..3 {

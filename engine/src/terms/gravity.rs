@@ -2,7 +2,7 @@
 
 use super::stencil::add_node;
 use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 const MAGNITUDE: usize = 0;
 const LENGTH: usize = 3;
@@ -105,7 +105,7 @@ impl Term for Gravity {
         self.for_each(at.theta, |e, field| add_node(f, e.nodes[0], &(field.g * mass_of(e, at.theta))));
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], _dq: &mut BlockBand, _dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], _dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
         self.add_force(at, f);
     }
 
@@ -137,8 +137,8 @@ impl Term for Gravity {
         true
     }
 
-    fn reach(&self) -> usize {
-        0
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.0.visit_stencils(visit);
     }
 }
 

@@ -4,7 +4,7 @@
 //! derivatives by forward-mode dual numbers. Hot laws implement [`Term`] by hand beside their generic form, and a test holds
 //! the two equal.
 
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 use nalgebra::Vector3;
 use num_dual::DualNum;
 use std::fmt::Debug;
@@ -74,7 +74,7 @@ pub trait Term: Debug + Send + Sync {
     fn add_force(&self, at: &Point, f: &mut [f64]);
 
     /// As [`Term::add_force`], and `dq += ∂f/∂q` [N/m], `dv += ∂f/∂v` [N·s/m].
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand);
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, dv: &mut NodeMatrix);
 
     /// Number of axial forces \[N\] that Newton's method carries as unknowns of their own; none unless a term is so stiff that
     /// its force at an iterate says nothing about its force at the root.
@@ -86,7 +86,7 @@ pub trait Term: Debug + Send + Sync {
     fn predict_axial(&self, _at: &Point, _dq: &[f64], _axial: &mut [f64]) {}
 
     /// As [`Term::add_jacobian`], with `axial` in place of the forces at q in the geometric part of ∂f/∂q.
-    fn add_mixed_jacobian(&self, at: &Point, _axial: &[f64], f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand) {
+    fn add_mixed_jacobian(&self, at: &Point, _axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, dv: &mut NodeMatrix) {
         self.add_jacobian(at, f, dq, dv);
     }
 
@@ -101,8 +101,8 @@ pub trait Term: Debug + Send + Sync {
     /// Whether ∂f/∂q and ∂f/∂v are symmetric at every point for these parameters.
     fn symmetric(&self, theta: &[f64]) -> bool;
 
-    /// Largest |i − j| of nodes this term couples.
-    fn reach(&self) -> usize;
+    /// Calls `visit(nodes)` with the nodes that act on each other, element by element.
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize]));
 }
 
 /// One occurrence of a law: the nodes it acts on, the entries of θ it reads, and constants of its geometry.

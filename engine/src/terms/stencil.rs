@@ -4,7 +4,7 @@
 //! e₁ = x₁ − x₀, e₂ = x₂ − x₁ and the edge forces τ₁, τ₂ (gradients with respect to e₁, e₂), forces (τ₁, τ₂ − τ₁, −τ₂).
 
 use super::{Element, Point, Real, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 /// A 3 × 3 block by rows.
 pub(super) type Block = [[f64; 3]; 3];
@@ -166,16 +166,16 @@ pub(super) fn add_corner_force(f: &mut [f64], nodes: [usize; 3], tau1: &Vec3<f64
 
 /// Adds ∂f/∂x of a two-node stencil, `k` = ∂τ/∂e.
 #[inline]
-pub(super) fn add_edge_blocks(out: &mut BlockBand, nodes: [usize; 2], k: &Block) {
+pub(super) fn add_edge_blocks(out: &mut NodeMatrix, nodes: [usize; 2], k: &Block) {
     for (a, [x, y, z]) in k.iter().enumerate() {
-        add_row(out, nodes[0], a, nodes, [-x, -y, -z, *x, *y, *z]);
-        add_row(out, nodes[1], a, nodes, [*x, *y, *z, -x, -y, -z]);
+        out.add_row(nodes[0], a, nodes, [-x, -y, -z, *x, *y, *z]);
+        out.add_row(nodes[1], a, nodes, [*x, *y, *z, -x, -y, -z]);
     }
 }
 
 /// Adds ∂f/∂x of a three-node stencil, `t[a][b]` = ∂τ_a/∂e_b.
 #[inline]
-pub(super) fn add_corner_blocks(out: &mut BlockBand, nodes: [usize; 3], t: &[[Block; 2]; 2]) {
+pub(super) fn add_corner_blocks(out: &mut NodeMatrix, nodes: [usize; 3], t: &[[Block; 2]; 2]) {
     let [[t11, t12], [t21, t22]] = t;
     for a in 0..3 {
         // Row a of the three forces, to (x₀, x₁, x₂).
@@ -187,27 +187,7 @@ pub(super) fn add_corner_blocks(out: &mut BlockBand, nodes: [usize; 3], t: &[[Bl
             (rows[2][b], rows[2][3 + b], rows[2][6 + b]) = (x21, x22 - x21, -x22);
         }
         for (row, i) in rows.into_iter().zip(nodes) {
-            add_row(out, i, a, nodes, row);
-        }
-    }
-}
-
-/// Adds to row `a` of node `i` the `values`, three at each of `nodes`.
-#[inline(always)]
-fn add_row<const N: usize, const M: usize>(out: &mut BlockBand, i: usize, a: usize, nodes: [usize; N], values: [f64; M]) {
-    let half_width = out.half_width();
-    let row = out.row_mut(3 * i + a);
-    if (1..N).all(|k| nodes[k] == nodes[0] + k) {
-        let start = 3 * (nodes[0] + half_width - i);
-        for (entry, x) in row[start..start + M].iter_mut().zip(values) {
-            *entry += x;
-        }
-    } else {
-        for (&j, part) in nodes.iter().zip(values.chunks(3)) {
-            let start = 3 * (j + half_width - i);
-            for (entry, x) in row[start..start + 3].iter_mut().zip(part) {
-                *entry += x;
-            }
+            out.add_row(i, a, nodes, row);
         }
     }
 }

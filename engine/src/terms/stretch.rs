@@ -2,7 +2,7 @@
 
 use super::stencil::{Compact, Edge, add_edge_blocks, add_edge_force, add_outer, diagonal, visit_edge};
 use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 /// E = ½ EA l₀ ε², ε = |e|/l₀ − 1, l₀ = fraction · length; f₀ = −f₁ = EA ε t (a stretched edge pulls its nodes together).
 ///
@@ -71,7 +71,7 @@ impl Stretch {
 
     /// Forces, and ∂τ/∂e = (EA/l₀) t tᵀ + (N/|e|)(I − t tᵀ) with the axial force N that `axial(element, EA ε)` gives.
     #[inline]
-    fn jacobian(&self, at: &Point, axial: impl Fn(usize, f64) -> f64, f: &mut [f64], dq: &mut BlockBand) {
+    fn jacobian(&self, at: &Point, axial: impl Fn(usize, f64) -> f64, f: &mut [f64], dq: &mut NodeMatrix) {
         self.for_each(at, |i, e, edge, stiffness, strain| {
             add_edge_force(f, e.nodes, &(edge.tangent * (stiffness * strain)));
             let across = axial(i, stiffness * strain) / edge.length;
@@ -94,7 +94,7 @@ impl Term for Stretch {
         });
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, _dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
         self.jacobian(at, |_, here| here, f, dq);
     }
 
@@ -110,7 +110,7 @@ impl Term for Stretch {
         });
     }
 
-    fn add_mixed_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut BlockBand, _dv: &mut BlockBand) {
+    fn add_mixed_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
         self.jacobian(at, |i, _| axial[i], f, dq);
     }
 
@@ -133,8 +133,8 @@ impl Term for Stretch {
         true
     }
 
-    fn reach(&self) -> usize {
-        self.automatic.reach()
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.automatic.visit_stencils(visit);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::stencil::{Compact, Edge, add_edge_blocks, add_edge_force, add_outer, diagonal, visit_edge};
 use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::BlockBand;
+use crate::kkt::NodeMatrix;
 
 /// R = ½ c_s l₀ ε̇², ε̇ = t·w/l₀, w = v₁ − v₀, l₀ = fraction · length; f = −∂R/∂v, so f₀ = −f₁ = (c_s/l₀) (t·w) t.
 ///
@@ -68,7 +68,7 @@ impl Term for StretchDamping {
         self.for_each(at, |e, edge, w, b| add_edge_force(f, e.nodes, &(edge.tangent * (b * edge.tangent.dot(w)))));
     }
 
-    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut BlockBand, dv: &mut BlockBand) {
+    fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, dv: &mut NodeMatrix) {
         self.for_each(at, |e, edge, w, b| {
             let t = &edge.tangent;
             let along = t.dot(w);
@@ -100,8 +100,8 @@ impl Term for StretchDamping {
         self.compact.iter().all(|e| theta[e.params[1]] == 0.0)
     }
 
-    fn reach(&self) -> usize {
-        self.automatic.reach()
+    fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.automatic.visit_stencils(visit);
     }
 }
 
