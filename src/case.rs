@@ -88,7 +88,9 @@ impl<X> Case<X> {
 pub fn start(model: &Arc<Model>, theta: &[f64], u: &[f64]) -> Result<State, StepError> {
     let mut start = model.initial_state();
     if model.starts_at_equilibrium() {
-        start.q = equilibrium(model, theta, &start.q, u)?.q;
+        let found = equilibrium(model, theta, &start.q, u)?;
+        start.z[model.ndz()..].copy_from_slice(&found.frames);
+        start.q = found.q;
     }
     Ok(start)
 }

@@ -10,7 +10,7 @@ use pliant_engine::kinematics::Input;
 /// Tangents of the equilibrium positions for the directions in `seeds`, row-major `nv × columns`.
 pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
     let m = seeds.columns;
-    let mass = eq.model.masses(&eq.theta);
+    let mass = eq.model.row_masses(&eq.theta);
     let cx = Context { model: &eq.model, theta: &eq.theta, mass: &mass };
     let zero = vec![0.0; eq.model.nv() * m];
     let mut q = zero.clone();
@@ -26,29 +26,28 @@ pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
     memory.cmd.clone_from(&zero);
     // the beginning is where it is: what is remembered does not move
     memory.start[0].clone_from(&zero);
-    memory.z_past.resize(eq.model.nz() * m, 0.0);
+    memory.z_past.resize(eq.model.ndz() * m, 0.0);
     memory.signals.resize(eq.model.nu() * m, 0.0);
     let tangents = Tangents { seeds, signals: &[], q: &[], z: &[], end: [&[], &[]] };
     for &(row, input, value) in &eq.signals {
         tangents.add(input, value, &mut memory.signals[row * m..(row + 1) * m]);
     }
     stage_tangent(cx, &eq.record, &q, &zero, seeds, &mut memory);
-    move_along(cx, &eq.record.end, &mut q, &memory.v_next, m, |_| 1.0);
+    move_along(cx, (&eq.record.end, &eq.record.carry[1]), &mut q, &memory.v_next, m, |_| 1.0);
     q
 }
 
 /// Cotangents of (u, θ) from the cotangent `q_bar` of the equilibrium positions.
 pub fn equilibrium_vjp(eq: &Equilibrium, q_bar: &[f64]) -> Result<(Vec<f64>, Vec<f64>), AdjointError> {
     check("q_bar", Some(q_bar.len()), eq.model.nv())?;
-    let mass = eq.model.masses(&eq.theta);
+    let mass = eq.model.row_masses(&eq.theta);
     let cx = Context { model: &eq.model, theta: &eq.theta, mass: &mass };
     let (mut u, mut theta) = (vec![0.0; eq.model.nu()], vec![0.0; eq.model.n_params()]);
     let (mut reference, mut v, mut cmd) = (q_bar.to_vec(), vec![0.0; q_bar.len()], vec![0.0; q_bar.len()]);
     // the root is a displacement d with q = q_ref ⊕ d
-    let (n, mut y_bar) = (eq.model.n_node_dofs(), q_bar.to_vec());
-    y_bar[n..].fill(0.0);
-    pull_along(cx, &eq.record.end, &mut reference, &mut y_bar, 1.0);
-    let (mut past, mut z, mut signals) = (vec![0.0; q_bar.len()], vec![0.0; eq.model.nz()], vec![0.0; u.len()]);
+    let mut y_bar = vec![0.0; q_bar.len()];
+    pull_along(cx, (&eq.record.end, &eq.record.carry[1]), &mut reference, &mut y_bar, 1.0, |_| 1.0);
+    let (mut past, mut z, mut signals) = (vec![0.0; q_bar.len()], vec![0.0; eq.model.ndz()], vec![0.0; u.len()]);
     let mut inputs = InputBars { cmd: &mut cmd, u: &mut signals, theta: &mut theta, q: &mut past, z: &mut z };
     stage_cotangent(cx, &eq.record, &y_bar, &mut reference, &mut v, &mut inputs);
     for &(row, input, value) in &eq.signals {

@@ -30,7 +30,7 @@ pub fn rollout_jvp(
     check("x0_dot", x0_dot.map(<[f64]>::len), model.ndx())?;
     check("theta_dot", theta_dot.map(<[f64]>::len), model.n_params())?;
     check("u_dot", u_dot.map(<[Vec<f64>]>::len), rollout.records.len())?;
-    let mass = model.masses(&rollout.theta);
+    let mass = model.row_masses(&rollout.theta);
     let cx = Context { model, theta: &rollout.theta, mass: &mass };
     let mut seeds = Seeds::none(1, model.nu(), model.n_params());
     for (k, &weight) in theta_dot.unwrap_or(&[]).iter().enumerate().filter(|(_, w)| **w != 0.0) {
@@ -78,7 +78,7 @@ pub(crate) fn pull_back(
     x: &mut Cotangent,
     out: &mut RolloutCotangent,
 ) -> Result<(), AdjointError> {
-    let mass = rollout.model.masses(&rollout.theta);
+    let mass = rollout.model.row_masses(&rollout.theta);
     let cx = Context { model: &rollout.model, theta: &rollout.theta, mass: &mass };
     for (k, record) in rollout.records.iter().enumerate().rev() {
         add(x, &x_bar[first + k + 1])?;

@@ -11,6 +11,7 @@ use crate::seeds::Seeds;
 use pliant_engine::bodies::Turns;
 use pliant_engine::kinematics::Input;
 use pliant_engine::model::Model;
+use pliant_engine::rods::Carry;
 use pliant_engine::step::StageRecord;
 
 /// What a stage is differentiated with.
@@ -18,6 +19,7 @@ use pliant_engine::step::StageRecord;
 pub(crate) struct Context<'a> {
     pub model: &'a Model,
     pub theta: &'a [f64],
+    /// Of every row of nodes and twists.
     pub mass: &'a [f64],
 }
 
@@ -48,13 +50,14 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     let Memory { cmd, v_next: dr, at, refinement, start, signals, z_past, .. } = memory;
     dr.clear();
     dr.resize(stage.n_rows() * m, 0.0);
-    if scheme.free.a0 == 0.0 && stage.middle.is_identity() {
+    let [carry, ..] = &stage.carry;
+    if scheme.free.a0 == 0.0 && stage.middle.is_identity() && carry.is_empty() {
         stage.add_position_product(1.0, q_dot, dr, m);
     } else {
         let weight = |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 };
         at.clear();
         at.extend_from_slice(q_dot);
-        move_along(cx, &stage.middle, at, v_dot, m, weight);
+        move_along(cx, (&stage.middle, carry), at, v_dot, m, weight);
         stage.add_position_product(1.0, at, dr, m);
     }
     if scheme.free.b0 != 0.0 {
@@ -65,17 +68,17 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         at[n..].iter_mut().zip(&v_dot[n..]).for_each(|(o, v)| *o = scheme.free.b0 * v);
         stage.dv.add_mul_many(-1.0, at, &mut dr[..v_dot.len()], m);
     }
-    for (node, &driven) in cx.model.driven().iter().enumerate() {
-        let range = 3 * node * m..3 * (node + 1) * m;
+    for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
+        let range = row * m..(row + 1) * m;
         let (from, weight) =
-            if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[node] * stage.inertia) };
+            if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * stage.inertia) };
         for (d, x) in dr[range].iter_mut().zip(from) {
             *d -= weight * x;
         }
     }
     let n = cx.model.n_node_dofs() * m;
     stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
-    if seeds.has_theta() || cx.model.has_actuators() || cx.model.nz() > 0 {
+    if seeds.has_theta() || cx.model.has_actuators() || cx.model.ndz() > 0 {
         let tangents = Tangents { seeds, signals, q: &start[0], z: z_past, end: [&[], &[]] };
         let mut visit = |row: usize, input, value| tangents.add(input, value, &mut dr[row * m..(row + 1) * m]);
         if seeds.has_theta() {
@@ -124,9 +127,13 @@ impl Tangents<'_> {
     }
 }
 
+/// How displacements of bodies and of rods' axes show up after a way.
+pub(crate) type Way<'a> = (&'a Turns, &'a Carry);
+
 /// `x ← T x + J (weight v)`: how a displacement moves on, for nodes with weights of their own.
-pub(crate) fn move_along(cx: Context, turns: &Turns, x: &mut [f64], v: &[f64], m: usize, weight: impl Fn(bool) -> f64) {
+pub(crate) fn move_along(cx: Context, (turns, carry): Way, x: &mut [f64], v: &[f64], m: usize, weight: impl Fn(bool) -> f64) {
     let n = cx.model.n_node_dofs() * m;
+    carry.add_before(x, m);
     turns.transport(&mut x[n..], m);
     let free = weight(false);
     if free != 0.0 {
@@ -139,11 +146,25 @@ pub(crate) fn move_along(cx: Context, turns: &Turns, x: &mut [f64], v: &[f64], m
         }
     }
     add_weighted(x, v, cx, m, weight);
+    carry.add_after(x, m);
 }
 
-/// Transposed [`move_along`] for one column: adds `weight Jᵀ x` of the bodies to `v` and replaces `x` by Tᵀ x.
-pub(crate) fn pull_along(cx: Context, turns: &Turns, x: &mut [f64], v: &mut [f64], weight: f64) {
+/// Transposed [`move_along`] for one column: adds `weight Jᵀ x` to `v` and replaces `x` by Tᵀ x. `of_nodes` is the weight of nodes and
+/// twists.
+pub(crate) fn pull_along(
+    cx: Context,
+    (turns, carry): Way,
+    x: &mut [f64],
+    v: &mut [f64],
+    weight: f64,
+    of_nodes: impl Fn(bool) -> f64,
+) {
     let n = cx.model.n_node_dofs();
+    carry.pull_after(x);
+    for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
+        v[row] += of_nodes(driven) * x[row];
+    }
+    carry.pull_before(x);
     if weight != 0.0 {
         let mut moved = x[n..].to_vec();
         turns.jacobian_transpose(&mut moved);
@@ -154,8 +175,8 @@ pub(crate) fn pull_along(cx: Context, turns: &Turns, x: &mut [f64], v: &mut [f64
 
 /// Of the nodes: `out += weight v`.
 fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl Fn(bool) -> f64) {
-    for (node, &driven) in cx.model.driven().iter().enumerate() {
-        let range = 3 * node * m..3 * (node + 1) * m;
+    for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
+        let range = row * m..(row + 1) * m;
         let w = weight(driven);
         out[range.clone()].iter_mut().zip(&v[range]).for_each(|(o, v)| *o += w * v);
     }
@@ -210,18 +231,16 @@ pub(crate) fn stage_cotangent(
     let w = &stage.scheme.free;
     stage.body_mass.add_mul_transpose(-stage.inertia, &lambda[n..nv], &mut v_bar[n..]);
     (n..nv).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
-    pull_along(cx, &stage.middle, &mut through_q, v_bar, stage.h * w.a0);
-    (n..nv).for_each(|k| q_bar[k] += through_q[k]);
-    for (node, &driven) in cx.model.driven().iter().enumerate() {
+    let of_nodes = |driven| stage.h * if driven { stage.scheme.driven.a0 } else { stage.scheme.free.a0 };
+    pull_along(cx, (&stage.middle, &stage.carry[0]), &mut through_q, v_bar, stage.h * w.a0, of_nodes);
+    (0..nv).for_each(|k| q_bar[k] += through_q[k]);
+    for (k, &driven) in cx.model.driven_rows().iter().enumerate() {
         let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
-        for k in 3 * node..3 * node + 3 {
-            q_bar[k] += through_q[k];
-            v_bar[k] += stage.h * w.a0 * through_q[k] + w.b0 * through_v[k];
-            if driven {
-                inputs.cmd[k] -= lambda[k];
-            } else {
-                v_bar[k] -= cx.mass[node] * stage.inertia * lambda[k];
-            }
+        v_bar[k] += w.b0 * through_v[k];
+        if driven {
+            inputs.cmd[k] -= lambda[k];
+        } else {
+            v_bar[k] -= cx.mass[k] * stage.inertia * lambda[k];
         }
     }
     stage.pull_inputs(cx.model, cx.theta, &lambda, &mut |input, value| inputs.add(input, value, None));

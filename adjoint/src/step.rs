@@ -6,7 +6,7 @@ use pliant_engine::kinematics::Input;
 use pliant_engine::model::Model;
 use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
 
-/// Tangents of (q, v, z): row-major, `nv × columns` for q and v, `nz × columns` for z.
+/// Tangents of (q, v, z): row-major, `nv × columns` for q and v, `ndz × columns` for z.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tangent {
     /// Position tangents.
@@ -17,7 +17,7 @@ pub struct Tangent {
     pub z: Vec<f64>,
 }
 
-/// Cotangents of (q, v, z): nv, nv and nz numbers.
+/// Cotangents of (q, v, z): nv, nv and ndz numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cotangent {
     /// Cotangent of q.
@@ -31,7 +31,7 @@ pub struct Cotangent {
 impl Cotangent {
     /// Of the size of a state of `model`.
     pub(crate) fn zero(model: &Model) -> Self {
-        Self { q: vec![0.0; model.nv()], v: vec![0.0; model.nv()], z: vec![0.0; model.nz()] }
+        Self { q: vec![0.0; model.nv()], v: vec![0.0; model.nv()], z: vec![0.0; model.ndz()] }
     }
 }
 
@@ -60,7 +60,7 @@ pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seed
                 // stage.h is γ h of the substep
                 let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
                 x.q.copy_from_slice(&memory.start[0]);
-                move_along(cx, &stage.lead, &mut x.q, &x.v, m, |_| lead);
+                move_along(cx, (&stage.lead, &stage.carry[2]), &mut x.q, &x.v, m, |_| lead);
                 for (v1, v0) in x.v.iter_mut().zip(&memory.start[1]) {
                     *v1 = v0 + RATIO * (*v1 - v0);
                 }
@@ -127,8 +127,8 @@ fn command_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, m
     let m = seeds.columns;
     let cmd = &mut memory.cmd;
     cmd.resize(x.q.len(), 0.0);
-    for (node, _) in cx.model.driven().iter().enumerate().filter(|(_, driven)| **driven) {
-        cmd[3 * node * m..3 * (node + 1) * m].fill(0.0);
+    for (row, _) in cx.model.driven_rows().iter().enumerate().filter(|(_, driven)| **driven) {
+        cmd[row * m..(row + 1) * m].fill(0.0);
     }
     for &(row, input, value) in &step.command {
         let out = &mut cmd[row * m..(row + 1) * m];
@@ -147,13 +147,13 @@ fn move_positions(cx: Context, stage: &StageRecord, q: &mut [f64], v: &[f64], v_
     moved.clear();
     moved.extend(v.iter().zip(v_next).map(|(v, next)| free.d0 * v + free.d1 * next));
     if free.d0 != driven.d0 {
-        for (node, _) in cx.model.driven().iter().enumerate().filter(|(_, d)| **d) {
-            for k in 3 * node * m..3 * (node + 1) * m {
+        for (row, _) in cx.model.driven_rows().iter().enumerate().filter(|(_, d)| **d) {
+            for k in row * m..(row + 1) * m {
                 moved[k] = driven.d0 * v[k] + driven.d1 * v_next[k];
             }
         }
     }
-    move_along(cx, &stage.end, q, moved, m, |_| stage.h);
+    move_along(cx, (&stage.end, &stage.carry[1]), q, moved, m, |_| stage.h);
 }
 
 /// Pulls the cotangent of the state after a step back to the state before it; adds to the cotangents of u and θ.
@@ -185,8 +185,8 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
         stage_cotangent(cx, stage, &y_bar, &mut x.q, &mut v_bar, &mut inputs);
         if *link == Link::SdirkSecond {
             let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
-            first_v_bar = x.q.iter().zip(&v_bar).map(|(q, v)| lead * q + RATIO * v).collect();
-            pull_lead(cx, stage, &mut x.q, &mut first_v_bar, &v_bar, lead);
+            first_v_bar = v_bar.iter().map(|v| RATIO * v).collect();
+            pull_along(cx, (&stage.lead, &stage.carry[2]), &mut x.q, &mut first_v_bar, lead, |_| lead);
             start_v_bar = v_bar.iter().map(|v| (1.0 - RATIO) * v).collect();
         } else {
             x.v = v_bar;
@@ -231,29 +231,16 @@ fn add_taken(x: &mut [f64], y: &mut [f64]) {
     }
 }
 
-/// The bodies' part of the way from the substep's start to the second stage of sdirk2.
-fn pull_lead(cx: Context, stage: &StageRecord, q_bar: &mut [f64], first_v_bar: &mut [f64], v_bar: &[f64], lead: f64) {
-    let n = cx.model.n_node_dofs();
-    (n..v_bar.len()).for_each(|k| first_v_bar[k] = RATIO * v_bar[k]);
-    pull_along(cx, &stage.lead, q_bar, first_v_bar, lead);
-}
-
 /// Cotangent of v⁺ and of the reference velocity from those of (q⁺, v⁺); that of q⁺ becomes that of q.
 fn end_cotangent(cx: Context, stage: &StageRecord, x: &mut Cotangent) -> (Vec<f64>, Vec<f64>) {
     let (mut y_bar, mut v_bar) = (x.v.clone(), vec![0.0; x.v.len()]);
-    for (node, &driven) in cx.model.driven().iter().enumerate() {
-        let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
-        for k in 3 * node..3 * node + 3 {
-            y_bar[k] += stage.h * w.d1 * x.q[k];
-            v_bar[k] += stage.h * w.d0 * x.q[k];
-        }
-    }
-    let (n, w) = (cx.model.n_node_dofs(), &stage.scheme.free);
     let mut moved = vec![0.0; x.q.len()];
-    pull_along(cx, &stage.end, &mut x.q, &mut moved, stage.h);
-    for k in n..moved.len() {
-        y_bar[k] += w.d1 * moved[k];
-        v_bar[k] += w.d0 * moved[k];
+    pull_along(cx, (&stage.end, &stage.carry[1]), &mut x.q, &mut moved, stage.h, |_| stage.h);
+    for (k, moved) in moved.iter().enumerate() {
+        let driven = cx.model.driven_rows().get(k).is_some_and(|driven| *driven);
+        let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
+        y_bar[k] += w.d1 * moved;
+        v_bar[k] += w.d0 * moved;
     }
     (y_bar, v_bar)
 }

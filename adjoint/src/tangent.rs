@@ -23,8 +23,8 @@ impl<'m> TangentStepper<'m> {
     /// Starts with zero tangents of the state.
     pub fn new(model: &'m Model, theta: &'m [f64], seeds: Seeds) -> Self {
         let zero = vec![0.0; model.nv() * seeds.columns];
-        let x = Tangent { q: zero.clone(), v: zero, z: vec![0.0; model.nz() * seeds.columns] };
-        Self { model, theta, mass: model.masses(theta), seeds, x, memory: Memory::default() }
+        let x = Tangent { q: zero.clone(), v: zero, z: vec![0.0; model.ndz() * seeds.columns] };
+        Self { model, theta, mass: model.row_masses(theta), seeds, x, memory: Memory::default() }
     }
 
     /// Pushes the tangents through one step.

@@ -21,8 +21,10 @@ pub struct Equilibrium {
     pub model: Arc<Model>,
     /// The parameters.
     pub theta: Vec<f64>,
-    /// Node positions \[m\].
+    /// Node positions \[m\], twists \[rad\], joint coordinates.
     pub q: Vec<f64>,
+    /// z's part of rods there.
+    pub frames: Vec<f64>,
     /// The static root: K = −∂f/∂q.
     pub record: StageRecord,
     /// Derivatives of the clamped positions: (row, input, value).
@@ -49,23 +51,35 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     if let Some(shape) = model.shape_names.first().cloned().or_else(of_pair) {
         return Err(StepError::EquilibriumWithContact { shape });
     }
+    let mut frames = model.frames_at(guess);
     let placement = place_clamped(model, theta, u, guess)?;
     let mut q = placement.0;
-    let (mass, inertias) = (model.masses(theta), model.inertias(theta));
+    model.rods.carry_frames(guess, &q, &mut frames);
+    let (mass, row_mass, inertias) = (model.masses(theta), model.row_masses(theta), model.inertias(theta));
     let (zero, measure) = (vec![0.0; model.nv()], Measure::new(model, theta));
     let ((signals, _), z) = (model.resting_signals(u), model.initial_memory());
-    let fixed = Fixed { model, theta, mass: &mass, inertias: &inertias, measure: &measure, zero: &zero, u: &signals, z: &z };
+    let fixed = Fixed {
+        model,
+        theta,
+        mass: &mass,
+        row_mass: &row_mass,
+        inertias: &inertias,
+        measure: &measure,
+        zero: &zero,
+        u: &signals,
+        z: &z,
+    };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
     let mut tau = FIRST_STEP;
     for _ in 0..MAX_STEPS {
         let last = tau >= LAST_STEP;
         let inertia = if last { 0.0 } else { 1.0 / (tau * tau) };
-        match solve_stage(&fixed.stage(&q, inertia), &mut ws, &mut work) {
+        match solve_stage(&fixed.stage([&q, &frames], inertia), &mut ws, &mut work) {
             Ok(()) => {
-                fixed.displace(&mut q, &ws.it.v);
+                fixed.displace(&mut q, &mut frames, &ws.it.v);
                 if last {
-                    return finish(model, &fixed, q, placement.1, ws, work);
+                    return finish(model, &fixed, [q, frames], placement.1, ws, work);
                 }
                 tau *= GROWTH;
             }
@@ -89,6 +103,7 @@ struct Fixed<'a> {
     model: &'a Model,
     theta: &'a [f64],
     mass: &'a [f64],
+    row_mass: &'a [f64],
     inertias: &'a [Inertia<f64>],
     measure: &'a Measure,
     zero: &'a [f64],
@@ -97,11 +112,12 @@ struct Fixed<'a> {
 }
 
 impl Fixed<'_> {
-    fn stage<'a>(&'a self, q: &'a [f64], inertia: f64) -> Stage<'a> {
+    fn stage<'a>(&'a self, [q, frames]: [&'a [f64]; 2], inertia: f64) -> Stage<'a> {
         Stage {
             model: self.model,
             theta: self.theta,
             mass: self.mass,
+            row_mass: self.row_mass,
             inertias: self.inertias,
             measure: self.measure,
             u: self.u,
@@ -110,6 +126,7 @@ impl Fixed<'_> {
             h: 1.0,
             inertia,
             q_ref: q,
+            frames,
             v_ref: self.zero,
             v_cmd: self.zero,
             rest_gap: self.model.contact.rest_gap,
@@ -121,27 +138,28 @@ impl Fixed<'_> {
         }
     }
 
-    fn displace(&self, q: &mut [f64], d: &[f64]) {
-        let n = self.model.n_node_dofs();
+    fn displace(&self, q: &mut [f64], frames: &mut [f64], d: &[f64]) {
+        let (n, before) = (self.model.n_node_dofs(), q.to_vec());
         q[..n].iter_mut().zip(&d[..n]).for_each(|(q, d)| *q += d);
         let from = q[n..].to_vec();
         self.model.tree.add(STATIC.end, &from, &d[n..], &mut q[n..]);
+        self.model.rods.carry_frames(&before, q, frames);
     }
 }
 
 fn finish(
     model: &Arc<Model>,
     fixed: &Fixed,
-    q: Vec<f64>,
+    [q, frames]: [Vec<f64>; 2],
     placement: Vec<(usize, Input, f64)>,
     mut ws: Workspace,
     mut work: Work,
 ) -> Result<Equilibrium, StepError> {
     ws.it.v.fill(0.0);
     work.factorizations += 1;
-    let record = StageRecord::take(&fixed.stage(&q, 0.0), &mut ws)?;
+    let record = StageRecord::take(&fixed.stage([&q, &frames], 0.0), &mut ws)?;
     let signals = model.resting_signals(fixed.u).1;
-    Ok(Equilibrium { model: Arc::clone(model), theta: fixed.theta.to_vec(), q, record, placement, signals, work })
+    Ok(Equilibrium { model: Arc::clone(model), theta: fixed.theta.to_vec(), q, frames, record, placement, signals, work })
 }
 
 /// Derivatives of clamped positions: (row of q, control or parameter, value).
@@ -150,10 +168,12 @@ pub type Placement = Vec<(usize, Input, f64)>;
 /// Positions `guess` with the prescribed nodes moved to where `u` puts them, and the derivatives of those targets.
 pub fn place_clamped(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> Result<(Vec<f64>, Placement), StepError> {
     let mut shift = vec![0.0; model.nv()];
+    let frames = model.frames_at(guess);
+    let guess_state = [guess, frames.as_slice()];
     let mut derivatives = Vec::new();
     for drive in model.drives.iter().filter(|d| d.is_prescribed()) {
-        drive.command(guess, u, theta, 1.0, &mut shift).map_err(|source| StepError::Command { step: 0, source })?;
-        drive.visit(guess, u, theta, 1.0, &mut |row, input, value| {
+        drive.command(guess_state, u, theta, 1.0, &mut shift).map_err(|source| StepError::Command { step: 0, source })?;
+        drive.visit(guess_state, u, theta, 1.0, &mut |row, input, value| {
             if !matches!(input, Input::Q(_)) {
                 derivatives.push((row, input, value));
             }

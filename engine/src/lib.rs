@@ -57,6 +57,7 @@ pub mod memory;
 pub mod model;
 mod newton;
 pub mod params;
+pub mod rods;
 pub mod rollout;
 pub mod scene;
 pub mod state;

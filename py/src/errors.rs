@@ -19,6 +19,7 @@ pub fn step(error: StepError) -> PyErr {
         StepError::Size { .. }
         | StepError::Parameter { .. }
         | StepError::Command { .. }
+        | StepError::Frames { .. }
         | StepError::EquilibriumWithContact { .. } => input(error),
         StepError::NotConverged { .. }
         | StepError::NotFinite { .. }

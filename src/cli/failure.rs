@@ -141,6 +141,7 @@ fn is_input(step: &StepError) -> bool {
         StepError::Command { .. }
             | StepError::Size { .. }
             | StepError::EquilibriumWithContact { .. }
+            | StepError::Frames { .. }
             | StepError::Parameter { .. }
     )
 }
@@ -170,6 +171,7 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
         StepError::ContactNotFinite { .. } => {
             ("an extreme size, mass, friction or compliance", "check the parameters of the two objects")
         }
+        StepError::Frames { .. } => ("positions of a rod were changed by hand", "take the axes that `frames_at` gives for them"),
         StepError::Size { .. } => ("inputs of another scene", "give as many as the scene has"),
         StepError::EquilibriumWithContact { .. } => {
             ("`start = \"equilibrium\"` in a scene with shapes", "write `start = \"as_given\"`, or remove the shapes")

@@ -5,9 +5,12 @@
 //! - prescribed: `v_cmd = (target(u, θ) − q)/h`, the target being the position at the *end* of the step;
 //! - velocity-controlled: `v_cmd = u`, and a clamped end edge also turns with the angular velocity ω by the Cayley map.
 //!
+//! Of a rope that twists it holds the axes of edges too: see [`super::hold`].
+//!
 //! A clamped end edge is a ghost node one rest length behind the end node: `p_ghost = p_end − l a/|a|`, `a` the axis pointing
 //! into the rope.
 
+use super::hold::{HeldEdge, Now};
 use crate::terms::{Real, Vec3};
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
@@ -47,7 +50,8 @@ pub struct EdgeClamp {
 pub enum DriveKind {
     /// Positions of the clamped nodes \[m\], three controls per node.
     PrescribedNodes(Vec<usize>),
-    /// Position \[m\] of the end node and axis [-] (any length) into the rope: six controls.
+    /// Position \[m\] of the end node and axis [-] (any length) into the rope: six controls; three more, the first material axis [-],
+    /// where the rope twists.
     PrescribedEdge(EdgeClamp),
     /// One velocity [m/s] for all clamped nodes: three controls.
     VelocityNodes(Vec<usize>),
@@ -66,6 +70,8 @@ pub struct Drive {
     pub first_u: usize,
     /// First of the three entries of its offset in θ.
     pub offset: usize,
+    /// Edges of a twisting rope whose axes it holds.
+    pub held: Vec<HeldEdge>,
 }
 
 /// A command that cannot be computed.
@@ -79,6 +85,14 @@ pub enum CommandError {
         /// The axis given.
         axis: [f64; 3],
     },
+    /// The director of a clamped end edge has no part normal to it.
+    #[error("gripper `{gripper}`: the director of its clamped end edge is ({}, {}, {}), which has no part across the axis; give the direction of the edge's first material axis", director[0], director[1], director[2])]
+    Director {
+        /// Gripper.
+        gripper: String,
+        /// The director given.
+        director: [f64; 3],
+    },
     /// A control is not finite.
     #[error("gripper `{gripper}`: control {index} is {value}; inputs must be finite numbers")]
     NotFinite {
@@ -91,6 +105,8 @@ pub enum CommandError {
     },
 }
 
+/// Sine of the smallest angle between axis and director.
+const PARALLEL: f64 = 1e-6;
 const DUALS: usize = 12;
 type Dual = DualSVec64<DUALS>;
 
@@ -100,7 +116,8 @@ impl Drive {
         match &self.kind {
             DriveKind::PrescribedNodes(nodes) => 3 * nodes.len(),
             DriveKind::VelocityNodes(_) => 3,
-            DriveKind::PrescribedEdge(_) | DriveKind::VelocityEdge(_) => 6,
+            DriveKind::PrescribedEdge(_) => 6 + 3 * self.held.len(),
+            DriveKind::VelocityEdge(_) => 6,
         }
     }
 
@@ -117,9 +134,19 @@ impl Drive {
         matches!(self.kind, DriveKind::PrescribedNodes(_) | DriveKind::PrescribedEdge(_))
     }
 
-    /// Writes the commanded velocities [m/s] of its nodes into `v_cmd` (flat, all nodes).
-    pub fn command(&self, q: &[f64], u: &[f64], theta: &[f64], h: f64, v_cmd: &mut [f64]) -> Result<(), CommandError> {
+    /// Writes the commanded velocities of its nodes [m/s] and twists [rad/s] into `v_cmd` (by rows). `frames`: z's part of rods.
+    pub fn command(
+        &self,
+        [q, frames]: [&[f64]; 2],
+        u: &[f64],
+        theta: &[f64],
+        h: f64,
+        v_cmd: &mut [f64],
+    ) -> Result<(), CommandError> {
         self.check(u)?;
+        for held in &self.held {
+            v_cmd[held.row] = self.twist_command(held, &held.now(q, frames), &|input| value(input, q, u, theta), h);
+        }
         match &self.kind {
             DriveKind::PrescribedNodes(nodes) => {
                 for (k, &node) in nodes.iter().enumerate() {
@@ -144,7 +171,18 @@ impl Drive {
     }
 
     /// Calls `visit(row, input, ∂v_cmd[row]/∂input)` for every structural nonzero.
-    pub fn visit(&self, q: &[f64], u: &[f64], theta: &[f64], h: f64, visit: &mut dyn FnMut(usize, Input, f64)) {
+    pub fn visit(&self, [q, frames]: [&[f64]; 2], u: &[f64], theta: &[f64], h: f64, visit: &mut dyn FnMut(usize, Input, f64)) {
+        for held in &self.held {
+            let now = held.now(q, frames);
+            differentiate(
+                &self.twist_inputs(held),
+                q,
+                u,
+                theta,
+                &|get| vec![(held.row, self.twist_command(held, &now, get, h))],
+                visit,
+            );
+        }
         match &self.kind {
             DriveKind::PrescribedNodes(nodes) => {
                 for (k, &node) in nodes.iter().enumerate() {
@@ -168,29 +206,38 @@ impl Drive {
     }
 
     fn visit_edge(&self, c: &EdgeClamp, q: &[f64], u: &[f64], theta: &[f64], h: f64, visit: &mut dyn FnMut(usize, Input, f64)) {
-        for inputs in self.edge_inputs(c).chunks(DUALS) {
-            let seeded = |input: Input| {
-                let re = value(input, q, u, theta);
-                match inputs.iter().position(|i| *i == input) {
-                    Some(k) => {
-                        let mut eps = SVector::<f64, DUALS>::zeros();
-                        eps[k] = 1.0;
-                        Dual::new(re, Derivative::some(eps))
-                    }
-                    None => Dual::from_re(re),
-                }
-            };
-            let (end, ghost) = self.edge_command(c, &seeded, h);
-            for (node, command) in [(c.end, end), (c.ghost, ghost)] {
-                for a in 0..3 {
-                    if let Some(eps) = command[a].eps.0 {
-                        for (k, input) in inputs.iter().enumerate() {
-                            visit(3 * node + a, *input, eps[k]);
-                        }
-                    }
-                }
+        let command = |get: &dyn Fn(Input) -> Dual| {
+            let (end, ghost) = self.edge_command(c, get, h);
+            let rows = |node: usize, x: Vec3<Dual>| (0..3).map(move |a| (3 * node + a, x[a]));
+            rows(c.end, end).chain(rows(c.ghost, ghost)).collect()
+        };
+        differentiate(&self.edge_inputs(c), q, u, theta, &command, visit);
+    }
+
+    /// Velocity of the twist of a held edge [rad/s].
+    fn twist_command<S: Real>(&self, held: &HeldEdge, now: &Now, get: &dyn Fn(Input) -> S, h: f64) -> S {
+        let control = |k: usize| Vec3::from_fn(|a, _| get(Input::U(self.first_u + k + a)));
+        match &self.kind {
+            DriveKind::PrescribedEdge(c) => {
+                // the axis points into the rope, the edge from its first node on
+                let edge = if held.nodes[1] == c.ghost { -control(3) } else { control(3) };
+                held.command(now, edge, Some(control(6)), get, h)
             }
+            DriveKind::PrescribedNodes(nodes) => {
+                let place = |node: usize| nodes.iter().position(|n| *n == node).map_or(0, |k| 3 * k);
+                held.command(now, control(place(held.nodes[1])) - control(place(held.nodes[0])), None, get, h)
+            }
+            DriveKind::VelocityEdge(_) => held.spin(now, control(3), get, h),
+            DriveKind::VelocityNodes(_) => S::zero(),
         }
+    }
+
+    fn twist_inputs(&self, held: &HeldEdge) -> Vec<Input> {
+        let controls = match &self.kind {
+            DriveKind::VelocityNodes(_) => return Vec::new(),
+            _ => (self.first_u..self.first_u + self.n_controls()).map(Input::U),
+        };
+        held.inputs().chain(controls).collect()
     }
 
     fn edge_inputs(&self, c: &EdgeClamp) -> Vec<Input> {
@@ -229,8 +276,43 @@ impl Drive {
             if axis.iter().map(|a| a * a).sum::<f64>() < f64::MIN_POSITIVE {
                 return Err(CommandError::Axis { gripper: self.name.clone(), axis });
             }
+            if !self.held.is_empty() {
+                let [axis, director] = [3, 6].map(|k| Vec3::from_fn(|a, _| u[range.start + k + a]));
+                if axis.cross(&director).norm() <= PARALLEL * axis.norm() * director.norm() {
+                    return Err(CommandError::Director { gripper: self.name.clone(), director: director.into() });
+                }
+            }
         }
         Ok(())
+    }
+}
+
+/// Visits the derivatives of `of`'s rows by `inputs`.
+fn differentiate(
+    inputs: &[Input],
+    q: &[f64],
+    u: &[f64],
+    theta: &[f64],
+    of: &dyn Fn(&dyn Fn(Input) -> Dual) -> Vec<(usize, Dual)>,
+    visit: &mut dyn FnMut(usize, Input, f64),
+) {
+    for inputs in inputs.chunks(DUALS) {
+        let seeded = |input: Input| {
+            let re = value(input, q, u, theta);
+            match inputs.iter().position(|i| *i == input) {
+                Some(k) => {
+                    let mut eps = SVector::<f64, DUALS>::zeros();
+                    eps[k] = 1.0;
+                    Dual::new(re, Derivative::some(eps))
+                }
+                None => Dual::from_re(re),
+            }
+        };
+        for (row, command) in of(&seeded) {
+            if let Some(eps) = command.eps.0 {
+                inputs.iter().enumerate().for_each(|(k, input)| visit(row, *input, eps[k]));
+            }
+        }
     }
 }
 

@@ -1,4 +1,6 @@
 //! How inputs move the clamped nodes.
 
 mod drive;
+mod hold;
 pub use drive::{CommandError, Drive, DriveKind, EdgeClamp, Input};
+pub use hold::HeldEdge;

@@ -107,6 +107,34 @@ impl NodeMatrix {
         }
     }
 
+    /// Adds `m` to the entries of these rows and columns, for which there must be room.
+    #[inline]
+    pub(crate) fn add_square<const N: usize>(&mut self, rows: &[usize; N], m: &[[f64; N]; N]) {
+        let stored = rows.map(|row| self.layout.storage(row));
+        let contiguous = (1..N).all(|k| stored[k] == stored[0] + k);
+        if let (Pattern::Band(half_width), true) = (&self.layout.pattern, contiguous) {
+            let b = self.layout.block();
+            let row_len = b * (2 * half_width + 1);
+            for (at, row) in stored.iter().zip(m) {
+                // the row's first entry is half_width slots before its own
+                let start = at * row_len + b * half_width + stored[0] - b * (at / b);
+                for (entry, x) in self.data[start..start + N].iter_mut().zip(row) {
+                    *entry += x;
+                }
+            }
+            return;
+        }
+        for (&r, row) in stored.iter().zip(m) {
+            for (&c, x) in stored.iter().zip(row) {
+                let place = self.layout.entry(r, c);
+                debug_assert!(place.is_some(), "no room for entry ({r}, {c})");
+                if let Some(k) = place {
+                    self.data[k] += x;
+                }
+            }
+        }
+    }
+
     /// The block of nodes (i, j), for which there must be room.
     pub fn block(&self, i: usize, j: usize) -> [[f64; 3]; 3] {
         let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
@@ -139,13 +167,12 @@ impl NodeMatrix {
         }
     }
 
-    /// As [`Self::set_sum`] in the columns of node `j` alone.
-    pub fn set_sum_in_columns(&mut self, j: usize, a: f64, x: &Self, b: f64, y: &Self) {
-        let (layout, j) = (Arc::clone(&self.layout), self.layout.slot(j));
-        let size = layout.block();
-        for i in layout.row(j) {
-            let (start, down) = self.room(i, j);
-            for k in (0..size).flat_map(|r| (0..3).map(move |c| start + r * down + c)) {
+    /// As [`Self::set_sum`] in column `c` alone.
+    pub fn set_sum_in_column(&mut self, c: usize, a: f64, x: &Self, b: f64, y: &Self) {
+        let (size, c) = (self.layout.block(), self.layout.storage(c));
+        for i in self.layout.row(c / size) {
+            let Some((start, down)) = self.layout.place(i, c / size) else { continue };
+            for k in (0..size).map(|r| start + r * down + c % size) {
                 self.data[k] = -(a * x.data[k] + b * y.data[k]);
             }
         }

@@ -10,16 +10,23 @@ use crate::state::State;
 use crate::terms::joint::JointPoint;
 
 impl Model {
-    /// Number of internal variables z.
+    /// Number of internal variables z: what joints and motors remember, then the reference axes of rods.
     pub fn nz(&self) -> usize {
+        self.ndz() + self.rods.n_frames()
+    }
+
+    /// Numbers of a change of z: reference axes move with the nodes and have none.
+    pub fn ndz(&self) -> usize {
         self.memory.len(self.h)
     }
 
     /// Names of the internal variables: `elbow.plastic` [rad or m] (`wrist.plastic[k]` of a ball, its rotation vector's axes),
-    /// `elbow.load` [N·m or N]; `motor.target`, `motor.command[k]` (k + 1 steps ago), `motor.lagged` in the unit of its control.
+    /// `elbow.load` [N·m or N]; `motor.target`, `motor.command[k]` (k + 1 steps ago), `motor.lagged` in the unit of its control;
+    /// `cable.edge[k].axis.x` [-], the reference axis of a rod's edge, and `cable.node[i].reference_twist` \[rad\].
     pub fn memory_names(&self) -> Vec<String> {
         let materials = self.memory.materials.iter().map(|(name, _)| name.clone());
-        materials.chain(self.memory.paths.iter().flat_map(|p| p.names(self.h))).collect()
+        let signals = self.memory.paths.iter().flat_map(|p| p.names(self.h));
+        materials.chain(signals).chain(self.frame_names()).collect()
     }
 
     /// The state the scene begins with.
@@ -39,6 +46,7 @@ impl Model {
                 JointPoint { tree: &self.tree, q: &self.q0[n..], v: &self.v0[n..], u: &u, theta: self.params.values(), past };
             self.carry_loads(&at, &mut z);
         }
+        z.extend_from_slice(&self.frames0);
         z
     }
 

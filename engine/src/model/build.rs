@@ -8,6 +8,7 @@ use crate::kinematics::{Drive, DriveKind, EdgeClamp};
 use crate::kkt::NodeLayout;
 use crate::memory::Layout;
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use crate::rods::Rods;
 use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Source, Start};
 use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, Stretch, StretchDamping, Term, Vec3};
 use std::sync::Arc;
@@ -49,21 +50,21 @@ pub struct ModelBuilder {
 }
 
 /// Nodes of one rope while its elements are listed: real nodes, and the ghosts at clamped end edges.
-struct RopeNodes<'a> {
-    rope: &'a Rope,
+pub(super) struct RopeNodes<'a> {
+    pub rope: &'a Rope,
     span: RopeSpan,
     ghost_first: Option<usize>,
     ghost_last: Option<usize>,
-    params: RopeParams,
+    pub params: RopeParams,
 }
 
-struct RopeParams {
-    length: usize,
+pub(super) struct RopeParams {
+    pub length: usize,
     density: usize,
     stretch: usize,
     stretch_damping: usize,
-    bend: usize,
-    bend_damping: usize,
+    pub bend: usize,
+    pub bend_damping: usize,
     drag_linear: usize,
     drag_quadratic: usize,
     tip: usize,
@@ -101,6 +102,8 @@ impl ModelBuilder {
             ropes: Vec::new(),
             masses: Vec::new(),
             driven: Vec::new(),
+            driven_rows: Vec::new(),
+            rods: Rods::default(),
             drives: Vec::new(),
             terms: Vec::new(),
             tree: Tree::default(),
@@ -124,6 +127,7 @@ impl ModelBuilder {
             start: if scene.rope.iter().any(|r| r.start == Start::Equilibrium) { Start::Equilibrium } else { Start::AsGiven },
             q0,
             v0,
+            frames0: Vec::new(),
         };
         let mut elements = Elements::default();
         let mut ropes = Vec::new();
@@ -134,9 +138,11 @@ impl ModelBuilder {
         }
         model.add_terms(elements);
         model.driven = vec![false; model.n_nodes()];
+        model.add_rods(scene, &ropes)?;
         for gripper in &scene.gripper {
             model.add_gripper(gripper, &ropes);
         }
+        model.drive_rows();
         model.add_bodies(scene);
         model.weights = model.dof_weights();
         model.add_couplings(scene)?;
@@ -237,6 +243,9 @@ impl<'a> RopeNodes<'a> {
             out.bend.push(element(p.bend));
             out.bend_damping.push(element(p.bend_damping));
         };
+        if self.rope.twist.is_some() {
+            return; // bending of rods knows directions: `add_rods`
+        }
         if let Some(ghost) = self.ghost_first {
             bend(vec![ghost, node(0), node(1)], fractions[0] / 2.0);
         }
@@ -246,6 +255,24 @@ impl<'a> RopeNodes<'a> {
         if let Some(ghost) = self.ghost_last {
             bend(vec![node(n - 2), node(n - 1), ghost], fractions[n - 2] / 2.0);
         }
+    }
+
+    /// Nodes from end to end, ghosts included.
+    pub(super) fn chain(&self) -> Vec<usize> {
+        self.ghost_first.into_iter().chain(self.span.nodes.clone()).chain(self.ghost_last).collect()
+    }
+
+    /// Rest lengths of the edges between them, as fractions of the rope's.
+    pub(super) fn chain_fractions(&self) -> Vec<f64> {
+        let fractions = &self.span.fractions;
+        let first = self.ghost_first.map(|_| fractions[0]);
+        let last = self.ghost_last.map(|_| fractions[fractions.len() - 1]);
+        first.into_iter().chain(fractions.iter().copied()).chain(last).collect()
+    }
+
+    /// What of the rope's length a joint at `node` stands for: half of each edge that is no ghost.
+    pub(super) fn joint_fraction(&self, node: usize) -> f64 {
+        voronoi(&self.span.fractions, node - self.span.nodes.start)
     }
 
     fn drive_kind(&self, gripper: &Gripper) -> DriveKind {
@@ -318,11 +345,22 @@ impl Model {
         for (a, value) in gripper.offset.iter().enumerate() {
             self.params.push(format!("{}.offset[{a}]", gripper.name), "m", ANY, *value);
         }
-        let drive = Drive { name: gripper.name.clone(), kind: rope.drive_kind(gripper), first_u, offset };
+        let mut drive = Drive { name: gripper.name.clone(), kind: rope.drive_kind(gripper), first_u, offset, held: Vec::new() };
+        if !self.held_edges(&drive.nodes(), None).is_empty() {
+            let prescribed = drive.is_prescribed();
+            let roll = prescribed.then(|| self.params.push(format!("{}.roll", gripper.name), "rad", ANY, gripper.roll));
+            drive.held = self.held_edges(&drive.nodes(), roll);
+        }
         for node in drive.nodes() {
             self.driven[node] = true;
         }
         self.drives.push(drive);
+    }
+
+    fn drive_rows(&mut self) {
+        let twists = std::iter::repeat_n(false, self.rods.n_twists());
+        self.driven_rows = self.driven.iter().flat_map(|d| [*d; 3]).chain(twists).collect();
+        self.drives.iter().flat_map(|d| &d.held).for_each(|held| self.driven_rows[held.row] = true);
     }
 
     fn add_shapes<X>(&mut self, scene: &Scene<X>) {

@@ -5,6 +5,7 @@ mod build;
 mod couplings;
 mod mass;
 mod query;
+mod rods;
 mod solids;
 mod ties;
 
@@ -19,6 +20,7 @@ use crate::kinematics::Drive;
 use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
 use crate::params::Params;
+use crate::rods::{RodEdge, RodPoint, Rods};
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use crate::state::State;
 use crate::terms::Term;
@@ -55,6 +57,9 @@ pub struct Model {
     pub(crate) ropes: Vec<RopeSpan>,
     pub(crate) masses: Vec<NodeMass>,
     pub(crate) driven: Vec<bool>,
+    /// Of every row of nodes and twists.
+    pub(crate) driven_rows: Vec<bool>,
+    pub(crate) rods: Rods,
     pub(crate) drives: Vec<Drive>,
     pub(crate) terms: Vec<Arc<dyn Term>>,
     pub(crate) tree: Tree,
@@ -78,6 +83,8 @@ pub struct Model {
     pub(crate) start: Start,
     pub(crate) q0: Vec<f64>,
     pub(crate) v0: Vec<f64>,
+    /// z's part of rods at q0.
+    pub(crate) frames0: Vec<f64>,
 }
 
 impl Model {
@@ -86,17 +93,22 @@ impl Model {
         self.masses.len()
     }
 
-    /// Number of rows that belong to nodes, three each; the bodies' degrees of freedom follow.
+    /// Number of rows of nodes, three each, and of the twists of rods' edges, which follow; the bodies' degrees of freedom are behind.
     pub fn n_node_dofs(&self) -> usize {
-        3 * self.n_nodes()
+        3 * self.n_nodes() + self.rods.n_twists()
     }
 
-    /// Number of coordinates: three per node, then those of the joints (four for a ball).
+    /// The rods that twist.
+    pub fn rods(&self) -> &Rods {
+        &self.rods
+    }
+
+    /// Number of coordinates: three per node, one per twist, then those of the joints (four for a ball).
     pub fn nq(&self) -> usize {
         self.n_node_dofs() + self.tree.nq()
     }
 
-    /// Number of velocities: three per node, then one per degree of freedom (three for a ball).
+    /// Number of velocities: three per node, one per twist, then one per degree of freedom (three for a ball).
     pub fn nv(&self) -> usize {
         self.n_node_dofs() + self.tree.nv()
     }
@@ -107,9 +119,10 @@ impl Model {
     }
 
     /// Numbers of a change of state, δx = (δq, δv, δz): the size of tangents, cotangents and the Jacobian A. A change of a ball's
-    /// quaternion is a turn in its body's axes.
+    /// quaternion is a turn in its body's axes; one of a twist, a turn of the material beside what moving the edge's nodes does to it,
+    /// and the reference axes in z have none of their own.
     pub fn ndx(&self) -> usize {
-        2 * self.nv() + self.nz()
+        2 * self.nv() + self.ndz()
     }
 
     /// `x ⊕ δx`.
@@ -120,6 +133,7 @@ impl Model {
         self.tree.add(crate::bodies::rotation::Map::Exponential, &x.q[n..], &dx[n..nv], &mut out.q[n..]);
         out.v.iter_mut().zip(&dx[nv..]).for_each(|(v, d)| *v += d);
         out.z.iter_mut().zip(&dx[2 * nv..]).for_each(|(z, d)| *z += d);
+        self.rods.carry_frames(&x.q, &out.q, &mut out.z[self.ndz()..]);
         out
     }
 
@@ -128,6 +142,7 @@ impl Model {
         let (n, nv) = (self.n_node_dofs(), self.nv());
         let mut dx = vec![0.0; self.ndx()];
         (0..n).for_each(|k| dx[k] = b.q[k] - a.q[k]);
+        self.rods.add_turns([&a.q, &b.q], [&a.z[self.ndz()..], &b.z[self.ndz()..]], &mut dx);
         self.tree.subtract(&b.q[n..], &a.q[n..], &mut dx[n..nv]);
         (0..nv).for_each(|k| dx[nv + k] = b.v[k] - a.v[k]);
         dx[2 * nv..].iter_mut().zip(b.z.iter().zip(&a.z)).for_each(|(d, (b, a))| *d = b - a);
@@ -255,11 +270,32 @@ impl Model {
         self.masses.iter().map(|m| m.mass(theta)).collect()
     }
 
+    /// Inertia of every row of nodes and twists [kg, kg·m²].
+    pub fn row_masses(&self, theta: &[f64]) -> Vec<f64> {
+        let nodes = self.masses.iter().flat_map(|m| [m.mass(theta); 3]);
+        nodes.chain(self.rods.edges.iter().map(|edge| edge.moment(theta))).collect()
+    }
+
+    /// Whether each row of nodes and twists is driven by a gripper.
+    pub fn driven_rows(&self) -> &[bool] {
+        &self.driven_rows
+    }
+
+    /// z's part of rods at positions `q` \[m\], reference axes carried there from where the scene begins.
+    pub fn frames_at(&self, q: &[f64]) -> Vec<f64> {
+        let mut frames = self.frames0.clone();
+        self.rods.carry_frames(&self.q0, q, &mut frames);
+        frames
+    }
+
     /// Kinetic energy of nodes, bodies and armatures \[J\].
     pub fn kinetic_energy(&self, q: &[f64], v: &[f64], theta: &[f64]) -> f64 {
         let speed2 = |i: usize| v[3 * i..3 * i + 3].iter().map(|x| x * x).sum::<f64>();
         let nodes: f64 = self.masses.iter().enumerate().map(|(i, m)| 0.5 * m.mass(theta) * speed2(i)).sum();
-        nodes + self.tree.kinetic_energy(&q[self.n_node_dofs()..], &v[self.n_node_dofs()..], &self.inertias(theta), theta)
+        let spin = |(k, edge): (usize, &RodEdge)| 0.5 * edge.moment(theta) * v[self.rods.row(k)].powi(2);
+        nodes
+            + self.rods.edges.iter().enumerate().map(spin).sum::<f64>()
+            + self.tree.kinetic_energy(&q[self.n_node_dofs()..], &v[self.n_node_dofs()..], &self.inertias(theta), theta)
     }
 
     /// Potential energy of all terms and of the bodies' weight \[J\], at internal variables z.
@@ -270,7 +306,10 @@ impl Model {
         let u = vec![0.0; self.nu()];
         let past = Past { q: &q[n..], z, elapsed: 0.0 };
         let joints = JointPoint { tree: &self.tree, q: &q[n..], v: &v[n..], u: &u, theta, past };
+        let mut rods = RodPoint::default();
+        self.rods.evaluate(q, &z[self.ndz()..], q, &mut rods);
         self.terms.iter().map(|t| t.energy(&at)).sum::<f64>()
+            + self.rods.energy(&rods, theta)
             + self.joint_terms.iter().map(|t| t.energy(&joints)).sum::<f64>()
             + self.tree.weight_energy(&q[n..], &self.inertias(theta), &self.gravity_vector(theta))
     }
@@ -290,18 +329,24 @@ impl Model {
     pub(crate) fn make_layout(&self) -> NodeLayout {
         let mut stencils = Vec::new();
         self.terms.iter().for_each(|term| term.visit_stencils(&mut |nodes| stencils.push(nodes.to_vec())));
+        self.rods.visit_stencils(&mut |nodes| stencils.push(nodes.to_vec()));
         let n = self.n_nodes();
+        let twists: Vec<usize> = self.rods.edges.iter().map(|edge| edge.nodes[0]).collect();
         let layout = match self.method() {
-            Method::Sparse => NodeLayout::sparse(n, &[], None, &stencils),
-            Method::Band | Method::Dense => NodeLayout::banded(n, &[], None, &stencils),
+            Method::Sparse => NodeLayout::sparse(n, &twists, None, &stencils),
+            Method::Band | Method::Dense => NodeLayout::banded(n, &twists, None, &stencils),
         };
         // terms were refused when added if they act on nodes that are not there
-        layout.unwrap_or_else(|_| NodeLayout::band(n, n.saturating_sub(1)))
+        layout.unwrap_or_else(|error| unreachable!("{error}"))
     }
 
     /// Whether the matrices of a step are symmetric at these parameters: no term breaks it, and there is no contact.
     pub(crate) fn symmetry(&self, theta: &[f64]) -> Symmetry {
-        let symmetric = self.pairs.is_empty() && self.solid_pairs.is_empty() && self.terms.iter().all(|t| t.symmetric(theta));
+        // axes carried along an edge's way make ∂f/∂q̄ depend on where the way began
+        let symmetric = self.rods.edges.is_empty()
+            && self.pairs.is_empty()
+            && self.solid_pairs.is_empty()
+            && self.terms.iter().all(|t| t.symmetric(theta));
         if symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }
 }

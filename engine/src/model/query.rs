@@ -57,6 +57,7 @@ impl Model {
     /// What a row of the velocities belongs to, for messages: "node 3, axis x", or a joint by its name.
     pub fn row_name(&self, row: usize) -> String {
         match row.checked_sub(self.n_node_dofs()).and_then(|l| Some((l, self.tree.dofs().get(l)?))) {
+            None if row >= 3 * self.n_nodes() && row < self.n_node_dofs() => self.twist_name(row - 3 * self.n_nodes()),
             None => format!("node {}, axis {}", row / 3, ["x", "y", "z"][row % 3]),
             Some((l, dof)) => {
                 let joint = &self.tree.joints()[dof.joint];

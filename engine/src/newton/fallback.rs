@@ -101,9 +101,8 @@ fn start_frozen(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work
 
 /// Velocities of the last step, driven rows at their command.
 fn start(stage: &Stage, ws: &mut Workspace) {
-    for (node, &driven) in stage.model.driven.iter().enumerate() {
-        let from = if driven { stage.v_cmd } else { stage.v_ref };
-        ws.it.v[3 * node..3 * node + 3].copy_from_slice(&from[3 * node..3 * node + 3]);
+    for (k, &driven) in stage.model.driven_rows.iter().enumerate() {
+        ws.it.v[k] = if driven { stage.v_cmd[k] } else { stage.v_ref[k] };
     }
     let n = stage.model.n_node_dofs();
     ws.it.v[n..].copy_from_slice(&stage.v_ref[n..]);
@@ -124,7 +123,7 @@ fn cold_cone(kappa: f64, mass: f64) -> Vector4<f64> {
 fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
     start(stage, ws);
     let g = stage.theta[stage.model.gravity];
-    let nodes = &stage.v_ref[..stage.model.n_node_dofs()];
+    let nodes = &stage.v_ref[..3 * stage.mass.len()];
     let fastest = nodes.iter().fold((g * stage.h).max(ws.spots.fastest), |a, v| a.max(v.abs()));
     // a contact this soft turns a node of that speed round within the step
     let mut gap = (fastest * fastest / g.max(1e-3)).max(stage.rest_gap);

@@ -309,16 +309,16 @@ fn cone_norm(stage: &Stage, ws: &Workspace, [dw, dp]: [&[Vector4<f64>]; 2], ds: 
 
 /// √(Σ m v²/Σ m) [m/s] of velocities or their change.
 fn speed(stage: &Stage, v: &[f64]) -> f64 {
-    let (nodes, dofs) = v.split_at(3 * stage.mass.len());
-    let of_nodes = stage.mass.iter().zip(nodes.chunks_exact(3)).map(|(m, d)| m * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]));
+    let (nodes, dofs) = v.split_at(stage.row_mass.len());
+    let of_nodes = stage.measure.nodes.iter().zip(nodes).map(|(m, d)| m * d * d);
     ((of_nodes.sum::<f64>() + dofs_norm2(stage, dofs)) / stage.measure.total).sqrt()
 }
 
 /// The velocity [m/s] that tolerances refer to: root mean square of the velocities at hand, and a step's fall.
 fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
     let mean_square = |v: &[f64]| {
-        let (nodes, dofs) = v.split_at(3 * stage.mass.len());
-        let of_nodes = nodes.iter().map(|x| x * x).sum::<f64>() / (stage.mass.len().max(1)) as f64;
+        let (nodes, dofs) = v.split_at(stage.row_mass.len());
+        let of_nodes = nodes[..3 * stage.mass.len()].iter().map(|x| x * x).sum::<f64>() / (stage.mass.len().max(1)) as f64;
         of_nodes + dofs_norm2(stage, dofs) / stage.measure.total
     };
     let fall = stage.theta[stage.model.gravity] * stage.h.min(1.0 / stage.inertia.max(f64::MIN_POSITIVE));

@@ -20,6 +20,13 @@ pub struct Gripper {
     /// Constant shift of the commanded positions [m].
     #[serde(default)]
     pub offset: [f64; 3],
+    /// Turn of the material axes it holds of a rope that twists, about the rope's direction, from where its controls (or, of clamped
+    /// nodes, the scene's beginning) have them [rad].
+    #[serde(default)]
+    pub roll: f64,
+    /// Rate at which it turns what it holds of a rope that twists about the rope's direction, in `simulate` and `gradcheck` [rad/s].
+    #[serde(default)]
+    pub spin: f64,
     /// Motion in `simulate` and `gradcheck`; logs override it.
     #[serde(default)]
     pub motion: Motion,
@@ -33,6 +40,8 @@ impl Default for Gripper {
             clamp: Clamp::Nodes(vec![0]),
             mode: Mode::default(),
             offset: [0.0; 3],
+            roll: 0.0,
+            spin: 0.0,
             motion: Motion::default(),
         }
     }

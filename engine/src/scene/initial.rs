@@ -24,7 +24,8 @@ pub fn initial_state<X>(scene: &Scene<X>) -> Result<(Vec<f64>, Vec<f64>), SceneE
     Ok((q, v))
 }
 
-fn with_ghosts<X>(scene: &Scene<X>, r: usize) -> Result<Vec<V3>, SceneError> {
+/// Positions of the nodes of rope `r`, ghosts included.
+pub(super) fn with_ghosts<X>(scene: &Scene<X>, r: usize) -> Result<Vec<V3>, SceneError> {
     let rope = &scene.rope[r];
     let mut points = rope_points(scene, r)?;
     if scene.clamps_end(rope, End::First) {

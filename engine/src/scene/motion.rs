@@ -5,8 +5,9 @@ use super::body::JointKind;
 use super::error::SceneError;
 use super::file::Scene;
 use super::gripper::{Clamp, End, Gripper, Mode, Motion};
-use super::initial::{end_axis, rope_points};
-use super::vector::{V3, add, scale, sub};
+use super::initial::{end_axis, rope_points, with_ghosts};
+use super::rod::RodStart;
+use super::vector::{V3, add, scale, sub, unit};
 
 /// One entry of u.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,7 +45,11 @@ fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
     let groups = match (&gripper.clamp, gripper.mode) {
         (Clamp::Nodes(nodes), Mode::Prescribed) => nodes.iter().map(node).collect(),
         (Clamp::Nodes(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s")],
-        (Clamp::End(_), Mode::Prescribed) => vec![("position".to_owned(), "m"), ("axis".to_owned(), "-")],
+        (Clamp::End(_), Mode::Prescribed) => {
+            let twists = rope.is_some_and(|rope| rope.twist.is_some());
+            let director = twists.then(|| ("director".to_owned(), "-"));
+            [("position".to_owned(), "m"), ("axis".to_owned(), "-")].into_iter().chain(director).collect()
+        }
         (Clamp::End(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s"), ("angular_velocity".to_owned(), "rad/s")],
     };
     let entry = |(group, unit): (String, &'static str)| {
@@ -75,12 +80,33 @@ pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
             (Clamp::End(end), Mode::Prescribed) => {
                 u.extend(targets.into_iter().flatten());
                 u.extend(end_axis(&points, *end));
+                u.extend(end_director(scene, r, *end)?.into_iter().flatten());
             }
             (Clamp::End(End::First | End::Last), Mode::Velocity) => u.extend([0.0; 6]),
         }
     }
     u.extend(scene.actuator.iter().map(|a| a.command.at(0.0)));
     Ok(u)
+}
+
+/// First material axis of the clamped end edge of rope `r` as the scene begins, if the rope twists.
+fn end_director<X>(scene: &Scene<X>, r: usize, end: End) -> Result<Option<V3>, SceneError> {
+    let Some(start) = RodStart::new(scene, r)? else { return Ok(None) };
+    let points = with_ghosts(scene, r)?;
+    let k = if end == End::First { 0 } else { points.len() - 2 };
+    let tangent = unit(sub(points[k + 1], points[k])).unwrap_or([1.0, 0.0, 0.0]);
+    Ok(Some(start.axis(k, &tangent.into()).into()))
+}
+
+/// `x` turned by `angle` about the unit vector `axis`, to which it is normal.
+fn turned(x: V3, axis: V3, angle: f64) -> V3 {
+    let across = [axis[1] * x[2] - axis[2] * x[1], axis[2] * x[0] - axis[0] * x[2], axis[0] * x[1] - axis[1] * x[0]];
+    add(scale(x, angle.cos()), scale(across, angle.sin()))
+}
+
+/// Direction of a clamped end edge along the rope, from its axis, which points into the rope.
+fn along(axis: V3, end: End) -> V3 {
+    scale(unit(axis).unwrap_or(axis), if end == End::First { 1.0 } else { -1.0 })
 }
 
 fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
@@ -90,9 +116,11 @@ fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
         let (groups, moving) = match (&gripper.clamp, gripper.mode) {
             (Clamp::Nodes(nodes), Mode::Prescribed) => (nodes.len(), nodes.len()),
             (Clamp::Nodes(_), Mode::Velocity) => (1, 1),
-            // The axis, or the angular velocity, stays as it is.
-            (Clamp::End(_), _) => (2, 1),
+            // the axis stays as it is
+            (Clamp::End(_), Mode::Prescribed) => (2 + usize::from(twists(scene, gripper)), 1),
+            (Clamp::End(_), Mode::Velocity) => (2, 1),
         };
+        spin(scene, gripper, &mut u[first..first + 3 * groups], end);
         let at_end = displacement(&gripper.motion, end);
         let change = match gripper.mode {
             Mode::Prescribed => at_end,
@@ -108,6 +136,31 @@ fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
     let commands = scene.actuator.iter().map(|a| a.command.at(0.5 * (begin + end)));
     u[first..].iter_mut().zip(commands).for_each(|(u, value)| *u = value);
     u
+}
+
+fn twists<X>(scene: &Scene<X>, gripper: &Gripper) -> bool {
+    scene.rope.iter().any(|rope| rope.name == gripper.rope && rope.twist.is_some())
+}
+
+/// Turns the director of a clamped end edge as far as its spin has come at time t [s], or sets its angular velocity.
+fn spin<X>(scene: &Scene<X>, gripper: &Gripper, u: &mut [f64], t: f64) {
+    let Clamp::End(end) = gripper.clamp else { return };
+    if gripper.spin == 0.0 || !twists(scene, gripper) {
+        return;
+    }
+    if gripper.mode == Mode::Prescribed {
+        let axis = along([u[3], u[4], u[5]], end);
+        let director = turned([u[6], u[7], u[8]], axis, gripper.spin * t);
+        u[6..9].copy_from_slice(&director);
+    } else if let Some(axis) = start_axis(scene, gripper, end) {
+        u[3..6].copy_from_slice(&scale(axis, gripper.spin));
+    }
+}
+
+/// Direction along the rope of a clamped end edge as the scene begins.
+fn start_axis<X>(scene: &Scene<X>, gripper: &Gripper, end: End) -> Option<V3> {
+    let r = scene.rope.iter().position(|rope| rope.name == gripper.rope)?;
+    Some(along(end_axis(&rope_points(scene, r).ok()?, end), end))
 }
 
 /// How far a motion has come at time t [m].

@@ -45,6 +45,9 @@ pub struct Rope {
     /// Masses added at nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub node_mass: Vec<NodeMass>,
+    /// What makes it a rod: twisting, and bending that knows directions. Without it a rope has no sense of turning about itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub twist: Option<Twist>,
     /// Where its nodes are at the beginning.
     pub initial: Initial,
     /// Whether `initial` is the start, or the guess of an equilibrium.
@@ -72,6 +75,7 @@ impl Default for Rope {
             tip_mass: 0.0,
             radius: 0.003,
             node_mass: Vec::new(),
+            twist: None,
             initial: Initial::default(),
             start: Start::default(),
             velocity: [0.0; 3],
@@ -90,6 +94,12 @@ impl Rope {
         let n = self.n_nodes();
         let index = if number < 0 { number.checked_add(i64::try_from(n).ok()?)? } else { number };
         usize::try_from(index).ok().filter(|index| *index < n)
+    }
+
+    /// Moment of inertia about the own axis per length [kg·m], if it twists.
+    pub fn twist_inertia(&self) -> Option<f64> {
+        let twist = self.twist.as_ref()?;
+        Some(twist.inertia.unwrap_or(0.5 * self.linear_density * self.radius * self.radius))
     }
 
     /// Rest length of each edge as a part of the rope's length; they sum to 1.
@@ -115,6 +125,70 @@ pub struct NodeMass {
     pub node: i64,
     /// Added mass [kg].
     pub mass: f64,
+}
+
+/// Twisting of a rod, and what its section and its rest shape are beside round and straight. Its material axes turn about its edges
+/// with the twist; the first one is `director` at the first edge as the scene begins.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Twist {
+    /// Twisting stiffness GJ [N·m²].
+    pub stiffness: f64,
+    /// Twisting damping c_t [N·m²·s].
+    #[serde(default)]
+    pub damping: f64,
+    /// Moment of inertia about the own axis per length, ρI_p [kg·m]; without it that of a round section, linear_density · radius²/2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia: Option<f64>,
+    /// Bending stiffness EI₂ towards the second principal axis [N·m²]; without it `bend_stiffness`, as towards the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bend_stiffness_2: Option<f64>,
+    /// Angle of the principal axes from the material ones about the rod's direction [rad].
+    #[serde(default)]
+    pub section_roll: f64,
+    /// The shape without forces, to which `rest_curvature` and `rest_twist` are added.
+    #[serde(default)]
+    pub rest: Rest,
+    /// Curvature at rest towards the two principal axes [1/m].
+    #[serde(default)]
+    pub rest_curvature: [f64; 2],
+    /// Twist at rest per length [rad/m].
+    #[serde(default)]
+    pub rest_twist: f64,
+    /// First material axis at the first edge (its part across the edge) [-]; without it any direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub director: Option<[f64; 3]>,
+    /// Twist from the first edge to the last as the scene begins [rad], even along the rod.
+    #[serde(default)]
+    pub initial: f64,
+}
+
+impl Default for Twist {
+    fn default() -> Self {
+        Self {
+            stiffness: 1e-3,
+            damping: 0.0,
+            inertia: None,
+            bend_stiffness_2: None,
+            section_roll: 0.0,
+            rest: Rest::default(),
+            rest_curvature: [0.0; 2],
+            rest_twist: 0.0,
+            director: None,
+            initial: 0.0,
+        }
+    }
+}
+
+/// The shape of a rod without forces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Rest {
+    /// Straight and untwisted.
+    #[default]
+    Straight,
+    /// That of the initial positions, with their twist.
+    Initial,
 }
 
 /// Where a rope's nodes are at the beginning.

@@ -97,6 +97,17 @@ pub enum StepError {
         /// Size of the impulse.
         value: f64,
     },
+    /// The reference axes in z do not belong to the positions.
+    #[error(
+        "step {step}: the reference axis of {place} is no unit vector across its edge; positions were changed without the axes that \
+         belong to them: change states by their tangents, or take the axes of `frames_at`"
+    )]
+    Frames {
+        /// Step number.
+        step: usize,
+        /// The edge.
+        place: String,
+    },
     /// An input has the wrong size.
     #[error("{what} has {got} entries, but the model needs {expected}")]
     Size {
@@ -141,6 +152,7 @@ impl StepError {
             | Self::Command { step, .. }
             | Self::NoNormal { step, .. }
             | Self::ContactNotFinite { step, .. }
+            | Self::Frames { step, .. }
             | Self::Geometry { step, .. } => *step = k,
             Self::Size { .. } | Self::EquilibriumWithContact { .. } | Self::Parameter { .. } => {}
         }

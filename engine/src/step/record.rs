@@ -8,6 +8,7 @@ use crate::contact::{Condensed, Touch};
 use crate::kinematics::Input;
 use crate::kkt::{Square, System, SystemFactor};
 use crate::model::Model;
+use crate::rods::{Carry, RodPoint};
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
 
@@ -59,6 +60,10 @@ pub struct StageRecord {
     pub end: Turns,
     /// From the substep's start to q_ref; only in the second stage of sdirk2.
     pub lead: Turns,
+    /// z's part of rods at q_ref.
+    pub frames: Vec<f64>,
+    /// How changes of q_ref, of the tangent and of the substep's start show up in rods' axes: at q̄, at q⁺, and as for `lead`.
+    pub carry: [Carry; 3],
     pub(crate) contacts: Vec<Condensed>,
     /// Node of each contact.
     pub(crate) contact_nodes: Vec<usize>,
@@ -102,6 +107,8 @@ impl StageRecord {
             middle,
             end,
             lead: Turns::default(),
+            frames: stage.frames.to_vec(),
+            carry: [std::mem::take(&mut ws.carry), Carry::default(), Carry::default()],
             contacts: ws.contacts.clone(),
             contact_nodes: stage.model.pairs.iter().map(|p| p.node).collect(),
             s: ws.it.s.clone(),
@@ -115,11 +122,9 @@ impl StageRecord {
         let mut q = self.q_ref.clone();
         let n = model.n_node_dofs();
         end_positions(&model.tree, &self.scheme, self.h, &self.q_ref[n..], &self.v_ref[n..], &self.v[n..], &mut q[n..]);
-        for (node, &is_driven) in model.driven.iter().enumerate() {
+        for (k, &is_driven) in model.driven_rows.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
-            for k in (0..3).map(|a| 3 * node + a) {
-                q[k] += self.h * (w.d0 * self.v_ref[k] + w.d1 * self.v[k]);
-            }
+            q[k] += self.h * (w.d0 * self.v_ref[k] + w.d1 * self.v[k]);
         }
         q
     }
@@ -169,11 +174,12 @@ impl StageRecord {
         let at = Point { q: q_bar, v: v_bar, theta };
         for term in &model.terms {
             term.visit_theta(&at, &mut |row, param, df| {
-                if !model.driven[row / 3] {
+                if !model.driven_rows[row] {
                     visit(row, param, -df);
                 }
             });
         }
+        self.visit_rods(model, theta, q_bar, v_bar, visit);
         for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
             mass.visit(theta, &mut |param, dm| {
                 for row in 3 * node..3 * node + 3 {
@@ -186,6 +192,21 @@ impl StageRecord {
         }
     }
 
+    fn visit_rods(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+        let rods = &model.rods;
+        let mut at = RodPoint::default();
+        rods.evaluate(&self.q_ref, &self.frames, q_bar, &mut at);
+        rods.visit_theta(&at, v_bar, theta, &mut |row, param, df| {
+            if !model.driven_rows[row] {
+                visit(row, param, -df);
+            }
+        });
+        for (k, edge) in rods.edges.iter().enumerate().filter(|(k, _)| !model.driven_rows[rods.row(*k)]) {
+            let row = rods.row(k);
+            edge.visit(theta, &mut |param, dm| visit(row, param, dm * self.inertia * (self.v[row] - self.v_ref[row])));
+        }
+    }
+
     /// Where the forces were evaluated.
     pub fn evaluation_point(&self, model: &Model) -> (Vec<f64>, Vec<f64>) {
         let (mut q, mut v) = (self.q_ref.clone(), self.v.clone());
@@ -194,12 +215,10 @@ impl StageRecord {
         super::bodies::tangent(self.h, [w.a0, w.a1], &self.v_ref[n..], &self.v[n..], &mut t);
         model.tree.add(self.scheme.middle, &self.q_ref[n..], &t, &mut q[n..]);
         (n..v.len()).for_each(|k| v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k]);
-        for (node, &is_driven) in model.driven.iter().enumerate() {
+        for (k, &is_driven) in model.driven_rows.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
-            for k in (0..3).map(|a| 3 * node + a) {
-                q[k] += self.h * (w.a0 * self.v_ref[k] + w.a1 * self.v[k]);
-                v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k];
-            }
+            q[k] += self.h * (w.a0 * self.v_ref[k] + w.a1 * self.v[k]);
+            v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k];
         }
         (q, v)
     }
@@ -235,10 +254,10 @@ impl StageRecord {
 
     /// `∂v_cmd` does not belong to a stage: it is shared by all stages of a step. See [`Input`].
     #[doc(hidden)]
-    pub fn command_inputs(model: &Model, q: &[f64], u: &[f64], theta: &[f64], h: f64) -> Vec<(usize, Input, f64)> {
+    pub fn command_inputs(model: &Model, state: [&[f64]; 2], u: &[f64], theta: &[f64], h: f64) -> Vec<(usize, Input, f64)> {
         let mut out = Vec::new();
         for drive in &model.drives {
-            drive.visit(q, u, theta, h, &mut |row, input, value| out.push((row, input, value)));
+            drive.visit(state, u, theta, h, &mut |row, input, value| out.push((row, input, value)));
         }
         out
     }

@@ -14,10 +14,13 @@ use crate::geometry::solid::Carrier;
 use crate::kkt::System;
 use crate::memory::Past;
 use crate::model::Model;
+use crate::rods::RodEdge;
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
 use pliant_smoothing::ContactLaw;
 
+/// What messages call bending and twisting of rods.
+const ROD: &str = "rod (bending and twist)";
 /// Safe fraction of the node's mass as the step ρ of the natural residual (design: never above the mass itself).
 const RHO: f64 = 0.3;
 
@@ -49,13 +52,22 @@ enum Axial {
 pub(crate) struct Measure {
     /// Mass of everything [kg].
     pub total: f64,
+    /// Weight of every row of nodes and twists: a node's mass; a twist counts as if an edge's length were its lever.
+    pub nodes: Vec<f64>,
     /// Friction and stops that can act at these parameters, and couplings.
     pub rows: Vec<JointRow>,
 }
 
 impl Measure {
     pub fn new(model: &Model, theta: &[f64]) -> Self {
-        Self { total: model.total_mass(theta), rows: model.active_rows(theta) }
+        let masses = model.masses(theta);
+        let lever2 = |edge: &RodEdge| {
+            let [a, b] = edge.nodes.map(|node| masses[node]);
+            0.5 * (a + b) * (theta[edge.length] * edge.fraction).powi(2)
+        };
+        let twists = model.rods.edges.iter().map(lever2);
+        let nodes = masses.iter().flat_map(|m| [*m; 3]).chain(twists).collect();
+        Self { total: model.total_mass(theta), nodes, rows: model.active_rows(theta) }
     }
 }
 
@@ -64,7 +76,10 @@ impl Measure {
 pub(crate) struct Stage<'a> {
     pub model: &'a Model,
     pub theta: &'a [f64],
+    /// Of every node [kg].
     pub mass: &'a [f64],
+    /// Of every row of nodes and twists [kg, kg·m²].
+    pub row_mass: &'a [f64],
     /// Every body's inertia about its origin.
     pub inertias: &'a [Inertia<f64>],
     /// What the solver compares velocities with: see [`Measure`].
@@ -78,6 +93,8 @@ pub(crate) struct Stage<'a> {
     /// σ: inertia per velocity change [1/s].
     pub inertia: f64,
     pub q_ref: &'a [f64],
+    /// z's part of rods at q_ref.
+    pub frames: &'a [f64],
     pub v_ref: &'a [f64],
     pub v_cmd: &'a [f64],
     /// Rest gap δ of the smoothing, κ = δ m g [m].
@@ -123,13 +140,12 @@ impl Stage<'_> {
     }
 
     pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
-        for (node, &driven) in self.model.driven.iter().enumerate() {
+        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
-            for k in (0..3).map(|a| 3 * node + a) {
-                ws.q_bar[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
-                ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
-            }
+            ws.q_bar[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
+            ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
         }
+        self.model.rods.evaluate(self.q_ref, self.frames, &ws.q_bar, &mut ws.rods);
         self.place_bodies(v, ws);
     }
 
@@ -149,11 +165,9 @@ impl Stage<'_> {
     }
 
     fn inertia_minus_force(&self, v: &[f64], ws: &mut Workspace) {
-        for (node, &driven) in self.model.driven.iter().enumerate() {
-            for k in (0..3).map(|a| 3 * node + a) {
-                ws.r[k] =
-                    if driven { v[k] - self.v_cmd[k] } else { self.mass[node] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
-            }
+        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
+            ws.r[k] =
+                if driven { v[k] - self.v_cmd[k] } else { self.row_mass[k] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
         }
     }
 
@@ -166,6 +180,7 @@ impl Stage<'_> {
         for term in &self.model.terms {
             term.add_force(&at, &mut ws.f);
         }
+        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, &mut ws.f);
         for c in 0..self.model.pairs.len() {
             let (touch, _) = self.touch(c, &ws.q_bar, &it.v)?;
             let at = self.law_point(c);
@@ -250,11 +265,13 @@ impl Stage<'_> {
             }
             first += n;
         }
+        let rods = &self.model.rods;
+        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
         if self.has_contact() {
             ws.stiffness = (0..3 * self.mass.len()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
         }
         for (node, blocks) in &mut ws.touching {
-            *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node)];
+            *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node), [[0.0; 3]; 3]];
         }
         for c in 0..self.model.pairs.len() {
             self.linearize_contact(c, it, ws)?;
@@ -262,11 +279,9 @@ impl Stage<'_> {
         self.evaluate_frames(&it.v, ws, true);
         self.linearize_spots(&it.p, &it.v, ws)?;
         self.inertia_minus_force(&it.v, ws);
-        for (node, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
-            for row in 3 * node..3 * node + 3 {
-                ws.dq.nodes.clear_row(row);
-                ws.dv.nodes.clear_row(row);
-            }
+        for (row, _) in self.model.driven_rows.iter().enumerate().filter(|(_, d)| **d) {
+            ws.dq.nodes.clear_row(row);
+            ws.dv.nodes.clear_row(row);
         }
         self.assemble(ws);
         self.linearize_bodies(ws);
@@ -302,18 +317,43 @@ impl Stage<'_> {
         if !uniform {
             self.rescale_driven_columns(ws);
         }
-        for (node, &driven) in self.model.driven.iter().enumerate() {
-            let diagonal = if driven { 1.0 } else { self.mass[node] * (self.inertia + self.damping) };
-            for k in (0..3).map(|a| 3 * node + a) {
-                ws.k.nodes.add(k, k, diagonal);
+        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
+            ws.k.nodes.add(k, k, if driven { 1.0 } else { self.row_mass[k] * (self.inertia + self.damping) });
+        }
+        self.carry_axes(ws);
+    }
+
+    /// What moving an edge's nodes does to its axes on their way to q̄, times what these do to the forces.
+    fn carry_axes(&self, ws: &mut Workspace) {
+        let rods = &self.model.rods;
+        if rods.edges.is_empty() {
+            return;
+        }
+        ws.carry.evaluate(rods, self.q_ref, &ws.q_bar);
+        for (node, [.., carried]) in &mut ws.touching {
+            *carried = ws.k.nodes.block(*node, *node);
+        }
+        let (k, dq) = (&mut ws.k.nodes, &ws.dq.nodes);
+        ws.carry.visit_after(|edge, node, psi| {
+            let w = if self.model.driven[node] { &self.scheme.driven } else { &self.scheme.free };
+            let psi = psi * (self.h * w.a1);
+            for &row in &rods.neighbours[edge] {
+                let by_turn = dq.get(row, rods.row(edge));
+                if by_turn != 0.0 {
+                    (0..3).for_each(|a| k.add(row, 3 * node + a, -by_turn * psi[a]));
+                }
             }
+        });
+        for (node, [.., carried]) in &mut ws.touching {
+            let block = ws.k.nodes.block(*node, *node);
+            carried.iter_mut().zip(&block).for_each(|(c, b)| c.iter_mut().zip(b).for_each(|(c, b)| *c = b - *c));
         }
     }
 
     fn rescale_driven_columns(&self, ws: &mut Workspace) {
         let (cq, cv) = (self.h * self.scheme.driven.a1, self.scheme.driven.b1);
-        for (j, _) in self.model.driven.iter().enumerate().filter(|(_, d)| **d) {
-            ws.k.nodes.set_sum_in_columns(j, cq, &ws.dq.nodes, cv, &ws.dv.nodes);
+        for (column, _) in self.model.driven_rows.iter().enumerate().filter(|(_, d)| **d) {
+            ws.k.nodes.set_sum_in_column(column, cq, &ws.dq.nodes, cv, &ws.dv.nodes);
         }
     }
 
@@ -322,7 +362,7 @@ impl Stage<'_> {
         let (mut dq, mut a) = (ws.dq.clone(), ws.k.clone());
         let mut dv = if self.scheme.looks_back() { ws.dv.clone() } else { System::empty() };
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
-        for (node, [block_q, block_v]) in &ws.touching {
+        for (node, [block_q, block_v, carried]) in &ws.touching {
             let mut block_q = *block_q;
             for (pair, contact) in self.model.pairs.iter().zip(&ws.contacts).filter(|(pair, _)| pair.node == *node) {
                 debug_assert!(!self.model.driven[pair.node]);
@@ -342,7 +382,7 @@ impl Stage<'_> {
             let block = std::array::from_fn(|r| {
                 std::array::from_fn(|c| {
                     let own = if r == c { inertia } else { 0.0 };
-                    own - (cq * block_q[r][c] + cv * block_v[r][c])
+                    own - (cq * block_q[r][c] + cv * block_v[r][c]) + carried[r][c]
                 })
             });
             dq.nodes.set_block(*node, *node, &block_q);
@@ -371,6 +411,14 @@ impl Stage<'_> {
             if ws.f[row].abs() > largest.1 {
                 largest = (term.name().to_owned(), ws.f[row].abs());
             }
+        }
+        ws.f.fill(0.0);
+        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, &mut ws.f);
+        if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
+            return (ROD.to_owned(), Some((ROD.to_owned(), k, ws.f[k])));
+        }
+        if ws.f[row].abs() > largest.1 {
+            largest = (ROD.to_owned(), ws.f[row].abs());
         }
         (largest.0, None)
     }

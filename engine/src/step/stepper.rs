@@ -73,6 +73,7 @@ pub struct Stepper<'m> {
     options: StepOptions,
     rest_gap: f64,
     mass: Vec<f64>,
+    row_mass: Vec<f64>,
     inertias: Vec<Inertia<f64>>,
     measure: Measure,
     u: Vec<f64>,
@@ -82,6 +83,7 @@ pub struct Stepper<'m> {
     v_cmd: Vec<f64>,
     q_ref: Vec<f64>,
     v_ref: Vec<f64>,
+    frames: Vec<f64>,
     ws: Workspace,
 }
 
@@ -97,6 +99,7 @@ impl<'m> Stepper<'m> {
             options,
             rest_gap: model.contact.rest_gap,
             mass: model.masses(theta),
+            row_mass: model.row_masses(theta),
             inertias: model.inertias(theta),
             measure: Measure::new(model, theta),
             u: Vec::new(),
@@ -106,6 +109,7 @@ impl<'m> Stepper<'m> {
             v_cmd: zeros(),
             q_ref: vec![0.0; model.nq()],
             v_ref: zeros(),
+            frames: Vec::new(),
             ws,
         })
     }
@@ -136,6 +140,7 @@ impl<'m> Stepper<'m> {
         check_size("velocity vector", state.v.len(), self.model.nv())?;
         check_size("internal variables", state.z.len(), self.model.nz())?;
         check_size("control", u.len(), self.model.nu())?;
+        self.model.check_frames(state)?;
         self.model.signals(u, &state.z, self.theta, &mut self.u);
         let h = self.model.h;
         let mut v_cmd = std::mem::take(&mut self.v_cmd);
@@ -148,7 +153,7 @@ impl<'m> Stepper<'m> {
             self.model.advance_signals(u, &mut next.z, self.theta);
             let record = self.options.record.then(|| {
                 let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
-                let command = StageRecord::command_inputs(self.model, &state.q, u, self.theta, h);
+                let command = StageRecord::command_inputs(self.model, [&state.q, &state.z[self.model.ndz()..]], u, self.theta, h);
                 StepRecord { h, stages, command, signals, memory }
             });
             *state = next;
@@ -160,7 +165,9 @@ impl<'m> Stepper<'m> {
 
     fn command(&self, state: &State, u: &[f64], h: f64, v_cmd: &mut [f64]) -> Result<(), StepError> {
         for drive in &self.model.drives {
-            drive.command(&state.q, u, self.theta, h, v_cmd).map_err(|source| StepError::Command { step: 0, source })?;
+            drive
+                .command([&state.q, &state.z[self.model.ndz()..]], u, self.theta, h, v_cmd)
+                .map_err(|source| StepError::Command { step: 0, source })?;
         }
         Ok(())
     }
@@ -207,6 +214,9 @@ impl<'m> Stepper<'m> {
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<bool, StepError> {
         self.remember(state);
+        let memory = self.model.ndz();
+        self.frames.clear();
+        self.frames.extend_from_slice(&state.z[memory..]);
         let single = match self.model.integrator {
             Integrator::Euler => Some(EULER),
             Integrator::Midpoint => Some(MIDPOINT),
@@ -237,6 +247,7 @@ impl<'m> Stepper<'m> {
         for k in 0..start.v.len() {
             self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
         }
+        self.model.rods.carry_frames(&start.q, &self.q_ref, &mut self.frames);
         let first = stages.len();
         self.elapsed = h;
         self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, thorough, trace, stages)?;
@@ -244,6 +255,7 @@ impl<'m> Stepper<'m> {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
             record.lead = turns;
+            record.carry[2].evaluate(&self.model.rods, &start.q, &self.q_ref);
         }
         self.advance(state, h, stages);
         Ok(true)
@@ -291,6 +303,7 @@ impl<'m> Stepper<'m> {
             model: self.model,
             theta: self.theta,
             mass: &self.mass,
+            row_mass: &self.row_mass,
             inertias: &self.inertias,
             measure: &self.measure,
             u: &self.u,
@@ -299,6 +312,7 @@ impl<'m> Stepper<'m> {
             h,
             inertia: 1.0 / h,
             q_ref: &self.q_ref,
+            frames: &self.frames,
             v_ref: &self.v_ref,
             v_cmd,
             rest_gap: self.rest_gap,
@@ -322,11 +336,15 @@ impl<'m> Stepper<'m> {
             stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
         }
         trace.work.add(work);
-        for (node, &driven) in self.model.driven.iter().enumerate() {
+        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
             let w = if driven { &scheme.driven } else { &scheme.free };
-            for k in 3 * node..3 * node + 3 {
-                state.q[k] = self.q_ref[k] + h * (w.d0 * self.v_ref[k] + w.d1 * self.ws.it.v[k]);
-            }
+            state.q[k] = self.q_ref[k] + h * (w.d0 * self.v_ref[k] + w.d1 * self.ws.it.v[k]);
+        }
+        let (rods, memory) = (&self.model.rods, self.model.ndz());
+        state.z[memory..].copy_from_slice(&self.frames);
+        rods.carry_frames(&self.q_ref, &state.q, &mut state.z[memory..]);
+        if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
+            record.carry[1].evaluate(rods, &self.q_ref, &state.q);
         }
         let n = self.model.n_node_dofs();
         let (q_ref, v_ref, v) = (&self.q_ref[n..], &self.v_ref[n..], &self.ws.it.v[n..]);
@@ -341,6 +359,14 @@ pub(crate) fn check_size(what: &'static str, got: usize, expected: usize) -> Res
 }
 
 impl Model {
+    /// Refuses reference axes that do not belong to the state's positions.
+    fn check_frames(&self, state: &State) -> Result<(), StepError> {
+        match self.rods.misplaced(&state.q, &state.z[self.ndz()..]) {
+            Some(edge) => Err(StepError::Frames { step: 0, place: self.row_name(self.rods.row(edge)) }),
+            None => Ok(()),
+        }
+    }
+
     /// Refuses a θ of the wrong size, or with an entry that is not finite or outside its physical range.
     pub fn check_theta(&self, theta: &[f64]) -> Result<(), StepError> {
         check_size("parameter vector", theta.len(), self.n_params())?;

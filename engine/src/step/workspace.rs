@@ -8,6 +8,7 @@ use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
 use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
 use crate::newton::History;
+use crate::rods::{Carry, RodPoint};
 use nalgebra::Vector4;
 
 /// What to start from: impulses and accelerations of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
@@ -28,6 +29,9 @@ pub struct Warm {
 pub struct Workspace {
     pub(crate) q_bar: Vec<f64>,
     pub(crate) v_bar: Vec<f64>,
+    /// Rods at q̄, and how displacements show up there.
+    pub(crate) rods: RodPoint,
+    pub(crate) carry: Carry,
     pub(crate) f: Vec<f64>,
     pub(crate) r: Vec<f64>,
     pub(crate) d: Vec<f64>,
@@ -51,8 +55,8 @@ pub struct Workspace {
     /// Displacement of a step, for their prediction [m].
     pub(crate) dx: Vec<f64>,
     pub(crate) trial: Iterate,
-    /// Nodes that may touch, and their blocks of ∂f/∂q̄ and ∂f/∂v̄ before contacts were added.
-    pub(crate) touching: Vec<(usize, [[[f64; 3]; 3]; 2])>,
+    /// Nodes that may touch, and their blocks of ∂f/∂q̄ and ∂f/∂v̄ before contacts were added, and of K by what rods' axes carry.
+    pub(crate) touching: Vec<(usize, [[[f64; 3]; 3]; 3])>,
     /// Friction and stops at joints, linearized, and their residuals at the iterate.
     pub(crate) rows: Vec<RowLinear>,
     pub(crate) row_residuals: Vec<f64>,
@@ -84,6 +88,8 @@ impl Workspace {
         Ok(Self {
             q_bar: vec![0.0; model.nq()],
             v_bar: zeros(),
+            rods: RodPoint::default(),
+            carry: Carry::default(),
             f: zeros(),
             r: zeros(),
             d: zeros(),
@@ -122,10 +128,10 @@ impl Workspace {
     }
 }
 
-fn touching_nodes(model: &Model) -> Vec<(usize, [[[f64; 3]; 3]; 2])> {
+fn touching_nodes(model: &Model) -> Vec<(usize, [[[f64; 3]; 3]; 3])> {
     let mut nodes: Vec<usize> =
         model.pairs.iter().map(|p| p.node).chain(model.solids.iter().filter_map(|s| node_of(s.carrier))).collect();
     nodes.sort_unstable();
     nodes.dedup();
-    nodes.into_iter().map(|node| (node, [[[0.0; 3]; 3]; 2])).collect()
+    nodes.into_iter().map(|node| (node, [[[0.0; 3]; 3]; 3])).collect()
 }

@@ -4,6 +4,7 @@ use super::super::error::{Mistake, SceneError};
 use super::super::file::Scene;
 use super::super::gripper::End;
 use super::super::initial::rope_points;
+use super::super::rod::RodStart;
 use super::super::rope::{Initial, Rope};
 use super::super::words::list;
 use super::{not_negative, positive};
@@ -27,6 +28,7 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
             return Err(SceneError::at(at(&format!("node_mass[{k}].node")), mistake));
         }
     }
+    twist(scene, r)?;
     if let Initial::Between { sag: Some(sag), .. } = rope.initial {
         not_negative(&at("initial.sag"), sag, "m")?;
     }
@@ -47,6 +49,27 @@ fn numbers(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
         ("radius", rope.radius, "m"),
     ];
     quantities.iter().try_for_each(|(key, value, unit)| not_negative(&at(key), *value, unit))
+}
+
+/// What a rod needs beside a rope.
+fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
+    let rope = &scene.rope[r];
+    let Some(twist) = &rope.twist else { return Ok(()) };
+    let at = |key: &str| format!("rope[{r}].twist.{key}");
+    let quantities = [("stiffness", twist.stiffness, "N·m²"), ("damping", twist.damping, "N·m²·s")];
+    quantities.iter().try_for_each(|(key, value, unit)| not_negative(&at(key), *value, unit))?;
+    if let Some(second) = twist.bend_stiffness_2 {
+        not_negative(&at("bend_stiffness_2"), second, "N·m²")?;
+    }
+    match twist.inertia {
+        Some(inertia) => positive(&at("inertia"), inertia, "kg·m")?,
+        None if rope.radius == 0.0 => {
+            let mistake = Mistake::MissingKey { key: "inertia".to_owned(), unit: Some("kg·m".to_owned()) };
+            return Err(SceneError::at(at(""), mistake));
+        }
+        None => {}
+    }
+    RodStart::new(scene, r).map(drop)
 }
 
 /// Sizes that betray another unit.

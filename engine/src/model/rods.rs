@@ -1,0 +1,121 @@
+//! Ropes that twist: their edges, joints, section laws, and which axes grippers hold.
+
+use super::Model;
+use super::build::RopeNodes;
+use crate::kinematics::HeldEdge;
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
+use crate::rods::{RodEdge, RodJoint, RodPoint, RodSection};
+use crate::scene::{Rest, RodStart, Scene, SceneError, Twist};
+use crate::terms::Vec3;
+use crate::terms::section::{Elastic, ElasticSection, SectionLaw, Viscous, ViscousSection};
+use std::sync::Arc;
+
+impl Model {
+    /// Adds the twists of all ropes that have them, behind the nodes.
+    pub(super) fn add_rods<X>(&mut self, scene: &Scene<X>, ropes: &[RopeNodes]) -> Result<(), SceneError> {
+        let mut references = Vec::new();
+        for (r, rope) in ropes.iter().enumerate() {
+            if let (Some(twist), Some(start)) = (&rope.rope.twist, RodStart::new(scene, r)?) {
+                self.add_rod(rope, twist);
+                references.extend(start.references);
+                self.q0.extend(&start.twists);
+                self.v0.extend(start.twists.iter().map(|_| 0.0));
+            }
+        }
+        self.rods.finish(self.n_nodes());
+        self.frames0 = self.rods.with_twists(&self.q0, &references);
+        let mut start = RodPoint::default();
+        self.rods.evaluate(&self.q0, &self.frames0, &self.q0, &mut start);
+        self.rods.rest_at(&start);
+        Ok(())
+    }
+
+    fn add_rod(&mut self, rope: &RopeNodes, twist: &Twist) {
+        let nodes = rope.chain();
+        let (inertia, laws) = self.add_section(rope, twist, nodes.len() - 2);
+        let fractions = rope.chain_fractions();
+        let first = self.rods.edges.len();
+        for (pair, &fraction) in nodes.windows(2).zip(&fractions) {
+            self.rods.edges.push(RodEdge { nodes: [pair[0], pair[1]], inertia, length: rope.params.length, fraction });
+        }
+        let begin = self.rods.joints.len();
+        for (k, three) in nodes.windows(3).enumerate() {
+            let fraction = rope.joint_fraction(three[1]);
+            let edges = [first + k, first + k + 1];
+            self.rods.joints.push(RodJoint { edges, nodes: [three[0], three[1], three[2]], fraction });
+        }
+        self.rods.sections.push(RodSection {
+            joints: begin..self.rods.joints.len(),
+            laws,
+            rest_initial: twist.rest == Rest::Initial,
+        });
+    }
+
+    /// Pushes the section's parameters; the index of its inertia, and its laws on the next `n` joints.
+    fn add_section(&mut self, rope: &RopeNodes, twist: &Twist, n: usize) -> (usize, Vec<Arc<dyn SectionLaw>>) {
+        let (name, params) = (&rope.rope.name, &mut self.params);
+        let mut entry = |key: &str, unit, bounds, value| params.push(format!("{name}.{key}"), unit, bounds, value);
+        let stiffness = entry("twist_stiffness", "N·m²", NON_NEGATIVE, twist.stiffness);
+        let damping = entry("twist_damping", "N·m²·s", NON_NEGATIVE, twist.damping);
+        let inertia = entry("twist_inertia", "kg·m", POSITIVE, rope.rope.twist_inertia().unwrap_or(0.0));
+        let second = twist.bend_stiffness_2.map(|value| entry("bend_stiffness_2", "N·m²", NON_NEGATIVE, value));
+        let roll = entry("section_roll", "rad", ANY, twist.section_roll);
+        let curvature = [0, 1].map(|a| entry(&format!("rest_curvature[{a}]"), "1/m", ANY, twist.rest_curvature[a]));
+        let rest_twist = entry("rest_twist", "rad/m", ANY, twist.rest_twist);
+        let (length, bend, bend_damping) = (rope.params.length, rope.params.bend, rope.params.bend_damping);
+        let begin = self.rods.joints.len();
+        let elastic = ElasticSection {
+            params: [length, bend, second.unwrap_or(bend), stiffness, roll, curvature[0], curvature[1], rest_twist],
+            joints: begin..begin + n,
+            rest: vec![[0.0; 3]; n],
+        };
+        let viscous = ViscousSection { params: [length, bend_damping, damping] };
+        (inertia, vec![Arc::new(Elastic::new(elastic)), Arc::new(Viscous::new(viscous))])
+    }
+
+    /// Edges of twisting ropes of which `nodes` are both ends, with their axes as the scene begins.
+    pub(super) fn held_edges(&self, nodes: &[usize], roll: Option<usize>) -> Vec<HeldEdge> {
+        let mut start = RodPoint::default();
+        self.rods.evaluate(&self.q0, &self.frames0, &self.q0, &mut start);
+        let held = |(k, edge): (usize, &RodEdge)| {
+            edge.nodes.iter().all(|node| nodes.contains(node)).then(|| {
+                let axes = &start.edges[k];
+                HeldEdge { edge: k, row: self.rods.row(k), nodes: edge.nodes, start: [axes.tangent, axes.axes[0]], roll }
+            })
+        };
+        self.rods.edges.iter().enumerate().filter_map(held).collect()
+    }
+
+    /// What twist k belongs to, for messages and names: the rope, and the edge's number in it (−1 for the ghost before it).
+    fn rod_edge(&self, k: usize) -> (&str, i64) {
+        let [a, b] = self.rods.edges[k].nodes;
+        let rope = self.ropes.iter().find(|rope| rope.nodes.contains(&a) || rope.nodes.contains(&b));
+        rope.map_or(("?", 0), |rope| (&rope.name, a as i64 - rope.nodes.start as i64))
+    }
+
+    /// "twist of edge 3 of `cable`".
+    pub(super) fn twist_name(&self, k: usize) -> String {
+        let (rope, edge) = self.rod_edge(k);
+        format!("twist of edge {edge} of `{rope}`")
+    }
+
+    /// Names of z's part of rods.
+    pub(crate) fn frame_names(&self) -> Vec<String> {
+        let axes = (0..self.rods.edges.len()).flat_map(|k| {
+            let (rope, edge) = self.rod_edge(k);
+            ["x", "y", "z"].map(|axis| format!("{rope}.edge[{edge}].axis.{axis}"))
+        });
+        let twists = self.rods.joints.iter().map(|joint| {
+            let (rope, edge) = self.rod_edge(joint.edges[1]);
+            format!("{rope}.node[{edge}].reference_twist")
+        });
+        axes.chain(twists).collect()
+    }
+
+    /// First material axes of all edges that twist at a state, three numbers each, in the order of their twists.
+    pub fn material_axes(&self, q: &[f64], z: &[f64]) -> Vec<Vec3<f64>> {
+        let mut at = RodPoint::default();
+        self.rods.evaluate(q, &z[self.ndz()..], q, &mut at);
+        at.edges.iter().map(|edge| edge.axes[0]).collect()
+    }
+}

@@ -1,0 +1,248 @@
+//! How a rod is bent and twisted at a node between two edges, and how that changes.
+//!
+//! With unit tangents t₁, t₂ of edges e₁, e₂ and their material axes (a₁, a₂) and (b₁, b₂), normal to t₁ and to t₂:
+//! ```text
+//! κ_j = (a_j + b_j)·(t₂ − t₁)/χ,  χ = 1 + t₁·t₂           τ = twist from the first edge's axes to the second's
+//! ```
+//! These are the integrated curvatures and twist of Bergou et al. 2010 (Discrete Viscous Threads, eq. 1 to 3): |κ| = 2 tan(φ/2) for a
+//! turning angle φ, κ_j its part towards the material axis j. The variables are y = (δe₁, δe₂, δα₁, δα₂), δα an edge's turn about its own
+//! tangent *beside* parallel transport, which is what moving its ends does to its axes. For M = (M₁, M₂, M₃) let A = Σ M_j a_j and A^⊥ = t₁ × A,
+//! B and B^⊥ likewise, G = M₁ κ₁ + M₂ κ₂, v = M₃ t₁ × t₂/χ. Then
+//! ```text
+//! w₁ = −(c A + B + G t₂)/χ,   w₂ = (A + c B − G t₁)/χ,   c = t₁·t₂,   P_a = I − t_a t_aᵀ
+//! ∂/∂e₁ = (P₁ w₁ + v)/l₁,   ∂/∂e₂ = (P₂ w₂ + v)/l₂,   ∂/∂α₁ = A^⊥·t₂/χ − M₃,   ∂/∂α₂ = −B^⊥·t₁/χ + M₃
+//! ```
+//! The second derivatives are taken along the same displacements one after the other. Since axes carried around a circle of
+//! directions come back turned, they do not commute: the matrix is unsymmetric by the moment about the tangent.
+
+use crate::terms::Vec3;
+use nalgebra::{Matrix3, SMatrix};
+
+/// Numbers of y.
+pub(crate) const VARIABLES: usize = 8;
+/// Places of δα₁ and δα₂.
+pub(crate) const TURN: [usize; 2] = [6, 7];
+/// Derivatives by y.
+pub(crate) type Gradient = [f64; VARIABLES];
+/// Second derivatives: row by row, how each entry of a gradient changes.
+pub(crate) type Hessian = SMatrix<f64, VARIABLES, VARIABLES>;
+
+/// An edge and its material axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct EdgeFrame {
+    /// Unit tangent.
+    pub tangent: Vec3<f64>,
+    /// Length \[m\].
+    pub length: f64,
+    /// Material axes; tangent = first × second.
+    pub axes: [Vec3<f64>; 2],
+}
+
+/// Two edges that meet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Joint {
+    one: EdgeFrame,
+    two: EdgeFrame,
+    c: f64,
+    by_chi: f64,
+    /// κ₁, κ₂ [-], τ \[rad\].
+    pub strain: [f64; 3],
+}
+
+/// A moment and what it makes of the two edges' axes.
+struct Weighted {
+    a: Vec3<f64>,
+    a_turned: Vec3<f64>,
+    b: Vec3<f64>,
+    b_turned: Vec3<f64>,
+    g: f64,
+    w1: Vec3<f64>,
+    w2: Vec3<f64>,
+    g_alpha: [f64; 2],
+    twist: f64,
+    v: Vec3<f64>,
+}
+
+impl Joint {
+    #[inline]
+    pub fn new(one: EdgeFrame, two: EdgeFrame, twist: f64) -> Self {
+        let turn = two.tangent - one.tangent;
+        // ½|t₂ − t₁|² keeps the relative precision of a nearly straight rod, where 1 − t₁·t₂ cancels
+        let one_minus_c = 0.5 * turn.norm_squared();
+        let by_chi = 1.0 / (2.0 - one_minus_c);
+        let kappa = |j: usize| (one.axes[j] + two.axes[j]).dot(&turn) * by_chi;
+        Self { one, two, c: 1.0 - one_minus_c, by_chi, strain: [kappa(0), kappa(1), twist] }
+    }
+
+    #[inline]
+    fn weighted(&self, m: &[f64; 3]) -> Weighted {
+        let along = |axes: &[Vec3<f64>; 2]| axes[0] * m[0] + axes[1] * m[1];
+        let across = |axes: &[Vec3<f64>; 2]| axes[1] * m[0] - axes[0] * m[1];
+        let (a, b, a_turned, b_turned) =
+            (along(&self.one.axes), along(&self.two.axes), across(&self.one.axes), across(&self.two.axes));
+        let (t1, t2) = (&self.one.tangent, &self.two.tangent);
+        let g = m[0] * self.strain[0] + m[1] * self.strain[1];
+        Weighted {
+            w1: (a * self.c + b + t2 * g) * -self.by_chi,
+            w2: (a + b * self.c - t1 * g) * self.by_chi,
+            g_alpha: [a_turned.dot(t2) * self.by_chi, -b_turned.dot(t1) * self.by_chi],
+            v: t1.cross(t2) * (m[2] * self.by_chi),
+            twist: m[2],
+            a,
+            a_turned,
+            b,
+            b_turned,
+            g,
+        }
+    }
+
+    /// ∂(M·strain)/∂y at fixed M \[N·m\]: by edges [N], by turns [N·m].
+    #[inline]
+    pub fn pull(&self, m: &[f64; 3]) -> Gradient {
+        let w = self.weighted(m);
+        let (t1, t2) = (&self.one.tangent, &self.two.tangent);
+        let g1 = (w.w1 - t1 * t1.dot(&w.w1) + w.v) / self.one.length;
+        let g2 = (w.w2 - t2 * t2.dot(&w.w2) + w.v) / self.two.length;
+        [g1[0], g1[1], g1[2], g2[0], g2[1], g2[2], w.g_alpha[0] - w.twist, w.g_alpha[1] + w.twist]
+    }
+
+    /// ∂strain/∂y, strain by strain.
+    #[inline]
+    pub fn gradients(&self) -> [Gradient; 3] {
+        [self.pull(&[1.0, 0.0, 0.0]), self.pull(&[0.0, 1.0, 0.0]), self.pull(&[0.0, 0.0, 1.0])]
+    }
+
+    /// How [`Joint::pull`] changes with y at fixed M.
+    pub fn hessian(&self, m: &[f64; 3]) -> Hessian {
+        let w = self.weighted(m);
+        let (t1, t2, c, x) = (&self.one.tangent, &self.two.tangent, self.c, self.by_chi);
+        let (p1, p2) = (projection(t1), projection(t2));
+        let (i1, i2) = (1.0 / self.one.length, 1.0 / self.two.length);
+        let (p1t2, p2t1) = (t2 - t1 * c, t1 - t2 * c);
+        let (p1w1, p2w2) = (w.w1 - t1 * t1.dot(&w.w1), w.w2 - t2 * t2.dot(&w.w2));
+        let outer = |u: &Vec3<f64>, v: &Vec3<f64>| u * v.transpose();
+        let mut out = Hessian::zeros();
+        let mut place = |r: usize, c: usize, block: Matrix3<f64>| out.fixed_view_mut::<3, 3>(r, c).copy_from(&block);
+
+        // by e₁: the change of w₁ and of v, then that of P₁/l₁ and of 1/l₁
+        let bend = (outer(&w.a, &p1t2) + outer(&p1t2, &p1w1) + outer(&p1w1, &p1t2)) * -x;
+        let carry = (p1 * t1.dot(&w.w1) + outer(t1, &p1w1) + outer(&p1w1, t1)) * -1.0;
+        let twist = (t2.cross_matrix() * p1 * w.twist + outer(&w.v, &p1t2)) * -x - outer(&w.v, t1);
+        place(0, 0, (bend + carry + twist) * (i1 * i1));
+        let bend = (outer(&w.b, &p2t1) - outer(&p2t1, &p2w2) - outer(&p2w2, &p2t1)) * x;
+        let carry = (p2 * t2.dot(&w.w2) + outer(t2, &p2w2) + outer(&p2w2, t2)) * -1.0;
+        let twist = (t1.cross_matrix() * p2 * w.twist - outer(&w.v, &p2t1)) * x - outer(&w.v, t2);
+        place(3, 3, (bend + carry + twist) * (i2 * i2));
+        let p2b = w.b; // normal to t₂ as it is
+        let bend = p1 * (outer(t2, &p2b) - outer(&w.a, &p2t1) - outer(t2, &p2w2) - p2 * w.g - outer(&w.w1, &p2t1)) * x;
+        let twist = (t1.cross_matrix() * p2 * w.twist - outer(&w.v, &p2t1)) * x;
+        place(0, 3, (bend + twist) * (i1 * i2));
+        let bend = p2 * (outer(&w.b, &p1t2) - outer(t1, &w.a) - outer(t1, &p1w1) - p1 * w.g - outer(&w.w2, &p1t2)) * x;
+        let twist = (t2.cross_matrix() * p1 * w.twist + outer(&w.v, &p1t2)) * -x;
+        place(3, 0, (bend + twist) * (i1 * i2));
+
+        let mut across = |edge: usize, turn: usize, by: Vec3<f64>| {
+            for k in 0..3 {
+                out[(3 * edge + k, TURN[turn])] = by[k];
+                out[(TURN[turn], 3 * edge + k)] = by[k];
+            }
+        };
+        across(0, 0, (w.a_turned * c + p1t2 * w.g_alpha[0]) * (-x * i1));
+        across(0, 1, p1 * (w.b_turned + t2 * w.g_alpha[1]) * (-x * i1));
+        across(1, 0, p2 * (w.a_turned - t1 * w.g_alpha[0]) * (x * i2));
+        across(1, 1, (w.b_turned * c - p2t1 * w.g_alpha[1]) * (x * i2));
+        out[(TURN[0], TURN[0])] = -w.a.dot(t2) * x;
+        out[(TURN[1], TURN[1])] = w.b.dot(t1) * x;
+        out
+    }
+}
+
+fn projection(t: &Vec3<f64>) -> Matrix3<f64> {
+    Matrix3::identity() - t * t.transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::transport::{any_normal, carried};
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    fn frame(e: Vec3<f64>, turn: f64) -> EdgeFrame {
+        let tangent = e.normalize();
+        let d = any_normal(&tangent);
+        let first = d * turn.cos() + tangent.cross(&d) * turn.sin();
+        EdgeFrame { tangent, length: e.norm(), axes: [first, tangent.cross(&first)] }
+    }
+
+    /// The edge displaced by δe with its axes carried along, then turned by δα.
+    fn moved(f: &EdgeFrame, de: Vec3<f64>, turn: f64) -> EdgeFrame {
+        let e = f.tangent * f.length + de;
+        let tangent = e.normalize();
+        let d = carried(&f.tangent, &tangent, &f.axes[0]);
+        let first = d * turn.cos() + tangent.cross(&d) * turn.sin();
+        EdgeFrame { tangent, length: e.norm(), axes: [first, tangent.cross(&first)] }
+    }
+
+    fn twist(one: &EdgeFrame, two: &EdgeFrame) -> f64 {
+        super::super::transport::angle(&carried(&one.tangent, &two.tangent, &one.axes[0]), &two.axes[0], &two.tangent)
+    }
+
+    fn joint(one: EdgeFrame, two: EdgeFrame) -> Joint {
+        Joint::new(one, two, twist(&one, &two))
+    }
+
+    fn displaced(j: &Joint, k: usize, by: f64) -> Joint {
+        let mut y = [0.0; VARIABLES];
+        y[k] = by;
+        joint(moved(&j.one, Vec3::new(y[0], y[1], y[2]), y[TURN[0]]), moved(&j.two, Vec3::new(y[3], y[4], y[5]), y[TURN[1]]))
+    }
+
+    fn samples() -> Vec<Joint> {
+        let mut rng = Pcg64Mcg::seed_from_u64(4);
+        let mut vector = move |size: f64| Vec3::from_fn(|_, _| rng.random_range(-size..size));
+        (0..20)
+            .map(|k| {
+                let e = vector(1.0);
+                let bend = if k % 2 == 0 { 0.9 } else { 1e-3 };
+                joint(frame(e, 0.3), frame(e * 1.3 + vector(bend), 0.3 + 0.1 * f64::from(k)))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn curvatures_are_those_of_discrete_viscous_threads() {
+        for j in samples() {
+            let kb = j.one.tangent.cross(&j.two.tangent) * (2.0 * j.by_chi);
+            let half = |k: usize| (j.one.axes[k] + j.two.axes[k]) * 0.5;
+            assert!((j.strain[0] - half(1).dot(&kb)).abs() < 1e-14);
+            assert!((j.strain[1] + half(0).dot(&kb)).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_differences() {
+        let eps = 1e-5;
+        for j in samples() {
+            let gradients = j.gradients();
+            for m in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.7, -0.4, 1.9]] {
+                let (pull, hessian) = (j.pull(&m), j.hessian(&m));
+                for k in 0..VARIABLES {
+                    let (up, down) = (displaced(&j, k, eps), displaced(&j, k, -eps));
+                    for s in 0..3 {
+                        let slope = (up.strain[s] - down.strain[s]) / (2.0 * eps);
+                        assert!((gradients[s][k] - slope).abs() < 1e-7 * (1.0 + slope.abs()), "{s} {k}");
+                    }
+                    let (up, down) = (up.pull(&m), down.pull(&m));
+                    for r in 0..VARIABLES {
+                        let slope = (up[r] - down[r]) / (2.0 * eps);
+                        let size = 1.0 + hessian.amax();
+                        assert!((hessian[(r, k)] - slope).abs() < 2e-7 * size, "M {m:?} ({r}, {k}): {} {slope}", hessian[(r, k)]);
+                    }
+                }
+                let sum: f64 = (0..3).map(|s| m[s] * gradients[s][5]).sum();
+                assert!((pull[5] - sum).abs() < 1e-12 * (1.0 + sum.abs()));
+            }
+        }
+    }
+}

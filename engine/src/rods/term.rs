@@ -1,0 +1,225 @@
+//! Forces and moments of bent and twisted joints.
+
+use super::joint::{Gradient, Hessian, TURN, VARIABLES};
+use super::{RodJoint, RodPoint, Rods};
+use crate::kkt::NodeMatrix;
+use crate::terms::section::{Moments, SectionPoint};
+
+/// Numbers of a joint: three nodes and two twists.
+const ROWS: usize = 11;
+/// Places of the nodes' and the twists' rows among them, in the order of storage.
+const NODE: [usize; 3] = [0, 4, 8];
+const TWIST: [usize; 2] = [3, 7];
+
+impl Rods {
+    /// Rows of a joint in the order of [`NODE`] and [`TWIST`].
+    pub(super) fn rows(&self, joint: &RodJoint) -> [usize; ROWS] {
+        let mut rows = [0; ROWS];
+        for (place, node) in NODE.iter().zip(joint.nodes) {
+            (0..3).for_each(|a| rows[place + a] = 3 * node + a);
+        }
+        for (place, edge) in TWIST.iter().zip(joint.edges) {
+            rows[*place] = self.row(edge);
+        }
+        rows
+    }
+
+    /// ẏ of a joint at velocities `v`: of its edges [m/s], and of the material about them [rad/s].
+    fn rates(&self, joint: &RodJoint, v: &[f64]) -> Gradient {
+        let [n0, n1, n2] = joint.nodes;
+        let edge = |from: usize, to: usize, a: usize| v[3 * to + a] - v[3 * from + a];
+        let mut y = [0.0; VARIABLES];
+        for a in 0..3 {
+            (y[a], y[3 + a]) = (edge(n0, n1, a), edge(n1, n2, a));
+        }
+        (y[TURN[0]], y[TURN[1]]) = (v[self.row(joint.edges[0])], v[self.row(joint.edges[1])]);
+        y
+    }
+
+    /// Calls `visit(joint number, its laws' sum)` for every joint.
+    fn for_joints(&self, mut visit: impl FnMut(usize, &super::RodSection)) {
+        for section in &self.sections {
+            section.joints.clone().for_each(|j| visit(j, section));
+        }
+    }
+
+    /// Where the laws of joint `j` are evaluated, and ẏ.
+    fn section_point<'a>(
+        &self,
+        j: usize,
+        gradients: &[Gradient; 3],
+        strain: [f64; 3],
+        v: &[f64],
+        theta: &'a [f64],
+    ) -> (SectionPoint<'a>, Gradient) {
+        let joint = &self.joints[j];
+        let y = self.rates(joint, v);
+        let rate = std::array::from_fn(|s| dot(&gradients[s], &y));
+        (SectionPoint { joint: j, fraction: joint.fraction, strain, rate, theta }, y)
+    }
+
+    /// `f += f(q, v; θ)` [N, N·m].
+    pub(crate) fn add_force(&self, at: &RodPoint, v: &[f64], theta: &[f64], f: &mut [f64]) {
+        self.for_joints(|j, section| {
+            let joint = self.joint(j, at);
+            let (point, _) = self.section_point(j, &joint.gradients(), joint.strain, v, theta);
+            let mut m = [0.0; 3];
+            section.laws.iter().for_each(|law| law.add_moment(&point, &mut m));
+            self.add_joint_force(j, &joint.pull(&m), f);
+        });
+    }
+
+    fn add_joint_force(&self, j: usize, g: &Gradient, f: &mut [f64]) {
+        let joint = &self.joints[j];
+        let [n0, n1, n2] = joint.nodes;
+        for a in 0..3 {
+            f[3 * n0 + a] += g[a];
+            f[3 * n1 + a] += g[3 + a] - g[a];
+            f[3 * n2 + a] -= g[3 + a];
+        }
+        (0..2).for_each(|k| f[self.row(joint.edges[k])] -= g[TURN[k]]);
+    }
+
+    /// As [`Rods::add_force`], and `dq += ∂f/∂q`, `dv += ∂f/∂v` along the displacements of [`super`].
+    pub(crate) fn add_jacobian(
+        &self,
+        at: &RodPoint,
+        v: &[f64],
+        theta: &[f64],
+        f: &mut [f64],
+        dq: &mut NodeMatrix,
+        dv: &mut NodeMatrix,
+    ) {
+        self.for_joints(|j, section| {
+            let joint = self.joint(j, at);
+            let gradients = joint.gradients();
+            let (point, y) = self.section_point(j, &gradients, joint.strain, v, theta);
+            let mut moments = Moments::default();
+            section.laws.iter().for_each(|law| law.add(&point, &mut moments));
+            self.add_joint_force(j, &joint.pull(&moments.m), f);
+            let rows = self.rows(&self.joints[j]);
+            // how strains move with y, and how rates do: both by the positions and by the velocities
+            let mut by_position = joint.hessian(&moments.m);
+            let mut by_strain = gradients;
+            if moments.by_rate.iter().flatten().any(|c| *c != 0.0) {
+                add_products(&gradients, &moments.by_strain, &by_strain, &mut by_position);
+                by_strain = std::array::from_fn(|s| {
+                    let mut unit = [0.0; 3];
+                    unit[s] = 1.0;
+                    transposed_product(&joint.hessian(&unit), &y)
+                });
+                add_products(&gradients, &moments.by_rate, &by_strain, &mut by_position);
+                let mut by_velocity = Hessian::zeros();
+                add_products(&gradients, &moments.by_rate, &gradients, &mut by_velocity);
+                dv.add_square(&rows, &expanded(&by_velocity));
+            } else {
+                add_products(&gradients, &moments.by_strain, &by_strain, &mut by_position);
+            }
+            dq.add_square(&rows, &expanded(&by_position));
+        });
+    }
+
+    /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
+    pub(crate) fn visit_theta(&self, at: &RodPoint, v: &[f64], theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+        self.for_joints(|j, section| {
+            let joint = self.joint(j, at);
+            let (point, _) = self.section_point(j, &joint.gradients(), joint.strain, v, theta);
+            let rows = self.rows(&self.joints[j]);
+            for law in &section.laws {
+                law.visit_theta(&point, &mut |param, m| {
+                    let g = joint.pull(&m);
+                    for (&row, value) in rows.iter().zip(expanded_force(&g)) {
+                        visit(row, param, value);
+                    }
+                });
+            }
+        });
+    }
+
+    /// Elastic energy \[J\].
+    pub(crate) fn energy(&self, at: &RodPoint, theta: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        self.for_joints(|j, section| {
+            let joint = self.joint(j, at);
+            let (fraction, strain) = (self.joints[j].fraction, joint.strain);
+            let point = SectionPoint { joint: j, fraction, strain, rate: [0.0; 3], theta };
+            sum += section.laws.iter().map(|law| law.energy(&point)).sum::<f64>();
+        });
+        sum
+    }
+
+    /// Nodes that act on each other, joint by joint; the ends of an edge without a joint too.
+    pub(crate) fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
+        self.edges.iter().for_each(|edge| visit(&edge.nodes));
+        self.joints.iter().for_each(|joint| visit(&joint.nodes));
+        // carrying an edge's axes along makes its nodes matter to what its twist acts on: the nodes of both its joints
+        for k in 0..self.edges.len() {
+            let mut nodes: Vec<usize> =
+                self.joints.iter().filter(|joint| joint.edges.contains(&k)).flat_map(|joint| joint.nodes).collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            for &node in &nodes {
+                self.edges[k].nodes.iter().for_each(|&own| visit(&[node, own]));
+            }
+        }
+    }
+}
+
+#[inline]
+fn dot(a: &Gradient, b: &Gradient) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `out += Σ left_r c_rs right_sᵀ`.
+#[inline]
+fn add_products(left: &[Gradient; 3], c: &[[f64; 3]; 3], right: &[Gradient; 3], out: &mut Hessian) {
+    for (l, c) in left.iter().zip(c) {
+        let mut row = [0.0; VARIABLES];
+        for (c, r) in c.iter().zip(right) {
+            row.iter_mut().zip(r).for_each(|(x, r)| *x += c * r);
+        }
+        for (k, x) in row.iter().enumerate() {
+            (0..VARIABLES).for_each(|i| out[(i, k)] += l[i] * x);
+        }
+    }
+}
+
+/// `Hᵀ y`.
+#[inline]
+fn transposed_product(h: &Hessian, y: &Gradient) -> Gradient {
+    std::array::from_fn(|k| (0..VARIABLES).map(|r| h[(r, k)] * y[r]).sum())
+}
+
+/// The forces of a gradient by y, in the order of [`NODE`] and [`TWIST`].
+fn expanded_force(g: &Gradient) -> [f64; ROWS] {
+    let mut out = [0.0; ROWS];
+    for a in 0..3 {
+        out[NODE[0] + a] = g[a];
+        out[NODE[1] + a] = g[3 + a] - g[a];
+        out[NODE[2] + a] = -g[3 + a];
+    }
+    (0..2).for_each(|k| out[TWIST[k]] = -g[TURN[k]]);
+    out
+}
+
+/// ∂f/∂(nodes, twists) from how the gradient changes with y.
+#[inline]
+fn expanded(h: &Hessian) -> [[f64; ROWS]; ROWS] {
+    let mut columns = [[0.0; VARIABLES]; ROWS];
+    for r in 0..VARIABLES {
+        for a in 0..3 {
+            let (one, two) = (h[(r, a)], h[(r, 3 + a)]);
+            columns[NODE[0] + a][r] = -one;
+            columns[NODE[1] + a][r] = one - two;
+            columns[NODE[2] + a][r] = two;
+        }
+        (0..2).for_each(|k| columns[TWIST[k]][r] = h[(r, TURN[k])]);
+    }
+    let mut out = [[0.0; ROWS]; ROWS];
+    for (c, column) in columns.iter().enumerate() {
+        for (r, value) in expanded_force(column).into_iter().enumerate() {
+            out[r][c] = value;
+        }
+    }
+    out
+}

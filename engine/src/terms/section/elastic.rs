@@ -1,0 +1,141 @@
+//! Elastic bending and twisting of a section with two principal axes.
+
+use super::{AutomaticSection, Moments, Section, SectionLaw, SectionPoint};
+use crate::terms::Real;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// E = ½ [EI₁ (k₁ − κ̄₁ l)² + EI₂ (k₂ − κ̄₂ l)² + GJ (τ − τ₀ − τ̄ l)²]/l at a joint of length l, with the curvatures towards the principal
+/// axes, (k₁, k₂) = R(−roll) (κ₁ − κ₀₁, κ₂ − κ₀₂). κ₀, τ₀: strains of the rest shape; κ̄, τ̄: what is added to it per length.
+///
+/// Parameters: rod length \[m\], EI₁, EI₂, GJ [N·m²], roll of the principal axes about the edge from the material axes \[rad\], κ̄₁, κ̄₂
+/// [1/m], τ̄ [rad/m]. Reference: Bergou et al. 2010, Discrete Viscous Threads, §3, with curvatures of their own for both axes.
+#[derive(Clone, Debug)]
+pub struct ElasticSection {
+    /// Indices in θ, in the order above.
+    pub params: [usize; 8],
+    /// The joints it belongs to.
+    pub joints: Range<usize>,
+    /// Strains at rest, joint by joint.
+    pub rest: Vec<[f64; 3]>,
+}
+
+impl ElasticSection {
+    fn rest(&self, joint: usize) -> &[f64; 3] {
+        &self.rest[joint - self.joints.start]
+    }
+}
+
+/// What is left of the strains in the principal axes, and the stiffnesses over the length.
+fn excess<S: Real>(rest: &[f64; 3], fraction: f64, strain: &[S; 3], p: &[S]) -> ([S; 3], [S; 3]) {
+    let length = p[0] * fraction;
+    let (sin, cos) = p[4].sin_cos();
+    let (x, y) = (strain[0] - rest[0], strain[1] - rest[1]);
+    let excess = [x * cos + y * sin - p[5] * length, y * cos - x * sin - p[6] * length, strain[2] - rest[2] - p[7] * length];
+    (excess, [p[1] / length, p[2] / length, p[3] / length])
+}
+
+impl Section for ElasticSection {
+    fn name(&self) -> &str {
+        "elastic rod"
+    }
+
+    fn params(&self) -> &[usize] {
+        &self.params
+    }
+
+    fn moment<S: Real>(&self, joint: usize, fraction: f64, strain: &[S; 3], _rate: &[S; 3], p: &[S]) -> [S; 3] {
+        let (e, k) = excess(self.rest(joint), fraction, strain, p);
+        let (sin, cos) = p[4].sin_cos();
+        let (m1, m2) = (k[0] * e[0], k[1] * e[1]);
+        [m1 * cos - m2 * sin, m1 * sin + m2 * cos, k[2] * e[2]]
+    }
+
+    fn energy<S: Real>(&self, joint: usize, fraction: f64, strain: &[S; 3], p: &[S]) -> S {
+        let (e, k) = excess(self.rest(joint), fraction, strain, p);
+        (k[0] * e[0] * e[0] + k[1] * e[1] * e[1] + k[2] * e[2] * e[2]) * 0.5
+    }
+}
+
+/// [`ElasticSection`] with its derivatives by hand.
+#[derive(Clone, Debug)]
+pub struct Elastic(AutomaticSection<ElasticSection>);
+
+impl Elastic {
+    /// The law on its joints.
+    pub fn new(law: ElasticSection) -> Self {
+        Self(AutomaticSection::new(law))
+    }
+
+    fn values(&self, theta: &[f64]) -> [f64; 8] {
+        self.0.law.params.map(|k| theta[k])
+    }
+}
+
+impl SectionLaw for Elastic {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
+        self.0.add_moment(at, m);
+    }
+
+    fn add(&self, at: &SectionPoint, out: &mut Moments) {
+        let p = self.values(at.theta);
+        let (e, k) = excess(self.0.law.rest(at.joint), at.fraction, &at.strain, &p);
+        let (sin, cos) = p[4].sin_cos();
+        let (m1, m2) = (k[0] * e[0], k[1] * e[1]);
+        out.m[0] += m1 * cos - m2 * sin;
+        out.m[1] += m1 * sin + m2 * cos;
+        out.m[2] += k[2] * e[2];
+        let across = (k[0] - k[1]) * sin * cos;
+        out.by_strain[0][0] += k[0] * cos * cos + k[1] * sin * sin;
+        out.by_strain[1][1] += k[0] * sin * sin + k[1] * cos * cos;
+        out.by_strain[0][1] += across;
+        out.by_strain[1][0] += across;
+        out.by_strain[2][2] += k[2];
+    }
+
+    fn visit_theta(&self, at: &SectionPoint, visit: &mut dyn FnMut(usize, [f64; 3])) {
+        self.0.visit_theta(at, visit);
+    }
+
+    fn energy(&self, at: &SectionPoint) -> f64 {
+        self.0.energy(at)
+    }
+
+    fn resting(&self, strains: &[[f64; 3]]) -> Option<Arc<dyn SectionLaw>> {
+        let joints = self.0.law.joints.clone();
+        let law = ElasticSection { rest: strains[joints].to_vec(), ..self.0.law.clone() };
+        Some(Arc::new(Self::new(law)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_kernel_is_the_law() {
+        let law = ElasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7], joints: 0..2, rest: vec![[0.0; 3], [0.1, -0.05, 0.3]] };
+        let theta = [0.7, 0.02, 0.05, 0.013, 0.4, 1.5, -0.7, 2.0];
+        super::super::check::same(&Elastic::new(law.clone()), &AutomaticSection::new(law), &theta);
+    }
+
+    #[test]
+    fn moments_are_slopes_of_the_energy() {
+        let law = ElasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7], joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] };
+        let p = [0.7, 0.02, 0.05, 0.013, 0.4, 1.5, -0.7, 2.0];
+        let at = [0.3, -0.2, 0.5];
+        let m = law.moment(0, 0.2, &at, &[0.0; 3], &p);
+        for s in 0..3 {
+            let energy = |by: f64| {
+                let mut x = at;
+                x[s] += by;
+                law.energy(0, 0.2, &x, &p)
+            };
+            assert!(((energy(1e-5) - energy(-1e-5)) / 2e-5 - m[s]).abs() < 1e-9);
+        }
+    }
+}
