@@ -19,7 +19,7 @@ pub fn write(path: &Path, scene: &Path, run: &Rollout) -> Result<(), Failure> {
     let caption = Caption {
         title: name(scene.file_stem()),
         scene: name(scene.file_name()),
-        command: std::env::args().skip(1).fold("pliant".to_owned(), |line, argument| line + " " + &argument),
+        command: std::env::args_os().skip(1).fold("pliant".to_owned(), |line, argument| line + " " + &argument.to_string_lossy()),
     };
     let page = page(run, &caption).map_err(|source| Failure::View { path: path.to_owned(), source })?;
     if let Some(note) = page.left_out() {

@@ -43,7 +43,7 @@ pub(super) fn picture<'a>(run: &Run<'a>, frames: &[usize], caption: &'a Caption,
     out.note = (states.len() < run.states.len()).then(|| left_out(states.len(), run.states.len()));
     out.ropes = model.ropes().iter().map(|span| rope(run, span, &states, &center, numbers)).collect();
     out.meshes = surfaces(model).into_iter().map(|surface| mesh(model, surface, &states, &center, numbers)).collect();
-    out.bodies = model.tree().bodies().len();
+    out.parents = model.tree().bodies().iter().map(|body| body.parent).collect();
     out.solids = model.solids().iter().filter_map(|solid| drawn(solid, run.theta, &center)).collect();
     out.bones = bones(run);
     out.scale = scale(run, &states);

@@ -25,8 +25,8 @@ pub(super) struct Picture<'a> {
     pub note: Option<String>,
     pub ropes: Vec<Rope<'a>>,
     pub meshes: Vec<Mesh>,
-    /// Number of bodies, and their poses.
-    pub bodies: usize,
+    /// The body that each body hangs on, and their poses.
+    pub parents: Vec<Option<usize>>,
     pub poses: Slice,
     pub solids: Vec<Drawn<'a>>,
     /// What shows bodies that have no shape.
@@ -108,7 +108,7 @@ impl<'a> Picture<'a> {
             note: None,
             ropes: Vec::new(),
             meshes: Vec::new(),
-            bodies: 0,
+            parents: Vec::new(),
             poses,
             solids: Vec::new(),
             bones: Vec::new(),
@@ -124,5 +124,5 @@ impl<'a> Picture<'a> {
 
 /// Says that states were left out.
 pub(super) fn left_out(frames: usize, states: usize) -> String {
-    format!("{frames} of {states} states are shown, the others left out to keep the page small")
+    format!("{frames} of {states} states are shown: at most 60 a second, and no more than keep the page below 20 MB")
 }

@@ -63,22 +63,25 @@ class Camera {
   fit(points, radius) {
     const [right, up, back] = [this.right(), this.up(), this.back()];
     const [wide, high] = [HALF * this.aspect, HALF];
+    const seen = (p) => {
+      const d = minus(p, this.target);
+      return [dot(d, right), dot(d, up), dot(d, back)];
+    };
+    const needed = ([x, y, depth]) => depth + Math.max((Math.abs(x) + radius) / wide, (Math.abs(y) + radius) / high);
+    const nearest = () => points.reduce((most, p) => Math.max(most, needed(seen(p))), Math.max(radius, 1e-6));
     this.target = [0, 0, 0];
-    for (let round = 0; round < 3; round++) {
-      // how far to each side the rays to the points reach, at the distance of the target
-      let [left, most, low, top] = [Infinity, -Infinity, Infinity, -Infinity];
-      this.distance = Math.max(radius, 1e-6);
-      for (const p of points) {
-        const d = minus(p, this.target);
-        const depth = dot(d, back);
-        const [x, y] = [dot(d, right), dot(d, up)];
-        this.distance = Math.max(this.distance, (Math.abs(x) + radius) / wide + depth, (Math.abs(y) + radius) / high + depth);
-        [left, most, low, top] = [Math.min(left, x), Math.max(most, x), Math.min(low, y), Math.max(top, y)];
-      }
-      if (points.length === 0 || round === 2) break;
-      this.target = add(this.target, add(times(right, 0.5 * (left + most)), times(up, 0.5 * (low + top))));
+    this.distance = nearest();
+    for (let round = 0; round < 5 && points.length > 0; round++) {
+      // to the middle of what is seen, as perspective has it
+      const places = points.map(seen).map(([x, y, depth]) => [x, y].map((s) => s / Math.max(this.distance - depth, 1e-9)));
+      const middle = (k) => {
+        const [low, most] = range(places.map((place) => place[k]));
+        return 0.5 * (low + most) * this.distance;
+      };
+      this.target = add(this.target, add(times(right, middle(0)), times(up, middle(1))));
+      this.distance = nearest();
     }
-    this.distance *= 1.12;
+    this.distance *= 1.1;
   }
 }
 

@@ -64,12 +64,11 @@ class Player {
 function curvePath(time, values) {
   const [low, high] = range(values);
   const span = time[time.length - 1] - time[0] || 1;
-  const point = (t, k) => `${((1000 * (t - time[0])) / span).toFixed(2)},${(96 - (92 * (values[k] - low)) / (high - low || 1)).toFixed(2)}`;
+  // what single precision cannot tell apart is no change
+  const flat = high - low <= 1e-6 * Math.max(Math.abs(low), Math.abs(high));
+  const height = (x) => (flat ? 50 : 96 - (92 * (x - low)) / (high - low));
+  const point = (t, k) => `${((1000 * (t - time[0])) / span).toFixed(2)},${height(values[k]).toFixed(2)}`;
   return `M${Array.from(time, point).join("L")}`;
-}
-
-function range(values) {
-  return values.reduce(([low, high], x) => (Number.isFinite(x) ? [Math.min(low, x), Math.max(high, x)] : [low, high]), [Infinity, -Infinity]);
 }
 
 /** Connects a player with the controls of the page; returns what shows its state. */

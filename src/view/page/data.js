@@ -48,6 +48,11 @@ function frameOf(time, t) {
   return low + (t - time[low]) / (time[high] - time[low]);
 }
 
+/** The least and the greatest of many numbers. */
+function range(values) {
+  return values.reduce(([low, high], x) => (Number.isFinite(x) ? [Math.min(low, x), Math.max(high, x)] : [low, high]), [Infinity, -Infinity]);
+}
+
 /** A number with a prefix of its unit, as people read it. */
 function quantity(x, unitName) {
   const prefixes = [[1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];

@@ -31,13 +31,22 @@ void main() {
     base = mix(u_stripe, base, smoothstep(0.09 - edge, 0.09 + edge, abs(v_around - 0.5)));
   }
   vec3 n = normalize(v_normal);
-  if (!gl_FrontFacing) { n = -n; base *= 0.72; }
+  if (!gl_FrontFacing) { n = -n; base *= 0.8; }
   vec3 to_eye = normalize(u_eye - v_position);
   float lamp = max(dot(n, u_lamp), 0.0);
   float sky = 0.5 + 0.5 * n.z;
   float gloss = pow(max(dot(n, normalize(u_lamp + to_eye)), 0.0), 36.0);
-  vec3 light = vec3(0.26) + sky * vec3(0.22, 0.24, 0.27) + lamp * vec3(0.58, 0.56, 0.52) + 0.1 * max(dot(n, to_eye), 0.0);
+  vec3 light = vec3(0.36) + sky * vec3(0.20, 0.22, 0.25) + lamp * vec3(0.50, 0.48, 0.45) + 0.1 * max(dot(n, to_eye), 0.0);
   colour = vec4(base * light + 0.14 * gloss, 1.0);
+}`;
+
+/** Planes that end each other, so many of them. */
+const MOST_PLANES = 4;
+const WITHIN = `
+uniform vec4 u_others[${MOST_PLANES}];
+bool within(vec3 p) {
+  for (int k = 0; k < ${MOST_PLANES}; k++) if (dot(u_others[k].xyz, p) < u_others[k].w) return false;
+  return true;
 }`;
 
 // What lies in the lamp's way, laid flat onto a plane n·x = u_plane.w.
@@ -63,8 +72,9 @@ uniform float u_reach, u_below;
 in float v_height;
 in vec3 v_position;
 out vec4 colour;
+${WITHIN}
 void main() {
-  if (v_height < u_below) discard;
+  if (v_height < u_below || !within(v_position)) discard;
   colour = vec4(u_colour.rgb, u_colour.a * (1.0 - smoothstep(0.4 * u_reach, u_reach, distance(v_position, u_middle))));
 }`;
 
@@ -74,9 +84,11 @@ uniform vec3 u_middle, u_along, u_across;
 uniform float u_reach;
 layout(location = 0) in vec3 position;
 out vec2 v_place;
+out vec3 v_position;
 void main() {
   v_place = position.xy * u_reach;
-  gl_Position = u_view * vec4(u_middle + u_along * v_place.x + u_across * v_place.y, 1.0);
+  v_position = u_middle + u_along * v_place.x + u_across * v_place.y;
+  gl_Position = u_view * vec4(v_position, 1.0);
 }`;
 
 // Lines at multiples of the spacing, every fifth one stronger; they fade where they become finer than pixels, and outwards.
@@ -86,7 +98,9 @@ uniform vec4 u_fill, u_line;
 uniform vec2 u_shift;
 uniform float u_reach, u_spacing;
 in vec2 v_place;
+in vec3 v_position;
 out vec4 colour;
+${WITHIN}
 float lines(float spacing) {
   vec2 at = (v_place + u_shift) / spacing;
   vec2 wide = fwidth(at);
@@ -95,6 +109,7 @@ float lines(float spacing) {
   return max(line.x, line.y);
 }
 void main() {
+  if (!within(v_position)) discard;
   float fade = 1.0 - smoothstep(0.35 * u_reach, u_reach, length(v_place));
   float line = max(0.45 * lines(u_spacing), lines(5.0 * u_spacing)) * u_line.a;
   float alpha = line + u_fill.a * (1.0 - line);
@@ -143,7 +158,8 @@ class Program {
   set(name, value) {
     if (!this.places.has(name)) this.places.set(name, this.gl.getUniformLocation(this.program, name));
     const place = this.places.get(name);
-    if (typeof value === "number") this.gl.uniform1f(place, value);
+    if (name === "u_others") this.gl.uniform4fv(place, value);
+    else if (typeof value === "number") this.gl.uniform1f(place, value);
     else if (value.length === 16) this.gl.uniformMatrix4fv(place, false, value);
     else this.gl[`uniform${value.length}fv`](place, value);
   }

@@ -29,8 +29,8 @@ function showLegend(stage) {
   legend.hidden = !(stage.byScale && scale);
   if (legend.hidden) return;
   const stops = Array.from({ length: 11 }, (_, k) => `rgb(${diverging(k / 5 - 1).map((c) => Math.round(255 * c)).join()})`);
-  const value = (x) => (scale.unit === "-" ? x.toExponential(1).replace("-", "−") : quantity(x, scale.unit));
-  const ends = [value(-scale.most), "0", `+${value(scale.most)}`];
+  const value = (x) => (scale.unit === "-" ? `${Number((100 * x).toPrecision(2))} %` : quantity(x, scale.unit));
+  const ends = [`−${value(scale.most)}`, "0", `+${value(scale.most)}`];
   legend.innerHTML = `<div class="what"></div><div class="bar"></div><div class="ends">${ends.map((end) => `<span>${end}</span>`).join("")}</div>`;
   legend.querySelector(".what").textContent = scale.name;
   legend.querySelector(".bar").style.background = `linear-gradient(to right, ${stops.join()})`;
@@ -57,7 +57,10 @@ function start() {
   const player = new Player(data.slice(data.header.time), changed);
   const show = connect(player, data.slice(data.header.energy));
 
+  // until someone steers, the view follows the window
+  let steered = false;
   const fit = () => {
+    steered = false;
     camera.fit(stage.points, stage.thickest);
     changed();
   };
@@ -67,6 +70,7 @@ function start() {
     [canvas.width, canvas.height] = [width, height];
     camera.aspect = width / height;
     gl.viewport(0, 0, width, height);
+    if (!steered) fit();
     changed();
   };
   const colourBy = (scaled) => {
@@ -89,6 +93,7 @@ function start() {
     if (number("zoom") > 0) {
       fit();
       camera.distance /= number("zoom");
+      steered = true;
     }
     if (wish.has("colour")) colourBy(wish.get("colour") !== "object" && data.header.scale !== null);
     if (wish.has("play")) player.play(true);
@@ -106,8 +111,10 @@ function start() {
   element("fit").addEventListener("click", fit);
   camera.azimuth = startAzimuth(stage.points);
   resize();
-  fit();
-  steer(canvas, camera, { smallest: 0.02 * stage.size, largest: 30 * stage.size }, changed);
+  steer(canvas, camera, { smallest: 0.02 * stage.size, largest: 30 * stage.size }, () => {
+    steered = true;
+    changed();
+  });
   listen(player, fit);
   obey();
   addEventListener("hashchange", obey);

@@ -3,7 +3,7 @@
 /** Colours of ropes, cloths and bodies, one after the other. */
 const PALETTE = ["#2f7fd1", "#e08a1e", "#3d9a5f", "#b5518f", "#7a6bd1", "#c2543d", "#1f9aa0", "#8f7a2e"];
 /** Least thickness of a rope on the screen [pixels]. */
-const THINNEST = 2.6;
+const THINNEST = 3.6;
 const LAMP = unit([0.35, -0.3, 0.9]);
 
 const rgb = (text) => [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16) / 255);
@@ -19,7 +19,20 @@ function diverging(x) {
 function pageColours() {
   const style = getComputedStyle(document.documentElement);
   const names = ["sky", "grid", "plane", "fixed", "held", "stripe", "shadow"];
-  return Object.fromEntries(names.map((name) => [name, rgb(style.getPropertyValue(`--${name}`).trim())]));
+  const colours = Object.fromEntries(names.map((name) => [name, rgb(style.getPropertyValue(`--${name}`).trim())]));
+  // a shadow on something dark has to be deeper to be seen
+  return { ...colours, depth: colours.sky[1] > 0.5 ? 0.2 : 0.5 };
+}
+
+/** A colour for each body: bodies that hang on each other share one, and neighbours differ in tone. */
+function treeColours(parents, first) {
+  const trees = [];
+  let roots = 0;
+  parents.forEach((parent, body) => {
+    const { root, depth } = parent === null ? { root: roots++, depth: 0 } : { ...trees[parent], depth: trees[parent].depth + 1 };
+    trees[body] = { root, depth };
+  });
+  return trees.map(({ root, depth }) => mix(rgb(PALETTE[(first + root) % PALETTE.length]), [1, 1, 1], [0, 0.34, 0.17][depth % 3]));
 }
 
 class Stage {
@@ -35,6 +48,7 @@ class Stage {
     this.meshes = header.meshes.map(moving);
     this.poses = rows(header.poses);
     this.solids = header.solids.filter((solid) => solid.form !== "plane");
+    this.bodyColours = treeColours(header.parents, this.ropes.length + this.meshes.length);
     this.measure(frames);
     this.planes = this.listPlanes();
     this.programs = {
@@ -83,7 +97,7 @@ class Stage {
   /** Planes of the scene, or a grid below everything. */
   listPlanes() {
     const { center, solids } = this.header;
-    const spacing = roundLength(this.size / 5);
+    const spacing = roundLength(this.size / 3);
     const plane = (point, normal, filled) => {
       const along = Math.abs(normal[2]) > 0.99 ? unit(minus([1, 0, 0], times(normal, normal[0]))) : unit(cross([0, 0, 1], normal));
       const side = cross(normal, along);
@@ -126,7 +140,7 @@ class Stage {
       const director = rope.director ? rope.director.at(frame) : null;
       addTube(batch, row, rope.nodes, radius, sides, this.colouring(rope, k, frame), director);
       for (const i of rope.held) {
-        addMarker(batch, [row[3 * i], row[3 * i + 1], row[3 * i + 2]], Math.max(2 * radius, 4 * pixel), this.colours.held);
+        addMarker(batch, [row[3 * i], row[3 * i + 1], row[3 * i + 2]], Math.max(1.7 * radius, 4 * pixel), this.colours.held);
       }
     });
     for (const bone of this.header.bones) this.addBone(batch, bone, frame, Math.max(0.008 * this.size, thin));
@@ -152,7 +166,7 @@ class Stage {
 
   addBone(batch, bone, frame, radius) {
     const [from, to] = this.boneEnds(bone, frame);
-    const colour = rgb(PALETTE[bone.body % PALETTE.length]);
+    const colour = this.bodyColours[bone.body];
     const flat = [...from, ...to];
     if (bone.mass) addMarker(batch, to, 2.2 * radius, colour);
     else addTube(batch, flat, 2, radius, 12, () => colour, null);
@@ -189,7 +203,7 @@ class Stage {
     this.programs.lit.use({ u_view: view, u_eye: eye, u_lamp: LAMP, u_stripe: this.colours.stripe });
     this.solids.forEach((solid, k) => {
       this.programs.lit.set("u_model", models[k]);
-      this.programs.lit.set("u_tint", solid.body === null ? this.colours.fixed : rgb(PALETTE[solid.body % PALETTE.length]));
+      this.programs.lit.set("u_tint", solid.body === null ? this.colours.fixed : this.bodyColours[solid.body]);
       this.shapes[k].draw();
     });
     this.programs.lit.set("u_model", IDENTITY);
@@ -198,7 +212,7 @@ class Stage {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
-    this.programs.line.use({ u_view: view, u_model: IDENTITY, u_colour: [...this.colours.shadow, 0.28] });
+    this.programs.line.use({ u_view: view, u_model: IDENTITY, u_colour: [...this.colours.shadow, 0.2] });
     for (const { lines } of this.wires) lines.draw();
     this.outlines.forEach((lines, k) => {
       this.programs.line.set("u_model", models[k]);
@@ -212,8 +226,11 @@ class Stage {
     const gl = this.gl;
     const reach = 4 * this.size;
     const seenFrom = dot(camera.eye(), plane.normal) - plane.height;
+    const others = new Float32Array(4 * MOST_PLANES);
+    const ends = this.planes.filter((other) => other !== plane).slice(0, MOST_PLANES);
+    ends.forEach(({ normal, height }, k) => others.set([...normal, height - 1e-6 * this.size], 4 * k));
     this.programs.plane.use({
-      u_view: view, u_middle: plane.middle, u_along: plane.along, u_across: plane.side, u_reach: reach,
+      u_view: view, u_others: others, u_middle: plane.middle, u_along: plane.along, u_across: plane.side, u_reach: reach,
       u_shift: plane.shift, u_spacing: this.spacing,
       u_fill: [...this.colours.plane, plane.filled ? (seenFrom > 0 ? 0.75 : 0.3) : 0],
       u_line: [...this.colours.grid, 0.75],
@@ -227,8 +244,8 @@ class Stage {
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
     const lift = 1e-4 * this.size;
     this.programs.shadow.use({
-      u_view: view, u_lamp: LAMP, u_plane: [...plane.normal, plane.height + lift], u_below: -2 * lift,
-      u_middle: plane.middle, u_reach: reach, u_colour: [...this.colours.shadow, plane.filled ? 0.22 : 0.12], u_model: IDENTITY,
+      u_view: view, u_others: others, u_lamp: LAMP, u_plane: [...plane.normal, plane.height + lift], u_below: -2 * lift,
+      u_middle: plane.middle, u_reach: reach, u_colour: [...this.colours.shadow, this.colours.depth * (plane.filled ? 1 : 0.6)], u_model: IDENTITY,
     });
     this.softShape.draw();
     models.forEach((model, k) => {
