@@ -3,14 +3,13 @@
 use super::failure::Failure;
 use super::{file, print};
 use pliant::Rollout;
-use pliant::view::{Caption, page};
+use pliant::view::{Caption, is_page, page};
 use std::io::Write;
 use std::path::Path;
 
 /// Refuses a file that is not .html.
 pub fn check_kind(path: &Path) -> Result<(), Failure> {
-    let html = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
-    if html { Ok(()) } else { Err(Failure::PageKind { path: path.to_owned() }) }
+    if is_page(path) { Ok(()) } else { Err(Failure::PageKind { path: path.to_owned() }) }
 }
 
 /// Writes the page of a run, and says on stderr if it does not show every state.

@@ -20,6 +20,7 @@ use crate::{Model, Rollout, State};
 use frames::chosen;
 use minijinja::{Environment, Value, context};
 use numbers::Numbers;
+use std::path::Path;
 
 /// A trajectory to show.
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +66,11 @@ impl Page {
     pub fn left_out(&self) -> Option<String> {
         (self.frames < self.states).then(|| picture::left_out(self.frames, self.states))
     }
+}
+
+/// Whether a file's name is that of a page: it ends in `.html`.
+pub fn is_page(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("html"))
 }
 
 /// The page of a run.

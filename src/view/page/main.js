@@ -46,7 +46,7 @@ function start() {
   const gl = canvas.getContext("webgl2", { antialias: true, stencil: true, alpha: false });
   if (!gl) {
     refuse("This view needs WebGL 2, and this browser does not offer it: it may be switched off, or the graphics driver refused. Another browser may show it.");
-    for (const id of ["fit", "axes", "grid"]) element(id).style.display = "none";
+    for (const id of ["fit", "axes", "grid", "controls"]) element(id).style.display = "none";
     return;
   }
   const data = readData();
