@@ -77,7 +77,9 @@ function connect(player, energy) {
   const [slider, plot] = [element("slider"), element("plot")];
   slider.max = String(time.length - 1);
   element("curve").setAttribute("d", curvePath(time, energy));
-  const [low, high] = range(energy);
+  // an end of the range that is only rounding beside the other is none
+  const largest = Math.max(...range(energy).map(Math.abs));
+  const [low, high] = range(energy).map((x) => (Math.abs(x) < 1e-7 * largest ? 0 : x));
   element("low").textContent = `energy ${quantity(low, "J")} … ${quantity(high, "J")}`;
   element("end").textContent = `${seconds(player.last)} s`;
   SPEEDS.forEach((speed, k) => element("speed").add(new Option(`${speed}×`, String(k))));

@@ -58,6 +58,7 @@ function quantity(x, unitName) {
   const prefixes = [[1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
   const size = Math.abs(x);
   const [scale, prefix] = prefixes.find(([s]) => size >= s) ?? (size === 0 ? [1, ""] : prefixes[prefixes.length - 1]);
+  if (size > 0 && size < 1e-9) return `${x.toExponential(3).replaceAll("-", "−")} ${unitName}`;
   const digits = size === 0 ? "0" : (x / scale).toPrecision(4);
   return `${digits.replace("-", "−")} ${prefix}${unitName}`;
 }
