@@ -1,5 +1,5 @@
 //! The page of a run: its header, the numbers behind it, and that it needs nothing else.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use pliant::view::{Caption, page};
 use pliant::{Case, Rollout, StepOptions, rollout};
@@ -135,8 +135,8 @@ fn fixed_capsules_point_from_end_to_end() {
     let axis = [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)];
     let theta =
         |path: &str| run.theta[run.model.params().find(&format!("{}.{path}", capsule["name"].as_str().unwrap())).unwrap()];
-    for a in 0..3 {
-        let end = number("position", a) + read.center(a) + number("sizes", 1) * axis[a];
+    for (a, along) in axis.iter().enumerate() {
+        let end = number("position", a) + read.center(a) + number("sizes", 1) * along;
         assert!((end - theta(&format!("b[{a}]"))).abs() < 1e-12, "axis {a}");
     }
 }

@@ -173,3 +173,27 @@ fn bones(run: &Run) -> Vec<Bone> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::Case;
+
+    /// Surfaces and directors have no scene yet: what is made of them is looked at here.
+    #[test]
+    fn a_surface_is_its_nodes_and_triangles() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
+        let case = Case::read(folder.join("clamped_ends.toml")).unwrap();
+        let mut numbers = Numbers::default();
+        numbers.push([0.0]);
+        let triangles = vec![[0, 1, 2], [2, 1, 3]];
+        let center = [0.1, 0.0, 0.0];
+        let surface = ("sheet".to_owned(), 1..5, triangles.clone());
+        let mesh = mesh(&case.model, surface, &[&case.x0, &case.x0], &center, &mut numbers);
+        assert_eq!((mesh.nodes, &mesh.triangles, &mesh.held), (4, &triangles, &vec![0]));
+        let json = serde_json::to_value(&mesh).unwrap();
+        assert_eq!(json["positions"], serde_json::json!({ "offset": 1, "length": 2 * 4 * 3 }));
+        assert_eq!(json["colour"], serde_json::Value::Null);
+    }
+}

@@ -20,10 +20,13 @@ class Batch {
   vertex(position, normal, colour, around = -1) {
     const at = this.nVertices * VERTEX;
     if (at + VERTEX > this.vertices.length) this.vertices = grown(this.vertices);
-    this.vertices.set(position, at);
-    this.vertices.set(normal, at + 3);
-    this.vertices.set(colour, at + 6);
-    this.vertices[at + 9] = around;
+    const { vertices } = this;
+    for (let k = 0; k < 3; k++) {
+      vertices[at + k] = position[k];
+      vertices[at + 3 + k] = normal[k];
+      vertices[at + 6 + k] = colour[k];
+    }
+    vertices[at + 9] = around;
     return this.nVertices++;
   }
 

@@ -75,7 +75,6 @@ function curvePath(time, values) {
 function connect(player, energy) {
   const { time } = player;
   const [slider, plot] = [element("slider"), element("plot")];
-  slider.max = String(time.length - 1);
   element("curve").setAttribute("d", curvePath(time, energy));
   // an end of the range that is only rounding beside the other is none
   const largest = Math.max(...range(energy).map(Math.abs));
@@ -88,7 +87,7 @@ function connect(player, energy) {
   element("play").addEventListener("click", () => player.play(!player.playing));
   slider.addEventListener("input", () => {
     player.playing = false;
-    player.seek(time[Number(slider.value)]);
+    player.seek(player.first + Number(slider.value) * (player.last - player.first));
   });
   const point = (event) => {
     if (!(event.buttons & 1)) return;
@@ -112,7 +111,7 @@ function connect(player, energy) {
   return () => {
     const frame = clamp(Math.round(player.frame()), 0, time.length - 1);
     const share = (player.t - player.first) / (player.last - player.first || 1);
-    slider.value = String(frame);
+    slider.value = String(share);
     slider.setAttribute("aria-valuetext", `${seconds(player.t)} seconds`);
     element("cursor").setAttribute("d", `M${1000 * share},0V100`);
     element("time").textContent = `t = ${player.t.toFixed(digits)} s`;

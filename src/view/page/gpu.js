@@ -21,6 +21,7 @@ void main() {
 const LIT_FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 u_eye, u_lamp, u_tint, u_stripe;
+uniform float u_plain;
 in vec3 v_position, v_normal, v_colour;
 in float v_around;
 out vec4 colour;
@@ -37,7 +38,8 @@ void main() {
   float sky = 0.5 + 0.5 * n.z;
   float gloss = pow(max(dot(n, normalize(u_lamp + to_eye)), 0.0), 36.0);
   vec3 light = vec3(0.36) + sky * vec3(0.20, 0.22, 0.25) + lamp * vec3(0.50, 0.48, 0.45) + 0.1 * max(dot(n, to_eye), 0.0);
-  colour = vec4(base * light + 0.14 * gloss, 1.0);
+  light = mix(light, vec3(0.95), u_plain);
+  colour = vec4(base * light + 0.14 * (1.0 - u_plain) * gloss, 1.0);
 }`;
 
 /** Planes that end each other, so many of them. */

@@ -11,7 +11,7 @@ const rgb = (text) => [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16) / 
 /** From blue by grey to red, for −1 … 1. */
 function diverging(x) {
   const s = clamp(x, -1, 1);
-  const middle = [0.82, 0.83, 0.85];
+  const middle = [0.66, 0.68, 0.7];
   return mix(middle, s < 0 ? [0.13, 0.4, 0.75] : [0.8, 0.2, 0.16], Math.abs(s) ** 0.8);
 }
 
@@ -133,10 +133,12 @@ class Stage {
     const thin = 0.5 * THINNEST * pixel;
     batch.clear();
     const total = this.ropes.reduce((sum, rope) => sum + rope.nodes, 0);
-    const sides = total > 3000 ? 6 : total > 600 ? 10 : 18;
+    const most = total > 3000 ? 6 : total > 600 ? 10 : 18;
     this.ropes.forEach((rope, k) => {
       const row = rope.positions.at(frame);
       const radius = Math.max(rope.radius, thin);
+      // as round as can be seen
+      const sides = clamp(Math.round(4 * Math.sqrt(radius / pixel)), 6, most);
       const director = rope.director ? rope.director.at(frame) : null;
       addTube(batch, row, rope.nodes, radius, sides, this.colouring(rope, k, frame), director);
       for (const i of rope.held) {
@@ -200,7 +202,7 @@ class Stage {
     gl.enable(gl.DEPTH_TEST);
     gl.depthMask(true);
     gl.disable(gl.BLEND);
-    this.programs.lit.use({ u_view: view, u_eye: eye, u_lamp: LAMP, u_stripe: this.colours.stripe });
+    this.programs.lit.use({ u_view: view, u_eye: eye, u_lamp: LAMP, u_stripe: this.colours.stripe, u_plain: 0 });
     this.solids.forEach((solid, k) => {
       this.programs.lit.set("u_model", models[k]);
       this.programs.lit.set("u_tint", solid.body === null ? this.colours.fixed : this.bodyColours[solid.body]);
@@ -208,6 +210,8 @@ class Stage {
     });
     this.programs.lit.set("u_model", IDENTITY);
     this.programs.lit.set("u_tint", [1, 1, 1]);
+    // colours that are to be read are shaded less
+    this.programs.lit.set("u_plain", this.byScale ? 0.6 : 0);
     this.softShape.draw();
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
