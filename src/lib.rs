@@ -53,6 +53,8 @@
 
 mod case;
 mod differentiate;
+pub mod file;
+pub mod view;
 
 pub use case::{Case, CaseError, start};
 pub use differentiate::Differentiate;

@@ -4,9 +4,13 @@ use crate::convert::{finite, matrix, optional_matrix, optional_vector, rows_to_m
 use crate::errors::input;
 use crate::options::Trajectory;
 use numpy::{PyArray1, PyArray2};
+use pliant::file::write;
+use pliant::view::{Caption, Run, is_page, page};
 use pliant::{Along, Linearization, RolloutCotangent, State, StepTrace};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::io::Write;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
@@ -143,6 +147,20 @@ impl Rollout {
         let Linearization { a, b, c } = py.detach(|| self.kept.linearize(record))?;
         let (nx, nu, np) = (model.ndx(), model.nu(), model.n_params());
         Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
+    }
+
+    /// Writes a page with a 3-D view of the run, one HTML file that needs no network; says what it leaves out, if anything.
+    #[pyo3(signature = (path, *, title=None))]
+    fn view(&self, py: Python<'_>, path: PathBuf, title: Option<String>) -> PyResult<Option<String>> {
+        if !is_page(&path) {
+            return Err(input(format!("{} does not end in .html, which a page is", path.display())));
+        }
+        let stem = || path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let caption = Caption { title: title.unwrap_or_else(stem), ..Caption::default() };
+        let run = Run { model: self.kept.model(), theta: self.kept.theta(), states: self.kept.states() };
+        let made = py.detach(|| page(run, &caption)).map_err(input)?;
+        py.detach(|| write(&path, |out| out.write_all(made.html.as_bytes())))?;
+        Ok(made.left_out())
     }
 
     fn __len__(&self) -> usize {

@@ -5,6 +5,7 @@ use pliant::identify::log::LogError;
 use pliant::identify::report::ReportError;
 use pliant::import::ImportError;
 use pliant::scene::SceneError;
+use pliant::view::ViewError;
 use pliant::{AdjointError, BuildError, CaseError, StepError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,6 +43,12 @@ pub enum Failure {
     /// An output of an unknown kind.
     #[error("error: {path}: ends neither in .csv nor in .npz\n  likely cause: another format was meant\n  fix: write `--out {stem}.csv` or `--out {stem}.npz`", path = .path.display(), stem = .path.with_extension("").display())]
     Kind { path: PathBuf },
+    /// A page of another kind.
+    #[error("error: {path}: does not end in .html\n  likely cause: another format was meant\n  fix: write `--view {stem}.html`", path = .path.display(), stem = .path.with_extension("").display())]
+    PageKind { path: PathBuf },
+    /// A page cannot be made.
+    #[error("error: {path}: {source}", path = .path.display())]
+    View { path: PathBuf, source: ViewError },
     /// A check did not pass; its report has been printed.
     #[error("{0}")]
     NotPassed(String),
@@ -53,7 +60,7 @@ impl Failure {
         let numerics = match self {
             Self::Case { source, .. } => matches!(&**source, CaseError::Start(step) if !is_input(step)),
             Self::Step { source, .. } => !is_input(source),
-            Self::Adjoint { .. } | Self::NotPassed(_) => true,
+            Self::Adjoint { .. } | Self::View { .. } | Self::NotPassed(_) => true,
             Self::Identify { source, .. } => !source.is_input(),
             Self::Report(error) => !error.is_input(),
             _ => false,

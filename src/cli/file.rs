@@ -1,51 +1,16 @@
-//! Files that are there complete, or not at all.
+//! Output files, and why they cannot be written.
 
 use super::failure::Failure;
 use std::fs::File;
 use std::io::{self, BufWriter};
-use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
+use std::path::Path;
 
-/// Writes a file beside its place and renames it when it is complete.
+/// Writes a file that is there complete, or not at all.
 pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> Result<(), Failure> {
-    complete(path, fill).map_err(|error| Failure::write(path, error))
-}
-
-fn complete(path: &Path, fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> io::Result<()> {
-    if path.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
-    }
-    let temporary = beside(path)?;
-    let mut out = BufWriter::new(temporary.as_file());
-    fill(&mut out)?;
-    out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-    temporary.persist(path).map_err(|error| error.error)?;
-    Ok(())
+    pliant::file::write(path, fill).map_err(|error| Failure::write(path, error))
 }
 
 /// Refuses a place that cannot be written to, before anything is computed.
 pub fn check(path: &Path) -> Result<(), Failure> {
-    if path.is_dir() {
-        return Err(Failure::write(path, io::ErrorKind::IsADirectory.into()));
-    }
-    beside(path).map(drop).map_err(|error| Failure::write(path, error))
-}
-
-fn beside(path: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".pliant-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
-    }
-    builder.tempfile_in(folder(path)).map_err(|error| error.kind().into())
-}
-
-/// The folder a path is in.
-fn folder(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    }
+    pliant::file::check(path).map_err(|error| Failure::write(path, error))
 }

@@ -17,6 +17,7 @@ mod schema;
 mod simulate;
 mod threads;
 mod trajectory;
+mod view;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -31,7 +32,7 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a scene, and write where its nodes go.
+    /// Simulate a scene, and write where its nodes go, or a page that shows it.
     Simulate(simulate::Arguments),
     /// Compare the gradients of a scene's rollout with differences.
     Gradcheck(gradcheck::Arguments),

@@ -1,7 +1,7 @@
 //! `pliant simulate`.
 
 use super::failure::Failure;
-use super::{file, print, trajectory};
+use super::{file, print, trajectory, view};
 use pliant::{Case, Rollout, StepOptions, rollout};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -14,6 +14,9 @@ pub struct Arguments {
     /// File for positions and velocities of all nodes, .csv or .npz; without it nothing is written.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Page with a 3-D view of the run, .html; it needs no network.
+    #[arg(long, value_name = "FILE.html")]
+    view: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -36,6 +39,7 @@ struct Summary<'a> {
     /// Total energy [J] of every state, the initial one first.
     energy: &'a [f64],
     out: Option<String>,
+    view: Option<String>,
 }
 
 /// Simulates a scene.
@@ -43,6 +47,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(out) = &arguments.out {
         trajectory::check_kind(out)?;
         file::check(out)?;
+    }
+    if let Some(page) = &arguments.view {
+        view::check_kind(page)?;
+        file::check(page)?;
     }
     let case = Case::read(&arguments.scene).map_err(|error| Failure::case(&arguments.scene, error))?;
     let theta = case.model.params().values();
@@ -54,6 +62,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let energy = run.energy();
     if let Some(out) = &arguments.out {
         trajectory::write(out, &run, &energy)?;
+    }
+    if let Some(page) = &arguments.view {
+        view::write(page, &arguments.scene, &run)?;
     }
     let work = run.work();
     let summary = Summary {
@@ -67,6 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         wall_s,
         energy: &energy,
         out: arguments.out.as_ref().map(|out| out.display().to_string()),
+        view: arguments.view.as_ref().map(|page| page.display().to_string()),
     };
     if arguments.json { print::json(&summary) } else { print::data(&text(&summary, &run)) }
 }
@@ -89,7 +101,7 @@ fn text(summary: &Summary, run: &Rollout) -> String {
         summary.factorizations,
         summary.retries,
     );
-    if let Some(path) = &summary.out {
+    for path in summary.out.iter().chain(&summary.view) {
         out += &format!("\nwrote {path}");
     }
     out

@@ -264,6 +264,13 @@ class Rollout:
         """
     def linearize(self, k: int) -> tuple[Array, Array, Array]:
         """Jacobians of step k: A (ndx, ndx) by x_k, B (ndx, nu) by u_k, C (ndx, n_params) by theta."""
+    def view(self, path: str | PathLike[str], *, title: str | None = None) -> str | None:
+        """Writes a page with a 3-D view of the run to `path`, which ends in .html: one file that needs no network.
+
+        title: of the page; the file's name if left out. Long runs are thinned to 60 frames a simulated
+        second and to about 20 MB: what is returned says so, and so does the page; None if all states are
+        in it. OSError if the file cannot be written, which leaves what was there before.
+        """
     def __len__(self) -> int:
         """Number of steps T."""
 
