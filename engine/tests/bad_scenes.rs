@@ -71,7 +71,7 @@ fn unknown_key() {
     );
     refused("friction = 0.5", "colour = 3", "27: plane[0].colour", &["keys known here: `friction`, `height`, `name`"]);
     refused("frequency = 1.0", "frequenzy = 1.0", "23: gripper[0].motion.frequenzy", &["did you mean `frequency`?"]);
-    refused("nodes = [0, 1]", "nodes = [0, 1]\nhold = 1", "23: gripper[0].hold", &["keys known here", "`nodes`", "`end`"]);
+    refused("nodes = [0, 1]", "nodes = [0, 1]\ncolour = 1", "23: gripper[0].colour", &["keys known here", "`nodes`", "`end`"]);
     refused("[gravity]", "[gravitty]", "6: gravitty", &["did you mean `gravity`?"]);
 }
 

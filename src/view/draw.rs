@@ -19,16 +19,24 @@ fn surfaces(_model: &Model) -> Vec<Surface> {
     Vec::new()
 }
 
-/// Unit vectors across the edges of a rope at a state, one after the other, that turn with its material. Ropes do not twist yet.
-fn directors(_run: &Run, _rope: &RopeSpan, _state: &State) -> Option<Vec<f64>> {
-    None
+/// Unit vectors across the edges of a rope at a state, one after the other, that turn with its material; none of ropes without twist.
+fn directors(run: &Run, rope: &RopeSpan, state: &State) -> Option<Vec<f64>> {
+    let edges: Vec<usize> = twisting(run.model, rope);
+    let axes = (!edges.is_empty()).then(|| run.model.material_axes(&state.q, &state.z))?;
+    Some(edges.into_iter().flat_map(|k| [axes[k].x, axes[k].y, axes[k].z]).collect())
+}
+
+/// Numbers of a rope's edges among those that twist.
+fn twisting(model: &Model, rope: &RopeSpan) -> Vec<usize> {
+    let edges = model.rods().edges.iter().enumerate();
+    edges.filter(|(_, edge)| edge.nodes.iter().all(|node| rope.nodes.contains(node))).map(|(k, _)| k).collect()
 }
 
 /// How many numbers a frame takes.
 pub(super) fn numbers_per_frame(model: &Model) -> usize {
     let ropes: usize = model.ropes().iter().map(|rope| 4 * rope.nodes.len()).sum();
     let surfaces: usize = surfaces(model).iter().map(|(_, nodes, _)| 3 * nodes.len()).sum();
-    2 + ropes + surfaces + 7 * model.tree().bodies().len()
+    2 + ropes + 3 * model.rods().n_twists() + surfaces + 7 * model.tree().bodies().len()
 }
 
 /// Everything that is drawn of the states `frames`.
@@ -180,7 +188,7 @@ mod tests {
     use super::*;
     use crate::Case;
 
-    /// Surfaces and directors have no scene yet: what is made of them is looked at here.
+    /// Surfaces have no scene yet: what is made of them is looked at here.
     #[test]
     fn a_surface_is_its_nodes_and_triangles() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");

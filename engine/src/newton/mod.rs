@@ -80,7 +80,7 @@ impl From<StepError> for Stuck {
 /// Solves the stage from the iterate in `ws.it`, whose driven velocities already are the commanded ones.
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
     let precision = if stage.coarse { stage.model.solver.tolerance.max(COARSE) } else { stage.model.solver.tolerance };
-    let tolerance = precision * velocity_scale(stage, ws);
+    let tolerance = (precision * velocity_scale(stage, ws)).max(rounding(stage));
     let mut correction = f64::INFINITY;
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
     let (mut soften, mut eased) = (stage.soften, false);
@@ -323,6 +323,13 @@ fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
     };
     let fall = stage.theta[stage.model.gravity] * stage.h.min(1.0 / stage.inertia.max(f64::MIN_POSITIVE));
     mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs() + 1e-9
+}
+
+/// What the rounding of the nodes' positions leaves open of their velocities [m/s]: stiff edges far from the origin, or a rope without
+/// weight at rest, tell them no better.
+fn rounding(stage: &Stage) -> f64 {
+    let farthest = stage.q_ref[..3 * stage.mass.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()));
+    f64::EPSILON * farthest / stage.h
 }
 
 fn negate_into(from: &[f64], to: &mut [f64]) {
