@@ -5,6 +5,7 @@ use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
+use crate::state::State;
 use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
 use std::sync::Arc;
 
@@ -33,6 +34,15 @@ pub struct Equilibrium {
     pub signals: Vec<(usize, Input, f64)>,
     /// Work done.
     pub work: Work,
+}
+
+impl Equilibrium {
+    /// The state at rest there; joints and motors remember what they do as the scene begins.
+    pub fn state(&self) -> State {
+        let mut z = self.model.initial_memory();
+        z[self.model.ndz()..].copy_from_slice(&self.frames);
+        State { q: self.q.clone(), v: vec![0.0; self.model.nv()], z }
+    }
 }
 
 /// Solves `f(q, v = 0; θ) = 0` for the free nodes, with prescribed grippers where `u` puts them and velocity-controlled ones

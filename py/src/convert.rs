@@ -49,14 +49,16 @@ pub fn optional_vector(name: &str, value: Optional, n: usize) -> PyResult<Option
     value.map(|value| vector(name, value, n)).transpose()
 }
 
-/// Positions: 3 n numbers flat, or n rows of three.
-pub fn points(name: &str, value: &Bound<PyAny>, n: usize) -> PyResult<Vec<f64>> {
+/// Coordinates: all of them, or of the nodes alone, (n, 3), the others as in `start`.
+pub fn positions(name: &str, value: &Bound<PyAny>, n: usize, start: &[f64]) -> PyResult<Vec<f64>> {
     let array = array(name, value)?;
     let view = array.as_array();
-    if view.shape() != [3 * n] && view.shape() != [n, 3] {
-        return Err(shape_error(name, view.shape(), &format!("({},) or ({n}, 3)", 3 * n)));
+    let whole = view.shape() == [start.len()];
+    if !whole && view.shape() != [3 * n] && view.shape() != [n, 3] {
+        return Err(shape_error(name, view.shape(), &format!("({},) or ({n}, 3)", start.len())));
     }
-    Ok(view.iter().copied().collect())
+    let rest = if whole { &[][..] } else { &start[3 * n..] };
+    Ok(view.iter().chain(rest).copied().collect())
 }
 
 /// A matrix of `columns` columns; of `rows` rows, if their number is known.

@@ -22,6 +22,12 @@ impl Equilibrium {
         to_vector(py, self.inner.q.clone())
     }
 
+    /// The state at rest there, (nx,).
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        to_vector(py, self.inner.state().to_flat())
+    }
+
     /// Newton iterations it took.
     #[getter]
     fn iterations(&self) -> usize {

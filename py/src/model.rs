@@ -1,7 +1,7 @@
 //! A scene made ready to simulate.
 
 use crate::batch::{Batch, Job};
-use crate::convert::{matrix, optional_vector, points, rows_to_matrix, to_matrix, to_vector, vector};
+use crate::convert::{matrix, optional_vector, positions, rows_to_matrix, to_matrix, to_vector, vector};
 use crate::equilibrium::Equilibrium;
 use crate::errors::{self, input};
 use crate::options::Keep;
@@ -46,6 +46,11 @@ impl Model {
 
     pub fn engine(&self) -> &Arc<Engine> {
         &self.model
+    }
+
+    /// A whole state, (nx,).
+    pub fn state(&self, name: &str, x: &Bound<PyAny>) -> PyResult<State> {
+        Ok(State::from_flat(&vector(name, x, self.model.nx())?, self.model.nq(), self.model.nv()))
     }
 
     /// The scene's parameters where none are given.
@@ -212,6 +217,24 @@ impl Model {
         rows_to_matrix(py, &self.rows(n_steps)?, self.model.nu())
     }
 
+    /// The state (nx,) a change dx (ndx,) away from x (nx,).
+    fn displaced<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>, dx: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
+        let dx = vector("dx", dx, self.model.ndx())?;
+        Ok(to_vector(py, self.model.displaced(&self.state("x", x)?, &dx).to_flat()))
+    }
+
+    /// The change (ndx,) that leads from state a (nx,) to state b (nx,).
+    fn difference<'py>(&self, py: Python<'py>, b: &Bound<'py, PyAny>, a: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
+        Ok(to_vector(py, self.model.difference(&self.state("b", b)?, &self.state("a", a)?)))
+    }
+
+    /// First material axes at x (nx,) of all edges that twist, (n_twists, 3).
+    fn material_axes<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        let x = self.state("x", x)?;
+        let axes = self.model.material_axes(&x.q, &x.z);
+        to_matrix(py, axes.iter().flat_map(|d| [d.x, d.y, d.z]).collect(), 3, axes.len())
+    }
+
     /// Masses of all nodes [kg], (n_nodes,); ghosts have none.
     #[pyo3(signature = (theta=None))]
     fn masses<'py>(&self, py: Python<'py>, theta: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {
@@ -269,7 +292,7 @@ impl Model {
         u: &Bound<'py, PyAny>,
         theta: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
-        let mut state = State::from_flat(&vector("x", x, self.model.nx())?, self.model.nq(), self.model.nv());
+        let mut state = self.state("x", x)?;
         let u = vector("u", u, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
         let options = StepOptions { record: false, ..StepOptions::default() };
@@ -318,7 +341,7 @@ impl Model {
         Job::read(&self.model, x0s, us, thetas, keep)?.run(py, threads)
     }
 
-    /// Solves for rest with inputs u (nu,); `guess` (nq,) or (n_nodes, 3) [m], else the scene's initial shape.
+    /// Solves for rest with inputs u (nu,); `guess` (nq,) or, of the nodes alone, (n_nodes, 3) [m], else the scene's initial shape.
     #[pyo3(signature = (u, theta=None, guess=None))]
     fn equilibrium<'py>(
         &self,
@@ -330,7 +353,7 @@ impl Model {
         let u = vector("u", u, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
         let guess = match guess {
-            Some(guess) => points("guess", guess, self.model.n_nodes())?,
+            Some(guess) => positions("guess", guess, self.model.n_nodes(), self.model.initial_positions())?,
             None => self.model.initial_positions().to_vec(),
         };
         let inner = py.detach(|| equilibrium(&self.model, &theta, &guess, &u)).map_err(errors::step)?;
@@ -349,7 +372,7 @@ impl Model {
     ) -> PyResult<Bound<'py, PyDict>> {
         let theta = self.theta_or_default(theta)?;
         let x0 = match x0 {
-            Some(x0) => State::from_flat(&vector("x0", x0, self.model.nx())?, self.model.nq(), self.model.nv()),
+            Some(x0) => self.state("x0", x0)?,
             None => py.detach(|| self.start(&theta))?,
         };
         let u = u.map_or_else(|| self.rows(None), |u| matrix("u", u, None, self.model.nu()))?;

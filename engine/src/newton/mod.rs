@@ -12,7 +12,7 @@ mod history;
 pub(crate) use fallback::solve_stage;
 pub(crate) use history::History;
 
-use crate::step::{Stage, StepError, Workspace};
+use crate::step::{STATIC, Stage, StepError, Workspace};
 use nalgebra::Vector4;
 use pliant_smoothing::eigenvalues;
 
@@ -39,6 +39,8 @@ const NEARLY_HARD: f64 = 1e-4;
 const MOST_SOFT: f64 = 0.05;
 /// Relative change below which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
+/// How many roundings of the stiffest force count as none.
+const ROUNDINGS: f64 = 4.0;
 /// Corrections this many times the tolerance count as rounding noise if they stop shrinking.
 const NOISE: f64 = 1e3;
 
@@ -107,7 +109,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             // what is left where softened contacts have converged is rounding noise if it is small
             Descent::Soften if eased && correction <= NOISE * tolerance => return Ok(()),
             Descent::Soften => soften = (soften * SOFT_RISE).max(FIRST_SOFT),
-            Descent::Stalled if correction <= NOISE * tolerance => return Ok(()),
+            Descent::Stalled if correction <= NOISE * tolerance || balanced(stage, ws) => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
@@ -322,14 +324,29 @@ fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
         of_nodes + dofs_norm2(stage, dofs) / stage.measure.total
     };
     let fall = stage.theta[stage.model.gravity] * stage.h.min(1.0 / stage.inertia.max(f64::MIN_POSITIVE));
-    mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs() + 1e-9
+    // at rest the unknown is a displacement, and without weight the size of things is all there is to compare it with
+    let size = if stage.scheme == STATIC { farthest(stage) } else { 0.0 };
+    mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs().max(size) + 1e-9
 }
 
 /// What the rounding of the nodes' positions leaves open of their velocities [m/s]: stiff edges far from the origin, or a rope without
 /// weight at rest, tell them no better.
 fn rounding(stage: &Stage) -> f64 {
-    let farthest = stage.q_ref[..3 * stage.mass.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()));
-    f64::EPSILON * farthest / stage.h
+    f64::EPSILON * farthest(stage) / stage.h
+}
+
+/// Whether nodes at rest are in balance but for the rounding of elastic forces, a relative ε of coordinates times the largest stiffness:
+/// where something gives way easily, that moves it further than any tolerance allows.
+fn balanced(stage: &Stage, ws: &Workspace) -> bool {
+    let n = 3 * stage.mass.len();
+    let stiffness = (0..n).fold(0.0, |a: f64, k| a.max(-ws.dq.nodes.get(k, k)));
+    let largest = ws.r[..n].iter().fold(0.0_f64, |a, r| a.max(r.abs()));
+    stage.scheme == STATIC && largest <= ROUNDINGS * f64::EPSILON * farthest(stage) * stiffness
+}
+
+/// Largest coordinate of a node [m].
+fn farthest(stage: &Stage) -> f64 {
+    stage.q_ref[..3 * stage.mass.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()))
 }
 
 fn negate_into(from: &[f64], to: &mut [f64]) {

@@ -1,19 +1,22 @@
 //! How a rod is bent and twisted at a node between two edges, and how that changes.
 //!
-//! With unit tangents t₁, t₂ of edges e₁, e₂ and their material axes (a₁, a₂) and (b₁, b₂), normal to t₁ and to t₂:
+//! With unit tangents t₁, t₂ of edges e₁, e₂ and material axes (a₁, a₂) and (b₁, b₂), normal to t₁ and to t₂, the curvature binormal
+//! 2 t₁ × t₂/χ, χ = 1 + t₁·t₂, has the parts α towards the first edge's axes, which it keeps as they are carried to the second edge, and
+//! R(−τ) α towards the second's, τ being the twist between the two. The strains are those towards the axes half way:
 //! ```text
-//! κ_j = (a_j + b_j)·(t₂ − t₁)/χ,  χ = 1 + t₁·t₂           τ = twist from the first edge's axes to the second's
+//! α_j = 2 a_j·(t₂ − t₁)/χ,    κ = R(−τ/2) α,    τ
 //! ```
-//! These are the integrated curvatures and twist of Bergou et al. 2010 (Discrete Viscous Threads, eq. 1 to 3): |κ| = 2 tan(φ/2) for a
-//! turning angle φ, κ_j its part towards the material axis j. The variables are y = (δe₁, δe₂, δα₁, δα₂), δα an edge's turn about its own
-//! tangent *beside* parallel transport, which is what moving its ends does to its axes. For M = (M₁, M₂, M₃) let A = Σ M_j a_j and A^⊥ = t₁ × A,
-//! B and B^⊥ likewise, G = M₁ κ₁ + M₂ κ₂, v = M₃ t₁ × t₂/χ. Then
+//! |κ| = 2 tan(φ/2) for a turning angle φ, κ_j its part towards the material axis j (Bergou et al. 2010, Discrete Viscous Threads, who
+//! take the mean of both edges' parts, cos(τ/2) κ: a rod twisted by half a turn a joint would then not resist bending). The variables are
+//! y = (δe₁, δe₂, δα₁, δα₂), δα an edge's turn about its own tangent *beside* parallel transport, which is what moving its ends does to
+//! its axes. For moments m that belong to (α, τ) let A = 2 Σ m_j a_j, A^⊥ = t₁ × A, G = m₁ α₁ + m₂ α₂, v = m₃ t₁ × t₂/χ, c = t₁·t₂. Then
 //! ```text
-//! w₁ = −(c A + B + G t₂)/χ,   w₂ = (A + c B − G t₁)/χ,   c = t₁·t₂,   P_a = I − t_a t_aᵀ
-//! ∂/∂e₁ = (P₁ w₁ + v)/l₁,   ∂/∂e₂ = (P₂ w₂ + v)/l₂,   ∂/∂α₁ = A^⊥·t₂/χ − M₃,   ∂/∂α₂ = −B^⊥·t₁/χ + M₃
+//! w₁ = −(c A + G t₂)/χ,   w₂ = (A − G t₁)/χ,   P_a = I − t_a t_aᵀ
+//! ∂/∂e₁ = (P₁ w₁ + v)/l₁,   ∂/∂e₂ = (P₂ w₂ + v)/l₂,   ∂/∂α₁ = A^⊥·t₂/χ − m₃,   ∂/∂α₂ = m₃
 //! ```
-//! The second derivatives are taken along the same displacements one after the other. Since axes carried around a circle of
-//! directions come back turned, they do not commute: the matrix is unsymmetric by the moment about the tangent.
+//! and moments M that belong to (κ, τ) are m = (R(τ/2) (M₁, M₂), M₃ + (M₁ κ₂ − M₂ κ₁)/2). The second derivatives are taken along the same
+//! displacements one after the other. Since axes carried around a circle of directions come back turned, they do not commute: the
+//! matrix is unsymmetric by the moment about the tangent.
 
 use crate::terms::Vec3;
 use nalgebra::{Matrix3, SMatrix};
@@ -45,20 +48,22 @@ pub(crate) struct Joint {
     two: EdgeFrame,
     c: f64,
     by_chi: f64,
+    /// α₁, α₂.
+    alpha: [f64; 2],
+    /// Sine and cosine of τ/2.
+    half: [f64; 2],
     /// κ₁, κ₂ [-], τ \[rad\].
     pub strain: [f64; 3],
 }
 
-/// A moment and what it makes of the two edges' axes.
+/// Moments m and what they make of the first edge's axes.
 struct Weighted {
     a: Vec3<f64>,
     a_turned: Vec3<f64>,
-    b: Vec3<f64>,
-    b_turned: Vec3<f64>,
     g: f64,
     w1: Vec3<f64>,
     w2: Vec3<f64>,
-    g_alpha: [f64; 2],
+    g_alpha: f64,
     twist: f64,
     v: Vec3<f64>,
 }
@@ -70,50 +75,78 @@ impl Joint {
         // ½|t₂ − t₁|² keeps the relative precision of a nearly straight rod, where 1 − t₁·t₂ cancels
         let one_minus_c = 0.5 * turn.norm_squared();
         let by_chi = 1.0 / (2.0 - one_minus_c);
-        let kappa = |j: usize| (one.axes[j] + two.axes[j]).dot(&turn) * by_chi;
-        Self { one, two, c: 1.0 - one_minus_c, by_chi, strain: [kappa(0), kappa(1), twist] }
+        let alpha = [0, 1].map(|j: usize| 2.0 * one.axes[j].dot(&turn) * by_chi);
+        let (sin, cos) = (0.5 * twist).sin_cos();
+        let strain = [alpha[0] * cos + alpha[1] * sin, alpha[1] * cos - alpha[0] * sin, twist];
+        Self { one, two, c: 1.0 - one_minus_c, by_chi, alpha, half: [sin, cos], strain }
+    }
+
+    /// m of M.
+    #[inline]
+    fn carried(&self, m: &[f64; 3]) -> [f64; 3] {
+        let [sin, cos] = self.half;
+        let twist = m[2] + 0.5 * (m[0] * self.strain[1] - m[1] * self.strain[0]);
+        [m[0] * cos - m[1] * sin, m[0] * sin + m[1] * cos, twist]
     }
 
     #[inline]
     fn weighted(&self, m: &[f64; 3]) -> Weighted {
-        let along = |axes: &[Vec3<f64>; 2]| axes[0] * m[0] + axes[1] * m[1];
-        let across = |axes: &[Vec3<f64>; 2]| axes[1] * m[0] - axes[0] * m[1];
-        let (a, b, a_turned, b_turned) =
-            (along(&self.one.axes), along(&self.two.axes), across(&self.one.axes), across(&self.two.axes));
+        let axes = &self.one.axes;
+        let (a, a_turned) = ((axes[0] * m[0] + axes[1] * m[1]) * 2.0, (axes[1] * m[0] - axes[0] * m[1]) * 2.0);
         let (t1, t2) = (&self.one.tangent, &self.two.tangent);
-        let g = m[0] * self.strain[0] + m[1] * self.strain[1];
+        let g = m[0] * self.alpha[0] + m[1] * self.alpha[1];
         Weighted {
-            w1: (a * self.c + b + t2 * g) * -self.by_chi,
-            w2: (a + b * self.c - t1 * g) * self.by_chi,
-            g_alpha: [a_turned.dot(t2) * self.by_chi, -b_turned.dot(t1) * self.by_chi],
+            w1: (a * self.c + t2 * g) * -self.by_chi,
+            w2: (a - t1 * g) * self.by_chi,
+            g_alpha: a_turned.dot(t2) * self.by_chi,
             v: t1.cross(t2) * (m[2] * self.by_chi),
             twist: m[2],
             a,
             a_turned,
-            b,
-            b_turned,
             g,
         }
+    }
+
+    /// ∂(m·(α, τ))/∂y at fixed m.
+    #[inline]
+    fn pull_plain(&self, m: &[f64; 3]) -> Gradient {
+        let w = self.weighted(m);
+        let (t1, t2) = (&self.one.tangent, &self.two.tangent);
+        let g1 = (w.w1 - t1 * t1.dot(&w.w1) + w.v) / self.one.length;
+        let g2 = (w.w2 - t2 * t2.dot(&w.w2) + w.v) / self.two.length;
+        [g1[0], g1[1], g1[2], g2[0], g2[1], g2[2], w.g_alpha - w.twist, w.twist]
     }
 
     /// ∂(M·strain)/∂y at fixed M \[N·m\]: by edges [N], by turns [N·m].
     #[inline]
     pub fn pull(&self, m: &[f64; 3]) -> Gradient {
-        let w = self.weighted(m);
-        let (t1, t2) = (&self.one.tangent, &self.two.tangent);
-        let g1 = (w.w1 - t1 * t1.dot(&w.w1) + w.v) / self.one.length;
-        let g2 = (w.w2 - t2 * t2.dot(&w.w2) + w.v) / self.two.length;
-        [g1[0], g1[1], g1[2], g2[0], g2[1], g2[2], w.g_alpha[0] - w.twist, w.g_alpha[1] + w.twist]
+        self.pull_plain(&self.carried(m))
     }
 
     /// ∂strain/∂y, strain by strain.
     #[inline]
     pub fn gradients(&self) -> [Gradient; 3] {
-        [self.pull(&[1.0, 0.0, 0.0]), self.pull(&[0.0, 1.0, 0.0]), self.pull(&[0.0, 0.0, 1.0])]
+        [self.pull(&[1.0, 0.0, 0.0]), self.pull(&[0.0, 1.0, 0.0]), self.pull_plain(&[0.0, 0.0, 1.0])]
     }
 
-    /// How [`Joint::pull`] changes with y at fixed M.
-    pub fn hessian(&self, m: &[f64; 3]) -> Hessian {
+    /// How [`Joint::pull`] changes with y at fixed M; `gradients` as [`Joint::gradients`] has them.
+    pub fn hessian(&self, m: &[f64; 3], gradients: &[Gradient; 3]) -> Hessian {
+        let plain = self.carried(m);
+        let mut out = self.hessian_plain(&plain);
+        // m changes with y too: its bending part turns by half the twist, its twisting part has the strains in it
+        let turned = self.pull_plain(&[-0.5 * plain[1], 0.5 * plain[0], 0.0]);
+        let [kappa1, kappa2, tau] = gradients;
+        for c in 0..VARIABLES {
+            let by_strain = 0.5 * (m[0] * kappa2[c] - m[1] * kappa1[c]);
+            for r in 0..VARIABLES {
+                out[(r, c)] += turned[r] * tau[c] + tau[r] * by_strain;
+            }
+        }
+        out
+    }
+
+    /// How [`Joint::pull_plain`] changes with y at fixed m.
+    fn hessian_plain(&self, m: &[f64; 3]) -> Hessian {
         let w = self.weighted(m);
         let (t1, t2, c, x) = (&self.one.tangent, &self.two.tangent, self.c, self.by_chi);
         let (p1, p2) = (projection(t1), projection(t2));
@@ -129,30 +162,26 @@ impl Joint {
         let carry = (p1 * t1.dot(&w.w1) + outer(t1, &p1w1) + outer(&p1w1, t1)) * -1.0;
         let twist = (t2.cross_matrix() * p1 * w.twist + outer(&w.v, &p1t2)) * -x - outer(&w.v, t1);
         place(0, 0, (bend + carry + twist) * (i1 * i1));
-        let bend = (outer(&w.b, &p2t1) - outer(&p2t1, &p2w2) - outer(&p2w2, &p2t1)) * x;
+        let bend = (outer(&p2t1, &p2w2) + outer(&p2w2, &p2t1)) * -x;
         let carry = (p2 * t2.dot(&w.w2) + outer(t2, &p2w2) + outer(&p2w2, t2)) * -1.0;
         let twist = (t1.cross_matrix() * p2 * w.twist - outer(&w.v, &p2t1)) * x - outer(&w.v, t2);
         place(3, 3, (bend + carry + twist) * (i2 * i2));
-        let p2b = w.b; // normal to t₂ as it is
-        let bend = p1 * (outer(t2, &p2b) - outer(&w.a, &p2t1) - outer(t2, &p2w2) - p2 * w.g - outer(&w.w1, &p2t1)) * x;
+        let bend = p1 * (outer(&w.a, &p2t1) + outer(t2, &p2w2) + p2 * w.g + outer(&w.w1, &p2t1)) * -x;
         let twist = (t1.cross_matrix() * p2 * w.twist - outer(&w.v, &p2t1)) * x;
         place(0, 3, (bend + twist) * (i1 * i2));
-        let bend = p2 * (outer(&w.b, &p1t2) - outer(t1, &w.a) - outer(t1, &p1w1) - p1 * w.g - outer(&w.w2, &p1t2)) * x;
+        let bend = p2 * (outer(t1, &w.a) + outer(t1, &p1w1) + p1 * w.g + outer(&w.w2, &p1t2)) * -x;
         let twist = (t2.cross_matrix() * p1 * w.twist + outer(&w.v, &p1t2)) * -x;
         place(3, 0, (bend + twist) * (i1 * i2));
 
-        let mut across = |edge: usize, turn: usize, by: Vec3<f64>| {
+        let mut across = |edge: usize, by: Vec3<f64>| {
             for k in 0..3 {
-                out[(3 * edge + k, TURN[turn])] = by[k];
-                out[(TURN[turn], 3 * edge + k)] = by[k];
+                out[(3 * edge + k, TURN[0])] = by[k];
+                out[(TURN[0], 3 * edge + k)] = by[k];
             }
         };
-        across(0, 0, (w.a_turned * c + p1t2 * w.g_alpha[0]) * (-x * i1));
-        across(0, 1, p1 * (w.b_turned + t2 * w.g_alpha[1]) * (-x * i1));
-        across(1, 0, p2 * (w.a_turned - t1 * w.g_alpha[0]) * (x * i2));
-        across(1, 1, (w.b_turned * c - p2t1 * w.g_alpha[1]) * (x * i2));
+        across(0, (w.a_turned * c + p1t2 * w.g_alpha) * (-x * i1));
+        across(1, p2 * (w.a_turned - t1 * w.g_alpha) * (x * i2));
         out[(TURN[0], TURN[0])] = -w.a.dot(t2) * x;
-        out[(TURN[1], TURN[1])] = w.b.dot(t1) * x;
         out
     }
 }
@@ -211,12 +240,14 @@ mod tests {
     }
 
     #[test]
-    fn curvatures_are_those_of_discrete_viscous_threads() {
+    fn curvatures_are_those_of_discrete_viscous_threads_but_for_the_half_twist() {
         for j in samples() {
             let kb = j.one.tangent.cross(&j.two.tangent) * (2.0 * j.by_chi);
-            let half = |k: usize| (j.one.axes[k] + j.two.axes[k]) * 0.5;
-            assert!((j.strain[0] - half(1).dot(&kb)).abs() < 1e-14);
-            assert!((j.strain[1] + half(0).dot(&kb)).abs() < 1e-14);
+            let mean = |k: usize| (j.one.axes[k] + j.two.axes[k]) * 0.5;
+            let cos = j.half[1];
+            assert!((cos * j.strain[0] - mean(1).dot(&kb)).abs() < 1e-14);
+            assert!((cos * j.strain[1] + mean(0).dot(&kb)).abs() < 1e-14);
+            assert!((j.strain[0].hypot(j.strain[1]) - kb.norm()).abs() < 1e-14);
         }
     }
 
@@ -226,7 +257,7 @@ mod tests {
         for j in samples() {
             let gradients = j.gradients();
             for m in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.7, -0.4, 1.9]] {
-                let (pull, hessian) = (j.pull(&m), j.hessian(&m));
+                let (pull, hessian) = (j.pull(&m), j.hessian(&m, &gradients));
                 for k in 0..VARIABLES {
                     let (up, down) = (displaced(&j, k, eps), displaced(&j, k, -eps));
                     for s in 0..3 {

@@ -99,14 +99,14 @@ impl Rods {
             self.add_joint_force(j, &joint.pull(&moments.m), f);
             let rows = self.rows(&self.joints[j]);
             // how strains move with y, and how rates do: both by the positions and by the velocities
-            let mut by_position = joint.hessian(&moments.m);
+            let mut by_position = joint.hessian(&moments.m, &gradients);
             let mut by_strain = gradients;
             if moments.by_rate.iter().flatten().any(|c| *c != 0.0) {
                 add_products(&gradients, &moments.by_strain, &by_strain, &mut by_position);
                 by_strain = std::array::from_fn(|s| {
                     let mut unit = [0.0; 3];
                     unit[s] = 1.0;
-                    transposed_product(&joint.hessian(&unit), &y)
+                    transposed_product(&joint.hessian(&unit, &gradients), &y)
                 });
                 add_products(&gradients, &moments.by_rate, &by_strain, &mut by_position);
                 let mut by_velocity = Hessian::zeros();

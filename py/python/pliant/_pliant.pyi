@@ -141,6 +141,16 @@ class Model:
 
         Row k belongs to step k: prescribed positions are those at the step's end. At most 10⁷ rows.
         """
+    def displaced(self, x: ArrayLike, dx: ArrayLike) -> Array:
+        """The state (nx,) a change dx (ndx,) away from x (nx,), x ⊕ dx.
+
+        Quaternions stay quaternions, and the material axes of rods move with their edges: change
+        states this way rather than by hand.
+        """
+    def difference(self, b: ArrayLike, a: ArrayLike) -> Array:
+        """The change dx (ndx,) that leads from state a (nx,) to state b (nx,), b ⊖ a."""
+    def material_axes(self, x: ArrayLike) -> Array:
+        """First material axes at x (nx,) of all edges that twist, (n_twists, 3) [-]."""
     def masses(self, theta: ArrayLike | None = None) -> Array:
         """Masses of all nodes [kg], (n_nodes,); ghosts have none."""
     @property
@@ -212,7 +222,7 @@ class Model:
     ) -> Equilibrium:
         """Solves for rest with inputs u (nu,); contact is refused.
 
-        guess: positions [m] to start from, (3 n_nodes,) or (n_nodes, 3); also where
+        guess: where to start, (nq,), or positions [m] of the nodes, (n_nodes, 3); also where
         velocity-controlled grippers stay. By default the scene's initial shape.
         """
     def gradcheck(
@@ -313,7 +323,10 @@ class Equilibrium:
 
     @property
     def q(self) -> Array:
-        """Positions [m], (3 n_nodes,)."""
+        """Positions [m], twists [rad] and joint coordinates, (nq,)."""
+    @property
+    def x(self) -> Array:
+        """The state at rest there, (nx,)."""
     @property
     def iterations(self) -> int:
         """Newton iterations it took."""
