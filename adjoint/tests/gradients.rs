@@ -39,8 +39,17 @@ fn demand(what: &str, report: &Report) {
     assert!(report.dot_test <= DOT_TEST && report.pass, "{what}");
 }
 
-const SMOOTH: [&str; 8] =
-    ["free_swing", "clamped_ends", "edge_clamp", "velocity_gripper", "windy", "arm_free", "arm_actuators", "arm_plastic"];
+const SMOOTH: [&str; 9] = [
+    "free_swing",
+    "clamped_ends",
+    "edge_clamp",
+    "velocity_gripper",
+    "windy",
+    "twisting_rod",
+    "arm_free",
+    "arm_actuators",
+    "arm_plastic",
+];
 /// The default rest gap, 1 nm: contacts of 4e7 N/m on ropes of 1 N/m.
 const HARDEST: f64 = 1e-9;
 const CONTACT: [&str; 4] = ["resting", "sliding", "sphere_drape", "capsule_drape"];

@@ -135,6 +135,24 @@ impl NodeMatrix {
         }
     }
 
+    /// Adds to `rows`, in the three columns of each of two nodes, `by` times the entry that `from`, of the same layout, has in `column`.
+    pub(crate) fn add_carried(&mut self, from: &Self, rows: &[usize], column: usize, nodes: [usize; 2], by: [[f64; 3]; 2]) {
+        let layout = Arc::clone(&self.layout);
+        let (b, column) = (layout.block(), layout.storage(column));
+        let slots = nodes.map(|node| layout.slot(node));
+        for at in rows.iter().map(|row| layout.storage(*row)) {
+            let factor = layout.entry(at, column).map_or(0.0, |k| from.data[k]);
+            if factor == 0.0 {
+                continue;
+            }
+            for (slot, by) in slots.iter().zip(&by) {
+                let (start, down) = self.room(at / b, *slot);
+                let row = &mut self.data[start + (at % b) * down..][..3];
+                row.iter_mut().zip(by).for_each(|(x, by)| *x += factor * by);
+            }
+        }
+    }
+
     /// The block of nodes (i, j), for which there must be room.
     pub fn block(&self, i: usize, j: usize) -> [[f64; 3]; 3] {
         let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));

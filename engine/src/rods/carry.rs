@@ -56,12 +56,9 @@ impl Carry {
         self.edges.iter().for_each(|e| e.pull(&e.after, x));
     }
 
-    /// Calls `visit(edge, node, ∂δα/∂(its displacement))` for ψ_b.
-    pub(crate) fn visit_after(&self, mut visit: impl FnMut(usize, usize, Vec3<f64>)) {
-        for (k, e) in self.edges.iter().enumerate() {
-            visit(k, e.nodes[0], -e.after);
-            visit(k, e.nodes[1], e.after);
-        }
+    /// Calls `visit(edge, its nodes, ψ_b)`.
+    pub(crate) fn visit_after(&self, mut visit: impl FnMut(usize, [usize; 2], Vec3<f64>)) {
+        self.edges.iter().enumerate().for_each(|(k, e)| visit(k, e.nodes, e.after));
     }
 }
 

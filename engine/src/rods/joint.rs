@@ -19,7 +19,6 @@
 //! matrix is unsymmetric by the moment about the tangent.
 
 use crate::terms::Vec3;
-use nalgebra::{Matrix3, SMatrix};
 
 /// Numbers of y.
 pub(crate) const VARIABLES: usize = 8;
@@ -28,7 +27,7 @@ pub(crate) const TURN: [usize; 2] = [6, 7];
 /// Derivatives by y.
 pub(crate) type Gradient = [f64; VARIABLES];
 /// Second derivatives: row by row, how each entry of a gradient changes.
-pub(crate) type Hessian = SMatrix<f64, VARIABLES, VARIABLES>;
+pub(crate) type Hessian = [[f64; VARIABLES]; VARIABLES];
 
 /// An edge and its material axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -129,65 +128,206 @@ impl Joint {
         [self.pull(&[1.0, 0.0, 0.0]), self.pull(&[0.0, 1.0, 0.0]), self.pull_plain(&[0.0, 0.0, 1.0])]
     }
 
+    /// Rates of the strains at ẏ: what the gradients times ẏ are.
+    #[inline]
+    pub fn rates(&self, y: &Gradient) -> [f64; 3] {
+        let (t1, t2, x) = (&self.one.tangent, &self.two.tangent, self.by_chi);
+        let across = |t: &Vec3<f64>, e: Vec3<f64>, length: f64| (e - t * t.dot(&e)) / length;
+        let u1 = across(t1, Vec3::new(y[0], y[1], y[2]), self.one.length);
+        let u2 = across(t2, Vec3::new(y[3], y[4], y[5]), self.two.length);
+        let c = t2.dot(&u1) + t1.dot(&u2);
+        let [a1, a2] = &self.one.axes;
+        let turned = [a2.dot(t2), -a1.dot(t2)];
+        let alpha = [(a1, 0), (a2, 1)]
+            .map(|(a, j)| (2.0 * (a.dot(&u2) - self.c * a.dot(&u1) + y[TURN[0]] * turned[j]) - self.alpha[j] * c) * x);
+        let tau = y[TURN[1]] - y[TURN[0]] + x * t1.cross(t2).dot(&(u1 + u2));
+        let [sin, cos] = self.half;
+        let by_tau = 0.5 * tau;
+        [
+            alpha[0] * cos + alpha[1] * sin + by_tau * self.strain[1],
+            alpha[1] * cos - alpha[0] * sin - by_tau * self.strain[0],
+            tau,
+        ]
+    }
+
     /// How [`Joint::pull`] changes with y at fixed M; `gradients` as [`Joint::gradients`] has them.
     pub fn hessian(&self, m: &[f64; 3], gradients: &[Gradient; 3]) -> Hessian {
         let plain = self.carried(m);
-        let mut out = self.hessian_plain(&plain);
+        let mut out = [[0.0; VARIABLES]; VARIABLES];
+        self.second(&plain, &mut out);
         // m changes with y too: its bending part turns by half the twist, its twisting part has the strains in it
         let turned = self.pull_plain(&[-0.5 * plain[1], 0.5 * plain[0], 0.0]);
         let [kappa1, kappa2, tau] = gradients;
-        for c in 0..VARIABLES {
-            let by_strain = 0.5 * (m[0] * kappa2[c] - m[1] * kappa1[c]);
-            for r in 0..VARIABLES {
-                out[(r, c)] += turned[r] * tau[c] + tau[r] * by_strain;
+        let by_strain: Gradient = std::array::from_fn(|c| 0.5 * (m[0] * kappa2[c] - m[1] * kappa1[c]));
+        for (row, (turned, by_tau)) in out.iter_mut().zip(turned.iter().zip(tau)) {
+            for (x, (t, s)) in row.iter_mut().zip(tau.iter().zip(&by_strain)) {
+                *x += turned * t + by_tau * s;
             }
         }
         out
     }
 
-    /// How [`Joint::pull_plain`] changes with y at fixed m.
-    fn hessian_plain(&self, m: &[f64; 3]) -> Hessian {
+    /// ẏ times [`Joint::hessian`]: how M's rate M·(gradients ẏ) changes with y at fixed ẏ.
+    pub fn rate_gradient(&self, m: &[f64; 3], gradients: &[Gradient; 3], y: &Gradient) -> Gradient {
+        let plain = self.carried(m);
+        let mut out = RateGradient { y, sum: [0.0; VARIABLES] };
+        self.second(&plain, &mut out);
+        let turned = self.pull_plain(&[-0.5 * plain[1], 0.5 * plain[0], 0.0]);
+        let [kappa1, kappa2, tau] = gradients;
+        let (by_turned, by_tau) = (dot(&turned, y), 0.5 * dot(tau, y));
+        let mut sum = out.sum;
+        for (k, x) in sum.iter_mut().enumerate() {
+            *x += by_turned * tau[k] + by_tau * (m[0] * kappa2[k] - m[1] * kappa1[k]);
+        }
+        sum
+    }
+
+    /// Hands `out` the parts of how [`Joint::pull_plain`] changes with y at fixed m.
+    #[inline(always)]
+    fn second(&self, m: &[f64; 3], out: &mut impl Parts) {
         let w = self.weighted(m);
         let (t1, t2, c, x) = (&self.one.tangent, &self.two.tangent, self.c, self.by_chi);
-        let (p1, p2) = (projection(t1), projection(t2));
         let (i1, i2) = (1.0 / self.one.length, 1.0 / self.two.length);
+        let (s11, s12, s22) = (i1 * i1, i1 * i2, i2 * i2);
         let (p1t2, p2t1) = (t2 - t1 * c, t1 - t2 * c);
-        let (p1w1, p2w2) = (w.w1 - t1 * t1.dot(&w.w1), w.w2 - t2 * t2.dot(&w.w2));
-        let outer = |u: &Vec3<f64>, v: &Vec3<f64>| u * v.transpose();
-        let mut out = Hessian::zeros();
-        let mut place = |r: usize, c: usize, block: Matrix3<f64>| out.fixed_view_mut::<3, 3>(r, c).copy_from(&block);
+        let (along1, along2) = (t1.dot(&w.w1), t2.dot(&w.w2));
+        let (p1w1, p2w2) = (w.w1 - t1 * along1, w.w2 - t2 * along2);
+        let (t12, tx) = (t1.cross(t2), w.twist * x);
 
         // by e₁: the change of w₁ and of v, then that of P₁/l₁ and of 1/l₁
-        let bend = (outer(&w.a, &p1t2) + outer(&p1t2, &p1w1) + outer(&p1w1, &p1t2)) * -x;
-        let carry = (p1 * t1.dot(&w.w1) + outer(t1, &p1w1) + outer(&p1w1, t1)) * -1.0;
-        let twist = (t2.cross_matrix() * p1 * w.twist + outer(&w.v, &p1t2)) * -x - outer(&w.v, t1);
-        place(0, 0, (bend + carry + twist) * (i1 * i1));
-        let bend = (outer(&p2t1, &p2w2) + outer(&p2w2, &p2t1)) * -x;
-        let carry = (p2 * t2.dot(&w.w2) + outer(t2, &p2w2) + outer(&p2w2, t2)) * -1.0;
-        let twist = (t1.cross_matrix() * p2 * w.twist - outer(&w.v, &p2t1)) * x - outer(&w.v, t2);
-        place(3, 3, (bend + carry + twist) * (i2 * i2));
-        let bend = p1 * (outer(&w.a, &p2t1) + outer(t2, &p2w2) + p2 * w.g + outer(&w.w1, &p2t1)) * -x;
-        let twist = (t1.cross_matrix() * p2 * w.twist - outer(&w.v, &p2t1)) * x;
-        place(0, 3, (bend + twist) * (i1 * i2));
-        let bend = p2 * (outer(t1, &w.a) + outer(t1, &p1w1) + p1 * w.g + outer(&w.w2, &p1t2)) * -x;
-        let twist = (t2.cross_matrix() * p1 * w.twist + outer(&w.v, &p1t2)) * -x;
-        place(3, 0, (bend + twist) * (i1 * i2));
+        out.outer([0, 0], &((w.a + p1w1 + w.v) * (-x * s11)), &p1t2);
+        out.outer([0, 0], &(p1t2 * (-x * s11) - t1 * s11), &p1w1);
+        out.outer([0, 0], &((p1w1 + w.v) * -s11 + t1 * (along1 * s11) - t12 * (tx * s11)), t1);
+        out.diagonal([0, 0], -along1 * s11);
+        out.cross([0, 0], &(t2 * (-tx * s11)));
+        out.outer([1, 1], &((p2w2 + w.v) * (-x * s22)), &p2t1);
+        out.outer([1, 1], &(p2t1 * (-x * s22) - t2 * s22), &p2w2);
+        out.outer([1, 1], &((p2w2 + w.v) * -s22 + t2 * (along2 * s22) - t12 * (tx * s22)), t2);
+        out.diagonal([1, 1], -along2 * s22);
+        out.cross([1, 1], &(t1 * (tx * s22)));
+        // P₁ P₂ = I − t₁ t₁ᵀ − t₂ t₂ᵀ + c t₁ t₂ᵀ
+        let (g, scale) = (-x * w.g * s12, -x * s12);
+        out.outer([0, 1], &((w.a + p1w1 + w.v) * scale), &p2t1);
+        out.outer([0, 1], &(p1t2 * scale), &p2w2);
+        out.outer([0, 1], &((t1 * c - t2) * g - t12 * (tx * s12)), t2);
+        out.outer([0, 1], &(t1 * -g), t1);
+        out.diagonal([0, 1], g);
+        out.cross([0, 1], &(t1 * (tx * s12)));
+        out.outer([1, 0], &(p2t1 * scale), &(w.a + p1w1));
+        out.outer([1, 0], &((p2w2 + w.v) * scale), &p1t2);
+        out.outer([1, 0], &((t2 * c - t1) * g - t12 * (tx * s12)), t1);
+        out.outer([1, 0], &(t2 * -g), t2);
+        out.diagonal([1, 0], g);
+        out.cross([1, 0], &(t2 * (-tx * s12)));
 
-        let mut across = |edge: usize, by: Vec3<f64>| {
-            for k in 0..3 {
-                out[(3 * edge + k, TURN[0])] = by[k];
-                out[(TURN[0], 3 * edge + k)] = by[k];
-            }
-        };
-        across(0, (w.a_turned * c + p1t2 * w.g_alpha) * (-x * i1));
-        across(1, p2 * (w.a_turned - t1 * w.g_alpha) * (x * i2));
-        out[(TURN[0], TURN[0])] = -w.a.dot(t2) * x;
-        out
+        out.turn(0, &((w.a_turned * c + p1t2 * w.g_alpha) * (-x * i1)));
+        let by_second = w.a_turned - t1 * w.g_alpha;
+        out.turn(1, &((by_second - t2 * t2.dot(&by_second)) * (x * i2)));
+        out.turns(-w.a.dot(t2) * x);
     }
 }
 
-fn projection(t: &Vec3<f64>) -> Matrix3<f64> {
-    Matrix3::identity() - t * t.transpose()
+/// What the parts of a second derivative are gathered in. Blocks are those of the two edges.
+trait Parts {
+    /// u vᵀ in a block.
+    fn outer(&mut self, block: [usize; 2], u: &Vec3<f64>, v: &Vec3<f64>);
+    /// s I in a block.
+    fn diagonal(&mut self, block: [usize; 2], s: f64);
+    /// [u]ₓ in a block.
+    fn cross(&mut self, block: [usize; 2], u: &Vec3<f64>);
+    /// A vector between an edge and the first turn, and its transposed.
+    fn turn(&mut self, edge: usize, u: &Vec3<f64>);
+    /// Between the first turn and itself.
+    fn turns(&mut self, s: f64);
+}
+
+impl Parts for Hessian {
+    #[inline(always)]
+    fn outer(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>, v: &Vec3<f64>) {
+        for a in 0..3 {
+            (0..3).for_each(|b| self[3 * r + a][3 * c + b] += u[a] * v[b]);
+        }
+    }
+
+    #[inline(always)]
+    fn diagonal(&mut self, [r, c]: [usize; 2], s: f64) {
+        (0..3).for_each(|a| self[3 * r + a][3 * c + a] += s);
+    }
+
+    #[inline(always)]
+    fn cross(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>) {
+        for a in 0..3 {
+            let (b, d) = ((a + 1) % 3, (a + 2) % 3);
+            self[3 * r + a][3 * c + b] -= u[d];
+            self[3 * r + a][3 * c + d] += u[b];
+        }
+    }
+
+    #[inline(always)]
+    fn turn(&mut self, edge: usize, u: &Vec3<f64>) {
+        for a in 0..3 {
+            self[3 * edge + a][TURN[0]] += u[a];
+            self[TURN[0]][3 * edge + a] += u[a];
+        }
+    }
+
+    #[inline(always)]
+    fn turns(&mut self, s: f64) {
+        self[TURN[0]][TURN[0]] += s;
+    }
+}
+
+/// ẏ times the parts.
+struct RateGradient<'a> {
+    y: &'a Gradient,
+    sum: Gradient,
+}
+
+impl RateGradient<'_> {
+    #[inline(always)]
+    fn edge(&self, r: usize) -> Vec3<f64> {
+        Vec3::new(self.y[3 * r], self.y[3 * r + 1], self.y[3 * r + 2])
+    }
+
+    #[inline(always)]
+    fn add(&mut self, c: usize, x: &Vec3<f64>) {
+        (0..3).for_each(|a| self.sum[3 * c + a] += x[a]);
+    }
+}
+
+impl Parts for RateGradient<'_> {
+    #[inline(always)]
+    fn outer(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>, v: &Vec3<f64>) {
+        self.add(c, &(v * u.dot(&self.edge(r))));
+    }
+
+    #[inline(always)]
+    fn diagonal(&mut self, [r, c]: [usize; 2], s: f64) {
+        self.add(c, &(self.edge(r) * s));
+    }
+
+    #[inline(always)]
+    fn cross(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>) {
+        // yᵀ [u]ₓ = (y × u)ᵀ
+        self.add(c, &self.edge(r).cross(u));
+    }
+
+    #[inline(always)]
+    fn turn(&mut self, edge: usize, u: &Vec3<f64>) {
+        self.add(edge, &(u * self.y[TURN[0]]));
+        self.sum[TURN[0]] += u.dot(&self.edge(edge));
+    }
+
+    #[inline(always)]
+    fn turns(&mut self, s: f64) {
+        self.sum[TURN[0]] += s * self.y[TURN[0]];
+    }
+}
+
+/// a·b.
+#[inline]
+pub(crate) fn dot(a: &Gradient, b: &Gradient) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
@@ -267,9 +407,19 @@ mod tests {
                     let (up, down) = (up.pull(&m), down.pull(&m));
                     for r in 0..VARIABLES {
                         let slope = (up[r] - down[r]) / (2.0 * eps);
-                        let size = 1.0 + hessian.amax();
-                        assert!((hessian[(r, k)] - slope).abs() < 2e-7 * size, "M {m:?} ({r}, {k}): {} {slope}", hessian[(r, k)]);
+                        let size = 1.0 + hessian.concat().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+                        assert!((hessian[r][k] - slope).abs() < 2e-7 * size, "M {m:?} ({r}, {k}): {} {slope}", hessian[r][k]);
                     }
+                }
+                let y = [0.3, -1.0, 0.7, 0.2, 1.4, -0.6, 0.9, -1.3];
+                let rates = j.rates(&y);
+                for (s, gradient) in gradients.iter().enumerate() {
+                    assert!((rates[s] - dot(gradient, &y)).abs() < 1e-12 * (1.0 + rates[s].abs()));
+                }
+                let by_rate = j.rate_gradient(&m, &gradients, &y);
+                for k in 0..VARIABLES {
+                    let column: f64 = (0..VARIABLES).map(|r| y[r] * hessian[r][k]).sum();
+                    assert!((by_rate[k] - column).abs() < 1e-12 * (1.0 + column.abs()));
                 }
                 let sum: f64 = (0..3).map(|s| m[s] * gradients[s][5]).sum();
                 assert!((pull[5] - sum).abs() < 1e-12 * (1.0 + sum.abs()));

@@ -1,6 +1,6 @@
 //! Forces and moments of bent and twisted joints.
 
-use super::joint::{Gradient, Hessian, TURN, VARIABLES};
+use super::joint::{Gradient, Hessian, Joint, TURN, VARIABLES};
 use super::{RodJoint, RodPoint, Rods};
 use crate::kkt::NodeMatrix;
 use crate::terms::section::{Moments, SectionPoint};
@@ -44,25 +44,18 @@ impl Rods {
     }
 
     /// Where the laws of joint `j` are evaluated, and ẏ.
-    fn section_point<'a>(
-        &self,
-        j: usize,
-        gradients: &[Gradient; 3],
-        strain: [f64; 3],
-        v: &[f64],
-        theta: &'a [f64],
-    ) -> (SectionPoint<'a>, Gradient) {
-        let joint = &self.joints[j];
-        let y = self.rates(joint, v);
-        let rate = std::array::from_fn(|s| dot(&gradients[s], &y));
-        (SectionPoint { joint: j, fraction: joint.fraction, strain, rate, theta }, y)
+    #[inline]
+    fn section_point<'a>(&self, j: usize, joint: &Joint, v: &[f64], theta: &'a [f64]) -> (SectionPoint<'a>, Gradient) {
+        let y = self.rates(&self.joints[j], v);
+        let (fraction, strain, rate) = (self.joints[j].fraction, joint.strain, joint.rates(&y));
+        (SectionPoint { joint: j, fraction, strain, rate, theta }, y)
     }
 
     /// `f += f(q, v; θ)` [N, N·m].
     pub(crate) fn add_force(&self, at: &RodPoint, v: &[f64], theta: &[f64], f: &mut [f64]) {
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
-            let (point, _) = self.section_point(j, &joint.gradients(), joint.strain, v, theta);
+            let (point, _) = self.section_point(j, &joint, v, theta);
             let mut m = [0.0; 3];
             section.laws.iter().for_each(|law| law.add_moment(&point, &mut m));
             self.add_joint_force(j, &joint.pull(&m), f);
@@ -93,7 +86,7 @@ impl Rods {
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
             let gradients = joint.gradients();
-            let (point, y) = self.section_point(j, &gradients, joint.strain, v, theta);
+            let (point, y) = self.section_point(j, &joint, v, theta);
             let mut moments = Moments::default();
             section.laws.iter().for_each(|law| law.add(&point, &mut moments));
             self.add_joint_force(j, &joint.pull(&moments.m), f);
@@ -106,10 +99,10 @@ impl Rods {
                 by_strain = std::array::from_fn(|s| {
                     let mut unit = [0.0; 3];
                     unit[s] = 1.0;
-                    transposed_product(&joint.hessian(&unit, &gradients), &y)
+                    joint.rate_gradient(&unit, &gradients, &y)
                 });
                 add_products(&gradients, &moments.by_rate, &by_strain, &mut by_position);
-                let mut by_velocity = Hessian::zeros();
+                let mut by_velocity = [[0.0; VARIABLES]; VARIABLES];
                 add_products(&gradients, &moments.by_rate, &gradients, &mut by_velocity);
                 dv.add_square(&rows, &expanded(&by_velocity));
             } else {
@@ -123,7 +116,7 @@ impl Rods {
     pub(crate) fn visit_theta(&self, at: &RodPoint, v: &[f64], theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
-            let (point, _) = self.section_point(j, &joint.gradients(), joint.strain, v, theta);
+            let (point, _) = self.section_point(j, &joint, v, theta);
             let rows = self.rows(&self.joints[j]);
             for law in &section.laws {
                 law.visit_theta(&point, &mut |param, m| {
@@ -165,29 +158,15 @@ impl Rods {
     }
 }
 
-#[inline]
-fn dot(a: &Gradient, b: &Gradient) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// `out += Σ left_r c_rs right_sᵀ`.
 #[inline]
 fn add_products(left: &[Gradient; 3], c: &[[f64; 3]; 3], right: &[Gradient; 3], out: &mut Hessian) {
     for (l, c) in left.iter().zip(c) {
-        let mut row = [0.0; VARIABLES];
-        for (c, r) in c.iter().zip(right) {
-            row.iter_mut().zip(r).for_each(|(x, r)| *x += c * r);
-        }
-        for (k, x) in row.iter().enumerate() {
-            (0..VARIABLES).for_each(|i| out[(i, k)] += l[i] * x);
+        let row: Gradient = std::array::from_fn(|k| c[0] * right[0][k] + c[1] * right[1][k] + c[2] * right[2][k]);
+        for (out, l) in out.iter_mut().zip(l) {
+            out.iter_mut().zip(&row).for_each(|(o, x)| *o += l * x);
         }
     }
-}
-
-/// `Hᵀ y`.
-#[inline]
-fn transposed_product(h: &Hessian, y: &Gradient) -> Gradient {
-    std::array::from_fn(|k| (0..VARIABLES).map(|r| h[(r, k)] * y[r]).sum())
 }
 
 /// The forces of a gradient by y, in the order of [`NODE`] and [`TWIST`].
@@ -205,21 +184,24 @@ fn expanded_force(g: &Gradient) -> [f64; ROWS] {
 /// ∂f/∂(nodes, twists) from how the gradient changes with y.
 #[inline]
 fn expanded(h: &Hessian) -> [[f64; ROWS]; ROWS] {
-    let mut columns = [[0.0; VARIABLES]; ROWS];
-    for r in 0..VARIABLES {
+    let spread = |row: &Gradient| {
+        let mut out = [0.0; ROWS];
         for a in 0..3 {
-            let (one, two) = (h[(r, a)], h[(r, 3 + a)]);
-            columns[NODE[0] + a][r] = -one;
-            columns[NODE[1] + a][r] = one - two;
-            columns[NODE[2] + a][r] = two;
+            out[NODE[0] + a] = -row[a];
+            out[NODE[1] + a] = row[a] - row[3 + a];
+            out[NODE[2] + a] = row[3 + a];
         }
-        (0..2).for_each(|k| columns[TWIST[k]][r] = h[(r, TURN[k])]);
-    }
+        (0..2).for_each(|k| out[TWIST[k]] = row[TURN[k]]);
+        out
+    };
+    let rows = h.each_ref().map(spread);
+    let minus = |x: &[f64; ROWS]| x.map(|x| -x);
     let mut out = [[0.0; ROWS]; ROWS];
-    for (c, column) in columns.iter().enumerate() {
-        for (r, value) in expanded_force(column).into_iter().enumerate() {
-            out[r][c] = value;
-        }
+    for a in 0..3 {
+        out[NODE[0] + a] = rows[a];
+        out[NODE[1] + a] = std::array::from_fn(|c| rows[3 + a][c] - rows[a][c]);
+        out[NODE[2] + a] = minus(&rows[3 + a]);
     }
+    (0..2).for_each(|k| out[TWIST[k]] = minus(&rows[TURN[k]]));
     out
 }

@@ -334,15 +334,11 @@ impl Stage<'_> {
             *carried = ws.k.nodes.block(*node, *node);
         }
         let (k, dq) = (&mut ws.k.nodes, &ws.dq.nodes);
-        ws.carry.visit_after(|edge, node, psi| {
-            let w = if self.model.driven[node] { &self.scheme.driven } else { &self.scheme.free };
-            let psi = psi * (self.h * w.a1);
-            for &row in &rods.neighbours[edge] {
-                let by_turn = dq.get(row, rods.row(edge));
-                if by_turn != 0.0 {
-                    (0..3).for_each(|a| k.add(row, 3 * node + a, -by_turn * psi[a]));
-                }
-            }
+        ws.carry.visit_after(|edge, nodes, psi| {
+            let of_node =
+                |node: usize| self.h * if self.model.driven[node] { self.scheme.driven.a1 } else { self.scheme.free.a1 };
+            let psi = [psi * of_node(nodes[0]), psi * -of_node(nodes[1])];
+            k.add_carried(dq, &rods.neighbours[edge], rods.row(edge), nodes, psi.map(Into::into));
         });
         for (node, [.., carried]) in &mut ws.touching {
             let block = ws.k.nodes.block(*node, *node);

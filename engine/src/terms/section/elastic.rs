@@ -27,9 +27,8 @@ impl ElasticSection {
 }
 
 /// What is left of the strains in the principal axes, and the stiffnesses over the length.
-fn excess<S: Real>(rest: &[f64; 3], fraction: f64, strain: &[S; 3], p: &[S]) -> ([S; 3], [S; 3]) {
+fn excess<S: Real>(rest: &[f64; 3], fraction: f64, strain: &[S; 3], p: &[S], [sin, cos]: [S; 2]) -> ([S; 3], [S; 3]) {
     let length = p[0] * fraction;
-    let (sin, cos) = p[4].sin_cos();
     let (x, y) = (strain[0] - rest[0], strain[1] - rest[1]);
     let excess = [x * cos + y * sin - p[5] * length, y * cos - x * sin - p[6] * length, strain[2] - rest[2] - p[7] * length];
     (excess, [p[1] / length, p[2] / length, p[3] / length])
@@ -45,14 +44,14 @@ impl Section for ElasticSection {
     }
 
     fn moment<S: Real>(&self, joint: usize, fraction: f64, strain: &[S; 3], _rate: &[S; 3], p: &[S]) -> [S; 3] {
-        let (e, k) = excess(self.rest(joint), fraction, strain, p);
         let (sin, cos) = p[4].sin_cos();
+        let (e, k) = excess(self.rest(joint), fraction, strain, p, [sin, cos]);
         let (m1, m2) = (k[0] * e[0], k[1] * e[1]);
         [m1 * cos - m2 * sin, m1 * sin + m2 * cos, k[2] * e[2]]
     }
 
     fn energy<S: Real>(&self, joint: usize, fraction: f64, strain: &[S; 3], p: &[S]) -> S {
-        let (e, k) = excess(self.rest(joint), fraction, strain, p);
+        let (e, k) = excess(self.rest(joint), fraction, strain, p, p[4].sin_cos().into());
         (k[0] * e[0] * e[0] + k[1] * e[1] * e[1] + k[2] * e[2] * e[2]) * 0.5
     }
 }
@@ -67,8 +66,15 @@ impl Elastic {
         Self(AutomaticSection::new(law))
     }
 
-    fn values(&self, theta: &[f64]) -> [f64; 8] {
-        self.0.law.params.map(|k| theta[k])
+    /// The moment, the stiffnesses over the length, and sine and cosine of the roll.
+    #[inline]
+    fn moment(&self, at: &SectionPoint) -> ([f64; 3], [f64; 3], [f64; 2]) {
+        let p = self.0.law.params.map(|k| at.theta[k]);
+        // no section is rolled unless the scene says so
+        let (sin, cos) = if p[4] == 0.0 { (0.0, 1.0) } else { p[4].sin_cos() };
+        let (e, k) = excess(self.0.law.rest(at.joint), at.fraction, &at.strain, &p, [sin, cos]);
+        let (m1, m2) = (k[0] * e[0], k[1] * e[1]);
+        ([m1 * cos - m2 * sin, m1 * sin + m2 * cos, k[2] * e[2]], k, [sin, cos])
     }
 }
 
@@ -78,17 +84,13 @@ impl SectionLaw for Elastic {
     }
 
     fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
-        self.0.add_moment(at, m);
+        let (of_strain, ..) = self.moment(at);
+        m.iter_mut().zip(of_strain).for_each(|(m, by)| *m += by);
     }
 
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
-        let p = self.values(at.theta);
-        let (e, k) = excess(self.0.law.rest(at.joint), at.fraction, &at.strain, &p);
-        let (sin, cos) = p[4].sin_cos();
-        let (m1, m2) = (k[0] * e[0], k[1] * e[1]);
-        out.m[0] += m1 * cos - m2 * sin;
-        out.m[1] += m1 * sin + m2 * cos;
-        out.m[2] += k[2] * e[2];
+        let (m, k, [sin, cos]) = self.moment(at);
+        out.m.iter_mut().zip(m).for_each(|(m, by)| *m += by);
         let across = (k[0] - k[1]) * sin * cos;
         out.by_strain[0][0] += k[0] * cos * cos + k[1] * sin * sin;
         out.by_strain[1][1] += k[0] * sin * sin + k[1] * cos * cos;

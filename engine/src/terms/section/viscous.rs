@@ -46,7 +46,11 @@ impl SectionLaw for Viscous {
     }
 
     fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
-        self.0.add_moment(at, m);
+        let [length, bend, twist] = self.0.law.params.map(|k| at.theta[k]);
+        let by_length = 1.0 / (length * at.fraction);
+        for (s, c) in [bend, bend, twist].into_iter().enumerate() {
+            m[s] += c * by_length * at.rate[s];
+        }
     }
 
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
