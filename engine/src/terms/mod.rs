@@ -18,6 +18,7 @@ mod drag;
 mod energy;
 mod gravity;
 pub mod joint;
+pub mod sheet;
 mod stencil;
 mod stretch;
 mod stretch_damping;

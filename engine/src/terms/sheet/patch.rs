@@ -1,0 +1,250 @@
+//! A triangle with its flaps: the curvature that the folds at its edges show, and what it costs.
+//!
+//! Within a triangle and its flaps the sheet is taken for a quadratic surface, z = ½ X·H X with the curvature H = (H_xx, H_yy, H_xy)
+//! at rest coordinates X. Between its linear interpolations on two triangles that share the edge PQ with the third nodes R the
+//! slope jumps by
+//!
+//! θ = Σ_sides ½ (R − P)·H (R − Q)/h,   h the height of R over the edge,
+//!
+//! so the folds at the k edges of a triangle that have a neighbour are θ = M H, with k rows of M. What they cost is the least
+//! that a plate with those folds can have: ½ A H·C H over all H with M H = ψ − ψ_rest,
+//!
+//! W = ½ (ψ − ψ_rest)ᵀ K (ψ − ψ_rest),   K = A (M C⁻¹ Mᵀ)⁻¹,   H·C H = D [(1 − ν) |H|² + ν tr(H)²].
+//!
+//! With three neighbours H is what the folds say (exact for every quadratic surface, whatever the mesh); where the sheet ends
+//! it carries no moment. M scales with size and A with its square, so K does not depend on the size of the sheet.
+
+use super::fold::Fold;
+use crate::kkt::BlockBand;
+use crate::terms::stencil::{Block, add_node, add_outer};
+use crate::terms::{Element, Point, Real, Vec3};
+
+/// Most nodes of a patch: the triangle's and one of each neighbour.
+pub(super) const NODES: usize = 6;
+/// Most flaps.
+pub(super) const FLAPS: usize = 3;
+/// Constants of each flap: the edge, ψ at rest, the row of M/√A; one more ends the list: the compliance that is added.
+pub(super) const PER_FLAP: usize = 5;
+
+/// Numbers that belong to the flaps of a patch; those beyond its last are not read.
+pub(super) type Each<S> = [S; FLAPS];
+
+/// What an element's constants say.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    /// Number of flaps.
+    pub flaps: usize,
+    /// The edge of each, by the triangle's node that it lies opposite of.
+    edges: Each<usize>,
+    /// ψ at rest.
+    pub rest: Each<f64>,
+    /// Rows of M/√A.
+    rows: Each<[f64; 3]>,
+    /// Added to the rows' squares: keeps K bounded where the patch says nothing of some curvature.
+    ridge: f64,
+}
+
+impl Shape {
+    /// Reads the constants of an element with `flaps` flaps.
+    #[inline]
+    pub fn new(flaps: usize, constants: &[f64]) -> Self {
+        let mut out = Self { flaps, edges: [0; 3], rest: [0.0; 3], rows: [[0.0; 3]; 3], ridge: constants[PER_FLAP * flaps] };
+        for (i, c) in constants.chunks_exact(PER_FLAP).enumerate().take(flaps) {
+            (out.edges[i], out.rest[i], out.rows[i]) = (c[0] as usize, c[1], [c[2], c[3], c[4]]);
+        }
+        out
+    }
+
+    /// The nodes of flap `i` within the patch: the edge's ends, the triangle's node beside it, the neighbour's.
+    #[inline]
+    pub fn nodes(&self, i: usize) -> [usize; 4] {
+        let e = self.edges[i];
+        [(e + 1) % 3, (e + 2) % 3, e, 3 + i]
+    }
+
+    /// M C⁻¹ Mᵀ D/A and its derivative by ν.
+    #[inline]
+    fn compliance<S: Real>(&self, nu: S) -> Each<Each<[S; 2]>> {
+        let complement = (-nu * nu + 1.0).recip();
+        let rest = (-nu + 1.0).recip() * 0.5;
+        let (by_one, by_two) = (nu * complement * complement * 2.0, (nu * nu + 1.0) * complement * complement);
+        let mut out = [[[S::zero(); 2]; FLAPS]; FLAPS];
+        for i in 0..self.flaps {
+            for j in 0..self.flaps {
+                let (m, n) = (&self.rows[i], &self.rows[j]);
+                let ridge = if i == j { self.ridge * square(m) } else { 0.0 };
+                let (own, cross, twist) =
+                    (S::from(m[0] * n[0] + m[1] * n[1]), S::from(m[0] * n[1] + m[1] * n[0]), S::from(m[2] * n[2]));
+                let value = (own - nu * cross) * complement + twist * rest + ridge;
+                out[i][j] = [value, own * by_one - cross * by_two + twist * rest * rest * 2.0];
+            }
+        }
+        out
+    }
+
+    /// K at D = 1.
+    #[inline]
+    pub fn stiffness<S: Real>(&self, nu: S) -> Each<Each<S>> {
+        inverse(self.flaps, &self.compliance(nu).map(|row| row.map(|x| x[0])))
+    }
+
+    /// ∂K/∂ν at D = 1: −K (∂K⁻¹/∂ν) K.
+    pub fn stiffness_slope(&self, nu: f64) -> Each<Each<f64>> {
+        let compliance = self.compliance(nu);
+        let k = inverse(self.flaps, &compliance.map(|row| row.map(|x| x[0])));
+        let n = self.flaps;
+        let inner = |i: usize, j: usize| -> f64 {
+            (0..n).flat_map(|a| (0..n).map(move |b| (a, b))).map(|(a, b)| k[i][a] * compliance[a][b][1] * k[b][j]).sum()
+        };
+        std::array::from_fn(|i| std::array::from_fn(|j| if i < n && j < n { -inner(i, j) } else { 0.0 }))
+    }
+}
+
+/// |row|² as a symmetric tensor: the mixed part counts twice.
+pub(super) fn square(m: &[f64; 3]) -> f64 {
+    m[0] * m[0] + m[1] * m[1] + 0.5 * m[2] * m[2]
+}
+
+/// The inverse of a symmetric positive matrix of `n` rows, written out.
+#[inline]
+fn inverse<S: Real>(n: usize, a: &Each<Each<S>>) -> Each<Each<S>> {
+    let zero = [[S::zero(); FLAPS]; FLAPS];
+    match n {
+        0 => zero,
+        1 => {
+            let mut out = zero;
+            out[0][0] = a[0][0].recip();
+            out
+        }
+        2 => {
+            let scale = (a[0][0] * a[1][1] - a[0][1] * a[0][1]).recip();
+            let (d, o) = ([a[1][1] * scale, a[0][0] * scale], -a[0][1] * scale);
+            [[d[0], o, zero[0][0]], [o, d[1], zero[0][0]], zero[0]]
+        }
+        _ => {
+            let minor = |i: usize, j: usize| {
+                let (r, s) = ((i + 1) % 3, (i + 2) % 3);
+                let (c, d) = ((j + 1) % 3, (j + 2) % 3);
+                a[r][c] * a[s][d] - a[r][d] * a[s][c]
+            };
+            let scale = (a[0][0] * minor(0, 0) + a[0][1] * minor(0, 1) + a[0][2] * minor(0, 2)).recip();
+            std::array::from_fn(|i| std::array::from_fn(|j| minor(j, i) * scale))
+        }
+    }
+}
+
+/// K x.
+#[inline]
+pub(super) fn times<S: Real>(n: usize, k: &Each<Each<S>>, x: &Each<S>) -> Each<S> {
+    let mut out = [S::zero(); FLAPS];
+    for i in 0..n {
+        for j in 0..n {
+            out[i] += k[i][j] * x[j];
+        }
+    }
+    out
+}
+
+/// A patch of the sheet, without indirection.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    nodes: [usize; NODES],
+    /// Stiffness or coefficient, and ν.
+    pub params: [usize; 2],
+    pub shape: Shape,
+}
+
+impl Patch {
+    /// Copies the elements.
+    ///
+    /// # Panics
+    /// If an element has another number of nodes, parameters or constants than the law: a mistake where elements are built.
+    pub fn all(law: &str, elements: &[Element]) -> Vec<Self> {
+        let copied = |e: &Element| {
+            let n = e.nodes.len();
+            let fits = (4..=NODES).contains(&n) && e.params.len() == 2 && e.constants.len() == PER_FLAP * (n - 3) + 1;
+            assert!(fits, "{law}: an element has {n} nodes, {} parameters, {} constants", e.params.len(), e.constants.len());
+            let nodes = std::array::from_fn(|k| e.nodes.get(k).copied().unwrap_or(e.nodes[0]));
+            Self { nodes, params: [e.params[0], e.params[1]], shape: Shape::new(n - 3, &e.constants) }
+        };
+        elements.iter().map(copied).collect()
+    }
+
+    /// Nodes of the patch.
+    #[inline]
+    pub fn n_nodes(&self) -> usize {
+        3 + self.shape.flaps
+    }
+
+    /// The nodes of flap `i`.
+    #[inline]
+    fn flap(&self, i: usize) -> [usize; 4] {
+        self.shape.nodes(i).map(|k| self.nodes[k])
+    }
+
+    /// The folds; the last one repeated where there are fewer than three.
+    #[inline]
+    pub fn folds(&self, at: &Point) -> Each<Fold> {
+        let fold = |i: usize| Fold::new(&self.flap(i).map(|n| at.position(n)));
+        let first = fold(0);
+        let second = if self.shape.flaps > 1 { fold(1) } else { first };
+        [first, second, if self.shape.flaps > 2 { fold(2) } else { second }]
+    }
+
+    /// Velocities of the nodes of flap `i`.
+    #[inline]
+    pub fn velocities(&self, at: &Point, i: usize) -> [Vec3<f64>; 4] {
+        self.flap(i).map(|n| at.velocity(n))
+    }
+
+    /// Slopes of ψ by the patch's nodes.
+    #[inline]
+    pub fn spread(&self, per_flap: impl Fn(usize) -> [Vec3<f64>; 4]) -> Each<[Vec3<f64>; NODES]> {
+        let mut out = [[Vec3::zeros(); NODES]; FLAPS];
+        for (i, out) in out.iter_mut().enumerate().take(self.shape.flaps) {
+            for (k, g) in self.shape.nodes(i).into_iter().zip(per_flap(i)) {
+                out[k] = g;
+            }
+        }
+        out
+    }
+
+    /// Adds the forces −Σ wᵢ ∂ψᵢ/∂x.
+    #[inline]
+    pub fn add_force(&self, f: &mut [f64], folds: &Each<Fold>, w: &Each<f64>) {
+        for i in 0..self.shape.flaps {
+            for (node, g) in self.flap(i).into_iter().zip(&folds[i].gradient) {
+                add_node(f, node, &(g * -w[i]));
+            }
+        }
+    }
+
+    /// Visits ∂f/∂θ, which are forces with these w.
+    pub fn visit(&self, param: usize, folds: &Each<Fold>, w: &Each<f64>, visit: &mut dyn FnMut(usize, usize, f64)) {
+        for i in 0..self.shape.flaps {
+            for (node, g) in self.flap(i).into_iter().zip(&folds[i].gradient) {
+                (0..3).for_each(|a| visit(3 * node + a, param, -w[i] * g[a]));
+            }
+        }
+    }
+
+    /// Adds −Σ yᵢ zᵢᵀ to `out`, and −`blocks` if there are any.
+    pub fn add_blocks(
+        &self,
+        out: &mut BlockBand,
+        y: &Each<[Vec3<f64>; NODES]>,
+        z: &Each<[Vec3<f64>; NODES]>,
+        blocks: Option<&[[Block; NODES]; NODES]>,
+    ) {
+        let n = self.n_nodes();
+        for p in 0..n {
+            for r in 0..n {
+                let mut block = blocks.map_or([[0.0; 3]; 3], |blocks| blocks[p][r]);
+                for i in 0..self.shape.flaps {
+                    add_outer(&mut block, &y[i][p], &z[i][r]);
+                }
+                out.add_block(self.nodes[p], self.nodes[r], -1.0, &block);
+            }
+        }
+    }
+}
