@@ -5,7 +5,7 @@ use super::body::JointKind;
 use super::error::SceneError;
 use super::file::Scene;
 use super::gripper::{Clamp, End, Gripper, Mode, Motion};
-use super::initial::{end_axis, rope_points};
+use super::initial::end_axis;
 use super::vector::{V3, add, scale, sub};
 
 /// One entry of u.
@@ -36,8 +36,8 @@ fn control_unit<X>(scene: &Scene<X>, actuator: &Actuator) -> &'static str {
 }
 
 fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
-    let rope = scene.rope.iter().find(|rope| rope.name == gripper.rope);
-    let node = |number: &i64| match rope.and_then(|rope| rope.node(*number)) {
+    let held = scene.held(gripper);
+    let node = |number: &i64| match held.and_then(|held| held.node(*number)) {
         Some(node) => (format!("node[{node}]"), "m"),
         None => (format!("node[{number}]"), "m"),
     };
@@ -65,9 +65,9 @@ pub fn control_rows<X>(scene: &Scene<X>, n_steps: usize) -> Result<Vec<Vec<f64>>
 pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
     let mut u = Vec::new();
     for gripper in &scene.gripper {
-        let Some(r) = scene.rope.iter().position(|rope| rope.name == gripper.rope) else { continue };
-        let points = rope_points(scene, r)?;
-        let held = gripper.clamp.numbers().into_iter().filter_map(|number| scene.rope[r].node(number));
+        let Some(object) = scene.held(gripper) else { continue };
+        let points = object.points(scene)?;
+        let held = gripper.clamp.numbers().into_iter().filter_map(|number| object.node(number));
         let targets: Vec<V3> = held.map(|node| sub(points[node], gripper.offset)).collect();
         match (&gripper.clamp, gripper.mode) {
             (Clamp::Nodes(_), Mode::Prescribed) => u.extend(targets.into_iter().flatten()),
