@@ -182,11 +182,11 @@ impl Default for Grid {
 #[serde(rename_all = "lowercase")]
 pub enum Diagonal {
     /// From node (i, j) to (i + 1, j + 1).
+    #[default]
     Up,
     /// From node (i + 1, j) to (i, j + 1).
     Down,
-    /// In turn, like a union jack: the grid has no direction of its own.
-    #[default]
+    /// In turn, like a union jack: the grid has no direction of its own, but resists twist twice as much as a plate.
     Alternate,
 }
 

@@ -1,18 +1,24 @@
 //! A triangle with its flaps: the curvature that the folds at its edges show, and what it costs.
 //!
-//! Within a triangle and its flaps the sheet is taken for a quadratic surface, z = ½ X·H X with the curvature H = (H_xx, H_yy, H_xy)
-//! at rest coordinates X. Between its linear interpolations on two triangles that share the edge PQ with the third nodes R the
-//! slope jumps by
+//! A triangle takes the fold θ at each of its edges for that of a sheet of constant curvature H = (H_xx, H_yy, H_xy), and its own
+//! part of it, by the heights h and h' of the two triangles over the edge, for the slope between its plane and the sheet's at the
+//! middle of the edge. With z = ½ X·H X over its own nodes P, Q, R that is, for the edge PQ,
 //!
-//! θ = Σ_sides ½ (R − P)·H (R − Q)/h,   h the height of R over the edge,
+//! θ h/(h + h') = ½ (R − P)·H (R − Q)/h,
 //!
-//! so the folds at the k edges of a triangle that have a neighbour are θ = M H, with k rows of M. What they cost is the least
-//! that a plate with those folds can have: ½ A H·C H over all H with M H = ψ − ψ_rest,
+//! so the folds at the k edges that have a neighbour are θ = M H, with k rows of M. What they cost is the least that a plate with
+//! those folds can have: ½ A H·C H over all H with M H = ψ − ψ_rest,
 //!
 //! W = ½ (ψ − ψ_rest)ᵀ K (ψ − ψ_rest),   K = A (M C⁻¹ Mᵀ)⁻¹,   H·C H = D [(1 − ν) |H|² + ν tr(H)²].
 //!
-//! With three neighbours H is what the folds say (exact for every quadratic surface, whatever the mesh); where the sheet ends
-//! it carries no moment. M scales with size and A with its square, so K does not depend on the size of the sheet.
+//! With three neighbours H is what the folds say; where the sheet ends it carries no moment. It is exact for every quadratic
+//! surface where neighbours are turned copies of each other (grids whose cells are all cut alike, skewed ones too, and lattices
+//! of equal triangles); elsewhere H has an error that depends on the mesh (docs/cloth.md has measurements). M scales with size
+//! and A with its square, so K does not depend on the size of the sheet. Cf. Oñate and Zárate 2000, Rotation-free triangular plate
+//! and shell elements (BST); Grinspun, Gingold, Reisman and Zorin 2006, Computing discrete shape operators on general meshes.
+//!
+//! (A quadratic fitted to all six nodes has M exact on every mesh, but its triangles let a sheet of cells cut in turn bend by
+//! folding its diagonals up and down: such a strip was up to five times too soft.)
 
 use super::fold::Fold;
 use crate::kkt::BlockBand;
@@ -23,7 +29,7 @@ use crate::terms::{Element, Point, Real, Vec3};
 pub(super) const NODES: usize = 6;
 /// Most flaps.
 pub(super) const FLAPS: usize = 3;
-/// Constants of each flap: the edge, ψ at rest, the row of M/√A; one more ends the list: the compliance that is added.
+/// Constants of each flap: the edge, ψ at rest, the row of M/√A.
 pub(super) const PER_FLAP: usize = 5;
 
 /// Numbers that belong to the flaps of a patch; those beyond its last are not read.
@@ -40,15 +46,13 @@ pub(super) struct Shape {
     pub rest: Each<f64>,
     /// Rows of M/√A.
     rows: Each<[f64; 3]>,
-    /// Added to the rows' squares: keeps K bounded where the patch says nothing of some curvature.
-    ridge: f64,
 }
 
 impl Shape {
     /// Reads the constants of an element with `flaps` flaps.
     #[inline]
     pub fn new(flaps: usize, constants: &[f64]) -> Self {
-        let mut out = Self { flaps, edges: [0; 3], rest: [0.0; 3], rows: [[0.0; 3]; 3], ridge: constants[PER_FLAP * flaps] };
+        let mut out = Self { flaps, edges: [0; 3], rest: [0.0; 3], rows: [[0.0; 3]; 3] };
         for (i, c) in constants.chunks_exact(PER_FLAP).enumerate().take(flaps) {
             (out.edges[i], out.rest[i], out.rows[i]) = (c[0] as usize, c[1], [c[2], c[3], c[4]]);
         }
@@ -72,10 +76,9 @@ impl Shape {
         for i in 0..self.flaps {
             for j in 0..self.flaps {
                 let (m, n) = (&self.rows[i], &self.rows[j]);
-                let ridge = if i == j { self.ridge * square(m) } else { 0.0 };
                 let (own, cross, twist) =
                     (S::from(m[0] * n[0] + m[1] * n[1]), S::from(m[0] * n[1] + m[1] * n[0]), S::from(m[2] * n[2]));
-                let value = (own - nu * cross) * complement + twist * rest + ridge;
+                let value = (own - nu * cross) * complement + twist * rest;
                 out[i][j] = [value, own * by_one - cross * by_two + twist * rest * rest * 2.0];
             }
         }
@@ -98,11 +101,6 @@ impl Shape {
         };
         std::array::from_fn(|i| std::array::from_fn(|j| if i < n && j < n { -inner(i, j) } else { 0.0 }))
     }
-}
-
-/// |row|² as a symmetric tensor: the mixed part counts twice.
-pub(super) fn square(m: &[f64; 3]) -> f64 {
-    m[0] * m[0] + m[1] * m[1] + 0.5 * m[2] * m[2]
 }
 
 /// The inverse of a symmetric positive matrix of `n` rows, written out.
@@ -162,7 +160,7 @@ impl Patch {
     pub fn all(law: &str, elements: &[Element]) -> Vec<Self> {
         let copied = |e: &Element| {
             let n = e.nodes.len();
-            let fits = (4..=NODES).contains(&n) && e.params.len() == 2 && e.constants.len() == PER_FLAP * (n - 3) + 1;
+            let fits = (4..=NODES).contains(&n) && e.params.len() == 2 && e.constants.len() == PER_FLAP * (n - 3);
             assert!(fits, "{law}: an element has {n} nodes, {} parameters, {} constants", e.params.len(), e.constants.len());
             let nodes = std::array::from_fn(|k| e.nodes.get(k).copied().unwrap_or(e.nodes[0]));
             Self { nodes, params: [e.params[0], e.params[1]], shape: Shape::new(n - 3, &e.constants) }
