@@ -50,8 +50,14 @@ fn frequencies(model: &Model, k: impl Fn(usize, usize) -> f64) -> [f64; 3] {
 
 /// Stiffness of the sheet's own law.
 fn of_plate(model: &Model) -> [f64; 3] {
+    of_plate_at(model, 0.3)
+}
+
+fn of_plate_at(model: &Model, nu: f64) -> [f64; 3] {
     let (n, v) = (model.n_nodes(), vec![0.0; model.nv()]);
-    let at = Point { q: model.initial_positions(), v: &v, theta: model.params().values() };
+    let mut theta = model.params().values().to_vec();
+    theta[model.params().find("sheet.poisson_ratio").unwrap()] = nu;
+    let at = Point { q: model.initial_positions(), v: &v, theta: &theta };
     let matrix = || BlockBand::zeros(n, n - 1);
     let (mut f, mut dq, mut dv) = (v.clone(), matrix(), matrix());
     let plate = model.terms().iter().find(|t| t.name() == "plate").unwrap();
@@ -110,13 +116,15 @@ fn other_meshes_are_stiffer_in_twist_and_never_soft() {
     assert!(jittered[1].iter().all(|e| (-0.02..0.1).contains(e)), "{jittered:?}");
 }
 
-/// Why bending is not a hinge at every edge: the softest mode twists, and hinges resist that thrice (the other numbers are of ν = 0.3,
-/// which hinges do not know).
+/// Why bending is not a hinge at every edge: against the sheet's own law at ν = 0 (hinges know no ν), frequencies are off whatever the
+/// mesh's fineness.
 #[test]
-fn hinges_are_too_stiff_in_twist() {
+fn hinges_stay_too_stiff() {
     for diagonal in [Diagonal::Up, Diagonal::Alternate] {
-        let found = errors(of_hinges(&sheet(24, diagonal, 0.0)));
-        println!("hinges {diagonal:?}: {found:.4?}");
-        assert!(found[0] > 0.3, "{found:?}");
+        let plate = of_plate_at(&sheet(24, Diagonal::Up, 0.0), 0.0);
+        let found = of_hinges(&sheet(24, diagonal, 0.0));
+        let off = [0, 1, 2].map(|k| found[k] / plate[k] - 1.0);
+        println!("hinges {diagonal:?}: {off:.3?}");
+        assert!(off.iter().any(|off| off.abs() > 0.1), "{off:?}");
     }
 }

@@ -130,6 +130,12 @@ impl Model {
         self.drives.push(drive);
     }
 
+    /// Name and nodes of every rope, then of every sheet, without ghosts.
+    pub fn node_spans(&self) -> impl Iterator<Item = (&str, std::ops::Range<usize>)> {
+        let ropes = self.ropes.iter().map(|r| (r.name.as_str(), r.nodes.clone()));
+        ropes.chain(self.cloths.iter().map(|c| (c.name.as_str(), c.nodes.clone())))
+    }
+
     /// The sheets.
     pub fn cloths(&self) -> &[ClothSpan] {
         &self.cloths
