@@ -16,7 +16,7 @@
 //! (m₁c₁ᵀ + m₂c₂ᵀ is symmetric: a quarter turn about ê of the difference of two projectors. Cf. Tamstorf and Grinspun 2013,
 //! Discrete bending forces and their Jacobians.)
 
-use crate::terms::stencil::{Block, add_outer, combine, transposed};
+use crate::terms::stencil::{Block, transposed};
 use crate::terms::{Real, Vec3};
 
 /// ψ = 2 tan(θ/2), θ the angle between the normals of triangles (x₀, x₁, x₂) and (x₁, x₀, x₃), and ∂ψ/∂x₀ … ∂ψ/∂x₃ [1/m].
@@ -88,58 +88,55 @@ impl Fold {
         0.5 * self.psi / self.slope()
     }
 
-    /// ∂²θ/∂x_i∂x_j [1/m²].
+    /// ∂²θ/∂x_i∂x_j [1/m²], the blocks [`BLOCKS`] of it; those above the diagonal are their transposes, and the outer nodes have
+    /// nothing to do with each other.
     #[inline]
-    pub fn angle_hessian(&self) -> [[Block; 4]; 4] {
-        let mut out = [[[[0.0; 3]; 3]; 4]; 4];
+    pub fn angle_hessian(&self) -> [Block; 9] {
+        let mut out = [[[0.0; 3]; 3]; 9];
         let inverse = 1.0 / (self.length * self.length);
         for (k, side) in self.sides.iter().enumerate() {
             let Side { normal: m, across: c, height: h, foot: s } = side;
-            let (mut own, mut q, mut r) = ([[0.0; 3]; 3], [[0.0; 3]; 3], [[0.0; 3]; 3]);
-            add_outer(&mut own, &(m * inverse), c);
-            let scaled = c / (h * h);
-            add_outer(&mut q, m, &scaled);
-            add_outer(&mut q, &scaled, m);
-            add_outer(&mut r, &self.axis, &(m / (self.length * h)));
-            let turned = transposed(&r);
-            let u = 1.0 - s;
+            let (u, own) = (1.0 - s, m * inverse);
+            let (scaled, tilted) = (c / (h * h), m / (self.length * h));
             for a in 0..3 {
                 for b in 0..3 {
-                    let (own, q, r, turned) = (own[a][b], q[a][b], r[a][b], turned[a][b]);
-                    out[2 + k][2 + k][a][b] = q;
-                    out[2 + k][1][a][b] = r - s * q;
-                    out[2 + k][0][a][b] = -u * q - r;
-                    out[1][1][a][b] += own - s * (r + turned) + s * s * q;
-                    out[0][0][a][b] += own + u * (r + turned) + u * u * q;
-                    out[1][0][a][b] += s * r - u * turned + s * u * q - own;
+                    let own = own[a] * c[b];
+                    let q = m[a] * scaled[b] + scaled[a] * m[b];
+                    let (r, turned) = (self.axis[a] * tilted[b], tilted[a] * self.axis[b]);
+                    out[0][a][b] += own + u * (r + turned) + u * u * q;
+                    out[1][a][b] += s * r - u * turned + s * u * q - own;
+                    out[2][a][b] += own - s * (r + turned) + s * s * q;
+                    out[3 + 3 * k][a][b] = -u * q - r;
+                    out[4 + 3 * k][a][b] = r - s * q;
+                    out[5 + 3 * k][a][b] = q;
                 }
             }
-        }
-        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3)] {
-            out[i][j] = transposed(&out[j][i]);
         }
         out
     }
 
     /// (∂²ψ/∂x²) v.
-    pub fn curvature_along(&self, hessian: &[[Block; 4]; 4], v: &[Vec3<f64>; 4]) -> [Vec3<f64>; 4] {
+    #[inline]
+    pub fn curvature_along(&self, hessian: &[Block; 9], v: &[Vec3<f64>; 4]) -> [Vec3<f64>; 4] {
         let along: f64 = self.gradient.iter().zip(v).map(|(g, v)| g.dot(v)).sum::<f64>() * self.curve();
-        std::array::from_fn(|i| {
-            let turned: Vec3<f64> = hessian[i].iter().zip(v).map(|(block, v)| multiply(block, v)).sum();
-            turned * self.slope() + self.gradient[i] * along
-        })
+        let slope = self.slope();
+        let mut out = self.gradient.map(|g| g * along);
+        for (&(i, j), block) in BLOCKS.iter().zip(hessian) {
+            out[i] += multiply(block, &v[j]) * slope;
+            if i != j {
+                out[j] += multiply(&transposed(block), &v[i]) * slope;
+            }
+        }
+        out
     }
 }
+
+/// Places of the blocks of [`Fold::angle_hessian`].
+pub(super) const BLOCKS: [(usize, usize); 9] = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (3, 0), (3, 1), (3, 3)];
 
 #[inline]
 fn multiply(block: &Block, x: &Vec3<f64>) -> Vec3<f64> {
     Vec3::from_fn(|a, _| block[a][0] * x[0] + block[a][1] * x[1] + block[a][2] * x[2])
-}
-
-/// `scale · H + g yᵀ` added to `out`.
-#[inline]
-pub(super) fn add_scaled(out: &mut Block, scale: f64, block: &Block) {
-    *out = combine(out, scale, block);
 }
 
 #[cfg(test)]

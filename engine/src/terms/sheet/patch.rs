@@ -20,9 +20,9 @@
 //! (A quadratic fitted to all six nodes has M exact on every mesh, but its triangles let a sheet of cells cut in turn bend by
 //! folding its diagonals up and down: such a strip was up to five times too soft.)
 
-use super::fold::Fold;
+use super::fold::{BLOCKS, Fold};
 use crate::kkt::BlockBand;
-use crate::terms::stencil::{Block, add_node, add_outer};
+use crate::terms::stencil::{Block, add_node, add_outer, transposed};
 use crate::terms::{Element, Point, Real, Vec3};
 
 /// Most nodes of a patch: the triangle's and one of each neighbour.
@@ -197,7 +197,7 @@ impl Patch {
 
     /// Slopes of ψ by the patch's nodes.
     #[inline]
-    pub fn spread(&self, per_flap: impl Fn(usize) -> [Vec3<f64>; 4]) -> Each<[Vec3<f64>; NODES]> {
+    pub fn spread(&self, per_flap: impl Fn(usize) -> [Vec3<f64>; 4]) -> Spread {
         let mut out = [[Vec3::zeros(); NODES]; FLAPS];
         for (i, out) in out.iter_mut().enumerate().take(self.shape.flaps) {
             for (k, g) in self.shape.nodes(i).into_iter().zip(per_flap(i)) {
@@ -226,23 +226,81 @@ impl Patch {
         }
     }
 
-    /// Adds −Σ yᵢ zᵢᵀ to `out`, and −`blocks` if there are any.
-    pub fn add_blocks(
-        &self,
-        out: &mut BlockBand,
-        y: &Each<[Vec3<f64>; NODES]>,
-        z: &Each<[Vec3<f64>; NODES]>,
-        blocks: Option<&[[Block; NODES]; NODES]>,
-    ) {
-        let n = self.n_nodes();
-        for p in 0..n {
-            for r in 0..n {
-                let mut block = blocks.map_or([[0.0; 3]; 3], |blocks| blocks[p][r]);
-                for i in 0..self.shape.flaps {
-                    add_outer(&mut block, &y[i][p], &z[i][r]);
+    /// Adds −Σᵢⱼ Kᵢⱼ yᵢ yⱼᵀ − Σ wᵢ Hᵢ to `out`; `z` is K y, `curved` has (wᵢ, Hᵢ) by the blocks of [`Fold::angle_hessian`].
+    #[inline]
+    pub fn add_symmetric(&self, out: &mut BlockBand, y: &Spread, z: &Spread, curved: Option<(&Each<f64>, &Each<[Block; 9]>)>) {
+        let mut local = [[[[0.0; 3]; 3]; NODES]; NODES];
+        for r in 0..self.n_nodes() {
+            for p in 0..=r {
+                if r < 3 {
+                    (0..self.shape.flaps).for_each(|i| add_outer(&mut local[p][r], &y[i][p], &z[i][r]));
+                } else {
+                    // a neighbour's node is in its own flap alone
+                    add_outer(&mut local[p][r], &z[r - 3][p], &y[r - 3][r]);
                 }
-                out.add_block(self.nodes[p], self.nodes[r], -1.0, &block);
             }
         }
+        if let Some((w, hessians)) = curved {
+            self.for_blocks(w, hessians, |p, r, scale, block| {
+                if p <= r {
+                    add_scaled(&mut local[p][r], scale, block);
+                } else {
+                    add_scaled(&mut local[r][p], scale, &transposed(block));
+                }
+            });
+        }
+        for r in 0..self.n_nodes() {
+            for p in 0..r {
+                out.add_block(self.nodes[p], self.nodes[r], -1.0, &local[p][r]);
+                out.add_block(self.nodes[r], self.nodes[p], -1.0, &transposed(&local[p][r]));
+            }
+            out.add_block(self.nodes[r], self.nodes[r], -1.0, &local[r][r]);
+        }
+    }
+
+    /// Adds −Σ yᵢ zᵢᵀ − Σ wᵢ Hᵢ to `out`.
+    #[inline]
+    pub fn add_general(&self, out: &mut BlockBand, y: &Spread, z: &Spread, w: &Each<f64>, hessians: &Each<[Block; 9]>) {
+        let mut local = [[[[0.0; 3]; 3]; NODES]; NODES];
+        for p in 0..self.n_nodes() {
+            let flaps = if p < 3 { 0..self.shape.flaps } else { p - 3..p - 2 };
+            for i in flaps {
+                for r in 0..self.n_nodes() {
+                    add_outer(&mut local[p][r], &y[i][p], &z[i][r]);
+                }
+            }
+        }
+        self.for_blocks(w, hessians, |p, r, scale, block| {
+            add_scaled(&mut local[p][r], scale, block);
+            if p != r {
+                add_scaled(&mut local[r][p], scale, &transposed(block));
+            }
+        });
+        for p in 0..self.n_nodes() {
+            for r in 0..self.n_nodes() {
+                out.add_block(self.nodes[p], self.nodes[r], -1.0, &local[p][r]);
+            }
+        }
+    }
+
+    /// Calls `add(p, r, wᵢ, block)` for the blocks of all Hᵢ, by the patch's nodes.
+    #[inline]
+    fn for_blocks(&self, w: &Each<f64>, hessians: &Each<[Block; 9]>, mut add: impl FnMut(usize, usize, f64, &Block)) {
+        for i in 0..self.shape.flaps {
+            let nodes = self.shape.nodes(i);
+            for (&(a, b), block) in BLOCKS.iter().zip(&hessians[i]) {
+                add(nodes[a], nodes[b], w[i], block);
+            }
+        }
+    }
+}
+
+/// Slopes of each fold by the patch's nodes.
+pub(super) type Spread = Each<[Vec3<f64>; NODES]>;
+
+#[inline]
+fn add_scaled(out: &mut Block, scale: f64, block: &Block) {
+    for (row, add) in out.iter_mut().zip(block) {
+        row.iter_mut().zip(add).for_each(|(x, b)| *x += scale * b);
     }
 }

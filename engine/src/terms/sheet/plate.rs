@@ -1,9 +1,8 @@
 //! Elastic bending of a triangle and its flaps.
 
-use super::fold::{Fold, add_scaled, fold};
-use super::patch::{Each, FLAPS, NODES, Patch, Shape, times};
+use super::fold::{Fold, fold};
+use super::patch::{Each, FLAPS, NODES, Patch, Shape, Spread, times};
 use crate::kkt::BlockBand;
-use crate::terms::stencil::Block;
 use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
 
 /// W = ½ (ψ − ψ_rest)ᵀ K (ψ − ψ_rest),  K = D A (M C⁻¹ Mᵀ)⁻¹ at D = 1,  f = −∂W/∂x: the energy of a Kirchhoff plate with the curvature
@@ -90,29 +89,14 @@ impl Plate {
     }
 }
 
-/// Σ wᵢ (dψᵢ/dθᵢ) ∂²θᵢ/∂x², by the patch's nodes.
-pub(super) fn curvatures(
-    patch: &Patch,
-    folds: &Each<Fold>,
-    hessians: &Each<[[Block; 4]; 4]>,
-    w: &Each<f64>,
-) -> [[Block; NODES]; NODES] {
-    let mut out = [[[[0.0; 3]; 3]; NODES]; NODES];
-    for i in 0..patch.shape.flaps {
-        let nodes = patch.shape.nodes(i);
-        let scale = w[i] * folds[i].slope();
-        for (row, &p) in hessians[i].iter().zip(&nodes) {
-            for (block, &r) in row.iter().zip(&nodes) {
-                add_scaled(&mut out[p][r], scale, block);
-            }
-        }
-    }
-    out
+/// wᵢ dψᵢ/dθᵢ, what multiplies ∂²θᵢ/∂x².
+pub(super) fn leverage(folds: &Each<Fold>, w: &Each<f64>) -> Each<f64> {
+    std::array::from_fn(|i| w[i] * folds[i].slope())
 }
 
 /// Kᵢⱼ y_j, by the patch's nodes.
 #[inline]
-pub(super) fn weighted(n: usize, k: &Each<Each<f64>>, y: &Each<[Vec3<f64>; NODES]>) -> Each<[Vec3<f64>; NODES]> {
+pub(super) fn weighted(n: usize, k: &Each<Each<f64>>, y: &Spread) -> Spread {
     let mut out = [[Vec3::zeros(); NODES]; FLAPS];
     for i in 0..n {
         for j in 0..n {
@@ -141,8 +125,9 @@ impl Term for Plate {
                 k[i][i] += w[i] * folds[i].curve();
             }
             let slopes = patch.spread(|i| folds[i].gradient);
-            let curved = curvatures(patch, folds, &folds.map(|f| f.angle_hessian()), w);
-            patch.add_blocks(dq, &slopes, &weighted(patch.shape.flaps, &k, &slopes), Some(&curved));
+            let hessians = folds.each_ref().map(Fold::angle_hessian);
+            let curved = Some((&leverage(folds, w), &hessians));
+            patch.add_symmetric(dq, &slopes, &weighted(patch.shape.flaps, &k, &slopes), curved);
         });
     }
 

@@ -2,7 +2,7 @@
 
 use super::fold::Fold;
 use super::patch::{Each, FLAPS, Patch, Shape, times};
-use super::plate::{curvatures, folds_of, weighted};
+use super::plate::{folds_of, leverage, weighted};
 use crate::kkt::BlockBand;
 use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
 
@@ -98,16 +98,16 @@ impl Term for PlateDamping {
             patch.add_force(f, folds, w);
             let n = patch.shape.flaps;
             let slopes = patch.spread(|i| folds[i].gradient);
-            patch.add_blocks(dv, &slopes, &weighted(n, k, &slopes), None);
+            patch.add_symmetric(dv, &slopes, &weighted(n, k, &slopes), None);
 
-            let hessians = folds.map(|f| f.angle_hessian());
+            let hessians = folds.each_ref().map(Fold::angle_hessian);
             let turned = patch.spread(|i| folds[i].curvature_along(&hessians[i], &patch.velocities(at, i)));
             let mut to_rates = weighted(n, k, &turned);
             for i in 0..n {
                 let curve = w[i] * folds[i].curve();
                 to_rates[i].iter_mut().zip(&slopes[i]).for_each(|(z, y)| *z += y * curve);
             }
-            patch.add_blocks(dq, &slopes, &to_rates, Some(&curvatures(patch, folds, &hessians, w)));
+            patch.add_general(dq, &slopes, &to_rates, &leverage(folds, w), &hessians);
         });
     }
 
