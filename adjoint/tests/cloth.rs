@@ -6,7 +6,10 @@ mod common;
 use common::Case;
 use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, gradcheck};
 use pliant_engine::equilibrium::equilibrium;
-use pliant_engine::scene::{Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Scene, Sphere, Time, resting_inputs};
+use pliant_engine::scene::{
+    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, Scene, ShapeKind, Sphere, Time,
+    resting_inputs,
+};
 use pliant_engine::step::StepOptions;
 
 /// A strip clamped at one end and bent by its own weight, k = w L³/(D b), cut into `cells` and a half along its length.
@@ -217,10 +220,59 @@ fn gradients_of_a_sheet_on_a_ball() {
         scene.cloth[0].velocity = [0.3, 0.1, -1.0];
         scene.sphere = vec![Sphere { name: "ball".to_owned(), center: [0.0, 0.0, 0.0], radius: 0.1, friction: 0.4 }];
         scene.contact.rest_gap = 1e-6;
-        let case = Case::new(&scene, 30);
-        // thirty steps until it lies, then five that are checked
-        let run = case.run(StepOptions { record: false, ..StepOptions::default() });
-        let x0 = run.states[30].clone();
-        gradients_hold(&format!("on a ball, {integrator:?}"), &Case { x0, u: case.u[..5].to_vec(), ..case });
+        gradients_after_landing(&format!("on a ball, {integrator:?}"), &scene);
     }
+}
+
+/// Thirty steps until things lie, then five that are checked.
+fn gradients_after_landing(what: &str, scene: &Scene) -> Case {
+    let case = Case::new(scene, 30);
+    let run = case.run(StepOptions { record: false, ..StepOptions::default() });
+    let case = Case { x0: run.states[30].clone(), u: case.u[..5].to_vec(), ..case };
+    gradients_hold(what, &case);
+    case
+}
+
+#[test]
+fn gradients_of_a_sheet_on_a_box() {
+    let mut scene = thrown(Integrator::Euler, 0.01, 1.0);
+    scene.cloth[0].origin = [-0.2, -0.15, 2e-3];
+    scene.cloth[0].velocity = [0.3, 0.1, -0.5];
+    let half_extents = [0.1, 0.08, 0.1];
+    let position = [0.0, 0.0, -0.1];
+    scene.block = vec![Block { name: "table".to_owned(), position, half_extents, quaternion: [1.0, 0.0, 0.0, 0.0], friction: 0.4 }];
+    scene.contact.rest_gap = 1e-6;
+    let case = gradients_after_landing("on a box", &scene);
+    // what is over the table lies on it, half a thickness up; what hangs over has fallen
+    let height = |i: usize| case.x0.q[3 * i + 2];
+    let over = (0..20).filter(|&i| case.x0.q[3 * i].abs() < 0.09 && case.x0.q[3 * i + 1].abs() < 0.07);
+    assert!(over.clone().count() > 0 && over.clone().all(|i| height(i) > 0.9e-3));
+    assert!(height(0) < 0.0);
+}
+
+/// A ball of 50 g falls into a sheet that is held at its ends, and is carried.
+#[test]
+fn gradients_of_a_ball_in_a_sheet() {
+    let mut scene = thrown(Integrator::Euler, 0.01, 1.0);
+    scene.cloth[0].grid = Some(Grid { nodes: [7, 5], size: [0.4, 0.3], ..Grid::default() });
+    scene.cloth[0].origin = [-0.2, -0.15, 0.0];
+    let nodes = (0..5).chain(30..35).collect();
+    scene.gripper =
+        vec![Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp: Clamp::Nodes(nodes), ..Gripper::default() }];
+    let shape = BodyShape { kind: ShapeKind::Sphere, radius: Some(0.08), friction: Some(0.3), ..BodyShape::default() };
+    let joint = Joint { name: "float".to_owned(), kind: JointKind::Free, ..Joint::default() };
+    let ball = Body {
+        name: "ball".to_owned(),
+        position: [0.01, 0.02, 0.083],
+        mass: 0.05,
+        inertia: Some([1.3e-4, 1.3e-4, 1.3e-4, 0.0, 0.0, 0.0]),
+        joint: vec![joint],
+        shape: vec![shape],
+        ..Body::default()
+    };
+    scene.body = vec![ball];
+    scene.contact.rest_gap = 1e-6;
+    let case = gradients_after_landing("ball in a sheet", &scene);
+    let middle = case.x0.q[3 * 17 + 2];
+    assert!(middle < -1e-4, "the sheet carries it: {middle}");
 }
