@@ -240,7 +240,8 @@ fn gradients_of_a_sheet_on_a_box() {
     scene.cloth[0].velocity = [0.3, 0.1, -0.5];
     let half_extents = [0.1, 0.08, 0.1];
     let position = [0.0, 0.0, -0.1];
-    scene.block = vec![Block { name: "table".to_owned(), position, half_extents, quaternion: [1.0, 0.0, 0.0, 0.0], friction: 0.4 }];
+    scene.block =
+        vec![Block { name: "table".to_owned(), position, half_extents, quaternion: [1.0, 0.0, 0.0, 0.0], friction: 0.4 }];
     scene.contact.rest_gap = 1e-6;
     let case = gradients_after_landing("on a box", &scene);
     // what is over the table lies on it, half a thickness up; what hangs over has fallen
@@ -259,7 +260,15 @@ fn gradients_of_a_ball_in_a_sheet() {
     let nodes = (0..5).chain(30..35).collect();
     scene.gripper =
         vec![Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp: Clamp::Nodes(nodes), ..Gripper::default() }];
-    let shape = BodyShape { kind: ShapeKind::Sphere, radius: Some(0.08), friction: Some(0.3), ..BodyShape::default() };
+    let shape = BodyShape {
+        kind: ShapeKind::Sphere,
+        position: [0.0; 3],
+        quaternion: [1.0, 0.0, 0.0, 0.0],
+        radius: Some(0.08),
+        half_length: None,
+        half_extents: None,
+        friction: Some(0.3),
+    };
     let joint = Joint { name: "float".to_owned(), kind: JointKind::Free, ..Joint::default() };
     let ball = Body {
         name: "ball".to_owned(),

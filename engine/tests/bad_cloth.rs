@@ -30,7 +30,7 @@ name = "floor"
 fn refused(old: &str, new: &str, place: &str, parts: &[&str]) {
     assert!(GOOD.contains(old), "{old}");
     let error = parse_scene::<Nothing>(&GOOD.replacen(old, new, 1), "scene.toml").unwrap_err().to_string();
-    assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
+    assert!(error.starts_with(&format!("scene.toml:{place}")), "{error}");
     assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
     for part in parts {
         assert!(error.contains(part), "no `{part}` in\n{error}");

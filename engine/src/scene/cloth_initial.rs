@@ -67,7 +67,8 @@ fn possible(points: &[V3], rest: &Mesh) -> Result<(), (usize, ClothMistake)> {
             if let Some(far) = beyond[k] {
                 let x = [nodes[0], nodes[1], triangle[k], far].map(|i| Vec3::from(points[i]));
                 // also where a triangle has collapsed, and the fold is not a number
-                if !(fold(&x).0.abs() < SHARPEST) {
+                let psi = fold(&x).0;
+                if psi.is_nan() || psi.abs() >= SHARPEST {
                     return Err((nodes[0], ClothMistake::Folded { nodes }));
                 }
             }

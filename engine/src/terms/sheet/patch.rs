@@ -73,13 +73,12 @@ impl Shape {
         let rest = (-nu + 1.0).recip() * 0.5;
         let (by_one, by_two) = (nu * complement * complement * 2.0, (nu * nu + 1.0) * complement * complement);
         let mut out = [[[S::zero(); 2]; FLAPS]; FLAPS];
-        for i in 0..self.flaps {
-            for j in 0..self.flaps {
+        for (i, row) in out.iter_mut().enumerate().take(self.flaps) {
+            for (j, entry) in row.iter_mut().enumerate().take(self.flaps) {
                 let (m, n) = (&self.rows[i], &self.rows[j]);
-                let (own, cross, twist) =
-                    (S::from(m[0] * n[0] + m[1] * n[1]), S::from(m[0] * n[1] + m[1] * n[0]), S::from(m[2] * n[2]));
-                let value = (own - nu * cross) * complement + twist * rest;
-                out[i][j] = [value, own * by_one - cross * by_two + twist * rest * rest * 2.0];
+                let (own, cross) = (S::from(m[0] * n[0] + m[1] * n[1]), S::from(m[0] * n[1] + m[1] * n[0]));
+                let twist = S::from(m[2] * n[2]) * rest;
+                *entry = [(own - nu * cross) * complement + twist, own * by_one - cross * by_two + twist * rest * 2.0];
             }
         }
         out
@@ -229,32 +228,33 @@ impl Patch {
     /// Adds −Σᵢⱼ Kᵢⱼ yᵢ yⱼᵀ − Σ wᵢ Hᵢ to `out`; `z` is K y, `curved` has (wᵢ, Hᵢ) by the blocks of [`Fold::angle_hessian`].
     #[inline]
     pub fn add_symmetric(&self, out: &mut BlockBand, y: &Spread, z: &Spread, curved: Option<(&Each<f64>, &Each<[Block; 9]>)>) {
+        // local[r][p] with p ≤ r: the block of nodes (p, r)
         let mut local = [[[[0.0; 3]; 3]; NODES]; NODES];
-        for r in 0..self.n_nodes() {
-            for p in 0..=r {
+        for (r, row) in local.iter_mut().enumerate().take(self.n_nodes()) {
+            for (p, block) in row.iter_mut().enumerate().take(r + 1) {
                 if r < 3 {
-                    (0..self.shape.flaps).for_each(|i| add_outer(&mut local[p][r], &y[i][p], &z[i][r]));
+                    (0..self.shape.flaps).for_each(|i| add_outer(block, &y[i][p], &z[i][r]));
                 } else {
                     // a neighbour's node is in its own flap alone
-                    add_outer(&mut local[p][r], &z[r - 3][p], &y[r - 3][r]);
+                    add_outer(block, &z[r - 3][p], &y[r - 3][r]);
                 }
             }
         }
         if let Some((w, hessians)) = curved {
             self.for_blocks(w, hessians, |p, r, scale, block| {
                 if p <= r {
-                    add_scaled(&mut local[p][r], scale, block);
+                    add_scaled(&mut local[r][p], scale, block);
                 } else {
-                    add_scaled(&mut local[r][p], scale, &transposed(block));
+                    add_scaled(&mut local[p][r], scale, &transposed(block));
                 }
             });
         }
-        for r in 0..self.n_nodes() {
-            for p in 0..r {
-                out.add_block(self.nodes[p], self.nodes[r], -1.0, &local[p][r]);
-                out.add_block(self.nodes[r], self.nodes[p], -1.0, &transposed(&local[p][r]));
+        for (r, row) in local.iter().enumerate().take(self.n_nodes()) {
+            for (p, block) in row.iter().enumerate().take(r) {
+                out.add_block(self.nodes[p], self.nodes[r], -1.0, block);
+                out.add_block(self.nodes[r], self.nodes[p], -1.0, &transposed(block));
             }
-            out.add_block(self.nodes[r], self.nodes[r], -1.0, &local[r][r]);
+            out.add_block(self.nodes[r], self.nodes[r], -1.0, &row[r]);
         }
     }
 
@@ -262,12 +262,10 @@ impl Patch {
     #[inline]
     pub fn add_general(&self, out: &mut BlockBand, y: &Spread, z: &Spread, w: &Each<f64>, hessians: &Each<[Block; 9]>) {
         let mut local = [[[[0.0; 3]; 3]; NODES]; NODES];
-        for p in 0..self.n_nodes() {
+        for (p, row) in local.iter_mut().enumerate().take(self.n_nodes()) {
             let flaps = if p < 3 { 0..self.shape.flaps } else { p - 3..p - 2 };
             for i in flaps {
-                for r in 0..self.n_nodes() {
-                    add_outer(&mut local[p][r], &y[i][p], &z[i][r]);
-                }
+                row.iter_mut().zip(&z[i]).for_each(|(block, z)| add_outer(block, &y[i][p], z));
             }
         }
         self.for_blocks(w, hessians, |p, r, scale, block| {
@@ -276,9 +274,9 @@ impl Patch {
                 add_scaled(&mut local[r][p], scale, &transposed(block));
             }
         });
-        for p in 0..self.n_nodes() {
-            for r in 0..self.n_nodes() {
-                out.add_block(self.nodes[p], self.nodes[r], -1.0, &local[p][r]);
+        for (row, &p) in local.iter().zip(&self.nodes).take(self.n_nodes()) {
+            for (block, &r) in row.iter().zip(&self.nodes).take(self.n_nodes()) {
+                out.add_block(p, r, -1.0, block);
             }
         }
     }
