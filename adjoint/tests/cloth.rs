@@ -104,7 +104,7 @@ fn poissons_ratio_softens_a_narrow_strip() {
 #[test]
 fn cells_cut_in_turn_bend_alike() {
     for (k, expected) in ELASTICA {
-        let tip = Strip { k, cells: 20, across: 4, diagonal: Diagonal::Alternate, nu: 0.0, width: 0.1 }.tip();
+        let tip = Strip { k, cells: 20, across: 4, diagonal: Diagonal::Alternating, nu: 0.0, width: 0.1 }.tip();
         println!("alternate k {k}: {:.5?}", [0, 1, 2].map(|a| tip[a] - expected[a]));
         assert!((0..3).all(|a| (tip[a] - expected[a]).abs() < 0.02 * expected[a] + 5e-3), "{k}: {tip:?}");
     }

@@ -64,7 +64,7 @@ fn what_is_given() {
     refused("cloth = \"sheet\"", "cloth = \"sheet\"\nrope = \"x\"", "15: gripper[0].cloth", &["more than one of the keys"]);
     refused("cloth = \"sheet\"", "cloth = \"sheep\"", "15: gripper[0].cloth", &["no cloth \"sheep\"", "did you mean \"sheet\"?"]);
     refused("cloth = \"sheet\"", "rope = \"sheet\"", "15: gripper[0].rope", &["no rope \"sheet\""]);
-    refused("\"down\"", "\"left\"", "7: cloth[0].grid.diagonal", &["none of \"up\", \"down\", \"alternate\""]);
+    refused("\"down\"", "\"left\"", "7: cloth[0].grid.diagonal", &["none of \"up\", \"down\", \"alternating\""]);
     refused("thickness = 1e-3", "thicknes = 1e-3", "9: cloth[0].thicknes", &["did you mean `thickness`?"]);
 }
 

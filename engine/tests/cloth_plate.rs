@@ -109,7 +109,7 @@ fn a_free_square_sheet_has_the_frequencies_of_a_plate() {
 /// Cells cut in turn resist twist twice as much as a plate, cells of changing shape a little more: what docs/cloth.md says.
 #[test]
 fn other_meshes_are_stiffer_in_twist_and_never_soft() {
-    let alternate = errors(of_plate(&sheet(24, Diagonal::Alternate, 0.0)));
+    let alternate = errors(of_plate(&sheet(24, Diagonal::Alternating, 0.0)));
     let jittered = [12, 24].map(|cells| errors(of_plate(&sheet(cells, Diagonal::Up, 0.2))));
     println!("alternate {alternate:.4?}, jittered {jittered:.4?}");
     assert!((0.4..0.5).contains(&alternate[0]) && alternate[2].abs() < 0.01);
@@ -120,7 +120,7 @@ fn other_meshes_are_stiffer_in_twist_and_never_soft() {
 /// mesh's fineness.
 #[test]
 fn hinges_stay_too_stiff() {
-    for diagonal in [Diagonal::Up, Diagonal::Alternate] {
+    for diagonal in [Diagonal::Up, Diagonal::Alternating] {
         let plate = of_plate_at(&sheet(24, Diagonal::Up, 0.0), 0.0);
         let found = of_hinges(&sheet(24, diagonal, 0.0));
         let off = [0, 1, 2].map(|k| found[k] / plate[k] - 1.0);

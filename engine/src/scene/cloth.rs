@@ -187,7 +187,7 @@ pub enum Diagonal {
     /// From node (i + 1, j) to (i, j + 1).
     Down,
     /// In turn, like a union jack: the grid has no direction of its own, but resists twist twice as much as a plate.
-    Alternate,
+    Alternating,
 }
 
 impl Grid {
@@ -201,8 +201,8 @@ impl Grid {
             let [a, b, c, d] = [i * nv + j, (i + 1) * nv + j, (i + 1) * nv + j + 1, i * nv + j + 1];
             match self.diagonal {
                 Diagonal::Up => [[a, b, c], [a, c, d]],
-                Diagonal::Alternate if (i + j) % 2 == 0 => [[a, b, c], [a, c, d]],
-                Diagonal::Down | Diagonal::Alternate => [[a, b, d], [b, c, d]],
+                Diagonal::Alternating if (i + j) % 2 == 0 => [[a, b, c], [a, c, d]],
+                Diagonal::Down | Diagonal::Alternating => [[a, b, d], [b, c, d]],
             }
         });
         Raw { faces: faces.collect(), vertices, ..Raw::default() }

@@ -53,7 +53,7 @@ fn cloth(out: &mut String, cloth: &Cloth) {
         let diagonal = match grid.diagonal {
             Diagonal::Up => "up",
             Diagonal::Down => "down",
-            Diagonal::Alternate => "alternate",
+            Diagonal::Alternating => "alternating",
         };
         line(out, "grid", &format!("{{ nodes = [{nu}, {nv}], size = [{u}, {v}], diagonal = {} }}", quoted(diagonal)));
     }
