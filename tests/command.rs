@@ -108,6 +108,27 @@ fn simulate_writes_arrays_by_rope() {
     assert!((time[20] - 0.2).abs() < 1e-12);
 }
 
+/// Sheets count and are written as ropes are; a mesh is found beside its scene.
+#[test]
+fn simulate_writes_sheets() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = "grid = { nodes = [9, 6], size = [0.4, 0.25], diagonal = \"down\" }\nu_axis = [1, 0, 0]\nv_axis = [0, 0, -1]";
+    let scene = changed(folder.path(), "cloth_hung.toml", grid, "mesh = \"square.obj\"");
+    let text_of = std::fs::read_to_string(&scene).unwrap().replace("nodes = [48]", "nodes = [1]").replace("0.25", "0.05");
+    std::fs::write(&scene, text_of).unwrap();
+    let mesh = "v 0 0 0\nv 0.2 0 0\nv 0.2 0.2 0\nv 0 0.2 0\nf 1 2 3 4\n";
+    std::fs::write(folder.path().join("square.obj"), mesh).unwrap();
+    let out = folder.path().join("run.npz");
+    let output = pliant(&["simulate", scene.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(output.status.success() && text(&output.stdout).contains("4 nodes, 10 steps"), "{}", text(&output.stderr));
+    let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&out).unwrap()).unwrap();
+    let position: ndarray::Array3<f64> = npz.by_name("sheet.position").unwrap();
+    let velocity: ndarray::Array3<f64> = npz.by_name("sheet.velocity").unwrap();
+    assert_eq!((position.shape(), velocity.shape()), (&[11, 4, 3][..], &[11, 4, 3][..]));
+    std::fs::write(folder.path().join("square.obj"), mesh.replace("f 1 2 3 4", "f 1 2 3 5")).unwrap();
+    assert_refused(&pliant(&["simulate", scene.to_str().unwrap()]), &["square.obj:5: cloth[0].mesh: the face names vertex 5"]);
+}
+
 #[test]
 fn nothing_is_computed_for_an_output_that_cannot_be_written() {
     let folder = tempfile::tempdir().unwrap();

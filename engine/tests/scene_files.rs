@@ -17,12 +17,12 @@ fn a_scene_survives_a_round_trip() {
         gripper: vec![
             Gripper {
                 name: "g".into(),
-                rope: "a".into(),
+                rope: Some("a".into()),
                 clamp: Clamp::End(End::Last),
                 mode: Mode::Velocity,
                 ..Gripper::default()
             },
-            Gripper { name: "k".into(), rope: "b".into(), clamp: Clamp::Nodes(vec![0, -1]), ..Gripper::default() },
+            Gripper { name: "k".into(), rope: Some("b".into()), clamp: Clamp::Nodes(vec![0, -1]), ..Gripper::default() },
         ],
         plane: vec![Plane { point: [0.0, 0.0, -1.0], ..Plane::default() }],
         sphere: vec![Sphere { name: "ball".into(), center: [9.0; 3], radius: 0.5, friction: 0.1 }],

@@ -187,6 +187,27 @@ impl Model {
         Ok(dict)
     }
 
+    /// Nodes of every sheet of cloth: name -> slice.
+    #[getter]
+    fn cloths<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for cloth in self.model.cloths() {
+            dict.set_item(&cloth.name, PySlice::new(py, cloth.nodes.start as isize, cloth.nodes.end as isize, 1))?;
+        }
+        Ok(dict)
+    }
+
+    /// Triangles of every sheet of cloth, by its own nodes counted from 0: name -> (n, 3) int64.
+    #[getter]
+    fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for cloth in self.model.cloths() {
+            let rows: Vec<Vec<i64>> = cloth.triangles.iter().map(|t| t.iter().map(|i| *i as i64).collect()).collect();
+            dict.set_item(&cloth.name, PyArray2::from_vec2(py, &rows).map_err(|e| input(e.to_string()))?)?;
+        }
+        Ok(dict)
+    }
+
     /// Index of a parameter in theta.
     fn param_index(&self, path: &str) -> PyResult<usize> {
         self.index(path)

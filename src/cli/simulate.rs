@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn text(summary: &Summary, run: &Rollout) -> String {
     let steps = summary.steps.max(1) as f64;
     let (first, last) = (summary.energy[0], summary.energy[summary.energy.len() - 1]);
-    let nodes: usize = run.model.ropes().iter().map(|rope| rope.nodes.len()).sum();
+    let nodes: usize = run.model.node_spans().map(|(_, nodes)| nodes.len()).sum();
     let mut out = format!(
         "{}: {nodes} nodes, {} steps of {} s in {:.3} s ({:.1} µs per step)\n\
          Newton iterations {} ({:.2} per step), factorizations {}, halved steps {}\n\

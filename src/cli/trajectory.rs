@@ -1,4 +1,4 @@
-//! Trajectory files: CSV with one named column per coordinate, or npz with one array per rope and per joint.
+//! Trajectory files: CSV with one named column per coordinate, or npz with one array per rope, sheet and joint.
 
 use super::failure::Failure;
 use super::file;
@@ -44,10 +44,10 @@ pub fn write(path: &Path, run: &Rollout, energy: &[f64]) -> Result<(), Failure> 
 fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io::Result<()> {
     let h = run.model.step_length();
     write!(out, "t")?;
-    for rope in run.model.ropes() {
-        for i in 0..rope.nodes.len() {
+    for (name, nodes) in run.model.node_spans() {
+        for i in 0..nodes.len() {
             for axis in ["x", "y", "z", "vx", "vy", "vz"] {
-                write!(out, ",{}.node[{i}].{axis}", rope.name)?;
+                write!(out, ",{name}.node[{i}].{axis}")?;
             }
         }
     }
@@ -59,7 +59,7 @@ fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io
     writeln!(out, ",energy")?;
     for (k, state) in run.states.iter().enumerate() {
         write!(out, "{}", k as f64 * h)?;
-        for node in run.model.ropes().iter().flat_map(|rope| rope.nodes.clone()) {
+        for node in run.model.node_spans().flat_map(|(_, nodes)| nodes) {
             for number in state.q[3 * node..3 * node + 3].iter().chain(&state.v[3 * node..3 * node + 3]) {
                 write!(out, ",{number}")?;
             }
@@ -81,7 +81,7 @@ fn joint_numbers<'a>(model: &Model, joint: &Joint, state: &'a State) -> impl Ite
     q.iter().chain(v)
 }
 
-/// Arrays `t` (T+1), `energy` (T+1), and per rope `cable.position` and `cable.velocity` (T+1, nodes, 3), per joint `elbow.q`
+/// Arrays `t` (T+1), `energy` (T+1), and per rope and sheet `cable.position` and `cable.velocity` (T+1, nodes, 3), per joint `elbow.q`
 /// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3), and for each number that joints and motors remember `elbow.plastic`, … (T+1).
 fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
     let h = run.model.step_length();
@@ -89,12 +89,12 @@ fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
     let mut out = NpzWriter::new(Cursor::new(Vec::new()));
     out.add_array("t", &Array1::from_shape_fn(times, |k| k as f64 * h))?;
     out.add_array("energy", &Array1::from_vec(energy.to_vec()))?;
-    for rope in run.model.ropes() {
-        let (n, first) = (rope.nodes.len(), rope.nodes.start);
+    for (name, nodes) in run.model.node_spans() {
+        let (n, first) = (nodes.len(), nodes.start);
         let position = Array3::from_shape_fn((times, n, 3), |(k, i, a)| run.states[k].q[3 * (first + i) + a]);
         let velocity = Array3::from_shape_fn((times, n, 3), |(k, i, a)| run.states[k].v[3 * (first + i) + a]);
-        out.add_array(format!("{}.position", rope.name), &position)?;
-        out.add_array(format!("{}.velocity", rope.name), &velocity)?;
+        out.add_array(format!("{name}.position"), &position)?;
+        out.add_array(format!("{name}.velocity"), &velocity)?;
     }
     let n = run.model.n_node_dofs();
     for joint in run.model.tree().joints() {

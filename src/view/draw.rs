@@ -14,9 +14,9 @@ use std::ops::Range;
 /// Name, nodes and triangles of a surface.
 type Surface = (String, Range<usize>, Vec<[usize; 3]>);
 
-/// The surfaces of a model, triangles counted from the surface's first node. A model has none yet; cloths belong here.
-fn surfaces(_model: &Model) -> Vec<Surface> {
-    Vec::new()
+/// The surfaces of a model, triangles counted from the surface's first node.
+fn surfaces(model: &Model) -> Vec<Surface> {
+    model.cloths().iter().map(|cloth| (cloth.name.clone(), cloth.nodes.clone(), cloth.triangles.clone())).collect()
 }
 
 /// Unit vectors across the edges of a rope at a state, one after the other, that turn with its material; none of ropes without twist.
@@ -188,7 +188,6 @@ mod tests {
     use super::*;
     use crate::Case;
 
-    /// Surfaces have no scene yet: what is made of them is looked at here.
     #[test]
     fn a_surface_is_its_nodes_and_triangles() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");

@@ -100,6 +100,7 @@ impl ModelBuilder {
         let mut model = Model {
             params,
             ropes: Vec::new(),
+            cloths: Vec::new(),
             masses: Vec::new(),
             driven: Vec::new(),
             driven_rows: Vec::new(),
@@ -124,7 +125,10 @@ impl ModelBuilder {
             integrator: scene.time.integrator,
             contact: scene.contact.clone(),
             solver: scene.solver.clone(),
-            start: if scene.rope.iter().any(|r| r.start == Start::Equilibrium) { Start::Equilibrium } else { Start::AsGiven },
+            start: {
+                let mut starts = scene.rope.iter().map(|r| r.start).chain(scene.cloth.iter().map(|c| c.start));
+                if starts.any(|s| s == Start::Equilibrium) { Start::Equilibrium } else { Start::AsGiven }
+            },
             q0,
             v0,
             frames0: Vec::new(),
@@ -136,11 +140,14 @@ impl ModelBuilder {
             nodes.list_elements(gravity, wind, &mut elements);
             ropes.push(nodes);
         }
+        let sheets = model.add_sheets(scene, [gravity, wind], &mut elements.gravity)?;
         model.add_terms(elements);
+        model.add_sheet_terms(sheets);
         model.driven = vec![false; model.n_nodes()];
         model.add_rods(scene, &ropes)?;
         for gripper in &scene.gripper {
             model.add_gripper(gripper, &ropes);
+            model.add_sheet_gripper(gripper, &scene.cloth);
         }
         model.drive_rows();
         model.add_bodies(scene);
@@ -192,7 +199,7 @@ impl ModelBuilder {
 
 impl<'a> RopeNodes<'a> {
     fn place(rope: &'a Rope, grippers: &[Gripper], model: &mut Model) -> Self {
-        let clamped = |end| grippers.iter().any(|g| g.rope == rope.name && g.clamp == Clamp::End(end));
+        let clamped = |end| grippers.iter().any(|g| g.rope.as_ref() == Some(&rope.name) && g.clamp == Clamp::End(end));
         let n = rope.n_nodes();
         let first = model.masses.len();
         let ghost_first = clamped(End::First).then_some(first);
@@ -339,7 +346,7 @@ impl Model {
     }
 
     fn add_gripper(&mut self, gripper: &Gripper, ropes: &[RopeNodes]) {
-        let Some(rope) = ropes.iter().find(|r| r.rope.name == gripper.rope) else { return };
+        let Some(rope) = ropes.iter().find(|r| Some(&r.rope.name) == gripper.rope.as_ref()) else { return };
         let first_u = self.nu();
         let offset = self.params.len();
         for (a, value) in gripper.offset.iter().enumerate() {
@@ -400,6 +407,10 @@ impl Model {
             for rope in ropes {
                 let free = rope.span.nodes.clone().filter(|&i| !self.driven[i]);
                 self.pairs.extend(free.map(|node| ContactPair { node, shape, radius: rope.params.radius, friction }));
+            }
+            for cloth in &self.cloths {
+                let free = cloth.nodes.clone().filter(|&i| !self.driven[i]);
+                self.pairs.extend(free.map(|node| ContactPair { node, shape, radius: cloth.radius, friction }));
             }
         }
     }

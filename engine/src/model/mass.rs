@@ -3,11 +3,11 @@
 /// Mass of a node, `m = ρA · length · fraction + Σ extras` \[kg\], as indices into θ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeMass {
-    /// Part of the rope's length that belongs to the node; 0 for ghosts.
+    /// Part of the rope's length, or of a sheet's area, that belongs to the node; 0 for ghosts.
     pub fraction: f64,
-    /// Index of the length \[m\].
+    /// Index of the length \[m\]; of a sheet, of its area \[m²\].
     pub length: usize,
-    /// Index of the mass per length [kg/m].
+    /// Index of the mass per length [kg/m], or per area [kg/m²].
     pub density: usize,
     /// Indices of added masses \[kg\].
     pub extras: Vec<usize>,

@@ -2,6 +2,7 @@
 
 mod bodies;
 mod build;
+mod cloth;
 mod couplings;
 mod mass;
 mod query;
@@ -10,6 +11,7 @@ mod solids;
 mod ties;
 
 pub use build::{BuildError, ModelBuilder};
+pub use cloth::ClothSpan;
 pub use mass::NodeMass;
 
 use crate::bodies::Tree;
@@ -50,11 +52,12 @@ pub(crate) struct DofWeights {
     pub yielding: Vec<f64>,
 }
 
-/// A set of ropes with everything that acts on them.
+/// A set of ropes, sheets and bodies with everything that acts on them.
 #[derive(Clone, Debug)]
 pub struct Model {
     pub(crate) params: Params,
     pub(crate) ropes: Vec<RopeSpan>,
+    pub(crate) cloths: Vec<ClothSpan>,
     pub(crate) masses: Vec<NodeMass>,
     pub(crate) driven: Vec<bool>,
     /// Of every row of nodes and twists.

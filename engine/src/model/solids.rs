@@ -179,19 +179,22 @@ impl Model {
     }
 
     fn node_solids(&mut self, radii: &[usize], entries: &mut Vec<Entry>) {
-        for (r, (rope, radius)) in self.ropes.iter().zip(radii).enumerate() {
-            for (k, node) in rope.nodes.clone().enumerate().filter(|(_, node)| !self.driven[*node]) {
+        let ropes = self.ropes.iter().zip(radii).enumerate();
+        let ropes = ropes.map(|(r, (rope, radius))| (&rope.name, rope.nodes.clone(), *radius, format!("rope[{r}].initial")));
+        let cloths = self.cloths.iter().enumerate().map(|(c, s)| (&s.name, s.nodes.clone(), s.radius, format!("cloth[{c}]")));
+        for (name, nodes, radius, field) in ropes.chain(cloths) {
+            for (k, node) in nodes.enumerate().filter(|(_, node)| !self.driven[*node]) {
                 self.solids.push(Solid {
-                    name: format!("{}.node[{k}]", rope.name),
+                    name: format!("{name}.node[{k}]"),
                     form: Form::Ball,
                     carrier: Carrier::Node(node),
                     rotation: Matrix3::identity(),
                     point: Vec3::zeros(),
                     place: Place::Origin,
-                    sizes: [*radius, 0, 0],
+                    sizes: [radius, 0, 0],
                     friction: None,
                 });
-                entries.push(Entry { object: rope.name.clone(), field: format!("rope[{r}].initial") });
+                entries.push(Entry { object: name.clone(), field: field.clone() });
             }
         }
     }

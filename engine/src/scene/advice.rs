@@ -83,15 +83,18 @@ impl Mistake {
     /// Ropes, grippers, shapes.
     fn advice_on_objects(&self) -> (String, String) {
         match self {
+            Self::Cloth { error } => error.advice(),
             Self::Name { .. } => both(
                 "names become paths such as `cable.bend_stiffness`",
                 "use letters, digits, `_` and `-`, beginning with a letter; not gravity, air, sensor",
             ),
             Self::NameTaken { .. } => both(
                 "an object was copied and not renamed",
-                "give every rope, body, joint, actuator, gripper and shape its own name",
+                "give every rope, cloth, body, joint, actuator, gripper and shape its own name",
             ),
-            Self::Nothing => both("the scene is only a beginning", "add a [[rope]], or a [[body]] with a [[body.joint]]"),
+            Self::Nothing => {
+                both("the scene is only a beginning", "add a [[rope]], a [[cloth]], or a [[body]] with a [[body.joint]]")
+            }
             Self::NoSuch { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
             Self::NoSuch { what, known, .. } if known.is_empty() => {
                 both(format!("the scene has no {what} at all"), format!("add a {what}"))
@@ -159,8 +162,8 @@ impl Mistake {
                 "write `integrator = \"sdirk2\"` (second order) or \"euler\", or remove the shapes",
             ),
             Self::NothingFree { .. } => both(
-                "only nodes of ropes and bodies with shapes touch",
-                "add a [[rope]] or give a body a [[body.shape]], or remove the shapes",
+                "only nodes of ropes and cloth and bodies with shapes touch",
+                "add a [[rope]] or a [[cloth]], or give a body a [[body.shape]], or remove the shapes",
             ),
             Self::NoSize { key, .. } => both("a size was left out", format!("write `{key}` in m")),
             Self::OtherSize { key, .. } => both("a size of another kind of shape", format!("remove `{key}`, or change `kind`")),

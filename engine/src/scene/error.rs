@@ -1,5 +1,6 @@
 //! What can be wrong with a scene: where, what, the likely cause, and the fix.
 
+use super::cloth_error::ClothMistake;
 use super::source::{Place, Source};
 use super::words::Num;
 use std::fmt;
@@ -172,7 +173,7 @@ pub enum Mistake {
     #[error("the midpoint integrator cannot be used with contact, and the scene has {shapes} shape(s)")]
     MidpointContact { shapes: usize },
     /// Contact rows that would act on commanded nodes alone.
-    #[error("the scene has {shapes} shape(s) to touch, but no rope, so contact could move nothing")]
+    #[error("the scene has {shapes} shape(s) to touch, but no rope or cloth, so contact could move nothing")]
     NothingFree { shapes: usize },
     /// A rope that no shape can move.
     #[error("grippers hold every node of rope \"{rope}\", so it goes through the scene's {shapes} shape(s) and touches none")]
@@ -219,6 +220,9 @@ pub enum Mistake {
     /// Links that are no longer than they are thick.
     #[error("{links} links are {} m long each, no longer than they are thick ({} m)", Num(*.link), Num(*.diameter))]
     ShortLinks { links: usize, link: f64, diameter: f64 },
+    /// Anything wrong with a sheet of cloth.
+    #[error("{error}")]
+    Cloth { error: ClothMistake },
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },

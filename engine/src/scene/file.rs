@@ -2,6 +2,7 @@
 
 use super::actuator::Actuator;
 use super::body::{Body, Closure};
+use super::cloth::Cloth;
 use super::coupling::Coupling;
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
@@ -31,6 +32,9 @@ pub struct Scene<X = Nothing> {
     /// Ropes, cables, rods.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rope: Vec<Rope>,
+    /// Sheets of cloth, paper or rubber.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cloth: Vec<Cloth>,
     /// Rigid bodies and their joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub body: Vec<Body>,
@@ -79,7 +83,7 @@ pub struct Nothing {}
 impl<X> Scene<X> {
     /// Whether a gripper clamps that end edge of a rope.
     pub fn clamps_end(&self, rope: &Rope, end: End) -> bool {
-        self.gripper.iter().any(|g| g.rope == rope.name && g.clamp == Clamp::End(end))
+        self.gripper.iter().any(|g| g.rope.as_deref() == Some(rope.name.as_str()) && g.clamp == Clamp::End(end))
     }
 
     /// The same scene with another experiment, or none.
@@ -90,6 +94,7 @@ impl<X> Scene<X> {
             gravity: self.gravity.clone(),
             air: self.air.clone(),
             rope: self.rope.clone(),
+            cloth: self.cloth.clone(),
             body: self.body.clone(),
             actuator: self.actuator.clone(),
             closure: self.closure.clone(),
@@ -121,6 +126,7 @@ impl<X> Default for Scene<X> {
             gravity: Gravity::default(),
             air: Air::default(),
             rope: Vec::new(),
+            cloth: Vec::new(),
             body: Vec::new(),
             actuator: Vec::new(),
             closure: Vec::new(),

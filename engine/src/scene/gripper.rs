@@ -3,15 +3,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A clamp that drives nodes of a rope. Its parameters are `name.offset[0..2]`.
+/// A clamp that drives nodes of a rope or of a sheet of cloth. Its parameters are `name.offset[0..2]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gripper {
     /// Name, unique in the scene, used in parameter paths.
     pub name: String,
-    /// Name of the rope it holds.
-    pub rope: String,
-    /// What of the rope it holds.
+    /// Name of the rope it holds. Either this or `cloth`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rope: Option<String>,
+    /// Name of the sheet of cloth it holds, by nodes. Either this or `rope`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloth: Option<String>,
+    /// What of it the gripper holds.
     #[serde(flatten)]
     pub clamp: Clamp,
     /// Driven by positions or by velocities.
@@ -36,7 +40,8 @@ impl Default for Gripper {
     fn default() -> Self {
         Self {
             name: "hand".to_owned(),
-            rope: "rope".to_owned(),
+            rope: Some("rope".to_owned()),
+            cloth: None,
             clamp: Clamp::Nodes(vec![0]),
             mode: Mode::default(),
             offset: [0.0; 3],

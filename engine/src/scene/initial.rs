@@ -1,5 +1,6 @@
 //! Where every node is at the beginning, and how fast.
 
+use super::cloth_initial::cloth_points;
 use super::error::{Mistake, SceneError};
 use super::file::Scene;
 use super::gripper::End;
@@ -13,12 +14,17 @@ const STRAIN: std::ops::RangeInclusive<f64> = 0.1..=1.5;
 const SHARPEST: f64 = -0.999;
 
 /// Positions q [m] and velocities v [m/s] of all nodes as the scene gives them: three numbers per node, rope after rope, the
-/// ghost of a clamped first edge before, that of a clamped last edge after the rope's nodes.
+/// ghost of a clamped first edge before, that of a clamped last edge after the rope's nodes; then sheet after sheet.
 pub fn initial_state<X>(scene: &Scene<X>) -> Result<(Vec<f64>, Vec<f64>), SceneError> {
     let (mut q, mut v) = (Vec::new(), Vec::new());
     for r in 0..scene.rope.len() {
         let points = with_ghosts(scene, r)?;
         v.extend(points.iter().flat_map(|_| scene.rope[r].velocity));
+        q.extend(points.into_iter().flatten());
+    }
+    for (c, cloth) in scene.cloth.iter().enumerate() {
+        let points = cloth_points(cloth, c)?;
+        v.extend(points.iter().flat_map(|_| cloth.velocity));
         q.extend(points.into_iter().flatten());
     }
     Ok((q, v))

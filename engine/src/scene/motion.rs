@@ -5,6 +5,7 @@ use super::body::JointKind;
 use super::error::SceneError;
 use super::file::Scene;
 use super::gripper::{Clamp, End, Gripper, Mode, Motion};
+use super::held::Held;
 use super::initial::{end_axis, rope_points, with_ghosts};
 use super::rod::RodStart;
 use super::vector::{V3, add, scale, sub, unit};
@@ -37,8 +38,8 @@ fn control_unit<X>(scene: &Scene<X>, actuator: &Actuator) -> &'static str {
 }
 
 fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
-    let rope = scene.rope.iter().find(|rope| rope.name == gripper.rope);
-    let node = |number: &i64| match rope.and_then(|rope| rope.node(*number)) {
+    let held = scene.held(gripper);
+    let node = |number: &i64| match held.and_then(|held| held.node(*number)) {
         Some(node) => (format!("node[{node}]"), "m"),
         None => (format!("node[{number}]"), "m"),
     };
@@ -46,8 +47,7 @@ fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
         (Clamp::Nodes(nodes), Mode::Prescribed) => nodes.iter().map(node).collect(),
         (Clamp::Nodes(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s")],
         (Clamp::End(_), Mode::Prescribed) => {
-            let twists = rope.is_some_and(|rope| rope.twist.is_some());
-            let director = twists.then(|| ("director".to_owned(), "-"));
+            let director = twists(scene, gripper).then(|| ("director".to_owned(), "-"));
             [("position".to_owned(), "m"), ("axis".to_owned(), "-")].into_iter().chain(director).collect()
         }
         (Clamp::End(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s"), ("angular_velocity".to_owned(), "rad/s")],
@@ -70,9 +70,9 @@ pub fn control_rows<X>(scene: &Scene<X>, n_steps: usize) -> Result<Vec<Vec<f64>>
 pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
     let mut u = Vec::new();
     for gripper in &scene.gripper {
-        let Some(r) = scene.rope.iter().position(|rope| rope.name == gripper.rope) else { continue };
-        let points = rope_points(scene, r)?;
-        let held = gripper.clamp.numbers().into_iter().filter_map(|number| scene.rope[r].node(number));
+        let Some(object) = scene.held(gripper) else { continue };
+        let points = object.points(scene)?;
+        let held = gripper.clamp.numbers().into_iter().filter_map(|number| object.node(number));
         let targets: Vec<V3> = held.map(|node| sub(points[node], gripper.offset)).collect();
         match (&gripper.clamp, gripper.mode) {
             (Clamp::Nodes(_), Mode::Prescribed) => u.extend(targets.into_iter().flatten()),
@@ -80,7 +80,9 @@ pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
             (Clamp::End(end), Mode::Prescribed) => {
                 u.extend(targets.into_iter().flatten());
                 u.extend(end_axis(&points, *end));
-                u.extend(end_director(scene, r, *end)?.into_iter().flatten());
+                if let Held::Rope(_, r) = object {
+                    u.extend(end_director(scene, r, *end)?.into_iter().flatten());
+                }
             }
             (Clamp::End(End::First | End::Last), Mode::Velocity) => u.extend([0.0; 6]),
         }
@@ -139,7 +141,7 @@ fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
 }
 
 fn twists<X>(scene: &Scene<X>, gripper: &Gripper) -> bool {
-    scene.rope.iter().any(|rope| rope.name == gripper.rope && rope.twist.is_some())
+    matches!(scene.held(gripper), Some(Held::Rope(rope, _)) if rope.twist.is_some())
 }
 
 /// Turns the director of a clamped end edge as far as its spin has come at time t [s], or sets its angular velocity.
@@ -159,7 +161,7 @@ fn spin<X>(scene: &Scene<X>, gripper: &Gripper, u: &mut [f64], t: f64) {
 
 /// Direction along the rope of a clamped end edge as the scene begins.
 fn start_axis<X>(scene: &Scene<X>, gripper: &Gripper, end: End) -> Option<V3> {
-    let r = scene.rope.iter().position(|rope| rope.name == gripper.rope)?;
+    let Some(Held::Rope(_, r)) = scene.held(gripper) else { return None };
     Some(along(end_axis(&rope_points(scene, r).ok()?, end), end))
 }
 

@@ -4,11 +4,13 @@ use super::check::check;
 use super::error::{Mistake, SceneError};
 use super::file::Scene;
 use super::keys;
+use super::obj;
 use super::schema::json_schema;
 use super::source::{Place, Source};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use std::path::Path;
+use std::sync::Arc;
 use toml::de::DeTable;
 
 /// Reads a scene file and checks that it makes sense.
@@ -25,9 +27,21 @@ pub fn parse_scene<X: DeserializeOwned + JsonSchema>(text: &str, file_name: &str
 pub fn parse_source<X: DeserializeOwned + JsonSchema>(source: &Source) -> Result<Scene<X>, SceneError> {
     let table = DeTable::parse(&source.text).map_err(|error| syntax(source, &error))?;
     keys::compare(&json_schema::<X>(), &table, source)?;
-    let scene: Scene<X> = toml::from_str(&source.text).map_err(|error| refused(source, &error))?;
+    let mut scene: Scene<X> = toml::from_str(&source.text).map_err(|error| refused(source, &error))?;
+    load_meshes(&mut scene, source).map_err(|error| error.located(source))?;
     check(&scene).map_err(|error| error.located(source))?;
     Ok(scene)
+}
+
+/// Meshes of sheets, from files beside the scene's.
+fn load_meshes<X>(scene: &mut Scene<X>, source: &Source) -> Result<(), SceneError> {
+    let folder = Path::new(&source.file).parent().unwrap_or(Path::new(""));
+    for (c, cloth) in scene.cloth.iter_mut().enumerate() {
+        if let Some(mesh) = &cloth.mesh {
+            cloth.loaded = Some(Arc::new(obj::read(&folder.join(mesh), &format!("cloth[{c}].mesh"))?));
+        }
+    }
+    Ok(())
 }
 
 fn syntax(source: &Source, error: &toml::de::Error) -> SceneError {

@@ -23,15 +23,21 @@ impl<X> Refined<X> {
 }
 
 impl<X: Clone> Scene<X> {
-    /// Halves every edge. A gripper that holds neighbouring nodes holds the new node between them too, in the middle.
+    /// Halves every edge of every rope. A gripper that holds neighbouring nodes holds the new node between them too, in the middle.
     ///
     /// Materials are per length and stay; node numbers, points and edges are doubled.
     pub fn refined(&self) -> Refined<X> {
         let (mut scene, mut inputs, mut first) = (self.clone(), Vec::new(), 0);
         let mut clamps_edges = false;
         for gripper in &mut scene.gripper {
-            let rope = self.rope.iter().find(|rope| rope.name == gripper.rope);
+            let rope = self.rope.iter().find(|rope| Some(&rope.name) == gripper.rope.as_ref());
             match (&mut gripper.clamp, rope) {
+                // sheets stay as they are
+                (Clamp::Nodes(numbers), None) => {
+                    let n = if gripper.mode == Mode::Prescribed { 3 * numbers.len() } else { 3 };
+                    inputs.extend((first..first + n).map(|k| [k, k]));
+                    first += n;
+                }
                 (Clamp::Nodes(numbers), Some(rope)) => {
                     let held: Vec<usize> = numbers.iter().filter_map(|&number| rope.node(number)).collect();
                     let pairs = held_pairs(&held);

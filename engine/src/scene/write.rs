@@ -1,8 +1,8 @@
 //! A scene of bodies as a TOML file: what differs from the defaults, and the numbers in full.
 
 use super::{
-    Actuator, ActuatorKind, Body, BodyShape, Closure, ClosureKind, Command, Contact, ContactRule, Coupling, Integrator, Joint,
-    JointKind, Law, Scene, ShapeKind,
+    Actuator, ActuatorKind, Body, BodyShape, Closure, ClosureKind, Cloth, Command, Contact, ContactRule, Coupling, Diagonal,
+    Integrator, Joint, JointKind, Law, Scene, ShapeKind, Start,
 };
 use std::fmt::Write;
 
@@ -22,6 +22,7 @@ pub fn to_toml<X>(scene: &Scene<X>, comment: &str) -> String {
     line(&mut out, "magnitude", &number(scene.gravity.magnitude));
     list(&mut out, "tilt", &scene.gravity.tilt, &[0.0; 2]);
     contact(&mut out, &scene.contact);
+    scene.cloth.iter().for_each(|c| cloth(&mut out, c));
     scene.body.iter().for_each(|b| body(&mut out, b));
     scene.closure.iter().for_each(|c| closure(&mut out, c));
     scene.coupling.iter().for_each(|c| coupling(&mut out, c));
@@ -42,6 +43,45 @@ fn contact(out: &mut String, contact: &Contact) {
         line(out, "law", &quoted("anitescu"));
     }
     differing(out, "rest_gap", contact.rest_gap, default.rest_gap);
+}
+
+fn cloth(out: &mut String, cloth: &Cloth) {
+    *out += "\n[[cloth]]\n";
+    line(out, "name", &quoted(&cloth.name));
+    if let Some(grid) = &cloth.grid {
+        let ([nu, nv], [u, v]) = (grid.nodes, grid.size.map(number));
+        let diagonal = match grid.diagonal {
+            Diagonal::Up => "up",
+            Diagonal::Down => "down",
+            Diagonal::Alternating => "alternating",
+        };
+        line(out, "grid", &format!("{{ nodes = [{nu}, {nv}], size = [{u}, {v}], diagonal = {} }}", quoted(diagonal)));
+    }
+    if let Some(mesh) = &cloth.mesh {
+        line(out, "mesh", &format!("'{mesh}'"));
+    }
+    list(out, "origin", &cloth.origin, &[0.0; 3]);
+    list(out, "u_axis", cloth.u_axis.as_ref().map_or(&[], |x| x), &[]);
+    list(out, "v_axis", cloth.v_axis.as_ref().map_or(&[], |x| x), &[]);
+    if let Some(points) = &cloth.points {
+        let point = |x: &[f64; 3]| format!("[{}]", x.map(number).join(", "));
+        line(out, "points", &format!("[{}]", points.iter().map(point).collect::<Vec<_>>().join(", ")));
+    }
+    if cloth.start == Start::Equilibrium {
+        line(out, "start", &quoted("equilibrium"));
+    }
+    list(out, "velocity", &cloth.velocity, &[0.0; 3]);
+    line(out, "thickness", &number(cloth.thickness));
+    given(out, "density", cloth.density);
+    given(out, "area_density", cloth.area_density);
+    line(out, "youngs_modulus", &number(cloth.youngs_modulus));
+    line(out, "poisson_ratio", &number(cloth.poisson_ratio));
+    given(out, "bend_stiffness", cloth.bend_stiffness);
+    differing(out, "membrane_damping", cloth.membrane_damping, 0.0);
+    differing(out, "bend_damping", cloth.bend_damping, 0.0);
+    differing(out, "drag_normal", cloth.drag_normal, 0.0);
+    differing(out, "drag_quadratic", cloth.drag_quadratic, 0.0);
+    given(out, "radius", cloth.radius);
 }
 
 fn closure(out: &mut String, closure: &Closure) {

@@ -30,10 +30,24 @@ impl Sample {
         Self { q, v, theta }
     }
 
+    /// A random sheet of 3 × 3 nodes, numbered row by row, with parameters that may stand for a Poisson's ratio too.
+    pub fn sheet(seed: u64) -> Self {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let mut uniform = |half: f64| rng.random_range(-half..half);
+        let flat = |k: usize| [0.1 * (k / 3 / 3) as f64, 0.1 * (k / 3 % 3) as f64, 0.0][k % 3];
+        let q = (0..27).map(|k| flat(k) + uniform(0.02)).collect();
+        let v = (0..27).map(|_| uniform(2.0)).collect();
+        let theta = (0..THETA).map(|_| 0.3 + uniform(0.15)).collect();
+        Self { q, v, theta }
+    }
+
     pub fn at(&self) -> Point<'_> {
         Point { q: &self.q, v: &self.v, theta: &self.theta }
     }
 }
+
+/// What a property is tested on, by seed.
+pub type Make = fn(u64) -> Sample;
 
 /// Elements of `n` nodes with `params` parameters along the rope; the last two are out of order.
 pub fn elements(n: usize, params: usize) -> Vec<Element> {
@@ -56,7 +70,7 @@ pub struct Dense {
 
 pub fn dense(term: &dyn Term, at: &Point) -> Dense {
     let n = at.q.len();
-    let (mut f, mut dq, mut dv) = (vec![0.0; n], NodeMatrix::band(n / 3, 2), NodeMatrix::band(n / 3, 2));
+    let (mut f, mut dq, mut dv) = (vec![0.0; n], NodeMatrix::band(n / 3, n / 3 - 1), NodeMatrix::band(n / 3, n / 3 - 1));
     term.add_jacobian(at, &mut f, &mut dq, &mut dv);
     let mut dtheta = DMatrix::zeros(n, at.theta.len());
     term.visit_theta(at, &mut |row, param, slope| dtheta[(row, param)] += slope);
@@ -81,8 +95,13 @@ fn column(x: &DVector<f64>) -> DMatrix<f64> {
 
 /// Holds a kernel equal to the automatic derivatives of its law: forces, ∂f/∂q, ∂f/∂v, ∂f/∂θ, energy, stencils.
 pub fn same(kernel: &dyn Term, law: &dyn Term) {
+    same_on(Sample::new, kernel, law);
+}
+
+/// As [`same`], on samples that `make` makes.
+pub fn same_on(make: Make, kernel: &dyn Term, law: &dyn Term) {
     for seed in 0..TRIALS {
-        let sample = Sample::new(seed);
+        let sample = make(seed);
         let (a, b) = (dense(kernel, &sample.at()), dense(law, &sample.at()));
         close("f", &column(&a.f), &column(&b.f));
         close("add_force", &column(&force(kernel, &sample.at())), &column(&b.f));
@@ -108,9 +127,14 @@ fn stencils(term: &dyn Term) -> Vec<Vec<usize>> {
 
 /// Holds −∂E/∂q, by dual numbers of the law's energy, equal to its force.
 pub fn force_is_energy_slope<L: Law>(law: &L, term: &super::Automatic<L>) {
+    force_is_energy_slope_on(Sample::new, law, term);
+}
+
+/// As [`force_is_energy_slope`], on samples that `make` makes.
+pub fn force_is_energy_slope_on<L: Law>(make: Make, law: &L, term: &super::Automatic<L>) {
     type Dual = DualSVec64<3>;
     for seed in 0..TRIALS {
-        let sample = Sample::new(seed);
+        let sample = make(seed);
         let mut slope = DVector::zeros(sample.q.len());
         for e in term.elements() {
             let p: Vec<_> = e.params.iter().map(|&k| Dual::from_re(sample.theta[k])).collect();
@@ -135,12 +159,17 @@ pub fn force_is_energy_slope<L: Law>(law: &L, term: &super::Automatic<L>) {
 
 /// Holds the sums of forces and moments zero, and the force equivariant under rotation and translation of rope and velocity.
 pub fn invariant(term: &dyn Term) {
+    invariant_on(Sample::new, term);
+}
+
+/// As [`invariant`], on samples that `make` makes.
+pub fn invariant_on(make: Make, term: &dyn Term) {
     for seed in 0..TRIALS {
-        let sample = Sample::new(seed);
+        let sample = make(seed);
         let f = force(term, &sample.at());
         let nodal = |f: &DVector<f64>, i: usize| Vec3::new(f[3 * i], f[3 * i + 1], f[3 * i + 2]);
-        let total: Vec3<f64> = (0..NODES).map(|i| nodal(&f, i)).sum();
-        let moment: Vec3<f64> = (0..NODES).map(|i| sample.at().position(i).cross(&nodal(&f, i))).sum();
+        let total: Vec3<f64> = (0..f.len() / 3).map(|i| nodal(&f, i)).sum();
+        let moment: Vec3<f64> = (0..f.len() / 3).map(|i| sample.at().position(i).cross(&nodal(&f, i))).sum();
         assert!(total.amax() <= TOLERANCE * f.amax() && moment.amax() <= TOLERANCE * f.amax());
 
         let turn = Rotation3::from_euler_angles(0.3, -1.1, 2.0);
@@ -158,8 +187,13 @@ pub fn invariant(term: &dyn Term) {
 
 /// Holds ∂f/∂q and ∂f/∂v symmetric.
 pub fn jacobians_symmetric(term: &dyn Term) {
+    jacobians_symmetric_on(Sample::new, term);
+}
+
+/// As [`jacobians_symmetric`], on samples that `make` makes.
+pub fn jacobians_symmetric_on(make: Make, term: &dyn Term) {
     for seed in 0..TRIALS {
-        let sample = Sample::new(seed);
+        let sample = make(seed);
         let d = dense(term, &sample.at());
         assert!(term.symmetric(&sample.theta));
         close("∂f/∂q against its transpose", &d.dq.transpose(), &d.dq);
@@ -174,7 +208,12 @@ pub fn zero_coefficient(term: &dyn Term, coefficient: usize) {
 
 /// As [`zero_coefficient`] for several coefficients that vanish together.
 pub fn zero_coefficients(term: &dyn Term, coefficients: &[usize]) {
-    let mut sample = Sample::new(1);
+    zero_coefficients_on(Sample::new, term, coefficients);
+}
+
+/// As [`zero_coefficients`], on samples that `make` makes.
+pub fn zero_coefficients_on(make: Make, term: &dyn Term, coefficients: &[usize]) {
+    let mut sample = make(1);
     for &k in coefficients {
         sample.theta[k] = 0.0;
     }
@@ -186,8 +225,13 @@ pub fn zero_coefficients(term: &dyn Term, coefficients: &[usize]) {
 
 /// Holds the sum of forces zero, and the force unchanged by a translation of the rope and by a common velocity.
 pub fn linear_momentum(term: &dyn Term) {
+    linear_momentum_on(Sample::new, term);
+}
+
+/// As [`linear_momentum`], on samples that `make` makes.
+pub fn linear_momentum_on(make: Make, term: &dyn Term) {
     for seed in 0..TRIALS {
-        let sample = Sample::new(seed);
+        let sample = make(seed);
         let f = force(term, &sample.at());
         let total: Vec3<f64> = f.as_slice().chunks(3).map(|f| Vec3::new(f[0], f[1], f[2])).sum();
         assert!(total.amax() <= TOLERANCE * f.amax());
@@ -200,8 +244,13 @@ pub fn linear_momentum(term: &dyn Term) {
 
 /// Holds that a force never gives power: f·v ≤ 0, and that it vanishes with the velocity.
 pub fn takes_power(term: &dyn Term) {
+    takes_power_on(Sample::new, term);
+}
+
+/// As [`takes_power`], on samples that `make` makes.
+pub fn takes_power_on(make: Make, term: &dyn Term) {
     for seed in 0..TRIALS {
-        let sample = Sample::new(seed);
+        let sample = make(seed);
         let power = force(term, &sample.at()).dot(&DVector::from_column_slice(&sample.v));
         assert!(power < 0.0, "{power}");
         let still = vec![0.0; sample.v.len()];

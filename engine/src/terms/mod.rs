@@ -19,6 +19,7 @@ mod energy;
 mod gravity;
 pub mod joint;
 pub mod section;
+pub mod sheet;
 mod stencil;
 mod stretch;
 mod stretch_damping;

@@ -127,6 +127,13 @@ class Model:
     @property
     def ropes(self) -> dict[str, slice]:
         """Nodes of every rope, ghosts left out: `q.reshape(-1, 3)[model.ropes["cable"]]`."""
+    @property
+    def cloths(self) -> dict[str, slice]:
+        """Nodes of every sheet of cloth: `q.reshape(-1, 3)[model.cloths["sheet"]]`. A grid's node (i, j) has the number
+        i * nodes[1] + j, so `.reshape(nu, nv, 3)` gives its rows."""
+    @property
+    def triangles(self) -> dict[str, NDArray[np.int64]]:
+        """Triangles of every sheet of cloth, (n, 3), by its own nodes counted from 0; neighbours are turned the same way."""
     def param_index(self, path: str) -> int:
         """Index of a parameter in theta. InputError names the nearest path."""
     def theta_with(self, values: Mapping[str, float]) -> Array:

@@ -1,5 +1,7 @@
 //! Shapes, and what may touch them.
 
+use super::super::cloth_error::ClothMistake;
+use super::super::cloth_initial::cloth_points;
 use super::super::error::{Mistake, SceneError};
 use super::super::file::{Integrator, Scene};
 use super::super::initial::rope_points;
@@ -11,14 +13,14 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     shapes(scene)?;
     let bodies = scene.body.iter().filter(|b| !b.shape.is_empty()).count();
     let shapes = scene.n_shapes() + scene.body.iter().map(|b| b.shape.len()).sum::<usize>();
-    if shapes == 0 || (scene.n_shapes() == 0 && scene.rope.is_empty() && bodies == 1) {
+    if shapes == 0 || (scene.n_shapes() == 0 && scene.rope.is_empty() && scene.cloth.is_empty() && bodies == 1) {
         return Ok(());
     }
     if scene.time.integrator == Integrator::Midpoint {
         return Err(SceneError::at("time.integrator", Mistake::MidpointContact { shapes }));
     }
     let held: BTreeSet<(&str, usize)> = held(scene).collect();
-    if scene.rope.is_empty() && bodies == 0 {
+    if scene.rope.is_empty() && scene.cloth.is_empty() && bodies == 0 {
         return Err(SceneError::at("rope", Mistake::NothingFree { shapes }));
     }
     // a commanded node does not feel contact: such a rope would go through everything without a word
@@ -26,15 +28,19 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     if let Some((r, rope)) = scene.rope.iter().enumerate().find(|(_, rope)| all_held(&rope.name, rope.n_nodes())) {
         return Err(SceneError::at(format!("rope[{r}]"), Mistake::AllHeld { rope: rope.name.clone(), shapes }));
     }
+    if let Some((c, cloth)) = scene.cloth.iter().enumerate().find(|(_, cloth)| all_held(&cloth.name, cloth.n_nodes())) {
+        let error = ClothMistake::AllHeld { cloth: cloth.name.clone(), shapes };
+        return Err(SceneError::at(format!("cloth[{c}]"), Mistake::Cloth { error }));
+    }
     outside(scene, &held)
 }
 
-/// (rope, node) of every node that a gripper holds.
+/// (object, node) of every node that a gripper holds.
 fn held<X>(scene: &Scene<X>) -> impl Iterator<Item = (&str, usize)> {
     scene.gripper.iter().flat_map(|gripper| {
-        let rope = scene.rope.iter().find(|rope| rope.name == gripper.rope);
+        let object = scene.held(gripper);
         let nodes = gripper.clamp.numbers().into_iter();
-        nodes.filter_map(move |number| rope.and_then(|rope| Some((rope.name.as_str(), rope.node(number)?))))
+        nodes.filter_map(move |number| object.and_then(|object| Some((object.name(), object.node(number)?))))
     })
 }
 
@@ -66,14 +72,29 @@ fn outside<X>(scene: &Scene<X>, held: &BTreeSet<(&str, usize)>) -> Result<(), Sc
             if held.contains(&(rope.name.as_str(), node)) {
                 continue;
             }
-            let deepest = distances(scene, point).min_by(|a, b| a.1.total_cmp(&b.1));
-            if let Some((shape, distance)) = deepest.filter(|(_, distance)| *distance < -1e-12) {
+            if let Some((shape, distance)) = deepest(scene, point) {
                 let mistake = Mistake::Inside { rope: rope.name.clone(), node, depth: -distance, shape };
                 return Err(SceneError::at(format!("rope[{r}].initial"), mistake));
             }
         }
     }
+    for (c, cloth) in scene.cloth.iter().enumerate() {
+        for (node, point) in cloth_points(cloth, c)?.into_iter().enumerate() {
+            if held.contains(&(cloth.name.as_str(), node)) {
+                continue;
+            }
+            if let Some((shape, distance)) = deepest(scene, point) {
+                let error = ClothMistake::Inside { cloth: cloth.name.clone(), node, depth: -distance, shape };
+                return Err(SceneError::at(format!("cloth[{c}]"), Mistake::Cloth { error }));
+            }
+        }
+    }
     Ok(())
+}
+
+/// The shape that a point lies deepest in, and its distance from the surface [m].
+fn deepest<X>(scene: &Scene<X>, point: V3) -> Option<(String, f64)> {
+    distances(scene, point).min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, distance)| *distance < -1e-12)
 }
 
 /// Name of every shape and the distance of a point from its surface [m], negative inside.

@@ -2,6 +2,7 @@
 
 mod actuator;
 mod body;
+mod cloth;
 mod contact;
 mod coupling;
 mod gripper;
@@ -38,12 +39,13 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     time(scene)?;
     surroundings(scene)?;
     solver(scene)?;
-    if scene.rope.is_empty() && !scene.body.iter().any(|b| !b.joint.is_empty()) {
+    if scene.rope.is_empty() && scene.cloth.is_empty() && !scene.body.iter().any(|b| !b.joint.is_empty()) {
         return Err(SceneError::at("rope", Mistake::Nothing));
     }
     names(scene)?;
     size(scene)?;
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
+    scene.cloth.iter().enumerate().try_for_each(|(c, cloth)| cloth::check(cloth, c))?;
     body::check(scene)?;
     coupling::check(scene)?;
     actuator::check(scene)?;
@@ -113,6 +115,13 @@ fn size<X>(scene: &Scene<X>) -> Result<(), SceneError> {
             return Err(SceneError::at(format!("rope[{r}].{key}"), Mistake::TooManyNodes { nodes, most: MOST_NODES }));
         }
     }
+    for (c, cloth) in scene.cloth.iter().enumerate() {
+        nodes = nodes.saturating_add(cloth.n_nodes());
+        if nodes > MOST_NODES {
+            let key = if cloth.grid.is_some() { "grid.nodes" } else { "mesh" };
+            return Err(SceneError::at(format!("cloth[{c}].{key}"), Mistake::TooManyNodes { nodes, most: MOST_NODES }));
+        }
+    }
     Ok(())
 }
 
@@ -178,7 +187,8 @@ fn named<X>(scene: &Scene<X>) -> impl Iterator<Item = (String, &str)> {
     let actuators = scene.actuator.iter().enumerate().map(|(i, o)| (format!("actuator[{i}]"), o.name.as_str()));
     let closures = scene.closure.iter().enumerate().map(|(i, o)| (format!("closure[{i}]"), o.name.as_str()));
     let couplings = scene.coupling.iter().enumerate().map(|(i, o)| (format!("coupling[{i}]"), o.name.as_str()));
-    let ropes = ropes.chain(bodies).chain(joints).chain(actuators).chain(closures).chain(couplings);
+    let sheets = scene.cloth.iter().enumerate().map(|(i, o)| (format!("cloth[{i}]"), o.name.as_str()));
+    let ropes = ropes.chain(sheets).chain(bodies).chain(joints).chain(actuators).chain(closures).chain(couplings);
     let blocks = scene.block.iter().enumerate().map(|(i, o)| (format!("box[{i}]"), o.name.as_str()));
     let cylinders = scene.cylinder.iter().enumerate().map(|(i, o)| (format!("cylinder[{i}]"), o.name.as_str()));
     ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules).chain(blocks).chain(cylinders)

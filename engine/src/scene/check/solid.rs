@@ -85,7 +85,8 @@ fn name_of(key: &str) -> &'static str {
 fn rule<X>(scene: &Scene<X>, rule: &ContactRule, field: &str) -> Result<(), SceneError> {
     let fixed: Vec<&str> = fixed(scene).collect();
     let bodies: Vec<&str> = scene.body.iter().map(|b| b.name.as_str()).collect();
-    let ropes: Vec<&str> = scene.rope.iter().map(|r| r.name.as_str()).collect();
+    let sheets = scene.cloth.iter().map(|c| c.name.as_str());
+    let ropes: Vec<&str> = scene.rope.iter().map(|r| r.name.as_str()).chain(sheets).collect();
     let known: Vec<&str> = bodies.iter().chain(&ropes).chain(&fixed).copied().collect();
     for (k, name) in rule.between.iter().enumerate() {
         if !known.contains(&name.as_str()) {
@@ -100,7 +101,7 @@ fn rule<X>(scene: &Scene<X>, rule: &ContactRule, field: &str) -> Result<(), Scen
     } else if [a, b].iter().all(|n| fixed.contains(n)) {
         Some("both are fixed")
     } else if [a, b].iter().all(|n| ropes.contains(n)) {
-        Some("ropes go through each other")
+        Some("ropes and sheets go through each other")
     } else {
         None
     };
@@ -116,7 +117,7 @@ fn rule<X>(scene: &Scene<X>, rule: &ContactRule, field: &str) -> Result<(), Scen
         let plain = [a, b].iter().any(|n| ropes.contains(n)) && ![a, b].iter().any(|n| bodies.contains(n));
         let why = match scene.contact.law {
             Law::Anitescu => Some("the scene's law is Anitescu's"),
-            Law::Coulomb => plain.then_some("a rope against a fixed shape has none"),
+            Law::Coulomb => plain.then_some("a rope or sheet against a fixed shape has none"),
         };
         if let Some(why) = why {
             return Err(SceneError::at(format!("{field}.compliance"), Mistake::NoCompliance { why }));

@@ -1,0 +1,287 @@
+//! Sheets of cloth: against the elastica, conservation laws, and gradients against differences.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::Case;
+use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, gradcheck};
+use pliant_engine::equilibrium::equilibrium;
+use pliant_engine::scene::{
+    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, Scene, ShapeKind, Sphere, Time,
+    resting_inputs,
+};
+use pliant_engine::step::StepOptions;
+
+/// A strip clamped at one end and bent by its own weight, k = w L³/(D b), cut into `cells` and a half along its length.
+///
+/// Two rows of nodes are held. The slope between them is fixed, and the fold at the second row is the bend of the strip from half
+/// a cell before it to half a cell behind; so the clamp is half a cell before the second row, and L is counted from there.
+struct Strip {
+    k: f64,
+    cells: usize,
+    across: usize,
+    diagonal: Diagonal,
+    nu: f64,
+    width: f64,
+}
+
+const LENGTH: f64 = 0.5;
+
+impl Strip {
+    fn scene(&self) -> Scene {
+        let a = LENGTH / (self.cells as f64 + 0.5);
+        let nodes = [self.cells + 2, self.across + 1];
+        let grid = Grid { nodes, size: [a * (self.cells + 1) as f64, self.width], diagonal: self.diagonal };
+        let weight = 0.2 * 9.81;
+        let sheet = Cloth {
+            grid: Some(grid),
+            origin: [-0.5 * a, 0.0, 0.0],
+            area_density: Some(0.2),
+            thickness: 1e-3,
+            youngs_modulus: 1e8,
+            poisson_ratio: self.nu,
+            bend_stiffness: Some(weight * LENGTH.powi(3) / self.k),
+            ..Cloth::default()
+        };
+        let held = (0..2 * nodes[1]).map(|n| n as i64).collect();
+        let hand = Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp: Clamp::Nodes(held), ..Gripper::default() };
+        Scene { cloth: vec![sheet], gripper: vec![hand], ..Scene::default() }
+    }
+
+    /// (sag, shortening) of the middle of the end over L, and its angle \[rad\].
+    fn tip(&self) -> [f64; 3] {
+        let scene = self.scene();
+        let case = Case::new(&scene, 1);
+        let q = equilibrium(&case.model, &case.theta, &case.x0.q, &resting_inputs(&scene).unwrap()).unwrap().q;
+        let row = self.across + 1;
+        let at = |i: usize| &q[3 * (i * row + self.across / 2)..][..3];
+        let (end, before) = (at(self.cells + 1), at(self.cells));
+        let angle = (before[2] - end[2]).atan2(end[0] - before[0]);
+        [-end[2] / LENGTH, (LENGTH - end[0]) / LENGTH, angle]
+    }
+}
+
+/// Self-weight elastica: k, sag/L, shortening/L, end angle.
+const ELASTICA: [(f64, [f64; 3]); 4] = [
+    (1.0, [0.12347, 0.00875, 0.16512]),
+    (4.0, [0.42516, 0.10989, 0.58859]),
+    (8.0, [0.64063, 0.27558, 0.94012]),
+    (32.0, [0.87846, 0.67151, 1.46136]),
+];
+
+#[test]
+fn a_strip_bends_as_the_elastica() {
+    for diagonal in [Diagonal::Up, Diagonal::Down] {
+        for (k, expected) in ELASTICA {
+            let error = |cells: usize| {
+                let tip = Strip { k, cells, across: 2, diagonal, nu: 0.0, width: 0.05 }.tip();
+                [0, 1, 2].map(|a| tip[a] - expected[a])
+            };
+            let errors = [10, 20, 40].map(error);
+            println!("{diagonal:?} k {k}: {errors:.5?}");
+            for a in 0..3 {
+                // second order, down to the five digits of the reference
+                let fall = errors[0][a] / errors[1][a];
+                assert!(errors[2][a].abs() < 1.3e-3, "{diagonal:?} {k} {a}: {errors:?}");
+                assert!(errors[0][a].abs() < 1e-4 || (3.4..4.3).contains(&fall), "{diagonal:?} {k} {a}: {errors:?}");
+            }
+        }
+    }
+}
+
+/// A narrow strip curls across as it bends (D (1 − ν²) then resists), a wide one is flat but for its edges (D).
+#[test]
+fn poissons_ratio_softens_a_narrow_strip() {
+    let strip = |nu: f64, across: usize, width: f64| Strip { k: 1.0, cells: 20, across, diagonal: Diagonal::Up, nu, width };
+    let sag = |nu, across, width| strip(nu, across, width).tip()[0];
+    let reference = sag(0.0, 2, 0.05);
+    let (narrow, wide) = (sag(0.3, 4, 0.05) / reference, sag(0.3, 20, 0.5) / reference);
+    println!("ν = 0.3: narrow {narrow:.4}, square {wide:.4} of the sag at ν = 0");
+    // the sag of a soft cantilever grows less than its compliance, 1/(1 − ν²) = 1.099
+    assert!((1.07..1.1).contains(&narrow) && wide < narrow && wide > 1.0);
+}
+
+#[test]
+fn cells_cut_in_turn_bend_alike() {
+    for (k, expected) in ELASTICA {
+        let tip = Strip { k, cells: 20, across: 4, diagonal: Diagonal::Alternating, nu: 0.0, width: 0.1 }.tip();
+        println!("alternate k {k}: {:.5?}", [0, 1, 2].map(|a| tip[a] - expected[a]));
+        assert!((0..3).all(|a| (tip[a] - expected[a]).abs() < 0.02 * expected[a] + 5e-3), "{k}: {tip:?}");
+    }
+}
+
+// ---- Conservation ----------------------------------------------------------------------------------------------------
+
+/// A soft sheet thrown into the air, turning and rippling.
+fn thrown(integrator: Integrator, duration: f64, damping: f64) -> Scene {
+    let sheet = Cloth {
+        grid: Some(Grid { nodes: [5, 4], size: [0.4, 0.3], ..Grid::default() }),
+        youngs_modulus: 2e4,
+        thickness: 2e-3,
+        bend_stiffness: Some(2e-3),
+        membrane_damping: damping * 20.0,
+        bend_damping: damping * 2e-5,
+        ..Cloth::default()
+    };
+    let time = Time { step: 2e-3, duration, integrator };
+    Scene { cloth: vec![sheet], time, ..Scene::default() }
+}
+
+fn rippling(scene: &Scene) -> Case {
+    let mut case = Case::new(scene, scene.time.n_steps());
+    for (i, x) in case.x0.q.clone().chunks(3).enumerate() {
+        case.x0.q[3 * i + 2] += 0.02 * (9.0 * x[0]).sin() * (1.0 + 5.0 * x[1]);
+        case.x0.v[3 * i] = -2.0 * x[1];
+        case.x0.v[3 * i + 1] = 2.0 * x[0];
+        case.x0.v[3 * i + 2] = 1.0 + 3.0 * x[0] * x[1];
+    }
+    case
+}
+
+/// Linear and angular momentum.
+fn momentum(case: &Case, q: &[f64], v: &[f64]) -> [f64; 6] {
+    let mut out = [0.0; 6];
+    for (i, m) in case.model.masses(&case.theta).iter().enumerate() {
+        for a in 0..3 {
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+            out[a] += m * v[3 * i + a];
+            out[3 + a] += m * (q[3 * i + b] * v[3 * i + c] - q[3 * i + c] * v[3 * i + b]);
+        }
+    }
+    out
+}
+
+#[test]
+fn a_free_sheet_keeps_momentum_and_midpoint_its_energy() {
+    for (integrator, damping) in [(Integrator::Midpoint, 0.0), (Integrator::Midpoint, 1.0), (Integrator::Euler, 1.0)] {
+        let mut scene = thrown(integrator, 2.0, damping);
+        scene.gravity.magnitude = 0.0;
+        let case = rippling(&scene);
+        let run = case.run(StepOptions { record: false, ..StepOptions::default() });
+        let of = |k: usize| momentum(&case, &run.states[k].q, &run.states[k].v);
+        let (first, last) = (of(0), of(run.states.len() - 1));
+        let kept = if integrator == Integrator::Midpoint { 6 } else { 3 };
+        for a in 0..kept {
+            assert!((first[a] - last[a]).abs() < 1e-10, "{integrator:?} {damping}: {first:?} {last:?}");
+        }
+        let energy = run.energy();
+        let tail = &energy[energy.len() / 2..];
+        let drift = (tail.iter().sum::<f64>() / tail.len() as f64 / energy[0] - 1.0).abs();
+        println!("{integrator:?}, damping {damping}: mean energy of the second half differs by {drift:.2e}");
+        if integrator == Integrator::Midpoint && damping == 0.0 {
+            assert!(drift < 5e-3 && run.retries() == 0, "{drift} {}", run.retries());
+        } else {
+            assert!(energy[energy.len() - 1] < energy[0]);
+        }
+    }
+}
+
+// ---- Gradients -------------------------------------------------------------------------------------------------------
+
+fn gradients_hold(what: &str, case: &Case) {
+    let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap();
+    let judged: Vec<_> = report.blocks.iter().filter(|b| b.contact_switches == 0).collect();
+    println!(
+        "{what}: worst {:.1e}, dot {:.1e}, judged {}/{}, retries {}",
+        report.worst_relative_error,
+        report.dot_test,
+        judged.len(),
+        report.blocks.len(),
+        report.retries
+    );
+    let wrong: Vec<_> = judged.iter().filter(|b| b.relative_error > RELATIVE_ERROR.max(FLOOR_FACTOR * b.floor)).collect();
+    assert!(wrong.is_empty() && report.dot_test <= DOT_TEST, "{what}: {wrong:#?}");
+    assert!(2 * judged.len() > report.blocks.len());
+}
+
+#[test]
+fn gradients_of_a_free_sheet() {
+    for integrator in [Integrator::Midpoint, Integrator::Euler, Integrator::Sdirk2] {
+        let mut scene = thrown(integrator, 0.01, 1.0);
+        scene.air.wind = [0.5, 0.0, 1.0];
+        (scene.cloth[0].drag_normal, scene.cloth[0].drag_quadratic) = (0.05, 0.3);
+        gradients_hold(&format!("free {integrator:?}"), &rippling(&scene));
+    }
+}
+
+#[test]
+fn gradients_of_a_held_sheet() {
+    let mut scene = thrown(Integrator::Midpoint, 0.01, 1.0);
+    let clamp = Clamp::Nodes(vec![0, 1, 2, 3]);
+    scene.gripper = vec![Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp, ..Gripper::default() }];
+    gradients_hold("held", &rippling(&scene));
+}
+
+#[test]
+fn gradients_of_a_sheet_on_a_ball() {
+    for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+        let mut scene = thrown(integrator, 0.01, 1.0);
+        scene.cloth[0].origin = [-0.2, -0.15, 0.1 + 2e-3];
+        scene.cloth[0].velocity = [0.3, 0.1, -1.0];
+        scene.sphere = vec![Sphere { name: "ball".to_owned(), center: [0.0, 0.0, 0.0], radius: 0.1, friction: 0.4 }];
+        scene.contact.rest_gap = 1e-6;
+        gradients_after_landing(&format!("on a ball, {integrator:?}"), &scene);
+    }
+}
+
+/// Thirty steps until things lie, then five that are checked.
+fn gradients_after_landing(what: &str, scene: &Scene) -> Case {
+    let case = Case::new(scene, 30);
+    let run = case.run(StepOptions { record: false, ..StepOptions::default() });
+    let case = Case { x0: run.states[30].clone(), u: case.u[..5].to_vec(), ..case };
+    gradients_hold(what, &case);
+    case
+}
+
+#[test]
+fn gradients_of_a_sheet_on_a_box() {
+    let mut scene = thrown(Integrator::Euler, 0.01, 1.0);
+    scene.cloth[0].origin = [-0.2, -0.15, 2e-3];
+    scene.cloth[0].velocity = [0.3, 0.1, -0.5];
+    let half_extents = [0.1, 0.08, 0.1];
+    let position = [0.0, 0.0, -0.1];
+    scene.block =
+        vec![Block { name: "table".to_owned(), position, half_extents, quaternion: [1.0, 0.0, 0.0, 0.0], friction: 0.4 }];
+    scene.contact.rest_gap = 1e-6;
+    let case = gradients_after_landing("on a box", &scene);
+    // what is over the table lies on it, half a thickness up; what hangs over has fallen
+    let height = |i: usize| case.x0.q[3 * i + 2];
+    let over = (0..20).filter(|&i| case.x0.q[3 * i].abs() < 0.09 && case.x0.q[3 * i + 1].abs() < 0.07);
+    assert!(over.clone().count() > 0 && over.clone().all(|i| height(i) > 0.9e-3));
+    assert!(height(0) < 0.0);
+}
+
+/// A ball of 50 g falls into a sheet that is held at its ends, and is carried.
+#[test]
+fn gradients_of_a_ball_in_a_sheet() {
+    let mut scene = thrown(Integrator::Euler, 0.01, 1.0);
+    scene.cloth[0].grid = Some(Grid { nodes: [7, 5], size: [0.4, 0.3], ..Grid::default() });
+    scene.cloth[0].origin = [-0.2, -0.15, 0.0];
+    let nodes = (0..5).chain(30..35).collect();
+    scene.gripper =
+        vec![Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp: Clamp::Nodes(nodes), ..Gripper::default() }];
+    let shape = BodyShape {
+        kind: ShapeKind::Sphere,
+        position: [0.0; 3],
+        quaternion: [1.0, 0.0, 0.0, 0.0],
+        radius: Some(0.08),
+        half_length: None,
+        half_extents: None,
+        friction: Some(0.3),
+    };
+    let joint = Joint { name: "float".to_owned(), kind: JointKind::Free, ..Joint::default() };
+    let ball = Body {
+        name: "ball".to_owned(),
+        position: [0.01, 0.02, 0.083],
+        mass: 0.05,
+        inertia: Some([1.3e-4, 1.3e-4, 1.3e-4, 0.0, 0.0, 0.0]),
+        joint: vec![joint],
+        shape: vec![shape],
+        ..Body::default()
+    };
+    scene.body = vec![ball];
+    scene.contact.rest_gap = 1e-6;
+    let case = gradients_after_landing("ball in a sheet", &scene);
+    let middle = case.x0.q[3 * 17 + 2];
+    assert!(middle < -1e-4, "the sheet carries it: {middle}");
+}
