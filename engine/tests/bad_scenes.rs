@@ -71,7 +71,12 @@ fn unknown_key() {
     );
     refused("friction = 0.5", "colour = 3", "27: plane[0].colour", &["keys known here: `friction`, `height`, `name`"]);
     refused("frequency = 1.0", "frequenzy = 1.0", "23: gripper[0].motion.frequenzy", &["did you mean `frequency`?"]);
-    refused("nodes = [0, 1]", "nodes = [0, 1]\ncolour = 1", "23: gripper[0].colour", &["keys known here", "`nodes`", "`end`"]);
+    refused(
+        "nodes = [0, 1]",
+        "nodes = [0, 1]\ntemperature = 1",
+        "23: gripper[0].temperature",
+        &["keys known here", "`nodes`", "`end`"],
+    );
     refused("[gravity]", "[gravitty]", "6: gravitty", &["did you mean `gravity`?"]);
 }
 
@@ -235,4 +240,22 @@ fn nothing_to_simulate() {
 fn no_file() {
     let error = read_scene::<Nothing>("/nowhere/scene.toml").unwrap_err().to_string();
     assert!(error.starts_with("/nowhere/scene.toml: cannot be read") && error.contains("check the path"), "{error}");
+}
+
+#[test]
+fn twists_that_make_no_sense() {
+    let twist = |inside: &str| format!("radius = 0.003\ntwist = {{ stiffness = 1.0e-3{inside} }}");
+    refused("radius = 0.003", &twist(", damping = -1.0"), "17: rope[0].twist.damping", &["N·m²·s", "must not be negative"]);
+    refused("radius = 0.003", &twist(", inertia = 0.0"), "17: rope[0].twist.inertia", &["kg·m"]);
+    refused("radius = 0.003", &twist(", bend_stiffness_2 = -1.0"), "17: rope[0].twist.bend_stiffness_2", &["N·m²"]);
+    refused("radius = 0.003", &twist(", director = [2, 0, 0]"), "17: rope[0].twist.director", &["no direction"]);
+    refused("radius = 0.003", &twist(", stifness = 2.0"), "17: rope[0].twist.stifness", &["unknown key", "`stiffness`"]);
+    refused("radius = 0.003", "twist = { stiffness = 1.0e-3 }", "16: rope[0].twist", &["`inertia`", "kg·m"]);
+    refused(
+        "nodes = [0, 1]",
+        "end = \"first\"\nspin = 1.0",
+        "23: gripper[0].spin",
+        &["\"cable\" cannot be turned", "[rope.twist]"],
+    );
+    refused("nodes = [0, 1]", "nodes = [0, 1]\nroll = 1.0", "23: gripper[0].roll", &["cannot be turned"]);
 }

@@ -109,6 +109,8 @@ pub enum CommandError {
 const PARALLEL: f64 = 1e-6;
 const DUALS: usize = 12;
 type Dual = DualSVec64<DUALS>;
+/// What an input is, with its derivatives.
+type Get<'a> = &'a dyn Fn(Input) -> Dual;
 
 impl Drive {
     /// Number of controls of this gripper.
@@ -293,7 +295,7 @@ fn differentiate(
     q: &[f64],
     u: &[f64],
     theta: &[f64],
-    of: &dyn Fn(&dyn Fn(Input) -> Dual) -> Vec<(usize, Dual)>,
+    of: &dyn Fn(Get) -> Vec<(usize, Dual)>,
     visit: &mut dyn FnMut(usize, Input, f64),
 ) {
     for inputs in inputs.chunks(DUALS) {

@@ -153,6 +153,10 @@ impl Mistake {
                 "give positions and `length` in m; an edge may start at a tenth of its length at least",
             ),
             Self::HoldsNothing => both("an empty list", "write e.g. `nodes = [0]`, or `end = \"first\"`"),
+            Self::NothingToTurn { .. } => both(
+                "the rope has no `[rope.twist]`, or the gripper does not hold both nodes of an edge, or moves nodes, which have no direction",
+                "give the rope a `[rope.twist]` and clamp its `end`; or remove `roll` and `spin`",
+            ),
             Self::HeldTwice { .. } => {
                 both("a node is listed twice, perhaps once as a negative number", "let one gripper hold each node")
             }

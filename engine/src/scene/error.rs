@@ -163,6 +163,9 @@ pub enum Mistake {
     /// A gripper without nodes.
     #[error("the gripper holds no node")]
     HoldsNothing,
+    /// Something about turning of what cannot be turned.
+    #[error("{what} cannot be turned about itself")]
+    NothingToTurn { what: String },
     /// Two commands for one node.
     #[error("node {node} of rope \"{rope}\" is already held by gripper \"{other}\"")]
     HeldTwice { rope: String, node: usize, other: String },

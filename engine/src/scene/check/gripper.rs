@@ -13,11 +13,33 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     let mut held = BTreeMap::new();
     for (g, gripper) in scene.gripper.iter().enumerate() {
         holds(scene, g, gripper, &mut held)?;
+        turns(scene, g, gripper)?;
         if let Motion::Sine { frequency, .. } = gripper.motion {
             positive(&format!("gripper[{g}].motion.frequency"), frequency, "Hz")?;
         }
     }
     Ok(())
+}
+
+/// Only edges of a rope that twists have a roll, and only a clamped end can be made to spin.
+fn turns<X>(scene: &Scene<X>, g: usize, gripper: &Gripper) -> Result<(), SceneError> {
+    let (rope, twists) = match scene.held(gripper) {
+        Some(Held::Rope(rope, _)) => (Some(rope), rope.twist.is_some()),
+        _ => (None, false),
+    };
+    let mut nodes: Vec<usize> = gripper.clamp.numbers().iter().filter_map(|k| rope?.node(*k)).collect();
+    nodes.sort_unstable();
+    let is_end = matches!(gripper.clamp, Clamp::End(_));
+    let edge = is_end || nodes.windows(2).any(|pair| pair[1] == pair[0] + 1);
+    let possible = [("roll", gripper.roll, twists && edge), ("spin", gripper.spin, twists && is_end)];
+    match possible.into_iter().find(|(_, value, possible)| *value != 0.0 && !possible) {
+        None => Ok(()),
+        Some((key, ..)) => {
+            let name = rope.map_or("a sheet", |rope| &rope.name);
+            let what = if is_end { format!("\"{name}\"") } else { format!("what it holds of \"{name}\"") };
+            Err(SceneError::at(format!("gripper[{g}].{key}"), Mistake::NothingToTurn { what }))
+        }
+    }
 }
 
 /// `held`: (object, node) to the gripper that holds it.

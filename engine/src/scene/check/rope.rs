@@ -65,7 +65,7 @@ fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         Some(inertia) => positive(&at("inertia"), inertia, "kg·m")?,
         None if rope.radius == 0.0 => {
             let mistake = Mistake::MissingKey { key: "inertia".to_owned(), unit: Some("kg·m".to_owned()) };
-            return Err(SceneError::at(at(""), mistake));
+            return Err(SceneError::at(format!("rope[{r}].twist"), mistake));
         }
         None => {}
     }
