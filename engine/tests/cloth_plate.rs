@@ -128,3 +128,38 @@ fn hinges_stay_too_stiff() {
         assert!(off.iter().any(|off| off.abs() > 0.1), "{off:?}");
     }
 }
+
+/// A wide sheet is factored sparsely unless the scene says otherwise, and moves the same.
+#[test]
+fn a_wide_sheet_takes_the_sparse_factors() {
+    use pliant_engine::rollout::rollout;
+    use pliant_engine::scene::{LinearSolver, Nothing, control_rows, parse_scene};
+    use pliant_engine::step::StepOptions;
+    let text = "
+        schema_version = 1
+        [time]
+        step = 0.005
+        [[cloth]]
+        name = \"sheet\"
+        grid = { nodes = [18, 18], size = [0.2, 0.2] }
+        thickness = 1.0e-3
+        density = 300.0
+        youngs_modulus = 1.0e5
+        [[gripper]]
+        name = \"hand\"
+        cloth = \"sheet\"
+        nodes = [0, 17, 18, 35]
+    ";
+    let run = |linear: LinearSolver| {
+        let mut scene = parse_scene::<Nothing>(text, "sheet.toml").unwrap();
+        scene.solver.linear = linear;
+        let model = std::sync::Arc::new(pliant_engine::model::ModelBuilder::new(&scene).unwrap().build());
+        let (theta, u) = (model.params().values().to_vec(), control_rows(&scene, 4).unwrap());
+        let options = StepOptions { record: false, ..StepOptions::default() };
+        rollout(&model, &theta, &model.initial_state(), &u, options).unwrap().states[4].q.clone()
+    };
+    let [auto, sparse, band] = [LinearSolver::Auto, LinearSolver::Sparse, LinearSolver::Band].map(run);
+    assert_eq!(auto, sparse);
+    let apart = sparse.iter().zip(&band).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 1e-11 && auto != band, "{apart:e}");
+}

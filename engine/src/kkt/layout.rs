@@ -95,6 +95,11 @@ impl NodeLayout {
         self.dim
     }
 
+    /// Whether there is room for the blocks of stencils alone.
+    pub fn is_sparse(&self) -> bool {
+        matches!(self.pattern, Pattern::Sparse { .. })
+    }
+
     /// Rows per slot.
     pub(super) fn block(&self) -> usize {
         self.block
