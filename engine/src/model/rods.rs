@@ -2,7 +2,7 @@
 
 use super::Model;
 use super::build::RopeNodes;
-use crate::kinematics::HeldEdge;
+use crate::kinematics::{DriveKind, HeldEdge};
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
 use crate::rods::{RodEdge, RodJoint, RodPoint, RodSection};
 use crate::scene::{Rest, RodStart, Scene, SceneError, Twist};
@@ -73,14 +73,19 @@ impl Model {
         (inertia, vec![Arc::new(Elastic::new(elastic)), Arc::new(Viscous::new(viscous))])
     }
 
-    /// Edges of twisting ropes of which `nodes` are both ends, with their axes as the scene begins.
-    pub(super) fn held_edges(&self, nodes: &[usize], roll: Option<usize>) -> Vec<HeldEdge> {
+    /// Edges of twisting ropes of which a gripper holds both ends, with their axes as the scene begins.
+    pub(super) fn held_edges(&self, kind: &DriveKind) -> Vec<HeldEdge> {
+        let (nodes, end) = match kind {
+            DriveKind::PrescribedNodes(nodes) | DriveKind::VelocityNodes(nodes) => (nodes.clone(), None),
+            DriveKind::PrescribedEdge(clamp) | DriveKind::VelocityEdge(clamp) => (vec![clamp.end, clamp.ghost], Some(clamp.end)),
+        };
         let mut start = RodPoint::default();
         self.rods.evaluate(&self.q0, &self.frames0, &self.q0, &mut start);
         let held = |(k, edge): (usize, &RodEdge)| {
             edge.nodes.iter().all(|node| nodes.contains(node)).then(|| {
-                let axes = &start.edges[k];
-                HeldEdge { edge: k, row: self.rods.row(k), nodes: edge.nodes, start: [axes.tangent, axes.axes[0]], roll }
+                let (axes, place) = (&start.edges[k], 3 * end.unwrap_or(edge.nodes[0]));
+                let start = [axes.tangent, axes.axes[0], Vec3::from_row_slice(&self.q0[place..place + 3])];
+                HeldEdge { edge: k, row: self.rods.row(k), nodes: edge.nodes, start, roll: None }
             })
         };
         self.rods.edges.iter().enumerate().filter_map(held).collect()

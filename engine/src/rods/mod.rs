@@ -19,11 +19,13 @@ mod carry;
 mod displace;
 mod frames;
 mod joint;
+mod spread;
 mod term;
 mod transport;
 
 pub use carry::Carry;
 pub use frames::RodPoint;
+pub use spread::Following;
 pub(crate) use transport::{angle, any_normal, carried, normal_part};
 
 use crate::terms::section::SectionLaw;
