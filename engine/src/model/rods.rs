@@ -3,11 +3,13 @@
 use super::Model;
 use super::build::RopeNodes;
 use crate::kinematics::HeldEdge;
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::rods::{RodEdge, RodJoint, RodPoint, RodSection};
-use crate::scene::{Rest, RodStart, Scene, SceneError, Twist};
+use crate::scene::{Creep, Plasticity, Rest, RodStart, Scene, SceneError, Twist};
 use crate::terms::Vec3;
-use crate::terms::section::{Elastic, ElasticSection, SectionLaw, Viscous, ViscousSection};
+use crate::terms::section::{
+    AutomaticMemory, CreepSection, Elastic, ElasticSection, PlasticSection, SectionLaw, Viscous, ViscousSection,
+};
 use std::sync::Arc;
 
 impl Model {
@@ -33,6 +35,8 @@ impl Model {
     fn add_rod(&mut self, rope: &RopeNodes, twist: &Twist) {
         let nodes = rope.chain();
         let (inertia, laws) = self.add_section(rope, twist, nodes.len() - 2);
+        let names: Vec<i64> = nodes[1..nodes.len() - 1].iter().map(|node| rope.number(*node)).collect();
+        let places = self.remember_joints(&rope.rope.name, &names, &laws);
         let fractions = rope.chain_fractions();
         let first = self.rods.edges.len();
         for (pair, &fraction) in nodes.windows(2).zip(&fractions) {
@@ -47,6 +51,7 @@ impl Model {
         self.rods.sections.push(RodSection {
             joints: begin..self.rods.joints.len(),
             laws,
+            places,
             rest_initial: twist.rest == Rest::Initial,
         });
     }
@@ -63,14 +68,37 @@ impl Model {
         let curvature = [0, 1].map(|a| entry(&format!("rest_curvature[{a}]"), "1/m", ANY, twist.rest_curvature[a]));
         let rest_twist = entry("rest_twist", "rad/m", ANY, twist.rest_twist);
         let (length, bend, bend_damping) = (rope.params.length, rope.params.bend, rope.params.bend_damping);
+        let second = second.unwrap_or(bend);
         let begin = self.rods.joints.len();
         let elastic = ElasticSection {
-            params: [length, bend, second.unwrap_or(bend), stiffness, roll, curvature[0], curvature[1], rest_twist],
+            params: [length, bend, second, stiffness, roll, curvature[0], curvature[1], rest_twist],
             joints: begin..begin + n,
             rest: vec![[0.0; 3]; n],
         };
-        let viscous = ViscousSection { params: [length, bend_damping, damping] };
-        (inertia, vec![Arc::new(Elastic::new(elastic)), Arc::new(Viscous::new(viscous))])
+        let mut laws: Vec<Arc<dyn SectionLaw>> = vec![match &rope.rope.plasticity {
+            Some(plasticity) => Arc::new(AutomaticMemory::new(plastic(name, elastic, plasticity, &mut self.params))),
+            None => Arc::new(Elastic::new(elastic)),
+        }];
+        laws.push(Arc::new(Viscous::new(ViscousSection { params: [length, bend_damping, damping] })));
+        if let Some(creep) = &rope.rope.creep {
+            let section = creeping(name, [length, bend, second, stiffness, roll], creep, &mut self.params);
+            laws.push(Arc::new(AutomaticMemory::new(section)));
+        }
+        (inertia, laws)
+    }
+
+    /// Gives the joints at nodes of these numbers their places in z, law by law: the first, and how many a joint.
+    fn remember_joints(&mut self, rope: &str, nodes: &[i64], laws: &[Arc<dyn SectionLaw>]) -> Vec<(usize, usize)> {
+        let mut place = |law: &Arc<dyn SectionLaw>| {
+            let first = self.memory.materials.len();
+            for node in nodes {
+                for name in law.memory() {
+                    self.memory.push(format!("{rope}.node[{node}].{name}"), 0.0);
+                }
+            }
+            (first, law.memory().len())
+        };
+        laws.iter().map(&mut place).collect()
     }
 
     /// Edges of twisting ropes of which `nodes` are both ends, with their axes as the scene begins.
@@ -118,4 +146,20 @@ impl Model {
         self.rods.evaluate(q, &z[self.ndz()..], q, &mut at);
         at.edges.iter().map(|edge| edge.axes[0]).collect()
     }
+}
+
+/// The elastic section with a yield, and its parameters.
+fn plastic(rope: &str, elastic: ElasticSection, from: &Plasticity, params: &mut Params) -> PlasticSection {
+    let limit = params.push(format!("{rope}.yield_curvature"), "1/m", POSITIVE, from.yield_curvature);
+    let time = params.push(format!("{rope}.plastic_time"), "s", POSITIVE, from.time);
+    let ElasticSection { params: [length, one, two, twist, roll, first, second, rest_twist], joints, rest } = elastic;
+    PlasticSection { params: [length, one, two, twist, roll, first, second, rest_twist, limit, time], joints, rest }
+}
+
+/// The section's part that relaxes, and its parameters.
+fn creeping(rope: &str, [length, one, two, twist, roll]: [usize; 5], from: &Creep, params: &mut Params) -> CreepSection {
+    let bend = params.push(format!("{rope}.creep_fraction"), "-", NON_NEGATIVE, from.fraction);
+    let of_twist = from.twist_fraction.map(|value| params.push(format!("{rope}.creep_twist_fraction"), "-", NON_NEGATIVE, value));
+    let time = params.push(format!("{rope}.creep_time"), "s", POSITIVE, from.time);
+    CreepSection { params: [length, one, two, twist, roll, bend, of_twist.unwrap_or(bend), time] }
 }

@@ -157,6 +157,14 @@ impl Mistake {
                 "the rope has no `[rope.twist]`, or the gripper does not hold both nodes of an edge, or moves nodes, which have no direction",
                 "give the rope a `[rope.twist]` and clamp its `end`; or remove `roll` and `spin`",
             ),
+            Self::NeedsTwist { key } => both(
+                "the table `[rope.twist]` was left out: without it a rope's bending knows no directions",
+                format!("add `[rope.twist]` with a `stiffness`, or remove `[rope.{key}]`"),
+            ),
+            Self::Unresolved { .. } => both(
+                "the rope was made in a program, not read from a file",
+                "call `Rope::resolve_material` before the model is built",
+            ),
             Self::HeldTwice { .. } => {
                 both("a node is listed twice, perhaps once as a negative number", "let one gripper hold each node")
             }

@@ -166,6 +166,12 @@ pub enum Mistake {
     /// Something about turning of what cannot be turned.
     #[error("{what} cannot be turned about itself")]
     NothingToTurn { what: String },
+    /// A rod's table at a rope.
+    #[error("the rope has a `{key}`, which belongs to a rod, but no `twist`")]
+    NeedsTwist { key: &'static str },
+    /// A scene made in a program, with a material that no stiffness was made of.
+    #[error("the `{key}` has not been made stiffness and mass")]
+    Unresolved { key: &'static str },
     /// Two commands for one node.
     #[error("node {node} of rope \"{rope}\" is already held by gripper \"{other}\"")]
     HeldTwice { rope: String, node: usize, other: String },

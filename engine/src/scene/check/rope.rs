@@ -18,6 +18,9 @@ const DENSEST: f64 = 1e5;
 pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     let rope = &scene.rope[r];
     let at = |key: &str| format!("rope[{r}].{key}");
+    if let Some(key) = rope.material_key() {
+        return Err(SceneError::at(at(key), Mistake::Unresolved { key }));
+    }
     numbers(rope, &at)?;
     units(rope, &at)?;
     nodes(scene, rope, &at)?;
@@ -29,6 +32,7 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         }
     }
     twist(scene, r)?;
+    memory(rope, &at)?;
     if let Initial::Between { sag: Some(sag), .. } = rope.initial {
         not_negative(&at("initial.sag"), sag, "m")?;
     }
@@ -70,6 +74,24 @@ fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         None => {}
     }
     RodStart::new(scene, r).map(drop)
+}
+
+/// What a rod's section remembers.
+fn memory(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let tables = [("creep", rope.creep.is_some()), ("plasticity", rope.plasticity.is_some())];
+    if let (None, Some((key, _))) = (&rope.twist, tables.iter().find(|(_, given)| *given)) {
+        return Err(SceneError::at(at(key), Mistake::NeedsTwist { key }));
+    }
+    if let Some(creep) = &rope.creep {
+        not_negative(&at("creep.fraction"), creep.fraction, "-")?;
+        creep.twist_fraction.map_or(Ok(()), |value| not_negative(&at("creep.twist_fraction"), value, "-"))?;
+        positive(&at("creep.time"), creep.time, "s")?;
+    }
+    if let Some(plasticity) = &rope.plasticity {
+        positive(&at("plasticity.yield_curvature"), plasticity.yield_curvature, "1/m")?;
+        positive(&at("plasticity.time"), plasticity.time, "s")?;
+    }
+    Ok(())
 }
 
 /// Sizes that betray another unit.

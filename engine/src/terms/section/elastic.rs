@@ -27,7 +27,7 @@ impl ElasticSection {
 }
 
 /// What is left of the strains in the principal axes, and the stiffnesses over the length.
-fn excess<S: Real>(rest: &[f64; 3], fraction: f64, strain: &[S; 3], p: &[S], [sin, cos]: [S; 2]) -> ([S; 3], [S; 3]) {
+pub(super) fn excess<S: Real>(rest: &[f64; 3], fraction: f64, strain: &[S; 3], p: &[S], [sin, cos]: [S; 2]) -> ([S; 3], [S; 3]) {
     let length = p[0] * fraction;
     let (x, y) = (strain[0] - rest[0], strain[1] - rest[1]);
     let excess = [x * cos + y * sin - p[5] * length, y * cos - x * sin - p[6] * length, strain[2] - rest[2] - p[7] * length];
