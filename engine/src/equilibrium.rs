@@ -5,6 +5,7 @@ use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
+use crate::rods::RodPast;
 use crate::state::State;
 use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
 use std::sync::Arc;
@@ -78,6 +79,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         zero: &zero,
         u: &signals,
         z: &z,
+        rod_past: RodPast::default(),
     };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
@@ -119,6 +121,7 @@ struct Fixed<'a> {
     zero: &'a [f64],
     u: &'a [f64],
     z: &'a [f64],
+    rod_past: RodPast,
 }
 
 impl Fixed<'_> {
@@ -132,6 +135,7 @@ impl Fixed<'_> {
             measure: self.measure,
             u: self.u,
             past: Past { q: &q[self.model.n_node_dofs()..], z: self.z, elapsed: 0.0 },
+            rod_past: &self.rod_past,
             scheme: STATIC,
             h: 1.0,
             inertia,

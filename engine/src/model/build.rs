@@ -277,6 +277,11 @@ impl<'a> RopeNodes<'a> {
         first.into_iter().chain(fractions.iter().copied()).chain(last).collect()
     }
 
+    /// The number of a node in the rope: −1 for the ghost before it.
+    pub(super) fn number(&self, node: usize) -> i64 {
+        node as i64 - self.span.nodes.start as i64
+    }
+
     /// What of the rope's length a joint at `node` stands for: half of each edge that is no ghost.
     pub(super) fn joint_fraction(&self, node: usize) -> f64 {
         voronoi(&self.span.fractions, node - self.span.nodes.start)

@@ -22,7 +22,7 @@ use crate::kinematics::Drive;
 use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
 use crate::params::Params;
-use crate::rods::{Following, RodEdge, RodPoint, Rods};
+use crate::rods::{Following, Remembered, RodEdge, RodPast, RodPoint, Rods};
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use crate::state::State;
 use crate::terms::Term;
@@ -327,7 +327,7 @@ impl Model {
         let mut rods = RodPoint::default();
         self.rods.evaluate(q, &z[self.ndz()..], q, &mut rods);
         self.terms.iter().map(|t| t.energy(&at)).sum::<f64>()
-            + self.rods.energy(&rods, theta)
+            + self.rods.energy(&rods, theta, Remembered { past: &RodPast::default(), z, elapsed: 0.0 })
             + self.joint_terms.iter().map(|t| t.energy(&joints)).sum::<f64>()
             + self.tree.weight_energy(&q[n..], &self.inertias(theta), &self.gravity_vector(theta))
     }
