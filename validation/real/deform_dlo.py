@@ -19,6 +19,9 @@ STRETCH_STIFFNESS = 500.0  # N; strains stay below 1e-3 under the cable's weight
 STRETCH_DAMPING = 0.3  # N·s; longitudinal waves (beyond 200 Hz) die within a few steps
 BEND_STIFFNESS = 5e-4  # N·m², a guess to start from
 BEND_DAMPING = 3e-5  # N·m²·s, a guess; without any the motion is chaotic and nothing can be fitted
+TWIST_STIFFNESS = 5e-4  # N·m², a guess: as stiff in twist as in bending
+TWIST_DAMPING = 3e-5  # N·m²·s, a guess: as in bending
+TWIST_INERTIA = 4e-7  # kg·m, a rod of 5 mm radius; twist is at rest within milliseconds whatever it is
 # Training records that the audit finds faulty (frames lost and filled in, a marker that slipped, another clamp).
 FAULTY = {1: [11, 12, 16, 21, 26, 27, 28, 29, 36], 2: [35, 47, 48, 49]}
 
@@ -64,6 +67,11 @@ stretch_damping = {STRETCH_DAMPING}
 bend_stiffness = {BEND_STIFFNESS}
 bend_damping = {BEND_DAMPING}
 initial = {{ shape = "points", points = [{rows}] }}
+
+[rope.twist]
+stiffness = {TWIST_STIFFNESS}
+damping = {TWIST_DAMPING}
+inertia = {TWIST_INERTIA}
 
 [[gripper]]
 name = "left"
