@@ -1,7 +1,7 @@
 """pliant against the independent JAX reference at equal κ: states, gradients, equilibria.
 
 Bars: state ≤ 1e-9, gradient ≤ 1e-8, relative. A block of a gradient is x0's position or velocity
-part, u's inputs of one gripper, or one entry of θ.
+part (nodes, or twists), u's inputs of one gripper, or one entry of θ.
 """
 
 import jax
@@ -30,6 +30,11 @@ CASES = [
     ("capsule_drape", "euler", "coulomb"),
     ("capsule_drape", "sdirk2", "anitescu"),
     ("sphere_drape", "sdirk2", "coulomb"),
+    ("twisting_rod", "midpoint", None),
+    ("twisting_rod", "sdirk2", None),
+    ("spun_rod", "euler", None),
+    ("rod_on_floor", "euler", "coulomb"),
+    ("rod_slides", "sdirk2", "anitescu"),
 ]
 
 
@@ -37,6 +42,12 @@ def relative(a, b):
     """max |a - b| / max |b|."""
     a, b = np.asarray(a), np.asarray(b)
     return np.abs(a - b).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300)
+
+
+def parts(model, xs):
+    """Positions, twists, velocities, their rates, and what rods carry along, of states (T + 1, nx)."""
+    nodes, n = 3 * model.n_nodes, model.nq
+    return np.split(xs, [nodes, n, n + nodes, 2 * n], axis=1)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda c: "-".join(filter(None, c)))
@@ -55,7 +66,8 @@ def test_parameters_and_sizes(both):
     run, model, *_ = both
     assert list(model.param_paths) == run.model.paths
     np.testing.assert_array_equal(model.theta, run.model.theta)
-    assert (model.n_nodes, model.nx, model.nu) == (run.model.n_nodes, run.model.nx, run.model.nu)
+    ours = run.model
+    assert (model.n_nodes, model.nx, model.ndx, model.nu) == (ours.n_nodes, ours.nx, ours.ndx, ours.nu)
 
 
 def test_initial_state(both):
@@ -64,20 +76,19 @@ def test_initial_state(both):
 
 
 def test_states(both):
-    _, _, _, _, xs, roll = both
-    half = xs.shape[1] // 2
-    assert relative(roll.x[:, :half], xs[:, :half]) <= 1e-9
-    assert relative(roll.x[:, half:], xs[:, half:]) <= 1e-9
+    run, _, _, _, xs, roll = both
+    for got, expected in zip(parts(run.model, roll.x), parts(run.model, xs), strict=True):
+        assert relative(got, expected) <= 1e-9
 
 
 def test_gradients(both):
     run, _, _, u, xs, roll = both
-    x_bar = np.random.default_rng(11).normal(size=xs.shape)
+    x_bar = np.random.default_rng(11).normal(size=(len(xs), run.model.ndx))
     x0_bar, u_bar, theta_bar = run.vjp(xs, u, run.model.theta, x_bar)
     got_x0, got_u, got_theta = roll.vjp(x_bar)
-    half, worst = len(x0_bar) // 2, {}
-    worst["q0"] = relative(got_x0[:half], x0_bar[:half])
-    worst["v0"] = relative(got_x0[half:], x0_bar[half:])
+    names, worst = ("q0", "twist0", "v0", "turns0"), {}
+    for name, a, b in zip(names, parts(run.model, got_x0[None]), parts(run.model, x0_bar[None]), strict=False):
+        worst[name] = relative(a, b)
     for g in run.model.grippers:
         worst[f"u.{g.name}"] = relative(got_u[:, g.inputs], u_bar[:, g.inputs])
     # An entry that hardly acts is compared on the scale of its group's effect, so that it

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import contact, laws
+from . import contact, laws, rods
 
 
 def rope_values(model, theta, key, rope_of):
@@ -27,6 +27,12 @@ def masses(model, theta):
         m = m.at[nodes].add(theta[where["node_mass"]])
         m = m.at[nodes[-1]].add(theta[where["tip_mass"]])
     return m
+
+
+def row_masses(model, theta):
+    """Inertia of each row of q (nq,)  [kg, kg·m²]."""
+    nodes = jnp.repeat(masses(model, theta), 3)
+    return nodes if model.rods is None else jnp.concatenate([nodes, rods.inertias(model.rods, theta)])
 
 
 def kappas(model, theta):
@@ -78,11 +84,16 @@ def drag(model, v, theta):
 
 
 @partial(jax.jit, static_argnums=0)
-def total_force(model, q, v, theta):
-    """Σ f (n_nodes, 3)  [N], contact excluded."""
-    elastic = -jax.grad(potential, 1)(model, q, theta)
-    damping = -jax.grad(dissipation, 2)(model, q, v, theta)
-    return elastic + damping + drag(model, v, theta)
+def total_force(model, q, v, theta, frames):
+    """Σ f (nq,)  [N, N·m], contact excluded, at q, v (nq,); `frames`: z's part of rods at q."""
+    count = 3 * model.n_nodes
+    x, x_dot = q[:count].reshape(-1, 3), v[:count].reshape(-1, 3)
+    elastic = -jax.grad(potential, 1)(model, x, theta)
+    damping = -jax.grad(dissipation, 2)(model, x, x_dot, theta)
+    nodes = (elastic + damping + drag(model, x_dot, theta)).ravel()
+    if model.rods is None:
+        return nodes
+    return rods.force(model.rods, q, v, theta, frames).at[:count].add(nodes)
 
 
 def static_force(model, q, theta):

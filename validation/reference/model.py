@@ -1,7 +1,8 @@
 """The reference model of a scene: nodes, elements, grippers, shapes, θ.
 
 Nodes of all ropes are consecutive; a clamped end edge inserts a massless ghost node before
-(after) its rope. State x = [q, v], q and v of shape (3 n_nodes,) in m and m/s.
+(after) its rope. State x = [q, v, z], q and v of shape (nq,): of all nodes in m and m/s, then of the twists of
+rods in rad and rad/s; z is what `rods` carries along.
 """
 
 import itertools
@@ -11,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .parameters import Table, add_rope, add_shape
+from . import rods
+from .parameters import Table, add_rod, add_rope, add_shape
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,8 @@ class Gripper:
     rope: int
     offset: np.ndarray  # positions in θ
     inputs: slice  # its part of u
+    held: list  # `rods.Held` edges whose axes it holds
+    roll: int | None  # position in θ
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,7 @@ class Model:
     stencil_voronoi: np.ndarray
     grippers: list
     driven: np.ndarray  # (n_nodes,) bool
+    rods: rods.Rods | None
     shapes: list  # (kind, θ positions, constants)
     nu: int
     control_names: list
@@ -62,8 +67,25 @@ class Model:
     v0: np.ndarray
 
     @property
+    def nq(self):
+        """Numbers of q: three of each node, one of each twist."""
+        return 3 * self.n_nodes + (0 if self.rods is None else len(self.rods.edges))
+
+    @property
     def nx(self):
-        return 6 * self.n_nodes
+        return 2 * self.nq + (0 if self.rods is None else len(self.rods.frames0))
+
+    @property
+    def ndx(self):
+        """Numbers of a change of state."""
+        return 2 * self.nq
+
+    @property
+    def driven_rows(self):
+        """(nq,) bool: rows of q that a gripper drives."""
+        twists = np.zeros(self.nq - 3 * self.n_nodes, dtype=bool)
+        twists[[held.edge for g in self.grippers for held in g.held]] = True
+        return np.concatenate([np.repeat(self.driven, 3), twists])
 
     @property
     def free(self):
@@ -76,7 +98,10 @@ class Model:
 
     def initial_state(self):
         """x0 (nx,) of the scene as given (no equilibrium is solved here)."""
-        return np.concatenate([self.q0.ravel(), self.v0.ravel()])
+        if self.rods is None:
+            return np.concatenate([self.q0.ravel(), self.v0.ravel()])
+        still = np.zeros_like(self.rods.twist0)
+        return np.concatenate([self.q0.ravel(), self.rods.twist0, self.v0.ravel(), still, self.rods.frames0])
 
     def hold(self, q=None):
         """The input (nu,) that keeps every gripper where it is in q (n_nodes, 3)."""
@@ -89,6 +114,7 @@ class Model:
             if g.ghost is not None:
                 axis = q[g.nodes[0]] - q[g.ghost]
                 target.append(axis / np.linalg.norm(axis))
+                target += [held.start[1] for held in g.held]
             u[g.inputs] = np.concatenate(target)
         return u
 
@@ -112,7 +138,10 @@ def loads(text):
         rope["fractions"] = np.asarray(given, dtype=float) / np.sum(given)
     where = [add_rope(table, rope) for rope in ropes]
     mesh = _mesh(ropes, scene.get("gripper", []))
-    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table)
+    q0, v0 = _initial(ropes, mesh)
+    of_rods = [add_rod(table, rope, w) if "twist" in rope else {} for rope, w in zip(ropes, where, strict=True)]
+    twisting = rods.build(ropes, where, mesh, q0, of_rods)
+    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table, twisting, q0)
     driven = np.zeros(len(mesh["node_rope"]), dtype=bool)
     for g in grippers:
         driven[g.nodes] = True
@@ -120,7 +149,6 @@ def loads(text):
             driven[g.ghost] = True
     names = _control_names(grippers, scene.get("gripper", []))
     time, contact = scene["time"], scene.get("contact", {})
-    q0, v0 = _initial(ropes, mesh)
     del mesh["ghosts"]
     return Model(
         h=time["step"],
@@ -137,6 +165,7 @@ def loads(text):
         ropes=where,
         n_nodes=len(driven),
         grippers=grippers,
+        rods=twisting,
         driven=driven,
         nu=len(names),
         control_names=names,
@@ -169,6 +198,9 @@ def _mesh(ropes, grippers):
             ghosts[r, "last"] = nodes[-1] + 1
             out["stencils"].append((nodes[-2], nodes[-1], nodes[-1] + 1))
             out["stencil_voronoi"].append(fractions[-1] / 2)
+        if "twist" in rope:  # its bending knows directions: `rods`
+            kept = len(out["stencil_rope"])
+            del out["stencils"][kept:], out["stencil_voronoi"][kept:]
         out["stencil_rope"] += [r] * (len(out["stencils"]) - len(out["stencil_rope"]))
         out["edges"] += list(itertools.pairwise(nodes))
         out["edge_rope"] += [r] * len(fractions)
@@ -183,7 +215,7 @@ def _mesh(ropes, grippers):
     return keep | {"rope_nodes": out["rope_nodes"], "ghosts": ghosts}
 
 
-def _grippers(entries, ropes, mesh, table):
+def _grippers(entries, ropes, mesh, table, twisting, q0):
     """The grippers in scene order, with their inputs laid out in u."""
     names, out, start = [rope["name"] for rope in ropes], [], 0
     for g in entries:
@@ -199,8 +231,12 @@ def _grippers(entries, ropes, mesh, table):
             nodes = real[np.array(g["nodes"])]
         size = 6 if ghost is not None else (3 * len(nodes) if mode == "prescribed" else 3)
         offset = table.add_vector(f"{g['name']}.offset", g.get("offset", [0.0, 0.0, 0.0]))
+        held = rods.held_edges(twisting, q0, [*nodes] if ghost is None else [*nodes, ghost])
+        rolls = held and mode == "prescribed"
+        roll = table.add(f"{g['name']}.roll", g.get("roll", 0.0)) if rolls else None
+        size += 3 if rolls and ghost is not None else 0
         inputs = slice(start, start + size)
-        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs))
+        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs, held, roll))
         start += size
     return out
 
@@ -215,6 +251,7 @@ def _control_names(grippers, entries):
         else:
             first, second = ["velocity"], "angular_velocity"
         groups = first + ([second] if g.ghost is not None else [])
+        groups += ["director"] * (g.ghost is not None and g.mode == "prescribed" and bool(g.held))
         names += [f"{g.name}.{group}.{c}" for group in groups for c in "xyz"]
     return names
 

@@ -1,6 +1,6 @@
 """The flat parameter vector θ of a scene: paths, defaults and their positions.
 
-Order: gravity, air, per rope, per gripper, per shape. SI units.
+Order: gravity, air, per rope, per rod that twists, per gripper, per shape. SI units.
 """
 
 from dataclasses import dataclass, field
@@ -66,6 +66,25 @@ def add_rope(table, rope):
         [table.add(f"{name}.node[{i}].mass", m) for i, m in enumerate(extra)]
     )
     return where
+
+
+def add_rod(table, rope, where):
+    """Adds the entries of a rope's twist table; returns their positions by name. `where`: those of the rope itself."""
+    name, twist = rope["name"], rope["twist"]
+    inertia = twist.get("inertia", 0.5 * rope["linear_density"] * rope.get("radius", 0.0) ** 2)
+    out = {
+        "twist_stiffness": table.add(f"{name}.twist_stiffness", twist["stiffness"]),
+        "twist_damping": table.add(f"{name}.twist_damping", twist.get("damping", 0.0)),
+        "twist_inertia": table.add(f"{name}.twist_inertia", inertia),
+        "bend_stiffness_2": where["bend_stiffness"],
+    }
+    if "bend_stiffness_2" in twist:
+        out["bend_stiffness_2"] = table.add(f"{name}.bend_stiffness_2", twist["bend_stiffness_2"])
+    out["section_roll"] = table.add(f"{name}.section_roll", twist.get("section_roll", 0.0))
+    curvature = table.add_vector(f"{name}.rest_curvature", twist.get("rest_curvature", [0.0, 0.0]))
+    out["rest_curvature_0"], out["rest_curvature_1"] = curvature
+    out["rest_twist"] = table.add(f"{name}.rest_twist", twist.get("rest_twist", 0.0))
+    return out
 
 
 def add_shape(table, kind, shape):

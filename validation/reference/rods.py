@@ -1,0 +1,254 @@
+"""Rods that twist: material axes carried along with their edges, strains of joints, energies and clamps.
+
+Written from Bergou et al. (Discrete Elastic Rods, 2008; Discrete Viscous Threads, 2010) with curvatures towards the axes half way
+between both edges (docs/rods.md). An edge has a twist θ [rad] among the coordinates and a reference axis d, a unit vector across it, in
+the state's third part z = [d of every edge, m of every joint], m the twist between neighbours' reference axes. A *change* of a state
+carries the axes along and turns the material by one number per edge.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .laws import dot
+
+SECTION = ("length", "bend_stiffness", "bend_stiffness_2", "twist_stiffness", "section_roll", "rest_curvature_0",
+           "rest_curvature_1", "rest_twist", "bend_damping", "twist_damping")  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Rods:
+    """Edges that twist and the joints between them; positions in θ are per element."""
+
+    edges: np.ndarray  # (E, 2) nodes
+    inertia: np.ndarray  # (E,) of ρI_p [kg·m]
+    length: np.ndarray  # (E,) of the rod's length [m]
+    fraction: np.ndarray  # (E,) rest length / rod length
+    joints: np.ndarray  # (J, 2) edges
+    section: np.ndarray  # (J, len(SECTION))
+    joint_fraction: np.ndarray  # (J,)
+    rest: np.ndarray  # (J, 3) strains without forces, beside those of θ
+    twist0: np.ndarray  # (E,) as the scene begins
+    frames0: np.ndarray  # (3 E + J,)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """An edge whose axes a gripper holds: its number, nodes, and [direction, first material axis] as the scene begins."""
+
+    edge: int
+    nodes: tuple
+    start: np.ndarray
+
+
+def carried(a, b, d):
+    """The vector d, across the unit vector a, after the smallest rotation that takes a into the unit vector b."""
+    return d - (a + b) * dot(b, d) / (1.0 + dot(a, b))
+
+
+def angle(u, v, axis):
+    """The angle [rad] from u to v about the unit vector axis, which both are normal to."""
+    return jnp.arctan2(dot(jnp.cross(u, v), axis), dot(u, v))
+
+
+def unit(a):
+    """a/|a|."""
+    return a / jnp.sqrt(dot(a, a))
+
+
+def directions(edges, x):
+    """Unit tangents (E, 3) of edges at nodes x (n, 3)."""
+    return jax.vmap(unit)(x[edges[:, 1]] - x[edges[:, 0]])
+
+
+def turned(t, d, twist):
+    """First material axis: d turned by `twist` about t."""
+    return jnp.cos(twist) * d + jnp.sin(twist) * jnp.cross(t, d)
+
+
+def split_frames(rods, frames):
+    """(d (E, 3), m (J,))."""
+    count = 3 * len(rods.edges)
+    return frames[:count].reshape(-1, 3), frames[count:]
+
+
+def reference_twist(rods, t, d, near):
+    """m (J,): the twist [rad] of each joint's second reference axis against the first one's, with the whole turns of `near`."""
+    one, two = rods.joints.T
+    brought = jax.vmap(carried)(t[one], t[two], d[one])
+    principal = jax.vmap(angle)(brought, d[two], t[two])
+    return principal + 2.0 * jnp.pi * jax.lax.stop_gradient(jnp.round((near - principal) / (2.0 * jnp.pi)))
+
+
+def carry(rods, start, frames, end):
+    """z's part of rods at nodes `end` (n, 3), carried along from `start`."""
+    d, m = split_frames(rods, frames)
+    t = directions(rods.edges, end)
+    d = jax.vmap(carried)(directions(rods.edges, start), t, d)
+    return jnp.concatenate([d.ravel(), reference_twist(rods, t, d, m)])
+
+
+def strains(rods, x, twist, frames):
+    """(J, 3): curvatures κ₁, κ₂ [-] towards the material axes half way between the joint's edges, and the twist τ [rad]."""
+    d, m = split_frames(rods, frames)
+    t = directions(rods.edges, x)
+    first = jax.vmap(turned)(t, d, twist)
+
+    def strain(t1, t2, axis, tau):
+        binormal = 2.0 * jnp.cross(t1, t2) / (1.0 + dot(t1, t2))
+        middle = unit(t1 + t2)
+        one = turned(middle, carried(t1, middle, axis), 0.5 * tau)
+        return jnp.array([dot(binormal, jnp.cross(middle, one)), -dot(binormal, one), tau])
+
+    one, two = rods.joints.T
+    return jax.vmap(strain)(t[one], t[two], first[one], twist[two] - twist[one] + m)
+
+
+def energy(rods, strain, theta):
+    """Σ [EI₁ k₁² + EI₂ k₂² + GJ k₃²]/(2 l) [J], k what is left of the strains in the section's own axes."""
+    p = dict(zip(SECTION, theta[rods.section].T, strict=True))
+    length = rods.joint_fraction * p["length"]
+    excess = strain - rods.rest
+    c, s = jnp.cos(p["section_roll"]), jnp.sin(p["section_roll"])
+    k1 = c * excess[:, 0] + s * excess[:, 1] - p["rest_curvature_0"] * length
+    k2 = c * excess[:, 1] - s * excess[:, 0] - p["rest_curvature_1"] * length
+    k3 = excess[:, 2] - p["rest_twist"] * length
+    sums = p["bend_stiffness"] * k1**2 + p["bend_stiffness_2"] * k2**2 + p["twist_stiffness"] * k3**2
+    return jnp.sum(0.5 * sums / length)
+
+
+def dissipation(rods, rate, theta):
+    """Σ [c_b (κ̇₁² + κ̇₂²) + c_t τ̇²]/(2 l) [W]."""
+    p = dict(zip(SECTION, theta[rods.section].T, strict=True))
+    length = rods.joint_fraction * p["length"]
+    sums = p["bend_damping"] * (rate[:, 0] ** 2 + rate[:, 1] ** 2) + p["twist_damping"] * rate[:, 2] ** 2
+    return jnp.sum(0.5 * sums / length)
+
+
+def force(rods, q, v, theta, frames):
+    """Forces [N] on nodes and moments [N·m] on twists (nq,) at q, v (nq,); `frames` belong to q.
+
+    The virtual displacements are those that carry the axes along from q.
+    """
+
+    def strain(dq):
+        x, twist = _split(rods, q + dq)
+        return strains(rods, x, twist, carry(rods, _split(rods, q)[0], frames, x))
+
+    zero = jnp.zeros_like(q)
+    elastic = jax.grad(lambda dq: energy(rods, strain(dq), theta))(zero)
+    viscous = jax.grad(lambda rate: dissipation(rods, jax.jvp(strain, (zero,), (rate,))[1], theta))(v)
+    return -elastic - viscous
+
+
+def _split(rods, q):
+    count = len(q) - len(rods.edges)
+    return q[:count].reshape(-1, 3), q[count:]
+
+
+def inertias(rods, theta):
+    """Moments of inertia of the edges about themselves (E,) [kg·m²]."""
+    return theta[rods.inertia] * theta[rods.length] * rods.fraction
+
+
+def commanded_turns(model, x, twist, frames, u, theta):
+    """Rates (E,) [rad/s] of the twists that grippers hold, over the full step; zero at the others.
+
+    Held by a director D: at the step's end the first axis is D's part across the edge, turned by roll; without one, the axis the scene
+    begins with, by the smallest rotation. An angular velocity ω turns by 2 atan(h ω·t/2).
+    """
+    rods, h, out = model.rods, model.h, jnp.zeros(len(model.rods.edges))
+    t = directions(rods.edges, x)
+    d, _ = split_frames(rods, frames)
+    for g in model.grippers:
+        inputs = u[g.inputs]
+        for held in g.held:
+            now = t[held.edge]
+            if g.mode == "velocity":
+                spin = 0.0 if g.ghost is None else 2.0 / h * jnp.arctan(0.5 * h * dot(inputs[3:6], now))
+                out = out.at[held.edge].set(spin)
+                continue
+            if g.ghost is None:
+                place = [list(g.nodes).index(node) for node in held.nodes]
+                end = unit(inputs[3 * place[1] :][:3] - inputs[3 * place[0] :][:3])
+                wish = carried(held.start[0], end, held.start[1])
+            else:
+                end = unit(inputs[3:6]) * (-1.0 if held.nodes[1] == g.ghost else 1.0)
+                wish = unit(inputs[6:9] - end * dot(end, inputs[6:9]))
+            wish = turned(end, wish, theta[g.roll])
+            axis = carried(now, end, turned(now, d[held.edge], twist[held.edge]))
+            out = out.at[held.edge].set(angle(axis, wish, end) / h)
+    return out
+
+
+def change_of_twists(rods, x, twist, frames, at):
+    """How far (E,) [rad] the material has turned about its edges from the configuration `at` = (x, twist, frames), carried along."""
+    x0, twist0, frames0 = at
+    t0, t = directions(rods.edges, x0), directions(rods.edges, x)
+    (d0, _), (d, _) = split_frames(rods, frames0), split_frames(rods, frames)
+    brought = jax.vmap(carried)(t0, t, d0)
+    return twist - twist0 + jax.vmap(angle)(brought, d, t)
+
+
+# ---- From a scene -------------------------------------------------------------------------------
+
+
+def build(ropes, where, mesh, q0, params):
+    """Rods of all ropes with a twist table; None without any. `params[r]`: positions in θ of the table's entries."""
+    out = {k: [] for k in ("edges", "inertia", "length", "fraction", "joints", "section", "joint_fraction")}
+    start = {"axes": [], "twist0": []}
+    rest_initial = []
+    for r, rope in enumerate(ropes):
+        if "twist" not in rope:
+            continue
+        twist, values = rope["twist"], where[r] | params[r]
+        real, fractions = mesh["rope_nodes"][r], list(rope["fractions"])
+        first, last = ((r, end) in mesh["ghosts"] for end in ("first", "last"))
+        chain = [*[real[0] - 1] * first, *real, *[real[-1] + 1] * last]
+        lengths = [*fractions[:1] * first, *fractions, *fractions[-1:] * last]
+        base = len(out["edges"])
+        out["edges"] += list(zip(chain[:-1], chain[1:], strict=True))
+        out["fraction"] += lengths
+        out["inertia"] += [values["twist_inertia"]] * len(lengths)
+        out["length"] += [values["length"]] * len(lengths)
+        inside = [*[0.0] * first, *fractions, *[0.0] * last]  # of a clamped end's joint only the rod's half counts
+        halves = [0.5 * (a + b) for a, b in zip(inside[:-1], inside[1:], strict=True)]
+        out["joints"] += [(base + k, base + k + 1) for k in range(len(halves))]
+        out["joint_fraction"] += halves
+        out["section"] += [[values[key] for key in SECTION]] * len(halves)
+        rest_initial += [twist.get("rest", "straight") == "initial"] * len(halves)
+        t = np.diff(q0[chain], axis=0)
+        t /= np.linalg.norm(t, axis=1, keepdims=True)
+        if "director" not in twist:
+            raise ValueError("the reference wants a director")
+        d = np.array(twist["director"], dtype=float)
+        d -= t[0] * (t[0] @ d)
+        start["axes"].append(d / np.linalg.norm(d))
+        for a, b in zip(t[:-1], t[1:], strict=True):
+            start["axes"].append(np.asarray(carried(a, b, start["axes"][-1])))
+        along = np.concatenate([[0.0], np.cumsum(halves)])
+        start["twist0"] += list(along / along[-1] * twist.get("initial", 0.0))
+    if not out["edges"]:
+        return None
+    integer = {k: np.array(out[k], dtype=int) for k in ("edges", "inertia", "length", "joints", "section")}
+    real = {k: np.array(out[k]) for k in ("fraction", "joint_fraction")}
+    axes, twist0 = np.array(start["axes"]), np.array(start["twist0"])
+    count = len(out["joints"])
+    rods = Rods(**integer, **real, rest=np.zeros((count, 3)), twist0=twist0, frames0=np.zeros(0))
+    m = reference_twist(rods, directions(rods.edges, q0), axes, jnp.zeros(count))
+    frames = np.concatenate([axes.ravel(), m])
+    rest = np.where(np.array(rest_initial)[:, None], strains(rods, q0, twist0, frames), 0.0)
+    return Rods(**integer, **real, rest=rest, twist0=twist0, frames0=frames)
+
+
+def held_edges(rods, q0, nodes):
+    """Edges of which a gripper's nodes are both ends."""
+    if rods is None:
+        return []
+    t = np.asarray(directions(rods.edges, q0))
+    d = rods.frames0[: 3 * len(t)].reshape(-1, 3)
+    axes = np.asarray(jax.vmap(turned)(t, d, rods.twist0))
+    pairs = enumerate(map(tuple, rods.edges))
+    return [Held(k, ends, np.array([t[k], axes[k]])) for k, ends in pairs if set(ends) <= set(nodes)]
