@@ -11,7 +11,7 @@ from . import contact, laws, rods
 
 def rope_values(model, theta, key, rope_of):
     """The rope parameter `key`, gathered for elements that belong to ropes `rope_of`."""
-    return theta[np.array([where[key] for where in model.ropes])[rope_of]]
+    return laws.taken(theta, np.array([where[key] for where in model.ropes], dtype=int)[rope_of])
 
 
 def voronoi_lengths(model, theta):
@@ -22,11 +22,11 @@ def voronoi_lengths(model, theta):
 def masses(model, theta):
     """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node)  [kg]."""
     density = rope_values(model, theta, "linear_density", model.node_rope)
-    m = jnp.asarray(density * voronoi_lengths(model, theta))
+    extra = np.zeros((model.n_nodes, len(model.theta)))
     for where, nodes in zip(model.ropes, model.rope_nodes, strict=True):
-        m = m.at[nodes].add(theta[where["node_mass"]])
-        m = m.at[nodes[-1]].add(theta[where["tip_mass"]])
-    return m
+        extra[nodes, where["node_mass"]] = 1.0
+        extra[nodes[-1], where["tip_mass"]] = 1.0
+    return density * voronoi_lengths(model, theta) + extra @ theta
 
 
 def row_masses(model, theta):
@@ -52,9 +52,9 @@ def potential(model, q, theta):
     pairs, rope = model.edges, model.edge_rope
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     stiffness = rope_values(model, theta, "stretch_stiffness", rope)
-    e += jnp.sum(jax.vmap(laws.stretch_energy)(q[pairs[:, 0]], q[pairs[:, 1]], rest, stiffness))
+    e += jnp.sum(jax.vmap(laws.stretch_energy)(*laws.taken(q, pairs.T), rest, stiffness))
     if len(model.stencils):
-        x, rope = q[model.stencils.T], model.stencil_rope
+        x, rope = laws.taken(q, model.stencils.T), model.stencil_rope
         voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
         stiffness = rope_values(model, theta, "bend_stiffness", rope)
         e += jnp.sum(jax.vmap(laws.bend_energy)(*x, voronoi, stiffness))
@@ -64,14 +64,16 @@ def potential(model, q, theta):
 def dissipation(model, q, v, theta):
     """Stretch and bend dissipation R  [W]."""
     pairs, rope = model.edges.T, model.edge_rope
+    ends = lambda x: laws.taken(x, pairs)
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     damping = rope_values(model, theta, "stretch_damping", rope)
-    r = jnp.sum(jax.vmap(laws.stretch_dissipation)(*q[pairs], *v[pairs], rest, damping))
+    r = jnp.sum(jax.vmap(laws.stretch_dissipation)(*ends(q), *ends(v), rest, damping))
     if len(model.stencils):
         nodes, rope = model.stencils.T, model.stencil_rope
         voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
         damping = rope_values(model, theta, "bend_damping", rope)
-        r += jnp.sum(jax.vmap(laws.bend_dissipation)(*q[nodes], *v[nodes], voronoi, damping))
+        at = (*laws.taken(q, nodes), *laws.taken(v, nodes))
+        r += jnp.sum(jax.vmap(laws.bend_dissipation)(*at, voronoi, damping))
     return r
 
 
@@ -93,7 +95,8 @@ def total_force(model, q, v, theta, frames):
     nodes = (elastic + damping + drag(model, x_dot, theta)).ravel()
     if model.rods is None:
         return nodes
-    return rods.force(model.rods, q, v, theta, frames).at[:count].add(nodes)
+    twists = jnp.zeros(model.nq - count)
+    return rods.force(model.rods, q, v, theta, frames) + jnp.concatenate([nodes, twists])
 
 
 def static_force(model, q, theta):

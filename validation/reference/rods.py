@@ -6,14 +6,16 @@ the state's third part z = [d of every edge, m of every joint], m the twist betw
 carries the axes along and turns the material by one number per edge.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .laws import dot
+from .laws import taken
 
+PERMUTATION = np.array([[[(i - j) * (j - k) * (k - i) / 2.0 for k in range(3)] for j in range(3)] for i in range(3)])
 SECTION = ("length", "bend_stiffness", "bend_stiffness_2", "twist_stiffness", "section_roll", "rest_curvature_0",
            "rest_curvature_1", "rest_twist", "bend_damping", "twist_damping")  # fmt: skip
 
@@ -43,29 +45,41 @@ class Held:
     start: np.ndarray
 
 
+def dots(a, b):
+    """a·b along the last axis, which is kept with one number."""
+    return jnp.sum(a * b, axis=-1, keepdims=True)
+
+
+def cross(a, b):
+    """a × b along the last axis (as a contraction: it compiles several times faster than `jnp.cross`)."""
+    return jnp.einsum("...j,...k,jki->...i", a, b, PERMUTATION)
+
+
 def carried(a, b, d):
     """The vector d, across the unit vector a, after the smallest rotation that takes a into the unit vector b."""
-    return d - (a + b) * dot(b, d) / (1.0 + dot(a, b))
+    return d - (a + b) * (dots(b, d) / (1.0 + dots(a, b)))
 
 
 def angle(u, v, axis):
     """The angle [rad] from u to v about the unit vector axis, which both are normal to."""
-    return jnp.arctan2(dot(jnp.cross(u, v), axis), dot(u, v))
+    return jnp.arctan2(dots(cross(u, v), axis), dots(u, v))[..., 0]
 
 
 def unit(a):
     """a/|a|."""
-    return a / jnp.sqrt(dot(a, a))
+    return a / jnp.sqrt(dots(a, a))
 
 
 def directions(edges, x):
     """Unit tangents (E, 3) of edges at nodes x (n, 3)."""
-    return jax.vmap(unit)(x[edges[:, 1]] - x[edges[:, 0]])
+    ends = taken(jnp.asarray(x), edges.T)
+    return unit(ends[1] - ends[0])
 
 
 def turned(t, d, twist):
     """First material axis: d turned by `twist` about t."""
-    return jnp.cos(twist) * d + jnp.sin(twist) * jnp.cross(t, d)
+    twist = jnp.asarray(twist)[..., None]
+    return jnp.cos(twist) * d + jnp.sin(twist) * cross(t, d)
 
 
 def split_frames(rods, frames):
@@ -76,39 +90,42 @@ def split_frames(rods, frames):
 
 def reference_twist(rods, t, d, near):
     """m (J,): the twist [rad] of each joint's second reference axis against the first one's, with the whole turns of `near`."""
-    one, two = rods.joints.T
-    brought = jax.vmap(carried)(t[one], t[two], d[one])
-    principal = jax.vmap(angle)(brought, d[two], t[two])
+    (t1, t2), (d1, d2) = taken(t, rods.joints.T), taken(d, rods.joints.T)
+    principal = angle(carried(t1, t2, d1), d2, t2)
     return principal + 2.0 * jnp.pi * jax.lax.stop_gradient(jnp.round((near - principal) / (2.0 * jnp.pi)))
+
+
+def carry_along(rods, before, frames, t):
+    """z's part of rods at the edges' directions t (E, 3), carried along from those `before`."""
+    d, m = split_frames(rods, frames)
+    d = carried(before, t, d)
+    return jnp.concatenate([d.ravel(), reference_twist(rods, t, d, m)])
 
 
 def carry(rods, start, frames, end):
     """z's part of rods at nodes `end` (n, 3), carried along from `start`."""
+    return carry_along(rods, directions(rods.edges, start), frames, directions(rods.edges, end))
+
+
+def strains(rods, t, twist, frames):
+    """(J, 3): curvatures κ₁, κ₂ [-] towards the material axes half way between the joint's edges, and the twist τ [rad].
+
+    The curvature vector 2 (t₂ − t₁)/|t₁ + t₂| is a rope's (`laws.curvature`).
+    """
     d, m = split_frames(rods, frames)
-    t = directions(rods.edges, end)
-    d = jax.vmap(carried)(directions(rods.edges, start), t, d)
-    return jnp.concatenate([d.ravel(), reference_twist(rods, t, d, m)])
-
-
-def strains(rods, x, twist, frames):
-    """(J, 3): curvatures κ₁, κ₂ [-] towards the material axes half way between the joint's edges, and the twist τ [rad]."""
-    d, m = split_frames(rods, frames)
-    t = directions(rods.edges, x)
-    first = jax.vmap(turned)(t, d, twist)
-
-    def strain(t1, t2, axis, tau):
-        binormal = 2.0 * jnp.cross(t1, t2) / (1.0 + dot(t1, t2))
-        middle = unit(t1 + t2)
-        one = turned(middle, carried(t1, middle, axis), 0.5 * tau)
-        return jnp.array([dot(binormal, jnp.cross(middle, one)), -dot(binormal, one), tau])
-
-    one, two = rods.joints.T
-    return jax.vmap(strain)(t[one], t[two], first[one], twist[two] - twist[one] + m)
+    (t1, t2), one = taken(t, rods.joints.T), rods.joints[:, 0]
+    first = turned(t1, taken(d, one), taken(twist, one))
+    tau = taken(twist, rods.joints[:, 1]) - taken(twist, one) + m
+    total = t1 + t2
+    middle = unit(total)
+    curvature = 2.0 * (t2 - t1) / jnp.sqrt(dots(total, total))
+    half = turned(middle, carried(t1, middle, first), 0.5 * tau)
+    return jnp.concatenate([dots(curvature, half), dots(curvature, cross(middle, half)), tau[:, None]], axis=1)
 
 
 def energy(rods, strain, theta):
     """Σ [EI₁ k₁² + EI₂ k₂² + GJ k₃²]/(2 l) [J], k what is left of the strains in the section's own axes."""
-    p = dict(zip(SECTION, theta[rods.section].T, strict=True))
+    p = dict(zip(SECTION, taken(theta, rods.section.T), strict=True))
     length = rods.joint_fraction * p["length"]
     excess = strain - rods.rest
     c, s = jnp.cos(p["section_roll"]), jnp.sin(p["section_roll"])
@@ -121,7 +138,7 @@ def energy(rods, strain, theta):
 
 def dissipation(rods, rate, theta):
     """Σ [c_b (κ̇₁² + κ̇₂²) + c_t τ̇²]/(2 l) [W]."""
-    p = dict(zip(SECTION, theta[rods.section].T, strict=True))
+    p = dict(zip(SECTION, taken(theta, rods.section.T), strict=True))
     length = rods.joint_fraction * p["length"]
     sums = p["bend_damping"] * (rate[:, 0] ** 2 + rate[:, 1] ** 2) + p["twist_damping"] * rate[:, 2] ** 2
     return jnp.sum(0.5 * sums / length)
@@ -133,14 +150,18 @@ def force(rods, q, v, theta, frames):
     The virtual displacements are those that carry the axes along from q.
     """
 
+    x, _ = _split(rods, q)
+    here = directions(rods.edges, x)
+
     def strain(dq):
-        x, twist = _split(rods, q + dq)
-        return strains(rods, x, twist, carry(rods, _split(rods, q)[0], frames, x))
+        moved, twist = _split(rods, q + dq)
+        t = directions(rods.edges, moved)
+        return strains(rods, t, twist, carry_along(rods, here, frames, t))
 
     zero = jnp.zeros_like(q)
-    elastic = jax.grad(lambda dq: energy(rods, strain(dq), theta))(zero)
-    viscous = jax.grad(lambda rate: dissipation(rods, jax.jvp(strain, (zero,), (rate,))[1], theta))(v)
-    return -elastic - viscous
+    value, rate_of = jax.linearize(strain, zero)
+    moment = jax.grad(energy, 1)(rods, value, theta) + jax.grad(dissipation, 1)(rods, rate_of(v), theta)
+    return -jax.linear_transpose(rate_of, zero)(moment)[0]
 
 
 def _split(rods, q):
@@ -150,7 +171,7 @@ def _split(rods, q):
 
 def inertias(rods, theta):
     """Moments of inertia of the edges about themselves (E,) [kg·m²]."""
-    return theta[rods.inertia] * theta[rods.length] * rods.fraction
+    return taken(theta, rods.inertia) * taken(theta, rods.length) * rods.fraction
 
 
 def commanded_turns(model, x, twist, frames, u, theta):
@@ -167,7 +188,7 @@ def commanded_turns(model, x, twist, frames, u, theta):
         for held in g.held:
             now = t[held.edge]
             if g.mode == "velocity":
-                spin = 0.0 if g.ghost is None else 2.0 / h * jnp.arctan(0.5 * h * dot(inputs[3:6], now))
+                spin = 0.0 if g.ghost is None else 2.0 / h * jnp.arctan(0.5 * h * dots(inputs[3:6], now)[0])
                 out = out.at[held.edge].set(spin)
                 continue
             if g.ghost is None:
@@ -176,7 +197,7 @@ def commanded_turns(model, x, twist, frames, u, theta):
                 wish = carried(held.start[0], end, held.start[1])
             else:
                 end = unit(inputs[3:6]) * (-1.0 if held.nodes[1] == g.ghost else 1.0)
-                wish = unit(inputs[6:9] - end * dot(end, inputs[6:9]))
+                wish = unit(inputs[6:9] - end * dots(end, inputs[6:9]))
             wish = turned(end, wish, theta[g.roll])
             axis = carried(now, end, turned(now, d[held.edge], twist[held.edge]))
             out = out.at[held.edge].set(angle(axis, wish, end) / h)
@@ -188,8 +209,7 @@ def change_of_twists(rods, x, twist, frames, at):
     x0, twist0, frames0 = at
     t0, t = directions(rods.edges, x0), directions(rods.edges, x)
     (d0, _), (d, _) = split_frames(rods, frames0), split_frames(rods, frames)
-    brought = jax.vmap(carried)(t0, t, d0)
-    return twist - twist0 + jax.vmap(angle)(brought, d, t)
+    return twist - twist0 + angle(carried(t0, t, d0), d, t)
 
 
 # ---- From a scene -------------------------------------------------------------------------------
@@ -209,12 +229,12 @@ def build(ropes, where, mesh, q0, params):
         chain = [*[real[0] - 1] * first, *real, *[real[-1] + 1] * last]
         lengths = [*fractions[:1] * first, *fractions, *fractions[-1:] * last]
         base = len(out["edges"])
-        out["edges"] += list(zip(chain[:-1], chain[1:], strict=True))
+        out["edges"] += list(itertools.pairwise(chain))
         out["fraction"] += lengths
         out["inertia"] += [values["twist_inertia"]] * len(lengths)
         out["length"] += [values["length"]] * len(lengths)
         inside = [*[0.0] * first, *fractions, *[0.0] * last]  # of a clamped end's joint only the rod's half counts
-        halves = [0.5 * (a + b) for a, b in zip(inside[:-1], inside[1:], strict=True)]
+        halves = [0.5 * (a + b) for a, b in itertools.pairwise(inside)]
         out["joints"] += [(base + k, base + k + 1) for k in range(len(halves))]
         out["joint_fraction"] += halves
         out["section"] += [[values[key] for key in SECTION]] * len(halves)
@@ -226,7 +246,7 @@ def build(ropes, where, mesh, q0, params):
         d = np.array(twist["director"], dtype=float)
         d -= t[0] * (t[0] @ d)
         start["axes"].append(d / np.linalg.norm(d))
-        for a, b in zip(t[:-1], t[1:], strict=True):
+        for a, b in itertools.pairwise(t):
             start["axes"].append(np.asarray(carried(a, b, start["axes"][-1])))
         along = np.concatenate([[0.0], np.cumsum(halves)])
         start["twist0"] += list(along / along[-1] * twist.get("initial", 0.0))
@@ -239,7 +259,7 @@ def build(ropes, where, mesh, q0, params):
     rods = Rods(**integer, **real, rest=np.zeros((count, 3)), twist0=twist0, frames0=np.zeros(0))
     m = reference_twist(rods, directions(rods.edges, q0), axes, jnp.zeros(count))
     frames = np.concatenate([axes.ravel(), m])
-    rest = np.where(np.array(rest_initial)[:, None], strains(rods, q0, twist0, frames), 0.0)
+    rest = np.where(np.array(rest_initial)[:, None], strains(rods, directions(rods.edges, q0), twist0, frames), 0.0)
     return Rods(**integer, **real, rest=rest, twist0=twist0, frames0=frames)
 
 
@@ -249,6 +269,6 @@ def held_edges(rods, q0, nodes):
         return []
     t = np.asarray(directions(rods.edges, q0))
     d = rods.frames0[: 3 * len(t)].reshape(-1, 3)
-    axes = np.asarray(jax.vmap(turned)(t, d, rods.twist0))
+    axes = np.asarray(turned(t, d, rods.twist0))
     pairs = enumerate(map(tuple, rods.edges))
     return [Held(k, ends, np.array([t[k], axes[k]])) for k, ends in pairs if set(ends) <= set(nodes)]

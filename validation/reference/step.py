@@ -3,25 +3,23 @@
 Stage of length h, unknown y = v⁺ of the free rows of nodes and twists (driven ones follow v_cmd exactly):
     r = m (v⁺ - v)/h - Σ f(q̄, v̄, z̄; θ) - p(q⁺, v⁺)/h = 0   [N, N·m]
     q̄ = q + h (a0 v + a1 v⁺),  v̄ = b0 v + b1 v⁺,  q⁺ = q + h (d0 v + d1 v⁺)
-(z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺), solved as P (h/m) r = 0 with P the constant inverse Jacobian near the root, so that the
-tolerance is one on velocities. optimistix's implicit adjoint differentiates it.
+z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺. Solved for (h/m) r by damped Newton steps (`warm`), so that the tolerance is
+one on velocities; derivatives are those of the implicit function theorem.
 """
 
 import math
 
 import jax
 import jax.numpy as jnp
-import lineax
 import numpy as np
-import optimistix
 
 from . import forces, rods, warm
+from .laws import taken
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 EULER = (0.0, 1.0, 0.0, 1.0, 0.0, 1.0)
 MIDPOINT_FREE = (0.25, 0.25, 0.5, 0.5, 0.5, 0.5)
 MIDPOINT_DRIVEN = (0.0, 0.5, 0.0, 1.0, 0.0, 1.0)
-RTOL = ATOL = 1e-13  # of velocities [m/s]
 
 
 def coefficients(model):
@@ -79,72 +77,67 @@ def carry(model, start, z, end):
 
 
 def make_stage(model, h):
-    """stage(q, v, z, v_cmd, theta, kappa) -> (v⁺ (nq,), residual size [m/s])."""
+    """stage(q, v, z, v_cmd, theta, kappa) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s])."""
     a0, a1, b0, b1, d0, d1 = coefficients(model)
     nodes, free, touching = model.free, np.flatnonzero(~model.driven_rows), bool(model.shapes)
+    expanding = np.eye(model.nq)[:, free]
+    of_nodes = np.eye(model.nq)[(3 * nodes[:, None] + np.arange(3)).ravel()]
     levels = max(0, round(math.log10(1e-3 / model.rest_gap))) if touching else 0
 
     def expand(y, v_cmd):
-        return v_cmd.at[free].set(y)
+        return v_cmd + expanding @ y
+
+    def at_nodes(q):
+        return (of_nodes @ q).reshape(-1, 3)
 
     def scaled(y, args, scale=1.0):
-        q, v, z, v_cmd, theta, kappa, _ = args
+        q, v, z, v_cmd, theta, kappa = args
         vp = expand(y, v_cmd)
         q_bar, v_bar = q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp
         force = forces.total_force(model, q_bar, v_bar, theta, carry(model, q, z, q_bar))
         if touching:
-            q_next = nodes_of(model, q + h * (d0 * v + d1 * vp))[nodes]
-            smoothing, v_next = scale * kappa[nodes], nodes_of(model, vp)[nodes]
-            impulse = forces.contact_impulse(model, q_next, v_next, theta, smoothing, h)
-            force = force.at[3 * nodes[:, None] + np.arange(3)].add(impulse / h)
-        return (vp - v)[free] - h * force[free] / forces.row_masses(model, theta)[free]
-
-    def root(y, args):
-        return args[-1] @ scaled(y, args)
+            q_next, v_next = at_nodes(q + h * (d0 * v + d1 * vp)), at_nodes(vp)
+            smoothing = scale * taken(kappa, nodes)
+            force += of_nodes.T @ (forces.contact_impulse(model, q_next, v_next, theta, smoothing, h) / h).ravel()
+        return expanding.T @ (vp - v) - h * (expanding.T @ force) / (expanding.T @ forces.row_masses(model, theta))
 
     def start(args):
-        q, v, _, v_cmd, theta, _, _ = args
+        q, v, _, v_cmd, theta, _ = args
 
         def rows(y, scale):
             return scaled(y, args, scale)
 
         if not touching:
             return warm.follow(rows, lambda y: jnp.ones(1), v[free], weight(theta), 0)
-        x, x_dot = nodes_of(model, q)[nodes], nodes_of(model, v)
+        x = at_nodes(q)
 
         def margins(y):
-            w = nodes_of(model, expand(y, v_cmd))[nodes]
+            w = at_nodes(expand(y, v_cmd))
             return forces.contact_margins(model, x + h * w, w, theta, h)
 
         def geometry(w):
             return forces.gaps_and_normals(model, x + h * w, theta)
 
-        raised = warm.admissible(geometry, x_dot[nodes], h)
-        y0 = v.at[3 * nodes[:, None] + np.arange(3)].set(raised)[free]
+        raised = warm.admissible(geometry, at_nodes(v), h)
+        y0 = expanding.T @ (v + of_nodes.T @ (raised - at_nodes(v)).ravel())
         return warm.follow(rows, margins, y0, weight(theta), levels)
 
     def weight(theta):
         return jnp.sqrt(forces.row_masses(model, theta)[free])
 
-    solver = optimistix.Newton(rtol=RTOL, atol=ATOL, linear_solver=lineax.LU())
-    adjoint = optimistix.ImplicitAdjoint(linear_solver=lineax.LU())
-
     def stage(q, v, z, v_cmd, theta, kappa):
-        args = (q, v, z, v_cmd, theta, kappa, None)
+        args = (q, v, z, v_cmd, theta, kappa)
         fixed = jax.lax.stop_gradient(args)
-        y0, inverse = jax.lax.stop_gradient(start(fixed))
-        args = (*args[:-1], inverse)
-        found = optimistix.root_find(
-            root, solver, y0, args, adjoint=adjoint, max_steps=20, throw=False
-        )
-        error = jnp.max(jnp.abs(jax.lax.stop_gradient(root(found.value, args))))
-        return expand(found.value, v_cmd), error
+        y, inverse = jax.lax.stop_gradient(start(fixed))
+        # the value is one more step of Newton's; its derivative -K⁻¹ ∂r/∂args is the theorem's
+        d = inverse @ scaled(y, args)
+        return expand(y - d, v_cmd), jnp.max(jnp.abs(jax.lax.stop_gradient(d)))
 
     return stage
 
 
 def make_step(model, report=False):
-    """step(x, u, theta[, kappa]) -> x⁺ (nx,), or (x⁺, preconditioned residual [m/s]) with `report`.
+    """step(x, u, theta[, kappa]) -> x⁺ (nx,), or (x⁺, size of the last Newton step [m/s, rad/s]) with `report`.
 
     kappa (n_nodes,) [J]: the smoothing; by default rest_gap m_i |g| at θ.
     """
