@@ -36,6 +36,19 @@ rest_gap = 1e-6
 CURLED = """initial = { shape = "points", points = [
   [0.08, 0, 0], [0.06118737, 0.05153741, 0.03], [0.01359737, 0.07883598, 0.06], [-0.04038769, 0.06905675, 0.09],
   [-0.07537779, 0.02679905, 0.12], [-0.07491653, -0.02806265, 0.15], [-0.03922087, -0.06972607, 0.18], [0.01492099, -0.07859622, 0.21]] }"""
+CLOTH_MESH = ("nodes = [9, 6], size = [0.4, 0.25]", "nodes = [4, 4], size = [0.3, 0.25]")
+CLOTH_MOVES = "[gravity]\ntilt = [0.1, -0.2]\n\n[air]"
+CLOTH_HANDS = """[[gripper]]
+name = "left"
+cloth = "sheet"
+nodes = [0]
+
+[[gripper]]
+name = "right"
+cloth = "sheet"
+nodes = [48]
+motion = { kind = "sine", amplitude = [-0.05, 0, 0.05], frequency = 1.0 }
+"""
 # name -> (scene file, [(what is replaced, by what)], what is added)
 VARIANTS = {
     "spun_rod": (  # turned by its hand's angular velocity, curled where it is at rest
@@ -54,6 +67,15 @@ VARIANTS = {
         "twisting_rod",
         [('end = "first"', "nodes = [0, 1, 2]"), ("spin = 6.0\n", ""), ("velocity = [0.0, 0.3, 0.5]", "velocity = [0.2, 0.3, -0.3]")],
         FLOOR,
+    ),
+    "cloth_free": ("cloth_hung", [CLOTH_MESH, (CLOTH_HANDS, ""), ("[air]", CLOTH_MOVES)], ""),
+    "cloth_held": ("cloth_hung", [CLOTH_MESH, ("nodes = [48]", "nodes = [15]")], ""),
+    "cloth_on_ball": (
+        "cloth_sphere",
+        [("nodes = [8, 8], size = [0.4, 0.4]", 'nodes = [4, 3], size = [0.12, 0.12], diagonal = "alternating"'),
+         ("origin = [-0.2, -0.2, 0.105]", "origin = [-0.05, -0.06, 0.1015]\nvelocity = [0.3, 0.1, -0.4]"),
+         ("youngs_modulus", "poisson_ratio = -0.1\nyoungs_modulus")],
+        "",
     ),
 }
 
@@ -87,6 +109,15 @@ class Case:
             return x_next, error, pull(x_bar)
 
         self.program = jit(program)
+
+    def start(self):
+        """The scene's initial state; sheets, which are flat, a little out of shape and in motion."""
+        x0, rng = self.model.initial_state(), np.random.default_rng(8)
+        if self.model.sheets is not None:
+            free, n = np.repeat(~self.model.driven, 3), 3 * self.model.n_nodes
+            x0[:n] += free * rng.normal(size=n) * 2e-3
+            x0[n : 2 * n] += free * rng.normal(size=n) * 0.1
+        return x0
 
     def rollout(self, x0, u, theta):
         """(x (T + 1, nx), largest residual [m/s])."""

@@ -1,4 +1,4 @@
-"""An independent JAX reference of pliant's ropes, rods and articulated bodies.
+"""An independent JAX reference of pliant's ropes, rods, cloth and articulated bodies.
 
 Written from the formulas alone; it shares no code with pliant and nothing in the
 product imports it. Every law is an energy, a dissipation or a force (`laws`),

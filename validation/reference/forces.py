@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import contact, laws, rods
+from . import contact, laws, rods, sheets
 
 
 def rope_values(model, theta, key, rope_of):
@@ -15,18 +15,28 @@ def rope_values(model, theta, key, rope_of):
 
 
 def voronoi_lengths(model, theta):
-    """L_i  [m], (n_nodes,); zero at ghosts."""
+    """L_i  [m] of the ropes' nodes; zero at ghosts."""
     return model.node_voronoi * rope_values(model, theta, "length", model.node_rope)
 
 
 def masses(model, theta):
-    """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node)  [kg]."""
+    """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node), area_density A_i of a sheet  [kg]."""
     density = rope_values(model, theta, "linear_density", model.node_rope)
-    extra = np.zeros((model.n_nodes, len(model.theta)))
+    extra = np.zeros((len(model.node_rope), len(model.theta)))
     for where, nodes in zip(model.ropes, model.rope_nodes, strict=True):
         extra[nodes, where["node_mass"]] = 1.0
         extra[nodes[-1], where["tip_mass"]] = 1.0
-    return density * voronoi_lengths(model, theta) + extra @ theta
+    m = density * voronoi_lengths(model, theta) + extra @ theta
+    if model.sheets is None:
+        return m
+    area, density = (laws.taken(theta, model.sheet_nodes[key]) for key in ("area", "density"))
+    return jnp.concatenate([m, area * density * model.sheet_nodes["fraction"]])
+
+
+def radii(model, theta):
+    """Radius of each node  [m]."""
+    r = rope_values(model, theta, "radius", model.node_rope)
+    return r if model.sheets is None else jnp.concatenate([r, laws.taken(theta, model.sheet_nodes["radius"])])
 
 
 def row_masses(model, theta):
@@ -46,9 +56,13 @@ def gravity(model, theta):
 
 
 def potential(model, q, theta):
-    """Gravity, stretch and bend energy  [J] at q (n_nodes, 3)."""
+    """Energy  [J] of weight, stretching and bending at q (n_nodes, 3); bending of rods is by itself."""
     g, m = gravity(model, theta), masses(model, theta)
     e = jnp.sum(jax.vmap(laws.gravity_energy, (0, 0, None))(q, m, g))
+    if model.sheets is not None:
+        e += sheets.energy(model.sheets, q, theta)
+    if not model.ropes:
+        return e
     pairs, rope = model.edges, model.edge_rope
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     stiffness = rope_values(model, theta, "stretch_stiffness", rope)
@@ -63,11 +77,14 @@ def potential(model, q, theta):
 
 def dissipation(model, q, v, theta):
     """Stretch and bend dissipation R  [W]."""
+    r = 0.0 if model.sheets is None else sheets.dissipation(model.sheets, q, v, theta)
+    if not model.ropes:
+        return r
     pairs, rope = model.edges.T, model.edge_rope
     ends = lambda x: laws.taken(x, pairs)
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     damping = rope_values(model, theta, "stretch_damping", rope)
-    r = jnp.sum(jax.vmap(laws.stretch_dissipation)(*ends(q), *ends(v), rest, damping))
+    r += jnp.sum(jax.vmap(laws.stretch_dissipation)(*ends(q), *ends(v), rest, damping))
     if len(model.stencils):
         nodes, rope = model.stencils.T, model.stencil_rope
         voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
@@ -77,12 +94,18 @@ def dissipation(model, q, v, theta):
     return r
 
 
-def drag(model, v, theta):
+def drag(model, q, v, theta):
     """Air drag (n_nodes, 3)  [N]."""
+    wind = theta[model.wind]
+    on_sheets = 0.0 if model.sheets is None else sheets.drag(model.sheets, q, v, wind, theta)
+    if not model.ropes:
+        return on_sheets
     linear = rope_values(model, theta, "drag_linear", model.node_rope)
     quadratic = rope_values(model, theta, "drag_quadratic", model.node_rope)
     each = jax.vmap(laws.drag_force, (0, None, 0, 0, 0))
-    return each(v, theta[model.wind], voronoi_lengths(model, theta), linear, quadratic)
+    count = len(model.node_rope)
+    on_ropes = each(v[:count], wind, voronoi_lengths(model, theta), linear, quadratic)
+    return on_ropes if model.sheets is None else jnp.zeros_like(q).at[:count].set(on_ropes) + on_sheets
 
 
 @partial(jax.jit, static_argnums=0)
@@ -92,7 +115,7 @@ def total_force(model, q, v, theta, frames):
     x, x_dot = q[:count].reshape(-1, 3), v[:count].reshape(-1, 3)
     elastic = -jax.grad(potential, 1)(model, x, theta)
     damping = -jax.grad(dissipation, 2)(model, x, x_dot, theta)
-    nodes = (elastic + damping + drag(model, x_dot, theta)).ravel()
+    nodes = (elastic + damping + drag(model, x, x_dot, theta)).ravel()
     if model.rods is None:
         return nodes
     twists = jnp.zeros(model.nq - count)
@@ -101,7 +124,7 @@ def total_force(model, q, v, theta, frames):
 
 def static_force(model, q, theta):
     """Σ f at rest (n_nodes, 3)  [N]: elastic, gravity and the wind's drag."""
-    return -jax.grad(potential, 1)(model, q, theta) + drag(model, jnp.zeros_like(q), theta)
+    return -jax.grad(potential, 1)(model, q, theta) + drag(model, q, jnp.zeros_like(q), theta)
 
 
 def _shape_values(shape, theta):
@@ -111,7 +134,7 @@ def _shape_values(shape, theta):
 
 def gaps_and_normals(model, q, theta):
     """[(gap (n,), normal (n, 3), friction)] of every shape at the free nodes q (n, 3)."""
-    radius = rope_values(model, theta, "radius", model.node_rope)[model.free]
+    radius = radii(model, theta)[model.free]
     out = []
     for shape in model.shapes:
         gap_of, values = _shape_values(shape, theta)

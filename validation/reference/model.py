@@ -1,7 +1,7 @@
 """The reference model of a scene: nodes, elements, grippers, shapes, θ.
 
-Nodes of all ropes are consecutive; a clamped end edge inserts a massless ghost node before
-(after) its rope. State x = [q, v, z], q and v of shape (nq,): of all nodes in m and m/s, then of the twists of
+Nodes of all ropes are consecutive, those of sheets of cloth come after them; a clamped end edge inserts a
+massless ghost node before (after) its rope. State x = [q, v, z], q and v of shape (nq,): of all nodes in m and m/s, then of the twists of
 rods in rad and rad/s; z is what `rods` carries along.
 """
 
@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from . import rods
-from .parameters import Table, add_rod, add_rope, add_shape
+from . import rods, sheets
+from .parameters import Table, add_rod, add_rope, add_shape, add_sheet
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Gripper:
     nodes: np.ndarray
     ghost: int | None
     fraction: float  # rest length of the clamped end edge / rope length
-    rope: int
+    rope: int | None
     offset: np.ndarray  # positions in θ
     inputs: slice  # its part of u
     held: list  # `rods.Held` edges whose axes it holds
@@ -49,8 +49,10 @@ class Model:
     ropes: list  # θ positions per rope
     n_nodes: int
     rope_nodes: list  # real nodes of each rope, in order
-    node_rope: np.ndarray
+    node_rope: np.ndarray  # of the ropes' nodes, which come first
     node_voronoi: np.ndarray  # Voronoi length / rope length; 0 for ghosts
+    sheets: sheets.Sheets | None
+    sheet_nodes: dict  # of the sheets' nodes: fraction of the area; positions in θ of area, density and radius
     edges: np.ndarray  # (E, 2)
     edge_rope: np.ndarray
     edge_fraction: np.ndarray
@@ -132,17 +134,22 @@ def loads(text):
     magnitude = table.add("gravity.magnitude", gravity.get("magnitude", 9.81))
     tilt = table.add_vector("gravity.tilt", gravity.get("tilt", [0.0, 0.0]))
     wind = table.add_vector("air.wind", air.get("wind", [0.0, 0.0, 0.0]))
-    ropes = scene["rope"]
+    ropes, cloths = scene.get("rope", []), scene.get("cloth", [])
     for rope in ropes:
         given = rope.get("edge_fractions") or np.ones(rope["nodes"] - 1)
         rope["fractions"] = np.asarray(given, dtype=float) / np.sum(given)
     where = [add_rope(table, rope) for rope in ropes]
+    of_sheets = [add_sheet(table, cloth) for cloth in cloths]
     mesh = _mesh(ropes, scene.get("gripper", []))
     q0, v0 = _initial(ropes, mesh)
+    cloth, sheet_nodes = sheets.build(cloths, of_sheets, len(q0))
+    spans = _spans(ropes, mesh, cloths, len(q0))
     of_rods = [add_rod(table, rope, w) if "twist" in rope else {} for rope, w in zip(ropes, where, strict=True)]
     twisting = rods.build(ropes, where, mesh, q0, of_rods)
-    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table, twisting, q0)
-    driven = np.zeros(len(mesh["node_rope"]), dtype=bool)
+    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table, twisting, q0, spans)
+    if cloth is not None:
+        q0, v0 = np.concatenate([q0, sheet_nodes.pop("q0")]), np.concatenate([v0, sheet_nodes.pop("v0")])
+    driven = np.zeros(len(q0), dtype=bool)
     for g in grippers:
         driven[g.nodes] = True
         if g.ghost is not None:
@@ -166,6 +173,8 @@ def loads(text):
         n_nodes=len(driven),
         grippers=grippers,
         rods=twisting,
+        sheets=cloth,
+        sheet_nodes=sheet_nodes,
         driven=driven,
         nu=len(names),
         control_names=names,
@@ -210,17 +219,29 @@ def _mesh(ropes, grippers):
         out["rope_nodes"].append(nodes)
         base += first + len(nodes) + last
     keep = {k: np.array(v) for k, v in out.items() if k != "rope_nodes"}
+    keep["edges"] = keep["edges"].reshape(-1, 2).astype(int)
     keep["stencils"] = keep["stencils"].reshape(-1, 3).astype(int)
-    keep["stencil_rope"] = keep["stencil_rope"].astype(int)
+    for key in ("node_rope", "edge_rope", "stencil_rope"):
+        keep[key] = keep[key].astype(int)
     return keep | {"rope_nodes": out["rope_nodes"], "ghosts": ghosts}
 
 
-def _grippers(entries, ropes, mesh, table, twisting, q0):
+def _spans(ropes, mesh, cloths, first):
+    """Name -> nodes of every rope and sheet."""
+    out = {rope["name"]: nodes for rope, nodes in zip(ropes, mesh["rope_nodes"], strict=True)}
+    for cloth in cloths:
+        count = int(np.prod(cloth["grid"]["nodes"]))
+        out[cloth["name"]] = first + np.arange(count)
+        first += count
+    return out
+
+
+def _grippers(entries, ropes, mesh, table, twisting, q0, spans):
     """The grippers in scene order, with their inputs laid out in u."""
     names, out, start = [rope["name"] for rope in ropes], [], 0
     for g in entries:
-        r, mode = names.index(g["rope"]), g.get("mode", "prescribed")
-        real = mesh["rope_nodes"][r]
+        r, mode = names.index(g["rope"]) if "rope" in g else None, g.get("mode", "prescribed")
+        real = spans[g["cloth"] if r is None else g["rope"]]
         ghost, fraction = None, 0.0
         if "end" in g:
             first = g["end"] == "first"

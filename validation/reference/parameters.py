@@ -1,6 +1,6 @@
 """The flat parameter vector θ of a scene: paths, defaults and their positions.
 
-Order: gravity, air, per rope, per rod that twists, per gripper, per shape. SI units.
+Order: gravity, air, per rope, per sheet, per rod that twists, per gripper, per shape. SI units.
 """
 
 from dataclasses import dataclass, field
@@ -28,6 +28,19 @@ ROPE_DEFAULTS = {
     "tip_mass": 0.0,
     "radius": 0.0,
 }
+SHEET_ENTRIES = (
+    "area",
+    "area_density",
+    "thickness",
+    "youngs_modulus",
+    "poisson_ratio",
+    "bend_stiffness",
+    "membrane_damping",
+    "bend_damping",
+    "drag_normal",
+    "drag_quadratic",
+    "radius",
+)
 SHAPE_ENTRIES = {  # kind -> (entry, components; 0 = scalar)
     "plane": (("height", 0), ("friction", 0)),
     "sphere": (("center", 3), ("radius", 0), ("friction", 0)),
@@ -85,6 +98,20 @@ def add_rod(table, rope, where):
     out["rest_curvature_0"], out["rest_curvature_1"] = curvature
     out["rest_twist"] = table.add(f"{name}.rest_twist", twist.get("rest_twist", 0.0))
     return out
+
+
+def add_sheet(table, cloth):
+    """Adds a sheet's entries; returns their positions by name."""
+    t, young, nu = cloth["thickness"], cloth["youngs_modulus"], cloth.get("poisson_ratio", 0.3)
+    usual = {
+        "area": float(np.prod(cloth["grid"]["size"])),
+        "area_density": cloth.get("density", 0.0) * t,
+        "poisson_ratio": nu,
+        "bend_stiffness": young * t**3 / (12.0 * (1.0 - nu**2)),
+        "radius": 0.5 * t,
+    }
+    value = lambda key: cloth.get(key, usual.get(key, 0.0))
+    return {key: table.add(f"{cloth['name']}.{key}", value(key)) for key in SHEET_ENTRIES}
 
 
 def add_shape(table, kind, shape):
