@@ -3,7 +3,8 @@
 Lengths of 1 cm to 100 m, Young's moduli of 10³ to 10¹¹ Pa, steps of 1/1000 to 1/30 s, all evenly by their logarithm, and speeds in
 units of √(gL): what a scene looks like does not depend on its size. A scene is a TOML text and what must be known to judge its energy.
 
-Stiffnesses are numbers of a whole rope in a scene, so a *chain* is unlike in its links' lengths and its nodes' masses only.
+A *chain* is unlike in its links' lengths and its nodes' masses, since stretching has one stiffness in all of a rope; of every third rod
+each joint has a bending stiffness of its own, over six decades.
 """
 
 from dataclasses import dataclass, field
@@ -122,7 +123,7 @@ def rope(rng, kind, length, young, height, velocity, drag, what):
         entries["node_mass"] = heavy
     parts = [table("rope", entries)]
     if kind == "rod":
-        second = log_uniform(rng, 1e-2, 1e2)
+        second, own = log_uniform(rng, 1e-2, 1e2), np.random.default_rng([nodes, int(1e6 * length)])
         parts[0] += table("[rope.twist]", {
             "stiffness": young * inertia * log_uniform(rng, 0.1, 2.0), "damping": damping[1] * young * inertia,
             "bend_stiffness_2": second * young * inertia, "section_roll": rng.uniform(0.0, 3.0),
@@ -130,6 +131,10 @@ def rope(rng, kind, length, young, height, velocity, drag, what):
             "rest_twist": rng.normal() * rng.choice([0.0, 6.0]) / length, "initial": rng.normal() * rng.choice([0.0, 6.0, 60.0]),
         })  # fmt: skip
         what.append(f"EI₂/EI {second:.1e}")
+        if own.random() < 1.0 / 3.0:
+            joints = [{"node": k, "bend_factor": log_uniform(own, 1e-3, 1e3)} for k in range(1, nodes - 1)]
+            parts[0] += f"joint = {written(joints)}\n"
+            what.append("unlike joints")
     return parts, radius, nodes - 1
 
 

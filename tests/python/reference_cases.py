@@ -49,6 +49,8 @@ cloth = "sheet"
 nodes = [48]
 motion = { kind = "sine", amplitude = [-0.05, 0, 0.05], frequency = 1.0 }
 """
+JOINTS = "joint = [{ node = 2, rest_curvature = [2.0, 1.0], bend_factor = 0.3 }, { node = -2, bend_factor = 4.0 }]"
+ROLLS = "roll_by_direction = [0.3, -0.2, 0.5]\nroll_by_position = [2.0, 1.0, -3.0]"
 # name -> (scene file, [(what is replaced, by what)], what is added)
 VARIANTS = {
     "spun_rod": (  # turned by its hand's angular velocity, curled where it is at rest
@@ -59,13 +61,18 @@ VARIANTS = {
             ('initial = { shape = "straight", from = [0.0, 0.0, 0.0], direction = [1.0, 0.0, 0.0] }', CURLED),
             ("edge_fractions = [0.1, 0.12, 0.15, 0.15, 0.16, 0.16, 0.16]", "nodes = 8"),
             ("length = 0.5", "length = 0.434"),
-            ("[rope.twist]", '[rope.twist]\nrest = "initial"'),
+            ("[rope.twist]", f'[rope.twist]\n{JOINTS}\nrest = "initial"'),
         ],
         "",
     ),
+    "rolled_rod": ("twisting_rod", [("roll = 0.1", f"roll = 0.1\n{ROLLS}")], ""),
     "rod_on_floor": (  # held by three nodes, half of it on a slope
         "twisting_rod",
-        [('end = "first"', "nodes = [0, 1, 2]"), ("spin = 6.0\n", ""), ("velocity = [0.0, 0.3, 0.5]", "velocity = [0.2, 0.3, -0.3]")],
+        [
+            ('end = "first"', f"nodes = [0, 1, 2]\n{ROLLS}"),
+            ("spin = 6.0\n", ""),
+            ("velocity = [0.0, 0.3, 0.5]", "velocity = [0.2, 0.3, -0.3]"),
+        ],
         FLOOR,
     ),
     "cloth_free": ("cloth_hung", [CLOTH_MESH, (CLOTH_HANDS, ""), ("[air]", CLOTH_MOVES)], ""),

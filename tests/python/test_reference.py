@@ -30,7 +30,7 @@ CASES = [
     ("capsule_drape", "euler", "coulomb"),
     ("capsule_drape", "sdirk2", "anitescu"),
     ("sphere_drape", "sdirk2", "coulomb"),
-    ("twisting_rod", "midpoint", None),
+    ("rolled_rod", "midpoint", None),
     ("spun_rod", "sdirk2", None),
     ("rod_on_floor", "euler", "coulomb"),
     ("cloth_free", "midpoint", None),

@@ -37,6 +37,7 @@ PEERS = {
     "jacobian": ("mjd_transitionFD (state only)", "jacobian"),
     "rollout_vjp": (f"forward differences in {FD_PARAMETERS} parameters", "gradient"),
 }
+FEWER = {"step": 1, "jacobian": 8, "rollout_vjp": 40}  # units of work in a round, as parts of those of the step
 CONTACTS = {"hang": "", "rest": "_contact"}
 FLOOR = 'name = "floor"\nfriction = 0.5\n'
 
@@ -124,15 +125,15 @@ def against_peers(rod_nodes: int, cloth_nodes: int, rounds: int, repeats: int) -
         )
         for what, size, text, peer, name in cases:
             for work, ours in WORKS.items():
-                units = max(1, repeats // 16) if work == "rollout_vjp" else repeats
+                units = max(1, repeats // FEWER[work])
                 print(f"{what}{contact}_{work}, {size} ...", file=sys.stderr)
                 does, timer = PEERS[work]
                 timers = {f"{name}, {does}": getattr(peer, timer)}
                 our_timer = lambda text=text, ours=ours, units=units: bench.pliant.bench(text, ours, units)
                 rows += bench.compare(f"{what}{contact}_{work}", size, our_timer, timers, rounds)
-            rows += bench.beside_itself(f"{what}{contact}_rollout_vjp", size, text, rounds, max(1, repeats // 16))
+            rows += bench.beside_itself(f"{what}{contact}_rollout_vjp", size, text, rounds, max(1, repeats // FEWER["rollout_vjp"]))
             step = {"pliant, step": lambda text=text: bench.pliant.bench(text, "step", repeats)}
-            jacobian = lambda text=text: bench.pliant.bench(text, "linearize", repeats)
+            jacobian = lambda text=text: bench.pliant.bench(text, "linearize", max(1, repeats // FEWER["jacobian"]))
             rows += bench.compare(f"{what}{contact}_jacobian", size, jacobian, step, rounds)
     return rows
 
@@ -194,7 +195,7 @@ def memory(texts: dict, steps: tuple[int, int]) -> list[dict]:
 
 def measure(quick: bool) -> dict:
     """Everything; `quick`: small sizes and few rounds, to see that it runs."""
-    rounds, repeats = (1, 5) if quick else (15, 240)
+    rounds, repeats = (1, 5) if quick else (9, 240)
     rod, cloth = (6, 4) if quick else (20, 10)
     sizes = {
         "rod": (rod_text, (10, 20) if quick else (20, 100, 500, 1000, 3000, 10_000)),

@@ -29,7 +29,7 @@ class Gripper:
     offset: np.ndarray  # positions in θ
     inputs: slice  # its part of u
     held: list  # `rods.Held` edges whose axes it holds
-    roll: int | None  # position in θ
+    roll: np.ndarray  # positions in θ of the roll and its slopes by direction and by place; none without held edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,11 @@ def loads(text):
     q0, v0 = _initial(ropes, mesh)
     cloth, sheet_nodes = sheets.build(cloths, of_sheets, len(q0))
     spans = _spans(ropes, mesh, cloths, len(q0))
-    of_rods = [add_rod(table, rope, w) if "twist" in rope else {} for rope, w in zip(ropes, where, strict=True)]
+    of_rods = []
+    for r, (rope, w) in enumerate(zip(ropes, where, strict=True)):
+        first, last = ((r, end) in mesh["ghosts"] for end in ("first", "last"))
+        numbers = range(0 if first else 1, len(rope["fractions"]) + last)
+        of_rods.append(add_rod(table, rope, w, numbers) if "twist" in rope else {})
     twisting = rods.build(ropes, where, mesh, q0, of_rods)
     grippers = _grippers(scene.get("gripper", []), ropes, mesh, table, twisting, q0, spans)
     if cloth is not None:
@@ -252,12 +256,18 @@ def _grippers(entries, ropes, mesh, table, twisting, q0, spans):
             nodes = real[np.array(g["nodes"])]
         size = 6 if ghost is not None else (3 * len(nodes) if mode == "prescribed" else 3)
         offset = table.add_vector(f"{g['name']}.offset", g.get("offset", [0.0, 0.0, 0.0]))
-        held = rods.held_edges(twisting, q0, [*nodes] if ghost is None else [*nodes, ghost])
-        rolls = held and mode == "prescribed"
-        roll = table.add(f"{g['name']}.roll", g.get("roll", 0.0)) if rolls else None
+        if ghost is None:
+            held = rods.held_edges(twisting, q0, nodes)
+        else:
+            held = rods.held_edges(twisting, q0, [nodes[0], ghost], nodes[0])
+        rolls, roll = held and mode == "prescribed", []
+        if rolls:
+            roll = [table.add(f"{g['name']}.roll", g.get("roll", 0.0))]
+            for key in ("roll_by_direction", "roll_by_position"):
+                roll += list(table.add_vector(f"{g['name']}.{key}", g.get(key, [0.0, 0.0, 0.0])))
         size += 3 if rolls and ghost is not None else 0
         inputs = slice(start, start + size)
-        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs, held, roll))
+        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs, held, np.array(roll, dtype=int)))
         start += size
     return out
 

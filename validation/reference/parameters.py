@@ -81,8 +81,11 @@ def add_rope(table, rope):
     return where
 
 
-def add_rod(table, rope, where):
-    """Adds the entries of a rope's twist table; returns their positions by name. `where`: those of the rope itself."""
+def add_rod(table, rope, where, numbers):
+    """Adds the entries of a rope's twist table; returns their positions by name, `joints` an array with a row each.
+
+    `where`: those of the rope itself; `numbers` of the nodes at which it has joints.
+    """
     name, twist = rope["name"], rope["twist"]
     inertia = twist.get("inertia", 0.5 * rope["linear_density"] * rope.get("radius", 0.0) ** 2)
     out = {
@@ -97,6 +100,14 @@ def add_rod(table, rope, where):
     curvature = table.add_vector(f"{name}.rest_curvature", twist.get("rest_curvature", [0.0, 0.0]))
     out["rest_curvature_0"], out["rest_curvature_1"] = curvature
     out["rest_twist"] = table.add(f"{name}.rest_twist", twist.get("rest_twist", 0.0))
+    count = len(rope["fractions"]) + 1
+    own = {entry["node"] % count: entry for entry in twist.get("joint", [])}
+    joints = []
+    for k in numbers:
+        entry = own.get(k, {})
+        curvature = table.add_vector(f"{name}.node[{k}].rest_curvature", entry.get("rest_curvature", [0.0, 0.0]))
+        joints.append([*curvature, table.add(f"{name}.node[{k}].bend_factor", entry.get("bend_factor", 1.0))])
+    out["joints"] = np.array(joints)
     return out
 
 

@@ -30,6 +30,7 @@ class Rods:
     fraction: np.ndarray  # (E,) rest length / rod length
     joints: np.ndarray  # (J, 2) edges
     section: np.ndarray  # (J, len(SECTION))
+    own: np.ndarray  # (J, 3) of what each joint adds to the rest curvatures, and of its stiffness as a multiple of the rod's
     joint_fraction: np.ndarray  # (J,)
     rest: np.ndarray  # (J, 3) strains without forces, beside those of θ
     twist0: np.ndarray  # (E,) as the scene begins
@@ -38,7 +39,7 @@ class Rods:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """An edge whose axes a gripper holds: its number, nodes, and [direction, first material axis] as the scene begins."""
+    """An edge whose axes a gripper holds: its number, nodes, and [direction, first material axis, place] as the scene begins."""
 
     edge: int
     nodes: tuple
@@ -124,15 +125,16 @@ def strains(rods, t, twist, frames):
 
 
 def energy(rods, strain, theta):
-    """Σ [EI₁ k₁² + EI₂ k₂² + GJ k₃²]/(2 l) [J], k what is left of the strains in the section's own axes."""
+    """Σ [s EI₁ k₁² + s EI₂ k₂² + GJ k₃²]/(2 l) [J], k what is left of the strains in the section's own axes, s the joint's factor."""
     p = dict(zip(SECTION, taken(theta, rods.section.T), strict=True))
+    own = taken(theta, rods.own.T)
     length = rods.joint_fraction * p["length"]
     excess = strain - rods.rest
     c, s = jnp.cos(p["section_roll"]), jnp.sin(p["section_roll"])
-    k1 = c * excess[:, 0] + s * excess[:, 1] - p["rest_curvature_0"] * length
-    k2 = c * excess[:, 1] - s * excess[:, 0] - p["rest_curvature_1"] * length
+    k1 = c * excess[:, 0] + s * excess[:, 1] - (p["rest_curvature_0"] + own[0]) * length
+    k2 = c * excess[:, 1] - s * excess[:, 0] - (p["rest_curvature_1"] + own[1]) * length
     k3 = excess[:, 2] - p["rest_twist"] * length
-    sums = p["bend_stiffness"] * k1**2 + p["bend_stiffness_2"] * k2**2 + p["twist_stiffness"] * k3**2
+    sums = own[2] * (p["bend_stiffness"] * k1**2 + p["bend_stiffness_2"] * k2**2) + p["twist_stiffness"] * k3**2
     return jnp.sum(0.5 * sums / length)
 
 
@@ -177,8 +179,9 @@ def inertias(rods, theta):
 def commanded_turns(model, x, twist, frames, u, theta):
     """Rates (E,) [rad/s] of the twists that grippers hold, over the full step; zero at the others.
 
-    Held by a director D: at the step's end the first axis is D's part across the edge, turned by roll; without one, the axis the scene
-    begins with, by the smallest rotation. An angular velocity ω turns by 2 atan(h ω·t/2).
+    Held by a director D: at the step's end the first axis is D's part across the edge, turned by φ; without one, the axis the scene
+    begins with, by the smallest rotation. φ = roll + a·(t⁺ − t₀) + b·(x⁺ − x₀), x₀ the first node's place, or the rope's end's where that
+    is clamped, x⁺ where its control takes it (without the offset). An angular velocity ω turns by 2 atan(h ω·t/2).
     """
     rods, h, out = model.rods, model.h, jnp.zeros(len(model.rods.edges))
     t = directions(rods.edges, x)
@@ -193,12 +196,16 @@ def commanded_turns(model, x, twist, frames, u, theta):
                 continue
             if g.ghost is None:
                 place = [list(g.nodes).index(node) for node in held.nodes]
-                end = unit(inputs[3 * place[1] :][:3] - inputs[3 * place[0] :][:3])
+                ends = [inputs[3 * k :][:3] for k in place]
+                end, at = unit(ends[1] - ends[0]), ends[0]
                 wish = carried(held.start[0], end, held.start[1])
             else:
                 end = unit(inputs[3:6]) * (-1.0 if held.nodes[1] == g.ghost else 1.0)
                 wish = unit(inputs[6:9] - end * dots(end, inputs[6:9]))
-            wish = turned(end, wish, theta[g.roll])
+                at = inputs[:3]
+            roll, a, b = theta[g.roll[0]], theta[g.roll[1:4]], theta[g.roll[4:]]
+            phi = roll + dots(a, end - held.start[0])[0] + dots(b, at - held.start[2])[0]
+            wish = turned(end, wish, phi)
             axis = carried(now, end, turned(now, d[held.edge], twist[held.edge]))
             out = out.at[held.edge].set(angle(axis, wish, end) / h)
     return out
@@ -217,7 +224,7 @@ def change_of_twists(rods, x, twist, frames, at):
 
 def build(ropes, where, mesh, q0, params):
     """Rods of all ropes with a twist table; None without any. `params[r]`: positions in θ of the table's entries."""
-    out = {k: [] for k in ("edges", "inertia", "length", "fraction", "joints", "section", "joint_fraction")}
+    out = {k: [] for k in ("edges", "inertia", "length", "fraction", "joints", "section", "own", "joint_fraction")}
     start = {"axes": [], "twist0": []}
     rest_initial = []
     for r, rope in enumerate(ropes):
@@ -238,6 +245,7 @@ def build(ropes, where, mesh, q0, params):
         out["joints"] += [(base + k, base + k + 1) for k in range(len(halves))]
         out["joint_fraction"] += halves
         out["section"] += [[values[key] for key in SECTION]] * len(halves)
+        out["own"] += list(values["joints"])
         rest_initial += [twist.get("rest", "straight") == "initial"] * len(halves)
         t = np.diff(q0[chain], axis=0)
         t /= np.linalg.norm(t, axis=1, keepdims=True)
@@ -252,7 +260,7 @@ def build(ropes, where, mesh, q0, params):
         start["twist0"] += list(along / along[-1] * twist.get("initial", 0.0))
     if not out["edges"]:
         return None
-    integer = {k: np.array(out[k], dtype=int) for k in ("edges", "inertia", "length", "joints", "section")}
+    integer = {k: np.array(out[k], dtype=int) for k in ("edges", "inertia", "length", "joints", "section", "own")}
     real = {k: np.array(out[k]) for k in ("fraction", "joint_fraction")}
     axes, twist0 = np.array(start["axes"]), np.array(start["twist0"])
     count = len(out["joints"])
@@ -263,12 +271,13 @@ def build(ropes, where, mesh, q0, params):
     return Rods(**integer, **real, rest=rest, twist0=twist0, frames0=frames)
 
 
-def held_edges(rods, q0, nodes):
-    """Edges of which a gripper's nodes are both ends."""
+def held_edges(rods, q0, nodes, end=None):
+    """Edges of which a gripper's nodes are both ends; `end`: the rope's clamped end."""
     if rods is None:
         return []
     t = np.asarray(directions(rods.edges, q0))
     d = rods.frames0[: 3 * len(t)].reshape(-1, 3)
     axes = np.asarray(turned(t, d, rods.twist0))
     pairs = enumerate(map(tuple, rods.edges))
-    return [Held(k, ends, np.array([t[k], axes[k]])) for k, ends in pairs if set(ends) <= set(nodes)]
+    held = [(k, ends) for k, ends in pairs if set(ends) <= set(nodes)]
+    return [Held(k, ends, np.array([t[k], axes[k], q0[ends[0] if end is None else end]])) for k, ends in held]
