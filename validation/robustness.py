@@ -7,9 +7,10 @@ A run is *good* if it comes to its end with finite states and an energy that has
     energy at the beginning + work of the hand + 2 % of (M g L + kinetic energy at the beginning + work of the hand)
 
 where only weight and one hand push (its work follows from the momentum of everything); with contact, if the hand moves, the same from
-the moment at which it stops (halfway), without work; in the wind, which may do work for ever, it need be finite only. The 2 % are for what an implicit step may create on concave energies
-(buckling) and for midpoint's error of second order. Otherwise it *grew*, *stopped* (an error of the numerics that names the step and
-what went wrong), stopped *mutely* (an error that does not), was *refused* as a scene, panicked (*panic*), died, or did not end (*hang*).
+the moment at which it stops (halfway), without work; in the wind, which may do work for ever, it need be finite only. The 2 % are for
+what an implicit step may create on concave energies (buckling) and for midpoint's error of second order. Otherwise it *grew*, *stopped*
+(an error of the numerics that names the step and what went wrong), stopped *mutely* (an error that does not), was *refused* as a scene,
+panicked (*panic*), died, or did not end (*hang*).
 """
 
 import argparse
@@ -60,9 +61,8 @@ def work(model, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     The hand's force is what changes the momentum of everything, driven nodes included, beside weight.
     """
     n, h = 3 * model.n_nodes, model.step_length
-    m, nv = model.masses(), model.ndx // 2
-    nq = model.nx - nv - len(model.memory_names) if model.memory_names else nv
-    q, v = x[:, :n].reshape(len(x), -1, 3), x[:, nq : nq + n].reshape(len(x), -1, 3)
+    m, half = model.masses(), model.ndx // 2
+    q, v = (x[:, first : first + n].reshape(len(x), -1, 3) for first in (0, half))
     weight = m.sum() * np.array([0.0, 0.0, -model.theta[model.param_index("gravity.magnitude")]])
     force = np.diff(np.einsum("tna,n->ta", v, m), axis=0) / h - weight
     if not model.nu:
