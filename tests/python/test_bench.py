@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 mujoco = pytest.importorskip("mujoco", minversion="4.0")
 pliant = pytest.importorskip("pliant")
-from validation.bench import bodies, scenes, touching
+from validation.bench import bodies, rods_cloth, scenes, touching
 from validation.bodies import chains
 
 
@@ -80,3 +80,23 @@ def test_both_programs_simulate_the_same_chain():
 @pytest.mark.parametrize("kind", scenes.VELOCITY)
 def test_every_scene_is_stepped_by_euler(kind):
     assert 'integrator = "euler"' in scenes.scene_text(6, kind)
+
+
+def test_rods_and_cloth_are_compared():
+    command = [sys.executable, "-m", "validation.bench.rods_cloth", "--quick", "--json"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    found = json.loads(run.stdout)
+    works = {f"{what}{kind}_{work}" for what in ("rod", "cloth") for kind in ("", "_contact") for work in rods_cloth.WORKS}
+    assert {row["work"] for row in found["compared"]} == works
+    assert all(row["ratio"] == pytest.approx(row["pliant_s"] / row["peer_s"]) for row in found["compared"])
+    assert [row["nodes"] for row in found["growth"]] == [10, 20, 16, 36]
+    assert len(found["batch"]) == len(found["memory"]) == 2
+
+
+def test_every_node_of_the_benchmarks_sheet_touches_the_floor_in_both():
+    peer = rods_cloth.MujocoSheet(5, "rest")
+    assert peer.contacts() >= 25
+    ours = pliant.loads(rods_cloth.cloth_text(5, "rest"))
+    x = ours.rollout(ours.initial_state(), ours.controls(), record=False).x[-1]
+    assert np.abs(x[2 : 3 * 25 : 3] - 5e-4).max() < 1e-7

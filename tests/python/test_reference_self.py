@@ -7,7 +7,7 @@ import pytest
 from reference_cases import case, jit, wiggle
 
 from validation import reference
-from validation.reference import contact, forces, laws
+from validation.reference import contact, forces, laws, rods
 from validation.reference.step import cayley, commanded_velocity
 
 
@@ -62,6 +62,36 @@ def test_contact_impulse_lies_on_the_central_path(law):
         s0 = (s0 + jnp.sqrt(s0**2 + 4 * slip @ slip)) / 2
     np.testing.assert_allclose(s0 * w0 + slip @ w, kappa, rtol=1e-12)
     np.testing.assert_allclose(s0 * w + w0 * slip, 0.0, atol=1e-12 * kappa)
+
+
+def rod_at(x, twist):
+    """The rods of a scene at nodes x with twists, their axes carried from a straight start; and its θ."""
+    model = case("rod_on_floor", "euler", "coulomb").model
+    frames = rods.carry(model.rods, model.q0, model.rods.frames0, x)
+    return model.rods, rods.strains(model.rods, rods.directions(model.rods.edges, x), twist, frames), model.theta
+
+
+def test_curvature_of_a_rod_is_a_ropes_whatever_its_twist():
+    rng = np.random.default_rng(4)
+    x = jnp.asarray(case("rod_on_floor", "euler", "coulomb").model.q0 + 0.02 * rng.normal(size=(8, 3)))
+    whole = [jnp.linalg.norm(laws.curvature(*x[k : k + 3])) for k in range(6)]
+    for twist in (np.zeros(7), rng.normal(size=7), 3.0 * np.arange(7)):
+        _, strain, _ = rod_at(x, twist)
+        np.testing.assert_allclose(jnp.linalg.norm(strain[:, :2], axis=1), whole, rtol=1e-12)
+
+
+def test_twist_of_a_rod_is_what_turns_its_axes():
+    model = case("rod_on_floor", "euler", "coulomb").model
+    # a full circle about the rod's own direction, and a closed way of its directions on the sphere, turn what is carried
+    straight, turns = jnp.asarray(model.q0), 3.0 * np.arange(7)
+    np.testing.assert_allclose(rod_at(straight, turns)[1], np.tile([0.0, 0.0, 3.0], (6, 1)), atol=1e-14)
+    x, corner = jnp.eye(3), model.q0.copy()
+    d = jnp.array([0.0, 1.0, 0.0])
+    for a, b in ((0, 2), (2, 1), (1, 0)):  # x -> z -> y -> x: an eighth of the sphere
+        d = rods.carried(x[a], x[b], d)
+    np.testing.assert_allclose(rods.angle(jnp.array([0.0, 1.0, 0.0]), d, x[0]), -np.pi / 2, rtol=1e-14)
+    corner[4:] += [0.0, 0.1, 0.0]
+    np.testing.assert_allclose(rod_at(jnp.asarray(corner), np.zeros(7))[1][:, 2], 0.0, atol=1e-14)  # flat: no writhe
 
 
 def test_normals_are_the_gradients_of_the_gaps():

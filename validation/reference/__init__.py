@@ -1,4 +1,4 @@
-"""An independent JAX reference of pliant's ropes and articulated bodies.
+"""An independent JAX reference of pliant's ropes, rods, cloth and articulated bodies.
 
 Written from the formulas alone; it shares no code with pliant and nothing in the
 product imports it. Every law is an energy, a dissipation or a force (`laws`),
@@ -19,6 +19,6 @@ jax.config.update("jax_enable_x64", True)
 
 from .equilibrium import make_equilibrium
 from .model import Model, load, loads
-from .step import make_rollout, make_step
+from .step import make_change_of_step, make_rollout, make_step
 
-__all__ = ["Model", "load", "loads", "make_equilibrium", "make_rollout", "make_step"]
+__all__ = ["Model", "load", "loads", "make_change_of_step", "make_equilibrium", "make_rollout", "make_step"]

@@ -6,27 +6,43 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import contact, laws
+from . import contact, laws, rods, sheets
 
 
 def rope_values(model, theta, key, rope_of):
     """The rope parameter `key`, gathered for elements that belong to ropes `rope_of`."""
-    return theta[np.array([where[key] for where in model.ropes])[rope_of]]
+    return laws.taken(theta, np.array([where[key] for where in model.ropes], dtype=int)[rope_of])
 
 
 def voronoi_lengths(model, theta):
-    """L_i  [m], (n_nodes,); zero at ghosts."""
+    """L_i  [m] of the ropes' nodes; zero at ghosts."""
     return model.node_voronoi * rope_values(model, theta, "length", model.node_rope)
 
 
 def masses(model, theta):
-    """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node)  [kg]."""
+    """m_i = linear_density L_i + node[i].mass (+ tip_mass on the rope's last node), area_density A_i of a sheet  [kg]."""
     density = rope_values(model, theta, "linear_density", model.node_rope)
-    m = jnp.asarray(density * voronoi_lengths(model, theta))
+    extra = np.zeros((len(model.node_rope), len(model.theta)))
     for where, nodes in zip(model.ropes, model.rope_nodes, strict=True):
-        m = m.at[nodes].add(theta[where["node_mass"]])
-        m = m.at[nodes[-1]].add(theta[where["tip_mass"]])
-    return m
+        extra[nodes, where["node_mass"]] = 1.0
+        extra[nodes[-1], where["tip_mass"]] = 1.0
+    m = density * voronoi_lengths(model, theta) + extra @ theta
+    if model.sheets is None:
+        return m
+    area, density = (laws.taken(theta, model.sheet_nodes[key]) for key in ("area", "density"))
+    return jnp.concatenate([m, area * density * model.sheet_nodes["fraction"]])
+
+
+def radii(model, theta):
+    """Radius of each node  [m]."""
+    r = rope_values(model, theta, "radius", model.node_rope)
+    return r if model.sheets is None else jnp.concatenate([r, laws.taken(theta, model.sheet_nodes["radius"])])
+
+
+def row_masses(model, theta):
+    """Inertia of each row of q (nq,)  [kg, kg·m²]."""
+    nodes = jnp.repeat(masses(model, theta), 3)
+    return nodes if model.rods is None else jnp.concatenate([nodes, rods.inertias(model.rods, theta)])
 
 
 def kappas(model, theta):
@@ -40,15 +56,19 @@ def gravity(model, theta):
 
 
 def potential(model, q, theta):
-    """Gravity, stretch and bend energy  [J] at q (n_nodes, 3)."""
+    """Energy  [J] of weight, stretching and bending at q (n_nodes, 3); bending of rods is by itself."""
     g, m = gravity(model, theta), masses(model, theta)
     e = jnp.sum(jax.vmap(laws.gravity_energy, (0, 0, None))(q, m, g))
+    if model.sheets is not None:
+        e += sheets.energy(model.sheets, q, theta)
+    if not model.ropes:
+        return e
     pairs, rope = model.edges, model.edge_rope
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     stiffness = rope_values(model, theta, "stretch_stiffness", rope)
-    e += jnp.sum(jax.vmap(laws.stretch_energy)(q[pairs[:, 0]], q[pairs[:, 1]], rest, stiffness))
+    e += jnp.sum(jax.vmap(laws.stretch_energy)(*laws.taken(q, pairs.T), rest, stiffness))
     if len(model.stencils):
-        x, rope = q[model.stencils.T], model.stencil_rope
+        x, rope = laws.taken(q, model.stencils.T), model.stencil_rope
         voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
         stiffness = rope_values(model, theta, "bend_stiffness", rope)
         e += jnp.sum(jax.vmap(laws.bend_energy)(*x, voronoi, stiffness))
@@ -57,37 +77,54 @@ def potential(model, q, theta):
 
 def dissipation(model, q, v, theta):
     """Stretch and bend dissipation R  [W]."""
+    r = 0.0 if model.sheets is None else sheets.dissipation(model.sheets, q, v, theta)
+    if not model.ropes:
+        return r
     pairs, rope = model.edges.T, model.edge_rope
+    ends = lambda x: laws.taken(x, pairs)
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     damping = rope_values(model, theta, "stretch_damping", rope)
-    r = jnp.sum(jax.vmap(laws.stretch_dissipation)(*q[pairs], *v[pairs], rest, damping))
+    r += jnp.sum(jax.vmap(laws.stretch_dissipation)(*ends(q), *ends(v), rest, damping))
     if len(model.stencils):
         nodes, rope = model.stencils.T, model.stencil_rope
         voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)
         damping = rope_values(model, theta, "bend_damping", rope)
-        r += jnp.sum(jax.vmap(laws.bend_dissipation)(*q[nodes], *v[nodes], voronoi, damping))
+        at = (*laws.taken(q, nodes), *laws.taken(v, nodes))
+        r += jnp.sum(jax.vmap(laws.bend_dissipation)(*at, voronoi, damping))
     return r
 
 
-def drag(model, v, theta):
+def drag(model, q, v, theta):
     """Air drag (n_nodes, 3)  [N]."""
+    wind = theta[model.wind]
+    on_sheets = 0.0 if model.sheets is None else sheets.drag(model.sheets, q, v, wind, theta)
+    if not model.ropes:
+        return on_sheets
     linear = rope_values(model, theta, "drag_linear", model.node_rope)
     quadratic = rope_values(model, theta, "drag_quadratic", model.node_rope)
     each = jax.vmap(laws.drag_force, (0, None, 0, 0, 0))
-    return each(v, theta[model.wind], voronoi_lengths(model, theta), linear, quadratic)
+    count = len(model.node_rope)
+    on_ropes = each(v[:count], wind, voronoi_lengths(model, theta), linear, quadratic)
+    return on_ropes if model.sheets is None else jnp.zeros_like(q).at[:count].set(on_ropes) + on_sheets
 
 
 @partial(jax.jit, static_argnums=0)
-def total_force(model, q, v, theta):
-    """Σ f (n_nodes, 3)  [N], contact excluded."""
-    elastic = -jax.grad(potential, 1)(model, q, theta)
-    damping = -jax.grad(dissipation, 2)(model, q, v, theta)
-    return elastic + damping + drag(model, v, theta)
+def total_force(model, q, v, theta, frames):
+    """Σ f (nq,)  [N, N·m], contact excluded, at q, v (nq,); `frames`: z's part of rods at q."""
+    count = 3 * model.n_nodes
+    x, x_dot = q[:count].reshape(-1, 3), v[:count].reshape(-1, 3)
+    elastic = -jax.grad(potential, 1)(model, x, theta)
+    damping = -jax.grad(dissipation, 2)(model, x, x_dot, theta)
+    nodes = (elastic + damping + drag(model, x, x_dot, theta)).ravel()
+    if model.rods is None:
+        return nodes
+    twists = jnp.zeros(model.nq - count)
+    return rods.force(model.rods, q, v, theta, frames) + jnp.concatenate([nodes, twists])
 
 
 def static_force(model, q, theta):
     """Σ f at rest (n_nodes, 3)  [N]: elastic, gravity and the wind's drag."""
-    return -jax.grad(potential, 1)(model, q, theta) + drag(model, jnp.zeros_like(q), theta)
+    return -jax.grad(potential, 1)(model, q, theta) + drag(model, q, jnp.zeros_like(q), theta)
 
 
 def _shape_values(shape, theta):
@@ -97,7 +134,7 @@ def _shape_values(shape, theta):
 
 def gaps_and_normals(model, q, theta):
     """[(gap (n,), normal (n, 3), friction)] of every shape at the free nodes q (n, 3)."""
-    radius = rope_values(model, theta, "radius", model.node_rope)[model.free]
+    radius = radii(model, theta)[model.free]
     out = []
     for shape in model.shapes:
         gap_of, values = _shape_values(shape, theta)

@@ -6,11 +6,20 @@ Signs: force on the nodes f = -∂E/∂q for an energy E [J] and f = -∂R/∂v 
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 
 def dot(a, b):
     """a·b of two vectors (as a fused sum: it compiles several times faster than `@`)."""
     return jnp.sum(a * b)
+
+
+def taken(x, index):
+    """x[index] along the first axis, as a constant matrix's product: scatters, which the transposed would be, compile slowly."""
+    index = np.asarray(index)
+    select = np.zeros((index.size, len(x)))
+    select[np.arange(index.size), index.ravel()] = 1.0
+    return (select @ x).reshape(*index.shape, *x.shape[1:])
 
 
 def safe_norm(a):

@@ -1,7 +1,8 @@
 """The reference model of a scene: nodes, elements, grippers, shapes, θ.
 
-Nodes of all ropes are consecutive; a clamped end edge inserts a massless ghost node before
-(after) its rope. State x = [q, v], q and v of shape (3 n_nodes,) in m and m/s.
+Nodes of all ropes are consecutive, those of sheets of cloth come after them; a clamped end edge inserts a
+massless ghost node before (after) its rope. State x = [q, v, z], q and v of shape (nq,): of all nodes in m and m/s, then of the twists of
+rods in rad and rad/s; z is what `rods` carries along.
 """
 
 import itertools
@@ -11,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .parameters import Table, add_rope, add_shape
+from . import rods, sheets
+from .parameters import Table, add_rod, add_rope, add_shape, add_sheet
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,11 @@ class Gripper:
     nodes: np.ndarray
     ghost: int | None
     fraction: float  # rest length of the clamped end edge / rope length
-    rope: int
+    rope: int | None
     offset: np.ndarray  # positions in θ
     inputs: slice  # its part of u
+    held: list  # `rods.Held` edges whose axes it holds
+    roll: np.ndarray  # positions in θ of the roll and its slopes by direction and by place; none without held edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +49,10 @@ class Model:
     ropes: list  # θ positions per rope
     n_nodes: int
     rope_nodes: list  # real nodes of each rope, in order
-    node_rope: np.ndarray
+    node_rope: np.ndarray  # of the ropes' nodes, which come first
     node_voronoi: np.ndarray  # Voronoi length / rope length; 0 for ghosts
+    sheets: sheets.Sheets | None
+    sheet_nodes: dict  # of the sheets' nodes: fraction of the area; positions in θ of area, density and radius
     edges: np.ndarray  # (E, 2)
     edge_rope: np.ndarray
     edge_fraction: np.ndarray
@@ -55,6 +61,7 @@ class Model:
     stencil_voronoi: np.ndarray
     grippers: list
     driven: np.ndarray  # (n_nodes,) bool
+    rods: rods.Rods | None
     shapes: list  # (kind, θ positions, constants)
     nu: int
     control_names: list
@@ -62,8 +69,25 @@ class Model:
     v0: np.ndarray
 
     @property
+    def nq(self):
+        """Numbers of q: three of each node, one of each twist."""
+        return 3 * self.n_nodes + (0 if self.rods is None else len(self.rods.edges))
+
+    @property
     def nx(self):
-        return 6 * self.n_nodes
+        return 2 * self.nq + (0 if self.rods is None else len(self.rods.frames0))
+
+    @property
+    def ndx(self):
+        """Numbers of a change of state."""
+        return 2 * self.nq
+
+    @property
+    def driven_rows(self):
+        """(nq,) bool: rows of q that a gripper drives."""
+        twists = np.zeros(self.nq - 3 * self.n_nodes, dtype=bool)
+        twists[[held.edge for g in self.grippers for held in g.held]] = True
+        return np.concatenate([np.repeat(self.driven, 3), twists])
 
     @property
     def free(self):
@@ -76,7 +100,10 @@ class Model:
 
     def initial_state(self):
         """x0 (nx,) of the scene as given (no equilibrium is solved here)."""
-        return np.concatenate([self.q0.ravel(), self.v0.ravel()])
+        if self.rods is None:
+            return np.concatenate([self.q0.ravel(), self.v0.ravel()])
+        still = np.zeros_like(self.rods.twist0)
+        return np.concatenate([self.q0.ravel(), self.rods.twist0, self.v0.ravel(), still, self.rods.frames0])
 
     def hold(self, q=None):
         """The input (nu,) that keeps every gripper where it is in q (n_nodes, 3)."""
@@ -89,6 +116,7 @@ class Model:
             if g.ghost is not None:
                 axis = q[g.nodes[0]] - q[g.ghost]
                 target.append(axis / np.linalg.norm(axis))
+                target += [held.start[1] for held in g.held]
             u[g.inputs] = np.concatenate(target)
         return u
 
@@ -106,21 +134,32 @@ def loads(text):
     magnitude = table.add("gravity.magnitude", gravity.get("magnitude", 9.81))
     tilt = table.add_vector("gravity.tilt", gravity.get("tilt", [0.0, 0.0]))
     wind = table.add_vector("air.wind", air.get("wind", [0.0, 0.0, 0.0]))
-    ropes = scene["rope"]
+    ropes, cloths = scene.get("rope", []), scene.get("cloth", [])
     for rope in ropes:
         given = rope.get("edge_fractions") or np.ones(rope["nodes"] - 1)
         rope["fractions"] = np.asarray(given, dtype=float) / np.sum(given)
     where = [add_rope(table, rope) for rope in ropes]
+    of_sheets = [add_sheet(table, cloth) for cloth in cloths]
     mesh = _mesh(ropes, scene.get("gripper", []))
-    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table)
-    driven = np.zeros(len(mesh["node_rope"]), dtype=bool)
+    q0, v0 = _initial(ropes, mesh)
+    cloth, sheet_nodes = sheets.build(cloths, of_sheets, len(q0))
+    spans = _spans(ropes, mesh, cloths, len(q0))
+    of_rods = []
+    for r, (rope, w) in enumerate(zip(ropes, where, strict=True)):
+        first, last = ((r, end) in mesh["ghosts"] for end in ("first", "last"))
+        numbers = range(0 if first else 1, len(rope["fractions"]) + last)
+        of_rods.append(add_rod(table, rope, w, numbers) if "twist" in rope else {})
+    twisting = rods.build(ropes, where, mesh, q0, of_rods)
+    grippers = _grippers(scene.get("gripper", []), ropes, mesh, table, twisting, q0, spans)
+    if cloth is not None:
+        q0, v0 = np.concatenate([q0, sheet_nodes.pop("q0")]), np.concatenate([v0, sheet_nodes.pop("v0")])
+    driven = np.zeros(len(q0), dtype=bool)
     for g in grippers:
         driven[g.nodes] = True
         if g.ghost is not None:
             driven[g.ghost] = True
     names = _control_names(grippers, scene.get("gripper", []))
     time, contact = scene["time"], scene.get("contact", {})
-    q0, v0 = _initial(ropes, mesh)
     del mesh["ghosts"]
     return Model(
         h=time["step"],
@@ -137,6 +176,9 @@ def loads(text):
         ropes=where,
         n_nodes=len(driven),
         grippers=grippers,
+        rods=twisting,
+        sheets=cloth,
+        sheet_nodes=sheet_nodes,
         driven=driven,
         nu=len(names),
         control_names=names,
@@ -169,6 +211,9 @@ def _mesh(ropes, grippers):
             ghosts[r, "last"] = nodes[-1] + 1
             out["stencils"].append((nodes[-2], nodes[-1], nodes[-1] + 1))
             out["stencil_voronoi"].append(fractions[-1] / 2)
+        if "twist" in rope:  # its bending knows directions: `rods`
+            kept = len(out["stencil_rope"])
+            del out["stencils"][kept:], out["stencil_voronoi"][kept:]
         out["stencil_rope"] += [r] * (len(out["stencils"]) - len(out["stencil_rope"]))
         out["edges"] += list(itertools.pairwise(nodes))
         out["edge_rope"] += [r] * len(fractions)
@@ -178,17 +223,29 @@ def _mesh(ropes, grippers):
         out["rope_nodes"].append(nodes)
         base += first + len(nodes) + last
     keep = {k: np.array(v) for k, v in out.items() if k != "rope_nodes"}
+    keep["edges"] = keep["edges"].reshape(-1, 2).astype(int)
     keep["stencils"] = keep["stencils"].reshape(-1, 3).astype(int)
-    keep["stencil_rope"] = keep["stencil_rope"].astype(int)
+    for key in ("node_rope", "edge_rope", "stencil_rope"):
+        keep[key] = keep[key].astype(int)
     return keep | {"rope_nodes": out["rope_nodes"], "ghosts": ghosts}
 
 
-def _grippers(entries, ropes, mesh, table):
+def _spans(ropes, mesh, cloths, first):
+    """Name -> nodes of every rope and sheet."""
+    out = {rope["name"]: nodes for rope, nodes in zip(ropes, mesh["rope_nodes"], strict=True)}
+    for cloth in cloths:
+        count = int(np.prod(cloth["grid"]["nodes"]))
+        out[cloth["name"]] = first + np.arange(count)
+        first += count
+    return out
+
+
+def _grippers(entries, ropes, mesh, table, twisting, q0, spans):
     """The grippers in scene order, with their inputs laid out in u."""
     names, out, start = [rope["name"] for rope in ropes], [], 0
     for g in entries:
-        r, mode = names.index(g["rope"]), g.get("mode", "prescribed")
-        real = mesh["rope_nodes"][r]
+        r, mode = names.index(g["rope"]) if "rope" in g else None, g.get("mode", "prescribed")
+        real = spans[g["cloth"] if r is None else g["rope"]]
         ghost, fraction = None, 0.0
         if "end" in g:
             first = g["end"] == "first"
@@ -199,8 +256,18 @@ def _grippers(entries, ropes, mesh, table):
             nodes = real[np.array(g["nodes"])]
         size = 6 if ghost is not None else (3 * len(nodes) if mode == "prescribed" else 3)
         offset = table.add_vector(f"{g['name']}.offset", g.get("offset", [0.0, 0.0, 0.0]))
+        if ghost is None:
+            held = rods.held_edges(twisting, q0, nodes)
+        else:
+            held = rods.held_edges(twisting, q0, [nodes[0], ghost], nodes[0])
+        rolls, roll = held and mode == "prescribed", []
+        if rolls:
+            roll = [table.add(f"{g['name']}.roll", g.get("roll", 0.0))]
+            for key in ("roll_by_direction", "roll_by_position"):
+                roll += list(table.add_vector(f"{g['name']}.{key}", g.get(key, [0.0, 0.0, 0.0])))
+        size += 3 if rolls and ghost is not None else 0
         inputs = slice(start, start + size)
-        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs))
+        out.append(Gripper(g["name"], mode, nodes, ghost, fraction, r, offset, inputs, held, np.array(roll, dtype=int)))
         start += size
     return out
 
@@ -215,6 +282,7 @@ def _control_names(grippers, entries):
         else:
             first, second = ["velocity"], "angular_velocity"
         groups = first + ([second] if g.ghost is not None else [])
+        groups += ["director"] * (g.ghost is not None and g.mode == "prescribed" and bool(g.held))
         names += [f"{g.name}.{group}.{c}" for group in groups for c in "xyz"]
     return names
 

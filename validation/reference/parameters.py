@@ -1,6 +1,6 @@
 """The flat parameter vector θ of a scene: paths, defaults and their positions.
 
-Order: gravity, air, per rope, per gripper, per shape. SI units.
+Order: gravity, air, per rope, per sheet, per rod that twists, per gripper, per shape. SI units.
 """
 
 from dataclasses import dataclass, field
@@ -28,6 +28,19 @@ ROPE_DEFAULTS = {
     "tip_mass": 0.0,
     "radius": 0.0,
 }
+SHEET_ENTRIES = (
+    "area",
+    "area_density",
+    "thickness",
+    "youngs_modulus",
+    "poisson_ratio",
+    "bend_stiffness",
+    "membrane_damping",
+    "bend_damping",
+    "drag_normal",
+    "drag_quadratic",
+    "radius",
+)
 SHAPE_ENTRIES = {  # kind -> (entry, components; 0 = scalar)
     "plane": (("height", 0), ("friction", 0)),
     "sphere": (("center", 3), ("radius", 0), ("friction", 0)),
@@ -66,6 +79,50 @@ def add_rope(table, rope):
         [table.add(f"{name}.node[{i}].mass", m) for i, m in enumerate(extra)]
     )
     return where
+
+
+def add_rod(table, rope, where, numbers):
+    """Adds the entries of a rope's twist table; returns their positions by name, `joints` an array with a row each.
+
+    `where`: those of the rope itself; `numbers` of the nodes at which it has joints.
+    """
+    name, twist = rope["name"], rope["twist"]
+    inertia = twist.get("inertia", 0.5 * rope["linear_density"] * rope.get("radius", 0.0) ** 2)
+    out = {
+        "twist_stiffness": table.add(f"{name}.twist_stiffness", twist["stiffness"]),
+        "twist_damping": table.add(f"{name}.twist_damping", twist.get("damping", 0.0)),
+        "twist_inertia": table.add(f"{name}.twist_inertia", inertia),
+        "bend_stiffness_2": where["bend_stiffness"],
+    }
+    if "bend_stiffness_2" in twist:
+        out["bend_stiffness_2"] = table.add(f"{name}.bend_stiffness_2", twist["bend_stiffness_2"])
+    out["section_roll"] = table.add(f"{name}.section_roll", twist.get("section_roll", 0.0))
+    curvature = table.add_vector(f"{name}.rest_curvature", twist.get("rest_curvature", [0.0, 0.0]))
+    out["rest_curvature_0"], out["rest_curvature_1"] = curvature
+    out["rest_twist"] = table.add(f"{name}.rest_twist", twist.get("rest_twist", 0.0))
+    count = len(rope["fractions"]) + 1
+    own = {entry["node"] % count: entry for entry in twist.get("joint", [])}
+    joints = []
+    for k in numbers:
+        entry = own.get(k, {})
+        curvature = table.add_vector(f"{name}.node[{k}].rest_curvature", entry.get("rest_curvature", [0.0, 0.0]))
+        joints.append([*curvature, table.add(f"{name}.node[{k}].bend_factor", entry.get("bend_factor", 1.0))])
+    out["joints"] = np.array(joints)
+    return out
+
+
+def add_sheet(table, cloth):
+    """Adds a sheet's entries; returns their positions by name."""
+    t, young, nu = cloth["thickness"], cloth["youngs_modulus"], cloth.get("poisson_ratio", 0.3)
+    usual = {
+        "area": float(np.prod(cloth["grid"]["size"])),
+        "area_density": cloth.get("density", 0.0) * t,
+        "poisson_ratio": nu,
+        "bend_stiffness": young * t**3 / (12.0 * (1.0 - nu**2)),
+        "radius": 0.5 * t,
+    }
+    value = lambda key: cloth.get(key, usual.get(key, 0.0))
+    return {key: table.add(f"{cloth['name']}.{key}", value(key)) for key in SHEET_ENTRIES}
 
 
 def add_shape(table, kind, shape):

@@ -1,34 +1,32 @@
 """One step as a root, for euler, midpoint and sdirk2, and the rollout.
 
-Stage of length h, unknown y = v⁺ of the free nodes (driven nodes follow v_cmd exactly):
-    r = m (v⁺ - v)/h - Σ f(q̄, v̄; θ) - p(q⁺, v⁺)/h = 0   [N]
+Stage of length h, unknown y = v⁺ of the free rows of nodes and twists (driven ones follow v_cmd exactly):
+    r = m (v⁺ - v)/h - Σ f(q̄, v̄, z̄; θ) - p(q⁺, v⁺)/h = 0   [N, N·m]
     q̄ = q + h (a0 v + a1 v⁺),  v̄ = b0 v + b1 v⁺,  q⁺ = q + h (d0 v + d1 v⁺)
-solved as P (h/m) r = 0 with P the constant inverse Jacobian near the root, so that the
-tolerance is one on velocities. optimistix's implicit adjoint differentiates it.
+z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺. Solved for (h/m) r by damped Newton steps (`warm`), so that the tolerance is
+one on velocities; derivatives are those of the implicit function theorem.
 """
 
 import math
 
 import jax
 import jax.numpy as jnp
-import lineax
 import numpy as np
-import optimistix
 
-from . import forces, warm
+from . import forces, rods, warm
+from .laws import taken
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 EULER = (0.0, 1.0, 0.0, 1.0, 0.0, 1.0)
 MIDPOINT_FREE = (0.25, 0.25, 0.5, 0.5, 0.5, 0.5)
 MIDPOINT_DRIVEN = (0.0, 0.5, 0.0, 1.0, 0.0, 1.0)
-RTOL = ATOL = 1e-13  # of velocities [m/s]
 
 
 def coefficients(model):
-    """(a0, a1, b0, b1, d0, d1), each (n_nodes, 1)."""
+    """(a0, a1, b0, b1, d0, d1), each (nq,)."""
     midpoint = model.integrator == "midpoint"
     free, driven = (MIDPOINT_FREE, MIDPOINT_DRIVEN) if midpoint else (EULER, EULER)
-    return [np.where(model.driven, d, f)[:, None] for f, d in zip(free, driven, strict=True)]
+    return [np.where(model.driven_rows, d, f) for f, d in zip(free, driven, strict=True)]
 
 
 def cayley(a):
@@ -48,7 +46,7 @@ def commanded_velocity(model, q, u, theta):
             targets = inputs[: 3 * count].reshape(count, 3) + theta[g.offset]
             out = out.at[g.nodes].set((targets - q[g.nodes]) / h)
             if g.ghost is not None:
-                axis = inputs[3:] / jnp.sqrt(inputs[3:] @ inputs[3:])
+                axis = inputs[3:6] / jnp.sqrt(inputs[3:6] @ inputs[3:6])
                 rest = g.fraction * theta[model.ropes[g.rope]["length"]]
                 out = out.at[g.ghost].set((targets[0] - rest * axis - q[g.ghost]) / h)
         else:
@@ -59,71 +57,87 @@ def commanded_velocity(model, q, u, theta):
     return out
 
 
+def command(model, q, z, u, theta):
+    """v_cmd (nq,) [m/s, rad/s] of all rows; zero at free ones."""
+    x = nodes_of(model, q)
+    nodes = commanded_velocity(model, x, u, theta).ravel()
+    if model.rods is None:
+        return nodes
+    return jnp.concatenate([nodes, rods.commanded_turns(model, x, q[3 * model.n_nodes :], z, u, theta)])
+
+
+def nodes_of(model, q):
+    """The nodes' part of q or v (nq,), (n_nodes, 3)."""
+    return q[: 3 * model.n_nodes].reshape(-1, 3)
+
+
+def carry(model, start, z, end):
+    """z carried along from q = `start` to `end` (nq,)."""
+    return z if model.rods is None else rods.carry(model.rods, nodes_of(model, start), z, nodes_of(model, end))
+
+
 def make_stage(model, h):
-    """stage(q, v, v_cmd, theta, kappa) -> (v⁺ (n_nodes, 3), residual size [m/s])."""
+    """stage(q, v, z, v_cmd, theta, kappa) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s])."""
     a0, a1, b0, b1, d0, d1 = coefficients(model)
-    free, touching = model.free, bool(model.shapes)
+    nodes, free, touching = model.free, np.flatnonzero(~model.driven_rows), bool(model.shapes)
+    expanding = np.eye(model.nq)[:, free]
+    of_nodes = np.eye(model.nq)[(3 * nodes[:, None] + np.arange(3)).ravel()]
     levels = max(0, round(math.log10(1e-3 / model.rest_gap))) if touching else 0
 
     def expand(y, v_cmd):
-        return v_cmd.at[free].set(y.reshape(-1, 3))
+        return v_cmd + expanding @ y
+
+    def at_nodes(q):
+        return (of_nodes @ q).reshape(-1, 3)
 
     def scaled(y, args, scale=1.0):
-        q, v, v_cmd, theta, kappa, _ = args
+        q, v, z, v_cmd, theta, kappa = args
         vp = expand(y, v_cmd)
         q_bar, v_bar = q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp
-        force = forces.total_force(model, q_bar, v_bar, theta)[free]
+        force = forces.total_force(model, q_bar, v_bar, theta, carry(model, q, z, q_bar))
         if touching:
-            q_next = (q + h * (d0 * v + d1 * vp))[free]
-            smoothing = scale * kappa[free]
-            force += forces.contact_impulse(model, q_next, vp[free], theta, smoothing, h) / h
-        m = forces.masses(model, theta)[free, None]
-        return (vp[free] - v[free] - h / m * force).ravel()
-
-    def root(y, args):
-        return args[-1] @ scaled(y, args)
+            q_next, v_next = at_nodes(q + h * (d0 * v + d1 * vp)), at_nodes(vp)
+            smoothing = scale * taken(kappa, nodes)
+            force += of_nodes.T @ (forces.contact_impulse(model, q_next, v_next, theta, smoothing, h) / h).ravel()
+        return expanding.T @ (vp - v) - h * (expanding.T @ force) / (expanding.T @ forces.row_masses(model, theta))
 
     def start(args):
-        q, v, _, theta, _, _ = args
+        q, v, _, v_cmd, theta, _ = args
 
         def rows(y, scale):
             return scaled(y, args, scale)
 
         if not touching:
-            return warm.follow(rows, lambda y: jnp.ones(1), v[free].ravel(), weight(theta), 0)
+            return warm.follow(rows, lambda y: jnp.ones(1), v[free], weight(theta), 0)
+        x = at_nodes(q)
 
         def margins(y):
-            w = y.reshape(-1, 3)
-            return forces.contact_margins(model, q[free] + h * w, w, theta, h)
+            w = at_nodes(expand(y, v_cmd))
+            return forces.contact_margins(model, x + h * w, w, theta, h)
 
         def geometry(w):
-            return forces.gaps_and_normals(model, q[free] + h * w, theta)
+            return forces.gaps_and_normals(model, x + h * w, theta)
 
-        y0 = warm.admissible(geometry, v[free], h).ravel()
+        raised = warm.admissible(geometry, at_nodes(v), h)
+        y0 = expanding.T @ (v + of_nodes.T @ (raised - at_nodes(v)).ravel())
         return warm.follow(rows, margins, y0, weight(theta), levels)
 
     def weight(theta):
-        return jnp.repeat(jnp.sqrt(forces.masses(model, theta)[free]), 3)
+        return jnp.sqrt(forces.row_masses(model, theta)[free])
 
-    solver = optimistix.Newton(rtol=RTOL, atol=ATOL, linear_solver=lineax.LU())
-    adjoint = optimistix.ImplicitAdjoint(linear_solver=lineax.LU())
-
-    def stage(q, v, v_cmd, theta, kappa):
-        args = (q, v, v_cmd, theta, kappa, None)
+    def stage(q, v, z, v_cmd, theta, kappa):
+        args = (q, v, z, v_cmd, theta, kappa)
         fixed = jax.lax.stop_gradient(args)
-        y0, inverse = jax.lax.stop_gradient(start(fixed))
-        args = (*args[:5], inverse)
-        found = optimistix.root_find(
-            root, solver, y0, args, adjoint=adjoint, max_steps=20, throw=False
-        )
-        error = jnp.max(jnp.abs(jax.lax.stop_gradient(root(found.value, args))))
-        return expand(found.value, v_cmd), error
+        y, inverse = jax.lax.stop_gradient(start(fixed))
+        # the value is one more step of Newton's; its derivative -K⁻¹ ∂r/∂args is the theorem's
+        d = inverse @ scaled(y, args)
+        return expand(y - d, v_cmd), jnp.max(jnp.abs(jax.lax.stop_gradient(d)))
 
     return stage
 
 
 def make_step(model, report=False):
-    """step(x, u, theta[, kappa]) -> x⁺ (nx,), or (x⁺, preconditioned residual [m/s]) with `report`.
+    """step(x, u, theta[, kappa]) -> x⁺ (nx,), or (x⁺, size of the last Newton step [m/s, rad/s]) with `report`.
 
     kappa (n_nodes,) [J]: the smoothing; by default rest_gap m_i |g| at θ.
     """
@@ -133,31 +147,64 @@ def make_step(model, report=False):
     h = model.h
     stage = make_stage(model, GAMMA * h if two_stage else h)
 
-    def sdirk2(q, v, v_cmd, theta, kappa):
-        def body(carry, _):
-            q_ref, v_ref, _ = carry
-            v1, error = stage(q_ref, v_ref, v_cmd, theta, kappa)
-            q_next = q_ref + GAMMA * h * v1
+    def sdirk2(q, v, z, v_cmd, theta, kappa):
+        def body(carried, _):
+            q_ref, v_ref, z_ref, _ = carried
+            v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa)
+            q_end = q_ref + GAMMA * h * v1
             blend = (1.0 - GAMMA) / GAMMA
-            return (q + (1.0 - GAMMA) * h * v1, v + blend * (v1 - v), error), (q_next, v1, error)
+            q_second = q + (1.0 - GAMMA) * h * v1
+            second = (q_second, v + blend * (v1 - v), carry(model, q, z, q_second), error)
+            return second, (q_end, v1, carry(model, q_ref, z_ref, q_end), error)
 
-        _, (q_next, v_next, error) = jax.lax.scan(body, (q, v, jnp.zeros(())), None, length=2)
-        return q_next[1], v_next[1], jnp.max(error)
+        _, (q_end, v_end, z_end, error) = jax.lax.scan(body, (q, v, z, jnp.zeros(())), None, length=2)
+        return q_end[1], v_end[1], z_end[1], jnp.max(error)
 
-    def one_stage(q, v, v_cmd, theta, kappa):
-        vp, error = stage(q, v, v_cmd, theta, kappa)
+    def one_stage(q, v, z, v_cmd, theta, kappa):
+        vp, error = stage(q, v, z, v_cmd, theta, kappa)
         *_, d0, d1 = coefficients(model)
-        return q + h * (d0 * v + d1 * vp), vp, error
+        q_next = q + h * (d0 * v + d1 * vp)
+        return q_next, vp, carry(model, q, z, q_next), error
 
     def step(x, u, theta, kappa=None):
-        q, v = x.reshape(2, -1, 3)
+        q, v, z = jnp.split(x, [model.nq, 2 * model.nq])
         kappa = forces.kappas(model, theta) if kappa is None else kappa
-        v_cmd = commanded_velocity(model, q, u, theta)
-        q_next, v_next, error = (sdirk2 if two_stage else one_stage)(q, v, v_cmd, theta, kappa)
-        x_next = jnp.concatenate([q_next.ravel(), v_next.ravel()])
+        v_cmd = command(model, q, z, u, theta)
+        *parts, error = (sdirk2 if two_stage else one_stage)(q, v, z, v_cmd, theta, kappa)
+        x_next = jnp.concatenate(parts)
         return (x_next, error) if report else x_next
 
     return step
+
+
+def displaced(model, x, dx):
+    """x ⊕ δx (nx,): axes move with their edges, then the material turns about them."""
+    q, v, z = jnp.split(x, [model.nq, 2 * model.nq])
+    q_next = q + dx[: model.nq]
+    return jnp.concatenate([q_next, v + dx[model.nq :], carry(model, q, z, q_next)])
+
+
+def change(model, x, at):
+    """x ⊖ at (ndx,), exact to first order in it."""
+    if model.rods is None:
+        return x - at
+    parts = [jnp.split(y, [3 * model.n_nodes, model.nq, 2 * model.nq]) for y in (x, at)]
+    (p, twist, v, z), (p0, twist0, v0, z0) = parts
+    before = (p0.reshape(-1, 3), twist0, z0)
+    turns = rods.change_of_twists(model.rods, p.reshape(-1, 3), twist, z, before)
+    return jnp.concatenate([p - p0, turns, v - v0])
+
+
+def make_change_of_step(model):
+    """step(dx, x, u, theta) -> (change of x⁺ (ndx,) by the change dx of x, (x⁺ (nx,), residual [m/s])), for derivatives at dx = 0."""
+    step = make_step(model, report=True)
+
+    def changed(dx, x, u, theta):
+        x_next, error = step(displaced(model, x, dx), u, theta)
+        at = jax.lax.stop_gradient(x_next)
+        return change(model, x_next, at), (at, error)
+
+    return changed
 
 
 def make_rollout(model):

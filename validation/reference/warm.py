@@ -19,7 +19,7 @@ def follow(residual, margins, y0, weight, levels, tolerance=1e-9, max_iterations
 
     residual(y, scale) -> (n,) [m/s]; margins(y) -> array, positive where admissible;
     weight (n,) [√kg]; levels: number of tenfold reductions of κ. y0 must be admissible. tolerance: relative
-    size of the Newton step that is left at the end.
+    size of the Newton step at most left at the end; then steps go on for as long as they shrink tenfold.
     """
 
     def size(d):
@@ -37,14 +37,15 @@ def follow(residual, margins, y0, weight, levels, tolerance=1e-9, max_iterations
         noise = after <= NOISE * (1e-3 * jnp.linalg.norm(weight) + size(trial))
         contracts = (after <= (1.0 - alpha / 4.0) * size(d)) | (alpha < SHORTEST) | noise
         accept = fresh | (contracts & jnp.all(margins(trial) > KEEP * margins(y)))
-        settled = accept & ~fresh & (alpha == 1.0) & ((after <= 0.1 * size(d)) | noise)
+        quick = after <= 0.1 * size(d)
+        settled = accept & ~fresh & (alpha == 1.0) & (quick | noise)
         fine = after <= tolerance * (1e-3 * jnp.linalg.norm(weight) + size(trial))
         y = jnp.where(accept, trial, y)
         new_inverse = jnp.linalg.inv(slope)
         inverse = jnp.where(accept, new_inverse, inverse)
         d = jnp.where(accept, -new_inverse @ rows, d)
         alpha = jnp.where(accept, 1.0, 0.5 * alpha)
-        done = settled & fine & (level == 0)
+        done = fine & ~fresh & (level == 0) & (~quick | noise)
         fresh = settled & (level > 0)
         return y, d, inverse, alpha, level - fresh, fresh, count + 1, done
 
