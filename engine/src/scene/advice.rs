@@ -152,6 +152,18 @@ impl Mistake {
                 "positions in m and length in mm, or a rope too long for its points",
                 "give positions and `length` in m; an edge may start at a tenth of its length at least",
             ),
+            Self::Shape { kind: "closed", .. } => both(
+                "the rope was closed, and its initial shape left",
+                "write `initial = { shape = \"circle\", center = [0, 0, 0], normal = [0, 0, 1] }`, or give points",
+            ),
+            Self::Shape { .. } => both("`closed` was left out", "write `closed = true`, or another initial shape"),
+            Self::NoPolygon { .. } => {
+                both("`edge_fractions` in which one edge is most of the ring", "divide the long edge, or give points")
+            }
+            Self::NoEnds { .. } => both(
+                "a key of an open rope",
+                "hold `nodes` instead of an `end`, and give `node_mass` instead of `tip_mass`; or remove `closed`",
+            ),
             Self::HoldsNothing => both("an empty list", "write e.g. `nodes = [0]`, or `end = \"first\"`"),
             Self::NothingToTurn { .. } => both(
                 "the rope has no `[rope.twist]`, or the gripper does not hold both nodes of an edge, or moves nodes, which have no direction",
