@@ -63,7 +63,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         return Err(StepError::EquilibriumWithContact { shape });
     }
     let mut frames = model.frames_at(guess);
-    let placement = place_clamped(model, theta, u, guess)?;
+    let placement = place_clamped(model, theta, u, [guess, &frames])?;
     let mut q = placement.0;
     model.rods.carry_frames(guess, &q, &mut frames);
     let (mass, row_mass, inertias) = (model.masses(theta), model.row_masses(theta), model.inertias(theta));
@@ -179,11 +179,16 @@ fn finish(
 /// Derivatives of clamped positions: (row of q, control or parameter, value).
 pub type Placement = Vec<(usize, Input, f64)>;
 
-/// Positions `guess` with the prescribed nodes moved to where `u` puts them, and the derivatives of those targets.
-pub fn place_clamped(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> Result<(Vec<f64>, Placement), StepError> {
+/// Positions `guess` with the prescribed nodes and twists moved to where `u` puts them, and the derivatives of those targets. `frames`:
+/// z's part of rods at `guess`.
+pub fn place_clamped(
+    model: &Model,
+    theta: &[f64],
+    u: &[f64],
+    [guess, frames]: [&[f64]; 2],
+) -> Result<(Vec<f64>, Placement), StepError> {
     let mut shift = vec![0.0; model.nv()];
-    let frames = model.frames_at(guess);
-    let guess_state = [guess, frames.as_slice()];
+    let guess_state = [guess, frames];
     let mut derivatives = Vec::new();
     for drive in model.drives.iter().filter(|d| d.is_prescribed()) {
         drive.command(guess_state, u, theta, 1.0, &mut shift).map_err(|source| StepError::Command { step: 0, source })?;

@@ -22,7 +22,7 @@ use crate::kinematics::Drive;
 use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
 use crate::params::Params;
-use crate::rods::{Remembered, RodEdge, RodPast, RodPoint, Rods};
+use crate::rods::{Following, Remembered, RodEdge, RodPast, RodPoint, Rods};
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use crate::state::State;
 use crate::terms::Term;
@@ -305,6 +305,17 @@ impl Model {
         let mut frames = self.frames0.clone();
         self.rods.carry_frames(&self.q0, q, &mut frames);
         frames
+    }
+
+    /// Turns the edges of rods that nothing holds so that twist is even between those that grippers hold, as in a straight section at
+    /// rest: a start where only positions are known. Returns by how much each follows the held ones.
+    pub fn spread_twists(&self, q: &mut [f64], frames: &[f64]) -> Following {
+        self.rods.spread_twists(&self.driven_rows, q, frames)
+    }
+
+    /// Takes whole turns out of the twist between neighbouring edges that grippers hold, so that at most half a turn is left.
+    pub fn take_out_turns(&self, x: &mut State) {
+        self.rods.take_out_turns(&self.driven_rows, &mut x.q, &x.z[self.ndz()..]);
     }
 
     /// Kinetic energy of nodes, bodies and armatures \[J\].

@@ -20,6 +20,7 @@ mod displace;
 mod frames;
 mod joint;
 mod memory;
+mod spread;
 mod term;
 mod transport;
 
@@ -27,6 +28,7 @@ pub use carry::Carry;
 pub use frames::RodPoint;
 pub(crate) use memory::Remembered;
 pub use memory::RodPast;
+pub use spread::Following;
 pub(crate) use transport::{angle, any_normal, carried, normal_part};
 
 use crate::terms::section::SectionLaw;

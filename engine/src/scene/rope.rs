@@ -193,6 +193,33 @@ pub struct Twist {
     /// it does not come out even, the ends are joined turned against each other.
     #[serde(default)]
     pub initial: f64,
+    /// What is different where the edges meet at single nodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint: Vec<JointSection>,
+}
+
+/// The section of a rod at one node, where it differs from the rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointSection {
+    /// Node number; negative numbers count from the end.
+    pub node: i64,
+    /// Curvature at rest towards the two principal axes, added to that of the rod [1/m].
+    #[serde(default)]
+    pub rest_curvature: [f64; 2],
+    /// Bending stiffness as a multiple of the rod's [-].
+    #[serde(default = "one")]
+    pub bend_factor: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Default for JointSection {
+    fn default() -> Self {
+        Self { node: 1, rest_curvature: [0.0; 2], bend_factor: 1.0 }
+    }
 }
 
 impl Default for Twist {
@@ -208,6 +235,7 @@ impl Default for Twist {
             rest_twist: 0.0,
             director: None,
             initial: 0.0,
+            joint: Vec::new(),
         }
     }
 }

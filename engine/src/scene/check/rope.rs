@@ -5,7 +5,7 @@ use super::super::file::Scene;
 use super::super::gripper::End;
 use super::super::initial::rope_points;
 use super::super::rod::RodStart;
-use super::super::rope::{Initial, Rope};
+use super::super::rope::{Initial, Rope, Twist};
 use super::super::words::list;
 use super::{not_negative, positive};
 use std::f64::consts::PI;
@@ -88,7 +88,31 @@ fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         }
         None => {}
     }
+    joints(scene, rope, twist, &at)?;
     RodStart::new(scene, r).map(drop)
+}
+
+/// Every section of its own is at a node where two edges meet, and at another than the one before.
+fn joints<X>(scene: &Scene<X>, rope: &Rope, twist: &Twist, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let n = rope.n_nodes();
+    let first = usize::from(!(rope.closed || scene.clamps_end(rope, End::First)));
+    let last = n - usize::from(!(rope.closed || scene.clamps_end(rope, End::Last)));
+    let mut seen = Vec::new();
+    for (k, joint) in twist.joint.iter().enumerate() {
+        let at = |key: &str| at(&format!("joint[{k}].{key}"));
+        let mistake = match rope.node(joint.node) {
+            None => Mistake::NoSuchNode { rope: rope.name.clone(), node: joint.node, nodes: n },
+            Some(node) if !(first..last).contains(&node) => Mistake::NoJoint { rope: rope.name.clone(), node: joint.node },
+            Some(node) if seen.contains(&node) => Mistake::JointTwice { rope: rope.name.clone(), node: joint.node },
+            Some(node) => {
+                seen.push(node);
+                not_negative(&at("bend_factor"), joint.bend_factor, "-")?;
+                continue;
+            }
+        };
+        return Err(SceneError::at(at("node"), mistake));
+    }
+    Ok(())
 }
 
 /// What a rod's section remembers.

@@ -3,23 +3,31 @@
 use super::{RememberingSection, SectionState};
 use crate::terms::Real;
 use crate::terms::joint::relax;
+use std::ops::Range;
 
 /// A Maxwell element, a spring in series with a damper, beside the elastic section (standard linear solid). Of the strains it has
 /// an elastic part e that relaxes:
 /// ```text
-/// M = R(roll) diag(g EI₁, g EI₂, g_t GJ) R(−roll) e/l,     ė = ε̇ − e/τ
+/// M = R(roll) diag(s g EI₁, s g EI₂, g_t GJ) R(−roll) e/l,     ė = ε̇ − e/τ
 /// ```
 /// The section's own stiffnesses are those of long times; what changes fast meets (1 + g) times as much. A step takes e from its
 /// beginning to where the moment is evaluated at constant rate, exactly: e⁺ = E e + (τ/t)(1 − E) Δε, E = e^{−t/τ}, whatever t/τ is.
 /// The strains are those towards the axes half way, so that a turn of the whole rod changes nothing.
 ///
-/// Parameters: rod length \[m\], EI₁, EI₂, GJ [N·m²], roll \[rad\], g, g_t [-] ≥ 0, τ \[s\] > 0. Memory: e, zero as the scene begins: a rod that
+/// Parameters: rod length \[m\], EI₁, EI₂, GJ [N·m²], roll \[rad\], g, g_t [-] ≥ 0, τ \[s\] > 0; of every joint s [-], its stiffness
+/// as a multiple of the rod's. Memory: e, zero as the scene begins: a rod that
 /// has had its initial shape for ever. Energy ½ g EI e²/l. Limits: g = 0 nothing; τ → ∞ an elastic section of its own that is at rest in the
 /// initial shape; τ → 0 a viscous one, M = g τ EI ε̇/l.
 #[derive(Clone, Debug)]
 pub struct CreepSection {
     /// Indices in θ, in the order above.
     pub params: [usize; 8],
+    /// Index in θ of the first joint's s.
+    pub own: usize,
+    /// From one joint's to the next's.
+    pub stride: usize,
+    /// The first joint it belongs to.
+    pub first: usize,
 }
 
 /// e where the moment is evaluated.
@@ -39,6 +47,11 @@ impl RememberingSection for CreepSection {
         &self.params
     }
 
+    fn own(&self, joint: usize) -> Range<usize> {
+        let k = self.own + self.stride * joint.saturating_sub(self.first);
+        k..k + 1
+    }
+
     fn memory(&self) -> &'static [&'static str] {
         &["creep[0]", "creep[1]", "creep[2]"]
     }
@@ -46,7 +59,7 @@ impl RememberingSection for CreepSection {
     fn moment<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3] {
         let (e, by_length) = (elastic(at, p), (p[0] * at.fraction).recip());
         let (sin, cos) = p[4].sin_cos();
-        let bend = p[5] * by_length;
+        let bend = p[8] * p[5] * by_length;
         let (m1, m2) = (p[1] * bend * (e[0] * cos + e[1] * sin), p[2] * bend * (e[1] * cos - e[0] * sin));
         [m1 * cos - m2 * sin, m1 * sin + m2 * cos, p[3] * p[6] * by_length * e[2]]
     }
@@ -68,10 +81,10 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    const THETA: [f64; 8] = [0.7, 0.02, 0.05, 0.013, 0.4, 0.6, 0.3, 0.07];
+    const THETA: [f64; 9] = [0.7, 0.02, 0.05, 0.013, 0.4, 0.6, 0.3, 0.07, 1.2];
 
     fn law() -> CreepSection {
-        CreepSection { params: [0, 1, 2, 3, 4, 5, 6, 7] }
+        CreepSection { params: [0, 1, 2, 3, 4, 5, 6, 7], own: 8, stride: 0, first: 0 }
     }
 
     fn state(strain: [f64; 3], past: [f64; 3], memory: [f64; 3], elapsed: f64) -> SectionState<f64> {

@@ -21,6 +21,7 @@ pub use viscous::{Viscous, ViscousSection};
 
 use super::Real;
 use std::fmt::Debug;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A joint's strains: curvatures towards the two material axes [-] and twist \[rad\], integrated over the joint's length.
@@ -112,8 +113,13 @@ pub trait Section: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;
 
-    /// Indices in θ of what it reads, in the order it expects; at most [`AutomaticSection::MAX_PARAMS`].
+    /// Indices in θ of what it reads, in the order it expects; with those of [`Section::own`] at most [`AutomaticSection::MAX_PARAMS`].
     fn params(&self) -> &[usize];
+
+    /// Indices in θ of what it reads of this joint alone; they follow the others.
+    fn own(&self, _joint: usize) -> Range<usize> {
+        0..0
+    }
 
     /// The moment \[N·m\] of a joint at `strain` and `rate`; `p`: the parameters' values; `fraction` of the rod's length.
     fn moment<S: Real>(&self, joint: usize, fraction: f64, strain: &[S; 3], rate: &[S; 3], p: &[S]) -> [S; 3];

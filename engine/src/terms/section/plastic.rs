@@ -19,6 +19,8 @@ use std::ops::Range;
 pub struct PlasticSection {
     /// Indices in θ, in the order above.
     pub params: [usize; 10],
+    /// Index in θ of the first joint's own (κ̄₁, κ̄₂, multiple of the stiffness), three each.
+    pub own: usize,
     /// The joints it belongs to.
     pub joints: Range<usize>,
     /// Strains at rest, joint by joint.
@@ -37,8 +39,8 @@ impl PlasticSection {
     fn flowed<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> Flowed<S> {
         let (sin, cos) = p[4].sin_cos();
         let (rest, z) = (&self.rest[at.joint - self.joints.start], &at.memory);
-        let (k, stiffness) = excess(rest, at.fraction, &at.strain, p, [sin, cos]);
-        let (past, _) = excess(rest, at.fraction, &at.past, p, [sin, cos]);
+        let (k, stiffness) = excess(rest, at.fraction, &at.strain, [p, &p[10..]], [sin, cos]);
+        let (past, _) = excess(rest, at.fraction, &at.past, [p, &p[10..]], [sin, cos]);
         let elastic = if at.elapsed > 0.0 {
             let begin = [past[0] - z[0], past[1] - z[1]];
             flow(begin, [k[0] - past[0], k[1] - past[1]], at.elapsed, p[9], p[8] * p[0] * at.fraction)
@@ -56,6 +58,11 @@ impl RememberingSection for PlasticSection {
 
     fn params(&self) -> &[usize] {
         &self.params
+    }
+
+    fn own(&self, joint: usize) -> Range<usize> {
+        let first = self.own + 3 * joint.saturating_sub(self.joints.start);
+        first..first + 3
     }
 
     fn memory(&self) -> &'static [&'static str] {
@@ -259,10 +266,10 @@ mod tests {
         assert!(worst > -1e-15, "{worst}");
     }
 
-    const THETA: [f64; 10] = [0.7, 0.02, 0.05, 0.013, 0.4, 1.5, -0.7, 2.0, 1.2, 0.07];
+    const THETA: [f64; 13] = [0.7, 0.02, 0.05, 0.013, 0.4, 1.5, -0.7, 2.0, 1.2, 0.07, 0.3, -0.2, 1.1];
 
     fn law() -> PlasticSection {
-        PlasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] }
+        PlasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], own: 10, joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] }
     }
 
     #[test]
@@ -274,12 +281,13 @@ mod tests {
 
     #[test]
     fn within_the_yield_it_is_the_elastic_section() {
-        let elastic = ElasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7], joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] };
+        let elastic = ElasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7], own: 10, joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] };
         let strain = [0.2, -0.1, 0.5];
         let state = SectionState { joint: 0, fraction: 0.2, strain, past: [0.15, -0.05, 0.1], memory: [0.0; 3], elapsed: 0.01 };
         let mut theta = THETA;
         theta[8] = 5.0;
-        let (a, b) = (law().moment(&state, &theta), elastic.moment(0, 0.2, &strain, &[0.0; 3], &THETA[..8]));
+        let without = [&THETA[..8], &THETA[10..]].concat();
+        let (a, b) = (law().moment(&state, &theta), elastic.moment(0, 0.2, &strain, &[0.0; 3], &without));
         (0..3).for_each(|s| assert_relative_eq!(a[s], b[s], max_relative = 1e-14));
     }
 }

@@ -5,10 +5,11 @@ use crate::terms::Real;
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
 use std::fmt::Debug;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Most parameters of a section, and directions of a dual number where many are asked for.
-const MAX_PARAMS: usize = 12;
+const MAX_PARAMS: usize = 14;
 const CHUNK: usize = 6;
 
 /// Where a section that remembers is evaluated: see [`SectionPoint`].
@@ -35,6 +36,11 @@ pub trait RememberingSection: Debug + Send + Sync {
 
     /// Indices in θ of what it reads, in the order it expects; at most [`AutomaticMemory::MAX_PARAMS`].
     fn params(&self) -> &[usize];
+
+    /// Indices in θ of what it reads of this joint alone; they follow the others.
+    fn own(&self, _joint: usize) -> Range<usize> {
+        0..0
+    }
 
     /// Names of what it remembers of every joint, three at most; they begin at zero.
     fn memory(&self) -> &'static [&'static str];
@@ -79,9 +85,29 @@ impl<L: RememberingSection> AutomaticMemory<L> {
     /// # Panics
     /// If the law reads more than [`Self::MAX_PARAMS`] parameters or remembers more than three numbers: a mistake in its code.
     pub fn new(law: L) -> Self {
-        assert!(law.params().len() <= MAX_PARAMS, "{}: more than {MAX_PARAMS} parameters", law.name());
+        assert!(law.params().len() + law.own(0).len() <= MAX_PARAMS, "{}: more than {MAX_PARAMS} parameters", law.name());
         assert!(law.memory().len() <= 3, "{}: more than three numbers", law.name());
         Self { law }
+    }
+
+    fn params(&self, joint: usize) -> impl Iterator<Item = usize> {
+        self.law.params().iter().copied().chain(self.law.own(joint))
+    }
+
+    /// Number of the parameters of a joint.
+    fn n_params(&self, joint: usize) -> usize {
+        self.law.params().len() + self.law.own(joint).len()
+    }
+
+    /// Inputs that are parameters: one that stands for two is one input.
+    fn thetas(&self, joint: usize) -> Vec<SectionInput> {
+        let mut inputs: Vec<SectionInput> = Vec::with_capacity(MAX_PARAMS);
+        for k in self.params(joint).map(SectionInput::Theta) {
+            if !inputs.contains(&k) {
+                inputs.push(k);
+            }
+        }
+        inputs
     }
 
     /// Values, or dual numbers where `inputs` asks for derivatives.
@@ -90,7 +116,7 @@ impl<L: RememberingSection> AutomaticMemory<L> {
         let past = std::array::from_fn(|s| number(SectionInput::Past(s), at.past[s]));
         let memory = std::array::from_fn(|k| at.memory.get(k).map_or(S::zero(), |z| number(SectionInput::Memory(k), *z)));
         let mut p = [S::zero(); MAX_PARAMS];
-        p.iter_mut().zip(self.law.params()).for_each(|(x, &k)| *x = number(SectionInput::Theta(k), at.theta[k]));
+        p.iter_mut().zip(self.params(at.joint)).for_each(|(x, k)| *x = number(SectionInput::Theta(k), at.theta[k]));
         (SectionState { joint: at.joint, fraction: at.fraction, strain, past, memory, elapsed: at.elapsed }, p)
     }
 
@@ -110,7 +136,7 @@ impl<L: RememberingSection> AutomaticMemory<L> {
             let (state, p) = self.placed(at, |input, value| {
                 inputs.iter().position(|i| *i == input).map_or(Dual::from_re(value), |d| seeded(value, d))
             });
-            let out = of(&state, &p[..self.law.params().len()]);
+            let out = of(&state, &p[..self.n_params(at.joint)]);
             for (d, &input) in inputs.iter().enumerate() {
                 visit(input, out.map(|x| x.eps.0.map_or(0.0, |by| by[d])));
             }
@@ -130,7 +156,7 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
 
     fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
         let (state, p) = self.values(at);
-        let by = self.law.moment(&state, &p[..self.law.params().len()]);
+        let by = self.law.moment(&state, &p[..self.n_params(at.joint)]);
         m.iter_mut().zip(by).for_each(|(m, by)| *m += by);
     }
 
@@ -139,7 +165,7 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
             SectionInput::Strain(s) => seeded::<3>(value, s),
             _ => Dual::from_re(value),
         });
-        for (s, m) in self.law.moment(&state, &p[..self.law.params().len()]).into_iter().enumerate() {
+        for (s, m) in self.law.moment(&state, &p[..self.n_params(at.joint)]).into_iter().enumerate() {
             out.m[s] += m.re;
             if let Some(by) = m.eps.0 {
                 (0..3).for_each(|k| out.by_strain[s][k] += by[k]);
@@ -148,14 +174,7 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
     }
 
     fn visit_theta(&self, at: &SectionPoint, visit: &mut dyn FnMut(usize, [f64; 3])) {
-        // a parameter that stands for two is one input
-        let mut inputs: Vec<SectionInput> = Vec::with_capacity(MAX_PARAMS);
-        for &k in self.law.params() {
-            if !inputs.contains(&SectionInput::Theta(k)) {
-                inputs.push(SectionInput::Theta(k));
-            }
-        }
-        self.slopes(at, &inputs, |at, p| self.law.moment(at, p), &mut |input, m| {
+        self.slopes(at, &self.thetas(at.joint), |at, p| self.law.moment(at, p), &mut |input, m| {
             if let SectionInput::Theta(k) = input {
                 visit(k, m);
             }
@@ -164,7 +183,7 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
 
     fn energy(&self, at: &SectionPoint) -> f64 {
         let (state, p) = self.values(at);
-        self.law.energy(&state, &p[..self.law.params().len()])
+        self.law.energy(&state, &p[..self.n_params(at.joint)])
     }
 
     fn resting(&self, strains: &[[f64; 3]]) -> Option<Arc<dyn SectionLaw>> {
@@ -185,7 +204,7 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
 
     fn advance(&self, at: &SectionPoint, z: &mut [f64]) {
         let (state, p) = self.values(at);
-        let next = self.law.advance(&state, &p[..self.law.params().len()]);
+        let next = self.law.advance(&state, &p[..self.n_params(at.joint)]);
         z.iter_mut().zip(next).for_each(|(z, next)| *z = next);
     }
 
@@ -193,11 +212,7 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
         let n = self.law.memory().len();
         let mut inputs: Vec<SectionInput> = strains().into_iter().chain([0, 1, 2].map(SectionInput::Past)).collect();
         inputs.extend((0..n).map(SectionInput::Memory));
-        for &k in self.law.params() {
-            if !inputs.contains(&SectionInput::Theta(k)) {
-                inputs.push(SectionInput::Theta(k));
-            }
-        }
+        inputs.extend(self.thetas(at.joint));
         self.slopes(at, &inputs, |at, p| self.law.advance(at, p), &mut |input, by| {
             (0..n).filter(|k| by[*k] != 0.0).for_each(|k| visit(k, input, by[k]));
         });
