@@ -117,7 +117,7 @@ fn wrong_type() {
     refused("tilt = [0.0, 0.0]", "tilt = 0.0", "8: gravity.tilt", &["not a list"]);
     refused("a = [0, 0, -1]", "a = [0, 0]", "30: capsule[0].a", &["has 2 entries instead of 3"]);
     refused("\"euler\"", "\"eulr\"", "5: time.integrator", &["\"eulr\" is none of", "did you mean \"euler\"?"]);
-    refused("\"straight\"", "\"round\"", "18: rope[0].initial.shape", &["\"straight\", \"between\", \"points\""]);
+    refused("\"straight\"", "\"round\"", "18: rope[0].initial.shape", &["\"straight\", \"between\", \"circle\", \"points\""]);
     refused("name = \"left\"", "name = 7", "20: gripper[0].name", &["a text in quotes"]);
     refused("[gravity]\nmagnitude = 9.81\ntilt = [0.0, 0.0]", "[air]\nwind = true", "7: air.wind", &["true, not a list"]);
     let error = parse_scene::<Nothing>("schema_version = 1\ntime = 3\n", "scene.toml").unwrap_err().to_string();
@@ -240,6 +240,49 @@ fn nothing_to_simulate() {
 fn no_file() {
     let error = read_scene::<Nothing>("/nowhere/scene.toml").unwrap_err().to_string();
     assert!(error.starts_with("/nowhere/scene.toml: cannot be read") && error.contains("check the path"), "{error}");
+}
+
+#[test]
+fn sections_that_cannot_remember() {
+    let memory = |inside: &str| format!("radius = 0.003\ntwist = {{ stiffness = 1.0e-3 }}\n{inside}");
+    let at = "radius = 0.003";
+    refused(at, "radius = 0.003\ncreep = { fraction = 0.1, time = 1.0 }", "17: rope[0].creep", &["no `twist`", "[rope.twist]"]);
+    let alone = "radius = 0.003\nplasticity = { yield_curvature = 3.0, time = 1.0 }";
+    refused(at, alone, "17: rope[0].plasticity", &["no `twist`", "remove `[rope.plasticity]`"]);
+    let creep = |numbers: &str| memory(&format!("creep = {{ {numbers} }}"));
+    refused(at, &creep("fraction = -0.1, time = 1.0"), "18: rope[0].creep.fraction", &["must not be negative"]);
+    refused(at, &creep("fraction = 0.1, time = 0.0"), "18: rope[0].creep.time", &["s, but must be positive"]);
+    refused(at, &creep("fraction = 0.1"), "18: rope[0].creep", &["`time` is missing", "s"]);
+    refused(at, &creep("fraction = 0.1, twist_fraction = -1.0, time = 1.0"), "18: rope[0].creep.twist_fraction", &["negative"]);
+    let plastic = |numbers: &str| memory(&format!("plasticity = {{ {numbers} }}"));
+    let (curvature, time) = ("18: rope[0].plasticity.yield_curvature", "18: rope[0].plasticity.time");
+    refused(at, &plastic("yield_curvature = 0.0, time = 1.0"), curvature, &["1/m", "must be positive"]);
+    refused(at, &plastic("yield_curvature = 1.0, time = -1.0"), time, &["must be positive"]);
+}
+
+#[test]
+fn rings_that_cannot_be() {
+    let straight = "initial = { shape = \"straight\", from = [0, 0, 0.5], direction = [1, 0, 0] }";
+    let circle = "initial = { shape = \"circle\", center = [0, 0, 0.5], normal = [0, 0, 1] }";
+    refused(straight, circle, "18: rope[0].initial", &["open rope", "as a circle", "`closed = true`"]);
+    refused(straight, &format!("closed = true\n{straight}"), "19: rope[0].initial", &["closed rope", "straight", "circle"]);
+    refused(straight, &format!("closed = true\ntip_mass = 0.1\n{circle}"), "19: rope[0].tip_mass", &["no tip", "node_mass"]);
+    let flat = circle.replace("[0, 0, 1]", "[0, 0, 0]");
+    refused(straight, &format!("closed = true\n{flat}"), "19: rope[0].initial.normal", &["length zero"]);
+    let along = circle.replace("[0, 0, 1]", "[0, 0, 1], first = [0, 0, 2]");
+    refused(straight, &format!("closed = true\n{along}"), "19: rope[0].initial.first", &["no direction"]);
+    let ring = GOOD.replace(straight, &format!("closed = true\n{circle}"));
+    assert!(parse_scene::<Nothing>(&ring, "ring.toml").is_ok());
+    let refused = |from: &str, to: &str, parts: &[&str]| {
+        let error = parse_scene::<Nothing>(&ring.replace(from, to), "ring.toml").unwrap_err().to_string();
+        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+    };
+    refused("nodes = [0, 1]", "end = \"first\"", &["gripper[0].end", "\"cable\" is closed, so it has no end"]);
+    refused("nodes = 5", "nodes = 3", &["rope[0].nodes", "a closed rope needs at least 4"]);
+    let long = "edge_fractions = [1.0, 1.0, 5.0, 1.0]";
+    refused("nodes = 5", long, &["rope[0].edge_fractions[2]", "too long for a circle"]);
+    let points = "points = [[0, 0, 0], [0.2, 0, 0], [0.2, 0.2, 0], [0.1, 0.3, 0], [0, 0.9, 0]]";
+    refused("shape = \"circle\", center = [0, 0, 0.5], normal = [0, 0, 1]", &format!("shape = \"points\", {points}"), &["edge"]);
 }
 
 #[test]

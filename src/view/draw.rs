@@ -34,7 +34,7 @@ fn twisting(model: &Model, rope: &RopeSpan) -> Vec<usize> {
 
 /// How many numbers a frame takes.
 pub(super) fn numbers_per_frame(model: &Model) -> usize {
-    let ropes: usize = model.ropes().iter().map(|rope| 4 * rope.nodes.len()).sum();
+    let ropes: usize = model.ropes().iter().map(|rope| 4 * (rope.fractions.len() + 1)).sum();
     let surfaces: usize = surfaces(model).iter().map(|(_, nodes, _)| 3 * nodes.len()).sum();
     2 + ropes + 3 * model.rods().n_twists() + surfaces + 7 * model.tree().bodies().len()
 }
@@ -79,8 +79,8 @@ fn push_poses(model: &Model, states: &[&State], center: &[f64; 3], numbers: &mut
     numbers.push(poses.flat_map(|(p, r)| [p.x - center[0], p.y - center[1], p.z - center[2], r[0], r[1], r[2], r[3]]))
 }
 
-fn push_positions(nodes: &Range<usize>, states: &[&State], center: &[f64; 3], numbers: &mut Numbers) -> Slice {
-    let of_nodes = |x: &&State| x.q[3 * nodes.start..3 * nodes.end].to_vec();
+fn push_positions(nodes: &[usize], states: &[&State], center: &[f64; 3], numbers: &mut Numbers) -> Slice {
+    let of_nodes = |x: &&State| nodes.iter().flat_map(|i| [x.q[3 * i], x.q[3 * i + 1], x.q[3 * i + 2]]).collect::<Vec<_>>();
     numbers.push(states.iter().flat_map(of_nodes).enumerate().map(|(k, x)| x - center[k % 3]))
 }
 
@@ -95,9 +95,9 @@ fn rope<'a>(run: &Run<'a>, span: &'a RopeSpan, states: &[&State], center: &[f64;
         states.iter().map(|x| directors(run, span, x)).collect::<Option<Vec<_>>>().map(|d| d.concat());
     Rope {
         name: &span.name,
-        nodes: span.nodes.len(),
+        nodes: span.fractions.len() + 1,
         radius: radius.map_or(0.0, |k| run.theta[k]),
-        positions: push_positions(&span.nodes, states, center, numbers),
+        positions: push_positions(&along(span), states, center, numbers),
         held: held(run.model, &span.nodes),
         colour: Some(numbers.push(states.iter().flat_map(|x| strains(run, span, x)))),
         director: directors.map(|d| numbers.push(d)),
@@ -105,7 +105,7 @@ fn rope<'a>(run: &Run<'a>, span: &'a RopeSpan, states: &[&State], center: &[f64;
 }
 
 fn mesh(model: &Model, (name, nodes, triangles): Surface, states: &[&State], center: &[f64; 3], numbers: &mut Numbers) -> Mesh {
-    let positions = push_positions(&nodes, states, center, numbers);
+    let positions = push_positions(&nodes.clone().collect::<Vec<_>>(), states, center, numbers);
     Mesh { name, nodes: nodes.len(), positions, triangles, held: held(model, &nodes), colour: None }
 }
 
@@ -113,8 +113,17 @@ fn mesh(model: &Model, (name, nodes, triangles): Surface, states: &[&State], cen
 fn strains(run: &Run, span: &RopeSpan, x: &State) -> Vec<f64> {
     let point = |i: usize| Vec3::new(x.q[3 * i], x.q[3 * i + 1], x.q[3 * i + 2]);
     let rest = |e: usize| run.theta[span.length] * span.fractions[e];
-    let edges = span.nodes.clone().skip(1).enumerate();
-    edges.map(|(e, i)| (point(i) - point(i - 1)).norm() / rest(e) - 1.0).collect()
+    let stretched = |e: usize| {
+        let [a, b] = span.edge(e);
+        (point(b) - point(a)).norm() / rest(e) - 1.0
+    };
+    (0..span.fractions.len()).map(stretched).collect()
+}
+
+/// The nodes of a rope from end to end; a closed one's first node is its last too.
+fn along(span: &RopeSpan) -> Vec<usize> {
+    let first = span.nodes.start;
+    std::iter::once(first).chain((0..span.fractions.len()).map(|e| span.edge(e)[1])).collect()
 }
 
 /// The range of all strains; none without ropes.

@@ -214,7 +214,7 @@ impl<'a> RopeNodes<'a> {
             if i + 1 == n {
                 extras.push(params.tip);
             }
-            let fraction = voronoi(&fractions, i);
+            let fraction = voronoi(&fractions, i, n);
             model.masses.push(NodeMass { fraction, length: params.length, density: params.density, extras, ghost: false });
         }
         model.masses.extend(ghost_last.map(|_| ghost));
@@ -225,56 +225,65 @@ impl<'a> RopeNodes<'a> {
 
     fn list_elements(&self, gravity: usize, wind: usize, out: &mut Elements) {
         let (p, fractions) = (&self.params, &self.span.fractions);
-        let n = fractions.len() + 1;
+        let n = self.span.nodes.len();
         let node = |i: usize| self.span.nodes.start + i;
         for i in 0..n {
             let mut params = vec![gravity, gravity + 1, gravity + 2, p.length, p.density, p.first_node_mass + i];
             if i + 1 == n {
                 params.push(p.tip);
             }
-            let constants = vec![voronoi(fractions, i)];
+            let constants = vec![voronoi(fractions, i, n)];
             out.gravity.push(Element { nodes: vec![node(i)], params, constants: constants.clone() });
             let params = vec![p.length, p.drag_linear, p.drag_quadratic, wind, wind + 1, wind + 2];
             out.drag.push(Element { nodes: vec![node(i)], params, constants });
         }
-        let pair =
-            |params: Vec<usize>, e: usize| Element { nodes: vec![node(e), node(e + 1)], params, constants: vec![fractions[e]] };
-        for e in 0..n - 1 {
-            out.stretch.push(pair(vec![p.length, p.stretch], e));
-            out.stretch_damping.push(pair(vec![p.length, p.stretch_damping], e));
+        for (e, &fraction) in fractions.iter().enumerate() {
+            let pair = |params| Element { nodes: self.span.edge(e).to_vec(), params, constants: vec![fraction] };
+            out.stretch.push(pair(vec![p.length, p.stretch]));
+            out.stretch_damping.push(pair(vec![p.length, p.stretch_damping]));
         }
-        let mut bend = |nodes: Vec<usize>, fraction: f64| {
-            let constants = vec![fraction];
-            let element =
-                |stiffness| Element { nodes: nodes.clone(), params: vec![p.length, stiffness], constants: constants.clone() };
-            out.bend.push(element(p.bend));
-            out.bend_damping.push(element(p.bend_damping));
-        };
         if self.rope.twist.is_some() {
             return; // bending of rods knows directions: `add_rods`
         }
-        if let Some(ghost) = self.ghost_first {
-            bend(vec![ghost, node(0), node(1)], fractions[0] / 2.0);
+        for (nodes, fraction) in self.corners() {
+            let constants = vec![fraction];
+            let element =
+                |stiffness| Element { nodes: nodes.to_vec(), params: vec![p.length, stiffness], constants: constants.clone() };
+            out.bend.push(element(p.bend));
+            out.bend_damping.push(element(p.bend_damping));
         }
-        for i in 1..n - 1 {
-            bend(vec![node(i - 1), node(i), node(i + 1)], voronoi(fractions, i));
+    }
+
+    /// Where the rope bends: nodes before, at and behind, ghosts included, and what of its length each stands for, which is half of
+    /// each edge that is no ghost. A closed rope bends at its first node too, before all others.
+    pub(super) fn corners(&self) -> Vec<([usize; 3], f64)> {
+        let n = self.span.nodes.len();
+        let at = |node: usize| voronoi(&self.span.fractions, node - self.span.nodes.start, n);
+        let mut chain = self.chain();
+        if self.span.is_closed() {
+            chain.insert(0, self.span.nodes.end - 1);
+            chain.push(self.span.nodes.start);
         }
-        if let Some(ghost) = self.ghost_last {
-            bend(vec![node(n - 2), node(n - 1), ghost], fractions[n - 2] / 2.0);
-        }
+        chain.windows(3).map(|w| ([w[0], w[1], w[2]], at(w[1]))).collect()
     }
 
     /// Nodes from end to end, ghosts included.
-    pub(super) fn chain(&self) -> Vec<usize> {
+    fn chain(&self) -> Vec<usize> {
         self.ghost_first.into_iter().chain(self.span.nodes.clone()).chain(self.ghost_last).collect()
     }
 
-    /// Rest lengths of the edges between them, as fractions of the rope's.
-    pub(super) fn chain_fractions(&self) -> Vec<f64> {
+    /// Edges from end to end, ghosts' included, and their rest lengths as fractions of the rope's.
+    pub(super) fn edges(&self) -> Vec<([usize; 2], f64)> {
         let fractions = &self.span.fractions;
-        let first = self.ghost_first.map(|_| fractions[0]);
-        let last = self.ghost_last.map(|_| fractions[fractions.len() - 1]);
-        first.into_iter().chain(fractions.iter().copied()).chain(last).collect()
+        let first = self.ghost_first.map(|ghost| ([ghost, self.span.nodes.start], fractions[0]));
+        let last = self.ghost_last.map(|ghost| ([self.span.nodes.end - 1, ghost], fractions[fractions.len() - 1]));
+        let own = fractions.iter().enumerate().map(|(e, &fraction)| (self.span.edge(e), fraction));
+        first.into_iter().chain(own).chain(last).collect()
+    }
+
+    /// Whether its last node is joined to the first.
+    pub(super) fn is_closed(&self) -> bool {
+        self.span.is_closed()
     }
 
     /// The number of a node in the rope: −1 for the ghost before it.
@@ -282,16 +291,11 @@ impl<'a> RopeNodes<'a> {
         node as i64 - self.span.nodes.start as i64
     }
 
-    /// What of the rope's length a joint at `node` stands for: half of each edge that is no ghost.
-    pub(super) fn joint_fraction(&self, node: usize) -> f64 {
-        voronoi(&self.span.fractions, node - self.span.nodes.start)
-    }
-
     fn drive_kind(&self, gripper: &Gripper) -> DriveKind {
         let edges = self.span.fractions.len();
         let edge = match &gripper.clamp {
             Clamp::Nodes(nodes) => {
-                let n = edges as i64 + 1;
+                let n = self.span.nodes.len() as i64;
                 let index = |k: &i64| self.span.nodes.start + (if *k < 0 { k + n } else { *k }) as usize;
                 let nodes = nodes.iter().map(index).collect();
                 return match gripper.mode {
@@ -434,9 +438,9 @@ impl Model {
     }
 }
 
-/// Half of each adjacent edge, as a fraction of the length.
-fn voronoi(fractions: &[f64], i: usize) -> f64 {
-    let before = if i > 0 { fractions[i - 1] } else { 0.0 };
+/// Half of each edge beside node `i` of `n`, as a fraction of the length.
+fn voronoi(fractions: &[f64], i: usize, n: usize) -> f64 {
+    let before = if i > 0 { fractions[i - 1] } else { fractions.get(n - 1).copied().unwrap_or(0.0) };
     let after = fractions.get(i).copied().unwrap_or(0.0);
     0.5 * (before + after)
 }

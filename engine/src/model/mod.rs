@@ -40,10 +40,22 @@ pub struct RopeSpan {
     pub name: String,
     /// Node numbers in the model, without ghosts, from the first end to the last.
     pub nodes: std::ops::Range<usize>,
-    /// Rest edge lengths as fractions of the rope's length.
+    /// Rest edge lengths as fractions of the rope's length: as many as nodes if it is closed, else one less.
     pub fractions: Vec<f64>,
     /// Index in θ of the rope's length \[m\].
     pub length: usize,
+}
+
+impl RopeSpan {
+    /// Nodes of edge `e`; the last edge of a closed rope ends at the first node.
+    pub fn edge(&self, e: usize) -> [usize; 2] {
+        [e, (e + 1) % self.nodes.len()].map(|i| self.nodes.start + i)
+    }
+
+    /// Whether its last node is joined to the first.
+    pub fn is_closed(&self) -> bool {
+        self.fractions.len() == self.nodes.len()
+    }
 }
 
 /// Inertia of every degree of freedom of the bodies as the scene begins [kg·m² or kg]: what the solver weights velocities with, and
@@ -351,15 +363,30 @@ impl Model {
         self.rods.visit_stencils(&mut |nodes| stencils.push(nodes.to_vec()));
         let n = self.n_nodes();
         let twists: Vec<usize> = self.rods.edges.iter().map(|edge| edge.nodes[0]).collect();
-        let banded = || NodeLayout::banded(n, &twists, None, &stencils);
+        let order = self.slot_order();
+        let order = order.as_deref();
+        let banded = || NodeLayout::banded(n, &twists, order, &stencils);
         let wide = |layout: &NodeLayout| layout.half_width() > WIDEST_BAND;
         let layout = match self.solver.linear {
             LinearSolver::Band | LinearSolver::Dense => banded(),
             LinearSolver::Auto if !banded().as_ref().is_ok_and(wide) => banded(),
-            LinearSolver::Auto | LinearSolver::Sparse => NodeLayout::sparse(n, &twists, None, &stencils),
+            LinearSolver::Auto | LinearSolver::Sparse => NodeLayout::sparse(n, &twists, order, &stencils),
         };
         // terms were refused when added if they act on nodes that are not there
         layout.unwrap_or_else(|error| unreachable!("{error}"))
+    }
+
+    /// Nodes slot by slot if a rope is closed: folded, so that its ends meet and the band stays narrow.
+    fn slot_order(&self) -> Option<Vec<usize>> {
+        let mut order: Vec<usize> = (0..self.n_nodes()).collect();
+        let closed = || self.ropes.iter().filter(|rope| rope.is_closed());
+        for rope in closed() {
+            let n = rope.nodes.len();
+            for (k, slot) in order[rope.nodes.clone()].iter_mut().enumerate() {
+                *slot = rope.nodes.start + if k % 2 == 0 { k / 2 } else { n - 1 - k / 2 };
+            }
+        }
+        closed().next().is_some().then_some(order)
     }
 
     /// Whether the matrices of a step are symmetric at these parameters: no term breaks it, and there is no contact.

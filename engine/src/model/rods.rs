@@ -26,6 +26,7 @@ impl Model {
         }
         self.rods.finish(self.n_nodes());
         self.frames0 = self.rods.with_twists(&self.q0, &references);
+        self.rods.join_ends(&self.q0, &mut self.frames0);
         let mut start = RodPoint::default();
         self.rods.evaluate(&self.q0, &self.frames0, &self.q0, &mut start);
         self.rods.rest_at(&start);
@@ -33,26 +34,25 @@ impl Model {
     }
 
     fn add_rod(&mut self, rope: &RopeNodes, twist: &Twist) {
-        let nodes = rope.chain();
-        let names: Vec<i64> = nodes[1..nodes.len() - 1].iter().map(|node| rope.number(*node)).collect();
+        let (corners, edges) = (rope.corners(), rope.edges());
+        let names: Vec<i64> = corners.iter().map(|([_, node, _], _)| rope.number(*node)).collect();
         let (inertia, laws) = self.add_section(rope, twist, &names);
         let places = self.remember_joints(&rope.rope.name, &names, &laws);
-        let fractions = rope.chain_fractions();
         let first = self.rods.edges.len();
-        for (pair, &fraction) in nodes.windows(2).zip(&fractions) {
-            self.rods.edges.push(RodEdge { nodes: [pair[0], pair[1]], inertia, length: rope.params.length, fraction });
-        }
         let begin = self.rods.joints.len();
-        for (k, three) in nodes.windows(3).enumerate() {
-            let fraction = rope.joint_fraction(three[1]);
-            let edges = [first + k, first + k + 1];
-            self.rods.joints.push(RodJoint { edges, nodes: [three[0], three[1], three[2]], fraction });
+        for (k, (nodes, fraction)) in corners.into_iter().enumerate() {
+            // the first corner of a closed rope is between its last edge and its first
+            let pair = if rope.is_closed() { [(k + edges.len() - 1) % edges.len(), k] } else { [k, k + 1] };
+            self.rods.joints.push(RodJoint { edges: pair.map(|e| first + e), nodes, fraction });
         }
+        let length = rope.params.length;
+        self.rods.edges.extend(edges.into_iter().map(|(nodes, fraction)| RodEdge { nodes, inertia, length, fraction }));
         self.rods.sections.push(RodSection {
             joints: begin..self.rods.joints.len(),
             laws,
             places,
             rest_initial: twist.rest == Rest::Initial,
+            seam: rope.is_closed().then_some(twist.initial),
         });
     }
 

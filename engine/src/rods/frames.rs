@@ -2,7 +2,7 @@
 
 use super::joint::{EdgeFrame, Joint};
 use super::transport::{angle, carried, unwrapped};
-use super::{RodEdge, Rods};
+use super::{RodEdge, RodSection, Rods};
 use crate::terms::Vec3;
 use std::sync::Arc;
 
@@ -77,12 +77,27 @@ impl Rods {
         frames
     }
 
+    /// Joins the ends of closed rods: z's part `frames` at positions `q` gets the whole turns, and the joint its twist at rest, with which the
+    /// ring's twist is even. At rest the ends are turned against each other by what a closed frame leaves over, half a turn at most.
+    pub(crate) fn join_ends(&mut self, q: &[f64], frames: &mut [f64]) {
+        let (n_edges, n_joints) = (self.edges.len(), self.joints.len());
+        for s in 0..self.sections.len() {
+            let Some(twist) = self.sections[s].seam else { continue };
+            let j = self.sections[s].joints.start;
+            let [one, two] = self.joints[j].edges;
+            let (turned, even) = (q[self.row(two)] - q[self.row(one)], twist * self.joints[j].fraction);
+            let m = &mut frames[3 * n_edges + j];
+            *m = unwrapped(*m, even - turned);
+            let mut strains = vec![[0.0; 3]; n_joints];
+            strains[j][2] = turned + *m - even;
+            self.sections[s].rest(&strains);
+        }
+    }
+
     /// Takes the strains at this configuration for those of the rest shape, where the scene asks for that.
     pub(crate) fn rest_at(&mut self, at: &RodPoint) {
         let strains: Vec<[f64; 3]> = (0..self.joints.len()).map(|j| self.joint(j, at).strain).collect();
-        for section in self.sections.iter_mut().filter(|s| s.rest_initial) {
-            section.laws = section.laws.iter().map(|law| law.resting(&strains).unwrap_or_else(|| Arc::clone(law))).collect();
-        }
+        self.sections.iter_mut().filter(|s| s.rest_initial).for_each(|section| section.rest(&strains));
     }
 
     /// The first edge whose reference axis in `frames` is not a unit vector normal to it at `q`.
@@ -92,6 +107,13 @@ impl Rods {
             t.dot(&d).abs() < LOOSE && (d.norm_squared() - 1.0).abs() < LOOSE
         };
         (0..self.edges.len()).zip(&self.edges).find(|pair| !fits(*pair)).map(|(k, _)| k)
+    }
+}
+
+impl RodSection {
+    /// Takes these strains, joint by joint of the model, for those at rest.
+    fn rest(&mut self, strains: &[[f64; 3]]) {
+        self.laws = self.laws.iter().map(|law| law.resting(strains).unwrap_or_else(|| Arc::clone(law))).collect();
     }
 }
 

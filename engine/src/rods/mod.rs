@@ -83,6 +83,8 @@ pub struct RodSection {
     pub places: Vec<(usize, usize)>,
     /// Whether it is without forces as the scene begins.
     pub rest_initial: bool,
+    /// Of a closed rod, whose first joint is between its last edge and its first: the twist of the whole ring as the scene begins \[rad\].
+    pub seam: Option<f64>,
 }
 
 /// The rods of a model.

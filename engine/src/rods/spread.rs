@@ -56,7 +56,9 @@ impl Rods {
     fn chains(&self, held: &[bool], q: &[f64], frames: &[f64]) -> Vec<Chain> {
         let mut point = RodPoint::default();
         self.evaluate(q, frames, q, &mut point);
-        let joints = self.sections.iter().map(|section| section.joints.clone()).filter(|joints| !joints.is_empty());
+        // a ring keeps the twist that it was joined with
+        let open = self.sections.iter().filter(|section| section.seam.is_none());
+        let joints = open.map(|section| section.joints.clone()).filter(|joints| !joints.is_empty());
         joints.map(|joints| self.chain(joints, held, &point)).collect()
     }
 

@@ -142,9 +142,10 @@ impl Mistake {
                 "the first or last node was meant to have a neighbour, or nodes were counted from 1",
                 "name a node between two others; an end has a joint only where a gripper clamps it (`end = \"first\"` or \"last\")",
             ),
-            Self::JointTwice { .. } => {
-                both("a node is listed twice, perhaps once as a negative number", "put all that is different there into one entry")
-            }
+            Self::JointTwice { .. } => both(
+                "a node is listed twice, perhaps once as a negative number",
+                "put all that is different there into one entry",
+            ),
             Self::NoSuchRope { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
             Self::NoSuchRope { known, .. } => both("the rope was renamed or removed", format!("name one of: {known}")),
             Self::PointCount { nodes, .. } => both("points were dropped, or `nodes` was changed", format!("give {nodes} points")),
@@ -158,6 +159,18 @@ impl Mistake {
             Self::Stretched { .. } => both(
                 "positions in m and length in mm, or a rope too long for its points",
                 "give positions and `length` in m; an edge may start at a tenth of its length at least",
+            ),
+            Self::Shape { kind: "closed", .. } => both(
+                "the rope was closed, and its initial shape left",
+                "write `initial = { shape = \"circle\", center = [0, 0, 0], normal = [0, 0, 1] }`, or give points",
+            ),
+            Self::Shape { .. } => both("`closed` was left out", "write `closed = true`, or another initial shape"),
+            Self::NoPolygon { .. } => {
+                both("`edge_fractions` in which one edge is most of the ring", "divide the long edge, or give points")
+            }
+            Self::NoEnds { .. } => both(
+                "a key of an open rope",
+                "hold `nodes` instead of an `end`, and give `node_mass` instead of `tip_mass`; or remove `closed`",
             ),
             Self::HoldsNothing => both("an empty list", "write e.g. `nodes = [0]`, or `end = \"first\"`"),
             Self::NothingToTurn { .. } => both(

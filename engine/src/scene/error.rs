@@ -152,14 +152,23 @@ pub enum Mistake {
     #[error("has length zero, so it has no direction")]
     NoDirection,
     /// Two neighbouring nodes at one place.
-    #[error("nodes {first} and {} are at the same place", first + 1)]
-    Coincident { first: usize },
+    #[error("nodes {first} and {second} are at the same place")]
+    Coincident { first: usize, second: usize },
     /// Neighbouring edges that point in opposite directions.
     #[error("the rope folds back onto itself at node {node}, where its curvature is infinite")]
     Fold { node: usize },
     /// Positions far from the rest length.
-    #[error("the edge from node {edge} to node {} is {length:.4} m long, but {rest:.4} m at rest", edge + 1)]
-    Stretched { edge: usize, length: f64, rest: f64 },
+    #[error("the edge from node {edge} to node {end} is {length:.4} m long, but {rest:.4} m at rest")]
+    Stretched { edge: usize, end: usize, length: f64, rest: f64 },
+    /// A closed rope without a shape that closes, or a shape that closes of an open one.
+    #[error("a {kind} rope cannot begin {shape}")]
+    Shape { kind: &'static str, shape: &'static str },
+    /// Edges that make no polygon around a centre.
+    #[error("edge {edge} of {} m is too long for a circle with the others' {} m", Num(*.length), Num(*.others))]
+    NoPolygon { edge: usize, length: f64, others: f64 },
+    /// An end of a closed rope.
+    #[error("rope \"{rope}\" is closed, so it has no {what}")]
+    NoEnds { rope: String, what: &'static str },
     /// A gripper without nodes.
     #[error("the gripper holds no node")]
     HoldsNothing,

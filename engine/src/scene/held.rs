@@ -40,6 +40,11 @@ impl<'a> Held<'a> {
         }
     }
 
+    /// Whether it is a closed rope.
+    pub(super) fn is_closed(self) -> bool {
+        matches!(self, Self::Rope(rope, _) if rope.closed)
+    }
+
     /// The node of that number, negative ones counted from the end; `None` if there is no such node.
     pub fn node(self, number: i64) -> Option<usize> {
         match self {

@@ -7,6 +7,9 @@ use super::gripper::End;
 use super::parabola::nodes_between;
 use super::rope::{Initial, Rope};
 use super::vector::{V3, add, dot, norm, scale, sub, unit};
+use crate::rods::{any_normal, normal_part};
+use crate::terms::Vec3;
+use std::f64::consts::PI;
 
 /// Edges may start at between these parts of their rest length.
 const STRAIN: std::ops::RangeInclusive<f64> = 0.1..=1.5;
@@ -75,6 +78,7 @@ pub(super) fn rope_points<X>(scene: &Scene<X>, r: usize) -> Result<Vec<V3>, Scen
     let (points, field) = match &rope.initial {
         Initial::Straight { from, direction } => (straight(*from, *direction, &rest, r)?, "direction"),
         Initial::Between { from, to, sag } => (nodes_between(*from, *to, *sag, &rest, scene.gravity.direction()), "to"),
+        Initial::Circle { center, normal, first } => (circle(*center, *normal, *first, &rest, r)?, "center"),
         Initial::Points { points } if points.len() != n => {
             let mistake = Mistake::PointCount { points: points.len(), nodes: n };
             return Err(SceneError::at(format!("rope[{r}].initial.points"), mistake));
@@ -96,22 +100,64 @@ fn straight(from: V3, direction: V3, rest: &[f64], r: usize) -> Result<Vec<V3>, 
     Ok(std::iter::once(from).chain(others).collect())
 }
 
+/// The polygon with these edges and its corners on a circle about `center`; its centre must lie inside.
+fn circle(center: V3, normal: V3, first: Option<V3>, rest: &[f64], r: usize) -> Result<Vec<V3>, SceneError> {
+    let refused = |key: &str| SceneError::at(format!("rope[{r}].initial.{key}"), Mistake::NoDirection);
+    let axis = Vec3::from(unit(normal).ok_or_else(|| refused("normal"))?);
+    let x = match first {
+        None => any_normal(&axis),
+        Some(first) => normal_part(&Vec3::from(first), &axis).ok_or_else(|| refused("first"))?,
+    };
+    let y = axis.cross(&x);
+    let Some(radius) = circumradius(rest) else {
+        let edge = (0..rest.len()).fold(0, |long, e| if rest[e] > rest[long] { e } else { long });
+        let mistake = Mistake::NoPolygon { edge, length: rest[edge], others: rest.iter().sum::<f64>() - rest[edge] };
+        return Err(SceneError::at(format!("rope[{r}].edge_fractions[{edge}]"), mistake));
+    };
+    let mut angle = 0.0_f64;
+    let corner = |edge: &f64| {
+        let at = Vec3::from(center) + (x * angle.cos() + y * angle.sin()) * radius;
+        angle += 2.0 * (0.5 * edge / radius).asin();
+        at.into()
+    };
+    Ok(rest.iter().map(corner).collect())
+}
+
+/// Radius of the circle on which chords of these lengths go round once; `None` if the longest needs more than half of it.
+fn circumradius(chords: &[f64]) -> Option<f64> {
+    let longest = chords.iter().fold(0.0_f64, |m, c| m.max(*c));
+    let round = |radius: f64| chords.iter().map(|c| (0.5 * c / radius).min(1.0).asin()).sum::<f64>() - PI;
+    let (mut low, mut high) = (0.5 * longest, chords.iter().sum::<f64>());
+    if round(low) < 0.0 {
+        return None;
+    }
+    // the sum of angles falls with the radius; bisection to the last bit
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if round(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    Some(0.5 * (low + high))
+}
+
 /// Refuses edges without length, far from their rest length, or folded back.
 fn possible(points: &[V3], rest: &[f64], field: &str) -> Result<(), SceneError> {
     let at = |node: usize| if field.ends_with("points") { format!("{field}[{node}]") } else { field.to_owned() };
-    let edges: Vec<V3> = points.windows(2).map(|w| sub(w[1], w[0])).collect();
+    let n = points.len();
+    // as many edges as nodes close the rope
+    let edges: Vec<V3> = (0..rest.len()).map(|e| sub(points[(e + 1) % n], points[e])).collect();
     for (e, (edge, rest)) in edges.iter().zip(rest).enumerate() {
-        let length = norm(*edge);
+        let (length, end) = (norm(*edge), (e + 1) % n);
         if length == 0.0 {
-            return Err(SceneError::at(at(e + 1), Mistake::Coincident { first: e }));
+            return Err(SceneError::at(at(end), Mistake::Coincident { first: e, second: end }));
         }
         if !STRAIN.contains(&(length / rest)) {
-            return Err(SceneError::at(at(e + 1), Mistake::Stretched { edge: e, length, rest: *rest }));
+            return Err(SceneError::at(at(end), Mistake::Stretched { edge: e, end, length, rest: *rest }));
         }
     }
-    for (e, pair) in edges.windows(2).enumerate() {
-        if dot(pair[0], pair[1]) < SHARPEST * norm(pair[0]) * norm(pair[1]) {
-            return Err(SceneError::at(at(e + 1), Mistake::Fold { node: e + 1 }));
+    let closing = (rest.len() == n).then(|| (n - 1, 0));
+    for (e, next) in (1..edges.len()).map(|e| (e - 1, e)).chain(closing) {
+        if dot(edges[e], edges[next]) < SHARPEST * norm(edges[e]) * norm(edges[next]) {
+            return Err(SceneError::at(at(next), Mistake::Fold { node: next }));
         }
     }
     Ok(())

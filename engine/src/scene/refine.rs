@@ -2,7 +2,7 @@
 
 use super::file::Scene;
 use super::gripper::{Clamp, Mode};
-use super::rope::{Initial, Rope, JointSection, Twist};
+use super::rope::{Initial, JointSection, Rope, Twist};
 
 /// A refined scene and how its inputs follow from the original's. Node i of a rope becomes node 2i.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +40,7 @@ impl<X: Clone> Scene<X> {
                 }
                 (Clamp::Nodes(numbers), Some(rope)) => {
                     let held: Vec<usize> = numbers.iter().filter_map(|&number| rope.node(number)).collect();
-                    let pairs = held_pairs(&held);
+                    let pairs = held_pairs(&held, rope);
                     clamps_edges |= !pairs.is_empty();
                     *numbers =
                         held.iter().map(|i| 2 * i).chain(pairs.iter().map(|p| 2 * held[p[0]] + 1)).map(as_number).collect();
@@ -69,10 +69,11 @@ fn as_number(node: usize) -> i64 {
     i64::try_from(node).unwrap_or(i64::MAX)
 }
 
-/// Positions in `held` of nodes that are neighbours, the lower node first.
-fn held_pairs(held: &[usize]) -> Vec<[usize; 2]> {
+/// Positions in `held` of nodes that an edge joins, the one that it begins at first.
+fn held_pairs(held: &[usize], rope: &Rope) -> Vec<[usize; 2]> {
     let place = |node: usize| held.iter().position(|&h| h == node);
-    (0..held.len()).filter_map(|k| Some([k, place(held[k] + 1)?])).collect()
+    let next = |node: usize| if rope.closed { (node + 1) % rope.n_nodes().max(1) } else { node + 1 };
+    (0..held.len()).filter_map(|k| Some([k, place(next(held[k]))?])).collect()
 }
 
 /// Sections of single joints, each where it was, and halfway to the next one the mean of both.
@@ -83,12 +84,17 @@ fn halve_joints(rope: &Rope, joints: &[JointSection]) -> Vec<JointSection> {
         own.cloned().unwrap_or(JointSection { node: as_number(node), ..JointSection::default() })
     };
     let between = |node: usize| {
-        let (a, b) = (at(node.max(1)), at((node + 1).min(n - 2))); // most ends have no joint
+        let (before, after) = if rope.closed {
+            (node, (node + 1) % n)
+        } else {
+            (node.max(1), (node + 1).min(n - 2)) // most ends have no joint
+        };
+        let (a, b) = (at(before), at(after));
         let rest_curvature = [0, 1].map(|k| 0.5 * (a.rest_curvature[k] + b.rest_curvature[k]));
         JointSection { node: as_number(2 * node + 1), rest_curvature, bend_factor: 0.5 * (a.bend_factor + b.bend_factor) }
     };
     let doubled = (0..n).map(|node| JointSection { node: as_number(2 * node), ..at(node) });
-    let all = doubled.chain((0..n - 1).map(between));
+    let all = doubled.chain((0..n - usize::from(!rope.closed)).map(between));
     all.filter(|joint| JointSection { node: JointSection::default().node, ..joint.clone() } != JointSection::default()).collect()
 }
 
@@ -98,13 +104,19 @@ fn halve_edges(rope: &mut Rope) {
         rope.twist = Some(Twist { joint, ..twist.clone() });
     }
     for mass in &mut rope.node_mass {
-        mass.node = if mass.node < 0 { 2 * mass.node + 1 } else { 2 * mass.node };
+        // the new last node of a closed rope is on its closing edge
+        let last = if rope.closed { 0 } else { 1 };
+        mass.node = if mass.node < 0 { 2 * mass.node + last } else { 2 * mass.node };
     }
     if let Initial::Points { points } = &mut rope.initial {
         let middle = |pair: &[[f64; 3]]| [pair[0], std::array::from_fn(|a| 0.5 * (pair[0][a] + pair[1][a]))];
-        *points = points.windows(2).flat_map(middle).chain(points.last().copied()).collect();
+        let last = points.last().copied();
+        if rope.closed {
+            points.push(points[0]);
+        }
+        *points = points.windows(2).flat_map(middle).chain(last.filter(|_| !rope.closed)).collect();
     }
-    rope.nodes = rope.nodes.map(|n| 2 * n - 1);
+    rope.nodes = rope.nodes.map(|n| 2 * n - usize::from(!rope.closed));
     if let Some(fractions) = &mut rope.edge_fractions {
         *fractions = fractions.iter().flat_map(|f| [0.5 * f; 2]).collect();
     }
@@ -114,7 +126,7 @@ fn halve_edges(rope: &mut Rope) {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::scene::{Nothing, check, parse_scene, resting_inputs};
+    use crate::scene::{Gripper, Nothing, check, parse_scene, resting_inputs};
 
     const SCENE: &str = r#"
         schema_version = 1
@@ -153,5 +165,26 @@ mod tests {
         // the refined scene's own resting input is the one carried over
         let carried = refined.input(&resting_inputs(&scene).unwrap());
         assert_eq!(carried, resting_inputs(&refined.scene).unwrap());
+    }
+
+    #[test]
+    fn halves_the_closing_edge_of_a_ring_too() {
+        let points: Vec<[f64; 3]> = vec![[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.2, 0.2, 0.0], [0.0, 0.2, 0.0]];
+        let rope = Rope {
+            closed: true,
+            nodes: Some(4),
+            length: 0.8,
+            node_mass: vec![crate::scene::NodeMass { node: -1, mass: 0.1 }],
+            initial: Initial::Points { points },
+            ..Rope::default()
+        };
+        let gripper = vec![Gripper { clamp: Clamp::Nodes(vec![0, 3]), ..Gripper::default() }];
+        let refined = Scene::<Nothing> { rope: vec![rope], gripper, ..Scene::default() }.refined();
+        check(&refined.scene).unwrap();
+        let rope = &refined.scene.rope[0];
+        assert_eq!((rope.n_nodes(), rope.fractions().len(), rope.node(rope.node_mass[0].node)), (8, 8, Some(6)));
+        let Initial::Points { points } = &rope.initial else { panic!("{rope:?}") };
+        assert_eq!((points.len(), points[7]), (8, [0.0, 0.1, 0.0]));
+        assert_eq!(refined.scene.gripper[0].clamp, Clamp::Nodes(vec![0, 6, 7]));
     }
 }

@@ -21,7 +21,10 @@ impl RodStart {
         let rope = &scene.rope[r];
         let Some(twist) = &rope.twist else { return Ok(None) };
         rope_points(scene, r)?;
-        let points = with_ghosts(scene, r)?;
+        let mut points = with_ghosts(scene, r)?;
+        if rope.closed {
+            points.push(points[0]);
+        }
         let tangents: Vec<Vec3<f64>> = points.windows(2).map(|w| (Vec3::from(w[1]) - Vec3::from(w[0])).normalize()).collect();
         let first = match twist.director {
             None => any_normal(&tangents[0]),
@@ -45,7 +48,8 @@ impl RodStart {
         for pair in lengths.windows(2) {
             twists.push(twists[twists.len() - 1] + 0.5 * (pair[0] + pair[1]));
         }
-        let whole = twists[twists.len() - 1];
+        // a closed rope's is that of all joints, and the one where it began comes last
+        let whole = if rope.closed { 1.0 } else { twists[twists.len() - 1] };
         twists.iter_mut().for_each(|t| *t *= if whole > 0.0 { twist.initial / whole } else { 0.0 });
         Ok(Some(Self { references, twists }))
     }

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 pub struct Rope {
     /// Name, unique in the scene, used in parameter paths.
     pub name: String,
+    /// Whether an edge from the last node to the first closes it to a ring, which has as many edges as nodes.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub closed: bool,
     /// Number of nodes, with equal edges between them; at most 10⁶ in a scene. Either this or `edge_fractions`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nodes: Option<usize>,
@@ -82,6 +85,7 @@ impl Default for Rope {
     fn default() -> Self {
         Self {
             name: "rope".to_owned(),
+            closed: false,
             nodes: Some(13),
             edge_fractions: None,
             length: 1.0,
@@ -112,7 +116,7 @@ impl Default for Rope {
 impl Rope {
     /// Number of nodes, without ghosts; 0 if the scene gives neither `nodes` nor `edge_fractions`.
     pub fn n_nodes(&self) -> usize {
-        self.edge_fractions.as_ref().map_or(self.nodes.unwrap_or(0), |f| f.len() + 1)
+        self.edge_fractions.as_ref().map_or(self.nodes.unwrap_or(0), |f| f.len() + usize::from(!self.closed))
     }
 
     /// The node of that number, negative ones counted from the end; `None` if there is no such node.
@@ -136,7 +140,7 @@ impl Rope {
                 given.iter().map(|f| f / sum).collect()
             }
             None => {
-                let edges = self.n_nodes().saturating_sub(1);
+                let edges = self.n_nodes().saturating_sub(usize::from(!self.closed));
                 vec![1.0 / edges as f64; edges]
             }
         }
@@ -185,7 +189,8 @@ pub struct Twist {
     /// First material axis at the first edge (its part across the edge) [-]; without it any direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub director: Option<[f64; 3]>,
-    /// Twist from the first edge to the last as the scene begins [rad], even along the rod.
+    /// Twist from the first edge to the last as the scene begins [rad], even along the rod. Of a closed rope that of the whole ring: if
+    /// it does not come out even, the ends are joined turned against each other.
     #[serde(default)]
     pub initial: f64,
     /// What is different where the edges meet at single nodes.
@@ -290,6 +295,16 @@ pub enum Initial {
         /// Depth of the parabola's middle below the chord [m]; without it, as deep as the rest length asks for.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sag: Option<f64>,
+    },
+    /// A circle, of a closed rope: its edges at rest length, as many as there are.
+    Circle {
+        /// Centre [m].
+        center: [f64; 3],
+        /// Normal of its plane [-] (of any length), about which the nodes go round counter-clockwise.
+        normal: [f64; 3],
+        /// Direction from the centre to the first node [-] (its part in the plane); without it any.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        first: Option<[f64; 3]>,
     },
     /// Node by node.
     Points {

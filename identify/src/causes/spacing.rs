@@ -92,11 +92,12 @@ fn place(coarse: &Model, fine: &Model, marker: &MarkerPlace) -> MarkerPlace {
     let ropes = coarse.ropes().iter().zip(fine.ropes());
     for (old, new) in ropes {
         if old.nodes.contains(&marker.node) {
-            let node = new.nodes.start + 2 * (marker.node - old.nodes.start);
+            let edge = 2 * (marker.node - old.nodes.start);
+            let [node, middle] = new.edge(edge);
             return MarkerPlace::Nodes(match 2.0 * marker.weight {
                 0.0 => NodePair { node, next: node, weight: 0.0 },
-                w if w <= 1.0 => NodePair { node, next: node + 1, weight: w },
-                w => NodePair { node: node + 1, next: node + 2, weight: w - 1.0 },
+                w if w <= 1.0 => NodePair { node, next: middle, weight: w },
+                w => NodePair { node: middle, next: new.edge(edge + 1)[1], weight: w - 1.0 },
             });
         }
     }

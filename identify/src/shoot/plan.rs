@@ -279,9 +279,10 @@ fn place(model: &Model, marker: &Marker) -> Option<MarkerPlace> {
     }
     let mut left = marker.arc? / model.params().values()[rope.length];
     for (e, fraction) in rope.fractions.iter().enumerate() {
-        if left <= *fraction || e + 2 == n {
+        if left <= *fraction || e + 1 == rope.fractions.len() {
             let weight = (left / fraction).clamp(0.0, 1.0);
-            return Some(MarkerPlace::Nodes(NodePair { node: start + e, next: start + e + 1, weight }));
+            let [node, next] = rope.edge(e);
+            return Some(MarkerPlace::Nodes(NodePair { node, next, weight }));
         }
         left -= fraction;
     }

@@ -76,10 +76,7 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
     if plan.at_rest {
         let rest = equilibrium(model, &plan.scene_values.theta, model.initial_positions(), &record.inputs[0]);
         let rest = rest.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?;
-        return Ok(StartState {
-            mean: rest.state(),
-            ..StartState::default()
-        });
+        return Ok(StartState { mean: rest.state(), ..StartState::default() });
     }
     state_at(plan, record, 0)
 }

@@ -95,7 +95,7 @@ fn stiff_edges(model: &Model, theta: &[f64]) -> Vec<StiffEdge> {
         let weight = ACCELERATION * rope.nodes.clone().map(|n| mass[n]).sum::<f64>();
         let strain = (weight / stiffness.max(f64::MIN_POSITIVE)).clamp(STRAIN.0, STRAIN.1);
         for (e, fraction) in rope.fractions.iter().enumerate() {
-            let nodes = [rope.nodes.start + e, rope.nodes.start + e + 1];
+            let nodes = rope.edge(e);
             if nodes.iter().any(|n| !model.driven()[*n]) {
                 out.push(StiffEdge { nodes, rest: fraction * theta[rope.length], strain });
             }

@@ -92,7 +92,8 @@ class Model:
         """Names of the entries of v that belong to joints, in order; `name[k]` for the parts of a ball."""
     @property
     def memory_names(self) -> list[str]:
-        """Names of the entries of z, the end of x: `elbow.plastic` [rad, m], `elbow.load` [N·m, N], `motor.target`,
+        """Names of the entries of z, the end of x: `elbow.plastic` [rad, m], `elbow.load` [N·m, N],
+        `rod.node[i].creep[k]` and `rod.node[i].plastic[k]` (docs/rods.md), `motor.target`,
         `motor.command[k]` (k + 1 steps ago) and `motor.lagged`, in the unit of the motor's control."""
     @property
     def nu(self) -> int:

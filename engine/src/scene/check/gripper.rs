@@ -5,6 +5,7 @@ use super::super::error::{Mistake, SceneError};
 use super::super::file::Scene;
 use super::super::gripper::{Clamp, Gripper, Motion};
 use super::super::held::Held;
+use super::super::rope::Rope;
 use super::super::words::{list, nearest};
 use super::positive;
 use std::collections::BTreeMap;
@@ -30,7 +31,8 @@ fn turns<X>(scene: &Scene<X>, g: usize, gripper: &Gripper) -> Result<(), SceneEr
     let mut nodes: Vec<usize> = gripper.clamp.numbers().iter().filter_map(|k| rope?.node(*k)).collect();
     nodes.sort_unstable();
     let is_end = matches!(gripper.clamp, Clamp::End(_));
-    let edge = is_end || nodes.windows(2).any(|pair| pair[1] == pair[0] + 1);
+    let closes = |rope: &Rope| rope.closed && nodes.first() == Some(&0) && nodes.last() == Some(&(rope.n_nodes() - 1));
+    let edge = is_end || nodes.windows(2).any(|pair| pair[1] == pair[0] + 1) || rope.is_some_and(closes);
     let possible = [
         ("roll", gripper.roll != 0.0, twists && edge),
         ("roll_by_direction", gripper.roll_by_direction != [0.0; 3], twists && edge),
@@ -58,6 +60,10 @@ fn holds<'a, X>(
     let numbers = gripper.clamp.numbers();
     if numbers.is_empty() {
         return Err(SceneError::at(format!("gripper[{g}].nodes"), Mistake::HoldsNothing));
+    }
+    if let (Held::Rope(rope, _), Clamp::End(_), true) = (object, &gripper.clamp, object.is_closed()) {
+        let mistake = Mistake::NoEnds { rope: rope.name.clone(), what: "end" };
+        return Err(SceneError::at(format!("gripper[{g}].end"), mistake));
     }
     if let (Held::Cloth(cloth, _), Clamp::End(_)) = (object, &gripper.clamp) {
         let error = ClothMistake::NoEnds { cloth: cloth.name.clone() };

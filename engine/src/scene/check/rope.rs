@@ -24,6 +24,7 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     numbers(rope, &at)?;
     units(rope, &at)?;
     nodes(scene, rope, &at)?;
+    closed(rope, &at)?;
     for (k, added) in rope.node_mass.iter().enumerate() {
         not_negative(&at(&format!("node_mass[{k}].mass")), added.mass, "kg")?;
         if rope.node(added.node).is_none() {
@@ -55,6 +56,20 @@ fn numbers(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     quantities.iter().try_for_each(|(key, value, unit)| not_negative(&at(key), *value, unit))
 }
 
+/// What a ring cannot be.
+fn closed(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let refuse = |key: &str, kind, shape| Err(SceneError::at(at(key), Mistake::Shape { kind, shape }));
+    match (&rope.initial, rope.closed) {
+        (Initial::Straight { .. }, true) => refuse("initial", "closed", "straight"),
+        (Initial::Between { .. }, true) => refuse("initial", "closed", "between two points"),
+        (Initial::Circle { .. }, false) => refuse("initial", "open", "as a circle"),
+        (_, true) if rope.tip_mass != 0.0 => {
+            Err(SceneError::at(at("tip_mass"), Mistake::NoEnds { rope: rope.name.clone(), what: "tip" }))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What a rod needs beside a rope.
 fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     let rope = &scene.rope[r];
@@ -80,8 +95,8 @@ fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
 /// Every section of its own is at a node where two edges meet, and at another than the one before.
 fn joints<X>(scene: &Scene<X>, rope: &Rope, twist: &Twist, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     let n = rope.n_nodes();
-    let first = usize::from(!scene.clamps_end(rope, End::First));
-    let last = n - usize::from(!scene.clamps_end(rope, End::Last));
+    let first = usize::from(!(rope.closed || scene.clamps_end(rope, End::First)));
+    let last = n - usize::from(!(rope.closed || scene.clamps_end(rope, End::Last)));
     let mut seen = Vec::new();
     for (k, joint) in twist.joint.iter().enumerate() {
         let at = |key: &str| at(&format!("joint[{k}].{key}"));
@@ -153,7 +168,13 @@ fn nodes<X>(scene: &Scene<X>, rope: &Rope, at: &dyn Fn(&str) -> String) -> Resul
     let nodes = rope.n_nodes();
     let clamped = [End::First, End::Last].iter().any(|end| scene.clamps_end(rope, *end));
     let bends = (rope.bend_stiffness > 0.0 || rope.bend_damping > 0.0) && !clamped;
-    let (needed, why) = if bends { (3, "bending (`bend_stiffness`, `bend_damping`)") } else { (2, "a rope") };
+    let (needed, why) = if rope.closed {
+        (4, "a closed rope")
+    } else if bends {
+        (3, "bending (`bend_stiffness`, `bend_damping`)")
+    } else {
+        (2, "a rope")
+    };
     if nodes < needed {
         let key = if rope.nodes.is_some() { "nodes" } else { "edge_fractions" };
         return Err(SceneError::at(at(key), Mistake::TooFewNodes { nodes, needed, why }));
