@@ -1,0 +1,174 @@
+//! An edge or a triangle that may touch fixed shapes, and its contact at one point linearized.
+//!
+//! With p = Σ β_i x_i the point that touches, n the normal there and w the cone variable, the impulse P = w₀ n + μ w̄ acts on node i with
+//! β_i P, and slides with u_t = (I − n nᵀ) Σ β_i v_i. Both n and β follow the nodes:
+//! ```text
+//! ∂(β_i P)/∂x_j = β_i w₀ ∂n/∂x_j + P ⊗ ∂β_i/∂x_j            (at fixed w; symmetric in the normal part: w₀ times the gap's Hessian)
+//! ∂u_t/∂x_j = (I − n nᵀ) Σ v_i ⊗ ∂β_i/∂x_j − (n·u) ∂n/∂x_j − n (uᵀ ∂n/∂x_j),    ∂gap/∂x_j = β_j n
+//! ```
+
+use super::{Friction, SpotLaw, SpotState};
+use crate::geometry::facet::{Nearest, nearest};
+use crate::geometry::solid::{Feature, Posed};
+use crate::terms::Vec3;
+use nalgebra::{Matrix3, Matrix3x4, Matrix4x3, RowVector3, Vector4};
+use num_dual::DualSVec64;
+use pliant_smoothing::{ContactLaw, Linearization, SplitPoint};
+use std::ops::Range;
+
+/// An edge of a rope or a sheet, or a triangle of a sheet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facet {
+    /// Its nodes; of an edge the first two.
+    pub nodes: [usize; 3],
+    /// Two or three.
+    pub count: usize,
+    /// Index in θ of the radius \[m\].
+    pub radius: usize,
+    /// Third nodes of the triangles at an edge of a sheet.
+    pub thirds: [Option<usize>; 2],
+    /// Weight of its lightest node \[N\], as the scene begins: κ = rest gap × weight. It does not follow θ.
+    pub weight: f64,
+}
+
+/// Facets of one rope or sheet, and a fixed shape that they may touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FacetGroup {
+    /// Indices of the facets.
+    pub facets: Range<usize>,
+    /// Index of the shape among the solids.
+    pub solid: usize,
+    /// Coefficient of friction.
+    pub friction: Friction,
+}
+
+/// The nearest point of a facet, and how normal and weights change with each node.
+pub(crate) struct FacetChanges {
+    pub nearest: Nearest<f64>,
+    /// ∂n/∂x_j [1/m].
+    pub normal: [Matrix3<f64>; 3],
+    /// ∂β_i/∂x_j [1/m], `weights[i][j]`.
+    pub weights: [[RowVector3<f64>; 3]; 3],
+}
+
+/// [`FacetChanges`] of a facet with `count` nodes, by dual numbers; the distance where there is no normal.
+pub(crate) fn facet_changes(
+    x: &[Vec3<f64>; 3],
+    count: usize,
+    radius: f64,
+    feature: Feature,
+    shape: &Posed<f64>,
+) -> Result<FacetChanges, f64> {
+    if count == 2 { changes::<6>(x, radius, feature, shape) } else { changes::<9>(x, radius, feature, shape) }
+}
+
+/// With N numbers for N/3 nodes.
+fn changes<const N: usize>(x: &[Vec3<f64>; 3], radius: f64, feature: Feature, shape: &Posed<f64>) -> Result<FacetChanges, f64> {
+    let count = N / 3;
+    let seeded = |i: usize| {
+        Vec3::from_fn(|a, _| {
+            let constant = DualSVec64::<N>::from_re(x[i][a]);
+            if i < count { constant.derivative(3 * i + a) } else { constant }
+        })
+    };
+    let nodes = [seeded(0), seeded(1), seeded(2)];
+    let lifted = Posed {
+        form: shape.form,
+        rotation: shape.rotation.map(DualSVec64::from_re),
+        position: shape.position.map(DualSVec64::from_re),
+        sizes: shape.sizes.map(DualSVec64::from_re),
+    };
+    let found = nearest(&nodes[..count], DualSVec64::from_re(radius), feature, &lifted)?;
+    let slope = |x: &DualSVec64<N>, j: usize| match x.eps.0 {
+        Some(eps) if j < count => RowVector3::new(eps[3 * j], eps[3 * j + 1], eps[3 * j + 2]),
+        _ => RowVector3::zeros(),
+    };
+    Ok(FacetChanges {
+        nearest: Nearest {
+            gap: found.gap.re,
+            normal: found.normal.map(|x| x.re),
+            weights: found.weights.map(|x| x.re),
+            region: found.region,
+        },
+        normal: std::array::from_fn(|j| Matrix3::from_rows(&[0, 1, 2].map(|a| slope(&found.normal[a], j)))),
+        weights: std::array::from_fn(|i| std::array::from_fn(|j| slope(&found.weights[i], j))),
+    })
+}
+
+/// The numbers of the law at a facet's contact.
+pub(crate) fn facet_law(
+    law: crate::scene::Law,
+    group: &FacetGroup,
+    facet: &Facet,
+    spot: &SpotState,
+    theta: &[f64],
+    rest_gap: f64,
+    soften: f64,
+) -> SpotLaw {
+    let law = match law {
+        crate::scene::Law::Coulomb => ContactLaw::Coulomb,
+        crate::scene::Law::Anitescu => ContactLaw::Anitescu,
+    };
+    let (mu, kappa) = (group.friction.value(theta), rest_gap * facet.weight);
+    SpotLaw { law, at: SplitPoint { mu, kappa, rho_n: spot.rho_n, rho_t: spot.rho_t, give: 0.0, soften } }
+}
+
+/// Σ β_i x_i.
+pub(crate) fn weighted(weights: &[f64; 3], x: &[Vec3<f64>; 3]) -> Vec3<f64> {
+    x[0] * weights[0] + x[1] * weights[1] + x[2] * weights[2]
+}
+
+/// The part of `u` across the unit vector `n`.
+pub(crate) fn tangential(n: &Vec3<f64>, u: &Vec3<f64>) -> Vec3<f64> {
+    u - n * n.dot(u)
+}
+
+/// A contact of a facet linearized at an iterate, its cone variable eliminated.
+#[derive(Clone, Debug)]
+pub(crate) struct FacetLinear {
+    pub weights: [f64; 3],
+    /// ∂P/∂w, and ∂P/∂w F_w⁻¹.
+    pub by_w: Matrix3x4<f64>,
+    pub gain: Matrix3x4<f64>,
+    /// ∂F/∂x_j at fixed velocities, and ∂F/∂v_j.
+    pub f_x: [Matrix4x3<f64>; 3],
+    pub f_v: [Matrix4x3<f64>; 3],
+    /// ∂(β_i P)/∂x_j at fixed w [N·s/m].
+    pub fixed: [[Matrix3<f64>; 3]; 3],
+}
+
+impl FacetLinear {
+    /// For the law linearized there, friction `mu`, nodes' velocities `v`, stage length `h` and cone variable `w`.
+    pub fn new(law: &Linearization, changes: &FacetChanges, mu: f64, v: &[Vec3<f64>; 3], h: f64, w: &Vector4<f64>) -> Self {
+        let Nearest { normal: n, weights, .. } = changes.nearest;
+        let u = weighted(&weights, v);
+        let impulse = super::impulse(n, mu, w);
+        let projector = Matrix3::identity() - n * n.transpose();
+        let mut by_w = Matrix3x4::zeros();
+        by_w.set_column(0, &n);
+        by_w.fixed_view_mut::<3, 3>(0, 1).fill_diagonal(mu);
+        let f_x = std::array::from_fn(|j| {
+            let dn = &changes.normal[j];
+            let carried: Matrix3<f64> = (0..3).map(|i| v[i] * changes.weights[i][j]).sum();
+            let du_t = projector * carried - dn * n.dot(&u) - n * (u.transpose() * dn);
+            law.df_dvn * (n.transpose() * (weights[j] / h)) + law.df_dvt * du_t
+        });
+        let fixed = std::array::from_fn(|i| {
+            std::array::from_fn(|j| changes.normal[j] * (weights[i] * w[0]) + impulse * changes.weights[i][j])
+        });
+        Self {
+            weights,
+            by_w,
+            gain: by_w * law.df_dw_inverse,
+            f_x,
+            f_v: weights.map(|weight| law.df_dvt * projector * weight),
+            fixed,
+        }
+    }
+
+    /// ∂(β_i P)/∂x_j and ∂(β_i P)/∂v_j with w following.
+    pub fn condensed(&self, i: usize, j: usize) -> [Matrix3<f64>; 2] {
+        let gain = self.gain * self.weights[i];
+        [self.fixed[i][j] - gain * self.f_x[j], -(gain * self.f_v[j])]
+    }
+}
