@@ -14,7 +14,7 @@ use crate::geometry::solid::Carrier;
 use crate::kkt::System;
 use crate::memory::Past;
 use crate::model::Model;
-use crate::rods::RodEdge;
+use crate::rods::{Remembered, RodEdge, RodPast};
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
 use pliant_smoothing::ContactLaw;
@@ -88,6 +88,8 @@ pub(crate) struct Stage<'a> {
     pub u: &'a [f64],
     /// The beginning of the (sub)step.
     pub past: Past<'a>,
+    /// The same of rods' strains.
+    pub rod_past: &'a RodPast,
     pub scheme: Scheme,
     pub h: f64,
     /// σ: inertia per velocity change [1/s].
@@ -125,6 +127,11 @@ impl Stage<'_> {
             kappa: self.rest_gap * mass * self.theta[self.model.gravity].max(f64::MIN_POSITIVE),
             rho: RHO * mass,
         }
+    }
+
+    /// What rods' sections remember.
+    fn remembered(&self) -> Remembered<'_> {
+        Remembered { past: self.rod_past, z: self.past.z, elapsed: self.past.elapsed }
     }
 
     /// Whether there are cone variables that need a value to start from; couplings are linear in theirs.
@@ -181,7 +188,7 @@ impl Stage<'_> {
         for term in &self.model.terms {
             term.add_force(&at, &mut ws.f);
         }
-        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, &mut ws.f);
+        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
         for c in 0..self.model.pairs.len() {
             let (touch, _) = self.touch(c, &ws.q_bar, &it.v)?;
             let at = self.law_point(c);
@@ -266,8 +273,8 @@ impl Stage<'_> {
             }
             first += n;
         }
-        let rods = &self.model.rods;
-        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
+        let (rods, before) = (&self.model.rods, self.remembered());
+        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
         if self.has_contact() {
             ws.stiffness = (0..3 * self.mass.len()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
         }
@@ -426,7 +433,7 @@ impl Stage<'_> {
             }
         }
         ws.f.fill(0.0);
-        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, &mut ws.f);
+        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
         if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
             return (ROD.to_owned(), Some((ROD.to_owned(), k, ws.f[k])));
         }

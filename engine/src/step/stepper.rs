@@ -8,6 +8,7 @@ use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
+use crate::rods::{Remembered, RodPast, RodPoint};
 use crate::scene::Integrator;
 use crate::state::State;
 use crate::terms::joint::JointPoint;
@@ -79,6 +80,8 @@ pub struct Stepper<'m> {
     u: Vec<f64>,
     q_past: Vec<f64>,
     z_past: Vec<f64>,
+    rod_past: RodPast,
+    rod_point: RodPoint,
     elapsed: f64,
     v_cmd: Vec<f64>,
     q_ref: Vec<f64>,
@@ -105,6 +108,8 @@ impl<'m> Stepper<'m> {
             u: Vec::new(),
             q_past: Vec::new(),
             z_past: Vec::new(),
+            rod_past: RodPast::default(),
+            rod_point: RodPoint::default(),
             elapsed: 0.0,
             v_cmd: zeros(),
             q_ref: vec![0.0; model.nq()],
@@ -273,10 +278,14 @@ impl<'m> Stepper<'m> {
             self.z_past.clear();
             self.z_past.extend_from_slice(&state.z);
         }
+        if self.model.rods.remember() {
+            self.model.rods.evaluate(&state.q, &state.z[self.model.ndz()..], &state.q, &mut self.rod_point);
+            self.model.rods.begin(&self.rod_point, &mut self.rod_past);
+        }
     }
 
     /// Moves what materials remember on to the end of the (sub)step of length `h`.
-    fn advance(&self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
+    fn advance(&mut self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
         if self.model.n_materials() == 0 {
             return;
         }
@@ -287,6 +296,23 @@ impl<'m> Stepper<'m> {
         self.model.advance_materials(&end, &mut state.z);
         if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
             record.memory = self.model.material_partials(&end);
+        }
+        self.advance_rods(state, h, stages);
+    }
+
+    /// The same of what rods' sections remember.
+    fn advance_rods(&mut self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
+        let (rods, memory) = (&self.model.rods, self.model.ndz());
+        if !rods.remember() {
+            return;
+        }
+        rods.evaluate(&state.q, &state.z[memory..], &state.q, &mut self.rod_point);
+        let before = Remembered { past: &self.rod_past, z: &self.z_past, elapsed: h };
+        rods.advance(&self.rod_point, self.theta, before, &mut state.z);
+        if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
+            rods.visit_advance(&self.rod_point, self.theta, before, &mut |place, input, value| {
+                record.memory.push((place, input, value));
+            });
         }
     }
 
@@ -312,6 +338,7 @@ impl<'m> Stepper<'m> {
             measure: &self.measure,
             u: &self.u,
             past: Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed },
+            rod_past: &self.rod_past,
             scheme,
             h,
             inertia: 1.0 / h,
