@@ -407,7 +407,10 @@ fn on_a_plane_edges_change_nothing() {
     let mut scene = common::scene("resting");
     let (_, q, v) = last(&scene, 40);
     scene.rope[0].contact = Touching::Edges;
-    assert_eq!((q, v), { let (_, q, v) = last(&scene, 40); (q, v) });
+    assert_eq!((q, v), {
+        let (_, q, v) = last(&scene, 40);
+        (q, v)
+    });
 }
 
 /// A light rope over a bar, a weight at one end, pulled slowly down at the other: T₂/T₁ = e^{μφ} over half a turn.
@@ -518,7 +521,6 @@ fn gradients_on_every_shape() {
         }
     }
 }
-
 
 /// A hundred steps with grippers, from the scenes' beginnings.
 #[test]

@@ -172,3 +172,104 @@ impl FacetLinear {
         [self.fixed[i][j] - gain * self.f_x[j], -(gain * self.f_v[j])]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::bodies::rotation::about;
+    use crate::geometry::solid::Form;
+    use nalgebra::SVector;
+    use pliant_smoothing::{split_linearize, split_residual};
+
+    type Dual = DualSVec64<9>;
+
+    const H: f64 = 0.01;
+    const LAW: SplitPoint = SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.02, rho_t: 0.02, give: 0.0, soften: 0.0 };
+
+    /// Impulses on the nodes and F for nodes and velocities of any scalar.
+    fn generic(
+        x: &[Vec3<Dual>],
+        v: &[Vec3<Dual>; 3],
+        w: &Vector4<f64>,
+        feature: Feature,
+        shape: &Posed<f64>,
+    ) -> ([Vec3<Dual>; 3], [Dual; 4]) {
+        let lifted = Posed {
+            form: shape.form,
+            rotation: shape.rotation.map(Dual::from_re),
+            position: shape.position.map(Dual::from_re),
+            sizes: shape.sizes.map(Dual::from_re),
+        };
+        let found = nearest(x, Dual::from_re(0.01), feature, &lifted).unwrap();
+        let n = found.normal;
+        let u = v[0] * found.weights[0] + v[1] * found.weights[1] + v[2] * found.weights[2];
+        let u_t = u - n * n.dot(&u);
+        let w = w.map(Dual::from_re);
+        let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * Dual::from_re(LAW.mu);
+        let [mu, kappa, give] = [LAW.mu, LAW.kappa, LAW.give].map(Dual::from_re);
+        let f = split_residual(mu, kappa, LAW.rho_n, LAW.rho_t, give, found.gap / H, u_t.into(), w.into());
+        (found.weights.map(|weight| impulse * weight), f)
+    }
+
+    #[test]
+    fn the_condensed_contact_is_that_of_dual_numbers() {
+        let rotation = about(&Vec3::new(0.6, 0.0, 0.8), 0.4);
+        let shape = |form, sizes| Posed { form, rotation, position: Vec3::new(0.01, 0.02, -0.1), sizes };
+        let cases = [
+            (2, Feature::Whole, shape(Form::Ball, [0.09, 0.0, 0.0])),
+            (3, Feature::Whole, shape(Form::Ball, [0.09, 0.0, 0.0])),
+            (2, Feature::Whole, shape(Form::Capsule, [0.08, 0.2, 0.0])),
+            (2, Feature::Whole, shape(Form::Capsule, [0.08, 0.01, 0.0])),
+            (3, Feature::End(1), shape(Form::Capsule, [0.08, 0.02, 0.0])),
+            (2, Feature::Edge(1, [1, 1]), shape(Form::Block, [0.06, 0.2, 0.07])),
+            (2, Feature::Corner([1, 1, 1]), shape(Form::Block, [0.06, 0.05, 0.07])),
+            (3, Feature::Corner([1, 1, 1]), shape(Form::Block, [0.06, 0.05, 0.07])),
+        ];
+        let nodes = [Vec3::new(-0.1, -0.12, 0.01), Vec3::new(0.12, 0.1, 0.0), Vec3::new(-0.09, 0.16, -0.01)];
+        // inside, and beyond an end
+        for shift in [Vec3::zeros(), Vec3::new(0.25, 0.2, 0.02)] {
+            for (count, feature, shape) in &cases {
+                let x = nodes.map(|x| x + shift);
+                let v = [Vec3::new(0.3, -0.2, -0.1), Vec3::new(0.1, 0.4, 0.2), Vec3::new(-0.2, 0.1, -0.3)];
+                let w = Vector4::new(0.02, 0.004, -0.006, 0.003);
+                let changes = facet_changes(&x, *count, 0.01, *feature, shape).unwrap();
+                let found = changes.nearest;
+                let u_t = tangential(&found.normal, &weighted(&found.weights, &v));
+                let lin = split_linearize(&LAW, found.gap / H, u_t.into(), w.into());
+                let by_hand = FacetLinear::new(&lin, &changes, LAW.mu, &v, H, &w);
+                let seeded = |i: usize, x: &Vec3<f64>, on: bool| {
+                    Vec3::from_fn(|a, _| if on { Dual::from_re(x[a]).derivative(3 * i + a) } else { Dual::from_re(x[a]) })
+                };
+                for moving in [false, true] {
+                    let at = [0, 1, 2].map(|i| seeded(i, &x[i], !moving));
+                    let speeds = [0, 1, 2].map(|i| seeded(i, &v[i], moving));
+                    let (impulses, f) = generic(&at[..*count], &speeds, &w, *feature, shape);
+                    let slope = |x: &Dual| x.eps.0.unwrap_or_else(SVector::zeros);
+                    for j in 0..*count {
+                        for a in 0..3 {
+                            let column = if moving { by_hand.f_v[j].column(a) } else { by_hand.f_x[j].column(a) };
+                            for r in 0..4 {
+                                let (hand, dual) = (column[r], slope(&f[r])[3 * j + a]);
+                                assert!(
+                                    (hand - dual).abs() < 1e-12 * (1.0 + column.norm()),
+                                    "{feature:?} {count}: {hand} {dual}"
+                                );
+                            }
+                            for i in 0..*count {
+                                for b in 0..3 {
+                                    let hand = if moving { 0.0 } else { by_hand.fixed[i][j][(b, a)] };
+                                    let dual = slope(&impulses[i][b])[3 * j + a];
+                                    assert!(
+                                        (hand - dual).abs() < 1e-12 * (1.0 + by_hand.fixed[i][j].norm()),
+                                        "{feature:?} {count}"
+                                    );
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -142,9 +142,10 @@ impl Mistake {
                 "the first or last node was meant to have a neighbour, or nodes were counted from 1",
                 "name a node between two others; an end has a joint only where a gripper clamps it (`end = \"first\"` or \"last\")",
             ),
-            Self::JointTwice { .. } => {
-                both("a node is listed twice, perhaps once as a negative number", "put all that is different there into one entry")
-            }
+            Self::JointTwice { .. } => both(
+                "a node is listed twice, perhaps once as a negative number",
+                "put all that is different there into one entry",
+            ),
             Self::NoSuchRope { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
             Self::NoSuchRope { known, .. } => both("the rope was renamed or removed", format!("name one of: {known}")),
             Self::PointCount { nodes, .. } => both("points were dropped, or `nodes` was changed", format!("give {nodes} points")),

@@ -2,7 +2,7 @@
 
 use super::file::Scene;
 use super::gripper::{Clamp, Mode};
-use super::rope::{Initial, Rope, JointSection, Twist};
+use super::rope::{Initial, JointSection, Rope, Twist};
 
 /// A refined scene and how its inputs follow from the original's. Node i of a rope becomes node 2i.
 #[derive(Clone, Debug, PartialEq)]

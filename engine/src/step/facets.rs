@@ -130,7 +130,14 @@ impl Stage<'_> {
     }
 
     /// F and the condensed forces of a facet's contact, with the matrices linearized before.
-    pub(super) fn add_facet(&self, k: usize, at: FacetSpot, w: &Vector4<f64>, v: &[f64], ws: &mut Workspace) -> Result<(), StepError> {
+    pub(super) fn add_facet(
+        &self,
+        k: usize,
+        at: FacetSpot,
+        w: &Vector4<f64>,
+        v: &[f64],
+        ws: &mut Workspace,
+    ) -> Result<(), StepError> {
         let (facet, spot) = (&self.model.facets[at.facet], ws.spots.spots[k]);
         let x = of_nodes(facet, &ws.q_bar);
         let found = nearest(&x[..facet.count], self.theta[facet.radius], at.feature, &ws.spots.fixed[at.group])
@@ -191,7 +198,8 @@ impl Stage<'_> {
     /// Changes of the facets' w that go with the change `d` of velocities, completing those for still nodes.
     pub(super) fn facet_steps(&self, d: &[f64], ws: &Workspace, dw: &mut [Vector4<f64>]) {
         let spots = ws.spots.first_facet()..;
-        let each = ws.spots.spots[spots.clone()].iter().zip(&ws.spots.linear[spots.clone()]).zip(&ws.spots.facets).zip(&mut dw[spots]);
+        let each =
+            ws.spots.spots[spots.clone()].iter().zip(&ws.spots.linear[spots.clone()]).zip(&ws.spots.facets).zip(&mut dw[spots]);
         for (((spot, law), linear), dw) in each {
             let Some(at) = spot.key.facet() else { continue };
             let facet = &self.model.facets[at.facet];

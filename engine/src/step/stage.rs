@@ -401,9 +401,8 @@ impl Stage<'_> {
             a.nodes.set_block(*node, *node, &block);
         }
         for ([i, j], [block_q, block_v, carried]) in &ws.between {
-            let block = std::array::from_fn(|r| {
-                std::array::from_fn(|c| carried[r][c] - (cq * block_q[r][c] + cv * block_v[r][c]))
-            });
+            let block =
+                std::array::from_fn(|r| std::array::from_fn(|c| carried[r][c] - (cq * block_q[r][c] + cv * block_v[r][c])));
             dq.nodes.set_block(*i, *j, block_q);
             if dv.dim() > 0 {
                 dv.nodes.set_block(*i, *j, block_v);

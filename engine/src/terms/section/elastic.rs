@@ -137,7 +137,8 @@ mod tests {
 
     #[test]
     fn the_kernel_is_the_law() {
-        let law = ElasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7], own: 8, joints: 0..2, rest: vec![[0.0; 3], [0.1, -0.05, 0.3]] };
+        let law =
+            ElasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7], own: 8, joints: 0..2, rest: vec![[0.0; 3], [0.1, -0.05, 0.3]] };
         let theta = [0.7, 0.02, 0.05, 0.013, 0.4, 1.5, -0.7, 2.0, 0.3, -0.2, 1.1, -0.4, 0.6, 0.8];
         super::super::check::same(&Elastic::new(law.clone()), &AutomaticSection::new(law), &theta);
     }
