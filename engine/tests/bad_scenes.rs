@@ -61,6 +61,37 @@ fn the_good_scene_is_accepted() {
     assert_eq!((scene.rope.len(), scene.gripper.len(), scene.n_shapes()), (1, 1, 2));
 }
 
+/// The model of the good scene with edges that touch, and one line replaced.
+fn built(old: &str, new: &str) -> Result<(), String> {
+    let edges = GOOD.replacen("radius = 0.003", "contact = \"edges\"\nradius = 0.003", 1);
+    assert!(edges.contains(old), "{old}");
+    let scene = parse_scene::<Nothing>(&edges.replacen(old, new, 1), "scene.toml").map_err(|error| error.to_string())?;
+    pliant_engine::model::ModelBuilder::new(&scene).map(drop).map_err(|error| error.to_string())
+}
+
+#[test]
+fn contact_of_edges() {
+    assert_eq!(built("nodes = 5", "nodes = 5"), Ok(()));
+    refused("radius = 0.003", "radius = 0.003\ncontact = \"faces\"", "17: rope[0].contact", &["`nodes`", "`edges`"]);
+    refused(
+        "radius = 0.003",
+        "contact = \"edges\"",
+        "9: rope[0].radius",
+        &["needs a radius", "give its `radius` in m", "contact = \"nodes\""],
+    );
+    // a ball between two nodes, whose surface both nodes clear
+    let ball = "[[sphere]]\nname = \"ball\"\ncenter = [0.625, 0, 0.52]\nradius = 0.1\n[[plane]]";
+    let error = built("[[plane]]", ball).unwrap_err();
+    for part in ["rope[0].initial", "the inside of `cable` between nodes 2, 3", "`ball`", "overlap by 8.00e-2 m", "fix: "] {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
+    }
+    // nodes alone do not see it
+    parse_scene::<Nothing>(&GOOD.replacen("[[plane]]", ball, 1), "scene.toml").unwrap();
+    // a bar through a box's edge
+    let brick = "[[box]]\nname = \"brick\"\nposition = [0.625, 0, 0.45]\nhalf_extents = [0.05, 0.05, 0.06]\n[[plane]]";
+    assert!(built("[[plane]]", brick).unwrap_err().contains("`brick`"));
+}
+
 #[test]
 fn unknown_key() {
     refused(

@@ -1,4 +1,4 @@
-//! Contact of rope nodes with fixed shapes, and friction and stops at joints, and joints that follow others. Of contacts: the smoothed law of `pliant-smoothing` joined with a shape's gap, condensed to a
+//! Contact of nodes, edges and triangles with fixed shapes, and friction and stops at joints, and joints that follow others. Of contacts: the smoothed law of `pliant-smoothing` joined with a shape's gap, condensed to a
 //! force on the node.
 //!
 //! With w the cone variable of a contact, the impulse is `p = w₀ n + μ w̄` and `F(w, v̂) = 0` is the smoothed natural residual.
@@ -7,6 +7,7 @@
 
 mod condensed;
 mod coupling;
+mod facet;
 mod joint_row;
 mod meeting;
 mod pair;
@@ -15,6 +16,8 @@ mod tie;
 
 pub(crate) use condensed::{Condensed, LawPoint, impulse};
 pub use coupling::{Coupling, Lead};
+pub use facet::{Facet, FacetGroup};
+pub(crate) use facet::{FacetLinear, facet_changes, facet_law, tangential, weighted};
 pub(crate) use joint_row::RowLinear;
 pub(crate) use joint_row::RowPoint;
 pub use joint_row::{JointFriction, JointRow, JointRowKind};

@@ -2,7 +2,7 @@
 
 use super::meeting::Changes;
 use crate::bodies::spatial::{Force, Motion, hat, product};
-use crate::geometry::solid::{Carrier, Meeting, Pose, Spot, carried};
+use crate::geometry::solid::{Carrier, Feature, Meeting, Pose, Spot, carried};
 use crate::terms::Vec3;
 use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4, Vector6};
 use pliant_smoothing::{ContactLaw, Linearization, SplitPoint, linearize, residual, split_linearize};
@@ -63,6 +63,15 @@ pub(crate) enum SpotKey {
         /// Whether it is about the axes.
         turn: bool,
     },
+    /// A facet and a feature of a fixed shape.
+    Facet {
+        /// Index of the group.
+        group: usize,
+        /// Index of the facet.
+        facet: usize,
+        /// What of the shape.
+        feature: Feature,
+    },
 }
 
 /// A contact of one step, or a part of a tie, with what the step's beginning says of it.
@@ -71,7 +80,7 @@ pub(crate) struct SpotState {
     pub key: SpotKey,
     /// What it pushes apart or holds together.
     pub carriers: [Carrier; 2],
-    /// Solids of a contact in the spot's order.
+    /// Solids of a contact in the spot's order; of a facet's, the fixed shape twice.
     pub solids: [usize; 2],
     /// Steps of the law \[kg\].
     pub rho_n: f64,
@@ -209,6 +218,23 @@ impl SpotLinear {
             f_mu: lin.df_dmu,
             f_vt: lin.df_dvt,
         })
+    }
+
+    /// Of a facet's contact, which moves no body: the law alone.
+    pub fn of_law(lin: &Linearization) -> Self {
+        Self {
+            f: lin.f,
+            f_w: lin.df_dw,
+            inverse: lin.df_dw_inverse,
+            f_xi: [Matrix4x6::zeros(); 2],
+            f_v: Matrix4x6::zeros(),
+            w_w: Matrix6x4::zeros(),
+            gain: Matrix6x4::zeros(),
+            w_xi: [Matrix6::zeros(); 2],
+            f_vn: lin.df_dvn,
+            f_mu: lin.df_dmu,
+            f_vt: lin.df_dvt,
+        }
     }
 
     /// ∂W/∂ξ of a side, with w following (`condensed`) or fixed.

@@ -8,6 +8,7 @@ use nalgebra::Matrix3;
 use num_dual::DualSVec64;
 
 pub mod capsule;
+pub(crate) mod facet;
 pub mod plane;
 pub mod solid;
 pub mod sphere;

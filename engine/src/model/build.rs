@@ -116,6 +116,8 @@ impl ModelBuilder {
             shapes: Vec::new(),
             shape_names: Vec::new(),
             pairs: Vec::new(),
+            facets: Vec::new(),
+            facet_groups: Vec::new(),
             solids: Vec::new(),
             solid_pairs: Vec::new(),
             ties: Vec::new(),
@@ -157,6 +159,7 @@ impl ModelBuilder {
         model.add_pairs(&ropes);
         let radii: Vec<usize> = ropes.iter().map(|r| r.params.radius).collect();
         model.add_solids(scene, &radii)?;
+        model.add_facets(scene, &radii)?;
         model.add_ties(scene)?;
         Ok(Self { model })
     }

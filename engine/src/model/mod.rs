@@ -4,6 +4,7 @@ mod bodies;
 mod build;
 mod cloth;
 mod couplings;
+mod facets;
 mod mass;
 mod query;
 mod rods;
@@ -15,7 +16,7 @@ pub use cloth::ClothSpan;
 pub use mass::NodeMass;
 
 use crate::bodies::Tree;
-use crate::contact::{ContactPair, JointRow, SolidPair, Tie};
+use crate::contact::{ContactPair, Facet, FacetGroup, JointRow, SolidPair, Tie};
 use crate::geometry::Shape;
 use crate::geometry::solid::Solid;
 use crate::kinematics::Drive;
@@ -90,6 +91,8 @@ pub struct Model {
     pub(crate) shapes: Vec<Shape>,
     pub(crate) shape_names: Vec<String>,
     pub(crate) pairs: Vec<ContactPair>,
+    pub(crate) facets: Vec<Facet>,
+    pub(crate) facet_groups: Vec<FacetGroup>,
     pub(crate) solids: Vec<Solid>,
     pub(crate) solid_pairs: Vec<SolidPair>,
     pub(crate) ties: Vec<Tie>,
@@ -221,6 +224,16 @@ impl Model {
     /// The possible contacts.
     pub fn contact_pairs(&self) -> &[ContactPair] {
         &self.pairs
+    }
+
+    /// Edges and triangles that touch fixed shapes.
+    pub fn facets(&self) -> &[Facet] {
+        &self.facets
+    }
+
+    /// Which shapes they may touch.
+    pub fn facet_groups(&self) -> &[FacetGroup] {
+        &self.facet_groups
     }
 
     /// Shapes of bodies, shapes they may touch, and nodes that may touch them.
@@ -395,6 +408,7 @@ impl Model {
         let symmetric = self.rods.edges.is_empty()
             && self.pairs.is_empty()
             && self.solid_pairs.is_empty()
+            && self.facet_groups.is_empty()
             && self.terms.iter().all(|t| t.symmetric(theta));
         if symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }

@@ -225,6 +225,10 @@ impl Mistake {
                 "the start of one of the two joints was left out, or is in another unit",
                 format!("write `start = [{}]` at this joint, or change the first coefficient", Num(*wanted)),
             ),
+            Self::ThinEdges => both(
+                "a line without thickness slips past what is sharp",
+                "give its `radius` in m, or let only nodes touch: `contact = \"nodes\"`",
+            ),
             Self::ShortLinks { .. } => both("too many links, or a size in another unit", "write fewer links, or sizes in m"),
             Self::NeverTouch { .. } => both("a rule that does nothing", "remove it"),
             Self::NoCompliance { .. } => both("a number that would do nothing", "remove `compliance`"),

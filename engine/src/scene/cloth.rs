@@ -3,7 +3,7 @@
 use super::error::SceneError;
 use super::mesh::{Mesh, Raw};
 use super::obj;
-use super::rope::Start;
+use super::rope::{Start, Touching};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -70,6 +70,9 @@ pub struct Cloth {
     /// Distance at which nodes touch [m]; half the thickness without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
+    /// What of it touches fixed shapes.
+    #[serde(default, skip_serializing_if = "Touching::is_nodes")]
+    pub contact: Touching,
     /// The file of `mesh`, read.
     #[serde(skip)]
     #[doc(hidden)]
@@ -103,6 +106,7 @@ impl Default for Cloth {
             drag_normal: 0.0,
             drag_quadratic: 0.0,
             radius: None,
+            contact: Touching::default(),
             loaded: None,
         }
     }

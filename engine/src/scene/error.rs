@@ -241,6 +241,9 @@ pub enum Mistake {
     /// Compliance where it is not modelled.
     #[error("compliance is modelled between bodies and what they touch, with Coulomb's law: {why}")]
     NoCompliance { why: &'static str },
+    /// Contact of edges without a radius.
+    #[error("is 0 m, but what touches with its edges needs a radius")]
+    ThinEdges,
     /// Links that are no longer than they are thick.
     #[error("{links} links are {} m long each, no longer than they are thick ({} m)", Num(*.link), Num(*.diameter))]
     ShortLinks { links: usize, link: f64, diameter: f64 },

@@ -59,6 +59,9 @@ pub struct Rope {
     /// Radius [m]; used by contact, and by a material's stiffnesses and mass.
     #[serde(default)]
     pub radius: f64,
+    /// What of it touches fixed shapes.
+    #[serde(default, skip_serializing_if = "Touching::is_nodes")]
+    pub contact: Touching,
     /// Masses added at nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub node_mass: Vec<NodeMass>,
@@ -102,6 +105,7 @@ impl Default for Rope {
             drag_quadratic: 0.0,
             tip_mass: 0.0,
             radius: 0.003,
+            contact: Touching::default(),
             node_mass: Vec::new(),
             twist: None,
             creep: None,
@@ -144,6 +148,24 @@ impl Rope {
                 vec![1.0 / edges as f64; edges]
             }
         }
+    }
+}
+
+/// What of a rope or a sheet touches fixed spheres, capsules and boxes. (Planes and cylinders are touched by nodes either way.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Touching {
+    /// Its nodes, as balls of its radius.
+    #[default]
+    Nodes,
+    /// Its edges too, and the triangles of a sheet, thick by its radius.
+    Edges,
+}
+
+impl Touching {
+    /// Whether it is the default.
+    pub(super) fn is_nodes(&self) -> bool {
+        *self == Self::Nodes
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{
     Actuator, ActuatorKind, Body, BodyShape, Closure, ClosureKind, Cloth, Command, Contact, ContactRule, Coupling, Diagonal,
-    Integrator, Joint, JointKind, Law, Scene, ShapeKind, Start,
+    Integrator, Joint, JointKind, Law, Scene, ShapeKind, Start, Touching,
 };
 use std::fmt::Write;
 
@@ -82,6 +82,9 @@ fn cloth(out: &mut String, cloth: &Cloth) {
     differing(out, "drag_normal", cloth.drag_normal, 0.0);
     differing(out, "drag_quadratic", cloth.drag_quadratic, 0.0);
     given(out, "radius", cloth.radius);
+    if cloth.contact == Touching::Edges {
+        line(out, "contact", &quoted("edges"));
+    }
 }
 
 fn closure(out: &mut String, closure: &Closure) {

@@ -4,6 +4,8 @@ mod bodies;
 mod body_inputs;
 mod contact_rows;
 mod error;
+mod facet_rows;
+mod facets;
 mod frozen;
 mod guard;
 mod joint_rows;

@@ -43,6 +43,10 @@ impl Stage<'_> {
         self.clear_wrenches(ws);
         for (k, p) in p.iter().enumerate() {
             let spot = ws.spots.spots[k];
+            if let Some(at) = spot.key.facet() {
+                self.add_facet(k, at, p, v, ws)?;
+                continue;
+            }
             let inverse = ws.spots.linear[k].inverse;
             let (f, wrench) = match spot.key {
                 SpotKey::Contact { pair, spot: features, .. } => {
@@ -57,6 +61,7 @@ impl Stage<'_> {
                     let f = rows.residual(&self.tie_law(tie, &spot), self.h, p);
                     (f, rows.wrench(&(p - inverse * f)))
                 }
+                SpotKey::Facet { .. } => continue,
             };
             ws.spots.f[k] = f;
             self.push(&spot, wrench, ws);
@@ -86,8 +91,16 @@ impl Stage<'_> {
     pub(super) fn linearize_spots(&self, p: &[Vector4<f64>], v: &[f64], ws: &mut Workspace) -> Result<(), StepError> {
         self.clear_wrenches(ws);
         ws.spots.linear.clear();
+        ws.spots.facets.clear();
         for (k, p) in p.iter().enumerate() {
             let spot = ws.spots.spots[k];
+            if let Some(at) = spot.key.facet() {
+                let (linear, rounding) = self.linearize_facet(k, at, p, v, ws)?;
+                ws.spots.f[k] = linear.f;
+                ws.spots.rounding[k] = rounding;
+                ws.spots.linear.push(linear);
+                continue;
+            }
             let (linear, wrench, rounding) = match spot.key {
                 SpotKey::Contact { pair, spot: features, .. } => {
                     self.linearize_contact_of_solids(pair, &features, &spot, p, v, ws)?
@@ -101,6 +114,7 @@ impl Stage<'_> {
                     let wrench = rows.wrench(&(p - linear.inverse * linear.f));
                     (linear, wrench, rounding)
                 }
+                SpotKey::Facet { .. } => continue,
             };
             self.push(&spot, wrench, ws);
             for (side, node) in spot.carriers.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {
@@ -242,7 +256,8 @@ impl Stage<'_> {
             .zip(&ws.spots.linear)
             .zip(&ws.spots.f)
             .map(|((spot, linear), f)| linear.dw(f, &spot.carriers.map(change)));
-        let target: Vec<Vector4<f64>> = steps.collect();
+        let mut target: Vec<Vector4<f64>> = steps.collect();
+        self.facet_steps(d, ws, &mut target);
         if next { ws.spots.dw_next = target } else { ws.spots.dw = target }
     }
 

@@ -5,6 +5,7 @@
 //! ```
 
 use super::contact_rows::{add_product, replace};
+use super::facets::FacetSpot;
 use super::spots::{pose, spot_law, tie_law, velocity};
 use super::{Stage, StageRecord, Workspace};
 use crate::bodies::Frames;
@@ -19,7 +20,7 @@ use nalgebra::{Matrix4, SMatrix, Vector4, Vector6};
 use num_dual::Dual64;
 
 /// Part of its bound from which friction counts as slipping.
-const SLIP: f64 = 0.999;
+pub(super) const SLIP: f64 = 0.999;
 
 /// A degree of freedom that a contact moves or is moved by.
 #[derive(Clone, Copy, Debug)]
@@ -36,15 +37,15 @@ pub(super) struct SpotDof {
 /// A contact at the root.
 #[derive(Clone, Debug)]
 pub(crate) struct SpotRecord {
-    state: SpotState,
+    pub(super) state: SpotState,
     /// Cone variable [N·s].
-    w: Vector4<f64>,
+    pub(super) w: Vector4<f64>,
     pub(super) dofs: Vec<SpotDof>,
     pub(super) f_w: Matrix4<f64>,
     pub(super) inverse: Matrix4<f64>,
-    f_vn: Vector4<f64>,
-    f_mu: Vector4<f64>,
-    f_vt: SMatrix<f64, 4, 3>,
+    pub(super) f_vn: Vector4<f64>,
+    pub(super) f_mu: Vector4<f64>,
+    pub(super) f_vt: SMatrix<f64, 4, 3>,
 }
 
 impl Stage<'_> {
@@ -56,13 +57,17 @@ impl Stage<'_> {
         let by_v = self.spot_dofs(ws);
         ws.bodies.partials.fill_columns(&self.model.tree, &ws.bodies.frames, Displacement { cm: 0.0, cv: 0.0, cq: 1.0 }, &[]);
         let by_q = self.spot_dofs(ws);
+        let first_facet = ws.spots.first_facet();
         let record = |(k, state): (usize, &SpotState)| {
             let linear = &ws.spots.linear[k];
             let dofs = by_v[k].iter().zip(&by_q[k]);
             SpotRecord {
                 state: *state,
                 w: ws.it.p[k],
-                dofs: dofs.map(|(v, q)| SpotDof { v: v.0, impulse: v.1, slope: v.2, by_q: q.3 }).collect(),
+                dofs: match state.key.facet() {
+                    Some(at) => self.facet_dofs(at, &ws.spots.facets[k - first_facet]),
+                    None => dofs.map(|(v, q)| SpotDof { v: v.0, impulse: v.1, slope: v.2, by_q: q.3 }).collect(),
+                },
                 f_w: linear.f_w,
                 inverse: linear.inverse,
                 f_vn: linear.f_vn,
@@ -213,6 +218,9 @@ impl StageRecord {
     /// Of every contact of solids: which it is (its pair and features, folded), and 0 separate, 1 stick or 2 slip.
     pub(super) fn spot_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let mode = |spot: &SpotRecord| {
+            if let Some(at) = spot.state.key.facet() {
+                return self.facet_mode(spot, at, model, theta);
+            }
             let SpotKey::Contact { pair, .. } = spot.state.key else { return Vec::new() };
             let law = spot_law(model.contact.law, &model.solid_pairs[pair], &spot.state, theta, [self.h, self.rest_gap], 0.0);
             let open = spot.w[0] < (law.at.kappa * law.at.rho_n).sqrt();
@@ -223,7 +231,7 @@ impl StageRecord {
         self.spots.iter().flat_map(mode).collect()
     }
 
-    /// ∂(r, F)/∂θ of the contacts of solids: friction, compliance, and what places and sizes them.
+    /// ∂(r, F)/∂θ of the contacts of solids and facets: friction, compliance, and what places and sizes them.
     pub(super) fn visit_spots(
         &self,
         model: &Model,
@@ -237,6 +245,11 @@ impl StageRecord {
                 SpotKey::Contact { pair, spot: features, .. } => (&model.solid_pairs[*pair], features),
                 SpotKey::Tie { tie, turn } => {
                     self.visit_tie(k, &model.ties[*tie], *turn, model, theta, q_bar, frames, visit);
+                    continue;
+                }
+                SpotKey::Facet { group, facet, feature } => {
+                    let at = FacetSpot { group: *group, facet: *facet, feature: *feature };
+                    self.visit_facet((spot, self.spot_row(k)), at, model, theta, q_bar, visit);
                     continue;
                 }
             };

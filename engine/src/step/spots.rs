@@ -2,18 +2,19 @@
 //!
 //! They are listed once per stage, from where it begins. What they do is in [`super::spot_forces`].
 
+use super::facets::FacetSpot;
 use super::{Stage, Workspace};
 use crate::bodies::dynamics::WrenchPartial;
 use crate::bodies::operational::{mobilities, yields};
 use crate::bodies::spatial::{Force, Motion};
-use crate::contact::{SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, Tie, TieLaw, TieRows, pose_of_world};
-use crate::geometry::solid::{Carrier, Form, Pose, Posed, candidates, meet};
+use crate::contact::{FacetLinear, SolidPair, SpotKey, SpotLaw, SpotLinear, SpotState, Tie, TieLaw, TieRows, pose_of_world};
+use crate::geometry::solid::{Carrier, Feature, Form, Pose, Posed, candidates, meet};
 use crate::terms::Vec3;
 use nalgebra::{Matrix6, Vector4};
 use pliant_smoothing::{ContactLaw, SplitPoint};
 
 /// Safe fraction of the effective mass as the law's steps ρ.
-const RHO: f64 = 0.3;
+pub(super) const RHO: f64 = 0.3;
 /// Acceleration that makes a weight of a mass in the smoothing of contacts of solids [m/s²]: near gravity's, but no parameter.
 pub(crate) const WEIGHT: f64 = 10.0;
 /// Softening that leaves nothing of a contact.
@@ -22,7 +23,7 @@ const ABSENT: f64 = 1e12;
 const SETTLED: f64 = 1e-10;
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be
 /// the whole scene), and is left out.
-fn reach(rest_gap: f64) -> f64 {
+pub(super) fn reach(rest_gap: f64) -> f64 {
     (1e6 * rest_gap).min((1e3 * rest_gap).max(0.01))
 }
 
@@ -49,6 +50,11 @@ pub(crate) struct SpotWorkspace {
     mobility: Vec<Matrix6<f64>>,
     stiffening: Vec<f64>,
     found: Vec<(crate::geometry::solid::Spot, bool)>,
+    /// Contacts of facets linearized; they are the last of the spots.
+    pub(super) facets: Vec<FacetLinear>,
+    /// The shapes that groups of facets may touch, in the world.
+    pub(super) fixed: Vec<Posed<f64>>,
+    pub(super) features: Vec<Feature>,
 }
 
 impl SpotWorkspace {
@@ -61,7 +67,7 @@ impl SpotWorkspace {
 impl Stage<'_> {
     /// Whether solids may touch, or are tied.
     pub(crate) fn has_spots(&self) -> bool {
-        !(self.model.solid_pairs.is_empty() && self.model.ties.is_empty())
+        !(self.model.solid_pairs.is_empty() && self.model.ties.is_empty() && self.model.facet_groups.is_empty())
     }
 
     /// The law's numbers at a contact of `pair`.
@@ -137,7 +143,9 @@ impl Stage<'_> {
             }
         }
         part.closing = 0.0;
-        if !part.spots.is_empty() {
+        let of_solids = part.spots.len();
+        self.find_facets(&mut part, &mut ws.between);
+        if of_solids > 0 {
             self.weigh_spots(&mut part, n, ws);
         }
         let count = part.spots.len();
@@ -187,6 +195,7 @@ impl Stage<'_> {
                     let most: f64 = (0..3).map(|k| mobility(unit(k))).sum();
                     (spot.rho_n, spot.rho_t) = (RHO / most, RHO / most);
                 }
+                SpotKey::Facet { .. } => {}
             }
         }
         part.closing = closing;
@@ -206,10 +215,15 @@ impl Stage<'_> {
 
     /// w on the central path for the gap at the beginning: w₀ v_n = κ, bounded by what closes it.
     fn central(&self, spot: &SpotState, ws: &Workspace) -> Vector4<f64> {
-        let SpotKey::Contact { pair, spot: features, .. } = spot.key else { return Vector4::zeros() };
-        let law = self.spot_law(pair, spot);
-        let [a, b] = spot.solids;
-        let gap = meet(&features, &ws.spots.posed[a], &ws.spots.posed[b]).map_or(0.0, |m| m.gap);
+        let (law, gap) = match spot.key {
+            SpotKey::Contact { pair, spot: features, .. } => {
+                let [a, b] = spot.solids;
+                let gap = meet(&features, &ws.spots.posed[a], &ws.spots.posed[b]).map_or(0.0, |m| m.gap);
+                (self.spot_law(pair, spot), gap)
+            }
+            SpotKey::Tie { .. } => return Vector4::zeros(),
+            SpotKey::Facet { group, facet, feature } => (self.facet_law(FacetSpot { group, facet, feature }, spot), spot.gap),
+        };
         let z = -law.at.rho_n * gap.max(0.0) / self.h;
         let rk = law.at.rho_n * law.at.kappa;
         Vector4::new(2.0 * rk / ((z * z + 4.0 * rk).sqrt() - z), 0.0, 0.0, 0.0)
@@ -218,8 +232,11 @@ impl Stage<'_> {
     /// w in the middle of the central path: where a continuation from a soft contact begins.
     pub(crate) fn soften_spots(&self, ws: &mut Workspace) {
         for (spot, w) in ws.spots.spots.iter().zip(&mut ws.it.p) {
-            let SpotKey::Contact { pair, .. } = spot.key else { continue };
-            let law = self.spot_law(pair, spot);
+            let law = match spot.key {
+                SpotKey::Contact { pair, .. } => self.spot_law(pair, spot),
+                SpotKey::Tie { .. } => continue,
+                SpotKey::Facet { group, facet, feature } => self.facet_law(FacetSpot { group, facet, feature }, spot),
+            };
             *w = Vector4::new((law.at.kappa * law.at.rho_n / RHO).sqrt(), 0.0, 0.0, 0.0);
         }
     }

@@ -143,7 +143,8 @@ impl Stage<'_> {
         !(self.model.pairs.is_empty()
             && self.measure.rows.is_empty()
             && self.model.solid_pairs.is_empty()
-            && self.model.ties.is_empty())
+            && self.model.ties.is_empty()
+            && self.model.facet_groups.is_empty())
     }
 
     pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
@@ -280,6 +281,9 @@ impl Stage<'_> {
         for (node, blocks) in &mut ws.touching {
             *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node), [[0.0; 3]; 3]];
         }
+        for ([i, j], blocks) in &mut ws.between {
+            *blocks = [ws.dq.nodes.block(*i, *j), ws.dv.nodes.block(*i, *j), [[0.0; 3]; 3]];
+        }
         for c in 0..self.model.pairs.len() {
             self.linearize_contact(c, it, ws)?;
         }
@@ -337,8 +341,9 @@ impl Stage<'_> {
             return;
         }
         ws.carry.evaluate(rods, self.q_ref, &ws.q_bar);
-        for (node, [.., carried]) in &mut ws.touching {
-            *carried = ws.k.nodes.block(*node, *node);
+        let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
+        for ([i, j], [.., carried]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
+            *carried = ws.k.nodes.block(i, j);
         }
         let (k, dq) = (&mut ws.k.nodes, &ws.dq.nodes);
         ws.carry.visit_after(|edge, nodes, psi| {
@@ -347,8 +352,9 @@ impl Stage<'_> {
             let psi = [psi * of_node(nodes[0]), psi * -of_node(nodes[1])];
             k.add_carried(dq, &rods.neighbours[edge], rods.row(edge), nodes, psi.map(Into::into));
         });
-        for (node, [.., carried]) in &mut ws.touching {
-            let block = ws.k.nodes.block(*node, *node);
+        let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
+        for ([i, j], [.., carried]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
+            let block = ws.k.nodes.block(i, j);
             carried.iter_mut().zip(&block).for_each(|(c, b)| c.iter_mut().zip(b).for_each(|(c, b)| *c = b - *c));
         }
     }
@@ -394,6 +400,16 @@ impl Stage<'_> {
             }
             a.nodes.set_block(*node, *node, &block);
         }
+        for ([i, j], [block_q, block_v, carried]) in &ws.between {
+            let block =
+                std::array::from_fn(|r| std::array::from_fn(|c| carried[r][c] - (cq * block_q[r][c] + cv * block_v[r][c])));
+            dq.nodes.set_block(*i, *j, block_q);
+            if dv.dim() > 0 {
+                dv.nodes.set_block(*i, *j, block_v);
+            }
+            a.nodes.set_block(*i, *j, &block);
+        }
+        self.facets_at_fixed_impulses(ws, &mut dq, &mut a);
         self.rows_at_fixed_impulses(ws, &mut dq, &mut a);
         (dq, dv, a)
     }

@@ -188,15 +188,19 @@ impl<'m> Stepper<'m> {
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        match self.integrate(state, h, v_cmd, halvings == 0, trace, stages) {
+        let result = self.integrate(state, h, v_cmd, halvings == 0, trace, stages);
+        // edges that turn far may lead Newton's method where nothing is defined
+        let retried = !matches!(result, Err(StepError::NotFinite { .. })) || !self.model.facet_groups.is_empty();
+        match result {
             Ok(false)
             | Err(
                 StepError::NotConverged { .. }
                 | StepError::Singular { .. }
                 | StepError::Geometry { .. }
                 | StepError::NoNormal { .. }
-                | StepError::ContactNotFinite { .. },
-            ) if halvings > 0 => {
+                | StepError::ContactNotFinite { .. }
+                | StepError::NotFinite { .. },
+            ) if halvings > 0 && retried => {
                 *state = before;
                 stages.truncate(kept);
                 self.set_warm_start(warm);

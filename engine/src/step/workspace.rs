@@ -1,6 +1,7 @@
 //! The memory of a step, allocated once and reused: the Newton loop allocates nothing.
 
 use super::bodies::BodyWorkspace;
+use super::facets::Blocks;
 use super::frozen::FrozenWorkspace;
 use super::spots::SpotWorkspace;
 use super::stage::Iterate;
@@ -56,7 +57,9 @@ pub struct Workspace {
     pub(crate) dx: Vec<f64>,
     pub(crate) trial: Iterate,
     /// Nodes that may touch, and their blocks of ∂f/∂q̄ and ∂f/∂v̄ before contacts were added, and of K by what rods' axes carry.
-    pub(crate) touching: Vec<(usize, [[[f64; 3]; 3]; 3])>,
+    pub(crate) touching: Vec<(usize, Blocks)>,
+    /// The same of pairs of different nodes that a contact of a facet joins, of which the first is free.
+    pub(crate) between: Vec<([usize; 2], Blocks)>,
     /// Friction and stops at joints, linearized, and their residuals at the iterate.
     pub(crate) rows: Vec<RowLinear>,
     pub(crate) row_residuals: Vec<f64>,
@@ -110,6 +113,7 @@ impl Workspace {
             dx: zeros(),
             trial: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             touching: touching_nodes(model),
+            between: Vec::new(),
             spots: SpotWorkspace::default(),
             frozen: FrozenWorkspace::default(),
             bodies: BodyWorkspace::default(),
@@ -128,10 +132,11 @@ impl Workspace {
     }
 }
 
-fn touching_nodes(model: &Model) -> Vec<(usize, [[[f64; 3]; 3]; 3])> {
-    let mut nodes: Vec<usize> =
-        model.pairs.iter().map(|p| p.node).chain(model.solids.iter().filter_map(|s| node_of(s.carrier))).collect();
+fn touching_nodes(model: &Model) -> Vec<(usize, Blocks)> {
+    let of_facets = model.facets.iter().flat_map(|f| &f.nodes).copied().filter(|node| !model.driven[*node]);
+    let balls = model.solids.iter().filter_map(|s| node_of(s.carrier));
+    let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).chain(balls).chain(of_facets).collect();
     nodes.sort_unstable();
     nodes.dedup();
-    nodes.into_iter().map(|node| (node, [[[0.0; 3]; 3]; 3])).collect()
+    nodes.into_iter().map(|node| (node, Blocks::default())).collect()
 }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 impl<S: Real> Posed<S> {
     /// Axis `k`, a unit vector.
-    pub(super) fn axis(&self, k: usize) -> Vec3<S> {
+    pub(in crate::geometry) fn axis(&self, k: usize) -> Vec3<S> {
         self.rotation.column(k).into_owned()
     }
 
@@ -33,7 +33,7 @@ impl<S: Real> Posed<S> {
     }
 
     /// Where a point feature is.
-    pub(super) fn point(&self, feature: Feature) -> Vec3<S> {
+    pub(in crate::geometry) fn point(&self, feature: Feature) -> Vec3<S> {
         match feature {
             Feature::End(side) => self.position + self.axis(2) * (self.sizes[1] * f64::from(side)),
             Feature::Corner(sides) => {
@@ -50,7 +50,7 @@ impl<S: Real> Posed<S> {
     }
 
     /// A point of a line feature and its unit direction.
-    pub(super) fn line(&self, feature: Feature) -> (Vec3<S>, Vec3<S>) {
+    pub(in crate::geometry) fn line(&self, feature: Feature) -> (Vec3<S>, Vec3<S>) {
         let Feature::Edge(k, sides) = feature else { return (self.position, self.axis(2)) };
         let k = usize::from(k);
         let along = |next: usize, side: i8| self.axis((k + next) % 3) * (self.sizes[(k + next) % 3] * f64::from(side));
@@ -58,10 +58,20 @@ impl<S: Real> Posed<S> {
     }
 
     /// Half the length of a line feature.
-    pub(super) fn half_length(&self, feature: Feature) -> S {
+    pub(in crate::geometry) fn half_length(&self, feature: Feature) -> S {
         match feature {
             Feature::Edge(k, _) => self.half(usize::from(k)),
             _ => self.half(2),
+        }
+    }
+
+    /// The sum of the outward normals of the faces that meet at an edge or corner of a block.
+    pub(in crate::geometry) fn outward(&self, feature: Feature) -> Vec3<S> {
+        let along = |k: usize, side: i8| self.axis(k % 3) * S::from(f64::from(side));
+        match feature {
+            Feature::Edge(k, sides) => along(usize::from(k) + 1, sides[0]) + along(usize::from(k) + 2, sides[1]),
+            Feature::Corner(sides) => along(0, sides[0]) + along(1, sides[1]) + along(2, sides[2]),
+            _ => Vec3::repeat(S::from(0.0)),
         }
     }
 

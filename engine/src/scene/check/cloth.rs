@@ -5,6 +5,7 @@ use super::super::cloth_error::ClothMistake;
 use super::super::cloth_initial::cloth_points;
 use super::super::error::{Mistake, SceneError};
 use super::super::mesh::Mesh;
+use super::super::rope::Touching;
 use super::super::words::list;
 use super::{not_negative, positive};
 
@@ -23,6 +24,9 @@ pub(super) fn check(cloth: &Cloth, c: usize) -> Result<(), SceneError> {
         cells(grid, &at)?;
     }
     numbers(cloth, &at)?;
+    if cloth.contact == Touching::Edges && cloth.contact_radius() == 0.0 {
+        return Err(SceneError::at(at("radius"), Mistake::ThinEdges));
+    }
     let rest = cloth.rest(&format!("cloth[{c}]"))?;
     units(cloth, &rest, &at)?;
     cloth_points(cloth, c).map(|_| ())

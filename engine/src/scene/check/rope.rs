@@ -5,7 +5,7 @@ use super::super::file::Scene;
 use super::super::gripper::End;
 use super::super::initial::rope_points;
 use super::super::rod::RodStart;
-use super::super::rope::{Initial, Rope, Twist};
+use super::super::rope::{Initial, Rope, Touching, Twist};
 use super::super::words::list;
 use super::{not_negative, positive};
 use std::f64::consts::PI;
@@ -34,6 +34,9 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     }
     twist(scene, r)?;
     memory(rope, &at)?;
+    if rope.contact == Touching::Edges && rope.radius == 0.0 {
+        return Err(SceneError::at(at("radius"), Mistake::ThinEdges));
+    }
     if let Initial::Between { sag: Some(sag), .. } = rope.initial {
         not_negative(&at("initial.sag"), sag, "m")?;
     }

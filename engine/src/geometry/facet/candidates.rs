@@ -1,0 +1,113 @@
+//! Which features of a shape a facet may touch in the coming step.
+//!
+//! Nodes touch by themselves, so an edge is listed where its inside is nearest to a feature, and a triangle where its inside is: where the
+//! stage begins, or where the velocities there lead.
+
+use super::nearest::{Nearest, Region, combine, nearest};
+use crate::geometry::solid::{Feature, Form, Posed};
+use crate::terms::Vec3;
+
+/// Sine of the angle between an edge and a capsule's axis or a block's edge below which the ends of the edge say all.
+const PARALLEL: f64 = 0.02;
+/// How far a normal may lean out of the normals of a block's neighbouring faces, or over a neighbouring triangle (sine).
+const LEAN: f64 = 1e-3;
+/// How far beyond a block's edge a meeting still counts, as a part of its length.
+const SLIVER: f64 = 1e-9;
+
+/// Third nodes of the triangles at a sheet's edge \[m\].
+pub(crate) type Sheet = [Option<Vec3<f64>>; 2];
+
+/// A facet at one instant, and a shape.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidates<'a> {
+    /// Its nodes, two or three \[m\].
+    pub x: &'a [Vec3<f64>],
+    pub radius: f64,
+    /// The triangles at an edge.
+    pub sheet: Sheet,
+    pub shape: &'a Posed<f64>,
+    /// Features farther than this are left out \[m\].
+    pub margin: f64,
+}
+
+const SIDES: [i8; 2] = [-1, 1];
+
+fn corners() -> impl Iterator<Item = Feature> {
+    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
+}
+
+fn edges() -> impl Iterator<Item = Feature> {
+    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
+}
+
+/// Lists what the facet may touch `now`, or where it will be `next`; both are the same facet and shape.
+pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Feature>) {
+    let mut list = |feature| {
+        if now.meets(feature) || next.meets(feature) {
+            found.push(feature);
+        }
+    };
+    match (now.shape.form, now.x.len()) {
+        (Form::Ball, _) | (Form::Capsule, 2) => list(Feature::Whole),
+        (Form::Capsule, _) => SIDES.map(Feature::End).into_iter().for_each(list),
+        (Form::Block, 2) => edges().chain(corners()).for_each(list),
+        (Form::Block, _) => corners().for_each(list),
+        (Form::HalfSpace | Form::Cylinder, _) => {}
+    }
+}
+
+impl Candidates<'_> {
+    fn meets(&self, feature: Feature) -> bool {
+        let Ok(found) = nearest(self.x, self.radius, feature, self.shape) else { return false };
+        let near = found.region == Region::Inside && found.gap <= self.margin;
+        near && match (self.shape.form, feature) {
+            (Form::Ball, _) => self.over_no_triangle(&found),
+            (Form::Capsule, Feature::Whole) => self.meets_capsule(&found),
+            (Form::Block, Feature::Edge(..)) => self.crosses(feature, &found),
+            (Form::Block, Feature::Corner(sides)) => {
+                let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
+                let faces = |k: usize| f64::from(sides[k]) * self.shape.axis(k).dot(&found.normal) >= -LEAN;
+                found.gap > -depth && (0..3).all(faces) && self.over_no_triangle(&found)
+            }
+            _ => true,
+        }
+    }
+
+    /// Whether an edge's own normal does not lead over one of its triangles, whose inside is then nearer.
+    fn over_no_triangle(&self, found: &Nearest<f64>) -> bool {
+        let edge = self.x[1] - self.x[0];
+        let leads_over = |third: &Vec3<f64>| {
+            let inward = third - self.x[0];
+            let inward = inward - edge * (inward.dot(&edge) / edge.norm_squared());
+            inward.dot(&found.normal) < -LEAN * inward.norm()
+        };
+        !self.sheet.iter().flatten().any(leads_over)
+    }
+
+    fn meets_capsule(&self, found: &Nearest<f64>) -> bool {
+        let axis = self.shape.axis(2);
+        let t = (combine(&found.weights, self.x) - self.shape.position).dot(&axis);
+        if t.abs() > self.shape.sizes[1] { self.over_no_triangle(found) } else { self.crossing(&axis) }
+    }
+
+    /// Whether the edge crosses a direction.
+    fn crossing(&self, along: &Vec3<f64>) -> bool {
+        let edge = self.x[1] - self.x[0];
+        edge.cross(along).norm() >= PARALLEL * edge.norm()
+    }
+
+    /// Whether it crosses an edge of a block between the ends of that, not through the whole block, and with a normal between those of
+    /// the two faces.
+    fn crosses(&self, feature: Feature, found: &Nearest<f64>) -> bool {
+        let Feature::Edge(k, sides) = feature else { return false };
+        let (at, along) = self.shape.line(feature);
+        let t = (combine(&found.weights, self.x) - at).dot(&along);
+        let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
+        let faces = |i: usize| {
+            let axis = self.shape.axis((usize::from(k) + 1 + i) % 3);
+            f64::from(sides[i]) * axis.dot(&found.normal) >= -LEAN
+        };
+        let within = t.abs() <= self.shape.half_length(feature) * (1.0 + SLIVER);
+        within && found.gap > -depth && (0..2).all(faces) && self.crossing(&along)
+    }
+}

@@ -1,0 +1,124 @@
+//! Edges of ropes, and edges and triangles of sheets, that touch fixed shapes.
+
+use super::Model;
+use crate::contact::{Facet, FacetGroup, Friction};
+use crate::geometry::facet::{Candidates, candidates, nearest};
+use crate::geometry::solid::{Carrier, Form, Posed, overlap};
+use crate::scene::{Mistake, Scene, SceneError, Touching};
+use crate::step::SOLID_WEIGHT;
+use crate::terms::Vec3;
+use nalgebra::Matrix3;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Depth at the start that counts as none \[m\].
+const ROUNDING: f64 = 1e-12;
+
+impl Model {
+    /// Adds the facets that a scene asks for, and refuses those that begin inside a shape; of every rope the index of its radius in θ.
+    pub(super) fn add_facets<X>(&mut self, scene: &Scene<X>, radii: &[usize]) -> Result<(), SceneError> {
+        for (r, rope) in scene.rope.iter().enumerate().filter(|(_, rope)| rope.contact == Touching::Edges) {
+            let nodes = self.ropes[r].nodes.clone();
+            let edges = nodes.clone().zip(nodes.clone().skip(1)).map(|(a, b)| ([a, b, b], 2, [None; 2])).collect();
+            self.add_group(edges, nodes, radii[r], &format!("rope[{r}].initial"), &rope.name)?;
+        }
+        for (c, cloth) in scene.cloth.iter().enumerate().filter(|(_, cloth)| cloth.contact == Touching::Edges) {
+            let span = self.cloths[c].clone();
+            let triangles: Vec<[usize; 3]> = span.triangles.iter().map(|t| t.map(|k| span.nodes.start + k)).collect();
+            let mut edges: BTreeMap<[usize; 2], [Option<usize>; 2]> = BTreeMap::new();
+            for [a, b, c] in &triangles {
+                for (i, j, third) in [(a, b, c), (b, c, a), (c, a, b)] {
+                    let thirds = edges.entry([*i.min(j), *i.max(j)]).or_default();
+                    let place = usize::from(thirds[0].is_some());
+                    thirds[place] = Some(*third);
+                }
+            }
+            let edges = edges.into_iter().map(|([a, b], thirds)| ([a, b, b], 2, thirds));
+            let facets = edges.chain(triangles.iter().map(|t| (*t, 3, [None; 2]))).collect();
+            self.add_group(facets, span.nodes, span.radius, &format!("cloth[{c}]"), &cloth.name)?;
+        }
+        Ok(())
+    }
+
+    /// Adds facets of one object, with every shape that they may touch.
+    fn add_group(
+        &mut self,
+        facets: Vec<([usize; 3], usize, [Option<usize>; 2])>,
+        nodes: Range<usize>,
+        radius: usize,
+        field: &str,
+        name: &str,
+    ) -> Result<(), SceneError> {
+        let first = self.facets.len();
+        for (corners, count, thirds) in facets {
+            let free = || corners[..count].iter().filter(|node| !self.driven[**node]);
+            if free().next().is_none() {
+                continue;
+            }
+            let mass = |node: &usize| self.masses[*node].mass(self.params.values());
+            let lightest = free().map(mass).fold(f64::INFINITY, f64::min);
+            let weight = SOLID_WEIGHT * lightest.max(1e-9);
+            self.facets.push(Facet { nodes: corners, count, radius, thirds, weight });
+        }
+        let facets = first..self.facets.len();
+        for solid in 0..self.solids.len() {
+            if self.solids[solid].carrier != Carrier::World {
+                continue;
+            }
+            let friction = match self.solids[solid].form {
+                Form::Ball | Form::Capsule => self.solids[solid].friction.map(Friction::Of),
+                Form::Block => self.friction_of_nodes(solid, &nodes),
+                Form::HalfSpace | Form::Cylinder => None,
+            };
+            let Some(friction) = friction else { continue };
+            self.refuse_inside(&facets, solid, field, name)?;
+            self.facet_groups.push(FacetGroup { facets: facets.clone(), solid, friction });
+        }
+        Ok(())
+    }
+
+    /// Friction between a fixed solid and balls at these nodes; `None` if they pass through each other.
+    fn friction_of_nodes(&self, solid: usize, nodes: &Range<usize>) -> Option<Friction> {
+        let of_node = |s: usize| matches!(self.solids[s].carrier, Carrier::Node(node) if nodes.contains(&node));
+        let pair = self.solid_pairs.iter().find(|pair| {
+            let [a, b] = pair.solids;
+            (a == solid && of_node(b)) || (b == solid && of_node(a))
+        });
+        pair.map(|pair| pair.friction)
+    }
+
+    /// No facet may begin with its middle surface inside a shape: contact would throw it out.
+    fn refuse_inside(&self, facets: &Range<usize>, solid: usize, field: &str, name: &str) -> Result<(), SceneError> {
+        let theta = self.params.values();
+        let world = crate::contact::pose_of_world(&Vec3::zeros());
+        let shape = self.solids[solid].posed(&world, |k| theta[k]);
+        let depth = |k: &usize| depth(&self.facets[*k], &self.q0, &shape);
+        let Some(worst) = facets.clone().max_by(|a, b| depth(a).total_cmp(&depth(b))) else { return Ok(()) };
+        if depth(&worst) <= ROUNDING {
+            return Ok(());
+        }
+        let nodes = self.facets[worst].nodes[..self.facets[worst].count].iter();
+        let start = self.node_spans().find(|(span, _)| *span == name).map_or(0, |(_, nodes)| nodes.start);
+        let nodes: Vec<String> = nodes.map(|node| (node - start).to_string()).collect();
+        let first = format!("the inside of `{name}` between nodes {}", nodes.join(", "));
+        let mistake = Mistake::Overlap { first, second: format!("`{}`", self.solids[solid].name), depth: depth(&worst) };
+        Err(SceneError::at(field.to_owned(), mistake))
+    }
+}
+
+/// How deep the middle surface of a facet certainly is in a shape \[m\].
+fn depth(facet: &Facet, q: &[f64], shape: &Posed<f64>) -> f64 {
+    let x = facet.nodes.map(|node| Vec3::new(q[3 * node], q[3 * node + 1], q[3 * node + 2]));
+    let edge = x[1] - x[0];
+    if let (2, Some(along)) = (facet.count, edge.try_normalize(0.0)) {
+        let zero = Vec3::zeros();
+        let rotation = Matrix3::from_columns(&[zero, zero, along]);
+        let sizes = [0.0, 0.5 * edge.norm(), 0.0];
+        return overlap(&Posed { form: Form::Capsule, rotation, position: (x[0] + x[1]) * 0.5, sizes }, shape);
+    }
+    let now = Candidates { x: &x[..facet.count], radius: 0.0, sheet: [None; 2], shape, margin: 0.0 };
+    let mut found = Vec::new();
+    candidates(&now, &now, &mut found);
+    let gap = |feature| nearest(&x[..facet.count], 0.0, feature, shape).map_or(0.0, |found| found.gap);
+    found.into_iter().fold(0.0, |depth, feature| -gap(feature).min(-depth))
+}
