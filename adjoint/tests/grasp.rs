@@ -32,7 +32,7 @@ fn phases(run: &Rollout, gripper: usize) -> Vec<bool> {
 fn rollouts_under_every_integrator() {
     for name in ["grasp_rope", "grasp_cloth"] {
         for integrator in ALL {
-            let case = Case::new(&with(name, integrator), 50);
+            let case = Case::new(&with(name, integrator), if name == "grasp_rope" { 50 } else { 15 });
             let run = case.run(StepOptions::default());
             let held = phases(&run, 0);
             assert!(!held[0] && held[12], "{name}: seized");
@@ -76,14 +76,15 @@ fn a_hundred_steps() {
 /// Steps without momentum, with contact, a grasp, bodies, rods.
 #[test]
 fn quasi_static_rollouts() {
-    for name in ["quasi_static", "free_swing", "windy", "twisting_rod", "arm_plastic", "cloth_hung"] {
+    for name in ["quasi_static", "windy", "twisting_rod", "arm_plastic", "cloth_hung"] {
         let mut scene = with(name, Integrator::QuasiStatic);
         scene.contact.rest_gap = scene.contact.rest_gap.max(1e-6);
-        let case = Case::new(&scene, 25);
+        let case = Case::new(&scene, if name == "cloth_hung" { 8 } else { 25 });
         let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 4).unwrap();
         let judged = report.blocks.iter().filter(|b| b.contact_switches == 0);
         let wrong: Vec<_> = judged.clone().filter(|b| !(b.agrees_with_differences() && b.modes_agree())).collect();
-        println!("{name}: error {:.1e}, dot {:.1e}, {} blocks", report.worst_relative_error, report.dot_test, judged.count());
+        let worst = judged.clone().max_by(|a, b| a.relative_error.total_cmp(&b.relative_error)).unwrap();
+        println!("{name}: dot {:.1e}, {} blocks, worst {worst:?}", report.dot_test, judged.count());
         assert!(wrong.is_empty() && report.dot_test <= DOT_TEST, "{name}: {wrong:#?}");
         // velocities before the first step are forgotten
         let gradient = rollout_vjp(&case.run(StepOptions::default()), &case.x_bar()).unwrap();
@@ -175,12 +176,6 @@ fn a_gripper_ten_centimetres_away_finds_the_rope_and_lifts_it() {
         let g = by_velocities(&run.vjp(&x_bar).unwrap().into_unmarked());
         let size = g.iter().map(|x| x * x).sum::<f64>().sqrt();
         assert!(size > 0.0 && size.is_finite());
-        let p = 3 * case.model.grasps()[0].node;
-        let held = phases(run.as_ref(), 0).iter().filter(|h| **h).count();
-        if iteration % 5 == 0 || held > 0 {
-            let end = &run.as_ref().states.last().unwrap().q[p..p + 3];
-            println!("{iteration}: error {error:.2e} held {held} v {v:.3?} |g| {size:.1e} end {end:.3?} {}", g.map(|x| format!("{x:.1e}")).join(" "));
-        }
         errors.push(error);
         if error < 1e-3 * errors[0] {
             break;

@@ -121,7 +121,7 @@ impl Default for Grasp {
             radius: 0.01,
             stiffness: 1000.0,
             steepness: 15.0,
-            closing_time: 0.0,
+            closing_time: 0.05,
             smoothing: 1e-3,
             tail: 1e-3,
             tail_reach: None,
