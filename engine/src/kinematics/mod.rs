@@ -2,6 +2,6 @@
 
 mod drive;
 mod hold;
-pub(crate) use drive::{Dual, differentiate};
 pub use drive::{CommandError, Drive, DriveKind, EdgeClamp, Input};
+pub(crate) use drive::{Dual, differentiate};
 pub use hold::HeldEdge;

@@ -362,7 +362,14 @@ impl Model {
         for (a, value) in gripper.offset.iter().enumerate() {
             self.params.push(format!("{}.offset[{a}]", gripper.name), "m", ANY, *value);
         }
-        let mut drive = Drive { name: gripper.name.clone(), kind: rope.drive_kind(gripper), first_u, offset, held: Vec::new(), closes: false };
+        let mut drive = Drive {
+            name: gripper.name.clone(),
+            kind: rope.drive_kind(gripper),
+            first_u,
+            offset,
+            held: Vec::new(),
+            closes: false,
+        };
         if !self.held_edges(&drive.nodes(), None).is_empty() {
             let prescribed = drive.is_prescribed();
             let roll = prescribed.then(|| self.params.push(format!("{}.roll", gripper.name), "rad", ANY, gripper.roll));

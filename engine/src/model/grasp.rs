@@ -35,8 +35,7 @@ impl Model {
             elements,
             corners,
         };
-        let places: Vec<usize> =
-            Grasp::memory_names(name, corners).into_iter().map(|name| self.memory.push(name, 0.0)).collect();
+        let places: Vec<usize> = Grasp::memory_names(name, corners).into_iter().map(|name| self.memory.push(name, 0.0)).collect();
         own.memory = places[0];
         let kind = match gripper.mode {
             Mode::Prescribed => DriveKind::PrescribedNodes(vec![node]),

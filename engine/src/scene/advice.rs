@@ -153,7 +153,9 @@ impl Mistake {
                 "give positions and `length` in m; an edge may start at a tenth of its length at least",
             ),
             Self::HoldsNothing => both("an empty list", "write e.g. `nodes = [0]`, or `end = \"first\"`"),
-            Self::NotLater { .. } => both("entries in another order", "give the entries in the order of their times, one per time"),
+            Self::NotLater { .. } => {
+                both("entries in another order", "give the entries in the order of their times, one per time")
+            }
             Self::NothingToTurn { .. } => both(
                 "the rope has no `[rope.twist]`, or the gripper does not hold both nodes of an edge, or moves nodes, which have no direction",
                 "give the rope a `[rope.twist]` and clamp its `end`; or remove `roll` and `spin`",

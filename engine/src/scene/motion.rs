@@ -57,7 +57,8 @@ fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
     let entry = |(group, unit): (String, &'static str)| {
         ["x", "y", "z"].map(|axis| Control { name: format!("{}.{group}.{axis}", gripper.name), unit })
     };
-    let closing = matches!(gripper.clamp, Clamp::Grasp(_)).then(|| Control { name: format!("{}.closing", gripper.name), unit: "-" });
+    let closing =
+        matches!(gripper.clamp, Clamp::Grasp(_)).then(|| Control { name: format!("{}.closing", gripper.name), unit: "-" });
     groups.into_iter().flat_map(entry).chain(closing).collect()
 }
 

@@ -45,8 +45,7 @@ impl Scheme {
 const END: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 };
 
 /// Implicit Euler, and each stage of sdirk2.
-pub const EULER: Scheme =
-    Scheme { free: END, driven: END, middle: Map::Exponential, end: Map::Exponential, momentum: 1.0 };
+pub const EULER: Scheme = Scheme { free: END, driven: END, middle: Map::Exponential, end: Map::Exponential, momentum: 1.0 };
 
 /// Implicit Euler from rest, `m v⁺/h = f(q⁺, v⁺)`: damping and contact as there, but no momentum. An M/h² regularizes what nothing
 /// holds; a free mode of angular frequency ω relaxes by 1/(1 + (hω)²) per step.

@@ -1,6 +1,8 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::{EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions};
+use super::{
+    EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions,
+};
 use crate::bodies::rotation::Map;
 use crate::bodies::spatial::Inertia;
 use crate::bodies::turns::Turns;
