@@ -5,6 +5,7 @@ use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
+use crate::rods::RodPast;
 use crate::state::State;
 use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
 use std::sync::Arc;
@@ -62,7 +63,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         return Err(StepError::EquilibriumWithContact { shape });
     }
     let mut frames = model.frames_at(guess);
-    let placement = place_clamped(model, theta, u, guess)?;
+    let placement = place_clamped(model, theta, u, [guess, &frames])?;
     let mut q = placement.0;
     model.rods.carry_frames(guess, &q, &mut frames);
     let (mass, row_mass, inertias) = (model.masses(theta), model.row_masses(theta), model.inertias(theta));
@@ -78,6 +79,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         zero: &zero,
         u: &signals,
         z: &z,
+        rod_past: RodPast::default(),
     };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
@@ -119,6 +121,7 @@ struct Fixed<'a> {
     zero: &'a [f64],
     u: &'a [f64],
     z: &'a [f64],
+    rod_past: RodPast,
 }
 
 impl Fixed<'_> {
@@ -133,12 +136,14 @@ impl Fixed<'_> {
             u: self.u,
             holds: &[],
             past: Past { q: &q[self.model.n_node_dofs()..], z: self.z, elapsed: 0.0 },
+            rod_past: &self.rod_past,
             scheme: STATIC,
             h: 1.0,
             inertia,
             q_ref: q,
             frames,
             v_ref: self.zero,
+            v_start: self.zero,
             v_cmd: self.zero,
             rest_gap: self.model.contact.rest_gap,
             damping: 0.0,
@@ -176,11 +181,16 @@ fn finish(
 /// Derivatives of clamped positions: (row of q, control or parameter, value).
 pub type Placement = Vec<(usize, Input, f64)>;
 
-/// Positions `guess` with the prescribed nodes moved to where `u` puts them, and the derivatives of those targets.
-pub fn place_clamped(model: &Model, theta: &[f64], u: &[f64], guess: &[f64]) -> Result<(Vec<f64>, Placement), StepError> {
+/// Positions `guess` with the prescribed nodes and twists moved to where `u` puts them, and the derivatives of those targets. `frames`:
+/// z's part of rods at `guess`.
+pub fn place_clamped(
+    model: &Model,
+    theta: &[f64],
+    u: &[f64],
+    [guess, frames]: [&[f64]; 2],
+) -> Result<(Vec<f64>, Placement), StepError> {
     let mut shift = vec![0.0; model.nv()];
-    let frames = model.frames_at(guess);
-    let guess_state = [guess, frames.as_slice()];
+    let guess_state = [guess, frames];
     let mut derivatives = Vec::new();
     for drive in model.drives.iter().filter(|d| d.is_prescribed()) {
         drive.command(guess_state, u, theta, 1.0, &mut shift).map_err(|source| StepError::Command { step: 0, source })?;

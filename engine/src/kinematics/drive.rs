@@ -226,11 +226,12 @@ impl Drive {
             DriveKind::PrescribedEdge(c) => {
                 // the axis points into the rope, the edge from its first node on
                 let edge = if held.nodes[1] == c.ghost { -control(3) } else { control(3) };
-                held.command(now, edge, Some(control(6)), get, h)
+                held.command(now, [control(0), edge], Some(control(6)), get, h)
             }
             DriveKind::PrescribedNodes(nodes) => {
                 let place = |node: usize| nodes.iter().position(|n| *n == node).map_or(0, |k| 3 * k);
-                held.command(now, control(place(held.nodes[1])) - control(place(held.nodes[0])), None, get, h)
+                let [from, to] = held.nodes.map(|node| control(place(node)));
+                held.command(now, [from, to - from], None, get, h)
             }
             DriveKind::VelocityEdge(_) => held.spin(now, control(3), get, h),
             DriveKind::VelocityNodes(_) => S::zero(),

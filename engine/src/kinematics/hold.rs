@@ -2,10 +2,14 @@
 //!
 //! A gripper that holds both ends of an edge holds its material axes. At the end of the step the first one shall be
 //! ```text
-//! R(t⁺, roll) D,    D = the director among the controls (its part normal to the edge), or for clamped nodes, which have none,
-//!                       the material axis at which the scene begins, by the smallest rotation from that edge's direction to t⁺
+//! R(t⁺, φ) D,    D = the director among the controls (its part normal to the edge), or for clamped nodes, which have none,
+//!                    the material axis at which the scene begins, by the smallest rotation from that edge's direction to t⁺
+//! φ = roll + a·(t⁺ − t₀) + b·(x⁺ − x₀)
 //! ```
-//! and the twist's velocity is the angle to it from today's axis, carried to t⁺, over h: the way that is shorter than half a turn. A
+//! with t₀, x₀ the edge's direction and the place of its first node (of a clamped end, of the rope's last) as the scene begins: a gripper whose turn about the rope is not measured
+//! turns with where its arm takes it, to first order so much by direction (a \[rad\]) and so much by place (b [rad/m]).
+//!
+//! The twist's velocity is the angle to it from today's axis, carried to t⁺, over h: the way that is shorter than half a turn. A
 //! gripper driven by an angular velocity ω turns the edge by cay(h ω), of which 2 atan(h ω·t/2) is about the edge.
 
 use super::drive::Input;
@@ -21,9 +25,9 @@ pub struct HeldEdge {
     pub row: usize,
     /// From node to node.
     pub nodes: [usize; 2],
-    /// Direction and material axis as the scene begins.
-    pub start: [Vec3<f64>; 2],
-    /// Index in θ of the roll \[rad\], if it has one.
+    /// Direction, material axis and place as the scene begins.
+    pub start: [Vec3<f64>; 3],
+    /// Index in θ of the roll \[rad\], if it has one; its three slopes by direction \[rad\] and three by place [rad/m] follow.
     pub roll: Option<usize>,
 }
 
@@ -47,7 +51,7 @@ impl HeldEdge {
     /// What the turn depends on as the step begins.
     pub(crate) fn inputs(&self) -> impl Iterator<Item = Input> {
         let nodes = self.nodes.into_iter().flat_map(|node| (0..3).map(move |a| Input::Q(3 * node + a)));
-        nodes.chain([Input::Q(self.row)]).chain(self.roll.map(Input::Theta))
+        nodes.chain([Input::Q(self.row)]).chain(self.roll.into_iter().flat_map(|roll| (roll..roll + 7).map(Input::Theta)))
     }
 
     /// The unit tangent and the first material axis as the step begins, for any scalar: axes are carried along with the nodes.
@@ -60,22 +64,33 @@ impl HeldEdge {
         [tangent, axis * cos + tangent.cross(&axis) * sin]
     }
 
-    /// Velocity of the twist [rad/s] of an edge that ends the step at the vector `edge`, held by a director, if there is one.
+    /// φ \[rad\] of an edge in the direction `tangent` that begins at `place`.
+    fn turned<S: Real>(&self, tangent: &Vec3<S>, place: &Vec3<S>, get: &dyn Fn(Input) -> S) -> S {
+        let Some(roll) = self.roll else { return S::zero() };
+        let slope = |first: usize, by: &Vec3<S>| {
+            let terms = (0..3).map(|a| get(Input::Theta(roll + first + a)) * by[a]);
+            terms.fold(S::zero(), |sum, term| sum + term)
+        };
+        let [direction, _, from] = self.start.map(|v| v.map(S::from));
+        get(Input::Theta(roll)) + slope(1, &(tangent - direction)) + slope(4, &(place - from))
+    }
+
+    /// Velocity of the twist [rad/s] of an edge that ends the step at the vector `edge` from `place`, held by a director, if there is one.
     pub(crate) fn command<S: Real>(
         &self,
         now: &Now,
-        edge: Vec3<S>,
+        [place, edge]: [Vec3<S>; 2],
         director: Option<Vec3<S>>,
         get: &dyn Fn(Input) -> S,
         h: f64,
     ) -> S {
         let end = edge * edge.dot(&edge).sqrt().recip();
         let [tangent, axis] = self.axes(now, get);
-        let [direction, first] = self.start.map(|v| v.map(S::from));
+        let [direction, first, _] = self.start.map(|v| v.map(S::from));
         let wish = director.unwrap_or_else(|| carried(&direction, &end, &first));
         let across = end.cross(&wish);
         let wish = across.cross(&end);
-        let (sin, cos) = self.roll.map_or(S::zero(), |roll| get(Input::Theta(roll))).sin_cos();
+        let (sin, cos) = self.turned(&end, &place, get).sin_cos();
         let wish = wish * cos + across * sin;
         angle(&carried(&tangent, &end, &axis), &wish, &end) / S::from(h)
     }

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! z = (materials, signals)
-//! materials   the plastic part of a joint's coordinate; the torque a joint carried     move on with every (halved) step
+//! materials   the plastic part of a joint's coordinate; the torque a joint carried;
+//!             elastic and plastic parts of rods' strains                               move on with every (halved) step
 //! signals     a controller's target, a motor's delay line, its lag                     move on once per step of the scene
 //! ```
 //! Nothing in z is an unknown of a step: what a step needs of it is known when the step begins, and z⁺ follows from the step's end
@@ -15,7 +16,8 @@
 //!
 //! **Materials.** A joint's memory is taken from the beginning of the step to where the force is evaluated, at constant rate: over h
 //! (Euler), h/2 (midpoint), γh and then h from the same beginning (the two stages of sdirk2). z⁺ is taken over h from the beginning
-//! to q⁺. See [`crate::terms::joint::PlasticSpring`].
+//! to q⁺. See [`crate::terms::joint::PlasticSpring`], and of rods [`crate::terms::section::CreepSection`] and
+//! [`crate::terms::section::PlasticSection`], whose strains at the beginning depend on all that stands there ([`crate::rods::RodPast`]).
 
 mod material;
 mod signal;

@@ -286,6 +286,11 @@ impl<'a> RopeNodes<'a> {
         first.into_iter().chain(fractions.iter().copied()).chain(last).collect()
     }
 
+    /// The number of a node in the rope: −1 for the ghost before it.
+    pub(super) fn number(&self, node: usize) -> i64 {
+        node as i64 - self.span.nodes.start as i64
+    }
+
     /// What of the rope's length a joint at `node` stands for: half of each edge that is no ghost.
     pub(super) fn joint_fraction(&self, node: usize) -> f64 {
         voronoi(&self.span.fractions, node - self.span.nodes.start)
@@ -370,15 +375,28 @@ impl Model {
             held: Vec::new(),
             closes: false,
         };
-        if !self.held_edges(&drive.nodes(), None).is_empty() {
-            let prescribed = drive.is_prescribed();
-            let roll = prescribed.then(|| self.params.push(format!("{}.roll", gripper.name), "rad", ANY, gripper.roll));
-            drive.held = self.held_edges(&drive.nodes(), roll);
+        drive.held = self.held_edges(&drive.kind);
+        if drive.is_prescribed() && !drive.held.is_empty() {
+            let roll = self.push_roll(gripper);
+            drive.held.iter_mut().for_each(|held| held.roll = Some(roll));
         }
         for node in drive.nodes() {
             self.driven[node] = true;
         }
         self.drives.push(drive);
+    }
+
+    /// The roll of what a gripper holds, then its slopes by direction and by place.
+    fn push_roll(&mut self, gripper: &Gripper) -> usize {
+        let mut entry = |key: String, unit, value| self.params.push(format!("{}.{key}", gripper.name), unit, ANY, value);
+        let roll = entry("roll".to_owned(), "rad", gripper.roll);
+        gripper.roll_by_direction.iter().enumerate().for_each(|(a, x)| {
+            entry(format!("roll_by_direction[{a}]"), "rad", *x);
+        });
+        gripper.roll_by_position.iter().enumerate().for_each(|(a, x)| {
+            entry(format!("roll_by_position[{a}]"), "rad/m", *x);
+        });
+        roll
     }
 
     fn drive_rows(&mut self) {

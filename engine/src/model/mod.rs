@@ -24,7 +24,7 @@ use crate::kinematics::Drive;
 use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
 use crate::params::Params;
-use crate::rods::{RodEdge, RodPoint, Rods};
+use crate::rods::{Following, Remembered, RodEdge, RodPast, RodPoint, Rods};
 use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use crate::state::State;
 use crate::terms::Term;
@@ -303,6 +303,17 @@ impl Model {
         frames
     }
 
+    /// Turns the edges of rods that nothing holds so that twist is even between those that grippers hold, as in a straight section at
+    /// rest: a start where only positions are known. Returns by how much each follows the held ones.
+    pub fn spread_twists(&self, q: &mut [f64], frames: &[f64]) -> Following {
+        self.rods.spread_twists(&self.driven_rows, q, frames)
+    }
+
+    /// Takes whole turns out of the twist between neighbouring edges that grippers hold, so that at most half a turn is left.
+    pub fn take_out_turns(&self, x: &mut State) {
+        self.rods.take_out_turns(&self.driven_rows, &mut x.q, &x.z[self.ndz()..]);
+    }
+
     /// Kinetic energy of nodes, bodies and armatures \[J\].
     pub fn kinetic_energy(&self, q: &[f64], v: &[f64], theta: &[f64]) -> f64 {
         let speed2 = |i: usize| v[3 * i..3 * i + 3].iter().map(|x| x * x).sum::<f64>();
@@ -324,7 +335,7 @@ impl Model {
         let mut rods = RodPoint::default();
         self.rods.evaluate(q, &z[self.ndz()..], q, &mut rods);
         self.terms.iter().map(|t| t.energy(&at)).sum::<f64>()
-            + self.rods.energy(&rods, theta)
+            + self.rods.energy(&rods, theta, Remembered { past: &RodPast::default(), z, elapsed: 0.0 })
             + self.joint_terms.iter().map(|t| t.energy(&joints)).sum::<f64>()
             + self.tree.weight_energy(&q[n..], &self.inertias(theta), &self.gravity_vector(theta))
     }

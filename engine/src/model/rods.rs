@@ -2,12 +2,14 @@
 
 use super::Model;
 use super::build::RopeNodes;
-use crate::kinematics::HeldEdge;
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
+use crate::kinematics::{DriveKind, HeldEdge};
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::rods::{RodEdge, RodJoint, RodPoint, RodSection};
-use crate::scene::{Rest, RodStart, Scene, SceneError, Twist};
+use crate::scene::{Creep, JointSection, Plasticity, Rest, RodStart, Scene, SceneError, Twist};
 use crate::terms::Vec3;
-use crate::terms::section::{Elastic, ElasticSection, SectionLaw, Viscous, ViscousSection};
+use crate::terms::section::{
+    AutomaticMemory, CreepSection, Elastic, ElasticSection, PlasticSection, SectionLaw, Viscous, ViscousSection,
+};
 use std::sync::Arc;
 
 impl Model {
@@ -32,7 +34,9 @@ impl Model {
 
     fn add_rod(&mut self, rope: &RopeNodes, twist: &Twist) {
         let nodes = rope.chain();
-        let (inertia, laws) = self.add_section(rope, twist, nodes.len() - 2);
+        let names: Vec<i64> = nodes[1..nodes.len() - 1].iter().map(|node| rope.number(*node)).collect();
+        let (inertia, laws) = self.add_section(rope, twist, &names);
+        let places = self.remember_joints(&rope.rope.name, &names, &laws);
         let fractions = rope.chain_fractions();
         let first = self.rods.edges.len();
         for (pair, &fraction) in nodes.windows(2).zip(&fractions) {
@@ -47,12 +51,13 @@ impl Model {
         self.rods.sections.push(RodSection {
             joints: begin..self.rods.joints.len(),
             laws,
+            places,
             rest_initial: twist.rest == Rest::Initial,
         });
     }
 
-    /// Pushes the section's parameters; the index of its inertia, and its laws on the next `n` joints.
-    fn add_section(&mut self, rope: &RopeNodes, twist: &Twist, n: usize) -> (usize, Vec<Arc<dyn SectionLaw>>) {
+    /// Pushes the section's parameters; the index of its inertia, and its laws on the next joints, which are at nodes of these numbers.
+    fn add_section(&mut self, rope: &RopeNodes, twist: &Twist, nodes: &[i64]) -> (usize, Vec<Arc<dyn SectionLaw>>) {
         let (name, params) = (&rope.rope.name, &mut self.params);
         let mut entry = |key: &str, unit, bounds, value| params.push(format!("{name}.{key}"), unit, bounds, value);
         let stiffness = entry("twist_stiffness", "N·m²", NON_NEGATIVE, twist.stiffness);
@@ -62,25 +67,55 @@ impl Model {
         let roll = entry("section_roll", "rad", ANY, twist.section_roll);
         let curvature = [0, 1].map(|a| entry(&format!("rest_curvature[{a}]"), "1/m", ANY, twist.rest_curvature[a]));
         let rest_twist = entry("rest_twist", "rad/m", ANY, twist.rest_twist);
+        let own = push_joints(rope, twist, nodes, &mut self.params);
         let (length, bend, bend_damping) = (rope.params.length, rope.params.bend, rope.params.bend_damping);
+        let second = second.unwrap_or(bend);
         let begin = self.rods.joints.len();
         let elastic = ElasticSection {
-            params: [length, bend, second.unwrap_or(bend), stiffness, roll, curvature[0], curvature[1], rest_twist],
-            joints: begin..begin + n,
-            rest: vec![[0.0; 3]; n],
+            params: [length, bend, second, stiffness, roll, curvature[0], curvature[1], rest_twist],
+            own,
+            joints: begin..begin + nodes.len(),
+            rest: vec![[0.0; 3]; nodes.len()],
         };
-        let viscous = ViscousSection { params: [length, bend_damping, damping] };
-        (inertia, vec![Arc::new(Elastic::new(elastic)), Arc::new(Viscous::new(viscous))])
+        let mut laws: Vec<Arc<dyn SectionLaw>> = vec![match &rope.rope.plasticity {
+            Some(plasticity) => Arc::new(AutomaticMemory::new(plastic(name, elastic, plasticity, &mut self.params))),
+            None => Arc::new(Elastic::new(elastic)),
+        }];
+        laws.push(Arc::new(Viscous::new(ViscousSection { params: [length, bend_damping, damping] })));
+        if let Some(creep) = &rope.rope.creep {
+            let section = creeping(name, [length, bend, second, stiffness, roll], [own, begin], creep, &mut self.params);
+            laws.push(Arc::new(AutomaticMemory::new(section)));
+        }
+        (inertia, laws)
     }
 
-    /// Edges of twisting ropes of which `nodes` are both ends, with their axes as the scene begins.
-    pub(super) fn held_edges(&self, nodes: &[usize], roll: Option<usize>) -> Vec<HeldEdge> {
+    /// Gives the joints at nodes of these numbers their places in z, law by law: the first, and how many a joint.
+    fn remember_joints(&mut self, rope: &str, nodes: &[i64], laws: &[Arc<dyn SectionLaw>]) -> Vec<(usize, usize)> {
+        let mut place = |law: &Arc<dyn SectionLaw>| {
+            let first = self.memory.materials.len();
+            for node in nodes {
+                for name in law.memory() {
+                    self.memory.push(format!("{rope}.node[{node}].{name}"), 0.0);
+                }
+            }
+            (first, law.memory().len())
+        };
+        laws.iter().map(&mut place).collect()
+    }
+
+    /// Edges of twisting ropes of which a gripper holds both ends, with their axes as the scene begins.
+    pub(super) fn held_edges(&self, kind: &DriveKind) -> Vec<HeldEdge> {
+        let (nodes, end) = match kind {
+            DriveKind::PrescribedNodes(nodes) | DriveKind::VelocityNodes(nodes) => (nodes.clone(), None),
+            DriveKind::PrescribedEdge(clamp) | DriveKind::VelocityEdge(clamp) => (vec![clamp.end, clamp.ghost], Some(clamp.end)),
+        };
         let mut start = RodPoint::default();
         self.rods.evaluate(&self.q0, &self.frames0, &self.q0, &mut start);
         let held = |(k, edge): (usize, &RodEdge)| {
             edge.nodes.iter().all(|node| nodes.contains(node)).then(|| {
-                let axes = &start.edges[k];
-                HeldEdge { edge: k, row: self.rods.row(k), nodes: edge.nodes, start: [axes.tangent, axes.axes[0]], roll }
+                let (axes, place) = (&start.edges[k], 3 * end.unwrap_or(edge.nodes[0]));
+                let start = [axes.tangent, axes.axes[0], Vec3::from_row_slice(&self.q0[place..place + 3])];
+                HeldEdge { edge: k, row: self.rods.row(k), nodes: edge.nodes, start, roll: None }
             })
         };
         self.rods.edges.iter().enumerate().filter_map(held).collect()
@@ -118,4 +153,41 @@ impl Model {
         self.rods.evaluate(q, &z[self.ndz()..], q, &mut at);
         at.edges.iter().map(|edge| edge.axes[0]).collect()
     }
+}
+
+/// Pushes what each joint has of its own; the index of the first.
+fn push_joints(rope: &RopeNodes, twist: &Twist, nodes: &[i64], params: &mut Params) -> usize {
+    let (name, first) = (&rope.rope.name, params.len());
+    for &node in nodes {
+        let own = twist.joint.iter().find(|own| rope.rope.node(own.node).and_then(|k| i64::try_from(k).ok()) == Some(node));
+        let own = own.cloned().unwrap_or(JointSection { node, ..JointSection::default() });
+        for (a, value) in own.rest_curvature.into_iter().enumerate() {
+            params.push(format!("{name}.node[{node}].rest_curvature[{a}]"), "1/m", ANY, value);
+        }
+        params.push(format!("{name}.node[{node}].bend_factor"), "-", NON_NEGATIVE, own.bend_factor);
+    }
+    first
+}
+
+/// The elastic section with a yield, and its parameters.
+fn plastic(rope: &str, elastic: ElasticSection, from: &Plasticity, params: &mut Params) -> PlasticSection {
+    let limit = params.push(format!("{rope}.yield_curvature"), "1/m", POSITIVE, from.yield_curvature);
+    let time = params.push(format!("{rope}.plastic_time"), "s", POSITIVE, from.time);
+    let ElasticSection { params: [length, one, two, twist, roll, first, second, rest_twist], own, joints, rest } = elastic;
+    PlasticSection { params: [length, one, two, twist, roll, first, second, rest_twist, limit, time], own, joints, rest }
+}
+
+/// The section's part that relaxes, and its parameters.
+fn creeping(
+    rope: &str,
+    [length, one, two, twist, roll]: [usize; 5],
+    [own, first]: [usize; 2],
+    from: &Creep,
+    params: &mut Params,
+) -> CreepSection {
+    let bend = params.push(format!("{rope}.creep_fraction"), "-", NON_NEGATIVE, from.fraction);
+    let of_twist = from.twist_fraction.map(|value| params.push(format!("{rope}.creep_twist_fraction"), "-", NON_NEGATIVE, value));
+    let time = params.push(format!("{rope}.creep_time"), "s", POSITIVE, from.time);
+    let params = [length, one, two, twist, roll, bend, of_twist.unwrap_or(bend), time];
+    CreepSection { params, own: own + 2, stride: 3, first }
 }

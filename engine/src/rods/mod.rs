@@ -19,11 +19,16 @@ mod carry;
 mod displace;
 mod frames;
 mod joint;
+mod memory;
+mod spread;
 mod term;
 mod transport;
 
 pub use carry::Carry;
 pub use frames::RodPoint;
+pub(crate) use memory::Remembered;
+pub use memory::RodPast;
+pub use spread::Following;
 pub(crate) use transport::{angle, any_normal, carried, normal_part};
 
 use crate::terms::section::SectionLaw;
@@ -74,6 +79,8 @@ pub struct RodSection {
     pub joints: Range<usize>,
     /// Laws whose moments add up.
     pub laws: Vec<Arc<dyn SectionLaw>>,
+    /// What each of them remembers: the first place in z, and how many numbers a joint.
+    pub places: Vec<(usize, usize)>,
     /// Whether it is without forces as the scene begins.
     pub rest_initial: bool,
 }

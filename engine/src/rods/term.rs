@@ -1,9 +1,9 @@
 //! Forces and moments of bent and twisted joints.
 
 use super::joint::{Gradient, Hessian, Joint, TURN, VARIABLES};
-use super::{RodJoint, RodPoint, Rods};
+use super::{Remembered, RodJoint, RodPoint, RodSection, Rods};
 use crate::kkt::NodeMatrix;
-use crate::terms::section::{Moments, SectionPoint};
+use crate::terms::section::{Moments, SectionLaw, SectionPoint};
 
 /// Numbers of a joint: three nodes and two twists.
 const ROWS: usize = 11;
@@ -37,7 +37,7 @@ impl Rods {
     }
 
     /// Calls `visit(joint number, its laws' sum)` for every joint.
-    fn for_joints(&self, mut visit: impl FnMut(usize, &super::RodSection)) {
+    pub(super) fn for_joints(&self, mut visit: impl FnMut(usize, &RodSection)) {
         for section in &self.sections {
             section.joints.clone().for_each(|j| visit(j, section));
         }
@@ -45,19 +45,33 @@ impl Rods {
 
     /// Where the laws of joint `j` are evaluated, and ẏ.
     #[inline]
-    fn section_point<'a>(&self, j: usize, joint: &Joint, v: &[f64], theta: &'a [f64]) -> (SectionPoint<'a>, Gradient) {
+    fn section_point<'a>(
+        &self,
+        j: usize,
+        joint: &Joint,
+        v: &[f64],
+        theta: &'a [f64],
+        before: Remembered,
+    ) -> (SectionPoint<'a>, Gradient) {
         let y = self.rates(&self.joints[j], v);
-        let (fraction, strain, rate) = (self.joints[j].fraction, joint.strain, joint.rates(&y));
-        (SectionPoint { joint: j, fraction, strain, rate, theta }, y)
+        (SectionPoint { rate: joint.rates(&y), ..self.resting_point(j, joint, theta, before) }, y)
+    }
+
+    /// The same without rates.
+    #[inline]
+    pub(super) fn resting_point<'a>(&self, j: usize, joint: &Joint, theta: &'a [f64], before: Remembered) -> SectionPoint<'a> {
+        let (fraction, strain, rate) = (self.joints[j].fraction, joint.strain, [0.0; 3]);
+        let past = before.past.strain(j).unwrap_or(strain);
+        SectionPoint { joint: j, fraction, strain, rate, theta, past, memory: &[], elapsed: before.elapsed }
     }
 
     /// `f += f(q, v; θ)` [N, N·m].
-    pub(crate) fn add_force(&self, at: &RodPoint, v: &[f64], theta: &[f64], f: &mut [f64]) {
+    pub(crate) fn add_force(&self, at: &RodPoint, v: &[f64], theta: &[f64], before: Remembered, f: &mut [f64]) {
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
-            let (point, _) = self.section_point(j, &joint, v, theta);
+            let (point, _) = self.section_point(j, &joint, v, theta, before);
             let mut m = [0.0; 3];
-            section.laws.iter().for_each(|law| law.add_moment(&point, &mut m));
+            section.for_laws(&point, before.z, |law, point| law.add_moment(point, &mut m));
             self.add_joint_force(j, &joint.pull(&m), f);
         });
     }
@@ -74,11 +88,13 @@ impl Rods {
     }
 
     /// As [`Rods::add_force`], and `dq += ∂f/∂q`, `dv += ∂f/∂v` along the displacements of [`super`].
+    #[allow(clippy::too_many_arguments)] // a force and both its matrices, of everything that a rod's force depends on
     pub(crate) fn add_jacobian(
         &self,
         at: &RodPoint,
         v: &[f64],
         theta: &[f64],
+        before: Remembered,
         f: &mut [f64],
         dq: &mut NodeMatrix,
         dv: &mut NodeMatrix,
@@ -86,9 +102,9 @@ impl Rods {
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
             let gradients = joint.gradients();
-            let (point, y) = self.section_point(j, &joint, v, theta);
+            let (point, y) = self.section_point(j, &joint, v, theta, before);
             let mut moments = Moments::default();
-            section.laws.iter().for_each(|law| law.add(&point, &mut moments));
+            section.for_laws(&point, before.z, |law, point| law.add(point, &mut moments));
             self.add_joint_force(j, &joint.pull(&moments.m), f);
             let rows = self.rows(&self.joints[j]);
             // how strains move with y, and how rates do: both by the positions and by the velocities
@@ -113,30 +129,38 @@ impl Rods {
     }
 
     /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
-    pub(crate) fn visit_theta(&self, at: &RodPoint, v: &[f64], theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+    pub(crate) fn visit_theta(
+        &self,
+        at: &RodPoint,
+        v: &[f64],
+        theta: &[f64],
+        before: Remembered,
+        visit: &mut dyn FnMut(usize, usize, f64),
+    ) {
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
-            let (point, _) = self.section_point(j, &joint, v, theta);
+            let (point, _) = self.section_point(j, &joint, v, theta, before);
             let rows = self.rows(&self.joints[j]);
-            for law in &section.laws {
-                law.visit_theta(&point, &mut |param, m| {
+            section.for_laws(&point, before.z, |law, point| {
+                law.visit_theta(point, &mut |param, m| {
                     let g = joint.pull(&m);
                     for (&row, value) in rows.iter().zip(expanded_force(&g)) {
                         visit(row, param, value);
                     }
                 });
-            }
+            });
         });
     }
 
     /// Elastic energy \[J\].
-    pub(crate) fn energy(&self, at: &RodPoint, theta: &[f64]) -> f64 {
+    pub(crate) fn energy(&self, at: &RodPoint, theta: &[f64], before: Remembered) -> f64 {
         let mut sum = 0.0;
         self.for_joints(|j, section| {
             let joint = self.joint(j, at);
-            let (fraction, strain) = (self.joints[j].fraction, joint.strain);
-            let point = SectionPoint { joint: j, fraction, strain, rate: [0.0; 3], theta };
-            sum += section.laws.iter().map(|law| law.energy(&point)).sum::<f64>();
+            let mut own = 0.0;
+            let point = self.resting_point(j, &joint, theta, before);
+            section.for_laws(&point, before.z, |law, point| own += law.energy(point));
+            sum += own;
         });
         sum
     }
@@ -158,6 +182,19 @@ impl Rods {
     }
 }
 
+impl RodSection {
+    /// Calls `visit(law, where it is evaluated)` with what each law remembers of the joint.
+    #[inline]
+    pub(super) fn for_laws(&self, at: &SectionPoint, z: &[f64], mut visit: impl FnMut(&dyn SectionLaw, &SectionPoint)) {
+        for (k, law) in self.laws.iter().enumerate() {
+            match self.place(k, at.joint) {
+                place if place.is_empty() => visit(&**law, at),
+                place => visit(&**law, &SectionPoint { memory: &z[place], ..*at }),
+            }
+        }
+    }
+}
+
 /// `out += Σ left_r c_rs right_sᵀ`.
 #[inline]
 fn add_products(left: &[Gradient; 3], c: &[[f64; 3]; 3], right: &[Gradient; 3], out: &mut Hessian) {
@@ -170,7 +207,7 @@ fn add_products(left: &[Gradient; 3], c: &[[f64; 3]; 3], right: &[Gradient; 3], 
 }
 
 /// The forces of a gradient by y, in the order of [`NODE`] and [`TWIST`].
-fn expanded_force(g: &Gradient) -> [f64; ROWS] {
+pub(super) fn expanded_force(g: &Gradient) -> [f64; ROWS] {
     let mut out = [0.0; ROWS];
     for a in 0..3 {
         out[NODE[0] + a] = g[a];

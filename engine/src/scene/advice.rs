@@ -138,6 +138,14 @@ impl Mistake {
                     format!("write a node from 0 to {last}, or from -1 (the last) to -{nodes} (the first)"),
                 )
             }
+            Self::NoJoint { .. } => both(
+                "the first or last node was meant to have a neighbour, or nodes were counted from 1",
+                "name a node between two others; an end has a joint only where a gripper clamps it (`end = \"first\"` or \"last\")",
+            ),
+            Self::JointTwice { .. } => both(
+                "a node is listed twice, perhaps once as a negative number",
+                "put all that is different there into one entry",
+            ),
             Self::NoSuchRope { nearest: Some(nearest), .. } => both("a typing error", format!("did you mean \"{nearest}\"?")),
             Self::NoSuchRope { known, .. } => both("the rope was renamed or removed", format!("name one of: {known}")),
             Self::PointCount { nodes, .. } => both("points were dropped, or `nodes` was changed", format!("give {nodes} points")),
@@ -159,6 +167,14 @@ impl Mistake {
             Self::NothingToTurn { .. } => both(
                 "the rope has no `[rope.twist]`, or the gripper does not hold both nodes of an edge, or moves nodes, which have no direction",
                 "give the rope a `[rope.twist]` and clamp its `end`; or remove `roll` and `spin`",
+            ),
+            Self::NeedsTwist { key } => both(
+                "the table `[rope.twist]` was left out: without it a rope's bending knows no directions",
+                format!("add `[rope.twist]` with a `stiffness`, or remove `[rope.{key}]`"),
+            ),
+            Self::Unresolved { .. } => both(
+                "the rope was made in a program, not read from a file",
+                "call `Rope::resolve_material` before the model is built",
             ),
             Self::HeldTwice { .. } => {
                 both("a node is listed twice, perhaps once as a negative number", "let one gripper hold each node")

@@ -169,6 +169,18 @@ pub enum Mistake {
     /// Something about turning of what cannot be turned.
     #[error("{what} cannot be turned about itself")]
     NothingToTurn { what: String },
+    /// A rod's table at a rope.
+    #[error("the rope has a `{key}`, which belongs to a rod, but no `twist`")]
+    NeedsTwist { key: &'static str },
+    /// A section of its own where no edges meet.
+    #[error("no two edges of rope \"{rope}\" meet at node {node}")]
+    NoJoint { rope: String, node: i64 },
+    /// Two sections for one joint.
+    #[error("node {node} of rope \"{rope}\" has a section of its own already")]
+    JointTwice { rope: String, node: i64 },
+    /// A scene made in a program, with a material that no stiffness was made of.
+    #[error("the `{key}` has not been made stiffness and mass")]
+    Unresolved { key: &'static str },
     /// Two commands for one node.
     #[error("node {node} of rope \"{rope}\" is already held by gripper \"{other}\"")]
     HeldTwice { rope: String, node: usize, other: String },

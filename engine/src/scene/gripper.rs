@@ -29,6 +29,12 @@ pub struct Gripper {
     /// nodes, the scene's beginning) have them [rad].
     #[serde(default)]
     pub roll: f64,
+    /// By how much that turn grows with the direction of the edge it holds: a·(t − t₀), t₀ the unit direction as the scene begins [rad].
+    #[serde(default)]
+    pub roll_by_direction: [f64; 3],
+    /// By how much it grows with the place of the edge's first node: b·(x − x₀), x₀ its place as the scene begins [rad/m].
+    #[serde(default)]
+    pub roll_by_position: [f64; 3],
     /// Rate at which it turns what it holds of a rope that twists about the rope's direction, in `simulate` and `gradcheck` [rad/s].
     #[serde(default)]
     pub spin: f64,
@@ -47,6 +53,8 @@ impl Default for Gripper {
             mode: Mode::default(),
             offset: [0.0; 3],
             roll: 0.0,
+            roll_by_direction: [0.0; 3],
+            roll_by_position: [0.0; 3],
             spin: 0.0,
             motion: Motion::default(),
         }

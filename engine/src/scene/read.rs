@@ -4,6 +4,7 @@ use super::check::check;
 use super::error::{Mistake, SceneError};
 use super::file::Scene;
 use super::keys;
+use super::material;
 use super::obj;
 use super::schema::json_schema;
 use super::source::{Place, Source};
@@ -27,8 +28,10 @@ pub fn parse_scene<X: DeserializeOwned + JsonSchema>(text: &str, file_name: &str
 pub fn parse_source<X: DeserializeOwned + JsonSchema>(source: &Source) -> Result<Scene<X>, SceneError> {
     let table = DeTable::parse(&source.text).map_err(|error| syntax(source, &error))?;
     keys::compare(&json_schema::<X>(), &table, source)?;
+    material::compare(&table, source)?;
     let mut scene: Scene<X> = toml::from_str(&source.text).map_err(|error| refused(source, &error))?;
     load_meshes(&mut scene, source).map_err(|error| error.located(source))?;
+    material::resolve(&mut scene).map_err(|error| error.located(source))?;
     check(&scene).map_err(|error| error.located(source))?;
     Ok(scene)
 }

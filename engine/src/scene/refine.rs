@@ -2,7 +2,7 @@
 
 use super::file::Scene;
 use super::gripper::{Clamp, Mode};
-use super::rope::{Initial, Rope};
+use super::rope::{Initial, JointSection, Rope, Twist};
 
 /// A refined scene and how its inputs follow from the original's. Node i of a rope becomes node 2i.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,7 +79,28 @@ fn held_pairs(held: &[usize]) -> Vec<[usize; 2]> {
     (0..held.len()).filter_map(|k| Some([k, place(held[k] + 1)?])).collect()
 }
 
+/// Sections of single joints, each where it was, and halfway to the next one the mean of both.
+fn halve_joints(rope: &Rope, joints: &[JointSection]) -> Vec<JointSection> {
+    let n = rope.n_nodes();
+    let at = |node: usize| {
+        let own = joints.iter().find(|joint| rope.node(joint.node) == Some(node));
+        own.cloned().unwrap_or(JointSection { node: as_number(node), ..JointSection::default() })
+    };
+    let between = |node: usize| {
+        let (a, b) = (at(node.max(1)), at((node + 1).min(n - 2))); // most ends have no joint
+        let rest_curvature = [0, 1].map(|k| 0.5 * (a.rest_curvature[k] + b.rest_curvature[k]));
+        JointSection { node: as_number(2 * node + 1), rest_curvature, bend_factor: 0.5 * (a.bend_factor + b.bend_factor) }
+    };
+    let doubled = (0..n).map(|node| JointSection { node: as_number(2 * node), ..at(node) });
+    let all = doubled.chain((0..n - 1).map(between));
+    all.filter(|joint| JointSection { node: JointSection::default().node, ..joint.clone() } != JointSection::default()).collect()
+}
+
 fn halve_edges(rope: &mut Rope) {
+    if let Some(twist) = &rope.twist {
+        let joint = halve_joints(rope, &twist.joint);
+        rope.twist = Some(Twist { joint, ..twist.clone() });
+    }
     for mass in &mut rope.node_mass {
         mass.node = if mass.node < 0 { 2 * mass.node + 1 } else { 2 * mass.node };
     }

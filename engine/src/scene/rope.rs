@@ -17,10 +17,24 @@ pub struct Rope {
     pub edge_fractions: Option<Vec<f64>>,
     /// Rest length [m].
     pub length: f64,
-    /// Mass per length ρA [kg/m].
+    /// Mass per length ρA [kg/m]. Either this or `density`.
+    #[serde(default)]
     pub linear_density: f64,
-    /// Stretch stiffness EA [N].
+    /// Stretch stiffness EA [N]. Either this and `bend_stiffness`, or `youngs_modulus`.
+    #[serde(default)]
     pub stretch_stiffness: f64,
+    /// Young's modulus E of a round section [Pa]: EA = E π r², EI = E π r⁴/4. A scene that was read has these instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub youngs_modulus: Option<f64>,
+    /// Shear modulus G of a round section [Pa], of a rope with a `twist`: GJ = G π r⁴/2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shear_modulus: Option<f64>,
+    /// Poisson's ratio ν [-], instead of the shear modulus: G = E/(2 (1 + ν)).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poisson_ratio: Option<f64>,
+    /// Mass per volume ρ of a round section [kg/m³]: ρA = ρ π r².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
     /// Stretch damping c_s [N·s].
     #[serde(default)]
     pub stretch_damping: f64,
@@ -39,7 +53,7 @@ pub struct Rope {
     /// Mass added at the last node [kg].
     #[serde(default)]
     pub tip_mass: f64,
-    /// Radius [m]; used by contact.
+    /// Radius [m]; used by contact, and by a material's stiffnesses and mass.
     #[serde(default)]
     pub radius: f64,
     /// Masses added at nodes.
@@ -48,6 +62,12 @@ pub struct Rope {
     /// What makes it a rod: twisting, and bending that knows directions. Without it a rope has no sense of turning about itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twist: Option<Twist>,
+    /// Part of a rod's stiffness relaxes; of a rope with a `twist`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub creep: Option<Creep>,
+    /// A rod that is bent too far stays bent; of a rope with a `twist`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plasticity: Option<Plasticity>,
     /// Where its nodes are at the beginning.
     pub initial: Initial,
     /// Whether `initial` is the start, or the guess of an equilibrium.
@@ -67,6 +87,10 @@ impl Default for Rope {
             length: 1.0,
             linear_density: 0.05,
             stretch_stiffness: 1.0e4,
+            youngs_modulus: None,
+            shear_modulus: None,
+            poisson_ratio: None,
+            density: None,
             stretch_damping: 0.0,
             bend_stiffness: 1.0e-3,
             bend_damping: 0.0,
@@ -76,6 +100,8 @@ impl Default for Rope {
             radius: 0.003,
             node_mass: Vec::new(),
             twist: None,
+            creep: None,
+            plasticity: None,
             initial: Initial::default(),
             start: Start::default(),
             velocity: [0.0; 3],
@@ -132,7 +158,8 @@ pub struct NodeMass {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Twist {
-    /// Twisting stiffness GJ [N·m²].
+    /// Twisting stiffness GJ [N·m²]. Either this, or a `shear_modulus` or `poisson_ratio` of the rope.
+    #[serde(default)]
     pub stiffness: f64,
     /// Twisting damping c_t [N·m²·s].
     #[serde(default)]
@@ -161,6 +188,33 @@ pub struct Twist {
     /// Twist from the first edge to the last as the scene begins [rad], even along the rod.
     #[serde(default)]
     pub initial: f64,
+    /// What is different where the edges meet at single nodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint: Vec<JointSection>,
+}
+
+/// The section of a rod at one node, where it differs from the rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointSection {
+    /// Node number; negative numbers count from the end.
+    pub node: i64,
+    /// Curvature at rest towards the two principal axes, added to that of the rod [1/m].
+    #[serde(default)]
+    pub rest_curvature: [f64; 2],
+    /// Bending stiffness as a multiple of the rod's [-].
+    #[serde(default = "one")]
+    pub bend_factor: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Default for JointSection {
+    fn default() -> Self {
+        Self { node: 1, rest_curvature: [0.0; 2], bend_factor: 1.0 }
+    }
 }
 
 impl Default for Twist {
@@ -176,8 +230,33 @@ impl Default for Twist {
             rest_twist: 0.0,
             director: None,
             initial: 0.0,
+            joint: Vec::new(),
         }
     }
+}
+
+/// A Maxwell element beside a rod's elasticity: what bends or twists it fast meets (1 + fraction) times the stiffnesses that the rope
+/// and its twist give, which are those of long times. It has relaxed in the initial shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Creep {
+    /// Its stiffness over that of long times [-]; 0 is allowed, for parameters that are fitted.
+    pub fraction: f64,
+    /// The same of twisting, if it is not as of bending [-].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub twist_fraction: Option<f64>,
+    /// Time in which it relaxes by 1/e [s].
+    pub time: f64,
+}
+
+/// Bending beyond a yield curvature flows, so that the rod stays bent: viscous plasticity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Plasticity {
+    /// Elastic curvature above which it flows [1/m].
+    pub yield_curvature: f64,
+    /// Time in which what is beyond relaxes by 1/e [s]: much shorter than the motion's, it is perfect plasticity.
+    pub time: f64,
 }
 
 /// The shape of a rod without forces.

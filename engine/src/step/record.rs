@@ -8,7 +8,7 @@ use crate::contact::{Condensed, Touch};
 use crate::kinematics::Input;
 use crate::kkt::{Square, System, SystemFactor};
 use crate::model::Model;
-use crate::rods::{Carry, RodPoint};
+use crate::rods::{Carry, Remembered, RodPast, RodPoint};
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
 
@@ -50,6 +50,8 @@ pub struct StageRecord {
     pub q_past: Vec<f64>,
     /// Internal variables there.
     pub z_past: Vec<f64>,
+    /// The strains of rods there; empty if none remembers.
+    pub rod_past: RodPast,
     /// Time from there to the evaluation \[s\].
     pub elapsed: f64,
     /// ∂z⁺/∂input of the materials at the end of the (sub)step, as (place, input, derivative): in its last stage, if anything remembers.
@@ -105,6 +107,7 @@ impl StageRecord {
             u: stage.u.to_vec(),
             q_past: stage.past.q.to_vec(),
             z_past: stage.past.z.to_vec(),
+            rod_past: stage.rod_past.clone(),
             elapsed: stage.past.elapsed,
             memory: Vec::new(),
             middle,
@@ -158,6 +161,7 @@ impl StageRecord {
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
         self.grasps.iter().for_each(|&(row, input, value)| visit(row, input, value));
         self.visit_rows(model, theta, &q_bar, visit);
+        self.visit_rod_past(model, theta, &q_bar, visit);
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
     }
 
@@ -167,6 +171,7 @@ impl StageRecord {
         self.pull_bodies(model, theta, [&q_bar, &v_bar], lambda, pull);
         self.grasps.iter().for_each(|&(row, input, value)| pull(input, value * lambda[row]));
         self.visit_rows(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
+        self.visit_rod_past(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| pull(Input::Theta(param), value * lambda[row]));
     }
 
@@ -178,6 +183,7 @@ impl StageRecord {
         if model.nz() > 0 {
             self.visit_rows(model, theta, &q_bar, visit);
         }
+        self.visit_rod_past(model, theta, &q_bar, visit);
     }
 
     fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
@@ -206,7 +212,7 @@ impl StageRecord {
         let rods = &model.rods;
         let mut at = RodPoint::default();
         rods.evaluate(&self.q_ref, &self.frames, q_bar, &mut at);
-        rods.visit_theta(&at, v_bar, theta, &mut |row, param, df| {
+        rods.visit_theta(&at, v_bar, theta, self.remembered(), &mut |row, param, df| {
             if !model.driven_rows[row] {
                 visit(row, param, -df);
             }
@@ -215,6 +221,26 @@ impl StageRecord {
             let row = rods.row(k);
             edge.visit(theta, &mut |param, dm| visit(row, param, dm * self.inertia * (self.v[row] - self.v_ref[row])));
         }
+    }
+
+    /// What rods' sections remembered.
+    fn remembered(&self) -> Remembered<'_> {
+        Remembered { past: &self.rod_past, z: &self.z_past, elapsed: self.elapsed }
+    }
+
+    /// ∂r/∂(z, q at the beginning) of what rods' sections remember.
+    fn visit_rod_past(&self, model: &Model, theta: &[f64], q_bar: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
+        let rods = &model.rods;
+        if !rods.remember() {
+            return;
+        }
+        let mut at = RodPoint::default();
+        rods.evaluate(&self.q_ref, &self.frames, q_bar, &mut at);
+        rods.visit_past(&at, theta, self.remembered(), &mut |row, input, df| {
+            if !model.driven_rows[row] {
+                visit(row, input, -df);
+            }
+        });
     }
 
     /// Where the forces were evaluated.

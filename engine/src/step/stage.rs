@@ -15,7 +15,7 @@ use crate::grasp::Hold;
 use crate::kkt::System;
 use crate::memory::Past;
 use crate::model::Model;
-use crate::rods::RodEdge;
+use crate::rods::{Remembered, RodEdge, RodPast};
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
 use pliant_smoothing::ContactLaw;
@@ -93,6 +93,8 @@ pub(crate) struct Stage<'a> {
     pub holds: &'a [Hold],
     /// The beginning of the (sub)step.
     pub past: Past<'a>,
+    /// The same of rods' strains.
+    pub rod_past: &'a RodPast,
     pub scheme: Scheme,
     pub h: f64,
     /// σ: inertia per velocity change [1/s].
@@ -101,6 +103,8 @@ pub(crate) struct Stage<'a> {
     /// z's part of rods at q_ref.
     pub frames: &'a [f64],
     pub v_ref: &'a [f64],
+    /// Where velocities of free rows start from, if nothing better is known.
+    pub v_start: &'a [f64],
     pub v_cmd: &'a [f64],
     /// Rest gap δ of the smoothing, κ = δ m g [m].
     pub rest_gap: f64,
@@ -130,6 +134,11 @@ impl Stage<'_> {
             kappa: self.rest_gap * mass * self.theta[self.model.gravity].max(f64::MIN_POSITIVE),
             rho: RHO * mass,
         }
+    }
+
+    /// What rods' sections remember.
+    fn remembered(&self) -> Remembered<'_> {
+        Remembered { past: self.rod_past, z: self.past.z, elapsed: self.past.elapsed }
     }
 
     /// Whether there are cone variables that need a value to start from; couplings are linear in theirs.
@@ -185,7 +194,7 @@ impl Stage<'_> {
         for term in &self.model.terms {
             term.add_force(&at, &mut ws.f);
         }
-        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, &mut ws.f);
+        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
         self.holds.iter().for_each(|hold| hold.add_force(&at, &mut ws.f));
         for c in 0..self.model.pairs.len() {
             let (touch, _) = self.touch(c, &ws.q_bar, &it.v)?;
@@ -271,8 +280,8 @@ impl Stage<'_> {
             }
             first += n;
         }
-        let rods = &self.model.rods;
-        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
+        let (rods, before) = (&self.model.rods, self.remembered());
+        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
         for hold in self.holds {
             hold.add_force(&at, &mut ws.f);
             hold.visit_jacobian(|row, column, value| ws.dq.nodes.add(row, column, value));
@@ -419,7 +428,7 @@ impl Stage<'_> {
             }
         }
         ws.f.fill(0.0);
-        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, &mut ws.f);
+        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
         if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
             return (ROD.to_owned(), Some((ROD.to_owned(), k, ws.f[k])));
         }

@@ -11,6 +11,7 @@ use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::newton::{Work, solve_stage};
+use crate::rods::{Remembered, RodPast, RodPoint};
 use crate::scene::Integrator;
 use crate::state::State;
 use crate::terms::joint::JointPoint;
@@ -83,6 +84,8 @@ pub struct Stepper<'m> {
     u: Vec<f64>,
     q_past: Vec<f64>,
     z_past: Vec<f64>,
+    rod_past: RodPast,
+    rod_point: RodPoint,
     /// Where grippers that grasp find things as a (sub)step begins, what they do throughout it, and the springs of a stage.
     q_begin: Vec<f64>,
     phases: Vec<Phase>,
@@ -114,6 +117,8 @@ impl<'m> Stepper<'m> {
             u: Vec::new(),
             q_past: Vec::new(),
             z_past: Vec::new(),
+            rod_past: RodPast::default(),
+            rod_point: RodPoint::default(),
             q_begin: Vec::new(),
             phases: Vec::new(),
             holds: Vec::new(),
@@ -292,6 +297,10 @@ impl<'m> Stepper<'m> {
             self.z_past.clear();
             self.z_past.extend_from_slice(&state.z);
         }
+        if self.model.rods.remember() {
+            self.model.rods.evaluate(&state.q, &state.z[self.model.ndz()..], &state.q, &mut self.rod_point);
+            self.model.rods.begin(&self.rod_point, &mut self.rod_past);
+        }
     }
 
     /// Decides what grippers that grasp do in a (sub)step.
@@ -317,7 +326,7 @@ impl<'m> Stepper<'m> {
     }
 
     /// Moves what materials and grippers remember on to the end of the (sub)step of length `h`.
-    fn advance(&self, state: &mut State, h: f64, v_cmd: &[f64], stages: &mut [(Link, StageRecord)]) {
+    fn advance(&mut self, state: &mut State, h: f64, v_cmd: &[f64], stages: &mut [(Link, StageRecord)]) {
         if self.model.n_materials() == 0 {
             return;
         }
@@ -332,6 +341,23 @@ impl<'m> Stepper<'m> {
             record.memory = self.model.material_partials(&end);
             let mut visit = |place, input, value| record.memory.push((place, input, value));
             self.grasps().for_each(|(grasp, phase)| grasp.visit_advance(phase, &begin, &mut visit));
+        }
+        self.advance_rods(state, h, stages);
+    }
+
+    /// The same of what rods' sections remember.
+    fn advance_rods(&mut self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
+        let (rods, memory) = (&self.model.rods, self.model.ndz());
+        if !rods.remember() {
+            return;
+        }
+        rods.evaluate(&state.q, &state.z[memory..], &state.q, &mut self.rod_point);
+        let before = Remembered { past: &self.rod_past, z: &self.z_past, elapsed: h };
+        rods.advance(&self.rod_point, self.theta, before, &mut state.z);
+        if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
+            rods.visit_advance(&self.rod_point, self.theta, before, &mut |place, input, value| {
+                record.memory.push((place, input, value));
+            });
         }
     }
 
@@ -362,12 +388,14 @@ impl<'m> Stepper<'m> {
             u: &self.u,
             holds: &self.holds,
             past: Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed },
+            rod_past: &self.rod_past,
             scheme,
             h,
             inertia: 1.0 / h,
             q_ref: &self.q_ref,
             frames: &self.frames,
             v_ref: &self.v_ref,
+            v_start: if scheme.momentum == 0.0 { &state.v } else { &self.v_ref },
             v_cmd,
             rest_gap: self.rest_gap,
             damping: 0.0,

@@ -5,9 +5,12 @@
 
 mod actuator_delay;
 mod actuator_lag;
+mod anisotropic_bending;
 mod armature;
 mod asymmetric_friction;
 mod center_of_mass;
+mod clamp_roll;
+mod clamp_roll_pose;
 mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
@@ -21,14 +24,18 @@ mod gravity_tilt;
 mod gripper_offset;
 mod ground_height;
 mod internal_damping;
+mod intrinsic_curvature;
+mod intrinsic_twist;
 mod joint_plasticity;
 mod joint_stiffness;
 mod length_scale;
 mod linear_drag;
 mod link_inertia;
 mod load_friction;
+mod mass_distribution;
 mod payload;
 mod quadratic_drag;
+mod rod_creep;
 mod saturation;
 mod sensor_bias;
 mod sensor_delay;
@@ -38,6 +45,9 @@ mod time_offset;
 mod tip_mass;
 mod torque_gain;
 mod torque_offset;
+mod twist_stiffness;
+mod uneven_curvature;
+mod uneven_stiffness;
 mod viscous_friction;
 mod wind;
 
@@ -114,6 +124,44 @@ impl Situation<'_> {
     /// One unknown per rope for a quantity of ropes.
     fn per_rope(&self, quantity: &str, scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
         self.ropes().iter().filter_map(|rope| self.theta(&format!("{rope}.{quantity}"), scale(rope))).collect()
+    }
+
+    /// Whether a rope twists.
+    fn is_rod(&self, rope: &str) -> bool {
+        self.plan.model.params().find(&format!("{rope}.twist_stiffness")).is_some()
+    }
+
+    /// A cause for every rope that twists; it names the rope where there are several.
+    fn per_rod(&self, one: impl Fn(&str) -> Cause) -> Vec<Cause> {
+        let rods: Vec<&str> = self.ropes().into_iter().filter(|rope| self.is_rod(rope)).collect();
+        let several = rods.len() > 1;
+        rods.into_iter().map(|rod| Cause { object: several.then(|| rod.to_owned()), ..one(rod) }).collect()
+    }
+
+    /// Prescribed grippers that hold the axes of a rod, and whether they are the first to hold that one.
+    fn rod_grippers(&self) -> Vec<(String, bool)> {
+        let (model, mut held) = (&self.plan.model, Vec::new());
+        let with_roll = model.drives().iter().filter(|drive| drive.held.iter().any(|held| held.roll.is_some()));
+        with_roll
+            .map(|drive| {
+                let rope = model.ropes().iter().position(|rope| drive.nodes().iter().any(|node| rope.nodes.contains(node)));
+                let first = !held.contains(&rope);
+                held.push(rope);
+                (drive.name.clone(), first)
+            })
+            .collect()
+    }
+
+    /// Paths of a quantity that every joint of a rod has.
+    fn joints_of(&self, rod: &str, quantity: &str) -> Vec<String> {
+        let (begin, end) = (format!("{rod}.node["), format!("].{quantity}"));
+        let paths = self.plan.model.params().infos().iter().map(|info| &info.path);
+        paths.filter(|path| path.starts_with(&begin) && path.ends_with(&end)).cloned().collect()
+    }
+
+    /// The curvature of a rod bent to an arc of one radian [1/m]: a typical size.
+    fn typical_curvature(&self, rod: &str) -> f64 {
+        1.0 / self.value(&format!("{rod}.length")).max(f64::MIN_POSITIVE)
     }
 
     /// A drag coefficient [kg/(m·s)] whose force at 1 m/s is a tenth of the rope's weight: a typical size.
@@ -273,6 +321,15 @@ fn of_joints(at: &Situation) -> Vec<Cause> {
     friction.into_iter().chain(springs).chain(inertia).chain(motors).chain(sensors).flatten().collect()
 }
 
+/// Causes that lie in a rod's section and in how it is held.
+fn of_rods(at: &Situation) -> Vec<Cause> {
+    let shape = [intrinsic_curvature::causes(at), intrinsic_twist::causes(at), uneven_curvature::causes(at)];
+    let stiffness = [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at)];
+    let held = [clamp_roll::causes(at), clamp_roll_pose::causes(at)];
+    let others = [mass_distribution::causes(at), rod_creep::causes(at)];
+    shape.into_iter().chain(stiffness).chain(held).chain(others).flatten().collect()
+}
+
 /// All causes of the library as they stand in this situation. A cause whose unknowns are all free already is left out.
 pub fn library(at: &Situation) -> Vec<Cause> {
     let mut causes = Vec::new();
@@ -283,6 +340,7 @@ pub fn library(at: &Situation) -> Vec<Cause> {
     causes.extend(gravity_magnitude::causes(at));
     if !at.ropes().is_empty() {
         causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
+        causes.extend(of_rods(at));
     }
     causes.extend(gripper_offset::causes(at));
     causes.extend(of_joints(at));

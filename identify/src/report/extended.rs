@@ -2,6 +2,7 @@
 
 use super::error::ReportError;
 use super::place_body::{set_inertia, set_joint};
+use super::place_rod::{node_count, set_rod};
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
 use crate::log::{Experiment, RecordFile, SensorStart, Setup};
@@ -107,6 +108,13 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         set_mass(target, node, estimate.estimate)?;
         return Some(Place { table: format!("{name}.node_mass"), number, key: String::new() });
     }
+    if name == "rope"
+        && rest.contains(['_', '['])
+        && !target.contains_key(rest)
+        && let Some((table, key)) = set_rod(target, rest, estimate.estimate)
+    {
+        return Some(Place { table: table.to_owned(), number, key });
+    }
     let inertia = if name == "body" { set_inertia(target, rest, estimate.estimate) } else { None };
     let key = inertia.or_else(|| set_value(target, rest, estimate.estimate))?;
     Some(Place { table: name.to_owned(), number, key })
@@ -135,10 +143,7 @@ pub(super) fn set_value(table: &mut Table, path: &str, new: f64) -> Option<Strin
 
 /// Mass added at one node, or at all nodes (`*`).
 fn set_mass(rope: &mut Table, node: &str, mass: f64) -> Option<()> {
-    let nodes = match rope.get("nodes").and_then(Value::as_integer) {
-        Some(nodes) => nodes,
-        None => i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()? + 1,
-    };
+    let nodes = node_count(rope)?;
     let which = if node == "*" { 0..nodes } else { node.parse().ok().map(|node: i64| node..node + 1)? };
     let list = rope.entry("node_mass").or_insert_with(|| Value::Array(Vec::new())).as_array_mut()?;
     for node in which {

@@ -3,15 +3,17 @@
 //! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
 //! ```text
 //! motors    lag 0, saturation ±FAR
+//! rods      bend_stiffness_2 = bend_stiffness, creep of a fraction 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
 //! ```
 //! A motor's delay is none of them: what is late is an input, and known beforehand ([`super::late`]).
 //!
-//! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it.
+//! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it; so does a
+//! second bending stiffness the first.
 
 use crate::unknown::{Target, Unknown, Values};
 use pliant_engine::model::Model;
-use pliant_engine::scene::{Joint, JointKind, Scene};
+use pliant_engine::scene::{Creep, Joint, JointKind, Rope, Scene};
 
 /// A torque that no motor reaches [N·m or N].
 pub const FAR: f64 = 1e9;
@@ -27,6 +29,12 @@ pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
     for actuator in &mut out.actuator {
         actuator.lag.get_or_insert(0.0);
         actuator.saturation.get_or_insert([-FAR, FAR]);
+    }
+    for rope in &mut out.rope {
+        if let Some(twist) = &mut rope.twist {
+            twist.bend_stiffness_2.get_or_insert(rope.bend_stiffness);
+            rope.creep.get_or_insert(Creep { fraction: 0.0, twist_fraction: None, time: 1.0 });
+        }
     }
     let driven: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
     for joint in out.body.iter_mut().flat_map(|body| &mut body.joint) {
@@ -49,11 +57,15 @@ fn has_friction(joint: &Joint) -> bool {
     matches!(joint.kind, JointKind::Revolute | JointKind::Prismatic | JointKind::Universal)
 }
 
-/// (leader, follower) in θ of every joint whose backward friction the scene does not have.
+/// (leader, follower) in θ of every joint whose backward friction the scene does not have, and of every rod's second stiffness.
 pub(super) fn followers<X>(scene: &Scene<X>, model: &Model) -> Vec<(usize, usize)> {
+    let round = |rope: &&Rope| rope.twist.as_ref().is_some_and(|twist| twist.bend_stiffness_2.is_none());
+    let of_rod = |rope: &Rope, key: &str| model.params().find(&format!("{}.{key}", rope.name));
+    let rods = scene.rope.iter().filter(round);
+    let rods = rods.filter_map(|rope| Some((of_rod(rope, "bend_stiffness")?, of_rod(rope, "bend_stiffness_2")?)));
     let joints = scene.body.iter().flat_map(|body| &body.joint).filter(|j| has_friction(j) && j.friction_backward.is_none());
     let find = |joint: &Joint, key: &str| model.params().find(&format!("{}.{key}", joint.name));
-    joints.filter_map(|j| Some((find(j, "friction")?, find(j, "friction_backward")?))).collect()
+    rods.chain(joints.filter_map(|j| Some((find(j, "friction")?, find(j, "friction_backward")?)))).collect()
 }
 
 /// The unknowns, each setting what follows it, and nothing that another of them sets alone.

@@ -136,11 +136,19 @@ impl Pass<'_> {
             if self.wants.tangents {
                 tangent.x.q = equilibrium_tangent(&rest, &tangent.seeds);
             }
-            return Ok(State { v: vec![0.0; model.nv()], q: rest.q, z: self.memory(tangent) });
+            let mut state = rest.state();
+            state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);
+            return Ok(state);
         }
-        let mut state = State { z: self.memory(tangent), ..self.rec.start.state(model) };
-        let (q, placement) = place_clamped(model, &self.values.theta, &u0, &state.q)?;
-        state.q = q;
+        let mut state = self.rec.start.state(model);
+        state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);
+        let (placed, placement) = place_clamped(model, &self.values.theta, &u0, [&state.q, &state.z[model.ndz()..]])?;
+        let mut shift = vec![0.0; model.ndx()];
+        (0..model.n_node_dofs()).for_each(|k| shift[k] = placed[k] - state.q[k]);
+        let following = &self.rec.start.following;
+        following.iter().for_each(|&(row, lead, weight)| shift[row] += weight * shift[lead]);
+        state = model.displaced(&state, &shift);
+        model.take_out_turns(&mut state);
         if self.wants.tangents {
             let m = self.columns;
             let start = &self.rec.start;
@@ -162,7 +170,10 @@ impl Pass<'_> {
                     Input::Theta(k) => tangent.seeds.theta(k),
                     _ => &[],
                 };
-                columns.iter().for_each(|&(c, w)| tangent.x.q[row * m + c] += value * w);
+                let followers = following.iter().filter(|f| f.1 == row).map(|&(row, _, weight)| (row, weight));
+                for (row, weight) in std::iter::once((row, 1.0)).chain(followers) {
+                    columns.iter().for_each(|&(c, w)| tangent.x.q[row * m + c] += weight * value * w);
+                }
             }
         }
         Ok(state)
@@ -201,6 +212,8 @@ impl Pass<'_> {
         }
         shot.defect += defect2.sqrt();
         (state.q, state.v) = (node.q.clone(), node.v.clone());
+        let memory = self.plan.model.ndz();
+        state.z[memory..].copy_from_slice(&node.z[memory..]);
         if self.wants.tangents {
             shot.boundary.push(tangent.x.clone());
         }

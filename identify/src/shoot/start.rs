@@ -10,6 +10,7 @@ use crate::sensor::SCALE;
 use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::model::Model;
+use pliant_engine::rods::Following;
 use pliant_engine::state::State;
 use pliant_engine::step::StepError;
 
@@ -33,6 +34,8 @@ pub struct StartState {
     pub velocity: DMatrix<f64>,
     /// Current estimate of z.
     pub z: Vec<f64>,
+    /// How twists that nothing shows follow those of the edges that grippers hold.
+    pub following: Following,
 }
 
 impl StartState {
@@ -73,10 +76,7 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
     if plan.at_rest {
         let rest = equilibrium(model, &plan.scene_values.theta, model.initial_positions(), &record.inputs[0]);
         let rest = rest.map_err(|e| IdentifyError::Simulation { record: record.name.clone(), source: e })?;
-        return Ok(StartState {
-            mean: State { v: vec![0.0; model.nv()], q: rest.q, z: model.initial_memory() },
-            ..StartState::default()
-        });
+        return Ok(StartState { mean: rest.state(), ..StartState::default() });
     }
     state_at(plan, record, 0)
 }
@@ -90,7 +90,10 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     let u = &record.inputs[sample];
     let shape = match equilibrium(model, theta, model.initial_positions(), u) {
         Ok(rest) if !model.ropes().is_empty() => rest.q,
-        _ => place_clamped(model, theta, u, model.initial_positions()).map_err(named)?.0,
+        _ => {
+            let start = model.initial_state();
+            place_clamped(model, theta, u, [&start.q, &start.z[model.ndz()..]]).map_err(named)?.0
+        }
     };
     let (mut q, mut v) = (shape.clone(), driven_velocities(plan, record, sample, &shape).map_err(named)?);
     let (mut dofs, mut sigma_q, mut sigma_v) = (Vec::new(), Vec::new(), Vec::new());
@@ -117,13 +120,28 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     let nodes = model.n_node_dofs();
     mean.q[nodes..].copy_from_slice(&bodies.q);
     mean.v[nodes..].copy_from_slice(&bodies.v);
+    let following = turn_rods(model, theta, u, &mut mean).map_err(named)?;
     if plan.given {
-        return Ok(StartState { mean, ..StartState::default() });
+        return Ok(StartState { mean, following, ..StartState::default() });
     }
     dofs.extend(nodes..model.nv());
     let z = vec![0.0; 2 * dofs.len()];
     let (position, velocity) = (beside(&by_q.factor, &bodies.position), beside(&by_v.factor, &bodies.velocity));
-    Ok(StartState { mean, dofs, position, velocity, z })
+    Ok(StartState { mean, dofs, position, velocity, z, following })
+}
+
+/// Turns the edges of rods to where the grippers hold them, and evenly in between: markers do not show twist.
+fn turn_rods(model: &Model, theta: &[f64], u: &[f64], x: &mut State) -> Result<Following, StepError> {
+    let twists = 3 * model.n_nodes()..model.n_node_dofs();
+    if twists.is_empty() {
+        return Ok(Following::new());
+    }
+    x.q[twists.clone()].copy_from_slice(&model.initial_positions()[twists.clone()]);
+    x.z[model.ndz()..].copy_from_slice(&model.frames_at(&x.q));
+    let placed = place_clamped(model, theta, u, [&x.q, &x.z[model.ndz()..]])?.0;
+    x.q[twists.clone()].copy_from_slice(&placed[twists]);
+    let frames = x.z[model.ndz()..].to_vec();
+    Ok(model.spread_twists(&mut x.q, &frames))
 }
 
 /// A block diagonal matrix.
@@ -143,7 +161,8 @@ fn driven_velocities(plan: &Plan, record: &Record, sample: usize, shape: &[f64])
     if dt == 0.0 {
         return Ok(v);
     }
-    let place = |k: usize| place_clamped(&plan.model, &plan.scene_values.theta, &record.inputs[k], shape);
+    let frames = plan.model.frames_at(shape);
+    let place = |k: usize| place_clamped(&plan.model, &plan.scene_values.theta, &record.inputs[k], [shape, &frames]);
     let (here, there) = (place(sample)?.0, place(other)?.0);
     for (node, _) in plan.model.driven().iter().enumerate().filter(|(_, d)| **d) {
         (3 * node..3 * node + 3).for_each(|k| v[k] = (there[k] - here[k]) / dt);

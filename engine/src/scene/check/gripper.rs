@@ -40,8 +40,13 @@ fn turns<X>(scene: &Scene<X>, g: usize, gripper: &Gripper) -> Result<(), SceneEr
     nodes.sort_unstable();
     let is_end = matches!(gripper.clamp, Clamp::End(_));
     let edge = is_end || nodes.windows(2).any(|pair| pair[1] == pair[0] + 1);
-    let possible = [("roll", gripper.roll, twists && edge), ("spin", gripper.spin, twists && is_end)];
-    match possible.into_iter().find(|(_, value, possible)| *value != 0.0 && !possible) {
+    let possible = [
+        ("roll", gripper.roll != 0.0, twists && edge),
+        ("roll_by_direction", gripper.roll_by_direction != [0.0; 3], twists && edge),
+        ("roll_by_position", gripper.roll_by_position != [0.0; 3], twists && edge),
+        ("spin", gripper.spin != 0.0, twists && is_end),
+    ];
+    match possible.into_iter().find(|(_, wanted, possible)| *wanted && !possible) {
         None => Ok(()),
         Some((key, ..)) => {
             let name = rope.map_or("a sheet", |rope| &rope.name);

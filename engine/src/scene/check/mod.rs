@@ -55,7 +55,7 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
 }
 
 /// A number that must be above zero.
-fn positive(field: &str, value: f64, unit: &'static str) -> Result<(), SceneError> {
+pub(crate) fn positive(field: &str, value: f64, unit: &'static str) -> Result<(), SceneError> {
     if value > 0.0 { Ok(()) } else { Err(SceneError::at(field, Mistake::NotPositive { value, unit })) }
 }
 

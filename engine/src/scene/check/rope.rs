@@ -5,7 +5,7 @@ use super::super::file::Scene;
 use super::super::gripper::End;
 use super::super::initial::rope_points;
 use super::super::rod::RodStart;
-use super::super::rope::{Initial, Rope};
+use super::super::rope::{Initial, Rope, Twist};
 use super::super::words::list;
 use super::{not_negative, positive};
 use std::f64::consts::PI;
@@ -18,6 +18,9 @@ const DENSEST: f64 = 1e5;
 pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     let rope = &scene.rope[r];
     let at = |key: &str| format!("rope[{r}].{key}");
+    if let Some(key) = rope.material_key() {
+        return Err(SceneError::at(at(key), Mistake::Unresolved { key }));
+    }
     numbers(rope, &at)?;
     units(rope, &at)?;
     nodes(scene, rope, &at)?;
@@ -29,6 +32,7 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         }
     }
     twist(scene, r)?;
+    memory(rope, &at)?;
     if let Initial::Between { sag: Some(sag), .. } = rope.initial {
         not_negative(&at("initial.sag"), sag, "m")?;
     }
@@ -69,7 +73,49 @@ fn twist<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         }
         None => {}
     }
+    joints(scene, rope, twist, &at)?;
     RodStart::new(scene, r).map(drop)
+}
+
+/// Every section of its own is at a node where two edges meet, and at another than the one before.
+fn joints<X>(scene: &Scene<X>, rope: &Rope, twist: &Twist, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let n = rope.n_nodes();
+    let first = usize::from(!scene.clamps_end(rope, End::First));
+    let last = n - usize::from(!scene.clamps_end(rope, End::Last));
+    let mut seen = Vec::new();
+    for (k, joint) in twist.joint.iter().enumerate() {
+        let at = |key: &str| at(&format!("joint[{k}].{key}"));
+        let mistake = match rope.node(joint.node) {
+            None => Mistake::NoSuchNode { rope: rope.name.clone(), node: joint.node, nodes: n },
+            Some(node) if !(first..last).contains(&node) => Mistake::NoJoint { rope: rope.name.clone(), node: joint.node },
+            Some(node) if seen.contains(&node) => Mistake::JointTwice { rope: rope.name.clone(), node: joint.node },
+            Some(node) => {
+                seen.push(node);
+                not_negative(&at("bend_factor"), joint.bend_factor, "-")?;
+                continue;
+            }
+        };
+        return Err(SceneError::at(at("node"), mistake));
+    }
+    Ok(())
+}
+
+/// What a rod's section remembers.
+fn memory(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let tables = [("creep", rope.creep.is_some()), ("plasticity", rope.plasticity.is_some())];
+    if let (None, Some((key, _))) = (&rope.twist, tables.iter().find(|(_, given)| *given)) {
+        return Err(SceneError::at(at(key), Mistake::NeedsTwist { key }));
+    }
+    if let Some(creep) = &rope.creep {
+        not_negative(&at("creep.fraction"), creep.fraction, "-")?;
+        creep.twist_fraction.map_or(Ok(()), |value| not_negative(&at("creep.twist_fraction"), value, "-"))?;
+        positive(&at("creep.time"), creep.time, "s")?;
+    }
+    if let Some(plasticity) = &rope.plasticity {
+        positive(&at("plasticity.yield_curvature"), plasticity.yield_curvature, "1/m")?;
+        positive(&at("plasticity.time"), plasticity.time, "s")?;
+    }
+    Ok(())
 }
 
 /// Sizes that betray another unit.

@@ -29,16 +29,20 @@ impl<L: Section> AutomaticSection<L> {
     /// # Panics
     /// If the law reads more than [`Self::MAX_PARAMS`] parameters: a mistake in its code.
     pub fn new(law: L) -> Self {
-        assert!(law.params().len() <= MAX_PARAMS, "{}: more than {MAX_PARAMS} parameters", law.name());
+        assert!(law.params().len() + law.own(0).len() <= MAX_PARAMS, "{}: more than {MAX_PARAMS} parameters", law.name());
         Self { law }
     }
 
-    fn values<T: Copy>(&self, of: impl Fn(usize) -> T, zero: T) -> ([T; MAX_PARAMS], usize) {
-        let mut out = [zero; MAX_PARAMS];
-        for (x, &k) in out.iter_mut().zip(self.law.params()) {
-            *x = of(k);
+    fn params(&self, joint: usize) -> impl Iterator<Item = usize> + Clone {
+        self.law.params().iter().copied().chain(self.law.own(joint))
+    }
+
+    fn values<T: Copy>(&self, joint: usize, of: impl Fn(usize) -> T, zero: T) -> ([T; MAX_PARAMS], usize) {
+        let (mut out, mut n) = ([zero; MAX_PARAMS], 0);
+        for (x, k) in out.iter_mut().zip(self.params(joint)) {
+            (*x, n) = (of(k), n + 1);
         }
-        (out, self.law.params().len())
+        (out, n)
     }
 }
 
@@ -48,13 +52,13 @@ impl<L: Section> SectionLaw for AutomaticSection<L> {
     }
 
     fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
-        let (p, n) = self.values(|k| at.theta[k], 0.0);
+        let (p, n) = self.values(at.joint, |k| at.theta[k], 0.0);
         let by = self.law.moment(at.joint, at.fraction, &at.strain, &at.rate, &p[..n]);
         m.iter_mut().zip(by).for_each(|(m, by)| *m += by);
     }
 
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
-        let (p, n) = self.values(|k| Dual::from_re(at.theta[k]), Dual::from_re(0.0));
+        let (p, n) = self.values(at.joint, |k| Dual::from_re(at.theta[k]), Dual::from_re(0.0));
         let strain = std::array::from_fn(|s| seeded(at.strain[s], s));
         let rate = std::array::from_fn(|s| seeded(at.rate[s], 3 + s));
         for (s, m) in self.law.moment(at.joint, at.fraction, &strain, &rate, &p[..n]).into_iter().enumerate() {
@@ -67,23 +71,23 @@ impl<L: Section> SectionLaw for AutomaticSection<L> {
     }
 
     fn visit_theta(&self, at: &SectionPoint, visit: &mut dyn FnMut(usize, [f64; 3])) {
-        let params = self.law.params();
+        let n = self.params(at.joint).count();
         let constant = |x: &[f64; 3]| x.map(Dual::from_re);
-        for first in (0..params.len()).step_by(CHUNK) {
+        for first in (0..n).step_by(CHUNK) {
             let mut p = [Dual::from_re(0.0); MAX_PARAMS];
-            for (k, &index) in params.iter().enumerate() {
+            for (k, index) in self.params(at.joint).enumerate() {
                 let here = k.checked_sub(first).filter(|d| *d < CHUNK);
                 p[k] = here.map_or(Dual::from_re(at.theta[index]), |d| seeded(at.theta[index], d));
             }
-            let m = self.law.moment(at.joint, at.fraction, &constant(&at.strain), &constant(&at.rate), &p[..params.len()]);
-            for (d, &index) in params[first..].iter().take(CHUNK).enumerate() {
+            let m = self.law.moment(at.joint, at.fraction, &constant(&at.strain), &constant(&at.rate), &p[..n]);
+            for (d, index) in self.params(at.joint).skip(first).take(CHUNK).enumerate() {
                 visit(index, std::array::from_fn(|s| m[s].eps.0.map_or(0.0, |by| by[d])));
             }
         }
     }
 
     fn energy(&self, at: &SectionPoint) -> f64 {
-        let (p, n) = self.values(|k| at.theta[k], 0.0);
+        let (p, n) = self.values(at.joint, |k| at.theta[k], 0.0);
         self.law.energy(at.joint, at.fraction, &at.strain, &p[..n])
     }
 }

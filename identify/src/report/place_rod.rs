@@ -1,0 +1,75 @@
+//! Where estimates of a rod's section, its joints and its creep stand in a scene.
+
+use super::extended::set_value;
+use toml::{Table, Value};
+
+/// Sets a quantity of a rod by the end of its path; returns the table below the rope it stands in, and its key.
+pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'static str, String)> {
+    if let Some(key) = path.strip_prefix("creep_") {
+        let creep = rope.entry("creep").or_insert_with(|| Value::Table(Table::new())).as_table_mut()?;
+        if creep.is_empty() {
+            [("fraction", 0.0), ("time", 1.0)]
+                .into_iter()
+                .for_each(|(key, x)| drop(creep.insert(key.to_owned(), Value::Float(x))));
+        }
+        creep.insert(key.to_owned(), Value::Float(new));
+        return Some(("rope.creep", key.to_owned()));
+    }
+    let nodes = node_count(rope);
+    let twist = rope.get_mut("twist")?.as_table_mut()?;
+    if let Some((node, quantity)) = path.strip_prefix("node[").and_then(|rest| rest.split_once("].")) {
+        set_joint(twist, node.parse().ok()?, nodes?, quantity, new)?;
+        return Some(("rope.twist.joint", String::new()));
+    }
+    if path == "bend_stiffness_2" {
+        twist.insert(path.to_owned(), Value::Float(new));
+        return Some(("rope.twist", path.to_owned()));
+    }
+    let key = set_value(twist, path.strip_prefix("twist_").unwrap_or(path), new)?;
+    Some(("rope.twist", key))
+}
+
+/// Number of a rope's nodes.
+pub(super) fn node_count(rope: &Table) -> Option<i64> {
+    match rope.get("nodes").and_then(Value::as_integer) {
+        Some(nodes) => Some(nodes),
+        None => Some(i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()? + 1),
+    }
+}
+
+/// Sets what the joint at a node has of its own.
+fn set_joint(twist: &mut Table, node: i64, nodes: i64, quantity: &str, new: f64) -> Option<()> {
+    let list = twist.entry("joint").or_insert_with(|| Value::Array(Vec::new())).as_array_mut()?;
+    let same = |item: &Value| item.get("node").and_then(Value::as_integer).is_some_and(|k| k.rem_euclid(nodes) == node);
+    let place = list.iter().position(same).unwrap_or_else(|| {
+        let curvature = Value::Array(vec![Value::Float(0.0); 2]);
+        let entries = [("node", Value::Integer(node)), ("rest_curvature", curvature), ("bend_factor", Value::Float(1.0))];
+        list.push(Value::Table(entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()));
+        list.len() - 1
+    });
+    set_value(list.get_mut(place)?.as_table_mut()?, quantity, new).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn quantities_of_a_rod_find_their_tables() {
+        let mut rope: Table = toml::from_str("nodes = 5\n[twist]\nstiffness = 1.0\nrest_curvature = [0.0, 0.0]").unwrap();
+        let mut set = |path: &str, x: f64| set_rod(&mut rope, path, x).unwrap();
+        assert_eq!(set("twist_stiffness", 2.0), ("rope.twist", "stiffness".to_owned()));
+        assert_eq!(set("rest_curvature[1]", 3.0), ("rope.twist", "rest_curvature".to_owned()));
+        assert_eq!(set("bend_stiffness_2", 4.0), ("rope.twist", "bend_stiffness_2".to_owned()));
+        assert_eq!(set("creep_fraction", 0.2), ("rope.creep", "fraction".to_owned()));
+        assert_eq!(set("node[3].rest_curvature[0]", 5.0).0, "rope.twist.joint");
+        assert_eq!(set("node[3].bend_factor", 0.5).0, "rope.twist.joint");
+        let twist = rope["twist"].as_table().unwrap();
+        assert_eq!((twist["stiffness"].as_float(), twist["rest_curvature"][1].as_float()), (Some(2.0), Some(3.0)));
+        let joint = &twist["joint"].as_array().unwrap()[..];
+        assert_eq!((joint.len(), joint[0]["rest_curvature"][0].as_float()), (1, Some(5.0)));
+        assert_eq!((joint[0]["bend_factor"].as_float(), rope["creep"]["fraction"].as_float()), (Some(0.5), Some(0.2)));
+        assert_eq!(set_rod(&mut rope, "no_such_key", 1.0), None);
+    }
+}
