@@ -66,6 +66,7 @@ pub use pliant_adjoint::{
 };
 pub use pliant_engine::bodies::{Joint, JointKind, Tree};
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
+pub use pliant_engine::grasp::{Grasp, Grasping};
 pub use pliant_engine::model::{BuildError, ClothSpan, Model, ModelBuilder};
 pub use pliant_engine::params::{ParamInfo, Params};
 pub use pliant_engine::rollout::{Rollout, rollout};

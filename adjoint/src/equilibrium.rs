@@ -28,7 +28,7 @@ pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
     memory.start[0].clone_from(&zero);
     memory.z_past.resize(eq.model.ndz() * m, 0.0);
     memory.signals.resize(eq.model.nu() * m, 0.0);
-    let tangents = Tangents { seeds, signals: &[], q: &[], z: &[], end: [&[], &[]] };
+    let tangents = Tangents { seeds, signals: &[], cmd: &[], q: &[], z: &[], end: [&[], &[]] };
     for &(row, input, value) in &eq.signals {
         tangents.add(input, value, &mut memory.signals[row * m..(row + 1) * m]);
     }

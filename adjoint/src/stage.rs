@@ -1,7 +1,7 @@
 //! Products with the partials of one stage's residual.
 //!
 //! ```text
-//! ∂r/∂q_ref = −F_q T,   ∂r/∂v_ref = −σ M − h a0 F_q J − b0 F_v,   ∂r/∂v_cmd = −1 (driven rows),   ∂r/∂(θ, u) by visiting
+//! ∂r/∂q_ref = −F_q T,   ∂r/∂v_ref = −σ M − h a0 F_q J − b0 F_v (without σ M where momentum is dropped),   ∂r/∂v_cmd = −1 (driven rows),   ∂r/∂(θ, u) by visiting
 //! ```
 //! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows; T and J of [`Turns`]. What a joint remembers adds ∂r/∂z and ∂r/∂q of the
 //! (sub)step's beginning, by visiting too.
@@ -68,18 +68,18 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         at[n..].iter_mut().zip(&v_dot[n..]).for_each(|(o, v)| *o = scheme.free.b0 * v);
         stage.dv.add_mul_many(-1.0, at, &mut dr[..v_dot.len()], m);
     }
+    let inertia = stage.inertia * scheme.momentum;
     for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
         let range = row * m..(row + 1) * m;
-        let (from, weight) =
-            if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * stage.inertia) };
+        let (from, weight) = if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * inertia) };
         for (d, x) in dr[range].iter_mut().zip(from) {
             *d -= weight * x;
         }
     }
     let n = cx.model.n_node_dofs() * m;
-    stage.body_mass.add_mul_many(-stage.inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
+    stage.body_mass.add_mul_many(-inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
     if seeds.has_theta() || cx.model.has_actuators() || cx.model.ndz() > 0 {
-        let tangents = Tangents { seeds, signals, q: &start[0], z: z_past, end: [&[], &[]] };
+        let tangents = Tangents { seeds, signals, cmd, q: &start[0], z: z_past, end: [&[], &[]] };
         let mut visit = |row: usize, input, value| tangents.add(input, value, &mut dr[row * m..(row + 1) * m]);
         if seeds.has_theta() {
             stage.visit_inputs(cx.model, cx.theta, &mut visit);
@@ -96,6 +96,8 @@ pub(crate) struct Tangents<'a> {
     pub seeds: &'a Seeds,
     /// Of what motors see; empty for the controls themselves.
     pub signals: &'a [f64],
+    /// Of the commanded velocities.
+    pub cmd: &'a [f64],
     /// Of q and z at the beginning of the (sub)step.
     pub q: &'a [f64],
     pub z: &'a [f64],
@@ -117,6 +119,7 @@ impl Tangents<'_> {
                     Input::Z(k) => (self.z, k),
                     Input::QNext(k) => (self.end[0], k),
                     Input::VNext(k) => (self.end[1], k),
+                    Input::Command(k) => (self.cmd, k),
                     Input::Theta(_) => return,
                 };
                 out.iter_mut().zip(&rows[k * m..(k + 1) * m]).for_each(|(o, x)| *o += value * x);
@@ -203,6 +206,7 @@ impl InputBars<'_> {
             (Input::U(k), _) => self.u[k] += value,
             (Input::Q(k), _) => self.q[k] += value,
             (Input::Z(k), _) => self.z[k] += value,
+            (Input::Command(k), _) => self.cmd[k] += value,
             (Input::QNext(k), Some([q, _])) => q[k] += value,
             (Input::VNext(k), Some([_, v])) => v[k] += value,
             (Input::QNext(_) | Input::VNext(_), None) => {}
@@ -229,7 +233,8 @@ pub(crate) fn stage_cotangent(
     }
     let n = cx.model.n_node_dofs();
     let w = &stage.scheme.free;
-    stage.body_mass.add_mul_transpose(-stage.inertia, &lambda[n..nv], &mut v_bar[n..]);
+    let inertia = stage.inertia * stage.scheme.momentum;
+    stage.body_mass.add_mul_transpose(-inertia, &lambda[n..nv], &mut v_bar[n..]);
     (n..nv).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
     let of_nodes = |driven| stage.h * if driven { stage.scheme.driven.a0 } else { stage.scheme.free.a0 };
     pull_along(cx, (&stage.middle, &stage.carry[0]), &mut through_q, v_bar, stage.h * w.a0, of_nodes);
@@ -240,7 +245,7 @@ pub(crate) fn stage_cotangent(
         if driven {
             inputs.cmd[k] -= lambda[k];
         } else {
-            v_bar[k] -= cx.mass[k] * stage.inertia * lambda[k];
+            v_bar[k] -= cx.mass[k] * inertia * lambda[k];
         }
     }
     stage.pull_inputs(cx.model, cx.theta, &lambda, &mut |input, value| inputs.add(input, value, None));

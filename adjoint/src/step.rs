@@ -76,7 +76,7 @@ pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seed
     z_next.clear();
     z_next.resize(x.z.len(), 0.0);
     // commands reach the motors' part of z themselves, not by way of the signals
-    let tangents = Tangents { seeds, signals: &[], q: &[], z: z_past, end: [&[], &[]] };
+    let tangents = Tangents { seeds, signals: &[], cmd: &[], q: &[], z: z_past, end: [&[], &[]] };
     replace_rows(&step.memory, &tangents, z_next, &mut x.z, m);
 }
 
@@ -96,7 +96,7 @@ fn signal_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, me
     memory.signals.clear();
     if !step.signals.is_empty() {
         memory.signals.resize(cx.model.nu() * m, 0.0);
-        let tangents = Tangents { seeds, signals: &[], q: &[], z: &x.z, end: [&[], &[]] };
+        let tangents = Tangents { seeds, signals: &[], cmd: &[], q: &[], z: &x.z, end: [&[], &[]] };
         for &(row, input, value) in &step.signals {
             tangents.add(input, value, &mut memory.signals[row * m..(row + 1) * m]);
         }
@@ -108,7 +108,7 @@ fn move_memory(partials: &[(usize, Input, f64)], seeds: &Seeds, x: &mut Tangent,
     let Memory { start, signals, z_past, z_next, .. } = memory;
     z_next.clear();
     z_next.resize(x.z.len(), 0.0);
-    let tangents = Tangents { seeds, signals, q: &start[0], z: z_past, end: [&x.q, &x.v] };
+    let tangents = Tangents { seeds, signals, cmd: &[], q: &start[0], z: z_past, end: [&x.q, &x.v] };
     replace_rows(partials, &tangents, z_next, &mut x.z, seeds.columns);
 }
 
@@ -136,7 +136,7 @@ fn command_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, m
             Input::Q(k) => out.iter_mut().zip(&x.q[k * m..(k + 1) * m]).for_each(|(o, q)| *o += value * q),
             Input::U(k) => seeds.u(k).iter().for_each(|&(c, w)| out[c] += value * w),
             Input::Theta(k) => seeds.theta(k).iter().for_each(|&(c, w)| out[c] += value * w),
-            Input::Z(_) | Input::QNext(_) | Input::VNext(_) => {}
+            Input::Z(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => {}
         }
     }
 }
@@ -204,7 +204,7 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
             Input::Q(k) => x.q[k] += contribution,
             Input::U(k) => u_bar[k] += contribution,
             Input::Theta(k) => theta_bar[k] += contribution,
-            Input::Z(_) | Input::QNext(_) | Input::VNext(_) => {}
+            Input::Z(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => {}
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Gradients of a smoother contact than the one simulated, marked as such in their type.
+//! Gradients of a smoother contact or grasp than the one simulated, marked as such in their type.
 //!
 //! Hard contact gives no gradient before it is made, and a useless one through an impact. At a rest gap δ_b larger than the
 //! scene's the force κ/gap reaches further (`pliant_smoothing::reach`), and so does its derivative. Two ways to take it:
@@ -8,6 +8,9 @@
 //! | `Hard` | the scene's own contact | each step at δ_b, taken from the hard state x_k: A_k, B_k, C_k and their products |
 //! | `Smooth` | a rollout at δ_b | that rollout: differences confirm it |
 //!
+//! A grasp is as blind out of reach ([`pliant_engine::grasp`]); with [`Grasping::Smooth`] the steps that are differentiated have the
+//! smoothed activation of θ (`name.smoothing`, `tail`, `tail_reach`), at the scene's rest gap or another.
+//!
 //! Along the hard trajectory the products belong to *no* function: good for planning, where each step is corrected anyway, and
 //! not to be compared with differences beyond one step. A [`Surrogate`] says in its type that it is no derivative of the scene.
 
@@ -15,6 +18,7 @@ use crate::AdjointError;
 use crate::checkpoint::{CheckpointedRollout, checkpointed};
 use crate::linearize::{Linearization, linearize};
 use crate::rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
+use pliant_engine::grasp::Grasping;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::{Rollout, rollout_by};
 use pliant_engine::state::State;
@@ -35,11 +39,13 @@ pub enum Along {
 pub struct Smoothing {
     /// Rest gap δ_b \[m\] of the steps that are differentiated; κ_b = δ_b m g. Positive; usually larger than the scene's.
     pub rest_gap: f64,
+    /// Grasp of the steps that are differentiated.
+    pub grasp: Grasping,
     /// Through which states.
     pub along: Along,
 }
 
-/// Something made with a contact that is not the scene's.
+/// Something made with a contact or a grasp that is not the scene's.
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct Surrogate<T> {
@@ -69,7 +75,7 @@ impl<T> AsRef<T> for Surrogate<T> {
     }
 }
 
-/// Rolls out, recording steps of another rest gap. States and traces are those of `smoothing.along`.
+/// Rolls out, recording steps of another rest gap or grasp. States and traces are those of `smoothing.along`.
 ///
 /// # Errors
 /// A rest gap that is not positive; a hard or a smoothed step that fails, with its number.
@@ -163,10 +169,10 @@ impl<'m> Chain<'m> {
         options: StepOptions,
         smoothing: Option<Smoothing>,
     ) -> Result<Self, StepError> {
-        let Some(Smoothing { rest_gap, along }) = smoothing else {
+        let Some(Smoothing { rest_gap, grasp, along }) = smoothing else {
             return Ok(Self { forward: Stepper::new(model, theta, options)?, smooth: None });
         };
-        let smooth = Stepper::new(model, theta, options)?.with_rest_gap(rest_gap)?;
+        let smooth = Stepper::new(model, theta, options)?.with_rest_gap(rest_gap)?.with_grasping(grasp);
         Ok(match along {
             Along::Smooth => Self { forward: smooth, smooth: None },
             Along::Hard => {

@@ -6,6 +6,7 @@ mod common;
 use common::{Case, STEPS, with};
 use pliant_adjoint::gradcheck::DOT_TEST;
 use pliant_adjoint::{Along, Smoothing, Surrogate, linearize, rollout_vjp, surrogate_checkpointed_rollout, surrogate_rollout};
+use pliant_engine::grasp::Grasping;
 use pliant_engine::rollout::{Rollout, rollout};
 use pliant_engine::scene::Integrator;
 use pliant_engine::step::StepOptions;
@@ -20,7 +21,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 const SOFT: f64 = 1e-4;
 
 fn surrogate(case: &Case, along: Along) -> Surrogate<Rollout> {
-    let smoothing = Smoothing { rest_gap: SOFT, along };
+    let smoothing = Smoothing { rest_gap: SOFT, grasp: Grasping::Hard, along };
     surrogate_rollout(&case.model, &case.theta, &case.x0, &case.u, StepOptions::default(), smoothing).unwrap()
 }
 
@@ -97,7 +98,7 @@ fn a_surrogate_feels_contacts_before_they_are_made() {
 fn a_rest_gap_that_is_no_length_is_refused() {
     let case = Case::new(&with("sliding", Integrator::Euler), STEPS);
     for rest_gap in [0.0, -1e-4, f64::NAN, f64::INFINITY] {
-        let smoothing = Smoothing { rest_gap, along: Along::Hard };
+        let smoothing = Smoothing { rest_gap, grasp: Grasping::Hard, along: Along::Hard };
         let refused = surrogate_rollout(&case.model, &case.theta, &case.x0, &case.u, StepOptions::default(), smoothing);
         assert!(refused.unwrap_err().to_string().contains("contact.rest_gap"));
     }

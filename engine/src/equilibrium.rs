@@ -49,7 +49,7 @@ impl Equilibrium {
 /// Solves `f(q, v = 0; θ) = 0` for the free nodes, with prescribed grippers where `u` puts them and velocity-controlled ones
 /// where `guess` has them.
 ///
-/// What joints remember stays as the scene begins with; motors see commands held for ever (a target stays where it begins).
+/// Grippers that grasp hold nothing. What joints remember stays as the scene begins with; motors see commands held for ever (a target stays where it begins).
 ///
 /// Pseudo-time continuation: `m Δq/Δτ² − f(q + Δq) = 0` with growing Δτ follows the energy downhill, so that a stable
 /// equilibrium is found; the last solve is without the mass. Errors: contact (see [`StepError::EquilibriumWithContact`]), no
@@ -134,6 +134,7 @@ impl Fixed<'_> {
             inertias: self.inertias,
             measure: self.measure,
             u: self.u,
+            holds: &[],
             past: Past { q: &q[self.model.n_node_dofs()..], z: self.z, elapsed: 0.0 },
             rod_past: &self.rod_past,
             scheme: STATIC,
@@ -142,6 +143,7 @@ impl Fixed<'_> {
             q_ref: q,
             frames,
             v_ref: self.zero,
+            v_start: self.zero,
             v_cmd: self.zero,
             rest_gap: self.model.contact.rest_gap,
             damping: 0.0,

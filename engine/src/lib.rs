@@ -50,6 +50,7 @@ pub mod bodies;
 mod contact;
 pub mod equilibrium;
 pub mod geometry;
+pub mod grasp;
 pub mod import;
 pub mod kinematics;
 pub mod kkt;

@@ -322,7 +322,7 @@ impl Model {
     }
 
     /// Simulates from x0 (nx,) through u (T, nu). See the stubs for the options.
-    #[pyo3(signature = (x0, u, theta=None, *, record=true, max_records=None, rest_gap=None, states="smooth"))]
+    #[pyo3(signature = (x0, u, theta=None, *, record=true, max_records=None, rest_gap=None, states="smooth", grasp="hard"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn rollout<'py>(
         &self,
@@ -334,17 +334,18 @@ impl Model {
         max_records: Option<usize>,
         rest_gap: Option<f64>,
         states: &str,
+        grasp: &str,
     ) -> PyResult<Bound<'py, PyAny>> {
         let x0 = vector("x0", x0, self.model.nx())?;
         let u = matrix("u", u, None, self.model.nu())?;
         let theta = self.theta_or_default(theta)?;
-        let keep = Keep::new(&self.model, record, max_records, rest_gap, states)?;
+        let keep = Keep::new(&self.model, record, max_records, [states, grasp], rest_gap)?;
         let kept = py.detach(|| keep.run(&self.model, &theta, &x0, &u))?;
         wrap(py, Arc::new(kept))
     }
 
     /// Simulates many at once: x0s (batch, nx), us (batch, T, nu) or (T, nu), thetas (batch, n_params) or (n_params,).
-    #[pyo3(signature = (x0s, us, thetas=None, *, threads=None, record=true, max_records=None, rest_gap=None, states="smooth"))]
+    #[pyo3(signature = (x0s, us, thetas=None, *, threads=None, record=true, max_records=None, rest_gap=None, states="smooth", grasp="hard"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn rollout_batch<'py>(
         &self,
@@ -357,8 +358,9 @@ impl Model {
         max_records: Option<usize>,
         rest_gap: Option<f64>,
         states: &str,
+        grasp: &str,
     ) -> PyResult<Batch> {
-        let keep = Keep::new(&self.model, record, max_records, rest_gap, states)?;
+        let keep = Keep::new(&self.model, record, max_records, [states, grasp], rest_gap)?;
         Job::read(&self.model, x0s, us, thetas, keep)?.run(py, threads)
     }
 

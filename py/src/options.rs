@@ -2,8 +2,8 @@
 
 use crate::errors;
 use pliant::{
-    Along, CheckpointedRollout, Differentiate, Linearization, Model, Rollout, RolloutCotangent, Smoothing, State, StepOptions,
-    StepTrace, Surrogate, checkpointed_rollout, rollout, surrogate_checkpointed_rollout, surrogate_rollout,
+    Along, CheckpointedRollout, Differentiate, Grasping, Linearization, Model, Rollout, RolloutCotangent, Smoothing, State,
+    StepOptions, StepTrace, Surrogate, checkpointed_rollout, rollout, surrogate_checkpointed_rollout, surrogate_rollout,
 };
 use pyo3::{PyErr, PyResult};
 use std::sync::Arc;
@@ -28,13 +28,20 @@ pub struct Keep {
     pub step: StepOptions,
     /// Largest number of records in memory.
     pub max_records: Option<usize>,
-    /// The contact that is differentiated; the scene's own if `None`.
+    /// The contact and grasp that are differentiated; the scene's own if `None`.
     pub smoothing: Option<Smoothing>,
 }
 
 impl Keep {
-    /// From the keyword arguments `record`, `max_records`, `rest_gap` and `states`; the scene's own rest gap is no surrogate.
-    pub fn new(model: &Model, record: bool, max_records: Option<usize>, rest_gap: Option<f64>, states: &str) -> PyResult<Self> {
+    /// From the keyword arguments `record`, `max_records`, `rest_gap`, `grasp` and `states`; the scene's own contact and grasp are no
+    /// surrogate.
+    pub fn new(
+        model: &Model,
+        record: bool,
+        max_records: Option<usize>,
+        [states, grasp]: [&str; 2],
+        rest_gap: Option<f64>,
+    ) -> PyResult<Self> {
         if max_records == Some(0) {
             return Err(errors::input("max_records is 0, but must be at least 1, or None to keep all"));
         }
@@ -43,14 +50,25 @@ impl Keep {
             "hard" => Along::Hard,
             other => return Err(errors::input(format!("states is \"{other}\", but must be \"smooth\" or \"hard\""))),
         };
+        let grasp = match grasp {
+            "smooth" => Grasping::Smooth,
+            "hard" => Grasping::Hard,
+            other => return Err(errors::input(format!("grasp is \"{other}\", but must be \"smooth\" or \"hard\""))),
+        };
         let smoothing = match rest_gap {
             Some(gap) if !(gap.is_finite() && gap > 0.0) => {
                 return Err(errors::input(format!("rest_gap is {gap} m, but must be positive")));
             }
-            None if along == Along::Hard => {
-                return Err(errors::input("states = \"hard\" needs a rest_gap: that of the steps to differentiate"));
+            None if along == Along::Hard && grasp == Grasping::Hard => {
+                return Err(errors::input(
+                    "states = \"hard\" needs a rest_gap, that of the steps to differentiate, or grasp = \"smooth\"",
+                ));
             }
-            gap => gap.filter(|gap| *gap != model.rest_gap()).map(|rest_gap| Smoothing { rest_gap, along }),
+            gap => {
+                let rest_gap = gap.unwrap_or(model.rest_gap());
+                let other = rest_gap != model.rest_gap() || grasp == Grasping::Smooth;
+                other.then_some(Smoothing { rest_gap, grasp, along })
+            }
         };
         Ok(Self { step: StepOptions { record, ..StepOptions::default() }, max_records, smoothing })
     }

@@ -6,7 +6,7 @@ use crate::options::Trajectory;
 use numpy::{PyArray1, PyArray2};
 use pliant::file::write;
 use pliant::view::{Caption, Run, is_page, page};
-use pliant::{Along, Linearization, RolloutCotangent, State, StepTrace};
+use pliant::{Along, Grasping, Linearization, RolloutCotangent, State, StepTrace};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::io::Write;
@@ -23,7 +23,7 @@ pub struct Rollout {
     x: Py<PyArray2<f64>>,
 }
 
-/// A rollout whose derivatives are those of another rest gap than the scene's.
+/// A rollout whose derivatives are those of another rest gap or grasp than the scene's.
 #[pyclass(module = "pliant", extends = Rollout, frozen)]
 pub struct SurrogateRollout;
 
@@ -33,6 +33,12 @@ impl SurrogateRollout {
     #[getter]
     fn rest_gap(this: PyRef<'_, Self>) -> Option<f64> {
         this.as_super().kept.smoothing().map(|s| s.rest_gap)
+    }
+
+    /// Grasp of the steps that are differentiated: "hard", the scene's own, or "smooth".
+    #[getter]
+    fn grasp(this: PyRef<'_, Self>) -> Option<&'static str> {
+        this.as_super().kept.smoothing().map(|s| if s.grasp == Grasping::Smooth { "smooth" } else { "hard" })
     }
 
     /// Whose states `x` are: "smooth", the smoothed rollout's own, or "hard", those of the scene's contact.

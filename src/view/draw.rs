@@ -36,7 +36,7 @@ fn twisting(model: &Model, rope: &RopeSpan) -> Vec<usize> {
 pub(super) fn numbers_per_frame(model: &Model) -> usize {
     let ropes: usize = model.ropes().iter().map(|rope| 4 * (rope.fractions.len() + 1)).sum();
     let surfaces: usize = surfaces(model).iter().map(|(_, nodes, _)| 3 * nodes.len()).sum();
-    2 + ropes + 3 * model.rods().n_twists() + surfaces + 7 * model.tree().bodies().len()
+    2 + ropes + 3 * model.rods().n_twists() + surfaces + 3 * model.grasps().len() + 7 * model.tree().bodies().len()
 }
 
 /// Everything that is drawn of the states `frames`.
@@ -54,6 +54,8 @@ pub(super) fn picture<'a>(run: &Run<'a>, frames: &[usize], caption: &'a Caption,
     out.parents = model.tree().bodies().iter().map(|body| body.parent).collect();
     out.solids = model.solids().iter().filter_map(|solid| drawn(solid, run.theta, &center)).collect();
     out.bones = bones(run);
+    let point = |node: usize| push_positions(&[node], &states, &center, numbers);
+    out.points = model.grasps().iter().map(|grasp| grasp.node).map(point).collect();
     out.scale = scale(run, &states);
     out
 }

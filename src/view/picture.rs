@@ -31,6 +31,8 @@ pub(super) struct Picture<'a> {
     pub solids: Vec<Drawn<'a>>,
     /// What shows bodies that have no shape.
     pub bones: Vec<Bone>,
+    /// Points of grippers that grasp.
+    pub points: Vec<Slice>,
     /// What ropes and meshes can be coloured by.
     pub scale: Option<Scale>,
 }
@@ -112,6 +114,7 @@ impl<'a> Picture<'a> {
             poses,
             solids: Vec::new(),
             bones: Vec::new(),
+            points: Vec::new(),
             scale: None,
         }
     }

@@ -69,8 +69,12 @@ pub(crate) fn judge(
         }
         None => (f64::NAN, f64::INFINITY, 0.0, 0),
     };
-    let (relative_error, floor) =
-        if negligible { (0.0, 0.0) } else { ((derivative - difference).abs() / derivative.abs().max(difference.abs()), floor) };
+    let relative_error = match (derivative - difference).abs() {
+        // both may be 0 where an input matters only farther away
+        error if negligible || error == 0.0 => 0.0,
+        error => error / derivative.abs().max(difference.abs()),
+    };
+    let floor = if negligible { 0.0 } else { floor };
     // What an input does may cancel all but its last digits: a sliding ball's weight and inertia leave its mass a derivative of 1e-8.
     // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of what cancels.
     let last_digit = f64::EPSILON * base.parts / scale;

@@ -30,6 +30,8 @@ pub enum Input {
     QNext(usize),
     /// A velocity at the end of the step.
     VNext(usize),
+    /// A commanded velocity, by its row.
+    Command(usize),
 }
 
 /// The ghost of a clamped end edge.
@@ -72,6 +74,8 @@ pub struct Drive {
     pub offset: usize,
     /// Edges of a twisting rope whose axes it holds.
     pub held: Vec<HeldEdge>,
+    /// Whether one more control, the last, closes it: see [`crate::grasp`].
+    pub closes: bool,
 }
 
 /// A command that cannot be computed.
@@ -108,19 +112,20 @@ pub enum CommandError {
 /// Sine of the smallest angle between axis and director.
 const PARALLEL: f64 = 1e-6;
 const DUALS: usize = 12;
-type Dual = DualSVec64<DUALS>;
+pub(crate) type Dual = DualSVec64<DUALS>;
 /// What an input is, with its derivatives.
 type Get<'a> = &'a dyn Fn(Input) -> Dual;
 
 impl Drive {
     /// Number of controls of this gripper.
     pub fn n_controls(&self) -> usize {
-        match &self.kind {
+        let of_motion = match &self.kind {
             DriveKind::PrescribedNodes(nodes) => 3 * nodes.len(),
             DriveKind::VelocityNodes(_) => 3,
             DriveKind::PrescribedEdge(_) => 6 + 3 * self.held.len(),
             DriveKind::VelocityEdge(_) => 6,
-        }
+        };
+        of_motion + usize::from(self.closes)
     }
 
     /// The nodes it clamps, ghosts included.
@@ -178,9 +183,7 @@ impl Drive {
             let now = held.now(q, frames);
             differentiate(
                 &self.twist_inputs(held),
-                q,
-                u,
-                theta,
+                &|input| value(input, q, u, theta),
                 &|get| vec![(held.row, self.twist_command(held, &now, get, h))],
                 visit,
             );
@@ -213,7 +216,7 @@ impl Drive {
             let rows = |node: usize, x: Vec3<Dual>| (0..3).map(move |a| (3 * node + a, x[a]));
             rows(c.end, end).chain(rows(c.ghost, ghost)).collect()
         };
-        differentiate(&self.edge_inputs(c), q, u, theta, &command, visit);
+        differentiate(&self.edge_inputs(c), &|input| value(input, q, u, theta), &command, visit);
     }
 
     /// Velocity of the twist of a held edge [rad/s].
@@ -290,18 +293,16 @@ impl Drive {
     }
 }
 
-/// Visits the derivatives of `of`'s rows by `inputs`.
-fn differentiate(
+/// Visits the derivatives of `of`'s rows by `inputs`, whose values `value` gives.
+pub(crate) fn differentiate(
     inputs: &[Input],
-    q: &[f64],
-    u: &[f64],
-    theta: &[f64],
+    value: &dyn Fn(Input) -> f64,
     of: &dyn Fn(Get) -> Vec<(usize, Dual)>,
     visit: &mut dyn FnMut(usize, Input, f64),
 ) {
     for inputs in inputs.chunks(DUALS) {
         let seeded = |input: Input| {
-            let re = value(input, q, u, theta);
+            let re = value(input);
             match inputs.iter().position(|i| *i == input) {
                 Some(k) => {
                     let mut eps = SVector::<f64, DUALS>::zeros();
@@ -324,7 +325,7 @@ fn value(input: Input, q: &[f64], u: &[f64], theta: &[f64]) -> f64 {
         Input::Q(k) => q[k],
         Input::U(k) => u[k],
         Input::Theta(k) => theta[k],
-        Input::Z(_) | Input::QNext(_) | Input::VNext(_) => 0.0, // a gripper reads none of them
+        Input::Z(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => 0.0, // a gripper reads none of them
     }
 }
 

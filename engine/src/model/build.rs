@@ -106,6 +106,7 @@ impl ModelBuilder {
             driven_rows: Vec::new(),
             rods: Rods::default(),
             drives: Vec::new(),
+            grasps: Vec::new(),
             terms: Vec::new(),
             tree: Tree::default(),
             joint_terms: Vec::new(),
@@ -143,13 +144,21 @@ impl ModelBuilder {
             ropes.push(nodes);
         }
         let sheets = model.add_sheets(scene, [gravity, wind], &mut elements.gravity)?;
+        let first_point = model.masses.len();
+        let grasping = scene.gripper.iter().filter(|g| matches!(g.clamp, Clamp::Grasp(_)));
+        model.masses.extend(grasping.map(|_| NodeMass { ghost: true, ..NodeMass::default() }));
         model.add_terms(elements);
         model.add_sheet_terms(sheets);
         model.driven = vec![false; model.n_nodes()];
         model.add_rods(scene, &ropes)?;
         for gripper in &scene.gripper {
-            model.add_gripper(gripper, &ropes);
-            model.add_sheet_gripper(gripper, &scene.cloth);
+            match &gripper.clamp {
+                Clamp::Grasp(grasp) => model.add_grasp(gripper, grasp, first_point + model.grasps.len()),
+                Clamp::Nodes(_) | Clamp::End(_) => {
+                    model.add_gripper(gripper, &ropes);
+                    model.add_sheet_gripper(gripper, &scene.cloth);
+                }
+            }
         }
         model.drive_rows();
         model.add_bodies(scene);
@@ -297,6 +306,7 @@ impl<'a> RopeNodes<'a> {
     fn drive_kind(&self, gripper: &Gripper) -> DriveKind {
         let edges = self.span.fractions.len();
         let edge = match &gripper.clamp {
+            Clamp::Grasp(_) => return DriveKind::VelocityNodes(Vec::new()), // holds nothing by itself: see `add_grasp`
             Clamp::Nodes(nodes) => {
                 let n = self.span.nodes.len() as i64;
                 let index = |k: &i64| self.span.nodes.start + (if *k < 0 { k + n } else { *k }) as usize;
@@ -364,7 +374,14 @@ impl Model {
         for (a, value) in gripper.offset.iter().enumerate() {
             self.params.push(format!("{}.offset[{a}]", gripper.name), "m", ANY, *value);
         }
-        let mut drive = Drive { name: gripper.name.clone(), kind: rope.drive_kind(gripper), first_u, offset, held: Vec::new() };
+        let mut drive = Drive {
+            name: gripper.name.clone(),
+            kind: rope.drive_kind(gripper),
+            first_u,
+            offset,
+            held: Vec::new(),
+            closes: false,
+        };
         drive.held = self.held_edges(&drive.kind);
         if drive.is_prescribed() && !drive.held.is_empty() {
             let roll = self.push_roll(gripper);

@@ -122,7 +122,7 @@ impl Model {
         for (a, value) in gripper.offset.iter().enumerate() {
             self.params.push(format!("{}.offset[{a}]", gripper.name), "m", ANY, *value);
         }
-        let drive = Drive { name: gripper.name.clone(), kind, first_u, offset, held: Vec::new() };
+        let drive = Drive { name: gripper.name.clone(), kind, first_u, offset, held: Vec::new(), closes: false };
         for node in drive.nodes() {
             self.driven[node] = true;
         }

@@ -5,6 +5,7 @@ mod build;
 mod cloth;
 mod couplings;
 mod facets;
+mod grasp;
 mod mass;
 mod query;
 mod rods;
@@ -19,6 +20,7 @@ use crate::bodies::Tree;
 use crate::contact::{ContactPair, Facet, FacetGroup, JointRow, SolidPair, Tie};
 use crate::geometry::Shape;
 use crate::geometry::solid::Solid;
+use crate::grasp::Grasp;
 use crate::kinematics::Drive;
 use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
@@ -81,6 +83,7 @@ pub struct Model {
     pub(crate) driven_rows: Vec<bool>,
     pub(crate) rods: Rods,
     pub(crate) drives: Vec<Drive>,
+    pub(crate) grasps: Vec<Grasp>,
     pub(crate) terms: Vec<Arc<dyn Term>>,
     pub(crate) tree: Tree,
     pub(crate) joint_terms: Vec<Arc<dyn JointTerm>>,
@@ -209,6 +212,11 @@ impl Model {
     /// The grippers.
     pub fn drives(&self) -> &[Drive] {
         &self.drives
+    }
+
+    /// Those of them that grasp.
+    pub fn grasps(&self) -> &[Grasp] {
+        &self.grasps
     }
 
     /// The forces.

@@ -102,10 +102,10 @@ fn start_frozen(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work
 /// Velocities of the last step, driven rows at their command.
 fn start(stage: &Stage, ws: &mut Workspace) {
     for (k, &driven) in stage.model.driven_rows.iter().enumerate() {
-        ws.it.v[k] = if driven { stage.v_cmd[k] } else { stage.v_ref[k] };
+        ws.it.v[k] = if driven { stage.v_cmd[k] } else { stage.v_start[k] };
     }
     let n = stage.model.n_node_dofs();
-    ws.it.v[n..].copy_from_slice(&stage.v_ref[n..]);
+    ws.it.v[n..].copy_from_slice(&stage.v_start[n..]);
     if stage.scheme != STATIC {
         ws.axial.fill(0.0);
     } else {

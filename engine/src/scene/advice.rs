@@ -173,6 +173,9 @@ impl Mistake {
                 "hold `nodes` instead of an `end`, and give `node_mass` instead of `tip_mass`; or remove `closed`",
             ),
             Self::HoldsNothing => both("an empty list", "write e.g. `nodes = [0]`, or `end = \"first\"`"),
+            Self::NotLater { .. } => {
+                both("entries in another order", "give the entries in the order of their times, one per time")
+            }
             Self::NothingToTurn { .. } => both(
                 "the rope has no `[rope.twist]`, or the gripper does not hold both nodes of an edge, or moves nodes, which have no direction",
                 "give the rope a `[rope.twist]` and clamp its `end`; or remove `roll` and `spin`",

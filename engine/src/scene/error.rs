@@ -172,6 +172,9 @@ pub enum Mistake {
     /// A gripper without nodes.
     #[error("the gripper holds no node")]
     HoldsNothing,
+    /// Times of a schedule that do not rise.
+    #[error("is at {} s, not after the entry before it, at {} s", Num(*.time), Num(*.before))]
+    NotLater { time: f64, before: f64 },
     /// Something about turning of what cannot be turned.
     #[error("{what} cannot be turned about itself")]
     NothingToTurn { what: String },

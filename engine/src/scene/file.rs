@@ -186,6 +186,9 @@ pub enum Integrator {
     Midpoint,
     /// Two implicit Euler stages, γ = 1 − 1/√2: second order with contact.
     Sdirk2,
+    /// Implicit Euler from rest: the last step's momentum is dropped, and M/h² only regularizes; with contact.
+    #[serde(rename = "quasi_static")]
+    QuasiStatic,
 }
 
 /// Gravity.

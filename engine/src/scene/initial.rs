@@ -3,7 +3,7 @@
 use super::cloth_initial::cloth_points;
 use super::error::{Mistake, SceneError};
 use super::file::Scene;
-use super::gripper::End;
+use super::gripper::{Clamp, End};
 use super::parabola::nodes_between;
 use super::rope::{Initial, Rope};
 use super::vector::{V3, add, dot, norm, scale, sub, unit};
@@ -17,7 +17,8 @@ const STRAIN: std::ops::RangeInclusive<f64> = 0.1..=1.5;
 const SHARPEST: f64 = -0.999;
 
 /// Positions q [m] and velocities v [m/s] of all nodes as the scene gives them: three numbers per node, rope after rope, the
-/// ghost of a clamped first edge before, that of a clamped last edge after the rope's nodes; then sheet after sheet.
+/// ghost of a clamped first edge before, that of a clamped last edge after the rope's nodes; then sheet after sheet; then the point of
+/// each gripper that grasps.
 pub fn initial_state<X>(scene: &Scene<X>) -> Result<(Vec<f64>, Vec<f64>), SceneError> {
     let (mut q, mut v) = (Vec::new(), Vec::new());
     for r in 0..scene.rope.len() {
@@ -29,6 +30,12 @@ pub fn initial_state<X>(scene: &Scene<X>) -> Result<(Vec<f64>, Vec<f64>), SceneE
         let points = cloth_points(cloth, c)?;
         v.extend(points.iter().flat_map(|_| cloth.velocity));
         q.extend(points.into_iter().flatten());
+    }
+    for gripper in &scene.gripper {
+        if let Clamp::Grasp(grasp) = &gripper.clamp {
+            q.extend(grasp.at);
+            v.extend([0.0; 3]);
+        }
     }
     Ok((q, v))
 }
@@ -166,7 +173,7 @@ fn possible(points: &[V3], rest: &[f64], field: &str) -> Result<(), SceneError> 
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use super::super::{Clamp, Gripper, Nothing};
+    use super::super::{Gripper, Nothing};
     use super::*;
     use approx::assert_relative_eq;
 

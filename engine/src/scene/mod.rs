@@ -67,7 +67,7 @@ pub use cloth_error::ClothMistake;
 pub use coupling::Coupling;
 pub use error::{Mistake, SceneError};
 pub use file::{Air, Contact, Gravity, Integrator, Law, LinearSolver, Nothing, SCHEMA_VERSION, Scene, Solver, Time};
-pub use gripper::{Clamp, End, Gripper, Mode, Motion};
+pub use gripper::{Clamp, End, Grasp, Gripper, Mode, Motion};
 pub use held::Held;
 pub use initial::initial_state;
 pub(crate) use mesh::Mesh;

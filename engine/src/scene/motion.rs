@@ -13,7 +13,7 @@ use super::vector::{V3, add, scale, sub, unit};
 /// One entry of u.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Control {
-    /// Name, e.g. `left.node[0].x`, `left.position.x`, `left.axis.x`, `left.velocity.x`, `left.angular_velocity.x`.
+    /// Name, e.g. `left.node[0].x`, `left.position.x`, `left.axis.x`, `left.velocity.x`, `left.angular_velocity.x`, `left.closing`.
     pub name: String,
     /// Unit.
     pub unit: &'static str,
@@ -51,11 +51,15 @@ fn controls_of<X>(scene: &Scene<X>, gripper: &Gripper) -> Vec<Control> {
             [("position".to_owned(), "m"), ("axis".to_owned(), "-")].into_iter().chain(director).collect()
         }
         (Clamp::End(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s"), ("angular_velocity".to_owned(), "rad/s")],
+        (Clamp::Grasp(_), Mode::Prescribed) => vec![("position".to_owned(), "m")],
+        (Clamp::Grasp(_), Mode::Velocity) => vec![("velocity".to_owned(), "m/s")],
     };
     let entry = |(group, unit): (String, &'static str)| {
         ["x", "y", "z"].map(|axis| Control { name: format!("{}.{group}.{axis}", gripper.name), unit })
     };
-    groups.into_iter().flat_map(entry).collect()
+    let closing =
+        matches!(gripper.clamp, Clamp::Grasp(_)).then(|| Control { name: format!("{}.closing", gripper.name), unit: "-" });
+    groups.into_iter().flat_map(entry).chain(closing).collect()
 }
 
 /// Row k is the input of step k: positions at its *end*, (k + 1) h, for prescribed grippers; for velocity-controlled ones the
@@ -85,6 +89,11 @@ pub fn resting_inputs<X>(scene: &Scene<X>) -> Result<Vec<f64>, SceneError> {
                 }
             }
             (Clamp::End(End::First | End::Last), Mode::Velocity) => u.extend([0.0; 6]),
+            (Clamp::Grasp(grasp), Mode::Prescribed) => u.extend(sub(grasp.at, gripper.offset)),
+            (Clamp::Grasp(_), Mode::Velocity) => u.extend([0.0; 3]),
+        }
+        if let Clamp::Grasp(grasp) = &gripper.clamp {
+            u.push(grasp.closing_at(0.0));
         }
     }
     u.extend(scene.actuator.iter().map(|a| a.command.at(0.0)));
@@ -121,6 +130,7 @@ fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
             // the axis stays as it is
             (Clamp::End(_), Mode::Prescribed) => (2 + usize::from(twists(scene, gripper)), 1),
             (Clamp::End(_), Mode::Velocity) => (2, 1),
+            (Clamp::Grasp(_), _) => (1, 1),
         };
         spin(scene, gripper, &mut u[first..first + 3 * groups], end);
         let at_end = displacement(&gripper.motion, end);
@@ -133,6 +143,10 @@ fn row<X>(scene: &Scene<X>, rest: &[f64], begin: f64, end: f64) -> Vec<f64> {
             u[group..group + 3].copy_from_slice(&moved);
         }
         first += 3 * groups;
+        if let Clamp::Grasp(grasp) = &gripper.clamp {
+            u[first] = grasp.closing_at(0.5 * (begin + end)); // held over the step: its value in the middle
+            first += 1;
+        }
     }
     // a command holds over its step: its value in the middle
     let commands = scene.actuator.iter().map(|a| a.command.at(0.5 * (begin + end)));
@@ -172,6 +186,22 @@ fn displacement(motion: &Motion, t: f64) -> V3 {
         Motion::Line { velocity } => scale(*velocity, t),
         Motion::Sine { amplitude, frequency, phase } => {
             scale(*amplitude, (std::f64::consts::TAU * frequency * t + phase).sin() - phase.sin())
+        }
+        Motion::Path { points } => along_path(points, t),
+    }
+}
+
+/// Where a path is at time t [s].
+fn along_path(points: &[[f64; 4]], t: f64) -> V3 {
+    let place = |[_, x, y, z]: &[f64; 4]| [*x, *y, *z];
+    match (points.iter().position(|point| point[0] > t), points.last()) {
+        (_, None) => [0.0; 3],
+        (None, Some(last)) => place(last),
+        (Some(0), _) => place(&points[0]),
+        (Some(k), _) => {
+            let (a, b) = (&points[k - 1], &points[k]);
+            let s = (t - a[0]) / (b[0] - a[0]);
+            add(place(a), scale(sub(place(b), place(a)), s * s * (3.0 - 2.0 * s)))
         }
     }
 }

@@ -54,6 +54,10 @@ impl<X: Clone> Scene<X> {
                         first += 3;
                     }
                 }
+                (Clamp::Grasp(_), _) => {
+                    inputs.extend((first..first + 4).map(|k| [k, k]));
+                    first += 4;
+                }
                 _ => {
                     inputs.extend((first..first + 6).map(|k| [k, k]));
                     first += 6;

@@ -16,6 +16,7 @@ pub fn to_toml<X>(scene: &Scene<X>, comment: &str) -> String {
         Integrator::Euler => "euler",
         Integrator::Midpoint => "midpoint",
         Integrator::Sdirk2 => "sdirk2",
+        Integrator::QuasiStatic => "quasi_static",
     };
     line(&mut out, "integrator", &quoted(integrator));
     out += "\n[gravity]\n";

@@ -22,7 +22,7 @@ mod workspace;
 pub(crate) use bodies::end_positions;
 pub use error::StepError;
 pub use record::StageRecord;
-pub use scheme::{EULER, MIDPOINT, SDIRK_GAMMA, STATIC, Scheme, Weights};
+pub use scheme::{EULER, MIDPOINT, QUASI_STATIC, SDIRK_GAMMA, STATIC, Scheme, Weights};
 pub(crate) use spots::{WEIGHT as SOLID_WEIGHT, pose as solid_pose};
 pub(crate) use stage::{Measure, Stage};
 pub(crate) use stepper::check_size;

@@ -71,6 +71,9 @@ pub struct StageRecord {
     pub(crate) contact_nodes: Vec<usize>,
     /// Impulses of joint friction, stops and couplings at the root [N·m·s, N·s].
     pub s: Vec<f64>,
+    /// −∂f/∂input of the grippers that grasp, at fixed positions of nodes, and numbers that tell apart what they do.
+    pub grasps: Vec<(usize, Input, f64)>,
+    pub(crate) grasp_modes: Vec<u8>,
     pub(crate) rows: Vec<RowRecord>,
     pub(crate) spots: Vec<SpotRecord>,
 }
@@ -116,6 +119,8 @@ impl StageRecord {
             contact_nodes: stage.model.pairs.iter().map(|p| p.node).collect(),
             s: ws.it.s.clone(),
             rows: stage.row_records(&ws.rows),
+            grasps: Vec::new(),
+            grasp_modes: Vec::new(),
             spots,
         })
     }
@@ -134,7 +139,8 @@ impl StageRecord {
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
     /// that (plus 4 under a negative load), for every stop 0 open, 1 closed, and for every coupling 0; for every motor with limits 0 within, 1 and 2 beyond
-    /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs.
+    /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs; and for every
+    /// gripper that grasps, two that tell what it does.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
@@ -144,14 +150,16 @@ impl StageRecord {
             if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
         };
         let joints = self.row_modes(model, theta).into_iter().chain(self.joint_modes(model, theta));
-        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(self.spot_modes(model, theta)).collect()
+        let spots = self.spot_modes(model, theta).into_iter().chain(self.grasp_modes.iter().copied());
+        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(spots).collect()
     }
 
     /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters,
-    /// what motors see (`U`), internal variables (`Z`) and coordinates (`Q`) at the beginning of the (sub)step; rows as in [`StageRecord::subtract_system`].
+    /// what motors see (`U`), internal variables (`Z`) and coordinates (`Q`) at the beginning of the (sub)step, commanded velocities; rows as in [`StageRecord::subtract_system`].
     pub fn visit_inputs(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
+        self.grasps.iter().for_each(|&(row, input, value)| visit(row, input, value));
         self.visit_rows(model, theta, &q_bar, visit);
         self.visit_rod_past(model, theta, &q_bar, visit);
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
@@ -161,6 +169,7 @@ impl StageRecord {
     pub fn pull_inputs(&self, model: &Model, theta: &[f64], lambda: &[f64], pull: &mut dyn FnMut(Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.pull_bodies(model, theta, [&q_bar, &v_bar], lambda, pull);
+        self.grasps.iter().for_each(|&(row, input, value)| pull(input, value * lambda[row]));
         self.visit_rows(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
         self.visit_rod_past(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
         self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| pull(Input::Theta(param), value * lambda[row]));
@@ -170,6 +179,7 @@ impl StageRecord {
     pub fn visit_signals(&self, model: &Model, theta: &[f64], visit: &mut dyn FnMut(usize, Input, f64)) {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_joints(model, theta, [&q_bar, &v_bar], false, visit);
+        self.grasps.iter().for_each(|&(row, input, value)| visit(row, input, value));
         if model.nz() > 0 {
             self.visit_rows(model, theta, &q_bar, visit);
         }

@@ -31,6 +31,8 @@ pub struct Scheme {
     pub middle: Map,
     /// How far they turn on the way to q⁺.
     pub end: Map,
+    /// Part of the velocity before that inertia remembers: 1, or 0 where each stage begins at rest.
+    pub momentum: f64,
 }
 
 impl Scheme {
@@ -43,7 +45,11 @@ impl Scheme {
 const END: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 };
 
 /// Implicit Euler, and each stage of sdirk2.
-pub const EULER: Scheme = Scheme { free: END, driven: END, middle: Map::Exponential, end: Map::Exponential };
+pub const EULER: Scheme = Scheme { free: END, driven: END, middle: Map::Exponential, end: Map::Exponential, momentum: 1.0 };
+
+/// Implicit Euler from rest, `m v⁺/h = f(q⁺, v⁺)`: damping and contact as there, but no momentum. An M/h² regularizes what nothing
+/// holds; a free mode of angular frequency ω relaxes by 1/(1 + (hω)²) per step.
+pub const QUASI_STATIC: Scheme = Scheme { momentum: 0.0, ..EULER };
 
 /// Implicit midpoint.
 pub const MIDPOINT: Scheme = Scheme {
@@ -51,12 +57,14 @@ pub const MIDPOINT: Scheme = Scheme {
     driven: Weights { a0: 0.0, a1: 0.5, b0: 0.0, b1: 1.0, d0: 0.0, d1: 1.0 },
     middle: Map::HalfCayley,
     end: Map::Cayley,
+    momentum: 1.0,
 };
 
 const AT_REST: Weights = Weights { a0: 0.0, a1: 1.0, b0: 0.0, b1: 0.0, d0: 0.0, d1: 1.0 };
 
 /// Equilibrium: the unknown is a displacement (h = 1), forces are evaluated at zero velocity.
-pub const STATIC: Scheme = Scheme { free: AT_REST, driven: AT_REST, middle: Map::Exponential, end: Map::Exponential };
+pub const STATIC: Scheme =
+    Scheme { free: AT_REST, driven: AT_REST, middle: Map::Exponential, end: Map::Exponential, momentum: 1.0 };
 
 /// γ of sdirk2, 1 − 1/√2: the root for which two implicit Euler stages of length γh are second order and L-stable.
 pub const SDIRK_GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;

@@ -11,6 +11,7 @@ use super::{Scheme, StepError, Workspace};
 use crate::bodies::spatial::Inertia;
 use crate::contact::{Condensed, JointRow, LawPoint, Touch};
 use crate::geometry::solid::Carrier;
+use crate::grasp::Hold;
 use crate::kkt::System;
 use crate::memory::Past;
 use crate::model::Model;
@@ -21,6 +22,8 @@ use pliant_smoothing::ContactLaw;
 
 /// What messages call bending and twisting of rods.
 const ROD: &str = "rod (bending and twist)";
+/// And grippers that grasp.
+const GRASP: &str = "grasp";
 /// Safe fraction of the node's mass as the step ρ of the natural residual (design: never above the mass itself).
 const RHO: f64 = 0.3;
 
@@ -86,6 +89,8 @@ pub(crate) struct Stage<'a> {
     pub measure: &'a Measure,
     /// What motors see of the controls of the step.
     pub u: &'a [f64],
+    /// What grippers that grasp pull.
+    pub holds: &'a [Hold],
     /// The beginning of the (sub)step.
     pub past: Past<'a>,
     /// The same of rods' strains.
@@ -98,6 +103,8 @@ pub(crate) struct Stage<'a> {
     /// z's part of rods at q_ref.
     pub frames: &'a [f64],
     pub v_ref: &'a [f64],
+    /// Where velocities of free rows start from, if nothing better is known.
+    pub v_start: &'a [f64],
     pub v_cmd: &'a [f64],
     /// Rest gap δ of the smoothing, κ = δ m g [m].
     pub rest_gap: f64,
@@ -189,6 +196,7 @@ impl Stage<'_> {
             term.add_force(&at, &mut ws.f);
         }
         self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
+        self.holds.iter().for_each(|hold| hold.add_force(&at, &mut ws.f));
         for c in 0..self.model.pairs.len() {
             let (touch, _) = self.touch(c, &ws.q_bar, &it.v)?;
             let at = self.law_point(c);
@@ -275,6 +283,10 @@ impl Stage<'_> {
         }
         let (rods, before) = (&self.model.rods, self.remembered());
         rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
+        for hold in self.holds {
+            hold.add_force(&at, &mut ws.f);
+            hold.visit_jacobian(|row, column, value| ws.dq.nodes.add(row, column, value));
+        }
         if self.has_contact() {
             ws.stiffness = (0..3 * self.mass.len()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
         }
@@ -438,6 +450,12 @@ impl Stage<'_> {
         }
         if ws.f[row].abs() > largest.1 {
             largest = (ROD.to_owned(), ws.f[row].abs());
+        }
+        ws.f.fill(0.0);
+        let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
+        self.holds.iter().for_each(|hold| hold.add_force(&at, &mut ws.f));
+        if ws.f[row].abs() > largest.1 {
+            largest = (GRASP.to_owned(), ws.f[row].abs());
         }
         (largest.0, None)
     }

@@ -1,9 +1,12 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::{EULER, MIDPOINT, Measure, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions};
+use super::{
+    EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions,
+};
 use crate::bodies::rotation::Map;
 use crate::bodies::spatial::Inertia;
 use crate::bodies::turns::Turns;
+use crate::grasp::{Begin, Grasp, Grasping, Hold, Phase};
 use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
@@ -73,6 +76,7 @@ pub struct Stepper<'m> {
     theta: &'m [f64],
     options: StepOptions,
     rest_gap: f64,
+    grasping: Grasping,
     mass: Vec<f64>,
     row_mass: Vec<f64>,
     inertias: Vec<Inertia<f64>>,
@@ -82,6 +86,10 @@ pub struct Stepper<'m> {
     z_past: Vec<f64>,
     rod_past: RodPast,
     rod_point: RodPoint,
+    /// Where grippers that grasp find things as a (sub)step begins, what they do throughout it, and the springs of a stage.
+    q_begin: Vec<f64>,
+    phases: Vec<Phase>,
+    holds: Vec<Hold>,
     elapsed: f64,
     v_cmd: Vec<f64>,
     q_ref: Vec<f64>,
@@ -101,6 +109,7 @@ impl<'m> Stepper<'m> {
             theta,
             options,
             rest_gap: model.contact.rest_gap,
+            grasping: Grasping::Hard,
             mass: model.masses(theta),
             row_mass: model.row_masses(theta),
             inertias: model.inertias(theta),
@@ -110,6 +119,9 @@ impl<'m> Stepper<'m> {
             z_past: Vec::new(),
             rod_past: RodPast::default(),
             rod_point: RodPoint::default(),
+            q_begin: Vec::new(),
+            phases: Vec::new(),
+            holds: Vec::new(),
             elapsed: 0.0,
             v_cmd: zeros(),
             q_ref: vec![0.0; model.nq()],
@@ -127,6 +139,12 @@ impl<'m> Stepper<'m> {
         }
         self.rest_gap = rest_gap;
         Ok(self)
+    }
+
+    /// Takes steps of another grasp than the scene's: another simulation, too.
+    pub fn with_grasping(mut self, grasping: Grasping) -> Self {
+        self.grasping = grasping;
+        self
     }
 
     /// The contacts' warm start: part of a checkpoint.
@@ -223,21 +241,26 @@ impl<'m> Stepper<'m> {
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<bool, StepError> {
         self.remember(state);
+        self.reach(state, v_cmd);
         let memory = self.model.ndz();
         self.frames.clear();
         self.frames.extend_from_slice(&state.z[memory..]);
         let single = match self.model.integrator {
             Integrator::Euler => Some(EULER),
             Integrator::Midpoint => Some(MIDPOINT),
+            Integrator::QuasiStatic => Some(QUASI_STATIC),
             Integrator::Sdirk2 => None,
         };
         if let Some(scheme) = single {
             self.q_ref.copy_from_slice(&state.q);
             self.v_ref.copy_from_slice(&state.v);
+            if scheme.momentum == 0.0 {
+                self.v_ref.fill(0.0);
+            }
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
             let sound = self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)?;
             if sound {
-                self.advance(state, h, stages);
+                self.advance(state, h, v_cmd, stages);
             }
             return Ok(sound);
         }
@@ -266,7 +289,7 @@ impl<'m> Stepper<'m> {
             record.lead = turns;
             record.carry[2].evaluate(&self.model.rods, &start.q, &self.q_ref);
         }
-        self.advance(state, h, stages);
+        self.advance(state, h, v_cmd, stages);
         Ok(true)
     }
 
@@ -284,8 +307,30 @@ impl<'m> Stepper<'m> {
         }
     }
 
-    /// Moves what materials remember on to the end of the (sub)step of length `h`.
-    fn advance(&mut self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
+    /// Decides what grippers that grasp do in a (sub)step.
+    fn reach(&mut self, state: &State, v_cmd: &[f64]) {
+        if self.model.grasps.is_empty() {
+            return;
+        }
+        self.q_begin.clear();
+        self.q_begin.extend_from_slice(&state.q);
+        let mut phases = std::mem::take(&mut self.phases);
+        phases.clear();
+        phases.extend(self.model.grasps.iter().map(|grasp| grasp.phase(&self.begin(v_cmd, 0.0))));
+        self.phases = phases;
+    }
+
+    fn begin<'a>(&'a self, v_cmd: &'a [f64], elapsed: f64) -> Begin<'a> {
+        let (theta, grasping) = (self.theta, self.grasping);
+        Begin { q: &self.q_begin, z: &self.z_past, u: &self.u, v_cmd, theta, grasping, elapsed }
+    }
+
+    fn grasps(&self) -> impl Iterator<Item = (&'m Grasp, Phase)> {
+        self.model.grasps.iter().zip(self.phases.iter().copied())
+    }
+
+    /// Moves what materials and grippers remember on to the end of the (sub)step of length `h`.
+    fn advance(&mut self, state: &mut State, h: f64, v_cmd: &[f64], stages: &mut [(Link, StageRecord)]) {
         if self.model.n_materials() == 0 {
             return;
         }
@@ -294,8 +339,12 @@ impl<'m> Stepper<'m> {
         let (q, v) = (&state.q[n..], &state.v[n..]);
         let end = JointPoint { tree: &self.model.tree, q, v, u: &self.u, theta: self.theta, past };
         self.model.advance_materials(&end, &mut state.z);
+        let begin = self.begin(v_cmd, h);
+        self.grasps().for_each(|(grasp, phase)| grasp.advance(phase, &begin, &mut state.z));
         if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
             record.memory = self.model.material_partials(&end);
+            let mut visit = |place, input, value| record.memory.push((place, input, value));
+            self.grasps().for_each(|(grasp, phase)| grasp.visit_advance(phase, &begin, &mut visit));
         }
         self.advance_rods(state, h, stages);
     }
@@ -329,6 +378,10 @@ impl<'m> Stepper<'m> {
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<bool, StepError> {
+        let mut holds = std::mem::take(&mut self.holds);
+        holds.clear();
+        holds.extend(self.grasps().filter_map(|(grasp, phase)| grasp.hold(phase, &self.begin(v_cmd, self.elapsed))));
+        self.holds = holds;
         let stage = Stage {
             model: self.model,
             theta: self.theta,
@@ -337,6 +390,7 @@ impl<'m> Stepper<'m> {
             inertias: &self.inertias,
             measure: &self.measure,
             u: &self.u,
+            holds: &self.holds,
             past: Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed },
             rod_past: &self.rod_past,
             scheme,
@@ -345,6 +399,7 @@ impl<'m> Stepper<'m> {
             q_ref: &self.q_ref,
             frames: &self.frames,
             v_ref: &self.v_ref,
+            v_start: if scheme.momentum == 0.0 { &state.v } else { &self.v_ref },
             v_cmd,
             rest_gap: self.rest_gap,
             damping: 0.0,
@@ -364,7 +419,9 @@ impl<'m> Stepper<'m> {
         }
         if self.options.record {
             work.factorizations += 1;
-            stages.push((link, StageRecord::take(&stage, &mut self.ws)?));
+            let mut record = StageRecord::take(&stage, &mut self.ws)?;
+            self.record_grasps(v_cmd, &mut record);
+            stages.push((link, record));
         }
         trace.work.add(work);
         for (k, &driven) in self.model.driven_rows.iter().enumerate() {
@@ -382,6 +439,26 @@ impl<'m> Stepper<'m> {
         end_positions(&self.model.tree, &scheme, h, q_ref, v_ref, v, &mut state.q[n..]);
         state.v.copy_from_slice(&self.ws.it.v);
         Ok(true)
+    }
+}
+
+impl Stepper<'_> {
+    /// Derivatives of what grippers that grasp pull with in a stage.
+    fn record_grasps(&self, v_cmd: &[f64], record: &mut StageRecord) {
+        if self.phases.iter().all(|phase| *phase == Phase::Open) {
+            record.grasp_modes.extend(self.phases.iter().flat_map(|phase| phase.modes()));
+            return;
+        }
+        let (q_bar, _) = record.evaluation_point(self.model);
+        let (begin, driven) = (self.begin(v_cmd, self.elapsed), &self.model.driven_rows);
+        for (grasp, phase) in self.grasps() {
+            record.grasp_modes.extend(phase.modes());
+            grasp.visit_force(phase, &begin, &q_bar, &mut |row, input, value| {
+                if !driven[row] {
+                    record.grasps.push((row, input, value));
+                }
+            });
+        }
     }
 }
 

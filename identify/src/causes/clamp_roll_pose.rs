@@ -16,7 +16,13 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     };
     let both = |(gripper, _): (String, bool)| {
         [
-            one(&gripper, "direction", "clamp_roll_by_direction", "a gripper turns the rod about itself as its direction changes", 0.1),
+            one(
+                &gripper,
+                "direction",
+                "clamp_roll_by_direction",
+                "a gripper turns the rod about itself as its direction changes",
+                0.1,
+            ),
             one(&gripper, "position", "clamp_roll_by_position", "a gripper turns the rod about itself as it goes elsewhere", 0.3),
         ]
     };

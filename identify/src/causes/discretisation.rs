@@ -38,7 +38,7 @@ pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse
     };
     let changes: Vec<Vec<f64>> = records.par_iter().map(one).collect::<Result<_, _>>()?;
     let order = match plan.model.integrator() {
-        pliant_engine::scene::Integrator::Euler => 1,
+        pliant_engine::scene::Integrator::Euler | pliant_engine::scene::Integrator::QuasiStatic => 1,
         pliant_engine::scene::Integrator::Midpoint | pliant_engine::scene::Integrator::Sdirk2 => 2,
     };
     // Richardson: the error at h is the change over (1 − 2^−order)

@@ -8,7 +8,9 @@ pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'stati
     if let Some(key) = path.strip_prefix("creep_") {
         let creep = rope.entry("creep").or_insert_with(|| Value::Table(Table::new())).as_table_mut()?;
         if creep.is_empty() {
-            [("fraction", 0.0), ("time", 1.0)].into_iter().for_each(|(key, x)| drop(creep.insert(key.to_owned(), Value::Float(x))));
+            [("fraction", 0.0), ("time", 1.0)]
+                .into_iter()
+                .for_each(|(key, x)| drop(creep.insert(key.to_owned(), Value::Float(x))));
         }
         creep.insert(key.to_owned(), Value::Float(new));
         return Some(("rope.creep", key.to_owned()));

@@ -197,6 +197,7 @@ class Model:
         max_records: int | None = None,
         rest_gap: float | None = None,
         states: Literal["smooth", "hard"] = "smooth",
+        grasp: Literal["hard", "smooth"] = "hard",
     ) -> Rollout:
         """Simulates from x0 (nx,) through u (T, nu) with parameters theta (n_params,).
 
@@ -206,6 +207,8 @@ class Model:
         rest_gap: differentiate steps of another rest gap [m] than the scene's; the result is a
             SurrogateRollout. states says through which states: "smooth", a rollout at that rest
             gap, or "hard", each step taken from the states of the scene's own contact.
+        grasp: "smooth" differentiates steps whose grippers feel what is out of their reach, by the
+            smoothed activation of their parameters; a SurrogateRollout too.
         """
     def rollout_batch(
         self,
@@ -218,6 +221,7 @@ class Model:
         max_records: int | None = None,
         rest_gap: float | None = None,
         states: Literal["smooth", "hard"] = "smooth",
+        grasp: Literal["hard", "smooth"] = "hard",
     ) -> Batch:
         """Simulates many at once, one task per rollout.
 
@@ -294,7 +298,7 @@ class Rollout:
 
 @final
 class SurrogateRollout(Rollout):
-    """A rollout whose derivatives are those of another rest gap than the scene's.
+    """A rollout whose derivatives are those of another rest gap or grasp than the scene's.
 
     With smooth states, states and derivatives are those of a smoother contact, and differences
     confirm them. With hard states the rollout is the scene's own, and each step's Jacobians are
@@ -304,6 +308,9 @@ class SurrogateRollout(Rollout):
     @property
     def rest_gap(self) -> float:
         """Rest gap [m] of the steps that are differentiated."""
+    @property
+    def grasp(self) -> Literal["hard", "smooth"]:
+        """Grasp of the steps that are differentiated."""
     @property
     def states(self) -> Literal["smooth", "hard"]:
         """Whose states x are."""

@@ -47,6 +47,7 @@ class Stage {
     this.ropes = header.ropes.map(moving);
     this.meshes = header.meshes.map(moving);
     this.poses = rows(header.poses);
+    this.tips = header.points.map(rows);
     this.solids = header.solids.filter((solid) => solid.form !== "plane");
     this.bodyColours = treeColours(header.parents, this.ropes.length + this.meshes.length);
     this.measure(frames);
@@ -79,6 +80,7 @@ class Stage {
       }
       for (const solid of this.solids) if (solid.body !== null) points.push(...corners(solid, this.poseOf(solid, frame)));
       for (const bone of this.header.bones) points.push(...this.boneEnds(bone, frame));
+      for (const rows of this.tips) points.push([...rows.at(frame)]);
     }
     const moving = points.length;
     const reach = Math.max(0, ...points.map(norm));
@@ -145,6 +147,7 @@ class Stage {
         addMarker(batch, [row[3 * i], row[3 * i + 1], row[3 * i + 2]], Math.max(1.7 * radius, 4 * pixel), this.colours.held);
       }
     });
+    for (const rows of this.tips) addMarker(batch, [...rows.at(frame)], Math.max(0.012 * this.size, 4 * pixel), this.colours.held);
     for (const bone of this.header.bones) this.addBone(batch, bone, frame, Math.max(0.008 * this.size, thin));
     this.meshes.forEach((mesh, k) => this.addMesh(batch, mesh, this.ropes.length + k, frame, pixel));
     this.softShape.load(batch.data());

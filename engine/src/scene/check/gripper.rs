@@ -3,12 +3,15 @@
 use super::super::cloth_error::ClothMistake;
 use super::super::error::{Mistake, SceneError};
 use super::super::file::Scene;
-use super::super::gripper::{Clamp, Gripper, Motion};
+use super::super::gripper::{Clamp, Grasp, Gripper, Motion};
 use super::super::held::Held;
 use super::super::rope::Rope;
 use super::super::words::{list, nearest};
-use super::positive;
+use super::{not_negative, positive};
 use std::collections::BTreeMap;
+
+/// Farthest reach of a gripper [m]; beyond, another unit is meant.
+const LONGEST_REACH: f64 = 1.0;
 
 pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     let mut held = BTreeMap::new();
@@ -17,6 +20,12 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
         turns(scene, g, gripper)?;
         if let Motion::Sine { frequency, .. } = gripper.motion {
             positive(&format!("gripper[{g}].motion.frequency"), frequency, "Hz")?;
+        }
+        if let Motion::Path { points } = &gripper.motion {
+            rising(points.iter().map(|point| point[0]), &format!("gripper[{g}].motion.points"))?;
+        }
+        if let Clamp::Grasp(grasp) = &gripper.clamp {
+            self::grasp(grasp, &format!("gripper[{g}].grasp"))?;
         }
     }
     Ok(())
@@ -49,6 +58,36 @@ fn turns<X>(scene: &Scene<X>, g: usize, gripper: &Gripper) -> Result<(), SceneEr
     }
 }
 
+/// Sizes and schedule of a gripper that grasps.
+fn grasp(grasp: &Grasp, field: &str) -> Result<(), SceneError> {
+    not_negative(&format!("{field}.stiffness"), grasp.stiffness, "N/m")?;
+    not_negative(&format!("{field}.closing_time"), grasp.closing_time, "s")?;
+    let lengths = [("radius", grasp.radius), ("smoothing", grasp.smoothing), ("tail_reach", grasp.far())];
+    lengths.into_iter().try_for_each(|(key, value)| positive(&format!("{field}.{key}"), value, "m"))?;
+    positive(&format!("{field}.steepness"), grasp.steepness, "-")?;
+    if !(0.0..=1.0).contains(&grasp.tail) {
+        return Err(SceneError::at(format!("{field}.tail"), Mistake::Range { value: grasp.tail, low: 0.0, high: 1.0 }));
+    }
+    if grasp.radius > LONGEST_REACH {
+        let reason = ", farther than a gripper reaches".to_owned();
+        let mistake = Mistake::Unit { value: grasp.radius, unit: "m", reason, likely: "mm", instead: 1e-3 * grasp.radius };
+        return Err(SceneError::at(format!("{field}.radius"), mistake));
+    }
+    rising(grasp.closing.iter().map(|entry| entry[0]), &format!("{field}.closing"))
+}
+
+/// Times of a schedule.
+fn rising(times: impl Iterator<Item = f64>, field: &str) -> Result<(), SceneError> {
+    let mut before = f64::NEG_INFINITY;
+    for (k, time) in times.enumerate() {
+        if time <= before {
+            return Err(SceneError::at(format!("{field}[{k}]"), Mistake::NotLater { time, before }));
+        }
+        before = time;
+    }
+    Ok(())
+}
+
 /// `held`: (object, node) to the gripper that holds it.
 fn holds<'a, X>(
     scene: &'a Scene<X>,
@@ -58,6 +97,9 @@ fn holds<'a, X>(
 ) -> Result<(), SceneError> {
     let object = object(scene, g, gripper)?;
     let numbers = gripper.clamp.numbers();
+    if let Clamp::Grasp(_) = gripper.clamp {
+        return Ok(());
+    }
     if numbers.is_empty() {
         return Err(SceneError::at(format!("gripper[{g}].nodes"), Mistake::HoldsNothing));
     }
@@ -72,7 +114,7 @@ fn holds<'a, X>(
     for (k, number) in numbers.into_iter().enumerate() {
         let field = match gripper.clamp {
             Clamp::Nodes(_) => format!("gripper[{g}].nodes[{k}]"),
-            Clamp::End(_) => format!("gripper[{g}].end"),
+            Clamp::End(_) | Clamp::Grasp(_) => format!("gripper[{g}].end"),
         };
         let name = object.name().to_owned();
         let Some(node) = object.node(number) else {
