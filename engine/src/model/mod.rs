@@ -333,6 +333,11 @@ impl Model {
         }
     }
 
+    /// Whether there are forces that may push on along a displacement: see [`Term::buckles`](crate::terms::Term::buckles).
+    pub(crate) fn buckles(&self) -> bool {
+        self.terms.iter().any(|term| term.buckles())
+    }
+
     /// Room for what terms write.
     pub(crate) fn make_layout(&self) -> NodeLayout {
         let mut stencils = Vec::new();
