@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let model = ModelBuilder::new(&scene)?.build();
                 let controls = scene::control_rows(&scene, scene.time.n_steps())?;
                 let theta = model.params().values();
-                let mut stepper = Stepper::new(&model, theta, StepOptions::default())?;
+                let mut stepper = Stepper::new(&model, theta, StepOptions { record: std::env::var("RECORD").is_ok(), ..StepOptions::default() })?;
                 let (mut state, mut sums, mut worst, mut spent) = (model.initial_state(), [0; 4], 0, 0.0);
                 for (step, u) in controls.iter().enumerate() {
                     let start = Instant::now();

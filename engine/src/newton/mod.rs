@@ -96,7 +96,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
 
     let (mut soften, mut eased) = (stage.soften, false);
-    let patience = if stage.model.buckles() { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
+    let patience = if stage.model.buckles() && stage.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
     for _ in 0..patience {
         let stage = &Stage { soften, ..*stage };
         work.iterations += 1;
@@ -131,7 +131,9 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
 fn factor(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<bool, Stuck> {
     stage.linearize_mixed(ws)?;
     let sound = ws.factor.refactor(&ws.k).is_ok();
-    ws.stable = stage.model.buckles() && !(sound && ws.factor.all_positive());
+    // (pivots of a friction's matrix may be negative for its own reasons)
+    let definite = sound && (stage.has_contact() || ws.factor.all_positive());
+    ws.stable = stage.model.buckles() && !definite;
     if !ws.stable {
         return Ok(sound);
     }
@@ -159,15 +161,16 @@ enum Descent {
 fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
     let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
-    let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable { LONGEST } else { 1.0 });
+    let by_slope = stage.model.buckles() && !stage.has_contact();
+    let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable && by_slope { LONGEST } else { 1.0 });
     loop {
         let next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.damping > 0.0 || stage.soften > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
         let dare = alpha == 1.0 && ws.bold > 0 && next < BOLD * norm;
-        // a step from where a sheet buckles leads downhill, whatever corrections do
-        let rise = if ws.stable && slope < 0.0 { dot(&ws.r, &ws.d) / -slope } else { f64::INFINITY };
+        // where a sheet buckles a step leads downhill, whatever corrections do
+        let rise = if by_slope && slope < 0.0 { dot(&ws.r, &ws.d) / -slope } else { f64::INFINITY };
         let downhill = rise < LEVEL;
         if rise < -LEVEL && alpha < longest && norm > tolerance {
             alpha *= 2.0;
@@ -197,8 +200,12 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             if alpha == 1.0 && stage.soften < MOST_SOFT && !ws.spots.spots.is_empty() {
                 return Ok(Descent::Soften);
             }
-            longest = 1.0;
-            alpha = if next.is_finite() { reduced(alpha, norm, next) } else { 0.1 * alpha };
+            longest = 0.0;
+            alpha = match next.is_finite() {
+                true if rise.is_finite() => (alpha / (1.0 + rise)).clamp(0.1 * alpha, 0.5 * alpha),
+                true => reduced(alpha, norm, next),
+                false => 0.1 * alpha,
+            };
             if alpha < MIN_ALPHA {
                 return Ok(Descent::Stalled);
             }
