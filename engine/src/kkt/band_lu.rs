@@ -83,6 +83,11 @@ impl<const B: usize> BandLu<B> {
         Ok(())
     }
 
+    /// Whether all pivots are.
+    pub fn all_positive(&self) -> bool {
+        self.inverse.iter().all(|x| *x > 0.0)
+    }
+
     pub fn solve(&self, b: &mut [f64], columns: usize, transpose: bool) {
         if transpose {
             self.band.solve_upper_transpose(&self.upper, b, columns);

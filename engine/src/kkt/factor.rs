@@ -3,7 +3,7 @@
 use super::band_cholesky::BandCholesky;
 use super::band_lu::BandLu;
 use super::dense::Dense;
-use super::sparse::Sparse;
+use super::frontal::Frontal;
 use super::symbolic::{Shared, Symbolic};
 use super::{KktError, Method, NodeMatrix, Symmetry};
 use std::cell::RefCell;
@@ -31,7 +31,7 @@ enum Kind {
     BandLu4(BandLu<4>),
     BandCholesky(BandCholesky),
     Dense(Dense),
-    Sparse(Sparse),
+    Frontal(Frontal),
 }
 
 impl Factor {
@@ -44,7 +44,7 @@ impl Factor {
             (Method::Band, Symmetry::General, _) => Kind::BandLu3(BandLu::new(n, half_width)),
             (Method::Band, Symmetry::Symmetric, _) => Kind::BandCholesky(BandCholesky::new(n, half_width)),
             (Method::Dense, ..) => Kind::Dense(Dense::new(shared.symmetry, shared.layout.stored())),
-            (Method::Sparse, ..) => Kind::Sparse(Sparse::new(shared)),
+            (Method::Sparse, ..) => Kind::Frontal(Frontal::new(shared)),
         };
         let coupling = vec![[[0.0; 3]; 3]; shared.coupling.len()];
         Self { symbolic: symbolic.clone(), kind, coupling, ready: false }
@@ -60,7 +60,7 @@ impl Factor {
         self.shared().layout.dim()
     }
 
-    /// Factors `a`. Without allocation after the first call for [`Method::Band`].
+    /// Factors `a`, without allocation after the first call (on each thread).
     pub fn refactor(&mut self, a: &NodeMatrix) -> Result<(), KktError> {
         self.ready = false;
         let shared = &*self.symbolic.shared;
@@ -70,12 +70,23 @@ impl Factor {
             Kind::BandLu4(f) => f.refactor(a),
             Kind::BandCholesky(f) => f.refactor(a, &shared.driven),
             Kind::Dense(f) => f.refactor(a, &shared.driven),
-            Kind::Sparse(f) => f.refactor(a, shared),
+            Kind::Frontal(f) => f.refactor(a, shared),
         };
         done.map_err(|error| error.in_system(&shared.layout))?;
         shared.coupling.load(a, &mut self.coupling);
         self.ready = true;
         Ok(())
+    }
+
+    /// Whether all pivots are positive, as those of a matrix with a positive definite symmetric part are; not known of dense factors,
+    /// which exchange rows.
+    pub fn all_positive(&self) -> bool {
+        match &self.kind {
+            Kind::BandLu3(f) => f.all_positive(),
+            Kind::BandLu4(f) => f.all_positive(),
+            Kind::Frontal(f) => f.all_positive(),
+            Kind::BandCholesky(_) | Kind::Dense(_) => true,
+        }
     }
 
     /// `b ← A⁻¹ b`.
@@ -155,7 +166,7 @@ impl Factor {
             Kind::BandLu4(f) => f.solve(b, columns, transpose),
             Kind::BandCholesky(f) => f.solve(b, columns),
             Kind::Dense(f) => f.solve(b, columns, transpose),
-            Kind::Sparse(f) => f.solve(shared, b, columns, transpose),
+            Kind::Frontal(f) => f.solve(shared, b, columns, transpose),
         }
         if transpose {
             shared.coupling.subtract_transpose(&self.coupling, b, columns);

@@ -1,7 +1,7 @@
 //! The storage of every Jacobian of a nodal system.
 
 use super::layout::{NodeLayout, Pattern};
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 
 /// A square matrix of nodes' and twists' rows in blocks, where a [`NodeLayout`] has room for them; all else is zero.
 ///
@@ -11,6 +11,25 @@ use std::sync::{Arc, LazyLock};
 pub struct NodeMatrix {
     layout: Arc<NodeLayout>,
     data: Vec<f64>,
+}
+
+/// Where a block of a [`NodeMatrix`] starts, and the distance between its rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    start: usize,
+    down: usize,
+}
+
+/// Places of the blocks that a term adds to matrices of one layout, found once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Places(OnceLock<(Arc<NodeLayout>, Vec<Place>)>);
+
+impl Places {
+    /// Those for the layout of `matrix`, found by `find` the first time; `None` for another layout than that of the first time.
+    pub fn of(&self, matrix: &NodeMatrix, find: impl FnOnce() -> Vec<Place>) -> Option<&[Place]> {
+        let (layout, places) = self.0.get_or_init(|| (Arc::clone(&matrix.layout), find()));
+        Arc::ptr_eq(layout, &matrix.layout).then_some(places.as_slice())
+    }
 }
 
 impl NodeMatrix {
@@ -80,6 +99,23 @@ impl NodeMatrix {
         let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
         for (a, block_row) in block.iter().enumerate() {
             let row = &mut self.data[start + a * down..][..3];
+            for (entry, b) in row.iter_mut().zip(block_row) {
+                *entry += scale * b;
+            }
+        }
+    }
+
+    /// Where the block of nodes (i, j) is, for [`NodeMatrix::add_block_at`].
+    pub(crate) fn block_place(&self, i: usize, j: usize) -> Place {
+        let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
+        Place { start, down }
+    }
+
+    /// As [`NodeMatrix::add_block`] at a place of this layout.
+    #[inline]
+    pub(crate) fn add_block_at(&mut self, place: Place, scale: f64, block: &[[f64; 3]; 3]) {
+        for (a, block_row) in block.iter().enumerate() {
+            let row = &mut self.data[place.start + a * place.down..][..3];
             for (entry, b) in row.iter_mut().zip(block_row) {
                 *entry += scale * b;
             }

@@ -36,10 +36,13 @@ mod dense_cholesky;
 mod dense_lu;
 mod driven;
 mod factor;
+mod frontal;
+mod frontal_solve;
+mod fronts;
 pub(crate) mod lanes;
 mod layout;
 mod matrix;
-mod sparse;
+mod order;
 mod square;
 mod symbolic;
 mod system;
@@ -50,6 +53,7 @@ pub use coupling::Coupling;
 pub use factor::Factor;
 pub use layout::NodeLayout;
 pub use matrix::NodeMatrix;
+pub(crate) use matrix::{Place, Places};
 pub use square::Square;
 pub use symbolic::Symbolic;
 pub use system::{System, SystemFactor};
@@ -63,7 +67,7 @@ pub enum Method {
     Band,
     /// As a full matrix, with row pivoting (general) or Cholesky (symmetric).
     Dense,
-    /// With a fill-reducing order and row pivoting (general) or Cholesky (symmetric).
+    /// Front by front in a fill-reducing order, without pivoting: the way for sheets.
     Sparse,
 }
 

@@ -2,7 +2,7 @@
 
 use super::driven::CouplingPattern;
 use super::layout::{NodeLayout, Pattern};
-use super::sparse::SparsePattern;
+use super::fronts::Fronts;
 use super::{KktError, Method, NodeMatrix, Symmetry};
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub(super) struct Shared {
     /// Blocks of K_fp; empty unless symmetric.
     pub coupling: CouplingPattern,
     /// Only for [`Method::Sparse`].
-    pub sparse: Option<SparsePattern>,
+    pub fronts: Option<Fronts>,
 }
 
 impl Symbolic {
@@ -42,11 +42,12 @@ impl Symbolic {
             Symmetry::Symmetric => CouplingPattern::new(layout, &driven),
             Symmetry::General => CouplingPattern::default(),
         };
-        let sparse = match method {
-            Method::Sparse => Some(SparsePattern::new(symmetry, layout, &driven)?),
-            Method::Band | Method::Dense => None,
+        let fronts = match (method, symmetry) {
+            (Method::Sparse, Symmetry::Symmetric) => Some(Fronts::new(layout, true, &driven)?),
+            (Method::Sparse, Symmetry::General) => Some(Fronts::new(layout, false, &vec![false; driven.len()])?),
+            (Method::Band | Method::Dense, _) => None,
         };
-        Ok(Self { shared: Arc::new(Shared { method, symmetry, layout: Arc::clone(layout), driven, coupling, sparse }) })
+        Ok(Self { shared: Arc::new(Shared { method, symmetry, layout: Arc::clone(layout), driven, coupling, fronts }) })
     }
 
     /// How matrices are factored.

@@ -114,6 +114,11 @@ impl SystemFactor {
         Ok(())
     }
 
+    /// Whether the nodes' pivots are all positive: see [`Factor::all_positive`].
+    pub fn all_positive(&self) -> bool {
+        self.nodes.all_positive()
+    }
+
     /// `b ← A⁻¹ b`.
     pub fn solve(&self, b: &mut [f64]) {
         self.solve_many(b, 1);

@@ -89,10 +89,35 @@ fn layouts() -> Vec<(NodeLayout, &'static str)> {
     out.push((NodeLayout::banded(10, &[], Some(&folded), &ring).unwrap(), "folded"));
     out.push((NodeLayout::banded(10, &[3, 9], Some(&folded), &ring).unwrap(), "folded, twists"));
     out.push((NodeLayout::sparse(10, &[], Some(&folded), &ring).unwrap(), "sparse ring"));
-    let grid = |i: usize, j: usize| 7 * i + j;
-    let cells = (0..6).flat_map(|i| (0..6).map(move |j| vec![grid(i, j), grid(i + 1, j), grid(i, j + 1), grid(i + 1, j + 1)]));
-    out.push((NodeLayout::sparse(49, &[], None, &cells.collect::<Vec<_>>()).unwrap(), "sparse grid"));
+    out.push((grid(7, 1), "sparse grid"));
     out
+}
+
+/// A square of `n` × `n` nodes, of which those act on each other that a square of `reach` cells holds.
+fn grid(n: usize, reach: usize) -> NodeLayout {
+    let patch = |i: usize, j: usize| (0..=reach).flat_map(|a| (0..=reach).map(move |b| n * (i + a) + j + b)).collect();
+    let patches: Vec<Vec<usize>> = (0..n - reach).flat_map(|i| (0..n - reach).map(move |j| patch(i, j))).collect();
+    NodeLayout::sparse(n * n, &[], None, &patches).unwrap()
+}
+
+/// Fronts so wide that their last rows are changed by products of matrices.
+#[test]
+fn wide_fronts_solve_too() {
+    let layout = Arc::new(grid(24, 3));
+    let (n, mut rng) = (layout.n_nodes(), Lcg(17));
+    for symmetry in KINDS {
+        let driven = some_driven(n);
+        let a = random_matrix(symmetry, &layout, &driven, &mut rng);
+        let factor = factor_of(Method::Sparse, symmetry, &a, &driven).unwrap();
+        let x = rng.vector(a.dim());
+        let (mut b, mut c) = (vec![0.0; a.dim()], vec![0.0; a.dim()]);
+        a.add_mul(1.0, &x, &mut b);
+        a.add_mul_transpose(1.0, &x, &mut c);
+        factor.solve(&mut b);
+        factor.solve_transpose(&mut c);
+        assert_close(&b, &x, 1e-12, &format!("{symmetry:?}"));
+        assert_close(&c, &x, 1e-12, &format!("{symmetry:?}, transposed"));
+    }
 }
 
 /// Calls `check` for all kinds of factors and all layouts.

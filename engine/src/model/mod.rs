@@ -34,7 +34,7 @@ use std::sync::Arc;
 
 /// Half width of a band in nodes beyond which a fill-reducing order is cheaper: measured on square sheets, where 10 × 10 nodes are
 /// faster in the band and 20 × 20 are not.
-const WIDEST_BAND: usize = 32;
+const WIDEST_BAND: usize = 12;
 
 /// A rope's place in the model.
 #[derive(Clone, Debug, PartialEq)]
@@ -375,6 +375,11 @@ impl Model {
             LinearSolver::Dense => Method::Dense,
             LinearSolver::Sparse => Method::Sparse,
         }
+    }
+
+    /// Whether there are forces that may push on along a displacement: see [`Term::buckles`](crate::terms::Term::buckles).
+    pub(crate) fn buckles(&self) -> bool {
+        self.terms.iter().any(|term| term.buckles())
     }
 
     /// Room for what terms write.

@@ -107,7 +107,7 @@ fn start(stage: &Stage, ws: &mut Workspace) {
     let n = stage.model.n_node_dofs();
     ws.it.v[n..].copy_from_slice(&stage.v_start[n..]);
     if stage.scheme != STATIC {
-        ws.axial.fill(0.0);
+        stage.start_axial(ws);
     } else {
         // at rest nothing but the axial forces may hold a node sideways
         ws.d.fill(0.0);

@@ -5,6 +5,10 @@
 //! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄ is itself taken as the next step and
 //! no new factorization is made. The end is reached when ‖d̄‖ is below the tolerance and the eigenvalues of all cone
 //! variables have settled.
+//!
+//! Compressed in its plane, a sheet has directions in which its energy falls ever faster: K is indefinite, and Newton's step leads to a
+//! saddle. There (and nowhere else) the matrix is made of what resists alone, tension and the resistance of folds, which is positive;
+//! its step leads downhill, and is taken as long as the slope r·d at its end says so, for corrections may well grow on the way down.
 
 mod fallback;
 mod history;
@@ -24,6 +28,11 @@ const CHORDS: f64 = 3.0;
 /// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
 const BOLD_STEPS: usize = 2;
 const BOLD: f64 = 10.0;
+/// Where a sheet buckles: how much of the slope along a step may be left at its end, either way, before a step is too long or
+/// a longer one is tried; the longest; and how many more iterations descending may take than converging.
+const LEVEL: f64 = 0.5;
+const LONGEST: f64 = 8.0;
+const BUCKLING_PATIENCE: usize = 3;
 /// Smallest damping factor tried.
 const MIN_ALPHA: f64 = 1e-3;
 /// Precision of the stages of a continuation that are only passed through.
@@ -85,13 +94,14 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     let tolerance = (precision * velocity_scale(stage, ws)).max(rounding(stage));
     let mut correction = f64::INFINITY;
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
+
     let (mut soften, mut eased) = (stage.soften, false);
-    for _ in 0..max_iterations {
+    let patience = if stage.model.buckles() && stage.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
+    for _ in 0..patience {
         let stage = &Stage { soften, ..*stage };
         work.iterations += 1;
         work.factorizations += 1;
-        stage.linearize_mixed(ws)?;
-        if ws.factor.refactor(&ws.k).is_err() {
+        if !factor(stage, ws, work)? {
             return Err(Stuck::NoProgress { correction });
         }
         correction = direction(stage, ws);
@@ -116,6 +126,22 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     Err(Stuck::NoProgress { correction })
 }
 
+/// Linearizes at the iterate and factors; again with what resists alone, where forces may buckle and the matrix is indefinite: its
+/// direction would lead uphill. False if it is singular.
+fn factor(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<bool, Stuck> {
+    stage.linearize_mixed(ws)?;
+    let sound = ws.factor.refactor(&ws.k).is_ok();
+    // (pivots of a friction's matrix may be negative for its own reasons)
+    let definite = sound && (stage.has_contact() || ws.factor.all_positive());
+    ws.stable = stage.model.buckles() && !definite;
+    if !ws.stable {
+        return Ok(sound);
+    }
+    stage.linearize_stable(ws)?;
+    work.factorizations += 1;
+    Ok(ws.factor.refactor(&ws.k).is_ok())
+}
+
 /// A softening after a correction fell by `ratio`.
 fn fallen(soften: f64, ratio: f64) -> f64 {
     if soften > LEAST_SOFT { soften * ratio.clamp(SOFT_FALL, SOFT_HOLD) } else { 0.0 }
@@ -135,17 +161,26 @@ enum Descent {
 fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
     let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
+    let by_slope = stage.model.buckles() && !stage.has_contact();
+    let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable && by_slope { LONGEST } else { 1.0 });
     loop {
         let next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.damping > 0.0 || stage.soften > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
         let dare = alpha == 1.0 && ws.bold > 0 && next < BOLD * norm;
-        if next.is_finite() && (monotone || dare) {
-            ws.bold -= usize::from(!monotone);
-            stage.predict_axial(alpha, ws);
+        // where a sheet buckles a step leads downhill, whatever corrections do
+        let rise = if by_slope && slope < 0.0 { dot(&ws.r, &ws.d) / -slope } else { f64::INFINITY };
+        let downhill = rise < LEVEL;
+        if rise < -LEVEL && alpha < longest && norm > tolerance {
+            alpha *= 2.0;
+            continue;
+        }
+        if next.is_finite() && (monotone || dare || downhill) {
+            ws.bold -= usize::from(!monotone && !downhill);
+            stage.predict_axial(alpha.min(1.0), ws);
             accept(ws);
-            if alpha < 1.0 {
+            if alpha != 1.0 {
                 return Ok(Descent::Continue(1.0));
             }
             if converged(stage, ws, next, tolerance) {
@@ -156,6 +191,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 return Ok(Descent::Continue(next / first));
             }
             norm = next;
+            slope = dot(&ws.r, &ws.d);
         } else {
             if norm <= tolerance {
                 // rounding noise: the last correction was already below the tolerance
@@ -164,7 +200,12 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             if alpha == 1.0 && stage.soften < MOST_SOFT && !ws.spots.spots.is_empty() {
                 return Ok(Descent::Soften);
             }
-            alpha = if next.is_finite() { reduced(alpha, norm, next) } else { 0.1 * alpha };
+            longest = 0.0;
+            alpha = match next.is_finite() {
+                true if rise.is_finite() => (alpha / (1.0 + rise)).clamp(0.1 * alpha, 0.5 * alpha),
+                true => reduced(alpha, norm, next),
+                false => 0.1 * alpha,
+            };
             if alpha < MIN_ALPHA {
                 return Ok(Descent::Stalled);
             }
@@ -347,6 +388,10 @@ fn balanced(stage: &Stage, ws: &Workspace) -> bool {
 /// Largest coordinate of a node [m].
 fn farthest(stage: &Stage) -> f64 {
     stage.q_ref[..3 * stage.mass.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()))
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn negate_into(from: &[f64], to: &mut [f64]) {

@@ -47,6 +47,8 @@ enum Axial {
     Exact,
     /// Those that Newton's method carries along.
     Predicted,
+    /// Of those what pulls, and of bending what resists: see [`Term::add_stable_jacobian`](crate::terms::Term::add_stable_jacobian).
+    Stable,
 }
 
 /// What the solver knows from θ alone: which rows there are, and weights of velocities for its norms (√(Σ weight · v²/total) is a
@@ -232,11 +234,30 @@ impl Stage<'_> {
         self.linearize_with(Axial::Predicted, ws)
     }
 
+    /// As [`Stage::linearize_mixed`], with what resists alone of the forces that may buckle.
+    pub(crate) fn linearize_stable(&self, ws: &mut Workspace) -> Result<(), StepError> {
+        self.linearize_with(Axial::Stable, ws)
+    }
+
     fn linearize_with(&self, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
         let it = std::mem::take(&mut ws.it);
         let result = self.linearize_at(&it, axial, ws);
         ws.it = it;
         result
+    }
+
+    /// Axial forces to start from: those at q_ref of terms that may buckle, none of others.
+    pub(crate) fn start_axial(&self, ws: &mut Workspace) {
+        ws.axial.fill(0.0);
+        let (at, mut first) = (Point { q: self.q_ref, v: self.v_ref, theta: self.theta }, 0);
+        for term in &self.model.terms {
+            let n = term.n_axial();
+            if n > 0 && term.buckles() {
+                ws.dx.fill(0.0);
+                term.predict_axial(&at, &ws.dx, &mut ws.axial[first..first + n]);
+            }
+            first += n;
+        }
     }
 
     /// Takes the axial forces over to where the step `alpha * ws.d` from `ws.it` leads: part `alpha` of the way from what they
@@ -277,6 +298,9 @@ impl Stage<'_> {
                 Axial::Exact => term.add_jacobian(&at, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes),
                 Axial::Predicted => {
                     term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
+                }
+                Axial::Stable => {
+                    term.add_stable_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
                 }
             }
             first += n;

@@ -47,6 +47,8 @@ pub struct Workspace {
     pub(crate) factor: SystemFactor,
     /// Full steps that may still fail the monotonicity test.
     pub(crate) bold: usize,
+    /// Whether the factored matrix is made of what resists alone.
+    pub(crate) stable: bool,
     pub(crate) it: Iterate,
     /// Axial forces of the stiff terms [N], term by term: unknowns of their own during Newton's method.
     pub(crate) axial: Vec<f64>,
@@ -106,6 +108,7 @@ impl Workspace {
             k: matrix(),
             factor: SystemFactor::new(&symbolic, model.tree.nv()),
             bold: 0,
+            stable: false,
             it: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             stiffness: 0.0,
             axial: axial(),

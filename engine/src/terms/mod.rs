@@ -92,6 +92,17 @@ pub trait Term: Debug + Send + Sync {
         self.add_jacobian(at, f, dq, dv);
     }
 
+    /// As [`Term::add_mixed_jacobian`], without the part of ∂f/∂q that may push on along a displacement: −∂f/∂q is positive
+    /// semidefinite. For iterates where the other one is not.
+    fn add_stable_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, dv: &mut NodeMatrix) {
+        self.add_mixed_jacobian(at, axial, f, dq, dv);
+    }
+
+    /// Whether [`Term::add_stable_jacobian`] is another one.
+    fn buckles(&self) -> bool {
+        false
+    }
+
     /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64));
 

@@ -1,7 +1,7 @@
 //! Elastic stretching and shearing of a triangle in its plane.
 
 use super::triangle::{Face, Sym, along, between, gradient, hats, product, pulled};
-use crate::kkt::NodeMatrix;
+use crate::kkt::{NodeMatrix, Places};
 use crate::terms::stencil::{add_outer, diagonal};
 use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
 
@@ -34,6 +34,23 @@ fn moduli<S: Real>([_, young, nu, thickness]: [S; 4]) -> [S; 2] {
 fn stress<S: Real>(g: &Sym<S>, [first, second]: [S; 2]) -> Sym<S> {
     let trace = (g[0] + g[1]) * second;
     Sym::new(g[0] * first + trace, g[1] * first + trace, g[2] * first)
+}
+
+/// The part of a stress that pulls: its eigenvalues where they are positive, 0 elsewhere.
+#[inline]
+fn tension(s: &Sym<f64>) -> Sym<f64> {
+    let (mean, half) = (0.5 * (s[0] + s[1]), 0.5 * (s[0] - s[1]));
+    let radius = half.hypot(s[2]);
+    let [high, low] = [mean + radius, mean - radius];
+    if low >= 0.0 {
+        *s
+    } else if high <= 0.0 {
+        Sym::zeros()
+    } else {
+        // high times the projector on its direction, (S − low I)/(high − low)
+        let scale = high / (high - low);
+        Sym::new((s[0] - low) * scale, (s[1] - low) * scale, s[2] * scale)
+    }
 }
 
 impl Law for MembraneLaw {
@@ -70,6 +87,7 @@ impl Law for MembraneLaw {
 pub struct Membrane {
     automatic: Automatic<MembraneLaw>,
     faces: Vec<Face<4>>,
+    places: Places,
 }
 
 impl Membrane {
@@ -79,7 +97,7 @@ impl Membrane {
     /// If an element is not of the law's shape: a mistake where elements are built.
     pub fn new(elements: Vec<Element>) -> Self {
         let faces = Face::all(MembraneLaw.name(), &elements);
-        Self { automatic: Automatic::new(MembraneLaw, elements), faces }
+        Self { automatic: Automatic::new(MembraneLaw, elements), faces, places: Places::default() }
     }
 
     /// Calls `each(index, face, F̂, S, (first, second), area)` for every triangle with a stiffness.
@@ -97,12 +115,13 @@ impl Membrane {
     /// Forces, and their slopes with the stress that `geometric(triangle, S)` gives in the geometric part.
     #[inline]
     fn jacobian(&self, at: &Point, geometric: impl Fn(usize, &Sym<f64>) -> Sym<f64>, f: &mut [f64], dq: &mut NodeMatrix) {
+        let places = self.places.of(dq, || Face::find_places(&self.faces, dq));
         self.for_each(at, |k, face, gradient, s, [first, second], area| {
             face.add_force(f, gradient, s);
             let (t, whole) = (geometric(k, s), product(gradient, gradient));
             let pulled = face.hats.map(|b| along(gradient, &b));
             let scale = -face.fraction / area;
-            face.add_blocks(dq, |i, j| {
+            face.add_blocks(dq, places.map(|p| &p[9 * k..9 * k + 9]), |i, j| {
                 let (bi, bj) = (&face.hats[i], &face.hats[j]);
                 let mut block = diagonal(-face.fraction * between(bi, &t, bj));
                 let own = 0.5 * scale * first * bi.dot(bj);
@@ -144,6 +163,15 @@ impl Term for Membrane {
 
     fn add_mixed_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
         self.jacobian(at, |k, _| Sym::new(axial[3 * k], axial[3 * k + 1], axial[3 * k + 2]), f, dq);
+    }
+
+    /// With the tension alone in the geometric part.
+    fn add_stable_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
+        self.jacobian(at, |k, _| tension(&Sym::new(axial[3 * k], axial[3 * k + 1], axial[3 * k + 2])), f, dq);
+    }
+
+    fn buckles(&self) -> bool {
+        true
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {

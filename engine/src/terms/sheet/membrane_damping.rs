@@ -92,8 +92,8 @@ impl Term for MembraneDamping {
                 add_outer(&mut block, &(x[j] * c), other);
                 block
             };
-            face.add_blocks(dv, |i, j| block(i, j, &still, &x[i]));
-            face.add_blocks(dq, |i, j| {
+            face.add_blocks(dv, None, |i, j| block(i, j, &still, &x[i]));
+            face.add_blocks(dq, None, |i, j| {
                 let mut out = block(i, j, &moving, &w[i]);
                 let own = diagonal(-face.fraction * between(&face.hats[i], &s, &face.hats[j]));
                 (0..3).for_each(|a| out[a][a] += own[a][a]);

@@ -18,6 +18,7 @@ mod membrane_damping;
 mod patch;
 mod plate;
 mod plate_damping;
+mod seams;
 mod triangle;
 
 pub use element::{bend_element, face_constants};

@@ -21,7 +21,7 @@
 //! diagonals up and down: a cantilever sagged 2.6 times as far as the elastica.)
 
 use super::fold::{BLOCKS, Fold};
-use crate::kkt::NodeMatrix;
+use crate::kkt::{NodeMatrix, Place};
 use crate::terms::stencil::{Block, add_node, add_outer, transposed};
 use crate::terms::{Element, Point, Real, Vec3};
 
@@ -175,7 +175,7 @@ impl Patch {
 
     /// The nodes of flap `i`.
     #[inline]
-    fn flap(&self, i: usize) -> [usize; 4] {
+    pub fn flap(&self, i: usize) -> [usize; 4] {
         self.shape.nodes(i).map(|k| self.nodes[k])
     }
 
@@ -225,9 +225,9 @@ impl Patch {
         }
     }
 
-    /// Adds −Σᵢⱼ Kᵢⱼ yᵢ yⱼᵀ − Σ wᵢ Hᵢ to `out`; `z` is K y, `curved` has (wᵢ, Hᵢ) by the blocks of [`Fold::angle_hessian`].
+    /// Adds −Σᵢⱼ Kᵢⱼ yᵢ yⱼᵀ − Σ wᵢ Hᵢ to `out`; `z` is K y, `curved` has (wᵢ, Hᵢ) by the blocks of [`Fold::angle_hessian`], if any.
     #[inline]
-    pub fn add_symmetric(&self, out: &mut NodeMatrix, y: &Spread, z: &Spread, curved: Option<(&Each<f64>, &Each<[Block; 9]>)>) {
+    pub fn add_symmetric(&self, out: &mut NodeMatrix, places: Option<&[Place]>, y: &Spread, z: &Spread, curved: &Curved) {
         // local[r][p] with p ≤ r: the block of nodes (p, r)
         let mut local = [[[[0.0; 3]; 3]; NODES]; NODES];
         for (r, row) in local.iter_mut().enumerate().take(self.n_nodes()) {
@@ -240,22 +240,34 @@ impl Patch {
                 }
             }
         }
-        if let Some((w, hessians)) = curved {
-            self.for_blocks(w, hessians, |p, r, scale, block| {
+        for (i, (w, hessian)) in curved.iter().enumerate().filter_map(|(i, c)| Some((i, c.as_ref()?))) {
+            let nodes = self.shape.nodes(i);
+            for (&(a, b), block) in BLOCKS.iter().zip(hessian) {
+                let (p, r) = (nodes[a], nodes[b]);
                 if p <= r {
-                    add_scaled(&mut local[r][p], scale, block);
+                    add_scaled(&mut local[r][p], *w, block);
                 } else {
-                    add_scaled(&mut local[p][r], scale, &transposed(block));
+                    add_scaled(&mut local[p][r], *w, &transposed(block));
                 }
-            });
+            }
         }
+        let mut add = |p: usize, r: usize, block: &Block| match places {
+            Some(places) => out.add_block_at(places[NODES * p + r], -1.0, block),
+            None => out.add_block(self.nodes[p], self.nodes[r], -1.0, block),
+        };
         for (r, row) in local.iter().enumerate().take(self.n_nodes()) {
             for (p, block) in row.iter().enumerate().take(r) {
-                out.add_block(self.nodes[p], self.nodes[r], -1.0, block);
-                out.add_block(self.nodes[r], self.nodes[p], -1.0, &transposed(block));
+                add(p, r, block);
+                add(r, p, &transposed(block));
             }
-            out.add_block(self.nodes[r], self.nodes[r], -1.0, &row[r]);
+            add(r, r, &row[r]);
         }
+    }
+
+    /// Places of all patches' blocks, as many a patch as a whole one has.
+    pub fn find_places(patches: &[Self], out: &NodeMatrix) -> Vec<Place> {
+        // nodes that are missing are the first one again
+        patches.iter().flat_map(|p| p.nodes.map(|i| p.nodes.map(|j| out.block_place(i, j)))).flatten().collect()
     }
 
     /// Adds −Σ yᵢ zᵢᵀ − Σ wᵢ Hᵢ to `out`.
@@ -292,6 +304,9 @@ impl Patch {
         }
     }
 }
+
+/// Factors and Hessians of the folds' angles, where they belong to a matrix.
+pub(super) type Curved = Each<Option<(f64, [Block; 9])>>;
 
 /// Slopes of each fold by the patch's nodes.
 pub(super) type Spread = Each<[Vec3<f64>; NODES]>;

@@ -1,9 +1,12 @@
 //! Elastic bending of a triangle and its flaps.
 
 use super::fold::{Fold, fold};
-use super::patch::{Each, FLAPS, NODES, Patch, Shape, Spread, times};
-use crate::kkt::NodeMatrix;
+use super::patch::{Curved, Each, FLAPS, NODES, Patch, Shape, Spread, times};
+use super::seams::Seams;
+use crate::kkt::{NodeMatrix, Places};
 use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use std::cell::RefCell;
+use std::sync::OnceLock;
 
 /// W = ½ (ψ − ψ_rest)ᵀ K (ψ − ψ_rest),  K = D A (M C⁻¹ Mᵀ)⁻¹ at D = 1,  f = −∂W/∂x: the energy of a Kirchhoff plate with the curvature
 /// that the folds ψ = 2 tan(θ/2) at the triangle's edges show ([`fold`]; the module `patch` has M and C).
@@ -58,10 +61,33 @@ impl Law for PlateLaw {
 /// [`PlateLaw`] on many patches, with hand-derived Jacobians: w = K (ψ − ψ_rest),
 ///
 /// ∂f/∂x = −Σᵢⱼ Kᵢⱼ (∂ψᵢ/∂x)(∂ψⱼ/∂x)ᵀ − Σᵢ wᵢ ∂²ψᵢ/∂x²
+///
+/// A fold belongs to the patches on both of its sides: it is evaluated once, and its second derivatives are added once, with the w
+/// of both.
 #[derive(Clone, Debug)]
 pub struct Plate {
     automatic: Automatic<PlateLaw>,
     patches: Vec<Patch>,
+    seams: Seams,
+    unit: OnceLock<Unit>,
+    places: Places,
+}
+
+/// ν of each patch and its K at D = 1.
+type Unit = Vec<(f64, Each<Each<f64>>)>;
+
+thread_local! {
+    /// Folds, and the sum of w over each fold's patches: one a thread, so that evaluations neither allocate nor share.
+    static FOLDS: RefCell<(Vec<Fold>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+    static SLOPES: RefCell<(Vec<(f64, [Vec3<f64>; 4])>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+}
+
+/// Which part of a Jacobian.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    All,
+    /// Without what the moments do but for where they resist.
+    Stable,
 }
 
 impl Plate {
@@ -71,21 +97,66 @@ impl Plate {
     /// If an element is not of the law's shape: a mistake where elements are built.
     pub fn new(elements: Vec<Element>) -> Self {
         let patches = Patch::all(PlateLaw.name(), &elements);
-        Self { automatic: Automatic::new(PlateLaw, elements), patches }
+        let (seams, places) = (Seams::new(&patches), Places::default());
+        Self { automatic: Automatic::new(PlateLaw, elements), patches, seams, unit: OnceLock::new(), places }
     }
 
-    /// Calls `each(patch, folds, K, w)` for every patch with a stiffness.
+    /// K of every patch at D = 1 and the ν there is, kept for that ν.
     #[inline]
-    fn for_each(&self, at: &Point, mut each: impl FnMut(&Patch, &Each<Fold>, &Each<Each<f64>>, &Each<f64>)) {
-        for patch in &self.patches {
-            let [stiffness, nu] = patch.params.map(|k| at.theta[k]);
-            if stiffness != 0.0 {
-                let k = patch.shape.stiffness(nu).map(|row| row.map(|x| x * stiffness));
-                let folds = patch.folds(at);
-                let w = times(patch.shape.flaps, &k, &excess(&patch.shape, &folds.map(|f| f.psi)));
-                each(patch, &folds, &k, &w);
+    fn stiffness(&self, unit: &Unit, k: usize, theta: &[f64]) -> Option<Each<Each<f64>>> {
+        let (patch, (kept, at_one)) = (&self.patches[k], &unit[k]);
+        let [stiffness, nu] = patch.params.map(|k| theta[k]);
+        let at_one = if nu == *kept { *at_one } else { patch.shape.stiffness(nu) };
+        (stiffness != 0.0).then(|| at_one.map(|row| row.map(|x| x * stiffness)))
+    }
+
+    fn unit(&self, theta: &[f64]) -> &Unit {
+        let of = |patch: &Patch| (theta[patch.params[1]], patch.shape.stiffness(theta[patch.params[1]]));
+        self.unit.get_or_init(|| self.patches.iter().map(of).collect())
+    }
+
+    /// Sums of w over the patches of each fold.
+    #[inline]
+    fn moments(&self, theta: &[f64], psi: impl Fn(usize) -> f64, sums: &mut Vec<f64>) {
+        sums.clear();
+        sums.resize(self.seams.folds.len(), 0.0);
+        let unit = self.unit(theta);
+        for (k, (patch, flaps)) in self.patches.iter().zip(&self.seams.flaps).enumerate() {
+            let Some(stiffness) = self.stiffness(unit, k, theta) else { continue };
+            let w = times(patch.shape.flaps, &stiffness, &excess(&patch.shape, &flaps.map(|flap| psi(flap.fold))));
+            for (flap, w) in flaps.iter().zip(w).take(patch.shape.flaps) {
+                sums[flap.fold] += w;
             }
         }
+    }
+
+    fn jacobian(&self, at: &Point, part: Part, f: &mut [f64], dq: &mut NodeMatrix) {
+        if self.patches.iter().all(|patch| at.theta[patch.params[0]] == 0.0) {
+            return;
+        }
+        let places = self.places.of(dq, || Patch::find_places(&self.patches, dq));
+        FOLDS.with_borrow_mut(|(folds, w)| {
+            folds.clear();
+            folds.extend(self.seams.folds.iter().map(|nodes| Fold::new(&nodes.map(|n| at.position(n)))));
+            self.moments(at.theta, |fold| folds[fold].psi, w);
+            self.seams.add_force(f, w, |k| &folds[k].gradient);
+            let unit = self.unit(at.theta);
+            for (k, (patch, flaps)) in self.patches.iter().zip(&self.seams.flaps).enumerate() {
+                let Some(mut stiffness) = self.stiffness(unit, k, at.theta) else { continue };
+                let slopes = patch.spread(|i| flaps[i].turned(&folds[flaps[i].fold].gradient));
+                let mut curved: Curved = [None; FLAPS];
+                for (i, flap) in flaps.iter().enumerate().take(patch.shape.flaps).filter(|(_, flap)| flap.owner) {
+                    let (fold, w) = (&folds[flap.fold], w[flap.fold]);
+                    let curve = w * fold.curve();
+                    stiffness[i][i] += if part == Part::All { curve } else { curve.max(0.0) };
+                    if part == Part::All {
+                        curved[i] = Some((w * fold.slope(), fold.angle_hessian()));
+                    }
+                }
+                let places = places.map(|p| &p[k * NODES * NODES..(k + 1) * NODES * NODES]);
+                patch.add_symmetric(dq, places, &slopes, &weighted(patch.shape.flaps, &stiffness, &slopes), &curved);
+            }
+        });
     }
 }
 
@@ -114,21 +185,27 @@ impl Term for Plate {
     }
 
     fn add_force(&self, at: &Point, f: &mut [f64]) {
-        self.for_each(at, |patch, folds, _, w| patch.add_force(f, folds, w));
+        if self.patches.iter().all(|patch| at.theta[patch.params[0]] == 0.0) {
+            return;
+        }
+        SLOPES.with_borrow_mut(|(folds, w)| {
+            folds.clear();
+            folds.extend(self.seams.folds.iter().map(|nodes| fold(&nodes.map(|n| at.position(n)))));
+            self.moments(at.theta, |k| folds[k].0, w);
+            self.seams.add_force(f, w, |k| &folds[k].1);
+        });
     }
 
     fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
-        self.for_each(at, |patch, folds, k, w| {
-            patch.add_force(f, folds, w);
-            let mut k = *k;
-            for i in 0..patch.shape.flaps {
-                k[i][i] += w[i] * folds[i].curve();
-            }
-            let slopes = patch.spread(|i| folds[i].gradient);
-            let hessians = folds.each_ref().map(Fold::angle_hessian);
-            let curved = Some((&leverage(folds, w), &hessians));
-            patch.add_symmetric(dq, &slopes, &weighted(patch.shape.flaps, &k, &slopes), curved);
-        });
+        self.jacobian(at, Part::All, f, dq);
+    }
+
+    fn add_stable_jacobian(&self, at: &Point, _axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
+        self.jacobian(at, Part::Stable, f, dq);
+    }
+
+    fn buckles(&self) -> bool {
+        true
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {

@@ -98,7 +98,7 @@ impl Term for PlateDamping {
             patch.add_force(f, folds, w);
             let n = patch.shape.flaps;
             let slopes = patch.spread(|i| folds[i].gradient);
-            patch.add_symmetric(dv, &slopes, &weighted(n, k, &slopes), None);
+            patch.add_symmetric(dv, None, &slopes, &weighted(n, k, &slopes), &[None; FLAPS]);
 
             let hessians = folds.each_ref().map(Fold::angle_hessian);
             let turned = patch.spread(|i| folds[i].curvature_along(&hessians[i], &patch.velocities(at, i)));

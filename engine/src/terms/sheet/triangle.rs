@@ -1,6 +1,6 @@
 //! What the membrane's laws share: the deformation gradient of a triangle, elements without indirection, adding their blocks.
 
-use crate::kkt::NodeMatrix;
+use crate::kkt::{NodeMatrix, Place};
 use crate::terms::stencil::{Block, add_node, add_outer};
 use crate::terms::{Element, Point, Real, Vec3};
 use nalgebra::{Vector2, Vector3};
@@ -113,7 +113,7 @@ impl<const P: usize> Face<P> {
 
     /// Adds the blocks `block(i, j)` of nodes 1 and 2, and those of node 0, with which every row and column sums to zero.
     #[inline]
-    pub fn add_blocks(&self, out: &mut NodeMatrix, block: impl Fn(usize, usize) -> Block) {
+    pub fn add_blocks(&self, out: &mut NodeMatrix, places: Option<&[Place]>, block: impl Fn(usize, usize) -> Block) {
         let mut all = [[[[0.0; 3]; 3]; 3]; 3];
         for i in 1..3 {
             for j in 1..3 {
@@ -131,9 +131,21 @@ impl<const P: usize> Face<P> {
         }
         for (i, row) in all.iter().enumerate() {
             for (j, block) in row.iter().enumerate() {
-                out.add_block(self.nodes[i], self.nodes[j], 1.0, block);
+                match places {
+                    Some(places) => out.add_block_at(places[3 * i + j], 1.0, block),
+                    None => out.add_block(self.nodes[i], self.nodes[j], 1.0, block),
+                }
             }
         }
+    }
+
+    /// Places of all faces' blocks, nine a face.
+    pub fn find_places(faces: &[Self], out: &NodeMatrix) -> Vec<Place> {
+        let of = |face: &Self| {
+            let nodes = face.nodes;
+            nodes.map(|i| nodes.map(|j| out.block_place(i, j)))
+        };
+        faces.iter().flat_map(of).flatten().collect()
     }
 
     /// Visits the slope of the forces by a parameter: they are −fraction F̂ S bᵢ with this S.

@@ -1,0 +1,386 @@
+//! Sparse factorization front by front, without pivoting; the analysis of the pattern is made once and shared.
+//!
+//! Each front is assembled from the matrix and what its children hand on, its pivots are eliminated in the processor's widest vectors,
+//! and what is left goes to its parent. Without pivoting there is no fill beyond what the analysis foresaw; that is as safe as in a
+//! band ([`super::band_lu`]), and each row's pivot and growth are checked likewise.
+
+use super::fronts::{Front, Fronts};
+use super::lanes::{PADDING, subtract_four};
+use super::symbolic::Shared;
+use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, Symmetry, sum_abs};
+use faer::linalg::matmul::matmul;
+use faer::prelude::{IntoConst, ReborrowMut};
+use faer::{Accum, MatMut, MatRef, Par};
+use pulp::{Arch, Simd, WithSimd};
+use std::cell::RefCell;
+
+/// Pivots eliminated before the rest of a wide front is changed, as a product of matrices.
+const STRIP: usize = 64;
+/// Rows of a front from which on that is faster.
+const WIDE: usize = 192;
+
+thread_local! {
+    /// One a thread, so that factorizations neither allocate nor share.
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+#[derive(Default)]
+struct Scratch {
+    front: Vec<f64>,
+    /// What fronts hand on.
+    stack: Vec<f64>,
+    /// Size of each row of the matrix in the order of elimination: what its pivot is compared with.
+    sizes: Vec<f64>,
+    /// A strip's rows over their pivots.
+    scaled: Vec<f64>,
+}
+
+/// A = L U, L unit lower, or Uᵀ D⁻¹ U with D the diagonal of U.
+#[derive(Clone, Debug)]
+pub(super) struct Frontal {
+    /// Front by front its pivots' rows: L before the diagonal (unless symmetric), U from it on.
+    pub(super) upper: Vec<f64>,
+    /// Front by front the rows of L beyond the pivots; none if symmetric.
+    pub(super) lower: Vec<f64>,
+    /// 1/U_kk.
+    pub(super) inverse: Vec<f64>,
+}
+
+impl Frontal {
+    pub fn new(shared: &Shared) -> Self {
+        let (upper, lower) = shared.fronts.as_ref().map_or((0, 0), |f| (f.upper_len, f.lower_len));
+        Self { upper: vec![0.0; upper], lower: vec![0.0; lower], inverse: vec![0.0; shared.layout.stored()] }
+    }
+
+    /// Whether all pivots are positive, as those of a matrix with a positive definite symmetric part are.
+    pub fn all_positive(&self) -> bool {
+        self.inverse.iter().all(|x| *x > 0.0)
+    }
+
+    pub fn refactor(&mut self, a: &NodeMatrix, shared: &Shared) -> Result<(), KktError> {
+        struct Run<'a>(&'a mut Frontal, &'a NodeMatrix, &'a Shared, &'a Fronts, &'a mut Scratch);
+        impl WithSimd for Run<'_> {
+            type Output = Result<(), KktError>;
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+                let Self(factor, a, shared, fronts, scratch) = self;
+                factor.measure(a, shared, fronts, scratch)?;
+                factor.eliminate(simd, a, shared, fronts, scratch)
+            }
+        }
+        let Some(fronts) = &shared.fronts else { return Ok(()) };
+        SCRATCH.with_borrow_mut(|scratch| Arch::new().dispatch(Run(self, a, shared, fronts, scratch)))
+    }
+
+    /// Sizes of rows.
+    #[inline(always)]
+    fn measure(&self, a: &NodeMatrix, shared: &Shared, fronts: &Fronts, scratch: &mut Scratch) -> Result<(), KktError> {
+        let dim = shared.layout.stored();
+        scratch.sizes.resize(dim, 0.0);
+        for row in 0..dim {
+            let size = sum_abs(a.row(row));
+            if !size.is_finite() {
+                return Err(KktError::NotFinite { row, dim });
+            }
+            scratch.sizes[fronts.row(row)] = size;
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn eliminate<S: Simd>(
+        &mut self,
+        simd: S,
+        a: &NodeMatrix,
+        shared: &Shared,
+        fronts: &Fronts,
+        scratch: &mut Scratch,
+    ) -> Result<(), KktError> {
+        let (b, symmetric) = (fronts.block, shared.symmetry == Symmetry::Symmetric);
+        let Scratch { front: square, stack, sizes, scaled } = scratch;
+        let widest = (b * fronts.widest).next_multiple_of(PADDING);
+        grow(square, widest * widest);
+        grow(stack, fronts.stack);
+        grow(scaled, STRIP * widest);
+        let mut top = 0;
+        for front in &fronts.fronts {
+            let (k, m) = (b * front.pivots, b * front.rows.len());
+            let mut dense = Square { entries: &mut *square, stride: (k + m).next_multiple_of(PADDING), rows: k + m };
+            dense.entries[..dense.stride * (k + m)].fill(0.0);
+            dense.load(a, front, b, symmetric, &shared.driven, fronts);
+            for &child in front.children.iter().rev() {
+                let child = &fronts.fronts[child];
+                let len = (b * child.rows.len()).pow(2);
+                dense.take_in(&stack[top - len..top], child, b, symmetric);
+                top -= len;
+            }
+            let own = b * front.first..b * front.first + k;
+            let done = dense.eliminate(simd, k, symmetric, &sizes[own.clone()], &mut self.inverse[own], scaled);
+            done.map_err(|broken| broken.named(shared, fronts, b * front.first))?;
+            self.keep(&dense, front, b, symmetric);
+            for (to, from) in stack[top..top + m * m].chunks_exact_mut(m.max(1)).zip(dense.rows_from(k)) {
+                to.copy_from_slice(&from[k..k + m]);
+            }
+            top += m * m;
+        }
+        Ok(())
+    }
+
+    /// Copies what solves need.
+    #[inline(always)]
+    fn keep(&mut self, dense: &Square, front: &Front, b: usize, symmetric: bool) {
+        let (k, f) = (b * front.pivots, dense.rows);
+        for (to, from) in self.upper[front.upper..front.upper + k * f].chunks_exact_mut(f).zip(dense.rows_from(0)) {
+            to.copy_from_slice(&from[..f]);
+        }
+        if !symmetric {
+            for (to, from) in self.lower[front.lower..front.lower + k * (f - k)].chunks_exact_mut(k).zip(dense.rows_from(k)) {
+                to.copy_from_slice(&from[..k]);
+            }
+        }
+    }
+}
+
+fn grow(buffer: &mut Vec<f64>, len: usize) {
+    if buffer.len() < len {
+        buffer.resize(len, 0.0);
+    }
+}
+
+/// Why a row of a front cannot be eliminated.
+struct Broken {
+    row: usize,
+    pivot: f64,
+    size: f64,
+    growth: Option<f64>,
+    indefinite: bool,
+}
+
+impl Broken {
+    #[cold]
+    fn named(&self, shared: &Shared, fronts: &Fronts, first: usize) -> KktError {
+        let (at, dim) = (first + self.row, shared.layout.stored());
+        let row = (0..dim).find(|&row| fronts.row(row) == at).unwrap_or(at);
+        let (pivot, size) = (self.pivot, self.size);
+        match self.growth {
+            Some(growth) => KktError::Growth { row, dim, growth },
+            None if self.indefinite => KktError::NotPositiveDefinite { row, dim, pivot, size },
+            None => KktError::Singular { row, dim, pivot, size },
+        }
+    }
+}
+
+/// A front's matrix, row-major.
+struct Square<'a> {
+    entries: &'a mut Vec<f64>,
+    stride: usize,
+    rows: usize,
+}
+
+impl Square<'_> {
+    #[inline(always)]
+    fn rows_from(&self, first: usize) -> impl Iterator<Item = &[f64]> {
+        self.entries[first * self.stride..self.rows * self.stride].chunks_exact(self.stride)
+    }
+
+    /// Adds what the matrix has in the front; the driven slots of a symmetric system are rows and columns of the identity.
+    #[inline(always)]
+    fn load(&mut self, a: &NodeMatrix, front: &Front, b: usize, symmetric: bool, driven: &[bool], fronts: &Fronts) {
+        for entry in &front.entries {
+            let to = entry.row * b * self.stride + entry.column * b;
+            let diagonal = entry.row == entry.column;
+            if symmetric && diagonal && driven[fronts.slot(front.first + entry.row)] {
+                (0..b).for_each(|r| self.entries[to + r * self.stride + r] = 1.0);
+                continue;
+            }
+            for r in 0..b {
+                let from = &a.data()[entry.place + r * entry.down..][..b];
+                self.entries[to + r * self.stride..][..b].copy_from_slice(from);
+            }
+        }
+    }
+
+    /// Adds what a child hands on.
+    #[inline(always)]
+    fn take_in(&mut self, handed: &[f64], child: &Front, b: usize, symmetric: bool) {
+        let m = b * child.rows.len();
+        for rows in &child.spans {
+            for r in 0..b * rows.len {
+                let from = &handed[(b * rows.from + r) * m..][..m];
+                let to = &mut self.entries[(b * rows.to + r) * self.stride..][..self.stride];
+                for columns in child.spans.iter().filter(|c| !symmetric || c.from >= rows.from) {
+                    let to = &mut to[b * columns.to..][..b * columns.len];
+                    to.iter_mut().zip(&from[b * columns.from..]).for_each(|(x, y)| *x += y);
+                }
+            }
+        }
+    }
+
+    /// Eliminates the first `k` rows, with `sizes` to compare pivots with; `inverse` receives 1 over the pivots.
+    #[inline(always)]
+    fn eliminate<S: Simd>(
+        &mut self,
+        simd: S,
+        k: usize,
+        symmetric: bool,
+        sizes: &[f64],
+        inverse: &mut [f64],
+        scaled: &mut [f64],
+    ) -> Result<(), Broken> {
+        let strip = if self.rows < WIDE { k } else { STRIP };
+        for first in (0..k).step_by(strip.max(1)) {
+            let last = k.min(first + strip);
+            let whole = self.rows < WIDE;
+            for quad in (first..last).step_by(4) {
+                self.pivot(simd, quad, last.min(quad + 4), symmetric, sizes, inverse)?;
+                if symmetric {
+                    self.reduce_symmetric(simd, quad, last.min(quad + 4), if whole { self.rows } else { last }, inverse);
+                } else {
+                    self.reduce(simd, quad, last.min(quad + 4), last, whole, inverse);
+                }
+            }
+            if !whole && symmetric {
+                self.subtract_square(first, last, inverse, scaled);
+            } else if !whole {
+                self.subtract_product(first, last);
+            }
+        }
+        Ok(())
+    }
+
+    /// Eliminates rows `first` to `last`, four at most, by one another, and checks them.
+    #[inline(always)]
+    fn pivot<S: Simd>(
+        &mut self,
+        simd: S,
+        first: usize,
+        last: usize,
+        symmetric: bool,
+        sizes: &[f64],
+        inverse: &mut [f64],
+    ) -> Result<(), Broken> {
+        let (stride, rows) = (self.stride, self.rows);
+        let (head, _) = self.entries[first * stride..].split_at_mut((last - first) * stride);
+        for c in 0..last - first {
+            let (done, row) = head.split_at_mut(c * stride);
+            let row = &mut row[..stride];
+            if c > 0 {
+                let mut factors = [0.0; 4];
+                for i in 0..c {
+                    let above = &done[i * stride..(i + 1) * stride];
+                    let mut own = if symmetric { above[first + c] } else { row[first + i] };
+                    if !symmetric {
+                        for (j, factor) in factors.iter().enumerate().take(i) {
+                            own -= factor * done[j * stride + first + i];
+                        }
+                    }
+                    factors[i] = own * inverse[first + i];
+                }
+                let from = (first + c) / PADDING * PADDING;
+                let above = |i: usize| &done[i.min(c - 1) * stride + from..(i.min(c - 1) + 1) * stride];
+                // what stands before the diagonal in the same vector is put back below
+                let kept: [f64; PADDING] = std::array::from_fn(|i| row[from + i]);
+                subtract_four(simd, &mut row[from..], factors, [above(0), above(1), above(2), above(3)]);
+                row[from..first + c].copy_from_slice(&kept[..first + c - from]);
+                if !symmetric {
+                    row[first..first + c].copy_from_slice(&factors[..c]);
+                }
+            }
+            let (at, size) = (first + c, sizes[first + c]);
+            let pivot = row[at];
+            let grown = sum_abs(&row[at..rows]);
+            // written so that NaN fails
+            let positive = !symmetric || pivot > 0.0;
+            let sound = positive && pivot.abs() > PIVOT_FLOOR * size && grown <= GROWTH_LIMIT * size;
+            if !sound {
+                let singular = pivot.abs() <= PIVOT_FLOOR * size;
+                let growth = (!singular && positive).then_some(grown / size);
+                return Err(Broken { row: at, pivot, size, growth, indefinite: symmetric && growth.is_none() });
+            }
+            inverse[at] = 1.0 / pivot;
+        }
+        Ok(())
+    }
+
+    /// Reduces the rows below by rows `first` to `last` of U; those from `end` on in the columns before `end` alone, unless `whole`.
+    #[inline(always)]
+    fn reduce<S: Simd>(&mut self, simd: S, first: usize, last: usize, end: usize, whole: bool, inverse: &[f64]) {
+        let (stride, count) = (self.stride, last - first);
+        let (head, below) = self.entries[first * stride..self.rows * stride].split_at_mut(count * stride);
+        let upper = |i: usize| &head[i.min(count - 1) * stride..(i.min(count - 1) + 1) * stride];
+        let [u0, u1, u2, u3] = [upper(0), upper(1), upper(2), upper(3)];
+        let mut inner = [[0.0; 4]; 4];
+        for (i, row) in inner.iter_mut().enumerate().take(count) {
+            row[..count].copy_from_slice(&upper(i)[first..last]);
+        }
+        let inverse: [f64; 4] = std::array::from_fn(|i| inverse.get(first + i).copied().filter(|_| i < count).unwrap_or(0.0));
+        for (r, row) in below.chunks_exact_mut(stride).enumerate() {
+            let mut l = [0.0; 4];
+            for i in 0..count {
+                let mut own = row[first + i];
+                for j in 0..i {
+                    own -= l[j] * inner[j][i];
+                }
+                l[i] = own * inverse[i];
+            }
+            row[first..last].copy_from_slice(&l[..count]);
+            let until = if whole || last + r < end { stride } else { end };
+            let range = last..until;
+            subtract_four(
+                simd,
+                &mut row[range.clone()],
+                l,
+                [&u0[range.clone()], &u1[range.clone()], &u2[range.clone()], &u3[range]],
+            );
+        }
+    }
+
+    /// Reduces the upper triangle of the rows below up to row `end` by rows `first` to `last`.
+    #[inline(always)]
+    fn reduce_symmetric<S: Simd>(&mut self, simd: S, first: usize, last: usize, end: usize, inverse: &[f64]) {
+        let (stride, count) = (self.stride, last - first);
+        let (head, below) = self.entries[first * stride..end * stride].split_at_mut(count * stride);
+        let upper = |i: usize| &head[i.min(count - 1) * stride..(i.min(count - 1) + 1) * stride];
+        let rows = [upper(0), upper(1), upper(2), upper(3)];
+        let inverse: [f64; 4] = std::array::from_fn(|i| inverse.get(first + i).copied().filter(|_| i < count).unwrap_or(0.0));
+        for (r, row) in below.chunks_exact_mut(stride).enumerate() {
+            let own = last + r;
+            let from = own / PADDING * PADDING;
+            let l = std::array::from_fn(|i| rows[i][own] * inverse[i]);
+            subtract_four(simd, &mut row[from..], l, rows.map(|u| &u[from..]));
+        }
+    }
+
+    fn view(&mut self) -> MatMut<'_, f64> {
+        let (rows, stride) = (self.rows, self.stride);
+        // (faer 0.24.4 takes the same of rows for columns)
+        MatMut::from_column_major_slice_with_stride_mut(&mut self.entries[..rows * stride], rows, rows, stride).transpose_mut()
+    }
+
+    /// What is beyond pivots `first` to `last`, less L U.
+    fn subtract_product(&mut self, first: usize, last: usize) {
+        let all = self.view();
+        let (_, upper, lower, rest) = all.split_at_mut(last, last);
+        let (upper, lower) = (upper.into_const().subrows(first, last - first), lower.into_const().subcols(first, last - first));
+        matmul(rest, Accum::Add, lower, upper, -1.0, Par::Seq);
+    }
+
+    /// The same of a symmetric front, in the upper triangle.
+    fn subtract_square(&mut self, first: usize, last: usize, inverse: &[f64], scaled: &mut [f64]) {
+        let (rows, stride, count) = (self.rows, self.stride, last - first);
+        let left = rows - last;
+        for (i, to) in scaled.chunks_exact_mut(left.max(1)).enumerate().take(count) {
+            let from = &self.entries[(first + i) * stride + last..][..left];
+            to.iter_mut().zip(from).for_each(|(x, u)| *x = u * inverse[first + i]);
+        }
+        let scaled = MatRef::from_row_major_slice(&scaled[..count * left], count, left).transpose();
+        let all = self.view();
+        let (_, upper, _, mut rest) = all.split_at_mut(last, last);
+        let upper = upper.into_const().subrows(first, count);
+        for r in (0..left).step_by(WIDE) {
+            let (some, beyond) = (WIDE.min(left - r), left - r);
+            let target = rest.rb_mut().submatrix_mut(r, r, some, beyond);
+            matmul(target, Accum::Add, scaled.subrows(r, some), upper.subcols(r, beyond), -1.0, Par::Seq);
+        }
+    }
+}

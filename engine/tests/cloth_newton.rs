@@ -1,0 +1,54 @@
+//! Newton's method takes few iterations on sheets, also where they are compressed in their plane and buckle.
+#![allow(clippy::unwrap_used)]
+
+use pliant_engine::model::ModelBuilder;
+use pliant_engine::scene::{self, Scene};
+use pliant_engine::step::{StepOptions, Stepper};
+use std::fmt::Write;
+
+const H: f64 = 1.0 / 60.0;
+
+/// A square of 10 × 10 nodes without damping, steps of 1/60 s.
+fn sheet(young: f64, rest: &str) -> String {
+    format!(
+        "schema_version = 1\n[time]\nstep = {H}\nduration = 0.5\nintegrator = \"euler\"\n[[cloth]]\nname = \"sheet\"\n\
+         grid = {{ nodes = [10, 10], size = [0.4, 0.4] }}\nthickness = 1e-3\narea_density = 0.2\nyoungs_modulus = {young}\n{rest}"
+    )
+}
+
+fn gripper(name: &str, nodes: &[usize], motion: &str) -> String {
+    format!("[[gripper]]\nname = \"{name}\"\ncloth = \"sheet\"\nnodes = {nodes:?}\nmotion = {motion}\n")
+}
+
+fn held_at_two_corners() -> String {
+    gripper("left", &[0], "{ kind = \"hold\" }") + &gripper("right", &[9], "{ kind = \"hold\" }")
+}
+
+/// Squeezed by up to a tenth, waved, and let go.
+fn crumpled() -> String {
+    let mut text = "points = [".to_owned();
+    for (x, y) in (0..10).flat_map(|i| (0..10).map(move |j| (i as f64 / 9.0, j as f64 / 9.0))) {
+        let z = 0.01 * (9.0 * x + 2.0 * y).sin() + 0.004 * (17.0 * y - 5.0 * x).cos();
+        write!(text, "[{}, {}, {z}],", 0.36 * x, 0.38 * y).unwrap();
+    }
+    text + "]\n"
+}
+
+/// Two edges of a flat sheet, pushed towards each other at 0.2 m/s from the first step on.
+fn pushed_together() -> String {
+    let (first, last): (Vec<usize>, Vec<usize>) = ((0..10).collect(), (90..100).collect());
+    gripper("left", &first, "{ kind = \"line\", velocity = [0.1, 0, 0] }")
+        + &gripper("right", &last, "{ kind = \"line\", velocity = [-0.1, 0, 0] }")
+}
+
+/// Iterations a step, and of the step that takes most.
+fn iterations(text: &str) -> (f64, usize) {
+    let scene: Scene = scene::parse_scene(text, "sheet.toml").unwrap();
+    let model = ModelBuilder::new(&scene).unwrap().build();
+    let controls = scene::control_rows(&scene, scene.time.n_steps()).unwrap();
+    let options = StepOptions { record: false, ..StepOptions::default() };
+    let mut stepper = Stepper::new(&model, model.params().values(), options).unwrap();
+    let mut state = model.initial_state();
+    let counts: Vec<usize> = controls.iter().map(|u| stepper.step(&mut state, u).unwrap().0.work.iterations).collect();
+    (counts.iter().sum::<usize>() as f64 / counts.len() as f64, counts.into_iter().max().unwrap_or(0))
+}
