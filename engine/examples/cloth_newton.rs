@@ -26,7 +26,8 @@ fn sheet(kind: &str, n: usize, young: f64) -> Result<String, std::fmt::Error> {
             hold(&mut text, "right", &[n - 1], "{ kind = \"hold\" }")?;
         }
         "sphere" => {
-            text += "origin = [-0.2, -0.2, 0.105]\n[[sphere]]\nname = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.1\nfriction = 0.4\n";
+            text +=
+                "origin = [-0.2, -0.2, 0.105]\n[[sphere]]\nname = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.1\nfriction = 0.4\n";
             text += "[contact]\nrest_gap = 1e-6\n";
         }
         "crumpled" => {
@@ -50,7 +51,8 @@ fn sheet(kind: &str, n: usize, young: f64) -> Result<String, std::fmt::Error> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().collect();
-    let list = |k: usize, default: &str| words.get(k).map_or(default, |w| w.as_str()).split(',').map(str::to_owned).collect::<Vec<_>>();
+    let list =
+        |k: usize, default: &str| words.get(k).map_or(default, |w| w.as_str()).split(',').map(str::to_owned).collect::<Vec<_>>();
     println!("scene n E: iterations, factorizations, evaluations, halvings a step (worst step); ms a step");
     for kind in list(3, "held,sphere,crumpled,pushed") {
         for n in list(1, "10,20") {
@@ -59,7 +61,11 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let model = ModelBuilder::new(&scene)?.build();
                 let controls = scene::control_rows(&scene, scene.time.n_steps())?;
                 let theta = model.params().values();
-                let mut stepper = Stepper::new(&model, theta, StepOptions { record: std::env::var("RECORD").is_ok(), ..StepOptions::default() })?;
+                let mut stepper = Stepper::new(
+                    &model,
+                    theta,
+                    StepOptions { record: std::env::var("RECORD").is_ok(), ..StepOptions::default() },
+                )?;
                 let (mut state, mut sums, mut worst, mut spent) = (model.initial_state(), [0; 4], 0, 0.0);
                 for (step, u) in controls.iter().enumerate() {
                     let start = Instant::now();

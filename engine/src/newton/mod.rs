@@ -96,7 +96,8 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
 
     let (mut soften, mut eased) = (stage.soften, false);
-    let patience = if stage.model.buckles() && stage.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
+    let patience =
+        if stage.model.buckles() && stage.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
     for _ in 0..patience {
         let stage = &Stage { soften, ..*stage };
         work.iterations += 1;
