@@ -256,10 +256,10 @@ mod tests {
                                     "{feature:?} {count}: {hand} {dual}"
                                 );
                             }
-                            for i in 0..*count {
-                                for b in 0..3 {
+                            for (i, impulse) in impulses.iter().enumerate().take(*count) {
+                                for (b, impulse) in impulse.iter().enumerate() {
                                     let hand = if moving { 0.0 } else { by_hand.fixed[i][j][(b, a)] };
-                                    let dual = slope(&impulses[i][b])[3 * j + a];
+                                    let dual = slope(impulse)[3 * j + a];
                                     assert!(
                                         (hand - dual).abs() < 1e-12 * (1.0 + by_hand.fixed[i][j].norm()),
                                         "{feature:?} {count}"

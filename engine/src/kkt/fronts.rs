@@ -98,8 +98,7 @@ impl Fronts {
             let (k, m) = (group.pivots.len(), group.rows.len());
             let (children, rows) = (group.children, group.rows);
             let mut front = Front { first, pivots: k, rows, children, upper, lower, ..Front::default() };
-            for at in first..first + k {
-                let slot = slot_at[at];
+            for (at, &slot) in slot_at.iter().enumerate().skip(first).take(k) {
                 let mut push = |i: usize, j: usize, row: usize, column: usize| {
                     if let Some((place, down)) = layout.place(i, j) {
                         front.entries.push(Entry { place, down, row, column });

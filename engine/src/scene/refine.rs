@@ -128,7 +128,7 @@ fn halve_edges(rope: &mut Rope) {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used)]
+    #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
     use crate::scene::{Gripper, Nothing, check, parse_scene, resting_inputs};
 

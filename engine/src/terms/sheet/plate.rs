@@ -76,10 +76,13 @@ pub struct Plate {
 /// ν of each patch and its K at D = 1.
 type Unit = Vec<(f64, Each<Each<f64>>)>;
 
+/// ψ of each fold and its slopes by the four nodes.
+type Slopes = Vec<(f64, [Vec3<f64>; 4])>;
+
 thread_local! {
     /// Folds, and the sum of w over each fold's patches: one a thread, so that evaluations neither allocate nor share.
     static FOLDS: RefCell<(Vec<Fold>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
-    static SLOPES: RefCell<(Vec<(f64, [Vec3<f64>; 4])>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+    static SLOPES: RefCell<(Slopes, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
 /// Which part of a Jacobian.
