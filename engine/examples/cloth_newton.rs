@@ -1,5 +1,6 @@
 //! Newton iterations a step of sheets that hang, drape, crumple and are pushed together:
-//! `cargo run --release -p pliant-engine --example cloth_newton -- 20 1e5 held,sphere,crumpled,pushed`.
+//! `cargo run --release -p pliant-engine --example cloth_newton -- 20 1e5 held,sphere,crumpled,pushed`; `LINEAR=band` factors in a
+//! band, `RECORD=1` keeps records.
 
 use pliant_engine::model::ModelBuilder;
 use pliant_engine::scene::{self, Scene};
@@ -26,7 +27,8 @@ fn sheet(kind: &str, n: usize, young: f64) -> Result<String, std::fmt::Error> {
             hold(&mut text, "right", &[n - 1], "{ kind = \"hold\" }")?;
         }
         "sphere" => {
-            text += "origin = [-0.2, -0.2, 0.105]\n[[sphere]]\nname = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.1\nfriction = 0.4\n";
+            text +=
+                "origin = [-0.2, -0.2, 0.105]\n[[sphere]]\nname = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.1\nfriction = 0.4\n";
             text += "[contact]\nrest_gap = 1e-6\n";
         }
         "crumpled" => {
@@ -50,7 +52,8 @@ fn sheet(kind: &str, n: usize, young: f64) -> Result<String, std::fmt::Error> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().collect();
-    let list = |k: usize, default: &str| words.get(k).map_or(default, |w| w.as_str()).split(',').map(str::to_owned).collect::<Vec<_>>();
+    let list =
+        |k: usize, default: &str| words.get(k).map_or(default, |w| w.as_str()).split(',').map(str::to_owned).collect::<Vec<_>>();
     println!("scene n E: iterations, factorizations, evaluations, halvings a step (worst step); ms a step");
     for kind in list(3, "held,sphere,crumpled,pushed") {
         for n in list(1, "10,20") {
@@ -59,7 +62,11 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let model = ModelBuilder::new(&scene)?.build();
                 let controls = scene::control_rows(&scene, scene.time.n_steps())?;
                 let theta = model.params().values();
-                let mut stepper = Stepper::new(&model, theta, StepOptions { record: std::env::var("RECORD").is_ok(), ..StepOptions::default() })?;
+                let mut stepper = Stepper::new(
+                    &model,
+                    theta,
+                    StepOptions { record: std::env::var("RECORD").is_ok(), ..StepOptions::default() },
+                )?;
                 let (mut state, mut sums, mut worst, mut spent) = (model.initial_state(), [0; 4], 0, 0.0);
                 for (step, u) in controls.iter().enumerate() {
                     let start = Instant::now();
@@ -71,9 +78,6 @@ fn main() -> Result<(), Box<dyn Error>> {
                         }
                     };
                     spent += start.elapsed().as_secs_f64();
-                    if std::env::var("VERBOSE").is_ok() {
-                        eprintln!("step {step} {trace:?}");
-                    }
                     let all = [trace.work.iterations, trace.work.factorizations, trace.work.evaluations, trace.retries];
                     sums.iter_mut().zip(all).for_each(|(sum, x)| *sum += x);
                     worst = worst.max(trace.work.iterations);

@@ -3,8 +3,8 @@
 //! Vectors are permuted into the order of elimination. Forward, each front's pivots are solved for and reduce its rows; backward the other
 //! way round. One right-hand side is vectorised along a front, many along the right-hand sides.
 
-use super::fronts::{Front, Fronts};
 use super::frontal::Frontal;
+use super::fronts::{Front, Fronts};
 use super::lanes::{PANEL, products, reduce_row, subtract_four};
 use super::symbolic::Shared;
 use pulp::{Arch, Simd, WithSimd};

@@ -75,8 +75,7 @@ impl Fronts {
     pub fn new(layout: &NodeLayout, upper_only: bool, absent: &[bool]) -> Result<Self, KktError> {
         let present = |i: usize, j: usize| i == j || !(absent[i] || absent[j]);
         let n = layout.n_nodes();
-        let neighbours: Vec<Vec<usize>> =
-            (0..n).map(|i| layout.row(i).filter(|&j| j != i && present(i, j)).collect()).collect();
+        let neighbours: Vec<Vec<usize>> = (0..n).map(|i| layout.row(i).filter(|&j| j != i && present(i, j)).collect()).collect();
         let order = fill_reducing(&neighbours)?;
         let mut groups = joined(elimination(&neighbours, &order));
         let position = renumber(&mut groups, n);

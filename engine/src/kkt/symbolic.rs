@@ -1,8 +1,8 @@
 //! What is known about a system before its numbers: made once per model, shared.
 
 use super::driven::CouplingPattern;
-use super::layout::{NodeLayout, Pattern};
 use super::fronts::Fronts;
+use super::layout::{NodeLayout, Pattern};
 use super::{KktError, Method, NodeMatrix, Symmetry};
 use std::sync::Arc;
 
