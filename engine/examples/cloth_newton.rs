@@ -1,5 +1,6 @@
 //! Newton iterations a step of sheets that hang, drape, crumple and are pushed together:
-//! `cargo run --release -p pliant-engine --example cloth_newton -- 20 1e5 held,sphere,crumpled,pushed`.
+//! `cargo run --release -p pliant-engine --example cloth_newton -- 20 1e5 held,sphere,crumpled,pushed`; `LINEAR=band` factors in a
+//! band, `RECORD=1` keeps records.
 
 use pliant_engine::model::ModelBuilder;
 use pliant_engine::scene::{self, Scene};
@@ -77,9 +78,6 @@ fn main() -> Result<(), Box<dyn Error>> {
                         }
                     };
                     spent += start.elapsed().as_secs_f64();
-                    if std::env::var("VERBOSE").is_ok() {
-                        eprintln!("step {step} {trace:?}");
-                    }
                     let all = [trace.work.iterations, trace.work.factorizations, trace.work.evaluations, trace.retries];
                     sums.iter_mut().zip(all).for_each(|(sum, x)| *sum += x);
                     worst = worst.max(trace.work.iterations);

@@ -52,3 +52,15 @@ fn iterations(text: &str) -> (f64, usize) {
     let counts: Vec<usize> = controls.iter().map(|u| stepper.step(&mut state, u).unwrap().0.work.iterations).collect();
     (counts.iter().sum::<usize>() as f64 / counts.len() as f64, counts.into_iter().max().unwrap_or(0))
 }
+
+#[test]
+fn few_iterations_a_step_from_soft_to_stiff() {
+    let scenes = [("held", held_at_two_corners()), ("crumpled", crumpled()), ("pushed together", pushed_together())];
+    for (name, rest) in &scenes {
+        for young in [1e3, 1e4, 1e5, 1e6, 1e7] {
+            let (mean, most) = iterations(&sheet(young, rest));
+            assert!(mean <= 6.0, "{name}, {young:e} Pa: {mean} iterations a step");
+            assert!(most <= 80, "{name}, {young:e} Pa: {most} iterations in one step");
+        }
+    }
+}

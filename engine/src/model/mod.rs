@@ -32,8 +32,8 @@ use crate::terms::Term;
 use crate::terms::joint::{JointPoint, JointTerm};
 use std::sync::Arc;
 
-/// Half width of a band in nodes beyond which a fill-reducing order is cheaper: measured on square sheets, where 10 × 10 nodes are
-/// faster in the band and 20 × 20 are not.
+/// Half width of a band in nodes beyond which a fill-reducing order is cheaper: measured on square sheets, where 5 × 5 nodes are
+/// faster in the band and 7 × 7 are not (docs/cloth.md).
 const WIDEST_BAND: usize = 12;
 
 /// A rope's place in the model.

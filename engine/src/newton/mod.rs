@@ -7,8 +7,10 @@
 //! variables have settled.
 //!
 //! Compressed in its plane, a sheet has directions in which its energy falls ever faster: K is indefinite, and Newton's step leads to a
-//! saddle. There (and nowhere else) the matrix is made of what resists alone, tension and the resistance of folds, which is positive;
-//! its step leads downhill, and is taken as long as the slope r·d at its end says so, for corrections may well grow on the way down.
+//! saddle. There the matrix is made of what resists alone, tension and the resistance of folds, which is positive; its step leads
+//! downhill. Models with forces that may buckle (and no others) also accept steps by the slope r·d at their end, for corrections may
+//! well grow on the way down: one that has not turned up by more than half of what it was at the beginning will do, and one
+//! that still points down as much is taken further.
 
 mod fallback;
 mod history;
@@ -162,8 +164,8 @@ enum Descent {
 fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
     let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
-    let by_slope = stage.model.buckles() && !stage.has_contact();
-    let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable && by_slope { LONGEST } else { 1.0 });
+    let by_slope = stage.model.buckles();
+    let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable { LONGEST } else { 1.0 });
     loop {
         let next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do

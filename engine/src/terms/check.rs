@@ -78,6 +78,36 @@ pub fn dense(term: &dyn Term, at: &Point) -> Dense {
     Dense { f: DVector::from_vec(f), dq: full(&dq), dv: full(&dv), dtheta }
 }
 
+/// −∂f/∂q.
+pub struct Stiffness(pub DMatrix<f64>);
+
+impl Stiffness {
+    /// Its least eigenvalue.
+    pub fn least(&self) -> f64 {
+        self.0.symmetric_eigenvalues().min()
+    }
+
+    /// Its largest one.
+    pub fn most(&self) -> f64 {
+        self.0.symmetric_eigenvalues().max()
+    }
+}
+
+/// The stiffness with these axial forces, and the part of it that resists.
+pub fn stiffnesses(term: &dyn Term, at: &Point, axial: &[f64]) -> [Stiffness; 2] {
+    let n = at.q.len();
+    let of = |stable: bool| {
+        let (mut f, mut dq, mut dv) = (vec![0.0; n], NodeMatrix::band(n / 3, n / 3 - 1), NodeMatrix::band(n / 3, n / 3 - 1));
+        if stable {
+            term.add_stable_jacobian(at, axial, &mut f, &mut dq, &mut dv);
+        } else {
+            term.add_mixed_jacobian(at, axial, &mut f, &mut dq, &mut dv);
+        }
+        Stiffness(DMatrix::from_fn(n, n, |r, c| -dq.get(r, c)))
+    };
+    [of(false), of(true)]
+}
+
 pub fn force(term: &dyn Term, at: &Point) -> DVector<f64> {
     let mut f = vec![0.0; at.q.len()];
     term.add_force(at, &mut f);

@@ -285,4 +285,22 @@ mod tests {
         let (coarse, fine) = (predicted(1e-4), predicted(1e-5));
         assert!((coarse / fine / 100.0 - 1.0).abs() < 0.01, "{coarse} {fine}");
     }
+
+    /// Compressed triangles push their nodes aside; of what resists that is left out, and pulled ones keep all they have.
+    #[test]
+    fn what_resists_is_positive_and_all_of_it_under_tension() {
+        let kernel = Membrane::new(faces(4));
+        for (scale, compressed) in [(0.5, true), (10.0, false)] {
+            let sample = Sample::sheet(5);
+            let q: Vec<f64> = sample.q.iter().map(|q| q * scale).collect();
+            let at = Point { q: &q, ..sample.at() };
+            let mut axial = vec![0.0; kernel.n_axial()];
+            kernel.predict_axial(&at, &vec![0.0; q.len()], &mut axial);
+            let pulled = axial.chunks(3).all(|s| s[0] + s[1] > 0.0 && s[0] * s[1] > s[2] * s[2]);
+            let [exact, stable] = check::stiffnesses(&kernel, &at, &axial);
+            assert!(stable.least() >= -1e-12 * stable.most(), "{}", stable.least());
+            assert!(!compressed || exact.least() < -1e-3 * exact.most(), "{}", exact.least());
+            assert!(compressed || (pulled && exact.0 == stable.0));
+        }
+    }
 }

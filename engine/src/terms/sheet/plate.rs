@@ -252,4 +252,12 @@ mod tests {
         check::jacobians_symmetric_on(Sample::sheet, &kernel);
         check::zero_coefficients_on(Sample::sheet, &kernel, &[0]);
     }
+
+    #[test]
+    fn what_resists_is_positive() {
+        let (kernel, sample) = (Plate::new(patches()), Sample::sheet(5));
+        let [exact, stable] = check::stiffnesses(&kernel, &sample.at(), &[]);
+        assert!(stable.least() >= -1e-12 * stable.most(), "{}", stable.least());
+        assert!(exact.least() < -1e-3 * exact.most(), "{}", exact.least());
+    }
 }
