@@ -46,14 +46,15 @@ impl Setup {
     fn steps(&self, options: StepOptions, repeats: usize, jacobians: bool) -> PyResult<Vec<f64>> {
         let model = self.model.engine();
         let mut times = Vec::with_capacity(repeats);
-        let mut linearizer = Linearizer::new(model, &self.theta, false);
+        // it holds matrices of the size of a state squared
+        let mut linearizer = jacobians.then(|| Linearizer::new(model, &self.theta, false));
         while times.len() < repeats {
             let mut stepper = Stepper::new(model, &self.theta, options).map_err(errors::step)?;
             let mut state = self.x0.clone();
             for (k, u) in self.u.iter().enumerate().take(repeats - times.len()) {
                 let begin = Instant::now();
                 let (_, record) = stepper.step(&mut state, u).map_err(|e| errors::step(e.at_step(k)))?;
-                if let Some(record) = record.filter(|_| jacobians) {
+                if let (Some(record), Some(linearizer)) = (record, &mut linearizer) {
                     black_box(linearizer.linearize(&record));
                 }
                 times.push(begin.elapsed().as_secs_f64());

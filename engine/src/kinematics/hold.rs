@@ -6,8 +6,9 @@
 //!                    the material axis at which the scene begins, by the smallest rotation from that edge's direction to t⁺
 //! φ = roll + a·(t⁺ − t₀) + b·(x⁺ − x₀)
 //! ```
-//! with t₀, x₀ the edge's direction and the place of its first node (of a clamped end, of the rope's last) as the scene begins: a gripper whose turn about the rope is not measured
-//! turns with where its arm takes it, to first order so much by direction (a \[rad\]) and so much by place (b [rad/m]).
+//! with t₀, x₀ the edge's direction and the place of its first node (of a clamped end, of the rope's last; where the controls have it, without
+//! the gripper's offset) as the scene begins: a gripper whose turn about the rope is not measured turns with where its arm takes it, to
+//! first order so much by direction (a \[rad\]) and so much by place (b [rad/m]).
 //!
 //! The twist's velocity is the angle to it from today's axis, carried to t⁺, over h: the way that is shorter than half a turn. A
 //! gripper driven by an angular velocity ω turns the edge by cay(h ω), of which 2 atan(h ω·t/2) is about the edge.

@@ -29,7 +29,7 @@ pub enum StepError {
         term: String,
     },
     /// A number became infinite or NaN.
-    #[error("step {step}: `{term}` gives {value} at {place}; the state or a parameter has left the range where it is defined")]
+    #[error("step {step}: `{term}` gives {value:e} at {place}; the state or a parameter has left the range where it is defined")]
     NotFinite {
         /// Step number.
         step: usize,

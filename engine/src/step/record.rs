@@ -2,6 +2,7 @@
 
 use super::contact_rows::RowRecord;
 use super::spot_rows::SpotRecord;
+use super::stage::weighed;
 use super::{Scheme, Stage, Workspace, end_positions};
 use crate::bodies::turns::Turns;
 use crate::contact::{Condensed, Touch};
@@ -282,9 +283,9 @@ impl StageRecord {
             emit(param, dn * w[0], contact.df_dvn * (dgap / self.h) + contact.df_dvt * dv_t);
         });
         emit(pair.friction, Vec3::new(w[1], w[2], w[3]), contact.df_dmu);
-        let (mass, g) = (model.masses[pair.node].mass(theta), theta[model.gravity]);
+        let (mass, (g, slope)) = (model.masses[pair.node].mass(theta), weighed(theta[model.gravity]));
         let by_kappa = contact.df_dkappa * self.rest_gap;
-        emit(model.gravity, Vec3::zeros(), by_kappa * mass);
+        emit(model.gravity, Vec3::zeros(), by_kappa * (mass * slope));
         model.masses[pair.node].visit(theta, &mut |param, dm| emit(param, Vec3::zeros(), by_kappa * (dm * g)));
     }
 

@@ -122,6 +122,14 @@ pub(crate) struct Stage<'a> {
     pub coarse: bool,
 }
 
+/// The acceleration [m/s²] by which the sharpness of a node's contact is told from its mass, and its derivative by gravity. Without gravity,
+/// where nothing rests, that of solids' contacts: a law without any smoothing has no derivative.
+pub(super) fn weighed(gravity: f64) -> (f64, f64) {
+    if gravity > 0.0 { (gravity, 1.0) } else { (WEIGHTLESS, 0.0) }
+}
+
+const WEIGHTLESS: f64 = 10.0;
+
 impl Stage<'_> {
     /// The law's numbers at contact `c`.
     pub(crate) fn law_point(&self, c: usize) -> LawPoint {
@@ -133,7 +141,7 @@ impl Stage<'_> {
                 crate::scene::Law::Anitescu => ContactLaw::Anitescu,
             },
             mu: self.theta[pair.friction],
-            kappa: self.rest_gap * mass * self.theta[self.model.gravity].max(f64::MIN_POSITIVE),
+            kappa: self.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
             rho: RHO * mass,
         }
     }
