@@ -9,7 +9,7 @@ here. What differs, and why:
 
 - The release's initial shapes are files that are not at hand. Here: LiftRope a U on the floor with
   its ends under the grippers' start, DragRope straight, FoldCloth flat, FlattenCloth rippled.
-- Where the grippers of FlattenCloth begin is not known; they stand at two corners of one side.
+- Where the grippers of FlattenCloth begin is not known; they stand at the middles of two sides.
 - Rope of diameter d and modulus E: EA = E pi d^2/4, EI = E pi d^4/64. Its spring model of cloth is
   a plate and a membrane here. Friction of the cloth on its table is not given: 0.8 as for the rope.
 - Reach is measured from the centreline here, there from the surface: half the thickness is added.
@@ -182,7 +182,7 @@ def fold_cloth() -> Task:
 
 
 def flatten_cloth() -> Task:
-    """Two grippers take two corners of a rippled cloth and pull it flat."""
+    """Two grippers take a rippled cloth by two opposite sides and pull it flat."""
     size, thickness, ripples, height = 0.3, 1e-3, 2, 0.012
     line = np.linspace(0.0, 1.0, 10)
 
@@ -196,10 +196,10 @@ def flatten_cloth() -> Task:
     x = np.array(x) - x[-1] / 2
     points = [(px, py, z(s)) for px, s in zip(x, line) for py in np.linspace(-size / 2, size / 2, 10)]
     text = head(200) + cloth_text(size, thickness, 1.2e4, points) + FLOOR.format(0.55)
-    for name, y in (("left", -size / 2), ("right", size / 2)):
-        at = (x[-1], y, z(1.0) + 0.02)
-        down, out = (0, 0, -0.018), size / 2 - x[-1]
-        moves = ((down, 0.3), ((out, 0, -0.018), 0.3), ((out + 0.002, 0, -0.02), 0))
+    for name, side in (("left", -1), ("right", 1)):
+        at = (side * x[-1], 0.0, z(1.0) + 0.02)
+        out = side * (size / 2 - x[-1])
+        moves = (((0, 0, -0.018), 0.3), ((out, 0, -0.018), 0.3), ((out + side * 0.001, 0, -0.02), 0))
         text += gripper(name, 'cloth = "cloth"', at, 0.01 + thickness / 2, 1000.0, 3e-3, moves, [(0.0, 0.0), (0.16, 0.0), (0.22, 1.0)])
     return text, cloth_goal(size, thickness / 2), "cloth"
 
