@@ -1,7 +1,9 @@
 """Writes the scene of a real cable (DEFORM's DLO1 or DLO2) for `pliant diagnose`.
 
-    python -m validation.real.deform_dlo 1 out/dlo1.toml
+    python -m validation.real.deform_dlo 1 out/dlo1.toml [--twist]
     pliant diagnose out/dlo1.toml --out out/dlo1_report
+
+With `--twist` the cable is a rod, whose causes the diagnosis then knows.
 
 The data are found by `data_folder` and never copied. Vertices 0, 1, -2, -1 are clamped by the two grippers and are the
 inputs; the others are measured. Neither mass nor stiffness is published: motion without forces identifies ratios only, so
@@ -33,7 +35,15 @@ def data_folder() -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def scene(cable: int, skip: list[int] | None = None) -> str:
+TWIST = f"""
+[rope.twist]
+stiffness = {TWIST_STIFFNESS}
+damping = {TWIST_DAMPING}
+inertia = {TWIST_INERTIA}
+"""
+
+
+def scene(cable: int, skip: list[int] | None = None, twist: bool = False) -> str:
     """Scene text: rest lengths are the median distances of neighbouring markers over the training records.
 
     `skip`: training records left out, those of FAULTY if not given. Initial states are taken from the
@@ -67,12 +77,7 @@ stretch_damping = {STRETCH_DAMPING}
 bend_stiffness = {BEND_STIFFNESS}
 bend_damping = {BEND_DAMPING}
 initial = {{ shape = "points", points = [{rows}] }}
-
-[rope.twist]
-stiffness = {TWIST_STIFFNESS}
-damping = {TWIST_DAMPING}
-inertia = {TWIST_INERTIA}
-
+{TWIST if twist else ""}
 [[gripper]]
 name = "left"
 rope = "cable"
@@ -120,4 +125,4 @@ free = [
 if __name__ == "__main__":
     out = Path(sys.argv[2])
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(scene(int(sys.argv[1])))
+    out.write_text(scene(int(sys.argv[1]), twist="--twist" in sys.argv[3:]))
