@@ -1,14 +1,23 @@
 //! A rod that is curved by nature, otherwise from place to place: kinks, the memory of a coil, a cable that was laid badly.
+//!
+//! The even part of it is a cause of its own (`intrinsic_curvature`), which this one contains: it is looked at once that one is free, as
+//! what differs from the joint in the middle.
 
 use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     at.per_rod(|rod| {
-        let paths = at.joints_of(rod, "rest_curvature[0]").into_iter().chain(at.joints_of(rod, "rest_curvature[1]"));
+        let middle = |mut paths: Vec<String>| {
+            paths.remove(paths.len() / 2);
+            paths
+        };
+        let paths = (0..2).flat_map(|a| middle(at.joints_of(rod, &format!("rest_curvature[{a}]"))));
+        let even = at.free.iter().any(|free| free.path == format!("{rod}.rest_curvature[0]"));
         Cause {
             name: "uneven_curvature",
             meaning: "the rod is curved by nature, in another way from place to place (kinks, the memory of a coil)",
-            unknowns: paths.filter_map(|path| at.theta(&path, at.typical_curvature(rod))).collect(),
+            unknowns: if even { paths.filter_map(|path| at.theta(&path, at.typical_curvature(rod))).collect() } else { Vec::new() },
+            untestable: (!even).then(|| "first its even part, `intrinsic_curvature`, is looked at".to_owned()),
             excitation: "turn both ends about the rod's own direction by the same angle, with the rod slack and with it stretched",
             ..Cause::default()
         }
