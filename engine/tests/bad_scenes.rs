@@ -72,7 +72,7 @@ fn built(old: &str, new: &str) -> Result<(), String> {
 #[test]
 fn contact_of_edges() {
     assert_eq!(built("nodes = 5", "nodes = 5"), Ok(()));
-    refused("radius = 0.003", "radius = 0.003\ncontact = \"faces\"", "17: rope[0].contact", &["`nodes`", "`edges`"]);
+    refused("radius = 0.003", "radius = 0.003\ncontact = \"faces\"", "17: rope[0].contact", &["\"nodes\"", "\"edges\""]);
     refused(
         "radius = 0.003",
         "contact = \"edges\"",
