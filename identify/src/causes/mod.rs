@@ -80,12 +80,23 @@ pub struct Cause {
     pub settings: Vec<Vec<(usize, f64)>>,
     /// What is no candidate because it would move the readings in exactly the same way.
     pub twins: Vec<&'static str>,
+    /// What nobody measured, and what matters only once this cause is there; a search for causes that act together frees it with them.
+    pub companions: Vec<Unknown>,
+    /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
+    pub starts: Vec<Vec<(usize, f64)>>,
+    /// The cause that this one adds detail to.
+    pub above: Option<&'static str>,
 }
 
 impl Cause {
     /// What tells it from all others: `gripper_offset (left)`.
     pub fn title(&self) -> String {
         title(self.name, self.object.as_deref())
+    }
+
+    /// Whether it means nothing without the other.
+    pub(crate) fn rests_on(&self, other: &Self) -> bool {
+        self.above == Some(other.name) && self.object == other.object
     }
 }
 
@@ -103,6 +114,8 @@ pub struct Situation<'a> {
     pub values: &'a Values,
     /// Paths that are free already.
     pub free: &'a [Unknown],
+    /// Whether causes are sought that act together ([`Cause::companions`]): what contains another one is then looked at beside it.
+    pub together: bool,
 }
 
 impl Situation<'_> {
@@ -140,16 +153,24 @@ impl Situation<'_> {
 
     /// Prescribed grippers that hold the axes of a rod, and whether they are the first to hold that one.
     fn rod_grippers(&self) -> Vec<(String, bool)> {
-        let (model, mut held) = (&self.plan.model, Vec::new());
+        let holds = self.holds();
+        let first = |k: usize| holds[..k].iter().all(|(_, rope)| *rope != holds[k].1);
+        holds.iter().enumerate().map(|(k, (gripper, _))| (gripper.clone(), first(k))).collect()
+    }
+
+    /// Those that hold the axes of this rod, without the first.
+    fn later_grippers(&self, rod: &str) -> Vec<String> {
+        let holds = self.holds().into_iter();
+        let of_rod = |(_, rope): &(String, Option<usize>)| rope.is_some_and(|rope| self.plan.model.ropes()[rope].name == rod);
+        holds.filter(of_rod).map(|(gripper, _)| gripper).skip(1).collect()
+    }
+
+    /// Prescribed grippers that hold the axes of rods, with the rod's number.
+    fn holds(&self) -> Vec<(String, Option<usize>)> {
+        let model = &self.plan.model;
         let with_roll = model.drives().iter().filter(|drive| drive.held.iter().any(|held| held.roll.is_some()));
-        with_roll
-            .map(|drive| {
-                let rope = model.ropes().iter().position(|rope| drive.nodes().iter().any(|node| rope.nodes.contains(node)));
-                let first = !held.contains(&rope);
-                held.push(rope);
-                (drive.name.clone(), first)
-            })
-            .collect()
+        let rope = |nodes: &[usize]| model.ropes().iter().position(|rope| nodes.iter().any(|node| rope.nodes.contains(node)));
+        with_roll.map(|drive| (drive.name.clone(), rope(&drive.nodes()))).collect()
     }
 
     /// Paths of a quantity that every joint of a rod has.
@@ -167,6 +188,14 @@ impl Situation<'_> {
     /// A drag coefficient [kg/(m·s)] whose force at 1 m/s is a tenth of the rope's weight: a typical size.
     fn typical_drag(&self, rope: &str) -> f64 {
         0.1 * self.value(&format!("{rope}.linear_density")) * self.value("gravity.magnitude").max(1.0)
+    }
+
+    /// What decides where a rod that is curved by nature lies, and what nobody measures of a real one: how later grippers are turned about
+    /// it, and its stiffness in twist.
+    fn unmeasured_of(&self, rod: &str) -> Vec<Unknown> {
+        let rolls = self.later_grippers(rod).into_iter().filter_map(|gripper| self.theta(&format!("{gripper}.roll"), 0.1));
+        let stiffness = self.theta(&format!("{rod}.twist_stiffness"), 0.1 * self.value(&format!("{rod}.bend_stiffness")));
+        rolls.chain(stiffness.map(Unknown::logarithmic)).collect()
     }
 
     /// A cause of this shape for every joint that has such a quantity. Its typical size is `size` times the joint's inertia.

@@ -8,7 +8,7 @@ use crate::fit::{FitOptions, Fitted, fit, fit_noise, prepare};
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
-use crate::shoot::{Plan, ShotWants, shoot};
+use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use schemars::JsonSchema;
@@ -126,13 +126,26 @@ fn opened(values: &Values, unknowns: &[Unknown]) -> Values {
     out
 }
 
-/// Baseline fit: segments, noise model, declared unknowns.
-pub(super) fn baseline(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
-    let unknowns = declared(setup, plan)?;
-    refuse_dead(plan, &unknowns)?;
-    let values = opened(&plan.scene_values, &unknowns);
-    let (values, records) = prepare(plan, &values, &unknowns, setup.experiment.fit.segment, options)?;
-    fit(plan, &records, &values, &unknowns, None, options)
+/// What a baseline is fitted from: the declared unknowns, and the records cut and brought near.
+pub(super) struct Prepared {
+    pub unknowns: Vec<Unknown>,
+    pub values: Values,
+    pub records: Vec<RecordPlan>,
+}
+
+impl Prepared {
+    pub(super) fn new(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Self, IdentifyError> {
+        let unknowns = declared(setup, plan)?;
+        refuse_dead(plan, &unknowns)?;
+        let values = opened(&plan.scene_values, &unknowns);
+        let (values, records) = prepare(plan, &values, &unknowns, setup.experiment.fit.segment, options)?;
+        Ok(Self { unknowns, values, records })
+    }
+
+    /// The baseline: fitted with its noise model, or with `rounds` 0 by least squares.
+    pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+        fit(plan, &self.records, &self.values, &self.unknowns, None, options)
+    }
 }
 
 /// The better of two fits, what its intervals are taken from, and what has to be said about it.
@@ -148,12 +161,10 @@ struct Chosen {
 /// Whitened by its own colour, a residual that is noise gives the best estimates. Where the model lacks something, the residual is
 /// no noise, and the whitened optimum may lie far from the data: it explains the fast part and lets the slow one go.
 fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
-    let unknowns = declared(setup, plan)?;
-    refuse_dead(plan, &unknowns)?;
-    let start = opened(&plan.scene_values, &unknowns);
-    let (values, records) = prepare(plan, &start, &unknowns, setup.experiment.fit.segment, options)?;
-    let plain = fit(plan, &records, &values, &unknowns, None, &FitOptions { rounds: 0, ..*options })?;
-    let whitened = fit(plan, &plain.records, &plain.values, &unknowns, None, options)?;
+    let start = opened(&plan.scene_values, &declared(setup, plan)?);
+    let prepared = Prepared::new(setup, plan, options)?;
+    let plain = prepared.fit(plan, &FitOptions { rounds: 0, ..*options })?;
+    let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;
     let given_up = whitened.rmse > WORSE * plain.rmse;
     let mut warnings = Vec::new();
     let (fitted, spread) = if given_up {
@@ -186,7 +197,7 @@ fn unmoved(u: &Unknown) -> String {
 
 /// A least-squares fit with the noise model of its residual, and with white noise of as many independent samples as that has:
 /// the error of least squares where its residual is coloured.
-fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), IdentifyError> {
+pub(super) fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), IdentifyError> {
     let lost = plain.unknowns.len() + plain.records.iter().map(|r| r.start.z.len()).sum::<usize>();
     let noise = fit_noise(plan, &plain.residuals, lost)?;
     let samples = plain.residuals.iter().map(Vec::len).sum::<usize>() / plan.channels().max(1);

@@ -5,6 +5,7 @@ use super::test::reduce;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::shoot::Plan;
+use crate::unknown::{Unknown, Values};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Two-sided 90 % of a normal.
@@ -90,26 +91,23 @@ impl Curvature {
 /// Estimates with intervals from the curvature.
 pub(super) fn estimates(plan: &Plan, fitted: &Fitted, curvature: &Curvature) -> Vec<Estimate> {
     let errors = curvature.std_errors();
-    let one = |(u, se): (&crate::unknown::Unknown, &f64)| {
-        let value = u.value(&fitted.values);
-        let end = |z: f64| {
-            if se.is_finite() {
-                u.far(value, z * se)
-            } else if z < 0.0 {
-                u.bounds.0
-            } else {
-                u.bounds.1
-            }
-        };
-        Estimate {
-            path: u.path.clone(),
-            estimate: value,
-            unit: u.unit.clone(),
-            interval: rising([end(-Z90), end(Z90)]),
-            scene_value: u.value(&plan.scene_values),
-        }
+    let one = |(u, se): (&Unknown, &f64)| Estimate {
+        path: u.path.clone(),
+        estimate: u.value(&fitted.values),
+        unit: u.unit.clone(),
+        interval: by_curvature(u, &fitted.values, *se),
+        scene_value: u.value(&plan.scene_values),
     };
     fitted.unknowns.iter().zip(&errors).map(one).collect()
+}
+
+/// 90 % interval from a standard error of the coordinate; its bounds where nothing determines it.
+pub(super) fn by_curvature(u: &Unknown, values: &Values, std_error: f64) -> [f64; 2] {
+    if !std_error.is_finite() {
+        return [u.bounds.0, u.bounds.1];
+    }
+    let value = u.value(values);
+    rising([-Z90, Z90].map(|z| u.far(value, z * std_error)))
 }
 
 /// 90 % profile-likelihood interval of unknown `j`: where the deviance, minimised over all else, has risen by χ²₁(0.90).

@@ -1,6 +1,6 @@
 //! Step 8: the error on records that were not fitted.
 
-use super::result::{Curve, Gain, Snapshot};
+use super::result::{Curve, Gain, HorizonError, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
@@ -76,11 +76,43 @@ pub(super) fn gains(
     noise: f64,
     seed: u64,
 ) -> Result<Vec<Gain>, IdentifyError> {
+    horizons(plan, records).into_iter().map(|horizon| gain(plan, records, before, after, noise, horizon, seed)).collect()
+}
+
+/// One step, 0.1, 0.5 and 1 s, and the longest record \[s\].
+fn horizons(plan: &Plan, records: &[RecordPlan]) -> Vec<f64> {
     let longest = records.iter().map(|r| r.record.duration()).fold(0.0, f64::max);
     let mut horizons = vec![plan.model.step_length()];
     horizons.extend([0.1, 0.5, 1.0].into_iter().filter(|h| *h < longest - 1e-9));
     horizons.push(longest);
-    horizons.into_iter().map(|horizon| gain(plan, records, before, after, noise, horizon, seed)).collect()
+    horizons
+}
+
+/// Residuals of the samples up to a horizon.
+fn until(plan: &Plan, records: &[RecordPlan], all: &[Vec<f64>], horizon: f64) -> Vec<Vec<f64>> {
+    let channels = plan.channels();
+    let cut = |(r, rec): (&Vec<f64>, &RecordPlan)| {
+        let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + 1e-9) + 1e-6).max(2);
+        r[..(n * channels).min(r.len())].to_vec()
+    };
+    all.iter().zip(records).map(cut).collect()
+}
+
+/// Mean errors over all records, of the median one, and without the worst.
+pub(super) fn horizon_errors(plan: &Plan, records: &[RecordPlan], residuals: &[Vec<f64>]) -> Vec<HorizonError> {
+    let one = |horizon: f64| {
+        let part = until(plan, records, residuals, horizon);
+        let mut each: Vec<f64> = part.iter().map(|r| plan.mean_abs(std::slice::from_ref(r))).collect();
+        let worst = (0..each.len()).max_by(|a, b| each[*a].total_cmp(&each[*b])).unwrap_or(0);
+        let others: Vec<Vec<f64>> = part.iter().enumerate().filter(|(k, _)| *k != worst).map(|(_, r)| r.clone()).collect();
+        let mean_abs = plan.mean_abs(&part);
+        let without_worst = if others.is_empty() { mean_abs } else { plan.mean_abs(&others) };
+        each.sort_by(f64::total_cmp);
+        let middle = each.len() / 2;
+        let median = if each.len() % 2 == 1 { each[middle] } else { 0.5 * (each[middle - 1] + each[middle]) };
+        HorizonError { horizon_s: horizon, mean_abs, median_record: median, without_worst }
+    };
+    if residuals.is_empty() { Vec::new() } else { horizons(plan, records).into_iter().map(one).collect() }
 }
 
 /// Samples up to the horizon; the error *at* the horizon would be one noisy sample per record.
@@ -93,15 +125,7 @@ fn gain(
     horizon: f64,
     seed: u64,
 ) -> Result<Gain, IdentifyError> {
-    let channels = plan.channels();
-    let part = |all: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let cut = |(r, rec): (&Vec<f64>, &RecordPlan)| {
-            let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + 1e-9) + 1e-6).max(2);
-            r[..(n * channels).min(r.len())].to_vec()
-        };
-        all.iter().zip(records).map(cut).collect()
-    };
-    let (b, a) = (part(before), part(after));
+    let [b, a] = [before, after].map(|all| until(plan, records, all, horizon));
     let (rb, ra, mean_abs) = (plan.rms(&b), plan.rms(&a), [plan.mean_abs(&b), plan.mean_abs(&a)]);
     let kept = |all: Vec<Vec<f64>>| -> Vec<Vec<f64>> { all.iter().map(|r| plan.reported_errors(r)).collect() };
     let per_sample = plan.reported().iter().filter(|r| **r).count();

@@ -2,7 +2,8 @@
 //!
 //! In order: audit of the data; baseline refit of the declared free parameters; the simulation's own error; score tests of
 //! every cause from one linearization; refits of the significant ones, the naming rule among them; forward selection and
-//! removal; profile intervals; gain on held-out records; what remains is said.
+//! removal; profile intervals; gain on held-out records; what remains is said. Where the residual is no noise and records are many,
+//! causes are sought that carry over to other records together, instead of tested against a noise model (`search`).
 
 mod audit;
 mod baseline;
@@ -16,6 +17,7 @@ mod pipeline;
 mod reason;
 mod remainder;
 mod result;
+mod search;
 mod second_look;
 mod select;
 mod selection;

@@ -1,12 +1,15 @@
 //! The whole diagnosis, in order.
 
+use super::baseline::Prepared;
 use super::certainty::{Curvature, estimates};
+use super::reason::NO_NOISE;
 use super::result::*;
+use super::search::{Found, is_possible, search};
 use super::selection::Selection;
 use super::story::Story;
 use super::test::test;
 use super::verdict::{decide, set_alternatives};
-use super::{audit, baseline, ceiling, gain, numerics, remainder};
+use super::{audit, ceiling, gain, numerics, remainder};
 use crate::causes::{discretisation, spacing};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
@@ -49,24 +52,28 @@ pub fn diagnose(
     findings.extend(audit::held_markers(&plan));
     let fit_options = FitOptions::default();
     progress("fitting the baseline");
-    let base = baseline::baseline(setup, &mut plan, &fit_options)?;
+    let prepared = Prepared::new(setup, &mut plan, &fit_options)?;
+    let found = together(&plan, &prepared, sensor_sigma, options, progress)?;
+    let base = match &found {
+        Some(found) => found.base.coloured.clone(),
+        None => prepared.fit(&plan, &fit_options)?,
+    };
     let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
     let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
     let mut story = Story { plan: &plan, judged, base: &base, options: &fit_options, stages: Vec::new() };
-    story.add("baseline", &base)?;
+    let plain = found.as_ref().map(|found| found.base.spread.clone());
+    story.add("baseline", plain.as_ref().unwrap_or(&base))?;
 
-    let mut run = Selection {
-        current: base.clone(),
-        accepted: Vec::new(),
-        ambiguous: Vec::new(),
-        undecided: None,
-        rejected: false,
-        notes: Vec::new(),
-    };
+    let mut run = Selection::new(&base);
     progress("testing every cause");
     let first = test(&plan, &base, options.seed)?;
-    run.grow(&plan, &first, sensor_sigma, options, &fit_options, &mut story, progress)?;
-    run.prune(&plan, &base.unknowns, &fit_options, progress)?;
+    match found {
+        Some(found) => run.take(found, &mut story)?,
+        None => {
+            run.grow(&plan, &first, sensor_sigma, options, &fit_options, &mut story, progress)?;
+            run.prune(&plan, &base.unknowns, &fit_options, progress)?;
+        }
+    }
 
     progress("checking what remains");
     let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
@@ -88,13 +95,15 @@ pub fn diagnose(
         if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
     let ceiling = ceiling::ceiling(&plan, &base, &run.current, judged, sensor_sigma, &fit_options)?;
     let (curves, snapshots) = gain::pictures(&plan, (judged, &base.values), (&reread, &run.current.values))?;
-    let curvature = Curvature::new(&plan, &base)?;
+    let of_base = plain.as_ref().unwrap_or(&base);
+    let curvature = Curvature::new(&plan, of_base)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
         scene: setup.source.place("").file.unwrap_or_default(),
         verdict: Verdict::Adequate,
         reason: String::new(),
         causes,
+        extension: Vec::new(),
         alternatives: Vec::new(),
         alternative_objects: Vec::new(),
         advice: Vec::new(),
@@ -118,6 +127,27 @@ pub fn diagnose(
     decide(&mut diagnosis, &run, &first, base.converged, imitated, numerics.ratio);
     diagnosis.wall_s = clock.elapsed().as_secs_f64();
     Ok(diagnosis)
+}
+
+/// Where the residual is no noise and records are many: causes that carry over together, and the baseline of least squares that they
+/// begin from. What they leave has to be no noise either: else a noise model can be found, and is the better judge.
+fn together(
+    plan: &Plan,
+    prepared: &Prepared,
+    sensor_sigma: f64,
+    options: &DiagnoseOptions,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Option<Found>, IdentifyError> {
+    let no_noise = |fitted: &Fitted| sensor_sigma > 0.0 && fitted.rmse > NO_NOISE * sensor_sigma;
+    if !is_possible(plan) {
+        return Ok(None);
+    }
+    let plain = prepared.fit(plan, &FitOptions { rounds: 0, tolerance: 1e-3, ..FitOptions::default() })?;
+    if !no_noise(&plain) {
+        return Ok(None);
+    }
+    let found = search(plan, &plain, options.max_causes, options.seed, progress)?;
+    Ok(Some(found).filter(|found| found.steps.last().is_some_and(|last| no_noise(&last.fitted.coloured))))
 }
 
 /// The noise of a fit, in the reported unit.

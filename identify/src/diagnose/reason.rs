@@ -2,7 +2,7 @@
 
 use super::result::{Cause, Estimate, Gain, Noise, Remainder};
 use super::select::Margin;
-use crate::number::{estimate_plain, number_plain, quantity_plain, unit};
+use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
 
 /// Name of the cause that lies in the simulation itself.
 pub(super) const DISCRETISATION: &str = "discretisation";
@@ -60,6 +60,18 @@ pub(super) fn unlike_noise(noise: &Noise, left: &Remainder) -> Option<String> {
             quantity_plain(left.rmse, &left.unit)
         )
     })
+}
+
+/// That causes were found which carry over to other records together, and leave too much to be given names.
+pub(super) fn together(names: &[String], left: &Remainder, noise: &Noise) -> String {
+    format!(
+        "{} together take {} of what can be explained, each of them on records it was not fitted to; what is left, {}, is {:.0} times what \
+         the readings scatter: something else is there, outside the library, that one of these may stand for in part",
+        names.join(", "),
+        share(left.explained_fraction),
+        quantity_plain(left.rmse, &left.unit),
+        left.rmse / noise.sensor_sigma
+    )
 }
 
 /// That no cause was found; and where the residual is slow and larger than the sensors' own noise, that this is all the data say.

@@ -234,8 +234,23 @@ pub struct Stage {
     pub mean_abs_held_out: f64,
     /// −2 log likelihood plus the BIC penalty.
     pub bic: f64,
+    /// Errors over the held-out records up to several horizons.
+    pub held_out: Vec<HorizonError>,
     /// Parameters fitted at this stage.
     pub parameters: Vec<Estimate>,
+}
+
+/// Mean |error| per coordinate over held-out records up to a horizon [m].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct HorizonError {
+    /// Horizon from the start of a record [s].
+    pub horizon_s: f64,
+    /// Over all records.
+    pub mean_abs: f64,
+    /// Of the median record.
+    pub median_record: f64,
+    /// Over all but the worst record; that of the only one.
+    pub without_worst: f64,
 }
 
 /// Measured and simulated positions of one marker of one record, for pictures.
@@ -288,6 +303,9 @@ pub struct Diagnosis {
     pub reason: String,
     /// Causes accepted jointly.
     pub causes: Vec<Cause>,
+    /// What the model was extended by without a name being given: causes that together carry over to records they were not fitted to,
+    /// while so much remains that one of them may stand for something outside the library.
+    pub extension: Vec<Cause>,
     /// Sets of causes that cannot be told apart.
     pub alternatives: Vec<Vec<String>>,
     /// The grippers that `alternatives` are about, in the same order; null where there is none.

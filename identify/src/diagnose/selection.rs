@@ -5,6 +5,7 @@ use super::pipeline::DiagnoseOptions;
 use super::reason::NO_NOISE;
 use super::remainder;
 use super::result::*;
+use super::search::Found;
 use super::second_look::second_look;
 use super::select::{Margin, Round, refit, round};
 use super::story::Story;
@@ -40,12 +41,61 @@ pub(super) struct Selection {
     pub rejected: bool,
     /// (title of a candidate, what was found about it)
     pub notes: Vec<(String, String)>,
+    /// The same fit as `current` with the noise that its intervals are taken from, where causes were found together ([`super::search`]).
+    pub spread: Option<Box<Fitted>>,
+    /// Causes that took as much as an accepted one and add nothing to it.
+    pub tied: Vec<Vec<Name>>,
 }
 
 /// Name of a cause, and the gripper it is about.
 pub(super) type Name = (String, Option<String>);
 
 impl Selection {
+    /// Nothing accepted yet.
+    pub(super) fn new(base: &Fitted) -> Self {
+        Self {
+            current: base.clone(),
+            accepted: Vec::new(),
+            ambiguous: Vec::new(),
+            undecided: None,
+            rejected: false,
+            notes: Vec::new(),
+            spread: None,
+            tied: Vec::new(),
+        }
+    }
+
+    /// Takes over what was found together.
+    pub(super) fn take(&mut self, found: Found, story: &mut Story) -> Result<(), IdentifyError> {
+        let mut before = found.base.coloured.rmse;
+        for step in found.steps {
+            let (fitted, spread) = (step.fitted.coloured, step.fitted.spread);
+            // a likelihood ratio as if as many samples were independent as the residual's colour leaves
+            let rows: usize = fitted.residuals.iter().map(Vec::len).sum();
+            let channels = story.plan.channels().max(1);
+            let samples = fitted.noise.effective_samples(rows / channels) * channels as f64;
+            let statistic = 2.0 * samples * (before / fitted.rmse).ln();
+            before = fitted.rmse;
+            story.add(step.cause.name, &spread)?;
+            if !step.ties.is_empty() {
+                self.tied.push(
+                    step.ties.into_iter().map(|(name, object)| (name.to_owned(), object)).chain([name(&step.cause)]).collect(),
+                );
+            }
+            let title = step.cause.title();
+            let gain = format!(
+                "accepted: on records it was not fitted to it takes {:.1} % of the squares (p = {:.1e})",
+                100.0 * step.gain,
+                step.p
+            );
+            self.notes.push((title, gain));
+            self.accepted.push(Accepted { cause: step.cause, statistic, rivals: Vec::new(), margin: None, constancy: None });
+            (self.current, self.spread) = (fitted, Some(Box::new(spread)));
+        }
+        self.notes.extend(found.notes);
+        Ok(())
+    }
+
     #[allow(clippy::too_many_arguments)] // the parts of the selection
     pub(super) fn grow(
         &mut self,
@@ -194,7 +244,7 @@ impl Selection {
     /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
     pub(super) fn alternatives(&self) -> Vec<Vec<Name>> {
         let twinned = self.accepted.iter().filter(|a| !a.cause.twins.is_empty()).map(|a| with_twins(&a.cause));
-        self.ambiguous.iter().cloned().chain(twinned).collect()
+        self.ambiguous.iter().chain(&self.tied).cloned().chain(twinned).collect()
     }
 
     /// The set, and why, if nothing is accepted but a cause with twins.

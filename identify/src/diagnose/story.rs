@@ -27,6 +27,7 @@ impl Story<'_> {
             rmse_fit: fitted.rmse,
             rmse_held_out: self.plan.rms(&residuals),
             mean_abs_held_out: self.plan.mean_abs(&residuals),
+            held_out: gain::horizon_errors(self.plan, &records, &residuals),
             bic: fitted.deviance + fitted.unknowns.len() as f64 * rows.ln(),
             parameters: estimates(self.plan, fitted, &curvature),
         });

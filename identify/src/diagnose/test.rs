@@ -36,7 +36,12 @@ pub(super) struct Tested {
 
 /// Tests every cause that can be tested at `fitted`.
 pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, IdentifyError> {
-    let mut causes = library(&Situation { plan, values: &fitted.values, free: &fitted.unknowns });
+    test_in(plan, &Situation { plan, values: &fitted.values, free: &fitted.unknowns, together: false }, fitted, seed)
+}
+
+/// Tests every cause of the library as it stands in this situation.
+pub(super) fn test_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64) -> Result<Tested, IdentifyError> {
+    let mut causes = library(at);
     let mut columns = Columns::new(&causes, fitted);
     let reduced = columns.reduce(plan, fitted)?;
     columns.drop_dead(&mut causes, &reduced);

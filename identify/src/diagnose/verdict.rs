@@ -55,12 +55,16 @@ pub(super) fn decide(
         );
         (Verdict::Ambiguous, reason)
     } else if little {
-        let reason = format!(
-            "{} fits best, but takes {} of what can be explained, and the rest is significant ({}): something outside the library",
-            names.join(" with "),
-            share(d.remainder.explained_fraction),
-            d.remainder.note
-        );
+        let reason = if run.spread.is_some() {
+            reason::together(&names, &d.remainder, &d.noise)
+        } else {
+            format!(
+                "{} fits best, but takes {} of what can be explained, and the rest is significant ({}): something outside the library",
+                names.join(" with "),
+                share(d.remainder.explained_fraction),
+                d.remainder.note
+            )
+        };
         (Verdict::NotInLibrary, reason)
     } else if let Some((set, reason)) = run.only_twins() {
         set_alternatives(d, &[set]);
@@ -91,7 +95,10 @@ pub(super) fn decide(
         set_alternatives(d, &[set]);
     }
     if d.verdict != Verdict::Named {
-        d.causes.clear();
+        let causes = std::mem::take(&mut d.causes);
+        if run.spread.is_some() && d.verdict == Verdict::NotInLibrary {
+            d.extension = causes;
+        }
     }
     let wanted: Vec<&String> = d.alternatives.iter().flatten().collect();
     d.advice = first

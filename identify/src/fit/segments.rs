@@ -16,6 +16,9 @@ const LONGEST: f64 = 0.5;
 /// Shortest segment \[s\]: a shorter one says little about forces.
 const SHORTEST: f64 = 0.2;
 
+/// Records of which pieces are enough to come near.
+const ENOUGH: usize = 12;
+
 /// How far back motors remember their commands \[s\]: several of the longest delays and lags.
 const REMEMBERED: f64 = 0.3;
 
@@ -138,7 +141,7 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
 /// Values of `unknowns` and records from which a fit over whole records converges.
 ///
 /// A parameter far off bends a long trajectory out of the range of its linearization. Over pieces that start where the data
-/// are it does not: they are fitted first, with white noise; then the whole records are simulated with what they give. Pieces
+/// are it does not: they (of many records those of every second, third ...) are fitted first, with white noise; then the whole records are simulated with what they give. Pieces
 /// and records at rest stay as they are.
 pub fn approach(
     plan: &Plan,
@@ -151,7 +154,8 @@ pub fn approach(
     if !records.iter().all(whole) {
         return Ok((values.clone(), records.to_vec()));
     }
-    let pieces = records.iter().map(|rec| split(plan, rec, LONGEST)).collect::<Result<Vec<_>, _>>()?.concat();
+    let every = records.len().div_ceil(ENOUGH);
+    let pieces = records.iter().step_by(every).map(|rec| split(plan, rec, LONGEST)).collect::<Result<Vec<_>, _>>()?.concat();
     let short = FitOptions { rounds: 0, tolerance: 1e-3, ..*options };
     let values = fit(plan, &pieces, values, unknowns, None, &short)?.values;
     let follow = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {

@@ -55,8 +55,12 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
 }
 
 fn header(diagnosis: &Diagnosis) -> String {
-    let names: Vec<String> = diagnosis.causes.iter().map(Cause::title).collect();
-    let found = if names.is_empty() { "no cause was accepted".to_owned() } else { format!("accepted: {}", names.join(", ")) };
+    let names = |causes: &[Cause]| causes.iter().map(Cause::title).collect::<Vec<_>>().join(", ");
+    let found = match (diagnosis.causes.as_slice(), diagnosis.extension.as_slice()) {
+        ([], []) => "no cause was accepted".to_owned(),
+        ([], more) => format!("extended, without a name being given, by: {}", names(more)),
+        (named, _) => format!("accepted: {}", names(named)),
+    };
     // A line break in a file's name would end the comment.
     let scene = diagnosis.scene.replace(char::is_control, " ");
     format!("# {scene}, extended by pliant diagnose ({found}). These values are estimates from the logs:\n")
@@ -64,10 +68,11 @@ fn header(diagnosis: &Diagnosis) -> String {
 
 /// What was fitted last: the baseline's free parameters and those of the accepted causes, from their joint refit.
 fn estimates(diagnosis: &Diagnosis) -> Vec<&Estimate> {
-    let causes = || diagnosis.causes.iter().flat_map(|cause| &cause.parameters);
+    let found = || diagnosis.causes.iter().chain(&diagnosis.extension);
+    let causes = || found().flat_map(|cause| &cause.parameters);
     let mut out: Vec<&Estimate> = diagnosis.baseline.iter().collect();
     // Without an accepted cause the last stage may belong to one that was rejected in the end.
-    if let Some(last) = diagnosis.stages.last().filter(|_| !diagnosis.causes.is_empty()) {
+    if let Some(last) = diagnosis.stages.last().filter(|_| found().next().is_some()) {
         for estimate in &mut out {
             *estimate = last.parameters.iter().find(|other| other.path == estimate.path).unwrap_or(estimate);
         }

@@ -54,6 +54,12 @@ pub(super) fn diagnosis() -> Diagnosis {
         rmse_fit: rmse,
         rmse_held_out: 1.1 * rmse,
         mean_abs_held_out: 0.5 * rmse,
+        held_out: vec![HorizonError {
+            horizon_s: 2.0,
+            mean_abs: 0.5 * rmse,
+            median_record: 0.4 * rmse,
+            without_worst: 0.45 * rmse,
+        }],
         bic: 1e4 * rmse,
         parameters: parameters.iter().map(|e| (*e).clone()).collect(),
     };
@@ -80,6 +86,7 @@ pub(super) fn diagnosis() -> Diagnosis {
             constancy_p: Some(0.4),
             rivals: vec![Rival { name: "linear_drag".into(), object: None, cosine: 0.71 }],
         }],
+        extension: Vec::new(),
         alternatives: Vec::new(),
         alternative_objects: Vec::new(),
         advice: Vec::new(),

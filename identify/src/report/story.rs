@@ -52,6 +52,30 @@ pub fn summary(d: &Diagnosis) -> String {
                 write!(out, "\n  most similar: {} (cosine {:.2})", titled(&rival.name, rival.object.as_deref()), rival.cosine);
         }
     }
+    if !d.extension.is_empty() {
+        out += "\n\nthe model is extended by:";
+        for cause in &d.extension {
+            let _ = write!(out, "\n  {}: {}", words(&cause.title()), sentence(&cause.meaning));
+            match cause.parameters.as_slice() {
+                few @ [_] | few @ [_, _] | few @ [_, _, _] | few @ [_, _, _, _] => {
+                    few.iter().for_each(|e| out += &format!("\n    {}", plain(e)));
+                }
+                many => {
+                    let _ = write!(out, "\n    {} numbers, in the report and the extended scene", many.len());
+                }
+            }
+        }
+    }
+    if d.stages.len() > 1 && !d.extension.is_empty() {
+        out += "\n\nmean |error| per coordinate on held-out records (median record; without the worst):";
+        for stage in &d.stages {
+            if let Some(e) = stage.held_out.iter().max_by(|a, b| a.horizon_s.total_cmp(&b.horizon_s)) {
+                let [mean, median, others] =
+                    [e.mean_abs, e.median_record, e.without_worst].map(|x| quantity_plain(x, &d.remainder.unit));
+                let _ = write!(out, "\n  {}: {mean} ({median}; {others})", words(&stage.name));
+            }
+        }
+    }
     out.push('\n');
     for line in &d.unidentifiable {
         let _ = write!(out, "\nnot determined by these data: {line}");

@@ -1,0 +1,191 @@
+//! Which causes together carry over to other records: the search where a residual is no noise.
+//!
+//! Of a real cable the residual is a hundred times what the readings scatter, slow, and the same in every record. No noise model is
+//! true of it: one that is fitted takes every slow error for colour, and its likelihoods call everything significant or nothing.
+//! Where there are records enough, what is asked here instead needs no noise model: *does a cause, fitted by least squares to some
+//! records, lessen the error on others?* The fitted records are dealt into two parts, and in each round
+//! 1. every cause is linearized at the current fit, and the most promising ones are refitted to the first part, with what nobody
+//!    measured about them ([`Cause::companions`]: how a clamp is turned matters once a rod is curved by nature, and only then);
+//! 2. the best on the second part (of those that it does not surely beat the one with fewest numbers) is accepted if it lessens the error there, record by record (t test of the logarithm of the mean
+//!    squares, Bonferroni over the causes tried), and by a part worth having;
+//! 3. causes that it did not beat are asked again on top of it: what adds nothing then cannot be told apart from it.
+//!
+//! In the end each accepted cause has to be missed when it is taken out again. Records that the experiment holds out are not looked at.
+
+mod bench;
+mod paired;
+
+use super::test::test_in;
+use crate::causes::{Cause, Situation};
+use crate::error::IdentifyError;
+use crate::fit::Fitted;
+use crate::shoot::Plan;
+use bench::{Bench, Trial};
+use paired::Paired;
+
+/// Level of a round.
+const LEVEL: f64 = 0.05;
+/// A cause has to take at least this part of the squares.
+const WORTH: f64 = 0.03;
+/// Fewest fitted records: half of them have to be enough to fit, and the others to judge.
+const FEWEST: usize = 12;
+/// Of causes tried roughly so many are followed to their end, unless they take less than this part of what the best one takes.
+const FINALISTS: usize = 3;
+const FAR_BEHIND: f64 = 0.3;
+
+/// A cause that was accepted.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Step {
+    pub cause: Cause,
+    /// Part of the squares on other records that it took when it was accepted, and p of none.
+    pub gain: f64,
+    pub p: f64,
+    /// Causes that took as much, and add nothing to it: name and object.
+    pub ties: Vec<(&'static str, Option<String>)>,
+    /// Fit of all records with all causes accepted so far.
+    pub fitted: Whole,
+}
+
+/// A least-squares fit of all records.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Whole {
+    /// With the colour of its residual, for tests of what remains.
+    pub coloured: Fitted,
+    /// With white noise of as many independent samples as that has, for intervals.
+    pub spread: Fitted,
+}
+
+/// What a search found.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Found {
+    /// The baseline by least squares.
+    pub base: Whole,
+    pub steps: Vec<Step>,
+    /// (title of a cause, what became of it)
+    pub notes: Vec<(String, String)>,
+}
+
+/// A cause as tried in a round.
+struct Tried {
+    cause: Cause,
+    trial: Trial,
+    paired: Paired,
+}
+
+/// Whether there are records enough, and whole ones: pieces are too short to show anything slow.
+pub(in super::super) fn is_possible(plan: &Plan) -> bool {
+    !plan.in_pieces && plan.fitted_records() >= FEWEST
+}
+
+/// Searches from `base`, a baseline of least squares.
+pub(in super::super) fn search(
+    plan: &Plan,
+    base: &Fitted,
+    most: usize,
+    seed: u64,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Found, IdentifyError> {
+    let bench = Bench::new(plan, base)?;
+    let mut current = bench.refit(&base.values, &base.unknowns)?;
+    let mut found = Found { base: bench.of_all(base.clone())?, steps: Vec::new(), notes: Vec::new() };
+    let mut close: Vec<(&'static str, Option<String>)> = Vec::new();
+    let name = |cause: &Cause| (cause.name, cause.object.clone());
+    loop {
+        let tried = round(&bench, &current, seed, &mut found.notes, progress)?;
+        let bar = LEVEL / tried.len().max(1) as f64;
+        let adds = |t: &Tried| t.paired.p <= bar && t.paired.gain >= WORTH;
+        if let Some(last) = found.steps.last_mut() {
+            let added: Vec<_> = tried.iter().filter(|t| adds(t)).map(|t| name(&t.cause)).collect();
+            last.ties = close.drain(..).filter(|cause| !added.contains(cause)).collect();
+        }
+        // of those that the best one does not surely beat, the one with fewest numbers
+        let best = tried.iter().filter(|t| adds(t)).min_by(|a, b| a.trial.total().total_cmp(&b.trial.total()));
+        let near = |t: &&Tried| adds(t) && best.is_some_and(|best| Paired::of(&t.trial.errors, &best.trial.errors).p > LEVEL);
+        let simplest = tried.iter().filter(near).map(|t| t.cause.unknowns.len()).min().unwrap_or(0);
+        let best = tried
+            .iter()
+            .filter(near)
+            .filter(|t| t.cause.unknowns.len() == simplest)
+            .min_by(|a, b| a.trial.total().total_cmp(&b.trial.total()))
+            .or(best);
+        let Some(best) = best.filter(|_| found.steps.len() < most) else { break };
+        progress(&format!("accepted {}", best.cause.title()));
+        let unbeaten = |t: &&Tried| adds(t) && Paired::of(&t.trial.errors, &best.trial.errors).p > bar;
+        close = tried.iter().filter(unbeaten).map(|t| name(&t.cause)).filter(|cause| *cause != name(&best.cause)).collect();
+        let fitted = bench.whole(&best.trial.fitted)?;
+        found.steps.push(Step { cause: best.cause.clone(), gain: best.paired.gain, p: best.paired.p, ties: Vec::new(), fitted });
+        current = best.trial.clone();
+    }
+    prune(&bench, base, &current, &mut found, progress)?;
+    Ok(found)
+}
+
+/// Refits of the promising causes on top of the current fit.
+fn round(
+    bench: &Bench,
+    current: &Trial,
+    seed: u64,
+    notes: &mut Vec<(String, String)>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Vec<Tried>, IdentifyError> {
+    let at = Situation { plan: bench.plan, values: &current.fitted.values, free: &current.fitted.unknowns, together: true };
+    let tested = test_in(bench.plan, &at, &current.fitted, seed)?;
+    let mut tried = Vec::new();
+    for (cause, step) in bench.promising(&tested, &current.fitted) {
+        progress(&format!("trying {} on other records", cause.title()));
+        match bench.with(current, &cause, &step) {
+            Ok((trial, cause)) => tried.push(Tried { paired: Paired::of(&current.errors, &trial.errors), cause, trial }),
+            Err(e) => note(notes, &cause, format!("its refit failed: {e}")),
+        }
+    }
+    tried.sort_by(|a, b| a.trial.total().total_cmp(&b.trial.total()));
+    let most = tried.first().map_or(0.0, |best| best.paired.gain);
+    for (rank, t) in tried.iter_mut().enumerate() {
+        if rank < FINALISTS && t.paired.gain > FAR_BEHIND * most {
+            progress(&format!("going on with {}", t.cause.title()));
+            if let Ok(further) = bench.further(&t.trial)
+                && further.total() < t.trial.total()
+            {
+                (t.paired, t.trial) = (Paired::of(&current.errors, &further.errors), further);
+            }
+        }
+        note(notes, &t.cause, t.paired.words(bench.sizes()));
+        progress(&format!("{}: {}", t.cause.title(), t.paired.words(bench.sizes())));
+    }
+    Ok(tried)
+}
+
+/// Takes out what is not missed: of all but the last one.
+fn prune(
+    bench: &Bench,
+    base: &Fitted,
+    whole: &Trial,
+    found: &mut Found,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(), IdentifyError> {
+    let mut current = whole.clone();
+    for k in (0..found.steps.len().saturating_sub(1)).rev() {
+        let cause = found.steps[k].cause.clone();
+        if found.steps[k + 1..].iter().any(|later| later.cause.rests_on(&cause)) {
+            continue;
+        }
+        progress(&format!("checking that {} is still needed", cause.title()));
+        let Ok(without) = bench.without(&current, &base.unknowns, &cause) else { continue };
+        let missed = Paired::of(&without.errors, &current.errors);
+        if missed.p > LEVEL || missed.gain < WORTH {
+            note(&mut found.notes, &cause, "accepted first, superfluous beside the later causes".to_owned());
+            found.steps.remove(k);
+            if let Some(last) = found.steps.last_mut() {
+                last.fitted = bench.whole(&without.fitted)?;
+            }
+            current = without;
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the last thing found about a cause.
+fn note(notes: &mut Vec<(String, String)>, cause: &Cause, text: String) {
+    notes.retain(|(title, _)| *title != cause.title());
+    notes.push((cause.title(), text));
+}
