@@ -101,7 +101,10 @@ fn thick_sheets() {
     assert!(error.contains("9: cloth[0].thickness") && error.contains("is 0.00707") && error.contains("m long"), "{error}");
     let fine = GOOD.replacen("nodes = [4, 3]", "nodes = [61, 41]", 1).replacen("= 0.3\n", "= 0.3\nradius = 0.05\n", 1);
     let error = parse_scene::<Nothing>(&fine, "scene.toml").unwrap_err().to_string();
-    assert!(error.contains("13: cloth[0].radius: is 0.05 m, but the longest edge, from node") && error.contains("fix: "), "{error}");
+    assert!(
+        error.contains("13: cloth[0].radius: is 0.05 m, but the longest edge, from node") && error.contains("fix: "),
+        "{error}"
+    );
     let light = ["lighter than air", "0.02 m", "given in mm", "write 0.00002"];
     let wide = GOOD.replacen("area_density = 0.2", "area_density = 0.01", 1).replacen("thickness = 1e-3", "thickness = 0.02", 1);
     let error = parse_scene::<Nothing>(&wide, "scene.toml").unwrap_err().to_string();

@@ -228,7 +228,9 @@ fn clamps_that_contradict() {
     let rod = GOOD.replacen("radius = 0.003", twist, 1).replacen("nodes = [0, 1]", "end = \"first\"", 1);
     let second = "[[gripper]]\nname = \"right\"\nrope = \"cable\"\nnodes = [1, 0]\n[[plane]]";
     let error = parse_scene::<Nothing>(&rod.replacen("[[plane]]", second, 1), "rod.toml").unwrap_err().to_string();
-    for part in ["rod.toml:28: gripper[1].nodes[1]: ", "node 0", "\"left\"", "two grippers command one node", "a rod's axes", "fix: "] {
+    for part in
+        ["rod.toml:28: gripper[1].nodes[1]: ", "node 0", "\"left\"", "two grippers command one node", "a rod's axes", "fix: "]
+    {
         assert!(error.contains(part), "no `{part}` in\n{error}");
     }
 }
@@ -264,7 +266,12 @@ fn equilibria_that_are_singular() {
     let pinned = rod.replacen("nodes = [0, 1]", "nodes = [0, 2]", 1);
     says(&pinned, "18: rope[0].start", &["rope \"cable\" may turn about itself", "clamp an `end` or two neighbouring nodes"]);
     // what is curved or flat minds how it stands
-    for inside in ["rest_curvature = [1, 0]", "bend_stiffness_2 = 2e-3", "rest = \"initial\"", "joint = [{ node = 2, rest_curvature = [1, 0] }]"] {
+    for inside in [
+        "rest_curvature = [1, 0]",
+        "bend_stiffness_2 = 2e-3",
+        "rest = \"initial\"",
+        "joint = [{ node = 2, rest_curvature = [1, 0] }]",
+    ] {
         let bent = pinned.replacen("stiffness = 1.0e-3 }", &format!("stiffness = 1.0e-3, {inside} }}"), 1);
         parse_scene::<Nothing>(&bent, "scene.toml").unwrap();
     }
@@ -277,13 +284,17 @@ fn equilibria_that_are_singular() {
 fn thick_ropes() {
     let long = GOOD.replacen("length = 1.0", "length = 10.0", 1);
     let error = parse_scene::<Nothing>(&long.replacen("radius = 0.003", "radius = 3", 1), "scene.toml").unwrap_err().to_string();
-    for part in ["16: rope[0].radius: is 3 m", "(2.5 m, from node 0 to node 1)", "lighter than air", "given in mm", "write 0.003"] {
+    for part in ["16: rope[0].radius: is 3 m", "(2.5 m, from node 0 to node 1)", "lighter than air", "given in mm", "write 0.003"]
+    {
         assert!(error.contains(part), "no `{part}` in\n{error}");
     }
     let fine = GOOD.replacen("nodes = 5", "nodes = 201", 1);
     parse_scene::<Nothing>(&fine.replacen("radius = 0.003", "radius = 0.02", 1), "scene.toml").unwrap();
-    let error = parse_scene::<Nothing>(&fine.replacen("radius = 0.003", "radius = 0.1", 1), "scene.toml").unwrap_err().to_string();
-    for part in ["16: rope[0].radius: is 0.1 m", "the longest edge, from node", "is 0.005 m long", "at most 0.025 (in m)", "51 nodes"] {
+    let error =
+        parse_scene::<Nothing>(&fine.replacen("radius = 0.003", "radius = 0.1", 1), "scene.toml").unwrap_err().to_string();
+    for part in
+        ["16: rope[0].radius: is 0.1 m", "the longest edge, from node", "is 0.005 m long", "at most 0.025 (in m)", "51 nodes"]
+    {
         assert!(error.contains(part), "no `{part}` in\n{error}");
     }
 }
@@ -291,7 +302,11 @@ fn thick_ropes() {
 #[test]
 fn rules_for_pairs() {
     let rule = |between: &str, what: &str| format!("[[contact.pair]]\nbetween = [{between}]\n{what}\n[[plane]]");
-    let twice = format!("{}{}", rule("\"cable\", \"floor\"", "friction = 0.1").replace("[[plane]]", ""), rule("\"floor\", \"cable\"", "ignore = true"));
+    let twice = format!(
+        "{}{}",
+        rule("\"cable\", \"floor\"", "friction = 0.1").replace("[[plane]]", ""),
+        rule("\"floor\", \"cable\"", "ignore = true")
+    );
     refused("[[plane]]", &twice, "28: contact.pair[1].between", &["\"floor\" and \"cable\"", "contact.pair[0]", "remove one"]);
     let soft = rule("\"cable\", \"bar\"", "compliance = 1e-3");
     refused("[[plane]]", &soft, "26: contact.pair[0].compliance", &["against a fixed shape has none", "remove `compliance`"]);

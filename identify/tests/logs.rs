@@ -239,7 +239,10 @@ fn sheets() {
     let sheet = "[[cloth]]\nname = \"sheet\"\ngrid = { nodes = [4, 3], size = [0.3, 0.2] }\norigin = [0, 0, 1]\nthickness = 1e-3\n\
                  area_density = 0.2\nyoungs_modulus = 1e5\n[experiment]\n";
     let case = Case::csv(|_| ()).with("[experiment]\n", sheet);
-    case.refused("scene.toml:27: experiment", &["cloth \"sheet\"", "know ropes, rods and bodies", "remove the [[cloth]]", "`vjp`"]);
+    case.refused(
+        "scene.toml:27: experiment",
+        &["cloth \"sheet\"", "know ropes, rods and bodies", "remove the [[cloth]]", "`vjp`"],
+    );
 }
 
 #[test]

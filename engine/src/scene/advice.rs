@@ -209,7 +209,9 @@ impl Mistake {
                 "grippers hold single nodes, and a round section that is straight at rest does not mind how it stands",
                 "clamp an `end` or two neighbouring nodes, or remove `[rope.twist]` or `start`",
             ),
-            Self::RuleTwice { .. } => both("a rule was copied and not changed", "put what is special into one rule, or remove one"),
+            Self::RuleTwice { .. } => {
+                both("a rule was copied and not changed", "put what is special into one rule, or remove one")
+            }
             Self::FinelyDivided { edge, nodes, .. } => both(
                 "the radius is given in mm instead of m, or the rope is divided more finely than bending means anything",
                 format!("write a `radius` of at most {} (in m), or at most {nodes} nodes", Num(5.0 * edge)),

@@ -197,13 +197,17 @@ pub enum Mistake {
     #[error("nothing holds {what} \"{name}\", so it has no equilibrium: the matrix of statics is singular")]
     Unheld { what: &'static str, name: String },
     /// An equilibrium of a rope of any length.
-    #[error("is 0 N, so rope \"{rope}\" has no equilibrium: its edges may have any length, and the matrix of statics is singular")]
+    #[error(
+        "is 0 N, so rope \"{rope}\" has no equilibrium: its edges may have any length, and the matrix of statics is singular"
+    )]
     Unstretched { rope: String },
     /// An equilibrium of a rod that does not mind its twist.
     #[error("is 0 N·m², so edges of rope \"{rope}\" turn about themselves without a force: the matrix of statics is singular")]
     Untwisted { rope: String },
     /// An equilibrium of a rod that may turn about itself.
-    #[error("rope \"{rope}\" may turn about itself without a force, so its equilibrium is not unique: the matrix of statics is singular")]
+    #[error(
+        "rope \"{rope}\" may turn about itself without a force, so its equilibrium is not unique: the matrix of statics is singular"
+    )]
     Rolls { rope: String },
     /// A rod much thicker than its edges are long.
     #[error("is {} m, but the longest edge, from node {first} to node {}, is {} m long at rest", Num(*.radius), .first + 1, Num(*.edge))]

@@ -41,9 +41,10 @@ fn rope<X>(scene: &Scene<X>, r: usize, rope: &Rope, field: &str) -> Result<(), S
 
 /// Grippers that hold nodes of an object.
 fn holders<'a, X>(scene: &'a Scene<X>, name: &'a str) -> impl Iterator<Item = &'a Gripper> {
-    scene.gripper.iter().filter(move |gripper| {
-        !matches!(gripper.clamp, Clamp::Grasp(_)) && scene.held(gripper).map(Held::name) == Some(name)
-    })
+    scene
+        .gripper
+        .iter()
+        .filter(move |gripper| !matches!(gripper.clamp, Clamp::Grasp(_)) && scene.held(gripper).map(Held::name) == Some(name))
 }
 
 /// Whether bending does not know how the section stands: equally stiff to all sides, and straight at rest.
