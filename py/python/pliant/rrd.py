@@ -64,8 +64,8 @@ def _rerun() -> Any:
     try:
         import rerun
     except ImportError as error:
-        text = "recordings are written by Rerun, which is not installed; install it by `pip install rerun-sdk`, or write a page by `roll.view`"
-        raise ImportError(text, name="rerun") from error
+        text = "recordings are written by Rerun, which is not installed; install it by `pip install rerun-sdk`, or write a page"
+        raise ImportError(f"{text} by `roll.view`", name="rerun") from error
     if not hasattr(rerun, "RecordingStream"):
         text = "the installed package `rerun` is another one than Rerun's; install that by `pip install rerun-sdk`"
         raise ImportError(text, name="rerun")
