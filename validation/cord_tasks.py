@@ -24,7 +24,6 @@ from math import log, pi, sin
 from pathlib import Path
 
 import numpy as np
-
 import pliant
 
 STEP = 0.02  # s

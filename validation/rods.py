@@ -86,7 +86,7 @@ def softest(edges: int, ratio: float, turn: float) -> float:
 
 def buckles_at(edges: int, ratio: float) -> float:
     """Turn at which the least stiffness vanishes, over the critical one, approached from below along chords."""
-    at = lambda f: softest(edges, ratio, f * critical_turn(ratio))  # noqa: E731
+    at = lambda f: softest(edges, ratio, f * critical_turn(ratio))
     f = [0.9, 0.97]
     k = [at(x) for x in f]
     while True:

@@ -83,7 +83,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
-    let mut tau = FIRST_STEP;
+    let (mut tau, mut failed) = (FIRST_STEP, None);
     for _ in 0..MAX_STEPS {
         let last = tau >= LAST_STEP;
         let inertia = if last { 0.0 } else { 1.0 / (tau * tau) };
@@ -96,10 +96,14 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
                 tau *= GROWTH;
             }
             Err(e) if tau < 1e-4 => return Err(e),
-            Err(_) => tau *= 0.1,
+            Err(e) => {
+                failed = Some(e);
+                tau *= 0.1;
+            }
         }
     }
-    Err(StepError::NotConverged {
+    // what stood in the way last says more than how often it did
+    Err(failed.unwrap_or(StepError::NotConverged {
         step: 0,
         iterations: work.iterations,
         correction: f64::NAN,
@@ -107,7 +111,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
         row: 0,
         place: "everywhere".to_owned(),
         term: "equilibrium".to_owned(),
-    })
+    }))
 }
 
 /// What all solves of an equilibrium share.

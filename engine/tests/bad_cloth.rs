@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use pliant_engine::model::ModelBuilder;
-use pliant_engine::scene::{Nothing, Scene, control_list, parse_scene, read_scene, resting_inputs, to_toml};
+use pliant_engine::scene::{Nothing, Scene, Start, control_list, parse_scene, read_scene, resting_inputs, to_toml};
 use std::path::Path;
 
 const GOOD: &str = r#"schema_version = 1
@@ -91,6 +91,40 @@ fn numbers_and_units() {
     refused("nodes = [4, 3]", "nodes = [40000, 30000]", "7: cloth[0].grid.nodes", &["1200000000 nodes", "may have 1000000"]);
 }
 
+/// Sizes in mm that are smaller than the sheet is wide.
+#[test]
+fn thick_sheets() {
+    let thick = ["too thick for a sheet: it is 0.2 m wide", "longest edge, from node", "0.1414", "given in mm", "write 0.00005"];
+    refused("thickness = 1e-3", "thickness = 0.05", "9: cloth[0].thickness", &thick);
+    let fine = GOOD.replacen("nodes = [4, 3]", "nodes = [61, 41]", 1).replacen("thickness = 1e-3", "thickness = 0.02", 1);
+    let error = parse_scene::<Nothing>(&fine, "scene.toml").unwrap_err().to_string();
+    assert!(error.contains("9: cloth[0].thickness") && error.contains("is 0.00707") && error.contains("m long"), "{error}");
+    let fine = GOOD.replacen("nodes = [4, 3]", "nodes = [61, 41]", 1).replacen("= 0.3\n", "= 0.3\nradius = 0.05\n", 1);
+    let error = parse_scene::<Nothing>(&fine, "scene.toml").unwrap_err().to_string();
+    assert!(
+        error.contains("13: cloth[0].radius: is 0.05 m, but the longest edge, from node") && error.contains("fix: "),
+        "{error}"
+    );
+    let light = ["lighter than air", "0.02 m", "given in mm", "write 0.00002"];
+    let wide = GOOD.replacen("area_density = 0.2", "area_density = 0.01", 1).replacen("thickness = 1e-3", "thickness = 0.02", 1);
+    let error = parse_scene::<Nothing>(&wide, "scene.toml").unwrap_err().to_string();
+    assert!(light.iter().all(|part| error.contains(part)) && error.contains("9: cloth[0].thickness"), "{error}");
+    refused("area_density = 0.2", "density = 0.3", "10: cloth[0].density", &["lighter than air", "g/cm³", "write 300"]);
+}
+
+#[test]
+fn equilibria_of_what_is_free() {
+    let free = |start: &str| {
+        let text = GOOD.replacen("= 0.3\n", &format!("= 0.3\n{start}"), 1);
+        format!("{}{}", &text[..text.find("[[gripper]]").unwrap()], &text[text.find("[[plane]]").unwrap()..])
+    };
+    parse_scene::<Nothing>(&free(""), "scene.toml").unwrap();
+    let error = parse_scene::<Nothing>(&free("start = \"equilibrium\"\n"), "scene.toml").unwrap_err().to_string();
+    for part in ["scene.toml:13: cloth[0].start: nothing holds cloth \"sheet\"", "is singular", "by a [[gripper]]"] {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
+    }
+}
+
 #[test]
 fn starts() {
     let at = "= 0.3\n";
@@ -117,6 +151,9 @@ fn starts() {
 fn grippers() {
     refused("nodes = [0, -1]", "nodes = [0, 12]", "16: gripper[0].nodes[1]", &["cloth \"sheet\" has no node 12", "0 to 11"]);
     refused("nodes = [0, -1]", "nodes = [0, -12]", "16: gripper[0].nodes[1]", &["already held by gripper \"hand\""]);
+    let other = "[[gripper]]\nname = \"other\"\ncloth = \"sheet\"\nnodes = [3, 11]\n[[plane]]";
+    let parts = ["node 11 of cloth \"sheet\"", "already held by gripper \"hand\"", "two grippers command one node"];
+    refused("[[plane]]", other, "20: gripper[1].nodes[1]", &parts);
     refused("nodes = [0, -1]", "end = \"first\"", "16: gripper[0].end", &["has no ends to hold"]);
     refused("nodes = [0, -1]", "nodes = [0,1,2,3,4,5,6,7,8,9,10,11]", "5: cloth[0]", &["hold every node of cloth \"sheet\""]);
     let rule = "[[contact.pair]]\nbetween = [\"sheet\", \"sheet\"]\n[[plane]]";
@@ -178,11 +215,14 @@ fn a_mesh_is_a_sheet() {
 
 #[test]
 fn a_sheet_survives_being_written() {
-    let more = "velocity = [0.1, 0, 0]\nstart = \"equilibrium\"\nu_axis = [0, 1, 0]\nv_axis = [0, 0, 1]\nmembrane_damping = 3.0\n\
+    let more = "velocity = [0.1, 0, 0]\nu_axis = [0, 1, 0]\nv_axis = [0, 0, 1]\nmembrane_damping = 3.0\n\
         bend_damping = 1e-6\nbend_stiffness = 1e-4\ndrag_normal = 0.1\ndrag_quadratic = 0.2\nradius = 0.002\n";
     let i = GOOD.find("[[gripper]]").unwrap();
-    let scene: Scene = parse_scene(&format!("{}{more}", &GOOD[..i]), "scene.toml").unwrap();
+    let mut scene: Scene = parse_scene(&format!("{}{more}", &GOOD[..i]), "scene.toml").unwrap();
     assert_eq!(parse_scene::<Nothing>(&to_toml(&scene, "a sheet"), "again.toml").unwrap(), scene);
+    // grippers are not written, and without them there is no equilibrium to read again
+    scene.cloth[0].start = Start::Equilibrium;
+    assert!(to_toml(&scene, "a sheet").contains("start = \"equilibrium\"\n"));
     let whole: Scene = parse_scene(GOOD, "scene.toml").unwrap();
     assert_eq!(parse_scene::<Nothing>(&toml::to_string(&whole).unwrap(), "again.toml").unwrap(), whole);
 }

@@ -222,6 +222,102 @@ fn nodes_held_twice() {
 }
 
 #[test]
+fn clamps_that_contradict() {
+    // the clamped end and the held edge would both say how the rod stands there
+    let twist = "radius = 0.003\ntwist = { stiffness = 1.0e-3 }";
+    let rod = GOOD.replacen("radius = 0.003", twist, 1).replacen("nodes = [0, 1]", "end = \"first\"", 1);
+    let second = "[[gripper]]\nname = \"right\"\nrope = \"cable\"\nnodes = [1, 0]\n[[plane]]";
+    let error = parse_scene::<Nothing>(&rod.replacen("[[plane]]", second, 1), "rod.toml").unwrap_err().to_string();
+    for part in
+        ["rod.toml:28: gripper[1].nodes[1]: ", "node 0", "\"left\"", "two grippers command one node", "a rod's axes", "fix: "]
+    {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
+    }
+}
+
+#[test]
+fn equilibria_that_are_singular() {
+    let start = "radius = 0.003\nstart = \"equilibrium\"";
+    let without = |scene: &str| {
+        let (from, to) = (scene.find("[[gripper]]").unwrap(), scene.find("[[plane]]").unwrap());
+        format!("{}{}", &scene[..from], &scene[to..])
+    };
+    let says = |scene: &str, place: &str, parts: &[&str]| {
+        let error = parse_scene::<Nothing>(scene, "scene.toml").unwrap_err().to_string();
+        assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
+        for part in parts.iter().chain(&["likely cause: ", "fix: ", "the matrix of statics is singular"]) {
+            assert!(error.contains(part), "no `{part}` in\n{error}");
+        }
+    };
+    let hung = GOOD.replacen("radius = 0.003", start, 1);
+    parse_scene::<Nothing>(&hung, "scene.toml").unwrap();
+    says(&without(&hung), "17: rope[0].start", &["nothing holds rope \"cable\"", "by a [[gripper]]"]);
+    // a gripper that grasps holds nothing as the scene begins
+    let grasped = hung.replacen("nodes = [0, 1]", "grasp = { at = [0, 0, 0.5] }", 1);
+    says(&grasped, "17: rope[0].start", &["nothing holds rope \"cable\"", "grasps"]);
+    // the equilibrium is the whole scene's
+    let free = "[[rope]]\nname = \"free\"\nnodes = 3\nlength = 1.0\nlinear_density = 0.05\nstretch_stiffness = 1.0e4\n\
+                initial = { shape = \"straight\", from = [0, 0, 9], direction = [1, 0, 0] }\n[[plane]]";
+    says(&hung.replacen("[[plane]]", free, 1), "17: rope[0].start", &["nothing holds rope \"free\""]);
+    let slack = hung.replacen("stretch_stiffness = 1.0e4", "stretch_stiffness = 0", 1);
+    says(&slack, "14: rope[0].stretch_stiffness", &["0 N", "rope \"cable\"", "in N"]);
+    let rod = hung.replacen("radius = 0.003", "radius = 0.003\ntwist = { stiffness = 1.0e-3 }", 1);
+    parse_scene::<Nothing>(&rod, "scene.toml").unwrap();
+    let pinned = rod.replacen("nodes = [0, 1]", "nodes = [0, 2]", 1);
+    says(&pinned, "18: rope[0].start", &["rope \"cable\" may turn about itself", "clamp an `end` or two neighbouring nodes"]);
+    // what is curved or flat minds how it stands
+    for inside in [
+        "rest_curvature = [1, 0]",
+        "bend_stiffness_2 = 2e-3",
+        "rest = \"initial\"",
+        "joint = [{ node = 2, rest_curvature = [1, 0] }]",
+    ] {
+        let bent = pinned.replacen("stiffness = 1.0e-3 }", &format!("stiffness = 1.0e-3, {inside} }}"), 1);
+        parse_scene::<Nothing>(&bent, "scene.toml").unwrap();
+    }
+    let soft = rod.replacen("{ stiffness = 1.0e-3 }", "{ stiffness = 0.0 }", 1);
+    says(&soft, "17: rope[0].twist.stiffness", &["0 N·m²", "rope \"cable\""]);
+}
+
+/// Radii in mm that are shorter than the rope is long.
+#[test]
+fn thick_ropes() {
+    let long = GOOD.replacen("length = 1.0", "length = 10.0", 1);
+    let error = parse_scene::<Nothing>(&long.replacen("radius = 0.003", "radius = 3", 1), "scene.toml").unwrap_err().to_string();
+    for part in ["16: rope[0].radius: is 3 m", "(2.5 m, from node 0 to node 1)", "lighter than air", "given in mm", "write 0.003"]
+    {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
+    }
+    let fine = GOOD.replacen("nodes = 5", "nodes = 201", 1);
+    parse_scene::<Nothing>(&fine.replacen("radius = 0.003", "radius = 0.02", 1), "scene.toml").unwrap();
+    let error =
+        parse_scene::<Nothing>(&fine.replacen("radius = 0.003", "radius = 0.1", 1), "scene.toml").unwrap_err().to_string();
+    for part in
+        ["16: rope[0].radius: is 0.1 m", "the longest edge, from node", "is 0.005 m long", "at most 0.025 (in m)", "51 nodes"]
+    {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
+    }
+}
+
+#[test]
+fn rules_for_pairs() {
+    let rule = |between: &str, what: &str| format!("[[contact.pair]]\nbetween = [{between}]\n{what}\n[[plane]]");
+    let twice = format!(
+        "{}{}",
+        rule("\"cable\", \"floor\"", "friction = 0.1").replace("[[plane]]", ""),
+        rule("\"floor\", \"cable\"", "ignore = true")
+    );
+    refused("[[plane]]", &twice, "28: contact.pair[1].between", &["\"floor\" and \"cable\"", "contact.pair[0]", "remove one"]);
+    let soft = rule("\"cable\", \"bar\"", "compliance = 1e-3");
+    refused("[[plane]]", &soft, "26: contact.pair[0].compliance", &["against a fixed shape has none", "remove `compliance`"]);
+    // a rope that touches nothing may begin inside
+    let inside = GOOD.replacen("from = [0, 0, 0.5]", "from = [0, 0, -0.01]", 1);
+    parse_scene::<Nothing>(&inside, "scene.toml").unwrap_err();
+    let ignored = inside.replacen("[[plane]]", &rule("\"floor\", \"cable\"", "ignore = true"), 1);
+    parse_scene::<Nothing>(&ignored, "scene.toml").unwrap();
+}
+
+#[test]
 fn names() {
     refused("name = \"bar\"", "name = \"floor\"", "29: capsule[0].name", &["\"floor\" is taken by plane[0]"]);
     refused("name = \"bar\"", "name = \"my.bar\"", "29: capsule[0].name", &["cannot be part of a parameter path"]);

@@ -235,6 +235,17 @@ fn an_experiment_survives_a_round_trip() {
 }
 
 #[test]
+fn sheets() {
+    let sheet = "[[cloth]]\nname = \"sheet\"\ngrid = { nodes = [4, 3], size = [0.3, 0.2] }\norigin = [0, 0, 1]\nthickness = 1e-3\n\
+                 area_density = 0.2\nyoungs_modulus = 1e5\n[experiment]\n";
+    let case = Case::csv(|_| ()).with("[experiment]\n", sheet);
+    case.refused(
+        "scene.toml:27: experiment",
+        &["cloth \"sheet\"", "know ropes, rods and bodies", "remove the [[cloth]]", "`vjp`"],
+    );
+}
+
+#[test]
 fn clocks() {
     Case::csv(|lines| lines.swap(7, 8))
         .refused("run.csv:9: column t", &["runs backwards from 0.570000 s to 0.560000 s", "sort its rows"]);

@@ -4,10 +4,9 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pliant
 import pytest
 from scipy.integrate import solve_ivp
-
-import pliant
 
 SCENE = (Path(__file__).parents[1] / "scenes" / "four_bar.toml").read_text()
 GRAVITY, DAMPING = 9.81, 0.002

@@ -275,7 +275,7 @@ HINGE = '<joint name="j" axis="0 1 0" damping="0.5" frictionloss="0.2" range="-9
 
 def arm(tmp_path, **parts):
     file = tmp_path / "arm.xml"
-    defaults = dict(option="", top="", world="", inside="", actuator="", joint=HINGE)
+    defaults = {"option": "", "top": "", "world": "", "inside": "", "actuator": "", "joint": HINGE}
     file.write_text(ARM.format(**(defaults | parts)))
     return file
 

@@ -1,13 +1,13 @@
 """pliant against the independent JAX reference at equal κ: states, gradients, equilibria.
 
-Bars: state ≤ 1e-9, gradient ≤ 1e-8, relative. A block of a gradient is x0's position or velocity
-part (nodes, or twists), u's inputs of one gripper, or one entry of θ.
+Bars: state ≤ 1e-9, gradient ≤ 1e-8, relative. A block of a gradient is a part of x0 (of nodes, or twists: positions or velocities;
+what sections remember), u's inputs of one gripper, or one entry of θ.
 """
 
 import jax
 import numpy as np
 import pytest
-from reference_cases import case, jit, wiggle
+from reference_cases import case, gradient_errors, jit, parts, relative, wiggle
 
 from validation import reference
 
@@ -33,22 +33,11 @@ CASES = [
     ("rolled_rod", "midpoint", None),
     ("spun_rod", "sdirk2", None),
     ("rod_on_floor", "euler", "coulomb"),
+    ("set_rod_on_floor", "euler", "coulomb"),
     ("cloth_free", "midpoint", None),
     ("cloth_held", "sdirk2", None),
     ("cloth_on_ball", "euler", "coulomb"),
 ]
-
-
-def relative(a, b):
-    """max |a - b| / max |b|."""
-    a, b = np.asarray(a), np.asarray(b)
-    return np.abs(a - b).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300)
-
-
-def parts(model, xs):
-    """Positions, twists, velocities, their rates, and what rods carry along, of states (T + 1, nx)."""
-    nodes, n = 3 * model.n_nodes, model.nq
-    return np.split(xs, [nodes, n, n + nodes, 2 * n], axis=1)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda c: "-".join(filter(None, c)))
@@ -85,19 +74,8 @@ def test_states(both):
 def test_gradients(both):
     run, _, _, u, xs, roll = both
     x_bar = np.random.default_rng(11).normal(size=(len(xs), run.model.ndx))
-    x0_bar, u_bar, theta_bar = run.vjp(xs, u, run.model.theta, x_bar)
-    got_x0, got_u, got_theta = roll.vjp(x_bar)
-    names, worst = ("q0", "twist0", "v0", "turns0"), {}
-    for name, a, b in zip(names, parts(run.model, got_x0[None]), parts(run.model, x0_bar[None]), strict=False):
-        worst[name] = relative(a, b)
-    for g in run.model.grippers:
-        worst[f"u.{g.name}"] = relative(got_u[:, g.inputs], u_bar[:, g.inputs])
-    # An entry that hardly acts is compared on the scale of its group's effect, so that it
-    # is not asked for more digits than cancellation leaves in either program.
-    floor = 1e-9 * np.abs(x0_bar).max()
-    for path, a, b in zip(run.model.paths, got_theta, theta_bar, strict=True):
-        worst[path] = abs(a - b) / max(abs(b), floor)
-    failed = {k: v for k, v in worst.items() if not v <= 1e-8}
+    expected, got = run.vjp(xs, u, run.model.theta, x_bar), roll.vjp(x_bar)
+    failed = {k: v for k, v in gradient_errors(run.model, got, expected).items() if not v <= 1e-8}
     assert not failed, failed
 
 

@@ -142,7 +142,7 @@ def test_the_scenes_slide_stick_and_stop():
     for run in (slide, rest):
         assert 0 < 0.6 - run.xs[-1, 1] < 1e-4 and abs(run.xs[-1, 3]) < 1e-2
     crane = Both("crane", "euler")
-    slew, tilt, rail, winch = crane.xs[1:, :4].T
+    slew, tilt, rail = crane.xs[1:, :3].T
     for q, limit in [(slew, 0.2015), (tilt, -0.3005), (rail, 0.2005)]:
         assert np.abs(q - limit).min() < 1e-5
     speed = np.abs(crane.xs[1:, crane.ours.nq + 3])  # the winch holds its load, slips, and holds again

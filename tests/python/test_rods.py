@@ -1,6 +1,7 @@
 """Rods that twist, against closed forms; states that carry material axes."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pliant
@@ -12,7 +13,7 @@ from validation.rods import buckles_at, helix, ring
 @pytest.mark.parametrize("ratio", [1.0, 0.5])
 def test_michells_ring_leaves_its_plane_at_the_critical_turn(ratio: float) -> None:
     errors = [buckles_at(edges, ratio) - 1.0 for edges in (40, 80, 160)]
-    orders = [math.log2(a / b) for a, b in zip(errors, errors[1:])]
+    orders = [math.log2(a / b) for a, b in pairwise(errors)]
     assert abs(errors[1]) < 0.006
     assert all(1.7 < order < 2.3 for order in orders), (errors, orders)
 

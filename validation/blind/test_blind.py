@@ -9,7 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.blind import cases, fitter_step, ideal, measure, oracle, peer, rope_ode, score
+from validation.blind import (
+    cases,
+    fitter_step,
+    ideal,
+    measure,
+    oracle,
+    peer,
+    rope_ode,
+    score,
+)
 from validation.blind.families import FAMILIES, ONE_END, TWO_ENDS
 
 SHORT = replace(ONE_END, name="short", n=6, duration=0.3, markers=(2, 3, 5))

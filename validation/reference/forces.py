@@ -109,8 +109,8 @@ def drag(model, q, v, theta):
 
 
 @partial(jax.jit, static_argnums=0)
-def total_force(model, q, v, theta, frames):
-    """Σ f (nq,)  [N, N·m], contact excluded, at q, v (nq,); `frames`: z's part of rods at q."""
+def total_force(model, q, v, theta, frames, begin):
+    """Σ f (nq,)  [N, N·m], contact excluded, at q, v (nq,); `frames`: of rods at q, `begin`: what their sections begin with."""
     count = 3 * model.n_nodes
     x, x_dot = q[:count].reshape(-1, 3), v[:count].reshape(-1, 3)
     elastic = -jax.grad(potential, 1)(model, x, theta)
@@ -119,7 +119,7 @@ def total_force(model, q, v, theta, frames):
     if model.rods is None:
         return nodes
     twists = jnp.zeros(model.nq - count)
-    return rods.force(model.rods, q, v, theta, frames) + jnp.concatenate([nodes, twists])
+    return rods.force(model.rods, q, v, theta, frames, begin) + jnp.concatenate([nodes, twists])
 
 
 def static_force(model, q, theta):

@@ -2,7 +2,7 @@
 
 Nodes of all ropes are consecutive, those of sheets of cloth come after them; a clamped end edge inserts a
 massless ghost node before (after) its rope. State x = [q, v, z], q and v of shape (nq,): of all nodes in m and m/s, then of the twists of
-rods in rad and rad/s; z is what `rods` carries along.
+rods in rad and rad/s; z is what sections of rods remember, then what `rods` carries along.
 """
 
 import itertools
@@ -74,13 +74,18 @@ class Model:
         return 3 * self.n_nodes + (0 if self.rods is None else len(self.rods.edges))
 
     @property
+    def n_memory(self):
+        """Numbers that rods' sections remember."""
+        return 0 if self.rods is None else self.rods.memory.count
+
+    @property
     def nx(self):
-        return 2 * self.nq + (0 if self.rods is None else len(self.rods.frames0))
+        return self.ndx + (0 if self.rods is None else len(self.rods.frames0))
 
     @property
     def ndx(self):
         """Numbers of a change of state."""
-        return 2 * self.nq
+        return 2 * self.nq + self.n_memory
 
     @property
     def driven_rows(self):
@@ -103,7 +108,8 @@ class Model:
         if self.rods is None:
             return np.concatenate([self.q0.ravel(), self.v0.ravel()])
         still = np.zeros_like(self.rods.twist0)
-        return np.concatenate([self.q0.ravel(), self.rods.twist0, self.v0.ravel(), still, self.rods.frames0])
+        memory = np.zeros(self.n_memory)
+        return np.concatenate([self.q0.ravel(), self.rods.twist0, self.v0.ravel(), still, memory, self.rods.frames0])
 
     def hold(self, q=None):
         """The input (nu,) that keeps every gripper where it is in q (n_nodes, 3)."""

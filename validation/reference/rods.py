@@ -2,17 +2,18 @@
 
 Written from Bergou et al. (Discrete Elastic Rods, 2008; Discrete Viscous Threads, 2010) with curvatures towards the axes half way
 between both edges (docs/rods.md). An edge has a twist θ [rad] among the coordinates and a reference axis d, a unit vector across it, in
-the state's third part z = [d of every edge, m of every joint], m the twist between neighbours' reference axes. A *change* of a state
-carries the axes along and turns the material by one number per edge.
+the state's third part z = [what sections remember, d of every edge, m of every joint], m the twist between neighbours' reference axes. A
+*change* of a state carries the axes along and turns the material by one number per edge.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from . import remembering
 from .laws import taken
 
 PERMUTATION = np.array([[[(i - j) * (j - k) * (k - i) / 2.0 for k in range(3)] for j in range(3)] for i in range(3)])
@@ -35,6 +36,7 @@ class Rods:
     rest: np.ndarray  # (J, 3) strains without forces, beside those of θ
     twist0: np.ndarray  # (E,) as the scene begins
     frames0: np.ndarray  # (3 E + J,)
+    memory: remembering.Memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,18 +126,73 @@ def strains(rods, t, twist, frames):
     return jnp.concatenate([dots(curvature, half), dots(curvature, cross(middle, half)), tau[:, None]], axis=1)
 
 
-def energy(rods, strain, theta):
-    """Σ [s EI₁ k₁² + s EI₂ k₂² + GJ k₃²]/(2 l) [J], k what is left of the strains in the section's own axes, s the joint's factor."""
+def _section(rods, theta):
     p = dict(zip(SECTION, taken(theta, rods.section.T), strict=True))
-    own = taken(theta, rods.own.T)
-    length = rods.joint_fraction * p["length"]
+    return p, taken(theta, rods.own.T), rods.joint_fraction * p["length"]
+
+
+def principal(rods, strain, theta):
+    """(J, 3): what is left of the strains in the section's own axes, without what they are at rest."""
+    p, own, length = _section(rods, theta)
     excess = strain - rods.rest
     c, s = jnp.cos(p["section_roll"]), jnp.sin(p["section_roll"])
     k1 = c * excess[:, 0] + s * excess[:, 1] - (p["rest_curvature_0"] + own[0]) * length
     k2 = c * excess[:, 1] - s * excess[:, 0] - (p["rest_curvature_1"] + own[1]) * length
-    k3 = excess[:, 2] - p["rest_twist"] * length
-    sums = own[2] * (p["bend_stiffness"] * k1**2 + p["bend_stiffness_2"] * k2**2) + p["twist_stiffness"] * k3**2
-    return jnp.sum(0.5 * sums / length)
+    return jnp.stack([k1, k2, excess[:, 2] - p["rest_twist"] * length], axis=1)
+
+
+def energy(rods, k, theta):
+    """Σ [s EI₁ k₁² + s EI₂ k₂² + GJ k₃²]/(2 l) [J] of strains k (J, 3) in the section's own axes, s the joint's factor."""
+    p, own, length = _section(rods, theta)
+    sums = own[2] * (p["bend_stiffness"] * k[:, 0] ** 2 + p["bend_stiffness_2"] * k[:, 1] ** 2)
+    return jnp.sum(0.5 * (sums + p["twist_stiffness"] * k[:, 2] ** 2) / length)
+
+
+def moments(rods, strain, theta, begin):
+    """Moments (J, 3) [N·m] against the strains: of the elastic section, of which bending may flow, and Maxwell elements beside it.
+
+    `begin` = (numbers remembered, strains (J, 3) where the step begins, time since then [s]).
+    """
+    k, turn_back = jax.vjp(lambda strain: principal(rods, strain, theta), strain)
+    elastic = elastic_parts(rods, strain, theta, begin)
+    total = jax.grad(energy, 1)(rods, elastic, theta)
+    memory = rods.memory
+    if len(memory.creep):
+        z, past, t = begin
+        e = _placed(memory.creep, remembering.strains(memory, z, theta, strain, past, t), k)
+        fraction = _placed(memory.creep, taken(theta, memory.relaxes[:, :3]), k)
+        _, turned_e = jax.jvp(lambda strain: principal(rods, strain, theta), (strain,), (e,))
+        total += fraction * jax.grad(energy, 1)(rods, turned_e, theta)
+    return turn_back(total)[0]
+
+
+def elastic_parts(rods, strain, theta, begin):
+    """(J, 3): the strains in the section's own axes, of bending that may flow the elastic part; `begin` as in `moments`."""
+    k, memory = principal(rods, strain, theta), rods.memory
+    if not len(memory.plastic):
+        return k
+    z, past, t = begin
+    now, past = (taken(a, memory.plastic)[:, :2] for a in (k, principal(rods, past, theta)))
+    limit, time = taken(theta, memory.yields.T)
+    limit *= taken(_section(rods, theta)[2], memory.plastic)
+    flowed = remembering.bending(memory, z, limit, time, now, past, t) - now
+    return k + _placed(memory.plastic, jnp.pad(flowed, ((0, 0), (0, 1))), k)
+
+
+def remembered(rods, strain, theta, begin):
+    """What sections remember at the end of a step, whose strains are these."""
+    (z, past, t), memory = begin, rods.memory
+    if len(memory.plastic):
+        plastic = principal(rods, strain, theta) - elastic_parts(rods, strain, theta, begin)
+        z = z.at[memory.plastic_place].set(taken(plastic, memory.plastic)[:, :2])
+    if len(memory.creep):
+        z = z.at[memory.creep_place].set(remembering.strains(memory, begin[0], theta, strain, past, t))
+    return z
+
+
+def _placed(joints, values, like):
+    """Values of some joints among those of all."""
+    return jnp.zeros_like(like).at[joints].set(values)
 
 
 def dissipation(rods, rate, theta):
@@ -146,8 +203,8 @@ def dissipation(rods, rate, theta):
     return jnp.sum(0.5 * sums / length)
 
 
-def force(rods, q, v, theta, frames):
-    """Forces [N] on nodes and moments [N·m] on twists (nq,) at q, v (nq,); `frames` belong to q.
+def force(rods, q, v, theta, frames, begin):
+    """Forces [N] on nodes and moments [N·m] on twists (nq,) at q, v (nq,); `frames` belong to q, `begin` as in `moments`.
 
     The virtual displacements are those that carry the axes along from q.
     """
@@ -162,7 +219,7 @@ def force(rods, q, v, theta, frames):
 
     zero = jnp.zeros_like(q)
     value, rate_of = jax.linearize(strain, zero)
-    moment = jax.grad(energy, 1)(rods, value, theta) + jax.grad(dissipation, 1)(rods, rate_of(v), theta)
+    moment = moments(rods, value, theta, begin) + jax.grad(dissipation, 1)(rods, rate_of(v), theta)
     return -jax.linear_transpose(rate_of, zero)(moment)[0]
 
 
@@ -226,7 +283,7 @@ def build(ropes, where, mesh, q0, params):
     """Rods of all ropes with a twist table; None without any. `params[r]`: positions in θ of the table's entries."""
     out = {k: [] for k in ("edges", "inertia", "length", "fraction", "joints", "section", "own", "joint_fraction")}
     start = {"axes": [], "twist0": []}
-    rest_initial = []
+    rest_initial, remember = [], []
     for r, rope in enumerate(ropes):
         if "twist" not in rope:
             continue
@@ -242,6 +299,7 @@ def build(ropes, where, mesh, q0, params):
         out["length"] += [values["length"]] * len(lengths)
         inside = [*[0.0] * first, *fractions, *[0.0] * last]  # of a clamped end's joint only the rod's half counts
         halves = [0.5 * (a + b) for a, b in itertools.pairwise(inside)]
+        remember.append((rope, range(len(out["joints"]), len(out["joints"]) + len(halves)), values))
         out["joints"] += [(base + k, base + k + 1) for k in range(len(halves))]
         out["joint_fraction"] += halves
         out["section"] += [[values[key] for key in SECTION]] * len(halves)
@@ -264,11 +322,12 @@ def build(ropes, where, mesh, q0, params):
     real = {k: np.array(out[k]) for k in ("fraction", "joint_fraction")}
     axes, twist0 = np.array(start["axes"]), np.array(start["twist0"])
     count = len(out["joints"])
-    rods = Rods(**integer, **real, rest=np.zeros((count, 3)), twist0=twist0, frames0=np.zeros(0))
+    memory = remembering.build(*zip(*remember, strict=True))
+    rods = Rods(**integer, **real, rest=np.zeros((count, 3)), twist0=twist0, frames0=np.zeros(0), memory=memory)
     m = reference_twist(rods, directions(rods.edges, q0), axes, jnp.zeros(count))
     frames = np.concatenate([axes.ravel(), m])
     rest = np.where(np.array(rest_initial)[:, None], strains(rods, directions(rods.edges, q0), twist0, frames), 0.0)
-    return Rods(**integer, **real, rest=rest, twist0=twist0, frames0=frames)
+    return replace(rods, rest=rest, frames0=frames)
 
 
 def held_edges(rods, q0, nodes, end=None):

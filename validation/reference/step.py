@@ -3,7 +3,8 @@
 Stage of length h, unknown y = v⁺ of the free rows of nodes and twists (driven ones follow v_cmd exactly):
     r = m (v⁺ - v)/h - Σ f(q̄, v̄, z̄; θ) - p(q⁺, v⁺)/h = 0   [N, N·m]
     q̄ = q + h (a0 v + a1 v⁺),  v̄ = b0 v + b1 v⁺,  q⁺ = q + h (d0 v + d1 v⁺)
-z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺. Solved for (h/m) r by damped Newton steps (`warm`), so that the tolerance is
+z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺. What sections of rods remember enters as it is when the step begins, with the
+strains there, and moves on at the step's end. Solved for (h/m) r by damped Newton steps (`warm`), so that the tolerance is
 one on velocities; derivatives are those of the implicit function theorem.
 """
 
@@ -63,7 +64,8 @@ def command(model, q, z, u, theta):
     nodes = commanded_velocity(model, x, u, theta).ravel()
     if model.rods is None:
         return nodes
-    return jnp.concatenate([nodes, rods.commanded_turns(model, x, q[3 * model.n_nodes :], z, u, theta)])
+    frames = z[model.n_memory :]
+    return jnp.concatenate([nodes, rods.commanded_turns(model, x, q[3 * model.n_nodes :], frames, u, theta)])
 
 
 def nodes_of(model, q):
@@ -72,12 +74,35 @@ def nodes_of(model, q):
 
 
 def carry(model, start, z, end):
-    """z carried along from q = `start` to `end` (nq,)."""
-    return z if model.rods is None else rods.carry(model.rods, nodes_of(model, start), z, nodes_of(model, end))
+    """z with the axes carried along from q = `start` to `end` (nq,)."""
+    if model.rods is None:
+        return z
+    memory, frames = jnp.split(z, [model.n_memory])
+    return jnp.concatenate([memory, rods.carry(model.rods, nodes_of(model, start), frames, nodes_of(model, end))])
+
+
+def strains(model, q, z):
+    """Strains (J, 3) of rods that remember; None without any."""
+    if not model.n_memory:
+        return None
+    t = rods.directions(model.rods.edges, nodes_of(model, q))
+    return rods.strains(model.rods, t, q[3 * model.n_nodes :], z[model.n_memory :])
+
+
+def remember(model, past, z, q_next, theta):
+    """z (its axes those at q_next) with what sections remember at the end of the step; `past`: strains at its beginning."""
+    if not model.n_memory:
+        return z
+    memory, frames = jnp.split(z, [model.n_memory])
+    memory = rods.remembered(model.rods, strains(model, q_next, z), theta, (memory, past, model.h))
+    return jnp.concatenate([memory, frames])
 
 
 def make_stage(model, h):
-    """stage(q, v, z, v_cmd, theta, kappa) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s])."""
+    """stage(q, v, z, v_cmd, theta, kappa, past, elapsed) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s]).
+
+    `past`: strains at the beginning of the step, which is `elapsed` [s] before forces are evaluated.
+    """
     a0, a1, b0, b1, d0, d1 = coefficients(model)
     nodes, free, touching = model.free, np.flatnonzero(~model.driven_rows), bool(model.shapes)
     expanding = np.eye(model.nq)[:, free]
@@ -91,10 +116,11 @@ def make_stage(model, h):
         return (of_nodes @ q).reshape(-1, 3)
 
     def scaled(y, args, scale=1.0):
-        q, v, z, v_cmd, theta, kappa = args
+        q, v, z, v_cmd, theta, kappa, past, elapsed = args
         vp = expand(y, v_cmd)
         q_bar, v_bar = q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp
-        force = forces.total_force(model, q_bar, v_bar, theta, carry(model, q, z, q_bar))
+        memory, frames = jnp.split(carry(model, q, z, q_bar), [model.n_memory])
+        force = forces.total_force(model, q_bar, v_bar, theta, frames, (memory, past, elapsed))
         if touching:
             q_next, v_next = at_nodes(q + h * (d0 * v + d1 * vp)), at_nodes(vp)
             smoothing = scale * taken(kappa, nodes)
@@ -102,7 +128,7 @@ def make_stage(model, h):
         return expanding.T @ (vp - v) - h * (expanding.T @ force) / (expanding.T @ forces.row_masses(model, theta))
 
     def start(args):
-        q, v, _, v_cmd, theta, _ = args
+        q, v, _, v_cmd, theta, *_ = args
 
         def rows(y, scale):
             return scaled(y, args, scale)
@@ -125,8 +151,8 @@ def make_stage(model, h):
     def weight(theta):
         return jnp.sqrt(forces.row_masses(model, theta)[free])
 
-    def stage(q, v, z, v_cmd, theta, kappa):
-        args = (q, v, z, v_cmd, theta, kappa)
+    def stage(*args):
+        v_cmd = args[3]
         fixed = jax.lax.stop_gradient(args)
         y, inverse = jax.lax.stop_gradient(start(fixed))
         # the value is one more step of Newton's; its derivative -K⁻¹ ∂r/∂args is the theorem's
@@ -148,23 +174,28 @@ def make_step(model, report=False):
     stage = make_stage(model, GAMMA * h if two_stage else h)
 
     def sdirk2(q, v, z, v_cmd, theta, kappa):
-        def body(carried, _):
+        past = strains(model, q, z)
+
+        def body(carried, elapsed):
             q_ref, v_ref, z_ref, _ = carried
-            v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa)
+            v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, elapsed)
             q_end = q_ref + GAMMA * h * v1
             blend = (1.0 - GAMMA) / GAMMA
             q_second = q + (1.0 - GAMMA) * h * v1
             second = (q_second, v + blend * (v1 - v), carry(model, q, z, q_second), error)
             return second, (q_end, v1, carry(model, q_ref, z_ref, q_end), error)
 
-        _, (q_end, v_end, z_end, error) = jax.lax.scan(body, (q, v, z, jnp.zeros(())), None, length=2)
-        return q_end[1], v_end[1], z_end[1], jnp.max(error)
+        elapsed = jnp.array([GAMMA * h, h])
+        _, (q_end, v_end, z_end, error) = jax.lax.scan(body, (q, v, z, jnp.zeros(())), elapsed)
+        return q_end[1], v_end[1], remember(model, past, z_end[1], q_end[1], theta), jnp.max(error)
 
     def one_stage(q, v, z, v_cmd, theta, kappa):
-        vp, error = stage(q, v, z, v_cmd, theta, kappa)
+        past = strains(model, q, z)
+        elapsed = 0.5 * h if model.integrator == "midpoint" else h
+        vp, error = stage(q, v, z, v_cmd, theta, kappa, past, elapsed)
         *_, d0, d1 = coefficients(model)
         q_next = q + h * (d0 * v + d1 * vp)
-        return q_next, vp, carry(model, q, z, q_next), error
+        return q_next, vp, remember(model, past, carry(model, q, z, q_next), q_next, theta), error
 
     def step(x, u, theta, kappa=None):
         q, v, z = jnp.split(x, [model.nq, 2 * model.nq])
@@ -180,19 +211,23 @@ def make_step(model, report=False):
 def displaced(model, x, dx):
     """x ⊕ δx (nx,): axes move with their edges, then the material turns about them."""
     q, v, z = jnp.split(x, [model.nq, 2 * model.nq])
-    q_next = q + dx[: model.nq]
-    return jnp.concatenate([q_next, v + dx[model.nq :], carry(model, q, z, q_next)])
+    dq, dv, dz = jnp.split(dx, [model.nq, 2 * model.nq])
+    moved = carry(model, q, z, q + dq)
+    if model.n_memory:
+        moved = moved.at[: model.n_memory].add(dz)
+    return jnp.concatenate([q + dq, v + dv, moved])
 
 
 def change(model, x, at):
     """x ⊖ at (ndx,), exact to first order in it."""
     if model.rods is None:
         return x - at
-    parts = [jnp.split(y, [3 * model.n_nodes, model.nq, 2 * model.nq]) for y in (x, at)]
-    (p, twist, v, z), (p0, twist0, v0, z0) = parts
-    before = (p0.reshape(-1, 3), twist0, z0)
-    turns = rods.change_of_twists(model.rods, p.reshape(-1, 3), twist, z, before)
-    return jnp.concatenate([p - p0, turns, v - v0])
+    places = np.cumsum([3 * model.n_nodes, model.nq - 3 * model.n_nodes, model.nq, model.n_memory])
+    parts = [jnp.split(y, places) for y in (x, at)]
+    (p, twist, v, memory, frames), (p0, twist0, v0, memory0, frames0) = parts
+    before = (p0.reshape(-1, 3), twist0, frames0)
+    turns = rods.change_of_twists(model.rods, p.reshape(-1, 3), twist, frames, before)
+    return jnp.concatenate([p - p0, turns, v - v0, memory - memory0])
 
 
 def make_change_of_step(model):

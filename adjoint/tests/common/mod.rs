@@ -1,6 +1,8 @@
 //! Scenes of `tests/scenes` ready to run.
 #![allow(clippy::unwrap_used, dead_code)] // each test uses its part
 
+pub mod shapes;
+
 use pliant_engine::model::{Model, ModelBuilder};
 use pliant_engine::rollout::{Rollout, rollout};
 use pliant_engine::scene::{Integrator, Nothing, Scene, control_rows, read_scene};

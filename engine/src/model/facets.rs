@@ -66,7 +66,7 @@ impl Model {
                 continue;
             }
             let friction = match self.solids[solid].form {
-                Form::Ball | Form::Capsule => self.solids[solid].friction.map(Friction::Of),
+                Form::Ball | Form::Capsule => self.friction_of_shape(solid, &nodes),
                 Form::Block => self.friction_of_nodes(solid, &nodes),
                 Form::HalfSpace | Form::Cylinder => None,
             };
@@ -75,6 +75,13 @@ impl Model {
             self.facet_groups.push(FacetGroup { facets: facets.clone(), solid, friction });
         }
         Ok(())
+    }
+
+    /// Friction between a fixed ball or capsule and these nodes; `None` if they pass through each other.
+    fn friction_of_shape(&self, solid: usize, nodes: &Range<usize>) -> Option<Friction> {
+        let name = &self.solids[solid].name;
+        let pair = self.pairs.iter().find(|pair| nodes.contains(&pair.node) && self.shape_names[pair.shape] == *name);
+        pair.map(|pair| Friction::Of(pair.friction))
     }
 
     /// Friction between a fixed solid and balls at these nodes; `None` if they pass through each other.

@@ -9,6 +9,7 @@ mod grasp;
 mod mass;
 mod query;
 mod rods;
+mod rules;
 mod solids;
 mod ties;
 

@@ -1,11 +1,12 @@
 //! From a scene's shapes to solids, and which of them may touch.
 
 use super::Model;
+use super::rules::{Rule, rule_of};
 use crate::bodies::rotation::{matrix, normalized};
 use crate::contact::{Friction, SolidPair};
 use crate::geometry::solid::{Carrier, Form, Place, Solid, candidates, meet, overlap};
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
-use crate::scene::{Body, BodyShape, ContactRule, Mistake, Scene, SceneError, ShapeKind};
+use crate::scene::{Body, BodyShape, Mistake, Scene, SceneError, ShapeKind};
 use crate::step::SOLID_WEIGHT;
 use crate::terms::Vec3;
 use nalgebra::Matrix3;
@@ -22,13 +23,6 @@ struct Entry {
     field: String,
 }
 
-/// A rule of the scene, with its entries of θ.
-struct Rule<'a> {
-    rule: &'a ContactRule,
-    friction: Option<usize>,
-    compliance: Option<usize>,
-}
-
 impl Model {
     /// Adds solids and pairs; of every rope the index of its radius in θ.
     pub(super) fn add_solids<X>(&mut self, scene: &Scene<X>, radii: &[usize]) -> Result<(), SceneError> {
@@ -40,6 +34,7 @@ impl Model {
             self.node_solids(radii, &mut entries);
         }
         let rules: Vec<Rule> = scene.contact.pair.iter().enumerate().map(|(k, rule)| self.push_rule(k, rule)).collect();
+        self.apply_rules(&rules);
         let weights = self.body_weights();
         let joined = self.joined();
         for a in 0..self.solids.len() {
@@ -47,12 +42,7 @@ impl Model {
                 if !self.may_touch(a, b, of_bodies..fixed, &joined) {
                     continue;
                 }
-                let of_pair = |rule: &&Rule| {
-                    let [x, y] = &rule.rule.between;
-                    let (p, q) = (&entries[a].object, &entries[b].object);
-                    (x == p && y == q) || (x == q && y == p)
-                };
-                let rule = rules.iter().find(of_pair);
+                let rule = rule_of(&rules, &entries[a].object, &entries[b].object);
                 if rule.is_some_and(|r| r.rule.ignore) {
                     continue;
                 }
@@ -197,13 +187,6 @@ impl Model {
                 entries.push(Entry { object: name.clone(), field: field.clone() });
             }
         }
-    }
-
-    fn push_rule<'a>(&mut self, k: usize, rule: &'a ContactRule) -> Rule<'a> {
-        let mut entry = |name: &str, unit, value: Option<f64>| {
-            value.map(|value| self.params.push(format!("contact.pair[{k}].{name}"), unit, NON_NEGATIVE, value))
-        };
-        Rule { rule, friction: entry("friction", "-", rule.friction), compliance: entry("compliance", "m/N", rule.compliance) }
     }
 
     /// The entry of θ of two solids that both have no friction of their own.

@@ -188,9 +188,34 @@ impl Mistake {
                 "the rope was made in a program, not read from a file",
                 "call `Rope::resolve_material` before the model is built",
             ),
-            Self::HeldTwice { .. } => {
+            Self::HeldTwice { own: true, .. } => {
                 both("a node is listed twice, perhaps once as a negative number", "let one gripper hold each node")
             }
+            Self::HeldTwice { other, .. } => both(
+                "two grippers command one node, each its own way; an `end` is its node, the direction there, and a rod's axes",
+                format!("let one gripper hold each node: remove it here, or from what \"{other}\" holds"),
+            ),
+            Self::Unheld { .. } => both(
+                "it would fall or drift for ever; a gripper that grasps holds nothing as the scene begins",
+                "hold nodes of it by a [[gripper]], or remove `start`",
+            ),
+            Self::Unstretched { .. } => {
+                both("a value left at zero", "give `stretch_stiffness` in N, or remove `start = \"equilibrium\"`")
+            }
+            Self::Untwisted { .. } => {
+                both("a value left at zero", "give `stiffness` in N·m², or remove `[rope.twist]`, which says nothing without it")
+            }
+            Self::Rolls { .. } => both(
+                "grippers hold single nodes, and a round section that is straight at rest does not mind how it stands",
+                "clamp an `end` or two neighbouring nodes, or remove `[rope.twist]` or `start`",
+            ),
+            Self::RuleTwice { .. } => {
+                both("a rule was copied and not changed", "put what is special into one rule, or remove one")
+            }
+            Self::FinelyDivided { edge, nodes, .. } => both(
+                "the radius is given in mm instead of m, or the rope is divided more finely than bending means anything",
+                format!("write a `radius` of at most {} (in m), or at most {nodes} nodes", Num(5.0 * edge)),
+            ),
             Self::PointCapsule => both("an end was copied", "move an end, or use a [[sphere]]"),
             Self::MidpointContact { .. } => both(
                 "midpoint chatters at contact",

@@ -65,7 +65,7 @@ pub enum ClothMistake {
     NoEnds { cloth: String },
     /// Two commands for one node.
     #[error("node {node} of cloth \"{cloth}\" is already held by gripper \"{other}\"")]
-    HeldTwice { cloth: String, node: usize, other: String },
+    HeldTwice { cloth: String, node: usize, other: String, own: bool },
     /// A sheet that no shape can move.
     #[error("grippers hold every node of cloth \"{cloth}\", so it goes through the scene's {shapes} shape(s) and touches none")]
     AllHeld { cloth: String, shapes: usize },
@@ -123,9 +123,13 @@ impl ClothMistake {
                 format!("write a node from 0 to {}", nodes.saturating_sub(1)),
             ),
             Self::NoEnds { .. } => ("a gripper of a rope was copied", "name the nodes of an edge, `nodes = [...]`".to_owned()),
-            Self::HeldTwice { .. } => {
+            Self::HeldTwice { own: true, .. } => {
                 ("a node is listed twice, perhaps once as a negative number", "let one gripper hold each node".to_owned())
             }
+            Self::HeldTwice { other, .. } => (
+                "two grippers command one node, each its own way",
+                format!("let one gripper hold each node: remove this one from `nodes` here, or from those of \"{other}\""),
+            ),
             Self::AllHeld { .. } => {
                 ("a gripper holds more nodes than meant", "leave nodes of it free, or remove the sheet or the shapes".to_owned())
             }

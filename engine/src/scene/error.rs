@@ -192,7 +192,26 @@ pub enum Mistake {
     Unresolved { key: &'static str },
     /// Two commands for one node.
     #[error("node {node} of rope \"{rope}\" is already held by gripper \"{other}\"")]
-    HeldTwice { rope: String, node: usize, other: String },
+    HeldTwice { rope: String, node: usize, other: String, own: bool },
+    /// An equilibrium of what nothing holds.
+    #[error("nothing holds {what} \"{name}\", so it has no equilibrium: the matrix of statics is singular")]
+    Unheld { what: &'static str, name: String },
+    /// An equilibrium of a rope of any length.
+    #[error(
+        "is 0 N, so rope \"{rope}\" has no equilibrium: its edges may have any length, and the matrix of statics is singular"
+    )]
+    Unstretched { rope: String },
+    /// An equilibrium of a rod that does not mind its twist.
+    #[error("is 0 N·m², so edges of rope \"{rope}\" turn about themselves without a force: the matrix of statics is singular")]
+    Untwisted { rope: String },
+    /// An equilibrium of a rod that may turn about itself.
+    #[error(
+        "rope \"{rope}\" may turn about itself without a force, so its equilibrium is not unique: the matrix of statics is singular"
+    )]
+    Rolls { rope: String },
+    /// A rod much thicker than its edges are long.
+    #[error("is {} m, but the longest edge, from node {first} to node {}, is {} m long at rest", Num(*.radius), .first + 1, Num(*.edge))]
+    FinelyDivided { radius: f64, edge: f64, first: usize, nodes: usize },
     /// A capsule whose ends coincide.
     #[error("the two ends of the capsule are the same point")]
     PointCapsule,
@@ -241,6 +260,9 @@ pub enum Mistake {
     /// A rule for a pair that does not touch anyway.
     #[error("\"{first}\" and \"{second}\" never touch: {why}")]
     NeverTouch { first: String, second: String, why: &'static str },
+    /// Two rules for one pair.
+    #[error("\"{first}\" and \"{second}\" have a rule already: contact.pair[{other}]")]
+    RuleTwice { first: String, second: String, other: usize },
     /// Compliance where it is not modelled.
     #[error("compliance is modelled between bodies and what they touch, with Coulomb's law: {why}")]
     NoCompliance { why: &'static str },

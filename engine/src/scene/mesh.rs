@@ -77,6 +77,13 @@ impl Mesh {
         out
     }
 
+    /// Nodes and length [m] of the longest edge.
+    pub fn longest_edge(&self) -> ([usize; 2], f64) {
+        let edges = self.triangles.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+        let long = edges.map(|[a, b]| ([a, b], norm(sub(self.vertices[b], self.vertices[a]))));
+        long.fold(([0, 0], 0.0), |longest, edge| if edge.1 > longest.1 { edge } else { longest })
+    }
+
     /// Extents of the box around it, the largest first [m].
     pub fn extents(&self) -> V3 {
         let size = |a: usize| {

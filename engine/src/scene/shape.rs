@@ -157,7 +157,7 @@ pub enum ShapeKind {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactRule {
-    /// Names of two objects: bodies, ropes or fixed shapes.
+    /// Names of two objects: bodies, ropes, sheets of cloth or fixed shapes.
     pub between: [String; 2],
     /// Whether they pass through each other.
     #[serde(default)]

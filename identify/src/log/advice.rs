@@ -13,6 +13,11 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
         M::NoExperiment => {
             both("the scene was written for simulation", "add an [experiment] with `time`, markers, inputs and records")
         }
+        M::Cloth { .. } => both(
+            "an experiment was written for a sheet, or copied from another scene",
+            "remove the [[cloth]] and what holds it; or remove the [experiment], and fit by the gradients of rollouts (`vjp`, `linearize`), \
+             which sheets have",
+        ),
         M::NoRecord => both("no log was named", "add a [[experiment.record]], or give `--log FILE`"),
         M::NoMarker { bodies: false } => {
             both("the mapping from log to rope is missing", "add a [[experiment.marker]] with `rope`, `node` and `columns`")

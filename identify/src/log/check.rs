@@ -23,6 +23,9 @@ const EXTENT: f64 = 10.0;
 pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
     let experiment = &setup.experiment;
     let check = Check { setup };
+    if let Some(cloth) = setup.scene.cloth.first() {
+        return check.refuse("experiment", LogMistake::Cloth { cloth: cloth.name.clone() });
+    }
     let clock = &experiment.time;
     let given = usize::from(clock.column.is_some()) + usize::from(clock.array.is_some()) + usize::from(clock.rate.is_some());
     check.one_of("experiment.time", "`column`, `array`, `rate`", given)?;

@@ -48,6 +48,9 @@ pub enum LogMistake {
     /// No `[experiment]`.
     #[error("the scene has no [experiment]")]
     NoExperiment,
+    /// A scene that fits and diagnoses do not know.
+    #[error("the scene has cloth \"{cloth}\", and fits and diagnoses know ropes, rods and bodies, but no cloth yet")]
+    Cloth { cloth: String },
     /// No file to read.
     #[error("there is no log to read")]
     NoRecord,

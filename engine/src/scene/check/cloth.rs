@@ -13,6 +13,8 @@ use super::{not_negative, positive};
 const LARGEST: f64 = 1000.0;
 /// The densest material [kg/m³]; osmium has 22 600.
 const DENSEST: f64 = 1e5;
+/// What is lighter [kg/m³] than air has a thickness or a density in another unit.
+const LIGHTEST: f64 = 1.0;
 /// Poisson's ratios that an isotropic material can have, with a distance from −1, where its shear stiffness is infinite.
 const POISSON: (f64, f64) = (-0.999, 0.5);
 
@@ -90,7 +92,36 @@ fn units(cloth: &Cloth, rest: &Mesh, at: &dyn Fn(&str) -> String) -> Result<(), 
     if cloth.contact_radius() > across {
         return refuse("radius", cloth.contact_radius(), "m", format!(", more than the sheet is wide ({across} m)"), "mm");
     }
+    let (nodes, edge) = rest.longest_edge();
+    let [first, second] = nodes;
+    if cloth.thickness > 0.2 * across || cloth.thickness > 2.0 * edge {
+        let edge = format!("the longest edge, from node {first} to node {second}, is {edge} m long");
+        let reason = format!(", too thick for a sheet: it is {across} m wide, and {edge}");
+        return refuse("thickness", cloth.thickness, "m", reason, "mm");
+    }
+    if cloth.contact_radius() > 5.0 * edge {
+        let reason = format!(", but the longest edge, from node {first} to node {second}, is {edge} m long");
+        return refuse("radius", cloth.contact_radius(), "m", reason, "mm");
+    }
     let density = cloth.mass_per_area() / cloth.thickness;
+    if density < LIGHTEST {
+        return match (cloth.area_density, cloth.density) {
+            (None, Some(value)) => {
+                let mistake = Mistake::Unit {
+                    value,
+                    unit: "kg/m³",
+                    reason: ", lighter than air".to_owned(),
+                    likely: "g/cm³",
+                    instead: 1e3 * value,
+                };
+                Err(SceneError::at(at("density"), mistake))
+            }
+            _ => {
+                let reason = format!(", which makes the sheet lighter than air, {density:.2e} kg/m³");
+                refuse("thickness", cloth.thickness, "m", reason, "mm")
+            }
+        };
+    }
     if density > DENSEST {
         let reason = format!(", which in a thickness of {} m is {density:.0} kg/m³, denser than any metal", cloth.thickness);
         return match (cloth.area_density, cloth.density) {

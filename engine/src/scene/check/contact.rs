@@ -72,7 +72,7 @@ fn outside<X>(scene: &Scene<X>, held: &BTreeSet<(&str, usize)>) -> Result<(), Sc
             if held.contains(&(rope.name.as_str(), node)) {
                 continue;
             }
-            if let Some((shape, distance)) = deepest(scene, point) {
+            if let Some((shape, distance)) = deepest(scene, &rope.name, point) {
                 let mistake = Mistake::Inside { rope: rope.name.clone(), node, depth: -distance, shape };
                 return Err(SceneError::at(format!("rope[{r}].initial"), mistake));
             }
@@ -83,7 +83,7 @@ fn outside<X>(scene: &Scene<X>, held: &BTreeSet<(&str, usize)>) -> Result<(), Sc
             if held.contains(&(cloth.name.as_str(), node)) {
                 continue;
             }
-            if let Some((shape, distance)) = deepest(scene, point) {
+            if let Some((shape, distance)) = deepest(scene, &cloth.name, point) {
                 let error = ClothMistake::Inside { cloth: cloth.name.clone(), node, depth: -distance, shape };
                 return Err(SceneError::at(format!("cloth[{c}]"), Mistake::Cloth { error }));
             }
@@ -92,31 +92,37 @@ fn outside<X>(scene: &Scene<X>, held: &BTreeSet<(&str, usize)>) -> Result<(), Sc
     Ok(())
 }
 
-/// The shape that a point lies deepest in, and its distance from the surface [m].
-fn deepest<X>(scene: &Scene<X>, point: V3) -> Option<(String, f64)> {
-    distances(scene, point).min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, distance)| *distance < -1e-12)
+/// The shape that a point of an object lies deepest in, of those that touch it, and its distance from the surface [m].
+fn deepest<X>(scene: &Scene<X>, object: &str, point: V3) -> Option<(String, f64)> {
+    let ignored = |shape: &str| {
+        let of_pair = |[a, b]: &[String; 2]| (a == object && b == shape) || (a == shape && b == object);
+        scene.contact.pair.iter().any(|rule| rule.ignore && of_pair(&rule.between))
+    };
+    let (kind, name, distance) =
+        distances(scene, point).filter(|(_, name, _)| !ignored(name)).min_by(|a, b| a.2.total_cmp(&b.2))?;
+    (distance < -1e-12).then(|| (format!("{kind} \"{name}\""), distance))
 }
 
-/// Name of every shape and the distance of a point from its surface [m], negative inside.
-fn distances<X>(scene: &Scene<X>, point: V3) -> impl Iterator<Item = (String, f64)> {
+/// Kind and name of every shape and the distance of a point from its surface [m], negative inside.
+fn distances<X>(scene: &Scene<X>, point: V3) -> impl Iterator<Item = (&'static str, &str, f64)> {
     let planes = scene.plane.iter().map(move |s| {
         let normal = unit(s.normal).unwrap_or([0.0, 0.0, 1.0]);
-        (format!("plane \"{}\"", s.name), dot(normal, sub(point, s.point)) - s.height)
+        ("plane", s.name.as_str(), dot(normal, sub(point, s.point)) - s.height)
     });
-    let spheres = scene.sphere.iter().map(move |s| (format!("sphere \"{}\"", s.name), norm(sub(point, s.center)) - s.radius));
+    let spheres = scene.sphere.iter().map(move |s| ("sphere", s.name.as_str(), norm(sub(point, s.center)) - s.radius));
     let capsules = scene.capsule.iter().map(move |s| {
         let axis = sub(s.b, s.a);
         let along = (dot(sub(point, s.a), axis) / dot(axis, axis)).clamp(0.0, 1.0);
-        (format!("capsule \"{}\"", s.name), norm(sub(point, add(s.a, scale(axis, along)))) - s.radius)
+        ("capsule", s.name.as_str(), norm(sub(point, add(s.a, scale(axis, along)))) - s.radius)
     });
     let blocks = scene.block.iter().map(move |s| {
         let y = turned(s.quaternion, sub(point, s.position));
         let over: V3 = std::array::from_fn(|k| y[k].abs() - s.half_extents[k]);
-        (format!("box \"{}\"", s.name), over.into_iter().fold(f64::NEG_INFINITY, f64::max))
+        ("box", s.name.as_str(), over.into_iter().fold(f64::NEG_INFINITY, f64::max))
     });
     let cylinders = scene.cylinder.iter().map(move |s| {
         let y = turned(s.quaternion, sub(point, s.position));
-        (format!("cylinder \"{}\"", s.name), (y[0].hypot(y[1]) - s.radius).max(y[2].abs() - s.half_length))
+        ("cylinder", s.name.as_str(), (y[0].hypot(y[1]) - s.radius).max(y[2].abs() - s.half_length))
     });
     planes.chain(spheres).chain(capsules).chain(blocks).chain(cylinders)
 }

@@ -37,11 +37,8 @@ fn turns<X>(scene: &Scene<X>, g: usize, gripper: &Gripper) -> Result<(), SceneEr
         Some(Held::Rope(rope, _)) => (Some(rope), rope.twist.is_some()),
         _ => (None, false),
     };
-    let mut nodes: Vec<usize> = gripper.clamp.numbers().iter().filter_map(|k| rope?.node(*k)).collect();
-    nodes.sort_unstable();
     let is_end = matches!(gripper.clamp, Clamp::End(_));
-    let closes = |rope: &Rope| rope.closed && nodes.first() == Some(&0) && nodes.last() == Some(&(rope.n_nodes() - 1));
-    let edge = is_end || nodes.windows(2).any(|pair| pair[1] == pair[0] + 1) || rope.is_some_and(closes);
+    let edge = rope.is_some_and(|rope| holds_edge(rope, gripper));
     let possible = [
         ("roll", gripper.roll != 0.0, twists && edge),
         ("roll_by_direction", gripper.roll_by_direction != [0.0; 3], twists && edge),
@@ -56,6 +53,14 @@ fn turns<X>(scene: &Scene<X>, g: usize, gripper: &Gripper) -> Result<(), SceneEr
             Err(SceneError::at(format!("gripper[{g}].{key}"), Mistake::NothingToTurn { what }))
         }
     }
+}
+
+/// Whether the gripper clamps an end of its rope, or both nodes of an edge.
+pub(super) fn holds_edge(rope: &Rope, gripper: &Gripper) -> bool {
+    let mut nodes: Vec<usize> = gripper.clamp.numbers().iter().filter_map(|k| rope.node(*k)).collect();
+    nodes.sort_unstable();
+    let closes = rope.closed && nodes.first() == Some(&0) && nodes.last() == Some(&(rope.n_nodes() - 1));
+    matches!(gripper.clamp, Clamp::End(_)) || nodes.windows(2).any(|pair| pair[1] == pair[0] + 1) || closes
 }
 
 /// Sizes and schedule of a gripper that grasps.
@@ -128,10 +133,10 @@ fn holds<'a, X>(
             return Err(SceneError::at(field, mistake));
         };
         if let Some(other) = held.insert((object.name(), node), &gripper.name) {
-            let other = other.to_owned();
+            let (own, other) = (other == gripper.name, other.to_owned());
             let mistake = match object {
-                Held::Rope(..) => Mistake::HeldTwice { rope: name, node, other },
-                Held::Cloth(..) => Mistake::Cloth { error: ClothMistake::HeldTwice { cloth: name, node, other } },
+                Held::Rope(..) => Mistake::HeldTwice { rope: name, node, other, own },
+                Held::Cloth(..) => Mistake::Cloth { error: ClothMistake::HeldTwice { cloth: name, node, other, own } },
             };
             return Err(SceneError::at(field, mistake));
         }

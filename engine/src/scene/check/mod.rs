@@ -9,6 +9,7 @@ mod gripper;
 mod joint_law;
 mod rope;
 mod solid;
+mod statics;
 
 pub(crate) use body::matrix as inertia_matrix;
 
@@ -50,6 +51,7 @@ pub fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
     coupling::check(scene)?;
     actuator::check(scene)?;
     gripper::check(scene)?;
+    statics::check(scene)?;
     solid::check(scene)?;
     contact::check(scene)
 }

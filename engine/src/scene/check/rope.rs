@@ -14,6 +14,8 @@ use std::f64::consts::PI;
 const LONGEST: f64 = 1000.0;
 /// The densest material [kg/m³]; osmium has 22 600.
 const DENSEST: f64 = 1e5;
+/// What is lighter [kg/m³] than air, and thick, has a radius in another unit.
+const LIGHTEST: f64 = 1.0;
 
 pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     let rope = &scene.rope[r];
@@ -24,6 +26,7 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
     numbers(rope, &at)?;
     units(rope, &at)?;
     nodes(scene, rope, &at)?;
+    thickness(rope, &at)?;
     closed(rope, &at)?;
     for (k, added) in rope.node_mass.iter().enumerate() {
         not_negative(&at(&format!("node_mass[{k}].mass")), added.mass, "kg")?;
@@ -181,6 +184,27 @@ fn nodes<X>(scene: &Scene<X>, rope: &Rope, at: &dyn Fn(&str) -> String) -> Resul
     if nodes < needed {
         let key = if rope.nodes.is_some() { "nodes" } else { "edge_fractions" };
         return Err(SceneError::at(at(key), Mistake::TooFewNodes { nodes, needed, why }));
+    }
+    Ok(())
+}
+
+/// Radii that fit the rope, but not its edges.
+fn thickness(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let fractions = rope.fractions();
+    let (first, longest) = fractions.iter().enumerate().fold((0, 0.0), |a, (k, f)| if *f > a.1 { (k, *f) } else { a });
+    let (edge, radius) = (longest * rope.length, rope.radius);
+    if radius > 5.0 * edge {
+        let nodes = (5.0 * rope.length / radius).floor() as usize + usize::from(!rope.closed);
+        return Err(SceneError::at(at("radius"), Mistake::FinelyDivided { radius, edge, first, nodes }));
+    }
+    let density = rope.linear_density / (PI * radius * radius);
+    if 2.0 * radius > edge && density < LIGHTEST {
+        let reason = format!(
+            ", thicker than its longest edge is long ({edge} m, from node {first} to node {}), and lighter than air ({density:.2e} kg/m³)",
+            first + 1
+        );
+        let mistake = Mistake::Unit { value: radius, unit: "m", reason, likely: "mm", instead: 1e-3 * radius };
+        return Err(SceneError::at(at("radius"), mistake));
     }
     Ok(())
 }

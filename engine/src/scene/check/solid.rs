@@ -26,7 +26,8 @@ pub(super) fn check<X>(scene: &Scene<X>) -> Result<(), SceneError> {
         positive(&format!("{field}.half_length"), cylinder.half_length, "m")?;
         common(&field, cylinder.quaternion, Some(cylinder.friction))?;
     }
-    scene.contact.pair.iter().enumerate().try_for_each(|(k, pair)| rule(scene, pair, &format!("contact.pair[{k}]")))
+    let rules = &scene.contact.pair;
+    rules.iter().enumerate().try_for_each(|(k, pair)| rule(scene, pair, &rules[..k], &format!("contact.pair[{k}]")))
 }
 
 fn sizes(field: &str, sizes: &[f64]) -> Result<(), SceneError> {
@@ -82,7 +83,7 @@ fn name_of(key: &str) -> &'static str {
 }
 
 /// Both objects are there and may touch, and what the rule says is modelled.
-fn rule<X>(scene: &Scene<X>, rule: &ContactRule, field: &str) -> Result<(), SceneError> {
+fn rule<X>(scene: &Scene<X>, rule: &ContactRule, before: &[ContactRule], field: &str) -> Result<(), SceneError> {
     let fixed: Vec<&str> = fixed(scene).collect();
     let bodies: Vec<&str> = scene.body.iter().map(|b| b.name.as_str()).collect();
     let sheets = scene.cloth.iter().map(|c| c.name.as_str());
@@ -107,6 +108,10 @@ fn rule<X>(scene: &Scene<X>, rule: &ContactRule, field: &str) -> Result<(), Scen
     };
     if let Some(why) = why {
         let mistake = Mistake::NeverTouch { first: a.to_owned(), second: b.to_owned(), why };
+        return Err(SceneError::at(format!("{field}.between"), mistake));
+    }
+    if let Some(other) = before.iter().position(|rule| rule.between == [a, b] || rule.between == [b, a]) {
+        let mistake = Mistake::RuleTwice { first: a.to_owned(), second: b.to_owned(), other };
         return Err(SceneError::at(format!("{field}.between"), mistake));
     }
     if let Some(mu) = rule.friction {
