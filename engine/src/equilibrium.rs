@@ -151,6 +151,7 @@ impl Fixed<'_> {
             absent: false,
             thorough: true,
             coarse: false,
+            downhill: false,
         }
     }
 
