@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Case, scene, with};
-use pliant_adjoint::gradcheck::{FLOOR_FACTOR, RELATIVE_ERROR, gradcheck};
+use pliant_adjoint::gradcheck::gradcheck;
 use pliant_adjoint::rollout_vjp;
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::model::{Model, ModelBuilder};
@@ -21,6 +21,9 @@ fn passes(what: &str, scene: &Scene, steps: usize) {
     println!("{what}: worst {:.1e}, slope {:?}", report.worst_relative_error, report.taylor_slope);
     let failed: Vec<_> = report.blocks.iter().filter(|b| !b.pass).collect();
     assert!(report.pass && failed.is_empty(), "{what}: {failed:#?}");
+    // where a flow began or ended within all differences, these do not judge; they agree all the same
+    let worst = report.blocks.iter().map(|b| b.relative_error).fold(0.0, f64::max);
+    assert!(worst < 1e-5, "{what}: {worst}");
 }
 
 #[test]
@@ -32,16 +35,8 @@ fn a_hundred_steps_of_a_creeping_rod_have_exact_gradients() {
 
 #[test]
 fn so_have_those_of_a_plastic_one() {
-    for integrator in [Integrator::Euler, Integrator::Midpoint] {
+    for integrator in INTEGRATORS {
         passes(&format!("{integrator:?}"), &with("rod_plastic", integrator), 100);
-    }
-    // Where bending turns while it flows, the slope has small kinks at the yield, and the check is not told when one lies within a
-    // difference: under this integrator some do, which takes the order of the Taylor remainder, but not the agreement.
-    let case = Case::new(&with("rod_plastic", Integrator::Sdirk2), 100);
-    let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap();
-    for block in &report.blocks {
-        let near = block.relative_error <= RELATIVE_ERROR.max(FLOOR_FACTOR * block.floor);
-        assert!(near && block.modes_agree(), "{block:#?}");
     }
 }
 

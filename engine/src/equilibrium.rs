@@ -155,6 +155,7 @@ impl Fixed<'_> {
             absent: false,
             thorough: true,
             coarse: false,
+            downhill: false,
         }
     }
 

@@ -115,7 +115,9 @@ fn point(
     };
     let changed =
         |s: &Sample| s.modes.len().abs_diff(base.modes.len()) + s.modes.iter().zip(&base.modes).filter(|(a, b)| a != b).count();
-    let remainder = (plus.value - base.value - eps * derivative).abs();
+    let remainder_at = |s: &Sample, eps: f64| (s.value - base.value - eps * derivative).abs();
+    // the larger of both sides: on one of them terms of second and third order may cancel, which has no slope at all
+    let remainder = remainder_at(&plus, eps).max(if one_sided { 0.0 } else { remainder_at(&other, -eps) });
     Ok(Point { eps, difference, remainder, switches: changed(&plus) + changed(&other) })
 }
 

@@ -1,5 +1,6 @@
 //! What is tried when Newton's method fails, in this order: the warm start, from the law at frozen geometry where solids collide;
-//! a longer such start; a cold start with κ taken down from a soft contact; a Levenberg-damped matrix. Halving the step is the caller's
+//! a longer such start; a cold start with κ taken down from a soft contact; for rods that twist
+//! a walk downhill; a Levenberg-damped matrix. Halving the step is the caller's
 //! last resort, and comes before the last two where solids touch: two halves take less work than those.
 
 use super::{FIRST_SOFT, Stuck, Work, newton, speed};
@@ -47,6 +48,9 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
     let thorough = stage.thorough || !touching || stuck.is_none();
     if thorough && stage.has_contact() && !matches!(stuck, Some(Ok(()))) {
         stuck = Some(cold(stage, ws, limit, work));
+    }
+    if thorough && !matches!(stuck, Some(Ok(()))) && !stage.model.rods.edges.is_empty() {
+        stuck = Some(downhill(stage, ws, limit, work));
     }
     if thorough && !matches!(stuck, Some(Ok(()))) {
         stuck = Some(damped(stage, ws, limit, work));
@@ -171,6 +175,21 @@ fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> R
         }
     }
     Err(last)
+}
+
+/// Down the energy by matrices of what resists alone, as far as that leads quickly; the true one finishes.
+fn downhill(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
+    start(stage, ws);
+    for (c, pair) in stage.model.pairs.iter().enumerate() {
+        ws.it.w[c] = cold_cone(stage.law_point(c).kappa, stage.mass[pair.node]);
+    }
+    ws.it.s.fill(0.0);
+    stage.start_spots(ws);
+    match newton(&Stage { downhill: true, coarse: true, ..*stage }, ws, DAMPED_PATIENCE * limit, work) {
+        Ok(()) | Err(Stuck::NoProgress { .. }) => {}
+        Err(e) => return Err(e),
+    }
+    newton(stage, ws, limit, work)
 }
 
 /// The error of a stage that did not converge, naming the number, the row and the term.

@@ -18,6 +18,7 @@ mod history;
 pub(crate) use fallback::solve_stage;
 pub(crate) use history::History;
 
+use crate::kkt::System;
 use crate::step::{STATIC, Stage, StepError, Workspace};
 use nalgebra::Vector4;
 use pliant_smoothing::eigenvalues;
@@ -52,6 +53,8 @@ const MOST_SOFT: f64 = 0.05;
 const SETTLED: f64 = 1e-6;
 /// How many roundings of the stiffest force count as none.
 const ROUNDINGS: f64 = 4.0;
+/// Part of the velocity scale that the rounding of inner forces may leave open in a step.
+const UNRESOLVED: f64 = 1e-6;
 /// Corrections this many times the tolerance count as rounding noise if they stop shrinking.
 const NOISE: f64 = 1e3;
 
@@ -98,8 +101,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     ws.bold = if stage.damping == 0.0 { BOLD_STEPS } else { 0 };
 
     let (mut soften, mut eased) = (stage.soften, false);
-    let patience =
-        if stage.model.buckles() && stage.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
+    let patience = if by_slope(stage) && stage.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
     for _ in 0..patience {
         let stage = &Stage { soften, ..*stage };
         work.iterations += 1;
@@ -122,9 +124,12 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             // what is left where softened contacts have converged is rounding noise if it is small
             Descent::Soften if eased && correction <= NOISE * tolerance => return Ok(()),
             Descent::Soften => soften = (soften * SOFT_RISE).max(FIRST_SOFT),
-            Descent::Stalled if correction <= NOISE * tolerance || balanced(stage, ws) => return Ok(()),
+            Descent::Stalled if correction <= NOISE * tolerance || balanced(stage, ws, correction) => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
+    }
+    if stage.scheme != STATIC && !stage.coarse && soften == 0.0 && balanced(stage, ws, correction) {
+        return Ok(());
     }
     Err(Stuck::NoProgress { correction })
 }
@@ -132,6 +137,11 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
 /// Linearizes at the iterate and factors; again with what resists alone, where forces may buckle and the matrix is indefinite: its
 /// direction would lead uphill. False if it is singular.
 fn factor(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<bool, Stuck> {
+    if stage.downhill {
+        ws.stable = true;
+        stage.linearize_stable(ws)?;
+        return Ok(ws.factor.refactor(&ws.k).is_ok());
+    }
     stage.linearize_mixed(ws)?;
     let sound = ws.factor.refactor(&ws.k).is_ok();
     // (pivots of a friction's matrix may be negative for its own reasons)
@@ -143,6 +153,11 @@ fn factor(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<bool, St
     stage.linearize_stable(ws)?;
     work.factorizations += 1;
     Ok(ws.factor.refactor(&ws.k).is_ok())
+}
+
+/// Whether steps are judged by the slope at their end too.
+fn by_slope(stage: &Stage) -> bool {
+    stage.model.buckles() || stage.downhill
 }
 
 /// A softening after a correction fell by `ratio`.
@@ -164,7 +179,7 @@ enum Descent {
 fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
     let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
-    let by_slope = stage.model.buckles();
+    let by_slope = by_slope(stage);
     let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable { LONGEST } else { 1.0 });
     loop {
         let next = try_step(stage, ws, alpha, work)?;
@@ -379,13 +394,21 @@ fn rounding(stage: &Stage) -> f64 {
     f64::EPSILON * farthest(stage) / stage.h
 }
 
-/// Whether nodes at rest are in balance but for the rounding of elastic forces, a relative ε of coordinates times the largest stiffness:
-/// where something gives way easily, that moves it further than any tolerance allows.
-fn balanced(stage: &Stage, ws: &Workspace) -> bool {
+/// Whether nodes are in balance but for the rounding of inner forces, a relative ε of coordinates and velocities times the largest stiffness
+/// and viscosity: where something gives way easily, that moves it further than any tolerance allows. At rest it may move it as far as it
+/// likes, in a step by little.
+fn balanced(stage: &Stage, ws: &Workspace, correction: f64) -> bool {
     let n = 3 * stage.mass.len();
-    let stiffness = (0..n).fold(0.0, |a: f64, k| a.max(-ws.dq.nodes.get(k, k)));
+    let stiffest = |of: &System| (0..n).fold(0.0, |a: f64, k| a.max(-of.nodes.get(k, k)));
     let largest = ws.r[..n].iter().fold(0.0_f64, |a, r| a.max(r.abs()));
-    stage.scheme == STATIC && largest <= ROUNDINGS * f64::EPSILON * farthest(stage) * stiffness
+    if stage.scheme == STATIC {
+        return largest <= ROUNDINGS * f64::EPSILON * farthest(stage) * stiffest(&ws.dq);
+    }
+    let [stiffness, viscosity] =
+        if stage.has_contact() { [ws.stiffness, ws.viscosity] } else { [stiffest(&ws.dq), stiffest(&ws.dv)] };
+    let fastest = ws.it.v[..n].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+    let noise = 4.0 * ROUNDINGS * f64::EPSILON * (farthest(stage) * stiffness + fastest * viscosity);
+    correction <= UNRESOLVED * velocity_scale(stage, ws) && settled(stage, ws) && largest <= noise
 }
 
 /// Largest coordinate of a node [m].

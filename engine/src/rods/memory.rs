@@ -88,6 +88,14 @@ impl Rods {
         });
     }
 
+    /// Appends which branch of its law each section that remembers is on, where laws have kinks between branches.
+    pub(crate) fn modes(&self, at: &RodPoint, theta: &[f64], before: Remembered, out: &mut Vec<u8>) {
+        self.for_joints(|j, section| {
+            let point = self.resting_point(j, &self.joint(j, at), theta, before);
+            section.for_laws(&point, before.z, |law, point| out.extend(law.mode(point)));
+        });
+    }
+
     /// Moves what sections remember on to the end of a (sub)step, an evaluated configuration.
     pub(crate) fn advance(&self, end: &RodPoint, theta: &[f64], before: Remembered, z: &mut [f64]) {
         self.for_joints(|j, section| {

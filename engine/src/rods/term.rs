@@ -87,7 +87,8 @@ impl Rods {
         (0..2).for_each(|k| f[self.row(joint.edges[k])] -= g[TURN[k]]);
     }
 
-    /// As [`Rods::add_force`], and `dq += ∂f/∂q`, `dv += ∂f/∂v` along the displacements of [`super`].
+    /// As [`Rods::add_force`], and `dq += ∂f/∂q`, `dv += ∂f/∂v` along the displacements of [`super`]; of these what resists alone, gᵀ C g
+    /// with the stiffness C of strains, unless they are asked for `whole`.
     #[allow(clippy::too_many_arguments)] // a force and both its matrices, of everything that a rod's force depends on
     pub(crate) fn add_jacobian(
         &self,
@@ -95,6 +96,7 @@ impl Rods {
         v: &[f64],
         theta: &[f64],
         before: Remembered,
+        whole: bool,
         f: &mut [f64],
         dq: &mut NodeMatrix,
         dv: &mut NodeMatrix,
@@ -108,7 +110,7 @@ impl Rods {
             self.add_joint_force(j, &joint.pull(&moments.m), f);
             let rows = self.rows(&self.joints[j]);
             // how strains move with y, and how rates do: both by the positions and by the velocities
-            let mut by_position = joint.hessian(&moments.m, &gradients);
+            let mut by_position = if whole { joint.hessian(&moments.m, &gradients) } else { [[0.0; VARIABLES]; VARIABLES] };
             let mut by_strain = gradients;
             if moments.by_rate.iter().flatten().any(|c| *c != 0.0) {
                 add_products(&gradients, &moments.by_strain, &by_strain, &mut by_position);
@@ -117,7 +119,9 @@ impl Rods {
                     unit[s] = 1.0;
                     joint.rate_gradient(&unit, &gradients, &y)
                 });
-                add_products(&gradients, &moments.by_rate, &by_strain, &mut by_position);
+                if whole {
+                    add_products(&gradients, &moments.by_rate, &by_strain, &mut by_position);
+                }
                 let mut by_velocity = [[0.0; VARIABLES]; VARIABLES];
                 add_products(&gradients, &moments.by_rate, &gradients, &mut by_velocity);
                 dv.add_square(&rows, &expanded(&by_velocity));

@@ -9,6 +9,8 @@ mod facets;
 mod frozen;
 mod guard;
 mod joint_rows;
+mod node_guard;
+mod rebound;
 mod record;
 mod scheme;
 mod spot_forces;

@@ -141,7 +141,7 @@ impl StageRecord {
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
     /// that (plus 4 under a negative load), for every stop 0 open, 1 closed, and for every coupling 0; for every motor with limits 0 within, 1 and 2 beyond
     /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs; and for every
-    /// gripper that grasps, two that tell what it does.
+    /// gripper that grasps, two that tell what it does; and for every joint of a plastic rod the phases of its flow.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
@@ -152,7 +152,24 @@ impl StageRecord {
         };
         let joints = self.row_modes(model, theta).into_iter().chain(self.joint_modes(model, theta));
         let spots = self.spot_modes(model, theta).into_iter().chain(self.grasp_modes.iter().copied());
-        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(spots).collect()
+        let flows = self.flow_modes(model, theta);
+        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(spots).chain(flows).collect()
+    }
+
+    /// Phases of what flows in rods' sections, where the force is evaluated and, if that is elsewhere, at the end.
+    fn flow_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
+        let (rods, mut out) = (&model.rods, Vec::new());
+        if !rods.remember() {
+            return out;
+        }
+        let mut at = RodPoint::default();
+        rods.evaluate(&self.q_ref, &self.frames, &self.evaluation_point(model).0, &mut at);
+        rods.modes(&at, theta, self.remembered(), &mut out);
+        if self.scheme.free.a1 != self.scheme.free.d1 {
+            rods.evaluate(&self.q_ref, &self.frames, &self.q_end(model), &mut at);
+            rods.modes(&at, theta, Remembered { elapsed: self.h, ..self.remembered() }, &mut out);
+        }
+        out
     }
 
     /// Calls `visit(row, input, ∂(r, F)_row/∂input)` for every structural nonzero of the system's derivative with respect to parameters,

@@ -120,6 +120,8 @@ pub(crate) struct Stage<'a> {
     pub thorough: bool,
     /// Whether the root is only passed through.
     pub coarse: bool,
+    /// Whether matrices are made of what resists alone, whose steps lead downhill from wherever they start.
+    pub downhill: bool,
 }
 
 /// The acceleration [m/s²] by which the sharpness of a node's contact is told from its mass, and its derivative by gravity. Without gravity,
@@ -314,13 +316,15 @@ impl Stage<'_> {
             first += n;
         }
         let (rods, before) = (&self.model.rods, self.remembered());
-        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
+        let whole = !self.downhill;
+        rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, whole, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
         for hold in self.holds {
             hold.add_force(&at, &mut ws.f);
             hold.visit_jacobian(|row, column, value| ws.dq.nodes.add(row, column, value));
         }
         if self.has_contact() {
-            ws.stiffness = (0..3 * self.mass.len()).fold(0.0, |a, k| a.max(-ws.dq.nodes.get(k, k)));
+            let largest = |of: &System| (0..3 * self.mass.len()).fold(0.0, |a: f64, k| a.max(-of.nodes.get(k, k)));
+            (ws.stiffness, ws.viscosity) = (largest(&ws.dq), largest(&ws.dv));
         }
         for (node, blocks) in &mut ws.touching {
             *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node), [[0.0; 3]; 3]];
@@ -381,7 +385,7 @@ impl Stage<'_> {
     /// What moving an edge's nodes does to its axes on their way to q̄, times what these do to the forces.
     fn carry_axes(&self, ws: &mut Workspace) {
         let rods = &self.model.rods;
-        if rods.edges.is_empty() {
+        if rods.edges.is_empty() || self.downhill {
             return;
         }
         ws.carry.evaluate(rods, self.q_ref, &ws.q_bar);

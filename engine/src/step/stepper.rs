@@ -1,5 +1,6 @@
 //! Advances a state by steps of the model's integrator.
 
+use super::node_guard::Passed;
 use super::{
     EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions,
 };
@@ -34,6 +35,25 @@ impl Default for StepOptions {
     }
 }
 
+/// What a (sub)step may do.
+#[derive(Clone, Copy, Debug)]
+struct Means {
+    /// How often it may be halved; everything is tried if it cannot be.
+    halvings: usize,
+    /// Whether sdirk2 is left for Euler, by which contact is not thrown back.
+    by_euler: bool,
+}
+
+/// How a (sub)step ended.
+#[derive(Clone, Copy, Debug)]
+enum Taken {
+    Sound,
+    /// It created energy.
+    Refused,
+    /// It would throw back what hits a shape.
+    Thrown,
+}
+
 /// How a stage takes its reference state from what came before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
@@ -50,7 +70,7 @@ pub enum Link {
 pub struct StepTrace {
     /// Work of all its stages.
     pub work: Work,
-    /// Halvings: a step with any is another map than one without.
+    /// Halvings, and steps of sdirk2 taken by Euler: a step with any is another map than one without.
     pub retries: usize,
 }
 
@@ -72,30 +92,34 @@ pub struct StepRecord {
 /// Takes steps of one model at one θ. Holds the solver's memory and the warm start of the contacts.
 #[derive(Clone, Debug)]
 pub struct Stepper<'m> {
-    model: &'m Model,
-    theta: &'m [f64],
+    pub(super) model: &'m Model,
+    pub(super) theta: &'m [f64],
     options: StepOptions,
     rest_gap: f64,
     grasping: Grasping,
-    mass: Vec<f64>,
-    row_mass: Vec<f64>,
+    pub(super) mass: Vec<f64>,
+    pub(super) row_mass: Vec<f64>,
     inertias: Vec<Inertia<f64>>,
     measure: Measure,
     u: Vec<f64>,
     q_past: Vec<f64>,
     z_past: Vec<f64>,
-    rod_past: RodPast,
-    rod_point: RodPoint,
+    pub(super) rod_past: RodPast,
+    pub(super) rod_point: RodPoint,
     /// Where grippers that grasp find things as a (sub)step begins, what they do throughout it, and the springs of a stage.
     q_begin: Vec<f64>,
     phases: Vec<Phase>,
     holds: Vec<Hold>,
     elapsed: f64,
     v_cmd: Vec<f64>,
-    q_ref: Vec<f64>,
-    v_ref: Vec<f64>,
+    pub(super) q_ref: Vec<f64>,
+    pub(super) v_ref: Vec<f64>,
+    /// Velocities after the first stage of sdirk2.
+    pub(super) v_first: Vec<f64>,
+    /// No velocity.
+    pub(super) still: Vec<f64>,
     frames: Vec<f64>,
-    ws: Workspace,
+    pub(super) ws: Workspace,
 }
 
 impl<'m> Stepper<'m> {
@@ -126,6 +150,8 @@ impl<'m> Stepper<'m> {
             v_cmd: zeros(),
             q_ref: vec![0.0; model.nq()],
             v_ref: zeros(),
+            v_first: Vec::new(),
+            still: zeros(),
             frames: Vec::new(),
             ws,
         })
@@ -172,7 +198,7 @@ impl<'m> Stepper<'m> {
             let mut stages = Vec::new();
             let mut next = state.clone();
             let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
-            self.substep(&mut next, h, &v_cmd, halvings, &mut trace, &mut stages)?;
+            self.substep(&mut next, h, &v_cmd, Means { halvings, by_euler: false }, &mut trace, &mut stages)?;
             self.model.advance_signals(u, &mut next.z, self.theta);
             let record = self.options.record.then(|| {
                 let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
@@ -195,22 +221,30 @@ impl<'m> Stepper<'m> {
         Ok(())
     }
 
-    /// One (sub)step of length `h`, or two of half the length if it fails or creates energy.
+    /// One (sub)step of length `h`, or two of half the length if it fails, creates energy, or throws back what hits a shape.
     fn substep(
         &mut self,
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
-        halvings: usize,
+        means: Means,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        let result = self.integrate(state, h, v_cmd, halvings == 0, trace, stages);
+        let iterations = trace.work.iterations;
+        let mut result = self.integrate(state, h, v_cmd, means, trace, stages);
+        let iterations = trace.work.iterations - iterations;
+        let guarded = means.halvings > 0;
+        let passed = Passed { before: &before, after: state, h, by_euler: means.by_euler, iterations };
+        if guarded && matches!(result, Ok(Taken::Sound)) && self.nodes_create_energy(&passed) {
+            result = Ok(Taken::Refused);
+        }
         // edges that turn far may lead Newton's method where nothing is defined
         let retried = !matches!(result, Err(StepError::NotFinite { .. })) || !self.model.facet_groups.is_empty();
+        let thrown = matches!(result, Ok(Taken::Thrown));
         match result {
-            Ok(false)
+            Ok(Taken::Thrown | Taken::Refused)
             | Err(
                 StepError::NotConverged { .. }
                 | StepError::Singular { .. }
@@ -218,34 +252,39 @@ impl<'m> Stepper<'m> {
                 | StepError::NoNormal { .. }
                 | StepError::ContactNotFinite { .. }
                 | StepError::NotFinite { .. },
-            ) if halvings > 0 && retried => {
+            ) if thrown || means.halvings > 0 && retried => {
                 *state = before;
                 stages.truncate(kept);
                 self.set_warm_start(warm);
                 trace.retries += 1;
-                self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)?;
-                self.substep(state, 0.5 * h, v_cmd, halvings - 1, trace, stages)
+                let by_euler = means.by_euler || thrown;
+                let Some(halvings) = means.halvings.checked_sub(1) else {
+                    return self.substep(state, h, v_cmd, Means { by_euler, ..means }, trace, stages);
+                };
+                self.substep(state, 0.5 * h, v_cmd, Means { halvings, by_euler }, trace, stages)?;
+                self.substep(state, 0.5 * h, v_cmd, Means { halvings, by_euler }, trace, stages)
             }
             other => other.map(|_| ()),
         }
     }
 
-    /// Takes one (sub)step; false if it is refused. `thorough` if it cannot be halved.
+    /// Takes one (sub)step, if it is sound.
     fn integrate(
         &mut self,
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
-        thorough: bool,
+        means: Means,
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
-    ) -> Result<bool, StepError> {
+    ) -> Result<Taken, StepError> {
         self.remember(state);
         self.reach(state, v_cmd);
-        let memory = self.model.ndz();
+        let (memory, thorough) = (self.model.ndz(), means.halvings == 0);
         self.frames.clear();
         self.frames.extend_from_slice(&state.z[memory..]);
         let single = match self.model.integrator {
+            Integrator::Sdirk2 if means.by_euler => Some(EULER),
             Integrator::Euler => Some(EULER),
             Integrator::Midpoint => Some(MIDPOINT),
             Integrator::QuasiStatic => Some(QUASI_STATIC),
@@ -258,11 +297,11 @@ impl<'m> Stepper<'m> {
                 self.v_ref.fill(0.0);
             }
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
-            let sound = self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)?;
-            if sound {
-                self.advance(state, h, v_cmd, stages);
+            if !self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)? {
+                return Ok(Taken::Refused);
             }
-            return Ok(sound);
+            self.advance(state, h, v_cmd, stages);
+            return Ok(Taken::Sound);
         }
         let (gamma, start) = (SDIRK_GAMMA, state.clone());
         self.q_ref.copy_from_slice(&start.q);
@@ -279,10 +318,17 @@ impl<'m> Stepper<'m> {
         for k in 0..start.v.len() {
             self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
         }
+        if self.thrown_back(&start, h) {
+            return Ok(Taken::Thrown);
+        }
+        self.v_first.clone_from(&state.v);
         self.model.rods.carry_frames(&start.q, &self.q_ref, &mut self.frames);
         let first = stages.len();
         self.elapsed = h;
         self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, thorough, trace, stages)?;
+        if self.facets_pierced(&start, h) {
+            return Ok(Taken::Thrown);
+        }
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
@@ -290,7 +336,7 @@ impl<'m> Stepper<'m> {
             record.carry[2].evaluate(&self.model.rods, &start.q, &self.q_ref);
         }
         self.advance(state, h, v_cmd, stages);
-        Ok(true)
+        Ok(Taken::Sound)
     }
 
     /// Keeps the beginning of a (sub)step for what remembers it.
@@ -407,6 +453,7 @@ impl<'m> Stepper<'m> {
             absent: false,
             thorough,
             coarse: false,
+            downhill: false,
         };
         let mut work = Work::default();
         let solved = solve_stage(&stage, &mut self.ws, &mut work);

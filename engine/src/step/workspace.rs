@@ -55,6 +55,8 @@ pub struct Workspace {
     pub(crate) axial_next: Vec<f64>,
     /// Largest diagonal entry of −∂f/∂q̄ without the contacts [N/m].
     pub(crate) stiffness: f64,
+    /// The same of −∂f/∂v̄ [N·s/m].
+    pub(crate) viscosity: f64,
     /// Displacement of a step, for their prediction [m].
     pub(crate) dx: Vec<f64>,
     pub(crate) trial: Iterate,
@@ -111,6 +113,7 @@ impl Workspace {
             stable: false,
             it: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             stiffness: 0.0,
+            viscosity: 0.0,
             axial: axial(),
             axial_next: axial(),
             dx: zeros(),

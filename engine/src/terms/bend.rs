@@ -132,6 +132,10 @@ impl Term for Bend {
         self.automatic.energy(at)
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn symmetric(&self, _theta: &[f64]) -> bool {
         true
     }

@@ -174,6 +174,10 @@ impl Term for BendDamping {
         BendDampingLaw.name()
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn add_force(&self, at: &Point, f: &mut [f64]) {
         self.for_each(at, |e, rate| {
             let [tau1, tau2] = rate.edge_forces();

@@ -111,6 +111,11 @@ pub trait Term: Debug + Send + Sync {
         0.0
     }
 
+    /// Whether this is a force between nodes, elastic or viscous, so that a step by which its energy grows of itself is too long.
+    fn inner(&self) -> bool {
+        false
+    }
+
     /// Whether ∂f/∂q and ∂f/∂v are symmetric at every point for these parameters.
     fn symmetric(&self, theta: &[f64]) -> bool;
 

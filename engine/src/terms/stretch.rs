@@ -114,6 +114,11 @@ impl Term for Stretch {
         self.jacobian(at, |i, _| axial[i], f, dq);
     }
 
+    /// Edges under compression hold nothing across.
+    fn add_stable_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
+        self.jacobian(at, |i, _| axial[i].max(0.0), f, dq);
+    }
+
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
         for e in &self.compact {
             let p = e.values(at.theta);
@@ -127,6 +132,10 @@ impl Term for Stretch {
 
     fn energy(&self, at: &Point) -> f64 {
         self.automatic.energy(at)
+    }
+
+    fn inner(&self) -> bool {
+        true
     }
 
     fn symmetric(&self, _theta: &[f64]) -> bool {

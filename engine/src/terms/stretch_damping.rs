@@ -64,6 +64,10 @@ impl Term for StretchDamping {
         StretchDampingLaw.name()
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn add_force(&self, at: &Point, f: &mut [f64]) {
         self.for_each(at, |e, edge, w, b| add_edge_force(f, e.nodes, &(edge.tangent * (b * edge.tangent.dot(w)))));
     }

@@ -98,6 +98,11 @@ pub trait SectionLaw: Debug + Send + Sync {
         &[]
     }
 
+    /// Which branch of the law a joint is on; `None` if it has no kinks between branches.
+    fn mode(&self, _at: &SectionPoint) -> Option<u8> {
+        None
+    }
+
     /// Calls `visit(input, ∂M/∂input)` for the strains at the beginning of the (sub)step and for what is remembered.
     fn visit_past(&self, _at: &SectionPoint, _visit: &mut dyn FnMut(SectionInput, [f64; 3])) {}
 

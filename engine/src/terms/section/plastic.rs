@@ -32,6 +32,7 @@ struct Flowed<S> {
     stiffness: [S; 3],
     strain: [S; 3],
     elastic: [S; 2],
+    phases: u8,
     roll: [S; 2],
 }
 
@@ -41,13 +42,13 @@ impl PlasticSection {
         let (rest, z) = (&self.rest[at.joint - self.joints.start], &at.memory);
         let (k, stiffness) = excess(rest, at.fraction, &at.strain, [p, &p[10..]], [sin, cos]);
         let (past, _) = excess(rest, at.fraction, &at.past, [p, &p[10..]], [sin, cos]);
-        let elastic = if at.elapsed > 0.0 {
+        let (elastic, phases) = if at.elapsed > 0.0 {
             let begin = [past[0] - z[0], past[1] - z[1]];
-            flow(begin, [k[0] - past[0], k[1] - past[1]], at.elapsed, p[9], p[8] * p[0] * at.fraction)
+            flow_by_phases(begin, [k[0] - past[0], k[1] - past[1]], at.elapsed, p[9], p[8] * p[0] * at.fraction)
         } else {
-            [k[0] - z[0], k[1] - z[1]]
+            ([k[0] - z[0], k[1] - z[1]], WITHIN)
         };
-        Flowed { stiffness, strain: k, elastic, roll: [sin, cos] }
+        Flowed { stiffness, strain: k, elastic, phases, roll: [sin, cos] }
     }
 }
 
@@ -70,7 +71,7 @@ impl RememberingSection for PlasticSection {
     }
 
     fn moment<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3] {
-        let Flowed { stiffness, strain, elastic, roll: [sin, cos] } = self.flowed(at, p);
+        let Flowed { stiffness, strain, elastic, roll: [sin, cos], .. } = self.flowed(at, p);
         let (m1, m2) = (stiffness[0] * elastic[0], stiffness[1] * elastic[1]);
         [m1 * cos - m2 * sin, m1 * sin + m2 * cos, stiffness[2] * strain[2]]
     }
@@ -85,10 +86,20 @@ impl RememberingSection for PlasticSection {
         (k[0] * x[0] * x[0] + k[1] * x[1] * x[1] + k[2] * strain[2] * strain[2]) * 0.5
     }
 
+    fn mode(&self, at: &SectionState<f64>, p: &[f64]) -> Option<u8> {
+        Some(self.flowed(at, p).phases)
+    }
+
     fn rested(&self, strains: &[[f64; 3]]) -> Option<Self> {
         Some(Self { rest: strains[self.joints.clone()].to_vec(), ..self.clone() })
     }
 }
+
+/// Phases of a flow, which add up: none within the yield.
+const WITHIN: u8 = 0;
+const LEAVES: u8 = 1;
+const BEGAN_BEYOND: u8 = 2;
+const ENTERS: u8 = 4;
 
 /// The elastic part of bending after the time `t` \[s\] in which the strain changed by `change` at a constant rate, from `begin`;
 /// `tau` \[s\] the time of the flow beyond the radius `limit` of what is elastic.
@@ -100,12 +111,18 @@ impl RememberingSection for PlasticSection {
 /// step, as radial return is at τ → 0, which this then becomes. The map is continuous; so is its derivative on a line, and else up to
 /// kinks in proportion to the turn within the step where the circle is entered. Plastic power is not negative.
 pub fn flow<S: Real>(begin: [S; 2], change: [S; 2], t: f64, tau: S, limit: S) -> [S; 2] {
+    flow_by_phases(begin, change, t, tau, limit).0
+}
+
+/// [`flow`], and through which phases it went.
+fn flow_by_phases<S: Real>(begin: [S; 2], change: [S; 2], t: f64, tau: S, limit: S) -> ([S; 2], u8) {
     let end = add(begin, change, S::one());
     let square = limit.re() * limit.re();
     let starts_within = dot(begin, begin).re() <= square;
     if t <= 0.0 || (starts_within && dot(end, end).re() <= square) {
-        return end;
+        return (end, WITHIN);
     }
+    let before = if starts_within { WITHIN } else { BEGAN_BEYOND + ENTERS };
     let rate = change.map(|x| x / t);
     let (mut x, mut left) = (begin, S::from(t));
     let leaves = if starts_within {
@@ -115,7 +132,7 @@ pub fn flow<S: Real>(begin: [S; 2], change: [S; 2], t: f64, tau: S, limit: S) ->
         let (excess, steady) = (size - limit, dot(rate, begin) / size * tau);
         let d = excess + (steady - excess) * -(-left / tau).exp_m1();
         if d.re() >= 0.0 {
-            return scaled(end, limit + d);
+            return (scaled(end, limit + d), BEGAN_BEYOND);
         }
         let inside_after = tau * (-excess / steady).ln_1p();
         x = scaled(add(begin, rate, inside_after), limit);
@@ -124,12 +141,12 @@ pub fn flow<S: Real>(begin: [S; 2], change: [S; 2], t: f64, tau: S, limit: S) ->
         if inwards.re() > 0.0 { inwards * 2.0 / dot(rate, rate) } else { S::zero() }
     };
     if leaves.re() >= left.re() {
-        return add(x, rate, left);
+        return (add(x, rate, left), before);
     }
     x = add(x, rate, leaves);
     left -= leaves;
     let steady = dot(rate, x) / limit * tau;
-    scaled(add(x, rate, left), limit + steady * -(-left / tau).exp_m1())
+    (scaled(add(x, rate, left), limit + steady * -(-left / tau).exp_m1()), before + LEAVES)
 }
 
 /// When `x`, within the circle of that radius, leaves it at this rate.

@@ -54,6 +54,11 @@ pub trait RememberingSection: Debug + Send + Sync {
     /// Elastic energy \[J\].
     fn energy<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> S;
 
+    /// Which branch of the law this is on; `None` if it has no kinks between branches.
+    fn mode(&self, _at: &SectionState<f64>, _p: &[f64]) -> Option<u8> {
+        None
+    }
+
     /// The law with a rest shape of these strains, joint by joint of the model; `None` if it has no rest shape.
     fn rested(&self, _strains: &[[f64; 3]]) -> Option<Self>
     where
@@ -192,6 +197,11 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
 
     fn memory(&self) -> &'static [&'static str] {
         self.law.memory()
+    }
+
+    fn mode(&self, at: &SectionPoint) -> Option<u8> {
+        let (state, p) = self.values(at);
+        self.law.mode(&state, &p[..self.n_params(at.joint)])
     }
 
     fn visit_past(&self, at: &SectionPoint, visit: &mut dyn FnMut(SectionInput, [f64; 3])) {

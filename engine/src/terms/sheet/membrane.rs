@@ -197,6 +197,10 @@ impl Term for Membrane {
         self.automatic.energy(at)
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn symmetric(&self, _theta: &[f64]) -> bool {
         true
     }

@@ -75,6 +75,10 @@ impl Term for MembraneDamping {
         MembraneDampingLaw.name()
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn add_force(&self, at: &Point, f: &mut [f64]) {
         self.for_each(at, |face, gradient, v, c| face.add_force(f, gradient, &(rate(gradient, v) * c)));
     }

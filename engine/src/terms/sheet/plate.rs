@@ -226,6 +226,10 @@ impl Term for Plate {
         self.automatic.energy(at)
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn symmetric(&self, _theta: &[f64]) -> bool {
         true
     }

@@ -89,6 +89,10 @@ impl Term for PlateDamping {
         PlateDampingLaw.name()
     }
 
+    fn inner(&self) -> bool {
+        true
+    }
+
     fn add_force(&self, at: &Point, f: &mut [f64]) {
         self.for_each(at, |patch, folds, _, w| patch.add_force(f, folds, w));
     }

@@ -1,0 +1,147 @@
+//! Steps too long for what bends and buckles in them.
+//!
+//! The balance of the bodies' guard ([`super::guard`]) for nodes: inner forces, elastic and viscous, are those of where a stage evaluates
+//! them, and what they do along the way is not what the elastic energy changes by, which is not convex. With q̄, v̄ and the inner
+//! forces f of each stage, of length b h,
+//! ```text
+//! D = ΔT + ΔV − Σ_stages b h v̄·(m a − f(q̄, v̄)),   a = (v⁺ − v)/h of the stage        [J]
+//! ```
+//! is what the step creates beside the work of everything else, hands, wind, weight and contact, whatever it is; T counts free nodes, V is
+//! elastic. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
+//! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken.
+
+use super::{SDIRK_GAMMA, Stepper};
+use crate::rods::Remembered;
+use crate::scene::Integrator;
+use crate::state::State;
+use crate::terms::Point;
+
+/// Iterations per stage from which a root is not taken for the motion without a look: what is found at once is near.
+const SEARCHED: usize = 3;
+/// Largest part that a step, and a substep in proportion, may create of the energy at hand: kinetic and elastic, and the weight of all nodes raised by their extent.
+const CREATED: f64 = 1e-3;
+/// Part of a step in which sections may forget: none, but it is divided by.
+const AT_ONCE: f64 = 1e-9;
+
+/// A (sub)step that has been taken.
+#[derive(Clone, Copy)]
+pub(super) struct Passed<'a> {
+    pub before: &'a State,
+    pub after: &'a State,
+    pub h: f64,
+    /// Whether sdirk2 was left for Euler.
+    pub by_euler: bool,
+    /// Of Newton's method, in all stages.
+    pub iterations: usize,
+}
+
+/// A stage in the balance.
+struct Part<'a> {
+    /// b h \[s\].
+    length: f64,
+    /// Velocities that it begins and ends with, and over which time \[s\].
+    from: &'a dyn Fn(usize) -> f64,
+    to: &'a [f64],
+    h: f64,
+    q_bar: &'a [f64],
+    v_bar: &'a [f64],
+}
+
+impl Stepper<'_> {
+    /// Whether a step created too much energy of nodes.
+    pub(super) fn nodes_create_energy(&mut self, step: &Passed) -> bool {
+        let stages = if self.in_two_stages(step) { 2 } else { 1 };
+        // halves of a step that did something of the kind may do it again
+        let suspect = step.iterations >= SEARCHED * stages || step.h < self.model.h;
+        if !suspect || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
+            return false;
+        }
+        let kinetic = [step.before, step.after].map(|x| self.free_rows().map(|(k, m)| 0.5 * m * x.v[k] * x.v[k]).sum::<f64>());
+        let [elastic, all] = self.energies(step);
+        let allowed = CREATED * step.h / self.model.h * (kinetic[0].max(kinetic[1]) + elastic[0] + self.raised(&step.before.q));
+        let grown = kinetic[1] - kinetic[0];
+        grown + all[1] - all[0] > allowed && grown + elastic[1] - elastic[0] - self.work(step) > allowed
+    }
+
+    fn in_two_stages(&self, step: &Passed) -> bool {
+        self.model.integrator == Integrator::Sdirk2 && !step.by_euler
+    }
+
+    /// Free rows of nodes and twists, and their mass.
+    fn free_rows(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.row_mass.iter().copied().enumerate().filter(|(k, _)| !self.model.driven_rows[*k])
+    }
+
+    /// Elastic energy, and all potential energy, of nodes before and after \[J\].
+    fn energies(&mut self, step: &Passed) -> [[f64; 2]; 2] {
+        let mut point = std::mem::take(&mut self.rod_point);
+        let rods = &self.model.rods;
+        let of = [step.before, step.after].map(|x| {
+            rods.evaluate(&x.q, self.frames_of(x), &x.q, &mut point);
+            let sections = rods.energy(&point, self.theta, self.as_begun(step));
+            let (mut elastic, mut all) = (sections, sections);
+            for term in &self.model.terms {
+                let energy = term.energy(&Point { q: &x.q, v: &self.still, theta: self.theta });
+                elastic += if term.inner() { energy } else { 0.0 };
+                all += energy;
+            }
+            [elastic, all]
+        });
+        self.rod_point = point;
+        [0, 1].map(|kind| [of[0][kind], of[1][kind]])
+    }
+
+    /// Σ b h v̄·(m a − f) \[J\].
+    fn work(&self, step: &Passed) -> f64 {
+        let (n, h, gamma) = (self.model.n_node_dofs(), step.h, SDIRK_GAMMA);
+        let ([q, v], [q_next, v_next]) = ([&step.before.q, &step.before.v], [&step.after.q, &step.after.v]);
+        let from = |k: usize| v[k];
+        if self.in_two_stages(step) {
+            let first = &self.v_first;
+            let q_first: Vec<f64> = (0..n).map(|k| q[k] + gamma * h * first[k]).collect();
+            let reference = |k: usize| v[k] + (1.0 - gamma) / gamma * (first[k] - v[k]);
+            let one = Part { length: (1.0 - gamma) * h, from: &from, to: first, h: gamma * h, q_bar: &q_first, v_bar: first };
+            let two = Part { length: gamma * h, from: &reference, to: v_next, q_bar: q_next, v_bar: v_next, ..one };
+            return self.part_of_work(step, &one) + self.part_of_work(step, &two);
+        }
+        let euler = Part { length: h, from: &from, to: v_next, h, q_bar: q_next, v_bar: v_next };
+        if self.model.integrator != Integrator::Midpoint {
+            return self.part_of_work(step, &euler);
+        }
+        let q_bar: Vec<f64> = (0..n).map(|k| 0.5 * (q[k] + q_next[k])).collect();
+        let of_driven = |k: usize| self.model.driven_rows[k];
+        let v_bar: Vec<f64> = (0..n).map(|k| if of_driven(k) { v_next[k] } else { 0.5 * (v[k] + v_next[k]) }).collect();
+        self.part_of_work(step, &Part { q_bar: &q_bar, v_bar: &v_bar, ..euler })
+    }
+
+    fn part_of_work(&self, step: &Passed, part: &Part) -> f64 {
+        let mut f = vec![0.0; self.model.nv()];
+        let at = Point { q: part.q_bar, v: part.v_bar, theta: self.theta };
+        self.model.terms.iter().filter(|term| term.inner()).for_each(|term| term.add_force(&at, &mut f));
+        let (rods, mut point) = (&self.model.rods, Default::default());
+        rods.evaluate(&step.before.q, self.frames_of(step.before), part.q_bar, &mut point);
+        rods.add_force(&point, part.v_bar, self.theta, self.as_begun(step), &mut f);
+        let inertia: f64 = self.free_rows().map(|(k, m)| m * part.v_bar[k] * (part.to[k] - (part.from)(k))).sum();
+        let power: f64 = (0..self.model.n_node_dofs()).map(|k| part.v_bar[k] * f[k]).sum();
+        part.length * (inertia / part.h - power)
+    }
+
+    fn frames_of<'a>(&self, x: &'a State) -> &'a [f64] {
+        &x.z[self.model.ndz()..]
+    }
+
+    /// Sections as they were when the step began, with no time to forget.
+    fn as_begun<'a>(&'a self, step: &'a Passed) -> Remembered<'a> {
+        Remembered { past: &self.rod_past, z: &step.before.z, elapsed: AT_ONCE * step.h }
+    }
+
+    /// The weight of all nodes times the diagonal of the box around them \[J\].
+    fn raised(&self, q: &[f64]) -> f64 {
+        let extent = |a: usize| {
+            let along = |pick: fn(f64, f64) -> f64| (0..self.mass.len()).map(|i| q[3 * i + a]).fold(q[a], pick);
+            along(f64::max) - along(f64::min)
+        };
+        let diagonal = extent(0).hypot(extent(1)).hypot(extent(2));
+        self.mass.iter().sum::<f64>() * self.theta[self.model.gravity].abs() * diagonal
+    }
+}

@@ -1,0 +1,75 @@
+//! Contact that sdirk2 would throw back.
+//!
+//! The second stage begins where the first one leads if it goes on as it does, at
+//! ```text
+//! v + ϱ (v₁ − v),   q + ϱ (q₁ − q),   ϱ = (1 − γ)/γ = 1 + √2
+//! ```
+//! which is of second order where forces are smooth. What hits a shape at the speed V within the first stage has lost part of it there by
+//! one impulse, not by a force that would go on: of a node that was stopped, v₁ = 0, the reference leaves with √2 V, and where it was
+//! merely put down onto the shape the reference has gone through, and is pushed out as fast. Such a step is taken as two of half the length
+//! by Euler, which stops what hits.
+
+use super::Stepper;
+use super::facets::of_nodes;
+use super::stage::weighed;
+use crate::geometry::facet::nearest;
+use crate::state::State;
+use crate::terms::Vec3;
+
+/// Part of a step's fall below which a speed is that of rest: thrown back as slowly as that, a node lies again within the step.
+const SLOW: f64 = 0.1;
+
+impl Stepper<'_> {
+    /// Whether the reference of the second stage, in place, has been thrown back by what the first one touched, from the state `start`.
+    pub(super) fn thrown_back(&self, start: &State, h: f64) -> bool {
+        let slow = self.slow(h);
+        let at = |x: &[f64], node: usize| Vec3::new(x[3 * node], x[3 * node + 1], x[3 * node + 2]);
+        let of_nodes = self.model.pairs.iter().zip(&self.ws.it.w).any(|(pair, w)| {
+            let (shape, radius, node) = (&self.model.shapes[pair.shape], self.theta[pair.radius], pair.node);
+            let gap = |q: &[f64]| shape.eval(&at(q, node), radius, self.theta);
+            let Ok(reference) = gap(&self.q_ref) else { return true };
+            let pierced = reference.gap < -slow * h;
+            let leaves = w[0] > slow * self.mass[node] && reference.normal.dot(&at(&self.v_ref, node)) > slow;
+            (pierced || leaves)
+                && gap(&start.q).is_ok_and(|begin| {
+                    pierced && reference.gap < begin.gap || leaves && begin.normal.dot(&at(&start.v, node)) < -slow
+                })
+        });
+        of_nodes || self.facets_thrown_back(start, slow)
+    }
+
+    /// The same of edges and triangles that leave what they hit; those that go through it are seen by [`Stepper::facets_pierced`].
+    fn facets_thrown_back(&self, start: &State, slow: f64) -> bool {
+        self.ws.spots.spots.iter().zip(&self.ws.it.p).any(|(spot, w)| {
+            let Some(at) = spot.key.facet() else { return false };
+            let facet = &self.model.facets[at.facet];
+            let lightest = facet.nodes[..facet.count].iter().fold(f64::INFINITY, |m, node| m.min(self.mass[*node]));
+            // along the normal, of the point that is nearest
+            let speed = |q: &[f64], v: &[f64]| {
+                let x = of_nodes(facet, q);
+                let found =
+                    nearest(&x[..facet.count], self.theta[facet.radius], at.feature, &self.ws.spots.fixed[at.group]).ok()?;
+                let v = of_nodes(facet, v);
+                Some(v.iter().zip(found.weights).map(|(v, weight)| weight * v.dot(&found.normal)).sum::<f64>())
+            };
+            w[0] > slow * lightest
+                && speed(&self.q_ref, &self.v_ref).is_none_or(|v| v > slow)
+                && speed(&start.q, &start.v).is_none_or(|v| v < -slow)
+        })
+    }
+
+    /// Whether an edge or triangle had gone through a shape where the second stage began, further than where the step did.
+    pub(super) fn facets_pierced(&self, start: &State, h: f64) -> bool {
+        let slow = self.slow(h);
+        self.ws.spots.spots.iter().any(|spot| {
+            let Some(at) = spot.key.facet() else { return false };
+            let (facet, shape) = (&self.model.facets[at.facet], &self.ws.spots.fixed[at.group]);
+            let begin = || nearest(&of_nodes(facet, &start.q)[..facet.count], self.theta[facet.radius], at.feature, shape);
+            spot.gap < -slow * h && begin().is_ok_and(|begin| spot.gap < begin.gap)
+        })
+    }
+
+    fn slow(&self, h: f64) -> f64 {
+        SLOW * weighed(self.theta[self.model.gravity]).0 * h
+    }
+}
