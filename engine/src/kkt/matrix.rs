@@ -1,6 +1,8 @@
 //! The storage of every Jacobian of a nodal system.
 
+use super::lanes::support;
 use super::layout::{NodeLayout, Pattern};
+use pulp::{Arch, Simd, WithSimd};
 use std::sync::{Arc, LazyLock, OnceLock};
 
 /// A square matrix of nodes' and twists' rows in blocks, where a [`NodeLayout`] has room for them; all else is zero.
@@ -353,16 +355,72 @@ impl NodeMatrix {
         }
     }
 
-    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`: row r of X is `x[r * columns..(r + 1) * columns]`.
+    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`: row r of X is `x[r * columns..(r + 1) * columns]`. Rows of X that are
+    /// zero but for a few columns (the unit columns of a Jacobian) cost only those.
     pub fn add_mul_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        for (r, y_row) in y.chunks_exact_mut(columns.max(1)).enumerate().take(self.dim()) {
-            self.for_system_row(r, |c, a| {
-                let factor = scale * a;
-                if factor != 0.0 {
-                    let x_row = &x[c * columns..(c + 1) * columns];
-                    y_row.iter_mut().zip(x_row).for_each(|(y_c, x_c)| *y_c += factor * x_c);
-                }
-            });
+        struct Run<'a>(&'a NodeMatrix, f64, &'a [f64], &'a mut [f64], usize);
+        impl WithSimd for Run<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                self.0.add_mul_kernel(simd, self.1, self.2, self.3, self.4);
+            }
         }
+        match columns {
+            0 => {}
+            1 => y.iter_mut().enumerate().take(self.dim()).for_each(|(r, y)| {
+                self.for_system_row(r, |c, a| *y += scale * a * x[c]);
+            }),
+            _ => Arch::new().dispatch(Run(self, scale, x, y, columns)),
+        }
+    }
+
+    #[inline(always)]
+    fn add_mul_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
+        let mut supports = Vec::with_capacity(self.dim());
+        for row in x.chunks_exact(columns).take(self.dim()) {
+            supports.push(support(row));
+        }
+        let b = self.layout.block();
+        for (r, y_row) in y.chunks_exact_mut(columns).enumerate().take(self.dim()) {
+            let at = self.layout.storage(r);
+            let (_, range) = self.stored_row(at);
+            let entries = &self.data[range];
+            // blocks of the row: in a band those that stick out of the matrix are zero
+            let (first, listed, blocks) = match &self.layout.pattern {
+                Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
+                Pattern::Sparse { starts, columns } => {
+                    let row = &columns[starts[at / b]..starts[at / b + 1]];
+                    (0, Some(row), row.len())
+                }
+            };
+            for k in 0..blocks {
+                let slot = match listed {
+                    Some(row) => row[k],
+                    None if first + (k as isize) < 0 || first + k as isize >= self.layout.n_nodes() as isize => continue,
+                    None => (first + k as isize) as usize,
+                };
+                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
+                    let (factor, column) = (scale * a, self.layout.system(b * slot + c));
+                    if let (true, Some(c)) = (factor != 0.0, column) {
+                        let range = supports[c].clone();
+                        add_scaled(simd, factor, &x[c * columns..(c + 1) * columns][range.clone()], &mut y_row[range]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `y += a x`.
+#[inline(always)]
+fn add_scaled<S: Simd>(simd: S, a: f64, x: &[f64], y: &mut [f64]) {
+    let factor = simd.splat_f64s(a);
+    let ((x, x_rest), (y, y_rest)) = (S::as_simd_f64s(x), S::as_mut_simd_f64s(y));
+    for (y, x) in y.iter_mut().zip(x) {
+        *y = simd.mul_add_e_f64s(factor, *x, *y);
+    }
+    for (y, x) in y_rest.iter_mut().zip(x_rest) {
+        *y += a * x;
     }
 }
