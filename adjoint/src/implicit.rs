@@ -22,6 +22,16 @@ fn negate(x: &mut [f64]) {
     x.iter_mut().for_each(|a| *a = -*a);
 }
 
+/// The sum of a row, in four lanes.
+fn sum(row: &[f64]) -> f64 {
+    let (quads, rest) = row.as_chunks::<4>();
+    let mut lanes = [0.0; 4];
+    for quad in quads {
+        lanes.iter_mut().zip(quad).for_each(|(lane, x)| *lane += x);
+    }
+    rest.iter().fold((lanes[0] + lanes[1]) + (lanes[2] + lanes[3]), |sum, x| sum + x)
+}
+
 /// Memory of [`root_tangent`], kept from one call to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Refinement {
@@ -39,9 +49,7 @@ pub(crate) struct Refinement {
 /// before as that is to the solution. A single column is always refined fully.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);
-    let refine = columns <= 1
-        || stage.has_solids()
-        || worth_refining(stage, x.chunks_exact(columns).map(|row| row.iter().sum()).collect());
+    let refine = columns <= 1 || stage.has_solids() || worth_refining(stage, x.chunks_exact(columns).map(sum).collect());
     if !refine {
         stage.solve_velocities(x, columns);
         return;

@@ -9,29 +9,28 @@ from mujoco import rollout
 
 from validation.bench import bodies, scenes
 from validation.bodies import chains
+from validation.mujoco_cloth import Flex, Sheet
 from validation.mujoco_rope import Rod
 
 FD_PARAMETERS = 10  # as many as a typical fit: gravity (3), EI, mass, drag, four node masses
 CHUNK = 5  # C steps per reading of the clock: short enough to dodge other processes
 
 
-class MujocoRope:
-    """MuJoCo 4.0's rod on the benchmark's scene."""
+class MujocoPeer:
+    """What a thing of MuJoCo's that bends is timed by: `thing` has its `model` and `data` and takes steps by `advance`.
 
-    def __init__(self, nodes: int, kind: str, **options):
-        self.rod = Rod(scenes.rope(nodes), scenes.mujoco_options(kind, **options))
-        self.start = scenes.points(nodes, kind)
-        self.velocity = np.tile(scenes.VELOCITY[kind], (nodes, 1))
-        self.rod.reset(self.start, self.velocity)
-        self._start = (self.rod.data.qpos.copy(), self.rod.data.qvel.copy())
-        model = self.rod.model
-        self._columns = np.zeros((2 * model.nv, 2 * model.nv))
+    Subclasses say how it starts, in `_reset`.
+    """
+
+    def __init__(self, thing):
+        self.thing = thing
+        self._columns = np.zeros((2 * thing.model.nv, 2 * thing.model.nv))
 
     def rollout(self) -> float:
         """Seconds of `STEPS` steps in C from the start."""
         self._reset()
         begin = time.perf_counter()
-        self.rod.advance(scenes.STEPS)
+        self.thing.advance(scenes.STEPS)
         return time.perf_counter() - begin
 
     def step(self) -> float:
@@ -40,18 +39,16 @@ class MujocoRope:
         times = []
         for _ in range(scenes.STEPS // CHUNK):
             begin = time.perf_counter()
-            self.rod.advance(CHUNK)
+            self.thing.advance(CHUNK)
             times.append((time.perf_counter() - begin) / CHUNK)
         return median(times)
 
     def jacobian(self) -> float:
         """Seconds of `mjd_transitionFD` (forward differences, full A) a third of the way."""
         self._reset()
-        self.rod.advance(scenes.STEPS // 3)
+        self.thing.advance(scenes.STEPS // 3)
         begin = time.perf_counter()
-        mujoco.mjd_transitionFD(
-            self.rod.model, self.rod.data, 1e-6, 0, self._columns, None, None, None
-        )
+        mujoco.mjd_transitionFD(self.thing.model, self.thing.data, 1e-6, 0, self._columns, None, None, None)
         return time.perf_counter() - begin
 
     def gradient(self) -> float:
@@ -63,15 +60,41 @@ class MujocoRope:
         self._reset()
         counts = []
         for _ in range(scenes.STEPS):
-            self.rod.advance()
-            counts.append(self.rod.data.ncon)
+            self.thing.advance()
+            counts.append(self.thing.data.ncon)
         return float(np.mean(counts))
 
     def _reset(self):
-        mujoco.mj_resetData(self.rod.model, self.rod.data)
-        self.rod.place(self.start)
-        self.rod.data.qpos[:], self.rod.data.qvel[:] = self._start
-        mujoco.mj_forward(self.rod.model, self.rod.data)
+        raise NotImplementedError
+
+
+class MujocoRope(MujocoPeer):
+    """MuJoCo 4.0's rod on the benchmark's scene."""
+
+    def __init__(self, nodes: int, kind: str, **options):
+        super().__init__(Rod(scenes.rope(nodes), scenes.mujoco_options(kind, **options)))
+        self.start = scenes.points(nodes, kind)
+        self.thing.reset(self.start, np.tile(scenes.VELOCITY[kind], (nodes, 1)))
+        self._start = (self.thing.data.qpos.copy(), self.thing.data.qvel.copy())
+
+    def _reset(self):
+        model, data = self.thing.model, self.thing.data
+        mujoco.mj_resetData(model, data)
+        self.thing.place(self.start)
+        data.qpos[:], data.qvel[:] = self._start
+        mujoco.mj_forward(model, data)
+
+
+class MujocoSheet(MujocoPeer):
+    """MuJoCo 4.0's flex on a sheet that lies or hangs."""
+
+    def __init__(self, sheet: Sheet, kind: str):
+        floor = '<geom name="floor" type="plane" size="5 5 1" friction="0.5"/>' if kind == "rest" else ""
+        super().__init__(Flex(sheet, scenes.STEP, floor=floor, tolerance=1e-8))
+
+    def _reset(self):
+        mujoco.mj_resetData(self.thing.model, self.thing.data)
+        mujoco.mj_forward(self.thing.model, self.thing.data)
 
 
 class MujocoRun:

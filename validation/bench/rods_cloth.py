@@ -8,8 +8,8 @@ In turns in one run, one thread: a step, its full Jacobian, and the gradient of 
   two-dimensional flex with the same membrane.
 
 What is not equal stands in BENCHMARKS.md for ropes and holds here too. Then pliant alone: how a step's time grows with size, what a second
-thread gains in a batch, and the memory of a step that is kept for derivatives (the growth of the process's largest size with more
-steps).
+thread gains in a batch, and the memory of a step that is kept for derivatives, as a record or by checkpoints (the growth of the process's
+largest size with more steps).
 """
 
 from validation.bench import __main__ as bench  # first: it sets one thread  # isort: skip
@@ -21,15 +21,14 @@ import sys
 import time
 from statistics import median
 
-import mujoco
 import numpy as np
 
 from validation import mujoco_cloth
 from validation.bench import scenes
 from validation.bench.machine import describe
 from validation.bench.page import table
-from validation.bench.peers import CHUNK, FD_PARAMETERS, MujocoRope
-from validation.mujoco_cloth import Flex, Sheet
+from validation.bench.peers import FD_PARAMETERS, MujocoRope, MujocoSheet
+from validation.mujoco_cloth import Sheet
 
 WORKS = {"step": "step", "jacobian": "linearize", "rollout_vjp": "rollout_vjp"}
 PEERS = {
@@ -67,61 +66,13 @@ def cloth_text(nodes: int, kind: str, steps: int = scenes.STEPS) -> str:
     return text.replace(head, f"{head}duration = {steps * scenes.STEP!r}\n")
 
 
-class MujocoSheet:
-    """MuJoCo's flex on the sheet's scene."""
-
-    def __init__(self, nodes: int, kind: str):
-        floor = '<geom name="floor" type="plane" size="5 5 1" friction="0.5"/>' if kind == "rest" else ""
-        self.flex = Flex(sheet(nodes, kind), scenes.STEP, floor=floor, tolerance=1e-8)
-        model = self.flex.model
-        self._columns = np.zeros((2 * model.nv, 2 * model.nv))
-
-    def _reset(self):
-        mujoco.mj_resetData(self.flex.model, self.flex.data)
-        mujoco.mj_forward(self.flex.model, self.flex.data)
-
-    def rollout(self) -> float:
-        """Seconds of `STEPS` steps in C from the start."""
-        self._reset()
-        begin = time.perf_counter()
-        self.flex.advance(scenes.STEPS)
-        return time.perf_counter() - begin
-
-    def step(self) -> float:
-        """Median seconds of a step over the rollout."""
-        self._reset()
-        times = []
-        for _ in range(scenes.STEPS // CHUNK):
-            begin = time.perf_counter()
-            self.flex.advance(CHUNK)
-            times.append((time.perf_counter() - begin) / CHUNK)
-        return median(times)
-
-    def jacobian(self) -> float:
-        """Seconds of `mjd_transitionFD` (forward differences, full A) a third of the way."""
-        self._reset()
-        self.flex.advance(scenes.STEPS // 3)
-        begin = time.perf_counter()
-        mujoco.mjd_transitionFD(self.flex.model, self.flex.data, 1e-6, 0, self._columns, None, None, None)
-        return time.perf_counter() - begin
-
-    def gradient(self) -> float:
-        """Seconds of a forward-difference gradient: one rollout per parameter, and one."""
-        return (FD_PARAMETERS + 1) * self.rollout()
-
-    def contacts(self) -> int:
-        """Contacts at the end of the rollout."""
-        self.rollout()
-        return self.flex.data.ncon
-
-
 def against_peers(rod_nodes: int, cloth_nodes: int, rounds: int, repeats: int) -> list[dict]:
     """Rows of all works beside MuJoCo, and of gradients beside pliant's own rollout."""
     rows = []
     for kind, contact in CONTACTS.items():
         cases = (
             ("rod", rod_nodes, rod_text(rod_nodes, kind), MujocoRope(rod_nodes, kind, twist=True), "MuJoCo 4.0 rod with twist"),
-            ("cloth", cloth_nodes, cloth_text(cloth_nodes, kind), MujocoSheet(cloth_nodes, kind), "MuJoCo 4.0 flex"),
+            ("cloth", cloth_nodes, cloth_text(cloth_nodes, kind), MujocoSheet(sheet(cloth_nodes, kind), kind), "MuJoCo 4.0 flex"),
         )
         for what, size, text, peer, name in cases:
             for work, ours in WORKS.items():
@@ -175,22 +126,36 @@ def batch(texts: dict, count: int, rounds: int) -> list[dict]:
 MEASURE = """
 import resource, sys, pliant
 model = pliant.loads(sys.stdin.read())
-roll = model.rollout(model.initial_state(), model.controls(int(sys.argv[1])))
+most = int(sys.argv[2])
+roll = model.rollout(model.initial_state(), model.controls(int(sys.argv[1])), max_records=most or None)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
 """
 
 
-def memory(texts: dict, steps: tuple[int, int]) -> list[dict]:
-    """Bytes of a step that is kept for derivatives."""
+def memory(cases: dict) -> list[dict]:
+    """Bytes of a step that is kept for derivatives; cases: (scene, step counts, most records at a time, 0 for all)."""
     rows = []
-    for what, text in texts.items():
+    for what, (text, steps, most) in cases.items():
         peaks = []
         for count in steps:
-            command = [sys.executable, "-c", MEASURE, str(count)]
+            command = [sys.executable, "-c", MEASURE, str(count), str(most)]
             run = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
             peaks.append(int(run.stdout))
-        rows.append({"work": f"{what}_record", "bytes_per_step": (peaks[1] - peaks[0]) / (steps[1] - steps[0])})
+        rows.append({"work": what, "bytes_per_step": (peaks[1] - peaks[0]) / (steps[1] - steps[0])})
     return rows
+
+
+def kept(texts: dict, quick: bool) -> dict:
+    """The cases of `memory`: rods and sheets as records and by checkpoints, and the largest sheet."""
+    steps = (20, 60) if quick else (200, 1200)
+    cases = {f"{what}_record": (text, steps, 0) for what, text in texts.items()}
+    # states are so small that it takes many of them to see
+    many = steps if quick else (1000, 11_000)
+    cases |= {f"{what}_checkpoints": (text, many, 10) for what, text in texts.items()}
+    if not quick:
+        large = cloth_text(100, "hang", 6)
+        cases |= {"large_cloth_record": (large, (2, 6), 0), "large_cloth_checkpoints": (large, (2, 6), 1)}
+    return cases
 
 
 def measure(quick: bool) -> dict:
@@ -206,7 +171,7 @@ def measure(quick: bool) -> dict:
         "compared": against_peers(rod, cloth, rounds, repeats),
         "growth": growth(sizes, 0.01 if quick else 2.0),
         "batch": batch(texts, 4 if quick else 64, 1 if quick else 5),
-        "memory": memory(texts, (20, 60) if quick else (200, 1200)),
+        "memory": memory(kept(texts, quick)),
         "machine": describe(),
         "command": sys.argv[1:],
     }

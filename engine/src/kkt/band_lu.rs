@@ -2,6 +2,7 @@
 
 use super::band_sweep::Band;
 use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, sum_abs};
+use pulp::{Arch, Simd, WithSimd};
 
 /// A = L U with U unit upper (Crout's form), in the row storage of [`super::band_sweep`].
 ///
@@ -25,7 +26,22 @@ impl<const B: usize> BandLu<B> {
     }
 
     pub fn refactor(&mut self, a: &NodeMatrix) -> Result<(), KktError> {
-        self.band.specialised(|band| self.eliminate(band, a))
+        struct Run<'a, const B: usize>(&'a mut BandLu<B>, &'a NodeMatrix);
+        impl<const B: usize> WithSimd for Run<'_, B> {
+            type Output = Result<(), KktError>;
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+                let Self(factor, a) = self;
+                let band = factor.band;
+                // not by a closure, which would be compiled without the wide vectors
+                match band.half_width {
+                    2 => factor.eliminate(Band { half_width: 2, ..band }, a),
+                    1 => factor.eliminate(Band { half_width: 1, ..band }, a),
+                    _ => factor.eliminate(band, a),
+                }
+            }
+        }
+        Arch::new().dispatch(Run(self, a))
     }
 
     /// Node by node: the rows of node i are reduced by all earlier rows of the band, then by one another.
@@ -40,7 +56,7 @@ impl<const B: usize> BandLu<B> {
                 let first = half - B * (i - j); // where node j's columns start in node i's rows
                 let upper = &self.upper[B * j * width..(B * j + B) * width];
                 for row in self.work.chunks_exact_mut(row_len) {
-                    reduce_by_node(&mut row[first..], width, upper);
+                    reduce_by_node::<B>(&mut row[first..], width, upper);
                 }
             }
             for c in 0..B {
@@ -102,12 +118,12 @@ impl<const B: usize> BandLu<B> {
 /// Reduces a row, given from the first column of an earlier node on, by the rows of U of that node. They start at the
 /// node's second column, and are zero up to their own.
 #[inline(always)]
-fn reduce_by_node(row: &mut [f64], width: usize, upper: &[f64]) {
+fn reduce_by_node<const B: usize>(row: &mut [f64], width: usize, upper: &[f64]) {
     match width {
-        8 => reduce_by_fixed::<8>(row, upper),
-        5 => reduce_by_fixed::<5>(row, upper),
-        11 => reduce_by_fixed::<11>(row, upper),
-        7 => reduce_by_fixed::<7>(row, upper),
+        8 => reduce_by_fixed::<B, 8>(row, upper),
+        5 => reduce_by_fixed::<B, 5>(row, upper),
+        11 => reduce_by_fixed::<B, 11>(row, upper),
+        7 => reduce_by_fixed::<B, 7>(row, upper),
         _ => {
             for (c, upper) in upper.chunks_exact(width).enumerate() {
                 let factor = row[c];
@@ -119,12 +135,14 @@ fn reduce_by_node(row: &mut [f64], width: usize, upper: &[f64]) {
 
 /// The same with the row in registers.
 #[inline(always)]
-fn reduce_by_fixed<const W: usize>(row: &mut [f64], upper: &[f64]) {
+fn reduce_by_fixed<const B: usize, const W: usize>(row: &mut [f64], upper: &[f64]) {
     let (mut factor, rest) = (row[0], &mut row[1..]);
-    let Some(target) = rest.first_chunk_mut::<W>() else { return };
+    let (Some(target), Some(upper)) = (rest.first_chunk_mut::<W>(), upper.as_chunks::<W>().0.first_chunk::<B>()) else { return };
     let mut x = *target;
-    for (c, upper) in upper.as_chunks::<W>().0.iter().enumerate() {
-        subtract(&mut x, factor, upper);
+    for c in 0..B {
+        for k in 0..W {
+            x[k] -= factor * upper[c][k];
+        }
         factor = x[c];
     }
     *target = x;

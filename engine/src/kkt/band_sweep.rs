@@ -7,11 +7,22 @@
 //!
 //! One right-hand side is vectorised along the band, many along the right-hand sides.
 
+use pulp::{Arch, Simd, WithSimd};
+
 /// Sizes of a block band of B × B blocks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Band<const B: usize> {
     pub n_blocks: usize,
     pub half_width: usize,
+}
+
+/// Which triangle.
+#[derive(Clone, Copy)]
+enum Way {
+    Upper,
+    UpperTranspose,
+    Lower,
+    LowerTranspose,
 }
 
 /// Right-hand sides taken at a time, so that the rows of a band's width stay in the first cache.
@@ -39,34 +50,55 @@ impl<const B: usize> Band<B> {
 
     /// `b ← U⁻¹ b`, U unit upper.
     pub fn solve_upper(self, upper: &[f64], b: &mut [f64], columns: usize) {
-        self.specialised(|band| match columns {
-            1 => upper_one(band, upper, b),
-            _ => sweep(band, b, columns, Triangle::upper(band, upper, false), false, |_| 1.0),
-        });
+        self.solve(Way::Upper, upper, &[], b, columns);
     }
 
     /// `b ← U⁻ᵀ b`, U unit upper.
     pub fn solve_upper_transpose(self, upper: &[f64], b: &mut [f64], columns: usize) {
-        self.specialised(|band| match columns {
-            1 => upper_transpose_one(band, upper, b),
-            _ => sweep(band, b, columns, Triangle::upper(band, upper, true), true, |_| 1.0),
-        });
+        self.solve(Way::UpperTranspose, upper, &[], b, columns);
     }
 
     /// `b ← L⁻¹ b`, L = strict lower triangle + diagonal, the reciprocals of which are `inverse`.
     pub fn solve_lower(self, lower: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
-        self.specialised(|band| match columns {
-            1 => lower_one(band, lower, inverse, b),
-            _ => sweep(band, b, columns, Triangle::lower(band, lower, false), true, |r| inverse[r]),
-        });
+        self.solve(Way::Lower, lower, inverse, b, columns);
     }
 
     /// `b ← L⁻ᵀ b`, L as in [`Self::solve_lower`].
     pub fn solve_lower_transpose(self, lower: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
-        self.specialised(|band| match columns {
-            1 => lower_transpose_one(band, lower, inverse, b),
-            _ => sweep(band, b, columns, Triangle::lower(band, lower, true), false, |r| inverse[r]),
-        });
+        self.solve(Way::LowerTranspose, lower, inverse, b, columns);
+    }
+
+    /// In the processor's widest vectors.
+    fn solve(self, way: Way, triangle: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
+        struct Run<'a, const B: usize>(Band<B>, Way, &'a [f64], &'a [f64], &'a mut [f64], usize);
+        impl<const B: usize> WithSimd for Run<'_, B> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, _: S) {
+                let Self(band, way, triangle, inverse, b, columns) = self;
+                // not by a closure, which would be compiled without the wide vectors
+                match band.half_width {
+                    2 => Band { half_width: 2, ..band }.sweep(way, triangle, inverse, b, columns),
+                    1 => Band { half_width: 1, ..band }.sweep(way, triangle, inverse, b, columns),
+                    _ => band.sweep(way, triangle, inverse, b, columns),
+                }
+            }
+        }
+        Arch::new().dispatch(Run(self, way, triangle, inverse, b, columns));
+    }
+
+    #[inline(always)]
+    fn sweep(self, way: Way, entries: &[f64], inverse: &[f64], b: &mut [f64], columns: usize) {
+        match (way, columns) {
+            (Way::Upper, 1) => upper_one(self, entries, b),
+            (Way::UpperTranspose, 1) => upper_transpose_one(self, entries, b),
+            (Way::Lower, 1) => lower_one(self, entries, inverse, b),
+            (Way::LowerTranspose, 1) => lower_transpose_one(self, entries, inverse, b),
+            (Way::Upper, _) => sweep(self, b, columns, Triangle::upper(self, entries, false), false, None),
+            (Way::UpperTranspose, _) => sweep(self, b, columns, Triangle::upper(self, entries, true), true, None),
+            (Way::Lower, _) => sweep(self, b, columns, Triangle::lower(self, entries, false), true, Some(inverse)),
+            (Way::LowerTranspose, _) => sweep(self, b, columns, Triangle::lower(self, entries, true), false, Some(inverse)),
+        }
     }
 
     /// Nodes below and above `i` that are coupled to it.
@@ -257,17 +289,10 @@ impl<'a, const B: usize> Triangle<'a, B> {
     }
 }
 
-/// `b_r ← (b_r − Σ t(r, c) b_c) · scale(r)` for all columns, over the rows c before r in the sweep: nodes and their rows rising, or
+/// `b_r ← (b_r − Σ t(r, c) b_c) · scale_r` for all columns, over the rows c before r in the sweep: nodes and their rows rising, or
 /// all falling.
 #[inline(always)]
-fn sweep<const B: usize>(
-    band: Band<B>,
-    b: &mut [f64],
-    columns: usize,
-    t: Triangle<B>,
-    rising: bool,
-    scale: impl Fn(usize) -> f64,
-) {
+fn sweep<const B: usize>(band: Band<B>, b: &mut [f64], columns: usize, t: Triangle<B>, rising: bool, scale: Option<&[f64]>) {
     let order: [usize; B] = std::array::from_fn(|k| if rising { k } else { B - 1 - k });
     for first in (0..columns).step_by(CHUNK) {
         let chunk = first..columns.min(first + CHUNK);
@@ -289,8 +314,7 @@ fn sweep<const B: usize>(
                         *x -= factor * y;
                     }
                 }
-                let factor = scale(B * i + a);
-                if factor != 1.0 {
+                if let Some(factor) = scale.map(|inverse| inverse[B * i + a]) {
                     b[(B * i + a) * columns..][chunk.clone()].iter_mut().for_each(|x| *x *= factor);
                 }
             }

@@ -106,7 +106,7 @@ impl Frontal {
         for front in &fronts.fronts {
             let (k, m) = (b * front.pivots, b * front.rows.len());
             let mut dense = Square { entries: &mut *square, stride: (k + m).next_multiple_of(PADDING), rows: k + m };
-            dense.entries[..dense.stride * (k + m)].fill(0.0);
+            dense.clear(symmetric);
             dense.load(a, front, b, symmetric, &shared.driven, fronts);
             for &child in front.children.iter().rev() {
                 let child = &fronts.fronts[child];
@@ -118,8 +118,9 @@ impl Frontal {
             let done = dense.eliminate(simd, k, symmetric, &sizes[own.clone()], &mut self.inverse[own], scaled);
             done.map_err(|broken| broken.named(shared, fronts, b * front.first))?;
             self.keep(&dense, front, b, symmetric);
-            for (to, from) in stack[top..top + m * m].chunks_exact_mut(m.max(1)).zip(dense.rows_from(k)) {
-                to.copy_from_slice(&from[k..k + m]);
+            for (r, (to, from)) in stack[top..top + m * m].chunks_exact_mut(m.max(1)).zip(dense.rows_from(k)).enumerate() {
+                let first = if symmetric { r } else { 0 };
+                to[first..].copy_from_slice(&from[k + first..k + m]);
             }
             top += m * m;
         }
@@ -130,8 +131,11 @@ impl Frontal {
     #[inline(always)]
     fn keep(&mut self, dense: &Square, front: &Front, b: usize, symmetric: bool) {
         let (k, f) = (b * front.pivots, dense.rows);
-        for (to, from) in self.upper[front.upper..front.upper + k * f].chunks_exact_mut(f).zip(dense.rows_from(0)) {
-            to.copy_from_slice(&from[..f]);
+        for (r, (to, from)) in
+            self.upper[front.upper..front.upper + k * f].chunks_exact_mut(f).zip(dense.rows_from(0)).enumerate()
+        {
+            let first = if symmetric { r } else { 0 };
+            to[first..].copy_from_slice(&from[first..f]);
         }
         if !symmetric {
             for (to, from) in self.lower[front.lower..front.lower + k * (f - k)].chunks_exact_mut(k).zip(dense.rows_from(k)) {
@@ -181,6 +185,14 @@ impl Square<'_> {
     #[inline(always)]
     fn rows_from(&self, first: usize) -> impl Iterator<Item = &[f64]> {
         self.entries[first * self.stride..self.rows * self.stride].chunks_exact(self.stride)
+    }
+
+    /// Sets to zero what is used: where symmetric, rows from the vector on that the diagonal is in.
+    #[inline(always)]
+    fn clear(&mut self, symmetric: bool) {
+        for (r, row) in self.entries[..self.stride * self.rows].chunks_exact_mut(self.stride).enumerate() {
+            row[if symmetric { r / PADDING * PADDING } else { 0 }..].fill(0.0);
+        }
     }
 
     /// Adds what the matrix has in the front; the driven slots of a symmetric system are rows and columns of the identity.

@@ -122,6 +122,10 @@ impl Frontal {
             for front in &fronts.fronts {
                 let dense = self.of(front, block);
                 let (x, first) = (&mut local_panel[..dense.f], block * front.first);
+                // unit columns leave most fronts untouched
+                if is_zero(&panel[first..first + dense.k], used) {
+                    continue;
+                }
                 x[..dense.k].copy_from_slice(&panel[first..first + dense.k]);
                 x[dense.k..].fill([0.0; PANEL]);
                 dense.forward_many(simd, x, form, column, used);
@@ -147,6 +151,21 @@ impl Frontal {
             }
         }
     }
+}
+
+/// Whether the first `used` numbers of all rows are zero.
+#[inline(always)]
+fn is_zero(rows: &[[f64; PANEL]], used: usize) -> bool {
+    for row in rows {
+        let mut any = false;
+        for x in &row[..used] {
+            any |= *x != 0.0;
+        }
+        if any {
+            return false;
+        }
+    }
+    true
 }
 
 /// The factor of a front: `k` pivots of `f` rows.

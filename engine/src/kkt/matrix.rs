@@ -1,6 +1,8 @@
 //! The storage of every Jacobian of a nodal system.
 
+use super::lanes::support;
 use super::layout::{NodeLayout, Pattern};
+use pulp::{Arch, Simd, WithSimd};
 use std::sync::{Arc, LazyLock, OnceLock};
 
 /// A square matrix of nodes' and twists' rows in blocks, where a [`NodeLayout`] has room for them; all else is zero.
@@ -20,13 +22,26 @@ pub(crate) struct Place {
     down: usize,
 }
 
-/// Places of the blocks that a term adds to matrices of one layout, found once.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Places(OnceLock<(Arc<NodeLayout>, Vec<Place>)>);
+/// An entry, and the three columns of two nodes in its row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CarriedPlace {
+    by: usize,
+    nodes: [usize; 2],
+}
 
-impl Places {
+/// Places of the blocks that a term adds to matrices of one layout, found once.
+#[derive(Clone, Debug)]
+pub(crate) struct Places<P = Place>(OnceLock<(Arc<NodeLayout>, Vec<P>)>);
+
+impl<P> Default for Places<P> {
+    fn default() -> Self {
+        Self(OnceLock::new())
+    }
+}
+
+impl<P> Places<P> {
     /// Those for the layout of `matrix`, found by `find` the first time; `None` for another layout than that of the first time.
-    pub fn of(&self, matrix: &NodeMatrix, find: impl FnOnce() -> Vec<Place>) -> Option<&[Place]> {
+    pub fn of(&self, matrix: &NodeMatrix, find: impl FnOnce() -> Vec<P>) -> Option<&[P]> {
         let (layout, places) = self.0.get_or_init(|| (Arc::clone(&matrix.layout), find()));
         Arc::ptr_eq(layout, &matrix.layout).then_some(places.as_slice())
     }
@@ -143,47 +158,56 @@ impl NodeMatrix {
         }
     }
 
-    /// Adds `m` to the entries of these rows and columns, for which there must be room.
-    #[inline]
-    pub(crate) fn add_square<const N: usize>(&mut self, rows: &[usize; N], m: &[[f64; N]; N]) {
+    /// Adds `of(r, c)` to the entries of these rows and columns, for which there must be room.
+    #[inline(always)]
+    pub(crate) fn add_square<const N: usize>(&mut self, rows: &[usize; N], of: impl Fn(usize, usize) -> f64) {
         let stored = rows.map(|row| self.layout.storage(row));
         let contiguous = (1..N).all(|k| stored[k] == stored[0] + k);
         if let (Pattern::Band(half_width), true) = (&self.layout.pattern, contiguous) {
             let b = self.layout.block();
             let row_len = b * (2 * half_width + 1);
-            for (at, row) in stored.iter().zip(m) {
+            for (r, at) in stored.iter().enumerate() {
                 // the row's first entry is half_width slots before its own
                 let start = at * row_len + b * half_width + stored[0] - b * (at / b);
-                for (entry, x) in self.data[start..start + N].iter_mut().zip(row) {
-                    *entry += x;
+                for (c, entry) in self.data[start..start + N].iter_mut().enumerate() {
+                    *entry += of(r, c);
                 }
             }
             return;
         }
-        for (&r, row) in stored.iter().zip(m) {
-            for (&c, x) in stored.iter().zip(row) {
-                let place = self.layout.entry(r, c);
-                debug_assert!(place.is_some(), "no room for entry ({r}, {c})");
+        for (r, at) in stored.iter().enumerate() {
+            for (c, column) in stored.iter().enumerate() {
+                let place = self.layout.entry(*at, *column);
+                debug_assert!(place.is_some(), "no room for entry ({at}, {column})");
                 if let Some(k) = place {
-                    self.data[k] += x;
+                    self.data[k] += of(r, c);
                 }
             }
         }
     }
 
-    /// Adds to `rows`, in the three columns of each of two nodes, `by` times the entry that `from`, of the same layout, has in `column`.
-    pub(crate) fn add_carried(&mut self, from: &Self, rows: &[usize], column: usize, nodes: [usize; 2], by: [[f64; 3]; 2]) {
-        let layout = Arc::clone(&self.layout);
-        let (b, column) = (layout.block(), layout.storage(column));
-        let slots = nodes.map(|node| layout.slot(node));
-        for at in rows.iter().map(|row| layout.storage(*row)) {
-            let factor = layout.entry(at, column).map_or(0.0, |k| from.data[k]);
-            if factor == 0.0 {
-                continue;
-            }
-            for (slot, by) in slots.iter().zip(&by) {
-                let (start, down) = self.room(at / b, *slot);
-                let row = &mut self.data[start + (at % b) * down..][..3];
+    /// Where [`NodeMatrix::add_carried`] finds the entries of `rows` in `column`, and the three columns of two nodes in the same rows; rows
+    /// that have no room for the first are left out.
+    pub(crate) fn carried_places(&self, rows: &[usize], column: usize, nodes: [usize; 2]) -> Vec<CarriedPlace> {
+        let (b, column) = (self.layout.block(), self.layout.storage(column));
+        let place = |at: usize| {
+            let by = self.layout.entry(at, column)?;
+            let nodes = nodes.map(|node| {
+                let (start, down) = self.room(at / b, self.layout.slot(node));
+                start + (at % b) * down
+            });
+            Some(CarriedPlace { by, nodes })
+        };
+        rows.iter().filter_map(|row| place(self.layout.storage(*row))).collect()
+    }
+
+    /// Adds, in the three columns of each of two nodes, `by` times the entry that `from`, of the same layout, has in the same row.
+    #[inline]
+    pub(crate) fn add_carried(&mut self, from: &Self, places: &[CarriedPlace], by: [[f64; 3]; 2]) {
+        for place in places {
+            let factor = from.data[place.by];
+            for (start, by) in place.nodes.iter().zip(&by) {
+                let row = &mut self.data[*start..start + 3];
                 row.iter_mut().zip(by).for_each(|(x, by)| *x += factor * by);
             }
         }
@@ -331,16 +355,72 @@ impl NodeMatrix {
         }
     }
 
-    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`: row r of X is `x[r * columns..(r + 1) * columns]`.
+    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`: row r of X is `x[r * columns..(r + 1) * columns]`. Rows of X that are
+    /// zero but for a few columns (the unit columns of a Jacobian) cost only those.
     pub fn add_mul_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        for (r, y_row) in y.chunks_exact_mut(columns.max(1)).enumerate().take(self.dim()) {
-            self.for_system_row(r, |c, a| {
-                let factor = scale * a;
-                if factor != 0.0 {
-                    let x_row = &x[c * columns..(c + 1) * columns];
-                    y_row.iter_mut().zip(x_row).for_each(|(y_c, x_c)| *y_c += factor * x_c);
-                }
-            });
+        struct Run<'a>(&'a NodeMatrix, f64, &'a [f64], &'a mut [f64], usize);
+        impl WithSimd for Run<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                self.0.add_mul_kernel(simd, self.1, self.2, self.3, self.4);
+            }
         }
+        match columns {
+            0 => {}
+            1 => y.iter_mut().enumerate().take(self.dim()).for_each(|(r, y)| {
+                self.for_system_row(r, |c, a| *y += scale * a * x[c]);
+            }),
+            _ => Arch::new().dispatch(Run(self, scale, x, y, columns)),
+        }
+    }
+
+    #[inline(always)]
+    fn add_mul_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
+        let mut supports = Vec::with_capacity(self.dim());
+        for row in x.chunks_exact(columns).take(self.dim()) {
+            supports.push(support(row));
+        }
+        let b = self.layout.block();
+        for (r, y_row) in y.chunks_exact_mut(columns).enumerate().take(self.dim()) {
+            let at = self.layout.storage(r);
+            let (_, range) = self.stored_row(at);
+            let entries = &self.data[range];
+            // blocks of the row: in a band those that stick out of the matrix are zero
+            let (first, listed, blocks) = match &self.layout.pattern {
+                Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
+                Pattern::Sparse { starts, columns } => {
+                    let row = &columns[starts[at / b]..starts[at / b + 1]];
+                    (0, Some(row), row.len())
+                }
+            };
+            for k in 0..blocks {
+                let slot = match listed {
+                    Some(row) => row[k],
+                    None if first + (k as isize) < 0 || first + k as isize >= self.layout.n_nodes() as isize => continue,
+                    None => (first + k as isize) as usize,
+                };
+                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
+                    let (factor, column) = (scale * a, self.layout.system(b * slot + c));
+                    if let (true, Some(c)) = (factor != 0.0, column) {
+                        let range = supports[c].clone();
+                        add_scaled(simd, factor, &x[c * columns..(c + 1) * columns][range.clone()], &mut y_row[range]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `y += a x`.
+#[inline(always)]
+fn add_scaled<S: Simd>(simd: S, a: f64, x: &[f64], y: &mut [f64]) {
+    let factor = simd.splat_f64s(a);
+    let ((x, x_rest), (y, y_rest)) = (S::as_simd_f64s(x), S::as_mut_simd_f64s(y));
+    for (y, x) in y.iter_mut().zip(x) {
+        *y = simd.mul_add_e_f64s(factor, *x, *y);
+    }
+    for (y, x) in y_rest.iter_mut().zip(x_rest) {
+        *y += a * x;
     }
 }

@@ -53,7 +53,7 @@ pub use coupling::Coupling;
 pub use factor::Factor;
 pub use layout::NodeLayout;
 pub use matrix::NodeMatrix;
-pub(crate) use matrix::{Place, Places};
+pub(crate) use matrix::{CarriedPlace, Place, Places};
 pub use square::Square;
 pub use symbolic::Symbolic;
 pub use system::{System, SystemFactor};

@@ -58,6 +58,7 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
     match stuck {
         Some(Ok(())) => {
             let (n, warm) = (stage.model.n_node_dofs(), ws.warm.get_or_insert_default());
+            warm.nodes.push(stage.inertia, &stage.v_ref[..n], &ws.it.v[..n], &stage.measure.nodes);
             warm.history.push(stage.inertia, &stage.v_ref[n..], &ws.it.v[n..], &stage.model.weights.held);
             warm.cones.clone_from(&ws.it.w);
             warm.rows.clone_from(&ws.it.s);
@@ -82,10 +83,18 @@ fn start_warm(stage: &Stage, ws: &mut Workspace) {
     stage.start_spots(ws);
 }
 
-/// The bodies' velocities of the last step, changed as their accelerations up to now let expect.
+/// The velocities of the last step, changed as their accelerations up to now let expect.
 fn extrapolate(stage: &Stage, ws: &mut Workspace) {
     if let Some(warm) = ws.warm.as_ref().filter(|_| stage.scheme != STATIC) {
-        warm.history.extrapolate(1.0 / stage.inertia, &mut ws.it.v[stage.model.n_node_dofs()..]);
+        let (nodes, bodies) = ws.it.v.split_at_mut(stage.model.n_node_dofs());
+        // without momentum a step's velocities begin at none
+        if stage.scheme.momentum != 0.0 {
+            warm.nodes.extrapolate(1.0 / stage.inertia, nodes);
+            for (k, _) in stage.model.driven_rows.iter().enumerate().filter(|(_, driven)| **driven) {
+                nodes[k] = stage.v_cmd[k];
+            }
+        }
+        warm.history.extrapolate(1.0 / stage.inertia, bodies);
     }
 }
 

@@ -14,7 +14,7 @@ const NEAR: f64 = 0.5;
 /// Weights of the kept accelerations, the last one first, by order.
 const WEIGHTS: [[f64; KEPT]; KEPT + 1] = [[0.0; KEPT], [1.0, 0.0, 0.0], [2.0, -1.0, 0.0], [3.0, -3.0, 1.0]];
 
-/// The last accelerations of the bodies' degrees of freedom [m/s² or rad/s²].
+/// The last accelerations of degrees of freedom [m/s² or rad/s²].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct History {
     /// The last one first; as many as there are.

@@ -8,9 +8,13 @@ use crate::terms::Vec3;
 impl Rods {
     /// Carries z's part `frames` from positions `from` to `to` \[m\].
     pub(crate) fn carry_frames(&self, from: &[f64], to: &[f64], frames: &mut [f64]) {
+        self.carry_frames_by(&mut RodPoint::default(), from, to, frames);
+    }
+
+    /// The same with memory for it.
+    pub(crate) fn carry_frames_by(&self, point: &mut RodPoint, from: &[f64], to: &[f64], frames: &mut [f64]) {
         if !self.edges.is_empty() {
-            let mut point = RodPoint::default();
-            self.evaluate(from, frames, to, &mut point);
+            self.evaluate(from, frames, to, point);
             frames.copy_from_slice(&point.frames);
         }
     }

@@ -14,6 +14,12 @@ pub struct RodPoint {
     pub(crate) twists: Vec<f64>,
     /// z's part: reference axes, then reference twists.
     pub(crate) frames: Vec<f64>,
+    /// What it was evaluated for: where axes were carried from and to, and those there.
+    from: Vec<f64>,
+    to: Vec<f64>,
+    given: Vec<f64>,
+    /// Tangents there.
+    begin: Vec<Vec3<f64>>,
 }
 
 fn vector(x: &[f64], i: usize) -> Vec3<f64> {
@@ -26,16 +32,32 @@ pub(super) fn edge_vector(edge: &RodEdge, q: &[f64]) -> Vec3<f64> {
 }
 
 impl Rods {
-    /// Carries z's part `frames`, which belongs to positions `from`, to the configuration `q`, and evaluates the axes there.
+    /// Carries z's part `frames`, which belongs to positions `from`, to the configuration `q`, and evaluates the axes there. What `out` has
+    /// already is not evaluated again.
     pub(crate) fn evaluate(&self, from: &[f64], frames: &[f64], q: &[f64], out: &mut RodPoint) {
+        if self.edges.is_empty() {
+            return;
+        }
+        let (n, nodes) = (3 * self.n_nodes + self.edges.len(), 3 * self.n_nodes);
+        let known = out.given == frames && out.from == from[..nodes];
+        if known && out.to == q[..n] {
+            return;
+        }
+        if !known {
+            replace(&mut out.given, frames);
+            replace(&mut out.from, &from[..nodes]);
+            out.begin.clear();
+            out.begin.extend(self.edges.iter().map(|edge| edge_vector(edge, from).normalize()));
+        }
+        replace(&mut out.to, &q[..n]);
         out.edges.clear();
         out.twists.clear();
         out.frames.clear();
         for (k, edge) in self.edges.iter().enumerate() {
-            let (e0, e) = (edge_vector(edge, from), edge_vector(edge, q));
+            let e = edge_vector(edge, q);
             let length = e.norm();
             let tangent = e / length;
-            let d = carried(&e0.normalize(), &tangent, &vector(frames, k));
+            let d = carried(&out.begin[k], &tangent, &vector(frames, k));
             // rounding would pile up over many steps
             let d = (d - tangent * tangent.dot(&d)).normalize();
             let (sin, cos) = q[self.row(k)].sin_cos();
@@ -64,7 +86,7 @@ impl Rods {
     #[inline]
     pub(crate) fn joint(&self, j: usize, at: &RodPoint) -> Joint {
         let [one, two] = self.joints[j].edges;
-        Joint::new(at.edges[one], at.edges[two], at.twists[j])
+        Joint::new(&at.edges[one], &at.edges[two], at.twists[j])
     }
 
     /// z's part at positions `q` for these reference axes: the twists between them are taken without whole turns.
@@ -115,6 +137,11 @@ impl RodSection {
     fn rest(&mut self, strains: &[[f64; 3]]) {
         self.laws = self.laws.iter().map(|law| law.resting(strains).unwrap_or_else(|| Arc::clone(law))).collect();
     }
+}
+
+fn replace(to: &mut Vec<f64>, from: &[f64]) {
+    to.clear();
+    to.extend_from_slice(from);
 }
 
 /// How far from normal and from unit length an axis may be.

@@ -19,15 +19,18 @@
 //! matrix is unsymmetric by the moment about the tangent.
 
 use crate::terms::Vec3;
+use crate::terms::wide::{Number, Three};
 
 /// Numbers of y.
 pub(crate) const VARIABLES: usize = 8;
 /// Places of δα₁ and δα₂.
 pub(crate) const TURN: [usize; 2] = [6, 7];
 /// Derivatives by y.
-pub(crate) type Gradient = [f64; VARIABLES];
+pub(crate) type Gradient<T = f64> = [T; VARIABLES];
 /// Second derivatives: row by row, how each entry of a gradient changes.
-pub(crate) type Hessian = [[f64; VARIABLES]; VARIABLES];
+pub(crate) type Hessian<T = f64> = [[T; VARIABLES]; VARIABLES];
+/// Derivatives of moments by strains, by rows.
+pub(crate) type Stiffness<T = f64> = [[T; 3]; 3];
 
 /// An edge and its material axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,65 +43,87 @@ pub(crate) struct EdgeFrame {
     pub axes: [Vec3<f64>; 2],
 }
 
-/// Two edges that meet.
+/// Two edges that meet, of one joint or, with [`Wide`](crate::terms::wide::Wide) numbers, of several.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Joint {
-    one: EdgeFrame,
-    two: EdgeFrame,
-    c: f64,
-    by_chi: f64,
+pub(crate) struct Joint<T = f64> {
+    /// t₁, t₂.
+    tangents: [Three<T>; 2],
+    /// 1/l₁, 1/l₂ [1/m].
+    by_length: [T; 2],
+    /// Of the first edge.
+    axes: [Three<T>; 2],
+    c: T,
+    by_chi: T,
     /// α₁, α₂.
-    alpha: [f64; 2],
+    alpha: [T; 2],
     /// Sine and cosine of τ/2.
-    half: [f64; 2],
+    half: [T; 2],
     /// κ₁, κ₂ [-], τ \[rad\].
-    pub strain: [f64; 3],
+    pub strain: [T; 3],
 }
 
 /// Moments m and what they make of the first edge's axes.
-struct Weighted {
-    a: Vec3<f64>,
-    a_turned: Vec3<f64>,
-    g: f64,
-    w1: Vec3<f64>,
-    w2: Vec3<f64>,
-    g_alpha: f64,
-    twist: f64,
-    v: Vec3<f64>,
+struct Weighted<T> {
+    a: Three<T>,
+    a_turned: Three<T>,
+    g: T,
+    w1: Three<T>,
+    w2: Three<T>,
+    g_alpha: T,
+    twist: T,
+    v: Three<T>,
 }
 
 impl Joint {
     #[inline]
-    pub fn new(one: EdgeFrame, two: EdgeFrame, twist: f64) -> Self {
-        let turn = two.tangent - one.tangent;
-        // ½|t₂ − t₁|² keeps the relative precision of a nearly straight rod, where 1 − t₁·t₂ cancels
-        let one_minus_c = 0.5 * turn.norm_squared();
-        let by_chi = 1.0 / (2.0 - one_minus_c);
-        let alpha = [0, 1].map(|j: usize| 2.0 * one.axes[j].dot(&turn) * by_chi);
+    pub fn new(one: &EdgeFrame, two: &EdgeFrame, twist: f64) -> Self {
+        let three = |v: &Vec3<f64>| Three([v.x, v.y, v.z]);
+        let axes = one.axes.each_ref().map(three);
         let (sin, cos) = (0.5 * twist).sin_cos();
-        let strain = [alpha[0] * cos + alpha[1] * sin, alpha[1] * cos - alpha[0] * sin, twist];
-        Self { one, two, c: 1.0 - one_minus_c, by_chi, alpha, half: [sin, cos], strain }
+        let tangents = [three(&one.tangent), three(&two.tangent)];
+        Self::of(tangents, [1.0 / one.length, 1.0 / two.length], axes, twist, [sin, cos])
+    }
+}
+
+impl<T: Number> Joint<T> {
+    /// Between edges of these tangents and inverse lengths; `axes`: the first one's; `half`: sine and cosine of half the twist.
+    #[inline(always)]
+    pub fn of(tangents: [Three<T>; 2], by_length: [T; 2], axes: [Three<T>; 2], twist: T, half: [T; 2]) -> Self {
+        let turn = tangents[1] - tangents[0];
+        // ½|t₂ − t₁|² keeps the relative precision of a nearly straight rod, where 1 − t₁·t₂ cancels
+        let one_minus_c = turn.dot(turn).by(0.5);
+        let by_chi = (twist.same(2.0) - one_minus_c).under(1.0);
+        let alpha = [axes[0].dot(turn).by(2.0) * by_chi, axes[1].dot(turn).by(2.0) * by_chi];
+        let [sin, cos] = half;
+        let strain = [(alpha[0] * cos).plus(alpha[1], sin), alpha[1] * cos - alpha[0] * sin, twist];
+        Self { tangents, by_length, axes, c: twist.same(1.0) - one_minus_c, by_chi, alpha, half, strain }
+    }
+
+    #[inline(always)]
+    pub(super) fn zero(&self) -> T {
+        self.c.same(0.0)
     }
 
     /// m of M.
-    #[inline]
-    fn carried(&self, m: &[f64; 3]) -> [f64; 3] {
+    #[inline(always)]
+    fn carried(&self, m: &[T; 3]) -> [T; 3] {
         let [sin, cos] = self.half;
-        let twist = m[2] + 0.5 * (m[0] * self.strain[1] - m[1] * self.strain[0]);
+        let twist = m[2] + (m[0] * self.strain[1] - m[1] * self.strain[0]).by(0.5);
         [m[0] * cos - m[1] * sin, m[0] * sin + m[1] * cos, twist]
     }
 
-    #[inline]
-    fn weighted(&self, m: &[f64; 3]) -> Weighted {
-        let axes = &self.one.axes;
-        let (a, a_turned) = ((axes[0] * m[0] + axes[1] * m[1]) * 2.0, (axes[1] * m[0] - axes[0] * m[1]) * 2.0);
-        let (t1, t2) = (&self.one.tangent, &self.two.tangent);
-        let g = m[0] * self.alpha[0] + m[1] * self.alpha[1];
+    #[inline(always)]
+    fn weighted(&self, m: &[T; 3]) -> Weighted<T> {
+        let [first, second] = self.axes;
+        let a = first.times(m[0]).plus(m[1], second).times(self.c.same(2.0));
+        let a_turned = second.times(m[0]).plus(-m[1], first).times(self.c.same(2.0));
+        let [t1, t2] = self.tangents;
+        let g = (m[0] * self.alpha[0]).plus(m[1], self.alpha[1]);
         Weighted {
-            w1: (a * self.c + t2 * g) * -self.by_chi,
-            w2: (a - t1 * g) * self.by_chi,
+            w1: a.times(self.c).plus(g, t2).times(-self.by_chi),
+            w2: a.plus(-g, t1).times(self.by_chi),
             g_alpha: a_turned.dot(t2) * self.by_chi,
-            v: t1.cross(t2) * (m[2] * self.by_chi),
+            v: t1.cross(t2).times(m[2] * self.by_chi),
             twist: m[2],
             a,
             a_turned,
@@ -107,227 +132,289 @@ impl Joint {
     }
 
     /// ∂(m·(α, τ))/∂y at fixed m.
-    #[inline]
-    fn pull_plain(&self, m: &[f64; 3]) -> Gradient {
+    #[inline(always)]
+    fn pull_plain(&self, m: &[T; 3]) -> Gradient<T> {
         let w = self.weighted(m);
-        let (t1, t2) = (&self.one.tangent, &self.two.tangent);
-        let g1 = (w.w1 - t1 * t1.dot(&w.w1) + w.v) / self.one.length;
-        let g2 = (w.w2 - t2 * t2.dot(&w.w2) + w.v) / self.two.length;
+        let [t1, t2] = self.tangents;
+        let Three(g1) = (w.w1.plus(-t1.dot(w.w1), t1) + w.v).times(self.by_length[0]);
+        let Three(g2) = (w.w2.plus(-t2.dot(w.w2), t2) + w.v).times(self.by_length[1]);
         [g1[0], g1[1], g1[2], g2[0], g2[1], g2[2], w.g_alpha - w.twist, w.twist]
     }
 
     /// ∂(M·strain)/∂y at fixed M \[N·m\]: by edges [N], by turns [N·m].
-    #[inline]
-    pub fn pull(&self, m: &[f64; 3]) -> Gradient {
+    #[inline(always)]
+    pub fn pull(&self, m: &[T; 3]) -> Gradient<T> {
         self.pull_plain(&self.carried(m))
     }
 
     /// ∂strain/∂y, strain by strain.
-    #[inline]
-    pub fn gradients(&self) -> [Gradient; 3] {
-        [self.pull(&[1.0, 0.0, 0.0]), self.pull(&[0.0, 1.0, 0.0]), self.pull_plain(&[0.0, 0.0, 1.0])]
+    #[inline(always)]
+    pub fn gradients(&self) -> [Gradient<T>; 3] {
+        let (one, zero) = (self.c.same(1.0), self.zero());
+        [self.pull(&[one, zero, zero]), self.pull(&[zero, one, zero]), self.pull_plain(&[zero, zero, one])]
     }
 
     /// Rates of the strains at ẏ: what the gradients times ẏ are.
-    #[inline]
-    pub fn rates(&self, y: &Gradient) -> [f64; 3] {
-        let (t1, t2, x) = (&self.one.tangent, &self.two.tangent, self.by_chi);
-        let across = |t: &Vec3<f64>, e: Vec3<f64>, length: f64| (e - t * t.dot(&e)) / length;
-        let u1 = across(t1, Vec3::new(y[0], y[1], y[2]), self.one.length);
-        let u2 = across(t2, Vec3::new(y[3], y[4], y[5]), self.two.length);
-        let c = t2.dot(&u1) + t1.dot(&u2);
-        let [a1, a2] = &self.one.axes;
+    #[inline(always)]
+    pub fn rates(&self, y: &Gradient<T>) -> [T; 3] {
+        let ([t1, t2], x) = (self.tangents, self.by_chi);
+        let (e1, e2) = (Three([y[0], y[1], y[2]]), Three([y[3], y[4], y[5]]));
+        let u1 = e1.plus(-t1.dot(e1), t1).times(self.by_length[0]);
+        let u2 = e2.plus(-t2.dot(e2), t2).times(self.by_length[1]);
+        let c = t2.dot(u1) + t1.dot(u2);
+        let [a1, a2] = self.axes;
         let turned = [a2.dot(t2), -a1.dot(t2)];
-        let alpha = [(a1, 0), (a2, 1)]
-            .map(|(a, j)| (2.0 * (a.dot(&u2) - self.c * a.dot(&u1) + y[TURN[0]] * turned[j]) - self.alpha[j] * c) * x);
-        let tau = y[TURN[1]] - y[TURN[0]] + x * t1.cross(t2).dot(&(u1 + u2));
+        let mut alpha = self.alpha;
+        for (j, a) in [a1, a2].into_iter().enumerate() {
+            let bent = a.dot(u2) - self.c * a.dot(u1) + y[TURN[0]] * turned[j];
+            alpha[j] = (bent.by(2.0) - self.alpha[j] * c) * x;
+        }
+        let tau = y[TURN[1]] - y[TURN[0]] + x * t1.cross(t2).dot(u1 + u2);
         let [sin, cos] = self.half;
-        let by_tau = 0.5 * tau;
+        let by_tau = tau.by(0.5);
         [
-            alpha[0] * cos + alpha[1] * sin + by_tau * self.strain[1],
+            (alpha[0] * cos).plus(alpha[1], sin).plus(by_tau, self.strain[1]),
             alpha[1] * cos - alpha[0] * sin - by_tau * self.strain[0],
             tau,
         ]
     }
 
-    /// How [`Joint::pull`] changes with y at fixed M; `gradients` as [`Joint::gradients`] has them.
-    pub fn hessian(&self, m: &[f64; 3], gradients: &[Gradient; 3]) -> Hessian {
+    /// How [`Joint::pull`] changes with y where M changes by `stiffness` times the strains; `gradients` as [`Joint::gradients`] has them.
+    #[inline(always)]
+    pub fn hessian(&self, m: &[T; 3], stiffness: &Stiffness<T>, gradients: &[Gradient<T>; 3]) -> Hessian<T> {
         let plain = self.carried(m);
-        let mut out = [[0.0; VARIABLES]; VARIABLES];
+        let mut out = [[self.zero(); VARIABLES]; VARIABLES];
         self.second(&plain, &mut out);
         // m changes with y too: its bending part turns by half the twist, its twisting part has the strains in it
-        let turned = self.pull_plain(&[-0.5 * plain[1], 0.5 * plain[0], 0.0]);
+        let turned = self.pull_plain(&[plain[1].by(-0.5), plain[0].by(0.5), self.zero()]);
         let [kappa1, kappa2, tau] = gradients;
-        let by_strain: Gradient = std::array::from_fn(|c| 0.5 * (m[0] * kappa2[c] - m[1] * kappa1[c]));
-        for (row, (turned, by_tau)) in out.iter_mut().zip(turned.iter().zip(tau)) {
-            for (x, (t, s)) in row.iter_mut().zip(tau.iter().zip(&by_strain)) {
-                *x += turned * t + by_tau * s;
-            }
+        let (m1, m2) = (m[0].by(0.5), m[1].by(0.5));
+        let mut by_twist = combined(&stiffness[2], gradients);
+        for (c, x) in by_twist.iter_mut().enumerate() {
+            *x = x.plus(m1, kappa2[c]).plus(-m2, kappa1[c]);
+        }
+        add_product(&turned, tau, &mut out);
+        add_product(kappa1, &combined(&stiffness[0], gradients), &mut out);
+        add_product(kappa2, &combined(&stiffness[1], gradients), &mut out);
+        add_product(tau, &by_twist, &mut out);
+        out
+    }
+
+    /// What rates add to [`Joint::hessian`] at ẏ where M changes by `damping` times them, and what changes with ẏ.
+    #[inline(always)]
+    pub fn damped(&self, damping: &Stiffness<T>, gradients: &[Gradient<T>; 3], y: &Gradient<T>) -> [Hessian<T>; 2] {
+        let (one, zero) = (self.c.same(1.0), self.zero());
+        let moved = [
+            self.rate_gradient(&[one, zero, zero], gradients, y),
+            self.rate_gradient(&[zero, one, zero], gradients, y),
+            self.rate_gradient(&[zero, zero, one], gradients, y),
+        ];
+        let mut out = [[[zero; VARIABLES]; VARIABLES]; 2];
+        for (left, row) in gradients.iter().zip(damping) {
+            add_product(left, &combined(row, &moved), &mut out[0]);
+            add_product(left, &combined(row, gradients), &mut out[1]);
         }
         out
     }
 
-    /// ẏ times [`Joint::hessian`]: how M's rate M·(gradients ẏ) changes with y at fixed ẏ.
-    pub fn rate_gradient(&self, m: &[f64; 3], gradients: &[Gradient; 3], y: &Gradient) -> Gradient {
+    /// ẏ times [`Joint::hessian`] at fixed M: how M's rate M·(gradients ẏ) changes with y at fixed ẏ.
+    #[inline(always)]
+    pub fn rate_gradient(&self, m: &[T; 3], gradients: &[Gradient<T>; 3], y: &Gradient<T>) -> Gradient<T> {
         let plain = self.carried(m);
-        let mut out = RateGradient { y, sum: [0.0; VARIABLES] };
+        let mut out = RateGradient { y, sum: [self.zero(); VARIABLES] };
         self.second(&plain, &mut out);
-        let turned = self.pull_plain(&[-0.5 * plain[1], 0.5 * plain[0], 0.0]);
+        let turned = self.pull_plain(&[plain[1].by(-0.5), plain[0].by(0.5), self.zero()]);
         let [kappa1, kappa2, tau] = gradients;
-        let (by_turned, by_tau) = (dot(&turned, y), 0.5 * dot(tau, y));
+        let (by_turned, by_tau) = (dot(&turned, y), dot(tau, y).by(0.5));
         let mut sum = out.sum;
         for (k, x) in sum.iter_mut().enumerate() {
-            *x += by_turned * tau[k] + by_tau * (m[0] * kappa2[k] - m[1] * kappa1[k]);
+            *x = x.plus(by_turned, tau[k]).plus(by_tau, m[0] * kappa2[k] - m[1] * kappa1[k]);
         }
         sum
     }
 
     /// Hands `out` the parts of how [`Joint::pull_plain`] changes with y at fixed m.
     #[inline(always)]
-    fn second(&self, m: &[f64; 3], out: &mut impl Parts) {
+    fn second(&self, m: &[T; 3], out: &mut impl Parts<T>) {
         let w = self.weighted(m);
-        let (t1, t2, c, x) = (&self.one.tangent, &self.two.tangent, self.c, self.by_chi);
-        let (i1, i2) = (1.0 / self.one.length, 1.0 / self.two.length);
+        let ([t1, t2], c, x) = (self.tangents, self.c, self.by_chi);
+        let [i1, i2] = self.by_length;
         let (s11, s12, s22) = (i1 * i1, i1 * i2, i2 * i2);
-        let (p1t2, p2t1) = (t2 - t1 * c, t1 - t2 * c);
-        let (along1, along2) = (t1.dot(&w.w1), t2.dot(&w.w2));
-        let (p1w1, p2w2) = (w.w1 - t1 * along1, w.w2 - t2 * along2);
+        let (p1t2, p2t1) = (t2.plus(-c, t1), t1.plus(-c, t2));
+        let (along1, along2) = (t1.dot(w.w1), t2.dot(w.w2));
+        let (p1w1, p2w2) = (w.w1.plus(-along1, t1), w.w2.plus(-along2, t2));
         let (t12, tx) = (t1.cross(t2), w.twist * x);
 
         // by e₁: the change of w₁ and of v, then that of P₁/l₁ and of 1/l₁
-        out.outer([0, 0], &((w.a + p1w1 + w.v) * (-x * s11)), &p1t2);
-        out.outer([0, 0], &(p1t2 * (-x * s11) - t1 * s11), &p1w1);
-        out.outer([0, 0], &((p1w1 + w.v) * -s11 + t1 * (along1 * s11) - t12 * (tx * s11)), t1);
+        let by_first = w.a + p1w1 + w.v;
+        out.outer([0, 0], by_first.times(-x * s11), p1t2);
+        out.outer([0, 0], (p1t2.times(x) + t1).times(-s11), p1w1);
+        out.outer([0, 0], (t1.times(along1) - p1w1 - w.v - t12.times(tx)).times(s11), t1);
         out.diagonal([0, 0], -along1 * s11);
-        out.cross([0, 0], &(t2 * (-tx * s11)));
-        out.outer([1, 1], &((p2w2 + w.v) * (-x * s22)), &p2t1);
-        out.outer([1, 1], &(p2t1 * (-x * s22) - t2 * s22), &p2w2);
-        out.outer([1, 1], &((p2w2 + w.v) * -s22 + t2 * (along2 * s22) - t12 * (tx * s22)), t2);
+        out.cross([0, 0], t2.times(-tx * s11));
+        out.outer([1, 1], (p2w2 + w.v).times(-x * s22), p2t1);
+        out.outer([1, 1], (p2t1.times(x) + t2).times(-s22), p2w2);
+        out.outer([1, 1], (t2.times(along2) - p2w2 - w.v - t12.times(tx)).times(s22), t2);
         out.diagonal([1, 1], -along2 * s22);
-        out.cross([1, 1], &(t1 * (tx * s22)));
+        out.cross([1, 1], t1.times(tx * s22));
         // P₁ P₂ = I − t₁ t₁ᵀ − t₂ t₂ᵀ + c t₁ t₂ᵀ
-        let (g, scale) = (-x * w.g * s12, -x * s12);
-        out.outer([0, 1], &((w.a + p1w1 + w.v) * scale), &p2t1);
-        out.outer([0, 1], &(p1t2 * scale), &p2w2);
-        out.outer([0, 1], &((t1 * c - t2) * g - t12 * (tx * s12)), t2);
-        out.outer([0, 1], &(t1 * -g), t1);
+        let (g, scale, across) = (-x * w.g * s12, -x * s12, t12.times(tx * s12));
+        out.outer([0, 1], by_first.times(scale), p2t1);
+        out.outer([0, 1], p1t2.times(scale), p2w2);
+        out.outer([0, 1], (t1.times(c) - t2).times(g) - across, t2);
+        out.outer([0, 1], t1.times(-g), t1);
         out.diagonal([0, 1], g);
-        out.cross([0, 1], &(t1 * (tx * s12)));
-        out.outer([1, 0], &(p2t1 * scale), &(w.a + p1w1));
-        out.outer([1, 0], &((p2w2 + w.v) * scale), &p1t2);
-        out.outer([1, 0], &((t2 * c - t1) * g - t12 * (tx * s12)), t1);
-        out.outer([1, 0], &(t2 * -g), t2);
+        out.cross([0, 1], t1.times(tx * s12));
+        out.outer([1, 0], p2t1.times(scale), w.a + p1w1);
+        out.outer([1, 0], (p2w2 + w.v).times(scale), p1t2);
+        out.outer([1, 0], (t2.times(c) - t1).times(g) - across, t1);
+        out.outer([1, 0], t2.times(-g), t2);
         out.diagonal([1, 0], g);
-        out.cross([1, 0], &(t2 * (-tx * s12)));
+        out.cross([1, 0], t2.times(-tx * s12));
 
-        out.turn(0, &((w.a_turned * c + p1t2 * w.g_alpha) * (-x * i1)));
-        let by_second = w.a_turned - t1 * w.g_alpha;
-        out.turn(1, &((by_second - t2 * t2.dot(&by_second)) * (x * i2)));
+        out.turn(0, (w.a_turned.times(c).plus(w.g_alpha, p1t2)).times(-x * i1));
+        let by_second = w.a_turned.plus(-w.g_alpha, t1);
+        out.turn(1, by_second.plus(-t2.dot(by_second), t2).times(x * i2));
         out.turns(-w.a.dot(t2) * x);
     }
 }
 
 /// What the parts of a second derivative are gathered in. Blocks are those of the two edges.
-trait Parts {
+trait Parts<T> {
     /// u vᵀ in a block.
-    fn outer(&mut self, block: [usize; 2], u: &Vec3<f64>, v: &Vec3<f64>);
+    fn outer(&mut self, block: [usize; 2], u: Three<T>, v: Three<T>);
     /// s I in a block.
-    fn diagonal(&mut self, block: [usize; 2], s: f64);
+    fn diagonal(&mut self, block: [usize; 2], s: T);
     /// [u]ₓ in a block.
-    fn cross(&mut self, block: [usize; 2], u: &Vec3<f64>);
+    fn cross(&mut self, block: [usize; 2], u: Three<T>);
     /// A vector between an edge and the first turn, and its transposed.
-    fn turn(&mut self, edge: usize, u: &Vec3<f64>);
+    fn turn(&mut self, edge: usize, u: Three<T>);
     /// Between the first turn and itself.
-    fn turns(&mut self, s: f64);
+    fn turns(&mut self, s: T);
 }
 
-impl Parts for Hessian {
+impl<T: Number> Parts<T> for Hessian<T> {
     #[inline(always)]
-    fn outer(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>, v: &Vec3<f64>) {
+    fn outer(&mut self, [r, c]: [usize; 2], Three(u): Three<T>, Three(v): Three<T>) {
         for a in 0..3 {
-            (0..3).for_each(|b| self[3 * r + a][3 * c + b] += u[a] * v[b]);
+            for b in 0..3 {
+                self[3 * r + a][3 * c + b] = self[3 * r + a][3 * c + b].plus(u[a], v[b]);
+            }
         }
     }
 
     #[inline(always)]
-    fn diagonal(&mut self, [r, c]: [usize; 2], s: f64) {
-        (0..3).for_each(|a| self[3 * r + a][3 * c + a] += s);
+    fn diagonal(&mut self, [r, c]: [usize; 2], s: T) {
+        for a in 0..3 {
+            self[3 * r + a][3 * c + a] = self[3 * r + a][3 * c + a] + s;
+        }
     }
 
     #[inline(always)]
-    fn cross(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>) {
+    fn cross(&mut self, [r, c]: [usize; 2], Three(u): Three<T>) {
         for a in 0..3 {
             let (b, d) = ((a + 1) % 3, (a + 2) % 3);
-            self[3 * r + a][3 * c + b] -= u[d];
-            self[3 * r + a][3 * c + d] += u[b];
+            self[3 * r + a][3 * c + b] = self[3 * r + a][3 * c + b] - u[d];
+            self[3 * r + a][3 * c + d] = self[3 * r + a][3 * c + d] + u[b];
         }
     }
 
     #[inline(always)]
-    fn turn(&mut self, edge: usize, u: &Vec3<f64>) {
+    fn turn(&mut self, edge: usize, Three(u): Three<T>) {
         for a in 0..3 {
-            self[3 * edge + a][TURN[0]] += u[a];
-            self[TURN[0]][3 * edge + a] += u[a];
+            self[3 * edge + a][TURN[0]] = self[3 * edge + a][TURN[0]] + u[a];
+            self[TURN[0]][3 * edge + a] = self[TURN[0]][3 * edge + a] + u[a];
         }
     }
 
     #[inline(always)]
-    fn turns(&mut self, s: f64) {
-        self[TURN[0]][TURN[0]] += s;
+    fn turns(&mut self, s: T) {
+        self[TURN[0]][TURN[0]] = self[TURN[0]][TURN[0]] + s;
     }
 }
 
 /// ẏ times the parts.
-struct RateGradient<'a> {
-    y: &'a Gradient,
-    sum: Gradient,
+struct RateGradient<'a, T> {
+    y: &'a Gradient<T>,
+    sum: Gradient<T>,
 }
 
-impl RateGradient<'_> {
+impl<T: Number> RateGradient<'_, T> {
     #[inline(always)]
-    fn edge(&self, r: usize) -> Vec3<f64> {
-        Vec3::new(self.y[3 * r], self.y[3 * r + 1], self.y[3 * r + 2])
+    fn edge(&self, r: usize) -> Three<T> {
+        Three([self.y[3 * r], self.y[3 * r + 1], self.y[3 * r + 2]])
     }
 
     #[inline(always)]
-    fn add(&mut self, c: usize, x: &Vec3<f64>) {
-        (0..3).for_each(|a| self.sum[3 * c + a] += x[a]);
+    fn add(&mut self, c: usize, Three(x): Three<T>) {
+        for a in 0..3 {
+            self.sum[3 * c + a] = self.sum[3 * c + a] + x[a];
+        }
+    }
+
+    #[inline(always)]
+    fn add_turn(&mut self, x: T) {
+        self.sum[TURN[0]] = self.sum[TURN[0]] + x;
     }
 }
 
-impl Parts for RateGradient<'_> {
+impl<T: Number> Parts<T> for RateGradient<'_, T> {
     #[inline(always)]
-    fn outer(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>, v: &Vec3<f64>) {
-        self.add(c, &(v * u.dot(&self.edge(r))));
+    fn outer(&mut self, [r, c]: [usize; 2], u: Three<T>, v: Three<T>) {
+        self.add(c, v.times(u.dot(self.edge(r))));
     }
 
     #[inline(always)]
-    fn diagonal(&mut self, [r, c]: [usize; 2], s: f64) {
-        self.add(c, &(self.edge(r) * s));
+    fn diagonal(&mut self, [r, c]: [usize; 2], s: T) {
+        self.add(c, self.edge(r).times(s));
     }
 
     #[inline(always)]
-    fn cross(&mut self, [r, c]: [usize; 2], u: &Vec3<f64>) {
+    fn cross(&mut self, [r, c]: [usize; 2], u: Three<T>) {
         // yᵀ [u]ₓ = (y × u)ᵀ
-        self.add(c, &self.edge(r).cross(u));
+        self.add(c, self.edge(r).cross(u));
     }
 
     #[inline(always)]
-    fn turn(&mut self, edge: usize, u: &Vec3<f64>) {
-        self.add(edge, &(u * self.y[TURN[0]]));
-        self.sum[TURN[0]] += u.dot(&self.edge(edge));
+    fn turn(&mut self, edge: usize, u: Three<T>) {
+        self.add(edge, u.times(self.y[TURN[0]]));
+        self.add_turn(u.dot(self.edge(edge)));
     }
 
     #[inline(always)]
-    fn turns(&mut self, s: f64) {
-        self.sum[TURN[0]] += s * self.y[TURN[0]];
+    fn turns(&mut self, s: T) {
+        self.add_turn(s * self.y[TURN[0]]);
     }
 }
 
 /// a·b.
-#[inline]
-pub(crate) fn dot(a: &Gradient, b: &Gradient) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+#[inline(always)]
+pub(crate) fn dot<T: Number>(a: &Gradient<T>, b: &Gradient<T>) -> T {
+    let mut sum = a[0] * b[0];
+    for k in 1..VARIABLES {
+        sum = sum.plus(a[k], b[k]);
+    }
+    sum
+}
+
+/// Σ_s k_s x_s.
+#[inline(always)]
+fn combined<T: Number>(k: &[T; 3], x: &[Gradient<T>; 3]) -> Gradient<T> {
+    let mut out = x[0];
+    for (c, out) in out.iter_mut().enumerate() {
+        *out = (k[0] * *out).plus(k[1], x[1][c]).plus(k[2], x[2][c]);
+    }
+    out
+}
+
+/// `out += l rᵀ`.
+#[inline(always)]
+fn add_product<T: Number>(l: &Gradient<T>, r: &Gradient<T>, out: &mut Hessian<T>) {
+    for (out, l) in out.iter_mut().zip(l) {
+        for (out, r) in out.iter_mut().zip(r) {
+            *out = out.plus(*l, *r);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -357,33 +444,37 @@ mod tests {
         super::super::transport::angle(&carried(&one.tangent, &two.tangent, &one.axes[0]), &two.axes[0], &two.tangent)
     }
 
-    fn joint(one: EdgeFrame, two: EdgeFrame) -> Joint {
-        Joint::new(one, two, twist(&one, &two))
+    type Pair = [EdgeFrame; 2];
+
+    fn joint([one, two]: &Pair) -> Joint {
+        Joint::new(one, two, twist(one, two))
     }
 
-    fn displaced(j: &Joint, k: usize, by: f64) -> Joint {
+    fn displaced([one, two]: &Pair, k: usize, by: f64) -> Joint {
         let mut y = [0.0; VARIABLES];
         y[k] = by;
-        joint(moved(&j.one, Vec3::new(y[0], y[1], y[2]), y[TURN[0]]), moved(&j.two, Vec3::new(y[3], y[4], y[5]), y[TURN[1]]))
+        let moved = |frame, e: usize| moved(frame, Vec3::new(y[3 * e], y[3 * e + 1], y[3 * e + 2]), y[TURN[e]]);
+        joint(&[moved(one, 0), moved(two, 1)])
     }
 
-    fn samples() -> Vec<Joint> {
+    fn samples() -> Vec<Pair> {
         let mut rng = Pcg64Mcg::seed_from_u64(4);
         let mut vector = move |size: f64| Vec3::from_fn(|_, _| rng.random_range(-size..size));
         (0..20)
             .map(|k| {
                 let e = vector(1.0);
                 let bend = if k % 2 == 0 { 0.9 } else { 1e-3 };
-                joint(frame(e, 0.3), frame(e * 1.3 + vector(bend), 0.3 + 0.1 * f64::from(k)))
+                [frame(e, 0.3), frame(e * 1.3 + vector(bend), 0.3 + 0.1 * f64::from(k))]
             })
             .collect()
     }
 
     #[test]
     fn curvatures_are_those_of_discrete_viscous_threads_but_for_the_half_twist() {
-        for j in samples() {
-            let kb = j.one.tangent.cross(&j.two.tangent) * (2.0 * j.by_chi);
-            let mean = |k: usize| (j.one.axes[k] + j.two.axes[k]) * 0.5;
+        for [one, two] in samples() {
+            let j = joint(&[one, two]);
+            let kb = one.tangent.cross(&two.tangent) * (2.0 * j.by_chi);
+            let mean = |k: usize| (one.axes[k] + two.axes[k]) * 0.5;
             let cos = j.half[1];
             assert!((cos * j.strain[0] - mean(1).dot(&kb)).abs() < 1e-14);
             assert!((cos * j.strain[1] + mean(0).dot(&kb)).abs() < 1e-14);
@@ -394,12 +485,13 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_differences() {
         let eps = 1e-5;
-        for j in samples() {
+        for pair in samples() {
+            let j = joint(&pair);
             let gradients = j.gradients();
             for m in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.7, -0.4, 1.9]] {
-                let (pull, hessian) = (j.pull(&m), j.hessian(&m, &gradients));
+                let (pull, hessian) = (j.pull(&m), j.hessian(&m, &[[0.0; 3]; 3], &gradients));
                 for k in 0..VARIABLES {
-                    let (up, down) = (displaced(&j, k, eps), displaced(&j, k, -eps));
+                    let (up, down) = (displaced(&pair, k, eps), displaced(&pair, k, -eps));
                     for (s, gradient) in gradients.iter().enumerate() {
                         let slope = (up.strain[s] - down.strain[s]) / (2.0 * eps);
                         assert!((gradient[k] - slope).abs() < 1e-7 * (1.0 + slope.abs()), "{s} {k}");

@@ -20,6 +20,7 @@ mod displace;
 mod frames;
 mod joint;
 mod memory;
+mod pieces;
 mod spread;
 mod term;
 mod transport;
@@ -31,7 +32,9 @@ pub use memory::RodPast;
 pub use spread::Following;
 pub(crate) use transport::{angle, any_normal, carried, normal_part};
 
+use crate::kkt::{CarriedPlace, NodeMatrix, Places};
 use crate::terms::section::SectionLaw;
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -100,6 +103,7 @@ pub struct Rods {
     pub n_nodes: usize,
     /// Rows of the forces that an edge's axes matter to, edge by edge.
     pub neighbours: Vec<Vec<usize>>,
+    places: Places<Vec<CarriedPlace>>,
 }
 
 impl Rods {
@@ -124,6 +128,13 @@ impl Rods {
             rows
         };
         self.neighbours = (0..self.edges.len()).map(rows).collect();
+    }
+
+    /// Where in a matrix of forces' slopes are those by an edge's twist and by its nodes, edge by edge.
+    pub(crate) fn carried_places(&self, matrix: &NodeMatrix) -> Cow<'_, [Vec<CarriedPlace>]> {
+        let of = |(k, edge): (usize, &RodEdge)| matrix.carried_places(&self.neighbours[k], self.row(k), edge.nodes);
+        let find = || self.edges.iter().enumerate().map(of).collect::<Vec<_>>();
+        self.places.of(matrix, find).map_or_else(|| Cow::Owned(find()), Cow::Borrowed)
     }
 
     /// Row of twist k.

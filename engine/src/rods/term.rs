@@ -1,15 +1,16 @@
 //! Forces and moments of bent and twisted joints.
 
-use super::joint::{Gradient, Hessian, Joint, TURN, VARIABLES};
+use super::joint::{Gradient, Joint, TURN, VARIABLES};
+use super::pieces::{Evaluation, Sums};
 use super::{Remembered, RodJoint, RodPoint, RodSection, Rods};
 use crate::kkt::NodeMatrix;
-use crate::terms::section::{Moments, SectionLaw, SectionPoint};
+use crate::terms::section::{SectionLaw, SectionPoint};
 
 /// Numbers of a joint: three nodes and two twists.
-const ROWS: usize = 11;
+pub(super) const ROWS: usize = 11;
 /// Places of the nodes' and the twists' rows among them, in the order of storage.
-const NODE: [usize; 3] = [0, 4, 8];
-const TWIST: [usize; 2] = [3, 7];
+pub(super) const NODE: [usize; 3] = [0, 4, 8];
+pub(super) const TWIST: [usize; 2] = [3, 7];
 
 impl Rods {
     /// Rows of a joint in the order of [`NODE`] and [`TWIST`].
@@ -25,7 +26,7 @@ impl Rods {
     }
 
     /// ẏ of a joint at velocities `v`: of its edges [m/s], and of the material about them [rad/s].
-    fn rates(&self, joint: &RodJoint, v: &[f64]) -> Gradient {
+    pub(super) fn rates(&self, joint: &RodJoint, v: &[f64]) -> Gradient {
         let [n0, n1, n2] = joint.nodes;
         let edge = |from: usize, to: usize, a: usize| v[3 * to + a] - v[3 * from + a];
         let mut y = [0.0; VARIABLES];
@@ -67,16 +68,10 @@ impl Rods {
 
     /// `f += f(q, v; θ)` [N, N·m].
     pub(crate) fn add_force(&self, at: &RodPoint, v: &[f64], theta: &[f64], before: Remembered, f: &mut [f64]) {
-        self.for_joints(|j, section| {
-            let joint = self.joint(j, at);
-            let (point, _) = self.section_point(j, &joint, v, theta, before);
-            let mut m = [0.0; 3];
-            section.for_laws(&point, before.z, |law, point| law.add_moment(point, &mut m));
-            self.add_joint_force(j, &joint.pull(&m), f);
-        });
+        Evaluation { rods: self, at, v, theta, before }.add_to(Sums { f, matrices: None, whole: true });
     }
 
-    fn add_joint_force(&self, j: usize, g: &Gradient, f: &mut [f64]) {
+    pub(super) fn add_joint_force(&self, j: usize, g: &Gradient, f: &mut [f64]) {
         let joint = &self.joints[j];
         let [n0, n1, n2] = joint.nodes;
         for a in 0..3 {
@@ -101,35 +96,7 @@ impl Rods {
         dq: &mut NodeMatrix,
         dv: &mut NodeMatrix,
     ) {
-        self.for_joints(|j, section| {
-            let joint = self.joint(j, at);
-            let gradients = joint.gradients();
-            let (point, y) = self.section_point(j, &joint, v, theta, before);
-            let mut moments = Moments::default();
-            section.for_laws(&point, before.z, |law, point| law.add(point, &mut moments));
-            self.add_joint_force(j, &joint.pull(&moments.m), f);
-            let rows = self.rows(&self.joints[j]);
-            // how strains move with y, and how rates do: both by the positions and by the velocities
-            let mut by_position = if whole { joint.hessian(&moments.m, &gradients) } else { [[0.0; VARIABLES]; VARIABLES] };
-            let mut by_strain = gradients;
-            if moments.by_rate.iter().flatten().any(|c| *c != 0.0) {
-                add_products(&gradients, &moments.by_strain, &by_strain, &mut by_position);
-                by_strain = std::array::from_fn(|s| {
-                    let mut unit = [0.0; 3];
-                    unit[s] = 1.0;
-                    joint.rate_gradient(&unit, &gradients, &y)
-                });
-                if whole {
-                    add_products(&gradients, &moments.by_rate, &by_strain, &mut by_position);
-                }
-                let mut by_velocity = [[0.0; VARIABLES]; VARIABLES];
-                add_products(&gradients, &moments.by_rate, &gradients, &mut by_velocity);
-                dv.add_square(&rows, &expanded(&by_velocity));
-            } else {
-                add_products(&gradients, &moments.by_strain, &by_strain, &mut by_position);
-            }
-            dq.add_square(&rows, &expanded(&by_position));
-        });
+        Evaluation { rods: self, at, v, theta, before }.add_to(Sums { f, matrices: Some([dq, dv]), whole });
     }
 
     /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
@@ -199,17 +166,6 @@ impl RodSection {
     }
 }
 
-/// `out += Σ left_r c_rs right_sᵀ`.
-#[inline]
-fn add_products(left: &[Gradient; 3], c: &[[f64; 3]; 3], right: &[Gradient; 3], out: &mut Hessian) {
-    for (l, c) in left.iter().zip(c) {
-        let row: Gradient = std::array::from_fn(|k| c[0] * right[0][k] + c[1] * right[1][k] + c[2] * right[2][k]);
-        for (out, l) in out.iter_mut().zip(l) {
-            out.iter_mut().zip(&row).for_each(|(o, x)| *o += l * x);
-        }
-    }
-}
-
 /// The forces of a gradient by y, in the order of [`NODE`] and [`TWIST`].
 pub(super) fn expanded_force(g: &Gradient) -> [f64; ROWS] {
     let mut out = [0.0; ROWS];
@@ -219,30 +175,5 @@ pub(super) fn expanded_force(g: &Gradient) -> [f64; ROWS] {
         out[NODE[2] + a] = -g[3 + a];
     }
     (0..2).for_each(|k| out[TWIST[k]] = -g[TURN[k]]);
-    out
-}
-
-/// ∂f/∂(nodes, twists) from how the gradient changes with y.
-#[inline]
-fn expanded(h: &Hessian) -> [[f64; ROWS]; ROWS] {
-    let spread = |row: &Gradient| {
-        let mut out = [0.0; ROWS];
-        for a in 0..3 {
-            out[NODE[0] + a] = -row[a];
-            out[NODE[1] + a] = row[a] - row[3 + a];
-            out[NODE[2] + a] = row[3 + a];
-        }
-        (0..2).for_each(|k| out[TWIST[k]] = row[TURN[k]]);
-        out
-    };
-    let rows = h.each_ref().map(spread);
-    let minus = |x: &[f64; ROWS]| x.map(|x| -x);
-    let mut out = [[0.0; ROWS]; ROWS];
-    for a in 0..3 {
-        out[NODE[0] + a] = rows[a];
-        out[NODE[1] + a] = std::array::from_fn(|c| rows[3 + a][c] - rows[a][c]);
-        out[NODE[2] + a] = minus(&rows[3 + a]);
-    }
-    (0..2).for_each(|k| out[TWIST[k]] = minus(&rows[TURN[k]]));
     out
 }

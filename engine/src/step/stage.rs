@@ -16,6 +16,7 @@ use crate::kkt::System;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::rods::{Remembered, RodEdge, RodPast};
+use crate::scene::Integrator;
 use crate::terms::{Point, Vec3};
 use nalgebra::Vector4;
 use pliant_smoothing::ContactLaw;
@@ -256,13 +257,14 @@ impl Stage<'_> {
         result
     }
 
-    /// Axial forces to start from: those at q_ref of terms that may buckle, none of others.
+    /// Axial forces to start from: those at q_ref, where implicit Euler evaluated them last; in other schemes of terms that may buckle
+    /// alone, for there they swing with every stage.
     pub(crate) fn start_axial(&self, ws: &mut Workspace) {
         ws.axial.fill(0.0);
         let (at, mut first) = (Point { q: self.q_ref, v: self.v_ref, theta: self.theta }, 0);
         for term in &self.model.terms {
             let n = term.n_axial();
-            if n > 0 && term.buckles() {
+            if n > 0 && (term.buckles() || self.model.integrator == Integrator::Euler) {
                 ws.dx.fill(0.0);
                 term.predict_axial(&at, &ws.dx, &mut ws.axial[first..first + n]);
             }
@@ -276,13 +278,13 @@ impl Stage<'_> {
         if ws.axial.is_empty() {
             return;
         }
-        let it = std::mem::take(&mut ws.it);
-        self.place(&it.v, ws);
-        ws.it = it;
-        for (dx, d) in ws.dx.iter_mut().zip(&ws.d) {
-            *dx = self.h * self.scheme.free.a1 * d;
+        // where `ws.it` is: the residual has moved on
+        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
+            let w = if driven { &self.scheme.driven } else { &self.scheme.free };
+            ws.q_axial[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * ws.it.v[k]);
+            ws.dx[k] = self.h * self.scheme.free.a1 * ws.d[k];
         }
-        let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
+        let at = Point { q: &ws.q_axial, v: &ws.v_bar, theta: self.theta };
         ws.axial_next.fill(0.0);
         let mut first = 0;
         for term in &self.model.terms {
@@ -394,11 +396,12 @@ impl Stage<'_> {
             *carried = ws.k.nodes.block(i, j);
         }
         let (k, dq) = (&mut ws.k.nodes, &ws.dq.nodes);
+        let places = rods.carried_places(dq);
         ws.carry.visit_after(|edge, nodes, psi| {
             let of_node =
                 |node: usize| self.h * if self.model.driven[node] { self.scheme.driven.a1 } else { self.scheme.free.a1 };
             let psi = [psi * of_node(nodes[0]), psi * -of_node(nodes[1])];
-            k.add_carried(dq, &rods.neighbours[edge], rods.row(edge), nodes, psi.map(Into::into));
+            k.add_carried(dq, &places[edge], psi.map(Into::into));
         });
         let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
         for ([i, j], [.., carried]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {

@@ -477,7 +477,7 @@ impl<'m> Stepper<'m> {
         }
         let (rods, memory) = (&self.model.rods, self.model.ndz());
         state.z[memory..].copy_from_slice(&self.frames);
-        rods.carry_frames(&self.q_ref, &state.q, &mut state.z[memory..]);
+        rods.carry_frames_by(&mut self.rod_point, &self.q_ref, &state.q, &mut state.z[memory..]);
         if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
             record.carry[1].evaluate(rods, &self.q_ref, &state.q);
         }

@@ -23,6 +23,8 @@ pub struct Warm {
     pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,
     /// What the next accelerations of the bodies may be.
     pub(crate) history: History,
+    /// And those of nodes and twists.
+    pub(crate) nodes: History,
 }
 
 /// Buffers of the solver for one model, and the warm start of its contacts.
@@ -53,6 +55,8 @@ pub struct Workspace {
     /// Axial forces of the stiff terms [N], term by term: unknowns of their own during Newton's method.
     pub(crate) axial: Vec<f64>,
     pub(crate) axial_next: Vec<f64>,
+    /// Where they are predicted from.
+    pub(crate) q_axial: Vec<f64>,
     /// Largest diagonal entry of −∂f/∂q̄ without the contacts [N/m].
     pub(crate) stiffness: f64,
     /// The same of −∂f/∂v̄ [N·s/m].
@@ -116,6 +120,7 @@ impl Workspace {
             viscosity: 0.0,
             axial: axial(),
             axial_next: axial(),
+            q_axial: zeros(),
             dx: zeros(),
             trial: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             touching: touching_nodes(model),

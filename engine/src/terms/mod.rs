@@ -23,6 +23,7 @@ pub mod sheet;
 mod stencil;
 mod stretch;
 mod stretch_damping;
+pub(crate) mod wide;
 
 pub use automatic::Automatic;
 pub use bend::{Bend, BendLaw};

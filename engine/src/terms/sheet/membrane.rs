@@ -1,9 +1,10 @@
 //! Elastic stretching and shearing of a triangle in its plane.
 
-use super::triangle::{Face, Sym, along, between, gradient, hats, product, pulled};
+use super::membrane_pieces::{self as pieces, Geometric, Wanted};
+use super::triangle::{Face, Sym, gradient, hats, pulled};
 use crate::kkt::{NodeMatrix, Places};
-use crate::terms::stencil::{add_outer, diagonal};
 use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use std::borrow::Cow;
 
 /// W = A t Y/(2 (1 − ν²)) [(1 − ν) |G|² + ν tr(G)²],  G = (FᵀF − I)/2,  F = Σ xᵢ bᵢᵀ/√area,  A = fraction · area:
 /// St. Venant–Kirchhoff, plane stress, constant strain. fᵢ = −fraction F̂ S bᵢ,  S = t Y/(1 − ν²) [(1 − ν) G + ν tr(G) I] \[N/m\].
@@ -25,7 +26,7 @@ fn strain<S: Real>(f: &[Vec3<S>; 2], area: S) -> Sym<S> {
 
 /// (t Y/(1 + ν), t Y ν/(1 − ν²)): S = first · G + second · tr(G) I  \[N/m\].
 #[inline]
-fn moduli<S: Real>([_, young, nu, thickness]: [S; 4]) -> [S; 2] {
+pub(super) fn moduli<S: Real>([_, young, nu, thickness]: [S; 4]) -> [S; 2] {
     let first = young * thickness / (nu + 1.0);
     [first, first * nu / (-nu + 1.0)]
 }
@@ -38,7 +39,7 @@ fn stress<S: Real>(g: &Sym<S>, [first, second]: [S; 2]) -> Sym<S> {
 
 /// The part of a stress that pulls: its eigenvalues where they are positive, 0 elsewhere.
 #[inline]
-fn tension(s: &Sym<f64>) -> Sym<f64> {
+pub(super) fn tension(s: &Sym<f64>) -> Sym<f64> {
     let (mean, half) = (0.5 * (s[0] + s[1]), 0.5 * (s[0] - s[1]));
     let radius = half.hypot(s[2]);
     let [high, low] = [mean + radius, mean - radius];
@@ -100,37 +101,11 @@ impl Membrane {
         Self { automatic: Automatic::new(MembraneLaw, elements), faces, places: Places::default() }
     }
 
-    /// Calls `each(index, face, F̂, S, (first, second), area)` for every triangle with a stiffness.
-    #[inline]
-    fn for_each(&self, at: &Point, mut each: impl FnMut(usize, &Face<4>, &[Vec3<f64>; 2], &Sym<f64>, [f64; 2], f64)) {
-        for (k, face) in self.faces.iter().enumerate() {
-            let p = face.values(at.theta);
-            if p[1] != 0.0 && p[3] != 0.0 {
-                let (f, moduli) = (gradient(&face.positions(at), &face.hats), moduli(p));
-                each(k, face, &f, &stress(&strain(&f, p[0]), moduli), moduli, p[0]);
-            }
-        }
-    }
-
-    /// Forces, and their slopes with the stress that `geometric(triangle, S)` gives in the geometric part.
-    #[inline]
-    fn jacobian(&self, at: &Point, geometric: impl Fn(usize, &Sym<f64>) -> Sym<f64>, f: &mut [f64], dq: &mut NodeMatrix) {
-        let places = self.places.of(dq, || Face::find_places(&self.faces, dq));
-        self.for_each(at, |k, face, gradient, s, [first, second], area| {
-            face.add_force(f, gradient, s);
-            let (t, whole) = (geometric(k, s), product(gradient, gradient));
-            let pulled = face.hats.map(|b| along(gradient, &b));
-            let scale = -face.fraction / area;
-            face.add_blocks(dq, places.map(|p| &p[9 * k..9 * k + 9]), |i, j| {
-                let (bi, bj) = (&face.hats[i], &face.hats[j]);
-                let mut block = diagonal(-face.fraction * between(bi, &t, bj));
-                let own = 0.5 * scale * first * bi.dot(bj);
-                block.iter_mut().zip(&whole).for_each(|(row, w)| row.iter_mut().zip(w).for_each(|(x, w)| *x += own * w));
-                add_outer(&mut block, &(pulled[j] * (0.5 * scale * first)), &pulled[i]);
-                add_outer(&mut block, &(pulled[i] * (scale * second)), &pulled[j]);
-                block
-            });
-        });
+    /// Forces, and their slopes with this stress in the geometric part.
+    fn jacobian(&self, at: &Point, geometric: Geometric, f: &mut [f64], dq: &mut NodeMatrix) {
+        let find = || Face::find_places(&self.faces, dq);
+        let places = self.places.of(dq, find).map_or_else(|| find().into(), Cow::Borrowed);
+        pieces::add(&self.faces, at, Wanted::Slopes(f, dq, geometric, &places));
     }
 }
 
@@ -140,11 +115,11 @@ impl Term for Membrane {
     }
 
     fn add_force(&self, at: &Point, f: &mut [f64]) {
-        self.for_each(at, |_, face, gradient, s, _, _| face.add_force(f, gradient, s));
+        pieces::add(&self.faces, at, Wanted::Forces(f));
     }
 
     fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
-        self.jacobian(at, |_, here| *here, f, dq);
+        self.jacobian(at, Geometric::Here, f, dq);
     }
 
     /// Three stresses a triangle.
@@ -153,21 +128,16 @@ impl Term for Membrane {
     }
 
     fn predict_axial(&self, at: &Point, dq: &[f64], axial: &mut [f64]) {
-        self.for_each(at, |k, face, f, s, moduli, area| {
-            let d = gradient(&face.nodes.map(|n| Vec3::new(dq[3 * n], dq[3 * n + 1], dq[3 * n + 2])), &face.hats);
-            let both = f[0].dot(&d[1]) + f[1].dot(&d[0]);
-            let change = Sym::new(f[0].dot(&d[0]) / area, f[1].dot(&d[1]) / area, 0.5 * both / area);
-            axial[3 * k..3 * k + 3].copy_from_slice((s + stress(&change, moduli)).as_slice());
-        });
+        pieces::add(&self.faces, at, Wanted::Stresses(dq, axial));
     }
 
     fn add_mixed_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
-        self.jacobian(at, |k, _| Sym::new(axial[3 * k], axial[3 * k + 1], axial[3 * k + 2]), f, dq);
+        self.jacobian(at, Geometric::Predicted(axial), f, dq);
     }
 
     /// With the tension alone in the geometric part.
     fn add_stable_jacobian(&self, at: &Point, axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
-        self.jacobian(at, |k, _| tension(&Sym::new(axial[3 * k], axial[3 * k + 1], axial[3 * k + 2])), f, dq);
+        self.jacobian(at, Geometric::Tension(axial), f, dq);
     }
 
     fn buckles(&self) -> bool {

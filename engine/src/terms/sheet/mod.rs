@@ -15,9 +15,11 @@ mod face_drag;
 mod fold;
 mod membrane;
 mod membrane_damping;
+mod membrane_pieces;
 mod patch;
 mod plate;
 mod plate_damping;
+mod plate_pieces;
 mod seams;
 mod triangle;
 

@@ -1,7 +1,8 @@
 //! Elastic bending of a triangle and its flaps.
 
 use super::fold::{Fold, fold};
-use super::patch::{Curved, Each, FLAPS, NODES, Patch, Shape, Spread, times};
+use super::patch::{Each, FLAPS, NODES, Patch, Shape, Spread, times};
+use super::plate_pieces::Pieces;
 use super::seams::Seams;
 use crate::kkt::{NodeMatrix, Places};
 use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
@@ -62,8 +63,8 @@ impl Law for PlateLaw {
 ///
 /// ∂f/∂x = −Σᵢⱼ Kᵢⱼ (∂ψᵢ/∂x)(∂ψⱼ/∂x)ᵀ − Σᵢ wᵢ ∂²ψᵢ/∂x²
 ///
-/// A fold belongs to the patches on both of its sides: it is evaluated once, and its second derivatives are added once, with the w
-/// of both.
+/// Eight patches at a time ([`Pieces`]). Where only what resists is wanted, the moment of a fold is that of the patches on both of its
+/// sides: there it is evaluated once, and answered for by one of them.
 #[derive(Clone, Debug)]
 pub struct Plate {
     automatic: Automatic<PlateLaw>,
@@ -71,26 +72,15 @@ pub struct Plate {
     seams: Seams,
     unit: OnceLock<Unit>,
     places: Places,
+    pieces: Pieces,
 }
 
 /// ν of each patch and its K at D = 1.
 type Unit = Vec<(f64, Each<Each<f64>>)>;
 
-/// ψ of each fold and its slopes by the four nodes.
-type Slopes = Vec<(f64, [Vec3<f64>; 4])>;
-
 thread_local! {
     /// Folds, and the sum of w over each fold's patches: one a thread, so that evaluations neither allocate nor share.
     static FOLDS: RefCell<(Vec<Fold>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
-    static SLOPES: RefCell<(Slopes, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
-}
-
-/// Which part of a Jacobian.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
-    All,
-    /// Without what the moments do but for where they resist.
-    Stable,
 }
 
 impl Plate {
@@ -100,8 +90,8 @@ impl Plate {
     /// If an element is not of the law's shape: a mistake where elements are built.
     pub fn new(elements: Vec<Element>) -> Self {
         let patches = Patch::all(PlateLaw.name(), &elements);
-        let (seams, places) = (Seams::new(&patches), Places::default());
-        Self { automatic: Automatic::new(PlateLaw, elements), patches, seams, unit: OnceLock::new(), places }
+        let (seams, places, pieces) = (Seams::new(&patches), Places::default(), Pieces::new(&patches));
+        Self { automatic: Automatic::new(PlateLaw, elements), patches, seams, unit: OnceLock::new(), places, pieces }
     }
 
     /// K of every patch at D = 1 and the ν there is, kept for that ν.
@@ -133,10 +123,12 @@ impl Plate {
         }
     }
 
-    fn jacobian(&self, at: &Point, part: Part, f: &mut [f64], dq: &mut NodeMatrix) {
-        if self.patches.iter().all(|patch| at.theta[patch.params[0]] == 0.0) {
-            return;
-        }
+    fn is_limp(&self, theta: &[f64]) -> bool {
+        self.patches.iter().all(|patch| theta[patch.params[0]] == 0.0)
+    }
+
+    /// Forces, and their slopes without what moments do but for where they resist.
+    fn stable_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix) {
         let places = self.places.of(dq, || Patch::find_places(&self.patches, dq));
         FOLDS.with_borrow_mut(|(folds, w)| {
             folds.clear();
@@ -147,17 +139,12 @@ impl Plate {
             for (k, (patch, flaps)) in self.patches.iter().zip(&self.seams.flaps).enumerate() {
                 let Some(mut stiffness) = self.stiffness(unit, k, at.theta) else { continue };
                 let slopes = patch.spread(|i| flaps[i].turned(&folds[flaps[i].fold].gradient));
-                let mut curved: Curved = [None; FLAPS];
                 for (i, flap) in flaps.iter().enumerate().take(patch.shape.flaps).filter(|(_, flap)| flap.owner) {
                     let (fold, w) = (&folds[flap.fold], w[flap.fold]);
-                    let curve = w * fold.curve();
-                    stiffness[i][i] += if part == Part::All { curve } else { curve.max(0.0) };
-                    if part == Part::All {
-                        curved[i] = Some((w * fold.slope(), fold.angle_hessian()));
-                    }
+                    stiffness[i][i] += (w * fold.curve()).max(0.0);
                 }
                 let places = places.map(|p| &p[k * NODES * NODES..(k + 1) * NODES * NODES]);
-                patch.add_symmetric(dq, places, &slopes, &weighted(patch.shape.flaps, &stiffness, &slopes), &curved);
+                patch.add_symmetric(dq, places, &slopes, &weighted(patch.shape.flaps, &stiffness, &slopes), &[None; FLAPS]);
             }
         });
     }
@@ -188,23 +175,21 @@ impl Term for Plate {
     }
 
     fn add_force(&self, at: &Point, f: &mut [f64]) {
-        if self.patches.iter().all(|patch| at.theta[patch.params[0]] == 0.0) {
-            return;
+        if !self.is_limp(at.theta) {
+            self.pieces.add(&self.patches, at, f, None);
         }
-        SLOPES.with_borrow_mut(|(folds, w)| {
-            folds.clear();
-            folds.extend(self.seams.folds.iter().map(|nodes| fold(&nodes.map(|n| at.position(n)))));
-            self.moments(at.theta, |k| folds[k].0, w);
-            self.seams.add_force(f, w, |k| &folds[k].1);
-        });
     }
 
     fn add_jacobian(&self, at: &Point, f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
-        self.jacobian(at, Part::All, f, dq);
+        if !self.is_limp(at.theta) {
+            self.pieces.add(&self.patches, at, f, Some(dq));
+        }
     }
 
     fn add_stable_jacobian(&self, at: &Point, _axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
-        self.jacobian(at, Part::Stable, f, dq);
+        if !self.is_limp(at.theta) {
+            self.stable_jacobian(at, f, dq);
+        }
     }
 
     fn buckles(&self) -> bool {
