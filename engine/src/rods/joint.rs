@@ -17,6 +17,7 @@
 //! and moments M that belong to (κ, τ) are m = (R(τ/2) (M₁, M₂), M₃ + (M₁ κ₂ − M₂ κ₁)/2). The second derivatives are taken along the same
 //! displacements one after the other. Since axes carried around a circle of directions come back turned, they do not commute: the
 //! matrix is unsymmetric by the moment about the tangent.
+#![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use crate::terms::Vec3;
 use crate::terms::wide::{Number, Three};

@@ -1,4 +1,5 @@
 //! Forces of joints and their derivatives, eight joints at a time in the processor's vectors.
+#![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use super::joint::{Gradient, Hessian, Joint, Stiffness, TURN, VARIABLES};
 use super::term::{NODE, ROWS, TWIST};

@@ -1,5 +1,6 @@
 //! Forces of stretched triangles and their slopes, eight triangles at a time in the processor's vectors; formulas as in
 //! [`super::membrane`].
+#![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use super::membrane::{moduli, tension};
 use super::triangle::{Face, Sym};

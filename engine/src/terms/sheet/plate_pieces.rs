@@ -3,6 +3,7 @@
 //! Every patch has three folds here, fold k opposite of the triangle's node k, with its flap's node in slot 3 + k. A flap that is missing
 //! is made up in the triangle's plane, and costs nothing: its row and column of K are zero. A fold that two patches share is evaluated in
 //! both, each with its own part of the moment. Formulas stand in [`super::fold`].
+#![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use super::patch::{FLAPS, NODES, Patch};
 use crate::kkt::{NodeMatrix, Place, Places};
