@@ -63,7 +63,7 @@ impl Law for PlateLaw {
 ///
 /// ∂f/∂x = −Σᵢⱼ Kᵢⱼ (∂ψᵢ/∂x)(∂ψⱼ/∂x)ᵀ − Σᵢ wᵢ ∂²ψᵢ/∂x²
 ///
-/// Eight patches at a time ([`Pieces`]). Where only what resists is wanted, the moment of a fold is that of the patches on both of its
+/// Eight patches at a time (`plate_pieces`). Where only what resists is wanted, the moment of a fold is that of the patches on both of its
 /// sides: there it is evaluated once, and answered for by one of them.
 #[derive(Clone, Debug)]
 pub struct Plate {
