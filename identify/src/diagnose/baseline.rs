@@ -241,7 +241,7 @@ pub fn fit_scene(
     let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, &options)?;
     progress("intervals");
     let curvature = super::certainty::Curvature::new(&plan, &spread)?;
-    let parameters = super::certainty::estimates(&plan, &spread, &curvature);
+    let parameters = super::certainty::estimates(&plan, &spread, &curvature.std_errors());
     let held_out = if plan.held_out.is_empty() { None } else { Some(super::gain::held_out_rmse(&plan, &fitted)?) };
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,

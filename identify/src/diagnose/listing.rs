@@ -1,6 +1,6 @@
 //! What a selection has to say of every cause: the accepted ones with their estimates, all with their statistics.
 
-use super::certainty::{Curvature, by_curvature, profile};
+use super::certainty::{Curvature, by_curvature, by_record, profile};
 use super::result::*;
 use super::selection::{Accepted, Selection};
 use super::test::Tested;
@@ -14,14 +14,17 @@ impl Selection {
             return Ok(Vec::new());
         }
         let spread = self.spread.as_deref();
-        let errors = Curvature::new(plan, spread.unwrap_or(&self.current))?.std_errors();
+        let errors = match spread {
+            Some(spread) => by_record(plan, spread)?,
+            None => Curvature::new(plan, &self.current)?.std_errors(),
+        };
         let one = |a: &Accepted| -> Result<Cause, IdentifyError> {
             let mut parameters = Vec::new();
             for own in &a.cause.unknowns {
                 let Some(j) = self.current.unknowns.iter().position(|u| u.target.same(&own.target)) else { continue };
                 let u = &self.current.unknowns[j];
                 let interval = match spread {
-                    // dozens of numbers found together: by the curvature, not by a fit for each end of each
+                    // found together: by how records differ, for no noise model is true
                     Some(spread) => by_curvature(u, &spread.values, errors[j]),
                     None => profile(plan, &self.current, j, errors[j])?,
                 };

@@ -1,7 +1,7 @@
 //! The whole diagnosis, in order.
 
 use super::baseline::Prepared;
-use super::certainty::{Curvature, estimates};
+use super::certainty::Curvature;
 use super::reason::NO_NOISE;
 use super::result::*;
 use super::search::{Found, is_possible, search};
@@ -60,7 +60,8 @@ pub fn diagnose(
     };
     let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
     let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
-    let mut story = Story { plan: &plan, judged, base: &base, options: &fit_options, stages: Vec::new() };
+    let mut story =
+        Story { plan: &plan, judged, base: &base, options: &fit_options, by_record: found.is_some(), stages: Vec::new() };
     let plain = found.as_ref().map(|found| found.base.spread.clone());
     story.add("baseline", plain.as_ref().unwrap_or(&base))?;
 
@@ -114,7 +115,7 @@ pub fn diagnose(
         noise: noise(&plan, &run.current, sensor_sigma),
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
-        baseline: estimates(&plan, &base, &curvature),
+        baseline: story.stages[0].parameters.clone(),
         unidentifiable: curvature.unidentifiable(&base),
         stages: story.stages,
         curves,

@@ -33,7 +33,7 @@ pub struct Estimate {
     pub estimate: f64,
     /// SI unit.
     pub unit: String,
-    /// 90 % profile-likelihood interval.
+    /// 90 % interval: by profile likelihood, or for causes found together from how the estimates move without each record in turn.
     pub interval: [f64; 2],
     /// Value in the scene.
     pub scene_value: f64,

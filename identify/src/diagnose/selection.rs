@@ -78,9 +78,8 @@ impl Selection {
             before = fitted.rmse;
             story.add(step.cause.name, &spread)?;
             if !step.ties.is_empty() {
-                self.tied.push(
-                    step.ties.into_iter().map(|(name, object)| (name.to_owned(), object)).chain([name(&step.cause)]).collect(),
-                );
+                let ties = step.ties.into_iter().map(|(name, object)| (name.to_owned(), object));
+                self.tied.push(std::iter::once(name(&step.cause)).chain(ties).collect());
             }
             let title = step.cause.title();
             let gain = format!(

@@ -56,7 +56,7 @@ pub(super) fn decide(
         (Verdict::Ambiguous, reason)
     } else if little {
         let reason = if run.spread.is_some() {
-            reason::together(&names, &d.remainder, &d.noise)
+            reason::together(&run.accepted.iter().map(|a| a.cause.title()).collect::<Vec<_>>(), &d.remainder, &d.noise)
         } else {
             format!(
                 "{} fits best, but takes {} of what can be explained, and the rest is significant ({}): something outside the library",
@@ -97,7 +97,7 @@ pub(super) fn decide(
     if d.verdict != Verdict::Named {
         let causes = std::mem::take(&mut d.causes);
         if run.spread.is_some() && d.verdict == Verdict::NotInLibrary {
-            d.extension = causes;
+            d.extension = causes.into_iter().filter(|c| c.name != reason::DISCRETISATION).collect();
         }
     }
     let wanted: Vec<&String> = d.alternatives.iter().flatten().collect();

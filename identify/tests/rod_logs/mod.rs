@@ -90,7 +90,7 @@ pub struct Logged<'a> {
     pub samples: usize,
     /// Standard deviation of the markers [m].
     pub noise: f64,
-    /// Standard deviation of a drift of the markers that every record has of its own, e-folding within half a second [m].
+    /// Amplitude of a smooth drift of every marker that every record has of its own, at 0.3 to 1.5 Hz [m].
     pub drift: f64,
 }
 
@@ -105,16 +105,15 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
     let truth = model(&rod(1.0 / RATE / FINE as f64, "sdirk2", logged.more));
     let mut noise = gaussians();
     let mut drifting = gaussians();
-    let keeps: f64 = (-1.0 / (0.5 * RATE)).exp();
     for record in 0..logged.records[0] + logged.records[1] {
-        let mut drift: Vec<f64> = (0..3 * NODES).map(|_| logged.drift * drifting()).collect();
+        let waves: Vec<[f64; 2]> = (0..3 * NODES).map(|_| [0.9 + 0.2 * drifting().clamp(-3.0, 3.0), drifting()]).collect();
         let mut stepper = Stepper::new(&truth, truth.params().values(), StepOptions::default()).unwrap();
         let rest = equilibrium(&truth, truth.params().values(), truth.initial_positions(), &held(&truth, record, 0.0)).unwrap();
         let (mut x, mut log) = (rest.state(), header());
         for sample in 0..=logged.samples {
             let t = sample as f64 / RATE;
-            drift.iter_mut().for_each(|d| *d = keeps * *d + (1.0 - keeps * keeps).sqrt() * logged.drift * drifting());
-            let markers = (2..NODES - 2).flat_map(|node| [0, 1, 2].map(|a| x.q[3 * node + a] + drift[3 * node + a]));
+            let drift = |k: usize| logged.drift * (std::f64::consts::TAU * (waves[k][0] * t + waves[k][1])).sin();
+            let markers = (2..NODES - 2).flat_map(|node| [0, 1, 2].map(|a| x.q[3 * node + a] + drift(3 * node + a)));
             let row: Vec<String> =
                 markers.map(|p| p + logged.noise * noise()).chain(held(&truth, record, t)).map(|x| format!("{x:.7}")).collect();
             writeln!(log, "{t},{}", row.join(",")).unwrap();

@@ -51,7 +51,7 @@ pub(in super::super) struct Step {
 pub(in super::super) struct Whole {
     /// With the colour of its residual, for tests of what remains.
     pub coloured: Fitted,
-    /// With white noise of as many independent samples as that has, for intervals.
+    /// With white noise of as many independent samples as that has, for what the data do not determine, and intervals.
     pub spread: Fitted,
 }
 
@@ -110,6 +110,8 @@ pub(in super::super) fn search(
             .or(best);
         let Some(best) = best.filter(|_| found.steps.len() < most) else { break };
         progress(&format!("accepted {}", best.cause.title()));
+        // what adds to what it once could not be told from is there beside it
+        found.steps.iter_mut().for_each(|step| step.ties.retain(|tie| *tie != name(&best.cause)));
         let unbeaten = |t: &&Tried| adds(t) && Paired::of(&t.trial.errors, &best.trial.errors).p > bar;
         close = tried.iter().filter(unbeaten).map(|t| name(&t.cause)).filter(|cause| *cause != name(&best.cause)).collect();
         let fitted = bench.whole(&best.trial.fitted)?;
