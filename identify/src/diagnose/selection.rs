@@ -91,7 +91,8 @@ impl Selection {
             self.accepted.push(Accepted { cause: step.cause, statistic, rivals: Vec::new(), margin: None, constancy: None });
             (self.current, self.spread) = (fitted, Some(Box::new(spread)));
         }
-        self.notes.extend(found.notes);
+        let accepted: Vec<String> = self.accepted.iter().map(|a| a.cause.title()).collect();
+        self.notes.extend(found.notes.into_iter().filter(|(title, _)| !accepted.contains(title)));
         Ok(())
     }
 

@@ -28,6 +28,7 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         shapes => shapes::figures(&d.snapshots),
         curves => curves::figures(&d.curves),
         causes => causes(d),
+        extended => !d.extension.is_empty(),
         alternatives => alternatives(d),
         advice => d.advice,
         stage_bars => Value::from_safe_string(stages::bars(&d.stages, d.noise.sigma, &d.remainder.unit)),
@@ -118,7 +119,7 @@ fn causes(d: &Diagnosis) -> Vec<Value> {
             rivals => rivals.collect::<Vec<_>>().join(", "),
         }
     };
-    d.causes.iter().map(row).collect()
+    d.causes.iter().chain(&d.extension).map(row).collect()
 }
 
 fn alternatives(d: &Diagnosis) -> Vec<String> {
@@ -160,7 +161,7 @@ fn gain_row(g: &Gain) -> Value {
 }
 
 fn candidate_row(c: &CandidateReport, d: &Diagnosis) -> Value {
-    let accepted = d.causes.iter().any(|cause| cause.name == c.name && cause.object == c.object);
+    let accepted = d.causes.iter().chain(&d.extension).any(|cause| cause.name == c.name && cause.object == c.object);
     let (status, class) = match c.status {
         Status::Tested => ("tested", "tested"),
         Status::Absorbed => ("hidden", "absorbed"),
@@ -255,6 +256,15 @@ mod tests {
         (d.verdict, d.alternatives) = (Verdict::Ambiguous, vec![vec!["gripper_offset".into(); 2]]);
         d.alternative_objects = vec![vec![Some("left".into()), Some("right".into())]];
         assert!(story::headline(&d).ends_with("which: gripper offset (left) or gripper offset (right)."));
+    }
+
+    #[test]
+    fn what_extends_the_model_is_shown_as_that() {
+        let mut d = sample::diagnosis();
+        (d.verdict, d.extension) = (Verdict::NotInLibrary, std::mem::take(&mut d.causes));
+        let text = render(&d);
+        assert!(text.contains("What the model is extended by, without a name being given") && text.contains("internal damping"));
+        assert!(!text.contains("What the simulation lacks"));
     }
 
     #[test]

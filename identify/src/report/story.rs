@@ -19,6 +19,14 @@ pub fn headline(d: &Diagnosis) -> String {
                 sets => format!("Something is missing, and these data do not tell which: {sets}."),
             }
         }
+        Verdict::NotInLibrary if !d.extension.is_empty() => {
+            let found: Vec<String> = d.extension.iter().map(|cause| words(&cause.title())).collect();
+            format!(
+                "Something is missing that no name is given to; {} {} part of it.",
+                list(&found, "and"),
+                if found.len() == 1 { "takes" } else { "take" }
+            )
+        }
         Verdict::NotInLibrary => "Something significant is missing, and none of the known causes explains it.".to_owned(),
         Verdict::Adequate => "The simulation is adequate: nothing significant is left to explain.".to_owned(),
         Verdict::Withheld => "No verdict: this analysis cannot be trusted.".to_owned(),
@@ -35,6 +43,9 @@ pub(super) fn word(verdict: Verdict) -> &'static str {
         Verdict::Withheld => "withheld",
     }
 }
+
+/// Most numbers of a cause that the summary writes out.
+const FEW: usize = 4;
 
 /// A short summary for a terminal: verdict, causes, gain, remainder, audit.
 pub fn summary(d: &Diagnosis) -> String {
@@ -57,9 +68,7 @@ pub fn summary(d: &Diagnosis) -> String {
         for cause in &d.extension {
             let _ = write!(out, "\n  {}: {}", words(&cause.title()), sentence(&cause.meaning));
             match cause.parameters.as_slice() {
-                few @ [_] | few @ [_, _] | few @ [_, _, _] | few @ [_, _, _, _] => {
-                    few.iter().for_each(|e| out += &format!("\n    {}", plain(e)));
-                }
+                few if few.len() <= FEW => few.iter().for_each(|e| out += &format!("\n    {}", plain(e))),
                 many => {
                     let _ = write!(out, "\n    {} numbers, in the report and the extended scene", many.len());
                 }
@@ -209,6 +218,23 @@ mod tests {
         assert_eq!(words("gripper_offset (left_arm)"), "gripper offset (left_arm)");
         let rest = [Verdict::NotInLibrary, Verdict::Adequate, Verdict::Withheld];
         assert!(rest.into_iter().all(|verdict| headline(&Diagnosis { verdict, ..d.clone() }).ends_with('.')));
+    }
+
+    #[test]
+    fn what_extends_the_model_without_a_name_is_told() {
+        let mut d = sample::diagnosis();
+        (d.verdict, d.extension) = (Verdict::NotInLibrary, std::mem::take(&mut d.causes));
+        assert_eq!(headline(&d), "Something is missing that no name is given to; internal damping takes part of it.");
+        let text = summary(&d);
+        for part in [
+            "the model is extended by:\n  internal damping: The cable",
+            "    cable.bend_damping = 1.5e-4",
+            "baseline: 4.5 mm (3.6 mm; 4.05 mm)",
+        ] {
+            assert!(text.contains(part), "{part:?} is not in {text}");
+        }
+        d.extension[0].parameters = vec![sample::estimate("cable.node[1].rest_curvature[0]", 2.0); 5];
+        assert!(summary(&d).contains("5 numbers, in the report and the extended scene"));
     }
 
     #[test]
