@@ -7,16 +7,20 @@
 
 mod automatic;
 mod creep;
+mod dahl;
 mod elastic;
 mod plastic;
 mod remembering;
+mod stiffening;
 mod viscous;
 
 pub use automatic::AutomaticSection;
 pub use creep::CreepSection;
+pub use dahl::{DahlSection, stick};
 pub use elastic::{Elastic, ElasticSection};
 pub use plastic::{PlasticSection, flow};
 pub use remembering::{AutomaticMemory, RememberingSection, SectionState};
+pub use stiffening::{Stiffening, StiffeningSection};
 pub use viscous::{Viscous, ViscousSection};
 
 use super::Real;
