@@ -63,7 +63,9 @@ fn by_parameter(scene: &Scene, path: &str) -> (f64, impl Fn(f64) -> f64 + use<>)
         let mut theta = case.theta.clone();
         theta[k] = value;
         let run = rollout(&case.model, &theta, &case.x0, &case.u, StepOptions::default()).unwrap();
-        let of = |(x, w): (&pliant_engine::state::State, &Vec<f64>)| (0..nodes).map(|k| x.q[k] * w[k] + x.v[k] * w[n + k]).sum::<f64>();
+        let of = |(x, w): (&pliant_engine::state::State, &Vec<f64>)| {
+            (0..nodes).map(|k| x.q[k] * w[k] + x.v[k] * w[n + k]).sum::<f64>()
+        };
         run.states.iter().zip(&weights).map(of).sum()
     };
     (slope, sum)
@@ -79,7 +81,8 @@ fn without_size_it_is_the_elastic_rod_with_derivatives() {
         opened.rope[0].stiffening = Some(Stiffening { coefficient: 0.0 });
         opened.rope[0].bend_friction = Some(BendFriction { moment: 0.0, curvature: 0.8 });
         let [a, b] = [&plain, &opened].map(|scene| Case::new(scene, 20).run(StepOptions::default()));
-        (0..=20).for_each(|k| assert_eq!((&a.states[k].q, &a.states[k].v), (&b.states[k].q, &b.states[k].v), "{integrator:?}, {k}"));
+        (0..=20)
+            .for_each(|k| assert_eq!((&a.states[k].q, &a.states[k].v), (&b.states[k].q, &b.states[k].v), "{integrator:?}, {k}"));
         let (slope, sum) = by_parameter(&opened, "rod.stiffening");
         let difference = (sum(1e-5) - sum(-1e-5)) / 2e-5;
         assert!((difference / slope - 1.0).abs() < 1e-6, "{integrator:?}: {difference} {slope}");
@@ -176,7 +179,7 @@ fn a_loaded_cantilever_is_its_elastica() {
     let (length, mass) = (1.0, 0.012);
     for c in [0.0, 0.3, -0.02] {
         let exact = cantilever(length, mass * 9.81, c);
-        let errors = [11, 21, 41].map(|n| {
+        let errors = [21, 41, 81].map(|n| {
             let rope = Rope {
                 nodes: Some(n),
                 length,
@@ -190,7 +193,7 @@ fn a_loaded_cantilever_is_its_elastica() {
                 ..Rope::default()
             };
             let clamp = Gripper { name: "clamp".into(), clamp: Clamp::End(End::First), ..Gripper::default() };
-            let mut scene = Scene { rope: vec![rope], gripper: vec![clamp], ..Scene::default() };
+            let mut scene: Scene = Scene { rope: vec![rope], gripper: vec![clamp], ..Scene::default() };
             scene.gravity.magnitude = 9.81;
             let model = Arc::new(ModelBuilder::new(&scene).unwrap().build());
             let u = resting_inputs(&scene).unwrap();
@@ -241,7 +244,7 @@ fn a_bending_loop_has_its_area() {
         for most in [0.6, 2.0, 6.0] {
             let turned = (most / over as f64).tanh();
             for n in [4, 300] {
-                let (run, curvature) = cycled(most, n, 8, integrator);
+                let (run, curvature) = cycled(most, n, 16, integrator);
                 let k = place(&run.model, "rope.node[4].friction[1]");
                 let m: Vec<f64> = run.states.iter().map(|x| moment * x.z[k] / (over * EDGE)).collect();
                 let (last, before) = (m[m.len() - 1], m[m.len() - 1 - n]);
@@ -300,7 +303,7 @@ fn waved(integrator: Integrator, friction: Option<BendFriction>) -> Rollout {
     Case::new(&scene, 300).run(StepOptions { record: false, max_halvings: None })
 }
 
-/// Friction of any stiffness costs Newton's method little, and no step is halved for it.
+/// Friction costs Newton's method next to nothing, and where it is nearly dry (steps bend by many κ_f) some iterations; no step is halved for it.
 #[test]
 fn newton_finds_its_way_through_turns() {
     let count = |run: &Rollout| {
@@ -311,10 +314,12 @@ fn newton_finds_its_way_through_turns() {
     for integrator in [Integrator::Euler, Integrator::Midpoint, Integrator::Sdirk2] {
         let (plain, most, retries) = count(&waved(integrator, None));
         println!("{integrator:?}, without: {plain:.2} iterations a step, {most} at most, {retries} retries");
-        for (moment, curvature) in [(0.002, 0.8), (0.01, 0.8), (0.01, 0.1), (0.01, 0.01), (0.1, 0.8), (0.1, 0.1)] {
+        for (moment, curvature, more) in
+            [(0.002, 0.8, 0.5), (0.01, 0.8, 0.5), (0.1, 0.8, 0.5), (0.01, 0.1, 1.0), (0.1, 0.1, 1.0), (0.01, 0.01, 6.0)]
+        {
             let (mean, most, retries) = count(&waved(integrator, Some(BendFriction { moment, curvature })));
             println!("  {moment} N·m over {curvature}/m: {mean:.2} iterations a step, {most} at most, {retries} retries");
-            assert!(mean < 2.0 * plain + 1.0 && retries == 0, "{integrator:?}, {moment} N·m over {curvature}/m: {mean}, {retries}");
+            assert!(mean < plain + more && retries == 0, "{integrator:?}, {moment} N·m over {curvature}/m: {mean}, {retries}");
         }
     }
 }

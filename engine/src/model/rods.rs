@@ -89,7 +89,9 @@ impl Model {
                 vec![Arc::new(AutomaticMemory::new(plastic)), viscous]
             }
             (None, None) => vec![Arc::new(Elastic::new(elastic)), viscous],
-            (None, Some(c)) => vec![Arc::new(Elastic::new(elastic.clone())), viscous, Arc::new(Stiffening::new(stiff(elastic, c)))],
+            (None, Some(c)) => {
+                vec![Arc::new(Elastic::new(elastic.clone())), viscous, Arc::new(Stiffening::new(stiff(elastic, c)))]
+            }
         };
         if let Some(creep) = &rope.rope.creep {
             let section = creeping(name, [length, bend, second, stiffness, roll], [own, begin], creep, &mut self.params);

@@ -233,7 +233,9 @@ mod tests {
     /// At rest the derivative is that of the elastic part; a little further on, that of loading or unloading.
     #[test]
     fn its_derivative_at_a_turn_is_half_way() {
-        let slope = |at: f64| stick([Dual64::from(LIMIT), Dual64::from(0.0)], [Dual64::new(at, 1.0), Dual64::from(0.0)], Dual64::from(LIMIT))[0].eps;
+        let slope = |at: f64| {
+            stick([Dual64::from(LIMIT), Dual64::from(0.0)], [Dual64::new(at, 1.0), Dual64::from(0.0)], Dual64::from(LIMIT))[0].eps
+        };
         assert_eq!(slope(0.0), 1.0);
         assert_relative_eq!(slope(1e-6), 0.0, epsilon = 1e-4);
         assert_relative_eq!(slope(-1e-6), 2.0, epsilon = 1e-4);
@@ -242,7 +244,8 @@ mod tests {
     #[test]
     fn the_mean_of_a_decay_is_one_function() {
         for y in [1e-300, 1e-9, 0.5 * SERIES, 0.999_999 * SERIES, 1.000_001 * SERIES, 0.3] {
-            let exact = if y < 0.1 { 1.0 - y / 2.0 + y * y / 6.0 - y.powi(3) / 24.0 + y.powi(4) / 120.0 } else { -f64::exp_m1(-y) / y };
+            let exact =
+                if y < 0.1 { 1.0 - y / 2.0 + y * y / 6.0 - y.powi(3) / 24.0 + y.powi(4) / 120.0 } else { -f64::exp_m1(-y) / y };
             assert_relative_eq!(mean_decay(y), exact, max_relative = 1e-15);
         }
         let slope = |y: f64| mean_decay(Dual64::new(y, 1.0)).eps;
