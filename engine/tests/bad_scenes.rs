@@ -401,7 +401,7 @@ fn sections_that_cannot_stiffen_or_rub() {
     refused(at, &stiffening(""), "18: rope[0].stiffening", &["`coefficient` is missing", "m²"]);
     refused(at, &stiffening("coefficient = nan"), "18: rope[0].stiffening.coefficient", &["not a finite number"]);
     refused(at, &stiffening("coefficient = inf"), "18: rope[0].stiffening.coefficient", &["not a finite number"]);
-    refused(at, &stiffening("coefficient = 0.1, power = 3"), "18: rope[0].stiffening", &["power"]);
+    refused(at, &stiffening("coefficient = 0.1, power = 3"), "18: rope[0].stiffening.power", &["unknown key", "`coefficient`"]);
     let friction = |numbers: &str| section(&format!("bend_friction = {{ {numbers} }}"));
     let (moment, curvature) = ("18: rope[0].bend_friction.moment", "18: rope[0].bend_friction.curvature");
     refused(at, &friction("moment = -0.1, curvature = 1.0"), moment, &["N·m", "must not be negative"]);
