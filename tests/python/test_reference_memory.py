@@ -159,9 +159,8 @@ def test_friction_loads_and_returns(both):
     if not len(memory.friction):
         return
     e = parts(run.model, xs)[4][:, memory.friction_place]
-    size = np.linalg.norm(e, axis=2)
-    turns = (np.sum(np.diff(e, axis=0)[1:] * np.diff(e, axis=0)[:-1], axis=2) < 0.0).mean()
-    assert turns > 0.02 and size[1:].max() > 2.0 * np.median(size[1:]), "it turns round"
+    unloads = (np.sum(e[:-1] * np.diff(e, axis=0), axis=2) < 0.0).mean()
+    assert 0.1 < unloads < 0.9, "it loads in some steps and unloads in others"
 
 
 def test_friction_is_its_differential_equation():
