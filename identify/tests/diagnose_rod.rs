@@ -11,23 +11,23 @@ use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use rod_logs::{Logged, setup};
 use tempfile::TempDir;
 
-fn diagnosed(more: &str) -> Diagnosis {
+fn diagnosed(logged: &Logged) -> Diagnosis {
     let folder = TempDir::new().unwrap();
-    let setup = setup(&folder, &Logged { more, ..Logged::default() });
+    let setup = setup(&folder, logged);
     let logs = setup.read_logs(&[]).unwrap();
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
 }
 
 #[test]
 fn nothing_is_claimed_where_nothing_is_hidden() {
-    let d = diagnosed("");
+    let d = diagnosed(&Logged::default());
     assert_eq!(d.verdict, Verdict::Adequate, "{}", d.reason);
     assert!(d.causes.is_empty());
 }
 
 #[test]
 fn curvature_by_nature_is_named_with_its_size() {
-    let d = diagnosed("rest_curvature = [0.9, -0.6]");
+    let d = diagnosed(&Logged { more: "rest_curvature = [0.9, -0.6]", ..Logged::default() });
     assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
     let titles: Vec<String> = d.causes.iter().map(|c| c.title()).collect();
     assert_eq!(titles, ["intrinsic_curvature"], "{}", d.reason);
@@ -59,9 +59,11 @@ fn readings_know_what_grippers_and_sections_hide() {
         "left.roll_by_direction[1]",
         "right.roll_by_position[0]",
     ];
-    let unknowns: Vec<Unknown> = paths.iter().map(|path| Unknown::of_theta(&plan.model, path, 1.0).unwrap()).collect();
+    let of_rod = paths.iter().map(|path| Unknown::of_theta(&plan.model, path, 1.0).unwrap());
+    let beside = |k: usize, axis| Unknown::beside(format!("marker[{k}].offset[{axis}]"), vec![k], axis, 1e-2);
+    let unknowns: Vec<Unknown> = of_rod.chain([beside(0, 0), beside(2, 1)]).collect();
     let mut values = plan.scene_values.clone();
-    for (u, x) in unknowns.iter().zip([0.4, -0.3, 0.5, 0.2, 0.9, 8e-4, 0.2, 2e-3, 0.3, 0.4, -0.5]) {
+    for (u, x) in unknowns.iter().zip([0.4, -0.3, 0.5, 0.2, 0.9, 8e-4, 0.2, 2e-3, 0.3, 0.4, -0.5, 4e-3, -3e-3]) {
         u.set(&mut values, x);
     }
     let rec = &plan.fitted[1];
@@ -88,5 +90,16 @@ fn readings_know_what_grippers_and_sections_hide() {
                 difference / size
             );
         }
+    }
+}
+
+#[test]
+fn markers_beside_the_centreline_are_named_with_their_distance() {
+    let d = diagnosed(&Logged { offset: [4e-3, -3e-3], ..Logged::default() });
+    assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
+    let titles: Vec<String> = d.causes.iter().map(|c| c.title()).collect();
+    assert_eq!(titles, ["marker_offset"], "{}", d.reason);
+    for (k, estimate) in d.causes[0].parameters.iter().enumerate() {
+        assert!((estimate.estimate - [4e-3, -3e-3][k % 2]).abs() < 5e-4, "{estimate:?}");
     }
 }

@@ -32,6 +32,7 @@ mod length_scale;
 mod linear_drag;
 mod link_inertia;
 mod load_friction;
+mod marker_offset;
 mod mass_distribution;
 mod payload;
 mod quadratic_drag;
@@ -178,6 +179,13 @@ impl Situation<'_> {
         let (begin, end) = (format!("{rod}.node["), format!("].{quantity}"));
         let paths = self.plan.model.params().infos().iter().map(|info| &info.path);
         paths.filter(|path| path.starts_with(&begin) && path.ends_with(&end)).cloned().collect()
+    }
+
+    /// Markers on a rod.
+    fn markers_on(&self, rod: &str) -> Vec<usize> {
+        let nodes = self.plan.model.rope(rod).map(|rope| rope.nodes.clone()).unwrap_or_default();
+        let on = |k: &usize| self.plan.markers[*k].nodes().is_some_and(|pair| nodes.contains(&pair.node));
+        (0..self.plan.markers.len()).filter(on).collect()
     }
 
     /// The curvature of a rod bent to an arc of one radian [1/m]: a typical size.
@@ -355,7 +363,7 @@ fn of_rods(at: &Situation) -> Vec<Cause> {
     let shape = [intrinsic_curvature::causes(at), intrinsic_twist::causes(at), uneven_curvature::causes(at)];
     let stiffness = [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at)];
     let held = [clamp_roll::causes(at), clamp_roll_pose::causes(at)];
-    let others = [mass_distribution::causes(at), rod_creep::causes(at)];
+    let others = [mass_distribution::causes(at), marker_offset::causes(at), rod_creep::causes(at)];
     shape.into_iter().chain(stiffness).chain(held).chain(others).flatten().collect()
 }
 

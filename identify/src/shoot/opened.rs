@@ -183,7 +183,7 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
             ..Unknown::of_theta(&model, "pivot.damping", 1.0).unwrap()
         };
         let theta = vec![0.0, 0.0, 0.0, 0.0, 2.0, 7.0, 2.0];
-        let mut values = Values { theta, sensor: Default::default(), joints: Vec::new(), late: Vec::new() };
+        let mut values = Values { theta, sensor: Default::default(), joints: Vec::new(), offsets: Vec::new(), late: Vec::new() };
         rejoin(&[tie(&[4, 6]), tie(&[5])], &[tie(&[4, 5, 6])], &mut values);
         assert_eq!(values.theta[4..], [2.0, 2.0, 2.0]);
         // the tie's first, too

@@ -1,6 +1,7 @@
 //! Logs of a rod that twists, held by two grippers that swing.
 #![allow(clippy::unwrap_used)]
 
+use nalgebra::Vector3;
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::model::{Model, ModelBuilder};
 use pliant_engine::scene::{Source, parse_scene};
@@ -90,13 +91,15 @@ pub struct Logged<'a> {
     pub samples: usize,
     /// Standard deviation of the markers [m].
     pub noise: f64,
+    /// How far all markers are from the centreline along the two material axes [m].
+    pub offset: [f64; 2],
     /// Amplitude of a smooth drift of every marker that every record has of its own, at 0.3 to 1.5 Hz [m].
     pub drift: f64,
 }
 
 impl Default for Logged<'_> {
     fn default() -> Self {
-        Self { more: "", records: [3, 1], samples: 120, noise: 3e-4, drift: 0.0 }
+        Self { more: "", records: [3, 1], samples: 120, noise: 3e-4, offset: [0.0; 2], drift: 0.0 }
     }
 }
 
@@ -113,7 +116,11 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
         for sample in 0..=logged.samples {
             let t = sample as f64 / RATE;
             let drift = |k: usize| logged.drift * (std::f64::consts::TAU * (waves[k][0] * t + waves[k][1])).sin();
-            let markers = (2..NODES - 2).flat_map(|node| [0, 1, 2].map(|a| x.q[3 * node + a] + drift(3 * node + a)));
+            let axes = truth.material_axes(&x.q, &x.z);
+            let markers = (2..NODES - 2).flat_map(|node| {
+                let beside = beside(&x.q, &axes, node, logged.offset);
+                [0, 1, 2].map(|a| x.q[3 * node + a] + beside[a] + drift(3 * node + a))
+            });
             let row: Vec<String> =
                 markers.map(|p| p + logged.noise * noise()).chain(held(&truth, record, t)).map(|x| format!("{x:.7}")).collect();
             writeln!(log, "{t},{}", row.join(",")).unwrap();
@@ -132,6 +139,13 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
         folder.path().to_owned(),
     )
     .unwrap()
+}
+
+/// An offset at a node: along the mean of the material axes of the two edges that meet there.
+fn beside(q: &[f64], first: &[Vector3<f64>], node: usize, offset: [f64; 2]) -> Vector3<f64> {
+    let at = |k: usize| Vector3::new(q[3 * k], q[3 * k + 1], q[3 * k + 2]);
+    let of_edge = |k: usize| first[k] * offset[0] + (at(k + 1) - at(k)).normalize().cross(&first[k]) * offset[1];
+    (of_edge(node - 1) + of_edge(node)) * 0.5
 }
 
 fn columns(node: usize) -> String {
