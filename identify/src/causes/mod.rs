@@ -15,6 +15,7 @@ mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
 mod discretisation;
+mod edge_lengths;
 mod encoder_bias;
 mod encoder_scale;
 mod extensibility;
@@ -37,6 +38,7 @@ mod mass_distribution;
 mod payload;
 mod quadratic_drag;
 mod rod_creep;
+mod rod_plasticity;
 mod saturation;
 mod sensor_bias;
 mod sensor_delay;
@@ -83,6 +85,8 @@ pub struct Cause {
     pub twins: Vec<&'static str>,
     /// What nobody measured, and what matters only once this cause is there; a search for causes that act together frees it with them.
     pub companions: Vec<Unknown>,
+    /// What its `settings` stand for: a search frees it as well once the cause has a size, and with it a meaning.
+    pub afterwards: Vec<Unknown>,
     /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
     pub starts: Vec<Vec<(usize, f64)>>,
     /// The cause that this one adds detail to.
@@ -363,8 +367,9 @@ fn of_rods(at: &Situation) -> Vec<Cause> {
     let shape = [intrinsic_curvature::causes(at), intrinsic_twist::causes(at), uneven_curvature::causes(at)];
     let stiffness = [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at)];
     let held = [clamp_roll::causes(at), clamp_roll_pose::causes(at)];
-    let others = [mass_distribution::causes(at), marker_offset::causes(at), rod_creep::causes(at)];
-    shape.into_iter().chain(stiffness).chain(held).chain(others).flatten().collect()
+    let along = [mass_distribution::causes(at), marker_offset::causes(at)];
+    let memory = [rod_creep::causes(at), rod_plasticity::causes(at)];
+    shape.into_iter().chain(stiffness).chain(held).chain(along).chain(memory).flatten().collect()
 }
 
 /// All causes of the library as they stand in this situation. A cause whose unknowns are all free already is left out.
@@ -377,6 +382,7 @@ pub fn library(at: &Situation) -> Vec<Cause> {
     causes.extend(gravity_magnitude::causes(at));
     if !at.ropes().is_empty() {
         causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
+        causes.extend(edge_lengths::causes(at));
         causes.extend(of_rods(at));
     }
     causes.extend(gripper_offset::causes(at));

@@ -1,6 +1,7 @@
 //! Where estimates of a rod's section, its joints and its creep stand in a scene.
 
 use super::extended::set_value;
+use crate::shoot::{FAR, NEVER};
 use toml::{Table, Value};
 
 /// Sets a quantity of a rod by the end of its path; returns the table below the rope it stands in, and its key.
@@ -15,7 +16,24 @@ pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'stati
         creep.insert(key.to_owned(), Value::Float(new));
         return Some(("rope.creep", key.to_owned()));
     }
+    for (key, quantity) in [("yield_curvature", "yield_curvature"), ("plastic_time", "time")] {
+        if path == key {
+            let table = rope.entry("plasticity").or_insert_with(|| Value::Table(Table::new())).as_table_mut()?;
+            if table.is_empty() {
+                let unused = [("yield_curvature", FAR), ("time", NEVER)];
+                unused.into_iter().for_each(|(key, x)| drop(table.insert(key.to_owned(), Value::Float(x))));
+            }
+            table.insert(quantity.to_owned(), Value::Float(new));
+            return Some(("rope.plasticity", quantity.to_owned()));
+        }
+    }
     let nodes = node_count(rope);
+    if let Some(edge) = path.strip_prefix("edge[").and_then(|rest| rest.strip_suffix("].rest_strain")) {
+        let edges = usize::try_from(nodes?).ok()? - usize::from(!is_closed(rope));
+        let strains = rope.entry("edge_rest_strains").or_insert_with(|| Value::Array(vec![Value::Float(0.0); edges]));
+        *strains.as_array_mut()?.get_mut(edge.parse::<usize>().ok()?)? = Value::Float(new);
+        return Some(("rope", "edge_rest_strains".to_owned()));
+    }
     let twist = rope.get_mut("twist")?.as_table_mut()?;
     if let Some((node, quantity)) = path.strip_prefix("node[").and_then(|rest| rest.split_once("].")) {
         set_joint(twist, node.parse().ok()?, nodes?, quantity, new)?;
@@ -29,11 +47,18 @@ pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'stati
     Some(("rope.twist", key))
 }
 
+fn is_closed(rope: &Table) -> bool {
+    rope.get("closed").and_then(Value::as_bool) == Some(true)
+}
+
 /// Number of a rope's nodes.
 pub(super) fn node_count(rope: &Table) -> Option<i64> {
     match rope.get("nodes").and_then(Value::as_integer) {
         Some(nodes) => Some(nodes),
-        None => Some(i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()? + 1),
+        None => {
+            let edges = i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()?;
+            Some(edges + i64::from(!is_closed(rope)))
+        }
     }
 }
 
@@ -65,6 +90,10 @@ mod tests {
         assert_eq!(set("creep_fraction", 0.2), ("rope.creep", "fraction".to_owned()));
         assert_eq!(set("node[3].rest_curvature[0]", 5.0).0, "rope.twist.joint");
         assert_eq!(set("node[3].bend_factor", 0.5).0, "rope.twist.joint");
+        assert_eq!(set("edge[3].rest_strain", 0.02), ("rope", "edge_rest_strains".to_owned()));
+        assert_eq!(set("plastic_time", 0.5), ("rope.plasticity", "time".to_owned()));
+        let strains: Vec<f64> = rope["edge_rest_strains"].as_array().unwrap().iter().filter_map(Value::as_float).collect();
+        assert_eq!((strains, rope["plasticity"]["time"].as_float()), (vec![0.0, 0.0, 0.0, 0.02], Some(0.5)));
         let twist = rope["twist"].as_table().unwrap();
         assert_eq!((twist["stiffness"].as_float(), twist["rest_curvature"][1].as_float()), (Some(2.0), Some(3.0)));
         let joint = &twist["joint"].as_array().unwrap()[..];

@@ -16,8 +16,8 @@ const RATE: f64 = 100.0;
 /// Steps of the truth per sample.
 const FINE: usize = 8;
 
-/// A rod that hangs between two pairs of nodes; `step` in seconds, `more` in its `[rope.twist]`.
-fn rod(step: f64, integrator: &str, more: &str) -> String {
+/// A rod that hangs between two pairs of nodes; `step` in seconds, further keys of its tables as in [`Logged`].
+fn rod(step: f64, integrator: &str, [rope, more, hand]: [&str; 3]) -> String {
     format!(
         r#"schema_version = 1
 [time]
@@ -33,6 +33,7 @@ stretch_stiffness = 300.0
 stretch_damping = 0.3
 bend_stiffness = 1e-3
 bend_damping = 3e-5
+{rope}
 initial = {{ shape = "between", from = [0, 0, 0], to = [0.45, 0, 0.05] }}
 [rope.twist]
 stiffness = 1e-3
@@ -43,6 +44,7 @@ inertia = 4e-7
 name = "left"
 rope = "rod"
 nodes = [0, 1]
+{hand}
 [[gripper]]
 name = "right"
 rope = "rod"
@@ -83,8 +85,14 @@ fn held(model: &Model, record: usize, t: f64) -> Vec<f64> {
 
 /// What is logged.
 pub struct Logged<'a> {
-    /// Further keys of the true rod's `[rope.twist]`.
+    /// Further keys of the true rod's `[[rope]]`.
+    pub rope: &'a str,
+    /// Of its `[rope.twist]`, and tables behind it.
     pub more: &'a str,
+    /// Of its left `[[gripper]]`.
+    pub hand: &'a str,
+    /// Whether the scene has `more` too, so that it is not hidden.
+    pub known: bool,
     /// Numbers of records to be fitted and held out.
     pub records: [usize; 2],
     /// Samples of a record.
@@ -99,13 +107,23 @@ pub struct Logged<'a> {
 
 impl Default for Logged<'_> {
     fn default() -> Self {
-        Self { more: "", records: [3, 1], samples: 120, noise: 3e-4, offset: [0.0; 2], drift: 0.0 }
+        Self {
+            rope: "",
+            more: "",
+            hand: "",
+            known: false,
+            records: [3, 1],
+            samples: 120,
+            noise: 3e-4,
+            offset: [0.0; 2],
+            drift: 0.0,
+        }
     }
 }
 
 /// Logs of a rod, by smaller steps of another integrator, and the setup of one that has nothing hidden in it.
 pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
-    let truth = model(&rod(1.0 / RATE / FINE as f64, "sdirk2", logged.more));
+    let truth = model(&rod(1.0 / RATE / FINE as f64, "sdirk2", [logged.rope, logged.more, logged.hand]));
     let mut noise = gaussians();
     let mut drifting = gaussians();
     for record in 0..logged.records[0] + logged.records[1] {
@@ -135,7 +153,10 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
         std::fs::write(folder.path().join(format!("run{record}.csv")), log).unwrap();
     }
     Setup::from_source(
-        Source::new("scene.toml", &(rod(0.25 / RATE, "midpoint", "") + &experiment(logged.records))),
+        Source::new(
+            "scene.toml",
+            &(rod(0.25 / RATE, "midpoint", ["", if logged.known { logged.more } else { "" }, ""]) + &experiment(logged.records)),
+        ),
         folder.path().to_owned(),
     )
     .unwrap()
