@@ -57,6 +57,9 @@ fn readings_know_what_grippers_and_sections_hide() {
         "rod.edge[4].rest_strain",
         "rod.yield_curvature",
         "rod.plastic_time",
+        "rod.stiffening",
+        "rod.friction_moment",
+        "rod.friction_curvature",
         "left.offset[1]",
         "right.roll",
         "left.roll_by_direction[1]",
@@ -66,7 +69,10 @@ fn readings_know_what_grippers_and_sections_hide() {
     let beside = |k: usize, axis| Unknown::beside(format!("marker[{k}].offset[{axis}]"), vec![k], axis, 1e-2);
     let unknowns: Vec<Unknown> = of_rod.chain([beside(0, 0), beside(2, 1)]).collect();
     let mut values = plan.scene_values.clone();
-    for (u, x) in unknowns.iter().zip([0.4, -0.3, 0.5, 0.2, 0.9, 8e-4, 0.2, 0.01, 0.3, 0.5, 2e-3, 0.3, 0.4, -0.5, 4e-3, -3e-3]) {
+    for (u, x) in unknowns
+        .iter()
+        .zip([0.4, -0.3, 0.5, 0.2, 0.9, 8e-4, 0.2, 0.01, 0.3, 0.5, 0.02, 1e-3, 0.5, 2e-3, 0.3, 0.4, -0.5, 4e-3, -3e-3])
+    {
         u.set(&mut values, x);
     }
     let rec = &plan.fitted[1];
@@ -130,6 +136,17 @@ fn a_rod_that_stays_bent_is_named() {
 #[test]
 fn a_rod_that_creeps_is_named() {
     only(&Logged { more: "[rope.creep]\nfraction = 0.6\ntime = 0.4", ..Logged::default() }, "rod_creep");
+}
+
+#[test]
+fn a_rod_that_stiffens_is_named() {
+    let d = only(&Logged { more: "[rope.stiffening]\ncoefficient = 0.02", ..Logged::default() }, "bend_stiffening");
+    assert!((d.causes[0].parameters[0].estimate - 0.02).abs() < 6e-3, "{:?}", d.causes[0].parameters);
+}
+
+#[test]
+fn friction_inside_a_rod_is_named() {
+    only(&Logged { more: "[rope.bend_friction]\nmoment = 1e-3\ncurvature = 0.5", ..Logged::default() }, "bend_friction");
 }
 
 #[test]

@@ -8,6 +8,8 @@ mod actuator_lag;
 mod anisotropic_bending;
 mod armature;
 mod asymmetric_friction;
+mod bend_friction;
+mod bend_stiffening;
 mod center_of_mass;
 mod clamp_roll;
 mod clamp_roll_pose;
@@ -61,6 +63,7 @@ use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;
 use crate::shoot::{JointPlace, Plan};
 use crate::unknown::{Probe, Unknown, Values};
+use nalgebra::Vector3;
 use pliant_engine::model::Model;
 
 /// A possible cause of what a simulation gets wrong.
@@ -195,6 +198,20 @@ impl Situation<'_> {
     /// The curvature of a rod bent to an arc of one radian [1/m]: a typical size.
     fn typical_curvature(&self, rod: &str) -> f64 {
         1.0 / self.value(&format!("{rod}.length")).max(f64::MIN_POSITIVE)
+    }
+
+    /// The largest curvature at the nodes of a rod as records begin [1/m].
+    fn largest_curvature(&self, rod: &str) -> f64 {
+        let Some(span) = self.plan.model.rope(rod) else { return 1.0 };
+        let mut largest = 0.0_f64;
+        for rec in &self.plan.fitted {
+            let x = |node: usize| Vector3::from_column_slice(&rec.start.mean.q[3 * node..3 * node + 3]);
+            for node in span.nodes.start + 1..span.nodes.end - 1 {
+                let (a, b) = (x(node) - x(node - 1), x(node + 1) - x(node));
+                largest = largest.max(2.0 * a.angle(&b) / (a.norm() + b.norm()));
+            }
+        }
+        if largest.is_finite() && largest > 0.0 { largest } else { self.typical_curvature(rod) }
     }
 
     /// A drag coefficient [kg/(m·s)] whose force at 1 m/s is a tenth of the rope's weight: a typical size.
@@ -365,10 +382,11 @@ fn of_joints(at: &Situation) -> Vec<Cause> {
 /// Causes that lie in a rod's section and in how it is held.
 fn of_rods(at: &Situation) -> Vec<Cause> {
     let shape = [intrinsic_curvature::causes(at), intrinsic_twist::causes(at), uneven_curvature::causes(at)];
-    let stiffness = [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at)];
+    let stiffness =
+        [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at), bend_stiffening::causes(at)];
     let held = [clamp_roll::causes(at), clamp_roll_pose::causes(at)];
     let along = [mass_distribution::causes(at), marker_offset::causes(at)];
-    let memory = [rod_creep::causes(at), rod_plasticity::causes(at)];
+    let memory = [rod_creep::causes(at), rod_plasticity::causes(at), bend_friction::causes(at)];
     shape.into_iter().chain(stiffness).chain(held).chain(along).chain(memory).flatten().collect()
 }
 

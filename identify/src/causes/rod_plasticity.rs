@@ -6,7 +6,6 @@
 use super::{Cause, Situation};
 use crate::shoot::NEVER;
 use crate::unknown::Unknown;
-use nalgebra::Vector3;
 
 /// Yield over the largest curvature.
 const GRID: [f64; 3] = [0.05, 0.3, 0.6];
@@ -18,7 +17,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     at.per_rod(|rod| {
         let time = at.theta(&format!("{rod}.plastic_time"), 1.0).map(|u| u.inverse(0.1, (SHORTEST, NEVER)));
         let limit = at.plan.model.params().find(&format!("{rod}.yield_curvature"));
-        let (largest, never) = (largest_curvature(at, rod), at.value(&format!("{rod}.plastic_time")) >= NEVER);
+        let (largest, never) = (at.largest_curvature(rod), at.value(&format!("{rod}.plastic_time")) >= NEVER);
         let curvature = at.theta(&format!("{rod}.yield_curvature"), 1.0).into_iter();
         Cause {
             name: "rod_plasticity",
@@ -32,18 +31,4 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             ..Cause::default()
         }
     })
-}
-
-/// The largest curvature at the nodes of a rod as records begin [1/m].
-fn largest_curvature(at: &Situation, rod: &str) -> f64 {
-    let Some(span) = at.plan.model.rope(rod) else { return 1.0 };
-    let mut largest = 0.0_f64;
-    for rec in &at.plan.fitted {
-        let x = |node: usize| Vector3::from_column_slice(&rec.start.mean.q[3 * node..3 * node + 3]);
-        for node in span.nodes.start + 1..span.nodes.end - 1 {
-            let (a, b) = (x(node) - x(node - 1), x(node + 1) - x(node));
-            largest = largest.max(2.0 * a.angle(&b) / (a.norm() + b.norm()));
-        }
-    }
-    if largest.is_finite() && largest > 0.0 { largest } else { at.typical_curvature(rod) }
 }

@@ -120,9 +120,9 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         set_mass(target, node, estimate.estimate)?;
         return Some(Place { table: format!("{name}.node_mass"), number, key: String::new() });
     }
+    // `stiffening` is the name of a table, too
     if name == "rope"
-        && rest.contains(['_', '['])
-        && !target.contains_key(rest)
+        && (rest == "stiffening" || (rest.contains(['_', '[']) && !target.contains_key(rest)))
         && let Some((table, key)) = set_rod(target, rest, estimate.estimate)
     {
         return Some(Place { table: table.to_owned(), number, key });

@@ -4,7 +4,8 @@
 //! ```text
 //! motors    lag 0, saturation ±FAR
 //! ropes     rest strains of the edges 0, of ropes with few edges
-//! rods      bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending in the time NEVER
+//! rods      bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending in the time NEVER, stiffening and friction
+//!           of bending 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
 //! ```
 //! A motor's delay is none of them: what is late is an input, and known beforehand ([`super::late`]).
@@ -14,7 +15,7 @@
 
 use crate::unknown::{Target, Unknown, Values};
 use pliant_engine::model::Model;
-use pliant_engine::scene::{Creep, Joint, JointKind, Plasticity, Rope, Scene};
+use pliant_engine::scene::{BendFriction, Creep, Joint, JointKind, Plasticity, Rope, Scene, Stiffening};
 
 /// Edges of a rope beyond which data could not tell their lengths apart.
 const FEW_EDGES: usize = 40;
@@ -42,6 +43,8 @@ pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
         if let Some(twist) = &mut rope.twist {
             twist.bend_stiffness_2.get_or_insert(rope.bend_stiffness);
             rope.creep.get_or_insert(Creep { fraction: 0.0, twist_fraction: None, time: 1.0 });
+            rope.stiffening.get_or_insert(Stiffening { coefficient: 0.0 });
+            rope.bend_friction.get_or_insert(BendFriction { moment: 0.0, curvature: 1.0 });
             rope.plasticity.get_or_insert(Plasticity { yield_curvature: FAR, time: NEVER });
         }
     }

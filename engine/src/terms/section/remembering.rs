@@ -59,6 +59,11 @@ pub trait RememberingSection: Debug + Send + Sync {
         None
     }
 
+    /// Adds the moment and its slopes by strain where these are known by hand; whether it did.
+    fn add_by_hand(&self, _at: &SectionState<f64>, _p: &[f64], _out: &mut Moments) -> bool {
+        false
+    }
+
     /// Whether it makes no moment with these parameters whatever the strains are, so that steps need not ask; it remembers all the same.
     fn silent(&self, _p: &[f64]) -> bool {
         false
@@ -174,7 +179,8 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
     }
 
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
-        if self.law.silent(&self.values(at).1) {
+        let (state, p) = self.values(at);
+        if self.law.silent(&p) || self.law.add_by_hand(&state, &p[..self.n_params(at.joint)], out) {
             return;
         }
         let (state, p) = self.placed(at, |input, value| match input {
