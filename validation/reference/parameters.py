@@ -73,7 +73,7 @@ class Table:
 
 
 def add_rope(table, rope):
-    """Adds a rope's entries; returns their positions by name, `node_mass` as an array."""
+    """Adds a rope's entries; returns their positions by name, `node_mass` and `rest_strain` as arrays."""
     name, count = rope["name"], len(rope["fractions"]) + 1
     where = {}
     for key in ROPE_SCALARS:
@@ -84,6 +84,8 @@ def add_rope(table, rope):
     where["node_mass"] = np.array(
         [table.add(f"{name}.node[{i}].mass", m) for i, m in enumerate(extra)]
     )
+    strains = rope.get("edge_rest_strains", [])
+    where["rest_strain"] = [table.add(f"{name}.edge[{e}].rest_strain", x) for e, x in enumerate(strains)]
     return where
 
 

@@ -18,6 +18,9 @@ pub struct Rope {
     /// Rest length of each edge as a part of `length` [-], scaled to sum 1. Either this or `nodes`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub edge_fractions: Option<Vec<f64>>,
+    /// By how much each edge is longer at rest than its share of `length`, as a part of that [-]: only its stretch knows. Zero if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_rest_strains: Option<Vec<f64>>,
     /// Rest length [m].
     pub length: f64,
     /// Mass per length ρA [kg/m]. Either this or `density`.
@@ -97,6 +100,7 @@ impl Default for Rope {
             closed: false,
             nodes: Some(13),
             edge_fractions: None,
+            edge_rest_strains: None,
             length: 1.0,
             linear_density: 0.05,
             stretch_stiffness: 1.0e4,

@@ -8,6 +8,7 @@ use super::super::rod::RodStart;
 use super::super::rope::{Initial, Rope, Touching, Twist};
 use super::super::words::list;
 use super::{not_negative, positive};
+use crate::params::REST_STRAIN;
 use std::f64::consts::PI;
 
 /// The longest rope [m] that is not taken for one in millimetres.
@@ -179,6 +180,16 @@ fn nodes<X>(scene: &Scene<X>, rope: &Rope, at: &dyn Fn(&str) -> String) -> Resul
     }
     for (e, fraction) in rope.edge_fractions.iter().flatten().enumerate() {
         positive(&at(&format!("edge_fractions[{e}]")), *fraction, "-")?;
+    }
+    if let Some(strains) = &rope.edge_rest_strains {
+        let expected = rope.fractions().len();
+        if strains.len() != expected {
+            return Err(SceneError::at(at("edge_rest_strains"), Mistake::Count { found: strains.len(), expected }));
+        }
+        let (low, high) = REST_STRAIN;
+        if let Some((e, strain)) = strains.iter().enumerate().find(|(_, strain)| !(low..=high).contains(*strain)) {
+            return Err(SceneError::at(at(&format!("edge_rest_strains[{e}]")), Mistake::Range { value: *strain, low, high }));
+        }
     }
     let nodes = rope.n_nodes();
     let clamped = [End::First, End::Last].iter().any(|end| scene.clamps_end(rope, *end));

@@ -86,6 +86,10 @@ impl RememberingSection for DahlSection {
         [e[0], e[1], S::zero()]
     }
 
+    fn silent(&self, p: &[f64]) -> bool {
+        p[1] == 0.0
+    }
+
     fn energy<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> S {
         let (e, limit) = elastic(at, p);
         p[1] * ((e[0] * e[0] + e[1] * e[1]) / limit) * 0.5

@@ -73,6 +73,18 @@ pub struct Moments {
     pub by_rate: [[f64; 3]; 3],
 }
 
+impl Moments {
+    /// Adds the slopes ∂M₁/∂k₁, ∂M₂/∂k₂ and ∂M₁/∂k₂ = ∂M₂/∂k₁ of bending towards principal axes, which are turned by an angle of this sine
+    /// and cosine.
+    pub(crate) fn add_bending(&mut self, [one, two, both]: [f64; 3], [sin, cos]: [f64; 2]) {
+        let across = (one - two) * sin * cos + both * (cos * cos - sin * sin);
+        self.by_strain[0][0] += one * cos * cos + two * sin * sin - 2.0 * both * sin * cos;
+        self.by_strain[1][1] += one * sin * sin + two * cos * cos + 2.0 * both * sin * cos;
+        self.by_strain[0][1] += across;
+        self.by_strain[1][0] += across;
+    }
+}
+
 /// What the solver asks of a section. Everything accumulates. A positive moment resists a positive strain.
 pub trait SectionLaw: Debug + Send + Sync {
     /// Name used in errors and reports.

@@ -1,8 +1,8 @@
 //! A section that takes a set: elastic within a yield curvature, flowing beyond it.
 
 use super::elastic::excess;
-use super::stiffening::{beyond, by_length, energy_beyond};
-use super::{RememberingSection, SectionState};
+use super::stiffening::{beyond, by_length, energy_beyond, slopes_beyond};
+use super::{Moments, RememberingSection, SectionState};
 use crate::terms::Real;
 use std::ops::Range;
 
@@ -83,6 +83,27 @@ impl RememberingSection for PlasticSection {
             (m1, m2) = (m1 + more[0], m2 + more[1]);
         }
         [m1 * cos - m2 * sin, m1 * sin + m2 * cos, stiffness[2] * strain[2]]
+    }
+
+    /// Within the yield: an elastic section, of which x is the strain.
+    fn add_by_hand(&self, at: &SectionState<f64>, p: &[f64], out: &mut Moments) -> bool {
+        let Flowed { stiffness: k, strain, elastic: x, stiffening, phases, roll } = self.flowed(at, p);
+        if phases != WITHIN {
+            return false;
+        }
+        let (mut m, mut slopes) = ([k[0] * x[0], k[1] * x[1]], [k[0], k[1], 0.0]);
+        if let Some(c) = stiffening {
+            let more = beyond([k[0], k[1]], x, c);
+            (m[0], m[1]) = (m[0] + more[0], m[1] + more[1]);
+            slopes.iter_mut().zip(slopes_beyond([k[0], k[1]], x, c)).for_each(|(s, more)| *s += more);
+        }
+        let [sin, cos] = roll;
+        out.m[0] += m[0] * cos - m[1] * sin;
+        out.m[1] += m[0] * sin + m[1] * cos;
+        out.m[2] += k[2] * strain[2];
+        out.add_bending(slopes, roll);
+        out.by_strain[2][2] += k[2];
+        true
     }
 
     fn advance<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3] {
@@ -314,6 +335,17 @@ mod tests {
 
     fn stiff(c: f64) -> Vec<f64> {
         [&THETA[..10], &[c], &THETA[10..]].concat()
+    }
+
+    /// Within the yield the slopes are those of an elastic section, by hand.
+    #[test]
+    fn within_the_yield_the_kernel_is_the_law() {
+        for (law, mut theta) in [(law(), THETA.to_vec()), (stiffening(), stiff(0.06))] {
+            theta[8] = 1e3;
+            let at = SectionState { joint: 0, fraction: 0.2, strain: [0.3; 3], past: [0.2; 3], memory: [0.01; 3], elapsed: 0.02 };
+            assert!(law.add_by_hand(&at, &theta, &mut Moments::default()));
+            check::slopes(&AutomaticMemory::new(law), &theta, [0.2, -0.1, 0.4]);
+        }
     }
 
     /// Beyond the yield too, the moment is that of the elastic law at the elastic part; without a coefficient to the last bit the one without.

@@ -38,6 +38,13 @@ pub(super) fn beyond<S: Real>(k: [S; 2], x: [S; 2], c: S) -> [S; 2] {
     [c * x[0] * (k[0] * squares[0] + mean * squares[1]), c * x[1] * (k[1] * squares[1] + mean * squares[0])]
 }
 
+/// Their slopes by `x`: ∂M₁/∂x₁, ∂M₂/∂x₂ and ∂M₁/∂x₂ = ∂M₂/∂x₁.
+pub(super) fn slopes_beyond(k: [f64; 2], x: [f64; 2], c: f64) -> [f64; 3] {
+    let (mean, squares) = (0.5 * (k[0] + k[1]), x.map(|x| x * x));
+    let own = [0, 1].map(|a| c * (3.0 * k[a] * squares[a] + mean * squares[1 - a]));
+    [own[0], own[1], 2.0 * c * mean * x[0] * x[1]]
+}
+
 /// The energy of the same.
 pub(super) fn energy_beyond<S: Real>(k: [S; 2], x: [S; 2], c: S) -> S {
     let squares = x.map(|x| x * x);
@@ -98,6 +105,12 @@ impl Stiffening {
         Self(AutomaticSection::new(law))
     }
 
+    /// Whether the section does not stiffen.
+    #[inline]
+    fn is_silent(&self, at: &SectionPoint) -> bool {
+        at.theta[self.0.law.params[8]] == 0.0
+    }
+
     /// Stiffnesses, strains, c, and sine and cosine of the roll.
     #[inline]
     fn bent(&self, at: &SectionPoint) -> ([f64; 2], [f64; 2], f64, [f64; 2]) {
@@ -118,6 +131,9 @@ impl SectionLaw for Stiffening {
     }
 
     fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
+        if self.is_silent(at) {
+            return;
+        }
         let (k, x, c, [sin, cos]) = self.bent(at);
         let [m1, m2] = beyond(k, x, c);
         m[0] += m1 * cos - m2 * sin;
@@ -125,17 +141,12 @@ impl SectionLaw for Stiffening {
     }
 
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
+        if self.is_silent(at) {
+            return;
+        }
         self.add_moment(at, &mut out.m);
         let (k, x, c, [sin, cos]) = self.bent(at);
-        let (mean, squares) = (0.5 * (k[0] + k[1]), x.map(|x| x * x));
-        let one = c * (3.0 * k[0] * squares[0] + mean * squares[1]);
-        let two = c * (3.0 * k[1] * squares[1] + mean * squares[0]);
-        let both = 2.0 * c * mean * x[0] * x[1];
-        let across = (one - two) * sin * cos + both * (cos * cos - sin * sin);
-        out.by_strain[0][0] += one * cos * cos + two * sin * sin - 2.0 * both * sin * cos;
-        out.by_strain[1][1] += one * sin * sin + two * cos * cos + 2.0 * both * sin * cos;
-        out.by_strain[0][1] += across;
-        out.by_strain[1][0] += across;
+        out.add_bending(slopes_beyond(k, x, c), [sin, cos]);
     }
 
     fn visit_theta(&self, at: &SectionPoint, visit: &mut dyn FnMut(usize, [f64; 3])) {
