@@ -247,7 +247,7 @@ fn a_bending_loop_has_its_area() {
     let (moment, over) = (0.03, 1.5);
     for integrator in INTEGRATORS {
         for most in [0.6, 2.0, 6.0] {
-            let turned = (most / over as f64).tanh();
+            let turned = f64::tanh(most / over);
             for n in [4, 300] {
                 let (run, curvature) = cycled(most, n, 16, integrator);
                 let k = place(&run.model, "rope.node[4].friction[1]");
