@@ -68,11 +68,13 @@ def relaxed(e, change, t, tau):
 def dragged(e, change, limit):
     """The elastic part (2,) [-] of Dahl's friction after bending by `change` (2,) on a line: e' = n - e/limit along it, n its direction.
 
-    e comes from where it was towards limit·n, by exp(-way/limit) of what is left. A way of nothing leaves slopes of sticking.
+    e comes from where it was towards limit·n, by exp(-way/limit) of what is left, the way's length rounded off at its turn as the law says. A way
+    of nothing leaves slopes of sticking.
     """
     square = _dot(change, change)
     moves = square > (1e-9 * limit) ** 2
-    way = jnp.sqrt(jnp.where(moves, square, 1.0))
+    rounded = 1e-11 * limit
+    way = jnp.sqrt(jnp.where(moves, square, 1.0) + rounded**2) - rounded
     towards = limit * change / way
     return jnp.where(moves, towards + (e - towards) * jnp.exp(-way / limit), e + change)
 
