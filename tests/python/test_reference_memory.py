@@ -181,4 +181,5 @@ def test_friction_on_a_line_does_not_know_the_step():
     change = jnp.array([0.2, 0.1])
     for _ in range(10):
         e = remembering.dragged(e, change / 10, LIMIT)
-    np.testing.assert_allclose(e, remembering.dragged(once, change, LIMIT), rtol=1e-13)
+    # every step forgets too little by the rounding of its length
+    np.testing.assert_allclose(e, remembering.dragged(once, change, LIMIT), rtol=0.0, atol=2.0 * 10 * 1e-11 * LIMIT)
