@@ -1,5 +1,6 @@
 //! Full Jacobians of a step.
 
+use crate::elastic::{Elastic, stage_of};
 use crate::seeds::Seeds;
 use crate::tangent::TangentStepper;
 use pliant_engine::model::Model;
@@ -20,6 +21,7 @@ pub struct Linearization {
 #[derive(Clone, Debug)]
 pub struct Linearizer<'m> {
     tangent: TangentStepper<'m>,
+    elastic: Elastic,
     nv: usize,
     nx: usize,
     nu: usize,
@@ -39,11 +41,16 @@ impl<'m> Linearizer<'m> {
         let mut seeds = Seeds::none(columns, nu, model.n_params());
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
-        Self { tangent: TangentStepper::new(model, theta, seeds), nv: model.nv(), nx, nu, np }
+        let tangent = TangentStepper::new(model, theta, seeds);
+        Self { tangent, elastic: Elastic::default(), nv: model.nv(), nx, nu, np }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
     pub fn linearize(&mut self, step: &StepRecord) -> Linearization {
+        let cx = self.tangent.context();
+        if let (0, Some(stage)) = (self.np, stage_of(cx, step)) {
+            return self.elastic.linearize(cx, step, stage, self.nu);
+        }
         let (nv, m) = (self.nv, self.tangent.seeds.columns);
         let x = &mut self.tangent.x;
         for (first, block) in [(0, &mut x.q), (nv, &mut x.v), (2 * nv, &mut x.z)] {

@@ -32,4 +32,9 @@ impl<'m> TangentStepper<'m> {
         let cx = Context { model: self.model, theta: self.theta, mass: &self.mass };
         step_tangent(cx, record, &mut self.x, &self.seeds, &mut self.memory);
     }
+
+    /// What steps are differentiated with.
+    pub(crate) fn context(&self) -> Context<'_> {
+        Context { model: self.model, theta: self.theta, mass: &self.mass }
+    }
 }
