@@ -27,6 +27,11 @@ impl<'m> TangentStepper<'m> {
         Self { model, theta, mass: model.row_masses(theta), seeds, x, memory: Memory::default() }
     }
 
+    /// Another one of the same model at the same θ.
+    pub(crate) fn with_seeds(&self, seeds: Seeds) -> Self {
+        Self::new(self.model, self.theta, seeds)
+    }
+
     /// Pushes the tangents through one step.
     pub fn step(&mut self, record: &StepRecord) {
         let cx = Context { model: self.model, theta: self.theta, mass: &self.mass };

@@ -276,8 +276,19 @@ fn jacobians_by_the_inverse_are_those_of_tangents() {
                 worst[1] = worst[1].max(miss(&own.b[i * nu..(i + 1) * nu], &row[nx..]));
             }
             println!("{what}: A {:.1e}, B {:.1e}", worst[0], worst[1]);
-            assert!(worst.iter().all(|w| *w < 1e-12), "{what}: {worst:?}");
+            assert!(worst.iter().all(|w| *w < 1e-13), "{what}: {worst:?}");
             assert!(nu == 0 || own.b.iter().any(|x| *x != 0.0));
+            let with_theta = linearize(&case.model, &case.theta, record, true);
+            assert!(own.a == with_theta.a && own.b == with_theta.b, "{what}");
+            let mut theta = Seeds::none(case.model.n_params(), nu, case.model.n_params());
+            (0..case.model.n_params()).for_each(|k| theta.add_theta(k, k, 1.0));
+            let mut tangents = TangentStepper::new(&case.model, &case.theta, theta);
+            tangents.step(record);
+            let rows = [&tangents.x.q, &tangents.x.v].into_iter().flatten().zip(&with_theta.c);
+            assert!(
+                rows.clone().any(|(x, _)| *x != 0.0) && rows.clone().all(|(x, c)| (x - c).abs() <= 1e-13 * (1.0 + x.abs())),
+                "{what}"
+            );
         }
     }
 }
