@@ -218,10 +218,9 @@ impl Square<'_> {
                 continue;
             }
             for r in 0..B {
-                let from = &a.data()[entry.place + r * entry.down..][..B];
-                let to = &mut self.entries[to + r * self.stride..][..B];
-                for c in 0..B {
-                    to[c] = from[c];
+                let from = a.data()[entry.place + r * entry.down..].first_chunk::<B>();
+                if let (Some(from), Some(to)) = (from, self.entries[to + r * self.stride..].first_chunk_mut::<B>()) {
+                    *to = *from;
                 }
             }
         }

@@ -128,8 +128,8 @@ impl Inverse<'_> {
             let at = p - part.pivots.start;
             self.reduce(simd, part, panel, p, count);
             // later rows have their entries before the diagonal from here
-            for q in at + 1..count {
-                panel[q][at] = panel[at][q];
+            if let Some((own, later)) = panel[at..count].split_first_mut() {
+                later.iter_mut().zip(&own[at + 1..]).for_each(|(row, x)| row[at] = *x);
             }
             let upper = &part.dense.upper(p)[p + 1..];
             let sum: f64 = upper.iter().zip(&panel[at + 1..]).map(|(u, x)| u * x[at]).sum();
