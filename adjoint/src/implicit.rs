@@ -36,7 +36,7 @@ fn sum(row: &[f64]) -> f64 {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Refinement {
     rhs: Vec<f64>,
-    defect: Vec<f64>,
+    pub defect: Vec<f64>,
     /// Largest entries of the columns of a solution and its correction.
     largest: [Vec<f64>; 2],
 }
@@ -92,7 +92,7 @@ fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f64>; 2]) ->
 }
 
 /// Whether a refinement changes the solution for `rhs` by more than [`REFINED`] of its largest entry.
-fn worth_refining(stage: &StageRecord, rhs: Vec<f64>) -> bool {
+pub(crate) fn worth_refining(stage: &StageRecord, rhs: Vec<f64>) -> bool {
     let largest = |x: &[f64]| x[..stage.v.len()].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let mut x = rhs.clone();
     stage.solve_system(&mut x, 1);

@@ -1,5 +1,6 @@
 //! Full Jacobians of a step.
 
+use crate::elastic::{Elastic, stage_of};
 use crate::seeds::Seeds;
 use crate::tangent::TangentStepper;
 use pliant_engine::model::Model;
@@ -20,6 +21,9 @@ pub struct Linearization {
 #[derive(Clone, Debug)]
 pub struct Linearizer<'m> {
     tangent: TangentStepper<'m>,
+    elastic: Elastic,
+    /// Of columns of θ alone, for C where A and B come from elsewhere; made when first needed.
+    of_theta: Option<TangentStepper<'m>>,
     nv: usize,
     nx: usize,
     nu: usize,
@@ -39,11 +43,17 @@ impl<'m> Linearizer<'m> {
         let mut seeds = Seeds::none(columns, nu, model.n_params());
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
-        Self { tangent: TangentStepper::new(model, theta, seeds), nv: model.nv(), nx, nu, np }
+        let tangent = TangentStepper::new(model, theta, seeds);
+        Self { tangent, elastic: Elastic::default(), of_theta: None, nv: model.nv(), nx, nu, np }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
     pub fn linearize(&mut self, step: &StepRecord) -> Linearization {
+        let cx = self.tangent.context();
+        if let Some(stage) = stage_of(cx, step) {
+            let ab = self.elastic.linearize(cx, step, stage, self.nu);
+            return Linearization { c: self.by_theta(step), ..ab };
+        }
         let (nv, m) = (self.nv, self.tangent.seeds.columns);
         let x = &mut self.tangent.x;
         for (first, block) in [(0, &mut x.q), (nv, &mut x.v), (2 * nv, &mut x.z)] {
@@ -60,6 +70,25 @@ impl<'m> Linearizer<'m> {
         };
         let (a, b) = (self.nx, self.nx + self.nu);
         Linearization { a: part(0, a), b: part(a, b), c: part(b, b + self.np) }
+    }
+
+    /// C alone, of a step that remembers nothing.
+    fn by_theta(&mut self, step: &StepRecord) -> Vec<f64> {
+        if self.np == 0 {
+            return Vec::new();
+        }
+        let all = &self.tangent;
+        let tangent = self.of_theta.get_or_insert_with(|| {
+            let mut seeds = Seeds::none(self.np.next_multiple_of(VECTOR), self.nu, self.np);
+            (0..self.np).for_each(|k| seeds.add_theta(k, k, 1.0));
+            all.with_seeds(seeds)
+        });
+        tangent.x.q.fill(0.0);
+        tangent.x.v.fill(0.0);
+        tangent.step(step);
+        let (columns, x) = (tangent.seeds.columns, &tangent.x);
+        let rows = x.q.chunks_exact(columns).chain(x.v.chunks_exact(columns));
+        rows.flat_map(|row| &row[..self.np]).copied().collect()
     }
 }
 

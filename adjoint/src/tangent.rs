@@ -27,9 +27,19 @@ impl<'m> TangentStepper<'m> {
         Self { model, theta, mass: model.row_masses(theta), seeds, x, memory: Memory::default() }
     }
 
+    /// Another one of the same model at the same θ.
+    pub(crate) fn with_seeds(&self, seeds: Seeds) -> Self {
+        Self::new(self.model, self.theta, seeds)
+    }
+
     /// Pushes the tangents through one step.
     pub fn step(&mut self, record: &StepRecord) {
         let cx = Context { model: self.model, theta: self.theta, mass: &self.mass };
         step_tangent(cx, record, &mut self.x, &self.seeds, &mut self.memory);
+    }
+
+    /// What steps are differentiated with.
+    pub(crate) fn context(&self) -> Context<'_> {
+        Context { model: self.model, theta: self.theta, mass: &self.mass }
     }
 }

@@ -5,10 +5,11 @@ mod common;
 
 use common::Case;
 use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, gradcheck};
+use pliant_adjoint::{Seeds, TangentStepper, linearize};
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::scene::{
-    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, Scene, ShapeKind, Sphere, Time,
-    resting_inputs,
+    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, LinearSolver, Scene, ShapeKind,
+    Sphere, Time, resting_inputs,
 };
 use pliant_engine::step::StepOptions;
 
@@ -221,6 +222,74 @@ fn gradients_of_a_sheet_on_a_ball() {
         scene.sphere = vec![Sphere { name: "ball".to_owned(), center: [0.0, 0.0, 0.0], radius: 0.1, friction: 0.4 }];
         scene.contact.rest_gap = 1e-6;
         gradients_after_landing(&format!("on a ball, {integrator:?}"), &scene);
+    }
+}
+
+/// Where all forces are elastic, A and B come from the inverse of the matrix; tangents solve for each column. Held by a hand that moves,
+/// free, at rest in every step, too soft for the inverse, damped (neither of which takes it), and on a line of slots of its own.
+#[test]
+fn jacobians_by_the_inverse_are_those_of_tangents() {
+    let elastic = |integrator, held: &[i64]| {
+        let mut scene = thrown(integrator, 0.05, 0.0);
+        scene.time.step = 1e-2;
+        let clamp = Clamp::Nodes(held.to_vec());
+        let hand = Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp, ..Gripper::default() };
+        scene.gripper = if held.is_empty() { Vec::new() } else { vec![hand] };
+        scene
+    };
+    let mut soft = elastic(Integrator::Euler, &[0, 3]);
+    soft.cloth[0].youngs_modulus = 1e-2;
+    soft.cloth[0].bend_stiffness = Some(1e-9);
+    let mut damped = elastic(Integrator::Euler, &[0]);
+    damped.cloth[0].membrane_damping = 20.0;
+    let mut narrow = elastic(Integrator::Euler, &[0]);
+    narrow.solver.linear = LinearSolver::Band;
+    let cases = [
+        ("held", elastic(Integrator::Euler, &[0, 3]), true),
+        ("free", elastic(Integrator::Euler, &[]), true),
+        ("quasi-static", elastic(Integrator::QuasiStatic, &[0, 1]), true),
+        ("midpoint", elastic(Integrator::Midpoint, &[0]), true),
+        ("soft", soft, true),
+        ("damped", damped, false),
+        ("band", narrow, true),
+    ];
+    for (what, scene, expected) in cases {
+        let mut case = rippling(&scene);
+        (0..).zip(&mut case.u).for_each(|(k, u)| u.iter_mut().for_each(|u| *u += 1e-3 * f64::from(k)));
+        let run = case.run(StepOptions::default());
+        let (nx, nu) = (case.model.ndx(), case.model.nu());
+        for record in &run.records {
+            assert!(record.stages.iter().all(|(_, stage)| stage.elastic == expected), "{what}");
+            let own = linearize(&case.model, &case.theta, record, false);
+            let mut seeds = Seeds::none(nx + nu, nu, case.model.n_params());
+            (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
+            let mut tangents = TangentStepper::new(&case.model, &case.theta, seeds);
+            let n = case.model.nv();
+            (0..n).for_each(|k| (tangents.x.q[k * (nx + nu) + k], tangents.x.v[k * (nx + nu) + n + k]) = (1.0, 1.0));
+            tangents.step(record);
+            let rows = [&tangents.x.q, &tangents.x.v].map(|x| x.chunks_exact(nx + nu));
+            let mut worst = [0.0_f64; 2];
+            for (i, row) in rows.into_iter().flatten().enumerate() {
+                let scale = row.iter().fold(f64::MIN_POSITIVE, |m, x| m.max(x.abs()));
+                let miss = |own: &[f64], row: &[f64]| own.iter().zip(row).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs() / scale));
+                worst[0] = worst[0].max(miss(&own.a[i * nx..(i + 1) * nx], &row[..nx]));
+                worst[1] = worst[1].max(miss(&own.b[i * nu..(i + 1) * nu], &row[nx..]));
+            }
+            println!("{what}: A {:.1e}, B {:.1e}", worst[0], worst[1]);
+            assert!(worst.iter().all(|w| *w < 1e-13), "{what}: {worst:?}");
+            assert!(nu == 0 || own.b.iter().any(|x| *x != 0.0));
+            let with_theta = linearize(&case.model, &case.theta, record, true);
+            assert!(own.a == with_theta.a && own.b == with_theta.b, "{what}");
+            let mut theta = Seeds::none(case.model.n_params(), nu, case.model.n_params());
+            (0..case.model.n_params()).for_each(|k| theta.add_theta(k, k, 1.0));
+            let mut tangents = TangentStepper::new(&case.model, &case.theta, theta);
+            tangents.step(record);
+            let rows = [&tangents.x.q, &tangents.x.v].into_iter().flatten().zip(&with_theta.c);
+            assert!(
+                rows.clone().any(|(x, _)| *x != 0.0) && rows.clone().all(|(x, c)| (x - c).abs() <= 1e-13 * (1.0 + x.abs())),
+                "{what}"
+            );
+        }
     }
 }
 

@@ -41,6 +41,11 @@ impl CouplingPattern {
         self.for_pairs(values, |r, c, k| axpy_rows(x, columns, c, r, k));
     }
 
+    /// `row_p −= row_f K_fp`, of a row as long as the matrix.
+    pub fn subtract_from_row(&self, values: &[[[f64; 3]; 3]], row: &mut [f64]) {
+        self.for_pairs(values, |r, c, k| row[c] -= row[r] * k);
+    }
+
     fn for_pairs(&self, values: &[[[f64; 3]; 3]], mut visit: impl FnMut(usize, usize, f64)) {
         for (&(i, j), block) in self.blocks.iter().zip(values) {
             for (b, row) in block.iter().enumerate() {

@@ -109,6 +109,37 @@ impl Factor {
         self.apply(b, columns, true);
     }
 
+    /// A⁻¹, row-major; for symmetric matrices in fronts at a fraction of the price of its columns' solves.
+    pub fn inverse(&self, out: &mut Vec<f64>) {
+        let (shared, n) = (self.shared(), self.dim());
+        out.clear();
+        out.resize(n * n, 0.0);
+        let (Kind::Frontal(frontal), Symmetry::Symmetric, Some(fronts), true) =
+            (&self.kind, shared.symmetry, &shared.fronts, self.ready)
+        else {
+            (0..n).for_each(|k| out[k * n + k] = 1.0);
+            return self.solve_many(out, n);
+        };
+        let mut ordered = Vec::new();
+        frontal.invert(fronts, &mut ordered);
+        // (symmetric systems have no empty rows)
+        let into_stored = |r: usize, stored: &mut [f64]| {
+            let from = &ordered[fronts.row(shared.layout.storage(r)) * n..][..n];
+            for (to, &at) in stored.as_chunks_mut::<3>().0.iter_mut().zip(&fronts.position) {
+                *to = [from[3 * at], from[3 * at + 1], from[3 * at + 2]];
+            }
+            shared.coupling.subtract_from_row(&self.coupling, stored);
+        };
+        if shared.layout.is_plain() {
+            return out.chunks_exact_mut(n).enumerate().for_each(|(r, out)| into_stored(r, out));
+        }
+        let mut stored = vec![0.0; n];
+        for (r, out) in out.chunks_exact_mut(n).enumerate() {
+            into_stored(r, &mut stored);
+            out.iter_mut().enumerate().for_each(|(c, to)| *to = stored[shared.layout.storage(c)]);
+        }
+    }
+
     /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction
     /// relative to x (largest magnitudes; 0 without steps): what further refinement could still change.
     pub fn solve_refined(&self, a: &NodeMatrix, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {

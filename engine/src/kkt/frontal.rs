@@ -5,7 +5,7 @@
 //! band ([`super::band_lu`]), and each row's pivot and growth are checked likewise.
 
 use super::fronts::{Front, Fronts};
-use super::lanes::{PADDING, subtract_four};
+use super::lanes::{PADDING, ROWS, subtract_four, subtract_from_four};
 use super::symbolic::Shared;
 use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, Symmetry, sum_abs};
 use faer::linalg::matmul::matmul;
@@ -107,7 +107,11 @@ impl Frontal {
             let (k, m) = (b * front.pivots, b * front.rows.len());
             let mut dense = Square { entries: &mut *square, stride: (k + m).next_multiple_of(PADDING), rows: k + m };
             dense.clear(symmetric);
-            dense.load(a, front, b, symmetric, &shared.driven, fronts);
+            let absent = |slot: usize| symmetric && shared.driven[fronts.slot(front.first + slot)];
+            match b {
+                3 => dense.load::<3>(a, front, absent),
+                _ => dense.load::<4>(a, front, absent),
+            }
             for &child in front.children.iter().rev() {
                 let child = &fronts.fronts[child];
                 let len = (b * child.rows.len()).pow(2);
@@ -143,6 +147,15 @@ impl Frontal {
             }
         }
     }
+}
+
+/// Four rows, one after the other.
+#[inline(always)]
+fn four(rows: &mut [f64], stride: usize) -> [&mut [f64]; ROWS] {
+    let (first, rest) = rows.split_at_mut(stride);
+    let (second, rest) = rest.split_at_mut(stride);
+    let (third, fourth) = rest.split_at_mut(stride);
+    [first, second, third, &mut fourth[..stride]]
 }
 
 fn grow(buffer: &mut Vec<f64>, len: usize) {
@@ -195,19 +208,20 @@ impl Square<'_> {
         }
     }
 
-    /// Adds what the matrix has in the front; the driven slots of a symmetric system are rows and columns of the identity.
+    /// Adds what the matrix has in the front, in blocks of `B` rows; slots that are `absent` are rows and columns of the identity.
     #[inline(always)]
-    fn load(&mut self, a: &NodeMatrix, front: &Front, b: usize, symmetric: bool, driven: &[bool], fronts: &Fronts) {
+    fn load<const B: usize>(&mut self, a: &NodeMatrix, front: &Front, absent: impl Fn(usize) -> bool) {
         for entry in &front.entries {
-            let to = entry.row * b * self.stride + entry.column * b;
-            let diagonal = entry.row == entry.column;
-            if symmetric && diagonal && driven[fronts.slot(front.first + entry.row)] {
-                (0..b).for_each(|r| self.entries[to + r * self.stride + r] = 1.0);
+            let to = entry.row * B * self.stride + entry.column * B;
+            if entry.row == entry.column && absent(entry.row) {
+                (0..B).for_each(|r| self.entries[to + r * self.stride + r] = 1.0);
                 continue;
             }
-            for r in 0..b {
-                let from = &a.data()[entry.place + r * entry.down..][..b];
-                self.entries[to + r * self.stride..][..b].copy_from_slice(from);
+            for r in 0..B {
+                let from = a.data()[entry.place + r * entry.down..].first_chunk::<B>();
+                if let (Some(from), Some(to)) = (from, self.entries[to + r * self.stride..].first_chunk_mut::<B>()) {
+                    *to = *from;
+                }
             }
         }
     }
@@ -314,52 +328,89 @@ impl Square<'_> {
         Ok(())
     }
 
-    /// Reduces the rows below by rows `first` to `last` of U; those from `end` on in the columns before `end` alone, unless `whole`.
+    /// Reduces the rows below by rows `first` to `last` of U, four at most; those from `end` on in the columns before `end` alone, unless
+    /// `whole`.
     #[inline(always)]
     fn reduce<S: Simd>(&mut self, simd: S, first: usize, last: usize, end: usize, whole: bool, inverse: &[f64]) {
         let (stride, count) = (self.stride, last - first);
         let (head, below) = self.entries[first * stride..self.rows * stride].split_at_mut(count * stride);
         let upper = |i: usize| &head[i.min(count - 1) * stride..(i.min(count - 1) + 1) * stride];
-        let [u0, u1, u2, u3] = [upper(0), upper(1), upper(2), upper(3)];
         let mut inner = [[0.0; 4]; 4];
         for (i, row) in inner.iter_mut().enumerate().take(count) {
             row[..count].copy_from_slice(&upper(i)[first..last]);
         }
         let inverse: [f64; 4] = std::array::from_fn(|i| inverse.get(first + i).copied().filter(|_| i < count).unwrap_or(0.0));
-        for (r, row) in below.chunks_exact_mut(stride).enumerate() {
-            let mut l = [0.0; 4];
-            for i in 0..count {
-                let mut own = row[first + i];
-                for j in 0..i {
-                    own -= l[j] * inner[j][i];
+        let until = |r: usize| if whole || last + r < end { stride } else { end };
+        let mut r = 0;
+        for rows in below.chunks_mut(ROWS * stride) {
+            let mut l = [[0.0; 4]; ROWS];
+            for (row, l) in rows.chunks_exact_mut(stride).zip(&mut l) {
+                for i in 0..count {
+                    let mut own = row[first + i];
+                    for j in 0..i {
+                        own -= l[j] * inner[j][i];
+                    }
+                    l[i] = own * inverse[i];
                 }
-                l[i] = own * inverse[i];
+                row[first..last].copy_from_slice(&l[..count]);
             }
-            row[first..last].copy_from_slice(&l[..count]);
-            let until = if whole || last + r < end { stride } else { end };
-            let range = last..until;
-            subtract_four(
-                simd,
-                &mut row[range.clone()],
-                l,
-                [&u0[range.clone()], &u1[range.clone()], &u2[range.clone()], &u3[range]],
-            );
+            let range = last..until(r);
+            if rows.len() == ROWS * stride && until(r) == until(r + ROWS - 1) {
+                let rows = four(rows, stride).map(|row| &mut row[range.clone()]);
+                let above = |i: usize| &upper(i)[range.clone()];
+                match count {
+                    1 => subtract_from_four(simd, rows, &l, [above(0)]),
+                    2 => subtract_from_four(simd, rows, &l, [above(0), above(1)]),
+                    3 => subtract_from_four(simd, rows, &l, [above(0), above(1), above(2)]),
+                    _ => subtract_from_four(simd, rows, &l, [above(0), above(1), above(2), above(3)]),
+                }
+            } else {
+                for (k, (row, l)) in rows.chunks_exact_mut(stride).zip(l).enumerate() {
+                    let range = last..until(r + k);
+                    let above = |i: usize| &upper(i)[range.clone()];
+                    subtract_four(simd, &mut row[range.clone()], l, [above(0), above(1), above(2), above(3)]);
+                }
+            }
+            r += ROWS;
         }
     }
 
-    /// Reduces the upper triangle of the rows below up to row `end` by rows `first` to `last`.
+    /// Reduces the upper triangle of the rows below up to row `end` by rows `first` to `last`, four at most.
     #[inline(always)]
     fn reduce_symmetric<S: Simd>(&mut self, simd: S, first: usize, last: usize, end: usize, inverse: &[f64]) {
         let (stride, count) = (self.stride, last - first);
         let (head, below) = self.entries[first * stride..end * stride].split_at_mut(count * stride);
         let upper = |i: usize| &head[i.min(count - 1) * stride..(i.min(count - 1) + 1) * stride];
-        let rows = [upper(0), upper(1), upper(2), upper(3)];
+        let pivots = [upper(0), upper(1), upper(2), upper(3)];
         let inverse: [f64; 4] = std::array::from_fn(|i| inverse.get(first + i).copied().filter(|_| i < count).unwrap_or(0.0));
-        for (r, row) in below.chunks_exact_mut(stride).enumerate() {
-            let own = last + r;
+        // rows whose diagonals are in the same vector begin with it together
+        let single = (last.next_multiple_of(ROWS) - last).min(end - last);
+        let (before, groups) = below.split_at_mut(single * stride);
+        let factors = |own: usize| -> [f64; 4] { std::array::from_fn(|i| pivots[i][own] * inverse[i]) };
+        let mut own = last;
+        for row in before.chunks_exact_mut(stride) {
             let from = own / PADDING * PADDING;
-            let l = std::array::from_fn(|i| rows[i][own] * inverse[i]);
-            subtract_four(simd, &mut row[from..], l, rows.map(|u| &u[from..]));
+            subtract_four(simd, &mut row[from..], factors(own), pivots.map(|u| &u[from..]));
+            own += 1;
+        }
+        for rows in groups.chunks_mut(ROWS * stride) {
+            let from = own / PADDING * PADDING;
+            if rows.len() < ROWS * stride {
+                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
+                    subtract_four(simd, &mut row[from..], factors(own + k), pivots.map(|u| &u[from..]));
+                }
+                break;
+            }
+            let l = [factors(own), factors(own + 1), factors(own + 2), factors(own + 3)];
+            let rows = four(rows, stride).map(|row| &mut row[from..]);
+            let above = pivots.map(|u| &u[from..]);
+            match count {
+                1 => subtract_from_four(simd, rows, &l, [above[0]]),
+                2 => subtract_from_four(simd, rows, &l, [above[0], above[1]]),
+                3 => subtract_from_four(simd, rows, &l, [above[0], above[1], above[2]]),
+                _ => subtract_from_four(simd, rows, &l, above),
+            }
+            own += ROWS;
         }
     }
 

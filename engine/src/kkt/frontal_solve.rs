@@ -5,7 +5,7 @@
 
 use super::frontal::Frontal;
 use super::fronts::{Front, Fronts};
-use super::lanes::{PANEL, products, reduce_row, subtract_four};
+use super::lanes::{PANEL, products_in_vectors, reduce_row, subtract_four};
 use super::symbolic::Shared;
 use pulp::{Arch, Simd, WithSimd};
 use std::cell::RefCell;
@@ -46,7 +46,8 @@ impl Frontal {
                 let Self(factor, fronts, b, columns, form, scratch) = self;
                 match columns {
                     0 => {}
-                    1 => factor.solve_one(simd, fronts, b, form, scratch),
+                    1 if fronts.block == 3 => factor.solve_one::<S, 3>(simd, fronts, b, form, scratch),
+                    1 => factor.solve_one::<S, 4>(simd, fronts, b, form, scratch),
                     _ => factor.solve_many(simd, fronts, b, columns, form, scratch),
                 }
             }
@@ -62,7 +63,7 @@ impl Frontal {
 
     /// The pivots' rows of a front, and those of L beyond.
     #[inline(always)]
-    fn of(&self, front: &Front, b: usize) -> Dense<'_> {
+    pub(super) fn of(&self, front: &Front, b: usize) -> Dense<'_> {
         let (k, m) = (b * front.pivots, b * front.rows.len());
         let lower = if self.lower.is_empty() { &[][..] } else { &self.lower[front.lower..front.lower + k * m] };
         let (first, upper) = (b * front.first, &self.upper[front.upper..front.upper + k * (k + m)]);
@@ -70,39 +71,39 @@ impl Frontal {
     }
 
     #[inline(always)]
-    fn solve_one<S: Simd>(&self, simd: S, fronts: &Fronts, b: &mut [f64], form: Form, scratch: &mut Scratch) {
+    fn solve_one<S: Simd, const B: usize>(&self, simd: S, fronts: &Fronts, b: &mut [f64], form: Form, scratch: &mut Scratch) {
         let Scratch { ordered, local, .. } = scratch;
-        let block = fronts.block;
         ordered.resize(b.len(), 0.0);
-        for (slot, x) in b.chunks_exact(block).enumerate() {
-            ordered[block * fronts.position[slot]..][..block].copy_from_slice(x);
+        local.resize(B * fronts.widest, 0.0);
+        let slots = ordered.as_chunks_mut::<B>().0;
+        for (x, &position) in b.as_chunks::<B>().0.iter().zip(&fronts.position) {
+            slots[position] = *x;
         }
-        local.resize(block * fronts.widest, 0.0);
         for front in &fronts.fronts {
-            let dense = self.of(front, block);
-            let x = &mut local[..dense.f];
-            let first = block * front.first;
-            x[..dense.k].copy_from_slice(&ordered[first..first + dense.k]);
-            x[dense.k..].fill(0.0);
-            dense.forward(simd, x, form);
-            ordered[first..first + dense.k].copy_from_slice(&x[..dense.k]);
-            for (&row, x) in front.rows.iter().zip(x[dense.k..].chunks_exact(block)) {
-                ordered[block * row..][..block].iter_mut().zip(x).for_each(|(y, x)| *y += x);
+            let dense = self.of(front, B);
+            let (own, rows) = local[..dense.f].as_chunks_mut::<B>().0.split_at_mut(front.pivots);
+            own.iter_mut().zip(&slots[front.first..]).for_each(|(x, slot)| *x = *slot);
+            rows.iter_mut().for_each(|x| *x = [0.0; B]);
+            dense.forward(simd, &mut local[..dense.f], form);
+            let (own, rows) = local[..dense.f].as_chunks::<B>().0.split_at(front.pivots);
+            own.iter().zip(&mut slots[front.first..]).for_each(|(x, slot)| *slot = *x);
+            for (&row, x) in front.rows.iter().zip(rows) {
+                slots[row].iter_mut().zip(x).for_each(|(y, x)| *y += x);
             }
         }
         for front in fronts.fronts.iter().rev() {
-            let dense = self.of(front, block);
-            let x = &mut local[..dense.f];
-            let first = block * front.first;
-            x[..dense.k].copy_from_slice(&ordered[first..first + dense.k]);
-            for (&row, x) in front.rows.iter().zip(x[dense.k..].chunks_exact_mut(block)) {
-                x.copy_from_slice(&ordered[block * row..][..block]);
+            let dense = self.of(front, B);
+            let (own, rows) = local[..dense.f].as_chunks_mut::<B>().0.split_at_mut(front.pivots);
+            own.iter_mut().zip(&slots[front.first..]).for_each(|(x, slot)| *x = *slot);
+            for (&row, x) in front.rows.iter().zip(rows) {
+                *x = slots[row];
             }
-            dense.backward(simd, x, form);
-            ordered[first..first + dense.k].copy_from_slice(&x[..dense.k]);
+            dense.backward(simd, &mut local[..dense.f], form);
+            let own = local[..dense.k].as_chunks::<B>().0;
+            own.iter().zip(&mut slots[front.first..]).for_each(|(x, slot)| *slot = *x);
         }
-        for (slot, x) in b.chunks_exact_mut(block).enumerate() {
-            x.copy_from_slice(&ordered[block * fronts.position[slot]..][..block]);
+        for (x, &position) in b.as_chunks_mut::<B>().0.iter_mut().zip(&fronts.position) {
+            *x = slots[position];
         }
     }
 
@@ -170,19 +171,21 @@ fn is_zero(rows: &[[f64; PANEL]], used: usize) -> bool {
 
 /// The factor of a front: `k` pivots of `f` rows.
 #[derive(Clone, Copy)]
-struct Dense<'a> {
-    k: usize,
-    f: usize,
+pub(super) struct Dense<'a> {
+    pub k: usize,
+    pub f: usize,
     /// L before the diagonal, U from it on.
     upper: &'a [f64],
     /// The other rows of L.
     lower: &'a [f64],
-    inverse: &'a [f64],
+    /// 1 over the pivots.
+    pub inverse: &'a [f64],
 }
 
 impl<'a> Dense<'a> {
+    /// Row `p` of the pivots.
     #[inline(always)]
-    fn upper(&self, p: usize) -> &'a [f64] {
+    pub fn upper(&self, p: usize) -> &'a [f64] {
         &self.upper[p * self.f..(p + 1) * self.f]
     }
 
@@ -209,7 +212,7 @@ impl<'a> Dense<'a> {
         }
         for (quad, x) in rows.chunks_mut(4).enumerate() {
             let row = |i: usize| self.lower((self.k + 4 * quad + i).min(self.f - 1));
-            let sums = products(simd, [row(0), row(1), row(2), row(3)], own);
+            let sums = products_in_vectors(simd, [row(0), row(1), row(2), row(3)], own);
             x.iter_mut().zip(sums).for_each(|(x, sum)| *x -= sum);
         }
     }
@@ -248,7 +251,7 @@ impl<'a> Dense<'a> {
             let last = self.k.min(first + 4);
             let (own, after) = x.split_at_mut(last);
             let row = |i: usize| &self.upper((first + i).min(last - 1))[last..];
-            let sums = products(simd, [row(0), row(1), row(2), row(3)], after);
+            let sums = products_in_vectors(simd, [row(0), row(1), row(2), row(3)], after);
             for p in (first..last).rev() {
                 let inner: f64 = self.upper(p)[p + 1..last].iter().zip(&own[p + 1..]).map(|(u, x)| u * x).sum();
                 own[p] = (own[p] - sums[p - first] - inner) * self.inverse[p];

@@ -1,4 +1,5 @@
 //! Loops over the numbers of rows in the processor's vectors, multiplication and addition fused where it can.
+#![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use pulp::Simd;
 use std::ops::Range;
@@ -27,6 +28,55 @@ pub(crate) fn subtract_four<S: Simd>(simd: S, y: &mut [f64], a: [f64; 4], x: [&[
         let changed = change(load(rest), load(t0), load(t1), load(t2), load(t3));
         simd.partial_store_f64s(rest, changed);
     }
+}
+
+/// Rows that [`subtract_from_four`] changes together: what it loads of x serves them all.
+pub(super) const ROWS: usize = 4;
+
+/// `y_r −= Σ_i a_ri x_i` for four rows y, equally long; the first `P` of the factors, x as long as y at least.
+#[inline(always)]
+pub(super) fn subtract_from_four<S: Simd, const P: usize>(simd: S, y: [&mut [f64]; ROWS], a: &[[f64; 4]; ROWS], x: [&[f64]; P]) {
+    let n = y[0].len();
+    let mut factors = [[simd.splat_f64s(0.0); P]; ROWS];
+    for r in 0..ROWS {
+        for i in 0..P {
+            factors[r][i] = simd.splat_f64s(a[r][i]);
+        }
+    }
+    let [y0, y1, y2, y3] = y;
+    let ((y0, t0), (y1, t1)) = (S::as_mut_simd_f64s(&mut y0[..n]), S::as_mut_simd_f64s(&mut y1[..n]));
+    let ((y2, t2), (y3, t3)) = (S::as_mut_simd_f64s(&mut y2[..n]), S::as_mut_simd_f64s(&mut y3[..n]));
+    let whole = y0.len();
+    let (y1, y2, y3) = (&mut y1[..whole], &mut y2[..whole], &mut y3[..whole]);
+    let mut wide = [&[][..]; P];
+    for i in 0..P {
+        wide[i] = &S::as_simd_f64s(&x[i][..n]).0[..whole];
+    }
+    for k in 0..whole {
+        let mut sums = [y0[k], y1[k], y2[k], y3[k]];
+        for i in 0..P {
+            let x = wide[i][k];
+            for r in 0..ROWS {
+                sums[r] = simd.negate_mul_add_e_f64s(factors[r][i], x, sums[r]);
+            }
+        }
+        (y0[k], y1[k], y2[k], y3[k]) = (sums[0], sums[1], sums[2], sums[3]);
+    }
+    if t0.is_empty() {
+        return;
+    }
+    let mut sums =
+        [simd.partial_load_f64s(t0), simd.partial_load_f64s(t1), simd.partial_load_f64s(t2), simd.partial_load_f64s(t3)];
+    for i in 0..P {
+        let x = simd.partial_load_f64s(S::as_simd_f64s(&x[i][..n]).1);
+        for r in 0..ROWS {
+            sums[r] = simd.negate_mul_add_e_f64s(factors[r][i], x, sums[r]);
+        }
+    }
+    simd.partial_store_f64s(t0, sums[0]);
+    simd.partial_store_f64s(t1, sums[1]);
+    simd.partial_store_f64s(t2, sums[2]);
+    simd.partial_store_f64s(t3, sums[3]);
 }
 
 /// `y ← Σ_i a_i x_i` over rows x of a table, the one numbered `FIRST` and those after it; table and y in pieces of [`PADDING`] columns.
@@ -106,6 +156,37 @@ pub(super) fn products<S: Simd>(simd: S, rows: [&[f64]; 4], x: &[f64]) -> [f64; 
         sums[3] += td[k] * x;
     }
     sums
+}
+
+/// [`products`] with what is beyond whole vectors in one more of them.
+#[inline(always)]
+pub(super) fn products_in_vectors<S: Simd>(simd: S, rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
+    let n = x.len();
+    let (x, rest) = S::as_simd_f64s(x);
+    let [(a, ta), (b, tb), (c, tc), (d, td)] = [
+        S::as_simd_f64s(&rows[0][..n]),
+        S::as_simd_f64s(&rows[1][..n]),
+        S::as_simd_f64s(&rows[2][..n]),
+        S::as_simd_f64s(&rows[3][..n]),
+    ];
+    let zero = simd.splat_f64s(0.0);
+    let (mut s, mut t, mut u, mut v) = (zero, zero, zero, zero);
+    let n = x.len();
+    let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+    for k in 0..n {
+        s = simd.mul_add_e_f64s(a[k], x[k], s);
+        t = simd.mul_add_e_f64s(b[k], x[k], t);
+        u = simd.mul_add_e_f64s(c[k], x[k], u);
+        v = simd.mul_add_e_f64s(d[k], x[k], v);
+    }
+    if !rest.is_empty() {
+        let x = simd.partial_load_f64s(rest);
+        s = simd.mul_add_e_f64s(simd.partial_load_f64s(ta), x, s);
+        t = simd.mul_add_e_f64s(simd.partial_load_f64s(tb), x, t);
+        u = simd.mul_add_e_f64s(simd.partial_load_f64s(tc), x, u);
+        v = simd.mul_add_e_f64s(simd.partial_load_f64s(td), x, v);
+    }
+    [simd.reduce_sum_f64s(s), simd.reduce_sum_f64s(t), simd.reduce_sum_f64s(u), simd.reduce_sum_f64s(v)]
 }
 
 /// Columns of a panel: what one pass over a matrix changes in registers.

@@ -79,6 +79,11 @@ impl NodeMatrix {
         self.data.fill(0.0);
     }
 
+    /// Whether all entries are zero.
+    pub fn is_zero(&self) -> bool {
+        self.data.iter().all(|x| *x == 0.0)
+    }
+
     /// All stored entries.
     pub(super) fn data(&self) -> &[f64] {
         &self.data

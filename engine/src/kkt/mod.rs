@@ -37,6 +37,7 @@ mod dense_lu;
 mod driven;
 mod factor;
 mod frontal;
+mod frontal_inverse;
 mod frontal_solve;
 mod fronts;
 pub(crate) mod lanes;

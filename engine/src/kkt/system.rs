@@ -4,7 +4,7 @@
 use super::coupling::Coupling;
 use super::factor::Factor;
 use super::square::{Square, SquareLu};
-use super::{KktError, NodeLayout, NodeMatrix, Symbolic};
+use super::{KktError, NodeLayout, NodeMatrix, Symbolic, Symmetry};
 use std::sync::Arc;
 
 /// The first rows belong to nodes and twists (see [`NodeLayout`]), the others to the bodies' degrees of freedom:
@@ -119,6 +119,16 @@ impl SystemFactor {
         self.nodes.all_positive()
     }
 
+    /// Whether the nodes' block is symmetric but for driven rows.
+    pub fn is_symmetric(&self) -> bool {
+        self.nodes.symbolic().symmetry() == Symmetry::Symmetric
+    }
+
+    /// The inverse of the nodes' block, row-major: see [`Factor::inverse`].
+    pub fn inverse_of_nodes(&self, out: &mut Vec<f64>) {
+        self.nodes.inverse(out);
+    }
+
     /// `b ← A⁻¹ b`.
     pub fn solve(&self, b: &mut [f64]) {
         self.solve_many(b, 1);
@@ -168,7 +178,7 @@ impl SystemFactor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kkt::{Method, Symmetry};
+    use crate::kkt::Method;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 

@@ -100,6 +100,33 @@ fn grid(n: usize, reach: usize) -> NodeLayout {
     NodeLayout::sparse(n * n, &[], None, &patches).unwrap()
 }
 
+/// Inverses are what solves of the identity's columns are, whatever the method, and exactly symmetric where fronts find them.
+#[test]
+fn inverses_are_those_of_solves() {
+    let small: Vec<_> = layouts().into_iter().map(|(layout, what)| (Arc::new(layout), what)).collect();
+    let wide = [(Arc::new(grid(12, 2)), "wide"), (Arc::new(grid(24, 3)), "wider")];
+    let mut rng = Lcg(23);
+    for (layout, what) in small.iter().chain(&wide) {
+        let driven = some_driven(layout.n_nodes());
+        for (method, symmetry) in METHODS.into_iter().flat_map(|m| KINDS.map(|s| (m, s))) {
+            let a = random_matrix(symmetry, layout, &driven, &mut rng);
+            let Ok(factor) = factor_of(method, symmetry, &a, &driven) else { continue };
+            let n = a.dim();
+            let (mut inverse, mut columns) = (vec![f64::NAN; 3], vec![0.0; n * n]);
+            factor.inverse(&mut inverse);
+            (0..n).for_each(|k| columns[k * n + k] = 1.0);
+            factor.solve_many(&mut columns, n);
+            assert_close(&inverse, &columns, 1e-14, &format!("{what}, {method:?}, {symmetry:?}"));
+            let free = |r: usize| r >= 3 * driven.len() || !driven[r / 3];
+            if (method, symmetry) == (Method::Sparse, Symmetry::Symmetric) {
+                for (r, c) in (0..n).flat_map(|r| (0..n).map(move |c| (r, c))).filter(|(r, c)| free(*r) && free(*c)) {
+                    assert_eq!(inverse[r * n + c], inverse[c * n + r], "{what}, ({r}, {c})");
+                }
+            }
+        }
+    }
+}
+
 /// Fronts so wide that their last rows are changed by products of matrices.
 #[test]
 fn wide_fronts_solve_too() {

@@ -41,6 +41,8 @@ pub struct StageRecord {
     pub dv: System,
     /// A = ∂r/∂v⁺ at the root, contacts at fixed w: see [`contact_rows`](StageRecord::subtract_system).
     pub matrix: System,
+    /// Whether forces depend on positions alone and nothing touches: then K = σ M − h a1 ∂f/∂q̄ in free rows, and is symmetric.
+    pub elastic: bool,
     /// The factorization of K, A with the contacts condensed into it.
     pub factor: SystemFactor,
     /// Mass matrix of the bodies at q̄, armatures included.
@@ -90,6 +92,8 @@ impl StageRecord {
         }
         let body_mass = stage.body_partials(ws);
         let (middle, end) = stage.turns(&ws.it.v);
+        let nothing_touches = stage.model.tree.nv() == 0 && stage.measure.rows.is_empty() && ws.spots.spots.is_empty();
+        let elastic = nothing_touches && ws.factor.is_symmetric() && ws.dv.nodes.is_zero();
         let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
         Ok(Self {
             h: stage.h,
@@ -103,6 +107,7 @@ impl StageRecord {
             dq,
             dv,
             matrix,
+            elastic,
             factor: ws.factor.clone(),
             body_mass,
             u: stage.u.to_vec(),

@@ -47,7 +47,22 @@ impl Law for GravityLaw {
 
 /// [`GravityLaw`] on many nodes.
 #[derive(Clone, Debug)]
-pub struct Gravity(Automatic<GravityLaw>);
+pub struct Gravity {
+    automatic: Automatic<GravityLaw>,
+    weights: Vec<Weight>,
+}
+
+/// An [`Element`] without indirection, but for extra masses.
+#[derive(Clone, Copy, Debug)]
+struct Weight {
+    node: usize,
+    /// Magnitude and tilts.
+    field: [usize; 3],
+    length: usize,
+    density: usize,
+    fraction: f64,
+    has_extras: bool,
+}
 
 /// g and ∂g/∂(magnitude, tilt₀, tilt₁).
 #[derive(Clone, Copy)]
@@ -73,36 +88,51 @@ impl Gravity {
     pub fn new(elements: Vec<Element>) -> Self {
         let fits = |e: &Element| e.nodes.len() == 1 && e.params.len() >= EXTRAS && e.constants.len() == 1;
         assert!(elements.iter().all(fits), "gravity: an element has the wrong number of nodes, parameters or constants");
-        Self(Automatic::new(GravityLaw, elements))
+        let weight = |e: &Element| Weight {
+            node: e.nodes[0],
+            field: [e.params[MAGNITUDE], e.params[1], e.params[2]],
+            length: e.params[LENGTH],
+            density: e.params[DENSITY],
+            fraction: e.constants[0],
+            has_extras: e.params.len() > EXTRAS,
+        };
+        let weights = elements.iter().map(weight).collect();
+        Self { automatic: Automatic::new(GravityLaw, elements), weights }
     }
 
-    /// Calls `each(element, field)`, with the trigonometry done once for all elements that read the same gravity.
-    fn for_each(&self, theta: &[f64], mut each: impl FnMut(&Element, &Field)) {
+    /// Calls `each(number of the element, field)`, with the trigonometry done once for all elements that read the same gravity.
+    fn for_each(&self, theta: &[f64], mut each: impl FnMut(usize, &Field)) {
         let mut known: Option<([usize; 3], Field)> = None;
-        for e in self.0.elements() {
-            let indices = [e.params[MAGNITUDE], e.params[1], e.params[2]];
+        for (k, weight) in self.weights.iter().enumerate() {
+            let indices = weight.field;
             if known.as_ref().is_none_or(|(same, _)| *same != indices) {
                 known = Some((indices, Field::new(indices.map(|k| theta[k]))));
             }
             if let Some((_, field)) = &known {
-                each(e, field);
+                each(k, field);
             }
         }
     }
-}
 
-fn mass_of(e: &Element, theta: &[f64]) -> f64 {
-    let continuous = theta[e.params[LENGTH]] * theta[e.params[DENSITY]] * e.constants[0];
-    e.params[EXTRAS..].iter().fold(continuous, |sum, &k| sum + theta[k])
+    /// Mass of element `k`.
+    #[inline]
+    fn mass(&self, k: usize, theta: &[f64]) -> f64 {
+        let weight = &self.weights[k];
+        let continuous = theta[weight.length] * theta[weight.density] * weight.fraction;
+        if !weight.has_extras {
+            return continuous;
+        }
+        self.automatic.elements()[k].params[EXTRAS..].iter().fold(continuous, |sum, &k| sum + theta[k])
+    }
 }
 
 impl Term for Gravity {
     fn name(&self) -> &str {
-        self.0.law().name()
+        self.automatic.law().name()
     }
 
     fn add_force(&self, at: &Point, f: &mut [f64]) {
-        self.for_each(at.theta, |e, field| add_node(f, e.nodes[0], &(field.g * mass_of(e, at.theta))));
+        self.for_each(at.theta, |k, field| add_node(f, self.weights[k].node, &(field.g * self.mass(k, at.theta))));
     }
 
     fn add_jacobian(&self, at: &Point, f: &mut [f64], _dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
@@ -110,9 +140,10 @@ impl Term for Gravity {
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
-        self.for_each(at.theta, |e, field| {
+        self.for_each(at.theta, |k, field| {
+            let e = &self.automatic.elements()[k];
             let (length, density, fraction) = (at.theta[e.params[LENGTH]], at.theta[e.params[DENSITY]], e.constants[0]);
-            let m = mass_of(e, at.theta);
+            let m = self.mass(k, at.theta);
             for a in 0..3 {
                 let row = 3 * e.nodes[0] + a;
                 for (&param, slope) in e.params.iter().zip(&field.slopes) {
@@ -129,7 +160,7 @@ impl Term for Gravity {
 
     fn energy(&self, at: &Point) -> f64 {
         let mut sum = 0.0;
-        self.for_each(at.theta, |e, field| sum -= field.g.dot(&at.position(e.nodes[0])) * mass_of(e, at.theta));
+        self.for_each(at.theta, |k, field| sum -= field.g.dot(&at.position(self.weights[k].node)) * self.mass(k, at.theta));
         sum
     }
 
@@ -138,7 +169,7 @@ impl Term for Gravity {
     }
 
     fn visit_stencils(&self, visit: &mut dyn FnMut(&[usize])) {
-        self.0.visit_stencils(visit);
+        self.automatic.visit_stencils(visit);
     }
 }
 

@@ -164,7 +164,9 @@ impl Term for Membrane {
     }
 
     fn energy(&self, at: &Point) -> f64 {
-        self.automatic.energy(at)
+        let mut sum = 0.0;
+        pieces::add(&self.faces, at, Wanted::Energy(&mut sum));
+        sum
     }
 
     fn inner(&self) -> bool {

@@ -33,6 +33,8 @@ pub(super) enum Wanted<'a> {
     Slopes(&'a mut [f64], &'a mut NodeMatrix, Geometric<'a>, &'a [Place]),
     /// Stresses at displaced positions, to first order.
     Stresses(&'a [f64], &'a mut [f64]),
+    /// Their sum.
+    Energy(&'a mut f64),
 }
 
 /// Eight triangles, a lane each.
@@ -101,6 +103,12 @@ fn run<S: Simd>(simd: S, faces: &[Face<4>], at: &Point, mut wanted: Wanted, piec
                 }
                 piece.scatter_slopes(faces, &places[9 * first..], dq);
             }
+            Wanted::Energy(sum) => {
+                for v in 0..vectors {
+                    piece.energy(simd, v);
+                }
+                **sum += piece.stress[0][..faces.len()].iter().sum::<f64>();
+            }
             Wanted::Stresses(displacement, axial) => {
                 gather_edges(faces, displacement, &mut piece.moved);
                 for v in 0..vectors {
@@ -160,10 +168,15 @@ fn columns<T: Number>(e: [Three<T>; 2], b: &[[T; 2]; 2]) -> [Three<T>; 2] {
 
 impl<T: Number> Triangle<T> {
     #[inline(always)]
-    fn stress(&self) -> [T; 3] {
+    fn strain(&self) -> [T; 3] {
         let (half, [x, y]) = (self.by_area.by(0.5), self.f);
         let rest = half.same(0.5);
-        stress([x.dot(x) * half - rest, y.dot(y) * half - rest, x.dot(y) * half], self.moduli)
+        [x.dot(x) * half - rest, y.dot(y) * half - rest, x.dot(y) * half]
+    }
+
+    #[inline(always)]
+    fn stress(&self) -> [T; 3] {
+        stress(self.strain(), self.moduli)
     }
 
     /// S bᵢ.
@@ -178,13 +191,18 @@ impl Piece {
     #[inline(always)]
     fn gather(&mut self, faces: &[Face<4>], at: &Point) {
         gather_edges(faces, at.q, &mut self.edges);
+        let (mut params, mut shared) = ([usize::MAX; 4], [0.0; 3]);
         for (lane, face) in faces.iter().enumerate() {
             for i in 0..2 {
                 (self.hats[i][0][lane], self.hats[i][1][lane]) = (face.hats[i + 1][0], face.hats[i + 1][1]);
             }
-            let p = face.values(at.theta);
-            let [first, second] = if is_slack(face, at) { [0.0; 2] } else { moduli(p) };
-            let numbers = [1.0 / p[0], face.fraction, first, second];
+            // mostly the same for all
+            if face.params != params {
+                let p = face.values(at.theta);
+                let [first, second] = if is_slack(face, at) { [0.0; 2] } else { moduli(p) };
+                (params, shared) = (face.params, [1.0 / p[0], first, second]);
+            }
+            let numbers = [shared[0], face.fraction, shared[1], shared[2]];
             for (to, x) in self.numbers.iter_mut().zip(numbers) {
                 to[lane] = x;
             }
@@ -233,6 +251,15 @@ impl Piece {
         for k in 0..3 {
             (here[k] + more[k]).store(&mut self.stress[k], v);
         }
+    }
+
+    /// W = fraction · area · ½ (G : S), in the first stress's place.
+    #[inline(always)]
+    fn energy<S: Simd>(&mut self, simd: S, v: usize) {
+        let t = self.triangle(simd, v);
+        let (s, g) = (t.stress(), t.strain());
+        let product = (g[0] * s[0]).plus(g[1], s[1]).plus(g[2].by(2.0), s[2]);
+        (product * t.fraction * t.by_area.under(0.5)).store(&mut self.stress[0], v);
     }
 
     #[inline(always)]

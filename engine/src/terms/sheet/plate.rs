@@ -208,7 +208,7 @@ impl Term for Plate {
     }
 
     fn energy(&self, at: &Point) -> f64 {
-        self.automatic.energy(at)
+        self.pieces.energy(&self.patches, at)
     }
 
     fn inner(&self) -> bool {

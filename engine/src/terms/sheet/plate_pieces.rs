@@ -11,6 +11,7 @@ use crate::terms::stencil::{Block, add_node};
 use crate::terms::wide::{LANES, Lanes, Number, Three, Wide};
 use crate::terms::{Point, Vec3};
 use pulp::{Arch, Simd, WithSimd};
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::OnceLock;
 
@@ -94,6 +95,29 @@ impl Pieces {
         PIECE.with_borrow_mut(|piece| Arch::new().dispatch(Run(self, patches, at, f, dq, piece)));
     }
 
+    /// The sum of their energies.
+    pub fn energy(&self, patches: &[Patch], at: &Point) -> f64 {
+        struct Run<'a>(&'a Pieces, &'a [Patch], &'a Point<'a>, &'a mut Piece);
+        impl WithSimd for Run<'_> {
+            type Output = f64;
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) -> f64 {
+                let Self(pieces, patches, at, piece) = self;
+                let mut sum = 0.0;
+                for (n, slots) in pieces.slots.chunks(LANES).enumerate() {
+                    let constants = pieces.constants(patches, n, at);
+                    piece.gather(slots, &constants, at);
+                    for v in 0..slots.len().div_ceil(S::F64_LANES) {
+                        piece.energy(simd, v, &constants.rest);
+                    }
+                    sum += piece.f[0][0][..slots.len()].iter().sum::<f64>();
+                }
+                sum
+            }
+        }
+        PIECE.with_borrow_mut(|piece| Arch::new().dispatch(Run(self, patches, at, piece)))
+    }
+
     #[inline(always)]
     fn run<S: Simd>(
         &self,
@@ -104,17 +128,11 @@ impl Pieces {
         mut dq: Option<&mut NodeMatrix>,
         piece: &mut Piece,
     ) {
-        let constants = self.constants.get_or_init(|| patches.chunks(LANES).map(|p| Constants::new(p, at.theta)).collect());
         let found = dq.as_ref().map(|dq| self.places(dq));
         for (n, slots) in self.slots.chunks(LANES).enumerate() {
             let first = n * LANES;
-            let mut constants = &constants[n];
-            let made;
-            if slots.iter().enumerate().any(|(lane, s)| at.theta[s.params[1]] != constants.nu[lane]) {
-                made = Constants::new(&patches[first..first + slots.len()], at.theta);
-                constants = &made;
-            }
-            piece.gather(slots, constants, at);
+            let constants = self.constants(patches, n, at);
+            piece.gather(slots, &constants, at);
             for v in 0..slots.len().div_ceil(S::F64_LANES) {
                 piece.evaluate(simd, v, &constants.rest, dq.is_some());
             }
@@ -125,8 +143,18 @@ impl Pieces {
         }
     }
 
+    /// Constants of piece `n`: those kept, unless ν is another.
+    #[inline(always)]
+    fn constants(&self, patches: &[Patch], n: usize, at: &Point) -> Cow<'_, Constants> {
+        let kept = self.constants.get_or_init(|| patches.chunks(LANES).map(|p| Constants::new(p, at.theta)).collect());
+        let (first, kept) = (n * LANES, &kept[n]);
+        let last = patches.len().min(first + LANES);
+        let changed = self.slots[first..last].iter().zip(&kept.nu).any(|(s, nu)| at.theta[s.params[1]] != *nu);
+        if changed { Cow::Owned(Constants::new(&patches[first..last], at.theta)) } else { Cow::Borrowed(kept) }
+    }
+
     /// Places of all patches' blocks; those of slots without a node are not read.
-    fn places(&self, out: &NodeMatrix) -> std::borrow::Cow<'_, [[Place; NODES * NODES]]> {
+    fn places(&self, out: &NodeMatrix) -> Cow<'_, [[Place; NODES * NODES]]> {
         let of = |slots: &Slots| {
             std::array::from_fn(|k| {
                 let node = |slot: usize| slots.nodes[if slot < 3 || slots.present[slot - 3] { slot } else { 0 }];
@@ -256,6 +284,21 @@ fn fold<S: Simd, const K: usize>(x: &[Three<Wide<S>>; NODES], normal: Three<Wide
     Fold::new([x[(K + 1) % 3], x[(K + 2) % 3], x[K], x[3 + K]], normal)
 }
 
+/// The folds, ψ − ψ_rest, and w = K (ψ − ψ_rest).
+type Bent<S> = ([Fold<Wide<S>>; FLAPS], [Wide<S>; FLAPS], [Wide<S>; FLAPS]);
+
+#[inline(always)]
+fn bent<S: Simd>(x: &[Three<Wide<S>>; NODES], k: &Matrix<Wide<S>>, rest: &[Wide<S>; FLAPS]) -> Bent<S> {
+    let normal = (x[1] - x[0]).cross(x[2] - x[0]);
+    let folds = [fold::<S, 0>(x, normal), fold::<S, 1>(x, normal), fold::<S, 2>(x, normal)];
+    let excess = [folds[0].psi - rest[0], folds[1].psi - rest[1], folds[2].psi - rest[2]];
+    let mut w = excess;
+    for i in 0..FLAPS {
+        w[i] = (k[i][0] * excess[0]).plus(k[i][1], excess[1]).plus(k[i][2], excess[2]);
+    }
+    (folds, excess, w)
+}
+
 /// Forces by slots, and −∂f/∂x by blocks if asked for.
 #[inline(always)]
 fn kernel<S: Simd>(
@@ -266,17 +309,13 @@ fn kernel<S: Simd>(
     blocks: Option<&mut Blocks>,
     v: usize,
 ) {
-    let normal = (x[1] - x[0]).cross(x[2] - x[0]);
-    let folds = [fold::<S, 0>(x, normal), fold::<S, 1>(x, normal), fold::<S, 2>(x, normal)];
-    let excess = [folds[0].psi - rest[0], folds[1].psi - rest[1], folds[2].psi - rest[2]];
-    let zero = normal.0[0].same(0.0);
+    let (folds, _, w) = bent(x, k, rest);
+    let zero = w[0].same(0.0);
     // slopes of ψ by the triangle's nodes; each flap's node has its own fold's alone
     let (mut slopes, mut far) = ([[Three([zero; 3]); 3]; FLAPS], [Three([zero; 3]); FLAPS]);
-    let mut w = [zero; FLAPS];
     for i in 0..FLAPS {
         let g = &folds[i].gradient;
         (slopes[i][(i + 1) % 3], slopes[i][(i + 2) % 3], slopes[i][i], far[i]) = (g[0], g[1], g[2], g[3]);
-        w[i] = (k[i][0] * excess[0]).plus(k[i][1], excess[1]).plus(k[i][2], excess[2]);
     }
     for p in 0..3 {
         slopes[0][p].times(-w[0]).plus(-w[1], slopes[1][p]).plus(-w[2], slopes[2][p]).store(&mut f[p], v);
@@ -319,6 +358,9 @@ fn kernel<S: Simd>(
     folds[2].add_hessian::<2>(w[2] * folds[2].slope, out, v);
 }
 
+/// What [`kernel`] takes.
+type Loaded<S> = ([Three<Wide<S>>; NODES], Matrix<Wide<S>>, [Wide<S>; FLAPS]);
+
 impl Piece {
     #[inline(always)]
     fn gather(&mut self, slots: &[Slots], constants: &Constants, at: &Point) {
@@ -343,6 +385,21 @@ impl Piece {
 
     #[inline(always)]
     fn evaluate<S: Simd>(&mut self, simd: S, v: usize, rest: &[Lanes; FLAPS], slopes: bool) {
+        let (x, k, at_rest) = self.loaded(simd, v, rest);
+        kernel(&x, &k, &at_rest, &mut self.f, if slopes { Some(&mut self.blocks) } else { None }, v);
+    }
+
+    /// ½ w·(ψ − ψ_rest), in the place of the first force.
+    #[inline(always)]
+    fn energy<S: Simd>(&mut self, simd: S, v: usize, rest: &[Lanes; FLAPS]) {
+        let (x, k, at_rest) = self.loaded(simd, v, rest);
+        let (_, excess, w) = bent(&x, &k, &at_rest);
+        (w[0] * excess[0]).plus(w[1], excess[1]).plus(w[2], excess[2]).by(0.5).store(&mut self.f[0][0], v);
+    }
+
+    /// Positions, K and ψ at rest.
+    #[inline(always)]
+    fn loaded<S: Simd>(&self, simd: S, v: usize, rest: &[Lanes; FLAPS]) -> Loaded<S> {
         let zero = Wide::load(simd, &[0.0; LANES], 0);
         let mut x = [Three([zero; 3]); NODES];
         for (x, from) in x.iter_mut().zip(&self.x) {
@@ -355,7 +412,7 @@ impl Piece {
                 k[i][j] = Wide::load(simd, &self.k[i][j], v);
             }
         }
-        kernel(&x, &k, &at_rest, &mut self.f, if slopes { Some(&mut self.blocks) } else { None }, v);
+        (x, k, at_rest)
     }
 
     #[inline(always)]
