@@ -39,10 +39,11 @@ fn demand(what: &str, report: &Report) {
     assert!(report.dot_test <= DOT_TEST && report.pass, "{what}");
 }
 
-const SMOOTH: [&str; 9] = [
+const SMOOTH: [&str; 10] = [
     "free_swing",
     "clamped_ends",
     "edge_clamp",
+    "uneven_edges",
     "velocity_gripper",
     "windy",
     "twisting_rod",

@@ -96,5 +96,7 @@ pub fn edit_distance(a: &str, b: &str) -> usize {
 pub const NON_NEGATIVE: (f64, f64) = (0.0, f64::INFINITY);
 /// Bounds of a quantity of either sign.
 pub const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+/// Bounds of an edge's rest strain: twice as long as its share, or half.
+pub const REST_STRAIN: (f64, f64) = (-0.5, 1.0);
 /// Bounds of a quantity that must be positive.
 pub const POSITIVE: (f64, f64) = (f64::MIN_POSITIVE, f64::INFINITY);

@@ -388,6 +388,31 @@ fn sections_that_cannot_remember() {
 }
 
 #[test]
+fn sections_that_cannot_stiffen_or_rub() {
+    let section = |inside: &str| format!("radius = 0.003\ntwist = {{ stiffness = 1.0e-3 }}\n{inside}");
+    let at = "radius = 0.003";
+    let alone = |table: &str| format!("radius = 0.003\n{table}");
+    let fix = |key: &str| format!("remove `[rope.{key}]`");
+    let stiffening = alone("stiffening = { coefficient = 0.1 }");
+    refused(at, &stiffening, "17: rope[0].stiffening", &["no `twist`", "[rope.twist]", &fix("stiffening")]);
+    let friction = alone("bend_friction = { moment = 0.1, curvature = 1.0 }");
+    refused(at, &friction, "17: rope[0].bend_friction", &["no `twist`", "[rope.twist]", &fix("bend_friction")]);
+    let stiffening = |numbers: &str| section(&format!("stiffening = {{ {numbers} }}"));
+    refused(at, &stiffening(""), "18: rope[0].stiffening", &["`coefficient` is missing", "m²"]);
+    refused(at, &stiffening("coefficient = nan"), "18: rope[0].stiffening.coefficient", &["not a finite number"]);
+    refused(at, &stiffening("coefficient = inf"), "18: rope[0].stiffening.coefficient", &["not a finite number"]);
+    refused(at, &stiffening("coefficient = 0.1, power = 3"), "18: rope[0].stiffening", &["power"]);
+    let friction = |numbers: &str| section(&format!("bend_friction = {{ {numbers} }}"));
+    let (moment, curvature) = ("18: rope[0].bend_friction.moment", "18: rope[0].bend_friction.curvature");
+    refused(at, &friction("moment = -0.1, curvature = 1.0"), moment, &["N·m", "must not be negative"]);
+    refused(at, &friction("moment = nan, curvature = 1.0"), moment, &["not a finite number"]);
+    refused(at, &friction("moment = 0.1, curvature = 0.0"), curvature, &["1/m", "must be positive"]);
+    refused(at, &friction("moment = 0.1, curvature = -2.0"), curvature, &["must be positive"]);
+    refused(at, &friction("moment = 0.1"), "18: rope[0].bend_friction", &["`curvature` is missing", "1/m"]);
+    refused(at, &friction("curvature = 1.0"), "18: rope[0].bend_friction", &["`moment` is missing", "N·m"]);
+}
+
+#[test]
 fn rings_that_cannot_be() {
     let straight = "initial = { shape = \"straight\", from = [0, 0, 0.5], direction = [1, 0, 0] }";
     let circle = "initial = { shape = \"circle\", center = [0, 0, 0.5], normal = [0, 0, 1] }";

@@ -3,6 +3,7 @@
 use crate::sensor::{SENSOR_PATHS, SENSOR_UNITS, Sensor};
 use crate::stats::score::Sign;
 use pliant_engine::model::Model;
+use pliant_engine::params::ANY;
 
 /// What an unknown sets.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +16,8 @@ pub enum Target {
     Sensor(usize),
     /// This sensor at a joint, and which of its values ([`crate::sensor::JOINT_ENTRIES`]).
     Joint(usize, usize),
+    /// How far these markers are from the centreline along this material axis of the rod, 0 or 1.
+    Beside(Vec<usize>, usize),
     /// How late this control's motor gets its commands, where the scene has no delay of it.
     Late(usize),
 }
@@ -24,6 +27,7 @@ impl Target {
     pub fn same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Theta(a), Self::Theta(b)) => a.first() == b.first(),
+            (Self::Beside(a, i), Self::Beside(b, j)) => a.first() == b.first() && i == j,
             _ => self == other,
         }
     }
@@ -33,7 +37,7 @@ impl Target {
         match self {
             Self::Theta(entries) => entries.iter().map(|&k| (k, 1.0)).collect(),
             Self::Mirrored(low, high) => vec![(*low, -1.0), (*high, 1.0)],
-            Self::Sensor(_) | Self::Joint(..) | Self::Late(_) => Vec::new(),
+            Self::Sensor(_) | Self::Joint(..) | Self::Beside(..) | Self::Late(_) => Vec::new(),
         }
     }
 }
@@ -89,6 +93,8 @@ pub struct Values {
     pub sensor: Sensor,
     /// Bias, scale and delay of each sensor at a joint.
     pub joints: Vec<[f64; 3]>,
+    /// How far each marker on a rod is from the centreline along the two material axes there \[m\].
+    pub offsets: Vec<[f64; 2]>,
     /// How late each control gets to its motor, beyond what the scene's motor has of delay \[s\].
     pub late: Vec<f64>,
 }
@@ -116,6 +122,12 @@ impl Unknown {
     /// A value of a sensor at a joint, of this path.
     pub fn of_joint(path: String, unit: &str, (sensor, entry): (usize, usize), scale: f64, bounds: (f64, f64)) -> Self {
         let (unit, target) = (unit.to_owned(), Target::Joint(sensor, entry));
+        Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
+    }
+
+    /// How far these markers of a rod are from its centreline along a material axis, all alike \[m\].
+    pub fn beside(path: String, markers: Vec<usize>, axis: usize, scale: f64) -> Self {
+        let (unit, target, bounds) = ("m".to_owned(), Target::Beside(markers, axis), ANY);
         Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
     }
 
@@ -172,6 +184,7 @@ impl Unknown {
             Target::Mirrored(_, high) => values.theta[*high],
             Target::Sensor(entry) => values.sensor.0[*entry],
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry],
+            Target::Beside(markers, axis) => values.offsets[markers[0]][*axis],
             Target::Late(control) => values.late[*control],
         }
     }
@@ -184,6 +197,7 @@ impl Unknown {
             Target::Mirrored(low, high) => (values.theta[*low], values.theta[*high]) = (-value, value),
             Target::Sensor(entry) => values.sensor.0[*entry] = value,
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry] = value,
+            Target::Beside(markers, axis) => markers.iter().for_each(|&k| values.offsets[k][*axis] = value),
             Target::Late(control) => values.late[*control] = value,
         }
     }

@@ -11,23 +11,23 @@ use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use rod_logs::{Logged, setup};
 use tempfile::TempDir;
 
-fn diagnosed(more: &str) -> Diagnosis {
+fn diagnosed(logged: &Logged) -> Diagnosis {
     let folder = TempDir::new().unwrap();
-    let setup = setup(&folder, &Logged { more, ..Logged::default() });
+    let setup = setup(&folder, logged);
     let logs = setup.read_logs(&[]).unwrap();
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
 }
 
 #[test]
 fn nothing_is_claimed_where_nothing_is_hidden() {
-    let d = diagnosed("");
+    let d = diagnosed(&Logged::default());
     assert_eq!(d.verdict, Verdict::Adequate, "{}", d.reason);
     assert!(d.causes.is_empty());
 }
 
 #[test]
 fn curvature_by_nature_is_named_with_its_size() {
-    let d = diagnosed("rest_curvature = [0.9, -0.6]");
+    let d = diagnosed(&Logged { more: "rest_curvature = [0.9, -0.6]", ..Logged::default() });
     assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
     let titles: Vec<String> = d.causes.iter().map(|c| c.title()).collect();
     assert_eq!(titles, ["intrinsic_curvature"], "{}", d.reason);
@@ -54,14 +54,25 @@ fn readings_know_what_grippers_and_sections_hide() {
         "rod.node[4].bend_factor",
         "rod.twist_stiffness",
         "rod.creep_fraction",
+        "rod.edge[4].rest_strain",
+        "rod.yield_curvature",
+        "rod.plastic_time",
+        "rod.stiffening",
+        "rod.friction_moment",
+        "rod.friction_curvature",
         "left.offset[1]",
         "right.roll",
         "left.roll_by_direction[1]",
         "right.roll_by_position[0]",
     ];
-    let unknowns: Vec<Unknown> = paths.iter().map(|path| Unknown::of_theta(&plan.model, path, 1.0).unwrap()).collect();
+    let of_rod = paths.iter().map(|path| Unknown::of_theta(&plan.model, path, 1.0).unwrap());
+    let beside = |k: usize, axis| Unknown::beside(format!("marker[{k}].offset[{axis}]"), vec![k], axis, 1e-2);
+    let unknowns: Vec<Unknown> = of_rod.chain([beside(0, 0), beside(2, 1)]).collect();
     let mut values = plan.scene_values.clone();
-    for (u, x) in unknowns.iter().zip([0.4, -0.3, 0.5, 0.2, 0.9, 8e-4, 0.2, 2e-3, 0.3, 0.4, -0.5]) {
+    for (u, x) in unknowns
+        .iter()
+        .zip([0.4, -0.3, 0.5, 0.2, 0.9, 8e-4, 0.2, 0.01, 0.3, 0.5, 0.02, 1e-3, 0.5, 2e-3, 0.3, 0.4, -0.5, 4e-3, -3e-3])
+    {
         u.set(&mut values, x);
     }
     let rec = &plan.fitted[1];
@@ -89,4 +100,64 @@ fn readings_know_what_grippers_and_sections_hide() {
             );
         }
     }
+}
+
+/// The one cause that a diagnosis names.
+fn only(logged: &Logged, title: &str) -> Diagnosis {
+    let d = diagnosed(logged);
+    let titles: Vec<String> = d.causes.iter().map(|c| c.title()).collect();
+    assert_eq!((d.verdict, titles.as_slice()), (Verdict::Named, [title.to_owned()].as_slice()), "{}", d.reason);
+    d
+}
+
+#[test]
+fn markers_beside_the_centreline_are_named_with_their_distance() {
+    let d = only(&Logged { offset: [4e-3, -3e-3], ..Logged::default() }, "marker_offset");
+    for (k, estimate) in d.causes[0].parameters.iter().enumerate() {
+        assert!((estimate.estimate - [4e-3, -3e-3][k % 2]).abs() < 5e-4, "{estimate:?}");
+    }
+}
+
+#[test]
+fn edges_of_other_lengths_are_named_with_their_strains() {
+    let strains = [0.0, 0.02, -0.03, 0.0, 0.025, -0.01, 0.0, 0.0];
+    let rope = format!("edge_rest_strains = {strains:?}");
+    let d = only(&Logged { rope: &rope, ..Logged::default() }, "edge_lengths");
+    for (estimate, truth) in d.causes[0].parameters.iter().zip(&strains[1..7]) {
+        assert!((estimate.estimate - truth).abs() < 3e-3, "{estimate:?}");
+    }
+}
+
+#[test]
+fn a_rod_that_stays_bent_is_named() {
+    only(&Logged { more: "[rope.plasticity]\nyield_curvature = 0.5\ntime = 0.3", ..Logged::default() }, "rod_plasticity");
+}
+
+#[test]
+fn a_rod_that_creeps_is_named() {
+    only(&Logged { more: "[rope.creep]\nfraction = 0.6\ntime = 0.4", ..Logged::default() }, "rod_creep");
+}
+
+#[test]
+fn a_rod_that_stiffens_is_named() {
+    let d = only(&Logged { more: "[rope.stiffening]\ncoefficient = 0.02", ..Logged::default() }, "bend_stiffening");
+    assert!((d.causes[0].parameters[0].estimate - 0.02).abs() < 6e-3, "{:?}", d.causes[0].parameters);
+}
+
+#[test]
+fn friction_inside_a_rod_is_named() {
+    only(&Logged { more: "[rope.bend_friction]\nmoment = 1e-3\ncurvature = 0.5", ..Logged::default() }, "bend_friction");
+}
+
+#[test]
+fn a_gripper_that_turns_the_rod_as_it_goes_is_named() {
+    only(
+        &Logged {
+            hand: "roll_by_direction = [0.0, 1.2, 0.0]",
+            more: "rest_curvature = [0.9, -0.6]",
+            known: true,
+            ..Logged::default()
+        },
+        "clamp_roll_by_direction (left)",
+    );
 }

@@ -12,7 +12,7 @@ const DRIFT: f64 = 6e-3;
 
 fn diagnosed(more: &str) -> Diagnosis {
     let folder = TempDir::new().unwrap();
-    let logged = Logged { more, records: [14, 3], samples: 80, noise: 1e-4, drift: DRIFT };
+    let logged = Logged { more, records: [14, 3], samples: 80, noise: 1e-4, drift: DRIFT, ..Logged::default() };
     let setup = setup(&folder, &logged);
     let logs = setup.read_logs(&[]).unwrap();
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()

@@ -110,7 +110,7 @@ impl Model {
         self.model.tree().joints().iter().flat_map(names).collect()
     }
 
-    /// Names of the entries of z: "elbow.plastic", "elbow.load", "rod.node[i].creep[k]", "motor.target", "motor.command[k]", "motor.lagged".
+    /// Names of the entries of z: "elbow.plastic", "elbow.load", "rod.node[i].creep[k]", "rod.node[i].friction[k]", "motor.target", "motor.command[k]", "motor.lagged".
     #[getter]
     fn memory_names(&self) -> Vec<String> {
         self.model.memory_names()

@@ -85,6 +85,7 @@ VARIANTS = {
         ],
         FLOOR.replace("1e-6", "1e-5"),  # the slope of a contact knows the rounding of positions as a part of its gap
     ),
+    "set_friction": ("rod_friction", [("coefficient = 0.05", "coefficient = -0.02"), ("[[gripper]]", REMEMBERS)], ""),
     "rolled_rod": ("twisting_rod", [("roll = 0.1", f"roll = 0.1\n{ROLLS}")], ""),
     "rod_on_floor": (  # held by three nodes, half of it on a slope
         "twisting_rod",

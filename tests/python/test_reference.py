@@ -19,6 +19,8 @@ CASES = [
     ("clamped_ends", "midpoint", None),
     ("edge_clamp", "midpoint", None),
     ("edge_clamp", "sdirk2", None),
+    ("uneven_edges", "euler", None),
+    ("uneven_edges", "midpoint", None),
     ("velocity_gripper", "midpoint", None),
     ("velocity_gripper", "euler", None),
     ("windy", "euler", None),

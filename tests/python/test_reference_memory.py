@@ -1,4 +1,4 @@
-"""Rods that creep and yield against the independent JAX reference, over a hundred steps; and the reference's own flow.
+"""Rods that creep, yield, stiffen and rub against the independent JAX reference, over a hundred steps; and the reference's own laws.
 
 Bars as in `test_reference`: state ≤ 1e-9, gradient ≤ 1e-8, relative.
 """
@@ -21,6 +21,10 @@ CASES = [
     ("rod_plastic", "euler"),
     ("rod_plastic", "midpoint"),
     ("rod_plastic", "sdirk2"),
+    ("rod_friction", "euler"),
+    ("rod_friction", "midpoint"),
+    ("rod_friction", "sdirk2"),
+    ("set_friction", "midpoint"),  # with creep and plasticity besides
 ]
 TAU, LIMIT = 0.07, 0.1
 
@@ -61,7 +65,7 @@ def test_gradients_of_a_hundred_steps(both):
     x_bar = np.random.default_rng(11).normal(size=(STEPS + 1, run.model.ndx))
     expected, got = run.vjp(xs, np.asarray(roll.u), run.model.theta, x_bar), roll.vjp(x_bar)
     errors = gradient_errors(run.model, got, expected)
-    assert {"rod.creep_fraction", "rod.creep_time"} <= set(errors)
+    assert {"rod.creep_time", "rod.friction_curvature"} & set(errors)
     failed = {k: v for k, v in errors.items() if not v <= 1e-8}
     assert not failed, failed
 
@@ -147,3 +151,35 @@ def test_a_held_strain_relaxes_and_a_ramp_does_not_know_the_step():
     for _ in range(7):
         e = remembering.relaxed(e, 2.0 * 0.3 / 7, 0.3 / 7, TAU)
     np.testing.assert_allclose(e, 2.0 * TAU * -np.expm1(-0.3 / TAU), rtol=1e-13)
+
+
+def test_friction_loads_and_returns(both):
+    run, _, xs, _ = both
+    memory = run.model.rods.memory
+    if not len(memory.friction):
+        return
+    e = parts(run.model, xs)[4][:, memory.friction_place]
+    size = np.linalg.norm(e, axis=2)
+    turns = (np.sum(np.diff(e, axis=0)[1:] * np.diff(e, axis=0)[:-1], axis=2) < 0.0).mean()
+    assert turns > 0.02 and size[1:].max() > 2.0 * np.median(size[1:]), "it turns round"
+
+
+def test_friction_is_its_differential_equation():
+    rng = np.random.default_rng(2)
+    e, change = rng.normal(size=(2, 200, 2)) * 0.05
+    n = change / np.linalg.norm(change, axis=1, keepdims=True)
+    way, x, steps = np.linalg.norm(change, axis=1, keepdims=True), e, 2000
+    for _ in range(steps):
+        h = way / steps
+        slope = n - x / LIMIT
+        x = x + h * (n - (x + 0.5 * h * slope) / LIMIT)
+    found = jax.vmap(remembering.dragged, (0, 0, None))(e, change, LIMIT)
+    np.testing.assert_allclose(found, x, atol=1e-7)
+
+
+def test_friction_on_a_line_does_not_know_the_step():
+    e = once = jnp.array([0.03, -0.05])
+    change = jnp.array([0.2, 0.1])
+    for _ in range(10):
+        e = remembering.dragged(e, change / 10, LIMIT)
+    np.testing.assert_allclose(e, remembering.dragged(once, change, LIMIT), rtol=1e-13)

@@ -55,6 +55,13 @@ def gravity(model, theta):
     return laws.gravity_vector(theta[model.magnitude], theta[model.tilt])
 
 
+def rest_strains(model, theta):
+    """δ of every edge  [-]."""
+    of_rope = lambda where, nodes: theta[np.array(where, dtype=int)] if where else jnp.zeros(len(nodes) - 1)
+    parts = [of_rope(w["rest_strain"], nodes) for w, nodes in zip(model.ropes, model.rope_nodes, strict=True)]
+    return jnp.concatenate(parts)
+
+
 def potential(model, q, theta):
     """Energy  [J] of weight, stretching and bending at q (n_nodes, 3); bending of rods is by itself."""
     g, m = gravity(model, theta), masses(model, theta)
@@ -66,7 +73,8 @@ def potential(model, q, theta):
     pairs, rope = model.edges, model.edge_rope
     rest = model.edge_fraction * rope_values(model, theta, "length", rope)
     stiffness = rope_values(model, theta, "stretch_stiffness", rope)
-    e += jnp.sum(jax.vmap(laws.stretch_energy)(*laws.taken(q, pairs.T), rest, stiffness))
+    own = rest_strains(model, theta)
+    e += jnp.sum(jax.vmap(laws.stretch_energy)(*laws.taken(q, pairs.T), rest, stiffness, own))
     if len(model.stencils):
         x, rope = laws.taken(q, model.stencils.T), model.stencil_rope
         voronoi = model.stencil_voronoi * rope_values(model, theta, "length", rope)

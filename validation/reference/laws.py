@@ -49,9 +49,9 @@ def strain(x1, x2, rest_length):
     return jnp.sqrt(dot(edge, edge)) / rest_length - 1.0
 
 
-def stretch_energy(x1, x2, rest_length, stiffness):
-    """E = ½ EA l0 ε²  [J];  EA [N]."""
-    return 0.5 * stiffness * rest_length * strain(x1, x2, rest_length) ** 2
+def stretch_energy(x1, x2, rest_length, stiffness, rest_strain):
+    """E = ½ EA l0 (ε - δ)²  [J];  EA [N], δ [-] the strain at rest."""
+    return 0.5 * stiffness * rest_length * (strain(x1, x2, rest_length) - rest_strain) ** 2
 
 
 def stretch_dissipation(x1, x2, v1, v2, rest_length, damping):

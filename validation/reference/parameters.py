@@ -28,9 +28,11 @@ ROPE_DEFAULTS = {
     "tip_mass": 0.0,
     "radius": 0.0,
 }
-REMEMBERING = {  # table of a rope -> its entries and what they are called in θ
+SECTION_LAWS = {  # table of a rope -> its entries and what they are called in θ
+    "stiffening": {"coefficient": "stiffening"},
     "plasticity": {"yield_curvature": "yield_curvature", "time": "plastic_time"},
     "creep": {"fraction": "creep_fraction", "twist_fraction": "creep_twist_fraction", "time": "creep_time"},
+    "bend_friction": {"moment": "friction_moment", "curvature": "friction_curvature"},
 }
 SHEET_ENTRIES = (
     "area",
@@ -71,7 +73,7 @@ class Table:
 
 
 def add_rope(table, rope):
-    """Adds a rope's entries; returns their positions by name, `node_mass` as an array."""
+    """Adds a rope's entries; returns their positions by name, `node_mass` and `rest_strain` as arrays."""
     name, count = rope["name"], len(rope["fractions"]) + 1
     where = {}
     for key in ROPE_SCALARS:
@@ -82,11 +84,13 @@ def add_rope(table, rope):
     where["node_mass"] = np.array(
         [table.add(f"{name}.node[{i}].mass", m) for i, m in enumerate(extra)]
     )
+    strains = rope.get("edge_rest_strains", [])
+    where["rest_strain"] = [table.add(f"{name}.edge[{e}].rest_strain", x) for e, x in enumerate(strains)]
     return where
 
 
 def add_rod(table, rope, where, numbers):
-    """Adds the entries of a rope's twist table and of what it remembers; returns their positions by name, `joints` an array with a row each.
+    """Adds the entries of a rope's twist table and of its section's other laws; returns their positions by name, `joints` an array with a row each.
 
     `where`: those of the rope itself; `numbers` of the nodes at which it has joints.
     """
@@ -112,7 +116,7 @@ def add_rod(table, rope, where, numbers):
         curvature = table.add_vector(f"{name}.node[{k}].rest_curvature", entry.get("rest_curvature", [0.0, 0.0]))
         joints.append([*curvature, table.add(f"{name}.node[{k}].bend_factor", entry.get("bend_factor", 1.0))])
     out["joints"] = np.array(joints)
-    for key, names in REMEMBERING.items():
+    for key, names in SECTION_LAWS.items():
         given = rope.get(key, {})
         out |= {to: table.add(f"{name}.{to}", given[entry]) for entry, to in names.items() if entry in given}
     return out

@@ -1,8 +1,9 @@
-"""What sections of rods remember: a Maxwell element's elastic strains, and bending that has flowed.
+"""What sections of rods remember: a Maxwell element's elastic strains, bending that has flowed, and that of friction which sticks.
 
 Written from the equations of docs/rods.md. Within a step strains change at constant rate from where it begins to where something is
 evaluated, the time t [s] later. The numbers stand in the state behind the velocities: of every rope first the plastic bending of its
-joints (2 each), then the elastic strains of its creep (3 each), all zero as the scene begins.
+joints (2 each), then the elastic strains of its creep (3 each), then the elastic bending of its friction (2 each), all zero as the scene
+begins.
 """
 
 from dataclasses import dataclass
@@ -25,11 +26,15 @@ class Memory:
     creep: np.ndarray  # (C,) joints
     creep_place: np.ndarray  # (C, 3)
     relaxes: np.ndarray  # (C, 4) of the fractions of the three strains and the time
+    friction: np.ndarray  # (F,) joints
+    friction_place: np.ndarray  # (F, 2)
+    rubs: np.ndarray  # (F, 2) of the moment and the curvature
 
 
 def build(ropes, joints, where):
     """Memory of the joints `joints[r]` (ranges) of ropes that twist; `where[r]`: positions in θ by name."""
-    out = {key: [] for key in ("plastic", "plastic_place", "yields", "creep", "creep_place", "relaxes")}
+    widths = {"plastic_place": 2, "yields": 2, "creep_place": 3, "relaxes": 4, "friction_place": 2, "rubs": 2}
+    out = {key: [] for key in ("plastic", "creep", "friction", *widths)}
     count = 0
 
     def places(of, numbers):
@@ -47,13 +52,29 @@ def build(ropes, joints, where):
             out["creep"] += list(of)
             out["creep_place"] += places(of, 3)
             out["relaxes"] += [[bend, bend, twist, p["creep_time"]]] * len(of)
-    widths = {"plastic_place": (-1, 2), "yields": (-1, 2), "creep_place": (-1, 3), "relaxes": (-1, 4)}
-    return Memory(count, **{key: np.array(v, dtype=int).reshape(widths.get(key, -1)) for key, v in out.items()})
+        if "bend_friction" in rope:
+            out["friction"] += list(of)
+            out["friction_place"] += places(of, 2)
+            out["rubs"] += [[p["friction_moment"], p["friction_curvature"]]] * len(of)
+    shaped = lambda key, v: v.reshape(-1, widths[key]) if key in widths else v
+    return Memory(count, **{key: shaped(key, np.array(v, dtype=int)) for key, v in out.items()})
 
 
 def relaxed(e, change, t, tau):
     """e(t) of ė = rate - e/τ with rate = change/t: what was there decays, what comes is rate τ (1 - exp(-t/τ))."""
     return e * jnp.exp(-t / tau) - change * (tau / t) * jnp.expm1(-t / tau)
+
+
+def dragged(e, change, limit):
+    """The elastic part (2,) [-] of Dahl's friction after bending by `change` (2,) on a line: e' = n - e/limit along it, n its direction.
+
+    e comes from where it was towards limit·n, by exp(-way/limit) of what is left. A way of nothing leaves slopes of sticking.
+    """
+    square = _dot(change, change)
+    moves = square > (1e-9 * limit) ** 2
+    way = jnp.sqrt(jnp.where(moves, square, 1.0))
+    towards = limit * change / way
+    return jnp.where(moves, towards + (e - towards) * jnp.exp(-way / limit), e + change)
 
 
 def flow(begin, change, t, tau, limit):
@@ -124,3 +145,10 @@ def strains(memory, z, theta, now, past, t):
     tau = taken(theta, memory.relaxes[:, 3])[:, None]
     change = taken(now, memory.creep) - taken(past, memory.creep)
     return relaxed(taken(z, memory.creep_place), change, t, tau)
+
+
+def sticking(memory, z, theta, lengths, now, past):
+    """Elastic bending (F, 2) of joints with friction towards the material axes, and what it tends to (F, 1); lengths (J,), strains (J, 3)."""
+    limit = taken(theta, memory.rubs[:, 1]) * taken(lengths, memory.friction)
+    change = (taken(now, memory.friction) - taken(past, memory.friction))[:, :2]
+    return jax.vmap(dragged)(taken(z, memory.friction_place), change, limit), limit[:, None]

@@ -34,6 +34,7 @@ class Rods:
     own: np.ndarray  # (J, 3) of what each joint adds to the rest curvatures, and of its stiffness as a multiple of the rod's
     joint_fraction: np.ndarray  # (J,)
     rest: np.ndarray  # (J, 3) strains without forces, beside those of θ
+    stiffens: np.ndarray  # (S, 2) joints whose bending stiffens, and where in θ by what coefficient
     twist0: np.ndarray  # (E,) as the scene begins
     frames0: np.ndarray  # (3 E + J,)
     memory: remembering.Memory
@@ -148,14 +149,26 @@ def energy(rods, k, theta):
     return jnp.sum(0.5 * (sums + p["twist_stiffness"] * k[:, 2] ** 2) / length)
 
 
+def beyond(rods, k, theta):
+    """Σ c s (EI₁ k₁² + EI₂ k₂²) (k₁² + k₂²)/(4 l³) [J] of the joints that stiffen; as in `energy`."""
+    joints, where = rods.stiffens.T
+    p, own, length = _section(rods, theta)
+    one, two = (own[2] * p[key] / length**3 for key in ("bend_stiffness", "bend_stiffness_2"))
+    squares = (k**2).T
+    each = (one * squares[0] + two * squares[1]) * (squares[0] + squares[1])
+    return 0.25 * jnp.sum(taken(theta, where) * taken(each, joints))
+
+
 def moments(rods, strain, theta, begin):
-    """Moments (J, 3) [N·m] against the strains: of the elastic section, of which bending may flow, and Maxwell elements beside it.
+    """Moments (J, 3) [N·m] against the strains: of the elastic section, of which bending may flow, Maxwell elements and friction beside it.
 
     `begin` = (numbers remembered, strains (J, 3) where the step begins, time since then [s]).
     """
     k, turn_back = jax.vjp(lambda strain: principal(rods, strain, theta), strain)
     elastic = elastic_parts(rods, strain, theta, begin)
     total = jax.grad(energy, 1)(rods, elastic, theta)
+    if len(rods.stiffens):
+        total += jax.grad(beyond, 1)(rods, elastic, theta)
     memory = rods.memory
     if len(memory.creep):
         z, past, t = begin
@@ -163,7 +176,17 @@ def moments(rods, strain, theta, begin):
         fraction = _placed(memory.creep, taken(theta, memory.relaxes[:, :3]), k)
         _, turned_e = jax.jvp(lambda strain: principal(rods, strain, theta), (strain,), (e,))
         total += fraction * jax.grad(energy, 1)(rods, turned_e, theta)
-    return turn_back(total)[0]
+    out = turn_back(total)[0]
+    if len(memory.friction):
+        e, limit = _friction(rods, strain, theta, begin)
+        moment = taken(theta, memory.rubs[:, :1]) * e / limit
+        out += _placed(memory.friction, jnp.pad(moment, ((0, 0), (0, 1))), k)
+    return out
+
+
+def _friction(rods, strain, theta, begin):
+    z, past, _ = begin
+    return remembering.sticking(rods.memory, z, theta, _section(rods, theta)[2], strain, past)
 
 
 def elastic_parts(rods, strain, theta, begin):
@@ -187,6 +210,8 @@ def remembered(rods, strain, theta, begin):
         z = z.at[memory.plastic_place].set(taken(plastic, memory.plastic)[:, :2])
     if len(memory.creep):
         z = z.at[memory.creep_place].set(remembering.strains(memory, begin[0], theta, strain, past, t))
+    if len(memory.friction):
+        z = z.at[memory.friction_place].set(_friction(rods, strain, theta, begin)[0])
     return z
 
 
@@ -283,7 +308,7 @@ def build(ropes, where, mesh, q0, params):
     """Rods of all ropes with a twist table; None without any. `params[r]`: positions in θ of the table's entries."""
     out = {k: [] for k in ("edges", "inertia", "length", "fraction", "joints", "section", "own", "joint_fraction")}
     start = {"axes": [], "twist0": []}
-    rest_initial, remember = [], []
+    rest_initial, remember, stiffens = [], [], []
     for r, rope in enumerate(ropes):
         if "twist" not in rope:
             continue
@@ -300,6 +325,8 @@ def build(ropes, where, mesh, q0, params):
         inside = [*[0.0] * first, *fractions, *[0.0] * last]  # of a clamped end's joint only the rod's half counts
         halves = [0.5 * (a + b) for a, b in itertools.pairwise(inside)]
         remember.append((rope, range(len(out["joints"]), len(out["joints"]) + len(halves)), values))
+        if "stiffening" in rope:
+            stiffens += [(j, values["stiffening"]) for j in remember[-1][1]]
         out["joints"] += [(base + k, base + k + 1) for k in range(len(halves))]
         out["joint_fraction"] += halves
         out["section"] += [[values[key] for key in SECTION]] * len(halves)
@@ -323,7 +350,9 @@ def build(ropes, where, mesh, q0, params):
     axes, twist0 = np.array(start["axes"]), np.array(start["twist0"])
     count = len(out["joints"])
     memory = remembering.build(*zip(*remember, strict=True))
-    rods = Rods(**integer, **real, rest=np.zeros((count, 3)), twist0=twist0, frames0=np.zeros(0), memory=memory)
+    stiffens = np.array(stiffens, dtype=int).reshape(-1, 2)
+    start = {"rest": np.zeros((count, 3)), "twist0": twist0, "frames0": np.zeros(0)}
+    rods = Rods(**integer, **real, **start, stiffens=stiffens, memory=memory)
     m = reference_twist(rods, directions(rods.edges, q0), axes, jnp.zeros(count))
     frames = np.concatenate([axes.ravel(), m])
     rest = np.where(np.array(rest_initial)[:, None], strains(rods, directions(rods.edges, q0), twist0, frames), 0.0)

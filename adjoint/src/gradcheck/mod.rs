@@ -8,7 +8,7 @@
 //! - *Taylor slope*: |L(p + εd) − L(p) − ε⟨∇L, d⟩| must fall like ε² (unless the map is affine along d);
 //! - *dot test*: ⟨w, J d⟩ by jvp equals ⟨Jᵀw, d⟩ by vjp;
 //! - *contact switches*: how many contacts changed between separate, stick and slip, motors began or ceased to saturate, plastic rods
-//!   to flow, delays passed a whole number of steps, or steps were halved differently, inside
+//!   to flow, rods with friction to unload, delays passed a whole number of steps, or steps were halved differently, inside
 //!   the differences that were used. A disagreement there is the map's own kink, not a wrong gradient.
 
 mod block;

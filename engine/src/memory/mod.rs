@@ -16,8 +16,8 @@
 //!
 //! **Materials.** A joint's memory is taken from the beginning of the step to where the force is evaluated, at constant rate: over h
 //! (Euler), h/2 (midpoint), γh and then h from the same beginning (the two stages of sdirk2). z⁺ is taken over h from the beginning
-//! to q⁺. See [`crate::terms::joint::PlasticSpring`], and of rods [`crate::terms::section::CreepSection`] and
-//! [`crate::terms::section::PlasticSection`], whose strains at the beginning depend on all that stands there ([`crate::rods::RodPast`]).
+//! to q⁺. See [`crate::terms::joint::PlasticSpring`], and of rods [`crate::terms::section::CreepSection`],
+//! [`crate::terms::section::PlasticSection`] and [`crate::terms::section::DahlSection`], whose strains at the beginning depend on all that stands there ([`crate::rods::RodPast`]).
 
 mod material;
 mod signal;

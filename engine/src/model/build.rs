@@ -7,10 +7,10 @@ use crate::geometry::Shape;
 use crate::kinematics::{Drive, DriveKind, EdgeClamp};
 use crate::kkt::NodeLayout;
 use crate::memory::Layout;
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params, REST_STRAIN};
 use crate::rods::Rods;
 use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Source, Start};
-use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, Stretch, StretchDamping, Term, Vec3};
+use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, RestStrain, Stretch, StretchDamping, Term, Vec3};
 use std::sync::Arc;
 
 /// A model that cannot be built.
@@ -70,6 +70,7 @@ pub(super) struct RopeParams {
     tip: usize,
     radius: usize,
     first_node_mass: usize,
+    first_rest_strain: Option<usize>,
 }
 
 /// Element lists of all terms, filled rope by rope.
@@ -78,6 +79,7 @@ struct Elements {
     gravity: Vec<Element>,
     stretch: Vec<Element>,
     stretch_damping: Vec<Element>,
+    rest_strain: Vec<Element>,
     bend: Vec<Element>,
     bend_damping: Vec<Element>,
     drag: Vec<Element>,
@@ -253,6 +255,7 @@ impl<'a> RopeNodes<'a> {
             let pair = |params| Element { nodes: self.span.edge(e).to_vec(), params, constants: vec![fraction] };
             out.stretch.push(pair(vec![p.length, p.stretch]));
             out.stretch_damping.push(pair(vec![p.length, p.stretch_damping]));
+            out.rest_strain.extend(p.first_rest_strain.map(|first| pair(vec![p.length, p.stretch, first + e])));
         }
         if self.rope.twist.is_some() {
             return; // bending of rods knows directions: `add_rods`
@@ -343,6 +346,7 @@ impl RopeParams {
             tip: entry("tip_mass", "kg", NON_NEGATIVE, rope.tip_mass),
             radius: entry("radius", "m", NON_NEGATIVE, rope.radius),
             first_node_mass: 0,
+            first_rest_strain: None,
         };
         let n = rope.n_nodes();
         out.first_node_mass = params.len();
@@ -350,6 +354,12 @@ impl RopeParams {
             let index = |k: i64| if k < 0 { k + n as i64 } else { k };
             let mass = rope.node_mass.iter().filter(|m| index(m.node) == i as i64).map(|m| m.mass).sum();
             params.push(format!("{}.node[{i}].mass", rope.name), "kg", NON_NEGATIVE, mass);
+        }
+        if let Some(strains) = &rope.edge_rest_strains {
+            out.first_rest_strain = Some(params.len());
+            for (e, strain) in strains.iter().enumerate() {
+                params.push(format!("{}.edge[{e}].rest_strain", rope.name), "-", REST_STRAIN, *strain);
+            }
         }
         out
     }
@@ -365,6 +375,9 @@ impl Model {
             Arc::new(BendDamping::new(e.bend_damping)),
             Arc::new(Drag::new(e.drag)),
         ];
+        if !e.rest_strain.is_empty() {
+            self.terms.push(Arc::new(RestStrain::new(e.rest_strain)));
+        }
     }
 
     fn add_gripper(&mut self, gripper: &Gripper, ropes: &[RopeNodes]) {

@@ -5,10 +5,11 @@ use super::build::RopeNodes;
 use crate::kinematics::{DriveKind, HeldEdge};
 use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::rods::{RodEdge, RodJoint, RodPoint, RodSection};
-use crate::scene::{Creep, JointSection, Plasticity, Rest, RodStart, Scene, SceneError, Twist};
+use crate::scene::{BendFriction, Creep, JointSection, Plasticity, Rest, RodStart, Scene, SceneError, Twist};
 use crate::terms::Vec3;
 use crate::terms::section::{
-    AutomaticMemory, CreepSection, Elastic, ElasticSection, PlasticSection, SectionLaw, Viscous, ViscousSection,
+    AutomaticMemory, CreepSection, DahlSection, Elastic, ElasticSection, PlasticSection, SectionLaw, Stiffening,
+    StiffeningSection, Viscous, ViscousSection,
 };
 use std::sync::Arc;
 
@@ -77,14 +78,27 @@ impl Model {
             joints: begin..begin + nodes.len(),
             rest: vec![[0.0; 3]; nodes.len()],
         };
-        let mut laws: Vec<Arc<dyn SectionLaw>> = vec![match &rope.rope.plasticity {
-            Some(plasticity) => Arc::new(AutomaticMemory::new(plastic(name, elastic, plasticity, &mut self.params))),
-            None => Arc::new(Elastic::new(elastic)),
-        }];
-        laws.push(Arc::new(Viscous::new(ViscousSection { params: [length, bend_damping, damping] })));
+        let stiffening = rope.rope.stiffening.as_ref().map(|from| {
+            let path = format!("{name}.stiffening");
+            self.params.push(path, "m²", ANY, from.coefficient)
+        });
+        let viscous = Arc::new(Viscous::new(ViscousSection { params: [length, bend_damping, damping] }));
+        let mut laws: Vec<Arc<dyn SectionLaw>> = match (&rope.rope.plasticity, stiffening) {
+            (Some(from), _) => {
+                let plastic = plastic(name, elastic, stiffening, from, &mut self.params);
+                vec![Arc::new(AutomaticMemory::new(plastic)), viscous]
+            }
+            (None, None) => vec![Arc::new(Elastic::new(elastic)), viscous],
+            (None, Some(c)) => {
+                vec![Arc::new(Elastic::new(elastic.clone())), viscous, Arc::new(Stiffening::new(stiff(elastic, c)))]
+            }
+        };
         if let Some(creep) = &rope.rope.creep {
             let section = creeping(name, [length, bend, second, stiffness, roll], [own, begin], creep, &mut self.params);
             laws.push(Arc::new(AutomaticMemory::new(section)));
+        }
+        if let Some(friction) = &rope.rope.bend_friction {
+            laws.push(Arc::new(AutomaticMemory::new(rubbing(name, length, friction, &mut self.params))));
         }
         (inertia, laws)
     }
@@ -169,12 +183,25 @@ fn push_joints(rope: &RopeNodes, twist: &Twist, nodes: &[i64], params: &mut Para
     first
 }
 
-/// The elastic section with a yield, and its parameters.
-fn plastic(rope: &str, elastic: ElasticSection, from: &Plasticity, params: &mut Params) -> PlasticSection {
+/// What stands beside an elastic section that stiffens, by the parameter `c`.
+fn stiff(elastic: ElasticSection, c: usize) -> StiffeningSection {
+    let ElasticSection { params: [length, one, two, twist, roll, first, second, rest_twist], own, joints, rest } = elastic;
+    StiffeningSection { params: [length, one, two, twist, roll, first, second, rest_twist, c], own, joints, rest }
+}
+
+/// The elastic section with a yield, and its parameters; it stiffens if there is such a parameter.
+fn plastic(
+    rope: &str,
+    elastic: ElasticSection,
+    stiffening: Option<usize>,
+    from: &Plasticity,
+    params: &mut Params,
+) -> PlasticSection {
     let limit = params.push(format!("{rope}.yield_curvature"), "1/m", POSITIVE, from.yield_curvature);
     let time = params.push(format!("{rope}.plastic_time"), "s", POSITIVE, from.time);
-    let ElasticSection { params: [length, one, two, twist, roll, first, second, rest_twist], own, joints, rest } = elastic;
-    PlasticSection { params: [length, one, two, twist, roll, first, second, rest_twist, limit, time], own, joints, rest }
+    let ElasticSection { params: of_elastic, own, joints, rest } = elastic;
+    let params = of_elastic.into_iter().chain([limit, time]).chain(stiffening).collect();
+    PlasticSection { params, own, joints, rest }
 }
 
 /// The section's part that relaxes, and its parameters.
@@ -190,4 +217,11 @@ fn creeping(
     let time = params.push(format!("{rope}.creep_time"), "s", POSITIVE, from.time);
     let params = [length, one, two, twist, roll, bend, of_twist.unwrap_or(bend), time];
     CreepSection { params, own: own + 2, stride: 3, first }
+}
+
+/// The section's friction, and its parameters.
+fn rubbing(rope: &str, length: usize, from: &BendFriction, params: &mut Params) -> DahlSection {
+    let moment = params.push(format!("{rope}.friction_moment"), "N·m", NON_NEGATIVE, from.moment);
+    let curvature = params.push(format!("{rope}.friction_curvature"), "1/m", POSITIVE, from.curvature);
+    DahlSection { params: [length, moment, curvature] }
 }

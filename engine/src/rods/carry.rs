@@ -31,6 +31,13 @@ impl Carry {
         }
     }
 
+    /// Of all rods, from positions `a` to positions `b`.
+    pub fn between(rods: &Rods, a: &[f64], b: &[f64]) -> Self {
+        let mut carry = Self::default();
+        carry.evaluate(rods, a, b);
+        carry
+    }
+
     /// Whether there is nothing to carry.
     pub fn is_empty(&self) -> bool {
         self.edges.is_empty()

@@ -75,6 +75,15 @@ impl Rods {
         }
     }
 
+    /// Edge `k` at positions `q`, which z's part `frames` belongs to: its tangent, its two material axes, and its length \[m\].
+    pub fn edge_axes(&self, k: usize, q: &[f64], frames: &[f64]) -> ([Vec3<f64>; 3], f64) {
+        let e = edge_vector(&self.edges[k], q);
+        let (length, d, (sin, cos)) = (e.norm(), vector(frames, k), q[self.row(k)].sin_cos());
+        let tangent = e / length;
+        let first = d * cos + tangent.cross(&d) * sin;
+        ([tangent, first, tangent.cross(&first)], length)
+    }
+
     /// The twist between reference axes at joint `j`, up to whole turns.
     fn reference_twist(&self, j: usize, edges: &[EdgeFrame], frames: &[f64]) -> f64 {
         let [one, two] = self.joints[j].edges;

@@ -76,7 +76,9 @@ pub use motion::{Control, control_list, control_rows, resting_inputs};
 pub use read::{parse_scene, parse_source, read_scene};
 pub use refine::Refined;
 pub(crate) use rod::RodStart;
-pub use rope::{Creep, Initial, JointSection, NodeMass, Plasticity, Rest, Rope, Start, Touching, Twist};
+pub use rope::{
+    BendFriction, Creep, Initial, JointSection, NodeMass, Plasticity, Rest, Rope, Start, Stiffening, Touching, Twist,
+};
 pub use schema::json_schema;
 pub use shape::{Block, BodyShape, Capsule, ContactRule, Cylinder, Plane, ShapeKind, Sphere};
 pub use source::{Place, Source};

@@ -124,6 +124,9 @@ fn halve_edges(rope: &mut Rope) {
     if let Some(fractions) = &mut rope.edge_fractions {
         *fractions = fractions.iter().flat_map(|f| [0.5 * f; 2]).collect();
     }
+    if let Some(strains) = &mut rope.edge_rest_strains {
+        *strains = strains.iter().flat_map(|strain| [*strain; 2]).collect();
+    }
 }
 
 #[cfg(test)]

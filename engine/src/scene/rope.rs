@@ -18,6 +18,9 @@ pub struct Rope {
     /// Rest length of each edge as a part of `length` [-], scaled to sum 1. Either this or `nodes`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub edge_fractions: Option<Vec<f64>>,
+    /// By how much each edge is longer at rest than its share of `length`, as a part of that [-]: only its stretch knows. Zero if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_rest_strains: Option<Vec<f64>>,
     /// Rest length [m].
     pub length: f64,
     /// Mass per length ρA [kg/m]. Either this or `density`.
@@ -74,6 +77,12 @@ pub struct Rope {
     /// A rod that is bent too far stays bent; of a rope with a `twist`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plasticity: Option<Plasticity>,
+    /// A rod becomes stiffer, or softer, the more it is bent; of a rope with a `twist`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffening: Option<Stiffening>,
+    /// Friction inside a rod that is bent; of a rope with a `twist`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bend_friction: Option<BendFriction>,
     /// Where its nodes are at the beginning.
     pub initial: Initial,
     /// Whether `initial` is the start, or the guess of an equilibrium.
@@ -91,6 +100,7 @@ impl Default for Rope {
             closed: false,
             nodes: Some(13),
             edge_fractions: None,
+            edge_rest_strains: None,
             length: 1.0,
             linear_density: 0.05,
             stretch_stiffness: 1.0e4,
@@ -110,6 +120,8 @@ impl Default for Rope {
             twist: None,
             creep: None,
             plasticity: None,
+            stiffening: None,
+            bend_friction: None,
             initial: Initial::default(),
             start: Start::default(),
             velocity: [0.0; 3],
@@ -284,6 +296,25 @@ pub struct Plasticity {
     pub yield_curvature: f64,
     /// Time in which what is beyond relaxes by 1/e [s]: much shorter than the motion's, it is perfect plasticity.
     pub time: f64,
+}
+
+/// The moment of bending grows faster than the curvature x, as EI x (1 + c x²).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stiffening {
+    /// c [m²]: bent to the radius √c the rod is twice as stiff as Hooke's law has it. 0 is allowed, for parameters that are fitted; below, the
+    /// rod softens, and beyond the curvature 1/√(−3c) its moment falls.
+    pub coefficient: f64,
+}
+
+/// Friction between the parts of a rod that is bent, the same however fast (Dahl's model).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BendFriction {
+    /// The moment that it tends to [N·m]; 0 is allowed, for parameters that are fitted.
+    pub moment: f64,
+    /// The change of curvature over which it builds up by 1 − 1/e [1/m].
+    pub curvature: f64,
 }
 
 /// The shape of a rod without forces.

@@ -141,7 +141,8 @@ impl StageRecord {
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
     /// that (plus 4 under a negative load), for every stop 0 open, 1 closed, and for every coupling 0; for every motor with limits 0 within, 1 and 2 beyond
     /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs; and for every
-    /// gripper that grasps, two that tell what it does; and for every joint of a plastic rod the phases of its flow.
+    /// gripper that grasps, two that tell what it does; and for every joint of a plastic rod the phases of its flow, of one with
+    /// friction whether it loads or unloads.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
         let g = theta[model.gravity];
         let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {

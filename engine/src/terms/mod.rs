@@ -18,6 +18,7 @@ mod drag;
 mod energy;
 mod gravity;
 pub mod joint;
+mod rest_strain;
 pub mod section;
 pub mod sheet;
 mod stencil;
@@ -31,6 +32,7 @@ pub use bend_damping::{BendDamping, BendDampingLaw};
 pub use drag::{Drag, DragLaw};
 pub use energy::{EnergyLaw, FromEnergy};
 pub use gravity::{Gravity, GravityLaw, gravity_vector};
+pub use rest_strain::{RestStrain, RestStrainLaw};
 pub use stretch::{Stretch, StretchLaw};
 pub use stretch_damping::{StretchDamping, StretchDampingLaw};
 

@@ -8,6 +8,8 @@ mod actuator_lag;
 mod anisotropic_bending;
 mod armature;
 mod asymmetric_friction;
+mod bend_friction;
+mod bend_stiffening;
 mod center_of_mass;
 mod clamp_roll;
 mod clamp_roll_pose;
@@ -15,6 +17,7 @@ mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
 mod discretisation;
+mod edge_lengths;
 mod encoder_bias;
 mod encoder_scale;
 mod extensibility;
@@ -32,10 +35,12 @@ mod length_scale;
 mod linear_drag;
 mod link_inertia;
 mod load_friction;
+mod marker_offset;
 mod mass_distribution;
 mod payload;
 mod quadratic_drag;
 mod rod_creep;
+mod rod_plasticity;
 mod saturation;
 mod sensor_bias;
 mod sensor_delay;
@@ -58,6 +63,7 @@ use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;
 use crate::shoot::{JointPlace, Plan};
 use crate::unknown::{Probe, Unknown, Values};
+use nalgebra::Vector3;
 use pliant_engine::model::Model;
 
 /// A possible cause of what a simulation gets wrong.
@@ -82,6 +88,8 @@ pub struct Cause {
     pub twins: Vec<&'static str>,
     /// What nobody measured, and what matters only once this cause is there; a search for causes that act together frees it with them.
     pub companions: Vec<Unknown>,
+    /// What its `settings` stand for: a search frees it as well once the cause has a size, and with it a meaning.
+    pub afterwards: Vec<Unknown>,
     /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
     pub starts: Vec<Vec<(usize, f64)>>,
     /// The cause that this one adds detail to.
@@ -180,9 +188,30 @@ impl Situation<'_> {
         paths.filter(|path| path.starts_with(&begin) && path.ends_with(&end)).cloned().collect()
     }
 
+    /// Markers on a rod.
+    fn markers_on(&self, rod: &str) -> Vec<usize> {
+        let nodes = self.plan.model.rope(rod).map(|rope| rope.nodes.clone()).unwrap_or_default();
+        let on = |k: &usize| self.plan.markers[*k].nodes().is_some_and(|pair| nodes.contains(&pair.node));
+        (0..self.plan.markers.len()).filter(on).collect()
+    }
+
     /// The curvature of a rod bent to an arc of one radian [1/m]: a typical size.
     fn typical_curvature(&self, rod: &str) -> f64 {
         1.0 / self.value(&format!("{rod}.length")).max(f64::MIN_POSITIVE)
+    }
+
+    /// The largest curvature at the nodes of a rod as records begin [1/m].
+    fn largest_curvature(&self, rod: &str) -> f64 {
+        let Some(span) = self.plan.model.rope(rod) else { return 1.0 };
+        let mut largest = 0.0_f64;
+        for rec in &self.plan.fitted {
+            let x = |node: usize| Vector3::from_column_slice(&rec.start.mean.q[3 * node..3 * node + 3]);
+            for node in span.nodes.start + 1..span.nodes.end - 1 {
+                let (a, b) = (x(node) - x(node - 1), x(node + 1) - x(node));
+                largest = largest.max(2.0 * a.angle(&b) / (a.norm() + b.norm()));
+            }
+        }
+        if largest.is_finite() && largest > 0.0 { largest } else { self.typical_curvature(rod) }
     }
 
     /// A drag coefficient [kg/(m·s)] whose force at 1 m/s is a tenth of the rope's weight: a typical size.
@@ -353,10 +382,12 @@ fn of_joints(at: &Situation) -> Vec<Cause> {
 /// Causes that lie in a rod's section and in how it is held.
 fn of_rods(at: &Situation) -> Vec<Cause> {
     let shape = [intrinsic_curvature::causes(at), intrinsic_twist::causes(at), uneven_curvature::causes(at)];
-    let stiffness = [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at)];
+    let stiffness =
+        [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at), bend_stiffening::causes(at)];
     let held = [clamp_roll::causes(at), clamp_roll_pose::causes(at)];
-    let others = [mass_distribution::causes(at), rod_creep::causes(at)];
-    shape.into_iter().chain(stiffness).chain(held).chain(others).flatten().collect()
+    let along = [mass_distribution::causes(at), marker_offset::causes(at)];
+    let memory = [rod_creep::causes(at), rod_plasticity::causes(at), bend_friction::causes(at)];
+    shape.into_iter().chain(stiffness).chain(held).chain(along).chain(memory).flatten().collect()
 }
 
 /// All causes of the library as they stand in this situation. A cause whose unknowns are all free already is left out.
@@ -369,6 +400,7 @@ pub fn library(at: &Situation) -> Vec<Cause> {
     causes.extend(gravity_magnitude::causes(at));
     if !at.ropes().is_empty() {
         causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
+        causes.extend(edge_lengths::causes(at));
         causes.extend(of_rods(at));
     }
     causes.extend(gripper_offset::causes(at));

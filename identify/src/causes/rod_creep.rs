@@ -3,6 +3,7 @@
 //! Without a branch nothing determines its time, so the effect is looked at for several; the best one counts, at a price.
 
 use super::{Cause, Situation};
+use crate::unknown::Unknown;
 
 /// Times of relaxation \[s\].
 const GRID: [f64; 3] = [0.05, 0.5, 5.0];
@@ -22,6 +23,12 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             untestable: in_pieces
                 .then(|| "the records are fitted in pieces, and what has relaxed before a piece begins is unknown".to_owned()),
             excitation: "bend it, hold it, and let go: it comes back at once, and then slowly a little more",
+            afterwards: at
+                .theta(&format!("{rod}.creep_time"), 1.0)
+                .filter(|_| none && !in_pieces)
+                .into_iter()
+                .map(Unknown::logarithmic)
+                .collect(),
             settings: entry.filter(|_| none).map_or_else(Vec::new, |entry| GRID.map(|time| vec![(entry, time)]).to_vec()),
             ..Cause::default()
         }

@@ -78,13 +78,15 @@ pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, Ident
         let of_joint = |sensor: usize| setup.experiment.joint[sensor].paths().iter().position(|p| *p == free.path);
         let joint = (0..setup.experiment.joint.len()).find_map(|sensor| Some((sensor, of_joint(sensor)?)));
         let width = 0.1 * (free.upper - free.lower);
-        let mut unknown = match (SENSOR_PATHS.iter().position(|path| *path == free.path), joint) {
-            (Some(entry), _) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
-            (None, Some((sensor, entry))) => {
+        let beside = setup.offset_path(&free.path);
+        let mut unknown = match (SENSOR_PATHS.iter().position(|path| *path == free.path), joint, beside) {
+            (Some(entry), ..) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
+            (.., Some((marker, axis))) => Unknown::beside(free.path.clone(), vec![marker], axis, width),
+            (None, Some((sensor, entry)), None) => {
                 let unit = setup.joint_units(sensor)[entry];
                 Unknown::of_joint(free.path.clone(), unit, (sensor, entry), width, JOINT_BOUNDS[entry])
             }
-            (None, None) => probed(plan, Unknown::of_theta(&plan.model, &free.path, width)?),
+            (None, None, None) => probed(plan, Unknown::of_theta(&plan.model, &free.path, width)?),
         };
         unknown.bounds = (unknown.bounds.0.max(free.lower), unknown.bounds.1.min(free.upper));
         unknown.prior = free.prior.as_ref().map(|p| (p.mean, p.std));

@@ -47,7 +47,8 @@ pub(super) fn reread(
     fitted: &Fitted,
     options: &FitOptions,
 ) -> Result<Vec<RecordPlan>, IdentifyError> {
-    let same = base.values.sensor == fitted.values.sensor && base.values.joints == fitted.values.joints;
+    let (a, b) = (&base.values, &fitted.values);
+    let same = a.sensor == b.sensor && a.joints == b.joints && a.offsets == b.offsets;
     // records that were fitted have more states than their first
     if same || plan.held_out.is_empty() { Ok(records.to_vec()) } else { prepared(plan, records, fitted, options) }
 }

@@ -89,7 +89,11 @@ impl Check<'_> {
             let n = rope.n_nodes() as f64;
             return self.refuse(&at("node"), LogMistake::Range { value: node as f64, low: -n, high: n - 1.0, unit: "(nodes)" });
         }
-        Ok(())
+        if marker.offset.is_some() && rope.twist.is_none() {
+            return self.refuse(&at("offset"), LogMistake::Misplaced { key: "offset", owner: "markers on ropes that twist" });
+        }
+        let offset = marker.offset.unwrap_or_default().into_iter().enumerate();
+        offset.into_iter().try_for_each(|(a, x)| self.range(&at(&format!("offset[{a}]")), x, -rope.length, rope.length, "m"))
     }
 
     fn body_marker(&self, item: &str, body: &str, marker: &Marker) -> Result<(), LogError> {
@@ -97,7 +101,8 @@ impl Check<'_> {
         if !names.contains(&body) {
             return self.unknown(&format!("{item}.body"), "body", body, &names);
         }
-        for (key, given) in [("node", marker.node.is_some()), ("arc", marker.arc.is_some())] {
+        let keys = [("node", marker.node.is_some()), ("arc", marker.arc.is_some()), ("offset", marker.offset.is_some())];
+        for (key, given) in keys {
             if given {
                 return self.refuse(&format!("{item}.{key}"), LogMistake::Misplaced { key, owner: "markers on ropes" });
             }

@@ -190,6 +190,11 @@ pub struct Marker {
     /// Arc length from the first node at rest [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arc: Option<f64>,
+    /// Its distance from the centreline along the two material axes of a rope that twists [m]; 0 if left out.
+    ///
+    /// `fit` frees it by the paths `marker[k].offset[0]` and `marker[k].offset[1]`, k the marker's number in the experiment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<[f64; 2]>,
     /// Columns of x, y, z in a CSV file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub columns: Option<[String; 3]>,

@@ -5,7 +5,7 @@ use super::experiment::{Free, JointSensor};
 use super::setup::Setup;
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS, SENSOR_UNITS};
 use crate::unknown::matches;
-use pliant_engine::params::{POSITIVE, Params};
+use pliant_engine::params::{ANY, POSITIVE, Params};
 use pliant_engine::scene::words;
 
 /// What a path means.
@@ -17,6 +17,8 @@ enum Meaning {
     Sensor(usize),
     /// This sensor at a joint, and which of its values.
     Joint(usize, usize),
+    /// The offset of this marker along this axis.
+    Beside(usize, usize),
 }
 
 impl Setup {
@@ -45,6 +47,7 @@ impl Setup {
                     let (low, high) = JOINT_BOUNDS[*entry];
                     (self.joint_values()[*sensor][*entry], low, high, self.joint_units(*sensor)[*entry])
                 }
+                Meaning::Beside(marker, axis) => (self.marker_offsets()[*marker][*axis], ANY.0, ANY.1, "m"),
             };
             self.bounds(k, one, (low, high), unit)?;
             if value < one.lower || value > one.upper {
@@ -64,6 +67,9 @@ impl Setup {
         if let Some((sensor, entry)) = sensors.enumerate().find_map(|(k, p)| Some((k, p.iter().position(|x| *x == free.path)?))) {
             return Ok(Meaning::Joint(sensor, entry));
         }
+        if let Some((marker, axis)) = self.offset_path(&free.path) {
+            return Ok(Meaning::Beside(marker, axis));
+        }
         let entries: Vec<usize> = (0..params.len()).filter(|&e| matches(&free.path, &params.info(e).path)).collect();
         if !entries.is_empty() {
             return Ok(Meaning::Theta(entries));
@@ -72,7 +78,8 @@ impl Setup {
         let mistake = if tied.is_empty() {
             let known: Vec<&str> = params.infos().iter().map(|info| info.path.as_str()).chain(SENSOR_PATHS).collect();
             let own: Vec<String> = self.experiment.joint.iter().flat_map(JointSensor::paths).collect();
-            let known: Vec<&str> = known.into_iter().chain(own.iter().map(String::as_str)).collect();
+            let offsets: Vec<String> = self.offset_paths().into_iter().map(|(path, ..)| path).collect();
+            let known: Vec<&str> = known.into_iter().chain(own.iter().chain(&offsets).map(String::as_str)).collect();
             let nearest = words::nearest(&free.path, known.iter().copied()).map(str::to_owned);
             LogMistake::Unknown { kind: "parameter", name: free.path.clone(), nearest, known: known_near(&free.path, &known) }
         } else {

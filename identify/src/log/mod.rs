@@ -27,3 +27,4 @@ pub use experiment::{
 };
 pub use record::{Logs, Record, Split, StepTime};
 pub use setup::Setup;
+pub(crate) use setup::offset_path;

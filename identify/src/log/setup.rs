@@ -129,6 +129,23 @@ impl Setup {
         self.experiment.joint.iter().map(|sensor| [sensor.bias, sensor.scale, sensor.delay]).collect()
     }
 
+    /// How far each marker is from the centreline of its rod, as the experiment has it \[m\].
+    pub fn marker_offsets(&self) -> Vec<[f64; 2]> {
+        self.experiment.marker.iter().map(|marker| marker.offset.unwrap_or_default()).collect()
+    }
+
+    /// Paths of the offsets of markers on ropes that twist, with the marker's number and the axis.
+    pub(crate) fn offset_paths(&self) -> Vec<(String, usize, usize)> {
+        let twists = |name: &String| self.scene.rope.iter().any(|rope| rope.name == *name && rope.twist.is_some());
+        let on_rods = self.experiment.marker.iter().enumerate().filter(|(_, marker)| marker.rope.as_ref().is_some_and(twists));
+        on_rods.flat_map(|(k, _)| [0, 1].map(|a| (offset_path(k, a), k, a))).collect()
+    }
+
+    /// The marker and the axis of a path of [`Setup::offset_paths`].
+    pub(crate) fn offset_path(&self, path: &str) -> Option<(usize, usize)> {
+        self.offset_paths().into_iter().find(|(other, ..)| other == path).map(|(_, marker, axis)| (marker, axis))
+    }
+
     /// Units of bias, scale and delay of a sensor at a joint.
     pub(crate) fn joint_units(&self, sensor: usize) -> [&'static str; 3] {
         let sensor = &self.experiment.joint[sensor];
@@ -145,6 +162,11 @@ impl Setup {
         };
         self.scene.body.iter().flat_map(|body| &body.joint).flat_map(of).collect()
     }
+}
+
+/// Path of a marker's distance from the centreline along a material axis.
+pub(crate) fn offset_path(marker: usize, axis: usize) -> String {
+    format!("marker[{marker}].offset[{axis}]")
 }
 
 fn name_of(path: &Path) -> String {

@@ -96,6 +96,13 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         let key = set_value(experiment.entry("sensor").or_insert(perfect).as_table_mut()?, rest, estimate.estimate)?;
         return Some(Place { table: "experiment.sensor".to_owned(), number: 0, key });
     }
+    if let Some((marker, axis)) = offset_of(&estimate.path) {
+        let marker_table = table.get_mut("experiment")?.as_table_mut()?.get_mut("marker")?.as_array_mut()?.get_mut(marker)?;
+        let nowhere = || Value::Array(vec![Value::Float(0.0); 2]);
+        let offset = marker_table.as_table_mut()?.entry("offset").or_insert_with(nowhere);
+        *offset.as_array_mut()?.get_mut(axis)? = Value::Float(estimate.estimate);
+        return Some(Place { table: "experiment.marker".to_owned(), number: marker, key: "offset".to_owned() });
+    }
     let list = OBJECTS.iter().find_map(|list| {
         let items = table.get(*list)?.as_array()?;
         Some((*list, items.iter().position(|item| item.get("name").and_then(Value::as_str) == Some(object))?))
@@ -113,9 +120,9 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         set_mass(target, node, estimate.estimate)?;
         return Some(Place { table: format!("{name}.node_mass"), number, key: String::new() });
     }
+    // `stiffening` is the name of a table, too
     if name == "rope"
-        && rest.contains(['_', '['])
-        && !target.contains_key(rest)
+        && (rest == "stiffening" || (rest.contains(['_', '[']) && !target.contains_key(rest)))
         && let Some((table, key)) = set_rod(target, rest, estimate.estimate)
     {
         return Some(Place { table: table.to_owned(), number, key });
@@ -123,6 +130,12 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
     let inertia = if name == "body" { set_inertia(target, rest, estimate.estimate) } else { None };
     let key = inertia.or_else(|| set_value(target, rest, estimate.estimate))?;
     Some(Place { table: name.to_owned(), number, key })
+}
+
+/// Marker and axis of `marker[2].offset[1]`.
+fn offset_of(path: &str) -> Option<(usize, usize)> {
+    let (marker, axis) = path.strip_prefix("marker[")?.strip_suffix(']')?.split_once("].offset[")?;
+    Some((marker.parse().ok()?, axis.parse().ok()?))
 }
 
 /// Sets `key` or `key[index]` of a table, and returns the key. A `saturation` is the same both ways.

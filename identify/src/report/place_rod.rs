@@ -1,21 +1,26 @@
 //! Where estimates of a rod's section, its joints and its creep stand in a scene.
 
 use super::extended::set_value;
+use crate::shoot::{FAR, NEVER};
 use toml::{Table, Value};
 
 /// Sets a quantity of a rod by the end of its path; returns the table below the rope it stands in, and its key.
 pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'static str, String)> {
-    if let Some(key) = path.strip_prefix("creep_") {
-        let creep = rope.entry("creep").or_insert_with(|| Value::Table(Table::new())).as_table_mut()?;
-        if creep.is_empty() {
-            [("fraction", 0.0), ("time", 1.0)]
-                .into_iter()
-                .for_each(|(key, x)| drop(creep.insert(key.to_owned(), Value::Float(x))));
+    if let Some((table, key, without)) = law(path) {
+        let law = rope.entry(table.strip_prefix("rope.")?).or_insert_with(|| Value::Table(Table::new())).as_table_mut()?;
+        if law.is_empty() {
+            without.iter().for_each(|(key, x)| drop(law.insert((*key).to_owned(), Value::Float(*x))));
         }
-        creep.insert(key.to_owned(), Value::Float(new));
-        return Some(("rope.creep", key.to_owned()));
+        law.insert(key.to_owned(), Value::Float(new));
+        return Some((table, key.to_owned()));
     }
     let nodes = node_count(rope);
+    if let Some(edge) = path.strip_prefix("edge[").and_then(|rest| rest.strip_suffix("].rest_strain")) {
+        let edges = usize::try_from(nodes?).ok()? - usize::from(!is_closed(rope));
+        let strains = rope.entry("edge_rest_strains").or_insert_with(|| Value::Array(vec![Value::Float(0.0); edges]));
+        *strains.as_array_mut()?.get_mut(edge.parse::<usize>().ok()?)? = Value::Float(new);
+        return Some(("rope", "edge_rest_strains".to_owned()));
+    }
     let twist = rope.get_mut("twist")?.as_table_mut()?;
     if let Some((node, quantity)) = path.strip_prefix("node[").and_then(|rest| rest.split_once("].")) {
         set_joint(twist, node.parse().ok()?, nodes?, quantity, new)?;
@@ -29,11 +34,33 @@ pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'stati
     Some(("rope.twist", key))
 }
 
+fn is_closed(rope: &Table) -> bool {
+    rope.get("closed").and_then(Value::as_bool) == Some(true)
+}
+
+/// The table of a law that a section may be without, by a path of one of its quantities; its key there, and what a new table has.
+fn law(path: &str) -> Option<(&'static str, &str, &'static [(&'static str, f64)])> {
+    if path == "stiffening" {
+        return Some(("rope.stiffening", "coefficient", &[("coefficient", 0.0)]));
+    }
+    let creep = path.strip_prefix("creep_").map(|key| ("rope.creep", key, &[("fraction", 0.0), ("time", 1.0)][..]));
+    let friction = || Some(("rope.bend_friction", path.strip_prefix("friction_")?, &[("moment", 0.0), ("curvature", 1.0)][..]));
+    let plasticity = || {
+        let key = if path == "plastic_time" { "time" } else { path };
+        let known = ["yield_curvature", "time"].contains(&key) && path != "time";
+        known.then_some(("rope.plasticity", key, &[("yield_curvature", FAR), ("time", NEVER)][..]))
+    };
+    creep.or_else(friction).or_else(plasticity)
+}
+
 /// Number of a rope's nodes.
 pub(super) fn node_count(rope: &Table) -> Option<i64> {
     match rope.get("nodes").and_then(Value::as_integer) {
         Some(nodes) => Some(nodes),
-        None => Some(i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()? + 1),
+        None => {
+            let edges = i64::try_from(rope.get("edge_fractions")?.as_array()?.len()).ok()?;
+            Some(edges + i64::from(!is_closed(rope)))
+        }
     }
 }
 
@@ -63,8 +90,18 @@ mod tests {
         assert_eq!(set("rest_curvature[1]", 3.0), ("rope.twist", "rest_curvature".to_owned()));
         assert_eq!(set("bend_stiffness_2", 4.0), ("rope.twist", "bend_stiffness_2".to_owned()));
         assert_eq!(set("creep_fraction", 0.2), ("rope.creep", "fraction".to_owned()));
+        assert_eq!(set("stiffening", 0.03), ("rope.stiffening", "coefficient".to_owned()));
+        assert_eq!(set("friction_moment", 0.01), ("rope.bend_friction", "moment".to_owned()));
+        assert_eq!(set("friction_curvature", 0.7), ("rope.bend_friction", "curvature".to_owned()));
         assert_eq!(set("node[3].rest_curvature[0]", 5.0).0, "rope.twist.joint");
         assert_eq!(set("node[3].bend_factor", 0.5).0, "rope.twist.joint");
+        assert_eq!(set("edge[3].rest_strain", 0.02), ("rope", "edge_rest_strains".to_owned()));
+        assert_eq!(set("plastic_time", 0.5), ("rope.plasticity", "time".to_owned()));
+        let strains: Vec<f64> = rope["edge_rest_strains"].as_array().unwrap().iter().filter_map(Value::as_float).collect();
+        assert_eq!((strains, rope["plasticity"]["time"].as_float()), (vec![0.0, 0.0, 0.0, 0.02], Some(0.5)));
+        let of = |table: &str, key: &str| rope[table][key].as_float().unwrap();
+        assert_eq!((of("stiffening", "coefficient"), of("bend_friction", "moment")), (0.03, 0.01));
+        assert_eq!((of("bend_friction", "curvature"), of("creep", "time")), (0.7, 1.0));
         let twist = rope["twist"].as_table().unwrap();
         assert_eq!((twist["stiffness"].as_float(), twist["rest_curvature"][1].as_float()), (Some(2.0), Some(3.0)));
         let joint = &twist["joint"].as_array().unwrap()[..];

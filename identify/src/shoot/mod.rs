@@ -9,6 +9,7 @@
 //! accumulated defects. So statistics are those of one long record, and nonlinearity that of short ones; with all defects
 //! zero it is the plain simulation.
 
+mod beside;
 mod blend;
 mod bodies;
 mod late;

@@ -1,5 +1,6 @@
 //! What sensors read at one instant of a simulation, and its derivatives by everything unknown.
 
+use super::beside::At;
 use super::blend::Blend;
 use super::bodies::{Bodies, inverse_left_jacobian};
 use super::observed::{MarkerPlace, Observed};
@@ -14,6 +15,8 @@ use pliant_engine::state::State;
 /// An instant between two states.
 pub(super) struct Instant<'a> {
     blend: Blend,
+    /// The part of the step.
+    part: f64,
     x: [&'a State; 2],
     t: [&'a Tangent; 2],
     bodies: Option<Bodies>,
@@ -32,6 +35,14 @@ struct Reading {
     rows: Vec<f64>,
 }
 
+/// A marker's way from the centreline \[m\], its rate, and its derivatives by the offsets.
+#[derive(Default)]
+struct OffCentreline {
+    whole: Vector3<f64>,
+    rate: Vector3<f64>,
+    axes: [Vector3<f64>; 2],
+}
+
 impl<'a> Instant<'a> {
     /// At the part `part` of step `step`.
     pub fn new(pass: &Pass, step: usize, blend: Blend, part: f64, x: [&'a State; 2], t: [&'a Tangent; 2]) -> Self {
@@ -42,7 +53,7 @@ impl<'a> Instant<'a> {
         let wanted = seen && pass.wants.tangents;
         let tangents = if wanted { blend.body_tangents(model, x, t, pass.columns) } else { Default::default() };
         let u = if plan.joints.iter().any(|j| !j.drives.is_empty()) { controls(pass, step, part) } else { Default::default() };
-        Self { blend, x, t, bodies, tangents, u }
+        Self { blend, part, x, t, bodies, tangents, u }
     }
 }
 
@@ -69,6 +80,7 @@ impl Pass<'_> {
     fn marker(&self, sample: usize, k: usize, at: &Instant, shot: &mut Shot) {
         let m = self.columns;
         let mut point = vec![0.0; 3 * m];
+        let mut axes = [Vector3::zeros(); 2];
         let (p, speed) = match (&self.plan.markers[k], &at.bodies) {
             (MarkerPlace::Nodes(pair), _) => {
                 let parts = [(pair.node, 1.0 - pair.weight), (pair.next, pair.weight)];
@@ -78,7 +90,10 @@ impl Pass<'_> {
                     }
                 }
                 let p: Vector3<f64> = parts.iter().map(|&(n, w)| at.blend.position(at.x, n) * w).sum();
-                (p, parts.iter().map(|&(n, w)| at.blend.velocity(at.x, n) * w).sum())
+                let v: Vector3<f64> = parts.iter().map(|&(n, w)| at.blend.velocity(at.x, n) * w).sum();
+                let off = self.off_centreline(k, at, &mut point);
+                axes = off.axes;
+                (p + off.whole, v + off.rate)
             }
             (MarkerPlace::Body { body, point: place }, Some(bodies)) => {
                 let seen = bodies.point(&self.plan.model, *body, place);
@@ -95,9 +110,26 @@ impl Pass<'_> {
         let direct = |unknown: &Unknown, axis: usize| match unknown.target {
             Target::Sensor(TIME_OFFSET) => -(dy_dp * speed)[axis],
             Target::Sensor(entry) => by[entry][axis],
+            Target::Beside(ref markers, along) if markers.contains(&k) => (dy_dp * axes[along])[axis],
             _ => 0.0,
         };
         self.store(sample, Observed::Marker(k), reading, &direct, shot);
+    }
+
+    /// How far a marker is beside its rod, between two steps; adds its tangents to those of the point.
+    fn off_centreline(&self, marker: usize, at: &Instant, point: &mut [f64]) -> OffCentreline {
+        let mut out = OffCentreline::default();
+        let Some(beside) = &self.beside else { return out };
+        for (k, weight, slope) in [(0, 1.0 - at.part, -1.0 / self.h), (1, at.part, 1.0 / self.h)] {
+            let tangent = self.wants.tangents.then_some((at.t[k], self.columns));
+            let state = At { model: &self.plan.model, x: at.x[k], tangent };
+            let offset = beside.offset(marker, self.values, state);
+            (0..2).for_each(|a| out.axes[a] += offset.axes[a] * weight);
+            out.whole += offset.whole * weight;
+            out.rate += offset.whole * slope;
+            point.iter_mut().zip(&offset.rows).for_each(|(p, r)| *p += weight * r);
+        }
+        out
     }
 
     fn joint(&self, sample: usize, k: usize, at: &Instant, shot: &mut Shot) {
@@ -121,7 +153,7 @@ impl Pass<'_> {
             Target::Joint(sensor, BIAS) if *sensor == k => 1.0,
             Target::Joint(sensor, GAIN) if *sensor == k => x.value,
             Target::Joint(other, DELAY) if *other == k => -sensor[GAIN] * x.rate,
-            Target::Sensor(_) | Target::Joint(..) | Target::Late(_) => 0.0,
+            Target::Sensor(_) | Target::Joint(..) | Target::Beside(..) | Target::Late(_) => 0.0,
             Target::Theta(_) | Target::Mirrored(..) => {
                 let entries = unknown.target.entries();
                 let by = |k: usize| x.by_theta.iter().filter(move |(entry, _)| *entry == k).map(|(_, d)| d).sum::<f64>();

@@ -3,7 +3,9 @@
 //! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
 //! ```text
 //! motors    lag 0, saturation ±FAR
-//! rods      bend_stiffness_2 = bend_stiffness, creep of a fraction 0
+//! ropes     rest strains of the edges 0, of ropes with few edges
+//! rods      bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending in the time NEVER, stiffening and friction
+//!           of bending 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
 //! ```
 //! A motor's delay is none of them: what is late is an input, and known beforehand ([`super::late`]).
@@ -13,9 +15,12 @@
 
 use crate::unknown::{Target, Unknown, Values};
 use pliant_engine::model::Model;
-use pliant_engine::scene::{Creep, Joint, JointKind, Rope, Scene};
+use pliant_engine::scene::{BendFriction, Creep, Joint, JointKind, Plasticity, Rope, Scene, Stiffening};
 
-/// A torque that no motor reaches [N·m or N].
+/// Edges of a rope beyond which data could not tell their lengths apart.
+const FEW_EDGES: usize = 40;
+
+/// A torque that no motor reaches [N·m or N], and a curvature that no rod does [1/m].
 pub const FAR: f64 = 1e9;
 /// A time after which no joint has crept \[s\].
 pub const NEVER: f64 = 1e7;
@@ -31,9 +36,16 @@ pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
         actuator.saturation.get_or_insert([-FAR, FAR]);
     }
     for rope in &mut out.rope {
+        let edges = rope.fractions().len();
+        if edges <= FEW_EDGES {
+            rope.edge_rest_strains.get_or_insert_with(|| vec![0.0; edges]);
+        }
         if let Some(twist) = &mut rope.twist {
             twist.bend_stiffness_2.get_or_insert(rope.bend_stiffness);
             rope.creep.get_or_insert(Creep { fraction: 0.0, twist_fraction: None, time: 1.0 });
+            rope.stiffening.get_or_insert(Stiffening { coefficient: 0.0 });
+            rope.bend_friction.get_or_insert(BendFriction { moment: 0.0, curvature: 1.0 });
+            rope.plasticity.get_or_insert(Plasticity { yield_curvature: FAR, time: NEVER });
         }
     }
     let driven: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
@@ -183,7 +195,7 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
             ..Unknown::of_theta(&model, "pivot.damping", 1.0).unwrap()
         };
         let theta = vec![0.0, 0.0, 0.0, 0.0, 2.0, 7.0, 2.0];
-        let mut values = Values { theta, sensor: Default::default(), joints: Vec::new(), late: Vec::new() };
+        let mut values = Values { theta, sensor: Default::default(), joints: Vec::new(), offsets: Vec::new(), late: Vec::new() };
         rejoin(&[tie(&[4, 6]), tie(&[5])], &[tie(&[4, 5, 6])], &mut values);
         assert_eq!(values.theta[4..], [2.0, 2.0, 2.0]);
         // the tie's first, too

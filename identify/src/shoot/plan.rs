@@ -113,6 +113,7 @@ impl Plan {
             theta: model.params().values().to_vec(),
             sensor: setup.experiment.sensor.values(),
             joints: setup.joint_values(),
+            offsets: setup.marker_offsets(),
             late: vec![0.0; model.nu()],
         };
         let mut plan = Self {

@@ -1,5 +1,6 @@
 //! One pass through a record: simulation, readings, and their derivatives.
 
+use super::beside::{At, Beside};
 use super::blend::Blend;
 use super::observe::Instant;
 use super::observed::Observed;
@@ -57,6 +58,7 @@ pub(super) struct Pass<'a> {
     pub own: usize,
     pub columns: usize,
     pub h: f64,
+    pub beside: Option<Beside>,
 }
 
 /// Everything that is read at the same shifted times, and where its samples fall: (step, part of it).
@@ -70,7 +72,8 @@ struct Timetable {
 pub fn shoot(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -> Result<Shot, StepError> {
     let own = if wants.tangents { rec.start.unknowns() } else { 0 };
     let columns = if wants.tangents { own + wants.unknowns.len() + 1 } else { 0 };
-    let pass = Pass { plan, rec, values, wants, own, columns, h: plan.model.step_length() };
+    let beside = Beside::new(plan, values, wants.unknowns);
+    let pass = Pass { plan, rec, values, wants, own, columns, h: plan.model.step_length(), beside };
     pass.run()
 }
 
@@ -176,7 +179,16 @@ impl Pass<'_> {
                 }
             }
         }
-        Ok(state)
+        Ok(self.on_centrelines(state, tangent))
+    }
+
+    /// The start that the data have, moved to where the centrelines of rods are.
+    fn on_centrelines(&self, state: State, tangent: &mut TangentStepper) -> State {
+        let Some(beside) = &self.beside else { return state };
+        let before = self.wants.tangents.then(|| tangent.x.clone());
+        let at = At { model: &self.plan.model, x: &state, tangent: before.as_ref().map(|x| (x, self.columns)) };
+        let unknowns: Vec<(usize, &Unknown)> = self.wants.unknowns.iter().enumerate().map(|(j, u)| (self.own + j, u)).collect();
+        beside.start(self.values, &unknowns, at, &mut tangent.x)
     }
 
     /// What is remembered at t = 0, with its tangents: of motors what the inputs before leave, of joints what the scene says.

@@ -1,6 +1,7 @@
 //! Logs of a rod that twists, held by two grippers that swing.
 #![allow(clippy::unwrap_used)]
 
+use nalgebra::Vector3;
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::model::{Model, ModelBuilder};
 use pliant_engine::scene::{Source, parse_scene};
@@ -15,8 +16,8 @@ const RATE: f64 = 100.0;
 /// Steps of the truth per sample.
 const FINE: usize = 8;
 
-/// A rod that hangs between two pairs of nodes; `step` in seconds, `more` in its `[rope.twist]`.
-fn rod(step: f64, integrator: &str, more: &str) -> String {
+/// A rod that hangs between two pairs of nodes; `step` in seconds, further keys of its tables as in [`Logged`].
+fn rod(step: f64, integrator: &str, [rope, more, hand]: [&str; 3]) -> String {
     format!(
         r#"schema_version = 1
 [time]
@@ -32,6 +33,7 @@ stretch_stiffness = 300.0
 stretch_damping = 0.3
 bend_stiffness = 1e-3
 bend_damping = 3e-5
+{rope}
 initial = {{ shape = "between", from = [0, 0, 0], to = [0.45, 0, 0.05] }}
 [rope.twist]
 stiffness = 1e-3
@@ -42,6 +44,7 @@ inertia = 4e-7
 name = "left"
 rope = "rod"
 nodes = [0, 1]
+{hand}
 [[gripper]]
 name = "right"
 rope = "rod"
@@ -82,27 +85,45 @@ fn held(model: &Model, record: usize, t: f64) -> Vec<f64> {
 
 /// What is logged.
 pub struct Logged<'a> {
-    /// Further keys of the true rod's `[rope.twist]`.
+    /// Further keys of the true rod's `[[rope]]`.
+    pub rope: &'a str,
+    /// Of its `[rope.twist]`, and tables behind it.
     pub more: &'a str,
+    /// Of its left `[[gripper]]`.
+    pub hand: &'a str,
+    /// Whether the scene has `more` too, so that it is not hidden.
+    pub known: bool,
     /// Numbers of records to be fitted and held out.
     pub records: [usize; 2],
     /// Samples of a record.
     pub samples: usize,
     /// Standard deviation of the markers [m].
     pub noise: f64,
+    /// How far all markers are from the centreline along the two material axes [m].
+    pub offset: [f64; 2],
     /// Amplitude of a smooth drift of every marker that every record has of its own, at 0.3 to 1.5 Hz [m].
     pub drift: f64,
 }
 
 impl Default for Logged<'_> {
     fn default() -> Self {
-        Self { more: "", records: [3, 1], samples: 120, noise: 3e-4, drift: 0.0 }
+        Self {
+            rope: "",
+            more: "",
+            hand: "",
+            known: false,
+            records: [3, 1],
+            samples: 120,
+            noise: 3e-4,
+            offset: [0.0; 2],
+            drift: 0.0,
+        }
     }
 }
 
 /// Logs of a rod, by smaller steps of another integrator, and the setup of one that has nothing hidden in it.
 pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
-    let truth = model(&rod(1.0 / RATE / FINE as f64, "sdirk2", logged.more));
+    let truth = model(&rod(1.0 / RATE / FINE as f64, "sdirk2", [logged.rope, logged.more, logged.hand]));
     let mut noise = gaussians();
     let mut drifting = gaussians();
     for record in 0..logged.records[0] + logged.records[1] {
@@ -113,7 +134,11 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
         for sample in 0..=logged.samples {
             let t = sample as f64 / RATE;
             let drift = |k: usize| logged.drift * (std::f64::consts::TAU * (waves[k][0] * t + waves[k][1])).sin();
-            let markers = (2..NODES - 2).flat_map(|node| [0, 1, 2].map(|a| x.q[3 * node + a] + drift(3 * node + a)));
+            let axes = truth.material_axes(&x.q, &x.z);
+            let markers = (2..NODES - 2).flat_map(|node| {
+                let beside = beside(&x.q, &axes, node, logged.offset);
+                [0, 1, 2].map(|a| x.q[3 * node + a] + beside[a] + drift(3 * node + a))
+            });
             let row: Vec<String> =
                 markers.map(|p| p + logged.noise * noise()).chain(held(&truth, record, t)).map(|x| format!("{x:.7}")).collect();
             writeln!(log, "{t},{}", row.join(",")).unwrap();
@@ -128,10 +153,20 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
         std::fs::write(folder.path().join(format!("run{record}.csv")), log).unwrap();
     }
     Setup::from_source(
-        Source::new("scene.toml", &(rod(0.25 / RATE, "midpoint", "") + &experiment(logged.records))),
+        Source::new(
+            "scene.toml",
+            &(rod(0.25 / RATE, "midpoint", ["", if logged.known { logged.more } else { "" }, ""]) + &experiment(logged.records)),
+        ),
         folder.path().to_owned(),
     )
     .unwrap()
+}
+
+/// An offset at a node: along the mean of the material axes of the two edges that meet there.
+fn beside(q: &[f64], first: &[Vector3<f64>], node: usize, offset: [f64; 2]) -> Vector3<f64> {
+    let at = |k: usize| Vector3::new(q[3 * k], q[3 * k + 1], q[3 * k + 2]);
+    let of_edge = |k: usize| first[k] * offset[0] + (at(k + 1) - at(k)).normalize().cross(&first[k]) * offset[1];
+    (of_edge(node - 1) + of_edge(node)) * 0.5
 }
 
 fn columns(node: usize) -> String {

@@ -8,6 +8,7 @@ use super::super::rod::RodStart;
 use super::super::rope::{Initial, Rope, Touching, Twist};
 use super::super::words::list;
 use super::{not_negative, positive};
+use crate::params::REST_STRAIN;
 use std::f64::consts::PI;
 
 /// The longest rope [m] that is not taken for one in millimetres.
@@ -36,7 +37,7 @@ pub(super) fn check<X>(scene: &Scene<X>, r: usize) -> Result<(), SceneError> {
         }
     }
     twist(scene, r)?;
-    memory(rope, &at)?;
+    section(rope, &at)?;
     if rope.contact == Touching::Edges && rope.radius == 0.0 {
         return Err(SceneError::at(at("radius"), Mistake::ThinEdges));
     }
@@ -121,9 +122,14 @@ fn joints<X>(scene: &Scene<X>, rope: &Rope, twist: &Twist, at: &dyn Fn(&str) -> 
     Ok(())
 }
 
-/// What a rod's section remembers.
-fn memory(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
-    let tables = [("creep", rope.creep.is_some()), ("plasticity", rope.plasticity.is_some())];
+/// What a rod's section does beyond linear elasticity.
+fn section(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
+    let tables = [
+        ("creep", rope.creep.is_some()),
+        ("plasticity", rope.plasticity.is_some()),
+        ("stiffening", rope.stiffening.is_some()),
+        ("bend_friction", rope.bend_friction.is_some()),
+    ];
     if let (None, Some((key, _))) = (&rope.twist, tables.iter().find(|(_, given)| *given)) {
         return Err(SceneError::at(at(key), Mistake::NeedsTwist { key }));
     }
@@ -135,6 +141,10 @@ fn memory(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     if let Some(plasticity) = &rope.plasticity {
         positive(&at("plasticity.yield_curvature"), plasticity.yield_curvature, "1/m")?;
         positive(&at("plasticity.time"), plasticity.time, "s")?;
+    }
+    if let Some(friction) = &rope.bend_friction {
+        not_negative(&at("bend_friction.moment"), friction.moment, "N·m")?;
+        positive(&at("bend_friction.curvature"), friction.curvature, "1/m")?;
     }
     Ok(())
 }
@@ -170,6 +180,16 @@ fn nodes<X>(scene: &Scene<X>, rope: &Rope, at: &dyn Fn(&str) -> String) -> Resul
     }
     for (e, fraction) in rope.edge_fractions.iter().flatten().enumerate() {
         positive(&at(&format!("edge_fractions[{e}]")), *fraction, "-")?;
+    }
+    if let Some(strains) = &rope.edge_rest_strains {
+        let expected = rope.fractions().len();
+        if strains.len() != expected {
+            return Err(SceneError::at(at("edge_rest_strains"), Mistake::Count { found: strains.len(), expected }));
+        }
+        let (low, high) = REST_STRAIN;
+        if let Some((e, strain)) = strains.iter().enumerate().find(|(_, strain)| !(low..=high).contains(*strain)) {
+            return Err(SceneError::at(at(&format!("edge_rest_strains[{e}]")), Mistake::Range { value: *strain, low, high }));
+        }
     }
     let nodes = rope.n_nodes();
     let clamped = [End::First, End::Last].iter().any(|end| scene.clamps_end(rope, *end));

@@ -68,6 +68,10 @@ impl RememberingSection for CreepSection {
         elastic(at, p)
     }
 
+    fn silent(&self, p: &[f64]) -> bool {
+        p[5] == 0.0 && p[6] == 0.0
+    }
+
     fn energy<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> S {
         let (m, e) = (self.moment(at, p), elastic(at, p));
         (m[0] * e[0] + m[1] * e[1] + m[2] * e[2]) * 0.5

@@ -108,11 +108,7 @@ impl SectionLaw for Elastic {
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
         let (m, k, [sin, cos]) = self.moment(at);
         out.m.iter_mut().zip(m).for_each(|(m, by)| *m += by);
-        let across = (k[0] - k[1]) * sin * cos;
-        out.by_strain[0][0] += k[0] * cos * cos + k[1] * sin * sin;
-        out.by_strain[1][1] += k[0] * sin * sin + k[1] * cos * cos;
-        out.by_strain[0][1] += across;
-        out.by_strain[1][0] += across;
+        out.add_bending([k[0], k[1], 0.0], [sin, cos]);
         out.by_strain[2][2] += k[2];
     }
 

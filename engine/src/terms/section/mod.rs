@@ -7,16 +7,20 @@
 
 mod automatic;
 mod creep;
+mod dahl;
 mod elastic;
 mod plastic;
 mod remembering;
+mod stiffening;
 mod viscous;
 
 pub use automatic::AutomaticSection;
 pub use creep::CreepSection;
+pub use dahl::{DahlSection, stick};
 pub use elastic::{Elastic, ElasticSection};
 pub use plastic::{PlasticSection, flow};
 pub use remembering::{AutomaticMemory, RememberingSection, SectionState};
+pub use stiffening::{Stiffening, StiffeningSection};
 pub use viscous::{Viscous, ViscousSection};
 
 use super::Real;
@@ -67,6 +71,18 @@ pub struct Moments {
     pub by_strain: [[f64; 3]; 3],
     /// ∂M/∂rate [N·m·s], by rows.
     pub by_rate: [[f64; 3]; 3],
+}
+
+impl Moments {
+    /// Adds the slopes ∂M₁/∂k₁, ∂M₂/∂k₂ and ∂M₁/∂k₂ = ∂M₂/∂k₁ of bending towards principal axes, which are turned by an angle of this sine
+    /// and cosine.
+    pub(crate) fn add_bending(&mut self, [one, two, both]: [f64; 3], [sin, cos]: [f64; 2]) {
+        let across = (one - two) * sin * cos + both * (cos * cos - sin * sin);
+        self.by_strain[0][0] += one * cos * cos + two * sin * sin - 2.0 * both * sin * cos;
+        self.by_strain[1][1] += one * sin * sin + two * cos * cos + 2.0 * both * sin * cos;
+        self.by_strain[0][1] += across;
+        self.by_strain[1][0] += across;
+    }
 }
 
 /// What the solver asks of a section. Everything accumulates. A positive moment resists a positive strain.

@@ -1,7 +1,8 @@
 //! A section that takes a set: elastic within a yield curvature, flowing beyond it.
 
 use super::elastic::excess;
-use super::{RememberingSection, SectionState};
+use super::stiffening::{beyond, by_length, energy_beyond, slopes_beyond};
+use super::{Moments, RememberingSection, SectionState};
 use crate::terms::Real;
 use std::ops::Range;
 
@@ -10,15 +11,16 @@ use std::ops::Range;
 /// ```text
 /// E = ½ [EI₁ x₁² + EI₂ x₂² + GJ k₃²]/l,     ẋ = k̇ − max(|x| − κ_y l, 0)/τ x/|x|
 /// ```
-/// Bending yields by the norm of its elastic part, to all sides alike; twisting stays elastic. How a step integrates this: [`flow`].
+/// Bending yields by the norm of its elastic part, to all sides alike; twisting stays elastic. How a step integrates this: [`flow`]. Where
+/// the section stiffens, it is its elastic part that does, by the moment of [`super::StiffeningSection`] at x instead of k.
 ///
 /// Parameters: those of the elastic section (rod length \[m\], EI₁, EI₂, GJ [N·m²], roll \[rad\], κ̄₁, κ̄₂ [1/m], τ̄ [rad/m]), then the yield
-/// curvature κ_y [1/m] > 0 and the time τ \[s\] > 0 of the flow beyond. Memory: p [-], curvature times the joint's length, towards the principal
+/// curvature κ_y [1/m] > 0 and the time τ \[s\] > 0 of the flow beyond, and c \[m²\] if it stiffens. Memory: p [-], curvature times the joint's length, towards the principal
 /// axes, zero as the scene begins. Limits: τ → 0 is perfect plasticity independent of the rate; κ_y or τ → ∞ the elastic section.
 #[derive(Clone, Debug)]
 pub struct PlasticSection {
-    /// Indices in θ, in the order above.
-    pub params: [usize; 10],
+    /// Indices in θ, in the order above: ten, or eleven.
+    pub params: Vec<usize>,
     /// Index in θ of the first joint's own (κ̄₁, κ̄₂, multiple of the stiffness), three each.
     pub own: usize,
     /// The joints it belongs to.
@@ -32,6 +34,8 @@ struct Flowed<S> {
     stiffness: [S; 3],
     strain: [S; 3],
     elastic: [S; 2],
+    /// c over the square of the joint's length, if it stiffens.
+    stiffening: Option<S>,
     phases: u8,
     roll: [S; 2],
 }
@@ -39,16 +43,17 @@ struct Flowed<S> {
 impl PlasticSection {
     fn flowed<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> Flowed<S> {
         let (sin, cos) = p[4].sin_cos();
-        let (rest, z) = (&self.rest[at.joint - self.joints.start], &at.memory);
-        let (k, stiffness) = excess(rest, at.fraction, &at.strain, [p, &p[10..]], [sin, cos]);
-        let (past, _) = excess(rest, at.fraction, &at.past, [p, &p[10..]], [sin, cos]);
+        let (rest, z, own) = (&self.rest[at.joint - self.joints.start], &at.memory, &p[self.params.len()..]);
+        let (k, stiffness) = excess(rest, at.fraction, &at.strain, [p, own], [sin, cos]);
+        let (past, _) = excess(rest, at.fraction, &at.past, [p, own], [sin, cos]);
         let (elastic, phases) = if at.elapsed > 0.0 {
             let begin = [past[0] - z[0], past[1] - z[1]];
             flow_by_phases(begin, [k[0] - past[0], k[1] - past[1]], at.elapsed, p[9], p[8] * p[0] * at.fraction)
         } else {
             ([k[0] - z[0], k[1] - z[1]], WITHIN)
         };
-        Flowed { stiffness, strain: k, elastic, phases, roll: [sin, cos] }
+        let stiffening = (self.params.len() > 10).then(|| by_length(p[10], p[0] * at.fraction));
+        Flowed { stiffness, strain: k, elastic, stiffening, phases, roll: [sin, cos] }
     }
 }
 
@@ -71,9 +76,34 @@ impl RememberingSection for PlasticSection {
     }
 
     fn moment<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3] {
-        let Flowed { stiffness, strain, elastic, roll: [sin, cos], .. } = self.flowed(at, p);
-        let (m1, m2) = (stiffness[0] * elastic[0], stiffness[1] * elastic[1]);
+        let Flowed { stiffness, strain, elastic, stiffening, roll: [sin, cos], .. } = self.flowed(at, p);
+        let (mut m1, mut m2) = (stiffness[0] * elastic[0], stiffness[1] * elastic[1]);
+        if let Some(c) = stiffening {
+            let more = beyond([stiffness[0], stiffness[1]], elastic, c);
+            (m1, m2) = (m1 + more[0], m2 + more[1]);
+        }
         [m1 * cos - m2 * sin, m1 * sin + m2 * cos, stiffness[2] * strain[2]]
+    }
+
+    /// Within the yield: an elastic section, of which x is the strain.
+    fn add_by_hand(&self, at: &SectionState<f64>, p: &[f64], out: &mut Moments) -> bool {
+        let Flowed { stiffness: k, strain, elastic: x, stiffening, phases, roll } = self.flowed(at, p);
+        if phases != WITHIN {
+            return false;
+        }
+        let (mut m, mut slopes) = ([k[0] * x[0], k[1] * x[1]], [k[0], k[1], 0.0]);
+        if let Some(c) = stiffening {
+            let more = beyond([k[0], k[1]], x, c);
+            (m[0], m[1]) = (m[0] + more[0], m[1] + more[1]);
+            slopes.iter_mut().zip(slopes_beyond([k[0], k[1]], x, c)).for_each(|(s, more)| *s += more);
+        }
+        let [sin, cos] = roll;
+        out.m[0] += m[0] * cos - m[1] * sin;
+        out.m[1] += m[0] * sin + m[1] * cos;
+        out.m[2] += k[2] * strain[2];
+        out.add_bending(slopes, roll);
+        out.by_strain[2][2] += k[2];
+        true
     }
 
     fn advance<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3] {
@@ -82,8 +112,9 @@ impl RememberingSection for PlasticSection {
     }
 
     fn energy<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> S {
-        let Flowed { stiffness: k, strain, elastic: x, .. } = self.flowed(at, p);
-        (k[0] * x[0] * x[0] + k[1] * x[1] * x[1] + k[2] * strain[2] * strain[2]) * 0.5
+        let Flowed { stiffness: k, strain, elastic: x, stiffening, .. } = self.flowed(at, p);
+        let linear = (k[0] * x[0] * x[0] + k[1] * x[1] * x[1] + k[2] * strain[2] * strain[2]) * 0.5;
+        stiffening.map_or(linear, |c| linear + energy_beyond([k[0], k[1]], x, c))
     }
 
     fn mode(&self, at: &SectionState<f64>, p: &[f64]) -> Option<u8> {
@@ -286,14 +317,59 @@ mod tests {
     const THETA: [f64; 13] = [0.7, 0.02, 0.05, 0.013, 0.4, 1.5, -0.7, 2.0, 1.2, 0.07, 0.3, -0.2, 1.1];
 
     fn law() -> PlasticSection {
-        PlasticSection { params: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], own: 10, joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] }
+        PlasticSection { params: (0..10).collect(), own: 10, joints: 0..1, rest: vec![[0.1, -0.05, 0.3]] }
     }
 
     #[test]
     fn its_derivatives_are_its_slopes() {
         for past in [[0.1, -0.3, 0.2], [0.35, -0.1, 0.4], [0.9, 0.6, 0.0]] {
             check::slopes(&AutomaticMemory::new(law()), &THETA, past);
+            check::slopes(&AutomaticMemory::new(stiffening()), &stiff(0.06), past);
         }
+    }
+
+    /// That stiffens, and θ with such a coefficient.
+    fn stiffening() -> PlasticSection {
+        PlasticSection { params: (0..11).collect(), own: 11, ..law() }
+    }
+
+    fn stiff(c: f64) -> Vec<f64> {
+        [&THETA[..10], &[c], &THETA[10..]].concat()
+    }
+
+    /// Within the yield the slopes are those of an elastic section, by hand.
+    #[test]
+    fn within_the_yield_the_kernel_is_the_law() {
+        for (law, mut theta) in [(law(), THETA.to_vec()), (stiffening(), stiff(0.06))] {
+            theta[8] = 1e3;
+            let at = SectionState { joint: 0, fraction: 0.2, strain: [0.3; 3], past: [0.2; 3], memory: [0.01; 3], elapsed: 0.02 };
+            assert!(law.add_by_hand(&at, &theta, &mut Moments::default()));
+            check::slopes(&AutomaticMemory::new(law), &theta, [0.2, -0.1, 0.4]);
+        }
+    }
+
+    /// Beyond the yield too, the moment is that of the elastic law at the elastic part; without a coefficient to the last bit the one without.
+    #[test]
+    fn what_is_elastic_stiffens() {
+        use super::super::StiffeningSection;
+        let (strain, past) = ([0.9, -0.4, 0.5], [0.85, -0.4, 0.1]);
+        let state = SectionState { joint: 0, fraction: 0.2, strain, past, memory: [0.4, -0.1, 0.0], elapsed: 0.01 };
+        assert_eq!(stiffening().moment(&state, &stiff(0.0)), law().moment(&state, &THETA));
+        let Flowed { strain, elastic, .. } = law().flowed(&state, &THETA);
+        assert!(dot(elastic, elastic).sqrt() > 1.2 * 0.7 * 0.2, "{elastic:?}");
+        // a section whose strain without that at rest is the elastic part
+        let beside = StiffeningSection { params: std::array::from_fn(|k| k), own: 9, joints: 0..1, rest: vec![[0.0; 3]] };
+        let mut theta = [&THETA[..8], &[0.06], &THETA[10..]].concat();
+        for k in [5, 6, 7, 9, 10] {
+            theta[k] = 0.0;
+        }
+        let (sin, cos) = THETA[4].sin_cos();
+        let turned = [elastic[0] * cos - elastic[1] * sin, elastic[0] * sin + elastic[1] * cos, strain[2]];
+        let more = beside.moment(0, 0.2, &turned, &[0.0; 3], &theta);
+        let (with, without) = (stiffening().moment(&state, &stiff(0.06)), law().moment(&state, &THETA));
+        (0..3).for_each(|s| assert_relative_eq!(with[s] - without[s], more[s], max_relative = 1e-10, epsilon = 1e-15));
+        let energy = stiffening().energy(&state, &stiff(0.06)) - law().energy(&state, &THETA);
+        assert_relative_eq!(energy, beside.energy(0, 0.2, &turned, &theta), max_relative = 1e-10);
     }
 
     #[test]

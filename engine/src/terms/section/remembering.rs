@@ -59,6 +59,16 @@ pub trait RememberingSection: Debug + Send + Sync {
         None
     }
 
+    /// Adds the moment and its slopes by strain where these are known by hand; whether it did.
+    fn add_by_hand(&self, _at: &SectionState<f64>, _p: &[f64], _out: &mut Moments) -> bool {
+        false
+    }
+
+    /// Whether it makes no moment with these parameters whatever the strains are, so that steps need not ask; it remembers all the same.
+    fn silent(&self, _p: &[f64]) -> bool {
+        false
+    }
+
     /// The law with a rest shape of these strains, joint by joint of the model; `None` if it has no rest shape.
     fn rested(&self, _strains: &[[f64; 3]]) -> Option<Self>
     where
@@ -161,11 +171,18 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
 
     fn add_moment(&self, at: &SectionPoint, m: &mut [f64; 3]) {
         let (state, p) = self.values(at);
+        if self.law.silent(&p) {
+            return;
+        }
         let by = self.law.moment(&state, &p[..self.n_params(at.joint)]);
         m.iter_mut().zip(by).for_each(|(m, by)| *m += by);
     }
 
     fn add(&self, at: &SectionPoint, out: &mut Moments) {
+        let (state, p) = self.values(at);
+        if self.law.silent(&p) || self.law.add_by_hand(&state, &p[..self.n_params(at.joint)], out) {
+            return;
+        }
         let (state, p) = self.placed(at, |input, value| match input {
             SectionInput::Strain(s) => seeded::<3>(value, s),
             _ => Dual::from_re(value),
@@ -205,6 +222,9 @@ impl<L: RememberingSection + 'static> SectionLaw for AutomaticMemory<L> {
     }
 
     fn visit_past(&self, at: &SectionPoint, visit: &mut dyn FnMut(SectionInput, [f64; 3])) {
+        if self.law.silent(&self.values(at).1) {
+            return;
+        }
         let past = [0, 1, 2].map(SectionInput::Past);
         let memory = (0..self.law.memory().len()).map(SectionInput::Memory);
         // where no time has passed, the beginning is where the moment is evaluated

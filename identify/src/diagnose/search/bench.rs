@@ -87,9 +87,12 @@ impl<'a> Bench<'a> {
         self.fit(&self.train, start, unknowns, &COARSE)
     }
 
-    /// A first refit followed to its end.
-    pub(super) fn further(&self, rough: &Trial) -> Result<Trial, IdentifyError> {
-        self.fit(&rough.fitted.records, &rough.fitted.values, &rough.fitted.unknowns, &COARSE)
+    /// A first refit followed to its end, with what has a meaning once the cause has a size ([`Cause::afterwards`]).
+    pub(super) fn further(&self, rough: &Trial, cause: &Cause) -> Result<(Trial, Cause), IdentifyError> {
+        let unknowns: Vec<Unknown> = rough.fitted.unknowns.iter().chain(&cause.afterwards).cloned().collect();
+        let trial = self.fit(&rough.fitted.records, &rough.fitted.values, &unknowns, &COARSE)?;
+        let own = cause.unknowns.iter().chain(&cause.afterwards).cloned().collect();
+        Ok((trial, Cause { unknowns: own, afterwards: Vec::new(), ..cause.clone() }))
     }
 
     fn fit(

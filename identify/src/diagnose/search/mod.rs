@@ -72,6 +72,13 @@ struct Tried {
     paired: Paired,
 }
 
+impl Tried {
+    /// p of the hypothesis that the other one is no better than it.
+    fn loses_to(&self, other: &Self) -> f64 {
+        Paired::of(&self.trial.errors, &other.trial.errors).p
+    }
+}
+
 /// Whether there are records enough, and whole ones: pieces are too short to show anything slow.
 pub(in super::super) fn is_possible(plan: &Plan) -> bool {
     !plan.in_pieces && plan.fitted_records() >= FEWEST
@@ -93,33 +100,33 @@ pub(in super::super) fn search(
     loop {
         let tried = round(&bench, &current, seed, &mut found.notes, progress)?;
         let bar = LEVEL / tried.len().max(1) as f64;
-        let adds = |t: &Tried| t.paired.p <= bar && t.paired.gain >= WORTH;
+        let adding: Vec<&Tried> = tried.iter().filter(|t| t.paired.p <= bar && t.paired.gain >= WORTH).collect();
         if let Some(last) = found.steps.last_mut() {
-            let added: Vec<_> = tried.iter().filter(|t| adds(t)).map(|t| name(&t.cause)).collect();
-            last.ties = close.drain(..).filter(|cause| !added.contains(cause)).collect();
+            last.ties = close.drain(..).filter(|cause| adding.iter().all(|t| name(&t.cause) != *cause)).collect();
         }
-        // of those that the best one does not surely beat, the one with fewest numbers
-        let best = tried.iter().filter(|t| adds(t)).min_by(|a, b| a.trial.total().total_cmp(&b.trial.total()));
-        let near = |t: &&Tried| adds(t) && best.is_some_and(|best| Paired::of(&t.trial.errors, &best.trial.errors).p > LEVEL);
-        let simplest = tried.iter().filter(near).map(|t| t.cause.unknowns.len()).min().unwrap_or(0);
-        let best = tried
-            .iter()
-            .filter(near)
-            .filter(|t| t.cause.unknowns.len() == simplest)
-            .min_by(|a, b| a.trial.total().total_cmp(&b.trial.total()))
-            .or(best);
-        let Some(best) = best.filter(|_| found.steps.len() < most) else { break };
+        let Some(best) = best_of(&adding).filter(|_| found.steps.len() < most) else { break };
         progress(&format!("accepted {}", best.cause.title()));
         // what adds to what it once could not be told from is there beside it
         found.steps.iter_mut().for_each(|step| step.ties.retain(|tie| *tie != name(&best.cause)));
-        let unbeaten = |t: &&Tried| adds(t) && Paired::of(&t.trial.errors, &best.trial.errors).p > bar;
-        close = tried.iter().filter(unbeaten).map(|t| name(&t.cause)).filter(|cause| *cause != name(&best.cause)).collect();
+        let unbeaten = adding.iter().filter(|t| t.loses_to(best) > bar).map(|t| name(&t.cause));
+        close = unbeaten.filter(|cause| *cause != name(&best.cause)).collect();
         let fitted = bench.whole(&best.trial.fitted)?;
         found.steps.push(Step { cause: best.cause.clone(), gain: best.paired.gain, p: best.paired.p, ties: Vec::new(), fitted });
         current = best.trial.clone();
     }
     prune(&bench, base, &current, &mut found, progress)?;
     Ok(found)
+}
+
+/// Of the causes that add something the one with the least error on other records; of those that it does not surely beat, the one with
+/// fewest numbers.
+fn best_of<'a>(adding: &[&'a Tried]) -> Option<&'a Tried> {
+    let by_total = |a: &&&Tried, b: &&&Tried| a.trial.total().total_cmp(&b.trial.total());
+    let best = adding.iter().min_by(by_total)?;
+    let near: Vec<&&Tried> = adding.iter().filter(|t| t.loses_to(best) > LEVEL).collect();
+    let simplest = near.iter().map(|t| t.cause.unknowns.len()).min();
+    let simple = near.into_iter().filter(|t| Some(t.cause.unknowns.len()) == simplest);
+    simple.min_by(by_total).or(Some(best)).copied()
 }
 
 /// Refits of the promising causes on top of the current fit.
@@ -145,10 +152,10 @@ fn round(
     for (rank, t) in tried.iter_mut().enumerate() {
         if rank < FINALISTS && t.paired.gain > FAR_BEHIND * most {
             progress(&format!("going on with {}", t.cause.title()));
-            if let Ok(further) = bench.further(&t.trial)
+            if let Ok((further, cause)) = bench.further(&t.trial, &t.cause)
                 && further.total() < t.trial.total()
             {
-                (t.paired, t.trial) = (Paired::of(&current.errors, &further.errors), further);
+                (t.paired, t.trial, t.cause) = (Paired::of(&current.errors, &further.errors), further, cause);
             }
         }
         note(notes, &t.cause, t.paired.words(bench.sizes()));

@@ -1,0 +1,25 @@
+//! Edges of another length than the scene says: markers or joints of a chain that are not where they were measured to be.
+
+use super::{Cause, Situation};
+
+/// A typical error, as a part of the edge's length.
+const TYPICAL: f64 = 0.01;
+
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
+    let model = &at.plan.model;
+    let one = |rope: &str| {
+        let span = model.rope(rope)?;
+        // an edge that a gripper holds by both nodes is as long as that says
+        let held = |e: usize| span.edge(e).iter().all(|node| model.driven()[*node]);
+        let free = (0..span.fractions.len()).filter(|e| !held(*e));
+        Some(Cause {
+            name: "edge_lengths",
+            object: (at.ropes().len() > 1).then(|| rope.to_owned()),
+            meaning: "the rope is longer at rest in some places, or shorter, than simulated (where markers or links really are)",
+            unknowns: free.filter_map(|e| at.theta(&format!("{rope}.edge[{e}].rest_strain"), TYPICAL)).collect(),
+            excitation: "pull it straight and measure it from place to place",
+            ..Cause::default()
+        })
+    };
+    at.ropes().into_iter().filter_map(one).collect()
+}
