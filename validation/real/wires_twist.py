@@ -1,6 +1,6 @@
 """The end turn at which real hanging wires leave their plane, predicted from stiffnesses that were found otherwise.
 
-    OMP_NUM_THREADS=1 python -m validation.real.wires_twist        (about two minutes)
+    OMP_NUM_THREADS=1 python -m validation.real.wires_twist        (some minutes)
 
 The wires of `wires`, one holder turned until the loop snaps out of its plane (five trials a wire). A twisted loop under its weight warps
 from the first degree on, as its curvature is not even; what is predicted is the turn at which that shape loses its stability: the least

@@ -4,8 +4,8 @@ Stage of length h, unknown y = v⁺ of the free rows of nodes and twists (driven
     r = m (v⁺ - v)/h - Σ f(q̄, v̄, z̄; θ) - p(q⁺, v⁺)/h = 0   [N, N·m]
     q̄ = q + h (a0 v + a1 v⁺),  v̄ = b0 v + b1 v⁺,  q⁺ = q + h (d0 v + d1 v⁺)
 z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺. What sections of rods remember enters as it is when the step begins, with the
-strains there, and moves on at the step's end. Under sdirk2 what lands is taken by two half steps by Euler (`landing`). Solved for (h/m) r by damped Newton steps (`warm`), so that the tolerance is
-one on velocities; derivatives are those of the implicit function theorem.
+strains there, and moves on at the step's end. Under sdirk2 what lands is taken by two half steps by Euler (`landing`). Solved for
+(h/m) r by damped Newton steps (`warm`), so that the tolerance is one on velocities; derivatives are those of the implicit function theorem.
 """
 
 import math
