@@ -276,7 +276,8 @@ impl<'m> Stepper<'m> {
     /// Whether a step has taken so much work that more halves will not be better.
     fn spent(&self, trace: &StepTrace) -> bool {
         let solver = &self.model.solver;
-        trace.work.iterations > ATTEMPTS.saturating_mul(solver.max_iterations) << solver.max_halvings.min(MOST_COUNTED)
+        let shortest = 1 << solver.max_halvings.min(MOST_COUNTED);
+        trace.work.iterations > solver.max_iterations.saturating_mul(ATTEMPTS * shortest)
     }
 
     /// Takes one (sub)step, if it is sound.
