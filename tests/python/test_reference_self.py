@@ -162,7 +162,7 @@ def difference_error(run, x0, u, directions, sizes, seed=3):
     assert error < 1e-12
     bars = run.vjp(xs, u, theta, x_bar)
     dx, du, dtheta = directions
-    slope = sum(np.sum(b * d) for b, d in zip(bars, directions, strict=True))
+    slope = sum(np.sum(b * d) for b, d in zip(bars[:3], directions, strict=True))
 
     def value(e):
         return np.sum(x_bar * run.rollout(x0 + e * dx, u + e * du, theta + e * dtheta)[0])

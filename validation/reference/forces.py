@@ -161,6 +161,16 @@ def contact_impulse(model, q, v, theta, kappa, h):
     return total
 
 
+def normal_impulses(model, q, v, theta, kappa, h):
+    """[γ_n (n,)] [N·s] of every shape on the free nodes, as in `contact_impulse`."""
+    out = []
+    for gap, normal, friction in gaps_and_normals(model, q, theta):
+        each = jax.vmap(contact.impulse, (None, 0, 0, 0, None, None, 0))
+        impulse = each(model.law, gap, normal, v, h, friction, kappa)
+        out.append(jnp.sum(impulse * normal, axis=1))
+    return out
+
+
 def contact_margins(model, q, v, theta, h):
     """(shapes, n) distances to the edge of the admissible set [m/s]; positive inside."""
     rows = []

@@ -4,8 +4,8 @@ Stage of length h, unknown y = v⁺ of the free rows of nodes and twists (driven
     r = m (v⁺ - v)/h - Σ f(q̄, v̄, z̄; θ) - p(q⁺, v⁺)/h = 0   [N, N·m]
     q̄ = q + h (a0 v + a1 v⁺),  v̄ = b0 v + b1 v⁺,  q⁺ = q + h (d0 v + d1 v⁺)
 z̄, z⁺: the axes of rods carried from q to q̄ and to q⁺. What sections of rods remember enters as it is when the step begins, with the
-strains there, and moves on at the step's end. Solved for (h/m) r by damped Newton steps (`warm`), so that the tolerance is
-one on velocities; derivatives are those of the implicit function theorem.
+strains there, and moves on at the step's end. Under sdirk2 what lands is taken by two half steps by Euler (`landing`). Solved for
+(h/m) r by damped Newton steps (`warm`), so that the tolerance is one on velocities; derivatives are those of the implicit function theorem.
 """
 
 import math
@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import forces, rods, warm
+from . import forces, landing, rods, warm
 from .laws import taken
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
@@ -89,12 +89,12 @@ def strains(model, q, z):
     return rods.strains(model.rods, t, q[3 * model.n_nodes :], z[model.n_memory :])
 
 
-def remember(model, past, z, q_next, theta):
-    """z (its axes those at q_next) with what sections remember at the end of the step; `past`: strains at its beginning."""
+def remember(model, past, z, q_next, theta, h=None):
+    """z (its axes those at q_next) with what sections remember at the end of the step of length `h`; `past`: strains at its beginning."""
     if not model.n_memory:
         return z
     memory, frames = jnp.split(z, [model.n_memory])
-    memory = rods.remembered(model.rods, strains(model, q_next, z), theta, (memory, past, model.h))
+    memory = rods.remembered(model.rods, strains(model, q_next, z), theta, (memory, past, model.h if h is None else h))
     return jnp.concatenate([memory, frames])
 
 
@@ -173,6 +173,11 @@ def make_step(model, report=False):
     h = model.h
     stage = make_stage(model, GAMMA * h if two_stage else h)
 
+    def second_start(q, v, z, v1):
+        """Where the second stage of sdirk2 begins."""
+        q_second = q + (1.0 - GAMMA) * h * v1
+        return q_second, v + (1.0 - GAMMA) / GAMMA * (v1 - v), carry(model, q, z, q_second)
+
     def sdirk2(q, v, z, v_cmd, theta, kappa):
         past = strains(model, q, z)
 
@@ -180,14 +185,39 @@ def make_step(model, report=False):
             q_ref, v_ref, z_ref, _ = carried
             v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, elapsed)
             q_end = q_ref + GAMMA * h * v1
-            blend = (1.0 - GAMMA) / GAMMA
-            q_second = q + (1.0 - GAMMA) * h * v1
-            second = (q_second, v + blend * (v1 - v), carry(model, q, z, q_second), error)
-            return second, (q_end, v1, carry(model, q_ref, z_ref, q_end), error)
+            return (*second_start(q, v, z, v1), error), (q_end, v1, carry(model, q_ref, z_ref, q_end), error)
 
         elapsed = jnp.array([GAMMA * h, h])
         _, (q_end, v_end, z_end, error) = jax.lax.scan(body, (q, v, z, jnp.zeros(())), elapsed)
         return q_end[1], v_end[1], remember(model, past, z_end[1], q_end[1], theta), jnp.max(error)
+
+    half = make_stage(model, 0.5 * h) if two_stage and model.shapes else None
+
+    def landing_sdirk2(q, v, z, v_cmd, theta, kappa):
+        past, at = strains(model, q, z), lambda y: nodes_of(model, y)[model.free]
+        first, error = stage(q, v, z, v_cmd, theta, kappa, past, GAMMA * h)
+        reference = second_start(q, v, z, first)
+
+        def second(_):
+            q_ref, v_ref, z_ref = reference
+            v_end, last = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, h)
+            q_end = q_ref + GAMMA * h * v_end
+            return q_end, v_end, remember(model, past, carry(model, q_ref, z_ref, q_end), q_end, theta), jnp.maximum(error, last)
+
+        def halves(_):
+            def body(x, _):
+                q, v, z = x
+                begun = strains(model, q, z)
+                v_end, last = half(q, v, z, v_cmd, theta, kappa, begun, 0.5 * h)
+                q_end = q + 0.5 * h * v_end
+                return (q_end, v_end, remember(model, begun, carry(model, q, z, q_end), q_end, theta, 0.5 * h)), last
+
+            x, last = jax.lax.scan(body, (q, v, z), None, length=2)
+            return *x, jnp.max(last)
+
+        where = [(at(q), at(v)), (at(q + GAMMA * h * first), at(first)), (at(reference[0]), at(reference[1]))]
+        thrown = landing.thrown_back(model, *where, theta, taken(kappa, model.free), (h, GAMMA * h))
+        return jax.lax.cond(thrown, halves, second, None)
 
     def one_stage(q, v, z, v_cmd, theta, kappa):
         past = strains(model, q, z)
@@ -201,7 +231,8 @@ def make_step(model, report=False):
         q, v, z = jnp.split(x, [model.nq, 2 * model.nq])
         kappa = forces.kappas(model, theta) if kappa is None else kappa
         v_cmd = command(model, q, z, u, theta)
-        *parts, error = (sdirk2 if two_stage else one_stage)(q, v, z, v_cmd, theta, kappa)
+        take = one_stage if not two_stage else landing_sdirk2 if model.shapes else sdirk2
+        *parts, error = take(q, v, z, v_cmd, theta, kappa)
         x_next = jnp.concatenate(parts)
         return (x_next, error) if report else x_next
 

@@ -201,9 +201,9 @@ fn downhill(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) ->
     newton(stage, ws, limit, work)
 }
 
-/// The error of a stage that did not converge, naming the number, the row and the term.
+/// The error of a stage that did not converge, naming the number, the row and the term. Iterates that left the range where terms are defined
+/// are a failure of the search, unless nothing is defined where the stage begins: then the state or a parameter is.
 fn explain(stage: &Stage, ws: &mut Workspace, correction: f64, work: &Work) -> StepError {
-    let it = ws.it.clone();
     if let Some(k) = stage.q_ref.iter().chain(stage.v_ref).position(|x| !x.is_finite()) {
         let place = match k.checked_sub(stage.q_ref.len()) {
             None => stage.model.coordinate_name(k),
@@ -211,17 +211,36 @@ fn explain(stage: &Stage, ws: &mut Workspace, correction: f64, work: &Work) -> S
         };
         return StepError::NotFinite { step: 0, term: "state".to_owned(), place, value: f64::NAN };
     }
-    let row = match stage.residual(&it, ws) {
-        Ok(()) => (0..ws.r.len()).max_by(|&a, &b| ws.r[a].abs().total_cmp(&ws.r[b].abs())).unwrap_or(0),
-        Err(e) => return e,
-    };
-    let residual = ws.r[row].abs();
-    let (term, broken) = stage.blame(&it, row, ws);
-    match broken {
-        Some((term, row, value)) => StepError::NotFinite { step: 0, term, place: stage.model.row_name(row), value },
-        None => {
+    let mut found = blame(stage, ws);
+    if let Ok(Blame { broken: Some(_), .. }) = found {
+        ws.it.v.fill(0.0);
+        found = blame(stage, ws);
+    }
+    match found {
+        Err(e) => e,
+        Ok(Blame { broken: Some((term, row, value)), .. }) => {
+            StepError::NotFinite { step: 0, term, place: stage.model.row_name(row), value }
+        }
+        Ok(Blame { row, term, residual, .. }) => {
             let place = stage.model.row_name(row);
             StepError::NotConverged { step: 0, iterations: work.iterations, correction, residual, row, place, term }
         }
     }
+}
+
+/// The row of the largest residual at the iterate, what is largest in it, and a term that is not finite, if there is one.
+struct Blame {
+    row: usize,
+    residual: f64,
+    term: String,
+    broken: Option<(String, usize, f64)>,
+}
+
+fn blame(stage: &Stage, ws: &mut Workspace) -> Result<Blame, StepError> {
+    let it = ws.it.clone();
+    stage.residual(&it, ws)?;
+    let row = (0..ws.r.len()).max_by(|&a, &b| ws.r[a].abs().total_cmp(&ws.r[b].abs())).unwrap_or(0);
+    let residual = ws.r[row].abs();
+    let (term, broken) = stage.blame(&it, row, ws);
+    Ok(Blame { row, residual, term, broken })
 }

@@ -20,6 +20,11 @@ use crate::terms::joint::JointPoint;
 /// Substeps longer than this part of the step are refused if they create energy: what they create falls with the square of their length.
 const SHORTEST_GUARDED: f64 = 0.1;
 
+/// A step's work is bounded by so many times what it takes if all its shortest parts take all their iterations; halvings that this counts
+/// at most.
+const ATTEMPTS: usize = 4;
+const MOST_COUNTED: usize = 16;
+
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepOptions {
@@ -221,7 +226,8 @@ impl<'m> Stepper<'m> {
         Ok(())
     }
 
-    /// One (sub)step of length `h`, or two of half the length if it fails, creates energy, or throws back what hits a shape.
+    /// One (sub)step of length `h`, or two of half the length if it fails, creates energy, or throws back what hits a shape. After
+    /// 4 max_iterations · 2^max_halvings iterations in all nothing is halved any more: what is left is taken as it comes, or fails.
     fn substep(
         &mut self,
         state: &mut State,
@@ -231,6 +237,7 @@ impl<'m> Stepper<'m> {
         trace: &mut StepTrace,
         stages: &mut Vec<(Link, StageRecord)>,
     ) -> Result<(), StepError> {
+        let means = Means { halvings: if self.spent(trace) { 0 } else { means.halvings }, ..means };
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
         let iterations = trace.work.iterations;
         let mut result = self.integrate(state, h, v_cmd, means, trace, stages);
@@ -240,8 +247,6 @@ impl<'m> Stepper<'m> {
         if guarded && matches!(result, Ok(Taken::Sound)) && self.nodes_create_energy(&passed) {
             result = Ok(Taken::Refused);
         }
-        // edges that turn far may lead Newton's method where nothing is defined
-        let retried = !matches!(result, Err(StepError::NotFinite { .. })) || !self.model.facet_groups.is_empty();
         let thrown = matches!(result, Ok(Taken::Thrown));
         match result {
             Ok(Taken::Thrown | Taken::Refused)
@@ -252,7 +257,7 @@ impl<'m> Stepper<'m> {
                 | StepError::NoNormal { .. }
                 | StepError::ContactNotFinite { .. }
                 | StepError::NotFinite { .. },
-            ) if thrown || means.halvings > 0 && retried => {
+            ) if thrown || means.halvings > 0 => {
                 *state = before;
                 stages.truncate(kept);
                 self.set_warm_start(warm);
@@ -266,6 +271,13 @@ impl<'m> Stepper<'m> {
             }
             other => other.map(|_| ()),
         }
+    }
+
+    /// Whether a step has taken so much work that more halves will not be better.
+    fn spent(&self, trace: &StepTrace) -> bool {
+        let solver = &self.model.solver;
+        let shortest = 1 << solver.max_halvings.min(MOST_COUNTED);
+        trace.work.iterations > solver.max_iterations.saturating_mul(ATTEMPTS * shortest)
     }
 
     /// Takes one (sub)step, if it is sound.
