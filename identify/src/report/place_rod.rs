@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 /// Sets a quantity of a rod by the end of its path; returns the table below the rope it stands in, and its key.
 pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'static str, String)> {
-    if let Some((table, key, without)) = law(path) {
+    if let Some((Law { table, without }, key)) = law(path) {
         let law = rope.entry(table.strip_prefix("rope.")?).or_insert_with(|| Value::Table(Table::new())).as_table_mut()?;
         if law.is_empty() {
             without.iter().for_each(|(key, x)| drop(law.insert((*key).to_owned(), Value::Float(*x))));
@@ -38,19 +38,26 @@ fn is_closed(rope: &Table) -> bool {
     rope.get("closed").and_then(Value::as_bool) == Some(true)
 }
 
-/// The table of a law that a section may be without, by a path of one of its quantities; its key there, and what a new table has.
-fn law(path: &str) -> Option<(&'static str, &str, &'static [(&'static str, f64)])> {
-    if path == "stiffening" {
-        return Some(("rope.stiffening", "coefficient", &[("coefficient", 0.0)]));
+/// A law that a section may be without: its table, and what a new one has in it.
+struct Law {
+    table: &'static str,
+    without: &'static [(&'static str, f64)],
+}
+
+const CREEP: Law = Law { table: "rope.creep", without: &[("fraction", 0.0), ("time", 1.0)] };
+const STIFFENING: Law = Law { table: "rope.stiffening", without: &[("coefficient", 0.0)] };
+const FRICTION: Law = Law { table: "rope.bend_friction", without: &[("moment", 0.0), ("curvature", 1.0)] };
+const PLASTICITY: Law = Law { table: "rope.plasticity", without: &[("yield_curvature", FAR), ("time", NEVER)] };
+
+/// The law that a path is a quantity of, and its key there.
+fn law(path: &str) -> Option<(Law, &str)> {
+    let of = |law: Law, begin: &str| path.strip_prefix(begin).map(|key| (law, key));
+    match path {
+        "stiffening" => Some((STIFFENING, "coefficient")),
+        "yield_curvature" => Some((PLASTICITY, path)),
+        "plastic_time" => Some((PLASTICITY, "time")),
+        _ => of(CREEP, "creep_").or_else(|| of(FRICTION, "friction_")),
     }
-    let creep = path.strip_prefix("creep_").map(|key| ("rope.creep", key, &[("fraction", 0.0), ("time", 1.0)][..]));
-    let friction = || Some(("rope.bend_friction", path.strip_prefix("friction_")?, &[("moment", 0.0), ("curvature", 1.0)][..]));
-    let plasticity = || {
-        let key = if path == "plastic_time" { "time" } else { path };
-        let known = ["yield_curvature", "time"].contains(&key) && path != "time";
-        known.then_some(("rope.plasticity", key, &[("yield_curvature", FAR), ("time", NEVER)][..]))
-    };
-    creep.or_else(friction).or_else(plasticity)
 }
 
 /// Number of a rope's nodes.
