@@ -180,12 +180,13 @@ def parts(model, xs):
     return np.split(xs, [nodes, n, n + nodes, 2 * n, 2 * n + model.n_memory], axis=1)
 
 
-def gradient_errors(model, got, expected):
+def gradient_errors(model, got, expected, cancelling=False):
     """Relative errors of (x̄0, ū, θ̄), block by block.
 
-    An entry of θ is compared with the sum of what its steps contribute, in absolute values, and one that hardly acts on the scale of
-    its group's effect, so that neither is asked for more digits than cancellation leaves in either program: where a contact slides
-    under `anitescu`, v̂_n - μ|v_t| = 5e-5 m/s is known to 2e-10, and so are contributions that cancel to a hundredth of their size.
+    An entry of θ that hardly acts is compared on the scale of its group's effect, so that it is not asked for more digits than
+    cancellation leaves in either program. `cancelling`: for the same reason on that of the sum of what its steps contribute, in absolute
+    values: where a contact slides under `anitescu`, v̂_n - μ|v_t| = 5e-5 m/s is known to 2e-10, and contributions that are known as well
+    cancel to a hundredth of their size.
     """
     (x0, u, theta), (x0_bar, u_bar, theta_bar, terms) = got, expected
     names, errors = ("q0", "twist0", "v0", "turns0", "memory0"), {}
@@ -195,7 +196,7 @@ def gradient_errors(model, got, expected):
         errors[f"u.{g.name}"] = relative(u[:, g.inputs], u_bar[:, g.inputs])
     floor = 1e-9 * np.abs(x0_bar).max()
     for path, a, b, size in zip(model.paths, theta, theta_bar, terms, strict=True):
-        errors[path] = abs(a - b) / max(size, floor)
+        errors[path] = abs(a - b) / max(size if cancelling else abs(b), floor)
     return errors
 
 

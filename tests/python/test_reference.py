@@ -84,11 +84,12 @@ def test_what_lands_under_sdirk2_is_taken_by_halves(name, law):
     assert len(landed) and len(landed) < STEPS
 
 
-def test_gradients(both):
+def test_gradients(both, request):
     run, _, _, u, xs, roll = both
     x_bar = np.random.default_rng(11).normal(size=(len(xs), run.model.ndx))
     expected, got = run.vjp(xs, u, run.model.theta, x_bar), roll.vjp(x_bar)
-    failed = {k: v for k, v in gradient_errors(run.model, got, expected).items() if not v <= 1e-8}
+    cancelling = request.node.callspec.id.startswith("sliding") and run.model.law == "anitescu"
+    failed = {k: v for k, v in gradient_errors(run.model, got, expected, cancelling).items() if not v <= 1e-8}
     assert not failed, failed
 
 
