@@ -1,4 +1,7 @@
-//! Edges of another length than the scene says: markers or joints of a chain that are not where they were measured to be.
+//! Edges of a rod of another length than the scene says: markers that are not where they were measured to be.
+//!
+//! All of them longer by the same part are hardly another thing than a sensor that reads lengths too short, so it is asked of rods only, of
+//! which every edge matters; a rope has its length, and the sensor its scale.
 
 use super::{Cause, Situation};
 
@@ -21,5 +24,5 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             ..Cause::default()
         })
     };
-    at.ropes().into_iter().filter_map(one).collect()
+    at.ropes().into_iter().filter(|rope| at.is_rod(rope)).filter_map(one).collect()
 }

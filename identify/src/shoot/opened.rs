@@ -3,8 +3,7 @@
 //! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
 //! ```text
 //! motors    lag 0, saturation ±FAR
-//! ropes     rest strains of the edges 0, of ropes with few edges
-//! rods      bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending in the time NEVER, stiffening and friction
+//! rods      rest strains of the edges 0, where they are few, bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending in the time NEVER, stiffening and friction
 //!           of bending 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
 //! ```
@@ -37,7 +36,7 @@ pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
     }
     for rope in &mut out.rope {
         let edges = rope.fractions().len();
-        if edges <= FEW_EDGES {
+        if rope.twist.is_some() && edges <= FEW_EDGES {
             rope.edge_rest_strains.get_or_insert_with(|| vec![0.0; edges]);
         }
         if let Some(twist) = &mut rope.twist {
