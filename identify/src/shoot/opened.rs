@@ -3,7 +3,8 @@
 //! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
 //! ```text
 //! motors    lag 0, saturation ±FAR
-//! rods      rest strains of the edges 0, where they are few, bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending in the time NEVER, stiffening and friction
+//! rods      rest strains of the edges 0 where they are few, bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending
+//!           in the time NEVER, stiffening and friction
 //!           of bending 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
 //! ```
