@@ -129,6 +129,11 @@ impl SystemFactor {
         self.nodes.inverse(out);
     }
 
+    /// The same in the first of `columns` of `out`: see [`Factor::inverse_in`].
+    pub fn inverse_of_nodes_in(&self, columns: usize, out: &mut Vec<f64>) {
+        self.nodes.inverse_in(columns, out);
+    }
+
     /// `b ← A⁻¹ b`.
     pub fn solve(&self, b: &mut [f64]) {
         self.solve_many(b, 1);
