@@ -44,7 +44,9 @@ pub(crate) fn keeps_nothing<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a
 /// Whether something holds every free node, and every edge that may turn about itself.
 pub(crate) fn is_held(cx: Context, stage: &StageRecord) -> bool {
     let (driven, nodes) = (cx.model.driven_rows(), 3 * cx.model.n_nodes());
-    let holds = |rows: std::ops::Range<usize>, inertia: f64| rows.into_iter().any(|k| stage.matrix.nodes.get(k, k) >= (1.0 + HELD) * inertia);
+    let holds = |rows: std::ops::Range<usize>, inertia: f64| {
+        rows.into_iter().any(|k| stage.matrix.nodes.get(k, k) >= (1.0 + HELD) * inertia)
+    };
     let inertia = |row: usize| cx.mass[row] * stage.inertia;
     (0..nodes).step_by(3).filter(|row| !driven[*row]).all(|row| holds(row..row + 3, inertia(row)))
         && (nodes..stage.v.len()).filter(|row| !driven[*row]).all(|row| holds(row..row + 1, inertia(row)))

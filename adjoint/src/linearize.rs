@@ -1,9 +1,9 @@
 //! Full Jacobians of a step.
 
 use crate::elastic::{Elastic, stage_of};
-use crate::touching::{self, Touching};
 use crate::seeds::Seeds;
 use crate::tangent::TangentStepper;
+use crate::touching::{self, Touching};
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
 

@@ -30,19 +30,28 @@ fn touching(name: &str) -> Scene {
     scene
 }
 
-/// Every column by tangents.
+/// Every column by a tangent of its own, which is always refined.
 fn by_tangents(case: &Case, record: &StepRecord) -> Linearization {
     let (n, nx, nu, np) = (case.model.nv(), case.model.ndx(), case.model.nu(), case.model.n_params());
-    let columns = nx + nu + np;
-    let mut seeds = Seeds::none(columns, nu, np);
-    (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
-    (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
-    let mut tangents = TangentStepper::new(&case.model, &case.theta, seeds);
-    (0..n).for_each(|k| (tangents.x.q[k * columns + k], tangents.x.v[k * columns + n + k]) = (1.0, 1.0));
-    tangents.step(record);
-    let rows = || tangents.x.q.chunks_exact(columns).chain(tangents.x.v.chunks_exact(columns));
-    let part = |from: usize, to: usize| rows().flat_map(|row| row[from..to].iter().copied()).collect();
-    Linearization { a: part(0, nx), b: part(nx, nx + nu), c: part(nx + nu, columns) }
+    let column = |k: usize| {
+        let mut seeds = Seeds::none(1, nu, np);
+        if (nx..nx + nu).contains(&k) {
+            seeds.add_u(k - nx, 0, 1.0);
+        } else if k >= nx + nu {
+            seeds.add_theta(k - nx - nu, 0, 1.0);
+        }
+        let mut tangent = TangentStepper::new(&case.model, &case.theta, seeds);
+        if k < n {
+            tangent.x.q[k] = 1.0;
+        } else if k < 2 * n {
+            tangent.x.v[k - n] = 1.0;
+        }
+        tangent.step(record);
+        [tangent.x.q, tangent.x.v].concat()
+    };
+    let columns: Vec<_> = (0..nx + nu + np).map(column).collect();
+    let part = |part: &[Vec<f64>]| (0..nx).flat_map(|i| part.iter().map(move |column| column[i])).collect();
+    Linearization { a: part(&columns[..nx]), b: part(&columns[nx..nx + nu]), c: part(&columns[nx + nu..]) }
 }
 
 /// Largest difference between rows, beside the largest of the row and what rounding a displacement or its rate leaves.

@@ -110,14 +110,14 @@ impl<const B: usize> BandLu<B> {
         Triangles { band: self.band, lower: &self.lower, inverse: &self.inverse, upper: &self.upper }
     }
 
-    /// `B ← A⁻¹ B` for `B` in the system's order, row-major with `columns`.
-    pub fn solve_many(&self, layout: &NodeLayout, b: &mut [f64], columns: usize) {
-        self.triangles().solve(layout, b, columns);
+    /// `B ← A⁻¹ B` or `A⁻ᵀ B` for `B` in the system's order, row-major with `columns`.
+    pub fn solve_many(&self, layout: &NodeLayout, b: &mut [f64], columns: usize, transpose: bool) {
+        self.triangles().solve(layout, b, columns, transpose);
     }
 
-    /// Writes A⁻¹ into the first of `columns` of `out`, row-major in the system's order, and zero into the others.
-    pub fn invert(&self, layout: &NodeLayout, out: &mut [f64], columns: usize) {
-        self.triangles().invert(layout, out, columns);
+    /// Writes A⁻ᵀ into the first of `columns` of `out`, row-major in the system's order, and zero into the others.
+    pub fn transposed_inverse(&self, layout: &NodeLayout, out: &mut [f64], columns: usize) {
+        self.triangles().transposed_inverse(layout, out, columns);
     }
 
     /// For right-hand sides in storage order.

@@ -32,17 +32,18 @@ struct Sides<'a> {
     b: &'a mut [f64],
     columns: usize,
     units: bool,
+    transpose: bool,
 }
 
 impl<const B: usize> Triangles<'_, B> {
-    /// `B ← U⁻¹ L⁻¹ B`.
-    pub fn solve(self, layout: &NodeLayout, b: &mut [f64], columns: usize) {
-        self.run(Sides { layout, b, columns, units: false });
+    /// `B ← U⁻¹ L⁻¹ B`, or `B ← L⁻ᵀ U⁻ᵀ B`.
+    pub fn solve(self, layout: &NodeLayout, b: &mut [f64], columns: usize, transpose: bool) {
+        self.run(Sides { layout, b, columns, units: false, transpose });
     }
 
-    /// Writes U⁻¹ L⁻¹ into the first columns of `out`, and zero into the others.
-    pub fn invert(self, layout: &NodeLayout, out: &mut [f64], columns: usize) {
-        self.run(Sides { layout, b: out, columns, units: true });
+    /// Writes L⁻ᵀ U⁻ᵀ into the first columns of `out`, and zero into the others.
+    pub fn transposed_inverse(self, layout: &NodeLayout, out: &mut [f64], columns: usize) {
+        self.run(Sides { layout, b: out, columns, units: true, transpose: true });
     }
 
     fn run(self, sides: Sides) {
@@ -69,7 +70,7 @@ impl<const B: usize> Triangles<'_, B> {
         let width = TAKEN * S::F64_LANES;
         chunk.clear();
         chunk.resize(self.band.dim() * width, 0.0);
-        let Sides { layout, b, columns, units } = sides;
+        let Sides { layout, b, columns, units, transpose } = sides;
         for first in (0..columns).step_by(width) {
             let taken = width.min(columns - first);
             let mut start = 0;
@@ -88,8 +89,13 @@ impl<const B: usize> Triangles<'_, B> {
                 }
             }
             let x = S::as_mut_simd_f64s(chunk).0.as_chunks_mut::<TAKEN>().0;
-            self.lower(simd, x, start);
-            self.upper(simd, x);
+            if transpose {
+                self.upper_transpose(simd, x, start);
+                self.lower_transpose(simd, x);
+            } else {
+                self.lower(simd, x, start);
+                self.upper(simd, x);
+            }
             for (r, row) in b.chunks_exact_mut(columns).enumerate() {
                 row[first..first + taken].copy_from_slice(&chunk[layout.storage(r) * width..][..taken]);
             }
@@ -138,6 +144,82 @@ impl<const B: usize> Triangles<'_, B> {
                     }
                 }
                 own[a] = y[a];
+            }
+        }
+    }
+
+    /// `x ← U⁻ᵀ x`; nodes before `start` have nothing but zeros.
+    #[inline(always)]
+    fn upper_transpose<S: Simd>(self, simd: S, x: &mut [[S::f64s; TAKEN]], start: usize) {
+        let width = self.band.width();
+        for i in start..self.band.n_blocks {
+            let from = i.saturating_sub(self.band.half_width).max(start);
+            let (before, own) = x.split_at_mut(B * i);
+            let mut y = Self::own(own);
+            for j in from..i {
+                for c in 0..B {
+                    let factors = &self.upper[(B * j + c) * width + B * (i - j) - 1..][..B];
+                    Self::reduce(simd, &mut y, factors, &before[B * j + c]);
+                }
+            }
+            for a in 0..B {
+                for c in 0..a {
+                    let factor = simd.splat_f64s(self.upper[(B * i + c) * width + a - 1]);
+                    for v in 0..TAKEN {
+                        y[a][v] = simd.negate_mul_add_e_f64s(factor, y[c][v], y[a][v]);
+                    }
+                }
+                own[a] = y[a];
+            }
+        }
+    }
+
+    /// `x ← L⁻ᵀ x`.
+    #[inline(always)]
+    fn lower_transpose<S: Simd>(self, simd: S, x: &mut [[S::f64s; TAKEN]]) {
+        let (width, half) = (self.band.width(), B * self.band.half_width);
+        for i in (0..self.band.n_blocks).rev() {
+            let end = self.band.n_blocks.min(i + 1 + self.band.half_width);
+            let (head, after) = x.split_at_mut(B * i + B);
+            let own = &mut head[B * i..];
+            let mut y = Self::own(own);
+            for j in i + 1..end {
+                for c in 0..B {
+                    let factors = &self.lower[(B * j + c) * width + half - B * (j - i)..][..B];
+                    Self::reduce(simd, &mut y, factors, &after[B * (j - i - 1) + c]);
+                }
+            }
+            for a in (0..B).rev() {
+                for c in a + 1..B {
+                    let factor = simd.splat_f64s(self.lower[(B * i + c) * width + half + a]);
+                    for v in 0..TAKEN {
+                        y[a][v] = simd.negate_mul_add_e_f64s(factor, y[c][v], y[a][v]);
+                    }
+                }
+                let inverse = simd.splat_f64s(self.inverse[B * i + a]);
+                for v in 0..TAKEN {
+                    y[a][v] = simd.mul_f64s(inverse, y[a][v]);
+                }
+                own[a] = y[a];
+            }
+        }
+    }
+
+    /// The rows of a node.
+    #[inline(always)]
+    fn own<V: Copy>(x: &[[V; TAKEN]]) -> [[V; TAKEN]; B] {
+        let mut y = [x[0]; B];
+        y.copy_from_slice(&x[..B]);
+        y
+    }
+
+    /// Takes off what one row of another node contributes.
+    #[inline(always)]
+    fn reduce<S: Simd>(simd: S, y: &mut [[S::f64s; TAKEN]; B], factors: &[f64], other: &[S::f64s; TAKEN]) {
+        for a in 0..B {
+            let factor = simd.splat_f64s(factors[a]);
+            for v in 0..TAKEN {
+                y[a][v] = simd.negate_mul_add_e_f64s(factor, other[v], y[a][v]);
             }
         }
     }

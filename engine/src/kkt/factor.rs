@@ -111,27 +111,14 @@ impl Factor {
 
     /// A⁻¹, row-major; for symmetric matrices in fronts at a fraction of the price of its columns' solves.
     pub fn inverse(&self, out: &mut Vec<f64>) {
-        self.inverse_in(self.dim(), out);
-    }
-
-    /// A⁻¹ in the first of `columns` (as many as A has, or more), row-major, and zero in the others.
-    pub fn inverse_in(&self, columns: usize, out: &mut Vec<f64>) {
         let (shared, n) = (self.shared(), self.dim());
-        debug_assert!(columns >= n);
         out.clear();
-        out.resize(n * columns, 0.0);
-        if self.ready {
-            match &self.kind {
-                Kind::BandLu3(f) => return f.invert(&shared.layout, out, columns),
-                Kind::BandLu4(f) => return f.invert(&shared.layout, out, columns),
-                _ => {}
-            }
-        }
+        out.resize(n * n, 0.0);
         let (Kind::Frontal(frontal), Symmetry::Symmetric, Some(fronts), true) =
             (&self.kind, shared.symmetry, &shared.fronts, self.ready)
         else {
-            (0..n).for_each(|k| out[k * columns + k] = 1.0);
-            return self.solve_many(out, columns);
+            (0..n).for_each(|k| out[k * n + k] = 1.0);
+            return self.solve_many(out, n);
         };
         let mut ordered = Vec::new();
         frontal.invert(fronts, &mut ordered);
@@ -144,12 +131,28 @@ impl Factor {
             shared.coupling.subtract_from_row(&self.coupling, stored);
         };
         if shared.layout.is_plain() {
-            return out.chunks_exact_mut(columns).enumerate().for_each(|(r, out)| into_stored(r, &mut out[..n]));
+            return out.chunks_exact_mut(n).enumerate().for_each(|(r, out)| into_stored(r, out));
         }
         let mut stored = vec![0.0; n];
-        for (r, out) in out.chunks_exact_mut(columns).enumerate() {
+        for (r, out) in out.chunks_exact_mut(n).enumerate() {
             into_stored(r, &mut stored);
-            out[..n].iter_mut().enumerate().for_each(|(c, to)| *to = stored[shared.layout.storage(c)]);
+            out.iter_mut().enumerate().for_each(|(c, to)| *to = stored[shared.layout.storage(c)]);
+        }
+    }
+
+    /// A⁻ᵀ in the first of `columns` (as many as A has, or more), row-major, and zero in the others; NaN if there is no factor.
+    pub fn transposed_inverse(&self, columns: usize, out: &mut Vec<f64>) {
+        let (layout, n) = (&self.shared().layout, self.dim());
+        debug_assert!(columns >= n);
+        out.clear();
+        out.resize(n * columns, 0.0);
+        match &self.kind {
+            Kind::BandLu3(f) if self.ready => f.transposed_inverse(layout, out, columns),
+            Kind::BandLu4(f) if self.ready => f.transposed_inverse(layout, out, columns),
+            _ => {
+                (0..n).for_each(|k| out[k * columns + k] = 1.0);
+                self.solve_transpose_many(out, columns);
+            }
         }
     }
 
@@ -188,11 +191,11 @@ impl Factor {
             return;
         }
         let layout = &self.shared().layout;
-        if columns > 1 && !transpose {
+        if columns > 1 {
             // (general systems have nothing to subtract for driven nodes)
             match &self.kind {
-                Kind::BandLu3(f) => return f.solve_many(layout, b, columns),
-                Kind::BandLu4(f) => return f.solve_many(layout, b, columns),
+                Kind::BandLu3(f) => return f.solve_many(layout, b, columns, transpose),
+                Kind::BandLu4(f) => return f.solve_many(layout, b, columns, transpose),
                 _ => {}
             }
         }
