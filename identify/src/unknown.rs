@@ -250,12 +250,45 @@ impl Unknown {
     }
 }
 
-/// `*` matches any run of characters.
+/// `*` matches any run of characters, `[2..4]` each of `[2]`, `[3]` and `[4]`.
 pub(crate) fn matches(pattern: &str, path: &str) -> bool {
+    if let Some((head, numbers, tail)) = range(pattern) {
+        return path.match_indices('[').any(|(k, _)| {
+            let number = path[k + 1..].split_once(']').and_then(|(digits, rest)| Some((digits.parse::<usize>().ok()?, rest)));
+            number.is_some_and(|(n, rest)| numbers.contains(&n) && matches(head, &path[..k]) && matches(tail, rest))
+        });
+    }
     match pattern.split_once('*') {
         None => pattern == path,
         Some((head, tail)) => path
             .strip_prefix(head)
             .is_some_and(|rest| (0..=rest.len()).any(|k| rest.is_char_boundary(k) && matches(tail, &rest[k..]))),
+    }
+}
+
+/// What stands before the first range of numbers in a pattern, the numbers, and what stands behind.
+pub(crate) fn range(pattern: &str) -> Option<(&str, std::ops::RangeInclusive<usize>, &str)> {
+    let one = |(k, _): (usize, &str)| {
+        let (inside, tail) = pattern[k + 1..].split_once(']')?;
+        let (first, last) = inside.split_once("..")?;
+        Some((&pattern[..k], first.parse().ok()?..=last.parse().ok()?, tail))
+    };
+    pattern.match_indices('[').find_map(one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::matches;
+
+    #[test]
+    fn patterns_match_runs_of_characters_and_ranges_of_numbers() {
+        assert!(matches("cable.node[2..4].mass", "cable.node[3].mass"));
+        assert!(matches("*.node[2..4].rest_curvature[0]", "a.node[4].rest_curvature[0]"));
+        assert!(matches("cable.node[2..12].rest_curvature[0..1]", "cable.node[10].rest_curvature[1]"));
+        for other in ["cable.node[5].mass", "cable.node[1].mass", "cable.node[3].mas", "rope.node[3].mass", "cable.node[x].mass"]
+        {
+            assert!(!matches("cable.node[2..4].mass", other), "{other}");
+        }
+        assert!(!matches("cable.node[4..2].mass", "cable.node[3].mass"));
     }
 }

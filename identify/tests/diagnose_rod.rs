@@ -51,7 +51,7 @@ fn readings_know_what_grippers_and_sections_hide() {
         "rod.rest_curvature[1]",
         "rod.rest_twist",
         "rod.node[3].rest_curvature[0]",
-        "rod.node[4].bend_factor",
+        "rod.node[4..5].bend_factor",
         "rod.twist_stiffness",
         "rod.creep_fraction",
         "rod.edge[4].rest_strain",

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 mujoco = pytest.importorskip("mujoco", minversion="4.0")
 pliant = pytest.importorskip("pliant")
-from validation.bench import bodies, rods_cloth, scenes, touching
+from validation.bench import bodies, page, rods_cloth, scenes, touching
 from validation.bench.peers import MujocoSheet
 from validation.bodies import chains
 
@@ -94,6 +94,18 @@ def test_rods_and_cloth_are_compared():
     assert [row["nodes"] for row in found["growth"]] == [10, 20, 16, 36]
     assert len(found["batch"]) == 2
     assert len(found["memory"]) == 4
+    # records cost memory, and what checkpoints keep, states alone, costs less
+    kept = {row["work"]: row["bytes_per_step"] for row in found["memory"]}
+    assert kept["cloth_record"] > max(0.0, kept["cloth_checkpoints"]), kept
+    text = page.page([found["compared"][0] | {key: found[key] for key in ("machine", "command")}], found, "2026-11-23")
+    of_step = next(line for line in text.splitlines() if line.startswith("| cloth_step | 4 |"))
+    assert of_step.endswith("| 15.1 ms |"), of_step
+    assert "| rod_step | 20 |" in text and "validation.bench.rods_cloth --quick --json" in text
+
+
+@pytest.mark.parametrize("nodes", (20, 3000, 10_000))
+def test_ropes_of_every_size_are_accepted(nodes):
+    assert pliant.loads(rods_cloth.rod_text(nodes, "hang", 2)).n_nodes == nodes
 
 
 def test_every_node_of_the_benchmarks_sheet_touches_the_floor_in_both():

@@ -1,6 +1,6 @@
-"""Writes the benchmark page from the JSON of `python -m validation.bench --json`.
+"""Writes the benchmark page from the JSON of `python -m validation.bench --json` and of `python -m validation.bench.rods_cloth --json`.
 
-python -m validation.bench.page bench.json --date 2026-11-21 --out BENCHMARKS.md
+python -m validation.bench.page bench.json rods_cloth.json --date 2026-11-21 --out BENCHMARKS.md
 """
 
 import argparse
@@ -34,6 +34,18 @@ arm of two links with position drives pushes a box over a floor (8 degrees of fr
 (rest gap 1 nm and 10 nm) and close where the step ends; MuJoCo's are soft, at their defaults, and closed where it begins."""
 
 
+RODS_AND_CLOTH = """## Rods that twist, and cloth
+
+*rod*: the rope above with twist, GJ = 2/3 EI; *cloth*: a sheet of 10 × 10 nodes, 0.5 m, 0.2 kg/m², E 5·10⁴ Pa, held at a corner and
+falling, beside MuJoCo's two-dimensional flex with the same membrane. In `_contact` each lies on a floor, every node in contact (20 and
+100). Gradients are of 60 steps. `jacobian` is A and B (pliant's with the step, MuJoCo's of the state only); beside "pliant, step" the ratio
+says how many steps it costs, `rollout_vjp` beside "pliant, forward rollout" what all gradients cost. *published*: CORD-SLS's figures for
+its own rope of 20 nodes and cloth of 10 × 10 on a GPU, another machine and another step: an order of magnitude."""
+
+# CORD-SLS, its Table 2: seconds of a step and of its Jacobian
+PUBLISHED = {"rod_step": 1.095e-3, "rod_jacobian": 5.198e-3, "cloth_step": 15.08e-3, "cloth_jacobian": 10.06e-3}
+
+
 def _time(seconds: float | None) -> str:
     if seconds is None:
         return "–"
@@ -56,25 +68,57 @@ def table(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def page(rows: list[dict], date: str) -> str:
-    """The whole page."""
-    machine, command = rows[0]["machine"], rows[0]["command"]
+def with_published(rows: list[dict]) -> str:
+    """The table of rods and cloth, with the published figures in a column of their own."""
+    head, line, *lines = table(rows).split("\n")
+    published = [_time(PUBLISHED.get(row["work"].replace("_contact", ""))) for row in rows]
+    cells = [f"{text} {figure} |" for text, figure in zip(lines, published, strict=True)]
+    return "\n".join([f"{head} published, GPU |", f"{line}---:|", *cells])
+
+
+def listing(rows: list[dict], columns: dict) -> str:
+    """A Markdown table of the rows' entries; columns: entry to title."""
+    text = lambda x: "–" if x is None else f"{x:.3g}" if isinstance(x, float) else str(x)
+    lines = ["| " + " | ".join(columns.values()) + " |", "|---|" + "---:|" * (len(columns) - 1)]
+    return "\n".join(lines + ["| " + " | ".join(text(row[key]) for key in columns) + " |" for row in rows])
+
+
+def rods_and_cloth(found: dict) -> list[str]:
+    """The parts of the page about rods that twist and cloth."""
+    growth = {"work": "work", "nodes": "nodes", "pliant_s": "s", "exponent": "exponent since the size before"}
+    batch = {"work": "work", "rollouts": "rollouts", "one_thread_s": "one thread, s", "speedup_of_two": "times as fast on two"}
+    memory = {"work": "kept for derivatives", "bytes_per_step": "bytes a step"}
+    return [
+        RODS_AND_CLOTH,
+        with_published(found["compared"]),
+        listing(found["growth"], growth),
+        listing(found["batch"], batch),
+        listing(found["memory"], memory),
+    ]
+
+
+def how(program: str, about: dict, date: str) -> str:
+    """On what, when and by which command it was measured."""
+    machine = about["machine"]
     versions = ", ".join(f"{k} {v}" for k, v in machine["versions"].items() if v)
-    command = " ".join(["python -m validation.bench", *command])
+    command = " ".join([f"python -m {program}", *about["command"]])
+    return (
+        f"`{command}`, {date}. {machine['processor']}, {machine['cores']} cores, "
+        f"{machine['system']}, Python {machine['python']}; {versions}. "
+        f"Load over the last minute at the end of the run: {machine['load_1min']}; on a busy "
+        "machine trust the ratios, which are taken in turns, not the times."
+    )
+
+
+def page(rows: list[dict], found: dict, date: str) -> str:
+    """The whole page; `found`: what `rods_cloth` measured."""
     against = [row for row in rows if row["peer"]]
     alone = [row for row in rows if not row["peer"]]
     parts = [INTRODUCTION, "## Against peers", table(against)]
     if alone:
         parts += ["## Growth with size", table(alone)]
-    parts += [
-        "## How it was measured",
-        (
-            f"`{command}`, {date}. {machine['processor']}, {machine['cores']} cores, "
-            f"{machine['system']}, Python {machine['python']}; {versions}. "
-            f"Load over the last minute at the end of the run: {machine['load_1min']}; on a busy "
-            "machine trust the ratios, which are taken in turns, not the times."
-        ),
-    ]
+    parts += rods_and_cloth(found)
+    parts += ["## How it was measured", how("validation.bench", rows[0], date), how("validation.bench.rods_cloth", found, date)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -82,11 +126,12 @@ def main():
     """Read the JSON, write the page."""
     parser = argparse.ArgumentParser(prog="python -m validation.bench.page")
     parser.add_argument("result", type=Path, help="output of validation.bench --json")
+    parser.add_argument("rods_cloth", type=Path, help="output of validation.bench.rods_cloth --json")
     parser.add_argument("--date", required=True, help="day of the run, as it shall be printed")
     parser.add_argument("--out", type=Path, default=Path("BENCHMARKS.md"))
     options = parser.parse_args()
-    rows = json.loads(options.result.read_text(encoding="utf-8"))
-    options.out.write_text(page(rows, options.date), encoding="utf-8")
+    rows, found = (json.loads(path.read_text(encoding="utf-8")) for path in (options.result, options.rods_cloth))
+    options.out.write_text(page(rows, found, options.date), encoding="utf-8")
 
 
 if __name__ == "__main__":

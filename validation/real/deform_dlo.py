@@ -1,9 +1,10 @@
 """Writes the scene of a real cable (DEFORM's DLO1 or DLO2) for `pliant diagnose`.
 
-    python -m validation.real.deform_dlo 1 out/dlo1.toml [--twist]
+    python -m validation.real.deform_dlo 1 out/dlo1.toml [--twist] [--halved]
     pliant diagnose out/dlo1.toml --out out/dlo1_report
 
-With `--twist` the cable is a rod, whose causes the diagnosis then knows. What it found, as errors in DEFORM's metric:
+With `--twist` the cable is a rod, whose causes the diagnosis then knows; with `--halved` it has two edges from marker to marker (the bends
+of these cables are hardly longer than the distance of two markers). What it found, as errors in DEFORM's metric:
 
     pliant diagnose out/dlo1.toml --out out/dlo1_report --json > out/dlo1.json
     python -m validation.real.deform_dlo --table out/dlo1.json
@@ -50,10 +51,23 @@ FREE_TWIST = """  { path = "cable.twist_stiffness", lower = 1e-7, upper = 1e-1 }
 """
 
 
-def scene(cable: int, skip: list[int] | None = None, twist: bool = False) -> str:
+def halved(lengths: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rest lengths and initial points with a node in the middle of every edge but the two that grippers hold."""
+    middle = np.repeat(lengths[1:-1] / 2, 2)
+    between = (points[1:-2] + points[2:-1]) / 2
+    inner = np.stack([points[1:-2], between], axis=1).reshape(-1, 3)
+    return np.concatenate([lengths[:1], middle, lengths[-1:]]), np.concatenate([points[:1], inner, points[-2:]])
+
+
+def free_length(length: float) -> str:
+    """Between two markers the cable is bent and longer than their distance: once it has nodes there, its length is to be found."""
+    return f'  {{ path = "cable.length", lower = {0.95 * length:.5f}, upper = {1.05 * length:.5f} }},\n'
+
+
+def scene(cable: int, skip: list[int] | None = None, twist: bool = False, halve: bool = False) -> str:
     """Scene text: rest lengths are the median distances of neighbouring markers over the training records.
 
-    `skip`: training records left out, those of FAULTY if not given. Initial states are taken from the
+    `skip`: training records left out, those of FAULTY if not given. `halve`: edges between markers are halved. Initial states are taken from the
     data as they are: within 0.1 s the model (a straight, isotropic rod) is off by 3 mm, more than they.
     """
     folder = data_folder()
@@ -64,8 +78,12 @@ def scene(cable: int, skip: list[int] | None = None, twist: bool = False) -> str
     n = train.shape[2]
     edges = np.median(np.linalg.norm(np.diff(train, axis=2), axis=-1), axis=(0, 1))
     points = train[0, 0]
+    if halve:
+        edges, points = halved(edges, points)
+    last = len(edges)
+    node = lambda i: 2 * i - 1 if halve else i
     rows = ", ".join("[" + ", ".join(f"{x:.5f}" for x in p) + "]" for p in points)
-    markers = "".join(f'\n[[experiment.marker]]\nrope = "cable"\nnode = {i}\nindex = {i}\n' for i in range(2, n - 2))
+    markers = "".join(f'\n[[experiment.marker]]\nrope = "cable"\nnode = {node(i)}\nindex = {i}\n' for i in range(2, n - 2))
     return f"""# Cable DLO{cable} held by two robot arms, motion capture at 100 Hz (DEFORM, CoRL 2024).
 schema_version = 1
 
@@ -93,7 +111,7 @@ nodes = [0, 1]
 [[gripper]]
 name = "right"
 rope = "cable"
-nodes = [{n - 2}, {n - 1}]
+nodes = [{last - 1}, {last}]
 
 [experiment]
 initial = "given"
@@ -125,7 +143,7 @@ role = "held_out"
 free = [
   {{ path = "cable.bend_stiffness", lower = 1e-6, upper = 1e-1 }},
   {{ path = "cable.bend_damping", lower = 1e-7, upper = 1e-2 }},
-{FREE_TWIST if twist else ""}]
+{FREE_TWIST if twist else ""}{free_length(edges.sum()) if halve else ""}]
 """
 
 
@@ -155,4 +173,4 @@ if __name__ == "__main__":
         sys.exit()
     out = Path(sys.argv[2])
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(scene(int(sys.argv[1]), twist="--twist" in sys.argv[3:]))
+    out.write_text(scene(int(sys.argv[1]), twist="--twist" in sys.argv[3:], halve="--halved" in sys.argv[3:]))

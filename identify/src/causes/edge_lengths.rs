@@ -19,7 +19,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             name: "edge_lengths",
             object: (at.ropes().len() > 1).then(|| rope.to_owned()),
             meaning: "the rope is longer at rest in some places, or shorter, than simulated (where markers or links really are)",
-            unknowns: free.filter_map(|e| at.theta(&format!("{rope}.edge[{e}].rest_strain"), TYPICAL)).collect(),
+            unknowns: at.along(&free.map(|e| format!("{rope}.edge[{e}].rest_strain")).collect::<Vec<_>>(), TYPICAL),
             excitation: "pull it straight and measure it from place to place",
             ..Cause::default()
         })

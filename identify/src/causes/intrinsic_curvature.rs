@@ -4,7 +4,7 @@
 //! loops go, together with how stiff the rod is in twist. Of a real cable nobody measures either, so a search frees them beside it.
 
 use super::{Cause, Situation};
-use crate::unknown::Target;
+use crate::unknown::{Target, matches};
 use std::f64::consts::FRAC_PI_3;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
@@ -21,7 +21,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         };
         let starts: Vec<_> = std::iter::once(Vec::new()).chain([0.0, 2.0 * FRAC_PI_3, -2.0 * FRAC_PI_3].map(turned)).collect();
         // a rod whose joints are all curved on their own has no further even part
-        let all = at.joints_of(rod, "rest_curvature[0]").iter().all(|path| at.free.iter().any(|free| free.path == *path));
+        let all = at.joints_of(rod, "rest_curvature[0]").iter().all(|path| at.free.iter().any(|free| matches(&free.path, path)));
         let paths = if all { 0..0 } else { 0..2 };
         Cause {
             name: "intrinsic_curvature",

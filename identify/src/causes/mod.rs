@@ -38,6 +38,7 @@ mod load_friction;
 mod marker_offset;
 mod mass_distribution;
 mod payload;
+mod pieces;
 mod quadratic_drag;
 mod rod_creep;
 mod rod_plasticity;

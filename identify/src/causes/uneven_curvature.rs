@@ -10,22 +10,17 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     at.per_rod(|rod| {
         let even = at.free.iter().any(|free| free.path == format!("{rod}.rest_curvature[0]"));
         let of_axis = |a: usize| {
-            let mut paths = at.joints_of(rod, &format!("rest_curvature[{a}]"));
-            if even {
-                paths.remove(paths.len() / 2);
+            let mut numbers = at.along(&at.joints_of(rod, &format!("rest_curvature[{a}]")), at.typical_curvature(rod));
+            if even && !numbers.is_empty() {
+                numbers.remove(numbers.len() / 2);
             }
-            paths
+            numbers
         };
-        let paths = (0..2).flat_map(of_axis);
         let testable = even || at.together;
         Cause {
             name: "uneven_curvature",
             meaning: "the rod is curved by nature, in another way from place to place (kinks, the memory of a coil)",
-            unknowns: if testable {
-                paths.filter_map(|path| at.theta(&path, at.typical_curvature(rod))).collect()
-            } else {
-                Vec::new()
-            },
+            unknowns: if testable { (0..2).flat_map(of_axis).collect() } else { Vec::new() },
             untestable: (!testable).then(|| "first its even part, `intrinsic_curvature`, is looked at".to_owned()),
             excitation: "turn both ends about the rod's own direction by the same angle, with the rod slack and with it stretched",
             companions: if even { Vec::new() } else { at.unmeasured_of(rod) },

@@ -7,14 +7,15 @@ const TYPICAL: f64 = 0.1;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     at.per_rod(|rod| {
-        let paths = at.joints_of(rod, "bend_factor");
+        let mut others = at.along(&at.joints_of(rod, "bend_factor"), TYPICAL);
         // all together are the stiffness itself: the one in the middle stays as it is
-        let middle = paths.len() / 2;
-        let others = paths.iter().enumerate().filter(|(k, _)| *k != middle).map(|(_, path)| path);
+        if !others.is_empty() {
+            others.remove(others.len() / 2);
+        }
         Cause {
             name: "uneven_stiffness",
             meaning: "the bending stiffness differs from place to place (sleeves, joints, markers, a soft hold)",
-            unknowns: others.filter_map(|path| at.theta(path, TYPICAL)).collect(),
+            unknowns: others,
             excitation: "bend the rod sharply in several places: hold it close together, far apart, and with ends of other slopes",
             ..Cause::default()
         }

@@ -369,7 +369,8 @@ pub struct Fit {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Free {
-    /// Path, e.g. `cable.bend_stiffness`; `cable.node[*].mass` ties all that match into one. Of the markers' sensor:
+    /// Path, e.g. `cable.bend_stiffness`; `cable.node[*].mass` ties all that match into one, `cable.node[2..4].mass`
+    /// those of the nodes 2, 3 and 4. Of the markers' sensor:
     /// `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad], `sensor.time_offset` [s]. Of the
     /// sensors at joints: `shoulder.position_bias`, `shoulder.position_scale`, `shoulder.position_delay`, and so on.
     pub path: String,

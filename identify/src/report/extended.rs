@@ -162,7 +162,11 @@ pub(super) fn set_value(table: &mut Table, path: &str, new: f64) -> Option<Strin
 /// Mass added at one node, or at all nodes (`*`).
 fn set_mass(rope: &mut Table, node: &str, mass: f64) -> Option<()> {
     let nodes = node_count(rope)?;
-    let which = if node == "*" { 0..nodes } else { node.parse().ok().map(|node: i64| node..node + 1)? };
+    let which = match node.split_once("..") {
+        Some((first, last)) => first.parse().ok()?..last.parse::<i64>().ok()? + 1,
+        None if node == "*" => 0..nodes,
+        None => node.parse().ok().map(|node: i64| node..node + 1)?,
+    };
     let list = rope.entry("node_mass").or_insert_with(|| Value::Array(Vec::new())).as_array_mut()?;
     for node in which {
         let same = |item: &Value| item.get("node").and_then(Value::as_integer).is_some_and(|k| k.rem_euclid(nodes) == node);
@@ -192,7 +196,10 @@ fn annotate(text: &str, placed: &[(Place, &Estimate)]) -> String {
                 }
             };
         } else if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
-            (table, number) = (name.to_owned(), 0);
+            // a table of an object in a list (`[rope.twist]`) has that object's number
+            let list = name.split('.').next().unwrap_or_default();
+            number = count.iter().find(|(other, _)| other == list).map_or(0, |(_, count)| *count);
+            name.clone_into(&mut table);
         }
         out += line;
         let key = line.split_once(" = ").map(|(key, _)| key);
@@ -281,9 +288,23 @@ mod tests {
     }
 
     #[test]
+    fn tables_of_a_second_rope_have_their_own_comments() {
+        let text =
+            "[[rope]]\nname = \"a\"\n[rope.twist]\nstiffness = 1.0\n[[rope]]\nname = \"b\"\n[rope.twist]\nstiffness = 2.0\n";
+        let found = sample::estimate("b.twist_stiffness", 2.0);
+        let place = Place { table: "rope.twist".to_owned(), number: 1, key: "stiffness".to_owned() };
+        let lines: Vec<String> = annotate(text, &[(place, &found)]).lines().map(str::to_owned).collect();
+        assert_eq!(lines[3], "stiffness = 1.0");
+        assert!(lines[7].starts_with("stiffness = 2.0  # estimated; b.twist_stiffness was"), "{}", lines[7]);
+    }
+
+    #[test]
     fn tied_masses_are_set_at_every_node() {
         let mut rope: Table = toml::from_str("nodes = 3\nnode_mass = [{ node = -1, mass = 1.0 }]").unwrap();
         set_mass(&mut rope, "*", 0.1).unwrap();
-        assert_eq!(rope["node_mass"].as_array().unwrap().len(), 3);
+        set_mass(&mut rope, "1..2", 0.2).unwrap();
+        let masses = rope["node_mass"].as_array().unwrap();
+        let of = |k: usize| (masses[k]["node"].as_integer().unwrap(), masses[k]["mass"].as_float().unwrap());
+        assert_eq!((masses.len(), of(0), of(1), of(2)), (3, (0, 0.1), (1, 0.2), (2, 0.2)));
     }
 }

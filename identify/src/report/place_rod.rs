@@ -2,6 +2,7 @@
 
 use super::extended::set_value;
 use crate::shoot::{FAR, NEVER};
+use crate::unknown::range;
 use toml::{Table, Value};
 
 /// Sets a quantity of a rod by the end of its path; returns the table below the rope it stands in, and its key.
@@ -15,6 +16,9 @@ pub(super) fn set_rod(rope: &mut Table, path: &str, new: f64) -> Option<(&'stati
         return Some((table, key.to_owned()));
     }
     let nodes = node_count(rope);
+    if let Some((head, numbers, tail)) = range(path) {
+        return numbers.map(|k| set_rod(rope, &format!("{head}[{k}]{tail}"), new)).last()?;
+    }
     if let Some(edge) = path.strip_prefix("edge[").and_then(|rest| rest.strip_suffix("].rest_strain")) {
         let edges = usize::try_from(nodes?).ok()? - usize::from(!is_closed(rope));
         let strains = rope.entry("edge_rest_strains").or_insert_with(|| Value::Array(vec![Value::Float(0.0); edges]));
@@ -103,16 +107,19 @@ mod tests {
         assert_eq!(set("node[3].rest_curvature[0]", 5.0).0, "rope.twist.joint");
         assert_eq!(set("node[3].bend_factor", 0.5).0, "rope.twist.joint");
         assert_eq!(set("edge[3].rest_strain", 0.02), ("rope", "edge_rest_strains".to_owned()));
+        assert_eq!(set("node[1..2].bend_factor", 0.7).0, "rope.twist.joint");
+        assert_eq!(set("edge[0..1].rest_strain", 0.01), ("rope", "edge_rest_strains".to_owned()));
         assert_eq!(set("plastic_time", 0.5), ("rope.plasticity", "time".to_owned()));
         let strains: Vec<f64> = rope["edge_rest_strains"].as_array().unwrap().iter().filter_map(Value::as_float).collect();
-        assert_eq!((strains, rope["plasticity"]["time"].as_float()), (vec![0.0, 0.0, 0.0, 0.02], Some(0.5)));
+        assert_eq!((strains, rope["plasticity"]["time"].as_float()), (vec![0.01, 0.01, 0.0, 0.02], Some(0.5)));
         let of = |table: &str, key: &str| rope[table][key].as_float().unwrap();
         assert_eq!((of("stiffening", "coefficient"), of("bend_friction", "moment")), (0.03, 0.01));
         assert_eq!((of("bend_friction", "curvature"), of("creep", "time")), (0.7, 1.0));
         let twist = rope["twist"].as_table().unwrap();
         assert_eq!((twist["stiffness"].as_float(), twist["rest_curvature"][1].as_float()), (Some(2.0), Some(3.0)));
         let joint = &twist["joint"].as_array().unwrap()[..];
-        assert_eq!((joint.len(), joint[0]["rest_curvature"][0].as_float()), (1, Some(5.0)));
+        assert_eq!((joint.len(), joint[0]["rest_curvature"][0].as_float()), (3, Some(5.0)));
+        assert_eq!((joint[2]["node"].as_integer(), joint[2]["bend_factor"].as_float()), (Some(2), Some(0.7)));
         assert_eq!((joint[0]["bend_factor"].as_float(), rope["creep"]["fraction"].as_float()), (Some(0.5), Some(0.2)));
         assert_eq!(set_rod(&mut rope, "no_such_key", 1.0), None);
     }
