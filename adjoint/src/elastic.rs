@@ -29,19 +29,27 @@ pub(crate) struct Elastic {
 
 /// The only stage of such a step, if this is one.
 pub(crate) fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
-    let [(Link::Single, stage)] = step.stages.as_slice() else { return None };
-    let weights = stage.scheme.free == EULER.free && stage.scheme.driven == EULER.driven;
-    let remembers = cx.model.ndz() > 0 || cx.model.nz() > 0 || cx.model.has_actuators() || !stage.grasps.is_empty();
-    (stage.elastic && weights && !remembers && is_held(cx, stage)).then_some(stage)
+    let stage = keeps_nothing(cx, step)?;
+    (stage.elastic && is_held(cx, stage)).then_some(stage)
 }
 
-/// Whether something holds every free node.
-fn is_held(cx: Context, stage: &StageRecord) -> bool {
-    let driven = cx.model.driven_rows();
-    (0..stage.v.len()).step_by(3).filter(|row| !driven[*row]).all(|row| {
-        let inertia = cx.mass[row] * stage.inertia;
-        (row..row + 3).any(|k| stage.matrix.nodes.get(k, k) >= (1.0 + HELD) * inertia)
-    })
+/// The only stage of a step by implicit Euler in which nothing but rods' axes is remembered.
+pub(crate) fn keeps_nothing<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
+    let [(Link::Single, stage)] = step.stages.as_slice() else { return None };
+    let weights = stage.scheme.free == EULER.free && stage.scheme.driven == EULER.driven;
+    let remembers = cx.model.ndz() > 0 || cx.model.has_actuators() || !stage.grasps.is_empty();
+    (weights && !remembers).then_some(stage)
+}
+
+/// Whether something holds every free node, and every edge that may turn about itself.
+pub(crate) fn is_held(cx: Context, stage: &StageRecord) -> bool {
+    let (driven, nodes) = (cx.model.driven_rows(), 3 * cx.model.n_nodes());
+    let holds = |rows: std::ops::Range<usize>, inertia: f64| {
+        rows.into_iter().any(|k| stage.matrix.nodes.get(k, k) >= (1.0 + HELD) * inertia)
+    };
+    let inertia = |row: usize| cx.mass[row] * stage.inertia;
+    (0..nodes).step_by(3).filter(|row| !driven[*row]).all(|row| holds(row..row + 3, inertia(row)))
+        && (nodes..stage.v.len()).filter(|row| !driven[*row]).all(|row| holds(row..row + 1, inertia(row)))
 }
 
 impl Elastic {

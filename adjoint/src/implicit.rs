@@ -10,7 +10,7 @@
 use pliant_engine::step::StageRecord;
 
 /// Contacts at a nanometre's rest gap are 1e7 times stiffer than the rope: systems with them need a second refinement.
-fn refinements(stage: &StageRecord) -> usize {
+pub(crate) fn refinements(stage: &StageRecord) -> usize {
     if stage.n_rows() == stage.v.len() { 1 } else { 2 }
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Refinement {
     rhs: Vec<f64>,
     pub defect: Vec<f64>,
     /// Largest entries of the columns of a solution and its correction.
-    largest: [Vec<f64>; 2],
+    pub largest: [Vec<f64>; 2],
 }
 
 /// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root, of which only the rows of velocities are meant; row-major,
@@ -79,7 +79,7 @@ pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, m
 }
 
 /// Whether the correction after `d` would be below [`REFINED`] of the largest entry of `x`, in every column.
-fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f64>; 2]) -> bool {
+pub(crate) fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f64>; 2]) -> bool {
     for (largest, rows) in largest.iter_mut().zip([x, d]) {
         largest.clear();
         largest.resize(columns, 0.0);

@@ -52,36 +52,25 @@ pub(crate) fn impulse(normal: Vec3<f64>, mu: f64, w: &Vector4<f64>) -> Vec3<f64>
 }
 
 impl Condensed {
-    /// Linearizes at cone variable `w` and node velocity `v`; `h` is the stage length. `None` if the iterate is not finite.
-    pub(crate) fn new(at: LawPoint, touch: &Touch, v: Vec3<f64>, h: f64, w: &Vector4<f64>) -> Option<Self> {
+    /// Linearizes at cone variable `w` and node velocity `v`; `h` is the stage length. False if the iterate is not finite.
+    pub(crate) fn linearize(&mut self, at: LawPoint, touch: &Touch, v: Vec3<f64>, h: f64, w: &Vector4<f64>) -> bool {
         let lin = pliant_smoothing::linearize(at.law, at.mu, at.kappa, at.rho, touch.v_n, touch.v_t.into(), (*w).into());
-        let inverse = lin.df_dw_inverse;
-        if !inverse.iter().all(|x| x.is_finite()) {
-            return None;
+        if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
+            return false;
         }
-        let df_dq = lin.df_dvn * (touch.normal / h).transpose() + lin.df_dvt * touch.dv_t_dq(v);
-        let df_dv = lin.df_dvt * touch.projector();
-        let mut dp_dw = Matrix3x4::zeros();
-        dp_dw.set_column(0, &touch.normal);
-        dp_dw.fixed_view_mut::<3, 3>(0, 1).fill_diagonal(at.mu);
-        let gain = dp_dw * inverse;
-        Some(Self {
-            impulse: impulse(touch.normal, at.mu, w),
-            residual: lin.f,
-            dp_dq: touch.hessian * w[0] - gain * df_dq,
-            dp_dq_fixed: touch.hessian * w[0],
-            dp_dw,
-            df_dw: lin.df_dw,
-            dp_dv: -gain * df_dv,
-            gain,
-            inverse,
-            df_dq,
-            df_dv,
-            df_dvn: lin.df_dvn,
-            df_dvt: lin.df_dvt,
-            df_dmu: lin.df_dmu,
-            df_dkappa: lin.df_dkappa,
-        })
+        // in place: what a contact holds is a kilobyte
+        self.df_dq = lin.df_dvn * (touch.normal / h).transpose() + lin.df_dvt * touch.dv_t_dq(v);
+        self.df_dv = lin.df_dvt * touch.projector();
+        self.dp_dw.set_column(0, &touch.normal);
+        self.dp_dw.fixed_view_mut::<3, 3>(0, 1).copy_from(&Matrix3::from_diagonal_element(at.mu));
+        self.gain = self.dp_dw * lin.df_dw_inverse;
+        self.impulse = impulse(touch.normal, at.mu, w);
+        self.dp_dq_fixed = touch.hessian * w[0];
+        self.dp_dq = self.dp_dq_fixed - self.gain * self.df_dq;
+        self.dp_dv = -self.gain * self.df_dv;
+        (self.residual, self.df_dw, self.inverse) = (lin.f, lin.df_dw, lin.df_dw_inverse);
+        (self.df_dvn, self.df_dvt, self.df_dmu, self.df_dkappa) = (lin.df_dvn, lin.df_dvt, lin.df_dmu, lin.df_dkappa);
+        true
     }
 
     /// The change of w that goes with the change `dv` of the node's velocity, for the residual `f` at the current iterate;

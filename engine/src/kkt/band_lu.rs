@@ -1,7 +1,8 @@
 //! LU factorization inside a block band, without pivoting.
 
+use super::band_many::Triangles;
 use super::band_sweep::Band;
-use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, sum_abs};
+use super::{GROWTH_LIMIT, KktError, NodeLayout, NodeMatrix, PIVOT_FLOOR, sum_abs};
 use pulp::{Arch, Simd, WithSimd};
 
 /// A = L U with U unit upper (Crout's form), in the row storage of [`super::band_sweep`].
@@ -104,6 +105,22 @@ impl<const B: usize> BandLu<B> {
         self.inverse.iter().all(|x| *x > 0.0)
     }
 
+    /// Both triangles, for many right-hand sides in the system's order.
+    fn triangles(&self) -> Triangles<'_, B> {
+        Triangles { band: self.band, lower: &self.lower, inverse: &self.inverse, upper: &self.upper }
+    }
+
+    /// `B ← A⁻¹ B` or `A⁻ᵀ B` for `B` in the system's order, row-major with `columns`.
+    pub fn solve_many(&self, layout: &NodeLayout, b: &mut [f64], columns: usize, transpose: bool) {
+        self.triangles().solve(layout, b, columns, transpose);
+    }
+
+    /// Writes A⁻ᵀ into the first of `columns` of `out`, row-major in the system's order, and zero into the others.
+    pub fn transposed_inverse(&self, layout: &NodeLayout, out: &mut [f64], columns: usize) {
+        self.triangles().transposed_inverse(layout, out, columns);
+    }
+
+    /// For right-hand sides in storage order.
     pub fn solve(&self, b: &mut [f64], columns: usize, transpose: bool) {
         if transpose {
             self.band.solve_upper_transpose(&self.upper, b, columns);

@@ -140,6 +140,22 @@ impl Factor {
         }
     }
 
+    /// A⁻ᵀ in the first of `columns` (as many as A has, or more), row-major, and zero in the others; NaN if there is no factor.
+    pub fn transposed_inverse(&self, columns: usize, out: &mut Vec<f64>) {
+        let (layout, n) = (&self.shared().layout, self.dim());
+        debug_assert!(columns >= n);
+        out.clear();
+        out.resize(n * columns, 0.0);
+        match &self.kind {
+            Kind::BandLu3(f) if self.ready => f.transposed_inverse(layout, out, columns),
+            Kind::BandLu4(f) if self.ready => f.transposed_inverse(layout, out, columns),
+            _ => {
+                (0..n).for_each(|k| out[k * columns + k] = 1.0);
+                self.solve_transpose_many(out, columns);
+            }
+        }
+    }
+
     /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction
     /// relative to x (largest magnitudes; 0 without steps): what further refinement could still change.
     pub fn solve_refined(&self, a: &NodeMatrix, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
@@ -175,6 +191,14 @@ impl Factor {
             return;
         }
         let layout = &self.shared().layout;
+        if columns > 1 {
+            // (general systems have nothing to subtract for driven nodes)
+            match &self.kind {
+                Kind::BandLu3(f) => return f.solve_many(layout, b, columns, transpose),
+                Kind::BandLu4(f) => return f.solve_many(layout, b, columns, transpose),
+                _ => {}
+            }
+        }
         if layout.is_plain() {
             return self.apply_stored(b, columns, transpose);
         }

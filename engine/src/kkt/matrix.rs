@@ -103,6 +103,18 @@ impl NodeMatrix {
         place.map_or(0.0, |k| self.data[k])
     }
 
+    /// The least entry of the diagonal in the first `rows` rows, and no more than zero.
+    pub(crate) fn least_diagonal(&self, rows: usize) -> f64 {
+        let Pattern::Band(half_width) = self.layout.pattern else {
+            return (0..rows).fold(0.0, |least: f64, r| least.min(self.get(r, r)));
+        };
+        // (an empty row's is zero)
+        let b = self.layout.block();
+        let (own, row_len) = (b * half_width, b * (2 * half_width + 1));
+        let nodes = self.data.chunks_exact(b * row_len);
+        nodes.fold(0.0, |least: f64, node| (0..3).fold(least, |least, a| least.min(node[a * (row_len + 1) + own])))
+    }
+
     /// Adds `value` to entry (r, c), for which there must be room.
     #[inline]
     pub fn add(&mut self, r: usize, c: usize, value: f64) {
@@ -413,6 +425,30 @@ impl NodeMatrix {
                     }
                 }
             }
+        }
+    }
+}
+
+impl NodeMatrix {
+    /// `Y += scale · Aᵀ X` for row-major `X`, `Y` of `dim × columns`.
+    pub fn add_mul_transpose_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
+        struct Run<'a>(&'a NodeMatrix, f64, &'a [f64], &'a mut [f64], usize);
+        impl WithSimd for Run<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                let Self(a, scale, x, y, columns) = self;
+                for (r, x) in x.chunks_exact(columns).enumerate() {
+                    a.for_system_row(r, |c, entry| {
+                        if entry != 0.0 {
+                            add_scaled(simd, scale * entry, x, &mut y[c * columns..(c + 1) * columns]);
+                        }
+                    });
+                }
+            }
+        }
+        if columns > 0 {
+            Arch::new().dispatch(Run(self, scale, x, y, columns));
         }
     }
 }

@@ -29,6 +29,7 @@
 
 mod band_cholesky;
 mod band_lu;
+mod band_many;
 mod band_sweep;
 mod coupling;
 mod dense;

@@ -129,6 +129,16 @@ impl SystemFactor {
         self.nodes.inverse(out);
     }
 
+    /// The transposed inverse of the nodes' block: see [`Factor::transposed_inverse`].
+    pub fn transposed_inverse_of_nodes(&self, columns: usize, out: &mut Vec<f64>) {
+        self.nodes.transposed_inverse(columns, out);
+    }
+
+    /// `B ← N⁻ᵀ B` with the nodes' block N, row-major with `columns` right-hand sides.
+    pub fn solve_nodes_transpose(&self, b: &mut [f64], columns: usize) {
+        self.nodes.solve_transpose_many(b, columns);
+    }
+
     /// `b ← A⁻¹ b`.
     pub fn solve(&self, b: &mut [f64]) {
         self.solve_many(b, 1);

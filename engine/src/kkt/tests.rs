@@ -127,6 +127,29 @@ fn inverses_are_those_of_solves() {
     }
 }
 
+/// Transposed inverses undo transposed products, and the columns they are padded with are zero.
+#[test]
+fn transposed_inverses_undo_transposed_products() {
+    let mut rng = Lcg(29);
+    for (layout, what) in layouts() {
+        let (layout, driven) = (Arc::new(layout.clone()), some_driven(layout.n_nodes()));
+        for (method, symmetry) in METHODS.into_iter().flat_map(|m| KINDS.map(|s| (m, s))) {
+            let a = random_matrix(symmetry, &layout, &driven, &mut rng);
+            let Ok(factor) = factor_of(method, symmetry, &a, &driven) else { continue };
+            let n = a.dim();
+            let columns = n.next_multiple_of(8);
+            let mut inverse = vec![f64::NAN; 3];
+            factor.transposed_inverse(columns, &mut inverse);
+            let mut left = vec![0.0; n * columns];
+            (0..n).for_each(|k| left[k * columns + k] = 1.0);
+            a.add_mul_transpose_many(-1.0, &inverse, &mut left, columns);
+            let size = inverse.iter().fold(0.0_f64, |m, x| m.max(x.abs())) * a.data().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            assert!(left.iter().all(|x| x.abs() < 1e-14 * size), "{what}, {method:?}, {symmetry:?}");
+            assert!(inverse.chunks_exact(columns).all(|row| row[n..].iter().all(|x| *x == 0.0)), "{what}");
+        }
+    }
+}
+
 /// Fronts so wide that their last rows are changed by products of matrices.
 #[test]
 fn wide_fronts_solve_too() {

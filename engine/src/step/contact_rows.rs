@@ -31,7 +31,7 @@ impl StageRecord {
     }
 
     /// ∂F/∂v⁺ of contact `c`, positions moving along.
-    fn f_v(&self, c: usize) -> Matrix4x3<f64> {
+    pub(super) fn f_v(&self, c: usize) -> Matrix4x3<f64> {
         let contact = &self.contacts[c];
         contact.df_dq * (self.h * self.scheme.free.a1) + contact.df_dv
     }

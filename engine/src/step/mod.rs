@@ -2,6 +2,7 @@
 
 mod bodies;
 mod body_inputs;
+mod contact_inverse;
 mod contact_rows;
 mod error;
 mod facet_rows;

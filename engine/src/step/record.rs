@@ -43,6 +43,8 @@ pub struct StageRecord {
     pub matrix: System,
     /// Whether forces depend on positions alone and nothing touches: then K = σ M − h a1 ∂f/∂q̄ in free rows, and is symmetric.
     pub elastic: bool,
+    /// The same of forces, where contacts of nodes may touch: what depends on velocities is theirs alone.
+    pub undamped: bool,
     /// The factorization of K, A with the contacts condensed into it.
     pub factor: SystemFactor,
     /// Mass matrix of the bodies at q̄, armatures included.
@@ -95,6 +97,11 @@ impl StageRecord {
         let nothing_touches = stage.model.tree.nv() == 0 && stage.measure.rows.is_empty() && ws.spots.spots.is_empty();
         let elastic = nothing_touches && ws.factor.is_symmetric() && ws.dv.nodes.is_zero();
         let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
+        let only_nodes_touch = stage.model.tree.nv() == 0 && stage.measure.rows.is_empty() && ws.spots.spots.is_empty();
+        for (node, [_, of_velocities, _]) in &ws.touching {
+            ws.dv.nodes.set_block(*node, *node, of_velocities);
+        }
+        let undamped = only_nodes_touch && ws.dv.nodes.is_zero();
         Ok(Self {
             h: stage.h,
             scheme: stage.scheme,
@@ -108,6 +115,7 @@ impl StageRecord {
             dv,
             matrix,
             elastic,
+            undamped,
             factor: ws.factor.clone(),
             body_mass,
             u: stage.u.to_vec(),

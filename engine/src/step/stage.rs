@@ -9,7 +9,7 @@
 
 use super::{Scheme, StepError, Workspace};
 use crate::bodies::spatial::Inertia;
-use crate::contact::{Condensed, JointRow, LawPoint, Touch};
+use crate::contact::{JointRow, LawPoint, Touch};
 use crate::geometry::solid::Carrier;
 use crate::grasp::Hold;
 use crate::kkt::System;
@@ -325,7 +325,7 @@ impl Stage<'_> {
             hold.visit_jacobian(|row, column, value| ws.dq.nodes.add(row, column, value));
         }
         if self.has_contact() {
-            let largest = |of: &System| (0..3 * self.mass.len()).fold(0.0, |a: f64, k| a.max(-of.nodes.get(k, k)));
+            let largest = |of: &System| -of.nodes.least_diagonal(3 * self.mass.len());
             (ws.stiffness, ws.viscosity) = (largest(&ws.dq), largest(&ws.dv));
         }
         for (node, blocks) in &mut ws.touching {
@@ -352,20 +352,21 @@ impl Stage<'_> {
 
     fn linearize_contact(&self, c: usize, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
         let (touch, v) = self.touch(c, &ws.q_bar, &it.v)?;
-        let condensed = Condensed::new(self.law_point(c), &touch, v, self.h, &it.w[c]);
-        let node = self.model.pairs[c].node;
-        let condensed = condensed.ok_or_else(|| StepError::NotFinite {
-            step: 0,
-            term: self.model.shape_names[self.model.pairs[c].shape].clone(),
-            place: self.model.row_name(3 * node),
-            value: it.w[c].norm(),
-        })?;
+        let (law, node) = (self.law_point(c), self.model.pairs[c].node);
+        if !ws.contacts[c].linearize(law, &touch, v, self.h, &it.w[c]) {
+            return Err(StepError::NotFinite {
+                step: 0,
+                term: self.model.shape_names[self.model.pairs[c].shape].clone(),
+                place: self.model.row_name(3 * node),
+                value: it.w[c].norm(),
+            });
+        }
+        let condensed = &ws.contacts[c];
         let rows = |m: &nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [m[(a, 0)], m[(a, 1)], m[(a, 2)]]);
         ws.dq.nodes.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dq));
         ws.dv.nodes.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dv));
         let impulse = condensed.impulse;
         ws.cone[c] = condensed.residual;
-        ws.contacts[c] = condensed;
         self.add_contact_force(c, impulse, ws);
         Ok(())
     }
@@ -391,9 +392,11 @@ impl Stage<'_> {
             return;
         }
         ws.carry.evaluate(rods, self.q_ref, &ws.q_bar);
+        // on their own where contacts have stiffened a block: in the sum would be left what they leave
         let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
-        for ([i, j], [.., carried]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
-            *carried = ws.k.nodes.block(i, j);
+        for ([i, j], [.., whole]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
+            *whole = ws.k.nodes.block(i, j);
+            ws.k.nodes.set_block(i, j, &[[0.0; 3]; 3]);
         }
         let (k, dq) = (&mut ws.k.nodes, &ws.dq.nodes);
         let places = rods.carried_places(dq);
@@ -405,8 +408,8 @@ impl Stage<'_> {
         });
         let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
         for ([i, j], [.., carried]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
-            let block = ws.k.nodes.block(i, j);
-            carried.iter_mut().zip(&block).for_each(|(c, b)| c.iter_mut().zip(b).for_each(|(c, b)| *c = b - *c));
+            let whole = std::mem::replace(carried, ws.k.nodes.block(i, j));
+            ws.k.nodes.add_block(i, j, 1.0, &whole);
         }
     }
 
