@@ -18,6 +18,7 @@ mod stage;
 mod step;
 mod surrogate;
 mod tangent;
+mod whole;
 
 pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};
 pub use equilibrium::{equilibrium_tangent, equilibrium_vjp};

@@ -3,6 +3,7 @@
 use crate::elastic::{Elastic, stage_of};
 use crate::seeds::Seeds;
 use crate::tangent::TangentStepper;
+use crate::whole::Whole;
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
 
@@ -22,6 +23,7 @@ pub struct Linearization {
 pub struct Linearizer<'m> {
     tangent: TangentStepper<'m>,
     elastic: Elastic,
+    whole: Whole,
     /// Of columns of θ alone, for C where A and B come from elsewhere; made when first needed.
     of_theta: Option<TangentStepper<'m>>,
     nv: usize,
@@ -44,7 +46,7 @@ impl<'m> Linearizer<'m> {
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
         let tangent = TangentStepper::new(model, theta, seeds);
-        Self { tangent, elastic: Elastic::default(), of_theta: None, nv: model.nv(), nx, nu, np }
+        Self { tangent, elastic: Elastic::default(), whole: Whole::default(), of_theta: None, nv: model.nv(), nx, nu, np }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
@@ -52,6 +54,9 @@ impl<'m> Linearizer<'m> {
         let cx = self.tangent.context();
         if let Some(stage) = stage_of(cx, step) {
             let ab = self.elastic.linearize(cx, step, stage, self.nu);
+            return Linearization { c: self.by_theta(step), ..ab };
+        }
+        if let Some(ab) = self.whole.linearize(cx, step, self.nu) {
             return Linearization { c: self.by_theta(step), ..ab };
         }
         let (nv, m) = (self.nv, self.tangent.seeds.columns);
