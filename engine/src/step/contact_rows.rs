@@ -15,6 +15,9 @@ use crate::contact::RowLinear;
 use crate::kkt::NodeMatrix;
 use nalgebra::{Matrix3x4, Matrix4, Matrix4x3, SMatrix, SVector};
 
+/// A node and a block of its rows and columns.
+pub type NodeBlock = (usize, [[f64; 3]; 3]);
+
 impl StageRecord {
     /// Rows of the system: nv, four per contact of a node, one per joint friction, stop or coupling, four per contact of solids.
     pub fn n_rows(&self) -> usize {
@@ -163,7 +166,7 @@ impl StageRecord {
     /// ```
     /// A closed contact resists along its normal by 1e7 times what else there is in K and in ∂f/∂q̄; of B and P all entries are of their natural size.
     /// `None` if two contacts of a node are closed.
-    pub fn positions_beside_normals(&self) -> Option<(NodeMatrix, Vec<(usize, [[f64; 3]; 3])>)> {
+    pub fn positions_beside_normals(&self) -> Option<(NodeMatrix, Vec<NodeBlock>)> {
         let (mut out, mut normals) = (self.dq.nodes.clone(), Vec::with_capacity(self.contacts.len()));
         for (contact, &node) in self.contacts.iter().zip(&self.contact_nodes) {
             let normal = contact.dp_dw.column(0).into_owned();
