@@ -20,7 +20,7 @@ def test_forty_random_scenes_end_or_say_why_not():
     assert not silent, silent
     for o in outcomes:
         if o.end == "stopped":
-            assert re.search(r"step \d+: .*(row \d+|gives|node)", o.message), o
+            assert re.search(r"step \d+: .*(row \d+|gives|node|creates .* in `)", o.message), o
     bad = [o for o in outcomes if o.end != "good"]
     assert len(bad) <= 8, bad
 
