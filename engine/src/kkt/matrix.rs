@@ -437,18 +437,42 @@ impl NodeMatrix {
             type Output = ();
             #[inline(always)]
             fn with_simd<S: Simd>(self, simd: S) {
-                let Self(a, scale, x, y, columns) = self;
-                for (r, x) in x.chunks_exact(columns).enumerate() {
-                    a.for_system_row(r, |c, entry| {
-                        if entry != 0.0 {
-                            add_scaled(simd, scale * entry, x, &mut y[c * columns..(c + 1) * columns]);
-                        }
-                    });
-                }
+                self.0.add_mul_transpose_kernel(simd, self.1, self.2, self.3, self.4);
             }
         }
         if columns > 0 {
             Arch::new().dispatch(Run(self, scale, x, y, columns));
+        }
+    }
+
+    // plain loops: a closure would be compiled without the wide vectors
+    #[inline(always)]
+    fn add_mul_transpose_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
+        let b = self.layout.block();
+        for (r, x_row) in x.chunks_exact(columns).enumerate().take(self.dim()) {
+            let at = self.layout.storage(r);
+            let (_, range) = self.stored_row(at);
+            let entries = &self.data[range];
+            let (first, listed, blocks) = match &self.layout.pattern {
+                Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
+                Pattern::Sparse { starts, columns } => {
+                    let row = &columns[starts[at / b]..starts[at / b + 1]];
+                    (0, Some(row), row.len())
+                }
+            };
+            for k in 0..blocks {
+                let slot = match listed {
+                    Some(row) => row[k],
+                    None if first + (k as isize) < 0 || first + k as isize >= self.layout.n_nodes() as isize => continue,
+                    None => (first + k as isize) as usize,
+                };
+                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
+                    let (factor, column) = (scale * a, self.layout.system(b * slot + c));
+                    if let (true, Some(c)) = (factor != 0.0, column) {
+                        add_scaled(simd, factor, x_row, &mut y[c * columns..(c + 1) * columns]);
+                    }
+                }
+            }
         }
     }
 }
