@@ -1,6 +1,6 @@
 //! The storage of every Jacobian of a nodal system.
 
-use super::lanes::support;
+use super::lanes::{subtract_four, support};
 use super::layout::{NodeLayout, Pattern};
 use pulp::{Arch, Simd, WithSimd};
 use std::sync::{Arc, LazyLock, OnceLock};
@@ -445,18 +445,24 @@ impl NodeMatrix {
         }
     }
 
-    // plain loops: a closure would be compiled without the wide vectors
+    /// A slot's rows at a time. (Plain loops: a closure would be compiled without the wide vectors.)
     #[inline(always)]
     fn add_mul_transpose_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
         let b = self.layout.block();
-        for (r, x_row) in x.chunks_exact(columns).enumerate().take(self.dim()) {
-            let at = self.layout.storage(r);
-            let (_, range) = self.stored_row(at);
-            let entries = &self.data[range];
+        for i in 0..self.layout.n_nodes() {
+            // rows that are not there count for nothing
+            let mut rows = [&x[..columns]; 4];
+            let mut starts = [None; 4];
+            for a in 0..b {
+                if let Some(r) = self.layout.system(b * i + a) {
+                    rows[a] = &x[r * columns..(r + 1) * columns];
+                    starts[a] = Some(self.stored_row(b * i + a).1.start);
+                }
+            }
             let (first, listed, blocks) = match &self.layout.pattern {
-                Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
+                Pattern::Band(half_width) => (i as isize - *half_width as isize, None, 2 * half_width + 1),
                 Pattern::Sparse { starts, columns } => {
-                    let row = &columns[starts[at / b]..starts[at / b + 1]];
+                    let row = &columns[starts[i]..starts[i + 1]];
                     (0, Some(row), row.len())
                 }
             };
@@ -466,10 +472,16 @@ impl NodeMatrix {
                     None if first + (k as isize) < 0 || first + k as isize >= self.layout.n_nodes() as isize => continue,
                     None => (first + k as isize) as usize,
                 };
-                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
-                    let (factor, column) = (scale * a, self.layout.system(b * slot + c));
-                    if let (true, Some(c)) = (factor != 0.0, column) {
-                        add_scaled(simd, factor, x_row, &mut y[c * columns..(c + 1) * columns]);
+                for c in 0..b {
+                    let Some(column) = self.layout.system(b * slot + c) else { continue };
+                    let mut factors = [0.0; 4];
+                    for a in 0..b {
+                        if let Some(start) = starts[a] {
+                            factors[a] = -scale * self.data[start + b * k + c];
+                        }
+                    }
+                    if factors != [0.0; 4] {
+                        subtract_four(simd, &mut y[column * columns..(column + 1) * columns], factors, rows);
                     }
                 }
             }
