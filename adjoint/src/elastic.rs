@@ -33,6 +33,26 @@ pub(crate) fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a Stag
     (stage.elastic && is_held(cx, stage)).then_some(stage)
 }
 
+/// The same where nothing at all is remembered.
+pub(crate) fn euler_stage<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
+    keeps_nothing(cx, step).filter(|_| cx.model.nz() == 0)
+}
+
+/// Adds to A and B what positions and controls do by way of the commands, from G = ∂v⁺/∂v_cmd, row-major.
+pub(crate) fn add_commands(g: &[f64], step: &StepRecord, h: f64, [n, nu]: [usize; 2], out: &mut Linearization) {
+    for &(row, input, value) in &step.command {
+        let (to, width, column) = match input {
+            Input::Q(k) => (&mut out.a, 2 * n, k),
+            Input::U(k) => (&mut out.b, nu, k),
+            Input::Z(_) | Input::Theta(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => continue,
+        };
+        for (i, g) in g.chunks_exact(n).enumerate() {
+            to[i * width + column] += h * (g[row] * value);
+            to[(n + i) * width + column] += g[row] * value;
+        }
+    }
+}
+
 /// The only stage of a step by implicit Euler in which nothing but rods' axes is remembered.
 pub(crate) fn keeps_nothing<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
     let [(Link::Single, stage)] = step.stages.as_slice() else { return None };
@@ -69,7 +89,7 @@ impl Elastic {
         self.by_velocity.clear();
         self.by_velocity.extend(of_mass(stage.inertia * stage.scheme.momentum, 0.0));
         let mut out = Linearization { a: self.by_state(stage.h), b: vec![0.0; 2 * n * nu], c: Vec::new() };
-        self.by_command(step, stage.h, nu, &mut out);
+        add_commands(&self.inverse, step, stage.h, [n, nu], &mut out);
         out
     }
 
@@ -102,21 +122,5 @@ impl Elastic {
             a.extend(g.iter().zip(&self.by_velocity).map(|(g, s)| g * s));
         }
         a
-    }
-
-    /// Adds what positions and controls do by way of the commands.
-    fn by_command(&self, step: &StepRecord, h: f64, nu: usize, out: &mut Linearization) {
-        let n = self.scale.len();
-        for &(row, input, value) in &step.command {
-            let (to, width, column) = match input {
-                Input::Q(k) => (&mut out.a, 2 * n, k),
-                Input::U(k) => (&mut out.b, nu, k),
-                Input::Z(_) | Input::Theta(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => continue,
-            };
-            for (i, g) in self.inverse.chunks_exact(n).enumerate() {
-                to[i * width + column] += h * (g[row] * value);
-                to[(n + i) * width + column] += g[row] * value;
-            }
-        }
     }
 }

@@ -19,6 +19,7 @@ mod step;
 mod surrogate;
 mod tangent;
 mod touching;
+mod whole;
 
 pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};
 pub use equilibrium::{equilibrium_tangent, equilibrium_vjp};

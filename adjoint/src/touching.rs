@@ -38,10 +38,10 @@ pub(crate) struct Touching {
     carried: Vec<f64>,
 }
 
-/// The only stage of such a step, if this is one.
+/// The only stage of such a step of ropes and rods, if this is one: sheets have `whole`, or solve for each column.
 pub(crate) fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
     let stage = keeps_nothing(cx, step)?;
-    let fits = stage.undamped && !stage.matrix.nodes.layout().is_sparse();
+    let fits = stage.undamped && cx.model.cloths().is_empty() && !stage.matrix.nodes.layout().is_sparse();
     (fits && is_held(cx, stage)).then_some(stage)
 }
 

@@ -5,13 +5,13 @@ mod common;
 
 use common::Case;
 use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, gradcheck};
-use pliant_adjoint::{Seeds, TangentStepper, linearize};
+use pliant_adjoint::{Linearization, Seeds, TangentStepper, linearize};
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::scene::{
-    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, LinearSolver, Scene, ShapeKind,
-    Sphere, Time, resting_inputs,
+    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, LinearSolver, Plane, Scene,
+    ShapeKind, Sphere, Time, resting_inputs,
 };
-use pliant_engine::step::StepOptions;
+use pliant_engine::step::{StepOptions, StepRecord};
 
 /// A strip clamped at one end and bent by its own weight, k = w L³/(D b), cut into `cells` and a half along its length.
 ///
@@ -257,24 +257,11 @@ fn jacobians_by_the_inverse_are_those_of_tangents() {
         let mut case = rippling(&scene);
         (0..).zip(&mut case.u).for_each(|(k, u)| u.iter_mut().for_each(|u| *u += 1e-3 * f64::from(k)));
         let run = case.run(StepOptions::default());
-        let (nx, nu) = (case.model.ndx(), case.model.nu());
+        let nu = case.model.nu();
         for record in &run.records {
             assert!(record.stages.iter().all(|(_, stage)| stage.elastic == expected), "{what}");
             let own = linearize(&case.model, &case.theta, record, false);
-            let mut seeds = Seeds::none(nx + nu, nu, case.model.n_params());
-            (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
-            let mut tangents = TangentStepper::new(&case.model, &case.theta, seeds);
-            let n = case.model.nv();
-            (0..n).for_each(|k| (tangents.x.q[k * (nx + nu) + k], tangents.x.v[k * (nx + nu) + n + k]) = (1.0, 1.0));
-            tangents.step(record);
-            let rows = [&tangents.x.q, &tangents.x.v].map(|x| x.chunks_exact(nx + nu));
-            let mut worst = [0.0_f64; 2];
-            for (i, row) in rows.into_iter().flatten().enumerate() {
-                let scale = row.iter().fold(f64::MIN_POSITIVE, |m, x| m.max(x.abs()));
-                let miss = |own: &[f64], row: &[f64]| own.iter().zip(row).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs() / scale));
-                worst[0] = worst[0].max(miss(&own.a[i * nx..(i + 1) * nx], &row[..nx]));
-                worst[1] = worst[1].max(miss(&own.b[i * nu..(i + 1) * nu], &row[nx..]));
-            }
+            let worst = beside_tangents(&case, record, &own).map(|(worst, _)| worst);
             println!("{what}: A {:.1e}, B {:.1e}", worst[0], worst[1]);
             assert!(worst.iter().all(|w| *w < 1e-13), "{what}: {worst:?}");
             assert!(nu == 0 || own.b.iter().any(|x| *x != 0.0));
@@ -290,6 +277,102 @@ fn jacobians_by_the_inverse_are_those_of_tangents() {
                 "{what}"
             );
         }
+    }
+}
+
+/// Largest difference of A and B of a step from tangents that are solved for column by column, relative to a row's largest entry, and
+/// whether they are the same bits.
+fn beside_tangents(case: &Case, record: &StepRecord, own: &Linearization) -> [(f64, bool); 2] {
+    let (nx, nu, n) = (case.model.ndx(), case.model.nu(), case.model.nv());
+    let columns = (nx + nu).next_multiple_of(8);
+    let mut seeds = Seeds::none(columns, nu, case.model.n_params());
+    (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
+    let mut tangents = TangentStepper::new(&case.model, &case.theta, seeds);
+    (0..n).for_each(|k| (tangents.x.q[k * columns + k], tangents.x.v[k * columns + n + k]) = (1.0, 1.0));
+    tangents.step(record);
+    let rows = [&tangents.x.q, &tangents.x.v].map(|x| x.chunks_exact(columns));
+    let mut out = [(0.0_f64, true); 2];
+    for (i, row) in rows.into_iter().flatten().enumerate() {
+        // (of q⁺ = q + h v⁺ what is left of one where v⁺ = −q/h)
+        let least = if i < n { 1.0 } else { f64::MIN_POSITIVE };
+        let scale = row.iter().fold(least, |m, x| m.max(x.abs()));
+        let parts = [(&own.a[i * nx..(i + 1) * nx], &row[..nx]), (&own.b[i * nu..(i + 1) * nu], &row[nx..nx + nu])];
+        for ((worst, same), (own, row)) in out.iter_mut().zip(parts) {
+            *worst = own.iter().zip(row).fold(*worst, |m, (a, b)| m.max((a - b).abs() / scale));
+            *same &= own == row;
+        }
+    }
+    out
+}
+
+/// Steps of nodes in fronts by implicit Euler are linearized from the whole inverse, whatever touches or dissipates: sticking, sliding and
+/// without friction, on a ball and in the wind, held, with slots of their own order. What refinement changes, nodes that two shapes hold, bands and other integrators
+/// solve for each column.
+#[test]
+fn jacobians_by_the_whole_inverse_are_those_of_tangents() {
+    let landed = |friction: f64, speed: f64, integrator| {
+        let mut scene = thrown(integrator, 0.4, 0.0);
+        scene.time.step = 1e-2;
+        scene.cloth[0].origin = [-0.2, -0.15, 1e-3 + 1e-9];
+        scene.cloth[0].velocity = [speed, 0.3 * speed, 0.0];
+        scene.plane = vec![Plane { name: "floor".to_owned(), point: [0.0; 3], normal: [0.0, 0.0, 1.0], height: 0.0, friction }];
+        scene.solver.linear = LinearSolver::Sparse;
+        scene
+    };
+    let euler = Integrator::Euler;
+    let mut ball = landed(0.0, 0.3, euler);
+    ball.plane.clear();
+    ball.cloth[0].origin = [-0.2, -0.15, 0.101];
+    ball.sphere = vec![Sphere { name: "ball".to_owned(), center: [0.0, 0.0, 0.0], radius: 0.1, friction: 0.4 }];
+    let mut held = ball.clone();
+    let clamp = Clamp::Nodes(vec![0, 3]);
+    held.gripper = vec![Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp, ..Gripper::default() }];
+    let mut windy = landed(0.5, 0.5, euler);
+    windy.plane.clear();
+    windy.air.wind = [0.5, 0.0, 1.0];
+    (windy.cloth[0].drag_normal, windy.cloth[0].membrane_damping, windy.cloth[0].bend_damping) = (0.05, 20.0, 2e-5);
+    let mut damped = landed(0.5, 0.5, euler);
+    damped.cloth[0].membrane_damping = 20.0;
+    let mut corner = landed(0.5, 0.0, euler);
+    corner.plane.push(Plane {
+        name: "wall".to_owned(),
+        point: [0.2, 0.0, 0.0],
+        normal: [-1.0, 0.0, 0.0],
+        height: 0.0,
+        friction: 0.3,
+    });
+    corner.cloth[0].velocity = [0.2, 0.0, 0.0];
+    let mut band = landed(0.5, 0.0, euler);
+    band.solver.linear = LinearSolver::Band;
+    let cases = [
+        ("sticking", landed(0.5, 0.0, euler), true),
+        ("in a corner", corner, false),
+        ("sliding", landed(0.3, 2.0, euler), false), // (which refinement changes)
+        ("without friction", landed(0.0, 0.5, euler), true),
+        ("on a ball", ball, true),
+        ("held, on a ball", held, true),
+        ("in the wind", windy, true),
+        ("damped", damped, true),
+        ("quasi-static", landed(0.5, 0.0, Integrator::QuasiStatic), true),
+        ("band", band, false),
+        ("two stages", landed(0.5, 0.0, Integrator::Sdirk2), false),
+    ];
+    for (what, scene, expected) in cases {
+        let mut case = Case::new(&scene, scene.time.n_steps());
+        (0..).zip(&mut case.u).for_each(|(k, u)| u.iter_mut().for_each(|u| *u += 1e-3 * f64::from(k)));
+        let run = case.run(StepOptions::default());
+        let (mut worst, mut other_bits, mut touched) = ([0.0_f64; 2], false, false);
+        for record in run.records.iter().step_by(3) {
+            let own = linearize(&case.model, &case.theta, record, false);
+            let beside = beside_tangents(&case, record, &own);
+            worst.iter_mut().zip(beside).for_each(|(worst, (miss, _))| *worst = worst.max(miss));
+            other_bits |= !beside[0].1;
+            touched |= record.stages.iter().any(|(_, s)| s.contact_modes(&case.model, &case.theta).iter().any(|m| *m > 0));
+        }
+        println!("{what}: A {:.1e}, B {:.1e}, other bits {other_bits}", worst[0], worst[1]);
+        assert!(worst.iter().all(|w| *w < 1e-12), "{what}: {worst:?}");
+        assert_eq!(other_bits, expected, "{what}");
+        assert!(touched || what == "in the wind", "{what}");
     }
 }
 

@@ -1,10 +1,10 @@
 //! Long steps of stiff ropes, rods and sheets: they end at a root that is the motion's, contact throws nothing back, and roots far away are
 //! found.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use pliant_engine::model::ModelBuilder;
 use pliant_engine::scene::{self, Scene};
-use pliant_engine::step::{StepOptions, Stepper};
+use pliant_engine::step::{StepError, StepOptions, Stepper};
 
 /// What became of a run.
 struct Run {
@@ -300,4 +300,45 @@ fn the_work_of_a_step_is_bounded() {
     let run = run(&(time(0.02991917643985658, "euler") + VISCOUS_SHEET), 0.11, 1);
     let bound = 4 * 2 * 64; // max_iterations and max_halvings
     assert!(run.iterations > bound && run.iterations < 3 * bound / 2 && run.retries < 30, "{} retries", run.retries);
+}
+
+/// A stiff sheet whose corner hits a floor in a step in which it falls by a third of its size.
+const HARD_LANDING: &str = r#"
+[contact]
+rest_gap = 3e-10
+[[cloth]]
+name = "it"
+grid = { nodes = [3, 8], size = [0.17037341562932548, 0.067382927914985], diagonal = "alternating" }
+u_axis = [1.0, 0.0, 0.0]
+v_axis = [0.0, -0.8546627850223685, -0.5191835165890851]
+origin = [0.0, 0.0, 0.1899071505727723]
+velocity = [1.0492084439816867, -0.6014858787634768, 0.0]
+thickness = 4.4e-05
+density = 141.6
+youngs_modulus = 2.23e9
+poisson_ratio = -0.29
+bend_stiffness = 5.2e-06
+membrane_damping = 2.14e7
+[[plane]]
+name = "floor"
+point = [0.0, 0.0, -0.12243]
+normal = [0.16793354117126214, -0.1913734544891322, 1.0]
+friction = 0.3
+"#;
+
+#[test]
+fn energy_from_nowhere_is_an_error_that_leaves_the_state_alone() {
+    let text = format!("schema_version = 1\n{}{HARD_LANDING}", time(0.025_938_658_099_644_275, "sdirk2"));
+    let scene: Scene = scene::parse_scene(&text, "robust.toml").unwrap();
+    let model = ModelBuilder::new(&scene).unwrap().build();
+    let mut stepper = Stepper::new(&model, model.params().values(), StepOptions { record: false, ..Default::default() }).unwrap();
+    let mut x = model.initial_state();
+    let error = (0..40).find_map(|_| {
+        let before = x.clone();
+        let error = stepper.step(&mut x, &[]).err()?;
+        assert_eq!(x, before);
+        Some(error)
+    });
+    let Some(StepError::EnergyCreated { created, at_hand, term, .. }) = error else { panic!("{error:?}") };
+    assert!(created > 0.1 * at_hand && at_hand > 0.0 && term == "membrane", "{created} of {at_hand} J, {term}");
 }

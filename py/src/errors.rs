@@ -22,6 +22,7 @@ pub fn step(error: StepError) -> PyErr {
         | StepError::Frames { .. }
         | StepError::EquilibriumWithContact { .. } => input(error),
         StepError::NotConverged { .. }
+        | StepError::EnergyCreated { .. }
         | StepError::NotFinite { .. }
         | StepError::Singular { .. }
         | StepError::NoNormal { .. }

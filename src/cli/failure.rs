@@ -160,6 +160,10 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
             "the motion is too fast, or a rope, a spring or a servo too stiff, for this step",
             "shorten `time.step`, or raise `solver.max_iterations` and `solver.max_halvings`",
         ),
+        StepError::EnergyCreated { .. } => (
+            "the step is too long for what is stiff, and its shorter parts have found no motion either",
+            "shorten `time.step`, soften the stiffness, or raise `solver.max_halvings`",
+        ),
         StepError::NotFinite { .. } => (
             "edges of length zero, a rope folded onto itself, a state that is no number, or an extreme parameter",
             "check the initial shape and that parameter",

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -23,13 +24,14 @@ def _version(package: str) -> str | None:
 
 
 def describe() -> dict:
-    """Processor, cores, system, versions, and the load the numbers were taken under."""
+    """Processor, cores, system, versions, the day, and the load the numbers were taken under."""
     packages = ("pliant", "mujoco", "jax", "numpy")
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
+        "date": time.strftime("%Y-%m-%d"),
         "load_1min": round(os.getloadavg()[0], 2),
         "versions": {name: _version(name) for name in packages},
     }

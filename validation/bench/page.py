@@ -1,6 +1,6 @@
 """Writes the benchmark page from the JSON of `python -m validation.bench --json` and of `python -m validation.bench.rods_cloth --json`.
 
-python -m validation.bench.page bench.json rods_cloth.json --date 2026-11-21 --out BENCHMARKS.md
+python -m validation.bench.page bench.json rods_cloth.json --out BENCHMARKS.md
 """
 
 import argparse
@@ -97,20 +97,20 @@ def rods_and_cloth(found: dict) -> list[str]:
     ]
 
 
-def how(program: str, about: dict, date: str) -> str:
+def how(program: str, about: dict) -> str:
     """On what, when and by which command it was measured."""
     machine = about["machine"]
     versions = ", ".join(f"{k} {v}" for k, v in machine["versions"].items() if v)
     command = " ".join([f"python -m {program}", *about["command"]])
     return (
-        f"`{command}`, {date}. {machine['processor']}, {machine['cores']} cores, "
+        f"`{command}`, {machine['date']}. {machine['processor']}, {machine['cores']} cores, "
         f"{machine['system']}, Python {machine['python']}; {versions}. "
         f"Load over the last minute at the end of the run: {machine['load_1min']}; on a busy "
         "machine trust the ratios, which are taken in turns, not the times."
     )
 
 
-def page(rows: list[dict], found: dict, date: str) -> str:
+def page(rows: list[dict], found: dict) -> str:
     """The whole page; `found`: what `rods_cloth` measured."""
     against = [row for row in rows if row["peer"]]
     alone = [row for row in rows if not row["peer"]]
@@ -118,7 +118,7 @@ def page(rows: list[dict], found: dict, date: str) -> str:
     if alone:
         parts += ["## Growth with size", table(alone)]
     parts += rods_and_cloth(found)
-    parts += ["## How it was measured", how("validation.bench", rows[0], date), how("validation.bench.rods_cloth", found, date)]
+    parts += ["## How it was measured", how("validation.bench", rows[0]), how("validation.bench.rods_cloth", found)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -127,11 +127,10 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m validation.bench.page")
     parser.add_argument("result", type=Path, help="output of validation.bench --json")
     parser.add_argument("rods_cloth", type=Path, help="output of validation.bench.rods_cloth --json")
-    parser.add_argument("--date", required=True, help="day of the run, as it shall be printed")
     parser.add_argument("--out", type=Path, default=Path("BENCHMARKS.md"))
     options = parser.parse_args()
     rows, found = (json.loads(path.read_text(encoding="utf-8")) for path in (options.result, options.rods_cloth))
-    options.out.write_text(page(rows, found, options.date), encoding="utf-8")
+    options.out.write_text(page(rows, found), encoding="utf-8")
 
 
 if __name__ == "__main__":

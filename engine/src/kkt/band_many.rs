@@ -235,9 +235,7 @@ impl<const B: usize> Triangles<'_, B> {
         first: usize,
     ) -> [[S::f64s; TAKEN]; B] {
         let mut y = [[simd.splat_f64s(0.0); TAKEN]; B];
-        for a in 0..B {
-            y[a] = own[a];
-        }
+        y.copy_from_slice(&own[..B]);
         let n = others.len();
         let mut factors = [&[][..]; B];
         for a in 0..B {

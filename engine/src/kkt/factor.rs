@@ -156,6 +156,34 @@ impl Factor {
         }
     }
 
+    /// A⁻¹ and A⁻ᵀ, row-major; from fronts without solves.
+    pub fn inverse_and_transpose(&self, out: &mut Vec<f64>, transposed: &mut Vec<f64>) {
+        let (shared, n) = (self.shared(), self.dim());
+        if let (Kind::Frontal(frontal), Symmetry::General, Some(fronts), true) =
+            (&self.kind, shared.symmetry, &shared.fronts, self.ready)
+        {
+            let mut ordered = [Vec::new(), Vec::new()];
+            let [first, second] = &mut ordered;
+            frontal.invert_general(fronts, first, second);
+            let stored = shared.layout.stored();
+            let places: Vec<usize> = (0..n).map(|r| fronts.row(shared.layout.storage(r))).collect();
+            for (out, ordered) in [out, transposed].into_iter().zip(&ordered) {
+                out.clear();
+                out.reserve(n * n);
+                for row in places.iter().map(|at| &ordered[at * stored..(at + 1) * stored]) {
+                    out.extend(places.iter().map(|at| row[*at]));
+                }
+            }
+            return;
+        }
+        self.inverse(out);
+        transposed.clear();
+        transposed.resize(n * n, 0.0);
+        for (r, row) in out.chunks_exact(n.max(1)).enumerate() {
+            row.iter().zip(transposed[r..].iter_mut().step_by(n)).for_each(|(from, to)| *to = *from);
+        }
+    }
+
     /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction
     /// relative to x (largest magnitudes; 0 without steps): what further refinement could still change.
     pub fn solve_refined(&self, a: &NodeMatrix, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {

@@ -5,7 +5,7 @@
 //! band ([`super::band_lu`]), and each row's pivot and growth are checked likewise.
 
 use super::fronts::{Front, Fronts};
-use super::lanes::{PADDING, ROWS, subtract_four, subtract_from_four};
+use super::lanes::{PADDING, ROWS, add_row, copy_row, subtract_four, subtract_from_four};
 use super::symbolic::Shared;
 use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, Symmetry, sum_abs};
 use faer::linalg::matmul::matmul;
@@ -115,16 +115,16 @@ impl Frontal {
             for &child in front.children.iter().rev() {
                 let child = &fronts.fronts[child];
                 let len = (b * child.rows.len()).pow(2);
-                dense.take_in(&stack[top - len..top], child, b, symmetric);
+                dense.take_in(simd, &stack[top - len..top], child, b, symmetric);
                 top -= len;
             }
             let own = b * front.first..b * front.first + k;
             let done = dense.eliminate(simd, k, symmetric, &sizes[own.clone()], &mut self.inverse[own], scaled);
             done.map_err(|broken| broken.named(shared, fronts, b * front.first))?;
-            self.keep(&dense, front, b, symmetric);
+            self.keep(simd, &dense, front, b, symmetric);
             for (r, (to, from)) in stack[top..top + m * m].chunks_exact_mut(m.max(1)).zip(dense.rows_from(k)).enumerate() {
                 let first = if symmetric { r } else { 0 };
-                to[first..].copy_from_slice(&from[k + first..k + m]);
+                copy_row(simd, &mut to[first..], &from[k + first..k + m]);
             }
             top += m * m;
         }
@@ -133,17 +133,17 @@ impl Frontal {
 
     /// Copies what solves need.
     #[inline(always)]
-    fn keep(&mut self, dense: &Square, front: &Front, b: usize, symmetric: bool) {
+    fn keep<S: Simd>(&mut self, simd: S, dense: &Square, front: &Front, b: usize, symmetric: bool) {
         let (k, f) = (b * front.pivots, dense.rows);
         for (r, (to, from)) in
             self.upper[front.upper..front.upper + k * f].chunks_exact_mut(f).zip(dense.rows_from(0)).enumerate()
         {
             let first = if symmetric { r } else { 0 };
-            to[first..].copy_from_slice(&from[first..f]);
+            copy_row(simd, &mut to[first..], &from[first..f]);
         }
         if !symmetric {
             for (to, from) in self.lower[front.lower..front.lower + k * (f - k)].chunks_exact_mut(k).zip(dense.rows_from(k)) {
-                to.copy_from_slice(&from[..k]);
+                copy_row(simd, to, &from[..k]);
             }
         }
     }
@@ -204,7 +204,11 @@ impl Square<'_> {
     #[inline(always)]
     fn clear(&mut self, symmetric: bool) {
         for (r, row) in self.entries[..self.stride * self.rows].chunks_exact_mut(self.stride).enumerate() {
-            row[if symmetric { r / PADDING * PADDING } else { 0 }..].fill(0.0);
+            // (whole pieces, which need no call)
+            let pieces = row.as_chunks_mut::<PADDING>().0;
+            for piece in &mut pieces[if symmetric { r / PADDING } else { 0 }..] {
+                *piece = [0.0; PADDING];
+            }
         }
     }
 
@@ -228,15 +232,15 @@ impl Square<'_> {
 
     /// Adds what a child hands on.
     #[inline(always)]
-    fn take_in(&mut self, handed: &[f64], child: &Front, b: usize, symmetric: bool) {
+    fn take_in<S: Simd>(&mut self, simd: S, handed: &[f64], child: &Front, b: usize, symmetric: bool) {
         let m = b * child.rows.len();
         for rows in &child.spans {
             for r in 0..b * rows.len {
                 let from = &handed[(b * rows.from + r) * m..][..m];
                 let to = &mut self.entries[(b * rows.to + r) * self.stride..][..self.stride];
                 for columns in child.spans.iter().filter(|c| !symmetric || c.from >= rows.from) {
-                    let to = &mut to[b * columns.to..][..b * columns.len];
-                    to.iter_mut().zip(&from[b * columns.from..]).for_each(|(x, y)| *x += y);
+                    let len = b * columns.len;
+                    add_row(simd, &mut to[b * columns.to..][..len], &from[b * columns.from..][..len]);
                 }
             }
         }

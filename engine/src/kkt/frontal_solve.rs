@@ -189,6 +189,12 @@ impl<'a> Dense<'a> {
         &self.upper[p * self.f..(p + 1) * self.f]
     }
 
+    /// Adds to `out` what column `p` of L has below the diagonal.
+    #[inline(always)]
+    pub fn extend_by_lower(&self, p: usize, out: &mut Vec<f64>) {
+        out.extend((p + 1..self.f).map(|r| if r < self.k { self.upper(r)[p] } else { self.lower(r)[p] }));
+    }
+
     #[inline(always)]
     fn lower(&self, r: usize) -> &'a [f64] {
         &self.lower[(r - self.k) * self.k..(r - self.k + 1) * self.k]
@@ -297,7 +303,7 @@ impl<'a> Dense<'a> {
             let (own, after) = x.split_at_mut(p + 1);
             if form == Form::Transposed {
                 column.clear();
-                column.extend((p + 1..self.f).map(|r| if r < self.k { self.upper(r)[p] } else { self.lower(r)[p] }));
+                self.extend_by_lower(p, column);
                 reduce_row(simd, &mut own[p], column, after, 1.0, used);
             } else {
                 reduce_row(simd, &mut own[p], &self.upper(p)[p + 1..], after, self.inverse[p], used);

@@ -6,6 +6,7 @@
 //! is structurally symmetric, so one analysis serves L and U. Small fronts join their parents where that makes few zeros.
 
 use super::KktError;
+use super::dissection::nested;
 use super::layout::NodeLayout;
 use super::order::fill_reducing;
 
@@ -13,6 +14,9 @@ use super::order::fill_reducing;
 const SMALL: (usize, f64) = (6, 0.6);
 const MEDIUM: (usize, f64) = (16, 0.25);
 const LARGE_ZEROS: f64 = 0.05;
+
+/// Slots from which on dissection is tried beside least degree, and taken where it is less work.
+const DISSECTED: usize = 1000;
 
 /// A block of the matrix that belongs to a front.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +80,14 @@ impl Fronts {
         let present = |i: usize, j: usize| i == j || !(absent[i] || absent[j]);
         let n = layout.n_nodes();
         let neighbours: Vec<Vec<usize>> = (0..n).map(|i| layout.row(i).filter(|&j| j != i && present(i, j)).collect()).collect();
-        let order = fill_reducing(&neighbours)?;
-        let mut groups = joined(elimination(&neighbours, &order));
+        let mut groups = elimination(&neighbours, &fill_reducing(&neighbours)?);
+        if n >= DISSECTED {
+            let other = elimination(&neighbours, &nested(&neighbours));
+            if work(&other) < work(&groups) {
+                groups = other;
+            }
+        }
+        let mut groups = joined(groups);
         let position = renumber(&mut groups, n);
         Ok(Self::assemble(groups, position, layout, upper_only, &neighbours))
     }
@@ -206,6 +216,11 @@ fn elimination(neighbours: &[Vec<usize>], order: &[usize]) -> Vec<Group> {
         group.rows.iter_mut().for_each(|at| *at = order[*at]);
     }
     groups
+}
+
+/// Multiplications of a factorization, in blocks.
+fn work(groups: &[Group]) -> usize {
+    groups.iter().map(|group| (group.rows.len() + 1) * (group.rows.len() + 2) / 2).sum()
 }
 
 /// Joins groups with their parents where that stores few zeros.

@@ -30,6 +30,31 @@ pub(crate) fn subtract_four<S: Simd>(simd: S, y: &mut [f64], a: [f64; 4], x: [&[
     }
 }
 
+/// `y += x`, equally long.
+#[inline(always)]
+pub(super) fn add_row<S: Simd>(simd: S, y: &mut [f64], x: &[f64]) {
+    let ((y, y_rest), (x, x_rest)) = (S::as_mut_simd_f64s(y), S::as_simd_f64s(x));
+    for (y, x) in y.iter_mut().zip(x) {
+        *y = simd.add_f64s(*y, *x);
+    }
+    if !y_rest.is_empty() {
+        let sum = simd.add_f64s(simd.partial_load_f64s(y_rest), simd.partial_load_f64s(x_rest));
+        simd.partial_store_f64s(y_rest, sum);
+    }
+}
+
+/// `y = x`, equally long: for rows so short that a call would take longer than copying.
+#[inline(always)]
+pub(super) fn copy_row<S: Simd>(simd: S, y: &mut [f64], x: &[f64]) {
+    let ((y, y_rest), (x, x_rest)) = (S::as_mut_simd_f64s(y), S::as_simd_f64s(x));
+    for (y, x) in y.iter_mut().zip(x) {
+        *y = *x;
+    }
+    if !y_rest.is_empty() {
+        simd.partial_store_f64s(y_rest, simd.partial_load_f64s(x_rest));
+    }
+}
+
 /// Rows that [`subtract_from_four`] changes together: what it loads of x serves them all.
 pub(super) const ROWS: usize = 4;
 

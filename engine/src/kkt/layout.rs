@@ -15,8 +15,8 @@ const EMPTY: usize = usize::MAX;
 pub(super) enum Pattern {
     /// |i − j| ≤ half_width.
     Band(usize),
-    /// Those of row i are the sorted `columns[starts[i]..starts[i + 1]]`; structurally symmetric, with the diagonal.
-    Sparse { starts: Vec<usize>, columns: Vec<usize> },
+    /// Those of row i are the sorted `columns[starts[i]..starts[i + 1]]`, of which `columns[diagonals[i]]` is i; structurally symmetric.
+    Sparse { starts: Vec<usize>, columns: Vec<usize>, diagonals: Vec<usize> },
 }
 
 /// Sizes, order and pattern of the matrices of a model; made once and shared.
@@ -71,7 +71,8 @@ impl NodeLayout {
             columns.extend(row);
             starts.push(columns.len());
         }
-        Ok(Self::assemble(slots, twists, Pattern::Sparse { starts, columns }))
+        let diagonals = (0..n_nodes).map(|i| starts[i] + columns[starts[i]..starts[i + 1]].partition_point(|&j| j < i)).collect();
+        Ok(Self::assemble(slots, twists, Pattern::Sparse { starts, columns, diagonals }))
     }
 
     fn assemble(slots: Vec<usize>, twists: &[usize], pattern: Pattern) -> Self {
@@ -152,7 +153,7 @@ impl NodeLayout {
     pub(super) fn row(&self, i: usize) -> impl Iterator<Item = usize> {
         let (range, listed) = match &self.pattern {
             Pattern::Band(half_width) => (i.saturating_sub(*half_width)..self.n_nodes.min(i + half_width + 1), None),
-            Pattern::Sparse { starts, columns } => (starts[i]..starts[i + 1], Some(columns)),
+            Pattern::Sparse { starts, columns, .. } => (starts[i]..starts[i + 1], Some(columns)),
         };
         range.map(move |k| listed.map_or(k, |columns| columns[k]))
     }
@@ -167,9 +168,9 @@ impl NodeLayout {
                 let k = j + half_width;
                 (k >= i && k - i <= 2 * half_width).then(|| (i * b * row_len + b * (k - i), row_len))
             }
-            Pattern::Sparse { starts, columns } => {
+            Pattern::Sparse { starts, columns, diagonals } => {
                 let row = &columns[starts[i]..starts[i + 1]];
-                let k = row.binary_search(&j).ok()?;
+                let k = if i == j { diagonals[i] - starts[i] } else { row.binary_search(&j).ok()? };
                 Some((starts[i] * b * b + b * k, b * row.len()))
             }
         }

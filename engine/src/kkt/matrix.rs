@@ -1,4 +1,5 @@
 //! The storage of every Jacobian of a nodal system.
+#![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use super::lanes::{subtract_four, support};
 use super::layout::{NodeLayout, Pattern};
@@ -9,10 +10,18 @@ use std::sync::{Arc, LazyLock, OnceLock};
 ///
 /// Rows of a slot are contiguous, and so are the stored entries of a row, block by block. In a band, blocks that stick out at either
 /// end of the matrix are stored and stay zero, so that every row has the same length.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct NodeMatrix {
     layout: Arc<NodeLayout>,
     data: Vec<f64>,
+    /// Whether nothing was ever written since all entries were set to zero.
+    untouched: bool,
+}
+
+impl PartialEq for NodeMatrix {
+    fn eq(&self, other: &Self) -> bool {
+        self.layout == other.layout && self.data == other.data
+    }
 }
 
 /// Where a block of a [`NodeMatrix`] starts, and the distance between its rows.
@@ -50,13 +59,13 @@ impl<P> Places<P> {
 impl NodeMatrix {
     /// The zero matrix.
     pub fn zeros(layout: &Arc<NodeLayout>) -> Self {
-        Self { layout: Arc::clone(layout), data: vec![0.0; layout.len()] }
+        Self { layout: Arc::clone(layout), data: vec![0.0; layout.len()], untouched: true }
     }
 
     /// A matrix without rows.
     pub fn empty() -> Self {
         static NOTHING: LazyLock<Arc<NodeLayout>> = LazyLock::new(|| Arc::new(NodeLayout::band(0, 0)));
-        Self { layout: Arc::clone(&NOTHING), data: Vec::new() }
+        Self { layout: Arc::clone(&NOTHING), data: Vec::new(), untouched: true }
     }
 
     /// The zero matrix of `n_nodes` nodes with blocks (i, j), |i − j| ≤ `half_width`.
@@ -76,12 +85,15 @@ impl NodeMatrix {
 
     /// Sets every entry to zero and keeps the memory.
     pub fn clear(&mut self) {
-        self.data.fill(0.0);
+        if !self.untouched {
+            self.data.fill(0.0);
+            self.untouched = true;
+        }
     }
 
     /// Whether all entries are zero.
     pub fn is_zero(&self) -> bool {
-        self.data.iter().all(|x| *x == 0.0)
+        self.untouched || self.data.iter().all(|x| *x == 0.0)
     }
 
     /// All stored entries.
@@ -118,6 +130,7 @@ impl NodeMatrix {
     /// Adds `value` to entry (r, c), for which there must be room.
     #[inline]
     pub fn add(&mut self, r: usize, c: usize, value: f64) {
+        self.untouched = false;
         let place = self.layout.entry(self.layout.storage(r), self.layout.storage(c));
         debug_assert!(place.is_some(), "no room for entry ({r}, {c})");
         if let Some(k) = place {
@@ -128,6 +141,7 @@ impl NodeMatrix {
     /// Adds `scale · block` to the block of nodes (i, j), for which there must be room. `block[a][b]` is row a, column b.
     #[inline]
     pub fn add_block(&mut self, i: usize, j: usize, scale: f64, block: &[[f64; 3]; 3]) {
+        self.untouched = false;
         let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
         for (a, block_row) in block.iter().enumerate() {
             let row = &mut self.data[start + a * down..][..3];
@@ -146,6 +160,7 @@ impl NodeMatrix {
     /// As [`NodeMatrix::add_block`] at a place of this layout.
     #[inline]
     pub(crate) fn add_block_at(&mut self, place: Place, scale: f64, block: &[[f64; 3]; 3]) {
+        self.untouched = false;
         for (a, block_row) in block.iter().enumerate() {
             let row = &mut self.data[place.start + a * place.down..][..3];
             for (entry, b) in row.iter_mut().zip(block_row) {
@@ -157,6 +172,7 @@ impl NodeMatrix {
     /// Adds to row `a` of node `i` the `values`, three at each of `nodes`.
     #[inline(always)]
     pub(crate) fn add_row<const N: usize, const M: usize>(&mut self, i: usize, a: usize, nodes: [usize; N], values: [f64; M]) {
+        self.untouched = false;
         if let (Pattern::Band(half_width), true) = (&self.layout.pattern, self.layout.is_plain())
             && (1..N).all(|k| nodes[k] == nodes[0] + k)
         {
@@ -178,6 +194,7 @@ impl NodeMatrix {
     /// Adds `of(r, c)` to the entries of these rows and columns, for which there must be room.
     #[inline(always)]
     pub(crate) fn add_square<const N: usize>(&mut self, rows: &[usize; N], of: impl Fn(usize, usize) -> f64) {
+        self.untouched = false;
         let stored = rows.map(|row| self.layout.storage(row));
         let contiguous = (1..N).all(|k| stored[k] == stored[0] + k);
         if let (Pattern::Band(half_width), true) = (&self.layout.pattern, contiguous) {
@@ -221,6 +238,7 @@ impl NodeMatrix {
     /// Adds, in the three columns of each of two nodes, `by` times the entry that `from`, of the same layout, has in the same row.
     #[inline]
     pub(crate) fn add_carried(&mut self, from: &Self, places: &[CarriedPlace], by: [[f64; 3]; 2]) {
+        self.untouched = false;
         for place in places {
             let factor = from.data[place.by];
             for (start, by) in place.nodes.iter().zip(&by) {
@@ -238,6 +256,7 @@ impl NodeMatrix {
 
     /// Replaces the block of nodes (i, j), for which there must be room.
     pub fn set_block(&mut self, i: usize, j: usize, block: &[[f64; 3]; 3]) {
+        self.untouched = false;
         let (start, down) = self.room(self.layout.slot(i), self.layout.slot(j));
         for (a, row) in block.iter().enumerate() {
             self.data[start + a * down..][..3].copy_from_slice(row);
@@ -246,14 +265,23 @@ impl NodeMatrix {
 
     /// Sets row `r` to zero.
     pub fn clear_row(&mut self, r: usize) {
+        if self.untouched {
+            return;
+        }
         let range = self.stored_row(self.layout.storage(r)).1;
         self.data[range].fill(0.0);
     }
 
     /// `self = −(a·x + b·y)`, entry by entry, of matrices of the same layout; empty rows become the identity's.
     pub fn set_sum(&mut self, a: f64, x: &Self, b: f64, y: &Self) {
-        for (k, (x, y)) in self.data.iter_mut().zip(x.data.iter().zip(&y.data)) {
-            *k = -(a * x + b * y);
+        self.untouched = false;
+        if y.untouched {
+            // (the same bits: zeros change but the sign of zeros)
+            self.data.iter_mut().zip(&x.data).for_each(|(k, x)| *k = -(a * x + 0.0));
+        } else {
+            for (k, (x, y)) in self.data.iter_mut().zip(x.data.iter().zip(&y.data)) {
+                *k = -(a * x + b * y);
+            }
         }
         for at in (0..self.layout.stored()).filter(|at| self.layout.system(*at).is_none()) {
             if let Some(k) = self.layout.entry(at, at) {
@@ -264,6 +292,7 @@ impl NodeMatrix {
 
     /// As [`Self::set_sum`] in column `c` alone.
     pub fn set_sum_in_column(&mut self, c: usize, a: f64, x: &Self, b: f64, y: &Self) {
+        self.untouched = false;
         let (size, c) = (self.layout.block(), self.layout.storage(c));
         for i in self.layout.row(c / size) {
             let Some((start, down)) = self.layout.place(i, c / size) else { continue };
@@ -310,7 +339,7 @@ impl NodeMatrix {
                     visit(column + k, place);
                 }
             }
-            Pattern::Sparse { starts, columns } => {
+            Pattern::Sparse { starts, columns, .. } => {
                 let row = &columns[starts[at / b]..starts[at / b + 1]];
                 for (block, &j) in row.iter().enumerate() {
                     for c in 0..b {
@@ -406,7 +435,7 @@ impl NodeMatrix {
             // blocks of the row: in a band those that stick out of the matrix are zero
             let (first, listed, blocks) = match &self.layout.pattern {
                 Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
-                Pattern::Sparse { starts, columns } => {
+                Pattern::Sparse { starts, columns, .. } => {
                     let row = &columns[starts[at / b]..starts[at / b + 1]];
                     (0, Some(row), row.len())
                 }
@@ -487,6 +516,111 @@ impl NodeMatrix {
             }
         }
     }
+
+    /// Adds to the three columns of node `j` `scale` times those of `from`, of the same layout, times `block`.
+    pub fn add_columns_times(&mut self, from: &Self, j: usize, scale: f64, block: &[[f64; 3]; 3]) {
+        self.untouched = false;
+        let layout = Arc::clone(&self.layout);
+        let slot = layout.slot(j);
+        // (patterns are symmetric)
+        for (start, down) in layout.row(slot).filter_map(|i| layout.place(i, slot)) {
+            for at in (0..3).map(|a| start + a * down) {
+                for c in 0..3 {
+                    let sum: f64 = (0..3).map(|b| from.data[at + b] * block[b][c]).sum();
+                    self.data[at + c] += scale * sum;
+                }
+            }
+        }
+    }
+
+    /// `out = Aᵀ X` for row-major `X` of `dim × columns` without zeros to speak of.
+    pub fn transpose_times(&self, x: &[f64], out: &mut Vec<f64>, columns: usize) {
+        struct Run<'a>(&'a NodeMatrix, &'a [Vec<[usize; 3]>], &'a [f64], &'a mut [f64], usize);
+        impl WithSimd for Run<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                let Self(matrix, blocks, x, out, columns) = self;
+                let width = WIDE * S::F64_LANES;
+                for (j, blocks) in blocks.iter().enumerate() {
+                    for start in (0..columns).step_by(width) {
+                        let product = transposed_slot(simd, &matrix.data, blocks, x, start..columns.min(start + width), columns);
+                        for (a, sums) in product.iter().enumerate() {
+                            let row = matrix.layout.system(3 * j + a).unwrap_or(0);
+                            let (whole, rest) = S::as_mut_simd_f64s(&mut out[row * columns..][start..columns.min(start + width)]);
+                            for (to, sum) in whole.iter_mut().zip(sums) {
+                                *to = *sum;
+                            }
+                            if !rest.is_empty() {
+                                simd.partial_store_f64s(rest, sums[whole.len()]);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        out.clear();
+        out.resize(self.dim() * columns, 0.0);
+        if self.layout.block() != 3 {
+            for (r, x) in x.chunks_exact(columns.max(1)).enumerate() {
+                self.for_system_row(r, |c, a| {
+                    out[c * columns..(c + 1) * columns].iter_mut().zip(x).for_each(|(out, x)| *out += a * x);
+                });
+            }
+            return;
+        }
+        // by columns of slots: which slot's rows of X (three, one after the other), and where the block is
+        let mut blocks = vec![Vec::new(); self.layout.n_nodes()];
+        for i in 0..blocks.len() {
+            for j in self.layout.row(i) {
+                if let (Some((start, down)), Some(row)) = (self.layout.place(i, j), self.layout.system(3 * i)) {
+                    blocks[j].push([row, start, down]);
+                }
+            }
+        }
+        Arch::new().dispatch(Run(self, &blocks, x, out, columns));
+    }
+}
+
+/// Vectors of a row that are worked on together.
+const WIDE: usize = 4;
+
+/// Some columns of the three rows of Aᵀ X that belong to a slot, whose column of A has these blocks.
+#[inline(always)]
+fn transposed_slot<S: Simd>(
+    simd: S,
+    data: &[f64],
+    blocks: &[[usize; 3]],
+    x: &[f64],
+    range: std::ops::Range<usize>,
+    columns: usize,
+) -> [[S::f64s; WIDE]; 3] {
+    let zero = simd.splat_f64s(0.0);
+    let mut sums = [[zero; WIDE]; 3];
+    for &[row, start, down] in blocks {
+        for a in 0..3 {
+            let Some(factors) = data[start + a * down..].first_chunk::<3>() else { continue };
+            let from = &x[(row + a) * columns..][range.clone()];
+            let (whole, rest) = S::as_simd_f64s(from);
+            let mut wide = [zero; WIDE];
+            match whole.first_chunk() {
+                Some(whole) => wide = *whole,
+                None => {
+                    for (to, from) in wide.iter_mut().zip(whole) {
+                        *to = *from;
+                    }
+                    wide[whole.len()] = simd.partial_load_f64s(rest);
+                }
+            }
+            for r in 0..3 {
+                let factor = simd.splat_f64s(factors[r]);
+                for k in 0..WIDE {
+                    sums[r][k] = simd.mul_add_e_f64s(factor, wide[k], sums[r][k]);
+                }
+            }
+        }
+    }
+    sums
 }
 
 /// `y += a x`.

@@ -35,6 +35,7 @@ mod coupling;
 mod dense;
 mod dense_cholesky;
 mod dense_lu;
+mod dissection;
 mod driven;
 mod factor;
 mod frontal;
@@ -183,15 +184,22 @@ const PIVOT_FLOOR: f64 = 16.0 * f64::EPSILON;
 /// Larger growth leaves too few digits for refinement to start from.
 const GROWTH_LIMIT: f64 = 1e8;
 
-/// Sum of magnitudes, in four lanes; not finite if any entry is not.
+/// Sum of magnitudes, in sixteen lanes; not finite if any entry is not.
 #[inline(always)]
 fn sum_abs(row: &[f64]) -> f64 {
-    let (quads, rest) = row.as_chunks::<4>();
-    let mut lanes = [0.0; 4];
-    for quad in quads {
-        for (lane, x) in lanes.iter_mut().zip(quad) {
+    let (pieces, rest) = row.as_chunks::<16>();
+    let mut lanes = [0.0; 16];
+    for piece in pieces {
+        for (lane, x) in lanes.iter_mut().zip(piece) {
             *lane += x.abs();
         }
     }
-    rest.iter().fold((lanes[0] + lanes[1]) + (lanes[2] + lanes[3]), |sum, x| sum + x.abs())
+    for (lane, x) in lanes.iter_mut().zip(rest) {
+        *lane += x.abs();
+    }
+    let mut eight: [f64; 8] = std::array::from_fn(|k| lanes[k] + lanes[k + 8]);
+    for half in [4, 2, 1] {
+        (0..half).for_each(|k| eight[k] += eight[k + half]);
+    }
+    eight[0]
 }

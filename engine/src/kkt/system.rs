@@ -4,7 +4,7 @@
 use super::coupling::Coupling;
 use super::factor::Factor;
 use super::square::{Square, SquareLu};
-use super::{KktError, NodeLayout, NodeMatrix, Symbolic, Symmetry};
+use super::{KktError, Method, NodeLayout, NodeMatrix, Symbolic, Symmetry};
 use std::sync::Arc;
 
 /// The first rows belong to nodes and twists (see [`NodeLayout`]), the others to the bodies' degrees of freedom:
@@ -139,6 +139,16 @@ impl SystemFactor {
         self.nodes.solve_transpose_many(b, columns);
     }
 
+    /// The same and its transpose: see [`Factor::inverse_and_transpose`].
+    pub fn inverses_of_nodes(&self, out: &mut Vec<f64>, transposed: &mut Vec<f64>) {
+        self.nodes.inverse_and_transpose(out, transposed);
+    }
+
+    /// Whether the nodes' block is factored in fronts.
+    pub fn is_sparse(&self) -> bool {
+        self.nodes.symbolic().method() == Method::Sparse
+    }
+
     /// `b ← A⁻¹ b`.
     pub fn solve(&self, b: &mut [f64]) {
         self.solve_many(b, 1);
@@ -188,7 +198,6 @@ impl SystemFactor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kkt::Method;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 

@@ -117,6 +117,11 @@ fn inverses_are_those_of_solves() {
             (0..n).for_each(|k| columns[k * n + k] = 1.0);
             factor.solve_many(&mut columns, n);
             assert_close(&inverse, &columns, 1e-14, &format!("{what}, {method:?}, {symmetry:?}"));
+            let mut both = [vec![f64::NAN; 3], vec![f64::NAN; 3]];
+            let [own, transposed] = &mut both;
+            factor.inverse_and_transpose(own, transposed);
+            assert_close(own, &columns, 1e-14, &format!("{what}, {method:?}, {symmetry:?}, both"));
+            assert!((0..n * n).all(|k| own[k] == transposed[k % n * n + k / n]), "{what}, {method:?}, {symmetry:?}");
             let free = |r: usize| r >= 3 * driven.len() || !driven[r / 3];
             if (method, symmetry) == (Method::Sparse, Symmetry::Symmetric) {
                 for (r, c) in (0..n).flat_map(|r| (0..n).map(move |c| (r, c))).filter(|(r, c)| free(*r) && free(*c)) {
@@ -147,6 +152,45 @@ fn transposed_inverses_undo_transposed_products() {
             assert!(left.iter().all(|x| x.abs() < 1e-14 * size), "{what}, {method:?}, {symmetry:?}");
             assert!(inverse.chunks_exact(columns).all(|row| row[n..].iter().all(|x| *x == 0.0)), "{what}");
         }
+    }
+}
+
+/// Products of dense matrices with transposed ones are those with the dense transpose.
+#[test]
+fn transposes_multiply() {
+    let mut rng = Lcg(29);
+    for (layout, what) in layouts() {
+        let layout = Arc::new(layout);
+        let a = random_matrix(Symmetry::General, &layout, &some_driven(layout.n_nodes()), &mut rng);
+        for columns in [1, 5, 64, 75] {
+            let x: Vec<f64> = (0..a.dim() * columns).map(|_| rng.next()).collect();
+            let mut out = vec![f64::NAN; 2];
+            a.transpose_times(&x, &mut out, columns);
+            let expected = dense(&a).transpose() * DMatrix::from_row_slice(a.dim(), columns, &x);
+            assert_close(&out, expected.transpose().as_slice(), 1e-14, what);
+        }
+    }
+}
+
+/// Three columns of a matrix times a block.
+#[test]
+fn columns_multiply() {
+    let mut rng = Lcg(31);
+    let block = [0, 1, 2].map(|_| [rng.next(), rng.next(), rng.next()]);
+    for (layout, what) in layouts() {
+        let layout = Arc::new(layout);
+        let [mut a, b] = [0, 1].map(|_| random_matrix(Symmetry::General, &layout, &vec![false; layout.n_nodes()], &mut rng));
+        let node = layout.n_nodes() / 2;
+        let mut expected = dense(&a);
+        // only nodes' rows: twists have no place in three columns of a node
+        for r in 0..3 * layout.n_nodes() {
+            for c in 0..3 {
+                expected[(r, 3 * node + c)] += 2.0 * (0..3).map(|k| b.get(r, 3 * node + k) * block[k][c]).sum::<f64>();
+            }
+        }
+        a.add_columns_times(&b, node, 2.0, &block);
+        let (rows, found) = (3 * layout.n_nodes(), dense(&a));
+        assert_close(found.rows(0, rows).into_owned().as_slice(), expected.rows(0, rows).into_owned().as_slice(), 1e-15, what);
     }
 }
 

@@ -12,7 +12,11 @@
 
 use super::StageRecord;
 use crate::contact::RowLinear;
+use crate::kkt::NodeMatrix;
 use nalgebra::{Matrix3x4, Matrix4, Matrix4x3, SMatrix, SVector};
+
+/// A node and a block of its rows and columns.
+pub type NodeBlock = (usize, [[f64; 3]; 3]);
 
 impl StageRecord {
     /// Rows of the system: nv, four per contact of a node, one per joint friction, stop or coupling, four per contact of solids.
@@ -153,6 +157,42 @@ impl StageRecord {
             row.dofs().for_each(|(v, lever)| add_scaled(scale * row.linear.f_q * lever, q, v, out, self.joint_row(k), columns));
         }
         self.add_spot_positions(scale, q, out, columns);
+    }
+
+    /// Of a stage by implicit Euler B and the blocks of P such that K⁻¹ ∂f/∂q̄ = K⁻¹ B − P/h, contacts condensed: P projects the nodes
+    /// that touch onto their normals, and
+    /// ```text
+    /// B = ∂f/∂q̄ (w fixed) − ∂p/∂w F_w⁻¹ ∂F/∂q̄ (1 − P)/h + A P/h
+    /// ```
+    /// A closed contact resists along its normal by 1e7 times what else there is in K and in ∂f/∂q̄; of B and P all entries are of their natural size.
+    /// `None` if two contacts of a node are closed.
+    pub fn positions_beside_normals(&self) -> Option<(NodeMatrix, Vec<NodeBlock>)> {
+        let (mut out, mut normals) = (self.dq.nodes.clone(), Vec::with_capacity(self.contacts.len()));
+        for (contact, &node) in self.contacts.iter().zip(&self.contact_nodes) {
+            let normal = contact.dp_dw.column(0).into_owned();
+            let mut own = contact.gain * contact.df_dq * (-1.0 / self.h);
+            let other = self.matrix.nodes.block(node, node);
+            let resists = |a: usize| normal[a] * (0..3).map(|b| other[a][b] * normal[b]).sum::<f64>();
+            if -self.h * normal.dot(&(own * normal)) > (0..3).map(resists).sum() {
+                let along = normal * normal.transpose();
+                own -= own * along;
+                normals.push((node, [0, 1, 2].map(|a| [along[(a, 0)], along[(a, 1)], along[(a, 2)]])));
+            }
+            out.add_block(node, node, 1.0, &[0, 1, 2].map(|a| [own[(a, 0)], own[(a, 1)], own[(a, 2)]]));
+        }
+        normals.sort_unstable_by_key(|(node, _)| *node);
+        if normals.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+            return None;
+        }
+        for (node, along) in &normals {
+            out.add_columns_times(&self.matrix.nodes, *node, 1.0 / self.h, along);
+        }
+        Some((out, normals))
+    }
+
+    /// Whether the rows beyond those of velocities are of contacts of nodes alone.
+    pub fn has_contacts_of_nodes_alone(&self) -> bool {
+        self.rows.is_empty() && self.spots.is_empty()
     }
 
     /// `out += scale · (∂(r, F)/∂q̄)ᵀ · x`, one column.

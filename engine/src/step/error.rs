@@ -28,6 +28,21 @@ pub enum StepError {
         /// The term with the largest force in that row.
         term: String,
     },
+    /// A step creates energy however often it is halved.
+    #[error(
+        "step {step}: creates {created:.3e} J where {at_hand:.3e} J are at hand, halved as often as is allowed; it grows most in `{term}`; \
+         a shorter step or softer stiffness may help"
+    )]
+    EnergyCreated {
+        /// Step number, from 0.
+        step: usize,
+        /// What its last halves create \[J\].
+        created: f64,
+        /// Kinetic and elastic energy, and weight times extent, as the first of them begins \[J\].
+        at_hand: f64,
+        /// The inner force whose energy grows most.
+        term: String,
+    },
     /// A number became infinite or NaN.
     #[error("step {step}: `{term}` gives {value:e} at {place}; the state or a parameter has left the range where it is defined")]
     NotFinite {
@@ -147,6 +162,7 @@ impl StepError {
     pub fn at_step(mut self, k: usize) -> Self {
         match &mut self {
             Self::NotConverged { step, .. }
+            | Self::EnergyCreated { step, .. }
             | Self::NotFinite { step, .. }
             | Self::Singular { step, .. }
             | Self::Command { step, .. }

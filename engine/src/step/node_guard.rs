@@ -8,18 +8,22 @@
 //! ```
 //! is what the step creates beside the work of everything else, hands, wind, weight and contact, whatever it is; T counts free nodes, V is
 //! elastic. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
-//! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken.
+//! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. The
+//! last halves are taken as they come; what they create is added up, and a step in which it is more than a tenth of what was at hand is an
+//! error: no motion, whatever its cause.
 
-use super::{SDIRK_GAMMA, Stepper};
+use super::{SDIRK_GAMMA, StepError, Stepper};
 use crate::rods::Remembered;
 use crate::scene::Integrator;
 use crate::state::State;
-use crate::terms::Point;
+use crate::terms::{Point, Term};
 
 /// Iterations per stage from which a root is not taken for the motion without a look: what is found at once is near.
 const SEARCHED: usize = 3;
 /// Largest part that a step, and a substep in proportion, may create of the energy at hand: kinetic and elastic, and the weight of all nodes raised by their extent.
 const CREATED: f64 = 1e-3;
+/// Largest part of the energy at hand that the last halves of a step may create together.
+const NO_MOTION: f64 = 0.1;
 /// Part of a step in which sections may forget: none, but it is divided by.
 const AT_ONCE: f64 = 1e-9;
 
@@ -35,6 +39,31 @@ pub(super) struct Passed<'a> {
     pub iterations: usize,
 }
 
+/// What a (sub)step creates, and the energy at hand at its beginning, or its end if that is more \[J\].
+#[derive(Clone, Copy)]
+pub(super) struct Created {
+    energy: f64,
+    begin: f64,
+    largest: f64,
+}
+
+/// What the last halves of a step have created, and what was at hand as the first of them began \[J\].
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Unsound {
+    created: f64,
+    at_hand: f64,
+}
+
+impl Unsound {
+    /// Counts a half that is taken as it comes.
+    pub(super) fn add(&mut self, half: Created) {
+        if self.created == 0.0 {
+            self.at_hand = half.begin;
+        }
+        self.created += half.energy.max(0.0);
+    }
+}
+
 /// A stage in the balance.
 struct Part<'a> {
     /// b h \[s\].
@@ -48,19 +77,42 @@ struct Part<'a> {
 }
 
 impl Stepper<'_> {
-    /// Whether a step created too much energy of nodes.
-    pub(super) fn nodes_create_energy(&mut self, step: &Passed) -> bool {
+    /// What a step created of energy of nodes, where it is looked at.
+    pub(super) fn created_by_nodes(&mut self, step: &Passed) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again
         let suspect = step.iterations >= SEARCHED * stages || step.h < self.model.h;
         if !suspect || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
-            return false;
+            return None;
         }
         let kinetic = [step.before, step.after].map(|x| self.free_rows().map(|(k, m)| 0.5 * m * x.v[k] * x.v[k]).sum::<f64>());
         let [elastic, all] = self.energies(step);
-        let allowed = CREATED * step.h / self.model.h * (kinetic[0].max(kinetic[1]) + elastic[0] + self.raised(&step.before.q));
-        let grown = kinetic[1] - kinetic[0];
-        grown + all[1] - all[0] > allowed && grown + elastic[1] - elastic[0] - self.work(step) > allowed
+        let (grown, resting) = (kinetic[1] - kinetic[0], elastic[0] + self.raised(&step.before.q));
+        let energy = (grown + all[1] - all[0]).min(grown + elastic[1] - elastic[0] - self.work(step));
+        Some(Created { energy, begin: kinetic[0] + resting, largest: kinetic[0].max(kinetic[1]) + resting })
+    }
+
+    /// Whether that is too much for a (sub)step of length `h`.
+    pub(super) fn is_too_much(&self, created: &Created, h: f64) -> bool {
+        created.energy > CREATED * h / self.model.h * created.largest
+    }
+
+    /// Refuses a step whose last halves are no motion.
+    pub(super) fn refuse(&mut self, unsound: Unsound, before: &State, after: &State) -> Result<(), StepError> {
+        let Unsound { created, at_hand } = unsound;
+        if created <= NO_MOTION * at_hand {
+            return Ok(());
+        }
+        Err(StepError::EnergyCreated { step: 0, created, at_hand, term: self.grown_most(before, after) })
+    }
+
+    /// The inner force whose energy grows most from one state to another.
+    fn grown_most(&mut self, before: &State, after: &State) -> String {
+        let energy = |term: &dyn Term, x: &State| term.energy(&Point { q: &x.q, v: &self.still, theta: self.theta });
+        let inner = self.model.terms.iter().filter(|term| term.inner());
+        let grown = inner.map(|term| (energy(term.as_ref(), after) - energy(term.as_ref(), before), term.name().to_owned()));
+        let largest = grown.max_by(|a, b| a.0.total_cmp(&b.0));
+        largest.filter(|(by, _)| *by > 0.0).map_or_else(|| "bending and twist of rods".to_owned(), |(_, name)| name)
     }
 
     fn in_two_stages(&self, step: &Passed) -> bool {

@@ -204,7 +204,7 @@ impl StageRecord {
         self.grasps.iter().for_each(|&(row, input, value)| pull(input, value * lambda[row]));
         self.visit_rows(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
         self.visit_rod_past(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
-        self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| pull(Input::Theta(param), value * lambda[row]));
+        self.pull_nodes(model, theta, [&q_bar, &v_bar], lambda, pull);
     }
 
     /// As [`StageRecord::visit_inputs`] where no parameter is asked for: visits all inputs that are none, and few that are.
@@ -216,6 +216,40 @@ impl StageRecord {
             self.visit_rows(model, theta, &q_bar, visit);
         }
         self.visit_rod_past(model, theta, &q_bar, visit);
+    }
+
+    /// As `visit_nodes`, contracted.
+    fn pull_nodes(
+        &self,
+        model: &Model,
+        theta: &[f64],
+        [q_bar, v_bar]: [&[f64]; 2],
+        lambda: &[f64],
+        pull: &mut dyn FnMut(Input, f64),
+    ) {
+        let at = Point { q: q_bar, v: v_bar, theta };
+        let mut sums = vec![0.0; theta.len()];
+        let n = self.v.len();
+        let weights: Vec<f64> = lambda[..n]
+            .iter()
+            .enumerate()
+            .map(|(row, x)| if model.driven_rows.get(row).is_some_and(|driven| *driven) { 0.0 } else { -x })
+            .collect();
+        model.terms.iter().for_each(|term| term.pull_theta(&at, &weights, &mut sums));
+        self.visit_rods(model, theta, q_bar, v_bar, &mut |row, param, value| sums[param] += value * lambda[row]);
+        for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
+            let product: f64 = (3 * node..3 * node + 3).map(|row| lambda[row] * (self.v[row] - self.v_ref[row])).sum();
+            mass.visit(theta, &mut |param, dm| sums[param] += dm * self.inertia * product);
+        }
+        for c in 0..self.contacts.len() {
+            let (node, row) = (model.pairs[c].node, n + 4 * c);
+            let of_node = Vec3::from_column_slice(&lambda[3 * node..3 * node + 3]) * (-1.0 / self.h);
+            let of_cone = Vector4::from_column_slice(&lambda[row..row + 4]);
+            self.for_contact_inputs(c, model, q_bar, theta, &mut |param, dp, df| {
+                sums[param] += of_node.dot(&dp) + of_cone.dot(&df)
+            });
+        }
+        sums.iter().enumerate().filter(|(_, sum)| **sum != 0.0).for_each(|(param, sum)| pull(Input::Theta(param), *sum));
     }
 
     fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
@@ -291,23 +325,34 @@ impl StageRecord {
         (q, v)
     }
 
-    /// The impulse of a contact depends on θ through gap and normal (shape, radius), friction, and κ = δ m g.
     fn visit_contact(&self, c: usize, model: &Model, q: &[f64], theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+        let (node, row) = (model.pairs[c].node, self.v.len() + 4 * c);
+        self.for_contact_inputs(c, model, q, theta, &mut |param, dp, df| {
+            for a in 0..3 {
+                visit(3 * node + a, param, -dp[a] / self.h);
+            }
+            for a in 0..4 {
+                visit(row + a, param, df[a]);
+            }
+        });
+    }
+
+    /// The impulse of a contact depends on θ through gap and normal (shape, radius), friction, and κ = δ m g: calls
+    /// `emit(parameter, ∂p/∂θ at fixed w, ∂F/∂θ)`.
+    fn for_contact_inputs(
+        &self,
+        c: usize,
+        model: &Model,
+        q: &[f64],
+        theta: &[f64],
+        emit: &mut dyn FnMut(usize, Vec3<f64>, Vector4<f64>),
+    ) {
         let pair = &model.pairs[c];
         let contact = &self.contacts[c];
         let node_vector = |x: &[f64]| Vec3::new(x[3 * pair.node], x[3 * pair.node + 1], x[3 * pair.node + 2]);
         let (x, v, w) = (node_vector(q), node_vector(&self.v), &self.w[c]);
         let shape = &model.shapes[pair.shape];
         let Ok(touch) = Touch::new(shape, x, v, self.h, theta[pair.radius], theta) else { return };
-        let row = self.v.len() + 4 * c;
-        let mut emit = |param: usize, dp: Vec3<f64>, df: Vector4<f64>| {
-            for a in 0..3 {
-                visit(3 * pair.node + a, param, -dp[a] / self.h);
-            }
-            for a in 0..4 {
-                visit(row + a, param, df[a]);
-            }
-        };
         // the geometry was evaluated above without error, so it is here
         let _ = shape.visit_theta(&x, pair.radius, theta, &mut |param, dgap, dn| {
             let dv_t = -(dn * touch.normal.dot(&v)) - touch.normal * dn.dot(&v);

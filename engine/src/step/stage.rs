@@ -7,7 +7,7 @@
 //! ```
 //! with the impulses p of contact condensed as described in `contact`.
 
-use super::{Scheme, StepError, Workspace};
+use super::{Scheme, StepError, Weights, Workspace};
 use crate::bodies::spatial::Inertia;
 use crate::contact::{JointRow, LawPoint, Touch};
 use crate::geometry::solid::Carrier;
@@ -168,10 +168,20 @@ impl Stage<'_> {
     }
 
     pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
-        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
-            let w = if driven { &self.scheme.driven } else { &self.scheme.free };
-            ws.q_bar[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
-            ws.v_bar[k] = w.b0 * self.v_ref[k] + w.b1 * v[k];
+        let (all, h) = (self.model.driven_rows.len(), self.h);
+        let at = |w: &Weights, before: f64, v: f64| (h * (w.a0 * before + w.a1 * v), w.b0 * before + w.b1 * v);
+        // as if all were free: without a branch in the loop
+        let free = self.scheme.free;
+        let before = self.q_ref[..all].iter().zip(&self.v_ref[..all]).zip(&v[..all]);
+        for (to, ((q, before), v)) in ws.q_bar[..all].iter_mut().zip(&mut ws.v_bar[..all]).zip(before) {
+            let (way, v) = at(&free, *before, *v);
+            (*to.0, *to.1) = (q + way, v);
+        }
+        if self.scheme.driven != free {
+            for (k, _) in self.model.driven_rows.iter().enumerate().filter(|(_, driven)| **driven) {
+                let (way, v) = at(&self.scheme.driven, self.v_ref[k], v[k]);
+                (ws.q_bar[k], ws.v_bar[k]) = (self.q_ref[k] + way, v);
+            }
         }
         self.model.rods.evaluate(self.q_ref, self.frames, &ws.q_bar, &mut ws.rods);
         self.place_bodies(v, ws);

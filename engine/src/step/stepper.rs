@@ -1,6 +1,6 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::node_guard::Passed;
+use super::node_guard::{Passed, Unsound};
 use super::{
     EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions,
 };
@@ -123,6 +123,8 @@ pub struct Stepper<'m> {
     pub(super) v_first: Vec<f64>,
     /// No velocity.
     pub(super) still: Vec<f64>,
+    /// What the halves of a step that could not be halved again have created.
+    unsound: Unsound,
     frames: Vec<f64>,
     pub(super) ws: Workspace,
 }
@@ -157,6 +159,7 @@ impl<'m> Stepper<'m> {
             v_ref: zeros(),
             v_first: Vec::new(),
             still: zeros(),
+            unsound: Unsound::default(),
             frames: Vec::new(),
             ws,
         })
@@ -203,7 +206,12 @@ impl<'m> Stepper<'m> {
             let mut stages = Vec::new();
             let mut next = state.clone();
             let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
+            self.unsound = Unsound::default();
             self.substep(&mut next, h, &v_cmd, Means { halvings, by_euler: false }, &mut trace, &mut stages)?;
+            // steps that may not be halved are wanted as they come
+            if halvings > 0 {
+                self.refuse(self.unsound, state, &next)?;
+            }
             self.model.advance_signals(u, &mut next.z, self.theta);
             let record = self.options.record.then(|| {
                 let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
@@ -244,8 +252,14 @@ impl<'m> Stepper<'m> {
         let iterations = trace.work.iterations - iterations;
         let guarded = means.halvings > 0;
         let passed = Passed { before: &before, after: state, h, by_euler: means.by_euler, iterations };
-        if guarded && matches!(result, Ok(Taken::Sound)) && self.nodes_create_energy(&passed) {
-            result = Ok(Taken::Refused);
+        if matches!(result, Ok(Taken::Sound))
+            && let Some(created) = self.created_by_nodes(&passed)
+        {
+            match guarded {
+                true if self.is_too_much(&created, h) => result = Ok(Taken::Refused),
+                true => {}
+                false => self.unsound.add(created),
+            }
         }
         let thrown = matches!(result, Ok(Taken::Thrown));
         match result {

@@ -123,7 +123,7 @@ fn column(x: &DVector<f64>) -> DMatrix<f64> {
     DMatrix::from_column_slice(x.len(), 1, x.as_slice())
 }
 
-/// Holds a kernel equal to the automatic derivatives of its law: forces, ∂f/∂q, ∂f/∂v, ∂f/∂θ, energy, stencils.
+/// Holds a kernel equal to the automatic derivatives of its law: forces, ∂f/∂q, ∂f/∂v, ∂f/∂θ, its contraction, energy, stencils.
 pub fn same(kernel: &dyn Term, law: &dyn Term) {
     same_on(Sample::new, kernel, law);
 }
@@ -141,6 +141,16 @@ pub fn same_on(make: Make, kernel: &dyn Term, law: &dyn Term) {
         for k in 0..THETA {
             let of = |m: &DMatrix<f64>| m.columns(k, 1).into_owned();
             close(&format!("∂f/∂θ[{k}]"), &of(&a.dtheta), &of(&b.dtheta));
+        }
+        let weights: Vec<f64> = (0..sample.q.len()).map(|k| (1.7 * k as f64).sin()).collect();
+        let (mut pulled, mut visited, mut size) = (vec![0.0; THETA], vec![0.0; THETA], vec![0.0; THETA]);
+        kernel.pull_theta(&sample.at(), &weights, &mut pulled);
+        law.visit_theta(&sample.at(), &mut |row, param, df| {
+            visited[param] += weights[row] * df;
+            size[param] += (weights[row] * df).abs();
+        });
+        for ((pulled, visited), size) in pulled.iter().zip(&visited).zip(&size) {
+            assert!((pulled - visited).abs() <= TOLERANCE * size, "weights · ∂f/∂θ: {pulled} against {visited}");
         }
         let (x, y) = (kernel.energy(&sample.at()), law.energy(&sample.at()));
         assert!((x - y).abs() <= TOLERANCE * y.abs(), "energy: {x} against {y}");

@@ -109,6 +109,11 @@ pub trait Term: Debug + Send + Sync {
     /// Calls `visit(row, parameter, ∂f_row/∂θ_parameter)` for every structural nonzero.
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64));
 
+    /// [`Term::visit_theta`] contracted: `sums[parameter] += Σ_row weights[row] ∂f_row/∂θ_parameter`.
+    fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
+        self.visit_theta(at, &mut |row, param, df| sums[param] += weights[row] * df);
+    }
+
     /// Potential energy \[J\]; zero for forces without one.
     fn energy(&self, _at: &Point) -> f64 {
         0.0

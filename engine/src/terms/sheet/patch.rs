@@ -90,6 +90,11 @@ impl Shape {
         inverse(self.flaps, &self.compliance(nu).map(|row| row.map(|x| x[0])))
     }
 
+    /// ∂K⁻¹/∂ν at D = 1.
+    pub fn compliance_slope(&self, nu: f64) -> Each<Each<f64>> {
+        self.compliance(nu).map(|row| row.map(|x| x[1]))
+    }
+
     /// ∂K/∂ν at D = 1: −K (∂K⁻¹/∂ν) K.
     pub fn stiffness_slope(&self, nu: f64) -> Each<Each<f64>> {
         let compliance = self.compliance(nu);

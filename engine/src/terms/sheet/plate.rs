@@ -150,6 +150,13 @@ impl Plate {
     }
 }
 
+/// ψ of a fold and its slope along `weights`.
+fn slope_along(nodes: &[usize; 4], at: &Point, weights: &[f64]) -> [f64; 2] {
+    let fold = Fold::new(&nodes.map(|n| at.position(n)));
+    let along = nodes.iter().zip(&fold.gradient).map(|(n, g)| (0..3).map(|a| g[a] * weights[3 * n + a]).sum::<f64>());
+    [fold.psi, along.sum()]
+}
+
 /// wᵢ dψᵢ/dθᵢ, what multiplies ∂²θᵢ/∂x².
 pub(super) fn leverage(folds: &Each<Fold>, w: &Each<f64>) -> Each<f64> {
     std::array::from_fn(|i| w[i] * folds[i].slope())
@@ -204,6 +211,21 @@ impl Term for Plate {
             patch.visit(patch.params[0], &folds, &times(n, &patch.shape.stiffness(nu), &psi), visit);
             let by_nu = times(n, &patch.shape.stiffness_slope(nu), &psi).map(|w| w * stiffness);
             patch.visit(patch.params[1], &folds, &by_nu, visit);
+        }
+    }
+
+    /// By D it is −s·u with u = K (ψ − ψ_rest) and s the slopes along the weights, K at D = 1; by ν, where ∂K = −K ∂C K, D (K s)·∂C u.
+    fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
+        let unit = self.unit(at.theta);
+        let along: Vec<[f64; 2]> = self.seams.folds.iter().map(|nodes| slope_along(nodes, at, weights)).collect();
+        for ((patch, flaps), (kept, at_kept)) in self.patches.iter().zip(&self.seams.flaps).zip(unit) {
+            let (n, [stiffness, nu]) = (patch.shape.flaps, patch.params.map(|k| at.theta[k]));
+            let k = if nu == *kept { *at_kept } else { patch.shape.stiffness(nu) };
+            let u = times(n, &k, &excess(&patch.shape, &flaps.map(|flap| along[flap.fold][0])));
+            let s = flaps.map(|flap| along[flap.fold][1]);
+            let product = |a: &Each<f64>, b: &Each<f64>| (0..n).map(|i| a[i] * b[i]).sum::<f64>();
+            sums[patch.params[0]] -= product(&s, &u);
+            sums[patch.params[1]] += stiffness * product(&times(n, &k, &s), &times(n, &patch.shape.compliance_slope(nu), &u));
         }
     }
 
