@@ -32,8 +32,8 @@ pub(crate) struct Touching {
     by_velocity: Vec<f64>,
     /// F_v, contact by contact, and the first row of its node.
     rates: Vec<(usize, [[f64; 3]; 4])>,
-    /// Some rows of [G H].
-    rows: Vec<f64>,
+    /// ((G D + H F_v) S_a)ᵀ, likewise.
+    moved: Vec<f64>,
     /// ψ_a of one edge, in its nodes' columns.
     carried: Vec<f64>,
 }
@@ -97,27 +97,25 @@ impl Touching {
 
     /// Rows of positions, with the commands as they are and rods' axes not yet carried to the end; and room for those of velocities.
     fn by_state(&mut self, stage: &StageRecord, columns: usize) -> Vec<f64> {
-        let (n, rows, h) = (self.scale.len(), stage.n_rows(), stage.h);
+        let (n, h) = (self.scale.len(), stage.h);
+        let (g, of_residuals) = self.inverse.split_at(n * columns);
+        self.moved.clear();
+        for (g, s) in g.chunks_exact(columns).zip(&self.scale) {
+            self.moved.extend(g.iter().map(|g| g * s));
+        }
+        for ((node, rates), rows) in self.rates.iter().zip(of_residuals.chunks_exact(4 * columns)) {
+            for (c, to) in self.moved[node * columns..(node + 3) * columns].chunks_exact_mut(columns).enumerate() {
+                for (rates, row) in rates.iter().zip(rows.chunks_exact(columns)) {
+                    let factor = rates[c];
+                    to.iter_mut().zip(row).for_each(|(x, h)| *x += factor * h);
+                }
+            }
+        }
+        stage.carry[0].pull_before_many(&mut self.moved, columns);
         let mut a = Vec::with_capacity(4 * n * n);
-        self.rows.resize(VECTOR * rows, 0.0);
-        for first in (0..n).step_by(VECTOR) {
-            let count = VECTOR.min(n - first);
-            for (k, from) in self.inverse.chunks_exact(columns).enumerate() {
-                for (to, x) in from[first..first + VECTOR].iter().enumerate() {
-                    self.rows[to * rows + k] = *x;
-                }
-            }
-            for g in self.rows.chunks_exact(rows).take(count) {
-                let own = a.len();
-                a.extend(g[..n].iter().zip(&self.scale).map(|(g, s)| g * s));
-                for ((node, rates), h) in self.rates.iter().zip(g[n..].as_chunks::<4>().0) {
-                    for (c, to) in a[own + node..][..3].iter_mut().enumerate() {
-                        *to += h[0] * rates[0][c] + h[1] * rates[1][c] + h[2] * rates[2][c] + h[3] * rates[3][c];
-                    }
-                }
-                stage.carry[0].pull_before(&mut a[own..]);
-                a.extend(g[..n].iter().zip(&self.by_velocity).map(|(g, s)| h * (g * s)));
-            }
+        for i in 0..n {
+            a.extend(self.moved.chunks_exact(columns).map(|row| row[i]));
+            a.extend(g.chunks_exact(columns).zip(&self.by_velocity).map(|(row, s)| h * (row[i] * s)));
         }
         a
     }

@@ -196,7 +196,11 @@ impl NodeLayout {
     pub(super) fn gather(&self, b: &[f64], out: &mut Vec<f64>, columns: usize) {
         out.clear();
         out.resize(self.stored() * columns, 0.0);
-        if let Some(storage) = &self.storage {
+        let Some(storage) = &self.storage else { return };
+        if columns == 1 {
+            // (copies of slices of one number would be calls)
+            b.iter().zip(storage).for_each(|(from, &at)| out[at] = *from);
+        } else {
             for (from, &at) in b.chunks_exact(columns.max(1)).zip(storage) {
                 out[at * columns..(at + 1) * columns].copy_from_slice(from);
             }
@@ -205,7 +209,10 @@ impl NodeLayout {
 
     /// Writes vectors in storage order back.
     pub(super) fn scatter(&self, stored: &[f64], b: &mut [f64], columns: usize) {
-        if let Some(storage) = &self.storage {
+        let Some(storage) = &self.storage else { return };
+        if columns == 1 {
+            b.iter_mut().zip(storage).for_each(|(to, &at)| *to = stored[at]);
+        } else {
             for (to, &at) in b.chunks_exact_mut(columns.max(1)).zip(storage) {
                 to.copy_from_slice(&stored[at * columns..(at + 1) * columns]);
             }

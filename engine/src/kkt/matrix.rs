@@ -1,9 +1,7 @@
 //! The storage of every Jacobian of a nodal system.
 #![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
-use super::lanes::support;
 use super::layout::{NodeLayout, Pattern};
-use pulp::{Arch, Simd, WithSimd};
 use std::sync::{Arc, LazyLock, OnceLock};
 
 /// A square matrix of nodes' and twists' rows in blocks, where a [`NodeLayout`] has room for them; all else is zero.
@@ -74,6 +72,7 @@ impl NodeMatrix {
     }
 
     /// Sizes, order and pattern.
+    #[inline]
     pub fn layout(&self) -> &Arc<NodeLayout> {
         &self.layout
     }
@@ -97,6 +96,7 @@ impl NodeMatrix {
     }
 
     /// All stored entries.
+    #[inline]
     pub(super) fn data(&self) -> &[f64] {
         &self.data
     }
@@ -304,7 +304,7 @@ impl NodeMatrix {
 
     /// Slots of the columns that a storage row begins with (before the first one, in a band), and where its entries are.
     #[inline]
-    fn stored_row(&self, at: usize) -> (isize, std::ops::Range<usize>) {
+    pub(super) fn stored_row(&self, at: usize) -> (isize, std::ops::Range<usize>) {
         let b = self.layout.block();
         let (i, a) = (at / b, at % b);
         match &self.layout.pattern {
@@ -350,137 +350,6 @@ impl NodeMatrix {
         }
     }
 
-    /// The part of a plain band's row that lies inside the matrix, and the column of its first entry.
-    #[inline]
-    fn span(&self, r: usize) -> Option<(&[f64], usize)> {
-        let Pattern::Band(_) = self.layout.pattern else { return None };
-        if !self.layout.is_plain() {
-            return None;
-        }
-        let (first, range) = self.stored_row(r);
-        let (skip, column) = (3 * (-first).max(0) as usize, 3 * first.max(0) as usize);
-        let end = range.len().min((self.dim() as isize - 3 * first) as usize);
-        Some((&self.data[range][skip..end], column))
-    }
-
-    /// Calls `visit(column, entry)` for the entries of row `r` of the system.
-    #[inline(always)]
-    fn for_system_row(&self, r: usize, mut visit: impl FnMut(usize, f64)) {
-        self.for_row(self.layout.storage(r), |c, place| {
-            if let Some(column) = self.layout.system(c) {
-                visit(column, self.data[place]);
-            }
-        });
-    }
-
-    /// `y += scale · A x`.
-    pub fn add_mul(&self, scale: f64, x: &[f64], y: &mut [f64]) {
-        for (r, y_r) in y.iter_mut().enumerate() {
-            *y_r += scale
-                * match self.span(r) {
-                    Some((row, column)) => row.iter().zip(&x[column..column + row.len()]).map(|(a, b)| a * b).sum(),
-                    None => {
-                        let mut sum = 0.0;
-                        self.for_system_row(r, |c, a| sum += a * x[c]);
-                        sum
-                    }
-                };
-        }
-    }
-
-    /// `y += scale · Aᵀ x`.
-    pub fn add_mul_transpose(&self, scale: f64, x: &[f64], y: &mut [f64]) {
-        for (r, x_r) in x.iter().enumerate() {
-            let factor = scale * x_r;
-            match self.span(r) {
-                Some((row, column)) => {
-                    y[column..column + row.len()].iter_mut().zip(row).for_each(|(y_c, a)| *y_c += factor * a);
-                }
-                None => self.for_system_row(r, |c, a| y[c] += factor * a),
-            }
-        }
-    }
-
-    /// `Y += scale · A X` for row-major `X`, `Y` of `dim × columns`: row r of X is `x[r * columns..(r + 1) * columns]`. Rows of X that are
-    /// zero but for a few columns (the unit columns of a Jacobian) cost only those.
-    pub fn add_mul_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        struct Run<'a>(&'a NodeMatrix, f64, &'a [f64], &'a mut [f64], usize);
-        impl WithSimd for Run<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn with_simd<S: Simd>(self, simd: S) {
-                self.0.add_mul_kernel(simd, self.1, self.2, self.3, self.4);
-            }
-        }
-        match columns {
-            0 => {}
-            1 => y.iter_mut().enumerate().take(self.dim()).for_each(|(r, y)| {
-                self.for_system_row(r, |c, a| *y += scale * a * x[c]);
-            }),
-            _ => Arch::new().dispatch(Run(self, scale, x, y, columns)),
-        }
-    }
-
-    #[inline(always)]
-    fn add_mul_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        let mut supports = Vec::with_capacity(self.dim());
-        for row in x.chunks_exact(columns).take(self.dim()) {
-            supports.push(support(row));
-        }
-        let b = self.layout.block();
-        for (r, y_row) in y.chunks_exact_mut(columns).enumerate().take(self.dim()) {
-            let at = self.layout.storage(r);
-            let (_, range) = self.stored_row(at);
-            let entries = &self.data[range];
-            // blocks of the row: in a band those that stick out of the matrix are zero
-            let (first, listed, blocks) = match &self.layout.pattern {
-                Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
-                Pattern::Sparse { starts, columns, .. } => {
-                    let row = &columns[starts[at / b]..starts[at / b + 1]];
-                    (0, Some(row), row.len())
-                }
-            };
-            for k in 0..blocks {
-                let slot = match listed {
-                    Some(row) => row[k],
-                    None if first + (k as isize) < 0 || first + k as isize >= self.layout.n_nodes() as isize => continue,
-                    None => (first + k as isize) as usize,
-                };
-                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
-                    let (factor, column) = (scale * a, self.layout.system(b * slot + c));
-                    if let (true, Some(c)) = (factor != 0.0, column) {
-                        let range = supports[c].clone();
-                        add_scaled(simd, factor, &x[c * columns..(c + 1) * columns][range.clone()], &mut y_row[range]);
-                    }
-                }
-            }
-        }
-    }
-}
-
-impl NodeMatrix {
-    /// `Y += scale · Aᵀ X` for row-major `X`, `Y` of `dim × columns`.
-    pub fn add_mul_transpose_many(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        struct Run<'a>(&'a NodeMatrix, f64, &'a [f64], &'a mut [f64], usize);
-        impl WithSimd for Run<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn with_simd<S: Simd>(self, simd: S) {
-                let Self(a, scale, x, y, columns) = self;
-                for (r, x) in x.chunks_exact(columns).enumerate() {
-                    a.for_system_row(r, |c, entry| {
-                        if entry != 0.0 {
-                            add_scaled(simd, scale * entry, x, &mut y[c * columns..(c + 1) * columns]);
-                        }
-                    });
-                }
-            }
-        }
-        if columns > 0 {
-            Arch::new().dispatch(Run(self, scale, x, y, columns));
-        }
-    }
-
     /// Adds to the three columns of node `j` `scale` times those of `from`, of the same layout, times `block`.
     pub fn add_columns_times(&mut self, from: &Self, j: usize, scale: f64, block: &[[f64; 3]; 3]) {
         self.untouched = false;
@@ -495,107 +364,5 @@ impl NodeMatrix {
                 }
             }
         }
-    }
-
-    /// `out = Aᵀ X` for row-major `X` of `dim × columns` without zeros to speak of.
-    pub fn transpose_times(&self, x: &[f64], out: &mut Vec<f64>, columns: usize) {
-        struct Run<'a>(&'a NodeMatrix, &'a [Vec<[usize; 3]>], &'a [f64], &'a mut [f64], usize);
-        impl WithSimd for Run<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn with_simd<S: Simd>(self, simd: S) {
-                let Self(matrix, blocks, x, out, columns) = self;
-                let width = WIDE * S::F64_LANES;
-                for (j, blocks) in blocks.iter().enumerate() {
-                    for start in (0..columns).step_by(width) {
-                        let product = transposed_slot(simd, &matrix.data, blocks, x, start..columns.min(start + width), columns);
-                        for (a, sums) in product.iter().enumerate() {
-                            let row = matrix.layout.system(3 * j + a).unwrap_or(0);
-                            let (whole, rest) = S::as_mut_simd_f64s(&mut out[row * columns..][start..columns.min(start + width)]);
-                            for (to, sum) in whole.iter_mut().zip(sums) {
-                                *to = *sum;
-                            }
-                            if !rest.is_empty() {
-                                simd.partial_store_f64s(rest, sums[whole.len()]);
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        out.clear();
-        out.resize(self.dim() * columns, 0.0);
-        if self.layout.block() != 3 {
-            for (r, x) in x.chunks_exact(columns.max(1)).enumerate() {
-                self.for_system_row(r, |c, a| {
-                    out[c * columns..(c + 1) * columns].iter_mut().zip(x).for_each(|(out, x)| *out += a * x);
-                });
-            }
-            return;
-        }
-        // by columns of slots: which slot's rows of X (three, one after the other), and where the block is
-        let mut blocks = vec![Vec::new(); self.layout.n_nodes()];
-        for i in 0..blocks.len() {
-            for j in self.layout.row(i) {
-                if let (Some((start, down)), Some(row)) = (self.layout.place(i, j), self.layout.system(3 * i)) {
-                    blocks[j].push([row, start, down]);
-                }
-            }
-        }
-        Arch::new().dispatch(Run(self, &blocks, x, out, columns));
-    }
-}
-
-/// Vectors of a row that are worked on together.
-const WIDE: usize = 4;
-
-/// Some columns of the three rows of Aᵀ X that belong to a slot, whose column of A has these blocks.
-#[inline(always)]
-fn transposed_slot<S: Simd>(
-    simd: S,
-    data: &[f64],
-    blocks: &[[usize; 3]],
-    x: &[f64],
-    range: std::ops::Range<usize>,
-    columns: usize,
-) -> [[S::f64s; WIDE]; 3] {
-    let zero = simd.splat_f64s(0.0);
-    let mut sums = [[zero; WIDE]; 3];
-    for &[row, start, down] in blocks {
-        for a in 0..3 {
-            let Some(factors) = data[start + a * down..].first_chunk::<3>() else { continue };
-            let from = &x[(row + a) * columns..][range.clone()];
-            let (whole, rest) = S::as_simd_f64s(from);
-            let mut wide = [zero; WIDE];
-            match whole.first_chunk() {
-                Some(whole) => wide = *whole,
-                None => {
-                    for (to, from) in wide.iter_mut().zip(whole) {
-                        *to = *from;
-                    }
-                    wide[whole.len()] = simd.partial_load_f64s(rest);
-                }
-            }
-            for r in 0..3 {
-                let factor = simd.splat_f64s(factors[r]);
-                for k in 0..WIDE {
-                    sums[r][k] = simd.mul_add_e_f64s(factor, wide[k], sums[r][k]);
-                }
-            }
-        }
-    }
-    sums
-}
-
-/// `y += a x`.
-#[inline(always)]
-fn add_scaled<S: Simd>(simd: S, a: f64, x: &[f64], y: &mut [f64]) {
-    let factor = simd.splat_f64s(a);
-    let ((x, x_rest), (y, y_rest)) = (S::as_simd_f64s(x), S::as_mut_simd_f64s(y));
-    for (y, x) in y.iter_mut().zip(x) {
-        *y = simd.mul_add_e_f64s(factor, *x, *y);
-    }
-    for (y, x) in y_rest.iter_mut().zip(x_rest) {
-        *y += a * x;
     }
 }

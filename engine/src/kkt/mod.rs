@@ -46,6 +46,7 @@ pub(crate) mod lanes;
 mod layout;
 mod matrix;
 mod order;
+mod products;
 mod square;
 mod symbolic;
 mod system;

@@ -58,6 +58,11 @@ impl Carry {
         self.edges.iter().for_each(|e| e.pull(&e.before, x));
     }
 
+    /// The transposed [`Carry::add_before`], row-major with `columns`.
+    pub fn pull_before_many(&self, x: &mut [f64], columns: usize) {
+        self.edges.iter().for_each(|e| e.pull_many(&e.before, x, columns));
+    }
+
     /// The transposed [`Carry::add_after`], of one column.
     pub fn pull_after(&self, x: &mut [f64]) {
         self.edges.iter().for_each(|e| e.pull(&e.after, x));
@@ -91,6 +96,18 @@ impl Carried {
         for a in 0..3 {
             x[3 * self.nodes[1] + a] += psi[a] * by;
             x[3 * self.nodes[0] + a] -= psi[a] * by;
+        }
+    }
+
+    #[inline]
+    fn pull_many(&self, psi: &Vec3<f64>, x: &mut [f64], columns: usize) {
+        let (nodes, twists) = x.split_at_mut(self.row * columns);
+        let by = &twists[..columns];
+        for (node, sign) in [(self.nodes[1], 1.0), (self.nodes[0], -1.0)] {
+            for (x, psi) in nodes[3 * node * columns..][..3 * columns].chunks_exact_mut(columns).zip(psi.iter()) {
+                let factor = sign * psi;
+                x.iter_mut().zip(by).for_each(|(x, by)| *x += factor * by);
+            }
         }
     }
 }

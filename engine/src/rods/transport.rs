@@ -18,7 +18,9 @@ pub(crate) fn angle<S: Real>(u: &Vec3<S>, v: &Vec3<S>, axis: &Vec3<S>) -> S {
 /// The angle that differs from `principal` by whole turns and is nearest to `near`.
 #[inline]
 pub(crate) fn unwrapped(principal: f64, near: f64) -> f64 {
-    principal + std::f64::consts::TAU * ((near - principal) / std::f64::consts::TAU).round()
+    let turns = (near - principal) / std::f64::consts::TAU;
+    // nearly always none, which needs no rounding
+    if turns.abs() < 0.5 { principal } else { principal + std::f64::consts::TAU * turns.round() }
 }
 
 /// A unit vector normal to the unit vector `axis`: `wish` without its part along the axis; `None` if nothing is left of it.
