@@ -4,10 +4,11 @@
 //! and what is left goes to its parent. Without pivoting there is no fill beyond what the analysis foresaw; that is as safe as in a
 //! band ([`super::band_lu`]), and each row's pivot and growth are checked likewise.
 
+use super::buffer::Buffer;
 use super::fronts::{Front, Fronts};
-use super::lanes::{PADDING, ROWS, add_row, copy_row, subtract_four, subtract_from_four};
+use super::lanes::{PADDING, ROWS, add_row, copy_row, magnitudes, subtract_four, subtract_from_four};
 use super::symbolic::Shared;
-use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, Symmetry, sum_abs};
+use super::{GROWTH_LIMIT, KktError, NodeMatrix, PIVOT_FLOOR, Symmetry};
 use faer::linalg::matmul::matmul;
 use faer::prelude::{IntoConst, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
@@ -39,9 +40,9 @@ struct Scratch {
 #[derive(Clone, Debug)]
 pub(super) struct Frontal {
     /// Front by front its pivots' rows: L before the diagonal (unless symmetric), U from it on.
-    pub(super) upper: Vec<f64>,
+    pub(super) upper: Buffer,
     /// Front by front the rows of L beyond the pivots; none if symmetric.
-    pub(super) lower: Vec<f64>,
+    pub(super) lower: Buffer,
     /// 1/U_kk.
     pub(super) inverse: Vec<f64>,
 }
@@ -49,7 +50,7 @@ pub(super) struct Frontal {
 impl Frontal {
     pub fn new(shared: &Shared) -> Self {
         let (upper, lower) = shared.fronts.as_ref().map_or((0, 0), |f| (f.upper_len, f.lower_len));
-        Self { upper: vec![0.0; upper], lower: vec![0.0; lower], inverse: vec![0.0; shared.layout.stored()] }
+        Self { upper: Buffer::zeros(upper), lower: Buffer::zeros(lower), inverse: vec![0.0; shared.layout.stored()] }
     }
 
     /// Whether all pivots are positive, as those of a matrix with a positive definite symmetric part are.
@@ -64,7 +65,7 @@ impl Frontal {
             #[inline(always)]
             fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
                 let Self(factor, a, shared, fronts, scratch) = self;
-                factor.measure(a, shared, fronts, scratch)?;
+                factor.measure(simd, a, shared, fronts, scratch)?;
                 factor.eliminate(simd, a, shared, fronts, scratch)
             }
         }
@@ -74,11 +75,18 @@ impl Frontal {
 
     /// Sizes of rows.
     #[inline(always)]
-    fn measure(&self, a: &NodeMatrix, shared: &Shared, fronts: &Fronts, scratch: &mut Scratch) -> Result<(), KktError> {
+    fn measure<S: Simd>(
+        &self,
+        simd: S,
+        a: &NodeMatrix,
+        shared: &Shared,
+        fronts: &Fronts,
+        scratch: &mut Scratch,
+    ) -> Result<(), KktError> {
         let dim = shared.layout.stored();
         scratch.sizes.resize(dim, 0.0);
         for row in 0..dim {
-            let size = sum_abs(a.row(row));
+            let size = magnitudes(simd, a.row(row));
             if !size.is_finite() {
                 return Err(KktError::NotFinite { row, dim });
             }
@@ -318,7 +326,8 @@ impl Square<'_> {
             }
             let (at, size) = (first + c, sizes[first + c]);
             let pivot = row[at];
-            let grown = sum_abs(&row[at..rows]);
+            // (where all pivots are positive nothing grows: what is left of a diagonal bounds its row)
+            let grown = if symmetric { pivot } else { magnitudes(simd, &row[at..rows]) };
             // written so that NaN fails
             let positive = !symmetric || pivot > 0.0;
             let sound = positive && pivot.abs() > PIVOT_FLOOR * size && grown <= GROWTH_LIMIT * size;

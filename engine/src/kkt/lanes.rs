@@ -55,6 +55,25 @@ pub(super) fn copy_row<S: Simd>(simd: S, y: &mut [f64], x: &[f64]) {
     }
 }
 
+/// `Σ |x_i|`; not finite if any entry is not.
+#[inline(always)]
+pub(super) fn magnitudes<S: Simd>(simd: S, x: &[f64]) -> f64 {
+    let (pairs, rest) = S::as_simd_f64s(x);
+    let (pairs, single) = pairs.as_chunks::<2>();
+    // two sums, of which none waits for the other
+    let mut sums = [simd.splat_f64s(0.0); 2];
+    for [a, b] in pairs {
+        sums = [simd.add_f64s(sums[0], simd.abs_f64s(*a)), simd.add_f64s(sums[1], simd.abs_f64s(*b))];
+    }
+    for a in single {
+        sums[0] = simd.add_f64s(sums[0], simd.abs_f64s(*a));
+    }
+    if !rest.is_empty() {
+        sums[1] = simd.add_f64s(sums[1], simd.abs_f64s(simd.partial_load_f64s(rest)));
+    }
+    simd.reduce_sum_f64s(simd.add_f64s(sums[0], sums[1]))
+}
+
 /// Rows that [`subtract_from_four`] changes together: what it loads of x serves them all.
 pub(super) const ROWS: usize = 4;
 
@@ -73,14 +92,12 @@ pub(super) fn subtract_from_four<S: Simd, const P: usize>(simd: S, y: [&mut [f64
     let ((y2, t2), (y3, t3)) = (S::as_mut_simd_f64s(&mut y2[..n]), S::as_mut_simd_f64s(&mut y3[..n]));
     let whole = y0.len();
     let (y1, y2, y3) = (&mut y1[..whole], &mut y2[..whole], &mut y3[..whole]);
-    let mut wide = [&[][..]; P];
-    for i in 0..P {
-        wide[i] = &S::as_simd_f64s(&x[i][..n]).0[..whole];
-    }
+    // rows of x that there are not stand for the first, not read; slices of their own are read unchecked
+    let wide = |i: usize| &S::as_simd_f64s(&x[i.min(P - 1)][..n]).0[..whole];
+    let (x0, x1, x2, x3) = (wide(0), wide(1), wide(2), wide(3));
     for k in 0..whole {
         let mut sums = [y0[k], y1[k], y2[k], y3[k]];
-        for i in 0..P {
-            let x = wide[i][k];
+        for (i, x) in [x0[k], x1[k], x2[k], x3[k]].into_iter().enumerate().take(P) {
             for r in 0..ROWS {
                 sums[r] = simd.negate_mul_add_e_f64s(factors[r][i], x, sums[r]);
             }

@@ -1,6 +1,7 @@
 //! The storage of every Jacobian of a nodal system.
 #![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
+use super::buffer::Buffer;
 use super::layout::{NodeLayout, Pattern};
 use std::sync::{Arc, LazyLock, OnceLock};
 
@@ -11,7 +12,7 @@ use std::sync::{Arc, LazyLock, OnceLock};
 #[derive(Clone, Debug)]
 pub struct NodeMatrix {
     layout: Arc<NodeLayout>,
-    data: Vec<f64>,
+    data: Buffer,
     /// Whether nothing was ever written since all entries were set to zero.
     untouched: bool,
 }
@@ -57,13 +58,13 @@ impl<P> Places<P> {
 impl NodeMatrix {
     /// The zero matrix.
     pub fn zeros(layout: &Arc<NodeLayout>) -> Self {
-        Self { layout: Arc::clone(layout), data: vec![0.0; layout.len()], untouched: true }
+        Self { layout: Arc::clone(layout), data: Buffer::zeros(layout.len()), untouched: true }
     }
 
     /// A matrix without rows.
     pub fn empty() -> Self {
         static NOTHING: LazyLock<Arc<NodeLayout>> = LazyLock::new(|| Arc::new(NodeLayout::band(0, 0)));
-        Self { layout: Arc::clone(&NOTHING), data: Vec::new(), untouched: true }
+        Self { layout: Arc::clone(&NOTHING), data: Buffer::default(), untouched: true }
     }
 
     /// The zero matrix of `n_nodes` nodes with blocks (i, j), |i − j| ≤ `half_width`.
@@ -277,9 +278,9 @@ impl NodeMatrix {
         self.untouched = false;
         if y.untouched {
             // (the same bits: zeros change but the sign of zeros)
-            self.data.iter_mut().zip(&x.data).for_each(|(k, x)| *k = -(a * x + 0.0));
+            self.data.iter_mut().zip(x.data.iter()).for_each(|(k, x)| *k = -(a * x + 0.0));
         } else {
-            for (k, (x, y)) in self.data.iter_mut().zip(x.data.iter().zip(&y.data)) {
+            for (k, (x, y)) in self.data.iter_mut().zip(x.data.iter().zip(y.data.iter())) {
                 *k = -(a * x + b * y);
             }
         }

@@ -31,6 +31,7 @@ mod band_cholesky;
 mod band_lu;
 mod band_many;
 mod band_sweep;
+mod buffer;
 mod coupling;
 mod dense;
 mod dense_cholesky;

@@ -3,7 +3,7 @@
 //! a walk downhill; a Levenberg-damped matrix. Halving the step is the caller's
 //! last resort, and comes before the last two where solids touch: two halves take less work than those.
 
-use super::{FIRST_SOFT, Stuck, Work, newton, speed};
+use super::{FIRST_SOFT, Stuck, Work, newton, speed, stay};
 use crate::scene::Law;
 use crate::step::{STATIC, Stage, StepError, Workspace};
 use nalgebra::Vector4;
@@ -123,8 +123,7 @@ fn start(stage: &Stage, ws: &mut Workspace) {
         stage.start_axial(ws);
     } else {
         // at rest nothing but the axial forces may hold a node sideways
-        ws.d.fill(0.0);
-        stage.predict_axial(1.0, ws);
+        stay(stage, ws);
     }
 }
 

@@ -3,8 +3,8 @@
 //! A full step with matrix K gives d = −K⁻¹ r(y). The *simplified* correction d̄ = −K⁻¹ r(y + α d), from the same factor,
 //! decides: the step is taken if ‖d̄‖ ≤ (1 − α/4) ‖d‖ (Deuflhard 2011, natural monotonicity, in the mass norm, which a rotating
 //! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄ is itself taken as the next step and
-//! no new factorization is made. The end is reached when ‖d̄‖ is below the tolerance and the eigenvalues of all cone
-//! variables have settled.
+//! no new factorization is made. The end is reached when what would be left after taking d̄, by the contraction seen, or ‖d̄‖ itself is below
+//! the tolerance, and the eigenvalues of all cone variables have settled.
 //!
 //! Compressed in its plane, a sheet has directions in which its energy falls ever faster: K is indefinite, and Newton's step leads to a
 //! saddle. There the matrix is made of what resists alone, tension and the resistance of folds, which is positive; its step leads
@@ -23,10 +23,9 @@ use crate::step::{STATIC, Stage, StepError, Workspace};
 use nalgebra::Vector4;
 use pliant_smoothing::eigenvalues;
 
-/// Corrections below this part of the last one are worth taking without a new matrix.
-const QUICK: f64 = 0.05;
-/// So are slower ones if about this many of them are left: a new matrix costs as much.
-const CHORDS: f64 = 3.0;
+/// Corrections are worth taking without a new matrix if about this many of them are left: with sheets a new one costs as much. (With rods
+/// it costs as much as three; four to eight take the same time.)
+const CHORDS: f64 = 6.0;
 /// How many full steps of a solve may fail the monotonicity test, and the growth of the correction they may show. The matrix of
 /// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
 const BOLD_STEPS: usize = 2;
@@ -49,6 +48,8 @@ const LEAST_SOFT: f64 = 1e-9;
 /// From here on a softened root is as good a start for the hard one as any.
 const NEARLY_HARD: f64 = 1e-4;
 const MOST_SOFT: f64 = 0.05;
+/// Part of the tolerance that what is left after a last correction may be: it is an estimate.
+const NEGLIGIBLE: f64 = 0.1;
 /// Relative change below which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
 /// How many roundings of the stiffest force count as none.
@@ -179,6 +180,8 @@ enum Descent {
 fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
     let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
+    // chords do without axial forces, which therefore do not follow them
+    let mut behind = false;
     let by_slope = by_slope(stage);
     let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable { LONGEST } else { 1.0 });
     loop {
@@ -196,21 +199,26 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         }
         if next.is_finite() && (monotone || dare || downhill) {
             ws.bold -= usize::from(!monotone && !downhill);
-            stage.predict_axial(alpha.min(1.0), ws);
             accept(ws);
             if alpha != 1.0 {
+                follow(stage, ws, alpha);
                 return Ok(Descent::Continue(1.0));
             }
-            if converged(stage, ws, next, tolerance) {
+            if converged(stage, ws, next, left_after(next, norm), tolerance) {
                 take_correction(ws);
                 return Ok(Descent::Converged);
             }
-            if next > QUICK * norm && chords_left(next, norm, tolerance) > CHORDS {
+            if chords_left(next, norm, tolerance) > CHORDS {
+                follow(stage, ws, alpha);
                 return Ok(Descent::Continue(next / first));
             }
+            behind = true;
             norm = next;
             slope = dot(&ws.r, &ws.d);
         } else {
+            if std::mem::take(&mut behind) {
+                stay(stage, ws);
+            }
             if norm <= tolerance {
                 // rounding noise: the last correction was already below the tolerance
                 return Ok(if settled(stage, ws) { Descent::Converged } else { Descent::Stalled });
@@ -238,10 +246,17 @@ fn chords_left(next: f64, norm: f64, tolerance: f64) -> f64 {
     if left > 0.0 && next < norm { left } else { f64::INFINITY }
 }
 
-/// Whether the pending correction is negligible: velocities below the tolerance or the rounding of those that stops tell, cone variables
-/// below it or their rounding noise, and their eigenvalues settled.
-fn converged(stage: &Stage, ws: &Workspace, norm: f64, tolerance: f64) -> bool {
-    if norm > tolerance {
+/// What is left once a correction is taken that fell from `norm` to `next`: the sum of those that would follow with the same matrix. After
+/// the first they fall half as fast at worst as from the step itself (Deuflhard 2011, §2.1.2).
+fn left_after(next: f64, norm: f64) -> f64 {
+    let ratio = 2.0 * next / norm;
+    if ratio < 0.5 { next * ratio / (1.0 - ratio) } else { f64::INFINITY }
+}
+
+/// Whether the iterate with the pending correction is the root: what is `left` then far below the tolerance, or the correction itself below
+/// it, velocities' or the rounding of those that stops tell, cone variables' or their rounding noise; and their eigenvalues settled.
+fn converged(stage: &Stage, ws: &Workspace, norm: f64, left: f64, tolerance: f64) -> bool {
+    if norm > tolerance && left > NEGLIGIBLE * tolerance {
         let by_cones = cone_norm(stage, ws, [&ws.dw, &ws.spots.dw], &ws.ds);
         let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
         if by_velocities > tolerance.max(stage.rows_held(&ws.rows)) || by_cones > cone_rounding(stage, ws) {
@@ -320,6 +335,21 @@ fn accept(ws: &mut Workspace) {
     std::mem::swap(&mut ws.dw, &mut ws.dw_next);
     std::mem::swap(&mut ws.ds, &mut ws.ds_next);
     std::mem::swap(&mut ws.spots.dw, &mut ws.spots.dw_next);
+}
+
+/// Takes the axial forces at the iterate as they are.
+fn stay(stage: &Stage, ws: &mut Workspace) {
+    let (it, mut none) = (std::mem::take(&mut ws.it), std::mem::take(&mut ws.d_next));
+    none.fill(0.0);
+    stage.predict_axial(1.0, &it.v, &none, ws);
+    (ws.it, ws.d_next) = (it, none);
+}
+
+/// Takes the axial forces along the step just accepted, for the matrix that comes next.
+fn follow(stage: &Stage, ws: &mut Workspace, alpha: f64) {
+    let (before, d) = (std::mem::take(&mut ws.trial), std::mem::take(&mut ws.d_next));
+    stage.predict_axial(alpha.min(1.0), &before.v, &d, ws);
+    (ws.trial, ws.d_next) = (before, d);
 }
 
 fn take_correction(ws: &mut Workspace) {

@@ -282,17 +282,17 @@ impl Stage<'_> {
         }
     }
 
-    /// Takes the axial forces over to where the step `alpha * ws.d` from `ws.it` leads: part `alpha` of the way from what they
+    /// Takes the axial forces over to where the step `alpha · d` leads from the velocities `v`: part `alpha` of the way from what they
     /// are to their first-order prediction at the whole step.
-    pub(crate) fn predict_axial(&self, alpha: f64, ws: &mut Workspace) {
+    pub(crate) fn predict_axial(&self, alpha: f64, v: &[f64], d: &[f64], ws: &mut Workspace) {
         if ws.axial.is_empty() {
             return;
         }
-        // where `ws.it` is: the residual has moved on
+        // where `v` leads: the residual has moved on
         for (k, &driven) in self.model.driven_rows.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
-            ws.q_axial[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * ws.it.v[k]);
-            ws.dx[k] = self.h * self.scheme.free.a1 * ws.d[k];
+            ws.q_axial[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
+            ws.dx[k] = self.h * self.scheme.free.a1 * d[k];
         }
         let at = Point { q: &ws.q_axial, v: &ws.v_bar, theta: self.theta };
         ws.axial_next.fill(0.0);

@@ -70,6 +70,12 @@ impl Point<'_> {
     }
 }
 
+/// What [`Term::pull_theta`] does with what [`Term::visit_theta`] visits.
+#[inline]
+pub(crate) fn contraction(weights: &[f64], sums: &mut [f64]) -> impl FnMut(usize, usize, f64) {
+    |row, param, df| sums[param] += weights[row] * df
+}
+
 /// What the solver asks of a force. Everything accumulates; nothing is cleared here.
 pub trait Term: Debug + Send + Sync {
     /// Name used in errors and reports.
@@ -111,7 +117,7 @@ pub trait Term: Debug + Send + Sync {
 
     /// [`Term::visit_theta`] contracted: `sums[parameter] += Σ_row weights[row] ∂f_row/∂θ_parameter`.
     fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
-        self.visit_theta(at, &mut |row, param, df| sums[param] += weights[row] * df);
+        self.visit_theta(at, &mut contraction(weights, sums));
     }
 
     /// Potential energy \[J\]; zero for forces without one.

@@ -2,7 +2,7 @@
 
 use crate::kkt::NodeMatrix;
 use crate::terms::stencil::{Block, add_node, add_outer};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
 
 /// f = −⅓ A (c + d |u_n|) u_n n on each node, u_n = n·(mean velocity − wind), A n the area vector of the triangle as it is now.
 ///
@@ -108,6 +108,24 @@ fn to_area(wind: &Wind) -> Block {
     out
 }
 
+impl FaceDrag {
+    /// [`Term::visit_theta`]
+    fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
+        for (nodes, params) in &self.faces {
+            let wind = Wind::new(nodes, params, at);
+            let slope = wind.pressure().1;
+            for row in nodes.iter().flat_map(|&i| (0..3).map(move |a| 3 * i + a)) {
+                let third = wind.area[row % 3] / -3.0;
+                visit(row, params[0], third * wind.u_n);
+                visit(row, params[1], third * wind.u_n * wind.u_n.abs());
+                for (b, &param) in params[2..].iter().enumerate() {
+                    visit(row, param, -third * slope * wind.area[b] / wind.size);
+                }
+            }
+        }
+    }
+}
+
 impl Term for FaceDrag {
     fn name(&self) -> &str {
         FaceDragLaw.name()
@@ -144,18 +162,11 @@ impl Term for FaceDrag {
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
-        for (nodes, params) in &self.faces {
-            let wind = Wind::new(nodes, params, at);
-            let slope = wind.pressure().1;
-            for row in nodes.iter().flat_map(|&i| (0..3).map(move |a| 3 * i + a)) {
-                let third = wind.area[row % 3] / -3.0;
-                visit(row, params[0], third * wind.u_n);
-                visit(row, params[1], third * wind.u_n * wind.u_n.abs());
-                for (b, &param) in params[2..].iter().enumerate() {
-                    visit(row, param, -third * slope * wind.area[b] / wind.size);
-                }
-            }
-        }
+        self.each_slope(at, visit);
+    }
+
+    fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
+        self.each_slope(at, &mut contraction(weights, sums));
     }
 
     fn symmetric(&self, theta: &[f64]) -> bool {

@@ -3,7 +3,7 @@
 use super::membrane_pieces::{self as pieces, Geometric, Wanted};
 use super::triangle::{Face, Sym, gradient, hats, pulled};
 use crate::kkt::{NodeMatrix, Places};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
 use std::borrow::Cow;
 
 /// W = A t Y/(2 (1 − ν²)) [(1 − ν) |G|² + ν tr(G)²],  G = (FᵀF − I)/2,  F = Σ xᵢ bᵢᵀ/√area,  A = fraction · area:
@@ -107,6 +107,26 @@ impl Membrane {
         let places = self.places.of(dq, find).map_or_else(|| find().into(), Cow::Borrowed);
         pieces::add(&self.faces, at, Wanted::Slopes(f, dq, geometric, &places));
     }
+
+    /// [`Term::visit_theta`]
+    fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
+        for face in &self.faces {
+            let p = face.values(at.theta);
+            let [area, young, nu, thickness] = p;
+            let f = gradient(&face.positions(at), &face.hats);
+            let g = strain(&f, area);
+            let unit = stress(&g, moduli([area, 1.0, nu, 1.0]));
+            // ∂G/∂area = −(G + I/2)/area
+            let shrunk = -(g + Sym::new(0.5, 0.5, 0.0)) / area;
+            // ∂/∂ν of 1/(1 + ν) and of ν/(1 − ν²)
+            let complement = 1.0 - nu * nu;
+            let by_nu = [-1.0 / (1.0 + nu).powi(2), (1.0 + nu * nu) / (complement * complement)];
+            face.visit(face.params[0], &f, &stress(&shrunk, moduli(p)), visit);
+            face.visit(face.params[1], &f, &(unit * thickness), visit);
+            face.visit(face.params[2], &f, &(stress(&g, by_nu) * (young * thickness)), visit);
+            face.visit(face.params[3], &f, &(unit * young), visit);
+        }
+    }
 }
 
 impl Term for Membrane {
@@ -145,22 +165,11 @@ impl Term for Membrane {
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
-        for face in &self.faces {
-            let p = face.values(at.theta);
-            let [area, young, nu, thickness] = p;
-            let f = gradient(&face.positions(at), &face.hats);
-            let g = strain(&f, area);
-            let unit = stress(&g, moduli([area, 1.0, nu, 1.0]));
-            // ∂G/∂area = −(G + I/2)/area
-            let shrunk = -(g + Sym::new(0.5, 0.5, 0.0)) / area;
-            // ∂/∂ν of 1/(1 + ν) and of ν/(1 − ν²)
-            let complement = 1.0 - nu * nu;
-            let by_nu = [-1.0 / (1.0 + nu).powi(2), (1.0 + nu * nu) / (complement * complement)];
-            face.visit(face.params[0], &f, &stress(&shrunk, moduli(p)), visit);
-            face.visit(face.params[1], &f, &(unit * thickness), visit);
-            face.visit(face.params[2], &f, &(stress(&g, by_nu) * (young * thickness)), visit);
-            face.visit(face.params[3], &f, &(unit * young), visit);
-        }
+        self.each_slope(at, visit);
+    }
+
+    fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
+        self.each_slope(at, &mut contraction(weights, sums));
     }
 
     fn energy(&self, at: &Point) -> f64 {

@@ -3,7 +3,7 @@
 use super::triangle::{Face, Sym, along, between, gradient, hats, product, pulled};
 use crate::kkt::NodeMatrix;
 use crate::terms::stencil::{add_outer, diagonal};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
 
 /// R = ½ A t η |Ġ|², Ġ = (FᵀḞ + ḞᵀF)/2 the rate of Green strain; f = −∂R/∂v: fᵢ = −fraction F̂ S bᵢ, S = t η Ġ \[N/m\].
 ///
@@ -68,6 +68,18 @@ impl MembraneDamping {
             }
         }
     }
+
+    /// [`Term::visit_theta`]
+    fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
+        for face in &self.faces {
+            let [area, viscosity, thickness] = face.values(at.theta);
+            let (f, v) = (gradient(&face.positions(at), &face.hats), gradient(&face.velocities(at), &face.hats));
+            let unit = rate(&f, &v) * (0.5 / area);
+            face.visit(face.params[0], &f, &(unit * (-viscosity * thickness / area)), visit);
+            face.visit(face.params[1], &f, &(unit * thickness), visit);
+            face.visit(face.params[2], &f, &(unit * viscosity), visit);
+        }
+    }
 }
 
 impl Term for MembraneDamping {
@@ -107,14 +119,11 @@ impl Term for MembraneDamping {
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
-        for face in &self.faces {
-            let [area, viscosity, thickness] = face.values(at.theta);
-            let (f, v) = (gradient(&face.positions(at), &face.hats), gradient(&face.velocities(at), &face.hats));
-            let unit = rate(&f, &v) * (0.5 / area);
-            face.visit(face.params[0], &f, &(unit * (-viscosity * thickness / area)), visit);
-            face.visit(face.params[1], &f, &(unit * thickness), visit);
-            face.visit(face.params[2], &f, &(unit * viscosity), visit);
-        }
+        self.each_slope(at, visit);
+    }
+
+    fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
+        self.each_slope(at, &mut contraction(weights, sums));
     }
 
     fn symmetric(&self, theta: &[f64]) -> bool {

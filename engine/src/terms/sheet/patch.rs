@@ -222,7 +222,8 @@ impl Patch {
     }
 
     /// Visits ∂f/∂θ, which are forces with these w.
-    pub fn visit(&self, param: usize, folds: &Each<Fold>, w: &Each<f64>, visit: &mut dyn FnMut(usize, usize, f64)) {
+    #[inline]
+    pub fn visit(&self, param: usize, folds: &Each<Fold>, w: &Each<f64>, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
         for i in 0..self.shape.flaps {
             for (node, g) in self.flap(i).into_iter().zip(&folds[i].gradient) {
                 (0..3).for_each(|a| visit(3 * node + a, param, -w[i] * g[a]));

@@ -149,7 +149,14 @@ impl<const P: usize> Face<P> {
     }
 
     /// Visits the slope of the forces by a parameter: they are −fraction F̂ S bᵢ with this S.
-    pub fn visit(&self, param: usize, gradient: &[Vec3<f64>; 2], stress: &Sym<f64>, visit: &mut dyn FnMut(usize, usize, f64)) {
+    #[inline]
+    pub fn visit(
+        &self,
+        param: usize,
+        gradient: &[Vec3<f64>; 2],
+        stress: &Sym<f64>,
+        visit: &mut (impl FnMut(usize, usize, f64) + ?Sized),
+    ) {
         let [f1, f2] = [1, 2].map(|i| pulled(gradient, stress, &self.hats[i]) * -self.fraction);
         for (node, force) in self.nodes.iter().zip([-(f1 + f2), f1, f2]) {
             (0..3).for_each(|a| visit(3 * node + a, param, force[a]));
