@@ -48,8 +48,8 @@ const LEAST_SOFT: f64 = 1e-9;
 /// From here on a softened root is as good a start for the hard one as any.
 const NEARLY_HARD: f64 = 1e-4;
 const MOST_SOFT: f64 = 0.05;
-/// Part of the tolerance that what is left after a last correction may be: it is an estimate.
-const NEGLIGIBLE: f64 = 0.1;
+/// Part of the tolerance that what is left after a last correction may be: it is an estimate, and the end of most steps is nearer than that.
+const NEGLIGIBLE: f64 = 0.01;
 /// Relative change below which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
 /// How many roundings of the stiffest force count as none.
