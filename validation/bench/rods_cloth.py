@@ -36,7 +36,8 @@ PEERS = {
     "jacobian": ("mjd_transitionFD (state only)", "jacobian"),
     "rollout_vjp": (f"forward differences in {FD_PARAMETERS} parameters", "gradient"),
 }
-FEWER = {"step": 1, "jacobian": 8, "rollout_vjp": 40}  # units of work in a round, as parts of those of the step
+# units of work in a round, as parts of those of the step; whole rollouts, for landing takes more iterations than lying
+FEWER = {"step": 1, "jacobian": 4, "rollout_vjp": 40}
 CONTACTS = {"hang": "", "rest": "_contact"}
 FLOOR = 'name = "floor"\nfriction = 0.5\n'
 

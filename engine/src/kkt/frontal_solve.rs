@@ -228,18 +228,35 @@ impl<'a> Dense<'a> {
     fn forward_upper<S: Simd>(&self, simd: S, x: &mut [f64], form: Form) {
         for first in (0..self.k).step_by(4) {
             let last = self.k.min(first + 4);
-            let mut factors = [0.0; 4];
-            for p in first..last {
-                let factor = x[p] * self.inverse[p];
-                factors[p - first] = factor;
-                x[p + 1..last].iter_mut().zip(&self.upper(p)[p + 1..last]).for_each(|(x, u)| *x -= factor * u);
-                if form == Form::Transposed {
-                    x[p] = factor;
-                }
-            }
+            let factors = match last - first {
+                1 => self.forward_pivots::<1>(x, first, form),
+                2 => self.forward_pivots::<2>(x, first, form),
+                3 => self.forward_pivots::<3>(x, first, form),
+                _ => self.forward_pivots::<4>(x, first, form),
+            };
             let row = |i: usize| &self.upper((first + i).min(last - 1))[last..];
             subtract_four(simd, &mut x[last..], factors, [row(0), row(1), row(2), row(3)]);
         }
+    }
+
+    /// `N` pivots from row `first` on by one another; what they take from the rows after them.
+    #[inline(always)]
+    fn forward_pivots<const N: usize>(&self, x: &mut [f64], first: usize, form: Form) -> [f64; 4] {
+        let (Some(own), Some(inverse)) = (x[first..].first_chunk_mut::<N>(), self.inverse[first..].first_chunk::<N>()) else {
+            return [0.0; 4];
+        };
+        let mut factors = [0.0; 4];
+        for p in 0..N {
+            factors[p] = own[p] * inverse[p];
+            let Some(row) = self.upper(first + p)[first..].first_chunk::<N>() else { continue };
+            for r in p + 1..N {
+                own[r] -= factors[p] * row[r];
+            }
+        }
+        if form == Form::Transposed {
+            own.copy_from_slice(&factors[..N]);
+        }
+        factors
     }
 
     /// Solves for the pivots at given rows.
@@ -258,10 +275,28 @@ impl<'a> Dense<'a> {
             let (own, after) = x.split_at_mut(last);
             let row = |i: usize| &self.upper((first + i).min(last - 1))[last..];
             let sums = products_in_vectors(simd, [row(0), row(1), row(2), row(3)], after);
-            for p in (first..last).rev() {
-                let inner: f64 = self.upper(p)[p + 1..last].iter().zip(&own[p + 1..]).map(|(u, x)| u * x).sum();
-                own[p] = (own[p] - sums[p - first] - inner) * self.inverse[p];
+            match last - first {
+                1 => self.backward_pivots::<1>(own, first, &sums),
+                2 => self.backward_pivots::<2>(own, first, &sums),
+                3 => self.backward_pivots::<3>(own, first, &sums),
+                _ => self.backward_pivots::<4>(own, first, &sums),
             }
+        }
+    }
+
+    /// `N` pivots from row `first` on, of which the rows after them take `sums`.
+    #[inline(always)]
+    fn backward_pivots<const N: usize>(&self, x: &mut [f64], first: usize, sums: &[f64; 4]) {
+        let (Some(own), Some(inverse)) = (x[first..].first_chunk_mut::<N>(), self.inverse[first..].first_chunk::<N>()) else {
+            return;
+        };
+        for p in (0..N).rev() {
+            let Some(row) = self.upper(first + p)[first..].first_chunk::<N>() else { continue };
+            let mut left = own[p] - sums[p];
+            for r in p + 1..N {
+                left -= row[r] * own[r];
+            }
+            own[p] = left * inverse[p];
         }
     }
 
