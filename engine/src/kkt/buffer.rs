@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 /// Shorter ones are left to the allocator.
 const LEAST: usize = 4096;
@@ -55,8 +55,13 @@ impl Buffer {
     }
 }
 
+/// What is not in use, unless another thread is at it: the allocator serves as well, and where a process was forked meanwhile, for ever.
+fn spares() -> Option<MutexGuard<'static, Spare>> {
+    SPARE.try_lock().ok()
+}
+
 fn with_room(len: usize) -> Vec<f64> {
-    let spare = if len < LEAST { None } else { SPARE.lock().unwrap_or_else(PoisonError::into_inner).take(len) };
+    let spare = if len < LEAST { None } else { spares().and_then(|mut spares| spares.take(len)) };
     spare.unwrap_or_else(|| Vec::with_capacity(len))
 }
 
@@ -78,8 +83,10 @@ impl Clone for Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if self.0.capacity() >= LEAST {
-            SPARE.lock().unwrap_or_else(PoisonError::into_inner).keep(std::mem::take(&mut self.0));
+        if self.0.capacity() >= LEAST
+            && let Some(mut spares) = spares()
+        {
+            spares.keep(std::mem::take(&mut self.0));
         }
     }
 }
