@@ -2,7 +2,7 @@
 //!
 //! Each front is assembled from the matrix and what its children hand on, its pivots are eliminated in the processor's widest vectors,
 //! and what is left goes to its parent. Without pivoting there is no fill beyond what the analysis foresaw; that is as safe as in a
-//! band ([`super::band_lu`]), and each row's pivot and growth are checked likewise.
+//! band ([`super::band_lu`]), and each row's pivot is checked likewise, and its growth where the matrix is not symmetric.
 
 use super::buffer::Buffer;
 use super::fronts::{Front, Fronts};

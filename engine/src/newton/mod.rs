@@ -3,8 +3,8 @@
 //! A full step with matrix K gives d = −K⁻¹ r(y). The *simplified* correction d̄ = −K⁻¹ r(y + α d), from the same factor,
 //! decides: the step is taken if ‖d̄‖ ≤ (1 − α/4) ‖d‖ (Deuflhard 2011, natural monotonicity, in the mass norm, which a rotating
 //! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄ is itself taken as the next step and
-//! no new factorization is made. The end is reached when what would be left after taking d̄, by the contraction seen, or ‖d̄‖ itself is below
-//! the tolerance, and the eigenvalues of all cone variables have settled.
+//! no new factorization is made. The end is reached when what would be left after taking d̄, by the contraction seen, is far below the
+//! tolerance, or ‖d̄‖ itself below it, and the eigenvalues of all cone variables have settled.
 //!
 //! Compressed in its plane, a sheet has directions in which its energy falls ever faster: K is indefinite, and Newton's step leads to a
 //! saddle. There the matrix is made of what resists alone, tension and the resistance of folds, which is positive; its step leads

@@ -109,7 +109,7 @@ fn to_area(wind: &Wind) -> Block {
 }
 
 impl FaceDrag {
-    /// [`Term::visit_theta`]
+    /// [`Term::visit_theta`] by a visitor whose type is known, which is inlined.
     fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
         for (nodes, params) in &self.faces {
             let wind = Wind::new(nodes, params, at);

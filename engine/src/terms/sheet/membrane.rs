@@ -108,7 +108,7 @@ impl Membrane {
         pieces::add(&self.faces, at, Wanted::Slopes(f, dq, geometric, &places));
     }
 
-    /// [`Term::visit_theta`]
+    /// [`Term::visit_theta`] by a visitor whose type is known, which is inlined.
     fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
         for face in &self.faces {
             let p = face.values(at.theta);

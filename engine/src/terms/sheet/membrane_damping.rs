@@ -69,7 +69,7 @@ impl MembraneDamping {
         }
     }
 
-    /// [`Term::visit_theta`]
+    /// [`Term::visit_theta`] by a visitor whose type is known, which is inlined.
     fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
         for face in &self.faces {
             let [area, viscosity, thickness] = face.values(at.theta);

@@ -85,7 +85,7 @@ fn rates(patch: &Patch, folds: &Each<Fold>, at: &Point) -> Each<f64> {
 }
 
 impl PlateDamping {
-    /// [`Term::visit_theta`]
+    /// [`Term::visit_theta`] by a visitor whose type is known, which is inlined.
     fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
         for patch in &self.patches {
             let (n, [coefficient, nu]) = (patch.shape.flaps, patch.params.map(|k| at.theta[k]));
