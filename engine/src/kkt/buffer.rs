@@ -22,7 +22,7 @@ struct Spare {
 }
 
 impl Spare {
-    /// An empty vector with room for `len` numbers and not for many more.
+    /// A vector with room for `len` numbers and not for many more, and with whatever is in it.
     fn take(&mut self, len: usize) -> Option<Vec<f64>> {
         let (&capacity, shelf) = self.shelves.range_mut(len..=len + len / 4).next()?;
         let found = shelf.pop();
@@ -33,10 +33,9 @@ impl Spare {
         found
     }
 
-    fn keep(&mut self, mut numbers: Vec<f64>) {
+    fn keep(&mut self, numbers: Vec<f64>) {
         let capacity = numbers.capacity();
         if self.kept + capacity <= MOST {
-            numbers.clear();
             self.kept += capacity;
             self.shelves.entry(capacity).or_default().push(numbers);
         }
@@ -49,6 +48,14 @@ pub(super) struct Buffer(Vec<f64>);
 
 impl Buffer {
     pub fn zeros(len: usize) -> Self {
+        let mut numbers = with_room(len);
+        numbers.clear();
+        numbers.resize(len, 0.0);
+        Self(numbers)
+    }
+
+    /// With any numbers in it, for what is written before it is read.
+    pub fn any(len: usize) -> Self {
         let mut numbers = with_room(len);
         numbers.resize(len, 0.0);
         Self(numbers)
@@ -68,6 +75,7 @@ fn with_room(len: usize) -> Vec<f64> {
 impl Clone for Buffer {
     fn clone(&self) -> Self {
         let mut numbers = with_room(self.0.len());
+        numbers.clear();
         numbers.extend_from_slice(&self.0);
         Self(numbers)
     }

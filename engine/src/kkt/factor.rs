@@ -2,6 +2,7 @@
 
 use super::band_cholesky::BandCholesky;
 use super::band_lu::BandLu;
+use super::buffer::Buffer;
 use super::dense::Dense;
 use super::frontal::Frontal;
 use super::symbolic::{Shared, Symbolic};
@@ -120,7 +121,7 @@ impl Factor {
             (0..n).for_each(|k| out[k * n + k] = 1.0);
             return self.solve_many(out, n);
         };
-        let mut ordered = Vec::new();
+        let mut ordered = Buffer::any(n * n);
         frontal.invert(fronts, &mut ordered);
         // (symmetric systems have no empty rows)
         let into_stored = |r: usize, stored: &mut [f64]| {
@@ -162,11 +163,11 @@ impl Factor {
         if let (Kind::Frontal(frontal), Symmetry::General, Some(fronts), true) =
             (&self.kind, shared.symmetry, &shared.fronts, self.ready)
         {
-            let mut ordered = [Vec::new(), Vec::new()];
-            let [first, second] = &mut ordered;
-            frontal.invert_general(fronts, first, second);
             let stored = shared.layout.stored();
             let places: Vec<usize> = (0..n).map(|r| fronts.row(shared.layout.storage(r))).collect();
+            let mut ordered = [Buffer::any(stored * stored), Buffer::any(stored * stored)];
+            let [first, second] = &mut ordered;
+            frontal.invert_general(fronts, first, second);
             for (out, ordered) in [out, transposed].into_iter().zip(&ordered) {
                 out.clear();
                 out.reserve(n * n);

@@ -25,7 +25,7 @@ const GROUP: usize = 12;
 
 impl Frontal {
     /// A⁻¹ in the order of elimination, row-major; the factor must be symmetric.
-    pub fn invert(&self, fronts: &Fronts, x: &mut Vec<f64>) {
+    pub fn invert(&self, fronts: &Fronts, x: &mut [f64]) {
         struct Run<'a>(&'a Frontal, &'a Fronts, Inverse<'a>);
         impl WithSimd for Run<'_> {
             type Output = ();
@@ -48,15 +48,13 @@ impl Frontal {
             }
         }
         let dim = self.inverse.len();
-        x.clear();
-        x.resize(dim * dim, 0.0);
         Arch::new().dispatch(Run(self, fronts, Inverse { x, dim }));
     }
 }
 
 impl Frontal {
     /// A⁻¹ and A⁻ᵀ in the order of elimination, row-major; the factor must be L U.
-    pub fn invert_general(&self, fronts: &Fronts, x: &mut Vec<f64>, transposed: &mut Vec<f64>) {
+    pub fn invert_general(&self, fronts: &Fronts, x: &mut [f64], transposed: &mut [f64]) {
         struct Run<'a>(&'a Frontal, &'a Fronts, [Inverse<'a>; 2]);
         impl WithSimd for Run<'_> {
             type Output = ();
@@ -88,10 +86,6 @@ impl Frontal {
             }
         }
         let dim = self.inverse.len();
-        for x in [&mut *x, &mut *transposed] {
-            x.clear();
-            x.resize(dim * dim, 0.0);
-        }
         Arch::new().dispatch(Run(self, fronts, [Inverse { x, dim }, Inverse { x: transposed, dim }]));
     }
 }

@@ -181,12 +181,18 @@ impl NodeMatrix {
             fn with_simd<S: Simd>(self, simd: S) {
                 let Self(matrix, blocks, x, out, columns) = self;
                 let width = WIDE * S::F64_LANES;
-                for (j, blocks) in blocks.iter().enumerate() {
-                    for start in (0..columns).step_by(width) {
-                        let product = transposed_slot(simd, matrix.data(), blocks, x, start..columns.min(start + width), columns);
+                // a strip of X at a time, whose rows slots share with their neighbours; the last one overlaps the one before
+                for start in (0..columns).step_by(width) {
+                    let strip = start.min(columns.saturating_sub(width))..columns.min(start + width);
+                    for (j, blocks) in blocks.iter().enumerate() {
+                        let product = if columns < width {
+                            transposed_slot::<S, false>(simd, matrix.data(), blocks, x, strip.clone(), columns)
+                        } else {
+                            transposed_slot::<S, true>(simd, matrix.data(), blocks, x, strip.clone(), columns)
+                        };
                         for (a, sums) in product.iter().enumerate() {
                             let row = matrix.layout().system(3 * j + a).unwrap_or(0);
-                            let (whole, rest) = S::as_mut_simd_f64s(&mut out[row * columns..][start..columns.min(start + width)]);
+                            let (whole, rest) = S::as_mut_simd_f64s(&mut out[row * columns..][strip.clone()]);
                             for (to, sum) in whole.iter_mut().zip(sums) {
                                 *to = *sum;
                             }
@@ -198,9 +204,9 @@ impl NodeMatrix {
                 }
             }
         }
-        out.clear();
         out.resize(self.dim() * columns, 0.0);
         if self.layout().block() != 3 {
+            out.fill(0.0);
             for (r, x) in x.chunks_exact(columns.max(1)).enumerate() {
                 self.for_system_row(r, |c, a| {
                     out[c * columns..(c + 1) * columns].iter_mut().zip(x).for_each(|(out, x)| *out += a * x);
@@ -224,14 +230,14 @@ impl NodeMatrix {
 /// Vectors of a row that are worked on together.
 const WIDE: usize = 4;
 
-/// Some columns of the three rows of Aᵀ X that belong to a slot, whose column of A has these blocks.
+/// Some columns of the three rows of Aᵀ X that belong to a slot, whose column of A has these blocks; `FULL` if they are `WIDE` vectors.
 #[inline(always)]
-fn transposed_slot<S: Simd>(
+fn transposed_slot<S: Simd, const FULL: bool>(
     simd: S,
     data: &[f64],
     blocks: &[[usize; 3]],
     x: &[f64],
-    range: std::ops::Range<usize>,
+    strip: std::ops::Range<usize>,
     columns: usize,
 ) -> [[S::f64s; WIDE]; 3] {
     let zero = simd.splat_f64s(0.0);
@@ -239,18 +245,16 @@ fn transposed_slot<S: Simd>(
     for &[row, start, down] in blocks {
         for a in 0..3 {
             let Some(factors) = data[start + a * down..].first_chunk::<3>() else { continue };
-            let from = &x[(row + a) * columns..][range.clone()];
-            let (whole, rest) = S::as_simd_f64s(from);
-            let mut wide = [zero; WIDE];
-            match whole.first_chunk() {
-                Some(whole) => wide = *whole,
-                None => {
-                    for (to, from) in wide.iter_mut().zip(whole) {
-                        *to = *from;
-                    }
-                    wide[whole.len()] = simd.partial_load_f64s(rest);
-                }
-            }
+            let (whole, rest) = S::as_simd_f64s(&x[(row + a) * columns..][strip.clone()]);
+            let wide: [S::f64s; WIDE] = match whole.first_chunk() {
+                Some(whole) => *whole,
+                None if FULL => continue,
+                None => std::array::from_fn(|k| match whole.get(k) {
+                    Some(vector) => *vector,
+                    None if k == whole.len() => simd.partial_load_f64s(rest),
+                    None => zero,
+                }),
+            };
             for r in 0..3 {
                 let factor = simd.splat_f64s(factors[r]);
                 for k in 0..WIDE {

@@ -2,8 +2,8 @@
 //!
 //! A full step with matrix K gives d = −K⁻¹ r(y). The *simplified* correction d̄ = −K⁻¹ r(y + α d), from the same factor,
 //! decides: the step is taken if ‖d̄‖ ≤ (1 − α/4) ‖d‖ (Deuflhard 2011, natural monotonicity, in the mass norm, which a rotating
-//! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄ is itself taken as the next step and
-//! no new factorization is made. The end is reached when what would be left after taking d̄, by the contraction seen, is far below the
+//! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄, made better by the steps before it
+//! (secant.rs), is itself taken as the next step and no new factorization is made. The end is reached when what would be left after taking d̄, by the contraction seen, is far below the
 //! tolerance, or ‖d̄‖ itself below it, and the eigenvalues of all cone variables have settled.
 //!
 //! Compressed in its plane, a sheet has directions in which its energy falls ever faster: K is indefinite, and Newton's step leads to a
@@ -14,18 +14,22 @@
 
 mod fallback;
 mod history;
+mod secant;
 
 pub(crate) use fallback::solve_stage;
 pub(crate) use history::History;
+pub(crate) use secant::Secant;
 
 use crate::kkt::System;
 use crate::step::{STATIC, Stage, StepError, Workspace};
 use nalgebra::Vector4;
 use pliant_smoothing::eigenvalues;
 
-/// Corrections are worth taking without a new matrix if about this many of them are left: with sheets a new one costs as much. (With rods
-/// it costs as much as three; four to eight take the same time.)
-const CHORDS: f64 = 6.0;
+/// Corrections are worth taking without a new matrix if about this many of them are left, falling as they do: where nothing touches, a
+/// matrix of ropes, rods and bodies costs as much as three; with contacts, and for sheets, as six and more. (They end sooner, for each is
+/// made better by those before it.)
+const CHORDS: f64 = 8.0;
+const CHORDS_FOR_DEAR: f64 = 15.0;
 /// How many full steps of a solve may fail the monotonicity test, and the growth of the correction they may show. The matrix of
 /// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
 const BOLD_STEPS: usize = 2;
@@ -182,17 +186,19 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
     let mut alpha: f64 = 1.0;
     // chords do without axial forces, which therefore do not follow them
     let mut behind = false;
+    ws.secant.clear();
+    let chords = if stage.model.buckles() || stage.has_contact() { CHORDS_FOR_DEAR } else { CHORDS };
     let by_slope = by_slope(stage);
     let (mut slope, mut longest) = (dot(&ws.r, &ws.d), if ws.stable { LONGEST } else { 1.0 });
     loop {
-        let next = try_step(stage, ws, alpha, work)?;
+        let mut next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.damping > 0.0 || stage.soften > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
-        let dare = alpha == 1.0 && ws.bold > 0 && next < BOLD * norm;
+        let dare = alpha == 1.0 && !behind && ws.bold > 0 && next < BOLD * norm;
         // where a sheet buckles a step leads downhill, whatever corrections do
         let rise = if by_slope && slope < 0.0 { dot(&ws.r, &ws.d) / -slope } else { f64::INFINITY };
-        let downhill = rise < LEVEL;
+        let downhill = !behind && rise < LEVEL;
         if rise < -LEVEL && alpha < longest && norm > tolerance {
             alpha *= 2.0;
             continue;
@@ -200,6 +206,9 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         if next.is_finite() && (monotone || dare || downhill) {
             ws.bold -= usize::from(!monotone && !downhill);
             accept(ws);
+            if alpha == 1.0 && monotone {
+                next = secant::improve(stage, ws);
+            }
             if alpha != 1.0 {
                 follow(stage, ws, alpha);
                 return Ok(Descent::Continue(1.0));
@@ -208,7 +217,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 take_correction(ws);
                 return Ok(Descent::Converged);
             }
-            if chords_left(next, norm, tolerance) > CHORDS {
+            if chords_left(next, norm, tolerance) > chords {
                 follow(stage, ws, alpha);
                 return Ok(Descent::Continue(next / first));
             }
@@ -218,6 +227,10 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         } else {
             if std::mem::take(&mut behind) {
                 stay(stage, ws);
+                // a chord that leads astray says nothing of the iterate: a new matrix will
+                if norm > NOISE * tolerance {
+                    return Ok(Descent::Continue(1.0));
+                }
             }
             if norm <= tolerance {
                 // rounding noise: the last correction was already below the tolerance
@@ -394,8 +407,10 @@ fn norm(stage: &Stage, d: &[f64], ws: &Workspace, dw: [&[Vector4<f64>]; 2], ds: 
 /// The cone variables' part of [`norm`].
 fn cone_norm(stage: &Stage, ws: &Workspace, [dw, dp]: [&[Vector4<f64>]; 2], ds: &[f64]) -> f64 {
     let cones = stage.model.pairs.iter().zip(dw);
-    let sum: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
-    ((sum + stage.rows_norm2(ds) + stage.spots_norm2(&ws.spots.spots, dp)) / stage.measure.total).sqrt()
+    let of_cones: f64 = cones.map(|(pair, dw)| dw.norm_squared() / stage.mass[pair.node]).sum();
+    let of_rows: f64 = stage.row_weights().zip(ds).map(|(weight, d)| weight * d * d).sum();
+    let of_spots: f64 = ws.spots.weights().zip(dp).map(|(weight, dw)| weight.dot(&dw.component_mul(dw))).sum();
+    ((of_cones + of_rows + of_spots) / stage.measure.total).sqrt()
 }
 
 /// √(Σ m v²/Σ m) [m/s] of velocities or their change.

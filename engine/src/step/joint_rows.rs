@@ -111,9 +111,9 @@ impl Stage<'_> {
         self.measure.rows.iter().zip(rows).map(noise).sum()
     }
 
-    /// Σ |Δγ|²/inertia.
-    pub(crate) fn rows_norm2(&self, ds: &[f64]) -> f64 {
-        self.measure.rows.iter().zip(ds).map(|(row, d)| d * d / inertias(self.model, row)[1]).sum()
+    /// What Δγ² of each row counts: one over its inertia.
+    pub(crate) fn row_weights(&self) -> impl Iterator<Item = f64> {
+        self.measure.rows.iter().map(|row| 1.0 / inertias(self.model, row)[1])
     }
 
     /// Rounding of the velocities that closed stops tell, in the norm of corrections [m/s].

@@ -18,8 +18,10 @@ use crate::scene::Integrator;
 use crate::state::State;
 use crate::terms::{Point, Term};
 
-/// Iterations per stage from which a root is not taken for the motion without a look: what is found at once is near.
+/// Matrices per stage from which a root is not taken for the motion without a look: what is found at once is near. Of sheets one matrix
+/// serves for more corrections.
 const SEARCHED: usize = 3;
+const SEARCHED_OF_SHEETS: usize = 2;
 /// Largest part that a step, and a substep in proportion, may create of the energy at hand: kinetic and elastic, and the weight of all nodes raised by their extent.
 const CREATED: f64 = 1e-3;
 /// Largest part of the energy at hand that the last halves of a step may create together.
@@ -39,7 +41,7 @@ pub(super) struct Passed<'a> {
     pub iterations: usize,
 }
 
-/// What a (sub)step creates, and the energy at hand at its beginning, or its end if that is more \[J\].
+/// What a (sub)step creates, at most, and the energy at hand at its beginning, or its end if that is more \[J\].
 #[derive(Clone, Copy)]
 pub(super) struct Created {
     energy: f64,
@@ -81,15 +83,24 @@ impl Stepper<'_> {
     pub(super) fn created_by_nodes(&mut self, step: &Passed) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again
-        let suspect = step.iterations >= SEARCHED * stages || step.h < self.model.h;
+        let searched = if self.model.buckles() { SEARCHED_OF_SHEETS } else { SEARCHED };
+        let suspect = step.iterations >= searched * stages || step.h < self.model.h;
         if !suspect || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
             return None;
         }
         let kinetic = [step.before, step.after].map(|x| self.free_rows().map(|(k, m)| 0.5 * m * x.v[k] * x.v[k]).sum::<f64>());
         let [elastic, all] = self.energies(step);
         let (grown, resting) = (kinetic[1] - kinetic[0], elastic[0] + self.raised(&step.before.q));
-        let energy = (grown + all[1] - all[0]).min(grown + elastic[1] - elastic[0] - self.work(step));
-        Some(Created { energy, begin: kinetic[0] + resting, largest: kinetic[0].max(kinetic[1]) + resting })
+        let mut created = Created {
+            energy: grown + all[1] - all[0],
+            begin: kinetic[0] + resting,
+            largest: kinetic[0].max(kinetic[1]) + resting,
+        };
+        // what is little before the work of the others is seen to needs no look at it
+        if self.is_too_much(&created, step.h) {
+            created.energy = created.energy.min(grown + elastic[1] - elastic[0] - self.work(step));
+        }
+        Some(created)
     }
 
     /// Whether that is too much for a (sub)step of length `h`.

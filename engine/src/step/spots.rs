@@ -58,6 +58,11 @@ pub(crate) struct SpotWorkspace {
 }
 
 impl SpotWorkspace {
+    /// What |Δw|² of each contact counts by its parts: one over the effective mass along the normal and across [1/kg].
+    pub(crate) fn weights(&self) -> impl Iterator<Item = Vector4<f64>> {
+        self.spots.iter().map(|s| Vector4::new(RHO / s.rho_n, RHO / s.rho_t, RHO / s.rho_t, RHO / s.rho_t))
+    }
+
     /// Whether solids are near enough to touch within the stage.
     pub(crate) fn touching(&self) -> bool {
         self.spots.iter().any(|s| matches!(s.key, SpotKey::Contact { .. }))
@@ -239,11 +244,6 @@ impl Stage<'_> {
             };
             *w = Vector4::new((law.at.kappa * law.at.rho_n / RHO).sqrt(), 0.0, 0.0, 0.0);
         }
-    }
-
-    /// Σ |Δw|²/effective mass.
-    pub(crate) fn spots_norm2(&self, spots: &[SpotState], dw: &[Vector4<f64>]) -> f64 {
-        spots.iter().zip(dw).map(|(s, dw)| RHO * (dw[0] * dw[0] / s.rho_n + dw.fixed_rows::<3>(1).norm_squared() / s.rho_t)).sum()
     }
 
     /// Rounding noise of all w in the same measure.

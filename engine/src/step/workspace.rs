@@ -8,7 +8,7 @@ use super::stage::Iterate;
 use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
 use crate::kkt::{KktError, Symbolic, System, SystemFactor};
 use crate::model::Model;
-use crate::newton::History;
+use crate::newton::{History, Secant};
 use crate::rods::{Carry, RodPoint};
 use nalgebra::Vector4;
 
@@ -39,6 +39,8 @@ pub struct Workspace {
     pub(crate) r: Vec<f64>,
     pub(crate) d: Vec<f64>,
     pub(crate) d_next: Vec<f64>,
+    /// Steps taken by the factored matrix.
+    pub(crate) secant: Secant,
     pub(crate) dw: Vec<Vector4<f64>>,
     pub(crate) dw_next: Vec<Vector4<f64>>,
     pub(crate) cone: Vec<Vector4<f64>>,
@@ -105,6 +107,7 @@ impl Workspace {
             r: zeros(),
             d: zeros(),
             d_next: zeros(),
+            secant: Secant::default(),
             dw: cones(),
             dw_next: cones(),
             cone: cones(),
