@@ -81,6 +81,15 @@ impl Work {
         self.factorizations += other.factorizations;
         self.evaluations += other.evaluations;
     }
+
+    /// What came after `earlier`.
+    pub(crate) fn since(self, earlier: Self) -> Self {
+        Self {
+            iterations: self.iterations - earlier.iterations,
+            factorizations: self.factorizations - earlier.factorizations,
+            evaluations: self.evaluations - earlier.evaluations,
+        }
+    }
 }
 
 /// Why Newton's method gave up, and how far it was.

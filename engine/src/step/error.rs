@@ -40,7 +40,7 @@ pub enum StepError {
         created: f64,
         /// Kinetic and elastic energy, and weight times extent, as the first of them begins \[J\].
         at_hand: f64,
-        /// The inner force whose energy grows most.
+        /// The inner force whose energy grows most, or `contact`.
         term: String,
     },
     /// A number became infinite or NaN.

@@ -7,21 +7,24 @@
 //! D = ΔT + ΔV − Σ_stages b h v̄·(m a − f(q̄, v̄)),   a = (v⁺ − v)/h of the stage        [J]
 //! ```
 //! is what the step creates beside the work of everything else, hands, wind, weight and contact, whatever it is; T counts free nodes, V is
-//! elastic. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
+//! elastic. Shapes that stand still do no work: where nothing but nodes moves, what they do all the same, pushing out what a long step has
+//! put into them, counts as created. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
 //! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. The
 //! last halves are taken as they come; what they create is added up, and a step in which it is more than a tenth of what was at hand is an
 //! error: no motion, whatever its cause.
 
 use super::{SDIRK_GAMMA, StepError, Stepper};
+use crate::newton::Work;
 use crate::rods::Remembered;
 use crate::scene::Integrator;
 use crate::state::State;
 use crate::terms::{Point, Term};
 
 /// Matrices per stage from which a root is not taken for the motion without a look: what is found at once is near. Of sheets one matrix
-/// serves for more corrections.
+/// serves for more corrections, and from so many of them on what one matrix has found is looked at as well.
 const SEARCHED: usize = 3;
 const SEARCHED_OF_SHEETS: usize = 2;
+const CORRECTED: usize = 8;
 /// Largest part that a step, and a substep in proportion, may create of the energy at hand: kinetic and elastic, and the weight of all nodes raised by their extent.
 const CREATED: f64 = 1e-3;
 /// Largest part of the energy at hand that the last halves of a step may create together.
@@ -38,13 +41,15 @@ pub(super) struct Passed<'a> {
     /// Whether sdirk2 was left for Euler.
     pub by_euler: bool,
     /// Of Newton's method, in all stages.
-    pub iterations: usize,
+    pub work: Work,
 }
 
 /// What a (sub)step creates, at most, and the energy at hand at its beginning, or its end if that is more \[J\].
 #[derive(Clone, Copy)]
 pub(super) struct Created {
     energy: f64,
+    /// What shapes that stand still have done of it.
+    by_contact: f64,
     begin: f64,
     largest: f64,
 }
@@ -53,6 +58,7 @@ pub(super) struct Created {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unsound {
     created: f64,
+    by_contact: f64,
     at_hand: f64,
 }
 
@@ -63,6 +69,7 @@ impl Unsound {
             self.at_hand = half.begin;
         }
         self.created += half.energy.max(0.0);
+        self.by_contact += half.by_contact.min(half.energy).max(0.0);
     }
 }
 
@@ -78,13 +85,26 @@ struct Part<'a> {
     v_bar: &'a [f64],
 }
 
+/// Work in a (sub)step of everything but inner forces, and of contact on free rows, where nothing else acts \[J\].
+struct Done {
+    others: f64,
+    contact: f64,
+}
+
+impl Done {
+    fn and(self, other: Self) -> Self {
+        Self { others: self.others + other.others, contact: self.contact + other.contact }
+    }
+}
+
 impl Stepper<'_> {
     /// What a step created of energy of nodes, where it is looked at.
     pub(super) fn created_by_nodes(&mut self, step: &Passed) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again
         let searched = if self.model.buckles() { SEARCHED_OF_SHEETS } else { SEARCHED };
-        let suspect = step.iterations >= searched * stages || step.h < self.model.h;
+        let Work { iterations, evaluations, .. } = step.work;
+        let suspect = iterations >= searched * stages || evaluations >= CORRECTED * stages || step.h < self.model.h;
         if !suspect || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
             return None;
         }
@@ -98,7 +118,9 @@ impl Stepper<'_> {
         };
         // what is little before the work of the others is seen to needs no look at it
         if self.is_too_much(&created, step.h) {
-            created.energy = created.energy.min(grown + elastic[1] - elastic[0] - self.work(step));
+            let Done { others, contact } = self.work(step);
+            created.by_contact = if self.shapes_stand_still() { contact.max(0.0) } else { 0.0 };
+            created.energy = created.energy.min(grown + elastic[1] - elastic[0] - others + created.by_contact);
         }
         Some(created)
     }
@@ -110,11 +132,12 @@ impl Stepper<'_> {
 
     /// Refuses a step whose last halves are no motion.
     pub(super) fn refuse(&mut self, unsound: Unsound, before: &State, after: &State) -> Result<(), StepError> {
-        let Unsound { created, at_hand } = unsound;
+        let Unsound { created, by_contact, at_hand } = unsound;
         if created <= NO_MOTION * at_hand {
             return Ok(());
         }
-        Err(StepError::EnergyCreated { step: 0, created, at_hand, term: self.grown_most(before, after) })
+        let term = if by_contact > 0.5 * created { "contact".to_owned() } else { self.grown_most(before, after) };
+        Err(StepError::EnergyCreated { step: 0, created, at_hand, term })
     }
 
     /// The inner force whose energy grows most from one state to another.
@@ -154,8 +177,13 @@ impl Stepper<'_> {
         [0, 1].map(|kind| [of[0][kind], of[1][kind]])
     }
 
-    /// Σ b h v̄·(m a − f) \[J\].
-    fn work(&self, step: &Passed) -> f64 {
+    /// Whether what nodes touch stands still, and nothing acts on them but forces, hands and contact.
+    fn shapes_stand_still(&self) -> bool {
+        self.model.tree.nv() == 0 && self.model.grasps.is_empty()
+    }
+
+    /// Σ b h v̄·(m a − f) of inner forces, and of all on free rows.
+    fn work(&self, step: &Passed) -> Done {
         let (n, h, gamma) = (self.model.n_node_dofs(), step.h, SDIRK_GAMMA);
         let ([q, v], [q_next, v_next]) = ([&step.before.q, &step.before.v], [&step.after.q, &step.after.v]);
         let from = |k: usize| v[k];
@@ -165,7 +193,7 @@ impl Stepper<'_> {
             let reference = |k: usize| v[k] + (1.0 - gamma) / gamma * (first[k] - v[k]);
             let one = Part { length: (1.0 - gamma) * h, from: &from, to: first, h: gamma * h, q_bar: &q_first, v_bar: first };
             let two = Part { length: gamma * h, from: &reference, to: v_next, q_bar: q_next, v_bar: v_next, ..one };
-            return self.part_of_work(step, &one) + self.part_of_work(step, &two);
+            return self.part_of_work(step, &one).and(self.part_of_work(step, &two));
         }
         let euler = Part { length: h, from: &from, to: v_next, h, q_bar: q_next, v_bar: v_next };
         if self.model.integrator != Integrator::Midpoint {
@@ -177,16 +205,21 @@ impl Stepper<'_> {
         self.part_of_work(step, &Part { q_bar: &q_bar, v_bar: &v_bar, ..euler })
     }
 
-    fn part_of_work(&self, step: &Passed, part: &Part) -> f64 {
+    fn part_of_work(&self, step: &Passed, part: &Part) -> Done {
         let mut f = vec![0.0; self.model.nv()];
         let at = Point { q: part.q_bar, v: part.v_bar, theta: self.theta };
-        self.model.terms.iter().filter(|term| term.inner()).for_each(|term| term.add_force(&at, &mut f));
+        let add = |inner: bool, f: &mut [f64]| {
+            self.model.terms.iter().filter(|term| term.inner() == inner).for_each(|term| term.add_force(&at, f));
+        };
+        add(true, &mut f);
         let (rods, mut point) = (&self.model.rods, Default::default());
         rods.evaluate(&step.before.q, self.frames_of(step.before), part.q_bar, &mut point);
         rods.add_force(&point, part.v_bar, self.theta, self.as_begun(step), &mut f);
         let inertia: f64 = self.free_rows().map(|(k, m)| m * part.v_bar[k] * (part.to[k] - (part.from)(k))).sum();
-        let power: f64 = (0..self.model.n_node_dofs()).map(|k| part.v_bar[k] * f[k]).sum();
-        part.length * (inertia / part.h - power)
+        let inner: f64 = (0..self.model.n_node_dofs()).map(|k| part.v_bar[k] * f[k]).sum();
+        add(false, &mut f);
+        let all: f64 = self.free_rows().map(|(k, _)| part.v_bar[k] * f[k]).sum();
+        Done { others: part.length * (inertia / part.h - inner), contact: part.length * (inertia / part.h - all) }
     }
 
     fn frames_of<'a>(&self, x: &'a State) -> &'a [f64] {

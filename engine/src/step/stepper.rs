@@ -247,11 +247,11 @@ impl<'m> Stepper<'m> {
     ) -> Result<(), StepError> {
         let means = Means { halvings: if self.spent(trace) { 0 } else { means.halvings }, ..means };
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        let iterations = trace.work.iterations;
+        let begun = trace.work;
         let mut result = self.integrate(state, h, v_cmd, means, trace, stages);
-        let iterations = trace.work.iterations - iterations;
+        let work = trace.work.since(begun);
         let guarded = means.halvings > 0;
-        let passed = Passed { before: &before, after: state, h, by_euler: means.by_euler, iterations };
+        let passed = Passed { before: &before, after: state, h, by_euler: means.by_euler, work };
         if matches!(result, Ok(Taken::Sound))
             && let Some(created) = self.created_by_nodes(&passed)
         {
