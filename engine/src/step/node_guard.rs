@@ -113,6 +113,7 @@ impl Stepper<'_> {
         let (grown, resting) = (kinetic[1] - kinetic[0], elastic[0] + self.raised(&step.before.q));
         let mut created = Created {
             energy: grown + all[1] - all[0],
+            by_contact: 0.0,
             begin: kinetic[0] + resting,
             largest: kinetic[0].max(kinetic[1]) + resting,
         };
