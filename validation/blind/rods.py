@@ -24,7 +24,7 @@ LENGTH, SPAN = 0.6, 0.45  # m, between the ends as the scene begins
 STIFFNESS, GUESS = 1e-3, 0.9  # N·m², and the scene's over the true one
 RATE, FINE, SAMPLES = 100.0, 8, 120  # Hz, true steps a sample, samples after the first
 EVERY = 8  # pliant's steps a sample: with 4 of them its own error is a tenth of the noise, and seen
-SETTLE = 400  # steps of a hundredth of a second and more by Euler, which bring the rod to rest
+SETTLE = 1200  # steps of Euler, which bring the rod to rest; four times as long ones fail on some processors
 FITTED, RECORDS = 3, 4
 NOISE = Noise(0.3, 3e-4)
 HELD = {"left": (0, 1), "right": (NODES - 2, NODES - 1)}
@@ -90,7 +90,7 @@ director = [0, 1, 0]
 @functools.cache
 def truth(settling: bool = False):
     """The reference's model of the true rod and its compiled rollout; by long steps of Euler for coming to rest."""
-    step, integrator = (0.02, "euler") if settling else (1.0 / RATE / FINE, "sdirk2")
+    step, integrator = (0.005, "euler") if settling else (1.0 / RATE / FINE, "sdirk2")
     model = reference.loads(rod(step, integrator, STIFFNESS, LAWS, strains=True))
     return model, jax.jit(reference.make_rollout(model))
 
@@ -129,10 +129,9 @@ def motion(hidden: dict[str, float], record: int) -> np.ndarray:
     logged = np.arange(SAMPLES + 1) / RATE
     u = np.stack([np.interp(t, logged, column) for column in commands(record, logged).T], axis=1)
     settling, settle = truth(settling=True)
-    rest = settle(settling.initial_state(), np.tile(u[0], (SETTLE, 1)), silent)[0][-1]
-    x0 = at_rest(model, np.array(rest))
-    x, residuals = rollout(x0, u[1:], theta)
-    assert float(np.max(residuals)) < 1e-8, "a step of the reference did not converge"
+    settled, failed = settle(settling.initial_state(), np.tile(u[0], (SETTLE, 1)), silent)
+    x, residuals = rollout(at_rest(model, np.array(settled[-1])), u[1:], theta)
+    assert max(map(float, map(np.max, [failed, residuals]))) < 1e-8, "a step of the reference did not converge"
     return np.array(x)[::FINE, : 3 * NODES].reshape(-1, NODES, 3)
 
 

@@ -58,8 +58,10 @@ const NEGLIGIBLE: f64 = 0.01;
 const SETTLED: f64 = 1e-6;
 /// How many roundings of the stiffest force count as none.
 const ROUNDINGS: f64 = 4.0;
-/// Part of the velocity scale that the rounding of inner forces may leave open in a step.
+/// Part of the velocity scale that the rounding of inner forces may leave open in a step; and of the size of things by which it may move
+/// them, for at rest there is no velocity to compare it with.
 const UNRESOLVED: f64 = 1e-6;
+const UNMOVED: f64 = 1e-10;
 /// Corrections this many times the tolerance count as rounding noise if they stop shrinking.
 const NOISE: f64 = 1e3;
 
@@ -462,7 +464,8 @@ fn balanced(stage: &Stage, ws: &Workspace, correction: f64) -> bool {
         if stage.has_contact() { [ws.stiffness, ws.viscosity] } else { [stiffest(&ws.dq), stiffest(&ws.dv)] };
     let fastest = ws.it.v[..n].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     let noise = 4.0 * ROUNDINGS * f64::EPSILON * (farthest(stage) * stiffness + fastest * viscosity);
-    correction <= UNRESOLVED * velocity_scale(stage, ws) && settled(stage, ws) && largest <= noise
+    let unresolved = (UNRESOLVED * velocity_scale(stage, ws)).max(UNMOVED * farthest(stage) / stage.h);
+    correction <= unresolved && settled(stage, ws) && largest <= noise
 }
 
 /// Largest coordinate of a node [m].

@@ -36,7 +36,7 @@ pub enum StepError {
     EnergyCreated {
         /// Step number, from 0.
         step: usize,
-        /// What its last halves create \[J\].
+        /// What its last halves create, and those of the steps right before it that had such halves too \[J\].
         created: f64,
         /// Kinetic and elastic energy, and weight times extent, as the first of them begins \[J\].
         at_hand: f64,

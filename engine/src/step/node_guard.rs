@@ -10,8 +10,8 @@
 //! elastic. Shapes that stand still do no work: where nothing but nodes moves, what they do all the same, pushing out what a long step has
 //! put into them, counts as created. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
 //! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. The
-//! last halves are taken as they come; what they create is added up, and a step in which it is more than a tenth of what was at hand is an
-//! error: no motion, whatever its cause.
+//! last halves are taken as they come; what they create is added up, over all steps in a row that have such halves, and more than a tenth of
+//! what was at hand is an error: no motion, whatever its cause.
 
 use super::{SDIRK_GAMMA, StepError, Stepper};
 use crate::newton::Work;
@@ -27,7 +27,7 @@ const SEARCHED_OF_SHEETS: usize = 2;
 const CORRECTED: usize = 8;
 /// Largest part that a step, and a substep in proportion, may create of the energy at hand: kinetic and elastic, and the weight of all nodes raised by their extent.
 const CREATED: f64 = 1e-3;
-/// Largest part of the energy at hand that the last halves of a step may create together.
+/// Largest part of the energy at hand that the last halves of a step, and of steps in a row, may create together.
 const NO_MOTION: f64 = 0.1;
 /// Part of a step in which sections may forget: none, but it is divided by.
 const AT_ONCE: f64 = 1e-9;
@@ -54,20 +54,32 @@ pub(super) struct Created {
     largest: f64,
 }
 
-/// What the last halves of a step have created, and what was at hand as the first of them began \[J\].
+/// What last halves have created, in a step and in those right before it that had such halves too, and what was at hand as the first of them
+/// began \[J\].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unsound {
     created: f64,
     by_contact: f64,
     at_hand: f64,
+    /// What is left of it for the next step, others having taken from it; none without a last half in this step.
+    left: Option<f64>,
 }
 
 impl Unsound {
+    /// What goes on into the next step.
+    pub(super) fn carried(self) -> Self {
+        match self.left {
+            Some(left) if left > 0.0 => Self { created: left, left: None, by_contact: self.by_contact.min(left), ..self },
+            _ => Self::default(),
+        }
+    }
+
     /// Counts a half that is taken as it comes.
     pub(super) fn add(&mut self, half: Created) {
         if self.created == 0.0 {
             self.at_hand = half.begin;
         }
+        self.left = Some(self.left.unwrap_or(self.created) + half.energy);
         self.created += half.energy.max(0.0);
         self.by_contact += half.by_contact.min(half.energy).max(0.0);
     }
@@ -104,8 +116,10 @@ impl Stepper<'_> {
         // halves of a step that did something of the kind may do it again
         let searched = if self.model.buckles() { SEARCHED_OF_SHEETS } else { SEARCHED };
         let Work { iterations, evaluations, .. } = step.work;
-        let suspect = iterations >= searched * stages || evaluations >= CORRECTED * stages || step.h < self.model.h;
-        if !suspect || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
+        let suspect = iterations >= searched + stages - 1 || evaluations >= CORRECTED * stages || step.h < self.model.h;
+        // the second stage of a step goes on as the first has begun, which after a hit is up
+        let hit = stages == 2 && !self.model.pairs.is_empty();
+        if !(suspect || hit) || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
             return None;
         }
         let kinetic = [step.before, step.after].map(|x| self.free_rows().map(|(k, m)| 0.5 * m * x.v[k] * x.v[k]).sum::<f64>());
@@ -133,7 +147,7 @@ impl Stepper<'_> {
 
     /// Refuses a step whose last halves are no motion.
     pub(super) fn refuse(&mut self, unsound: Unsound, before: &State, after: &State) -> Result<(), StepError> {
-        let Unsound { created, by_contact, at_hand } = unsound;
+        let Unsound { created, by_contact, at_hand, .. } = unsound;
         if created <= NO_MOTION * at_hand {
             return Ok(());
         }

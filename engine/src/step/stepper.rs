@@ -206,7 +206,7 @@ impl<'m> Stepper<'m> {
             let mut stages = Vec::new();
             let mut next = state.clone();
             let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
-            self.unsound = Unsound::default();
+            self.unsound = self.unsound.carried();
             self.substep(&mut next, h, &v_cmd, Means { halvings, by_euler: false }, &mut trace, &mut stages)?;
             // steps that may not be halved are wanted as they come
             if halvings > 0 {
