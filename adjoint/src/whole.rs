@@ -5,11 +5,16 @@
 //! ```text
 //! ∂v⁺/∂v = G σM (zero in driven columns),   ∂v⁺/∂q = G F = G B − P/h,   ∂v⁺/∂v_cmd = the driven columns of G,   q⁺ = q + h v⁺
 //! ```
-//! F is sparse and the fronts give G without solves, so that is less than to solve for each column. (Elastic forces alone have
-//! h F = σM − K, which saves the product: [`crate::elastic`].) A closed contact has in K and in F along its normal, and if it sticks in K
-//! across it, 1e7 times what the rest has. Along the normal, where all of it is in F, the difference from K is taken instead, by P and
-//! B ([`StageRecord::positions_beside_normals`]); across it, where nothing is in F, the product: so no digit is lost. Where a probe
-//! shows that refinement against the contacts not condensed changes anything, steps are linearized the general way.
+//! F is sparse and the fronts give G without solves, so that is less than to solve for each column. A closed contact has in K and in F along
+//! its normal, and if it sticks in K across it, 1e7 times what the rest has. Along the normal, where all of it is in F, the difference from
+//! K is taken instead, by P and B ([`StageRecord::positions_beside_normals`]); across it, where nothing is in F, the product: so no digit is
+//! lost. Where a probe shows that refinement against the contacts not condensed changes anything, steps are linearized the general way.
+//!
+//! Where nothing but contacts depends on velocities, by −∂p/∂v⁺, there is no need of the product: with s = σ m in free columns and 1 in driven ones
+//! ```text
+//! h F = s − ∂p/∂v⁺/h − K,   ∂v⁺/∂q = (G (s − ∂p/∂v⁺/h) − 1)/h
+//! ```
+//! but for the nodes' own blocks, where the difference could leave nothing of what sticks or of what hardly anything holds.
 
 use crate::elastic::{add_commands, euler_stage};
 use crate::implicit::worth_refining;
@@ -28,7 +33,11 @@ pub(crate) struct Whole {
     by_position: Vec<f64>,
     /// σ m of every column; zero in driven ones.
     momentum: Vec<f64>,
+    /// s − ∂p/∂v⁺/h, node by node.
+    resting: Vec<Block>,
 }
+
+type Block = [[f64; 3]; 3];
 
 /// The only stage of such a step, if this is one.
 fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
@@ -62,26 +71,38 @@ impl Whole {
         let stage = stage_of(cx, step)?;
         let (n, h) = (stage.v.len(), stage.h);
         let (positions, normals) = stage.positions_beside_normals()?;
-        stage.factor.inverses_of_nodes(&mut self.inverse, &mut self.transposed);
-        positions.transpose_times(&self.transposed, &mut self.by_position, n);
-        for (node, along) in &normals {
-            for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                self.by_position[(3 * node + c) * n + 3 * node + r] -= along[r][c] / h;
-            }
-        }
         let inertia = stage.inertia * stage.scheme.momentum;
         self.momentum.clear();
         self.momentum.extend(cx.mass.iter().zip(cx.model.driven_rows()).map(|(m, d)| if *d { 0.0 } else { inertia * m }));
-        let mut out = Linearization { a: self.by_state(h), b: vec![0.0; 2 * n * nu], c: Vec::new() };
+        let mut a = vec![0.0; 4 * n * n];
+        let lower = &mut a[2 * n * n..];
+        if stage.undamped && n == 3 * cx.model.n_nodes() {
+            stage.factor.inverse_of_nodes(&mut self.inverse);
+            self.by_difference(cx, stage, lower);
+            let mut own = positions.diagonal_blocks_of_product(&self.inverse);
+            normals.iter().for_each(|(node, along)| add_scaled(&mut own[*node], along, -1.0 / h));
+            for (k, own) in own.iter().enumerate() {
+                own.iter().enumerate().for_each(|(r, row)| lower[(3 * k + r) * 2 * n + 3 * k..][..3].copy_from_slice(row));
+            }
+        } else {
+            stage.factor.inverses_of_nodes(&mut self.inverse, &mut self.transposed);
+            positions.transpose_times(&self.transposed, &mut self.by_position, n);
+            self.by_product(lower);
+            for (node, along) in &normals {
+                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                    lower[(3 * node + r) * 2 * n + 3 * node + c] -= along[r][c] / h;
+                }
+            }
+        }
+        self.by_velocity(h, &mut a);
+        let mut out = Linearization { a, b: vec![0.0; 2 * n * nu], c: Vec::new() };
         add_commands(&self.inverse, step, h, [n, nu], &mut out);
         Some(out)
     }
 
-    /// A with the commands as they are.
-    fn by_state(&self, h: f64) -> Vec<f64> {
+    /// ∂v⁺/∂q, from its transpose.
+    fn by_product(&self, lower: &mut [f64]) {
         let n = self.momentum.len();
-        let mut a = vec![0.0; 4 * n * n];
-        let (upper, lower) = a.split_at_mut(2 * n * n);
         // squares that fit into the nearest cache
         for (first, rows) in lower.chunks_mut(2 * n * TILE).enumerate() {
             for start in (0..n).step_by(TILE) {
@@ -92,14 +113,39 @@ impl Whole {
                 }
             }
         }
+    }
+
+    /// ∂v⁺/∂q without the nodes' own blocks.
+    fn by_difference(&mut self, cx: Context, stage: &StageRecord, lower: &mut [f64]) {
+        let (n, per_h, driven) = (self.momentum.len(), 1.0 / stage.h, cx.model.driven_rows());
+        let scale = |row: usize| per_h * if driven[row] { 1.0 } else { stage.inertia * cx.mass[row] };
+        self.resting.clear();
+        let diagonal = |k: usize| [[scale(3 * k), 0.0, 0.0], [0.0, scale(3 * k + 1), 0.0], [0.0, 0.0, scale(3 * k + 2)]];
+        self.resting.extend((0..n / 3).map(diagonal));
+        stage.visit_contact_damping(|node, block| add_scaled(&mut self.resting[node], &block, per_h));
+        for (row, g) in lower.chunks_exact_mut(2 * n).zip(self.inverse.chunks_exact(n)) {
+            let nodes = row[..n].as_chunks_mut::<3>().0.iter_mut().zip(g.as_chunks::<3>().0);
+            for ((to, g), m) in nodes.zip(&self.resting) {
+                *to = [0, 1, 2].map(|c| g[0] * m[0][c] + g[1] * m[1][c] + g[2] * m[2][c]);
+            }
+        }
+    }
+
+    /// The other rows and columns of A, with the commands as they are.
+    fn by_velocity(&self, h: f64, a: &mut [f64]) {
+        let n = self.momentum.len();
+        let (upper, lower) = a.split_at_mut(2 * n * n);
         for (i, (q, v)) in upper.chunks_exact_mut(2 * n).zip(lower.chunks_exact_mut(2 * n)).enumerate() {
             let g = &self.inverse[i * n..(i + 1) * n];
             v[n..].iter_mut().zip(g.iter().zip(&self.momentum)).for_each(|(v, (g, m))| *v = g * m);
             q.iter_mut().zip(v.iter()).for_each(|(q, v)| *q = h * v);
             q[i] += 1.0;
         }
-        a
     }
+}
+
+fn add_scaled(to: &mut Block, block: &Block, scale: f64) {
+    to.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(to, b)| *to += scale * b);
 }
 
 /// Rows and columns of what is transposed together.

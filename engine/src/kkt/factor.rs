@@ -110,9 +110,12 @@ impl Factor {
         self.apply(b, columns, true);
     }
 
-    /// A⁻¹, row-major; for symmetric matrices in fronts at a fraction of the price of its columns' solves.
+    /// A⁻¹, row-major; for matrices in fronts at a fraction of the price of its columns' solves.
     pub fn inverse(&self, out: &mut Vec<f64>) {
         let (shared, n) = (self.shared(), self.dim());
+        if self.invert_general(&mut [&mut *out]) {
+            return;
+        }
         out.clear();
         out.resize(n * n, 0.0);
         let (Kind::Frontal(frontal), Symmetry::Symmetric, Some(fronts), true) =
@@ -159,22 +162,8 @@ impl Factor {
 
     /// A⁻¹ and A⁻ᵀ, row-major; from fronts without solves.
     pub fn inverse_and_transpose(&self, out: &mut Vec<f64>, transposed: &mut Vec<f64>) {
-        let (shared, n) = (self.shared(), self.dim());
-        if let (Kind::Frontal(frontal), Symmetry::General, Some(fronts), true) =
-            (&self.kind, shared.symmetry, &shared.fronts, self.ready)
-        {
-            let stored = shared.layout.stored();
-            let places: Vec<usize> = (0..n).map(|r| fronts.row(shared.layout.storage(r))).collect();
-            let mut ordered = [Buffer::any(stored * stored), Buffer::any(stored * stored)];
-            let [first, second] = &mut ordered;
-            frontal.invert_general(fronts, first, second);
-            for (out, ordered) in [out, transposed].into_iter().zip(&ordered) {
-                out.clear();
-                out.reserve(n * n);
-                for row in places.iter().map(|at| &ordered[at * stored..(at + 1) * stored]) {
-                    out.extend(places.iter().map(|at| row[*at]));
-                }
-            }
+        let n = self.dim();
+        if self.invert_general(&mut [&mut *out, &mut *transposed]) {
             return;
         }
         self.inverse(out);
@@ -183,6 +172,29 @@ impl Factor {
         for (r, row) in out.chunks_exact(n.max(1)).enumerate() {
             row.iter().zip(transposed[r..].iter_mut().step_by(n)).for_each(|(from, to)| *to = *from);
         }
+    }
+
+    /// A⁻¹, and A⁻ᵀ if there is a second, from the fronts of a matrix that is not symmetric; false if this is another one.
+    fn invert_general(&self, outs: &mut [&mut Vec<f64>]) -> bool {
+        let (shared, n) = (self.shared(), self.dim());
+        let (Kind::Frontal(frontal), Symmetry::General, Some(fronts), true) =
+            (&self.kind, shared.symmetry, &shared.fronts, self.ready)
+        else {
+            return false;
+        };
+        let stored = shared.layout.stored();
+        let places: Vec<usize> = (0..n).map(|r| fronts.row(shared.layout.storage(r))).collect();
+        let mut ordered = [Buffer::any(stored * stored), Buffer::any(stored * stored)];
+        let [first, second] = &mut ordered;
+        frontal.invert_general(fronts, first, second);
+        for (out, ordered) in outs.iter_mut().zip(&ordered) {
+            out.clear();
+            out.reserve(n * n);
+            for row in places.iter().map(|at| &ordered[at * stored..(at + 1) * stored]) {
+                out.extend(places.iter().map(|at| row[*at]));
+            }
+        }
+        true
     }
 
     /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction

@@ -227,6 +227,28 @@ impl NodeMatrix {
     }
 }
 
+impl NodeMatrix {
+    /// The diagonal blocks of X A for row-major X of `dim × dim`, node by node. Systems of nodes alone.
+    pub fn diagonal_blocks_of_product(&self, x: &[f64]) -> Vec<[[f64; 3]; 3]> {
+        let (n, layout) = (self.dim(), self.layout());
+        let mut out = vec![[[0.0; 3]; 3]; n / 3];
+        for i in 0..layout.n_nodes() {
+            for j in layout.row(i) {
+                let place = (layout.place(i, j), layout.system(3 * i), layout.system(3 * j));
+                let (Some((start, down)), Some(from), Some(to)) = place else { continue };
+                for (a, out) in out[to / 3].iter_mut().enumerate() {
+                    let x = &x[(to + a) * n + from..][..3];
+                    for (c, x) in x.iter().enumerate() {
+                        let entries = &self.data()[start + c * down..][..3];
+                        out.iter_mut().zip(entries).for_each(|(out, entry)| *out += x * entry);
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
 /// Vectors of a row that are worked on together.
 const WIDE: usize = 4;
 

@@ -55,6 +55,14 @@ impl StageRecord {
         self.contacts.iter().zip(&self.contact_nodes).for_each(|(contact, node)| visit(*node, &contact.df_dv));
     }
 
+    /// Calls `visit(node, −∂p/∂v⁺/h)` for every contact condensed, positions as they are \[kg/s\].
+    pub fn visit_contact_damping(&self, mut visit: impl FnMut(usize, [[f64; 3]; 3])) {
+        for (contact, node) in self.contacts.iter().zip(&self.contact_nodes) {
+            let block = contact.gain * contact.df_dv / self.h;
+            visit(*node, [0, 1, 2].map(|a| [block[(a, 0)], block[(a, 1)], block[(a, 2)]]));
+        }
+    }
+
     fn contacts_do(&self, work: Work, b: &mut [f64], columns: usize) {
         struct Run<'a>(&'a StageRecord, Work, &'a mut [f64], usize);
         impl WithSimd for Run<'_> {
