@@ -30,8 +30,35 @@ impl NodeMatrix {
         });
     }
 
+    /// Calls `visit(row, column, place, down)` for every block of a sparse matrix of nodes alone, with the system's row and column that it begins
+    /// in and where its rows are; false if this is another one.
+    #[inline(always)]
+    fn for_blocks(&self, mut visit: impl FnMut(usize, usize, usize, usize)) -> bool {
+        let layout = self.layout();
+        let (Pattern::Sparse { starts, columns, .. }, 3) = (&layout.pattern, layout.block()) else { return false };
+        for i in 0..layout.n_nodes() {
+            let (Some(row), listed) = (layout.system(3 * i), &columns[starts[i]..starts[i + 1]]) else { continue };
+            for (k, column) in listed.iter().enumerate() {
+                if let Some(column) = layout.system(3 * column) {
+                    visit(row, column, 9 * starts[i] + 3 * k, 3 * listed.len());
+                }
+            }
+        }
+        true
+    }
+
     /// `y += scale · A x`.
     pub fn add_mul(&self, scale: f64, x: &[f64], y: &mut [f64]) {
+        let blocks = self.for_blocks(|row, column, place, down| {
+            let (x, y) = (&x[column..column + 3], &mut y[row..row + 3]);
+            for (a, y) in y.iter_mut().enumerate() {
+                let entries = &self.data()[place + a * down..][..3];
+                *y += scale * (entries[0] * x[0] + entries[1] * x[1] + entries[2] * x[2]);
+            }
+        });
+        if blocks {
+            return;
+        }
         for (r, y_r) in y.iter_mut().enumerate() {
             *y_r += scale
                 * match self.span(r) {
@@ -47,6 +74,16 @@ impl NodeMatrix {
 
     /// `y += scale · Aᵀ x`.
     pub fn add_mul_transpose(&self, scale: f64, x: &[f64], y: &mut [f64]) {
+        let blocks = self.for_blocks(|row, column, place, down| {
+            let (x, y) = (&x[row..row + 3], &mut y[column..column + 3]);
+            for (a, x) in x.iter().enumerate() {
+                let entries = &self.data()[place + a * down..][..3];
+                y.iter_mut().zip(entries).for_each(|(y, entry)| *y += scale * x * entry);
+            }
+        });
+        if blocks {
+            return;
+        }
         for (r, x_r) in x.iter().enumerate() {
             let factor = scale * x_r;
             match self.span(r) {
@@ -228,23 +265,20 @@ impl NodeMatrix {
 }
 
 impl NodeMatrix {
-    /// The diagonal blocks of X A for row-major X of `dim × dim`, node by node. Systems of nodes alone.
+    /// The diagonal blocks of X A for row-major X of `dim × dim`, node by node. Sparse matrices of nodes alone.
     pub fn diagonal_blocks_of_product(&self, x: &[f64]) -> Vec<[[f64; 3]; 3]> {
-        let (n, layout) = (self.dim(), self.layout());
+        let n = self.dim();
         let mut out = vec![[[0.0; 3]; 3]; n / 3];
-        for i in 0..layout.n_nodes() {
-            for j in layout.row(i) {
-                let place = (layout.place(i, j), layout.system(3 * i), layout.system(3 * j));
-                let (Some((start, down)), Some(from), Some(to)) = place else { continue };
-                for (a, out) in out[to / 3].iter_mut().enumerate() {
-                    let x = &x[(to + a) * n + from..][..3];
-                    for (c, x) in x.iter().enumerate() {
-                        let entries = &self.data()[start + c * down..][..3];
-                        out.iter_mut().zip(entries).for_each(|(out, entry)| *out += x * entry);
-                    }
+        let blocks = self.for_blocks(|row, column, place, down| {
+            for (a, out) in out[column / 3].iter_mut().enumerate() {
+                let x = &x[(column + a) * n + row..][..3];
+                for (c, x) in x.iter().enumerate() {
+                    let entries = &self.data()[place + c * down..][..3];
+                    out.iter_mut().zip(entries).for_each(|(out, entry)| *out += x * entry);
                 }
             }
-        }
+        });
+        debug_assert!(blocks, "of sparse matrices of nodes");
         out
     }
 }

@@ -199,6 +199,18 @@ impl Patch {
         self.flap(i).map(|n| at.velocity(n))
     }
 
+    /// (∂ψᵢ/∂x)·weights; zero where there is no flap.
+    #[inline]
+    pub fn pulled(&self, folds: &Each<Fold>, weights: &[f64]) -> Each<f64> {
+        let mut out = [0.0; FLAPS];
+        for (i, out) in out.iter_mut().enumerate().take(self.shape.flaps) {
+            for (node, g) in self.flap(i).into_iter().zip(&folds[i].gradient) {
+                *out += (0..3).map(|a| g[a] * weights[3 * node + a]).sum::<f64>();
+            }
+        }
+        out
+    }
+
     /// Slopes of ψ by the patch's nodes.
     #[inline]
     pub fn spread(&self, per_flap: impl Fn(usize) -> [Vec3<f64>; 4]) -> Spread {

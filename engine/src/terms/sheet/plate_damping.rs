@@ -4,7 +4,7 @@ use super::fold::Fold;
 use super::patch::{Each, FLAPS, Patch, Shape, times};
 use super::plate::{folds_of, leverage, weighted};
 use crate::kkt::NodeMatrix;
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
+use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
 
 /// R = ½ ψ̇ᵀ K_c ψ̇, ψ̇ = Σ (∂ψ/∂x)·v, K_c the K of [`PlateLaw`](super::PlateLaw) with the coefficient c_b in place of D; f = −∂R/∂v.
 ///
@@ -134,7 +134,17 @@ impl Term for PlateDamping {
     }
 
     fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {
-        self.each_slope(at, &mut contraction(weights, sums));
+        for patch in &self.patches {
+            let (n, [coefficient, nu]) = (patch.shape.flaps, patch.params.map(|k| at.theta[k]));
+            let folds = patch.folds(at);
+            let rates = rates(patch, &folds, at);
+            let pulled = patch.pulled(&folds, weights);
+            let along = |k: Each<Each<f64>>| -> f64 { times(n, &k, &rates).iter().zip(&pulled).map(|(w, x)| w * x).sum() };
+            sums[patch.params[0]] -= along(patch.shape.stiffness(nu));
+            if coefficient != 0.0 {
+                sums[patch.params[1]] -= coefficient * along(patch.shape.stiffness_slope(nu));
+            }
+        }
     }
 
     fn symmetric(&self, theta: &[f64]) -> bool {
