@@ -8,10 +8,11 @@ use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, gradchec
 use pliant_adjoint::{Linearization, Seeds, TangentStepper, linearize};
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::scene::{
-    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, LinearSolver, Plane, Scene,
+    Block, Body, BodyShape, Clamp, Cloth, Diagonal, Grid, Gripper, Integrator, Joint, JointKind, Law, LinearSolver, Plane, Scene,
     ShapeKind, Sphere, Time, resting_inputs,
 };
 use pliant_engine::step::{StepOptions, StepRecord};
+use pliant_engine::terms::Vec3;
 
 /// A strip clamped at one end and bent by its own weight, k = w L³/(D b), cut into `cells` and a half along its length.
 ///
@@ -333,6 +334,19 @@ fn jacobians_by_the_whole_inverse_are_those_of_tangents() {
     (windy.cloth[0].drag_normal, windy.cloth[0].membrane_damping, windy.cloth[0].bend_damping) = (0.05, 20.0, 2e-5);
     let mut damped = landed(0.5, 0.5, euler);
     damped.cloth[0].membrane_damping = 20.0;
+    let tilted = |friction: f64, speed: f64| {
+        let mut scene = landed(friction, speed, euler);
+        let unit = |x: [f64; 3]| Vec3::from(x).normalize();
+        let (normal, u) = (unit([0.3, -0.2, 0.9]), unit([0.9, 0.0, -0.3]));
+        let v = normal.cross(&u);
+        scene.plane[0].normal = normal.into();
+        (scene.cloth[0].u_axis, scene.cloth[0].v_axis) = (Some(u.into()), Some(v.into()));
+        scene.cloth[0].origin = (normal * (1e-3 + 1e-9) - u * 0.2 - v * 0.15).into();
+        scene.cloth[0].velocity = (u * speed).into();
+        scene
+    };
+    let mut slipping = tilted(0.1, 1.0);
+    slipping.contact.law = Law::Anitescu;
     let mut corner = landed(0.5, 0.0, euler);
     corner.plane.push(Plane {
         name: "wall".to_owned(),
@@ -347,7 +361,7 @@ fn jacobians_by_the_whole_inverse_are_those_of_tangents() {
     let cases = [
         ("sticking", landed(0.5, 0.0, euler), true),
         ("in a corner", corner, false),
-        ("sliding", landed(0.3, 2.0, euler), false), // (which refinement changes)
+        ("sliding", landed(0.3, 2.0, euler), false), // (which refinement changes, here and on slopes)
         ("without friction", landed(0.0, 0.5, euler), true),
         ("on a ball", ball, true),
         ("held, on a ball", held, true),
@@ -355,6 +369,9 @@ fn jacobians_by_the_whole_inverse_are_those_of_tangents() {
         ("damped", damped, true),
         ("quasi-static", landed(0.5, 0.0, Integrator::QuasiStatic), true),
         ("band", band, false),
+        ("sticking to a slope", tilted(0.8, 0.0), true),
+        ("sliding on a slope", tilted(0.1, 1.0), false),
+        ("sliding on a slope, by Anitescu's law", slipping, false),
         ("two stages", landed(0.5, 0.0, Integrator::Sdirk2), false),
     ];
     for (what, scene, expected) in cases {

@@ -464,8 +464,9 @@ fn balanced(stage: &Stage, ws: &Workspace, correction: f64) -> bool {
         if stage.has_contact() { [ws.stiffness, ws.viscosity] } else { [stiffest(&ws.dq), stiffest(&ws.dv)] };
     let fastest = ws.it.v[..n].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     let noise = 4.0 * ROUNDINGS * f64::EPSILON * (farthest(stage) * stiffness + fastest * viscosity);
-    let unresolved = (UNRESOLVED * velocity_scale(stage, ws)).max(UNMOVED * farthest(stage) / stage.h);
-    correction <= unresolved && settled(stage, ws) && largest <= noise
+    // (bodies have balances of their own)
+    let unmoved = if stage.model.tree.nv() == 0 { UNMOVED * farthest(stage) / stage.h } else { 0.0 };
+    correction <= unmoved.max(UNRESOLVED * velocity_scale(stage, ws)) && settled(stage, ws) && largest <= noise
 }
 
 /// Largest coordinate of a node [m].

@@ -10,8 +10,8 @@
 //! elastic. Shapes that stand still do no work: where nothing but nodes moves, what they do all the same, pushing out what a long step has
 //! put into them, counts as created. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
 //! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. The
-//! last halves are taken as they come; what they create is added up, over all steps in a row that have such halves, and more than a tenth of
-//! what was at hand is an error: no motion, whatever its cause.
+//! last halves are taken as they come; what they create is added up, and more than a tenth of what was at hand is an error: in a step, and,
+//! less what others of them take, over all steps in a row that have such halves. It is no motion, whatever its cause.
 
 use super::{SDIRK_GAMMA, StepError, Stepper};
 use crate::newton::Work;
@@ -20,7 +20,7 @@ use crate::scene::Integrator;
 use crate::state::State;
 use crate::terms::{Point, Term};
 
-/// Matrices per stage from which a root is not taken for the motion without a look: what is found at once is near. Of sheets one matrix
+/// Matrices, one more for a second stage, from which a root is not taken for the motion without a look: what is found at once is near. Of sheets one matrix
 /// serves for more corrections, and from so many of them on what one matrix has found is looked at as well.
 const SEARCHED: usize = 3;
 const SEARCHED_OF_SHEETS: usize = 2;
@@ -54,34 +54,57 @@ pub(super) struct Created {
     largest: f64,
 }
 
-/// What last halves have created, in a step and in those right before it that had such halves too, and what was at hand as the first of them
-/// began \[J\].
+/// What the last halves of a step have created, and what was at hand as the first of them began \[J\]; and what those of the steps right
+/// before it have left, and the most that was at hand since.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unsound {
+    halves: usize,
     created: f64,
     by_contact: f64,
     at_hand: f64,
-    /// What is left of it for the next step, others having taken from it; none without a last half in this step.
-    left: Option<f64>,
+    /// What they have created, less what some of them took.
+    net: f64,
+    before: f64,
+    most_at_hand: f64,
+}
+
+/// Steps in a row with last halves that have created something, up to a state.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    net: f64,
+    most_at_hand: f64,
+    end: State,
 }
 
 impl Unsound {
-    /// What goes on into the next step.
-    pub(super) fn carried(self) -> Self {
-        match self.left {
-            Some(left) if left > 0.0 => Self { created: left, left: None, by_contact: self.by_contact.min(left), ..self },
-            _ => Self::default(),
-        }
+    /// At the beginning of a step from a state.
+    pub(super) fn after(run: Option<Run>, state: &State) -> Self {
+        let before = run.filter(|run| run.end == *state);
+        before.map_or_else(Self::default, |run| Self { before: run.net, most_at_hand: run.most_at_hand, ..Self::default() })
     }
 
     /// Counts a half that is taken as it comes.
     pub(super) fn add(&mut self, half: Created) {
-        if self.created == 0.0 {
+        if self.halves == 0 {
             self.at_hand = half.begin;
         }
-        self.left = Some(self.left.unwrap_or(self.created) + half.energy);
+        self.halves += 1;
+        self.most_at_hand = self.most_at_hand.max(half.begin);
+        self.net += half.energy;
         self.created += half.energy.max(0.0);
         self.by_contact += half.by_contact.min(half.energy).max(0.0);
+    }
+
+    /// What is too much, of the step or of all in a row, and what was at hand.
+    fn excess(&self) -> Option<(f64, f64)> {
+        let sums = [(self.created, self.at_hand), (self.before + self.created, self.most_at_hand)];
+        sums.into_iter().find(|(created, at_hand)| self.halves > 0 && *created > NO_MOTION * at_hand)
+    }
+
+    /// What goes on into the next step.
+    pub(super) fn run_to(&self, end: &State) -> Option<Run> {
+        let net = self.before + self.net;
+        (self.halves > 0 && net > 0.0).then(|| Run { net, most_at_hand: self.most_at_hand, end: end.clone() })
     }
 }
 
@@ -110,8 +133,8 @@ impl Done {
 }
 
 impl Stepper<'_> {
-    /// What a step created of energy of nodes, where it is looked at.
-    pub(super) fn created_by_nodes(&mut self, step: &Passed) -> Option<Created> {
+    /// What a step created of energy of nodes, where it is looked at: at most, or without the work of others, as it is for the last halves.
+    pub(super) fn created_by_nodes(&mut self, step: &Passed, last: bool) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again
         let searched = if self.model.buckles() { SEARCHED_OF_SHEETS } else { SEARCHED };
@@ -132,9 +155,9 @@ impl Stepper<'_> {
             largest: kinetic[0].max(kinetic[1]) + resting,
         };
         // what is little before the work of the others is seen to needs no look at it
-        if self.is_too_much(&created, step.h) {
+        if last || self.is_too_much(&created, step.h) {
             let Done { others, contact } = self.work(step);
-            created.by_contact = if self.shapes_stand_still() { contact.max(0.0) } else { 0.0 };
+            created.by_contact = if self.touches_what_stands_still() { contact.max(0.0) } else { 0.0 };
             created.energy = created.energy.min(grown + elastic[1] - elastic[0] - others + created.by_contact);
         }
         Some(created)
@@ -146,12 +169,10 @@ impl Stepper<'_> {
     }
 
     /// Refuses a step whose last halves are no motion.
-    pub(super) fn refuse(&mut self, unsound: Unsound, before: &State, after: &State) -> Result<(), StepError> {
-        let Unsound { created, by_contact, at_hand, .. } = unsound;
-        if created <= NO_MOTION * at_hand {
-            return Ok(());
-        }
-        let term = if by_contact > 0.5 * created { "contact".to_owned() } else { self.grown_most(before, after) };
+    pub(super) fn refuse(&mut self, before: &State, after: &State) -> Result<(), StepError> {
+        let Some((created, at_hand)) = self.unsound.excess() else { return Ok(()) };
+        let by_contact = self.unsound.by_contact > 0.5 * self.unsound.created;
+        let term = if by_contact { "contact".to_owned() } else { self.grown_most(before, after) };
         Err(StepError::EnergyCreated { step: 0, created, at_hand, term })
     }
 
@@ -192,9 +213,10 @@ impl Stepper<'_> {
         [0, 1].map(|kind| [of[0][kind], of[1][kind]])
     }
 
-    /// Whether what nodes touch stands still, and nothing acts on them but forces, hands and contact.
-    fn shapes_stand_still(&self) -> bool {
-        self.model.tree.nv() == 0 && self.model.grasps.is_empty()
+    /// Whether nodes may touch shapes, all of which stand still, and nothing else acts on them but forces and hands.
+    fn touches_what_stands_still(&self) -> bool {
+        let shapes = !self.model.pairs.is_empty() || !self.model.facet_groups.is_empty();
+        shapes && self.model.tree.nv() == 0 && self.model.grasps.is_empty()
     }
 
     /// Σ b h v̄·(m a − f) of inner forces, and of all on free rows.

@@ -1,6 +1,6 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::node_guard::{Passed, Unsound};
+use super::node_guard::{Passed, Run, Unsound};
 use super::{
     EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions,
 };
@@ -123,8 +123,9 @@ pub struct Stepper<'m> {
     pub(super) v_first: Vec<f64>,
     /// No velocity.
     pub(super) still: Vec<f64>,
-    /// What the halves of a step that could not be halved again have created.
-    unsound: Unsound,
+    /// What the halves of a step that could not be halved again have created, and those of steps in a row.
+    pub(super) unsound: Unsound,
+    run: Option<Run>,
     frames: Vec<f64>,
     pub(super) ws: Workspace,
 }
@@ -160,6 +161,7 @@ impl<'m> Stepper<'m> {
             v_first: Vec::new(),
             still: zeros(),
             unsound: Unsound::default(),
+            run: None,
             frames: Vec::new(),
             ws,
         })
@@ -206,13 +208,14 @@ impl<'m> Stepper<'m> {
             let mut stages = Vec::new();
             let mut next = state.clone();
             let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
-            self.unsound = self.unsound.carried();
+            self.unsound = Unsound::after(self.run.take(), state);
             self.substep(&mut next, h, &v_cmd, Means { halvings, by_euler: false }, &mut trace, &mut stages)?;
             // steps that may not be halved are wanted as they come
             if halvings > 0 {
-                self.refuse(self.unsound, state, &next)?;
+                self.refuse(state, &next)?;
             }
             self.model.advance_signals(u, &mut next.z, self.theta);
+            self.run = self.unsound.run_to(&next);
             let record = self.options.record.then(|| {
                 let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
                 let command = StageRecord::command_inputs(self.model, [&state.q, &state.z[self.model.ndz()..]], u, self.theta, h);
@@ -253,7 +256,7 @@ impl<'m> Stepper<'m> {
         let guarded = means.halvings > 0;
         let passed = Passed { before: &before, after: state, h, by_euler: means.by_euler, work };
         if matches!(result, Ok(Taken::Sound))
-            && let Some(created) = self.created_by_nodes(&passed)
+            && let Some(created) = self.created_by_nodes(&passed, !guarded)
         {
             match guarded {
                 true if self.is_too_much(&created, h) => result = Ok(Taken::Refused),
