@@ -78,5 +78,5 @@ fn one_matrix_serves_for_many_corrections() {
                 poisson_ratio = 0.3\n";
     let work = work(&(text.to_owned() + &gripper("hand", &[0], "{ kind = \"hold\" }")));
     let (matrices, corrections) = (mean(&work, |w| w.factorizations), mean(&work, |w| w.evaluations));
-    assert!(matrices < 2.1 && corrections < 10.5, "{matrices} matrices and {corrections} corrections a step");
+    assert!(matrices < 2.2 && corrections < 10.5, "{matrices} matrices and {corrections} corrections a step");
 }
