@@ -1,15 +1,15 @@
 //! A scene, ready to run.
 
-use crate::scene::{self, Nothing, Scene, SceneError, Source};
+use crate::scene::{self, Scene, SceneError, Source};
 use crate::{BuildError, Model, ModelBuilder, State, StepError, equilibrium};
 use std::path::Path;
 use std::sync::Arc;
 
 /// A scene with its model, initial state and controls.
 #[derive(Clone, Debug)]
-pub struct Case<X = Nothing> {
+pub struct Case {
     /// The scene.
-    pub scene: Scene<X>,
+    pub scene: Scene,
     /// Its model.
     pub model: Arc<Model>,
     /// Initial state at the scene's parameters; see [`start`].
@@ -67,12 +67,12 @@ impl Case {
     }
 }
 
-impl<X> Case<X> {
+impl Case {
     /// Builds the model of a scene.
     ///
     /// # Errors
     /// As [`Case::read`].
-    pub fn new(scene: Scene<X>) -> Result<Self, CaseError> {
+    pub fn new(scene: Scene) -> Result<Self, CaseError> {
         let model = Arc::new(ModelBuilder::new(&scene)?.build());
         let u = scene::resting_inputs(&scene)?;
         let x0 = start(&model, model.params().values(), &u).map_err(CaseError::Start)?;

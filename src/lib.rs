@@ -54,6 +54,7 @@
 mod case;
 mod differentiate;
 pub mod file;
+#[cfg(feature = "pages")]
 pub mod view;
 
 pub use case::{Case, CaseError, start};
@@ -68,9 +69,11 @@ pub use pliant_engine::bodies::{Joint, JointKind, Tree};
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
 pub use pliant_engine::grasp::{Grasp, Grasping};
 pub use pliant_engine::model::{BuildError, ClothSpan, Model, ModelBuilder};
-pub use pliant_engine::params::{ParamInfo, Params};
 pub use pliant_engine::rollout::{Rollout, rollout};
-pub use pliant_engine::state::State;
 pub use pliant_engine::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
-pub use pliant_engine::{import, scene, terms};
+pub use pliant_engine::terms;
 pub use pliant_identify as identify;
+pub use pliant_import as import;
+pub use pliant_math::State;
+pub use pliant_math::params::{ParamInfo, Params};
+pub use pliant_scene as scene;

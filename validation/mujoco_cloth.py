@@ -2,7 +2,7 @@
 
 * **membrane**: both have St. Venant and Kirchhoff's energy of constant strain in plane stress, with Y, ν and t: the same force.
 * **bending**: MuJoCo's is a hinge at every inner edge, quadratic in the nodes' positions, with Y t³/(12 (1 − ν²)) and no other ν; a
-  pliant triangle asks what a plate with its folds costs (docs/cloth.md). Where a sheet bends like a cylinder both are a plate's;
+  pliant triangle asks what a plate with its folds costs (docs/theory/cloth.md). Where a sheet bends like a cylinder both are a plate's;
   a hinge per edge besides couples bending with twist on a grid whose cells are cut alike. `rows=True` lets each row of nodes only
   move as a whole in the plane x–z, so that the sheet can but bend like a cylinder.
 * **mass**: a third of its triangles' at each node, as pliant's (`flexcomp` would give every node the same).

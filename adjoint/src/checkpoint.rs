@@ -4,13 +4,13 @@
 //! gradients are bitwise those of stored records.
 
 use crate::AdjointError;
+use crate::chain::{Chain, Smoothing, Warm};
 use crate::rollout::{RolloutCotangent, add, check, pull_back};
 use crate::step::Cotangent;
-use crate::surrogate::{Chain, Smoothing, Warm};
 use pliant_engine::model::Model;
 use pliant_engine::rollout::Rollout;
-use pliant_engine::state::State;
 use pliant_engine::step::{StepOptions, StepTrace};
+use pliant_math::State;
 use std::sync::Arc;
 
 /// A rollout without records: its states, and what is needed to recompute any segment.

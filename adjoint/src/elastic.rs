@@ -8,10 +8,10 @@
 //! The difference G s − 1 has to leave something: where nothing holds a node, steps are linearized the general way.
 
 use crate::implicit::{Refinement, worth_refining};
-use crate::linearize::Linearization;
+use crate::linearization::Linearization;
 use crate::stage::Context;
-use pliant_engine::kinematics::Input;
 use pliant_engine::step::{EULER, Link, StageRecord, StepRecord};
+use pliant_math::Input;
 
 /// Least h² × stiffness over mass of a node: the digits that the difference may cost.
 const HELD: f64 = 1e-2;
@@ -65,7 +65,7 @@ pub(crate) fn keeps_nothing<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a
 pub(crate) fn is_held(cx: Context, stage: &StageRecord) -> bool {
     let (driven, nodes) = (cx.model.driven_rows(), 3 * cx.model.n_nodes());
     let holds = |rows: std::ops::Range<usize>, inertia: f64| {
-        rows.into_iter().any(|k| stage.matrix.nodes.get(k, k) >= (1.0 + HELD) * inertia)
+        rows.into_iter().any(|k| stage.jacobians.matrix.nodes.get(k, k) >= (1.0 + HELD) * inertia)
     };
     let inertia = |row: usize| cx.mass[row] * stage.inertia;
     (0..nodes).step_by(3).filter(|row| !driven[*row]).all(|row| holds(row..row + 3, inertia(row)))
@@ -76,7 +76,7 @@ impl Elastic {
     /// A and B; C is empty.
     pub fn linearize(&mut self, cx: Context, step: &StepRecord, stage: &StageRecord, nu: usize) -> Linearization {
         let (n, driven) = (stage.v.len(), cx.model.driven_rows());
-        stage.factor.inverse_of_nodes(&mut self.inverse);
+        stage.jacobians.factor.inverse_of_nodes(&mut self.inverse);
         if worth_refining(stage, vec![1.0; n]) {
             self.refine(stage);
         }

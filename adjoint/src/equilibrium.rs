@@ -5,7 +5,7 @@ use crate::rollout::check;
 use crate::seeds::Seeds;
 use crate::stage::{Context, InputBars, Memory, Tangents, move_along, pull_along, stage_cotangent, stage_tangent};
 use pliant_engine::equilibrium::Equilibrium;
-use pliant_engine::kinematics::Input;
+use pliant_math::Input;
 
 /// Tangents of the equilibrium positions for the directions in `seeds`, row-major `nv × columns`.
 pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
@@ -33,7 +33,7 @@ pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
         tangents.add(input, value, &mut memory.signals[row * m..(row + 1) * m]);
     }
     stage_tangent(cx, &eq.record, &q, &zero, seeds, &mut memory);
-    move_along(cx, (&eq.record.end, &eq.record.carry[1]), &mut q, &memory.v_next, m, |_| 1.0);
+    move_along(cx, (&eq.record.transport.end, &eq.record.transport.carry[1]), &mut q, &memory.v_next, m, |_| 1.0);
     q
 }
 
@@ -46,7 +46,7 @@ pub fn equilibrium_vjp(eq: &Equilibrium, q_bar: &[f64]) -> Result<(Vec<f64>, Vec
     let (mut reference, mut v, mut cmd) = (q_bar.to_vec(), vec![0.0; q_bar.len()], vec![0.0; q_bar.len()]);
     // the root is a displacement d with q = q_ref ⊕ d
     let mut y_bar = vec![0.0; q_bar.len()];
-    pull_along(cx, (&eq.record.end, &eq.record.carry[1]), &mut reference, &mut y_bar, 1.0, |_| 1.0);
+    pull_along(cx, (&eq.record.transport.end, &eq.record.transport.carry[1]), &mut reference, &mut y_bar, 1.0, |_| 1.0);
     let (mut past, mut z, mut signals) = (vec![0.0; q_bar.len()], vec![0.0; eq.model.ndz()], vec![0.0; u.len()]);
     let mut inputs = InputBars { cmd: &mut cmd, u: &mut signals, theta: &mut theta, q: &mut past, z: &mut z };
     stage_cotangent(cx, &eq.record, &y_bar, &mut reference, &mut v, &mut inputs);

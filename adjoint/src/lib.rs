@@ -6,11 +6,13 @@
 //! ```
 //! and everything else is the chain rule over stages, steps and time. Nothing is factored going backwards.
 
+mod chain;
 mod checkpoint;
 mod elastic;
 mod equilibrium;
 pub mod gradcheck;
 mod implicit;
+mod linearization;
 mod linearize;
 mod rollout;
 mod seeds;
@@ -21,13 +23,15 @@ mod tangent;
 mod touching;
 mod whole;
 
+pub use chain::{Along, Smoothing};
 pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};
 pub use equilibrium::{equilibrium_tangent, equilibrium_vjp};
-pub use linearize::{Linearization, Linearizer, linearize};
+pub use linearization::Linearization;
+pub use linearize::{Linearizer, linearize};
 pub use rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
 pub use seeds::Seeds;
 pub use step::{Cotangent, Tangent};
-pub use surrogate::{Along, Smoothing, Surrogate, surrogate_checkpointed_rollout, surrogate_rollout};
+pub use surrogate::{Surrogate, surrogate_checkpointed_rollout, surrogate_rollout};
 pub use tangent::TangentStepper;
 
 /// Why a derivative could not be taken.

@@ -1,23 +1,13 @@
-//! Full Jacobians of a step.
+//! Full Jacobians of a step: which way of taking them fits it.
 
 use crate::elastic::{Elastic, stage_of};
+use crate::linearization::{Linearization, VECTOR};
 use crate::seeds::Seeds;
 use crate::tangent::TangentStepper;
 use crate::touching::{self, Touching};
 use crate::whole::Whole;
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
-
-/// Jacobians of x⁺ = F(x, u, θ), row-major, of changes δx = (δq, δv, δz) with 2 nv + nz entries.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Linearization {
-    /// A = ∂x⁺/∂x, nx × nx.
-    pub a: Vec<f64>,
-    /// B = ∂x⁺/∂u, nx × nu.
-    pub b: Vec<f64>,
-    /// C = ∂x⁺/∂θ, nx × n_params.
-    pub c: Vec<f64>,
-}
 
 /// Takes Jacobians of many steps of one model at one θ, in memory of its own.
 #[derive(Clone, Debug)]
@@ -33,9 +23,6 @@ pub struct Linearizer<'m> {
     nu: usize,
     np: usize,
 }
-
-/// Numbers in the longest vectors of a processor.
-pub(crate) const VECTOR: usize = 8;
 
 impl<'m> Linearizer<'m> {
     /// Of A and B, and of C for all of θ if `with_theta`.

@@ -9,10 +9,10 @@
 use crate::implicit::{Refinement, multiplier, root_tangent};
 use crate::seeds::Seeds;
 use pliant_engine::bodies::Turns;
-use pliant_engine::kinematics::Input;
 use pliant_engine::model::Model;
 use pliant_engine::rods::Carry;
 use pliant_engine::step::StageRecord;
+use pliant_math::Input;
 
 /// What a stage is differentiated with.
 #[derive(Clone, Copy)]
@@ -50,14 +50,14 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     let Memory { cmd, v_next: dr, at, refinement, start, signals, z_past, .. } = memory;
     dr.clear();
     dr.resize(stage.n_rows() * m, 0.0);
-    let [carry, ..] = &stage.carry;
-    if scheme.free.a0 == 0.0 && stage.middle.is_identity() && carry.is_empty() {
+    let [carry, ..] = &stage.transport.carry;
+    if scheme.free.a0 == 0.0 && stage.transport.middle.is_identity() && carry.is_empty() {
         stage.add_position_product(1.0, q_dot, dr, m);
     } else {
         let weight = |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 };
         at.clear();
         at.extend_from_slice(q_dot);
-        move_along(cx, (&stage.middle, carry), at, v_dot, m, weight);
+        move_along(cx, (&stage.transport.middle, carry), at, v_dot, m, weight);
         stage.add_position_product(1.0, at, dr, m);
     }
     if scheme.free.b0 != 0.0 {
@@ -66,7 +66,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         add_weighted(at, v_dot, cx, m, |driven| if driven { scheme.driven.b0 } else { scheme.free.b0 });
         let n = cx.model.n_node_dofs() * m;
         at[n..].iter_mut().zip(&v_dot[n..]).for_each(|(o, v)| *o = scheme.free.b0 * v);
-        stage.dv.add_mul_many(-1.0, at, &mut dr[..v_dot.len()], m);
+        stage.jacobians.dv.add_mul_many(-1.0, at, &mut dr[..v_dot.len()], m);
     }
     let inertia = stage.inertia * scheme.momentum;
     for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
@@ -77,7 +77,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
         }
     }
     let n = cx.model.n_node_dofs() * m;
-    stage.body_mass.add_mul_many(-inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
+    stage.jacobians.body_mass.add_mul_many(-inertia, &v_dot[n..], &mut dr[n..v_dot.len()], m);
     if seeds.has_theta() || cx.model.has_actuators() || cx.model.ndz() > 0 {
         let tangents = Tangents { seeds, signals, cmd, q: &start[0], z: z_past, end: [&[], &[]] };
         let mut visit = |row: usize, input, value| tangents.add(input, value, &mut dr[row * m..(row + 1) * m]);
@@ -229,15 +229,15 @@ pub(crate) fn stage_cotangent(
     stage.add_position_transpose(1.0, &lambda, &mut through_q);
     let mut through_v = vec![0.0; nv];
     if stage.scheme.free.b0 != 0.0 {
-        stage.dv.add_mul_transpose(-1.0, &lambda[..nv], &mut through_v);
+        stage.jacobians.dv.add_mul_transpose(-1.0, &lambda[..nv], &mut through_v);
     }
     let n = cx.model.n_node_dofs();
     let w = &stage.scheme.free;
     let inertia = stage.inertia * stage.scheme.momentum;
-    stage.body_mass.add_mul_transpose(-inertia, &lambda[n..nv], &mut v_bar[n..]);
+    stage.jacobians.body_mass.add_mul_transpose(-inertia, &lambda[n..nv], &mut v_bar[n..]);
     (n..nv).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
     let of_nodes = |driven| stage.h * if driven { stage.scheme.driven.a0 } else { stage.scheme.free.a0 };
-    pull_along(cx, (&stage.middle, &stage.carry[0]), &mut through_q, v_bar, stage.h * w.a0, of_nodes);
+    pull_along(cx, (&stage.transport.middle, &stage.transport.carry[0]), &mut through_q, v_bar, stage.h * w.a0, of_nodes);
     (0..nv).for_each(|k| q_bar[k] += through_q[k]);
     for (k, &driven) in cx.model.driven_rows().iter().enumerate() {
         let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };

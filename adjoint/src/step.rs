@@ -2,9 +2,9 @@
 
 use crate::seeds::Seeds;
 use crate::stage::{Context, InputBars, Memory, Tangents, move_along, pull_along, stage_cotangent, stage_tangent};
-use pliant_engine::kinematics::Input;
 use pliant_engine::model::Model;
 use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
+use pliant_math::Input;
 
 /// Tangents of (q, v, z): row-major, `nv × columns` for q and v, `ndz × columns` for z.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,7 +60,7 @@ pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seed
                 // stage.h is γ h of the substep
                 let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
                 x.q.copy_from_slice(&memory.start[0]);
-                move_along(cx, (&stage.lead, &stage.carry[2]), &mut x.q, &x.v, m, |_| lead);
+                move_along(cx, (&stage.transport.lead, &stage.transport.carry[2]), &mut x.q, &x.v, m, |_| lead);
                 for (v1, v0) in x.v.iter_mut().zip(&memory.start[1]) {
                     *v1 = v0 + RATIO * (*v1 - v0);
                 }
@@ -153,7 +153,7 @@ fn move_positions(cx: Context, stage: &StageRecord, q: &mut [f64], v: &[f64], v_
             }
         }
     }
-    move_along(cx, (&stage.end, &stage.carry[1]), q, moved, m, |_| stage.h);
+    move_along(cx, (&stage.transport.end, &stage.transport.carry[1]), q, moved, m, |_| stage.h);
 }
 
 /// Pulls the cotangent of the state after a step back to the state before it; adds to the cotangents of u and θ.
@@ -186,7 +186,7 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
         if *link == Link::SdirkSecond {
             let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
             first_v_bar = v_bar.iter().map(|v| RATIO * v).collect();
-            pull_along(cx, (&stage.lead, &stage.carry[2]), &mut x.q, &mut first_v_bar, lead, |_| lead);
+            pull_along(cx, (&stage.transport.lead, &stage.transport.carry[2]), &mut x.q, &mut first_v_bar, lead, |_| lead);
             start_v_bar = v_bar.iter().map(|v| (1.0 - RATIO) * v).collect();
         } else {
             x.v = v_bar;
@@ -235,7 +235,7 @@ fn add_taken(x: &mut [f64], y: &mut [f64]) {
 fn end_cotangent(cx: Context, stage: &StageRecord, x: &mut Cotangent) -> (Vec<f64>, Vec<f64>) {
     let (mut y_bar, mut v_bar) = (x.v.clone(), vec![0.0; x.v.len()]);
     let mut moved = vec![0.0; x.q.len()];
-    pull_along(cx, (&stage.end, &stage.carry[1]), &mut x.q, &mut moved, stage.h, |_| stage.h);
+    pull_along(cx, (&stage.transport.end, &stage.transport.carry[1]), &mut x.q, &mut moved, stage.h, |_| stage.h);
     for (k, moved) in moved.iter().enumerate() {
         let driven = cx.model.driven_rows().get(k).is_some_and(|driven| *driven);
         let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };

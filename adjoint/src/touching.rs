@@ -15,11 +15,11 @@
 
 use crate::elastic::{is_held, keeps_nothing};
 use crate::implicit::{Refinement, refinements, settled, worth_refining};
-use crate::linearize::{Linearization, VECTOR};
+use crate::linearization::{Linearization, VECTOR};
 use crate::stage::Context;
-use pliant_engine::kinematics::Input;
 use pliant_engine::rods::Carry;
 use pliant_engine::step::{StageRecord, StepRecord};
+use pliant_math::Input;
 
 /// Memory, kept from one step to the next.
 #[derive(Clone, Debug, Default)]
@@ -30,8 +30,8 @@ pub(crate) struct Touching {
     /// D, and that of ∂v⁺/∂v.
     scale: Vec<f64>,
     by_velocity: Vec<f64>,
-    /// F_v, contact by contact, and the first row of its node.
-    rates: Vec<(usize, [[f64; 3]; 4])>,
+    /// F_v, contact by contact, with the first row of its node and its own first row.
+    rates: Vec<(usize, usize, [[f64; 3]; 4])>,
     /// ((G D + H F_v) S_a)ᵀ, likewise.
     moved: Vec<f64>,
     /// ψ_a of one edge, in its nodes' columns.
@@ -41,7 +41,7 @@ pub(crate) struct Touching {
 /// The only stage of such a step of ropes and rods, if this is one: sheets have `whole`, or solve for each column.
 pub(crate) fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
     let stage = keeps_nothing(cx, step)?;
-    let fits = stage.undamped && cx.model.cloths().is_empty() && !stage.matrix.nodes.layout().is_sparse();
+    let fits = stage.undamped && cx.model.cloths().is_empty() && !stage.jacobians.matrix.nodes.layout().is_sparse();
     (fits && is_held(cx, stage)).then_some(stage)
 }
 
@@ -58,8 +58,8 @@ impl Touching {
         self.by_velocity.clear();
         self.by_velocity.extend(of_mass(stage.inertia * stage.scheme.momentum, 0.0));
         self.rates.clear();
-        stage.visit_contact_rates(|node, m| {
-            self.rates.push((3 * node, std::array::from_fn(|a| std::array::from_fn(|c| m[(a, c)]))));
+        stage.visit_contact_rates(|node, row, m| {
+            self.rates.push((node, row, std::array::from_fn(|a| std::array::from_fn(|c| m[(a, c)]))));
         });
         let columns = n.next_multiple_of(VECTOR);
         stage.transposed_inverse(columns, &mut self.inverse);
@@ -70,7 +70,7 @@ impl Touching {
         let mut out = Linearization { a: self.by_state(stage, columns), b: vec![0.0; 2 * n * nu], c: Vec::new() };
         self.move_rates(stage, 3 * cx.model.n_nodes(), &mut out.a);
         self.by_command(step, stage.h, nu, &mut out);
-        let end = &stage.carry[1];
+        let end = &stage.transport.carry[1];
         end.add_after(&mut out.a[..2 * n * n], 2 * n);
         end.add_after(&mut out.b[..n * nu], nu);
         out
@@ -98,12 +98,13 @@ impl Touching {
     /// Rows of positions, with the commands as they are and rods' axes not yet carried to the end; and room for those of velocities.
     fn by_state(&mut self, stage: &StageRecord, columns: usize) -> Vec<f64> {
         let (n, h) = (self.scale.len(), stage.h);
-        let (g, of_residuals) = self.inverse.split_at(n * columns);
+        let g = &self.inverse[..n * columns];
         self.moved.clear();
         for (g, s) in g.chunks_exact(columns).zip(&self.scale) {
             self.moved.extend(g.iter().map(|g| g * s));
         }
-        for ((node, rates), rows) in self.rates.iter().zip(of_residuals.chunks_exact(4 * columns)) {
+        for (node, row, rates) in &self.rates {
+            let rows = &self.inverse[row * columns..(row + 4) * columns];
             for (c, to) in self.moved[node * columns..(node + 3) * columns].chunks_exact_mut(columns).enumerate() {
                 for (rates, row) in rates.iter().zip(rows.chunks_exact(columns)) {
                     let factor = rates[c];
@@ -111,7 +112,7 @@ impl Touching {
                 }
             }
         }
-        stage.carry[0].pull_before_many(&mut self.moved, columns);
+        stage.transport.carry[0].pull_before_many(&mut self.moved, columns);
         let mut a = Vec::with_capacity(4 * n * n);
         for i in 0..n {
             a.extend(self.moved.chunks_exact(columns).map(|row| row[i]));
@@ -122,7 +123,7 @@ impl Touching {
 
     /// Rows of velocities, from those of positions.
     fn move_rates(&mut self, stage: &StageRecord, first_twist: usize, a: &mut Vec<f64>) {
-        let (n, per_h, begin) = (self.scale.len(), 1.0 / stage.h, &stage.carry[0]);
+        let (n, per_h, begin) = (self.scale.len(), 1.0 / stage.h, &stage.transport.carry[0]);
         a.extend_from_within(..);
         for (k, row) in a[2 * n * n..].chunks_exact_mut(2 * n).enumerate() {
             row[k] -= 1.0;

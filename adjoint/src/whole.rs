@@ -18,10 +18,10 @@
 
 use crate::elastic::{add_commands, euler_stage};
 use crate::implicit::worth_refining;
-use crate::linearize::Linearization;
+use crate::linearization::Linearization;
 use crate::stage::Context;
-use pliant_engine::kinematics::Input;
 use pliant_engine::step::{StageRecord, StepRecord};
+use pliant_math::Input;
 
 /// Memory, kept from one step to the next.
 #[derive(Clone, Debug, Default)]
@@ -42,9 +42,10 @@ type Block = [[f64; 3]; 3];
 /// The only stage of such a step, if this is one.
 fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
     let of_nodes = |stage: &StageRecord| {
-        cx.model.nv() == cx.model.n_node_dofs() && stage.has_contacts_of_nodes_alone() && stage.factor.is_sparse()
+        cx.model.nv() == cx.model.n_node_dofs() && stage.has_contacts_of_nodes_alone() && stage.jacobians.factor.is_sparse()
     };
-    let plain = |stage: &StageRecord| stage.middle.is_identity() && stage.carry.iter().all(|carry| carry.is_empty());
+    let plain =
+        |stage: &StageRecord| stage.transport.middle.is_identity() && stage.transport.carry.iter().all(|carry| carry.is_empty());
     euler_stage(cx, step).filter(|stage| of_nodes(stage) && plain(stage) && !probe_refines(cx, step, stage))
 }
 
@@ -77,7 +78,7 @@ impl Whole {
         let mut a = vec![0.0; 4 * n * n];
         let lower = &mut a[2 * n * n..];
         if stage.undamped && n == 3 * cx.model.n_nodes() {
-            stage.factor.inverse_of_nodes(&mut self.inverse);
+            stage.jacobians.factor.inverse_of_nodes(&mut self.inverse);
             self.by_difference(cx, stage, lower);
             let mut own = positions.diagonal_blocks_of_product(&self.inverse);
             normals.iter().for_each(|(node, along)| add_scaled(&mut own[*node], along, -1.0 / h));
@@ -85,7 +86,7 @@ impl Whole {
                 own.iter().enumerate().for_each(|(r, row)| lower[(3 * k + r) * 2 * n + 3 * k..][..3].copy_from_slice(row));
             }
         } else {
-            stage.factor.inverses_of_nodes(&mut self.inverse, &mut self.transposed);
+            stage.jacobians.factor.inverses_of_nodes(&mut self.inverse, &mut self.transposed);
             positions.transpose_times(&self.transposed, &mut self.by_position, n);
             self.by_product(lower);
             for (node, along) in &normals {

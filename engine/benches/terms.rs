@@ -1,11 +1,11 @@
 //! Time of each term on a rope of 20 nodes: force alone, force with Jacobians, slopes to the parameters.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use pliant_engine::kkt::NodeMatrix;
 use pliant_engine::terms::{
     Automatic, Bend, BendDamping, BendDampingLaw, BendLaw, Drag, Element, Gravity, Point, Stretch, StretchDamping, StretchLaw,
     Term,
 };
+use pliant_linalg::NodeMatrix;
 use std::hint::black_box;
 
 const NODES: usize = 20;

@@ -3,8 +3,9 @@
 //! band, `RECORD=1` keeps records.
 
 use pliant_engine::model::ModelBuilder;
-use pliant_engine::scene::{self, Scene};
 use pliant_engine::step::{StepOptions, Stepper};
+use pliant_scene as scene;
+use pliant_scene::Scene;
 use std::error::Error;
 use std::fmt::Write;
 use std::time::Instant;

@@ -1,13 +1,12 @@
 //! Static equilibrium: the configuration where all forces vanish.
 
-use crate::bodies::spatial::Inertia;
-use crate::kinematics::Input;
+use crate::constraints::JointRow;
 use crate::memory::Past;
 use crate::model::Model;
-use crate::newton::{Work, solve_stage};
 use crate::rods::RodPast;
-use crate::state::State;
-use crate::step::{Measure, STATIC, Stage, StageRecord, StepError, Workspace};
+use crate::step::newton::{Work, solve_stage};
+use crate::step::{Masses, STATIC, SolverOptions, Stage, StageRecord, StepError, Workspace};
+use pliant_math::{Input, State};
 use std::sync::Arc;
 
 /// First pseudo-time step [s]; it grows while Newton's method follows and ends at infinity.
@@ -66,16 +65,13 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     let placement = place_clamped(model, theta, u, [guess, &frames])?;
     let mut q = placement.0;
     model.rods.carry_frames(guess, &q, &mut frames);
-    let (mass, row_mass, inertias) = (model.masses(theta), model.row_masses(theta), model.inertias(theta));
-    let (zero, measure) = (vec![0.0; model.nv()], Measure::new(model, theta));
+    let (zero, masses, joint_rows) = (vec![0.0; model.nv()], Masses::new(model, theta), model.active_rows(theta));
     let ((signals, _), z) = (model.resting_signals(u), model.initial_memory());
     let fixed = Fixed {
         model,
         theta,
-        mass: &mass,
-        row_mass: &row_mass,
-        inertias: &inertias,
-        measure: &measure,
+        masses: &masses,
+        joint_rows: &joint_rows,
         zero: &zero,
         u: &signals,
         z: &z,
@@ -118,10 +114,8 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
 struct Fixed<'a> {
     model: &'a Model,
     theta: &'a [f64],
-    mass: &'a [f64],
-    row_mass: &'a [f64],
-    inertias: &'a [Inertia<f64>],
-    measure: &'a Measure,
+    masses: &'a Masses,
+    joint_rows: &'a [JointRow],
     zero: &'a [f64],
     u: &'a [f64],
     z: &'a [f64],
@@ -133,10 +127,8 @@ impl Fixed<'_> {
         Stage {
             model: self.model,
             theta: self.theta,
-            mass: self.mass,
-            row_mass: self.row_mass,
-            inertias: self.inertias,
-            measure: self.measure,
+            masses: self.masses,
+            joint_rows: self.joint_rows,
             u: self.u,
             holds: &[],
             past: Past { q: &q[self.model.n_node_dofs()..], z: self.z, elapsed: 0.0 },
@@ -149,13 +141,7 @@ impl Fixed<'_> {
             v_ref: self.zero,
             v_start: self.zero,
             v_cmd: self.zero,
-            rest_gap: self.model.contact.rest_gap,
-            damping: 0.0,
-            soften: 0.0,
-            absent: false,
-            thorough: true,
-            coarse: false,
-            downhill: false,
+            options: SolverOptions::new(self.model.contact.rest_gap, true),
         }
     }
 

@@ -9,15 +9,16 @@
 //! in v⁺ and the contacts' cone variables w ∈ R⁴. The integrator says where q̄, v̄ and q⁺ lie ([`step`]).
 //!
 //! **The flow.**
-//! 1. a scene file is read and checked ([`scene`]) and built into an immutable [`model`] with its [`params`] θ;
+//! 1. a scene file is read and checked ([`pliant_scene`]) and built into an immutable [`model`] with its [`params`](pliant_math::params) θ;
 //! 2. forces accumulate from [`terms`], gaps come from [`geometry`], commanded velocities from [`kinematics`];
-//! 3. each contact is condensed into a force on its node, and Newton's method solves what is left with the factors of [`kkt`];
+//! 3. each contact is condensed into a force on its node, and Newton's method solves what is left with the factors of [`pliant_linalg`];
 //! 4. at the root the matrix is assembled and factored once more and kept, with the root, in a record;
 //! 5. a [`rollout`](rollout::rollout) is steps in a row; [`equilibrium`] solves the same forces at rest.
 //!
 //! A rope let go falls as one, whatever its springs are; the midpoint rule is exact there:
 //! ```
-//! use pliant_engine::{model::ModelBuilder, rollout::rollout, scene, step::StepOptions};
+//! use pliant_engine::{model::ModelBuilder, rollout::rollout, step::StepOptions};
+//! use pliant_scene as scene;
 //! use std::sync::Arc;
 //!
 //! let text = r#"
@@ -47,23 +48,17 @@
 //! ```
 
 pub mod bodies;
-mod contact;
+mod constraints;
 pub mod equilibrium;
 pub mod geometry;
 pub mod grasp;
-pub mod import;
 pub mod kinematics;
-pub mod kkt;
 pub mod memory;
 pub mod model;
-mod newton;
-pub mod params;
 pub mod rods;
 pub mod rollout;
-pub mod scene;
-pub mod state;
 pub mod step;
 pub mod terms;
 
-pub use contact::{ContactPair, Coupling, JointFriction, JointRow, JointRowKind, Lead};
-pub use newton::Work;
+pub use constraints::{ContactPair, Coupling, JointFriction, JointRow, JointRowKind, Lead};
+pub use step::newton::Work;

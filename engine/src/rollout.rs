@@ -1,9 +1,9 @@
 //! A trajectory: steps in a row.
 
 use crate::model::Model;
-use crate::newton::Work;
-use crate::state::State;
+use crate::step::newton::Work;
 use crate::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
+use pliant_math::State;
 use std::sync::Arc;
 
 /// A simulated trajectory, and its records if they were asked for.

@@ -25,6 +25,7 @@ pub mod error;
 pub mod fit;
 pub mod log;
 mod number;
+#[cfg(feature = "report")]
 pub mod report;
 pub mod sensor;
 pub mod shoot;

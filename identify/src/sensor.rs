@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualNum, DualSVec64};
-use pliant_engine::params::{ANY, POSITIVE};
+use pliant_math::params::{ANY, POSITIVE};
 
 /// Entries of a sensor's parameters, in this order: bias (3), scale, rotation (3), time offset.
 pub const SENSOR_PARAMS: usize = 8;

@@ -3,7 +3,7 @@
 use crate::sensor::{SENSOR_PATHS, SENSOR_UNITS, Sensor};
 use crate::stats::score::Sign;
 use pliant_engine::model::Model;
-use pliant_engine::params::ANY;
+use pliant_math::params::ANY;
 
 /// What an unknown sets.
 #[derive(Clone, Debug, PartialEq)]

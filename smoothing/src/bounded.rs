@@ -12,7 +12,7 @@
 //! ```
 //! A sticking joint creeps at v = κ (1/(b₊ + γ) − 1/(b₋ − γ)), to first order in κ: proportional to κ, not to the load.
 
-use crate::Real;
+use pliant_math::Real;
 
 /// The residual of friction [N·m·s or N·s]; bounds `b_plus` (against v > 0) and `b_minus`, both ≥ 0; `rho` > 0 [kg·m² or kg].
 pub fn friction_residual<S: Real>(kappa: S, rho: f64, b_plus: S, b_minus: S, v: S, gamma: S) -> S {

@@ -1,6 +1,6 @@
 //! The laws: which velocities s the impulse w is complementary to, and the impulse on the central path in closed form.
 
-use crate::Real;
+use pliant_math::Real;
 use std::fmt;
 use std::str::FromStr;
 

@@ -43,9 +43,3 @@ pub use law::{ContactLaw, UnknownLaw, admissible, impulse, normal_slack, slack};
 pub use natural::{Linearization, eigenvalues, linearize, residual};
 pub use schedule::{Annealing, ScheduleError, hover, reach};
 pub use split::{SplitPoint, split_linearize, split_residual};
-
-use num_dual::DualNum;
-
-/// Scalars a law may be evaluated with: `f64` and dual numbers over it.
-pub trait Real: DualNum<Primitive = f64> + Copy {}
-impl<T: DualNum<Primitive = f64> + Copy> Real for T {}

@@ -1,7 +1,8 @@
 //! The smoothed natural residual of a contact and its derivatives: what a Newton iteration sees.
 
-use crate::{ContactLaw, Real, normal_slack, slack};
+use crate::{ContactLaw, normal_slack, slack};
 use nalgebra::{Matrix4, Matrix4x3, Vector4};
+use pliant_math::Real;
 
 // Derivation. Let z = w − ρ s have the eigenvalues λ± = z₀ ± r, r = |z̄|, and write
 //   D± = √(λ±² + 4ρκ),   φ± = (D± + λ±)/2,   ψ± = (D± − λ±)/2,   φ± ψ± = ρκ,   φ± − ψ± = λ±.

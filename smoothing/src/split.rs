@@ -2,9 +2,10 @@
 //! of the natural residual ([`crate::residual`]), and suits contacts between bodies, where several contacts share directions of very
 //! different inertia: the normal part does not see the sliding, and each part has a step of its own.
 
+use crate::Linearization;
 use crate::natural::smoothed_parts;
-use crate::{Linearization, Real};
 use nalgebra::{Matrix3, Matrix4, Matrix4x3, Vector3, Vector4};
+use pliant_math::Real;
 
 // Derivation. Coulomb's smoothed law has γ_n v_n = κ and w̄ = −(w₀/s₀) s̄ (see `law`). With τ = |w̄|, u = w̄ − ρ_t s̄ and s̄ = μ v_t,
 // the second gives u ∥ w̄ and |u| − τ = ρ_t τ s₀/w₀, and s ∘ w = κ e gives s₀ (w₀² − τ²) = κ w₀. Together

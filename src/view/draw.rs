@@ -4,11 +4,11 @@ use super::numbers::{Numbers, Slice};
 use super::picture::{Bone, Drawn, Mesh, Picture, Rope, Scale, left_out};
 use super::{Caption, Run};
 use crate::{Model, State};
-use pliant_engine::bodies::inertia::from_numbers;
-use pliant_engine::bodies::rotation::{from_matrix, matrix};
 use pliant_engine::geometry::solid::{Carrier, Form, Pose, Solid};
 use pliant_engine::model::RopeSpan;
-use pliant_engine::terms::Vec3;
+use pliant_math::Vec3;
+use pliant_math::inertia::from_numbers;
+use pliant_math::rotation::{from_matrix, matrix};
 use std::ops::Range;
 
 /// Name, nodes and triangles of a surface.

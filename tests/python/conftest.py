@@ -1,6 +1,11 @@
-"""Lets the tests import `validation` from the repository's root."""
+"""Lets the tests import `validation` from the repository's root, and knows the mark of tests that `tests/run fast` leaves out."""
 
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+
+def pytest_configure(config):
+    """Registers the mark."""
+    config.addinivalue_line("markers", "long: takes more than some seconds; left out by `tests/run fast`")

@@ -7,6 +7,8 @@ import pytest
 
 from validation.blind import arms
 
+pytestmark = pytest.mark.long
+
 
 def diagnose(name: str, folder: Path) -> dict:
     """pliant's answer to the scene and logs of an effect."""

@@ -10,6 +10,8 @@ import pytest
 
 from validation.blind import cable_logs
 
+pytestmark = pytest.mark.long
+
 
 def diagnose(name: str, folder: Path) -> dict:
     """pliant's answer to the scene and logs of an effect."""

@@ -9,6 +9,8 @@ import pytest
 
 from validation.blind import cases
 
+pytestmark = pytest.mark.long
+
 SEED = 3
 HIDDEN = (6, 10, 21, 34)  # large enough to be named, by the oracle or by luck of the draw
 NULLS = (1, 4, 5)

@@ -1,8 +1,11 @@
 """A ball that slides on a floor, its motion in closed form: what the floor hides must be found, as far as encoders can tell."""
 
 import pliant
+import pytest
 
 from validation.blind import slider
+
+pytestmark = pytest.mark.long
 
 
 def test_a_wrong_friction_of_the_floor_is_found_beside_its_twin(tmp_path):

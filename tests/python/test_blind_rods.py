@@ -9,6 +9,8 @@ import pytest
 pytest.importorskip("optimistix")
 from validation.blind import rods
 
+pytestmark = pytest.mark.long
+
 
 def diagnose(name: str, folder: Path) -> dict:
     """pliant's answer to the scene and logs of an effect."""

@@ -12,6 +12,8 @@ import pytest
 pytest.importorskip("pliant")
 pytest.importorskip("jax")
 
+pytestmark = pytest.mark.long
+
 PROGRAM = Path(__file__).with_name("jax_program.py")
 AGREE = [
     "rollout_value",

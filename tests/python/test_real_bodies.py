@@ -8,6 +8,8 @@ import pytest
 from validation.real import arms, cubes, torques
 from validation.real.deform_dlo import data_folder
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def data() -> Path:

@@ -13,6 +13,8 @@ from validation import reference
 
 pliant = pytest.importorskip("pliant")
 
+pytestmark = pytest.mark.long
+
 STEPS = 6
 CASES = [
     ("free_swing", "midpoint", None),

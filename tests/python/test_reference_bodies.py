@@ -15,6 +15,8 @@ from validation.reference import bodies, body_model, body_step, rotations
 
 pliant = pytest.importorskip("pliant")
 
+pytestmark = pytest.mark.long
+
 CASES = [
     ("arm_free", "euler"),
     ("arm_free", "midpoint"),

@@ -13,6 +13,8 @@ from validation.reference import remembering
 
 pliant = pytest.importorskip("pliant")
 
+pytestmark = pytest.mark.long
+
 STEPS = 100
 CASES = [
     ("rod_creep", "euler"),

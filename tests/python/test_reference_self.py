@@ -10,6 +10,8 @@ from validation import reference
 from validation.reference import contact, forces, laws, rods
 from validation.reference.step import cayley, commanded_velocity
 
+pytestmark = pytest.mark.long
+
 
 def random_stencil(seed):
     return jnp.asarray(np.random.default_rng(seed).normal(size=(6, 3)))

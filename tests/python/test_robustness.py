@@ -11,6 +11,8 @@ from validation.random_scenes import random_scene
 
 pliant = pytest.importorskip("pliant")
 
+pytestmark = pytest.mark.long
+
 SPEAKING = {"good", "grew", "stopped"}  # how a scene may end
 
 

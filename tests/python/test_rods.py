@@ -9,6 +9,8 @@ import pytest
 
 from validation.rods import buckles_at, helix, ring
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("ratio", [1.0, 0.5])
 def test_michells_ring_leaves_its_plane_at_the_critical_turn(ratio: float) -> None:

@@ -18,6 +18,8 @@ from validation.real.wires_twist import (
 )
 from validation.rods import critical_turn as of_a_ring
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def measured():

@@ -9,38 +9,47 @@ from pathlib import Path
 
 INTRODUCTION = """# Benchmarks
 
-A 1 m rope of 0.05 kg, EA 10⁴ N, EI 10⁻³ N·m², step 1/60 s, implicit Euler. Without contact it
-hangs from one node and swings; in `rope_step_contact` it lies on a floor (friction 0.5, every
-node in contact), in `rope_step_sliding` it slides over one (1 m/s, friction 0.1). pliant is timed
-by its own loop in Rust, MuJoCo by `mj_step(..., nstep)` in C; the parties take turns, each figure
-is the median over the rounds of the mean over 240 steps, one thread. *ratio* = pliant / peer: below 1, pliant is faster.
+pliant beside MuJoCo 4.0, in turns in one run on one thread. *ratio* = pliant / peer: below 1, pliant is faster. Every figure is the
+median over the rounds of one of these:
 
-What is not equal: pliant solves each step to 10⁻¹² of the velocity scale and keeps the exact
-Jacobian; MuJoCo takes one linearized, positive semi-definite step at its default tolerance, holds
-the edges by a soft constraint instead of EA, and (unless "without twist") carries a hinge per
-edge. `mjd_transitionFD` gives forward differences in the state; pliant's Jacobian also covers the
-controls and every parameter. A finite-difference gradient costs one rollout per parameter and
-one more; pliant's reverse mode gives all parameters, controls and initial state at once.
+| | pliant, timed by its own loop in Rust | MuJoCo, timed in C |
+|---|---|---|
+| step | mean of 240 steps, along the rollout | ropes, rods, cloth: median over a rollout of 60 steps, in chunks of 5; bodies: mean of 200 steps |
+| jacobian | mean of 240 steps with A and B (rods, cloth: 60) | ropes, rods, cloth: one `mjd_transitionFD` a third of the way; bodies: median along the rollout |
+| rollout_vjp | median of the rollouts of a round | forward differences: as many rollouts as parameters, and one more |
 
-*bodies*: chains of rods of 0.1 m and 0.2 kg, joined by hinges with damping and a motor each, fall
-for 200 steps of 1/240 s, implicit Euler beside MuJoCo's `implicitfast`. pliant takes inertia, Coriolis
-forces and weight at the end of the step and iterates to the root; `implicitfast` is implicit in damping
-alone and solves once. Both Jacobians are A and B, all states and all motors; MuJoCo's are differences of
-its step, forward ones with errors near 10⁻⁶. Where a chain has fewer parameters than a row differences,
-the row is left out.
+A mean counts expensive steps (landings) in full, a median leaves them out.
+
+*rope*: 1 m, 0.05 kg, EA 10⁴ N, EI 10⁻³ N·m², step 1/60 s, implicit Euler. Without contact it hangs from one node and swings; in
+`rope_step_contact` it lies on a floor (friction 0.5, every node in contact), in `rope_step_sliding` it slides over one (1 m/s,
+friction 0.1).
+
+*bodies*: chains of rods of 0.1 m and 0.2 kg, joined by hinges with damping and a motor each, fall for 200 steps of 1/240 s, implicit
+Euler beside MuJoCo's `implicitfast`. Where a chain has fewer parameters than a row differences, the row is left out.
 
 *cable*: 18 capsules on ball joints (57 degrees of freedom, 0.375 m) fall 8 cm onto a floor, curled, and come to rest; *arm_box*: an
-arm of two links with position drives pushes a box over a floor (8 degrees of freedom). The same steps. pliant's contacts are hard
-(rest gap 1 nm and 10 nm) and close where the step ends; MuJoCo's are soft, at their defaults, and closed where it begins."""
+arm of two links with position drives pushes a box over a floor (8 degrees of freedom). The same steps.
+
+The comparison is not equal:
+
+- pliant solves each step to 10⁻¹² of the velocity scale and keeps the exact Jacobian. MuJoCo takes one linearized, positive
+  semi-definite step at its default tolerance, holds the edges of a rope by a soft constraint instead of EA, and (unless "without
+  twist") carries a hinge per edge. `implicitfast` is implicit in damping alone; pliant takes inertia, Coriolis forces and weight at the
+  end of the step.
+- `mjd_transitionFD` gives forward differences in the state, with errors near 10⁻⁶; pliant's Jacobian also covers the controls, and
+  its reverse mode gives the gradient by all parameters, controls and the initial state at once.
+- pliant's contacts are hard (rest gap 1 nm, of *arm_box* 10 nm) and hold where the step ends; MuJoCo's are soft, at their defaults, and
+  are found where it begins."""
 
 
-RODS_AND_CLOTH = """## Rods that twist, and cloth
+RODS_AND_CLOTH = """## Rods and cloth
 
-*rod*: the rope above with twist, GJ = 2/3 EI; *cloth*: a sheet of 10 × 10 nodes, 0.5 m, 0.2 kg/m², E 5·10⁴ Pa, held at a corner and
-falling, beside MuJoCo's two-dimensional flex with the same membrane. In `_contact` each lies on a floor, every node in contact (20 and
-100). Gradients are of 60 steps. `jacobian` is A and B (pliant's with the step, MuJoCo's of the state only); beside "pliant, step" the ratio
-says how many steps it costs, `rollout_vjp` beside "pliant, forward rollout" what all gradients cost. *published*: CORD-SLS's figures for
-its own rope of 20 nodes and cloth of 10 × 10 on a GPU, another machine and another step: an order of magnitude."""
+*rod*: the rope above with twist, GJ = 2/3 EI; *cloth*: a sheet of 10 × 10 nodes (its size is nodes per side), 0.5 m, 0.2 kg/m²,
+E 5·10⁴ Pa, held at a corner and falling, beside MuJoCo's two-dimensional flex with the same membrane. In `_contact` each lies on a
+floor, every node in contact (20 and 100). Gradients are of 60 steps. `jacobian` is A and B (pliant's with the step, MuJoCo's of the
+state only). Beside "pliant, step" the ratio is its cost in steps; beside "pliant, forward rollout" it is the cost of all gradients in
+rollouts. *published*: figures of CORD-SLS for its own rope of 20 nodes and cloth of 10 × 10 on a GPU, with another machine and another
+step: an order of magnitude."""
 
 # CORD-SLS, its Table 2: seconds of a step and of its Jacobian
 PUBLISHED = {"rod_step": 1.095e-3, "rod_jacobian": 5.198e-3, "cloth_step": 15.08e-3, "cloth_jacobian": 10.06e-3}
@@ -86,7 +95,7 @@ def listing(rows: list[dict], columns: dict) -> str:
 def rods_and_cloth(found: dict) -> list[str]:
     """The parts of the page about rods that twist and cloth."""
     growth = {"work": "work", "nodes": "nodes", "pliant_s": "s", "exponent": "exponent since the size before"}
-    batch = {"work": "work", "rollouts": "rollouts", "one_thread_s": "one thread, s", "speedup_of_two": "times as fast on two"}
+    batch = {"work": "work", "rollouts": "rollouts", "one_thread_s": "one thread, s", "speedup_of_two": "speed-up on two threads"}
     memory = {"work": "kept for derivatives", "bytes_per_step": "bytes a step"}
     return [
         RODS_AND_CLOTH,

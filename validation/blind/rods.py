@@ -129,9 +129,9 @@ def motion(hidden: dict[str, float], record: int) -> np.ndarray:
     logged = np.arange(SAMPLES + 1) / RATE
     u = np.stack([np.interp(t, logged, column) for column in commands(record, logged).T], axis=1)
     settling, settle = truth(settling=True)
-    settled, failed = settle(settling.initial_state(), np.tile(u[0], (SETTLE, 1)), silent)
+    settled, left = settle(settling.initial_state(), np.tile(u[0], (SETTLE, 1)), silent)
     x, residuals = rollout(at_rest(model, np.array(settled[-1])), u[1:], theta)
-    assert max(map(float, map(np.max, [failed, residuals]))) < 1e-8, "a step of the reference did not converge"
+    assert max(map(float, map(np.max, [left, residuals]))) < 1e-8, "a step of the reference did not converge"
     return np.array(x)[::FINE, : 3 * NODES].reshape(-1, NODES, 3)
 
 

@@ -1,6 +1,6 @@
 """What sections of rods remember: a Maxwell element's elastic strains, bending that has flowed, and that of friction which sticks.
 
-Written from the equations of docs/rods.md. Within a step strains change at constant rate from where it begins to where something is
+Written from the equations of docs/theory/rods.md. Within a step strains change at constant rate from where it begins to where something is
 evaluated, the time t [s] later. The numbers stand in the state behind the velocities: of every rope first the plastic bending of its
 joints (2 each), then the elastic strains of its creep (3 each), then the elastic bending of its friction (2 each), all zero as the scene
 begins.

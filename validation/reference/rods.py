@@ -1,7 +1,7 @@
 """Rods that twist: material axes carried along with their edges, strains of joints, energies and clamps.
 
 Written from Bergou et al. (Discrete Elastic Rods, 2008; Discrete Viscous Threads, 2010) with curvatures towards the axes half way
-between both edges (docs/rods.md). An edge has a twist θ [rad] among the coordinates and a reference axis d, a unit vector across it, in
+between both edges (docs/theory/rods.md). An edge has a twist θ [rad] among the coordinates and a reference axis d, a unit vector across it, in
 the state's third part z = [what sections remember, d of every edge, m of every joint], m the twist between neighbours' reference axes. A
 *change* of a state carries the axes along and turns the material by one number per edge.
 """

@@ -1,4 +1,4 @@
-"""Sheets of cloth: triangles that stretch and shear, plates' bending by the folds between them, damping, drag (docs/cloth.md).
+"""Sheets of cloth: triangles that stretch and shear, plates' bending by the folds between them, damping, drag (docs/theory/cloth.md).
 
 Membrane: St. Venant and Kirchhoff's energy of Green strain, plane stress. Bending: a triangle of constant curvature H shows the folds
 ψ = M H at its edges; the least that a Kirchhoff plate costs with them is ½ ψᵀ A (M C⁻¹ Mᵀ)⁻¹ ψ (cf. Oñate and Zárate 2000). Only grids.

@@ -18,8 +18,8 @@ use crate::{AdjointError, rollout_jvp, rollout_vjp};
 use block::Block;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::{Rollout, rollout};
-use pliant_engine::state::State;
 use pliant_engine::step::StepOptions;
+use pliant_math::State;
 use std::sync::Arc;
 
 /// Largest admissible relative error if the difference's floor is lower.

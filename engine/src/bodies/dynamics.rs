@@ -15,11 +15,11 @@
 //! outside does when its body is displaced.
 
 use super::frames::{Frame, Frames};
-use super::spatial::{Force, Inertia, Motion, VelocityPartial, column, product, symmetric_mul};
 use super::spread::Spread;
 use super::tree::Tree;
-use crate::terms::{Real, Vec3};
 use nalgebra::{Matrix3, Matrix6, Vector6};
+use pliant_math::spatial::{Force, Inertia, Motion, VelocityPartial, column, product, symmetric_mul};
+use pliant_math::{Real, Vec3};
 
 /// Generalized forces of inertia and gravity at `frames`, for inertias `inertia` about each body's own origin; `wrenches` act on
 /// the bodies from outside (none: empty). Overwrites `tau`; armature is not included.
@@ -236,7 +236,7 @@ pub(super) fn force_column(f: &Force<f64>) -> Vector6<f64> {
 /// The matrix of `ξ ↦ ξ × V` … of a motion.
 fn cross_matrix(v: &Motion<f64>) -> Matrix6<f64> {
     // ξ × V = −V × ξ
-    let (w, u) = (super::spatial::hat(&v.w), super::spatial::hat(&v.v));
+    let (w, u) = (pliant_math::spatial::hat(&v.w), pliant_math::spatial::hat(&v.v));
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-w);
     m.fixed_view_mut::<3, 3>(3, 0).copy_from(&-u);
@@ -246,7 +246,7 @@ fn cross_matrix(v: &Motion<f64>) -> Matrix6<f64> {
 
 /// The matrix of `ξ ↦ ξ ×* W`.
 fn force_cross_matrix(w: &Force<f64>) -> Matrix6<f64> {
-    let (n, f) = (super::spatial::hat(&w.n), super::spatial::hat(&w.f));
+    let (n, f) = (pliant_math::spatial::hat(&w.n), pliant_math::spatial::hat(&w.f));
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-n);
     m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-f);

@@ -1,8 +1,8 @@
 //! Energies of bodies.
 
-use super::spatial::Inertia;
 use super::{Frames, Tree};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
+use pliant_math::spatial::Inertia;
 
 impl Tree {
     /// ½ Σ V·I V + ½ Σ armature v² \[J\].

@@ -1,10 +1,10 @@
 //! Where the bodies are and how they move: forward kinematics, once for any scalar.
 
-use super::rotation::{about, matrix};
-use super::spatial::Motion;
 use super::tree::{JointKind, Tree, quaternion};
-use crate::terms::{Real, Vec3};
 use nalgebra::Matrix3;
+use pliant_math::rotation::{about, matrix};
+use pliant_math::spatial::Motion;
+use pliant_math::{Real, Vec3};
 
 /// A body's pose and motion.
 #[derive(Clone, Copy, Debug)]

@@ -4,15 +4,12 @@
 //! forces that the joints must exert, and ∂τ/∂(q̄, v̄, ā) in O(n · depth).
 //!
 //! **The flow.** 1. [`Tree`] is built once; 2. [`Frames`] places its bodies and axes; 3. [`dynamics`] turns them into τ and its
-//! partials, which `spread` multiplies out into a matrix. [`rotation`] knows how quaternions move, [`spatial`] the six-vectors, [`inertia`] which masses are possible.
+//! partials, which `spread` multiplies out into a matrix.
 
 pub mod dynamics;
 mod energy;
 pub mod frames;
-pub mod inertia;
 pub mod operational;
-pub mod rotation;
-pub mod spatial;
 mod spread;
 #[cfg(test)]
 mod tests;
@@ -20,6 +17,5 @@ mod tree;
 pub mod turns;
 
 pub use frames::{Frame, Frames};
-pub use inertia::{BodyInertia, InertiaError};
 pub use tree::{Body, Dof, Joint, JointKind, Tree, quaternion};
 pub use turns::Turns;

@@ -8,9 +8,9 @@
 //! Reference: K. Kreutz-Delgado, A. Jain, G. Rodriguez (1992), Int. J. Robotics Research 11(4), for the recursion of Ω.
 
 use super::frames::Frames;
-use super::spatial::{Force, Inertia, column, full, hat, product, transposed_product};
 use super::tree::Tree;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector6};
+use pliant_math::spatial::{Force, Inertia, column, full, hat, product, transposed_product};
 
 /// Ω of every body in world axes about the origin of `frames` [1/kg, 1/(kg·m), 1/(kg·m²)]: rows and columns as six-vectors, angular
 /// part first; `stiffening` is K of all degrees of freedom, row-major, of which the entries within a joint count.

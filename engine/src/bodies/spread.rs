@@ -3,10 +3,10 @@
 
 use super::dynamics::{Displacement, Partials, as_motion, force_column};
 use super::frames::Frames;
-use super::spatial::{column, product, transposed_product};
 use super::tree::Tree;
-use crate::kkt::lanes::{PADDING, combine};
 use nalgebra::{Matrix3, Vector6};
+use pliant_math::simd::rows::{PADDING, combine};
+use pliant_math::spatial::{column, product, transposed_product};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Memory of [`Partials::add`].

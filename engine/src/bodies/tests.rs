@@ -2,13 +2,13 @@
 #![allow(clippy::unwrap_used)]
 
 use super::dynamics::{Displacement, Partials, WrenchPartial, inverse_dynamics};
-use super::inertia::{NUMBERS, from_numbers};
-use super::rotation::{Map, about, product};
-use super::spatial::{Force, Inertia, Motion};
 use super::*;
-use crate::terms::{Real, Vec3};
 use nalgebra::{Matrix3, Matrix6};
 use num_dual::Dual64;
+use pliant_math::inertia::{NUMBERS, from_numbers};
+use pliant_math::rotation::{Map, about, product};
+use pliant_math::spatial::{Force, Inertia, Motion};
+use pliant_math::{Real, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -275,7 +275,7 @@ fn mobilities_are_those_of_the_mass_matrix() {
         let mut expected = Matrix6::zeros();
         for &i in &chain {
             for &l in &chain {
-                let (a, c) = (super::spatial::column(&frames.axes[i].s), super::spatial::column(&frames.axes[l].s));
+                let (a, c) = (pliant_math::spatial::column(&frames.axes[i].s), pliant_math::spatial::column(&frames.axes[l].s));
                 expected += a * c.transpose() * inverse[(i, l)];
             }
         }

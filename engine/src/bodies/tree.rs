@@ -1,9 +1,9 @@
 //! Bodies and the joints that carry them: a forest, numbered so that a parent comes before its children.
 
-use super::inertia::BodyInertia;
-use super::rotation::{Map, Quaternion, normalized, product};
-use crate::terms::Vec3;
 use nalgebra::Matrix3;
+use pliant_math::Vec3;
+use pliant_math::inertia::BodyInertia;
+use pliant_math::rotation::{Map, Quaternion, normalized, product};
 use std::ops::Range;
 
 /// What a joint lets its body do.
@@ -208,8 +208,8 @@ impl Tree {
         for joint in &self.joints {
             match joint.kind {
                 JointKind::Ball => {
-                    let inverse = super::rotation::conjugate(&quaternion(a, joint.q));
-                    let turn = super::rotation::logarithm(&product(&inverse, &quaternion(b, joint.q)));
+                    let inverse = pliant_math::rotation::conjugate(&quaternion(a, joint.q));
+                    let turn = pliant_math::rotation::logarithm(&product(&inverse, &quaternion(b, joint.q)));
                     t[joint.v..joint.v + 3].copy_from_slice(turn.as_slice());
                 }
                 _ => t[joint.v] = b[joint.q] - a[joint.q],

@@ -1,9 +1,9 @@
 //! How a displacement of coordinates and a change of the tangent show up after `q ⊕ t`, in the axes reached.
 
-use super::rotation::{Map, matrix};
 use super::tree::{JointKind, Tree};
-use crate::terms::Vec3;
 use nalgebra::Matrix3;
+use pliant_math::Vec3;
+use pliant_math::rotation::{Map, matrix};
 
 /// `(q ⊕ δ) ⊕ (t + τ) = (q ⊕ t) ⊕ (T δ + J τ)` to first order; only balls differ from the identity.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,8 +1,8 @@
 //! A sphere of the rope's radius against a capsule: a segment ab, thickened.
 
 use super::Gap;
-use crate::terms::{Real, Vec3};
 use nalgebra::Matrix3;
+use pliant_math::{Real, Vec3};
 
 /// gap = |x − c| − R − r, n = (x − c)/|x − c|, with c = a + s (b − a) the point of the segment nearest to x,
 /// s = (x − a)·(b − a)/|b − a|² clamped to [0, 1].

@@ -3,9 +3,9 @@
 //! Each file holds the gap once, generic over the scalar, and a kernel that adds the Hessian; tests hold the two equal.
 //! Sign: gap < 0 penetrates; the normal n = ∂gap/∂x points out of the shape, towards the node.
 
-use crate::terms::Vec3;
 use nalgebra::Matrix3;
 use num_dual::DualSVec64;
+use pliant_math::Vec3;
 
 pub mod capsule;
 pub(crate) mod facet;

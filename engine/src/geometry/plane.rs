@@ -1,8 +1,8 @@
 //! A sphere of the rope's radius against a half space.
 
 use super::Gap;
-use crate::terms::{Real, Vec3};
 use nalgebra::Matrix3;
+use pliant_math::{Real, Vec3};
 
 /// gap = n·(x − p) − height − r, normal n: outward unit normal of the plane through p, shifted along it by the height.
 ///

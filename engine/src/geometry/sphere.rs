@@ -1,8 +1,8 @@
 //! A sphere of the rope's radius against a sphere.
 
 use super::Gap;
-use crate::terms::{Real, Vec3};
 use nalgebra::Matrix3;
+use pliant_math::{Real, Vec3};
 
 /// gap = |x − c| − R − r, normal n = (x − c)/|x − c|. Negative inside; not finite at x = c.
 ///

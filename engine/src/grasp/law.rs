@@ -2,8 +2,8 @@
 
 use super::nearest::{Region, nearest};
 use super::{Grasp, Grasping};
-use crate::kinematics::{Dual, Input, differentiate};
-use crate::terms::{Real, Vec3};
+use pliant_math::input::{Dual, differentiate};
+use pliant_math::{Input, Real, Vec3};
 
 /// Closing control from which on a gripper holds.
 const CLOSED: f64 = 0.5;

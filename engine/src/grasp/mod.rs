@@ -29,7 +29,8 @@ mod nearest;
 
 pub(crate) use law::{Begin, Hold, Phase};
 
-use crate::terms::{Point, Vec3};
+use crate::terms::Point;
+use pliant_math::Vec3;
 
 /// Which grasp a step is taken with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

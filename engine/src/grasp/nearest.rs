@@ -1,6 +1,6 @@
 //! The point of an edge or a triangle nearest to a point.
 
-use crate::terms::{Real, Vec3};
+use pliant_math::{Real, Vec3};
 
 /// Part of an element that a nearest point lies in, by the element's own numbers of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

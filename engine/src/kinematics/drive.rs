@@ -11,28 +11,8 @@
 //! into the rope.
 
 use super::hold::{HeldEdge, Now};
-use crate::terms::{Real, Vec3};
-use nalgebra::SVector;
-use num_dual::{Derivative, DualSVec64};
-
-/// What a command depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
-    /// A position dof at the start of the step.
-    Q(usize),
-    /// A control.
-    U(usize),
-    /// A parameter.
-    Theta(usize),
-    /// An internal variable at the start of the step.
-    Z(usize),
-    /// A position dof at the end of the step.
-    QNext(usize),
-    /// A velocity at the end of the step.
-    VNext(usize),
-    /// A commanded velocity, by its row.
-    Command(usize),
-}
+use pliant_math::input::{Dual, differentiate};
+use pliant_math::{Input, Real, Vec3};
 
 /// The ghost of a clamped end edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,10 +91,6 @@ pub enum CommandError {
 
 /// Sine of the smallest angle between axis and director.
 const PARALLEL: f64 = 1e-6;
-const DUALS: usize = 12;
-pub(crate) type Dual = DualSVec64<DUALS>;
-/// What an input is, with its derivatives.
-type Get<'a> = &'a dyn Fn(Input) -> Dual;
 
 impl Drive {
     /// Number of controls of this gripper.
@@ -290,33 +266,6 @@ impl Drive {
             }
         }
         Ok(())
-    }
-}
-
-/// Visits the derivatives of `of`'s rows by `inputs`, whose values `value` gives.
-pub(crate) fn differentiate(
-    inputs: &[Input],
-    value: &dyn Fn(Input) -> f64,
-    of: &dyn Fn(Get) -> Vec<(usize, Dual)>,
-    visit: &mut dyn FnMut(usize, Input, f64),
-) {
-    for inputs in inputs.chunks(DUALS) {
-        let seeded = |input: Input| {
-            let re = value(input);
-            match inputs.iter().position(|i| *i == input) {
-                Some(k) => {
-                    let mut eps = SVector::<f64, DUALS>::zeros();
-                    eps[k] = 1.0;
-                    Dual::new(re, Derivative::some(eps))
-                }
-                None => Dual::from_re(re),
-            }
-        };
-        for (row, command) in of(&seeded) {
-            if let Some(eps) = command.eps.0 {
-                inputs.iter().enumerate().for_each(|(k, input)| visit(row, *input, eps[k]));
-            }
-        }
     }
 }
 

@@ -13,9 +13,8 @@
 //! The twist's velocity is the angle to it from today's axis, carried to t⁺, over h: the way that is shorter than half a turn. A
 //! gripper driven by an angular velocity ω turns the edge by cay(h ω), of which 2 atan(h ω·t/2) is about the edge.
 
-use super::drive::Input;
-use crate::rods::{angle, carried};
-use crate::terms::{Real, Vec3};
+use pliant_math::transport::{angle, carried};
+use pliant_math::{Input, Real, Vec3};
 
 /// An edge with a twist in the hold of a gripper.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,6 +2,5 @@
 
 mod drive;
 mod hold;
-pub use drive::{CommandError, Drive, DriveKind, EdgeClamp, Input};
-pub(crate) use drive::{Dual, differentiate};
+pub use drive::{CommandError, Drive, DriveKind, EdgeClamp};
 pub use hold::HeldEdge;

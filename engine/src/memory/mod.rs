@@ -19,10 +19,9 @@
 //! to q⁺. See [`crate::terms::joint::PlasticSpring`], and of rods [`crate::terms::section::CreepSection`],
 //! [`crate::terms::section::PlasticSection`] and [`crate::terms::section::DahlSection`], whose strains at the beginning depend on all that stands there ([`crate::rods::RodPast`]).
 
-mod material;
 mod signal;
 
-pub(crate) use material::from_nodes;
+pub(crate) use signal::Partials;
 pub use signal::SignalPath;
 
 /// What joint forces are evaluated with beside the present: the beginning of the step.

@@ -1,11 +1,9 @@
 //! From the command of a step to what a motor sees of it.
 
 use super::Layout;
-use crate::kinematics::Input;
-use crate::model::Model;
-use crate::terms::Real;
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
+use pliant_math::{Input, Real};
 
 /// The way of one command: controller, delay, lag, each of them or none.
 /// ```text
@@ -42,15 +40,15 @@ const INPUTS: usize = 8;
 type Dual = DualSVec64<INPUTS>;
 
 /// What a path makes of a step: command, signal and the lag's end.
-struct Passed<S> {
-    command: S,
-    signal: S,
-    lagged: S,
+pub(crate) struct Passed<S> {
+    pub command: S,
+    pub signal: S,
+    pub lagged: S,
 }
 
 impl SignalPath {
     /// Commands kept at steps of length `h`.
-    fn kept(&self, h: f64) -> usize {
+    pub(crate) fn kept(&self, h: f64) -> usize {
         // a longest delay of whole steps needs no more, whatever its rounding
         self.delay.map_or(0, |(_, longest)| ((longest / h - 1e-9).ceil() as usize).max(1))
     }
@@ -68,7 +66,7 @@ impl SignalPath {
     }
 
     /// Whole steps of delay, at most as many as are kept, and where they are: (m, place of c_{k−1}).
-    fn whole(&self, first: usize, theta: &[f64], h: f64) -> (usize, usize) {
+    pub(crate) fn whole(&self, first: usize, theta: &[f64], h: f64) -> (usize, usize) {
         let m = self.delay.map_or(0, |(d, _)| ((theta[d] / h).floor() as usize).min(self.kept(h) - 1));
         (m, first + usize::from(self.scale.is_some()))
     }
@@ -107,7 +105,7 @@ impl SignalPath {
         Passed { command, signal: delayed + (area + rest) / h, lagged: last }
     }
 
-    fn evaluate(&self, first: usize, u: &[f64], z: &[f64], theta: &[f64], h: f64) -> Passed<f64> {
+    pub(crate) fn evaluate(&self, first: usize, u: &[f64], z: &[f64], theta: &[f64], h: f64) -> Passed<f64> {
         self.pass(self.inputs(first, theta, h).map(|input| read(input, u, z, theta)), self.whole(first, theta, h).0, h)
     }
 }
@@ -117,7 +115,7 @@ const LAGGED: [usize; 3] = [4, 6, 7];
 
 impl SignalPath {
     /// Moves a path without controller on over the commands `past`, one row per step; ∂(the lag's end)/∂(D, T).
-    fn prime(&self, first: usize, past: &[Vec<f64>], z: &mut [f64], theta: &[f64], h: f64) -> [f64; 2] {
+    pub(crate) fn prime(&self, first: usize, past: &[Vec<f64>], z: &mut [f64], theta: &[f64], h: f64) -> [f64; 2] {
         let (m, line) = self.whole(first, theta, h);
         let (end, mut slope) = (line + self.kept(h), [0.0; 2]);
         for u in past {
@@ -140,6 +138,36 @@ impl SignalPath {
             }
         }
         slope
+    }
+
+    /// Adds ∂s/∂(u, z, θ) and ∂z⁺/∂(u, z, θ) at `at` = (u, z, θ); rows are controls, and places in z.
+    pub(crate) fn partials(&self, first: usize, at: [&[f64]; 3], h: f64, signals: &mut Partials, next: &mut Partials) {
+        let [u, z, theta] = at;
+        let inputs = self.inputs(first, theta, h);
+        let (m, line) = self.whole(first, theta, h);
+        let end = line + self.kept(h);
+        let seeded: [Dual; INPUTS] = std::array::from_fn(|k| {
+            let mut unit = SVector::zeros();
+            unit[k] = 1.0;
+            Dual::new(read(inputs[k], u, z, theta), Derivative::some(unit))
+        });
+        let passed = self.pass(seeded, m, h);
+        let emit = |out: &mut Partials, row: usize, x: Dual| {
+            let Some(by) = x.eps.0 else { return };
+            let entries = inputs.iter().zip(by.iter()).filter(|(_, d)| **d != 0.0);
+            out.extend(entries.filter_map(|(input, d)| input.map(|input| (row, input, *d))));
+        };
+        emit(signals, self.control, passed.signal);
+        if self.scale.is_some() {
+            emit(next, first, passed.command);
+        }
+        if end > line {
+            emit(next, line, passed.command);
+            next.extend((line + 1..end).map(|k| (k, Input::Z(k - 1), 1.0)));
+        }
+        if self.lag.is_some() {
+            emit(next, end, passed.lagged);
+        }
     }
 }
 
@@ -167,129 +195,9 @@ fn lagging<S: Real>(y: S, c: S, t: S, lag: S) -> (S, S) {
 /// (row, input, derivative).
 pub(crate) type Partials = Vec<(usize, Input, f64)>;
 
-impl Model {
-    /// What every motor sees of the controls `u` over the step from z; a gripper's controls as they are.
-    pub(crate) fn signals(&self, u: &[f64], z: &[f64], theta: &[f64], out: &mut Vec<f64>) {
-        out.clear();
-        out.extend_from_slice(u);
-        for (path, first) in self.memory.placed(self.h) {
-            out[path.control] = path.evaluate(first, u, z, theta, self.h).signal;
-        }
-    }
-
-    /// On which branch every motor's signal is, between kinks: whole steps of its delay, and 1 or 2 where a target's step is cut.
-    pub fn signal_modes(&self, u: &[f64], theta: &[f64]) -> Vec<u8> {
-        let mode = |(path, first): (&SignalPath, usize)| {
-            let u = u[path.control];
-            let cut = if path.scale.is_some() && u.abs() > 1.0 { 1 + u8::from(u > 0.0) } else { 0 };
-            [path.whole(first, theta, self.h).0 as u8, cut]
-        };
-        self.memory.placed(self.h).flat_map(mode).collect()
-    }
-
-    /// Moves the signals' part of z on by a step.
-    pub(crate) fn advance_signals(&self, u: &[f64], z: &mut [f64], theta: &[f64]) {
-        for (path, first) in self.memory.placed(self.h) {
-            let passed = path.evaluate(first, u, z, theta, self.h);
-            let (_, line) = path.whole(first, theta, self.h);
-            let end = line + path.kept(self.h);
-            if path.scale.is_some() {
-                z[first] = passed.command;
-            }
-            if end > line {
-                z[line..end].rotate_right(1);
-                z[line] = passed.command;
-            }
-            if path.lag.is_some() {
-                z[end] = passed.lagged;
-            }
-        }
-    }
-
-    /// What motors remember after the commands `past`, one row of controls per step, the first of them held for ever before:
-    /// z in the signals' places of `z`, and (place, index in θ, derivative) of what depends on delays and lags.
-    ///
-    /// A motor with a controller keeps what `z` has of it: where its target was nobody knows.
-    pub fn prime_signals(&self, past: &[Vec<f64>], theta: &[f64], z: &mut [f64]) -> Vec<(usize, usize, f64)> {
-        let mut by_theta = Vec::new();
-        let Some(first_row) = past.first() else { return by_theta };
-        for (path, first) in self.memory.placed(self.h).filter(|(path, _)| path.scale.is_none()) {
-            let size = path.size(self.h);
-            z[first..first + size].fill(first_row[path.control]);
-            let slope = path.prime(first, past, z, theta, self.h);
-            let place = first + size - 1;
-            let entries = [path.delay.map(|(d, _)| d), path.lag];
-            by_theta.extend(entries.into_iter().zip(slope).filter_map(|(k, d)| Some((place, k.filter(|_| d != 0.0)?, d))));
-        }
-        by_theta
-    }
-
-    /// Where the lag of a control's motor stands: its place in z, and the index of its time constant in θ.
-    pub fn lag_of(&self, control: usize) -> Option<(usize, usize)> {
-        let (path, first) = self.memory.placed(self.h).find(|(path, _)| path.control == control)?;
-        Some((first + path.size(self.h) - 1, path.lag?))
-    }
-
-    /// ∂s/∂(u, z, θ), rows counted as controls, and ∂z⁺/∂(u, z, θ) of the signals' part of z. Both empty if no motor remembers: s = u.
-    pub(crate) fn signal_partials(&self, u: &[f64], z: &[f64], theta: &[f64]) -> [Partials; 2] {
-        let (mut signals, mut next) = (Vec::new(), Vec::new());
-        if self.memory.paths.is_empty() {
-            return [signals, next];
-        }
-        let remembers = |k: usize| self.memory.paths.iter().any(|p| p.control == k);
-        signals.extend((0..u.len()).filter(|k| !remembers(*k)).map(|k| (k, Input::U(k), 1.0)));
-        for (path, first) in self.memory.placed(self.h) {
-            self.path_partials(path, first, [u, z, theta], &mut signals, &mut next);
-        }
-        [signals, next]
-    }
-
-    fn path_partials(&self, path: &SignalPath, first: usize, at: [&[f64]; 3], signals: &mut Partials, next: &mut Partials) {
-        let ([u, z, theta], h) = (at, self.h);
-        let inputs = path.inputs(first, theta, h);
-        let (m, line) = path.whole(first, theta, h);
-        let end = line + path.kept(h);
-        let seeded: [Dual; INPUTS] = std::array::from_fn(|k| {
-            let mut unit = SVector::zeros();
-            unit[k] = 1.0;
-            Dual::new(read(inputs[k], u, z, theta), Derivative::some(unit))
-        });
-        let passed = path.pass(seeded, m, h);
-        let emit = |out: &mut Partials, row: usize, x: Dual| {
-            let Some(by) = x.eps.0 else { return };
-            let entries = inputs.iter().zip(by.iter()).filter(|(_, d)| **d != 0.0);
-            out.extend(entries.filter_map(|(input, d)| input.map(|input| (row, input, *d))));
-        };
-        emit(signals, path.control, passed.signal);
-        if path.scale.is_some() {
-            emit(next, first, passed.command);
-        }
-        if end > line {
-            emit(next, line, passed.command);
-            next.extend((line + 1..end).map(|k| (k, Input::Z(k - 1), 1.0)));
-        }
-        if path.lag.is_some() {
-            emit(next, end, passed.lagged);
-        }
-    }
-
-    /// Signals of commands held for ever, for an equilibrium; a target stays at the start whatever u is.
-    pub(crate) fn resting_signals(&self, u: &[f64]) -> (Vec<f64>, Partials) {
-        let (mut out, mut partials): (Vec<f64>, Partials) = (u.to_vec(), Vec::new());
-        let held = |k: usize| self.memory.paths.iter().find(|p| p.control == k && p.scale.is_some());
-        for (k, signal) in out.iter_mut().enumerate() {
-            match held(k) {
-                Some(path) => *signal = path.start,
-                None => partials.push((k, Input::U(k), 1.0)),
-            }
-        }
-        (out, partials)
-    }
-}
-
 impl Layout {
     /// Signals at rest at their starting commands.
-    pub(super) fn resting(&self, h: f64) -> Vec<f64> {
+    pub(crate) fn resting(&self, h: f64) -> Vec<f64> {
         let materials = self.materials.iter().map(|(_, start)| *start);
         materials.chain(self.paths.iter().flat_map(|p| std::iter::repeat_n(p.start, p.size(h)))).collect()
     }

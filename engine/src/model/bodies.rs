@@ -1,19 +1,19 @@
 //! From a scene's bodies, joints and actuators to the tree and its forces.
 
 use super::Model;
-use crate::bodies::inertia::to_numbers;
-use crate::bodies::rotation::{matrix, normalized};
-use crate::bodies::{self, BodyInertia, Tree};
-use crate::contact::{JointFriction, JointRow, JointRowKind};
+use crate::bodies::{self, Tree};
+use crate::constraints::{JointFriction, JointRow, JointRowKind};
 use crate::memory::SignalPath;
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
-use crate::scene::{Actuator, ActuatorKind, Body, Joint, JointKind, Scene};
-use crate::terms::Vec3;
 use crate::terms::joint::{
     AutomaticJoint, CubicSpring, Damping, GravityCompensation, JointElement, JointLaw, PlasticSpring, PositionDrive, Spring,
     TorqueDrive, VelocityDrive,
 };
 use nalgebra::Matrix3;
+use pliant_math::Vec3;
+use pliant_math::inertia::{BodyInertia, to_numbers};
+use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use pliant_math::rotation::{matrix, normalized};
+use pliant_scene::{Actuator, ActuatorKind, Body, Joint, JointKind, Scene};
 use std::sync::Arc;
 
 /// Elements of all joint laws, filled joint by joint.
@@ -32,7 +32,7 @@ struct Elements {
 
 impl Model {
     /// Adds everything the scene says of bodies, parents first; coordinates and velocities follow those of the nodes.
-    pub(super) fn add_bodies<X>(&mut self, scene: &Scene<X>) {
+    pub(super) fn add_bodies(&mut self, scene: &Scene) {
         let mut elements = Elements::default();
         let (mut q, mut v) = (Vec::new(), Vec::new());
         for body in parents_first(&scene.body) {
@@ -208,7 +208,7 @@ fn parents_first(bodies: &[Body]) -> Vec<&Body> {
 }
 
 fn push_inertia(body: &Body, params: &mut Params) -> Option<BodyInertia> {
-    let about_centre = crate::scene::inertia_matrix(&body.inertia?);
+    let about_centre = pliant_scene::inertia_matrix(&body.inertia?);
     let x = to_numbers(body.mass, Vec3::from(body.center_of_mass), &about_centre).ok()?;
     let name = &body.name;
     let first = params.push(format!("{name}.mass"), "kg", POSITIVE, x[0]);

@@ -2,15 +2,16 @@
 
 use super::{DofWeights, Model, NodeMass, RopeSpan};
 use crate::bodies::Tree;
-use crate::contact::ContactPair;
+use crate::constraints::ContactPair;
 use crate::geometry::Shape;
 use crate::kinematics::{Drive, DriveKind, EdgeClamp};
-use crate::kkt::NodeLayout;
 use crate::memory::Layout;
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params, REST_STRAIN};
 use crate::rods::Rods;
-use crate::scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Source, Start};
-use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, RestStrain, Stretch, StretchDamping, Term, Vec3};
+use crate::terms::{Automatic, Bend, BendDamping, Drag, Element, Gravity, Law, RestStrain, Stretch, StretchDamping, Term};
+use pliant_linalg::NodeLayout;
+use pliant_math::Vec3;
+use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE, Params, REST_STRAIN};
+use pliant_scene::{Clamp, End, Gripper, Mode, Rope, Scene, SceneError, Source, Start};
 use std::sync::Arc;
 
 /// A model that cannot be built.
@@ -87,8 +88,8 @@ struct Elements {
 
 impl ModelBuilder {
     /// Checks the scene and builds everything it describes.
-    pub fn new<X>(scene: &Scene<X>) -> Result<Self, BuildError> {
-        crate::scene::check(scene)?;
+    pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        pliant_scene::check(scene)?;
         let mut params = Params::default();
         let gravity = params.push("gravity.magnitude", "m/s²", NON_NEGATIVE, scene.gravity.magnitude);
         for (a, tilt) in scene.gravity.tilt.iter().enumerate() {
@@ -98,7 +99,7 @@ impl ModelBuilder {
         for (a, wind) in scene.air.wind.iter().enumerate() {
             params.push(format!("air.wind[{a}]"), "m/s", ANY, *wind);
         }
-        let (q0, v0) = crate::scene::initial_state(scene)?;
+        let (q0, v0) = pliant_scene::initial_state(scene)?;
         let mut model = Model {
             params,
             ropes: Vec::new(),
@@ -425,7 +426,7 @@ impl Model {
         self.drives.iter().flat_map(|d| &d.held).for_each(|held| self.driven_rows[held.row] = true);
     }
 
-    fn add_shapes<X>(&mut self, scene: &Scene<X>) {
+    fn add_shapes(&mut self, scene: &Scene) {
         for s in &scene.plane {
             let height = self.params.push(format!("{}.height", s.name), "m", ANY, s.height);
             let (name, normal) = (s.name.clone(), Vec3::from(s.normal).normalize());

@@ -2,10 +2,11 @@
 
 use super::{Model, NodeMass};
 use crate::kinematics::{Drive, DriveKind};
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
-use crate::scene::{Clamp, Cloth, Gripper, Mesh, Mode, Scene, SceneError};
+use crate::terms::Element;
 use crate::terms::sheet::{FaceDrag, Membrane, MembraneDamping, Plate, PlateDamping, bend_element, face_constants};
-use crate::terms::{Element, Vec3};
+use pliant_math::Vec3;
+use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use pliant_scene::{Clamp, Cloth, Gripper, Mesh, Mode, Scene, SceneError};
 use std::sync::Arc;
 
 /// Bounds of Poisson's ratio: clear of −1 and 1, where a sheet's stiffness is infinite.
@@ -72,9 +73,9 @@ impl SheetParams {
 
 impl Model {
     /// Adds the nodes of all sheets after those there are, and lists their elements; weights join `gravity_elements`.
-    pub(super) fn add_sheets<X>(
+    pub(super) fn add_sheets(
         &mut self,
-        scene: &Scene<X>,
+        scene: &Scene,
         [gravity, wind]: [usize; 2],
         gravity_elements: &mut Vec<Element>,
     ) -> Result<SheetElements, SceneError> {

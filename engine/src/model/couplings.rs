@@ -1,9 +1,10 @@
 //! From a scene's couplings to rows.
 
 use super::Model;
-use crate::contact::{Coupling, JointRow, JointRowKind, Lead};
-use crate::params::{ANY, NON_NEGATIVE};
-use crate::scene::{self, JointKind, Mistake, Scene, SceneError};
+use crate::constraints::{Coupling, JointRow, JointRowKind, Lead};
+use pliant_math::params::{ANY, NON_NEGATIVE};
+use pliant_scene as scene;
+use pliant_scene::{JointKind, Mistake, Scene, SceneError};
 
 /// Distance of a joint from where its coupling has it at the start that a first step closes without a jerk [rad or m].
 const OPEN: f64 = 1e-6;
@@ -15,7 +16,7 @@ const UNITS: [[[&str; 5]; 2]; 2] = [
 
 impl Model {
     /// Adds joints that follow others; the inertias of all degrees of freedom must be known.
-    pub(super) fn add_couplings<X>(&mut self, scene: &Scene<X>) -> Result<(), SceneError> {
+    pub(super) fn add_couplings(&mut self, scene: &Scene) -> Result<(), SceneError> {
         for (k, coupling) in scene.coupling.iter().enumerate() {
             // the scene's check has found both
             let Some(follower) = self.single(&coupling.joint) else { continue };
@@ -31,9 +32,9 @@ impl Model {
         self.tree.joint(name).map(|j| [self.tree.joints()[j].q, self.tree.joints()[j].v])
     }
 
-    fn couple<X>(
+    fn couple(
         &mut self,
-        scene: &Scene<X>,
+        scene: &Scene,
         coupling: &scene::Coupling,
         [q, dof]: [usize; 2],
         lead: Option<[usize; 2]>,

@@ -1,13 +1,12 @@
 //! Edges of ropes, and edges and triangles of sheets, that touch fixed shapes.
 
 use super::Model;
-use crate::contact::{Facet, FacetGroup, Friction};
+use crate::constraints::{Facet, FacetGroup, Friction, WEIGHT};
 use crate::geometry::facet::{Candidates, candidates, nearest};
 use crate::geometry::solid::{Carrier, Form, Posed, overlap};
-use crate::scene::{Mistake, Scene, SceneError, Touching};
-use crate::step::SOLID_WEIGHT;
-use crate::terms::Vec3;
 use nalgebra::Matrix3;
+use pliant_math::Vec3;
+use pliant_scene::{Mistake, Scene, SceneError, Touching};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -16,7 +15,7 @@ const ROUNDING: f64 = 1e-12;
 
 impl Model {
     /// Adds the facets that a scene asks for, and refuses those that begin inside a shape; of every rope the index of its radius in θ.
-    pub(super) fn add_facets<X>(&mut self, scene: &Scene<X>, radii: &[usize]) -> Result<(), SceneError> {
+    pub(super) fn add_facets(&mut self, scene: &Scene, radii: &[usize]) -> Result<(), SceneError> {
         for (r, rope) in scene.rope.iter().enumerate().filter(|(_, rope)| rope.contact == Touching::Edges) {
             let nodes = self.ropes[r].nodes.clone();
             let edges = nodes.clone().zip(nodes.clone().skip(1)).map(|(a, b)| ([a, b, b], 2, [None; 2])).collect();
@@ -57,7 +56,7 @@ impl Model {
             }
             let mass = |node: &usize| self.masses[*node].mass(self.params.values());
             let lightest = free().map(mass).fold(f64::INFINITY, f64::min);
-            let weight = SOLID_WEIGHT * lightest.max(1e-9);
+            let weight = WEIGHT * lightest.max(1e-9);
             self.facets.push(Facet { nodes: corners, count, radius, thirds, weight });
         }
         let facets = first..self.facets.len();
@@ -97,7 +96,7 @@ impl Model {
     /// No facet may begin with its middle surface inside a shape: contact would throw it out.
     fn refuse_inside(&self, facets: &Range<usize>, solid: usize, field: &str, name: &str) -> Result<(), SceneError> {
         let theta = self.params.values();
-        let world = crate::contact::pose_of_world(&Vec3::zeros());
+        let world = crate::constraints::pose_of_world(&Vec3::zeros());
         let shape = self.solids[solid].posed(&world, |k| theta[k]);
         let depth = |k: &usize| depth(&self.facets[*k], &self.q0, &shape);
         let Some(worst) = facets.clone().max_by(|a, b| depth(a).total_cmp(&depth(b))) else { return Ok(()) };

@@ -3,15 +3,15 @@
 use super::Model;
 use crate::grasp::Grasp;
 use crate::kinematics::{Drive, DriveKind};
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
-use crate::scene::{Gripper, Mode};
+use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE};
+use pliant_scene::{Gripper, Mode};
 
 /// Bounds of a part of a whole.
 const PART: (f64, f64) = (0.0, 1.0);
 
 impl Model {
     /// Adds a gripper whose point is `node`.
-    pub(super) fn add_grasp(&mut self, gripper: &Gripper, grasp: &crate::scene::Grasp, node: usize) {
+    pub(super) fn add_grasp(&mut self, gripper: &Gripper, grasp: &pliant_scene::Grasp, node: usize) {
         let (elements, corners) = self.graspable(gripper);
         let first_u = self.nu();
         let name = &gripper.name;

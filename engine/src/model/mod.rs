@@ -7,30 +7,33 @@ mod couplings;
 mod facets;
 mod grasp;
 mod mass;
+mod materials;
 mod query;
 mod rods;
 mod rules;
+mod signals;
 mod solids;
 mod ties;
 
 pub use build::{BuildError, ModelBuilder};
 pub use cloth::ClothSpan;
 pub use mass::NodeMass;
+pub(crate) use materials::from_nodes;
 
 use crate::bodies::Tree;
-use crate::contact::{ContactPair, Facet, FacetGroup, JointRow, SolidPair, Tie};
+use crate::constraints::{ContactPair, Facet, FacetGroup, JointRow, SolidPair, Tie};
 use crate::geometry::Shape;
 use crate::geometry::solid::Solid;
 use crate::grasp::Grasp;
 use crate::kinematics::Drive;
-use crate::kkt::{Method, NodeLayout, Symmetry};
 use crate::memory::{Layout, Past};
-use crate::params::Params;
 use crate::rods::{Following, Remembered, RodEdge, RodPast, RodPoint, Rods};
-use crate::scene::{Contact, Integrator, LinearSolver, Solver, Start};
-use crate::state::State;
 use crate::terms::Term;
 use crate::terms::joint::{JointPoint, JointTerm};
+use pliant_linalg::{Method, NodeLayout, Symmetry};
+use pliant_math::State;
+use pliant_math::params::Params;
+use pliant_scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use std::sync::Arc;
 
 /// Half width of a band in nodes beyond which a fill-reducing order is cheaper: measured on square sheets, where 5 × 5 nodes are
@@ -156,7 +159,7 @@ impl Model {
         let (n, nv) = (self.n_node_dofs(), self.nv());
         let mut out = x.clone();
         out.q[..n].iter_mut().zip(&dx[..n]).for_each(|(q, d)| *q += d);
-        self.tree.add(crate::bodies::rotation::Map::Exponential, &x.q[n..], &dx[n..nv], &mut out.q[n..]);
+        self.tree.add(pliant_math::rotation::Map::Exponential, &x.q[n..], &dx[n..nv], &mut out.q[n..]);
         out.v.iter_mut().zip(&dx[nv..]).for_each(|(v, d)| *v += d);
         out.z.iter_mut().zip(&dx[2 * nv..]).for_each(|(z, d)| *z += d);
         self.rods.carry_frames(&x.q, &out.q, &mut out.z[self.ndz()..]);

@@ -8,8 +8,8 @@
 use super::Model;
 use crate::bodies::Frames;
 use crate::bodies::dynamics::{Partials, inverse_dynamics};
-use crate::bodies::rotation::{Quaternion, from_matrix};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
+use pliant_math::rotation::{Quaternion, from_matrix};
 
 impl Model {
     /// Origin \[m\] and axes, a unit quaternion (w ≥ 0), of every body's frame in the world.

@@ -3,19 +3,19 @@
 use super::Model;
 use super::build::RopeNodes;
 use crate::kinematics::{DriveKind, HeldEdge};
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use crate::rods::{RodEdge, RodJoint, RodPoint, RodSection};
-use crate::scene::{BendFriction, Creep, JointSection, Plasticity, Rest, RodStart, Scene, SceneError, Twist};
-use crate::terms::Vec3;
 use crate::terms::section::{
     AutomaticMemory, CreepSection, DahlSection, Elastic, ElasticSection, PlasticSection, SectionLaw, Stiffening,
     StiffeningSection, Viscous, ViscousSection,
 };
+use pliant_math::Vec3;
+use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
+use pliant_scene::{BendFriction, Creep, JointSection, Plasticity, Rest, RodStart, Scene, SceneError, Twist};
 use std::sync::Arc;
 
 impl Model {
     /// Adds the twists of all ropes that have them, behind the nodes.
-    pub(super) fn add_rods<X>(&mut self, scene: &Scene<X>, ropes: &[RopeNodes]) -> Result<(), SceneError> {
+    pub(super) fn add_rods(&mut self, scene: &Scene, ropes: &[RopeNodes]) -> Result<(), SceneError> {
         let mut references = Vec::new();
         for (r, rope) in ropes.iter().enumerate() {
             if let (Some(twist), Some(start)) = (&rope.rope.twist, RodStart::new(scene, r)?) {

@@ -1,8 +1,8 @@
 //! Rules for pairs of objects that touch: `[[contact.pair]]` of a scene.
 
 use super::Model;
-use crate::params::NON_NEGATIVE;
-use crate::scene::ContactRule;
+use pliant_math::params::NON_NEGATIVE;
+use pliant_scene::ContactRule;
 
 /// A rule of the scene, with its entries of θ.
 pub(super) struct Rule<'a> {

@@ -2,14 +2,13 @@
 
 use super::Model;
 use super::rules::{Rule, rule_of};
-use crate::bodies::rotation::{matrix, normalized};
-use crate::contact::{Friction, SolidPair};
+use crate::constraints::{Friction, SolidPair, WEIGHT};
 use crate::geometry::solid::{Carrier, Form, Place, Solid, candidates, meet, overlap};
-use crate::params::{ANY, NON_NEGATIVE, POSITIVE};
-use crate::scene::{Body, BodyShape, Mistake, Scene, SceneError, ShapeKind};
-use crate::step::SOLID_WEIGHT;
-use crate::terms::Vec3;
 use nalgebra::Matrix3;
+use pliant_math::Vec3;
+use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE};
+use pliant_math::rotation::{matrix, normalized};
+use pliant_scene::{Body, BodyShape, Mistake, Scene, SceneError, ShapeKind};
 use std::collections::HashMap;
 
 /// Overlap at the start that contact opens without a jerk \[m\].
@@ -25,7 +24,7 @@ struct Entry {
 
 impl Model {
     /// Adds solids and pairs; of every rope the index of its radius in θ.
-    pub(super) fn add_solids<X>(&mut self, scene: &Scene<X>, radii: &[usize]) -> Result<(), SceneError> {
+    pub(super) fn add_solids(&mut self, scene: &Scene, radii: &[usize]) -> Result<(), SceneError> {
         let mut entries = self.body_solids(scene);
         let of_bodies = self.solids.len();
         self.fixed_solids(scene, &mut entries);
@@ -64,7 +63,7 @@ impl Model {
         self.refuse_overlaps(&entries)
     }
 
-    fn body_solids<X>(&mut self, scene: &Scene<X>) -> Vec<Entry> {
+    fn body_solids(&mut self, scene: &Scene) -> Vec<Entry> {
         let mut entries = Vec::new();
         for (b, body) in scene.body.iter().enumerate() {
             let Some(index) = self.tree.body(&body.name) else { continue };
@@ -115,7 +114,7 @@ impl Model {
     }
 
     /// Solids for the fixed shapes; planes, spheres and capsules share their parameters with the shapes that nodes touch.
-    fn fixed_solids<X>(&mut self, scene: &Scene<X>, entries: &mut Vec<Entry>) {
+    fn fixed_solids(&mut self, scene: &Scene, entries: &mut Vec<Entry>) {
         let identity = Matrix3::identity();
         let mut push = |model: &mut Self, field: String, solid: Solid| {
             entries.push(Entry { object: solid.name.clone(), field });
@@ -209,7 +208,7 @@ impl Model {
 
     /// Weight of what carries a solid \[N\]; infinite for the world.
     fn weight(&self, bodies: &[f64], solid: usize) -> f64 {
-        SOLID_WEIGHT
+        WEIGHT
             * match self.solids[solid].carrier {
                 Carrier::World => f64::INFINITY,
                 Carrier::Body(body) => bodies[body].max(1e-9),
@@ -248,7 +247,7 @@ impl Model {
     fn refuse_overlaps(&self, entries: &[Entry]) -> Result<(), SceneError> {
         let theta = self.params.values();
         let frames = self.tree.frames(&self.q0[self.n_node_dofs()..], &vec![0.0; self.tree.nv()]);
-        let pose = |s: &Solid| crate::step::solid_pose(s.carrier, &self.q0, &frames);
+        let pose = |s: &Solid| crate::constraints::pose(s.carrier, &self.q0, &frames);
         let posed: Vec<_> = self.solids.iter().map(|s| s.posed(&pose(s), |k| theta[k])).collect();
         let mut deepest: HashMap<(usize, usize), f64> = HashMap::new();
         let mut found = Vec::new();

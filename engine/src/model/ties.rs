@@ -1,19 +1,18 @@
 //! From a scene's closures to ties.
 
 use super::Model;
-use crate::contact::Tie;
+use crate::constraints::{Tie, WEIGHT, pose};
 use crate::geometry::solid::{Carrier, Pose};
-use crate::params::{ANY, NON_NEGATIVE};
-use crate::scene::{Closure, ClosureKind, Mistake, Scene, SceneError};
-use crate::step::{SOLID_WEIGHT, solid_pose};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
+use pliant_math::params::{ANY, NON_NEGATIVE};
+use pliant_scene::{Closure, ClosureKind, Mistake, Scene, SceneError};
 
 /// Distance of two tied points at the start that a first step closes without a jerk \[m\].
 const OPEN: f64 = 1e-6;
 
 impl Model {
     /// Adds what holds bodies together beside joints; their second points are where the first ones are as the scene begins.
-    pub(super) fn add_ties<X>(&mut self, scene: &Scene<X>) -> Result<(), SceneError> {
+    pub(super) fn add_ties(&mut self, scene: &Scene) -> Result<(), SceneError> {
         let weights = self.body_weights();
         let frames = self.tree.frames(&self.q0[self.n_node_dofs()..], &vec![0.0; self.tree.nv()]);
         for (k, closure) in scene.closure.iter().enumerate() {
@@ -21,7 +20,7 @@ impl Model {
                 name.as_deref().and_then(|name| self.tree.body(name)).map_or(Carrier::World, Carrier::Body)
             };
             let carriers = [carrier(&Some(closure.body.clone())), carrier(&closure.to)];
-            let poses = carriers.map(|c| solid_pose(c, &self.q0, &frames));
+            let poses = carriers.map(|c| pose(c, &self.q0, &frames));
             let second = second_point(closure, &poses, &format!("closure[{k}]"))?;
             let points = [("first", closure.point), ("second", second)].map(|(side, point)| {
                 let first = self.params.len();
@@ -32,7 +31,7 @@ impl Model {
             });
             let compliance =
                 closure.compliance.map(|c| self.params.push(format!("{}.compliance", closure.name), "m/N", NON_NEGATIVE, c));
-            let weight = |c: Carrier| if let Carrier::Body(b) = c { SOLID_WEIGHT * weights[b].max(1e-9) } else { f64::INFINITY };
+            let weight = |c: Carrier| if let Carrier::Body(b) = c { WEIGHT * weights[b].max(1e-9) } else { f64::INFINITY };
             self.ties.push(Tie {
                 name: closure.name.clone(),
                 carriers,

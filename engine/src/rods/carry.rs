@@ -2,7 +2,7 @@
 
 use super::Rods;
 use super::frames::edge_vector;
-use crate::terms::Vec3;
+use pliant_math::Vec3;
 
 /// ψ_a and ψ_b of every edge [1/m]: see [`super`].
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -2,8 +2,8 @@
 
 use super::Rods;
 use super::frames::{RodPoint, edge_vector};
-use super::transport::{angle, carried};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
+use pliant_math::transport::{angle, carried};
 
 impl Rods {
     /// Carries z's part `frames` from positions `from` to `to` \[m\].

@@ -1,9 +1,9 @@
 //! The material axes of all edges at a configuration.
 
 use super::joint::{EdgeFrame, Joint};
-use super::transport::{angle, carried, unwrapped};
 use super::{RodEdge, RodSection, Rods};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
+use pliant_math::transport::{angle, carried, unwrapped};
 use std::sync::Arc;
 
 /// Edges' axes and joints' twists where forces are evaluated, and what z is there.

@@ -19,8 +19,8 @@
 //! matrix is unsymmetric by the moment about the tangent.
 #![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
-use crate::terms::Vec3;
-use crate::terms::wide::{Number, Three};
+use pliant_math::Vec3;
+use pliant_math::simd::{Number, Three};
 
 /// Numbers of y.
 pub(crate) const VARIABLES: usize = 8;
@@ -44,7 +44,7 @@ pub(crate) struct EdgeFrame {
     pub axes: [Vec3<f64>; 2],
 }
 
-/// Two edges that meet, of one joint or, with [`Wide`](crate::terms::wide::Wide) numbers, of several.
+/// Two edges that meet, of one joint or, with [`Wide`](pliant_math::simd::Wide) numbers, of several.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Joint<T = f64> {
     /// t₁, t₂.
@@ -420,8 +420,8 @@ fn add_product<T: Number>(l: &Gradient<T>, r: &Gradient<T>, out: &mut Hessian<T>
 
 #[cfg(test)]
 mod tests {
-    use super::super::transport::{any_normal, carried};
     use super::*;
+    use pliant_math::transport::{any_normal, carried};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
@@ -442,7 +442,7 @@ mod tests {
     }
 
     fn twist(one: &EdgeFrame, two: &EdgeFrame) -> f64 {
-        super::super::transport::angle(&carried(&one.tangent, &two.tangent, &one.axes[0]), &two.axes[0], &two.tangent)
+        pliant_math::transport::angle(&carried(&one.tangent, &two.tangent, &one.axes[0]), &two.axes[0], &two.tangent)
     }
 
     type Pair = [EdgeFrame; 2];

@@ -3,8 +3,8 @@
 use super::joint::{Gradient, TURN};
 use super::term::expanded_force;
 use super::{RodJoint, RodPoint, RodSection, Rods};
-use crate::kinematics::Input;
 use crate::terms::section::{SectionInput, SectionPoint};
+use pliant_math::Input;
 use std::ops::Range;
 
 /// The strains of all joints at the beginning of a (sub)step, and how they change there; empty where no section remembers.

@@ -23,17 +23,15 @@ mod memory;
 mod pieces;
 mod spread;
 mod term;
-mod transport;
 
 pub use carry::Carry;
 pub use frames::RodPoint;
 pub(crate) use memory::Remembered;
 pub use memory::RodPast;
 pub use spread::Following;
-pub(crate) use transport::{angle, any_normal, carried, normal_part};
 
-use crate::kkt::{CarriedPlace, NodeMatrix, Places};
 use crate::terms::section::SectionLaw;
+use pliant_linalg::{CarriedPlace, NodeMatrix, Places};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;

@@ -4,9 +4,9 @@
 use super::joint::{Gradient, Hessian, Joint, Stiffness, TURN, VARIABLES};
 use super::term::{NODE, ROWS, TWIST};
 use super::{Remembered, RodPoint, RodSection, Rods};
-use crate::kkt::NodeMatrix;
 use crate::terms::section::{Moments, SectionPoint};
-use crate::terms::wide::{LANES, Lanes, Three, Wide};
+use pliant_linalg::NodeMatrix;
+use pliant_math::simd::{LANES, Lanes, Three, Wide};
 use pulp::{Arch, Simd, WithSimd};
 use std::cell::RefCell;
 use std::ops::Range;

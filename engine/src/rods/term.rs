@@ -3,8 +3,8 @@
 use super::joint::{Gradient, Joint, TURN, VARIABLES};
 use super::pieces::{Evaluation, Sums};
 use super::{Remembered, RodJoint, RodPoint, RodSection, Rods};
-use crate::kkt::NodeMatrix;
 use crate::terms::section::{SectionLaw, SectionPoint};
+use pliant_linalg::NodeMatrix;
 
 /// Numbers of a joint: three nodes and two twists.
 pub(super) const ROWS: usize = 11;

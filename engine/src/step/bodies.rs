@@ -7,15 +7,15 @@
 
 use super::{Scheme, Stage, StageRecord, Workspace};
 use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
-use crate::bodies::spatial::{Force, Inertia};
 use crate::bodies::turns::Turns;
 use crate::bodies::{Frames, Tree};
-use crate::kkt::{NodeMatrix, Square, System};
 use crate::memory::Past;
 use crate::model::{DofWeights, Model};
-use crate::terms::Vec3;
 use crate::terms::joint::JointPoint;
 use nalgebra::Matrix3;
+use pliant_linalg::{NodeMatrix, Square, System};
+use pliant_math::Vec3;
+use pliant_math::spatial::{Force, Inertia};
 
 /// Memory of the bodies' part of a stage.
 #[derive(Clone, Debug, Default)]
@@ -104,7 +104,7 @@ impl Stage<'_> {
         }
         let n = self.model.n_node_dofs();
         let body = &mut ws.bodies;
-        inverse_dynamics(&self.model.tree, &body.frames, self.inertias, &ws.spots.wrenches, &mut body.forces, &mut ws.r[n..]);
+        inverse_dynamics(&self.model.tree, &body.frames, &self.masses.bodies, &ws.loads.bodies, &mut body.forces, &mut ws.r[n..]);
         self.subtract_joint_forces(ws);
     }
 
@@ -139,20 +139,21 @@ impl Stage<'_> {
         ws.k = k;
     }
 
-    /// Composites at the frames in place; contacts with their cone variables following (`condensed`) or fixed.
+    /// Composites at the frames in place; constraints with their multipliers following (`condensed`) or fixed.
     pub(super) fn gather_partials(&self, condensed: bool, ws: &mut Workspace) {
-        self.spot_changes(condensed, ws);
-        let (body, spots) = (&mut ws.bodies, &ws.spots);
-        body.partials.gather(&self.model.tree, &body.frames, self.inertias, &spots.wrenches, &spots.changes);
+        let (body, changes) = (&mut ws.bodies, &mut ws.wrench_partials);
+        changes.clear();
+        changes.extend(ws.constraints.links().flat_map(|link| link.partials(self.h, condensed)));
+        body.partials.gather(&self.model.tree, &body.frames, &self.masses.bodies, &ws.loads.bodies, changes);
     }
 
     /// Overwrites the bodies' block and the coupling of `k` by the change of the residual with v⁺, for what was gathered.
     pub(super) fn change_by_velocities(&self, condensed: bool, ws: &mut Workspace, k: &mut System) {
         let w = &self.scheme.free;
-        let by = Displacement { cm: self.inertia + self.damping, cv: w.b1, cq: self.h * w.a1 };
+        let by = Displacement { cm: self.inertia + self.options.damping, cv: w.b1, cq: self.h * w.a1 };
         let turns = std::mem::take(&mut ws.bodies.jacobians);
         self.add_body_change(by, &turns, ws, k.bodies.data_mut());
-        self.add_crossings(by, condensed, ws, k);
+        self.add_crossings(ws.constraints.links(), by, condensed, (&ws.bodies.frames, &ws.bodies.partials), k);
         ws.bodies.jacobians = turns;
     }
 
@@ -186,7 +187,7 @@ impl Stage<'_> {
         let by = Displacement { cm: 0.0, cv: 0.0, cq: -1.0 };
         self.add_body_change(by, &[], ws, dq.data_mut());
         let mut crossed = System { nodes: NodeMatrix::empty(), bodies: dq, coupling: std::mem::take(&mut ws.dq.coupling) };
-        self.add_crossings(by, false, ws, &mut crossed);
+        self.add_crossings(ws.constraints.links(), by, false, (&ws.bodies.frames, &ws.bodies.partials), &mut crossed);
         (dq, ws.dq.coupling) = (crossed.bodies, crossed.coupling);
         if self.scheme.free.b0 != 0.0 {
             self.add_body_change(Displacement { cm: 0.0, cv: -1.0, cq: 0.0 }, &[], ws, dv.data_mut());
@@ -234,8 +235,8 @@ impl StageRecord {
         let mut out = Vec::new();
         if !model.joint_terms.is_empty() {
             let (n, (q, v)) = (model.n_node_dofs(), self.evaluation_point(model));
-            let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
-            let at = JointPoint { tree: &model.tree, q: &q[n..], v: &v[n..], u: &self.u, theta, past };
+            let past = Past { q: &self.start.q_past, z: &self.start.z_past, elapsed: self.start.elapsed };
+            let at = JointPoint { tree: &model.tree, q: &q[n..], v: &v[n..], u: &self.start.u, theta, past };
             model.joint_terms.iter().for_each(|term| term.modes(&at, &mut out));
         }
         out

@@ -7,16 +7,17 @@
 //! ```
 
 use super::StageRecord;
-use crate::bodies::inertia::{NUMBERS, number_partials};
-use crate::bodies::spatial::{Force, Inertia, Motion};
-use crate::bodies::{BodyInertia, Frame, Frames};
-use crate::kinematics::Input;
-use crate::memory::{Past, from_nodes};
+use crate::bodies::{Frame, Frames};
+use crate::memory::Past;
 use crate::model::Model;
-use crate::terms::Vec3;
+use crate::model::from_nodes;
+use crate::step::constraints::InputsAt;
 use crate::terms::joint::JointPoint;
 use nalgebra::Const;
 use num_dual::DualSVec64;
+use pliant_math::inertia::{BodyInertia, NUMBERS, number_partials};
+use pliant_math::spatial::{Force, Inertia, Motion};
+use pliant_math::{Input, Vec3};
 
 impl StageRecord {
     /// ∂r/∂(θ, u, z) of the bodies' rows, and by coordinates at the beginning of the step.
@@ -57,16 +58,17 @@ impl StageRecord {
         visit: &mut dyn FnMut(usize, Input, f64),
     ) -> Option<Frames<f64>> {
         let (n, tree) = (model.n_node_dofs(), &model.tree);
-        if tree.bodies().is_empty() && self.spots.is_empty() {
+        if tree.bodies().is_empty() && !self.has_solids() {
             return None;
         }
-        let a: Vec<f64> = self.v[n..].iter().zip(&self.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)).collect();
-        let mut frames = Frames::about(tree.origin(&self.q_ref[n..]));
+        let a: Vec<f64> = self.v[n..].iter().zip(&self.start.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)).collect();
+        let mut frames = Frames::about(tree.origin(&self.start.q_ref[n..]));
         frames.evaluate_values(tree, &q_bar[n..], &v_bar[n..], &a, &model.gravity_vector(theta));
         for (l, dof) in tree.dofs().iter().enumerate() {
             visit(n + l, Input::Theta(tree.joints()[dof.joint].armature), a[l]);
         }
-        self.visit_spots(model, theta, q_bar, &frames, visit);
+        let at = InputsAt { stage: self, model, theta, q: q_bar };
+        self.constraints.cones.iter().for_each(|cone| cone.visit_link_inputs(&at, &frames, visit));
         self.visit_joints(model, theta, [q_bar, v_bar], true, visit);
         Some(frames)
     }
@@ -81,8 +83,8 @@ impl StageRecord {
         visit: &mut dyn FnMut(usize, Input, f64),
     ) {
         let n = model.n_node_dofs();
-        let past = Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed };
-        let at = JointPoint { tree: &model.tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.u, theta, past };
+        let past = Past { q: &self.start.q_past, z: &self.start.z_past, elapsed: self.start.elapsed };
+        let at = JointPoint { tree: &model.tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.start.u, theta, past };
         for term in &model.joint_terms {
             if all || term.is_driven() {
                 term.visit_inputs(&at, all, &mut |dof, input, df| visit(n + dof, input, -df));

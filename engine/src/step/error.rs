@@ -2,7 +2,7 @@
 
 use crate::geometry::GeometryError;
 use crate::kinematics::CommandError;
-use crate::kkt::KktError;
+use pliant_linalg::KktError;
 
 /// Why a step, a rollout or an equilibrium failed.
 #[derive(Clone, Debug, thiserror::Error)]

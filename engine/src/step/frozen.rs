@@ -10,13 +10,12 @@
 //! factorizations to find; it takes one. What is left to Newton is that bodies turn.
 //! Reference: J. J. Moreau (1999), Comput. Methods Appl. Mech. Engrg. 177, for the sweeps.
 
-use super::spots::tangents;
 use super::{Stage, StepError, Workspace};
-use crate::bodies::spatial::Force;
-use crate::contact::{SpotKey, SpotState};
 use crate::geometry::solid::Carrier;
-use crate::terms::Vec3;
-use nalgebra::{Vector4, Vector6};
+use crate::step::constraints::{Change, Evaluation, FeaturePair, tangents};
+use nalgebra::Vector6;
+use pliant_math::Vec3;
+use pliant_math::spatial::Force;
 
 /// Sweeps over all contacts, and the change of the impulses, relative to the largest, that ends them.
 const SWEEPS: usize = 100;
@@ -25,7 +24,7 @@ const ENOUGH: f64 = 1e-4;
 /// What the start keeps between stages.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FrozenWorkspace {
-    /// Contacts: index of the spot, μ, compliance over h², axes and the point they meet at.
+    /// Contacts, in their order: μ, compliance over h², axes and the point they meet at.
     points: Vec<FrozenPoint>,
     /// Y, row-major, and G by columns.
     response: Vec<f64>,
@@ -38,7 +37,6 @@ pub(crate) struct FrozenWorkspace {
 
 #[derive(Clone, Debug)]
 struct FrozenPoint {
-    spot: usize,
     mu: f64,
     give: f64,
     axes: [Vec3<f64>; 3],
@@ -49,26 +47,26 @@ impl Stage<'_> {
     /// Takes the iterate to the root of the law at the geometry it has there. False, and the iterate unchanged, if there is none; what it
     /// was is in `ws.trial`.
     pub(crate) fn solve_frozen(&self, ws: &mut Workspace) -> bool {
-        ws.trial.clone_from(&ws.it);
-        let contacts = ws.it.p.iter_mut().zip(&ws.spots.spots).filter(|(_, spot)| is_contact(spot));
-        contacts.for_each(|(w, _)| *w = Vector4::zeros());
+        ws.newton.trial.clone_from(&ws.it);
+        let [_, first, end, _] = ws.constraints.starts();
+        ws.it.lambda[first..end].fill(0.0);
         let mut part = std::mem::take(&mut ws.frozen);
-        let linear = Stage { absent: true, ..*self }.linearize_mixed(ws).is_ok() && ws.factor.refactor(&ws.k).is_ok();
+        let linear = self.with(|o| o.absent = true).linearize_mixed(ws).is_ok() && ws.factor.refactor(&ws.k).is_ok();
         let solved = linear && self.list_frozen(&mut part, ws).is_ok() && self.meet_frozen(&mut part, ws);
         ws.frozen = part;
         if !solved {
-            ws.it.clone_from(&ws.trial);
+            ws.it.clone_from(&ws.newton.trial);
         }
         solved
     }
 
     /// Sweeps over the contacts listed, and moves the iterate; false if it leaves what is finite.
     fn meet_frozen(&self, part: &mut FrozenWorkspace, ws: &mut Workspace) -> bool {
-        let (n, nv) = (3 * part.points.len(), ws.d.len());
+        let (n, nv) = (3 * part.points.len(), ws.newton.d.v.len());
         // r₀ moves the bodies
-        ws.d.iter_mut().zip(&ws.r).for_each(|(d, r)| *d = -r);
-        ws.factor.solve(&mut ws.d);
-        let d = std::mem::take(&mut ws.d);
+        let mut d = std::mem::take(&mut ws.newton.d.v);
+        d.iter_mut().zip(&ws.r).for_each(|(d, r)| *d = -r);
+        ws.factor.solve(&mut d);
         part.column.clear();
         part.column.resize(n, 0.0);
         self.relative(&d, &part.points, ws, &mut part.column);
@@ -78,40 +76,38 @@ impl Stage<'_> {
         part.response.resize(nv * n, 0.0);
         for (c, at) in part.points.iter().enumerate() {
             for (k, axis) in at.axes.iter().enumerate() {
-                self.spread(&Force::at(&at.point, *axis), at.spot, ws, &mut |row, f| {
-                    part.response[row * n + 3 * c + k] += f / self.h
-                });
+                self.spread(&Force::at(&at.point, *axis), c, ws, &mut |row, f| part.response[row * n + 3 * c + k] += f / self.h);
             }
         }
         ws.factor.solve_many(&mut part.response, n);
         part.delassus.clear();
         part.delassus.resize(n * n, 0.0);
-        let mut y = std::mem::take(&mut ws.d_next);
+        let mut y = std::mem::take(&mut ws.newton.d_next.v);
         for j in 0..n {
             y.iter_mut().zip(part.response.chunks_exact(n)).for_each(|(y, row)| *y = row[j]);
             self.relative(&y, &part.points, ws, &mut part.delassus[j * n..(j + 1) * n]);
         }
-        (ws.d, ws.d_next) = (d, y);
+        (ws.newton.d.v, ws.newton.d_next.v) = (d, y);
         for j in 0..n {
             let p = part.p[j];
             part.u.iter_mut().zip(&part.delassus[j * n..(j + 1) * n]).for_each(|(u, g)| *u += g * p);
         }
         part.sweep();
-        for ((v, d), row) in ws.it.v.iter_mut().zip(&ws.d).zip(part.response.chunks_exact(n)) {
+        for ((v, d), row) in ws.it.v.iter_mut().zip(&ws.newton.d.v).zip(part.response.chunks_exact(n)) {
             *v += d + row.iter().zip(&part.p).map(|(y, p)| y * p).sum::<f64>();
         }
-        for (c, at) in part.points.iter().enumerate() {
-            let SpotKey::Contact { pair, .. } = ws.spots.spots[at.spot].key else { continue };
-            let law = self.spot_law(pair, &ws.spots.spots[at.spot]);
+        let [_, first, ..] = ws.constraints.starts();
+        for (c, ((link, contact), at)) in ws.constraints.bodies.each().zip(&part.points).enumerate() {
+            let law = self.body_contact_law(link, contact.pair);
             let p = &part.p[3 * c..3 * c + 3];
             let (z, rk) = (p[0] - law.at.rho_n * (part.u[3 * c] + at.give * p[0]), law.at.rho_n * law.at.kappa);
             let root = (z * z + 4.0 * rk).sqrt();
             let normal = if z > 0.0 { 0.5 * (z + root) } else { 2.0 * rk / (root - z) };
             let share = if at.mu > 0.0 { 1.0 / at.mu } else { 0.0 };
             let across = (at.axes[1] * p[1] + at.axes[2] * p[2]) * share;
-            ws.it.p[at.spot] = Vector4::new(normal, across[0], across[1], across[2]);
+            ws.it.lambda[first + 4 * c..first + 4 * c + 4].copy_from_slice(&[normal, across[0], across[1], across[2]]);
         }
-        ws.it.v.iter().chain(ws.it.p.iter().flatten()).all(|x| x.is_finite())
+        ws.it.v.iter().chain(&ws.it.lambda).all(|x| x.is_finite())
     }
 
     /// The contacts, u where the linearization is, and p from the impulses that `ws.trial` keeps.
@@ -119,15 +115,16 @@ impl Stage<'_> {
         part.points.clear();
         part.u.clear();
         part.p.clear();
-        for (k, spot) in ws.spots.spots.iter().enumerate() {
-            let SpotKey::Contact { pair, spot: features, .. } = spot.key else { continue };
-            let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
-            let sliding = self.sliding(spot, &meeting, &ws.trial.v, ws);
-            let law = self.spot_law(pair, spot);
+        let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames };
+        let [_, first, ..] = ws.constraints.starts();
+        for (k, (link, FeaturePair { pair, features })) in ws.constraints.bodies.each().enumerate() {
+            let meeting = self.meeting(link, features, &at)?;
+            let sliding = link.sliding(&meeting, &at);
+            let law = self.body_contact_law(link, *pair);
             let [s, t] = tangents(&meeting.normal);
-            let (mu, w) = (law.at.mu, ws.trial.p[k]);
+            let (mu, w) = (law.at.mu, &ws.newton.trial.lambda[first + 4 * k..first + 4 * k + 4]);
             let across = Vec3::new(w[1], w[2], w[3]) * mu;
-            part.points.push(FrozenPoint { spot: k, mu, give: law.at.give, axes: [meeting.normal, s, t], point: meeting.point });
+            part.points.push(FrozenPoint { mu, give: law.at.give, axes: [meeting.normal, s, t], point: meeting.point });
             part.u.extend([meeting.gap / self.h, sliding.velocity.dot(&s), sliding.velocity.dot(&t)]);
             part.p.extend([w[0], across.dot(&s), across.dot(&t)]);
         }
@@ -137,8 +134,9 @@ impl Stage<'_> {
     /// Changes of u that go with the change `d` of velocities; the columns must be those of K.
     fn relative(&self, d: &[f64], points: &[FrozenPoint], ws: &Workspace, out: &mut [f64]) {
         let moved = ws.bodies.partials.carry(&self.model.tree, &d[self.model.n_node_dofs()..]);
-        for (at, u) in points.iter().zip(out.chunks_exact_mut(3)) {
-            let [a, b] = ws.spots.spots[at.spot].carriers.map(|c| self.moved(c, d, &moved, ws));
+        let change = Change { d, bodies: &moved, frames: &ws.bodies.frames };
+        for ((at, link), u) in points.iter().zip(&ws.constraints.bodies.links).zip(out.chunks_exact_mut(3)) {
+            let [a, b] = link.carriers.map(|c| self.moved(c, &change));
             let along = |x: Vector6<f64>, axis: &Vec3<f64>| column_dot(&x, &Force::at(&at.point, *axis));
             u[0] = along(a[0] - b[0], &at.axes[0]) / self.h;
             u[1] = along(a[1] - b[1], &at.axes[1]);
@@ -146,10 +144,10 @@ impl Stage<'_> {
         }
     }
 
-    /// Generalized forces of a wrench on the first solid of a spot and its opposite on the second.
-    fn spread(&self, wrench: &Force<f64>, spot: usize, ws: &Workspace, add: &mut dyn FnMut(usize, f64)) {
+    /// Generalized forces of a wrench on the first collider of a contact and its opposite on the second.
+    fn spread(&self, wrench: &Force<f64>, contact: usize, ws: &Workspace, add: &mut dyn FnMut(usize, f64)) {
         let n = self.model.n_node_dofs();
-        for (carrier, sign) in ws.spots.spots[spot].carriers.iter().zip([1.0, -1.0]) {
+        for (carrier, sign) in ws.constraints.bodies.links[contact].carriers.iter().zip([1.0, -1.0]) {
             match *carrier {
                 Carrier::World => {}
                 Carrier::Node(node) if self.model.driven[node] => {}
@@ -199,10 +197,6 @@ impl FrozenWorkspace {
 fn add_column(u: &mut [f64], delassus: &[f64], j: usize, x: f64) {
     let n = u.len();
     u.iter_mut().zip(&delassus[j * n..(j + 1) * n]).for_each(|(u, g)| *u += g * x);
-}
-
-fn is_contact(spot: &SpotState) -> bool {
-    matches!(spot.key, SpotKey::Contact { .. })
 }
 
 /// A six-vector of motion along a wrench.

@@ -13,8 +13,10 @@
 use super::{Stage, StepError, Workspace};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::inverse_dynamics;
-use crate::contact::{SpotKey, spot_wrench};
-use crate::terms::Vec3;
+use crate::constraints::contact_wrench;
+use crate::step::constraints::{Evaluation, FeaturePair};
+use nalgebra::Vector4;
+use pliant_math::Vec3;
 
 /// Largest part of the kinetic energy that a step may create.
 const CREATED: f64 = 0.02;
@@ -22,7 +24,7 @@ const CREATED: f64 = 0.02;
 impl Stage<'_> {
     /// Whether the root in `ws.it` created too much energy, where solids may touch.
     pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<bool, StepError> {
-        if !ws.spots.touching() {
+        if !ws.constraints.bodies.any() {
             return Ok(false);
         }
         let it = std::mem::take(&mut ws.it);
@@ -30,7 +32,7 @@ impl Stage<'_> {
         ws.it = it;
         let (created, kinetic) = balance?;
         let fall = self.theta[self.model.gravity] * self.h;
-        Ok(created > CREATED * kinetic + 0.5 * self.measure.total * fall * fall)
+        Ok(created > CREATED * kinetic + 0.5 * self.masses.total * fall * fall)
     }
 
     /// D and the kinetic energy at the end \[J\], of bodies.
@@ -44,18 +46,19 @@ impl Stage<'_> {
         let mut touched = 0.0;
         // further than a step's fall: a contact not listed before, which pushes out what pierces it faster the shorter the step
         let pierced = self.theta[self.model.gravity].abs() * self.h * self.h;
-        for (spot, w) in ws.spots.spots.iter().zip(&it.p) {
-            let SpotKey::Contact { pair, spot: features, .. } = spot.key else { continue };
-            if spot.gap < -pierced {
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames };
+        let [_, first, ..] = ws.constraints.starts();
+        for ((link, FeaturePair { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
+            if link.gap < -pierced {
                 continue;
             }
-            let meeting = self.meeting(&features, spot, &ws.q_bar, ws)?;
-            let wrench = spot_wrench(&meeting, self.spot_law(pair, spot).at.mu, w);
-            touched += self.sliding(spot, &meeting, &it.v, ws).relative.dot(&wrench);
+            let meeting = self.meeting(link, features, &at)?;
+            let wrench = contact_wrench(&meeting, self.body_contact_law(link, *pair).at.mu, &Vector4::from_column_slice(w));
+            touched += link.sliding(&meeting, &at).relative.dot(&wrench);
         }
         let tau = &mut ws.r[n..];
         let mut forces = Vec::new();
-        inverse_dynamics(&self.model.tree, &ws.bodies.frames, self.inertias, &[], &mut forces, tau);
+        inverse_dynamics(&self.model.tree, &ws.bodies.frames, &self.masses.bodies, &[], &mut forces, tau);
         let work: f64 = tau.iter().zip(&it.v[n..]).map(|(t, v)| t * v).sum();
         let lifted = self.model.gravity_vector(self.theta).dot(&(moment_after - moment_before));
         Ok((after - before - lifted - self.h * work + touched, after))
@@ -64,7 +67,7 @@ impl Stage<'_> {
     /// Kinetic energy \[J\] and first moment of mass about the frames' origin [kg·m] of the bodies.
     fn kinetic_and_moment(&self, frames: &Frames<f64>) -> (f64, Vec3<f64>) {
         let mut sum = (0.0, Vec3::zeros());
-        for (frame, inertia) in frames.bodies.iter().zip(self.inertias) {
+        for (frame, inertia) in frames.bodies.iter().zip(&self.masses.bodies) {
             let placed = inertia.placed(&frame.rotation, &frame.position);
             sum.0 += 0.5 * frame.velocity.dot(&placed.mul(&frame.velocity));
             sum.1 += placed.h;

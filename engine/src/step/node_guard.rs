@@ -14,11 +14,11 @@
 //! less what others of them take, over all steps in a row that have such halves. It is no motion, whatever its cause.
 
 use super::{SDIRK_GAMMA, StepError, Stepper};
-use crate::newton::Work;
 use crate::rods::Remembered;
-use crate::scene::Integrator;
-use crate::state::State;
+use crate::step::newton::Work;
 use crate::terms::{Point, Term};
+use pliant_math::State;
+use pliant_scene::Integrator;
 
 /// Matrices, one more for a second stage, from which a root is not taken for the motion without a look: what is found at once is near. Of sheets one matrix
 /// serves for more corrections, and from so many of them on what one matrix has found is looked at as well.
@@ -142,7 +142,7 @@ impl Stepper<'_> {
         let suspect = iterations >= searched + stages - 1 || evaluations >= CORRECTED * stages || step.h < self.model.h;
         // the second stage of a step goes on as the first has begun, which after a hit is up
         let hit = stages == 2 && !self.model.pairs.is_empty();
-        if !(suspect || hit) || self.mass.is_empty() || self.model.integrator == Integrator::QuasiStatic {
+        if !(suspect || hit) || self.masses.nodes.is_empty() || self.model.integrator == Integrator::QuasiStatic {
             return None;
         }
         let kinetic = [step.before, step.after].map(|x| self.free_rows().map(|(k, m)| 0.5 * m * x.v[k] * x.v[k]).sum::<f64>());
@@ -191,7 +191,7 @@ impl Stepper<'_> {
 
     /// Free rows of nodes and twists, and their mass.
     fn free_rows(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.row_mass.iter().copied().enumerate().filter(|(k, _)| !self.model.driven_rows[*k])
+        self.masses.rows.iter().copied().enumerate().filter(|(k, _)| !self.model.driven_rows[*k])
     }
 
     /// Elastic energy, and all potential energy, of nodes before and after \[J\].
@@ -271,10 +271,44 @@ impl Stepper<'_> {
     /// The weight of all nodes times the diagonal of the box around them \[J\].
     fn raised(&self, q: &[f64]) -> f64 {
         let extent = |a: usize| {
-            let along = |pick: fn(f64, f64) -> f64| (0..self.mass.len()).map(|i| q[3 * i + a]).fold(q[a], pick);
+            let along = |pick: fn(f64, f64) -> f64| (0..self.masses.nodes.len()).map(|i| q[3 * i + a]).fold(q[a], pick);
             along(f64::max) - along(f64::min)
         };
         let diagonal = extent(0).hypot(extent(1)).hypot(extent(2));
-        self.mass.iter().sum::<f64>() * self.theta[self.model.gravity].abs() * diagonal
+        self.masses.nodes.iter().sum::<f64>() * self.theta[self.model.gravity].abs() * diagonal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn half(energy: f64) -> Created {
+        Created { energy, by_contact: 0.0, begin: 1.0, largest: 1.0 }
+    }
+
+    #[test]
+    fn a_little_in_each_of_many_steps_is_too_much() {
+        let (end, elsewhere) = (State::default(), State { q: vec![1.0], ..State::default() });
+        let step = |run: Option<Run>, from: &State, energies: &[f64]| {
+            let mut unsound = Unsound::after(run, from);
+            energies.iter().for_each(|e| unsound.add(half(*e)));
+            (unsound.excess().is_some(), unsound.run_to(&end))
+        };
+        let mut run = None;
+        let refused: Vec<bool> = (0..4)
+            .map(|_| {
+                let (refused, next) = step(run.take(), &end, &[0.04, -0.01]);
+                run = next;
+                refused
+            })
+            .collect();
+        assert_eq!(refused, [false, false, false, true]);
+        // a step from another state, or after one without such halves, begins anew
+        assert!(!step(run.clone(), &elsewhere, &[0.04]).0);
+        let (refused, none) = step(run, &end, &[]);
+        assert!(!refused && none.is_none());
+        // and one may do too much by itself, whatever was taken before and since
+        assert!(step(None, &end, &[0.11, -0.5]).0);
     }
 }

@@ -10,11 +10,9 @@
 //! by Euler, which stops what hits.
 
 use super::Stepper;
-use super::facets::of_nodes;
-use super::stage::weighed;
+use crate::constraints::{of_nodes, weighed};
 use crate::geometry::facet::nearest;
-use crate::state::State;
-use crate::terms::Vec3;
+use pliant_math::{State, Vec3};
 
 /// Part of a step's fall below which a speed is that of rest: thrown back as slowly as that, a node lies again within the step.
 const SLOW: f64 = 0.1;
@@ -24,12 +22,14 @@ impl Stepper<'_> {
     pub(super) fn thrown_back(&self, start: &State, h: f64) -> bool {
         let slow = self.slow(h);
         let at = |x: &[f64], node: usize| Vec3::new(x[3 * node], x[3 * node + 1], x[3 * node + 2]);
-        let of_nodes = self.model.pairs.iter().zip(&self.ws.it.w).any(|(pair, w)| {
+        let [nodes, ..] = self.ws.constraints.starts();
+        let cones = self.ws.it.lambda[nodes..].chunks_exact(4);
+        let of_nodes = self.model.pairs.iter().zip(cones).any(|(pair, w)| {
             let (shape, radius, node) = (&self.model.shapes[pair.shape], self.theta[pair.radius], pair.node);
             let gap = |q: &[f64]| shape.eval(&at(q, node), radius, self.theta);
             let Ok(reference) = gap(&self.q_ref) else { return true };
             let pierced = reference.gap < -slow * h;
-            let leaves = w[0] > slow * self.mass[node] && reference.normal.dot(&at(&self.v_ref, node)) > slow;
+            let leaves = w[0] > slow * self.masses.nodes[node] && reference.normal.dot(&at(&self.v_ref, node)) > slow;
             (pierced || leaves)
                 && gap(&start.q).is_ok_and(|begin| {
                     pierced && reference.gap < begin.gap || leaves && begin.normal.dot(&at(&start.v, node)) < -slow
@@ -40,15 +40,16 @@ impl Stepper<'_> {
 
     /// The same of edges and triangles that leave what they hit; those that go through it are seen by [`Stepper::facets_pierced`].
     fn facets_thrown_back(&self, start: &State, slow: f64) -> bool {
-        self.ws.spots.spots.iter().zip(&self.ws.it.p).any(|(spot, w)| {
-            let Some(at) = spot.key.facet() else { return false };
+        let [.., first] = self.ws.constraints.starts();
+        let edges = &self.ws.constraints.edges;
+        edges.contacts.iter().zip(self.ws.it.lambda[first..].chunks_exact(4)).any(|(contact, w)| {
+            let at = contact.id;
             let facet = &self.model.facets[at.facet];
-            let lightest = facet.nodes[..facet.count].iter().fold(f64::INFINITY, |m, node| m.min(self.mass[*node]));
+            let lightest = facet.corners().iter().fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
             // along the normal, of the point that is nearest
             let speed = |q: &[f64], v: &[f64]| {
                 let x = of_nodes(facet, q);
-                let found =
-                    nearest(&x[..facet.count], self.theta[facet.radius], at.feature, &self.ws.spots.fixed[at.group]).ok()?;
+                let found = nearest(&x[..facet.count], self.theta[facet.radius], at.feature, &edges.fixed[at.group]).ok()?;
                 let v = of_nodes(facet, v);
                 Some(v.iter().zip(found.weights).map(|(v, weight)| weight * v.dot(&found.normal)).sum::<f64>())
             };
@@ -61,11 +62,12 @@ impl Stepper<'_> {
     /// Whether an edge or triangle had gone through a shape where the second stage began, further than where the step did.
     pub(super) fn facets_pierced(&self, start: &State, h: f64) -> bool {
         let slow = self.slow(h);
-        self.ws.spots.spots.iter().any(|spot| {
-            let Some(at) = spot.key.facet() else { return false };
-            let (facet, shape) = (&self.model.facets[at.facet], &self.ws.spots.fixed[at.group]);
+        let edges = &self.ws.constraints.edges;
+        edges.contacts.iter().any(|contact| {
+            let at = contact.id;
+            let (facet, shape) = (&self.model.facets[at.facet], &edges.fixed[at.group]);
             let begin = || nearest(&of_nodes(facet, &start.q)[..facet.count], self.theta[facet.radius], at.feature, shape);
-            spot.gap < -slow * h && begin().is_ok_and(|begin| spot.gap < begin.gap)
+            contact.gap < -slow * h && begin().is_ok_and(|begin| contact.gap < begin.gap)
         })
     }
 

@@ -1,20 +1,64 @@
 //! What a step leaves behind for its derivatives: the factorization at the root, and the partials of the residual.
 
-use super::contact_rows::RowRecord;
-use super::spot_rows::SpotRecord;
-use super::stage::weighed;
 use super::{Scheme, Stage, Workspace, end_positions};
+use crate::bodies::dynamics::Displacement;
 use crate::bodies::turns::Turns;
-use crate::contact::{Condensed, Touch};
-use crate::kinematics::Input;
-use crate::kkt::{Square, System, SystemFactor};
 use crate::model::Model;
 use crate::rods::{Carry, Remembered, RodPast, RodPoint};
-use crate::terms::{Point, Vec3};
+use crate::step::constraints::{ConstraintId, ConstraintRecords, InputsAt, LinkDof, RecordAt, for_node_inputs};
+use crate::terms::Point;
 use nalgebra::Vector4;
+use pliant_linalg::{Square, System, SystemFactor};
+use pliant_math::{Input, Vec3};
 
-/// Tangential over normal impulse, |γ_t|/(μ γ_n), above which a contact counts as slipping.
-const SLIP: f64 = 0.999;
+/// Where a stage began.
+#[derive(Clone, Debug)]
+pub struct StageStart {
+    /// Reference positions and velocities of the stage.
+    pub q_ref: Vec<f64>,
+    /// Reference velocities.
+    pub v_ref: Vec<f64>,
+    /// z's part of rods at q_ref.
+    pub frames: Vec<f64>,
+    /// Controls of the step as motors receive them.
+    pub u: Vec<f64>,
+    /// The bodies' coordinates at the beginning of the (sub)step; empty if there are no history variables.
+    pub q_past: Vec<f64>,
+    /// History variables there.
+    pub z_past: Vec<f64>,
+    /// The strains of rods there; empty if none has history variables.
+    pub rod_past: RodPast,
+    /// Time from there to the evaluation \[s\].
+    pub elapsed: f64,
+}
+
+/// How changes of the stage's reference, of the tangent and of the substep's start show up at other configurations.
+#[derive(Clone, Debug)]
+pub struct Transport {
+    /// Of bodies: of q_ref and of the tangent at q̄.
+    pub middle: Turns,
+    /// At q⁺.
+    pub end: Turns,
+    /// From the substep's start to q_ref; only in the second stage of sdirk2.
+    pub lead: Turns,
+    /// Of rods' axes: at q̄, at q⁺, and as for `lead`.
+    pub carry: [Carry; 3],
+}
+
+/// Matrices at the root.
+#[derive(Clone, Debug)]
+pub struct Jacobians {
+    /// ∂f/∂q̄ [N/m], zero in prescribed rows; constraints at fixed multipliers.
+    pub dq: System,
+    /// ∂f/∂v̄ [N·s/m]; empty in schemes that take forces at v⁺ alone.
+    pub dv: System,
+    /// A = ∂r/∂v⁺, constraints at fixed multipliers: see [`StageRecord::subtract_system`].
+    pub matrix: System,
+    /// The factorization of K, A with the constraints condensed into it.
+    pub factor: SystemFactor,
+    /// Mass matrix of the bodies at q̄, armatures included.
+    pub body_mass: Square,
+}
 
 /// A solved stage: the unsymmetric matrix factored at the root, and everything the residual depends on.
 #[derive(Clone, Debug)]
@@ -27,60 +71,24 @@ pub struct StageRecord {
     pub inertia: f64,
     /// Rest gap of the smoothing \[m\].
     pub rest_gap: f64,
-    /// Reference positions and velocities of the stage.
-    pub q_ref: Vec<f64>,
-    /// Reference velocities.
-    pub v_ref: Vec<f64>,
+    /// Where it began.
+    pub start: StageStart,
     /// The root v⁺ [m/s].
     pub v: Vec<f64>,
-    /// Cone variables at the root [N·s].
-    pub w: Vec<Vector4<f64>>,
-    /// ∂f/∂q̄ [N/m] at the root, zero in driven rows; contacts at fixed w.
-    pub dq: System,
-    /// ∂f/∂v̄ [N·s/m]; empty in schemes that take forces at v⁺ alone.
-    pub dv: System,
-    /// A = ∂r/∂v⁺ at the root, contacts at fixed w: see [`contact_rows`](StageRecord::subtract_system).
-    pub matrix: System,
+    /// Matrices there.
+    pub jacobians: Jacobians,
     /// Whether forces depend on positions alone and nothing touches: then K = σ M − h a1 ∂f/∂q̄ in free rows, and is symmetric.
     pub elastic: bool,
-    /// The same of forces, where contacts of nodes may touch: what depends on velocities is theirs alone.
+    /// The same of forces, where contacts of nodes may touch: the dependence on velocities is theirs alone.
     pub undamped: bool,
-    /// The factorization of K, A with the contacts condensed into it.
-    pub factor: SystemFactor,
-    /// Mass matrix of the bodies at q̄, armatures included.
-    pub body_mass: Square,
-    /// What motors saw of the controls of the step.
-    pub u: Vec<f64>,
-    /// The bodies' coordinates at the beginning of the (sub)step; empty if nothing remembers.
-    pub q_past: Vec<f64>,
-    /// Internal variables there.
-    pub z_past: Vec<f64>,
-    /// The strains of rods there; empty if none remembers.
-    pub rod_past: RodPast,
-    /// Time from there to the evaluation \[s\].
-    pub elapsed: f64,
+    /// How changes of its start and end show up.
+    pub transport: Transport,
     /// ∂z⁺/∂input of the materials at the end of the (sub)step, as (place, input, derivative): in its last stage, if anything remembers.
     pub memory: Vec<(usize, Input, f64)>,
-    /// How changes of q_ref and of the tangent show up at q̄, at q⁺, and (second stage of sdirk2) at q_ref.
-    pub middle: Turns,
-    /// At q⁺.
-    pub end: Turns,
-    /// From the substep's start to q_ref; only in the second stage of sdirk2.
-    pub lead: Turns,
-    /// z's part of rods at q_ref.
-    pub frames: Vec<f64>,
-    /// How changes of q_ref, of the tangent and of the substep's start show up in rods' axes: at q̄, at q⁺, and as for `lead`.
-    pub carry: [Carry; 3],
-    pub(crate) contacts: Vec<Condensed>,
-    /// Node of each contact.
-    pub(crate) contact_nodes: Vec<usize>,
-    /// Impulses of joint friction, stops and couplings at the root [N·m·s, N·s].
-    pub s: Vec<f64>,
-    /// −∂f/∂input of the grippers that grasp, at fixed positions of nodes, and numbers that tell apart what they do.
+    pub(crate) constraints: ConstraintRecords,
+    /// −∂f/∂input of the grippers that grasp, at fixed positions of nodes, and numbers that tell their modes apart.
     pub grasps: Vec<(usize, Input, f64)>,
     pub(crate) grasp_modes: Vec<u8>,
-    pub(crate) rows: Vec<RowRecord>,
-    pub(crate) spots: Vec<SpotRecord>,
 }
 
 impl StageRecord {
@@ -88,65 +96,78 @@ impl StageRecord {
     pub(crate) fn take(stage: &Stage, ws: &mut Workspace) -> Result<Self, super::StepError> {
         stage.linearize(ws)?;
         ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
-        let spots = stage.spot_records(ws);
-        if !ws.spots.spots.is_empty() {
+        let constraints = Self::constraints(stage, ws);
+        if ws.constraints.any_listed() {
             stage.gather_partials(false, ws);
         }
         let body_mass = stage.body_partials(ws);
         let (middle, end) = stage.turns(&ws.it.v);
-        let nothing_touches = stage.model.tree.nv() == 0 && stage.measure.rows.is_empty() && ws.spots.spots.is_empty();
-        let elastic = nothing_touches && ws.factor.is_symmetric() && ws.dv.nodes.is_zero();
+        let only_nodes_touch = stage.model.tree.nv() == 0 && stage.joint_rows.is_empty() && !ws.constraints.any_listed();
+        let elastic = only_nodes_touch && ws.factor.is_symmetric() && ws.dv.nodes.is_zero();
         let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
-        let only_nodes_touch = stage.model.tree.nv() == 0 && stage.measure.rows.is_empty() && ws.spots.spots.is_empty();
-        for (node, [_, of_velocities, _]) in &ws.touching {
-            ws.dv.nodes.set_block(*node, *node, of_velocities);
-        }
+        ws.blocks.restore_rates(&mut ws.dv.nodes);
         let undamped = only_nodes_touch && ws.dv.nodes.is_zero();
-        Ok(Self {
-            h: stage.h,
-            scheme: stage.scheme,
-            inertia: stage.inertia,
-            rest_gap: stage.rest_gap,
+        let start = StageStart {
             q_ref: stage.q_ref.to_vec(),
             v_ref: stage.v_ref.to_vec(),
-            v: ws.it.v.clone(),
-            w: ws.it.w.clone(),
-            dq,
-            dv,
-            matrix,
-            elastic,
-            undamped,
-            factor: ws.factor.clone(),
-            body_mass,
+            frames: stage.frames.to_vec(),
             u: stage.u.to_vec(),
             q_past: stage.past.q.to_vec(),
             z_past: stage.past.z.to_vec(),
             rod_past: stage.rod_past.clone(),
             elapsed: stage.past.elapsed,
+        };
+        let carry = [std::mem::take(&mut ws.carry), Carry::default(), Carry::default()];
+        Ok(Self {
+            h: stage.h,
+            scheme: stage.scheme,
+            inertia: stage.inertia,
+            rest_gap: stage.options.rest_gap,
+            start,
+            v: ws.it.v.clone(),
+            jacobians: Jacobians { dq, dv, matrix, factor: ws.factor.clone(), body_mass },
+            elastic,
+            undamped,
+            transport: Transport { middle, end, lead: Turns::default(), carry },
             memory: Vec::new(),
-            middle,
-            end,
-            lead: Turns::default(),
-            frames: stage.frames.to_vec(),
-            carry: [std::mem::take(&mut ws.carry), Carry::default(), Carry::default()],
-            contacts: ws.contacts.clone(),
-            contact_nodes: stage.model.pairs.iter().map(|p| p.node).collect(),
-            s: ws.it.s.clone(),
-            rows: stage.row_records(&ws.rows),
+            constraints,
             grasps: Vec::new(),
             grasp_modes: Vec::new(),
-            spots,
         })
+    }
+
+    /// The constraints, linearized at the root.
+    fn constraints(stage: &Stage, ws: &mut Workspace) -> ConstraintRecords {
+        let mut out = ConstraintRecords::new(ws.it.v.len());
+        let by_v: Vec<Vec<LinkDof>> = {
+            let body = &ws.bodies;
+            ws.constraints.links().map(|link| stage.link_dofs(link, &body.frames, &body.partials)).collect()
+        };
+        if !by_v.is_empty() {
+            let by = Displacement { cm: 0.0, cv: 0.0, cq: 1.0 };
+            ws.bodies.partials.fill_columns(&stage.model.tree, &ws.bodies.frames, by, &[]);
+        }
+        let mut at = RecordAt { frames: &ws.bodies.frames, partials: &ws.bodies.partials, by_v: &mut by_v.iter() };
+        ws.constraints.parts(&ws.it.lambda).for_each(|(set, own)| set.record(stage, &mut at, own, &mut out));
+        out
     }
 
     /// Positions at the end of the stage \[m\].
     pub fn q_end(&self, model: &Model) -> Vec<f64> {
-        let mut q = self.q_ref.clone();
+        let mut q = self.start.q_ref.clone();
         let n = model.n_node_dofs();
-        end_positions(&model.tree, &self.scheme, self.h, &self.q_ref[n..], &self.v_ref[n..], &self.v[n..], &mut q[n..]);
+        end_positions(
+            &model.tree,
+            &self.scheme,
+            self.h,
+            &self.start.q_ref[n..],
+            &self.start.v_ref[n..],
+            &self.v[n..],
+            &mut q[n..],
+        );
         for (k, &is_driven) in model.driven_rows.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
-            q[k] += self.h * (w.d0 * self.v_ref[k] + w.d1 * self.v[k]);
+            q[k] += self.h * (w.d0 * self.start.v_ref[k] + w.d1 * self.v[k]);
         }
         q
     }
@@ -157,17 +178,15 @@ impl StageRecord {
     /// gripper that grasps, two that tell what it does; and for every joint of a plastic rod the phases of its flow, of one with
     /// friction whether it loads or unloads.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
-        let g = theta[model.gravity];
-        let mode = |(pair, w): (&crate::contact::ContactPair, &Vector4<f64>)| {
-            let mass = model.masses[pair.node].mass(theta);
-            let centre = (self.rest_gap * mass * g * mass).sqrt();
-            let load = (w[1] * w[1] + w[2] * w[2] + w[3] * w[3]).sqrt() / w[0];
-            if w[0] < centre { 0 } else { 1 + u8::from(load > SLIP) }
+        let (q, _) = self.evaluation_point(model);
+        let at = InputsAt { stage: self, model, theta, q: &q };
+        let mode = |of_nodes: bool| {
+            let cones = self.constraints.cones.iter().filter(move |cone| cone.is_of_node() == of_nodes);
+            cones.flat_map(|cone| cone.mode(&at))
         };
-        let joints = self.row_modes(model, theta).into_iter().chain(self.joint_modes(model, theta));
-        let spots = self.spot_modes(model, theta).into_iter().chain(self.grasp_modes.iter().copied());
-        let flows = self.flow_modes(model, theta);
-        model.pairs.iter().zip(&self.w).map(mode).chain(joints).chain(spots).chain(flows).collect()
+        let joints = self.row_modes(&at).into_iter().chain(self.joint_modes(model, theta));
+        let others = mode(false).chain(self.grasp_modes.iter().copied());
+        mode(true).chain(joints).chain(others).chain(self.flow_modes(model, theta)).collect()
     }
 
     /// Phases of what flows in rods' sections, where the force is evaluated and, if that is elsewhere, at the end.
@@ -177,10 +196,10 @@ impl StageRecord {
             return out;
         }
         let mut at = RodPoint::default();
-        rods.evaluate(&self.q_ref, &self.frames, &self.evaluation_point(model).0, &mut at);
+        rods.evaluate(&self.start.q_ref, &self.start.frames, &self.evaluation_point(model).0, &mut at);
         rods.modes(&at, theta, self.remembered(), &mut out);
         if self.scheme.free.a1 != self.scheme.free.d1 {
-            rods.evaluate(&self.q_ref, &self.frames, &self.q_end(model), &mut at);
+            rods.evaluate(&self.start.q_ref, &self.start.frames, &self.q_end(model), &mut at);
             rods.modes(&at, theta, Remembered { elapsed: self.h, ..self.remembered() }, &mut out);
         }
         out
@@ -192,9 +211,9 @@ impl StageRecord {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.visit_bodies(model, theta, &q_bar, &v_bar, visit);
         self.grasps.iter().for_each(|&(row, input, value)| visit(row, input, value));
-        self.visit_rows(model, theta, &q_bar, visit);
+        self.visit_rows(&InputsAt { stage: self, model, theta, q: &q_bar }, visit);
         self.visit_rod_past(model, theta, &q_bar, visit);
-        self.visit_nodes(model, theta, &q_bar, &v_bar, &mut |row, param, value| visit(row, Input::Theta(param), value));
+        self.visit_nodes(model, theta, &q_bar, &v_bar, visit);
     }
 
     /// As [`StageRecord::visit_inputs`], contracted: calls `pull(input, Σ_row λ_row ∂(r, F)_row/∂input)`, an input's sum in one call or several.
@@ -202,7 +221,8 @@ impl StageRecord {
         let (q_bar, v_bar) = self.evaluation_point(model);
         self.pull_bodies(model, theta, [&q_bar, &v_bar], lambda, pull);
         self.grasps.iter().for_each(|&(row, input, value)| pull(input, value * lambda[row]));
-        self.visit_rows(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
+        let at = InputsAt { stage: self, model, theta, q: &q_bar };
+        self.visit_rows(&at, &mut |row, input, value| pull(input, value * lambda[row]));
         self.visit_rod_past(model, theta, &q_bar, &mut |row, input, value| pull(input, value * lambda[row]));
         self.pull_nodes(model, theta, [&q_bar, &v_bar], lambda, pull);
     }
@@ -213,7 +233,7 @@ impl StageRecord {
         self.visit_joints(model, theta, [&q_bar, &v_bar], false, visit);
         self.grasps.iter().for_each(|&(row, input, value)| visit(row, input, value));
         if model.nz() > 0 {
-            self.visit_rows(model, theta, &q_bar, visit);
+            self.visit_rows(&InputsAt { stage: self, model, theta, q: &q_bar }, visit);
         }
         self.visit_rod_past(model, theta, &q_bar, visit);
     }
@@ -238,21 +258,25 @@ impl StageRecord {
         model.terms.iter().for_each(|term| term.pull_theta(&at, &weights, &mut sums));
         self.visit_rods(model, theta, q_bar, v_bar, &mut |row, param, value| sums[param] += value * lambda[row]);
         for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
-            let product: f64 = (3 * node..3 * node + 3).map(|row| lambda[row] * (self.v[row] - self.v_ref[row])).sum();
+            let product: f64 = (3 * node..3 * node + 3).map(|row| lambda[row] * (self.v[row] - self.start.v_ref[row])).sum();
             mass.visit(theta, &mut |param, dm| sums[param] += dm * self.inertia * product);
         }
-        for c in 0..self.contacts.len() {
-            let (node, row) = (model.pairs[c].node, n + 4 * c);
+        let inputs = InputsAt { stage: self, model, theta, q: q_bar };
+        for cone in &self.constraints.cones {
+            let ConstraintId::Node(pair) = cone.id else { continue };
+            let (node, row) = (model.pairs[pair].node, cone.block.row);
             let of_node = Vec3::from_column_slice(&lambda[3 * node..3 * node + 3]) * (-1.0 / self.h);
             let of_cone = Vector4::from_column_slice(&lambda[row..row + 4]);
-            self.for_contact_inputs(c, model, q_bar, theta, &mut |param, dp, df| {
-                sums[param] += of_node.dot(&dp) + of_cone.dot(&df)
-            });
+            for_node_inputs(cone, pair, &inputs, &mut |param, dp, df| sums[param] += of_node.dot(&dp) + of_cone.dot(&df));
+        }
+        for cone in self.constraints.cones.iter().filter(|cone| !cone.is_of_node()) {
+            cone.visit_node_inputs(&inputs, &mut |row, input, value| pull(input, value * lambda[row]));
         }
         sums.iter().enumerate().filter(|(_, sum)| **sum != 0.0).for_each(|(param, sum)| pull(Input::Theta(param), *sum));
     }
 
-    fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
+    fn visit_nodes(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], to: &mut dyn FnMut(usize, Input, f64)) {
+        let visit = &mut |row: usize, param: usize, value: f64| to(row, Input::Theta(param), value);
         let at = Point { q: q_bar, v: v_bar, theta };
         for term in &model.terms {
             term.visit_theta(&at, &mut |row, param, df| {
@@ -265,19 +289,18 @@ impl StageRecord {
         for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
             mass.visit(theta, &mut |param, dm| {
                 for row in 3 * node..3 * node + 3 {
-                    visit(row, param, dm * self.inertia * (self.v[row] - self.v_ref[row]));
+                    visit(row, param, dm * self.inertia * (self.v[row] - self.start.v_ref[row]));
                 }
             });
         }
-        for c in 0..self.contacts.len() {
-            self.visit_contact(c, model, q_bar, theta, visit);
-        }
+        let at = InputsAt { stage: self, model, theta, q: q_bar };
+        self.constraints.cones.iter().for_each(|cone| cone.visit_node_inputs(&at, to));
     }
 
     fn visit_rods(&self, model: &Model, theta: &[f64], q_bar: &[f64], v_bar: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
         let rods = &model.rods;
         let mut at = RodPoint::default();
-        rods.evaluate(&self.q_ref, &self.frames, q_bar, &mut at);
+        rods.evaluate(&self.start.q_ref, &self.start.frames, q_bar, &mut at);
         rods.visit_theta(&at, v_bar, theta, self.remembered(), &mut |row, param, df| {
             if !model.driven_rows[row] {
                 visit(row, param, -df);
@@ -285,13 +308,13 @@ impl StageRecord {
         });
         for (k, edge) in rods.edges.iter().enumerate().filter(|(k, _)| !model.driven_rows[rods.row(*k)]) {
             let row = rods.row(k);
-            edge.visit(theta, &mut |param, dm| visit(row, param, dm * self.inertia * (self.v[row] - self.v_ref[row])));
+            edge.visit(theta, &mut |param, dm| visit(row, param, dm * self.inertia * (self.v[row] - self.start.v_ref[row])));
         }
     }
 
     /// What rods' sections remembered.
     fn remembered(&self) -> Remembered<'_> {
-        Remembered { past: &self.rod_past, z: &self.z_past, elapsed: self.elapsed }
+        Remembered { past: &self.start.rod_past, z: &self.start.z_past, elapsed: self.start.elapsed }
     }
 
     /// ∂r/∂(z, q at the beginning) of what rods' sections remember.
@@ -301,7 +324,7 @@ impl StageRecord {
             return;
         }
         let mut at = RodPoint::default();
-        rods.evaluate(&self.q_ref, &self.frames, q_bar, &mut at);
+        rods.evaluate(&self.start.q_ref, &self.start.frames, q_bar, &mut at);
         rods.visit_past(&at, theta, self.remembered(), &mut |row, input, df| {
             if !model.driven_rows[row] {
                 visit(row, input, -df);
@@ -311,58 +334,18 @@ impl StageRecord {
 
     /// Where the forces were evaluated.
     pub fn evaluation_point(&self, model: &Model) -> (Vec<f64>, Vec<f64>) {
-        let (mut q, mut v) = (self.q_ref.clone(), self.v.clone());
+        let (mut q, mut v) = (self.start.q_ref.clone(), self.v.clone());
         let (n, w) = (model.n_node_dofs(), &self.scheme.free);
         let mut t = Vec::new();
-        super::bodies::tangent(self.h, [w.a0, w.a1], &self.v_ref[n..], &self.v[n..], &mut t);
-        model.tree.add(self.scheme.middle, &self.q_ref[n..], &t, &mut q[n..]);
-        (n..v.len()).for_each(|k| v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k]);
+        super::bodies::tangent(self.h, [w.a0, w.a1], &self.start.v_ref[n..], &self.v[n..], &mut t);
+        model.tree.add(self.scheme.middle, &self.start.q_ref[n..], &t, &mut q[n..]);
+        (n..v.len()).for_each(|k| v[k] = w.b0 * self.start.v_ref[k] + w.b1 * self.v[k]);
         for (k, &is_driven) in model.driven_rows.iter().enumerate() {
             let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
-            q[k] += self.h * (w.a0 * self.v_ref[k] + w.a1 * self.v[k]);
-            v[k] = w.b0 * self.v_ref[k] + w.b1 * self.v[k];
+            q[k] += self.h * (w.a0 * self.start.v_ref[k] + w.a1 * self.v[k]);
+            v[k] = w.b0 * self.start.v_ref[k] + w.b1 * self.v[k];
         }
         (q, v)
-    }
-
-    fn visit_contact(&self, c: usize, model: &Model, q: &[f64], theta: &[f64], visit: &mut dyn FnMut(usize, usize, f64)) {
-        let (node, row) = (model.pairs[c].node, self.v.len() + 4 * c);
-        self.for_contact_inputs(c, model, q, theta, &mut |param, dp, df| {
-            for a in 0..3 {
-                visit(3 * node + a, param, -dp[a] / self.h);
-            }
-            for a in 0..4 {
-                visit(row + a, param, df[a]);
-            }
-        });
-    }
-
-    /// The impulse of a contact depends on θ through gap and normal (shape, radius), friction, and κ = δ m g: calls
-    /// `emit(parameter, ∂p/∂θ at fixed w, ∂F/∂θ)`.
-    fn for_contact_inputs(
-        &self,
-        c: usize,
-        model: &Model,
-        q: &[f64],
-        theta: &[f64],
-        emit: &mut dyn FnMut(usize, Vec3<f64>, Vector4<f64>),
-    ) {
-        let pair = &model.pairs[c];
-        let contact = &self.contacts[c];
-        let node_vector = |x: &[f64]| Vec3::new(x[3 * pair.node], x[3 * pair.node + 1], x[3 * pair.node + 2]);
-        let (x, v, w) = (node_vector(q), node_vector(&self.v), &self.w[c]);
-        let shape = &model.shapes[pair.shape];
-        let Ok(touch) = Touch::new(shape, x, v, self.h, theta[pair.radius], theta) else { return };
-        // the geometry was evaluated above without error, so it is here
-        let _ = shape.visit_theta(&x, pair.radius, theta, &mut |param, dgap, dn| {
-            let dv_t = -(dn * touch.normal.dot(&v)) - touch.normal * dn.dot(&v);
-            emit(param, dn * w[0], contact.df_dvn * (dgap / self.h) + contact.df_dvt * dv_t);
-        });
-        emit(pair.friction, Vec3::new(w[1], w[2], w[3]), contact.df_dmu);
-        let (mass, (g, slope)) = (model.masses[pair.node].mass(theta), weighed(theta[model.gravity]));
-        let by_kappa = contact.df_dkappa * self.rest_gap;
-        emit(model.gravity, Vec3::zeros(), by_kappa * (mass * slope));
-        model.masses[pair.node].visit(theta, &mut |param, dm| emit(param, Vec3::zeros(), by_kappa * (dm * g)));
     }
 
     /// `∂v_cmd` does not belong to a stage: it is shared by all stages of a step. See [`Input`].

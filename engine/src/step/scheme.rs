@@ -1,6 +1,6 @@
 //! The integrators as weights of one stage.
 
-use crate::bodies::rotation::Map;
+use pliant_math::rotation::Map;
 
 /// Where a stage evaluates forces and where it ends:
 /// `q̄ = q + h (a0 v + a1 v⁺)`, `v̄ = b0 v + b1 v⁺`, `q⁺ = q + h (d0 v + d1 v⁺)`.

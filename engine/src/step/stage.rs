@@ -7,38 +7,54 @@
 //! ```
 //! with the impulses p of contact condensed as described in `contact`.
 
-use super::{Scheme, StepError, Weights, Workspace};
-use crate::bodies::spatial::Inertia;
-use crate::contact::{JointRow, LawPoint, Touch};
-use crate::geometry::solid::Carrier;
+use super::{Scheme, SolverOptions, StepError, Weights, Workspace};
+use crate::bodies::operational::mobilities;
+use crate::constraints::JointRow;
 use crate::grasp::Hold;
-use crate::kkt::System;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::rods::{Remembered, RodEdge, RodPast};
-use crate::scene::Integrator;
-use crate::terms::{Point, Vec3};
-use nalgebra::Vector4;
-use pliant_smoothing::ContactLaw;
+use crate::step::constraints::{Beginning, Change, Evaluation, Loads, Slopes};
+use crate::terms::Point;
+use pliant_linalg::System;
+use pliant_math::spatial::Inertia;
+use pliant_scene::Integrator;
 
 /// What messages call bending and twisting of rods.
 const ROD: &str = "rod (bending and twist)";
 /// And grippers that grasp.
 const GRASP: &str = "grasp";
-/// Safe fraction of the node's mass as the step ρ of the natural residual (design: never above the mass itself).
-const RHO: f64 = 0.3;
 
-/// The unknowns of a stage.
+/// The unknowns of a stage, or a change of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Iterate {
-    /// Velocities v⁺ of all nodes [m/s].
+    /// Velocities v⁺ of all rows [m/s, rad/s].
     pub v: Vec<f64>,
-    /// Cone variable of each contact [N·s].
-    pub w: Vec<Vector4<f64>>,
-    /// Impulse of each joint friction and stop [N·m·s, N·s].
-    pub s: Vec<f64>,
-    /// Cone variable of each contact of solids [N·s].
-    pub p: Vec<Vector4<f64>>,
+    /// Multipliers of the constraints, in the order of [`crate::step::constraints::Constraints::sets`] [N·s, N·m·s].
+    pub lambda: Vec<f64>,
+}
+
+impl Iterate {
+    /// Without constraints that are listed anew in each stage.
+    pub fn zeros(nv: usize, multipliers: usize) -> Self {
+        Self { v: vec![0.0; nv], lambda: vec![0.0; multipliers] }
+    }
+
+    /// `self = from + alpha · d`.
+    pub fn set_step(&mut self, from: &Self, alpha: f64, d: &Self) {
+        let step = |to: &mut [f64], from: &[f64], d: &[f64]| {
+            to.iter_mut().zip(from).zip(d).for_each(|((to, from), d)| *to = from + alpha * d);
+        };
+        step(&mut self.v, &from.v, &d.v);
+        self.lambda.resize(from.lambda.len(), 0.0);
+        step(&mut self.lambda, &from.lambda, &d.lambda);
+    }
+
+    /// `self += d`.
+    pub fn add(&mut self, d: &Self) {
+        self.v.iter_mut().zip(&d.v).for_each(|(v, d)| *v += d);
+        self.lambda.iter_mut().zip(&d.lambda).for_each(|(w, d)| *w += d);
+    }
 }
 
 /// Which axial forces the geometric stiffness is made of.
@@ -52,51 +68,50 @@ enum Axial {
     Stable,
 }
 
-/// What the solver knows from θ alone: which rows there are, and weights of velocities for its norms (√(Σ weight · v²/total) is a
-/// speed [m/s]).
+/// Masses and inertias at θ, and weights of velocities for the solver's norms (√(Σ weight · v²/total) is a speed [m/s]).
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Measure {
-    /// Mass of everything [kg].
+pub(crate) struct Masses {
+    /// Of every node \[kg\].
+    pub nodes: Vec<f64>,
+    /// Of every row of nodes and twists [kg, kg·m²].
+    pub rows: Vec<f64>,
+    /// Every body's inertia about its origin.
+    pub bodies: Vec<Inertia<f64>>,
+    /// Mass of everything \[kg\].
     pub total: f64,
     /// Weight of every row of nodes and twists: a node's mass; a twist counts as if an edge's length were its lever.
-    pub nodes: Vec<f64>,
-    /// Friction and stops that can act at these parameters, and couplings.
-    pub rows: Vec<JointRow>,
+    pub weights: Vec<f64>,
 }
 
-impl Measure {
+impl Masses {
     pub fn new(model: &Model, theta: &[f64]) -> Self {
-        let masses = model.masses(theta);
+        let nodes = model.masses(theta);
         let lever2 = |edge: &RodEdge| {
-            let [a, b] = edge.nodes.map(|node| masses[node]);
+            let [a, b] = edge.nodes.map(|node| nodes[node]);
             0.5 * (a + b) * (theta[edge.length] * edge.fraction).powi(2)
         };
         let twists = model.rods.edges.iter().map(lever2);
-        let nodes = masses.iter().flat_map(|m| [*m; 3]).chain(twists).collect();
-        Self { total: model.total_mass(theta), nodes, rows: model.active_rows(theta) }
+        let weights = nodes.iter().flat_map(|m| [*m; 3]).chain(twists).collect();
+        let (rows, bodies, total) = (model.row_masses(theta), model.inertias(theta), model.total_mass(theta));
+        Self { rows, bodies, total, weights, nodes }
     }
 }
 
-/// The data of a stage.
+/// The problem of a stage, and how it is solved.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stage<'a> {
     pub model: &'a Model,
     pub theta: &'a [f64],
-    /// Of every node [kg].
-    pub mass: &'a [f64],
-    /// Of every row of nodes and twists [kg, kg·m²].
-    pub row_mass: &'a [f64],
-    /// Every body's inertia about its origin.
-    pub inertias: &'a [Inertia<f64>],
-    /// What the solver compares velocities with: see [`Measure`].
-    pub measure: &'a Measure,
-    /// What motors see of the controls of the step.
+    pub masses: &'a Masses,
+    /// Friction and limits of joints that can act at these parameters, and couplings.
+    pub joint_rows: &'a [JointRow],
+    /// Controls of the step as motors receive them.
     pub u: &'a [f64],
-    /// What grippers that grasp pull.
+    /// Springs of grippers that grasp.
     pub holds: &'a [Hold],
-    /// The beginning of the (sub)step.
+    /// History variables and coordinates at the beginning of the (sub)step.
     pub past: Past<'a>,
-    /// The same of rods' strains.
+    /// Strains of rods there.
     pub rod_past: &'a RodPast,
     pub scheme: Scheme,
     pub h: f64,
@@ -106,47 +121,18 @@ pub(crate) struct Stage<'a> {
     /// z's part of rods at q_ref.
     pub frames: &'a [f64],
     pub v_ref: &'a [f64],
-    /// Where velocities of free rows start from, if nothing better is known.
+    /// Velocities of free rows to start from, if nothing better is known.
     pub v_start: &'a [f64],
     pub v_cmd: &'a [f64],
-    /// Rest gap δ of the smoothing, κ = δ m g [m].
-    pub rest_gap: f64,
-    /// Levenberg weight added to σ in the matrix only [1/s].
-    pub damping: f64,
-    /// The same for the contacts of solids [-]; see [`pliant_smoothing::SplitPoint`].
-    pub soften: f64,
-    /// Whether contacts of solids push nothing, beside the impulses of the iterate.
-    pub absent: bool,
-    /// Whether everything is tried; otherwise the step can be halved.
-    pub thorough: bool,
-    /// Whether the root is only passed through.
-    pub coarse: bool,
-    /// Whether matrices are made of what resists alone, whose steps lead downhill from wherever they start.
-    pub downhill: bool,
+    pub options: SolverOptions,
 }
-
-/// The acceleration [m/s²] by which the sharpness of a node's contact is told from its mass, and its derivative by gravity. Without gravity,
-/// where nothing rests, that of solids' contacts: a law without any smoothing has no derivative.
-pub(super) fn weighed(gravity: f64) -> (f64, f64) {
-    if gravity > 0.0 { (gravity, 1.0) } else { (WEIGHTLESS, 0.0) }
-}
-
-const WEIGHTLESS: f64 = 10.0;
 
 impl Stage<'_> {
-    /// The law's numbers at contact `c`.
-    pub(crate) fn law_point(&self, c: usize) -> LawPoint {
-        let pair = &self.model.pairs[c];
-        let mass = self.mass[pair.node];
-        LawPoint {
-            law: match self.model.contact.law {
-                crate::scene::Law::Coulomb => ContactLaw::Coulomb,
-                crate::scene::Law::Anitescu => ContactLaw::Anitescu,
-            },
-            mu: self.theta[pair.friction],
-            kappa: self.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
-            rho: RHO * mass,
-        }
+    /// The same problem, solved otherwise.
+    pub fn with(&self, change: impl FnOnce(&mut SolverOptions)) -> Self {
+        let mut other = *self;
+        change(&mut other.options);
+        other
     }
 
     /// What rods' sections remember.
@@ -156,15 +142,17 @@ impl Stage<'_> {
 
     /// Whether there are cone variables that need a value to start from; couplings are linear in theirs.
     pub(crate) fn has_cones(&self) -> bool {
-        !self.model.pairs.is_empty() || self.measure.rows.iter().any(|row| row.coupling().is_none())
+        !self.model.pairs.is_empty() || self.joint_rows.iter().any(|row| row.coupling().is_none())
     }
 
+    /// Whether constraints are listed anew in each stage.
+    pub(crate) fn lists_constraints(&self) -> bool {
+        !(self.model.solid_pairs.is_empty() && self.model.ties.is_empty() && self.model.facet_groups.is_empty())
+    }
+
+    /// Whether there may be constraints.
     pub(crate) fn has_contact(&self) -> bool {
-        !(self.model.pairs.is_empty()
-            && self.measure.rows.is_empty()
-            && self.model.solid_pairs.is_empty()
-            && self.model.ties.is_empty()
-            && self.model.facet_groups.is_empty())
+        !self.model.pairs.is_empty() || !self.joint_rows.is_empty() || self.lists_constraints()
     }
 
     pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
@@ -187,30 +175,15 @@ impl Stage<'_> {
         self.place_bodies(v, ws);
     }
 
-    /// Contact `c` at q⁺, which is q̄ for the schemes that allow contact.
-    fn touch(&self, c: usize, q: &[f64], v: &[f64]) -> Result<(Touch, Vec3<f64>), StepError> {
-        let pair = &self.model.pairs[c];
-        let at = |x: &[f64]| Vec3::new(x[3 * pair.node], x[3 * pair.node + 1], x[3 * pair.node + 2]);
-        let v = at(v);
-        let touch = Touch::new(&self.model.shapes[pair.shape], at(q), v, self.h, self.theta[pair.radius], self.theta);
-        let touch = touch.map_err(|source| StepError::Geometry {
-            step: 0,
-            node: pair.node,
-            shape: self.model.shape_names[pair.shape].clone(),
-            source,
-        })?;
-        Ok((touch, v))
-    }
-
     fn inertia_minus_force(&self, v: &[f64], ws: &mut Workspace) {
         for (k, &driven) in self.model.driven_rows.iter().enumerate() {
             ws.r[k] =
-                if driven { v[k] - self.v_cmd[k] } else { self.row_mass[k] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
+                if driven { v[k] - self.v_cmd[k] } else { self.masses.rows[k] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
         }
     }
 
-    /// Residual at `it` into `ws.r` [N] and of the contacts into `ws.cone` [N·s]. With `ws.contacts` linearized before,
-    /// `ws.r` is the condensed right-hand side for those matrices.
+    /// Residual at `it` into `ws.r` \[N\] and of the constraints into `ws.residuals`. With the constraints linearized before, `ws.r` is the
+    /// condensed right-hand side for those matrices.
     pub(crate) fn residual(&self, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
         self.place(&it.v, ws);
         ws.f.fill(0.0);
@@ -220,29 +193,81 @@ impl Stage<'_> {
         }
         self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
         self.holds.iter().for_each(|hold| hold.add_force(&at, &mut ws.f));
-        for c in 0..self.model.pairs.len() {
-            let (touch, _) = self.touch(c, &ws.q_bar, &it.v)?;
-            let at = self.law_point(c);
-            let cone = pliant_smoothing::residual(at.law, at.mu, at.kappa, at.rho, touch.v_n, touch.v_t.into(), it.w[c].into());
-            ws.cone[c] = Vector4::from(cone);
-            let impulse = crate::contact::impulse(touch.normal, at.mu, &it.w[c]);
-            self.add_contact_force(c, impulse, ws);
-        }
         self.evaluate_frames(&it.v, ws, false);
-        self.add_spots(&it.p, &it.v, ws)?;
+        self.constrain(it, ws, false)?;
         self.inertia_minus_force(&it.v, ws);
         self.body_residual(ws);
-        self.add_rows(&it.s, &it.v, ws);
+        self.subtract_joint_loads(ws);
         Ok(())
     }
 
-    /// The condensed force of contact `c`: `(p − gain F)/h`.
-    fn add_contact_force(&self, c: usize, impulse: Vec3<f64>, ws: &mut Workspace) {
-        let node = self.model.pairs[c].node;
-        let force = (impulse - ws.contacts[c].gain * ws.cone[c]) / self.h;
-        for a in 0..3 {
-            ws.f[3 * node + a] += force[a];
+    /// Evaluates all constraints at `it`, linearizing them if asked to: their residuals, and their forces where they act.
+    fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: bool) -> Result<(), StepError> {
+        ws.residuals.resize(it.lambda.len(), 0.0);
+        ws.loads.clear(if ws.constraints.has_links() { self.model.tree.bodies().len() } else { 0 });
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames };
+        let (mut lambda, mut residuals) = (it.lambda.as_slice(), ws.residuals.as_mut_slice());
+        let mut loads = Loads { nodes: &mut ws.f, bodies: &mut ws.loads.bodies, joints: &mut ws.loads.joints };
+        let mut slopes = Slopes { dq: &mut ws.dq.nodes, dv: &mut ws.dv.nodes, joints: &mut ws.loads.slopes };
+        for set in ws.constraints.sets_mut() {
+            let (own, others) = lambda.split_at(set.dim());
+            let (out, rest) = std::mem::take(&mut residuals).split_at_mut(set.dim());
+            if linearize {
+                set.linearize(self, &at, own, out, &mut loads, &mut slopes)?;
+            } else {
+                set.residual(self, &at, own, out, &mut loads)?;
+            }
+            (lambda, residuals) = (others, rest);
         }
+        Ok(())
+    }
+
+    fn subtract_joint_loads(&self, ws: &mut Workspace) {
+        ws.loads.joints.iter().for_each(|(row, force)| ws.r[*row] -= force);
+    }
+
+    /// Lists the constraints of this stage, and starts those that are new.
+    pub(crate) fn find_constraints(&self, ws: &mut Workspace) {
+        if self.lists_constraints() {
+            self.frames_at_start(ws);
+        }
+        let mut at = Beginning { frames: &ws.bodies.frames, mobility: &[] };
+        ws.constraints.sets_mut().into_iter().for_each(|set| set.find(self, &at));
+        if ws.constraints.has_links() {
+            let tree = &self.model.tree;
+            ws.stiffening.clear();
+            ws.stiffening.resize(tree.nv() * tree.nv(), 0.0);
+            self.joint_stiffening(self.model.n_node_dofs(), &mut ws.stiffening);
+            mobilities(tree, &ws.bodies.frames, &self.masses.bodies, &ws.stiffening, &mut ws.mobility);
+            at.mobility = &ws.mobility;
+            ws.constraints.sets_mut().into_iter().for_each(|set| set.scale(self, &at));
+        }
+        ws.blocks.list(self, &ws.constraints);
+        ws.it.lambda.resize(ws.constraints.dim(), 0.0);
+        let n = ws.it.v.len();
+        let warm = ws.warm.as_ref().map(|warm| &warm.impulses);
+        ws.constraints.for_parts(&mut ws.it.lambda, |set, own| set.start(self, warm, own));
+        ws.weights.resize(n + ws.it.lambda.len(), 0.0);
+        let (of_nodes, of_dofs) = ws.weights[..n].split_at_mut(self.masses.weights.len());
+        of_nodes.copy_from_slice(&self.masses.weights);
+        of_dofs.copy_from_slice(&self.model.weights.held);
+        ws.constraints.for_parts(&mut ws.weights[n..], |set, own| set.weights(self, own));
+    }
+
+    /// The change of all multipliers into `d.lambda` that goes with the change `d.v` of velocities, for the residuals at hand; the columns
+    /// of the bodies' composites must be those of K.
+    pub(crate) fn correct_multipliers(&self, ws: &Workspace, d: &mut Iterate) {
+        let linked = ws.constraints.has_links();
+        let bodies =
+            if linked { ws.bodies.partials.carry(&self.model.tree, &d.v[self.model.n_node_dofs()..]) } else { Vec::new() };
+        let change = Change { d: &d.v, bodies: &bodies, frames: &ws.bodies.frames };
+        d.lambda.resize(ws.residuals.len(), 0.0);
+        let mut residuals = ws.residuals.as_slice();
+        ws.constraints.for_parts(&mut d.lambda, |set, own| {
+            let (f, rest) = residuals.split_at(own.len());
+            set.correct(self, &change, f, own);
+            residuals = rest;
+        });
     }
 
     /// Residual, Jacobians `ws.dq`, `ws.dv` (contacts condensed into them) and the matrix `ws.k` at `ws.it`.
@@ -250,7 +275,7 @@ impl Stage<'_> {
         self.linearize_with(Axial::Exact, ws)
     }
 
-    /// As [`Stage::linearize`], with the axial forces of `ws.axial` in the geometric stiffness.
+    /// As [`Stage::linearize`], with the axial forces of `ws.axial.now` in the geometric stiffness.
     pub(crate) fn linearize_mixed(&self, ws: &mut Workspace) -> Result<(), StepError> {
         self.linearize_with(Axial::Predicted, ws)
     }
@@ -270,13 +295,13 @@ impl Stage<'_> {
     /// Axial forces to start from: those at q_ref, where implicit Euler evaluated them last; in other schemes of terms that may buckle
     /// alone, for there they swing with every stage.
     pub(crate) fn start_axial(&self, ws: &mut Workspace) {
-        ws.axial.fill(0.0);
+        ws.axial.now.fill(0.0);
         let (at, mut first) = (Point { q: self.q_ref, v: self.v_ref, theta: self.theta }, 0);
         for term in &self.model.terms {
             let n = term.n_axial();
             if n > 0 && (term.buckles() || self.model.integrator == Integrator::Euler) {
-                ws.dx.fill(0.0);
-                term.predict_axial(&at, &ws.dx, &mut ws.axial[first..first + n]);
+                ws.axial.dx.fill(0.0);
+                term.predict_axial(&at, &ws.axial.dx, &mut ws.axial.now[first..first + n]);
             }
             first += n;
         }
@@ -285,24 +310,24 @@ impl Stage<'_> {
     /// Takes the axial forces over to where the step `alpha · d` leads from the velocities `v`: part `alpha` of the way from what they
     /// are to their first-order prediction at the whole step.
     pub(crate) fn predict_axial(&self, alpha: f64, v: &[f64], d: &[f64], ws: &mut Workspace) {
-        if ws.axial.is_empty() {
+        if ws.axial.now.is_empty() {
             return;
         }
         // where `v` leads: the residual has moved on
         for (k, &driven) in self.model.driven_rows.iter().enumerate() {
             let w = if driven { &self.scheme.driven } else { &self.scheme.free };
-            ws.q_axial[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
-            ws.dx[k] = self.h * self.scheme.free.a1 * d[k];
+            ws.axial.q[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
+            ws.axial.dx[k] = self.h * self.scheme.free.a1 * d[k];
         }
-        let at = Point { q: &ws.q_axial, v: &ws.v_bar, theta: self.theta };
-        ws.axial_next.fill(0.0);
+        let at = Point { q: &ws.axial.q, v: &ws.v_bar, theta: self.theta };
+        ws.axial.next.fill(0.0);
         let mut first = 0;
         for term in &self.model.terms {
             let n = term.n_axial();
-            term.predict_axial(&at, &ws.dx, &mut ws.axial_next[first..first + n]);
+            term.predict_axial(&at, &ws.axial.dx, &mut ws.axial.next[first..first + n]);
             first += n;
         }
-        for (axial, next) in ws.axial.iter_mut().zip(&ws.axial_next) {
+        for (axial, next) in ws.axial.now.iter_mut().zip(&ws.axial.next) {
             *axial += alpha * (next - *axial);
         }
     }
@@ -319,36 +344,28 @@ impl Stage<'_> {
             match axial {
                 Axial::Exact => term.add_jacobian(&at, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes),
                 Axial::Predicted => {
-                    term.add_mixed_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
+                    term.add_mixed_jacobian(&at, &ws.axial.now[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
                 }
                 Axial::Stable => {
-                    term.add_stable_jacobian(&at, &ws.axial[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
+                    term.add_stable_jacobian(&at, &ws.axial.now[first..first + n], &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes)
                 }
             }
             first += n;
         }
         let (rods, before) = (&self.model.rods, self.remembered());
-        let whole = !self.downhill;
+        let whole = !self.options.downhill;
         rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, whole, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
         for hold in self.holds {
             hold.add_force(&at, &mut ws.f);
             hold.visit_jacobian(|row, column, value| ws.dq.nodes.add(row, column, value));
         }
         if self.has_contact() {
-            let largest = |of: &System| -of.nodes.least_diagonal(3 * self.mass.len());
+            let largest = |of: &System| -of.nodes.least_diagonal(3 * self.masses.nodes.len());
             (ws.stiffness, ws.viscosity) = (largest(&ws.dq), largest(&ws.dv));
         }
-        for (node, blocks) in &mut ws.touching {
-            *blocks = [ws.dq.nodes.block(*node, *node), ws.dv.nodes.block(*node, *node), [[0.0; 3]; 3]];
-        }
-        for ([i, j], blocks) in &mut ws.between {
-            *blocks = [ws.dq.nodes.block(*i, *j), ws.dv.nodes.block(*i, *j), [[0.0; 3]; 3]];
-        }
-        for c in 0..self.model.pairs.len() {
-            self.linearize_contact(c, it, ws)?;
-        }
+        ws.blocks.store(&ws.dq.nodes, &ws.dv.nodes);
         self.evaluate_frames(&it.v, ws, true);
-        self.linearize_spots(&it.p, &it.v, ws)?;
+        self.constrain(it, ws, true)?;
         self.inertia_minus_force(&it.v, ws);
         for (row, _) in self.model.driven_rows.iter().enumerate().filter(|(_, d)| **d) {
             ws.dq.nodes.clear_row(row);
@@ -356,28 +373,9 @@ impl Stage<'_> {
         }
         self.assemble(ws);
         self.linearize_bodies(ws);
-        self.linearize_rows(&it.s, &it.v, ws);
-        Ok(())
-    }
-
-    fn linearize_contact(&self, c: usize, it: &Iterate, ws: &mut Workspace) -> Result<(), StepError> {
-        let (touch, v) = self.touch(c, &ws.q_bar, &it.v)?;
-        let (law, node) = (self.law_point(c), self.model.pairs[c].node);
-        if !ws.contacts[c].linearize(law, &touch, v, self.h, &it.w[c]) {
-            return Err(StepError::NotFinite {
-                step: 0,
-                term: self.model.shape_names[self.model.pairs[c].shape].clone(),
-                place: self.model.row_name(3 * node),
-                value: it.w[c].norm(),
-            });
-        }
-        let condensed = &ws.contacts[c];
-        let rows = |m: &nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [m[(a, 0)], m[(a, 1)], m[(a, 2)]]);
-        ws.dq.nodes.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dq));
-        ws.dv.nodes.add_block(node, node, 1.0 / self.h, &rows(&condensed.dp_dv));
-        let impulse = condensed.impulse;
-        ws.cone[c] = condensed.residual;
-        self.add_contact_force(c, impulse, ws);
+        self.subtract_joint_loads(ws);
+        ws.loads.unconstrained.clone_from(&ws.k.bodies);
+        ws.loads.slopes.iter().for_each(|(row, column, slope)| ws.k.bodies.add(*row, *column, *slope));
         Ok(())
     }
 
@@ -390,7 +388,7 @@ impl Stage<'_> {
             self.rescale_driven_columns(ws);
         }
         for (k, &driven) in self.model.driven_rows.iter().enumerate() {
-            ws.k.nodes.add(k, k, if driven { 1.0 } else { self.row_mass[k] * (self.inertia + self.damping) });
+            ws.k.nodes.add(k, k, if driven { 1.0 } else { self.masses.rows[k] * (self.inertia + self.options.damping) });
         }
         self.carry_axes(ws);
     }
@@ -398,16 +396,12 @@ impl Stage<'_> {
     /// What moving an edge's nodes does to its axes on their way to q̄, times what these do to the forces.
     fn carry_axes(&self, ws: &mut Workspace) {
         let rods = &self.model.rods;
-        if rods.edges.is_empty() || self.downhill {
+        if rods.edges.is_empty() || self.options.downhill {
             return;
         }
         ws.carry.evaluate(rods, self.q_ref, &ws.q_bar);
         // on their own where contacts have stiffened a block: in the sum would be left what they leave
-        let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
-        for ([i, j], [.., whole]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
-            *whole = ws.k.nodes.block(i, j);
-            ws.k.nodes.set_block(i, j, &[[0.0; 3]; 3]);
-        }
+        ws.blocks.take_out(&mut ws.k.nodes);
         let (k, dq) = (&mut ws.k.nodes, &ws.dq.nodes);
         let places = rods.carried_places(dq);
         ws.carry.visit_after(|edge, nodes, psi| {
@@ -416,11 +410,7 @@ impl Stage<'_> {
             let psi = [psi * of_node(nodes[0]), psi * -of_node(nodes[1])];
             k.add_carried(dq, &places[edge], psi.map(Into::into));
         });
-        let touching = ws.touching.iter_mut().map(|(node, blocks)| ([*node; 2], blocks));
-        for ([i, j], [.., carried]) in touching.chain(ws.between.iter_mut().map(|(nodes, blocks)| (*nodes, blocks))) {
-            let whole = std::mem::replace(carried, ws.k.nodes.block(i, j));
-            ws.k.nodes.add_block(i, j, 1.0, &whole);
-        }
+        ws.blocks.put_back(&mut ws.k.nodes);
     }
 
     fn rescale_driven_columns(&self, ws: &mut Workspace) {
@@ -430,51 +420,17 @@ impl Stage<'_> {
         }
     }
 
-    /// ∂f/∂q̄, ∂f/∂v̄ (empty unless it [matters](Scheme::looks_back)) and A after [`Stage::linearize`], contacts at fixed cone variables.
+    /// ∂f/∂q̄, ∂f/∂v̄ (empty unless it [matters](Scheme::looks_back)) and A after [`Stage::linearize`], constraints at fixed multipliers.
     pub(crate) fn at_fixed_impulses(&self, ws: &mut Workspace) -> (System, System, System) {
         let (mut dq, mut a) = (ws.dq.clone(), ws.k.clone());
         let mut dv = if self.scheme.looks_back() { ws.dv.clone() } else { System::empty() };
-        let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
-        for (node, [block_q, block_v, carried]) in &ws.touching {
-            let mut block_q = *block_q;
-            for (pair, contact) in self.model.pairs.iter().zip(&ws.contacts).filter(|(pair, _)| pair.node == *node) {
-                debug_assert!(!self.model.driven[pair.node]);
-                for (r, row) in block_q.iter_mut().enumerate() {
-                    row.iter_mut().enumerate().for_each(|(c, x)| *x += contact.dp_dq_fixed[(r, c)] / self.h);
-                }
-            }
-            for (spot, linear) in ws.spots.spots.iter().zip(&ws.spots.linear) {
-                for side in (0..2).filter(|s| spot.carriers[*s] == Carrier::Node(*node)) {
-                    let (scale, m) = (if side == 0 { 1.0 / self.h } else { -1.0 / self.h }, linear.w_xi[side]);
-                    for (r, row) in block_q.iter_mut().enumerate() {
-                        row.iter_mut().enumerate().for_each(|(c, x)| *x += scale * m[(3 + r, 3 + c)]);
-                    }
-                }
-            }
-            let inertia = self.mass[*node] * (self.inertia + self.damping);
-            let block = std::array::from_fn(|r| {
-                std::array::from_fn(|c| {
-                    let own = if r == c { inertia } else { 0.0 };
-                    own - (cq * block_q[r][c] + cv * block_v[r][c]) + carried[r][c]
-                })
-            });
-            dq.nodes.set_block(*node, *node, &block_q);
-            if dv.dim() > 0 {
-                dv.nodes.set_block(*node, *node, block_v);
-            }
-            a.nodes.set_block(*node, *node, &block);
+        ws.blocks.fix(self, &ws.constraints, [&mut dq.nodes, &mut dv.nodes, &mut a.nodes]);
+        if ws.constraints.has_links() {
+            self.change_by_velocities(false, ws, &mut a);
+        } else {
+            a.bodies.clone_from(&ws.loads.unconstrained);
         }
-        for ([i, j], [block_q, block_v, carried]) in &ws.between {
-            let block =
-                std::array::from_fn(|r| std::array::from_fn(|c| carried[r][c] - (cq * block_q[r][c] + cv * block_v[r][c])));
-            dq.nodes.set_block(*i, *j, block_q);
-            if dv.dim() > 0 {
-                dv.nodes.set_block(*i, *j, block_v);
-            }
-            a.nodes.set_block(*i, *j, &block);
-        }
-        self.facets_at_fixed_impulses(ws, &mut dq, &mut a);
-        self.rows_at_fixed_impulses(ws, &mut dq, &mut a);
+        ws.constraints.parts(&ws.it.lambda).for_each(|(set, own)| set.add_fixed(self, own, &mut dq, &mut a));
         (dq, dv, a)
     }
 

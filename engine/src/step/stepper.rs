@@ -2,20 +2,20 @@
 
 use super::node_guard::{Passed, Run, Unsound};
 use super::{
-    EULER, MIDPOINT, Measure, QUASI_STATIC, SDIRK_GAMMA, Scheme, Stage, StageRecord, StepError, Warm, Workspace, end_positions,
+    EULER, MIDPOINT, Masses, QUASI_STATIC, SDIRK_GAMMA, Scheme, SolverOptions, Stage, StageRecord, StepError, Warm, Workspace,
+    end_positions,
 };
-use crate::bodies::rotation::Map;
-use crate::bodies::spatial::Inertia;
 use crate::bodies::turns::Turns;
+use crate::constraints::JointRow;
 use crate::grasp::{Begin, Grasp, Grasping, Hold, Phase};
-use crate::kinematics::Input;
 use crate::memory::Past;
 use crate::model::Model;
-use crate::newton::{Work, solve_stage};
 use crate::rods::{Remembered, RodPast, RodPoint};
-use crate::scene::Integrator;
-use crate::state::State;
+use crate::step::newton::{Work, solve_stage};
 use crate::terms::joint::JointPoint;
+use pliant_math::rotation::Map;
+use pliant_math::{Input, State};
+use pliant_scene::Integrator;
 
 /// Substeps longer than this part of the step are refused if they create energy: what they create falls with the square of their length.
 const SHORTEST_GUARDED: f64 = 0.1;
@@ -102,10 +102,8 @@ pub struct Stepper<'m> {
     options: StepOptions,
     rest_gap: f64,
     grasping: Grasping,
-    pub(super) mass: Vec<f64>,
-    pub(super) row_mass: Vec<f64>,
-    inertias: Vec<Inertia<f64>>,
-    measure: Measure,
+    pub(super) masses: Masses,
+    joint_rows: Vec<JointRow>,
     u: Vec<f64>,
     q_past: Vec<f64>,
     z_past: Vec<f64>,
@@ -123,8 +121,9 @@ pub struct Stepper<'m> {
     pub(super) v_first: Vec<f64>,
     /// No velocity.
     pub(super) still: Vec<f64>,
-    /// What the halves of a step that could not be halved again have created, and those of steps in a row.
+    /// What the halves of a step that could not be halved again have created.
     pub(super) unsound: Unsound,
+    /// Steps in a row with such halves, the last of them the one before.
     run: Option<Run>,
     frames: Vec<f64>,
     pub(super) ws: Workspace,
@@ -142,10 +141,8 @@ impl<'m> Stepper<'m> {
             options,
             rest_gap: model.contact.rest_gap,
             grasping: Grasping::Hard,
-            mass: model.masses(theta),
-            row_mass: model.row_masses(theta),
-            inertias: model.inertias(theta),
-            measure: Measure::new(model, theta),
+            masses: Masses::new(model, theta),
+            joint_rows: model.active_rows(theta),
             u: Vec::new(),
             q_past: Vec::new(),
             z_past: Vec::new(),
@@ -361,8 +358,8 @@ impl<'m> Stepper<'m> {
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = Turns::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
-            record.lead = turns;
-            record.carry[2].evaluate(&self.model.rods, &start.q, &self.q_ref);
+            record.transport.lead = turns;
+            record.transport.carry[2].evaluate(&self.model.rods, &start.q, &self.q_ref);
         }
         self.advance(state, h, v_cmd, stages);
         Ok(Taken::Sound)
@@ -460,10 +457,8 @@ impl<'m> Stepper<'m> {
         let stage = Stage {
             model: self.model,
             theta: self.theta,
-            mass: &self.mass,
-            row_mass: &self.row_mass,
-            inertias: &self.inertias,
-            measure: &self.measure,
+            masses: &self.masses,
+            joint_rows: &self.joint_rows,
             u: &self.u,
             holds: &self.holds,
             past: Past { q: &self.q_past, z: &self.z_past, elapsed: self.elapsed },
@@ -476,13 +471,7 @@ impl<'m> Stepper<'m> {
             v_ref: &self.v_ref,
             v_start: if scheme.momentum == 0.0 { &state.v } else { &self.v_ref },
             v_cmd,
-            rest_gap: self.rest_gap,
-            damping: 0.0,
-            soften: 0.0,
-            absent: false,
-            thorough,
-            coarse: false,
-            downhill: false,
+            options: SolverOptions::new(self.rest_gap, thorough),
         };
         let mut work = Work::default();
         let solved = solve_stage(&stage, &mut self.ws, &mut work);
@@ -508,7 +497,7 @@ impl<'m> Stepper<'m> {
         state.z[memory..].copy_from_slice(&self.frames);
         rods.carry_frames_by(&mut self.rod_point, &self.q_ref, &state.q, &mut state.z[memory..]);
         if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
-            record.carry[1].evaluate(rods, &self.q_ref, &state.q);
+            record.transport.carry[1].evaluate(rods, &self.q_ref, &state.q);
         }
         let n = self.model.n_node_dofs();
         let (q_ref, v_ref, v) = (&self.q_ref[n..], &self.v_ref[n..], &self.ws.it.v[n..]);

@@ -1,100 +1,131 @@
 //! The memory of a step, allocated once and reused: the Newton loop allocates nothing.
 
+use super::blocks::UnconstrainedBlocks;
 use super::bodies::BodyWorkspace;
-use super::facets::Blocks;
 use super::frozen::FrozenWorkspace;
-use super::spots::SpotWorkspace;
 use super::stage::Iterate;
-use crate::contact::{Condensed, RowLinear, SpotKey, node_of};
-use crate::kkt::{KktError, Symbolic, System, SystemFactor};
+use crate::bodies::dynamics::WrenchPartial;
 use crate::model::Model;
-use crate::newton::{History, Secant};
 use crate::rods::{Carry, RodPoint};
-use nalgebra::Vector4;
+use crate::step::constraints::{Constraints, JointConstraints, NodeContacts, WarmImpulses};
+use crate::step::newton::{History, Secant};
+use nalgebra::Matrix6;
+use pliant_linalg::{KktError, Square, Symbolic, System, SystemFactor};
+use pliant_math::spatial::Force;
 
-/// What to start from: impulses and accelerations of the last stage. Part of a checkpoint, so that a replay is bitwise the same.
+/// Impulses and accelerations of the last stage, from which the next one starts. Part of a checkpoint, so that a replay is bitwise the
+/// same.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Warm {
-    /// Cone variables of contacts [N·s].
-    pub(crate) cones: Vec<Vector4<f64>>,
-    /// Impulses of joint friction, stops and couplings [N·m·s, N·s].
-    pub(crate) rows: Vec<f64>,
-    /// Cone variables of contacts of solids [N·s], in the order of their keys.
-    pub(crate) spots: Vec<(SpotKey, Vector4<f64>)>,
-    /// What the next accelerations of the bodies may be.
+    pub(crate) impulses: WarmImpulses,
+    /// Accelerations of the bodies, extrapolated.
     pub(crate) history: History,
     /// And those of nodes and twists.
     pub(crate) nodes: History,
 }
 
-/// Buffers of the solver for one model, and the warm start of its contacts.
+/// Forces of constraints beside those on nodes, and their entries of K beside those of nodes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ConstraintLoads {
+    /// On bodies, about the origin of the frames; empty where no constraint reaches a body.
+    pub bodies: Vec<Force<f64>>,
+    /// On degrees of freedom of joints: row, force.
+    pub joints: Vec<(usize, f64)>,
+    /// Row, column and entry of K's block of bodies.
+    pub slopes: Vec<(usize, usize, f64)>,
+    /// That block without these.
+    pub unconstrained: Square,
+}
+
+impl ConstraintLoads {
+    /// Nothing, on `bodies` bodies.
+    pub fn clear(&mut self, bodies: usize) {
+        self.bodies.clear();
+        self.bodies.resize(bodies, Force::zero());
+        self.joints.clear();
+        self.slopes.clear();
+    }
+}
+
+/// Axial forces of the stiff terms \[N\], term by term: unknowns of their own during Newton's method.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct AxialForces {
+    pub now: Vec<f64>,
+    pub next: Vec<f64>,
+    /// Positions they are predicted from, and the displacement of a step \[m\].
+    pub q: Vec<f64>,
+    pub dx: Vec<f64>,
+}
+
+/// State of Newton's method.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NewtonState {
+    pub trial: Iterate,
+    /// The pending correction, and the one by the same matrix at the trial point.
+    pub d: Iterate,
+    pub d_next: Iterate,
+    /// Steps taken by the factored matrix.
+    pub secant: Secant,
+    /// Full steps that may still fail the monotonicity test.
+    pub nonmonotone: usize,
+    /// Whether the factored matrix is made of positive semidefinite parts alone.
+    pub semidefinite: bool,
+}
+
+/// Buffers of the solver for one model, and what the next stage starts from.
 #[derive(Clone, Debug)]
 pub struct Workspace {
+    /// Where forces are evaluated.
     pub(crate) q_bar: Vec<f64>,
     pub(crate) v_bar: Vec<f64>,
     /// Rods at q̄, and how displacements show up there.
     pub(crate) rods: RodPoint,
     pub(crate) carry: Carry,
+    /// Forces of the elements, and the residual.
     pub(crate) f: Vec<f64>,
     pub(crate) r: Vec<f64>,
-    pub(crate) d: Vec<f64>,
-    pub(crate) d_next: Vec<f64>,
-    /// Steps taken by the factored matrix.
-    pub(crate) secant: Secant,
-    pub(crate) dw: Vec<Vector4<f64>>,
-    pub(crate) dw_next: Vec<Vector4<f64>>,
-    pub(crate) cone: Vec<Vector4<f64>>,
-    pub(crate) contacts: Vec<Condensed>,
+    /// ∂f/∂q̄, ∂f/∂v̄, K and its factor.
     pub(crate) dq: System,
     pub(crate) dv: System,
     pub(crate) k: System,
     pub(crate) factor: SystemFactor,
-    /// Full steps that may still fail the monotonicity test.
-    pub(crate) bold: usize,
-    /// Whether the factored matrix is made of what resists alone.
-    pub(crate) stable: bool,
-    pub(crate) it: Iterate,
-    /// Axial forces of the stiff terms [N], term by term: unknowns of their own during Newton's method.
-    pub(crate) axial: Vec<f64>,
-    pub(crate) axial_next: Vec<f64>,
-    /// Where they are predicted from.
-    pub(crate) q_axial: Vec<f64>,
-    /// Largest diagonal entry of −∂f/∂q̄ without the contacts [N/m].
+    /// Largest diagonal entry of −∂f/∂q̄ without the constraints [N/m].
     pub(crate) stiffness: f64,
     /// The same of −∂f/∂v̄ [N·s/m].
     pub(crate) viscosity: f64,
-    /// Displacement of a step, for their prediction [m].
-    pub(crate) dx: Vec<f64>,
-    pub(crate) trial: Iterate,
-    /// Nodes that may touch, and their blocks of ∂f/∂q̄ and ∂f/∂v̄ before contacts were added, and of K by what rods' axes carry.
-    pub(crate) touching: Vec<(usize, Blocks)>,
-    /// The same of pairs of different nodes that a contact of a facet joins, of which the first is free.
-    pub(crate) between: Vec<([usize; 2], Blocks)>,
-    /// Friction and stops at joints, linearized, and their residuals at the iterate.
-    pub(crate) rows: Vec<RowLinear>,
-    pub(crate) row_residuals: Vec<f64>,
-    /// Diagonal entries of K at the rows' degrees of freedom before they were added.
-    pub(crate) row_diagonals: Vec<f64>,
-    pub(crate) ds: Vec<f64>,
-    pub(crate) ds_next: Vec<f64>,
-    /// Contacts of solids.
-    pub(crate) spots: SpotWorkspace,
-    /// Their start at frozen geometry.
+    pub(crate) blocks: UnconstrainedBlocks,
+    /// The iterate, and weights of a correction of each unknown in the norm.
+    pub(crate) it: Iterate,
+    pub(crate) weights: Vec<f64>,
+    pub(crate) newton: NewtonState,
+    pub(crate) axial: AxialForces,
+    /// Constraints of the stage, their residuals at the last evaluation, and their forces.
+    pub(crate) constraints: Constraints,
+    pub(crate) residuals: Vec<f64>,
+    pub(crate) loads: ConstraintLoads,
+    /// Inverse inertias of the bodies where the stage begins, and joint stiffness that counts in them.
+    pub(crate) mobility: Vec<Matrix6<f64>>,
+    pub(crate) stiffening: Vec<f64>,
+    /// How the forces of constraints on bodies change with their own bodies.
+    pub(crate) wrench_partials: Vec<WrenchPartial>,
+    /// The start at frozen geometry.
     pub(crate) frozen: FrozenWorkspace,
-    /// The bodies' part.
     pub(crate) bodies: BodyWorkspace,
-    /// Impulses of the last converged stage; none before the first.
+    /// Of the last converged stage; none before the first.
     pub(crate) warm: Option<Warm>,
 }
 
 impl Workspace {
     /// Buffers for `model`; `theta` decides whether its matrices are symmetric.
     pub fn new(model: &Model, theta: &[f64]) -> Result<Self, KktError> {
-        let (nv, contacts) = (model.nv(), model.pairs.len());
+        let nv = model.nv();
         let zeros = || vec![0.0; nv];
-        let cones = || vec![Vector4::zeros(); contacts];
-        let n_rows = model.active_rows(theta).len();
-        let rows = || vec![0.0; n_rows];
+        let constraints = Constraints {
+            joints: JointConstraints::new(model.active_rows(theta).len()),
+            nodes: NodeContacts::new(model.pairs.len()),
+            ..Constraints::default()
+        };
+        let iterate = || Iterate::zeros(nv, constraints.dim());
         let axial = || vec![0.0; model.terms.iter().map(|t| t.n_axial()).sum()];
         let matrix = || System::zeros(&model.layout, model.tree.nv());
         let symbolic = Symbolic::new(model.method(), model.symmetry(theta), &model.layout, &model.driven)?;
@@ -105,52 +136,31 @@ impl Workspace {
             carry: Carry::default(),
             f: zeros(),
             r: zeros(),
-            d: zeros(),
-            d_next: zeros(),
-            secant: Secant::default(),
-            dw: cones(),
-            dw_next: cones(),
-            cone: cones(),
-            contacts: vec![Condensed::zero(); contacts],
             dq: matrix(),
             dv: matrix(),
             k: matrix(),
             factor: SystemFactor::new(&symbolic, model.tree.nv()),
-            bold: 0,
-            stable: false,
-            it: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
             stiffness: 0.0,
             viscosity: 0.0,
-            axial: axial(),
-            axial_next: axial(),
-            q_axial: zeros(),
-            dx: zeros(),
-            trial: Iterate { v: zeros(), w: cones(), s: rows(), p: Vec::new() },
-            touching: touching_nodes(model),
-            between: Vec::new(),
-            spots: SpotWorkspace::default(),
+            blocks: UnconstrainedBlocks::new(model),
+            it: iterate(),
+            weights: Vec::new(),
+            newton: NewtonState { trial: iterate(), d: iterate(), d_next: iterate(), ..NewtonState::default() },
+            axial: AxialForces { now: axial(), next: axial(), q: zeros(), dx: zeros() },
+            constraints,
+            residuals: Vec::new(),
+            loads: ConstraintLoads::default(),
+            mobility: Vec::new(),
+            stiffening: Vec::new(),
+            wrench_partials: Vec::new(),
             frozen: FrozenWorkspace::default(),
             bodies: BodyWorkspace::default(),
-            rows: vec![RowLinear::default(); n_rows],
-            row_residuals: rows(),
-            row_diagonals: rows(),
-            ds: rows(),
-            ds_next: rows(),
             warm: None,
         })
     }
 
-    /// Forgets the contacts' warm start, so that what follows depends on its inputs alone.
+    /// Forgets the warm start, so that the next stage depends on its inputs alone.
     pub fn forget(&mut self) {
         self.warm = None;
     }
-}
-
-fn touching_nodes(model: &Model) -> Vec<(usize, Blocks)> {
-    let of_facets = model.facets.iter().flat_map(|f| &f.nodes).copied().filter(|node| !model.driven[*node]);
-    let balls = model.solids.iter().filter_map(|s| node_of(s.carrier));
-    let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).chain(balls).chain(of_facets).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    nodes.into_iter().map(|node| (node, Blocks::default())).collect()
 }

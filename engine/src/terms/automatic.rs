@@ -1,9 +1,10 @@
 //! Derivatives of a [`Law`] by forward-mode dual numbers, a chunk of directions at a time.
 
-use super::{Element, Law, Point, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Element, Law, Point, Term};
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
+use pliant_linalg::NodeMatrix;
+use pliant_math::Vec3;
 
 const CHUNK: usize = 6;
 pub(super) const MAX_NODES: usize = 8;

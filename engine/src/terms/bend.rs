@@ -3,8 +3,9 @@
 use super::stencil::{
     Block, Compact, Corner, Edge, add_corner_blocks, add_corner_force, add_outer, diagonal, transposed, visit_corner,
 };
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// E = ½ (EI/l_v) |κ|² = 2 (EI/l_v) (1 − c)/(1 + c), κ = 2 (t₂ − t₁)/|t₁ + t₂|, c = t₁·t₂, l_v = fraction · length.
 ///

@@ -11,8 +11,9 @@
 
 use super::stencil::{Block, Compact, Corner, Edge, add_corner_blocks, add_corner_force, add_outer, combine, diagonal};
 use super::stencil::{scaled, transposed, visit_corner};
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// R = ½ (c_b/l_v) |D|², D = P_T dκ/dt, T = (t₁ + t₂)/|t₁ + t₂|, κ as in [`BendLaw`](super::BendLaw), l_v = fraction · length; f = −∂R/∂v.
 ///

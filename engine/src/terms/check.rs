@@ -1,10 +1,11 @@
 //! What the tests of every term share: random ropes, and the properties a force must have.
 #![allow(clippy::unwrap_used)]
 
-use super::{Element, Law, Point, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Element, Law, Point, Term};
 use nalgebra::{DMatrix, DVector, Rotation3};
 use num_dual::DualSVec64;
+use pliant_linalg::NodeMatrix;
+use pliant_math::Vec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

@@ -1,8 +1,9 @@
 //! Air drag on a node.
 
 use super::stencil::{Block, Compact, add_node, add_outer, diagonal};
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// f = −L (linear + quadratic |u|) u, u = v − wind, L = fraction · length; isotropic.
 ///

@@ -1,9 +1,10 @@
 //! A force from an energy alone.
 
+use super::Law;
 use super::automatic::{MAX_NODES, MAX_PARAMS};
-use super::{Law, Real, Vec3};
 use nalgebra::{Const, U1};
 use num_dual::{Derivative, DualSVec};
+use pliant_math::{Real, Vec3};
 use std::fmt::Debug;
 
 /// A potential energy on a small stencil of nodes, written once; [`FromEnergy`] makes it a [`Law`].

@@ -1,8 +1,9 @@
 //! Weight of a node.
 
 use super::stencil::add_node;
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 const MAGNITUDE: usize = 0;
 const LENGTH: usize = 3;

@@ -4,9 +4,7 @@
 //! derivatives by forward-mode dual numbers. Hot laws implement [`Term`] by hand beside their generic form, and a test holds
 //! the two equal.
 
-use crate::kkt::NodeMatrix;
-use nalgebra::Vector3;
-use num_dual::DualNum;
+use pliant_linalg::NodeMatrix;
 use std::fmt::Debug;
 
 mod automatic;
@@ -24,7 +22,6 @@ pub mod sheet;
 mod stencil;
 mod stretch;
 mod stretch_damping;
-pub(crate) mod wide;
 
 pub use automatic::Automatic;
 pub use bend::{Bend, BendLaw};
@@ -32,16 +29,10 @@ pub use bend_damping::{BendDamping, BendDampingLaw};
 pub use drag::{Drag, DragLaw};
 pub use energy::{EnergyLaw, FromEnergy};
 pub use gravity::{Gravity, GravityLaw, gravity_vector};
+pub use pliant_math::{Real, Vec3};
 pub use rest_strain::{RestStrain, RestStrainLaw};
 pub use stretch::{Stretch, StretchLaw};
 pub use stretch_damping::{StretchDamping, StretchDampingLaw};
-
-/// Scalars a law may be evaluated with: `f64` and dual numbers over it.
-pub trait Real: DualNum<Primitive = f64> + Copy {}
-impl<T: DualNum<Primitive = f64> + Copy> Real for T {}
-
-/// A three-vector of any [`Real`].
-pub type Vec3<S> = Vector3<S>;
 
 /// Where forces are evaluated: positions \[m\] and velocities [m/s] of all nodes (flat, three per node), and all parameters.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,9 @@
 //! Edges that are longer or shorter at rest than their share of the rope.
 
 use super::stencil::{Compact, Edge, add_edge_blocks, add_edge_force, add_outer, diagonal, visit_edge};
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// What a rest strain δ adds to [`StretchLaw`](super::StretchLaw): E = ½ EA l₀ [(ε − δ)² − ε²], ε = |e|/l₀ − 1, so that the edge is without
 /// force at the length l₀ (1 + δ); f₀ = −f₁ = −EA δ t.

@@ -3,8 +3,9 @@
 //! A two-node stencil has the edge e = x₁ − x₀ and the tension vector τ, forces (τ, −τ). A three-node stencil has the edges
 //! e₁ = x₁ − x₀, e₂ = x₂ − x₁ and the edge forces τ₁, τ₂ (gradients with respect to e₁, e₂), forces (τ₁, τ₂ − τ₁, −τ₂).
 
-use super::{Element, Point, Real, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Element, Point};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// A 3 × 3 block by rows.
 pub(super) type Block = [[f64; 3]; 3];

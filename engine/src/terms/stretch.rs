@@ -1,8 +1,9 @@
 //! Elastic stretch of an edge.
 
 use super::stencil::{Compact, Edge, add_edge_blocks, add_edge_force, add_outer, diagonal, visit_edge};
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// E = ½ EA l₀ ε², ε = |e|/l₀ − 1, l₀ = fraction · length; f₀ = −f₁ = EA ε t (a stretched edge pulls its nodes together).
 ///

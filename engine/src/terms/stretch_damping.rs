@@ -1,8 +1,9 @@
 //! Viscous resistance of an edge to stretching.
 
 use super::stencil::{Compact, Edge, add_edge_blocks, add_edge_force, add_outer, diagonal, visit_edge};
-use super::{Automatic, Element, Law, Point, Real, Term, Vec3};
-use crate::kkt::NodeMatrix;
+use super::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// R = ½ c_s l₀ ε̇², ε̇ = t·w/l₀, w = v₁ − v₀, l₀ = fraction · length; f = −∂R/∂v, so f₀ = −f₁ = (c_s/l₀) (t·w) t.
 ///

@@ -38,8 +38,8 @@ pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse
     };
     let changes: Vec<Vec<f64>> = records.par_iter().map(one).collect::<Result<_, _>>()?;
     let order = match plan.model.integrator() {
-        pliant_engine::scene::Integrator::Euler | pliant_engine::scene::Integrator::QuasiStatic => 1,
-        pliant_engine::scene::Integrator::Midpoint | pliant_engine::scene::Integrator::Sdirk2 => 2,
+        pliant_scene::Integrator::Euler | pliant_scene::Integrator::QuasiStatic => 1,
+        pliant_scene::Integrator::Midpoint | pliant_scene::Integrator::Sdirk2 => 2,
     };
     // Richardson: the error at h is the change over (1 − 2^−order)
     let rms = plan.rms(&changes) / (1.0 - 0.5f64.powi(order));

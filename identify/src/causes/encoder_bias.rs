@@ -2,7 +2,7 @@
 
 use super::{Cause, Situation};
 use crate::sensor::BIAS;
-use pliant_engine::params::ANY;
+use pliant_math::params::ANY;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {

@@ -9,7 +9,7 @@ use crate::log::Record;
 use crate::shoot::{MarkerPlace, NodePair, Plan, RecordPlan, ShotWants, initial_guess, shoot};
 use crate::unknown::Values;
 use pliant_engine::model::{Model, ModelBuilder};
-use pliant_engine::scene::{Refined, Scene};
+use pliant_scene::{Refined, Scene};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -56,13 +56,13 @@ fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values
     shoot(plan, &rec, values, ShotWants::default()).ok().map(|shot| shot.predicted)
 }
 
-fn carry(refined: &Refined<impl Clone>, record: &Record) -> Record {
+fn carry(refined: &Refined, record: &Record) -> Record {
     let phase = refined.inputs.iter().map(|&[a, _]| record.phase[a]).collect();
     Record { inputs: record.inputs.iter().map(|u| refined.input(u)).collect(), phase, ..record.clone() }
 }
 
 /// The plan and the values of the refined scene.
-fn refine_plan(refined: &Refined<impl Clone>, plan: &Plan, values: &Values) -> Result<(Plan, Values), IdentifyError> {
+fn refine_plan(refined: &Refined, plan: &Plan, values: &Values) -> Result<(Plan, Values), IdentifyError> {
     let model = Arc::new(ModelBuilder::new(&refined.scene)?.build());
     let markers = plan.markers.iter().map(|m| place(&plan.model, &model, m)).collect();
     let mut theta = model.params().values().to_vec();

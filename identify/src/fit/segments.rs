@@ -5,7 +5,7 @@ use crate::error::IdentifyError;
 use crate::log::Record;
 use crate::shoot::{Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::{Unknown, Values};
-use pliant_engine::state::State;
+use pliant_math::State;
 
 /// Growth of a small disturbance that is still harmless: one Lyapunov time.
 const GROWTH: f64 = std::f64::consts::E;

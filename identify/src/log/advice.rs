@@ -1,7 +1,7 @@
 //! Likely cause and fix of each mistake.
 
 use super::error::{LogMistake as M, Need};
-use pliant_engine::scene::words::Num;
+use pliant_scene::words::Num;
 
 /// (likely cause, fix).
 pub(super) fn advice(mistake: &M) -> (String, String) {

@@ -5,7 +5,7 @@ use super::experiment::{Experiment, Marker};
 use super::joint_sensor::check_angles;
 use super::record::Record;
 use super::setup::{Setup, suggestion};
-use pliant_engine::scene::{Place, words};
+use pliant_scene::{Place, words};
 use std::f64::consts::PI;
 
 /// Samples below which no record is of use.

@@ -5,7 +5,7 @@ use super::experiment::RecordFile;
 use super::record::Record;
 use super::setup::{Setup, suggestion};
 use csv::{ReaderBuilder, StringRecord, Trim};
-use pliant_engine::scene::Place;
+use pliant_scene::Place;
 use std::path::Path;
 
 /// A file while it is read.

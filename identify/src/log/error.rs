@@ -2,8 +2,8 @@
 
 use super::advice::advice;
 use crate::number::fixed;
-use pliant_engine::scene::words::Num;
-use pliant_engine::scene::{Place, SceneError};
+use pliant_scene::words::Num;
+use pliant_scene::{Place, SceneError};
 use std::fmt;
 
 /// An experiment or log that is refused.

@@ -5,8 +5,8 @@ use super::experiment::{Free, JointSensor};
 use super::setup::Setup;
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS, SENSOR_UNITS};
 use crate::unknown::matches;
-use pliant_engine::params::{ANY, POSITIVE, Params};
-use pliant_engine::scene::words;
+use pliant_math::params::{ANY, POSITIVE, Params};
+use pliant_scene::words;
 
 /// What a path means.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,8 +6,8 @@ use super::experiment::{Experiment, JointQuantity, JointSensor, Orientation};
 use super::record::Record;
 use super::setup::Setup;
 use crate::sensor::JOINT_ENTRIES;
-use pliant_engine::bodies::rotation::{Map, normalized};
-use pliant_engine::scene::Place;
+use pliant_math::rotation::{Map, normalized};
+use pliant_scene::Place;
 use std::f64::consts::TAU;
 
 /// Factor by which a quaternion's length may differ from one: beyond, it is something else.
@@ -106,7 +106,7 @@ impl Check<'_> {
             if sensor.measures == JointQuantity::Torque && !driven {
                 return self.refuse(&at("measures"), LogMistake::NoTorque { joint: sensor.joint.clone() });
             }
-            let remembers = |a: &&pliant_engine::scene::Actuator| {
+            let remembers = |a: &&pliant_scene::Actuator| {
                 let signal = a.delay.is_some() || a.lag.is_some() || a.delta_scale.is_some();
                 a.joint == sensor.joint && (signal || a.saturation.is_some())
             };

@@ -6,7 +6,7 @@ use super::record::Record;
 use super::setup::{Setup, suggestion};
 use ndarray::{ArrayD, Axis, Ix2, Ix4, IxDyn, OwnedRepr};
 use ndarray_npy::{NpzReader, ReadNpyError, ReadNpzError};
-use pliant_engine::scene::{Place, words};
+use pliant_scene::{Place, words};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;

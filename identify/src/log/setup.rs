@@ -5,7 +5,7 @@ use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Input, RecordFile, Role};
 use super::record::{Logs, Record};
 use super::{csv_file, npz_file};
-use pliant_engine::scene::{Control, Joint, JointKind, Place, Scene, Source, control_list, parse_source, words};
+use pliant_scene::{Control, Joint, JointKind, Place, Scene, Source, control_list, parse_source, words};
 use std::path::{Path, PathBuf};
 
 /// A scene file with an experiment that fits it.

@@ -7,7 +7,7 @@ use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
 use crate::log::{Experiment, RecordFile, SensorStart, Setup};
 use crate::number::{estimate_plain, number_plain};
-use pliant_engine::scene::Scene;
+use pliant_scene::Scene;
 use serde::Deserialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -239,7 +239,7 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::super::sample;
     use super::*;
-    use pliant_engine::scene::parse_scene;
+    use pliant_scene::parse_scene;
 
     #[test]
     fn estimates_stand_in_the_scene_and_say_so() {

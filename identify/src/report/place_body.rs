@@ -4,8 +4,8 @@ use super::extended::{Place, set_value};
 use crate::diagnose::Estimate;
 use crate::log::JointSensor;
 use nalgebra::{Matrix3, Vector3};
-use pliant_engine::bodies::inertia::{from_numbers, to_numbers};
-use pliant_engine::bodies::spatial::full;
+use pliant_math::inertia::{from_numbers, to_numbers};
+use pliant_math::spatial::full;
 use serde::Deserialize;
 use toml::{Table, Value};
 

@@ -3,7 +3,7 @@
 
 use crate::diagnose::*;
 use crate::log::Setup;
-use pliant_engine::scene::Source;
+use pliant_scene::Source;
 
 const SCENE: &str = r#"
 schema_version = 1

@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use pliant_adjoint::Tangent;
 use pliant_engine::model::Model;
 use pliant_engine::rods::{Carry, Rods};
-use pliant_engine::state::State;
+use pliant_math::State;
 
 /// Where markers are that may be beside a rod.
 pub(super) struct Beside {

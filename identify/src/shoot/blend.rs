@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 use pliant_adjoint::Tangent;
 use pliant_engine::bodies::JointKind;
 use pliant_engine::bodies::quaternion;
-use pliant_engine::bodies::rotation::{Map, conjugate, logarithm, matrix, product};
 use pliant_engine::model::Model;
-use pliant_engine::state::State;
+use pliant_math::State;
+use pliant_math::rotation::{Map, conjugate, logarithm, matrix, product};
 
 /// Cubic Hermite interpolation within a step.
 #[derive(Clone, Copy, Debug)]

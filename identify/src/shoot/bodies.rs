@@ -5,8 +5,8 @@ use super::torque::torque;
 use crate::log::JointQuantity;
 use nalgebra::{Matrix3, Vector3};
 use pliant_engine::bodies::Frames;
-use pliant_engine::bodies::rotation::Map;
 use pliant_engine::model::Model;
+use pliant_math::rotation::Map;
 
 /// Coordinates, velocities and accelerations of the bodies, and their frames.
 #[derive(Clone, Debug)]

@@ -9,8 +9,8 @@ use crate::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
 use crate::unknown::{Target, Unknown};
 use nalgebra::{Matrix3, Vector3};
 use pliant_adjoint::Tangent;
-use pliant_engine::bodies::rotation::{from_matrix, logarithm, matrix};
-use pliant_engine::state::State;
+use pliant_math::State;
+use pliant_math::rotation::{from_matrix, logarithm, matrix};
 
 /// An instant between two states.
 pub(super) struct Instant<'a> {

@@ -15,7 +15,7 @@
 
 use crate::unknown::{Target, Unknown, Values};
 use pliant_engine::model::Model;
-use pliant_engine::scene::{BendFriction, Creep, Joint, JointKind, Plasticity, Rope, Scene, Stiffening};
+use pliant_scene::{BendFriction, Creep, Joint, JointKind, Plasticity, Rope, Scene, Stiffening};
 
 /// Edges of a rope beyond which data could not tell their lengths apart.
 const FEW_EDGES: usize = 40;
@@ -29,7 +29,7 @@ pub const NEVER: f64 = 1e7;
 const NOTHING: f64 = 1e-9;
 
 /// The scene with these laws.
-pub(crate) fn opened<X: Clone>(scene: &Scene<X>) -> Scene<X> {
+pub(crate) fn opened(scene: &Scene) -> Scene {
     let mut out = scene.clone();
     for actuator in &mut out.actuator {
         actuator.lag.get_or_insert(0.0);
@@ -70,7 +70,7 @@ fn has_friction(joint: &Joint) -> bool {
 }
 
 /// (leader, follower) in θ of every joint whose backward friction the scene does not have, and of every rod's second stiffness.
-pub(super) fn followers<X>(scene: &Scene<X>, model: &Model) -> Vec<(usize, usize)> {
+pub(super) fn followers(scene: &Scene, model: &Model) -> Vec<(usize, usize)> {
     let round = |rope: &&Rope| rope.twist.as_ref().is_some_and(|twist| twist.bend_stiffness_2.is_none());
     let of_rod = |rope: &Rope, key: &str| model.params().find(&format!("{}.{key}", rope.name));
     let rods = scene.rope.iter().filter(round);
@@ -126,8 +126,8 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use pliant_engine::model::ModelBuilder;
-    use pliant_engine::scene::parse_scene;
     use pliant_engine::step::{StepOptions, Stepper};
+    use pliant_scene::{Nothing, parse_scene};
 
     const ARM: &str = r#"
 schema_version = 1
@@ -156,8 +156,8 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
 
     #[test]
     fn what_is_opened_changes_no_motion() {
-        let scene = parse_scene::<()>(ARM, "arm.toml").unwrap();
-        let run = |scene: &Scene<()>| {
+        let scene = parse_scene::<Nothing>(ARM, "arm.toml").unwrap();
+        let run = |scene: &Scene| {
             let model = ModelBuilder::new(scene).unwrap().build();
             let mut stepper = Stepper::new(&model, model.params().values(), StepOptions::default()).unwrap();
             let mut x = model.initial_state();
@@ -173,7 +173,7 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
 
     #[test]
     fn one_of_several_that_are_tied_may_differ_whichever_it_is() {
-        let model = ModelBuilder::new(&parse_scene::<()>(ARM, "arm.toml").unwrap()).unwrap().build();
+        let model = ModelBuilder::new(&parse_scene::<Nothing>(ARM, "arm.toml").unwrap()).unwrap().build();
         let one =
             |k: usize| Unknown { target: Target::Theta(vec![k]), ..Unknown::of_theta(&model, "pivot.damping", 1.0).unwrap() };
         let tie = Unknown { target: Target::Theta(vec![4, 5, 6]), ..one(4) };
@@ -189,7 +189,7 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
 
     #[test]
     fn what_was_free_on_its_own_goes_back_into_its_tie() {
-        let model = ModelBuilder::new(&parse_scene::<()>(ARM, "arm.toml").unwrap()).unwrap().build();
+        let model = ModelBuilder::new(&parse_scene::<Nothing>(ARM, "arm.toml").unwrap()).unwrap().build();
         let tie = |entries: &[usize]| Unknown {
             target: Target::Theta(entries.to_vec()),
             ..Unknown::of_theta(&model, "pivot.damping", 1.0).unwrap()
@@ -206,7 +206,7 @@ command = { kind = "sine", amplitude = 0.8, frequency = 3.0 }
 
     #[test]
     fn backward_friction_follows_until_it_is_freed() {
-        let scene = parse_scene::<()>(ARM, "arm.toml").unwrap();
+        let scene = parse_scene::<Nothing>(ARM, "arm.toml").unwrap();
         let model = ModelBuilder::new(&opened(&scene)).unwrap().build();
         let ties = followers(&scene, &model);
         let find = |path: &str| model.params().find(path).unwrap();

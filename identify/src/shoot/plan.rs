@@ -10,7 +10,7 @@ use crate::unknown::{Unknown, Values};
 use nalgebra::Vector3;
 use pliant_engine::bodies::JointKind;
 use pliant_engine::model::{Model, ModelBuilder};
-use pliant_engine::scene::Scene;
+use pliant_scene::Scene;
 use std::sync::Arc;
 
 /// A record ready to be shot.
@@ -25,7 +25,7 @@ pub struct RecordPlan {
     /// Its initial state: prior and current estimate.
     pub start: StartState,
     /// States at segment starts, (step, x), estimated.
-    pub nodes: Vec<(usize, pliant_engine::state::State)>,
+    pub nodes: Vec<(usize, pliant_math::State)>,
     /// Number of the measured record this is (a piece of), among those of its role.
     pub parent: usize,
 }

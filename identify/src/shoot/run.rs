@@ -10,11 +10,10 @@ use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
 use pliant_adjoint::{Seeds, Tangent, TangentStepper, equilibrium_tangent};
 use pliant_engine::bodies::Turns;
-use pliant_engine::bodies::rotation::Map;
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
-use pliant_engine::kinematics::Input;
-use pliant_engine::state::State;
 use pliant_engine::step::{StepError, StepOptions, Stepper};
+use pliant_math::rotation::Map;
+use pliant_math::{Input, State};
 
 /// What a shot shall compute besides the readings.
 #[derive(Clone, Copy, Debug, Default)]

@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::model::Model;
 use pliant_engine::rods::Following;
-use pliant_engine::state::State;
 use pliant_engine::step::StepError;
+use pliant_math::State;
 
 /// Samples of the local quadratic that gives positions and velocities at the start.
 const SAMPLES: usize = 9;

@@ -14,7 +14,7 @@ use crate::error::IdentifyError;
 use crate::log::{JointQuantity, Record};
 use crate::sensor::{BIAS, DELAY, GAIN};
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
-use pliant_engine::bodies::rotation::{Map, conjugate, from_matrix, logarithm, matrix, product};
+use pliant_math::rotation::{Map, conjugate, from_matrix, logarithm, matrix, product};
 
 /// Standard deviations of what nothing is read of: coordinate [rad or m], velocity [rad/s or m/s].
 const UNSEEN: (f64, f64) = (1.0, 3.0);

@@ -4,8 +4,8 @@ use crate::log::Setup;
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
 use pliant_engine::model::Model;
-use pliant_engine::scene::ActuatorKind;
 use pliant_engine::terms::joint::{JointLaw, JointState, PositionDrive, TorqueDrive, VelocityDrive};
+use pliant_scene::ActuatorKind;
 
 /// Numbers of θ that an actuator has at most.
 const PARAMS: usize = 4;
@@ -38,7 +38,7 @@ pub(crate) struct Torque {
 /// The actuators of a joint.
 pub(crate) fn drives_of(setup: &Setup, model: &Model, joint: &str) -> Vec<DrivePlace> {
     let first = model.nu() - setup.scene.actuator.len();
-    let place = |(k, actuator): (usize, &pliant_engine::scene::Actuator)| {
+    let place = |(k, actuator): (usize, &pliant_scene::Actuator)| {
         let numbers: &[&str] = match actuator.kind {
             ActuatorKind::Torque => &["gain", "offset", "gear"],
             ActuatorKind::Position => &["stiffness", "damping", "offset", "gear"],

@@ -5,7 +5,7 @@
 
 use super::nearest::{Nearest, Region, combine, nearest};
 use crate::geometry::solid::{Feature, Form, Posed};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
 
 /// Sine of the angle between an edge and a capsule's axis or a block's edge below which the ends of the edge say all.
 const PARALLEL: f64 = 0.02;

@@ -2,7 +2,7 @@
 
 use crate::geometry::MIN_DISTANCE;
 use crate::geometry::solid::{Feature, Form, Posed};
-use crate::terms::{Real, Vec3};
+use pliant_math::{Real, Vec3};
 
 /// Sine of the angle between an edge and a line below which the nearest point is an end of the edge.
 const PARALLEL: f64 = 1e-9;

@@ -1,11 +1,11 @@
 #![allow(clippy::unwrap_used)]
 use super::nearest::combine;
 use super::*;
-use crate::bodies::rotation::about;
 use crate::geometry::solid::{Feature, Form, Posed};
-use crate::terms::Vec3;
 use nalgebra::SVector;
 use num_dual::DualSVec64;
+use pliant_math::Vec3;
+use pliant_math::rotation::about;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

@@ -242,7 +242,7 @@ impl Pair<'_> {
     }
 
     /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.
-    fn faces_out(&self, spot: &Spot, normal: &crate::terms::Vec3<f64>) -> bool {
+    fn faces_out(&self, spot: &Spot, normal: &pliant_math::Vec3<f64>) -> bool {
         let at = |feature: Feature, solid: &Posed<f64>, sign: f64| match feature {
             Feature::Edge(k, sides) => (0..2).all(|i| {
                 let axis = solid.axis((usize::from(k) + 1 + i) % 3);

@@ -2,7 +2,7 @@
 
 use super::{Feature, Form, Posed, Spot};
 use crate::geometry::MIN_DISTANCE;
-use crate::terms::{Real, Vec3};
+use pliant_math::{Real, Vec3};
 
 /// Where and how two features meet.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,9 +17,9 @@ pub(crate) use meet::point_over_face;
 pub use meet::{Meeting, meet};
 pub use overlap::overlap;
 
-use crate::bodies::spatial::hat;
-use crate::terms::{Real, Vec3};
 use nalgebra::Matrix3;
+use pliant_math::spatial::hat;
+use pliant_math::{Real, Vec3};
 
 /// Primitive shapes, centred at their own origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 //! one centre. Contact never gets there by itself; a scene may begin so.
 
 use super::{Form, Posed};
-use crate::terms::Vec3;
+use pliant_math::Vec3;
 
 /// Points of a line that are looked at, to each side of its middle.
 const SAMPLES: i32 = 32;

@@ -2,7 +2,7 @@
 
 use super::features::RIM_POINTS;
 use super::{Feature, Form, Posed};
-use crate::terms::{Real, Vec3};
+use pliant_math::{Real, Vec3};
 use std::f64::consts::TAU;
 
 impl<S: Real> Posed<S> {

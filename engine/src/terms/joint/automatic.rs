@@ -2,11 +2,11 @@
 
 use super::{JointElement, JointLaw, JointPoint, JointState, JointTerm};
 use crate::bodies::dynamics::Displacement;
-use crate::bodies::rotation::{logarithm, logarithm_jacobian};
 use crate::bodies::{JointKind, quaternion};
-use crate::kinematics::Input;
 use nalgebra::{Matrix3, SVector};
 use num_dual::{Derivative, Dual64, DualSVec64};
+use pliant_math::Input;
+use pliant_math::rotation::{logarithm, logarithm_jacobian};
 
 const MAX_DOFS: usize = 6;
 const MAX_INPUTS: usize = 8;
@@ -238,12 +238,12 @@ impl<L: JointLaw> AutomaticJoint<L> {
     }
 
     /// Force of an element on one axis at (q, v).
-    fn single_force<S: crate::terms::Real>(&self, e: &JointElement, at: &JointPoint, q: S, v: S) -> S {
+    fn single_force<S: pliant_math::Real>(&self, e: &JointElement, at: &JointPoint, q: S, v: S) -> S {
         self.single_force_with(e, at, q, v, |_, x| S::from(x))
     }
 
     /// As [`Self::single_force`], with `lift` making scalars of controls and, counted on, parameters.
-    fn single_force_with<S: crate::terms::Real>(
+    fn single_force_with<S: pliant_math::Real>(
         &self,
         e: &JointElement,
         at: &JointPoint,

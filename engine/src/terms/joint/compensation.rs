@@ -2,11 +2,10 @@
 
 use super::{JointPoint, JointTerm};
 use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
-use crate::bodies::spatial::Inertia;
 use crate::bodies::{Frames, Tree};
-use crate::kinematics::Input;
-use crate::terms::Vec3;
 use nalgebra::Matrix3;
+use pliant_math::spatial::Inertia;
+use pliant_math::{Input, Vec3};
 
 /// Motors that carry the weight of all bodies beyond their joints: f_l = g_l ID_l(q̄, 0, 0) [N·m or N], with the gain g_l of the joint
 /// in θ and inverse dynamics at the inertias and gravity *of the scene*: a controller knows the arm it was told of, so a fit that moves

@@ -1,7 +1,7 @@
 //! Viscous friction at joints.
 
 use super::{JointLaw, JointState};
-use crate::terms::Real;
+use pliant_math::Real;
 
 /// f = −d v [N·m or N]; parameter d [N·m·s/rad or N·s/m] ≥ 0.
 #[derive(Clone, Copy, Debug)]

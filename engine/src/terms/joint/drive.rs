@@ -1,7 +1,7 @@
 //! Motors.
 
 use super::{JointLaw, JointState};
-use crate::terms::Real;
+use pliant_math::Real;
 
 /// A motor that takes a torque: f = G τ, τ = g u + f₀ [N·m or N]; parameters gain g [N·m per unit of u], offset f₀ [N·m], gear G [-],
 /// and of a motor that saturates the least and the largest τ, beyond which it stays.

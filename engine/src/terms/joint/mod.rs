@@ -16,12 +16,11 @@ pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};
 pub use plastic::{PlasticSpring, relax};
 pub use spring::{CubicSpring, Spring};
 
-use super::Real;
 use crate::bodies::Tree;
 use crate::bodies::dynamics::Displacement;
-use crate::kinematics::Input;
 use crate::memory::Past;
 use nalgebra::Matrix3;
+use pliant_math::{Input, Real};
 use std::fmt::Debug;
 
 /// Where joint forces are evaluated.

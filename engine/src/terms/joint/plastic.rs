@@ -1,7 +1,7 @@
 //! Springs whose rest creeps: Maxwell elements at joints.
 
 use super::{JointLaw, JointState};
-use crate::terms::{Real, Vec3};
+use pliant_math::{Real, Vec3};
 
 /// A spring in series with a viscous damper, so that under load the joint takes a set: with the elastic part e of the coordinate,
 /// ```text
@@ -116,7 +116,7 @@ pub fn relax<S: Real>(e: S, change: S, t: f64, tau: S, limit: Option<S>) -> S {
     e
 }
 
-/// Jᵀ x with J of [`crate::bodies::rotation::logarithm_jacobian`] at the rotation vector `c`.
+/// Jᵀ x with J of [`pliant_math::rotation::logarithm_jacobian`] at the rotation vector `c`.
 fn pulled_back<S: Real>(c: &Vec3<S>, x: &Vec3<S>) -> Vec3<S> {
     let s2 = c.dot(c);
     let along = if s2.re() < 1e-4 {
@@ -134,9 +134,9 @@ fn pulled_back<S: Real>(c: &Vec3<S>, x: &Vec3<S>) -> Vec3<S> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::bodies::rotation::logarithm_jacobian;
     use approx::assert_relative_eq;
     use num_dual::Dual64;
+    use pliant_math::rotation::logarithm_jacobian;
 
     /// ė = rate − R(e)/τ in a million steps.
     fn by_steps(mut e: f64, rate: f64, t: f64, tau: f64, limit: f64) -> f64 {

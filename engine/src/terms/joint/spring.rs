@@ -1,7 +1,7 @@
 //! Springs at joints.
 
 use super::{JointLaw, JointState};
-use crate::terms::Real;
+use pliant_math::Real;
 
 /// A linear spring, f = −k (q − q₀) [N·m or N]; parameters k [N·m/rad or N/m] ≥ 0 and, for a revolute or prismatic joint, the rest
 /// coordinate q₀ [rad or m].

@@ -1,8 +1,8 @@
 //! A section part of whose stiffness relaxes.
 
 use super::{RememberingSection, SectionState};
-use crate::terms::Real;
 use crate::terms::joint::relax;
+use pliant_math::Real;
 use std::ops::Range;
 
 /// A Maxwell element, a spring in series with a damper, beside the elastic section (standard linear solid). Of the strains it has

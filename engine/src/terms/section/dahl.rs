@@ -1,7 +1,7 @@
 //! Friction inside a section that does not know how fast it is bent.
 
 use super::{RememberingSection, SectionState};
-use crate::terms::Real;
+use pliant_math::Real;
 
 /// Where the path's length is rounded off, over the strain κ_f l: so small that nothing else notices.
 const ROUNDED: f64 = 1e-11;

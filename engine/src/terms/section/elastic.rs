@@ -1,7 +1,7 @@
 //! Elastic bending and twisting of a section with two principal axes.
 
 use super::{AutomaticSection, Moments, Section, SectionLaw, SectionPoint};
-use crate::terms::Real;
+use pliant_math::Real;
 use std::ops::Range;
 use std::sync::Arc;
 

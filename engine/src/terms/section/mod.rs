@@ -23,7 +23,7 @@ pub use remembering::{AutomaticMemory, RememberingSection, SectionState};
 pub use stiffening::{Stiffening, StiffeningSection};
 pub use viscous::{Viscous, ViscousSection};
 
-use super::Real;
+use pliant_math::Real;
 use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;

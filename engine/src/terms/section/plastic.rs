@@ -3,7 +3,7 @@
 use super::elastic::excess;
 use super::stiffening::{beyond, by_length, energy_beyond, slopes_beyond};
 use super::{Moments, RememberingSection, SectionState};
-use crate::terms::Real;
+use pliant_math::Real;
 use std::ops::Range;
 
 /// The elastic section of [`super::ElasticSection`], of whose bending p is plastic: with k the strains in the principal axes without those at

@@ -1,9 +1,9 @@
 //! Sections that remember, and their derivatives by dual numbers.
 
 use super::{Moments, SectionInput, SectionLaw, SectionPoint};
-use crate::terms::Real;
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
+use pliant_math::Real;
 use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use super::elastic::excess;
 use super::{AutomaticSection, Moments, Section, SectionLaw, SectionPoint};
-use crate::terms::Real;
+use pliant_math::Real;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Viscous resistance to bending and twisting.
 
 use super::{AutomaticSection, Moments, Section, SectionLaw, SectionPoint};
-use crate::terms::Real;
+use pliant_math::Real;
 
 /// M = (c_b κ̇₁, c_b κ̇₂, c_t τ̇)/l at a joint of length l: a Kelvin–Voigt section. The curvatures are those towards the material axes, so a
 /// bent rod that spins about its own axis dissipates.

@@ -1,8 +1,9 @@
 //! From rest positions to the constants of a sheet's elements.
 
-use super::fold::fold;
-use crate::terms::{Element, Vec3};
+use crate::terms::Element;
 use nalgebra::{Matrix2, Vector2};
+use pliant_math::Vec3;
+use pliant_math::dihedral::fold;
 
 /// A triangle laid flat: the first node at the origin, the second one on the x axis, the third one above it.
 fn flattened(x: &[Vec3<f64>; 3]) -> [Vector2<f64>; 3] {

@@ -1,8 +1,9 @@
 //! Air drag on a triangle, along its normal.
 
-use crate::kkt::NodeMatrix;
 use crate::terms::stencil::{Block, add_node, add_outer};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
+use crate::terms::{Automatic, Element, Law, Point, Term, contraction};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// f = −⅓ A (c + d |u_n|) u_n n on each node, u_n = n·(mean velocity − wind), A n the area vector of the triangle as it is now.
 ///

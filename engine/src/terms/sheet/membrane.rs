@@ -2,8 +2,9 @@
 
 use super::membrane_pieces::{self as pieces, Geometric, Wanted};
 use super::triangle::{Face, Sym, gradient, hats, pulled};
-use crate::kkt::{NodeMatrix, Places};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
+use crate::terms::{Automatic, Element, Law, Point, Term, contraction};
+use pliant_linalg::{NodeMatrix, Places};
+use pliant_math::{Real, Vec3};
 use std::borrow::Cow;
 
 /// W = A t Y/(2 (1 − ν²)) [(1 − ν) |G|² + ν tr(G)²],  G = (FᵀF − I)/2,  F = Σ xᵢ bᵢᵀ/√area,  A = fraction · area:

@@ -1,9 +1,10 @@
 //! Viscous resistance of a triangle to stretching and shearing.
 
 use super::triangle::{Face, Sym, along, between, gradient, hats, product, pulled};
-use crate::kkt::NodeMatrix;
 use crate::terms::stencil::{add_outer, diagonal};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3, contraction};
+use crate::terms::{Automatic, Element, Law, Point, Term, contraction};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// R = ½ A t η |Ġ|², Ġ = (FᵀḞ + ḞᵀF)/2 the rate of Green strain; f = −∂R/∂v: fᵢ = −fraction F̂ S bᵢ, S = t η Ġ \[N/m\].
 ///

@@ -4,11 +4,11 @@
 
 use super::membrane::{moduli, tension};
 use super::triangle::{Face, Sym};
-use crate::kkt::{NodeMatrix, Place};
 use crate::terms::Point;
-use crate::terms::Vec3;
 use crate::terms::stencil::{Block, add_node};
-use crate::terms::wide::{LANES, Lanes, Number, Three, Wide};
+use pliant_linalg::{NodeMatrix, Place};
+use pliant_math::Vec3;
+use pliant_math::simd::{LANES, Lanes, Number, Three, Wide};
 use pulp::{Arch, Simd, WithSimd};
 use std::cell::RefCell;
 

@@ -25,7 +25,6 @@ mod triangle;
 
 pub use element::{bend_element, face_constants};
 pub use face_drag::{FaceDrag, FaceDragLaw};
-pub use fold::fold;
 pub use membrane::{Membrane, MembraneLaw};
 pub use membrane_damping::{MembraneDamping, MembraneDampingLaw};
 pub use plate::{Plate, PlateLaw};

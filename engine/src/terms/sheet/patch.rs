@@ -21,9 +21,10 @@
 //! diagonals up and down: a cantilever sagged 2.6 times as far as the elastica.)
 
 use super::fold::{BLOCKS, Fold};
-use crate::kkt::{NodeMatrix, Place};
 use crate::terms::stencil::{Block, add_node, add_outer, transposed};
-use crate::terms::{Element, Point, Real, Vec3};
+use crate::terms::{Element, Point};
+use pliant_linalg::{NodeMatrix, Place};
+use pliant_math::{Real, Vec3};
 
 /// Most nodes of a patch: the triangle's and one of each neighbour.
 pub(super) const NODES: usize = 6;

@@ -1,11 +1,13 @@
 //! Elastic bending of a triangle and its flaps.
 
-use super::fold::{Fold, fold};
+use super::fold::Fold;
 use super::patch::{Each, FLAPS, NODES, Patch, Shape, Spread, times};
 use super::plate_pieces::Pieces;
 use super::seams::Seams;
-use crate::kkt::{NodeMatrix, Places};
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use crate::terms::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::{NodeMatrix, Places};
+use pliant_math::dihedral::fold;
+use pliant_math::{Real, Vec3};
 use std::cell::RefCell;
 use std::sync::OnceLock;
 

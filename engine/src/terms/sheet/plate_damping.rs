@@ -3,8 +3,9 @@
 use super::fold::Fold;
 use super::patch::{Each, FLAPS, Patch, Shape, times};
 use super::plate::{folds_of, leverage, weighted};
-use crate::kkt::NodeMatrix;
-use crate::terms::{Automatic, Element, Law, Point, Real, Term, Vec3};
+use crate::terms::{Automatic, Element, Law, Point, Term};
+use pliant_linalg::NodeMatrix;
+use pliant_math::{Real, Vec3};
 
 /// R = ½ ψ̇ᵀ K_c ψ̇, ψ̇ = Σ (∂ψ/∂x)·v, K_c the K of [`PlateLaw`](super::PlateLaw) with the coefficient c_b in place of D; f = −∂R/∂v.
 ///
@@ -84,20 +85,6 @@ fn rates(patch: &Patch, folds: &Each<Fold>, at: &Point) -> Each<f64> {
     })
 }
 
-impl PlateDamping {
-    /// [`Term::visit_theta`] by a visitor whose type is known, which is inlined.
-    fn each_slope(&self, at: &Point, visit: &mut (impl FnMut(usize, usize, f64) + ?Sized)) {
-        for patch in &self.patches {
-            let (n, [coefficient, nu]) = (patch.shape.flaps, patch.params.map(|k| at.theta[k]));
-            let folds = patch.folds(at);
-            let rates = rates(patch, &folds, at);
-            patch.visit(patch.params[0], &folds, &times(n, &patch.shape.stiffness(nu), &rates), visit);
-            let by_nu = times(n, &patch.shape.stiffness_slope(nu), &rates).map(|w| w * coefficient);
-            patch.visit(patch.params[1], &folds, &by_nu, visit);
-        }
-    }
-}
-
 impl Term for PlateDamping {
     fn name(&self) -> &str {
         PlateDampingLaw.name()
@@ -130,7 +117,14 @@ impl Term for PlateDamping {
     }
 
     fn visit_theta(&self, at: &Point, visit: &mut dyn FnMut(usize, usize, f64)) {
-        self.each_slope(at, visit);
+        for patch in &self.patches {
+            let (n, [coefficient, nu]) = (patch.shape.flaps, patch.params.map(|k| at.theta[k]));
+            let folds = patch.folds(at);
+            let rates = rates(patch, &folds, at);
+            patch.visit(patch.params[0], &folds, &times(n, &patch.shape.stiffness(nu), &rates), visit);
+            let by_nu = times(n, &patch.shape.stiffness_slope(nu), &rates).map(|w| w * coefficient);
+            patch.visit(patch.params[1], &folds, &by_nu, visit);
+        }
     }
 
     fn pull_theta(&self, at: &Point, weights: &[f64], sums: &mut [f64]) {

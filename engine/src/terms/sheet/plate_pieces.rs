@@ -6,10 +6,11 @@
 #![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use super::patch::{FLAPS, NODES, Patch};
-use crate::kkt::{NodeMatrix, Place, Places};
+use crate::terms::Point;
 use crate::terms::stencil::{Block, add_node};
-use crate::terms::wide::{LANES, Lanes, Number, Three, Wide};
-use crate::terms::{Point, Vec3};
+use pliant_linalg::{NodeMatrix, Place, Places};
+use pliant_math::Vec3;
+use pliant_math::simd::{LANES, Lanes, Number, Three, Wide};
 use pulp::{Arch, Simd, WithSimd};
 use std::borrow::Cow;
 use std::cell::RefCell;

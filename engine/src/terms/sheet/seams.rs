@@ -1,8 +1,8 @@
 //! The folds of a sheet: each lies between two triangles, and so in two patches.
 
 use super::patch::{Each, FLAPS, Patch};
-use crate::terms::Vec3;
 use crate::terms::stencil::add_node;
+use pliant_math::Vec3;
 use std::collections::HashMap;
 
 /// A patch's flap as a fold of the sheet.

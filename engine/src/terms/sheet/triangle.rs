@@ -1,9 +1,10 @@
 //! What the membrane's laws share: the deformation gradient of a triangle, elements without indirection, adding their blocks.
 
-use crate::kkt::{NodeMatrix, Place};
 use crate::terms::stencil::{Block, add_node, add_outer};
-use crate::terms::{Element, Point, Real, Vec3};
+use crate::terms::{Element, Point};
 use nalgebra::{Vector2, Vector3};
+use pliant_linalg::{NodeMatrix, Place};
+use pliant_math::{Real, Vec3};
 
 /// A symmetric 2 × 2 tensor in the triangle's rest plane: xx, yy, xy.
 pub(super) type Sym<S> = Vector3<S>;

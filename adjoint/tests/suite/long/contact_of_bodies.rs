@@ -1,0 +1,164 @@
+//! Derivatives through contact of bodies: every pair of shapes, sticking, sliding and apart, and whole scenes.
+
+use crate::common::{Case, STEPS, scene, with};
+use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, Report, gradcheck};
+use pliant_engine::step::StepOptions;
+use pliant_scene::{Body, BodyShape, Closure, ClosureKind, Contact, Integrator, Joint, JointKind, Plane, Scene, ShapeKind, Time};
+
+/// Demands the dot test, and differences wherever no contact switches within them. No Taylor slope: an impact's quadratic regime is as
+/// narrow as the rest gap and lies below rounding.
+fn demand(what: &str, case: &Case) -> Report {
+    let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap();
+    let judged = || report.blocks.iter().filter(|b| b.contact_switches == 0);
+    println!(
+        "{what}: worst {:.1e}, dot {:.1e}, judged {}/{}, switches {}, retries {}",
+        report.worst_relative_error,
+        report.dot_test,
+        judged().count(),
+        report.blocks.len(),
+        report.contact_switches,
+        report.retries
+    );
+    let wrong: Vec<_> = judged().filter(|b| b.relative_error > RELATIVE_ERROR.max(FLOOR_FACTOR * b.floor)).collect();
+    assert!(wrong.is_empty(), "{what}: {wrong:#?}");
+    assert!(report.dot_test <= DOT_TEST, "{what}");
+    assert!(judged().count() * 2 > report.blocks.len(), "{what}: differences must judge most blocks");
+    report
+}
+
+fn shape(kind: ShapeKind) -> BodyShape {
+    let (radius, half_length, half_extents) = match kind {
+        ShapeKind::Sphere => (Some(0.05), None, None),
+        ShapeKind::Capsule => (Some(0.04), Some(0.06), None),
+        ShapeKind::Cylinder => (Some(0.05), Some(0.06), None),
+        ShapeKind::Box => (None, None, Some([0.05, 0.06, 0.04])),
+    };
+    let quaternion = [1.0, 0.0, 0.0, 0.0];
+    BodyShape { kind, position: [0.002, -0.001, 0.003], quaternion, radius, half_length, half_extents, friction: Some(0.4) }
+}
+
+fn free_body(name: &str, shapes: Vec<BodyShape>, position: [f64; 3], turn: [f64; 3], velocity: [f64; 6]) -> Body {
+    let n = (1.0 + turn.iter().map(|x| x * x).sum::<f64>()).sqrt();
+    Body {
+        name: name.to_owned(),
+        position,
+        quaternion: [1.0 / n, turn[0] / n, turn[1] / n, turn[2] / n],
+        mass: 0.8,
+        inertia: Some([0.0016, 0.0018, 0.0014, 0.0, 0.0, 0.0]),
+        joint: vec![Joint {
+            name: format!("{name}_free"),
+            kind: JointKind::Free,
+            velocity: velocity.to_vec(),
+            ..Joint::default()
+        }],
+        shape: shapes,
+        ..Body::default()
+    }
+}
+
+/// The second shape falls on the first, which falls on the floor.
+fn two(first: ShapeKind, second: ShapeKind) -> Scene {
+    Scene {
+        time: Time { step: 1.0 / 240.0, duration: 0.2, integrator: Integrator::Euler },
+        plane: vec![Plane { friction: 0.5, ..Plane::default() }],
+        contact: Contact { rest_gap: 1e-6, ..Contact::default() },
+        body: vec![
+            free_body("low", vec![shape(first)], [0.0, 0.0, 0.105], [0.3, 0.1, 0.3], [0.0, 0.0, -0.5, 0.3, 0.2, 0.1]),
+            free_body("high", vec![shape(second)], [0.015, 0.01, 0.27], [0.1, -0.4, 0.2], [0.1, 0.0, -1.8, 0.5, -1.0, 0.3]),
+        ],
+        ..Scene::default()
+    }
+}
+
+#[test]
+fn every_pair_of_shapes() {
+    use ShapeKind::{Box, Capsule, Cylinder, Sphere};
+    let kinds = [Sphere, Capsule, Cylinder, Box];
+    for (k, first) in kinds.into_iter().enumerate() {
+        for second in kinds[k..].iter().copied() {
+            let case = Case::new(&two(first, second), 40);
+            let run = case.run(StepOptions::default());
+            // both are slower than in free fall: the floor holds one, and that one the other
+            let (v, fall) = (&run.states.last().unwrap().v, 9.81 * 40.0 / 240.0);
+            assert!(v[2] > -0.5 - fall + 0.1 && v[8] > -1.8 - fall + 0.1, "{first:?} {second:?} touch: {v:?}");
+            demand(&format!("{first:?} on {second:?}"), &case);
+        }
+    }
+}
+
+/// Four corners hold a block more often than it can move: at 1 nm how they share its load costs the dot test a digit.
+#[test]
+fn a_block_slides_and_sticks() {
+    for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+        demand(&format!("block_slides {integrator:?}"), &Case::new(&with("block_slides", integrator), 2 * STEPS));
+    }
+}
+
+#[test]
+fn a_ball_slides_and_rolls_at_the_default_rest_gap() {
+    for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+        let mut scene = with("block_slides", integrator);
+        scene.contact.rest_gap = 1e-9;
+        scene.body[0].shape = vec![BodyShape { radius: Some(0.04), ..shape(ShapeKind::Sphere) }];
+        scene.body[0].shape[0].position = [0.0; 3];
+        demand(&format!("a ball {integrator:?}"), &Case::new(&scene, STEPS));
+    }
+}
+
+#[test]
+fn an_arm_pushes_a_box_for_200_steps() {
+    let case = Case::new(&scene("arm_pushes"), 200);
+    let run = case.run(StepOptions::default());
+    let travelled = run.states.last().unwrap().q[2] - run.states[0].q[2];
+    assert!(travelled > 0.1, "{travelled}");
+    demand("arm_pushes", &case);
+}
+
+#[test]
+fn a_rope_falls_over_bodies() {
+    for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+        demand(&format!("rope_on_box {integrator:?}"), &Case::new(&with("rope_on_box", integrator), 60));
+    }
+}
+
+#[test]
+fn closed_loops() {
+    for integrator in [Integrator::Euler, Integrator::Sdirk2] {
+        demand(&format!("four_bar {integrator:?}"), &Case::new(&with("four_bar", integrator), 2 * STEPS));
+    }
+}
+
+/// Two bodies thrown and welded to each other, hard and with some give.
+#[test]
+fn welded_bodies() {
+    for compliance in [None, Some(1e-4)] {
+        let mut scene = two(ShapeKind::Sphere, ShapeKind::Box);
+        scene.plane.clear();
+        // nearly one motion, so that the first step is no blow
+        let velocities = [[0.1, 0.0, -0.5, 0.02, 0.01, 0.03], [0.1, 0.0, -0.5, 0.0, 0.02, 0.0]];
+        for (body, velocity) in scene.body.iter_mut().zip(velocities) {
+            body.shape.clear();
+            body.joint[0].velocity = velocity.to_vec();
+        }
+        scene.closure = vec![Closure {
+            name: "weld".to_owned(),
+            kind: ClosureKind::Weld,
+            body: "low".to_owned(),
+            to: Some("high".to_owned()),
+            point: [0.02, 0.0, 0.08],
+            to_point: None,
+            compliance,
+        }];
+        let case = Case::new(&scene, STEPS);
+        demand(&format!("a weld of compliance {compliance:?}"), &case);
+        let run = case.run(StepOptions::default());
+        let momentum = |k: usize| {
+            let v = &run.states[k].v;
+            (0..3).map(|a| 0.8 * (v[a] + v[6 + a])).collect::<Vec<f64>>()
+        };
+        let (before, after) = (momentum(0), momentum(STEPS));
+        let fall = 1.6 * 9.81 * STEPS as f64 / 240.0;
+        let expected = [before[0], before[1], before[2] - fall];
+        assert!(after.iter().zip(expected).all(|(a, e)| (a - e).abs() < 1e-10), "{after:?} {expected:?}");
+    }
+}

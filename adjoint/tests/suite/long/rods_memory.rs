@@ -1,0 +1,80 @@
+//! Gradients of rods that creep and yield.
+
+use crate::common::{Case, with};
+use pliant_adjoint::gradcheck::gradcheck;
+use pliant_adjoint::rollout_vjp;
+use pliant_engine::rollout::{Rollout, rollout};
+use pliant_engine::step::StepOptions;
+use pliant_scene::{Creep, Integrator, Scene};
+
+const INTEGRATORS: [Integrator; 3] = [Integrator::Euler, Integrator::Midpoint, Integrator::Sdirk2];
+
+fn passes(what: &str, scene: &Scene, steps: usize) {
+    let case = Case::new(scene, steps);
+    let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap();
+    println!("{what}: worst {:.1e}, slope {:?}", report.worst_relative_error, report.taylor_slope);
+    let failed: Vec<_> = report.blocks.iter().filter(|b| !b.pass).collect();
+    assert!(report.pass && failed.is_empty(), "{what}: {failed:#?}");
+    // where a flow began or ended within all differences, these do not judge; they agree all the same
+    let worst = report.blocks.iter().map(|b| b.relative_error).fold(0.0, f64::max);
+    assert!(worst < 1e-5, "{what}: {worst}");
+}
+
+#[test]
+fn a_hundred_steps_of_a_creeping_rod_have_exact_gradients() {
+    for integrator in INTEGRATORS {
+        passes(&format!("{integrator:?}"), &with("rod_creep", integrator), 100);
+    }
+}
+
+#[test]
+fn so_have_those_of_a_plastic_one() {
+    for integrator in INTEGRATORS {
+        passes(&format!("{integrator:?}"), &with("rod_plastic", integrator), 100);
+    }
+}
+
+/// What a diagnosis asks: the derivative by a fraction that is not there.
+#[test]
+fn a_fraction_of_zero_has_a_derivative() {
+    let mut scene = with("rod_creep", Integrator::Midpoint);
+    scene.rope[0].creep = Some(Creep { fraction: 0.0, twist_fraction: None, time: 0.05 });
+    let case = Case::new(&scene, 20);
+    let run = case.run(StepOptions::default());
+    let theta_bar = gradient(&run, &case);
+    let k = case.model.params().find("rod.creep_fraction").unwrap();
+    let loss = |fraction: f64| {
+        let mut theta = case.theta.clone();
+        theta[k] = fraction;
+        let run = rollout(&case.model, &theta, &case.x0, &case.u, StepOptions::default()).unwrap();
+        sum(&run, &case)
+    };
+    // forwards, since there are no negative fractions
+    let slope = (-3.0 * loss(0.0) + 4.0 * loss(1e-5) - loss(2e-5)) / 2e-5;
+    assert!((slope / theta_bar[k] - 1.0).abs() < 1e-6, "{slope} {}", theta_bar[k]);
+    // without it the rod is the elastic one, bit for bit
+    scene.rope[0].creep = None;
+    let plain = Case::new(&scene, 20);
+    let elastic = plain.run(StepOptions::default());
+    assert_eq!(elastic.states[20].q, run.states[20].q);
+}
+
+fn sum(run: &Rollout, case: &Case) -> f64 {
+    let weights = case.x_bar();
+    let n = case.model.nv();
+    run.states
+        .iter()
+        .zip(&weights)
+        .map(|(x, w)| (0..3 * case.model.n_nodes()).map(|k| x.q[k] * w[k] + x.v[k] * w[n + k]).sum::<f64>())
+        .sum()
+}
+
+/// Cotangent of θ of the weighted sum of all nodes' positions and velocities.
+fn gradient(run: &Rollout, case: &Case) -> Vec<f64> {
+    let (n, nodes) = (case.model.nv(), 3 * case.model.n_nodes());
+    let mut x_bar = case.x_bar();
+    for row in &mut x_bar {
+        row.iter_mut().enumerate().filter(|(k, _)| !(*k < nodes || (n..n + nodes).contains(k))).for_each(|(_, w)| *w = 0.0);
+    }
+    rollout_vjp(run, &x_bar).unwrap().theta
+}

@@ -1,0 +1,203 @@
+//! Colliders that may touch, and their contact linearized under the split law.
+
+use super::distance_change::Changes;
+use super::{LinkLinear, RHO, contact_law};
+use crate::geometry::solid::{Meeting, carried};
+use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
+use pliant_math::Vec3;
+use pliant_math::spatial::{Force, Motion, hat, product};
+use pliant_smoothing::{ContactLaw, Linearization, SplitPoint, linearize, residual, split_linearize};
+
+/// Where a pair's coefficient of friction comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Friction {
+    /// This entry of θ.
+    Of(usize),
+    /// The mean of two entries: each solid has one of its own.
+    Mean(usize, usize),
+}
+
+impl Friction {
+    /// The coefficient [-].
+    pub fn value(self, theta: &[f64]) -> f64 {
+        self.entries().into_iter().flatten().map(|(k, share)| share * theta[k]).sum()
+    }
+
+    /// Entries of θ and their shares.
+    pub fn entries(self) -> [Option<(usize, f64)>; 2] {
+        match self {
+            Self::Of(k) => [Some((k, 1.0)), None],
+            Self::Mean(a, b) => [Some((a, 0.5)), Some((b, 0.5))],
+        }
+    }
+}
+
+/// Two solids that may touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolidPair {
+    /// Indices of the solids in the model; the normal of a contact points from the second to the first.
+    pub solids: [usize; 2],
+    /// Coefficient of friction.
+    pub friction: Friction,
+    /// Index in θ of the compliance [m/N], if it has any.
+    pub compliance: Option<usize>,
+    /// Weight of the lighter of the two that can move [N], as the scene begins: κ = rest gap × weight. It does not follow θ.
+    pub weight: f64,
+}
+
+/// The numbers of the split law at a contact.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SplitLaw {
+    pub law: ContactLaw,
+    pub at: SplitPoint,
+}
+
+impl SplitLaw {
+    /// F [N·s].
+    pub fn residual(&self, v_n: f64, v_t: &Vec3<f64>, w: &Vector4<f64>) -> Vector4<f64> {
+        let at = &self.at;
+        match self.law {
+            ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()).f,
+            ContactLaw::Anitescu => {
+                residual(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()).into()
+            }
+        }
+    }
+
+    /// F with its derivatives.
+    pub fn linearize(&self, v_n: f64, v_t: &Vec3<f64>, w: &Vector4<f64>) -> Linearization {
+        let at = &self.at;
+        match self.law {
+            ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()),
+            ContactLaw::Anitescu => linearize(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()),
+        }
+    }
+}
+
+/// Relative motion at a contact.
+pub(crate) struct Sliding {
+    /// V_A − V_B.
+    pub relative: Motion<f64>,
+    /// Relative velocity of the points that meet [m/s].
+    pub velocity: Vec3<f64>,
+    /// Its tangential part [m/s].
+    pub v_t: Vec3<f64>,
+}
+
+impl Sliding {
+    pub fn new(meeting: &Meeting<f64>, relative: Motion<f64>) -> Self {
+        let velocity = relative.at(&meeting.point);
+        Self { relative, velocity, v_t: velocity - meeting.normal * meeting.normal.dot(&velocity) }
+    }
+}
+
+/// The wrench on the first solid of the impulse that goes with `w` [N·s about the origin].
+pub(crate) fn contact_wrench(meeting: &Meeting<f64>, mu: f64, w: &Vector4<f64>) -> Force<f64> {
+    Force::at(&meeting.point, meeting.normal * w[0] + Vec3::new(w[1], w[2], w[3]) * mu)
+}
+
+impl LinkLinear {
+    /// `moves` says which sides can; derivatives by the others are left zero.
+    pub fn of_contact(
+        moves: [bool; 2],
+        law: &SplitLaw,
+        meeting: &Meeting<f64>,
+        changes: &Changes,
+        sliding: &Sliding,
+        h: f64,
+        w: &Vector4<f64>,
+    ) -> Option<Self> {
+        let lin = law.linearize(meeting.gap / h, &sliding.v_t, w);
+        if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let (n, c, mu) = (&meeting.normal, &meeting.point, law.at.mu);
+        let projector = Matrix3::identity() - n * n.transpose();
+        let turning = projector * hat(&sliding.relative.w);
+        let along = n.dot(&sliding.velocity);
+        let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * mu;
+        let f_xi = [0, 1].map(|side| {
+            if !moves[side] {
+                return Matrix4x6::zeros();
+            }
+            let dn = &changes.normal[side];
+            let dv_t = product(&turning, &changes.point[side]) - dn * along - n * (sliding.velocity.transpose() * dn);
+            lin.df_dvn * (changes.gap[side] / h) + product(&lin.df_dvt, &dv_t)
+        });
+        let w_xi = [0, 1].map(|side| {
+            if !moves[side] {
+                return Matrix6::zeros();
+            }
+            let dp = changes.normal[side] * w[0];
+            stack(&(product(&hat(c), &dp) - product(&hat(&impulse), &changes.point[side])), &dp)
+        });
+        let mut by_w = SMatrix::<f64, 3, 4>::zeros();
+        by_w.set_column(0, n);
+        by_w.fixed_view_mut::<3, 3>(0, 1).fill_diagonal(mu);
+        let mut w_w = Matrix6x4::zeros();
+        w_w.fixed_view_mut::<3, 4>(0, 0).copy_from(&(hat(c) * by_w));
+        w_w.fixed_view_mut::<3, 4>(3, 0).copy_from(&by_w);
+        Some(Self {
+            f: lin.f,
+            f_w: lin.df_dw,
+            inverse: lin.df_dw_inverse,
+            f_xi,
+            f_v: product(&lin.df_dvt, &product(&projector, &carried(c, true))),
+            w_w,
+            gain: product(&w_w, &lin.df_dw_inverse),
+            w_xi,
+            f_vn: lin.df_dvn,
+            f_mu: lin.df_dmu,
+            f_vt: lin.df_dvt,
+        })
+    }
+}
+
+fn stack(top: &Matrix3x6<f64>, bottom: &Matrix3x6<f64>) -> Matrix6<f64> {
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 6>(0, 0).copy_from(top);
+    m.fixed_view_mut::<3, 6>(3, 0).copy_from(bottom);
+    m
+}
+
+/// Rounding of w: that of F through F_w⁻¹.
+pub(crate) fn rounding(inverse: &Matrix4<f64>, w: &Vector4<f64>, law: &SplitLaw, v_t: &Vec3<f64>) -> f64 {
+    let size = w.norm() + law.at.rho_t * law.at.mu * v_t.norm();
+    4.0 * f64::EPSILON * size * inverse.norm()
+}
+
+/// The law's numbers at a contact of `pair` for a stage length and a rest gap.
+pub(crate) fn body_contact_law(
+    law: pliant_scene::Law,
+    pair: &SolidPair,
+    [rho_n, rho_t]: [f64; 2],
+    theta: &[f64],
+    [h, rest_gap]: [f64; 2],
+    soften: f64,
+) -> SplitLaw {
+    SplitLaw {
+        law: contact_law(law),
+        at: SplitPoint {
+            mu: pair.friction.value(theta),
+            kappa: rest_gap * pair.weight,
+            rho_n,
+            rho_t,
+            give: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
+            soften,
+        },
+    }
+}
+
+impl SplitLaw {
+    /// w on the central path for a signed distance: w₀ v_n = κ, bounded by what closes it.
+    pub fn central(&self, gap: f64, h: f64) -> Vector4<f64> {
+        let z = -self.at.rho_n * gap.max(0.0) / h;
+        let rk = self.at.rho_n * self.at.kappa;
+        Vector4::new(2.0 * rk / ((z * z + 4.0 * rk).sqrt() - z), 0.0, 0.0, 0.0)
+    }
+
+    /// w in the middle of the central path.
+    pub fn middle(&self) -> Vector4<f64> {
+        Vector4::new((self.at.kappa * self.at.rho_n / RHO).sqrt(), 0.0, 0.0, 0.0)
+    }
+}

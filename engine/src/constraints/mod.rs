@@ -1,0 +1,46 @@
+//! Constraints between points, frames and joint coordinates: which there are in a model, and their laws linearized at one point. No
+//! stage, no solver: a step's sets of constraints are in [`crate::step`]'s `constraints`.
+
+mod closure;
+mod collider;
+mod coupling;
+mod distance_change;
+mod edge;
+mod joint_law;
+mod link;
+mod node_contact;
+mod pair;
+mod place;
+
+pub use closure::Tie;
+pub(crate) use closure::{TieLaw, TieRows, tie_law};
+pub use collider::{Friction, SolidPair};
+pub(crate) use collider::{Sliding, SplitLaw, body_contact_law, contact_wrench, rounding};
+pub use coupling::{Coupling, Lead};
+pub(crate) use distance_change::meeting_changes;
+pub(crate) use edge::{ConeLinear, FacetLinear, facet_changes, facet_law, of_nodes, tangential, weighted};
+pub use edge::{Facet, FacetGroup};
+pub use joint_law::{JointFriction, JointRow, JointRowKind};
+pub(crate) use joint_law::{RowLinear, RowPoint};
+pub(crate) use link::LinkLinear;
+pub(crate) use node_contact::{Condensed, LawPoint, impulse, weighed};
+pub use pair::ContactPair;
+pub(crate) use pair::Touch;
+pub(crate) use place::{node_of, pose, pose_of_world, velocity};
+
+use pliant_smoothing::ContactLaw;
+
+/// The smoothed law of a scene's contact.
+pub(crate) fn contact_law(law: pliant_scene::Law) -> ContactLaw {
+    match law {
+        pliant_scene::Law::Coulomb => ContactLaw::Coulomb,
+        pliant_scene::Law::Anitescu => ContactLaw::Anitescu,
+    }
+}
+
+/// Safe fraction of the effective mass as the laws' steps ρ (design: never above the mass itself).
+pub(crate) const RHO: f64 = 0.3;
+/// Acceleration that makes a weight of a mass in the smoothing of contacts of colliders and joints [m/s²]: near gravity's, but no parameter.
+pub(crate) const WEIGHT: f64 = 10.0;
+/// Tangential over normal impulse, |γ_t|/(μ γ_n), above which a contact counts as slipping.
+pub(crate) const SLIP: f64 = 0.999;

@@ -1,0 +1,27 @@
+//! The engine from outside: scene files, errors, statics, contact, invariants, convergence.
+//!
+//! One binary for all files of this folder: linking is done once, and tests of different files run side by side.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod bad_cloth;
+mod bad_motors;
+mod bad_scenes;
+mod cloth;
+mod cloth_newton;
+mod cloth_plate;
+mod common;
+mod couplings;
+mod edges_drops;
+mod edges_statics;
+mod grasp;
+mod memory;
+mod physics;
+mod rings;
+mod robust_steps;
+mod rods;
+mod rods_memory;
+mod rods_section;
+mod scene_files;
+mod shapes_against_parry;
+mod solids_against_parry;
+mod weightless;

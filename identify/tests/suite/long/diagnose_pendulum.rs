@@ -1,0 +1,90 @@
+//! What is hidden in a pendulum is named, and what no log of it can tell apart is not.
+
+use crate::pendulum::Truth;
+use pliant_identify::diagnose::Status;
+use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use tempfile::TempDir;
+
+fn diagnosed(truth: &Truth) -> Diagnosis {
+    let folder = TempDir::new().unwrap();
+    let setup = crate::pendulum::setup(truth, &folder).unwrap();
+    let logs = setup.read_logs(&[]).unwrap();
+    diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
+}
+
+fn named(truth: &Truth, cause: &str, path: &str, value: f64) {
+    let d = diagnosed(truth);
+    assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
+    // the scene's own step is a cause too where a pendulum that goes over the top feels it
+    let titles: Vec<String> = d.causes.iter().map(|c| c.title()).filter(|t| t != "discretisation").collect();
+    assert_eq!(titles, [cause], "{}", d.reason);
+    let e = &d.causes[0].parameters[0];
+    assert_eq!(e.path, path);
+    assert!((e.estimate / value - 1.0).abs() < 0.03, "{e:?}");
+    let whole = d.gain.last().unwrap();
+    assert_eq!(whole.unit, "rad");
+    assert!(whole.rmse_after < 0.5 * whole.rmse_before, "{whole:?}");
+}
+
+#[test]
+fn nothing_is_claimed_where_nothing_is_hidden() {
+    let d = diagnosed(&Truth::default());
+    assert_eq!(d.verdict, Verdict::Adequate, "{}", d.reason);
+    assert!((d.remainder.rmse / 1e-3 - 1.0).abs() < 0.1, "{:?}", d.remainder);
+    // a pendulum swings by the ratio of weight and inertia alone, so a heavier one is no other one without its commands
+    assert!(d.candidates.iter().any(|c| c.name == "payload" && c.status == Status::Tested));
+}
+
+#[test]
+fn viscous_friction_is_named() {
+    named(&Truth { damping: 0.01, ..Truth::default() }, "viscous_friction (pivot)", "pivot.damping", 0.01);
+}
+
+#[test]
+fn dry_friction_is_named() {
+    named(&Truth { friction: 0.02, ..Truth::default() }, "coulomb_friction (pivot)", "pivot.friction", 0.02);
+}
+
+#[test]
+fn a_cubic_spring_is_named() {
+    named(&Truth { cubic: 0.2, ..Truth::default() }, "cubic_stiffness (pivot)", "pivot.cubic_stiffness", 0.2);
+}
+
+#[test]
+fn a_motor_that_saturates_is_named() {
+    named(&Truth { limit: 0.5, ..Truth::default() }, "saturation (motor)", "motor.saturation", 0.5);
+}
+
+/// The angle a joint has crept by is known at the beginning of a record alone.
+#[test]
+fn a_spring_that_creeps_is_named() {
+    let truth = Truth { spring: 1.0, creep: 2.0, ..Truth::default() };
+    named(&truth, "joint_plasticity (pivot)", "pivot.plastic_time", 2.0);
+}
+
+/// Verdict ambiguous, with these among the alternatives.
+fn ambiguous(truth: &Truth, among: &[&str]) {
+    let d = diagnosed(truth);
+    assert_eq!(d.verdict, Verdict::Ambiguous, "{}", d.reason);
+    let titles = d.alternative_titles().concat();
+    for title in among {
+        assert!(titles.iter().any(|t| t == title), "{titles:?}");
+    }
+}
+
+/// The two are the same motion seen from another zero: whatever is found, it must not be one of them alone.
+#[test]
+fn an_encoder_zero_is_not_named_beside_a_tilt() {
+    let d = diagnosed(&Truth { bias: 0.02, ..Truth::default() });
+    assert_ne!(d.verdict, Verdict::Named, "{}", d.reason);
+}
+
+#[test]
+fn a_late_sensor_is_not_told_from_a_late_motor() {
+    ambiguous(&Truth { late: 0.006, ..Truth::default() }, &["sensor_delay", "actuator_delay"]);
+}
+
+#[test]
+fn a_motor_gain_is_not_told_from_all_inertias_and_weights() {
+    ambiguous(&Truth { gain: 0.95, ..Truth::default() }, &["torque_gain (motor)", "payload (link)"]);
+}

@@ -1,0 +1,56 @@
+//! Records in segments and in pieces.
+
+use crate::pendulum::Truth;
+use pliant_identify::fit::{Cut, FitOptions, cut, fit};
+use pliant_identify::log::Setup;
+use pliant_identify::sensor::DELAY;
+use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::unknown::Unknown;
+use pliant_scene::Source;
+use tempfile::TempDir;
+
+fn plan(truth: Truth, motor: &str) -> Plan {
+    let folder = TempDir::new().unwrap();
+    truth.logs(&folder).unwrap();
+    let text = crate::pendulum::SCENE.replace("name = \"motor\"", &format!("name = \"motor\"\n{motor}"));
+    let setup = Setup::from_source(Source { file: "scene.toml".to_owned(), text }, folder.path().to_owned()).unwrap();
+    Plan::new(&setup, &setup.read_logs(&[]).unwrap()).unwrap()
+}
+
+#[test]
+fn what_is_remembered_goes_on_through_segments() {
+    let plan = plan(Truth::default(), "lag = 0.02");
+    let mut rec = plan.fitted[0].clone();
+    let wants = ShotWants { states: true, ..ShotWants::default() };
+    let whole = shoot(&plan, &rec, &plan.scene_values, wants).unwrap();
+    let node = |change: f64| {
+        let mut state = whole.states[800].clone();
+        assert!(!state.z.is_empty());
+        state.z.fill(change);
+        state
+    };
+    rec.nodes = vec![(800, node(1e4))];
+    let joined = shoot(&plan, &rec, &plan.scene_values, wants).unwrap();
+    assert!(joined.defect == 0.0 && joined.predicted == whole.predicted);
+    let mut moved = node(0.0);
+    moved.q[0] += 1e-3;
+    rec.nodes = vec![(800, moved)];
+    let joined = shoot(&plan, &rec, &plan.scene_values, wants).unwrap();
+    assert!((joined.defect - 1e-3).abs() < 1e-12 && joined.predicted != whole.predicted);
+}
+
+/// A sensor 20 ms late, before a pendulum that starts near the top and is too sensitive to be followed: the first readings of a piece are
+/// of states from before them.
+#[test]
+fn a_late_sensor_is_found_in_pieces() {
+    let late = 0.02;
+    let mut plan = plan(Truth { late, turned: 2.4, noise: 1e-5, ..Truth::default() }, "");
+    let values = plan.scene_values.clone();
+    assert!(matches!(cut(&mut plan, &values, None).unwrap(), Cut::Pieces(_)));
+    let began = plan.fitted.iter().filter(|rec| rec.record.time[0] > 0.0).count();
+    assert!(began > 0 && plan.fitted.iter().all(|rec| rec.record.time[0] == 0.0 || rec.record.time[0] >= 0.03 - 1e-9));
+    let unknown = Unknown::of_joint("pivot.delay".to_owned(), "s", (0, DELAY), 1e-3, (-0.1, 0.1));
+    let fitted = fit(&plan, &plan.fitted, &values, &[unknown], None, &FitOptions::default()).unwrap();
+    let found = fitted.values.joints[0][DELAY];
+    assert!((found - late).abs() < 2e-6 && fitted.rmse < 1.05e-5, "{found} s, {} rad", fitted.rmse);
+}

@@ -1,0 +1,40 @@
+//! How to import, and what an import makes.
+
+use super::report::{Report, Verdict};
+use pliant_scene::{Scene, to_toml};
+
+/// How to import.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Import models that cannot be kept as what can be, instead of refusing them.
+    pub approximate: bool,
+    /// Let the root link of a URDF fly, instead of fixing it to the world.
+    pub free_base: bool,
+    /// Leave out the shapes that bodies touch with.
+    pub no_contact: bool,
+}
+
+/// A model that was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// What it is now.
+    pub scene: Scene,
+    /// What became of every element.
+    pub report: Report,
+}
+
+impl Imported {
+    /// The scene as a file.
+    pub fn to_toml(&self) -> String {
+        let count = |verdict| self.report.count(verdict);
+        let comment = format!(
+            "Imported from {} ({}): {} elements kept, {} approximated, {} ignored.",
+            self.report.source,
+            self.report.format,
+            count(Verdict::Kept),
+            count(Verdict::Approximated),
+            count(Verdict::Ignored)
+        );
+        to_toml(&self.scene, &comment)
+    }
+}

@@ -1,0 +1,81 @@
+//! XML as a tree of elements.
+
+use super::element::{Attribute, Element};
+use super::error::{ImportError, ImportMistake};
+use std::cell::Cell;
+use std::path::Path;
+use std::rc::Rc;
+
+/// Levels of elements, and of links that hang on each other.
+pub const DEEPEST: usize = 300;
+
+/// Reads a file into its root element; `from` is the element that asked for it.
+pub fn read(path: &Path, from: Option<&Element>) -> Result<Element, ImportError> {
+    let file = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| match from {
+        Some(element) if error.kind() == std::io::ErrorKind::NotFound => {
+            ImportError::at(element, ImportMistake::MissingFile { what: "include file", path: file.clone() })
+        }
+        _ => ImportError::in_file(&file, 0, ImportMistake::Read { error: error.to_string() }),
+    })?;
+    parse(&text, &file)
+}
+
+/// Parses a text; `file` is what errors call it.
+pub fn parse(text: &str, file: &str) -> Result<Element, ImportError> {
+    let document = roxmltree::Document::parse(text).map_err(|error| {
+        let message = error.to_string();
+        let xacro = message.contains("xacro") || text.contains("<xacro:") || text.contains("$(arg");
+        ImportError::in_file(file, error.pos().row as usize, ImportMistake::Syntax { message, xacro })
+    })?;
+    copy(&document, document.root_element(), &Rc::from(file), 0)
+}
+
+fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>, depth: usize) -> Result<Element, ImportError> {
+    let line = |byte: usize| document.text_pos_at(byte).row as usize;
+    let attribute = |a: roxmltree::Attribute| Attribute {
+        name: a.name().to_owned(),
+        value: a.value().to_owned(),
+        line: line(a.range().start),
+        used: Cell::new(false),
+    };
+    let mut element = Element {
+        file: Rc::clone(file),
+        line: line(node.range().start),
+        tag: node.tag_name().name().to_owned(),
+        attributes: node.attributes().map(attribute).collect(),
+        children: Vec::new(),
+        seen: Cell::new(false),
+    };
+    if depth > DEEPEST {
+        return Err(ImportError::at(&element, too_deep()));
+    }
+    for child in node.children().filter(|c| c.is_element()) {
+        element.children.push(copy(document, child, file, depth + 1)?);
+    }
+    Ok(element)
+}
+
+/// The mistake of more than [`DEEPEST`] levels.
+pub fn too_deep() -> ImportMistake {
+    ImportMistake::Unsupported {
+        what: format!("a tree of more than {DEEPEST} levels"),
+        reason: "it would exhaust the stack".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn lines_and_marks() {
+        let root = parse("<a>\n  <b x='1'\n     y='2'/>\n</a>", "f.xml").unwrap();
+        let b = root.child("b").unwrap();
+        assert_eq!((b.line, b.attributes[1].line, root.size()), (2, 3, 2));
+        assert_eq!(b.value("x"), Some("1"));
+        assert_eq!(b.take_unused(), ["y"]);
+        assert!(b.take_unused().is_empty() && !b.is_seen());
+    }
+}

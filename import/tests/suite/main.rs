@@ -1,0 +1,5 @@
+//! Imports from outside: refusals, reports and limits of MJCF and URDF.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod import_errors;
+mod import_stops;

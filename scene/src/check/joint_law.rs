@@ -1,0 +1,41 @@
+//! Refusing laws of joints that make no sense: creep, gravity compensation, friction that differs by direction or grows with load.
+
+use super::{not_negative, positive};
+use crate::body::{Joint, JointKind};
+use crate::error::{Mistake, SceneError};
+
+pub(super) fn check(joint: &Joint, field: &str) -> Result<(), SceneError> {
+    let at = |key: &str| format!("{field}.{key}");
+    let refused = |key: &str, message: &str| Err(SceneError::at(at(key), Mistake::Refused { message: message.to_owned() }));
+    let numbers = joint.kind.n_dofs();
+    if joint.kind == JointKind::Free {
+        let creeps = joint.plastic_time.is_some() || joint.gravity_compensation.is_some();
+        if creeps {
+            return refused("kind", "a free joint has no spring that could creep and no motor");
+        }
+    }
+    if let Some(time) = joint.plastic_time {
+        positive(&at("plastic_time"), time, "s")?;
+        if joint.stiffness == 0.0 && joint.cubic_stiffness == 0.0 {
+            return refused("plastic_time", "the joint has no spring, so nothing in it creeps: give it `stiffness`");
+        }
+    } else if joint.yield_at.is_some() || !joint.plastic_start.is_empty() {
+        return Err(SceneError::at(field, Mistake::MissingKey { key: "plastic_time".to_owned(), unit: Some("s".to_owned()) }));
+    }
+    if let Some(limit) = joint.yield_at {
+        positive(&at("yield"), limit, "rad")?;
+    }
+    if !joint.plastic_start.is_empty() && joint.plastic_start.len() != numbers {
+        let mistake = Mistake::Count { found: joint.plastic_start.len(), expected: numbers };
+        return Err(SceneError::at(at("plastic_start"), mistake));
+    }
+    for (key, value, unit) in [("friction_backward", joint.friction_backward, "N·m"), ("load_friction", joint.load_friction, "-")]
+    {
+        let Some(value) = value else { continue };
+        not_negative(&at(key), value, unit)?;
+        if numbers > 2 {
+            return refused(key, "dry friction is for joints of one or two axes");
+        }
+    }
+    Ok(())
+}

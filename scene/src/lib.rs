@@ -1,0 +1,87 @@
+//! Scene files: what a scene is, reading it, and refusing what makes no sense.
+//!
+//! ```text
+//! text ── keys against the JSON Schema ── serde ── check ── Scene ── initial_state, control_rows
+//! ```
+//! Every error says where (file, line, field), what, the likely cause and the fix.
+//!
+//! ```
+//! use pliant_scene::{Nothing, parse_scene};
+//! let text = "
+//! schema_version = 1
+//! [time]
+//! step = 0.01
+//! [[rope]]
+//! name = \"cable\"
+//! nodes = 13
+//! lenght = 1.0
+//! ";
+//! let error = parse_scene::<Nothing>(text, "scene.toml").unwrap_err().to_string();
+//! assert!(error.starts_with("scene.toml:8: rope[0].lenght: unknown key `lenght`"));
+//! assert!(error.ends_with("fix: did you mean `length`?"));
+//! ```
+
+#![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
+
+mod actuator;
+mod advice;
+mod body;
+mod cable;
+mod check;
+mod clip;
+mod cloth;
+mod cloth_error;
+mod cloth_initial;
+mod coupling;
+mod error;
+mod file;
+mod gripper;
+mod held;
+mod initial;
+mod keys;
+mod material;
+mod mesh;
+mod motion;
+mod obj;
+mod parabola;
+mod place;
+mod read;
+mod refine;
+mod rod;
+mod rope;
+mod schema;
+mod shape;
+mod source;
+mod vector;
+pub mod words;
+mod write;
+
+pub use actuator::{Actuator, ActuatorKind, Command};
+pub use body::{Body, Joint, JointKind};
+pub use body::{Closure, ClosureKind};
+pub use cable::{Cable, cable_scene};
+pub use check::{MOST_NODES, MOST_STEPS, check};
+pub use check::{RESERVED, inertia_matrix};
+pub use clip::Clip;
+pub use cloth::{Cloth, Diagonal, Grid};
+pub use cloth_error::ClothMistake;
+pub use coupling::Coupling;
+pub use error::{Mistake, SceneError};
+pub use file::{Air, Contact, Gravity, Integrator, Law, LinearSolver, Nothing, SCHEMA_VERSION, Scene, Solver, Time};
+pub use gripper::{Clamp, End, Grasp, Gripper, Mode, Motion};
+pub use held::Held;
+pub use initial::initial_state;
+pub use mesh::Mesh;
+pub use mesh::Raw;
+pub use motion::{Control, control_list, control_rows, resting_inputs};
+pub use place::Place;
+pub use read::{parse_scene, parse_source, read_scene};
+pub use refine::Refined;
+pub use rod::RodStart;
+pub use rope::{
+    BendFriction, Creep, Initial, JointSection, NodeMass, Plasticity, Rest, Rope, Start, Stiffening, Touching, Twist,
+};
+pub use schema::json_schema;
+pub use shape::{Block, BodyShape, Capsule, ContactRule, Cylinder, Plane, ShapeKind, Sphere};
+pub use source::Source;
+pub use write::to_toml;

@@ -1,0 +1,323 @@
+//! The command: exit codes, data on stdout, messages on stderr, and files that are complete or absent.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn pliant(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pliant"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A scene file in `folder`, made from a shared one by replacing a text in it.
+fn changed(folder: &Path, scene: &str, from: &str, to: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes").join(scene);
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.contains(from), "{from}");
+    let path = folder.join(scene);
+    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    path
+}
+
+fn entries(folder: &Path) -> usize {
+    std::fs::read_dir(folder).unwrap().count()
+}
+
+/// Exit code 2, nothing on stdout, and the four parts of an error on stderr.
+fn assert_refused(output: &Output, parts: &[&str]) {
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(output.stdout.is_empty());
+    for part in ["error: ", "\n  likely cause: ", "\n  fix: "].iter().chain(parts) {
+        assert!(message.contains(part), "{part:?} is not in {message}");
+    }
+}
+
+/// A cable with a clip is written, reads back and runs; sizes that make no sense are refused.
+#[test]
+fn cables() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("cable.toml");
+    let path = out.to_str().unwrap();
+    let sizes =
+        ["cable", "--links", "5", "--position", "-0.2", "0", "0.01", "--clip", "0", "0", "0", "-0.1", "--floor", "-0.003"];
+    let written = pliant(&[&sizes[..], &["--out", path]].concat());
+    assert_eq!(written.status.code(), Some(0), "{}", text(&written.stderr));
+    assert_eq!(text(&pliant(&sizes).stdout).trim_end(), std::fs::read_to_string(&out).unwrap().trim_end());
+    let scene = std::fs::read_to_string(&out).unwrap();
+    assert!(scene.contains("name = \"cable_4\"") && scene.contains("name = \"clip_0_right\""), "{scene}");
+    let short = scene.replace("duration = 1.0", "duration = 0.05");
+    std::fs::write(&out, short).unwrap();
+    assert_eq!(pliant(&["simulate", path]).status.code(), Some(0));
+    assert_refused(&pliant(&["cable", "--links", "100"]), &["cable.links: 100 links are 0.00375 m long", "fewer links"]);
+}
+
+/// What joints and motors remember stands in trajectories under its names.
+#[test]
+fn trajectories_have_internal_variables() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run.csv");
+    let output = pliant(&["simulate", "tests/scenes/arm_plastic.toml", "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let csv = std::fs::read_to_string(&out).unwrap();
+    let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let (header, first) = (lines.next().unwrap(), lines.next().unwrap());
+    let start = |name: &str| first[header.iter().position(|h| *h == name).unwrap()];
+    assert_eq!([start("shoulder.plastic[1]"), start("elbow.plastic"), start("wrist.plastic[2]")], ["-0.2", "0", "-0.1"]);
+    assert!(lines.all(|line| line.len() == header.len()));
+}
+
+#[test]
+fn simulate_prints_one_object_and_writes_named_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run.csv");
+    let output = pliant(&["simulate", "tests/scenes/windy.toml", "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let summary = json(&output);
+    assert_eq!(summary["steps"], 20);
+    assert_eq!(summary["energy"].as_array().unwrap().len(), 21);
+    for key in ["newton_iterations", "factorizations", "retries", "wall_s"] {
+        assert!(summary[key].is_number(), "{key}");
+    }
+    let csv = std::fs::read_to_string(&out).unwrap();
+    let header: Vec<&str> = csv.lines().next().unwrap().split(',').collect();
+    assert_eq!(header[..4], ["t", "cord.node[0].x", "cord.node[0].y", "cord.node[0].z"]);
+    assert!(csv.lines().count() == 22 && csv.lines().all(|line| line.split(',').count() == header.len()));
+    assert_eq!(entries(folder.path()), 1, "no temporary file is left");
+}
+
+#[test]
+fn simulate_writes_arrays_by_rope() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run.npz");
+    let output = pliant(&["simulate", "tests/scenes/edge_clamp.toml", "--out", out.to_str().unwrap()]);
+    assert!(output.status.success() && text(&output.stdout).contains("20 steps"));
+    let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&out).unwrap()).unwrap();
+    let names = npz.names().unwrap();
+    assert!(names.iter().any(|name| name.ends_with(".velocity")), "{names:?}");
+    let time: ndarray::Array1<f64> = npz.by_name("t").unwrap();
+    assert!((time[20] - 0.2).abs() < 1e-12);
+}
+
+/// Sheets count and are written as ropes are; a mesh is found beside its scene.
+#[test]
+fn simulate_writes_sheets() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = "grid = { nodes = [9, 6], size = [0.4, 0.25], diagonal = \"down\" }\nu_axis = [1, 0, 0]\nv_axis = [0, 0, -1]";
+    let scene = changed(folder.path(), "cloth_hung.toml", grid, "mesh = \"square.obj\"");
+    let text_of = std::fs::read_to_string(&scene).unwrap().replace("nodes = [48]", "nodes = [1]").replace("0.25", "0.05");
+    std::fs::write(&scene, text_of).unwrap();
+    let mesh = "v 0 0 0\nv 0.2 0 0\nv 0.2 0.2 0\nv 0 0.2 0\nf 1 2 3 4\n";
+    std::fs::write(folder.path().join("square.obj"), mesh).unwrap();
+    let out = folder.path().join("run.npz");
+    let output = pliant(&["simulate", scene.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(output.status.success() && text(&output.stdout).contains("4 nodes, 10 steps"), "{}", text(&output.stderr));
+    let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&out).unwrap()).unwrap();
+    let position: ndarray::Array3<f64> = npz.by_name("sheet.position").unwrap();
+    let velocity: ndarray::Array3<f64> = npz.by_name("sheet.velocity").unwrap();
+    assert_eq!((position.shape(), velocity.shape()), (&[11, 4, 3][..], &[11, 4, 3][..]));
+    std::fs::write(folder.path().join("square.obj"), mesh.replace("f 1 2 3 4", "f 1 2 3 5")).unwrap();
+    assert_refused(&pliant(&["simulate", scene.to_str().unwrap()]), &["square.obj:5: cloth[0].mesh: the face names vertex 5"]);
+}
+
+#[test]
+fn nothing_is_computed_for_an_output_that_cannot_be_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("missing/run.csv");
+    assert_refused(
+        &pliant(&["simulate", "tests/scenes/windy.toml", "--out", missing.to_str().unwrap()]),
+        &["missing/run.csv: cannot be written", "the folder does not exist"],
+    );
+    let kind = folder.path().join("run.mat");
+    assert_refused(&pliant(&["simulate", "tests/scenes/windy.toml", "--out", kind.to_str().unwrap()]), &["neither"]);
+    let is_folder = folder.path().join("folder.csv");
+    std::fs::create_dir(&is_folder).unwrap();
+    assert_refused(&pliant(&["simulate", "tests/scenes/windy.toml", "--out", is_folder.to_str().unwrap()]), &["mixed up"]);
+    assert_eq!(entries(folder.path()), 1);
+}
+
+#[test]
+fn a_failed_simulation_leaves_the_old_file_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = changed(folder.path(), "capsule_drape.toml", "[time]", "[solver]\nmax_iterations = 1\nmax_halvings = 0\n[time]");
+    let out = folder.path().join("run.csv");
+    std::fs::write(&out, "old").unwrap();
+    let output = pliant(&["simulate", scene.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains(": not converged after") && message.contains("fix: shorten `time.step`"), "{message}");
+    assert!(output.stdout.is_empty());
+    assert_eq!(std::fs::read_to_string(&out).unwrap(), "old");
+    assert_eq!(entries(folder.path()), 2);
+}
+
+/// Half a period of a sine from −π/2 on is twice its amplitude: more than a number holds.
+#[test]
+fn an_impossible_command_is_an_input_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let motion = "motion = { kind = \"sine\", amplitude = [1e308, 0, 0], frequency = 50.0, phase = -1.5707963267948966 }";
+    let scene = changed(folder.path(), "edge_clamp.toml", "motion = { kind = \"hold\" }", motion);
+    for command in ["simulate", "gradcheck"] {
+        let output = pliant(&[command, scene.to_str().unwrap()]);
+        assert_refused(&output, &["step 0: gripper `clamp`: control 0 is inf", "impossible target"]);
+    }
+}
+
+#[test]
+fn mistakes_in_scenes_are_located() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = changed(folder.path(), "windy.toml", "length", "lenght");
+    for command in ["simulate", "gradcheck"] {
+        assert_refused(&pliant(&[command, scene.to_str().unwrap()]), &["unknown key `lenght`", "did you mean `length`?"]);
+        assert_refused(&pliant(&[command, "missing.toml"]), &["missing.toml: cannot be read"]);
+    }
+    assert_eq!(pliant(&["simulate"]).status.code(), Some(2));
+    assert_eq!(pliant(&["juggle"]).status.code(), Some(2));
+}
+
+#[test]
+fn gradcheck_reports_every_block() {
+    let arguments = ["gradcheck", "tests/scenes/windy.toml", "--steps", "5"];
+    let output = pliant(&[&arguments[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    let report = json(&output);
+    for key in ["worst_relative_error", "taylor_slope", "dot_test", "contact_switches"] {
+        assert!(report[key].is_number(), "{key}");
+    }
+    assert_eq!(report["pass"], true);
+    assert_eq!(report["steps"], 5);
+    assert!(report["blocks"].as_array().unwrap().iter().any(|block| block["name"] == "cord.bend_stiffness"));
+    let longer = json(&pliant(&["gradcheck", "tests/scenes/edge_clamp.toml", "--steps", "22", "--json"]));
+    assert_eq!((&longer["steps"], &longer["pass"]), (&22.into(), &true.into()), "two more than its duration has");
+    let table = text(&pliant(&arguments).stdout);
+    assert!(table.starts_with("input") && table.trim_end().ends_with(": pass"), "{table}");
+}
+
+#[test]
+fn the_schema_describes_the_experiment_too() {
+    let schema = json(&pliant(&["schema", "scene"]));
+    assert_eq!(schema["$defs"]["Rope"]["properties"]["length"]["description"], "Rest length [m].");
+    assert!(schema["$defs"]["Marker"]["properties"]["columns"].is_object());
+    let schema = json(&pliant(&["schema", "diagnosis"]));
+    assert!(schema["properties"]["verdict"].is_object() && schema["$defs"]["Estimate"].is_object());
+    assert!(schema["properties"]["unidentifiable"]["description"].as_str().unwrap().contains("their bounds"));
+    let interval = &schema["$defs"]["Gain"]["properties"]["interval"];
+    assert!(interval["type"].to_string().contains("null"), "{interval}");
+    let schema = json(&pliant(&["schema", "fit"]));
+    assert!(schema["properties"]["warnings"]["description"].is_string());
+}
+
+/// The built-in example's files in a folder; a text in one of them replaced.
+fn example(folder: &Path, file: &str, from: &str, to: &str) -> String {
+    let origin = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/hidden_effect");
+    for entry in std::fs::read_dir(origin).unwrap() {
+        let entry = entry.unwrap();
+        std::fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    }
+    let text = std::fs::read_to_string(folder.join(file)).unwrap();
+    assert!(text.contains(from), "{from}");
+    std::fs::write(folder.join(file), text.replacen(from, to, 1)).unwrap();
+    folder.join("scene.toml").to_str().unwrap().to_owned()
+}
+
+#[test]
+fn mistakes_in_experiments_and_logs_are_located() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("report");
+    let diagnose = |scene: &str| pliant(&["diagnose", scene, "--out", out.to_str().unwrap()]);
+    let scene = example(folder.path(), "scene.toml", "gripper = \"left\"\ncolumns", "gripper = \"left\"\ncolums");
+    assert_refused(&diagnose(&scene), &["unknown key `colums`", "did you mean `columns`?"]);
+    let scene = example(folder.path(), "run2.csv", "\n0.00000,", "\n0.00000,x");
+    assert_refused(&diagnose(&scene), &["run2.csv:2"]);
+    assert_refused(&pliant(&["fit", &scene]), &["run2.csv:2"]);
+    let scene = example(folder.path(), "scene.toml", "cable.bend_stiffness", "cable.bend_stifness");
+    assert_refused(&pliant(&["fit", &scene]), &["cable.bend_stifness", "cable.bend_stiffness"]);
+    for (from, to, parts) in [
+        ("cable.bend_stiffness", "sensor.foo", ["scene.toml:92: experiment.fit.free[0].path", "`sensor.bias[0]`"]),
+        (
+            "role = \"held_out\"",
+            "role = \"fit\"\n[[experiment.record]]\nfile = \"run1.csv\"",
+            ["record[3].file", "keep one of the two"],
+        ),
+    ] {
+        let scene = example(folder.path(), "scene.toml", from, to);
+        assert_refused(&pliant(&["fit", &scene]), &parts);
+        assert_refused(&diagnose(&scene), &parts);
+    }
+    let scene = example(folder.path(), "scene.toml", "", "");
+    let held_out = folder.path().join("run3.csv");
+    assert_refused(
+        &pliant(&["fit", &scene, "--log", held_out.to_str().unwrap()]),
+        &["run3.csv: record", "scene.toml:88: experiment.record[2].file"],
+    );
+    let log = folder.path().join("missing.csv");
+    let scene = example(folder.path(), "scene.toml", "", "");
+    assert_refused(&pliant(&["fit", &scene, "--log", log.to_str().unwrap()]), &["missing.csv: cannot be read"]);
+    assert!(!out.exists());
+    assert_refused(&diagnose("tests/scenes/windy.toml"), &["no [experiment]"]);
+}
+
+#[test]
+fn a_report_never_replaces_what_is_not_one() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("thesis.tex"), "years").unwrap();
+    assert_refused(&pliant(&["diagnose", "--out", folder.path().to_str().unwrap()]), &["holds `thesis.tex`"]);
+    let missing = folder.path().join("missing/report");
+    assert_refused(&pliant(&["diagnose", "--out", missing.to_str().unwrap()]), &["does not exist"]);
+    assert_eq!(entries(folder.path()), 1);
+    assert_eq!(pliant(&["diagnose", "--log", "run.csv"]).status.code(), Some(2), "a log needs its scene");
+    assert_eq!(pliant(&["diagnose", "--threads", "0"]).status.code(), Some(2));
+}
+
+#[test]
+fn fit_prints_estimates() {
+    let output = pliant(&["fit", "examples/hidden_effect/scene.toml", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report = json(&output);
+    assert_eq!(report["parameters"][0]["path"], "cable.bend_stiffness");
+    assert!(report["parameters"][0]["estimate"].as_f64().unwrap() > 0.0 && report["rmse_fit"].is_number());
+}
+
+#[test]
+fn the_built_in_example_is_diagnosed_and_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("report");
+    let output = pliant(&["diagnose", "--json", "--seed", "1", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let diagnosis = json(&output);
+    for key in ["verdict", "reason", "causes", "candidates", "gain", "remainder", "noise", "audit", "stages"] {
+        assert!(!diagnosis[key].is_null(), "{key}");
+    }
+    for file in ["report.html", "diagnosis.json", "scene_extended.toml", "reproduce.toml", "example/run3.csv"] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+    assert_eq!(entries(folder.path()), 1, "nothing is left beside the report");
+    // The extended scene is a scene, and finds its logs.
+    let extended = out.join("scene_extended.toml");
+    assert!(pliant(&["simulate", extended.to_str().unwrap()]).status.success());
+    assert!(std::fs::read_to_string(&extended).unwrap().contains("file = \"example/run1.csv\""));
+}
+
+#[test]
+fn import_writes_a_scene_that_simulates_and_a_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("arm.toml");
+    let output = pliant(&["import", "tests/models/arm7.xml", "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report = json(&output);
+    assert_eq!((&report["schema_version"], &report["joints"], &report["actuators"]), (&1.into(), &7.into(), &7.into()));
+    assert!(report["entries"].as_array().unwrap().iter().all(|e| e["line"].is_number() && e["verdict"].is_string()));
+    assert!(pliant(&["simulate", out.to_str().unwrap()]).status.success());
+
+    let output = pliant(&["import", "tests/models/crane.urdf"]);
+    assert!(text(&output.stdout).contains("name = \"boom\"") && text(&output.stderr).contains("crane.urdf:52: limit \"luff\""));
+    assert_refused(&pliant(&["import", "tests/scenes/windy.toml"]), &["tests/scenes/windy.toml:1: is not valid XML"]);
+}

@@ -1,0 +1,8 @@
+//! The command, the page that shows a run, and what the sources of all crates must keep to.
+//!
+//! One binary for all files of this folder: linking is done once, and tests of different files run side by side.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod command;
+mod house;
+mod view;
