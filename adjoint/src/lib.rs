@@ -8,10 +8,10 @@
 
 mod chain;
 mod checkpoint;
-mod elastic;
 mod equilibrium;
 pub mod gradcheck;
 mod implicit;
+mod inverse;
 mod linearization;
 mod linearize;
 mod rollout;
@@ -20,8 +20,6 @@ mod stage;
 mod step;
 mod surrogate;
 mod tangent;
-mod touching;
-mod whole;
 
 pub use chain::{Along, Smoothing};
 pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};

@@ -1,11 +1,9 @@
 //! Full Jacobians of a step: which way of taking them fits it.
 
-use crate::elastic::{Elastic, stage_of};
+use crate::inverse::Inverse;
 use crate::linearization::{Linearization, VECTOR};
 use crate::seeds::Seeds;
 use crate::tangent::TangentStepper;
-use crate::touching::{self, Touching};
-use crate::whole::Whole;
 use pliant_engine::model::Model;
 use pliant_engine::step::StepRecord;
 
@@ -13,9 +11,7 @@ use pliant_engine::step::StepRecord;
 #[derive(Clone, Debug)]
 pub struct Linearizer<'m> {
     tangent: TangentStepper<'m>,
-    elastic: Elastic,
-    touching: Touching,
-    whole: Whole,
+    inverse: Inverse,
     /// Of columns of θ alone, for C where A and B come from elsewhere; made when first needed.
     of_theta: Option<TangentStepper<'m>>,
     nv: usize,
@@ -35,22 +31,13 @@ impl<'m> Linearizer<'m> {
         (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
         let tangent = TangentStepper::new(model, theta, seeds);
-        let (touching, whole) = (Touching::default(), Whole::default());
-        Self { tangent, elastic: Elastic::default(), touching, whole, of_theta: None, nv: model.nv(), nx, nu, np }
+        Self { tangent, inverse: Inverse::default(), of_theta: None, nv: model.nv(), nx, nu, np }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
     pub fn linearize(&mut self, step: &StepRecord) -> Linearization {
         let cx = self.tangent.context();
-        if let Some(stage) = stage_of(cx, step) {
-            let ab = self.elastic.linearize(cx, step, stage, self.nu);
-            return Linearization { c: self.by_theta(step), ..ab };
-        }
-        if let Some(stage) = touching::stage_of(cx, step) {
-            let ab = self.touching.linearize(cx, step, stage, self.nu);
-            return Linearization { c: self.by_theta(step), ..ab };
-        }
-        if let Some(ab) = self.whole.linearize(cx, step, self.nu) {
+        if let Some(ab) = self.inverse.linearize(cx, step, self.nu) {
             return Linearization { c: self.by_theta(step), ..ab };
         }
         let (nv, m) = (self.nv, self.tangent.seeds.columns);

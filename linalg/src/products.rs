@@ -265,21 +265,18 @@ impl NodeMatrix {
 }
 
 impl NodeMatrix {
-    /// The diagonal blocks of X A for row-major X of `dim × dim`, node by node. Sparse matrices of nodes alone.
-    pub fn diagonal_blocks_of_product(&self, x: &[f64]) -> Vec<[[f64; 3]; 3]> {
-        let n = self.dim();
-        let mut out = vec![[[0.0; 3]; 3]; n / 3];
-        let blocks = self.for_blocks(|row, column, place, down| {
-            for (a, out) in out[column / 3].iter_mut().enumerate() {
-                let x = &x[(column + a) * n + row..][..3];
-                for (c, x) in x.iter().enumerate() {
-                    let entries = &self.data()[place + c * down..][..3];
-                    out.iter_mut().zip(entries).for_each(|(out, entry)| *out += x * entry);
-                }
-            }
-        });
-        debug_assert!(blocks, "of sparse matrices of nodes");
-        out
+    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows of `width` numbers, of which the first `dim` count:
+    /// three entries of a node's column, of a twist's one (and zeros).
+    pub fn diagonal_blocks_of_product(&self, x: &[f64], width: usize, out: &mut Vec<[f64; 3]>) {
+        let nodes = 3 * self.layout().n_nodes();
+        out.clear();
+        out.resize(self.dim(), [0.0; 3]);
+        for r in 0..self.dim() {
+            self.for_system_row(r, |c, a| {
+                let rows = if c < nodes { c - c % 3..c - c % 3 + 3 } else { c..c + 1 };
+                rows.zip(&mut out[c]).for_each(|(row, sum)| *sum += x[row * width + r] * a);
+            });
+        }
     }
 }
 

@@ -58,9 +58,13 @@ impl Carry {
         self.edges.iter().for_each(|e| e.pull(&e.before, x));
     }
 
-    /// The transposed [`Carry::add_before`], row-major with `columns`.
-    pub fn pull_before_many(&self, x: &mut [f64], columns: usize) {
-        self.edges.iter().for_each(|e| e.pull_many(&e.before, x, columns));
+    /// `x += ` row `row` of 1 + ψ_a.
+    pub fn add_row(&self, row: usize, x: &mut [f64]) {
+        x[row] += 1.0;
+        let edge = self.edges.first().and_then(|first| self.edges.get(row.checked_sub(first.row)?));
+        if let Some(edge) = edge {
+            edge.add_to_nodes(&edge.before, 1.0, x);
+        }
     }
 
     /// The transposed [`Carry::add_after`], of one column.
@@ -92,22 +96,14 @@ impl Carried {
 
     #[inline]
     fn pull(&self, psi: &Vec3<f64>, x: &mut [f64]) {
-        let by = x[self.row];
-        for a in 0..3 {
-            x[3 * self.nodes[1] + a] += psi[a] * by;
-            x[3 * self.nodes[0] + a] -= psi[a] * by;
-        }
+        self.add_to_nodes(psi, x[self.row], x);
     }
 
     #[inline]
-    fn pull_many(&self, psi: &Vec3<f64>, x: &mut [f64], columns: usize) {
-        let (nodes, twists) = x.split_at_mut(self.row * columns);
-        let by = &twists[..columns];
-        for (node, sign) in [(self.nodes[1], 1.0), (self.nodes[0], -1.0)] {
-            for (x, psi) in nodes[3 * node * columns..][..3 * columns].chunks_exact_mut(columns).zip(psi.iter()) {
-                let factor = sign * psi;
-                x.iter_mut().zip(by).for_each(|(x, by)| *x += factor * by);
-            }
+    fn add_to_nodes(&self, psi: &Vec3<f64>, by: f64, x: &mut [f64]) {
+        for a in 0..3 {
+            x[3 * self.nodes[1] + a] += psi[a] * by;
+            x[3 * self.nodes[0] + a] -= psi[a] * by;
         }
     }
 }

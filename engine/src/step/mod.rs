@@ -27,4 +27,5 @@ pub use scheme::{EULER, MIDPOINT, QUASI_STATIC, SDIRK_GAMMA, STATIC, Scheme, Wei
 pub(crate) use stage::{Iterate, Masses, Stage};
 pub(crate) use stepper::check_size;
 pub use stepper::{Link, StepOptions, StepRecord, StepTrace, Stepper};
+pub use system::NodeBlock;
 pub use workspace::{Warm, Workspace};

@@ -77,9 +77,7 @@ pub struct StageRecord {
     pub v: Vec<f64>,
     /// Matrices there.
     pub jacobians: Jacobians,
-    /// Whether forces depend on positions alone and nothing touches: then K = σ M − h a1 ∂f/∂q̄ in free rows, and is symmetric.
-    pub elastic: bool,
-    /// The same of forces, where contacts of nodes may touch: the dependence on velocities is theirs alone.
+    /// Whether forces depend on positions alone, but for those of nodes' contacts.
     pub undamped: bool,
     /// How changes of its start and end show up.
     pub transport: Transport,
@@ -103,7 +101,6 @@ impl StageRecord {
         let body_mass = stage.body_partials(ws);
         let (middle, end) = stage.turns(&ws.it.v);
         let only_nodes_touch = stage.model.tree.nv() == 0 && stage.joint_rows.is_empty() && !ws.constraints.any_listed();
-        let elastic = only_nodes_touch && ws.factor.is_symmetric() && ws.dv.nodes.is_zero();
         let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
         ws.blocks.restore_rates(&mut ws.dv.nodes);
         let undamped = only_nodes_touch && ws.dv.nodes.is_zero();
@@ -126,7 +123,6 @@ impl StageRecord {
             start,
             v: ws.it.v.clone(),
             jacobians: Jacobians { dq, dv, matrix, factor: ws.factor.clone(), body_mass },
-            elastic,
             undamped,
             transport: Transport { middle, end, lead: Turns::default(), carry },
             memory: Vec::new(),

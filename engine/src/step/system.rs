@@ -217,9 +217,13 @@ impl StageRecord {
         cones.filter(|cone| matches!(cone.id, ConstraintId::Node(_))).map(|cone| (cone.block.dofs[0].v / 3, &cone.block))
     }
 
-    /// Calls `visit(first row of its node, first row of the contact, ∂F/∂v⁺)` for every contact of a node, positions as they are.
-    pub fn visit_contact_rates(&self, mut visit: impl FnMut(usize, usize, &Matrix4x3<f64>)) {
-        self.node_contacts().for_each(|(node, block)| visit(3 * node, block.row, &self.rates(block)));
+    /// Calls `visit(first row of its node, first row of the contact, ∂F/∂v⁺ with positions as they are, ∂F/∂q̄)` for every contact of a node.
+    pub fn visit_contact_rates(&self, mut visit: impl FnMut(usize, usize, [[f64; 3]; 4], [[f64; 3]; 4])) {
+        let rows = |m: &Matrix4x3<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]));
+        for (node, block) in self.node_contacts() {
+            let by_q = Matrix4x3::from_fn(|r, a| block.dofs[a].by_q[r]);
+            visit(3 * node, block.row, rows(&self.rates(block)), rows(&by_q));
+        }
     }
 
     /// ∂F/∂v⁺ of a node's contact, positions as they are.

@@ -91,7 +91,7 @@ fn jacobians_by_the_inverse_are_those_of_tangents() {
         let run = case.run(StepOptions::default());
         let nu = case.model.nu();
         for record in &run.records {
-            assert!(record.stages.iter().all(|(_, stage)| stage.elastic == expected), "{what}");
+            assert!(record.stages.iter().all(|(_, stage)| stage.undamped == expected), "{what}");
             let own = linearize(&case.model, &case.theta, record, false);
             let worst = beside_tangents(&case, record, &own).map(|(worst, _)| worst);
             println!("{what}: A {:.1e}, B {:.1e}", worst[0], worst[1]);

@@ -1,0 +1,315 @@
+//! A and B of a step of nodes by implicit Euler: rows of the inverse of its system times the sparse partials, in place of a solve for
+//! every column of both.
+//!
+//! With M the system whose contacts are not condensed ([`StageRecord::subtract_system`]), (r, F) its residuals and [G H] the rows of M⁻¹ that
+//! are velocities (M has identity rows where nodes are prescribed),
+//! ```text
+//! ∂v⁺/∂v = G σM (zero in prescribed columns),   ∂v⁺/∂q̄ = G ∂f/∂q̄ − H ∂F/∂q̄,   ∂v⁺/∂v_cmd = the prescribed columns of G
+//! ```
+//! with q̄ = q + h v⁺. Edges carry rods' axes along by S_a = 1 + ψ_a before and S_b = 1 + ψ_b after the step
+//! ([`Carry`](pliant_engine::rods::Carry); both are 1 elsewhere), so that with V = ∂v⁺/∂q̄
+//! ```text
+//! ∂v⁺/∂q = V S_a,   ∂q⁺/∂q = S_b (1 + h V) S_a,   ∂q⁺/∂v = h S_b ∂v⁺/∂v
+//! ```
+//!
+//! **Where nothing but contacts depends on velocities** (F_v = ∂F/∂v⁺, positions as they are), V needs no product: M's columns of velocities
+//! are [D; F_v] − h ∂(−f, F)/∂q̄ with D = σ m in free columns and 1 in prescribed ones, hence
+//! ```text
+//! V = (G D + H F_v − 1)/h
+//! ```
+//! but for the blocks on its diagonal, where the difference could leave nothing of what sticks or of what hardly anything holds: they are
+//! taken from the product.
+//!
+//! **Rows of the inverse.** Without contacts G is K⁻¹, which the fronts of sheets give without solves. With contacts, which are 1e7 times
+//! stiffer than the rest, ropes and rods solve for the columns of [G H]ᵀ and refine them. Fronts would be slow at that; sheets keep to
+//! G = K⁻¹, contacts condensed, and take H F_v and H ∂F/∂q̄ from it with the part along the normal split off
+//! ([`StageRecord::positions_beside_normals`]). Where a probe shows that refinement would change anything, or two shapes hold a node, such a
+//! step is linearized the general way.
+
+use crate::implicit::{Refinement, refinements, settled, worth_refining};
+use crate::linearization::{Linearization, VECTOR};
+use crate::stage::Context;
+use pliant_engine::rods::Carry;
+use pliant_engine::step::{EULER, Link, NodeBlock, StageRecord, StepRecord};
+use pliant_linalg::NodeMatrix;
+use pliant_math::Input;
+use std::borrow::Cow;
+
+/// Memory, kept from one step to the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Inverse {
+    /// [G H], row-major in rows of `width`.
+    rows: Vec<f64>,
+    width: usize,
+    /// [G H]ᵀ, row-major in rows of `columns`; of G alone, and only where V is a product, without contacts and for sheets.
+    transposed: Vec<f64>,
+    columns: usize,
+    refinement: Refinement,
+    /// Vᵀ, where it is a product.
+    by_position: Vec<f64>,
+    /// σ m of every column; zero in prescribed ones.
+    momentum: Vec<f64>,
+    /// D/h of every column, and its entries of V's blocks on the diagonal: three of a node's, one of a twist's.
+    scale: Vec<f64>,
+    own: Vec<[f64; 3]>,
+    contacts: Vec<Contact<4>>,
+    condensed: Vec<Contact<3>>,
+}
+
+/// A contact's part of V, from `N` columns of [G H].
+#[derive(Clone, Copy, Debug)]
+struct Contact<const N: usize> {
+    /// First row of its node.
+    node: usize,
+    /// First of the columns.
+    from: usize,
+    /// F_v/h; of a condensed contact H F_v/h = G × this.
+    rates: [[f64; 3]; N],
+    /// ∂F/∂q̄, unless condensed.
+    by_q: [[f64; 3]; N],
+}
+
+impl<const N: usize> Contact<N> {
+    /// Adds H F_v/h to a row of V, from that of [G H].
+    #[inline]
+    fn add(&self, row: &[f64], v: &mut [f64]) {
+        let (Some(x), Some(to)) = (row[self.from..].first_chunk::<N>(), v[self.node..].first_chunk_mut::<3>()) else { return };
+        for (x, rates) in x.iter().zip(&self.rates) {
+            to.iter_mut().zip(rates).for_each(|(to, rate)| *to += x * rate);
+        }
+    }
+}
+
+/// ∂f/∂q̄, and what is subtracted from V where normals were split off.
+type Positions<'a> = (Cow<'a, NodeMatrix>, Vec<NodeBlock>);
+
+/// The only stage of a step by implicit Euler of nodes alone, in which nothing but rods' axes is remembered.
+fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
+    let [(Link::Single, stage)] = step.stages.as_slice() else { return None };
+    let weights = stage.scheme.free == EULER.free && stage.scheme.driven == EULER.driven;
+    let remembers = cx.model.ndz() > 0 || cx.model.has_actuators() || !stage.grasps.is_empty();
+    let of_nodes = cx.model.nv() == cx.model.n_node_dofs() && stage.has_contacts_of_nodes_alone();
+    (weights && !remembers && of_nodes && stage.transport.middle.is_identity()).then_some(stage)
+}
+
+/// Whether refinement changes the sum of all columns, as the general way asks.
+fn probe_refines(cx: Context, step: &StepRecord, stage: &StageRecord) -> bool {
+    let n = stage.v.len();
+    let mut rhs = vec![0.0; stage.n_rows()];
+    stage.add_position_product(-1.0, &vec![1.0; n], &mut rhs, 1);
+    let driven = cx.model.driven_rows();
+    for row in (0..n).filter(|row| !driven[*row]) {
+        rhs[row] += cx.mass[row] * stage.inertia * stage.scheme.momentum;
+    }
+    for &(row, input, value) in &step.command {
+        if matches!(input, Input::Q(_) | Input::U(_)) {
+            rhs[row] += value;
+        }
+    }
+    worth_refining(stage, rhs)
+}
+
+impl Inverse {
+    /// A and B; C is empty. `None` for a step that is linearized the general way.
+    pub fn linearize(&mut self, cx: Context, step: &StepRecord, nu: usize) -> Option<Linearization> {
+        let stage = stage_of(cx, step)?;
+        let (n, h) = (stage.v.len(), stage.h);
+        self.contacts.clear();
+        self.condensed.clear();
+        let factor = &stage.jacobians.factor;
+        let as_it_is = || (Cow::Borrowed(&stage.jacobians.dq.nodes), Vec::new());
+        let (positions, normals) = if !(factor.is_sparse() || factor.is_symmetric()) {
+            self.solve_rows(stage);
+            as_it_is()
+        } else if stage.n_rows() == n {
+            self.invert(stage);
+            as_it_is()
+        } else {
+            self.invert_condensed(cx, step, stage)?
+        };
+        let mut a = vec![0.0; 4 * n * n];
+        self.prepare(cx, stage, &positions, &normals);
+        let inertia = stage.inertia * stage.scheme.momentum;
+        self.momentum.clear();
+        self.momentum.extend(cx.mass.iter().zip(cx.model.driven_rows()).map(|(m, d)| if *d { 0.0 } else { inertia * m }));
+        let [begin, end, _] = &stage.transport.carry;
+        self.by_state(stage, begin, &mut a);
+        let mut out = Linearization { a, b: vec![0.0; 2 * n * nu], c: Vec::new() };
+        self.add_commands(step, h, nu, &mut out);
+        end.add_after(&mut out.a[..2 * n * n], 2 * n);
+        end.add_after(&mut out.b[..n * nu], nu);
+        Some(out)
+    }
+
+    /// G without contacts, and its transpose where V is a product.
+    fn invert(&mut self, stage: &StageRecord) {
+        let n = stage.v.len();
+        (self.width, self.columns) = (n, n);
+        let factor = &stage.jacobians.factor;
+        if stage.undamped {
+            factor.inverse_of_nodes(&mut self.rows);
+        } else {
+            factor.inverses_of_nodes(&mut self.rows, &mut self.transposed);
+        }
+        if !worth_refining(stage, vec![1.0; n]) {
+            return;
+        }
+        // X ← X + X (1 − K X)
+        let defect = &mut self.refinement.defect;
+        defect.clear();
+        defect.resize(n * n, 0.0);
+        (0..n).for_each(|k| defect[k * n + k] = 1.0);
+        stage.subtract_system(&self.rows, defect, n);
+        stage.solve_velocities(defect, n);
+        self.rows.iter_mut().zip(defect).for_each(|(x, d)| *x += *d);
+        if !stage.undamped {
+            transpose_into(&self.rows, n, &mut self.transposed, n, n);
+        }
+    }
+
+    /// The same with contacts condensed.
+    fn invert_condensed<'a>(&mut self, cx: Context, step: &StepRecord, stage: &'a StageRecord) -> Option<Positions<'a>> {
+        if probe_refines(cx, step, stage) {
+            return None;
+        }
+        let (positions, normals) = stage.positions_beside_normals()?;
+        let n = stage.v.len();
+        (self.width, self.columns) = (n, n);
+        if stage.undamped {
+            stage.jacobians.factor.inverse_of_nodes(&mut self.rows);
+            stage.visit_contact_damping(|node, block| {
+                let rates = block.map(|row| row.map(|x| x / stage.h));
+                self.condensed.push(Contact { node: 3 * node, from: 3 * node, rates, by_q: [[0.0; 3]; 3] });
+            });
+        } else {
+            stage.jacobians.factor.inverses_of_nodes(&mut self.rows, &mut self.transposed);
+        }
+        Some((Cow::Owned(positions), normals))
+    }
+
+    /// [G H] with contacts, from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
+    fn solve_rows(&mut self, stage: &StageRecord) {
+        let n = stage.v.len();
+        let columns = n.next_multiple_of(VECTOR);
+        (self.width, self.columns) = (stage.n_rows(), columns);
+        stage.visit_contact_rates(|node, from, rates, by_q| {
+            self.contacts.push(Contact { node, from, rates: rates.map(|row| row.map(|x| x / stage.h)), by_q });
+        });
+        stage.transposed_inverse(columns, &mut self.transposed);
+        let (Refinement { defect, largest, .. }, split) = (&mut self.refinement, n * columns);
+        // with contacts always: H has their stiffness in its numbers, and keeps nine digits if it is made of G
+        let count = if stage.n_rows() > n || worth_refining(stage, vec![1.0; n]) { refinements(stage) } else { 0 };
+        for _ in 0..count {
+            defect.clear();
+            defect.resize(self.transposed.len(), 0.0);
+            (0..n).for_each(|k| defect[k * columns + k] = 1.0);
+            stage.subtract_system_transpose_many(&self.transposed, defect, columns);
+            stage.solve_system_transpose_many(defect, columns);
+            // (H by itself: it is far smaller than G)
+            let ([g, h], [dg, dh]) =
+                ([&self.transposed[..split], &self.transposed[split..]], [&defect[..split], &defect[split..]]);
+            let done = settled(g, dg, columns, largest) && settled(h, dh, columns, largest);
+            self.transposed.iter_mut().zip(&*defect).for_each(|(x, d)| *x += *d);
+            if done {
+                break;
+            }
+        }
+        self.rows.clear();
+        self.rows.resize(n * self.width, 0.0);
+        transpose_into(&self.transposed, columns, &mut self.rows, self.width, n);
+    }
+
+    /// Vᵀ where it is a product, and otherwise what its difference takes.
+    fn prepare(&mut self, cx: Context, stage: &StageRecord, positions: &NodeMatrix, normals: &[NodeBlock]) {
+        let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
+        self.own.clear();
+        self.by_position.clear();
+        if stage.undamped {
+            let scale = |(m, driven): (&f64, &bool)| per_h * if *driven { 1.0 } else { stage.inertia * m };
+            self.scale.clear();
+            self.scale.extend(cx.mass.iter().zip(cx.model.driven_rows()).map(scale));
+            positions.diagonal_blocks_of_product(&self.rows, self.width, &mut self.own);
+            for contact in &self.contacts {
+                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                    let from = &self.rows[(contact.node + r) * self.width + contact.from..];
+                    self.own[contact.node + c][r] -= from.iter().zip(&contact.by_q).map(|(x, b)| x * b[c]).sum::<f64>();
+                }
+            }
+            for (node, along) in normals {
+                (0..9).map(|k| (k / 3, k % 3)).for_each(|(r, c)| self.own[3 * node + c][r] -= along[r][c] * per_h);
+            }
+            return;
+        }
+        positions.transpose_times(&self.transposed[..n * columns], &mut self.by_position, columns);
+        for contact in &self.contacts {
+            let to = self.by_position[contact.node * columns..][..3 * columns].chunks_exact_mut(columns);
+            for (c, to) in to.enumerate() {
+                for (by_q, from) in contact.by_q.iter().zip(self.transposed[contact.from * columns..].chunks_exact(columns)) {
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to -= by_q[c] * from);
+                }
+            }
+        }
+        for (node, along) in normals {
+            for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                self.by_position[(3 * node + c) * columns + 3 * node + r] -= along[r][c] * per_h;
+            }
+        }
+    }
+
+    /// A, with the commands as they are and rods' axes not yet carried to the end.
+    fn by_state(&self, stage: &StageRecord, begin: &Carry, a: &mut [f64]) {
+        let (n, nodes, h) = (self.momentum.len(), 3 * stage.jacobians.dq.nodes.layout().n_nodes(), stage.h);
+        let (upper, lower) = a.split_at_mut(2 * n * n);
+        if !stage.undamped {
+            transpose_into(&self.by_position, self.columns, lower, 2 * n, n);
+        }
+        let rows = upper.chunks_exact_mut(2 * n).zip(lower.chunks_exact_mut(2 * n));
+        for (i, ((q, v), g)) in rows.zip(self.rows.chunks_exact(self.width)).enumerate() {
+            if stage.undamped {
+                v.iter_mut().zip(g.iter().zip(&self.scale)).for_each(|(to, (g, s))| *to = g * s);
+                self.contacts.iter().for_each(|contact| contact.add(g, v));
+                self.condensed.iter().for_each(|contact| contact.add(g, v));
+                let (own, r) = if i < nodes { (i - i % 3..i - i % 3 + 3, i % 3) } else { (i..i + 1, 0) };
+                own.for_each(|c| v[c] = self.own[c][r]);
+            }
+            begin.pull_before(&mut v[..n]);
+            v[n..].iter_mut().zip(g.iter().zip(&self.momentum)).for_each(|(v, (g, m))| *v = g * m);
+            q.iter_mut().zip(v.iter()).for_each(|(q, v)| *q = h * v);
+            begin.add_row(i, q);
+        }
+    }
+
+    /// Adds to A and B what positions and controls do by way of the commands.
+    fn add_commands(&self, step: &StepRecord, h: f64, nu: usize, out: &mut Linearization) {
+        let n = self.momentum.len();
+        for &(row, input, value) in &step.command {
+            let (to, width, column) = match input {
+                Input::Q(k) => (&mut out.a, 2 * n, k),
+                Input::U(k) => (&mut out.b, nu, k),
+                Input::Z(_) | Input::Theta(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => continue,
+            };
+            for (i, g) in self.rows.chunks_exact(self.width).enumerate() {
+                to[i * width + column] += h * (g[row] * value);
+                to[(n + i) * width + column] += g[row] * value;
+            }
+        }
+    }
+}
+
+/// The first `rows` columns of `from` (rows of `columns`) as the first numbers of rows of `width`.
+fn transpose_into(from: &[f64], columns: usize, to: &mut [f64], width: usize, rows: usize) {
+    let across = (from.len() / columns.max(1)).min(width);
+    // squares that fit into the nearest cache
+    for (first, to) in to.chunks_mut(width * TILE).take(rows.div_ceil(TILE)).enumerate() {
+        for start in (0..across).step_by(TILE) {
+            let end = across.min(start + TILE);
+            for (r, to) in to.chunks_exact_mut(width).enumerate() {
+                let column = from[start * columns + first * TILE + r..].iter().step_by(columns);
+                to[start..end].iter_mut().zip(column).for_each(|(to, from)| *to = *from);
+            }
+        }
+    }
+}
+
+/// Rows and columns that are transposed together.
+const TILE: usize = 16;
