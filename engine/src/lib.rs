@@ -61,4 +61,4 @@ pub mod step;
 pub mod terms;
 
 pub use constraints::{ContactPair, Coupling, JointFriction, JointRow, JointRowKind, Lead};
-pub use step::newton::Work;
+pub use step::newton::{Attempt, Work};

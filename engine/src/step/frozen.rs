@@ -12,14 +12,11 @@
 
 use super::{Stage, StepError, Workspace};
 use crate::geometry::solid::Carrier;
+use crate::step::constants::STEP;
 use crate::step::constraints::{Change, Evaluation, FeaturePair, tangents};
 use nalgebra::Vector6;
 use pliant_math::Vec3;
 use pliant_math::spatial::Force;
-
-/// Sweeps over all contacts, and the change of the impulses, relative to the largest, that ends them.
-const SWEEPS: usize = 100;
-const ENOUGH: f64 = 1e-4;
 
 /// What the start keeps between stages.
 #[derive(Clone, Debug, Default)]
@@ -165,7 +162,7 @@ impl FrozenWorkspace {
     /// Sweeps until impulses change little.
     fn sweep(&mut self) {
         let n = self.p.len();
-        for _ in 0..SWEEPS {
+        for _ in 0..STEP.sweeps {
             let (mut change, mut largest) = (0.0_f64, 0.0_f64);
             for (c, at) in self.points.iter().enumerate() {
                 let k = 3 * c;
@@ -186,7 +183,7 @@ impl FrozenWorkspace {
                 change = new.iter().zip(old).fold(change, |m, (x, y)| m.max((x - y).abs()));
                 largest = largest.max(normal);
             }
-            if change <= ENOUGH * largest {
+            if change <= STEP.swept * largest {
                 break;
             }
         }

@@ -14,12 +14,10 @@ use super::{Stage, StepError, Workspace};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::inverse_dynamics;
 use crate::constraints::contact_wrench;
+use crate::step::constants::STEP;
 use crate::step::constraints::{Evaluation, FeaturePair};
 use nalgebra::Vector4;
 use pliant_math::Vec3;
-
-/// Largest part of the kinetic energy that a step may create.
-const CREATED: f64 = 0.02;
 
 impl Stage<'_> {
     /// Whether the root in `ws.it` created too much energy, where solids may touch.
@@ -32,7 +30,7 @@ impl Stage<'_> {
         ws.it = it;
         let (created, kinetic) = balance?;
         let fall = self.theta[self.model.gravity] * self.h;
-        Ok(created > CREATED * kinetic + 0.5 * self.masses.total * fall * fall)
+        Ok(created > STEP.created_by_bodies * kinetic + 0.5 * self.masses.total * fall * fall)
     }
 
     /// D and the kinetic energy at the end \[J\], of bodies.

@@ -3,6 +3,7 @@
 mod blocks;
 mod bodies;
 mod body_inputs;
+pub(crate) mod constants;
 mod constraints;
 mod error;
 mod frozen;
@@ -26,6 +27,6 @@ pub use record::StageRecord;
 pub use scheme::{EULER, MIDPOINT, QUASI_STATIC, SDIRK_GAMMA, STATIC, Scheme, Weights};
 pub(crate) use stage::{Iterate, Masses, Stage};
 pub(crate) use stepper::check_size;
-pub use stepper::{Link, StepOptions, StepRecord, StepTrace, Stepper};
+pub use stepper::{Link, Retry, StepOptions, StepRecord, StepTrace, Stepper};
 pub use system::NodeBlock;
 pub use workspace::{Warm, Workspace};

@@ -15,22 +15,11 @@
 
 use super::{SDIRK_GAMMA, StepError, Stepper};
 use crate::rods::Remembered;
+use crate::step::constants::STEP;
 use crate::step::newton::Work;
 use crate::terms::{Point, Term};
 use pliant_math::State;
 use pliant_scene::Integrator;
-
-/// Matrices, one more for a second stage, from which a root is not taken for the motion without a look: what is found at once is near. Of sheets one matrix
-/// serves for more corrections, and from so many of them on what one matrix has found is looked at as well.
-const SEARCHED: usize = 3;
-const SEARCHED_OF_SHEETS: usize = 2;
-const CORRECTED: usize = 8;
-/// Largest part that a step, and a substep in proportion, may create of the energy at hand: kinetic and elastic, and the weight of all nodes raised by their extent.
-const CREATED: f64 = 1e-3;
-/// Largest part of the energy at hand that the last halves of a step, and of steps in a row, may create together.
-const NO_MOTION: f64 = 0.1;
-/// Part of a step in which sections may forget: none, but it is divided by.
-const AT_ONCE: f64 = 1e-9;
 
 /// A (sub)step that has been taken.
 #[derive(Clone, Copy)]
@@ -98,7 +87,7 @@ impl Unsound {
     /// What is too much, of the step or of all in a row, and what was at hand.
     fn excess(&self) -> Option<(f64, f64)> {
         let sums = [(self.created, self.at_hand), (self.before + self.created, self.most_at_hand)];
-        sums.into_iter().find(|(created, at_hand)| self.halves > 0 && *created > NO_MOTION * at_hand)
+        sums.into_iter().find(|(created, at_hand)| self.halves > 0 && *created > STEP.created_together * at_hand)
     }
 
     /// What goes on into the next step.
@@ -137,9 +126,9 @@ impl Stepper<'_> {
     pub(super) fn created_by_nodes(&mut self, step: &Passed, last: bool) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again
-        let searched = if self.model.buckles() { SEARCHED_OF_SHEETS } else { SEARCHED };
+        let searched = if self.model.buckles() { STEP.searched_of_sheets } else { STEP.searched };
         let Work { iterations, evaluations, .. } = step.work;
-        let suspect = iterations >= searched + stages - 1 || evaluations >= CORRECTED * stages || step.h < self.model.h;
+        let suspect = iterations >= searched + stages - 1 || evaluations >= STEP.corrected * stages || step.h < self.model.h;
         // the second stage of a step goes on as the first has begun, which after a hit is up
         let hit = stages == 2 && !self.model.pairs.is_empty();
         if !(suspect || hit) || self.masses.nodes.is_empty() || self.model.integrator == Integrator::QuasiStatic {
@@ -165,7 +154,7 @@ impl Stepper<'_> {
 
     /// Whether that is too much for a (sub)step of length `h`.
     pub(super) fn is_too_much(&self, created: &Created, h: f64) -> bool {
-        created.energy > CREATED * h / self.model.h * created.largest
+        created.energy > STEP.created * h / self.model.h * created.largest
     }
 
     /// Refuses a step whose last halves are no motion.
@@ -265,7 +254,7 @@ impl Stepper<'_> {
 
     /// Sections as they were when the step began, with no time to forget.
     fn as_begun<'a>(&'a self, step: &'a Passed) -> Remembered<'a> {
-        Remembered { past: &self.rod_past, z: &step.before.z, elapsed: AT_ONCE * step.h }
+        Remembered { past: &self.rod_past, z: &step.before.z, elapsed: STEP.at_once * step.h }
     }
 
     /// The weight of all nodes times the diagonal of the box around them \[J\].

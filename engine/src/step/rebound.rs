@@ -12,10 +12,8 @@
 use super::Stepper;
 use crate::constraints::{of_nodes, weighed};
 use crate::geometry::facet::nearest;
+use crate::step::constants::STEP;
 use pliant_math::{State, Vec3};
-
-/// Part of a step's fall below which a speed is that of rest: thrown back as slowly as that, a node lies again within the step.
-const SLOW: f64 = 0.1;
 
 impl Stepper<'_> {
     /// Whether the reference of the second stage, in place, has been thrown back by what the first one touched, from the state `start`.
@@ -72,6 +70,6 @@ impl Stepper<'_> {
     }
 
     fn slow(&self, h: f64) -> f64 {
-        SLOW * weighed(self.theta[self.model.gravity]).0 * h
+        STEP.slow * weighed(self.theta[self.model.gravity]).0 * h
     }
 }

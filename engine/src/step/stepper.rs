@@ -11,19 +11,12 @@ use crate::grasp::{Begin, Grasp, Grasping, Hold, Phase};
 use crate::memory::Past;
 use crate::model::Model;
 use crate::rods::{Remembered, RodPast, RodPoint};
+use crate::step::constants::STEP;
 use crate::step::newton::{Work, solve_stage};
 use crate::terms::joint::JointPoint;
 use pliant_math::rotation::Map;
 use pliant_math::{Input, State};
 use pliant_scene::Integrator;
-
-/// Substeps longer than this part of the step are refused if they create energy: what they create falls with the square of their length.
-const SHORTEST_GUARDED: f64 = 0.1;
-
-/// A step's work is bounded by so many times what it takes if all its shortest parts take all their iterations; halvings that this counts
-/// at most.
-const ATTEMPTS: usize = 4;
-const MOST_COUNTED: usize = 16;
 
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,8 +68,35 @@ pub enum Link {
 pub struct StepTrace {
     /// Work of all its stages.
     pub work: Work,
-    /// Halvings, and steps of sdirk2 taken by Euler: a step with any is another map than one without.
+    /// Halvings, and steps of sdirk2 taken by Euler: halving changes the discrete map.
     pub retries: usize,
+    /// The retries by their reason, in the order of [`Retry::ALL`].
+    pub retried_for: [usize; Retry::ALL.len()],
+}
+
+/// Why a (sub)step was halved or taken by Euler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Retry {
+    /// No root was found, or none is defined.
+    NotSolved,
+    /// It created energy.
+    Energy,
+    /// By sdirk2, it would have thrown back what hits a shape.
+    Rebound,
+}
+
+impl Retry {
+    /// All reasons.
+    pub const ALL: [Self; 3] = [Self::NotSolved, Self::Energy, Self::Rebound];
+
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NotSolved => "not solved",
+            Self::Energy => "energy created",
+            Self::Rebound => "rebound",
+        }
+    }
 }
 
 /// A step's stages in the order they were solved.
@@ -276,6 +296,12 @@ impl<'m> Stepper<'m> {
                 stages.truncate(kept);
                 self.set_warm_start(warm);
                 trace.retries += 1;
+                let reason = match result {
+                    Ok(Taken::Thrown) => Retry::Rebound,
+                    Ok(_) => Retry::Energy,
+                    Err(_) => Retry::NotSolved,
+                };
+                trace.retried_for[reason as usize] += 1;
                 let by_euler = means.by_euler || thrown;
                 let Some(halvings) = means.halvings.checked_sub(1) else {
                     return self.substep(state, h, v_cmd, Means { by_euler, ..means }, trace, stages);
@@ -290,8 +316,8 @@ impl<'m> Stepper<'m> {
     /// Whether a step has taken so much work that more halves will not be better.
     fn spent(&self, trace: &StepTrace) -> bool {
         let solver = &self.model.solver;
-        let shortest = 1 << solver.max_halvings.min(MOST_COUNTED);
-        trace.work.iterations > solver.max_iterations.saturating_mul(ATTEMPTS * shortest)
+        let shortest = 1 << solver.max_halvings.min(STEP.most_counted);
+        trace.work.iterations > solver.max_iterations.saturating_mul(STEP.attempts * shortest)
     }
 
     /// Takes one (sub)step, if it is sound.
@@ -478,7 +504,7 @@ impl<'m> Stepper<'m> {
         trace.work.add(work);
         solved?;
         let mut work = Work::default();
-        let guarded = link == Link::Single && !thorough && h > SHORTEST_GUARDED * self.model.h;
+        let guarded = link == Link::Single && !thorough && h > STEP.shortest_checked * self.model.h;
         if guarded && stage.creates_energy(&mut self.ws)? {
             return Ok(false);
         }

@@ -3,8 +3,8 @@
 
 use super::link::Link;
 use super::{
-    Beginning, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, Evaluation, InputsAt, Loads, RecordAt,
-    SETTLED, Slopes, WarmImpulses, cone, reach,
+    Beginning, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, Evaluation, InputsAt, Loads, RecordAt, Slopes,
+    WarmImpulses, cone, reach,
 };
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
@@ -13,14 +13,12 @@ use crate::constraints::{
 };
 use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, Spot, candidates, meet};
 use crate::model::Model;
+use crate::step::constants::STEP;
 use crate::step::{Stage, StepError};
 use nalgebra::Vector4;
 use num_dual::Dual64;
 use pliant_math::spatial::{Force, Motion};
 use pliant_math::{Input, Vec3};
-
-/// Softening of the law that leaves nothing of a contact.
-const ABSENT: f64 = 1e12;
 
 /// Which features of which pair meet.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +43,7 @@ pub(crate) struct BodyContacts {
 impl Stage<'_> {
     /// The law's numbers at a contact of colliders.
     pub(crate) fn body_contact_law(&self, link: &Link, pair: usize) -> SplitLaw {
-        let soften = if self.options.absent { ABSENT } else { self.options.soften };
+        let soften = if self.options.absent { STEP.disabled } else { self.options.soften };
         let (pair, scales) = (&self.model.solid_pairs[pair], [self.h, self.options.rest_gap]);
         body_contact_law(self.model.contact.law, pair, [link.rho_n, link.rho_t], self.theta, scales, soften)
     }
@@ -100,7 +98,7 @@ pub(crate) fn cones_settled(lambda: &[f64], d: &[f64], rounding: impl Iterator<I
         .chunks_exact(4)
         .zip(d.chunks_exact(4))
         .zip(rounding)
-        .all(|((w, dw), rounding)| largest(dw) <= (SETTLED * largest(w)).max(4.0 * rounding))
+        .all(|((w, dw), rounding)| largest(dw) <= (STEP.settled_split * largest(w)).max(4.0 * rounding))
 }
 
 impl ConstraintSet for BodyContacts {

@@ -11,12 +11,10 @@ use super::{
 };
 use crate::constraints::{JointRow, RHO, RowLinear, RowPoint, WEIGHT};
 use crate::model::Model;
+use crate::step::constants::STEP;
 use crate::step::{Stage, StageRecord, StepError};
 use pliant_linalg::System;
 use pliant_math::Input;
-
-/// Relative change below which an impulse has settled.
-const SETTLED: f64 = 1e-6;
 
 /// Joint friction, limits and couplings linearized.
 #[derive(Clone, Debug, Default)]
@@ -164,7 +162,7 @@ impl ConstraintSet for JointConstraints {
             let at_limit = rows.iter().zip(&self.rows).filter(|(other, _)| other.dof == row.dof).map(|(_, other)| other.held);
             let moved = at_limit.fold(0.0, f64::max) * (stage.row_slope(linear) / linear.f_gamma).abs();
             let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { moved };
-            d.abs() <= (SETTLED * s.abs().max(1e-3 * weight)).max(noise)
+            d.abs() <= (STEP.settled_joint * s.abs().max(1e-3 * weight)).max(noise)
         })
     }
 

@@ -305,7 +305,3 @@ pub(crate) fn cone(lambda: &[f64], k: usize) -> Vector4<f64> {
 pub(crate) fn reach(rest_gap: f64) -> f64 {
     (1e6 * rest_gap).min((1e3 * rest_gap).max(0.01))
 }
-
-/// Relative change below which a cone variable of the split law has settled: derivatives of friction that almost slips feel its last
-/// digits.
-pub(crate) const SETTLED: f64 = 1e-10;

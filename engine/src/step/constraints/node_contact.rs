@@ -6,13 +6,12 @@ use super::{
 };
 use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, weighed};
 use crate::geometry::solid::Carrier;
+use crate::step::constants::STEP;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix3, Vector4};
 use pliant_math::{Input, Vec3};
 use pliant_smoothing::eigenvalues;
 
-/// Relative change below which an eigenvalue of a cone variable has settled.
-const SETTLED: f64 = 1e-6;
 /// Node contacts of a stage: every pair of the model, always listed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NodeContacts {
@@ -182,7 +181,7 @@ impl ConstraintSet for NodeContacts {
         (0..self.contacts.len()).all(|c| {
             let (w, dw) = (cone(lambda, c), cone(d, c));
             let (before, after) = (eigenvalues(w.into()), eigenvalues((w + dw).into()));
-            let still = |a: f64, b: f64| (a - b).abs() <= SETTLED * a.abs().max(b.abs());
+            let still = |a: f64, b: f64| (a - b).abs() <= STEP.settled_cone * a.abs().max(b.abs());
             still(before.0, after.0) && still(before.1, after.1)
         })
     }

@@ -1,58 +1,94 @@
-//! What is tried when Newton's method fails, in this order: the warm start, from the law at frozen geometry where solids collide;
-//! a longer such start; a cold start with κ taken down from a soft contact; for rods that twist
-//! a walk downhill; a Levenberg-damped matrix. Halving the step is the caller's
-//! last resort, and comes before the last two where solids touch: two halves take less work than those.
+//! Starts of Newton's method, in the order in which they are tried: [`Attempt`]. Halving the step is the caller's last resort, and comes
+//! before the last three where colliders touch: two halves take less work than those.
 
-use crate::step::newton::{FIRST_SOFT, Stuck, Work, newton, speed, stay};
+use super::constants::NEWTON;
+use crate::step::newton::{Stuck, Work, newton, speed, stay};
 use crate::step::{STATIC, Stage, StepError, Workspace};
 use pliant_scene::Law;
 
-/// κ falls by this factor per stage of the continuation.
-const KAPPA_FACTOR: f64 = 1e-2;
-/// Levenberg weights as multiples of the inertia, tried in this order.
-const DAMPING_LADDER: [f64; 4] = [100.0, 10.0, 3.0, 0.5];
-/// Starts at frozen geometry, each where the last one led: before the first attempt, and before the second.
-const FROZEN_STARTS: [usize; 2] = [2, 6];
-/// Relative change of velocities after which another one is no use.
-const FROZEN: f64 = 1e-3;
-/// Solids that would pierce each other faster than this many steps' fall collide.
-const COLLIDING: f64 = 2.0;
-/// Iterations of the first attempt where solids touch: what takes more of them is found sooner by the second.
-const FIRST_PATIENCE: usize = 12;
-/// How much longer the second walk down the ladder may take.
-const DAMPED_PATIENCE: usize = 4;
+/// A start of Newton's method. [`Work::solved_by`] counts the stages that each solved; docs/theory/step.md has the counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attempt {
+    /// The velocities extrapolated from the last steps and the last impulses; where colliders approach each other fast, the root of the
+    /// contact law at frozen geometry.
+    Warm,
+    /// The root at frozen geometry, and regularized contacts of colliders.
+    Regularized,
+    /// A continuation in the rest gap, from soft contacts to hard ones, knowing nothing of the last impulses.
+    Continuation,
+    /// Of rods: down the energy by positive semidefinite matrices.
+    Descent,
+    /// Down a ladder of Levenberg weights.
+    Levenberg,
+}
+
+impl Attempt {
+    /// All, in order.
+    pub const ALL: [Self; 5] = [Self::Warm, Self::Regularized, Self::Continuation, Self::Descent, Self::Levenberg];
+
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Warm => "warm start",
+            Self::Regularized => "regularized contacts",
+            Self::Continuation => "continuation in the rest gap",
+            Self::Descent => "energy descent",
+            Self::Levenberg => "Levenberg ladder",
+        }
+    }
+
+    /// Whether it is for this stage, after those before it.
+    fn applies(self, stage: &Stage, touching: bool, warm: bool) -> bool {
+        let thorough = stage.options.thorough || !touching || !warm;
+        match self {
+            Self::Warm => warm,
+            Self::Regularized => touching && warm,
+            Self::Continuation => thorough && stage.has_contact(),
+            Self::Descent => thorough && !stage.model.rods.edges.is_empty(),
+            Self::Levenberg => thorough,
+        }
+    }
+
+    fn run(self, stage: &Stage, ws: &mut Workspace, touching: bool, work: &mut Work) -> Result<(), Stuck> {
+        let limit = stage.model.solver.max_iterations;
+        match self {
+            Self::Warm => {
+                start_warm(stage, ws);
+                let fall = stage.h * stage.theta[stage.model.gravity].abs();
+                if touching && ws.constraints.bodies.closing > NEWTON.colliding * fall {
+                    start_frozen(stage, ws, NEWTON.frozen_starts[0], work);
+                } else {
+                    extrapolate(stage, ws);
+                }
+                newton(stage, ws, if touching { limit.min(NEWTON.first_patience) } else { limit }, work)
+            }
+            Self::Regularized => {
+                start_warm(stage, ws);
+                start_frozen(stage, ws, NEWTON.frozen_starts[1], work);
+                newton(&stage.with(|o| o.soften = NEWTON.first_regularization), ws, limit, work)
+            }
+            Self::Continuation => cold(stage, ws, limit, work),
+            Self::Descent => downhill(stage, ws, limit, work),
+            Self::Levenberg => damped(stage, ws, limit, work),
+        }
+    }
+}
 
 /// Solves the stage into `ws.it`; leaves the cone variables there as the next warm start.
 pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<(), StepError> {
-    let limit = stage.model.solver.max_iterations;
     stage.find_constraints(ws);
     // the law at frozen geometry is Coulomb's
     let touching = ws.constraints.bodies.any() && stage.model.contact.law == Law::Coulomb;
-    let mut stuck = if stage.has_cones() && ws.warm.is_none() {
-        None
-    } else {
-        start_warm(stage, ws);
-        if touching && ws.constraints.bodies.closing > COLLIDING * stage.h * stage.theta[stage.model.gravity].abs() {
-            start_frozen(stage, ws, FROZEN_STARTS[0], work);
-        } else {
-            extrapolate(stage, ws);
+    let warm = ws.warm.is_some() || !stage.has_cones();
+    let mut stuck = None;
+    for attempt in Attempt::ALL {
+        if attempt.applies(stage, touching, warm) {
+            stuck = Some(attempt.run(stage, ws, touching, work));
+            if matches!(stuck, Some(Ok(()))) {
+                work.solved_by[attempt as usize] += 1;
+                break;
+            }
         }
-        Some(newton(stage, ws, if touching { limit.min(FIRST_PATIENCE) } else { limit }, work))
-    };
-    if touching && matches!(stuck, Some(Err(_))) {
-        start_warm(stage, ws);
-        start_frozen(stage, ws, FROZEN_STARTS[1], work);
-        stuck = Some(newton(&stage.with(|o| o.soften = FIRST_SOFT), ws, limit, work));
-    }
-    let thorough = stage.options.thorough || !touching || stuck.is_none();
-    if thorough && stage.has_contact() && !matches!(stuck, Some(Ok(()))) {
-        stuck = Some(cold(stage, ws, limit, work));
-    }
-    if thorough && !matches!(stuck, Some(Ok(()))) && !stage.model.rods.edges.is_empty() {
-        stuck = Some(downhill(stage, ws, limit, work));
-    }
-    if thorough && !matches!(stuck, Some(Ok(()))) {
-        stuck = Some(damped(stage, ws, limit, work));
     }
     match stuck {
         Some(Ok(())) => {
@@ -107,7 +143,7 @@ fn start_frozen(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work
             return;
         }
         let change: Vec<f64> = ws.it.v.iter().zip(&ws.newton.trial.v).map(|(v, before)| v - before).collect();
-        if speed(stage, &change) <= FROZEN * speed(stage, &ws.it.v) {
+        if speed(stage, &change) <= NEWTON.frozen_change * speed(stage, &ws.it.v) {
             return;
         }
     }
@@ -143,7 +179,7 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
         if gap <= stage.options.rest_gap {
             return Ok(());
         }
-        gap = (gap * KAPPA_FACTOR).max(stage.options.rest_gap);
+        gap = (gap * NEWTON.continuation_fall).max(stage.options.rest_gap);
         if coarse && gap < 2.0 * stage.options.rest_gap {
             // what is only passed through is not precise, so the last one must not be missed by rounding
             gap = stage.options.rest_gap;
@@ -155,9 +191,9 @@ fn cold(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Res
 /// the true one finishes. A second, longer walk follows if the first fails.
 fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
     let mut last = Stuck::NoProgress { correction: f64::NAN };
-    for patience in [1, DAMPED_PATIENCE] {
+    for patience in [1, NEWTON.damped_patience] {
         start_cold(stage, ws);
-        for weight in DAMPING_LADDER {
+        for weight in NEWTON.damping_ladder {
             let stiff = stage.with(|o| o.damping = weight * stage.inertia.max(1.0));
             match newton(&stiff, ws, patience * limit, work) {
                 Ok(()) | Err(Stuck::NoProgress { .. }) => {}
@@ -175,7 +211,7 @@ fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> R
 /// Down the energy by matrices of what resists alone, as far as that leads quickly; the true one finishes.
 fn downhill(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
     start_cold(stage, ws);
-    match newton(&stage.with(|o| (o.downhill, o.coarse) = (true, true)), ws, DAMPED_PATIENCE * limit, work) {
+    match newton(&stage.with(|o| (o.downhill, o.coarse) = (true, true)), ws, NEWTON.damped_patience * limit, work) {
         Ok(()) | Err(Stuck::NoProgress { .. }) => {}
         Err(e) => return Err(e),
     }

@@ -6,10 +6,10 @@
 //! ```
 //! Taken is the one that would have been best for the last stage. After an impact that is order 0: none.
 
+use super::constants::NEWTON;
+
 /// Accelerations that are kept.
 const KEPT: usize = 3;
-/// An order must have come this near to the last acceleration, relative to it, to be better than none.
-const NEAR: f64 = 0.5;
 
 /// Weights of the kept accelerations, the last one first, by order.
 const WEIGHTS: [[f64; KEPT]; KEPT + 1] = [[0.0; KEPT], [1.0, 0.0, 0.0], [2.0, -1.0, 0.0], [3.0, -3.0, 1.0]];
@@ -46,7 +46,7 @@ impl History {
             }
             *kept = [now, kept[0], kept[1]];
         }
-        missed2[0] *= NEAR * NEAR;
+        missed2[0] *= NEWTON.history_near * NEWTON.history_near;
         let known = ..=self.made.min(KEPT);
         self.order = missed2[known].iter().enumerate().fold(0, |best, (k, m)| if *m < missed2[best] { k } else { best });
         self.made += 1;

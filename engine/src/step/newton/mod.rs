@@ -12,55 +12,20 @@
 //! well grow on the way down: one that has not turned up by more than half of what it was at the beginning will do, and one
 //! that still points down as much is taken further.
 
+mod constants;
 mod fallback;
 mod history;
 mod secant;
 
+pub use fallback::Attempt;
 pub(crate) use fallback::solve_stage;
 pub(crate) use history::History;
 pub(crate) use secant::Secant;
 
 use crate::step::constraints::ConstraintSet;
 use crate::step::{Iterate, STATIC, Stage, StepError, Workspace};
+use constants::NEWTON;
 use pliant_linalg::System;
-
-/// Corrections are worth taking without a new matrix if about this many of them are left, falling as they do: where nothing touches, a
-/// matrix of ropes, rods and bodies costs as much as three; with contacts, and for sheets, as six and more. (They end sooner, for each is
-/// made better by those before it.)
-const CHORDS: f64 = 8.0;
-const CHORDS_FOR_DEAR: f64 = 15.0;
-/// How many full steps of a solve may fail the monotonicity test, and the growth of the correction they may show. The matrix of
-/// the first iterates lacks the axial forces of the root (they are just being found), so its test is no judge of them.
-const BOLD_STEPS: usize = 2;
-const BOLD: f64 = 10.0;
-/// Where a sheet buckles: how much of the slope along a step may be left at its end, either way, before a step is too long or
-/// a longer one is tried; the longest; and how many more iterations descending may take than converging.
-const LEVEL: f64 = 0.5;
-const LONGEST: f64 = 8.0;
-const BUCKLING_PATIENCE: usize = 3;
-/// Smallest damping factor tried.
-const MIN_ALPHA: f64 = 1e-3;
-/// Precision of the stages of a continuation that are only passed through.
-const COARSE: f64 = 1e-3;
-/// Softening of contacts of solids where full steps fail: the first, its growth and fall, the least and the most.
-pub(super) const FIRST_SOFT: f64 = 1e-3;
-const SOFT_RISE: f64 = 10.0;
-const SOFT_FALL: f64 = 1e-3;
-const SOFT_HOLD: f64 = 0.3;
-const LEAST_SOFT: f64 = 1e-9;
-/// From here on a softened root is as good a start for the hard one as any.
-const NEARLY_HARD: f64 = 1e-4;
-const MOST_SOFT: f64 = 0.05;
-/// Part of the tolerance that what is left after a last correction may be: it is an estimate, and the end of most steps is nearer than that.
-const NEGLIGIBLE: f64 = 0.01;
-/// How many roundings of the stiffest force count as none.
-const ROUNDINGS: f64 = 4.0;
-/// Part of the velocity scale that the rounding of inner forces may leave open in a step; and of the size of things by which it may move
-/// them, for at rest there is no velocity to compare it with.
-const UNRESOLVED: f64 = 1e-6;
-const UNMOVED: f64 = 1e-10;
-/// Corrections this many times the tolerance count as rounding noise if they stop shrinking.
-const NOISE: f64 = 1e3;
 
 /// Work of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,6 +36,8 @@ pub struct Work {
     pub factorizations: usize,
     /// Residual evaluations in chords and line searches.
     pub evaluations: usize,
+    /// Stages solved by each [`Attempt`].
+    pub solved_by: [usize; Attempt::ALL.len()],
 }
 
 impl Work {
@@ -79,6 +46,7 @@ impl Work {
         self.iterations += other.iterations;
         self.factorizations += other.factorizations;
         self.evaluations += other.evaluations;
+        self.solved_by.iter_mut().zip(other.solved_by).for_each(|(sum, count)| *sum += count);
     }
 
     /// What came after `earlier`.
@@ -87,6 +55,7 @@ impl Work {
             iterations: self.iterations - earlier.iterations,
             factorizations: self.factorizations - earlier.factorizations,
             evaluations: self.evaluations - earlier.evaluations,
+            solved_by: std::array::from_fn(|k| self.solved_by[k] - earlier.solved_by[k]),
         }
     }
 }
@@ -108,14 +77,15 @@ impl From<StepError> for Stuck {
 
 /// Solves the stage from the iterate in `ws.it`, whose driven velocities already are the commanded ones.
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
-    let precision = if stage.options.coarse { stage.model.solver.tolerance.max(COARSE) } else { stage.model.solver.tolerance };
+    let precision =
+        if stage.options.coarse { stage.model.solver.tolerance.max(NEWTON.coarse) } else { stage.model.solver.tolerance };
     let tolerance = (precision * velocity_scale(stage, ws)).max(rounding(stage));
     let mut correction = f64::INFINITY;
-    ws.newton.nonmonotone = if stage.options.damping == 0.0 { BOLD_STEPS } else { 0 };
+    ws.newton.nonmonotone = if stage.options.damping == 0.0 { NEWTON.nonmonotone_steps } else { 0 };
 
     let (mut soften, mut eased) = (stage.options.soften, false);
     let patience =
-        if by_slope(stage) && stage.options.damping == 0.0 { BUCKLING_PATIENCE * max_iterations } else { max_iterations };
+        if by_slope(stage) && stage.options.damping == 0.0 { NEWTON.buckling_patience * max_iterations } else { max_iterations };
     for _ in 0..patience {
         let stage = &stage.with(|o| o.soften = soften);
         work.iterations += 1;
@@ -131,14 +101,14 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             // softened contacts have converged when they have without
             Descent::Converged if soften > 0.0 && !stage.options.coarse => {
                 eased = true;
-                soften = if soften > NEARLY_HARD { soften * SOFT_FALL } else { 0.0 }
+                soften = if soften > NEWTON.nearly_hard { soften * NEWTON.regularization_fall } else { 0.0 }
             }
             Descent::Converged => return Ok(()),
             Descent::Continue(ratio) => soften = fallen(soften, ratio),
             // what is left where softened contacts have converged is rounding noise if it is small
-            Descent::Soften if eased && correction <= NOISE * tolerance => return Ok(()),
-            Descent::Soften => soften = (soften * SOFT_RISE).max(FIRST_SOFT),
-            Descent::Stalled if correction <= NOISE * tolerance || balanced(stage, ws, correction) => return Ok(()),
+            Descent::Soften if eased && correction <= NEWTON.noise * tolerance => return Ok(()),
+            Descent::Soften => soften = (soften * NEWTON.regularization_rise).max(NEWTON.first_regularization),
+            Descent::Stalled if correction <= NEWTON.noise * tolerance || balanced(stage, ws, correction) => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
@@ -176,7 +146,11 @@ fn by_slope(stage: &Stage) -> bool {
 
 /// A softening after a correction fell by `ratio`.
 fn fallen(soften: f64, ratio: f64) -> f64 {
-    if soften > LEAST_SOFT { soften * ratio.clamp(SOFT_FALL, SOFT_HOLD) } else { 0.0 }
+    if soften > NEWTON.least_regularization {
+        soften * ratio.clamp(NEWTON.regularization_fall, NEWTON.regularization_hold)
+    } else {
+        0.0
+    }
 }
 
 /// How one Newton direction ended.
@@ -196,19 +170,19 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
     // chords do without axial forces, which therefore do not follow them
     let mut behind = false;
     ws.newton.secant.clear();
-    let chords = if stage.model.buckles() || stage.has_contact() { CHORDS_FOR_DEAR } else { CHORDS };
+    let chords = if stage.model.buckles() || stage.has_contact() { NEWTON.chords_if_dear } else { NEWTON.chords };
     let by_slope = by_slope(stage);
-    let (mut slope, mut longest) = (dot(&ws.r, &ws.newton.d.v), if ws.newton.semidefinite { LONGEST } else { 1.0 });
+    let (mut slope, mut longest) = (dot(&ws.r, &ws.newton.d.v), if ws.newton.semidefinite { NEWTON.longest_step } else { 1.0 });
     loop {
         let mut next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.options.damping > 0.0 || stage.options.soften > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
-        let dare = alpha == 1.0 && !behind && ws.newton.nonmonotone > 0 && next < BOLD * norm;
+        let dare = alpha == 1.0 && !behind && ws.newton.nonmonotone > 0 && next < NEWTON.nonmonotone_growth * norm;
         // where a sheet buckles a step leads downhill, whatever corrections do
         let rise = if by_slope && slope < 0.0 { dot(&ws.r, &ws.newton.d.v) / -slope } else { f64::INFINITY };
-        let downhill = !behind && rise < LEVEL;
-        if rise < -LEVEL && alpha < longest && norm > tolerance {
+        let downhill = !behind && rise < NEWTON.slope_left;
+        if rise < -NEWTON.slope_left && alpha < longest && norm > tolerance {
             alpha *= 2.0;
             continue;
         }
@@ -237,7 +211,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             if std::mem::take(&mut behind) {
                 stay(stage, ws);
                 // a chord that leads astray says nothing of the iterate: a new matrix will
-                if norm > NOISE * tolerance {
+                if norm > NEWTON.noise * tolerance {
                     return Ok(Descent::Continue(1.0));
                 }
             }
@@ -245,7 +219,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 // rounding noise: the last correction was already below the tolerance
                 return Ok(if settled(stage, ws) { Descent::Converged } else { Descent::Stalled });
             }
-            if alpha == 1.0 && stage.options.soften < MOST_SOFT && ws.constraints.any_listed() {
+            if alpha == 1.0 && stage.options.soften < NEWTON.most_regularization && ws.constraints.any_listed() {
                 return Ok(Descent::Soften);
             }
             longest = 0.0;
@@ -254,7 +228,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 true => reduced(alpha, norm, next),
                 false => 0.1 * alpha,
             };
-            if alpha < MIN_ALPHA {
+            if alpha < NEWTON.least_damping {
                 return Ok(Descent::Stalled);
             }
         }
@@ -278,7 +252,7 @@ fn left_after(next: f64, norm: f64) -> f64 {
 /// Whether the iterate with the pending correction is the root: what is `left` then far below the tolerance, or the correction itself below
 /// it, velocities' or the rounding of those that stops tell, cone variables' or their rounding noise; and their eigenvalues settled.
 fn converged(stage: &Stage, ws: &Workspace, norm: f64, left: f64, tolerance: f64) -> bool {
-    if norm > tolerance && left > NEGLIGIBLE * tolerance {
+    if norm > tolerance && left > NEWTON.negligible * tolerance {
         let by_cones = multiplier_norm(stage, ws, &ws.newton.d);
         let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
         if by_velocities > tolerance.max(velocity_rounding(stage, ws)) || by_cones > cone_rounding(stage, ws) {
@@ -429,15 +403,15 @@ fn balanced(stage: &Stage, ws: &Workspace, correction: f64) -> bool {
     let stiffest = |of: &System| (0..n).fold(0.0, |a: f64, k| a.max(-of.nodes.get(k, k)));
     let largest = ws.r[..n].iter().fold(0.0_f64, |a, r| a.max(r.abs()));
     if stage.scheme == STATIC {
-        return largest <= ROUNDINGS * f64::EPSILON * farthest(stage) * stiffest(&ws.dq);
+        return largest <= NEWTON.roundings * f64::EPSILON * farthest(stage) * stiffest(&ws.dq);
     }
     let [stiffness, viscosity] =
         if stage.has_contact() { [ws.stiffness, ws.viscosity] } else { [stiffest(&ws.dq), stiffest(&ws.dv)] };
     let fastest = ws.it.v[..n].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-    let noise = 4.0 * ROUNDINGS * f64::EPSILON * (farthest(stage) * stiffness + fastest * viscosity);
+    let noise = 4.0 * NEWTON.roundings * f64::EPSILON * (farthest(stage) * stiffness + fastest * viscosity);
     // (bodies have balances of their own)
-    let unmoved = if stage.model.tree.nv() == 0 { UNMOVED * farthest(stage) / stage.h } else { 0.0 };
-    correction <= unmoved.max(UNRESOLVED * velocity_scale(stage, ws)) && settled(stage, ws) && largest <= noise
+    let unmoved = if stage.model.tree.nv() == 0 { NEWTON.unmoved * farthest(stage) / stage.h } else { 0.0 };
+    correction <= unmoved.max(NEWTON.unresolved * velocity_scale(stage, ws)) && settled(stage, ws) && largest <= noise
 }
 
 /// Largest coordinate of a node [m].

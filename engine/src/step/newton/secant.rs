@@ -8,10 +8,9 @@
 //! Where a matrix is a little off in one direction, all corrections by it point along that one, each a constant part of the one before;
 //! their sum is then taken in one step. (Impulses must count in ⟨·,·⟩: by velocities alone contacts take more matrices than without.)
 
+use super::constants::NEWTON;
 use crate::step::{Iterate, Stage, Workspace};
 
-/// Largest ⟨c, s⟩/⟨s, s⟩ that is extrapolated from: beyond it steps would be more than twice the correction.
-const MOST: f64 = 0.5;
 /// Numbers summed side by side.
 const LANES: usize = 8;
 
@@ -59,7 +58,7 @@ impl Secant {
             c.iter_mut().zip(&self.steps[k + 1]).for_each(|(c, s)| *c += part * s);
         }
         let part = part(c, last);
-        if part < MOST {
+        if part < NEWTON.secant_limit {
             c.iter_mut().for_each(|c| *c /= 1.0 - part);
         }
     }

@@ -1,0 +1,62 @@
+//! Numbers that decide in a step beside Newton's method: substeps, energy checks, the warm start at frozen geometry, and when multipliers
+//! have settled. Units and reasons; unless a source is named they were set on the scenes of the tests.
+/// See the module; one value, [`STEP`].
+pub(crate) struct StepConstants {
+    /// Substeps longer than this part of the step are refused if they create energy [-]: it falls with the square of their length.
+    pub shortest_checked: f64,
+    /// Bound of a step's work, over what it takes if all its shortest substeps take all their iterations [-].
+    pub attempts: usize,
+    /// Most halvings that this bound counts.
+    pub most_counted: usize,
+    /// Largest part of the kinetic energy of bodies that a step may create [-].
+    pub created_by_bodies: f64,
+    /// Part of a step's fall below which a rebound is one of rest [-]: as slow as that, a node lies again within the step.
+    pub slow: f64,
+    /// Matrices, one more for a second stage, from which on the energy of a root of ropes and rods is checked: one found sooner is near.
+    pub searched: usize,
+    /// The same of sheets, of which a matrix serves for more corrections.
+    pub searched_of_sheets: usize,
+    /// Corrections with one matrix of a sheet from which on it is checked as well.
+    pub corrected: usize,
+    /// Largest part of the energy at hand (kinetic, elastic, and the weight of all nodes raised by their extent) that a step, and a substep in
+    /// proportion, may create [-].
+    pub created: f64,
+    /// Largest part of it that substeps at the halving limit, and steps in a row, may create together [-].
+    pub created_together: f64,
+    /// Part of a step in which history variables relax [-]: as good as none, but it is divided by.
+    pub at_once: f64,
+    /// Most sweeps of projected Gauss–Seidel over all contacts.
+    pub sweeps: usize,
+    /// Change of the impulses in a sweep, relative to the largest, that ends it [-].
+    pub swept: f64,
+    /// Relative change below which an impulse of a joint has settled [-].
+    pub settled_joint: f64,
+    /// Relative change below which an eigenvalue of a cone variable has settled [-].
+    pub settled_cone: f64,
+    /// Relative change below which a cone variable of the split law has settled [-]: derivatives of friction that almost slips depend on its
+    /// last digits.
+    pub settled_split: f64,
+    /// Regularization of the law that disables a contact [-].
+    pub disabled: f64,
+}
+
+/// The values in use.
+pub(crate) const STEP: StepConstants = StepConstants {
+    shortest_checked: 0.1,
+    attempts: 4,
+    most_counted: 16,
+    created_by_bodies: 0.02,
+    slow: 0.1,
+    searched: 3,
+    searched_of_sheets: 2,
+    corrected: 8,
+    created: 1e-3,
+    created_together: 0.1,
+    at_once: 1e-9,
+    sweeps: 100,
+    swept: 1e-4,
+    settled_joint: 1e-6,
+    settled_cone: 1e-6,
+    settled_split: 1e-10,
+    disabled: 1e12,
+};
