@@ -7,7 +7,7 @@
 //! ∂v⁺/∂v = G σM (zero in prescribed columns),   ∂v⁺/∂q̄ = G ∂f/∂q̄ − H ∂F/∂q̄,   ∂v⁺/∂v_cmd = the prescribed columns of G
 //! ```
 //! with q̄ = q + h v⁺. Edges carry rods' axes along by S_a = 1 + ψ_a before and S_b = 1 + ψ_b after the step
-//! ([`Carry`](pliant_engine::rods::Carry); both are 1 elsewhere), so that with V = ∂v⁺/∂q̄
+//! ([`Carry`](pliant_engine::rods::Carry); both are 1 elsewhere), and ∂f/∂q̄ here knows what S_b does at q̄, so that with V = ∂v⁺/∂q̄
 //! ```text
 //! ∂v⁺/∂q = V S_a,   ∂q⁺/∂q = S_b (1 + h V) S_a,   ∂q⁺/∂v = h S_b ∂v⁺/∂v
 //! ```
@@ -17,8 +17,9 @@
 //! ```text
 //! V = (G D + H F_v − 1)/h
 //! ```
-//! but for the blocks on its diagonal, where the difference could leave nothing of what sticks or of what hardly anything holds: they are
-//! taken from the product.
+//! In the blocks on its diagonal the difference could leave nothing of what sticks or of what hardly anything holds, and the product
+//! nothing of what is stiff: there of both the one is taken that adds up smaller numbers. With damping V is the product, for sheets; ropes
+//! and rods with damping are linearized the general way.
 //!
 //! **Rows of the inverse.** Without contacts G is K⁻¹, which the fronts of sheets give without solves. With contacts, which are 1e7 times
 //! stiffer than the rest, ropes and rods solve for the columns of [G H]ᵀ and refine them. Fronts would be slow at that; sheets keep to
@@ -31,7 +32,7 @@ use crate::linearization::{Linearization, VECTOR};
 use crate::stage::Context;
 use pliant_engine::rods::Carry;
 use pliant_engine::step::{EULER, Link, NodeBlock, StageRecord, StepRecord};
-use pliant_linalg::NodeMatrix;
+use pliant_linalg::{NodeMatrix, Sum};
 use pliant_math::Input;
 use std::borrow::Cow;
 
@@ -51,7 +52,8 @@ pub(crate) struct Inverse {
     momentum: Vec<f64>,
     /// D/h of every column, and its entries of V's blocks on the diagonal: three of a node's, one of a twist's.
     scale: Vec<f64>,
-    own: Vec<[f64; 3]>,
+    own: Vec<[Sum; 3]>,
+    difference: Vec<[Sum; 3]>,
     contacts: Vec<Contact<4>>,
     condensed: Vec<Contact<3>>,
 }
@@ -76,6 +78,19 @@ impl<const N: usize> Contact<N> {
         let (Some(x), Some(to)) = (row[self.from..].first_chunk::<N>(), v[self.node..].first_chunk_mut::<3>()) else { return };
         for (x, rates) in x.iter().zip(&self.rates) {
             to.iter_mut().zip(rates).for_each(|(to, rate)| *to += x * rate);
+        }
+    }
+}
+
+impl<const N: usize> Contact<N> {
+    /// Adds its part of V's blocks on the diagonal, as a product and as a difference.
+    fn add_own(&self, rows: &[f64], width: usize, product: &mut [[Sum; 3]], difference: &mut [[Sum; 3]]) {
+        for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+            let from = &rows[(self.node + r) * width + self.from..][..N];
+            for ((x, by_q), rates) in from.iter().zip(&self.by_q).zip(&self.rates) {
+                product[self.node + c][r].add(-x * by_q[c]);
+                difference[self.node + c][r].add(x * rates[c]);
+            }
         }
     }
 }
@@ -117,15 +132,17 @@ impl Inverse {
         self.contacts.clear();
         self.condensed.clear();
         let factor = &stage.jacobians.factor;
-        let as_it_is = || (Cow::Borrowed(&stage.jacobians.dq.nodes), Vec::new());
-        let (positions, normals) = if !(factor.is_sparse() || factor.is_symmetric()) {
-            self.solve_rows(stage);
-            as_it_is()
-        } else if stage.n_rows() == n {
-            self.invert(stage);
-            as_it_is()
-        } else {
+        let (positions, normals) = if factor.is_sparse() && !(stage.undamped && stage.n_rows() == n) {
             self.invert_condensed(cx, step, stage)?
+        } else if !stage.undamped {
+            return None;
+        } else {
+            if factor.is_sparse() || factor.is_symmetric() {
+                self.invert(stage);
+            } else {
+                self.solve_rows(stage);
+            }
+            (stage.carried_positions(cx.model), Vec::new())
         };
         let mut a = vec![0.0; 4 * n * n];
         self.prepare(cx, stage, &positions, &normals);
@@ -141,33 +158,24 @@ impl Inverse {
         Some(out)
     }
 
-    /// G without contacts, and its transpose where V is a product.
+    /// G without contacts or damping.
     fn invert(&mut self, stage: &StageRecord) {
         let n = stage.v.len();
-        (self.width, self.columns) = (n, n);
-        let factor = &stage.jacobians.factor;
-        if stage.undamped {
-            factor.inverse_of_nodes(&mut self.rows);
-        } else {
-            factor.inverses_of_nodes(&mut self.rows, &mut self.transposed);
-        }
-        if !worth_refining(stage, vec![1.0; n]) {
-            return;
-        }
-        // X ← X + X (1 − K X)
-        let defect = &mut self.refinement.defect;
-        defect.clear();
-        defect.resize(n * n, 0.0);
-        (0..n).for_each(|k| defect[k * n + k] = 1.0);
-        stage.subtract_system(&self.rows, defect, n);
-        stage.solve_velocities(defect, n);
-        self.rows.iter_mut().zip(defect).for_each(|(x, d)| *x += *d);
-        if !stage.undamped {
-            transpose_into(&self.rows, n, &mut self.transposed, n, n);
+        self.width = n;
+        stage.jacobians.factor.inverse_of_nodes(&mut self.rows);
+        if worth_refining(stage, vec![1.0; n]) {
+            // X ← X + X (1 − K X)
+            let defect = &mut self.refinement.defect;
+            defect.clear();
+            defect.resize(n * n, 0.0);
+            (0..n).for_each(|k| defect[k * n + k] = 1.0);
+            stage.subtract_system(&self.rows, defect, n);
+            stage.solve_velocities(defect, n);
+            self.rows.iter_mut().zip(defect).for_each(|(x, d)| *x += *d);
         }
     }
 
-    /// The same with contacts condensed.
+    /// G of a sheet with contacts condensed, or with damping; its transpose too where V is a product.
     fn invert_condensed<'a>(&mut self, cx: Context, step: &StepRecord, stage: &'a StageRecord) -> Option<Positions<'a>> {
         if probe_refines(cx, step, stage) {
             return None;
@@ -187,7 +195,7 @@ impl Inverse {
         Some((Cow::Owned(positions), normals))
     }
 
-    /// [G H] with contacts, from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
+    /// [G H] from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
     fn solve_rows(&mut self, stage: &StageRecord) {
         let n = stage.v.len();
         let columns = n.next_multiple_of(VECTOR);
@@ -222,36 +230,47 @@ impl Inverse {
     /// Vᵀ where it is a product, and otherwise what its difference takes.
     fn prepare(&mut self, cx: Context, stage: &StageRecord, positions: &NodeMatrix, normals: &[NodeBlock]) {
         let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
-        self.own.clear();
         self.by_position.clear();
         if stage.undamped {
             let scale = |(m, driven): (&f64, &bool)| per_h * if *driven { 1.0 } else { stage.inertia * m };
             self.scale.clear();
             self.scale.extend(cx.mass.iter().zip(cx.model.driven_rows()).map(scale));
-            positions.diagonal_blocks_of_product(&self.rows, self.width, &mut self.own);
-            for contact in &self.contacts {
-                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                    let from = &self.rows[(contact.node + r) * self.width + contact.from..];
-                    self.own[contact.node + c][r] -= from.iter().zip(&contact.by_q).map(|(x, b)| x * b[c]).sum::<f64>();
-                }
-            }
-            for (node, along) in normals {
-                (0..9).map(|k| (k / 3, k % 3)).for_each(|(r, c)| self.own[3 * node + c][r] -= along[r][c] * per_h);
-            }
+            self.choose_own(positions, normals, per_h);
             return;
         }
         positions.transpose_times(&self.transposed[..n * columns], &mut self.by_position, columns);
-        for contact in &self.contacts {
-            let to = self.by_position[contact.node * columns..][..3 * columns].chunks_exact_mut(columns);
-            for (c, to) in to.enumerate() {
-                for (by_q, from) in contact.by_q.iter().zip(self.transposed[contact.from * columns..].chunks_exact(columns)) {
-                    to.iter_mut().zip(from).for_each(|(to, from)| *to -= by_q[c] * from);
-                }
-            }
-        }
         for (node, along) in normals {
             for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
                 self.by_position[(3 * node + c) * columns + 3 * node + r] -= along[r][c] * per_h;
+            }
+        }
+    }
+
+    /// The blocks on V's diagonal: of the product and the difference the one that adds up smaller numbers, entry by entry.
+    fn choose_own(&mut self, positions: &NodeMatrix, normals: &[NodeBlock], per_h: f64) {
+        let (width, nodes) = (self.width, 3 * positions.layout().n_nodes());
+        positions.diagonal_blocks_of_product(&self.rows, width, &mut self.own);
+        self.difference.clear();
+        self.difference.resize(self.own.len(), [Sum::default(); 3]);
+        for (c, sums) in self.difference.iter_mut().enumerate() {
+            let (first, rows) = if c < nodes { (c - c % 3, 3) } else { (c, 1) };
+            for (r, sum) in sums.iter_mut().take(rows).enumerate() {
+                sum.add(self.rows[(first + r) * width + c] * self.scale[c]);
+                sum.add(if first + r == c { -per_h } else { 0.0 });
+            }
+        }
+        for contact in &self.contacts {
+            contact.add_own(&self.rows, width, &mut self.own, &mut self.difference);
+        }
+        for contact in &self.condensed {
+            contact.add_own(&self.rows, width, &mut self.own, &mut self.difference);
+        }
+        for (node, along) in normals {
+            (0..9).map(|k| (k / 3, k % 3)).for_each(|(r, c)| self.own[3 * node + c][r].add(-along[r][c] * per_h));
+        }
+        for (own, difference) in self.own.as_flattened_mut().iter_mut().zip(self.difference.as_flattened()) {
+            if difference.size < own.size {
+                *own = *difference;
             }
         }
     }
@@ -270,7 +289,7 @@ impl Inverse {
                 self.contacts.iter().for_each(|contact| contact.add(g, v));
                 self.condensed.iter().for_each(|contact| contact.add(g, v));
                 let (own, r) = if i < nodes { (i - i % 3..i - i % 3 + 3, i % 3) } else { (i..i + 1, 0) };
-                own.for_each(|c| v[c] = self.own[c][r]);
+                own.for_each(|c| v[c] = self.own[c][r].value);
             }
             begin.pull_before(&mut v[..n]);
             v[n..].iter_mut().zip(g.iter().zip(&self.momentum)).for_each(|(v, (g, m))| *v = g * m);

@@ -267,16 +267,34 @@ impl NodeMatrix {
 impl NodeMatrix {
     /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows of `width` numbers, of which the first `dim` count:
     /// three entries of a node's column, of a twist's one (and zeros).
-    pub fn diagonal_blocks_of_product(&self, x: &[f64], width: usize, out: &mut Vec<[f64; 3]>) {
+    pub fn diagonal_blocks_of_product(&self, x: &[f64], width: usize, out: &mut Vec<[Sum; 3]>) {
         let nodes = 3 * self.layout().n_nodes();
         out.clear();
-        out.resize(self.dim(), [0.0; 3]);
+        out.resize(self.dim(), [Sum::default(); 3]);
         for r in 0..self.dim() {
             self.for_system_row(r, |c, a| {
                 let rows = if c < nodes { c - c % 3..c - c % 3 + 3 } else { c..c + 1 };
-                rows.zip(&mut out[c]).for_each(|(row, sum)| *sum += x[row * width + r] * a);
+                rows.zip(&mut out[c]).for_each(|(row, sum)| sum.add(x[row * width + r] * a));
             });
         }
+    }
+}
+
+/// A sum, and that of its terms' sizes: rounding is relative to those.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sum {
+    /// Σ x.
+    pub value: f64,
+    /// Σ |x|.
+    pub size: f64,
+}
+
+impl Sum {
+    /// Adds a term.
+    #[inline]
+    pub fn add(&mut self, x: f64) {
+        self.value += x;
+        self.size += x.abs();
     }
 }
 

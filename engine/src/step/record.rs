@@ -8,8 +8,9 @@ use crate::rods::{Carry, Remembered, RodPast, RodPoint};
 use crate::step::constraints::{ConstraintId, ConstraintRecords, InputsAt, LinkDof, RecordAt, for_node_inputs};
 use crate::terms::Point;
 use nalgebra::Vector4;
-use pliant_linalg::{Square, System, SystemFactor};
+use pliant_linalg::{NodeMatrix, Square, System, SystemFactor};
 use pliant_math::{Input, Vec3};
+use std::borrow::Cow;
 
 /// Where a stage began.
 #[derive(Clone, Debug)]
@@ -166,6 +167,17 @@ impl StageRecord {
             q[k] += self.h * (w.d0 * self.start.v_ref[k] + w.d1 * self.v[k]);
         }
         q
+    }
+
+    /// ∂f/∂q̄ of nodes and twists where edges carry rods' axes along with displacements of their nodes: ∂f/∂q̄ (1 + ψ_b) [N/m].
+    pub fn carried_positions(&self, model: &Model) -> Cow<'_, NodeMatrix> {
+        let (dq, carry) = (&self.jacobians.dq.nodes, &self.transport.carry[0]);
+        if carry.is_empty() {
+            return Cow::Borrowed(dq);
+        }
+        let (mut out, places) = (dq.clone(), model.rods.carried_places(dq));
+        carry.visit_after(|edge, _, psi| out.add_carried(dq, &places[edge], [-psi, psi].map(Into::into)));
+        Cow::Owned(out)
     }
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
