@@ -7,7 +7,7 @@ pub trait Differentiate {
     /// Tangents of x₀ … x_T along `x0_dot` (2 nv + nz), `u_dot` (T rows) and `theta_dot`; `None` is zero.
     ///
     /// # Errors
-    /// A rollout without records, or arguments of another size.
+    /// A rollout without records or with checkpoints, or arguments of another size.
     fn jvp(
         &self,
         x0_dot: Option<&[f64]>,
@@ -43,7 +43,6 @@ impl Differentiate for Rollout {
     }
 
     fn linearize(&self, k: usize) -> Result<Linearization, AdjointError> {
-        let record = self.records.get(k).ok_or(AdjointError::NoRecords)?;
-        Ok(pliant_adjoint::linearize(&self.model, &self.theta, record, true))
+        pliant_adjoint::rollout_linearize(self, k)
     }
 }

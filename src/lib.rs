@@ -6,8 +6,9 @@
 //!                            jvp: (ẋ₀, u̇, θ̇) → ẋ      vjp: x̄ → (x̄₀, ū, θ̄)      linearize: A, B, C of a step
 //! logs ── identify: fit, diagnose ── which physics the scene lacks, with estimates and intervals
 //! ```
-//! All quantities are in SI units. θ holds every number a physical law uses, as one flat vector with named entries
-//! (`cable.bend_stiffness`, `cable.node[3].mass`, …).
+//! All quantities are in SI units. θ is one flat vector of parameters with named entries (`cable.bend_stiffness`,
+//! `cable.node[3].mass`, …). These numbers of a scene are not parameters: the step, the rest gap, plane normals, shape orientations,
+//! joint axes and anchors, body placements, the relative orientation of a weld, edge fractions and rest shapes of meshes.
 //!
 //! How far does the tip of a hanging cable drop if it were longer? One backward sweep gives the answer for all of θ:
 //! ```
@@ -45,9 +46,9 @@
 //! let stiffness = case.model.params().find("cable.bend_stiffness").unwrap();
 //! assert!(gradient.theta[stiffness] > 0.0, "a stiffer cable holds its tip higher");
 //!
-//! // The gradients prove themselves against differences.
+//! // Finite differences confirm the gradients.
 //! let report = pliant::gradcheck::gradcheck(&case.model, theta, &case.x0, &case.controls, 0)?;
-//! assert!(report.pass);
+//! assert_eq!(report.verdict, pliant::gradcheck::Verdict::Pass);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -57,21 +58,25 @@ pub mod file;
 #[cfg(feature = "pages")]
 pub mod view;
 
+/// Custom forces: a [`Law`](terms::Law), or an [`EnergyLaw`](terms::EnergyLaw) in [`FromEnergy`](terms::FromEnergy), is added to a model
+/// with [`ModelBuilder::add_law`].
+pub mod terms {
+    pub use pliant_engine::terms::{Element, EnergyLaw, FromEnergy, Law, Real, Vec3};
+}
+
 pub use case::{Case, CaseError, start};
 pub use differentiate::Differentiate;
 
 pub use pliant_adjoint::{
-    AdjointError, Along, CheckpointedRollout, Linearization, Linearizer, RolloutCotangent, Seeds, Smoothing, Surrogate,
-    checkpointed_rollout, equilibrium_tangent, equilibrium_vjp, gradcheck, linearize, surrogate_checkpointed_rollout,
+    AdjointError, Linearization, Linearizer, RolloutCotangent, Surrogate, equilibrium_jvp, equilibrium_vjp, gradcheck, linearize,
     surrogate_rollout,
 };
 pub use pliant_engine::bodies::{Joint, JointKind, Tree};
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
 pub use pliant_engine::grasp::{Grasp, Grasping};
 pub use pliant_engine::model::{BuildError, ClothSpan, Model, ModelBuilder};
-pub use pliant_engine::rollout::{Rollout, rollout};
+pub use pliant_engine::rollout::{Along, Rollout, RolloutOptions, Smoothing, rollout};
 pub use pliant_engine::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
-pub use pliant_engine::terms;
 pub use pliant_identify as identify;
 pub use pliant_import as import;
 pub use pliant_math::State;

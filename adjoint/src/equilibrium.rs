@@ -7,8 +7,21 @@ use crate::stage::{Context, InputBars, Memory, Tangents, move_along, pull_along,
 use pliant_engine::equilibrium::Equilibrium;
 use pliant_math::Input;
 
-/// Tangents of the equilibrium positions for the directions in `seeds`, row-major `nv × columns`.
-pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
+/// Tangent of the equilibrium positions (nv) along `u_dot` (nu) and `theta_dot`; `None` is zero.
+///
+/// # Errors
+/// Arguments of another size.
+pub fn equilibrium_jvp(eq: &Equilibrium, u_dot: Option<&[f64]>, theta_dot: Option<&[f64]>) -> Result<Vec<f64>, AdjointError> {
+    check("u_dot", u_dot.map(<[f64]>::len), eq.model.nu())?;
+    check("theta_dot", theta_dot.map(<[f64]>::len), eq.model.n_params())?;
+    let mut seeds = Seeds::none(1, eq.model.nu(), eq.model.n_params());
+    u_dot.unwrap_or(&[]).iter().enumerate().for_each(|(k, &w)| seeds.add_u(k, 0, w));
+    theta_dot.unwrap_or(&[]).iter().enumerate().for_each(|(k, &w)| seeds.add_theta(k, 0, w));
+    Ok(equilibrium_jvp_columns(eq, &seeds))
+}
+
+/// As [`equilibrium_jvp`], for many directions at once: those in `seeds`, row-major `nv × columns`.
+pub fn equilibrium_jvp_columns(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
     let m = seeds.columns;
     let mass = eq.model.row_masses(&eq.theta);
     let cx = Context { model: &eq.model, theta: &eq.theta, mass: &mass };
@@ -37,7 +50,10 @@ pub fn equilibrium_tangent(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
     q
 }
 
-/// Cotangents of (u, θ) from the cotangent `q_bar` of the equilibrium positions.
+/// Cotangents of (u, θ) from the cotangent `q_bar` (nv) of the equilibrium positions.
+///
+/// # Errors
+/// A cotangent of another size.
 pub fn equilibrium_vjp(eq: &Equilibrium, q_bar: &[f64]) -> Result<(Vec<f64>, Vec<f64>), AdjointError> {
     check("q_bar", Some(q_bar.len()), eq.model.nv())?;
     let mass = eq.model.row_masses(&eq.theta);

@@ -6,8 +6,6 @@
 //! ```
 //! and everything else is the chain rule over stages, steps and time. Nothing is factored going backwards.
 
-mod chain;
-mod checkpoint;
 mod equilibrium;
 pub mod gradcheck;
 mod implicit;
@@ -21,15 +19,14 @@ mod step;
 mod surrogate;
 mod tangent;
 
-pub use chain::{Along, Smoothing};
-pub use checkpoint::{CheckpointedRollout, checkpointed_rollout};
-pub use equilibrium::{equilibrium_tangent, equilibrium_vjp};
+pub use equilibrium::{equilibrium_jvp, equilibrium_jvp_columns, equilibrium_vjp};
 pub use linearization::Linearization;
 pub use linearize::{Linearizer, linearize};
-pub use rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
+pub use pliant_engine::rollout::{Along, Smoothing};
+pub use rollout::{RolloutCotangent, rollout_jvp, rollout_linearize, rollout_vjp};
 pub use seeds::Seeds;
 pub use step::{Cotangent, Tangent};
-pub use surrogate::{Surrogate, surrogate_checkpointed_rollout, surrogate_rollout};
+pub use surrogate::{Surrogate, surrogate_rollout};
 pub use tangent::TangentStepper;
 
 /// Why a derivative could not be taken.
@@ -38,6 +35,9 @@ pub enum AdjointError {
     /// The rollout was simulated without records.
     #[error("this rollout kept no records: simulate it with `record: true` to differentiate it")]
     NoRecords,
+    /// A jvp or the Jacobians of a step are asked of a rollout that keeps checkpoints.
+    #[error("this rollout keeps checkpoints instead of records, for a vjp: simulate it without `max_records`")]
+    Checkpointed,
     /// An argument has the wrong size.
     #[error("{what} has {got} entries, but {expected} are needed")]
     Size {

@@ -1,6 +1,8 @@
 //! jvp and vjp of a rollout.
 
 use crate::AdjointError;
+use crate::linearization::Linearization;
+use crate::linearize::linearize;
 use crate::seeds::Seeds;
 use crate::stage::{Context, Memory};
 use crate::step::{Cotangent, Tangent, step_cotangent, step_tangent};
@@ -17,7 +19,10 @@ pub struct RolloutCotangent {
     pub theta: Vec<f64>,
 }
 
-/// Tangents of x₁ … x_T for directions `x0_dot` (2 nv + nz), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
+/// Tangents of x₀ … x_T for directions `x0_dot` (2 nv + nz), `u_dot` (T rows) and `theta_dot`; `None` is zero. Row 0 is `x0_dot`.
+///
+/// # Errors
+/// A rollout without records or with checkpoints, or arguments of another size.
 pub fn rollout_jvp(
     rollout: &Rollout,
     x0_dot: Option<&[f64]>,
@@ -25,6 +30,9 @@ pub fn rollout_jvp(
     theta_dot: Option<&[f64]>,
 ) -> Result<Vec<Vec<f64>>, AdjointError> {
     need_records(rollout)?;
+    if rollout.checkpoints.is_some() {
+        return Err(AdjointError::Checkpointed);
+    }
     let model = &rollout.model;
     let nv = model.nv();
     check("x0_dot", x0_dot.map(<[f64]>::len), model.ndx())?;
@@ -54,24 +62,49 @@ pub fn rollout_jvp(
 }
 
 /// Pulls cotangents `x_bar` of x₀ … x_T (T + 1 rows of 2 nv + nz) back to x₀, u and θ.
+///
+/// Parts between checkpoints are simulated again from the same states and warm starts, hence solve the same systems: the result is
+/// bitwise that of stored records.
+///
+/// # Errors
+/// A rollout without records, or arguments of another size.
 pub fn rollout_vjp(rollout: &Rollout, x_bar: &[Vec<f64>]) -> Result<RolloutCotangent, AdjointError> {
     need_records(rollout)?;
-    check("x_bar", Some(x_bar.len()), rollout.records.len() + 1)?;
+    check("x_bar", Some(x_bar.len()), rollout.controls.len() + 1)?;
     let model = &rollout.model;
     let mut out = RolloutCotangent {
         x0: Vec::new(),
-        u: vec![vec![0.0; model.nu()]; rollout.records.len()],
+        u: vec![vec![0.0; model.nu()]; rollout.controls.len()],
         theta: vec![0.0; model.n_params()],
     };
     let mut x = Cotangent::zero(model);
-    pull_back(rollout, 0, x_bar, &mut x, &mut out)?;
+    if rollout.checkpoints.is_none() {
+        pull_back(rollout, 0, x_bar, &mut x, &mut out)?;
+    } else {
+        for s in (0..rollout.n_segments()).rev() {
+            let (first, segment) = rollout.segment(s)?;
+            pull_back(&segment, first, x_bar, &mut x, &mut out)?;
+        }
+    }
     add(&mut x, &x_bar[0])?;
     out.x0 = [x.q, x.v, x.z].concat();
     Ok(out)
 }
 
+/// A, B and C of step `k`: row-major, x = (q, v, z).
+///
+/// # Errors
+/// A rollout without a record of that step.
+pub fn rollout_linearize(rollout: &Rollout, k: usize) -> Result<Linearization, AdjointError> {
+    match rollout.records.get(k) {
+        Some(record) => Ok(linearize(&rollout.model, &rollout.theta, record, true)),
+        None if rollout.checkpoints.is_some() => Err(AdjointError::Checkpointed),
+        None => Err(AdjointError::NoRecords),
+    }
+}
+
 /// Pulls back through the records of `rollout`, which are steps `first` … of the whole; `x_bar` and `out` are of the whole.
-pub(crate) fn pull_back(
+fn pull_back(
     rollout: &Rollout,
     first: usize,
     x_bar: &[Vec<f64>],
@@ -87,7 +120,7 @@ pub(crate) fn pull_back(
     Ok(())
 }
 
-pub(crate) fn add(x: &mut Cotangent, x_bar: &[f64]) -> Result<(), AdjointError> {
+fn add(x: &mut Cotangent, x_bar: &[f64]) -> Result<(), AdjointError> {
     check("x_bar row", Some(x_bar.len()), 2 * x.q.len() + x.z.len())?;
     let (q, rest) = x_bar.split_at(x.q.len());
     let (v, z) = rest.split_at(x.v.len());
@@ -97,8 +130,12 @@ pub(crate) fn add(x: &mut Cotangent, x_bar: &[f64]) -> Result<(), AdjointError> 
     Ok(())
 }
 
-pub(crate) fn need_records(rollout: &Rollout) -> Result<(), AdjointError> {
-    if rollout.records.len() == rollout.controls.len() { Ok(()) } else { Err(AdjointError::NoRecords) }
+fn need_records(rollout: &Rollout) -> Result<(), AdjointError> {
+    if rollout.records.len() == rollout.controls.len() || rollout.checkpoints.is_some() {
+        Ok(())
+    } else {
+        Err(AdjointError::NoRecords)
+    }
 }
 
 pub(crate) fn check(what: &'static str, got: Option<usize>, expected: usize) -> Result<(), AdjointError> {

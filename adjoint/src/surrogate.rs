@@ -15,14 +15,10 @@
 //! not to be compared with differences beyond one step. A [`Surrogate`] says in its type that it is no derivative of the scene.
 
 use crate::AdjointError;
-use crate::chain::{Chain, Smoothing};
-use crate::checkpoint::{CheckpointedRollout, checkpointed};
 use crate::linearization::Linearization;
-use crate::linearize::linearize;
-use crate::rollout::{RolloutCotangent, rollout_jvp, rollout_vjp};
+use crate::rollout::{RolloutCotangent, rollout_jvp, rollout_linearize, rollout_vjp};
 use pliant_engine::model::Model;
-use pliant_engine::rollout::{Rollout, rollout_by};
-use pliant_engine::step::StepOptions;
+use pliant_engine::rollout::{Rollout, RolloutOptions, Smoothing, smoothed_rollout};
 use pliant_math::State;
 use std::sync::Arc;
 
@@ -65,28 +61,10 @@ pub fn surrogate_rollout(
     theta: &[f64],
     x0: &State,
     controls: &[Vec<f64>],
-    options: StepOptions,
+    options: impl Into<RolloutOptions>,
     smoothing: Smoothing,
 ) -> Result<Surrogate<Rollout>, AdjointError> {
-    let mut chain = Chain::new(model, theta, options, Some(smoothing))?;
-    let value = rollout_by(model, theta, x0, controls, |state, u| chain.step(state, u))?;
-    Ok(Surrogate { value, smoothing })
-}
-
-/// As [`surrogate_rollout`], keeping records of at most `max_records` steps at a time.
-///
-/// # Errors
-/// As [`surrogate_rollout`].
-pub fn surrogate_checkpointed_rollout(
-    model: &Arc<Model>,
-    theta: &[f64],
-    x0: &State,
-    controls: &[Vec<f64>],
-    options: StepOptions,
-    smoothing: Smoothing,
-    max_records: usize,
-) -> Result<Surrogate<CheckpointedRollout>, AdjointError> {
-    let value = checkpointed(model, theta, x0, controls, options, Some(smoothing), max_records)?;
+    let value = smoothed_rollout(model, theta, x0, controls, options.into(), Some(smoothing))?;
     Ok(Surrogate { value, smoothing })
 }
 
@@ -117,17 +95,6 @@ impl Surrogate<Rollout> {
     /// # Errors
     /// A rollout without a record of that step.
     pub fn linearize(&self, k: usize) -> Result<Surrogate<Linearization>, AdjointError> {
-        let record = self.value.records.get(k).ok_or(AdjointError::NoRecords)?;
-        Ok(self.with(linearize(&self.value.model, &self.value.theta, record, true)))
-    }
-}
-
-impl Surrogate<CheckpointedRollout> {
-    /// As [`CheckpointedRollout::vjp`], of the smoothed steps.
-    ///
-    /// # Errors
-    /// Arguments of another size.
-    pub fn vjp(&self, x_bar: &[Vec<f64>]) -> Result<Surrogate<RolloutCotangent>, AdjointError> {
-        Ok(self.with(self.value.vjp(x_bar)?))
+        Ok(self.with(rollout_linearize(&self.value, k)?))
     }
 }

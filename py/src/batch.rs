@@ -101,7 +101,7 @@ fn first_failure<T>(py: Python<'_>, results: Vec<PyResult<T>>) -> PyResult<Vec<T
 
 #[pymethods]
 impl Batch {
-    /// States (batch, T + 1, nx): positions [m], then velocities [m/s].
+    /// States (batch, T + 1, nx): positions [m], velocities [m/s], then history variables.
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> PyResult<Stack<'py>> {
         let (rows, columns) = self.kept.first().map_or((0, 0), |k| (k.states().len(), k.model().nx()));

@@ -3,7 +3,7 @@
 use crate::convert::{optional_vector, to_vector, vector};
 use crate::errors;
 use numpy::PyArray1;
-use pliant::{Seeds, equilibrium_tangent, equilibrium_vjp};
+use pliant::{equilibrium_jvp, equilibrium_vjp};
 use pyo3::prelude::*;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
@@ -43,12 +43,10 @@ impl Equilibrium {
         theta_dot: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let model = &self.inner.model;
-        let mut seeds = Seeds::none(1, model.nu(), model.n_params());
-        let u_dot = optional_vector("u_dot", u_dot, model.nu())?.unwrap_or_default();
-        let theta_dot = optional_vector("theta_dot", theta_dot, model.n_params())?.unwrap_or_default();
-        u_dot.iter().enumerate().for_each(|(k, &w)| seeds.add_u(k, 0, w));
-        theta_dot.iter().enumerate().for_each(|(k, &w)| seeds.add_theta(k, 0, w));
-        Ok(to_vector(py, py.detach(|| equilibrium_tangent(&self.inner, &seeds))))
+        let u_dot = optional_vector("u_dot", u_dot, model.nu())?;
+        let theta_dot = optional_vector("theta_dot", theta_dot, model.n_params())?;
+        let q_dot = py.detach(|| equilibrium_jvp(&self.inner, u_dot.as_deref(), theta_dot.as_deref()));
+        Ok(to_vector(py, q_dot.map_err(errors::adjoint)?))
     }
 
     /// Cotangents (u_bar (nu,), theta_bar (n_params,)) from q_bar (nq,).

@@ -6,10 +6,10 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use std::fmt::Display;
 
-create_exception!(pliant, InputError, PyValueError, "What was given is wrong: a scene, a log, an array's shape, a parameter.");
+create_exception!(pliant, InputError, PyValueError, "Wrong input: a scene, a log, an array's shape, a parameter.");
 create_exception!(pliant, NumericsError, PyRuntimeError, "The numerics failed: not converged, not finite, or singular.");
 
-/// What was given is wrong.
+/// Wrong input.
 pub fn input(error: impl Display) -> PyErr {
     InputError::new_err(error.to_string())
 }
@@ -42,6 +42,6 @@ pub fn adjoint(error: AdjointError) -> PyErr {
     match error {
         AdjointError::Step(error) => step(error),
         AdjointError::NoRecords => input("this rollout kept no records, which derivatives need: simulate it with `record=True`"),
-        AdjointError::Size { .. } => input(error),
+        AdjointError::Checkpointed | AdjointError::Size { .. } => input(error),
     }
 }

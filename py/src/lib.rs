@@ -1,7 +1,7 @@
 //! Python bindings: NumPy arrays in, NumPy arrays out, the interpreter's lock released while the engine works.
 //!
 //! No formula lives here. Every error of the engine becomes one of two exceptions with the engine's own text: `InputError` if
-//! what was given is wrong, `NumericsError` if the numerics failed.
+//! the input is wrong, `NumericsError` if the numerics failed.
 
 mod batch;
 mod bench;

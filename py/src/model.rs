@@ -87,13 +87,13 @@ impl Model {
     }
 
     /// Size of the state x = [q, v, z]: node positions and joint coordinates (a quaternion for a ball), then as many velocities, then
-    /// what joints and motors remember (see memory_names).
+    /// history variables (see memory_names).
     #[getter]
     fn nx(&self) -> usize {
         self.model.nx()
     }
 
-    /// Size of a change of state, [dq, dv, dz]: what tangents, cotangents and Jacobians have. nx, but for three numbers instead of a
+    /// Size of a change of state, [dq, dv, dz]: that of tangents, cotangents and Jacobians. As nx, but with three numbers instead of a
     /// ball's quaternion: a turn in its body's axes \[rad\].
     #[getter]
     fn ndx(&self) -> usize {
@@ -364,7 +364,7 @@ impl Model {
         Job::read(&self.model, x0s, us, thetas, keep)?.run(py, threads)
     }
 
-    /// Solves for rest with inputs u (nu,); `guess` (nq,) or, of the nodes alone, (n_nodes, 3) [m], else the scene's initial shape.
+    /// Static equilibrium with inputs u (nu,); `guess` (nq,) or, of the nodes alone, (n_nodes, 3) [m], else the scene's initial shape.
     #[pyo3(signature = (u, theta=None, guess=None))]
     fn equilibrium<'py>(
         &self,
@@ -383,7 +383,7 @@ impl Model {
         Ok(Equilibrium { inner })
     }
 
-    /// Checks the derivatives of the rollout from x0 through u block by block against differences; a dict of the findings.
+    /// Checks the derivatives of the rollout from x0 through u block by block against finite differences; a dict (see the stubs).
     #[pyo3(signature = (x0=None, u=None, theta=None, *, seed=0))]
     fn gradcheck<'py>(
         &self,

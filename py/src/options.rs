@@ -1,33 +1,27 @@
-//! How a rollout is simulated: what every face of it takes.
+//! How a rollout is simulated: the keyword arguments of `rollout` and `rollout_batch`.
 
 use crate::errors;
 use pliant::{
-    Along, CheckpointedRollout, Differentiate, Grasping, Linearization, Model, Rollout, RolloutCotangent, Smoothing, State,
-    StepOptions, StepTrace, Surrogate, checkpointed_rollout, rollout, surrogate_checkpointed_rollout, surrogate_rollout,
+    Along, Differentiate, Grasping, Linearization, Model, Rollout, RolloutCotangent, RolloutOptions, Smoothing, State,
+    StepOptions, StepTrace, Surrogate, rollout, surrogate_rollout,
 };
 use pyo3::{PyErr, PyResult};
 use std::sync::Arc;
 
-/// Records of all steps or of none, or checkpoints from which they are recomputed; of the scene's contact or of a smoother one.
+/// A rollout of the scene's contact, or of a smoother one.
 #[derive(Debug)]
 pub enum Trajectory {
-    /// All at once.
-    Whole(Rollout),
-    /// At most so many at a time.
-    Checkpointed(CheckpointedRollout),
-    /// All at once, of a smoother contact.
+    /// Of the scene's own.
+    Exact(Rollout),
+    /// Of a smoother one.
     Smoothed(Surrogate<Rollout>),
-    /// At most so many at a time, of a smoother contact.
-    SmoothedCheckpointed(Surrogate<CheckpointedRollout>),
 }
 
-/// What a simulation keeps.
+/// Options of a simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct Keep {
-    /// Steps' options.
-    pub step: StepOptions,
-    /// Largest number of records in memory.
-    pub max_records: Option<usize>,
+    /// Of the rollout.
+    pub options: RolloutOptions,
     /// The contact and grasp that are differentiated; the scene's own if `None`.
     pub smoothing: Option<Smoothing>,
 }
@@ -70,71 +64,57 @@ impl Keep {
                 other.then_some(Smoothing { rest_gap, grasp, along })
             }
         };
-        Ok(Self { step: StepOptions { record, ..StepOptions::default() }, max_records, smoothing })
+        let step = StepOptions { record, ..StepOptions::default() };
+        Ok(Self { options: RolloutOptions { step, max_records }, smoothing })
     }
 
     /// Simulates.
     pub fn run(self, model: &Arc<Model>, theta: &[f64], x0: &[f64], u: &[Vec<f64>]) -> Result<Trajectory, PyErr> {
-        let (x0, step) = (State::from_flat(x0, model.nq(), model.nv()), self.step);
-        let records = self.max_records.filter(|&records| records < u.len() && step.record);
-        match (self.smoothing, records) {
-            (None, None) => return rollout(model, theta, &x0, u, step).map(Trajectory::Whole).map_err(errors::step),
-            (None, Some(most)) => checkpointed_rollout(model, theta, &x0, u, step, most).map(Trajectory::Checkpointed),
-            (Some(smoothing), None) => surrogate_rollout(model, theta, &x0, u, step, smoothing).map(Trajectory::Smoothed),
-            (Some(smoothing), Some(most)) => {
-                surrogate_checkpointed_rollout(model, theta, &x0, u, step, smoothing, most).map(Trajectory::SmoothedCheckpointed)
+        let x0 = State::from_flat(x0, model.nq(), model.nv());
+        match self.smoothing {
+            None => rollout(model, theta, &x0, u, self.options).map(Trajectory::Exact).map_err(errors::step),
+            Some(smoothing) => {
+                let surrogate = surrogate_rollout(model, theta, &x0, u, self.options, smoothing);
+                surrogate.map(Trajectory::Smoothed).map_err(errors::adjoint)
             }
         }
-        .map_err(errors::adjoint)
     }
-}
-
-/// What both kinds of trajectory carry.
-macro_rules! of_either {
-    ($self:ident, $r:ident => $what:expr) => {
-        match $self {
-            Trajectory::Whole($r) => $what,
-            Trajectory::Checkpointed($r) => $what,
-            Trajectory::Smoothed(marked) => {
-                let $r = marked.as_ref();
-                $what
-            }
-            Trajectory::SmoothedCheckpointed(marked) => {
-                let $r = marked.as_ref();
-                $what
-            }
-        }
-    };
 }
 
 impl Trajectory {
+    fn rollout(&self) -> &Rollout {
+        match self {
+            Self::Exact(r) => r,
+            Self::Smoothed(r) => r.as_ref(),
+        }
+    }
+
     pub fn model(&self) -> &Arc<Model> {
-        of_either!(self, r => &r.model)
+        &self.rollout().model
     }
 
     pub fn theta(&self) -> &[f64] {
-        of_either!(self, r => &r.theta)
+        &self.rollout().theta
     }
 
     pub fn states(&self) -> &[State] {
-        of_either!(self, r => &r.states)
+        &self.rollout().states
     }
 
     pub fn controls(&self) -> &[Vec<f64>] {
-        of_either!(self, r => &r.controls)
+        &self.rollout().controls
     }
 
-    /// What happened in each step.
+    /// Iterations and halvings of each step.
     pub fn traces(&self) -> &[StepTrace] {
-        of_either!(self, r => &r.traces)
+        &self.rollout().traces
     }
 
-    /// The contact that is differentiated, if it is not the scene's.
+    /// The smoothing of the steps that are differentiated, of a surrogate.
     pub fn smoothing(&self) -> Option<Smoothing> {
         match self {
-            Self::Whole(_) | Self::Checkpointed(_) => None,
+            Self::Exact(_) => None,
             Self::Smoothed(r) => Some(r.smoothing()),
-            Self::SmoothedCheckpointed(r) => Some(r.smoothing()),
         }
     }
 
@@ -145,38 +125,25 @@ impl Trajectory {
 
     pub fn vjp(&self, x_bar: &[Vec<f64>]) -> PyResult<RolloutCotangent> {
         match self {
-            Self::Whole(r) => r.vjp(x_bar),
-            Self::Checkpointed(r) => r.vjp(x_bar),
+            Self::Exact(r) => r.vjp(x_bar),
             Self::Smoothed(r) => r.vjp(x_bar).map(Surrogate::into_unmarked),
-            Self::SmoothedCheckpointed(r) => r.vjp(x_bar).map(Surrogate::into_unmarked),
         }
         .map_err(errors::adjoint)
     }
 
     pub fn jvp(&self, x0_dot: Option<&[f64]>, u_dot: Option<&[Vec<f64>]>, theta_dot: Option<&[f64]>) -> PyResult<Vec<Vec<f64>>> {
         match self {
-            Self::Whole(r) => r.jvp(x0_dot, u_dot, theta_dot),
+            Self::Exact(r) => r.jvp(x0_dot, u_dot, theta_dot),
             Self::Smoothed(r) => r.jvp(x0_dot, u_dot, theta_dot).map(Surrogate::into_unmarked),
-            Self::Checkpointed(_) | Self::SmoothedCheckpointed(_) => return Err(self.only_checkpoints("jvp")),
         }
         .map_err(errors::adjoint)
     }
 
     pub fn linearize(&self, k: usize) -> PyResult<Linearization> {
         match self {
-            Self::Whole(r) => r.linearize(k),
+            Self::Exact(r) => r.linearize(k),
             Self::Smoothed(r) => r.linearize(k).map(Surrogate::into_unmarked),
-            Self::Checkpointed(_) | Self::SmoothedCheckpointed(_) => return Err(self.only_checkpoints("linearize")),
         }
         .map_err(errors::adjoint)
-    }
-
-    /// Says how to keep all records.
-    fn only_checkpoints(&self, what: &str) -> PyErr {
-        errors::input(format!(
-            "{what} needs the records of all {} steps, but this rollout keeps only some at a time: simulate it without \
-             `max_records`",
-            self.controls().len()
-        ))
     }
 }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
-/// A simulated trajectory: states `x` (T + 1, nx), x = [q, v] in m and m/s, and its derivatives.
+/// A simulated trajectory: states `x` (T + 1, nx), x = [q, v, z], and its derivatives.
 #[pyclass(module = "pliant", subclass, frozen)]
 pub struct Rollout {
     pub kept: Arc<Trajectory>,
@@ -73,7 +73,7 @@ pub fn cotangent_arrays<'py>(
 
 #[pymethods]
 impl Rollout {
-    /// States x_0 … x_T, (T + 1, nx): positions [m], then velocities [m/s].
+    /// States x_0 … x_T, (T + 1, nx): positions [m], velocities [m/s], then history variables.
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         self.x.bind(py).clone()
@@ -155,7 +155,7 @@ impl Rollout {
         Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
     }
 
-    /// Writes a page with a 3-D view of the run, one HTML file that needs no network; says what it leaves out, if anything.
+    /// Writes a page with a 3-D view of the run, one HTML file that needs no network; returns a note on omitted states, or None.
     #[pyo3(signature = (path, *, title=None))]
     fn view(&self, py: Python<'_>, path: PathBuf, title: Option<String>) -> PyResult<Option<String>> {
         if !is_page(&path) {

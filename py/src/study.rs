@@ -25,7 +25,7 @@ pub fn fit(
     })
 }
 
-/// Finds out what the scene gets wrong about the logs.
+/// Finds the physical effects that the scene lacks to explain the logs.
 #[pyfunction]
 #[pyo3(signature = (scene_path, logs=Vec::new(), *, seed=0, threads=None, progress=None))]
 pub fn diagnose(

@@ -155,7 +155,7 @@ pub struct Time {
     /// Simulated time [s], for `simulate` and `gradcheck`; at most 10⁷ steps.
     #[serde(default = "one")]
     pub duration: f64,
-    /// Integrator; never switched by step or contact.
+    /// Integrator, the same in every step; under `sdirk2` a step in which ropes or sheets hit a shape is taken as two steps of `euler`.
     #[serde(default)]
     pub integrator: Integrator,
 }

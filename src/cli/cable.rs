@@ -33,10 +33,10 @@ pub struct Arguments {
     /// Damping of bending and twist [N·m²·s].
     #[arg(long, default_value_t = Cable::default().bend_damping)]
     bend_damping: f64,
-    /// Part of its bend that a joint forgets every 1/240 s; 0 is elastic.
+    /// Fraction of a joint's elastic bend that relaxes every 1/240 s; 0 is elastic.
     #[arg(long, default_value_t = Cable::default().plasticity)]
     plasticity: f64,
-    /// Bend of a joint from which alone it forgets [rad].
+    /// Elastic bend of a joint below which nothing relaxes [rad].
     #[arg(long)]
     yield_angle: Option<f64>,
     /// Friction coefficient of cable, clips and floor.
@@ -45,16 +45,16 @@ pub struct Arguments {
     /// Hold the first end.
     #[arg(long)]
     clamped: bool,
-    /// Where the first end is [m].
+    /// Position of the first end [m].
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], default_values_t = Cable::default().position)]
     position: Vec<f64>,
-    /// Where the cable points from there.
+    /// Direction of the cable from its first end.
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], default_values_t = Cable::default().direction)]
     direction: Vec<f64>,
     /// Height of a floor [m].
     #[arg(long)]
     floor: Option<f64>,
-    /// A U-shaped clip: the middle of its floor [m] and the turn of its slot about the vertical, from along x [rad]. May be repeated.
+    /// A U-shaped clip: centre of its floor [m], and yaw of its slot from the x axis [rad]. May be repeated.
     #[arg(long, num_args = 4, value_names = ["X", "Y", "Z", "YAW"])]
     clip: Vec<f64>,
     /// Width between the walls of clips [m].

@@ -29,7 +29,7 @@ pub struct Arguments {
     threads: Option<u16>,
 }
 
-/// Diagnoses a scene, writes the report, prints what it says.
+/// Diagnoses a scene, writes the report and prints its summary.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_folder(&arguments.out)?;
     let threads = threads::set(arguments.threads);

@@ -6,7 +6,7 @@ use pliant::scene::Source;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// What the example's scene is called.
+/// File name of the example's scene.
 pub const SCENE: &str = "example/scene.toml";
 
 const TEXT: &str = include_str!("../../examples/hidden_effect/scene.toml");

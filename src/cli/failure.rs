@@ -29,7 +29,7 @@ pub enum Failure {
     #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
     Step { scene: PathBuf, source: Box<StepError>, advice: (&'static str, &'static str) },
     /// A derivative failed.
-    #[error("error: {scene}: {source}\n  likely cause: the rollout and its derivative do not belong together\n  fix: report this as a bug", scene = .scene.display())]
+    #[error("error: {scene}: {source}\n  likely cause: an internal error\n  fix: report this as a bug", scene = .scene.display())]
     Adjoint { scene: PathBuf, source: AdjointError },
     /// A fit or a diagnosis failed.
     #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
@@ -52,12 +52,16 @@ pub enum Failure {
     /// A check did not pass; its report has been printed.
     #[error("{0}")]
     NotPassed(String),
+    /// A check that judges only a part; its report has been printed.
+    #[error("{0}")]
+    Inconclusive(String),
 }
 
 impl Failure {
-    /// 1 numerics, 2 input.
+    /// 1 numerics, 2 input, 3 an inconclusive check.
     pub fn exit_code(&self) -> ExitCode {
         let numerics = match self {
+            Self::Inconclusive(_) => return ExitCode::from(3),
             Self::Case { source, .. } => matches!(&**source, CaseError::Start(step) if !is_input(step)),
             Self::Step { source, .. } => !is_input(source),
             Self::Adjoint { .. } | Self::View { .. } | Self::NotPassed(_) => true,
@@ -101,7 +105,7 @@ impl Failure {
             IdentifyError::Log(error) => return Self::Log(error.clone()),
             IdentifyError::Simulation { source, .. } => advice(source),
             IdentifyError::Input(_) | IdentifyError::Build(_) => {
-                ("the scene and its logs do not belong together", "correct what is named here")
+                ("the scene does not match its logs", "correct the entry that the error names")
             }
             IdentifyError::DeadParameter { .. } => {
                 ("the motion does not excite it", "fix its value, or move the rope differently")
@@ -114,13 +118,13 @@ impl Failure {
         Self::Identify { scene: scene.to_owned(), source: Box::new(source), advice }
     }
 
-    /// What is printed cannot be; files that were written before are complete.
+    /// Stdout cannot be written; files that were written before are complete.
     pub fn stdout(source: std::io::Error) -> Self {
         let (cause, fix) = match source.kind() {
             std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
-                ("what it is sent to is full; files written before are complete", "free some space, or send it elsewhere")
+                ("the destination is full; files written before are complete", "free some space, or redirect it")
             }
-            _ => ("what it is sent to refuses it; files written before are complete", "send it elsewhere"),
+            _ => ("the destination refuses it; files written before are complete", "redirect it"),
         };
         Self::Write { path: "stdout".into(), source, cause, fix }
     }
@@ -161,15 +165,15 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
             "shorten `time.step`, or raise `solver.max_iterations` and `solver.max_halvings`",
         ),
         StepError::EnergyCreated { .. } => (
-            "the step is too long for what is stiff, and its shorter parts have found no motion either",
+            "the step is too long for the stiffest element, and its substeps did not converge either",
             "shorten `time.step`, soften the stiffness, or raise `solver.max_halvings`",
         ),
         StepError::NotFinite { .. } => (
-            "edges of length zero, a rope folded onto itself, a state that is no number, or an extreme parameter",
+            "edges of length zero, a rope folded onto itself, a state that is not finite, or an extreme parameter",
             "check the initial shape and that parameter",
         ),
         StepError::Singular { .. } => {
-            ("nothing holds a part of the rope, or a stiffness is zero", "add a gripper or a stiffness, or start \"as_given\"")
+            ("a part of the rope is unsupported, or a stiffness is zero", "add a gripper or a stiffness, or start \"as_given\"")
         }
         StepError::Command { .. } => ("a gripper is given an impossible target", "check the gripper's inputs at that step"),
         StepError::Geometry { .. } => {
@@ -182,7 +186,9 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
         StepError::ContactNotFinite { .. } => {
             ("an extreme size, mass, friction or compliance", "check the parameters of the two objects")
         }
-        StepError::Frames { .. } => ("positions of a rod were changed by hand", "take the axes that `frames_at` gives for them"),
+        StepError::Frames { .. } => {
+            ("positions of a rod were changed without its frames", "use the frames that `frames_at` returns for these positions")
+        }
         StepError::Size { .. } => ("inputs of another scene", "give as many as the scene has"),
         StepError::EquilibriumWithContact { .. } => {
             ("`start = \"equilibrium\"` in a scene with shapes", "write `start = \"as_given\"`, or remove the shapes")

@@ -7,10 +7,10 @@ use pliant::identify::log::Setup;
 use pliant::identify::{DiagnoseOptions, fit_scene};
 use std::path::PathBuf;
 
-/// What can be free, for the help.
-const FREE: &str = "Free parameters stand in [experiment.fit] of the scene: any path of the model (cable.bend_stiffness), a pattern \
+/// Paths of free parameters, for the help.
+const FREE: &str = "Free parameters are listed in [experiment.fit] of the scene: any path of the model (cable.bend_stiffness), a pattern \
 that ties several (cable.node[*].mass), and those of the markers' sensor: sensor.bias[0] to [2] [m], sensor.scale [-], \
-sensor.rotation[0] to [2] [rad], sensor.time_offset [s]. What is known of the sensor stands in [experiment.sensor].";
+sensor.rotation[0] to [2] [rad], sensor.time_offset [s]. Known errors of the sensor are given in [experiment.sensor].";
 
 #[derive(clap::Args)]
 #[command(after_help = FREE)]

@@ -17,18 +17,18 @@ pub struct Arguments {
     /// Print the report as one JSON object, with the scene in it unless --out is given.
     #[arg(long)]
     json: bool,
-    /// Import what can be of a model that uses tendons, sites in constraints or meshes as masses, instead of refusing it.
+    /// Approximate a model that uses tendons, sites in constraints or meshes as masses, instead of refusing it.
     #[arg(long)]
     approximate: bool,
-    /// Let the root link of a URDF fly, instead of fixing it to the world.
+    /// Give the root link of a URDF a free joint, instead of fixing it to the world.
     #[arg(long)]
     free_base: bool,
-    /// Leave out the shapes that bodies touch with.
+    /// Omit the collision shapes of bodies.
     #[arg(long)]
     no_contact: bool,
 }
 
-/// What is printed.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Summary<'a> {
     #[serde(flatten)]

@@ -1,7 +1,7 @@
 //! The command: arguments, dispatch, exit codes.
 //!
-//! Data go to stdout, messages and progress to stderr. Exit codes: 0 done, 1 the numerics failed (or a check did not pass),
-//! 2 the input is wrong.
+//! Data go to stdout, messages and progress to stderr. Exit codes: 0 done, 1 the numerics failed or a check failed, 2 the input is
+//! wrong, 3 a check is inconclusive.
 
 mod cable;
 mod diagnose;
@@ -22,9 +22,12 @@ mod view;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Differentiable physics for things that bend: simulate, check gradients, fit, and find out what a simulation lacks.
+/// Differentiable physics of ropes, rods, cloth and articulated bodies: simulation, gradient checks, fits and diagnosis.
 #[derive(Parser)]
-#[command(version, after_help = "Exit codes: 0 done, 1 the numerics failed or a check did not pass, 2 the input is wrong.")]
+#[command(
+    version,
+    after_help = "Exit codes: 0 done, 1 the numerics failed or a check failed, 2 the input is wrong, 3 a check is inconclusive."
+)]
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -32,19 +35,19 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a scene, and write where its nodes go, or a page that shows it.
+    /// Simulate a scene; write its trajectory, or a page with a 3-D view.
     Simulate(simulate::Arguments),
-    /// Compare the gradients of a scene's rollout with differences.
+    /// Compare the gradients of a scene's rollout with finite differences.
     Gradcheck(gradcheck::Arguments),
     /// Fit the free parameters of a scene to its logs.
     Fit(fit::Arguments),
-    /// Find out what a scene lacks that its logs show, and write a report.
+    /// Find the physical effects that a scene lacks to explain its logs, and write a report.
     Diagnose(diagnose::Arguments),
-    /// Turn a model of MuJoCo (MJCF) or ROS (URDF) into a scene, and say what became of every element.
+    /// Convert an MJCF (MuJoCo) or URDF (ROS) model to a scene, with a report of every element.
     Import(import::Arguments),
-    /// Write the scene of a cable: a chain of capsules, clips to lay it in, a floor.
+    /// Write the scene of a cable: a chain of capsules, with clips and a floor.
     Cable(cable::Arguments),
-    /// Print the JSON Schema of scene files, or of what `diagnose` or `fit` prints.
+    /// Print the JSON Schema of scene files, or of the output of `diagnose` or `fit`.
     Schema(schema::Arguments),
 }
 

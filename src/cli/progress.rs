@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Time between two lines where there is no terminal.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// Tells what is being done, until it is dropped.
+/// Shows progress messages until it is dropped.
 pub struct Progress {
     spinner: Option<ProgressBar>,
     last: Option<Instant>,

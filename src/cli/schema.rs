@@ -9,7 +9,7 @@ use pliant::scene::json_schema;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Of what.
+    /// The format to describe.
     #[arg(value_enum, default_value_t = Subject::Scene)]
     subject: Subject,
 }
@@ -18,9 +18,9 @@ pub struct Arguments {
 enum Subject {
     /// Scene files, their [experiment] included.
     Scene,
-    /// What `pliant diagnose --json` prints.
+    /// Output of `pliant diagnose --json`.
     Diagnosis,
-    /// What `pliant fit --json` prints.
+    /// Output of `pliant fit --json`.
     Fit,
 }
 

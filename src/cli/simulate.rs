@@ -22,7 +22,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// What is printed.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Summary<'a> {
     schema_version: u32,

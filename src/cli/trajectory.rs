@@ -40,7 +40,7 @@ pub fn write(path: &Path, run: &Rollout, energy: &[f64]) -> Result<(), Failure> 
 }
 
 /// Columns `t`, `cable.node[0].x`, … `.z`, `.vx`, … `.vz`, next node, …; `elbow.q`, `elbow.v`, or for a ball `wrist.qw`, … `.qz`,
-/// `.vx`, … `.vz`, next joint, …; what joints and motors remember, `elbow.plastic`, …; `energy`.
+/// `.vx`, … `.vz`, next joint, …; history variables, `elbow.plastic`, …; `energy`.
 fn csv(out: &mut BufWriter<&std::fs::File>, run: &Rollout, energy: &[f64]) -> io::Result<()> {
     let h = run.model.step_length();
     write!(out, "t")?;
@@ -82,7 +82,7 @@ fn joint_numbers<'a>(model: &Model, joint: &Joint, state: &'a State) -> impl Ite
 }
 
 /// Arrays `t` (T+1), `energy` (T+1), and per rope and sheet `cable.position` and `cable.velocity` (T+1, nodes, 3), per joint `elbow.q`
-/// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3), and for each number that joints and motors remember `elbow.plastic`, … (T+1).
+/// (T+1, 1; 4 for a ball) and `elbow.v` (T+1, 1; 3), and per history variable `elbow.plastic`, … (T+1).
 fn npz(run: &Rollout, energy: &[f64]) -> Result<Vec<u8>, WriteNpzError> {
     let h = run.model.step_length();
     let times = run.states.len();

@@ -189,16 +189,33 @@ fn gradcheck_reports_every_block() {
     let output = pliant(&[&arguments[..], &["--json"]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
     let report = json(&output);
-    for key in ["worst_relative_error", "taylor_slope", "dot_test", "contact_switches"] {
+    for key in ["worst_relative_error", "taylor_slope", "dot_test", "switches"] {
         assert!(report[key].is_number(), "{key}");
     }
-    assert_eq!(report["pass"], true);
+    let blocks = report["blocks"].as_array().unwrap();
+    assert_eq!((&report["schema_version"], &report["verdict"]), (&2.into(), &"pass".into()));
+    assert!(report["judged"] == blocks.len() && report["total"] == blocks.len() && blocks[0]["reason"].is_null());
     assert_eq!(report["steps"], 5);
-    assert!(report["blocks"].as_array().unwrap().iter().any(|block| block["name"] == "cord.bend_stiffness"));
+    assert!(blocks.iter().any(|block| block["name"] == "cord.bend_stiffness"));
     let longer = json(&pliant(&["gradcheck", "tests/scenes/edge_clamp.toml", "--steps", "22", "--json"]));
-    assert_eq!((&longer["steps"], &longer["pass"]), (&22.into(), &true.into()), "two more than its duration has");
+    assert_eq!((&longer["steps"], &longer["verdict"]), (&22.into(), &"pass".into()), "two more than its duration has");
     let table = text(&pliant(&arguments).stdout);
-    assert!(table.starts_with("input") && table.trim_end().ends_with(": pass"), "{table}");
+    assert!(table.starts_with("input") && table.trim_end().ends_with(" blocks judged: pass"), "{table}");
+}
+
+/// A delay of whole steps is a kink of the map: no difference judges it.
+#[test]
+fn an_inconclusive_gradcheck_exits_with_three() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = changed(folder.path(), "arm_actuators.toml", "delay = 0.0123", "delay = 0.01");
+    let output = pliant(&["gradcheck", scene.to_str().unwrap(), "--steps", "5"]);
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output.stdout));
+    let (table, message) = (text(&output.stdout), text(&output.stderr));
+    assert!(table.trim_end().ends_with("; inconclusive: shoulder_servo.delay: inconclusive"), "{table}");
+    assert!(
+        message.starts_with("shoulder_servo.delay: ") && message.contains("switches within the smallest difference"),
+        "{message}"
+    );
 }
 
 #[test]

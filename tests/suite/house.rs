@@ -42,8 +42,8 @@ const MODULES: [(&str, &str); 8] = [
     ("import/src", "element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
     (
         "adjoint/src",
-        "lib seeds implicit stage step chain rollout checkpoint linearization inverse equilibrium gradcheck \
-         tangent linearize surrogate",
+        "lib seeds implicit stage step linearization inverse tangent linearize rollout \
+         equilibrium gradcheck surrogate",
     ),
     ("identify/src", "lib sensor stats unknown number log error shoot causes fit audit diagnose report"),
 ];

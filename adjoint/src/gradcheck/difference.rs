@@ -1,101 +1,204 @@
-//! Differences at their best step, with their own floor, and the Taylor slope.
+//! Differences along a block's direction, their uncertainty, and the verdict on a derivative.
+//!
+//! Along the direction d of a block, L is sampled at ε_k = scale · 10^{k/2} on both sides (at ε and 2 ε if only one side is
+//! admissible). Three neighbouring steps give an estimate of the derivative and its uncertainty:
+//! ```text
+//! D_k = (L(ε_k) − L(−ε_k)) / 2ε_k                 central difference (one-sided: of second order)
+//! E_k = (10 D_k − D_{k+1}) / 9                    its error of order ε² eliminated (Richardson)
+//! G_k                                             right derivative of the cubic through L(0), L(ε_k), L(ε_{k+1}), L(ε_{k+2})
+//! U_k = max(|E_k − E_{k+1}|, |E_k − G_k|, rounding)
+//! ```
+//! Curvature, noise and kinks, also one exactly at the base point, make U large: the estimate with the smallest U judges, or none.
 
 use super::block::Block;
-use super::{BlockReport, FLOOR_FACTOR, RELATIVE_ERROR, Sample};
+use super::{BlockReport, DOT_TEST, FLOOR_FACTOR, JUDGING_FLOOR, RELATIVE_ERROR, SLOPE_TOLERANCE, Sample, Verdict};
 use crate::AdjointError;
 
-/// Steps tried, as powers of ten of the block's scale.
-const EXPONENTS: std::ops::RangeInclusive<i32> = -14..=-2;
-/// Two steps per decade.
-const PER_DECADE: f64 = 2.0;
-/// Rounding of L over the sum of its parts' sizes: a step's root is found to about this part of the velocity scale.
-const ROUNDING: f64 = 1e-13;
-/// Change of L, relative to the sum of its parts' sizes, below which an input without derivative has none: what the steps' tolerance leaves open.
-const UNMOVED: f64 = 1e-11;
+/// Exponents k of the steps in the order in which they are taken: from the middle outward.
+const ORDER: [i32; 13] = [-8, -7, -6, -9, -5, -10, -4, -11, -3, -12, -2, -13, -14];
+/// The smallest of them.
+const FIRST: i32 = -14;
+/// Ratio of neighbouring steps, √10.
+const RATIO: f64 = 3.162_277_660_168_379_5;
 /// Largest scale given to a block of zeros, in its SI unit: an input that hardly matters is not moved without limit.
 const ZERO_SCALE: f64 = 0.1;
-/// Part of the scale within which an input without derivative must leave L unmoved: a wider move may reach another edge of a shape.
-const NEAR: f64 = 0.02;
-/// A remainder must exceed rounding by this factor to be given a slope.
+/// A derivative along which the block's whole scale moves L by less than this part of its terms is compared absolutely: what is left
+/// open by the tolerance of the steps' roots, 1e-13 of the terms, is more than [`RELATIVE_ERROR`] of it in the widest step.
+const INSIGNIFICANT: f64 = 1e-4;
+/// A remainder must exceed noise by this factor to be given a slope.
 const ABOVE_NOISE: f64 = 30.0;
 
+/// Samples at one step.
 struct Point {
     eps: f64,
     difference: f64,
+    /// (L(ε) − L(0)) / ε
+    forward: f64,
+    /// |L(±ε) − L(0) ∓ ε ⟨∇L, d⟩|, the larger of both sides: on one of them terms of second and third order may cancel.
     remainder: f64,
     switches: usize,
 }
 
-/// Compares the derivative along a block's direction with differences of `sample`.
+/// What three neighbouring steps say of the derivative.
+#[derive(Clone, Copy)]
+struct Estimate {
+    value: f64,
+    uncertainty: f64,
+    /// Smallest of the three steps.
+    eps: f64,
+    slope: Option<f64>,
+}
+
+/// Points by exponent, as far as they were taken.
+#[derive(Default)]
+struct Points([Option<Point>; ORDER.len()]);
+
+impl Points {
+    fn at(&self, k: usize) -> Option<&Point> {
+        self.0.get(k).and_then(Option::as_ref).filter(|p| p.switches == 0)
+    }
+
+    /// From the steps k, k + 1 and k + 2, if nothing switches within them.
+    fn estimate(&self, k: usize, rounding: f64) -> Option<Estimate> {
+        let [a, b, c] = [self.at(k)?, self.at(k + 1)?, self.at(k + 2)?];
+        let without_square = |fine: f64, coarse: f64| (RATIO * RATIO * fine - coarse) / (RATIO * RATIO - 1.0);
+        let (value, wider) = (without_square(a.difference, b.difference), without_square(b.difference, c.difference));
+        let without_linear = |fine: f64, coarse: f64| (RATIO * fine - coarse) / (RATIO - 1.0);
+        let right = without_square(without_linear(a.forward, b.forward), without_linear(b.forward, c.forward));
+        let uncertainty = (value - wider).abs().max((value - right).abs()).max(rounding / a.eps);
+        let clear = [a, b, c].iter().all(|p| p.remainder > ABOVE_NOISE * uncertainty * a.eps);
+        let slope = clear.then(|| (c.remainder / a.remainder).ln() / (c.eps / a.eps).ln());
+        Some(Estimate { value, uncertainty, eps: a.eps, slope })
+    }
+
+    /// The estimate of least uncertainty.
+    fn best(&self, rounding: f64) -> Option<Estimate> {
+        let estimates = (0..ORDER.len()).filter_map(|k| self.estimate(k, rounding));
+        estimates.filter(|e| (e.value + e.uncertainty).is_finite()).min_by(|a, b| a.uncertainty.total_cmp(&b.uncertainty))
+    }
+
+    /// The smallest step that was taken, and the switches within it.
+    fn smallest(&self) -> Option<&Point> {
+        self.0.iter().flatten().next()
+    }
+}
+
+/// Derivatives along a block's direction, and the size of their terms.
+pub(crate) struct Derivative {
+    pub by_vjp: f64,
+    pub by_jvp: f64,
+    pub size: f64,
+}
+
+/// Judges the derivative along a block's direction by differences of `sample`, which takes steps ε along it; `base` is `sample(0)`.
 pub(crate) fn judge(
     block: &Block,
-    derivative: f64,
-    by_jvp: f64,
-    size: f64,
+    derivative: &Derivative,
+    base: &Sample,
     sample: impl Fn(f64) -> Result<Sample, AdjointError>,
-) -> Result<BlockReport, AdjointError> {
-    let base = sample(0.0)?;
-    let scale = if block.scale > 0.0 { block.scale } else { (0.1 * base.value.abs() / derivative.abs()).min(ZERO_SCALE) };
+) -> BlockReport {
+    let (by_vjp, size) = (derivative.by_vjp, derivative.size);
+    let scale = if block.scale > 0.0 { block.scale } else { (0.1 * base.parts / by_vjp.abs()).min(ZERO_SCALE) };
     let one_sided = block.range.0 >= 0.0;
-    let mut points = Vec::new();
-    for k in EXPONENTS {
-        let eps = scale * 10f64.powf(f64::from(k) / PER_DECADE);
-        let widest = if one_sided { 2.0 * eps } else { eps };
-        if widest < block.range.1 && (one_sided || -eps > block.range.0) {
-            // the widest moves may leave the range where a step has a solution: the narrower ones judge
-            points.extend(point(eps, derivative, one_sided, &base, &sample).ok());
+    let rounding = f64::EPSILON * base.parts;
+    let magnitude = |value: f64| by_vjp.abs().max(value.abs()).max(INSIGNIFICANT * base.parts / scale);
+    let error = |e: &Estimate| (by_vjp - e.value).abs() / magnitude(e.value);
+    let floor = |e: &Estimate| e.uncertainty / magnitude(e.value);
+
+    let mut points = Points::default();
+    let mut best = None;
+    if block.even {
+        // L(−ε) = L(ε): the central difference is 0 at every step, though no step may go below 0
+        best = Some(Estimate { value: 0.0, uncertainty: rounding / scale, eps: 0.0, slope: None });
+    } else {
+        let mut widest = i32::MAX;
+        for k in ORDER {
+            let eps = scale * RATIO.powi(k);
+            let end = if one_sided { 2.0 * eps } else { eps };
+            if k > widest || end >= block.range.1 || (!one_sided && -eps <= block.range.0) {
+                continue;
+            }
+            let point = point(eps, by_vjp, one_sided, base, &sample).ok();
+            // where a step has no solution, or something switches, wider ones are no better
+            if point.as_ref().is_none_or(|p| p.switches > 0) {
+                widest = k;
+            }
+            points.0[(k - FIRST) as usize] = point;
+            best = points.best(rounding);
+            if best.as_ref().is_some_and(|e| !exceeds(floor(e), JUDGING_FLOOR) && !exceeds(error(e), admissible(floor(e)))) {
+                break;
+            }
         }
     }
-    let widest_difference = points.last().map_or(0.0, |p| p.difference.abs());
-    let magnitude = derivative.abs().max(widest_difference);
-    // an influence that the widest difference could not tell from rounding is none
-    let widest = points.last().map_or(f64::INFINITY, |p| p.eps);
-    let unseen = magnitude <= FLOOR_FACTOR * ROUNDING * base.value.abs() / widest;
-    let unmoved = |p: &Point| p.difference.abs() * p.eps <= UNMOVED * base.parts;
-    // Both laws of contact hold the square of the friction coefficient alone, so L is even in it: at 0 its derivative is 0, and a
-    // central difference would be too, but no difference may go below 0. A one-sided one sees the derivative only at coefficients
-    // below the rest gap over the distance slid in a step, which rounding hides; above, it finds the slope of Coulomb's cone.
-    let even = block.even && one_sided && size * ZERO_SCALE <= UNMOVED * base.parts;
-    let negligible = even
-        || unseen
-        || size == 0.0 && !points.is_empty() && points.iter().filter(|p| p.switches == 0 && p.eps <= NEAR * scale).all(unmoved);
-    let best = best(&points, derivative);
-    let (difference, floor, step, switches) = match best {
-        Some(k) => {
-            let rounding = noise(&points, &base) / points[k].eps;
-            // relative to what the error is relative to: a wide difference over a switch may be of any size
-            let size = derivative.abs().max(points[k].difference.abs());
-            (points[k].difference, disagreement(&points, k).max(rounding) / size, points[k].eps, points[k].switches)
-        }
-        None => (f64::NAN, f64::INFINITY, 0.0, 0),
-    };
-    let relative_error = match (derivative - difference).abs() {
-        // both may be 0 where an input matters only farther away
-        error if negligible || error == 0.0 => 0.0,
-        error => error / derivative.abs().max(difference.abs()),
-    };
-    let floor = if negligible { 0.0 } else { floor };
+
     // What an input does may cancel all but its last digits: a sliding ball's weight and inertia leave its mass a derivative of 1e-8.
     // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of what cancels.
-    let last_digit = f64::EPSILON * base.parts / scale;
-    let dot_test = if size == 0.0 { 0.0 } else { ((derivative - by_jvp).abs() - last_digit).max(0.0) / size };
-    let taylor_slope = if negligible { None } else { slope(&points, &base) };
-    let mut report = BlockReport {
+    let last_digit = rounding / scale;
+    let dot_test = if size == 0.0 { 0.0 } else { ((by_vjp - derivative.by_jvp).abs() - last_digit).max(0.0) / size };
+    let modes_disagree = exceeds(dot_test, DOT_TEST)
+        .then(|| format!("jvp and vjp disagree by {dot_test:.1e}, at most {DOT_TEST:.0e} is admissible"));
+    let (verdict, reason) = match (modes_disagree, by_differences(&points, best, floor, error)) {
+        (Some(reason), _) => (Verdict::Fail, Some(reason)),
+        (None, verdict) => verdict,
+    };
+    BlockReport {
         name: block.name.clone(),
         size: block.size,
-        derivative,
-        difference,
-        relative_error,
-        floor,
-        step,
-        taylor_slope,
+        derivative: by_vjp,
+        difference: best.map_or(f64::NAN, |e| e.value),
+        relative_error: best.as_ref().map_or(f64::NAN, error),
+        floor: best.as_ref().map_or(f64::INFINITY, floor),
+        step: best.map_or(0.0, |e| e.eps),
+        taylor_slope: best.and_then(|e| e.slope),
         dot_test,
-        contact_switches: switches,
+        switches: if best.is_some() { 0 } else { points.smallest().map_or(0, |p| p.switches) },
         one_sided,
-        pass: false,
+        verdict,
+        reason,
+    }
+}
+
+/// The verdict of differences, and why it is not [`Verdict::Pass`].
+fn by_differences(
+    points: &Points,
+    best: Option<Estimate>,
+    floor: impl Fn(&Estimate) -> f64,
+    error: impl Fn(&Estimate) -> f64,
+) -> (Verdict, Option<String>) {
+    let Some(best) = best else {
+        let taken = points.0.iter().flatten().count();
+        let free = points.0.iter().flatten().filter(|p| p.switches == 0).count();
+        let reason = match points.smallest() {
+            Some(p) if free == 0 => format!("{} switches within the smallest difference, ε = {:.0e}", p.switches, p.eps),
+            Some(_) => format!("{free} of {taken} differences are free of switches, no three of neighbouring steps"),
+            None => "no difference could be taken".to_owned(),
+        };
+        return (Verdict::Inconclusive, Some(reason));
     };
-    report.pass = report.modes_agree() && report.agrees_with_differences();
-    Ok(report)
+    let (floor, error) = (floor(&best), error(&best));
+    if exceeds(floor, JUDGING_FLOOR) {
+        let reason = format!("differences agree among themselves to {floor:.0e}, which is above {JUDGING_FLOOR:.0e}");
+        return (Verdict::Inconclusive, Some(reason));
+    }
+    if exceeds(error, admissible(floor)) {
+        let most = admissible(floor);
+        let reason = format!("gradient and difference disagree by {error:.1e}, at most {most:.0e} is admissible");
+        return (Verdict::Fail, Some(reason));
+    }
+    match best.slope.filter(|slope| *slope <= 2.0 - SLOPE_TOLERANCE) {
+        Some(slope) => (Verdict::Fail, Some(format!("the Taylor slope is {slope:.2} instead of 2"))),
+        None => (Verdict::Pass, None),
+    }
+}
+
+/// Largest admissible error against a difference with this floor.
+fn admissible(floor: f64) -> f64 {
+    RELATIVE_ERROR.max(FLOOR_FACTOR * floor)
+}
+
+/// Whether `x` is above `most`, or no number.
+fn exceeds(x: f64, most: f64) -> bool {
+    x.is_nan() || x > most
 }
 
 /// Central difference, or the second-order forward one at a bound; and the first-order Taylor remainder.
@@ -108,6 +211,7 @@ fn point(
 ) -> Result<Point, AdjointError> {
     let plus = sample(eps)?;
     let other = sample(if one_sided { 2.0 * eps } else { -eps })?;
+    let forward = (plus.value - base.value) / eps;
     let difference = if one_sided {
         (4.0 * plus.value - 3.0 * base.value - other.value) / (2.0 * eps)
     } else {
@@ -116,37 +220,6 @@ fn point(
     let changed =
         |s: &Sample| s.modes.len().abs_diff(base.modes.len()) + s.modes.iter().zip(&base.modes).filter(|(a, b)| a != b).count();
     let remainder_at = |s: &Sample, eps: f64| (s.value - base.value - eps * derivative).abs();
-    // the larger of both sides: on one of them terms of second and third order may cancel, which has no slope at all
     let remainder = remainder_at(&plus, eps).max(if one_sided { 0.0 } else { remainder_at(&other, -eps) });
-    Ok(Point { eps, difference, remainder, switches: changed(&plus) + changed(&other) })
-}
-
-/// The difference that agrees best with its neighbours: of those within which nothing switches, if one of them is good enough to judge.
-fn best(points: &[Point], derivative: f64) -> Option<usize> {
-    let best_of = |kept: &dyn Fn(usize) -> bool| {
-        (1..points.len()).filter(|&k| kept(k)).min_by(|&a, &b| disagreement(points, a).total_cmp(&disagreement(points, b)))
-    };
-    let unswitched = best_of(&|k| points[k].switches == 0);
-    let judges =
-        |&k: &usize| FLOOR_FACTOR * disagreement(points, k) <= RELATIVE_ERROR * derivative.abs().max(points[k].difference.abs());
-    unswitched.filter(judges).or_else(|| best_of(&|_| true))
-}
-
-fn disagreement(points: &[Point], k: usize) -> f64 {
-    let before = (points[k].difference - points[k - 1].difference).abs();
-    let after = points.get(k + 1).map_or(0.0, |p| (p.difference - points[k].difference).abs());
-    before.max(after)
-}
-
-/// Rounding of L as seen in the smallest steps, where the true remainder has vanished; at least that of its parts.
-fn noise(points: &[Point], base: &Sample) -> f64 {
-    points.iter().take(3).map(|p| p.remainder).fold(f64::EPSILON * base.parts, f64::max)
-}
-
-/// Slope of log remainder over log ε between the two smallest steps whose remainder stands clear of rounding.
-fn slope(points: &[Point], base: &Sample) -> Option<f64> {
-    let noise = ABOVE_NOISE * noise(points, base);
-    let clear: Vec<&Point> = points.iter().filter(|p| p.remainder > noise && p.switches == 0).collect();
-    let (a, b) = (clear.first()?, clear.get(2)?);
-    Some((b.remainder / a.remainder).ln() / (b.eps / a.eps).ln())
+    Ok(Point { eps, difference, forward, remainder, switches: changed(&plus) + changed(&other) })
 }

@@ -5,6 +5,7 @@
 
 #[path = "../../../engine/tests/suite/common/mod.rs"]
 mod common;
+mod judged;
 mod long;
 mod retries;
 mod surrogate;

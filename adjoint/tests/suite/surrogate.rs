@@ -2,9 +2,9 @@
 
 use crate::common::{Case, STEPS, with};
 use pliant_adjoint::gradcheck::DOT_TEST;
-use pliant_adjoint::{Along, Smoothing, Surrogate, linearize, rollout_vjp, surrogate_checkpointed_rollout, surrogate_rollout};
+use pliant_adjoint::{Along, Smoothing, Surrogate, linearize, rollout_vjp, surrogate_rollout};
 use pliant_engine::grasp::Grasping;
-use pliant_engine::rollout::{Rollout, rollout};
+use pliant_engine::rollout::{Rollout, RolloutOptions, rollout};
 use pliant_engine::step::StepOptions;
 use pliant_scene::Integrator;
 
@@ -107,9 +107,8 @@ fn checkpoints_give_the_same_bits() {
     for along in [Along::Hard, Along::Smooth].into_iter() {
         let stored = surrogate(&case, along).vjp(&case.x_bar()).unwrap();
         let smoothing = stored.smoothing();
-        let (options, records) = (StepOptions::default(), 7);
-        let checkpointed =
-            surrogate_checkpointed_rollout(&case.model, &case.theta, &case.x0, &case.u, options, smoothing, records);
+        let few = RolloutOptions { max_records: Some(7), ..RolloutOptions::default() };
+        let checkpointed = surrogate_rollout(&case.model, &case.theta, &case.x0, &case.u, few, smoothing);
         assert_eq!(checkpointed.unwrap().vjp(&case.x_bar()).unwrap(), stored, "{along:?}");
     }
 }

@@ -8,7 +8,7 @@ use super::plan::{Plan, RecordPlan};
 use crate::sensor::{DELAY, TIME_OFFSET};
 use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
-use pliant_adjoint::{Seeds, Tangent, TangentStepper, equilibrium_tangent};
+use pliant_adjoint::{Seeds, Tangent, TangentStepper, equilibrium_jvp_columns};
 use pliant_engine::bodies::Turns;
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::step::{StepError, StepOptions, Stepper};
@@ -136,7 +136,7 @@ impl Pass<'_> {
         if self.plan.at_rest {
             let rest = equilibrium(model, &self.values.theta, &self.rec.start.mean.q, &u0)?;
             if self.wants.tangents {
-                tangent.x.q = equilibrium_tangent(&rest, &tangent.seeds);
+                tangent.x.q = equilibrium_jvp_columns(&rest, &tangent.seeds);
             }
             let mut state = rest.state();
             state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);

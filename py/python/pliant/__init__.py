@@ -6,8 +6,9 @@
     roll = model.rollout(model.initial_state(), model.controls())
     x0_bar, u_bar, theta_bar = roll.vjp(x_bar)
 
-All arrays are float64 in SI units; a state is x = [q, v], coordinates then velocities: three numbers
-per node [m, m/s], then those of joints [rad or m]. `pliant.jax` has the same as differentiable JAX functions.
+All arrays are float64 in SI units; a state is x = [q, v, z]: coordinates, velocities and history
+variables. q and v have three numbers per node [m, m/s], then those of joints [rad or m]; z has the plastic
+strains, delays, loads and grasps that the scene has (`model.memory_names`), often none. `pliant.jax` has the same as differentiable JAX functions.
 """
 
 from ._pliant import (

@@ -13,13 +13,13 @@ Array: TypeAlias = NDArray[np.float64]
 __version__: str
 
 class InputError(ValueError):
-    """What was given is wrong: a scene, a log, an array's shape, a parameter."""
+    """Wrong input: a scene, a log, an array's shape, a parameter."""
 
 class NumericsError(RuntimeError):
     """The numerics failed: not converged, not finite, or singular."""
 
 class Trace(TypedDict):
-    """What each step of a rollout took, (T,) int64 each."""
+    """Work of each step of a rollout, (T,) int64 each."""
 
     iterations: NDArray[np.int64]
     """Newton matrices assembled."""
@@ -28,48 +28,62 @@ class Trace(TypedDict):
     evaluations: NDArray[np.int64]
     """Residual evaluations besides."""
     retries: NDArray[np.int64]
-    """Halvings: a step with any is another map than one without."""
+    """Halvings; a step that is halved is another discrete map."""
 
-BlockReport = TypedDict(
-    "BlockReport",
-    {
-        "name": str,
-        "size": int,
-        "derivative": float,
-        "difference": float,
-        "relative_error": float,
-        "floor": float,
-        "step": float,
-        "taylor_slope": float | None,
-        "dot_test": float,
-        "contact_switches": int,
-        "one_sided": bool,
-        "pass": bool,
-    },
-)
-"""A gradient check along a random direction in one block of inputs.
+Verdict = Literal["pass", "fail", "inconclusive"]
 
-name: `x0.q`, `x0.v`, `u`, or the path of a quantity of theta with its indices as `*`.
-derivative, difference: by vjp, and the best central difference (one_sided at a bound).
-relative_error, floor: their disagreement, and the difference's own uncertainty.
-taylor_slope: 2 where the map is curved along the direction; None where it is affine.
-dot_test: relative disagreement of jvp and vjp, beyond the last digit of the loss.
-contact_switches: contacts or halvings that changed inside the difference, which then is no judge.
-"""
+class BlockReport(TypedDict):
+    """A gradient check along a random direction in one block of inputs."""
 
-GradcheckReport = TypedDict(
-    "GradcheckReport",
-    {
-        "pass": bool,
-        "worst_relative_error": float,
-        "taylor_slope": float | None,
-        "dot_test": float,
-        "contact_switches": int,
-        "retries": int,
-        "blocks": list[BlockReport],
-    },
-)
-"""The worst of all blocks, the halvings of the base rollout, and the blocks."""
+    name: str
+    """`x0.q`, `x0.v`, `x0.z`, `u`, or the path of a quantity of theta with its indices as `*`."""
+    size: int
+    """Number of entries."""
+    derivative: float
+    """Along the direction, by vjp."""
+    difference: float
+    """The finite difference of least uncertainty (one_sided at a bound); nan if each has a switch."""
+    relative_error: float
+    """Disagreement of derivative and difference; at most 1e-7 or ten floors pass."""
+    floor: float
+    """Relative uncertainty of the difference, which judges if it is at most 1e-6."""
+    step: float
+    """Smallest step of the difference, in the unit of the block."""
+    taylor_slope: float | None
+    """2 where the map is curved along the direction; None where it is affine."""
+    dot_test: float
+    """Relative disagreement of jvp and vjp, beyond the last digit of the loss."""
+    switches: int
+    """Contacts, motors, plastic or frictional sections and halvings that changed their mode within the
+    smallest difference, if every difference has some; otherwise 0."""
+    one_sided: bool
+    """Whether the value is at its physical bound."""
+    verdict: Verdict
+    """inconclusive: jvp and vjp agree, but no difference judges."""
+    reason: str | None
+    """Why the block does not pass, with the figures."""
+
+class GradcheckReport(TypedDict):
+    """The outcome of a gradient check and its blocks."""
+
+    verdict: Verdict
+    """fail if a block fails, inconclusive if none fails and some are inconclusive."""
+    judged: int
+    """Number of blocks that pass or fail."""
+    total: int
+    """Number of blocks."""
+    worst_relative_error: float
+    """Of the blocks that are judged."""
+    taylor_slope: float | None
+    """The one farthest from 2 of the blocks that are judged."""
+    dot_test: float
+    """Largest disagreement of jvp and vjp."""
+    switches: int
+    """Sum over the blocks."""
+    retries: int
+    """Halvings of the rollout that is checked."""
+    blocks: list[BlockReport]
+    """Block by block."""
 
 @final
 class Model:
@@ -81,8 +95,8 @@ class Model:
     @property
     def nx(self) -> int:
         """Size of the state x = [q, v, z]: node positions [m] and joint coordinates [rad, m] (a unit quaternion,
-        w first, for a ball), velocities of nodes [m/s] and joints [rad/s, m/s], then what joints and motors
-        remember (`memory_names`)."""
+        w first, for a ball), velocities of nodes [m/s] and joints [rad/s, m/s], then history variables
+        (`memory_names`)."""
     @property
     def ndx(self) -> int:
         """Size of a change of state [dq, dv, dz], of tangents, cotangents and Jacobians: nx, but for three numbers
@@ -180,7 +194,7 @@ class Model:
     def bias_forces(self, q: ArrayLike, v: ArrayLike, theta: ArrayLike | None = None) -> Array:
         """Coriolis forces less weight at q (nq,) and v (nv,), (n,) [N·m or N].
 
-        What the joints must exert for no acceleration, without springs, friction and motors.
+        Joint forces and torques for zero acceleration, without springs, friction and motors.
         """
     def step(self, x: ArrayLike, u: ArrayLike, theta: ArrayLike | None = None) -> Array:
         """x (nx,) one step later, (nx,), with inputs u (nu,) and parameters theta (n_params,).
@@ -207,8 +221,8 @@ class Model:
         rest_gap: differentiate steps of another rest gap [m] than the scene's; the result is a
             SurrogateRollout. states says through which states: "smooth", a rollout at that rest
             gap, or "hard", each step taken from the states of the scene's own contact.
-        grasp: "smooth" differentiates steps whose grippers feel what is out of their reach, by the
-            smoothed activation of their parameters; a SurrogateRollout too.
+        grasp: "smooth" differentiates steps whose grippers have the smoothed activation of their
+            parameters, which acts out of reach; a SurrogateRollout too.
         """
     def rollout_batch(
         self,
@@ -232,7 +246,7 @@ class Model:
     def equilibrium(
         self, u: ArrayLike, theta: ArrayLike | None = None, guess: ArrayLike | None = None
     ) -> Equilibrium:
-        """Solves for rest with inputs u (nu,); contact is refused.
+        """Static equilibrium with inputs u (nu,); contact is refused.
 
         guess: where to start, (nq,), or positions [m] of the nodes, (n_nodes, 3); also where
         velocity-controlled grippers stay. By default the scene's initial shape.
@@ -245,9 +259,10 @@ class Model:
         *,
         seed: int = 0,
     ) -> GradcheckReport:
-        """Checks the rollout's derivatives block by block against differences and each other.
+        """Checks the rollout's derivatives block by block against finite differences and each other.
 
-        By default of the scene's own rollout. seed chooses weights and directions.
+        By default of the scene's own rollout. seed chooses weights and directions. A block passes,
+        fails, or is inconclusive where no difference is free of switches and certain to 1e-6.
         """
 
 class Rollout:
@@ -255,7 +270,7 @@ class Rollout:
 
     @property
     def x(self) -> Array:
-        """States x_0 … x_T, (T + 1, nx): positions [m], velocities [m/s], then what is remembered."""
+        """States x_0 … x_T, (T + 1, nx): positions [m], velocities [m/s], history variables."""
     @property
     def u(self) -> Array:
         """Inputs it was simulated with, (T, nu)."""
@@ -267,7 +282,7 @@ class Rollout:
         """Whether the derivatives are those of another rest gap than the scene's."""
     @property
     def trace(self) -> Trace:
-        """What each step took, both steps of a surrogate along hard states together."""
+        """Work of each step; of a surrogate along hard states that of both steps."""
     def energy(self) -> Array:
         """Total energy of every state [J], (T + 1,)."""
     def jvp(
@@ -290,8 +305,8 @@ class Rollout:
         """Writes a page with a 3-D view of the run to `path`, which ends in .html: one file that needs no network.
 
         title: of the page; the file's name if left out. Long runs are thinned to 60 frames a simulated
-        second and to about 20 MB: what is returned says so, and so does the page; None if all states are
-        in it. OSError if the file cannot be written, which leaves what was there before.
+        second and to about 20 MB; the page and the text returned say so; None if the page has all states.
+        OSError if the file cannot be written; an older file then stays.
         """
     def __len__(self) -> int:
         """Number of steps T."""
@@ -363,11 +378,11 @@ def import_model(
     free_base: bool = False,
     contact: bool = True,
 ) -> tuple[str, dict[str, Any]]:
-    """Reads an MJCF or URDF file: the text of a scene for `loads`, and what became of every element.
+    """Reads an MJCF or URDF file: the text of a scene for `loads`, and a report of every element.
 
-    approximate: import what can be of a model that uses tendons, sites in constraints or meshes as masses,
+    approximate: approximate a model that uses tendons, sites in constraints or meshes as masses,
     instead of refusing it, and let bodies that overlap at the start pass through each other.
-    free_base: let the root link of a URDF fly. contact: with the shapes that bodies touch with; a
+    free_base: give the root link of a URDF a free joint. contact: include collision shapes; a
     scene that has them runs with the integrator `euler`. The report has `format`,
     `source` and `entries`: `file`, `line`, `element`, `name`, `original` (the name in the file, if
     it is another), `verdict` ("kept", "approximated", "ignored") and `reason`.
@@ -427,7 +442,7 @@ def fit(
 ) -> dict[str, Any]:
     """Fits the free parameters that the scene's `[experiment.fit]` declares, from its records.
 
-    logs: more files, read by the same mapping. progress: told what is being done.
+    logs: more files, read by the same mapping. progress: called with progress messages.
     The dict has the keys of the command's JSON: `parameters` (path, estimate, unit, interval,
     scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, `warnings` (a residual that
     is not noise, estimates at their bounds), …
@@ -435,7 +450,7 @@ def fit(
     Besides the parameters of the model (`Model.param_paths`), those of the markers' sensor can be
     free: `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad],
     `sensor.time_offset` [s]; a marker at p is read as scale R(rotation) p(t - time_offset) + bias.
-    What is known of them stands in the scene's `[experiment.sensor]`.
+    Known errors are given in the scene's `[experiment.sensor]`.
     """
 
 def diagnose(
@@ -446,7 +461,7 @@ def diagnose(
     threads: int | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> dict[str, Any]:
-    """Finds out what the scene gets wrong about the records of its experiment, and `logs`.
+    """Finds the physical effects that the scene lacks to explain the records of its experiment and `logs`.
 
     seed: of bootstraps and sign flips. The dict has the keys of the command's JSON: `verdict`
     ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain` (whose

@@ -2,7 +2,7 @@
 
 use crate::common::Case;
 use crate::common::sheets::{rippling, thrown};
-use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, gradcheck};
+use crate::judged::demand;
 use pliant_adjoint::{Linearization, Seeds, TangentStepper, linearize};
 use pliant_engine::step::{StepOptions, StepRecord};
 use pliant_math::Vec3;
@@ -11,29 +11,13 @@ use pliant_scene::{
     Sphere,
 };
 
-fn gradients_hold(what: &str, case: &Case) {
-    let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap();
-    let judged: Vec<_> = report.blocks.iter().filter(|b| b.contact_switches == 0).collect();
-    println!(
-        "{what}: worst {:.1e}, dot {:.1e}, judged {}/{}, retries {}",
-        report.worst_relative_error,
-        report.dot_test,
-        judged.len(),
-        report.blocks.len(),
-        report.retries
-    );
-    let wrong: Vec<_> = judged.iter().filter(|b| b.relative_error > RELATIVE_ERROR.max(FLOOR_FACTOR * b.floor)).collect();
-    assert!(wrong.is_empty() && report.dot_test <= DOT_TEST, "{what}: {wrong:#?}");
-    assert!(2 * judged.len() > report.blocks.len());
-}
-
 #[test]
 fn gradients_of_a_free_sheet() {
     for integrator in [Integrator::Midpoint, Integrator::Euler, Integrator::Sdirk2] {
         let mut scene = thrown(integrator, 0.01, 1.0);
         scene.air.wind = [0.5, 0.0, 1.0];
         (scene.cloth[0].drag_normal, scene.cloth[0].drag_quadratic) = (0.05, 0.3);
-        gradients_hold(&format!("free {integrator:?}"), &rippling(&scene));
+        demand(&format!("free {integrator:?}"), &rippling(&scene), 0);
     }
 }
 
@@ -42,7 +26,7 @@ fn gradients_of_a_held_sheet() {
     let mut scene = thrown(Integrator::Midpoint, 0.01, 1.0);
     let clamp = Clamp::Nodes(vec![0, 1, 2, 3]);
     scene.gripper = vec![Gripper { rope: None, cloth: Some("sheet".to_owned()), clamp, ..Gripper::default() }];
-    gradients_hold("held", &rippling(&scene));
+    demand("held", &rippling(&scene), 0);
 }
 
 #[test]
@@ -229,7 +213,7 @@ fn gradients_after_landing(what: &str, scene: &Scene) -> Case {
     let case = Case::new(scene, 30);
     let run = case.run(StepOptions { record: false, ..StepOptions::default() });
     let case = Case { x0: run.states[30].clone(), u: case.u[..5].to_vec(), ..case };
-    gradients_hold(what, &case);
+    demand(what, &case, 1);
     case
 }
 

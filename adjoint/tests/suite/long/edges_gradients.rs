@@ -2,29 +2,9 @@
 
 use crate::common::Case;
 use crate::common::shapes::{Random, dropped};
-use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, Report, gradcheck};
+use crate::judged::demand;
 use pliant_engine::step::StepOptions;
 use pliant_scene::{Grid, Touching};
-
-fn demand(what: &str, case: &Case) -> Report {
-    let report = gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap();
-    let judged = || report.blocks.iter().filter(|b| b.contact_switches == 0);
-    println!(
-        "{what}: worst {:.1e}, slope {:?}, dot {:.1e}, judged {}/{}, switches {}, retries {}",
-        report.worst_relative_error,
-        report.taylor_slope,
-        report.dot_test,
-        judged().count(),
-        report.blocks.len(),
-        report.contact_switches,
-        report.retries
-    );
-    let wrong: Vec<_> = judged().filter(|b| b.relative_error > RELATIVE_ERROR.max(FLOOR_FACTOR * b.floor)).collect();
-    assert!(wrong.is_empty(), "{what}: {wrong:#?}");
-    assert!(report.dot_test <= DOT_TEST, "{what}");
-    assert!(judged().count() * 2 > report.blocks.len(), "{what}: differences must judge most blocks");
-    report
-}
 
 /// Two steps after a drop, on every shape.
 #[test]
@@ -37,7 +17,7 @@ fn gradients_on_every_shape() {
             let case = Case::new(&scene, 80);
             let run = case.run(StepOptions { record: false, ..StepOptions::default() });
             let case = Case { x0: run.states[75].clone(), u: case.u[..5].to_vec(), ..case };
-            demand(&format!("{} on {}", if sheet { "cloth" } else { "rope" }, ["ball", "bar", "brick"][kind]), &case);
+            demand(&format!("{} on {}", if sheet { "cloth" } else { "rope" }, ["ball", "bar", "brick"][kind]), &case, 1);
         }
     }
 }
@@ -53,9 +33,6 @@ fn gradients_of_a_hundred_steps() {
             modes.iter().any(|m| *m != 0)
         });
         println!("{name}: {} of 100 steps list contacts, {} halvings", touching.count(), run.retries());
-        let report = demand(name, &case);
-        // the sheet's quadratic regime is narrower: its slope is lost in rounding
-        let slope = report.taylor_slope.unwrap();
-        assert!(name == "cloth_edges" || (1.9..2.1).contains(&slope), "{name}: {slope}");
+        demand(name, &case, if name == "rope_edges" { 3 } else { 1 });
     }
 }

@@ -1,40 +1,14 @@
 //! Derivatives of rollouts and equilibria on the scenes of `tests/scenes`, against differences.
 
 use crate::common::{Case, STEPS, scene, with};
-use pliant_adjoint::gradcheck::{DOT_TEST, FLOOR_FACTOR, RELATIVE_ERROR, Report, gradcheck};
-use pliant_adjoint::{
-    AdjointError, Seeds, checkpointed_rollout, equilibrium_tangent, equilibrium_vjp, linearize, rollout_jvp, rollout_vjp,
-};
+use crate::judged::demand;
+use pliant_adjoint::gradcheck::{DOT_TEST, RELATIVE_ERROR, Verdict};
+use pliant_adjoint::{AdjointError, Seeds, equilibrium_jvp_columns, equilibrium_vjp, linearize, rollout_jvp, rollout_vjp};
 use pliant_engine::equilibrium::equilibrium;
-use pliant_engine::rollout::{Rollout, rollout};
+use pliant_engine::rollout::{Rollout, RolloutOptions, rollout};
 use pliant_engine::step::{StepError, StepOptions};
 use pliant_math::State;
 use pliant_scene::{Integrator, LinearSolver, resting_inputs};
-
-fn check(case: &Case) -> Report {
-    gradcheck(&case.model, &case.theta, &case.x0, &case.u, 7).unwrap()
-}
-
-fn show(what: &str, report: &Report) {
-    let judged = report.blocks.iter().filter(|b| b.contact_switches == 0).count();
-    println!(
-        "{what}: worst {:.1e}, slope {:?}, dot {:.1e}, judged {judged}/{}, switches {}, retries {}",
-        report.worst_relative_error,
-        report.taylor_slope,
-        report.dot_test,
-        report.blocks.len(),
-        report.contact_switches,
-        report.retries
-    );
-}
-
-/// Demands the dot test and every block's own verdict.
-fn demand(what: &str, report: &Report) {
-    show(what, report);
-    let failed: Vec<_> = report.blocks.iter().filter(|b| !b.pass).collect();
-    assert!(failed.is_empty(), "{what}: {failed:#?}");
-    assert!(report.dot_test <= DOT_TEST && report.pass, "{what}");
-}
 
 const SMOOTH: [&str; 10] = [
     "free_swing",
@@ -57,13 +31,13 @@ fn smooth_rollouts_under_every_integrator() {
     for name in SMOOTH {
         for integrator in [Integrator::Midpoint, Integrator::Euler, Integrator::Sdirk2] {
             let case = Case::new(&with(name, integrator), STEPS);
-            let report = check(&case);
-            demand(&format!("{name} {integrator:?}"), &report);
+            let kinks = if name.starts_with("arm") { 4 } else { 0 };
+            let report = demand(&format!("{name} {integrator:?}"), &case, kinks);
             let entries: usize = report.blocks.iter().map(|b| b.size).sum();
             let all = case.model.ndx() + STEPS * case.model.nu() + case.model.n_params();
             assert_eq!(entries, all, "{name}: every input is in a block");
             // dry friction of size zero makes a joint that turns round stick: the only kink here
-            let mut kinked = report.blocks.iter().filter(|b| b.contact_switches > 0);
+            let mut kinked = report.with(Verdict::Inconclusive);
             assert!(kinked.all(|b| b.name.ends_with(".friction") || b.name.ends_with(".stiction")), "{name}");
         }
     }
@@ -77,13 +51,9 @@ fn rollouts_through_contact() {
         for gap in gaps {
             let mut scene = with(name, integrator);
             scene.contact.rest_gap = gap.unwrap_or(scene.contact.rest_gap);
-            let report = check(&Case::new(&scene, STEPS));
-            show(&format!("{name} {integrator:?} at {:e} m", scene.contact.rest_gap), &report);
-            // no Taylor slope here: a landing's quadratic regime is as narrow as κ and lies below rounding
-            let judged = report.blocks.iter().filter(|b| b.contact_switches == 0);
-            let wrong: Vec<_> = judged.filter(|b| b.relative_error > RELATIVE_ERROR.max(FLOOR_FACTOR * b.floor)).collect();
-            assert!(wrong.is_empty(), "{name}: {wrong:#?}");
-            assert!(report.dot_test <= DOT_TEST);
+            // rounding leaves differences of a rope at rest by two stages a floor above 1e-6
+            let rounded = if gap.is_some() && name == "resting" && integrator == Integrator::Sdirk2 { 6 } else { 1 };
+            demand(&format!("{name} {integrator:?} at {:e} m", scene.contact.rest_gap), &Case::new(&scene, STEPS), rounded);
         }
     }
 }
@@ -102,7 +72,7 @@ fn friction_and_stops_of_joints() {
         let hard = gap < 1e-5; // a soft law slides a little below its bound, like one that sticks
         assert!(!hard || seen.iter().any(|m| m[0] == 1) && seen.iter().any(|m| m[0] == 2), "the shoulder slides, then sticks");
         assert!(seen.iter().any(|m| m[3] == 1), "the elbow runs into its stop");
-        demand(&format!("arm_stops {integrator:?} at {gap:e}"), &check(&case));
+        demand(&format!("arm_stops {integrator:?} at {gap:e}"), &case, 0);
     }
 }
 
@@ -119,7 +89,7 @@ fn friction_of_gears() {
         let modes = |k: usize| run.records[k].stages[0].1.contact_modes(&case.model, &case.theta);
         let seen: Vec<Vec<u8>> = (0..run.records.len()).map(modes).collect();
         assert!(seen.iter().any(|m| m[2] % 4 == 2) && seen.iter().any(|m| m[2] % 4 == 3), "the elbow slides both ways");
-        demand(&format!("arm_gear {integrator:?} at {gap:e}"), &check(&case));
+        demand(&format!("arm_gear {integrator:?} at {gap:e}"), &case, 0);
     }
 }
 
@@ -129,9 +99,12 @@ fn a_delay_of_whole_steps_is_noticed() {
     let mut scene = with("arm_actuators", Integrator::Euler);
     (scene.actuator[0].delay, scene.actuator[0].lag) = (Some(0.01), None);
     let case = Case::new(&scene, 20);
-    let report = check(&case);
+    let report = demand("a delay of whole steps", &case, 3);
     let delay = report.blocks.iter().find(|b| b.name == "shoulder_servo.delay").unwrap();
-    assert!(delay.contact_switches > 0 && delay.dot_test <= DOT_TEST && report.pass, "{delay:#?}");
+    assert!(
+        delay.verdict == Verdict::Inconclusive && delay.switches > 0 && report.verdict == Verdict::Inconclusive,
+        "{delay:#?}"
+    );
     let path = case.model.params().find("shoulder_servo.delay").unwrap();
     let end = |delay: f64| {
         let mut theta = case.theta.clone();
@@ -151,7 +124,7 @@ fn softer_contact_is_judged_by_differences() {
     for name in CONTACT {
         let mut soft = with(name, Integrator::Euler);
         soft.contact.rest_gap = 1e-4;
-        demand(&format!("{name} at 0.1 mm"), &check(&Case::new(&soft, STEPS)));
+        demand(&format!("{name} at 0.1 mm"), &Case::new(&soft, STEPS), 0);
     }
 }
 
@@ -189,9 +162,11 @@ fn checkpoints_give_the_same_bits() {
         let case = Case::new(&with(name, integrator), STEPS);
         let stored = rollout_vjp(&case.run(StepOptions::default()), &case.x_bar()).unwrap();
         for records in [1, 7, STEPS + 3] {
-            let checkpointed =
-                checkpointed_rollout(&case.model, &case.theta, &case.x0, &case.u, StepOptions::default(), records).unwrap();
-            assert_eq!(checkpointed.vjp(&case.x_bar()).unwrap(), stored, "{name}, {records} records");
+            let options = RolloutOptions { max_records: Some(records), ..RolloutOptions::default() };
+            let run = rollout(&case.model, &case.theta, &case.x0, &case.u, options).unwrap();
+            assert_eq!(run.checkpoints.is_some() && run.records.is_empty(), records < STEPS);
+            assert_eq!(rollout_vjp(&run, &case.x_bar()).unwrap(), stored, "{name}, {records} records");
+            assert!(records > STEPS || matches!(rollout_jvp(&run, None, None, None), Err(AdjointError::Checkpointed)));
         }
     }
 }
@@ -210,7 +185,7 @@ fn equilibria_against_differences() {
         let mut seeds = Seeds::none(nu + np, nu, np);
         (0..nu).for_each(|k| seeds.add_u(k, k, 1.0));
         (0..np).for_each(|k| seeds.add_theta(k, nu + k, 1.0));
-        let jacobian = equilibrium_tangent(&eq, &seeds);
+        let jacobian = equilibrium_jvp_columns(&eq, &seeds);
         let q_bar: Vec<f64> = (0..eq.q.len()).map(|i| (1.3 * i as f64).cos()).collect();
         let (u_bar, theta_bar) = equilibrium_vjp(&eq, &q_bar).unwrap();
         let mut worst = (0.0, String::new());
@@ -355,8 +330,8 @@ fn no_friction_has_no_gradient() {
         let mut scene = scene("sliding");
         scene.plane[0].friction = 0.0;
         scene.contact.rest_gap = rest_gap;
-        let report = check(&Case::new(&scene, 10));
+        let report = demand(&format!("without friction at {rest_gap:e} m"), &Case::new(&scene, 10), 0);
         let friction = report.blocks.iter().find(|b| b.name == "floor.friction").unwrap();
-        assert!(friction.pass && friction.one_sided && friction.derivative.abs() < 1e-9, "{friction:#?}");
+        assert!(friction.verdict == Verdict::Pass && friction.one_sided && friction.derivative.abs() < 1e-9, "{friction:#?}");
     }
 }

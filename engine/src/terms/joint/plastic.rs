@@ -101,7 +101,7 @@ pub fn relax<S: Real>(e: S, change: S, t: f64, tau: S, limit: Option<S>) -> S {
             if end.re() * e.re() >= 0.0 {
                 return yielded + end;
             }
-            left -= tau * ((-excess / steady) + 1.0).ln();
+            left -= tau * (-excess / steady).ln_1p();
             e = yielded;
         } else {
             let end = e + rate * left;
