@@ -36,18 +36,19 @@ fn number_plain_with(x: f64, significant: usize) -> String {
 }
 
 /// An estimate and the ends of its interval, with as many digits as show two of its half width.
-pub(crate) fn estimate_of(x: f64, interval: [f64; 2]) -> [String; 3] {
+pub(crate) fn estimate_of(x: f64, interval: Option<[f64; 2]>) -> (String, Option<[String; 2]>) {
     let significant = resolving(x, interval);
-    [x, interval[0], interval[1]].map(|x| number_with(x, significant))
+    (number_with(x, significant), interval.map(|ends| ends.map(|x| number_with(x, significant))))
 }
 
 /// The same for terminals.
-pub(crate) fn estimate_plain(x: f64, interval: [f64; 2]) -> [String; 3] {
+pub(crate) fn estimate_plain(x: f64, interval: Option<[f64; 2]>) -> (String, Option<[String; 2]>) {
     let significant = resolving(x, interval);
-    [x, interval[0], interval[1]].map(|x| number_plain_with(x, significant))
+    (number_plain_with(x, significant), interval.map(|ends| ends.map(|x| number_plain_with(x, significant))))
 }
 
-fn resolving(x: f64, [low, high]: [f64; 2]) -> usize {
+fn resolving(x: f64, interval: Option<[f64; 2]>) -> usize {
+    let Some([low, high]) = interval else { return FEW };
     let digits = x.abs().log10().floor() - (0.5 * (high - low)).log10().floor() + 2.0;
     // NaN and infinite where there is no interval, or no width
     if digits.is_finite() { digits.clamp(FEW as f64, 9.0) as usize } else { FEW }
@@ -142,10 +143,17 @@ mod tests {
 
     #[test]
     fn intervals_show_their_width() {
-        assert_eq!(estimate_plain(0.80005, [0.79982, 0.80018]), ["0.80005", "0.79982", "0.80018"]);
-        assert_eq!(estimate_plain(1.5e-4, [1.2e-4, 1.8e-4]), ["1.5e-4", "1.2e-4", "1.8e-4"]);
-        assert_eq!(estimate_of(-7.33214e5, [-7.341e5, -7.323e5]), ["−7.3321×10⁵", "−7.341×10⁵", "−7.323×10⁵"]);
-        assert_eq!(estimate_plain(0.3, [0.3, 0.3]), ["0.3", "0.3", "0.3"]);
-        assert_eq!(estimate_plain(2.0, [f64::NEG_INFINITY, f64::INFINITY]), ["2", "−∞", "∞"]);
+        let plain = |x, interval| {
+            let (value, ends) = estimate_plain(x, Some(interval));
+            let [low, high] = ends.unwrap_or_default();
+            [value, low, high]
+        };
+        assert_eq!(plain(0.80005, [0.79982, 0.80018]), ["0.80005", "0.79982", "0.80018"]);
+        assert_eq!(plain(1.5e-4, [1.2e-4, 1.8e-4]), ["1.5e-4", "1.2e-4", "1.8e-4"]);
+        assert_eq!(plain(0.3, [0.3, 0.3]), ["0.3", "0.3", "0.3"]);
+        assert_eq!(plain(2.0, [f64::NEG_INFINITY, f64::INFINITY]), ["2", "−∞", "∞"]);
+        let ends = Some(["−7.341×10⁵".to_owned(), "−7.323×10⁵".to_owned()]);
+        assert_eq!(estimate_of(-7.33214e5, Some([-7.341e5, -7.323e5])), ("−7.3321×10⁵".to_owned(), ends));
+        assert_eq!(estimate_of(0.3, None), ("0.3".to_owned(), None));
     }
 }

@@ -50,3 +50,11 @@ def test_an_encoders_zero_is_not_told_from_its_twin(tmp_path):
     (alternatives,), (objects,) = report["alternatives"], report["alternative_objects"]
     assert set(zip(alternatives, objects, strict=True)) == {("encoder_bias", "elbow"), ("center_of_mass", "lower")}
     assert report["causes"] == []
+
+
+def test_a_late_motor_is_told_from_late_encoders(tmp_path):
+    report = diagnose("actuator_delay", tmp_path)
+    assert report["verdict"] == "named", report["reason"]
+    causes = [cause for cause in report["causes"] if cause["name"] != "discretisation"]
+    assert [(cause["name"], cause["object"]) for cause in causes] == [("actuator_delay", "motor_elbow")]
+    assert causes[0]["parameters"][0]["estimate"] == pytest.approx(0.006, rel=0.01)

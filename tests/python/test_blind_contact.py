@@ -8,10 +8,39 @@ from validation.blind import slider
 pytestmark = pytest.mark.long
 
 
+def causes(report: dict) -> list[tuple[str, str]]:
+    """The physical causes named. The closed form has no step, so the scene's own may be named as well."""
+    return [(c["name"], c["object"]) for c in report["causes"] if c["name"] != "discretisation"]
+
+
+def alternatives(report: dict) -> set[tuple[str, str]]:
+    names = [name for group in report["alternatives"] for name in group]
+    objects = [at for group in report["alternative_objects"] for at in group]
+    return set(zip(names, objects, strict=True))
+
+
 def test_a_wrong_friction_of_the_floor_is_found_beside_its_twin(tmp_path):
     """Friction 0.3 on the floor, or 0.2 and an encoder that counts half as much again: x is the same in flight, impact and sliding."""
     report = pliant.diagnose(str(slider.write(tmp_path / "case", seed=1, friction=0.3)))
     assert report["verdict"] == "ambiguous", report["reason"]
-    names = [name for group in report["alternatives"] for name in group]
-    objects = [at for group in report["alternative_objects"] for at in group]
-    assert {("contact_friction", "floor"), ("encoder_scale", "x")} <= set(zip(names, objects, strict=True))
+    assert {("contact_friction", "floor"), ("encoder_scale", "x")} <= alternatives(report)
+
+
+def test_a_floor_without_friction_in_the_scene_is_named(tmp_path):
+    """No scale of an encoder imitates friction where the scene has none."""
+    report = pliant.diagnose(str(slider.write(tmp_path / "case", seed=2, friction=0.15, believed=0.0)))
+    assert report["verdict"] == "named", report["reason"]
+    assert causes(report) == [("contact_friction", "floor")]
+    assert report["causes"][0]["parameters"][0]["estimate"] == pytest.approx(0.15, rel=0.01)
+
+
+def test_a_higher_floor_is_not_told_from_an_encoders_zero(tmp_path):
+    report = pliant.diagnose(str(slider.write(tmp_path / "case", seed=3, height=0.004)))
+    assert report["verdict"] == "ambiguous", report["reason"]
+    assert {("ground_height", "floor"), ("encoder_bias", "z")} <= alternatives(report)
+
+
+def test_no_effect_is_claimed_where_none_is_hidden(tmp_path):
+    report = pliant.diagnose(str(slider.write(tmp_path / "case", seed=4)))
+    assert causes(report) == [] and report["alternatives"] == [], report["reason"]
+    assert not report["remainder"]["significant"] and report["remainder"]["rmse"] < 1.1 * slider.SIGMA

@@ -14,6 +14,7 @@ class BlindCase:
     kind: str
     cause: str = ""  # the oracle's key ("gripper_offset:left"), or the effect outside
     name: str = ""  # pliant's name of the cause
+    object: str = ""  # pliant's name of the gripper, joint, link or motor it is at; empty where it is at none
     lam: float = 0.0  # λ by the oracle (for `outside`: what remains after the best single imitation)
     theta: float = 0.0
     truth: dict[str, float]  # pliant's parameter path -> true value
@@ -32,5 +33,4 @@ class BlindCase:
 class BodyCase(BlindCase):
     """A case of bodies: the same cause may be at one of several joints, links or motors."""
 
-    object: str = ""  # pliant's name of what the effect is at
     lam_exact: float = 0.0  # λ of the size that was hidden; `lam` is the one aimed at

@@ -73,6 +73,7 @@ def hide(case: Case, judge: oracle.Oracle, rng: np.random.Generator) -> bool:
     table = oracle.causes(family)
     case.cause = str(rng.choice(list(table)))
     case.name, keys = table[case.cause]
+    case.object = case.cause.partition(":")[2]
     case.lam = float(rng.choice(LAMBDAS))
     d = rng.standard_normal(len(keys))
     if case.name == "wind" and rng.random() < 0.5:

@@ -32,7 +32,7 @@ def diagnose(case: Case, y: np.ndarray, y_dot: np.ndarray) -> dict:
         return _answer("adequate")
     best = min(p_value, key=lambda name: (p_value[name], -score[name] / judge.basis[name].shape[1]))
     imitation = judge.basis[best] @ (judge.basis[best].T @ r)
-    rho = {k: c for k, c in judge.cosines(imitation).items() if table[k][0] != table[best][0]}
+    rho = {k: c for k, c in judge.cosines(imitation).items() if k != best}
     gate = norm.ppf(1.0 - oracle.ALPHA / len(rho))
     lead = {k: np.sqrt(score[best]) - np.sqrt(score[k]) for k in rho}
     close = [k for k, c in rho.items() if lead[k] <= gate * np.sqrt(2.0 * max(1.0 - c, 1e-12))]
@@ -67,7 +67,7 @@ def _cause(judge: oracle.Oracle, key: str, entry: tuple[str, list[str]], r: np.n
         value = [1.0 / max(1.0 / nominal + s, 1e-6) if k == "EA" else nominal + s for s in ends]
         interval = [min(value), max(value)]
         parameters.append({"path": oracle.path_of(k), "estimate": value[1], "unit": "", "interval": interval})
-    return {"name": entry[0], "parameters": parameters, "statistic": score, "rivals": []}
+    return {"name": entry[0], "object": key.partition(":")[2] or None, "parameters": parameters, "statistic": score, "rivals": []}
 
 
 def _answer(verdict: str, causes: list | None = None, alternatives: list | None = None) -> dict:

@@ -220,11 +220,11 @@ class Oracle:
         """The naming rule in expectation: (allowed, margin of the worst rival [σ], rivals not beaten).
 
         Significant: λ above the χ²_k threshold at α/(number of candidates). Beats rival k if
-        √(λ (1-ρ)/2) > Φ⁻¹(1 - α/m), m rivals. A cause that is the same but for its gripper is no rival.
+        √(λ (1-ρ)/2) > Φ⁻¹(1 - α/m), m rivals, the same cause at another gripper among them.
         """
         table = causes(self.family)
         lam = float(u @ u) * theta**2
-        rho = {k: c for k, c in self.cosines(u).items() if table[k][0] != table[own][0]}
+        rho = {k: c for k, c in self.cosines(u).items() if k != own}
         gate = norm.ppf(1.0 - ALPHA / len(rho))
         margins = {k: float(np.sqrt(0.5 * lam * max(1.0 - c, 0.0)) - gate) for k, c in rho.items()}
         significant = lam > chi2.ppf(1.0 - ALPHA / len(table), len(table[own][1]))

@@ -51,21 +51,21 @@ def outcome(case: dict, report: dict | None) -> str:
 
 
 def told(case: dict, report: dict) -> list[tuple[str, str]]:
-    """The causes named, with their objects where the case knows one.
+    """The causes named, with their objects: a cause at another gripper, joint or motor is another one.
 
     Of arms the simulation's own step is no answer to the question, and no mistake either: they go over the top, where the scene's
     step does show.
     """
     of_arm = case.get("family") == "arm"
     causes = [c for c in report["causes"] if not (of_arm and c["name"] == "discretisation")]
-    return [(c["name"], (c.get("object") or "") if "object" in case else "") for c in causes]
+    return [(c["name"], c.get("object") or "") for c in causes]
 
 
 def coverage(case: dict, report: dict) -> list[bool]:
-    """Whether each interval of the rightly named cause holds the true value."""
+    """Whether each interval of the rightly named cause holds the true value; parameters without an interval are left out."""
     hits = []
     for p in [p for cause in report["causes"] for p in cause["parameters"]]:
-        if p["path"] in case["truth"]:
+        if p["path"] in case["truth"] and p["interval"] is not None:
             low, high = p["interval"]
             hits.append(bool(low <= case["truth"][p["path"]] <= high))
     return hits
@@ -82,7 +82,7 @@ def gain_is_right(report: dict) -> bool | None:
 def lost_to_symmetry(case: dict) -> bool:
     """Whether some other cause imitates this one (all but) exactly."""
     own = f"{case['name']}:{case['object']}" if case.get("object") else case["name"]
-    others = {k: c for k, c in case["cosines"].items() if (k if "object" in case else k.split(":")[0]) != own}
+    others = {k: c for k, c in case["cosines"].items() if k != own}
     return case["kind"] == "effect" and max(others.values()) > SYMMETRIC
 
 

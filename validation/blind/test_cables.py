@@ -77,8 +77,13 @@ def test_the_oracle_knows_symmetries():
     assert oracle.mismatch_t2() < 1.0
 
 
-def test_objects_count_where_a_case_has_them():
-    case = {"kind": "effect", "family": "cable", "name": "joint_stiffness", "object": "joint_2"}
-    for joint, worth in (("joint_2", "right"), ("joint_3", "wrong")):
-        report = {"verdict": "named", "causes": [{"name": "joint_stiffness", "object": joint}]}
-        assert score.outcome(case, report) == worth
+@pytest.mark.parametrize(
+    ("family", "name", "own", "other"),
+    [("cable", "joint_stiffness", "joint_2", "joint_3"), ("two_ends", "gripper_offset", "left", "right")],
+)
+def test_a_cause_at_another_object_is_a_wrong_name(family, name, own, other):
+    case = {"kind": "effect", "family": family, "name": name, "object": own, "cosines": {f"{name}:{own}": 1.0, f"{name}:{other}": 0.999}}
+    for at, worth in ((own, "right"), (other, "wrong")):
+        assert score.outcome(case, {"verdict": "named", "causes": [{"name": name, "object": at}]}) == worth
+    assert score.lost_to_symmetry(case)
+    assert not score.lost_to_symmetry(case | {"cosines": {f"{name}:{own}": 1.0, f"{name}:{other}": 0.2}})

@@ -13,7 +13,6 @@ const TYPICAL: f64 = 1e-3;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "actuator_delay",
         meaning: "a motor gets its commands late",
         untestable: unread(at),
         excitation: "command steps: a late motor does nothing for a while, a lagging one begins at once",

@@ -9,7 +9,6 @@ const TYPICAL: f64 = 1e-3;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "actuator_lag",
         meaning: "a motor follows its commands with a lag",
         untestable: unread(at),
         excitation: "command steps and fast sines: a lag weakens fast commands, a delay does not",

@@ -12,7 +12,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let stiffness = at.value(&format!("{rod}.bend_stiffness")).max(1e-12);
         let same = at.value(&format!("{rod}.bend_stiffness_2")) == at.value(&format!("{rod}.bend_stiffness"));
         Cause {
-            name: "anisotropic_bending",
             meaning: "the section is easier to bend one way than across",
             unknowns: at.theta(&format!("{rod}.bend_stiffness_2"), 0.1 * stiffness).into_iter().collect(),
             excitation: "turn both ends about the rod's own direction by 90°: a round section does not mind",

@@ -10,7 +10,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "asymmetric_friction",
         meaning: "dry friction against negative velocities differs from that against positive ones",
         excitation: "turn the joint at the same slow speed both ways, then its base over: a constant torque of the motor stays",
         ..Cause::default()

@@ -21,7 +21,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let curvature = at.theta(&format!("{rod}.friction_curvature"), 1.0).filter(|_| none && !in_pieces);
         let unknowns: Vec<_> = at.theta(&format!("{rod}.friction_moment"), scale).into_iter().collect();
         Cause {
-            name: "bend_friction",
             meaning: "there is friction inside the rod that is bent, the same however fast (strands, a sheath)",
             unknowns: if in_pieces { Vec::new() } else { unknowns },
             untestable: in_pieces

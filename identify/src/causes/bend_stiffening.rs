@@ -9,7 +9,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     at.per_rod(|rod| {
         let scale = TYPICAL / at.largest_curvature(rod).powi(2);
         Cause {
-            name: "bend_stiffening",
             meaning: "the rod becomes stiffer, or softer, the more it is bent",
             unknowns: at.theta(&format!("{rod}.stiffening"), scale).into_iter().collect(),
             excitation: "bend it sharply, and hold it nearly straight",

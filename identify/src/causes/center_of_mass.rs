@@ -6,7 +6,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let one = |name: &String| {
         let unknowns: Vec<_> = (0..3).filter_map(|a| at.theta(&format!("{name}.center_of_mass[{a}]"), 0.01)).collect();
         (!unknowns.is_empty()).then(|| Cause {
-            name: "center_of_mass",
             object: Some(name.clone()),
             meaning: "a link's centre of mass is elsewhere",
             unknowns,

@@ -9,7 +9,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let later = at.rod_grippers().into_iter().filter(|(_, first)| !first);
     later
         .map(|(gripper, _)| Cause {
-            name: "clamp_roll",
             meaning: "a gripper holds the rod turned about its own direction against the other end, by an angle nobody measured",
             unknowns: at.theta(&format!("{gripper}.roll"), 0.1).into_iter().collect(),
             object: Some(gripper),

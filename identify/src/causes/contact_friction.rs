@@ -11,7 +11,6 @@ const PROBED: Probe = Probe { small: 1e-3, start: 0.1 };
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "contact_friction",
         meaning: "friction in a contact is missing or wrong",
         excitation: "let it slide to a stop on the level, and tilt the ground until it begins to slide",
         ..Cause::default()

@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "coulomb_friction",
         meaning: "dry (Coulomb) friction is missing or wrong",
         excitation: "reverse slowly, and let a free swing die: it stops off centre, after a finite time",
         ..Cause::default()

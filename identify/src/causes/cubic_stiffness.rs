@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "cubic_stiffness",
         meaning: "a spring whose stiffness depends on its deflection is missing or wrong",
         excitation: "swing at two amplitudes: the frequency depends on them",
         ..Cause::default()

@@ -16,7 +16,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let held = |e: usize| span.edge(e).iter().all(|node| model.driven()[*node]);
         let free = (0..span.fractions.len()).filter(|e| !held(*e));
         Some(Cause {
-            name: "edge_lengths",
             object: (at.ropes().len() > 1).then(|| rope.to_owned()),
             meaning: "the rope is longer at rest in some places, or shorter, than simulated (where markers or links really are)",
             unknowns: at.along(&free.map(|e| format!("{rope}.edge[{e}].rest_strain")).collect::<Vec<_>>(), TYPICAL),

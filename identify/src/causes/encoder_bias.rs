@@ -6,7 +6,6 @@ use pliant_math::params::ANY;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "encoder_bias",
         meaning: "an encoder's zero is off",
         excitation: "drive the joint to a stop whose place is known, or turn the base over: gravity's tilt turns along",
         ..Cause::default()

@@ -5,7 +5,6 @@ use crate::sensor::GAIN;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "encoder_scale",
         meaning: "an encoder reads angles too large or too small",
         excitation: "turn the joint by a full revolution, or between two stops at known places",
         ..Cause::default()

@@ -3,14 +3,14 @@
 use super::{Cause, Situation};
 use crate::unknown::Unknown;
 
-pub(super) fn cause(_at: &Situation) -> Cause {
-    Cause {
-        name: "frame_rotation",
-        object: None,
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
+    if at.plan.markers.is_empty() {
+        return Vec::new();
+    }
+    vec![Cause {
         meaning: "the sensor's frame is rotated against the scene's",
         unknowns: (4..7).map(|a| Unknown::of_sensor(a, 0.01, (-1.0, 1.0))).collect(),
-        untestable: None,
         excitation: "measure three markers at known places",
         ..Cause::default()
-    }
+    }]
 }

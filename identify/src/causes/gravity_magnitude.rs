@@ -5,14 +5,14 @@
 
 use super::{Cause, Situation};
 
-pub(super) fn causes(at: &Situation) -> Option<Cause> {
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let seen = at.ropes().is_empty() && !at.plan.markers.is_empty() && at.value("gravity.magnitude") > 0.0;
-    let unknown = at.theta("gravity.magnitude", 1.0).filter(|_| seen)?;
-    Some(Cause {
-        name: "gravity_magnitude",
+    let unknown = at.theta("gravity.magnitude", 1.0).filter(|_| seen);
+    let cause = |unknown| Cause {
         meaning: "gravity is stronger or weaker than simulated, or the clock runs fast or slow",
         unknowns: vec![unknown],
         excitation: "measure a known length: a wrong scale of the sensor changes it, gravity does not",
         ..Cause::default()
-    })
+    };
+    unknown.map(cause).into_iter().collect()
 }

@@ -2,11 +2,9 @@
 
 use super::{Cause, Situation};
 
-pub(super) fn cause(at: &Situation) -> Cause {
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let testable = at.value("gravity.magnitude") > 0.0;
-    Cause {
-        name: "gravity_tilt",
-        object: None,
+    vec![Cause {
         meaning: "gravity is not along −z of the scene's frame",
         unknowns: if testable {
             (0..2).filter_map(|a| at.theta(&format!("gravity.tilt[{a}]"), 0.01)).collect()
@@ -16,5 +14,5 @@ pub(super) fn cause(at: &Situation) -> Cause {
         untestable: (!testable).then(|| "the scene has no gravity".to_owned()),
         excitation: "turn the set-up by 90° about the vertical: tilt stays with the room, a rotated camera frame turns along",
         ..Cause::default()
-    }
+    }]
 }

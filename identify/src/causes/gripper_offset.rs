@@ -9,7 +9,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             let testable = drive.is_prescribed();
             let unknowns = (0..3).filter_map(|a| at.theta(&format!("{}.offset[{a}]", drive.name), 1e-3)).collect();
             Cause {
-                name: "gripper_offset",
                 object: Some(drive.name.clone()),
                 meaning: "a gripper holds the rope beside where its reading says",
                 unknowns: if testable { unknowns } else { Vec::new() },

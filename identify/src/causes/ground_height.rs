@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "ground_height",
         meaning: "a plane is higher or lower than the scene says",
         excitation: "let something rest on it, and let it fall from a known height",
         twins: Vec::new(),

@@ -2,16 +2,13 @@
 
 use super::{Cause, Situation};
 
-pub(super) fn cause(at: &Situation) -> Cause {
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     // a typical damping: a hundredth of a second times the stiffness
     let typical = |rope: &str| 0.01 * at.value(&format!("{rope}.bend_stiffness")).max(1e-8);
-    Cause {
-        name: "internal_damping",
-        object: None,
+    vec![Cause {
         meaning: "damping inside the material, proportional to the rate of bending, is missing or wrong",
         unknowns: at.per_rope("bend_damping", typical),
-        untestable: None,
         excitation: "excite high modes: short strokes at high frequency; air drag damps slow large swings instead",
         ..Cause::default()
-    }
+    }]
 }

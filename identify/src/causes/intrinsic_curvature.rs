@@ -24,7 +24,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let all = at.joints_of(rod, "rest_curvature[0]").iter().all(|path| at.free.iter().any(|free| matches(&free.path, path)));
         let paths = if all { 0..0 } else { 0..2 };
         Cause {
-            name: "intrinsic_curvature",
             meaning: "the rod is curved by nature where the simulation has it straight, or otherwise than simulated",
             unknowns: paths.filter_map(|a| at.theta(&format!("{rod}.rest_curvature[{a}]"), at.typical_curvature(rod))).collect(),
             excitation: "turn both ends about the rod's own direction by the same angle: what is curved by nature turns along",

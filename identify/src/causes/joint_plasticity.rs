@@ -13,7 +13,6 @@ const SHORTEST: f64 = 1e-3;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "joint_plasticity",
         meaning: "the joint's spring gives way with time (creep)",
         excitation: "hold the joint deflected for long, then let go: it does not come back to where it was",
         untestable: at

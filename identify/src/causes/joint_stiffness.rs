@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "joint_stiffness",
         meaning: "a linear spring (a cable, a transmission, a gas spring) is missing or wrong",
         excitation: "hold the joint at several places; the holding torque grows in proportion",
         ..Cause::default()

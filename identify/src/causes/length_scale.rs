@@ -4,14 +4,14 @@ use super::{Cause, Situation};
 use crate::sensor::SCALE;
 use crate::unknown::Unknown;
 
-pub(super) fn cause(_at: &Situation) -> Cause {
-    Cause {
-        name: "length_scale",
-        object: None,
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
+    if at.plan.markers.is_empty() {
+        return Vec::new();
+    }
+    vec![Cause {
         meaning: "the sensor reads lengths too long or too short",
         unknowns: vec![Unknown::of_sensor(SCALE, 0.01, (0.5, 2.0))],
-        untestable: None,
         excitation: "measure a known length",
         ..Cause::default()
-    }
+    }]
 }

@@ -13,7 +13,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let one = |(k, name): (usize, &String)| {
         let unknowns = unknowns(at, k, name);
         (!unknowns.is_empty()).then(|| Cause {
-            name: "link_inertia",
             object: Some(name.clone()),
             meaning: "a link's mass is spread wider or closer about its centre",
             unknowns,

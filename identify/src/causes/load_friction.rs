@@ -6,7 +6,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "load_friction",
         meaning: "friction grows with the torque that the joint carries",
         excitation: "repeat a motion with another payload, or hold still against springs of different force and break away",
         ..Cause::default()

@@ -12,7 +12,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let markers = at.markers_on(rod);
         let one = |&k: &usize| [0, 1].map(|a| Unknown::beside(offset_path(k, a), vec![k], a, TYPICAL));
         Cause {
-            name: "marker_offset",
             meaning: "the markers are beside the centreline of the rod and turn with it",
             unknowns: markers.iter().flat_map(one).collect(),
             excitation: "turn both ends about the rod's axis: what is on the centreline stays",

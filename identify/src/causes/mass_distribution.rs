@@ -11,7 +11,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let share = at.value(&format!("{rope}.linear_density")) * at.value(&format!("{rope}.length")) / nodes.len() as f64;
         let paths: Vec<String> = free.map(|node| format!("{rope}.node[{}].mass", node - nodes.start)).collect();
         Some(Cause {
-            name: "mass_distribution",
             object: (at.ropes().len() > 1).then(|| rope.to_owned()),
             meaning: "the mass is distributed along the rope otherwise than simulated (markers, sleeves)",
             unknowns: at.along(&paths, 0.1 * share),

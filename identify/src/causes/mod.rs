@@ -1,7 +1,7 @@
-//! The library of causes: a file per cause.
+//! The library of causes: a file per cause, and its row in [`LIBRARY`].
 //!
-//! A cause says what it is called, what it means, which unknowns it frees, when it cannot be tested, and what experiment
-//! would excite it. Everything else (derivatives, tests, refits) is common.
+//! A cause says its meaning, which unknowns it frees, when it cannot be tested, and which experiment would excite it. Everything else
+//! (name, derivatives, tests, refits) is common.
 
 mod actuator_delay;
 mod actuator_lag;
@@ -12,7 +12,8 @@ mod bend_friction;
 mod bend_stiffening;
 mod center_of_mass;
 mod clamp_roll;
-mod clamp_roll_pose;
+mod clamp_roll_by_direction;
+mod clamp_roll_by_position;
 mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
@@ -37,6 +38,7 @@ mod link_inertia;
 mod load_friction;
 mod marker_offset;
 mod mass_distribution;
+mod mesh_convergence;
 mod payload;
 mod pieces;
 mod quadratic_drag;
@@ -45,7 +47,6 @@ mod rod_plasticity;
 mod saturation;
 mod sensor_bias;
 mod sensor_delay;
-mod spacing;
 mod stribeck;
 mod time_offset;
 mod tip_mass;
@@ -58,7 +59,7 @@ mod viscous_friction;
 mod wind;
 
 pub use discretisation::{Discretisation, TOLERATED, discretisation};
-pub use spacing::{Spacing, spacing};
+pub use mesh_convergence::{Spacing, spacing};
 
 use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;
@@ -158,6 +159,18 @@ impl Situation<'_> {
         let rods: Vec<&str> = self.ropes().into_iter().filter(|rope| self.is_rod(rope)).collect();
         let several = rods.len() > 1;
         rods.into_iter().map(|rod| Cause { object: several.then(|| rod.to_owned()), ..one(rod) }).collect()
+    }
+
+    /// A cause for every gripper that holds the axes of a rod, with three unknowns of this name.
+    fn per_rod_gripper(&self, quantity: &str, scale: f64, meaning: &'static str) -> Vec<Cause> {
+        let one = |(gripper, _): (String, bool)| Cause {
+            meaning,
+            unknowns: (0..3).filter_map(|a| self.theta(&format!("{gripper}.{quantity}[{a}]"), scale)).collect(),
+            object: Some(gripper),
+            excitation: "measure the turn: a second marker beside the rod, on the gripper",
+            ..Cause::default()
+        };
+        self.rod_grippers().into_iter().map(one).collect()
     }
 
     /// Prescribed grippers that hold the axes of a rod, and whether they are the first to hold that one.
@@ -358,60 +371,83 @@ pub(crate) fn probed(plan: &Plan, unknown: Unknown) -> Unknown {
     }
 }
 
-/// Causes that lie in joints, links, motors and encoders.
-fn of_joints(at: &Situation) -> Vec<Cause> {
-    let friction = [
-        viscous_friction::causes(at),
-        coulomb_friction::causes(at),
-        stribeck::causes(at),
-        asymmetric_friction::causes(at),
-        load_friction::causes(at),
-    ];
-    let springs = [joint_stiffness::causes(at), cubic_stiffness::causes(at), joint_plasticity::causes(at)];
-    let inertia = [payload::causes(at), link_inertia::causes(at), center_of_mass::causes(at), armature::causes(at)];
-    let motors = [
-        torque_gain::causes(at),
-        torque_offset::causes(at),
-        actuator_delay::causes(at),
-        actuator_lag::causes(at),
-        saturation::causes(at),
-    ];
-    let sensors = [encoder_bias::causes(at), encoder_scale::causes(at), sensor_delay::causes(at)];
-    friction.into_iter().chain(springs).chain(inertia).chain(motors).chain(sensors).flatten().collect()
+/// A row of the library.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Name of the causes that `propose` returns.
+    pub name: &'static str,
+    /// The causes of this name in a situation: one, one per object, or none.
+    propose: fn(&Situation) -> Vec<Cause>,
 }
 
-/// Causes that lie in a rod's section and in how it is held.
-fn of_rods(at: &Situation) -> Vec<Cause> {
-    let shape = [intrinsic_curvature::causes(at), intrinsic_twist::causes(at), uneven_curvature::causes(at)];
-    let stiffness =
-        [uneven_stiffness::causes(at), anisotropic_bending::causes(at), twist_stiffness::causes(at), bend_stiffening::causes(at)];
-    let held = [clamp_roll::causes(at), clamp_roll_pose::causes(at)];
-    let along = [mass_distribution::causes(at), marker_offset::causes(at)];
-    let memory = [rod_creep::causes(at), rod_plasticity::causes(at), bend_friction::causes(at)];
-    shape.into_iter().chain(stiffness).chain(held).chain(along).chain(memory).flatten().collect()
+const fn row(name: &'static str, propose: fn(&Situation) -> Vec<Cause>) -> Row {
+    Row { name, propose }
 }
 
-/// All causes of the library as they stand in this situation. A cause whose unknowns are all free already is left out.
+/// All causes, in the order in which a diagnosis lists them.
+pub const LIBRARY: &[Row] = &[
+    row("linear_drag", linear_drag::causes),
+    row("quadratic_drag", quadratic_drag::causes),
+    row("wind", wind::causes),
+    row("gravity_tilt", gravity_tilt::causes),
+    row("gravity_magnitude", gravity_magnitude::causes),
+    row("extensibility", extensibility::causes),
+    row("internal_damping", internal_damping::causes),
+    row("tip_mass", tip_mass::causes),
+    row("edge_lengths", edge_lengths::causes),
+    row("intrinsic_curvature", intrinsic_curvature::causes),
+    row("intrinsic_twist", intrinsic_twist::causes),
+    row("uneven_curvature", uneven_curvature::causes),
+    row("uneven_stiffness", uneven_stiffness::causes),
+    row("anisotropic_bending", anisotropic_bending::causes),
+    row("twist_stiffness", twist_stiffness::causes),
+    row("bend_stiffening", bend_stiffening::causes),
+    row("clamp_roll", clamp_roll::causes),
+    row("clamp_roll_by_direction", clamp_roll_by_direction::causes),
+    row("clamp_roll_by_position", clamp_roll_by_position::causes),
+    row("mass_distribution", mass_distribution::causes),
+    row("marker_offset", marker_offset::causes),
+    row("rod_creep", rod_creep::causes),
+    row("rod_plasticity", rod_plasticity::causes),
+    row("bend_friction", bend_friction::causes),
+    row("gripper_offset", gripper_offset::causes),
+    row("viscous_friction", viscous_friction::causes),
+    row("coulomb_friction", coulomb_friction::causes),
+    row("stribeck", stribeck::causes),
+    row("asymmetric_friction", asymmetric_friction::causes),
+    row("load_friction", load_friction::causes),
+    row("joint_stiffness", joint_stiffness::causes),
+    row("cubic_stiffness", cubic_stiffness::causes),
+    row("joint_plasticity", joint_plasticity::causes),
+    row("payload", payload::causes),
+    row("link_inertia", link_inertia::causes),
+    row("center_of_mass", center_of_mass::causes),
+    row("armature", armature::causes),
+    row("torque_gain", torque_gain::causes),
+    row("torque_offset", torque_offset::causes),
+    row("actuator_delay", actuator_delay::causes),
+    row("actuator_lag", actuator_lag::causes),
+    row("saturation", saturation::causes),
+    row("encoder_bias", encoder_bias::causes),
+    row("encoder_scale", encoder_scale::causes),
+    row("sensor_delay", sensor_delay::causes),
+    row("ground_height", ground_height::causes),
+    row("contact_friction", contact_friction::causes),
+    row("sensor_bias", sensor_bias::causes),
+    row("frame_rotation", frame_rotation::causes),
+    row("length_scale", length_scale::causes),
+    row("time_offset", time_offset::causes),
+];
+
+/// Names of all causes.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    LIBRARY.iter().map(|row| row.name)
+}
+
+/// The library as it stands in this situation. A cause whose unknowns are all free already is left out.
 pub fn library(at: &Situation) -> Vec<Cause> {
-    let mut causes = Vec::new();
-    if !at.ropes().is_empty() {
-        causes.extend([linear_drag::cause(at), quadratic_drag::cause(at), wind::cause(at)]);
-    }
-    causes.push(gravity_tilt::cause(at));
-    causes.extend(gravity_magnitude::causes(at));
-    if !at.ropes().is_empty() {
-        causes.extend([extensibility::cause(at), internal_damping::cause(at), tip_mass::cause(at)]);
-        causes.extend(edge_lengths::causes(at));
-        causes.extend(of_rods(at));
-    }
-    causes.extend(gripper_offset::causes(at));
-    causes.extend(of_joints(at));
-    causes.extend(ground_height::causes(at));
-    causes.extend(contact_friction::causes(at));
-    if !at.plan.markers.is_empty() {
-        causes.extend([sensor_bias::cause(at), frame_rotation::cause(at), length_scale::cause(at)]);
-    }
-    causes.push(time_offset::cause(at));
+    let of_row = |row: &'static Row| (row.propose)(at).into_iter().map(|cause| Cause { name: row.name, ..cause });
+    let mut causes: Vec<Cause> = LIBRARY.iter().flat_map(of_row).collect();
     let is_free = |u: &Unknown| at.free.iter().any(|f| f.target.same(&u.target) && at.plan.only_followers(f, u));
     for cause in &mut causes {
         cause.unknowns.retain(|u| !is_free(u));
@@ -420,4 +456,18 @@ pub fn library(at: &Situation) -> Vec<Cause> {
     }
     causes.retain(|c| !c.unknowns.is_empty() || c.untestable.is_some());
     causes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LIBRARY;
+
+    #[test]
+    fn every_name_is_there_once_and_in_the_guide() {
+        let guide = include_str!("../../../docs/diagnosis.md");
+        for (k, row) in LIBRARY.iter().enumerate() {
+            assert!(LIBRARY[..k].iter().all(|other| other.name != row.name), "{} twice", row.name);
+            assert!(guide.contains(&format!("`{}`", row.name)), "docs/diagnosis.md lacks {}", row.name);
+        }
+    }
 }

@@ -8,7 +8,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let one = |name: &String| {
         let unknown = at.theta(&format!("{name}.mass"), 0.1)?;
         Some(Cause {
-            name: "payload",
             object: Some(name.clone()),
             meaning: "the last link, with what it carries, is heavier or lighter than simulated",
             unknowns: vec![unknown],

@@ -2,14 +2,11 @@
 
 use super::{Cause, Situation};
 
-pub(super) fn cause(at: &Situation) -> Cause {
-    Cause {
-        name: "quadratic_drag",
-        object: None,
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
+    vec![Cause {
         meaning: "air drag proportional to the square of speed is missing or wrong",
         unknowns: at.per_rope("drag_quadratic", |rope| at.typical_drag(rope)),
-        untestable: None,
         excitation: "swing fast and at two amplitudes: the damping must grow with amplitude",
         ..Cause::default()
-    }
+    }]
 }

@@ -17,7 +17,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let none = at.value(&format!("{rod}.creep_fraction")) == 0.0;
         let unknowns: Vec<_> = at.theta(&format!("{rod}.creep_fraction"), TYPICAL).into_iter().collect();
         Cause {
-            name: "rod_creep",
             meaning: "part of the rod's stiffness relaxes with time (creep)",
             unknowns: if in_pieces { Vec::new() } else { unknowns },
             untestable: in_pieces

@@ -20,7 +20,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let (largest, never) = (at.largest_curvature(rod), at.value(&format!("{rod}.plastic_time")) >= NEVER);
         let curvature = at.theta(&format!("{rod}.yield_curvature"), 1.0).into_iter();
         Cause {
-            name: "rod_plasticity",
             meaning: "the rod stays bent where it was bent far",
             unknowns: if in_pieces { Vec::new() } else { time.into_iter().collect() },
             untestable: in_pieces

@@ -17,7 +17,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
 
 fn cause(at: &Situation, actuator: usize, name: &str) -> Option<Cause> {
     let shape = Cause {
-        name: "saturation",
         object: Some(name.to_owned()),
         meaning: "a motor's largest torque is less than what was commanded",
         excitation: "command more and more torque: the joint's acceleration stops growing",

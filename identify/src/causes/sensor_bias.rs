@@ -3,12 +3,13 @@
 use super::{Cause, Situation};
 use crate::unknown::Unknown;
 
-pub(super) fn cause(at: &Situation) -> Cause {
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
+    if at.plan.markers.is_empty() {
+        return Vec::new();
+    }
     let shared = at.plan.shared_sensor && at.plan.model.contact_pairs().is_empty();
     let unknowns = (0..3).map(|a| Unknown::of_sensor(a, 1e-3, (-1.0, 1.0))).collect();
-    Cause {
-        name: "sensor_bias",
-        object: None,
+    vec![Cause {
         meaning: "the markers' readings are shifted by a constant",
         unknowns: if shared { Vec::new() } else { unknowns },
         untestable: shared.then(|| {
@@ -16,5 +17,5 @@ pub(super) fn cause(at: &Situation) -> Cause {
         }),
         excitation: "measure a marker at a known place",
         ..Cause::default()
-    }
+    }]
 }

@@ -10,24 +10,24 @@ use crate::unknown::Unknown;
 const EXCITATION: &str =
     "log what the motor does (its current) beside the joint: a late motor is late there too, a late encoder is not";
 
-/// One encoder later than the others.
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
-    let shape = Cause {
-        name: "sensor_delay",
-        meaning: "an encoder is late or early against the others",
-        excitation: EXCITATION,
-        ..Cause::default()
-    };
+    // where there are markers, the delay of everything that is read is `time_offset`
+    let of_all = at.plan.markers.is_empty().then(|| common(at));
+    of_encoders(at).into_iter().chain(of_all).collect()
+}
+
+/// One encoder later than the others.
+fn of_encoders(at: &Situation) -> Vec<Cause> {
+    let shape = Cause { meaning: "an encoder is late or early against the others", excitation: EXCITATION, ..Cause::default() };
     let all = at.per_encoder(DELAY, 1e-3, (-0.2, 0.2), &shape);
     // a single encoder is late together with everything that is read
     if at.plan.observed().len() > 1 { all } else { Vec::new() }
 }
 
 /// All readings late alike.
-pub(super) fn common(at: &Situation) -> Cause {
+fn common(at: &Situation) -> Cause {
     let driven = at.has_actuators();
     Cause {
-        name: "sensor_delay",
         meaning: "everything that is read is late or early against the commands",
         unknowns: if driven { vec![Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2))] } else { Vec::new() },
         untestable: (!driven)

@@ -10,7 +10,6 @@ const GRID: [f64; 3] = [0.03, 0.1, 0.3];
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "stribeck",
         meaning: "friction is larger at rest than in motion",
         excitation: "pull slowly until it breaks away, and reverse slowly",
         ..Cause::default()

@@ -1,22 +1,20 @@
 //! A delay of the markers' clock against the grippers'.
 
-use super::{Cause, Situation, sensor_delay};
+use super::{Cause, Situation};
 use crate::sensor::TIME_OFFSET;
 use crate::unknown::Unknown;
 
-pub(super) fn cause(at: &Situation) -> Cause {
+pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     if at.plan.markers.is_empty() {
-        return sensor_delay::common(at);
+        return Vec::new();
     }
     let shared = at.plan.shared_sensor;
     let unknown = Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2));
-    Cause {
-        name: "time_offset",
-        object: None,
+    vec![Cause {
         meaning: "the markers' clock is late or early against the grippers'",
         unknowns: if shared { Vec::new() } else { vec![unknown] },
         untestable: shared.then(|| "one sensor reads markers and grippers: they share its clock".to_owned()),
         excitation: "a sharp start of the motion, seen by both",
         ..Cause::default()
-    }
+    }]
 }

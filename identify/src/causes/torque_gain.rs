@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "torque_gain",
         meaning: "a motor makes more or less torque than its command says",
         excitation: "hang a known mass on the arm: gain and all inertias, weights and frictions scale together without one",
         ..Cause::default()

@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "torque_offset",
         meaning: "a motor adds a constant torque",
         excitation: "let the arm hang without command, and turn its base over: an offset stays, a tilt turns along",
         ..Cause::default()

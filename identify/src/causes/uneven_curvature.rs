@@ -18,7 +18,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         };
         let testable = even || at.together;
         Cause {
-            name: "uneven_curvature",
             meaning: "the rod is curved by nature, in another way from place to place (kinks, the memory of a coil)",
             unknowns: if testable { (0..2).flat_map(of_axis).collect() } else { Vec::new() },
             untestable: (!testable).then(|| "first its even part, `intrinsic_curvature`, is looked at".to_owned()),

@@ -13,7 +13,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             others.remove(others.len() / 2);
         }
         Cause {
-            name: "uneven_stiffness",
             meaning: "the bending stiffness differs from place to place (sleeves, joints, markers, a soft hold)",
             unknowns: others,
             excitation: "bend the rod sharply in several places: hold it close together, far apart, and with ends of other slopes",

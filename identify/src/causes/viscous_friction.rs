@@ -4,7 +4,6 @@ use super::{Cause, Situation};
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
-        name: "viscous_friction",
         meaning: "friction proportional to velocity is missing or wrong",
         excitation: "swing at two speeds: viscous friction grows with speed, dry friction does not",
         ..Cause::default()

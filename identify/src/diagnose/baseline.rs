@@ -46,16 +46,9 @@ pub struct FitReport {
 impl std::fmt::Display for FitReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for p in &self.parameters {
-            writeln!(
-                f,
-                "{} = {:.6e} {}  (90 %: {:.6e} to {:.6e}; scene: {:.6e})",
-                p.path,
-                p.estimate,
-                p.unit,
-                p.interval[0],
-                p.interval[1],
-                p.scene_value + 0.0 // −0 is 0
-            )?;
+            let interval = p.interval.map_or_else(String::new, |[low, high]| format!("90 %: {low:.6e} to {high:.6e}; "));
+            // −0 is 0
+            writeln!(f, "{} = {:.6e} {}  ({interval}scene: {:.6e})", p.path, p.estimate, p.unit, p.scene_value + 0.0)?;
         }
         writeln!(f, "residual {:.3e} {} on {} fitted records", self.rmse_fit, self.unit, self.records.fit)?;
         if let Some(held_out) = self.rmse_held_out {

@@ -1,7 +1,7 @@
 //! Steps 2 and 7: what the data determine, and how well.
 
 use super::result::Estimate;
-use super::test::reduce;
+use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::shoot::Plan;
@@ -125,7 +125,7 @@ pub(super) fn estimates(plan: &Plan, fitted: &Fitted, errors: &[f64]) -> Vec<Est
         path: u.path.clone(),
         estimate: u.value(&fitted.values),
         unit: u.unit.clone(),
-        interval: by_curvature(u, &fitted.values, *se),
+        interval: Some(by_curvature(u, &fitted.values, *se)),
         scene_value: u.value(&plan.scene_values),
     };
     fitted.unknowns.iter().zip(errors).map(one).collect()

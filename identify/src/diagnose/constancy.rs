@@ -7,7 +7,7 @@
 //! - *by amplitude*: does the size trend with the effect's own amplitude a_b = √(I_b/rows)? z = Σ (a_b − ā) S_b / √Σ (a_b − ā)² I_b.
 //!   Dry friction in place of viscous damping, hardening in place of stiffness show here.
 
-use super::test::reduce_in;
+use super::scores::reduce_in;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shoot::Plan;

@@ -2,8 +2,8 @@
 
 use super::certainty::{Curvature, by_curvature, by_record, profile};
 use super::result::*;
+use super::scores::Scores;
 use super::selection::{Accepted, Selection};
-use super::test::Tested;
 use crate::error::IdentifyError;
 use crate::shoot::Plan;
 use crate::unknown::{Coordinate, Unknown};
@@ -32,7 +32,7 @@ impl Selection {
                     path: u.path.clone(),
                     estimate: u.value(&self.current.values),
                     unit: u.unit.clone(),
-                    interval,
+                    interval: Some(interval),
                     scene_value: u.value(&plan.scene_values),
                 });
             }
@@ -43,7 +43,7 @@ impl Selection {
                     path: info.path.clone(),
                     estimate: value,
                     unit: info.unit.to_owned(),
-                    interval: [value; 2],
+                    interval: None,
                     scene_value: plan.scene_values.theta[entry],
                 });
             }
@@ -60,7 +60,7 @@ impl Selection {
         self.accepted.iter().map(one).collect()
     }
 
-    pub(super) fn candidates(&self, first: &Tested) -> Vec<CandidateReport> {
+    pub(super) fn candidates(&self, first: &Scores) -> Vec<CandidateReport> {
         let report = |c: usize| {
             let cause = &first.causes[c];
             let unit = cause.unknowns.first().map_or(String::new(), |u| u.unit.clone());

@@ -30,21 +30,26 @@ pub(super) fn report(d: &mut Diagnosis, numerics: &Discretisation, edges: Option
         d.candidates.push(candidate(SPACING, edges.map(|e| (e.ratio, e.edges_needed)), "-", worded(edges)));
     }
     if numerics.ratio > TOLERATED {
-        d.causes.push(Cause {
-            name: reason::DISCRETISATION.to_owned(),
-            object: None,
-            meaning: "the simulation's step is too coarse for these data".to_owned(),
-            parameters: vec![Estimate {
-                path: "time.step".to_owned(),
-                estimate: numerics.step_needed,
-                unit: "s".to_owned(),
-                interval: [0.5 * numerics.step_needed, numerics.step_needed],
-                scene_value: h,
-            }],
-            statistic: numerics.ratio,
-            constancy_p: None,
-            rivals: Vec::new(),
-        });
+        d.causes.push(too_coarse(numerics, h));
+    }
+}
+
+/// The step length as a cause. Richardson extrapolation gives the length that would do, and no interval of it.
+fn too_coarse(numerics: &Discretisation, h: f64) -> Cause {
+    Cause {
+        name: reason::DISCRETISATION.to_owned(),
+        object: None,
+        meaning: "the simulation's step is too coarse for these data".to_owned(),
+        parameters: vec![Estimate {
+            path: "time.step".to_owned(),
+            estimate: numerics.step_needed,
+            unit: "s".to_owned(),
+            interval: None,
+            scene_value: h,
+        }],
+        statistic: numerics.ratio,
+        constancy_p: None,
+        rivals: Vec::new(),
     }
 }
 
@@ -62,5 +67,18 @@ fn candidate(name: &str, found: Option<(f64, f64)>, unit: &str, reason: String) 
         one_step: found.map(|f| f.1).into_iter().collect(),
         unit: unit.to_owned(),
         reason,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_step_that_would_do_has_no_interval() {
+        let cause = too_coarse(&Discretisation { rms: 1e-4, ratio: 0.4, step_needed: 1e-3, order: 2 }, 2e-3);
+        let step = &cause.parameters[0];
+        assert_eq!((step.estimate, step.scene_value, step.interval), (1e-3, 2e-3, None));
+        assert!(serde_json::to_value(step).is_ok_and(|json| json["interval"].is_null()));
     }
 }

@@ -4,10 +4,10 @@ use super::baseline::Prepared;
 use super::certainty::Curvature;
 use super::reason::NO_NOISE;
 use super::result::*;
+use super::scores::scores;
 use super::search::{Found, is_possible, search};
 use super::selection::Selection;
 use super::story::Story;
-use super::test::test;
 use super::verdict::{decide, set_alternatives};
 use super::{audit, ceiling, gain, numerics, remainder};
 use crate::causes::{discretisation, spacing};
@@ -67,7 +67,7 @@ pub fn diagnose(
 
     let mut run = Selection::new(&base);
     progress("testing every cause");
-    let first = test(&plan, &base, options.seed)?;
+    let first = scores(&plan, &base, options.seed)?;
     match found {
         Some(found) => run.take(found, &mut story)?,
         None => {
@@ -82,7 +82,7 @@ pub fn diagnose(
     let spaced = || spacing(&opened(&setup.scene), &plan, &run.current.records, &run.current.values, run.current.rmse);
     let edges = if has_ropes { spaced() } else { None };
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
-    let last = test(&plan, &run.current, options.seed)?;
+    let last = scores(&plan, &run.current, options.seed)?;
     let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
     let varying = run.test_constancy(&plan)?;
     let left = run.remainder(&plan, &base, sensor_sigma, p_input, untested, varying);

@@ -93,9 +93,10 @@ fn sizes(cause: &Cause) -> String {
 }
 
 fn size(e: &Estimate) -> String {
-    let [value, low, high] = estimate_plain(e.estimate, e.interval);
+    let (value, interval) = estimate_plain(e.estimate, e.interval);
     let value = format!("{value} {}", unit(&e.unit));
-    format!("{} = {} (90 % interval {low} to {high}, scene {})", e.path, value.trim_end(), number_plain(e.scene_value))
+    let interval = interval.map_or_else(String::new, |[low, high]| format!("90 % interval {low} to {high}, "));
+    format!("{} = {} ({interval}scene {})", e.path, value.trim_end(), number_plain(e.scene_value))
 }
 
 /// Over the longest horizon.
@@ -125,7 +126,7 @@ mod tests {
     }
 
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
-        let interval = [0.9 * estimate, 1.1 * estimate];
+        let interval = Some([0.9 * estimate, 1.1 * estimate]);
         let parameter = Estimate { path: path.into(), estimate, unit: unit.into(), interval, scene_value: 0.0 };
         Cause {
             name: name.into(),

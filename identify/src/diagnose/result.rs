@@ -33,8 +33,9 @@ pub struct Estimate {
     pub estimate: f64,
     /// SI unit.
     pub unit: String,
-    /// 90 % interval: by profile likelihood, or for causes found together from how the estimates move without each record in turn.
-    pub interval: [f64; 2],
+    /// 90 % interval: by profile likelihood, or for causes found together from how the estimates move without each record in turn; null
+    /// where none was estimated: of the step length that the data need, and of values taken from a grid.
+    pub interval: Option<[f64; 2]>,
     /// Value in the scene.
     pub scene_value: f64,
 }

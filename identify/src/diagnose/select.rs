@@ -8,7 +8,7 @@
 //! known noise), or if j and k are each significant on top of the other (then both are present, and k will have its turn).
 
 use super::certainty::Curvature;
-use super::test::Tested;
+use super::scores::Scores;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit, fit_noise};
@@ -89,7 +89,7 @@ fn finished(plan: &Plan, rough: &Fitted, options: &FitOptions) -> Result<Fitted,
 pub(super) fn round(
     plan: &Plan,
     current: &Fitted,
-    tested: &Tested,
+    tested: &Scores,
     options: &FitOptions,
     notes: &mut Vec<(usize, String)>,
     progress: &mut dyn FnMut(&str),
@@ -105,7 +105,7 @@ pub(super) fn round(
 }
 
 /// The first few of the candidates, and those whose score comes near the best.
-fn foremost(tested: &Tested, sorted: &[usize]) -> Vec<usize> {
+fn foremost(tested: &Scores, sorted: &[usize]) -> Vec<usize> {
     let lm = |j: usize| tested.score.candidates[j].lm;
     let close = |(rank, j): (usize, &usize)| (rank < REFITS || lm(*j) > CLOSE * lm(sorted[0])).then_some(*j);
     sorted.iter().enumerate().filter_map(close).collect()
@@ -116,7 +116,7 @@ fn foremost(tested: &Tested, sorted: &[usize]) -> Vec<usize> {
 pub(super) fn compare(
     plan: &Plan,
     current: &Fitted,
-    tested: &Tested,
+    tested: &Scores,
     chosen: &[usize],
     options: &FitOptions,
     notes: &mut Vec<(usize, String)>,
@@ -174,7 +174,7 @@ pub(super) fn compare(
 
 /// The current fit with what the cause brings along, and its size at the half of its one-step estimate where its law is silent at
 /// zero: a joint that friction holds still would say nothing of its size.
-fn opened(current: &Fitted, cause: &Cause, tested: &Tested, candidate: usize) -> Fitted {
+fn opened(current: &Fitted, cause: &Cause, tested: &Scores, candidate: usize) -> Fitted {
     let mut out = current.clone();
     if let [setting] = cause.settings.as_slice() {
         setting.iter().for_each(|&(entry, value)| out.values.theta[entry] = value);
@@ -286,7 +286,7 @@ fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause) -> Option<String>
 fn unbeaten(
     plan: &Plan,
     current: &Fitted,
-    tested: &Tested,
+    tested: &Scores,
     best: &Refit,
     others: &[Refit],
     options: &FitOptions,
@@ -299,18 +299,28 @@ fn unbeaten(
     let mut out = Vec::new();
     let mut nearest: Option<Margin> = None;
     for k in in_play {
-        let Some(rival) = others.iter().find(|r| r.candidate == k) else {
-            // not refitted: the linear rule, unless it was tried and rejected
-            let significant = tested.adjusted[k] <= LEVEL;
-            if !significant
-                && tested.score.candidates[best.candidate].lm < CLOSE.recip() * tested.score.candidates[k].lm
-                && lead(&tested.score, best.candidate, k) <= bar
-            {
-                out.push(k);
-            }
-            continue;
-        };
         let cause = &tested.causes[tested.tested[k]];
+        let own;
+        let rival = match others.iter().find(|r| r.candidate == k) {
+            Some(rival) => rival,
+            // significant ones were tried and rejected, or are far behind; the others are far behind by the linear rule, or tried here
+            None if tested.adjusted[k] <= LEVEL
+                || tested.score.candidates[best.candidate].lm >= CLOSE.recip() * tested.score.candidates[k].lm
+                || lead(&tested.score, best.candidate, k) > bar =>
+            {
+                continue;
+            }
+            None => {
+                let start = opened(current, cause, tested, k);
+                match refit_with(plan, &start, &cause.unknowns, current, f64::INFINITY, options) {
+                    Ok(fitted) if rejection(current, &fitted, cause).is_none() => {
+                        own = Refit { candidate: k, dims: cause.unknowns.len(), fitted };
+                        &own
+                    }
+                    _ => continue,
+                }
+            }
+        };
         let ahead = comparison(plan, best, rival, &best.fitted.noise)?;
         let ahead = tested.score.candidates[best.candidate].credible(ahead);
         if ahead > bar {
@@ -327,12 +337,11 @@ fn unbeaten(
             out.push(k);
         }
     }
-    let _ = current;
     out.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
     Ok((out, nearest))
 }
 
-fn symmetric(tested: &Tested, j: usize, k: usize) -> bool {
+fn symmetric(tested: &Scores, j: usize, k: usize) -> bool {
     tested.score.containment[(j, k)] >= 0.9995
 }
 

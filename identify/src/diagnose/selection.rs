@@ -1,15 +1,15 @@
 //! Forward selection: causes are accepted one after the other while something significant is left.
 
+use super::coloured_noise::coloured_noise;
 use super::constancy;
 use super::pipeline::DiagnoseOptions;
 use super::reason::NO_NOISE;
 use super::remainder;
 use super::result::*;
+use super::scores::{Scores, scores};
 use super::search::Found;
-use super::second_look::second_look;
 use super::select::{Margin, Round, refit, round};
 use super::story::Story;
-use super::test::{Tested, test};
 use super::verdict::ENOUGH;
 use crate::causes::Cause as Candidate;
 use crate::error::IdentifyError;
@@ -100,7 +100,7 @@ impl Selection {
     pub(super) fn grow(
         &mut self,
         plan: &Plan,
-        first: &Tested,
+        first: &Scores,
         sensor_sigma: f64,
         options: &DiagnoseOptions,
         fit_options: &FitOptions,
@@ -113,7 +113,7 @@ impl Selection {
             let mut outcome = round(plan, &self.current, &tested, fit_options, &mut notes, progress)?;
             if matches!(outcome, Round::Nothing) {
                 let seed = options.seed;
-                let again = second_look(plan, &self.current, sensor_sigma, fit_options, seed, &mut notes, progress)?;
+                let again = coloured_noise(plan, &self.current, sensor_sigma, fit_options, seed, &mut notes, progress)?;
                 if let Some(found) = again {
                     (outcome, tested) = found;
                 }
@@ -142,7 +142,7 @@ impl Selection {
                     self.current = *fitted;
                     let name = self.accepted.last().map_or("", |a| a.cause.name);
                     story.add(name, &self.current)?;
-                    tested = test(plan, &self.current, options.seed)?;
+                    tested = scores(plan, &self.current, options.seed)?;
                 }
             }
         }
@@ -266,7 +266,7 @@ fn is_imitation(taken: f64, by_input: bool) -> bool {
 }
 
 /// A tested candidate.
-fn candidate(tested: &Tested, j: usize) -> &Candidate {
+fn candidate(tested: &Scores, j: usize) -> &Candidate {
     &tested.causes[tested.tested[j]]
 }
 
@@ -279,7 +279,7 @@ fn with_twins(cause: &Candidate) -> Vec<Name> {
     std::iter::once(name(cause)).chain(twins).collect()
 }
 
-fn rivals(tested: &Tested, j: usize) -> Vec<Rival> {
+fn rivals(tested: &Scores, j: usize) -> Vec<Rival> {
     let mut out: Vec<Rival> = (0..tested.tested.len())
         .filter(|&k| k != j && tested.score.candidates[k].rank > 0)
         .map(|k| {

@@ -2,8 +2,8 @@
 
 use super::reason;
 use super::result::*;
+use super::scores::Scores;
 use super::selection::{Name, Selection, name};
-use super::test::Tested;
 use crate::number::share;
 
 /// Part of the explainable error that the accepted causes must take if something significant remains: below it, they may be an
@@ -35,7 +35,7 @@ pub(super) fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {
 pub(super) fn decide(
     d: &mut Diagnosis,
     run: &Selection,
-    first: &Tested,
+    first: &Scores,
     converged: bool,
     imitated: Option<f64>,
     numerical_part: f64,

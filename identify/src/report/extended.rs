@@ -83,8 +83,9 @@ fn estimates(diagnosis: &Diagnosis) -> Vec<&Estimate> {
 }
 
 fn note(e: &Estimate) -> String {
-    let [value, low, high] = estimate_plain(e.estimate, e.interval);
-    format!("{} = {value} {} (90 %: {low} to {high}); was {}", e.path, e.unit, number_plain(e.scene_value))
+    let (value, interval) = estimate_plain(e.estimate, e.interval);
+    let interval = interval.map_or_else(String::new, |[low, high]| format!(" (90 %: {low} to {high})"));
+    format!("{} = {value} {}{interval}; was {}", e.path, e.unit, number_plain(e.scene_value))
 }
 
 /// Puts an estimate where its path says; `None` if a scene has no such place (a term of one's own).

@@ -74,8 +74,9 @@ impl Key {
     fn of(d: &Diagnosis) -> Vec<Self> {
         let mut out = Vec::new();
         for e in d.causes.iter().flat_map(|cause| &cause.parameters).take(3) {
-            let [_, low, high] = estimate_of(e.estimate, e.interval);
-            out.push(Self { value: estimate(e), label: format!("{} (90 %: {low} to {high})", e.path) });
+            let interval = estimate_of(e.estimate, e.interval).1;
+            let interval = interval.map_or_else(String::new, |[low, high]| format!(" (90 %: {low} to {high})"));
+            out.push(Self { value: estimate(e), label: format!("{}{interval}", e.path) });
         }
         if let Some(g) = longest(&d.gain) {
             let value = format!("{} → {}", number(1e3 * g.rmse_before), quantity(g.rmse_after, &g.unit));
@@ -98,11 +99,11 @@ struct EstimateRow {
 }
 
 fn estimate_row(e: &Estimate) -> EstimateRow {
-    let [value, low, high] = estimate_of(e.estimate, e.interval);
+    let (value, interval) = estimate_of(e.estimate, e.interval);
     EstimateRow {
         path: e.path.clone(),
         value,
-        interval: format!("{low} to {high}"),
+        interval: interval.map_or_else(|| "–".to_owned(), |[low, high]| format!("{low} to {high}")),
         scene: number(e.scene_value),
         unit: unit(&e.unit).to_owned(),
     }
@@ -265,6 +266,16 @@ mod tests {
         let text = render(&d);
         assert!(text.contains("What the model is extended by, without a name being given") && text.contains("internal damping"));
         assert!(!text.contains("What the simulation lacks"));
+    }
+
+    #[test]
+    fn an_estimate_without_an_interval_claims_none() {
+        let mut d = sample::diagnosis();
+        d.causes[0].parameters[0].interval = None;
+        (d.stages, d.baseline) = (vec![], vec![]);
+        assert!(render(&sample::diagnosis()).contains("(90 %: "));
+        let text = render(&d);
+        assert!(text.contains("<td class=\"n\">–</td>") && !text.contains("(90 %: "), "{text}");
     }
 
     #[test]

@@ -99,7 +99,7 @@ mod tests {
         let mut scene: Table = toml::from_str(text).unwrap();
         let estimate = |path: &str| {
             let (path, unit) = (path.to_owned(), String::new());
-            Estimate { path, estimate: 0.5, unit, interval: [0.4, 0.6], scene_value: 0.0 }
+            Estimate { path, estimate: 0.5, unit, interval: Some([0.4, 0.6]), scene_value: 0.0 }
         };
         let place = set_joint(&mut scene, "b", "damping", &estimate("b.damping")).unwrap();
         assert_eq!((place.table.as_str(), place.number, place.key.as_str()), ("body.joint", 1, "damping"));

@@ -41,7 +41,7 @@ pub(super) fn setup() -> Setup {
 
 /// An estimate ± 20 %.
 pub(super) fn estimate(path: &str, estimate: f64) -> Estimate {
-    let interval = [0.8 * estimate, 1.2 * estimate];
+    let interval = Some([0.8 * estimate, 1.2 * estimate]);
     Estimate { path: path.into(), estimate, unit: "N·m²·s".into(), interval, scene_value: 0.0 }
 }
 

@@ -194,13 +194,14 @@ pub(super) fn list(items: &[String], last: &str) -> String {
 
 /// Estimate, interval and unit.
 pub(super) fn estimate(e: &Estimate) -> String {
-    let [value, ..] = estimate_of(e.estimate, e.interval);
+    let (value, _) = estimate_of(e.estimate, e.interval);
     format!("{value} {}", unit(&e.unit))
 }
 
 fn plain(e: &Estimate) -> String {
-    let [value, low, high] = estimate_plain(e.estimate, e.interval);
-    format!("{} = {value} {} (90 %: {low} to {high}; scene {})", e.path, unit(&e.unit), number_plain(e.scene_value))
+    let (value, interval) = estimate_plain(e.estimate, e.interval);
+    let interval = interval.map_or_else(String::new, |[low, high]| format!("90 %: {low} to {high}; "));
+    format!("{} = {value} {} ({interval}scene {})", e.path, unit(&e.unit), number_plain(e.scene_value))
 }
 
 #[cfg(test)]

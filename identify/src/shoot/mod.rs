@@ -9,13 +9,13 @@
 //! accumulated defects. So statistics are those of one long record, and nonlinearity that of short ones; with all defects
 //! zero it is the plain simulation.
 
-mod beside;
 mod blend;
 mod bodies;
-mod late;
+mod dormant;
+mod input_delay;
+mod marker_offset;
 mod observe;
 mod observed;
-mod opened;
 mod plan;
 mod run;
 mod start;
@@ -23,10 +23,10 @@ mod start_bodies;
 mod stretch_prior;
 mod torque;
 
-pub use late::LONGEST_DELAY;
+pub(crate) use dormant::opened;
+pub use dormant::{FAR, NEVER};
+pub use input_delay::LONGEST_DELAY;
 pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
-pub(crate) use opened::opened;
-pub use opened::{FAR, NEVER};
 pub use plan::{Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
 pub use start::{StartState, initial_guess, state_at};

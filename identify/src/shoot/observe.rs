@@ -1,8 +1,8 @@
 //! What sensors read at one instant of a simulation, and its derivatives by everything unknown.
 
-use super::beside::At;
 use super::blend::Blend;
 use super::bodies::{Bodies, inverse_left_jacobian};
+use super::marker_offset::At;
 use super::observed::{MarkerPlace, Observed};
 use super::run::{Pass, Shot};
 use crate::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};

@@ -1,7 +1,7 @@
 //! What does not change while a record is shot again and again.
 
+use super::dormant::{followers, opened, rejoin, tied};
 use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
-use super::opened::{followers, opened, rejoin, tied};
 use super::torque::drives_of;
 use crate::error::IdentifyError;
 use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};

@@ -1,7 +1,7 @@
 //! One pass through a record: simulation, readings, and their derivatives.
 
-use super::beside::{At, Beside};
 use super::blend::Blend;
+use super::marker_offset::{At, Beside};
 use super::observe::Instant;
 use super::observed::Observed;
 use super::plan::{Plan, RecordPlan};

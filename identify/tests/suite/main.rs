@@ -7,6 +7,7 @@ mod audit_deform_dlo;
 mod audit_synthetic;
 mod fit_report;
 mod late_commands;
+mod library;
 mod logs;
 mod long;
 mod measured_data;

@@ -12,15 +12,15 @@
 //!
 //! In the end each accepted cause has to be missed when it is taken out again. Records that the experiment holds out are not looked at.
 
-mod bench;
+mod cross_validation;
 mod paired;
 
-use super::test::test_in;
+use super::scores::scores_in;
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shoot::Plan;
-use bench::{Bench, Trial};
+use cross_validation::{Bench, Trial};
 use paired::Paired;
 
 /// Level of a round.
@@ -138,7 +138,7 @@ fn round(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Vec<Tried>, IdentifyError> {
     let at = Situation { plan: bench.plan, values: &current.fitted.values, free: &current.fitted.unknowns, together: true };
-    let tested = test_in(bench.plan, &at, &current.fitted, seed)?;
+    let tested = scores_in(bench.plan, &at, &current.fitted, seed)?;
     let mut tried = Vec::new();
     for (cause, step) in bench.promising(&tested, &current.fitted) {
         progress(&format!("trying {} on other records", cause.title()));

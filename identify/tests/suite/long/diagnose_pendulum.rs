@@ -40,28 +40,6 @@ fn viscous_friction_is_named() {
     named(&Truth { damping: 0.01, ..Truth::default() }, "viscous_friction (pivot)", "pivot.damping", 0.01);
 }
 
-#[test]
-fn dry_friction_is_named() {
-    named(&Truth { friction: 0.02, ..Truth::default() }, "coulomb_friction (pivot)", "pivot.friction", 0.02);
-}
-
-#[test]
-fn a_cubic_spring_is_named() {
-    named(&Truth { cubic: 0.2, ..Truth::default() }, "cubic_stiffness (pivot)", "pivot.cubic_stiffness", 0.2);
-}
-
-#[test]
-fn a_motor_that_saturates_is_named() {
-    named(&Truth { limit: 0.5, ..Truth::default() }, "saturation (motor)", "motor.saturation", 0.5);
-}
-
-/// The angle a joint has crept by is known at the beginning of a record alone.
-#[test]
-fn a_spring_that_creeps_is_named() {
-    let truth = Truth { spring: 1.0, creep: 2.0, ..Truth::default() };
-    named(&truth, "joint_plasticity (pivot)", "pivot.plastic_time", 2.0);
-}
-
 /// Verdict ambiguous, with these among the alternatives.
 fn ambiguous(truth: &Truth, among: &[&str]) {
     let d = diagnosed(truth);

@@ -24,19 +24,14 @@ fn what_is_common_to_all_records_is_found_under_what_is_not() {
     assert_eq!(titles, ["intrinsic_curvature"], "{}", d.reason);
     for (estimate, truth) in d.extension[0].parameters.iter().zip([2.4, -1.5]) {
         // a 90 % interval misses one time in ten, twice its width one time in a thousand
-        let half = 0.5 * (estimate.interval[1] - estimate.interval[0]);
+        let [low, high] = estimate.interval.unwrap();
+        let half = 0.5 * (high - low);
         assert!((estimate.estimate - truth).abs() < 2.0 * half && half < 0.8, "{estimate:?}");
-        assert!(estimate.interval[0] * estimate.interval[1] > 0.0 && estimate.estimate * truth > 0.0, "{estimate:?}");
+        assert!(low * high > 0.0 && estimate.estimate * truth > 0.0, "{estimate:?}");
     }
     let [before, after] = [&d.stages[0], &d.stages[1]].map(|stage| *stage.held_out.last().unwrap());
     // what is left is the drift: waves of this amplitude
     let drift = 2.0 / std::f64::consts::PI * DRIFT;
     let left = [before, after].map(|e| e.mean_abs - drift);
     assert!(left[1].abs() < 0.25 * left[0], "{before:?} {after:?}");
-}
-
-#[test]
-fn what_differs_from_record_to_record_extends_nothing() {
-    let d = diagnosed("");
-    assert!(d.causes.is_empty() && d.extension.is_empty(), "{:?}: {}", d.verdict, d.reason);
 }

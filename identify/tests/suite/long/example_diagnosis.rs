@@ -25,7 +25,8 @@ fn the_hidden_effect_is_named_with_its_size() {
     assert_eq!(names, ["internal_damping"]);
     let damping = &d.causes[0].parameters[0];
     assert!((damping.estimate - 5e-5).abs() < 2e-6, "{damping:?}");
-    assert!(damping.interval[0] < damping.estimate && damping.estimate < damping.interval[1]);
+    let [low, high] = damping.interval.unwrap();
+    assert!(low < damping.estimate && damping.estimate < high);
     let stiffness = d.stages.last().unwrap().parameters.iter().find(|p| p.path == "cable.bend_stiffness").unwrap();
     assert!((stiffness.estimate - 1.5e-3).abs() < 3e-5, "{stiffness:?}");
     let offsets = d.candidates.iter().filter(|c| c.name == "gripper_offset").map(|c| c.object.as_deref());

@@ -1,10 +1,13 @@
 //! Step 4: score tests of all causes from one linearization at the current fit.
 
+use super::baseline::Prepared;
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
-use crate::fit::Fitted;
+use crate::fit::{FitOptions, Fitted};
+use crate::log::{Logs, Setup};
 use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::multiple::holm;
+use crate::stats::naming::{Naming, NamingOptions, name};
 use crate::stats::reduced::{RecordRows, Reduced, time_blocks};
 use crate::stats::score::{Candidate, ScoreOptions, ScoreTest, Sign, score_test};
 use crate::stats::sign_flip::{MIN_RECORDS, sign_flip};
@@ -23,24 +26,52 @@ const DEAD: f64 = 1e-9;
 
 /// Score tests of the library against a fit.
 #[derive(Clone, Debug)]
-pub(super) struct Tested {
+pub struct Scores {
     /// All causes of the library.
     pub causes: Vec<Cause>,
     /// Index into `causes` of each tested candidate.
     pub tested: Vec<usize>,
-    /// The test.
+    /// The test; its candidates are those of `tested`.
     pub score: ScoreTest,
     /// Family-wise p of each tested candidate.
     pub adjusted: Vec<f64>,
 }
 
+impl Scores {
+    /// Family-wise p of the cause with this title; `None` where it was not tested.
+    pub fn p_value(&self, title: &str) -> Option<f64> {
+        self.tested.iter().position(|&c| self.causes[c].title() == title).map(|j| self.adjusted[j])
+    }
+
+    /// Titles of the causes that the linear naming rule ([`mod@crate::stats::naming`]) leaves, best first: none, one, or several that it
+    /// does not tell apart. A diagnosis refits them before it names one.
+    pub fn leading(&self) -> Vec<String> {
+        let title = |j: &usize| self.causes[self.tested[*j]].title();
+        match name(&self.score, &self.adjusted, &NamingOptions::default()) {
+            Naming::None => Vec::new(),
+            Naming::Named(j) => vec![title(&j)],
+            Naming::Ambiguous(set) => set.iter().map(title).collect(),
+        }
+    }
+}
+
+/// Fits the declared free parameters and tests every cause of the library, without refits: the first two steps of a diagnosis.
+///
+/// Errors: wrong input, or a baseline that cannot be simulated.
+pub fn score_scene(setup: &Setup, logs: &Logs, seed: u64) -> Result<Scores, IdentifyError> {
+    let mut plan = Plan::opened(setup, logs)?;
+    let options = FitOptions::default();
+    let prepared = Prepared::new(setup, &mut plan, &options)?;
+    scores(&plan, &prepared.fit(&plan, &options)?, seed)
+}
+
 /// Tests every cause that can be tested at `fitted`.
-pub(super) fn test(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Tested, IdentifyError> {
-    test_in(plan, &Situation { plan, values: &fitted.values, free: &fitted.unknowns, together: false }, fitted, seed)
+pub(super) fn scores(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Scores, IdentifyError> {
+    scores_in(plan, &Situation { plan, values: &fitted.values, free: &fitted.unknowns, together: false }, fitted, seed)
 }
 
 /// Tests every cause of the library as it stands in this situation.
-pub(super) fn test_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64) -> Result<Tested, IdentifyError> {
+pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64) -> Result<Scores, IdentifyError> {
     let mut causes = library(at);
     let mut columns = Columns::new(&causes, fitted);
     let reduced = columns.reduce(plan, fitted)?;
@@ -86,7 +117,7 @@ pub(super) fn test_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64) -
         // the arbiter may only take significance away: with 2^R patterns it cannot resolve small p
         adjusted.iter_mut().zip(&flips.p_adjusted).for_each(|(a, f)| *a = a.max(*f));
     }
-    Ok(Tested { causes, tested, score, adjusted })
+    Ok(Scores { causes, tested, score, adjusted })
 }
 
 /// A candidate: a cause with one of its settings, and its columns.
@@ -171,7 +202,7 @@ impl Columns {
 pub(super) fn raw(
     plan: &Plan,
     fitted: &Fitted,
-    tested: &Tested,
+    tested: &Scores,
     limit: usize,
 ) -> Result<(Vec<Shot>, Vec<Candidate>), IdentifyError> {
     let columns = Columns::new(&tested.causes, fitted);

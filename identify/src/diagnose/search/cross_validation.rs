@@ -2,7 +2,7 @@
 
 use super::super::baseline::coloured;
 use super::super::gain;
-use super::super::test::Tested;
+use super::super::scores::Scores;
 use super::Whole;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -137,7 +137,7 @@ impl<'a> Bench<'a> {
 
     /// The causes worth a refit, most promising first, each with the step that the linearization proposes. Those that bring companions
     /// along come first whatever they promise alone.
-    pub(super) fn promising(&self, tested: &Tested, current: &Fitted) -> Vec<(Cause, Vec<f64>)> {
+    pub(super) fn promising(&self, tested: &Scores, current: &Fitted) -> Vec<(Cause, Vec<f64>)> {
         let cost: f64 = current.residuals.iter().filter_map(|r| self.squares(r)).sum();
         let mut ranked: Vec<(f64, usize)> = (0..tested.tested.len())
             .filter(|&j| tested.score.candidates[j].rank > 0)

@@ -4,8 +4,8 @@
 //! encoder's zero off by forty standard deviations was lost so, and the model called adequate. [`crate::stats::colour`] asks whether
 //! a cause takes the colour away with it. What passes is refitted and compared as after any other test, by scores without colour.
 
+use super::scores::{raw, scores};
 use super::select::{Round, compare};
-use super::test::{raw, test};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::shoot::Plan;
@@ -20,7 +20,7 @@ const LEVEL: f64 = 0.01;
 const READINGS: usize = 40_000;
 
 /// What a second look finds, with the test it refers to; `None` where nothing is found.
-pub(super) fn second_look(
+pub(super) fn coloured_noise(
     plan: &Plan,
     current: &Fitted,
     sensor_sigma: f64,
@@ -28,7 +28,7 @@ pub(super) fn second_look(
     seed: u64,
     notes: &mut Vec<(usize, String)>,
     progress: &mut dyn FnMut(&str),
-) -> Result<Option<(Round, super::test::Tested)>, IdentifyError> {
+) -> Result<Option<(Round, super::scores::Scores)>, IdentifyError> {
     if current.noise.order() == 0 || current.rmse <= EXCESS * sensor_sigma {
         return Ok(None);
     }
@@ -36,7 +36,7 @@ pub(super) fn second_look(
     let noise = &current.noise;
     let stationary = noise.sigma().iter().map(|s| s * noise.stationary_ratio()).collect();
     let white = Fitted { noise: ArModel::white(stationary)?, ..current.clone() };
-    let tested = test(plan, &white, seed)?;
+    let tested = scores(plan, &white, seed)?;
     let (shots, candidates) = raw(plan, current, &tested, READINGS)?;
     let columns = shots.first().map_or(0, |s| s.global.len() / s.residual.len().max(1));
     let rows: Vec<RawRows> = shots

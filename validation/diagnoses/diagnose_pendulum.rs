@@ -1,0 +1,48 @@
+//! Further effects hidden in a pendulum, one whole diagnosis each.
+
+use crate::pendulum::Truth;
+use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use tempfile::TempDir;
+
+fn diagnosed(truth: &Truth) -> Diagnosis {
+    let folder = TempDir::new().unwrap();
+    let setup = crate::pendulum::setup(truth, &folder).unwrap();
+    let logs = setup.read_logs(&[]).unwrap();
+    diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
+}
+
+fn named(truth: &Truth, cause: &str, path: &str, value: f64) {
+    let d = diagnosed(truth);
+    assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
+    // the scene's own step is a cause too where a pendulum that goes over the top feels it
+    let titles: Vec<String> = d.causes.iter().map(|c| c.title()).filter(|t| t != "discretisation").collect();
+    assert_eq!(titles, [cause], "{}", d.reason);
+    let e = &d.causes[0].parameters[0];
+    assert_eq!(e.path, path);
+    assert!((e.estimate / value - 1.0).abs() < 0.03, "{e:?}");
+    let whole = d.gain.last().unwrap();
+    assert_eq!(whole.unit, "rad");
+    assert!(whole.rmse_after < 0.5 * whole.rmse_before, "{whole:?}");
+}
+
+#[test]
+fn dry_friction_is_named() {
+    named(&Truth { friction: 0.02, ..Truth::default() }, "coulomb_friction (pivot)", "pivot.friction", 0.02);
+}
+
+#[test]
+fn a_cubic_spring_is_named() {
+    named(&Truth { cubic: 0.2, ..Truth::default() }, "cubic_stiffness (pivot)", "pivot.cubic_stiffness", 0.2);
+}
+
+#[test]
+fn a_motor_that_saturates_is_named() {
+    named(&Truth { limit: 0.5, ..Truth::default() }, "saturation (motor)", "motor.saturation", 0.5);
+}
+
+/// The angle a joint has crept by is known at the beginning of a record alone.
+#[test]
+fn a_spring_that_creeps_is_named() {
+    let truth = Truth { spring: 1.0, creep: 2.0, ..Truth::default() };
+    named(&truth, "joint_plasticity (pivot)", "pivot.plastic_time", 2.0);
+}
