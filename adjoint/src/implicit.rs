@@ -49,7 +49,7 @@ pub(crate) struct Refinement {
 /// before as that is to the solution. A single column is always refined fully.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);
-    let refine = columns <= 1 || stage.has_solids() || worth_refining(stage, x.chunks_exact(columns).map(sum).collect());
+    let refine = columns <= 1 || stage.has_listed_contacts() || worth_refining(stage, x.chunks_exact(columns).map(sum).collect());
     if !refine {
         stage.solve_velocities(x, columns);
         return;

@@ -7,7 +7,7 @@
 //! ∂v⁺/∂v = G σM (zero in prescribed columns),   ∂v⁺/∂q̄ = G ∂f/∂q̄ − H ∂F/∂q̄,   ∂v⁺/∂v_cmd = the prescribed columns of G
 //! ```
 //! with q̄ = q + h v⁺. Edges carry rods' axes along by S_a = 1 + ψ_a before and S_b = 1 + ψ_b after the step
-//! ([`Carry`](pliant_engine::rods::Carry); both are 1 elsewhere), and ∂f/∂q̄ here knows what S_b does at q̄, so that with V = ∂v⁺/∂q̄
+//! ([`TransportDerivative`](pliant_engine::rods::Carry); both are 1 elsewhere), and ∂f/∂q̄ here knows what S_b does at q̄, so that with V = ∂v⁺/∂q̄
 //! ```text
 //! ∂v⁺/∂q = V S_a,   ∂q⁺/∂q = S_b (1 + h V) S_a,   ∂q⁺/∂v = h S_b ∂v⁺/∂v
 //! ```
@@ -30,8 +30,8 @@
 use crate::implicit::{Refinement, refinements, settled, worth_refining};
 use crate::linearization::{Linearization, VECTOR};
 use crate::stage::Context;
-use pliant_engine::rods::Carry;
-use pliant_engine::step::{EULER, Link, NodeBlock, StageRecord, StepRecord};
+use pliant_engine::rods::TransportDerivative;
+use pliant_engine::step::{EULER, NodeBlock, StageKind, StageRecord, StepRecord};
 use pliant_linalg::{NodeMatrix, Sum};
 use pliant_math::Input;
 use std::borrow::Cow;
@@ -100,8 +100,8 @@ type Positions<'a> = (Cow<'a, NodeMatrix>, Vec<NodeBlock>);
 
 /// The only stage of a step by implicit Euler of nodes alone, in which nothing but rods' axes is remembered.
 fn stage_of<'a>(cx: Context, step: &'a StepRecord) -> Option<&'a StageRecord> {
-    let [(Link::Single, stage)] = step.stages.as_slice() else { return None };
-    let weights = stage.scheme.free == EULER.free && stage.scheme.driven == EULER.driven;
+    let [(StageKind::Single, stage)] = step.stages.as_slice() else { return None };
+    let weights = stage.scheme.free == EULER.free && stage.scheme.prescribed == EULER.prescribed;
     let remembers = cx.model.ndz() > 0 || cx.model.has_actuators() || !stage.grasps.is_empty();
     let of_nodes = cx.model.nv() == cx.model.n_node_dofs() && stage.has_contacts_of_nodes_alone();
     (weights && !remembers && of_nodes && stage.transport.middle.is_identity()).then_some(stage)
@@ -112,8 +112,8 @@ fn probe_refines(cx: Context, step: &StepRecord, stage: &StageRecord) -> bool {
     let n = stage.v.len();
     let mut rhs = vec![0.0; stage.n_rows()];
     stage.add_position_product(-1.0, &vec![1.0; n], &mut rhs, 1);
-    let driven = cx.model.driven_rows();
-    for row in (0..n).filter(|row| !driven[*row]) {
+    let prescribed = cx.model.prescribed_rows();
+    for row in (0..n).filter(|row| !prescribed[*row]) {
         rhs[row] += cx.mass[row] * stage.inertia * stage.scheme.momentum;
     }
     for &(row, input, value) in &step.command {
@@ -148,7 +148,7 @@ impl Inverse {
         self.prepare(cx, stage, &positions, &normals);
         let inertia = stage.inertia * stage.scheme.momentum;
         self.momentum.clear();
-        self.momentum.extend(cx.mass.iter().zip(cx.model.driven_rows()).map(|(m, d)| if *d { 0.0 } else { inertia * m }));
+        self.momentum.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(|(m, d)| if *d { 0.0 } else { inertia * m }));
         let [begin, end, _] = &stage.transport.carry;
         self.by_state(stage, begin, &mut a);
         let mut out = Linearization { a, b: vec![0.0; 2 * n * nu], c: Vec::new() };
@@ -232,9 +232,9 @@ impl Inverse {
         let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
         self.by_position.clear();
         if stage.undamped {
-            let scale = |(m, driven): (&f64, &bool)| per_h * if *driven { 1.0 } else { stage.inertia * m };
+            let scale = |(m, prescribed): (&f64, &bool)| per_h * if *prescribed { 1.0 } else { stage.inertia * m };
             self.scale.clear();
-            self.scale.extend(cx.mass.iter().zip(cx.model.driven_rows()).map(scale));
+            self.scale.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(scale));
             self.choose_own(positions, normals, per_h);
             return;
         }
@@ -276,7 +276,7 @@ impl Inverse {
     }
 
     /// A, with the commands as they are and rods' axes not yet carried to the end.
-    fn by_state(&self, stage: &StageRecord, begin: &Carry, a: &mut [f64]) {
+    fn by_state(&self, stage: &StageRecord, begin: &TransportDerivative, a: &mut [f64]) {
         let (n, nodes, h) = (self.momentum.len(), 3 * stage.jacobians.dq.nodes.layout().n_nodes(), stage.h);
         let (upper, lower) = a.split_at_mut(2 * n * n);
         if !stage.undamped {

@@ -1,16 +1,16 @@
 //! Products with the partials of one stage's residual.
 //!
 //! ```text
-//! ∂r/∂q_ref = −F_q T,   ∂r/∂v_ref = −σ M − h a0 F_q J − b0 F_v (without σ M where momentum is dropped),   ∂r/∂v_cmd = −1 (driven rows),   ∂r/∂(θ, u) by visiting
+//! ∂r/∂q_ref = −F_q T,   ∂r/∂v_ref = −σ M − h a0 F_q J − b0 F_v (without σ M where momentum is dropped),   ∂r/∂v_cmd = −1 (prescribed rows),   ∂r/∂(θ, u) by visiting
 //! ```
-//! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in driven rows; T and J of [`Turns`]. What a joint remembers adds ∂r/∂z and ∂r/∂q of the
+//! F_q = ∂f/∂q̄ and F_v = ∂f/∂v̄ as recorded, zero in prescribed rows; T and J of [`TangentMaps`]. What a joint remembers adds ∂r/∂z and ∂r/∂q of the
 //! (sub)step's beginning, by visiting too.
 
 use crate::implicit::{Refinement, multiplier, root_tangent};
 use crate::seeds::Seeds;
-use pliant_engine::bodies::Turns;
+use pliant_engine::bodies::TangentMaps;
 use pliant_engine::model::Model;
-use pliant_engine::rods::Carry;
+use pliant_engine::rods::TransportDerivative;
 use pliant_engine::step::StageRecord;
 use pliant_math::Input;
 
@@ -26,7 +26,7 @@ pub(crate) struct Context<'a> {
 /// Memory of the tangents of a step, kept from one to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Memory {
-    /// Tangents of the commanded velocities: only the rows of driven nodes mean anything.
+    /// Tangents of the commanded velocities: only the rows of prescribed nodes mean anything.
     pub cmd: Vec<f64>,
     /// What [`stage_tangent`] made.
     pub v_next: Vec<f64>,
@@ -54,7 +54,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     if scheme.free.a0 == 0.0 && stage.transport.middle.is_identity() && carry.is_empty() {
         stage.add_position_product(1.0, q_dot, dr, m);
     } else {
-        let weight = |driven| stage.h * if driven { scheme.driven.a0 } else { scheme.free.a0 };
+        let weight = |prescribed| stage.h * if prescribed { scheme.prescribed.a0 } else { scheme.free.a0 };
         at.clear();
         at.extend_from_slice(q_dot);
         move_along(cx, (&stage.transport.middle, carry), at, v_dot, m, weight);
@@ -63,15 +63,16 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
     if scheme.free.b0 != 0.0 {
         at.clear();
         at.resize(v_dot.len(), 0.0);
-        add_weighted(at, v_dot, cx, m, |driven| if driven { scheme.driven.b0 } else { scheme.free.b0 });
+        add_weighted(at, v_dot, cx, m, |prescribed| if prescribed { scheme.prescribed.b0 } else { scheme.free.b0 });
         let n = cx.model.n_node_dofs() * m;
         at[n..].iter_mut().zip(&v_dot[n..]).for_each(|(o, v)| *o = scheme.free.b0 * v);
         stage.jacobians.dv.add_mul_many(-1.0, at, &mut dr[..v_dot.len()], m);
     }
     let inertia = stage.inertia * scheme.momentum;
-    for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
+    for (row, &prescribed) in cx.model.prescribed_rows().iter().enumerate() {
         let range = row * m..(row + 1) * m;
-        let (from, weight) = if driven { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * inertia) };
+        let (from, weight) =
+            if prescribed { (&cmd[range.clone()], 1.0) } else { (&v_dot[range.clone()], cx.mass[row] * inertia) };
         for (d, x) in dr[range].iter_mut().zip(from) {
             *d -= weight * x;
         }
@@ -131,7 +132,7 @@ impl Tangents<'_> {
 }
 
 /// How displacements of bodies and of rods' axes show up after a way.
-pub(crate) type Way<'a> = (&'a Turns, &'a Carry);
+pub(crate) type Way<'a> = (&'a TangentMaps, &'a TransportDerivative);
 
 /// `x ← T x + J (weight v)`: how a displacement moves on, for nodes with weights of their own.
 pub(crate) fn move_along(cx: Context, (turns, carry): Way, x: &mut [f64], v: &[f64], m: usize, weight: impl Fn(bool) -> f64) {
@@ -164,8 +165,8 @@ pub(crate) fn pull_along(
 ) {
     let n = cx.model.n_node_dofs();
     carry.pull_after(x);
-    for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
-        v[row] += of_nodes(driven) * x[row];
+    for (row, &prescribed) in cx.model.prescribed_rows().iter().enumerate() {
+        v[row] += of_nodes(prescribed) * x[row];
     }
     carry.pull_before(x);
     if weight != 0.0 {
@@ -178,9 +179,9 @@ pub(crate) fn pull_along(
 
 /// Of the nodes: `out += weight v`.
 fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl Fn(bool) -> f64) {
-    for (row, &driven) in cx.model.driven_rows().iter().enumerate() {
+    for (row, &prescribed) in cx.model.prescribed_rows().iter().enumerate() {
         let range = row * m..(row + 1) * m;
-        let w = weight(driven);
+        let w = weight(prescribed);
         out[range.clone()].iter_mut().zip(&v[range]).for_each(|(o, v)| *o += w * v);
     }
 }
@@ -236,13 +237,13 @@ pub(crate) fn stage_cotangent(
     let inertia = stage.inertia * stage.scheme.momentum;
     stage.jacobians.body_mass.add_mul_transpose(-inertia, &lambda[n..nv], &mut v_bar[n..]);
     (n..nv).for_each(|k| v_bar[k] += w.b0 * through_v[k]);
-    let of_nodes = |driven| stage.h * if driven { stage.scheme.driven.a0 } else { stage.scheme.free.a0 };
+    let of_nodes = |prescribed| stage.h * if prescribed { stage.scheme.prescribed.a0 } else { stage.scheme.free.a0 };
     pull_along(cx, (&stage.transport.middle, &stage.transport.carry[0]), &mut through_q, v_bar, stage.h * w.a0, of_nodes);
     (0..nv).for_each(|k| q_bar[k] += through_q[k]);
-    for (k, &driven) in cx.model.driven_rows().iter().enumerate() {
-        let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
+    for (k, &prescribed) in cx.model.prescribed_rows().iter().enumerate() {
+        let w = if prescribed { &stage.scheme.prescribed } else { &stage.scheme.free };
         v_bar[k] += w.b0 * through_v[k];
-        if driven {
+        if prescribed {
             inputs.cmd[k] -= lambda[k];
         } else {
             v_bar[k] -= cx.mass[k] * inertia * lambda[k];

@@ -3,7 +3,7 @@
 use crate::seeds::Seeds;
 use crate::stage::{Context, InputBars, Memory, Tangents, move_along, pull_along, stage_cotangent, stage_tangent};
 use pliant_engine::model::Model;
-use pliant_engine::step::{Link, SDIRK_GAMMA, StageRecord, StepRecord};
+use pliant_engine::step::{SDIRK_GAMMA, StageKind, StageRecord, StepRecord};
 use pliant_math::Input;
 
 /// Tangents of (q, v, z): row-major, `nv × columns` for q and v, `ndz × columns` for z.
@@ -45,18 +45,18 @@ pub(crate) fn step_tangent(cx: Context, step: &StepRecord, x: &mut Tangent, seed
     signal_tangent(cx, step, x, seeds, memory);
     for (link, stage) in &step.stages {
         match link {
-            Link::Single => {
+            StageKind::Single => {
                 if !x.z.is_empty() {
                     memory.keep(x);
                 }
             }
-            Link::SdirkFirst => {
+            StageKind::SdirkFirst => {
                 memory.keep(x);
                 stage_tangent(cx, stage, &x.q, &x.v, seeds, memory);
                 std::mem::swap(&mut x.v, &mut memory.v_next);
                 continue;
             }
-            Link::SdirkSecond => {
+            StageKind::SdirkSecond => {
                 // stage.h is γ h of the substep
                 let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
                 x.q.copy_from_slice(&memory.start[0]);
@@ -122,12 +122,12 @@ fn replace_rows(partials: &[(usize, Input, f64)], tangents: &Tangents, next: &mu
     }
 }
 
-/// Tangents of the commanded velocities into the driven rows of `memory.cmd`.
+/// Tangents of the commanded velocities into the prescribed rows of `memory.cmd`.
 fn command_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
     let cmd = &mut memory.cmd;
     cmd.resize(x.q.len(), 0.0);
-    for (row, _) in cx.model.driven_rows().iter().enumerate().filter(|(_, driven)| **driven) {
+    for (row, _) in cx.model.prescribed_rows().iter().enumerate().filter(|(_, prescribed)| **prescribed) {
         cmd[row * m..(row + 1) * m].fill(0.0);
     }
     for &(row, input, value) in &step.command {
@@ -143,13 +143,13 @@ fn command_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, m
 
 /// q⁺ = q ⊕ h (d0 v + d1 v⁺).
 fn move_positions(cx: Context, stage: &StageRecord, q: &mut [f64], v: &[f64], v_next: &[f64], m: usize, moved: &mut Vec<f64>) {
-    let (free, driven) = (&stage.scheme.free, &stage.scheme.driven);
+    let (free, prescribed) = (&stage.scheme.free, &stage.scheme.prescribed);
     moved.clear();
     moved.extend(v.iter().zip(v_next).map(|(v, next)| free.d0 * v + free.d1 * next));
-    if free.d0 != driven.d0 {
-        for (row, _) in cx.model.driven_rows().iter().enumerate().filter(|(_, d)| **d) {
+    if free.d0 != prescribed.d0 {
+        for (row, _) in cx.model.prescribed_rows().iter().enumerate().filter(|(_, d)| **d) {
             for k in row * m..(row + 1) * m {
-                moved[k] = driven.d0 * v[k] + driven.d1 * v_next[k];
+                moved[k] = prescribed.d0 * v[k] + prescribed.d1 * v_next[k];
             }
         }
     }
@@ -166,7 +166,7 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
     let late = take_rows(&step.memory, &mut x.z);
     pull_memory(&step.memory, &late, &mut InputBars { cmd: &mut [], u: u_bar, theta: theta_bar, q: &mut [], z: &mut x.z }, None);
     for (link, stage) in step.stages.iter().rev() {
-        if *link == Link::SdirkFirst {
+        if *link == StageKind::SdirkFirst {
             // only v₁ leaves the first stage; q and v of the substep's start were used by the second stage directly
             let mut v_bar = std::mem::take(&mut start_v_bar);
             let (q, z) = (&mut past_bar, &mut x.z);
@@ -183,7 +183,7 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
         let (q, z) = (&mut past_bar, &mut x.z);
         let mut inputs = InputBars { cmd: &mut cmd_bar, u: &mut signal_bar, theta: theta_bar, q, z };
         stage_cotangent(cx, stage, &y_bar, &mut x.q, &mut v_bar, &mut inputs);
-        if *link == Link::SdirkSecond {
+        if *link == StageKind::SdirkSecond {
             let lead = (1.0 - SDIRK_GAMMA) * stage.h / SDIRK_GAMMA;
             first_v_bar = v_bar.iter().map(|v| RATIO * v).collect();
             pull_along(cx, (&stage.transport.lead, &stage.transport.carry[2]), &mut x.q, &mut first_v_bar, lead, |_| lead);
@@ -237,8 +237,8 @@ fn end_cotangent(cx: Context, stage: &StageRecord, x: &mut Cotangent) -> (Vec<f6
     let mut moved = vec![0.0; x.q.len()];
     pull_along(cx, (&stage.transport.end, &stage.transport.carry[1]), &mut x.q, &mut moved, stage.h, |_| stage.h);
     for (k, moved) in moved.iter().enumerate() {
-        let driven = cx.model.driven_rows().get(k).is_some_and(|driven| *driven);
-        let w = if driven { &stage.scheme.driven } else { &stage.scheme.free };
+        let prescribed = cx.model.prescribed_rows().get(k).is_some_and(|prescribed| *prescribed);
+        let w = if prescribed { &stage.scheme.prescribed } else { &stage.scheme.free };
         y_bar[k] += w.d1 * moved;
         v_bar[k] += w.d0 * moved;
     }

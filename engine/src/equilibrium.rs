@@ -57,7 +57,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     model.check_theta(theta)?;
     crate::step::check_size("position vector", guess.len(), model.nq())?;
     crate::step::check_size("control", u.len(), model.nu())?;
-    let of_pair = || Some(model.solids[model.solid_pairs.first()?.solids[0]].name.clone());
+    let of_pair = || Some(model.colliders[model.collider_pairs.first()?.colliders[0]].name.clone());
     if let Some(shape) = model.shape_names.first().cloned().or_else(of_pair) {
         return Err(StepError::EquilibriumWithContact { shape });
     }

@@ -3,7 +3,7 @@
 //! **The problem.** A stage of length h is one root of
 //! ```text
 //! m (v⁺ − v)/h − Σ f(q̄, v̄; θ) − p(q⁺, v⁺, w)/h = 0      free nodes: inertia, forces, contact impulses      [N]
-//! v⁺ − v_cmd(q, u; θ)                           = 0      driven nodes: what a gripper commands             [m/s]
+//! v⁺ − v_cmd(q, u; θ)                           = 0      prescribed nodes: what a gripper commands             [m/s]
 //! F_κ(w; gap(q⁺)/h, v_t⁺, μ)                    = 0      every contact: the smoothed law of friction       [N·s]
 //! ```
 //! in v⁺ and the contacts' cone variables w ∈ R⁴. The integrator says where q̄, v̄ and q⁺ lie ([`step`]).

@@ -27,10 +27,10 @@ pub struct SplitPoint {
     /// Step of the tangential part \[kg\], about 0.3 of the smallest effective mass across it.
     pub rho_t: f64,
     /// Compliance over h² [1/kg]: the contact gives way by v_n += give · w₀.
-    pub give: f64,
+    pub compliance_per_h2: f64,
     /// Added to ∂F/∂w [-] for an iteration: contacts that hold a body more often than it can move (four legs) then share its load
     /// instead of fighting over a linearization's error. 0 for derivatives.
-    pub soften: f64,
+    pub regularization: f64,
 }
 
 /// The root t of H in (0, 1), its complement s, e and D of the derivation, each to full relative precision.
@@ -102,8 +102,17 @@ fn root(f: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64, start: f64, [mut bel
 /// The split residual F(w) [N·s] for any scalar: zero exactly where Coulomb's smoothed law holds. Arguments and units as those of
 /// [`SplitPoint`] and [`crate::residual`]; `v_n` without what the contact's compliance adds.
 #[allow(clippy::too_many_arguments)] // the numbers of a law, each with a derivative of its own
-pub fn split_residual<S: Real>(mu: S, kappa: S, rho_n: f64, rho_t: f64, give: S, v_n: S, v_t: [S; 3], w: [S; 4]) -> [S; 4] {
-    let v_n = v_n + give * w[0];
+pub fn split_residual<S: Real>(
+    mu: S,
+    kappa: S,
+    rho_n: f64,
+    rho_t: f64,
+    compliance_per_h2: S,
+    v_n: S,
+    v_t: [S; 3],
+    w: [S; 4],
+) -> [S; 4] {
+    let v_n = v_n + compliance_per_h2 * w[0];
     let z = w[0] - v_n * rho_n;
     let rk = kappa * rho_n;
     let d = (z * z + rk * 4.0).sqrt();
@@ -121,10 +130,10 @@ pub fn split_residual<S: Real>(mu: S, kappa: S, rho_n: f64, rho_t: f64, give: S,
     [f0, w[1] * s + step[0] * t, w[2] * s + step[1] * t, w[3] * s + step[2] * t]
 }
 
-/// [`split_residual`] at a point, with its derivatives by hand; ∂F/∂(1/kg of `give`) is ∂F/∂v_n · w₀.
+/// [`split_residual`] at a point, with its derivatives by hand; ∂F/∂(1/kg of `compliance_per_h2`) is ∂F/∂v_n · w₀.
 pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> Linearization {
-    let SplitPoint { mu, kappa, rho_n, rho_t, give, soften } = *at;
-    let v_n = v_n + give * w[0];
+    let SplitPoint { mu, kappa, rho_n, rho_t, compliance_per_h2, regularization } = *at;
+    let v_n = v_n + compliance_per_h2 * w[0];
     let z = w[0] - rho_n * v_n;
     let (root, phi, psi) = smoothed_parts(z, rho_n * kappa);
     let (up, down) = (phi / root, psi / root);
@@ -142,17 +151,17 @@ pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) ->
     // −∂F̄/∂u = t 1 + 2 t_X u uᵀ
     let by_u = Matrix3::identity() * t + outer * (2.0 * t_x);
     let by_phi = u * (-t_g * 2.0 * phi);
-    let dz = 1.0 - rho_n * give;
+    let dz = 1.0 - rho_n * compliance_per_h2;
     let mut df_dw = Matrix4::zeros();
     // 1 − φ′ dz, without cancellation where the contact is closed
-    let diagonal = down + up * rho_n * give + soften;
+    let diagonal = down + up * rho_n * compliance_per_h2 + regularization;
     df_dw[(0, 0)] = diagonal;
     df_dw.fixed_view_mut::<3, 1>(1, 0).copy_from(&(by_phi * (up * dz)));
-    df_dw.fixed_view_mut::<3, 3>(1, 1).copy_from(&(Matrix3::identity() * (s + soften) - outer * (2.0 * t_x)));
+    df_dw.fixed_view_mut::<3, 3>(1, 1).copy_from(&(Matrix3::identity() * (s + regularization) - outer * (2.0 * t_x)));
 
     // −2 t_X over the part that all directions share
-    let k = 2.0 * t * t * (s / (s + soften)) / d;
-    let inverse_bar = (Matrix3::identity() - outer * (k / (1.0 + k * x))) / (s + soften);
+    let k = 2.0 * t * t * (s / (s + regularization)) / d;
+    let inverse_bar = (Matrix3::identity() - outer * (k / (1.0 + k * x))) / (s + regularization);
     let mut inverse = Matrix4::zeros();
     inverse[(0, 0)] = 1.0 / diagonal;
     inverse.fixed_view_mut::<3, 1>(1, 0).copy_from(&(inverse_bar * by_phi * (-up * dz / diagonal)));
@@ -208,7 +217,7 @@ mod tests {
 
     #[test]
     fn derivatives_by_hand_are_those_of_dual_numbers() {
-        let at = SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.2, rho_t: 0.07, give: 0.3, soften: 0.0 };
+        let at = SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.2, rho_t: 0.07, compliance_per_h2: 0.3, regularization: 0.0 };
         for (w, v_n, v_t) in [
             ([0.05, 0.02, -0.03, 0.001], 1e-3, [0.1, -0.2, 0.05]),
             ([0.2, 0.02, 0.01, 0.0], -1e-2, [1e-3, 0.0, 2e-3]),
@@ -220,7 +229,16 @@ mod tests {
                 let seed = |i: usize, x: f64| Dual64::new(x, f64::from(u8::from(i == k)));
                 let w: [Dual64; 4] = std::array::from_fn(|a| seed(a, w[a]));
                 let v_t: [Dual64; 3] = std::array::from_fn(|a| seed(5 + a, v_t[a]));
-                split_residual(seed(8, at.mu), seed(9, at.kappa), at.rho_n, at.rho_t, seed(10, at.give), seed(4, v_n), v_t, w)
+                split_residual(
+                    seed(8, at.mu),
+                    seed(9, at.kappa),
+                    at.rho_n,
+                    at.rho_t,
+                    seed(10, at.compliance_per_h2),
+                    seed(4, v_n),
+                    v_t,
+                    w,
+                )
             };
             let hand: Vec<Vector4<f64>> = (0..4)
                 .map(|a| lin.df_dw.column(a).into_owned())
@@ -237,7 +255,7 @@ mod tests {
             }
             let unit = lin.df_dw * lin.df_dw_inverse;
             assert_relative_eq!(unit, Matrix4::identity(), epsilon = 1e-9);
-            let soft = split_linearize(&SplitPoint { soften: 0.01, ..at }, v_n, v_t, w);
+            let soft = split_linearize(&SplitPoint { regularization: 0.01, ..at }, v_n, v_t, w);
             assert_relative_eq!(soft.df_dw * soft.df_dw_inverse, Matrix4::identity(), epsilon = 1e-9);
             assert_relative_eq!(soft.df_dw - lin.df_dw, Matrix4::identity() * 0.01, epsilon = 1e-12);
         }

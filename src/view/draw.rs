@@ -4,7 +4,7 @@ use super::numbers::{Numbers, Slice};
 use super::picture::{Bone, Drawn, Mesh, Picture, Rope, Scale, left_out};
 use super::{Caption, Run};
 use crate::{Model, State};
-use pliant_engine::geometry::solid::{Carrier, Form, Pose, Solid};
+use pliant_engine::geometry::collider::{Attachment, ColliderShape, Pose, Collider};
 use pliant_engine::model::RopeSpan;
 use pliant_math::Vec3;
 use pliant_math::inertia::from_numbers;
@@ -52,7 +52,7 @@ pub(super) fn picture<'a>(run: &Run<'a>, frames: &[usize], caption: &'a Caption,
     out.ropes = model.ropes().iter().map(|span| rope(run, span, &states, &center, numbers)).collect();
     out.meshes = surfaces(model).into_iter().map(|surface| mesh(model, surface, &states, &center, numbers)).collect();
     out.parents = model.tree().bodies().iter().map(|body| body.parent).collect();
-    out.solids = model.solids().iter().filter_map(|solid| drawn(solid, run.theta, &center)).collect();
+    out.solids = model.colliders().iter().filter_map(|solid| drawn(solid, run.theta, &center)).collect();
     out.bones = bones(run);
     let point = |node: usize| push_positions(&[node], &states, &center, numbers);
     out.points = model.grasps().iter().map(|grasp| grasp.node).map(point).collect();
@@ -88,7 +88,7 @@ fn push_positions(nodes: &[usize], states: &[&State], center: &[f64; 3], numbers
 
 /// Nodes that a gripper moves, counted from the first of the range.
 fn held(model: &Model, nodes: &Range<usize>) -> Vec<usize> {
-    nodes.clone().filter(|i| model.driven()[*i]).map(|i| i - nodes.start).collect()
+    nodes.clone().filter(|i| model.prescribed()[*i]).map(|i| i - nodes.start).collect()
 }
 
 fn rope<'a>(run: &Run<'a>, span: &'a RopeSpan, states: &[&State], center: &[f64; 3], numbers: &mut Numbers) -> Rope<'a> {
@@ -137,14 +137,14 @@ fn scale(run: &Run, states: &[&State]) -> Option<Scale> {
 }
 
 /// A shape as it is drawn; nodes are drawn as ropes.
-fn drawn<'a>(solid: &'a Solid, theta: &[f64], center: &[f64; 3]) -> Option<Drawn<'a>> {
-    let (body, origin) = match solid.carrier {
-        Carrier::World => (None, -Vec3::from(*center)),
-        Carrier::Body(body) => (Some(body), Vec3::zeros()),
-        Carrier::Node(_) => return None,
+fn drawn<'a>(solid: &'a Collider, theta: &[f64], center: &[f64; 3]) -> Option<Drawn<'a>> {
+    let (body, origin) = match solid.attachment {
+        Attachment::World => (None, -Vec3::from(*center)),
+        Attachment::Body(body) => (Some(body), Vec3::zeros()),
+        Attachment::Node(_) => return None,
     };
     let pose = Pose { rotation: matrix(&[1.0, 0.0, 0.0, 0.0]), position: origin };
-    let mut posed = solid.posed(&pose, |k| theta[k]);
+    let mut posed = solid.placed(&pose, |k| theta[k]);
     if posed.rotation.column(0).norm() == 0.0 {
         // a capsule between two points has an axis only
         let z: Vec3<f64> = posed.rotation.column(2).into_owned();
@@ -164,20 +164,20 @@ fn drawn<'a>(solid: &'a Solid, theta: &[f64], center: &[f64; 3]) -> Option<Drawn
     })
 }
 
-fn form(form: Form) -> &'static str {
+fn form(form: ColliderShape) -> &'static str {
     match form {
-        Form::HalfSpace => "plane",
-        Form::Ball => "ball",
-        Form::Capsule => "capsule",
-        Form::Cylinder => "cylinder",
-        Form::Block => "block",
+        ColliderShape::HalfSpace => "plane",
+        ColliderShape::Ball => "ball",
+        ColliderShape::Capsule => "capsule",
+        ColliderShape::Cylinder => "cylinder",
+        ColliderShape::Block => "block",
     }
 }
 
 /// Bodies without shapes, by lines to their centre of mass, to the bodies that hang on them and to where loops close.
 fn bones(run: &Run) -> Vec<Bone> {
     let bodies = run.model.tree().bodies();
-    let has_shape = |b: usize| run.model.solids().iter().any(|s| s.carrier == Carrier::Body(b));
+    let has_shape = |b: usize| run.model.colliders().iter().any(|s| s.attachment == Attachment::Body(b));
     let mut out = Vec::new();
     for (b, body) in bodies.iter().enumerate().filter(|(b, _)| !has_shape(*b)) {
         if let Some(inertia) = body.inertia {
@@ -185,8 +185,8 @@ fn bones(run: &Run) -> Vec<Bone> {
             out.push(Bone { body: b, to: (i.h / i.m).into(), mass: true });
         }
         let children = bodies.iter().filter(|child| child.parent == Some(b)).map(|child| child.position.into());
-        let ties = run.model.ties().iter().flat_map(|tie| tie.carriers.into_iter().zip(tie.points));
-        let ties = ties.filter(|(carrier, _)| *carrier == Carrier::Body(b));
+        let ties = run.model.closures().iter().flat_map(|tie| tie.attachments.into_iter().zip(tie.points));
+        let ties = ties.filter(|(carrier, _)| *carrier == Attachment::Body(b));
         let ties = ties.map(|(_, k)| [run.theta[k], run.theta[k + 1], run.theta[k + 2]]);
         out.extend(children.chain(ties).map(|to| Bone { body: b, to, mass: false }));
     }

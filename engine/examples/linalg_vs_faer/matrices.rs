@@ -27,7 +27,7 @@ pub struct Case {
 pub struct Nodes {
     pub matrix: NodeMatrix,
     /// Node by node.
-    pub driven: Vec<bool>,
+    pub prescribed: Vec<bool>,
     symmetric: bool,
 }
 
@@ -52,7 +52,7 @@ impl Case {
             name: name.trim_start_matches(|c: char| c.is_ascii_digit()).trim_start_matches('_').into(),
             nodes: (nodes.dim() > 0).then(|| Nodes {
                 matrix: nodes,
-                driven: model.driven().to_vec(),
+                prescribed: model.prescribed().to_vec(),
                 symmetric: stage.jacobians.factor.is_symmetric(),
             }),
             bodies: (bodies.dim() > 0).then_some(bodies),
@@ -93,18 +93,18 @@ impl Nodes {
         let layout = self.matrix.layout();
         let method = if layout.is_sparse() { Method::Sparse } else { Method::Band };
         let symmetries = if self.symmetric { vec![Symmetry::Symmetric, Symmetry::General] } else { vec![Symmetry::General] };
-        symmetries.into_iter().map(|symmetry| Symbolic::new(method, symmetry, layout, &self.driven)).collect()
+        symmetries.into_iter().map(|symmetry| Symbolic::new(method, symmetry, layout, &self.prescribed)).collect()
     }
 
     /// Entries (row, column, value), block by block of those that are not zero; prescribed nodes uncoupled if `symmetric`.
     pub fn entries(&self, symmetric: bool) -> Vec<(u32, u32, f64)> {
-        let (n, reach, dim) = (self.driven.len(), self.matrix.layout().half_width(), self.matrix.dim());
+        let (n, reach, dim) = (self.prescribed.len(), self.matrix.layout().half_width(), self.matrix.dim());
         // a node's rows, and that of the twist of the edge that begins at it
         let rows = |i: usize| (3 * i..3 * i + 3).chain((3 * n + i < dim).then_some(3 * n + i));
         let mut out = Vec::new();
         for j in 0..n {
             for i in j.saturating_sub(reach)..n.min(j + reach + 1) {
-                let uncoupled = symmetric && (self.driven[i] || self.driven[j]);
+                let uncoupled = symmetric && (self.prescribed[i] || self.prescribed[j]);
                 let places = rows(j).flat_map(|c| rows(i).map(move |r| (r, c)));
                 if uncoupled {
                     out.extend(places.filter(|(r, c)| r == c).map(|(r, c)| (r as u32, c as u32, 1.0)));
@@ -119,7 +119,7 @@ impl Nodes {
     /// Numbers without a pattern to solve for; zero in prescribed rows, so that their coupling does not matter.
     pub fn right_hand_side(&self) -> Vec<f64> {
         let mut b = numbers(self.matrix.dim());
-        for (i, _) in self.driven.iter().enumerate().filter(|(_, driven)| **driven) {
+        for (i, _) in self.prescribed.iter().enumerate().filter(|(_, prescribed)| **prescribed) {
             b[3 * i..3 * i + 3].fill(0.0);
         }
         b

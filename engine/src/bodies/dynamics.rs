@@ -14,8 +14,8 @@
 //! Reference: S. Singh, R. Russell, P. Wensing (2022), IEEE RA-L 7(2), for the form of Ψ̇ and Ψ̈; C holds what a wrench from
 //! outside does when its body is displaced.
 
+use super::assemble::Spread;
 use super::frames::{Frame, Frames};
-use super::spread::Spread;
 use super::tree::Tree;
 use nalgebra::{Matrix3, Matrix6, Vector6};
 use pliant_math::spatial::{Force, Inertia, Motion, VelocityPartial, column, product, symmetric_mul};

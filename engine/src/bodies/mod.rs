@@ -6,16 +6,16 @@
 //! **The flow.** 1. [`Tree`] is built once; 2. [`Frames`] places its bodies and axes; 3. [`dynamics`] turns them into τ and its
 //! partials, which `spread` multiplies out into a matrix.
 
+mod assemble;
 pub mod dynamics;
 mod energy;
 pub mod frames;
 pub mod operational;
-mod spread;
+pub mod tangent_maps;
 #[cfg(test)]
 mod tests;
 mod tree;
-pub mod turns;
 
 pub use frames::{Frame, Frames};
+pub use tangent_maps::TangentMaps;
 pub use tree::{Body, Dof, Joint, JointKind, Tree, quaternion};
-pub use turns::Turns;

@@ -8,18 +8,18 @@
 //! the lighter body: as hard as contact. Both hold at the end of a step, so they do not drift.
 
 use super::LinkLinear;
-use crate::geometry::solid::{Carrier, Pose, carried};
+use crate::geometry::collider::{Attachment, Pose, carried};
 use nalgebra::{Matrix3, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
 use pliant_math::Vec3;
 use pliant_math::spatial::{Force, hat};
 
 /// Two carriers that are held together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tie {
+pub struct LoopClosure {
     /// Name in the scene.
     pub name: String,
     /// What is held together.
-    pub carriers: [Carrier; 2],
+    pub attachments: [Attachment; 2],
     /// First of three entries of θ each: the point in either carrier's frame \[m\].
     pub points: [usize; 2],
     /// R_relᵀ = R_Bᵀ R_A as the scene begins, if the axes are held too.
@@ -32,13 +32,13 @@ pub struct Tie {
 
 /// Numbers of a tie's rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct TieLaw {
+pub(crate) struct ClosureLaw {
     /// Scale of the residual \[kg or kg·m²\].
     pub rho: f64,
     /// Compliance over h² [1/kg].
-    pub give: f64,
+    pub compliance_per_h2: f64,
     /// As for contacts.
-    pub soften: f64,
+    pub regularization: f64,
 }
 
 /// The rows of one part of a tie at poses of both sides.
@@ -52,7 +52,7 @@ pub(crate) struct TieRows {
     point_changes: [nalgebra::Matrix3x6<f64>; 2],
 }
 
-impl Tie {
+impl LoopClosure {
     /// The point of a side in the world, seen from the origin of the evaluation.
     pub(crate) fn point(&self, side: usize, pose: &Pose<f64>, theta: &[f64]) -> Vec3<f64> {
         let k = self.points[side];
@@ -82,8 +82,8 @@ impl Tie {
 
 impl TieRows {
     /// F = (w₀; ρ (error/h + give w̄)).
-    pub(crate) fn residual(&self, law: &TieLaw, h: f64, w: &Vector4<f64>) -> Vector4<f64> {
-        let f = (self.error / h + Vec3::new(w[1], w[2], w[3]) * law.give) * law.rho;
+    pub(crate) fn residual(&self, law: &ClosureLaw, h: f64, w: &Vector4<f64>) -> Vector4<f64> {
+        let f = (self.error / h + Vec3::new(w[1], w[2], w[3]) * law.compliance_per_h2) * law.rho;
         Vector4::new(w[0], f[0], f[1], f[2])
     }
 
@@ -97,8 +97,8 @@ impl TieRows {
     }
 
     /// As a linearized constraint between two frames.
-    pub(crate) fn linearize(&self, law: &TieLaw, h: f64, w: &Vector4<f64>) -> LinkLinear {
-        let diagonal = law.rho * law.give + law.soften;
+    pub(crate) fn linearize(&self, law: &ClosureLaw, h: f64, w: &Vector4<f64>) -> LinkLinear {
+        let diagonal = law.rho * law.compliance_per_h2 + law.regularization;
         let mut f_w = Matrix4::from_diagonal_element(diagonal);
         f_w[(0, 0)] = 1.0;
         let mut inverse = Matrix4::from_diagonal_element(1.0 / diagonal);
@@ -139,9 +139,15 @@ impl TieRows {
 }
 
 /// The numbers of a closure's rows for a stage length and a rest gap.
-pub(crate) fn tie_law(tie: &Tie, rho: f64, theta: &[f64], [h, rest_gap]: [f64; 2], soften: f64) -> TieLaw {
-    let compliance = tie.compliance.map_or(0.0, |k| theta[k]) + rest_gap / tie.weight;
-    TieLaw { rho, give: compliance / (h * h), soften }
+pub(crate) fn closure_law(
+    closure: &LoopClosure,
+    rho: f64,
+    theta: &[f64],
+    [h, rest_gap]: [f64; 2],
+    regularization: f64,
+) -> ClosureLaw {
+    let compliance = closure.compliance.map_or(0.0, |k| theta[k]) + rest_gap / closure.weight;
+    ClosureLaw { rho, compliance_per_h2: compliance / (h * h), regularization }
 }
 
 #[cfg(test)]
@@ -157,16 +163,16 @@ mod tests {
             Pose { rotation: about(&axis(0.3, -1.0, 0.7), 1.1), position: Vec3::new(-0.3, 0.2, 0.1) },
         ];
         let theta = [0.1, 0.2, -0.3, 0.05, -0.15, 0.25];
-        let tie = Tie {
+        let closure = LoopClosure {
             name: String::new(),
-            carriers: [Carrier::World; 2],
+            attachments: [Attachment::World; 2],
             points: [0, 3],
             relative: Some(about(&axis(0.2, 0.1, 1.0), 0.4)),
             compliance: None,
             weight: 1.0,
         };
         for turn in [false, true] {
-            let rows = tie.rows(turn, [&poses[0], &poses[1]], &theta);
+            let rows = closure.rows(turn, [&poses[0], &poses[1]], &theta);
             for side in 0..2 {
                 for k in 0..6 {
                     let moved = |step: f64| {
@@ -175,7 +181,7 @@ mod tests {
                         let mut both = poses;
                         // to first order, as the poses' change is
                         both[side] = poses[side].displaced(&xi);
-                        tie.rows(turn, [&both[0], &both[1]], &theta).error
+                        closure.rows(turn, [&both[0], &both[1]], &theta).error
                     };
                     let difference = (moved(1e-6) - moved(-1e-6)) / 2e-6;
                     assert!((difference - rows.by_displacement[side].column(k)).amax() < 1e-9, "{turn} {side} {k}");

@@ -2,7 +2,7 @@
 
 use super::distance_change::Changes;
 use super::{LinkLinear, RHO, contact_law};
-use crate::geometry::solid::{Meeting, carried};
+use crate::geometry::collider::{ContactGeometry, carried};
 use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
 use pliant_math::Vec3;
 use pliant_math::spatial::{Force, Motion, hat, product};
@@ -32,11 +32,11 @@ impl Friction {
     }
 }
 
-/// Two solids that may touch.
+/// Two colliders that may touch.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SolidPair {
-    /// Indices of the solids in the model; the normal of a contact points from the second to the first.
-    pub solids: [usize; 2],
+pub struct ColliderPair {
+    /// Indices of the colliders in the model; the normal of a contact points from the second to the first.
+    pub colliders: [usize; 2],
     /// Coefficient of friction.
     pub friction: Friction,
     /// Index in θ of the compliance [m/N], if it has any.
@@ -85,15 +85,15 @@ pub(crate) struct Sliding {
 }
 
 impl Sliding {
-    pub fn new(meeting: &Meeting<f64>, relative: Motion<f64>) -> Self {
-        let velocity = relative.at(&meeting.point);
-        Self { relative, velocity, v_t: velocity - meeting.normal * meeting.normal.dot(&velocity) }
+    pub fn new(geometry: &ContactGeometry<f64>, relative: Motion<f64>) -> Self {
+        let velocity = relative.at(&geometry.point);
+        Self { relative, velocity, v_t: velocity - geometry.normal * geometry.normal.dot(&velocity) }
     }
 }
 
 /// The wrench on the first solid of the impulse that goes with `w` [N·s about the origin].
-pub(crate) fn contact_wrench(meeting: &Meeting<f64>, mu: f64, w: &Vector4<f64>) -> Force<f64> {
-    Force::at(&meeting.point, meeting.normal * w[0] + Vec3::new(w[1], w[2], w[3]) * mu)
+pub(crate) fn contact_wrench(geometry: &ContactGeometry<f64>, mu: f64, w: &Vector4<f64>) -> Force<f64> {
+    Force::at(&geometry.point, geometry.normal * w[0] + Vec3::new(w[1], w[2], w[3]) * mu)
 }
 
 impl LinkLinear {
@@ -101,17 +101,17 @@ impl LinkLinear {
     pub fn of_contact(
         moves: [bool; 2],
         law: &SplitLaw,
-        meeting: &Meeting<f64>,
+        geometry: &ContactGeometry<f64>,
         changes: &Changes,
         sliding: &Sliding,
         h: f64,
         w: &Vector4<f64>,
     ) -> Option<Self> {
-        let lin = law.linearize(meeting.gap / h, &sliding.v_t, w);
+        let lin = law.linearize(geometry.gap / h, &sliding.v_t, w);
         if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
             return None;
         }
-        let (n, c, mu) = (&meeting.normal, &meeting.point, law.at.mu);
+        let (n, c, mu) = (&geometry.normal, &geometry.point, law.at.mu);
         let projector = Matrix3::identity() - n * n.transpose();
         let turning = projector * hat(&sliding.relative.w);
         let along = n.dot(&sliding.velocity);
@@ -169,11 +169,11 @@ pub(crate) fn rounding(inverse: &Matrix4<f64>, w: &Vector4<f64>, law: &SplitLaw,
 /// The law's numbers at a contact of `pair` for a stage length and a rest gap.
 pub(crate) fn body_contact_law(
     law: pliant_scene::Law,
-    pair: &SolidPair,
+    pair: &ColliderPair,
     [rho_n, rho_t]: [f64; 2],
     theta: &[f64],
     [h, rest_gap]: [f64; 2],
-    soften: f64,
+    regularization: f64,
 ) -> SplitLaw {
     SplitLaw {
         law: contact_law(law),
@@ -182,8 +182,8 @@ pub(crate) fn body_contact_law(
             kappa: rest_gap * pair.weight,
             rho_n,
             rho_t,
-            give: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
-            soften,
+            compliance_per_h2: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
+            regularization,
         },
     }
 }

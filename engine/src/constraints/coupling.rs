@@ -66,26 +66,26 @@ impl Coupling {
     }
 
     /// Compliance over h² [1/(kg·m²) or 1/kg].
-    fn give(&self, at: &RowPoint, theta: &[f64]) -> f64 {
+    fn compliance_per_h2(&self, at: &RowPoint, theta: &[f64]) -> f64 {
         (self.compliance.map_or(0.0, |k| theta[k]) + at.rest_gap / at.weight) / (at.h * at.h)
     }
 
     /// F.
     pub(crate) fn residual(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> f64 {
-        at.rho * ((at.q - self.wanted(at.lead, theta)[0]) / at.h + self.give(at, theta) * gamma)
+        at.rho * ((at.q - self.wanted(at.lead, theta)[0]) / at.h + self.compliance_per_h2(at, theta) * gamma)
     }
 
     /// F and its derivatives.
     pub(crate) fn linearize(&self, at: &RowPoint, gamma: f64, theta: &[f64]) -> RowLinear {
         let [p, slope, bend] = self.polynomial(self.distance(at.lead, theta), theta);
-        let give = self.give(at, theta);
+        let compliance_per_h2 = self.compliance_per_h2(at, theta);
         RowLinear {
             held: 0.0,
-            f: at.rho * ((at.q - p) / at.h + give * gamma),
+            f: at.rho * ((at.q - p) / at.h + compliance_per_h2 * gamma),
             f_q: at.rho / at.h,
             f_v: 0.0,
-            f_gamma: at.rho * give,
-            rounding: 4.0 * f64::EPSILON * (at.q.abs() + p.abs() + (slope * at.lead).abs()) / (at.h * give),
+            f_gamma: at.rho * compliance_per_h2,
+            rounding: 4.0 * f64::EPSILON * (at.q.abs() + p.abs() + (slope * at.lead).abs()) / (at.h * compliance_per_h2),
             lever: -slope,
             lever_bend: -bend,
         }

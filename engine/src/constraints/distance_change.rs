@@ -1,6 +1,8 @@
-//! How the meeting of two solids changes when they are displaced.
+//! How the meeting of two colliders changes when they are displaced.
 
-use crate::geometry::solid::{Meeting, Pose, Posed, Solid, Spot, carried, meet, point_over_face};
+use crate::geometry::collider::{
+    Collider, ContactGeometry, FeaturePair, PlacedCollider, Pose, carried, contact_geometry, point_over_face,
+};
 use nalgebra::{Matrix3x6, RowVector6};
 use num_dual::DualSVec64;
 use pliant_math::Vec3;
@@ -12,79 +14,79 @@ pub(crate) struct Changes {
     pub point: [Matrix3x6<f64>; 2],
 }
 
-/// The meeting of a spot of two solids and its [`Changes`]; the distance where there is no normal.
+/// The meeting of a spot of two colliders and its [`Changes`]; the distance where there is no normal.
 ///
 /// A ball over a face, which is what most contacts are, is done by hand: with its centre x, which moves by δx,
 /// ```text
 /// δgap = n · δx,   δn = 0,   δpoint = δx − n δgap/2
 /// ```
-pub(crate) fn meeting_changes(
-    spot: &Spot,
-    solids: [&Solid; 2],
+pub(crate) fn contact_geometry_changes(
+    feature_pair: &FeaturePair,
+    colliders: [&Collider; 2],
     poses: [&Pose<f64>; 2],
     theta: &[f64],
-) -> Result<(Meeting<f64>, Changes), f64> {
-    let [a, b] = [0, 1].map(|side| solids[side].posed(poses[side], |k| theta[k]));
-    let Some(x) = point_over_face(spot, &a, &b) else { return automatic_changes(spot, solids, poses, theta) };
-    let meeting = meet(spot, &a, &b)?;
+) -> Result<(ContactGeometry<f64>, Changes), f64> {
+    let [a, b] = [0, 1].map(|side| colliders[side].placed(poses[side], |k| theta[k]));
+    let Some(x) = point_over_face(feature_pair, &a, &b) else { return automatic_changes(feature_pair, colliders, poses, theta) };
+    let geometry = contact_geometry(feature_pair, &a, &b)?;
     let along = carried(&x, true);
-    let gap = meeting.normal.transpose() * along;
-    let point = along - meeting.normal * (gap * 0.5);
-    Ok((meeting, Changes::of_first(&meeting, gap, Matrix3x6::zeros(), point)))
+    let gap = geometry.normal.transpose() * along;
+    let point = along - geometry.normal * (gap * 0.5);
+    Ok((geometry, Changes::of_first(&geometry, gap, Matrix3x6::zeros(), point)))
 }
 
 impl Changes {
     /// With those by displacements of the first solid: both displaced alike, everything is carried along.
-    fn of_first(meeting: &Meeting<f64>, gap: RowVector6<f64>, normal: Matrix3x6<f64>, point: Matrix3x6<f64>) -> Self {
+    fn of_first(geometry: &ContactGeometry<f64>, gap: RowVector6<f64>, normal: Matrix3x6<f64>, point: Matrix3x6<f64>) -> Self {
         Self {
             gap: [gap, -gap],
-            normal: [normal, carried(&meeting.normal, false) - normal],
-            point: [point, carried(&meeting.point, true) - point],
+            normal: [normal, carried(&geometry.normal, false) - normal],
+            point: [point, carried(&geometry.point, true) - point],
         }
     }
 }
 
-/// [`meeting_changes`] by dual numbers, for any features.
+/// [`contact_geometry_changes`] by dual numbers, for any features.
 fn automatic_changes(
-    spot: &Spot,
-    solids: [&Solid; 2],
+    feature_pair: &FeaturePair,
+    colliders: [&Collider; 2],
     poses: [&Pose<f64>; 2],
     theta: &[f64],
-) -> Result<(Meeting<f64>, Changes), f64> {
+) -> Result<(ContactGeometry<f64>, Changes), f64> {
     type Dual = DualSVec64<6>;
     let constant = |k: usize| Dual::from_re(theta[k]);
     let seeds: [Dual; 6] = std::array::from_fn(|k| Dual::from_re(0.0).derivative(k));
-    let a = solids[0].posed(&poses[0].displaced(&seeds), constant);
-    let still: Posed<f64> = solids[1].posed(poses[1], |k| theta[k]);
-    let b = Posed {
+    let a = colliders[0].placed(&poses[0].displaced(&seeds), constant);
+    let still: PlacedCollider<f64> = colliders[1].placed(poses[1], |k| theta[k]);
+    let b = PlacedCollider {
         form: still.form,
         rotation: still.rotation.map(Dual::from_re),
         position: still.position.map(Dual::from_re),
         sizes: still.sizes.map(Dual::from_re),
     };
-    let m = meet(spot, &a, &b)?;
+    let m = contact_geometry(feature_pair, &a, &b)?;
     let slope = |x: &Dual| x.eps.0.map_or_else(RowVector6::zeros, |e| e.transpose());
     let rows = |x: &Vec3<Dual>| Matrix3x6::from_rows(&[slope(&x[0]), slope(&x[1]), slope(&x[2])]);
-    let meeting = Meeting { gap: m.gap.re, normal: m.normal.map(|x| x.re), point: m.point.map(|x| x.re) };
-    let changes = Changes::of_first(&meeting, slope(&m.gap), rows(&m.normal), rows(&m.point));
-    Ok((meeting, changes))
+    let geometry = ContactGeometry { gap: m.gap.re, normal: m.normal.map(|x| x.re), point: m.point.map(|x| x.re) };
+    let changes = Changes::of_first(&geometry, slope(&m.gap), rows(&m.normal), rows(&m.point));
+    Ok((geometry, changes))
 }
 
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::geometry::solid::{Carrier, Feature, Form, Place};
+    use crate::geometry::collider::{Attachment, ColliderShape, Feature, Place};
     use approx::assert_relative_eq;
     use pliant_math::rotation::about;
 
     #[test]
     fn a_ball_over_a_face_changes_as_dual_numbers_say() {
         let theta = [0.3, 0.2, 0.1, -0.4, 0.25, 0.15];
-        let solid = |form, place| Solid {
+        let collider = |form, place| Collider {
             name: String::new(),
             form,
-            carrier: Carrier::World,
+            attachment: Attachment::World,
             rotation: about(&Vec3::new(0.6, 0.0, 0.8), 0.4),
             point: Vec3::zeros(),
             place,
@@ -93,18 +95,21 @@ mod tests {
         };
         let pose = |angle, x| Pose { rotation: about(&Vec3::new(0.0, 0.8, 0.6), angle), position: Vec3::new(x, -0.3, 0.7) };
         let (first, second) = (pose(0.7, 0.2), pose(-1.1, -0.5));
-        let (of_capsule, of_block) = (solid(Form::Capsule, Place::At(3)), solid(Form::Block, Place::Origin));
-        let (of_ball, of_plane) = (solid(Form::Ball, Place::Origin), solid(Form::HalfSpace, Place::At(3)));
+        let (of_capsule, of_block) =
+            (collider(ColliderShape::Capsule, Place::At(3)), collider(ColliderShape::Block, Place::Origin));
+        let (of_ball, of_plane) =
+            (collider(ColliderShape::Ball, Place::Origin), collider(ColliderShape::HalfSpace, Place::At(3)));
         let cases = [
             (Feature::End(-1), &of_capsule, Feature::Face(1, -1), &of_block),
             (Feature::Corner([1, -1, 1]), &of_block, Feature::Face(2, 1), &of_plane),
             (Feature::Whole, &of_ball, Feature::Whole, &of_plane),
         ];
-        for (a, solid, b, other) in cases {
-            let spot = Spot { first: a, second: b };
-            let (meeting, by_hand) = meeting_changes(&spot, [solid, other], [&first, &second], &theta).unwrap();
-            let (same, automatic) = automatic_changes(&spot, [solid, other], [&first, &second], &theta).unwrap();
-            assert_relative_eq!(meeting.gap, same.gap, epsilon = 1e-15);
+        for (a, collider, b, other) in cases {
+            let feature_pair = FeaturePair { first: a, second: b };
+            let (geometry, by_hand) =
+                contact_geometry_changes(&feature_pair, [collider, other], [&first, &second], &theta).unwrap();
+            let (same, automatic) = automatic_changes(&feature_pair, [collider, other], [&first, &second], &theta).unwrap();
+            assert_relative_eq!(geometry.gap, same.gap, epsilon = 1e-15);
             for side in 0..2 {
                 assert_relative_eq!(by_hand.gap[side], automatic.gap[side], epsilon = 1e-14);
                 assert_relative_eq!(by_hand.normal[side], automatic.normal[side], epsilon = 1e-14);

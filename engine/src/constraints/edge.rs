@@ -9,8 +9,8 @@
 
 use super::collider::{Friction, SplitLaw};
 use super::{contact_law, impulse};
-use crate::geometry::facet::{Nearest, nearest};
-use crate::geometry::solid::{Feature, Posed};
+use crate::geometry::collider::{Feature, PlacedCollider};
+use crate::geometry::element::{Nearest, nearest};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, RowVector3, SMatrix, Vector4};
 use num_dual::DualSVec64;
 use pliant_math::Vec3;
@@ -19,7 +19,7 @@ use std::ops::Range;
 
 /// An edge of a rope or a sheet, or a triangle of a sheet.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Facet {
+pub struct ContactElement {
     /// Its nodes; of an edge the first two.
     pub nodes: [usize; 3],
     /// Two or three.
@@ -34,17 +34,17 @@ pub struct Facet {
 
 /// Facets of one rope or sheet, and a fixed shape that they may touch.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FacetGroup {
-    /// Indices of the facets.
-    pub facets: Range<usize>,
-    /// Index of the shape among the solids.
-    pub solid: usize,
+pub struct ElementGroup {
+    /// Indices of the contact elements.
+    pub elements: Range<usize>,
+    /// Index of the shape among the colliders.
+    pub collider: usize,
     /// Coefficient of friction.
     pub friction: Friction,
 }
 
-/// The nearest point of a facet, and how normal and weights change with each node.
-pub(crate) struct FacetChanges {
+/// The nearest point of a contact element, and how normal and weights change with each node.
+pub(crate) struct ElementChanges {
     pub nearest: Nearest<f64>,
     /// ∂n/∂x_j [1/m].
     pub normal: [Matrix3<f64>; 3],
@@ -52,19 +52,24 @@ pub(crate) struct FacetChanges {
     pub weights: [[RowVector3<f64>; 3]; 3],
 }
 
-/// [`FacetChanges`] of a facet with `count` nodes, by dual numbers; the distance where there is no normal.
-pub(crate) fn facet_changes(
+/// [`ElementChanges`] of a contact element with `count` nodes, by dual numbers; the distance where there is no normal.
+pub(crate) fn element_changes(
     x: &[Vec3<f64>; 3],
     count: usize,
     radius: f64,
     feature: Feature,
-    shape: &Posed<f64>,
-) -> Result<FacetChanges, f64> {
+    shape: &PlacedCollider<f64>,
+) -> Result<ElementChanges, f64> {
     if count == 2 { changes::<6>(x, radius, feature, shape) } else { changes::<9>(x, radius, feature, shape) }
 }
 
 /// With N numbers for N/3 nodes.
-fn changes<const N: usize>(x: &[Vec3<f64>; 3], radius: f64, feature: Feature, shape: &Posed<f64>) -> Result<FacetChanges, f64> {
+fn changes<const N: usize>(
+    x: &[Vec3<f64>; 3],
+    radius: f64,
+    feature: Feature,
+    shape: &PlacedCollider<f64>,
+) -> Result<ElementChanges, f64> {
     let count = N / 3;
     let seeded = |i: usize| {
         Vec3::from_fn(|a, _| {
@@ -73,7 +78,7 @@ fn changes<const N: usize>(x: &[Vec3<f64>; 3], radius: f64, feature: Feature, sh
         })
     };
     let nodes = [seeded(0), seeded(1), seeded(2)];
-    let lifted = Posed {
+    let lifted = PlacedCollider {
         form: shape.form,
         rotation: shape.rotation.map(DualSVec64::from_re),
         position: shape.position.map(DualSVec64::from_re),
@@ -84,7 +89,7 @@ fn changes<const N: usize>(x: &[Vec3<f64>; 3], radius: f64, feature: Feature, sh
         Some(eps) if j < count => RowVector3::new(eps[3 * j], eps[3 * j + 1], eps[3 * j + 2]),
         _ => RowVector3::zeros(),
     };
-    Ok(FacetChanges {
+    Ok(ElementChanges {
         nearest: Nearest {
             gap: found.gap.re,
             normal: found.normal.map(|x| x.re),
@@ -97,16 +102,19 @@ fn changes<const N: usize>(x: &[Vec3<f64>; 3], radius: f64, feature: Feature, sh
 }
 
 /// The law's numbers at the contact of an edge or triangle, of step ρ.
-pub(crate) fn facet_law(
+pub(crate) fn element_law(
     law: pliant_scene::Law,
-    (group, facet): (&FacetGroup, &Facet),
+    (group, element): (&ElementGroup, &ContactElement),
     rho: f64,
     theta: &[f64],
     rest_gap: f64,
-    soften: f64,
+    regularization: f64,
 ) -> SplitLaw {
-    let (mu, kappa) = (group.friction.value(theta), rest_gap * facet.weight);
-    SplitLaw { law: contact_law(law), at: SplitPoint { mu, kappa, rho_n: rho, rho_t: rho, give: 0.0, soften } }
+    let (mu, kappa) = (group.friction.value(theta), rest_gap * element.weight);
+    SplitLaw {
+        law: contact_law(law),
+        at: SplitPoint { mu, kappa, rho_n: rho, rho_t: rho, compliance_per_h2: 0.0, regularization },
+    }
 }
 
 /// Σ β_i x_i.
@@ -119,9 +127,9 @@ pub(crate) fn tangential(n: &Vec3<f64>, u: &Vec3<f64>) -> Vec3<f64> {
     u - n * n.dot(u)
 }
 
-/// A contact of a facet linearized at an iterate, its cone variable eliminated.
+/// A contact of a contact element linearized at an iterate, its cone variable eliminated.
 #[derive(Clone, Debug)]
-pub(crate) struct FacetLinear {
+pub(crate) struct ElementLinear {
     pub weights: [f64; 3],
     /// ∂P/∂w, and ∂P/∂w F_w⁻¹.
     pub by_w: Matrix3x4<f64>,
@@ -133,9 +141,9 @@ pub(crate) struct FacetLinear {
     pub fixed: [[Matrix3<f64>; 3]; 3],
 }
 
-impl FacetLinear {
+impl ElementLinear {
     /// For the law linearized there, friction `mu`, nodes' velocities `v`, stage length `h` and cone variable `w`.
-    pub fn new(law: &Linearization, changes: &FacetChanges, mu: f64, v: &[Vec3<f64>; 3], h: f64, w: &Vector4<f64>) -> Self {
+    pub fn new(law: &Linearization, changes: &ElementChanges, mu: f64, v: &[Vec3<f64>; 3], h: f64, w: &Vector4<f64>) -> Self {
         let Nearest { normal: n, weights, .. } = changes.nearest;
         let u = weighted(&weights, v);
         let impulse = impulse(n, mu, w);
@@ -199,11 +207,11 @@ impl ConeLinear {
 }
 
 /// Three numbers each of the nodes of an edge or triangle.
-pub(crate) fn of_nodes(facet: &Facet, x: &[f64]) -> [Vec3<f64>; 3] {
-    facet.nodes.map(|node| Vec3::new(x[3 * node], x[3 * node + 1], x[3 * node + 2]))
+pub(crate) fn of_nodes(element: &ContactElement, x: &[f64]) -> [Vec3<f64>; 3] {
+    element.nodes.map(|node| Vec3::new(x[3 * node], x[3 * node + 1], x[3 * node + 2]))
 }
 
-impl Facet {
+impl ContactElement {
     /// Its nodes.
     pub(crate) fn corners(&self) -> &[usize] {
         &self.nodes[..self.count]
@@ -221,7 +229,7 @@ impl Facet {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::geometry::solid::Form;
+    use crate::geometry::collider::ColliderShape;
     use nalgebra::SVector;
     use pliant_math::rotation::about;
     use pliant_smoothing::{split_linearize, split_residual};
@@ -229,7 +237,8 @@ mod tests {
     type Dual = DualSVec64<9>;
 
     const H: f64 = 0.01;
-    const LAW: SplitPoint = SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.02, rho_t: 0.02, give: 0.0, soften: 0.0 };
+    const LAW: SplitPoint =
+        SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.02, rho_t: 0.02, compliance_per_h2: 0.0, regularization: 0.0 };
 
     /// Impulses on the nodes and F for nodes and velocities of any scalar.
     fn generic(
@@ -237,9 +246,9 @@ mod tests {
         v: &[Vec3<Dual>; 3],
         w: &Vector4<f64>,
         feature: Feature,
-        shape: &Posed<f64>,
+        shape: &PlacedCollider<f64>,
     ) -> ([Vec3<Dual>; 3], [Dual; 4]) {
-        let lifted = Posed {
+        let lifted = PlacedCollider {
             form: shape.form,
             rotation: shape.rotation.map(Dual::from_re),
             position: shape.position.map(Dual::from_re),
@@ -251,24 +260,24 @@ mod tests {
         let u_t = u - n * n.dot(&u);
         let w = w.map(Dual::from_re);
         let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * Dual::from_re(LAW.mu);
-        let [mu, kappa, give] = [LAW.mu, LAW.kappa, LAW.give].map(Dual::from_re);
-        let f = split_residual(mu, kappa, LAW.rho_n, LAW.rho_t, give, found.gap / H, u_t.into(), w.into());
+        let [mu, kappa, compliance_per_h2] = [LAW.mu, LAW.kappa, LAW.compliance_per_h2].map(Dual::from_re);
+        let f = split_residual(mu, kappa, LAW.rho_n, LAW.rho_t, compliance_per_h2, found.gap / H, u_t.into(), w.into());
         (found.weights.map(|weight| impulse * weight), f)
     }
 
     #[test]
     fn the_condensed_contact_is_that_of_dual_numbers() {
         let rotation = about(&Vec3::new(0.6, 0.0, 0.8), 0.4);
-        let shape = |form, sizes| Posed { form, rotation, position: Vec3::new(0.01, 0.02, -0.1), sizes };
+        let shape = |form, sizes| PlacedCollider { form, rotation, position: Vec3::new(0.01, 0.02, -0.1), sizes };
         let cases = [
-            (2, Feature::Whole, shape(Form::Ball, [0.09, 0.0, 0.0])),
-            (3, Feature::Whole, shape(Form::Ball, [0.09, 0.0, 0.0])),
-            (2, Feature::Whole, shape(Form::Capsule, [0.08, 0.2, 0.0])),
-            (2, Feature::Whole, shape(Form::Capsule, [0.08, 0.01, 0.0])),
-            (3, Feature::End(1), shape(Form::Capsule, [0.08, 0.02, 0.0])),
-            (2, Feature::Edge(1, [1, 1]), shape(Form::Block, [0.06, 0.2, 0.07])),
-            (2, Feature::Corner([1, 1, 1]), shape(Form::Block, [0.06, 0.05, 0.07])),
-            (3, Feature::Corner([1, 1, 1]), shape(Form::Block, [0.06, 0.05, 0.07])),
+            (2, Feature::Whole, shape(ColliderShape::Ball, [0.09, 0.0, 0.0])),
+            (3, Feature::Whole, shape(ColliderShape::Ball, [0.09, 0.0, 0.0])),
+            (2, Feature::Whole, shape(ColliderShape::Capsule, [0.08, 0.2, 0.0])),
+            (2, Feature::Whole, shape(ColliderShape::Capsule, [0.08, 0.01, 0.0])),
+            (3, Feature::End(1), shape(ColliderShape::Capsule, [0.08, 0.02, 0.0])),
+            (2, Feature::Edge(1, [1, 1]), shape(ColliderShape::Block, [0.06, 0.2, 0.07])),
+            (2, Feature::Corner([1, 1, 1]), shape(ColliderShape::Block, [0.06, 0.05, 0.07])),
+            (3, Feature::Corner([1, 1, 1]), shape(ColliderShape::Block, [0.06, 0.05, 0.07])),
         ];
         let nodes = [Vec3::new(-0.1, -0.12, 0.01), Vec3::new(0.12, 0.1, 0.0), Vec3::new(-0.09, 0.16, -0.01)];
         // inside, and beyond an end
@@ -277,11 +286,11 @@ mod tests {
                 let x = nodes.map(|x| x + shift);
                 let v = [Vec3::new(0.3, -0.2, -0.1), Vec3::new(0.1, 0.4, 0.2), Vec3::new(-0.2, 0.1, -0.3)];
                 let w = Vector4::new(0.02, 0.004, -0.006, 0.003);
-                let changes = facet_changes(&x, *count, 0.01, *feature, shape).unwrap();
+                let changes = element_changes(&x, *count, 0.01, *feature, shape).unwrap();
                 let found = changes.nearest;
                 let u_t = tangential(&found.normal, &weighted(&found.weights, &v));
                 let lin = split_linearize(&LAW, found.gap / H, u_t.into(), w.into());
-                let by_hand = FacetLinear::new(&lin, &changes, LAW.mu, &v, H, &w);
+                let by_hand = ElementLinear::new(&lin, &changes, LAW.mu, &v, H, &w);
                 let seeded = |i: usize, x: &Vec3<f64>, on: bool| {
                     Vec3::from_fn(|a, _| if on { Dual::from_re(x[a]).derivative(3 * i + a) } else { Dual::from_re(x[a]) })
                 };

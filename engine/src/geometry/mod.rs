@@ -8,9 +8,9 @@ use num_dual::DualSVec64;
 use pliant_math::Vec3;
 
 pub mod capsule;
-pub(crate) mod facet;
+pub mod collider;
+pub(crate) mod element;
 pub mod plane;
-pub mod solid;
 pub mod sphere;
 
 /// Distance \[m\] of a node's centre to a sphere's centre or a capsule's segment below which there is no normal.

@@ -1,4 +1,4 @@
-//! Grippers that grasp by proximity: a driven point with a closing control c that seizes the nearest point of a rope or a sheet.
+//! Grippers that grasp by proximity: a prescribed point with a closing control c that seizes the nearest point of a rope or a sheet.
 //!
 //! ```text
 //! σ(c) = 1/(1 + exp(−s (c − ½)))                             closing, s = `steepness`
@@ -47,7 +47,7 @@ pub enum Grasping {
 pub struct Grasp {
     /// Name of the gripper in the scene.
     pub name: String,
-    /// Its point: a massless driven node.
+    /// Its point: a massless prescribed node.
     pub node: usize,
     /// Its closing control in u.
     pub closing: usize,

@@ -11,7 +11,7 @@
 //! first order so much by direction (a \[rad\]) and so much by place (b [rad/m]).
 //!
 //! The twist's velocity is the angle to it from today's axis, carried to t⁺, over h: the way that is shorter than half a turn. A
-//! gripper driven by an angular velocity ω turns the edge by cay(h ω), of which 2 atan(h ω·t/2) is about the edge.
+//! gripper prescribed by an angular velocity ω turns the edge by cay(h ω), of which 2 atan(h ω·t/2) is about the edge.
 
 use pliant_math::transport::{angle, carried};
 use pliant_math::{Input, Real, Vec3};

@@ -40,7 +40,7 @@ const INPUTS: usize = 8;
 type Dual = DualSVec64<INPUTS>;
 
 /// What a path makes of a step: command, signal and the lag's end.
-pub(crate) struct Passed<S> {
+pub(crate) struct SubstepResult<S> {
     pub command: S,
     pub signal: S,
     pub lagged: S,
@@ -87,7 +87,7 @@ impl SignalPath {
         ]
     }
 
-    fn pass<S: Real>(&self, [u, target, older, newer, y, scale, delay, lag]: [S; INPUTS], m: usize, h: f64) -> Passed<S> {
+    fn pass<S: Real>(&self, [u, target, older, newer, y, scale, delay, lag]: [S; INPUTS], m: usize, h: f64) -> SubstepResult<S> {
         let command = if self.scale.is_some() { target + scale * clipped(u) } else { u };
         let (older, newer, part) = match self.delay {
             Some(_) => (older, if m > 0 { newer } else { command }, delay / h - m as f64),
@@ -95,17 +95,17 @@ impl SignalPath {
         };
         let delayed = older * part + newer * (-part + 1.0);
         if self.lag.is_none() {
-            return Passed { command, signal: delayed, lagged: delayed };
+            return SubstepResult { command, signal: delayed, lagged: delayed };
         }
         if lag.re() < NO_LAG * h {
-            return Passed { command, signal: delayed + (y - newer) * lag / h, lagged: newer };
+            return SubstepResult { command, signal: delayed + (y - newer) * lag / h, lagged: newer };
         }
         let (first, area) = lagging(y, older, part * h, lag);
         let (last, rest) = lagging(first, newer, (-part + 1.0) * h, lag);
-        Passed { command, signal: delayed + (area + rest) / h, lagged: last }
+        SubstepResult { command, signal: delayed + (area + rest) / h, lagged: last }
     }
 
-    pub(crate) fn evaluate(&self, first: usize, u: &[f64], z: &[f64], theta: &[f64], h: f64) -> Passed<f64> {
+    pub(crate) fn evaluate(&self, first: usize, u: &[f64], z: &[f64], theta: &[f64], h: f64) -> SubstepResult<f64> {
         self.pass(self.inputs(first, theta, h).map(|input| read(input, u, z, theta)), self.whole(first, theta, h).0, h)
     }
 }

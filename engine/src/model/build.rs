@@ -105,8 +105,8 @@ impl ModelBuilder {
             ropes: Vec::new(),
             cloths: Vec::new(),
             masses: Vec::new(),
-            driven: Vec::new(),
-            driven_rows: Vec::new(),
+            prescribed: Vec::new(),
+            prescribed_rows: Vec::new(),
             rods: Rods::default(),
             drives: Vec::new(),
             grasps: Vec::new(),
@@ -120,11 +120,11 @@ impl ModelBuilder {
             shapes: Vec::new(),
             shape_names: Vec::new(),
             pairs: Vec::new(),
-            facets: Vec::new(),
-            facet_groups: Vec::new(),
-            solids: Vec::new(),
-            solid_pairs: Vec::new(),
-            ties: Vec::new(),
+            elements: Vec::new(),
+            element_groups: Vec::new(),
+            colliders: Vec::new(),
+            collider_pairs: Vec::new(),
+            closures: Vec::new(),
             layout: Arc::new(NodeLayout::band(0, 0)),
             gravity,
             h: scene.time.step,
@@ -152,7 +152,7 @@ impl ModelBuilder {
         model.masses.extend(grasping.map(|_| NodeMass { ghost: true, ..NodeMass::default() }));
         model.add_terms(elements);
         model.add_sheet_terms(sheets);
-        model.driven = vec![false; model.n_nodes()];
+        model.prescribed = vec![false; model.n_nodes()];
         model.add_rods(scene, &ropes)?;
         for gripper in &scene.gripper {
             match &gripper.clamp {
@@ -170,9 +170,9 @@ impl ModelBuilder {
         model.add_shapes(scene);
         model.add_pairs(&ropes);
         let radii: Vec<usize> = ropes.iter().map(|r| r.params.radius).collect();
-        model.add_solids(scene, &radii)?;
-        model.add_facets(scene, &radii)?;
-        model.add_ties(scene)?;
+        model.add_colliders(scene, &radii)?;
+        model.add_elements(scene, &radii)?;
+        model.add_closures(scene)?;
         Ok(Self { model })
     }
 
@@ -402,7 +402,7 @@ impl Model {
             drive.held.iter_mut().for_each(|held| held.roll = Some(roll));
         }
         for node in drive.nodes() {
-            self.driven[node] = true;
+            self.prescribed[node] = true;
         }
         self.drives.push(drive);
     }
@@ -422,8 +422,8 @@ impl Model {
 
     fn drive_rows(&mut self) {
         let twists = std::iter::repeat_n(false, self.rods.n_twists());
-        self.driven_rows = self.driven.iter().flat_map(|d| [*d; 3]).chain(twists).collect();
-        self.drives.iter().flat_map(|d| &d.held).for_each(|held| self.driven_rows[held.row] = true);
+        self.prescribed_rows = self.prescribed.iter().flat_map(|d| [*d; 3]).chain(twists).collect();
+        self.drives.iter().flat_map(|d| &d.held).for_each(|held| self.prescribed_rows[held.row] = true);
     }
 
     fn add_shapes(&mut self, scene: &Scene) {
@@ -461,11 +461,11 @@ impl Model {
         for (shape, name) in self.shape_names.iter().enumerate() {
             let Some(friction) = self.params.find(&format!("{name}.friction")) else { continue };
             for rope in ropes {
-                let free = rope.span.nodes.clone().filter(|&i| !self.driven[i]);
+                let free = rope.span.nodes.clone().filter(|&i| !self.prescribed[i]);
                 self.pairs.extend(free.map(|node| ContactPair { node, shape, radius: rope.params.radius, friction }));
             }
             for cloth in &self.cloths {
-                let free = cloth.nodes.clone().filter(|&i| !self.driven[i]);
+                let free = cloth.nodes.clone().filter(|&i| !self.prescribed[i]);
                 self.pairs.extend(free.map(|node| ContactPair { node, shape, radius: cloth.radius, friction }));
             }
         }

@@ -125,7 +125,7 @@ impl Model {
         }
         let drive = Drive { name: gripper.name.clone(), kind, first_u, offset, held: Vec::new(), closes: false };
         for node in drive.nodes() {
-            self.driven[node] = true;
+            self.prescribed[node] = true;
         }
         self.drives.push(drive);
     }

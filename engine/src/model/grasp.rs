@@ -42,7 +42,7 @@ impl Model {
             Mode::Velocity => DriveKind::VelocityNodes(vec![node]),
         };
         self.drives.push(Drive { name: name.clone(), kind, first_u, offset, held: Vec::new(), closes: true });
-        self.driven[node] = true;
+        self.prescribed[node] = true;
         self.grasps.push(own);
     }
 

@@ -2,9 +2,11 @@
 
 mod bodies;
 mod build;
+mod closures;
 mod cloth;
+mod colliders;
 mod couplings;
-mod facets;
+mod elements;
 mod grasp;
 mod mass;
 mod materials;
@@ -12,8 +14,6 @@ mod query;
 mod rods;
 mod rules;
 mod signals;
-mod solids;
-mod ties;
 
 pub use build::{BuildError, ModelBuilder};
 pub use cloth::ClothSpan;
@@ -21,9 +21,9 @@ pub use mass::NodeMass;
 pub(crate) use materials::from_nodes;
 
 use crate::bodies::Tree;
-use crate::constraints::{ContactPair, Facet, FacetGroup, JointRow, SolidPair, Tie};
+use crate::constraints::{ColliderPair, ContactElement, ContactPair, ElementGroup, JointRow, LoopClosure};
 use crate::geometry::Shape;
-use crate::geometry::solid::Solid;
+use crate::geometry::collider::Collider;
 use crate::grasp::Grasp;
 use crate::kinematics::Drive;
 use crate::memory::{Layout, Past};
@@ -82,9 +82,9 @@ pub struct Model {
     pub(crate) ropes: Vec<RopeSpan>,
     pub(crate) cloths: Vec<ClothSpan>,
     pub(crate) masses: Vec<NodeMass>,
-    pub(crate) driven: Vec<bool>,
+    pub(crate) prescribed: Vec<bool>,
     /// Of every row of nodes and twists.
-    pub(crate) driven_rows: Vec<bool>,
+    pub(crate) prescribed_rows: Vec<bool>,
     pub(crate) rods: Rods,
     pub(crate) drives: Vec<Drive>,
     pub(crate) grasps: Vec<Grasp>,
@@ -98,11 +98,11 @@ pub struct Model {
     pub(crate) shapes: Vec<Shape>,
     pub(crate) shape_names: Vec<String>,
     pub(crate) pairs: Vec<ContactPair>,
-    pub(crate) facets: Vec<Facet>,
-    pub(crate) facet_groups: Vec<FacetGroup>,
-    pub(crate) solids: Vec<Solid>,
-    pub(crate) solid_pairs: Vec<SolidPair>,
-    pub(crate) ties: Vec<Tie>,
+    pub(crate) elements: Vec<ContactElement>,
+    pub(crate) element_groups: Vec<ElementGroup>,
+    pub(crate) colliders: Vec<Collider>,
+    pub(crate) collider_pairs: Vec<ColliderPair>,
+    pub(crate) closures: Vec<LoopClosure>,
     pub(crate) layout: Arc<NodeLayout>,
     pub(crate) gravity: usize,
     pub(crate) h: f64,
@@ -229,8 +229,8 @@ impl Model {
     }
 
     /// Whether each node is clamped by a gripper.
-    pub fn driven(&self) -> &[bool] {
-        &self.driven
+    pub fn prescribed(&self) -> &[bool] {
+        &self.prescribed
     }
 
     /// The possible contacts.
@@ -239,28 +239,28 @@ impl Model {
     }
 
     /// Edges and triangles that touch fixed shapes.
-    pub fn facets(&self) -> &[Facet] {
-        &self.facets
+    pub fn elements(&self) -> &[ContactElement] {
+        &self.elements
     }
 
     /// Which shapes they may touch.
-    pub fn facet_groups(&self) -> &[FacetGroup] {
-        &self.facet_groups
+    pub fn element_groups(&self) -> &[ElementGroup] {
+        &self.element_groups
     }
 
     /// Shapes of bodies, shapes they may touch, and nodes that may touch them.
-    pub fn solids(&self) -> &[Solid] {
-        &self.solids
+    pub fn colliders(&self) -> &[Collider] {
+        &self.colliders
     }
 
     /// Which of them may touch.
-    pub fn solid_pairs(&self) -> &[SolidPair] {
-        &self.solid_pairs
+    pub fn collider_pairs(&self) -> &[ColliderPair] {
+        &self.collider_pairs
     }
 
     /// Bodies held together.
-    pub fn ties(&self) -> &[Tie] {
-        &self.ties
+    pub fn closures(&self) -> &[LoopClosure] {
+        &self.closures
     }
 
     /// Friction and stops at joints, and joints that follow others.
@@ -320,9 +320,9 @@ impl Model {
         nodes.chain(self.rods.edges.iter().map(|edge| edge.moment(theta))).collect()
     }
 
-    /// Whether each row of nodes and twists is driven by a gripper.
-    pub fn driven_rows(&self) -> &[bool] {
-        &self.driven_rows
+    /// Whether each row of nodes and twists is prescribed by a gripper.
+    pub fn prescribed_rows(&self) -> &[bool] {
+        &self.prescribed_rows
     }
 
     /// z's part of rods at positions `q` \[m\], reference axes carried there from where the scene begins.
@@ -335,12 +335,12 @@ impl Model {
     /// Turns the edges of rods that nothing holds so that twist is even between those that grippers hold, as in a straight section at
     /// rest: a start where only positions are known. Returns by how much each follows the held ones.
     pub fn spread_twists(&self, q: &mut [f64], frames: &[f64]) -> Following {
-        self.rods.spread_twists(&self.driven_rows, q, frames)
+        self.rods.spread_twists(&self.prescribed_rows, q, frames)
     }
 
     /// Takes whole turns out of the twist between neighbouring edges that grippers hold, so that at most half a turn is left.
     pub fn take_out_turns(&self, x: &mut State) {
-        self.rods.take_out_turns(&self.driven_rows, &mut x.q, &x.z[self.ndz()..]);
+        self.rods.take_out_turns(&self.prescribed_rows, &mut x.q, &x.z[self.ndz()..]);
     }
 
     /// Kinetic energy of nodes, bodies and armatures \[J\].
@@ -424,8 +424,8 @@ impl Model {
         // axes carried along an edge's way make ∂f/∂q̄ depend on where the way began
         let symmetric = self.rods.edges.is_empty()
             && self.pairs.is_empty()
-            && self.solid_pairs.is_empty()
-            && self.facet_groups.is_empty()
+            && self.collider_pairs.is_empty()
+            && self.element_groups.is_empty()
             && self.terms.iter().all(|t| t.symmetric(theta));
         if symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }

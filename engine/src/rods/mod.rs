@@ -13,22 +13,22 @@
 //! ```text
 //! δα(b) = δα(a) + h δω + ψ_a·δe_a + ψ_b·δe_b,     ψ = −(a × b)/((1 + a·b) l)
 //! ```
-//! because the smallest rotations around a triangle of directions turn by its area. That is [`Carry`].
+//! because the smallest rotations around a triangle of directions turn by its area. That is [`TransportDerivative`].
 
-mod carry;
 mod displace;
 mod frames;
+mod interpolate;
 mod joint;
 mod memory;
-mod pieces;
-mod spread;
+mod simd;
 mod term;
+mod transport;
 
-pub use carry::Carry;
 pub use frames::RodPoint;
+pub use interpolate::Following;
 pub(crate) use memory::Remembered;
 pub use memory::RodPast;
-pub use spread::Following;
+pub use transport::TransportDerivative;
 
 use crate::terms::section::SectionLaw;
 use pliant_linalg::{CarriedPlace, NodeMatrix, Places};

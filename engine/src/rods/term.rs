@@ -1,7 +1,7 @@
 //! Forces and moments of bent and twisted joints.
 
 use super::joint::{Gradient, Joint, TURN, VARIABLES};
-use super::pieces::{Evaluation, Sums};
+use super::simd::{Evaluation, Sums};
 use super::{Remembered, RodJoint, RodPoint, RodSection, Rods};
 use crate::terms::section::{SectionLaw, SectionPoint};
 use pliant_linalg::NodeMatrix;

@@ -30,9 +30,9 @@ pub(crate) struct UnconstrainedBlocks {
 impl UnconstrainedBlocks {
     /// Of the nodes of `model` that may touch.
     pub fn new(model: &Model) -> Self {
-        let of_facets = model.facets.iter().flat_map(|f| &f.nodes).copied().filter(|node| !model.driven[*node]);
-        let balls = model.solids.iter().filter_map(|s| node_of(s.carrier));
-        let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).chain(balls).chain(of_facets).collect();
+        let of_elements = model.elements.iter().flat_map(|f| &f.nodes).copied().filter(|node| !model.prescribed[*node]);
+        let balls = model.colliders.iter().filter_map(|s| node_of(s.attachment));
+        let mut nodes: Vec<usize> = model.pairs.iter().map(|p| p.node).chain(balls).chain(of_elements).collect();
         nodes.sort_unstable();
         nodes.dedup();
         let own = nodes.into_iter().map(|node| ([node; 2], Before::default())).collect();

@@ -7,7 +7,7 @@
 
 use super::{Scheme, Stage, StageRecord, Workspace};
 use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
-use crate::bodies::turns::Turns;
+use crate::bodies::tangent_maps::TangentMaps;
 use crate::bodies::{Frames, Tree};
 use crate::memory::Past;
 use crate::model::{DofWeights, Model};
@@ -25,7 +25,7 @@ pub(crate) struct BodyWorkspace {
     forces: Vec<Force<f64>>,
     t: Vec<f64>,
     a: Vec<f64>,
-    middle: Turns,
+    middle: TangentMaps,
     jacobians: Vec<Option<Matrix3<f64>>>,
 }
 
@@ -197,8 +197,8 @@ impl Stage<'_> {
     }
 
     /// Turns from q_ref to q̄ and to q⁺ at the root `v`.
-    pub(super) fn turns(&self, v: &[f64]) -> (Turns, Turns) {
-        let (mut middle, mut end) = (Turns::default(), Turns::default());
+    pub(super) fn turns(&self, v: &[f64]) -> (TangentMaps, TangentMaps) {
+        let (mut middle, mut end) = (TangentMaps::default(), TangentMaps::default());
         if self.model.tree.has_balls() {
             let (n, w) = (self.model.n_node_dofs(), &self.scheme.free);
             let mut t = Vec::new();

@@ -58,7 +58,7 @@ impl StageRecord {
         visit: &mut dyn FnMut(usize, Input, f64),
     ) -> Option<Frames<f64>> {
         let (n, tree) = (model.n_node_dofs(), &model.tree);
-        if tree.bodies().is_empty() && !self.has_solids() {
+        if tree.bodies().is_empty() && !self.has_listed_contacts() {
             return None;
         }
         let a: Vec<f64> = self.v[n..].iter().zip(&self.start.v_ref[n..]).map(|(v, old)| self.inertia * (v - old)).collect();
@@ -86,7 +86,7 @@ impl StageRecord {
         let past = Past { q: &self.start.q_past, z: &self.start.z_past, elapsed: self.start.elapsed };
         let at = JointPoint { tree: &model.tree, q: &q_bar[n..], v: &v_bar[n..], u: &self.start.u, theta, past };
         for term in &model.joint_terms {
-            if all || term.is_driven() {
+            if all || term.is_prescribed() {
                 term.visit_inputs(&at, all, &mut |dof, input, df| visit(n + dof, input, -df));
             }
             term.visit_past(&at, &mut |dof, input, df| visit(n + dof, from_nodes(input, n), -df));

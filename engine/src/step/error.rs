@@ -83,7 +83,7 @@ pub enum StepError {
         /// The shape's message.
         source: GeometryError,
     },
-    /// Two solids are where their distance has no direction.
+    /// Two colliders are where their distance has no direction.
     #[error(
         "step {step}: `{first}` and `{second}` are {distance:e} m apart at their middles or axes, where their contact has no normal; \
          one has gone through the other: a shorter step helps, or a start where they do not overlap"
@@ -98,7 +98,7 @@ pub enum StepError {
         /// The distance that is too small \[m\].
         distance: f64,
     },
-    /// The impulse between two solids became infinite or NaN.
+    /// The impulse between two colliders became infinite or NaN.
     #[error(
         "step {step}: the impulse between `{first}` and `{second}` is {value}; the state or a parameter has left the range where contact is defined"
     )]

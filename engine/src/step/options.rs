@@ -8,20 +8,20 @@ pub(crate) struct SolverOptions {
     /// Levenberg weight added to σ in the matrix only [1/s].
     pub damping: f64,
     /// The same for the split law of contacts [-]; see [`pliant_smoothing::SplitPoint`].
-    pub soften: f64,
+    pub regularization: f64,
     /// Contacts of colliders disabled: they push nothing beside the impulses of the iterate.
-    pub absent: bool,
+    pub disabled: bool,
     /// Use all fallbacks: no further halving is allowed.
     pub thorough: bool,
     /// The root is an intermediate point of a continuation, and need not be precise.
     pub coarse: bool,
     /// Matrices from positive semidefinite parts alone, whose steps lead downhill wherever they start.
-    pub downhill: bool,
+    pub descent: bool,
 }
 
 impl SolverOptions {
     /// As steps begin.
     pub fn new(rest_gap: f64, thorough: bool) -> Self {
-        Self { rest_gap, damping: 0.0, soften: 0.0, absent: false, thorough, coarse: false, downhill: false }
+        Self { rest_gap, damping: 0.0, regularization: 0.0, disabled: false, thorough, coarse: false, descent: false }
     }
 }

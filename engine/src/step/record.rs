@@ -2,9 +2,9 @@
 
 use super::{Scheme, Stage, Workspace, end_positions};
 use crate::bodies::dynamics::Displacement;
-use crate::bodies::turns::Turns;
+use crate::bodies::tangent_maps::TangentMaps;
 use crate::model::Model;
-use crate::rods::{Carry, Remembered, RodPast, RodPoint};
+use crate::rods::{Remembered, RodPast, RodPoint, TransportDerivative};
 use crate::step::constraints::{ConstraintId, ConstraintRecords, InputsAt, LinkDof, RecordAt, for_node_inputs};
 use crate::terms::Point;
 use nalgebra::Vector4;
@@ -37,13 +37,13 @@ pub struct StageStart {
 #[derive(Clone, Debug)]
 pub struct Transport {
     /// Of bodies: of q_ref and of the tangent at q̄.
-    pub middle: Turns,
+    pub middle: TangentMaps,
     /// At q⁺.
-    pub end: Turns,
+    pub end: TangentMaps,
     /// From the substep's start to q_ref; only in the second stage of sdirk2.
-    pub lead: Turns,
+    pub lead: TangentMaps,
     /// Of rods' axes: at q̄, at q⁺, and as for `lead`.
-    pub carry: [Carry; 3],
+    pub carry: [TransportDerivative; 3],
 }
 
 /// Matrices at the root.
@@ -115,7 +115,7 @@ impl StageRecord {
             rod_past: stage.rod_past.clone(),
             elapsed: stage.past.elapsed,
         };
-        let carry = [std::mem::take(&mut ws.carry), Carry::default(), Carry::default()];
+        let carry = [std::mem::take(&mut ws.carry), TransportDerivative::default(), TransportDerivative::default()];
         Ok(Self {
             h: stage.h,
             scheme: stage.scheme,
@@ -125,7 +125,7 @@ impl StageRecord {
             v: ws.it.v.clone(),
             jacobians: Jacobians { dq, dv, matrix, factor: ws.factor.clone(), body_mass },
             undamped,
-            transport: Transport { middle, end, lead: Turns::default(), carry },
+            transport: Transport { middle, end, lead: TangentMaps::default(), carry },
             memory: Vec::new(),
             constraints,
             grasps: Vec::new(),
@@ -162,8 +162,8 @@ impl StageRecord {
             &self.v[n..],
             &mut q[n..],
         );
-        for (k, &is_driven) in model.driven_rows.iter().enumerate() {
-            let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
+        for (k, &is_prescribed) in model.prescribed_rows.iter().enumerate() {
+            let w = if is_prescribed { &self.scheme.prescribed } else { &self.scheme.free };
             q[k] += self.h * (w.d0 * self.start.v_ref[k] + w.d1 * self.v[k]);
         }
         q
@@ -182,7 +182,7 @@ impl StageRecord {
 
     /// 0 separate, 1 stick, 2 slip, for every contact pair at the root; then for every joint friction 1 stick, 2 or 3 slip this way or
     /// that (plus 4 under a negative load), for every stop 0 open, 1 closed, and for every coupling 0; for every motor with limits 0 within, 1 and 2 beyond
-    /// one. Then, for every contact of solids that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs; and for every
+    /// one. Then, for every contact of colliders that is near, numbers that tell it apart, and 0, 1 or 2 as for pairs; and for every
     /// gripper that grasps, two that tell what it does; and for every joint of a plastic rod the phases of its flow, of one with
     /// friction whether it loads or unloads.
     pub fn contact_modes(&self, model: &Model, theta: &[f64]) -> Vec<u8> {
@@ -261,11 +261,11 @@ impl StageRecord {
         let weights: Vec<f64> = lambda[..n]
             .iter()
             .enumerate()
-            .map(|(row, x)| if model.driven_rows.get(row).is_some_and(|driven| *driven) { 0.0 } else { -x })
+            .map(|(row, x)| if model.prescribed_rows.get(row).is_some_and(|prescribed| *prescribed) { 0.0 } else { -x })
             .collect();
         model.terms.iter().for_each(|term| term.pull_theta(&at, &weights, &mut sums));
         self.visit_rods(model, theta, q_bar, v_bar, &mut |row, param, value| sums[param] += value * lambda[row]);
-        for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
+        for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.prescribed[*i]) {
             let product: f64 = (3 * node..3 * node + 3).map(|row| lambda[row] * (self.v[row] - self.start.v_ref[row])).sum();
             mass.visit(theta, &mut |param, dm| sums[param] += dm * self.inertia * product);
         }
@@ -288,13 +288,13 @@ impl StageRecord {
         let at = Point { q: q_bar, v: v_bar, theta };
         for term in &model.terms {
             term.visit_theta(&at, &mut |row, param, df| {
-                if !model.driven_rows[row] {
+                if !model.prescribed_rows[row] {
                     visit(row, param, -df);
                 }
             });
         }
         self.visit_rods(model, theta, q_bar, v_bar, visit);
-        for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.driven[*i]) {
+        for (node, mass) in model.masses.iter().enumerate().filter(|(i, _)| !model.prescribed[*i]) {
             mass.visit(theta, &mut |param, dm| {
                 for row in 3 * node..3 * node + 3 {
                     visit(row, param, dm * self.inertia * (self.v[row] - self.start.v_ref[row]));
@@ -310,11 +310,11 @@ impl StageRecord {
         let mut at = RodPoint::default();
         rods.evaluate(&self.start.q_ref, &self.start.frames, q_bar, &mut at);
         rods.visit_theta(&at, v_bar, theta, self.remembered(), &mut |row, param, df| {
-            if !model.driven_rows[row] {
+            if !model.prescribed_rows[row] {
                 visit(row, param, -df);
             }
         });
-        for (k, edge) in rods.edges.iter().enumerate().filter(|(k, _)| !model.driven_rows[rods.row(*k)]) {
+        for (k, edge) in rods.edges.iter().enumerate().filter(|(k, _)| !model.prescribed_rows[rods.row(*k)]) {
             let row = rods.row(k);
             edge.visit(theta, &mut |param, dm| visit(row, param, dm * self.inertia * (self.v[row] - self.start.v_ref[row])));
         }
@@ -334,7 +334,7 @@ impl StageRecord {
         let mut at = RodPoint::default();
         rods.evaluate(&self.start.q_ref, &self.start.frames, q_bar, &mut at);
         rods.visit_past(&at, theta, self.remembered(), &mut |row, input, df| {
-            if !model.driven_rows[row] {
+            if !model.prescribed_rows[row] {
                 visit(row, input, -df);
             }
         });
@@ -348,8 +348,8 @@ impl StageRecord {
         super::bodies::tangent(self.h, [w.a0, w.a1], &self.start.v_ref[n..], &self.v[n..], &mut t);
         model.tree.add(self.scheme.middle, &self.start.q_ref[n..], &t, &mut q[n..]);
         (n..v.len()).for_each(|k| v[k] = w.b0 * self.start.v_ref[k] + w.b1 * self.v[k]);
-        for (k, &is_driven) in model.driven_rows.iter().enumerate() {
-            let w = if is_driven { &self.scheme.driven } else { &self.scheme.free };
+        for (k, &is_prescribed) in model.prescribed_rows.iter().enumerate() {
+            let w = if is_prescribed { &self.scheme.prescribed } else { &self.scheme.free };
             q[k] += self.h * (w.a0 * self.start.v_ref[k] + w.a1 * self.v[k]);
             v[k] = w.b0 * self.start.v_ref[k] + w.b1 * self.v[k];
         }

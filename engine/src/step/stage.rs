@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! free rows:    r = m (v⁺ − v) σ − Σ f(q̄, v̄; θ) − p/h      [N]     (σ = 1/h; at rest a pseudo-time weight)
-//! driven rows:  r = v⁺ − v_cmd                              [m/s]
+//! prescribed rows:  r = v⁺ − v_cmd                              [m/s]
 //! K = ∂r/∂v⁺ = σ M − h ∂f/∂q̄ a1 − ∂f/∂v̄ b1
 //! ```
 //! with the impulses p of contact condensed as described in `contact`.
@@ -147,7 +147,7 @@ impl Stage<'_> {
 
     /// Whether constraints are listed anew in each stage.
     pub(crate) fn lists_constraints(&self) -> bool {
-        !(self.model.solid_pairs.is_empty() && self.model.ties.is_empty() && self.model.facet_groups.is_empty())
+        !(self.model.collider_pairs.is_empty() && self.model.closures.is_empty() && self.model.element_groups.is_empty())
     }
 
     /// Whether there may be constraints.
@@ -156,7 +156,7 @@ impl Stage<'_> {
     }
 
     pub(super) fn place(&self, v: &[f64], ws: &mut Workspace) {
-        let (all, h) = (self.model.driven_rows.len(), self.h);
+        let (all, h) = (self.model.prescribed_rows.len(), self.h);
         let at = |w: &Weights, before: f64, v: f64| (h * (w.a0 * before + w.a1 * v), w.b0 * before + w.b1 * v);
         // as if all were free: without a branch in the loop
         let free = self.scheme.free;
@@ -165,9 +165,9 @@ impl Stage<'_> {
             let (way, v) = at(&free, *before, *v);
             (*to.0, *to.1) = (q + way, v);
         }
-        if self.scheme.driven != free {
-            for (k, _) in self.model.driven_rows.iter().enumerate().filter(|(_, driven)| **driven) {
-                let (way, v) = at(&self.scheme.driven, self.v_ref[k], v[k]);
+        if self.scheme.prescribed != free {
+            for (k, _) in self.model.prescribed_rows.iter().enumerate().filter(|(_, prescribed)| **prescribed) {
+                let (way, v) = at(&self.scheme.prescribed, self.v_ref[k], v[k]);
                 (ws.q_bar[k], ws.v_bar[k]) = (self.q_ref[k] + way, v);
             }
         }
@@ -176,9 +176,12 @@ impl Stage<'_> {
     }
 
     fn inertia_minus_force(&self, v: &[f64], ws: &mut Workspace) {
-        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
-            ws.r[k] =
-                if driven { v[k] - self.v_cmd[k] } else { self.masses.rows[k] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k] };
+        for (k, &prescribed) in self.model.prescribed_rows.iter().enumerate() {
+            ws.r[k] = if prescribed {
+                v[k] - self.v_cmd[k]
+            } else {
+                self.masses.rows[k] * self.inertia * (v[k] - self.v_ref[k]) - ws.f[k]
+            };
         }
     }
 
@@ -281,7 +284,7 @@ impl Stage<'_> {
     }
 
     /// As [`Stage::linearize_mixed`], with what resists alone of the forces that may buckle.
-    pub(crate) fn linearize_stable(&self, ws: &mut Workspace) -> Result<(), StepError> {
+    pub(crate) fn linearize_semidefinite(&self, ws: &mut Workspace) -> Result<(), StepError> {
         self.linearize_with(Axial::Stable, ws)
     }
 
@@ -314,8 +317,8 @@ impl Stage<'_> {
             return;
         }
         // where `v` leads: the residual has moved on
-        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
-            let w = if driven { &self.scheme.driven } else { &self.scheme.free };
+        for (k, &prescribed) in self.model.prescribed_rows.iter().enumerate() {
+            let w = if prescribed { &self.scheme.prescribed } else { &self.scheme.free };
             ws.axial.q[k] = self.q_ref[k] + self.h * (w.a0 * self.v_ref[k] + w.a1 * v[k]);
             ws.axial.dx[k] = self.h * self.scheme.free.a1 * d[k];
         }
@@ -353,7 +356,7 @@ impl Stage<'_> {
             first += n;
         }
         let (rods, before) = (&self.model.rods, self.remembered());
-        let whole = !self.options.downhill;
+        let whole = !self.options.descent;
         rods.add_jacobian(&ws.rods, &ws.v_bar, self.theta, before, whole, &mut ws.f, &mut ws.dq.nodes, &mut ws.dv.nodes);
         for hold in self.holds {
             hold.add_force(&at, &mut ws.f);
@@ -367,7 +370,7 @@ impl Stage<'_> {
         self.evaluate_frames(&it.v, ws, true);
         self.constrain(it, ws, true)?;
         self.inertia_minus_force(&it.v, ws);
-        for (row, _) in self.model.driven_rows.iter().enumerate().filter(|(_, d)| **d) {
+        for (row, _) in self.model.prescribed_rows.iter().enumerate().filter(|(_, d)| **d) {
             ws.dq.nodes.clear_row(row);
             ws.dv.nodes.clear_row(row);
         }
@@ -379,16 +382,16 @@ impl Stage<'_> {
         Ok(())
     }
 
-    /// K = σ M − h a1 ∂f/∂q̄ − b1 ∂f/∂v̄, identity in driven rows.
+    /// K = σ M − h a1 ∂f/∂q̄ − b1 ∂f/∂v̄, identity in prescribed rows.
     fn assemble(&self, ws: &mut Workspace) {
-        let uniform = self.scheme.free.a1 == self.scheme.driven.a1 && self.scheme.free.b1 == self.scheme.driven.b1;
+        let uniform = self.scheme.free.a1 == self.scheme.prescribed.a1 && self.scheme.free.b1 == self.scheme.prescribed.b1;
         let (cq, cv) = (self.h * self.scheme.free.a1, self.scheme.free.b1);
         ws.k.nodes.set_sum(cq, &ws.dq.nodes, cv, &ws.dv.nodes);
         if !uniform {
-            self.rescale_driven_columns(ws);
+            self.rescale_prescribed_columns(ws);
         }
-        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
-            ws.k.nodes.add(k, k, if driven { 1.0 } else { self.masses.rows[k] * (self.inertia + self.options.damping) });
+        for (k, &prescribed) in self.model.prescribed_rows.iter().enumerate() {
+            ws.k.nodes.add(k, k, if prescribed { 1.0 } else { self.masses.rows[k] * (self.inertia + self.options.damping) });
         }
         self.carry_axes(ws);
     }
@@ -396,7 +399,7 @@ impl Stage<'_> {
     /// What moving an edge's nodes does to its axes on their way to q̄, times what these do to the forces.
     fn carry_axes(&self, ws: &mut Workspace) {
         let rods = &self.model.rods;
-        if rods.edges.is_empty() || self.options.downhill {
+        if rods.edges.is_empty() || self.options.descent {
             return;
         }
         ws.carry.evaluate(rods, self.q_ref, &ws.q_bar);
@@ -406,16 +409,16 @@ impl Stage<'_> {
         let places = rods.carried_places(dq);
         ws.carry.visit_after(|edge, nodes, psi| {
             let of_node =
-                |node: usize| self.h * if self.model.driven[node] { self.scheme.driven.a1 } else { self.scheme.free.a1 };
+                |node: usize| self.h * if self.model.prescribed[node] { self.scheme.prescribed.a1 } else { self.scheme.free.a1 };
             let psi = [psi * of_node(nodes[0]), psi * -of_node(nodes[1])];
             k.add_carried(dq, &places[edge], psi.map(Into::into));
         });
         ws.blocks.put_back(&mut ws.k.nodes);
     }
 
-    fn rescale_driven_columns(&self, ws: &mut Workspace) {
-        let (cq, cv) = (self.h * self.scheme.driven.a1, self.scheme.driven.b1);
-        for (column, _) in self.model.driven_rows.iter().enumerate().filter(|(_, d)| **d) {
+    fn rescale_prescribed_columns(&self, ws: &mut Workspace) {
+        let (cq, cv) = (self.h * self.scheme.prescribed.a1, self.scheme.prescribed.b1);
+        for (column, _) in self.model.prescribed_rows.iter().enumerate().filter(|(_, d)| **d) {
             ws.k.nodes.set_sum_in_column(column, cq, &ws.dq.nodes, cv, &ws.dv.nodes);
         }
     }

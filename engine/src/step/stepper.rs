@@ -1,11 +1,11 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::node_guard::{Passed, Run, Unsound};
+use super::node_energy_check::{EnergyAccumulator, Run, SubstepResult};
 use super::{
     EULER, MIDPOINT, Masses, QUASI_STATIC, SDIRK_GAMMA, Scheme, SolverOptions, Stage, StageRecord, StepError, Warm, Workspace,
     end_positions,
 };
-use crate::bodies::turns::Turns;
+use crate::bodies::tangent_maps::TangentMaps;
 use crate::constraints::JointRow;
 use crate::grasp::{Begin, Grasp, Grasping, Hold, Phase};
 use crate::memory::Past;
@@ -35,7 +35,7 @@ impl Default for StepOptions {
 
 /// What a (sub)step may do.
 #[derive(Clone, Copy, Debug)]
-struct Means {
+struct SubstepPolicy {
     /// How often it may be halved; everything is tried if it cannot be.
     halvings: usize,
     /// Whether sdirk2 is left for Euler, by which contact is not thrown back.
@@ -44,7 +44,7 @@ struct Means {
 
 /// How a (sub)step ended.
 #[derive(Clone, Copy, Debug)]
-enum Taken {
+enum Outcome {
     Sound,
     /// It created energy.
     Refused,
@@ -54,7 +54,7 @@ enum Taken {
 
 /// How a stage takes its reference state from what came before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Link {
+pub enum StageKind {
     /// The whole (sub)step: the reference is the state before it.
     Single,
     /// First stage of sdirk2: as `Single`, but the state before the substep is needed once more.
@@ -105,7 +105,7 @@ pub struct StepRecord {
     /// Full step length h \[s\].
     pub h: f64,
     /// Stages and how each hangs on the one before.
-    pub stages: Vec<(Link, StageRecord)>,
+    pub stages: Vec<(StageKind, StageRecord)>,
     /// ∂v_cmd: (row, input, derivative), shared by all stages.
     pub command: Vec<(usize, Input, f64)>,
     /// ∂/∂(u, z, θ) of what motors see, rows counted as controls; empty if that is u.
@@ -142,7 +142,7 @@ pub struct Stepper<'m> {
     /// No velocity.
     pub(super) still: Vec<f64>,
     /// What the halves of a step that could not be halved again have created.
-    pub(super) unsound: Unsound,
+    pub(super) unsound: EnergyAccumulator,
     /// Steps in a row with such halves, the last of them the one before.
     run: Option<Run>,
     frames: Vec<f64>,
@@ -177,7 +177,7 @@ impl<'m> Stepper<'m> {
             v_ref: zeros(),
             v_first: Vec::new(),
             still: zeros(),
-            unsound: Unsound::default(),
+            unsound: EnergyAccumulator::default(),
             run: None,
             frames: Vec::new(),
             ws,
@@ -225,8 +225,8 @@ impl<'m> Stepper<'m> {
             let mut stages = Vec::new();
             let mut next = state.clone();
             let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
-            self.unsound = Unsound::after(self.run.take(), state);
-            self.substep(&mut next, h, &v_cmd, Means { halvings, by_euler: false }, &mut trace, &mut stages)?;
+            self.unsound = EnergyAccumulator::after(self.run.take(), state);
+            self.substep(&mut next, h, &v_cmd, SubstepPolicy { halvings, by_euler: false }, &mut trace, &mut stages)?;
             // steps that may not be halved are wanted as they come
             if halvings > 0 {
                 self.refuse(state, &next)?;
@@ -261,29 +261,29 @@ impl<'m> Stepper<'m> {
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
-        means: Means,
+        means: SubstepPolicy,
         trace: &mut StepTrace,
-        stages: &mut Vec<(Link, StageRecord)>,
+        stages: &mut Vec<(StageKind, StageRecord)>,
     ) -> Result<(), StepError> {
-        let means = Means { halvings: if self.spent(trace) { 0 } else { means.halvings }, ..means };
+        let means = SubstepPolicy { halvings: if self.spent(trace) { 0 } else { means.halvings }, ..means };
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
         let begun = trace.work;
         let mut result = self.integrate(state, h, v_cmd, means, trace, stages);
         let work = trace.work.since(begun);
         let guarded = means.halvings > 0;
-        let passed = Passed { before: &before, after: state, h, by_euler: means.by_euler, work };
-        if matches!(result, Ok(Taken::Sound))
+        let passed = SubstepResult { before: &before, after: state, h, by_euler: means.by_euler, work };
+        if matches!(result, Ok(Outcome::Sound))
             && let Some(created) = self.created_by_nodes(&passed, !guarded)
         {
             match guarded {
-                true if self.is_too_much(&created, h) => result = Ok(Taken::Refused),
+                true if self.is_too_much(&created, h) => result = Ok(Outcome::Refused),
                 true => {}
                 false => self.unsound.add(created),
             }
         }
-        let thrown = matches!(result, Ok(Taken::Thrown));
+        let thrown = matches!(result, Ok(Outcome::Thrown));
         match result {
-            Ok(Taken::Thrown | Taken::Refused)
+            Ok(Outcome::Thrown | Outcome::Refused)
             | Err(
                 StepError::NotConverged { .. }
                 | StepError::Singular { .. }
@@ -297,17 +297,17 @@ impl<'m> Stepper<'m> {
                 self.set_warm_start(warm);
                 trace.retries += 1;
                 let reason = match result {
-                    Ok(Taken::Thrown) => Retry::Rebound,
+                    Ok(Outcome::Thrown) => Retry::Rebound,
                     Ok(_) => Retry::Energy,
                     Err(_) => Retry::NotSolved,
                 };
                 trace.retried_for[reason as usize] += 1;
                 let by_euler = means.by_euler || thrown;
                 let Some(halvings) = means.halvings.checked_sub(1) else {
-                    return self.substep(state, h, v_cmd, Means { by_euler, ..means }, trace, stages);
+                    return self.substep(state, h, v_cmd, SubstepPolicy { by_euler, ..means }, trace, stages);
                 };
-                self.substep(state, 0.5 * h, v_cmd, Means { halvings, by_euler }, trace, stages)?;
-                self.substep(state, 0.5 * h, v_cmd, Means { halvings, by_euler }, trace, stages)
+                self.substep(state, 0.5 * h, v_cmd, SubstepPolicy { halvings, by_euler }, trace, stages)?;
+                self.substep(state, 0.5 * h, v_cmd, SubstepPolicy { halvings, by_euler }, trace, stages)
             }
             other => other.map(|_| ()),
         }
@@ -326,10 +326,10 @@ impl<'m> Stepper<'m> {
         state: &mut State,
         h: f64,
         v_cmd: &[f64],
-        means: Means,
+        means: SubstepPolicy,
         trace: &mut StepTrace,
-        stages: &mut Vec<(Link, StageRecord)>,
-    ) -> Result<Taken, StepError> {
+        stages: &mut Vec<(StageKind, StageRecord)>,
+    ) -> Result<Outcome, StepError> {
         self.remember(state);
         self.reach(state, v_cmd);
         let (memory, thorough) = (self.model.ndz(), means.halvings == 0);
@@ -349,17 +349,17 @@ impl<'m> Stepper<'m> {
                 self.v_ref.fill(0.0);
             }
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
-            if !self.stage(state, scheme, h, v_cmd, Link::Single, thorough, trace, stages)? {
-                return Ok(Taken::Refused);
+            if !self.stage(state, scheme, h, v_cmd, StageKind::Single, thorough, trace, stages)? {
+                return Ok(Outcome::Refused);
             }
             self.advance(state, h, v_cmd, stages);
-            return Ok(Taken::Sound);
+            return Ok(Outcome::Sound);
         }
         let (gamma, start) = (SDIRK_GAMMA, state.clone());
         self.q_ref.copy_from_slice(&start.q);
         self.v_ref.copy_from_slice(&start.v);
         self.elapsed = gamma * h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkFirst, thorough, trace, stages)?;
+        self.stage(state, EULER, gamma * h, v_cmd, StageKind::SdirkFirst, thorough, trace, stages)?;
         let ratio = (1.0 - gamma) / gamma;
         let n = self.model.n_node_dofs();
         for k in 0..n {
@@ -371,24 +371,24 @@ impl<'m> Stepper<'m> {
             self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
         }
         if self.thrown_back(&start, h) {
-            return Ok(Taken::Thrown);
+            return Ok(Outcome::Thrown);
         }
         self.v_first.clone_from(&state.v);
         self.model.rods.carry_frames(&start.q, &self.q_ref, &mut self.frames);
         let first = stages.len();
         self.elapsed = h;
-        self.stage(state, EULER, gamma * h, v_cmd, Link::SdirkSecond, thorough, trace, stages)?;
-        if self.facets_pierced(&start, h) {
-            return Ok(Taken::Thrown);
+        self.stage(state, EULER, gamma * h, v_cmd, StageKind::SdirkSecond, thorough, trace, stages)?;
+        if self.elements_pierced(&start, h) {
+            return Ok(Outcome::Thrown);
         }
         if let Some((_, record)) = stages.get_mut(first) {
-            let mut turns = Turns::default();
+            let mut turns = TangentMaps::default();
             turns.evaluate(&self.model.tree, Map::Exponential, &lead);
             record.transport.lead = turns;
             record.transport.carry[2].evaluate(&self.model.rods, &start.q, &self.q_ref);
         }
         self.advance(state, h, v_cmd, stages);
-        Ok(Taken::Sound)
+        Ok(Outcome::Sound)
     }
 
     /// Keeps the beginning of a (sub)step for what remembers it.
@@ -428,7 +428,7 @@ impl<'m> Stepper<'m> {
     }
 
     /// Moves what materials and grippers remember on to the end of the (sub)step of length `h`.
-    fn advance(&mut self, state: &mut State, h: f64, v_cmd: &[f64], stages: &mut [(Link, StageRecord)]) {
+    fn advance(&mut self, state: &mut State, h: f64, v_cmd: &[f64], stages: &mut [(StageKind, StageRecord)]) {
         if self.model.n_materials() == 0 {
             return;
         }
@@ -448,7 +448,7 @@ impl<'m> Stepper<'m> {
     }
 
     /// The same of what rods' sections remember.
-    fn advance_rods(&mut self, state: &mut State, h: f64, stages: &mut [(Link, StageRecord)]) {
+    fn advance_rods(&mut self, state: &mut State, h: f64, stages: &mut [(StageKind, StageRecord)]) {
         let (rods, memory) = (&self.model.rods, self.model.ndz());
         if !rods.remember() {
             return;
@@ -471,10 +471,10 @@ impl<'m> Stepper<'m> {
         scheme: Scheme,
         h: f64,
         v_cmd: &[f64],
-        link: Link,
+        link: StageKind,
         thorough: bool,
         trace: &mut StepTrace,
-        stages: &mut Vec<(Link, StageRecord)>,
+        stages: &mut Vec<(StageKind, StageRecord)>,
     ) -> Result<bool, StepError> {
         let mut holds = std::mem::take(&mut self.holds);
         holds.clear();
@@ -504,7 +504,7 @@ impl<'m> Stepper<'m> {
         trace.work.add(work);
         solved?;
         let mut work = Work::default();
-        let guarded = link == Link::Single && !thorough && h > STEP.shortest_checked * self.model.h;
+        let guarded = link == StageKind::Single && !thorough && h > STEP.shortest_checked * self.model.h;
         if guarded && stage.creates_energy(&mut self.ws)? {
             return Ok(false);
         }
@@ -515,8 +515,8 @@ impl<'m> Stepper<'m> {
             stages.push((link, record));
         }
         trace.work.add(work);
-        for (k, &driven) in self.model.driven_rows.iter().enumerate() {
-            let w = if driven { &scheme.driven } else { &scheme.free };
+        for (k, &prescribed) in self.model.prescribed_rows.iter().enumerate() {
+            let w = if prescribed { &scheme.prescribed } else { &scheme.free };
             state.q[k] = self.q_ref[k] + h * (w.d0 * self.v_ref[k] + w.d1 * self.ws.it.v[k]);
         }
         let (rods, memory) = (&self.model.rods, self.model.ndz());
@@ -541,11 +541,11 @@ impl Stepper<'_> {
             return;
         }
         let (q_bar, _) = record.evaluation_point(self.model);
-        let (begin, driven) = (self.begin(v_cmd, self.elapsed), &self.model.driven_rows);
+        let (begin, prescribed) = (self.begin(v_cmd, self.elapsed), &self.model.prescribed_rows);
         for (grasp, phase) in self.grasps() {
             record.grasp_modes.extend(phase.modes());
             grasp.visit_force(phase, &begin, &q_bar, &mut |row, input, value| {
-                if !driven[row] {
+                if !prescribed[row] {
                     record.grasps.push((row, input, value));
                 }
             });

@@ -113,7 +113,7 @@ impl StageRecord {
     }
 
     /// Whether a constraint is listed anew in each stage: contact of colliders, edges or triangles, or a closure.
-    pub fn has_solids(&self) -> bool {
+    pub fn has_listed_contacts(&self) -> bool {
         !self.constraints.cones.iter().all(|cone| cone.is_of_node())
     }
 

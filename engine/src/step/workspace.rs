@@ -2,11 +2,11 @@
 
 use super::blocks::UnconstrainedBlocks;
 use super::bodies::BodyWorkspace;
-use super::frozen::FrozenWorkspace;
+use super::gauss_seidel::GaussSeidelWorkspace;
 use super::stage::Iterate;
 use crate::bodies::dynamics::WrenchPartial;
 use crate::model::Model;
-use crate::rods::{Carry, RodPoint};
+use crate::rods::{RodPoint, TransportDerivative};
 use crate::step::constraints::{Constraints, JointConstraints, NodeContacts, WarmImpulses};
 use crate::step::newton::{History, Secant};
 use nalgebra::Matrix6;
@@ -80,7 +80,7 @@ pub struct Workspace {
     pub(crate) v_bar: Vec<f64>,
     /// Rods at q̄, and how displacements show up there.
     pub(crate) rods: RodPoint,
-    pub(crate) carry: Carry,
+    pub(crate) carry: TransportDerivative,
     /// Forces of the elements, and the residual.
     pub(crate) f: Vec<f64>,
     pub(crate) r: Vec<f64>,
@@ -109,7 +109,7 @@ pub struct Workspace {
     /// How the forces of constraints on bodies change with their own bodies.
     pub(crate) wrench_partials: Vec<WrenchPartial>,
     /// The start at frozen geometry.
-    pub(crate) frozen: FrozenWorkspace,
+    pub(crate) frozen: GaussSeidelWorkspace,
     pub(crate) bodies: BodyWorkspace,
     /// Of the last converged stage; none before the first.
     pub(crate) warm: Option<Warm>,
@@ -128,12 +128,12 @@ impl Workspace {
         let iterate = || Iterate::zeros(nv, constraints.dim());
         let axial = || vec![0.0; model.terms.iter().map(|t| t.n_axial()).sum()];
         let matrix = || System::zeros(&model.layout, model.tree.nv());
-        let symbolic = Symbolic::new(model.method(), model.symmetry(theta), &model.layout, &model.driven)?;
+        let symbolic = Symbolic::new(model.method(), model.symmetry(theta), &model.layout, &model.prescribed)?;
         Ok(Self {
             q_bar: vec![0.0; model.nq()],
             v_bar: zeros(),
             rods: RodPoint::default(),
-            carry: Carry::default(),
+            carry: TransportDerivative::default(),
             f: zeros(),
             r: zeros(),
             dq: matrix(),
@@ -153,7 +153,7 @@ impl Workspace {
             mobility: Vec::new(),
             stiffening: Vec::new(),
             wrench_partials: Vec::new(),
-            frozen: FrozenWorkspace::default(),
+            frozen: GaussSeidelWorkspace::default(),
             bodies: BodyWorkspace::default(),
             warm: None,
         })

@@ -13,7 +13,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let one = |rope: &str| {
         let span = model.rope(rope)?;
         // an edge that a gripper holds by both nodes is as long as that says
-        let held = |e: usize| span.edge(e).iter().all(|node| model.driven()[*node]);
+        let held = |e: usize| span.edge(e).iter().all(|node| model.prescribed()[*node]);
         let free = (0..span.fractions.len()).filter(|e| !held(*e));
         Some(Cause {
             object: (at.ropes().len() > 1).then(|| rope.to_owned()),

@@ -7,7 +7,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let one = |rope: &str| {
         let nodes = model.rope(rope)?.nodes.clone();
         // held nodes move as they are told, and the mass of a free end is a cause of its own
-        let free = nodes.clone().skip(1).take(nodes.len().saturating_sub(2)).filter(|node| !model.driven()[*node]);
+        let free = nodes.clone().skip(1).take(nodes.len().saturating_sub(2)).filter(|node| !model.prescribed()[*node]);
         let share = at.value(&format!("{rope}.linear_density")) * at.value(&format!("{rope}.length")) / nodes.len() as f64;
         let paths: Vec<String> = free.map(|node| format!("{rope}.node[{}].mass", node - nodes.start)).collect();
         Some(Cause {

@@ -26,11 +26,11 @@ fn of_encoders(at: &Situation) -> Vec<Cause> {
 
 /// All readings late alike.
 fn common(at: &Situation) -> Cause {
-    let driven = at.has_actuators();
+    let prescribed = at.has_actuators();
     Cause {
         meaning: "everything that is read is late or early against the commands",
-        unknowns: if driven { vec![Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2))] } else { Vec::new() },
-        untestable: (!driven)
+        unknowns: if prescribed { vec![Unknown::of_sensor(TIME_OFFSET, 1e-3, (-0.2, 0.2))] } else { Vec::new() },
+        untestable: (!prescribed)
             .then(|| "nothing is commanded: readings that are late are those of a motion that began later".to_owned()),
         excitation: EXCITATION,
         twins: vec!["actuator_delay"],

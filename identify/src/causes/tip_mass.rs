@@ -7,7 +7,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         return Vec::new();
     }
     let model = &at.plan.model;
-    let free_end = |rope: &&str| model.rope(rope).is_some_and(|r| !model.driven()[r.nodes.end - 1]);
+    let free_end = |rope: &&str| model.rope(rope).is_some_and(|r| !model.prescribed()[r.nodes.end - 1]);
     let mass = |rope: &str| 0.1 * at.value(&format!("{rope}.linear_density")) * at.value(&format!("{rope}.length"));
     let unknowns: Vec<_> =
         at.ropes().into_iter().filter(free_end).filter_map(|rope| at.theta(&format!("{rope}.tip_mass"), mass(rope))).collect();

@@ -61,7 +61,7 @@ fn worded(f: &Finding, logs: &Logs, place: String, unit: &str) -> AuditFinding {
 
 /// Markers on nodes that a gripper holds: they measure it, and nothing about the rope.
 pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
-    let held = |node: usize| plan.model.driven()[node];
+    let held = |node: usize| plan.model.prescribed()[node];
     let rope = |node: usize| plan.model.ropes().iter().find(|rope| rope.nodes.contains(&node));
     let on_nodes = plan.markers.iter().enumerate().filter_map(|(k, m)| Some((k, m.nodes()?)));
     let on_held = on_nodes.filter(|(_, m)| held(m.node) && held(m.next));

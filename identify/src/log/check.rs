@@ -238,8 +238,8 @@ fn extent(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Res
         let ending = [".x", ".y", ".z"][a];
         let positions: Vec<usize> =
             (0..controls.len()).filter(|j| controls[*j].unit == "m" && controls[*j].name.ends_with(ending)).collect();
-        let driven = record.inputs.iter().flat_map(|row| positions.iter().map(|j| row[*j])).filter(|_| with_inputs);
-        let values = record.markers.iter().flatten().map(|p| p[a]).chain(driven).filter(|x| x.is_finite());
+        let prescribed = record.inputs.iter().flat_map(|row| positions.iter().map(|j| row[*j])).filter(|_| with_inputs);
+        let values = record.markers.iter().flatten().map(|p| p[a]).chain(prescribed).filter(|x| x.is_finite());
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
         (high - low).max(0.0)
     };

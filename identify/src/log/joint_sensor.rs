@@ -102,8 +102,8 @@ impl Check<'_> {
                 let mistake = LogMistake::TwoSensors { joint: sensor.joint.clone(), quantity: sensor.measures.name() };
                 return self.refuse(&format!("experiment.joint[{k}]"), mistake);
             }
-            let driven = self.setup.scene.actuator.iter().any(|a| a.joint == sensor.joint);
-            if sensor.measures == JointQuantity::Torque && !driven {
+            let prescribed = self.setup.scene.actuator.iter().any(|a| a.joint == sensor.joint);
+            if sensor.measures == JointQuantity::Torque && !prescribed {
                 return self.refuse(&at("measures"), LogMistake::NoTorque { joint: sensor.joint.clone() });
             }
             let remembers = |a: &&pliant_scene::Actuator| {

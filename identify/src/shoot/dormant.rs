@@ -48,12 +48,12 @@ pub(crate) fn opened(scene: &Scene) -> Scene {
             rope.plasticity.get_or_insert(Plasticity { yield_curvature: FAR, time: NEVER });
         }
     }
-    let driven: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
+    let prescribed: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
     for joint in out.body.iter_mut().flat_map(|body| &mut body.joint) {
         let springy = joint.stiffness != 0.0 || joint.cubic_stiffness != 0.0;
         if has_friction(joint) {
             joint.friction_backward.get_or_insert(joint.friction);
-            if springy || driven.contains(&joint.name) {
+            if springy || prescribed.contains(&joint.name) {
                 joint.load_friction.get_or_insert(0.0);
             }
         }

@@ -14,7 +14,7 @@ use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
 use pliant_adjoint::Tangent;
 use pliant_engine::model::Model;
-use pliant_engine::rods::{Carry, Rods};
+use pliant_engine::rods::{Rods, TransportDerivative};
 use pliant_math::State;
 
 /// Where markers are that may be beside a rod.
@@ -100,7 +100,7 @@ impl Beside {
         }
         let moved = model.displaced(x, &shift);
         if let Some((_, m)) = at.tangent {
-            let carry = Carry::between(model.rods(), &x.q, &moved.q);
+            let carry = TransportDerivative::between(model.rods(), &x.q, &moved.q);
             carry.add_before(&mut tangent.q, m);
             for (node, own) in rows {
                 tangent.q[3 * node * m..3 * (node + 1) * m].iter_mut().zip(&own).for_each(|(t, r)| *t += r);
@@ -144,8 +144,8 @@ fn starts(plan: &Plan) -> Vec<(usize, usize, f64)> {
     let mut out = Vec::new();
     for rope in model.ropes() {
         let known: Vec<(usize, Option<usize>)> =
-            rope.nodes.clone().filter(|n| at(*n).is_some() || model.driven()[*n]).map(|n| (n, at(n))).collect();
-        for node in rope.nodes.clone().filter(|node| !model.driven()[*node]) {
+            rope.nodes.clone().filter(|n| at(*n).is_some() || model.prescribed()[*n]).map(|n| (n, at(n))).collect();
+        for node in rope.nodes.clone().filter(|node| !model.prescribed()[*node]) {
             let after = known.partition_point(|(n, _)| *n < node);
             let (a, b) = (after.checked_sub(1).map(|k| known[k]), known.get(after).copied());
             let parts = match (a, b) {

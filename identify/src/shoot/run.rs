@@ -9,7 +9,7 @@ use crate::sensor::{DELAY, TIME_OFFSET};
 use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
 use pliant_adjoint::{Seeds, Tangent, TangentStepper, equilibrium_jvp_columns};
-use pliant_engine::bodies::Turns;
+use pliant_engine::bodies::TangentMaps;
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::step::{StepError, StepOptions, Stepper};
 use pliant_math::rotation::Map;
@@ -163,7 +163,7 @@ impl Pass<'_> {
             }
             // x₀ = mean ⊕ L z: balls turn on from where z has taken them
             let bodies = model.n_node_dofs();
-            let mut turns = Turns::default();
+            let mut turns = TangentMaps::default();
             turns.evaluate(model.tree(), Map::Exponential, &start.change(model)[bodies..model.nv()]);
             turns.jacobian(&mut tangent.x.q[bodies * m..], m);
             for (row, input, value) in placement {

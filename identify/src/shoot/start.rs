@@ -105,7 +105,7 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
             for a in 0..3 {
                 q[3 * node + a] = shape[3 * node + a] + dq[a];
                 v[3 * node + a] = dv[a];
-                if !model.driven()[node] {
+                if !model.prescribed()[node] {
                     dofs.push(3 * node + a);
                     sigma_q.push(sigma.0);
                     sigma_v.push(sigma.1);
@@ -164,7 +164,7 @@ fn driven_velocities(plan: &Plan, record: &Record, sample: usize, shape: &[f64])
     let frames = plan.model.frames_at(shape);
     let place = |k: usize| place_clamped(&plan.model, &plan.scene_values.theta, &record.inputs[k], [shape, &frames]);
     let (here, there) = (place(sample)?.0, place(other)?.0);
-    for (node, _) in plan.model.driven().iter().enumerate().filter(|(_, d)| **d) {
+    for (node, _) in plan.model.prescribed().iter().enumerate().filter(|(_, d)| **d) {
         (3 * node..3 * node + 3).for_each(|k| v[k] = (there[k] - here[k]) / dt);
     }
     Ok(v)
@@ -190,7 +190,7 @@ fn known_nodes(
         }
     }
     for node in nodes {
-        if plan.model.driven()[node] && !known.iter().any(|k| k.0 == node) {
+        if plan.model.prescribed()[node] && !known.iter().any(|k| k.0 == node) {
             let speed = Vector3::new(v[3 * node], v[3 * node + 1], v[3 * node + 2]);
             known.push((node, Vector3::zeros(), speed, false));
         }

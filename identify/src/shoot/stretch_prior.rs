@@ -96,7 +96,7 @@ fn stiff_edges(model: &Model, theta: &[f64]) -> Vec<StiffEdge> {
         let strain = (weight / stiffness.max(f64::MIN_POSITIVE)).clamp(STRAIN.0, STRAIN.1);
         for (e, fraction) in rope.fractions.iter().enumerate() {
             let nodes = rope.edge(e);
-            if nodes.iter().any(|n| !model.driven()[*n]) {
+            if nodes.iter().any(|n| !model.prescribed()[*n]) {
                 out.push(StiffEdge { nodes, rest: fraction * theta[rope.length], strain });
             }
         }

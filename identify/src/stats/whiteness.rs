@@ -194,8 +194,8 @@ mod tests {
         assert!(false_alarms <= 24, "{false_alarms}/300");
         let e = ar_series(&[0.5], 500, &[1.0], 1);
         let u = ar_series(&[0.9], 500, &[1.0], 2);
-        let driven: Vec<f64> = (0..500).map(|t| e[t] + if t >= 4 { 0.3 * u[t - 4] } else { 0.0 }).collect();
-        let seen = cross_correlation(&[(&driven, &u)], 20).unwrap();
+        let prescribed: Vec<f64> = (0..500).map(|t| e[t] + if t >= 4 { 0.3 * u[t - 4] } else { 0.0 }).collect();
+        let seen = cross_correlation(&[(&prescribed, &u)], 20).unwrap();
         assert!(seen.p < 1e-3 && seen.peak_lag.abs_diff(4) <= 1, "{} {}", seen.p, seen.peak_lag);
         assert_eq!(cross_correlation(&[(&e, &[1.0; 500])], 5).unwrap().p, 1.0);
     }

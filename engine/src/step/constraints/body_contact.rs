@@ -9,9 +9,11 @@ use super::{
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
-    LinkLinear, RHO, Sliding, SplitLaw, body_contact_law, contact_wrench, meeting_changes, pose, rounding, velocity,
+    LinkLinear, RHO, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding, velocity,
 };
-use crate::geometry::solid::{Carrier, Form, Meeting, Pose, Posed, Spot, candidates, meet};
+use crate::geometry::collider::{
+    Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry,
+};
 use crate::model::Model;
 use crate::step::constants::STEP;
 use crate::step::{Stage, StepError};
@@ -22,52 +24,57 @@ use pliant_math::{Input, Vec3};
 
 /// Which features of which pair meet.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FeaturePair {
+pub(crate) struct BodyContact {
     pub pair: usize,
-    pub features: Spot,
+    pub features: FeaturePair,
 }
 
 /// Contacts of colliders in a stage.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BodyContacts {
     pub links: Vec<Link>,
-    pub contacts: Vec<FeaturePair>,
+    pub contacts: Vec<BodyContact>,
     /// The fastest approach of two colliders with a contact, or a step's fall [m/s].
     pub fastest: f64,
     /// The fastest at which one would be pierced if nothing changed its motion [m/s].
     pub closing: f64,
-    posed: Vec<Posed<f64>>,
-    found: Vec<(Spot, bool)>,
+    placed: Vec<PlacedCollider<f64>>,
+    found: Vec<(FeaturePair, bool)>,
 }
 
 impl Stage<'_> {
     /// The law's numbers at a contact of colliders.
     pub(crate) fn body_contact_law(&self, link: &Link, pair: usize) -> SplitLaw {
-        let soften = if self.options.absent { STEP.disabled } else { self.options.soften };
-        let (pair, scales) = (&self.model.solid_pairs[pair], [self.h, self.options.rest_gap]);
-        body_contact_law(self.model.contact.law, pair, [link.rho_n, link.rho_t], self.theta, scales, soften)
+        let regularization = if self.options.disabled { STEP.disabled } else { self.options.regularization };
+        let (pair, scales) = (&self.model.collider_pairs[pair], [self.h, self.options.rest_gap]);
+        body_contact_law(self.model.contact.law, pair, [link.rho_n, link.rho_t], self.theta, scales, regularization)
     }
 
     /// Geometry of a contact of colliders.
-    pub(crate) fn meeting(&self, link: &Link, features: &Spot, at: &Evaluation) -> Result<Meeting<f64>, StepError> {
-        let [a, b] = link.solids.map(|s| {
-            let solid = &self.model.solids[s];
-            solid.posed(&pose(solid.carrier, at.q, at.frames), |k| self.theta[k])
+    pub(crate) fn geometry(
+        &self,
+        link: &Link,
+        features: &FeaturePair,
+        at: &Evaluation,
+    ) -> Result<ContactGeometry<f64>, StepError> {
+        let [a, b] = link.colliders.map(|s| {
+            let collider = &self.model.colliders[s];
+            collider.placed(&pose(collider.attachment, at.q, at.frames), |k| self.theta[k])
         });
-        meet(features, &a, &b).map_err(|distance| self.no_normal(link, distance))
+        contact_geometry(features, &a, &b).map_err(|distance| self.no_normal(link, distance))
     }
 
     fn no_normal(&self, link: &Link, distance: f64) -> StepError {
-        let [first, second] = link.solids.map(|s| self.model.solids[s].name.clone());
+        let [first, second] = link.colliders.map(|s| self.model.colliders[s].name.clone());
         StepError::NoNormal { step: 0, first, second, distance }
     }
 }
 
 impl Link {
     /// Relative motion at a contact.
-    pub(crate) fn sliding(&self, meeting: &Meeting<f64>, at: &Evaluation) -> Sliding {
-        let [a, b] = self.carriers.map(|c| velocity(c, at.v, at.frames));
-        Sliding::new(meeting, a - b)
+    pub(crate) fn sliding(&self, geometry: &ContactGeometry<f64>, at: &Evaluation) -> Sliding {
+        let [a, b] = self.attachments.map(|c| velocity(c, at.v, at.frames));
+        Sliding::new(geometry, a - b)
     }
 }
 
@@ -78,15 +85,15 @@ impl BodyContacts {
     }
 
     /// Contacts with their features.
-    pub fn each(&self) -> impl Iterator<Item = (&Link, &FeaturePair)> {
+    pub fn each(&self) -> impl Iterator<Item = (&Link, &BodyContact)> {
         self.links.iter().zip(&self.contacts)
     }
 
     /// w on the central path for the gap at the beginning: w₀ v_n = κ, bounded by what closes it.
     fn central(&self, stage: &Stage, k: usize) -> Vector4<f64> {
-        let (link, FeaturePair { pair, features }) = (&self.links[k], self.contacts[k]);
-        let [a, b] = link.solids;
-        let gap = meet(&features, &self.posed[a], &self.posed[b]).map_or(0.0, |m| m.gap);
+        let (link, BodyContact { pair, features }) = (&self.links[k], self.contacts[k]);
+        let [a, b] = link.colliders;
+        let gap = contact_geometry(&features, &self.placed[a], &self.placed[b]).map_or(0.0, |m| m.gap);
         stage.body_contact_law(link, pair).central(gap, stage.h)
     }
 }
@@ -104,22 +111,22 @@ pub(crate) fn cones_settled(lambda: &[f64], d: &[f64], rounding: impl Iterator<I
 impl ConstraintSet for BodyContacts {
     fn find(&mut self, stage: &Stage, at: &Beginning) {
         let model = stage.model;
-        self.posed.clear();
+        self.placed.clear();
         self.links.clear();
         self.contacts.clear();
         (self.fastest, self.closing) = (0.0, 0.0);
-        if model.solid_pairs.is_empty() {
+        if model.collider_pairs.is_empty() {
             return;
         }
-        for solid in &model.solids {
-            self.posed.push(solid.posed(&pose(solid.carrier, stage.q_ref, at.frames), |k| stage.theta[k]));
+        for collider in &model.colliders {
+            self.placed.push(collider.placed(&pose(collider.attachment, stage.q_ref, at.frames), |k| stage.theta[k]));
         }
         let g = stage.theta[model.gravity].abs();
         self.fastest = g * stage.h;
-        for (k, pair) in model.solid_pairs.iter().enumerate() {
-            let [a, b] = pair.solids;
-            let (pa, pb) = (&self.posed[a], &self.posed[b]);
-            let [va, vb] = [a, b].map(|s| velocity(model.solids[s].carrier, stage.v_ref, at.frames));
+        for (k, pair) in model.collider_pairs.iter().enumerate() {
+            let [a, b] = pair.colliders;
+            let (pa, pb) = (&self.placed[a], &self.placed[b]);
+            let [va, vb] = [a, b].map(|s| velocity(model.colliders[s].attachment, stage.v_ref, at.frames));
             let speed = approach(pa, pb, &(va - vb));
             let margin = reach(stage.options.rest_gap) + 1.5 * stage.h * speed + 4.0 * g * stage.h * stage.h;
             if bound(pa, pb) > margin {
@@ -129,28 +136,28 @@ impl ConstraintSet for BodyContacts {
             candidates(pa, pb, margin, &mut self.found);
             self.fastest = if self.found.is_empty() { self.fastest } else { self.fastest.max(speed) };
             for &(features, swapped) in &self.found {
-                let solids = if swapped { [b, a] } else { [a, b] };
-                let carriers = solids.map(|s| model.solids[s].carrier);
-                self.links.push(Link::new(ConstraintId::Bodies { pair: k, features, swapped }, carriers, solids));
-                self.contacts.push(FeaturePair { pair: k, features });
+                let colliders = if swapped { [b, a] } else { [a, b] };
+                let attachments = colliders.map(|s| model.colliders[s].attachment);
+                self.links.push(Link::new(ConstraintId::Bodies { pair: k, features, swapped }, attachments, colliders));
+                self.contacts.push(BodyContact { pair: k, features });
             }
         }
     }
 
     fn scale(&mut self, stage: &Stage, at: &Beginning) {
-        for (link, FeaturePair { features, .. }) in self.links.iter_mut().zip(&self.contacts) {
-            let [a, b] = link.solids;
-            let Ok(meeting) = meet(features, &self.posed[a], &self.posed[b]) else { continue };
-            let along = |x: Vec3<f64>| stage.mobility(link.carriers, at, &Force::at(&meeting.point, x));
-            let [s, t] = tangents(&meeting.normal);
+        for (link, BodyContact { features, .. }) in self.links.iter_mut().zip(&self.contacts) {
+            let [a, b] = link.colliders;
+            let Ok(geometry) = contact_geometry(features, &self.placed[a], &self.placed[b]) else { continue };
+            let along = |x: Vec3<f64>| stage.mobility(link.attachments, at, &Force::at(&geometry.point, x));
+            let [s, t] = tangents(&geometry.normal);
             // the largest mobility across the normal
             let (ss, tt) = (along(s), along(t));
             let st = 0.25 * (along(s + t) - along(s - t));
             let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
-            (link.rho_n, link.rho_t) = (RHO / along(meeting.normal), RHO / across);
-            link.gap = meeting.gap;
-            let [va, vb] = link.carriers.map(|c| velocity(c, stage.v_ref, at.frames));
-            self.closing = self.closing.max(-meeting.gap / stage.h - (va - vb).at(&meeting.point).dot(&meeting.normal));
+            (link.rho_n, link.rho_t) = (RHO / along(geometry.normal), RHO / across);
+            link.gap = geometry.gap;
+            let [va, vb] = link.attachments.map(|c| velocity(c, stage.v_ref, at.frames));
+            self.closing = self.closing.max(-geometry.gap / stage.h - (va - vb).at(&geometry.point).dot(&geometry.normal));
         }
     }
 
@@ -166,13 +173,13 @@ impl ConstraintSet for BodyContacts {
         out: &mut [f64],
         loads: &mut Loads,
     ) -> Result<(), StepError> {
-        for (k, (link, FeaturePair { pair, features })) in self.each().enumerate() {
-            let meeting = stage.meeting(link, features, at)?;
-            let sliding = link.sliding(&meeting, at);
+        for (k, (link, BodyContact { pair, features })) in self.each().enumerate() {
+            let geometry = stage.geometry(link, features, at)?;
+            let sliding = link.sliding(&geometry, at);
             let (law, w) = (stage.body_contact_law(link, *pair), cone(lambda, k));
-            let f = law.residual(meeting.gap / stage.h, &sliding.v_t, &w);
+            let f = law.residual(geometry.gap / stage.h, &sliding.v_t, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
-            link.push(contact_wrench(&meeting, law.at.mu, &(w - link.linear.inverse * f)), stage.h, loads);
+            link.push(contact_wrench(&geometry, law.at.mu, &(w - link.linear.inverse * f)), stage.h, loads);
         }
         Ok(())
     }
@@ -186,22 +193,22 @@ impl ConstraintSet for BodyContacts {
         loads: &mut Loads,
         slopes: &mut Slopes,
     ) -> Result<(), StepError> {
-        for (k, (link, FeaturePair { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
-            let (w, solids) = (cone(lambda, k), link.solids.map(|s| &stage.model.solids[s]));
-            let poses = link.carriers.map(|c| pose(c, at.q, at.frames));
-            let (meeting, changes) = meeting_changes(features, solids, [&poses[0], &poses[1]], stage.theta)
+        for (k, (link, BodyContact { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
+            let (w, colliders) = (cone(lambda, k), link.colliders.map(|s| &stage.model.colliders[s]));
+            let poses = link.attachments.map(|c| pose(c, at.q, at.frames));
+            let (geometry, changes) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], stage.theta)
                 .map_err(|distance| stage.no_normal(link, distance))?;
-            let sliding = link.sliding(&meeting, at);
+            let sliding = link.sliding(&geometry, at);
             let law = stage.body_contact_law(link, *pair);
-            let moves = link.carriers.map(|c| c != Carrier::World);
-            let linear = LinkLinear::of_contact(moves, &law, &meeting, &changes, &sliding, stage.h, &w).ok_or_else(|| {
-                let [first, second] = solids.map(|s| s.name.clone());
+            let moves = link.attachments.map(|c| c != Attachment::World);
+            let linear = LinkLinear::of_contact(moves, &law, &geometry, &changes, &sliding, stage.h, &w).ok_or_else(|| {
+                let [first, second] = colliders.map(|s| s.name.clone());
                 StepError::ContactNotFinite { step: 0, first, second, value: w.norm() }
             })?;
             link.rounding = rounding(&linear.inverse, &w, &law, &sliding.v_t);
             link.linear = linear;
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
-            link.push(contact_wrench(&meeting, law.at.mu, &(w - link.linear.inverse * link.linear.f)), stage.h, loads);
+            link.push(contact_wrench(&geometry, law.at.mu, &(w - link.linear.inverse * link.linear.f)), stage.h, loads);
             link.add_node_blocks(stage.h, slopes);
         }
         Ok(())
@@ -257,33 +264,33 @@ impl ConstraintSet for BodyContacts {
 
 impl Stage<'_> {
     /// How far two frames yield to a wrench on the first and its opposite on the second, where the stage begins [1/kg].
-    pub(crate) fn mobility(&self, carriers: [Carrier; 2], at: &Beginning, wrench: &Force<f64>) -> f64 {
-        let of = |carrier: Carrier| match carrier {
-            Carrier::World => 0.0,
-            Carrier::Body(body) => yields(&at.mobility[body], wrench),
-            Carrier::Node(node) => wrench.f.norm_squared() / self.masses.nodes[node].max(f64::MIN_POSITIVE),
+    pub(crate) fn mobility(&self, attachments: [Attachment; 2], at: &Beginning, wrench: &Force<f64>) -> f64 {
+        let of = |attachment: Attachment| match attachment {
+            Attachment::World => 0.0,
+            Attachment::Body(body) => yields(&at.mobility[body], wrench),
+            Attachment::Node(node) => wrench.f.norm_squared() / self.masses.nodes[node].max(f64::MIN_POSITIVE),
         };
-        of(carriers[0]) + of(carriers[1])
+        of(attachments[0]) + of(attachments[1])
     }
 }
 
-/// A bound of how fast two solids approach anywhere, for the motion of the first relative to the second [m/s].
-fn approach(a: &Posed<f64>, b: &Posed<f64>, relative: &Motion<f64>) -> f64 {
-    let toward = |solid: &Posed<f64>, down: f64| down.max(0.0) + relative.w.norm() * solid.reach();
+/// A bound of how fast two colliders approach anywhere, for the motion of the first relative to the second [m/s].
+fn approach(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, relative: &Motion<f64>) -> f64 {
+    let toward = |collider: &PlacedCollider<f64>, down: f64| down.max(0.0) + relative.w.norm() * collider.reach();
     match (a.form, b.form) {
-        (Form::HalfSpace, _) => toward(b, relative.at(&b.position).dot(&a.rotation.column(2))),
-        (_, Form::HalfSpace) => toward(a, -relative.at(&a.position).dot(&b.rotation.column(2))),
+        (ColliderShape::HalfSpace, _) => toward(b, relative.at(&b.position).dot(&a.rotation.column(2))),
+        (_, ColliderShape::HalfSpace) => toward(a, -relative.at(&a.position).dot(&b.rotation.column(2))),
         _ if a.reach() < b.reach() => toward(a, relative.at(&a.position).norm()),
         _ => toward(b, relative.at(&b.position).norm()),
     }
 }
 
-/// A lower bound of the distance between two solids \[m\].
-fn bound(a: &Posed<f64>, b: &Posed<f64>) -> f64 {
+/// A lower bound of the distance between two colliders \[m\].
+fn bound(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     match (a.form, b.form) {
-        (Form::HalfSpace, Form::HalfSpace) => f64::INFINITY,
-        (Form::HalfSpace, _) => (b.position - a.position).dot(&a.rotation.column(2)) - b.reach(),
-        (_, Form::HalfSpace) => (a.position - b.position).dot(&b.rotation.column(2)) - a.reach(),
+        (ColliderShape::HalfSpace, ColliderShape::HalfSpace) => f64::INFINITY,
+        (ColliderShape::HalfSpace, _) => (b.position - a.position).dot(&a.rotation.column(2)) - b.reach(),
+        (_, ColliderShape::HalfSpace) => (a.position - b.position).dot(&b.rotation.column(2)) - a.reach(),
         _ => (a.position - b.position).norm() - a.reach() - b.reach(),
     }
 }
@@ -299,7 +306,7 @@ pub(crate) fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
 
 /// Which contact it is (its pair and features, folded), and 0 separate, 1 stick or 2 slip.
 pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> Vec<u8> {
-    let (pair, scales) = (&at.model.solid_pairs[pair], [at.stage.h, at.stage.rest_gap]);
+    let (pair, scales) = (&at.model.collider_pairs[pair], [at.stage.h, at.stage.rest_gap]);
     let law = body_contact_law(at.model.contact.law, pair, record.rho, at.theta, scales, 0.0);
     let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt());
     [record.id.fold().to_le_bytes().to_vec(), vec![phase]].concat()
@@ -309,40 +316,40 @@ pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> Vec<u8> {
 pub(super) fn visit_inputs(
     record: &ConeRecord,
     pair: usize,
-    features: &Spot,
+    features: &FeaturePair,
     at: &InputsAt,
     frames: &Frames<f64>,
     visit: &mut dyn FnMut(usize, Input, f64),
 ) {
     let (model, theta, h) = (at.model, at.theta, at.stage.h);
-    let pair = &model.solid_pairs[pair];
+    let pair = &model.collider_pairs[pair];
     let mut emit = |param: usize, wrench: Option<Force<f64>>, f: Vector4<f64>| {
         if let Some(wrench) = wrench {
             record.visit_wrench(model, frames, &(wrench * (1.0 / h)), &mut |row, value| visit(row, Input::Theta(param), -value));
         }
         (0..4).for_each(|a| visit(record.block.row + a, Input::Theta(param), f[a]));
     };
-    let geometry = |param| meeting_along(model, features, record.solids, at.q, frames, theta, param);
-    let Some((meeting, _)) = geometry(None) else { return };
-    let [a, b] = record.carriers.map(|c| velocity(c, &at.stage.v, frames));
-    let sliding = Sliding::new(&meeting, a - b);
+    let geometry_by = |param| geometry_along(model, features, record.colliders, at.q, frames, theta, param);
+    let Some((geometry, _)) = geometry_by(None) else { return };
+    let [a, b] = record.attachments.map(|c| velocity(c, &at.stage.v, frames));
+    let sliding = Sliding::new(&geometry, a - b);
     let (mu, w) = (pair.friction.value(theta), &record.w);
     let tangential = Vec3::new(w[1], w[2], w[3]);
     for (param, share) in pair.friction.entries().into_iter().flatten() {
-        emit(param, Some(Force::at(&meeting.point, tangential) * share), record.f_mu * share);
+        emit(param, Some(Force::at(&geometry.point, tangential) * share), record.f_mu * share);
     }
     if let Some(compliance) = pair.compliance {
         emit(compliance, None, record.f_vn * (w[0] / (h * h)));
     }
-    let mut params: Vec<usize> = record.solids.iter().flat_map(|s| model.solids[*s].params()).collect();
+    let mut params: Vec<usize> = record.colliders.iter().flat_map(|s| model.colliders[*s].params()).collect();
     params.sort_unstable();
     params.dedup();
-    let wrench = contact_wrench(&meeting, mu, w);
-    let n = &meeting.normal;
+    let wrench = contact_wrench(&geometry, mu, w);
+    let n = &geometry.normal;
     for param in params {
-        let Some((_, by)) = geometry(Some(param)) else { continue };
+        let Some((_, by)) = geometry_by(Some(param)) else { continue };
         let impulse = by.normal * w[0];
-        let change = Force { n: by.point.cross(&wrench.f) + meeting.point.cross(&impulse), f: impulse };
+        let change = Force { n: by.point.cross(&wrench.f) + geometry.point.cross(&impulse), f: impulse };
         let slip = sliding.relative.w.cross(&by.point);
         let dv_t = slip - n * n.dot(&slip) - by.normal * n.dot(&sliding.velocity) - n * by.normal.dot(&sliding.velocity);
         emit(param, Some(change), record.f_vn * (by.gap / h) + record.f_vt * dv_t);
@@ -350,24 +357,24 @@ pub(super) fn visit_inputs(
 }
 
 /// Geometry of a contact, and its derivative with respect to one entry of θ at fixed poses.
-fn meeting_along(
+fn geometry_along(
     model: &Model,
-    features: &Spot,
-    solids: [usize; 2],
+    features: &FeaturePair,
+    colliders: [usize; 2],
     q_bar: &[f64],
     frames: &Frames<f64>,
     theta: &[f64],
     param: Option<usize>,
-) -> Option<(Meeting<f64>, Meeting<f64>)> {
+) -> Option<(ContactGeometry<f64>, ContactGeometry<f64>)> {
     let seeded = |k: usize| Dual64::new(theta[k], if Some(k) == param { 1.0 } else { 0.0 });
-    let [a, b]: [Posed<Dual64>; 2] = solids.map(|s| {
-        let solid = &model.solids[s];
-        let pose = pose(solid.carrier, q_bar, frames);
+    let [a, b]: [PlacedCollider<Dual64>; 2] = colliders.map(|s| {
+        let collider = &model.colliders[s];
+        let pose = pose(collider.attachment, q_bar, frames);
         let pose = Pose { rotation: pose.rotation.map(Dual64::from), position: pose.position.map(Dual64::from) };
-        solid.posed(&pose, seeded)
+        collider.placed(&pose, seeded)
     });
-    let m = meet(features, &a, &b).ok()?;
-    let part = |take: fn(&Dual64) -> f64| Meeting {
+    let m = contact_geometry(features, &a, &b).ok()?;
+    let part = |take: fn(&Dual64) -> f64| ContactGeometry {
         gap: take(&m.gap),
         normal: m.normal.map(|x| take(&x)),
         point: m.point.map(|x| take(&x)),

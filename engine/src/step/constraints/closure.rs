@@ -7,7 +7,7 @@ use super::{
     WarmImpulses, cone,
 };
 use crate::bodies::Frames;
-use crate::constraints::{RHO, TieLaw, TieRows, pose, tie_law};
+use crate::constraints::{ClosureLaw, RHO, TieRows, closure_law, pose};
 use crate::step::{Stage, StepError};
 use nalgebra::Vector4;
 use pliant_math::spatial::Force;
@@ -22,17 +22,17 @@ pub(crate) struct Closures {
 }
 
 impl Stage<'_> {
-    fn tie_law(&self, link: &Link, tie: usize) -> TieLaw {
+    fn closure_law(&self, link: &Link, closure: usize) -> ClosureLaw {
         let scales = [self.h, self.options.rest_gap];
-        tie_law(&self.model.ties[tie], link.rho_t, self.theta, scales, self.options.soften)
+        closure_law(&self.model.closures[closure], link.rho_t, self.theta, scales, self.options.regularization)
     }
 }
 
 impl Closures {
     fn rows(&self, k: usize, stage: &Stage, q: &[f64], frames: &Frames<f64>) -> TieRows {
-        let (tie, turn) = self.parts[k];
-        let poses = self.links[k].carriers.map(|c| pose(c, q, frames));
-        stage.model.ties[tie].rows(turn, [&poses[0], &poses[1]], stage.theta)
+        let (closure, turn) = self.parts[k];
+        let poses = self.links[k].attachments.map(|c| pose(c, q, frames));
+        stage.model.closures[closure].rows(turn, [&poses[0], &poses[1]], stage.theta)
     }
 }
 
@@ -40,10 +40,10 @@ impl ConstraintSet for Closures {
     fn find(&mut self, stage: &Stage, _at: &Beginning) {
         self.links.clear();
         self.parts.clear();
-        for (tie, held) in stage.model.ties.iter().enumerate() {
+        for (closure, held) in stage.model.closures.iter().enumerate() {
             for turn in [false, true].into_iter().take(1 + usize::from(held.relative.is_some())) {
-                self.links.push(Link::new(ConstraintId::Closure { tie, turn }, held.carriers, [0; 2]));
-                self.parts.push((tie, turn));
+                self.links.push(Link::new(ConstraintId::Closure { closure, turn }, held.attachments, [0; 2]));
+                self.parts.push((closure, turn));
             }
         }
     }
@@ -52,7 +52,7 @@ impl ConstraintSet for Closures {
         for k in 0..self.links.len() {
             let rows = self.rows(k, stage, stage.q_ref, at.frames);
             let unit = |k: usize| rows.wrench(&Vector4::from_fn(|r, _| f64::from(u8::from(r == k + 1))));
-            let most: f64 = (0..3).map(|i| stage.mobility(self.links[k].carriers, at, &unit(i))).sum();
+            let most: f64 = (0..3).map(|i| stage.mobility(self.links[k].attachments, at, &unit(i))).sum();
             (self.links[k].rho_n, self.links[k].rho_t) = (RHO / most, RHO / most);
         }
     }
@@ -71,7 +71,7 @@ impl ConstraintSet for Closures {
     ) -> Result<(), StepError> {
         for (k, link) in self.links.iter().enumerate() {
             let (rows, w) = (self.rows(k, stage, at.q, at.frames), cone(lambda, k));
-            let f = rows.residual(&stage.tie_law(link, self.parts[k].0), stage.h, &w);
+            let f = rows.residual(&stage.closure_law(link, self.parts[k].0), stage.h, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
             link.push(rows.wrench(&(w - link.linear.inverse * f)), stage.h, loads);
         }
@@ -89,7 +89,7 @@ impl ConstraintSet for Closures {
     ) -> Result<(), StepError> {
         for k in 0..self.links.len() {
             let (rows, w) = (self.rows(k, stage, at.q, at.frames), cone(lambda, k));
-            let law = stage.tie_law(&self.links[k], self.parts[k].0);
+            let law = stage.closure_law(&self.links[k], self.parts[k].0);
             let link = &mut self.links[k];
             link.linear = rows.linearize(&law, stage.h, &w);
             let size = rows.point.map_or(1.0, |x| x.norm()) / stage.h;
@@ -146,25 +146,25 @@ impl ConstraintSet for Closures {
 /// ∂(r, F)/∂θ of a closure: its points and its compliance.
 pub(super) fn visit_inputs(
     record: &ConeRecord,
-    tie: usize,
+    closure: usize,
     turn: bool,
     at: &InputsAt,
     frames: &Frames<f64>,
     visit: &mut dyn FnMut(usize, Input, f64),
 ) {
-    let (tie, h, row) = (&at.model.ties[tie], at.stage.h, record.block.row);
-    let law = tie_law(tie, record.rho[1], at.theta, [h, at.stage.rest_gap], 0.0);
+    let (closure, h, row) = (&at.model.closures[closure], at.stage.h, record.block.row);
+    let law = closure_law(closure, record.rho[1], at.theta, [h, at.stage.rest_gap], 0.0);
     let w = Vec3::new(record.w[1], record.w[2], record.w[3]);
-    if let Some(compliance) = tie.compliance {
+    if let Some(compliance) = closure.compliance {
         (0..3).for_each(|a| visit(row + 1 + a, Input::Theta(compliance), law.rho * w[a] / (h * h)));
     }
     if turn {
         return;
     }
     for (side, sign) in [(0, 1.0), (1, -1.0)] {
-        let pose = pose(tie.carriers[side], at.q, frames);
+        let pose = pose(closure.attachments[side], at.q, frames);
         for axis in 0..3 {
-            let param = Input::Theta(tie.points[side] + axis);
+            let param = Input::Theta(closure.points[side] + axis);
             let moved = pose.rotation.column(axis).into_owned();
             (0..3).for_each(|a| visit(row + 1 + a, param, sign * law.rho / h * moved[a]));
             let wrench = Force { n: moved.cross(&w) * (0.5 / h), f: Vec3::zeros() };

@@ -7,7 +7,7 @@ use super::{Change, ConstraintId, Loads, Slopes};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::{Displacement, Partials, WrenchPartial, moved_along};
 use crate::constraints::{LinkLinear, RHO, node_of};
-use crate::geometry::solid::Carrier;
+use crate::geometry::collider::Attachment;
 use crate::step::Stage;
 use nalgebra::{Matrix6, Vector4, Vector6};
 use pliant_linalg::System;
@@ -21,9 +21,9 @@ pub(crate) type Moved = (Vector6<f64>, Vector6<f64>);
 pub(crate) struct Link {
     pub id: ConstraintId,
     /// The frames it acts on.
-    pub carriers: [Carrier; 2],
+    pub attachments: [Attachment; 2],
     /// Colliders of a contact, in the order of its features; unused by closures.
-    pub solids: [usize; 2],
+    pub colliders: [usize; 2],
     /// Steps of the law \[kg\].
     pub rho_n: f64,
     pub rho_t: f64,
@@ -36,24 +36,24 @@ pub(crate) struct Link {
 
 impl Link {
     /// Before anything but its identity is known.
-    pub fn new(id: ConstraintId, carriers: [Carrier; 2], solids: [usize; 2]) -> Self {
-        Self { id, carriers, solids, rho_n: 0.0, rho_t: 0.0, gap: 0.0, linear: LinkLinear::zero(), rounding: 0.0 }
+    pub fn new(id: ConstraintId, attachments: [Attachment; 2], colliders: [usize; 2]) -> Self {
+        Self { id, attachments, colliders, rho_n: 0.0, rho_t: 0.0, gap: 0.0, linear: LinkLinear::zero(), rounding: 0.0 }
     }
 
     /// Adds the impulse `wrench` on the first frame, and its opposite on the second, as forces over the stage length `h`.
     pub fn push(&self, wrench: Force<f64>, h: f64, loads: &mut Loads) {
         for (side, sign) in [(0, 1.0 / h), (1, -1.0 / h)] {
-            match self.carriers[side] {
-                Carrier::World => {}
-                Carrier::Body(body) => loads.bodies[body] += wrench * sign,
-                Carrier::Node(node) => (0..3).for_each(|a| loads.nodes[3 * node + a] += sign * wrench.f[a]),
+            match self.attachments[side] {
+                Attachment::World => {}
+                Attachment::Body(body) => loads.bodies[body] += wrench * sign,
+                Attachment::Node(node) => (0..3).for_each(|a| loads.nodes[3 * node + a] += sign * wrench.f[a]),
             }
         }
     }
 
     /// Adds to the nodes' own blocks what they do to the constraint.
     pub fn add_node_blocks(&self, h: f64, slopes: &mut Slopes) {
-        for (side, node) in self.carriers.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {
+        for (side, node) in self.attachments.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {
             let sign = if side == 0 { 1.0 } else { -1.0 };
             let rows = |m: Matrix6<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(3 + r, 3 + c)]));
             slopes.dq.add_block(node, node, sign / h, &rows(self.linear.by_displacement(side, true)));
@@ -63,12 +63,12 @@ impl Link {
 
     /// dλ that goes with a change of velocities, for the residual `f`.
     pub fn correct(&self, stage: &Stage, change: &Change, f: &Vector4<f64>) -> Vector4<f64> {
-        self.linear.dw(f, &self.carriers.map(|carrier| stage.moved(carrier, change)))
+        self.linear.dw(f, &self.attachments.map(|attachment| stage.moved(attachment, change)))
     }
 
     /// Calls `add(node, ∂p/∂q⁺/h at fixed λ)` for the nodes among its frames.
     pub fn visit_fixed_blocks(&self, h: f64, add: &mut dyn FnMut(usize, [[f64; 3]; 3])) {
-        for (side, node) in self.carriers.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {
+        for (side, node) in self.attachments.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {
             let (scale, m) = (if side == 0 { 1.0 / h } else { -1.0 / h }, &self.linear.w_xi[side]);
             add(node, std::array::from_fn(|r| std::array::from_fn(|c| scale * m[(3 + r, 3 + c)])));
         }
@@ -77,7 +77,7 @@ impl Link {
     /// How the forces on bodies change with their own bodies, for [`Partials::gather`]; λ following (`condensed`) or fixed.
     pub fn partials(&self, h: f64, condensed: bool) -> impl Iterator<Item = WrenchPartial> {
         [(0, 1.0 / h), (1, -1.0 / h)].into_iter().filter_map(move |(side, scale)| {
-            let Carrier::Body(body) = self.carriers[side] else { return None };
+            let Attachment::Body(body) = self.attachments[side] else { return None };
             Some(WrenchPartial {
                 body,
                 displaced: self.linear.by_displacement(side, condensed) * scale,
@@ -100,8 +100,8 @@ impl Stage<'_> {
     ) {
         let mut nodes: Vec<usize> = Vec::new();
         for link in links.clone() {
-            match (link.carriers[0], link.carriers[1]) {
-                (Carrier::Node(node), Carrier::Body(_)) | (Carrier::Body(_), Carrier::Node(node)) => nodes.push(node),
+            match (link.attachments[0], link.attachments[1]) {
+                (Attachment::Node(node), Attachment::Body(_)) | (Attachment::Body(_), Attachment::Node(node)) => nodes.push(node),
                 _ => {}
             }
         }
@@ -120,11 +120,11 @@ impl Stage<'_> {
         for link in links {
             for side in 0..2 {
                 // rows of `side`, columns of the other
-                let [own, other] = [link.carriers[side], link.carriers[1 - side]];
+                let [own, other] = [link.attachments[side], link.attachments[1 - side]];
                 let scale = if side == 0 { -1.0 / self.h } else { 1.0 / self.h };
                 if !matches!(
                     (own, other),
-                    (Carrier::Body(_) | Carrier::Node(_), Carrier::Body(_)) | (Carrier::Body(_), Carrier::Node(_))
+                    (Attachment::Body(_) | Attachment::Node(_), Attachment::Body(_)) | (Attachment::Body(_), Attachment::Node(_))
                 ) {
                     continue;
                 }
@@ -132,15 +132,15 @@ impl Stage<'_> {
                 let moving = link.linear.by_velocity(1 - side, condensed) * scale;
                 let change = |(xi, v): Moved| displaced * xi + moving * v;
                 match (own, other) {
-                    (Carrier::Body(i), Carrier::Body(l)) => each_column(l, &mut |dof, moved| {
+                    (Attachment::Body(i), Attachment::Body(l)) => each_column(l, &mut |dof, moved| {
                         let d = change(moved);
                         each_row(i, &mut |row, s| out.bodies.add(row, dof, s.dot(&d)));
                     }),
-                    (Carrier::Node(node), Carrier::Body(l)) => each_column(l, &mut |dof, moved| {
+                    (Attachment::Node(node), Attachment::Body(l)) => each_column(l, &mut |dof, moved| {
                         let d = change(moved);
                         (0..3).for_each(|a| out.coupling.add_upper(node, a, dof, d[3 + a]));
                     }),
-                    (Carrier::Body(i), Carrier::Node(node)) => {
+                    (Attachment::Body(i), Attachment::Node(node)) => {
                         for a in 0..3 {
                             let mut unit = Vector6::zeros();
                             unit[3 + a] = 1.0;
@@ -155,15 +155,15 @@ impl Stage<'_> {
     }
 
     /// The displacement of a frame and the change of its velocity that go with a change of velocities.
-    pub(crate) fn moved(&self, carrier: Carrier, change: &Change) -> [Vector6<f64>; 2] {
-        match carrier {
-            Carrier::World => [Vector6::zeros(); 2],
-            Carrier::Node(node) => {
+    pub(crate) fn moved(&self, attachment: Attachment, change: &Change) -> [Vector6<f64>; 2] {
+        match attachment {
+            Attachment::World => [Vector6::zeros(); 2],
+            Attachment::Node(node) => {
                 let d = &change.d[3 * node..3 * node + 3];
                 let v = Vector6::new(0.0, 0.0, 0.0, d[0], d[1], d[2]);
                 [v * (self.h * self.scheme.free.a1), v]
             }
-            Carrier::Body(body) => {
+            Attachment::Body(body) => {
                 let (xi, own) = change.bodies[body];
                 [xi, own + moved_along(&xi, &change.frames.bodies[body].velocity)]
             }

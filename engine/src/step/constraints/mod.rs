@@ -30,7 +30,7 @@ mod node_contact;
 mod record;
 mod warm;
 
-pub(crate) use body_contact::{BodyContacts, FeaturePair, tangents};
+pub(crate) use body_contact::{BodyContact, BodyContacts, tangents};
 pub(crate) use closure::Closures;
 pub(crate) use edge_contact::EdgeContacts;
 pub(crate) use joint::JointConstraints;
@@ -40,7 +40,7 @@ pub(crate) use record::{Block, ConeRecord, ConstraintRecords, DofPartial, Inputs
 pub(crate) use warm::WarmImpulses;
 
 use crate::bodies::Frames;
-use crate::geometry::solid::Feature;
+use crate::geometry::collider::Feature;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix6, Vector4};
 use pliant_linalg::{NodeMatrix, System};
@@ -259,14 +259,14 @@ pub(crate) enum ConstraintId {
         /// Index of the pair.
         pair: usize,
         /// Its features.
-        features: crate::geometry::solid::Spot,
+        features: crate::geometry::collider::FeaturePair,
         /// Whether the pair's second collider is the first of the features.
         swapped: bool,
     },
     /// A loop closure's points, or its axes.
     Closure {
         /// Index of the closure.
-        tie: usize,
+        closure: usize,
         /// Whether it is about the axes.
         turn: bool,
     },
@@ -280,7 +280,7 @@ pub(crate) struct EdgeId {
     /// Index of the group.
     pub group: usize,
     /// Index of the edge or triangle.
-    pub facet: usize,
+    pub element: usize,
     /// Feature of the shape.
     pub feature: Feature,
 }

@@ -5,7 +5,7 @@ use super::{
     Slopes, WarmImpulses, cone,
 };
 use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, weighed};
-use crate::geometry::solid::Carrier;
+use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix3, Vector4};
@@ -168,8 +168,8 @@ impl ConstraintSet for NodeContacts {
                 f_mu: contact.df_dmu,
                 f_kappa: contact.df_dkappa,
                 f_vt: contact.df_dvt,
-                carriers: [Carrier::Node(pair.node), Carrier::World],
-                solids: [0; 2],
+                attachments: [Attachment::Node(pair.node), Attachment::World],
+                colliders: [0; 2],
                 rho: [0.0; 2],
             });
         }

@@ -10,7 +10,7 @@ use super::{ConstraintId, Link, body_contact, closure, edge_contact, node_contac
 use crate::bodies::Frames;
 use crate::bodies::dynamics::Partials;
 use crate::constraints::SLIP;
-use crate::geometry::solid::Carrier;
+use crate::geometry::collider::Attachment;
 use crate::model::Model;
 use crate::step::{Stage, StageRecord};
 use nalgebra::{SMatrix, SVector, Vector4, Vector6};
@@ -54,8 +54,8 @@ pub(crate) struct ConeRecord {
     pub f_kappa: Vector4<f64>,
     pub f_vt: SMatrix<f64, 4, 3>,
     /// Frames and colliders of links.
-    pub carriers: [Carrier; 2],
-    pub solids: [usize; 2],
+    pub attachments: [Attachment; 2],
+    pub colliders: [usize; 2],
     /// Steps of the split law along the normal and across \[kg\].
     pub rho: [f64; 2],
 }
@@ -113,7 +113,7 @@ impl Stage<'_> {
     pub(crate) fn link_dofs(&self, link: &Link, frames: &Frames<f64>, partials: &Partials) -> Vec<LinkDof> {
         let (n, tree, linear) = (self.model.n_node_dofs(), &self.model.tree, &link.linear);
         let mut out: Vec<LinkDof> = Vec::new();
-        let twice = link.carriers.iter().all(|c| matches!(c, Carrier::Body(_)));
+        let twice = link.attachments.iter().all(|c| matches!(c, Attachment::Body(_)));
         let mut add = |row: usize, impulse, with_v: Vector4<f64>, alone: Vector4<f64>| {
             // only two bodies can share degrees of freedom
             match out.iter_mut().filter(|_| twice).find(|d| d.0 == row) {
@@ -126,17 +126,17 @@ impl Stage<'_> {
             }
         };
         for (side, sign) in [(0, 1.0), (1, -1.0)] {
-            match link.carriers[side] {
-                Carrier::World => {}
-                Carrier::Node(node) => (0..3).for_each(|a| {
+            match link.attachments[side] {
+                Attachment::World => {}
+                Attachment::Node(node) => (0..3).for_each(|a| {
                     let xi = linear.f_xi[side].column(3 + a).into_owned();
                     let v = linear.f_v.column(3 + a) * sign;
                     let impulse = linear.w_w.row(3 + a).transpose() * sign;
-                    if !self.model.driven[node] {
+                    if !self.model.prescribed[node] {
                         add(3 * node + a, impulse, xi * (self.h * self.scheme.free.a1) + v, xi);
                     }
                 }),
-                Carrier::Body(body) => {
+                Attachment::Body(body) => {
                     let motion = frames.bodies[body].velocity;
                     for l in tree.chain(tree.last_dof(body)) {
                         let (xi, v): (Vector6<f64>, Vector6<f64>) = partials.change(l, &motion);
@@ -164,8 +164,8 @@ impl Stage<'_> {
             f_mu: linear.f_mu,
             f_kappa: Vector4::zeros(),
             f_vt: linear.f_vt,
-            carriers: link.carriers,
-            solids: link.solids,
+            attachments: link.attachments,
+            colliders: link.colliders,
             rho: [link.rho_n, link.rho_t],
         });
     }
@@ -194,7 +194,7 @@ impl ConeRecord {
     pub fn visit_link_inputs(&self, at: &InputsAt, frames: &Frames<f64>, visit: &mut dyn FnMut(usize, Input, f64)) {
         match self.id {
             ConstraintId::Bodies { pair, features, .. } => body_contact::visit_inputs(self, pair, &features, at, frames, visit),
-            ConstraintId::Closure { tie, turn } => closure::visit_inputs(self, tie, turn, at, frames, visit),
+            ConstraintId::Closure { closure, turn } => closure::visit_inputs(self, closure, turn, at, frames, visit),
             ConstraintId::Node(_) | ConstraintId::Edge(_) => {}
         }
     }
@@ -230,11 +230,11 @@ impl ConeRecord {
     ) {
         let (n, tree) = (model.n_node_dofs(), &model.tree);
         for (side, sign) in [(0, 1.0), (1, -1.0)] {
-            match self.carriers[side] {
-                Carrier::World => {}
-                Carrier::Node(node) if model.driven[node] => {}
-                Carrier::Node(node) => (0..3).for_each(|a| visit(3 * node + a, sign * wrench.f[a])),
-                Carrier::Body(body) => {
+            match self.attachments[side] {
+                Attachment::World => {}
+                Attachment::Node(node) if model.prescribed[node] => {}
+                Attachment::Node(node) => (0..3).for_each(|a| visit(3 * node + a, sign * wrench.f[a])),
+                Attachment::Body(body) => {
                     tree.chain(tree.last_dof(body)).for_each(|l| visit(n + l, sign * frames.axes[l].s.dot(wrench)));
                 }
             }

@@ -56,7 +56,7 @@ impl Attempt {
                 start_warm(stage, ws);
                 let fall = stage.h * stage.theta[stage.model.gravity].abs();
                 if touching && ws.constraints.bodies.closing > NEWTON.colliding * fall {
-                    start_frozen(stage, ws, NEWTON.frozen_starts[0], work);
+                    start_by_gauss_seidel(stage, ws, NEWTON.gauss_seidel_starts[0], work);
                 } else {
                     extrapolate(stage, ws);
                 }
@@ -64,11 +64,11 @@ impl Attempt {
             }
             Self::Regularized => {
                 start_warm(stage, ws);
-                start_frozen(stage, ws, NEWTON.frozen_starts[1], work);
-                newton(&stage.with(|o| o.soften = NEWTON.first_regularization), ws, limit, work)
+                start_by_gauss_seidel(stage, ws, NEWTON.gauss_seidel_starts[1], work);
+                newton(&stage.with(|o| o.regularization = NEWTON.first_regularization), ws, limit, work)
             }
             Self::Continuation => cold(stage, ws, limit, work),
-            Self::Descent => downhill(stage, ws, limit, work),
+            Self::Descent => descent(stage, ws, limit, work),
             Self::Levenberg => damped(stage, ws, limit, work),
         }
     }
@@ -127,7 +127,7 @@ fn extrapolate(stage: &Stage, ws: &mut Workspace) {
         // without momentum a step's velocities begin at none
         if stage.scheme.momentum != 0.0 {
             warm.nodes.extrapolate(1.0 / stage.inertia, nodes);
-            for (k, _) in stage.model.driven_rows.iter().enumerate().filter(|(_, driven)| **driven) {
+            for (k, _) in stage.model.prescribed_rows.iter().enumerate().filter(|(_, prescribed)| **prescribed) {
                 nodes[k] = stage.v_cmd[k];
             }
         }
@@ -136,23 +136,23 @@ fn extrapolate(stage: &Stage, ws: &mut Workspace) {
 }
 
 /// From there to the root of the law at frozen geometry, as often as given, or until it moves little.
-fn start_frozen(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work) {
+fn start_by_gauss_seidel(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work) {
     for _ in 0..times {
         work.factorizations += 1;
-        if !stage.solve_frozen(ws) {
+        if !stage.solve_gauss_seidel(ws) {
             return;
         }
         let change: Vec<f64> = ws.it.v.iter().zip(&ws.newton.trial.v).map(|(v, before)| v - before).collect();
-        if speed(stage, &change) <= NEWTON.frozen_change * speed(stage, &ws.it.v) {
+        if speed(stage, &change) <= NEWTON.gauss_seidel_change * speed(stage, &ws.it.v) {
             return;
         }
     }
 }
 
-/// Velocities of the last step, driven rows at their command.
+/// Velocities of the last step, prescribed rows at their command.
 fn start(stage: &Stage, ws: &mut Workspace) {
-    for (k, &driven) in stage.model.driven_rows.iter().enumerate() {
-        ws.it.v[k] = if driven { stage.v_cmd[k] } else { stage.v_start[k] };
+    for (k, &prescribed) in stage.model.prescribed_rows.iter().enumerate() {
+        ws.it.v[k] = if prescribed { stage.v_cmd[k] } else { stage.v_start[k] };
     }
     let n = stage.model.n_node_dofs();
     ws.it.v[n..].copy_from_slice(&stage.v_start[n..]);
@@ -209,9 +209,9 @@ fn damped(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> R
 }
 
 /// Down the energy by matrices of what resists alone, as far as that leads quickly; the true one finishes.
-fn downhill(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
+fn descent(stage: &Stage, ws: &mut Workspace, limit: usize, work: &mut Work) -> Result<(), Stuck> {
     start_cold(stage, ws);
-    match newton(&stage.with(|o| (o.downhill, o.coarse) = (true, true)), ws, NEWTON.damped_patience * limit, work) {
+    match newton(&stage.with(|o| (o.descent, o.coarse) = (true, true)), ws, NEWTON.damped_patience * limit, work) {
         Ok(()) | Err(Stuck::NoProgress { .. }) => {}
         Err(e) => return Err(e),
     }

@@ -75,7 +75,7 @@ impl From<StepError> for Stuck {
     }
 }
 
-/// Solves the stage from the iterate in `ws.it`, whose driven velocities already are the commanded ones.
+/// Solves the stage from the iterate in `ws.it`, whose prescribed velocities already are the commanded ones.
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
     let precision =
         if stage.options.coarse { stage.model.solver.tolerance.max(NEWTON.coarse) } else { stage.model.solver.tolerance };
@@ -83,11 +83,11 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
     let mut correction = f64::INFINITY;
     ws.newton.nonmonotone = if stage.options.damping == 0.0 { NEWTON.nonmonotone_steps } else { 0 };
 
-    let (mut soften, mut eased) = (stage.options.soften, false);
+    let (mut regularization, mut eased) = (stage.options.regularization, false);
     let patience =
         if by_slope(stage) && stage.options.damping == 0.0 { NEWTON.buckling_patience * max_iterations } else { max_iterations };
     for _ in 0..patience {
-        let stage = &stage.with(|o| o.soften = soften);
+        let stage = &stage.with(|o| o.regularization = regularization);
         work.iterations += 1;
         work.factorizations += 1;
         if !factor(stage, ws, work)? {
@@ -99,20 +99,21 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
         }
         match descend(stage, ws, correction, tolerance, work)? {
             // softened contacts have converged when they have without
-            Descent::Converged if soften > 0.0 && !stage.options.coarse => {
+            Descent::Converged if regularization > 0.0 && !stage.options.coarse => {
                 eased = true;
-                soften = if soften > NEWTON.nearly_hard { soften * NEWTON.regularization_fall } else { 0.0 }
+                regularization =
+                    if regularization > NEWTON.nearly_hard { regularization * NEWTON.regularization_fall } else { 0.0 }
             }
             Descent::Converged => return Ok(()),
-            Descent::Continue(ratio) => soften = fallen(soften, ratio),
+            Descent::Continue(ratio) => regularization = fallen(regularization, ratio),
             // what is left where softened contacts have converged is rounding noise if it is small
             Descent::Soften if eased && correction <= NEWTON.noise * tolerance => return Ok(()),
-            Descent::Soften => soften = (soften * NEWTON.regularization_rise).max(NEWTON.first_regularization),
+            Descent::Soften => regularization = (regularization * NEWTON.regularization_rise).max(NEWTON.first_regularization),
             Descent::Stalled if correction <= NEWTON.noise * tolerance || balanced(stage, ws, correction) => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
-    if stage.scheme != STATIC && !stage.options.coarse && soften == 0.0 && balanced(stage, ws, correction) {
+    if stage.scheme != STATIC && !stage.options.coarse && regularization == 0.0 && balanced(stage, ws, correction) {
         return Ok(());
     }
     Err(Stuck::NoProgress { correction })
@@ -121,9 +122,9 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
 /// Linearizes at the iterate and factors; again with what resists alone, where forces may buckle and the matrix is indefinite: its
 /// direction would lead uphill. False if it is singular.
 fn factor(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<bool, Stuck> {
-    if stage.options.downhill {
+    if stage.options.descent {
         ws.newton.semidefinite = true;
-        stage.linearize_stable(ws)?;
+        stage.linearize_semidefinite(ws)?;
         return Ok(ws.factor.refactor(&ws.k).is_ok());
     }
     stage.linearize_mixed(ws)?;
@@ -134,20 +135,20 @@ fn factor(stage: &Stage, ws: &mut Workspace, work: &mut Work) -> Result<bool, St
     if !ws.newton.semidefinite {
         return Ok(sound);
     }
-    stage.linearize_stable(ws)?;
+    stage.linearize_semidefinite(ws)?;
     work.factorizations += 1;
     Ok(ws.factor.refactor(&ws.k).is_ok())
 }
 
 /// Whether steps are judged by the slope at their end too.
 fn by_slope(stage: &Stage) -> bool {
-    stage.model.buckles() || stage.options.downhill
+    stage.model.buckles() || stage.options.descent
 }
 
 /// A softening after a correction fell by `ratio`.
-fn fallen(soften: f64, ratio: f64) -> f64 {
-    if soften > NEWTON.least_regularization {
-        soften * ratio.clamp(NEWTON.regularization_fall, NEWTON.regularization_hold)
+fn fallen(regularization: f64, ratio: f64) -> f64 {
+    if regularization > NEWTON.least_regularization {
+        regularization * ratio.clamp(NEWTON.regularization_fall, NEWTON.regularization_hold)
     } else {
         0.0
     }
@@ -158,7 +159,7 @@ enum Descent {
     Converged,
     /// A step was taken, and the correction fell by this ratio.
     Continue(f64),
-    /// No step was taken: contacts of solids must be softened.
+    /// No step was taken: contacts of colliders must be softened.
     Soften,
     Stalled,
 }
@@ -176,18 +177,18 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
     loop {
         let mut next = try_step(stage, ws, alpha, work)?;
         // a damped matrix contracts slowly by design: any decrease will do
-        let demanded = if stage.options.damping > 0.0 || stage.options.soften > 0.0 { 0.0 } else { 0.25 * alpha };
+        let demanded = if stage.options.damping > 0.0 || stage.options.regularization > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
         let dare = alpha == 1.0 && !behind && ws.newton.nonmonotone > 0 && next < NEWTON.nonmonotone_growth * norm;
         // where a sheet buckles a step leads downhill, whatever corrections do
         let rise = if by_slope && slope < 0.0 { dot(&ws.r, &ws.newton.d.v) / -slope } else { f64::INFINITY };
-        let downhill = !behind && rise < NEWTON.slope_left;
+        let descent = !behind && rise < NEWTON.slope_left;
         if rise < -NEWTON.slope_left && alpha < longest && norm > tolerance {
             alpha *= 2.0;
             continue;
         }
-        if next.is_finite() && (monotone || dare || downhill) {
-            ws.newton.nonmonotone -= usize::from(!monotone && !downhill);
+        if next.is_finite() && (monotone || dare || descent) {
+            ws.newton.nonmonotone -= usize::from(!monotone && !descent);
             accept(ws);
             if alpha == 1.0 && monotone {
                 next = secant::improve(stage, ws);
@@ -219,7 +220,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 // rounding noise: the last correction was already below the tolerance
                 return Ok(if settled(stage, ws) { Descent::Converged } else { Descent::Stalled });
             }
-            if alpha == 1.0 && stage.options.soften < NEWTON.most_regularization && ws.constraints.any_listed() {
+            if alpha == 1.0 && stage.options.regularization < NEWTON.most_regularization && ws.constraints.any_listed() {
                 return Ok(Descent::Soften);
             }
             longest = 0.0;

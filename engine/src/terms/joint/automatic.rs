@@ -300,7 +300,7 @@ impl<L: JointLaw> JointTerm for AutomaticJoint<L> {
         }
     }
 
-    fn is_driven(&self) -> bool {
+    fn is_prescribed(&self) -> bool {
         self.elements.iter().any(|e| !e.controls.is_empty())
     }
 

@@ -58,7 +58,7 @@ impl JointTerm for GravityCompensation {
         }
     }
 
-    fn is_driven(&self) -> bool {
+    fn is_prescribed(&self) -> bool {
         false
     }
 

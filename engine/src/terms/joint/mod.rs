@@ -56,7 +56,7 @@ pub trait JointTerm: Debug + Send + Sync {
     fn visit_inputs(&self, at: &JointPoint, all: bool, visit: &mut dyn FnMut(usize, Input, f64));
 
     /// Whether the force depends on controls.
-    fn is_driven(&self) -> bool;
+    fn is_prescribed(&self) -> bool;
 
     /// Calls `visit(degree of freedom, input, ∂f/∂input)` for every internal variable (`Z`) and coordinate (`Q`) at the beginning of
     /// the step that the force depends on.

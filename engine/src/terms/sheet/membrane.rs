@@ -1,6 +1,6 @@
 //! Elastic stretching and shearing of a triangle in its plane.
 
-use super::membrane_pieces::{self as pieces, Geometric, Wanted};
+use super::membrane_simd::{self as pieces, Geometric, Wanted};
 use super::triangle::{Face, Sym, gradient, hats, pulled};
 use crate::terms::{Automatic, Element, Law, Point, Term, contraction};
 use pliant_linalg::{NodeMatrix, Places};

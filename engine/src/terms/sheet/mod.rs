@@ -15,11 +15,11 @@ mod face_drag;
 mod fold;
 mod membrane;
 mod membrane_damping;
-mod membrane_pieces;
+mod membrane_simd;
 mod patch;
 mod plate;
 mod plate_damping;
-mod plate_pieces;
+mod plate_simd;
 mod seams;
 mod triangle;
 

@@ -2,7 +2,7 @@
 
 use super::fold::Fold;
 use super::patch::{Each, FLAPS, NODES, Patch, Shape, Spread, times};
-use super::plate_pieces::Pieces;
+use super::plate_simd::Pieces;
 use super::seams::Seams;
 use crate::terms::{Automatic, Element, Law, Point, Term};
 use pliant_linalg::{NodeMatrix, Places};

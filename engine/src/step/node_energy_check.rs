@@ -23,7 +23,7 @@ use pliant_scene::Integrator;
 
 /// A (sub)step that has been taken.
 #[derive(Clone, Copy)]
-pub(super) struct Passed<'a> {
+pub(super) struct SubstepResult<'a> {
     pub before: &'a State,
     pub after: &'a State,
     pub h: f64,
@@ -46,7 +46,7 @@ pub(super) struct Created {
 /// What the last halves of a step have created, and what was at hand as the first of them began \[J\]; and what those of the steps right
 /// before it have left, and the most that was at hand since.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unsound {
+pub(super) struct EnergyAccumulator {
     halves: usize,
     created: f64,
     by_contact: f64,
@@ -65,7 +65,7 @@ pub(super) struct Run {
     end: State,
 }
 
-impl Unsound {
+impl EnergyAccumulator {
     /// At the beginning of a step from a state.
     pub(super) fn after(run: Option<Run>, state: &State) -> Self {
         let before = run.filter(|run| run.end == *state);
@@ -123,7 +123,7 @@ impl Done {
 
 impl Stepper<'_> {
     /// What a step created of energy of nodes, where it is looked at: at most, or without the work of others, as it is for the last halves.
-    pub(super) fn created_by_nodes(&mut self, step: &Passed, last: bool) -> Option<Created> {
+    pub(super) fn created_by_nodes(&mut self, step: &SubstepResult, last: bool) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again
         let searched = if self.model.buckles() { STEP.searched_of_sheets } else { STEP.searched };
@@ -174,17 +174,17 @@ impl Stepper<'_> {
         largest.filter(|(by, _)| *by > 0.0).map_or_else(|| "bending and twist of rods".to_owned(), |(_, name)| name)
     }
 
-    fn in_two_stages(&self, step: &Passed) -> bool {
+    fn in_two_stages(&self, step: &SubstepResult) -> bool {
         self.model.integrator == Integrator::Sdirk2 && !step.by_euler
     }
 
     /// Free rows of nodes and twists, and their mass.
     fn free_rows(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.masses.rows.iter().copied().enumerate().filter(|(k, _)| !self.model.driven_rows[*k])
+        self.masses.rows.iter().copied().enumerate().filter(|(k, _)| !self.model.prescribed_rows[*k])
     }
 
     /// Elastic energy, and all potential energy, of nodes before and after \[J\].
-    fn energies(&mut self, step: &Passed) -> [[f64; 2]; 2] {
+    fn energies(&mut self, step: &SubstepResult) -> [[f64; 2]; 2] {
         let mut point = std::mem::take(&mut self.rod_point);
         let rods = &self.model.rods;
         let of = [step.before, step.after].map(|x| {
@@ -204,12 +204,12 @@ impl Stepper<'_> {
 
     /// Whether nodes may touch shapes, all of which stand still, and nothing else acts on them but forces and hands.
     fn touches_what_stands_still(&self) -> bool {
-        let shapes = !self.model.pairs.is_empty() || !self.model.facet_groups.is_empty();
+        let shapes = !self.model.pairs.is_empty() || !self.model.element_groups.is_empty();
         shapes && self.model.tree.nv() == 0 && self.model.grasps.is_empty()
     }
 
     /// Σ b h v̄·(m a − f) of inner forces, and of all on free rows.
-    fn work(&self, step: &Passed) -> Done {
+    fn work(&self, step: &SubstepResult) -> Done {
         let (n, h, gamma) = (self.model.n_node_dofs(), step.h, SDIRK_GAMMA);
         let ([q, v], [q_next, v_next]) = ([&step.before.q, &step.before.v], [&step.after.q, &step.after.v]);
         let from = |k: usize| v[k];
@@ -226,12 +226,12 @@ impl Stepper<'_> {
             return self.part_of_work(step, &euler);
         }
         let q_bar: Vec<f64> = (0..n).map(|k| 0.5 * (q[k] + q_next[k])).collect();
-        let of_driven = |k: usize| self.model.driven_rows[k];
-        let v_bar: Vec<f64> = (0..n).map(|k| if of_driven(k) { v_next[k] } else { 0.5 * (v[k] + v_next[k]) }).collect();
+        let of_prescribed = |k: usize| self.model.prescribed_rows[k];
+        let v_bar: Vec<f64> = (0..n).map(|k| if of_prescribed(k) { v_next[k] } else { 0.5 * (v[k] + v_next[k]) }).collect();
         self.part_of_work(step, &Part { q_bar: &q_bar, v_bar: &v_bar, ..euler })
     }
 
-    fn part_of_work(&self, step: &Passed, part: &Part) -> Done {
+    fn part_of_work(&self, step: &SubstepResult, part: &Part) -> Done {
         let mut f = vec![0.0; self.model.nv()];
         let at = Point { q: part.q_bar, v: part.v_bar, theta: self.theta };
         let add = |inner: bool, f: &mut [f64]| {
@@ -253,7 +253,7 @@ impl Stepper<'_> {
     }
 
     /// Sections as they were when the step began, with no time to forget.
-    fn as_begun<'a>(&'a self, step: &'a Passed) -> Remembered<'a> {
+    fn as_begun<'a>(&'a self, step: &'a SubstepResult) -> Remembered<'a> {
         Remembered { past: &self.rod_past, z: &step.before.z, elapsed: STEP.at_once * step.h }
     }
 
@@ -280,7 +280,7 @@ mod tests {
     fn a_little_in_each_of_many_steps_is_too_much() {
         let (end, elsewhere) = (State::default(), State { q: vec![1.0], ..State::default() });
         let step = |run: Option<Run>, from: &State, energies: &[f64]| {
-            let mut unsound = Unsound::after(run, from);
+            let mut unsound = EnergyAccumulator::after(run, from);
             energies.iter().for_each(|e| unsound.add(half(*e)));
             (unsound.excess().is_some(), unsound.run_to(&end))
         };

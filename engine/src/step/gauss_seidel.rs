@@ -1,4 +1,4 @@
-//! A start for Newton's method where contacts of solids are made or change: their law at frozen geometry.
+//! A start for Newton's method where contacts of colliders are made or change: their law at frozen geometry.
 //!
 //! With K of everything but the contacts, factored once where the stage begins, velocities and relative velocities at the contacts are
 //! affine in the impulses p,
@@ -11,18 +11,18 @@
 //! Reference: J. J. Moreau (1999), Comput. Methods Appl. Mech. Engrg. 177, for the sweeps.
 
 use super::{Stage, StepError, Workspace};
-use crate::geometry::solid::Carrier;
+use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
-use crate::step::constraints::{Change, Evaluation, FeaturePair, tangents};
+use crate::step::constraints::{BodyContact, Change, Evaluation, tangents};
 use nalgebra::Vector6;
 use pliant_math::Vec3;
 use pliant_math::spatial::Force;
 
 /// What the start keeps between stages.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct FrozenWorkspace {
+pub(crate) struct GaussSeidelWorkspace {
     /// Contacts, in their order: μ, compliance over h², axes and the point they meet at.
-    points: Vec<FrozenPoint>,
+    points: Vec<GaussSeidelPoint>,
     /// Y, row-major, and G by columns.
     response: Vec<f64>,
     delassus: Vec<f64>,
@@ -33,9 +33,9 @@ pub(crate) struct FrozenWorkspace {
 }
 
 #[derive(Clone, Debug)]
-struct FrozenPoint {
+struct GaussSeidelPoint {
     mu: f64,
-    give: f64,
+    compliance_per_h2: f64,
     axes: [Vec3<f64>; 3],
     point: Vec3<f64>,
 }
@@ -43,12 +43,12 @@ struct FrozenPoint {
 impl Stage<'_> {
     /// Takes the iterate to the root of the law at the geometry it has there. False, and the iterate unchanged, if there is none; what it
     /// was is in `ws.trial`.
-    pub(crate) fn solve_frozen(&self, ws: &mut Workspace) -> bool {
+    pub(crate) fn solve_gauss_seidel(&self, ws: &mut Workspace) -> bool {
         ws.newton.trial.clone_from(&ws.it);
         let [_, first, end, _] = ws.constraints.starts();
         ws.it.lambda[first..end].fill(0.0);
         let mut part = std::mem::take(&mut ws.frozen);
-        let linear = self.with(|o| o.absent = true).linearize_mixed(ws).is_ok() && ws.factor.refactor(&ws.k).is_ok();
+        let linear = self.with(|o| o.disabled = true).linearize_mixed(ws).is_ok() && ws.factor.refactor(&ws.k).is_ok();
         let solved = linear && self.list_frozen(&mut part, ws).is_ok() && self.meet_frozen(&mut part, ws);
         ws.frozen = part;
         if !solved {
@@ -58,7 +58,7 @@ impl Stage<'_> {
     }
 
     /// Sweeps over the contacts listed, and moves the iterate; false if it leaves what is finite.
-    fn meet_frozen(&self, part: &mut FrozenWorkspace, ws: &mut Workspace) -> bool {
+    fn meet_frozen(&self, part: &mut GaussSeidelWorkspace, ws: &mut Workspace) -> bool {
         let (n, nv) = (3 * part.points.len(), ws.newton.d.v.len());
         // r₀ moves the bodies
         let mut d = std::mem::take(&mut ws.newton.d.v);
@@ -97,7 +97,7 @@ impl Stage<'_> {
         for (c, ((link, contact), at)) in ws.constraints.bodies.each().zip(&part.points).enumerate() {
             let law = self.body_contact_law(link, contact.pair);
             let p = &part.p[3 * c..3 * c + 3];
-            let (z, rk) = (p[0] - law.at.rho_n * (part.u[3 * c] + at.give * p[0]), law.at.rho_n * law.at.kappa);
+            let (z, rk) = (p[0] - law.at.rho_n * (part.u[3 * c] + at.compliance_per_h2 * p[0]), law.at.rho_n * law.at.kappa);
             let root = (z * z + 4.0 * rk).sqrt();
             let normal = if z > 0.0 { 0.5 * (z + root) } else { 2.0 * rk / (root - z) };
             let share = if at.mu > 0.0 { 1.0 / at.mu } else { 0.0 };
@@ -108,32 +108,37 @@ impl Stage<'_> {
     }
 
     /// The contacts, u where the linearization is, and p from the impulses that `ws.trial` keeps.
-    fn list_frozen(&self, part: &mut FrozenWorkspace, ws: &Workspace) -> Result<(), StepError> {
+    fn list_frozen(&self, part: &mut GaussSeidelWorkspace, ws: &Workspace) -> Result<(), StepError> {
         part.points.clear();
         part.u.clear();
         part.p.clear();
         let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames };
         let [_, first, ..] = ws.constraints.starts();
-        for (k, (link, FeaturePair { pair, features })) in ws.constraints.bodies.each().enumerate() {
-            let meeting = self.meeting(link, features, &at)?;
-            let sliding = link.sliding(&meeting, &at);
+        for (k, (link, BodyContact { pair, features })) in ws.constraints.bodies.each().enumerate() {
+            let geometry = self.geometry(link, features, &at)?;
+            let sliding = link.sliding(&geometry, &at);
             let law = self.body_contact_law(link, *pair);
-            let [s, t] = tangents(&meeting.normal);
+            let [s, t] = tangents(&geometry.normal);
             let (mu, w) = (law.at.mu, &ws.newton.trial.lambda[first + 4 * k..first + 4 * k + 4]);
             let across = Vec3::new(w[1], w[2], w[3]) * mu;
-            part.points.push(FrozenPoint { mu, give: law.at.give, axes: [meeting.normal, s, t], point: meeting.point });
-            part.u.extend([meeting.gap / self.h, sliding.velocity.dot(&s), sliding.velocity.dot(&t)]);
+            part.points.push(GaussSeidelPoint {
+                mu,
+                compliance_per_h2: law.at.compliance_per_h2,
+                axes: [geometry.normal, s, t],
+                point: geometry.point,
+            });
+            part.u.extend([geometry.gap / self.h, sliding.velocity.dot(&s), sliding.velocity.dot(&t)]);
             part.p.extend([w[0], across.dot(&s), across.dot(&t)]);
         }
         Ok(())
     }
 
     /// Changes of u that go with the change `d` of velocities; the columns must be those of K.
-    fn relative(&self, d: &[f64], points: &[FrozenPoint], ws: &Workspace, out: &mut [f64]) {
+    fn relative(&self, d: &[f64], points: &[GaussSeidelPoint], ws: &Workspace, out: &mut [f64]) {
         let moved = ws.bodies.partials.carry(&self.model.tree, &d[self.model.n_node_dofs()..]);
         let change = Change { d, bodies: &moved, frames: &ws.bodies.frames };
         for ((at, link), u) in points.iter().zip(&ws.constraints.bodies.links).zip(out.chunks_exact_mut(3)) {
-            let [a, b] = link.carriers.map(|c| self.moved(c, &change));
+            let [a, b] = link.attachments.map(|c| self.moved(c, &change));
             let along = |x: Vector6<f64>, axis: &Vec3<f64>| column_dot(&x, &Force::at(&at.point, *axis));
             u[0] = along(a[0] - b[0], &at.axes[0]) / self.h;
             u[1] = along(a[1] - b[1], &at.axes[1]);
@@ -144,12 +149,12 @@ impl Stage<'_> {
     /// Generalized forces of a wrench on the first collider of a contact and its opposite on the second.
     fn spread(&self, wrench: &Force<f64>, contact: usize, ws: &Workspace, add: &mut dyn FnMut(usize, f64)) {
         let n = self.model.n_node_dofs();
-        for (carrier, sign) in ws.constraints.bodies.links[contact].carriers.iter().zip([1.0, -1.0]) {
-            match *carrier {
-                Carrier::World => {}
-                Carrier::Node(node) if self.model.driven[node] => {}
-                Carrier::Node(node) => (0..3).for_each(|a| add(3 * node + a, sign * wrench.f[a])),
-                Carrier::Body(body) => {
+        for (attachment, sign) in ws.constraints.bodies.links[contact].attachments.iter().zip([1.0, -1.0]) {
+            match *attachment {
+                Attachment::World => {}
+                Attachment::Node(node) if self.model.prescribed[node] => {}
+                Attachment::Node(node) => (0..3).for_each(|a| add(3 * node + a, sign * wrench.f[a])),
+                Attachment::Body(body) => {
                     let tree = &self.model.tree;
                     tree.chain(tree.last_dof(body)).for_each(|l| add(n + l, sign * ws.bodies.frames.axes[l].s.dot(wrench)));
                 }
@@ -158,7 +163,7 @@ impl Stage<'_> {
     }
 }
 
-impl FrozenWorkspace {
+impl GaussSeidelWorkspace {
     /// Sweeps until impulses change little.
     fn sweep(&mut self) {
         let n = self.p.len();
@@ -168,7 +173,7 @@ impl FrozenWorkspace {
                 let k = 3 * c;
                 let g = |a: usize| self.delassus[(k + a) * n + k + a].max(f64::MIN_POSITIVE);
                 let old = [self.p[k], self.p[k + 1], self.p[k + 2]];
-                let normal = (old[0] - (self.u[k] + at.give * old[0]) / (g(0) + at.give)).max(0.0);
+                let normal = (old[0] - (self.u[k] + at.compliance_per_h2 * old[0]) / (g(0) + at.compliance_per_h2)).max(0.0);
                 add_column(&mut self.u, &self.delassus, k, normal - old[0]);
                 let stiff = 1.0 / g(1).max(g(2));
                 let mut across = [1, 2].map(|a| old[a] - self.u[k + a] * stiff);

@@ -11,7 +11,7 @@
 
 use super::Stepper;
 use crate::constraints::{of_nodes, weighed};
-use crate::geometry::facet::nearest;
+use crate::geometry::element::nearest;
 use crate::step::constants::STEP;
 use pliant_math::{State, Vec3};
 
@@ -33,22 +33,22 @@ impl Stepper<'_> {
                     pierced && reference.gap < begin.gap || leaves && begin.normal.dot(&at(&start.v, node)) < -slow
                 })
         });
-        of_nodes || self.facets_thrown_back(start, slow)
+        of_nodes || self.elements_thrown_back(start, slow)
     }
 
-    /// The same of edges and triangles that leave what they hit; those that go through it are seen by [`Stepper::facets_pierced`].
-    fn facets_thrown_back(&self, start: &State, slow: f64) -> bool {
+    /// The same of edges and triangles that leave what they hit; those that go through it are seen by [`Stepper::elements_pierced`].
+    fn elements_thrown_back(&self, start: &State, slow: f64) -> bool {
         let [.., first] = self.ws.constraints.starts();
         let edges = &self.ws.constraints.edges;
         edges.contacts.iter().zip(self.ws.it.lambda[first..].chunks_exact(4)).any(|(contact, w)| {
             let at = contact.id;
-            let facet = &self.model.facets[at.facet];
-            let lightest = facet.corners().iter().fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
+            let element = &self.model.elements[at.element];
+            let lightest = element.corners().iter().fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
             // along the normal, of the point that is nearest
             let speed = |q: &[f64], v: &[f64]| {
-                let x = of_nodes(facet, q);
-                let found = nearest(&x[..facet.count], self.theta[facet.radius], at.feature, &edges.fixed[at.group]).ok()?;
-                let v = of_nodes(facet, v);
+                let x = of_nodes(element, q);
+                let found = nearest(&x[..element.count], self.theta[element.radius], at.feature, &edges.fixed[at.group]).ok()?;
+                let v = of_nodes(element, v);
                 Some(v.iter().zip(found.weights).map(|(v, weight)| weight * v.dot(&found.normal)).sum::<f64>())
             };
             w[0] > slow * lightest
@@ -58,13 +58,13 @@ impl Stepper<'_> {
     }
 
     /// Whether an edge or triangle had gone through a shape where the second stage began, further than where the step did.
-    pub(super) fn facets_pierced(&self, start: &State, h: f64) -> bool {
+    pub(super) fn elements_pierced(&self, start: &State, h: f64) -> bool {
         let slow = self.slow(h);
         let edges = &self.ws.constraints.edges;
         edges.contacts.iter().any(|contact| {
             let at = contact.id;
-            let (facet, shape) = (&self.model.facets[at.facet], &edges.fixed[at.group]);
-            let begin = || nearest(&of_nodes(facet, &start.q)[..facet.count], self.theta[facet.radius], at.feature, shape);
+            let (element, shape) = (&self.model.elements[at.element], &edges.fixed[at.group]);
+            let begin = || nearest(&of_nodes(element, &start.q)[..element.count], self.theta[element.radius], at.feature, shape);
             contact.gap < -slow * h && begin().is_ok_and(|begin| contact.gap < begin.gap)
         })
     }

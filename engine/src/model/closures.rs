@@ -1,8 +1,8 @@
 //! From a scene's closures to ties.
 
 use super::Model;
-use crate::constraints::{Tie, WEIGHT, pose};
-use crate::geometry::solid::{Carrier, Pose};
+use crate::constraints::{LoopClosure, WEIGHT, pose};
+use crate::geometry::collider::{Attachment, Pose};
 use pliant_math::Vec3;
 use pliant_math::params::{ANY, NON_NEGATIVE};
 use pliant_scene::{Closure, ClosureKind, Mistake, Scene, SceneError};
@@ -12,15 +12,15 @@ const OPEN: f64 = 1e-6;
 
 impl Model {
     /// Adds what holds bodies together beside joints; their second points are where the first ones are as the scene begins.
-    pub(super) fn add_ties(&mut self, scene: &Scene) -> Result<(), SceneError> {
+    pub(super) fn add_closures(&mut self, scene: &Scene) -> Result<(), SceneError> {
         let weights = self.body_weights();
         let frames = self.tree.frames(&self.q0[self.n_node_dofs()..], &vec![0.0; self.tree.nv()]);
         for (k, closure) in scene.closure.iter().enumerate() {
-            let carrier = |name: &Option<String>| {
-                name.as_deref().and_then(|name| self.tree.body(name)).map_or(Carrier::World, Carrier::Body)
+            let attachment = |name: &Option<String>| {
+                name.as_deref().and_then(|name| self.tree.body(name)).map_or(Attachment::World, Attachment::Body)
             };
-            let carriers = [carrier(&Some(closure.body.clone())), carrier(&closure.to)];
-            let poses = carriers.map(|c| pose(c, &self.q0, &frames));
+            let attachments = [attachment(&Some(closure.body.clone())), attachment(&closure.to)];
+            let poses = attachments.map(|c| pose(c, &self.q0, &frames));
             let second = second_point(closure, &poses, &format!("closure[{k}]"))?;
             let points = [("first", closure.point), ("second", second)].map(|(side, point)| {
                 let first = self.params.len();
@@ -31,14 +31,14 @@ impl Model {
             });
             let compliance =
                 closure.compliance.map(|c| self.params.push(format!("{}.compliance", closure.name), "m/N", NON_NEGATIVE, c));
-            let weight = |c: Carrier| if let Carrier::Body(b) = c { WEIGHT * weights[b].max(1e-9) } else { f64::INFINITY };
-            self.ties.push(Tie {
+            let weight = |c: Attachment| if let Attachment::Body(b) = c { WEIGHT * weights[b].max(1e-9) } else { f64::INFINITY };
+            self.closures.push(LoopClosure {
                 name: closure.name.clone(),
-                carriers,
+                attachments,
                 points,
                 relative: (closure.kind == ClosureKind::Weld).then(|| poses[1].rotation.transpose() * poses[0].rotation),
                 compliance,
-                weight: weight(carriers[0]).min(weight(carriers[1])),
+                weight: weight(attachments[0]).min(weight(attachments[1])),
             });
         }
         Ok(())

@@ -1,12 +1,12 @@
 //! The gap between two features in closed form, for any scalar.
 
-use super::{Feature, Form, Posed, Spot};
+use super::{ColliderShape, Feature, FeaturePair, PlacedCollider};
 use crate::geometry::MIN_DISTANCE;
 use pliant_math::{Real, Vec3};
 
 /// Where and how two features meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting<S> {
+pub struct ContactGeometry<S> {
     /// Distance of the surfaces \[m\], negative in penetration.
     pub gap: S,
     /// Unit normal, from the second solid to the first.
@@ -17,12 +17,16 @@ pub struct Meeting<S> {
 
 /// Gap, normal and point of two features; the distance \[m\] where it is too small for a normal.
 ///
-/// Point against face, line against line and rim against face are smooth; distances to whole solids are C¹ (their curvature jumps
+/// Point against face, line against line and rim against face are smooth; distances to whole colliders are C¹ (their curvature jumps
 /// from a face to an edge), and continuous only inside a block or cylinder.
-pub fn meet<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting<S>, f64> {
-    match (spot.first, spot.second) {
+pub fn contact_geometry<S: Real>(
+    feature_pair: &FeaturePair,
+    a: &PlacedCollider<S>,
+    b: &PlacedCollider<S>,
+) -> Result<ContactGeometry<S>, f64> {
+    match (feature_pair.first, feature_pair.second) {
         (Feature::Rim(side), Feature::Face(k, s)) => rim_face(a, side, b.face(k, s)),
-        (Feature::Axis | Feature::Edge(..), Feature::Axis | Feature::Edge(..)) => line_line(spot, a, b),
+        (Feature::Axis | Feature::Edge(..), Feature::Axis | Feature::Edge(..)) => line_line(feature_pair, a, b),
         (first, Feature::Face(k, s)) => Ok(point_face(a.point(first), a.roundness(first), b.face(k, s))),
         (first, Feature::Side) => point_side(a.point(first), a.roundness(first), b),
         (first, _) => point_whole(a.point(first), a.roundness(first), b),
@@ -30,23 +34,24 @@ pub fn meet<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting<
 }
 
 /// The centre of the ball that a spot's first feature is \[m\], if it stays where it is in its solid and the second is a face.
-pub(crate) fn point_over_face(spot: &Spot, a: &Posed<f64>, b: &Posed<f64>) -> Option<Vec3<f64>> {
-    let point = !matches!(spot.first, Feature::Rim(_) | Feature::Axis | Feature::Edge(..));
-    let face = matches!(spot.second, Feature::Face(..)) || (spot.second == Feature::Whole && b.form == Form::HalfSpace);
-    (point && face).then(|| a.point(spot.first))
+pub(crate) fn point_over_face(feature_pair: &FeaturePair, a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> Option<Vec3<f64>> {
+    let point = !matches!(feature_pair.first, Feature::Rim(_) | Feature::Axis | Feature::Edge(..));
+    let face = matches!(feature_pair.second, Feature::Face(..))
+        || (feature_pair.second == Feature::Whole && b.form == ColliderShape::HalfSpace);
+    (point && face).then(|| a.point(feature_pair.first))
 }
 
 /// The middle between the surfaces of a ball of radius `r` at `x` and of what is `gap` beyond it against the normal.
-fn middle<S: Real>(x: Vec3<S>, r: S, gap: S, normal: Vec3<S>) -> Meeting<S> {
-    Meeting { gap, normal, point: x - normal * (r + gap * 0.5) }
+fn middle<S: Real>(x: Vec3<S>, r: S, gap: S, normal: Vec3<S>) -> ContactGeometry<S> {
+    ContactGeometry { gap, normal, point: x - normal * (r + gap * 0.5) }
 }
 
-fn point_face<S: Real>(x: Vec3<S>, r: S, (at, normal): (Vec3<S>, Vec3<S>)) -> Meeting<S> {
+fn point_face<S: Real>(x: Vec3<S>, r: S, (at, normal): (Vec3<S>, Vec3<S>)) -> ContactGeometry<S> {
     middle(x, r, (x - at).dot(&normal) - r, normal)
 }
 
 /// A ball against what is at the distance `d` (a vector to its centre), thick by `thickness`.
-fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<Meeting<S>, f64> {
+fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<ContactGeometry<S>, f64> {
     let distance = d.dot(&d).sqrt();
     if distance.re() < MIN_DISTANCE || !distance.re().is_finite() {
         return Err(distance.re());
@@ -55,22 +60,22 @@ fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<Meeting<
 }
 
 /// Against the endless side of a cylinder.
-fn point_side<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+fn point_side<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
     let (d, axis) = (x - b.position, b.axis(2));
     apart(x, r, d - axis * d.dot(&axis), b.sizes[0])
 }
 
-fn point_whole<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+fn point_whole<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
     match b.form {
-        Form::HalfSpace => Ok(point_face(x, r, b.face(2, 1))),
-        Form::Ball => apart(x, r, x - b.position, b.sizes[0]),
-        Form::Capsule => {
+        ColliderShape::HalfSpace => Ok(point_face(x, r, b.face(2, 1))),
+        ColliderShape::Ball => apart(x, r, x - b.position, b.sizes[0]),
+        ColliderShape::Capsule => {
             let (d, axis) = (x - b.position, b.axis(2));
             let along = clamp(d.dot(&axis), b.sizes[1]);
             apart(x, r, d - axis * along, b.sizes[0])
         }
-        Form::Block => point_block(x, r, b),
-        Form::Cylinder => point_cylinder(x, r, b),
+        ColliderShape::Block => point_block(x, r, b),
+        ColliderShape::Cylinder => point_cylinder(x, r, b),
     }
 }
 
@@ -83,7 +88,7 @@ fn clamp<S: Real>(y: S, half: S) -> S {
     }
 }
 
-fn point_block<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+fn point_block<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
     let y = b.local(&x);
     let d: Vec3<S> = Vec3::from_fn(|k, _| y[k] - clamp(y[k], b.sizes[k]));
     let outside: Vec<usize> = (0..3).filter(|&k| y[k].re().abs() > b.sizes[k].re()).collect();
@@ -98,7 +103,7 @@ fn point_block<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f6
     Ok(point_face(x, r, b.face(k as u8, side)))
 }
 
-fn point_cylinder<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>, f64> {
+fn point_cylinder<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
     let y = b.local(&x);
     let radial = (y[0].re() * y[0].re() + y[1].re() * y[1].re()).sqrt();
     let (beside, beyond) = (radial - b.sizes[0].re(), y[2].re().abs() - b.sizes[1].re());
@@ -118,7 +123,7 @@ fn point_cylinder<S: Real>(x: Vec3<S>, r: S, b: &Posed<S>) -> Result<Meeting<S>,
 }
 
 /// The deepest point of a rim over a face: n·c − R √(1 − (n·a)²).
-fn rim_face<S: Real>(a: &Posed<S>, side: i8, (at, normal): (Vec3<S>, Vec3<S>)) -> Result<Meeting<S>, f64> {
+fn rim_face<S: Real>(a: &PlacedCollider<S>, side: i8, (at, normal): (Vec3<S>, Vec3<S>)) -> Result<ContactGeometry<S>, f64> {
     let axis = a.axis(2);
     let center = a.position + axis * (a.sizes[1] * f64::from(side));
     let across = axis * axis.dot(&normal) - normal;
@@ -132,8 +137,12 @@ fn rim_face<S: Real>(a: &Posed<S>, side: i8, (at, normal): (Vec3<S>, Vec3<S>)) -
 
 /// Two endless lines, each thick by its roundness; the normal is that of their common perpendicular which points from the second
 /// solid's middle to the first's side.
-fn line_line<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting<S>, f64> {
-    let ((p, d), (q, e)) = (a.line(spot.first), b.line(spot.second));
+fn line_line<S: Real>(
+    feature_pair: &FeaturePair,
+    a: &PlacedCollider<S>,
+    b: &PlacedCollider<S>,
+) -> Result<ContactGeometry<S>, f64> {
+    let ((p, d), (q, e)) = (a.line(feature_pair.first), b.line(feature_pair.second));
     let cross = d.cross(&e);
     let sine = cross.dot(&cross).sqrt();
     if sine.re() < MIN_DISTANCE || !sine.re().is_finite() {
@@ -141,29 +150,35 @@ fn line_line<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>) -> Result<Meeting
     }
     let mut normal = cross * sine.recip();
     let between = p - q;
-    if outward(spot, a, b, &normal, &between) < 0.0 {
+    if outward(feature_pair, a, b, &normal, &between) < 0.0 {
         normal = -normal;
     }
     // nearest points p + s d, q + t e
     let sine2 = sine * sine;
     let s = -between.cross(&e).dot(&cross) / sine2;
     let t = -between.cross(&d).dot(&cross) / sine2;
-    let (ra, rb) = (a.roundness(spot.first), b.roundness(spot.second));
+    let (ra, rb) = (a.roundness(feature_pair.first), b.roundness(feature_pair.second));
     let (x, y) = (p + d * s, q + e * t);
     let gap = between.dot(&normal) - ra - rb;
-    Ok(Meeting { gap, normal, point: (x - normal * ra + y + normal * rb) * S::from(0.5) })
+    Ok(ContactGeometry { gap, normal, point: (x - normal * ra + y + normal * rb) * S::from(0.5) })
 }
 
 /// Positive if `normal` points out of the second solid at its edge (or, for an axis, into the first from its edge); between two axes,
 /// from one line to the other.
-fn outward<S: Real>(spot: &Spot, a: &Posed<S>, b: &Posed<S>, normal: &Vec3<S>, between: &Vec3<S>) -> f64 {
-    let corner = |feature, solid: &Posed<S>| {
-        let d = solid.line(feature).0 - solid.position;
+fn outward<S: Real>(
+    feature_pair: &FeaturePair,
+    a: &PlacedCollider<S>,
+    b: &PlacedCollider<S>,
+    normal: &Vec3<S>,
+    between: &Vec3<S>,
+) -> f64 {
+    let corner = |feature, collider: &PlacedCollider<S>| {
+        let d = collider.line(feature).0 - collider.position;
         d.dot(normal).re()
     };
-    match (spot.first, spot.second) {
-        (_, Feature::Edge(..)) => corner(spot.second, b),
-        (Feature::Edge(..), _) => -corner(spot.first, a),
+    match (feature_pair.first, feature_pair.second) {
+        (_, Feature::Edge(..)) => corner(feature_pair.second, b),
+        (Feature::Edge(..), _) => -corner(feature_pair.first, a),
         _ => between.dot(normal).re(),
     }
 }

@@ -1,13 +1,13 @@
-//! The nearest point of a facet to a feature.
+//! The nearest point of a contact element to a feature.
 
 use crate::geometry::MIN_DISTANCE;
-use crate::geometry::solid::{Feature, Form, Posed};
+use crate::geometry::collider::{ColliderShape, Feature, PlacedCollider};
 use pliant_math::{Real, Vec3};
 
 /// Sine of the angle between an edge and a line below which the nearest point is an end of the edge.
 const PARALLEL: f64 = 1e-9;
 
-/// Which part of a facet is nearest.
+/// Which part of a contact element is nearest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Region {
     /// Its inside: of the edge, or of the triangle.
@@ -18,7 +18,7 @@ pub(crate) enum Region {
     Node(u8),
 }
 
-/// A gap, its normal, and the weights of the facet's nodes in the nearest point; of an edge the third is zero.
+/// A gap, its normal, and the weights of the contact element's nodes in the nearest point; of an edge the third is zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Nearest<S> {
     /// Distance of the surfaces \[m\], negative in penetration.
@@ -30,7 +30,7 @@ pub(crate) struct Nearest<S> {
     pub region: Region,
 }
 
-/// What a facet may touch, thick by `thickness` \[m\].
+/// What a contact element may touch, thick by `thickness` \[m\].
 #[derive(Clone, Copy, Debug)]
 struct Target<S> {
     /// The point, or a point of the line \[m\].
@@ -42,12 +42,12 @@ struct Target<S> {
     out: Option<Vec3<S>>,
 }
 
-/// The nearest point of the facet with nodes `x` (two or three) and `radius` \[m\] to a feature of a shape; the distance \[m\] where it
+/// The nearest point of the contact element with nodes `x` (two or three) and `radius` \[m\] to a feature of a shape; the distance \[m\] where it
 /// is too small for a normal.
 ///
 /// Features: [`Feature::Whole`] of a ball, and of a capsule with edges; [`Feature::End`] of a capsule, [`Feature::Corner`] of a block;
 /// [`Feature::Edge`] of a block (its endless line) with edges.
-pub(crate) fn nearest<S: Real>(x: &[Vec3<S>], radius: S, feature: Feature, shape: &Posed<S>) -> Result<Nearest<S>, f64> {
+pub(crate) fn nearest<S: Real>(x: &[Vec3<S>], radius: S, feature: Feature, shape: &PlacedCollider<S>) -> Result<Nearest<S>, f64> {
     let zero = S::from(0.0);
     let point = |at, thickness| Target { at, along: None, thickness, out: None };
     match feature {
@@ -59,7 +59,7 @@ pub(crate) fn nearest<S: Real>(x: &[Vec3<S>], radius: S, feature: Feature, shape
             let out = Some(shape.outward(feature));
             to_point(x, radius, &Target { out, ..point(shape.point(feature), zero) })
         }
-        Feature::Whole if shape.form == Form::Capsule => {
+        Feature::Whole if shape.form == ColliderShape::Capsule => {
             let (along, half) = (shape.axis(2), shape.sizes[1]);
             let line = Target { along: Some(along), ..point(shape.position, shape.sizes[0]) };
             let beside = to_line(x, radius, &line)?;
@@ -107,7 +107,7 @@ fn apart<S: Real>(d: Vec3<S>, radius: S, target: &Target<S>, weights: [S; 3], re
     Ok(Nearest { gap: distance * sign - target.thickness - radius, normal, weights, region })
 }
 
-/// With the normal `n`, of any length, of the plane that holds the facet (and the line): smooth through a distance of zero.
+/// With the normal `n`, of any length, of the plane that holds the contact element (and the line): smooth through a distance of zero.
 fn across<S: Real>(n: Vec3<S>, y: &Vec3<S>, radius: S, target: &Target<S>, weights: [S; 3]) -> Result<Nearest<S>, f64> {
     let length = n.dot(&n).sqrt();
     let outward = target.out.map_or(n.dot(y), |out| n.dot(&out)).re();

@@ -28,7 +28,7 @@ pub const RIM_POINTS: u8 = 8;
 
 /// Two features that may meet. The normal points from the second solid to the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Spot {
+pub struct FeaturePair {
     /// Of the first solid: something that can be thought of as a point or a line.
     pub first: Feature,
     /// Of the second solid.

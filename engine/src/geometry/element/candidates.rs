@@ -1,10 +1,10 @@
-//! Which features of a shape a facet may touch in the coming step.
+//! Which features of a shape a contact element may touch in the coming step.
 //!
 //! Nodes touch by themselves, so an edge is listed where its inside is nearest to a feature, and a triangle where its inside is: where the
 //! stage begins, or where the velocities there lead.
 
 use super::nearest::{Nearest, Region, combine, nearest};
-use crate::geometry::solid::{Feature, Form, Posed};
+use crate::geometry::collider::{ColliderShape, Feature, PlacedCollider};
 use pliant_math::Vec3;
 
 /// Sine of the angle between an edge and a capsule's axis or a block's edge below which the ends of the edge say all.
@@ -17,7 +17,7 @@ const SLIVER: f64 = 1e-9;
 /// Third nodes of the triangles at a sheet's edge \[m\].
 pub(crate) type Sheet = [Option<Vec3<f64>>; 2];
 
-/// A facet at one instant, and a shape.
+/// A contact element at one instant, and a shape.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidates<'a> {
     /// Its nodes, two or three \[m\].
@@ -25,7 +25,7 @@ pub(crate) struct Candidates<'a> {
     pub radius: f64,
     /// The triangles at an edge.
     pub sheet: Sheet,
-    pub shape: &'a Posed<f64>,
+    pub shape: &'a PlacedCollider<f64>,
     /// Features farther than this are left out \[m\].
     pub margin: f64,
 }
@@ -40,7 +40,7 @@ fn edges() -> impl Iterator<Item = Feature> {
     (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
 }
 
-/// Lists what the facet may touch `now`, or where it will be `next`; both are the same facet and shape.
+/// Lists what the contact element may touch `now`, or where it will be `next`; both are the same contact element and shape.
 pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Feature>) {
     let mut list = |feature| {
         if now.meets(feature) || next.meets(feature) {
@@ -48,11 +48,11 @@ pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Fe
         }
     };
     match (now.shape.form, now.x.len()) {
-        (Form::Ball, _) | (Form::Capsule, 2) => list(Feature::Whole),
-        (Form::Capsule, _) => SIDES.map(Feature::End).into_iter().for_each(list),
-        (Form::Block, 2) => edges().chain(corners()).for_each(list),
-        (Form::Block, _) => corners().for_each(list),
-        (Form::HalfSpace | Form::Cylinder, _) => {}
+        (ColliderShape::Ball, _) | (ColliderShape::Capsule, 2) => list(Feature::Whole),
+        (ColliderShape::Capsule, _) => SIDES.map(Feature::End).into_iter().for_each(list),
+        (ColliderShape::Block, 2) => edges().chain(corners()).for_each(list),
+        (ColliderShape::Block, _) => corners().for_each(list),
+        (ColliderShape::HalfSpace | ColliderShape::Cylinder, _) => {}
     }
 }
 
@@ -61,10 +61,10 @@ impl Candidates<'_> {
         let Ok(found) = nearest(self.x, self.radius, feature, self.shape) else { return false };
         let near = found.region == Region::Inside && found.gap <= self.margin;
         near && match (self.shape.form, feature) {
-            (Form::Ball, _) => self.over_no_triangle(&found),
-            (Form::Capsule, Feature::Whole) => self.meets_capsule(&found),
-            (Form::Block, Feature::Edge(..)) => self.crosses(feature, &found),
-            (Form::Block, Feature::Corner(sides)) => {
+            (ColliderShape::Ball, _) => self.over_no_triangle(&found),
+            (ColliderShape::Capsule, Feature::Whole) => self.meets_capsule(&found),
+            (ColliderShape::Block, Feature::Edge(..)) => self.crosses(feature, &found),
+            (ColliderShape::Block, Feature::Corner(sides)) => {
                 let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
                 let faces = |k: usize| f64::from(sides[k]) * self.shape.axis(k).dot(&found.normal) >= -LEAN;
                 found.gap > -depth && (0..3).all(faces) && self.over_no_triangle(&found)

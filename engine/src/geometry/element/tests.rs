@@ -1,7 +1,7 @@
 #![allow(clippy::unwrap_used)]
 use super::nearest::combine;
 use super::*;
-use crate::geometry::solid::{Feature, Form, Posed};
+use crate::geometry::collider::{ColliderShape, Feature, PlacedCollider};
 use nalgebra::SVector;
 use num_dual::DualSVec64;
 use pliant_math::Vec3;
@@ -11,30 +11,34 @@ use rand_pcg::Pcg64Mcg;
 
 const RADIUS: f64 = 0.02;
 
-/// A facet with three nodes (edges take the first two) near a shape of every kind with a feature.
-fn samples(count: usize) -> impl Iterator<Item = ([Vec3<f64>; 3], Feature, Posed<f64>)> {
+/// A contact element with three nodes (edges take the first two) near a shape of every kind with a feature.
+fn samples(count: usize) -> impl Iterator<Item = ([Vec3<f64>; 3], Feature, PlacedCollider<f64>)> {
     let mut rng = Pcg64Mcg::seed_from_u64(11);
     let forms = [
-        (Form::Ball, [0.1, 0.0, 0.0], vec![Feature::Whole]),
-        (Form::Capsule, [0.08, 0.2, 0.0], vec![Feature::Whole, Feature::End(-1), Feature::End(1)]),
-        (Form::Block, [0.1, 0.15, 0.2], vec![Feature::Corner([1, -1, 1]), Feature::Edge(1, [-1, 1]), Feature::Edge(2, [1, 1])]),
+        (ColliderShape::Ball, [0.1, 0.0, 0.0], vec![Feature::Whole]),
+        (ColliderShape::Capsule, [0.08, 0.2, 0.0], vec![Feature::Whole, Feature::End(-1), Feature::End(1)]),
+        (
+            ColliderShape::Block,
+            [0.1, 0.15, 0.2],
+            vec![Feature::Corner([1, -1, 1]), Feature::Edge(1, [-1, 1]), Feature::Edge(2, [1, 1])],
+        ),
     ];
     (0..count).flat_map(move |_| {
         let rotation = about(&Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0)).normalize(), rng.random_range(-3.0..3.0));
         let x = std::array::from_fn(|_| Vec3::from_fn(|_, _| rng.random_range(-0.6..0.6)));
         let position = Vec3::from_fn(|_, _| rng.random_range(-0.1..0.1));
         forms.clone().into_iter().flat_map(move |(form, sizes, features)| {
-            let shape = Posed { form, rotation, position, sizes };
+            let shape = PlacedCollider { form, rotation, position, sizes };
             features.into_iter().map(move |feature| (x, feature, shape))
         })
     })
 }
 
 /// Facets of both kinds that may meet the feature.
-fn sizes(form: Form, feature: Feature) -> &'static [usize] {
+fn sizes(form: ColliderShape, feature: Feature) -> &'static [usize] {
     match (form, feature) {
-        (_, Feature::Edge(..)) | (Form::Capsule, Feature::Whole) => &[2],
-        (Form::Capsule, _) => &[3],
+        (_, Feature::Edge(..)) | (ColliderShape::Capsule, Feature::Whole) => &[2],
+        (ColliderShape::Capsule, _) => &[3],
         _ => &[2, 3],
     }
 }
@@ -49,8 +53,8 @@ fn seeded(x: &[Vec3<f64>; 3]) -> [Vec3<Dual>; 3] {
     std::array::from_fn(|i| Vec3::from_fn(|a, _| Dual::from_re(x[i][a]).derivative(3 * i + a)))
 }
 
-fn lifted(shape: &Posed<f64>) -> Posed<Dual> {
-    Posed {
+fn lifted(shape: &PlacedCollider<f64>) -> PlacedCollider<Dual> {
+    PlacedCollider {
         form: shape.form,
         rotation: shape.rotation.map(Dual::from_re),
         position: shape.position.map(Dual::from_re),
@@ -86,19 +90,19 @@ fn the_gaps_slope_is_the_normal_by_the_weights_and_its_hessian_symmetric() {
     assert!(regions.iter().all(|n| *n > 100), "{regions:?}");
 }
 
-/// Balls, and capsules against edges, by brute force over the facet and the axis.
+/// Balls, and capsules against edges, by brute force over the contact element and the axis.
 #[test]
 fn distances_are_the_least_there_are() {
-    let axis_distance = |p: &Vec3<f64>, shape: &Posed<f64>, feature: Feature| {
+    let axis_distance = |p: &Vec3<f64>, shape: &PlacedCollider<f64>, feature: Feature| {
         let axis = shape.rotation.column(2).into_owned();
-        let half = if shape.form == Form::Capsule { shape.sizes[1] } else { 0.0 };
+        let half = if shape.form == ColliderShape::Capsule { shape.sizes[1] } else { 0.0 };
         let t = match feature {
             Feature::End(side) => half * f64::from(side),
             _ => (p - shape.position).dot(&axis).clamp(-half, half),
         };
         (p - shape.position - axis * t).norm() - shape.sizes[0] - RADIUS
     };
-    for (x, feature, shape) in samples(40).filter(|(_, _, shape)| shape.form != Form::Block) {
+    for (x, feature, shape) in samples(40).filter(|(_, _, shape)| shape.form != ColliderShape::Block) {
         for &n in sizes(shape.form, feature) {
             let found = nearest(&x[..n], RADIUS, feature, &shape).unwrap();
             let at = axis_distance(&combine(&found.weights, &x[..n]), &shape, feature);
@@ -122,14 +126,14 @@ fn gaps_are_smooth_over_the_ends() {
         for &n in sizes(shape.form, feature) {
             let moved = |t: f64| [x[0], x[1] + (x[1] - x[0]) * t, x[2]];
             let at = |t: f64| nearest(&moved(t)[..n], RADIUS, feature, &shape);
-            let thickness = if shape.form == Form::Block { 0.0 } else { shape.sizes[0] };
+            let thickness = if shape.form == ColliderShape::Block { 0.0 } else { shape.sizes[0] };
             // what is sharp has a sign only from outside
             let outside = |found: &Nearest<f64>| thickness > 0.0 || found.normal.dot(&shape.outward(feature)) > 0.3;
             let mut last = at(-0.9);
             for k in 1..=2000 {
                 let next = at(-0.9 + 1.8e-3 * f64::from(k));
                 if let (Ok(a), Ok(b)) = (&last, &next) {
-                    // no normal turns faster than a facet that passes at a tenth of a millimetre makes it
+                    // no normal turns faster than a contact element that passes at a tenth of a millimetre makes it
                     let close = [a, b].iter().any(|f| (f.gap + RADIUS + thickness).abs() < 0.05 || !outside(f));
                     let jump = (a.normal - b.normal).norm();
                     assert!(close || jump < 0.2, "{feature:?} of {:?}: {a:?} {b:?}", shape.form);
@@ -144,7 +148,12 @@ fn gaps_are_smooth_over_the_ends() {
 /// Crossing a block's edge, the gap goes through zero with one normal; touching a corner likewise from outside.
 #[test]
 fn sharp_features_have_signed_gaps() {
-    let shape = Posed { form: Form::Block, rotation: about(&Vec3::x(), 0.0), position: Vec3::zeros(), sizes: [0.1, 0.2, 0.3] };
+    let shape = PlacedCollider {
+        form: ColliderShape::Block,
+        rotation: about(&Vec3::x(), 0.0),
+        position: Vec3::zeros(),
+        sizes: [0.1, 0.2, 0.3],
+    };
     let edge = Feature::Edge(1, [1, 1]); // along y at z = 0.3, x = 0.1
     for depth in [-1e-3, 1e-3] {
         // normal (1, 1)/√2 in (x, z)

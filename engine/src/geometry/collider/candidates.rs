@@ -1,7 +1,7 @@
-//! Which features of two solids may meet in the coming step.
+//! Which features of two colliders may meet in the coming step.
 
 use super::features::RIM_POINTS;
-use super::{Feature, Form, Posed, Spot, meet};
+use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
 
 /// Tilt (sine) of a cylinder's axis against a face's normal below which the rim's deepest point is left to the rim's fixed points:
 /// it would run round the rim at once.
@@ -14,25 +14,25 @@ const PARALLEL: f64 = 1e-3;
 const SLIVER: f64 = 1e-9;
 
 /// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
-fn in_order(a: Form, b: Form) -> bool {
+fn in_order(a: ColliderShape, b: ColliderShape) -> bool {
     let rank = |form| match form {
-        Form::Ball => 0,
-        Form::Capsule => 1,
-        Form::Cylinder => 2,
-        Form::Block => 3,
-        Form::HalfSpace => 4,
+        ColliderShape::Ball => 0,
+        ColliderShape::Capsule => 1,
+        ColliderShape::Cylinder => 2,
+        ColliderShape::Block => 3,
+        ColliderShape::HalfSpace => 4,
     };
     rank(a) <= rank(b)
 }
 
-/// Lists the spots of a pair that are nearer than `margin` \[m\]: each with `false`, or with `true` where the solids change places
+/// Lists the spots of a pair that are nearer than `margin` \[m\]: each with `false`, or with `true` where the colliders change places
 /// (the first of the spot is then the second of the pair). Nothing for two half spaces.
 ///
-/// Of two solids that touch or nearly do, the least gap is their distance; far apart, two corners or a corner and an edge may be nearest,
+/// Of two colliders that touch or nearly do, the least gap is their distance; far apart, two corners or a corner and an edge may be nearest,
 /// and have no spot.
 /// A cylinder's rim is its deepest point over faces, and an octagon against everything else.
-pub fn candidates(a: &Posed<f64>, b: &Posed<f64>, margin: f64, found: &mut Vec<(Spot, bool)>) {
-    if a.form == Form::HalfSpace && b.form == Form::HalfSpace {
+pub fn candidates(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, margin: f64, found: &mut Vec<(FeaturePair, bool)>) {
+    if a.form == ColliderShape::HalfSpace && b.form == ColliderShape::HalfSpace {
         return;
     }
     if in_order(a.form, b.form) {
@@ -43,11 +43,11 @@ pub fn candidates(a: &Posed<f64>, b: &Posed<f64>, margin: f64, found: &mut Vec<(
 }
 
 struct Pair<'a> {
-    a: &'a Posed<f64>,
-    b: &'a Posed<f64>,
+    a: &'a PlacedCollider<f64>,
+    b: &'a PlacedCollider<f64>,
     margin: f64,
     swapped: bool,
-    found: &'a mut Vec<(Spot, bool)>,
+    found: &'a mut Vec<(FeaturePair, bool)>,
 }
 
 const SIDES: [i8; 2] = [-1, 1];
@@ -65,30 +65,31 @@ fn rim_points() -> impl Iterator<Item = Feature> {
 }
 
 /// Points that a solid can touch with.
-fn points(form: Form) -> Vec<Feature> {
+fn points(form: ColliderShape) -> Vec<Feature> {
     match form {
-        Form::HalfSpace => vec![],
-        Form::Ball => vec![Feature::Whole],
-        Form::Capsule => SIDES.map(Feature::End).to_vec(),
-        Form::Cylinder => rim_points().collect(),
-        Form::Block => corners().collect(),
+        ColliderShape::HalfSpace => vec![],
+        ColliderShape::Ball => vec![Feature::Whole],
+        ColliderShape::Capsule => SIDES.map(Feature::End).to_vec(),
+        ColliderShape::Cylinder => rim_points().collect(),
+        ColliderShape::Block => corners().collect(),
     }
 }
 
 impl Pair<'_> {
     fn list(&mut self) {
-        let round = matches!(self.a.form, Form::Ball | Form::Capsule);
+        let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
         for first in points(self.a.form) {
             if round { self.whole(first) } else { self.sharp(first) }
         }
         match (self.a.form, self.b.form) {
-            (Form::Cylinder, Form::HalfSpace) => self.rims(),
-            (Form::Cylinder, Form::Block | Form::Cylinder) => {
+            (ColliderShape::Cylinder, ColliderShape::HalfSpace) => self.rims(),
+            (ColliderShape::Cylinder, ColliderShape::Block | ColliderShape::Cylinder) => {
                 self.rims();
                 self.lines();
                 self.the_other_way();
             }
-            (Form::Capsule, Form::Cylinder | Form::Block | Form::Capsule) | (Form::Block, Form::Block) => {
+            (ColliderShape::Capsule, ColliderShape::Cylinder | ColliderShape::Block | ColliderShape::Capsule)
+            | (ColliderShape::Block, ColliderShape::Block) => {
                 self.lines();
                 self.the_other_way();
             }
@@ -98,14 +99,14 @@ impl Pair<'_> {
 
     /// What the second solid's points touch of the first.
     fn other_points(&mut self) {
-        let round = matches!(self.a.form, Form::Ball | Form::Capsule);
+        let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
         for first in points(self.a.form) {
             match (round, self.b.form) {
-                (true, _) | (_, Form::Ball | Form::Capsule) => self.whole(first),
+                (true, _) | (_, ColliderShape::Ball | ColliderShape::Capsule) => self.whole(first),
                 _ => self.sharp(first),
             }
         }
-        if (self.a.form, self.b.form) == (Form::Cylinder, Form::Cylinder) {
+        if (self.a.form, self.b.form) == (ColliderShape::Cylinder, ColliderShape::Cylinder) {
             self.rims();
         }
     }
@@ -115,23 +116,23 @@ impl Pair<'_> {
     }
 
     fn push(&mut self, first: Feature, second: Feature) {
-        let spot = Spot { first, second };
-        if meet(&spot, self.a, self.b).is_ok_and(|m| m.gap <= self.margin) {
-            self.found.push((spot, self.swapped));
+        let feature_pair = FeaturePair { first, second };
+        if contact_geometry(&feature_pair, self.a, self.b).is_ok_and(|m| m.gap <= self.margin) {
+            self.found.push((feature_pair, self.swapped));
         }
     }
 
     /// A point against all of the second solid.
     fn whole(&mut self, first: Feature) {
         match self.b.form {
-            Form::HalfSpace => self.push(first, Feature::Face(2, 1)),
+            ColliderShape::HalfSpace => self.push(first, Feature::Face(2, 1)),
             _ => self.push(first, Feature::Whole),
         }
     }
 
     /// A sharp point against the face under it.
     fn sharp(&mut self, first: Feature) {
-        if self.b.form == Form::HalfSpace {
+        if self.b.form == ColliderShape::HalfSpace {
             if !self.rolls(first, 2, 1) {
                 self.push(first, Feature::Face(2, 1));
             }
@@ -139,7 +140,7 @@ impl Pair<'_> {
         }
         let y = self.b.local(&self.a.point(first));
         let sizes = self.b.sizes;
-        if self.b.form == Form::Cylinder {
+        if self.b.form == ColliderShape::Cylinder {
             let radial = y[0].hypot(y[1]);
             let (beside, beyond) = (radial - sizes[0], y[2].abs() - sizes[1]);
             let sliver = SLIVER * sizes[0];
@@ -173,8 +174,8 @@ impl Pair<'_> {
     /// Deepest points of a cylinder's rims over the faces they are above.
     fn rims(&mut self) {
         let faces: Vec<(usize, i8)> = match self.b.form {
-            Form::HalfSpace => vec![(2, 1)],
-            Form::Cylinder => SIDES.map(|s| (2, s)).to_vec(),
+            ColliderShape::HalfSpace => vec![(2, 1)],
+            ColliderShape::Cylinder => SIDES.map(|s| (2, s)).to_vec(),
             _ => (0..3).flat_map(|k| SIDES.map(|s| (k, s))).collect(),
         };
         for (k, side) in faces {
@@ -182,18 +183,18 @@ impl Pair<'_> {
                 continue;
             }
             for end in SIDES {
-                let spot = Spot { first: Feature::Rim(end), second: Feature::Face(k as u8, side) };
-                let Ok(m) = meet(&spot, self.a, self.b) else { continue };
+                let feature_pair = FeaturePair { first: Feature::Rim(end), second: Feature::Face(k as u8, side) };
+                let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { continue };
                 // the rim's lowest point, not that of the far end of a cylinder that passes by
                 let y = self.b.local(&m.point);
                 let [sx, sy, sz] = self.b.sizes;
                 let over = match self.b.form {
-                    Form::HalfSpace => true,
-                    Form::Cylinder => y[0].hypot(y[1]) <= sx,
+                    ColliderShape::HalfSpace => true,
+                    ColliderShape::Cylinder => y[0].hypot(y[1]) <= sx,
                     _ => (0..3).all(|i| i == k || y[i].abs() <= [sx, sy, sz][i]),
                 };
                 if over && m.gap <= self.margin && m.gap > -self.depth() {
-                    self.found.push((spot, self.swapped));
+                    self.found.push((feature_pair, self.swapped));
                 }
             }
         }
@@ -202,8 +203,8 @@ impl Pair<'_> {
     /// How deep a meeting may be before it is one through the whole solid.
     fn depth(&self) -> f64 {
         match self.b.form {
-            Form::HalfSpace => f64::INFINITY,
-            Form::Block => self.b.sizes.iter().copied().fold(f64::INFINITY, f64::min),
+            ColliderShape::HalfSpace => f64::INFINITY,
+            ColliderShape::Block => self.b.sizes.iter().copied().fold(f64::INFINITY, f64::min),
             _ => self.b.sizes[0].min(self.b.sizes[1]),
         }
     }
@@ -211,7 +212,7 @@ impl Pair<'_> {
     /// Edges and axes that cross.
     fn lines(&mut self) {
         let lines = |form| match form {
-            Form::Block => edges().collect(),
+            ColliderShape::Block => edges().collect(),
             _ => vec![Feature::Axis],
         };
         for first in lines(self.a.form) {
@@ -227,8 +228,8 @@ impl Pair<'_> {
         if cross.norm() < PARALLEL {
             return;
         }
-        let spot = Spot { first, second };
-        let Ok(m) = meet(&spot, self.a, self.b) else { return };
+        let feature_pair = FeaturePair { first, second };
+        let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
         let (reach_a, reach_b) = (self.a.half_length(first), self.b.half_length(second));
         let between = p - q;
         let square = cross.norm_squared();
@@ -236,20 +237,20 @@ impl Pair<'_> {
         let t = -between.cross(&d).dot(&cross) / square;
         let within = s.abs() <= reach_a * (1.0 + SLIVER) && t.abs() <= reach_b * (1.0 + SLIVER);
         let depth = self.a.sizes[0].min(self.b.sizes[0]);
-        if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&spot, &m.normal) {
-            self.found.push((spot, self.swapped));
+        if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
+            self.found.push((feature_pair, self.swapped));
         }
     }
 
     /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.
-    fn faces_out(&self, spot: &Spot, normal: &pliant_math::Vec3<f64>) -> bool {
-        let at = |feature: Feature, solid: &Posed<f64>, sign: f64| match feature {
+    fn faces_out(&self, feature_pair: &FeaturePair, normal: &pliant_math::Vec3<f64>) -> bool {
+        let at = |feature: Feature, collider: &PlacedCollider<f64>, sign: f64| match feature {
             Feature::Edge(k, sides) => (0..2).all(|i| {
-                let axis = solid.axis((usize::from(k) + 1 + i) % 3);
+                let axis = collider.axis((usize::from(k) + 1 + i) % 3);
                 sign * f64::from(sides[i]) * axis.dot(normal) >= -PARALLEL
             }),
             _ => true,
         };
-        at(spot.first, self.a, -1.0) && at(spot.second, self.b, 1.0)
+        at(feature_pair.first, self.a, -1.0) && at(feature_pair.second, self.b, 1.0)
     }
 }

@@ -1,7 +1,7 @@
 //! Steps too long for what turns in them.
 //!
 //! Newton's method finds a root of the discrete equations; that it is the motion they stand for is another matter. At it the forces f do
-//! the work h v⁺·f, and the change of energy may exceed it, since inertia, weight and the distance between two solids change along the
+//! the work h v⁺·f, and the change of energy may exceed it, since inertia, weight and the distance between two colliders change along the
 //! way while forces are those of its end:
 //! ```text
 //! D = ΔT − g·Δ(Σ m x) − h v⁺·ID(q⁺, v⁺, ā) + Σ_contacts w·u⁺        [J]
@@ -15,12 +15,12 @@ use crate::bodies::Frames;
 use crate::bodies::dynamics::inverse_dynamics;
 use crate::constraints::contact_wrench;
 use crate::step::constants::STEP;
-use crate::step::constraints::{Evaluation, FeaturePair};
+use crate::step::constraints::{BodyContact, Evaluation};
 use nalgebra::Vector4;
 use pliant_math::Vec3;
 
 impl Stage<'_> {
-    /// Whether the root in `ws.it` created too much energy, where solids may touch.
+    /// Whether the root in `ws.it` created too much energy, where colliders may touch.
     pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<bool, StepError> {
         if !ws.constraints.bodies.any() {
             return Ok(false);
@@ -46,13 +46,13 @@ impl Stage<'_> {
         let pierced = self.theta[self.model.gravity].abs() * self.h * self.h;
         let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames };
         let [_, first, ..] = ws.constraints.starts();
-        for ((link, FeaturePair { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
+        for ((link, BodyContact { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
             if link.gap < -pierced {
                 continue;
             }
-            let meeting = self.meeting(link, features, &at)?;
-            let wrench = contact_wrench(&meeting, self.body_contact_law(link, *pair).at.mu, &Vector4::from_column_slice(w));
-            touched += link.sliding(&meeting, &at).relative.dot(&wrench);
+            let geometry = self.geometry(link, features, &at)?;
+            let wrench = contact_wrench(&geometry, self.body_contact_law(link, *pair).at.mu, &Vector4::from_column_slice(w));
+            touched += link.sliding(&geometry, &at).relative.dot(&wrench);
         }
         let tau = &mut ws.r[n..];
         let mut forces = Vec::new();

@@ -2,19 +2,19 @@
 //! touch.
 //!
 //! Contact is looked for in two stages. [`candidates`] lists, for one pair and one pose, which *features* (ends, edges, corners, faces,
-//! rims) may meet in the coming step; [`meet`] is the gap between two features in closed form, generic over the scalar, so that all
+//! rims) may meet in the coming step; [`contact_geometry`] is the gap between two features in closed form, generic over the scalar, so that all
 //! its derivatives are automatic. Features stay what they are for the whole step.
 
 mod candidates;
+mod contact_geometry;
 mod features;
-mod meet;
 mod overlap;
 mod parts;
 
 pub use candidates::candidates;
-pub use features::{Feature, Spot};
-pub(crate) use meet::point_over_face;
-pub use meet::{Meeting, meet};
+pub(crate) use contact_geometry::point_over_face;
+pub use contact_geometry::{ContactGeometry, contact_geometry};
+pub use features::{Feature, FeaturePair};
 pub use overlap::overlap;
 
 use nalgebra::Matrix3;
@@ -23,7 +23,7 @@ use pliant_math::{Real, Vec3};
 
 /// Primitive shapes, centred at their own origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum ColliderShape {
     /// Everything below z = 0. No sizes.
     HalfSpace,
     /// Size: radius.
@@ -36,7 +36,7 @@ pub enum Form {
     Block,
 }
 
-impl Form {
+impl ColliderShape {
     /// Numbers of its size.
     pub fn n_sizes(self) -> usize {
         match self {
@@ -50,7 +50,7 @@ impl Form {
 
 /// What a solid moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Carrier {
+pub enum Attachment {
     /// Nothing: it is fixed in the world.
     World,
     /// A body.
@@ -74,13 +74,13 @@ pub enum Place {
 
 /// A shape with a carrier.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solid {
+pub struct Collider {
     /// Name in the scene.
     pub name: String,
     /// Shape.
-    pub form: Form,
+    pub form: ColliderShape,
     /// What it moves with.
-    pub carrier: Carrier,
+    pub attachment: Attachment,
     /// Axes in the carrier's.
     pub rotation: Matrix3<f64>,
     /// The constant point of [`Place::Height`].
@@ -115,9 +115,9 @@ impl Pose<f64> {
 
 /// A solid in the world: its axes, its origin and its sizes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Posed<S> {
+pub struct PlacedCollider<S> {
     /// Shape.
-    pub form: Form,
+    pub form: ColliderShape,
     /// Axes, as columns in the world's. Of a capsule between two points only the third means anything.
     pub rotation: Matrix3<S>,
     /// Origin \[m\], seen from the origin of the evaluation.
@@ -126,9 +126,9 @@ pub struct Posed<S> {
     pub sizes: [S; 3],
 }
 
-impl Solid {
+impl Collider {
     /// Where it stands, for its carrier at `pose` and entries of θ as `theta` has them.
-    pub fn posed<S: Real>(&self, pose: &Pose<S>, theta: impl Fn(usize) -> S) -> Posed<S> {
+    pub fn placed<S: Real>(&self, pose: &Pose<S>, theta: impl Fn(usize) -> S) -> PlacedCollider<S> {
         let n = self.form.n_sizes();
         let mut sizes = std::array::from_fn(|k| if k < n { theta(self.sizes[k]) } else { S::from(0.0) });
         let vector = |k: usize| Vec3::new(theta(k), theta(k + 1), theta(k + 2));
@@ -150,7 +150,7 @@ impl Solid {
                 (pose.rotation * Matrix3::from_columns(&[zero, zero, z]), (a + b) * S::from(0.5))
             }
         };
-        Posed { form: self.form, rotation, position: pose.position + pose.rotation * local, sizes }
+        PlacedCollider { form: self.form, rotation, position: pose.position + pose.rotation * local, sizes }
     }
 
     /// Entries of θ that its place and size depend on.
@@ -169,16 +169,16 @@ impl Solid {
     }
 }
 
-impl Posed<f64> {
+impl PlacedCollider<f64> {
     /// Radius of a ball about its origin that holds it \[m\]; infinite for a half space.
     pub fn reach(&self) -> f64 {
         let [a, b, c] = self.sizes;
         match self.form {
-            Form::HalfSpace => f64::INFINITY,
-            Form::Ball => a,
-            Form::Capsule => a + b,
-            Form::Cylinder => a.hypot(b),
-            Form::Block => (a * a + b * b + c * c).sqrt(),
+            ColliderShape::HalfSpace => f64::INFINITY,
+            ColliderShape::Ball => a,
+            ColliderShape::Capsule => a + b,
+            ColliderShape::Cylinder => a.hypot(b),
+            ColliderShape::Block => (a * a + b * b + c * c).sqrt(),
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Points, lines and faces of a solid in the world.
 
 use super::features::RIM_POINTS;
-use super::{Feature, Form, Posed};
+use super::{ColliderShape, Feature, PlacedCollider};
 use pliant_math::{Real, Vec3};
 use std::f64::consts::TAU;
 
-impl<S: Real> Posed<S> {
+impl<S: Real> PlacedCollider<S> {
     /// Axis `k`, a unit vector.
     pub(in crate::geometry) fn axis(&self, k: usize) -> Vec3<S> {
         self.rotation.column(k).into_owned()
@@ -19,7 +19,7 @@ impl<S: Real> Posed<S> {
     /// Half the length along axis `k` of a block, or of a capsule's or cylinder's axis.
     fn half(&self, k: usize) -> S {
         match self.form {
-            Form::Block => self.sizes[k],
+            ColliderShape::Block => self.sizes[k],
             _ => self.sizes[1],
         }
     }
@@ -27,7 +27,7 @@ impl<S: Real> Posed<S> {
     /// Radius of the ball that a point feature is \[m\]: zero where it is sharp.
     pub(super) fn roundness(&self, feature: Feature) -> S {
         match (feature, self.form) {
-            (Feature::Whole, Form::Ball) | (Feature::End(_) | Feature::Axis, _) => self.sizes[0],
+            (Feature::Whole, ColliderShape::Ball) | (Feature::End(_) | Feature::Axis, _) => self.sizes[0],
             _ => S::from(0.0),
         }
     }
@@ -79,7 +79,7 @@ impl<S: Real> Posed<S> {
     pub(super) fn face(&self, k: u8, side: i8) -> (Vec3<S>, Vec3<S>) {
         let normal = self.axis(usize::from(k)) * S::from(f64::from(side));
         match self.form {
-            Form::HalfSpace => (self.position, normal),
+            ColliderShape::HalfSpace => (self.position, normal),
             _ => (self.position + normal * self.half(usize::from(k)), normal),
         }
     }

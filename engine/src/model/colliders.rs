@@ -1,9 +1,9 @@
-//! From a scene's shapes to solids, and which of them may touch.
+//! From a scene's shapes to colliders, and which of them may touch.
 
 use super::Model;
 use super::rules::{Rule, rule_of};
-use crate::constraints::{Friction, SolidPair, WEIGHT};
-use crate::geometry::solid::{Carrier, Form, Place, Solid, candidates, meet, overlap};
+use crate::constraints::{ColliderPair, Friction, WEIGHT};
+use crate::geometry::collider::{Attachment, Collider, ColliderShape, Place, candidates, contact_geometry, overlap};
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
 use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE};
@@ -23,21 +23,21 @@ struct Entry {
 }
 
 impl Model {
-    /// Adds solids and pairs; of every rope the index of its radius in θ.
-    pub(super) fn add_solids(&mut self, scene: &Scene, radii: &[usize]) -> Result<(), SceneError> {
-        let mut entries = self.body_solids(scene);
-        let of_bodies = self.solids.len();
-        self.fixed_solids(scene, &mut entries);
-        let fixed = self.solids.len();
+    /// Adds colliders and pairs; of every rope the index of its radius in θ.
+    pub(super) fn add_colliders(&mut self, scene: &Scene, radii: &[usize]) -> Result<(), SceneError> {
+        let mut entries = self.body_colliders(scene);
+        let of_bodies = self.colliders.len();
+        self.fixed_colliders(scene, &mut entries);
+        let fixed = self.colliders.len();
         if of_bodies > 0 || !scene.block.is_empty() || !scene.cylinder.is_empty() {
-            self.node_solids(radii, &mut entries);
+            self.node_colliders(radii, &mut entries);
         }
         let rules: Vec<Rule> = scene.contact.pair.iter().enumerate().map(|(k, rule)| self.push_rule(k, rule)).collect();
         self.apply_rules(&rules);
         let weights = self.body_weights();
         let joined = self.joined();
-        for a in 0..self.solids.len() {
-            for b in a + 1..self.solids.len() {
+        for a in 0..self.colliders.len() {
+            for b in a + 1..self.colliders.len() {
                 if !self.may_touch(a, b, of_bodies..fixed, &joined) {
                     continue;
                 }
@@ -45,15 +45,15 @@ impl Model {
                 if rule.is_some_and(|r| r.rule.ignore) {
                     continue;
                 }
-                let own = match (self.solids[a].friction, self.solids[b].friction) {
+                let own = match (self.colliders[a].friction, self.colliders[b].friction) {
                     (Some(x), Some(y)) => Friction::Mean(x, y),
                     (Some(x), None) | (None, Some(x)) => Friction::Of(x),
                     (None, None) => Friction::Of(self.no_friction()),
                 };
                 let friction = rule.and_then(|r| r.friction).map_or(own, Friction::Of);
                 let weight = self.weight(&weights, a).min(self.weight(&weights, b));
-                self.solid_pairs.push(SolidPair {
-                    solids: [a, b],
+                self.collider_pairs.push(ColliderPair {
+                    colliders: [a, b],
                     friction,
                     compliance: rule.and_then(|r| r.compliance),
                     weight,
@@ -63,32 +63,32 @@ impl Model {
         self.refuse_overlaps(&entries)
     }
 
-    fn body_solids(&mut self, scene: &Scene) -> Vec<Entry> {
+    fn body_colliders(&mut self, scene: &Scene) -> Vec<Entry> {
         let mut entries = Vec::new();
         for (b, body) in scene.body.iter().enumerate() {
             let Some(index) = self.tree.body(&body.name) else { continue };
             for (k, shape) in body.shape.iter().enumerate() {
-                let solid = self.body_solid(body, k, shape, index);
-                self.solids.push(solid);
+                let collider = self.body_collider(body, k, shape, index);
+                self.colliders.push(collider);
                 entries.push(Entry { object: body.name.clone(), field: format!("body[{b}].shape[{k}]") });
             }
         }
         entries
     }
 
-    fn body_solid(&mut self, body: &Body, k: usize, shape: &BodyShape, index: usize) -> Solid {
+    fn body_collider(&mut self, body: &Body, k: usize, shape: &BodyShape, index: usize) -> Collider {
         let name = format!("{}.shape[{k}]", body.name);
         let place = Place::At(self.push_position(&name, shape.position));
         let (form, sizes) = match shape.kind {
-            ShapeKind::Sphere => (Form::Ball, [shape.radius, None, None]),
-            ShapeKind::Capsule => (Form::Capsule, [shape.radius, shape.half_length, None]),
-            ShapeKind::Cylinder => (Form::Cylinder, [shape.radius, shape.half_length, None]),
-            ShapeKind::Box => (Form::Block, [0, 1, 2].map(|a| shape.half_extents.map(|x| x[a]))),
+            ShapeKind::Sphere => (ColliderShape::Ball, [shape.radius, None, None]),
+            ShapeKind::Capsule => (ColliderShape::Capsule, [shape.radius, shape.half_length, None]),
+            ShapeKind::Cylinder => (ColliderShape::Cylinder, [shape.radius, shape.half_length, None]),
+            ShapeKind::Box => (ColliderShape::Block, [0, 1, 2].map(|a| shape.half_extents.map(|x| x[a]))),
         };
         let sizes = self.push_sizes(&name, form, sizes.map(|x| x.unwrap_or(0.0)));
         let friction = shape.friction.map(|mu| self.params.push(format!("{name}.friction"), "-", NON_NEGATIVE, mu));
         let rotation = matrix(&normalized(&shape.quaternion));
-        Solid { name, form, carrier: Carrier::Body(index), rotation, point: Vec3::zeros(), place, sizes, friction }
+        Collider { name, form, attachment: Attachment::Body(index), rotation, point: Vec3::zeros(), place, sizes, friction }
     }
 
     fn push_position(&mut self, name: &str, position: [f64; 3]) -> usize {
@@ -99,12 +99,12 @@ impl Model {
         first
     }
 
-    fn push_sizes(&mut self, name: &str, form: Form, sizes: [f64; 3]) -> [usize; 3] {
+    fn push_sizes(&mut self, name: &str, form: ColliderShape, sizes: [f64; 3]) -> [usize; 3] {
         let names: &[&str] = match form {
-            Form::HalfSpace => &[],
-            Form::Ball => &["radius"],
-            Form::Capsule | Form::Cylinder => &["radius", "half_length"],
-            Form::Block => &["half_extent[0]", "half_extent[1]", "half_extent[2]"],
+            ColliderShape::HalfSpace => &[],
+            ColliderShape::Ball => &["radius"],
+            ColliderShape::Capsule | ColliderShape::Cylinder => &["radius", "half_length"],
+            ColliderShape::Block => &["half_extent[0]", "half_extent[1]", "half_extent[2]"],
         };
         let mut out = [0; 3];
         for (k, quantity) in names.iter().enumerate() {
@@ -114,16 +114,16 @@ impl Model {
     }
 
     /// Solids for the fixed shapes; planes, spheres and capsules share their parameters with the shapes that nodes touch.
-    fn fixed_solids(&mut self, scene: &Scene, entries: &mut Vec<Entry>) {
+    fn fixed_colliders(&mut self, scene: &Scene, entries: &mut Vec<Entry>) {
         let identity = Matrix3::identity();
-        let mut push = |model: &mut Self, field: String, solid: Solid| {
-            entries.push(Entry { object: solid.name.clone(), field });
-            model.solids.push(solid);
+        let mut push = |model: &mut Self, field: String, collider: Collider| {
+            entries.push(Entry { object: collider.name.clone(), field });
+            model.colliders.push(collider);
         };
-        let fixed = |name: &str, form, rotation, place, sizes, friction| Solid {
+        let fixed = |name: &str, form, rotation, place, sizes, friction| Collider {
             name: name.to_owned(),
             form,
-            carrier: Carrier::World,
+            attachment: Attachment::World,
             rotation,
             point: Vec3::zeros(),
             place,
@@ -134,49 +134,58 @@ impl Model {
         for (i, s) in scene.plane.iter().enumerate() {
             let Some(height) = find(self, &s.name, "height") else { continue };
             let friction = find(self, &s.name, "friction");
-            let solid = fixed(&s.name, Form::HalfSpace, along(&Vec3::from(s.normal)), Place::Height(height), [0; 3], friction);
-            push(self, format!("plane[{i}]"), Solid { point: Vec3::from(s.point), ..solid });
+            let collider =
+                fixed(&s.name, ColliderShape::HalfSpace, along(&Vec3::from(s.normal)), Place::Height(height), [0; 3], friction);
+            push(self, format!("plane[{i}]"), Collider { point: Vec3::from(s.point), ..collider });
         }
         for (i, s) in scene.sphere.iter().enumerate() {
             let (Some(center), Some(radius)) = (find(self, &s.name, "center[0]"), find(self, &s.name, "radius")) else {
                 continue;
             };
             let friction = find(self, &s.name, "friction");
-            push(self, format!("sphere[{i}]"), fixed(&s.name, Form::Ball, identity, Place::At(center), [radius, 0, 0], friction));
+            push(
+                self,
+                format!("sphere[{i}]"),
+                fixed(&s.name, ColliderShape::Ball, identity, Place::At(center), [radius, 0, 0], friction),
+            );
         }
         for (i, s) in scene.capsule.iter().enumerate() {
             let ends = [find(self, &s.name, "a[0]"), find(self, &s.name, "b[0]"), find(self, &s.name, "radius")];
             let [Some(a), Some(b), Some(radius)] = ends else { continue };
             let place = Place::Between([a, a + 1, a + 2], [b, b + 1, b + 2]);
             let friction = find(self, &s.name, "friction");
-            push(self, format!("capsule[{i}]"), fixed(&s.name, Form::Capsule, identity, place, [radius, 0, 0], friction));
+            push(
+                self,
+                format!("capsule[{i}]"),
+                fixed(&s.name, ColliderShape::Capsule, identity, place, [radius, 0, 0], friction),
+            );
         }
         for (i, s) in scene.block.iter().enumerate() {
             let place = Place::At(self.push_position(&s.name, s.position));
-            let sizes = self.push_sizes(&s.name, Form::Block, s.half_extents);
+            let sizes = self.push_sizes(&s.name, ColliderShape::Block, s.half_extents);
             let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
             let rotation = matrix(&normalized(&s.quaternion));
-            push(self, format!("box[{i}]"), fixed(&s.name, Form::Block, rotation, place, sizes, Some(friction)));
+            push(self, format!("box[{i}]"), fixed(&s.name, ColliderShape::Block, rotation, place, sizes, Some(friction)));
         }
         for (i, s) in scene.cylinder.iter().enumerate() {
             let place = Place::At(self.push_position(&s.name, s.position));
-            let sizes = self.push_sizes(&s.name, Form::Cylinder, [s.radius, s.half_length, 0.0]);
+            let sizes = self.push_sizes(&s.name, ColliderShape::Cylinder, [s.radius, s.half_length, 0.0]);
             let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
             let rotation = matrix(&normalized(&s.quaternion));
-            push(self, format!("cylinder[{i}]"), fixed(&s.name, Form::Cylinder, rotation, place, sizes, Some(friction)));
+            push(self, format!("cylinder[{i}]"), fixed(&s.name, ColliderShape::Cylinder, rotation, place, sizes, Some(friction)));
         }
     }
 
-    fn node_solids(&mut self, radii: &[usize], entries: &mut Vec<Entry>) {
+    fn node_colliders(&mut self, radii: &[usize], entries: &mut Vec<Entry>) {
         let ropes = self.ropes.iter().zip(radii).enumerate();
         let ropes = ropes.map(|(r, (rope, radius))| (&rope.name, rope.nodes.clone(), *radius, format!("rope[{r}].initial")));
         let cloths = self.cloths.iter().enumerate().map(|(c, s)| (&s.name, s.nodes.clone(), s.radius, format!("cloth[{c}]")));
         for (name, nodes, radius, field) in ropes.chain(cloths) {
-            for (k, node) in nodes.enumerate().filter(|(_, node)| !self.driven[*node]) {
-                self.solids.push(Solid {
+            for (k, node) in nodes.enumerate().filter(|(_, node)| !self.prescribed[*node]) {
+                self.colliders.push(Collider {
                     name: format!("{name}.node[{k}]"),
-                    form: Form::Ball,
-                    carrier: Carrier::Node(node),
+                    form: ColliderShape::Ball,
+                    attachment: Attachment::Node(node),
                     rotation: Matrix3::identity(),
                     point: Vec3::zeros(),
                     place: Place::Origin,
@@ -188,7 +197,7 @@ impl Model {
         }
     }
 
-    /// The entry of θ of two solids that both have no friction of their own.
+    /// The entry of θ of two colliders that both have no friction of their own.
     fn no_friction(&mut self) -> usize {
         let path = "contact.friction";
         self.params.find(path).unwrap_or_else(|| self.params.push(path, "-", NON_NEGATIVE, 0.0))
@@ -207,12 +216,12 @@ impl Model {
     }
 
     /// Weight of what carries a solid \[N\]; infinite for the world.
-    fn weight(&self, bodies: &[f64], solid: usize) -> f64 {
+    fn weight(&self, bodies: &[f64], collider: usize) -> f64 {
         WEIGHT
-            * match self.solids[solid].carrier {
-                Carrier::World => f64::INFINITY,
-                Carrier::Body(body) => bodies[body].max(1e-9),
-                Carrier::Node(node) => self.masses[node].mass(self.params.values()).max(1e-9),
+            * match self.colliders[collider].attachment {
+                Attachment::World => f64::INFINITY,
+                Attachment::Body(body) => bodies[body].max(1e-9),
+                Attachment::Node(node) => self.masses[node].mass(self.params.values()).max(1e-9),
             }
     }
 
@@ -226,20 +235,21 @@ impl Model {
     }
 
     fn may_touch(&self, a: usize, b: usize, fixed: std::ops::Range<usize>, joined: &[Option<usize>]) -> bool {
-        let new_to_nodes = |solid: usize| matches!(self.solids[solid].form, Form::Block | Form::Cylinder);
-        match (self.solids[a].carrier, self.solids[b].carrier) {
-            (Carrier::World, Carrier::World) | (Carrier::Node(_), Carrier::Node(_)) => false,
+        let new_to_nodes =
+            |collider: usize| matches!(self.colliders[collider].form, ColliderShape::Block | ColliderShape::Cylinder);
+        match (self.colliders[a].attachment, self.colliders[b].attachment) {
+            (Attachment::World, Attachment::World) | (Attachment::Node(_), Attachment::Node(_)) => false,
             // nodes touch fixed planes, spheres and capsules by a way of their own
-            (Carrier::World, Carrier::Node(_)) => fixed.contains(&a) && new_to_nodes(a),
-            (Carrier::Node(_), Carrier::World) => fixed.contains(&b) && new_to_nodes(b),
-            (Carrier::Body(x), Carrier::Body(y)) => {
+            (Attachment::World, Attachment::Node(_)) => fixed.contains(&a) && new_to_nodes(a),
+            (Attachment::Node(_), Attachment::World) => fixed.contains(&b) && new_to_nodes(b),
+            (Attachment::Body(x), Attachment::Body(y)) => {
                 let (x, y) = (joined[x], joined[y]);
                 let above = |x: Option<usize>| x.and_then(|x| self.tree.bodies()[x].parent).and_then(|p| joined[p]);
                 // neighbours at a joint overlap there, and two that are fixed to the world do not move
                 x != y && (x.is_none() || above(x) != y || y.is_none()) && (y.is_none() || above(y) != x || x.is_none())
             }
-            (Carrier::Body(x), Carrier::World) | (Carrier::World, Carrier::Body(x)) => joined[x].is_some(),
-            (Carrier::Body(_), Carrier::Node(_)) | (Carrier::Node(_), Carrier::Body(_)) => true,
+            (Attachment::Body(x), Attachment::World) | (Attachment::World, Attachment::Body(x)) => joined[x].is_some(),
+            (Attachment::Body(_), Attachment::Node(_)) | (Attachment::Node(_), Attachment::Body(_)) => true,
         }
     }
 
@@ -247,29 +257,29 @@ impl Model {
     fn refuse_overlaps(&self, entries: &[Entry]) -> Result<(), SceneError> {
         let theta = self.params.values();
         let frames = self.tree.frames(&self.q0[self.n_node_dofs()..], &vec![0.0; self.tree.nv()]);
-        let pose = |s: &Solid| crate::constraints::pose(s.carrier, &self.q0, &frames);
-        let posed: Vec<_> = self.solids.iter().map(|s| s.posed(&pose(s), |k| theta[k])).collect();
+        let pose = |s: &Collider| crate::constraints::pose(s.attachment, &self.q0, &frames);
+        let placed: Vec<_> = self.colliders.iter().map(|s| s.placed(&pose(s), |k| theta[k])).collect();
         let mut deepest: HashMap<(usize, usize), f64> = HashMap::new();
         let mut found = Vec::new();
-        for pair in &self.solid_pairs {
-            let [a, b] = pair.solids;
+        for pair in &self.collider_pairs {
+            let [a, b] = pair.colliders;
             found.clear();
-            candidates(&posed[a], &posed[b], 0.0, &mut found);
-            for (spot, swapped) in &found {
+            candidates(&placed[a], &placed[b], 0.0, &mut found);
+            for (feature_pair, swapped) in &found {
                 let (a, b) = if *swapped { (b, a) } else { (a, b) };
                 // only points that lie in the other solid tell how deep it is
-                let Ok(meeting) = meet(spot, &posed[a], &posed[b]) else { continue };
-                let depth = deepest.entry((pair.solids[0], pair.solids[1])).or_insert(0.0);
-                *depth = depth.max(-meeting.gap);
+                let Ok(geometry) = contact_geometry(feature_pair, &placed[a], &placed[b]) else { continue };
+                let depth = deepest.entry((pair.colliders[0], pair.colliders[1])).or_insert(0.0);
+                *depth = depth.max(-geometry.gap);
             }
             // where no features meet
             let depth = deepest.entry((a, b)).or_insert(0.0);
-            *depth = depth.max(overlap(&posed[a], &posed[b]));
+            *depth = depth.max(overlap(&placed[a], &placed[b]));
         }
         let worst =
             deepest.into_iter().filter(|(_, depth)| *depth > OVERLAP).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));
         let Some(((a, b), depth)) = worst else { return Ok(()) };
-        let name = |k: usize| format!("`{}`", self.solids[k].name);
+        let name = |k: usize| format!("`{}`", self.colliders[k].name);
         Err(SceneError::at(entries[a].field.clone(), Mistake::Overlap { first: name(a), second: name(b), depth }))
     }
 }

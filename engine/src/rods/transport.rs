@@ -6,7 +6,7 @@ use pliant_math::Vec3;
 
 /// ψ_a and ψ_b of every edge [1/m]: see [`super`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Carry {
+pub struct TransportDerivative {
     edges: Vec<Carried>,
 }
 
@@ -18,7 +18,7 @@ struct Carried {
     after: Vec3<f64>,
 }
 
-impl Carry {
+impl TransportDerivative {
     /// From positions `a` to positions `b`.
     pub(crate) fn evaluate(&mut self, rods: &Rods, a: &[f64], b: &[f64]) {
         self.edges.clear();
@@ -53,7 +53,7 @@ impl Carry {
         self.edges.iter().for_each(|e| e.add(&e.after, x, columns));
     }
 
-    /// The transposed [`Carry::add_before`], of one column.
+    /// The transposed [`TransportDerivative::add_before`], of one column.
     pub fn pull_before(&self, x: &mut [f64]) {
         self.edges.iter().for_each(|e| e.pull(&e.before, x));
     }
@@ -67,7 +67,7 @@ impl Carry {
         }
     }
 
-    /// The transposed [`Carry::add_after`], of one column.
+    /// The transposed [`TransportDerivative::add_after`], of one column.
     pub fn pull_after(&self, x: &mut [f64]) {
         self.edges.iter().for_each(|e| e.pull(&e.after, x));
     }

@@ -1,10 +1,10 @@
-//! Gaps of solids against the distances of parry, an independent collision library.
+//! Gaps of colliders against the distances of parry, an independent collision library.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use parry3d_f64::math::{Pose as TheirPose, Rotation, Vector};
 use parry3d_f64::query::distance;
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, HalfSpace, Shape};
-use pliant_engine::geometry::solid::{Form, Posed, candidates, meet};
+use pliant_engine::geometry::collider::{ColliderShape, PlacedCollider, candidates, contact_geometry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -13,43 +13,45 @@ fn random_rotation(rng: &mut Pcg64Mcg) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(x[0], x[1], x[2], x[3]))
 }
 
-fn theirs(solid: &Posed<f64>) -> (TheirPose, Box<dyn Shape>) {
-    let q = UnitQuaternion::from_matrix(&solid.rotation);
-    let p = Vector::new(solid.position[0], solid.position[1], solid.position[2]);
+fn theirs(collider: &PlacedCollider<f64>) -> (TheirPose, Box<dyn Shape>) {
+    let q = UnitQuaternion::from_matrix(&collider.rotation);
+    let p = Vector::new(collider.position[0], collider.position[1], collider.position[2]);
     let pose = TheirPose::from_parts(p, Rotation::from_xyzw(q.i, q.j, q.k, q.w));
-    let [a, b, c] = solid.sizes;
-    let shape: Box<dyn Shape> = match solid.form {
-        Form::HalfSpace => Box::new(HalfSpace::new(Vector::new(0.0, 0.0, 1.0))),
-        Form::Ball => Box::new(Ball::new(a)),
-        Form::Capsule => Box::new(Capsule::new(Vector::new(0.0, 0.0, -b), Vector::new(0.0, 0.0, b), a)),
+    let [a, b, c] = collider.sizes;
+    let shape: Box<dyn Shape> = match collider.form {
+        ColliderShape::HalfSpace => Box::new(HalfSpace::new(Vector::new(0.0, 0.0, 1.0))),
+        ColliderShape::Ball => Box::new(Ball::new(a)),
+        ColliderShape::Capsule => Box::new(Capsule::new(Vector::new(0.0, 0.0, -b), Vector::new(0.0, 0.0, b), a)),
         _ => Box::new(Cuboid::new(Vector::new(a, b, c))),
     };
     (pose, shape)
 }
 
-fn apart(a: &Posed<f64>, b: &Posed<f64>) -> f64 {
+fn apart(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     let ((pa, sa), (pb, sb)) = (theirs(a), theirs(b));
     distance(&pa, &*sa, &pb, &*sb).unwrap().distance
 }
 
-fn nearest(a: &Posed<f64>, b: &Posed<f64>) -> Option<(f64, Vector3<f64>)> {
+fn nearest(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> Option<(f64, Vector3<f64>)> {
     let mut found = Vec::new();
     candidates(a, b, 1.0, &mut found);
-    let gap = |(spot, swapped): &(_, bool)| if *swapped { meet(spot, b, a) } else { meet(spot, a, b) }.unwrap();
+    let gap = |(feature_pair, swapped): &(_, bool)| {
+        if *swapped { contact_geometry(feature_pair, b, a) } else { contact_geometry(feature_pair, a, b) }.unwrap()
+    };
     let all = found.iter().map(|f| (gap(f), if f.1 { -1.0 } else { 1.0 }));
     all.min_by(|x, y| x.0.gap.total_cmp(&y.0.gap)).map(|(m, sign)| (m.gap, m.normal * sign))
 }
 
-fn random(form: Form, rng: &mut Pcg64Mcg) -> Posed<f64> {
+fn random(form: ColliderShape, rng: &mut Pcg64Mcg) -> PlacedCollider<f64> {
     let sizes = [0, 1, 2].map(|_| rng.random_range(0.1..0.4));
     let rotation: Matrix3<f64> = random_rotation(rng).to_rotation_matrix().into_inner();
-    Posed { form, rotation, position: Vector3::from_fn(|_, _| rng.random_range(-0.2..0.2)), sizes }
+    PlacedCollider { form, rotation, position: Vector3::from_fn(|_, _| rng.random_range(-0.2..0.2)), sizes }
 }
 
-/// Two solids brought to the distance `close` along a line.
-fn brought_near(mut a: Posed<f64>, b: &Posed<f64>, close: f64, rng: &mut Pcg64Mcg) -> Posed<f64> {
+/// Two colliders brought to the distance `close` along a line.
+fn brought_near(mut a: PlacedCollider<f64>, b: &PlacedCollider<f64>, close: f64, rng: &mut Pcg64Mcg) -> PlacedCollider<f64> {
     let direction = random_rotation(rng) * Vector3::z();
-    let direction = if b.form == Form::HalfSpace { b.rotation * Vector3::z() } else { direction };
+    let direction = if b.form == ColliderShape::HalfSpace { b.rotation * Vector3::z() } else { direction };
     let start = b.position + direction * 3.0;
     let (mut near, mut far) = (0.0, 3.0);
     for _ in 0..60 {
@@ -62,8 +64,8 @@ fn brought_near(mut a: Posed<f64>, b: &Posed<f64>, close: f64, rng: &mut Pcg64Mc
 }
 
 #[test]
-fn touching_solids_are_as_far_apart_as_parry_says() {
-    use Form::{Ball, Block, Capsule, HalfSpace};
+fn touching_colliders_are_as_far_apart_as_parry_says() {
+    use ColliderShape::{Ball, Block, Capsule, HalfSpace};
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     let pairs = [
         (Ball, HalfSpace),
@@ -108,17 +110,26 @@ fn touching_solids_are_as_far_apart_as_parry_says() {
 #[test]
 fn a_cylinder_touches_the_floor_with_the_lowest_point_of_its_rims() {
     let mut rng = Pcg64Mcg::seed_from_u64(4);
-    let floor = Posed { form: Form::HalfSpace, rotation: Matrix3::identity(), position: Vector3::zeros(), sizes: [0.0; 3] };
+    let floor = PlacedCollider {
+        form: ColliderShape::HalfSpace,
+        rotation: Matrix3::identity(),
+        position: Vector3::zeros(),
+        sizes: [0.0; 3],
+    };
     for _ in 0..200 {
-        let cylinder = random(Form::Cylinder, &mut rng);
+        let cylinder = random(ColliderShape::Cylinder, &mut rng);
         let axis = cylinder.rotation.column(2).into_owned();
         let lowest =
             cylinder.position[2] - cylinder.sizes[1] * axis[2].abs() - cylinder.sizes[0] * (1.0 - axis[2] * axis[2]).sqrt();
         let (gap, normal) = nearest(&cylinder, &floor).unwrap();
         assert!((gap - lowest).abs() < 1e-12 && (normal - Vector3::z()).norm() < 1e-15);
     }
-    let upright =
-        Posed { form: Form::Cylinder, rotation: Matrix3::identity(), position: Vector3::z() * 0.3, sizes: [0.1, 0.2, 0.0] };
+    let upright = PlacedCollider {
+        form: ColliderShape::Cylinder,
+        rotation: Matrix3::identity(),
+        position: Vector3::z() * 0.3,
+        sizes: [0.1, 0.2, 0.0],
+    };
     let mut found = Vec::new();
     candidates(&upright, &floor, 0.2, &mut found);
     assert_eq!(found.len(), 8, "it stands on the points of one rim");
@@ -128,8 +139,8 @@ fn a_cylinder_touches_the_floor_with_the_lowest_point_of_its_rims() {
 fn a_cylinder_meets_balls_exactly_and_capsules_within_an_octagon() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     for _ in 0..500 {
-        let cylinder = random(Form::Cylinder, &mut rng);
-        let mut ball = random(Form::Ball, &mut rng);
+        let cylinder = random(ColliderShape::Cylinder, &mut rng);
+        let mut ball = random(ColliderShape::Ball, &mut rng);
         ball.position = cylinder.position + random_rotation(&mut rng) * Vector3::z() * 0.9;
         let y = cylinder.rotation.tr_mul(&(ball.position - cylinder.position));
         let across = (y.xy().norm() - cylinder.sizes[0]).max(0.0);
@@ -138,8 +149,8 @@ fn a_cylinder_meets_balls_exactly_and_capsules_within_an_octagon() {
             let (gap, _) = nearest(&ball, &cylinder).unwrap();
             assert!((gap - (across.hypot(along) - ball.sizes[0])).abs() < 1e-12);
         }
-        let capsule = Posed { form: Form::Capsule, ..random(Form::Capsule, &mut rng) };
-        let capsule = Posed { position: ball.position, ..capsule };
+        let capsule = PlacedCollider { form: ColliderShape::Capsule, ..random(ColliderShape::Capsule, &mut rng) };
+        let capsule = PlacedCollider { position: ball.position, ..capsule };
         // distance of points of the axis, the least of which is the capsule's
         let sampled = (0..=2000).map(|k| {
             let x = capsule.position + capsule.rotation.column(2) * (capsule.sizes[1] * (f64::from(k) / 1000.0 - 1.0));

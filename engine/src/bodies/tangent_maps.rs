@@ -7,7 +7,7 @@ use pliant_math::rotation::{Map, matrix};
 
 /// `(q ⊕ δ) ⊕ (t + τ) = (q ⊕ t) ⊕ (T δ + J τ)` to first order; only balls differ from the identity.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Turns {
+pub struct TangentMaps {
     balls: Vec<Turn>,
 }
 
@@ -20,7 +20,7 @@ struct Turn {
     jacobian: Matrix3<f64>,
 }
 
-impl Turns {
+impl TangentMaps {
     /// Evaluates at the tangent `t` of all degrees of freedom.
     pub fn evaluate(&mut self, tree: &Tree, map: Map, t: &[f64]) {
         self.balls.clear();
