@@ -98,10 +98,10 @@ def remember(model, past, z, q_next, theta, h=None):
     return jnp.concatenate([memory, frames])
 
 
-def make_stage(model, h):
-    """stage(q, v, z, v_cmd, theta, kappa, past, elapsed) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s]).
+def make_stage(model):
+    """stage(q, v, z, v_cmd, theta, kappa, past, elapsed, h) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s]).
 
-    `past`: strains at the beginning of the step, which is `elapsed` [s] before forces are evaluated.
+    `past`: strains at the beginning of the step, which is `elapsed` [s] before forces are evaluated; `h`: length of the stage [s].
     """
     a0, a1, b0, b1, d0, d1 = coefficients(model)
     nodes, free, touching = model.free, np.flatnonzero(~model.driven_rows), bool(model.shapes)
@@ -116,7 +116,7 @@ def make_stage(model, h):
         return (of_nodes @ q).reshape(-1, 3)
 
     def scaled(y, args, scale=1.0):
-        q, v, z, v_cmd, theta, kappa, past, elapsed = args
+        q, v, z, v_cmd, theta, kappa, past, elapsed, h = args
         vp = expand(y, v_cmd)
         q_bar, v_bar = q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp
         memory, frames = jnp.split(carry(model, q, z, q_bar), [model.n_memory])
@@ -128,7 +128,7 @@ def make_stage(model, h):
         return expanding.T @ (vp - v) - h * (expanding.T @ force) / (expanding.T @ forces.row_masses(model, theta))
 
     def start(args):
-        q, v, _, v_cmd, theta, *_ = args
+        q, v, _, v_cmd, theta, *_, h = args
 
         def rows(y, scale):
             return scaled(y, args, scale)
@@ -171,7 +171,7 @@ def make_step(model, report=False):
         raise ValueError("midpoint has no contact")
     two_stage = model.integrator == "sdirk2"
     h = model.h
-    stage = make_stage(model, GAMMA * h if two_stage else h)
+    stage = make_stage(model)
 
     def second_start(q, v, z, v1):
         """Where the second stage of sdirk2 begins."""
@@ -183,7 +183,7 @@ def make_step(model, report=False):
 
         def body(carried, elapsed):
             q_ref, v_ref, z_ref, _ = carried
-            v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, elapsed)
+            v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, elapsed, GAMMA * h)
             q_end = q_ref + GAMMA * h * v1
             return (*second_start(q, v, z, v1), error), (q_end, v1, carry(model, q_ref, z_ref, q_end), error)
 
@@ -191,38 +191,41 @@ def make_step(model, report=False):
         _, (q_end, v_end, z_end, error) = jax.lax.scan(body, (q, v, z, jnp.zeros(())), elapsed)
         return q_end[1], v_end[1], remember(model, past, z_end[1], q_end[1], theta), jnp.max(error)
 
-    half = make_stage(model, 0.5 * h) if two_stage and model.shapes else None
-
     def landing_sdirk2(q, v, z, v_cmd, theta, kappa):
-        past, at = strains(model, q, z), lambda y: nodes_of(model, y)[model.free]
-        first, error = stage(q, v, z, v_cmd, theta, kappa, past, GAMMA * h)
-        reference = second_start(q, v, z, first)
+        """A scan over the first stage and its successors, the second stage or two half steps, so that a stage is compiled once.
 
-        def second(_):
-            q_ref, v_ref, z_ref = reference
-            v_end, last = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, h)
-            q_end = q_ref + GAMMA * h * v_end
-            return q_end, v_end, remember(model, past, carry(model, q_ref, z_ref, q_end), q_end, theta), jnp.maximum(error, last)
+        The second stage is computed twice: the scan has three turns.
+        """
+        begun, at = (q, v, z), lambda y: nodes_of(model, y)[model.free]
+        past = strains(model, q, z)
 
-        def halves(_):
-            def body(x, _):
-                q, v, z = x
-                begun = strains(model, q, z)
-                v_end, last = half(q, v, z, v_cmd, theta, kappa, begun, 0.5 * h)
-                q_end = q + 0.5 * h * v_end
-                return (q_end, v_end, remember(model, begun, carry(model, q, z, q_end), q_end, theta, 0.5 * h)), last
+        def body(carried, turn):
+            start, begins, thrown, error = carried
+            first, after_half = turn == 0, thrown & (turn > 0)
+            length = jnp.where(after_half, 0.5 * h, GAMMA * h)
+            elapsed = jnp.where(first, GAMMA * h, jnp.where(after_half, 0.5 * h, h))
+            v_end, last = stage(*start, v_cmd, theta, kappa, begins, elapsed, length)
+            q_end = start[0] + length * v_end
+            z_end = carry(model, start[0], start[2], q_end)
+            second = second_start(q, v, z, v_end)
+            where = [(at(q), at(v)), (at(q_end), at(v_end)), (at(second[0]), at(second[1]))]
+            found = landing.thrown_back(model, *where, theta, taken(kappa, model.free), (h, GAMMA * h))
+            thrown = jnp.where(first, found, thrown)
+            end = (q_end, v_end, remember(model, begins, z_end, q_end, theta, jnp.where(after_half, 0.5 * h, h)))
+            follows = [jnp.where(thrown, b, s) for b, s in zip(begun, second, strict=True)]
+            start = [jnp.where(first, f, jnp.where(thrown, e, s)) for f, e, s in zip(follows, end, start, strict=True)]
+            if model.n_memory:
+                begins = jnp.where(after_half, strains(model, start[0], start[2]), begins)
+            return (tuple(start), begins, thrown, jnp.maximum(error, last)), end
 
-            x, last = jax.lax.scan(body, (q, v, z), None, length=2)
-            return *x, jnp.max(last)
-
-        where = [(at(q), at(v)), (at(q + GAMMA * h * first), at(first)), (at(reference[0]), at(reference[1]))]
-        thrown = landing.thrown_back(model, *where, theta, taken(kappa, model.free), (h, GAMMA * h))
-        return jax.lax.cond(thrown, halves, second, None)
+        carried = (begun, past, jnp.zeros((), dtype=bool), jnp.zeros(()))
+        (*_, error), ends = jax.lax.scan(body, carried, jnp.arange(3))
+        return *(x[2] for x in ends), error
 
     def one_stage(q, v, z, v_cmd, theta, kappa):
         past = strains(model, q, z)
         elapsed = 0.5 * h if model.integrator == "midpoint" else h
-        vp, error = stage(q, v, z, v_cmd, theta, kappa, past, elapsed)
+        vp, error = stage(q, v, z, v_cmd, theta, kappa, past, elapsed, h)
         *_, d0, d1 = coefficients(model)
         q_next = q + h * (d0 * v + d1 * vp)
         return q_next, vp, remember(model, past, carry(model, q, z, q_next), q_next, theta), error
