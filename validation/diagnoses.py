@@ -24,7 +24,8 @@ from validation.real import cubes, torques
 from validation.real.deform_dlo import data_folder
 
 ROPE_SEED = 3
-ROPE_EFFECTS = (6, 10, 21, 34)  # of that seed: large enough to be named, by the oracle or by luck of the draw
+# of that seed: large enough to be named, by the oracle or by luck of the draw
+ROPE_EFFECTS = {6: "internal_damping", 10: "time_offset", 21: "time_offset", 34: "length_scale"}
 ROPE_NULLS = (1, 4, 5)
 SILVERBOX = ((41_000, 300, "fit"), (52_000, 300, "fit"), (120_000, 500, "held_out"))
 DRY = '{ path = "shoulder.friction", lower = 0.0, upper = 1.0 }, { path = "elbow.friction", lower = 0.0, upper = 1.0 }, '
@@ -71,6 +72,7 @@ def rope(index: int, kind: str) -> Case:
 
     def write(folder: Path) -> Path:
         case = cases.draw(ROPE_SEED, index, kind, None)
+        assert kind == "null" or case.name == ROPE_EFFECTS[index]
         return cases.write(case, *cases.truths([case])[index], folder)
 
     return diagnosed(write, [ROPE_SEED, index])
