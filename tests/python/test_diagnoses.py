@@ -20,6 +20,7 @@ AGAIN = (
     "silverbox",
     "simple_pendulum",
     "double_pendulum",
+    "cube",
     "cube_flight",
 )
 MEASURED = ("silverbox", "simple_pendulum", "double_pendulum", "cube", "cube_flight")

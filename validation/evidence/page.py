@@ -17,18 +17,20 @@ def answer(figures: dict) -> str:
         rigid, dry = figures["rigid"], figures["dry_friction"]
         errors = f"torque error on held-out recordings {rigid['torque_error']:.3f} → {dry['torque_error']:.3f} N·m"
         return f"{errors} with dry friction; m₂r₂ = {dry['lever']:.3f} kg·m"
-    found = [f"{value(cause)}" for cause in figures["causes"] if cause["name"] != "discretisation"]
-    pairs = zip(figures["alternatives"], figures["alternative_objects"], strict=True)
+    found = [value(cause) for cause in figures["causes"] if cause["name"] != "discretisation"]
     if not found:
-        for names, objects in pairs:
-            found.append(" or ".join(f"`{n}`" + (f" ({o})" if o else "") for n, o in zip(names, objects, strict=True)))
-    return ": ".join([f"`{figures['verdict']}`", *["; ".join(found)][: len(found)]])
+        pairs = zip(figures["alternatives"], figures["alternative_objects"], strict=True)
+        sets = [[f"`{n}`" + (f" ({o})" if o else "") for n, o in zip(*pair, strict=True)] for pair in pairs]
+        found = [" or ".join(names) for names in sets]
+    if figures["verdict"] == "not_in_library":
+        found = ["beside a remainder " + value(stage) for stage in figures["stages"][1:]]
+    return f"`{figures['verdict']}`" + (": " if found else "") + "; ".join(found)
 
 
 def value(cause: dict) -> str:
     """A cause with its parameters and their 90 % intervals."""
-    at = f" ({cause['object']})" if cause["object"] else ""
-    sizes = [f"{p['path']} = {p['estimate']:.4g} ({p['interval'][0]:.4g} to {p['interval'][1]:.4g})" for p in cause["parameters"]]
+    at = f" ({cause['object']})" if cause.get("object") else ""
+    sizes = [f"{p['path']} = {p['estimate']:.5g} ({p['interval'][0]:.5g} to {p['interval'][1]:.5g})" for p in cause["parameters"]]
     return f"`{cause['name']}`{at}, " + ", ".join(sizes)
 
 
