@@ -1,6 +1,8 @@
 """What pliant does with scenes that nobody chose: a thousand by seed, each in a process of its own with a time limit.
 
-    python -m validation.robustness --count 1000 --seed 0 [--save FOLDER]
+    python -m validation.robustness --count 1000 --seed 0 [--save FOLDER] [--write]
+
+`--write` puts the outcomes into validation/evidence/random_scenes.json.
 
 A run is *good* if it comes to its end with finite states and an energy that has a cause: at no time more than
 
@@ -27,6 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation import evidence
 from validation.random_scenes import GRAVITY, Scene, random_scene
 
 LIMIT = 60.0  # s a scene
@@ -186,8 +189,9 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="scenes at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds a scene may take")
     parser.add_argument("--save", type=Path, help="folder for the scenes that ended badly")
+    parser.add_argument("--write", action="store_true", help="write validation/evidence/random_scenes.json")
     options = parser.parse_args()
-    width = max(map(len, ENDS))
+    width, record = max(map(len, ENDS)), evidence.Run()
 
     def report(outcome):
         if outcome.end != "good":
@@ -202,6 +206,15 @@ def main():
             shown = "" if end == "good" else "  seeds " + " ".join(map(str, seeds))
             print(f"{end:{width}} {counts[end]:5}  {100 * counts[end] / len(outcomes):5.1f} %{shown}")
     print("slowest:", ", ".join(f"seed {o.seed} {o.seconds:.1f} s" for o in slow))
+    if options.write:
+        figures = {
+            "scenes": len(outcomes),
+            "counts": {end: counts[end] for end in ENDS},
+            "limit": options.limit,
+            "slowest": {"seed": slow[0].seed, "seconds": round(slow[0].seconds, 1)},
+            "bad": [{"seed": o.seed, "end": o.end, "message": o.message} for o in outcomes if o.end != "good"],
+        }
+        print(record.write("random_scenes", {"first": options.seed, "count": options.count}, figures))
     if options.save:
         options.save.mkdir(parents=True, exist_ok=True)
         for o in outcomes:

@@ -1,4 +1,4 @@
-"""What the tests of the JAX reference share: scenes by name, and one compiled program per case.
+"""What the tests of the JAX reference share: scenes by name, and one compiled program per scene.
 
 A program maps (x, u, θ, x̄⁺) to (x⁺, residual [m/s], (x̄, ū, θ̄)): a step and its pullback, x̄ by changes of the state.
 Compiled programs are kept under target/, so a second run of the tests is quicker.
@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from validation import reference
+from validation.reference.step import scheme
 
 ROOT = Path(__file__).resolve().parents[2]
 jax.config.update("jax_compilation_cache_dir", str(ROOT / "target" / "jax-cache"))
@@ -123,20 +124,30 @@ def scene_text(name, integrator=None, law=None):
     return text
 
 
+@cache
+def program(name, law, landing):
+    """The compiled step-and-pullback of a scene: (x, u, θ, x̄⁺, scheme) as above; `landing`: by sdirk2 with contact.
+
+    The integrator is an argument, except that one.
+    """
+    model = reference.loads(scene_text(name, "sdirk2" if landing else "euler", law))
+    step = reference.make_change_of_step(model)
+
+    def of(x, u, theta, x_bar, by):
+        _, pull, (x_next, error) = jax.vjp(lambda *a: step(a[0], x, *a[1:], by), np.zeros(model.ndx), u, theta, has_aux=True)
+        return x_next, error, pull(x_bar)
+
+    return jit(of)
+
+
 class Case:
     """A reference model with its compiled step-and-pullback."""
 
-    def __init__(self, text):
-        self.text = text
+    def __init__(self, name, integrator, law):
+        self.text = scene_text(name, integrator, law)
         self.model = reference.loads(self.text)
-        step = reference.make_change_of_step(self.model)
-
-        def program(x, u, theta, x_bar):
-            of = lambda dx, u, theta: step(dx, x, u, theta)
-            _, pull, (x_next, error) = jax.vjp(of, np.zeros(self.model.ndx), u, theta, has_aux=True)
-            return x_next, error, pull(x_bar)
-
-        self.program = jit(program)
+        landing = bool(self.model.shapes) and self.model.integrator == "sdirk2"
+        self.program = partial(program(name, law, landing), by=scheme(self.model))
 
     def start(self):
         """The scene's initial state; sheets, which are flat, a little out of shape and in motion."""
@@ -203,7 +214,7 @@ def gradient_errors(model, got, expected, cancelling=False):
 @cache
 def case(name, integrator=None, law=None):
     """The case, built once per test process."""
-    return Case(scene_text(name, integrator, law))
+    return Case(name, integrator, law)
 
 
 def wiggle(model, q0, steps, seed=0):

@@ -6,7 +6,8 @@
 
 Of the cases 40 % are nulls, 45 % effects of the library, 15 % outside it (--nulls, --outside). The tool
 sees a scene and its logs, never the truth; `--keep DIR` leaves the folders. `--ideal` runs the oracle's
-own linear test in place of the tool, as a yardstick.
+own linear test in place of the tool, as a yardstick. `--write NAME` puts the summary and the answers into
+validation/evidence/NAME.json.
 
 A null counts only where a fitter with exact derivatives and the true parameters would see nothing: the
 implicit midpoint rule at the scene's step, on the generator's forces and with the logged (piecewise
@@ -28,6 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation import evidence
 from validation.blind import arm_cases, cable_cases, cases, ideal, score
 from validation.blind.families import FAMILIES
 
@@ -55,6 +57,18 @@ def kinds(n: int, nulls: float, outside: float, seed: int) -> list[str]:
     return np.random.default_rng([seed, 7]).permutation(order).tolist()
 
 
+def answer(row: dict) -> dict:
+    """A case and the answer to it, in short."""
+    case, report = row["case"], row["report"] or {}
+    found = {key: report.get(key) for key in ("verdict", "alternatives", "alternative_objects")}
+    found["causes"] = [
+        {"name": cause["name"], "object": cause["object"], "parameters": cause["parameters"]}
+        for cause in report.get("causes", [])
+    ]
+    hidden = {key: case[key] for key in ("index", "family", "kind", "name", "cause", "lam", "allowed", "truth") if key in case}
+    return {**hidden, "outcome": row["outcome"], "seconds": round(row["seconds"], 1), **found}
+
+
 def _draw(job: tuple):
     draw, *arguments = job
     return draw(*arguments)
@@ -66,6 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--pliant", default="target/release/pliant")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", metavar="NAME")
     parser.add_argument("--nulls", type=float, default=0.40)
     parser.add_argument("--outside", type=float, default=0.15)
     parser.add_argument("--arms", action="store_true", help="two-link arms made by MuJoCo in place of ropes")
@@ -77,7 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--ideal", action="store_true")
     options = parser.parse_args(arguments)
-    start = time.monotonic()
+    start, record = time.monotonic(), evidence.Run()
     wanted = kinds(options.cases, options.nulls, options.outside, options.seed)
     source = arm_cases if options.arms else cable_cases if options.cables else cases
     of_bodies = source is not cases
@@ -114,6 +129,9 @@ def main(arguments: list[str] | None = None) -> int:
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(json.dumps({"summary": summary, "cases": results}, indent=1), encoding="utf-8")
+    if options.write:
+        brief = [answer(row) for row in results]
+        print(record.write(options.write, options.seed, {"summary": summary, "cases": brief}))
     return int(any(row["state"] == "fails" for row in summary["requirements"]))
 
 

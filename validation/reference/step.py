@@ -9,6 +9,7 @@ strains there, and moves on at the step's end. Under sdirk2 what lands is taken 
 """
 
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,11 +24,23 @@ MIDPOINT_FREE = (0.25, 0.25, 0.5, 0.5, 0.5, 0.5)
 MIDPOINT_DRIVEN = (0.0, 0.5, 0.0, 1.0, 0.0, 1.0)
 
 
-def coefficients(model):
-    """(a0, a1, b0, b1, d0, d1), each (nq,)."""
-    midpoint = model.integrator == "midpoint"
+class Scheme(NamedTuple):
+    """An integrator without contact, as numbers: one compiled step serves all three."""
+
+    stages: int  # 1 or 2
+    coefficients: np.ndarray  # (6, nq): a0, a1, b0, b1, d0, d1
+    length: float  # of a stage [s]
+    elapsed: np.ndarray  # (2,) from the beginning of the step to where the forces of a stage are evaluated [s]
+
+
+def scheme(model):
+    """The scheme of the model's integrator."""
+    h, midpoint = model.h, model.integrator == "midpoint"
     free, driven = (MIDPOINT_FREE, MIDPOINT_DRIVEN) if midpoint else (EULER, EULER)
-    return [np.where(model.driven_rows, d, f) for f, d in zip(free, driven, strict=True)]
+    numbers = np.where(model.driven_rows, np.array(driven)[:, None], np.array(free)[:, None])
+    if model.integrator == "sdirk2":
+        return Scheme(2, numbers, GAMMA * h, np.array([GAMMA * h, h]))
+    return Scheme(1, numbers, h, np.array([0.5 * h if midpoint else h, h]))
 
 
 def cayley(a):
@@ -98,12 +111,11 @@ def remember(model, past, z, q_next, theta, h=None):
     return jnp.concatenate([memory, frames])
 
 
-def make_stage(model, h):
-    """stage(q, v, z, v_cmd, theta, kappa, past, elapsed) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s]).
+def make_stage(model):
+    """stage(q, v, z, v_cmd, theta, kappa, past, elapsed, h, coefficients) -> (v⁺ (nq,), size of the last Newton step [m/s, rad/s]).
 
-    `past`: strains at the beginning of the step, which is `elapsed` [s] before forces are evaluated.
+    `past`: strains at the beginning of the step, which is `elapsed` [s] before forces are evaluated; `h`: length of the stage [s].
     """
-    a0, a1, b0, b1, d0, d1 = coefficients(model)
     nodes, free, touching = model.free, np.flatnonzero(~model.driven_rows), bool(model.shapes)
     expanding = np.eye(model.nq)[:, free]
     of_nodes = np.eye(model.nq)[(3 * nodes[:, None] + np.arange(3)).ravel()]
@@ -116,7 +128,7 @@ def make_stage(model, h):
         return (of_nodes @ q).reshape(-1, 3)
 
     def scaled(y, args, scale=1.0):
-        q, v, z, v_cmd, theta, kappa, past, elapsed = args
+        q, v, z, v_cmd, theta, kappa, past, elapsed, h, (a0, a1, b0, b1, d0, d1) = args
         vp = expand(y, v_cmd)
         q_bar, v_bar = q + h * (a0 * v + a1 * vp), b0 * v + b1 * vp
         memory, frames = jnp.split(carry(model, q, z, q_bar), [model.n_memory])
@@ -128,7 +140,7 @@ def make_stage(model, h):
         return expanding.T @ (vp - v) - h * (expanding.T @ force) / (expanding.T @ forces.row_masses(model, theta))
 
     def start(args):
-        q, v, _, v_cmd, theta, *_ = args
+        q, v, _, v_cmd, theta, *_, h, _ = args
 
         def rows(y, scale):
             return scaled(y, args, scale)
@@ -163,76 +175,79 @@ def make_stage(model, h):
 
 
 def make_step(model, report=False):
-    """step(x, u, theta[, kappa]) -> x⁺ (nx,), or (x⁺, size of the last Newton step [m/s, rad/s]) with `report`.
+    """step(x, u, theta[, kappa, by]) -> x⁺ (nx,), or (x⁺, size of the last Newton step [m/s, rad/s]) with `report`.
 
-    kappa (n_nodes,) [J]: the smoothing; by default rest_gap m_i |g| at θ.
+    kappa (n_nodes,) [J]: the smoothing; by default rest_gap m_i |g| at θ. by: the scheme, by default that of the model; with contact
+    only a scheme of one stage takes its place.
     """
     if model.shapes and model.integrator == "midpoint":
         raise ValueError("midpoint has no contact")
     two_stage = model.integrator == "sdirk2"
     h = model.h
-    stage = make_stage(model, GAMMA * h if two_stage else h)
+    stage = make_stage(model)
 
     def second_start(q, v, z, v1):
         """Where the second stage of sdirk2 begins."""
         q_second = q + (1.0 - GAMMA) * h * v1
         return q_second, v + (1.0 - GAMMA) / GAMMA * (v1 - v), carry(model, q, z, q_second)
 
-    def sdirk2(q, v, z, v_cmd, theta, kappa):
-        past = strains(model, q, z)
+    def plain(q, v, z, v_cmd, theta, kappa, by):
+        past, (*_, d0, d1) = strains(model, q, z), by.coefficients
 
-        def body(carried, elapsed):
-            q_ref, v_ref, z_ref, _ = carried
-            v1, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, elapsed)
-            q_end = q_ref + GAMMA * h * v1
-            return (*second_start(q, v, z, v1), error), (q_end, v1, carry(model, q_ref, z_ref, q_end), error)
+        def take(carried, elapsed):
+            (q_ref, v_ref, z_ref), _, before = carried
+            v_end, error = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, elapsed, by.length, by.coefficients)
+            q_end = q_ref + by.length * (d0 * v_ref + d1 * v_end)
+            end = (q_end, v_end, carry(model, q_ref, z_ref, q_end))
+            return second_start(q, v, z, v_end), end, jnp.maximum(before, error)
 
-        elapsed = jnp.array([GAMMA * h, h])
-        _, (q_end, v_end, z_end, error) = jax.lax.scan(body, (q, v, z, jnp.zeros(())), elapsed)
-        return q_end[1], v_end[1], remember(model, past, z_end[1], q_end[1], theta), jnp.max(error)
+        def body(carried, turn):
+            elapsed = jnp.asarray(by.elapsed)[turn]
+            return jax.lax.cond(turn < by.stages, take, lambda carried, _: carried, carried, elapsed), None
 
-    half = make_stage(model, 0.5 * h) if two_stage and model.shapes else None
+        (_, (q_end, v_end, z_end), error), _ = jax.lax.scan(body, ((q, v, z), (q, v, z), jnp.zeros(())), jnp.arange(2))
+        return q_end, v_end, remember(model, past, z_end, q_end, theta), error
 
     def landing_sdirk2(q, v, z, v_cmd, theta, kappa):
-        past, at = strains(model, q, z), lambda y: nodes_of(model, y)[model.free]
-        first, error = stage(q, v, z, v_cmd, theta, kappa, past, GAMMA * h)
-        reference = second_start(q, v, z, first)
+        """A scan over the first stage and its successors, the second stage or two half steps, so that a stage is compiled once.
 
-        def second(_):
-            q_ref, v_ref, z_ref = reference
-            v_end, last = stage(q_ref, v_ref, z_ref, v_cmd, theta, kappa, past, h)
-            q_end = q_ref + GAMMA * h * v_end
-            return q_end, v_end, remember(model, past, carry(model, q_ref, z_ref, q_end), q_end, theta), jnp.maximum(error, last)
-
-        def halves(_):
-            def body(x, _):
-                q, v, z = x
-                begun = strains(model, q, z)
-                v_end, last = half(q, v, z, v_cmd, theta, kappa, begun, 0.5 * h)
-                q_end = q + 0.5 * h * v_end
-                return (q_end, v_end, remember(model, begun, carry(model, q, z, q_end), q_end, theta, 0.5 * h)), last
-
-            x, last = jax.lax.scan(body, (q, v, z), None, length=2)
-            return *x, jnp.max(last)
-
-        where = [(at(q), at(v)), (at(q + GAMMA * h * first), at(first)), (at(reference[0]), at(reference[1]))]
-        thrown = landing.thrown_back(model, *where, theta, taken(kappa, model.free), (h, GAMMA * h))
-        return jax.lax.cond(thrown, halves, second, None)
-
-    def one_stage(q, v, z, v_cmd, theta, kappa):
+        The second stage is computed twice: the scan has three turns.
+        """
+        coefficients = scheme(model).coefficients
+        begun, at = (q, v, z), lambda y: nodes_of(model, y)[model.free]
         past = strains(model, q, z)
-        elapsed = 0.5 * h if model.integrator == "midpoint" else h
-        vp, error = stage(q, v, z, v_cmd, theta, kappa, past, elapsed)
-        *_, d0, d1 = coefficients(model)
-        q_next = q + h * (d0 * v + d1 * vp)
-        return q_next, vp, remember(model, past, carry(model, q, z, q_next), q_next, theta), error
 
-    def step(x, u, theta, kappa=None):
+        def body(carried, turn):
+            start, begins, thrown, error = carried
+            first, after_half = turn == 0, thrown & (turn > 0)
+            length = jnp.where(after_half, 0.5 * h, GAMMA * h)
+            elapsed = jnp.where(first, GAMMA * h, jnp.where(after_half, 0.5 * h, h))
+            v_end, last = stage(*start, v_cmd, theta, kappa, begins, elapsed, length, coefficients)
+            q_end = start[0] + length * v_end
+            z_end = carry(model, start[0], start[2], q_end)
+            second = second_start(q, v, z, v_end)
+            where = [(at(q), at(v)), (at(q_end), at(v_end)), (at(second[0]), at(second[1]))]
+            found = landing.thrown_back(model, *where, theta, taken(kappa, model.free), (h, GAMMA * h))
+            thrown = jnp.where(first, found, thrown)
+            end = (q_end, v_end, remember(model, begins, z_end, q_end, theta, jnp.where(after_half, 0.5 * h, h)))
+            follows = [jnp.where(thrown, b, s) for b, s in zip(begun, second, strict=True)]
+            start = [jnp.where(first, f, jnp.where(thrown, e, s)) for f, e, s in zip(follows, end, start, strict=True)]
+            if model.n_memory:
+                begins = jnp.where(after_half, strains(model, start[0], start[2]), begins)
+            return (tuple(start), begins, thrown, jnp.maximum(error, last)), end
+
+        carried = (begun, past, jnp.zeros((), dtype=bool), jnp.zeros(()))
+        (*_, error), ends = jax.lax.scan(body, carried, jnp.arange(3))
+        return *(x[2] for x in ends), error
+
+    def step(x, u, theta, kappa=None, by=None):
         q, v, z = jnp.split(x, [model.nq, 2 * model.nq])
         kappa = forces.kappas(model, theta) if kappa is None else kappa
         v_cmd = command(model, q, z, u, theta)
-        take = one_stage if not two_stage else landing_sdirk2 if model.shapes else sdirk2
-        *parts, error = take(q, v, z, v_cmd, theta, kappa)
+        if two_stage and model.shapes:
+            *parts, error = landing_sdirk2(q, v, z, v_cmd, theta, kappa)
+        else:
+            *parts, error = plain(q, v, z, v_cmd, theta, kappa, scheme(model) if by is None else by)
         x_next = jnp.concatenate(parts)
         return (x_next, error) if report else x_next
 
@@ -262,11 +277,11 @@ def change(model, x, at):
 
 
 def make_change_of_step(model):
-    """step(dx, x, u, theta) -> (change of x⁺ (ndx,) by the change dx of x, (x⁺ (nx,), residual [m/s])), for derivatives at dx = 0."""
+    """step(dx, x, u, theta[, by]) -> (change of x⁺ (ndx,) by the change dx of x, (x⁺ (nx,), residual [m/s])), for derivatives at dx = 0."""
     step = make_step(model, report=True)
 
-    def changed(dx, x, u, theta):
-        x_next, error = step(displaced(model, x, dx), u, theta)
+    def changed(dx, x, u, theta, by=None):
+        x_next, error = step(displaced(model, x, dx), u, theta, by=by)
         at = jax.lax.stop_gradient(x_next)
         return change(model, x_next, at), (at, error)
 
