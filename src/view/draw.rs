@@ -4,7 +4,7 @@ use super::numbers::{Numbers, Slice};
 use super::picture::{Bone, Drawn, Mesh, Picture, Rope, Scale, left_out};
 use super::{Caption, Run};
 use crate::{Model, State};
-use pliant_engine::geometry::collider::{Attachment, ColliderShape, Pose, Collider};
+use pliant_engine::geometry::collider::{Attachment, Collider, ColliderShape, Pose};
 use pliant_engine::model::RopeSpan;
 use pliant_math::Vec3;
 use pliant_math::inertia::from_numbers;

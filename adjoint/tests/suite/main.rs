@@ -5,8 +5,8 @@
 
 #[path = "../../../engine/tests/suite/common/mod.rs"]
 mod common;
+mod inverse;
 mod judged;
 mod long;
 mod retries;
 mod surrogate;
-mod touching;

@@ -183,7 +183,7 @@ fn jacobians_by_the_whole_inverse_are_those_of_tangents() {
         ("in the wind", windy, true),
         ("damped", damped, true),
         ("quasi-static", landed(0.5, 0.0, Integrator::QuasiStatic), true),
-        ("band", band, false),
+        ("band", band, true),
         ("sticking to a slope", tilted(0.8, 0.0), true),
         ("sliding on a slope", tilted(0.1, 1.0), false),
         ("sliding on a slope, by Anitescu's law", slipping, false),
