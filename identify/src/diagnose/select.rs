@@ -299,28 +299,18 @@ fn unbeaten(
     let mut out = Vec::new();
     let mut nearest: Option<Margin> = None;
     for k in in_play {
-        let cause = &tested.causes[tested.tested[k]];
-        let own;
-        let rival = match others.iter().find(|r| r.candidate == k) {
-            Some(rival) => rival,
-            // significant ones were tried and rejected, or are far behind; the others are far behind by the linear rule, or tried here
-            None if tested.adjusted[k] <= LEVEL
-                || tested.score.candidates[best.candidate].lm >= CLOSE.recip() * tested.score.candidates[k].lm
-                || lead(&tested.score, best.candidate, k) > bar =>
+        let Some(rival) = others.iter().find(|r| r.candidate == k) else {
+            // not refitted: the linear rule, unless it was tried and rejected
+            let significant = tested.adjusted[k] <= LEVEL;
+            if !significant
+                && tested.score.candidates[best.candidate].lm < CLOSE.recip() * tested.score.candidates[k].lm
+                && lead(&tested.score, best.candidate, k) <= bar
             {
-                continue;
+                out.push(k);
             }
-            None => {
-                let start = opened(current, cause, tested, k);
-                match refit_with(plan, &start, &cause.unknowns, current, f64::INFINITY, options) {
-                    Ok(fitted) if rejection(current, &fitted, cause).is_none() => {
-                        own = Refit { candidate: k, dims: cause.unknowns.len(), fitted };
-                        &own
-                    }
-                    _ => continue,
-                }
-            }
+            continue;
         };
+        let cause = &tested.causes[tested.tested[k]];
         let ahead = comparison(plan, best, rival, &best.fitted.noise)?;
         let ahead = tested.score.candidates[best.candidate].credible(ahead);
         if ahead > bar {
@@ -337,6 +327,7 @@ fn unbeaten(
             out.push(k);
         }
     }
+    let _ = current;
     out.sort_by(|&a, &b| tested.score.candidates[b].z.total_cmp(&tested.score.candidates[a].z));
     Ok((out, nearest))
 }
