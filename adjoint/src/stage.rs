@@ -14,7 +14,7 @@ use pliant_engine::rods::TransportDerivative;
 use pliant_engine::step::StageRecord;
 use pliant_math::Input;
 
-/// What a stage is differentiated with.
+/// Arguments of a stage's derivative.
 #[derive(Clone, Copy)]
 pub(crate) struct Context<'a> {
     pub model: &'a Model,
@@ -28,7 +28,7 @@ pub(crate) struct Context<'a> {
 pub(crate) struct Memory {
     /// Tangents of the commanded velocities: only the rows of prescribed nodes mean anything.
     pub cmd: Vec<f64>,
-    /// What [`stage_tangent`] made.
+    /// Result of [`stage_tangent`].
     pub v_next: Vec<f64>,
     /// The state before a substep, q then v.
     pub start: [Vec<f64>; 2],

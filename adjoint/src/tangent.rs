@@ -38,7 +38,7 @@ impl<'m> TangentStepper<'m> {
         step_tangent(cx, record, &mut self.x, &self.seeds, &mut self.memory);
     }
 
-    /// What steps are differentiated with.
+    /// Arguments of the steps' derivatives.
     pub(crate) fn context(&self) -> Context<'_> {
         Context { model: self.model, theta: self.theta, mass: &self.mass }
     }

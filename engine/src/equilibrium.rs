@@ -110,7 +110,7 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     }))
 }
 
-/// What all solves of an equilibrium share.
+/// Shared by all solves of an equilibrium.
 struct Fixed<'a> {
     model: &'a Model,
     theta: &'a [f64],

@@ -54,7 +54,7 @@ impl fmt::Display for ImportError {
     }
 }
 
-/// What is wrong with a model.
+/// Defect of a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the fields are the words of the messages
 pub enum ImportMistake {

@@ -17,9 +17,9 @@ pub struct Options {
 /// A model that was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imported {
-    /// What it is now.
+    /// The scene made of it.
     pub scene: Scene,
-    /// What became of every element.
+    /// The outcome of every element.
     pub report: Report,
 }
 

@@ -1,10 +1,10 @@
-//! What became of every element: kept, approximated or ignored, and why.
+//! Outcome of every element: kept, approximated or ignored, and why.
 
 use super::element::Element;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// What became of an element.
+/// Outcome of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
@@ -30,13 +30,13 @@ pub struct Entry {
     /// Name in the file, if it is another one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub original: Option<String>,
-    /// What became of it.
+    /// Its outcome.
     pub verdict: Verdict,
     /// Why, or as what.
     pub reason: String,
 }
 
-/// What became of every element of a model.
+/// Outcomes of all elements of a model.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Report {
     /// Version of this format; 1.

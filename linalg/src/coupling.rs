@@ -1,4 +1,4 @@
-//! What nodes and bodies that touch have to do with each other: the off-diagonal blocks of a [`crate::System`].
+//! Coupling of nodes and bodies in contact: the off-diagonal blocks of a [`crate::System`].
 
 /// Rows of some nodes in the bodies' columns, and rows of the bodies in these nodes' columns.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -50,7 +50,7 @@ pub enum KktError {
     /// A matrix or flag list does not have the size of the model.
     #[error("{what}: expected {expected}, got {found}")]
     Shape {
-        /// What was compared.
+        /// The compared quantity.
         what: &'static str,
         /// The size of the model.
         expected: usize,

@@ -67,7 +67,7 @@ impl Factor {
         Self { symbolic: symbolic.clone(), kind, coupling, ready: false }
     }
 
-    /// What this factor was made for.
+    /// The analysis this factor was made for.
     pub fn symbolic(&self) -> &Symbolic {
         &self.symbolic
     }

@@ -11,7 +11,7 @@ pub enum Method {
     Sparse,
 }
 
-/// What may be assumed of a matrix.
+/// Symmetry that may be assumed of a matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Symmetry {
     /// Symmetric positive definite apart from the identity rows of prescribed nodes; anything else is an error. Of the free part

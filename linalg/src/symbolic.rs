@@ -1,4 +1,4 @@
-//! What is known about a system before its numbers: made once per model, shared.
+//! Symbolic analysis of a system: made once per model, shared.
 
 use crate::layout::{NodeLayout, Pattern};
 use crate::multifrontal;
@@ -54,7 +54,7 @@ impl Symbolic {
         self.shared.method
     }
 
-    /// What is assumed of them.
+    /// Assumed symmetry.
     pub fn symmetry(&self) -> Symmetry {
         self.shared.symmetry
     }

@@ -21,7 +21,7 @@ pub struct BodyInertia {
 /// Numbers per body.
 pub const NUMBERS: usize = 10;
 
-/// What is wrong with an inertia.
+/// Defect of an inertia.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InertiaError {
     /// The mass is zero, negative or not finite.

@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 
-/// What is known about one entry of θ.
+/// Description of one entry of θ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamInfo {
     /// Path, for example `cable.bend_stiffness`.

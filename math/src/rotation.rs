@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 /// A unit quaternion, w first.
 pub type Quaternion<S> = [S; 4];
 
-/// How far a rotation turns for a tangent of length s.
+/// Angle of a rotation by a tangent of length s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Map {
     /// By s: the exponential map. Implicit Euler.

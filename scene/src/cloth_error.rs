@@ -1,8 +1,8 @@
-//! What can be wrong with a sheet of cloth.
+//! Errors of sheets of cloth.
 
 use super::words::Num;
 
-/// What is wrong with a sheet.
+/// The problem.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the fields are the words of the messages
 pub enum ClothMistake {

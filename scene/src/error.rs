@@ -1,4 +1,4 @@
-//! What can be wrong with a scene: where, what, the likely cause, and the fix.
+//! Errors of scenes: place, problem, likely cause, and fix.
 
 use super::cloth_error::ClothMistake;
 use super::place::Place;
@@ -35,7 +35,7 @@ impl fmt::Display for SceneError {
     }
 }
 
-/// What is wrong with a scene.
+/// The problem.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the fields are the words of the messages
 pub enum Mistake {

@@ -1,4 +1,4 @@
-//! What a gripper holds: a rope or a sheet of cloth.
+//! The object that a gripper holds: a rope or a sheet of cloth.
 
 use super::cloth::Cloth;
 use super::cloth_initial::cloth_points;
@@ -19,7 +19,7 @@ pub enum Held<'a> {
 }
 
 impl Scene {
-    /// What a gripper holds; `None` if the scene does not have it.
+    /// The object that a gripper holds; `None` if the scene does not have it.
     pub fn held(&self, gripper: &Gripper) -> Option<Held<'_>> {
         if let Some(name) = &gripper.rope {
             let index = self.rope.iter().position(|rope| rope.name == *name)?;

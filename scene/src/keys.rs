@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// What a key's own description adds to its type.
+/// The part of a key's description beyond its type.
 type Unit<'a> = Option<&'a str>;
 
 /// Compares a table with the schema of the whole file.
@@ -212,7 +212,7 @@ fn type_of(schema: &Value) -> &str {
     }
 }
 
-/// What stands in brackets in the key's description.
+/// The text in brackets in the key's description.
 fn unit_of(schema: &Value) -> Unit<'_> {
     let text = schema["description"].as_str()?;
     let (_, rest) = text.split_once(" [")?;

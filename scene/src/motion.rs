@@ -1,4 +1,4 @@
-//! What the grippers of a scene do: the rows of the input u.
+//! Motions of the grippers of a scene: the rows of the input u.
 
 use super::actuator::{Actuator, ActuatorKind};
 use super::body::JointKind;
@@ -179,7 +179,7 @@ fn start_axis(scene: &Scene, gripper: &Gripper, end: End) -> Option<V3> {
     Some(along(end_axis(&rope_points(scene, r).ok()?, end), end))
 }
 
-/// How far a motion has come at time t [m].
+/// Distance covered by a motion at time t [m].
 fn displacement(motion: &Motion, t: f64) -> V3 {
     match motion {
         Motion::Hold => [0.0; 3],

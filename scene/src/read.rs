@@ -73,7 +73,7 @@ fn syntax(source: &Source, error: &toml::de::Error) -> SceneError {
     SceneError::new(place(source, error), Mistake::Syntax { message })
 }
 
-/// What serde refuses although the schema allows it, e.g. a whole number too large for its type.
+/// Errors of serde where the schema allows the text, e.g. a whole number too large for its type.
 fn refused(source: &Source, error: &toml::de::Error) -> SceneError {
     let message = error.message().replace('\n', ", ");
     SceneError::new(place(source, error), Mistake::Refused { message })

@@ -20,7 +20,7 @@ pub enum ContactLaw {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown contact law `{name}`: expected `coulomb` or `anitescu`")]
 pub struct UnknownLaw {
-    /// What was given.
+    /// The given value.
     pub name: String,
 }
 

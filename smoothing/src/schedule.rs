@@ -10,7 +10,7 @@ pub enum ScheduleError {
     NotPositive {
         /// `start` or `end`.
         end: &'static str,
-        /// What was given \[J\].
+        /// The given value \[J\].
         value: f64,
     },
     /// κ may only fall.
@@ -38,7 +38,7 @@ pub enum ScheduleError {
 /// Two uses: *within a solve*, iterate over the stages and solve at each, warm from the last; *across an optimisation*, ask for
 /// [`Annealing::at`] the iteration's number, which stays at κ_end after the last stage.
 ///
-/// What a κ buys is its [`reach`], what it costs is its [`hover`]:
+/// A larger κ increases the [`reach`] and the [`hover`]:
 /// ```
 /// use pliant_smoothing::{Annealing, hover, reach};
 /// let annealing = Annealing::new(1e-4, 1e-10, 7)?;
@@ -99,7 +99,7 @@ impl Annealing {
     }
 }
 
-/// How far away \[m\] a contact is still felt: the force κ/gap has the slope κ/gap², which falls below 1e-6 of a `stiffness`
+/// Distance \[m\] at which a contact still acts: the force κ/gap has the slope κ/gap², which falls below 1e-6 of a `stiffness`
 /// k [N/m] at gap = 10³ √(κ/k).
 pub fn reach(kappa: f64, stiffness: f64) -> f64 {
     1e3 * (kappa / stiffness).sqrt()

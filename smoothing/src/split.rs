@@ -15,7 +15,7 @@ use pliant_math::Real;
 //   ∂t/∂X = −t² s/D,   ∂t/∂G = s/D,   ∂t/∂c = −t/D,   D = 2 t X s + e + c > 0.
 // Sticking, s is small and e is not; slipping, the other way round: the small one is taken from s e = c t, so neither cancels.
 
-/// What one contact's law is given.
+/// Arguments of one contact's law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplitPoint {
     /// Friction μ [-].

@@ -39,7 +39,7 @@ impl<'a> From<&'a Rollout> for Run<'a> {
     }
 }
 
-/// What a page says about where it comes from.
+/// Origin of a run, as its page states it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Caption {
     /// Title: the scene's name.

@@ -29,11 +29,11 @@ pub(super) struct Picture<'a> {
     pub parents: Vec<Option<usize>>,
     pub poses: Slice,
     pub solids: Vec<Drawn<'a>>,
-    /// What shows bodies that have no shape.
+    /// Lines that show bodies without a shape.
     pub bones: Vec<Bone>,
     /// Points of grippers that grasp.
     pub points: Vec<Slice>,
-    /// What ropes and meshes can be coloured by.
+    /// Quantities by which ropes and meshes can be coloured.
     pub scale: Option<Scale>,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Rope<'a> {
     pub positions: Slice,
     /// Nodes that a gripper moves, counted from the first.
     pub held: Vec<usize>,
-    /// What colours each edge, [frames × edges].
+    /// Values that colour each edge, [frames × edges].
     pub colour: Option<Slice>,
     /// A unit vector across each edge, painted as a stripe.
     pub director: Option<Slice>,
@@ -62,7 +62,7 @@ pub(super) struct Mesh {
     /// Three nodes each, counted from the mesh's first.
     pub triangles: Vec<[usize; 3]>,
     pub held: Vec<usize>,
-    /// What colours each node, [frames × nodes].
+    /// Values that colour each node, [frames × nodes].
     pub colour: Option<Slice>,
 }
 
@@ -90,7 +90,7 @@ pub(super) struct Bone {
     pub mass: bool,
 }
 
-/// What a colour means: from −`most` to `most`.
+/// Scale of a colour: from −`most` to `most`.
 #[derive(Debug, Serialize)]
 pub(super) struct Scale {
     pub name: &'static str,

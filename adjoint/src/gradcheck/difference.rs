@@ -39,7 +39,7 @@ struct Point {
     switches: usize,
 }
 
-/// What three neighbouring steps say of the derivative.
+/// Estimate of the derivative from three neighbouring steps.
 #[derive(Clone, Copy)]
 struct Estimate {
     value: f64,

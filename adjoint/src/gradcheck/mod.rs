@@ -119,7 +119,7 @@ impl Report {
     }
 }
 
-/// What is differentiated: a rollout's inputs.
+/// Inputs of a rollout, by which it is differentiated.
 #[derive(Clone, Debug)]
 pub(crate) struct Inputs {
     pub x0: State,

@@ -18,7 +18,7 @@ pub(super) struct Spread {
     row: Vec<[f64; PADDING]>,
 }
 
-/// What a degree of freedom's row holds of the columns (α; β; γ) at or before it, and its column of the axes S before it.
+/// Entries of a degree of freedom's row in the columns (α; β; γ) at or before it, and its column of the axes S before it.
 #[derive(Clone, Copy, Debug)]
 struct Products {
     row: [f64; 18],

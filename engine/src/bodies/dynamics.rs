@@ -88,7 +88,7 @@ pub struct Partials {
     pub(super) spread: Spread,
 }
 
-/// What a degree of freedom contributes to the products above.
+/// Contribution of a degree of freedom to the products above.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Columns {
     pub alpha: Vector6<f64>,

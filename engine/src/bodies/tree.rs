@@ -6,7 +6,7 @@ use pliant_math::inertia::BodyInertia;
 use pliant_math::rotation::{Map, Quaternion, normalized, product};
 use std::ops::Range;
 
-/// What a joint lets its body do.
+/// Kind of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
     /// Turn about the axis through the anchor; q \[rad\], v [rad/s].
@@ -34,7 +34,7 @@ impl JointKind {
 pub struct Joint {
     /// Name in the scene.
     pub name: String,
-    /// What it lets the body do.
+    /// Its kind.
     pub kind: JointKind,
     /// The body it moves.
     pub body: usize,

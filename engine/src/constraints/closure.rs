@@ -18,7 +18,7 @@ use pliant_math::spatial::{Force, hat};
 pub struct LoopClosure {
     /// Name in the scene.
     pub name: String,
-    /// What is held together.
+    /// The constrained directions.
     pub attachments: [Attachment; 2],
     /// First of three entries of θ each: the point in either carrier's frame \[m\].
     pub points: [usize; 2],
@@ -43,7 +43,7 @@ pub(crate) struct ClosureLaw {
 
 /// The rows of one part of a tie at poses of both sides.
 pub(crate) struct TieRows {
-    /// What must vanish \[m or rad\].
+    /// Constraint error \[m or rad\].
     pub error: Vec3<f64>,
     /// Its change with displacements of both sides.
     pub by_displacement: [nalgebra::Matrix3x6<f64>; 2],

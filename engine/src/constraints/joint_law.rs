@@ -33,7 +33,7 @@ pub struct JointFriction {
     pub load: Option<(usize, usize)>,
 }
 
-/// What a row is.
+/// Kind of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointRowKind {
     /// Dry friction.
@@ -51,11 +51,11 @@ pub struct JointRow {
     pub dof: usize,
     /// Its coordinate, counted likewise.
     pub q: usize,
-    /// What it is.
+    /// Its kind.
     pub kind: JointRowKind,
 }
 
-/// What a row's law is evaluated with.
+/// Arguments of a row's law.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowPoint {
     /// Coordinate and velocity at the end of the step.

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Vector4};
 use pliant_math::Vec3;
 use pliant_smoothing::ContactLaw;
 
-/// What gravity's acceleration is replaced by where there is none [m/s²]: a law without any smoothing has no derivative.
+/// Replaces gravity's acceleration where that is zero [m/s²]: a law without any smoothing has no derivative.
 const WEIGHTLESS: f64 = 10.0;
 
 /// The acceleration [m/s²] by which the sharpness of a node's contact follows from its mass, and its derivative by gravity.

@@ -24,7 +24,7 @@ pub(crate) struct Begin<'a> {
     pub elapsed: f64,
 }
 
-/// What a gripper does throughout a (halved) step.
+/// Phase of a gripper throughout a (sub)step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Phase {
     /// Nothing.
@@ -84,7 +84,7 @@ pub(super) fn element_of(z: f64) -> Option<usize> {
 }
 
 impl Grasp {
-    /// What the gripper does in a step that begins so.
+    /// The gripper's phase in a step that begins so.
     pub(crate) fn phase(&self, at: &Begin) -> Phase {
         let closed = at.u[self.closing] >= CLOSED;
         let held = element_of(at.z[self.memory]).filter(|e| *e < self.elements.len());
@@ -171,7 +171,7 @@ impl Grasp {
         (-tail + 1.0) * near + tail / (far * far + 1.0)
     }
 
-    /// What a phase's force and memory depend on beside the nodes' positions where the force is evaluated.
+    /// Inputs of a phase's force and history beside the nodes' positions where the force is evaluated.
     fn inputs(&self, phase: Phase) -> Vec<Input> {
         let of_node = |node: usize| (0..3).map(move |a| Input::Q(3 * node + a));
         let mut out: Vec<Input> = of_node(self.node).chain((0..3).map(|a| Input::Command(3 * self.node + a))).collect();

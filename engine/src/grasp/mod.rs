@@ -86,7 +86,7 @@ impl Grasp {
         std::iter::once(format!("{name}.held")).chain(weights).chain(offset).collect()
     }
 
-    /// What it holds at internal variables `z`: the nodes and their weights; `None` if nothing.
+    /// The nodes it holds at internal variables `z`, and their weights; `None` if it holds nothing.
     pub fn held(&self, z: &[f64]) -> Option<Vec<(usize, f64)>> {
         let element = self.elements.get(law::element_of(z[self.memory])?)?;
         let others = &z[self.memory + 1..self.memory + self.corners];

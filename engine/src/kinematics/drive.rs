@@ -27,7 +27,7 @@ pub struct EdgeClamp {
     pub fraction: f64,
 }
 
-/// What a gripper holds and how it is moved. Controls start at `first_u`; `offset` is the index in θ of the gripper's offset \[m\].
+/// Nodes that a gripper holds and its motion. Controls start at `first_u`; `offset` is the index in θ of the gripper's offset \[m\].
 #[derive(Clone, Debug, PartialEq)]
 pub enum DriveKind {
     /// Positions of the clamped nodes \[m\], three controls per node.
@@ -46,7 +46,7 @@ pub enum DriveKind {
 pub struct Drive {
     /// Name in the scene.
     pub name: String,
-    /// What it holds.
+    /// The nodes it holds.
     pub kind: DriveKind,
     /// First of its controls in u.
     pub first_u: usize,

@@ -48,7 +48,7 @@ impl HeldEdge {
         Now { tangent, axis: d * twist.cos() + tangent.cross(&d) * twist.sin(), twist }
     }
 
-    /// What the turn depends on as the step begins.
+    /// Inputs of the turn as the step begins.
     pub(crate) fn inputs(&self) -> impl Iterator<Item = Input> {
         let nodes = self.nodes.into_iter().flat_map(|node| (0..3).map(move |a| Input::Q(3 * node + a)));
         nodes.chain([Input::Q(self.row)]).chain(self.roll.into_iter().flat_map(|roll| (roll..roll + 7).map(Input::Theta)))

@@ -24,7 +24,7 @@ mod signal;
 pub(crate) use signal::Partials;
 pub use signal::SignalPath;
 
-/// What joint forces are evaluated with beside the present: the beginning of the step.
+/// Past state with which joint forces are evaluated: the beginning of the step.
 #[derive(Clone, Copy, Debug)]
 pub struct Past<'a> {
     /// The bodies' coordinates there.

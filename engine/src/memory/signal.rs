@@ -35,11 +35,11 @@ pub struct SignalPath {
 /// A lag below this part of a step is none: e^{−h/T} is zero long before.
 const NO_LAG: f64 = 1e-12;
 
-/// What a path reads: u, target, the two commands that the delay lets through, y, and scale, D, T.
+/// Inputs of a path: u, target, the two commands that the delay lets through, y, and scale, D, T.
 const INPUTS: usize = 8;
 type Dual = DualSVec64<INPUTS>;
 
-/// What a path makes of a step: command, signal and the lag's end.
+/// Results of a path over a step: command, signal and the lag's end.
 pub(crate) struct SubstepResult<S> {
     pub command: S,
     pub signal: S,
@@ -171,7 +171,7 @@ impl SignalPath {
     }
 }
 
-/// What an input of a path is.
+/// Kind of an input of a path.
 fn read(input: Option<Input>, u: &[f64], z: &[f64], theta: &[f64]) -> f64 {
     match input {
         Some(Input::U(k)) => u[k],

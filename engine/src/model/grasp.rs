@@ -46,7 +46,7 @@ impl Model {
         self.grasps.push(own);
     }
 
-    /// What a gripper may seize, and how many nodes an element of it has.
+    /// Objects that a gripper may seize, and the number of nodes of their elements.
     fn graspable(&self, gripper: &Gripper) -> (Vec<[usize; 3]>, usize) {
         if let Some(rope) = gripper.rope.as_ref().and_then(|name| self.rope(name)) {
             let nodes = rope.nodes.clone();

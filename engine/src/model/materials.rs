@@ -1,4 +1,4 @@
-//! What joints remember, and the model's face to z. Sections of rods have places among them: see `crate::rods::memory`.
+//! History variables of joints, and the model's interface to z. Those of rod sections stand among them: see `crate::rods::memory`.
 
 use super::Model;
 use crate::bodies::dynamics::Displacement;

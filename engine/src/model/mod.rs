@@ -1,4 +1,4 @@
-//! What does not change while it moves: nodes, masses, forces, grippers, shapes. Built once, shared by `Arc`.
+//! The model, constant during a simulation: nodes, masses, forces, grippers, shapes. Built once, shared by `Arc`.
 
 mod bodies;
 mod build;

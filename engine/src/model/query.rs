@@ -54,7 +54,7 @@ impl Model {
         tau
     }
 
-    /// What a row of the velocities belongs to, for messages: "node 3, axis x", or a joint by its name.
+    /// Owner of a row of the velocities, for messages: "node 3, axis x", or a joint by its name.
     pub fn row_name(&self, row: usize) -> String {
         match row.checked_sub(self.n_node_dofs()).and_then(|l| Some((l, self.tree.dofs().get(l)?))) {
             None if row >= 3 * self.n_nodes() && row < self.n_node_dofs() => self.twist_name(row - 3 * self.n_nodes()),
@@ -69,7 +69,7 @@ impl Model {
         }
     }
 
-    /// What a coordinate belongs to.
+    /// Owner of a coordinate.
     pub(crate) fn coordinate_name(&self, k: usize) -> String {
         let own = |l: usize| self.tree.joints().iter().find(|j| (j.q..j.q + j.kind.n_coordinates()).contains(&l));
         match k.checked_sub(self.n_node_dofs()).and_then(own) {

@@ -135,7 +135,7 @@ impl Model {
         self.rods.edges.iter().enumerate().filter_map(held).collect()
     }
 
-    /// What twist k belongs to, for messages and names: the rope, and the edge's number in it (−1 for the ghost before it).
+    /// Owner of twist k, for messages and names: the rope, and the edge's number in it (−1 for the ghost before it).
     fn rod_edge(&self, k: usize) -> (&str, i64) {
         let [a, b] = self.rods.edges[k].nodes;
         let rope = self.ropes.iter().find(|rope| rope.nodes.contains(&a) || rope.nodes.contains(&b));
@@ -183,7 +183,7 @@ fn push_joints(rope: &RopeNodes, twist: &Twist, nodes: &[i64], params: &mut Para
     first
 }
 
-/// What stands beside an elastic section that stiffens, by the parameter `c`.
+/// The stiffening term beside an elastic section, with the parameter `c`.
 fn stiff(elastic: ElasticSection, c: usize) -> StiffeningSection {
     let ElasticSection { params: [length, one, two, twist, roll, first, second, rest_twist], own, joints, rest } = elastic;
     StiffeningSection { params: [length, one, two, twist, roll, first, second, rest_twist, c], own, joints, rest }

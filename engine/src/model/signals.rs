@@ -1,11 +1,11 @@
-//! What motors see of commands, and how their part of z moves on.
+//! Signals of motors: delay, lag and saturation of commands, and the update of their part of z.
 
 use super::Model;
 use crate::memory::{Partials, SignalPath};
 use pliant_math::Input;
 
 impl Model {
-    /// What every motor sees of the controls `u` over the step from z; a gripper's controls as they are.
+    /// Signals of all motors from the controls `u` over the step from z; controls of grippers are passed through.
     pub(crate) fn signals(&self, u: &[f64], z: &[f64], theta: &[f64], out: &mut Vec<f64>) {
         out.clear();
         out.extend_from_slice(u);
@@ -43,7 +43,7 @@ impl Model {
         }
     }
 
-    /// What motors remember after the commands `past`, one row of controls per step, the first of them held for ever before:
+    /// History variables of motors after the commands `past`, one row of controls per step, the first of them held for ever before:
     /// z in the signals' places of `z`, and (place, index in θ, derivative) of what depends on delays and lags.
     ///
     /// A motor with a controller keeps what `z` has of it: where its target was nobody knows.

@@ -14,7 +14,7 @@ pub struct RodPoint {
     pub(crate) twists: Vec<f64>,
     /// z's part: reference axes, then reference twists.
     pub(crate) frames: Vec<f64>,
-    /// What it was evaluated for: where axes were carried from and to, and those there.
+    /// The configurations it was evaluated for: start and end of the transport, and the axes there.
     from: Vec<f64>,
     to: Vec<f64>,
     given: Vec<f64>,
@@ -153,5 +153,5 @@ fn replace(to: &mut Vec<f64>, from: &[f64]) {
     to.extend_from_slice(from);
 }
 
-/// How far from normal and from unit length an axis may be.
+/// Largest deviation of an axis from normal and from unit length [-].
 const LOOSE: f64 = 1e-6;

@@ -201,7 +201,7 @@ impl<T: Number> Joint<T> {
         out
     }
 
-    /// What rates add to [`Joint::hessian`] at ẏ where M changes by `damping` times them, and what changes with ẏ.
+    /// Contribution of rates to [`Joint::hessian`] at ẏ where M changes by `damping` times them, and what changes with ẏ.
     #[inline(always)]
     pub fn damped(&self, damping: &Stiffness<T>, gradients: &[Gradient<T>; 3], y: &Gradient<T>) -> [Hessian<T>; 2] {
         let (one, zero) = (self.c.same(1.0), self.zero());
@@ -280,7 +280,7 @@ impl<T: Number> Joint<T> {
     }
 }
 
-/// What the parts of a second derivative are gathered in. Blocks are those of the two edges.
+/// Accumulator of the parts of a second derivative. Blocks are those of the two edges.
 trait Parts<T> {
     /// u vᵀ in a block.
     fn outer(&mut self, block: [usize; 2], u: Three<T>, v: Three<T>);

@@ -1,4 +1,4 @@
-//! What the sections of rods remember: the beginning of a step, and how z moves on.
+//! History variables of rod sections: their values as a step begins, and their update.
 
 use super::joint::{Gradient, TURN};
 use super::term::expanded_force;
@@ -22,7 +22,7 @@ impl RodPast {
     }
 }
 
-/// What sections that remember are evaluated with beside the present.
+/// Past state with which sections with history variables are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Remembered<'a> {
     /// The beginning of the (sub)step.

@@ -80,7 +80,7 @@ pub struct RodSection {
     pub joints: Range<usize>,
     /// Laws whose moments add up.
     pub laws: Vec<Arc<dyn SectionLaw>>,
-    /// What each of them remembers: the first place in z, and how many numbers a joint.
+    /// History variables of each: the first place in z, and how many numbers per joint.
     pub places: Vec<(usize, usize)>,
     /// Whether it is without forces as the scene begins.
     pub rest_initial: bool,
@@ -95,7 +95,7 @@ pub struct Rods {
     pub edges: Vec<RodEdge>,
     /// Where they meet.
     pub joints: Vec<RodJoint>,
-    /// What their strains cost, rod by rod.
+    /// Section laws, rod by rod.
     pub sections: Vec<RodSection>,
     /// Number of nodes of the model: twists' rows follow three of each.
     pub n_nodes: usize,

@@ -28,7 +28,7 @@ struct Piece {
     by_velocity: [[Lanes; ROWS]; ROWS],
 }
 
-/// What the force of a rod depends on.
+/// Inputs of the force of a rod.
 #[derive(Clone, Copy)]
 pub(super) struct Evaluation<'a> {
     pub rods: &'a Rods,

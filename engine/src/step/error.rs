@@ -36,7 +36,7 @@ pub enum StepError {
     EnergyCreated {
         /// Step number, from 0.
         step: usize,
-        /// What its last halves create, and those of the steps right before it that had such halves too \[J\].
+        /// Energy created by its substeps at the halving limit, and by those of the steps right before it that had such substeps \[J\].
         created: f64,
         /// Kinetic and elastic energy, and weight times extent, as the first of them begins \[J\].
         at_hand: f64,

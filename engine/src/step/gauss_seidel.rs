@@ -18,7 +18,7 @@ use nalgebra::Vector6;
 use pliant_math::Vec3;
 use pliant_math::spatial::Force;
 
-/// What the start keeps between stages.
+/// Memory of the start, kept between stages.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GaussSeidelWorkspace {
     /// Contacts, in their order: μ, compliance over h², axes and the point they meet at.

@@ -33,17 +33,17 @@ pub(super) struct SubstepResult<'a> {
     pub work: Work,
 }
 
-/// What a (sub)step creates, at most, and the energy at hand at its beginning, or its end if that is more \[J\].
+/// Energy that a (sub)step creates, at most, and the energy at hand at its beginning, or its end if that is more \[J\].
 #[derive(Clone, Copy)]
 pub(super) struct Created {
     energy: f64,
-    /// What shapes that stand still have done of it.
+    /// The part done by static obstacles.
     by_contact: f64,
     begin: f64,
     largest: f64,
 }
 
-/// What the last halves of a step have created, and what was at hand as the first of them began \[J\]; and what those of the steps right
+/// Energy created by the substeps at the halving limit of a step, and the energy at hand as the first of them began \[J\]; and what those of the steps right
 /// before it have left, and the most that was at hand since.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct EnergyAccumulator {
@@ -51,7 +51,7 @@ pub(super) struct EnergyAccumulator {
     created: f64,
     by_contact: f64,
     at_hand: f64,
-    /// What they have created, less what some of them took.
+    /// The energy they have created, less the energy that some of them dissipated.
     net: f64,
     before: f64,
     most_at_hand: f64,
@@ -84,13 +84,13 @@ impl EnergyAccumulator {
         self.by_contact += half.by_contact.min(half.energy).max(0.0);
     }
 
-    /// What is too much, of the step or of all in a row, and what was at hand.
+    /// The excess, of the step or of all in a row, and the energy at hand.
     fn excess(&self) -> Option<(f64, f64)> {
         let sums = [(self.created, self.at_hand), (self.before + self.created, self.most_at_hand)];
         sums.into_iter().find(|(created, at_hand)| self.halves > 0 && *created > STEP.created_together * at_hand)
     }
 
-    /// What goes on into the next step.
+    /// The accumulator of the next step.
     pub(super) fn run_to(&self, end: &State) -> Option<Run> {
         let net = self.before + self.net;
         (self.halves > 0 && net > 0.0).then(|| Run { net, most_at_hand: self.most_at_hand, end: end.clone() })
@@ -122,7 +122,7 @@ impl Done {
 }
 
 impl Stepper<'_> {
-    /// What a step created of energy of nodes, where it is looked at: at most, or without the work of others, as it is for the last halves.
+    /// Energy of nodes that a step created, where it is checked: at most, or without the work of others, as it is for the last halves.
     pub(super) fn created_by_nodes(&mut self, step: &SubstepResult, last: bool) -> Option<Created> {
         let stages = if self.in_two_stages(step) { 2 } else { 1 };
         // halves of a step that did something of the kind may do it again

@@ -1,4 +1,4 @@
-//! What a step leaves behind for its derivatives: the factorization at the root, and the partials of the residual.
+//! Records of steps for their derivatives: the factorization at the root, and the partials of the residual.
 
 use super::{Scheme, Stage, Workspace, end_positions};
 use crate::bodies::dynamics::Displacement;
@@ -320,7 +320,7 @@ impl StageRecord {
         }
     }
 
-    /// What rods' sections remembered.
+    /// History variables of rod sections as the (sub)step began.
     fn remembered(&self) -> Remembered<'_> {
         Remembered { past: &self.start.rod_past, z: &self.start.z_past, elapsed: self.start.elapsed }
     }

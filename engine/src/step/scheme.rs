@@ -27,9 +27,9 @@ pub struct Scheme {
     pub free: Weights,
     /// Driven dofs.
     pub prescribed: Weights,
-    /// How far balls turn on the way to q̄.
+    /// Map of ball joints on the way to q̄.
     pub middle: Map,
-    /// How far they turn on the way to q⁺.
+    /// The same on the way to q⁺.
     pub end: Map,
     /// Part of the velocity before that inertia remembers: 1, or 0 where each stage begins at rest.
     pub momentum: f64,

@@ -20,7 +20,7 @@ use pliant_linalg::System;
 use pliant_math::spatial::Inertia;
 use pliant_scene::Integrator;
 
-/// What messages call bending and twisting of rods.
+/// Name of bending and twisting of rods in messages.
 const ROD: &str = "rod (bending and twist)";
 /// And grippers that grasp.
 const GRASP: &str = "grasp";
@@ -135,7 +135,7 @@ impl Stage<'_> {
         other
     }
 
-    /// What rods' sections remember.
+    /// History variables of rod sections.
     fn remembered(&self) -> Remembered<'_> {
         Remembered { past: self.rod_past, z: self.past.z, elapsed: self.past.elapsed }
     }
@@ -396,7 +396,7 @@ impl Stage<'_> {
         self.carry_axes(ws);
     }
 
-    /// What moving an edge's nodes does to its axes on their way to q̄, times what these do to the forces.
+    /// Adds the effect of an edge's nodes on its axes on their way to q̄, times the slopes of the forces by these.
     fn carry_axes(&self, ws: &mut Workspace) {
         let rods = &self.model.rods;
         if rods.edges.is_empty() || self.options.descent {

@@ -33,7 +33,7 @@ impl Default for StepOptions {
     }
 }
 
-/// What a (sub)step may do.
+/// Policy of a (sub)step.
 #[derive(Clone, Copy, Debug)]
 struct SubstepPolicy {
     /// How often it may be halved; everything is tried if it cannot be.
@@ -63,7 +63,7 @@ pub enum StageKind {
     SdirkSecond,
 }
 
-/// What happened in a step.
+/// Work and retries of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepTrace {
     /// Work of all its stages.
@@ -141,7 +141,7 @@ pub struct Stepper<'m> {
     pub(super) v_first: Vec<f64>,
     /// No velocity.
     pub(super) still: Vec<f64>,
-    /// What the halves of a step that could not be halved again have created.
+    /// Energy created by substeps at the halving limit.
     pub(super) unsound: EnergyAccumulator,
     /// Steps in a row with such halves, the last of them the one before.
     run: Option<Run>,

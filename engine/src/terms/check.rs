@@ -1,4 +1,4 @@
-//! What the tests of every term share: random ropes, and the properties a force must have.
+//! Shared by the tests of every term: random ropes, and the properties a force must have.
 #![allow(clippy::unwrap_used)]
 
 use super::{Element, Law, Point, Term};
@@ -47,7 +47,7 @@ impl Sample {
     }
 }
 
-/// What a property is tested on, by seed.
+/// Subject of a property test, by seed.
 pub type Make = fn(u64) -> Sample;
 
 /// Elements of `n` nodes with `params` parameters along the rope; the last two are out of order.

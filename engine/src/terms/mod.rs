@@ -61,13 +61,13 @@ impl Point<'_> {
     }
 }
 
-/// What [`Term::pull_theta`] does with what [`Term::visit_theta`] visits.
+/// [`Term::pull_theta`] by way of [`Term::visit_theta`].
 #[inline]
 pub(crate) fn contraction(weights: &[f64], sums: &mut [f64]) -> impl FnMut(usize, usize, f64) {
     |row, param, df| sums[param] += weights[row] * df
 }
 
-/// What the solver asks of a force. Everything accumulates; nothing is cleared here.
+/// Interface of a force to the solver. Everything accumulates; nothing is cleared here.
 pub trait Term: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;

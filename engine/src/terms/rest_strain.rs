@@ -5,7 +5,7 @@ use super::{Automatic, Element, Law, Point, Term};
 use pliant_linalg::NodeMatrix;
 use pliant_math::{Real, Vec3};
 
-/// What a rest strain δ adds to [`StretchLaw`](super::StretchLaw): E = ½ EA l₀ [(ε − δ)² − ε²], ε = |e|/l₀ − 1, so that the edge is without
+/// Contribution of a rest strain δ to [`StretchLaw`](super::StretchLaw): E = ½ EA l₀ [(ε − δ)² − ε²], ε = |e|/l₀ − 1, so that the edge is without
 /// force at the length l₀ (1 + δ); f₀ = −f₁ = −EA δ t.
 ///
 /// Nodes: the two ends. Parameters: rope length \[m\], EA \[N\], δ [-]. Constant: the edge's fraction of the length [-]. Masses and the
@@ -90,7 +90,7 @@ impl Term for RestStrain {
         self.jacobian(at, |push| push, f, dq);
     }
 
-    /// What pushes the ends apart holds nothing across.
+    /// A force that pushes the ends apart has no stiffness across.
     fn add_stable_jacobian(&self, at: &Point, _axial: &[f64], f: &mut [f64], dq: &mut NodeMatrix, _dv: &mut NodeMatrix) {
         self.jacobian(at, |push| push.min(0.0), f, dq);
     }

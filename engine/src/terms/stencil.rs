@@ -1,4 +1,4 @@
-//! What hand-written kernels share: compact elements, edges and corners of a rope, and adding their blocks to a band.
+//! Shared by hand-written kernels: compact elements, edges and corners of a rope, and adding their blocks to a band.
 //!
 //! A two-node stencil has the edge e = x₁ − x₀ and the tension vector τ, forces (τ, −τ). A three-node stencil has the edges
 //! e₁ = x₁ − x₀, e₂ = x₂ − x₁ and the edge forces τ₁, τ₂ (gradients with respect to e₁, e₂), forces (τ₁, τ₂ − τ₁, −τ₂).

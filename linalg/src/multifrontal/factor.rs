@@ -29,7 +29,7 @@ thread_local! {
 #[derive(Default)]
 struct Scratch {
     front: Vec<f64>,
-    /// What fronts hand on.
+    /// Contribution blocks of fronts.
     stack: Vec<f64>,
     /// Size of each row of the matrix in the order of elimination: what its pivot is compared with.
     sizes: Vec<f64>,
@@ -419,7 +419,7 @@ impl Square<'_> {
         MatMut::from_column_major_slice_with_stride_mut(&mut self.entries[..rows * stride], rows, rows, stride).transpose_mut()
     }
 
-    /// What is beyond pivots `first` to `last`, less L U.
+    /// Updates the part beyond pivots `first` to `last` by −L U.
     fn subtract_product(&mut self, first: usize, last: usize) {
         let all = self.view();
         let (_, upper, lower, rest) = all.split_at_mut(last, last);

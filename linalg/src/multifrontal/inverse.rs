@@ -90,7 +90,7 @@ impl Numeric {
     }
 }
 
-/// What the pivots' rows of `x` have in the columns behind them all, from rows of U (or columns of L) over their pivots, and the same in
+/// Entries of the pivots' rows of `x` in the columns behind them all, from rows of U (or columns of L) over their pivots, and the same in
 /// the columns of its transpose.
 #[inline(always)]
 fn rows_beyond<'f, S: Simd>(
@@ -207,7 +207,7 @@ impl Inverse<'_> {
         reduce_row(simd, &mut own[at], &part.dense.upper(p)[p + 1..], after, part.dense.inverse[p], used);
     }
 
-    /// What the pivots' rows have in the columns behind them all, and the same in their columns.
+    /// Entries of the pivots' rows in the columns behind them all, and the same in their columns.
     #[inline(always)]
     fn rows_beyond<S: Simd>(&mut self, simd: S, part: &Part, panel: &mut [[f64; PANEL]]) {
         let (first, count) = (part.row(part.pivots.start), part.pivots.len());

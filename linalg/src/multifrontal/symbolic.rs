@@ -50,7 +50,7 @@ pub(crate) struct Front {
     pub children: Vec<usize>,
     /// Where its rows stand in its parent.
     pub spans: Vec<Span>,
-    /// What the matrix has in it.
+    /// Entries of the matrix in it.
     pub entries: Vec<Entry>,
     /// Where its rows of U, and its rows of L beyond the pivots, begin among those of all fronts.
     pub upper: usize,

@@ -15,7 +15,7 @@ pub const LANES: usize = 8;
 /// One number of every element of a piece.
 pub type Lanes = [f64; LANES];
 
-/// What kernels reckon with.
+/// Numbers of a kernel.
 pub trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
     /// `self · x`.
     fn by(self, x: f64) -> Self;

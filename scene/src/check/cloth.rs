@@ -13,7 +13,7 @@ use super::{not_negative, positive};
 const LARGEST: f64 = 1000.0;
 /// The densest material [kg/m³]; osmium has 22 600.
 const DENSEST: f64 = 1e5;
-/// What is lighter [kg/m³] than air has a thickness or a density in another unit.
+/// A sheet lighter than air [kg/m³] has a thickness or a density in another unit.
 const LIGHTEST: f64 = 1.0;
 /// Poisson's ratios that an isotropic material can have, with a distance from −1, where its shear stiffness is infinite.
 const POISSON: (f64, f64) = (-0.999, 0.5);

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 const LONGEST: f64 = 1000.0;
 /// The densest material [kg/m³]; osmium has 22 600.
 const DENSEST: f64 = 1e5;
-/// What is lighter [kg/m³] than air, and thick, has a radius in another unit.
+/// A thick rope lighter than air [kg/m³] has a radius in another unit.
 const LIGHTEST: f64 = 1.0;
 
 pub(super) fn check(scene: &Scene, r: usize) -> Result<(), SceneError> {
@@ -63,7 +63,7 @@ fn numbers(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     quantities.iter().try_for_each(|(key, value, unit)| not_negative(&at(key), *value, unit))
 }
 
-/// What a ring cannot be.
+/// Refusals of rings.
 fn closed(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     let refuse = |key: &str, kind, shape| Err(SceneError::at(at(key), Mistake::Shape { kind, shape }));
     match (&rope.initial, rope.closed) {
@@ -77,7 +77,7 @@ fn closed(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     }
 }
 
-/// What a rod needs beside a rope.
+/// Requirements of a rod beside those of a rope.
 fn twist(scene: &Scene, r: usize) -> Result<(), SceneError> {
     let rope = &scene.rope[r];
     let Some(twist) = &rope.twist else { return Ok(()) };
@@ -122,7 +122,7 @@ fn joints(scene: &Scene, rope: &Rope, twist: &Twist, at: &dyn Fn(&str) -> String
     Ok(())
 }
 
-/// What a rod's section does beyond linear elasticity.
+/// Laws of a rod's section beyond linear elasticity.
 fn section(rope: &Rope, at: &dyn Fn(&str) -> String) -> Result<(), SceneError> {
     let tables = [
         ("creep", rope.creep.is_some()),

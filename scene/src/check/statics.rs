@@ -1,4 +1,4 @@
-//! What `start = "equilibrium"` needs: no part that may move without a force, which would make the matrix of statics singular.
+//! Conditions of `start = "equilibrium"`: no part that may move without a force, which would make the matrix of statics singular.
 
 use super::super::error::{Mistake, SceneError};
 use super::super::file::Scene;

@@ -10,7 +10,7 @@ const UPRIGHT: f64 = 1e-3;
 const LEANING: f64 = 0.1;
 /// Sine of the angle between two lines below which they count as parallel: their ends meet, not their middles.
 const PARALLEL: f64 = 1e-3;
-/// How far beyond an edge or a line's end a meeting still counts, as a part of the solid's size.
+/// Distance beyond an edge or a line's end at which a contact still counts, as a part of the collider's size.
 const SLIVER: f64 = 1e-9;
 
 /// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
@@ -97,7 +97,7 @@ impl Pair<'_> {
         }
     }
 
-    /// What the second solid's points touch of the first.
+    /// Features of the first collider that points of the second touch.
     fn other_points(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
         for first in points(self.a.form) {

@@ -1,4 +1,4 @@
-//! What of a solid may touch.
+//! Features of a collider that may touch.
 
 /// A feature of a solid, in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

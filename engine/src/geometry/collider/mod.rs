@@ -48,7 +48,7 @@ impl ColliderShape {
     }
 }
 
-/// What a solid moves with.
+/// The frame that a collider moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Attachment {
     /// Nothing: it is fixed in the world.
@@ -79,7 +79,7 @@ pub struct Collider {
     pub name: String,
     /// Shape.
     pub form: ColliderShape,
-    /// What it moves with.
+    /// The frame it moves with.
     pub attachment: Attachment,
     /// Axes in the carrier's.
     pub rotation: Matrix3<f64>,

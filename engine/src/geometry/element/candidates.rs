@@ -9,9 +9,9 @@ use pliant_math::Vec3;
 
 /// Sine of the angle between an edge and a capsule's axis or a block's edge below which the ends of the edge say all.
 const PARALLEL: f64 = 0.02;
-/// How far a normal may lean out of the normals of a block's neighbouring faces, or over a neighbouring triangle (sine).
+/// Largest lean of a normal out of the normals of a block's neighbouring faces, or over a neighbouring triangle (sine).
 const LEAN: f64 = 1e-3;
-/// How far beyond a block's edge a meeting still counts, as a part of its length.
+/// Distance beyond a block's edge at which a contact still counts, as a part of its length.
 const SLIVER: f64 = 1e-9;
 
 /// Third nodes of the triangles at a sheet's edge \[m\].

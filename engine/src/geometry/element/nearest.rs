@@ -30,7 +30,7 @@ pub(crate) struct Nearest<S> {
     pub region: Region,
 }
 
-/// What a contact element may touch, thick by `thickness` \[m\].
+/// Shapes that a contact element may touch, thick by `thickness` \[m\].
 #[derive(Clone, Copy, Debug)]
 struct Target<S> {
     /// The point, or a point of the line \[m\].

@@ -263,7 +263,7 @@ impl ConstraintSet for BodyContacts {
 }
 
 impl Stage<'_> {
-    /// How far two frames yield to a wrench on the first and its opposite on the second, where the stage begins [1/kg].
+    /// Inverse effective mass of two frames for a wrench on the first and its opposite on the second, where the stage begins [1/kg].
     pub(crate) fn mobility(&self, attachments: [Attachment; 2], at: &Beginning, wrench: &Force<f64>) -> f64 {
         let of = |attachment: Attachment| match attachment {
             Attachment::World => 0.0,

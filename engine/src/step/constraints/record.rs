@@ -171,7 +171,7 @@ impl Stage<'_> {
     }
 }
 
-/// What derivatives by inputs are evaluated with.
+/// Arguments of derivatives by inputs.
 pub(crate) struct InputsAt<'a> {
     pub stage: &'a StageRecord,
     pub model: &'a Model,

@@ -1,4 +1,4 @@
-//! What the accelerations of the last stages let expect of the next: a start for Newton's method that costs no evaluation.
+//! Extrapolation of the accelerations of the last stages: a start for Newton's method that costs no evaluation.
 //!
 //! With the accelerations a₁ (last), a₂, a₃ of equal stages, the polynomials through them give
 //! ```text

@@ -49,7 +49,7 @@ impl Work {
         self.solved_by.iter_mut().zip(other.solved_by).for_each(|(sum, count)| *sum += count);
     }
 
-    /// What came after `earlier`.
+    /// The work since `earlier`.
     pub(crate) fn since(self, earlier: Self) -> Self {
         Self {
             iterations: self.iterations - earlier.iterations,
@@ -243,7 +243,7 @@ fn chords_left(next: f64, norm: f64, tolerance: f64) -> f64 {
     if left > 0.0 && next < norm { left } else { f64::INFINITY }
 }
 
-/// What is left once a correction is taken that fell from `norm` to `next`: the sum of those that would follow with the same matrix. After
+/// Estimated error once a correction is taken that fell from `norm` to `next`: the sum of those that would follow with the same matrix. After
 /// the first they fall half as fast at worst as from the step itself (Deuflhard 2011, §2.1.2).
 fn left_after(next: f64, norm: f64) -> f64 {
     let ratio = 2.0 * next / norm;
@@ -390,7 +390,7 @@ fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
     mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs().max(size) + 1e-9
 }
 
-/// What the rounding of the nodes' positions leaves open of their velocities [m/s]: stiff edges far from the origin, or a rope without
+/// Uncertainty of velocities by the rounding of the nodes' positions [m/s]: stiff edges far from the origin, or a rope without
 /// weight at rest, tell them no better.
 fn rounding(stage: &Stage) -> f64 {
     f64::EPSILON * farthest(stage) / stage.h

@@ -136,7 +136,7 @@ impl Local {
     }
 }
 
-/// What an element that remembers reads, seeded: changes of coordinates at the step's end and beginning, z, parameters.
+/// Inputs of an element with history variables, seeded: changes of coordinates at the step's end and beginning, z, parameters.
 struct Seeded {
     q: [MemoryDual; 3],
     q_past: [MemoryDual; 3],

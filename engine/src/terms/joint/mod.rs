@@ -32,7 +32,7 @@ pub struct JointPoint<'a> {
     pub q: &'a [f64],
     /// Their velocities v̄.
     pub v: &'a [f64],
-    /// What motors see of all controls of the step.
+    /// Signals of motors from all controls of the step.
     pub u: &'a [f64],
     /// The flat parameter vector θ.
     pub theta: &'a [f64],
@@ -40,7 +40,7 @@ pub struct JointPoint<'a> {
     pub past: Past<'a>,
 }
 
-/// What the solver asks of a joint force. Everything accumulates.
+/// Interface of a joint force to the solver. Everything accumulates.
 pub trait JointTerm: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;
@@ -78,7 +78,7 @@ pub trait JointTerm: Debug + Send + Sync {
     }
 }
 
-/// What one element of a joint law sees: coordinates (rad, m; a rotation vector for a ball, in the axes of the body before it
+/// Arguments of one element of a joint law: coordinates (rad, m; a rotation vector for a ball, in the axes of the body before it
 /// turned as in those after), velocities and controls.
 #[derive(Clone, Copy, Debug)]
 pub struct JointState<'a, S> {

@@ -29,7 +29,7 @@ impl ElasticSection {
     }
 }
 
-/// What is left of the strains in the principal axes, and the stiffnesses over the length.
+/// Strains beyond rest in the principal axes, and the stiffnesses over the length.
 pub(super) fn excess<S: Real>(
     rest: &[f64; 3],
     fraction: f64,

@@ -1,4 +1,4 @@
-//! What bending and twisting a rod's section costs: one file per effect.
+//! Laws of bending and twisting of a rod's section: one file per effect.
 //!
 //! A [`Section`] is written once, for one joint, as the moment it makes of the joint's strains and their rates; dual numbers give its
 //! derivatives ([`AutomaticSection`]). Geometry stands elsewhere ([`crate::rods`]), so that a new effect is a few lines. A section that
@@ -43,13 +43,13 @@ pub struct SectionPoint<'a> {
     pub theta: &'a [f64],
     /// The strains at the beginning of the (sub)step.
     pub past: [f64; 3],
-    /// What the law remembers of the joint there.
+    /// History variables of the joint there.
     pub memory: &'a [f64],
     /// Time since then \[s\]; 0 where nothing has moved since, as at an equilibrium: what is remembered stays as it is.
     pub elapsed: f64,
 }
 
-/// What the moment or the memory of a section depends on beside its rates.
+/// Inputs of the moment or the history of a section beside its rates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SectionInput {
     /// A strain.
@@ -85,7 +85,7 @@ impl Moments {
     }
 }
 
-/// What the solver asks of a section. Everything accumulates. A positive moment resists a positive strain.
+/// Interface of a section to the solver. Everything accumulates. A positive moment resists a positive strain.
 pub trait SectionLaw: Debug + Send + Sync {
     /// Name used in errors and reports.
     fn name(&self) -> &str;
@@ -122,7 +122,7 @@ pub trait SectionLaw: Debug + Send + Sync {
     /// Calls `visit(input, ∂M/∂input)` for the strains at the beginning of the (sub)step and for what is remembered.
     fn visit_past(&self, _at: &SectionPoint, _visit: &mut dyn FnMut(SectionInput, [f64; 3])) {}
 
-    /// What is remembered at `at`, the end of a (sub)step, into `z`.
+    /// Writes the history variables at `at`, the end of a (sub)step, into `z`.
     fn advance(&self, _at: &SectionPoint, _z: &mut [f64]) {}
 
     /// Calls `visit(number, input, ∂z_number/∂input)` of [`SectionLaw::advance`].

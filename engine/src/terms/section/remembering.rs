@@ -23,7 +23,7 @@ pub struct SectionState<S> {
     pub strain: [S; 3],
     /// The same at the beginning of the (sub)step.
     pub past: [S; 3],
-    /// What is remembered of the beginning, zero beyond [`RememberingSection::memory`].
+    /// History variables of the beginning, zero beyond [`RememberingSection::memory`].
     pub memory: [S; 3],
     /// Time since then \[s\]; 0 where nothing has moved since: what is remembered stays as it is.
     pub elapsed: f64,
@@ -48,7 +48,7 @@ pub trait RememberingSection: Debug + Send + Sync {
     /// The moment \[N·m\]; `p`: the parameters' values.
     fn moment<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3];
 
-    /// What is remembered where it is evaluated.
+    /// History variables where it is evaluated.
     fn advance<S: Real>(&self, at: &SectionState<S>, p: &[S]) -> [S; 3];
 
     /// Elastic energy \[J\].

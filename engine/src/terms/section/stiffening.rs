@@ -6,7 +6,7 @@ use pliant_math::Real;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What bending costs beyond its square: with k the strains in the principal axes without those at rest, as in [`super::ElasticSection`],
+/// Bending energy beyond the quadratic term: with k the strains in the principal axes without those at rest, as in [`super::ElasticSection`],
 /// x = k/l the curvature at a joint of length l and s the joint's stiffness as a multiple of the rod's,
 /// ```text
 /// E = ¼ c s (EI₁ x₁² + EI₂ x₂²) |x|² l,     M₁ = c s x₁ [EI₁ x₁² + ½ (EI₁ + EI₂) x₂²]

@@ -63,7 +63,7 @@ impl Fold {
         1.0 + 0.25 * self.psi * self.psi
     }
 
-    /// What multiplies (∂ψ/∂x)(∂ψ/∂x)ᵀ in ∂²ψ/∂x²: d²ψ/dθ² over (dψ/dθ)².
+    /// Factor of (∂ψ/∂x)(∂ψ/∂x)ᵀ in ∂²ψ/∂x²: d²ψ/dθ² over (dψ/dθ)².
     #[inline]
     pub fn curve(&self) -> f64 {
         0.5 * self.psi / self.slope()

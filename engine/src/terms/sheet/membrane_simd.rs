@@ -22,11 +22,11 @@ pub(super) enum Geometric<'a> {
     Here,
     /// A predicted one.
     Predicted(&'a [f64]),
-    /// What pulls of it.
+    /// Its tensile part.
     Tension(&'a [f64]),
 }
 
-/// What is asked for.
+/// Requested results.
 pub(super) enum Wanted<'a> {
     Forces(&'a mut [f64]),
     /// With slopes, where there are places for them.

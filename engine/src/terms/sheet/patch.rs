@@ -36,7 +36,7 @@ pub(super) const PER_FLAP: usize = 5;
 /// Numbers that belong to the flaps of a patch; those beyond its last are not read.
 pub(super) type Each<S> = [S; FLAPS];
 
-/// What an element's constants say.
+/// Meaning of an element's constants.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     /// Number of flaps.

@@ -359,7 +359,7 @@ fn kernel<S: Simd>(
     folds[2].add_hessian::<2>(w[2] * folds[2].slope, out, v);
 }
 
-/// What [`kernel`] takes.
+/// Arguments of [`kernel`].
 type Loaded<S> = ([Three<Wide<S>>; NODES], Matrix<Wide<S>>, [Wide<S>; FLAPS]);
 
 impl Piece {

@@ -1,4 +1,4 @@
-//! What the membrane's laws share: the deformation gradient of a triangle, elements without indirection, adding their blocks.
+//! Shared by the membrane's laws: the deformation gradient of a triangle, elements without indirection, adding their blocks.
 
 use crate::terms::stencil::{Block, add_node, add_outer};
 use crate::terms::{Element, Point};
