@@ -27,10 +27,15 @@ def answer(figures: dict) -> str:
     return f"`{figures['verdict']}`" + (": " if found else "") + "; ".join(found)
 
 
+def span(interval) -> str:
+    """A 90 % interval in brackets; nothing where there is none."""
+    return f" ({interval[0]:.5g} to {interval[1]:.5g})" if interval else ""
+
+
 def value(cause: dict) -> str:
     """A cause with its parameters and their 90 % intervals."""
     at = f" ({cause['object']})" if cause.get("object") else ""
-    sizes = [f"{p['path']} = {p['estimate']:.5g} ({p['interval'][0]:.5g} to {p['interval'][1]:.5g})" for p in cause["parameters"]]
+    sizes = [f"{p['path']} = {p['estimate']:.5g}" + span(p["interval"]) for p in cause["parameters"]]
     return f"`{cause['name']}`{at}, " + ", ".join(sizes)
 
 
