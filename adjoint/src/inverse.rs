@@ -7,7 +7,8 @@
 //! ∂v⁺/∂v = G σM (zero in prescribed columns),   ∂v⁺/∂q̄ = G ∂f/∂q̄ − H ∂F/∂q̄,   ∂v⁺/∂v_cmd = the prescribed columns of G
 //! ```
 //! with q̄ = q + h v⁺. Edges carry rods' axes along by S_a = 1 + ψ_a before and S_b = 1 + ψ_b after the step
-//! ([`TransportDerivative`](pliant_engine::rods::Carry); both are 1 elsewhere), and ∂f/∂q̄ here knows what S_b does at q̄, so that with V = ∂v⁺/∂q̄
+//! ([`TransportDerivative`]; both are 1 elsewhere), and ∂f/∂q̄ stands for ∂f/∂q̄ S_b at q̄ ([`StageRecord::carried_positions`]), so that with
+//! V = ∂v⁺/∂q̄
 //! ```text
 //! ∂v⁺/∂q = V S_a,   ∂q⁺/∂q = S_b (1 + h V) S_a,   ∂q⁺/∂v = h S_b ∂v⁺/∂v
 //! ```
@@ -42,7 +43,7 @@ pub(crate) struct Inverse {
     /// [G H], row-major in rows of `width`.
     rows: Vec<f64>,
     width: usize,
-    /// [G H]ᵀ, row-major in rows of `columns`; of G alone, and only where V is a product, without contacts and for sheets.
+    /// [G H]ᵀ, row-major in rows of `columns`, where rows are solved for; Gᵀ where V is a product.
     transposed: Vec<f64>,
     columns: usize,
     refinement: Refinement,
@@ -227,7 +228,7 @@ impl Inverse {
         transpose_into(&self.transposed, columns, &mut self.rows, self.width, n);
     }
 
-    /// Vᵀ where it is a product, and otherwise what its difference takes.
+    /// Vᵀ where it is a product; otherwise D/h and the blocks on V's diagonal.
     fn prepare(&mut self, cx: Context, stage: &StageRecord, positions: &NodeMatrix, normals: &[NodeBlock]) {
         let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
         self.by_position.clear();
@@ -298,7 +299,7 @@ impl Inverse {
         }
     }
 
-    /// Adds to A and B what positions and controls do by way of the commands.
+    /// Adds to A and B the effect of positions and controls on the commanded velocities.
     fn add_commands(&self, step: &StepRecord, h: f64, nu: usize, out: &mut Linearization) {
         let n = self.momentum.len();
         for &(row, input, value) in &step.command {

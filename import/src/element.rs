@@ -1,6 +1,6 @@
 //! Elements that know their file and line, and whether anybody has looked at them.
 //!
-//! What is read is marked, so that at the end everything that was not read can be reported.
+//! Attributes are marked as they are read, so that those that were not read can be reported at the end.
 
 use std::cell::Cell;
 use std::rc::Rc;

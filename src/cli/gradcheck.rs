@@ -86,7 +86,7 @@ fn text(report: &Report) -> String {
     if !inconclusive.is_empty() {
         let _ = write!(out, "; inconclusive: {}", inconclusive.join(", "));
     }
-    let _ = write!(out, ": {}", name(report.verdict));
+    let _ = write!(out, "; verdict: {}", name(report.verdict));
     out
 }
 
@@ -156,6 +156,6 @@ mod tests {
         };
         assert_eq!(listed(&report, Verdict::Fail), "u: wrong");
         assert_eq!(listed(&report, Verdict::Inconclusive), "x0.v: 2 switches");
-        assert!(text(&report).ends_with("\n2 of 3 blocks judged; inconclusive: x0.v: FAIL"));
+        assert!(text(&report).ends_with("\n2 of 3 blocks judged; inconclusive: x0.v; verdict: FAIL"));
     }
 }

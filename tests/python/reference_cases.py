@@ -1,4 +1,4 @@
-"""What the tests of the JAX reference share: scenes by name, and one compiled program per scene.
+"""Shared by the tests of the JAX reference: scenes by name, and one compiled program per scene.
 
 A program maps (x, u, θ, x̄⁺) to (x⁺, residual [m/s], (x̄, ū, θ̄)): a step and its pullback, x̄ by changes of the state.
 Compiled programs are kept under target/, so a second run of the tests is quicker.

@@ -200,7 +200,7 @@ fn gradcheck_reports_every_block() {
     let longer = json(&pliant(&["gradcheck", "tests/scenes/edge_clamp.toml", "--steps", "22", "--json"]));
     assert_eq!((&longer["steps"], &longer["verdict"]), (&22.into(), &"pass".into()), "two more than its duration has");
     let table = text(&pliant(&arguments).stdout);
-    assert!(table.starts_with("input") && table.trim_end().ends_with(" blocks judged: pass"), "{table}");
+    assert!(table.starts_with("input") && table.trim_end().ends_with(" blocks judged; verdict: pass"), "{table}");
 }
 
 /// A delay of whole steps is a kink of the map: no difference judges it.
@@ -211,7 +211,7 @@ fn an_inconclusive_gradcheck_exits_with_three() {
     let output = pliant(&["gradcheck", scene.to_str().unwrap(), "--steps", "5"]);
     assert_eq!(output.status.code(), Some(3), "{}", text(&output.stdout));
     let (table, message) = (text(&output.stdout), text(&output.stderr));
-    assert!(table.trim_end().ends_with("; inconclusive: shoulder_servo.delay: inconclusive"), "{table}");
+    assert!(table.trim_end().ends_with("; inconclusive: shoulder_servo.delay; verdict: inconclusive"), "{table}");
     assert!(
         message.starts_with("shoulder_servo.delay: ") && message.contains("switches within the smallest difference"),
         "{message}"

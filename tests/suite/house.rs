@@ -266,7 +266,7 @@ fn module_graph(sources: &BTreeMap<String, String>) -> Graph {
     graph
 }
 
-/// What is wrong with modules in this order: some that use later ones, and some that are missing.
+/// Faults of this order of modules: some that use later ones, and some that are missing.
 fn upward(graph: &Graph, order: &[&str]) -> Vec<String> {
     let level = |module: &str| order.iter().position(|m| *m == module);
     let mut wrong = Vec::new();

@@ -8,7 +8,8 @@
 //! G_k                                             right derivative of the cubic through L(0), L(ε_k), L(ε_{k+1}), L(ε_{k+2})
 //! U_k = max(|E_k − E_{k+1}|, |E_k − G_k|, rounding)
 //! ```
-//! Curvature, noise and kinks, also one exactly at the base point, make U large: the estimate with the smallest U judges, or none.
+//! Curvature, noise and kinks, also one exactly at the base point, make U large: the estimate with the smallest U judges, or none. It
+//! fails a derivative only by more than it misses narrower estimates itself.
 
 use super::block::Block;
 use super::{BlockReport, DOT_TEST, FLOOR_FACTOR, JUDGING_FLOOR, RELATIVE_ERROR, SLOPE_TOLERANCE, Sample, Verdict};
@@ -77,6 +78,13 @@ impl Points {
         estimates.filter(|e| (e.value + e.uncertainty).is_finite()).min_by(|a, b| a.uncertainty.total_cmp(&b.uncertainty))
     }
 
+    /// The most by which an estimate misses narrower ones, beyond their own uncertainty: a derivative is a limit, and an input of size
+    /// zero may saturate before the steps are wide enough to be seen.
+    fn missed(&self, wide: &Estimate, rounding: f64) -> f64 {
+        let narrower = (0..ORDER.len()).filter_map(|k| self.estimate(k, rounding)).take_while(|e| e.eps < wide.eps);
+        narrower.map(|e| (wide.value - e.value).abs() - e.uncertainty).fold(0.0, f64::max)
+    }
+
     /// The smallest step that was taken, and the switches within it.
     fn smallest(&self) -> Option<&Point> {
         self.0.iter().flatten().next()
@@ -139,6 +147,17 @@ pub(crate) fn judge(
         .then(|| format!("jvp and vjp disagree by {dot_test:.1e}, at most {DOT_TEST:.0e} is admissible"));
     let (verdict, reason) = match (modes_disagree, by_differences(&points, best, floor, error)) {
         (Some(reason), _) => (Verdict::Fail, Some(reason)),
+        (None, (Verdict::Fail, reason)) => match &best {
+            Some(e)
+                if exceeds(error(e), admissible(floor(e)))
+                    && !exceeds(error(e), admissible(points.missed(e, rounding) / magnitude(e.value))) =>
+            {
+                let reason =
+                    format!("narrower differences contradict the one at ε = {:.0e}, which disagrees by {:.1e}", e.eps, error(e));
+                (Verdict::Inconclusive, Some(reason))
+            }
+            _ => (Verdict::Fail, reason),
+        },
         (None, verdict) => verdict,
     };
     BlockReport {

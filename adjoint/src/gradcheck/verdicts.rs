@@ -144,6 +144,16 @@ fn an_input_without_influence_has_a_derivative_of_zero() {
     assert_eq!(smooth(&free(), 1e-9, |e| 1.0 + 1e-9 * e).verdict, Verdict::Pass);
 }
 
+/// A damping of size zero, of something that hardly moves: wide differences agree on the slope behind the layer.
+#[test]
+fn an_input_that_soon_saturates_is_inconclusive() {
+    let block = Block { scale: 0.0, ..at_bound() };
+    let report = smooth(&block, -2e-7, |e| 0.8 - 2e-13 * (1.0 - (-e / 1e-6).exp()));
+    assert_ne!(report.verdict, Verdict::Fail, "{report:?}");
+    let report = smooth(&block, -2e-3, |e| 0.8 - 2e-9 * (1.0 - (-e / 1e-6).exp()));
+    assert_ne!(report.verdict, Verdict::Fail, "{report:?}");
+}
+
 #[test]
 fn an_even_function_has_a_derivative_of_zero() {
     let even = Block { even: true, scale: 0.0, ..at_bound() };

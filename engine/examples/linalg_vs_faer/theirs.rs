@@ -210,7 +210,7 @@ impl Way for SparseCholesky {
 /// Ways by name.
 type Ways = Vec<(String, Box<dyn Way>)>;
 
-/// How far a solution is from one.
+/// Largest deviation of a solution from one.
 type Residual<'a> = Box<dyn Fn(&[f64], &[f64]) -> f64 + 'a>;
 
 /// One of faer's factorizations with its memory.

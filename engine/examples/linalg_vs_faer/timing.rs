@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::time::Instant;
 
-/// What is measured.
+/// A measured operation.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Op {
     Refactor,

@@ -1,6 +1,10 @@
 //! Advances a state by steps of the model's integrator.
 
-use super::node_energy_check::{EnergyAccumulator, Run, SubstepResult};
+mod halving;
+
+pub use halving::Retry;
+
+use super::node_energy_check::{EnergyAccumulator, Run};
 use super::{
     EULER, MIDPOINT, Masses, QUASI_STATIC, SDIRK_GAMMA, Scheme, SolverOptions, Stage, StageRecord, StepError, Warm, Workspace,
     end_positions,
@@ -14,6 +18,7 @@ use crate::rods::{Remembered, RodPast, RodPoint};
 use crate::step::constants::STEP;
 use crate::step::newton::{Work, solve_stage};
 use crate::terms::joint::JointPoint;
+use halving::{Outcome, SubstepPolicy};
 use pliant_math::rotation::Map;
 use pliant_math::{Input, State};
 use pliant_scene::Integrator;
@@ -31,25 +36,6 @@ impl Default for StepOptions {
     fn default() -> Self {
         Self { record: true, max_halvings: None }
     }
-}
-
-/// Policy of a (sub)step.
-#[derive(Clone, Copy, Debug)]
-struct SubstepPolicy {
-    /// How often it may be halved; everything is tried if it cannot be.
-    halvings: usize,
-    /// Whether sdirk2 is left for Euler, by which contact is not thrown back.
-    by_euler: bool,
-}
-
-/// How a (sub)step ended.
-#[derive(Clone, Copy, Debug)]
-enum Outcome {
-    Sound,
-    /// It created energy.
-    Refused,
-    /// It would throw back what hits a shape.
-    Thrown,
 }
 
 /// How a stage takes its reference state from what came before.
@@ -72,31 +58,6 @@ pub struct StepTrace {
     pub retries: usize,
     /// The retries by their reason, in the order of [`Retry::ALL`].
     pub retried_for: [usize; Retry::ALL.len()],
-}
-
-/// Why a (sub)step was halved or taken by Euler.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Retry {
-    /// No root was found, or none is defined.
-    NotSolved,
-    /// It created energy.
-    Energy,
-    /// By sdirk2, it would have thrown back what hits a shape.
-    Rebound,
-}
-
-impl Retry {
-    /// All reasons.
-    pub const ALL: [Self; 3] = [Self::NotSolved, Self::Energy, Self::Rebound];
-
-    /// Its name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NotSolved => "not solved",
-            Self::Energy => "energy created",
-            Self::Rebound => "rebound",
-        }
-    }
 }
 
 /// A step's stages in the order they were solved.
@@ -252,72 +213,6 @@ impl<'m> Stepper<'m> {
                 .map_err(|source| StepError::Command { step: 0, source })?;
         }
         Ok(())
-    }
-
-    /// One (sub)step of length `h`, or two of half the length if it fails, creates energy, or throws back what hits a shape. After
-    /// 4 max_iterations · 2^max_halvings iterations in all nothing is halved any more: what is left is taken as it comes, or fails.
-    fn substep(
-        &mut self,
-        state: &mut State,
-        h: f64,
-        v_cmd: &[f64],
-        means: SubstepPolicy,
-        trace: &mut StepTrace,
-        stages: &mut Vec<(StageKind, StageRecord)>,
-    ) -> Result<(), StepError> {
-        let means = SubstepPolicy { halvings: if self.spent(trace) { 0 } else { means.halvings }, ..means };
-        let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        let begun = trace.work;
-        let mut result = self.integrate(state, h, v_cmd, means, trace, stages);
-        let work = trace.work.since(begun);
-        let guarded = means.halvings > 0;
-        let passed = SubstepResult { before: &before, after: state, h, by_euler: means.by_euler, work };
-        if matches!(result, Ok(Outcome::Sound))
-            && let Some(created) = self.created_by_nodes(&passed, !guarded)
-        {
-            match guarded {
-                true if self.is_too_much(&created, h) => result = Ok(Outcome::Refused),
-                true => {}
-                false => self.unsound.add(created),
-            }
-        }
-        let thrown = matches!(result, Ok(Outcome::Thrown));
-        match result {
-            Ok(Outcome::Thrown | Outcome::Refused)
-            | Err(
-                StepError::NotConverged { .. }
-                | StepError::Singular { .. }
-                | StepError::Geometry { .. }
-                | StepError::NoNormal { .. }
-                | StepError::ContactNotFinite { .. }
-                | StepError::NotFinite { .. },
-            ) if thrown || means.halvings > 0 => {
-                *state = before;
-                stages.truncate(kept);
-                self.set_warm_start(warm);
-                trace.retries += 1;
-                let reason = match result {
-                    Ok(Outcome::Thrown) => Retry::Rebound,
-                    Ok(_) => Retry::Energy,
-                    Err(_) => Retry::NotSolved,
-                };
-                trace.retried_for[reason as usize] += 1;
-                let by_euler = means.by_euler || thrown;
-                let Some(halvings) = means.halvings.checked_sub(1) else {
-                    return self.substep(state, h, v_cmd, SubstepPolicy { by_euler, ..means }, trace, stages);
-                };
-                self.substep(state, 0.5 * h, v_cmd, SubstepPolicy { halvings, by_euler }, trace, stages)?;
-                self.substep(state, 0.5 * h, v_cmd, SubstepPolicy { halvings, by_euler }, trace, stages)
-            }
-            other => other.map(|_| ()),
-        }
-    }
-
-    /// Whether a step has taken so much work that more halves will not be better.
-    fn spent(&self, trace: &StepTrace) -> bool {
-        let solver = &self.model.solver;
-        let shortest = 1 << solver.max_halvings.min(STEP.most_counted);
-        trace.work.iterations > solver.max_iterations.saturating_mul(STEP.attempts * shortest)
     }
 
     /// Takes one (sub)step, if it is sound.

@@ -27,7 +27,7 @@ fn so_have_those_of_a_plastic_one() {
     }
 }
 
-/// What a diagnosis asks: the derivative by a fraction that is not there.
+/// A diagnosis takes the derivative by a dormant fraction.
 #[test]
 fn a_fraction_of_zero_has_a_derivative() {
     let mut scene = with("rod_creep", Integrator::Midpoint);

@@ -66,7 +66,7 @@ fn by_parameter(scene: &Scene, path: &str) -> (f64, impl Fn(f64) -> f64 + use<>)
     (slope, sum)
 }
 
-/// What a diagnosis asks: the elastic rod to the last bit, and the derivatives by what is not there.
+/// Dormant parameters leave the elastic rod as it is to the last bit, and have derivatives.
 #[test]
 fn without_size_it_is_the_elastic_rod_with_derivatives() {
     for integrator in INTEGRATORS {

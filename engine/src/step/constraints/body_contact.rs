@@ -2,10 +2,7 @@
 //! meet are listed where a stage begins; each has a signed distance in closed form and a cone variable of its own, under the split law.
 
 use super::link::Link;
-use super::{
-    Beginning, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, Evaluation, InputsAt, Loads, RecordAt, Slopes,
-    WarmImpulses, cone, reach,
-};
+use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, InputsAt, Loads, Slopes, WarmImpulses, cone, reach};
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
@@ -98,16 +95,6 @@ impl BodyContacts {
     }
 }
 
-/// Whether corrections leave cone variables where they are.
-pub(crate) fn cones_settled(lambda: &[f64], d: &[f64], rounding: impl Iterator<Item = f64>) -> bool {
-    let largest = |x: &[f64]| x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
-    lambda
-        .chunks_exact(4)
-        .zip(d.chunks_exact(4))
-        .zip(rounding)
-        .all(|((w, dw), rounding)| largest(dw) <= (STEP.settled_split * largest(w)).max(4.0 * rounding))
-}
-
 impl ConstraintSet for BodyContacts {
     fn find(&mut self, stage: &Stage, at: &Beginning) {
         let model = stage.model;
@@ -161,10 +148,6 @@ impl ConstraintSet for BodyContacts {
         }
     }
 
-    fn dim(&self) -> usize {
-        4 * self.links.len()
-    }
-
     fn residual(
         &mut self,
         stage: &Stage,
@@ -214,16 +197,6 @@ impl ConstraintSet for BodyContacts {
         Ok(())
     }
 
-    fn correct(&self, stage: &Stage, change: &Change, residual: &[f64], d: &mut [f64]) {
-        for (k, link) in self.links.iter().enumerate() {
-            d[4 * k..4 * k + 4].copy_from_slice(link.correct(stage, change, &cone(residual, k)).as_slice());
-        }
-    }
-
-    fn weights(&self, _stage: &Stage, out: &mut [f64]) {
-        self.links.iter().zip(out.chunks_exact_mut(4)).for_each(|(link, out)| out.copy_from_slice(&link.weights()));
-    }
-
     fn start(&self, stage: &Stage, warm: Option<&WarmImpulses>, lambda: &mut [f64]) {
         for (k, link) in self.links.iter().enumerate() {
             let w = warm.and_then(|warm| warm.of(&link.id)).unwrap_or_else(|| self.central(stage, k));
@@ -235,22 +208,6 @@ impl ConstraintSet for BodyContacts {
         for ((link, contact), w) in self.each().zip(lambda.chunks_exact_mut(4)) {
             w.copy_from_slice(stage.body_contact_law(link, contact.pair).middle().as_slice());
         }
-    }
-
-    fn keep(&self, lambda: &[f64], warm: &mut WarmImpulses) {
-        warm.listed.extend(self.links.iter().enumerate().map(|(k, link)| (link.id, cone(lambda, k))));
-    }
-
-    fn record(&self, stage: &Stage, at: &mut RecordAt, lambda: &[f64], out: &mut ConstraintRecords) {
-        self.links.iter().enumerate().for_each(|(k, link)| stage.record_link(link, cone(lambda, k), at, out));
-    }
-
-    fn rounding2(&self, _stage: &Stage) -> f64 {
-        self.links.iter().map(Link::rounding2).sum()
-    }
-
-    fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
-        cones_settled(lambda, d, self.links.iter().map(|link| link.rounding))
     }
 
     fn links(&self) -> &[Link] {

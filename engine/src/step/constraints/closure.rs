@@ -1,11 +1,7 @@
 //! Loop closures in a stage: points, and of welds axes.
 
-use super::body_contact::cones_settled;
 use super::link::Link;
-use super::{
-    Beginning, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, Evaluation, InputsAt, Loads, RecordAt, Slopes,
-    WarmImpulses, cone,
-};
+use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, InputsAt, Loads, Slopes, WarmImpulses, cone};
 use crate::bodies::Frames;
 use crate::constraints::{ClosureLaw, RHO, TieRows, closure_law, pose};
 use crate::step::{Stage, StepError};
@@ -57,10 +53,6 @@ impl ConstraintSet for Closures {
         }
     }
 
-    fn dim(&self) -> usize {
-        4 * self.links.len()
-    }
-
     fn residual(
         &mut self,
         stage: &Stage,
@@ -101,37 +93,11 @@ impl ConstraintSet for Closures {
         Ok(())
     }
 
-    fn correct(&self, stage: &Stage, change: &Change, residual: &[f64], d: &mut [f64]) {
-        for (k, link) in self.links.iter().enumerate() {
-            d[4 * k..4 * k + 4].copy_from_slice(link.correct(stage, change, &cone(residual, k)).as_slice());
-        }
-    }
-
-    fn weights(&self, _stage: &Stage, out: &mut [f64]) {
-        self.links.iter().zip(out.chunks_exact_mut(4)).for_each(|(link, out)| out.copy_from_slice(&link.weights()));
-    }
-
     fn start(&self, _stage: &Stage, warm: Option<&WarmImpulses>, lambda: &mut [f64]) {
         for (link, w) in self.links.iter().zip(lambda.chunks_exact_mut(4)) {
             let known = warm.and_then(|warm| warm.of(&link.id)).unwrap_or_else(Vector4::zeros);
             w.copy_from_slice(known.as_slice());
         }
-    }
-
-    fn keep(&self, lambda: &[f64], warm: &mut WarmImpulses) {
-        warm.listed.extend(self.links.iter().enumerate().map(|(k, link)| (link.id, cone(lambda, k))));
-    }
-
-    fn record(&self, stage: &Stage, at: &mut RecordAt, lambda: &[f64], out: &mut ConstraintRecords) {
-        self.links.iter().enumerate().for_each(|(k, link)| stage.record_link(link, cone(lambda, k), at, out));
-    }
-
-    fn rounding2(&self, _stage: &Stage) -> f64 {
-        self.links.iter().map(Link::rounding2).sum()
-    }
-
-    fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
-        cones_settled(lambda, d, self.links.iter().map(|link| link.rounding))
     }
 
     fn links(&self) -> &[Link] {

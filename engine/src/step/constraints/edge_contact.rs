@@ -1,10 +1,9 @@
 //! Contact of edges and triangles with fixed shapes in a stage: listed where the stage begins, condensed into forces on two or three
 //! nodes.
 
-use super::body_contact::cones_settled;
 use super::{
     Beginning, Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, EdgeId, Evaluation,
-    InputsAt, Loads, RecordAt, Slopes, WarmImpulses, cone, reach,
+    InputsAt, Loads, RecordAt, Slopes, WarmImpulses, cone, cones_settled, reach,
 };
 use crate::constraints::{
     ConeLinear, ContactElement, ElementLinear, RHO, SplitLaw, element_changes, element_law, impulse, of_nodes, pose_of_world,

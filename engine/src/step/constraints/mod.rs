@@ -41,6 +41,7 @@ pub(crate) use warm::WarmImpulses;
 
 use crate::bodies::Frames;
 use crate::geometry::collider::Feature;
+use crate::step::constants::STEP;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix6, Vector4};
 use pliant_linalg::{NodeMatrix, System};
@@ -101,8 +102,15 @@ pub(crate) trait ConstraintSet {
     /// Sets the steps ρ of the laws from the effective masses at the constraints.
     fn scale(&mut self, _stage: &Stage, _at: &Beginning) {}
 
+    /// Constraints between two frames, in their order, with four multipliers each: a set of these needs no more than the defaults below.
+    fn links(&self) -> &[Link] {
+        &[]
+    }
+
     /// Number of multipliers.
-    fn dim(&self) -> usize;
+    fn dim(&self) -> usize {
+        4 * self.links().len()
+    }
 
     /// Residuals F into `out`, and the condensed forces for what was linearized before.
     fn residual(
@@ -126,10 +134,16 @@ pub(crate) trait ConstraintSet {
     ) -> Result<(), StepError>;
 
     /// dλ that goes with a change of velocities, for the residuals at hand.
-    fn correct(&self, stage: &Stage, change: &Change, residual: &[f64], d: &mut [f64]);
+    fn correct(&self, stage: &Stage, change: &Change, residual: &[f64], d: &mut [f64]) {
+        for (k, (link, d)) in self.links().iter().zip(d.chunks_exact_mut(4)).enumerate() {
+            d.copy_from_slice(link.correct(stage, change, &cone(residual, k)).as_slice());
+        }
+    }
 
     /// Weights of |dλ|² in the norm of corrections: one over the effective mass [1/kg, 1/(kg·m²)].
-    fn weights(&self, stage: &Stage, out: &mut [f64]);
+    fn weights(&self, _stage: &Stage, out: &mut [f64]) {
+        self.links().iter().zip(out.chunks_exact_mut(4)).for_each(|(link, out)| out.copy_from_slice(&link.weights()));
+    }
 
     /// λ of the last stage, where there are any.
     fn start(&self, stage: &Stage, warm: Option<&WarmImpulses>, lambda: &mut [f64]);
@@ -143,14 +157,18 @@ pub(crate) trait ConstraintSet {
     fn start_soft(&self, _stage: &Stage, _lambda: &mut [f64]) {}
 
     /// Keeps λ for the next stage.
-    fn keep(&self, lambda: &[f64], warm: &mut WarmImpulses);
+    fn keep(&self, lambda: &[f64], warm: &mut WarmImpulses) {
+        warm.listed.extend(self.links().iter().enumerate().map(|(k, link)| (link.id, cone(lambda, k))));
+    }
 
     /// Adds the constraints, linearized at the root, to the record of the stage.
-    fn record(&self, stage: &Stage, at: &mut RecordAt, lambda: &[f64], out: &mut ConstraintRecords);
+    fn record(&self, stage: &Stage, at: &mut RecordAt, lambda: &[f64], out: &mut ConstraintRecords) {
+        self.links().iter().enumerate().for_each(|(k, link)| stage.record_link(link, cone(lambda, k), at, out));
+    }
 
     /// Rounding noise of all λ in the weights of corrections, squared.
     fn rounding2(&self, _stage: &Stage) -> f64 {
-        0.0
+        self.links().iter().map(Link::rounding2).sum()
     }
 
     /// The same of velocities that the constraints determine.
@@ -159,20 +177,17 @@ pub(crate) trait ConstraintSet {
     }
 
     /// Whether the pending corrections leave λ where they are.
-    fn settled(&self, _stage: &Stage, _lambda: &[f64], _d: &[f64]) -> bool {
-        true
-    }
-
-    /// Constraints between two frames, in their order.
-    fn links(&self) -> &[Link] {
-        &[]
+    fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
+        cones_settled(lambda, d, self.links().iter().map(|link| link.rounding))
     }
 
     /// Pairs of different nodes that one constraint joins, of which the first is free.
     fn joined_nodes(&self, _stage: &Stage, _pairs: &mut Vec<[usize; 2]>) {}
 
     /// Calls `add(node, ∂p/∂q⁺/h at fixed λ)` for what constraints do to single nodes.
-    fn visit_fixed_blocks(&self, _stage: &Stage, _add: &mut dyn FnMut(usize, [[f64; 3]; 3])) {}
+    fn visit_fixed_blocks(&self, stage: &Stage, add: &mut dyn FnMut(usize, [[f64; 3]; 3])) {
+        self.links().iter().for_each(|link| link.visit_fixed_blocks(stage.h, add));
+    }
 
     /// Adds what constraints do at fixed λ, beside [`ConstraintSet::visit_fixed_blocks`] and links, to ∂f/∂q̄ and A.
     fn add_fixed(&self, _stage: &Stage, _lambda: &[f64], _dq: &mut System, _a: &mut System) {}
@@ -298,6 +313,16 @@ impl ConstraintId {
 /// The cone variable of constraint `k`.
 pub(crate) fn cone(lambda: &[f64], k: usize) -> Vector4<f64> {
     Vector4::from_column_slice(&lambda[4 * k..4 * k + 4])
+}
+
+/// Whether corrections leave cone variables where they are.
+fn cones_settled(lambda: &[f64], d: &[f64], rounding: impl Iterator<Item = f64>) -> bool {
+    let largest = |x: &[f64]| x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+    lambda
+        .chunks_exact(4)
+        .zip(d.chunks_exact(4))
+        .zip(rounding)
+        .all(|((w, dw), rounding)| largest(dw) <= (STEP.settled_split * largest(w)).max(4.0 * rounding))
 }
 
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be
