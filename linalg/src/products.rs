@@ -271,21 +271,11 @@ impl NodeMatrix {
         let nodes = 3 * self.layout().n_nodes();
         out.clear();
         out.resize(self.dim(), [Sum::default(); 3]);
-        // block by block, whose rows stand beside each other in X
-        let (layout, b) = (self.layout(), self.layout().block());
-        for i in 0..layout.n_nodes() {
-            for (j, start, down) in layout.row(i).filter_map(|j| layout.place(i, j).map(|(start, down)| (j, start, down))) {
-                for c in 0..b {
-                    let Some(column) = layout.system(b * j + c) else { continue };
-                    let rows = if column < nodes { column - column % 3..column - column % 3 + 3 } else { column..column + 1 };
-                    for (row, sum) in rows.zip(&mut out[column]) {
-                        for a in 0..b {
-                            let Some(r) = layout.system(b * i + a) else { continue };
-                            sum.add(x[row * width + r] * self.data()[start + a * down + c]);
-                        }
-                    }
-                }
-            }
+        for r in 0..self.dim() {
+            self.for_system_row(r, |c, a| {
+                let rows = if c < nodes { c - c % 3..c - c % 3 + 3 } else { c..c + 1 };
+                rows.zip(&mut out[c]).for_each(|(row, sum)| sum.add(x[row * width + r] * a));
+            });
         }
     }
 }
