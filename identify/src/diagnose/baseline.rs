@@ -221,12 +221,7 @@ fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
 }
 
 /// Plain system identification: fits the declared free parameters and reports them.
-pub fn fit_scene(
-    setup: &Setup,
-    logs: &Logs,
-    _options: &super::DiagnoseOptions,
-    progress: &mut dyn FnMut(&str),
-) -> Result<FitReport, IdentifyError> {
+pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> Result<FitReport, IdentifyError> {
     if setup.experiment.fit.free.is_empty() {
         return Err(setup.refuse("experiment.fit", LogMistake::NothingFree).into());
     }
