@@ -28,7 +28,7 @@ mod number;
 #[cfg(feature = "report")]
 pub mod report;
 pub mod sensor;
-pub mod shoot;
+pub mod shooting;
 pub mod stats;
 pub mod unknown;
 

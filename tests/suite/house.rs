@@ -45,7 +45,7 @@ const MODULES: [(&str, &str); 8] = [
         "lib seeds implicit stage step linearization inverse tangent linearize rollout \
          equilibrium gradcheck surrogate",
     ),
-    ("identify/src", "lib sensor stats unknown number log error shoot causes fit audit diagnose report"),
+    ("identify/src", "lib sensor stats unknown number log error shooting causes fit audit diagnose report"),
 ];
 
 fn root() -> &'static Path {

@@ -1,11 +1,11 @@
 //! Commands that reach a motor late.
 //!
-//! All motors late alike are, from outside, readings that are late: that is `sensor_delay`, which has this cause as its twin. What can
-//! be told is that *one* motor is later than the others. A delay of a part of a step counts as such (the motor sees the mean over the
-//! step of what reaches it), so the derivative at no delay exists; to first order it is that of a lag as long.
+//! A delay common to all motors moves the readings as a delay of the readings does: that is `sensor_delay`, which has this cause as its
+//! equivalent. Only that *one* motor is later than the others can be told. A delay by a part of a step counts as such (the motor sees
+//! the mean command over the step), so the derivative at no delay exists; to first order it is that of a lag as long.
 
 use super::{Cause, Situation, unread};
-use crate::shoot::LONGEST_DELAY;
+use crate::shooting::LONGEST_DELAY;
 use crate::unknown::Unknown;
 
 /// Typical size of a delay \[s\].

@@ -63,7 +63,7 @@ pub use mesh_convergence::{Spacing, spacing};
 
 use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;
-use crate::shoot::{JointPlace, Plan};
+use crate::shooting::{JointPlace, Plan};
 use crate::unknown::{Probe, Unknown, Values};
 use nalgebra::Vector3;
 use pliant_engine::model::Model;
@@ -83,14 +83,14 @@ pub struct Cause {
     pub untestable: Option<String>,
     /// The experiment that would show it best.
     pub excitation: &'static str,
-    /// Values of θ that the cause brings along, one set per entry: its effect is tested with each, the best one counts, and its p is
-    /// multiplied by their number. For quantities that nothing determines while the cause has no size.
-    pub settings: Vec<Vec<(usize, f64)>>,
-    /// What is no candidate because it would move the readings in exactly the same way.
-    pub twins: Vec<&'static str>,
+    /// Points of the nuisance grid, each a list of (entry of θ, value): values of parameters that nothing determines while the cause has
+    /// no size. The cause is tested at each point, the best one counts, and its p is multiplied by their number.
+    pub nuisance_grid: Vec<Vec<(usize, f64)>>,
+    /// Causes that would move the readings in exactly the same way, and so are no candidates beside this one.
+    pub equivalents: Vec<&'static str>,
     /// What nobody measured, and what matters only once this cause is there; a search for causes that act together frees it with them.
     pub companions: Vec<Unknown>,
-    /// What its `settings` stand for: a search frees it as well once the cause has a size, and with it a meaning.
+    /// Parameters of its nuisance grid: a search frees them as well once the cause has a size, which gives them a meaning.
     pub afterwards: Vec<Unknown>,
     /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
     pub starts: Vec<Vec<(usize, f64)>>,

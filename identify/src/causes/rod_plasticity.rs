@@ -4,7 +4,7 @@
 //! yield: it is looked at for parts of the largest curvature that a record begins with, the best one counts, at a price.
 
 use super::{Cause, Situation};
-use crate::shoot::NEVER;
+use crate::shooting::NEVER;
 use crate::unknown::Unknown;
 
 /// Yield over the largest curvature.
@@ -25,7 +25,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             untestable: in_pieces
                 .then(|| "the records are fitted in pieces, and what has flowed before a piece begins is unknown".to_owned()),
             excitation: "bend it sharply and let go: it does not come back to where it was",
-            settings: limit.filter(|_| never).map_or_else(Vec::new, |k| GRID.map(|part| vec![(k, part * largest)]).to_vec()),
+            nuisance_grid: limit.filter(|_| never).map_or_else(Vec::new, |k| GRID.map(|part| vec![(k, part * largest)]).to_vec()),
             afterwards: curvature.filter(|_| never && !in_pieces).map(Unknown::logarithmic).collect(),
             ..Cause::default()
         }

@@ -4,7 +4,7 @@ use super::result::AuditFinding;
 use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};
 use crate::error::IdentifyError;
 use crate::log::{Logs, Record};
-use crate::shoot::{NodePair, Plan};
+use crate::shooting::{NodePair, Plan};
 
 /// Findings in words, and the median noise of the channels whose errors are reported.
 pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64), IdentifyError> {

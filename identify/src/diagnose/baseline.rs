@@ -8,7 +8,7 @@ use crate::fit::{FitOptions, Fitted, fit, fit_noise, prepare};
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use schemars::JsonSchema;

@@ -9,7 +9,7 @@ use super::gain;
 use super::result::Ceiling;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ridge::{Group, cross_validated};
 use crate::unknown::Values;
 use nalgebra::DMatrix;

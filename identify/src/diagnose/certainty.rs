@@ -4,7 +4,7 @@ use super::result::Estimate;
 use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::unknown::{Unknown, Values};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 

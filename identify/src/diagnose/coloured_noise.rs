@@ -8,7 +8,7 @@ use super::scores::{raw, scores};
 use super::select::{Round, compare};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::colour::{ColourOptions, RawRows, colour_test};
 

@@ -10,7 +10,7 @@
 use super::scores::reduce_in;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::dist::{chi2_sf, normal_cdf};
 use crate::stats::reduced::{Block, Reduced};
 use crate::unknown::Unknown;

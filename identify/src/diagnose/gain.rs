@@ -3,7 +3,7 @@
 use super::result::{Curve, Gain, HorizonError, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
-use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
 use rayon::prelude::*;
@@ -188,7 +188,7 @@ pub(super) fn pictures(
         // of numbers and turns the first component, and nothing in the others
         let three =
             |row: &[f64]| [0, 1, 2].map(|a| row.get(range.start + a).copied().filter(|_| a < shown.width()).unwrap_or(0.0));
-        let at = |s: &crate::shoot::Shot, k: usize| three(&s.predicted[k * channels..(k + 1) * channels]);
+        let at = |s: &crate::shooting::Shot, k: usize| three(&s.predicted[k * channels..(k + 1) * channels]);
         let measured = |k: usize| match shown {
             Observed::Marker(m) => rec.record.markers[k][m],
             Observed::Joint(j) => [rec.record.joints[k][j], 0.0, 0.0],
@@ -217,7 +217,7 @@ pub(super) fn pictures(
         let k = late.unwrap_or(0);
         let step = ((rec.record.time[k] / plan.model.step_length()).round() as usize).min(b.states.len() - 1);
         let ropes = plan.model.ropes();
-        let shape = |s: &crate::shoot::Shot| {
+        let shape = |s: &crate::shooting::Shot| {
             let q = &s.states[step].q;
             ropes.iter().flat_map(|r| r.nodes.clone()).map(|n| [q[3 * n], q[3 * n + 1], q[3 * n + 2]]).collect()
         };

@@ -5,7 +5,7 @@ use super::result::*;
 use super::scores::Scores;
 use super::selection::{Accepted, Selection};
 use crate::error::IdentifyError;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::unknown::{Coordinate, Unknown};
 
 impl Selection {
@@ -37,7 +37,7 @@ impl Selection {
                 });
             }
             let own: Vec<usize> = a.cause.unknowns.iter().flat_map(|u| u.target.entries()).map(|(k, _)| k).collect();
-            for &(entry, value) in a.cause.settings.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
+            for &(entry, value) in a.cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
                 let info = plan.model.params().info(entry);
                 parameters.push(Estimate {
                     path: info.path.clone(),

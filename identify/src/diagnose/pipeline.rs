@@ -14,7 +14,7 @@ use crate::causes::{discretisation, spacing};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
-use crate::shoot::{Plan, RecordPlan, opened};
+use crate::shooting::{Plan, RecordPlan, opened};
 use std::time::Instant;
 
 /// Settings of a diagnosis.

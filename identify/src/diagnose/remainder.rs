@@ -2,7 +2,7 @@
 
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::whiteness::{channel, cross_correlation};
 
 /// Family-wise level of the dependence of the residual on the inputs.

@@ -12,7 +12,7 @@ use super::scores::Scores;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit, fit_noise};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
 use crate::stats::naming::lead;
@@ -176,8 +176,8 @@ pub(super) fn compare(
 /// zero: a joint that friction holds still would say nothing of its size.
 fn opened(current: &Fitted, cause: &Cause, tested: &Scores, candidate: usize) -> Fitted {
     let mut out = current.clone();
-    if let [setting] = cause.settings.as_slice() {
-        setting.iter().for_each(|&(entry, value)| out.values.theta[entry] = value);
+    if let [grid_point] = cause.nuisance_grid.as_slice() {
+        grid_point.iter().for_each(|&(entry, value)| out.values.theta[entry] = value);
     }
     for (u, step) in cause.unknowns.iter().zip(&tested.score.candidates[candidate].theta) {
         if let Some(probe) = u.silent(&current.values) {
@@ -192,7 +192,7 @@ fn opened(current: &Fitted, cause: &Cause, tested: &Scores, candidate: usize) ->
 /// standard error of its logarithm below 1), else nothing.
 fn shaped(plan: &Plan, fitted: Fitted, cause: &Cause, options: &FitOptions) -> Result<(Fitted, Vec<Unknown>), IdentifyError> {
     let own = |entry: usize| cause.unknowns.iter().any(|u| u.target.entries().iter().any(|(k, _)| *k == entry));
-    let brought = cause.settings.iter().flatten().filter(|(entry, _)| !own(*entry));
+    let brought = cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own(*entry));
     let free = |&(entry, _): &(usize, f64)| {
         Some(Unknown::of_theta(&plan.model, &plan.model.params().info(entry).path, 1.0)?.logarithmic())
     };

@@ -14,7 +14,7 @@ use super::verdict::ENOUGH;
 use crate::causes::Cause as Candidate;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::dist::chi2_sf;
 use crate::unknown::Unknown;
 
@@ -133,7 +133,7 @@ impl Selection {
                 Round::Accepted { candidate, fitted, shape, statistic, margin } => {
                     let mut cause = self::candidate(&tested, candidate).clone();
                     if !shape.is_empty() {
-                        cause.settings.clear();
+                        cause.nuisance_grid.clear();
                         cause.unknowns.extend(shape);
                     }
                     progress(&format!("accepted {}", cause.title()));
@@ -243,19 +243,19 @@ impl Selection {
 
     /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
     pub(super) fn alternatives(&self) -> Vec<Vec<Name>> {
-        let twinned = self.accepted.iter().filter(|a| !a.cause.twins.is_empty()).map(|a| with_twins(&a.cause));
-        self.ambiguous.iter().chain(&self.tied).cloned().chain(twinned).collect()
+        let alike = self.accepted.iter().filter(|a| !a.cause.equivalents.is_empty()).map(|a| with_equivalents(&a.cause));
+        self.ambiguous.iter().chain(&self.tied).cloned().chain(alike).collect()
     }
 
-    /// The set, and why, if nothing is accepted but a cause with twins.
-    pub(super) fn only_twins(&self) -> Option<(Vec<Name>, String)> {
+    /// The set, and why, if nothing is accepted but a cause with equivalents.
+    pub(super) fn only_equivalents(&self) -> Option<(Vec<Name>, String)> {
         let [one] = self.accepted.as_slice() else { return None };
-        let twins = one.cause.twins.join(", ");
+        let equivalents = one.cause.equivalents.join(", ");
         let reason = format!(
-            "{} explains the data, and no log of these sensors can tell it from {twins}: both move the readings in the same way",
+            "{} explains the data, and no log of these sensors can tell it from {equivalents}: both move the readings in the same way",
             one.cause.title()
         );
-        (!twins.is_empty()).then(|| (with_twins(&one.cause), reason))
+        (!equivalents.is_empty()).then(|| (with_equivalents(&one.cause), reason))
     }
 }
 
@@ -274,9 +274,9 @@ pub(super) fn name(cause: &Candidate) -> Name {
     (cause.name.to_owned(), cause.object.clone())
 }
 
-fn with_twins(cause: &Candidate) -> Vec<Name> {
-    let twins = cause.twins.iter().map(|twin| ((*twin).to_owned(), cause.object.clone()));
-    std::iter::once(name(cause)).chain(twins).collect()
+fn with_equivalents(cause: &Candidate) -> Vec<Name> {
+    let equivalents = cause.equivalents.iter().map(|other| ((*other).to_owned(), cause.object.clone()));
+    std::iter::once(name(cause)).chain(equivalents).collect()
 }
 
 fn rivals(tested: &Scores, j: usize) -> Vec<Rival> {

@@ -66,7 +66,7 @@ pub(super) fn decide(
             )
         };
         (Verdict::NotInLibrary, reason)
-    } else if let Some((set, reason)) = run.only_twins() {
+    } else if let Some((set, reason)) = run.only_equivalents() {
         set_alternatives(d, &[set]);
         (Verdict::Ambiguous, reason)
     } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > ENOUGH)) {

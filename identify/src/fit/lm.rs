@@ -3,7 +3,7 @@
 use super::arrow::{Share, solve};
 use super::noise::{fit_noise, floors};
 use crate::error::IdentifyError;
-use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use nalgebra::DVector;

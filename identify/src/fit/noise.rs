@@ -1,7 +1,7 @@
 //! The noise model of a fit.
 
 use crate::error::IdentifyError;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::ar::{ArModel, ArOptions, Order};
 
 /// σ floor of every channel, so many times the declared ones.

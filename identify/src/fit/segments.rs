@@ -3,7 +3,7 @@
 use super::lm::{FitOptions, fit};
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot, state_at};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::{Unknown, Values};
 use pliant_math::State;
 

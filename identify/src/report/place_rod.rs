@@ -1,7 +1,7 @@
 //! Where estimates of a rod's section, its joints and its creep stand in a scene.
 
 use super::extended::set_value;
-use crate::shoot::{FAR, NEVER};
+use crate::shooting::{FAR, NEVER};
 use crate::unknown::range;
 use toml::{Table, Value};
 

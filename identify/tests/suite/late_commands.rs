@@ -2,7 +2,7 @@
 
 use crate::pendulum::Truth;
 use pliant_identify::log::Setup;
-use pliant_identify::shoot::{Plan, Shot, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, Shot, ShotWants, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use pliant_scene::Source;
 use tempfile::TempDir;

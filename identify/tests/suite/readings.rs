@@ -2,7 +2,7 @@
 
 use pliant_identify::log::Setup;
 use pliant_identify::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
-use pliant_identify::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use pliant_scene::Source;
 use std::fmt::Write;

@@ -7,7 +7,7 @@ use super::Whole;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit};
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use rayon::prelude::*;
@@ -169,7 +169,7 @@ impl<'a> Bench<'a> {
         let unknowns: Vec<Unknown> = known.iter().chain(&own).cloned().collect();
         let opened = |start: &[(usize, f64)]| {
             let mut values = current.fitted.values.clone();
-            cause.settings.iter().flatten().chain(start).for_each(|&(entry, value)| values.theta[entry] = value);
+            cause.nuisance_grid.iter().flatten().chain(start).for_each(|&(entry, value)| values.theta[entry] = value);
             for (u, step) in cause.unknowns.iter().zip(step) {
                 if let Some(probe) = u.silent(&values) {
                     let start = u.moved(0.0, 0.5 * step.clamp(-FAR, FAR));
@@ -182,7 +182,7 @@ impl<'a> Bench<'a> {
         let starts = if cause.starts.is_empty() { &plain } else { &cause.starts };
         let start = self.nearest(&current.fitted.records, starts.iter().map(|start| opened(start)), &unknowns);
         let trial = self.fit(&start.1, &start.0, &unknowns, &ROUGH)?;
-        Ok((trial, Cause { unknowns: own, settings: Vec::new(), ..cause.clone() }))
+        Ok((trial, Cause { unknowns: own, nuisance_grid: Vec::new(), ..cause.clone() }))
     }
 
     /// Of these starts, and where each leads over short pieces that begin where the data are, the one that is nearest to the data: over a

@@ -19,7 +19,7 @@ use super::scores::scores_in;
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use cross_validation::{Bench, Trial};
 use paired::Paired;
 

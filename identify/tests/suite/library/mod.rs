@@ -8,7 +8,7 @@ mod bench;
 use bench::{Bench, Made, Truth, predicted};
 use pliant_identify::causes::{Cause, LIBRARY, Situation, library};
 use pliant_identify::diagnose::{Scores, score_scene};
-use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
 use std::collections::BTreeMap;
 

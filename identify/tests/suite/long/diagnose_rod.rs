@@ -2,7 +2,7 @@
 
 use crate::rod_logs::{Logged, setup};
 use pliant_identify::log::Setup;
-use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
 use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use pliant_scene::Source;

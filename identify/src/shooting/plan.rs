@@ -5,7 +5,7 @@ use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPl
 use super::torque::drives_of;
 use crate::error::IdentifyError;
 use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
-use crate::shoot::start::{StartState, initial_guess};
+use crate::shooting::start::{StartState, initial_guess};
 use crate::unknown::{Unknown, Values};
 use nalgebra::Vector3;
 use pliant_engine::bodies::JointKind;
