@@ -1,6 +1,7 @@
 //! Masses of shapes and of bodies made of them.
 
 use super::pose::Pose;
+use crate::constants::IMPORT;
 use nalgebra::{Matrix3, Vector3};
 use pliant_math::Vec3;
 use pliant_math::inertia::{InertiaError, to_numbers};
@@ -145,7 +146,7 @@ impl Mass {
     pub fn is_unbalanced(&self) -> bool {
         let mut moments = self.inertia.symmetric_eigenvalues();
         moments.as_mut_slice().sort_by(f64::total_cmp);
-        moments[0] + moments[1] < moments[2] * (1.0 - 1e-12)
+        moments[0] + moments[1] < moments[2] * (1.0 - IMPORT.moments_rounding)
     }
 
     /// The nearest inertia that a distribution of mass has, a millionth of its size within what is possible.
@@ -153,7 +154,7 @@ impl Mass {
         self.with_moments(|m| {
             // second moments of mass along the axes, which must be positive
             let half = 0.5 * (m[0] + m[1] + m[2]);
-            let floor = 1e-6 * half.max(1e-12);
+            let floor = IMPORT.least_moment.0 * half.max(IMPORT.least_moment.1);
             let s = m.map(|x| (half - x).max(floor));
             [s[1] + s[2], s[0] + s[2], s[0] + s[1]]
         })

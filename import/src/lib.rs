@@ -27,6 +27,7 @@
 //! ```
 
 mod advice;
+mod constants;
 mod element;
 mod error;
 mod imported;

@@ -4,14 +4,10 @@
 //! as much as a step: each of its pages is cleared when it is first written. (A gradient of 60 steps of a sheet of 10 × 10 nodes on a floor
 //! takes 0.7 of the time with memory that is kept.)
 
+use crate::constants::LINALG;
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard};
-
-/// Shorter ones are left to the allocator.
-const LEAST: usize = 4096;
-/// Numbers kept at most, in all: 64 MiB.
-const MOST: usize = 1 << 23;
 
 /// By capacity, what is not in use.
 static SPARE: Mutex<Spare> = Mutex::new(Spare { shelves: BTreeMap::new(), kept: 0 });
@@ -35,7 +31,7 @@ impl Spare {
 
     fn keep(&mut self, numbers: Vec<f64>) {
         let capacity = numbers.capacity();
-        if self.kept + capacity <= MOST {
+        if self.kept + capacity <= LINALG.most_kept {
             self.kept += capacity;
             self.shelves.entry(capacity).or_default().push(numbers);
         }
@@ -68,7 +64,7 @@ fn spares() -> Option<MutexGuard<'static, Spare>> {
 }
 
 fn with_room(len: usize) -> Vec<f64> {
-    let spare = if len < LEAST { None } else { spares().and_then(|mut spares| spares.take(len)) };
+    let spare = if len < LINALG.least_kept { None } else { spares().and_then(|mut spares| spares.take(len)) };
     spare.unwrap_or_else(|| Vec::with_capacity(len))
 }
 
@@ -91,7 +87,7 @@ impl Clone for Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if self.0.capacity() >= LEAST
+        if self.0.capacity() >= LINALG.least_kept
             && let Some(mut spares) = spares()
         {
             spares.keep(std::mem::take(&mut self.0));
@@ -127,19 +123,19 @@ mod tests {
         let found = spare.take(4500).map(|v| (v.capacity(), v.len()));
         assert_eq!((found, spare.kept, spare.shelves.len()), (Some((5000, 0)), 0, 0));
         for _ in 0..3 {
-            spare.keep(Vec::with_capacity(MOST / 2));
+            spare.keep(Vec::with_capacity(LINALG.most_kept / 2));
         }
-        assert_eq!(spare.kept, MOST, "the third is given back");
+        assert_eq!(spare.kept, LINALG.most_kept, "the third is given back");
     }
 
     #[test]
     fn copies_are_independent_and_zeros_are_zero() {
-        let mut first = Buffer::zeros(2 * LEAST);
+        let mut first = Buffer::zeros(2 * LINALG.least_kept);
         first.fill(1.0);
         let copy = first.clone();
         first[0] = 2.0;
         drop(first);
-        assert_eq!((copy[0], copy.len()), (1.0, 2 * LEAST));
-        assert!(Buffer::zeros(2 * LEAST).iter().all(|x| *x == 0.0), "whatever was in the memory");
+        assert_eq!((copy[0], copy.len()), (1.0, 2 * LINALG.least_kept));
+        assert!(Buffer::zeros(2 * LINALG.least_kept).iter().all(|x| *x == 0.0), "whatever was in the memory");
     }
 }

@@ -33,6 +33,7 @@
 
 mod band;
 mod buffer;
+mod constants;
 mod coupling;
 mod dense;
 mod error;

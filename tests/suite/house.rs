@@ -28,7 +28,7 @@ const MODULES: [(&str, &str); 8] = [
     ("math/src", "lib input params simd state dihedral spatial inertia rotation transport"),
     (
         "linalg/src",
-        "lib buffer error layout matrix pivot band method panel prescribed dense multifrontal symbolic factor \
+        "lib constants buffer error layout matrix pivot band method panel prescribed dense multifrontal symbolic factor \
          products square coupling system",
     ),
     ("smoothing/src", "lib bounded schedule law natural split"),
@@ -39,7 +39,7 @@ const MODULES: [(&str, &str); 8] = [
          schema read refine write",
     ),
     ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout"),
-    ("import/src", "element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
+    ("import/src", "constants element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
     (
         "adjoint/src",
         "lib seeds implicit stage step linearization inverse tangent linearize rollout \

@@ -9,6 +9,7 @@
 
 mod across;
 mod clock;
+mod constants;
 mod frames;
 mod frozen;
 mod jumps;

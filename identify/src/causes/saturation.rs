@@ -5,7 +5,7 @@
 //! motion it makes, not the difference to no limit: it points the same way, and its size is the refit's affair.)
 
 use super::{Cause, Situation, unread};
-use crate::shooting::FAR;
+use crate::shooting::SHOOTING;
 use crate::unknown::{Coordinate, Target, Unknown};
 
 /// Limits over the largest torque that was commanded.
@@ -45,7 +45,7 @@ fn cause(at: &Situation, actuator: usize, name: &str) -> Option<Cause> {
         path: format!("{name}.saturation"),
         unit: at.plan.model.params().info(high).unit.to_owned(),
         target: Target::Mirrored(low, high),
-        bounds: (0.0, FAR),
+        bounds: (0.0, SHOOTING.inactive_limit),
         scale: 0.1 * peak,
         coordinate: Coordinate::Linear,
         prior: None,

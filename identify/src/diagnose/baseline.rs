@@ -1,6 +1,7 @@
 //! Step 2: refit of the declared free parameters.
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
+use super::constants::DIAGNOSE;
 use super::result::Estimate;
 use crate::causes::probed;
 use crate::error::IdentifyError;
@@ -13,9 +14,6 @@ use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use schemars::JsonSchema;
 use serde::Serialize;
-
-/// A whitened fit whose residual exceeds that of least squares by this factor has given the data up.
-const WORSE: f64 = 1.05;
 
 /// Result of a plain system identification.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -70,10 +68,10 @@ pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, Ident
     let one = |free: &crate::log::Free| {
         let of_joint = |sensor: usize| setup.experiment.joint[sensor].paths().iter().position(|p| *p == free.path);
         let joint = (0..setup.experiment.joint.len()).find_map(|sensor| Some((sensor, of_joint(sensor)?)));
-        let width = 0.1 * (free.upper - free.lower);
+        let width = DIAGNOSE.declared_size * (free.upper - free.lower);
         let beside = setup.offset_path(&free.path);
         let mut unknown = match (SENSOR_PATHS.iter().position(|path| *path == free.path), joint, beside) {
-            (Some(entry), ..) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
+            (Some(entry), ..) => Unknown::of_sensor(entry, DIAGNOSE.sensor_size, SENSOR_BOUNDS[entry]),
             (.., Some((marker, axis))) => Unknown::beside(free.path.clone(), vec![marker], axis, width),
             (None, Some((sensor, entry)), None) => {
                 let unit = setup.joint_units(sensor)[entry];
@@ -104,7 +102,7 @@ pub(super) fn refuse_dead(plan: &Plan, unknowns: &[Unknown]) -> Result<(), Ident
             norm.iter_mut().zip(row).for_each(|(n, d)| *n += d * d);
         }
     }
-    match norm.iter().position(|n| *n < 1e-24) {
+    match norm.iter().position(|n| *n < DIAGNOSE.no_influence) {
         Some(dead) if k > 0 => Err(IdentifyError::DeadParameter { path: unknowns[dead].path.clone() }),
         _ => Ok(()),
     }
@@ -160,7 +158,7 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
     let prepared = Prepared::new(setup, plan, options)?;
     let plain = prepared.fit(plan, &FitOptions { rounds: 0, ..*options })?;
     let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;
-    let given_up = whitened.rmse > WORSE * plain.rmse;
+    let given_up = whitened.rmse > DIAGNOSE.given_up * plain.rmse;
     let mut warnings = Vec::new();
     let (fitted, spread) = if given_up {
         warnings.push(format!(

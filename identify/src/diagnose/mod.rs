@@ -11,6 +11,7 @@ mod ceiling;
 mod certainty;
 mod coloured_noise;
 mod constancy;
+mod constants;
 mod gain;
 mod listing;
 mod numerics;

@@ -2,7 +2,7 @@
 
 use super::baseline::Prepared;
 use super::certainty::Curvature;
-use super::reason::NO_NOISE;
+use super::constants::DIAGNOSE;
 use super::result::*;
 use super::scores::scores;
 use super::search::{Found, is_possible, search};
@@ -83,7 +83,7 @@ pub fn diagnose(
     let edges = if has_ropes { spaced() } else { None };
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = scores(&plan, &run.current, options.seed)?;
-    let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
+    let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= DIAGNOSE.level);
     let varying = run.test_constancy(&plan)?;
     let left = run.remainder(&plan, &base, sensor_sigma, p_input, untested, varying);
 
@@ -139,11 +139,11 @@ fn together(
     options: &DiagnoseOptions,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Option<Found>, IdentifyError> {
-    let no_noise = |fitted: &Fitted| sensor_sigma > 0.0 && fitted.rmse > NO_NOISE * sensor_sigma;
+    let no_noise = |fitted: &Fitted| sensor_sigma > 0.0 && fitted.rmse > DIAGNOSE.no_noise * sensor_sigma;
     if !is_possible(plan) {
         return Ok(None);
     }
-    let plain = prepared.fit(plan, &FitOptions { rounds: 0, tolerance: 1e-3, ..FitOptions::default() })?;
+    let plain = prepared.fit(plan, &FitOptions { rounds: 0, tolerance: DIAGNOSE.baseline_tolerance, ..FitOptions::default() })?;
     if !no_noise(&plain) {
         return Ok(None);
     }

@@ -1,28 +1,20 @@
 //! Step 4: score tests of all causes from one linearization at the current fit.
 
 use super::baseline::Prepared;
+use super::constants::DIAGNOSE;
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup};
 use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::stats::STATS;
 use crate::stats::multiple::holm;
 use crate::stats::naming::{Naming, NamingOptions, name};
 use crate::stats::reduced::{RecordRows, Reduced, time_blocks};
 use crate::stats::score::{Candidate, ScoreOptions, ScoreTest, Sign, score_test};
-use crate::stats::sign_flip::{MIN_RECORDS, sign_flip};
+use crate::stats::sign_flip::sign_flip;
 use crate::unknown::{Unknown, Values};
 use rayon::prelude::*;
-
-/// Fewest records for which flips resolve a family of a dozen causes.
-const FLIP_RECORDS: usize = 10;
-const FLIP_DRAWS: usize = 4000;
-/// Time blocks of a record for variances robust to a wrong noise model, and the fewest samples of one.
-const BLOCKS: usize = 8;
-const SHORTEST_BLOCK: usize = 10;
-
-/// A number of a cause that moves the readings by less than this part of its others moves none.
-const DEAD: f64 = 1e-9;
 
 /// Score tests of the library against a fit.
 #[derive(Clone, Debug)]
@@ -112,8 +104,8 @@ pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64)
         causes[cause].nuisance_grid = if grid_point.is_empty() { Vec::new() } else { vec![grid_point] };
     }
     let mut adjusted = holm(&p);
-    if reduced.records() >= FLIP_RECORDS.max(MIN_RECORDS) {
-        let flips = sign_flip(&score, FLIP_DRAWS, seed)?;
+    if reduced.records() >= DIAGNOSE.flip_records.max(STATS.flip_records) {
+        let flips = sign_flip(&score, DIAGNOSE.flip_draws, seed)?;
         // the arbiter may only take significance away: with 2^R patterns it cannot resolve small p
         adjusted.iter_mut().zip(&flips.p_adjusted).for_each(|(a, f)| *a = a.max(*f));
     }
@@ -186,14 +178,14 @@ impl Columns {
             if largest == 0.0 {
                 continue;
             }
-            let mut acts = norms.iter().map(|norm| *norm > DEAD * largest).cycle();
+            let mut acts = norms.iter().map(|norm| *norm > DIAGNOSE.dead_number * largest).cycle();
             column.columns.retain(|_| acts.next().unwrap_or(true));
             causes[column.cause].unknowns.retain(|_| acts.next().unwrap_or(true));
         }
     }
 
     fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {
-        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, BLOCKS))
+        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, DIAGNOSE.score_blocks))
     }
 }
 
@@ -226,7 +218,7 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
-    reduce_in(plan, fitted, unknowns, BLOCKS)
+    reduce_in(plan, fitted, unknowns, DIAGNOSE.score_blocks)
 }
 
 /// As [`reduce`], with so many time blocks per record (or piece of one).
@@ -270,7 +262,7 @@ fn reduce_record(
         fitted.noise.whiten_columns(&mut shot.global, channels, k)?;
     }
     let times = shot.residual.len() / channels;
-    let mut starts = time_blocks(times, channels, (times / blocks).max(SHORTEST_BLOCK));
+    let mut starts = time_blocks(times, channels, (times / blocks).max(DIAGNOSE.score_block));
     if m > 0 {
         // the prior on the record's own unknowns, rows of their own
         starts.push(shot.residual.len());

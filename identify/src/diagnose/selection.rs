@@ -2,25 +2,20 @@
 
 use super::coloured_noise::coloured_noise;
 use super::constancy;
+use super::constants::DIAGNOSE;
 use super::pipeline::DiagnoseOptions;
-use super::reason::NO_NOISE;
 use super::remainder;
 use super::result::*;
 use super::scores::{Scores, scores};
 use super::search::Found;
 use super::select::{Margin, Round, refit, round};
 use super::story::Story;
-use super::verdict::ENOUGH;
 use crate::causes::Cause as Candidate;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::shooting::Plan;
 use crate::stats::dist::chi2_sf;
 use crate::unknown::Unknown;
-
-/// Part of the explainable error above which equal causes are no imitation merely because their size varies: real things vary. (Tosses of
-/// one cube take scales that differ by more than their noise, and a scale takes 0.8. It does not catch what imitates well: viscous friction in place of quadratic takes 0.9.)
-const MOST: f64 = 0.6;
 
 /// An accepted cause, and what was found about it.
 pub(super) struct Accepted {
@@ -168,7 +163,7 @@ impl Selection {
             let fitted = refit(plan, &without, &[], options)?;
             let drop = fitted.deviance - self.current.deviance;
             self.accepted[k].statistic = drop;
-            if chi2_sf(drop.max(0.0), own.len() as f64) > super::select::LEVEL {
+            if chi2_sf(drop.max(0.0), own.len() as f64) > DIAGNOSE.level {
                 self.notes
                     .push((self.accepted[k].cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
                 self.accepted.remove(k);
@@ -190,7 +185,7 @@ impl Selection {
     pub(super) fn varying(&self) -> Option<(String, f64)> {
         let all = self.accepted.len() as f64;
         let found = self.accepted.iter().filter_map(|a| Some((a.cause.title(), a.constancy?)));
-        found.filter(|(_, p)| p * all < constancy::LEVEL).min_by(|(_, a), (_, b)| a.total_cmp(b))
+        found.filter(|(_, p)| p * all < DIAGNOSE.constancy_level).min_by(|(_, a), (_, b)| a.total_cmp(b))
     }
 
     pub(super) fn remainder(
@@ -232,8 +227,8 @@ impl Selection {
         let known = |u: &&Unknown| !self.current.unknowns.iter().any(|k| k.target.same(&u.target));
         let own: Vec<Unknown> = fitted.unknowns.iter().filter(known).cloned().collect();
         let by_input = remainder::is_significant(remainder::depends_on_input(plan, fitted)?);
-        let large = sensor_sigma > 0.0 && fitted.rmse > NO_NOISE * sensor_sigma;
-        if !by_input && !large && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= constancy::LEVEL) {
+        let large = sensor_sigma > 0.0 && fitted.rmse > DIAGNOSE.no_noise * sensor_sigma;
+        if !by_input && !large && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= DIAGNOSE.constancy_level) {
             return Ok(None);
         }
         let square = |f: &Fitted| f.rmse * f.rmse;
@@ -262,7 +257,7 @@ impl Selection {
 /// Whether equal causes of which the best takes this part of the explainable error only imitate: the rest depends on the inputs, or else
 /// is far more than noise, or their size varies. (Of real systems more than noise is left beside the right cause, too.)
 fn is_imitation(taken: f64, by_input: bool) -> bool {
-    taken < if by_input { ENOUGH } else { MOST }
+    taken < if by_input { DIAGNOSE.enough } else { DIAGNOSE.imitation }
 }
 
 /// A tested candidate.
@@ -288,7 +283,7 @@ fn rivals(tested: &Scores, j: usize) -> Vec<Rival> {
         })
         .collect();
     out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
-    out.truncate(4);
+    out.truncate(DIAGNOSE.listed_rivals);
     out
 }
 

@@ -1,7 +1,7 @@
 //! Where estimates of a rod's section, its joints and its creep stand in a scene.
 
 use super::extended::set_value;
-use crate::shooting::{FAR, NEVER};
+use crate::shooting::SHOOTING;
 use crate::unknown::range;
 use toml::{Table, Value};
 
@@ -51,7 +51,8 @@ struct Law {
 const CREEP: Law = Law { table: "rope.creep", without: &[("fraction", 0.0), ("time", 1.0)] };
 const STIFFENING: Law = Law { table: "rope.stiffening", without: &[("coefficient", 0.0)] };
 const FRICTION: Law = Law { table: "rope.bend_friction", without: &[("moment", 0.0), ("curvature", 1.0)] };
-const PLASTICITY: Law = Law { table: "rope.plasticity", without: &[("yield_curvature", FAR), ("time", NEVER)] };
+const PLASTICITY: Law =
+    Law { table: "rope.plasticity", without: &[("yield_curvature", SHOOTING.inactive_limit), ("time", SHOOTING.inactive_time)] };
 
 /// The law that a path is a quantity of, and its key there.
 fn law(path: &str) -> Option<(Law, &str)> {

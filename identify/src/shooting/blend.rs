@@ -1,6 +1,7 @@
 //! A state between two steps.
 
 use super::bodies::Bodies;
+use super::constants::SHOOTING;
 use nalgebra::{Matrix3, Vector3};
 use pliant_adjoint::Tangent;
 use pliant_engine::bodies::JointKind;
@@ -22,9 +23,9 @@ impl Blend {
     /// At the part `a` of a step of length `h`; weights of q, v before and q, v after.
     pub fn new(a: f64, h: f64) -> Self {
         let b = 1.0 - a;
-        let a = if a.abs() < 1e-9 {
+        let a = if a.abs() < SHOOTING.same_time {
             0.0
-        } else if b.abs() < 1e-9 {
+        } else if b.abs() < SHOOTING.same_time {
             1.0
         } else {
             a

@@ -14,9 +14,6 @@ use super::run::Pass;
 use crate::unknown::Target;
 use pliant_adjoint::{Seeds, TangentStepper};
 
-/// Longest delay that a diagnosis tries \[s\].
-pub const LONGEST_DELAY: f64 = 0.05;
-
 impl RecordPlan {
     /// The command of step `k` of the record, which may lie before it.
     fn command(&self, k: isize, control: usize) -> f64 {

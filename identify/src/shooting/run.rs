@@ -1,6 +1,7 @@
 //! One pass through a record: simulation, readings, and their derivatives.
 
 use super::blend::Blend;
+use super::constants::SHOOTING;
 use super::marker_offset::{At, Beside};
 use super::observe::Instant;
 use super::observed::Observed;
@@ -289,7 +290,7 @@ impl Pass<'_> {
     fn samples(&self, steps: usize, shift: f64) -> Vec<(usize, f64)> {
         let place = |t: &f64| {
             let x = (t - shift) / self.h;
-            let step = ((x + 1e-9).floor().max(0.0) as usize).min(self.rec.inputs.len() - 1);
+            let step = ((x + SHOOTING.same_time).floor().max(0.0) as usize).min(self.rec.inputs.len() - 1);
             (step, x - step as f64)
         };
         self.rec.record.time.iter().map(place).take_while(|(step, part)| *step < steps && *part < 2.0).collect()

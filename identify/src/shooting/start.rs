@@ -1,5 +1,6 @@
 //! Where a record starts: at rest, or at an unknown state with a prior from its first samples.
 
+use super::constants::SHOOTING;
 use super::observed::MarkerPlace;
 use super::plan::Plan;
 use super::start_bodies::body_start;
@@ -13,13 +14,6 @@ use pliant_engine::model::Model;
 use pliant_engine::rods::Following;
 use pliant_engine::step::StepError;
 use pliant_math::State;
-
-/// Samples of the local quadratic that gives positions and velocities at the start.
-const SAMPLES: usize = 9;
-/// Standard deviations of the prior of an observed node \[m\], [m/s].
-pub(super) const SEEN: (f64, f64) = (2e-3, 0.05);
-/// Of a node between observed ones.
-const UNSEEN: (f64, f64) = (1e-2, 0.3);
 
 /// Initial state of a record: `x₀ = mean ⊕ L z` on the free dofs, z unknown with a standard normal prior.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -101,7 +95,7 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
         let known = known_nodes(plan, record, sample, rope.nodes.clone(), &shape, &v);
         for node in rope.nodes.clone() {
             let (dq, dv, seen) = interpolate(&known, node);
-            let sigma = if seen { SEEN } else { UNSEEN };
+            let sigma = if seen { SHOOTING.seen } else { SHOOTING.unseen };
             for a in 0..3 {
                 q[3 * node + a] = shape[3 * node + a] + dq[a];
                 v[3 * node + a] = dv[a];
@@ -240,17 +234,17 @@ pub(super) struct LocalFit {
 
 /// By least squares; none where too few samples are finite.
 pub(super) fn local_fit(record: &Record, sample: usize, read: impl Fn(usize) -> f64) -> Option<LocalFit> {
-    let first = sample.saturating_sub(SAMPLES / 2).min(record.time.len().saturating_sub(SAMPLES));
-    let samples: Vec<(f64, f64)> = (first..record.time.len().min(first + SAMPLES))
+    let first = sample.saturating_sub(SHOOTING.samples / 2).min(record.time.len().saturating_sub(SHOOTING.samples));
+    let samples: Vec<(f64, f64)> = (first..record.time.len().min(first + SHOOTING.samples))
         .map(|k| (record.time[k] - record.time[sample], read(k)))
         .filter(|(_, x)| x.is_finite())
         .collect();
-    if samples.len() < 4 {
+    if samples.len() < SHOOTING.fewest_samples {
         return None;
     }
     let a = DMatrix::from_fn(samples.len(), 3, |i, j| samples[i].0.powi(j as i32));
     let b = DVector::from_fn(samples.len(), |i, _| samples[i].1);
-    let x = a.clone().svd(true, true).solve(&b, 1e-12).ok()?;
+    let x = a.clone().svd(true, true).solve(&b, SHOOTING.singular).ok()?;
     let left = (&a * &x - &b).norm_squared() / (samples.len() - 3) as f64;
     let half_window = 0.5 * (samples[samples.len() - 1].0 - samples[0].0);
     Some(LocalFit { value: x[0], slope: x[1], residual: left.sqrt(), half_window })

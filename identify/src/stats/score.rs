@@ -15,6 +15,7 @@
 
 use super::basis::Basis;
 use super::clusters::Clusters;
+use super::constants::STATS;
 use super::dist::{chi2_sf, normal_sf, t_two_sided, z_of_two_sided};
 use super::error::StatsError;
 use super::reduced::Reduced;
@@ -152,14 +153,11 @@ impl ScoreTest {
         let mut left = self.bases[j].clone();
         let other = &self.bases[k];
         left -= other * (other.transpose() * &left);
-        let basis = Basis::new(&left, &vec![1.0; left.ncols()], CONDITIONAL_TOLERANCE);
+        let basis = Basis::new(&left, &vec![1.0; left.ncols()], STATS.conditional);
         let lm = (basis.q.transpose() * &self.residual).norm_squared();
         (lm, if basis.rank() == 0 { 1.0 } else { chi2_sf(lm, basis.rank() as f64) })
     }
 }
-
-/// A direction of which another cause leaves less than this (cosine above 0.9995) is the other cause's.
-const CONDITIONAL_TOLERANCE: f64 = 0.03;
 
 /// One candidate's orthonormal directions, and how they are made of global columns.
 pub(super) struct Directions {
@@ -227,9 +225,6 @@ fn check(reduced: &Reduced, nuisance: &[usize], candidates: &[Candidate], option
     Ok(())
 }
 
-/// Whitened effect of a change of typical size below which a column is rounding: the mass of what falls freely.
-const FEEBLE: f64 = 1e-6;
-
 /// The reduced problem with its nuisance projected out.
 struct Linear<'a> {
     reduced: &'a Reduced,
@@ -262,7 +257,7 @@ impl<'a> Linear<'a> {
     }
 
     fn directions(&self, candidate: &Candidate) -> Directions {
-        let norm = |&c: &usize| Some(self.reduced.raw_norm(c)).filter(|n| *n > FEEBLE).unwrap_or(0.0);
+        let norm = |&c: &usize| Some(self.reduced.raw_norm(c)).filter(|n| *n > STATS.rounding).unwrap_or(0.0);
         let norms: Vec<f64> = candidate.columns.iter().map(norm).collect();
         let basis = Basis::new(&self.projected.select_columns(&candidate.columns), &norms, self.options.tolerance);
         let kept: Vec<usize> = basis.kept.iter().map(|&p| candidate.columns[p]).collect();
@@ -302,7 +297,7 @@ impl<'a> Linear<'a> {
             lm,
             t,
             theta,
-            detectable: std_error.iter().map(|s| 5.0 * s).collect(),
+            detectable: std_error.iter().map(|s| STATS.detectable * s).collect(),
             std_error,
             absorbed: absorbed.collect(),
             p_parametric: one_sided(parametric),
@@ -349,7 +344,7 @@ impl Evidence {
     }
 
     fn z(&self) -> f64 {
-        if self.p > 1e-300 { z_of_two_sided(self.p) } else { self.statistic }
+        if self.p > STATS.least_p { z_of_two_sided(self.p) } else { self.statistic }
     }
 }
 

@@ -4,12 +4,10 @@
 //! Cuts are found from distances along edges. With a and b at the ends of the graph, and c and e where both are far, d_a − d_b and
 //! d_c − d_e are as good as coordinates; of the vertices' medians in a few directions the one with the smallest cut is taken.
 
-/// Parts of up to this many vertices are not cut any more.
-const LEAF: usize = 60;
+use crate::constants::LINALG;
+
 /// Directions, as weights of both coordinates.
 const DIRECTIONS: [[i64; 2]; 8] = [[1, 0], [0, 1], [1, 1], [1, -1], [2, 1], [1, 2], [2, -1], [-1, 2]];
-/// How much halves of different size weigh, relative to the length of the cut.
-const UNEQUAL: f64 = 2.0;
 
 const FAR: i64 = i64::MAX;
 
@@ -46,7 +44,7 @@ impl Dissection<'_> {
 
     /// Two halves and what lies between; `None` if the part is small or cannot be cut.
     fn halves(&self, vertices: &[usize]) -> Option<([Vec<usize>; 2], Vec<usize>)> {
-        if vertices.len() <= LEAF {
+        if vertices.len() <= LINALG.uncut {
             return None;
         }
         let start = self.distances(vertices[0]);
@@ -70,7 +68,7 @@ impl Dissection<'_> {
             for first in [true, false] {
                 let (halves, between) = self.separated(&sorted, vertices[0], first);
                 let unequal = halves[0].len().abs_diff(halves[1].len()) as f64 / vertices.len() as f64;
-                let cost = between.len() as f64 * (1.0 + UNEQUAL * unequal);
+                let cost = between.len() as f64 * (1.0 + LINALG.unequal * unequal);
                 if halves.iter().all(|half| !half.is_empty()) && best.as_ref().is_none_or(|(least, ..)| cost < *least) {
                     best = Some((cost, halves, between));
                 }

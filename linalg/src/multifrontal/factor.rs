@@ -5,9 +5,9 @@
 //! band ([`crate::band::lu`]), and each row's pivot is checked likewise, and its growth where the matrix is not symmetric.
 
 use crate::buffer::Buffer;
+use crate::constants::LINALG;
 use crate::multifrontal::Symbolic;
 use crate::multifrontal::symbolic::Front;
-use crate::pivot::{GROWTH_LIMIT, PIVOT_FLOOR};
 use crate::{KktError, NodeMatrix, Symmetry};
 use faer::linalg::matmul::matmul;
 use faer::prelude::{IntoConst, ReborrowMut};
@@ -15,11 +15,6 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pliant_math::simd::rows::{PADDING, ROWS, add_row, copy_row, magnitudes, subtract_four, subtract_from_four};
 use pulp::{Arch, Simd, WithSimd};
 use std::cell::RefCell;
-
-/// Pivots eliminated before the rest of a wide front is changed, as a product of matrices.
-const STRIP: usize = 64;
-/// Rows of a front from which on that is faster.
-const WIDE: usize = 192;
 
 thread_local! {
     /// One a thread, so that factorizations neither allocate nor share.
@@ -95,7 +90,7 @@ impl Numeric {
         let widest = (b * fronts.widest).next_multiple_of(PADDING);
         grow(square, widest * widest);
         grow(stack, fronts.stack);
-        grow(scaled, STRIP * widest);
+        grow(scaled, LINALG.strip * widest);
         let mut top = 0;
         for front in &fronts.fronts {
             let (k, m) = (b * front.pivots, b * front.rows.len());
@@ -251,10 +246,10 @@ impl Square<'_> {
         inverse: &mut [f64],
         scaled: &mut [f64],
     ) -> Result<(), Broken> {
-        let strip = if self.rows < WIDE { k } else { STRIP };
+        let strip = if self.rows < LINALG.wide_front { k } else { LINALG.strip };
         for first in (0..k).step_by(strip.max(1)) {
             let last = k.min(first + strip);
-            let whole = self.rows < WIDE;
+            let whole = self.rows < LINALG.wide_front;
             for quad in (first..last).step_by(4) {
                 self.pivot(simd, quad, last.min(quad + 4), symmetric, sizes, inverse)?;
                 if symmetric {
@@ -316,9 +311,9 @@ impl Square<'_> {
             let grown = if symmetric { pivot } else { magnitudes(simd, &row[at..rows]) };
             // written so that NaN fails
             let positive = !symmetric || pivot > 0.0;
-            let sound = positive && pivot.abs() > PIVOT_FLOOR * size && grown <= GROWTH_LIMIT * size;
+            let sound = positive && pivot.abs() > LINALG.pivot_floor * size && grown <= LINALG.growth_limit * size;
             if !sound {
-                let singular = pivot.abs() <= PIVOT_FLOOR * size;
+                let singular = pivot.abs() <= LINALG.pivot_floor * size;
                 let growth = (!singular && positive).then_some(grown / size);
                 return Err(Broken { row: at, pivot, size, growth, indefinite: symmetric && growth.is_none() });
             }
@@ -439,8 +434,8 @@ impl Square<'_> {
         let all = self.view();
         let (_, upper, _, mut rest) = all.split_at_mut(last, last);
         let upper = upper.into_const().subrows(first, count);
-        for r in (0..left).step_by(WIDE) {
-            let (some, beyond) = (WIDE.min(left - r), left - r);
+        for r in (0..left).step_by(LINALG.wide_front) {
+            let (some, beyond) = (LINALG.wide_front.min(left - r), left - r);
             let target = rest.rb_mut().submatrix_mut(r, r, some, beyond);
             matmul(target, Accum::Add, scaled.subrows(r, some), upper.subcols(r, beyond), -1.0, Par::Seq);
         }

@@ -12,6 +12,7 @@
 //!
 //! In the end each accepted cause has to be missed when it is taken out again. Records that the experiment holds out are not looked at.
 
+mod constants;
 mod cross_validation;
 mod paired;
 
@@ -20,18 +21,9 @@ use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
+use constants::SEARCH;
 use cross_validation::{Bench, Trial};
 use paired::Paired;
-
-/// Level of a round.
-const LEVEL: f64 = 0.05;
-/// A cause has to take at least this part of the squares.
-const WORTH: f64 = 0.03;
-/// Fewest fitted records: half of them have to be enough to fit, and the others to judge.
-const FEWEST: usize = 12;
-/// Of causes tried roughly so many are followed to their end, unless they take less than this part of what the best one takes.
-const FINALISTS: usize = 3;
-const FAR_BEHIND: f64 = 0.3;
 
 /// A cause that was accepted.
 #[derive(Clone, Debug)]
@@ -81,7 +73,7 @@ impl Tried {
 
 /// Whether there are records enough, and whole ones: pieces are too short to show anything slow.
 pub(in super::super) fn is_possible(plan: &Plan) -> bool {
-    !plan.in_pieces && plan.fitted_records() >= FEWEST
+    !plan.in_pieces && plan.fitted_records() >= SEARCH.records
 }
 
 /// Searches from `base`, a baseline of least squares.
@@ -99,8 +91,8 @@ pub(in super::super) fn search(
     let name = |cause: &Cause| (cause.name, cause.object.clone());
     loop {
         let tried = round(&bench, &current, seed, &mut found.notes, progress)?;
-        let bar = LEVEL / tried.len().max(1) as f64;
-        let adding: Vec<&Tried> = tried.iter().filter(|t| t.paired.p <= bar && t.paired.gain >= WORTH).collect();
+        let bar = SEARCH.level / tried.len().max(1) as f64;
+        let adding: Vec<&Tried> = tried.iter().filter(|t| t.paired.p <= bar && t.paired.gain >= SEARCH.worth).collect();
         if let Some(last) = found.steps.last_mut() {
             last.ties = close.drain(..).filter(|cause| adding.iter().all(|t| name(&t.cause) != *cause)).collect();
         }
@@ -123,7 +115,7 @@ pub(in super::super) fn search(
 fn best_of<'a>(adding: &[&'a Tried]) -> Option<&'a Tried> {
     let by_total = |a: &&&Tried, b: &&&Tried| a.trial.total().total_cmp(&b.trial.total());
     let best = adding.iter().min_by(by_total)?;
-    let near: Vec<&&Tried> = adding.iter().filter(|t| t.loses_to(best) > LEVEL).collect();
+    let near: Vec<&&Tried> = adding.iter().filter(|t| t.loses_to(best) > SEARCH.level).collect();
     let simplest = near.iter().map(|t| t.cause.unknowns.len()).min();
     let simple = near.into_iter().filter(|t| Some(t.cause.unknowns.len()) == simplest);
     simple.min_by(by_total).or(Some(best)).copied()
@@ -150,7 +142,7 @@ fn round(
     tried.sort_by(|a, b| a.trial.total().total_cmp(&b.trial.total()));
     let most = tried.first().map_or(0.0, |best| best.paired.gain);
     for (rank, t) in tried.iter_mut().enumerate() {
-        if rank < FINALISTS && t.paired.gain > FAR_BEHIND * most {
+        if rank < SEARCH.finalists && t.paired.gain > SEARCH.far_behind * most {
             progress(&format!("going on with {}", t.cause.title()));
             if let Ok((further, cause)) = bench.further(&t.trial, &t.cause)
                 && further.total() < t.trial.total()
@@ -181,7 +173,7 @@ fn prune(
         progress(&format!("checking that {} is still needed", cause.title()));
         let Ok(without) = bench.without(&current, &base.unknowns, &cause) else { continue };
         let missed = Paired::of(&without.errors, &current.errors);
-        if missed.p > LEVEL || missed.gain < WORTH {
+        if missed.p > SEARCH.level || missed.gain < SEARCH.worth {
             note(&mut found.notes, &cause, "accepted first, superfluous beside the later causes".to_owned());
             found.steps.remove(k);
             if let Some(last) = found.steps.last_mut() {
