@@ -7,11 +7,11 @@ pub(crate) struct ImportConstants {
     pub deepest: usize,
     /// Most contact rules that are made from masks and friction.
     pub pair_rules: usize,
-    /// Longer than this betrays millimetres [m].
+    /// Longer than this betrays millimetres \[m\].
     pub longest: f64,
-    /// Heavier than this betrays grams [kg].
+    /// Heavier than this betrays grams \[kg\].
     pub heaviest: f64,
-    /// Larger than this, two turns, betrays degrees [rad].
+    /// Larger than this, two turns, betrays degrees \[rad\].
     pub largest_angle: f64,
     /// A range below this, one turn in radians, betrays radians [°].
     pub small_range: f64,

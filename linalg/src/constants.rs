@@ -29,7 +29,7 @@ pub(crate) struct LinalgConstants {
     /// Weight of halves of different size, relative to the length of the cut [-].
     pub unequal: f64,
     // memory
-    /// Shorter buffers are left to the allocator [numbers].
+    /// Shorter buffers are left to the allocator \[numbers\].
     pub least_kept: usize,
     /// Numbers kept at most, in all: 64 MiB.
     pub most_kept: usize,

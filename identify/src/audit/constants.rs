@@ -38,9 +38,9 @@ pub(crate) struct AuditConstants {
     /// Missing frames from which on a record is faulty.
     pub frames_faulty: f64,
     // frozen points
-    /// Shortest frozen run [steps].
+    /// Shortest frozen run \[steps\].
     pub frozen_run: usize,
-    /// Frozen run from which on a record is faulty [steps].
+    /// Frozen run from which on a record is faulty \[steps\].
     pub frozen_faulty: usize,
     /// Step out of a frozen run over the steps around it [-].
     pub frozen_catch_up: f64,
@@ -65,7 +65,7 @@ pub(crate) struct AuditConstants {
     pub jumps_faulty: f64,
     /// Samples to either side of a jump in which a lost or exchanged point explains it: the width of a third difference.
     pub jump_around: usize,
-    /// Longer rough stretches are not measured against a curve across them [samples].
+    /// Longer rough stretches are not measured against a curve across them \[samples\].
     pub jump_longest: usize,
     /// Quantile of an input's steps that stands for an ordinary one [-].
     pub input_ordinary_quantile: f64,
@@ -86,7 +86,7 @@ pub(crate) struct AuditConstants {
     pub length_warning: (f64, f64),
     /// Least spread across records, relative to the length [-].
     pub length_least_spread: f64,
-    /// Half width of the windows either side of a step [samples].
+    /// Half width of the windows either side of a step \[samples\].
     pub step_window: usize,
     /// Samples between a window and the step.
     pub step_apart: usize,
@@ -128,7 +128,7 @@ pub(crate) struct AuditConstants {
     pub grid_repeats: usize,
     /// Finest grid in units of the noise [-]: a finer one is a number format, not a sensor.
     pub grid_finest: f64,
-    /// Shortest flat run [samples].
+    /// Shortest flat run \[samples\].
     pub flat_run: usize,
     /// Step into the run over the typical step [-]: a smooth peak enters its top slowly.
     pub flat_over_moves: f64,

@@ -50,7 +50,7 @@ pub(super) struct DiagnoseConstants {
     pub level: f64,
     /// Refits per round, best scores first.
     pub refits: usize,
-    /// A score of at least this part of the best is refitted whatever its rank [-].
+    /// A score of at least this part of the best is refitted at any rank [-].
     pub close: f64,
     /// Part of its one-step estimate that a cause whose law is silent at zero starts from [-]: at zero its refit
     /// would say nothing of its size.
@@ -101,7 +101,7 @@ pub(super) struct DiagnoseConstants {
     pub lead_in_samples: usize,
     /// Iterations of that estimate.
     pub lead_in_iterations: usize,
-    /// Horizons [s] beside one step and the whole record.
+    /// Horizons \[s\] beside one step and the whole record.
     pub horizons: [f64; 3],
     /// Level of the gain's interval [-].
     pub gain_level: f64,
@@ -115,14 +115,14 @@ pub(super) struct DiagnoseConstants {
     pub least_square: f64,
     /// Times closer than this are the same [s; relative for horizons]: rounding of time stamps.
     pub same_time: f64,
-    /// Time by which a sample may lie behind a horizon [s].
+    /// Time by which a sample may lie behind a horizon \[s\].
     pub horizon_slack: f64,
     /// Records that a report shows curves of.
     pub picture_records: usize,
     /// Samples of such a curve.
     pub picture_samples: usize,
     // regression without physics
-    /// Lags at which it reads the inputs [s].
+    /// Lags at which it reads the inputs \[s\].
     pub ceiling_lags: [f64; 5],
     /// Fewest parts of the fitted records that are left out in turn to choose its weight.
     pub ceiling_groups: usize,
@@ -131,7 +131,7 @@ pub(super) struct DiagnoseConstants {
     // remainder and verdict
     /// Family-wise level of the dependence of the residual on the inputs [-].
     pub remainder_level: f64,
-    /// Longest lag looked at [s].
+    /// Longest lag looked at \[s\].
     pub remainder_lag: f64,
     /// Most lags.
     pub remainder_lags: usize,

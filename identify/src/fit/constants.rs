@@ -20,7 +20,7 @@ pub(crate) struct FitConstants {
     pub loose: f64,
     /// A step that lowers the whitened cost by less than this ends a round under a noise model that fits [-]: far below any quantile.
     pub settled: f64,
-    /// Weight of the defects in the merit, as a standard deviation [m]: a defect counts like an error of this size.
+    /// Weight of the defects in the merit, as a standard deviation \[m\]: a defect counts like an error of this size.
     pub defect_sigma: f64,
     /// Largest factor by which a step is lengthened [-].
     pub longest_step: f64,
@@ -42,9 +42,9 @@ pub(crate) struct FitConstants {
     pub growth: f64,
     /// That disturbance, in standard deviations of the initial state's prior [-]: small enough to be linear.
     pub disturbance: f64,
-    /// Longest segment of a record whose initial state is unknown [s]: short enough to stay near the data while parameters are wrong.
+    /// Longest segment of a record whose initial state is unknown \[s\]: short enough to stay near the data while parameters are wrong.
     pub longest_segment: f64,
-    /// Shortest segment [s]: a shorter one says little about forces.
+    /// Shortest segment \[s\]: a shorter one says little about forces.
     pub shortest_segment: f64,
     /// Two times closer than this part of a step are the same [-]: rounding of time stamps.
     pub same_time: f64,
@@ -52,9 +52,9 @@ pub(crate) struct FitConstants {
     pub approached: usize,
     /// Part of the cost below which a step ends the fit over pieces [-].
     pub approach_tolerance: f64,
-    /// Inputs before a piece that are kept [s]: several of the longest delays and lags of motors.
+    /// Inputs before a piece that are kept \[s\]: several of the longest delays and lags of motors.
     pub past: f64,
-    /// Time by which a piece of bodies starts before its first reading [s]: readings lag by some of the longest delays of sensors, and
+    /// Time by which a piece of bodies starts before its first reading \[s\]: readings lag by some of the longest delays of sensors, and
     /// refer to states that would otherwise lie before the piece and have to be extrapolated.
     pub lead: f64,
 }

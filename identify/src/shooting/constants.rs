@@ -8,20 +8,20 @@ pub(crate) struct ShootingConstants {
     pub few_edges: usize,
     /// Inactive limit: a torque that no motor reaches [N·m or N], and a curvature that no rod does [1/m].
     pub inactive_limit: f64,
-    /// Inactive time [s]: after it no joint has crept.
+    /// Inactive time \[s\]: after it no joint has crept.
     pub inactive_time: f64,
     /// Yield that every deflection exceeds [rad or m].
     pub least_yield: f64,
-    /// Longest delay of a motor's commands that a diagnosis tries [s].
+    /// Longest delay of a motor's commands that a diagnosis tries \[s\].
     pub longest_delay: f64,
     // initial states of nodes
     /// Samples of the local quadratic that gives positions and velocities at the start.
     pub samples: usize,
     /// Fewest finite samples of it: one more than its coefficients.
     pub fewest_samples: usize,
-    /// Standard deviations of the prior of an observed node [m], [m/s].
+    /// Standard deviations of the prior of an observed node \[m\], [m/s].
     pub seen: (f64, f64),
-    /// Standard deviations of the prior of a node between observed ones [m], [m/s].
+    /// Standard deviations of the prior of a node between observed ones \[m\], [m/s].
     pub unseen: (f64, f64),
     /// Acceleration that the plausible strain of a rope goes with [m/s²]: twice gravity's.
     pub strain_acceleration: f64,
@@ -31,12 +31,12 @@ pub(crate) struct ShootingConstants {
     pub strain_rate: f64,
     /// Gauss–Newton steps to the mean of the positions.
     pub mean_steps: usize,
-    /// Step that ends them [m]: rounding.
+    /// Step that ends them \[m\]: rounding.
     pub mean_settled: f64,
     // initial states of bodies
     /// Standard deviations of coordinates without a reading [rad or m], and of their velocities [rad/s or m/s].
     pub unread: (f64, f64),
-    /// Standard deviations of a read orientation [rad] and of its angular velocity [rad/s].
+    /// Standard deviations of a read orientation \[rad\] and of its angular velocity [rad/s].
     pub turned: (f64, f64),
     /// Standard deviation of a reading, in declared floors [-].
     pub reading_floors: f64,
