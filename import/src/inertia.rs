@@ -149,7 +149,7 @@ impl Mass {
         moments[0] + moments[1] < moments[2] * (1.0 - IMPORT.moments_rounding)
     }
 
-    /// The nearest inertia that a distribution of mass has, a millionth of its size within what is possible.
+    /// The nearest inertia that a distribution of mass has, a millionth of its size within the possible range.
     pub fn made_possible(&self) -> Self {
         self.with_moments(|m| {
             // second moments of mass along the axes, which must be positive
@@ -215,7 +215,7 @@ mod tests {
         let mass = Mass::principal(2.0, [0.1, 0.1, 0.3], &Pose::identity());
         assert!(mass.check().is_err() && mass.is_unbalanced());
         mass.made_possible().check().unwrap();
-        // a flat disc is the limit of what is possible
+        // a flat disc is the limit of the possible range
         let disc = Mass::principal(2.0, [0.1, 0.1, 0.2], &Pose::identity());
         assert!(disc.check().is_ok() && !disc.is_unbalanced());
     }

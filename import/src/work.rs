@@ -1,4 +1,4 @@
-//! An import under way: the scene so far, and what has become of the elements read.
+//! An import under way: the scene so far, and the report on the elements read.
 
 use super::element::Element;
 use super::error::{ImportError, ImportMistake};
@@ -23,7 +23,7 @@ pub struct Work<'o> {
     pub report: Report,
     pub names: Names,
     pub scene: Scene,
-    /// What each body of the scene was made from.
+    /// Element that each body of the scene was made from.
     origins: Vec<ImportError>,
 }
 
@@ -191,7 +191,7 @@ impl<'o> Work<'o> {
         self.kept(root, "", "bodies touch: the integrator is `euler`, which takes impacts best");
     }
 
-    /// Takes out what stands in the world where nothing that moves has a shape to touch it with.
+    /// Takes out fixed shapes where nothing that moves has a shape to touch them with.
     fn clear_world(&mut self, root: &Element) {
         let scene = &mut self.scene;
         let count = scene.n_shapes();
@@ -228,7 +228,7 @@ impl<'o> Work<'o> {
         }
     }
 
-    /// Reports what nobody has looked at, so that nothing is dropped silently.
+    /// Reports the elements that no reader claimed, so that nothing is dropped silently.
     fn sweep(&mut self, element: &Element) {
         if !element.is_seen() {
             self.ignored_whole(element, UNREAD);

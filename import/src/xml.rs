@@ -19,7 +19,7 @@ pub fn read(path: &Path, from: Option<&Element>) -> Result<Element, ImportError>
     parse(&text, &file)
 }
 
-/// Parses a text; `file` is what errors call it.
+/// Parses a text; `file` is its name in errors.
 pub fn parse(text: &str, file: &str) -> Result<Element, ImportError> {
     let document = roxmltree::Document::parse(text).map_err(|error| {
         let message = error.to_string();

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard};
 
-/// By capacity, what is not in use.
+/// Spare buffers by capacity.
 static SPARE: Mutex<Spare> = Mutex::new(Spare { shelves: BTreeMap::new(), kept: 0 });
 
 struct Spare {
@@ -18,7 +18,7 @@ struct Spare {
 }
 
 impl Spare {
-    /// A vector with room for `len` numbers and not for many more, and with whatever is in it.
+    /// A vector with room for `len` numbers and not for many more, with any content.
     fn take(&mut self, len: usize) -> Option<Vec<f64>> {
         let (&capacity, shelf) = self.shelves.range_mut(len..=len + len / 4).next()?;
         let found = shelf.pop();
@@ -50,7 +50,7 @@ impl Buffer {
         Self(numbers)
     }
 
-    /// With any numbers in it, for what is written before it is read.
+    /// With any numbers in it, for buffers that are written before they are read.
     pub fn any(len: usize) -> Self {
         let mut numbers = with_room(len);
         numbers.resize(len, 0.0);
@@ -58,7 +58,7 @@ impl Buffer {
     }
 }
 
-/// What is not in use, unless another thread is at it: the allocator serves as well, and where a process was forked meanwhile, for ever.
+/// The spare buffers, unless another thread holds them: then the allocator serves as well. (After a fork the lock may stay held for ever.)
 fn spares() -> Option<MutexGuard<'static, Spare>> {
     SPARE.try_lock().ok()
 }

@@ -1,4 +1,4 @@
-//! Guessing what was meant: the nearest known word, the number in a text with a unit.
+//! Guesses for messages: the nearest known word, the number in a text with a unit.
 
 use pliant_math::params::edit_distance;
 

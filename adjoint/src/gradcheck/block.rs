@@ -5,7 +5,7 @@ use super::{Inputs, Random};
 use crate::RolloutCotangent;
 use pliant_engine::model::Model;
 
-/// A direction in one block of inputs, scaled to the size of what it moves.
+/// A direction in one block of inputs, scaled to the size of the quantities that it moves.
 pub(crate) struct Block {
     pub name: String,
     pub size: usize,

@@ -137,7 +137,7 @@ pub(crate) fn judge(
     }
 
     // What an input does may cancel all but its last digits: a sliding ball's weight and inertia leave its mass a derivative of 1e-8.
-    // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of what cancels.
+    // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of terms that cancel.
     let last_digit = rounding / scale;
     let dot_test = if size == 0.0 { 0.0 } else { ((by_vjp - derivative.by_jvp).abs() - last_digit).max(0.0) / size };
     let modes_disagree = exceeds(dot_test, GRADCHECK.dot_test)

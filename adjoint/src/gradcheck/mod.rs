@@ -118,10 +118,10 @@ pub(crate) struct Inputs {
     pub theta: Vec<f64>,
 }
 
-/// L and what happened on the way: modes of all contacts and halvings of all steps.
+/// L and the events on the way: modes of all contacts and halvings of all steps.
 pub(crate) struct Sample {
     pub value: f64,
-    /// Sum of the sizes of what L adds up.
+    /// Sum of the sizes of the terms of L.
     pub parts: f64,
     pub modes: Vec<u8>,
 }
@@ -205,7 +205,7 @@ fn summary(blocks: Vec<BlockReport>, retries: usize) -> Report {
     }
 }
 
-/// Sum of the sizes of the parts of ⟨∇L, d⟩: rounding is relative to the parts, not to what is left of them.
+/// Sum of the sizes of the parts of ⟨∇L, d⟩: rounding is relative to the parts, not to their sum.
 fn by_vjp_size(block: &Block, gradient: &crate::RolloutCotangent) -> f64 {
     abs_dot(&block.x0, &gradient.x0)
         + abs_dot(&block.theta, &gradient.theta)

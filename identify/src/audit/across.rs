@@ -5,7 +5,7 @@ use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{distance, median, quantile, spread};
 
-/// A number per record, and what to say where one is unlike the others.
+/// A number per record, and the finding where one is unlike the others.
 struct Quantity {
     name: &'static str,
     unit: &'static str,

@@ -46,7 +46,7 @@ pub struct RawRecord<'a> {
     pub inputs: &'a [f64],
 }
 
-/// What the columns are.
+/// Meaning of the columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
     /// Number of points.
@@ -81,7 +81,7 @@ impl Layout {
     }
 }
 
-/// A checked record with gaps filled by straight lines, and what the checks share.
+/// A checked record with gaps filled by straight lines, and quantities that the checks share.
 pub(crate) struct Prepared<'a> {
     pub index: usize,
     pub layout: &'a Layout,

@@ -75,9 +75,9 @@ pub struct Cause {
     pub name: &'static str,
     /// The gripper, joint, body or actuator it is about, where each has a cause of this name.
     pub object: Option<String>,
-    /// What it means, in a sentence.
+    /// Its meaning, in a sentence.
     pub meaning: &'static str,
-    /// What it frees; empty where it cannot be tested.
+    /// Unknowns that it frees; empty where it cannot be tested.
     pub unknowns: Vec<Unknown>,
     /// Why it cannot be tested.
     pub untestable: Option<String>,
@@ -88,7 +88,7 @@ pub struct Cause {
     pub nuisance_grid: Vec<Vec<(usize, f64)>>,
     /// Causes that would move the readings in exactly the same way, and so are no candidates beside this one.
     pub equivalents: Vec<&'static str>,
-    /// What nobody measured, and what matters only once this cause is there; a search for causes that act together frees it with them.
+    /// Unmeasured parameters that matter only once this cause has a size; a search for causes that act together frees them with it.
     pub companions: Vec<Unknown>,
     /// Parameters of its nuisance grid: a search frees them as well once the cause has a size, which gives them a meaning.
     pub afterwards: Vec<Unknown>,
@@ -99,7 +99,7 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// What tells it from all others: `gripper_offset (left)`.
+    /// Name and object, which tell it from all others: `gripper_offset (left)`.
     pub fn title(&self) -> String {
         title(self.name, self.object.as_deref())
     }
@@ -233,8 +233,8 @@ impl Situation<'_> {
         0.1 * self.value(&format!("{rope}.linear_density")) * self.value("gravity.magnitude").max(1.0)
     }
 
-    /// What decides where a rod that is curved by nature lies, and what nobody measures of a real one: how later grippers are turned about
-    /// it, and its stiffness in twist.
+    /// Unmeasured parameters that decide where a rod with intrinsic curvature lies: the turns of later grippers about it, and its
+    /// stiffness in twist.
     fn unmeasured_of(&self, rod: &str) -> Vec<Unknown> {
         let rolls = self.later_grippers(rod).into_iter().filter_map(|gripper| self.theta(&format!("{gripper}.roll"), 0.1));
         let stiffness = self.theta(&format!("{rod}.twist_stiffness"), 0.1 * self.value(&format!("{rod}.bend_stiffness")));
@@ -278,7 +278,7 @@ impl Situation<'_> {
         objects.filter_map(one).collect()
     }
 
-    /// What a cause of this shape frees: nothing if it cannot be tested.
+    /// Unknowns that a cause of this shape frees: none if it cannot be tested.
     fn testable(&self, unknowns: Vec<Unknown>, shape: &Cause) -> Vec<Unknown> {
         if shape.untestable.is_some() { Vec::new() } else { unknowns }
     }

@@ -37,7 +37,7 @@ pub struct FitReport {
     /// Combinations of parameters that the data do not determine, weights in the fit's coordinates; the intervals of the parameters
     /// in them are their bounds.
     pub unidentifiable: Vec<String>,
-    /// What to know before trusting the estimates: a residual that is not noise, estimates at their bounds.
+    /// Reservations about the estimates: a residual that is not noise, estimates at their bounds.
     pub warnings: Vec<String>,
 }
 
@@ -119,7 +119,7 @@ fn opened(values: &Values, unknowns: &[Unknown]) -> Values {
     out
 }
 
-/// What a baseline is fitted from: the declared unknowns, and the records cut and brought near.
+/// Start of a baseline fit: the declared unknowns, and the records in segments near the data.
 pub(super) struct Prepared {
     pub unknowns: Vec<Unknown>,
     pub values: Values,
@@ -141,7 +141,7 @@ impl Prepared {
     }
 }
 
-/// The better of two fits, what its intervals are taken from, and what has to be said about it.
+/// The better of two fits, the fit that its intervals are taken from, and warnings.
 struct Chosen {
     fitted: Fitted,
     /// The same fit under the noise model of its intervals.
@@ -152,7 +152,7 @@ struct Chosen {
 /// Least squares first, then the whitened fit from there, unless that one gives least squares up.
 ///
 /// Whitened by its own colour, a residual that is noise gives the best estimates. Where the model lacks something, the residual is
-/// no noise, and the whitened optimum may lie far from the data: it explains the fast part and lets the slow one go.
+/// no noise, and the whitened optimum may lie far from the data: it explains the fast part of the residual and neglects the slow one.
 fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let start = opened(&plan.scene_values, &declared(setup, plan)?);
     let prepared = Prepared::new(setup, plan, options)?;
@@ -179,7 +179,7 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
     Ok(Chosen { fitted, spread, warnings })
 }
 
-/// What has to be said of an unknown that no step moved.
+/// Warning about an unknown that no step moved.
 fn unmoved(u: &Unknown) -> String {
     format!(
         "{} stayed where it started, since no step from there lowered the error: its value and interval say nothing. Where bodies land or \
@@ -200,7 +200,7 @@ pub(super) fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), I
     Ok((Fitted { noise, ..plain }, spread))
 }
 
-/// What to say of an estimate that ends at one of its bounds.
+/// Warning about an estimate that ends at one of its bounds.
 fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
     let value = u.value(&fitted.values);
     let bound = if value <= u.bounds.0 {

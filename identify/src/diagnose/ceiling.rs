@@ -1,6 +1,6 @@
-//! The yardstick of step 8: what a flexible correction *without physics* takes of the held-out error.
+//! The yardstick of step 8: the part of the held-out error that a flexible correction *without physics* takes.
 //!
-//! Per marker (and per sensor at a joint), a ridge regression of the open-loop residual on what any force could depend on: the
+//! Per marker (and per sensor at a joint), a ridge regression of the open-loop residual on the variables of any force: the
 //! simulated position and velocity, speed times velocity, and the inputs over the last 0.4 s. It is learnt on the fitted
 //! records, under the same protocol as held-out ones (initial state from the lead-in). It names nothing. Where it takes much
 //! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
@@ -66,7 +66,7 @@ fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values
     Ok((sum / count.max(1) as f64).sqrt())
 }
 
-/// What is corrected on its own: everything observed whose errors are reported.
+/// Observed quantities with a correction of their own: those whose errors are reported.
 fn groups_of(plan: &Plan) -> Vec<Observed> {
     plan.observed().into_iter().filter(|o| plan.unit_of(*o) == plan.unit()).collect()
 }

@@ -1,4 +1,4 @@
-//! Steps 2 and 7: what the data determine, and how well.
+//! Steps 2 and 7: the combinations that the data determine, and intervals.
 
 use super::constants::DIAGNOSE;
 use super::result::Estimate;
@@ -81,12 +81,12 @@ impl Curvature {
     }
 }
 
-/// Standard errors of the coordinates from how the estimates would move without each record in turn: where what is lacking differs from
-/// record to record, and no noise model says by how much. Linearized, at an optimum with score Σ s_r = 0 and curvature G = Σ G_r:
+/// Standard errors of the coordinates from the moves of the estimates without each record in turn: for a missing effect that differs from
+/// record to record by an amount that no noise model describes. Linearized, at an optimum with score Σ s_r = 0 and curvature G = Σ G_r:
 /// ```text
 /// δ_r = (G − G_r)⁻¹ s_r,        variance (R − 1)/R Σ δ_r²
 /// ```
-/// the jackknife over records (CR3 of Bell & McCaffrey 2002). What all records lack alike is in none of it.
+/// the jackknife over records (CR3 of Bell & McCaffrey 2002). An effect that all records lack alike is not in it.
 pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, IdentifyError> {
     let reduced = reduce(plan, fitted, &fitted.unknowns)?;
     let (k, records) = (reduced.columns(), reduced.records());

@@ -13,7 +13,7 @@ use crate::shooting::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::colour::{ColourOptions, RawRows, colour_test};
 
-/// What a second look finds, with the test it refers to; `None` where nothing is found.
+/// Round that follows the coloured-noise test, with the score test it refers to; `None` where no cause passes.
 pub(super) fn coloured_noise(
     plan: &Plan,
     current: &Fitted,

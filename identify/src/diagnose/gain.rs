@@ -35,8 +35,8 @@ pub(super) fn prepared(
     records.par_iter().map(one).collect()
 }
 
-/// The same records for a model that reads them by another sensor than the baseline: what a reading says of the state is then another
-/// state, estimated from the same lead-in. Elsewhere they stay as they are.
+/// The same records for a model that reads them by another sensor than the baseline: the same readings then mean another
+/// state, estimated from the same lead-in. For equal sensors they stay as they are.
 pub(super) fn reread(
     plan: &Plan,
     records: &[RecordPlan],

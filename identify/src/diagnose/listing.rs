@@ -1,4 +1,4 @@
-//! What a selection has to say of every cause: the accepted ones with their estimates, all with their statistics.
+//! Lists of a selection: the accepted causes with their estimates, all candidates with their statistics.
 
 use super::certainty::{Curvature, by_curvature, by_record, profile};
 use super::result::*;
@@ -97,7 +97,7 @@ impl Selection {
         (0..first.causes.len()).map(report).collect()
     }
 
-    /// What a step of a cause's coordinate means: a change of its value, or where that stands for infinity, the value.
+    /// Change of a cause's value by a step of its coordinate; where the value starts at infinity, the value after the step.
     fn change(&self, u: &Unknown, step: f64) -> f64 {
         match u.coordinate {
             Coordinate::Linear => u.slope(0.0) * step,

@@ -32,9 +32,9 @@ impl Default for DiagnoseOptions {
     }
 }
 
-/// Finds out what the scene gets wrong about the logs.
+/// Finds the physical effects that the scene lacks to explain the logs.
 ///
-/// `progress` is told what is being done. Errors: wrong input, or a baseline that cannot be simulated; everything else ends in
+/// `progress` is told each step. Errors: wrong input, or a baseline that cannot be simulated; everything else ends in
 /// a verdict.
 pub fn diagnose(
     setup: &Setup,

@@ -8,7 +8,7 @@ use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
 /// Name of the cause that lies in the simulation itself.
 pub(super) const DISCRETISATION: &str = "discretisation";
 
-/// Which causes, of what size, how far ahead of the nearest rival, and what they gain on records that were not fitted.
+/// The causes with their sizes, their lead over the nearest rival, and their gain on records that were not fitted.
 ///
 /// `margins` belong to the accepted causes that had a rival to beat.
 pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String, &'a Margin)>, gain: &[Gain]) -> String {

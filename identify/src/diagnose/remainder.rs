@@ -1,4 +1,4 @@
-//! What is left after everything accepted: is it more than noise?
+//! Test whether the residual after all accepted causes is more than noise.
 
 use super::constants::DIAGNOSE;
 use crate::error::IdentifyError;

@@ -19,7 +19,7 @@ use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
 use crate::stats::naming::lead;
 use crate::unknown::{Target, Unknown, Values};
 
-/// How a round of selection ended.
+/// Outcome of a round of selection.
 pub(super) enum Round {
     /// Nothing is significant.
     Nothing,
@@ -31,7 +31,7 @@ pub(super) enum Round {
     Accepted { candidate: usize, fitted: Box<Fitted>, shape: Vec<Unknown>, statistic: f64, margin: Option<Margin> },
 }
 
-/// How far a cause is ahead of the rival that comes nearest among those that were refitted.
+/// Lead of a cause over the nearest of the refitted rivals.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Margin {
     pub rival: String,
@@ -47,7 +47,7 @@ struct Refit {
     dims: usize,
 }
 
-/// What a refit takes off the deviance.
+/// Decrease of the deviance by a refit.
 fn gain(current: &Fitted, fitted: &Fitted) -> f64 {
     current.deviance - fitted.deviance
 }
@@ -146,8 +146,8 @@ pub(super) fn compare(
     Ok(Round::Ambiguous { set, fitted: Box::new(best.fitted) })
 }
 
-/// The current fit with what the cause brings along, and its size at the half of its one-step estimate where its law is silent at
-/// zero: a joint that friction holds still would say nothing of its size.
+/// The current fit at the cause's point of its nuisance grid, with its size at half of its one-step estimate where its law is silent at
+/// zero: a joint that friction holds still carries no information on the size.
 fn opened(current: &Fitted, cause: &Cause, tested: &Scores, candidate: usize) -> Fitted {
     let mut out = current.clone();
     if let [grid_point] = cause.nuisance_grid.as_slice() {
@@ -162,8 +162,8 @@ fn opened(current: &Fitted, cause: &Cause, tested: &Scores, candidate: usize) ->
     out
 }
 
-/// The refit with what the cause brings along freed too, now that its size is not zero: all of it if the data determine it (the
-/// standard error of its logarithm below 1), else nothing.
+/// The refit with the parameters of the cause's nuisance grid freed too, now that its size is not zero: all of them if the data determine
+/// them (standard errors of their logarithms below 1), else none.
 fn shaped(plan: &Plan, fitted: Fitted, cause: &Cause, options: &FitOptions) -> Result<(Fitted, Vec<Unknown>), IdentifyError> {
     let own = |entry: usize| cause.unknowns.iter().any(|u| u.target.entries().iter().any(|(k, _)| *k == entry));
     let brought = cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own(*entry));
@@ -216,8 +216,8 @@ fn refit_with(
 
 /// A refit, or the one that least squares leads to if that comes much nearer to the data.
 ///
-/// Whitened by the colour of a large residual, a fit sees little of what is slow and may stop on the way: the friction of a floor ended
-/// half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
+/// Whitened by the colour of a large residual, a fit gives slow errors little weight and may stop on the way: the friction of a floor once
+/// ended half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
 fn nearer(
     plan: &Plan,
     fitted: &Fitted,

@@ -17,7 +17,7 @@ use crate::shooting::Plan;
 use crate::stats::dist::chi2_sf;
 use crate::unknown::Unknown;
 
-/// An accepted cause, and what was found about it.
+/// An accepted cause, and its tests.
 pub(super) struct Accepted {
     pub cause: Candidate,
     pub statistic: f64,
@@ -34,7 +34,7 @@ pub(super) struct Selection {
     /// Fit with the best of the causes that cannot be told apart.
     pub undecided: Option<Box<Fitted>>,
     pub rejected: bool,
-    /// (title of a candidate, what was found about it)
+    /// (title of a candidate, note on it)
     pub notes: Vec<(String, String)>,
     /// The same fit as `current` with the noise that its intervals are taken from, where causes were found together ([`super::search`]).
     pub spread: Option<Box<Fitted>>,
@@ -60,7 +60,7 @@ impl Selection {
         }
     }
 
-    /// Takes over what was found together.
+    /// Takes over the causes that a search found together.
     pub(super) fn take(&mut self, found: Found, story: &mut Story) -> Result<(), IdentifyError> {
         let mut before = found.base.coloured.rmse;
         for step in found.steps {
@@ -173,7 +173,7 @@ impl Selection {
         Ok(())
     }
 
-    /// Tests of every accepted cause whether its size differs between parts of the records; gives what [`Selection::varying`] does.
+    /// Tests of every accepted cause whether its size differs between parts of the records; returns [`Selection::varying`].
     pub(super) fn test_constancy(&mut self, plan: &Plan) -> Result<Option<(String, f64)>, IdentifyError> {
         for accepted in &mut self.accepted {
             accepted.constancy = Some(constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?);

@@ -1,4 +1,4 @@
-//! What is said in the end.
+//! Verdict, reason and advice.
 
 use super::constants::DIAGNOSE;
 use super::reason;

@@ -10,7 +10,7 @@ use crate::unknown::{Unknown, Values};
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-/// How a fit is made.
+/// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
     /// Most iterations per round.
@@ -30,7 +30,7 @@ impl Default for FitOptions {
 /// A converged fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// What was free.
+    /// The free unknowns.
     pub unknowns: Vec<Unknown>,
     /// Values at the optimum.
     pub values: Values,
@@ -285,7 +285,7 @@ fn step(
     Some((values, records))
 }
 
-/// A record's initial and segment states moved along the condensed step; what is remembered is the simulation's own.
+/// A record's initial and segment states moved along the condensed step; history variables are those of the simulation.
 fn moved(plan: &Plan, rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
     let mut out = rec.clone();
     out.start.z.iter_mut().zip(dz.iter()).for_each(|(z, d)| *z += d);

@@ -12,8 +12,8 @@ pub fn floors(plan: &Plan, times: f64) -> Vec<f64> {
 
 /// AR model of the residuals (rows (time, channel)), order by BIC up to 4, `lost` degrees of freedom spent by the fit.
 ///
-/// Its stationary σ is nowhere below the declared floors: what a record's own state can follow exactly (a body that is read once)
-/// would else be believed without limit, and hold every further fit where it stands.
+/// Its stationary σ is nowhere below the declared floors: a reading that a record's own state can follow exactly (a body that is read
+/// once) would else get unlimited weight, and hold every further fit in place.
 pub fn fit_noise(plan: &Plan, residuals: &[Vec<f64>], lost: usize) -> Result<ArModel, IdentifyError> {
     let slices: Vec<&[f64]> = residuals.iter().map(Vec::as_slice).collect();
     // innovations may be far below the stationary noise; their floor follows once the colour is known

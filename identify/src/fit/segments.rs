@@ -8,7 +8,7 @@ use crate::shooting::{Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::{Unknown, Values};
 use pliant_math::State;
 
-/// How the fitted records are shot.
+/// Segmentation of the fitted records.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
     /// Segments joined by continuity constraints: the statistics are those of whole records.
@@ -122,9 +122,9 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
 
 /// Values of `unknowns` and records from which a fit over whole records converges.
 ///
-/// A parameter far off bends a long trajectory out of the range of its linearization. Over pieces that start where the data
-/// are it does not: they (of many records those of every second, third ...) are fitted first, with white noise; then the whole records are simulated with what they give. Pieces
-/// and records at rest stay as they are.
+/// A parameter far off bends a long trajectory out of the range of its linearization, but not short pieces that start at the data.
+/// Such pieces (of many records, those of every second, third ...) are fitted first, with white noise; then the whole records are
+/// simulated with the values found. Pieces and records at rest stay as they are.
 pub fn approach(
     plan: &Plan,
     records: &[RecordPlan],

@@ -42,7 +42,7 @@ fn is_closed(rope: &Table) -> bool {
     rope.get("closed").and_then(Value::as_bool) == Some(true)
 }
 
-/// A law that a section may be without: its table, and what a new one has in it.
+/// A law that a section may be without: its table, and the content of a new one.
 struct Law {
     table: &'static str,
     without: &'static [(&'static str, f64)],
@@ -76,7 +76,7 @@ pub(super) fn node_count(rope: &Table) -> Option<i64> {
     }
 }
 
-/// Sets what the joint at a node has of its own.
+/// Sets the section of the joint at a node.
 fn set_joint(twist: &mut Table, node: i64, nodes: i64, quantity: &str, new: f64) -> Option<()> {
     let list = twist.entry("joint").or_insert_with(|| Value::Array(Vec::new())).as_array_mut()?;
     let same = |item: &Value| item.get("node").and_then(Value::as_integer).is_some_and(|k| k.rem_euclid(nodes) == node);

@@ -1,13 +1,13 @@
 //! The scene of a diagnosis: laws that a scene file leaves out, at values where they change nothing.
 //!
-//! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
+//! A diagnosis opens parameters and switches no physics; so the parameters that a cause may free have to be in θ before anything is fitted:
 //! ```text
 //! motors    lag 0, saturation ± the inactive limit
 //! rods      rest strains of the edges 0 where they are few, bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending
 //!           in the inactive time, stiffening and friction of bending 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time the inactive time with a yield of nothing
 //! ```
-//! A motor's delay is none of them: what is late is an input, and known beforehand ([`super::input_delay`]).
+//! A motor's delay is none of them: it shifts the inputs, which are known beforehand ([`super::input_delay`]).
 //!
 //! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it; so does a
 //! second bending stiffness the first.
@@ -69,7 +69,7 @@ pub(super) fn followers(scene: &Scene, model: &Model) -> Vec<(usize, usize)> {
     rods.chain(joints.filter_map(|j| Some((find(j, "friction")?, find(j, "friction_backward")?)))).collect()
 }
 
-/// The unknowns, each setting what follows it, and nothing that another of them sets alone.
+/// The unknowns, each setting its followers too, but no entry that another of them sets alone.
 pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> Vec<Unknown> {
     for &(leader, follower) in followers {
         let sets = |u: &Unknown, k: usize| matches!(&u.target, Target::Theta(entries) if entries.first() == Some(&k));
@@ -90,7 +90,7 @@ pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> 
     unknowns
 }
 
-/// Gives everything that one of `unknowns` sets the value of what it set before: an entry that was free on its own goes back into its tie.
+/// Gives all entries of one of `unknowns` the value of its tie before: an entry that was free on its own goes back into its tie.
 pub(super) fn rejoin(before: &[Unknown], unknowns: &[Unknown], values: &mut Values) {
     for u in unknowns {
         let own = u.target.entries();

@@ -16,7 +16,7 @@ use pliant_engine::step::{StepError, StepOptions, Stepper};
 use pliant_math::rotation::Map;
 use pliant_math::{Input, State};
 
-/// What a shot shall compute besides the readings.
+/// Results that a simulation of a record returns besides the readings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShotWants<'a> {
     /// Unknowns to differentiate by.
@@ -191,7 +191,7 @@ impl Pass<'_> {
         beside.start(self.values, &unknowns, at, &mut tangent.x)
     }
 
-    /// What is remembered at t = 0, with its tangents: of motors what the inputs before leave, of joints what the scene says.
+    /// History variables at t = 0 and their tangents: those of motors from the inputs before the record, those of joints from the scene.
     fn memory(&self, tangent: &mut TangentStepper) -> Vec<f64> {
         let model = &self.plan.model;
         let mut z = model.initial_memory();
@@ -272,7 +272,7 @@ impl Pass<'_> {
         }
     }
 
-    /// What is read at which times, those of equal shift together.
+    /// Observed quantities with their times, grouped by equal time shift.
     fn timetables(&self, steps: usize) -> Vec<Timetable> {
         let offset = self.values.sensor.time_offset();
         let mut shifts: Vec<(f64, Vec<Observed>)> = Vec::new();

@@ -28,7 +28,7 @@ pub struct StartState {
     pub velocity: DMatrix<f64>,
     /// Current estimate of z.
     pub z: Vec<f64>,
-    /// How twists that nothing shows follow those of the edges that grippers hold.
+    /// Dependence of unobserved twists on those of the edges that grippers hold.
     pub following: Following,
 }
 
@@ -75,8 +75,8 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
     state_at(plan, record, 0)
 }
 
-/// The state at a sample of the record as the data have it, with its prior: a quadratic through the samples around it for each
-/// marker, the rest by interpolation, reconciled with what the ropes' stiffness allows.
+/// The state at a sample of the record from the data, with its prior: a quadratic through the samples around it for each
+/// marker, the rest by interpolation, reconciled with the strains that the ropes' stiffness allows.
 pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
     let theta = &plan.scene_values.theta;
@@ -193,7 +193,7 @@ fn known_nodes(
     known
 }
 
-/// Position and velocity of what is read as moving by `p` with `v`, by what is known of the sensor beforehand.
+/// Position and velocity of a point that is read at `p` with velocity `v`, by the known errors of the sensor.
 fn located(plan: &Plan, p: Vector3<f64>, v: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let sensor = &plan.scene_values.sensor;
     let v = sensor.locate_direction(v).0 / sensor.0[SCALE];
@@ -214,7 +214,7 @@ fn interpolate(known: &[Known], node: usize) -> (Vector3<f64>, Vector3<f64>, boo
     }
 }
 
-/// Where a marker is at a sample and how it moves, by what is known of the sensor beforehand.
+/// Position and velocity of a marker at a sample, by the known errors of the sensor.
 pub(super) fn marker_at(plan: &Plan, record: &Record, marker: usize, sample: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let seen = |t: usize| record.markers[t][marker].iter().all(|x| x.is_finite());
     let along = |a: usize| local_fit(record, sample, |t| if seen(t) { record.markers[t][marker][a] } else { f64::NAN });
@@ -226,7 +226,7 @@ pub(super) fn marker_at(plan: &Plan, record: &Record, marker: usize, sample: usi
 pub(super) struct LocalFit {
     pub value: f64,
     pub slope: f64,
-    /// Root mean square of what it leaves.
+    /// Root mean square of its residual.
     pub residual: f64,
     /// Half the time it spans \[s\].
     pub half_window: f64,

@@ -1,6 +1,6 @@
 //! Where bodies start: coordinates and velocities that agree with everything their sensors read, and how sure that is.
 //!
-//! Readings around a sample are fitted by a quadratic each. With ŷ(q) what they would read of a state and J = ∂ŷ/∂(q ⊕ t),
+//! Readings around a sample are fitted by a quadratic each. With ŷ(q) the readings of a state and J = ∂ŷ/∂(q ⊕ t),
 //! ```text
 //! q: Σ |(y − ŷ(q))/σ|² + |q ⊖ q_scene|²/w²,      v: Σ |(ẏ − J v)/σ̇|² + |v|²/ẇ²
 //! ```
@@ -25,7 +25,7 @@ pub(super) struct BodyStart {
     pub velocity: DMatrix<f64>,
 }
 
-/// What is known at a sample: value, standard deviation and slack of what is observed, and of its rate; `Turn`: axes and angular
+/// Readings at a sample: value, standard deviation and slack of an observed quantity, and of its rate; `Turn`: axes and angular
 /// velocity. The slack widens the prior and does not move it.
 enum Known {
     Point(usize, Vector3<f64>, Vector3<f64>, [f64; 2]),
@@ -34,7 +34,7 @@ enum Known {
 }
 
 impl Known {
-    /// A sensor at a joint, and what it reads of the joint.
+    /// A sensor at a joint, and its reading.
     fn coordinate(&self) -> Option<(usize, f64)> {
         match self {
             Self::Number(k, [x, ..], _) => Some((*k, *x)),
@@ -52,7 +52,7 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     let [unread, rate_unread] = [false, true].map(|rate| unread(plan, &known, rate));
     let singular = || IdentifyError::Input("an initial state cannot be read off the log: it is not finite".to_owned());
     let mut q = scene.clone();
-    // a link may have turned round many times since: what its own sensor reads is not to be reached in short steps
+    // a link may have turned round many times since: the reading of its own sensor is out of reach of short steps
     for (k, x) in known.iter().filter_map(Known::coordinate) {
         if plan.joints[k].quantity == JointQuantity::Position {
             q[plan.joints[k].q] = x;
@@ -120,7 +120,7 @@ fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
     out
 }
 
-/// How far a point's place and velocity may be off \[m\], [m/s].
+/// Slack of a point's position and velocity \[m\], [m/s].
 fn point_slack(record: &Record, k: usize) -> [f64; 2] {
     let rms = |squares: &mut dyn Iterator<Item = f64>| {
         let (sum, n) = squares.filter(|s| s.is_finite()).fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));

@@ -1,4 +1,4 @@
-//! What a rope's stiffness says about an initial state that was read off markers.
+//! Prior of an initial state from a rope's stiffness, where the state is read off markers.
 //!
 //! Marker noise and chords across bent edges look like stretch. In a stiff rope the forces of that stretch dwarf all others and
 //! blow the motion up within a step. So the prior of an initial state holds, besides the readings, that every edge is strained

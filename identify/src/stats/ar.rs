@@ -15,7 +15,7 @@ use super::dist::gaussian;
 use super::error::{StatsError, check_slice};
 use rand::RngExt;
 
-/// How the order of the model is found.
+/// Choice of the model's order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     /// Given.
@@ -27,7 +27,7 @@ pub enum Order {
     },
 }
 
-/// What a fit needs besides the data.
+/// Options of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArOptions {
     /// Order of the model.
@@ -285,7 +285,7 @@ fn floors(given: &[f64], channels: usize) -> Result<Vec<f64>, StatsError> {
     }
 }
 
-/// How many samples of each channel were measured.
+/// Number of measured samples of each channel.
 fn seen(records: &[&[f64]], channels: usize) -> Vec<f64> {
     let mut count = vec![0.0; channels];
     for row in records.iter().flat_map(|r| r.chunks_exact(channels)) {

@@ -19,7 +19,7 @@ pub struct RecordError {
     pub after: f64,
 }
 
-/// How an interval was made.
+/// Method that an interval comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IntervalKind {
@@ -94,9 +94,9 @@ pub fn log_rmse_gain(records: &[RecordError], level: f64, draws: usize, seed: u6
     Ok(LogRmseGain { difference: mean, lower, upper, kind, records: n, improved: d.iter().filter(|x| **x < 0.0).count() })
 }
 
-/// The gain on a single record from the squared errors of its consecutive, equally long blocks, which are resampled: how far the
-/// gain depends on which stretch of the record is looked at. (Errors are correlated over a block, hence blocks and not samples; what
-/// another record would show it cannot say.)
+/// The gain on a single record from the squared errors of its consecutive, equally long blocks, which are resampled: its
+/// interval covers the choice of stretches within the record. (Errors are correlated over a block, hence blocks and not samples. The
+/// interval says nothing about other records.)
 ///
 /// # Errors
 /// Fewer than four blocks; errors as in [`log_rmse_gain`].

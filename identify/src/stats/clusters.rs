@@ -2,7 +2,7 @@
 //!
 //! In a candidate's orthonormal coordinates the scores s_b of the clusters sum to ŝ and their informations I_b to the
 //! identity. d_b = (1 − I_b)^{−½}(s_b − I_b ŝ) has E d_b d_bᵀ = I_b under white noise, so V = Σ d_b d_bᵀ is unbiased for Var ŝ;
-//! centring on I_b ŝ, what the fitted size predicts for the block, keeps a true effect out of the variance.
+//! centring on I_b ŝ, the score that the fitted size predicts for the block, keeps a true effect out of the variance.
 //! Reference: Bell & McCaffrey (2002).
 
 use super::constants::STATS;

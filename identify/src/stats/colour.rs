@@ -1,15 +1,15 @@
-//! Whether a cause is what makes the residual coloured: likelihood ratios with the noise refitted, their law simulated.
+//! Test whether a cause makes the residual coloured: likelihood ratios with the noise refitted, their law simulated.
 //!
 //! A score test takes its noise from the residual with the cause still in it. A slow cause (an encoder's zero) makes that residual
-//! slow; the noise model is then slow too, slow directions weigh next to nothing, and the score does not see what makes the colour.
+//! slow; the noise model is then slow too, slow directions weigh next to nothing, and the score misses the cause of the colour.
 //! Here every hypothesis has a noise model of its own. With P the projection off everything fitted and P_c the one off the cause c
 //! too (least squares, each channel's rows divided by its stationary σ),
 //! ```text
 //! T_c = D(P r) − D(P_c r),     D(x) = min over AR models of order p ≤ 4 of −2 log L(x) + p log n
 //! ```
 //! T has no χ² law: a slow column fits slow noise far better than independent noise (spurious regression: Granger & Newbold 1974),
-//! and every rope with coloured noise would be called wrong. So its law is simulated. Series of the noise model of `P r`, which is
-//! what the residual is if no cause is there, go through the same steps; the p of a cause is the share of series whose largest T is
+//! and every rope with coloured noise would be called wrong. So its law is simulated. Series of the noise model of `P r`,
+//! the residual without a cause, go through the same steps; the p of a cause is the share of series whose largest T is
 //! not below its own, (1 + count)/(1 + draws). That counts the choice among all candidates: p is family-wise.
 //!
 //! Short series of slow noise look less slow than they are, and how slow the noise is decides how large T becomes. Each series has
@@ -36,13 +36,13 @@ pub struct RawRows<'a> {
     pub own: &'a [f64],
     /// Number of own columns.
     pub own_columns: usize,
-    /// rows × `global_columns`: by what is fitted, and by the candidates.
+    /// rows × `global_columns`: by the fitted unknowns, and by the candidates.
     pub global: &'a [f64],
     /// Number of global columns.
     pub global_columns: usize,
 }
 
-/// How the test is made.
+/// Options of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ColourOptions {
     /// Candidates of which T is computed, in every series: those that take the largest part of its square.
@@ -59,7 +59,7 @@ impl Default for ColourOptions {
     }
 }
 
-/// What is found of one candidate.
+/// Result for one candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coloured {
     /// Its index.

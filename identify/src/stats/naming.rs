@@ -47,7 +47,7 @@ impl Default for NamingOptions {
     }
 }
 
-/// What may be said. Numbers index the candidates of the score test.
+/// Conclusion of the naming rule. Numbers index the candidates of the score test.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Naming {

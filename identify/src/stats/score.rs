@@ -7,7 +7,7 @@
 //!   absorbed = 1 − |u|²/|s|²,   smallest detectable size = 5 se,   cosines between the U_j
 //!
 //! Beside the parametric statistic stands one that does not believe the noise model: the variance of U_jᵀr from the scores
-//! of time blocks (and of records, where there are enough), each centred on what the fitted size predicts for it and
+//! of time blocks (and of records, where there are enough), each centred on the score that the fitted size predicts and
 //! corrected for its leverage, with Satterthwaite degrees of freedom. The weaker of the two counts.
 //!
 //! References: Rao (1948); Bell & McCaffrey (2002) for the leverage-corrected cluster variance and its degrees of freedom;
@@ -63,7 +63,7 @@ impl Candidate {
 /// Settings of [`score_test`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScoreOptions {
-    /// A direction is dead when what the nuisance leaves of it is below this share of its norm.
+    /// A direction is dead when its part orthogonal to the nuisance is below this share of its norm.
     pub tolerance: f64,
     /// φ: variance of the whitened noise; 1 where the whitening is trusted.
     pub dispersion: f64,
@@ -79,7 +79,7 @@ impl Default for ScoreOptions {
     }
 }
 
-/// What the test says of one candidate. Vectors are in the order of its columns; dead columns hold θ̂ = 0, se = ∞.
+/// Result of the test for one candidate. Vectors are in the order of its columns; dead columns hold θ̂ = 0, se = ∞.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CandidateScore {
     /// Independent directions that the nuisance leaves; 0: the cause is absorbed and nothing can be said.
@@ -354,8 +354,8 @@ fn caution(parametric: Evidence, robust: &[Option<Evidence>]) -> Vec<(f64, f64)>
 }
 
 impl CandidateScore {
-    /// What a standard normal statistic of this cause is worth under its robust variances: as large a normal one as its value,
-    /// shrunk by the variances' ratio, is rare under Student's t.
+    /// Standard normal statistic as rare as `z`, shrunk by the ratio of the robust to the parametric variance, is under Student's t; the
+    /// least over the robust variances.
     pub fn credible(&self, z: f64) -> f64 {
         let worth = |&(scale, dof): &(f64, f64)| z_of_two_sided(t_two_sided(z * scale, dof));
         if z <= 0.0 { z } else { self.caution.iter().map(worth).fold(z, f64::min) }

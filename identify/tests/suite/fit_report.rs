@@ -1,4 +1,4 @@
-//! What a fit says beyond its estimates: what the data do not determine, and a residual that is not noise.
+//! Statements of a fit beyond its estimates: undetermined combinations, and a residual that is not noise.
 
 use pliant_identify::log::Setup;
 use pliant_identify::{FitReport, fit_scene};

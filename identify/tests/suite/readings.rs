@@ -1,4 +1,4 @@
-//! What sensors read of bodies, and its derivatives by everything unknown, against central differences.
+//! Sensor readings of bodies, and their derivatives by all unknowns, against central differences.
 
 use pliant_identify::log::Setup;
 use pliant_identify::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};

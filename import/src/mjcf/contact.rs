@@ -1,4 +1,4 @@
-//! `<contact>`, and what masks and friction of geoms make of each pair of objects.
+//! `<contact>`, and the contact of each pair of objects by masks and friction of geoms.
 //!
 //! MuJoCo decides for every pair of geoms whether they touch, and with which friction: the larger of the two, or that of the geom of
 //! higher priority. A scene takes the mean of two shapes, and has rules for pairs of objects (a body with all its shapes is one), so a
@@ -68,7 +68,7 @@ impl Paired<'_> {
     }
 }
 
-/// What two objects do with each other.
+/// Contact between two objects.
 #[derive(Clone, Debug, Default)]
 struct Meeting {
     touching: usize,

@@ -1,6 +1,6 @@
 //! `<equality>`: loops that are closed, and joints that follow others.
 //!
-//! MuJoCo holds them by soft forces (`solref`, `solimp`), a scene as hard as contact. Both take what is held from where the file has
+//! MuJoCo holds them by soft forces (`solref`, `solimp`), a scene as hard as contact. Both take the held pose from where the file has
 //! the bodies, with all joints at zero.
 
 use super::{Reader, words};

@@ -210,7 +210,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Limits of what its motors do together, if they are switched on.
+    /// Limits, if enabled, of the total torque of its motors.
     fn force_range(&self, view: &View) -> Result<Option<[f64; 2]>, ImportError> {
         let limited = view.word("actuatorfrclimited", &["auto", "true", "false"])?;
         let counts = limited == Some("true") || (limited != Some("false") && self.compiler.autolimits);

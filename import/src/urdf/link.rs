@@ -41,7 +41,7 @@ impl<'a> Reader<'a> {
         }
         self.work.leftovers(link, &name, &[("type", "without effect")]);
         self.work.kept(link, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
-        // links joined to what does not move are neighbours too, which a scene of other makes would let touch
+        // links joined to a fixed one are neighbours too, which a scene of other makes would let touch
         let still = parent.filter(|p| !joints.is_empty() && self.work.fixed_pose(p).is_some());
         let with_shapes = |name: &str| self.work.scene.body.iter().any(|b| b.name == name && !b.shape.is_empty());
         let ignored = still.filter(|p| !shapes.is_empty() && with_shapes(p)).map(str::to_owned);

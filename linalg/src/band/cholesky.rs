@@ -63,7 +63,7 @@ impl BandCholesky {
         }
     }
 
-    /// Subtracts what the three rows of node `j`, `distance` before, contribute to the rows at work.
+    /// Subtracts the contribution of the three rows of node `j`, `distance` before, from the rows at work.
     #[inline(always)]
     fn reduce_by_node(&mut self, band: Band<3>, j: usize, distance: usize) {
         let (width, row_len) = (band.width(), 3 * band.half_width + 3);

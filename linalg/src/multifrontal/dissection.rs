@@ -42,7 +42,7 @@ impl Dissection<'_> {
         self.order.extend(between);
     }
 
-    /// Two halves and what lies between; `None` if the part is small or cannot be cut.
+    /// Two halves and the separator between; `None` if the part is small or cannot be cut.
     fn halves(&self, vertices: &[usize]) -> Option<([Vec<usize>; 2], Vec<usize>)> {
         if vertices.len() <= LINALG.uncut {
             return None;
@@ -111,7 +111,7 @@ impl Dissection<'_> {
         left.iter_mut().for_each(|(_, reached)| reached.sort_unstable());
         while let Some(at) = (0..left.len()).min_by_key(|&k| (left[k].1.len(), left[k].0)) {
             let (vertex, reached) = left.remove(at);
-            // what it reaches becomes adjacent
+            // the vertices it reaches become adjacent
             for (other, own) in left.iter_mut().filter(|(other, _)| reached.binary_search(other).is_ok()) {
                 own.extend(&reached);
                 own.sort_unstable();
@@ -152,7 +152,7 @@ mod tests {
     fn the_first_cut_of_a_square_is_not_much_longer_than_its_side() {
         let (n, graph) = (30, square(30));
         let order = nested(&graph);
-        // what is eliminated last cuts the rest in two
+        // the vertices eliminated last cut the rest in two
         let work = Dissection { neighbours: &graph, part: vec![0; n * n], parts: 1, order: Vec::new() };
         let (halves, between) = work.halves(&(0..n * n).collect::<Vec<_>>()).unwrap_or_default();
         // (the shortest has 2 n)

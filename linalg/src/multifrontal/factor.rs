@@ -1,7 +1,7 @@
 //! Sparse factorization front by front, without pivoting; the analysis of the pattern is made once and shared.
 //!
-//! Each front is assembled from the matrix and what its children hand on, its pivots are eliminated in the processor's widest vectors,
-//! and what is left goes to its parent. Without pivoting there is no fill beyond what the analysis foresaw; that is as safe as in a
+//! Each front is assembled from the matrix and the updates of its children, its pivots are eliminated in the processor's widest vectors,
+//! and the remaining update goes to its parent. Without pivoting there is no fill beyond that of the analysis; that is as safe as in a
 //! band ([`crate::band::lu`]), and each row's pivot is checked likewise, and its growth where the matrix is not symmetric.
 
 use crate::buffer::Buffer;
@@ -26,7 +26,7 @@ struct Scratch {
     front: Vec<f64>,
     /// Contribution blocks of fronts.
     stack: Vec<f64>,
-    /// Size of each row of the matrix in the order of elimination: what its pivot is compared with.
+    /// Size of each row of the matrix in the order of elimination: which its pivot is compared with.
     sizes: Vec<f64>,
     /// A strip's rows over their pivots.
     scaled: Vec<f64>,
@@ -120,7 +120,7 @@ impl Numeric {
         Ok(())
     }
 
-    /// Copies what solves need.
+    /// Copies the parts that solves need.
     #[inline(always)]
     fn keep<S: Simd>(&mut self, simd: S, dense: &Square, front: &Front, b: usize, symmetric: bool) {
         let (k, f) = (b * front.pivots, dense.rows);
@@ -189,7 +189,7 @@ impl Square<'_> {
         self.entries[first * self.stride..self.rows * self.stride].chunks_exact(self.stride)
     }
 
-    /// Sets to zero what is used: where symmetric, rows from the vector on that the diagonal is in.
+    /// Sets to zero the used part: where symmetric, rows from the vector on that the diagonal is in.
     #[inline(always)]
     fn clear(&mut self, symmetric: bool) {
         for (r, row) in self.entries[..self.stride * self.rows].chunks_exact_mut(self.stride).enumerate() {
@@ -201,7 +201,7 @@ impl Square<'_> {
         }
     }
 
-    /// Adds what the matrix has in the front, in blocks of `B` rows; slots that are `absent` are rows and columns of the identity.
+    /// Adds the entries of the matrix in the front, in blocks of `B` rows; slots that are `absent` are rows and columns of the identity.
     #[inline(always)]
     fn load<const B: usize>(&mut self, a: &NodeMatrix, front: &Front, absent: impl Fn(usize) -> bool) {
         for entry in &front.entries {
@@ -219,7 +219,7 @@ impl Square<'_> {
         }
     }
 
-    /// Adds what a child hands on.
+    /// Adds a child's update.
     #[inline(always)]
     fn take_in<S: Simd>(&mut self, simd: S, handed: &[f64], child: &Front, b: usize, symmetric: bool) {
         let m = b * child.rows.len();
@@ -297,7 +297,7 @@ impl Square<'_> {
                 }
                 let from = (first + c) / PADDING * PADDING;
                 let above = |i: usize| &done[i.min(c - 1) * stride + from..(i.min(c - 1) + 1) * stride];
-                // what stands before the diagonal in the same vector is put back below
+                // entries before the diagonal in the same vector are put back below
                 let kept: [f64; PADDING] = std::array::from_fn(|i| row[from + i]);
                 subtract_four(simd, &mut row[from..], factors, [above(0), above(1), above(2), above(3)]);
                 row[from..first + c].copy_from_slice(&kept[..first + c - from]);
@@ -307,7 +307,7 @@ impl Square<'_> {
             }
             let (at, size) = (first + c, sizes[first + c]);
             let pivot = row[at];
-            // (where all pivots are positive nothing grows: what is left of a diagonal bounds its row)
+            // (where all pivots are positive nothing grows: the reduced diagonal bounds its row)
             let grown = if symmetric { pivot } else { magnitudes(simd, &row[at..rows]) };
             // written so that NaN fails
             let positive = !symmetric || pivot > 0.0;

@@ -2,7 +2,7 @@
 //!
 //! Slots that are eliminated one after the other and reach the same later ones are one *front*: a dense square of its own slots (its
 //! pivots) and those they reach (its rows). What eliminating the pivots leaves for the rows is handed to the front of the first of
-//! these, its parent, so fronts form a forest, and in postorder what is handed on is a stack (Duff and Reid 1983). The pattern
+//! these, its parent, so fronts form a forest, and in postorder the updates form a stack (Duff and Reid 1983). The pattern
 //! is structurally symmetric, so one analysis serves L and U. Small fronts join their parents where that makes few zeros.
 
 use crate::constants::LINALG;
@@ -39,7 +39,7 @@ pub(crate) struct Front {
     pub pivots: usize,
     /// Slots beyond the pivots, rising.
     pub rows: Vec<usize>,
-    /// Number of children; what they hand on lies on top of the stack, the last child's uppermost.
+    /// Number of children; their updates lie on top of the stack, the last child's uppermost.
     pub children: Vec<usize>,
     /// Where its rows stand in its parent.
     pub spans: Vec<Span>,

@@ -1,4 +1,4 @@
-//! The two parts of the fitted records, and what is done with them.
+//! The two parts of the fitted records: fits of one, errors on the other.
 
 use super::super::baseline::coloured;
 use super::super::gain;
@@ -70,7 +70,7 @@ impl<'a> Bench<'a> {
         self.fit(&self.train, start, unknowns, &SEARCH.coarse)
     }
 
-    /// A first refit followed to its end, with what has a meaning once the cause has a size ([`Cause::afterwards`]).
+    /// A first refit followed to its end, with the unknowns that have a meaning once the cause has a size ([`Cause::afterwards`]).
     pub(super) fn further(&self, rough: &Trial, cause: &Cause) -> Result<(Trial, Cause), IdentifyError> {
         let unknowns: Vec<Unknown> = rough.fitted.unknowns.iter().chain(&cause.afterwards).cloned().collect();
         let trial = self.fit(&rough.fitted.records, &rough.fitted.values, &unknowns, &SEARCH.coarse)?;
@@ -119,7 +119,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The causes worth a refit, most promising first, each with the step that the linearization proposes. Those that bring companions
-    /// along come first whatever they promise alone.
+    /// along come first, independent of their own promise.
     pub(super) fn promising(&self, tested: &Scores, current: &Fitted) -> Vec<(Cause, Vec<f64>)> {
         let cost: f64 = current.residuals.iter().filter_map(|r| self.squares(r)).sum();
         let mut ranked: Vec<(f64, usize)> = (0..tested.tested.len())
@@ -143,8 +143,8 @@ impl<'a> Bench<'a> {
         Some(r.iter().map(|x| x * x).sum())
     }
 
-    /// The current fit with a cause and its companions freed as well, from each of the cause's starts; the one that comes nearest to what
-    /// is fitted, and the cause with everything that was freed for it.
+    /// The current fit with a cause and its companions freed as well, from each of the cause's starts; the one that comes nearest to the
+    /// fitted records, and the cause with everything that was freed for it.
     pub(super) fn with(&self, current: &Trial, cause: &Cause, step: &[f64]) -> Result<(Trial, Cause), IdentifyError> {
         let known = &current.fitted.unknowns;
         let new = |u: &&Unknown| !known.iter().any(|k| k.target.same(&u.target) && k.path == u.path);

@@ -1,16 +1,17 @@
-//! Which causes together carry over to other records: the search where a residual is no noise.
+//! Selection of causes by cross-validation, where a residual is no noise.
 //!
-//! Of a real cable the residual is a hundred times what the readings scatter, slow, and the same in every record. No noise model is
-//! true of it: one that is fitted takes every slow error for colour, and its likelihoods call everything significant or nothing.
-//! Where there are records enough, what is asked here instead needs no noise model: *does a cause, fitted by least squares to some
-//! records, lessen the error on others?* The fitted records are dealt into two parts, and in each round
-//! 1. every cause is linearized at the current fit, and the most promising ones are refitted to the first part, with what nobody
-//!    measured about them ([`Cause::companions`]: how a clamp is turned matters once a rod is curved by nature, and only then);
-//! 2. the best on the second part (of those that it does not surely beat the one with fewest numbers) is accepted if it lessens the error there, record by record (t test of the logarithm of the mean
-//!    squares, Bonferroni over the causes tried), and by a part worth having;
-//! 3. causes that it did not beat are asked again on top of it: what adds nothing then cannot be told apart from it.
+//! The residual of a real cable is a hundred times the scatter of its readings, slow, and the same in every record. No noise model
+//! describes it: a fitted one takes every slow error for colour, and its likelihoods call everything significant or nothing. With twelve
+//! or more records a test without a noise model is possible: *does a cause, fitted by least squares to some records, lessen the error on
+//! others?* The fitted records are dealt into two parts, and in each round
+//! 1. every cause is linearized at the current fit, and the most promising ones are refitted to the first part, with their unmeasured
+//!    companions ([`Cause::companions`]: the turn of a clamp matters once a rod has intrinsic curvature, and only then);
+//! 2. the best on the second part (of those that it does not surely beat, the one with fewest numbers) is accepted if it lessens the
+//!    error there, record by record (t test of the logarithm of the mean squares, Bonferroni over the causes tried), and by at least
+//!    `SEARCH.worth` of the squares;
+//! 3. causes that it did not beat are tested again on top of it: a cause that then adds nothing cannot be told apart from it.
 //!
-//! In the end each accepted cause has to be missed when it is taken out again. Records that the experiment holds out are not looked at.
+//! In the end each accepted cause must be missed when it is taken out again. Records that the experiment holds out are not used.
 
 mod constants;
 mod cross_validation;
@@ -41,19 +42,19 @@ pub(in super::super) struct Step {
 /// A least-squares fit of all records.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Whole {
-    /// With the colour of its residual, for tests of what remains.
+    /// With the colour of its residual, for tests of the remainder.
     pub coloured: Fitted,
-    /// With white noise of as many independent samples as that has, for what the data do not determine, and intervals.
+    /// With white noise of as many independent samples as that has, for undetermined combinations and intervals.
     pub spread: Fitted,
 }
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Found {
     /// The baseline by least squares.
     pub base: Whole,
     pub steps: Vec<Step>,
-    /// (title of a cause, what became of it)
+    /// (title of a cause, its outcome)
     pub notes: Vec<(String, String)>,
 }
 
@@ -98,7 +99,7 @@ pub(in super::super) fn search(
         }
         let Some(best) = best_of(&adding).filter(|_| found.steps.len() < most) else { break };
         progress(&format!("accepted {}", best.cause.title()));
-        // what adds to what it once could not be told from is there beside it
+        // a cause that adds to one it once could not be told apart from is present beside it
         found.steps.iter_mut().for_each(|step| step.ties.retain(|tie| *tie != name(&best.cause)));
         let unbeaten = adding.iter().filter(|t| t.loses_to(best) > bar).map(|t| name(&t.cause));
         close = unbeaten.filter(|cause| *cause != name(&best.cause)).collect();
@@ -156,7 +157,7 @@ fn round(
     Ok(tried)
 }
 
-/// Takes out what is not missed: of all but the last one.
+/// Takes out causes that are not missed, of all but the last one.
 fn prune(
     bench: &Bench,
     base: &Fitted,

@@ -180,7 +180,7 @@ const LEVEL: f64 = 0.05;
 const TOLERANCE: f64 = 1e-3;
 
 /// Tests the rows of a scene: derivatives; each cause is significant and left by the naming rule in its own logs, beside those that no log
-/// tells from it; and it is not what is named in the logs of its imitation.
+/// tells from it; and it is not named in the logs of its imitation.
 fn check(bench: &Bench, rows: &[Row]) {
     let scored = |row: &Row| {
         let made = bench.made(row.truth, SEED);

@@ -1,4 +1,4 @@
-//! What is hidden in a rod between two grippers is named, and readings know everything that grippers and sections hide.
+//! Hidden effects of a rod between two grippers are named, and derivatives of readings cover grippers and sections.
 
 use crate::rod_logs::{Logged, setup};
 use pliant_identify::log::Setup;
