@@ -10,7 +10,7 @@
 //!
 //! **The flow.**
 //! 1. logs are read by the mapping of the experiment ([`log`]) and audited for faults that no physics explains ([`audit`]);
-//! 2. the declared free parameters are fitted on the fitted records by shooting with exact gradients ([`shoot`], [`fit`]);
+//! 2. the declared free parameters are fitted on the fitted records by shooting with exact gradients ([`shooting`], [`fit`]);
 //! 3. every cause of the library ([`causes`]) is tested without a refit, by its score with the fitted unknowns projected out ([`stats`]);
 //! 4. the best are refitted, accepted or rejected one by one, held against their rivals, and given intervals ([`mod@diagnose`]);
 //! 5. records that were held out tell the gain, and the remainder whether something outside the library is left.
