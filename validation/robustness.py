@@ -22,6 +22,7 @@ import os
 import re
 import sys
 import time
+import tomllib
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -102,6 +103,12 @@ def grown(model, scene: Scene, roll, u) -> str | None:
             done = work(model, x, u)
         else:
             begin = scene.steps // 2 + 1
+    if scene.scale is not None:
+        excess = energy - energy[0] - SHARE * scene.scale
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0.0:
+            return f"energy {energy[worst]:.4g} J at step {worst}, {energy[0]:.4g} J at the beginning, scale {scene.scale:.3g} J"
+        return fallen_through(scene, x)
     n, half = 3 * model.n_nodes, (model.ndx // 2)
     v = x[begin, half : half + n].reshape(-1, 3)
     kinetic = 0.5 * float(model.masses() @ (v**2).sum(axis=1))
@@ -112,6 +119,16 @@ def grown(model, scene: Scene, roll, u) -> str | None:
         return None
     k = begin + worst
     return f"energy {energy[k]:.4g} J at step {k}, {energy[begin]:.4g} J at step {begin}, work {done[k]:.3g} J, scale {scale[k]:.3g} J"
+
+
+def fallen_through(scene: Scene, x: np.ndarray) -> str | None:
+    """Bodies whose centre has passed the floor."""
+    plane = tomllib.loads(scene.text)["plane"][0]
+    normal = np.asarray(plane["normal"]) / np.linalg.norm(plane["normal"])
+    free = x[:, : x.shape[1] // 13 * 7].reshape(len(x), -1, 7)[:, :, :3]
+    height = (free - np.asarray(plane["point"])) @ normal
+    k, body = np.unravel_index(np.argmin(height), height.shape)
+    return f"body {body} is {-height[k, body]:.3g} m below the floor at step {k}" if height[k, body] < 0.0 else None
 
 
 def simulate(scene: Scene) -> tuple[str, str]:

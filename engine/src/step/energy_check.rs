@@ -42,17 +42,14 @@ impl Stage<'_> {
         self.evaluate_frames(&it.v, ws, false);
         let (after, moment_after) = self.kinetic_and_moment(&ws.bodies.frames);
         let mut touched = 0.0;
-        // further than a step's fall: a contact not listed before, which pushes out what pierces it faster the shorter the step
-        let pierced = self.theta[self.model.gravity].abs() * self.h * self.h;
         let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames };
         let [_, first, ..] = ws.constraints.starts();
         for ((link, BodyContact { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
-            if link.gap < -pierced {
-                continue;
-            }
             let geometry = self.geometry(link, features, &at)?;
             let wrench = contact_wrench(&geometry, self.body_contact_law(link, *pair).at.mu, &Vector4::from_column_slice(w));
-            touched += link.sliding(&geometry, &at).relative.dot(&wrench);
+            // a deep contact is pushed out by its target; that much is meant
+            let meant = w[0] * link.target_speed(self.h);
+            touched += link.sliding(&geometry, &at).relative.dot(&wrench) - meant;
         }
         let tau = &mut ws.r[n..];
         let mut forces = Vec::new();
