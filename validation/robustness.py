@@ -1,8 +1,9 @@
 """What pliant does with scenes that nobody chose: a thousand by seed, each in a process of its own with a time limit.
 
-    python -m validation.robustness --count 1000 --seed 0 [--save FOLDER] [--write]
+    python -m validation.robustness --count 1000 --seed 0 [--bodies] [--save FOLDER] [--write]
 
-`--write` puts the outcomes into validation/evidence/random_scenes.json.
+Ropes, rods, sheets and chains, or with `--bodies` piles, stacks and impacts of bodies. `--write` puts the outcomes into
+validation/evidence/random_scenes.json or random_bodies.json.
 
 A run is *good* if it comes to its end with finite states and an energy that has a cause: at no time more than
 
@@ -10,7 +11,9 @@ A run is *good* if it comes to its end with finite states and an energy that has
 
 where only weight and one hand push (its work follows from the momentum of everything); with contact, if the hand moves, the same from
 the moment at which it stops (halfway), without work; in the wind, which may do work for ever, it need be finite only. The 2 % are for
-what an implicit step may create on concave energies (buckling) and for midpoint's error of second order. Otherwise it *grew*, *stopped*
+what an implicit step may create on concave energies (buckling) and for midpoint's error of second order. Bodies may never have more than
+they began with and 2 % of their weight times the scene's size and their kinetic energy at the beginning, and none may come to lie with its
+centre below the floor. Otherwise it *grew*, *stopped*
 (an error of the numerics that names the step and what went wrong), stopped *mutely* (an error that does not), was *refused* as a scene,
 panicked (*panic*), died, or did not end (*hang*).
 """
@@ -31,6 +34,7 @@ from pathlib import Path
 import numpy as np
 
 from validation import evidence
+from validation.random_bodies import random_bodies
 from validation.random_scenes import GRAVITY, Scene, random_scene
 
 LIMIT = 60.0  # s a scene
@@ -164,9 +168,9 @@ def _work(scene, pipe):
         pipe.close()
 
 
-def run(seed: int, limit: float = LIMIT) -> Outcome:
-    """Runs the scene of a seed in a process of its own."""
-    scene = random_scene(seed)
+def run(seed: int, limit: float = LIMIT, make=random_scene) -> Outcome:
+    """Runs the scene that `make` gives for a seed in a process of its own."""
+    scene = make(seed)
     mine, theirs = PROCESSES.Pipe(duplex=False)
     process = PROCESSES.Process(target=_work, args=(scene, theirs), daemon=True)
     began = time.perf_counter()
@@ -185,11 +189,11 @@ def run(seed: int, limit: float = LIMIT) -> Outcome:
     return Outcome(seed, end, message, time.perf_counter() - began, scene.what)
 
 
-def sweep(seeds, jobs: int = 1, limit: float = LIMIT, report=None) -> list[Outcome]:
+def sweep(seeds, jobs: int = 1, limit: float = LIMIT, report=None, make=random_scene) -> list[Outcome]:
     """Outcomes of many seeds, in order; `report(outcome)` is called as they come."""
 
     def one(seed):
-        outcome = run(seed, limit)
+        outcome = run(seed, limit, make)
         if report:
             report(outcome)
         return outcome
@@ -206,7 +210,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="scenes at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds a scene may take")
     parser.add_argument("--save", type=Path, help="folder for the scenes that ended badly")
-    parser.add_argument("--write", action="store_true", help="write validation/evidence/random_scenes.json")
+    parser.add_argument("--bodies", action="store_true", help="scenes of bodies")
+    parser.add_argument("--write", action="store_true", help="write the record in validation/evidence/")
     options = parser.parse_args()
     width, record = max(map(len, ENDS)), evidence.Run()
 
@@ -214,7 +219,8 @@ def main():
         if outcome.end != "good":
             print(f"{outcome.seed:6} {outcome.end:{width}} {', '.join(outcome.what)}: {outcome.message}", flush=True)
 
-    outcomes = sweep(range(options.seed, options.seed + options.count), options.jobs, options.limit, report)
+    make = random_bodies if options.bodies else random_scene
+    outcomes = sweep(range(options.seed, options.seed + options.count), options.jobs, options.limit, report, make)
     counts = Counter(o.end for o in outcomes)
     slow = sorted(outcomes, key=lambda o: -o.seconds)[:3]
     for end in ENDS:
@@ -231,12 +237,12 @@ def main():
             "slowest": {"seed": slow[0].seed, "seconds": round(slow[0].seconds, 1)},
             "bad": [{"seed": o.seed, "end": o.end, "message": o.message} for o in outcomes if o.end != "good"],
         }
-        print(record.write("random_scenes", {"first": options.seed, "count": options.count}, figures))
+        print(record.write("random_bodies" if options.bodies else "random_scenes", {"first": options.seed, "count": options.count}, figures))
     if options.save:
         options.save.mkdir(parents=True, exist_ok=True)
         for o in outcomes:
             if o.end != "good":
-                text = f"# {o.end}: {o.message}\n".replace("\n", " ") + "\n" + random_scene(o.seed).text
+                text = f"# {o.end}: {o.message}\n".replace("\n", " ") + "\n" + make(o.seed).text
                 (options.save / f"{o.end.replace(' ', '_')}_{o.seed}.toml").write_text(text)
     return 0 if math.isclose(counts["good"], len(outcomes)) else 1
 

@@ -2,8 +2,6 @@
 //! have settled. Units and reasons; unless a source is named they were set on the scenes of the tests.
 /// See the module; one value, [`STEP`].
 pub(crate) struct StepConstants {
-    /// Substeps longer than this part of the step are refused if they create energy [-]: it falls with the square of their length.
-    pub shortest_checked: f64,
     /// Bound of a step's work, over what it takes if all its shortest substeps take all their iterations [-].
     pub attempts: usize,
     /// Most halvings that this bound counts.
@@ -49,7 +47,6 @@ pub(crate) struct StepConstants {
 
 /// The values in use.
 pub(crate) const STEP: StepConstants = StepConstants {
-    shortest_checked: 0.1,
     attempts: 4,
     most_counted: 16,
     created_by_bodies: 0.02,

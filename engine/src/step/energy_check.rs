@@ -20,17 +20,18 @@ use nalgebra::Vector4;
 use pliant_math::Vec3;
 
 impl Stage<'_> {
-    /// Whether the root in `ws.it` created too much energy, where colliders may touch.
-    pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<bool, StepError> {
+    /// The energy that the root in `ws.it` created and the kinetic energy \[J\], where colliders may touch and it is too much.
+    pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<Option<(f64, f64)>, StepError> {
         if !ws.constraints.bodies.any() {
-            return Ok(false);
+            return Ok(None);
         }
         let it = std::mem::take(&mut ws.it);
         let balance = self.balance(&it, ws);
         ws.it = it;
         let (created, kinetic) = balance?;
         let fall = self.theta[self.model.gravity] * self.h;
-        Ok(created > STEP.created_by_bodies * kinetic + 0.5 * self.masses.total * fall * fall)
+        let most = STEP.created_by_bodies * kinetic + 0.5 * self.masses.total * fall * fall;
+        Ok((created > most).then_some((created, kinetic)))
     }
 
     /// D and the kinetic energy at the end \[J\], of bodies.

@@ -15,7 +15,6 @@ use crate::grasp::{Begin, Grasp, Grasping, Hold, Phase};
 use crate::memory::Past;
 use crate::model::Model;
 use crate::rods::{Remembered, RodPast, RodPoint};
-use crate::step::constants::STEP;
 use crate::step::newton::{Work, solve_stage};
 use crate::terms::joint::JointPoint;
 use halving::{Outcome, SubstepPolicy};
@@ -399,9 +398,16 @@ impl<'m> Stepper<'m> {
         trace.work.add(work);
         solved?;
         let mut work = Work::default();
-        let guarded = link == StageKind::Single && !thorough && h > STEP.shortest_checked * self.model.h;
-        if guarded && stage.creates_energy(&mut self.ws)? {
-            return Ok(Outcome::Refused);
+        if link == StageKind::Single
+            && let Some((created, at_hand)) = stage.creates_energy(&mut self.ws)?
+        {
+            if !thorough {
+                return Ok(Outcome::Refused);
+            }
+            // steps that may not be halved are wanted as they come
+            if self.options.max_halvings != Some(0) {
+                return Err(StepError::EnergyCreated { step: 0, created, at_hand, term: "contact of bodies".to_owned() });
+            }
         }
         if link != StageKind::Single && stage.is_impact(link == StageKind::SdirkFirst, &self.ws) {
             return Ok(Outcome::Thrown);
