@@ -41,14 +41,16 @@ impl Stage<'_> {
     /// Whether a stage of sdirk2, solved in `ws`, is an impact: it began with something pierced, or, if it is the `first`, the second would
     /// begin so or rebound.
     pub(super) fn is_impact(&self, first: bool, ws: &Workspace) -> bool {
-        let slow = STEP.slow * weighed(self.theta[self.model.gravity]).0 * self.h;
-        if ws.constraints.sets().iter().any(|set| set.least_gap() < -slow * self.h) {
+        // of the whole (sub)step
+        let h = self.h / SDIRK_GAMMA;
+        let slow = STEP.slow * weighed(self.theta[self.model.gravity]).0 * h;
+        if ws.constraints.sets().iter().any(|set| set.least_gap() < -slow * h) {
             return true;
         }
         let (at, mut rebounds) = (Evaluation { q: &ws.q_bar, v: &ws.it.v, frames: &ws.bodies.frames }, false);
         if first {
             ws.constraints.parts(&ws.it.lambda).for_each(|(set, own)| {
-                set.visit_approaches(self, &at, own, &mut |approach| rebounds |= approach.rebounds(slow, self.h));
+                set.visit_approaches(self, &at, own, &mut |approach| rebounds |= approach.rebounds(slow, h));
             });
         }
         rebounds
