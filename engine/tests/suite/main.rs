@@ -9,6 +9,7 @@ mod bad_scenes;
 mod cloth;
 mod cloth_newton;
 mod cloth_plate;
+mod cogging;
 mod colliders_against_parry;
 mod common;
 mod couplings;
