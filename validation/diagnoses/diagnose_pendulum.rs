@@ -36,6 +36,11 @@ fn a_cubic_spring_is_named() {
 }
 
 #[test]
+fn cogging_is_named() {
+    named(&Truth { cogging: 0.05, ..Truth::default() }, "cogging_torque (pivot)", "pivot.cogging_sine", 0.05);
+}
+
+#[test]
 fn a_motor_that_saturates_is_named() {
     named(&Truth { limit: 0.5, ..Truth::default() }, "saturation (motor)", "motor.saturation", 0.5);
 }
