@@ -50,7 +50,7 @@ impl Case {
         Self::from_source(&Source::read(path.as_ref())?)
     }
 
-    /// Reads a scene from a text; `file_name` is what errors call it.
+    /// Reads a scene from a text; `file_name` is its name in errors.
     ///
     /// # Errors
     /// As [`Case::read`].
@@ -58,7 +58,7 @@ impl Case {
         Self::from_source(&Source::new(file_name, text))
     }
 
-    /// What only the model can refuse, such as an overlap, has its place in the file too.
+    /// Mistakes that only the model can find, such as an overlap, are located in the file too.
     fn from_source(source: &Source) -> Result<Self, CaseError> {
         Self::new(scene::parse_source(source)?).map_err(|error| match error {
             CaseError::Scene(error) => CaseError::Scene(error.located(source)),

@@ -8,7 +8,7 @@ use tempfile::NamedTempFile;
 /// Writes a file beside its place and renames it when it is complete.
 ///
 /// # Errors
-/// What the file system says; whatever was there before is then there still.
+/// Errors of the file system; a file that was there before is then unchanged.
 pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
@@ -24,7 +24,7 @@ pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result
 /// Whether a place can be written to, to know it before anything is computed.
 ///
 /// # Errors
-/// A folder, or what the file system says.
+/// A folder, or the file system's error.
 pub fn check(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());

@@ -10,7 +10,7 @@
 //! `cable.node[3].mass`, …). These numbers of a scene are not parameters: the step, the rest gap, plane normals, shape orientations,
 //! joint axes and anchors, body placements, the relative orientation of a weld, edge fractions and rest shapes of meshes.
 //!
-//! How far does the tip of a hanging cable drop if it were longer? One backward sweep gives the answer for all of θ:
+//! The gradient of the height of a hanging cable's tip by all of θ, from one backward sweep:
 //! ```
 //! use pliant::{Case, Differentiate, StepOptions, rollout};
 //!

@@ -27,6 +27,7 @@ class Scene:
     moves: bool
     alone: bool
     what: list = field(default_factory=list)  # in words
+    scale: float | None = None  # of the energy [J], where bodies move; otherwise it follows from the nodes
 
 
 def log_uniform(rng, low, high):

@@ -1,8 +1,9 @@
 """What pliant does with scenes that nobody chose: a thousand by seed, each in a process of its own with a time limit.
 
-    python -m validation.robustness --count 1000 --seed 0 [--save FOLDER] [--write]
+    python -m validation.robustness --count 1000 --seed 0 [--bodies] [--save FOLDER] [--write]
 
-`--write` puts the outcomes into validation/evidence/random_scenes.json.
+Ropes, rods, sheets and chains, or with `--bodies` piles, stacks and impacts of bodies. `--write` puts the outcomes into
+validation/evidence/random_scenes.json or random_bodies.json.
 
 A run is *good* if it comes to its end with finite states and an energy that has a cause: at no time more than
 
@@ -10,7 +11,9 @@ A run is *good* if it comes to its end with finite states and an energy that has
 
 where only weight and one hand push (its work follows from the momentum of everything); with contact, if the hand moves, the same from
 the moment at which it stops (halfway), without work; in the wind, which may do work for ever, it need be finite only. The 2 % are for
-what an implicit step may create on concave energies (buckling) and for midpoint's error of second order. Otherwise it *grew*, *stopped*
+what an implicit step may create on concave energies (buckling) and for midpoint's error of second order. Bodies may never have more than
+they began with and 2 % of their weight times the scene's size and their kinetic energy at the beginning, and none may come to lie with its
+centre below the floor. Otherwise it *grew*, *stopped*
 (an error of the numerics that names the step and what went wrong), stopped *mutely* (an error that does not), was *refused* as a scene,
 panicked (*panic*), died, or did not end (*hang*).
 """
@@ -22,6 +25,7 @@ import os
 import re
 import sys
 import time
+import tomllib
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -30,6 +34,7 @@ from pathlib import Path
 import numpy as np
 
 from validation import evidence
+from validation.random_bodies import random_bodies
 from validation.random_scenes import GRAVITY, Scene, random_scene
 
 LIMIT = 60.0  # s a scene
@@ -102,6 +107,12 @@ def grown(model, scene: Scene, roll, u) -> str | None:
             done = work(model, x, u)
         else:
             begin = scene.steps // 2 + 1
+    if scene.scale is not None:
+        excess = energy - energy[0] - SHARE * scene.scale
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0.0:
+            return f"energy {energy[worst]:.4g} J at step {worst}, {energy[0]:.4g} J at the beginning, scale {scene.scale:.3g} J"
+        return fallen_through(scene, x)
     n, half = 3 * model.n_nodes, (model.ndx // 2)
     v = x[begin, half : half + n].reshape(-1, 3)
     kinetic = 0.5 * float(model.masses() @ (v**2).sum(axis=1))
@@ -112,6 +123,16 @@ def grown(model, scene: Scene, roll, u) -> str | None:
         return None
     k = begin + worst
     return f"energy {energy[k]:.4g} J at step {k}, {energy[begin]:.4g} J at step {begin}, work {done[k]:.3g} J, scale {scale[k]:.3g} J"
+
+
+def fallen_through(scene: Scene, x: np.ndarray) -> str | None:
+    """Bodies whose centre has passed the floor."""
+    plane = tomllib.loads(scene.text)["plane"][0]
+    normal = np.asarray(plane["normal"]) / np.linalg.norm(plane["normal"])
+    free = x[:, : x.shape[1] // 13 * 7].reshape(len(x), -1, 7)[:, :, :3]
+    height = (free - np.asarray(plane["point"])) @ normal
+    k, body = np.unravel_index(np.argmin(height), height.shape)
+    return f"body {body} is {-height[k, body]:.3g} m below the floor at step {k}" if height[k, body] < 0.0 else None
 
 
 def simulate(scene: Scene) -> tuple[str, str]:
@@ -147,9 +168,9 @@ def _work(scene, pipe):
         pipe.close()
 
 
-def run(seed: int, limit: float = LIMIT) -> Outcome:
-    """Runs the scene of a seed in a process of its own."""
-    scene = random_scene(seed)
+def run(seed: int, limit: float = LIMIT, make=random_scene) -> Outcome:
+    """Runs the scene that `make` gives for a seed in a process of its own."""
+    scene = make(seed)
     mine, theirs = PROCESSES.Pipe(duplex=False)
     process = PROCESSES.Process(target=_work, args=(scene, theirs), daemon=True)
     began = time.perf_counter()
@@ -168,11 +189,11 @@ def run(seed: int, limit: float = LIMIT) -> Outcome:
     return Outcome(seed, end, message, time.perf_counter() - began, scene.what)
 
 
-def sweep(seeds, jobs: int = 1, limit: float = LIMIT, report=None) -> list[Outcome]:
+def sweep(seeds, jobs: int = 1, limit: float = LIMIT, report=None, make=random_scene) -> list[Outcome]:
     """Outcomes of many seeds, in order; `report(outcome)` is called as they come."""
 
     def one(seed):
-        outcome = run(seed, limit)
+        outcome = run(seed, limit, make)
         if report:
             report(outcome)
         return outcome
@@ -189,7 +210,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="scenes at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds a scene may take")
     parser.add_argument("--save", type=Path, help="folder for the scenes that ended badly")
-    parser.add_argument("--write", action="store_true", help="write validation/evidence/random_scenes.json")
+    parser.add_argument("--bodies", action="store_true", help="scenes of bodies")
+    parser.add_argument("--write", action="store_true", help="write the record in validation/evidence/")
     options = parser.parse_args()
     width, record = max(map(len, ENDS)), evidence.Run()
 
@@ -197,7 +219,8 @@ def main():
         if outcome.end != "good":
             print(f"{outcome.seed:6} {outcome.end:{width}} {', '.join(outcome.what)}: {outcome.message}", flush=True)
 
-    outcomes = sweep(range(options.seed, options.seed + options.count), options.jobs, options.limit, report)
+    make = random_bodies if options.bodies else random_scene
+    outcomes = sweep(range(options.seed, options.seed + options.count), options.jobs, options.limit, report, make)
     counts = Counter(o.end for o in outcomes)
     slow = sorted(outcomes, key=lambda o: -o.seconds)[:3]
     for end in ENDS:
@@ -214,12 +237,12 @@ def main():
             "slowest": {"seed": slow[0].seed, "seconds": round(slow[0].seconds, 1)},
             "bad": [{"seed": o.seed, "end": o.end, "message": o.message} for o in outcomes if o.end != "good"],
         }
-        print(record.write("random_scenes", {"first": options.seed, "count": options.count}, figures))
+        print(record.write("random_bodies" if options.bodies else "random_scenes", {"first": options.seed, "count": options.count}, figures))
     if options.save:
         options.save.mkdir(parents=True, exist_ok=True)
         for o in outcomes:
             if o.end != "good":
-                text = f"# {o.end}: {o.message}\n".replace("\n", " ") + "\n" + random_scene(o.seed).text
+                text = f"# {o.end}: {o.message}\n".replace("\n", " ") + "\n" + make(o.seed).text
                 (options.save / f"{o.end.replace(' ', '_')}_{o.seed}.toml").write_text(text)
     return 0 if math.isclose(counts["good"], len(outcomes)) else 1
 

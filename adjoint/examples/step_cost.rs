@@ -1,4 +1,4 @@
-//! What a step of a scene costs, to count its instructions or to time it:
+//! Cost of a step of a scene, to count its instructions or to time it:
 //! `cargo run --release -p pliant-adjoint --example step_cost -- scene.toml step|record|linearize|vjp 60 20`, rollouts of 60 steps, 20 of
 //! them. Prints the work of the solver, and the shortest of the times of a step, each the mean of a rollout.
 

@@ -37,7 +37,7 @@ pub fn equilibrium_jvp_columns(eq: &Equilibrium, seeds: &Seeds) -> Vec<f64> {
     }
     let mut memory = Memory::default();
     memory.cmd.clone_from(&zero);
-    // the beginning is where it is: what is remembered does not move
+    // the initial state is fixed: history variables do not move
     memory.start[0].clone_from(&zero);
     memory.z_past.resize(eq.model.ndz() * m, 0.0);
     memory.signals.resize(eq.model.nu() * m, 0.0);

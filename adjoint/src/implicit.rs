@@ -14,8 +14,8 @@ pub(crate) fn refinements(stage: &StageRecord) -> usize {
     if stage.n_rows() == stage.v.len() { 1 } else { 2 }
 }
 
-/// Relative change by a refinement below which it is not worth its price for many columns. What a step makes of a column may be far
-/// larger than what the next leave of it: joints pulled off their coupling move by the pull over the step, and back.
+/// Relative change by a refinement below which it is not worth its price for many columns. The image of a column under one step may be far
+/// larger than under the following ones: joints pulled off their coupling move by the pull over the step, and back.
 const REFINED: f64 = 1e-14;
 
 fn negate(x: &mut [f64]) {
@@ -44,8 +44,8 @@ pub(crate) struct Refinement {
 /// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root, of which only the rows of velocities are meant; row-major,
 /// `columns` directions per row.
 ///
-/// Many columns are refined only if that changes their sum, which is solved first as a probe, or if bodies touch: what four legs share
-/// may cancel in the sum. They are refined a second time only if the first says that it would show: each correction is to the one
+/// Many columns are refined only if that changes their sum, which is solved first as a probe, or if bodies touch: forces shared by four
+/// legs may cancel in the sum. They are refined a second time only if the first says that it would show: each correction is to the one
 /// before as that is to the solution. A single column is always refined fully.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);

@@ -18,8 +18,8 @@
 //! ```text
 //! V = (G D + H F_v − 1)/h
 //! ```
-//! In the blocks on its diagonal the difference could leave nothing of what sticks or of what hardly anything holds, and the product
-//! nothing of what is stiff: there of both the one is taken that adds up smaller numbers. With damping V is the product, for sheets; ropes
+//! In the blocks on its diagonal the difference may lose all digits of nodes that stick or that hardly anything holds, and the product
+//! those of stiff ones: there of both the one is taken that adds up smaller numbers. With damping V is the product, for sheets; ropes
 //! and rods with damping are linearized the general way.
 //!
 //! **Rows of the inverse.** Without contacts G is K⁻¹, which the fronts of sheets give without solves. With contacts, which are 1e7 times
@@ -96,7 +96,7 @@ impl<const N: usize> Contact<N> {
     }
 }
 
-/// ∂f/∂q̄, and what is subtracted from V where normals were split off.
+/// ∂f/∂q̄, and the blocks subtracted from V where normals were split off.
 type Positions<'a> = (Cow<'a, NodeMatrix>, Vec<NodeBlock>);
 
 /// The only stage of a step by implicit Euler of nodes alone, in which nothing but rods' axes is remembered.

@@ -32,9 +32,9 @@ pub(crate) struct Memory {
     pub v_next: Vec<f64>,
     /// The state before a substep, q then v.
     pub start: [Vec<f64>; 2],
-    /// Tangents of what motors see, a row per control; empty if that is u.
+    /// Tangents of the commands that motors receive, a row per control; empty if these are u.
     pub signals: Vec<f64>,
-    /// Tangents of z at the beginning of a substep, and what they become.
+    /// Tangents of z at the beginning and at the end of a substep.
     pub z_past: Vec<f64>,
     pub z_next: Vec<f64>,
     /// Scratch.
@@ -95,7 +95,7 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
 /// Tangents of everything that an [`Input`] can be, a row each.
 pub(crate) struct Tangents<'a> {
     pub seeds: &'a Seeds,
-    /// Of what motors see; empty for the controls themselves.
+    /// Of the commands that motors receive; empty for the controls themselves.
     pub signals: &'a [f64],
     /// Of the commanded velocities.
     pub cmd: &'a [f64],
@@ -131,7 +131,7 @@ impl Tangents<'_> {
     }
 }
 
-/// How displacements of bodies and of rods' axes show up after a way.
+/// Tangent maps of bodies and transport derivatives of rods' axes over a way.
 pub(crate) type Way<'a> = (&'a TangentMaps, &'a TransportDerivative);
 
 /// `x ← T x + J (weight v)`: how a displacement moves on, for nodes with weights of their own.
@@ -186,11 +186,11 @@ fn add_weighted(out: &mut [f64], v: &[f64], cx: Context, m: usize, weight: impl 
     }
 }
 
-/// Cotangents of what a stage is given beside its reference state; they accumulate.
+/// Cotangents of a stage's inputs beside its reference state; they accumulate.
 pub(crate) struct InputBars<'a> {
     /// Of the commanded velocities.
     pub cmd: &'a mut [f64],
-    /// Of what motors see of the controls.
+    /// Of the commands that motors receive.
     pub u: &'a mut [f64],
     /// Of θ.
     pub theta: &'a mut [f64],

@@ -90,7 +90,7 @@ impl Memory {
     }
 }
 
-/// Tangents of what motors see.
+/// Tangents of the commands that motors receive.
 fn signal_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, memory: &mut Memory) {
     let m = seeds.columns;
     memory.signals.clear();
@@ -103,7 +103,7 @@ fn signal_tangent(cx: Context, step: &StepRecord, x: &Tangent, seeds: &Seeds, me
     }
 }
 
-/// Moves the tangents of what joints remember to the end of a substep, where `x` stands but for z.
+/// Moves the tangents of the joints' history variables to the end of a substep, where `x` stands but for z.
 fn move_memory(partials: &[(usize, Input, f64)], seeds: &Seeds, x: &mut Tangent, memory: &mut Memory) {
     let Memory { start, signals, z_past, z_next, .. } = memory;
     z_next.clear();
@@ -209,14 +209,14 @@ pub(crate) fn step_cotangent(cx: Context, step: &StepRecord, x: &mut Cotangent, 
     }
 }
 
-/// Takes the cotangents of the rows of z⁺ that `partials` speaks of, and leaves zero: what z gets in return is of the beginning.
+/// Takes the cotangents of the rows of z⁺ in `partials`, and leaves zero: those that z gets in return belong to the beginning.
 fn take_rows(partials: &[(usize, Input, f64)], z: &mut [f64]) -> Vec<f64> {
     let taken = if partials.is_empty() { Vec::new() } else { z.to_vec() };
     partials.iter().for_each(|&(row, ..)| z[row] = 0.0);
     taken
 }
 
-/// Pulls the cotangents `late` of z⁺ back to what it was made of.
+/// Pulls the cotangents `late` of z⁺ back to its arguments.
 fn pull_memory(partials: &[(usize, Input, f64)], late: &[f64], inputs: &mut InputBars, end: Option<[&mut [f64]; 2]>) {
     let mut end = end;
     for &(row, input, value) in partials {

@@ -1,6 +1,6 @@
-//! Parameters from data, and what a scene gets wrong about them.
+//! Parameters from data, and the physical effects that a scene lacks to explain them.
 //!
-//! **The problem.** Measured marker positions y_k \[m\] are what a sensor makes of simulated states, and coloured noise:
+//! **The problem.** Measured marker positions y_k \[m\] are a sensor's map of simulated states plus coloured noise:
 //! ```text
 //! y_k = S(x(t_k; x₀, u, θ); σ) + ε_k,      ε_k = Σ_j φ_j ε_{k−j} + white noise
 //! ```
@@ -9,9 +9,9 @@
 //! values?
 //!
 //! **The flow.**
-//! 1. logs are read by the mapping of the experiment ([`log`]) and audited for what no physics explains ([`audit`]);
-//! 2. the declared free parameters are fitted on the fitted records by shooting with exact gradients ([`shoot`], [`fit`]);
-//! 3. every cause of the library ([`causes`]) is tested by its score, free of what the fit absorbs, without a refit ([`stats`]);
+//! 1. logs are read by the mapping of the experiment ([`log`]) and audited for faults that no physics explains ([`audit`]);
+//! 2. the declared free parameters are fitted on the fitted records by shooting with exact gradients ([`shooting`], [`fit`]);
+//! 3. every cause of the library ([`causes`]) is tested without a refit, by its score with the fitted unknowns projected out ([`stats`]);
 //! 4. the best are refitted, accepted or rejected one by one, held against their rivals, and given intervals ([`mod@diagnose`]);
 //! 5. records that were held out tell the gain, and the remainder whether something outside the library is left.
 //!
@@ -28,7 +28,7 @@ mod number;
 #[cfg(feature = "report")]
 pub mod report;
 pub mod sensor;
-pub mod shoot;
+pub mod shooting;
 pub mod stats;
 pub mod unknown;
 

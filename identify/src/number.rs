@@ -59,7 +59,7 @@ pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     if x.abs() < 1e9 { format!("{x:.decimals$}") } else { format!("{x:.3e}") }
 }
 
-/// What errors are told in: lengths [m] in mm, all else in thousandths of its unit.
+/// Unit in which errors are reported: mm for lengths [m], else a thousandth of the unit.
 pub(crate) fn thousandths(unit: &str) -> String {
     if unit == "m" || unit.is_empty() { "mm".to_owned() } else { format!("10⁻³ {unit}") }
 }

@@ -1,4 +1,4 @@
-//! The observation model: what sensors read.
+//! The observation model: from positions to readings.
 //!
 //! ```text
 //! y(t) = scale · R(rotation) p(t − time_offset) + bias

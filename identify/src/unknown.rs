@@ -5,7 +5,7 @@ use crate::stats::score::Sign;
 use pliant_engine::model::Model;
 use pliant_math::params::ANY;
 
-/// What an unknown sets.
+/// Entries that an unknown sets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
     /// These entries of θ, all to the same value.
@@ -16,14 +16,14 @@ pub enum Target {
     Sensor(usize),
     /// This sensor at a joint, and which of its values ([`crate::sensor::JOINT_ENTRIES`]).
     Joint(usize, usize),
-    /// How far these markers are from the centreline along this material axis of the rod, 0 or 1.
+    /// Offset of these markers from the centreline along this material axis of the rod, 0 or 1.
     Beside(Vec<usize>, usize),
-    /// How late this control's motor gets its commands, where the scene has no delay of it.
+    /// Input delay of this control's motor, where the scene has no delay of it.
     Late(usize),
 }
 
 impl Target {
-    /// Whether both set the same number, whatever else follows it.
+    /// Whether both set the same number, followers aside.
     pub fn same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Theta(a), Self::Theta(b)) => a.first() == b.first(),
@@ -42,7 +42,7 @@ impl Target {
     }
 }
 
-/// How the coordinate in which a fit moves belongs to the value.
+/// Relation of the coordinate in which a fit moves to the value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinate {
     /// value/scale.
@@ -60,7 +60,7 @@ pub struct Unknown {
     pub path: String,
     /// SI unit.
     pub unit: String,
-    /// What it sets.
+    /// Entries that it sets.
     pub target: Target,
     /// Bounds of the value.
     pub bounds: (f64, f64),
@@ -93,9 +93,9 @@ pub struct Values {
     pub sensor: Sensor,
     /// Bias, scale and delay of each sensor at a joint.
     pub joints: Vec<[f64; 3]>,
-    /// How far each marker on a rod is from the centreline along the two material axes there \[m\].
+    /// Offset of each marker on a rod from the centreline along the two material axes there \[m\].
     pub offsets: Vec<[f64; 2]>,
-    /// How late each control gets to its motor, beyond what the scene's motor has of delay \[s\].
+    /// Input delay of each control beyond the delay of the scene's motor \[s\].
     pub late: Vec<f64>,
 }
 
@@ -125,7 +125,7 @@ impl Unknown {
         Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
     }
 
-    /// How far these markers of a rod are from its centreline along a material axis, all alike \[m\].
+    /// Offset common to these markers of a rod from its centreline along a material axis \[m\].
     pub fn beside(path: String, markers: Vec<usize>, axis: usize, scale: f64) -> Self {
         let (unit, target, bounds) = ("m".to_owned(), Target::Beside(markers, axis), ANY);
         Self { path, unit, target, bounds, scale, coordinate: Coordinate::Linear, prior: None, probe: None }
@@ -266,7 +266,7 @@ pub(crate) fn matches(pattern: &str, path: &str) -> bool {
     }
 }
 
-/// What stands before the first range of numbers in a pattern, the numbers, and what stands behind.
+/// The text before the first range of numbers in a pattern, the numbers, and the text behind.
 pub(crate) fn range(pattern: &str) -> Option<(&str, std::ops::RangeInclusive<usize>, &str)> {
     let one = |(k, _): (usize, &str)| {
         let (inside, tail) = pattern[k + 1..].split_once(']')?;

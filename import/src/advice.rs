@@ -73,7 +73,7 @@ impl ImportMistake {
         })
     }
 
-    /// Masses, units, and what cannot be kept.
+    /// Masses, units, and features that cannot be kept.
     fn advice_on_physics(&self) -> (String, String) {
         match self {
             Self::Sign { .. } => both("a sign error, or a value left at zero", "correct the number"),

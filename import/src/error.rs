@@ -1,4 +1,4 @@
-//! Why a model of another format is refused: where, what, the likely cause, and the fix.
+//! Errors of an import: place, mistake, likely cause and fix.
 
 use super::element::{Attribute, Element};
 use pliant_math::inertia::InertiaError;

@@ -1,12 +1,12 @@
-//! How to import, and what an import makes.
+//! Options and result of an import.
 
 use super::report::{Report, Verdict};
 use pliant_scene::{Scene, to_toml};
 
-/// How to import.
+/// Options of an import.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Import models that cannot be kept as what can be, instead of refusing them.
+    /// Approximate models that cannot be kept, instead of refusing them.
     pub approximate: bool,
     /// Let the root link of a URDF fly, instead of fixing it to the world.
     pub free_base: bool,

@@ -1,6 +1,7 @@
 //! Masses of shapes and of bodies made of them.
 
 use super::pose::Pose;
+use crate::constants::IMPORT;
 use nalgebra::{Matrix3, Vector3};
 use pliant_math::Vec3;
 use pliant_math::inertia::{InertiaError, to_numbers};
@@ -145,15 +146,15 @@ impl Mass {
     pub fn is_unbalanced(&self) -> bool {
         let mut moments = self.inertia.symmetric_eigenvalues();
         moments.as_mut_slice().sort_by(f64::total_cmp);
-        moments[0] + moments[1] < moments[2] * (1.0 - 1e-12)
+        moments[0] + moments[1] < moments[2] * (1.0 - IMPORT.moments_rounding)
     }
 
-    /// The nearest inertia that a distribution of mass has, a millionth of its size within what is possible.
+    /// The nearest inertia that a distribution of mass has, a millionth of its size within the possible range.
     pub fn made_possible(&self) -> Self {
         self.with_moments(|m| {
             // second moments of mass along the axes, which must be positive
             let half = 0.5 * (m[0] + m[1] + m[2]);
-            let floor = 1e-6 * half.max(1e-12);
+            let floor = IMPORT.least_moment.0 * half.max(IMPORT.least_moment.1);
             let s = m.map(|x| (half - x).max(floor));
             [s[1] + s[2], s[0] + s[2], s[0] + s[1]]
         })
@@ -214,7 +215,7 @@ mod tests {
         let mass = Mass::principal(2.0, [0.1, 0.1, 0.3], &Pose::identity());
         assert!(mass.check().is_err() && mass.is_unbalanced());
         mass.made_possible().check().unwrap();
-        // a flat disc is the limit of what is possible
+        // a flat disc is the limit of the possible range
         let disc = Mass::principal(2.0, [0.1, 0.1, 0.2], &Pose::identity());
         assert!(disc.check().is_ok() && !disc.is_unbalanced());
     }

@@ -27,6 +27,7 @@
 //! ```
 
 mod advice;
+mod constants;
 mod element;
 mod error;
 mod imported;
@@ -57,7 +58,7 @@ pub fn import_model(path: impl AsRef<Path>, options: &Options) -> Result<Importe
     import(xml::read(path, None)?, path, options)
 }
 
-/// Reads an MJCF or URDF text; `file` is what errors call it, and files that it names are looked for beside it.
+/// Reads an MJCF or URDF text; `file` is its name in errors, and files that it names are looked for beside it.
 ///
 /// # Errors
 /// As [`import_model`].

@@ -1,5 +1,6 @@
 //! Where a frame stands in another.
 
+use crate::constants::IMPORT;
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
 use pliant_math::rotation::{Map, Quaternion, from_matrix, matrix, normalized, product};
@@ -61,7 +62,7 @@ pub fn euler(angles: &[f64; 3], sequence: &str) -> Quaternion<f64> {
 /// The frame with that x axis, and its y axis in the half-plane of `y`; none if they are parallel.
 pub fn from_xy(x: &Vec3<f64>, y: &Vec3<f64>) -> Option<Quaternion<f64>> {
     let x = x.try_normalize(0.0)?;
-    let y = (y - x * x.dot(y)).try_normalize(1e-12 * y.norm())?;
+    let y = (y - x * x.dot(y)).try_normalize(IMPORT.parallel * y.norm())?;
     Some(from_matrix(&Matrix3::from_columns(&[x, y, x.cross(&y)])))
 }
 
@@ -70,7 +71,7 @@ pub fn from_z(z: &Vec3<f64>) -> Quaternion<f64> {
     let z = z.normalize();
     let axis = Vec3::z().cross(&z);
     let sine = axis.norm();
-    let axis = if sine < 1e-10 { Vec3::x() } else { axis };
+    let axis = if sine < IMPORT.along_z { Vec3::x() } else { axis };
     about(&axis, sine.atan2(z[2]))
 }
 

@@ -8,7 +8,7 @@ use std::fmt::Write;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// The scene holds what it says.
+    /// The scene holds its meaning.
     Kept,
     /// The scene holds something like it.
     Approximated,
@@ -32,7 +32,7 @@ pub struct Entry {
     pub original: Option<String>,
     /// Its outcome.
     pub verdict: Verdict,
-    /// Why, or as what.
+    /// The reason, or the replacement.
     pub reason: String,
 }
 
@@ -75,7 +75,7 @@ impl Report {
         self.entries.iter().filter(|e| e.verdict == verdict).count()
     }
 
-    /// Lines grouped by verdict, what is missing first.
+    /// Lines grouped by verdict, ignored elements first.
     pub fn text(&self) -> String {
         let mut out = String::new();
         for (verdict, title) in [(Verdict::Ignored, "ignored"), (Verdict::Approximated, "approximated"), (Verdict::Kept, "kept")]

@@ -1,4 +1,4 @@
-//! An import under way: the scene so far, and what has become of the elements read.
+//! An import under way: the scene so far, and the report on the elements read.
 
 use super::element::Element;
 use super::error::{ImportError, ImportMistake};
@@ -8,16 +8,13 @@ use super::names::Names;
 use super::pose::Pose;
 use super::report::{Report, Verdict};
 use super::view::View;
+use crate::constants::IMPORT;
 use pliant_engine::model::{BuildError, ModelBuilder};
 use pliant_math::inertia::InertiaError;
 use pliant_scene::{Body, BodyShape, ContactRule, Coupling, Integrator, Joint, Mistake, Scene, SceneError, check};
 
 /// Why something is ignored that the importer has no word for.
 const UNREAD: &str = "not read by the importer";
-/// Longer than this betrays millimetres \[m\].
-const LARGE: f64 = 50.0;
-/// Heavier than this betrays grams \[kg\].
-const HEAVY: f64 = 1e5;
 
 /// An import under way.
 #[derive(Debug)]
@@ -26,7 +23,7 @@ pub struct Work<'o> {
     pub report: Report,
     pub names: Names,
     pub scene: Scene,
-    /// What each body of the scene was made from.
+    /// Element that each body of the scene was made from.
     origins: Vec<ImportError>,
 }
 
@@ -90,7 +87,7 @@ impl<'o> Work<'o> {
 
     /// Refuses lengths that are likely in millimetres.
     pub fn check_lengths(&self, view: &View, attribute: &str, values: &[f64]) -> Result<(), ImportError> {
-        match values.iter().find(|x| x.abs() > LARGE) {
+        match values.iter().find(|x| x.abs() > IMPORT.longest) {
             Some(value) if !self.options.approximate => {
                 let mistake = ImportMistake::Unit { attribute: attribute.to_owned(), value: *value, unit: "m", likely: "mm" };
                 Err(view.error(attribute, mistake))
@@ -101,7 +98,7 @@ impl<'o> Work<'o> {
 
     /// Refuses angles that are likely in degrees: beyond two turns.
     pub fn check_angles(&self, view: &View, attribute: &str, values: &[f64]) -> Result<(), ImportError> {
-        match values.iter().find(|x| x.abs() > 4.0 * std::f64::consts::PI + 1e-3) {
+        match values.iter().find(|x| x.abs() > IMPORT.largest_angle) {
             Some(value) if !self.options.approximate => {
                 let mistake =
                     ImportMistake::Unit { attribute: attribute.to_owned(), value: *value, unit: "rad", likely: "degrees" };
@@ -133,7 +130,7 @@ impl<'o> Work<'o> {
 
     /// A mass that scenes accept.
     pub fn possible(&mut self, element: &Element, body: &str, mass: Mass) -> Result<Mass, ImportError> {
-        if mass.mass > HEAVY && !self.options.approximate {
+        if mass.mass > IMPORT.heaviest && !self.options.approximate {
             let mistake = ImportMistake::Unit { attribute: "mass".to_owned(), value: mass.mass, unit: "kg", likely: "g" };
             return Err(ImportError::at(element, mistake));
         }
@@ -194,7 +191,7 @@ impl<'o> Work<'o> {
         self.kept(root, "", "bodies touch: the integrator is `euler`, which takes impacts best");
     }
 
-    /// Takes out what stands in the world where nothing that moves has a shape to touch it with.
+    /// Takes out fixed shapes where nothing that moves has a shape to touch them with.
     fn clear_world(&mut self, root: &Element) {
         let scene = &mut self.scene;
         let count = scene.n_shapes();
@@ -231,7 +228,7 @@ impl<'o> Work<'o> {
         }
     }
 
-    /// Reports what nobody has looked at, so that nothing is dropped silently.
+    /// Reports the elements that no reader claimed, so that nothing is dropped silently.
     fn sweep(&mut self, element: &Element) {
         if !element.is_seen() {
             self.ignored_whole(element, UNREAD);
@@ -268,7 +265,7 @@ impl<'o> Work<'o> {
                 let start = |name: &str| joints().find(|j| j.name == name).and_then(|j| j.start.first().copied()).unwrap_or(0.0);
                 let d = coupling.to.as_deref().map_or(0.0, |to| start(to) - coupling.reference);
                 let wanted = coupling.coefficients.iter().rev().fold(0.0, |p, c| p * d + c);
-                if (start(&coupling.joint) - wanted).abs() <= 1e-9 {
+                if (start(&coupling.joint) - wanted).abs() <= IMPORT.coupled {
                     continue;
                 }
                 let name = coupling.joint.clone();

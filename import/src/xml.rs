@@ -2,12 +2,10 @@
 
 use super::element::{Attribute, Element};
 use super::error::{ImportError, ImportMistake};
+use crate::constants::IMPORT;
 use std::cell::Cell;
 use std::path::Path;
 use std::rc::Rc;
-
-/// Levels of elements, and of links that hang on each other.
-pub const DEEPEST: usize = 300;
 
 /// Reads a file into its root element; `from` is the element that asked for it.
 pub fn read(path: &Path, from: Option<&Element>) -> Result<Element, ImportError> {
@@ -21,7 +19,7 @@ pub fn read(path: &Path, from: Option<&Element>) -> Result<Element, ImportError>
     parse(&text, &file)
 }
 
-/// Parses a text; `file` is what errors call it.
+/// Parses a text; `file` is its name in errors.
 pub fn parse(text: &str, file: &str) -> Result<Element, ImportError> {
     let document = roxmltree::Document::parse(text).map_err(|error| {
         let message = error.to_string();
@@ -47,7 +45,7 @@ fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>, d
         children: Vec::new(),
         seen: Cell::new(false),
     };
-    if depth > DEEPEST {
+    if depth > IMPORT.deepest {
         return Err(ImportError::at(&element, too_deep()));
     }
     for child in node.children().filter(|c| c.is_element()) {
@@ -56,10 +54,10 @@ fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>, d
     Ok(element)
 }
 
-/// The mistake of more than [`DEEPEST`] levels.
+/// The mistake of more than 300 levels.
 pub fn too_deep() -> ImportMistake {
     ImportMistake::Unsupported {
-        what: format!("a tree of more than {DEEPEST} levels"),
+        what: format!("a tree of more than {} levels", IMPORT.deepest),
         reason: "it would exhaust the stack".to_owned(),
     }
 }

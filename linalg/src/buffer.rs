@@ -4,16 +4,12 @@
 //! as much as a step: each of its pages is cleared when it is first written. (A gradient of 60 steps of a sheet of 10 × 10 nodes on a floor
 //! takes 0.7 of the time with memory that is kept.)
 
+use crate::constants::LINALG;
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard};
 
-/// Shorter ones are left to the allocator.
-const LEAST: usize = 4096;
-/// Numbers kept at most, in all: 64 MiB.
-const MOST: usize = 1 << 23;
-
-/// By capacity, what is not in use.
+/// Spare buffers by capacity.
 static SPARE: Mutex<Spare> = Mutex::new(Spare { shelves: BTreeMap::new(), kept: 0 });
 
 struct Spare {
@@ -22,7 +18,7 @@ struct Spare {
 }
 
 impl Spare {
-    /// A vector with room for `len` numbers and not for many more, and with whatever is in it.
+    /// A vector with room for `len` numbers and not for many more, with any content.
     fn take(&mut self, len: usize) -> Option<Vec<f64>> {
         let (&capacity, shelf) = self.shelves.range_mut(len..=len + len / 4).next()?;
         let found = shelf.pop();
@@ -35,7 +31,7 @@ impl Spare {
 
     fn keep(&mut self, numbers: Vec<f64>) {
         let capacity = numbers.capacity();
-        if self.kept + capacity <= MOST {
+        if self.kept + capacity <= LINALG.most_kept {
             self.kept += capacity;
             self.shelves.entry(capacity).or_default().push(numbers);
         }
@@ -54,7 +50,7 @@ impl Buffer {
         Self(numbers)
     }
 
-    /// With any numbers in it, for what is written before it is read.
+    /// With any numbers in it, for buffers that are written before they are read.
     pub fn any(len: usize) -> Self {
         let mut numbers = with_room(len);
         numbers.resize(len, 0.0);
@@ -62,13 +58,13 @@ impl Buffer {
     }
 }
 
-/// What is not in use, unless another thread is at it: the allocator serves as well, and where a process was forked meanwhile, for ever.
+/// The spare buffers, unless another thread holds them: then the allocator serves as well. (After a fork the lock may stay held for ever.)
 fn spares() -> Option<MutexGuard<'static, Spare>> {
     SPARE.try_lock().ok()
 }
 
 fn with_room(len: usize) -> Vec<f64> {
-    let spare = if len < LEAST { None } else { spares().and_then(|mut spares| spares.take(len)) };
+    let spare = if len < LINALG.least_kept { None } else { spares().and_then(|mut spares| spares.take(len)) };
     spare.unwrap_or_else(|| Vec::with_capacity(len))
 }
 
@@ -91,7 +87,7 @@ impl Clone for Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if self.0.capacity() >= LEAST
+        if self.0.capacity() >= LINALG.least_kept
             && let Some(mut spares) = spares()
         {
             spares.keep(std::mem::take(&mut self.0));
@@ -127,19 +123,19 @@ mod tests {
         let found = spare.take(4500).map(|v| (v.capacity(), v.len()));
         assert_eq!((found, spare.kept, spare.shelves.len()), (Some((5000, 0)), 0, 0));
         for _ in 0..3 {
-            spare.keep(Vec::with_capacity(MOST / 2));
+            spare.keep(Vec::with_capacity(LINALG.most_kept / 2));
         }
-        assert_eq!(spare.kept, MOST, "the third is given back");
+        assert_eq!(spare.kept, LINALG.most_kept, "the third is given back");
     }
 
     #[test]
     fn copies_are_independent_and_zeros_are_zero() {
-        let mut first = Buffer::zeros(2 * LEAST);
+        let mut first = Buffer::zeros(2 * LINALG.least_kept);
         first.fill(1.0);
         let copy = first.clone();
         first[0] = 2.0;
         drop(first);
-        assert_eq!((copy[0], copy.len()), (1.0, 2 * LEAST));
-        assert!(Buffer::zeros(2 * LEAST).iter().all(|x| *x == 0.0), "whatever was in the memory");
+        assert_eq!((copy[0], copy.len()), (1.0, 2 * LINALG.least_kept));
+        assert!(Buffer::zeros(2 * LINALG.least_kept).iter().all(|x| *x == 0.0), "whatever was in the memory");
     }
 }

@@ -210,7 +210,7 @@ impl Factor {
     }
 
     /// `x ← A⁻¹ b` with `steps` steps of iterative refinement against `a` itself. Returns the size of the last correction
-    /// relative to x (largest magnitudes; 0 without steps): what further refinement could still change.
+    /// relative to x (largest magnitudes; 0 without steps): the size of the change that further refinement could make.
     pub fn solve_refined(&self, a: &NodeMatrix, b: &[f64], x: &mut [f64], scratch: &mut Vec<f64>, steps: usize) -> f64 {
         self.refine(b, x, scratch, steps, 1, false, |x, r| a.add_mul(-1.0, x, r))
     }

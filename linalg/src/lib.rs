@@ -1,7 +1,7 @@
 //! The linear systems of a step behind one face: storage, factorization, solve, transposed solve, refinement.
 //!
 //! A [`NodeMatrix`] holds K. A [`Symbolic`] is made once per model: which [`Method`], which [`Symmetry`], which nodes are prescribed,
-//! and whatever can be analysed before the numbers are known. A [`Factor`] holds the numbers: `refactor` at every Newton
+//! and all that is analysed before the numbers are known. A [`Factor`] holds the numbers: `refactor` at every Newton
 //! iteration, then as many `solve`s and `solve_transpose`s as wanted, with `_many` for right-hand sides side by side and
 //! `_refined` against the unregularized matrix. A factor can be cloned into a step's record and owns all it needs.
 //!
@@ -10,7 +10,7 @@
 //!
 //! **Storage** is the [`matrix`](NodeMatrix) with its products, where a [`layout`](NodeLayout) has room; `buffer` keeps the memory of matrices
 //! that are dropped. **Methods** are `band`, `dense` and `multifrontal`. Beside the nodes' block a [`System`] has a full one for bodies
-//! ([`Square`]) and what couples the two ([`Coupling`]), eliminated by its Schur complement.
+//! ([`Square`]) and the coupling of the two ([`Coupling`]), eliminated by its Schur complement.
 //!
 //! ```
 //! use pliant_linalg::{NodeMatrix, Factor, Method, Symbolic, Symmetry};
@@ -33,6 +33,7 @@
 
 mod band;
 mod buffer;
+mod constants;
 mod coupling;
 mod dense;
 mod error;

@@ -1,6 +1,6 @@
-//! How matrices are factored, and what may be assumed of them.
+//! Methods of factorization, and symmetry of matrices.
 
-/// How a matrix is factored.
+/// Method by which a matrix is factored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Inside the block band, without pivoting: linear in the number of nodes. The way for ropes.

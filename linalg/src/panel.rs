@@ -1,9 +1,9 @@
-//! Columns of a matrix, 64 at a time: what one pass over a factor changes in registers.
+//! Columns of a matrix, 64 at a time, which one pass over a factor changes in registers.
 #![allow(clippy::needless_range_loop)] // plain loops are inlined; closures over vectors are not always, and then are slow
 
 use pulp::Simd;
 
-/// Columns of a panel: what one pass over a matrix changes in registers.
+/// Columns of a panel, which one pass over a matrix changes in registers.
 pub(crate) const PANEL: usize = 64;
 
 /// Some of the columns of a row-major matrix, a row after the other, those that are missing zero.
@@ -45,7 +45,7 @@ impl Panel {
     }
 }
 
-/// `y ← (y − Σ_k factors_k x_k) scale` in the first `used` numbers of the rows, rounded up to what fits.
+/// `y ← (y − Σ_k factors_k x_k) scale` in the first `used` numbers of the rows, rounded up to whole vectors.
 #[inline(always)]
 pub(crate) fn reduce_row<S: Simd>(simd: S, y: &mut [f64; PANEL], factors: &[f64], x: &[[f64; PANEL]], scale: f64, used: usize) {
     match used.div_ceil(S::F64_LANES) {

@@ -1,11 +1,5 @@
 //! Which pivots are trusted.
 
-/// A pivot below this part of its row's size is rounding noise.
-pub(crate) const PIVOT_FLOOR: f64 = 16.0 * f64::EPSILON;
-
-/// Larger growth leaves too few digits for refinement to start from.
-pub(crate) const GROWTH_LIMIT: f64 = 1e8;
-
 /// Sum of magnitudes, in sixteen lanes; not finite if any entry is not.
 #[inline(always)]
 pub(crate) fn sum_abs(row: &[f64]) -> f64 {

@@ -81,7 +81,7 @@ impl Square {
         Arch::new().dispatch(Run(self, scale, x, y, columns));
     }
 
-    /// One column, term by term onto y: where y is what A x nearly cancels, as in a defect, that loses less than a sum taken off at the
+    /// One column, term by term onto y: where A x nearly cancels y, as in a defect, that loses fewer digits than a sum subtracted at the
     /// end. Four rows at a time, whose sums do not wait for each other.
     fn add_mul_one(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         for (rows, y) in self.data.chunks(4 * self.dim).zip(y.chunks_mut(4)) {

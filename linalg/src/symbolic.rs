@@ -49,7 +49,7 @@ impl Symbolic {
         Ok(Self { shared: Arc::new(Shared { method, symmetry, layout: Arc::clone(layout), prescribed, coupling, multifrontal }) })
     }
 
-    /// How matrices are factored.
+    /// Method by which matrices are factored.
     pub fn method(&self) -> Method {
         self.shared.method
     }

@@ -1,5 +1,5 @@
-//! The whole matrix of a step: ropes' nodes in a band, bodies' degrees of freedom in a full block behind them, and between the two
-//! what touches.
+//! The whole matrix of a step: ropes' nodes in a band, bodies' degrees of freedom in a full block behind them, and the coupling by
+//! contacts between the two.
 
 use crate::coupling::Coupling;
 use crate::factor::Factor;

@@ -100,7 +100,7 @@ fn grid(n: usize, reach: usize) -> NodeLayout {
     NodeLayout::sparse(n * n, &[], None, &patches).unwrap()
 }
 
-/// Inverses are what solves of the identity's columns are, whatever the method, and exactly symmetric where fronts find them.
+/// Inverses equal solves of the identity's columns for every method, and are exactly symmetric where fronts find them.
 #[test]
 fn inverses_are_those_of_solves() {
     let small: Vec<_> = layouts().into_iter().map(|(layout, what)| (Arc::new(layout), what)).collect();
@@ -284,7 +284,7 @@ fn many_right_hand_sides_are_single_ones_side_by_side() {
 fn refinement_recovers_a_factor_of_another_matrix() {
     for_systems(|method, symmetry, a, prescribed, rng, what| {
         let factor = factor_of(method, symmetry, a, prescribed).unwrap();
-        // the same up to 1e-4: what a regularized factor would be
+        // the same up to 1e-4, like a regularized factor
         let mut exact = a.clone();
         for r in (0..a.dim()).filter(|r| !prescribed.get(r / 3).is_some_and(|d| *d)) {
             exact.add(r, r, 1e-4 * a.get(r, r));

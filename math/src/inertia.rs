@@ -1,4 +1,4 @@
-//! A body's mass in numbers that cannot leave what is physically possible.
+//! A body's mass in numbers that cannot leave the physical range.
 
 use crate::spatial::Inertia;
 use crate::{Real, Vec3};
@@ -160,7 +160,7 @@ mod tests {
         assert!(matches!(of(0.0, diagonal(1.0, 1.0, 1.0)), InertiaError::Mass(_)));
         assert!(matches!(of(1.0, diagonal(1.0, -1.0, 1.0)), InertiaError::Negative(_)));
         assert!(matches!(of(1.0, diagonal(1.0, 1.0, 2.5)), InertiaError::Triangle(..)));
-        // a flat disc is the limit of what is possible
+        // a flat disc is the limit of the possible range
         assert!(to_numbers(1.0, Vec3::zeros(), &diagonal(1.0, 1.0, 2.0)).is_ok());
     }
 }

@@ -1,4 +1,4 @@
-//! Derivatives of a map by named inputs: q, u, θ, z, and what a step ends with.
+//! Derivatives of a map by named inputs: q, u, θ, z, and the state at the end of a step.
 
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};

@@ -5,7 +5,7 @@
 //! geometry    rotation (unit quaternions), spatial (six-vectors), inertia (ten numbers of a rigid body), transport along curves,
 //!             dihedral (angles of folds)
 //! SIMD        simd (kernels over eight elements at a time), simd::rows (kernels over rows of matrices)
-//! quantities  params (θ), state (x = (q, v, z)), input (what a map is differentiated by)
+//! quantities  params (θ), state (x = (q, v, z)), input (arguments that a map is differentiated by)
 //! ```
 //!
 //! A law is written once, for any scalar; its derivative comes from dual numbers:

@@ -76,7 +76,7 @@ impl Params {
     }
 }
 
-/// Levenshtein distance, for "did you mean".
+/// Fewest insertions, deletions and replacements of letters that turn `a` into `b` (Levenshtein 1966); capitals count as other letters.
 pub fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
@@ -100,3 +100,15 @@ pub const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 pub const REST_STRAIN: (f64, f64) = (-0.5, 1.0);
 /// Bounds of a quantity that must be positive.
 pub const POSITIVE: (f64, f64) = (f64::MIN_POSITIVE, f64::INFINITY);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("N", "n"), 1);
+    }
+}

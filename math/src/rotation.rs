@@ -95,7 +95,7 @@ pub fn conjugate<S: Real>(a: &Quaternion<S>) -> Quaternion<S> {
     [a[0], -a[1], -a[2], -a[3]]
 }
 
-/// Scaled to length one: what keeps rounding from piling up over many steps.
+/// Scaled to length one, which keeps rounding from accumulating over many steps.
 #[inline]
 pub fn normalized(a: &Quaternion<f64>) -> Quaternion<f64> {
     let norm = a.iter().map(|x| x * x).sum::<f64>().sqrt();

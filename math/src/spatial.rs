@@ -193,7 +193,7 @@ pub fn hat(a: &Vec3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a[2], a[1], a[2], 0.0, -a[0], -a[1], a[0], 0.0)
 }
 
-/// How a body's force of inertia changes with its velocity, for the acceleration that goes with it:
+/// Derivative of a body's force of inertia by its velocity, with the change of acceleration that follows from it:
 /// ```text
 /// B δV = δV ×* (I V) + V ×* (I δV) − I (V × δV) = (T δω; −2 f × δω)
 /// ```

@@ -1,8 +1,8 @@
 //! The state of a system of nodes and bodies.
 
 /// Coordinates q (node positions \[m\], three each; then the joints' \[rad, m\], a unit quaternion w first for a ball), velocities v
-/// (of nodes [m/s], then of joints [rad/s, m/s], three for a ball in its body's axes), and internal variables z (what joints and
-/// motors remember: history variables; none in a scene that remembers nothing). As one vector, x = (q, v, z).
+/// (of nodes [m/s], then of joints [rad/s, m/s], three for a ball in its body's axes), and internal variables z (history
+/// variables of joints, motors, rods and grippers; none in a scene without them). As one vector, x = (q, v, z).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// Coordinates.

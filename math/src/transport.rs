@@ -57,7 +57,7 @@ mod tests {
         let moved = carried(&a, &b, &d);
         assert_relative_eq!(moved.norm(), 1.0, epsilon = 1e-15);
         assert!(moved.dot(&b).abs() < 1e-15);
-        // what is along the common normal stays
+        // the part along the common normal stays
         let n = a.cross(&b).normalize();
         assert_relative_eq!(moved.dot(&n), d.dot(&n), epsilon = 1e-15);
         assert_relative_eq!(carried(&b, &a, &moved), d, epsilon = 1e-15);

@@ -21,7 +21,7 @@ pub fn bench(py: Python<'_>, scene_text: &str, work: &str, repeats: usize) -> Py
         if repeats == 0 || setup.u.is_empty() {
             return Err(input("nothing to time: repeats and the scene's number of steps must be positive"));
         }
-        // steps differ along a rollout: their mean is what a rollout costs, as a peer that is timed over many steps reports
+        // steps differ along a rollout: their mean is the cost of a rollout, as a peer that is timed over many steps reports
         let times = match work {
             "step" => return setup.steps(FORWARD, repeats, false).map(mean),
             "linearize" => return setup.steps(RECORDED, repeats, true).map(mean),

@@ -1,4 +1,4 @@
-//! How a rollout is simulated: the keyword arguments of `rollout` and `rollout_batch`.
+//! Options of a rollout: the keyword arguments of `rollout` and `rollout_batch`.
 
 use crate::errors;
 use pliant::{

@@ -19,9 +19,8 @@ pub fn fit(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
-    let options = DiagnoseOptions::default();
     study(py, scene_path, logs, threads, progress, |setup, logs, report| {
-        pliant::identify::fit_scene(setup, logs, &options, &mut |text| report(text)).map(|fit| serde_json::to_string(&fit))
+        pliant::identify::fit_scene(setup, logs, &mut |text| report(text)).map(|fit| serde_json::to_string(&fit))
     })
 }
 

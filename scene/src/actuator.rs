@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 /// `name.offset` and `name.gear`, as far as its kind has them, and `name.delta_scale`, `name.delay`, `name.lag` and
 /// `name.saturation[0..1]` if the keys are given.
 ///
-/// A command is held over each step. It goes through the controller (`delta_scale`), the delay and the lag; over a step the motor sees
-/// the mean of what comes out, so its impulse is exact.
+/// A command is held over each step. It goes through the controller (`delta_scale`), the delay and the lag; over a step the motor
+/// receives the mean of their output, so its impulse is exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Actuator {
@@ -16,7 +16,7 @@ pub struct Actuator {
     pub name: String,
     /// Name of the joint it drives.
     pub joint: String,
-    /// What it makes of its control.
+    /// Its kind: the law from control to torque.
     pub kind: ActuatorKind,
     /// Torque per unit of control [N·m] or [N]; torque drives.
     #[serde(default = "one")]
@@ -27,7 +27,7 @@ pub struct Actuator {
     /// Damping of the servo [N·m·s/rad] or [N·s/m]; position and velocity drives.
     #[serde(default)]
     pub damping: f64,
-    /// Torque added to what is commanded [N·m] or [N].
+    /// Torque added to the commanded one [N·m] or [N].
     #[serde(default)]
     pub offset: f64,
     /// Turns of the motor per turn of the joint [-]; torques grow by as much.
@@ -49,7 +49,7 @@ pub struct Actuator {
     /// Least and largest torque of the motor, before the gear [N·m] or [N].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<[f64; 2]>,
-    /// Command before the simulation: what target, delay and lag begin with, in the unit of the control [-]. If left out, a position
+    /// Command before the simulation, with which target, delay and lag begin, in the unit of the control [-]. If left out, a position
     /// drive was commanded to where the joint starts, and others nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<f64>,
@@ -88,7 +88,7 @@ impl Default for Actuator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ActuatorKind {
-    /// Control is a torque, in units of `gain`: gear · (gain · u + offset), what the gear turns within `saturation`.
+    /// Control is a torque, in units of `gain`: gear · (gain · u + offset), with the motor's side of the gear within `saturation`.
     Torque,
     /// Control is a position of the motor [rad] or [m]: gear · (stiffness · (u − gear · q) − damping · gear · v + offset).
     Position,

@@ -33,7 +33,7 @@ pub struct Body {
     /// Its joints, one after the other; none if it is fixed to its parent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<Joint>,
-    /// What it touches others with; a body without shapes goes through everything.
+    /// Its collision shapes; a body without shapes goes through everything.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shape: Vec<BodyShape>,
 }
@@ -67,7 +67,7 @@ impl Default for Body {
 pub struct Joint {
     /// Name, unique in the scene, used in parameter paths.
     pub name: String,
-    /// What it lets the body do.
+    /// Its kind: the motion that it allows the body.
     pub kind: JointKind,
     /// Axis in the body's frame [-], of any length; for revolute, prismatic and universal joints.
     #[serde(default = "upwards")]
@@ -102,10 +102,10 @@ pub struct Joint {
     /// axis of its rotation vector.
     #[serde(rename = "yield", skip_serializing_if = "Option::is_none")]
     pub yield_at: Option<f64>,
-    /// How far the joint has crept at the start [rad] or [m], one number per degree of freedom: it is at rest at rest + plastic_start.
+    /// Plastic deflection of the joint at the start [rad] or [m], one number per degree of freedom: it is at rest at rest + plastic_start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plastic_start: Vec<f64>,
-    /// Part of the weight beyond the joint that its motor carries [-]: its torque is this times what would hold the scene's arm still.
+    /// Part of the weight beyond the joint that its motor carries [-]: its torque is this times the one that would hold the scene's arm still.
     /// 1 at every joint holds an arm wherever it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_compensation: Option<f64>,
@@ -122,7 +122,7 @@ pub struct Joint {
     /// last step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_friction: Option<f64>,
-    /// What holds a joint at rest beyond its dry friction [N·m] or [N]; it fades with speed as exp(−(v/stribeck_velocity)²).
+    /// Friction that holds a joint at rest beyond its dry friction [N·m] or [N]; it fades with speed as exp(−(v/stribeck_velocity)²).
     #[serde(default)]
     pub stiction: f64,
     /// Speed at which stiction has faded by e [rad/s] or [m/s].
@@ -230,14 +230,14 @@ impl JointKind {
     }
 }
 
-/// Two bodies held together beside their joints, or a body held to the world: what closes a kinematic loop. Its parameters are
+/// Two bodies held together beside their joints, or a body held to the world: closes a kinematic loop. Its parameters are
 /// `name.first[0..2]`, `name.second[0..2]` and, if it is given, `name.compliance`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Closure {
     /// Name, unique in the scene, used in parameter paths.
     pub name: String,
-    /// What it holds.
+    /// Its kind: the relation that it holds.
     pub kind: ClosureKind,
     /// A body.
     pub body: String,
@@ -250,7 +250,7 @@ pub struct Closure {
     /// The point it is held at, in the other's frame [m]; where the first one is as the scene begins, if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_point: Option<[f64; 3]>,
-    /// How far it gives way [m/N], and a weld's turn [rad/(N·m)]; as little as contact if left out.
+    /// Its compliance [m/N], and that of a weld's turn [rad/(N·m)]; as small as that of contact if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compliance: Option<f64>,
 }

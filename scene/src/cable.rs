@@ -81,7 +81,7 @@ impl Default for Cable {
 /// A scene of a cable, clips, and a floor at that height [m] if there is one; Euler steps of 1/240 s, and a rest gap of 1 µm.
 ///
 /// # Errors
-/// Numbers that make no sense: where, what, the likely cause and the fix.
+/// A wrong number: place, mistake, likely cause and fix.
 pub fn cable_scene(cable: &Cable, clips: &[Clip], floor: Option<f64>) -> Result<Scene, SceneError> {
     let body = cable.bodies()?;
     let mut block = Vec::new();
@@ -89,7 +89,7 @@ pub fn cable_scene(cable: &Cable, clips: &[Clip], floor: Option<f64>) -> Result<
         block.extend(clip.boxes(&format!("clip[{k}]"))?);
     }
     let plane = floor.map(|height| Plane { name: "floor".to_owned(), height, friction: cable.friction, ..Plane::default() });
-    // a clamped end stands in what holds it
+    // a clamped end reaches into its clamp
     let walls = block.iter().map(|b: &Block| &b.name).chain(plane.iter().map(|p: &Plane| &p.name));
     let ignored = |other: &String| ContactRule {
         between: [format!("{}_0", cable.name), other.clone()],
@@ -115,7 +115,7 @@ impl Cable {
         1200.0 * PI * radius * radius
     }
 
-    /// What it is, in a line.
+    /// Description in a line.
     pub fn summary(&self) -> String {
         let held = if self.clamped { "clamped at its first end" } else { "free" };
         format!("A cable of {} links, {} m long, {} m thick, {held}.", self.links, self.length, 2.0 * self.radius)
@@ -158,7 +158,7 @@ impl Cable {
         Ok((0..self.links).map(link).collect())
     }
 
-    /// What holds the first link.
+    /// Joints of the first link.
     fn base(&self) -> Vec<Joint> {
         match self.clamped {
             true => self.joints(0, 0.5 * self.link()),

@@ -70,7 +70,7 @@ pub struct Cloth {
     /// Distance at which nodes touch [m]; half the thickness without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
-    /// What of it touches fixed shapes.
+    /// Parts of it that touch fixed shapes.
     #[serde(default, skip_serializing_if = "Touching::is_nodes")]
     pub contact: Touching,
     /// The file of `mesh`, read.
@@ -183,7 +183,7 @@ impl Default for Grid {
     }
 }
 
-/// How the cells of a grid are cut into triangles.
+/// Diagonals that cut the cells of a grid into triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Diagonal {

@@ -12,7 +12,7 @@ use pliant_math::dihedral::fold;
 const STRAIN: std::ops::RangeInclusive<f64> = 0.1..=1.5;
 /// Sharpest fold at which a sheet may start, 2 tan(θ/2): as a rope's, whose cosine is −0.999.
 const SHARPEST: f64 = 89.0;
-/// How far from square the axes of a grid may be (a cosine): what is left of axes written with six digits.
+/// Largest cosine of the angle between the axes of a grid [-]: rounding of axes written with six digits.
 const SQUARE: f64 = 1e-5;
 
 /// Positions of the nodes of a sheet [m]; `c` is its number in the scene.
@@ -54,7 +54,7 @@ fn axes(cloth: &Cloth, at: &dyn Fn(&str) -> String) -> Result<[V3; 2], SceneErro
     Ok(out)
 }
 
-/// Refuses edges far from their rest length, and folds without radius: (node, what is wrong).
+/// Refuses edges far from their rest length, and folds without radius: (node, mistake).
 fn possible(points: &[V3], rest: &Mesh) -> Result<(), (usize, ClothMistake)> {
     for (triangle, beyond) in rest.triangles.iter().zip(&rest.beyond) {
         for k in 0..3 {

@@ -22,7 +22,7 @@ pub struct Coupling {
     /// Coordinate of the leading joint where its powers are zero [rad] or [m].
     #[serde(default)]
     pub reference: f64,
-    /// How far the following joint gives way [rad/(N·m)] or [m/N]; as little as a stop if left out.
+    /// Compliance of the following joint [rad/(N·m)] or [m/N]; as small as that of a stop if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compliance: Option<f64>,
 }

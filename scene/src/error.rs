@@ -174,7 +174,7 @@ pub enum Mistake {
     /// Times of a schedule that do not rise.
     #[error("is at {} s, not after the entry before it, at {} s", Num(*.time), Num(*.before))]
     NotLater { time: f64, before: f64 },
-    /// Something about turning of what cannot be turned.
+    /// A rotation of something that has none.
     #[error("{what} cannot be turned about itself")]
     NothingToTurn { what: String },
     /// A rod's table at a rope.
@@ -192,7 +192,7 @@ pub enum Mistake {
     /// Two commands for one node.
     #[error("node {node} of rope \"{rope}\" is already held by gripper \"{other}\"")]
     HeldTwice { rope: String, node: usize, other: String, own: bool },
-    /// An equilibrium of what nothing holds.
+    /// An equilibrium of something that nothing holds.
     #[error("nothing holds {what} \"{name}\", so it has no equilibrium: the matrix of statics is singular")]
     Unheld { what: &'static str, name: String },
     /// An equilibrium of a rope of any length.

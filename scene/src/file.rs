@@ -1,4 +1,4 @@
-//! The scene file: what its top level holds, and everything in it that is not an object.
+//! The scene file: its top level, and its tables that are not objects.
 
 use super::actuator::Actuator;
 use super::body::{Body, Closure};
@@ -71,7 +71,7 @@ pub struct Scene<X = Nothing> {
     /// Newton and linear algebra.
     #[serde(default)]
     pub solver: Solver,
-    /// What was measured and how; read by `fit` and `diagnose` only.
+    /// Measurements and sensors; read by `fit` and `diagnose` only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub experiment: Option<X>,
 }
@@ -119,7 +119,7 @@ impl<X> Scene<X> {
     }
 }
 
-/// A scene without objects: what is left out of a struct literal (`..Scene::default()`).
+/// A scene without objects, for struct literals (`..Scene::default()`).
 impl<X> Default for Scene<X> {
     fn default() -> Self {
         Self {
@@ -233,7 +233,7 @@ pub struct Contact {
     pub law: Law,
     /// Gap at which a resting node hovers [m]; κ = rest_gap · mass · gravity. (A body hovers at about that.)
     pub rest_gap: f64,
-    /// What is special between two objects.
+    /// Rules for pairs of objects.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pair: Vec<ContactRule>,
 }
@@ -265,7 +265,7 @@ pub struct Solver {
     pub tolerance: f64,
     /// Newton iterations before a step is retried.
     pub max_iterations: usize,
-    /// How often a failed step may be halved.
+    /// Most halvings of a failed step.
     pub max_halvings: usize,
 }
 

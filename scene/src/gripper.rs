@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A clamp that drives nodes of a rope or of a sheet of cloth, or a point that grasps what it is near. Its parameters are
+/// A clamp that drives nodes of a rope or of a sheet of cloth, or a point that grasps the nearest point within reach. Its parameters are
 /// `name.offset[0..2]`; of one that grasps also `name.stiffness`, `radius`, `steepness`, `closing_time`, `smoothing`, `tail`, `tail_reach`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -16,7 +16,7 @@ pub struct Gripper {
     /// Name of the sheet of cloth it holds, by nodes, or may grasp. Either this or `rope`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloth: Option<String>,
-    /// What of it the gripper holds.
+    /// The part of it that the gripper holds.
     #[serde(flatten)]
     pub clamp: Clamp,
     /// Driven by positions or by velocities.
@@ -35,7 +35,7 @@ pub struct Gripper {
     /// By how much it grows with the place of the edge's first node: b·(x − x₀), x₀ its place as the scene begins [rad/m].
     #[serde(default)]
     pub roll_by_position: [f64; 3],
-    /// Rate at which it turns what it holds of a rope that twists about the rope's direction, in `simulate` and `gradcheck` [rad/s].
+    /// Rate at which it turns the held part of a rope with a twist about the rope's direction, in `simulate` and `gradcheck` [rad/s].
     #[serde(default)]
     pub spin: f64,
     /// Motion in `simulate` and `gradcheck`; logs override it.
@@ -61,7 +61,7 @@ impl Default for Gripper {
     }
 }
 
-/// What a gripper holds.
+/// Part of a rope or sheet that a gripper holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Clamp {
@@ -69,7 +69,7 @@ pub enum Clamp {
     Nodes(Vec<i64>),
     /// The end edge: position and direction.
     End(End),
-    /// Whatever point is near when it closes.
+    /// The point nearest to it when it closes, if that is within reach.
     Grasp(Grasp),
 }
 
@@ -85,9 +85,9 @@ pub struct Grasp {
     pub radius: f64,
     /// Stiffness of the spring, fully closed [N/m].
     pub stiffness: f64,
-    /// How sharply it closes around c = 1/2 [-].
+    /// Steepness of the closing around c = 1/2 [-].
     pub steepness: f64,
-    /// Time constant with which what is seized is drawn to the point [s]; 0 for at once.
+    /// Time constant with which the seized point is drawn to the gripper's [s]; 0 for at once.
     pub closing_time: f64,
     /// Width of the reach in smoothed steps, for surrogate gradients [m].
     pub smoothing: f64,
@@ -160,7 +160,7 @@ pub enum End {
     Last,
 }
 
-/// How a gripper is driven.
+/// Commands that drive a gripper.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {

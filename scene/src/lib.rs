@@ -1,9 +1,9 @@
-//! Scene files: what a scene is, reading it, and refusing what makes no sense.
+//! Scene files: schema, reading and validation.
 //!
 //! ```text
 //! text ── keys against the JSON Schema ── serde ── check ── Scene ── initial_state, control_rows
 //! ```
-//! Every error says where (file, line, field), what, the likely cause and the fix.
+//! Every error names the place (file, line, field), the mistake, the likely cause and the fix.
 //!
 //! ```
 //! use pliant_scene::{Nothing, parse_scene};

@@ -3,7 +3,7 @@
 //! ```text
 //! EA = E π r²,   EI = E π r⁴/4,   GJ = G π r⁴/2,   ρA = ρ π r²,   ρI_p = ρ π r⁴/2,   G = E/(2 (1 + ν))
 //! ```
-//! A scene that is read has the stiffnesses instead: they are the parameters in θ, and what is fitted and written.
+//! A scene that is read has the stiffnesses instead: they are the parameters in θ, and are fitted and written.
 
 use super::error::{Mistake, SceneError};
 use super::file::Scene;
@@ -73,7 +73,7 @@ pub(super) fn compare(table: &Spanned<DeTable>, source: &Source) -> Result<(), S
     Ok(())
 }
 
-/// The table in the rope, or key of it, that is wrong, and what is.
+/// The wrong table of the rope, or key of it, and the mistake.
 type Wrong = (Option<&'static str>, Mistake);
 
 fn one_rope(rope: &DeTable) -> Result<(), Wrong> {
@@ -188,7 +188,7 @@ mod tests {
         // ρ π r⁴/2
         assert_relative_eq!(rope.twist_inertia().unwrap(), 1.225_221_134_900_019e-8, max_relative = 1e-13);
         assert!(rope.youngs_modulus.is_none() && rope.density.is_none());
-        // what was read is read again as it was written
+        // the scene read and written is read again the same
         let again = read(&toml::to_string(&scene).unwrap()).unwrap();
         assert_eq!(again, scene);
     }

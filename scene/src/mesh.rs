@@ -1,4 +1,4 @@
-//! Triangles of a sheet: refusing what no sheet can be, and who is whose neighbour.
+//! Triangles of a sheet: checks of the mesh, and neighbours.
 
 use super::cloth_error::ClothMistake;
 use super::error::{Mistake, SceneError};
@@ -36,7 +36,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Checks the triangles and turns them so that neighbours see the same side; `field` is what errors name.
+    /// Checks the triangles and turns them so that neighbours see the same side; `field` is its name in errors.
     pub fn new(raw: &Raw, field: &str) -> Result<Self, SceneError> {
         let at_face = |t: usize, mistake| refused(raw, raw.face_lines.get(t), field, mistake);
         if raw.faces.is_empty() {

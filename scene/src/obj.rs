@@ -8,7 +8,7 @@ use super::source::Source;
 use super::vector::{V3, norm, sub};
 use std::path::Path;
 
-/// Reads a file; `field` is what errors name beside file and line.
+/// Reads a file; `field` is its name in errors, beside file and line.
 pub(super) fn read(path: &Path, field: &str) -> Result<Raw, SceneError> {
     let source = Source::read(path).map_err(|e| SceneError { place: Place { field: field.to_owned(), ..e.place }, ..e })?;
     parse(&source, field)

@@ -22,7 +22,7 @@ pub fn read_scene<X: DeserializeOwned + JsonSchema>(path: impl AsRef<Path>) -> R
     parse_source(&Source::read(path.as_ref())?)
 }
 
-/// Reads a scene from a text; `file_name` is what errors call it.
+/// Reads a scene from a text; `file_name` is its name in errors.
 pub fn parse_scene<X: DeserializeOwned + JsonSchema>(text: &str, file_name: &str) -> Result<Scene<X>, SceneError> {
     parse_source(&Source::new(file_name, text))
 }

@@ -1,4 +1,4 @@
-//! The same scene with every edge halved: what a finer rope would do.
+//! The same scene with every edge halved, for mesh convergence.
 
 use super::file::Scene;
 use super::gripper::{Clamp, Mode};

@@ -62,13 +62,13 @@ pub struct Rope {
     /// Radius [m]; used by contact, and by a material's stiffnesses and mass.
     #[serde(default)]
     pub radius: f64,
-    /// What of it touches fixed shapes.
+    /// Parts of it that touch fixed shapes.
     #[serde(default, skip_serializing_if = "Touching::is_nodes")]
     pub contact: Touching,
     /// Masses added at nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub node_mass: Vec<NodeMass>,
-    /// What makes it a rod: twisting, and bending that knows directions. Without it a rope has no sense of turning about itself.
+    /// Makes it a rod, which twists and whose bending may be anisotropic. Without it a rope has no rotation about its own tangent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twist: Option<Twist>,
     /// Part of a rod's stiffness relaxes; of a rope with a `twist`.
@@ -163,7 +163,7 @@ impl Rope {
     }
 }
 
-/// What of a rope or a sheet touches fixed spheres, capsules and boxes. (Planes and cylinders are touched by nodes either way.)
+/// Parts of a rope or a sheet that touch fixed spheres, capsules and boxes. (Planes and cylinders are touched by nodes either way.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Touching {
@@ -191,7 +191,7 @@ pub struct NodeMass {
     pub mass: f64,
 }
 
-/// Twisting of a rod, and what its section and its rest shape are beside round and straight. Its material axes turn about its edges
+/// Twist of a rod, and its section and rest shape where they are not round and straight. Its material axes turn about its edges
 /// with the twist; the first one is `director` at the first edge as the scene begins.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -227,7 +227,7 @@ pub struct Twist {
     /// it does not come out even, the ends are joined turned against each other.
     #[serde(default)]
     pub initial: f64,
-    /// What is different where the edges meet at single nodes.
+    /// Sections at single nodes that differ from the rest.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<JointSection>,
 }
@@ -274,8 +274,8 @@ impl Default for Twist {
     }
 }
 
-/// A Maxwell element beside a rod's elasticity: what bends or twists it fast meets (1 + fraction) times the stiffnesses that the rope
-/// and its twist give, which are those of long times. It has relaxed in the initial shape.
+/// A Maxwell element beside a rod's elasticity: in fast bending or twisting the stiffnesses are (1 + fraction) times those of the rope
+/// and its twist, which are those of long times. It has relaxed in the initial shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Creep {
@@ -294,7 +294,7 @@ pub struct Creep {
 pub struct Plasticity {
     /// Elastic curvature above which it flows [1/m].
     pub yield_curvature: f64,
-    /// Time in which what is beyond relaxes by 1/e [s]: much shorter than the motion's, it is perfect plasticity.
+    /// Time in which the excess over it relaxes by 1/e [s]: if much shorter than the motion's, plasticity is perfect.
     pub time: f64,
 }
 
@@ -372,7 +372,7 @@ impl Default for Initial {
     }
 }
 
-/// How a rope starts.
+/// Initial state of a rope.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Start {

@@ -116,7 +116,7 @@ pub(super) fn upright() -> [f64; 4] {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyShape {
-    /// What it is.
+    /// Its kind.
     pub kind: ShapeKind,
     /// Its middle in the body's frame [m].
     #[serde(default)]
@@ -152,7 +152,7 @@ pub enum ShapeKind {
     Box,
 }
 
-/// What is special between two objects that may touch. Its parameters are `contact.pair[k].friction` and `contact.pair[k].compliance`,
+/// Rule for two objects that may touch. Its parameters are `contact.pair[k].friction` and `contact.pair[k].compliance`,
 /// as far as they are given.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -165,7 +165,7 @@ pub struct ContactRule {
     /// Friction coefficient between them [-], instead of their own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
-    /// How far they give way under a newton at each point that touches [m/N]. For bodies only.
+    /// Compliance of each contact point between them [m/N]. For bodies only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compliance: Option<f64>,
 }

@@ -1,31 +1,18 @@
-//! Guessing what was meant: the nearest known word, the number in a text with a unit.
+//! Guesses for messages: the nearest known word, the number in a text with a unit.
 
-/// The known word nearest to `word`, if it is near enough to be a typing error.
+use pliant_math::params::edit_distance;
+
+/// The known word nearest to `word`, if it is near enough to be a typing error; capitals do not count.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = word.chars().count();
     // a word with every letter replaced is another word
     let limit = ((letters / 3).max(1) + 1).min(letters.saturating_sub(1));
-    let near = known.into_iter().map(|candidate| (distance(word, candidate), candidate));
+    let lower = word.to_lowercase();
+    let near = known.into_iter().map(|candidate| (edit_distance(&lower, &candidate.to_lowercase()), candidate));
     let prefix = |candidate: &str| candidate.chars().zip(word.chars()).take_while(|(a, b)| a == b).count();
     // Among equally near words the one with the longer common beginning.
     let best = near.filter(|(d, _)| *d <= limit).min_by_key(|(d, candidate)| (*d, usize::MAX - prefix(candidate)));
     best.map(|(_, candidate)| candidate)
-}
-
-/// Insertions, deletions and replacements that turn `a` into `b` (Levenshtein 1966), capitals ignored.
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.to_lowercase().chars().collect(), b.to_lowercase().chars().collect());
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 /// `` `a`, `b`, `c` ``
@@ -98,12 +85,6 @@ mod tests {
         assert_eq!(nearest("m_y", ["a_y", "m_yy", "m_zz"]), Some("m_yy"));
         assert_eq!(nearest("color", ["length", "radius"]), None);
         assert_eq!((nearest("kg", ["m", "cm", "mm"]), nearest("MM", ["m", "cm", "mm"])), (None, Some("mm")));
-    }
-
-    #[test]
-    fn distances() {
-        assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("", "abc"), 3);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! A scene of bodies as a TOML file: what differs from the defaults, and the numbers in full.
+//! A scene of bodies as a TOML file: values that differ from the defaults, numbers in full.
 
 use super::{
     Actuator, ActuatorKind, Body, BodyShape, Closure, ClosureKind, Cloth, Command, Contact, ContactRule, Coupling, Diagonal,

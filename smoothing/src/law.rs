@@ -4,7 +4,7 @@ use pliant_math::Real;
 use std::fmt;
 use std::str::FromStr;
 
-/// How the sliding velocity enters the normal direction of the cone, s₀ = v_n + ς.
+/// Term ς by which the sliding velocity enters the normal direction of the cone, s₀ = v_n + ς.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ContactLaw {
     /// Coulomb's law after de Saxcé: ς = |s̄|²/s₀, which tends to μ|v_t| where the contact slides and is smooth at v_t = 0.

@@ -1,4 +1,4 @@
-//! The smoothed natural residual of a contact and its derivatives: what a Newton iteration sees.
+//! The smoothed natural residual of a contact and its derivatives, as a Newton iteration uses them.
 
 use crate::{ContactLaw, normal_slack, slack};
 use nalgebra::{Matrix4, Matrix4x3, Vector4};

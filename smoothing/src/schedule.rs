@@ -1,4 +1,4 @@
-//! How κ falls while something is solved or optimised: large κ gives gradients that reach contacts not yet made.
+//! Schedules of κ during a solve or an optimization: large κ gives gradients that reach contacts not yet made.
 
 use thiserror::Error;
 

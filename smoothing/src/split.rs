@@ -100,7 +100,7 @@ fn root(f: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64, start: f64, [mut bel
 }
 
 /// The split residual F(w) [N·s] for any scalar: zero exactly where Coulomb's smoothed law holds. Arguments and units as those of
-/// [`SplitPoint`] and [`crate::residual`]; `v_n` without what the contact's compliance adds.
+/// [`SplitPoint`] and [`crate::residual`]; `v_n` without the term of the contact's compliance.
 #[allow(clippy::too_many_arguments)] // the numbers of a law, each with a derivative of its own
 pub fn split_residual<S: Real>(
     mu: S,

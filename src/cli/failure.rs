@@ -1,4 +1,4 @@
-//! Why a command failed: where, what, the likely cause, the fix; and its exit code.
+//! Failures of a command: place, mistake, likely cause and fix; and its exit code.
 
 use pliant::identify::IdentifyError;
 use pliant::identify::log::LogError;

@@ -3,8 +3,8 @@
 use super::failure::Failure;
 use super::progress::Progress;
 use super::{print, threads};
+use pliant::identify::fit_scene;
 use pliant::identify::log::Setup;
-use pliant::identify::{DiagnoseOptions, fit_scene};
 use std::path::PathBuf;
 
 /// Paths of free parameters, for the help.
@@ -35,8 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let logs = setup.read_logs(&arguments.logs)?;
     let report = {
         let mut progress = Progress::start();
-        fit_scene(&setup, &logs, &DiagnoseOptions::default(), &mut |what| progress.tell(what))
-            .map_err(|error| Failure::identify(&arguments.scene, error))?
+        fit_scene(&setup, &logs, &mut |what| progress.tell(what)).map_err(|error| Failure::identify(&arguments.scene, error))?
     };
     if arguments.json {
         print::json(&report)?;

@@ -1,4 +1,4 @@
-//! From a run to what is drawn.
+//! From a run to its picture.
 
 use super::numbers::{Numbers, Slice};
 use super::picture::{Bone, Drawn, Mesh, Picture, Rope, Scale, left_out};
@@ -32,7 +32,7 @@ fn twisting(model: &Model, rope: &RopeSpan) -> Vec<usize> {
     edges.filter(|(_, edge)| edge.nodes.iter().all(|node| rope.nodes.contains(node))).map(|(k, _)| k).collect()
 }
 
-/// How many numbers a frame takes.
+/// Numbers that a frame takes.
 pub(super) fn numbers_per_frame(model: &Model) -> usize {
     let ropes: usize = model.ropes().iter().map(|rope| 4 * (rope.fractions.len() + 1)).sum();
     let surfaces: usize = surfaces(model).iter().map(|(_, nodes, _)| 3 * nodes.len()).sum();
@@ -64,7 +64,7 @@ fn energy(run: &Run, x: &State) -> f64 {
     run.model.kinetic_energy(&x.q, &x.v, run.theta) + run.model.potential_energy(&x.q, &x.z, run.theta)
 }
 
-/// The middle of what moves, as it begins \[m\].
+/// The middle of the moving objects at the start \[m\].
 fn center(model: &Model, state: &State) -> [f64; 3] {
     let nodes = model.ropes().iter().map(|rope| rope.nodes.clone()).chain(surfaces(model).into_iter().map(|s| s.1)).flatten();
     let nodes = nodes.map(|i| [state.q[3 * i], state.q[3 * i + 1], state.q[3 * i + 2]]);

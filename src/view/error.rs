@@ -1,6 +1,6 @@
 //! Why a page cannot be made.
 
-/// Why a page cannot be made: what, the likely cause, the fix.
+/// Errors of making a page: mistake, likely cause and fix.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
     /// There is nothing to show.

@@ -11,7 +11,7 @@ pub(super) struct Numbers(Vec<f32>);
 pub(super) struct Slice {
     /// First number.
     offset: usize,
-    /// How many.
+    /// Its length.
     length: usize,
 }
 

@@ -1,4 +1,4 @@
-//! The header of a page: what is drawn, and where its numbers stand.
+//! The header of a page: the drawn objects, and the places of their numbers.
 //!
 //! Arrays over time have one row per frame: `positions` [frames × nodes × 3] and `poses` [frames × bodies × 7] in m and relative to
 //! `center`, quaternions (w, x, y, z); `director` [frames × edges × 3], a unit vector across each edge.
@@ -7,7 +7,7 @@ use super::Caption;
 use super::numbers::Slice;
 use serde::Serialize;
 
-/// Version of the header and of what it means.
+/// Version of the header and of its meaning.
 const SCHEMA_VERSION: u32 = 1;
 
 /// Everything that is drawn.

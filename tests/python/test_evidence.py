@@ -30,8 +30,9 @@ def test_the_page_shows_the_records():
     assert page.split(page.PAGE.read_text(encoding="utf-8"))[1] == page.table()
 
 
-def test_outcomes_of_random_scenes_add_up():
-    record = evidence.read("random_scenes")
+@pytest.mark.parametrize("name", ["random_scenes", "random_bodies"])
+def test_outcomes_of_random_scenes_add_up(name):
+    record = evidence.read(name)
     figures = record["figures"]
     counts = figures["counts"]
     assert tuple(counts) == robustness.ENDS
@@ -39,7 +40,8 @@ def test_outcomes_of_random_scenes_add_up():
     for end in set(counts) - {"good"}:
         assert counts[end] == sum(bad["end"] == end for bad in figures["bad"])
     seeds = [bad["seed"] for bad in figures["bad"]]
-    assert len(set(seeds)) == len(seeds) and 0 <= min(seeds) and max(seeds) < figures["scenes"]
+    first = record["seeds"]["first"]
+    assert len(set(seeds)) == len(seeds) and first <= min(seeds) and max(seeds) < first + figures["scenes"]
 
 
 def test_documents_quote_the_random_scenes():

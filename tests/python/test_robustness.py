@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from validation import robustness
+from validation.random_bodies import random_bodies
 from validation.random_scenes import random_scene
 
 pliant = pytest.importorskip("pliant")
@@ -27,11 +28,23 @@ def test_forty_random_scenes_end_or_say_why_not():
     assert len(bad) <= 8, bad
 
 
+def test_sixty_random_scenes_of_bodies_end_or_say_why_not():
+    outcomes = robustness.sweep(range(7000, 7060), jobs=2, make=random_bodies)
+    silent = [o for o in outcomes if o.end not in {"good", "stopped"}]
+    assert not silent, silent
+    bad = [o for o in outcomes if o.end != "good"]
+    assert all(re.search(r"step \d+: ", o.message) for o in bad), bad
+    assert len(bad) <= 6, bad
+
+
 def test_scenes_are_the_same_for_the_same_seed_and_of_all_kinds():
     some = [random_scene(seed) for seed in range(60)]
     assert [s.text for s in some] == [random_scene(s.seed).text for s in some]
     assert {s.kind for s in some} == {"rope", "rod", "sheet", "chain"}
     assert any(s.moves for s in some) and any("on a box" in s.what for s in some)
+    bodies = [random_bodies(seed) for seed in range(60)]
+    assert [s.text for s in bodies] == [random_bodies(s.seed).text for s in bodies]
+    assert {s.kind for s in bodies} == {"pile", "stack", "impact"}
 
 
 LIFTED = """

@@ -60,7 +60,7 @@ fn cables() {
     assert_refused(&pliant(&["cable", "--links", "100"]), &["cable.links: 100 links are 0.00375 m long", "fewer links"]);
 }
 
-/// What joints and motors remember stands in trajectories under its names.
+/// Trajectories hold the history variables of joints and motors under their names.
 #[test]
 fn trajectories_have_internal_variables() {
     let folder = tempfile::tempdir().unwrap();

@@ -23,12 +23,12 @@ const LAYERS: [(&str, &str, &[&str]); 10] = [
 ];
 
 /// The modules of each crate from the bottom up: source folder, and its top-level modules, each of which may use those before it. `lib`
-/// stands for what `lib.rs` itself defines.
+/// stands for the items of `lib.rs` itself.
 const MODULES: [(&str, &str); 8] = [
     ("math/src", "lib input params simd state dihedral spatial inertia rotation transport"),
     (
         "linalg/src",
-        "lib buffer error layout matrix pivot band method panel prescribed dense multifrontal symbolic factor \
+        "lib constants buffer error layout matrix pivot band method panel prescribed dense multifrontal symbolic factor \
          products square coupling system",
     ),
     ("smoothing/src", "lib bounded schedule law natural split"),
@@ -39,13 +39,13 @@ const MODULES: [(&str, &str); 8] = [
          schema read refine write",
     ),
     ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout"),
-    ("import/src", "element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
+    ("import/src", "constants element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
     (
         "adjoint/src",
         "lib seeds implicit stage step linearization inverse tangent linearize rollout \
          equilibrium gradcheck surrogate",
     ),
-    ("identify/src", "lib sensor stats unknown number log error shoot causes fit audit diagnose report"),
+    ("identify/src", "lib sensor stats unknown number log error shooting causes fit audit diagnose report"),
 ];
 
 fn root() -> &'static Path {
@@ -101,7 +101,7 @@ fn names(text: &str, word: &str) -> bool {
     })
 }
 
-/// Rust code without comments, and with empty strings: what is left names only what the compiler reads.
+/// Rust code without comments, and with empty strings: the rest names only items that the compiler reads.
 fn bare(text: &str) -> String {
     let (mut out, mut rest) = (String::new(), text);
     while let Some(c) = rest.chars().next() {
@@ -160,7 +160,7 @@ fn without_tests(mut code: String) -> (String, Vec<String>) {
     (code, modules)
 }
 
-/// First identifiers of what follows a path's `::`: one, or those of a group in braces.
+/// First identifiers behind a path's `::`: one, or those of a group in braces.
 fn first_names(after: &str) -> Vec<String> {
     let name = |text: &str| text.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let after = after.trim_start();
@@ -202,7 +202,7 @@ fn names_from_root(code: &str, depth: usize) -> Vec<String> {
     out
 }
 
-/// The modules that a crate's `lib.rs` takes the names from that it hands on, and what else it defines.
+/// The modules that a crate's `lib.rs` takes the names from that it re-exports, and its own items.
 fn root_names(lib: &str) -> (BTreeMap<String, String>, String) {
     let (mut from, mut own, mut rest) = (BTreeMap::new(), String::new(), lib);
     while let Some(at) = rest.find("use ") {

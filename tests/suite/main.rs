@@ -1,4 +1,4 @@
-//! The command, the page that shows a run, and what the sources of all crates must keep to.
+//! The command, the page that shows a run, and the rules for the sources of all crates.
 //!
 //! One binary for all files of this folder: linking is done once, and tests of different files run side by side.
 #![allow(clippy::unwrap_used, clippy::panic)]

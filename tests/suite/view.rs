@@ -21,7 +21,7 @@ fn simulated(scene: &str) -> Rollout {
     rollout(&case.model, case.model.params().values(), &case.x0, &case.controls, options).unwrap()
 }
 
-/// What the page's reader sees: the header, and the numbers.
+/// Contents of a page: the header, and the numbers.
 struct Read {
     header: Value,
     numbers: Vec<f32>,

@@ -219,7 +219,7 @@ class Oracle:
         return max(float(np.sum((b.T @ self.mismatch) ** 2)) for b in self.basis.values())
 
     def cosines(self, u: np.ndarray) -> dict[str, float]:
-        """ρ of a change with every cause, the best of those that are looked at with several settings."""
+        """ρ of a change with every cause, the best point of its nuisance grid where it has one."""
         out: dict[str, float] = {}
         size = max(float(np.linalg.norm(u)), 1e-300)
         for key, basis in self.basis.items():

@@ -70,7 +70,7 @@ def table() -> str:
     for name in records():
         record = read(name)
         commit = f"`{record['commit'][:7]}`" + (" and uncommitted changes" if record["dirty"] else "")
-        say = answer if name.startswith("diagnoses/") else scenes if name == "random_scenes" else batch
+        say = answer if name.startswith("diagnoses/") else scenes if name.startswith("random_") else batch
         result = say(record["figures"]).replace("|", "\\|")
         lines.append(f"| {name} | {commit} | {record['date'][:10]} | {record['processor_seconds']:.0f} s | {result} |")
     return "\n".join(lines) + "\n"

@@ -1,10 +1,11 @@
 //! Blocks of inputs and random directions in them.
 
+use super::constants::GRADCHECK;
 use super::{Inputs, Random};
 use crate::RolloutCotangent;
 use pliant_engine::model::Model;
 
-/// A direction in one block of inputs, scaled to the size of what it moves.
+/// A direction in one block of inputs, scaled to the size of the quantities that it moves.
 pub(crate) struct Block {
     pub name: String,
     pub size: usize,
@@ -64,14 +65,14 @@ pub(crate) fn all(model: &Model, inputs: &Inputs, random: &mut Random) -> Vec<Bl
         let mut block = Block::empty(name, model, inputs);
         block.size = range.len();
         block.x0[range].iter_mut().for_each(|d| *d = random.symmetric());
-        block.scale = if name == "x0.v" { 1e-1 } else { 1e-2 };
+        block.scale = if name == "x0.v" { GRADCHECK.of_velocities } else { GRADCHECK.of_coordinates };
         blocks.push(block);
     }
     if model.nu() > 0 && !inputs.u.is_empty() {
         let mut block = Block::empty("u", model, inputs);
         block.size = model.nu() * inputs.u.len();
         block.u.iter_mut().flatten().for_each(|d| *d = random.symmetric());
-        block.scale = 1e-2;
+        block.scale = GRADCHECK.of_coordinates;
         blocks.push(block);
     }
     let mut names: Vec<String> = Vec::new();

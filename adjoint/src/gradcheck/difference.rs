@@ -12,7 +12,7 @@
 //! fails a derivative only by more than it misses narrower estimates itself.
 
 use super::block::Block;
-use super::{BlockReport, DOT_TEST, FLOOR_FACTOR, JUDGING_FLOOR, RELATIVE_ERROR, SLOPE_TOLERANCE, Sample, Verdict};
+use super::{BlockReport, GRADCHECK, Sample, Verdict};
 use crate::AdjointError;
 
 /// Exponents k of the steps in the order in which they are taken: from the middle outward.
@@ -21,13 +21,6 @@ const ORDER: [i32; 13] = [-8, -7, -6, -9, -5, -10, -4, -11, -3, -12, -2, -13, -1
 const FIRST: i32 = -14;
 /// Ratio of neighbouring steps, √10.
 const RATIO: f64 = 3.162_277_660_168_379_5;
-/// Largest scale given to a block of zeros, in its SI unit: an input that hardly matters is not moved without limit.
-const ZERO_SCALE: f64 = 0.1;
-/// A derivative along which the block's whole scale moves L by less than this part of its terms is compared absolutely: what is left
-/// open by the tolerance of the steps' roots, 1e-13 of the terms, is more than [`RELATIVE_ERROR`] of it in the widest step.
-const INSIGNIFICANT: f64 = 1e-4;
-/// A remainder must exceed noise by this factor to be given a slope.
-const ABOVE_NOISE: f64 = 30.0;
 
 /// Samples at one step.
 struct Point {
@@ -67,7 +60,7 @@ impl Points {
         let without_linear = |fine: f64, coarse: f64| (RATIO * fine - coarse) / (RATIO - 1.0);
         let right = without_square(without_linear(a.forward, b.forward), without_linear(b.forward, c.forward));
         let uncertainty = (value - wider).abs().max((value - right).abs()).max(rounding / a.eps);
-        let clear = [a, b, c].iter().all(|p| p.remainder > ABOVE_NOISE * uncertainty * a.eps);
+        let clear = [a, b, c].iter().all(|p| p.remainder > GRADCHECK.above_noise * uncertainty * a.eps);
         let slope = clear.then(|| (c.remainder / a.remainder).ln() / (c.eps / a.eps).ln());
         Some(Estimate { value, uncertainty, eps: a.eps, slope })
     }
@@ -106,10 +99,11 @@ pub(crate) fn judge(
     sample: impl Fn(f64) -> Result<Sample, AdjointError>,
 ) -> BlockReport {
     let (by_vjp, size) = (derivative.by_vjp, derivative.size);
-    let scale = if block.scale > 0.0 { block.scale } else { (0.1 * base.parts / by_vjp.abs()).min(ZERO_SCALE) };
+    let scale =
+        if block.scale > 0.0 { block.scale } else { (GRADCHECK.moved * base.parts / by_vjp.abs()).min(GRADCHECK.of_zeros) };
     let one_sided = block.range.0 >= 0.0;
     let rounding = f64::EPSILON * base.parts;
-    let magnitude = |value: f64| by_vjp.abs().max(value.abs()).max(INSIGNIFICANT * base.parts / scale);
+    let magnitude = |value: f64| by_vjp.abs().max(value.abs()).max(GRADCHECK.insignificant * base.parts / scale);
     let error = |e: &Estimate| (by_vjp - e.value).abs() / magnitude(e.value);
     let floor = |e: &Estimate| e.uncertainty / magnitude(e.value);
 
@@ -133,18 +127,21 @@ pub(crate) fn judge(
             }
             points.0[(k - FIRST) as usize] = point;
             best = points.best(rounding);
-            if best.as_ref().is_some_and(|e| !exceeds(floor(e), JUDGING_FLOOR) && !exceeds(error(e), admissible(floor(e)))) {
+            if best
+                .as_ref()
+                .is_some_and(|e| !exceeds(floor(e), GRADCHECK.judging_floor) && !exceeds(error(e), admissible(floor(e))))
+            {
                 break;
             }
         }
     }
 
     // What an input does may cancel all but its last digits: a sliding ball's weight and inertia leave its mass a derivative of 1e-8.
-    // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of what cancels.
+    // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of terms that cancel.
     let last_digit = rounding / scale;
     let dot_test = if size == 0.0 { 0.0 } else { ((by_vjp - derivative.by_jvp).abs() - last_digit).max(0.0) / size };
-    let modes_disagree = exceeds(dot_test, DOT_TEST)
-        .then(|| format!("jvp and vjp disagree by {dot_test:.1e}, at most {DOT_TEST:.0e} is admissible"));
+    let modes_disagree = exceeds(dot_test, GRADCHECK.dot_test)
+        .then(|| format!("jvp and vjp disagree by {dot_test:.1e}, at most {:.0e} is admissible", GRADCHECK.dot_test));
     let (verdict, reason) = match (modes_disagree, by_differences(&points, best, floor, error)) {
         (Some(reason), _) => (Verdict::Fail, Some(reason)),
         (None, (Verdict::Fail, reason)) => match &best {
@@ -195,8 +192,8 @@ fn by_differences(
         return (Verdict::Inconclusive, Some(reason));
     };
     let (floor, error) = (floor(&best), error(&best));
-    if exceeds(floor, JUDGING_FLOOR) {
-        let reason = format!("differences agree among themselves to {floor:.0e}, which is above {JUDGING_FLOOR:.0e}");
+    if exceeds(floor, GRADCHECK.judging_floor) {
+        let reason = format!("differences agree among themselves to {floor:.0e}, which is above {:.0e}", GRADCHECK.judging_floor);
         return (Verdict::Inconclusive, Some(reason));
     }
     if exceeds(error, admissible(floor)) {
@@ -204,7 +201,7 @@ fn by_differences(
         let reason = format!("gradient and difference disagree by {error:.1e}, at most {most:.0e} is admissible");
         return (Verdict::Fail, Some(reason));
     }
-    match best.slope.filter(|slope| *slope <= 2.0 - SLOPE_TOLERANCE) {
+    match best.slope.filter(|slope| *slope <= 2.0 - GRADCHECK.slope) {
         Some(slope) => (Verdict::Fail, Some(format!("the Taylor slope is {slope:.2} instead of 2"))),
         None => (Verdict::Pass, None),
     }
@@ -212,7 +209,7 @@ fn by_differences(
 
 /// Largest admissible error against a difference with this floor.
 fn admissible(floor: f64) -> f64 {
-    RELATIVE_ERROR.max(FLOOR_FACTOR * floor)
+    GRADCHECK.relative_error.max(GRADCHECK.floor_factor * floor)
 }
 
 /// Whether `x` is above `most`, or no number.

@@ -10,13 +10,16 @@
 //!   flow, rods with friction to unload, delays passed a whole number of steps, or steps were halved differently, within a
 //!   difference. A difference with a switch judges nothing.
 //!
-//! The dot test is always judged. Where no difference is free of switches and certain to [`JUDGING_FLOOR`], the block is
+//! The dot test is always judged. Where no difference is free of switches and certain to 1e-6, the block is
 //! [`Verdict::Inconclusive`]: at a kink of the map, or where its smooth range lies below rounding.
 
 mod block;
+mod constants;
 mod difference;
 #[cfg(test)]
 mod verdicts;
+
+pub use constants::{GRADCHECK, GradcheckConstants};
 
 use crate::{AdjointError, rollout_jvp, rollout_vjp};
 use block::Block;
@@ -26,18 +29,6 @@ use pliant_engine::rollout::{Rollout, rollout};
 use pliant_engine::step::StepOptions;
 use pliant_math::State;
 use std::sync::Arc;
-
-/// Largest admissible relative error if the difference's floor is below a tenth of it.
-pub const RELATIVE_ERROR: f64 = 1e-7;
-/// Multiple of the difference's floor that is admissible otherwise.
-pub const FLOOR_FACTOR: f64 = 10.0;
-/// Largest floor of a difference that judges, so that no error above 1e-5 passes. Rounding leaves differences of rollouts through hard
-/// contact floors of 1e-8 to 1e-6; a term that a gradient lacks changes it by far more than 1e-5.
-pub const JUDGING_FLOOR: f64 = 1e-6;
-/// Admissible deviation of the Taylor slope from 2.
-pub const SLOPE_TOLERANCE: f64 = 0.1;
-/// Largest admissible relative disagreement of jvp and vjp.
-pub const DOT_TEST: f64 = 1e-11;
 
 /// Outcome of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -85,7 +76,7 @@ pub struct BlockReport {
 impl BlockReport {
     /// Whether jvp and vjp agree.
     pub fn modes_agree(&self) -> bool {
-        self.dot_test <= DOT_TEST
+        self.dot_test <= GRADCHECK.dot_test
     }
 }
 
@@ -127,10 +118,10 @@ pub(crate) struct Inputs {
     pub theta: Vec<f64>,
 }
 
-/// L and what happened on the way: modes of all contacts and halvings of all steps.
+/// L and the events on the way: modes of all contacts and halvings of all steps.
 pub(crate) struct Sample {
     pub value: f64,
-    /// Sum of the sizes of what L adds up.
+    /// Sum of the sizes of the terms of L.
     pub parts: f64,
     pub modes: Vec<u8>,
 }
@@ -214,7 +205,7 @@ fn summary(blocks: Vec<BlockReport>, retries: usize) -> Report {
     }
 }
 
-/// Sum of the sizes of the parts of ⟨∇L, d⟩: rounding is relative to the parts, not to what is left of them.
+/// Sum of the sizes of the parts of ⟨∇L, d⟩: rounding is relative to the parts, not to their sum.
 fn by_vjp_size(block: &Block, gradient: &crate::RolloutCotangent) -> f64 {
     abs_dot(&block.x0, &gradient.x0)
         + abs_dot(&block.theta, &gradient.theta)

@@ -51,7 +51,7 @@ fn by_tangents(case: &Case, record: &StepRecord) -> Linearization {
     Linearization { a: part(&columns[..nx]), b: part(&columns[nx..nx + nu]), c: part(&columns[nx + nu..]) }
 }
 
-/// Largest difference between rows, beside the largest of the row and what rounding a displacement or its rate leaves.
+/// Largest difference between rows, beside the largest of the row and the rounding of a displacement or its rate.
 fn farthest(case: &Case, h: f64, own: &[f64], other: &[f64]) -> f64 {
     let (n, rows) = (case.model.nv(), case.model.ndx());
     let columns = own.len() / rows;

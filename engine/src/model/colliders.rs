@@ -3,7 +3,7 @@
 use super::Model;
 use super::rules::{Rule, rule_of};
 use crate::constraints::{ColliderPair, Friction, WEIGHT};
-use crate::geometry::collider::{Attachment, Collider, ColliderShape, Place, candidates, contact_geometry, overlap};
+use crate::geometry::collider::{Attachment, Collider, ColliderShape, Place, candidates, contact_geometry, drop_hidden, overlap};
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
 use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE};
@@ -265,6 +265,7 @@ impl Model {
             let [a, b] = pair.colliders;
             found.clear();
             candidates(&placed[a], &placed[b], 0.0, &mut found);
+            drop_hidden(&placed[a], &placed[b], OVERLAP, &mut found);
             for (feature_pair, swapped) in &found {
                 let (a, b) = if *swapped { (b, a) } else { (a, b) };
                 // only points that lie in the other solid tell how deep it is

@@ -21,6 +21,9 @@ use pliant_math::spatial::{Force, Inertia};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BodyWorkspace {
     pub frames: Frames<f64>,
+    /// Where the bodies would be at the end of the stage if nothing changed their motion, and all coordinates there.
+    pub ahead: Frames<f64>,
+    pub q_ahead: Vec<f64>,
     pub partials: Partials,
     forces: Vec<Force<f64>>,
     t: Vec<f64>,
@@ -61,6 +64,22 @@ impl Stage<'_> {
         body.a.clear();
         body.a.resize(tree.nv(), 0.0);
         body.frames.evaluate_values(tree, &self.q_ref[n..], &self.v_ref[n..], &body.a, &Vec3::zeros());
+    }
+
+    /// Where everything would be at the end of the stage if nothing changed its motion but weight, and prescribed nodes at their command.
+    pub(super) fn frames_ahead(&self, ws: &mut Workspace) {
+        let (n, tree, body) = (self.model.n_node_dofs(), &self.model.tree, &mut ws.bodies);
+        body.q_ahead.clear();
+        body.q_ahead.extend_from_slice(self.q_ref);
+        for (k, &prescribed) in self.model.prescribed_rows.iter().enumerate() {
+            body.q_ahead[k] += self.h * if prescribed { self.v_cmd[k] } else { self.v_ref[k] };
+        }
+        tangent(self.h, [1.0, 0.0], &self.v_ref[n..], &self.v_ref[n..], &mut body.t);
+        tree.add(self.scheme.end, &self.q_ref[n..], &body.t, &mut body.q_ahead[n..]);
+        body.ahead.origin = body.frames.origin;
+        body.a.clear();
+        body.a.resize(tree.nv(), 0.0);
+        body.ahead.evaluate_values(tree, &body.q_ahead[n..], &self.v_ref[n..], &body.a, &Vec3::zeros());
     }
 
     /// Adds what armatures, damping and stiffness of the joints are beside inertia to the row-major matrix `out` of the degrees of

@@ -49,6 +49,15 @@ impl StageRecord {
         pull_inertia(model, theta, &frames, &lambda[n..], &mut |param, value| pull(Input::Theta(param), value));
     }
 
+    /// Frames where the stage begins, without accelerations, about the same origin as where it is evaluated.
+    pub(super) fn frames_at_start(&self, model: &Model) -> Frames<f64> {
+        let (n, tree) = (model.n_node_dofs(), &model.tree);
+        let (q, v) = (&self.start.q_ref[n..], &self.start.v_ref[n..]);
+        let mut frames = Frames::about(tree.origin(q));
+        frames.evaluate_values(tree, q, v, &vec![0.0; tree.nv()], &Vec3::zeros());
+        frames
+    }
+
     /// All but inertia and gravity; gives the frames, if there are bodies.
     fn visit_beside_inertia(
         &self,

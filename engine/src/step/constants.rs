@@ -2,8 +2,6 @@
 //! have settled. Units and reasons; unless a source is named they were set on the scenes of the tests.
 /// See the module; one value, [`STEP`].
 pub(crate) struct StepConstants {
-    /// Substeps longer than this part of the step are refused if they create energy [-]: it falls with the square of their length.
-    pub shortest_checked: f64,
     /// Bound of a step's work, over what it takes if all its shortest substeps take all their iterations [-].
     pub attempts: usize,
     /// Most halvings that this bound counts.
@@ -25,10 +23,6 @@ pub(crate) struct StepConstants {
     pub created_together: f64,
     /// Part of a step in which history variables relax [-]: as good as none, but it is divided by.
     pub at_once: f64,
-    /// Most sweeps of projected Gauss–Seidel over all contacts.
-    pub sweeps: usize,
-    /// Change of the impulses in a sweep, relative to the largest, that ends it [-].
-    pub swept: f64,
     /// Relative change below which an impulse of a joint has settled [-].
     pub settled_joint: f64,
     /// Relative change below which an eigenvalue of a cone variable has settled [-].
@@ -36,13 +30,23 @@ pub(crate) struct StepConstants {
     /// Relative change below which a cone variable of the split law has settled [-]: derivatives of friction that almost slips depend on its
     /// last digits.
     pub settled_split: f64,
+    /// Iterations on the central path of the contacts at frozen geometry: one takes 8 to 20.
+    pub central_iterations: usize,
+    /// Part of the way to the boundary of the cone that such an iteration may go [-].
+    pub central_boundary: f64,
+    /// Relative precision at which it ends [-]: Newton's method goes on from there.
+    pub central_precision: f64,
+    /// Mobility of a contact over one by the mass of everything, at least [-]: a body guided along a surface has none along the normal.
+    pub least_mobility: f64,
+    /// Speed, per length of the step, at which a contact that begins deep is pushed out [m/s²]: of the order of a step's fall, so that
+    /// nothing is thrown.
+    pub recovery: f64,
     /// Regularization of the law that disables a contact [-].
     pub disabled: f64,
 }
 
 /// The values in use.
 pub(crate) const STEP: StepConstants = StepConstants {
-    shortest_checked: 0.1,
     attempts: 4,
     most_counted: 16,
     created_by_bodies: 0.02,
@@ -53,10 +57,13 @@ pub(crate) const STEP: StepConstants = StepConstants {
     created: 1e-3,
     created_together: 0.1,
     at_once: 1e-9,
-    sweeps: 100,
-    swept: 1e-4,
     settled_joint: 1e-6,
     settled_cone: 1e-6,
     settled_split: 1e-10,
+    central_iterations: 60,
+    central_boundary: 0.95,
+    central_precision: 1e-6,
+    least_mobility: 1e-6,
+    recovery: 10.0,
     disabled: 1e12,
 };

@@ -20,17 +20,18 @@ use nalgebra::Vector4;
 use pliant_math::Vec3;
 
 impl Stage<'_> {
-    /// Whether the root in `ws.it` created too much energy, where colliders may touch.
-    pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<bool, StepError> {
+    /// The energy that the root in `ws.it` created and the kinetic energy \[J\], where colliders may touch and it is too much.
+    pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<Option<(f64, f64)>, StepError> {
         if !ws.constraints.bodies.any() {
-            return Ok(false);
+            return Ok(None);
         }
         let it = std::mem::take(&mut ws.it);
         let balance = self.balance(&it, ws);
         ws.it = it;
         let (created, kinetic) = balance?;
         let fall = self.theta[self.model.gravity] * self.h;
-        Ok(created > STEP.created_by_bodies * kinetic + 0.5 * self.masses.total * fall * fall)
+        let most = STEP.created_by_bodies * kinetic + 0.5 * self.masses.total * fall * fall;
+        Ok((created > most).then_some((created, kinetic)))
     }
 
     /// D and the kinetic energy at the end \[J\], of bodies.
@@ -42,17 +43,14 @@ impl Stage<'_> {
         self.evaluate_frames(&it.v, ws, false);
         let (after, moment_after) = self.kinetic_and_moment(&ws.bodies.frames);
         let mut touched = 0.0;
-        // further than a step's fall: a contact not listed before, which pushes out what pierces it faster the shorter the step
-        let pierced = self.theta[self.model.gravity].abs() * self.h * self.h;
         let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames };
         let [_, first, ..] = ws.constraints.starts();
         for ((link, BodyContact { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
-            if link.gap < -pierced {
-                continue;
-            }
             let geometry = self.geometry(link, features, &at)?;
             let wrench = contact_wrench(&geometry, self.body_contact_law(link, *pair).at.mu, &Vector4::from_column_slice(w));
-            touched += link.sliding(&geometry, &at).relative.dot(&wrench);
+            // a deep contact is pushed out by its target; that much is meant
+            let meant = w[0] * link.target_speed(self.h);
+            touched += link.sliding(&geometry, &at).relative.dot(&wrench) - meant;
         }
         let tau = &mut ws.r[n..];
         let mut forces = Vec::new();

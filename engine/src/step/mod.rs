@@ -3,11 +3,12 @@
 mod blocks;
 mod bodies;
 mod body_inputs;
-pub(crate) mod constants;
+pub(crate) mod central_path;
+mod constants;
 mod constraints;
 mod energy_check;
 mod error;
-mod gauss_seidel;
+mod frozen;
 mod impact_check;
 pub(crate) mod newton;
 mod node_energy_check;

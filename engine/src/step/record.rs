@@ -95,12 +95,12 @@ impl StageRecord {
     pub(crate) fn take(stage: &Stage, ws: &mut Workspace) -> Result<Self, super::StepError> {
         stage.linearize(ws)?;
         ws.factor.refactor(&ws.k).map_err(|source| super::StepError::Singular { step: 0, source })?;
-        let constraints = Self::constraints(stage, ws);
+        let (middle, end) = stage.turns(&ws.it.v);
+        let constraints = Self::constraints(stage, &middle, ws);
         if ws.constraints.any_listed() {
             stage.gather_partials(false, ws);
         }
         let body_mass = stage.body_partials(ws);
-        let (middle, end) = stage.turns(&ws.it.v);
         let only_nodes_touch = stage.model.tree.nv() == 0 && stage.joint_rows.is_empty() && !ws.constraints.any_listed();
         let (dq, dv, matrix) = stage.at_fixed_impulses(ws);
         ws.blocks.restore_rates(&mut ws.dv.nodes);
@@ -134,7 +134,7 @@ impl StageRecord {
     }
 
     /// The constraints, linearized at the root.
-    fn constraints(stage: &Stage, ws: &mut Workspace) -> ConstraintRecords {
+    fn constraints(stage: &Stage, turns: &TangentMaps, ws: &mut Workspace) -> ConstraintRecords {
         let mut out = ConstraintRecords::new(ws.it.v.len());
         let by_v: Vec<Vec<LinkDof>> = {
             let body = &ws.bodies;
@@ -144,7 +144,7 @@ impl StageRecord {
             let by = Displacement { cm: 0.0, cv: 0.0, cq: 1.0 };
             ws.bodies.partials.fill_columns(&stage.model.tree, &ws.bodies.frames, by, &[]);
         }
-        let mut at = RecordAt { frames: &ws.bodies.frames, partials: &ws.bodies.partials, by_v: &mut by_v.iter() };
+        let mut at = RecordAt { frames: &ws.bodies.frames, partials: &ws.bodies.partials, turns, by_v: &mut by_v.iter() };
         ws.constraints.parts(&ws.it.lambda).for_each(|(set, own)| set.record(stage, &mut at, own, &mut out));
         out
     }

@@ -233,8 +233,9 @@ impl Stage<'_> {
     pub(crate) fn find_constraints(&self, ws: &mut Workspace) {
         if self.lists_constraints() {
             self.frames_at_start(ws);
+            self.frames_ahead(ws);
         }
-        let mut at = Beginning { frames: &ws.bodies.frames, mobility: &[] };
+        let mut at = Beginning { frames: &ws.bodies.frames, ahead: &ws.bodies.ahead, q_ahead: &ws.bodies.q_ahead, mobility: &[] };
         ws.constraints.sets_mut().into_iter().for_each(|set| set.find(self, &at));
         if ws.constraints.has_links() {
             let tree = &self.model.tree;

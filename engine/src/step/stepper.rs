@@ -15,7 +15,6 @@ use crate::grasp::{Begin, Grasp, Grasping, Hold, Phase};
 use crate::memory::Past;
 use crate::model::Model;
 use crate::rods::{Remembered, RodPast, RodPoint};
-use crate::step::constants::STEP;
 use crate::step::newton::{Work, solve_stage};
 use crate::terms::joint::JointPoint;
 use halving::{Outcome, SubstepPolicy};
@@ -244,17 +243,20 @@ impl<'m> Stepper<'m> {
                 self.v_ref.fill(0.0);
             }
             self.elapsed = h * (scheme.free.a0 + scheme.free.a1);
-            if !self.stage(state, scheme, h, v_cmd, StageKind::Single, thorough, trace, stages)? {
-                return Ok(Outcome::Refused);
+            let outcome = self.stage(state, scheme, h, v_cmd, StageKind::Single, thorough, trace, stages)?;
+            if matches!(outcome, Outcome::Sound) {
+                self.advance(state, h, v_cmd, stages);
             }
-            self.advance(state, h, v_cmd, stages);
-            return Ok(Outcome::Sound);
+            return Ok(outcome);
         }
         let (gamma, start) = (SDIRK_GAMMA, state.clone());
         self.q_ref.copy_from_slice(&start.q);
         self.v_ref.copy_from_slice(&start.v);
         self.elapsed = gamma * h;
-        self.stage(state, EULER, gamma * h, v_cmd, StageKind::SdirkFirst, thorough, trace, stages)?;
+        let outcome = self.stage(state, EULER, gamma * h, v_cmd, StageKind::SdirkFirst, thorough, trace, stages)?;
+        if !matches!(outcome, Outcome::Sound) {
+            return Ok(outcome);
+        }
         let ratio = (1.0 - gamma) / gamma;
         let n = self.model.n_node_dofs();
         for k in 0..n {
@@ -265,16 +267,13 @@ impl<'m> Stepper<'m> {
         for k in 0..start.v.len() {
             self.v_ref[k] = start.v[k] + ratio * (state.v[k] - start.v[k]);
         }
-        if self.thrown_back(&start, h) {
-            return Ok(Outcome::Thrown);
-        }
         self.v_first.clone_from(&state.v);
         self.model.rods.carry_frames(&start.q, &self.q_ref, &mut self.frames);
         let first = stages.len();
         self.elapsed = h;
-        self.stage(state, EULER, gamma * h, v_cmd, StageKind::SdirkSecond, thorough, trace, stages)?;
-        if self.elements_pierced(&start, h) {
-            return Ok(Outcome::Thrown);
+        let outcome = self.stage(state, EULER, gamma * h, v_cmd, StageKind::SdirkSecond, thorough, trace, stages)?;
+        if !matches!(outcome, Outcome::Sound) {
+            return Ok(outcome);
         }
         if let Some((_, record)) = stages.get_mut(first) {
             let mut turns = TangentMaps::default();
@@ -370,7 +369,7 @@ impl<'m> Stepper<'m> {
         thorough: bool,
         trace: &mut StepTrace,
         stages: &mut Vec<(StageKind, StageRecord)>,
-    ) -> Result<bool, StepError> {
+    ) -> Result<Outcome, StepError> {
         let mut holds = std::mem::take(&mut self.holds);
         holds.clear();
         holds.extend(self.grasps().filter_map(|(grasp, phase)| grasp.hold(phase, &self.begin(v_cmd, self.elapsed))));
@@ -399,9 +398,19 @@ impl<'m> Stepper<'m> {
         trace.work.add(work);
         solved?;
         let mut work = Work::default();
-        let guarded = link == StageKind::Single && !thorough && h > STEP.shortest_checked * self.model.h;
-        if guarded && stage.creates_energy(&mut self.ws)? {
-            return Ok(false);
+        if link == StageKind::Single
+            && let Some((created, at_hand)) = stage.creates_energy(&mut self.ws)?
+        {
+            if !thorough {
+                return Ok(Outcome::Refused);
+            }
+            // steps that may not be halved are wanted as they come
+            if self.options.max_halvings != Some(0) {
+                return Err(StepError::EnergyCreated { step: 0, created, at_hand, term: "contact of bodies".to_owned() });
+            }
+        }
+        if link != StageKind::Single && stage.is_impact(link == StageKind::SdirkFirst, &self.ws) {
+            return Ok(Outcome::Thrown);
         }
         if self.options.record {
             work.factorizations += 1;
@@ -424,7 +433,7 @@ impl<'m> Stepper<'m> {
         let (q_ref, v_ref, v) = (&self.q_ref[n..], &self.v_ref[n..], &self.ws.it.v[n..]);
         end_positions(&self.model.tree, &scheme, h, q_ref, v_ref, v, &mut state.q[n..]);
         state.v.copy_from_slice(&self.ws.it.v);
-        Ok(true)
+        Ok(Outcome::Sound)
     }
 }
 

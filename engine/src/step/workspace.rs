@@ -2,7 +2,7 @@
 
 use super::blocks::UnconstrainedBlocks;
 use super::bodies::BodyWorkspace;
-use super::gauss_seidel::GaussSeidelWorkspace;
+use super::frozen::FrozenWorkspace;
 use super::stage::Iterate;
 use crate::bodies::dynamics::WrenchPartial;
 use crate::model::Model;
@@ -109,7 +109,7 @@ pub struct Workspace {
     /// How the forces of constraints on bodies change with their own bodies.
     pub(crate) wrench_partials: Vec<WrenchPartial>,
     /// The start at frozen geometry.
-    pub(crate) frozen: GaussSeidelWorkspace,
+    pub(crate) frozen: FrozenWorkspace,
     pub(crate) bodies: BodyWorkspace,
     /// Of the last converged stage; none before the first.
     pub(crate) warm: Option<Warm>,
@@ -153,7 +153,7 @@ impl Workspace {
             mobility: Vec::new(),
             stiffening: Vec::new(),
             wrench_partials: Vec::new(),
-            frozen: GaussSeidelWorkspace::default(),
+            frozen: FrozenWorkspace::default(),
             bodies: BodyWorkspace::default(),
             warm: None,
         })

@@ -1,14 +1,11 @@
 //! Records unlike the others as a whole: total length, level, speed.
 
-use super::lengths::MIN_RECORDS;
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{distance, median, quantile, spread};
 
-/// Robust z from which a record is unlike the others.
-const ROBUST_Z: f64 = 5.0;
-
-/// A number per record, and what to say where one is unlike the others.
+/// A number per record, and the finding where one is unlike the others.
 struct Quantity {
     name: &'static str,
     unit: &'static str,
@@ -22,7 +19,7 @@ const LENGTH: Quantity = Quantity {
     name: "total length",
     unit: "m",
     severity: Severity::Warning,
-    least: 0.02,
+    least: AUDIT.total_length_least,
     advice: "compare the lengths of its pairs; a wrong scale or a slipped marker changes them",
 };
 const LEVEL: Quantity = Quantity {
@@ -41,7 +38,7 @@ const SPEED: Quantity = Quantity {
 };
 
 pub(super) fn check(records: &[Prepared], out: &mut Vec<Finding>) {
-    let Some(layout) = records.first().filter(|_| records.len() >= MIN_RECORDS).map(|r| r.layout) else { return };
+    let Some(layout) = records.first().filter(|_| records.len() >= AUDIT.compared_records).map(|r| r.layout) else { return };
     if !layout.chords.is_empty() {
         unlike(records, &LENGTH, total_length, out);
         if let Some(axis) = layout.vertical.filter(|a| *a < layout.dimension) {
@@ -57,7 +54,7 @@ fn unlike(records: &[Prepared], quantity: &Quantity, of: impl Fn(&Prepared) -> f
     let (center, scale) = (median(&finite), spread(&finite));
     for (record, value) in records.iter().zip(&values) {
         let off = value - center;
-        if scale > 0.0 && off.abs() > ROBUST_Z * scale && off.abs() > quantity.least * center.abs() {
+        if scale > 0.0 && off.abs() > AUDIT.unlike * scale && off.abs() > quantity.least * center.abs() {
             out.push(Finding {
                 severity: quantity.severity,
                 record: record.index,
@@ -81,10 +78,10 @@ fn total_length(record: &Prepared) -> f64 {
     let sum = |t: usize| record.layout.chords.iter().map(|&(a, b)| distance(record.point(t, a), record.point(t, b))).sum::<f64>();
     let all_seen = |t: &usize| (0..record.layout.points).all(|p| !record.missing_near(*t, p, 0));
     let seen: Vec<usize> = (0..record.times()).filter(all_seen).collect();
-    if seen.len() < record.times().div_ceil(10) {
+    if seen.len() < record.times().div_ceil(AUDIT.hardly_seen) {
         return f64::NAN;
     }
-    quantile(&seen.into_iter().map(sum).collect::<Vec<_>>(), 0.9)
+    quantile(&seen.into_iter().map(sum).collect::<Vec<_>>(), AUDIT.straight)
 }
 
 /// Mean over time and points of the height over the mean of the first and last point.

@@ -1,15 +1,9 @@
 //! Time stamps: order, duplicates, gaps, jitter.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::spread;
-
-/// An interval longer than this many medians is a gap, unless the jitter explains it (this many of its deviations).
-const GAP: f64 = 1.5;
-const OVER_JITTER: f64 = 5.0;
-/// From this share of the median interval on jitter is worth a line, and a warning.
-const JITTER_INFO: f64 = 0.01;
-const JITTER_WARNING: f64 = 0.1;
 
 pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) {
     let intervals: Vec<f64> = record.time.windows(2).map(|w| w[1] - w[0]).collect();
@@ -26,19 +20,19 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) {
         return;
     }
     let typical = record.interval();
-    let long = (GAP * typical).max(typical + OVER_JITTER * spread(&intervals));
+    let long = (AUDIT.gap * typical).max(typical + AUDIT.gap_over_jitter * spread(&intervals));
     let gaps: Vec<usize> = (0..intervals.len()).filter(|&t| intervals[t] > long).collect();
     if let Some(&worst) = gaps.iter().max_by(|a, b| intervals[**a].total_cmp(&intervals[**b])) {
         let lost: f64 = gaps.iter().map(|&t| (intervals[t] / typical).round() - 1.0).sum();
-        let severe = gaps.len() as f64 > 0.02 * intervals.len() as f64;
+        let severe = gaps.len() as f64 > AUDIT.gaps_faulty * intervals.len() as f64;
         let what = format!("{} gaps in the time stamps, {lost:.0} samples short; the longest is given", gaps.len());
         let advice =
             "step the simulation with the stamps, or cut the record at the gaps, as fits and diagnoses do at those of over 0.1 s";
         add(if severe { Severity::Faulty } else { Severity::Warning }, record.at(worst), what, intervals[worst], "s", advice);
     }
     let jitter = spread(&intervals) / typical;
-    if jitter > JITTER_INFO {
-        let severity = if jitter > JITTER_WARNING { Severity::Warning } else { Severity::Info };
+    if jitter > AUDIT.jitter_info {
+        let severity = if jitter > AUDIT.jitter_warning { Severity::Warning } else { Severity::Info };
         let what = format!("intervals scatter around {typical:.6} s");
         add(
             severity,

@@ -6,20 +6,10 @@
 //!
 //!   m = d_t·v / v·v,   accepted where |d_t − m v| is small against |d_t − v|;  m − 1 frames are missing (m ≈ 0: repeated).
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{quantile, rms};
-
-/// How far to the sides an ordinary step is looked for.
-const REACH: usize = 6;
-/// Least share of the excess that must lie along v.
-const ALONG: f64 = 0.4;
-/// Excess over the noise of a displacement.
-const CLEAR: f64 = 12.0;
-/// Excess over the change of the ordinary step from one side to the other.
-const OVER_CHANGE: f64 = 1.5;
-/// From this many missing frames on a record is faulty.
-const FAULTY_FRAMES: f64 = 3.0;
 
 struct Slip {
     step: usize,
@@ -44,7 +34,7 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) -> Vec<usize> {
             missing.len(),
             record.at(missing[0].step).map_or("?".into(), |t| format!("{t:.2} s")),
         );
-        let severity = if lost >= FAULTY_FRAMES { Severity::Faulty } else { Severity::Warning };
+        let severity = if lost >= AUDIT.frames_faulty { Severity::Faulty } else { Severity::Warning };
         add(severity, worst, what, lost, "cut the record there: its clock is wrong and its inputs leap");
     }
     if let Some(first) = repeated.first() {
@@ -57,7 +47,7 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) -> Vec<usize> {
 fn find(record: &Prepared) -> Vec<Slip> {
     let stride = record.layout.points * record.layout.dimension;
     // One or two points cannot tell a lost frame from a jump of their own.
-    if record.layout.points < 3 || record.times() < 2 * REACH {
+    if record.layout.points < AUDIT.frame_points || record.times() < 2 * AUDIT.frame_reach {
         return Vec::new();
     }
     let steps: Vec<Vec<f64>> =
@@ -71,11 +61,11 @@ fn slip_at(steps: &[Vec<f64>], size: &[f64], sigma: f64, t: usize) -> Option<Sli
     // Several frames may be missing close together: ordinary steps are those near the lower half of their own side, because
     // the speed may well change across a long slip.
     let near = |range: std::ops::Range<usize>| {
-        let typical = quantile(&size[range.clone()], 0.4);
-        range.filter(move |&i| size[i] > 0.5 * typical && size[i] < 1.5 * typical)
+        let typical = quantile(&size[range.clone()], AUDIT.frame_ordinary_quantile);
+        range.filter(move |&i| size[i] > AUDIT.frame_ordinary.0 * typical && size[i] < AUDIT.frame_ordinary.1 * typical)
     };
-    let before = near(t.saturating_sub(REACH)..t).next_back()?;
-    let after = near(t + 1..(t + REACH + 1).min(steps.len())).next()?;
+    let before = near(t.saturating_sub(AUDIT.frame_reach)..t).next_back()?;
+    let after = near(t + 1..(t + AUDIT.frame_reach + 1).min(steps.len())).next()?;
     let v: Vec<f64> = steps[before].iter().zip(&steps[after]).map(|(a, b)| 0.5 * (a + b)).collect();
     let power: f64 = v.iter().map(|x| x * x).sum();
     if power <= 0.0 {
@@ -86,7 +76,9 @@ fn slip_at(steps: &[Vec<f64>], size: &[f64], sigma: f64, t: usize) -> Option<Sli
     let across = rms(&steps[t].iter().zip(&v).map(|(d, v)| d - multiple * v).collect::<Vec<_>>());
     // A change of velocity (an impact, a stop) lies between its two sides; a slip lies far outside both.
     let change = rms(&steps[before].iter().zip(&steps[after]).map(|(a, b)| a - b).collect::<Vec<_>>());
-    let clear = excess > CLEAR * sigma && across < ALONG * excess && excess > OVER_CHANGE * change;
-    let number = multiple > 1.7 || multiple.abs() < 0.15;
+    let clear = excess > AUDIT.frame_over_noise * sigma
+        && across < AUDIT.frame_along * excess
+        && excess > AUDIT.frame_over_change * change;
+    let number = multiple > AUDIT.frame_missing || multiple.abs() < AUDIT.frame_repeated;
     (clear && number).then_some(Slip { step: t, multiple })
 }

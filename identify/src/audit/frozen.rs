@@ -1,15 +1,9 @@
 //! Points that stop dead in mid-motion while the capture goes on.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{distance, median, runs};
-
-/// Shortest frozen run, in steps.
-const RUN: usize = 3;
-/// From this many steps on the record is faulty.
-const FAULTY_RUN: usize = 10;
-/// The step out of a frozen run over the steps around it.
-const CATCH_UP: f64 = 2.5;
 
 pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) {
     for point in 0..record.layout.points {
@@ -22,7 +16,7 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) {
         let Some(longest) = frozen.iter().max_by_key(|r| r.1 - r.0) else { continue };
         let length = longest.1 - longest.0 + 1;
         out.push(Finding {
-            severity: if length >= FAULTY_RUN { Severity::Faulty } else { Severity::Warning },
+            severity: if length >= AUDIT.frozen_faulty { Severity::Faulty } else { Severity::Warning },
             record: record.index,
             place: Place::Point(point),
             time_s: record.at(longest.0),
@@ -40,13 +34,18 @@ fn is_frozen(record: &Prepared, point: usize, moved: &[f64], (start, end): (usiz
     let length = end - start + 1;
     let d = record.layout.dimension;
     let grid = record.quantum[point * d..(point + 1) * d].iter().copied().fold(0.0, f64::max);
-    let floor = 10.0 * grid.max(record.point_sigma(point));
-    let before = moved[start.saturating_sub(3)..start].iter().copied().fold(0.0, f64::max);
+    let floor = AUDIT.frozen_over_noise * grid.max(record.point_sigma(point));
+    let before = moved[start.saturating_sub(AUDIT.frozen_around)..start].iter().copied().fold(0.0, f64::max);
     match moved.get(end + 1) {
         Some(&exit) => {
-            let later = median(&moved[(end + 2).min(moved.len())..(end + 5).min(moved.len())]);
-            length >= RUN && exit > floor && exit > CATCH_UP * later.max(before)
+            let later = median(&moved[(end + 2).min(moved.len())..(end + 2 + AUDIT.frozen_around).min(moved.len())]);
+            length >= AUDIT.frozen_run && exit > floor && exit > AUDIT.frozen_catch_up * later.max(before)
         }
-        None => length >= FAULTY_RUN && start > 0 && before > 0.5 * floor && before * length as f64 > floor,
+        None => {
+            length >= AUDIT.frozen_faulty
+                && start > 0
+                && before > AUDIT.frozen_last_over_noise * floor
+                && before * length as f64 > floor
+        }
     }
 }

@@ -1,23 +1,9 @@
 //! Points and inputs that jump: samples that the motion before and after does not allow.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{median, noise_sigma, quantile, rms, runs};
-
-/// Third difference over its median in the record.
-const ROBUST_Z: f64 = 25.0;
-/// Size over the noise.
-const OVER_NOISE: f64 = 10.0;
-/// Size over the spacing of neighbouring points: worth a warning; more than a blemish.
-const WARNING_SIZE: f64 = 0.05;
-const FAULTY_SIZE: f64 = 0.5;
-/// Share of a point's samples in jumps of warning size that makes the record faulty.
-const FAULTY_SHARE: f64 = 0.1;
-/// An input's jump over the 95 % quantile of its ordinary steps, and over its range in the record.
-const INPUT_STEPS: f64 = 3.0;
-const INPUT_RANGE: f64 = 0.01;
-/// Longer rough stretches are not measured against a curve across them.
-const LONGEST: usize = 20;
 
 struct Jump {
     start: usize,
@@ -43,12 +29,17 @@ fn check_points(record: &Prepared, swapped: &[(usize, usize, usize)], out: &mut 
     let mut small: Vec<(usize, f64)> = Vec::new();
     for (point, (axes, rough)) in series.iter().zip(&rough).enumerate() {
         let noise = record.point_sigma(point);
-        let bar = ROBUST_Z * typical.max(median(rough));
-        let mut jumps = find(axes, rough, bar, OVER_NOISE * noise);
-        jumps.retain(|j| !record.near_lost(j.start, 3) && !record.near_lost(j.end, 3));
-        jumps.retain(|j| !(j.start..=j.end).any(|t| record.missing_near(t, point, 3)));
-        jumps.retain(|j| !swapped.iter().any(|&(t, a, b)| (a == point || b == point) && t + 3 >= j.start && t <= j.end + 3));
-        let warning = if spacing > 0.0 { WARNING_SIZE * spacing } else { 5.0 * OVER_NOISE * noise };
+        let bar = AUDIT.jump_over_median * typical.max(median(rough));
+        let mut jumps = find(axes, rough, bar, AUDIT.jump_over_noise * noise);
+        jumps.retain(|j| !record.near_lost(j.start, AUDIT.jump_around) && !record.near_lost(j.end, AUDIT.jump_around));
+        jumps.retain(|j| !(j.start..=j.end).any(|t| record.missing_near(t, point, AUDIT.jump_around)));
+        jumps.retain(|j| {
+            !swapped.iter().any(|&(t, a, b)| {
+                (a == point || b == point) && t + AUDIT.jump_around >= j.start && t <= j.end + AUDIT.jump_around
+            })
+        });
+        let warning =
+            if spacing > 0.0 { AUDIT.jump_warning * spacing } else { AUDIT.jump_warning_alone * AUDIT.jump_over_noise * noise };
         small.extend(jumps.iter().filter(|j| j.size <= warning).map(|j| (j.start, j.size)));
         jumps.retain(|j| j.size > warning);
         report_point(record, point, &jumps, spacing, out);
@@ -70,7 +61,8 @@ fn check_points(record: &Prepared, swapped: &[(usize, usize, usize)], out: &mut 
 fn report_point(record: &Prepared, point: usize, jumps: &[Jump], spacing: f64, out: &mut Vec<Finding>) {
     let Some(worst) = jumps.iter().max_by(|a, b| a.size.total_cmp(&b.size)) else { return };
     let samples: usize = jumps.iter().map(|j| j.end - j.start + 1).sum();
-    let faulty = (spacing > 0.0 && worst.size > FAULTY_SIZE * spacing) || samples as f64 > FAULTY_SHARE * record.times() as f64;
+    let faulty = (spacing > 0.0 && worst.size > AUDIT.jump_faulty * spacing)
+        || samples as f64 > AUDIT.jumps_faulty * record.times() as f64;
     out.push(Finding {
         severity: if faulty { Severity::Faulty } else { Severity::Warning },
         record: record.index,
@@ -89,11 +81,14 @@ fn report_point(record: &Prepared, point: usize, jumps: &[Jump], spacing: f64, o
 fn check_input(record: &Prepared, input: usize, out: &mut Vec<Finding>) {
     let series = [record.input(input)];
     let rough = third_differences(&series);
-    let ordinary = quantile(&series[0].windows(2).map(|w| (w[1] - w[0]).abs()).collect::<Vec<_>>(), 0.95);
+    let ordinary =
+        quantile(&series[0].windows(2).map(|w| (w[1] - w[0]).abs()).collect::<Vec<_>>(), AUDIT.input_ordinary_quantile);
     let range = quantile(&series[0], 1.0) - quantile(&series[0], 0.0);
-    let size = (OVER_NOISE * noise_sigma(&series[0])).max(INPUT_STEPS * ordinary).max(INPUT_RANGE * range);
-    let mut jumps = find(&series, &rough, ROBUST_Z * median(&rough), size);
-    jumps.retain(|j| !record.near_lost(j.start, 3) && !record.near_lost(j.end, 3));
+    let size = (AUDIT.jump_over_noise * noise_sigma(&series[0]))
+        .max(AUDIT.input_over_ordinary * ordinary)
+        .max(AUDIT.input_over_range * range);
+    let mut jumps = find(&series, &rough, AUDIT.jump_over_median * median(&rough), size);
+    jumps.retain(|j| !record.near_lost(j.start, AUDIT.jump_around) && !record.near_lost(j.end, AUDIT.jump_around));
     let Some(worst) = jumps.iter().max_by(|a, b| a.size.total_cmp(&b.size)) else { return };
     out.push(Finding {
         severity: Severity::Warning,
@@ -118,7 +113,7 @@ fn find(axes: &[Vec<f64>], rough: &[f64], bar: f64, least_size: f64) -> Vec<Jump
     let marked: Vec<usize> = (0..rough.len()).filter(|&t| rough[t] > bar).collect();
     let jump = |(a, b): (usize, usize)| {
         let worst = rough[a..=b].iter().copied().fold(0.0, f64::max) / 3.0;
-        let inside = b + 3 - a <= LONGEST && a >= 1 && b + 4 < axes[0].len();
+        let inside = b + 3 - a <= AUDIT.jump_longest && a >= 1 && b + 4 < axes[0].len();
         let size = if inside { off_curve(axes, a, b + 3) } else { worst };
         Jump { start: a + 1, end: b + 2, size }
     };

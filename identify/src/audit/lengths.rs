@@ -4,54 +4,40 @@
 //! (90 %) is nearly the arc and nearly the same in all records; where it is not, a marker has moved along the rope, been
 //! exchanged or been clamped elsewhere.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{median, quantile, spread};
 
-/// Quantile of a chord that stands for its arc.
-const STRAIGHT: f64 = 0.9;
-/// Fewest records for a comparison.
-pub(super) const MIN_RECORDS: usize = 5;
-/// Robust z and relative deviation across records.
-const FAULTY: (f64, f64) = (8.0, 0.05);
-const WARNING: (f64, f64) = (6.0, 0.025);
-/// Least spread across records, relative to the length.
-const LEAST_SPREAD: f64 = 0.005;
-/// Half width of the windows either side of a step, and the samples between them and the step.
-const WINDOW: usize = 10;
-const APART: usize = 3;
-/// How long a step must last to be one.
-const LASTING: usize = 100;
-
 pub(super) fn check_within(record: &Prepared, out: &mut Vec<Finding>) {
     for &pair in record.layout.chords.iter().filter(|p| !record.layout.rigid.contains(p)) {
-        step(record, pair, 0.15, 12.0, out);
+        step(record, pair, AUDIT.step_flexible, out);
     }
     for &pair in &record.layout.rigid {
-        step(record, pair, 0.1, 8.0, out);
+        step(record, pair, AUDIT.step_rigid, out);
         drifts(record, pair, out);
     }
 }
 
 /// A lasting step: medians over windows on both sides differ by `relative` of the length and `typical` ordinary differences.
-fn step(record: &Prepared, pair: (usize, usize), relative: f64, typical: f64, out: &mut Vec<Finding>) {
+fn step(record: &Prepared, pair: (usize, usize), (relative, typical): (f64, f64), out: &mut Vec<Finding>) {
     let (samples, length) = record.distances(pair);
-    let margin = WINDOW + APART;
-    if length.len() < 4 * margin {
+    let margin = AUDIT.step_window + AUDIT.step_apart;
+    if length.len() < AUDIT.step_windows * margin {
         return;
     }
     let window = |from: usize, to: usize| median(&length[from..to]);
-    let change = |t: usize| window(t + APART, t + margin) - window(t - margin, t - APART);
+    let change = |t: usize| window(t + AUDIT.step_apart, t + margin) - window(t - margin, t - AUDIT.step_apart);
     let times: Vec<usize> = (margin..length.len() - margin).filter(|&t| !record.near_lost(samples[t], 1)).collect();
     let changes: Vec<f64> = times.iter().map(|&t| change(t)).collect();
     let sizes: Vec<f64> = changes.iter().map(|c| c.abs()).collect();
     let Some(best) = (0..sizes.len()).max_by(|&a, &b| sizes[a].total_cmp(&sizes[b])) else { return };
     let t = times[best];
-    let before = window(t.saturating_sub(LASTING), t - APART);
-    let after = window(t + APART, (t + LASTING).min(length.len()));
+    let before = window(t.saturating_sub(AUDIT.step_lasting), t - AUDIT.step_apart);
+    let after = window(t + AUDIT.step_apart, (t + AUDIT.step_lasting).min(length.len()));
     let noise = record.point_sigma(pair.0).hypot(record.point_sigma(pair.1));
-    let bar = (relative * before).max(typical * median(&sizes)).max(10.0 * noise);
-    if sizes[best] > bar && (after - before).abs() > 0.6 * sizes[best] {
+    let bar = (relative * before).max(typical * median(&sizes)).max(AUDIT.step_over_noise * noise);
+    if sizes[best] > bar && (after - before).abs() > AUDIT.step_kept * sizes[best] {
         out.push(Finding {
             severity: Severity::Faulty,
             record: record.index,
@@ -69,7 +55,7 @@ fn drifts(record: &Prepared, pair: (usize, usize), out: &mut Vec<Finding>) {
     let (_, length) = record.distances(pair);
     let (center, drift) = (median(&length), drift(&length));
     let rest = spread(&length.iter().enumerate().map(|(t, x)| x - drift * t as f64 / length.len() as f64).collect::<Vec<_>>());
-    if drift.abs() > 0.05 * center && drift.abs() > 4.0 * rest {
+    if drift.abs() > AUDIT.drift_length * center && drift.abs() > AUDIT.drift_rest * rest {
         out.push(Finding {
             severity: Severity::Warning,
             record: record.index,
@@ -89,7 +75,7 @@ fn check_rigid(records: &[Prepared], pair: (usize, usize), out: &mut Vec<Finding
         let (_, length) = record.distances(pair);
         let noise = record.point_sigma(pair.0).hypot(record.point_sigma(pair.1));
         let (center, sd) = (median(&length), spread(&length));
-        (sd > 0.01 * center && sd > 5.0 * noise).then_some((record.index, center, sd))
+        (sd > AUDIT.rigid_varies * center && sd > AUDIT.rigid_over_noise * noise).then_some((record.index, center, sd))
     };
     let found: Vec<(usize, f64, f64)> = records.iter().filter_map(varies).collect();
     let Some(&(worst, center, sd)) = found.iter().max_by(|a, b| a.2.total_cmp(&b.2)) else { return };
@@ -119,27 +105,28 @@ fn drift(length: &[f64]) -> f64 {
 /// The chord's upper quantile; NaN (unlike nothing) where the pair was hardly seen.
 fn straight_length(record: &Prepared, pair: (usize, usize)) -> f64 {
     let (_, length) = record.distances(pair);
-    if length.len() < record.times().div_ceil(10) { f64::NAN } else { quantile(&length, STRAIGHT) }
+    if length.len() < record.times().div_ceil(AUDIT.hardly_seen) { f64::NAN } else { quantile(&length, AUDIT.straight) }
 }
 
 pub(super) fn check_across(records: &[Prepared], out: &mut Vec<Finding>) {
     let Some(layout) = records.first().map(|r| r.layout) else { return };
     layout.rigid.iter().for_each(|&pair| check_rigid(records, pair, out));
-    if records.len() < MIN_RECORDS {
+    if records.len() < AUDIT.compared_records {
         return;
     }
     for &pair in layout.chords.iter().filter(|p| !layout.rigid.contains(p)).chain(&layout.rigid) {
         let straight: Vec<f64> = records.iter().map(|r| straight_length(r, pair)).collect();
         let center = median(&straight.iter().copied().filter(|s| s.is_finite()).collect::<Vec<_>>());
-        let scale = spread(&straight.iter().copied().filter(|s| s.is_finite()).collect::<Vec<_>>()).max(LEAST_SPREAD * center);
+        let scale = spread(&straight.iter().copied().filter(|s| s.is_finite()).collect::<Vec<_>>())
+            .max(AUDIT.length_least_spread * center);
         for (record, value) in records.iter().zip(&straight) {
             let (z, relative) = ((value - center) / scale, value / center - 1.0);
             let exceeds = |bar: (f64, f64)| z.abs() > bar.0 && relative.abs() > bar.1;
-            if !exceeds(WARNING) {
+            if !exceeds(AUDIT.length_warning) {
                 continue;
             }
             out.push(Finding {
-                severity: if exceeds(FAULTY) { Severity::Faulty } else { Severity::Warning },
+                severity: if exceeds(AUDIT.length_faulty) { Severity::Faulty } else { Severity::Warning },
                 record: record.index,
                 place: Place::Pair(pair.0, pair.1),
                 time_s: None,

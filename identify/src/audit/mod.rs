@@ -1,6 +1,6 @@
 //! Step 0 of a diagnosis: the data before any physics.
 //!
-//! [`audit`] looks at raw records (time stamps, measured points, inputs) and reports what contradicts itself, its
+//! [`audit`] looks at raw records (time stamps, measured points, inputs) and reports data that contradict themselves, their
 //! neighbours or the other records: clocks and lost frames, saturation, quantisation, noise, frozen markers, jumps, swaps,
 //! lengths that should not change, inputs that jump, records unlike the others. Nothing is repaired here.
 //!
@@ -9,6 +9,7 @@
 
 mod across;
 mod clock;
+mod constants;
 mod frames;
 mod frozen;
 mod jumps;

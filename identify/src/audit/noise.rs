@@ -1,13 +1,9 @@
 //! Noise level and quantisation of every channel.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, RecordNoise, Severity};
 use super::series::noise_sigma;
-
-/// Channels with fewer distinct values than this are not asked for a grid.
-const MIN_DISTINCT: usize = 8;
-/// Share of differences between distinct values that must be multiples of the smallest, within a twentieth of it.
-const ON_GRID: f64 = 0.98;
 
 pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) -> RecordNoise {
     let channels = record.layout.points * record.layout.dimension;
@@ -46,16 +42,18 @@ fn grid_step(series: &[f64], sigma: f64) -> Option<f64> {
             distinct.push(x);
         }
     }
-    if distinct.len() < MIN_DISTINCT {
+    if distinct.len() < AUDIT.grid_distinct {
         return None;
     }
     let gaps: Vec<f64> = distinct.windows(2).map(|w| w[1] - w[0]).collect();
     let step = gaps.iter().copied().fold(f64::INFINITY, f64::min);
-    let tolerance = 0.05 + 2.0 * resolution / step;
+    let tolerance = AUDIT.grid_tolerance + 2.0 * resolution / step;
     let multiples = gaps.iter().filter(|g| ((*g / step).round() - *g / step).abs() < tolerance).count();
     let repeated = gaps.iter().filter(|g| (*g / step - 1.0).abs() < tolerance).count();
-    let on_grid = tolerance < 0.2 && multiples as f64 >= ON_GRID * gaps.len() as f64 && repeated >= 3;
-    (on_grid && step > 0.02 * sigma).then_some(step)
+    let on_grid = tolerance < AUDIT.grid_loosest
+        && multiples as f64 >= AUDIT.grid_share * gaps.len() as f64
+        && repeated >= AUDIT.grid_repeats;
+    (on_grid && step > AUDIT.grid_finest * sigma).then_some(step)
 }
 
 #[cfg(test)]

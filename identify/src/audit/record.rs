@@ -1,5 +1,6 @@
 //! Raw records, their layout, and the prepared form that the checks read.
 
+use super::constants::AUDIT;
 use super::report::{Finding, Place, RecordNoise, Severity};
 use super::series::median;
 use thiserror::Error;
@@ -45,7 +46,7 @@ pub struct RawRecord<'a> {
     pub inputs: &'a [f64],
 }
 
-/// What the columns are.
+/// Meaning of the columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
     /// Number of points.
@@ -80,7 +81,7 @@ impl Layout {
     }
 }
 
-/// A checked record with gaps filled by straight lines, and what the checks share.
+/// A checked record with gaps filled by straight lines, and quantities that the checks share.
 pub(crate) struct Prepared<'a> {
     pub index: usize,
     pub layout: &'a Layout,
@@ -136,7 +137,7 @@ impl<'a> Prepared<'a> {
             let Some(&first) = missing.first() else { continue };
             let share = missing.len() as f64 / self.times() as f64;
             out.push(Finding {
-                severity: if share > 0.2 { Severity::Faulty } else { Severity::Warning },
+                severity: if share > AUDIT.missing_faulty { Severity::Faulty } else { Severity::Warning },
                 record: self.index,
                 place: Place::Point(point),
                 time_s: self.time.get(first).copied(),

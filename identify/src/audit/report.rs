@@ -1,8 +1,8 @@
-//! What an audit hands back.
+//! Findings and noise levels that an audit returns.
 
 use serde::Serialize;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
@@ -35,7 +35,7 @@ pub enum Place {
 /// One thing found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// How bad.
+    /// Severity.
     pub severity: Severity,
     /// Number of the record.
     pub record: usize,
@@ -43,13 +43,13 @@ pub struct Finding {
     pub place: Place,
     /// When it is worst, or begins (s); none for whole records.
     pub time_s: Option<f64>,
-    /// What, in a few words with the numbers that matter.
+    /// The fault in a few words, with its numbers.
     pub what: String,
     /// The size.
     pub number: f64,
     /// Its unit.
     pub unit: &'static str,
-    /// What to do.
+    /// Advice.
     pub advice: &'static str,
 }
 

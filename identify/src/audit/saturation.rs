@@ -1,13 +1,9 @@
 //! Flat tops: a channel held at its extreme although it came with speed.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::{median, noise_sigma};
-
-/// Shortest flat run.
-const RUN: usize = 4;
-/// The step into the run against grid, noise and typical step: a smooth peak enters its top slowly.
-const ENTRY: f64 = 0.3;
 
 pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) {
     let d = record.layout.dimension;
@@ -50,12 +46,12 @@ fn flat_runs(series: &[f64], limit: f64, floor: f64) -> Vec<(usize, usize)> {
     if moves.is_empty() {
         return Vec::new();
     }
-    let bar = (3.0 * floor).max(ENTRY * median(&moves));
+    let bar = (AUDIT.flat_over_noise * floor).max(AUDIT.flat_over_moves * median(&moves));
     let at_limit: Vec<usize> = (0..series.len()).filter(|&t| series[t] == limit).collect();
     let mut runs = super::series::runs(&at_limit, 0);
     let steep = |a: usize, b: usize| (series[a] - series[b]).abs() > bar;
     runs.retain(|&(start, end)| {
-        let long = end - start + 1 >= RUN && end - start + 1 < series.len() / 2;
+        let long = end - start + 1 >= AUDIT.flat_run && end - start + 1 < series.len() / 2;
         // At rest before and after (hold, move, hold) is no saturation: it must come and go.
         long && start > 0 && end + 1 < series.len() && steep(start - 1, start) && steep(end, end + 1)
     });

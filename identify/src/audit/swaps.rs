@@ -1,13 +1,9 @@
 //! Two markers that exchange their names from one sample to the next.
 
+use super::constants::AUDIT;
 use super::record::Prepared;
 use super::report::{Finding, Place, Severity};
 use super::series::distance;
-
-/// Misfit after exchanging the names, over that before.
-const BETTER: f64 = 0.25;
-/// Misfit after exchanging, over the distance of the two markers.
-const CLOSE: f64 = 0.25;
 
 /// Reports, and returns the samples (first after the exchange) with the points concerned.
 ///
@@ -20,12 +16,12 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) -> Vec<(usize, us
         for a in 0..record.layout.points {
             for b in a + 1..record.layout.points {
                 let apart = distance(record.point(t - 1, a), record.point(t - 1, b));
-                if miss[a].min(miss[b]) < 0.5 * apart || apart == 0.0 {
+                if miss[a].min(miss[b]) < AUDIT.swap_miss * apart || apart == 0.0 {
                     continue;
                 }
                 let crossed = distance(&expected(record, t, a), record.point(t, b))
                     .max(distance(&expected(record, t, b), record.point(t, a)));
-                if crossed < BETTER * miss[a].min(miss[b]) && crossed < CLOSE * apart {
+                if crossed < AUDIT.swap_better * miss[a].min(miss[b]) && crossed < AUDIT.swap_close * apart {
                     swaps.push((t, a, b));
                 }
             }

@@ -1,11 +1,11 @@
 //! Commands that reach a motor late.
 //!
-//! All motors late alike are, from outside, readings that are late: that is `sensor_delay`, which has this cause as its twin. What can
-//! be told is that *one* motor is later than the others. A delay of a part of a step counts as such (the motor sees the mean over the
-//! step of what reaches it), so the derivative at no delay exists; to first order it is that of a lag as long.
+//! A delay common to all motors moves the readings as a delay of the readings does: that is `sensor_delay`, which has this cause as its
+//! equivalent. Only that *one* motor is later than the others can be told. A delay by a part of a step counts as such (the motor sees
+//! the mean command over the step), so the derivative at no delay exists; to first order it is that of a lag as long.
 
 use super::{Cause, Situation, unread};
-use crate::shoot::LONGEST_DELAY;
+use crate::shooting::SHOOTING;
 use crate::unknown::Unknown;
 
 /// Typical size of a delay \[s\].
@@ -27,7 +27,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let one = |(k, name): (usize, &str)| {
         let path = format!("{name}.delay");
         // a motor whose delay the scene has remembers its commands; of the others it is the inputs that are late
-        let late = || Unknown::of_late(path.clone(), first + k, TYPICAL, (0.0, LONGEST_DELAY));
+        let late = || Unknown::of_late(path.clone(), first + k, TYPICAL, (0.0, SHOOTING.longest_delay));
         let unknown = at.theta(&path, TYPICAL).unwrap_or_else(late);
         Cause { object: Some(name.to_owned()), unknowns: at.testable(vec![unknown], &shape), ..shape.clone() }
     };

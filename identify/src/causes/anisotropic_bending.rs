@@ -15,7 +15,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             meaning: "the section is easier to bend one way than across",
             unknowns: at.theta(&format!("{rod}.bend_stiffness_2"), 0.1 * stiffness).into_iter().collect(),
             excitation: "turn both ends about the rod's own direction by 90°: a round section does not mind",
-            settings: match roll {
+            nuisance_grid: match roll {
                 Some(roll) if same => vec![vec![(roll, 0.0)], vec![(roll, FRAC_PI_4)]],
                 _ => Vec::new(),
             },

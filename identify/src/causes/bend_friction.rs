@@ -26,7 +26,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             untestable: in_pieces
                 .then(|| "the records are fitted in pieces, and what has rubbed before a piece begins is unknown".to_owned()),
             excitation: "bend it slowly to and fro: it comes back on another way than it went",
-            settings: entry.filter(|_| none).map_or_else(Vec::new, |k| GRID.map(|part| vec![(k, part * largest)]).to_vec()),
+            nuisance_grid: entry.filter(|_| none).map_or_else(Vec::new, |k| GRID.map(|part| vec![(k, part * largest)]).to_vec()),
             afterwards: curvature.into_iter().map(Unknown::logarithmic).collect(),
             ..Cause::default()
         }

@@ -1,7 +1,7 @@
 //! The simulation's own error: how far halving the step moves the readings, against the residual.
 
 use crate::error::IdentifyError;
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use crate::unknown::Values;
 use rayon::prelude::*;
 use std::sync::Arc;

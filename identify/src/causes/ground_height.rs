@@ -6,7 +6,6 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
         meaning: "a plane is higher or lower than the scene says",
         excitation: "let something rest on it, and let it fall from a known height",
-        twins: Vec::new(),
         ..Cause::default()
     };
     at.per_path(".height", 1e-3, &shape)

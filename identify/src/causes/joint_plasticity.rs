@@ -4,7 +4,7 @@
 //! the yield e_y: it is looked at for none and for a part of the largest deflection, the best one counts, at a price.
 
 use super::{Cause, Situation};
-use crate::shoot::NEVER;
+use crate::shooting::SHOOTING;
 
 /// Yield over the joint's largest deflection.
 const GRID: [f64; 3] = [1e-6, 0.3, 0.6];
@@ -24,10 +24,11 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let mut out = at.per_joint_of("plastic_time", &shape, |_| 1.0);
     for cause in &mut out {
         let joint = cause.object.clone().unwrap_or_default();
-        cause.unknowns = std::mem::take(&mut cause.unknowns).into_iter().map(|u| u.inverse(0.1, (SHORTEST, NEVER))).collect();
+        cause.unknowns =
+            std::mem::take(&mut cause.unknowns).into_iter().map(|u| u.inverse(0.1, (SHORTEST, SHOOTING.inactive_time))).collect();
         let deflection = at.largest_deflection(&joint);
         let entry = at.plan.model.params().find(&format!("{joint}.yield")).filter(|_| !cause.unknowns.is_empty());
-        cause.settings = entry.map_or_else(Vec::new, |entry| GRID.map(|part| vec![(entry, part * deflection)]).to_vec());
+        cause.nuisance_grid = entry.map_or_else(Vec::new, |entry| GRID.map(|part| vec![(entry, part * deflection)]).to_vec());
     }
     out
 }

@@ -6,7 +6,7 @@
 use super::TOLERATED;
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::shoot::{MarkerPlace, NodePair, Plan, RecordPlan, ShotWants, initial_guess, shoot};
+use crate::shooting::{MarkerPlace, NodePair, Plan, RecordPlan, ShotWants, initial_guess, shoot};
 use crate::unknown::Values;
 use pliant_engine::model::{Model, ModelBuilder};
 use pliant_scene::{Refined, Scene};

@@ -64,7 +64,7 @@ pub use mesh_convergence::{Spacing, spacing};
 
 use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;
-use crate::shoot::{JointPlace, Plan};
+use crate::shooting::{JointPlace, Plan};
 use crate::unknown::{Probe, Unknown, Values};
 use nalgebra::Vector3;
 use pliant_engine::model::Model;
@@ -76,22 +76,22 @@ pub struct Cause {
     pub name: &'static str,
     /// The gripper, joint, body or actuator it is about, where each has a cause of this name.
     pub object: Option<String>,
-    /// What it means, in a sentence.
+    /// Its meaning, in a sentence.
     pub meaning: &'static str,
-    /// What it frees; empty where it cannot be tested.
+    /// Unknowns that it frees; empty where it cannot be tested.
     pub unknowns: Vec<Unknown>,
     /// Why it cannot be tested.
     pub untestable: Option<String>,
     /// The experiment that would show it best.
     pub excitation: &'static str,
-    /// Values of θ that the cause brings along, one set per entry: its effect is tested with each, the best one counts, and its p is
-    /// multiplied by their number. For quantities that nothing determines while the cause has no size.
-    pub settings: Vec<Vec<(usize, f64)>>,
-    /// What is no candidate because it would move the readings in exactly the same way.
-    pub twins: Vec<&'static str>,
-    /// What nobody measured, and what matters only once this cause is there; a search for causes that act together frees it with them.
+    /// Points of the nuisance grid, each a list of (entry of θ, value): values of parameters that nothing determines while the cause has
+    /// no size. The cause is tested at each point, the best one counts, and its p is multiplied by their number.
+    pub nuisance_grid: Vec<Vec<(usize, f64)>>,
+    /// Causes that would move the readings in exactly the same way, and so are no candidates beside this one.
+    pub equivalents: Vec<&'static str>,
+    /// Unmeasured parameters that matter only once this cause has a size; a search for causes that act together frees them with it.
     pub companions: Vec<Unknown>,
-    /// What its `settings` stand for: a search frees it as well once the cause has a size, and with it a meaning.
+    /// Parameters of its nuisance grid: a search frees them as well once the cause has a size, which gives them a meaning.
     pub afterwards: Vec<Unknown>,
     /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
     pub starts: Vec<Vec<(usize, f64)>>,
@@ -100,7 +100,7 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// What tells it from all others: `gripper_offset (left)`.
+    /// Name and object, which tell it from all others: `gripper_offset (left)`.
     pub fn title(&self) -> String {
         title(self.name, self.object.as_deref())
     }
@@ -234,8 +234,8 @@ impl Situation<'_> {
         0.1 * self.value(&format!("{rope}.linear_density")) * self.value("gravity.magnitude").max(1.0)
     }
 
-    /// What decides where a rod that is curved by nature lies, and what nobody measures of a real one: how later grippers are turned about
-    /// it, and its stiffness in twist.
+    /// Unmeasured parameters that decide where a rod with intrinsic curvature lies: the turns of later grippers about it, and its
+    /// stiffness in twist.
     fn unmeasured_of(&self, rod: &str) -> Vec<Unknown> {
         let rolls = self.later_grippers(rod).into_iter().filter_map(|gripper| self.theta(&format!("{gripper}.roll"), 0.1));
         let stiffness = self.theta(&format!("{rod}.twist_stiffness"), 0.1 * self.value(&format!("{rod}.bend_stiffness")));
@@ -279,7 +279,7 @@ impl Situation<'_> {
         objects.filter_map(one).collect()
     }
 
-    /// What a cause of this shape frees: nothing if it cannot be tested.
+    /// Unknowns that a cause of this shape frees: none if it cannot be tested.
     fn testable(&self, unknowns: Vec<Unknown>, shape: &Cause) -> Vec<Unknown> {
         if shape.untestable.is_some() { Vec::new() } else { unknowns }
     }

@@ -28,7 +28,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
                 .into_iter()
                 .map(Unknown::logarithmic)
                 .collect(),
-            settings: entry.filter(|_| none).map_or_else(Vec::new, |entry| GRID.map(|time| vec![(entry, time)]).to_vec()),
+            nuisance_grid: entry.filter(|_| none).map_or_else(Vec::new, |entry| GRID.map(|time| vec![(entry, time)]).to_vec()),
             ..Cause::default()
         }
     })

@@ -4,7 +4,7 @@
 //! yield: it is looked at for parts of the largest curvature that a record begins with, the best one counts, at a price.
 
 use super::{Cause, Situation};
-use crate::shoot::NEVER;
+use crate::shooting::SHOOTING;
 use crate::unknown::Unknown;
 
 /// Yield over the largest curvature.
@@ -15,9 +15,9 @@ const SHORTEST: f64 = 1e-3;
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let in_pieces = at.plan.in_pieces;
     at.per_rod(|rod| {
-        let time = at.theta(&format!("{rod}.plastic_time"), 1.0).map(|u| u.inverse(0.1, (SHORTEST, NEVER)));
+        let time = at.theta(&format!("{rod}.plastic_time"), 1.0).map(|u| u.inverse(0.1, (SHORTEST, SHOOTING.inactive_time)));
         let limit = at.plan.model.params().find(&format!("{rod}.yield_curvature"));
-        let (largest, never) = (at.largest_curvature(rod), at.value(&format!("{rod}.plastic_time")) >= NEVER);
+        let (largest, never) = (at.largest_curvature(rod), at.value(&format!("{rod}.plastic_time")) >= SHOOTING.inactive_time);
         let curvature = at.theta(&format!("{rod}.yield_curvature"), 1.0).into_iter();
         Cause {
             meaning: "the rod stays bent where it was bent far",
@@ -25,7 +25,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             untestable: in_pieces
                 .then(|| "the records are fitted in pieces, and what has flowed before a piece begins is unknown".to_owned()),
             excitation: "bend it sharply and let go: it does not come back to where it was",
-            settings: limit.filter(|_| never).map_or_else(Vec::new, |k| GRID.map(|part| vec![(k, part * largest)]).to_vec()),
+            nuisance_grid: limit.filter(|_| never).map_or_else(Vec::new, |k| GRID.map(|part| vec![(k, part * largest)]).to_vec()),
             afterwards: curvature.filter(|_| never && !in_pieces).map(Unknown::logarithmic).collect(),
             ..Cause::default()
         }

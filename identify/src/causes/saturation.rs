@@ -5,7 +5,7 @@
 //! motion it makes, not the difference to no limit: it points the same way, and its size is the refit's affair.)
 
 use super::{Cause, Situation, unread};
-use crate::shoot::FAR;
+use crate::shooting::SHOOTING;
 use crate::unknown::{Coordinate, Target, Unknown};
 
 /// Limits over the largest torque that was commanded.
@@ -37,21 +37,21 @@ fn cause(at: &Situation, actuator: usize, name: &str) -> Option<Cause> {
         return refused("nothing is commanded");
     }
     let grid = GRID.map(|part| part * peak).into_iter().filter(|limit| *limit < limits[1]);
-    let settings: Vec<_> = grid.map(|limit| vec![(low, -limit), (high, limit)]).collect();
-    if settings.is_empty() {
+    let nuisance_grid: Vec<_> = grid.map(|limit| vec![(low, -limit), (high, limit)]).collect();
+    if nuisance_grid.is_empty() {
         return refused("the scene's limit is below most commands already: free it in the scene");
     }
     let unknown = Unknown {
         path: format!("{name}.saturation"),
         unit: at.plan.model.params().info(high).unit.to_owned(),
         target: Target::Mirrored(low, high),
-        bounds: (0.0, FAR),
+        bounds: (0.0, SHOOTING.inactive_limit),
         scale: 0.1 * peak,
         coordinate: Coordinate::Linear,
         prior: None,
         probe: None,
     };
-    Some(Cause { unknowns: vec![unknown], settings, ..shape })
+    Some(Cause { unknowns: vec![unknown], nuisance_grid, ..shape })
 }
 
 /// Largest torque commanded in the fitted records [N·m or N]; none of a servo.

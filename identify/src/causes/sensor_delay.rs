@@ -33,7 +33,7 @@ fn common(at: &Situation) -> Cause {
         untestable: (!prescribed)
             .then(|| "nothing is commanded: readings that are late are those of a motion that began later".to_owned()),
         excitation: EXCITATION,
-        twins: vec!["actuator_delay"],
+        equivalents: vec!["actuator_delay"],
         ..Cause::default()
     }
 }

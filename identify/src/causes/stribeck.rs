@@ -19,7 +19,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         let joint = cause.object.clone().unwrap_or_default();
         let entry = at.plan.model.params().find(&format!("{joint}.stribeck_velocity"));
         let speed = at.typical_speed(&joint);
-        cause.settings = entry.map_or_else(Vec::new, |entry| GRID.map(|part| vec![(entry, part * speed)]).to_vec());
+        cause.nuisance_grid = entry.map_or_else(Vec::new, |entry| GRID.map(|part| vec![(entry, part * speed)]).to_vec());
     }
     out
 }

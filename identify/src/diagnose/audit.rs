@@ -4,7 +4,7 @@ use super::result::AuditFinding;
 use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};
 use crate::error::IdentifyError;
 use crate::log::{Logs, Record};
-use crate::shoot::{NodePair, Plan};
+use crate::shooting::{NodePair, Plan};
 
 /// Findings in words, and the median noise of the channels whose errors are reported.
 pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64), IdentifyError> {
@@ -24,7 +24,7 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64)
     for (k, sensor) in plan.joints.iter().enumerate() {
         let layout = Layout { dimension: 1, vertical: None, ..Layout::rope(1, first.inputs[0].len()) };
         let report = audited(logs, &layout, &|r: &Record| r.joints.iter().map(|row| row[k]).collect())?;
-        // what it says of clocks and inputs, the first audit has said
+        // findings on clocks and inputs are those of the first audit
         let again = |f: &Finding| matches!(f.place, Place::Clock | Place::Input(_)) && (k > 0 || !plan.markers.is_empty());
         let own = |f: &Finding| if matches!(f.place, Place::Input(_)) { format!("{:?}", f.place) } else { sensor.name.clone() };
         findings.extend(report.findings.iter().filter(|f| !again(f)).map(|f| worded(f, logs, own(f), sensor.unit)));

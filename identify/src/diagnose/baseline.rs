@@ -1,6 +1,7 @@
 //! Step 2: refit of the declared free parameters.
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
+use super::constants::DIAGNOSE;
 use super::result::Estimate;
 use crate::causes::probed;
 use crate::error::IdentifyError;
@@ -8,14 +9,11 @@ use crate::fit::{FitOptions, Fitted, fit, fit_noise, prepare};
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use schemars::JsonSchema;
 use serde::Serialize;
-
-/// A whitened fit whose residual exceeds that of least squares by this factor has given the data up.
-const WORSE: f64 = 1.05;
 
 /// Result of a plain system identification.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -39,7 +37,7 @@ pub struct FitReport {
     /// Combinations of parameters that the data do not determine, weights in the fit's coordinates; the intervals of the parameters
     /// in them are their bounds.
     pub unidentifiable: Vec<String>,
-    /// What to know before trusting the estimates: a residual that is not noise, estimates at their bounds.
+    /// Reservations about the estimates: a residual that is not noise, estimates at their bounds.
     pub warnings: Vec<String>,
 }
 
@@ -70,10 +68,10 @@ pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, Ident
     let one = |free: &crate::log::Free| {
         let of_joint = |sensor: usize| setup.experiment.joint[sensor].paths().iter().position(|p| *p == free.path);
         let joint = (0..setup.experiment.joint.len()).find_map(|sensor| Some((sensor, of_joint(sensor)?)));
-        let width = 0.1 * (free.upper - free.lower);
+        let width = DIAGNOSE.declared_size * (free.upper - free.lower);
         let beside = setup.offset_path(&free.path);
         let mut unknown = match (SENSOR_PATHS.iter().position(|path| *path == free.path), joint, beside) {
-            (Some(entry), ..) => Unknown::of_sensor(entry, 0.01, SENSOR_BOUNDS[entry]),
+            (Some(entry), ..) => Unknown::of_sensor(entry, DIAGNOSE.sensor_size, SENSOR_BOUNDS[entry]),
             (.., Some((marker, axis))) => Unknown::beside(free.path.clone(), vec![marker], axis, width),
             (None, Some((sensor, entry)), None) => {
                 let unit = setup.joint_units(sensor)[entry];
@@ -104,7 +102,7 @@ pub(super) fn refuse_dead(plan: &Plan, unknowns: &[Unknown]) -> Result<(), Ident
             norm.iter_mut().zip(row).for_each(|(n, d)| *n += d * d);
         }
     }
-    match norm.iter().position(|n| *n < 1e-24) {
+    match norm.iter().position(|n| *n < DIAGNOSE.no_influence) {
         Some(dead) if k > 0 => Err(IdentifyError::DeadParameter { path: unknowns[dead].path.clone() }),
         _ => Ok(()),
     }
@@ -121,7 +119,7 @@ fn opened(values: &Values, unknowns: &[Unknown]) -> Values {
     out
 }
 
-/// What a baseline is fitted from: the declared unknowns, and the records cut and brought near.
+/// Start of a baseline fit: the declared unknowns, and the records in segments near the data.
 pub(super) struct Prepared {
     pub unknowns: Vec<Unknown>,
     pub values: Values,
@@ -143,7 +141,7 @@ impl Prepared {
     }
 }
 
-/// The better of two fits, what its intervals are taken from, and what has to be said about it.
+/// The better of two fits, the fit that its intervals are taken from, and warnings.
 struct Chosen {
     fitted: Fitted,
     /// The same fit under the noise model of its intervals.
@@ -154,13 +152,13 @@ struct Chosen {
 /// Least squares first, then the whitened fit from there, unless that one gives least squares up.
 ///
 /// Whitened by its own colour, a residual that is noise gives the best estimates. Where the model lacks something, the residual is
-/// no noise, and the whitened optimum may lie far from the data: it explains the fast part and lets the slow one go.
+/// no noise, and the whitened optimum may lie far from the data: it explains the fast part of the residual and neglects the slow one.
 fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let start = opened(&plan.scene_values, &declared(setup, plan)?);
     let prepared = Prepared::new(setup, plan, options)?;
     let plain = prepared.fit(plan, &FitOptions { rounds: 0, ..*options })?;
     let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;
-    let given_up = whitened.rmse > WORSE * plain.rmse;
+    let given_up = whitened.rmse > DIAGNOSE.given_up * plain.rmse;
     let mut warnings = Vec::new();
     let (fitted, spread) = if given_up {
         warnings.push(format!(
@@ -181,7 +179,7 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
     Ok(Chosen { fitted, spread, warnings })
 }
 
-/// What has to be said of an unknown that no step moved.
+/// Warning about an unknown that no step moved.
 fn unmoved(u: &Unknown) -> String {
     format!(
         "{} stayed where it started, since no step from there lowered the error: its value and interval say nothing. Where bodies land or \
@@ -202,7 +200,7 @@ pub(super) fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), I
     Ok((Fitted { noise, ..plain }, spread))
 }
 
-/// What to say of an estimate that ends at one of its bounds.
+/// Warning about an estimate that ends at one of its bounds.
 fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
     let value = u.value(&fitted.values);
     let bound = if value <= u.bounds.0 {
@@ -221,12 +219,7 @@ fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
 }
 
 /// Plain system identification: fits the declared free parameters and reports them.
-pub fn fit_scene(
-    setup: &Setup,
-    logs: &Logs,
-    _options: &super::DiagnoseOptions,
-    progress: &mut dyn FnMut(&str),
-) -> Result<FitReport, IdentifyError> {
+pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> Result<FitReport, IdentifyError> {
     if setup.experiment.fit.free.is_empty() {
         return Err(setup.refuse("experiment.fit", LogMistake::NothingFree).into());
     }

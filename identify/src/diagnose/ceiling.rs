@@ -1,24 +1,20 @@
-//! The yardstick of step 8: what a flexible correction *without physics* takes of the held-out error.
+//! The yardstick of step 8: the part of the held-out error that a flexible correction *without physics* takes.
 //!
-//! Per marker (and per sensor at a joint), a ridge regression of the open-loop residual on what any force could depend on: the
+//! Per marker (and per sensor at a joint), a ridge regression of the open-loop residual on the variables of any force: the
 //! simulated position and velocity, speed times velocity, and the inputs over the last 0.4 s. It is learnt on the fitted
 //! records, under the same protocol as held-out ones (initial state from the lead-in). It names nothing. Where it takes much
 //! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
 
+use super::constants::DIAGNOSE;
 use super::gain;
 use super::result::Ceiling;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ridge::{Group, cross_validated};
 use crate::unknown::Values;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
-
-/// How far back the grippers' positions are looked at \[s\].
-const LAGS: [f64; 5] = [0.0, 0.05, 0.1, 0.2, 0.4];
-/// Fewest parts of the fitted records that are left out in turn to choose the regression's weight.
-const GROUPS: usize = 8;
 
 /// The ceiling over the whole of the held-out records, for the baseline and for the final model; `None` where nothing is
 /// held out.
@@ -41,7 +37,7 @@ pub(super) fn ceiling(
     let flexible = corrected(plan, &training, judged, &base.values)?;
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
-    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > 1e-9 * before;
+    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > DIAGNOSE.ceiling_rounding * before;
     let taken = |rmse: f64| if takes(rmse) { (before * before - rmse * rmse) / explainable } else { 0.0 };
     Ok(Some(Ceiling {
         rmse: flexible,
@@ -55,7 +51,7 @@ pub(super) fn ceiling(
 /// RMSE \[m\] over `judged` after the correction learnt on `training`.
 fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values: &Values) -> Result<f64, IdentifyError> {
     let learnt: Vec<Vec<Rows>> = training.par_iter().map(|rec| rows(plan, rec, values)).collect::<Result<_, _>>()?;
-    let blocks = GROUPS.div_ceil(training.len().max(1));
+    let blocks = DIAGNOSE.ceiling_groups.div_ceil(training.len().max(1));
     let groups: Vec<Vec<Group>> =
         (0..groups_of(plan).len()).map(|m| learnt.iter().flat_map(|record| record[m].groups(blocks)).collect()).collect();
     let b = cross_validated(&groups);
@@ -70,7 +66,7 @@ fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values
     Ok((sum / count.max(1) as f64).sqrt())
 }
 
-/// What is corrected on its own: everything observed whose errors are reported.
+/// Observed quantities with a correction of their own: those whose errors are reported.
 fn groups_of(plan: &Plan) -> Vec<Observed> {
     plan.observed().into_iter().filter(|o| plan.unit_of(*o) == plan.unit()).collect()
 }
@@ -109,7 +105,7 @@ fn rows(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<Rows>, Ide
     let shot = shoot(plan, rec, values, ShotWants::default())
         .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
     let (channels, period) = (plan.channels(), rec.record.period().max(1e-9));
-    let back = LAGS.map(|lag| (lag / period).round() as usize);
+    let back = DIAGNOSE.ceiling_lags.map(|lag| (lag / period).round() as usize);
     let groups = groups_of(plan);
     let mut out: Vec<Rows> = groups.iter().map(|_| Rows::default()).collect();
     for t in 0..shot.residual.len() / channels {

@@ -1,10 +1,11 @@
-//! Steps 2 and 7: what the data determine, and how well.
+//! Steps 2 and 7: the combinations that the data determine, and intervals.
 
+use super::constants::DIAGNOSE;
 use super::result::Estimate;
 use super::scores::reduce;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, fit};
-use crate::shoot::Plan;
+use crate::fit::{Fitted, fit};
+use crate::shooting::Plan;
 use crate::unknown::{Unknown, Values};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
@@ -12,14 +13,6 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 const Z90: f64 = 1.644_853_626_951_472_6;
 /// χ²₁ at 90 %.
 const DEVIANCE90: f64 = 2.705_543_454_095_404;
-/// Singular values of the columns, each made of length one, below this part of the largest are not determined.
-const RANK: f64 = 1e-6;
-/// A column shorter than this part of the longest is rounding: what it belongs to has no influence.
-const DUST: f64 = 1e-10;
-/// Smallest component of a unit vector without influence that counts: below it may be rounding of the determined ones.
-const COMPONENT: f64 = 0.01;
-/// Secant steps towards an end of a profile interval.
-const PROFILE_STEPS: usize = 5;
 
 /// Curvature of the deviance in the fit's coordinates, initial states eliminated, by its principal directions.
 ///
@@ -38,7 +31,7 @@ impl Curvature {
 
     fn of(gram: DMatrix<f64>) -> Self {
         let own: Vec<f64> = gram.diagonal().iter().map(|d| d.max(0.0).sqrt()).collect();
-        let dust = DUST * own.iter().copied().fold(0.0, f64::max);
+        let dust = DIAGNOSE.no_column * own.iter().copied().fold(0.0, f64::max);
         let influence = |j: usize| own[j] > dust;
         let lengths = DVector::from_fn(own.len(), |j, _| if influence(j) { own[j] } else { 1.0 });
         let unit = |i, j| if influence(i) && influence(j) { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
@@ -56,7 +49,7 @@ impl Curvature {
 
     /// The curvature up to which a direction is not determined.
     fn least(&self) -> f64 {
-        RANK * RANK * self.eigen.eigenvalues.iter().copied().fold(0.0, f64::max)
+        DIAGNOSE.undetermined * DIAGNOSE.undetermined * self.eigen.eigenvalues.iter().copied().fold(0.0, f64::max)
     }
 
     /// Standard error of each coordinate; infinite where nothing determines it.
@@ -67,7 +60,7 @@ impl Curvature {
         let (vectors, values) = (&self.eigen.eigenvectors, &self.eigen.eigenvalues);
         let (weak, least) = (self.weak(), self.least());
         let one = |j: usize| {
-            if weak.iter().any(|&k| vectors[(j, k)].abs() > COMPONENT) {
+            if weak.iter().any(|&k| vectors[(j, k)].abs() > DIAGNOSE.component) {
                 return f64::INFINITY;
             }
             let parts = (0..values.len()).map(|k| vectors[(j, k)].powi(2) / values[k].max(least).max(f64::MIN_POSITIVE));
@@ -81,19 +74,19 @@ impl Curvature {
         let word = |k: usize| {
             // back from coordinates of equal influence to those of the fit
             let v = self.eigen.eigenvectors.column(k).component_div(&self.lengths).normalize();
-            let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > COMPONENT);
+            let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > DIAGNOSE.component);
             parts.map(|(u, x)| format!("{x:+.2}·{}", u.path)).collect::<Vec<_>>().join(" ")
         };
         self.weak().into_iter().map(word).collect()
     }
 }
 
-/// Standard errors of the coordinates from how the estimates would move without each record in turn: where what is lacking differs from
-/// record to record, and no noise model says by how much. Linearized, at an optimum with score Σ s_r = 0 and curvature G = Σ G_r:
+/// Standard errors of the coordinates from the moves of the estimates without each record in turn: for a missing effect that differs from
+/// record to record by an amount that no noise model describes. Linearized, at an optimum with score Σ s_r = 0 and curvature G = Σ G_r:
 /// ```text
 /// δ_r = (G − G_r)⁻¹ s_r,        variance (R − 1)/R Σ δ_r²
 /// ```
-/// the jackknife over records (CR3 of Bell & McCaffrey 2002). What all records lack alike is in none of it.
+/// the jackknife over records (CR3 of Bell & McCaffrey 2002). An effect that all records lack alike is not in it.
 pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, IdentifyError> {
     let reduced = reduce(plan, fitted, &fitted.unknowns)?;
     let (k, records) = (reduced.columns(), reduced.records());
@@ -107,7 +100,7 @@ pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, Identi
     let mut squares = vec![0.0; k];
     for (own, score) in &parts {
         let rest = DMatrix::from_fn(k, k, |i, j| (gram[(i, j)] - own[(i, j)]) / (lengths[i] * lengths[j]));
-        let moved = rest.svd(true, true).solve(&score.component_div(&lengths), RANK * RANK);
+        let moved = rest.svd(true, true).solve(&score.component_div(&lengths), DIAGNOSE.undetermined * DIAGNOSE.undetermined);
         let moved = moved.unwrap_or_else(|_| DVector::from_element(k, f64::INFINITY));
         squares.iter_mut().zip(moved.iter().zip(lengths.iter())).for_each(|(sum, (d, length))| *sum += (d / length).powi(2));
     }
@@ -152,7 +145,7 @@ pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) ->
         Ok(fitted.noise.minus_two_log_likelihood(&slices)? + own)
     };
     // the fit ended under the noise model before the last one: the deviance is at its least a little further on
-    let fixed = FitOptions { rounds: 0, max_iterations: 6, tolerance: 1e-5 };
+    let fixed = DIAGNOSE.profile_fit;
     let least = fit(plan, &fitted.records, &fitted.values, &fitted.unknowns, Some(&fitted.noise), &fixed)?;
     let (base, best) = (whitened(&least)?, u.value(&least.values));
     let others: Vec<_> = fitted.unknowns.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, u)| u.clone()).collect();
@@ -167,15 +160,17 @@ pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) ->
     for (end, sign) in ends.iter_mut().zip([-1.0, 1.0]) {
         // the deviance is close to a parabola: its square root is close to linear
         let mut reach = Z90 * std_error;
-        for _ in 0..PROFILE_STEPS {
+        for _ in 0..DIAGNOSE.profile_steps {
             let value = u.moved(best, sign * reach);
             *end = value;
             if value <= u.bounds.0 || value >= u.bounds.1 {
                 break;
             }
             let risen = rise(value)?;
-            let factor = (DEVIANCE90 / risen.max(1e-3)).sqrt().clamp(0.4, 2.5);
-            if (factor - 1.0).abs() < 0.05 {
+            let factor = (DEVIANCE90 / risen.max(DIAGNOSE.profile_least_rise))
+                .sqrt()
+                .clamp(DIAGNOSE.profile_stretch.0, DIAGNOSE.profile_stretch.1);
+            if (factor - 1.0).abs() < DIAGNOSE.profile_settled {
                 break;
             }
             reach *= factor;

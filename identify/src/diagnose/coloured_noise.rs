@@ -4,22 +4,16 @@
 //! encoder's zero off by forty standard deviations was lost so, and the model called adequate. [`crate::stats::colour`] asks whether
 //! a cause takes the colour away with it. What passes is refitted and compared as after any other test, by scores without colour.
 
+use super::constants::DIAGNOSE;
 use super::scores::{raw, scores};
 use super::select::{Round, compare};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::colour::{ColourOptions, RawRows, colour_test};
 
-/// A residual of fewer times the sensors' noise is left alone.
-const EXCESS: f64 = 1.5;
-/// Level. It comes on top of the first test's, which is five times as high.
-const LEVEL: f64 = 0.01;
-/// Most readings that are looked at, of whole records.
-const READINGS: usize = 40_000;
-
-/// What a second look finds, with the test it refers to; `None` where nothing is found.
+/// Round that follows the coloured-noise test, with the score test it refers to; `None` where no cause passes.
 pub(super) fn coloured_noise(
     plan: &Plan,
     current: &Fitted,
@@ -29,7 +23,7 @@ pub(super) fn coloured_noise(
     notes: &mut Vec<(usize, String)>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Option<(Round, super::scores::Scores)>, IdentifyError> {
-    if current.noise.order() == 0 || current.rmse <= EXCESS * sensor_sigma {
+    if current.noise.order() == 0 || current.rmse <= DIAGNOSE.coloured_excess * sensor_sigma {
         return Ok(None);
     }
     progress("looking again for what may have been taken for coloured noise");
@@ -37,7 +31,7 @@ pub(super) fn coloured_noise(
     let stationary = noise.sigma().iter().map(|s| s * noise.stationary_ratio()).collect();
     let white = Fitted { noise: ArModel::white(stationary)?, ..current.clone() };
     let tested = scores(plan, &white, seed)?;
-    let (shots, candidates) = raw(plan, current, &tested, READINGS)?;
+    let (shots, candidates) = raw(plan, current, &tested, DIAGNOSE.coloured_readings)?;
     let columns = shots.first().map_or(0, |s| s.global.len() / s.residual.len().max(1));
     let rows: Vec<RawRows> = shots
         .iter()
@@ -51,7 +45,7 @@ pub(super) fn coloured_noise(
         .collect();
     let nuisance: Vec<usize> = (0..current.unknowns.len()).collect();
     let found = colour_test(&rows, noise, &nuisance, &candidates, &ColourOptions { seed, ..ColourOptions::default() })?;
-    let passed: Vec<usize> = found.iter().filter(|f| f.p <= LEVEL).map(|f| f.candidate).collect();
+    let passed: Vec<usize> = found.iter().filter(|f| f.p <= DIAGNOSE.coloured_level).map(|f| f.candidate).collect();
     if passed.is_empty() {
         return Ok(None);
     }

@@ -7,25 +7,19 @@
 //! - *by amplitude*: does the size trend with the effect's own amplitude a_b = √(I_b/rows)? z = Σ (a_b − ā) S_b / √Σ (a_b − ā)² I_b.
 //!   Dry friction in place of viscous damping, hardening in place of stiffness show here.
 
+use super::constants::DIAGNOSE;
 use super::scores::reduce_in;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::dist::{chi2_sf, normal_cdf};
 use crate::stats::reduced::{Block, Reduced};
 use crate::unknown::Unknown;
 use nalgebra::{DMatrix, DVector};
 
-/// Level of the test, per diagnosis.
-pub(super) const LEVEL: f64 = 0.01;
-/// Parts of each record.
-const PARTS: usize = 16;
-/// A part with less than this share of the mean information says nothing.
-const FEEBLE: f64 = 1e-3;
-
 /// Smallest p over the parameters of a cause; 1 where there are too few parts to compare.
 pub(super) fn p_value(plan: &Plan, fitted: &Fitted, own: &[Unknown]) -> Result<f64, IdentifyError> {
-    let reduced = reduce_in(plan, fitted, &fitted.unknowns, PARTS)?;
+    let reduced = reduce_in(plan, fitted, &fitted.unknowns, DIAGNOSE.constancy_parts)?;
     let columns: Vec<usize> =
         (0..fitted.unknowns.len()).filter(|&j| own.iter().any(|o| o.target.same(&fitted.unknowns[j].target))).collect();
     let smallest = columns.iter().map(|&c| of_column(&reduced, c)).fold(1.0, f64::min);
@@ -49,7 +43,7 @@ fn free_direction(gram: &DMatrix<f64>, column: usize) -> DVector<f64> {
     }
     let inner = DMatrix::from_fn(others.len(), others.len(), |i, j| gram[(others[i], others[j])]);
     let against = DVector::from_fn(others.len(), |i, _| gram[(others[i], column)]);
-    if let Ok(weights) = inner.svd(true, true).solve(&against, 1e-12) {
+    if let Ok(weights) = inner.svd(true, true).solve(&against, DIAGNOSE.singular) {
         others.iter().zip(weights.iter()).for_each(|(&j, w)| direction[j] = -w);
     }
     direction
@@ -71,7 +65,7 @@ impl Part {
 
 fn by_part(parts: &[Part]) -> f64 {
     let mean = parts.iter().map(|p| p.information).sum::<f64>() / parts.len().max(1) as f64;
-    let telling: Vec<&Part> = parts.iter().filter(|p| p.information > FEEBLE * mean).collect();
+    let telling: Vec<&Part> = parts.iter().filter(|p| p.information > DIAGNOSE.constancy_feeble * mean).collect();
     if telling.len() < 2 {
         return 1.0;
     }

@@ -1,16 +1,13 @@
 //! Step 8: the error on records that were not fitted.
 
+use super::constants::DIAGNOSE;
 use super::result::{Curve, Gain, HorizonError, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
-use crate::shoot::{Observed, Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
 use rayon::prelude::*;
-
-/// Blocks that a single held-out record is cut into for its interval, and the fewest samples of one.
-const BLOCKS: usize = 8;
-const SHORTEST_BLOCK: usize = 4;
 
 /// Records with their initial states estimated from the lead-in under a fit.
 pub(super) fn prepared(
@@ -24,11 +21,11 @@ pub(super) fn prepared(
     }
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut short = rec.clone();
-        let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + 1e-9).max(4);
+        let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + DIAGNOSE.same_time).max(DIAGNOSE.lead_in_samples);
         short.record.truncate(keep);
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
-        let fixed = FitOptions { rounds: 0, max_iterations: 8, ..*options };
+        let fixed = FitOptions { rounds: 0, max_iterations: DIAGNOSE.lead_in_iterations, ..*options };
         let white = crate::stats::ar::ArModel::white(by.noise.sigma().to_vec())?;
         let fitted = fit(plan, &[short], &by.values, &[], Some(&white), &fixed)?;
         let mut out = rec.clone();
@@ -38,8 +35,8 @@ pub(super) fn prepared(
     records.par_iter().map(one).collect()
 }
 
-/// The same records for a model that reads them by another sensor than the baseline: what a reading says of the state is then another
-/// state, estimated from the same lead-in. Elsewhere they stay as they are.
+/// The same records for a model that reads them by another sensor than the baseline: the same readings then mean another
+/// state, estimated from the same lead-in. For equal sensors they stay as they are.
 pub(super) fn reread(
     plan: &Plan,
     records: &[RecordPlan],
@@ -84,7 +81,7 @@ pub(super) fn gains(
 fn horizons(plan: &Plan, records: &[RecordPlan]) -> Vec<f64> {
     let longest = records.iter().map(|r| r.record.duration()).fold(0.0, f64::max);
     let mut horizons = vec![plan.model.step_length()];
-    horizons.extend([0.1, 0.5, 1.0].into_iter().filter(|h| *h < longest - 1e-9));
+    horizons.extend(DIAGNOSE.horizons.into_iter().filter(|h| *h < longest - DIAGNOSE.same_time));
     horizons.push(longest);
     horizons
 }
@@ -93,7 +90,7 @@ fn horizons(plan: &Plan, records: &[RecordPlan]) -> Vec<f64> {
 fn until(plan: &Plan, records: &[RecordPlan], all: &[Vec<f64>], horizon: f64) -> Vec<Vec<f64>> {
     let channels = plan.channels();
     let cut = |(r, rec): (&Vec<f64>, &RecordPlan)| {
-        let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + 1e-9) + 1e-6).max(2);
+        let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + DIAGNOSE.same_time) + DIAGNOSE.horizon_slack).max(2);
         r[..(n * channels).min(r.len())].to_vec()
     };
     all.iter().zip(records).map(cut).collect()
@@ -150,18 +147,18 @@ fn ends(interval: &LogRmseGain) -> Option<[f64; 2]> {
 
 /// 90 % interval of the difference of log RMSE: over records, or over blocks of the only one if it is long enough.
 fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64) -> Result<LogRmseGain, IdentifyError> {
-    let square = |r: &[f64]| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(1e-24);
+    let square = |r: &[f64]| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(DIAGNOSE.least_square);
     let pair = |(b, a): (&[f64], &[f64])| RecordError { before: square(b), after: square(a) };
     if let ([b], [a]) = (before, after) {
         let samples = b.len() / channels;
-        if samples >= BLOCKS * SHORTEST_BLOCK {
-            let rows = samples / BLOCKS * channels;
+        if samples >= DIAGNOSE.gain_blocks * DIAGNOSE.gain_block {
+            let rows = samples / DIAGNOSE.gain_blocks * channels;
             let blocks: Vec<RecordError> = b.chunks_exact(rows).zip(a.chunks_exact(rows)).map(pair).collect();
-            return Ok(log_rmse_gain_of_blocks(&blocks, 0.90, 4000, seed)?);
+            return Ok(log_rmse_gain_of_blocks(&blocks, DIAGNOSE.gain_level, DIAGNOSE.gain_draws, seed)?);
         }
     }
     let pairs: Vec<RecordError> = before.iter().zip(after).map(|(b, a)| pair((b, a))).collect();
-    Ok(log_rmse_gain(&pairs, 0.90, 4000, seed)?)
+    Ok(log_rmse_gain(&pairs, DIAGNOSE.gain_level, DIAGNOSE.gain_draws, seed)?)
 }
 
 /// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.
@@ -171,7 +168,7 @@ pub(super) fn pictures(
     (reread, after): (&[RecordPlan], &Values),
 ) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
     let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
-    for (rec, again) in records.iter().zip(reread).take(3) {
+    for (rec, again) in records.iter().zip(reread).take(DIAGNOSE.picture_records) {
         let run = |rec: &RecordPlan, values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
             shoot(plan, rec, values, wants)
@@ -188,14 +185,14 @@ pub(super) fn pictures(
         // of numbers and turns the first component, and nothing in the others
         let three =
             |row: &[f64]| [0, 1, 2].map(|a| row.get(range.start + a).copied().filter(|_| a < shown.width()).unwrap_or(0.0));
-        let at = |s: &crate::shoot::Shot, k: usize| three(&s.predicted[k * channels..(k + 1) * channels]);
+        let at = |s: &crate::shooting::Shot, k: usize| three(&s.predicted[k * channels..(k + 1) * channels]);
         let measured = |k: usize| match shown {
             Observed::Marker(m) => rec.record.markers[k][m],
             Observed::Joint(j) => [rec.record.joints[k][j], 0.0, 0.0],
             Observed::Orientation(_) => [0.0; 3],
         };
         let samples = b.residual.len() / channels;
-        let stride = samples.div_ceil(400).max(1);
+        let stride = samples.div_ceil(DIAGNOSE.picture_samples).max(1);
         let chosen = || (0..samples).step_by(stride);
         curves.push(Curve {
             record: rec.record.name.clone(),
@@ -217,7 +214,7 @@ pub(super) fn pictures(
         let k = late.unwrap_or(0);
         let step = ((rec.record.time[k] / plan.model.step_length()).round() as usize).min(b.states.len() - 1);
         let ropes = plan.model.ropes();
-        let shape = |s: &crate::shoot::Shot| {
+        let shape = |s: &crate::shooting::Shot| {
             let q = &s.states[step].q;
             ropes.iter().flat_map(|r| r.nodes.clone()).map(|n| [q[3 * n], q[3 * n + 1], q[3 * n + 2]]).collect()
         };

@@ -1,11 +1,11 @@
-//! What a selection has to say of every cause: the accepted ones with their estimates, all with their statistics.
+//! Lists of a selection: the accepted causes with their estimates, all candidates with their statistics.
 
 use super::certainty::{Curvature, by_curvature, by_record, profile};
 use super::result::*;
 use super::scores::Scores;
 use super::selection::{Accepted, Selection};
 use crate::error::IdentifyError;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::unknown::{Coordinate, Unknown};
 
 impl Selection {
@@ -37,7 +37,7 @@ impl Selection {
                 });
             }
             let own: Vec<usize> = a.cause.unknowns.iter().flat_map(|u| u.target.entries()).map(|(k, _)| k).collect();
-            for &(entry, value) in a.cause.settings.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
+            for &(entry, value) in a.cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
                 let info = plan.model.params().info(entry);
                 parameters.push(Estimate {
                     path: info.path.clone(),
@@ -97,7 +97,7 @@ impl Selection {
         (0..first.causes.len()).map(report).collect()
     }
 
-    /// What a step of a cause's coordinate means: a change of its value, or where that stands for infinity, the value.
+    /// Change of a cause's value by a step of its coordinate; where the value starts at infinity, the value after the step.
     fn change(&self, u: &Unknown, step: f64) -> f64 {
         match u.coordinate {
             Coordinate::Linear => u.slope(0.0) * step,

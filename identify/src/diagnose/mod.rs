@@ -1,8 +1,8 @@
-//! Diagnosis: what a simulation gets wrong against measurements, and why.
+//! Diagnosis: the errors of a simulation against measurements, and their causes.
 //!
 //! In order: audit of the data; baseline refit of the declared free parameters; the simulation's own error; score tests of
 //! every cause from one linearization; refits of the significant ones, the naming rule among them; forward selection and
-//! removal; profile intervals; gain on held-out records; what remains is said. Where the residual is no noise and records are many,
+//! removal; profile intervals; gain on held-out records; the remainder. Where the residual is no noise and records are many,
 //! causes are sought that carry over to other records together, instead of tested against a noise model (`search`).
 
 mod audit;
@@ -11,6 +11,7 @@ mod ceiling;
 mod certainty;
 mod coloured_noise;
 mod constancy;
+mod constants;
 mod gain;
 mod listing;
 mod numerics;

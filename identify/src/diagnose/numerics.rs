@@ -53,7 +53,7 @@ fn too_coarse(numerics: &Discretisation, h: f64) -> Cause {
     }
 }
 
-/// `found`: the error as a part of the residual, and what would bring it to [`TOLERATED`].
+/// `found`: the error as a part of the residual, and the refinement that would bring it to [`TOLERATED`].
 fn candidate(name: &str, found: Option<(f64, f64)>, unit: &str, reason: String) -> CandidateReport {
     CandidateReport {
         name: name.to_owned(),

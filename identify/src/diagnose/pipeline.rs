@@ -2,7 +2,7 @@
 
 use super::baseline::Prepared;
 use super::certainty::Curvature;
-use super::reason::NO_NOISE;
+use super::constants::DIAGNOSE;
 use super::result::*;
 use super::scores::scores;
 use super::search::{Found, is_possible, search};
@@ -14,7 +14,7 @@ use crate::causes::{discretisation, spacing};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup, Split};
-use crate::shoot::{Plan, RecordPlan, opened};
+use crate::shooting::{Plan, RecordPlan, opened};
 use std::time::Instant;
 
 /// Settings of a diagnosis.
@@ -32,9 +32,9 @@ impl Default for DiagnoseOptions {
     }
 }
 
-/// Finds out what the scene gets wrong about the logs.
+/// Finds the physical effects that the scene lacks to explain the logs.
 ///
-/// `progress` is told what is being done. Errors: wrong input, or a baseline that cannot be simulated; everything else ends in
+/// `progress` is told each step. Errors: wrong input, or a baseline that cannot be simulated; everything else ends in
 /// a verdict.
 pub fn diagnose(
     setup: &Setup,
@@ -83,7 +83,7 @@ pub fn diagnose(
     let edges = if has_ropes { spaced() } else { None };
     let p_input = remainder::depends_on_input(&plan, &run.current)?;
     let last = scores(&plan, &run.current, options.seed)?;
-    let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= super::select::LEVEL);
+    let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= DIAGNOSE.level);
     let varying = run.test_constancy(&plan)?;
     let left = run.remainder(&plan, &base, sensor_sigma, p_input, untested, varying);
 
@@ -139,11 +139,11 @@ fn together(
     options: &DiagnoseOptions,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Option<Found>, IdentifyError> {
-    let no_noise = |fitted: &Fitted| sensor_sigma > 0.0 && fitted.rmse > NO_NOISE * sensor_sigma;
+    let no_noise = |fitted: &Fitted| sensor_sigma > 0.0 && fitted.rmse > DIAGNOSE.no_noise * sensor_sigma;
     if !is_possible(plan) {
         return Ok(None);
     }
-    let plain = prepared.fit(plan, &FitOptions { rounds: 0, tolerance: 1e-3, ..FitOptions::default() })?;
+    let plain = prepared.fit(plan, &FitOptions { rounds: 0, tolerance: DIAGNOSE.baseline_tolerance, ..FitOptions::default() })?;
     if !no_noise(&plain) {
         return Ok(None);
     }

@@ -1,5 +1,6 @@
 //! Why causes are named, in words.
 
+use super::constants::DIAGNOSE;
 use super::result::{Cause, Estimate, Gain, Noise, Remainder};
 use super::select::Margin;
 use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
@@ -7,7 +8,7 @@ use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
 /// Name of the cause that lies in the simulation itself.
 pub(super) const DISCRETISATION: &str = "discretisation";
 
-/// Which causes, of what size, how far ahead of the nearest rival, and what they gain on records that were not fitted.
+/// The causes with their sizes, their lead over the nearest rival, and their gain on records that were not fitted.
 ///
 /// `margins` belong to the accepted causes that had a rival to beat.
 pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String, &'a Margin)>, gain: &[Gain]) -> String {
@@ -44,16 +45,10 @@ pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String,
     out.join(" ")
 }
 
-/// Times the sensors' own noise above which a residual without a cause is said to be larger.
-const LARGER: f64 = 2.0;
-
-/// Times the sensors' own noise above which it is not noise: were all of it coloured, by 0.98 from one sample to the next, it would be 9.3.
-pub(super) const NO_NOISE: f64 = 10.0;
-
 /// That a residual without a cause is too large and too slow to be noise, if it is.
 pub(super) fn unlike_noise(noise: &Noise, left: &Remainder) -> Option<String> {
     let times = left.rmse / noise.sensor_sigma;
-    (noise.sensor_sigma > 0.0 && times > NO_NOISE).then(|| {
+    (noise.sensor_sigma > 0.0 && times > DIAGNOSE.no_noise).then(|| {
         format!(
             "no cause of the library was found, but what is left, {}, is {times:.0} times what the readings scatter from one to the next: \
              too much for noise, and slow: something outside the library",
@@ -76,7 +71,7 @@ pub(super) fn together(names: &[String], left: &Remainder, noise: &Noise) -> Str
 
 /// That no cause was found; and where the residual is slow and larger than the sensors' own noise, that this is all the data say.
 pub(super) fn adequate(noise: &Noise, left: &Remainder) -> String {
-    if left.rmse <= LARGER * noise.sensor_sigma || noise.sensor_sigma == 0.0 {
+    if left.rmse <= DIAGNOSE.larger * noise.sensor_sigma || noise.sensor_sigma == 0.0 {
         return "nothing beyond the noise was found".to_owned();
     }
     format!(

@@ -1,16 +1,10 @@
-//! What is left after everything accepted: is it more than noise?
+//! Test whether the residual after all accepted causes is more than noise.
 
+use super::constants::DIAGNOSE;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::whiteness::{channel, cross_correlation};
-
-/// Family-wise level of the dependence of the residual on the inputs.
-const LEVEL: f64 = 0.01;
-/// Lags looked at, as a part of a second.
-const LAG_S: f64 = 0.25;
-/// Most lags.
-const MOST_LAGS: usize = 20;
 
 /// Smallest Bonferroni p of a correlation between the whitened residual of any channel and the rate of any input. Colour
 /// alone may be the sensor; dependence on the input is missing dynamics.
@@ -25,12 +19,12 @@ pub(super) fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, Iden
         })
         .collect::<Result<_, _>>()?;
     let period = fitted.records[0].record.period().max(1e-6);
-    let lags = ((LAG_S / period) as usize).clamp(1, MOST_LAGS);
+    let lags = ((DIAGNOSE.remainder_lag / period) as usize).clamp(1, DIAGNOSE.remainder_lags);
     let (mut smallest, mut tests) = (1.0f64, 0usize);
     for input in 0..inputs {
         let rates: Vec<Vec<f64>> =
             fitted.records.iter().zip(&whitened).map(|(rec, r)| rate(&rec.record.inputs, input, r.len() / channels)).collect();
-        if rates.iter().flatten().all(|x| x.abs() < 1e-12) {
+        if rates.iter().flatten().all(|x| x.abs() < DIAGNOSE.remainder_still) {
             continue;
         }
         for c in 0..channels {
@@ -45,7 +39,7 @@ pub(super) fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, Iden
 
 /// Whether that p is evidence.
 pub(super) fn is_significant(p: f64) -> bool {
-    p < LEVEL
+    p < DIAGNOSE.remainder_level
 }
 
 /// Differences of an input from sample to sample.

@@ -1,4 +1,4 @@
-//! What a diagnosis says: the object behind the JSON, the report and the text on the screen.
+//! Result of a diagnosis: the object behind the JSON, the report and the text on the screen.
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 use crate::causes::title;
@@ -47,7 +47,7 @@ pub struct Rival {
     pub name: String,
     /// The gripper it is about, where each has a cause of this name; null else.
     pub object: Option<String>,
-    /// Cosine between the two effects on the measurements, what can be fitted projected out, noise whitened [-].
+    /// Cosine between the two effects on the measurements, fitted unknowns projected out, noise whitened [-].
     pub cosine: f64,
 }
 
@@ -70,13 +70,13 @@ pub struct Cause {
     pub rivals: Vec<Rival>,
 }
 
-/// What became of a candidate.
+/// Outcome of a candidate's test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Its score was tested.
     Tested,
-    /// What can be fitted anyway hides it.
+    /// Unknowns that are fitted anyway absorb its effect.
     Absorbed,
     /// It cannot be tested here; see `reason`.
     Untestable,
@@ -89,7 +89,7 @@ pub struct CandidateReport {
     pub name: String,
     /// The gripper it is about, where each has a cause of this name; null else.
     pub object: Option<String>,
-    /// What became of it.
+    /// Outcome of its test.
     pub status: Status,
     /// Score statistic, compared with χ² of `dof` degrees [-]; absent unless tested.
     pub statistic: Option<f64>,
@@ -97,7 +97,7 @@ pub struct CandidateReport {
     pub dof: usize,
     /// p-value after Holm's correction; absent unless tested.
     pub p_value: Option<f64>,
-    /// Part of its effect (squared) that what can be fitted anyway absorbs [-].
+    /// Part of its effect (squared) that the fitted unknowns absorb [-].
     pub absorbed_fraction: Option<f64>,
     /// Smallest size of its first parameter that would be seen with certainty, in `unit`.
     pub smallest_detectable: Option<f64>,
@@ -109,7 +109,7 @@ pub struct CandidateReport {
     pub reason: String,
 }
 
-/// What no accepted cause explains.
+/// Residual that no accepted cause explains.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Remainder {
     /// Whether it is more than noise.
@@ -146,8 +146,8 @@ pub struct Gain {
     pub mean_abs: [f64; 2],
 }
 
-/// What a flexible statistical correction, learnt on the fitted records, takes of the held-out error over whole records: a
-/// yardstick for the causes, and no explanation.
+/// Held-out error over whole records that a flexible statistical correction takes, learnt on the fitted records: a yardstick for
+/// the causes, and no explanation.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Ceiling {
     /// RMSE of the baseline with the correction [m].
@@ -158,8 +158,8 @@ pub struct Ceiling {
     pub unit: String,
     /// Part of the explainable error that the correction takes from the baseline [-].
     pub explained_fraction: f64,
-    /// What the accepted causes take over what the correction takes [-]; above 1 they carry over better. Absent where it takes
-    /// nothing.
+    /// Error taken by the accepted causes over that taken by the correction [-]; above 1 they carry over better. Absent where it
+    /// takes none.
     pub share: Option<f64>,
 }
 
@@ -186,7 +186,7 @@ pub struct RecordCount {
 }
 
 impl Cause {
-    /// What tells it from all others: `gripper_offset (left)`.
+    /// Name and object, which tell it from all others: `gripper_offset (left)`.
     pub fn title(&self) -> String {
         title(&self.name, self.object.as_deref())
     }
@@ -218,7 +218,7 @@ pub struct AuditFinding {
     pub number: f64,
     /// Its unit.
     pub unit: String,
-    /// What to do.
+    /// Advice.
     pub advice: String,
 }
 
@@ -261,7 +261,7 @@ pub struct Curve {
     pub record: String,
     /// Marker.
     pub marker: usize,
-    /// What it is instead, if not a marker: then its numbers are the first of each three.
+    /// Name of the quantity, if it is no marker's position: then its numbers are the first of each three.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub quantity: String,
     /// Unit of the numbers.
@@ -304,19 +304,19 @@ pub struct Diagnosis {
     pub reason: String,
     /// Causes accepted jointly.
     pub causes: Vec<Cause>,
-    /// What the model was extended by without a name being given: causes that together carry over to records they were not fitted to,
+    /// Causes that extend the model without being named: together they carry over to records they were not fitted to,
     /// while so much remains that one of them may stand for something outside the library.
     pub extension: Vec<Cause>,
     /// Sets of causes that cannot be told apart.
     pub alternatives: Vec<Vec<String>>,
     /// The grippers that `alternatives` are about, in the same order; null where there is none.
     pub alternative_objects: Vec<Vec<Option<String>>>,
-    /// What would tell them apart.
+    /// Experiments that would tell them apart.
     pub advice: Vec<String>,
-    /// What is left.
+    /// The remaining residual.
     pub remainder: Remainder,
-    /// Every candidate against the baseline: a cause once, or once per gripper (`object`); and `node_spacing`, what a finer rope would
-    /// change, which is no cause.
+    /// Every candidate against the baseline: a cause once, or once per gripper (`object`); and `node_spacing`, the change by a finer
+    /// rope, which is no cause.
     pub candidates: Vec<CandidateReport>,
     /// Held-out errors.
     pub gain: Vec<Gain>,

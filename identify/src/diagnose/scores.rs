@@ -1,28 +1,20 @@
 //! Step 4: score tests of all causes from one linearization at the current fit.
 
 use super::baseline::Prepared;
+use super::constants::DIAGNOSE;
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Logs, Setup};
-use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::stats::STATS;
 use crate::stats::multiple::holm;
 use crate::stats::naming::{Naming, NamingOptions, name};
 use crate::stats::reduced::{RecordRows, Reduced, time_blocks};
 use crate::stats::score::{Candidate, ScoreOptions, ScoreTest, Sign, score_test};
-use crate::stats::sign_flip::{MIN_RECORDS, sign_flip};
+use crate::stats::sign_flip::sign_flip;
 use crate::unknown::{Unknown, Values};
 use rayon::prelude::*;
-
-/// Fewest records for which flips resolve a family of a dozen causes.
-const FLIP_RECORDS: usize = 10;
-const FLIP_DRAWS: usize = 4000;
-/// Time blocks of a record for variances robust to a wrong noise model, and the fewest samples of one.
-const BLOCKS: usize = 8;
-const SHORTEST_BLOCK: usize = 10;
-
-/// A number of a cause that moves the readings by less than this part of its others moves none.
-const DEAD: f64 = 1e-9;
 
 /// Score tests of the library against a fit.
 #[derive(Clone, Debug)]
@@ -90,7 +82,7 @@ pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64)
     };
     let all: Vec<&Column> = columns.candidates.iter().filter(|c| causes[c.cause].untestable.is_none()).collect();
     let first = trial(&all)?;
-    // of each cause the best of its settings
+    // of each cause the best point of its nuisance grid
     let mut best: Vec<usize> = Vec::new();
     for (k, column) in all.iter().enumerate() {
         match best.last_mut() {
@@ -104,26 +96,26 @@ pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64)
     }
     let chosen: Vec<&Column> = best.iter().map(|&k| all[k]).collect();
     let score = if chosen.len() == all.len() { first } else { trial(&chosen)? };
-    let tried = |c: &Column| causes[c.cause].settings.len().max(1) as f64;
+    let tried = |c: &Column| causes[c.cause].nuisance_grid.len().max(1) as f64;
     let p: Vec<f64> = score.candidates.iter().zip(&chosen).map(|(s, c)| (s.p * tried(c)).min(1.0)).collect();
     let tested: Vec<usize> = chosen.iter().map(|c| c.cause).collect();
-    let kept: Vec<(usize, Vec<(usize, f64)>)> = chosen.iter().map(|c| (c.cause, c.setting.clone())).collect();
-    for (cause, setting) in kept {
-        causes[cause].settings = if setting.is_empty() { Vec::new() } else { vec![setting] };
+    let kept: Vec<(usize, Vec<(usize, f64)>)> = chosen.iter().map(|c| (c.cause, c.grid_point.clone())).collect();
+    for (cause, grid_point) in kept {
+        causes[cause].nuisance_grid = if grid_point.is_empty() { Vec::new() } else { vec![grid_point] };
     }
     let mut adjusted = holm(&p);
-    if reduced.records() >= FLIP_RECORDS.max(MIN_RECORDS) {
-        let flips = sign_flip(&score, FLIP_DRAWS, seed)?;
+    if reduced.records() >= DIAGNOSE.flip_records.max(STATS.flip_records) {
+        let flips = sign_flip(&score, DIAGNOSE.flip_draws, seed)?;
         // the arbiter may only take significance away: with 2^R patterns it cannot resolve small p
         adjusted.iter_mut().zip(&flips.p_adjusted).for_each(|(a, f)| *a = a.max(*f));
     }
     Ok(Scores { causes, tested, score, adjusted })
 }
 
-/// A candidate: a cause with one of its settings, and its columns.
+/// A candidate: a cause at one point of its nuisance grid, and its columns.
 struct Column {
     cause: usize,
-    setting: Vec<(usize, f64)>,
+    grid_point: Vec<(usize, f64)>,
     columns: Vec<usize>,
 }
 
@@ -153,13 +145,13 @@ impl Columns {
         let mut probed = (fitted.values.clone(), Vec::new());
         for (c, cause) in causes.iter().enumerate().filter(|(_, cause)| cause.untestable.is_none()) {
             let plain = vec![Vec::new()];
-            for setting in if cause.settings.is_empty() { &plain } else { &cause.settings } {
+            for grid_point in if cause.nuisance_grid.is_empty() { &plain } else { &cause.nuisance_grid } {
                 let columns: Vec<usize> = (unknowns.len()..unknowns.len() + cause.unknowns.len()).collect();
                 unknowns.extend(cause.unknowns.iter().cloned());
                 let silent = cause.unknowns.iter().any(|u| u.silent(&fitted.values).is_some());
-                if !setting.is_empty() {
+                if !grid_point.is_empty() {
                     let mut values = fitted.values.clone();
-                    setting.iter().for_each(|&(entry, value)| values.theta[entry] = value);
+                    grid_point.iter().for_each(|&(entry, value)| values.theta[entry] = value);
                     probe(&cause.unknowns, &fitted.values, &mut values);
                     passes.push((values, columns.clone()));
                 } else if silent {
@@ -168,7 +160,7 @@ impl Columns {
                 } else {
                     passes[0].1.extend(columns.clone());
                 }
-                candidates.push(Column { cause: c, setting: setting.clone(), columns });
+                candidates.push(Column { cause: c, grid_point: grid_point.clone(), columns });
             }
         }
         if !probed.1.is_empty() {
@@ -180,20 +172,20 @@ impl Columns {
     /// Takes out of a cause of several numbers those that move no reading (a tilt across an arm's plane): in a refit they would make
     /// the equations singular, and the cause would pay for numbers it does not use.
     fn drop_dead(&mut self, causes: &mut [Cause], reduced: &Reduced) {
-        for column in self.candidates.iter_mut().filter(|c| c.setting.is_empty()) {
+        for column in self.candidates.iter_mut().filter(|c| c.grid_point.is_empty()) {
             let norms: Vec<f64> = column.columns.iter().map(|&k| reduced.raw_norm(k)).collect();
             let largest = norms.iter().copied().fold(0.0, f64::max);
             if largest == 0.0 {
                 continue;
             }
-            let mut acts = norms.iter().map(|norm| *norm > DEAD * largest).cycle();
+            let mut acts = norms.iter().map(|norm| *norm > DIAGNOSE.dead_number * largest).cycle();
             column.columns.retain(|_| acts.next().unwrap_or(true));
             causes[column.cause].unknowns.retain(|_| acts.next().unwrap_or(true));
         }
     }
 
     fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {
-        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, BLOCKS))
+        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, DIAGNOSE.score_blocks))
     }
 }
 
@@ -226,7 +218,7 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
-    reduce_in(plan, fitted, unknowns, BLOCKS)
+    reduce_in(plan, fitted, unknowns, DIAGNOSE.score_blocks)
 }
 
 /// As [`reduce`], with so many time blocks per record (or piece of one).
@@ -270,7 +262,7 @@ fn reduce_record(
         fitted.noise.whiten_columns(&mut shot.global, channels, k)?;
     }
     let times = shot.residual.len() / channels;
-    let mut starts = time_blocks(times, channels, (times / blocks).max(SHORTEST_BLOCK));
+    let mut starts = time_blocks(times, channels, (times / blocks).max(DIAGNOSE.score_block));
     if m > 0 {
         // the prior on the record's own unknowns, rows of their own
         starts.push(shot.residual.len());

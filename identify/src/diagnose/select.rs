@@ -8,46 +8,18 @@
 //! known noise), or if j and k are each significant on top of the other (then both are present, and k will have its turn).
 
 use super::certainty::Curvature;
+use super::constants::DIAGNOSE;
 use super::scores::Scores;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit, fit_noise};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::ar::ArModel;
 use crate::stats::dist::{chi2_quantile, chi2_sf, normal_quantile};
 use crate::stats::naming::lead;
 use crate::unknown::{Target, Unknown, Values};
 
-/// Level of tests and comparisons.
-pub(super) const LEVEL: f64 = 0.05;
-/// Refits per round, best scores first.
-const REFITS: usize = 6;
-/// A score at least this part of the best is refitted whatever its rank.
-const CLOSE: f64 = 0.5;
-
-/// A refit that leaves less than this part of the error needs no second try; a second try that leaves more than the other part of
-/// what the first one left is none.
-const HALF_WAY: f64 = 0.5;
-const NEARER: f64 = 0.8;
-
-/// A second try that leaves this many times the error of another cause's refit is not followed: it will not be the best.
-const FAR_BEHIND: f64 = 1.5;
-
-/// How far that second try goes: a step that gains less than this part of the squares, or so many steps, end it.
-const COARSE: f64 = 1e-2;
-const TRIES: usize = 12;
-
-/// Refits that leave the deviance further than this behind the best, and gain less than half of what it gains, are not followed to
-/// their end: with Δ between two deviances and G the best's gain, the inequality's left side is at least Δ/(2 (1 + √½) √G), which is above
-/// any bar in use from Δ = G/2 = 400 on.
-const REACH: f64 = 400.0;
-/// Step whose part of the cost ends such a refit.
-const ROUGH: f64 = 1e-3;
-
-/// Whitened distance of two predictions below which they are the same: their costs then differ by their numbers of parameters alone.
-const INDISTINCT: f64 = 1.0;
-
-/// How a round of selection ended.
+/// Outcome of a round of selection.
 pub(super) enum Round {
     /// Nothing is significant.
     Nothing,
@@ -59,7 +31,7 @@ pub(super) enum Round {
     Accepted { candidate: usize, fitted: Box<Fitted>, shape: Vec<Unknown>, statistic: f64, margin: Option<Margin> },
 }
 
-/// How far a cause is ahead of the rival that comes nearest among those that were refitted.
+/// Lead of a cause over the nearest of the refitted rivals.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Margin {
     pub rival: String,
@@ -75,7 +47,7 @@ struct Refit {
     dims: usize,
 }
 
-/// What a refit takes off the deviance.
+/// Decrease of the deviance by a refit.
 fn gain(current: &Fitted, fitted: &Fitted) -> f64 {
     current.deviance - fitted.deviance
 }
@@ -95,7 +67,9 @@ pub(super) fn round(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Round, IdentifyError> {
     let mut significant: Vec<usize> = (0..tested.tested.len())
-        .filter(|&j| tested.adjusted[j] <= LEVEL && tested.score.candidates[j].rank > 0 && tested.score.candidates[j].admissible)
+        .filter(|&j| {
+            tested.adjusted[j] <= DIAGNOSE.level && tested.score.candidates[j].rank > 0 && tested.score.candidates[j].admissible
+        })
         .collect();
     if significant.is_empty() {
         return Ok(Round::Nothing);
@@ -107,7 +81,7 @@ pub(super) fn round(
 /// The first few of the candidates, and those whose score comes near the best.
 fn foremost(tested: &Scores, sorted: &[usize]) -> Vec<usize> {
     let lm = |j: usize| tested.score.candidates[j].lm;
-    let close = |(rank, j): (usize, &usize)| (rank < REFITS || lm(*j) > CLOSE * lm(sorted[0])).then_some(*j);
+    let close = |(rank, j): (usize, &usize)| (rank < DIAGNOSE.refits || lm(*j) > DIAGNOSE.close * lm(sorted[0])).then_some(*j);
     sorted.iter().enumerate().filter_map(close).collect()
 }
 
@@ -122,14 +96,14 @@ pub(super) fn compare(
     notes: &mut Vec<(usize, String)>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Round, IdentifyError> {
-    let rough = FitOptions { tolerance: ROUGH, ..*options };
+    let rough = FitOptions { tolerance: DIAGNOSE.rough, ..*options };
     let mut refits = Vec::new();
     for &candidate in chosen {
         let cause = &tested.causes[tested.tested[candidate]];
         progress(&format!("refitting with {}", cause.title()));
         let least = refits.iter().map(|r: &Refit| r.fitted.rmse).fold(f64::INFINITY, f64::min);
         let start = opened(current, cause, tested, candidate);
-        match refit_with(plan, &start, &cause.unknowns, current, FAR_BEHIND * least, &rough) {
+        match refit_with(plan, &start, &cause.unknowns, current, DIAGNOSE.far_behind * least, &rough) {
             Ok(fitted) => refits.push(Refit { candidate, dims: cause.unknowns.len(), fitted }),
             Err(e) => notes.push((candidate, format!("its refit failed: {e}"))),
         }
@@ -139,7 +113,7 @@ pub(super) fn compare(
     for mut refit in refits {
         let cause = &tested.causes[tested.tested[refit.candidate]];
         let own = gain(current, &refit.fitted);
-        if own > 0.5 * most || most - own < REACH {
+        if own > DIAGNOSE.followed * most || most - own < DIAGNOSE.reach {
             progress(&format!("finishing the refit with {}", cause.title()));
             match finished(plan, &refit.fitted, options) {
                 Ok(fitted) => refit.fitted = fitted,
@@ -172,27 +146,27 @@ pub(super) fn compare(
     Ok(Round::Ambiguous { set, fitted: Box::new(best.fitted) })
 }
 
-/// The current fit with what the cause brings along, and its size at the half of its one-step estimate where its law is silent at
-/// zero: a joint that friction holds still would say nothing of its size.
+/// The current fit at the cause's point of its nuisance grid, with its size at half of its one-step estimate where its law is silent at
+/// zero: a joint that friction holds still carries no information on the size.
 fn opened(current: &Fitted, cause: &Cause, tested: &Scores, candidate: usize) -> Fitted {
     let mut out = current.clone();
-    if let [setting] = cause.settings.as_slice() {
-        setting.iter().for_each(|&(entry, value)| out.values.theta[entry] = value);
+    if let [grid_point] = cause.nuisance_grid.as_slice() {
+        grid_point.iter().for_each(|&(entry, value)| out.values.theta[entry] = value);
     }
     for (u, step) in cause.unknowns.iter().zip(&tested.score.candidates[candidate].theta) {
         if let Some(probe) = u.silent(&current.values) {
-            let start = 0.5 * step * u.slope(0.0);
+            let start = DIAGNOSE.start_part * step * u.slope(0.0);
             u.set(&mut out.values, if start > probe.small { start } else { probe.start });
         }
     }
     out
 }
 
-/// The refit with what the cause brings along freed too, now that its size is not zero: all of it if the data determine it (the
-/// standard error of its logarithm below 1), else nothing.
+/// The refit with the parameters of the cause's nuisance grid freed too, now that its size is not zero: all of them if the data determine
+/// them (standard errors of their logarithms below 1), else none.
 fn shaped(plan: &Plan, fitted: Fitted, cause: &Cause, options: &FitOptions) -> Result<(Fitted, Vec<Unknown>), IdentifyError> {
     let own = |entry: usize| cause.unknowns.iter().any(|u| u.target.entries().iter().any(|(k, _)| *k == entry));
-    let brought = cause.settings.iter().flatten().filter(|(entry, _)| !own(*entry));
+    let brought = cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own(*entry));
     let free = |&(entry, _): &(usize, f64)| {
         Some(Unknown::of_theta(&plan.model, &plan.model.params().info(entry).path, 1.0)?.logarithmic())
     };
@@ -202,7 +176,7 @@ fn shaped(plan: &Plan, fitted: Fitted, cause: &Cause, options: &FitOptions) -> R
     }
     let Ok(freed) = refit(plan, &fitted, &shape, options) else { return Ok((fitted, Vec::new())) };
     let errors = Curvature::new(plan, &freed)?.std_errors();
-    let known = errors.iter().rev().take(shape.len()).all(|error| *error < 1.0);
+    let known = errors.iter().rev().take(shape.len()).all(|error| *error < DIAGNOSE.shape_error);
     Ok(if known && freed.converged && freed.deviance <= fitted.deviance { (freed, shape) } else { (fitted, Vec::new()) })
 }
 
@@ -228,7 +202,7 @@ fn refit_with(
         }
     });
     let fitted = fit(plan, &current.records, &values, &unknowns, Some(&current.noise), options);
-    let gained = fitted.as_ref().is_ok_and(|f| gain(current, f) > chi2_quantile(1.0 - LEVEL, more.len().max(1) as f64));
+    let gained = fitted.as_ref().is_ok_and(|f| gain(current, f) > chi2_quantile(1.0 - DIAGNOSE.level, more.len().max(1) as f64));
     if more.is_empty() {
         return fitted;
     }
@@ -242,8 +216,8 @@ fn refit_with(
 
 /// A refit, or the one that least squares leads to if that comes much nearer to the data.
 ///
-/// Whitened by the colour of a large residual, a fit sees little of what is slow and may stop on the way: the friction of a floor ended
-/// half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
+/// Whitened by the colour of a large residual, a fit gives slow errors little weight and may stop on the way: the friction of a floor once
+/// ended half-way so, though the right value leaves nothing but noise. A refit that takes most of the error needs no second try.
 fn nearer(
     plan: &Plan,
     fitted: &Fitted,
@@ -252,12 +226,13 @@ fn nearer(
     useless: f64,
     options: &FitOptions,
 ) -> Result<Fitted, IdentifyError> {
-    if fitted.rmse < HALF_WAY * current.rmse {
+    if fitted.rmse < DIAGNOSE.half_way * current.rmse {
         return Ok(fitted.clone());
     }
-    let squares = FitOptions { rounds: 0, tolerance: COARSE, max_iterations: TRIES };
-    let Ok(plain) = fit(plan, &current.records, start, &fitted.unknowns, None, &squares) else { return Ok(fitted.clone()) };
-    if plain.rmse > (NEARER * fitted.rmse).min(useless) {
+    let Ok(plain) = fit(plan, &current.records, start, &fitted.unknowns, None, &DIAGNOSE.second_try) else {
+        return Ok(fitted.clone());
+    };
+    if plain.rmse > (DIAGNOSE.nearer * fitted.rmse).min(useless) {
         return Ok(fitted.clone());
     }
     let lost = fitted.unknowns.len() + plain.records.iter().map(|r| r.start.z.len()).sum::<usize>();
@@ -270,7 +245,7 @@ fn nearer(
 fn rejection(current: &Fitted, fitted: &Fitted, cause: &Cause) -> Option<String> {
     let drop = gain(current, fitted);
     let p = chi2_sf(drop.max(0.0), cause.unknowns.len() as f64);
-    if p > LEVEL {
+    if p > DIAGNOSE.level {
         return Some(format!("after the refit it is not significant (likelihood ratio {drop:.1})"));
     }
     if let [one] = cause.unknowns.as_slice() {
@@ -295,15 +270,15 @@ fn unbeaten(
         .filter(|&k| k != best.candidate && tested.score.candidates[k].rank > 0 && tested.score.candidates[k].admissible)
         .collect();
     let m = in_play.len().max(1) as f64;
-    let bar = normal_quantile(1.0 - LEVEL / m);
+    let bar = normal_quantile(1.0 - DIAGNOSE.level / m);
     let mut out = Vec::new();
     let mut nearest: Option<Margin> = None;
     for k in in_play {
         let Some(rival) = others.iter().find(|r| r.candidate == k) else {
             // not refitted: the linear rule, unless it was tried and rejected
-            let significant = tested.adjusted[k] <= LEVEL;
+            let significant = tested.adjusted[k] <= DIAGNOSE.level;
             if !significant
-                && tested.score.candidates[best.candidate].lm < CLOSE.recip() * tested.score.candidates[k].lm
+                && tested.score.candidates[best.candidate].lm < DIAGNOSE.close.recip() * tested.score.candidates[k].lm
                 && lead(&tested.score, best.candidate, k) <= bar
             {
                 out.push(k);
@@ -321,7 +296,7 @@ fn unbeaten(
         }
         let start = opened(&best.fitted, cause, tested, k);
         let both = refit_with(plan, &start, &cause.unknowns, &best.fitted, f64::INFINITY, options)?;
-        let alpha = 0.5 * LEVEL / m;
+        let alpha = 0.5 * DIAGNOSE.level / m;
         let adds = |without: &Fitted, dims: usize| chi2_sf((without.deviance - both.deviance).max(0.0), dims as f64) < alpha;
         if !(adds(&best.fitted, rival.dims) && adds(&rival.fitted, best.dims)) || symmetric(tested, best.candidate, k) {
             out.push(k);
@@ -333,7 +308,7 @@ fn unbeaten(
 }
 
 fn symmetric(tested: &Scores, j: usize, k: usize) -> bool {
-    tested.score.containment[(j, k)] >= 0.9995
+    tested.score.containment[(j, k)] >= DIAGNOSE.contained
 }
 
 /// Vuong's statistic of two refits under one noise model.
@@ -348,5 +323,5 @@ fn comparison(plan: &Plan, best: &Refit, rival: &Refit, noise: &ArModel) -> Resu
             distance += (a - b) * (a - b);
         }
     }
-    Ok((difference - (best.dims as f64 - rival.dims as f64)) / (2.0 * distance.sqrt().max(INDISTINCT)))
+    Ok((difference - (best.dims as f64 - rival.dims as f64)) / (2.0 * distance.sqrt().max(DIAGNOSE.indistinct)))
 }

@@ -2,27 +2,22 @@
 
 use super::coloured_noise::coloured_noise;
 use super::constancy;
+use super::constants::DIAGNOSE;
 use super::pipeline::DiagnoseOptions;
-use super::reason::NO_NOISE;
 use super::remainder;
 use super::result::*;
 use super::scores::{Scores, scores};
 use super::search::Found;
 use super::select::{Margin, Round, refit, round};
 use super::story::Story;
-use super::verdict::ENOUGH;
 use crate::causes::Cause as Candidate;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::Plan;
+use crate::shooting::Plan;
 use crate::stats::dist::chi2_sf;
 use crate::unknown::Unknown;
 
-/// Part of the explainable error above which equal causes are no imitation merely because their size varies: real things vary. (Tosses of
-/// one cube take scales that differ by more than their noise, and a scale takes 0.8. It does not catch what imitates well: viscous friction in place of quadratic takes 0.9.)
-const MOST: f64 = 0.6;
-
-/// An accepted cause, and what was found about it.
+/// An accepted cause, and its tests.
 pub(super) struct Accepted {
     pub cause: Candidate,
     pub statistic: f64,
@@ -39,7 +34,7 @@ pub(super) struct Selection {
     /// Fit with the best of the causes that cannot be told apart.
     pub undecided: Option<Box<Fitted>>,
     pub rejected: bool,
-    /// (title of a candidate, what was found about it)
+    /// (title of a candidate, note on it)
     pub notes: Vec<(String, String)>,
     /// The same fit as `current` with the noise that its intervals are taken from, where causes were found together ([`super::search`]).
     pub spread: Option<Box<Fitted>>,
@@ -65,7 +60,7 @@ impl Selection {
         }
     }
 
-    /// Takes over what was found together.
+    /// Takes over the causes that a search found together.
     pub(super) fn take(&mut self, found: Found, story: &mut Story) -> Result<(), IdentifyError> {
         let mut before = found.base.coloured.rmse;
         for step in found.steps {
@@ -133,7 +128,7 @@ impl Selection {
                 Round::Accepted { candidate, fitted, shape, statistic, margin } => {
                     let mut cause = self::candidate(&tested, candidate).clone();
                     if !shape.is_empty() {
-                        cause.settings.clear();
+                        cause.nuisance_grid.clear();
                         cause.unknowns.extend(shape);
                     }
                     progress(&format!("accepted {}", cause.title()));
@@ -168,7 +163,7 @@ impl Selection {
             let fitted = refit(plan, &without, &[], options)?;
             let drop = fitted.deviance - self.current.deviance;
             self.accepted[k].statistic = drop;
-            if chi2_sf(drop.max(0.0), own.len() as f64) > super::select::LEVEL {
+            if chi2_sf(drop.max(0.0), own.len() as f64) > DIAGNOSE.level {
                 self.notes
                     .push((self.accepted[k].cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
                 self.accepted.remove(k);
@@ -178,7 +173,7 @@ impl Selection {
         Ok(())
     }
 
-    /// Tests of every accepted cause whether its size differs between parts of the records; gives what [`Selection::varying`] does.
+    /// Tests of every accepted cause whether its size differs between parts of the records; returns [`Selection::varying`].
     pub(super) fn test_constancy(&mut self, plan: &Plan) -> Result<Option<(String, f64)>, IdentifyError> {
         for accepted in &mut self.accepted {
             accepted.constancy = Some(constancy::p_value(plan, &self.current, &accepted.cause.unknowns)?);
@@ -190,7 +185,7 @@ impl Selection {
     pub(super) fn varying(&self) -> Option<(String, f64)> {
         let all = self.accepted.len() as f64;
         let found = self.accepted.iter().filter_map(|a| Some((a.cause.title(), a.constancy?)));
-        found.filter(|(_, p)| p * all < constancy::LEVEL).min_by(|(_, a), (_, b)| a.total_cmp(b))
+        found.filter(|(_, p)| p * all < DIAGNOSE.constancy_level).min_by(|(_, a), (_, b)| a.total_cmp(b))
     }
 
     pub(super) fn remainder(
@@ -232,8 +227,8 @@ impl Selection {
         let known = |u: &&Unknown| !self.current.unknowns.iter().any(|k| k.target.same(&u.target));
         let own: Vec<Unknown> = fitted.unknowns.iter().filter(known).cloned().collect();
         let by_input = remainder::is_significant(remainder::depends_on_input(plan, fitted)?);
-        let large = sensor_sigma > 0.0 && fitted.rmse > NO_NOISE * sensor_sigma;
-        if !by_input && !large && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= constancy::LEVEL) {
+        let large = sensor_sigma > 0.0 && fitted.rmse > DIAGNOSE.no_noise * sensor_sigma;
+        if !by_input && !large && (own.is_empty() || constancy::p_value(plan, fitted, &own)? >= DIAGNOSE.constancy_level) {
             return Ok(None);
         }
         let square = |f: &Fitted| f.rmse * f.rmse;
@@ -243,26 +238,26 @@ impl Selection {
 
     /// The sets of causes that cannot be told apart: by the data, or by any data of this kind.
     pub(super) fn alternatives(&self) -> Vec<Vec<Name>> {
-        let twinned = self.accepted.iter().filter(|a| !a.cause.twins.is_empty()).map(|a| with_twins(&a.cause));
-        self.ambiguous.iter().chain(&self.tied).cloned().chain(twinned).collect()
+        let alike = self.accepted.iter().filter(|a| !a.cause.equivalents.is_empty()).map(|a| with_equivalents(&a.cause));
+        self.ambiguous.iter().chain(&self.tied).cloned().chain(alike).collect()
     }
 
-    /// The set, and why, if nothing is accepted but a cause with twins.
-    pub(super) fn only_twins(&self) -> Option<(Vec<Name>, String)> {
+    /// The set, and why, if nothing is accepted but a cause with equivalents.
+    pub(super) fn only_equivalents(&self) -> Option<(Vec<Name>, String)> {
         let [one] = self.accepted.as_slice() else { return None };
-        let twins = one.cause.twins.join(", ");
+        let equivalents = one.cause.equivalents.join(", ");
         let reason = format!(
-            "{} explains the data, and no log of these sensors can tell it from {twins}: both move the readings in the same way",
+            "{} explains the data, and no log of these sensors can tell it from {equivalents}: both move the readings in the same way",
             one.cause.title()
         );
-        (!twins.is_empty()).then(|| (with_twins(&one.cause), reason))
+        (!equivalents.is_empty()).then(|| (with_equivalents(&one.cause), reason))
     }
 }
 
 /// Whether equal causes of which the best takes this part of the explainable error only imitate: the rest depends on the inputs, or else
 /// is far more than noise, or their size varies. (Of real systems more than noise is left beside the right cause, too.)
 fn is_imitation(taken: f64, by_input: bool) -> bool {
-    taken < if by_input { ENOUGH } else { MOST }
+    taken < if by_input { DIAGNOSE.enough } else { DIAGNOSE.imitation }
 }
 
 /// A tested candidate.
@@ -274,9 +269,9 @@ pub(super) fn name(cause: &Candidate) -> Name {
     (cause.name.to_owned(), cause.object.clone())
 }
 
-fn with_twins(cause: &Candidate) -> Vec<Name> {
-    let twins = cause.twins.iter().map(|twin| ((*twin).to_owned(), cause.object.clone()));
-    std::iter::once(name(cause)).chain(twins).collect()
+fn with_equivalents(cause: &Candidate) -> Vec<Name> {
+    let equivalents = cause.equivalents.iter().map(|other| ((*other).to_owned(), cause.object.clone()));
+    std::iter::once(name(cause)).chain(equivalents).collect()
 }
 
 fn rivals(tested: &Scores, j: usize) -> Vec<Rival> {
@@ -288,7 +283,7 @@ fn rivals(tested: &Scores, j: usize) -> Vec<Rival> {
         })
         .collect();
     out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
-    out.truncate(4);
+    out.truncate(DIAGNOSE.listed_rivals);
     out
 }
 

@@ -5,7 +5,7 @@ use super::gain;
 use super::result::*;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shoot::{Plan, RecordPlan};
+use crate::shooting::{Plan, RecordPlan};
 
 /// Errors after each accepted cause.
 pub(super) struct Story<'a> {

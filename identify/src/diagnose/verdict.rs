@@ -1,28 +1,15 @@
-//! What is said in the end.
+//! Verdict, reason and advice.
 
+use super::constants::DIAGNOSE;
 use super::reason;
 use super::result::*;
 use super::scores::Scores;
 use super::selection::{Name, Selection, name};
 use crate::number::share;
 
-/// Part of the explainable error that the accepted causes must take if something significant remains: below it, they may be an
-/// imitation of something outside the library. (In blind batches effects of the library leave nothing significant; winds and
-/// offsets that imitate others took up to 0.72.)
-pub(super) const ENOUGH: f64 = 0.9;
-
-/// The same where the size of an accepted cause surely differs between parts of the records. Viscous friction takes 0.95 of what damping
-/// by the square of the speed leaves, but never with one coefficient; a sensor's delay of pieces whose first readings were extrapolated
-/// took 0.999.
-const ENOUGH_THOUGH_VARYING: f64 = 0.98;
-
-/// p below which a size surely differs. Every hundredth cause that is really there seems to at the test's own level (in blind batches two,
-/// p = 0.0065 and 0.009); of imitations of quadratic damping it was 1e-4 and less.
-const SURELY: f64 = 1e-3;
-
 /// Whether accepted causes leave too much that is significant; of a cause whose size surely varies more is asked.
 fn takes_too_little(remainder: &Remainder, varying: bool) -> bool {
-    let enough = if varying { ENOUGH_THOUGH_VARYING } else { ENOUGH };
+    let enough = if varying { DIAGNOSE.enough_though_varying } else { DIAGNOSE.enough };
     remainder.significant && remainder.explained_fraction < enough
 }
 
@@ -42,7 +29,8 @@ pub(super) fn decide(
 ) {
     let names: Vec<String> = d.causes.iter().map(Cause::title).collect();
     let titles = d.alternative_titles();
-    let little = !run.accepted.is_empty() && takes_too_little(&d.remainder, run.varying().is_some_and(|(_, p)| p < SURELY));
+    let little =
+        !run.accepted.is_empty() && takes_too_little(&d.remainder, run.varying().is_some_and(|(_, p)| p < DIAGNOSE.surely));
     let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input && imitated.is_none();
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
@@ -66,10 +54,11 @@ pub(super) fn decide(
             )
         };
         (Verdict::NotInLibrary, reason)
-    } else if let Some((set, reason)) = run.only_twins() {
+    } else if let Some((set, reason)) = run.only_equivalents() {
         set_alternatives(d, &[set]);
         (Verdict::Ambiguous, reason)
-    } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > ENOUGH)) {
+    } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > DIAGNOSE.enough))
+    {
         let margins = run.accepted.iter().filter_map(|a| Some((a.cause.title(), a.margin.as_ref()?)));
         (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
     } else if let (Some(taken), Some(set)) = (imitated, titles.first()) {

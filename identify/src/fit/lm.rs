@@ -1,15 +1,16 @@
 //! Bounded Levenberg–Marquardt over all fitted records.
 
 use super::arrow::{Share, solve};
+use super::constants::FIT;
 use super::noise::{fit_noise, floors};
 use crate::error::IdentifyError;
-use crate::shoot::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-/// How a fit is made.
+/// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
     /// Most iterations per round.
@@ -20,12 +21,6 @@ pub struct FitOptions {
     pub tolerance: f64,
 }
 
-/// Part of the cost below which a step ends a round whose noise model is still to be re-estimated.
-const LOOSE: f64 = 1e-3;
-
-/// A step that lowers the whitened cost by less than this ends a round under a noise model that fits: far below any quantile.
-const SETTLED: f64 = 0.01;
-
 impl Default for FitOptions {
     fn default() -> Self {
         Self { max_iterations: 30, rounds: 3, tolerance: 1e-6 }
@@ -35,7 +30,7 @@ impl Default for FitOptions {
 /// A converged fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// What was free.
+    /// The free unknowns.
     pub unknowns: Vec<Unknown>,
     /// Values at the optimum.
     pub values: Values,
@@ -62,12 +57,6 @@ struct Point {
     cost: f64,
 }
 
-/// Weight of the defects in the merit, per [m]: a defect counts like an error of this size.
-const DEFECT_SIGMA: f64 = 1e-3;
-
-/// Most that a step is lengthened.
-const LONGEST: f64 = 64.0;
-
 /// Fits `unknowns` and the initial states from `start`, with the noise model `noise` in the first round (white with the
 /// floor if `None`); with `rounds` = 0 the given noise model is kept.
 pub fn fit(
@@ -80,11 +69,11 @@ pub fn fit(
 ) -> Result<Fitted, IdentifyError> {
     let mut noise = match noise {
         Some(model) => model.clone(),
-        None => ArModel::white(floors(plan, 10.0))?,
+        None => ArModel::white(floors(plan, FIT.start_floors))?,
     };
     let mut point = Point { values: start.clone(), records: records.to_vec(), cost: f64::INFINITY };
     let mut iterations = 0;
-    let loose = FitOptions { tolerance: options.tolerance.max(LOOSE), ..*options };
+    let loose = FitOptions { tolerance: options.tolerance.max(FIT.loose), ..*options };
     for round in 0..options.rounds {
         iterations = minimise(plan, &mut point, unknowns, &noise, &loose, iterations)?.1;
         let next = noise_of(plan, &point, unknowns)?;
@@ -123,10 +112,10 @@ fn noise_of(plan: &Plan, point: &Point, unknowns: &[Unknown]) -> Result<ArModel,
 }
 
 fn alike(a: &ArModel, b: &ArModel) -> bool {
-    let close = |x: &f64, y: &f64| (x - y).abs() <= 0.02 * x.abs().max(y.abs()).max(0.05);
+    let close = |x: &f64, y: &f64| (x - y).abs() <= FIT.same_coefficients * x.abs().max(y.abs()).max(FIT.least_coefficient);
     a.order() == b.order()
         && a.coefficients().iter().zip(b.coefficients()).all(|(x, y)| close(x, y))
-        && a.sigma().iter().zip(b.sigma()).all(|(x, y)| (x / y).ln().abs() < 0.02)
+        && a.sigma().iter().zip(b.sigma()).all(|(x, y)| (x / y).ln().abs() < FIT.same_coefficients)
 }
 
 fn simulation(rec: &RecordPlan) -> impl Fn(pliant_engine::step::StepError) -> IdentifyError + '_ {
@@ -148,7 +137,7 @@ fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknow
             return f64::INFINITY;
         }
         let squares = |x: &[f64]| x.iter().map(|a| a * a).sum::<f64>();
-        squares(&r) + squares(&rec.start.z) + (shot.defect / DEFECT_SIGMA).powi(2)
+        squares(&r) + squares(&rec.start.z) + (shot.defect / FIT.defect_sigma).powi(2)
     };
     let parts: Vec<f64> = records.par_iter().map(one).collect();
     parts.iter().sum::<f64>() + prior_cost(values, unknowns)
@@ -166,37 +155,39 @@ fn minimise(
     options: &FitOptions,
     mut iterations: usize,
 ) -> Result<(bool, usize), IdentifyError> {
-    let mut damping = 1e-6;
+    let mut damping = FIT.start_damping;
     point.cost = cost(plan, &point.values, &point.records, unknowns, noise);
     for _ in 0..options.max_iterations {
         iterations += 1;
         let linear = linearize(plan, point, unknowns, noise)?;
         let shares: Vec<Share> = linear.iter().map(|(share, _)| share.clone()).collect();
         let mut accepted = None;
-        while damping < 1e8 {
+        while damping < FIT.largest_damping {
             let Some(trial) = step(plan, point, &shares, &linear, unknowns, damping, 1.0) else {
-                damping = (damping * 10.0).max(1e-6);
+                damping = (damping * FIT.raise_damping).max(FIT.start_damping);
                 continue;
             };
             let trial_cost = cost(plan, &trial.0, &trial.1, unknowns, noise);
-            if trial_cost <= point.cost * (1.0 + 1e-14) {
+            if trial_cost <= point.cost * (1.0 + FIT.cost_rounding) {
                 accepted = Some((trial, trial_cost));
                 break;
             }
-            if (trial_cost - point.cost).abs() <= 1e-9 * point.cost {
+            if (trial_cost - point.cost).abs() <= FIT.flat * point.cost {
                 break;
             }
-            damping = (damping * 10.0).max(1e-6);
+            damping = (damping * FIT.raise_damping).max(FIT.start_damping);
         }
         if let Some((best, next)) = &mut accepted {
             lengthen(plan, point, &shares, &linear, unknowns, noise, damping, best, next);
         }
-        let Some(((values, records), next)) = accepted else { return Ok((damping < 1e8 || point.cost.is_finite(), iterations)) };
+        let Some(((values, records), next)) = accepted else {
+            return Ok((damping < FIT.largest_damping || point.cost.is_finite(), iterations));
+        };
         let drop = point.cost - next;
         let gain = drop / point.cost.max(f64::MIN_POSITIVE);
         *point = Point { values, records, cost: next };
-        damping = (damping * 0.1).max(1e-9);
-        if gain <= options.tolerance || options.rounds > 0 && drop <= SETTLED {
+        damping = (damping * FIT.lower_damping).max(FIT.least_damping);
+        if gain <= options.tolerance || options.rounds > 0 && drop <= FIT.settled {
             return Ok((true, iterations));
         }
     }
@@ -221,7 +212,7 @@ fn lengthen(
         return;
     }
     let mut length = 2.0;
-    while length <= LONGEST {
+    while length <= FIT.longest_step {
         let Some(trial) = step(plan, point, shares, linear, unknowns, damping, length) else { return };
         let next = cost(plan, &trial.0, &trial.1, unknowns, noise);
         if next >= *cost_at_best {
@@ -294,7 +285,7 @@ fn step(
     Some((values, records))
 }
 
-/// A record's initial and segment states moved along the condensed step; what is remembered is the simulation's own.
+/// A record's initial and segment states moved along the condensed step; history variables are those of the simulation.
 fn moved(plan: &Plan, rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
     let mut out = rec.clone();
     out.start.z.iter_mut().zip(dz.iter()).for_each(|(z, d)| *z += d);

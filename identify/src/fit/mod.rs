@@ -8,6 +8,7 @@
 //! The noise model is re-estimated from the residual between rounds (feasible generalised least squares).
 
 mod arrow;
+mod constants;
 mod lm;
 mod noise;
 mod segments;

@@ -1,32 +1,14 @@
 //! Cutting records into shooting segments.
 
+use super::constants::FIT;
 use super::lm::{FitOptions, fit};
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot, state_at};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::{Unknown, Values};
 use pliant_math::State;
 
-/// Growth of a small disturbance that is still harmless: one Lyapunov time.
-const GROWTH: f64 = std::f64::consts::E;
-
-/// Longest segment of a record whose initial state is unknown \[s\]: short enough to stay near the data while parameters are wrong.
-const LONGEST: f64 = 0.5;
-
-/// Shortest segment \[s\]: a shorter one says little about forces.
-const SHORTEST: f64 = 0.2;
-
-/// Records of which pieces are enough to come near.
-const ENOUGH: usize = 12;
-
-/// How far back motors remember their commands \[s\]: several of the longest delays and lags.
-const REMEMBERED: f64 = 0.3;
-
-/// How long before its first reading a piece of bodies starts \[s\]: readings are some of the longest delays of sensors late, and are of
-/// states that would otherwise lie before the piece and have to be extrapolated.
-const LEAD: f64 = 0.03;
-
-/// How the fitted records are shot.
+/// Segmentation of the fitted records.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
     /// Segments joined by continuity constraints: the statistics are those of whole records.
@@ -49,7 +31,7 @@ pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut,
         let (seconds, grown) = segment_length(plan, rec, values, length)?;
         (shortest, wildest) = (shortest.min(seconds), wildest.max(grown));
     }
-    let (shortest, pieces) = (shortest.max(SHORTEST), length.is_none() && wildest > GROWTH);
+    let (shortest, pieces) = (shortest.max(FIT.shortest_segment), length.is_none() && wildest > FIT.growth);
     plan.in_pieces = pieces;
     plan.fitted = if pieces {
         fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat()
@@ -69,14 +51,14 @@ fn segment_length(plan: &Plan, rec: &RecordPlan, values: &Values, length: Option
         return Ok((f64::INFINITY, 1.0));
     }
     let grown = growth(plan, rec, values)?;
-    let lyapunov = if grown <= GROWTH { whole } else { whole / grown.ln() };
-    Ok((lyapunov.min(LONGEST), grown))
+    let lyapunov = if grown <= FIT.growth { whole } else { whole / grown.ln() };
+    Ok((lyapunov.min(FIT.longest_segment), grown))
 }
 
 /// Growth of a small disturbance of the initial state over a record.
 pub fn growth(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<f64, IdentifyError> {
     let mut moved = rec.clone();
-    moved.start.z.iter_mut().enumerate().for_each(|(i, z)| *z += 1e-4 * (i as f64 * 2.399).cos());
+    moved.start.z.iter_mut().enumerate().for_each(|(i, z)| *z += FIT.disturbance * (i as f64 * 2.399).cos());
     let (states, other) = (states(plan, rec, values)?, states(plan, &moved, values)?);
     let distance = |k: usize| difference(&states[k], &other[k], plan.model.step_length());
     Ok(distance(states.len() - 1) / distance(0).max(1e-300))
@@ -91,15 +73,15 @@ fn joined(plan: &Plan, mut rec: RecordPlan, seconds: f64) -> RecordPlan {
     rec
 }
 
-/// The record as pieces of about `seconds` that start at a sample, each a record of its own. All but the first begin to be read [`LEAD`]
+/// The record as pieces of about `seconds` that start at a sample, each a record of its own. All but the first begin to be read `FIT.lead`
 /// later, and the one before is read until then; with ropes they are read at once, since the first reading tells how the ends are held.
 fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>, IdentifyError> {
     let (h, steps) = (plan.model.step_length(), rec.inputs.len());
     let per_piece = (seconds / h).round().clamp(2.0, steps.max(2) as f64) as usize;
     let sample_at = |step: usize| {
         let t = step as f64 * h;
-        let k = rec.record.time.partition_point(|x| *x < t - 1e-6 * h);
-        rec.record.time.get(k).filter(|x| (*x - t).abs() <= 1e-6 * h).map(|_| k)
+        let k = rec.record.time.partition_point(|x| *x < t - FIT.same_time * h);
+        rec.record.time.get(k).filter(|x| (*x - t).abs() <= FIT.same_time * h).map(|_| k)
     };
     let mut starts: Vec<(usize, usize)> = vec![(0, 0)];
     let mut wanted = per_piece;
@@ -112,19 +94,19 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
         wanted = starts[starts.len() - 1].0 + per_piece;
     }
     let time = &rec.record.time;
-    let lead = if plan.model.ropes().is_empty() { LEAD } else { 0.0 };
+    let lead = if plan.model.ropes().is_empty() { FIT.lead } else { 0.0 };
     let first_read = |start: (usize, usize)| match start {
         (0, _) => 0,
-        (_, sample) => time.partition_point(|t| *t < time[sample] + lead - 1e-6 * h).min(time.len() - 1),
+        (_, sample) => time.partition_point(|t| *t < time[sample] + lead - FIT.same_time * h).min(time.len() - 1),
     };
     let mut pieces = Vec::with_capacity(starts.len());
     for (i, &(step, sample)) in starts.iter().enumerate() {
         let end_sample = starts.get(i + 1).map_or(time.len(), |next| first_read(*next) + 1);
-        let end_step = (time[end_sample - 1] / h - 1e-6).ceil().clamp(step as f64 + 1.0, steps as f64) as usize;
+        let end_step = (time[end_sample - 1] / h - FIT.same_time).ceil().clamp(step as f64 + 1.0, steps as f64) as usize;
         let start = state_at(plan, &rec.record, sample)?;
         let name = format!("{} from {:.2} s", rec.record.name, time[sample]);
         let record = Record { name, ..rec.record.piece(first_read((step, sample))..end_sample, step as f64 * h) };
-        let back = (REMEMBERED / h).round() as usize;
+        let back = (FIT.past / h).round() as usize;
         let past = if step == 0 { rec.past.clone() } else { rec.inputs[step.saturating_sub(back)..step].to_vec() };
         pieces.push(RecordPlan {
             record,
@@ -140,9 +122,9 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
 
 /// Values of `unknowns` and records from which a fit over whole records converges.
 ///
-/// A parameter far off bends a long trajectory out of the range of its linearization. Over pieces that start where the data
-/// are it does not: they (of many records those of every second, third ...) are fitted first, with white noise; then the whole records are simulated with what they give. Pieces
-/// and records at rest stay as they are.
+/// A parameter far off bends a long trajectory out of the range of its linearization, but not short pieces that start at the data.
+/// Such pieces (of many records, those of every second, third ...) are fitted first, with white noise; then the whole records are
+/// simulated with the values found. Pieces and records at rest stay as they are.
 pub fn approach(
     plan: &Plan,
     records: &[RecordPlan],
@@ -154,9 +136,10 @@ pub fn approach(
     if !records.iter().all(whole) {
         return Ok((values.clone(), records.to_vec()));
     }
-    let every = records.len().div_ceil(ENOUGH);
-    let pieces = records.iter().step_by(every).map(|rec| split(plan, rec, LONGEST)).collect::<Result<Vec<_>, _>>()?.concat();
-    let short = FitOptions { rounds: 0, tolerance: 1e-3, ..*options };
+    let every = records.len().div_ceil(FIT.approached);
+    let pieces =
+        records.iter().step_by(every).map(|rec| split(plan, rec, FIT.longest_segment)).collect::<Result<Vec<_>, _>>()?.concat();
+    let short = FitOptions { rounds: 0, tolerance: FIT.approach_tolerance, ..*options };
     let values = fit(plan, &pieces, values, unknowns, None, &short)?.values;
     let follow = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut rec = rec.clone();

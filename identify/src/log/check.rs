@@ -1,5 +1,6 @@
 //! Refusing experiments that do not fit the scene, and records that cannot be used.
 
+use super::constants::LOG;
 use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Marker};
 use super::joint_sensor::check_angles;
@@ -7,17 +8,6 @@ use super::record::Record;
 use super::setup::{Setup, suggestion};
 use pliant_scene::{Place, words};
 use std::f64::consts::PI;
-
-/// Samples below which no record is of use.
-const MIN_SAMPLES: usize = 10;
-/// Part by which the sample period may differ from a whole number of steps.
-const PERIOD_ERROR: f64 = 0.02;
-/// Steps between two samples beyond which the clock is taken for one in milliseconds.
-const MOST_STEPS: f64 = 500.0;
-/// And below which it is taken for one in seconds that is read as milliseconds.
-const FEWEST_STEPS: f64 = 0.05;
-/// Times the length of all ropes beyond which positions are taken for another unit's; below a hundredth they are, too.
-const EXTENT: f64 = 10.0;
 
 /// Checks the experiment against the scene.
 pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
@@ -188,8 +178,8 @@ impl Check<'_> {
 pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
     let n = record.time.len();
     let last = place(n.saturating_sub(1));
-    if n < MIN_SAMPLES {
-        return Err(LogError::new(last, LogMistake::TooFew { found: n, needed: MIN_SAMPLES }));
+    if n < LOG.samples {
+        return Err(LogError::new(last, LogMistake::TooFew { found: n, needed: LOG.samples }));
     }
     for k in 1..n {
         let (before, after) = (record.time[k - 1], record.time[k]);
@@ -199,10 +189,10 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
     }
     let (period, step) = (record.period(), setup.scene.time.step);
     let ratio = period / step;
-    if !(FEWEST_STEPS..=MOST_STEPS).contains(&ratio) {
+    if !(LOG.steps.0..=LOG.steps.1).contains(&ratio) {
         return Err(LogError::new(place(0), LogMistake::ClockUnit { period, step, ratio }));
     }
-    if ratio.round() < 1.0 || (ratio / ratio.round() - 1.0).abs() > PERIOD_ERROR {
+    if ratio.round() < 1.0 || (ratio / ratio.round() - 1.0).abs() > LOG.period_error {
         return Err(LogError::new(place(0), LogMistake::Period { period, step, ratio }));
     }
     let duration = record.time[n - 1] - record.time[0];
@@ -246,8 +236,8 @@ fn extent(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Res
     let extent = |with_inputs| (0..3).map(|a| spread(a, with_inputs)).fold(0.0, f64::max);
     // A single marker, or a rope at rest, may well stay in one place; several markers cannot.
     let (all, markers) = (extent(true), extent(false));
-    let too_small = setup.experiment.marker.len() > 3 && markers < 0.01 * length;
-    if all > EXTENT * length || too_small {
+    let too_small = setup.experiment.marker.len() > LOG.judged_markers && markers < LOG.extent.0 * length;
+    if all > LOG.extent.1 * length || too_small {
         let place = Place { line: None, column: None, field: "markers".to_owned(), ..place(0) };
         return Err(LogError::new(place, LogMistake::Extent { extent: if too_small { markers } else { all }, length }));
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with an experiment or its logs: where, what, the likely cause, and the fix.
+//! Mistakes in an experiment or its logs: place, mistake, likely cause and fix.
 
 use super::advice::advice;
 use crate::number::fixed;
@@ -41,7 +41,7 @@ impl LogError {
     }
 }
 
-/// What is wrong with an experiment or a log.
+/// A mistake in an experiment or a log.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the fields are the words of the messages
 pub enum LogMistake {
@@ -110,7 +110,7 @@ pub enum LogMistake {
     /// A parameter that is freed twice.
     #[error("`{path}` is free already, by {other}")]
     FreeTwice { path: String, other: String },
-    /// A bound beyond what is physical.
+    /// A bound outside the physical range.
     #[error("the bound of `{path}` is {} {unit}, but it can only be from {} to {}", Num(*.value), Num(*.low), Num(*.high))]
     Unphysical { path: String, value: f64, low: f64, high: f64, unit: &'static str },
     /// A starting value outside the bounds.
@@ -158,7 +158,7 @@ pub enum LogMistake {
     /// Too few samples.
     #[error("the record has {found} samples; at least {needed} are needed")]
     TooFew { found: usize, needed: usize },
-    /// A record shorter than what it is cut into.
+    /// A record shorter than its segments.
     #[error("the record lasts {} s, shorter than {key} = {} s", fixed(*.duration, 4), Num(*.needed))]
     TooShort { duration: f64, key: &'static str, needed: f64 },
     /// A sample period that the step does not divide.
@@ -190,7 +190,7 @@ pub enum LogMistake {
     Disagree { name: String, found: usize, other: String, expected: usize, what: &'static str },
 }
 
-/// What a sample is needed for.
+/// Quantity that a sample is needed for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// The clock.

@@ -1,10 +1,10 @@
-//! The `[experiment]` of a scene: what was measured, in which files, and what shall be found from it.
+//! The `[experiment]` of a scene: the measurements, their files, and the free parameters.
 
 use crate::sensor::{SCALE, Sensor, TIME_OFFSET};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What was measured, where it stands in the logs, and which parameters are free.
+/// The measurements, their places in the logs, and the free parameters.
 ///
 /// A marker at p is read as y(t) = scale · R(rotation) p(t − time_offset) + bias: see `sensor` for the values, and free them as
 /// `sensor.scale` and so on in `fit`. A joint's sensor reads y(t) = scale · x(t − time_offset − delay) + bias, with values of its own
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// What is known of the state at the beginning of each record.
+    /// Knowledge of the state at the beginning of each record.
     #[serde(default)]
     pub initial: Beginning,
     /// "markers" if the grippers' inputs come from the sensor that sees the markers: its scale, rotation and bias act on both.
@@ -57,7 +57,7 @@ fn lead_in() -> f64 {
     0.1
 }
 
-/// What is known of the state at the beginning of a record.
+/// Knowledge of the state at the beginning of a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Beginning {
@@ -79,17 +79,17 @@ pub enum GripperSensor {
     Markers,
 }
 
-/// What is known of the markers' sensor: y(t) = scale · R(rotation) p(t − time_offset) + bias. A fit starts from these values.
+/// Known errors of the markers' sensor: y(t) = scale · R(rotation) p(t − time_offset) + bias. A fit starts from these values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorStart {
-    /// What is added to every position [m].
+    /// Offset added to every position [m].
     pub bias: [f64; 3],
-    /// What every length is multiplied by [-].
+    /// Factor on every length [-].
     pub scale: f64,
     /// Vector about which, and by whose length, positions are turned about the world's origin [rad].
     pub rotation: [f64; 3],
-    /// How late the markers' clock is against the grippers' [s].
+    /// Delay of the markers' clock against the grippers' [s].
     pub time_offset: f64,
 }
 
@@ -221,7 +221,7 @@ pub struct Marker {
 pub struct JointSensor {
     /// Name of the joint, `name[0]` or `name[1]` for the two axes of a universal one.
     pub joint: String,
-    /// What x is.
+    /// The quantity x.
     #[serde(default)]
     pub measures: JointQuantity,
     /// Column of a CSV file.
@@ -232,13 +232,13 @@ pub struct JointSensor {
     /// Unit in the log of a turning joint's coordinate; of its velocity, the same per second. Torques are in N·m.
     #[serde(default)]
     pub angle_unit: AngleUnit,
-    /// What is added to every reading [rad, rad/s, N·m; m, m/s, N].
+    /// Offset added to every reading [rad, rad/s, N·m; m, m/s, N].
     #[serde(default)]
     pub bias: f64,
-    /// What every reading is multiplied by [-].
+    /// Factor on every reading [-].
     #[serde(default = "one")]
     pub scale: f64,
-    /// How late the reading is, beyond `sensor.time_offset` [s].
+    /// Delay of the reading beyond `sensor.time_offset` [s].
     #[serde(default)]
     pub delay: f64,
     /// Smallest standard deviation of a reading that is believed [rad, rad/s, N·m; m, m/s, N]; 10⁻⁴, 10⁻³ and 10⁻³ if left out.
@@ -253,7 +253,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// What a sensor at a joint measures.
+/// Quantity that a sensor at a joint measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum JointQuantity {
@@ -262,7 +262,7 @@ pub enum JointQuantity {
     Position,
     /// Its velocity [rad/s or m/s].
     Velocity,
-    /// What the actuators at the joint exert on it [N·m or N].
+    /// The torque or force of the actuators at the joint [N·m or N].
     Torque,
 }
 
@@ -334,7 +334,7 @@ pub struct RecordFile {
     /// Array of an npz file that markers and inputs point into.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array: Option<String>,
-    /// What its records are for. Without any role whole records are split, every fourth (at least one) held out.
+    /// Role of its records. Without any role whole records are split, every fourth (at least one) held out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub role: Option<Role>,
     /// Numbers of records of an npz array to leave out.
@@ -342,7 +342,7 @@ pub struct RecordFile {
     pub skip: Vec<usize>,
 }
 
-/// What a record is for.
+/// Role of a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -378,7 +378,7 @@ pub struct Free {
     pub lower: f64,
     /// Upper bound, in the parameter's unit.
     pub upper: f64,
-    /// What is known beforehand.
+    /// Prior knowledge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior: Option<Prior>,
 }

@@ -8,7 +8,7 @@ use crate::unknown::matches;
 use pliant_math::params::{ANY, POSITIVE, Params};
 use pliant_scene::words;
 
-/// What a path means.
+/// The unknown that a path names.
 #[derive(Clone, Debug, PartialEq)]
 enum Meaning {
     /// These entries of θ, tied to one value.
@@ -112,7 +112,7 @@ fn overlap(a: &Meaning, b: &Meaning) -> bool {
     }
 }
 
-/// What a path of this object could be, nodes as `[*]`; the objects there are, if it names none of them.
+/// Known paths of the object that `path` names, nodes as `[*]`; if there is no such object, the names of all objects.
 fn known_near(path: &str, known: &[&str]) -> String {
     let object = |path: &str| path.split('.').next().unwrap_or("").to_owned();
     let wanted = object(path);

@@ -1,6 +1,7 @@
-//! Sensors at joints and observed orientations: their units and paths, and what is refused of them.
+//! Sensors at joints and observed orientations: their units, paths and checks.
 
 use super::check::Check;
+use super::constants::LOG;
 use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, JointQuantity, JointSensor, Orientation};
 use super::record::Record;
@@ -9,13 +10,6 @@ use crate::sensor::JOINT_ENTRIES;
 use pliant_math::rotation::{Map, normalized};
 use pliant_scene::Place;
 use std::f64::consts::TAU;
-
-/// Factor by which a quaternion's length may differ from one: beyond, it is something else.
-const UNIT: f64 = 0.02;
-/// A turning joint that moves over more than so many revolutions is taken for one in degrees.
-const REVOLUTIONS: f64 = 10.0;
-/// A joint may leave its limits by this part of their distance before its unit is doubted.
-const BEYOND: f64 = 5.0;
 
 impl JointQuantity {
     /// In paths and messages.
@@ -45,7 +39,7 @@ impl JointQuantity {
 }
 
 impl JointSensor {
-    /// What the log is multiplied by to be in SI units.
+    /// Factor from the unit of the log to the SI unit.
     pub(super) fn factor(&self, slides: bool) -> f64 {
         match (self.measures, slides) {
             (JointQuantity::Torque, _) => 1.0,
@@ -66,7 +60,7 @@ impl JointSensor {
 }
 
 impl Orientation {
-    /// What the log is multiplied by.
+    /// Factor from the unit of the log to radians; 1 for quaternions.
     pub(super) fn factor(&self) -> f64 {
         if self.columns.len() == 3 { self.angle_unit.radians() } else { 1.0 }
     }
@@ -80,7 +74,7 @@ impl Orientation {
             [x, y, z] => Ok(Map::Exponential.turn(&nalgebra::Vector3::new(*x, *y, *z))),
             [w, x, y, z] => {
                 let length = (w * w + x * x + y * y + z * z).sqrt();
-                let unit = (length - 1.0).abs() <= UNIT;
+                let unit = (length - 1.0).abs() <= LOG.unit_quaternion;
                 if unit { Ok(normalized(&[*w, *x, *y, *z])) } else { Err(LogMistake::Quaternion { length }) }
             }
             _ => Err(LogMistake::OrientationColumns { found: numbers.len() }),
@@ -152,11 +146,11 @@ pub(super) fn check_angles(setup: &Setup, record: &Record, place: &dyn Fn(usize)
         let joint = setup.scene.body.iter().flat_map(|body| &body.joint).find(|j| j.name == sensor.joint);
         let limits = joint.and_then(|j| j.limits).map(|[low, high]| high - low);
         let most = match limits {
-            Some(limits) => BEYOND * limits,
+            Some(limits) => LOG.beyond_limits * limits,
             None if slides => f64::INFINITY,
-            None => REVOLUTIONS * TAU,
+            None => LOG.revolutions * TAU,
         };
-        // a wheel may well turn round and round: only what moves in degrees as an arm does in radians is doubted
+        // a wheel may well turn round and round: only a range in degrees that an arm would have in radians is doubted
         let as_degrees = !slides && (high - low).to_radians() <= TAU;
         if high - low > most && (slides || as_degrees || limits.is_some()) {
             let place = Place { line: None, column: None, field: format!("column {}", sensor.column), ..place(0) };

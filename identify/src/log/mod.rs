@@ -1,4 +1,4 @@
-//! Logs: what was measured, read from CSV and npz files by the mapping in the scene's `[experiment]`, checked, in SI units.
+//! Logs: measurements, read from CSV and npz files by the mapping in the scene's `[experiment]`, checked, in SI units.
 //!
 //! ```text
 //! scene.toml ── Setup::read ── Setup { scene, experiment } ── Setup::read_logs ── Logs { records, split }
@@ -11,6 +11,7 @@
 
 mod advice;
 mod check;
+mod constants;
 mod csv_file;
 mod error;
 mod experiment;

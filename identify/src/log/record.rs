@@ -1,22 +1,18 @@
 //! Records: measured runs in SI units.
 
+use super::constants::LOG;
 use super::experiment::Role;
-
-/// Interval between samples beyond which the inputs in between are unknown \[s\], and in periods.
-const GAP: (f64, f64) = (0.1, 5.0);
-/// Samples of a part between gaps that is worth simulating.
-const PART: usize = 20;
 
 /// All records of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logs {
     /// The records, in the order of the scene, then of the command line.
     pub records: Vec<Record>,
-    /// How they got their roles.
+    /// Origin of their roles.
     pub split: Split,
 }
 
-/// How records got their roles; a report has to say it.
+/// Origin of the records' roles; a report states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
     /// The scene gives them; records without role are fitted.
@@ -65,7 +61,7 @@ impl Logs {
 pub struct Record {
     /// Name: file, and array and number in an npz file.
     pub name: String,
-    /// What it is for.
+    /// Its role.
     pub role: Role,
     /// Times of the samples [s], increasing, the first one 0.
     pub time: Vec<f64>,
@@ -125,10 +121,10 @@ impl Record {
         self.time.iter().map(place).collect()
     }
 
-    /// Its parts between gaps in its log: over a gap the inputs are unknown, and a simulation could not follow what is measured behind it.
+    /// Its parts between gaps in its log: over a gap the inputs are unknown, and a simulation could not follow the readings behind it.
     /// Itself where there are none, or no inputs; short parts are left out.
     pub fn between_gaps(&self) -> Vec<Self> {
-        let longest = GAP.0.max(GAP.1 * self.period());
+        let longest = LOG.gap.0.max(LOG.gap.1 * self.period());
         let gaps = (1..self.time.len()).filter(|&k| self.time[k] - self.time[k - 1] > longest);
         let ends: Vec<usize> = gaps.chain([self.time.len()]).collect();
         if ends.len() < 2 || self.phase.is_empty() {
@@ -140,7 +136,7 @@ impl Record {
             let name = if start == 0 { self.name.clone() } else { format!("{} from {from:.2} s", self.name) };
             Self { name, ..self.piece(start..*end, from) }
         };
-        let parts: Vec<Self> = starts.zip(&ends).filter(|(start, end)| *end - start >= PART).map(part).collect();
+        let parts: Vec<Self> = starts.zip(&ends).filter(|(start, end)| *end - start >= LOG.part).map(part).collect();
         if parts.is_empty() { vec![self.clone()] } else { parts }
     }
 

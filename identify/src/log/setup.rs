@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct Setup {
     /// The scene; its `experiment` is empty, see the field of that name.
     pub scene: Scene,
-    /// What was measured.
+    /// The measurements and the free parameters.
     pub experiment: Experiment,
     /// The scene's text, to locate errors in.
     pub source: Source,
@@ -129,7 +129,7 @@ impl Setup {
         self.experiment.joint.iter().map(|sensor| [sensor.bias, sensor.scale, sensor.delay]).collect()
     }
 
-    /// How far each marker is from the centreline of its rod, as the experiment has it \[m\].
+    /// Offset of each marker from the centreline of its rod, as given in the experiment \[m\].
     pub fn marker_offsets(&self) -> Vec<[f64; 2]> {
         self.experiment.marker.iter().map(|marker| marker.offset.unwrap_or_default()).collect()
     }
@@ -173,7 +173,7 @@ fn name_of(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// What an input is multiplied by to be in SI units.
+/// Factor from the unit of an input to the SI unit.
 fn factor(input: &Input, unit: &str) -> f64 {
     match unit {
         "m" | "m/s" => input.unit.metres(),

@@ -58,7 +58,7 @@ fn error(curve: &Curve, simulated: &[[f64; 3]]) -> Vec<Point> {
     curve.time.iter().copied().zip(simulated.iter().zip(&curve.measured).map(distance)).collect()
 }
 
-/// Sum of squared errors over what was measured.
+/// Sum of squared errors over the measured samples.
 fn square(simulated: &[[f64; 3]], measured: &[[f64; 3]]) -> f64 {
     let pairs = simulated.iter().flatten().zip(measured.iter().flatten());
     pairs.map(|(s, m)| (s - m).powi(2)).filter(|e| e.is_finite()).sum()

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Why a report cannot be written: where, what, the likely cause, the fix.
+/// Errors of writing a report: place, mistake, likely cause and fix.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The place holds something that is not a report.
@@ -13,7 +13,7 @@ pub enum ReportError {
     NotOurs {
         /// The folder.
         path: PathBuf,
-        /// What else is there.
+        /// Name of the thing that is no part of a report.
         found: String,
     },
     /// A file or folder cannot be written.
@@ -21,7 +21,7 @@ pub enum ReportError {
     Write {
         /// File or folder.
         path: PathBuf,
-        /// What the file system says.
+        /// The file system's error.
         source: std::io::Error,
         /// Likely cause.
         cause: &'static str,
@@ -33,7 +33,7 @@ pub enum ReportError {
     Read {
         /// File.
         path: PathBuf,
-        /// What the file system says.
+        /// The file system's error.
         source: std::io::Error,
     },
     /// The page cannot be filled in.
@@ -53,7 +53,7 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    /// What the file system refused, with advice.
+    /// The error of a refused write, with advice.
     pub(super) fn write(path: &std::path::Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind as E;
         let (cause, fix) = match source.kind() {

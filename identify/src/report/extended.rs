@@ -1,4 +1,4 @@
-//! The scene with the estimates in place, as a scene file that says what was changed.
+//! The scene with the estimates in place, as a scene file with comments on every change.
 
 use super::error::ReportError;
 use super::place_body::{set_inertia, set_joint};
@@ -66,7 +66,7 @@ fn header(diagnosis: &Diagnosis) -> String {
     format!("# {scene}, extended by pliant diagnose ({found}). These values are estimates from the logs:\n")
 }
 
-/// What was fitted last: the baseline's free parameters and those of the accepted causes, from their joint refit.
+/// Estimates of the last fit: the baseline's free parameters and those of the accepted causes, from their joint refit.
 fn estimates(diagnosis: &Diagnosis) -> Vec<&Estimate> {
     let found = || diagnosis.causes.iter().chain(&diagnosis.extension);
     let causes = || found().flat_map(|cause| &cause.parameters);

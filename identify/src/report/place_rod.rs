@@ -1,7 +1,7 @@
 //! Where estimates of a rod's section, its joints and its creep stand in a scene.
 
 use super::extended::set_value;
-use crate::shoot::{FAR, NEVER};
+use crate::shooting::SHOOTING;
 use crate::unknown::range;
 use toml::{Table, Value};
 
@@ -42,7 +42,7 @@ fn is_closed(rope: &Table) -> bool {
     rope.get("closed").and_then(Value::as_bool) == Some(true)
 }
 
-/// A law that a section may be without: its table, and what a new one has in it.
+/// A law that a section may be without: its table, and the content of a new one.
 struct Law {
     table: &'static str,
     without: &'static [(&'static str, f64)],
@@ -51,7 +51,8 @@ struct Law {
 const CREEP: Law = Law { table: "rope.creep", without: &[("fraction", 0.0), ("time", 1.0)] };
 const STIFFENING: Law = Law { table: "rope.stiffening", without: &[("coefficient", 0.0)] };
 const FRICTION: Law = Law { table: "rope.bend_friction", without: &[("moment", 0.0), ("curvature", 1.0)] };
-const PLASTICITY: Law = Law { table: "rope.plasticity", without: &[("yield_curvature", FAR), ("time", NEVER)] };
+const PLASTICITY: Law =
+    Law { table: "rope.plasticity", without: &[("yield_curvature", SHOOTING.inactive_limit), ("time", SHOOTING.inactive_time)] };
 
 /// The law that a path is a quantity of, and its key there.
 fn law(path: &str) -> Option<(Law, &str)> {
@@ -75,7 +76,7 @@ pub(super) fn node_count(rope: &Table) -> Option<i64> {
     }
 }
 
-/// Sets what the joint at a node has of its own.
+/// Sets the section of the joint at a node.
 fn set_joint(twist: &mut Table, node: i64, nodes: i64, quantity: &str, new: f64) -> Option<()> {
     let list = twist.entry("joint").or_insert_with(|| Value::Array(Vec::new())).as_array_mut()?;
     let same = |item: &Value| item.get("node").and_then(Value::as_integer).is_some_and(|k| k.rem_euclid(nodes) == node);

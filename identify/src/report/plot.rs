@@ -111,7 +111,7 @@ impl Frame {
         out + "</g>"
     }
 
-    /// The whole picture; `label` is what a screen reader says.
+    /// The whole picture; `label` is the text for screen readers.
     pub(super) fn svg(&self, label: &str, body: &str) -> String {
         format!(r#"<svg viewBox="0 0 {} {}" role="img" aria-label="{}">{body}</svg>"#, self.width, self.height, escape(label))
     }

@@ -1,11 +1,11 @@
-//! How a report came about: command, seed, versions, files and their hashes.
+//! Provenance of a report: command, seed, versions, files and their hashes.
 
 use super::error::ReportError;
 use crate::log::Setup;
 use serde::Serialize;
 use std::path::{Component, Path, PathBuf};
 
-/// What a report needs to know of the run that made it.
+/// The run that made a report.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Provenance {
     /// The command and its arguments.

@@ -7,7 +7,7 @@ use crate::number::number;
 /// Pictures at most.
 const MOST: usize = 4;
 
-/// A picture and what stands under it.
+/// A picture and its caption.
 #[derive(Clone, Debug, serde::Serialize)]
 pub(super) struct Figure {
     /// SVG; our own, with every text in it escaped.
@@ -51,7 +51,7 @@ struct View {
 
 /// Height below which a rope lies flat, as a part of its width.
 const FLAT: f64 = 0.02;
-/// How much more of the change another view must show to be taken instead of the one from the side.
+/// Ratio by which another view must show more of the change than the view from the side to replace it [-].
 const CLEARER: f64 = 2.0;
 
 impl View {

@@ -131,7 +131,7 @@ pub fn summary(d: &Diagnosis) -> String {
     out
 }
 
-/// The causes beside what statistics alone would take.
+/// The error taken by the causes, beside that taken by statistics alone.
 pub(super) fn against_ceiling(c: &Ceiling) -> String {
     let found = match c.share {
         Some(share) if share > 2.0 => "; what was found takes many times what it takes".to_owned(),
@@ -151,7 +151,7 @@ pub(super) fn longest(gain: &[Gain]) -> Option<&Gain> {
     gain.iter().max_by(|a, b| a.horizon_s.total_cmp(&b.horizon_s))
 }
 
-/// How many findings of which kind.
+/// Numbers of findings by severity.
 pub(super) fn audit(d: &Diagnosis) -> String {
     let count = |severity: &str| d.audit.iter().filter(|f| f.severity == severity).count();
     let (faulty, warning, info) = (count("faulty"), count("warning"), count("info"));

@@ -10,14 +10,12 @@
 //! Why it matters: a test that takes noise of φ = 0.9 for white raises a false alarm nearly always.
 //! Reference: Burg (1967); Brockwell & Davis, Time Series (1991), §5.2 and §8.2; pooled over segments: de Waele & Broersen (2000).
 
+use super::constants::STATS;
 use super::dist::gaussian;
 use super::error::{StatsError, check_slice};
 use rand::RngExt;
 
-/// Largest magnitude of a fitted reflection coefficient.
-pub const REFLECTION_LIMIT: f64 = 0.999;
-
-/// How the order of the model is found.
+/// Choice of the model's order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     /// Given.
@@ -29,7 +27,7 @@ pub enum Order {
     },
 }
 
-/// What a fit needs besides the data.
+/// Options of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArOptions {
     /// Order of the model.
@@ -43,14 +41,14 @@ pub struct ArOptions {
 
 impl Default for ArOptions {
     fn default() -> Self {
-        Self { order: Order::Bic { max: 4 }, sigma_floor: Vec::new(), lost_dof: 0 }
+        Self { order: Order::Bic { max: STATS.noise_order }, sigma_floor: Vec::new(), lost_dof: 0 }
     }
 }
 
 /// A stationary AR(p) model with a common φ and one σ per channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArModel {
-    /// k_1..k_p, dimensionless, |k| ≤ [`REFLECTION_LIMIT`] when fitted.
+    /// k_1..k_p, dimensionless, |k| ≤ 0.999 when fitted.
     reflection: Vec<f64>,
     /// `predictors[m]` = coefficients of the best linear prediction from the last m samples, m = 0..=p.
     predictors: Vec<Vec<f64>>,
@@ -128,7 +126,7 @@ impl ArModel {
     fn fit_order(records: &[&[f64]], seen: &[f64], p: usize, floor: &[f64], scale: &mut [f64]) -> Result<Self, StatsError> {
         let channels = seen.len();
         let mut model = Self::white(scale.to_vec())?;
-        for _ in 0..2 {
+        for _ in 0..STATS.weight_passes {
             let reflection = burg(records, channels, p, scale);
             model = Self::from_reflection(&reflection, vec![1.0; channels])?;
             let mut sum = vec![0.0; channels];
@@ -287,7 +285,7 @@ fn floors(given: &[f64], channels: usize) -> Result<Vec<f64>, StatsError> {
     }
 }
 
-/// How many samples of each channel were measured.
+/// Number of measured samples of each channel.
 fn seen(records: &[&[f64]], channels: usize) -> Vec<f64> {
     let mut count = vec![0.0; channels];
     for row in records.iter().flat_map(|r| r.chunks_exact(channels)) {
@@ -322,7 +320,7 @@ fn burg(records: &[&[f64]], channels: usize, p: usize, scale: &[f64]) -> Vec<f64
                 power += x * x + y * y;
             }
         }
-        let k = if power > 0.0 { (2.0 * cross / power).clamp(-REFLECTION_LIMIT, REFLECTION_LIMIT) } else { 0.0 };
+        let k = if power > 0.0 { (2.0 * cross / power).clamp(-STATS.reflection_limit, STATS.reflection_limit) } else { 0.0 };
         for (f, b) in forward.iter_mut().zip(&mut backward) {
             // b at t is made from b at t − 1, hence backwards in time.
             for i in (m * channels..f.len()).rev() {
@@ -401,7 +399,7 @@ mod tests {
     fn near_unit_root_stays_stationary() {
         let ramp: Vec<f64> = (0..300).map(|t| f64::from(t) * 0.1).collect();
         let model = ArModel::fit(&[&ramp], 1, &ArOptions { order: Order::Fixed(2), ..Default::default() }).unwrap();
-        assert!(model.reflection().iter().all(|k| k.abs() <= REFLECTION_LIMIT));
+        assert!(model.reflection().iter().all(|k| k.abs() <= STATS.reflection_limit));
         let slow = ArModel::from_reflection(&[0.98], vec![1.0]).unwrap();
         assert_relative_eq!(slow.effective_samples(300), 300.0 * 0.02 / 1.98, max_relative = 1e-12);
     }

@@ -3,16 +3,12 @@
 //! d_r = ln RMSE_after(r) − ln RMSE_before(r) per record; the gain is the mean of d_r (negative: better after).
 //! Records, not samples, are resampled: samples within a record are far from independent.
 
+use super::constants::STATS;
 use super::dist::{normal_cdf, t_quantile};
 use super::error::StatsError;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
-
-/// From this number of records on the interval comes from the bootstrap.
-pub const MIN_BOOTSTRAP_RECORDS: usize = 5;
-/// Fewest blocks of a record that are resampled.
-pub const MIN_BLOCKS: usize = 4;
 
 /// Squared errors of one held-out record under both models, over the same samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +19,7 @@ pub struct RecordError {
     pub after: f64,
 }
 
-/// How an interval was made.
+/// Method that an interval comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IntervalKind {
@@ -86,7 +82,7 @@ pub fn log_rmse_gain(records: &[RecordError], level: f64, draws: usize, seed: u6
     let mean = d.iter().sum::<f64>() / n as f64;
     let (lower, upper, kind) = match n {
         1 => (f64::NEG_INFINITY, f64::INFINITY, IntervalKind::None),
-        2..MIN_BOOTSTRAP_RECORDS => {
+        2.. if n < STATS.bootstrap_records => {
             let half = t_half_width(&d, mean, level);
             (mean - half, mean + half, IntervalKind::StudentT)
         }
@@ -98,16 +94,16 @@ pub fn log_rmse_gain(records: &[RecordError], level: f64, draws: usize, seed: u6
     Ok(LogRmseGain { difference: mean, lower, upper, kind, records: n, improved: d.iter().filter(|x| **x < 0.0).count() })
 }
 
-/// The gain on a single record from the squared errors of its consecutive, equally long blocks, which are resampled: how far the
-/// gain depends on which stretch of the record is looked at. (Errors are correlated over a block, hence blocks and not samples; what
-/// another record would show it cannot say.)
+/// The gain on a single record from the squared errors of its consecutive, equally long blocks, which are resampled: its
+/// interval covers the choice of stretches within the record. (Errors are correlated over a block, hence blocks and not samples. The
+/// interval says nothing about other records.)
 ///
 /// # Errors
-/// Fewer than [`MIN_BLOCKS`] blocks; errors as in [`log_rmse_gain`].
+/// Fewer than four blocks; errors as in [`log_rmse_gain`].
 pub fn log_rmse_gain_of_blocks(blocks: &[RecordError], level: f64, draws: usize, seed: u64) -> Result<LogRmseGain, StatsError> {
     let n = blocks.len();
-    if n < MIN_BLOCKS {
-        return Err(StatsError::TooFew { what: "blocks of a record", found: n, needed: MIN_BLOCKS });
+    if n < STATS.bootstrap_blocks {
+        return Err(StatsError::TooFew { what: "blocks of a record", found: n, needed: STATS.bootstrap_blocks });
     }
     let ratio = |chosen: &mut dyn Iterator<Item = usize>| {
         let sums = chosen.fold((0.0, 0.0), |s, k| (s.0 + blocks[k].before, s.1 + blocks[k].after));
@@ -119,7 +115,7 @@ pub fn log_rmse_gain_of_blocks(blocks: &[RecordError], level: f64, draws: usize,
     }
     let mut rng = Pcg64::seed_from_u64(seed);
     let draw = |_| ratio(&mut (0..n).map(|_| rng.random_range(0..n)).collect::<Vec<_>>().into_iter());
-    let mut ratios: Vec<f64> = (0..draws.max(200)).map(draw).collect();
+    let mut ratios: Vec<f64> = (0..draws.max(STATS.bootstrap_draws)).map(draw).collect();
     let (lower, upper) = expanded_percentiles(&mut ratios, n, level);
     let improved = blocks.iter().filter(|b| b.after < b.before).count();
     Ok(LogRmseGain { difference, lower, upper, kind: IntervalKind::Blocks, records: 1, improved })
@@ -134,8 +130,9 @@ fn t_half_width(d: &[f64], mean: f64, level: f64) -> f64 {
 fn bootstrap_mean(d: &[f64], level: f64, draws: usize, seed: u64) -> (f64, f64) {
     let n = d.len();
     let mut rng = Pcg64::seed_from_u64(seed);
-    let mut means: Vec<f64> =
-        (0..draws.max(200)).map(|_| (0..n).map(|_| d[rng.random_range(0..n)]).sum::<f64>() / n as f64).collect();
+    let mut means: Vec<f64> = (0..draws.max(STATS.bootstrap_draws))
+        .map(|_| (0..n).map(|_| d[rng.random_range(0..n)]).sum::<f64>() / n as f64)
+        .collect();
     expanded_percentiles(&mut means, n, level)
 }
 

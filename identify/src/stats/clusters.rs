@@ -2,9 +2,10 @@
 //!
 //! In a candidate's orthonormal coordinates the scores s_b of the clusters sum to ŝ and their informations I_b to the
 //! identity. d_b = (1 − I_b)^{−½}(s_b − I_b ŝ) has E d_b d_bᵀ = I_b under white noise, so V = Σ d_b d_bᵀ is unbiased for Var ŝ;
-//! centring on I_b ŝ, what the fitted size predicts for the block, keeps a true effect out of the variance.
+//! centring on I_b ŝ, the score that the fitted size predicts for the block, keeps a true effect out of the variance.
 //! Reference: Bell & McCaffrey (2002).
 
+use super::constants::STATS;
 use super::dist::{f_sf, t_two_sided};
 use super::reduced::Reduced;
 use super::score::{Directions, Evidence, ScoreOptions};
@@ -94,16 +95,13 @@ fn wald(clusters: &[Cluster], directions: &Directions, local: &DVector<f64>, min
     Some(Evidence { p, statistic, dof })
 }
 
-/// Largest leverage that is corrected for: above, one cluster holds nearly all the information.
-const LEVERAGE_LIMIT: f64 = 0.95;
-
 /// (1 − I)^{−½} of a symmetric I with eigenvalues in [0, 1].
 fn inverse_root_of_complement(information: DMatrix<f64>) -> DMatrix<f64> {
     if information.nrows() == 1 {
-        return information.map(|l| (1.0 - l.clamp(0.0, LEVERAGE_LIMIT)).powf(-0.5));
+        return information.map(|l| (1.0 - l.clamp(0.0, STATS.leverage_limit)).powf(-0.5));
     }
     let eigen = SymmetricEigen::new((&information + information.transpose()) * 0.5);
-    let roots = eigen.eigenvalues.map(|l| (1.0 - l.clamp(0.0, LEVERAGE_LIMIT)).powf(-0.5));
+    let roots = eigen.eigenvalues.map(|l| (1.0 - l.clamp(0.0, STATS.leverage_limit)).powf(-0.5));
     &eigen.eigenvectors * DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()
 }
 
@@ -111,7 +109,7 @@ fn inverse_root_of_complement(information: DMatrix<f64>) -> DMatrix<f64> {
 /// cov(d_b, d_c) = −a_b a_c/√((1−a_b)(1−a_c)), var(d_b) = a_b.
 fn satterthwaite(shares: &[f64]) -> f64 {
     let mean: f64 = shares.iter().sum();
-    let leak = |a: f64| a * a / (1.0 - a.min(LEVERAGE_LIMIT));
+    let leak = |a: f64| a * a / (1.0 - a.min(STATS.leverage_limit));
     // Σ_{b≠c} a_b² a_c² /((1−a_b)(1−a_c)) = (Σ leak)² − Σ leak²
     let (sum, squares): (f64, f64) = shares.iter().fold((0.0, 0.0), |(s, q), &a| (s + leak(a), q + leak(a).powi(2)));
     let total = shares.iter().map(|a| a * a).sum::<f64>() + sum * sum - squares;

@@ -1,15 +1,15 @@
-//! Whether a cause is what makes the residual coloured: likelihood ratios with the noise refitted, their law simulated.
+//! Test whether a cause makes the residual coloured: likelihood ratios with the noise refitted, their law simulated.
 //!
 //! A score test takes its noise from the residual with the cause still in it. A slow cause (an encoder's zero) makes that residual
-//! slow; the noise model is then slow too, slow directions weigh next to nothing, and the score does not see what makes the colour.
+//! slow; the noise model is then slow too, slow directions weigh next to nothing, and the score misses the cause of the colour.
 //! Here every hypothesis has a noise model of its own. With P the projection off everything fitted and P_c the one off the cause c
 //! too (least squares, each channel's rows divided by its stationary σ),
 //! ```text
 //! T_c = D(P r) − D(P_c r),     D(x) = min over AR models of order p ≤ 4 of −2 log L(x) + p log n
 //! ```
 //! T has no χ² law: a slow column fits slow noise far better than independent noise (spurious regression: Granger & Newbold 1974),
-//! and every rope with coloured noise would be called wrong. So its law is simulated. Series of the noise model of `P r`, which is
-//! what the residual is if no cause is there, go through the same steps; the p of a cause is the share of series whose largest T is
+//! and every rope with coloured noise would be called wrong. So its law is simulated. Series of the noise model of `P r`,
+//! the residual without a cause, go through the same steps; the p of a cause is the share of series whose largest T is
 //! not below its own, (1 + count)/(1 + draws). That counts the choice among all candidates: p is family-wise.
 //!
 //! Short series of slow noise look less slow than they are, and how slow the noise is decides how large T becomes. Each series has
@@ -18,22 +18,14 @@
 
 use super::ar::{ArModel, ArOptions, Order};
 use super::basis::Basis;
+use super::constants::STATS;
 use super::dist::gaussian;
 use super::error::{StatsError, check_slice};
-use super::reduced::DEAD_TOLERANCE;
 use super::score::{Candidate, Sign};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-
-/// Series from which bias and error of the noise model are taken.
-const PILOTS: usize = 100;
-/// Largest partial autocorrelation of a simulated series.
-const LONGEST: f64 = 0.9995;
-
-/// Least σ of a channel in units of its stationary one: a residual that a cause explains to the last digit is not infinitely likely.
-const FLOOR: f64 = 1e-3;
 
 /// One record as it was read, not whitened. Rows are (time, channel); matrices are row-major.
 #[derive(Debug, Clone, Copy)]
@@ -44,13 +36,13 @@ pub struct RawRows<'a> {
     pub own: &'a [f64],
     /// Number of own columns.
     pub own_columns: usize,
-    /// rows × `global_columns`: by what is fitted, and by the candidates.
+    /// rows × `global_columns`: by the fitted unknowns, and by the candidates.
     pub global: &'a [f64],
     /// Number of global columns.
     pub global_columns: usize,
 }
 
-/// How the test is made.
+/// Options of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ColourOptions {
     /// Candidates of which T is computed, in every series: those that take the largest part of its square.
@@ -67,7 +59,7 @@ impl Default for ColourOptions {
     }
 }
 
-/// What is found of one candidate.
+/// Result for one candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coloured {
     /// Its index.
@@ -95,7 +87,7 @@ pub fn colour_test(
     let found = problem.best(&residual, options.tried)?;
     let spread = problem.uncertainty(options.seed)?;
     let draw = |k: usize| -> Result<f64, StatsError> {
-        let mut rng = Pcg64::seed_from_u64(options.seed.wrapping_add((PILOTS + k) as u64));
+        let mut rng = Pcg64::seed_from_u64(options.seed.wrapping_add((STATS.pilots + k) as u64));
         let model = problem.perturbed(&spread, &mut rng)?;
         let best = problem.best(&problem.simulate(&model, &mut rng)?, options.tried)?;
         Ok(best.first().map_or(f64::NEG_INFINITY, |b| b.standard))
@@ -148,7 +140,7 @@ impl Problem {
             check_slice("global matrix", record.global, rows * record.global_columns)?;
             let start = weighted(record.own, record.own_columns, rows);
             let norms: Vec<f64> = start.column_iter().map(|c| c.norm()).collect();
-            let basis = Basis::new(&start, &norms, DEAD_TOLERANCE);
+            let basis = Basis::new(&start, &norms, STATS.dead);
             let mut data = weighted(record.global, record.global_columns, rows);
             let last = data.ncols();
             data = data.insert_column(last, 0.0);
@@ -171,9 +163,9 @@ impl Problem {
         }
         let norms: Vec<f64> = all.column_iter().map(|c| c.norm()).collect();
         let of = |chosen: &[usize]| chosen.iter().map(|&c| norms[c]).collect::<Vec<f64>>();
-        let nuisance = Basis::new(&all.select_columns(nuisance), &of(nuisance), DEAD_TOLERANCE);
+        let nuisance = Basis::new(&all.select_columns(nuisance), &of(nuisance), STATS.dead);
         nuisance.project_out(&mut all);
-        let cause = |c: &Candidate| (Basis::new(&all.select_columns(&c.columns), &of(&c.columns), DEAD_TOLERANCE), c.sign);
+        let cause = |c: &Candidate| (Basis::new(&all.select_columns(&c.columns), &of(&c.columns), STATS.dead), c.sign);
         let causes = candidates.iter().map(cause).collect();
         let unit = ArModel::from_reflection(noise.reflection(), vec![1.0 / noise.stationary_ratio(); channels])?;
         let residual = all.column(columns - 1).into_owned();
@@ -188,8 +180,8 @@ impl Problem {
             let model = self.model(&series, Order::Fixed(self.noise.order()))?;
             Ok(model.reflection().iter().map(|k| k.atanh()).collect())
         };
-        let pilots: Vec<Vec<f64>> = (0..PILOTS).into_par_iter().map(pilot).collect::<Result<_, _>>()?;
-        let n = PILOTS as f64;
+        let pilots: Vec<Vec<f64>> = (0..STATS.pilots).into_par_iter().map(pilot).collect::<Result<_, _>>()?;
+        let n = STATS.pilots as f64;
         let one = |(i, k): (usize, &f64)| {
             let mean = pilots.iter().map(|p| p[i]).sum::<f64>() / n;
             let square = pilots.iter().map(|p| (p[i] - mean).powi(2)).sum::<f64>() / n;
@@ -200,8 +192,9 @@ impl Problem {
 
     /// The noise model as it may be: its bias taken off, with an error of its standard size.
     fn perturbed(&self, spread: &[(f64, f64)], rng: &mut Pcg64) -> Result<ArModel, StatsError> {
-        let one =
-            |(k, (bias, error)): (&f64, &(f64, f64))| (k.atanh() - bias + error * gaussian(rng)).tanh().clamp(-LONGEST, LONGEST);
+        let one = |(k, (bias, error)): (&f64, &(f64, f64))| {
+            (k.atanh() - bias + error * gaussian(rng)).tanh().clamp(-STATS.simulated_reflection, STATS.simulated_reflection)
+        };
         let reflection: Vec<f64> = self.noise.reflection().iter().zip(spread).map(one).collect();
         let unit = ArModel::from_reflection(&reflection, vec![1.0; self.noise.sigma().len()])?;
         let sigma = vec![1.0 / unit.stationary_ratio(); self.noise.sigma().len()];
@@ -255,13 +248,17 @@ impl Problem {
 
     /// D of a series.
     fn cost(&self, x: &DVector<f64>) -> Result<f64, StatsError> {
-        let model = self.model(x, Order::Bic { max: 4 })?;
+        let model = self.model(x, Order::Bic { max: STATS.noise_order })?;
         Ok(model.minus_two_log_likelihood(&self.records(x))? + model.order() as f64 * (x.len() as f64).ln())
     }
 
     fn model(&self, x: &DVector<f64>, order: Order) -> Result<ArModel, StatsError> {
         let channels = self.noise.sigma().len();
-        ArModel::fit(&self.records(x), channels, &ArOptions { order, sigma_floor: vec![FLOOR; channels], lost_dof: 0 })
+        ArModel::fit(
+            &self.records(x),
+            channels,
+            &ArOptions { order, sigma_floor: vec![STATS.least_sigma; channels], lost_dof: 0 },
+        )
     }
 
     fn records<'a>(&self, x: &'a DVector<f64>) -> Vec<&'a [f64]> {

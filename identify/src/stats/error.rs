@@ -1,4 +1,4 @@
-//! What can go wrong in the statistics, with the numbers.
+//! Errors of the statistics, with the numbers.
 
 use thiserror::Error;
 
@@ -26,7 +26,7 @@ pub enum StatsError {
     /// Too few samples, records or blocks.
     #[error("{what}: {found} given, at least {needed} needed")]
     TooFew {
-        /// What there is too little of.
+        /// Name of the samples, records or blocks.
         what: &'static str,
         /// Number given.
         found: usize,

@@ -15,6 +15,7 @@ mod basis;
 pub mod bootstrap;
 mod clusters;
 pub mod colour;
+mod constants;
 pub mod dist;
 mod error;
 pub mod multiple;
@@ -27,4 +28,5 @@ pub mod sign_flip;
 pub(crate) mod testing;
 pub mod whiteness;
 
+pub(crate) use constants::STATS;
 pub use error::StatsError;

@@ -25,6 +25,7 @@
 //! other away, and k does not stand in the way of naming j (forward selection will reach k). This exemption is tested at
 //! α/(2m) each way.
 
+use super::constants::STATS;
 use super::dist::normal_quantile;
 use super::score::ScoreTest;
 use serde::Serialize;
@@ -46,7 +47,7 @@ impl Default for NamingOptions {
     }
 }
 
-/// What may be said. Numbers index the candidates of the score test.
+/// Conclusion of the naming rule. Numbers index the candidates of the score test.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Naming {
@@ -100,11 +101,9 @@ pub fn lead(test: &ScoreTest, j: usize, k: usize) -> f64 {
     let (a, b) = (&test.candidates[j], &test.candidates[k]);
     let shrink = a.weakening.min(1.0);
     if !a.t.is_nan() && !b.t.is_nan() {
-        return (shrink * a.t.abs() - b.t.abs()) / (2.0 * (1.0 - test.cosines[(j, k)].abs())).sqrt().max(TINY);
+        return (shrink * a.t.abs() - b.t.abs()) / (2.0 * (1.0 - test.cosines[(j, k)].abs())).sqrt().max(STATS.least_distance);
     }
     let distance = (test.contribution(j) * shrink - test.contribution(k)).norm();
     let penalty = a.rank as f64 - b.rank as f64;
-    (a.lm * shrink * shrink - b.lm - penalty) / (2.0 * distance).max(TINY)
+    (a.lm * shrink * shrink - b.lm - penalty) / (2.0 * distance).max(STATS.least_distance)
 }
-
-const TINY: f64 = 1e-9;

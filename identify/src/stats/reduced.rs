@@ -12,11 +12,9 @@
 //! Per time block b the small matrices G̃_bᵀG̃_b and G̃_bᵀr̃_b are kept as well, for variances robust to a wrong noise model.
 
 use super::basis::Basis;
+use super::constants::STATS;
 use super::error::{StatsError, check_slice};
 use nalgebra::{DMatrix, DVector};
-
-/// A column is dead when its part orthogonal to the others is below this share of its norm.
-pub const DEAD_TOLERANCE: f64 = 1e-8;
 
 /// One record's whitened rows. Rows are (time, channel) in time order; matrices are row-major.
 /// A prior on the record's own nuisance enters as further rows (prior residual over its σ), as a block of its own.
@@ -94,7 +92,7 @@ impl Reduced {
 
         let own = DMatrix::from_row_slice(rows, record.own_columns, record.own);
         let norms: Vec<f64> = own.column_iter().map(|c| c.norm()).collect();
-        let basis = Basis::new(&own, &norms, DEAD_TOLERANCE);
+        let basis = Basis::new(&own, &norms, STATS.dead);
         basis.project_out(&mut data);
 
         // QR block by block stays in cache, and gives the blocks' statistics on the way.

@@ -5,10 +5,8 @@
 //! ```
 //! so that λ is relative to each feature's own size, whatever its unit.
 
+use super::constants::STATS;
 use nalgebra::{Cholesky, DMatrix};
-
-/// Weights tried; beyond the last the correction is nil.
-const WEIGHTS: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0];
 
 /// Sums of one group of rows: XᵀX, XᵀY and ΣY².
 #[derive(Clone, Debug)]
@@ -55,7 +53,7 @@ impl Group {
         let largest = a.diagonal().max();
         for i in 0..a.nrows() {
             // a feature that is always zero gets a zero coefficient
-            a[(i, i)] += weight * a[(i, i)] + 1e-12 * largest + f64::MIN_POSITIVE;
+            a[(i, i)] += weight * a[(i, i)] + STATS.ridge_zero * largest + f64::MIN_POSITIVE;
         }
         Cholesky::new(a).map(|c| c.solve(&self.xy))
     }
@@ -79,7 +77,7 @@ pub fn cross_validated(all: &[Vec<Group>]) -> Option<Vec<DMatrix<f64>>> {
         Some(error)
     };
     let nothing: f64 = totals.iter().map(|t| t.yy).sum();
-    let tried = WEIGHTS.iter().filter_map(|&w| Some((w, left_out(w)?)));
+    let tried = STATS.ridge_weights.iter().filter_map(|&w| Some((w, left_out(w)?)));
     let (weight, error) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
     if error < nothing { totals.iter().map(|t| t.solve(weight)).collect() } else { None }
 }

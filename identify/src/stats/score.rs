@@ -7,7 +7,7 @@
 //!   absorbed = 1 − |u|²/|s|²,   smallest detectable size = 5 se,   cosines between the U_j
 //!
 //! Beside the parametric statistic stands one that does not believe the noise model: the variance of U_jᵀr from the scores
-//! of time blocks (and of records, where there are enough), each centred on what the fitted size predicts for it and
+//! of time blocks (and of records, where there are enough), each centred on the score that the fitted size predicts and
 //! corrected for its leverage, with Satterthwaite degrees of freedom. The weaker of the two counts.
 //!
 //! References: Rao (1948); Bell & McCaffrey (2002) for the leverage-corrected cluster variance and its degrees of freedom;
@@ -15,6 +15,7 @@
 
 use super::basis::Basis;
 use super::clusters::Clusters;
+use super::constants::STATS;
 use super::dist::{chi2_sf, normal_sf, t_two_sided, z_of_two_sided};
 use super::error::StatsError;
 use super::reduced::Reduced;
@@ -62,7 +63,7 @@ impl Candidate {
 /// Settings of [`score_test`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScoreOptions {
-    /// A direction is dead when what the nuisance leaves of it is below this share of its norm.
+    /// A direction is dead when its part orthogonal to the nuisance is below this share of its norm.
     pub tolerance: f64,
     /// φ: variance of the whitened noise; 1 where the whitening is trusted.
     pub dispersion: f64,
@@ -78,7 +79,7 @@ impl Default for ScoreOptions {
     }
 }
 
-/// What the test says of one candidate. Vectors are in the order of its columns; dead columns hold θ̂ = 0, se = ∞.
+/// Result of the test for one candidate. Vectors are in the order of its columns; dead columns hold θ̂ = 0, se = ∞.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CandidateScore {
     /// Independent directions that the nuisance leaves; 0: the cause is absorbed and nothing can be said.
@@ -152,14 +153,11 @@ impl ScoreTest {
         let mut left = self.bases[j].clone();
         let other = &self.bases[k];
         left -= other * (other.transpose() * &left);
-        let basis = Basis::new(&left, &vec![1.0; left.ncols()], CONDITIONAL_TOLERANCE);
+        let basis = Basis::new(&left, &vec![1.0; left.ncols()], STATS.conditional);
         let lm = (basis.q.transpose() * &self.residual).norm_squared();
         (lm, if basis.rank() == 0 { 1.0 } else { chi2_sf(lm, basis.rank() as f64) })
     }
 }
-
-/// A direction of which another cause leaves less than this (cosine above 0.9995) is the other cause's.
-const CONDITIONAL_TOLERANCE: f64 = 0.03;
 
 /// One candidate's orthonormal directions, and how they are made of global columns.
 pub(super) struct Directions {
@@ -227,9 +225,6 @@ fn check(reduced: &Reduced, nuisance: &[usize], candidates: &[Candidate], option
     Ok(())
 }
 
-/// Whitened effect of a change of typical size below which a column is rounding: the mass of what falls freely.
-const FEEBLE: f64 = 1e-6;
-
 /// The reduced problem with its nuisance projected out.
 struct Linear<'a> {
     reduced: &'a Reduced,
@@ -262,7 +257,7 @@ impl<'a> Linear<'a> {
     }
 
     fn directions(&self, candidate: &Candidate) -> Directions {
-        let norm = |&c: &usize| Some(self.reduced.raw_norm(c)).filter(|n| *n > FEEBLE).unwrap_or(0.0);
+        let norm = |&c: &usize| Some(self.reduced.raw_norm(c)).filter(|n| *n > STATS.rounding).unwrap_or(0.0);
         let norms: Vec<f64> = candidate.columns.iter().map(norm).collect();
         let basis = Basis::new(&self.projected.select_columns(&candidate.columns), &norms, self.options.tolerance);
         let kept: Vec<usize> = basis.kept.iter().map(|&p| candidate.columns[p]).collect();
@@ -302,7 +297,7 @@ impl<'a> Linear<'a> {
             lm,
             t,
             theta,
-            detectable: std_error.iter().map(|s| 5.0 * s).collect(),
+            detectable: std_error.iter().map(|s| STATS.detectable * s).collect(),
             std_error,
             absorbed: absorbed.collect(),
             p_parametric: one_sided(parametric),
@@ -349,7 +344,7 @@ impl Evidence {
     }
 
     fn z(&self) -> f64 {
-        if self.p > 1e-300 { z_of_two_sided(self.p) } else { self.statistic }
+        if self.p > STATS.least_p { z_of_two_sided(self.p) } else { self.statistic }
     }
 }
 
@@ -359,8 +354,8 @@ fn caution(parametric: Evidence, robust: &[Option<Evidence>]) -> Vec<(f64, f64)>
 }
 
 impl CandidateScore {
-    /// What a standard normal statistic of this cause is worth under its robust variances: as large a normal one as its value,
-    /// shrunk by the variances' ratio, is rare under Student's t.
+    /// Standard normal statistic as rare as `z`, shrunk by the ratio of the robust to the parametric variance, is under Student's t; the
+    /// least over the robust variances.
     pub fn credible(&self, z: f64) -> f64 {
         let worth = |&(scale, dof): &(f64, f64)| z_of_two_sided(t_two_sided(z * scale, dof));
         if z <= 0.0 { z } else { self.caution.iter().map(worth).fold(z, f64::min) }

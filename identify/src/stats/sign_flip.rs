@@ -8,6 +8,7 @@
 //! Limits: the smallest p is 2/2^R with R records (1/2^R for one admissible sign); at least 8 records are asked for.
 //! References: Hemerik, Goeman & Finos (2020) for flipped effective scores; Westfall & Young (1993) for the maximum.
 
+use super::constants::STATS;
 use super::dist::{f_sf, z_of_two_sided};
 use super::error::StatsError;
 use super::score::{ScoreTest, Sign};
@@ -15,11 +16,6 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
-
-/// Fewest records for which flips have any resolution.
-pub const MIN_RECORDS: usize = 8;
-/// Up to this many records all sign patterns are gone through.
-const EXHAUSTIVE_RECORDS: usize = 12;
 
 /// p-values by sign flips, per candidate in the order of the score test.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -37,17 +33,17 @@ pub struct SignFlip {
 /// Runs the sign-flip test; `draws` random patterns beyond 12 records, all of them up to 12.
 ///
 /// # Errors
-/// Fewer than [`MIN_RECORDS`] records.
+/// Fewer than eight records.
 pub fn sign_flip(test: &ScoreTest, draws: usize, seed: u64) -> Result<SignFlip, StatsError> {
     let records = test.record_scores.first().map_or(0, DMatrix::ncols);
-    if records < MIN_RECORDS {
-        return Err(StatsError::TooFew { what: "records", found: records, needed: MIN_RECORDS });
+    if records < STATS.flip_records {
+        return Err(StatsError::TooFew { what: "records", found: records, needed: STATS.flip_records });
     }
     let statistics: Vec<Statistic> =
         test.record_scores.iter().zip(&test.signs).map(|(scores, sign)| Statistic::new(scores, *sign)).collect();
     let mut signs = vec![1.0; records];
     let observed: Vec<f64> = statistics.iter().map(|s| s.eval(&signs)).collect();
-    let exact = records <= EXHAUSTIVE_RECORDS;
+    let exact = records <= STATS.exhaustive_records;
     let patterns = if exact { 1 << records } else { draws + 1 };
     let mut rng = Pcg64::seed_from_u64(seed);
     let mut beaten = vec![(0_usize, 0_usize); observed.len()];
@@ -60,7 +56,7 @@ pub fn sign_flip(test: &ScoreTest, draws: usize, seed: u64) -> Result<SignFlip, 
         let top = values.iter().copied().fold(0.0, f64::max);
         for ((count, value), seen) in beaten.iter_mut().zip(&values).zip(&observed) {
             // A hair of slack: the mirror pattern gives the same statistic up to round-off.
-            let bar = seen * (1.0 - 1e-10);
+            let bar = seen * (1.0 - STATS.flip_slack);
             count.0 += usize::from(*value >= bar);
             count.1 += usize::from(top >= bar);
         }
@@ -96,6 +92,6 @@ impl Statistic {
         let squared = sum.norm_squared();
         let f = (records - rank) / rank * squared / (records - squared).max(1e-12);
         let p = f_sf(f, rank, records - rank);
-        if p > 0.0 { z_of_two_sided(p) } else { 38.0 + f.ln() }
+        if p > 0.0 { z_of_two_sided(p) } else { STATS.beyond_z + f.ln() }
     }
 }

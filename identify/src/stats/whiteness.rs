@@ -6,6 +6,7 @@
 //! References: Ljung & Box (1978); Bartlett (1946) for the variance of a cross-correlation of two coloured series.
 
 use super::ar::{ArModel, ArOptions, Order};
+use super::constants::STATS;
 use super::dist::{chi2_sf, normal_sf};
 use super::error::{StatsError, check_slice};
 use serde::Serialize;
@@ -132,7 +133,7 @@ fn centred(x: &[f64]) -> Vec<f64> {
 
 fn bartlett_sd(residual: &[Vec<f64>], input: &[Vec<f64>]) -> Result<f64, StatsError> {
     let views: Vec<&[f64]> = residual.iter().map(Vec::as_slice).collect();
-    let model = ArModel::fit(&views, 1, &ArOptions { order: Order::Bic { max: 8 }, ..Default::default() })?;
+    let model = ArModel::fit(&views, 1, &ArOptions { order: Order::Bic { max: STATS.correlated_order }, ..Default::default() })?;
     let longest = residual.iter().map(Vec::len).max().unwrap_or(1);
     let rho_e = model.autocorrelation(longest - 1);
     let power = autocovariance(input, 0);
@@ -141,12 +142,14 @@ fn bartlett_sd(residual: &[Vec<f64>], input: &[Vec<f64>]) -> Result<f64, StatsEr
     for (j, rho) in rho_e.iter().enumerate().skip(1) {
         // autocovariance(j) already carries the (n_r − j) pairs.
         sum += 2.0 * rho * autocovariance(input, j) / power * n;
-        if rho.abs() < 1e-6 && rho_e[j.saturating_sub(8)..j].iter().all(|r| r.abs() < 1e-6) {
+        if rho.abs() < STATS.forgotten
+            && rho_e[j.saturating_sub(STATS.correlated_order)..j].iter().all(|r| r.abs() < STATS.forgotten)
+        {
             break;
         }
     }
     // Never below a tenth of the white variance: a sum of alternating terms is not trusted that far.
-    Ok((sum.max(0.1 * n)).sqrt() / n)
+    Ok((sum.max(STATS.least_bartlett * n)).sqrt() / n)
 }
 
 #[cfg(test)]

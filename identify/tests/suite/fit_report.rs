@@ -1,7 +1,7 @@
-//! What a fit says beyond its estimates: what the data do not determine, and a residual that is not noise.
+//! Statements of a fit beyond its estimates: undetermined combinations, and a residual that is not noise.
 
 use pliant_identify::log::Setup;
-use pliant_identify::{DiagnoseOptions, FitReport, fit_scene};
+use pliant_identify::{FitReport, fit_scene};
 use pliant_scene::Source;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ fn fit(more: &str) -> FitReport {
     let text = text.replace(stiffness, &format!("{stiffness}{more}"));
     let setup = Setup::from_source(Source::new("scene.toml", text), folder).unwrap();
     let logs = setup.read_logs(&[]).unwrap();
-    fit_scene(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
+    fit_scene(&setup, &logs, &mut |_| {}).unwrap()
 }
 
 /// Density and equal masses at all nodes are the same thing, but for the end nodes, which are held.

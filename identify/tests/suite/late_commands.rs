@@ -2,7 +2,7 @@
 
 use crate::pendulum::Truth;
 use pliant_identify::log::Setup;
-use pliant_identify::shoot::{Plan, Shot, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, Shot, ShotWants, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use pliant_scene::Source;
 use tempfile::TempDir;
@@ -34,7 +34,7 @@ fn they_move_the_readings_as_a_motor_with_a_delay_does() {
         values.late[0] = delay;
         let by_input = shot(&late, &values, Unknown::of_late("motor.delay".to_owned(), 0, 1e-3, (0.0, 0.05)));
         let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // a lag behind takes the mean over the step for what came in its parts
+        // a lag behind takes the mean over the step of a command that came in its parts
         let [readings, derivatives] = if lag > 0.0 { [1e-5, 1e-2] } else { [1e-14, 1e-12] };
         let error = apart(&by_motor.predicted, &by_input.predicted);
         assert!(error < readings, "{delay} {lag}: {error:e} rad");

@@ -2,8 +2,8 @@
 
 use ndarray::{Array1, Array3, Array4};
 use ndarray_npy::NpzWriter;
+use pliant_identify::fit_scene;
 use pliant_identify::log::{Beginning, LogError, Logs, Role, Setup, Split};
-use pliant_identify::{DiagnoseOptions, fit_scene};
 use pliant_scene::Source;
 use std::fmt::Write;
 use std::fs;
@@ -373,7 +373,7 @@ fn free_error(list: &str) -> String {
     let case = Case::csv(|_| {}).with("{ path = \"cable.bend_stiffness\", lower = 1e-6, upper = 1.0 }", list);
     let setup = case.setup().unwrap();
     let logs = setup.read_logs(&[]).unwrap();
-    let error = fit_scene(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap_err();
+    let error = fit_scene(&setup, &logs, &mut |_| {}).unwrap_err();
     assert!(error.is_input(), "{error}");
     let error = error.to_string();
     assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
@@ -414,7 +414,7 @@ fn something_must_be_left_to_fit_to() {
     let mut case = Case::csv(|_| {});
     case.scene += "role = \"held_out\"\n";
     let setup = case.setup().unwrap();
-    let error = fit_scene(&setup, &setup.read_logs(&[]).unwrap(), &DiagnoseOptions::default(), &mut |_| {}).unwrap_err();
+    let error = fit_scene(&setup, &setup.read_logs(&[]).unwrap(), &mut |_| {}).unwrap_err();
     let error = error.to_string();
     assert!(error.starts_with("scene.toml:39: experiment.record[0].role: every record is held out"), "{error}");
 }

@@ -1,8 +1,8 @@
-//! What sensors read of bodies, and its derivatives by everything unknown, against central differences.
+//! Sensor readings of bodies, and their derivatives by all unknowns, against central differences.
 
 use pliant_identify::log::Setup;
 use pliant_identify::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
-use pliant_identify::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use pliant_scene::Source;
 use std::fmt::Write;

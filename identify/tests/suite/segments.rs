@@ -4,7 +4,7 @@ use crate::pendulum::Truth;
 use pliant_identify::fit::{Cut, FitOptions, cut, fit};
 use pliant_identify::log::Setup;
 use pliant_identify::sensor::DELAY;
-use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
 use pliant_scene::Source;
 use tempfile::TempDir;

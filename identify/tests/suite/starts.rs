@@ -2,7 +2,7 @@
 
 use approx::assert_relative_eq;
 use pliant_identify::log::Setup;
-use pliant_identify::shoot::{Plan, state_at};
+use pliant_identify::shooting::{Plan, state_at};
 use pliant_scene::Source;
 use std::fmt::Write;
 use tempfile::TempDir;

@@ -53,7 +53,7 @@ impl Default for Numbers {
 }
 
 impl Numbers {
-    /// What an element, or a default, sets.
+    /// Takes over the attributes that an element, or a default, sets.
     fn apply(&mut self, element: &Element) -> Result<(), ImportError> {
         let view = View::plain(element);
         if let Some(gear) = view.numbers("gear", 1..=6)? {
@@ -241,7 +241,7 @@ impl<'a> Reader<'a> {
     /// all others yield.
     fn damping_of(&self, element: &Element, joint: &str, ratio: f64, numbers: &Numbers) -> Result<f64, ImportError> {
         let failed = |error| ImportError::at(element, ImportMistake::Scene { error });
-        // what touches what is not settled yet, and has no part in it
+        // contact pairs are not settled yet, and do not matter here
         let mut bare = self.work.scene.clone();
         bare.body.iter_mut().for_each(|b| b.shape.clear());
         let model = match ModelBuilder::new(&bare) {

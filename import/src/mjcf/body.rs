@@ -7,7 +7,7 @@ use crate::error::{ImportError, ImportMistake};
 use crate::pose::Pose;
 use crate::view::{View, check_attributes, check_children};
 
-/// An element in a body: with the frames around it, and the class of what names none.
+/// An element in a body: with the frames around it, and the class of elements that name none.
 #[derive(Clone, Copy)]
 pub struct Part<'a> {
     pub element: &'a Element,
@@ -15,7 +15,7 @@ pub struct Part<'a> {
     pub class: Option<&'a str>,
 }
 
-/// What a body holds, frames opened.
+/// Elements of a body, those in frames included.
 #[derive(Default)]
 pub struct Parts<'a> {
     pub joints: Vec<Part<'a>>,
@@ -26,7 +26,7 @@ pub struct Parts<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// The world: what hangs on it, and what stands in it.
+    /// The world: bodies on it, and fixed shapes.
     pub(super) fn world(&mut self, world: &'a Element) -> Result<(), ImportError> {
         check_attributes(world, words::BODY)?;
         let class = self.childclass(world, None)?;
@@ -79,7 +79,7 @@ impl<'a> Reader<'a> {
         parts.bodies.iter().try_for_each(|body| self.body(body, Some(&name)))
     }
 
-    /// Sorts what a body or frame holds, opening frames.
+    /// Sorts the elements of a body or frame, opening frames.
     fn collect(&mut self, holder: Part<'a>, in_world: bool, parts: &mut Parts<'a>) -> Result<(), ImportError> {
         let known = if in_world { &words::IN_BODY[3..] } else { &words::IN_BODY[..] };
         check_children(holder.element, known)?;

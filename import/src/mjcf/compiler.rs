@@ -19,7 +19,7 @@ pub enum FromGeoms {
     Never,
 }
 
-/// How the rest of the file is to be understood.
+/// Conventions for the rest of the file.
 #[derive(Clone, Debug)]
 pub struct Compiler {
     degrees: bool,
@@ -39,7 +39,7 @@ pub struct Compiler {
 const ORIENTATIONS: [&str; 5] = ["quat", "axisangle", "euler", "xyaxes", "zaxis"];
 
 impl Compiler {
-    /// Reads all `<compiler>` elements; what comes later wins.
+    /// Reads all `<compiler>` elements; later ones override earlier ones.
     pub fn read(root: &Element, work: &mut Work) -> Result<Self, ImportError> {
         let mut compiler = Self {
             degrees: true,

@@ -1,19 +1,17 @@
-//! `<contact>`, and what masks and friction of geoms make of each pair of objects.
+//! `<contact>`, and the contact of each pair of objects by masks and friction of geoms.
 //!
 //! MuJoCo decides for every pair of geoms whether they touch, and with which friction: the larger of the two, or that of the geom of
 //! higher priority. A scene takes the mean of two shapes, and has rules for pairs of objects (a body with all its shapes is one), so a
 //! rule is made wherever the two disagree.
 
 use super::{Reader, words};
+use crate::constants::IMPORT;
 use crate::element::Element;
 use crate::error::{ImportError, ImportMistake};
 use crate::view::{View, check_attributes, check_children};
 use pliant_scene::ContactRule;
 use pliant_scene::words::nearest;
 use std::collections::BTreeMap;
-
-/// Most rules that are made from masks and friction.
-const MOST_RULES: usize = 2000;
 
 /// A geom that may touch.
 #[derive(Clone, Debug)]
@@ -70,7 +68,7 @@ impl Paired<'_> {
     }
 }
 
-/// What two objects do with each other.
+/// Contact between two objects.
 #[derive(Clone, Debug, Default)]
 struct Meeting {
     touching: usize,
@@ -152,7 +150,7 @@ impl<'a> Reader<'a> {
                 with(p.condim.unwrap_or(x.condim.max(y.condim)), p.friction.unwrap_or(x.friction.max(y.friction)))
             });
             out.touching += 1;
-            out.differs |= (theirs - 0.5 * (x.own() + y.own())).abs() > 1e-12;
+            out.differs |= (theirs - 0.5 * (x.own() + y.own())).abs() > IMPORT.same_friction;
             if !out.frictions.contains(&theirs) {
                 out.frictions.push(theirs);
             }
@@ -186,7 +184,7 @@ impl<'a> Reader<'a> {
         pairs: &[(usize, usize)],
         excluded: &[Excluded],
     ) -> Result<(), ImportError> {
-        if pairs.len() > MOST_RULES {
+        if pairs.len() > IMPORT.pair_rules {
             let reason =
                 format!("masks of geoms keep {} pairs of objects apart, more than are written down: they touch", pairs.len());
             return self.work.approximate(root, "contype and conaffinity", &reason);
@@ -209,7 +207,7 @@ impl<'a> Reader<'a> {
     /// Pairs of objects that touch, with another friction than their mean, or only with some of their shapes.
     fn rule_rubbing(&mut self, root: &Element, objects: &[Vec<&Touching>], pairs: &[(usize, usize, Meeting)]) {
         let differing = pairs.iter().filter(|(_, _, m)| m.differs).count();
-        if differing > MOST_RULES {
+        if differing > IMPORT.pair_rules {
             let reason = format!("friction of {differing} pairs of objects: the mean of the two counts, not MuJoCo's larger one");
             self.work.approximated(root, "", reason);
         }
@@ -220,7 +218,7 @@ impl<'a> Reader<'a> {
                 let reason = format!("some of its geoms pass through some of \"{}\" in MuJoCo; here all of them touch", b.object);
                 self.work.approximated(a.element, &a.object, reason);
             }
-            if !meeting.differs || differing > MOST_RULES {
+            if !meeting.differs || differing > IMPORT.pair_rules {
                 continue;
             }
             let largest = meeting.frictions.iter().copied().fold(0.0, f64::max);

@@ -1,9 +1,10 @@
 //! `<equality>`: loops that are closed, and joints that follow others.
 //!
-//! MuJoCo holds them by soft forces (`solref`, `solimp`), a scene as hard as contact. Both take what is held from where the file has
+//! MuJoCo holds them by soft forces (`solref`, `solimp`), a scene as hard as contact. Both take the held pose from where the file has
 //! the bodies, with all joints at zero.
 
 use super::{Reader, words};
+use crate::constants::IMPORT;
 use crate::element::Element;
 use crate::error::ImportError;
 use crate::pose::Pose;
@@ -11,9 +12,6 @@ use crate::view::{View, check_attributes, check_children};
 use crate::work::plain;
 use pliant_math::Vec3;
 use pliant_scene::{Closure, ClosureKind, Coupling, Integrator, JointKind};
-
-/// A pose of a weld that differs by more from how the bodies stand would move them at the start [m, and -].
-const AS_THEY_STAND: f64 = 1e-6;
 
 impl<'a> Reader<'a> {
     /// All constraints of a section.
@@ -112,9 +110,9 @@ impl<'a> Reader<'a> {
     /// Refuses sites that stand apart, or whose axes do if they are to be welded.
     fn sites_meet(&mut self, view: &View, [a, b]: [Pose; 2], weld: bool) -> Result<(), ImportError> {
         let apart = (a.position - b.position).norm();
-        let turned = weld && (a.matrix() - b.matrix()).amax() > AS_THEY_STAND;
-        if apart > AS_THEY_STAND || turned {
-            let by = if apart > AS_THEY_STAND { format!("by {apart:.3e} m") } else { "by their axes".to_owned() };
+        let turned = weld && (a.matrix() - b.matrix()).amax() > IMPORT.weld_pose;
+        if apart > IMPORT.weld_pose || turned {
+            let by = if apart > IMPORT.weld_pose { format!("by {apart:.3e} m") } else { "by their axes".to_owned() };
             let (held, how) = if weld { (2, "welded as they stand in the file") } else { (1, "held there") };
             let reason = format!("a scene starts with its loops closed; the bodies are {how}, where site{held} is");
             self.work.approximate(view.element, &format!("a constraint between sites that are apart {by}"), &reason)?;
@@ -131,7 +129,7 @@ impl<'a> Reader<'a> {
         let wanted = pliant_math::rotation::matrix(&pliant_math::rotation::normalized(&q));
         let axes = poses[0].matrix().tr_mul(&poses[1].matrix());
         let between = poses[0].matrix().tr_mul(&(poses[1].position - poses[0].position));
-        if (axes - wanted).amax() > AS_THEY_STAND || (between - Vec3::new(x, y, z)).amax() > AS_THEY_STAND {
+        if (axes - wanted).amax() > IMPORT.weld_pose || (between - Vec3::new(x, y, z)).amax() > IMPORT.weld_pose {
             let reason = "a scene starts with its loops closed; the bodies are welded as they stand in the file";
             self.work.approximate(view.element, "a `relpose` that is not how the bodies stand", reason)?;
         }

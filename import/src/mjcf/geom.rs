@@ -28,14 +28,14 @@ const KINDS: [(&str, usize, usize); 9] = [
 
 const OFF: &str = "touches nothing (contype and conaffinity 0)";
 
-/// What holds a geom: the world, or a body, with where that stands if it cannot move.
+/// Holder of a geom: the world, or a body, with its pose if it cannot move.
 #[derive(Clone, Copy)]
 enum Holder<'h> {
     World,
     Body(&'h str, Option<Pose>),
 }
 
-/// What a geom touches with, in words too: a shape of its body, an object of its own by name, or nothing and why.
+/// Contact geometry made of a geom, with its description: a shape of its body, an object of its own by name, or none and why.
 enum Made {
     Shape(BodyShape, String),
     Fixed(String, String),
@@ -62,7 +62,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The mass of a geom in its body's frame, if `counts` and if it has one, and what it touches with.
+    /// The mass of a geom in its body's frame, if `counts` and if it has one, and its contact geometry.
     pub(super) fn geom(
         &mut self,
         part: &Part<'a>,
@@ -113,7 +113,7 @@ impl<'a> Reader<'a> {
         element.children.iter().for_each(|c| self.work.ignored_whole(c, "plugins are not run"));
     }
 
-    /// What a geom touches with, noted for the pairs it makes.
+    /// Contact geometry of a geom, noted for the pairs it makes.
     fn touch(&mut self, view: &View<'a>, part: &Part<'a>, holder: Holder) -> Result<Made, ImportError> {
         let mask = |name| -> Result<u32, ImportError> { Ok(view.number(name)?.unwrap_or(1.0) as i64 as u32) };
         let masks = [mask("contype")?, mask("conaffinity")?];

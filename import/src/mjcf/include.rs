@@ -34,7 +34,7 @@ impl Reading {
         Ok(())
     }
 
-    /// What an `<include>` stands for.
+    /// The elements that an `<include>` stands for.
     fn included(&mut self, include: &Element) -> Result<Vec<Element>, ImportError> {
         let file = View::plain(include).required("file")?;
         let path = find(file, &self.open[0], &self.open[self.open.len() - 1]);

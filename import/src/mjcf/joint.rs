@@ -2,6 +2,7 @@
 
 use super::body::Part;
 use super::{Reader, words};
+use crate::constants::IMPORT;
 use crate::element::Element;
 use crate::error::{ImportError, ImportMistake};
 use crate::view::{View, check_attributes};
@@ -194,7 +195,7 @@ impl<'a> Reader<'a> {
             (true, false) => "rad",
             _ => "m",
         };
-        let doubt = if unit == "degrees" && low.abs().max(high.abs()) < 6.3 {
+        let doubt = if unit == "degrees" && low.abs().max(high.abs()) < IMPORT.small_range {
             " (radians? then angle=\"radian\" is missing)"
         } else {
             ""
@@ -209,7 +210,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Limits of what its motors do together, if they are switched on.
+    /// Limits, if enabled, of the total torque of its motors.
     fn force_range(&self, view: &View) -> Result<Option<[f64; 2]>, ImportError> {
         let limited = view.word("actuatorfrclimited", &["auto", "true", "false"])?;
         let counts = limited == Some("true") || (limited != Some("false") && self.compiler.autolimits);

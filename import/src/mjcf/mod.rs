@@ -1,7 +1,7 @@
 //! MJCF, the format of MuJoCo.
 //!
 //! The order of reading: included files are put in place; compiler, options and defaults of the whole model; bodies, each before
-//! those that hang on it; actuators; and what is left, which is only reported.
+//! those that hang on it; actuators; and the rest, which is only reported.
 
 mod actuator;
 mod body;

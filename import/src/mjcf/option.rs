@@ -1,4 +1,4 @@
-//! `<option>`: the step, gravity, and what is switched off.
+//! `<option>`: the step, gravity, and disabled features.
 
 use super::words;
 use crate::element::Element;
@@ -23,7 +23,7 @@ pub struct Physics {
 }
 
 impl Physics {
-    /// Reads all `<option>` elements into the scene's time and gravity; what comes later wins.
+    /// Reads all `<option>` elements into the scene's time and gravity; later ones override earlier ones.
     pub fn read(root: &Element, work: &mut Work) -> Result<Self, ImportError> {
         let mut physics = Self {
             gravity: true,

@@ -1,4 +1,4 @@
-//! Ranges of actuators and joints as saturation of motors: what limits the torque before the gear.
+//! Ranges of actuators and joints as saturation of motors, which limits the torque before the gear.
 
 use super::Reader;
 use crate::element::Element;
@@ -37,7 +37,7 @@ impl<'a> Reader<'a> {
         false
     }
 
-    /// Limits of what all motors of a joint do together, where there is one.
+    /// Limits of the total torque of a joint's motors, where given.
     pub(super) fn joint_force_limits(&mut self) {
         for place in self.joints.clone() {
             let Some([low, high]) = place.force_range else { continue };

@@ -1,11 +1,11 @@
-//! What is left after bodies, actuators and constraints: tendons, and everything that is only reported.
+//! Sections besides bodies, actuators and constraints: tendons, and those that are only reported.
 
 use super::{Reader, words};
 use crate::element::Element;
 use crate::error::ImportError;
 use crate::view::{View, check_attributes, check_children};
 
-/// What makes a tendon pull.
+/// Attributes that make a tendon exert a force.
 const PULLS: [&str; 7] = ["stiffness", "damping", "frictionloss", "armature", "range", "limited", "springlength"];
 
 impl<'a> Reader<'a> {
@@ -72,7 +72,7 @@ impl<'a> Reader<'a> {
         section.mark();
     }
 
-    /// Default classes: each element once, with what nobody has read of it.
+    /// Default classes: each element once, with its unread attributes.
     fn report_defaults(&mut self) -> Result<(), ImportError> {
         let elements: Vec<&Element> = self.defaults.elements().collect();
         for element in elements {

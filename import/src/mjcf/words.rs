@@ -21,7 +21,7 @@ pub const SECTIONS: [&str; 17] = [
     "keyframe",
 ];
 
-/// What a body, a frame or the world may hold.
+/// Elements that a body, a frame or the world may hold.
 pub const IN_BODY: [&str; 14] = [
     "inertial",
     "joint",
@@ -39,7 +39,7 @@ pub const IN_BODY: [&str; 14] = [
     "plugin",
 ];
 
-/// What a default class may hold.
+/// Elements that a default class may hold.
 pub const IN_DEFAULT: [&str; 27] = [
     "default",
     "mesh",

@@ -2,6 +2,7 @@
 
 use super::tree::Edge;
 use super::{Reader, origin};
+use crate::constants::IMPORT;
 use crate::element::Element;
 use crate::error::{ImportError, ImportMistake};
 use crate::inertia::{Mass, Shape};
@@ -9,7 +10,7 @@ use crate::pose::Pose;
 use crate::solid;
 use crate::solid::NO_CONTACT;
 use crate::view::{View, check_attributes, check_children};
-use crate::xml::{DEEPEST, too_deep};
+use crate::xml::too_deep;
 use pliant_math::spatial::full;
 use pliant_scene::{BodyShape, Joint, JointKind};
 use std::path::Path;
@@ -18,7 +19,7 @@ impl<'a> Reader<'a> {
     /// A link on the joint that carries it, and then those that hang on it. `carrier` is that joint with the parent's name in the
     /// scene; the root has none.
     pub(super) fn link(&mut self, link: &'a Element, carrier: Option<(Edge<'a>, &str)>, depth: usize) -> Result<(), ImportError> {
-        if depth > DEEPEST {
+        if depth > IMPORT.deepest {
             return Err(ImportError::at(link, too_deep()));
         }
         check_attributes(link, "name type")?;
@@ -40,7 +41,7 @@ impl<'a> Reader<'a> {
         }
         self.work.leftovers(link, &name, &[("type", "without effect")]);
         self.work.kept(link, &name, format!("{} kg, {} joint(s)", mass.mass, joints.len()));
-        // links joined to what does not move are neighbours too, which a scene of other makes would let touch
+        // links joined to a fixed one are neighbours too, which a scene of other makes would let touch
         let still = parent.filter(|p| !joints.is_empty() && self.work.fixed_pose(p).is_some());
         let with_shapes = |name: &str| self.work.scene.body.iter().any(|b| b.name == name && !b.shape.is_empty());
         let ignored = still.filter(|p| !shapes.is_empty() && with_shapes(p)).map(str::to_owned);

@@ -17,7 +17,7 @@ use pliant_scene::{JointKind, Time};
 use std::path::Path;
 use tree::Links;
 
-/// What a robot may hold.
+/// Elements that a robot may hold.
 const SECTIONS: [&str; 8] = ["link", "joint", "material", "transmission", "gazebo", "mujoco", "sensor", "plugin"];
 
 /// A robot under way.

@@ -1,4 +1,4 @@
-//! Every kind of bad model is refused with its file, line, element, what is wrong, the likely cause and the fix.
+//! Every kind of bad model is refused with its file, line, element, mistake, likely cause and fix.
 
 use pliant_import::{ImportError, ImportMistake as M, Imported, Options, Verdict, import_model, import_text};
 use pliant_scene::{Nothing, Scene, parse_scene};
@@ -43,7 +43,7 @@ fn import(text: &str, approximate: bool) -> Result<Imported, ImportError> {
     import_text(text, "model.xml", &Options { approximate, ..Options::default() })
 }
 
-/// The error of a good model with one text replaced: its place, that it has all its parts, and what it is.
+/// The error of a good model with one text replaced: its place, that it has all its parts, and its kind.
 #[track_caller]
 fn refused(good: &str, old: &str, new: &str, place: &str) -> M {
     assert!(good.contains(old), "{old}");
@@ -183,7 +183,7 @@ fn shapes_and_pairs() {
     assert!(matches!(of("<cylinder radius=\"80\" length=\"0.2\"/>"), M::Unit { likely: "mm", .. }));
 }
 
-/// What makes it another model is refused, and with `approximate` reported.
+/// Changes that would make it another model are refused, and with `approximate` reported.
 #[test]
 fn what_cannot_be_kept() {
     let equality = "</worldbody><equality><tendon tendon1=\"t\"/></equality>";

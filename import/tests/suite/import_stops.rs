@@ -15,7 +15,7 @@ fn mjcf(joint: &str, option: &str) -> Imported {
     import_text(&model(joint, option), "model.xml", &Options::default()).unwrap()
 }
 
-/// What a scene cannot have is refused, and left out where that is asked for.
+/// Features that scenes lack are refused, and with `approximate` left out.
 fn approximated(joint: &str) -> Imported {
     let text = model(joint, "");
     let error = import_text(&text, "model.xml", &Options::default()).unwrap_err();

@@ -1,7 +1,7 @@
 //! Cholesky factorization inside a block band.
 
 use crate::band::sweep::Band;
-use crate::pivot::PIVOT_FLOOR;
+use crate::constants::LINALG;
 use crate::{KktError, NodeMatrix};
 
 /// K_ff = Uᵀ D U with U unit upper in the row storage of [`crate::band::sweep`], D > 0 (the square-root-free form of L Lᵀ,
@@ -63,7 +63,7 @@ impl BandCholesky {
         }
     }
 
-    /// Subtracts what the three rows of node `j`, `distance` before, contribute to the rows at work.
+    /// Subtracts the contribution of the three rows of node `j`, `distance` before, from the rows at work.
     #[inline(always)]
     fn reduce_by_node(&mut self, band: Band<3>, j: usize, distance: usize) {
         let (width, row_len) = (band.width(), 3 * band.half_width + 3);
@@ -88,7 +88,7 @@ impl BandCholesky {
         let row = &done[c * row_len..];
         let (pivot, size) = (row[c], a.row(r)[3 * band.half_width + c]);
         // written so that NaN fails
-        let sound = pivot > PIVOT_FLOOR * size && pivot < f64::INFINITY;
+        let sound = pivot > LINALG.pivot_floor * size && pivot < f64::INFINITY;
         if !sound {
             return Err(breakdown(a.row(r), r, band.dim(), pivot, size));
         }

@@ -2,7 +2,8 @@
 
 use crate::band::many::Triangles;
 use crate::band::sweep::Band;
-use crate::pivot::{GROWTH_LIMIT, PIVOT_FLOOR, sum_abs};
+use crate::constants::LINALG;
+use crate::pivot::sum_abs;
 use crate::{KktError, NodeLayout, NodeMatrix};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -87,7 +88,7 @@ impl<const B: usize> BandLu<B> {
         let pivot = row[c];
         let grown = sum_abs(&row[c..]);
         // written so that NaN fails
-        let sound = pivot.abs() > PIVOT_FLOOR * size && grown <= GROWTH_LIMIT * size;
+        let sound = pivot.abs() > LINALG.pivot_floor * size && grown <= LINALG.growth_limit * size;
         if !sound {
             return Err(breakdown(r, band.dim(), pivot, size, grown));
         }
@@ -178,7 +179,7 @@ fn subtract(row: &mut [f64], factor: f64, upper: &[f64]) {
 fn breakdown(row: usize, dim: usize, pivot: f64, size: f64, grown: f64) -> KktError {
     if !size.is_finite() {
         KktError::NotFinite { row, dim }
-    } else if pivot.abs() > PIVOT_FLOOR * size || !grown.is_finite() {
+    } else if pivot.abs() > LINALG.pivot_floor * size || !grown.is_finite() {
         KktError::Growth { row, dim, growth: grown / size }
     } else {
         KktError::Singular { row, dim, pivot, size }

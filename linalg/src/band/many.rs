@@ -26,7 +26,7 @@ pub(crate) struct Triangles<'a, const B: usize> {
     pub upper: &'a [f64],
 }
 
-/// Right-hand sides, row-major in the system's order; those of `units` are the unit columns, whatever stands there.
+/// Right-hand sides, row-major in the system's order; those of `units` are taken as unit columns and not read.
 struct Sides<'a> {
     layout: &'a NodeLayout,
     b: &'a mut [f64],
@@ -213,7 +213,7 @@ impl<const B: usize> Triangles<'_, B> {
         y
     }
 
-    /// Takes off what one row of another node contributes.
+    /// Subtracts the contribution of one row of another node.
     #[inline(always)]
     fn reduce<S: Simd>(simd: S, y: &mut [[S::f64s; TAKEN]; B], factors: &[f64], other: &[S::f64s; TAKEN]) {
         for a in 0..B {
@@ -224,7 +224,7 @@ impl<const B: usize> Triangles<'_, B> {
         }
     }
 
-    /// The rows of a node less what `others` contribute, whose factors are in `rows` from column `first` on.
+    /// The rows of a node less the contributions of `others`, whose factors are in `rows` from column `first` on.
     #[inline(always)]
     fn reduced<S: Simd>(
         simd: S,

@@ -1,7 +1,7 @@
 //! Dense Cholesky for systems of up to about a hundred rows, where blocking costs more than it gives.
 
 use crate::KktError;
-use crate::pivot::PIVOT_FLOOR;
+use crate::constants::LINALG;
 use crate::prescribed::axpy_rows;
 
 /// A = L Lᵀ, row-major in place, lower triangle.
@@ -26,7 +26,7 @@ impl DenseCholesky {
             }
             let size = row[r];
             let pivot = size - dot(&row[..r], &row[..r]);
-            let sound = pivot > PIVOT_FLOOR * size && pivot < f64::INFINITY;
+            let sound = pivot > LINALG.pivot_floor * size && pivot < f64::INFINITY;
             if !sound {
                 return Err(KktError::NotPositiveDefinite { row: r, dim, pivot, size });
             }

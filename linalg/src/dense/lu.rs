@@ -4,8 +4,9 @@
 //! order of operations of the textbook's.
 
 use crate::KktError;
+use crate::constants::LINALG;
 use crate::panel::{PANEL, Panel, reduce_row};
-use crate::pivot::{PIVOT_FLOOR, sum_abs};
+use crate::pivot::sum_abs;
 use pliant_math::simd::rows::{PADDING, products, subtract_four};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -129,7 +130,7 @@ impl DenseLu {
         let (head, below) = self.strip.split_at_mut(c + 1);
         let mut pivots = head[c];
         let (pivot, size) = (pivots[c], self.sizes[k]);
-        let sound = pivot.abs() > PIVOT_FLOOR * size;
+        let sound = pivot.abs() > LINALG.pivot_floor * size;
         if !sound {
             return Err(KktError::Singular { row: k, dim, pivot, size });
         }

@@ -1,20 +1,19 @@
 //! Dense factorizations: own kernels for small systems, faer's for large ones.
 
+use crate::constants::LINALG;
+
 pub(crate) mod cholesky;
 pub(crate) mod lu;
 
 use self::cholesky::DenseCholesky;
 use self::lu::DenseLu;
-use crate::pivot::{PIVOT_FLOOR, sum_abs};
+use crate::pivot::sum_abs;
 use crate::{KktError, NodeMatrix, Symmetry};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::lu::partial_pivoting as faer_lu;
 use faer::perm::PermRef;
 use faer::{Conj, MatMut, MatRef, Par};
-
-/// Rows from which faer's blocked factorizations win.
-const LARGE: usize = 128;
 
 /// A full matrix, row-major, factored in place.
 #[derive(Clone, Debug)]
@@ -32,7 +31,7 @@ impl Dense {
     pub fn new(symmetry: Symmetry, dim: usize) -> Self {
         let permutation = [vec![0; dim], vec![0; dim]];
         let entries = vec![0.0; dim * dim];
-        let small_lu = DenseLu::new(if symmetry == Symmetry::General && dim < LARGE { dim } else { 0 });
+        let small_lu = DenseLu::new(if symmetry == Symmetry::General && dim < LINALG.blocked { dim } else { 0 });
         Self { symmetry, dim, entries, permutation, small_lu, small_cholesky: DenseCholesky::new(dim) }
     }
 
@@ -41,7 +40,7 @@ impl Dense {
         if self.symmetry == Symmetry::Symmetric {
             self.uncouple(prescribed);
         }
-        match (self.symmetry, self.dim < LARGE) {
+        match (self.symmetry, self.dim < LINALG.blocked) {
             (Symmetry::General, true) => self.small_lu.factor(&self.entries),
             (Symmetry::Symmetric, true) => self.small_cholesky.factor(&mut self.entries),
             (Symmetry::General, false) => self.large_lu(),
@@ -88,7 +87,7 @@ impl Dense {
         faer_lu::factor::lu_in_place(entries, forward, inverse, Par::Seq, MemStack::new(&mut memory), Default::default());
         for (row, &size) in sizes.iter().enumerate() {
             let pivot = self.entries[row * dim + row];
-            let sound = pivot.abs() > PIVOT_FLOOR * size;
+            let sound = pivot.abs() > LINALG.pivot_floor * size;
             if !sound {
                 return Err(KktError::Singular { row, dim, pivot, size });
             }
@@ -110,7 +109,7 @@ impl Dense {
         };
         let vanished = || {
             let pivots = (0..dim).map(|r| (r, self.entries[r * dim + r].powi(2)));
-            pivots.zip(&sizes).find(|((_, pivot), size)| *pivot <= PIVOT_FLOOR * *size).map(|(found, _)| found)
+            pivots.zip(&sizes).find(|((_, pivot), size)| *pivot <= LINALG.pivot_floor * *size).map(|(found, _)| found)
         };
         match stopped.or_else(vanished) {
             Some((row, pivot)) => Err(KktError::NotPositiveDefinite { row, dim, pivot, size: sizes[row] }),
@@ -119,7 +118,7 @@ impl Dense {
     }
 
     pub fn solve(&self, b: &mut [f64], columns: usize, transpose: bool) {
-        match (self.symmetry, self.dim < LARGE) {
+        match (self.symmetry, self.dim < LINALG.blocked) {
             (Symmetry::General, true) => self.small_lu.solve(b, columns, transpose),
             (Symmetry::Symmetric, true) => self.small_cholesky.solve(&self.entries, b, columns),
             (Symmetry::General, false) => self.solve_large_lu(MatMut::from_row_major_slice_mut(b, self.dim, columns), transpose),

@@ -4,12 +4,10 @@
 //! Cuts are found from distances along edges. With a and b at the ends of the graph, and c and e where both are far, d_a − d_b and
 //! d_c − d_e are as good as coordinates; of the vertices' medians in a few directions the one with the smallest cut is taken.
 
-/// Parts of up to this many vertices are not cut any more.
-const LEAF: usize = 60;
+use crate::constants::LINALG;
+
 /// Directions, as weights of both coordinates.
 const DIRECTIONS: [[i64; 2]; 8] = [[1, 0], [0, 1], [1, 1], [1, -1], [2, 1], [1, 2], [2, -1], [-1, 2]];
-/// How much halves of different size weigh, relative to the length of the cut.
-const UNEQUAL: f64 = 2.0;
 
 const FAR: i64 = i64::MAX;
 
@@ -44,9 +42,9 @@ impl Dissection<'_> {
         self.order.extend(between);
     }
 
-    /// Two halves and what lies between; `None` if the part is small or cannot be cut.
+    /// Two halves and the separator between; `None` if the part is small or cannot be cut.
     fn halves(&self, vertices: &[usize]) -> Option<([Vec<usize>; 2], Vec<usize>)> {
-        if vertices.len() <= LEAF {
+        if vertices.len() <= LINALG.uncut {
             return None;
         }
         let start = self.distances(vertices[0]);
@@ -70,7 +68,7 @@ impl Dissection<'_> {
             for first in [true, false] {
                 let (halves, between) = self.separated(&sorted, vertices[0], first);
                 let unequal = halves[0].len().abs_diff(halves[1].len()) as f64 / vertices.len() as f64;
-                let cost = between.len() as f64 * (1.0 + UNEQUAL * unequal);
+                let cost = between.len() as f64 * (1.0 + LINALG.unequal * unequal);
                 if halves.iter().all(|half| !half.is_empty()) && best.as_ref().is_none_or(|(least, ..)| cost < *least) {
                     best = Some((cost, halves, between));
                 }
@@ -113,7 +111,7 @@ impl Dissection<'_> {
         left.iter_mut().for_each(|(_, reached)| reached.sort_unstable());
         while let Some(at) = (0..left.len()).min_by_key(|&k| (left[k].1.len(), left[k].0)) {
             let (vertex, reached) = left.remove(at);
-            // what it reaches becomes adjacent
+            // the vertices it reaches become adjacent
             for (other, own) in left.iter_mut().filter(|(other, _)| reached.binary_search(other).is_ok()) {
                 own.extend(&reached);
                 own.sort_unstable();
@@ -154,7 +152,7 @@ mod tests {
     fn the_first_cut_of_a_square_is_not_much_longer_than_its_side() {
         let (n, graph) = (30, square(30));
         let order = nested(&graph);
-        // what is eliminated last cuts the rest in two
+        // the vertices eliminated last cut the rest in two
         let work = Dissection { neighbours: &graph, part: vec![0; n * n], parts: 1, order: Vec::new() };
         let (halves, between) = work.halves(&(0..n * n).collect::<Vec<_>>()).unwrap_or_default();
         // (the shortest has 2 n)

@@ -1,13 +1,13 @@
 //! Sparse factorization front by front, without pivoting; the analysis of the pattern is made once and shared.
 //!
-//! Each front is assembled from the matrix and what its children hand on, its pivots are eliminated in the processor's widest vectors,
-//! and what is left goes to its parent. Without pivoting there is no fill beyond what the analysis foresaw; that is as safe as in a
+//! Each front is assembled from the matrix and the updates of its children, its pivots are eliminated in the processor's widest vectors,
+//! and the remaining update goes to its parent. Without pivoting there is no fill beyond that of the analysis; that is as safe as in a
 //! band ([`crate::band::lu`]), and each row's pivot is checked likewise, and its growth where the matrix is not symmetric.
 
 use crate::buffer::Buffer;
+use crate::constants::LINALG;
 use crate::multifrontal::Symbolic;
 use crate::multifrontal::symbolic::Front;
-use crate::pivot::{GROWTH_LIMIT, PIVOT_FLOOR};
 use crate::{KktError, NodeMatrix, Symmetry};
 use faer::linalg::matmul::matmul;
 use faer::prelude::{IntoConst, ReborrowMut};
@@ -15,11 +15,6 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pliant_math::simd::rows::{PADDING, ROWS, add_row, copy_row, magnitudes, subtract_four, subtract_from_four};
 use pulp::{Arch, Simd, WithSimd};
 use std::cell::RefCell;
-
-/// Pivots eliminated before the rest of a wide front is changed, as a product of matrices.
-const STRIP: usize = 64;
-/// Rows of a front from which on that is faster.
-const WIDE: usize = 192;
 
 thread_local! {
     /// One a thread, so that factorizations neither allocate nor share.
@@ -31,7 +26,7 @@ struct Scratch {
     front: Vec<f64>,
     /// Contribution blocks of fronts.
     stack: Vec<f64>,
-    /// Size of each row of the matrix in the order of elimination: what its pivot is compared with.
+    /// Size of each row of the matrix in the order of elimination: which its pivot is compared with.
     sizes: Vec<f64>,
     /// A strip's rows over their pivots.
     scaled: Vec<f64>,
@@ -95,7 +90,7 @@ impl Numeric {
         let widest = (b * fronts.widest).next_multiple_of(PADDING);
         grow(square, widest * widest);
         grow(stack, fronts.stack);
-        grow(scaled, STRIP * widest);
+        grow(scaled, LINALG.strip * widest);
         let mut top = 0;
         for front in &fronts.fronts {
             let (k, m) = (b * front.pivots, b * front.rows.len());
@@ -125,7 +120,7 @@ impl Numeric {
         Ok(())
     }
 
-    /// Copies what solves need.
+    /// Copies the parts that solves need.
     #[inline(always)]
     fn keep<S: Simd>(&mut self, simd: S, dense: &Square, front: &Front, b: usize, symmetric: bool) {
         let (k, f) = (b * front.pivots, dense.rows);
@@ -194,7 +189,7 @@ impl Square<'_> {
         self.entries[first * self.stride..self.rows * self.stride].chunks_exact(self.stride)
     }
 
-    /// Sets to zero what is used: where symmetric, rows from the vector on that the diagonal is in.
+    /// Sets to zero the used part: where symmetric, rows from the vector on that the diagonal is in.
     #[inline(always)]
     fn clear(&mut self, symmetric: bool) {
         for (r, row) in self.entries[..self.stride * self.rows].chunks_exact_mut(self.stride).enumerate() {
@@ -206,7 +201,7 @@ impl Square<'_> {
         }
     }
 
-    /// Adds what the matrix has in the front, in blocks of `B` rows; slots that are `absent` are rows and columns of the identity.
+    /// Adds the entries of the matrix in the front, in blocks of `B` rows; slots that are `absent` are rows and columns of the identity.
     #[inline(always)]
     fn load<const B: usize>(&mut self, a: &NodeMatrix, front: &Front, absent: impl Fn(usize) -> bool) {
         for entry in &front.entries {
@@ -224,7 +219,7 @@ impl Square<'_> {
         }
     }
 
-    /// Adds what a child hands on.
+    /// Adds a child's update.
     #[inline(always)]
     fn take_in<S: Simd>(&mut self, simd: S, handed: &[f64], child: &Front, b: usize, symmetric: bool) {
         let m = b * child.rows.len();
@@ -251,10 +246,10 @@ impl Square<'_> {
         inverse: &mut [f64],
         scaled: &mut [f64],
     ) -> Result<(), Broken> {
-        let strip = if self.rows < WIDE { k } else { STRIP };
+        let strip = if self.rows < LINALG.wide_front { k } else { LINALG.strip };
         for first in (0..k).step_by(strip.max(1)) {
             let last = k.min(first + strip);
-            let whole = self.rows < WIDE;
+            let whole = self.rows < LINALG.wide_front;
             for quad in (first..last).step_by(4) {
                 self.pivot(simd, quad, last.min(quad + 4), symmetric, sizes, inverse)?;
                 if symmetric {
@@ -302,7 +297,7 @@ impl Square<'_> {
                 }
                 let from = (first + c) / PADDING * PADDING;
                 let above = |i: usize| &done[i.min(c - 1) * stride + from..(i.min(c - 1) + 1) * stride];
-                // what stands before the diagonal in the same vector is put back below
+                // entries before the diagonal in the same vector are put back below
                 let kept: [f64; PADDING] = std::array::from_fn(|i| row[from + i]);
                 subtract_four(simd, &mut row[from..], factors, [above(0), above(1), above(2), above(3)]);
                 row[from..first + c].copy_from_slice(&kept[..first + c - from]);
@@ -312,13 +307,13 @@ impl Square<'_> {
             }
             let (at, size) = (first + c, sizes[first + c]);
             let pivot = row[at];
-            // (where all pivots are positive nothing grows: what is left of a diagonal bounds its row)
+            // (where all pivots are positive nothing grows: the reduced diagonal bounds its row)
             let grown = if symmetric { pivot } else { magnitudes(simd, &row[at..rows]) };
             // written so that NaN fails
             let positive = !symmetric || pivot > 0.0;
-            let sound = positive && pivot.abs() > PIVOT_FLOOR * size && grown <= GROWTH_LIMIT * size;
+            let sound = positive && pivot.abs() > LINALG.pivot_floor * size && grown <= LINALG.growth_limit * size;
             if !sound {
-                let singular = pivot.abs() <= PIVOT_FLOOR * size;
+                let singular = pivot.abs() <= LINALG.pivot_floor * size;
                 let growth = (!singular && positive).then_some(grown / size);
                 return Err(Broken { row: at, pivot, size, growth, indefinite: symmetric && growth.is_none() });
             }
@@ -439,8 +434,8 @@ impl Square<'_> {
         let all = self.view();
         let (_, upper, _, mut rest) = all.split_at_mut(last, last);
         let upper = upper.into_const().subrows(first, count);
-        for r in (0..left).step_by(WIDE) {
-            let (some, beyond) = (WIDE.min(left - r), left - r);
+        for r in (0..left).step_by(LINALG.wide_front) {
+            let (some, beyond) = (LINALG.wide_front.min(left - r), left - r);
             let target = rest.rb_mut().submatrix_mut(r, r, some, beyond);
             matmul(target, Accum::Add, scaled.subrows(r, some), upper.subcols(r, beyond), -1.0, Par::Seq);
         }

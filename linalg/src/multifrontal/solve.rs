@@ -189,7 +189,7 @@ impl<'a> Dense<'a> {
         &self.upper[p * self.f..(p + 1) * self.f]
     }
 
-    /// Adds to `out` what column `p` of L has below the diagonal.
+    /// Adds to `out` the entries of column `p` of L below the diagonal.
     #[inline(always)]
     pub fn extend_by_lower(&self, p: usize, out: &mut Vec<f64>) {
         out.extend((p + 1..self.f).map(|r| if r < self.k { self.upper(r)[p] } else { self.lower(r)[p] }));
@@ -200,7 +200,7 @@ impl<'a> Dense<'a> {
         &self.lower[(r - self.k) * self.k..(r - self.k + 1) * self.k]
     }
 
-    /// Solves for the pivots, and subtracts from the rows what that makes.
+    /// Solves for the pivots, and subtracts their contribution from the rows.
     #[inline(always)]
     fn forward<S: Simd>(&self, simd: S, x: &mut [f64], form: Form) {
         match form {
@@ -239,7 +239,7 @@ impl<'a> Dense<'a> {
         }
     }
 
-    /// `N` pivots from row `first` on by one another; what they take from the rows after them.
+    /// `N` pivots from row `first` on by one another; returns their contributions to the rows after them.
     #[inline(always)]
     fn forward_pivots<const N: usize>(&self, x: &mut [f64], first: usize, form: Form) -> [f64; 4] {
         let (Some(own), Some(inverse)) = (x[first..].first_chunk_mut::<N>(), self.inverse[first..].first_chunk::<N>()) else {

@@ -2,21 +2,14 @@
 //!
 //! Slots that are eliminated one after the other and reach the same later ones are one *front*: a dense square of its own slots (its
 //! pivots) and those they reach (its rows). What eliminating the pivots leaves for the rows is handed to the front of the first of
-//! these, its parent, so fronts form a forest, and in postorder what is handed on is a stack (Duff and Reid 1983). The pattern
+//! these, its parent, so fronts form a forest, and in postorder the updates form a stack (Duff and Reid 1983). The pattern
 //! is structurally symmetric, so one analysis serves L and U. Small fronts join their parents where that makes few zeros.
 
+use crate::constants::LINALG;
 use crate::layout::NodeLayout;
 use crate::multifrontal::dissection::nested;
 use crate::multifrontal::order::fill_reducing;
 use crate::{KktError, Symmetry};
-
-/// Symbolic of up to this many slots join their parents at this part of zeros, larger ones at that part.
-const SMALL: (usize, f64) = (6, 0.6);
-const MEDIUM: (usize, f64) = (16, 0.25);
-const LARGE_ZEROS: f64 = 0.05;
-
-/// Slots from which on dissection is tried beside least degree, and taken where it is less work.
-const DISSECTED: usize = 1000;
 
 /// A block of the matrix that belongs to a front.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +39,7 @@ pub(crate) struct Front {
     pub pivots: usize,
     /// Slots beyond the pivots, rising.
     pub rows: Vec<usize>,
-    /// Number of children; what they hand on lies on top of the stack, the last child's uppermost.
+    /// Number of children; their updates lie on top of the stack, the last child's uppermost.
     pub children: Vec<usize>,
     /// Where its rows stand in its parent.
     pub spans: Vec<Span>,
@@ -86,7 +79,7 @@ impl Symbolic {
         let n = layout.n_nodes();
         let neighbours: Vec<Vec<usize>> = (0..n).map(|i| layout.row(i).filter(|&j| j != i && present(i, j)).collect()).collect();
         let mut groups = elimination(&neighbours, &fill_reducing(&neighbours)?);
-        if n >= DISSECTED {
+        if n >= LINALG.dissected {
             let other = elimination(&neighbours, &nested(&neighbours));
             if work(&other) < work(&groups) {
                 groups = other;
@@ -259,9 +252,9 @@ fn joined(mut groups: Vec<Group>) -> Vec<Group> {
             let size = (k + own) * (k + own + 1) / 2 + (k + own) * m;
             let part = zeros as f64 / size as f64;
             let allowed = match k + own {
-                all if all <= SMALL.0 => SMALL.1,
-                all if all <= MEDIUM.0 => MEDIUM.1,
-                _ => LARGE_ZEROS,
+                all if all <= LINALG.small_front.0 => LINALG.small_front.1,
+                all if all <= LINALG.medium_front.0 => LINALG.medium_front.1,
+                _ => LINALG.large_front,
             };
             if part <= allowed {
                 let taken = std::mem::take(&mut groups[child]);

@@ -1,8 +1,8 @@
 //! Kernels for several elements at once: numbers that are one `f64`, or as many as the processor's vectors hold.
 //!
-//! A kernel is written once, generic over [`Number`]. With `f64` it is what tests compare with the law; with [`Wide`] every number stands
-//! for a lane of elements, gathered in [`Lanes`] of eight whatever the processor's vectors hold, so that the elements that share a vector
-//! do not change what is computed. Kernels keep to loops and to functions that are always inlined: a closure that the compiler does not
+//! A kernel is written once, generic over [`Number`]. With `f64` tests compare it with the law; with [`Wide`] every number stands
+//! for a lane of elements, gathered in [`Lanes`] of eight for any width of the processor's vectors, so that the elements that share a
+//! vector do not change the result. Kernels keep to loops and to functions that are always inlined: a closure that the compiler does not
 //! inline is compiled without the wide vectors.
 
 pub mod rows;

@@ -74,7 +74,7 @@ pub fn magnitudes<S: Simd>(simd: S, x: &[f64]) -> f64 {
     simd.reduce_sum_f64s(simd.add_f64s(sums[0], sums[1]))
 }
 
-/// Rows that [`subtract_from_four`] changes together: what it loads of x serves them all.
+/// Rows that [`subtract_from_four`] changes together: each load of x serves them all.
 pub const ROWS: usize = 4;
 
 /// `y_r −= Σ_i a_ri x_i` for four rows y, equally long; the first `P` of the factors, x as long as y at least.
@@ -146,7 +146,7 @@ pub fn combine<S: Simd, const K: usize, const FIRST: usize, const ROWS: usize>(
     }
 }
 
-/// Columns of a piece of what [`combine`] takes and makes: the longest vectors of a processor.
+/// Columns of a piece of the arguments and results of [`combine`]: the longest vectors of a processor.
 pub const PADDING: usize = 8;
 
 /// Where a row is not zero: from its first such number to its last, in whole pieces of [`PADDING`] as far as the row goes.
@@ -200,7 +200,7 @@ pub fn products<S: Simd>(simd: S, rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
     sums
 }
 
-/// [`products`] with what is beyond whole vectors in one more of them.
+/// [`products`] with the numbers beyond whole vectors in one more vector.
 #[inline(always)]
 pub fn products_in_vectors<S: Simd>(simd: S, rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
     let n = x.len();

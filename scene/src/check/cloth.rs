@@ -1,4 +1,4 @@
-//! Sheets of cloth: what is given, signs, sizes, start.
+//! Sheets of cloth: required keys, signs, sizes, start.
 
 use super::super::cloth::{Cloth, Grid};
 use super::super::cloth_error::ClothMistake;

@@ -1,4 +1,4 @@
-//! Shapes, and what may touch them.
+//! Shapes, and the objects that may touch them.
 
 use super::super::cloth_error::ClothMistake;
 use super::super::cloth_initial::cloth_points;

@@ -82,7 +82,7 @@ fn name_of(key: &str) -> &'static str {
     }
 }
 
-/// Both objects are there and may touch, and what the rule says is modelled.
+/// Both objects exist and may touch, and the rule is supported for them.
 fn rule(scene: &Scene, rule: &ContactRule, before: &[ContactRule], field: &str) -> Result<(), SceneError> {
     let fixed: Vec<&str> = fixed(scene).collect();
     let bodies: Vec<&str> = scene.body.iter().map(|b| b.name.as_str()).collect();

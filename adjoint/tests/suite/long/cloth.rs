@@ -109,7 +109,7 @@ fn beside_tangents(case: &Case, record: &StepRecord, own: &Linearization) -> [(f
     let rows = [&tangents.x.q, &tangents.x.v].map(|x| x.chunks_exact(columns));
     let mut out = [(0.0_f64, true); 2];
     for (i, row) in rows.into_iter().flatten().enumerate() {
-        // (of q⁺ = q + h v⁺ what is left of one where v⁺ = −q/h)
+        // (the rest of one in q⁺ = q + h v⁺ where v⁺ = −q/h)
         let least = if i < n { 1.0 } else { f64::MIN_POSITIVE };
         let scale = row.iter().fold(least, |m, x| m.max(x.abs()));
         let parts = [(&own.a[i * nx..(i + 1) * nx], &row[..nx]), (&own.b[i * nu..(i + 1) * nu], &row[nx..nx + nu])];
@@ -228,7 +228,7 @@ fn gradients_of_a_sheet_on_a_box() {
         vec![Block { name: "table".to_owned(), position, half_extents, quaternion: [1.0, 0.0, 0.0, 0.0], friction: 0.4 }];
     scene.contact.rest_gap = 1e-6;
     let case = gradients_after_landing("on a box", &scene);
-    // what is over the table lies on it, half a thickness up; what hangs over has fallen
+    // nodes over the table lie on it, half a thickness up; overhanging ones have fallen
     let height = |i: usize| case.x0.q[3 * i + 2];
     let over = (0..20).filter(|&i| case.x0.q[3 * i].abs() < 0.09 && case.x0.q[3 * i + 1].abs() < 0.07);
     assert!(over.clone().count() > 0 && over.clone().all(|i| height(i) > 0.9e-3));

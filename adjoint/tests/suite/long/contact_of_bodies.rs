@@ -155,3 +155,21 @@ fn welded_bodies() {
         assert!(after.iter().zip(expected).all(|(a, e)| (a - e).abs() < 1e-10), "{after:?} {expected:?}");
     }
 }
+
+/// Contacts that begin deep aim at a gap that follows the one they began with, through positions, orientations and sizes.
+#[test]
+fn deep_starts() {
+    let mut scene = two(ShapeKind::Box, ShapeKind::Cylinder);
+    scene.time.duration = 0.05;
+    let mut case = Case::new(&scene, 12);
+    // the lower one into the floor, the upper one into the lower one
+    case.x0.q[2] -= 0.03;
+    let high = 7;
+    case.x0.q[high + 2] = case.x0.q[2] + 0.1;
+    case.x0.v.fill(0.0);
+    let roll = case.run(StepOptions::default());
+    // no faster than a fall over that time
+    let upward = |x: &pliant_math::State| x.v[2].max(x.v[8]);
+    assert!(roll.states.iter().all(|x| upward(x) < 0.2), "thrown");
+    demand("deep starts", &case, ROUNDED);
+}

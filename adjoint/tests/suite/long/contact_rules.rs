@@ -1,4 +1,4 @@
-//! Rules for pairs of a rope and a fixed shape: they stand for the shape's own friction, and let what is ignored pass.
+//! Rules for pairs of a rope and a fixed shape: they stand for the shape's own friction, and let ignored pairs pass through each other.
 
 use crate::common::{Case, scene};
 use crate::judged::demand;

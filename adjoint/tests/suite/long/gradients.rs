@@ -2,7 +2,7 @@
 
 use crate::common::{Case, STEPS, scene, with};
 use crate::judged::demand;
-use pliant_adjoint::gradcheck::{DOT_TEST, RELATIVE_ERROR, Verdict};
+use pliant_adjoint::gradcheck::{GRADCHECK, Verdict};
 use pliant_adjoint::{AdjointError, Seeds, equilibrium_jvp_columns, equilibrium_vjp, linearize, rollout_jvp, rollout_vjp};
 use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::rollout::{Rollout, RolloutOptions, rollout};
@@ -192,7 +192,7 @@ fn equilibria_against_differences() {
         for (k, by_vjp) in u_bar.iter().chain(&theta_bar).enumerate() {
             let column: Vec<f64> = (0..eq.q.len()).map(|row| jacobian[row * (nu + np) + k]).collect();
             let parts: f64 = column.iter().zip(&q_bar).map(|(a, b)| (a * b).abs()).sum();
-            assert!((dot(&column, &q_bar) - by_vjp).abs() <= DOT_TEST * parts.max(1e-300), "{name}: column {k}");
+            assert!((dot(&column, &q_bar) - by_vjp).abs() <= GRADCHECK.dot_test * parts.max(1e-300), "{name}: column {k}");
             let error = column_error(&column, &inputs, k, &solve);
             if error > worst.0 {
                 let label = if k < nu { format!("u[{k}]") } else { case.model.params().info(k - nu).path.clone() };
@@ -200,7 +200,7 @@ fn equilibria_against_differences() {
             }
         }
         println!("equilibrium {name}: worst column error {:.1e} ({})", worst.0, worst.1);
-        assert!(worst.0 <= RELATIVE_ERROR, "{name}: {worst:?}");
+        assert!(worst.0 <= GRADCHECK.relative_error, "{name}: {worst:?}");
     }
 }
 

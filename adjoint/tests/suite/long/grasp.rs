@@ -36,7 +36,7 @@ fn rollouts_under_every_integrator() {
     }
 }
 
-/// A rollout that begins with something in hand: what is held, where and how far off are state like any other.
+/// A rollout that begins with something held: the held point and its distance are state like any other.
 #[test]
 fn a_state_with_something_in_hand() {
     for (name, integrator) in [("grasp_rope", Integrator::Sdirk2), ("grasp_cloth", Integrator::Euler)] {

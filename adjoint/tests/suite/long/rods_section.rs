@@ -45,7 +45,7 @@ fn so_have_those_of_a_section_with_everything() {
     }
 }
 
-/// The derivative of a rollout's sum by one parameter, and what the sum is at values of it.
+/// The derivative of a rollout's sum by one parameter, and the sum as a function of it.
 fn by_parameter(scene: &Scene, path: &str) -> (f64, impl Fn(f64) -> f64 + use<>) {
     let case = Case::new(scene, 20);
     let run = case.run(StepOptions::default());
@@ -88,7 +88,7 @@ fn without_size_it_is_the_elastic_rod_with_derivatives() {
     }
 }
 
-/// An equilibrium bends by what stiffens, with the derivative, and knows no friction that has not been built up.
+/// An equilibrium includes stiffening, with the derivative, and no friction that has not been built up.
 #[test]
 fn an_equilibrium_stiffens_and_has_no_friction() {
     let rubbing = scene("rod_friction");

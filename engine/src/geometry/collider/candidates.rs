@@ -3,11 +3,9 @@
 use super::features::RIM_POINTS;
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
 
-/// Tilt (sine) of a cylinder's axis against a face's normal below which the rim's deepest point is left to the rim's fixed points:
-/// it would run round the rim at once.
-const UPRIGHT: f64 = 1e-3;
-/// Tilt above which the fixed points are not needed beside the deepest one.
-const LEANING: f64 = 0.1;
+/// Tilt (sine) of a cylinder's axis against a face's normal above which the rim touches the face by its deepest point, and below which by
+/// its fixed points: there the deepest would run round the rim at once.
+const LEANING: f64 = 0.05;
 /// Sine of the angle between two lines below which they count as parallel: their ends meet, not their middles.
 const PARALLEL: f64 = 1e-3;
 /// Distance beyond an edge or a line's end at which a contact still counts, as a part of the collider's size.
@@ -179,7 +177,7 @@ impl Pair<'_> {
             _ => (0..3).flat_map(|k| SIDES.map(|s| (k, s))).collect(),
         };
         for (k, side) in faces {
-            if self.tilt(k, side) < UPRIGHT {
+            if self.tilt(k, side) <= LEANING {
                 continue;
             }
             for end in SIDES {

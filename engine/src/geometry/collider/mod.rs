@@ -15,6 +15,7 @@ pub use candidates::candidates;
 pub(crate) use contact_geometry::point_over_face;
 pub use contact_geometry::{ContactGeometry, contact_geometry};
 pub use features::{Feature, FeaturePair};
+pub(crate) use overlap::drop_hidden;
 pub use overlap::overlap;
 
 use nalgebra::Matrix3;

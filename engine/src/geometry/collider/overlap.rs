@@ -1,7 +1,7 @@
 //! Solids that go through each other so deeply that no two of their features show it: bars that cross, a rod through a box, balls with
 //! one centre. Contact never gets there by itself; a scene may begin so.
 
-use super::{ColliderShape, PlacedCollider};
+use super::{ColliderShape, FeaturePair, PlacedCollider, contact_geometry};
 use pliant_math::Vec3;
 
 /// Points of a line that are looked at, to each side of its middle.
@@ -22,15 +22,64 @@ pub fn overlap(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     of_lines(a, b).max(of_lines(b, a))
 }
 
+/// Drops features that are deeper than the colliders overlap: of two boxes side by side an edge may be deep under an edge of the other
+/// that has nothing to do with where they touch; by `most` \[m\] any may be deep. The overlap is the least along the normals of all features listed and of flat sides.
+pub(crate) fn drop_hidden(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, most: f64, found: &mut Vec<(FeaturePair, bool)>) {
+    if [a, b].iter().any(|collider| collider.form == ColliderShape::HalfSpace) {
+        return;
+    }
+    let geometry = |&(features, swapped): &(FeaturePair, bool)| {
+        let (first, second) = if swapped { (b, a) } else { (a, b) };
+        contact_geometry(&features, first, second).ok().map(|m| (m.gap, overlap_along(first, second, &m.normal)))
+    };
+    let listed: Vec<_> = found.iter().map(geometry).collect();
+    if listed.iter().flatten().all(|(gap, _)| *gap >= -most) {
+        return;
+    }
+    let depth = listed.iter().flatten().map(|(_, overlap)| *overlap).fold(overlap_along_faces(a, b), f64::min).max(0.0);
+    let mut listed = listed.iter();
+    found.retain(|_| listed.next().is_some_and(|found| found.is_some_and(|(gap, _)| gap >= -depth - most)));
+}
+
+/// How far two colliders overlap along a unit vector \[m\], the first on its side; < 0 if they are apart along it. Not for half spaces.
+fn overlap_along(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, n: &Vec3<f64>) -> f64 {
+    extent(a, n) + extent(b, n) - (a.position - b.position).dot(n)
+}
+
+/// The least overlap of two colliders along the normals of their flat sides \[m\]: the distance between convex bodies is at most this.
+fn overlap_along_faces(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
+    let between = a.position - b.position;
+    let normals = [a, b].into_iter().flat_map(|s| {
+        let flat = match s.form {
+            ColliderShape::Block => 0..3,
+            ColliderShape::Cylinder => 2..3,
+            _ => 0..0,
+        };
+        flat.map(|k| s.rotation.column(k).into_owned())
+    });
+    let outward = |n: Vec3<f64>| if between.dot(&n) < 0.0 { -n } else { n };
+    normals.map(|n| overlap_along(a, b, &outward(n))).fold(f64::INFINITY, f64::min)
+}
+
+/// How far a collider reaches from its origin along a unit vector \[m\].
+fn extent(s: &PlacedCollider<f64>, n: &Vec3<f64>) -> f64 {
+    let along = |k: usize| s.rotation.column(k).dot(n).abs();
+    let [a, b, c] = s.sizes;
+    match s.form {
+        ColliderShape::HalfSpace => f64::INFINITY,
+        ColliderShape::Ball => a,
+        ColliderShape::Capsule => a + b * along(2),
+        ColliderShape::Cylinder => a * (1.0 - along(2) * along(2)).max(0.0).sqrt() + b * along(2),
+        ColliderShape::Block => a * along(0) + b * along(1) + c * along(2),
+    }
+}
+
 /// The theorem of separating axes: faces of both, and edges across edges.
 fn of_blocks(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     let axes = |s: &PlacedCollider<f64>| [0, 1, 2].map(|k| s.rotation.column(k).into_owned());
     let (x, y) = (axes(a), axes(b));
     let across = x.iter().flat_map(|x| y.iter().filter_map(move |y| x.cross(y).try_normalize(1e-6)));
-    let half = |axes: &[Vec3<f64>; 3], s: &PlacedCollider<f64>, n: &Vec3<f64>| -> f64 {
-        axes.iter().zip(&s.sizes).map(|(axis, size)| size * axis.dot(n).abs()).sum()
-    };
-    let along = |n: Vec3<f64>| half(&x, a, &n) + half(&y, b, &n) - (a.position - b.position).dot(&n).abs();
+    let along = |n: Vec3<f64>| extent(a, &n) + extent(b, &n) - (a.position - b.position).dot(&n).abs();
     x.into_iter().chain(y).chain(across).map(along).fold(f64::INFINITY, f64::min).max(0.0)
 }
 

@@ -9,14 +9,15 @@ use crate::constraints::{
     LinkLinear, RHO, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding, velocity,
 };
 use crate::geometry::collider::{
-    Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry,
+    Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry, drop_hidden,
 };
 use crate::model::Model;
 use crate::step::constants::STEP;
+use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::Vector4;
 use num_dual::Dual64;
-use pliant_math::spatial::{Force, Motion};
+use pliant_math::spatial::{Force, Motion, column};
 use pliant_math::{Input, Vec3};
 
 /// Which features of which pair meet.
@@ -47,7 +48,7 @@ impl Stage<'_> {
         body_contact_law(self.model.contact.law, pair, [link.rho_n, link.rho_t], self.theta, scales, regularization)
     }
 
-    /// Geometry of a contact of colliders.
+    /// Geometry of a contact of colliders, its gap counted from its [target](Link::target).
     pub(crate) fn geometry(
         &self,
         link: &Link,
@@ -58,7 +59,8 @@ impl Stage<'_> {
             let collider = &self.model.colliders[s];
             collider.placed(&pose(collider.attachment, at.q, at.frames), |k| self.theta[k])
         });
-        contact_geometry(features, &a, &b).map_err(|distance| self.no_normal(link, distance))
+        let geometry = contact_geometry(features, &a, &b).map_err(|distance| self.no_normal(link, distance))?;
+        Ok(ContactGeometry { gap: geometry.gap - link.target, ..geometry })
     }
 
     fn no_normal(&self, link: &Link, distance: f64) -> StepError {
@@ -84,6 +86,25 @@ impl BodyContacts {
     /// Contacts with their features.
     pub fn each(&self) -> impl Iterator<Item = (&Link, &BodyContact)> {
         self.links.iter().zip(&self.contacts)
+    }
+
+    /// Adds the features that will be near where the motion leads: a corner may pass an edge and enter a face within a step. Those
+    /// behind which the other collider already is are not the ones that it comes through.
+    fn find_ahead(&mut self, stage: &Stage, at: &Beginning, pair: [usize; 2], margin: f64) {
+        let [a, b] = pair.map(|k| {
+            let collider = &stage.model.colliders[k];
+            collider.placed(&pose(collider.attachment, at.q_ahead, at.ahead), |k| stage.theta[k])
+        });
+        let (from, most) = (self.found.len(), STEP.recovery * stage.h * stage.h);
+        candidates(&a, &b, margin, &mut self.found);
+        for k in (from..self.found.len()).rev() {
+            let (features, swapped) = self.found[k];
+            let [first, second] = if swapped { [pair[1], pair[0]] } else { pair };
+            let gap = contact_geometry(&features, &self.placed[first], &self.placed[second]).map_or(f64::NAN, |m| m.gap);
+            if !(gap >= -most) || self.found[..from].contains(&self.found[k]) {
+                self.found.remove(k);
+            }
+        }
     }
 
     /// w on the central path for the gap at the beginning: w₀ v_n = κ, bounded by what closes it.
@@ -121,6 +142,8 @@ impl ConstraintSet for BodyContacts {
             }
             self.found.clear();
             candidates(pa, pb, margin, &mut self.found);
+            drop_hidden(pa, pb, STEP.recovery * stage.h * stage.h, &mut self.found);
+            self.find_ahead(stage, at, pair.colliders, margin);
             self.fastest = if self.found.is_empty() { self.fastest } else { self.fastest.max(speed) };
             for &(features, swapped) in &self.found {
                 let colliders = if swapped { [b, a] } else { [a, b] };
@@ -132,7 +155,7 @@ impl ConstraintSet for BodyContacts {
     }
 
     fn scale(&mut self, stage: &Stage, at: &Beginning) {
-        for (link, BodyContact { features, .. }) in self.links.iter_mut().zip(&self.contacts) {
+        for (link, BodyContact { pair, features }) in self.links.iter_mut().zip(&self.contacts) {
             let [a, b] = link.colliders;
             let Ok(geometry) = contact_geometry(features, &self.placed[a], &self.placed[b]) else { continue };
             let along = |x: Vec3<f64>| stage.mobility(link.attachments, at, &Force::at(&geometry.point, x));
@@ -141,10 +164,12 @@ impl ConstraintSet for BodyContacts {
             let (ss, tt) = (along(s), along(t));
             let st = 0.25 * (along(s + t) - along(s - t));
             let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
-            (link.rho_n, link.rho_t) = (RHO / along(geometry.normal), RHO / across);
+            (link.rho_n, link.rho_t) = (stage.law_step(along(geometry.normal)), stage.law_step(across));
             link.gap = geometry.gap;
+            stage.set_target(link, *pair, features, at);
             let [va, vb] = link.attachments.map(|c| velocity(c, stage.v_ref, at.frames));
-            self.closing = self.closing.max(-geometry.gap / stage.h - (va - vb).at(&geometry.point).dot(&geometry.normal));
+            link.speed = (va - vb).at(&geometry.point).dot(&geometry.normal);
+            self.closing = self.closing.max((link.target - link.gap) / stage.h - link.speed);
         }
     }
 
@@ -179,8 +204,9 @@ impl ConstraintSet for BodyContacts {
         for (k, (link, BodyContact { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
             let (w, colliders) = (cone(lambda, k), link.colliders.map(|s| &stage.model.colliders[s]));
             let poses = link.attachments.map(|c| pose(c, at.q, at.frames));
-            let (geometry, changes) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], stage.theta)
+            let (mut geometry, changes) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], stage.theta)
                 .map_err(|distance| stage.no_normal(link, distance))?;
+            geometry.gap -= link.target;
             let sliding = link.sliding(&geometry, at);
             let law = stage.body_contact_law(link, *pair);
             let moves = link.attachments.map(|c| c != Attachment::World);
@@ -214,12 +240,56 @@ impl ConstraintSet for BodyContacts {
         &self.links
     }
 
+    fn least_gap(&self) -> f64 {
+        self.links.iter().fold(f64::INFINITY, |least, link| least.min(link.gap))
+    }
+
+    fn visit_approaches(&self, stage: &Stage, at: &Evaluation, lambda: &[f64], visit: &mut dyn FnMut(Approach)) {
+        for (k, (link, BodyContact { features, .. })) in self.each().enumerate() {
+            let Ok(geometry) = stage.geometry(link, features, at) else { continue };
+            let speed = link.sliding(&geometry, at).velocity.dot(&geometry.normal);
+            let pushed = lambda[4 * k] * RHO / link.rho_n;
+            visit(Approach { gap: [link.gap, geometry.gap + link.target], speed: [link.speed, speed], pushed });
+        }
+    }
+
     fn visit_fixed_blocks(&self, stage: &Stage, add: &mut dyn FnMut(usize, [[f64; 3]; 3])) {
         self.links.iter().for_each(|link| link.visit_fixed_blocks(stage.h, add));
     }
 }
 
 impl Stage<'_> {
+    /// ρ \[kg\] of a law for a mobility [1/kg]. What nothing can move has none; ρ then only scales the residual, and must be finite.
+    pub(crate) fn law_step(&self, mobility: f64) -> f64 {
+        RHO / mobility.max(STEP.least_mobility / self.masses.total)
+    }
+
+    /// Decides how far a contact is pushed out in this stage. A contact that begins deeper than it could have got within a step is one
+    /// that was not listed before, or that the scene begins with. To demand that it be open at the end of the stage would throw the bodies apart
+    /// with depth/h, the faster the shorter the step; it has to open by `recovery`·h² only. A compliant contact is meant to be deep.
+    fn set_target(&self, link: &mut Link, pair: usize, features: &FeaturePair, at: &Beginning) {
+        let most = STEP.recovery * self.h * self.h;
+        (link.target, link.target_by_start) = (0.0, Vec::new());
+        if link.gap >= -most || self.model.collider_pairs[pair].compliance.is_some() {
+            return;
+        }
+        let poses = link.attachments.map(|c| pose(c, self.q_ref, at.frames));
+        let colliders = link.colliders.map(|s| &self.model.colliders[s]);
+        let Ok((_, changes)) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], self.theta) else { return };
+        link.target = link.gap + most;
+        let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
+        for (attachment, by) in link.attachments.iter().zip(&changes.gap) {
+            match *attachment {
+                Attachment::World => {}
+                Attachment::Node(node) if self.model.prescribed[node] => {}
+                Attachment::Node(node) => link.target_by_start.extend((0..3).map(|a| (3 * node + a, by[3 + a]))),
+                Attachment::Body(body) => link
+                    .target_by_start
+                    .extend(tree.chain(tree.last_dof(body)).map(|l| (n + l, (by * column(&at.frames.axes[l].s))[0]))),
+            }
+        }
+    }
+
     /// Inverse effective mass of two frames for a wrench on the first and its opposite on the second, where the stage begins [1/kg].
     pub(crate) fn mobility(&self, attachments: [Attachment; 2], at: &Beginning, wrench: &Force<f64>) -> f64 {
         let of = |attachment: Attachment| match attachment {
@@ -261,11 +331,11 @@ pub(crate) fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
     [s, n.cross(&s)]
 }
 
-/// Which contact it is (its pair and features, folded), and 0 separate, 1 stick or 2 slip.
+/// Which contact it is (its pair and features, folded), and 0 separate, 1 stick or 2 slip, plus 4 where it is pushed out over several steps.
 pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> Vec<u8> {
     let (pair, scales) = (&at.model.collider_pairs[pair], [at.stage.h, at.stage.rest_gap]);
     let law = body_contact_law(at.model.contact.law, pair, record.rho, at.theta, scales, 0.0);
-    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt());
+    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt()) + if record.recovers { 4 } else { 0 };
     [record.id.fold().to_le_bytes().to_vec(), vec![phase]].concat()
 }
 
@@ -287,6 +357,13 @@ pub(super) fn visit_inputs(
         (0..4).for_each(|a| visit(record.block.row + a, Input::Theta(param), f[a]));
     };
     let geometry_by = |param| geometry_along(model, features, record.colliders, at.q, frames, theta, param);
+    // where its target follows the gap at the beginning
+    let start = record.recovers.then(|| at.stage.frames_at_start(model));
+    let gap_at_start = |param| {
+        let q_ref = &at.stage.start.q_ref;
+        let by = start.as_ref().and_then(|frames| geometry_along(model, features, record.colliders, q_ref, frames, theta, param));
+        by.map_or(0.0, |(_, by)| by.gap)
+    };
     let Some((geometry, _)) = geometry_by(None) else { return };
     let [a, b] = record.attachments.map(|c| velocity(c, &at.stage.v, frames));
     let sliding = Sliding::new(&geometry, a - b);
@@ -309,7 +386,7 @@ pub(super) fn visit_inputs(
         let change = Force { n: by.point.cross(&wrench.f) + geometry.point.cross(&impulse), f: impulse };
         let slip = sliding.relative.w.cross(&by.point);
         let dv_t = slip - n * n.dot(&slip) - by.normal * n.dot(&sliding.velocity) - n * by.normal.dot(&sliding.velocity);
-        emit(param, Some(change), record.f_vn * (by.gap / h) + record.f_vt * dv_t);
+        emit(param, Some(change), record.f_vn * ((by.gap - gap_at_start(Some(param))) / h) + record.f_vt * dv_t);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::link::Link;
 use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, InputsAt, Loads, Slopes, WarmImpulses, cone};
 use crate::bodies::Frames;
-use crate::constraints::{ClosureLaw, RHO, TieRows, closure_law, pose};
+use crate::constraints::{ClosureLaw, TieRows, closure_law, pose};
 use crate::step::{Stage, StepError};
 use nalgebra::Vector4;
 use pliant_math::spatial::Force;
@@ -49,7 +49,7 @@ impl ConstraintSet for Closures {
             let rows = self.rows(k, stage, stage.q_ref, at.frames);
             let unit = |k: usize| rows.wrench(&Vector4::from_fn(|r, _| f64::from(u8::from(r == k + 1))));
             let most: f64 = (0..3).map(|i| stage.mobility(self.links[k].attachments, at, &unit(i))).sum();
-            (self.links[k].rho_n, self.links[k].rho_t) = (RHO / most, RHO / most);
+            (self.links[k].rho_n, self.links[k].rho_t) = (stage.law_step(most), stage.law_step(most));
         }
     }
 

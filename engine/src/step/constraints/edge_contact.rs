@@ -12,6 +12,7 @@ use crate::constraints::{
 use crate::geometry::collider::{Attachment, ColliderShape, Feature, PlacedCollider, Pose};
 use crate::geometry::element::{Candidates, Nearest, Region, candidates, nearest};
 use crate::model::Model;
+use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix3, Vector4};
 use num_dual::Dual64;
@@ -118,6 +119,25 @@ impl ConstraintSet for EdgeContacts {
 
     fn dim(&self) -> usize {
         4 * self.contacts.len()
+    }
+
+    fn least_gap(&self) -> f64 {
+        self.contacts.iter().fold(f64::INFINITY, |least, contact| least.min(contact.gap))
+    }
+
+    fn visit_approaches(&self, stage: &Stage, at: &Evaluation, lambda: &[f64], visit: &mut dyn FnMut(Approach)) {
+        for (k, contact) in self.contacts.iter().enumerate() {
+            let element = &stage.model.elements[contact.id.element];
+            let (radius, shape) = (stage.theta[element.radius], &self.fixed[contact.id.group]);
+            // of the point that is nearest: the gap, and its rate along the normal
+            let near = |q: &[f64], v: &[f64]| {
+                let found = nearest(&of_nodes(element, q)[..element.count], radius, contact.id.feature, shape).ok()?;
+                Some((found.gap, weighted(&found.weights, &of_nodes(element, v)).dot(&found.normal)))
+            };
+            let (Some(begin), Some(end)) = (near(stage.q_ref, stage.v_ref), near(at.q, at.v)) else { continue };
+            let pushed = lambda[4 * k] * RHO / contact.rho;
+            visit(Approach { gap: [begin.0, end.0], speed: [begin.1, end.1], pushed });
+        }
     }
 
     fn residual(
@@ -246,6 +266,7 @@ impl ConstraintSet for EdgeContacts {
                 attachments: [Attachment::World; 2],
                 colliders: [0; 2],
                 rho: [contact.rho; 2],
+                recovers: false,
             });
         }
     }

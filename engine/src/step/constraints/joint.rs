@@ -9,9 +9,10 @@ use super::{
     Block, Change, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, JointRecord, Loads, RecordAt, Slopes,
     WarmImpulses,
 };
-use crate::constraints::{JointRow, RHO, RowLinear, RowPoint, WEIGHT};
+use crate::constraints::{JointRow, JointRowKind, RHO, RowLinear, RowPoint, WEIGHT};
 use crate::model::Model;
 use crate::step::constants::STEP;
+use crate::step::impact_check::Approach;
 use crate::step::{Stage, StageRecord, StepError};
 use pliant_linalg::System;
 use pliant_math::Input;
@@ -105,6 +106,16 @@ impl ConstraintSet for JointConstraints {
 
     fn weights(&self, stage: &Stage, out: &mut [f64]) {
         out.iter_mut().zip(stage.joint_rows).for_each(|(w, row)| *w = 1.0 / inertias(stage.model, row)[1]);
+    }
+
+    fn visit_approaches(&self, stage: &Stage, at: &Evaluation, lambda: &[f64], visit: &mut dyn FnMut(Approach)) {
+        let n = stage.model.n_node_dofs();
+        for (row, gamma) in stage.joint_rows.iter().zip(lambda) {
+            let JointRowKind::Stop(bound, side) = row.kind else { continue };
+            let gap = [stage.q_ref, at.q].map(|q| side * (q[n + row.q] - stage.theta[bound]));
+            let speed = [stage.v_ref, at.v].map(|v| side * v[n + row.dof]);
+            visit(Approach { gap, speed, pushed: gamma / inertias(stage.model, row)[1] });
+        }
     }
 
     fn start(&self, _stage: &Stage, warm: Option<&WarmImpulses>, lambda: &mut [f64]) {

@@ -29,6 +29,12 @@ pub(crate) struct Link {
     pub rho_t: f64,
     /// Signed distance where the stage begins \[m\]; 0 of closures.
     pub gap: f64,
+    /// Its rate there [m/s].
+    pub speed: f64,
+    /// Signed distance \[m\] that a contact must have where the stage ends: 0, or less where it begins so deep that it is pushed out over
+    /// several steps; and then its derivatives by the coordinates where the stage begins, row by row.
+    pub target: f64,
+    pub target_by_start: Vec<(usize, f64)>,
     pub linear: LinkLinear,
     /// Rounding of λ [N·s].
     pub rounding: f64,
@@ -37,7 +43,24 @@ pub(crate) struct Link {
 impl Link {
     /// Before anything but its identity is known.
     pub fn new(id: ConstraintId, attachments: [Attachment; 2], colliders: [usize; 2]) -> Self {
-        Self { id, attachments, colliders, rho_n: 0.0, rho_t: 0.0, gap: 0.0, linear: LinkLinear::zero(), rounding: 0.0 }
+        Self {
+            id,
+            attachments,
+            colliders,
+            rho_n: 0.0,
+            rho_t: 0.0,
+            gap: 0.0,
+            speed: 0.0,
+            target: 0.0,
+            target_by_start: Vec::new(),
+            linear: LinkLinear::zero(),
+            rounding: 0.0,
+        }
+    }
+
+    /// Speed at which the contact has to open to reach its target [m/s].
+    pub fn target_speed(&self, h: f64) -> f64 {
+        if self.target < 0.0 { (self.target - self.gap) / h } else { 0.0 }
     }
 
     /// Adds the impulse `wrench` on the first frame, and its opposite on the second, as forces over the stage length `h`.

@@ -42,6 +42,7 @@ pub(crate) use warm::WarmImpulses;
 use crate::bodies::Frames;
 use crate::geometry::collider::Feature;
 use crate::step::constants::STEP;
+use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix6, Vector4};
 use pliant_linalg::{NodeMatrix, System};
@@ -80,6 +81,9 @@ pub(crate) struct Slopes<'a> {
 /// The beginning of a stage, from which constraints are listed.
 pub(crate) struct Beginning<'a> {
     pub frames: &'a Frames<f64>,
+    /// Where the bodies would be at the end of the stage if nothing changed their motion, and those coordinates.
+    pub ahead: &'a Frames<f64>,
+    pub q_ahead: &'a [f64],
     /// Inverse inertia of every body with all joints yielding; empty before any set asks for it.
     pub mobility: &'a [Matrix6<f64>],
 }
@@ -180,6 +184,14 @@ pub(crate) trait ConstraintSet {
     fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
         cones_settled(lambda, d, self.links().iter().map(|link| link.rounding))
     }
+
+    /// Least signed distance among the constraints that this stage has listed, where it begins \[m\].
+    fn least_gap(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// How constraints that may open have come nearer in this stage, `at` its root.
+    fn visit_approaches(&self, _stage: &Stage, _at: &Evaluation, _lambda: &[f64], _visit: &mut dyn FnMut(Approach)) {}
 
     /// Pairs of different nodes that one constraint joins, of which the first is free.
     fn joined_nodes(&self, _stage: &Stage, _pairs: &mut Vec<[usize; 2]>) {}

@@ -7,6 +7,7 @@ use super::{
 use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, weighed};
 use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
+use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix3, Vector4};
 use pliant_math::{Input, Vec3};
@@ -65,6 +66,16 @@ impl Stage<'_> {
 impl ConstraintSet for NodeContacts {
     fn dim(&self) -> usize {
         4 * self.contacts.len()
+    }
+
+    fn visit_approaches(&self, stage: &Stage, at: &Evaluation, lambda: &[f64], visit: &mut dyn FnMut(Approach)) {
+        let start = Evaluation { q: stage.q_ref, v: stage.v_ref, ..*at };
+        for (c, pair) in stage.model.pairs.iter().enumerate() {
+            let [Ok(begin), Ok(end)] = [&start, at].map(|at| stage.touch(c, at)) else { continue };
+            let gap = [&begin, &end].map(|(touch, _)| touch.v_n * stage.h);
+            let speed = [&begin, &end].map(|(touch, v)| touch.normal.dot(v));
+            visit(Approach { gap, speed, pushed: lambda[4 * c] / stage.masses.nodes[pair.node] });
+        }
     }
 
     fn residual(
@@ -171,6 +182,7 @@ impl ConstraintSet for NodeContacts {
                 attachments: [Attachment::Node(pair.node), Attachment::World],
                 colliders: [0; 2],
                 rho: [0.0; 2],
+                recovers: false,
             });
         }
     }

@@ -9,6 +9,7 @@
 use super::{ConstraintId, Link, body_contact, closure, edge_contact, node_contact};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::Partials;
+use crate::bodies::tangent_maps::TangentMaps;
 use crate::constraints::SLIP;
 use crate::geometry::collider::Attachment;
 use crate::model::Model;
@@ -24,7 +25,7 @@ pub(crate) struct DofPartial<const M: usize> {
     pub v: usize,
     /// Impulse on it per unit of λ; zero where it is prescribed.
     pub impulse: SVector<f64, M>,
-    /// ∂F/∂q̄ along it.
+    /// ∂F/∂q̄ along it, and what F follows of the coordinates where the stage begins.
     pub by_q: SVector<f64, M>,
     /// ∂F/∂v⁺ with positions moving along.
     pub slope: SVector<f64, M>,
@@ -58,6 +59,8 @@ pub(crate) struct ConeRecord {
     pub colliders: [usize; 2],
     /// Steps of the split law along the normal and across \[kg\].
     pub rho: [f64; 2],
+    /// Whether its [target](Link::target) follows the gap where the stage begins.
+    pub recovers: bool,
 }
 
 /// Joint friction, a limit or a coupling.
@@ -104,6 +107,8 @@ pub(crate) struct RecordAt<'a, 'b> {
     pub frames: &'a Frames<f64>,
     /// Composites with the columns of pure displacements.
     pub partials: &'a Partials,
+    /// From where the stage begins to where it is evaluated; T of these maps is orthogonal.
+    pub turns: &'a TangentMaps,
     /// Degrees of freedom of all links, in order, by the columns of K.
     pub by_v: &'b mut std::slice::Iter<'a, Vec<LinkDof>>,
 }
@@ -154,7 +159,15 @@ impl Stage<'_> {
     pub(crate) fn record_link(&self, link: &Link, w: Vector4<f64>, at: &mut RecordAt, out: &mut ConstraintRecords) {
         let (linear, by_q) = (&link.linear, self.link_dofs(link, at.frames, at.partials));
         let by_v = at.by_v.next().map_or(&[][..], Vec::as_slice);
-        let dofs = by_v.iter().zip(by_q).map(|(v, q)| DofPartial { v: v.0, impulse: v.1, slope: v.2, by_q: q.3 }).collect();
+        let mut dofs: Vec<DofPartial<4>> =
+            by_v.iter().zip(by_q).map(|(v, q)| DofPartial { v: v.0, impulse: v.1, slope: v.2, by_q: q.3 }).collect();
+        // v_n = (gap − target)/h, where the target may follow the coordinates at the beginning; they come in as `by_q` does
+        if !link.target_by_start.is_empty() {
+            let mut by_start = vec![0.0; self.model.nv()];
+            link.target_by_start.iter().for_each(|(row, by)| by_start[*row] += by);
+            at.turns.transport(&mut by_start[self.model.n_node_dofs()..], 1);
+            dofs.iter_mut().for_each(|dof| dof.by_q -= linear.f_vn * (by_start[dof.v] / self.h));
+        }
         let block = Block { row: out.take_rows(4), dofs, f_lambda: linear.f_w, inverse: linear.inverse };
         out.cones.push(ConeRecord {
             id: link.id,
@@ -167,6 +180,7 @@ impl Stage<'_> {
             attachments: link.attachments,
             colliders: link.colliders,
             rho: [link.rho_n, link.rho_t],
+            recovers: !link.target_by_start.is_empty(),
         });
     }
 }

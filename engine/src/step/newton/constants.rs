@@ -53,9 +53,9 @@ pub(super) struct NewtonConstants {
     /// Levenberg weights over the inertia, in the order in which they are tried [-].
     pub damping_ladder: [f64; 4],
     /// Starts from the contact law at frozen geometry, each where the last one led: before the first attempt, and before the second.
-    pub gauss_seidel_starts: [usize; 2],
+    pub frozen_starts: [usize; 2],
     /// Relative change of velocities below which another one is of no use [-].
-    pub gauss_seidel_change: f64,
+    pub frozen_change: f64,
     /// Approach of colliders, over what gravity gives in a step, from which they count as colliding [-].
     pub colliding: f64,
     /// Iterations of the first attempt where colliders touch: the second finds sooner what takes more.
@@ -93,8 +93,8 @@ pub(super) const NEWTON: NewtonConstants = NewtonConstants {
     noise: 1e3,
     continuation_fall: 1e-2,
     damping_ladder: [100.0, 10.0, 3.0, 0.5],
-    gauss_seidel_starts: [2, 6],
-    gauss_seidel_change: 1e-3,
+    frozen_starts: [2, 6],
+    frozen_change: 1e-3,
     colliding: 2.0,
     first_patience: 12,
     damped_patience: 4,

@@ -56,7 +56,7 @@ impl Attempt {
                 start_warm(stage, ws);
                 let fall = stage.h * stage.theta[stage.model.gravity].abs();
                 if touching && ws.constraints.bodies.closing > NEWTON.colliding * fall {
-                    start_by_gauss_seidel(stage, ws, NEWTON.gauss_seidel_starts[0], work);
+                    start_frozen(stage, ws, NEWTON.frozen_starts[0], work);
                 } else {
                     extrapolate(stage, ws);
                 }
@@ -64,7 +64,7 @@ impl Attempt {
             }
             Self::Regularized => {
                 start_warm(stage, ws);
-                start_by_gauss_seidel(stage, ws, NEWTON.gauss_seidel_starts[1], work);
+                start_frozen(stage, ws, NEWTON.frozen_starts[1], work);
                 newton(&stage.with(|o| o.regularization = NEWTON.first_regularization), ws, limit, work)
             }
             Self::Continuation => cold(stage, ws, limit, work),
@@ -136,14 +136,14 @@ fn extrapolate(stage: &Stage, ws: &mut Workspace) {
 }
 
 /// From there to the root of the law at frozen geometry, as often as given, or until it moves little.
-fn start_by_gauss_seidel(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work) {
+fn start_frozen(stage: &Stage, ws: &mut Workspace, times: usize, work: &mut Work) {
     for _ in 0..times {
         work.factorizations += 1;
-        if !stage.solve_gauss_seidel(ws) {
+        if !stage.solve_frozen(ws) {
             return;
         }
         let change: Vec<f64> = ws.it.v.iter().zip(&ws.newton.trial.v).map(|(v, before)| v - before).collect();
-        if speed(stage, &change) <= NEWTON.gauss_seidel_change * speed(stage, &ws.it.v) {
+        if speed(stage, &change) <= NEWTON.frozen_change * speed(stage, &ws.it.v) {
             return;
         }
     }

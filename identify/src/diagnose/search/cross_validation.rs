@@ -1,34 +1,17 @@
-//! The two parts of the fitted records, and what is done with them.
+//! The two parts of the fitted records: fits of one, errors on the other.
 
 use super::super::baseline::coloured;
 use super::super::gain;
 use super::super::scores::Scores;
 use super::Whole;
+use super::constants::SEARCH;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit};
-use crate::shoot::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use rayon::prelude::*;
-
-/// Most records that causes are fitted to, and that they are judged by.
-const FITTED: usize = 8;
-const JUDGED: usize = 40;
-/// How far first refits go: a step that gains less than this part of the squares, or so many steps, end them.
-const ROUGH: FitOptions = FitOptions { max_iterations: 4, rounds: 0, tolerance: 1e-2 };
-/// How far they go over short pieces before.
-const PIECES: FitOptions = FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-3 };
-/// How far those go that may be accepted.
-const COARSE: FitOptions = FitOptions { max_iterations: 12, rounds: 0, tolerance: 3e-3 };
-/// The same for fits of all records.
-const FINE: FitOptions = FitOptions { max_iterations: 15, rounds: 0, tolerance: 1e-3 };
-/// Most causes that are refitted in a round.
-const REFITS: usize = 8;
-/// A cause that, linearized, takes less than this part of the squares where it is fitted is not refitted.
-const PROMISING: f64 = 0.01;
-/// A one-step estimate is followed so far at most, in typical sizes: beyond it a linearization says little.
-const FAR: f64 = 3.0;
 
 /// A fit of the first part, and its mean squares on every record of the second (in units of the channels' baseline errors).
 #[derive(Clone, Debug)]
@@ -56,11 +39,11 @@ impl<'a> Bench<'a> {
     /// Deals out the records evenly. Those judged by start as held-out records do: from their lead-in, by the baseline.
     pub(super) fn new(plan: &'a Plan, base: &'a Fitted) -> Result<Self, IdentifyError> {
         let n = base.records.len();
-        let size = (n / 2).min(FITTED);
+        let size = (n / 2).min(SEARCH.fitted);
         let place = |k: usize| (2 * k + 1) * n / (2 * size);
         let fitted: Vec<usize> = (0..size).map(place).collect();
         let others: Vec<usize> = (0..n).filter(|k| !fitted.contains(k)).collect();
-        let every = others.len().div_ceil(JUDGED);
+        let every = others.len().div_ceil(SEARCH.judged);
         let whole = |k: &usize| {
             let mut rec = base.records[*k].clone();
             rec.nodes.clear();
@@ -84,13 +67,13 @@ impl<'a> Bench<'a> {
 
     /// Least squares on the first part.
     pub(super) fn refit(&self, start: &Values, unknowns: &[Unknown]) -> Result<Trial, IdentifyError> {
-        self.fit(&self.train, start, unknowns, &COARSE)
+        self.fit(&self.train, start, unknowns, &SEARCH.coarse)
     }
 
-    /// A first refit followed to its end, with what has a meaning once the cause has a size ([`Cause::afterwards`]).
+    /// A first refit followed to its end, with the unknowns that have a meaning once the cause has a size ([`Cause::afterwards`]).
     pub(super) fn further(&self, rough: &Trial, cause: &Cause) -> Result<(Trial, Cause), IdentifyError> {
         let unknowns: Vec<Unknown> = rough.fitted.unknowns.iter().chain(&cause.afterwards).cloned().collect();
-        let trial = self.fit(&rough.fitted.records, &rough.fitted.values, &unknowns, &COARSE)?;
+        let trial = self.fit(&rough.fitted.records, &rough.fitted.values, &unknowns, &SEARCH.coarse)?;
         let own = cause.unknowns.iter().chain(&cause.afterwards).cloned().collect();
         Ok((trial, Cause { unknowns: own, afterwards: Vec::new(), ..cause.clone() }))
     }
@@ -109,7 +92,7 @@ impl<'a> Bench<'a> {
 
     /// The same model fitted to all records, from where it is.
     pub(super) fn whole(&self, from: &Fitted) -> Result<Whole, IdentifyError> {
-        self.of_all(fit(self.plan, self.all, &from.values, &from.unknowns, Some(&self.noise), &FINE)?)
+        self.of_all(fit(self.plan, self.all, &from.values, &from.unknowns, Some(&self.noise), &SEARCH.fine)?)
     }
 
     /// A least-squares fit of all records with its two noise models.
@@ -136,7 +119,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The causes worth a refit, most promising first, each with the step that the linearization proposes. Those that bring companions
-    /// along come first whatever they promise alone.
+    /// along come first, independent of their own promise.
     pub(super) fn promising(&self, tested: &Scores, current: &Fitted) -> Vec<(Cause, Vec<f64>)> {
         let cost: f64 = current.residuals.iter().filter_map(|r| self.squares(r)).sum();
         let mut ranked: Vec<(f64, usize)> = (0..tested.tested.len())
@@ -146,10 +129,10 @@ impl<'a> Bench<'a> {
                 let part = tested.score.candidates[j].lm / cost.max(f64::MIN_POSITIVE);
                 (if together { f64::INFINITY } else { part }, j)
             })
-            .filter(|(part, j)| *part > PROMISING && (part.is_infinite() || tested.score.candidates[*j].admissible))
+            .filter(|(part, j)| *part > SEARCH.promising && (part.is_infinite() || tested.score.candidates[*j].admissible))
             .collect();
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        ranked.truncate(REFITS);
+        ranked.truncate(SEARCH.refits);
         let one = |(_, j): &(f64, usize)| (tested.causes[tested.tested[*j]].clone(), tested.score.candidates[*j].theta.clone());
         ranked.iter().map(one).collect()
     }
@@ -160,8 +143,8 @@ impl<'a> Bench<'a> {
         Some(r.iter().map(|x| x * x).sum())
     }
 
-    /// The current fit with a cause and its companions freed as well, from each of the cause's starts; the one that comes nearest to what
-    /// is fitted, and the cause with everything that was freed for it.
+    /// The current fit with a cause and its companions freed as well, from each of the cause's starts; the one that comes nearest to the
+    /// fitted records, and the cause with everything that was freed for it.
     pub(super) fn with(&self, current: &Trial, cause: &Cause, step: &[f64]) -> Result<(Trial, Cause), IdentifyError> {
         let known = &current.fitted.unknowns;
         let new = |u: &&Unknown| !known.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
@@ -169,10 +152,10 @@ impl<'a> Bench<'a> {
         let unknowns: Vec<Unknown> = known.iter().chain(&own).cloned().collect();
         let opened = |start: &[(usize, f64)]| {
             let mut values = current.fitted.values.clone();
-            cause.settings.iter().flatten().chain(start).for_each(|&(entry, value)| values.theta[entry] = value);
+            cause.nuisance_grid.iter().flatten().chain(start).for_each(|&(entry, value)| values.theta[entry] = value);
             for (u, step) in cause.unknowns.iter().zip(step) {
                 if let Some(probe) = u.silent(&values) {
-                    let start = u.moved(0.0, 0.5 * step.clamp(-FAR, FAR));
+                    let start = u.moved(0.0, SEARCH.start_part * step.clamp(-SEARCH.longest_step, SEARCH.longest_step));
                     u.set(&mut values, if start > probe.small { start } else { probe.start });
                 }
             }
@@ -181,8 +164,8 @@ impl<'a> Bench<'a> {
         let plain = vec![Vec::new()];
         let starts = if cause.starts.is_empty() { &plain } else { &cause.starts };
         let start = self.nearest(&current.fitted.records, starts.iter().map(|start| opened(start)), &unknowns);
-        let trial = self.fit(&start.1, &start.0, &unknowns, &ROUGH)?;
-        Ok((trial, Cause { unknowns: own, settings: Vec::new(), ..cause.clone() }))
+        let trial = self.fit(&start.1, &start.0, &unknowns, &SEARCH.rough)?;
+        Ok((trial, Cause { unknowns: own, nuisance_grid: Vec::new(), ..cause.clone() }))
     }
 
     /// Of these starts, and where each leads over short pieces that begin where the data are, the one that is nearest to the data: over a
@@ -194,7 +177,7 @@ impl<'a> Bench<'a> {
         unknowns: &[Unknown],
     ) -> (Values, Vec<RecordPlan>) {
         let unknowns = self.plan.tied(unknowns.to_vec());
-        let led = |start: &Values| approach(self.plan, records, start, &unknowns, &PIECES).ok();
+        let led = |start: &Values| approach(self.plan, records, start, &unknowns, &SEARCH.pieces).ok();
         let all = starts.flat_map(|start| led(&start).into_iter().chain([(start, records.to_vec())]));
         let far = |(values, records): &(Values, Vec<RecordPlan>)| self.errors(records, values).iter().sum::<f64>();
         let measured = all.map(|start| (far(&start), start));

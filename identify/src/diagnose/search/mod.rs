@@ -1,17 +1,19 @@
-//! Which causes together carry over to other records: the search where a residual is no noise.
+//! Selection of causes by cross-validation, where a residual is no noise.
 //!
-//! Of a real cable the residual is a hundred times what the readings scatter, slow, and the same in every record. No noise model is
-//! true of it: one that is fitted takes every slow error for colour, and its likelihoods call everything significant or nothing.
-//! Where there are records enough, what is asked here instead needs no noise model: *does a cause, fitted by least squares to some
-//! records, lessen the error on others?* The fitted records are dealt into two parts, and in each round
-//! 1. every cause is linearized at the current fit, and the most promising ones are refitted to the first part, with what nobody
-//!    measured about them ([`Cause::companions`]: how a clamp is turned matters once a rod is curved by nature, and only then);
-//! 2. the best on the second part (of those that it does not surely beat the one with fewest numbers) is accepted if it lessens the error there, record by record (t test of the logarithm of the mean
-//!    squares, Bonferroni over the causes tried), and by a part worth having;
-//! 3. causes that it did not beat are asked again on top of it: what adds nothing then cannot be told apart from it.
+//! The residual of a real cable is a hundred times the scatter of its readings, slow, and the same in every record. No noise model
+//! describes it: a fitted one takes every slow error for colour, and its likelihoods call everything significant or nothing. With twelve
+//! or more records a test without a noise model is possible: *does a cause, fitted by least squares to some records, lessen the error on
+//! others?* The fitted records are dealt into two parts, and in each round
+//! 1. every cause is linearized at the current fit, and the most promising ones are refitted to the first part, with their unmeasured
+//!    companions ([`Cause::companions`]: the turn of a clamp matters once a rod has intrinsic curvature, and only then);
+//! 2. the best on the second part (of those that it does not surely beat, the one with fewest numbers) is accepted if it lessens the
+//!    error there, record by record (t test of the logarithm of the mean squares, Bonferroni over the causes tried), and by at least
+//!    `SEARCH.worth` of the squares;
+//! 3. causes that it did not beat are tested again on top of it: a cause that then adds nothing cannot be told apart from it.
 //!
-//! In the end each accepted cause has to be missed when it is taken out again. Records that the experiment holds out are not looked at.
+//! In the end each accepted cause must be missed when it is taken out again. Records that the experiment holds out are not used.
 
+mod constants;
 mod cross_validation;
 mod paired;
 
@@ -19,19 +21,10 @@ use super::scores::scores_in;
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shoot::Plan;
+use crate::shooting::Plan;
+use constants::SEARCH;
 use cross_validation::{Bench, Trial};
 use paired::Paired;
-
-/// Level of a round.
-const LEVEL: f64 = 0.05;
-/// A cause has to take at least this part of the squares.
-const WORTH: f64 = 0.03;
-/// Fewest fitted records: half of them have to be enough to fit, and the others to judge.
-const FEWEST: usize = 12;
-/// Of causes tried roughly so many are followed to their end, unless they take less than this part of what the best one takes.
-const FINALISTS: usize = 3;
-const FAR_BEHIND: f64 = 0.3;
 
 /// A cause that was accepted.
 #[derive(Clone, Debug)]
@@ -49,19 +42,19 @@ pub(in super::super) struct Step {
 /// A least-squares fit of all records.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Whole {
-    /// With the colour of its residual, for tests of what remains.
+    /// With the colour of its residual, for tests of the remainder.
     pub coloured: Fitted,
-    /// With white noise of as many independent samples as that has, for what the data do not determine, and intervals.
+    /// With white noise of as many independent samples as that has, for undetermined combinations and intervals.
     pub spread: Fitted,
 }
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Found {
     /// The baseline by least squares.
     pub base: Whole,
     pub steps: Vec<Step>,
-    /// (title of a cause, what became of it)
+    /// (title of a cause, its outcome)
     pub notes: Vec<(String, String)>,
 }
 
@@ -81,7 +74,7 @@ impl Tried {
 
 /// Whether there are records enough, and whole ones: pieces are too short to show anything slow.
 pub(in super::super) fn is_possible(plan: &Plan) -> bool {
-    !plan.in_pieces && plan.fitted_records() >= FEWEST
+    !plan.in_pieces && plan.fitted_records() >= SEARCH.records
 }
 
 /// Searches from `base`, a baseline of least squares.
@@ -99,14 +92,14 @@ pub(in super::super) fn search(
     let name = |cause: &Cause| (cause.name, cause.object.clone());
     loop {
         let tried = round(&bench, &current, seed, &mut found.notes, progress)?;
-        let bar = LEVEL / tried.len().max(1) as f64;
-        let adding: Vec<&Tried> = tried.iter().filter(|t| t.paired.p <= bar && t.paired.gain >= WORTH).collect();
+        let bar = SEARCH.level / tried.len().max(1) as f64;
+        let adding: Vec<&Tried> = tried.iter().filter(|t| t.paired.p <= bar && t.paired.gain >= SEARCH.worth).collect();
         if let Some(last) = found.steps.last_mut() {
             last.ties = close.drain(..).filter(|cause| adding.iter().all(|t| name(&t.cause) != *cause)).collect();
         }
         let Some(best) = best_of(&adding).filter(|_| found.steps.len() < most) else { break };
         progress(&format!("accepted {}", best.cause.title()));
-        // what adds to what it once could not be told from is there beside it
+        // a cause that adds to one it once could not be told apart from is present beside it
         found.steps.iter_mut().for_each(|step| step.ties.retain(|tie| *tie != name(&best.cause)));
         let unbeaten = adding.iter().filter(|t| t.loses_to(best) > bar).map(|t| name(&t.cause));
         close = unbeaten.filter(|cause| *cause != name(&best.cause)).collect();
@@ -123,7 +116,7 @@ pub(in super::super) fn search(
 fn best_of<'a>(adding: &[&'a Tried]) -> Option<&'a Tried> {
     let by_total = |a: &&&Tried, b: &&&Tried| a.trial.total().total_cmp(&b.trial.total());
     let best = adding.iter().min_by(by_total)?;
-    let near: Vec<&&Tried> = adding.iter().filter(|t| t.loses_to(best) > LEVEL).collect();
+    let near: Vec<&&Tried> = adding.iter().filter(|t| t.loses_to(best) > SEARCH.level).collect();
     let simplest = near.iter().map(|t| t.cause.unknowns.len()).min();
     let simple = near.into_iter().filter(|t| Some(t.cause.unknowns.len()) == simplest);
     simple.min_by(by_total).or(Some(best)).copied()
@@ -150,7 +143,7 @@ fn round(
     tried.sort_by(|a, b| a.trial.total().total_cmp(&b.trial.total()));
     let most = tried.first().map_or(0.0, |best| best.paired.gain);
     for (rank, t) in tried.iter_mut().enumerate() {
-        if rank < FINALISTS && t.paired.gain > FAR_BEHIND * most {
+        if rank < SEARCH.finalists && t.paired.gain > SEARCH.far_behind * most {
             progress(&format!("going on with {}", t.cause.title()));
             if let Ok((further, cause)) = bench.further(&t.trial, &t.cause)
                 && further.total() < t.trial.total()
@@ -164,7 +157,7 @@ fn round(
     Ok(tried)
 }
 
-/// Takes out what is not missed: of all but the last one.
+/// Takes out causes that are not missed, of all but the last one.
 fn prune(
     bench: &Bench,
     base: &Fitted,
@@ -181,7 +174,7 @@ fn prune(
         progress(&format!("checking that {} is still needed", cause.title()));
         let Ok(without) = bench.without(&current, &base.unknowns, &cause) else { continue };
         let missed = Paired::of(&without.errors, &current.errors);
-        if missed.p > LEVEL || missed.gain < WORTH {
+        if missed.p > SEARCH.level || missed.gain < SEARCH.worth {
             note(&mut found.notes, &cause, "accepted first, superfluous beside the later causes".to_owned());
             found.steps.remove(k);
             if let Some(last) = found.steps.last_mut() {

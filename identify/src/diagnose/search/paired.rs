@@ -2,7 +2,7 @@
 
 use crate::stats::dist::t_two_sided;
 
-/// How the second of two fits does on records that neither was fitted to.
+/// Errors of the second of two fits against the first, on records that neither was fitted to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Paired {
     /// Part of the first one's squares that the second takes away; negative where it adds.

@@ -4,7 +4,7 @@ use crate::stats_helpers::gaussians;
 use pliant_engine::model::Model;
 use pliant_identify::log::{Logs, Record, Setup, Split};
 use pliant_identify::sensor::SENSOR_PATHS;
-use pliant_identify::shoot::{Plan, RecordPlan, ShotWants, StartState, shoot};
+use pliant_identify::shooting::{Plan, RecordPlan, ShotWants, StartState, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use pliant_math::State;
 use pliant_scene::Source;

@@ -8,7 +8,7 @@ mod bench;
 use bench::{Bench, Made, Truth, predicted};
 use pliant_identify::causes::{Cause, LIBRARY, Situation, library};
 use pliant_identify::diagnose::{Scores, score_scene};
-use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
 use std::collections::BTreeMap;
 
@@ -190,7 +190,7 @@ const LEVEL: f64 = 0.05;
 const TOLERANCE: f64 = 1e-3;
 
 /// Tests the rows of a scene: derivatives; each cause is significant and left by the naming rule in its own logs, beside those that no log
-/// tells from it; and it is not what is named in the logs of its imitation.
+/// tells from it; and it is not named in the logs of its imitation.
 fn check(bench: &Bench, rows: &[Row]) {
     let scored = |row: &Row| {
         let made = bench.made(row.truth, SEED);

@@ -1,4 +1,4 @@
-//! What is hidden in a pendulum is named, and what no log of it can tell apart is not.
+//! Hidden effects of a pendulum are named; effects that no log of it can tell apart are not.
 
 use crate::pendulum::Truth;
 use pliant_identify::diagnose::Status;

@@ -1,8 +1,8 @@
-//! What is hidden in a rod between two grippers is named, and readings know everything that grippers and sections hide.
+//! Hidden effects of a rod between two grippers are named, and derivatives of readings cover grippers and sections.
 
 use crate::rod_logs::{Logged, setup};
 use pliant_identify::log::Setup;
-use pliant_identify::shoot::{Plan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
 use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use pliant_scene::Source;

@@ -1,10 +1,10 @@
-//! Where a residual is no noise, causes are accepted for what they do on records they were not fitted to.
+//! Where a residual is no noise, causes are accepted by their gain on records they were not fitted to.
 
 use crate::rod_logs::{Logged, setup};
 use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use tempfile::TempDir;
 
-/// Markers drift smoothly by so much [m], sixty times what they scatter, otherwise in every record: no cause of the library does that.
+/// Markers drift smoothly by so much [m], sixty times their scatter, otherwise in every record: no cause of the library does that.
 const DRIFT: f64 = 6e-3;
 
 fn diagnosed(more: &str) -> Diagnosis {
@@ -30,7 +30,7 @@ fn what_is_common_to_all_records_is_found_under_what_is_not() {
         assert!(low * high > 0.0 && estimate.estimate * truth > 0.0, "{estimate:?}");
     }
     let [before, after] = [&d.stages[0], &d.stages[1]].map(|stage| *stage.held_out.last().unwrap());
-    // what is left is the drift: waves of this amplitude
+    // the remainder is the drift: waves of this amplitude
     let drift = 2.0 / std::f64::consts::PI * DRIFT;
     let left = [before, after].map(|e| e.mean_abs - drift);
     assert!(left[1].abs() < 0.25 * left[0], "{before:?} {after:?}");

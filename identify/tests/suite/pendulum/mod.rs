@@ -5,7 +5,7 @@ use pliant_scene::Source;
 use std::fmt::Write;
 use tempfile::TempDir;
 
-/// What really happens. I θ̈ = −w sin θ − b θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + a sin nθ + τ, read as θ(t) + bias + noise, with the motor's
+/// The true motion: I θ̈ = −w sin θ − b θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + a sin nθ + τ, read as θ(t) + bias + noise, with the motor's
 /// τ = gain u(t − late) cut at ±limit, and of the spring k the plastic part ṗ = (θ − p)/creep.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
@@ -21,7 +21,7 @@ pub struct Truth {
     pub limit: f64,
     pub spring: f64,
     pub creep: f64,
-    /// How much farther up it starts [rad].
+    /// Additional angle at the start [rad].
     pub turned: f64,
 }
 

@@ -82,7 +82,7 @@ fn held(model: &Model, record: usize, t: f64) -> Vec<f64> {
     out
 }
 
-/// What is logged.
+/// The logged run.
 pub struct Logged<'a> {
     /// Further keys of the true rod's `[[rope]]`.
     pub rope: &'a str,
@@ -98,7 +98,7 @@ pub struct Logged<'a> {
     pub samples: usize,
     /// Standard deviation of the markers [m].
     pub noise: f64,
-    /// How far all markers are from the centreline along the two material axes [m].
+    /// Offset of all markers from the centreline along the two material axes [m].
     pub offset: [f64; 2],
     /// Amplitude of a smooth drift of every marker that every record has of its own, at 0.3 to 1.5 Hz [m].
     pub drift: f64,
@@ -142,7 +142,7 @@ pub fn setup(folder: &TempDir, logged: &Logged) -> Setup {
                 markers.map(|p| p + logged.noise * noise()).chain(held(&truth, record, t)).map(|x| format!("{x:.7}")).collect();
             writeln!(log, "{t},{}", row.join(",")).unwrap();
             for k in 1..=FINE {
-                // the log is interpolated linearly, and so is what moves the truth
+                // the log is interpolated linearly, and so are the true motion's inputs
                 let part = k as f64 / FINE as f64;
                 let (a, b) = (held(&truth, record, t), held(&truth, record, t + 1.0 / RATE));
                 let u: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + part * (b - a)).collect();

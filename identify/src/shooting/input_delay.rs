@@ -1,21 +1,18 @@
 //! Commands that reach a motor late, where the scene's motor has no delay of its own.
 //!
-//! Commands are inputs, and known beforehand; so what is late of them needs no memory in the state: a motor that is D late sees over
-//! step k the mean of what reaches it then,
+//! Commands are inputs, and known beforehand; so their delay needs no history variables: a motor with the delay D receives over step k
+//! the mean command
 //! ```text
 //! c'_k = f c_{k−m−1} + (1 − f) c_{k−m},     D = (m + f) h, m whole, 0 ≤ f < 1;      ∂c'_k/∂D = (c_{k−m−1} − c_{k−m}) / h
 //! ```
 //! as the delay line of a scene's motor gives it ([`pliant_engine::memory::SignalPath`]), but for a lag behind it, which here takes
-//! the mean over the step for what comes in two parts (an error of second order in h over the lag). The derivative is that towards
+//! the mean over the step of a command that comes in two parts (an error of second order in h over the lag). The derivative is that towards
 //! longer delays. Before the record its first commands are taken to have been held.
 
 use super::plan::RecordPlan;
 use super::run::Pass;
 use crate::unknown::Target;
 use pliant_adjoint::{Seeds, TangentStepper};
-
-/// Longest delay that a diagnosis tries \[s\].
-pub const LONGEST_DELAY: f64 = 0.05;
 
 impl RecordPlan {
     /// The command of step `k` of the record, which may lie before it.
@@ -27,7 +24,7 @@ impl RecordPlan {
         row.or(self.inputs.first()).map_or(0.0, |row| row[control])
     }
 
-    /// What reaches a control over step `k` that is `delay` \[s\] late, and its derivative by the delay.
+    /// Command that a control delayed by `delay` \[s\] receives over step `k`, and its derivative by the delay.
     fn late_command(&self, k: isize, control: usize, delay: f64, h: f64) -> (f64, f64) {
         let steps = delay / h;
         let whole = steps.floor();
@@ -61,7 +58,7 @@ impl Pass<'_> {
         past
     }
 
-    /// The derivatives by delays of what lags begin with: a later command leaves them where they were so much earlier.
+    /// The derivatives by delays of the initial values of lags: with a longer delay a lag starts from its value that much earlier.
     pub(super) fn seed_late_memory(&self, z: &[f64], tangent: &mut TangentStepper) {
         for (j, control, slope) in self.late_unknowns() {
             let Some((place, lag)) = self.plan.model.lag_of(control) else { continue };

@@ -1,5 +1,6 @@
 //! Where a record starts: at rest, or at an unknown state with a prior from its first samples.
 
+use super::constants::SHOOTING;
 use super::observed::MarkerPlace;
 use super::plan::Plan;
 use super::start_bodies::body_start;
@@ -14,13 +15,6 @@ use pliant_engine::rods::Following;
 use pliant_engine::step::StepError;
 use pliant_math::State;
 
-/// Samples of the local quadratic that gives positions and velocities at the start.
-const SAMPLES: usize = 9;
-/// Standard deviations of the prior of an observed node \[m\], [m/s].
-pub(super) const SEEN: (f64, f64) = (2e-3, 0.05);
-/// Of a node between observed ones.
-const UNSEEN: (f64, f64) = (1e-2, 0.3);
-
 /// Initial state of a record: `x₀ = mean ⊕ L z` on the free dofs, z unknown with a standard normal prior.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartState {
@@ -34,7 +28,7 @@ pub struct StartState {
     pub velocity: DMatrix<f64>,
     /// Current estimate of z.
     pub z: Vec<f64>,
-    /// How twists that nothing shows follow those of the edges that grippers hold.
+    /// Dependence of unobserved twists on those of the edges that grippers hold.
     pub following: Following,
 }
 
@@ -81,8 +75,8 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
     state_at(plan, record, 0)
 }
 
-/// The state at a sample of the record as the data have it, with its prior: a quadratic through the samples around it for each
-/// marker, the rest by interpolation, reconciled with what the ropes' stiffness allows.
+/// The state at a sample of the record from the data, with its prior: a quadratic through the samples around it for each
+/// marker, the rest by interpolation, reconciled with the strains that the ropes' stiffness allows.
 pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
     let theta = &plan.scene_values.theta;
@@ -101,7 +95,7 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
         let known = known_nodes(plan, record, sample, rope.nodes.clone(), &shape, &v);
         for node in rope.nodes.clone() {
             let (dq, dv, seen) = interpolate(&known, node);
-            let sigma = if seen { SEEN } else { UNSEEN };
+            let sigma = if seen { SHOOTING.seen } else { SHOOTING.unseen };
             for a in 0..3 {
                 q[3 * node + a] = shape[3 * node + a] + dq[a];
                 v[3 * node + a] = dv[a];
@@ -199,7 +193,7 @@ fn known_nodes(
     known
 }
 
-/// Position and velocity of what is read as moving by `p` with `v`, by what is known of the sensor beforehand.
+/// Position and velocity of a point that is read at `p` with velocity `v`, by the known errors of the sensor.
 fn located(plan: &Plan, p: Vector3<f64>, v: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let sensor = &plan.scene_values.sensor;
     let v = sensor.locate_direction(v).0 / sensor.0[SCALE];
@@ -220,7 +214,7 @@ fn interpolate(known: &[Known], node: usize) -> (Vector3<f64>, Vector3<f64>, boo
     }
 }
 
-/// Where a marker is at a sample and how it moves, by what is known of the sensor beforehand.
+/// Position and velocity of a marker at a sample, by the known errors of the sensor.
 pub(super) fn marker_at(plan: &Plan, record: &Record, marker: usize, sample: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let seen = |t: usize| record.markers[t][marker].iter().all(|x| x.is_finite());
     let along = |a: usize| local_fit(record, sample, |t| if seen(t) { record.markers[t][marker][a] } else { f64::NAN });
@@ -232,7 +226,7 @@ pub(super) fn marker_at(plan: &Plan, record: &Record, marker: usize, sample: usi
 pub(super) struct LocalFit {
     pub value: f64,
     pub slope: f64,
-    /// Root mean square of what it leaves.
+    /// Root mean square of its residual.
     pub residual: f64,
     /// Half the time it spans \[s\].
     pub half_window: f64,
@@ -240,17 +234,17 @@ pub(super) struct LocalFit {
 
 /// By least squares; none where too few samples are finite.
 pub(super) fn local_fit(record: &Record, sample: usize, read: impl Fn(usize) -> f64) -> Option<LocalFit> {
-    let first = sample.saturating_sub(SAMPLES / 2).min(record.time.len().saturating_sub(SAMPLES));
-    let samples: Vec<(f64, f64)> = (first..record.time.len().min(first + SAMPLES))
+    let first = sample.saturating_sub(SHOOTING.samples / 2).min(record.time.len().saturating_sub(SHOOTING.samples));
+    let samples: Vec<(f64, f64)> = (first..record.time.len().min(first + SHOOTING.samples))
         .map(|k| (record.time[k] - record.time[sample], read(k)))
         .filter(|(_, x)| x.is_finite())
         .collect();
-    if samples.len() < 4 {
+    if samples.len() < SHOOTING.fewest_samples {
         return None;
     }
     let a = DMatrix::from_fn(samples.len(), 3, |i, j| samples[i].0.powi(j as i32));
     let b = DVector::from_fn(samples.len(), |i, _| samples[i].1);
-    let x = a.clone().svd(true, true).solve(&b, 1e-12).ok()?;
+    let x = a.clone().svd(true, true).solve(&b, SHOOTING.singular).ok()?;
     let left = (&a * &x - &b).norm_squared() / (samples.len() - 3) as f64;
     let half_window = 0.5 * (samples[samples.len() - 1].0 - samples[0].0);
     Some(LocalFit { value: x[0], slope: x[1], residual: left.sqrt(), half_window })

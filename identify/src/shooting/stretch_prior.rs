@@ -1,4 +1,4 @@
-//! What a rope's stiffness says about an initial state that was read off markers.
+//! Prior of an initial state from a rope's stiffness, where the state is read off markers.
 //!
 //! Marker noise and chords across bent edges look like stretch. In a stiff rope the forces of that stretch dwarf all others and
 //! blow the motion up within a step. So the prior of an initial state holds, besides the readings, that every edge is strained
@@ -8,18 +8,10 @@
 //! ```
 //! Its mean is the minimum, its covariance the inverse curvature there (Gauss–Newton), q and v apart.
 
+use super::constants::SHOOTING;
 use crate::error::IdentifyError;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use pliant_engine::model::Model;
-
-/// Acceleration that the plausible strain goes with [m/s²]: twice gravity's.
-const ACCELERATION: f64 = 20.0;
-/// Limits of the plausible strain [-].
-const STRAIN: (f64, f64) = (1e-7, 0.1);
-/// Angular frequency [1/s] at which plausible strains come and go.
-const RATE: f64 = 30.0;
-/// Gauss–Newton steps to the mean of the positions.
-const STEPS: usize = 20;
 
 /// An edge between two nodes, at least one of them free.
 struct StiffEdge {
@@ -41,7 +33,7 @@ pub(super) struct Prior {
 pub(super) fn positions(model: &Model, theta: &[f64], q: &[f64], dofs: &[usize], sigma: &[f64]) -> Result<Prior, IdentifyError> {
     let edges = stiff_edges(model, theta);
     let mut mean = q.to_vec();
-    for _ in 0..STEPS {
+    for _ in 0..SHOOTING.mean_steps {
         let mut system = System::new(q.len(), dofs, sigma, |k| q[k] - mean[k]);
         for e in &edges {
             let t = between(&mean, e.nodes);
@@ -50,7 +42,7 @@ pub(super) fn positions(model: &Model, theta: &[f64], q: &[f64], dofs: &[usize],
         }
         let (step, factor) = system.solve()?;
         dofs.iter().zip(step.iter()).for_each(|(&k, d)| mean[k] += d);
-        if step.amax() < 1e-12 {
+        if step.amax() < SHOOTING.mean_settled {
             return Ok(Prior { mean, factor });
         }
     }
@@ -74,7 +66,7 @@ pub(super) fn velocities(
 ) -> Result<Prior, IdentifyError> {
     let mut system = System::new(q.len(), dofs, sigma, |_| 0.0);
     for e in &stiff_edges(model, theta) {
-        let t = between(q, e.nodes).normalize() / (e.rest * e.strain * RATE);
+        let t = between(q, e.nodes).normalize() / (e.rest * e.strain * SHOOTING.strain_rate);
         system.add_edge(e, &t, -t.dot(&between(v, e.nodes)));
     }
     let (step, factor) = system.solve()?;
@@ -92,8 +84,8 @@ fn stiff_edges(model: &Model, theta: &[f64]) -> Vec<StiffEdge> {
     let mut out = Vec::new();
     for rope in model.ropes() {
         let stiffness = model.params().find(&format!("{}.stretch_stiffness", rope.name)).map_or(0.0, |k| theta[k]);
-        let weight = ACCELERATION * rope.nodes.clone().map(|n| mass[n]).sum::<f64>();
-        let strain = (weight / stiffness.max(f64::MIN_POSITIVE)).clamp(STRAIN.0, STRAIN.1);
+        let weight = SHOOTING.strain_acceleration * rope.nodes.clone().map(|n| mass[n]).sum::<f64>();
+        let strain = (weight / stiffness.max(f64::MIN_POSITIVE)).clamp(SHOOTING.strain_bounds.0, SHOOTING.strain_bounds.1);
         for (e, fraction) in rope.fractions.iter().enumerate() {
             let nodes = rope.edge(e);
             if nodes.iter().any(|n| !model.prescribed()[*n]) {

@@ -1,6 +1,7 @@
 //! A state between two steps.
 
 use super::bodies::Bodies;
+use super::constants::SHOOTING;
 use nalgebra::{Matrix3, Vector3};
 use pliant_adjoint::Tangent;
 use pliant_engine::bodies::JointKind;
@@ -22,9 +23,9 @@ impl Blend {
     /// At the part `a` of a step of length `h`; weights of q, v before and q, v after.
     pub fn new(a: f64, h: f64) -> Self {
         let b = 1.0 - a;
-        let a = if a.abs() < 1e-9 {
+        let a = if a.abs() < SHOOTING.same_time {
             0.0
-        } else if b.abs() < 1e-9 {
+        } else if b.abs() < SHOOTING.same_time {
             1.0
         } else {
             a
@@ -93,7 +94,7 @@ impl Blend {
         Bodies::new(model, q, v, slope, acceleration)
     }
 
-    /// Tangents of what [`Blend::bodies`] gives, (coordinates, velocities), m columns per degree of freedom.
+    /// Tangents of the result of [`Blend::bodies`], (coordinates, velocities), m columns per degree of freedom.
     pub fn body_tangents(&self, model: &Model, x: [&State; 2], t: [&Tangent; 2], m: usize) -> (Vec<f64>, Vec<f64>) {
         let (n, tree) = (model.n_node_dofs(), model.tree());
         let nv = tree.nv();
@@ -122,7 +123,7 @@ impl Blend {
     }
 }
 
-/// How q = q₀ exp(a ξ) turns (in its own axes) with turns of q₀ and of q₁ = q₀ exp(ξ):
+/// Derivatives of the turn of q = q₀ exp(a ξ), in its own axes, by turns of q₀ and of q₁ = q₀ exp(ξ):
 /// ```text
 /// exp(−a ξ) − a J(a ξ) J(−ξ)⁻¹      and      a J(a ξ) J(ξ)⁻¹
 /// ```

@@ -1,4 +1,4 @@
-//! What the actuators of a joint exert on it, as a torque sensor reads it.
+//! Torque or force of a joint's actuators, as a torque sensor reads it.
 
 use crate::log::Setup;
 use nalgebra::SVector;
@@ -15,7 +15,7 @@ const INPUTS: usize = 3 + PARAMS;
 /// An actuator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrivePlace {
-    /// What it makes of its control.
+    /// Its law from control to torque.
     pub kind: ActuatorKind,
     /// Number of its control.
     pub control: usize,

@@ -1,11 +1,11 @@
-//! What does not change while a record is shot again and again.
+//! Data that stay fixed over all simulations of a record.
 
 use super::dormant::{followers, opened, rejoin, tied};
 use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
 use super::torque::drives_of;
 use crate::error::IdentifyError;
 use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
-use crate::shoot::start::{StartState, initial_guess};
+use crate::shooting::start::{StartState, initial_guess};
 use crate::unknown::{Unknown, Values};
 use nalgebra::Vector3;
 use pliant_engine::bodies::JointKind;
@@ -77,7 +77,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The unknowns, each setting what follows it unless another of them sets that itself.
+    /// The unknowns, each setting its followers too unless another of them sets those.
     pub fn tied(&self, unknowns: Vec<Unknown>) -> Vec<Unknown> {
         tied(&self.followers, unknowns)
     }
@@ -93,8 +93,8 @@ impl Plan {
         unknowns
     }
 
-    /// Whether all that `free` sets beyond what `own` does is what follows that: if not, the two are a tie of several and one of them, which
-    /// may differ from the others.
+    /// Whether the entries that `free` sets beyond those of `own` are followers of `own`: if not, the two are a tie of several and one of
+    /// them, which may differ from the others.
     pub(crate) fn only_followers(&self, free: &Unknown, own: &Unknown) -> bool {
         let (free, own) = (free.target.entries(), own.target.entries());
         let follows = |k: usize| own.iter().any(|(leader, _)| self.followers.contains(&(*leader, k)));
@@ -135,7 +135,7 @@ impl Plan {
         let mut counts = [0; 2];
         for record in &logs.records {
             let held_out = usize::from(record.role != Role::Fit);
-            // what follows a gap, and is named after its start, does not begin at rest
+            // a part behind a gap, which is named after its start, does not begin at rest
             let parts = record.between_gaps().into_iter().filter(|part| !plan.at_rest || part.name == record.name);
             for part in parts.collect::<Vec<_>>() {
                 let prepared = RecordPlan { parent: counts[held_out], ..plan.prepare(&part)? };
@@ -220,7 +220,7 @@ impl Plan {
         kept().map(f64::abs).sum::<f64>() / kept().count().max(1) as f64
     }
 
-    /// What a record has of something observed at a sample, up to four numbers; NaN where it is missing.
+    /// Reading of an observed quantity at a sample of a record, up to four numbers; NaN where it is missing.
     pub fn measured(&self, record: &Record, sample: usize, observed: Observed) -> Vec<f64> {
         match observed {
             Observed::Marker(k) => record.markers[sample][k].to_vec(),

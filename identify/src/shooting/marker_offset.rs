@@ -33,7 +33,7 @@ pub(super) struct Offset {
     pub rows: Vec<f64>,
 }
 
-/// What an offset is measured at: a state, and its tangents with their number of columns where they are wanted.
+/// State at which an offset is evaluated, with its tangents and their number of columns where derivatives are wanted.
 #[derive(Clone, Copy)]
 pub(super) struct At<'a> {
     pub model: &'a Model,

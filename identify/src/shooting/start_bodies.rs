@@ -1,36 +1,21 @@
 //! Where bodies start: coordinates and velocities that agree with everything their sensors read, and how sure that is.
 //!
-//! Readings around a sample are fitted by a quadratic each. With ŷ(q) what they would read of a state and J = ∂ŷ/∂(q ⊕ t),
+//! Readings around a sample are fitted by a quadratic each. With ŷ(q) the readings of a state and J = ∂ŷ/∂(q ⊕ t),
 //! ```text
 //! q: Σ |(y − ŷ(q))/σ|² + |q ⊖ q_scene|²/w²,      v: Σ |(ẏ − J v)/σ̇|² + |v|²/ẇ²
 //! ```
 //! are minimised (Gauss–Newton); the inverse curvatures are the prior's covariances.
 
 use super::bodies::Bodies;
+use super::constants::SHOOTING;
 use super::observed::{MarkerPlace, Observed};
 use super::plan::Plan;
-use super::start::{SEEN, local_fit};
+use super::start::local_fit;
 use crate::error::IdentifyError;
 use crate::log::{JointQuantity, Record};
 use crate::sensor::{BIAS, DELAY, GAIN};
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use pliant_math::rotation::{Map, conjugate, from_matrix, logarithm, matrix, product};
-
-/// Standard deviations of what nothing is read of: coordinate [rad or m], velocity [rad/s or m/s].
-const UNSEEN: (f64, f64) = (1.0, 3.0);
-/// An orientation's and an angular velocity's \[rad\], [rad/s].
-const TURNED: (f64, f64) = (0.01, 0.3);
-/// A reading's standard deviation in floors, and in residuals of its quadratic.
-const FLOORS: f64 = 10.0;
-const RESIDUALS: f64 = 3.0;
-/// Parts of the record's own motion and speed (of a point: of its distance from the sensor's origin and its speed) that a reading may
-/// be off: a wrong zero, scale or delay of its sensor must not be held against the cause that explains it, and the samples of a record
-/// say far more of the state than this.
-const MOTION: f64 = 0.3;
-const SLOPE: f64 = 0.3;
-/// Gauss–Newton steps, and the longest of them [rad or m].
-const STEPS: usize = 50;
-const LONGEST: f64 = 0.5;
 
 /// Bodies' coordinates and velocities, with factors L of their covariances L Lᵀ over the degrees of freedom.
 pub(super) struct BodyStart {
@@ -40,7 +25,7 @@ pub(super) struct BodyStart {
     pub velocity: DMatrix<f64>,
 }
 
-/// What is known at a sample: value, standard deviation and slack of what is observed, and of its rate; `Turn`: axes and angular
+/// Readings at a sample: value, standard deviation and slack of an observed quantity, and of its rate; `Turn`: axes and angular
 /// velocity. The slack widens the prior and does not move it.
 enum Known {
     Point(usize, Vector3<f64>, Vector3<f64>, [f64; 2]),
@@ -49,7 +34,7 @@ enum Known {
 }
 
 impl Known {
-    /// A sensor at a joint, and what it reads of the joint.
+    /// A sensor at a joint, and its reading.
     fn coordinate(&self) -> Option<(usize, f64)> {
         match self {
             Self::Number(k, [x, ..], _) => Some((*k, *x)),
@@ -67,38 +52,38 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     let [unread, rate_unread] = [false, true].map(|rate| unread(plan, &known, rate));
     let singular = || IdentifyError::Input("an initial state cannot be read off the log: it is not finite".to_owned());
     let mut q = scene.clone();
-    // a link may have turned round many times since: what its own sensor reads is not to be reached in short steps
+    // a link may have turned round many times since: the reading of its own sensor is out of reach of short steps
     for (k, x) in known.iter().filter_map(Known::coordinate) {
         if plan.joints[k].quantity == JointQuantity::Position {
             q[plan.joints[k].q] = x;
         }
     }
-    for _ in 0..STEPS {
+    for _ in 0..SHOOTING.pose_steps {
         let mut system = System::new(nv);
         let mut away = vec![0.0; nv];
         tree.subtract(&q, &scene, &mut away);
-        unread.iter().for_each(|&l| system.add(&[(l, 1.0)], -away[l], UNSEEN.0));
+        unread.iter().for_each(|&l| system.add(&[(l, 1.0)], -away[l], SHOOTING.unread.0));
         let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
         known.iter().for_each(|k| add_place(plan, &bodies, k, false, &mut system));
         let step = system.solve().ok_or_else(singular)?;
         let size = step.amax();
-        let shorter = (LONGEST / size.max(LONGEST)).min(1.0);
+        let shorter = (SHOOTING.pose_step / size.max(SHOOTING.pose_step)).min(1.0);
         let from = q.clone();
         tree.add(Map::Exponential, &from, (step * shorter).as_slice(), &mut q);
-        if size < 1e-12 {
+        if size < SHOOTING.pose_settled {
             break;
         }
     }
     let bodies = Bodies::new(model, q.clone(), vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
     let placed = |wide: bool| {
         let mut system = System::new(nv);
-        unread.iter().for_each(|&l| system.add(&[(l, 1.0)], 0.0, UNSEEN.0));
+        unread.iter().for_each(|&l| system.add(&[(l, 1.0)], 0.0, SHOOTING.unread.0));
         known.iter().for_each(|k| add_place(plan, &bodies, k, wide, &mut system));
         system
     };
     let moving = |wide: bool| {
         let mut system = System::new(nv);
-        rate_unread.iter().for_each(|&l| system.add(&[(l, 1.0)], 0.0, UNSEEN.1));
+        rate_unread.iter().for_each(|&l| system.add(&[(l, 1.0)], 0.0, SHOOTING.unread.1));
         known.iter().for_each(|k| add_rate(plan, &bodies, k, wide, &mut system));
         system
     };
@@ -135,7 +120,7 @@ fn known(plan: &Plan, record: &Record, sample: usize) -> Vec<Known> {
     out
 }
 
-/// How far a point's place and velocity may be off \[m\], [m/s].
+/// Slack of a point's position and velocity \[m\], [m/s].
 fn point_slack(record: &Record, k: usize) -> [f64; 2] {
     let rms = |squares: &mut dyn Iterator<Item = f64>| {
         let (sum, n) = squares.filter(|s| s.is_finite()).fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));
@@ -145,7 +130,7 @@ fn point_slack(record: &Record, k: usize) -> [f64; 2] {
     let speeds = |t: usize| (place(t + 1) - place(t)).norm_squared() / (record.time[t + 1] - record.time[t]).powi(2);
     let n = record.time.len();
     let distance = rms(&mut (0..n).map(|t| place(t).norm_squared()));
-    [MOTION * distance, SLOPE * rms(&mut (0..n.saturating_sub(1)).map(speeds))]
+    [SHOOTING.own_motion * distance, SHOOTING.own_speed * rms(&mut (0..n.saturating_sub(1)).map(speeds))]
 }
 
 fn number_at(plan: &Plan, record: &Record, k: usize, sample: usize) -> Option<Known> {
@@ -161,13 +146,13 @@ fn number_at(plan: &Plan, record: &Record, k: usize, sample: usize) -> Option<Kn
     let n = read().count().max(1) as f64;
     let mean = read().sum::<f64>() / n;
     let motion = (read().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
-    let sigma = (FLOORS * place.floor).max(RESIDUALS * fit.residual) / sensor[GAIN].abs();
-    let slack = MOTION * motion / sensor[GAIN].abs();
+    let sigma = (SHOOTING.reading_floors * place.floor).max(SHOOTING.reading_residuals * fit.residual) / sensor[GAIN].abs();
+    let slack = SHOOTING.own_motion * motion / sensor[GAIN].abs();
     let speeds = record.joints.windows(2).zip(record.time.windows(2));
     let squares = speeds.map(|(y, t)| ((y[1][k] - y[0][k]) / (t[1] - t[0])).powi(2)).filter(|s| s.is_finite());
     let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));
     let speed = (sum / f64::max(count, 1.0)).sqrt() / sensor[GAIN].abs();
-    Some(Known::Number(k, [x + rate * late, sigma, slack], [rate, sigma / fit.half_window, SLOPE * speed]))
+    Some(Known::Number(k, [x + rate * late, sigma, slack], [rate, sigma / fit.half_window, SHOOTING.own_speed * speed]))
 }
 
 fn turn_at(record: &Record, k: usize, sample: usize) -> Option<Known> {
@@ -187,7 +172,11 @@ fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &m
         Known::Point(k, p, _, [slack, _]) => {
             if let MarkerPlace::Body { body, point } = &plan.markers[*k] {
                 let seen = bodies.point(model, *body, point);
-                system.add_vector(&seen.by, &(p - seen.value), if wide { SEEN.0.hypot(*slack) } else { SEEN.0 });
+                system.add_vector(
+                    &seen.by,
+                    &(p - seen.value),
+                    if wide { SHOOTING.seen.0.hypot(*slack) } else { SHOOTING.seen.0 },
+                );
             }
         }
         Known::Number(k, [x, sigma, slack], _) if plan.joints[*k].quantity == JointQuantity::Position => {
@@ -199,7 +188,7 @@ fn add_place(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &m
         Known::Turn(k, measured, _) => {
             let body = plan.orientations[*k].body;
             let off = logarithm(&from_matrix(&(bodies.axes(body).transpose() * matrix(measured))));
-            system.add_vector(&bodies.turn(model, body).by, &off, TURNED.0);
+            system.add_vector(&bodies.turn(model, body).by, &off, SHOOTING.turned.0);
         }
     }
 }
@@ -209,7 +198,7 @@ fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mu
     match known {
         Known::Point(k, _, v, [_, slack]) => {
             if let MarkerPlace::Body { body, point } = &plan.markers[*k] {
-                let sigma = if wide { SEEN.1.hypot(*slack) } else { SEEN.1 };
+                let sigma = if wide { SHOOTING.seen.1.hypot(*slack) } else { SHOOTING.seen.1 };
                 system.add_vector(&bodies.point(model, *body, point).by, v, sigma);
             }
         }
@@ -219,7 +208,7 @@ fn add_rate(plan: &Plan, bodies: &Bodies, known: &Known, wide: bool, system: &mu
             system.add(&[(place.v, 1.0)], x, if wide { sigma.hypot(slack) } else { sigma });
         }
         Known::Turn(k, _, rate) => {
-            system.add_vector(&bodies.turn(model, plan.orientations[*k].body).by, rate, TURNED.1);
+            system.add_vector(&bodies.turn(model, plan.orientations[*k].body).by, rate, SHOOTING.turned.1);
         }
     }
 }

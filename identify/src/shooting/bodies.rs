@@ -1,4 +1,4 @@
-//! Bodies at one instant, and what sensors see of them: values, rates and derivatives by the degrees of freedom.
+//! Bodies at one instant, and their readings: values, rates and derivatives by the degrees of freedom.
 
 use super::observed::JointPlace;
 use super::torque::torque;
@@ -13,7 +13,7 @@ use pliant_math::rotation::Map;
 pub(super) struct Bodies {
     pub q: Vec<f64>,
     pub v: Vec<f64>,
-    /// How the coordinates change in time: the slope of what lies between two steps.
+    /// Time derivative of the coordinates: the slope of the blend between two steps.
     slope: Vec<f64>,
     acceleration: Vec<f64>,
     frames: Frames<f64>,
@@ -58,7 +58,7 @@ impl Bodies {
         self.frames.bodies[body].rotation
     }
 
-    /// How a body turns, in its own axes: `value` is empty, `rate` its angular velocity [rad/s], `by` its turns [-].
+    /// Turn of a body, in its own axes: `value` is empty, `rate` its angular velocity [rad/s], `by` its turns [-].
     pub fn turn(&self, model: &Model, body: usize) -> Seen {
         let frame = &self.frames.bodies[body];
         let own = frame.rotation.transpose();
@@ -67,7 +67,7 @@ impl Bodies {
         Seen { value: Vector3::zeros(), rate: own * frame.velocity.w, by }
     }
 
-    /// What a sensor at a joint would read without error, under controls u that change at the rates `u_rate`.
+    /// Reading of an error-free sensor at a joint, under controls u that change at the rates `u_rate`.
     pub fn number(&self, place: &JointPlace, [u, u_rate]: [&[f64]; 2], theta: &[f64]) -> Number {
         let (q, v, a) = (self.q[place.q], self.v[place.v], self.acceleration[place.v]);
         let slope = self.slope[place.v];

@@ -1,4 +1,4 @@
-//! What sensors read at one instant of a simulation, and its derivatives by everything unknown.
+//! Sensor readings at one instant of a simulation, and their derivatives by all unknowns.
 
 use super::blend::Blend;
 use super::bodies::{Bodies, inverse_left_jacobian};
@@ -116,7 +116,7 @@ impl Pass<'_> {
         self.store(sample, Observed::Marker(k), reading, &direct, shot);
     }
 
-    /// How far a marker is beside its rod, between two steps; adds its tangents to those of the point.
+    /// Offset of a marker from its rod, between two steps; adds its tangents to those of the point.
     fn off_centreline(&self, marker: usize, at: &Instant, point: &mut [f64]) -> OffCentreline {
         let mut out = OffCentreline::default();
         let Some(beside) = &self.beside else { return out };
@@ -198,7 +198,7 @@ impl Pass<'_> {
         }
     }
 
-    /// `direct(unknown, number)` is what a reading depends on past the state, per unit of the unknown's value.
+    /// `direct(unknown, number)` is the derivative of a reading by an unknown's value at a fixed state.
     fn store(
         &self,
         sample: usize,
@@ -228,7 +228,7 @@ impl Pass<'_> {
     }
 }
 
-/// A residual of what was measured: never exactly 0, which says that nothing was. A marker on a gripper that the same sensor drives is
+/// A residual of a measured sample: never exactly 0, which marks a missing one. A marker on a gripper that the same sensor drives is
 /// met exactly or to rounding, by chance, and must count the same both times.
 fn met(residual: f64) -> f64 {
     if residual == 0.0 { f64::MIN_POSITIVE } else { residual }

@@ -1,4 +1,4 @@
-//! What can be observed, and where it is in a model.
+//! Observable quantities and their places in a model.
 
 use super::torque::DrivePlace;
 use crate::log::JointQuantity;
@@ -61,7 +61,7 @@ pub struct JointPlace {
     pub name: String,
     /// The joint's name.
     pub joint: String,
-    /// What it measures.
+    /// The measured quantity.
     pub quantity: JointQuantity,
     /// The coordinate, counted from the first of the bodies'.
     pub q: usize,

@@ -1,44 +1,33 @@
 //! The scene of a diagnosis: laws that a scene file leaves out, at values where they change nothing.
 //!
-//! A diagnosis opens parameters and switches no physics; so what a cause may free has to be in θ before anything is fitted:
+//! A diagnosis opens parameters and switches no physics; so the parameters that a cause may free have to be in θ before anything is fitted:
 //! ```text
-//! motors    lag 0, saturation ±FAR
+//! motors    lag 0, saturation ± the inactive limit
 //! rods      rest strains of the edges 0 where they are few, bend_stiffness_2 = bend_stiffness, creep of a fraction 0, flow of bending
-//!           in the time NEVER, stiffening and friction
-//!           of bending 0
-//! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time NEVER with a yield of nothing
+//!           in the inactive time, stiffening and friction of bending 0
+//! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time the inactive time with a yield of nothing
 //! ```
-//! A motor's delay is none of them: what is late is an input, and known beforehand ([`super::input_delay`]). Nor is cogging: only
-//! the scene knows how often it repeats.
+//! A motor's delay is none of them: it shifts the inputs, which are known beforehand ([`super::input_delay`]). Nor is
+//! cogging: only the scene knows how often it repeats.
 //!
 //! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it; so does a
 //! second bending stiffness the first.
 
+use super::constants::SHOOTING;
 use crate::unknown::{Target, Unknown, Values};
 use pliant_engine::model::Model;
 use pliant_scene::{BendFriction, Creep, Joint, JointKind, Plasticity, Rope, Scene, Stiffening};
-
-/// Edges of a rope beyond which data could not tell their lengths apart.
-const FEW_EDGES: usize = 40;
-
-/// A torque that no motor reaches [N·m or N], and a curvature that no rod does [1/m].
-pub const FAR: f64 = 1e9;
-/// A time after which no joint has crept \[s\].
-pub const NEVER: f64 = 1e7;
-
-/// A deflection beyond which everything lies [rad or m].
-const NOTHING: f64 = 1e-9;
 
 /// The scene with these laws.
 pub(crate) fn opened(scene: &Scene) -> Scene {
     let mut out = scene.clone();
     for actuator in &mut out.actuator {
         actuator.lag.get_or_insert(0.0);
-        actuator.saturation.get_or_insert([-FAR, FAR]);
+        actuator.saturation.get_or_insert([-SHOOTING.inactive_limit, SHOOTING.inactive_limit]);
     }
     for rope in &mut out.rope {
         let edges = rope.fractions().len();
-        if rope.twist.is_some() && edges <= FEW_EDGES {
+        if rope.twist.is_some() && edges <= SHOOTING.few_edges {
             rope.edge_rest_strains.get_or_insert_with(|| vec![0.0; edges]);
         }
         if let Some(twist) = &mut rope.twist {
@@ -46,7 +35,7 @@ pub(crate) fn opened(scene: &Scene) -> Scene {
             rope.creep.get_or_insert(Creep { fraction: 0.0, twist_fraction: None, time: 1.0 });
             rope.stiffening.get_or_insert(Stiffening { coefficient: 0.0 });
             rope.bend_friction.get_or_insert(BendFriction { moment: 0.0, curvature: 1.0 });
-            rope.plasticity.get_or_insert(Plasticity { yield_curvature: FAR, time: NEVER });
+            rope.plasticity.get_or_insert(Plasticity { yield_curvature: SHOOTING.inactive_limit, time: SHOOTING.inactive_time });
         }
     }
     let prescribed: Vec<String> = out.actuator.iter().map(|a| a.joint.clone()).collect();
@@ -60,7 +49,7 @@ pub(crate) fn opened(scene: &Scene) -> Scene {
         }
         let creeps = has_friction(joint) || joint.kind == JointKind::Ball;
         if creeps && springy && joint.plastic_time.is_none() {
-            (joint.plastic_time, joint.yield_at) = (Some(NEVER), Some(NOTHING));
+            (joint.plastic_time, joint.yield_at) = (Some(SHOOTING.inactive_time), Some(SHOOTING.least_yield));
         }
     }
     out
@@ -81,7 +70,7 @@ pub(super) fn followers(scene: &Scene, model: &Model) -> Vec<(usize, usize)> {
     rods.chain(joints.filter_map(|j| Some((find(j, "friction")?, find(j, "friction_backward")?)))).collect()
 }
 
-/// The unknowns, each setting what follows it, and nothing that another of them sets alone.
+/// The unknowns, each setting its followers too, but no entry that another of them sets alone.
 pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> Vec<Unknown> {
     for &(leader, follower) in followers {
         let sets = |u: &Unknown, k: usize| matches!(&u.target, Target::Theta(entries) if entries.first() == Some(&k));
@@ -102,7 +91,7 @@ pub(super) fn tied(followers: &[(usize, usize)], mut unknowns: Vec<Unknown>) -> 
     unknowns
 }
 
-/// Gives everything that one of `unknowns` sets the value of what it set before: an entry that was free on its own goes back into its tie.
+/// Gives all entries of one of `unknowns` the value of its tie before: an entry that was free on its own goes back into its tie.
 pub(super) fn rejoin(before: &[Unknown], unknowns: &[Unknown], values: &mut Values) {
     for u in unknowns {
         let own = u.target.entries();

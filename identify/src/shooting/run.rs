@@ -1,6 +1,7 @@
 //! One pass through a record: simulation, readings, and their derivatives.
 
 use super::blend::Blend;
+use super::constants::SHOOTING;
 use super::marker_offset::{At, Beside};
 use super::observe::Instant;
 use super::observed::Observed;
@@ -15,7 +16,7 @@ use pliant_engine::step::{StepError, StepOptions, Stepper};
 use pliant_math::rotation::Map;
 use pliant_math::{Input, State};
 
-/// What a shot shall compute besides the readings.
+/// Results that a simulation of a record returns besides the readings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShotWants<'a> {
     /// Unknowns to differentiate by.
@@ -190,7 +191,7 @@ impl Pass<'_> {
         beside.start(self.values, &unknowns, at, &mut tangent.x)
     }
 
-    /// What is remembered at t = 0, with its tangents: of motors what the inputs before leave, of joints what the scene says.
+    /// History variables at t = 0 and their tangents: those of motors from the inputs before the record, those of joints from the scene.
     fn memory(&self, tangent: &mut TangentStepper) -> Vec<f64> {
         let model = &self.plan.model;
         let mut z = model.initial_memory();
@@ -271,7 +272,7 @@ impl Pass<'_> {
         }
     }
 
-    /// What is read at which times, those of equal shift together.
+    /// Observed quantities with their times, grouped by equal time shift.
     fn timetables(&self, steps: usize) -> Vec<Timetable> {
         let offset = self.values.sensor.time_offset();
         let mut shifts: Vec<(f64, Vec<Observed>)> = Vec::new();
@@ -289,7 +290,7 @@ impl Pass<'_> {
     fn samples(&self, steps: usize, shift: f64) -> Vec<(usize, f64)> {
         let place = |t: &f64| {
             let x = (t - shift) / self.h;
-            let step = ((x + 1e-9).floor().max(0.0) as usize).min(self.rec.inputs.len() - 1);
+            let step = ((x + SHOOTING.same_time).floor().max(0.0) as usize).min(self.rec.inputs.len() - 1);
             (step, x - step as f64)
         };
         self.rec.record.time.iter().map(place).take_while(|(step, part)| *step < steps && *part < 2.0).collect()

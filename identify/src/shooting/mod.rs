@@ -11,6 +11,7 @@
 
 mod blend;
 mod bodies;
+mod constants;
 mod dormant;
 mod input_delay;
 mod marker_offset;
@@ -23,9 +24,8 @@ mod start_bodies;
 mod stretch_prior;
 mod torque;
 
+pub(crate) use constants::SHOOTING;
 pub(crate) use dormant::opened;
-pub use dormant::{FAR, NEVER};
-pub use input_delay::LONGEST_DELAY;
 pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
 pub use plan::{Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};

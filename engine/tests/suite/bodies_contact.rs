@@ -1,0 +1,91 @@
+//! Contact of bodies from outside: piles that gain no energy, bodies that are guided along a surface, impacts under `sdirk2`, deep starts.
+
+use crate::common::{Case, scene, with};
+use pliant_engine::rollout::Rollout;
+use pliant_engine::step::StepOptions;
+use pliant_scene::Integrator;
+
+/// A run of the scene's own length.
+fn run(case: &Case) -> Rollout {
+    case.run(StepOptions { record: false, ..StepOptions::default() })
+}
+
+fn case_of(scene: &pliant_scene::Scene) -> Case {
+    Case::new(scene, (scene.time.duration / scene.time.step).round() as usize)
+}
+
+/// Each rose a hundredfold in one step where a corner passed an edge between two steps.
+#[test]
+fn piles_never_have_more_energy_than_they_began_with() {
+    for name in ["pile_explodes", "pile_explodes_2", "pile_gains"] {
+        let energy = run(&case_of(&scene(name))).energy();
+        let most = energy.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        assert!(most <= energy[0] * (1.0 + 1e-9), "{name}: {} J, then {most} J", energy[0]);
+        let last = energy[energy.len() - 1];
+        assert!(last < 0.25 * energy[0], "{name} has not come to rest: {last} J");
+    }
+}
+
+/// Nothing can move it along the normal: the contact has no mobility, and is open.
+#[test]
+fn a_body_guided_along_a_plane_runs() {
+    let roll = run(&case_of(&scene("gantry")));
+    let energy = roll.energy();
+    assert_eq!(roll.retries(), 0);
+    energy.iter().for_each(|e| assert!((e - energy[0]).abs() < 1e-12 * energy[0].abs()));
+}
+
+/// Nothing can move it across: it falls freely, and rests on the floor at the height of its radius.
+#[test]
+fn a_body_guided_onto_a_plane_comes_to_rest() {
+    let case = case_of(&scene("press"));
+    let roll = run(&case);
+    let last = &roll.states[roll.states.len() - 1];
+    let height = 0.08 + last.q[0];
+    assert!((height - 0.03).abs() < 1e-8, "{height}");
+    assert!(last.v[0].abs() < 1e-8, "{:e}", last.v[0]);
+}
+
+/// Under `sdirk2` bodies rebounded with up to √2 of their speed. All that is left of the fall is the weight at the height of the radius.
+#[test]
+fn nothing_rebounds_under_sdirk2() {
+    for step in [0.002, 0.005, 0.0083, 0.02] {
+        let mut scene = scene("ball");
+        scene.time.step = step;
+        let energy = run(&case_of(&scene)).energy();
+        let rest = 9.81 * 0.1;
+        let last = energy[energy.len() - 1];
+        assert!((last - rest).abs() < 1e-4, "h = {step}: {last} J");
+        let rise = energy.windows(2).map(|e| e[1] - e[0]).fold(f64::NEG_INFINITY, f64::max);
+        assert!(rise <= 1e-6, "h = {step}: {rise:e} J");
+    }
+}
+
+/// A joint that swings into its stop stays there under both integrators.
+#[test]
+fn a_stop_is_not_left_faster_under_sdirk2() {
+    let speed = |integrator| {
+        let case = case_of(&with("arm_stops", integrator));
+        let roll = run(&case);
+        roll.energy().windows(2).map(|e| e[1] - e[0]).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let [euler, sdirk2] = [Integrator::Euler, Integrator::Sdirk2].map(speed);
+    assert!(sdirk2 < euler.max(0.0) + 1e-3, "{euler} J, {sdirk2} J");
+}
+
+/// A start that lies deep is pushed out at a step's fall a step, not with depth/h, whatever the step.
+#[test]
+fn a_deep_start_is_pushed_out_slowly() {
+    for step in [0.001, 0.004] {
+        let mut scene = scene("press");
+        (scene.time.step, scene.time.duration) = (step, 200.0 * step);
+        let mut case = case_of(&scene);
+        case.x0.q[0] = -0.055;
+        let roll = run(&case);
+        let fastest = roll.states.iter().map(|x| x.v[0]).fold(0.0, f64::max);
+        // and a rest gap of 1 nm
+        assert!(fastest <= 10.0 * step + 2e-9 / step, "h = {step}: {fastest} m/s");
+        let last = roll.states[200].q[0];
+        assert!((last - (-0.055 + 200.0 * 10.0 * step * step).min(-0.05)).abs() < 1e-6, "h = {step}: {last} m");
+    }
+}
