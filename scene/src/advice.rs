@@ -115,6 +115,10 @@ impl Mistake {
             Self::Limits { .. } => {
                 both("the limits are exchanged, or one is in degrees", "write the lower one first, [lower, upper]")
             }
+            Self::Cycles { .. } => both(
+                "the gear ratio was left out, or a mass off the axis is meant, whose weight acts once per turn",
+                "write the least common multiple of the motor's poles and slots, times the gear ratio; for a mass off the axis, move `center_of_mass`",
+            ),
             Self::Delay { delay, .. } => both(
                 "`max_delay` was left at an earlier delay",
                 format!("write `max_delay = {}` or more, or leave it out", Num(*delay)),

@@ -60,7 +60,8 @@ impl Default for Body {
 
 /// A joint. Its parameters are `name.armature`, `name.damping`, `name.stiffness`, `name.cubic_stiffness`, `name.rest`,
 /// `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far as its kind has them, and
-/// `name.friction_backward`, `name.load_friction`, `name.plastic_time`, `name.yield` and `name.gravity_compensation` if the keys are given.
+/// `name.friction_backward`, `name.load_friction`, `name.plastic_time`, `name.yield`, `name.gravity_compensation`, `name.cogging_sine`
+/// and `name.cogging_cosine` if the keys are given.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -108,6 +109,9 @@ pub struct Joint {
     /// 1 at every joint holds an arm wherever it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_compensation: Option<f64>,
+    /// Torque that repeats with the angle; revolute joints.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cogging: Option<Cogging>,
     /// Dry (Coulomb) friction [N·m] or [N].
     #[serde(default)]
     pub friction: f64,
@@ -162,6 +166,7 @@ impl Default for Joint {
             yield_at: None,
             plastic_start: Vec::new(),
             gravity_compensation: None,
+            cogging: None,
             friction: 0.0,
             friction_backward: None,
             load_friction: None,
@@ -172,6 +177,20 @@ impl Default for Joint {
             velocity: Vec::new(),
         }
     }
+}
+
+/// Torque of a motor's magnets that repeats with the angle q of its joint: sine · sin(cycles · q) + cosine · cos(cycles · q).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Cogging {
+    /// Cycles per turn of the joint [-], 2 or more: the least common multiple of the motor's poles and slots, times the gear ratio.
+    pub cycles: u32,
+    /// Amplitude of the sine [N·m].
+    #[serde(default)]
+    pub sine: f64,
+    /// Amplitude of the cosine [N·m].
+    #[serde(default)]
+    pub cosine: f64,
 }
 
 /// Kinds of joints.

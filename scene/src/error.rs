@@ -123,6 +123,9 @@ pub enum Mistake {
     /// Limits in the wrong order.
     #[error("the lower limit {low} is not below the upper limit {high}")]
     Limits { low: f64, high: f64 },
+    /// A torque that repeats too seldom.
+    #[error("a torque that repeats {found} time(s) per turn is not cogging, which repeats {fewest} times or more")]
+    Cycles { found: u32, fewest: u32 },
     /// A delay beyond the longest.
     #[error("the delay of {} s is longer than `max_delay`, {} s", Num(*.delay), Num(*.longest))]
     Delay { delay: f64, longest: f64 },

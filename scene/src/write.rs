@@ -229,6 +229,10 @@ fn joint(out: &mut String, joint: &Joint) {
     given(out, "yield", joint.yield_at);
     list(out, "plastic_start", &joint.plastic_start, &[]);
     given(out, "gravity_compensation", joint.gravity_compensation);
+    if let Some(c) = &joint.cogging {
+        let (sine, cosine) = (number(c.sine), number(c.cosine));
+        line(out, "cogging", &format!("{{ cycles = {}, sine = {sine}, cosine = {cosine} }}", c.cycles));
+    }
     differing(out, "friction", joint.friction, default.friction);
     given(out, "friction_backward", joint.friction_backward);
     given(out, "load_friction", joint.load_friction);

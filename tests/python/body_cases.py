@@ -105,6 +105,7 @@ kind = "revolute"
 axis = [0, 0.1, 1]
 armature = 0.003
 velocity = [-4.0]
+cogging = { cycles = 5, sine = 0.03, cosine = -0.02 }
 
 [[body]]
 name = "kite"

@@ -11,7 +11,8 @@ fn diagnosed(truth: &Truth) -> Diagnosis {
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
 }
 
-fn named(truth: &Truth, cause: &str, path: &str, value: f64) {
+/// Named alone, with this estimate.
+fn estimated(truth: &Truth, cause: &str, path: &str, value: f64) -> Diagnosis {
     let d = diagnosed(truth);
     assert_eq!(d.verdict, Verdict::Named, "{}", d.reason);
     // the scene's own step is a cause too where a pendulum that goes over the top feels it
@@ -20,6 +21,11 @@ fn named(truth: &Truth, cause: &str, path: &str, value: f64) {
     let e = &d.causes[0].parameters[0];
     assert_eq!(e.path, path);
     assert!((e.estimate / value - 1.0).abs() < 0.03, "{e:?}");
+    d
+}
+
+fn named(truth: &Truth, cause: &str, path: &str, value: f64) {
+    let d = estimated(truth, cause, path, value);
     let whole = d.gain.last().unwrap();
     assert_eq!(whole.unit, "rad");
     assert!(whole.rmse_after < 0.5 * whole.rmse_before, "{whole:?}");
@@ -33,6 +39,14 @@ fn dry_friction_is_named() {
 #[test]
 fn a_cubic_spring_is_named() {
     named(&Truth { cubic: 0.2, ..Truth::default() }, "cubic_stiffness (pivot)", "pivot.cubic_stiffness", 0.2);
+}
+
+/// No gain is asked for: the held-out pendulum turns over the top, where its first velocity decides as much as this cogging.
+#[test]
+fn cogging_is_named() {
+    let d = estimated(&Truth { cogging: -0.05, ..Truth::default() }, "cogging_torque (pivot)", "pivot.cogging_sine", -0.05);
+    let cosine = &d.causes[0].parameters[1];
+    assert!(cosine.path == "pivot.cogging_cosine" && cosine.estimate.abs() < 0.002, "{cosine:?}");
 }
 
 #[test]

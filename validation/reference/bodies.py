@@ -120,7 +120,7 @@ def mass_matrix(model, q, theta):
 
 
 def potential(model, q, theta):
-    """Weight and springs  [J]."""
+    """Weight, springs and cogging  [J]."""
     g = laws.gravity_vector(theta[model.magnitude], theta[model.tilt])
     first = moments(model, theta)[:, :, 3:]  # of T (first): m times the centre's place in the world
     e = -jnp.sum(g * jnp.sum((poses(model, q) @ first)[:, :, 0], axis=0))
@@ -135,6 +135,8 @@ def potential(model, q, theta):
         else:
             stretch2 = (x[:, 0] - theta[np.array([j.theta["rest"] for j in sprung])]) ** 2
         e += jnp.sum(joints.spring_energy(stretch2, k, cubic))
+    for joint, cycles, (sine, cosine) in model.coggings:
+        e += joints.cogging_energy(q[joint.q.start], cycles, theta[sine], theta[cosine])
     return e
 
 

@@ -72,6 +72,7 @@ class BodyModel:
     motors: list
     frictions: list  # (joint, θ positions of friction, stiction, stribeck_velocity)
     stops: list  # (joint, θ position of the limit, +1 above it or -1 below)
+    coggings: list  # (joint, cycles per turn, θ positions of sine and cosine)
     couplings: list
     q0: np.ndarray
     v0: np.ndarray
@@ -159,6 +160,7 @@ def loads(text):
         motors=motors,
         frictions=build.frictions,
         stops=build.stops,
+        coggings=build.coggings,
         couplings=couplings,
         q0=np.array(build.q0, dtype=float),
         v0=np.array(build.v0, dtype=float),
@@ -191,7 +193,8 @@ class _Builder:
     """Gathers bodies in the order of their coordinates."""
 
     def __init__(self):
-        self.bodies, self.frictions, self.stops, self.q0, self.v0 = [], [], [], [], []
+        self.bodies, self.frictions, self.stops, self.coggings = [], [], [], []
+        self.q0, self.v0 = [], []
         self.by_name = {}
 
     def add_body(self, entry, table):
@@ -238,6 +241,10 @@ class _Builder:
         self.q0 += list(start)
         self.v0 += entry.get("velocity") or [0.0] * (v - len(self.v0))
         self.by_name[name] = parts[0]
+        if "cogging" in entry:
+            cogging = entry["cogging"]
+            where = [table.add(f"{name}.cogging_{key}", cogging.get(key, 0.0)) for key in ("sine", "cosine")]
+            self.coggings.append((parts[0], cogging["cycles"], where))
         if kind in ("revolute", "prismatic", "universal"):
             self._friction_and_stops(entry, parts, table)
         return parts

@@ -34,6 +34,11 @@ def spring_energy(stretch2, stiffness, cubic):
     return 0.5 * stiffness * stretch2 + 0.25 * cubic * stretch2**2
 
 
+def cogging_energy(q, cycles, sine, cosine):
+    """E = (a cos(n q) - b sin(n q))/n [J] of a torque -∂E/∂q = a sin(n q) + b cos(n q) [N·m], n cycles per turn."""
+    return (sine * jnp.cos(cycles * q) - cosine * jnp.sin(cycles * q)) / cycles
+
+
 def motor_force(kind, p, u, q, v):
     """Generalized force [N·m or N] on a joint at (q, v) whose motor turns `gear` times as far.
 

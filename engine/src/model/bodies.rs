@@ -5,8 +5,8 @@ use crate::bodies::{self, Tree};
 use crate::constraints::{JointFriction, JointRow, JointRowKind};
 use crate::memory::SignalPath;
 use crate::terms::joint::{
-    AutomaticJoint, CubicSpring, Damping, GravityCompensation, JointElement, JointLaw, PlasticSpring, PositionDrive, Spring,
-    TorqueDrive, VelocityDrive,
+    AutomaticJoint, Cogging, CubicSpring, Damping, GravityCompensation, JointElement, JointLaw, PlasticSpring, PositionDrive,
+    Spring, TorqueDrive, VelocityDrive,
 };
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
@@ -25,6 +25,7 @@ struct Elements {
     /// Gains of gravity compensation: degree of freedom and index in θ.
     compensated: Vec<(usize, usize)>,
     damping: Vec<JointElement>,
+    cogging: Vec<JointElement>,
     torque: Vec<JointElement>,
     position: Vec<JointElement>,
     velocity: Vec<JointElement>,
@@ -52,6 +53,12 @@ impl Model {
                 if let Some(gain) = joint.gravity_compensation {
                     let gain = self.params.push(format!("{}.gravity_compensation", joint.name), "-", ANY, gain);
                     elements.compensated.extend((0..joint.kind.n_dofs()).map(|k| (v.len() + k, gain)));
+                }
+                if let (Some(cogging), &[place]) = (&joint.cogging, &places[..]) {
+                    let mut entry = |key, value| self.params.push(format!("{}.cogging_{key}", joint.name), "N·m", ANY, value);
+                    let params = vec![entry("sine", cogging.sine), entry("cosine", cogging.cosine)];
+                    let constants = vec![f64::from(cogging.cycles)];
+                    elements.cogging.push(JointElement { joints: vec![place], params, constants, ..JointElement::default() });
                 }
                 self.list_rows(joint, parts.len(), [q.len(), v.len()]);
                 q.extend(initial_coordinates(body, joint));
@@ -172,6 +179,7 @@ impl Model {
         self.add_joint_law(CubicSpring, e.cubic);
         self.add_joint_law(PlasticSpring, e.plastic);
         self.add_joint_law(Damping, e.damping);
+        self.add_joint_law(Cogging, e.cogging);
         self.add_joint_law(TorqueDrive, e.torque);
         self.add_joint_law(PositionDrive, e.position);
         self.add_joint_law(VelocityDrive, e.velocity);

@@ -20,6 +20,7 @@ plastic_start = [0.2]
 friction_backward = 0.1
 load_friction = 0.2
 gravity_compensation = 1.0
+cogging = { cycles = 6, sine = 0.1 }
 [[actuator]]
 name = "servo"
 joint = "shoulder"
@@ -52,22 +53,22 @@ fn the_good_scene_is_accepted() {
 
 #[test]
 fn motors() {
-    refused("delay = 0.02", "delay = -0.02", "25: actuator[0].delay", &["-0.02 s", "must not be negative"]);
-    refused("lag = 0.01", "lag = -0.01", "27: actuator[0].lag", &["-0.01 s", "must not be negative"]);
-    refused("delay = 0.02", "delay = 20.0", "25: actuator[0].delay", &["20 s", "ms", "0.02"]);
+    refused("delay = 0.02", "delay = -0.02", "26: actuator[0].delay", &["-0.02 s", "must not be negative"]);
+    refused("lag = 0.01", "lag = -0.01", "28: actuator[0].lag", &["-0.01 s", "must not be negative"]);
+    refused("delay = 0.02", "delay = 20.0", "26: actuator[0].delay", &["20 s", "ms", "0.02"]);
     refused(
         "delay = 0.02",
         "delay = 0.2",
-        "25: actuator[0].delay",
+        "26: actuator[0].delay",
         &["0.2 s is longer than `max_delay`, 0.05 s", "max_delay = 0.2"],
     );
-    refused("max_delay = 0.05", "max_delay = 0", "26: actuator[0].max_delay", &["must be positive"]);
-    refused("\ndelay = 0.02", "", "19: actuator[0]", &["key `delay` is missing"]);
-    refused("[-2.0, 2.0]", "[2.0, -2.0]", "28: actuator[0].saturation", &["2 is not below", "-2", "exchanged"]);
-    refused("[-2.0, 2.0]", "[-2.0]", "28: actuator[0].saturation", &["1 entries instead of 2"]);
-    refused("\"position\"", "\"torque\"", "24: actuator[0].delta_scale", &["only a position drive has a target"]);
-    refused("joint = \"shoulder\"", "joint = \"sholder\"", "21: actuator[0].joint", &["no joint \"sholder\"", "\"shoulder\""]);
-    refused("lag = 0.01", "lag = \"10 ms\"", "27: actuator[0].lag", &["write 0.01 (in s, without quotes)"]);
+    refused("max_delay = 0.05", "max_delay = 0", "27: actuator[0].max_delay", &["must be positive"]);
+    refused("\ndelay = 0.02", "", "20: actuator[0]", &["key `delay` is missing"]);
+    refused("[-2.0, 2.0]", "[2.0, -2.0]", "29: actuator[0].saturation", &["2 is not below", "-2", "exchanged"]);
+    refused("[-2.0, 2.0]", "[-2.0]", "29: actuator[0].saturation", &["1 entries instead of 2"]);
+    refused("\"position\"", "\"torque\"", "25: actuator[0].delta_scale", &["only a position drive has a target"]);
+    refused("joint = \"shoulder\"", "joint = \"sholder\"", "22: actuator[0].joint", &["no joint \"sholder\"", "\"shoulder\""]);
+    refused("lag = 0.01", "lag = \"10 ms\"", "28: actuator[0].lag", &["write 0.01 (in s, without quotes)"]);
 }
 
 #[test]
@@ -80,6 +81,19 @@ fn joints() {
     refused("friction_backward = 0.1", "friction_backward = -1", "16: body[0].joint[0].friction_backward", &["-1 N·m"]);
     refused("load_friction = 0.2", "load_friction = -1", "17: body[0].joint[0].load_friction", &["-1 -", "negative"]);
     refused("plastic_time = 0.5", "plastic_tim = 0.5", "13: body[0].joint[0].plastic_tim", &["did you mean `plastic_time`?"]);
+    let at = "19: body[0].joint[0].cogging";
+    refused(
+        "cycles = 6",
+        "cycles = 1",
+        &format!("{at}.cycles"),
+        &["repeats 1 time(s) per turn", "poles and slots", "center_of_mass"],
+    );
+    refused("cycles = 6", "cycles = -6", &format!("{at}.cycles"), &["-6"]);
+    refused("cycles = 6", "cycles = 6.5", &format!("{at}.cycles"), &["6.5"]);
+    refused("cycles = 6, ", "", at, &["key `cycles` is missing"]);
+    refused("sine = 0.1", "sin = 0.1", &format!("{at}.sin"), &["did you mean `sine`?"]);
+    let slide = "\"prismatic\"";
+    refused("\"revolute\"", slide, at, &["revolute joint only"]);
     let ball = "\"ball\"\ndamping = 0.1\n#";
     refused(
         "\"revolute\"\nstiffness = 2.0",

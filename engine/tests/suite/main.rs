@@ -10,6 +10,7 @@ mod bodies_contact;
 mod cloth;
 mod cloth_newton;
 mod cloth_plate;
+mod cogging;
 mod colliders_against_parry;
 mod common;
 mod couplings;

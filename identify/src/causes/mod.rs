@@ -14,6 +14,7 @@ mod center_of_mass;
 mod clamp_roll;
 mod clamp_roll_by_direction;
 mod clamp_roll_by_position;
+mod cogging_torque;
 mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
@@ -419,6 +420,7 @@ pub const LIBRARY: &[Row] = &[
     row("joint_stiffness", joint_stiffness::causes),
     row("cubic_stiffness", cubic_stiffness::causes),
     row("joint_plasticity", joint_plasticity::causes),
+    row("cogging_torque", cogging_torque::causes),
     row("payload", payload::causes),
     row("link_inertia", link_inertia::causes),
     row("center_of_mass", center_of_mass::causes),

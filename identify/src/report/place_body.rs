@@ -19,7 +19,14 @@ pub(super) fn set_joint(scene: &mut Table, object: &str, rest: &str, estimate: &
         let joints = bodies.filter_map(|body| body.get_mut("joint")?.as_array_mut()).flatten();
         let (number, joint) = joints.enumerate().find(|(_, j)| j.get("name").and_then(Value::as_str) == Some(object))?;
         let rest = rest.replace("limit[", "limits[");
-        let key = set_value(joint.as_table_mut()?, &rest, estimate.estimate)?;
+        let joint = joint.as_table_mut()?;
+        let key = match rest.strip_prefix("cogging_") {
+            Some(part) => {
+                set_value(joint.get_mut("cogging")?.as_table_mut()?, part, estimate.estimate)?;
+                "cogging".to_owned()
+            }
+            None => set_value(joint, &rest, estimate.estimate)?,
+        };
         Some(Place { table: "body.joint".to_owned(), number, key })
     })
 }
@@ -95,6 +102,7 @@ mod tests {
     #[test]
     fn joints_and_their_sensors_are_found() {
         let text = "[[body]]\n[[body.joint]]\nname = \"a\"\n[[body]]\n[[body.joint]]\nname = \"b\"\ndamping = 0.0\n\
+                    cogging = { cycles = 6, sine = 0.0, cosine = 0.0 }\n\
                     [experiment]\n[[experiment.joint]]\njoint = \"b\"\ncolumn = \"q\"\n";
         let mut scene: Table = toml::from_str(text).unwrap();
         let estimate = |path: &str| {
@@ -103,6 +111,10 @@ mod tests {
         };
         let place = set_joint(&mut scene, "b", "damping", &estimate("b.damping")).unwrap();
         assert_eq!((place.table.as_str(), place.number, place.key.as_str()), ("body.joint", 1, "damping"));
+        let place = set_joint(&mut scene, "b", "cogging_cosine", &estimate("b.cogging_cosine")).unwrap();
+        assert_eq!((place.table.as_str(), place.number, place.key.as_str()), ("body.joint", 1, "cogging"));
+        let cogging = &scene["body"][1]["joint"][0]["cogging"];
+        assert_eq!([&cogging["sine"], &cogging["cosine"]].map(Value::as_float), [Some(0.0), Some(0.5)]);
         let place = set_joint(&mut scene, "b", "position_bias", &estimate("b.position_bias")).unwrap();
         assert_eq!((place.table.as_str(), place.number, place.key.as_str()), ("experiment.joint", 0, "bias"));
         assert!(set_joint(&mut scene, "c", "damping", &estimate("c.damping")).is_none());

@@ -7,7 +7,8 @@
 //!           in the inactive time, stiffening and friction of bending 0
 //! joints    friction_backward = friction, load_friction 0; where there is a spring, plastic_time the inactive time with a yield of nothing
 //! ```
-//! A motor's delay is none of them: it shifts the inputs, which are known beforehand ([`super::input_delay`]).
+//! A motor's delay is none of them: it shifts the inputs, which are known beforehand ([`super::input_delay`]). Nor is
+//! cogging: only the scene knows how often it repeats.
 //!
 //! A backward friction that the scene does not have *follows* the friction of the joint, fitted or not, until a cause frees it; so does a
 //! second bending stiffness the first.

@@ -1,8 +1,13 @@
-//! Refusing laws of joints that make no sense: creep, gravity compensation, friction that differs by direction or grows with load.
+//! Refusing laws of joints that make no sense: creep, gravity compensation, cogging, friction that differs by
+//! direction or grows with load.
 
 use super::{not_negative, positive};
 use crate::body::{Joint, JointKind};
 use crate::error::{Mistake, SceneError};
+
+/// Once per turn is the weight of a mass off the axis, for which the body has a centre of mass: with another inertia it moves a joint of
+/// the world in exactly the same way.
+const FEWEST_CYCLES: u32 = 2;
 
 pub(super) fn check(joint: &Joint, field: &str) -> Result<(), SceneError> {
     let at = |key: &str| format!("{field}.{key}");
@@ -28,6 +33,14 @@ pub(super) fn check(joint: &Joint, field: &str) -> Result<(), SceneError> {
     if !joint.plastic_start.is_empty() && joint.plastic_start.len() != numbers {
         let mistake = Mistake::Count { found: joint.plastic_start.len(), expected: numbers };
         return Err(SceneError::at(at("plastic_start"), mistake));
+    }
+    if let Some(cogging) = joint.cogging {
+        if joint.kind != JointKind::Revolute {
+            return refused("cogging", "a torque repeats with the angle of a revolute joint only");
+        }
+        if cogging.cycles < FEWEST_CYCLES {
+            return Err(SceneError::at(at("cogging.cycles"), Mistake::Cycles { found: cogging.cycles, fewest: FEWEST_CYCLES }));
+        }
     }
     for (key, value, unit) in [("friction_backward", joint.friction_backward, "N·m"), ("load_friction", joint.load_friction, "-")]
     {

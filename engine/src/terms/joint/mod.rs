@@ -3,6 +3,7 @@
 //! A [`JointLaw`] writes the generalized force once, generic over the scalar; [`AutomaticJoint`] makes a [`JointTerm`] of it.
 
 mod automatic;
+mod cogging;
 mod compensation;
 mod damping;
 mod drive;
@@ -10,6 +11,7 @@ mod plastic;
 mod spring;
 
 pub use automatic::AutomaticJoint;
+pub use cogging::Cogging;
 pub use compensation::GravityCompensation;
 pub use damping::Damping;
 pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};

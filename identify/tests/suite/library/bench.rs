@@ -128,7 +128,7 @@ fn columns(prefix: &str, n: usize) -> String {
     (0..n).map(|k| format!("\"{prefix}{k}\"")).collect::<Vec<_>>().join(", ")
 }
 
-/// An arm of two links with a motor and an encoder at each joint; `friction` bounds the dry friction of the shoulder [N·m].
+/// An arm of two links with a motor and an encoder at each joint, whose shoulder has a motor of known cycles per turn; `friction` bounds the dry friction of the shoulder [N·m].
 pub fn arm(friction: f64) -> Bench {
     let link = |name: &str, place: &str, joint: &str, keys: &str| {
         format!(
@@ -136,7 +136,7 @@ pub fn arm(friction: f64) -> Bench {
              inertia = [4e-3, 5e-3, 2e-3, 0, 0, 0]\n[[body.joint]]\nname = \"{joint}\"\nkind = \"revolute\"\naxis = [0, -1, 0]\n{keys}\n"
         )
     };
-    let upper = link("upper", "", "shoulder", &format!("damping = 0.02\nfriction = {friction:?}"));
+    let upper = link("upper", "", "shoulder", &format!("damping = 0.02\nfriction = {friction:?}\ncogging = {{ cycles = 4 }}"));
     let lower = link("lower", "parent = \"upper\"\nposition = [0, 0, -0.3]", "elbow", "damping = 0.01\nstiffness = 0.6");
     let motor = |joint: &str| format!("[[actuator]]\nname = \"motor_{joint}\"\njoint = \"{joint}\"\nkind = \"torque\"\n");
     let sensor = |joint: &str| {

@@ -40,6 +40,11 @@ const ARM: &[Row] = &[
     row("joint_stiffness (shoulder)", &[("shoulder.stiffness", 0.05)], "cubic_stiffness (shoulder)"),
     row("cubic_stiffness (shoulder)", &[("shoulder.cubic_stiffness", 0.05)], "joint_stiffness (shoulder)"),
     row("joint_plasticity (elbow)", &[("elbow.plastic_time", 4.0), ("elbow.yield", 0.05)], "viscous_friction (shoulder)"),
+    row(
+        "cogging_torque (shoulder)",
+        &[("shoulder.cogging_sine", 0.03), ("shoulder.cogging_cosine", 0.02)],
+        "cubic_stiffness (shoulder)",
+    ),
     row("payload (lower)", &[("lower.mass", 0.63)], "link_inertia (lower)"),
     row("link_inertia (lower)", &[("lower.spread[2]", 0.085)], "armature (elbow)"),
     row("center_of_mass (lower)", &[("lower.center_of_mass[0]", 0.025), ("lower.center_of_mass[2]", -0.155)], "payload (lower)"),
@@ -72,6 +77,11 @@ const FRICTION: &[Row] = &[
         "coulomb_friction (shoulder)",
     ),
     row("asymmetric_friction (shoulder)", &[("shoulder.friction_backward", 0.06)], "torque_offset (motor_shoulder)"),
+    row(
+        "cogging_torque (shoulder)",
+        &[("shoulder.cogging_sine", 0.03), ("shoulder.cogging_cosine", 0.02)],
+        "coulomb_friction (shoulder)",
+    ),
     row("load_friction (shoulder)", &[("shoulder.load_friction", 0.05)], "coulomb_friction (shoulder)"),
     row("torque_offset (motor_shoulder)", &[("motor_shoulder.offset", 0.03)], "asymmetric_friction (shoulder)"),
 ];

@@ -5,13 +5,15 @@ use pliant_scene::Source;
 use std::fmt::Write;
 use tempfile::TempDir;
 
-/// The true motion: I θ̈ = −w sin θ − b θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + τ, read as θ(t) + bias + noise, with the motor's
+/// The true motion: I θ̈ = −w sin θ − b θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + a sin nθ + τ, read as θ(t) + bias + noise, with the motor's
 /// τ = gain u(t − late) cut at ±limit, and of the spring k the plastic part ṗ = (θ − p)/creep.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     pub damping: f64,
     pub friction: f64,
     pub cubic: f64,
+    /// a of the motor's cogging, [`CYCLES`] times per turn [N·m].
+    pub cogging: f64,
     pub gain: f64,
     pub late: f64,
     pub bias: f64,
@@ -26,6 +28,8 @@ pub struct Truth {
 /// Inertia about the axis [kg·m²], and weight times lever [N·m]: 0.5 kg at 0.3 m.
 pub const INERTIA: f64 = 0.045;
 const WEIGHT: f64 = 0.5 * 9.81 * 0.3;
+/// Cycles n of cogging per turn.
+const CYCLES: u32 = 5;
 /// Rate of the log [Hz], duration [s] and steps of the truth per sample.
 const RATE: f64 = 100.0;
 const DURATION: f64 = 4.0;
@@ -37,6 +41,7 @@ impl Default for Truth {
             damping: 0.0,
             friction: 0.0,
             cubic: 0.0,
+            cogging: 0.0,
             gain: 1.0,
             late: 0.0,
             bias: 0.0,
@@ -53,8 +58,9 @@ impl Truth {
     fn acceleration(&self, [angle, speed, plastic]: [f64; 3], command: f64) -> f64 {
         let dry = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
         let spring = self.spring * (angle - plastic) + self.cubic * angle.powi(3);
+        let cogging = self.cogging * (f64::from(CYCLES) * angle).sin();
         let torque = (self.gain * command).clamp(-self.limit, self.limit);
-        (-WEIGHT * angle.sin() - self.damping * speed - dry - spring + torque) / INERTIA
+        (-WEIGHT * angle.sin() - self.damping * speed - dry - spring + cogging + torque) / INERTIA
     }
 
     /// Columns t, angle, speed and command of a record.
@@ -152,8 +158,10 @@ role = "held_out"
 /// The scene with logs of this truth.
 pub fn setup(truth: &Truth, folder: &TempDir) -> Result<Setup, Box<dyn std::error::Error>> {
     truth.logs(folder)?;
-    let spring = format!("axis = [0, -1, 0]\nstiffness = {:?}", truth.spring);
-    let text = SCENE.replace("axis = [0, -1, 0]", &spring);
+    // the datum of the motor, not its torque
+    let cogging = if truth.cogging == 0.0 { String::new() } else { format!("\ncogging = {{ cycles = {CYCLES} }}") };
+    let joint = format!("axis = [0, -1, 0]\nstiffness = {:?}{cogging}", truth.spring);
+    let text = SCENE.replace("axis = [0, -1, 0]", &joint);
     let source = Source { file: "scene.toml".to_owned(), text };
     Ok(Setup::from_source(source, folder.path().to_owned())?)
 }
