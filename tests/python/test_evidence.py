@@ -61,6 +61,18 @@ def test_documents_quote_the_random_scenes():
         assert int(said) == counts[end], row
 
 
+def test_documents_quote_the_random_scenes_of_bodies():
+    counts = evidence.read("random_bodies")["figures"]["counts"]
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    said = f"of 1000 piles, stacks and impacts of bodies {counts['good']} run well and {counts['stopped']} stop with an error"
+    assert said in readme
+    measured = (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")
+    rows = [("well", "good"), ("gained energy", "grew"), ("ended by an error that names", "stopped"), ("without an end", "hang")]
+    for row, end in rows:
+        (number,) = re.findall(rf"^\| {row}[^|]*\| (\d+) \|$", measured, re.MULTILINE)
+        assert int(number) == counts[end], row
+
+
 # every outcome and kind of scene: the first good ones, and bad ones that end within seconds
 SEEDS = (*range(9), 9, 35, 111, 120, 163, 165, 168, 189, 190, 220, 913)
 

@@ -100,8 +100,8 @@ impl BodyContacts {
         for k in (from..self.found.len()).rev() {
             let (features, swapped) = self.found[k];
             let [first, second] = if swapped { [pair[1], pair[0]] } else { pair };
-            let gap = contact_geometry(&features, &self.placed[first], &self.placed[second]).map_or(f64::NAN, |m| m.gap);
-            if !(gap >= -most) || self.found[..from].contains(&self.found[k]) {
+            let gap = contact_geometry(&features, &self.placed[first], &self.placed[second]).ok().map(|m| m.gap);
+            if gap.is_none_or(|gap| gap < -most) || self.found[..from].contains(&self.found[k]) {
                 self.found.remove(k);
             }
         }
