@@ -60,6 +60,11 @@ impl UnconstrainedBlocks {
         }
     }
 
+    /// Calls `visit(node, ∂f/∂q̄, ∂f/∂v̄)` for the blocks of single nodes.
+    pub fn visit_own(&self, mut visit: impl FnMut(usize, &Block, &Block)) {
+        self.own.iter().for_each(|([node, _], before)| visit(*node, &before.dq, &before.dv));
+    }
+
     /// Takes the blocks out of `k`, leaving zeros.
     pub fn take_out(&mut self, k: &mut NodeMatrix) {
         for ([i, j], before) in self.each() {

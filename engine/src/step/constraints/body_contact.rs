@@ -164,7 +164,8 @@ impl ConstraintSet for BodyContacts {
             let (ss, tt) = (along(s), along(t));
             let st = 0.25 * (along(s + t) - along(s - t));
             let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
-            (link.rho_n, link.rho_t) = (stage.law_step(along(geometry.normal)), stage.law_step(across));
+            link.mobility = [along(geometry.normal), across];
+            link.set_steps(stage, &stage.masses.nodes);
             link.gap = geometry.gap;
             stage.set_target(link, *pair, features, at);
             let [va, vb] = link.attachments.map(|c| velocity(c, stage.v_ref, at.frames));
@@ -202,6 +203,9 @@ impl ConstraintSet for BodyContacts {
         slopes: &mut Slopes,
     ) -> Result<(), StepError> {
         for (k, (link, BodyContact { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
+            if link.attachments.iter().any(|c| matches!(c, Attachment::Node(_))) {
+                link.set_steps(stage, at.resisting);
+            }
             let (w, colliders) = (cone(lambda, k), link.colliders.map(|s| &stage.model.colliders[s]));
             let poses = link.attachments.map(|c| pose(c, at.q, at.frames));
             let (mut geometry, changes) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], stage.theta)
@@ -290,12 +294,13 @@ impl Stage<'_> {
         }
     }
 
-    /// Inverse effective mass of two frames for a wrench on the first and its opposite on the second, where the stage begins [1/kg].
+    /// Inverse effective mass of two frames for a wrench on the first and its opposite on the second, where the stage begins; nodes
+    /// aside [1/kg].
     pub(crate) fn mobility(&self, attachments: [Attachment; 2], at: &Beginning, wrench: &Force<f64>) -> f64 {
         let of = |attachment: Attachment| match attachment {
             Attachment::World => 0.0,
             Attachment::Body(body) => yields(&at.mobility[body], wrench),
-            Attachment::Node(node) => wrench.f.norm_squared() / self.masses.nodes[node].max(f64::MIN_POSITIVE),
+            Attachment::Node(_) => 0.0,
         };
         of(attachments[0]) + of(attachments[1])
     }

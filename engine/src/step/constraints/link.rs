@@ -27,6 +27,8 @@ pub(crate) struct Link {
     /// Steps of the law \[kg\].
     pub rho_n: f64,
     pub rho_t: f64,
+    /// Mobility along the normal and across of the frames that are no nodes [1/kg].
+    pub mobility: [f64; 2],
     /// Signed distance where the stage begins \[m\]; 0 of closures.
     pub gap: f64,
     /// Its rate there [m/s].
@@ -49,6 +51,7 @@ impl Link {
             colliders,
             rho_n: 0.0,
             rho_t: 0.0,
+            mobility: [0.0; 2],
             gap: 0.0,
             speed: 0.0,
             target: 0.0,
@@ -107,6 +110,15 @@ impl Link {
                 moving: self.linear.by_velocity(side, condensed) * scale,
             })
         })
+    }
+}
+
+impl Link {
+    /// Sets the steps of the law, for nodes that resist with these masses \[kg\].
+    pub fn set_steps(&mut self, stage: &Stage, resisting: &[f64]) {
+        let nodes: f64 =
+            self.attachments.iter().filter_map(|c| node_of(*c)).map(|node| 1.0 / resisting[node].max(f64::MIN_POSITIVE)).sum();
+        [self.rho_n, self.rho_t] = self.mobility.map(|mobility| stage.law_step(mobility + nodes));
     }
 }
 

@@ -57,6 +57,8 @@ pub(crate) struct Evaluation<'a> {
     pub v: &'a [f64],
     /// Frames of the bodies there.
     pub frames: &'a Frames<f64>,
+    /// Mass that resists a push on each node within the stage \[kg\]: see [`Stage::resisting_masses`].
+    pub resisting: &'a [f64],
 }
 
 /// Forces of constraints, accumulated.
