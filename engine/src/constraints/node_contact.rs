@@ -29,8 +29,6 @@ pub(crate) struct LawPoint {
 /// The linearization of one contact and its elimination.
 #[derive(Clone, Debug)]
 pub(crate) struct Condensed {
-    /// Mass that resists a push on the node, as the law's step ρ has it \[kg\].
-    pub resisting: f64,
     /// Impulse p [N·s] at the iterate, world frame.
     pub impulse: Vec3<f64>,
     /// F at the iterate [N·s].
@@ -95,7 +93,6 @@ impl Condensed {
     /// A placeholder before the first linearization: no impulse, no gain.
     pub(crate) fn zero() -> Self {
         Self {
-            resisting: 0.0,
             impulse: Vec3::zeros(),
             residual: Vector4::zeros(),
             dp_dq: Matrix3::zeros(),

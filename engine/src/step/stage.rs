@@ -231,8 +231,8 @@ impl Stage<'_> {
     }
 
     /// The mass that resists a push on a node within the stage \[kg\]: its own, and of what bends, stretches and damps there at least
-    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. Laws of contact take their step ρ from it; of nodes that touch nothing it is the
-    /// mass.
+    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. The split law of contact with bodies, boxes and cylinders takes its step ρ from it; of nodes that touch nothing
+    /// it is the mass.
     fn resisting_masses(&self, blocks: &UnconstrainedBlocks, out: &mut Vec<f64>) {
         out.clone_from(&self.masses.nodes);
         let (cq, cv) = (self.h * self.h * self.scheme.free.a1, self.h * self.scheme.free.b1);

@@ -36,15 +36,15 @@ fn add_force(node: usize, force: Vec3<f64>, f: &mut [f64]) {
 }
 
 impl Stage<'_> {
-    /// The law's numbers at node contact `c`, of a node that resists with the mass `resisting`.
-    fn law_point(&self, c: usize, resisting: f64) -> LawPoint {
+    /// The law's numbers at node contact `c`.
+    fn law_point(&self, c: usize) -> LawPoint {
         let pair = &self.model.pairs[c];
         let mass = self.masses.nodes[pair.node];
         LawPoint {
             law: contact_law(self.model.contact.law),
             mu: self.theta[pair.friction],
             kappa: self.options.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
-            rho: RHO * resisting,
+            rho: RHO * mass,
         }
     }
 
@@ -88,7 +88,7 @@ impl ConstraintSet for NodeContacts {
     ) -> Result<(), StepError> {
         for (c, contact) in self.contacts.iter().enumerate() {
             let (touch, _) = stage.touch(c, at)?;
-            let (law, w) = (stage.law_point(c, contact.resisting), cone(lambda, c));
+            let (law, w) = (stage.law_point(c), cone(lambda, c));
             let f = pliant_smoothing::residual(law.law, law.mu, law.kappa, law.rho, touch.v_n, touch.v_t.into(), w.into());
             out[4 * c..4 * c + 4].copy_from_slice(&f);
             let condensed = (impulse(touch.normal, law.mu, &w) - contact.gain * Vector4::from(f)) / stage.h;
@@ -109,8 +109,7 @@ impl ConstraintSet for NodeContacts {
         for (c, contact) in self.contacts.iter_mut().enumerate() {
             let (touch, v) = stage.touch(c, at)?;
             let (pair, w) = (&stage.model.pairs[c], cone(lambda, c));
-            contact.resisting = at.resisting[pair.node];
-            if !contact.linearize(stage.law_point(c, contact.resisting), &touch, v, stage.h, &w) {
+            if !contact.linearize(stage.law_point(c), &touch, v, stage.h, &w) {
                 return Err(StepError::NotFinite {
                     step: 0,
                     term: stage.model.shape_names[pair.shape].clone(),
@@ -153,8 +152,7 @@ impl ConstraintSet for NodeContacts {
     fn start_soft(&self, stage: &Stage, lambda: &mut [f64]) {
         for (c, w) in lambda.chunks_exact_mut(4).enumerate() {
             w.fill(0.0);
-            let mass = stage.masses.nodes[stage.model.pairs[c].node];
-            w[0] = (stage.law_point(c, mass).kappa * mass).sqrt();
+            w[0] = (stage.law_point(c).kappa * stage.masses.nodes[stage.model.pairs[c].node]).sqrt();
         }
     }
 
