@@ -83,7 +83,9 @@ def test_energies(both):
 
 def test_states(both):
     assert both.error < 1e-12
-    assert not np.any(both.roll.trace["retries"])
+    # where a stop is hit under sdirk2, both take two half steps by Euler
+    hits = both.ours.stops and both.ours.integrator == "sdirk2"
+    assert np.all(both.roll.trace["retries"] <= (1 if hits else 0))
     nq = both.ours.nq
     assert relative(both.roll.x[:, :nq], both.xs[:, :nq]) <= 1e-9
     assert relative(both.roll.x[:, nq:], both.xs[:, nq:]) <= 1e-9

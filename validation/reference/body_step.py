@@ -4,7 +4,8 @@ Stage of length h, unknowns y = (v⁺, γ), ā = (v⁺ - v)/h:
     inertia(q̄, v̄, ā) - f(q̄, v̄, u) - D(q̄) γ/h = 0  [N·m or N],   F(γ; q⁺, v⁺) = 0 for friction, stops and couplings
     euler     q̄ = q⁺ = q ⊕ exp(h v⁺), v̄ = v⁺
     midpoint  v̄ = (v + v⁺)/2, q⁺ = q ⊕ cay(h v̄), q̄ the exact half of that displacement
-The root is Newton's; derivatives are those of the implicit function theorem.
+The root is Newton's; derivatives are those of the implicit function theorem. Under sdirk2 a step in which a joint hits its stop is taken
+by two half steps by Euler (`landing`).
 """
 
 import math
@@ -12,7 +13,7 @@ import math
 import jax
 import jax.numpy as jnp
 
-from . import bodies, rotations, warm
+from . import bodies, landing, rotations, warm
 from .step import GAMMA
 
 TOLERANCE = 1e-13  # relative size of the Newton step left by the search
@@ -29,8 +30,8 @@ def ends(model, q, v, v_next, h):
     return half, middle, bodies.add(model, q, h * middle, rotations.cayley)
 
 
-def make_stage(model, h):
-    """stage(q, v, u, theta) -> (v⁺ (nv,), size of the last Newton step)."""
+def make_stage(model):
+    """stage(q, v, u, theta, h) -> (v⁺ (nv,), impulses of the stops, size of the last Newton step)."""
     if model.integrator == "midpoint" and (model.stops or model.couplings):
         raise ValueError("midpoint has no stops and no couplings")
     weights, directions = bodies.weights(model), bodies.directions(model, model.q0, model.theta)
@@ -38,7 +39,7 @@ def make_stage(model, h):
     levels = max(0, round(math.log10(1e-3 / model.rest_gap))) if n_rows else 0
 
     def residual(y, args, scale=1.0):
-        q, v, u, theta = args
+        q, v, u, theta, h = args
         v_next, gamma = y[:n], y[n:]
         q_bar, v_bar, q_next = ends(model, q, v, v_next, h)
         r = bodies.inertia_force(model, q_bar, v_bar, (v_next - v) / h, theta)
@@ -53,12 +54,15 @@ def make_stage(model, h):
             lambda y, scale: residual(y, args, scale), lambda y: jnp.ones(1), y0, size, levels, tolerance=TOLERANCE
         )
 
-    def stage(q, v, u, theta):
-        args = (q, v, u, theta)
+    first = n + len(model.frictions)
+    stops = slice(first, first + len(model.stops))
+
+    def stage(q, v, u, theta, h):
+        args = (q, v, u, theta, jnp.asarray(h))
         y, inverse = jax.lax.stop_gradient(search(jax.lax.stop_gradient(args)))
         # the value is one more step of Newton's; its derivative -K⁻¹ ∂r/∂args is the theorem's
         d = inverse @ residual(y, args)
-        return (y - d)[:n], jnp.max(jnp.abs(jax.lax.stop_gradient(d[:n])))
+        return (y - d)[:n], y[stops], jnp.max(jnp.abs(jax.lax.stop_gradient(d[:n])))
 
     return stage
 
@@ -66,22 +70,37 @@ def make_stage(model, h):
 def make_step(model):
     """step(x (nx,), u (nu,), theta) -> (x⁺ (nx,), size of the last Newton step [rad/s or m/s])."""
     h = model.h
+    weights = bodies.weights(model)
     two_stage = model.integrator == "sdirk2"
-    stage = make_stage(model, GAMMA * h if two_stage else h)
+    stage = make_stage(model)
 
     def sdirk2(q, v, u, theta):
-        def body(carry, _):
-            q_ref, v_ref = carry
-            v1, error = stage(q_ref, v_ref, u, theta)
-            q_end = bodies.add(model, q_ref, GAMMA * h * v1, rotations.exponential)
-            q_second = bodies.add(model, q, (1.0 - GAMMA) * h * v1, rotations.exponential)
-            return (q_second, v + (1.0 - GAMMA) / GAMMA * (v1 - v)), (q_end, v1, error)
+        """A scan over the first stage and its successors: the second stage, or where a stop is hit two half steps by Euler.
 
-        _, (q_end, v_end, error) = jax.lax.scan(body, (q, v), None, length=2)
-        return q_end[1], v_end[1], jnp.max(error)
+        With stops the scan has three turns, and the second stage is computed twice.
+        """
+
+        def body(carry, turn):
+            start, thrown = carry
+            first, after_half = turn == 0, thrown & (turn > 0)
+            length = jnp.where(after_half, 0.5 * h, GAMMA * h)
+            v1, impulses, error = stage(*start, u, theta, length)
+            q_end = bodies.add(model, start[0], length * v1, rotations.exponential)
+            q_second = bodies.add(model, q, (1.0 - GAMMA) * h * v1, rotations.exponential)
+            second = (q_second, v + (1.0 - GAMMA) / GAMMA * (v1 - v))
+            found = landing.stops_hit(model, (q, v), (q_end, v1), impulses, theta, weights)
+            thrown = jnp.where(first, found, thrown)
+            follows = [jnp.where(thrown, x, y) for x, y in zip((q, v), second, strict=True)]
+            later = [jnp.where(thrown, x, y) for x, y in zip((q_end, v1), start, strict=True)]
+            start = tuple(jnp.where(first, x, y) for x, y in zip(follows, later, strict=True))
+            return (start, thrown), (q_end, v1, error)
+
+        turns = jnp.arange(3 if model.stops else 2)
+        _, (q_end, v_end, error) = jax.lax.scan(body, ((q, v), jnp.zeros((), dtype=bool)), turns)
+        return q_end[-1], v_end[-1], jnp.max(error)
 
     def one_stage(q, v, u, theta):
-        v_next, error = stage(q, v, u, theta)
+        v_next, _, error = stage(q, v, u, theta, h)
         return ends(model, q, v, v_next, h)[2], v_next, error
 
     def step(x, u, theta):

@@ -9,11 +9,13 @@ leaves with √2 V. At a free node and a shape of outward unit normal n, with g 
     pierced   gap(q_r) < -0.1 g h² and gap(q_r) < gap(q)
     bounced   γ_n of the first stage > 0.1 g h m,   n(q_r)·v_r > 0.1 g h,   n(q)·v < -0.1 g h
 
-Either makes the whole step one of Euler's halves. Nothing is differentiated through the choice.
+Either makes the whole step one of Euler's halves. Nothing is differentiated through the choice. At a stop of a joint the gap is the way to
+the limit, m the inertia with all other joints yielding, and gap and rate at the reference are extrapolated from the stage like q and v.
 """
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from . import forces
 
@@ -35,4 +37,23 @@ def thrown_back(model, begin, first, reference, theta, kappa, lengths):
         pierced = (gap_r < -slow * h) & (gap_r < gap)
         bounced = (load > slow * mass) & (along(normal_r, reference[1]) > slow) & (along(normal, begin[1]) < -slow)
         thrown |= jnp.any(pierced | bounced)
+    return thrown
+
+
+AHEAD = 1.0 + 2.0**0.5  # (1 - γ)/γ of sdirk2
+
+
+def stops_hit(model, begin, first, impulses, theta, weights):
+    """Whether any joint hits a stop (bool). begin, first: (q, v) where the step begins and at the end of the first stage; impulses of the
+    stops there; weights as `bodies.weights` gives them."""
+    thrown = jnp.zeros((), dtype=bool)
+    magnitude = jnp.abs(theta[model.magnitude])
+    slow = SLOW * jnp.where(magnitude > 0.0, magnitude, 10.0) * model.h
+    for (joint, limit, side), impulse in zip(model.stops, impulses, strict=True):
+        gap, gap_1 = (side * (q[joint.q.start] - theta[limit]) for q, _ in (begin, first))
+        rate, rate_1 = (side * v[joint.v.start] for _, v in (begin, first))
+        gap_r, rate_r = gap + AHEAD * (gap_1 - gap), rate + AHEAD * (rate_1 - rate)
+        pierced = (gap_r < -slow * model.h) & (gap_r < gap)
+        mass = float(np.asarray(weights[1])[joint.v.start])
+        thrown |= pierced | ((impulse > slow * mass) & (rate_r > slow) & (rate < -slow))
     return thrown
