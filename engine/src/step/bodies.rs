@@ -66,7 +66,7 @@ impl Stage<'_> {
         body.frames.evaluate_values(tree, &self.q_ref[n..], &self.v_ref[n..], &body.a, &Vec3::zeros());
     }
 
-    /// Where everything would be at the end of the stage if nothing changed its motion but weight, and prescribed nodes at their command.
+    /// Where everything would be at the end of the stage if nothing changed its motion; prescribed nodes at their command.
     pub(super) fn frames_ahead(&self, ws: &mut Workspace) {
         let (n, tree, body) = (self.model.n_node_dofs(), &self.model.tree, &mut ws.bodies);
         body.q_ahead.clear();

@@ -35,7 +35,10 @@ pub(crate) fn solve(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) ->
     contacts.iter().enumerate().for_each(|(i, contact)| l[(3 * i, 3 * i)] += contact.compliance_per_h2);
     let b = DVector::from_fn(n, |k, _| scale(k) * b[k]);
     let speed = b.amax().max(f64::MIN_POSITIVE);
-    let alone = |i: usize| speed / l[(3 * i, 3 * i)].max(f64::MIN_POSITIVE);
+    // what cannot move along a normal has no mobility there, and needs a size to start from
+    let most = (0..m).map(|i| l[(3 * i, 3 * i)]).fold(0.0, f64::max);
+    let least = if most > 0.0 { STEP.least_mobility * most } else { 1.0 };
+    let alone = |i: usize| speed / l[(3 * i, 3 * i)].max(least);
     let mut s = vec![Vector3::new(speed, 0.0, 0.0); m];
     let mut w: Vec<_> = (0..m).map(|i| Vector3::new(alone(i), 0.0, 0.0)).collect();
     // the κ of this iteration over the law's
@@ -164,6 +167,16 @@ mod tests {
     fn what_leaves_is_not_held() {
         let w = solve(&[contact(0.5)], &one_mass(1.0, 1), &[0.5, 0.1, 0.0]).unwrap();
         assert!(w[0][0] > 0.0 && w[0][0] < 1e-6, "{}", w[0][0]);
+    }
+
+    /// A mass guided along its floor hits a wall.
+    #[test]
+    fn a_contact_without_mobility_is_left_alone() {
+        let mut g = vec![0.0; 36];
+        (0..3).for_each(|k| g[7 * (3 + k)] = 0.5);
+        let w = solve(&[contact(0.0), contact(0.0)], &g, &[0.2, 0.0, 0.0, -1.0, 0.0, 0.0]).unwrap();
+        assert_relative_eq!(w[1][0], 2.0, max_relative = 1e-6);
+        assert!(w[0][0] < 1e-6, "{}", w[0][0]);
     }
 
     #[test]
