@@ -28,12 +28,48 @@ pub(crate) struct CentralContact {
 
 /// The cone variables w of all contacts, (w₀, w̄ along the two tangents); `None` if the path was lost. `delassus` is G by columns, `b` the
 /// relative velocities without impulses [m/s], three of each per contact.
+///
+/// Of many contacts listed few close. The path is followed for those that would close, and again with those that then would.
 pub(crate) fn solve(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) -> Option<Vec<Vector3<f64>>> {
+    let n = b.len();
+    let mut closing: Vec<bool> = b.chunks_exact(3).map(|b| b[0] <= 0.0).collect();
+    loop {
+        let some: Vec<usize> = (0..contacts.len()).filter(|i| closing[*i]).collect();
+        let rows: Vec<usize> = some.iter().flat_map(|i| 3 * i..3 * i + 3).collect();
+        let their: Vec<CentralContact> = some.iter().map(|i| contacts[*i]).collect();
+        let g: Vec<f64> = rows.iter().flat_map(|c| rows.iter().map(move |r| delassus[c * n + r])).collect();
+        let found = follow(&their, &g, &rows.iter().map(|r| b[*r]).collect::<Vec<f64>>())?;
+        let mut w = vec![Vector3::zeros(); contacts.len()];
+        some.iter().zip(found).for_each(|(i, found)| w[*i] = found);
+        let mut more = false;
+        for (i, contact) in contacts.iter().enumerate() {
+            if closing[i] {
+                continue;
+            }
+            let pushed = |j: &usize| {
+                let p = [w[*j][0], contacts[*j].mu * w[*j][1], contacts[*j].mu * w[*j][2]];
+                (0..3).map(|k| delassus[(3 * j + k) * n + 3 * i] * p[k]).sum::<f64>()
+            };
+            let opening = b[3 * i] + some.iter().map(pushed).sum::<f64>();
+            (closing[i], more) = (opening <= 0.0, more || opening <= 0.0);
+            w[i][0] = contact.kappa / opening.abs().max(f64::MIN_POSITIVE);
+        }
+        if !more {
+            return Some(w);
+        }
+    }
+}
+
+/// The same of contacts that all count.
+fn follow(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) -> Option<Vec<Vector3<f64>>> {
     let (m, n) = (contacts.len(), 3 * contacts.len());
     let scale = |k: usize| if k.is_multiple_of(3) { 1.0 } else { contacts[k / 3].mu };
     let mut l = DMatrix::from_fn(n, n, |r, c| scale(r) * delassus[c * n + r] * scale(c));
     contacts.iter().enumerate().for_each(|(i, contact)| l[(3 * i, 3 * i)] += contact.compliance_per_h2);
     let b = DVector::from_fn(n, |k, _| scale(k) * b[k]);
+    if m == 0 {
+        return Some(Vec::new());
+    }
     let speed = b.amax().max(f64::MIN_POSITIVE);
     // what cannot move along a normal has no mobility there, and needs a size to start from
     let most = (0..m).map(|i| l[(3 * i, 3 * i)]).fold(0.0, f64::max);
