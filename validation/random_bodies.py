@@ -58,10 +58,10 @@ def written_body(number, body, friction):
     shape, density = body["shape"], body["density"]
     mass, inertia = inertia_of(shape, density)
     entries = {"name": f"b{number}", "position": body["position"], "quaternion": body["quaternion"], "mass": mass,
-               "inertia": [*inertia, 0.0, 0.0, 0.0], "velocity": body["velocity"], "angular_velocity": body["spin"]}  # fmt: skip
+               "inertia": [*inertia, 0.0, 0.0, 0.0]}  # fmt: skip
     joint = {"name": f"b{number}_free", "kind": "free"}
     return mass, (
-        table("body", {k: v for k, v in entries.items() if k not in ("velocity", "angular_velocity")})
+        table("body", entries)
         + table("body.joint", joint | {"velocity": [*body["velocity"], *body["spin"]]})
         + table("body.shape", shape | {"friction": friction})
     )

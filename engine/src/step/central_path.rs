@@ -33,14 +33,15 @@ pub(crate) struct CentralContact {
 pub(crate) fn solve(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) -> Option<Vec<Vector3<f64>>> {
     let n = b.len();
     let mut closing: Vec<bool> = b.chunks_exact(3).map(|b| b[0] <= 0.0).collect();
+    // no contact leaves the list, so this ends
     loop {
-        let some: Vec<usize> = (0..contacts.len()).filter(|i| closing[*i]).collect();
-        let rows: Vec<usize> = some.iter().flat_map(|i| 3 * i..3 * i + 3).collect();
-        let their: Vec<CentralContact> = some.iter().map(|i| contacts[*i]).collect();
+        let listed: Vec<usize> = (0..contacts.len()).filter(|i| closing[*i]).collect();
+        let rows: Vec<usize> = listed.iter().flat_map(|i| 3 * i..3 * i + 3).collect();
+        let laws: Vec<CentralContact> = listed.iter().map(|i| contacts[*i]).collect();
         let g: Vec<f64> = rows.iter().flat_map(|c| rows.iter().map(move |r| delassus[c * n + r])).collect();
-        let found = follow(&their, &g, &rows.iter().map(|r| b[*r]).collect::<Vec<f64>>())?;
+        let found = follow(&laws, &g, &rows.iter().map(|r| b[*r]).collect::<Vec<f64>>())?;
         let mut w = vec![Vector3::zeros(); contacts.len()];
-        some.iter().zip(found).for_each(|(i, found)| w[*i] = found);
+        listed.iter().zip(found).for_each(|(i, found)| w[*i] = found);
         let mut more = false;
         for (i, contact) in contacts.iter().enumerate() {
             if closing[i] {
@@ -50,7 +51,7 @@ pub(crate) fn solve(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) ->
                 let p = [w[*j][0], contacts[*j].mu * w[*j][1], contacts[*j].mu * w[*j][2]];
                 (0..3).map(|k| delassus[(3 * j + k) * n + 3 * i] * p[k]).sum::<f64>()
             };
-            let opening = b[3 * i] + some.iter().map(pushed).sum::<f64>();
+            let opening = b[3 * i] + listed.iter().map(pushed).sum::<f64>();
             (closing[i], more) = (opening <= 0.0, more || opening <= 0.0);
             w[i][0] = contact.kappa / opening.abs().max(f64::MIN_POSITIVE);
         }
@@ -62,18 +63,18 @@ pub(crate) fn solve(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) ->
 
 /// The same of contacts that all count.
 fn follow(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) -> Option<Vec<Vector3<f64>>> {
+    if contacts.is_empty() {
+        return Some(Vec::new());
+    }
     let (m, n) = (contacts.len(), 3 * contacts.len());
     let scale = |k: usize| if k.is_multiple_of(3) { 1.0 } else { contacts[k / 3].mu };
     let mut l = DMatrix::from_fn(n, n, |r, c| scale(r) * delassus[c * n + r] * scale(c));
     contacts.iter().enumerate().for_each(|(i, contact)| l[(3 * i, 3 * i)] += contact.compliance_per_h2);
     let b = DVector::from_fn(n, |k, _| scale(k) * b[k]);
-    if m == 0 {
-        return Some(Vec::new());
-    }
     let speed = b.amax().max(f64::MIN_POSITIVE);
     // what cannot move along a normal has no mobility there, and needs a size to start from
     let most = (0..m).map(|i| l[(3 * i, 3 * i)]).fold(0.0, f64::max);
-    let least = if most > 0.0 { STEP.least_mobility * most } else { 1.0 };
+    let least = (STEP.least_mobility * most).max(f64::MIN_POSITIVE);
     let alone = |i: usize| speed / l[(3 * i, 3 * i)].max(least);
     let mut s = vec![Vector3::new(speed, 0.0, 0.0); m];
     let mut w: Vec<_> = (0..m).map(|i| Vector3::new(alone(i), 0.0, 0.0)).collect();

@@ -30,7 +30,7 @@ pub(crate) struct StepConstants {
     /// Relative change below which a cone variable of the split law has settled [-]: derivatives of friction that almost slips depend on its
     /// last digits.
     pub settled_split: f64,
-    /// Iterations on the central path of the contacts at frozen geometry: one takes 8 to 20.
+    /// Iterations on the central path of the contacts at frozen geometry: observed are 8 to 22.
     pub central_iterations: usize,
     /// Part of the way to the boundary of the cone that such an iteration may go [-].
     pub central_boundary: f64,

@@ -22,8 +22,9 @@ pub fn overlap(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     of_lines(a, b).max(of_lines(b, a))
 }
 
-/// Drops features that are deeper than the colliders overlap: of two boxes side by side an edge may be deep under an edge of the other
-/// that has nothing to do with where they touch; by `most` \[m\] any may be deep. The overlap is the least along the normals of all features listed and of flat sides.
+/// Drops features that are deeper than the colliders overlap by more than `most` \[m\]: where two boxes touch by their sides, an edge of one
+/// may lie deep under an edge of the other without touching it. The overlap is the least along the normals of the features listed and of
+/// flat sides.
 pub(crate) fn drop_hidden(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, most: f64, found: &mut Vec<(FeaturePair, bool)>) {
     if [a, b].iter().any(|collider| collider.form == ColliderShape::HalfSpace) {
         return;

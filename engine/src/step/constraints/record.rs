@@ -180,7 +180,7 @@ impl Stage<'_> {
             attachments: link.attachments,
             colliders: link.colliders,
             rho: [link.rho_n, link.rho_t],
-            recovers: !link.target_by_start.is_empty(),
+            recovers: link.target < 0.0,
         });
     }
 }
