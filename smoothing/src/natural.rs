@@ -24,15 +24,15 @@ use pliant_math::Real;
 /// P₊ is the projection on the second-order cone of R⁴ = R × R³, smoothed after Chen–Harker–Kanzow–Smale: the eigenvalues
 /// λ± = z₀ ± |z̄| are mapped by λ ↦ (λ + √(λ² + 4ρκ))/2.
 ///
-/// `mu` [-]; `kappa` > 0 \[J\]; `rho` > 0 \[kg\]: the scale between impulse and velocity, about 0.3 of the contact's effective mass;
+/// `slip` σ [-], s̄ = σ v_t; `kappa` > 0 \[J\]; `rho` > 0 \[kg\]: the scale between impulse and velocity, about 0.3 of the contact's effective mass;
 /// `v_n` [m/s] normal velocity gap⁺/h; `v_t` [m/s] tangential world vector; `w` = (w₀; w̄) [N·s], w̄ a world vector.
 ///
 /// Limits: smooth everywhere for Anitescu's law; for Coulomb's once continuously differentiable but for the kinks
-/// at v_n ≤ 0, v_t = 0, see [`normal_slack`]. Regular at z̄ = 0 and at μ = 0. Nothing cancels, however far an eigenvalue is from zero.
+/// at v_n ≤ 0, v_t = 0, see [`normal_slack`]. Regular at z̄ = 0 and at σ = 0. Nothing cancels, however far an eigenvalue is from zero.
 ///
 /// Reference: Fukushima, Luo, Tseng (2002), section 5; Hayashi, Yamashita, Fukushima (2005).
-pub fn residual<S: Real>(law: ContactLaw, mu: S, kappa: S, rho: f64, v_n: S, v_t: [S; 3], w: [S; 4]) -> [S; 4] {
-    let s = slack(law, mu, v_n, v_t);
+pub fn residual<S: Real>(law: ContactLaw, slip: S, kappa: S, rho: f64, v_n: S, v_t: [S; 3], w: [S; 4]) -> [S; 4] {
+    let s = slack(law, slip, v_n, v_t);
     let z: [S; 4] = std::array::from_fn(|a| w[a] - s[a] * rho);
     let z0 = z[0];
     let r2 = z[1] * z[1] + z[2] * z[2] + z[3] * z[3];
@@ -68,8 +68,8 @@ pub struct Linearization {
     pub df_dvn: Vector4<f64>,
     /// ∂F/∂v_t \[kg\]; row a, column b: component a of F by world component b of v_t.
     pub df_dvt: Matrix4x3<f64>,
-    /// ∂F/∂μ [N·s].
-    pub df_dmu: Vector4<f64>,
+    /// ∂F/∂σ [N·s].
+    pub df_dslip: Vector4<f64>,
     /// ∂F/∂κ [s/m].
     pub df_dkappa: Vector4<f64>,
 }
@@ -116,8 +116,8 @@ impl Slope {
 /// [`residual`] in `f64` with all its derivatives by hand, without allocation; arguments and limits as there.
 ///
 /// At the kinks of Coulomb's law (v_n ≤ 0, v_t = 0) the derivatives are those of [`normal_slack`].
-pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> Linearization {
-    let s_bar = v_t.map(|v| mu * v);
+pub fn linearize(law: ContactLaw, slip: f64, kappa: f64, rho: f64, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> Linearization {
+    let s_bar = v_t.map(|v| slip * v);
     let s_bar2 = s_bar[0] * s_bar[0] + s_bar[1] * s_bar[1] + s_bar[2] * s_bar[2];
     let s0: f64 = normal_slack(law, v_n, s_bar2);
     let (ds0_dvn, ds0_ds_bar) = slack_slope(law, v_n, s0, s_bar, s_bar2);
@@ -149,10 +149,10 @@ pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: 
     let by_s = |ds0: f64, ds_bar: &[f64; 3]| by_z.apply(&z, rho * ds0, &ds_bar.map(|s| rho * s));
     let axis = |a: usize| {
         let mut ds_bar = [0.0; 3];
-        ds_bar[a] = mu;
-        by_s(mu * ds0_ds_bar[a], &ds_bar)
+        ds_bar[a] = slip;
+        by_s(slip * ds0_ds_bar[a], &ds_bar)
     };
-    let ds0_dmu = ds0_ds_bar[0] * v_t[0] + ds0_ds_bar[1] * v_t[1] + ds0_ds_bar[2] * v_t[2];
+    let ds0_dslip = ds0_ds_bar[0] * v_t[0] + ds0_ds_bar[1] * v_t[1] + ds0_ds_bar[2] * v_t[2];
     let dk_dkappa = -2.0 * rho * z0 / (t * pi);
     Linearization {
         f,
@@ -160,7 +160,7 @@ pub fn linearize(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: 
         df_dw_inverse: inverse.matrix(&z),
         df_dvn: by_s(ds0_dvn, &[0.0; 3]),
         df_dvt: Matrix4x3::from_columns(&[axis(0), axis(1), axis(2)]),
-        df_dmu: by_s(ds0_dmu, &v_t),
+        df_dslip: by_s(ds0_dslip, &v_t),
         df_dkappa: -Vector4::new(0.5 * rho * t / pi, dk_dkappa * z[0], dk_dkappa * z[1], dk_dkappa * z[2]),
     }
 }

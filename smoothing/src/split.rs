@@ -7,7 +7,7 @@ use crate::natural::smoothed_parts;
 use nalgebra::{Matrix3, Matrix4, Matrix4x3, Vector3, Vector4};
 use pliant_math::Real;
 
-// Derivation. Coulomb's smoothed law has γ_n v_n = κ and w̄ = −(w₀/s₀) s̄ (see `law`). With τ = |w̄|, u = w̄ − ρ_t s̄ and s̄ = μ v_t,
+// Derivation. Coulomb's smoothed law has γ_n v_n = κ and w̄ = −(w₀/s₀) s̄ (see `law`). With τ = |w̄|, u = w̄ − ρ_t s̄ and s̄ = σ v_t,
 // the second gives u ∥ w̄ and |u| − τ = ρ_t τ s₀/w₀, and s ∘ w = κ e gives s₀ (w₀² − τ²) = κ w₀. Together
 //   (w₀² − τ²)(|u| − τ) = ρ_t κ τ,
 // in which t = τ/|u| has no division by |u|: with X = |u|², G = w₀², c = ρ_t κ, s = 1 − t,
@@ -18,13 +18,13 @@ use pliant_math::Real;
 /// Arguments of one contact's law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplitPoint {
-    /// Friction μ [-].
-    pub mu: f64,
+    /// Slip factor σ [-]: the tangential velocity counts as s̄ = σ v_t.
+    pub slip: f64,
     /// Smoothing κ \[J\].
     pub kappa: f64,
     /// Step of the normal part \[kg\], about 0.3 of the effective mass along the normal.
     pub rho_n: f64,
-    /// Step of the tangential part \[kg\], about 0.3 of the smallest effective mass across it.
+    /// Step of the tangential part \[kg\], about 0.3 of the smallest effective mass across it, over σ.
     pub rho_t: f64,
     /// Compliance over h² [1/kg]: the contact gives way by v_n += give · w₀.
     pub compliance_per_h2: f64,
@@ -103,7 +103,7 @@ fn root(f: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64, start: f64, [mut bel
 /// [`SplitPoint`] and [`crate::residual`]; `v_n` without the term of the contact's compliance.
 #[allow(clippy::too_many_arguments)] // the numbers of a law, each with a derivative of its own
 pub fn split_residual<S: Real>(
-    mu: S,
+    slip: S,
     kappa: S,
     rho_n: f64,
     rho_t: f64,
@@ -118,7 +118,7 @@ pub fn split_residual<S: Real>(
     let d = (z * z + rk * 4.0).sqrt();
     let phi = if z.re() < 0.0 { rk * 2.0 / (d - z) } else { (z + d) * 0.5 };
     let f0 = if z.re() < 0.0 { w[0] - phi } else { v_n * rho_n - rk / phi };
-    let step: [S; 3] = std::array::from_fn(|a| v_t[a] * mu * rho_t);
+    let step: [S; 3] = std::array::from_fn(|a| v_t[a] * slip * rho_t);
     let u: [S; 3] = std::array::from_fn(|a| w[1 + a] - step[a]);
     let (x, g, c) = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2], phi * phi, kappa * rho_t);
     let root = Ratio::solve(x.re(), g.re(), c.re());
@@ -132,7 +132,7 @@ pub fn split_residual<S: Real>(
 
 /// [`split_residual`] at a point, with its derivatives by hand; ∂F/∂(1/kg of `compliance_per_h2`) is ∂F/∂v_n · w₀.
 pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> Linearization {
-    let SplitPoint { mu, kappa, rho_n, rho_t, compliance_per_h2, regularization } = *at;
+    let SplitPoint { slip, kappa, rho_n, rho_t, compliance_per_h2, regularization } = *at;
     let v_n = v_n + compliance_per_h2 * w[0];
     let z = w[0] - rho_n * v_n;
     let (root, phi, psi) = smoothed_parts(z, rho_n * kappa);
@@ -141,11 +141,11 @@ pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) ->
 
     let v_t = Vector3::from(v_t);
     let w_bar = Vector3::new(w[1], w[2], w[3]);
-    let u = w_bar - v_t * (rho_t * mu);
+    let u = w_bar - v_t * (rho_t * slip);
     let (x, g, c) = (u.norm_squared(), phi * phi, rho_t * kappa);
     let Ratio { t, s, d } = Ratio::solve(x, g, c);
     let (t_x, t_g, t_c) = (-t * t * s / d, s / d, -t / d);
-    let f_bar = w_bar * s + v_t * (t * rho_t * mu);
+    let f_bar = w_bar * s + v_t * (t * rho_t * slip);
 
     let outer = u * u.transpose();
     // −∂F̄/∂u = t 1 + 2 t_X u uᵀ
@@ -169,7 +169,7 @@ pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) ->
 
     let stack = |top: f64, bottom: Vector3<f64>| Vector4::new(top, bottom[0], bottom[1], bottom[2]);
     let mut df_dvt = Matrix4x3::zeros();
-    df_dvt.fixed_view_mut::<3, 3>(1, 0).copy_from(&(by_u * (rho_t * mu)));
+    df_dvt.fixed_view_mut::<3, 3>(1, 0).copy_from(&(by_u * (rho_t * slip)));
     let phi_kappa = rho_n / root;
     Linearization {
         f: stack(f0, f_bar),
@@ -177,7 +177,7 @@ pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) ->
         df_dw_inverse: inverse,
         df_dvn: stack(up * rho_n, by_phi * (-up * rho_n)),
         df_dvt,
-        df_dmu: stack(0.0, by_u * v_t * rho_t),
+        df_dslip: stack(0.0, by_u * v_t * rho_t),
         df_dkappa: stack(-phi_kappa, by_phi * phi_kappa - u * (t_c * rho_t)),
     }
 }
@@ -185,7 +185,7 @@ pub fn split_linearize(at: &SplitPoint, v_n: f64, v_t: [f64; 3], w: [f64; 4]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ContactLaw, impulse};
+    use crate::{ContactLaw, central};
     use approx::assert_relative_eq;
     use num_dual::Dual64;
 
@@ -202,22 +202,18 @@ mod tests {
     #[test]
     fn its_roots_are_those_of_the_closed_law() {
         for kappa in [1e-4, 1e-9, 1e-12] {
-            for (mu, v_n, v_t) in CASES {
-                let (normal, tangential): (f64, [f64; 3]) = impulse(ContactLaw::Coulomb, mu, kappa, v_n, v_t);
-                if mu == 0.0 {
-                    continue; // the tangential part of the cone variable is free of the impulse
-                }
-                let w = [normal, tangential[0] / mu, tangential[1] / mu, tangential[2] / mu];
-                let f: [f64; 4] = split_residual(mu, kappa, 0.1, 0.05, 0.0, v_n, v_t, w);
-                let size = normal + 0.1 * v_n + 0.05 * mu * v_t.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
-                assert!(f.iter().all(|f| f.abs() <= 1e-15 * size), "{mu} {kappa:e} {v_n:e} {v_t:?}: {f:?} of {size:e}");
+            for (slip, v_n, v_t) in CASES {
+                let w: [f64; 4] = central(ContactLaw::Coulomb, slip, kappa, v_n, v_t);
+                let f: [f64; 4] = split_residual(slip, kappa, 0.1, 0.05, 0.0, v_n, v_t, w);
+                let size = w[0] + 0.1 * v_n + 0.05 * slip * v_t.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
+                assert!(f.iter().all(|f| f.abs() <= 1e-15 * size), "{slip} {kappa:e} {v_n:e} {v_t:?}: {f:?} of {size:e}");
             }
         }
     }
 
     #[test]
     fn derivatives_by_hand_are_those_of_dual_numbers() {
-        let at = SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.2, rho_t: 0.07, compliance_per_h2: 0.3, regularization: 0.0 };
+        let at = SplitPoint { slip: 0.6, kappa: 1e-5, rho_n: 0.2, rho_t: 0.07, compliance_per_h2: 0.3, regularization: 0.0 };
         for (w, v_n, v_t) in [
             ([0.05, 0.02, -0.03, 0.001], 1e-3, [0.1, -0.2, 0.05]),
             ([0.2, 0.02, 0.01, 0.0], -1e-2, [1e-3, 0.0, 2e-3]),
@@ -230,7 +226,7 @@ mod tests {
                 let w: [Dual64; 4] = std::array::from_fn(|a| seed(a, w[a]));
                 let v_t: [Dual64; 3] = std::array::from_fn(|a| seed(5 + a, v_t[a]));
                 split_residual(
-                    seed(8, at.mu),
+                    seed(8, at.slip),
                     seed(9, at.kappa),
                     at.rho_n,
                     at.rho_t,
@@ -244,7 +240,7 @@ mod tests {
                 .map(|a| lin.df_dw.column(a).into_owned())
                 .chain([lin.df_dvn])
                 .chain((0..3).map(|a| lin.df_dvt.column(a).into_owned()))
-                .chain([lin.df_dmu, lin.df_dkappa, lin.df_dvn * w[0]])
+                .chain([lin.df_dslip, lin.df_dkappa, lin.df_dvn * w[0]])
                 .collect();
             for (k, column) in hand.iter().enumerate() {
                 let f = dual(k);

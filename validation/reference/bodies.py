@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from . import joints, laws, rotations
+from .contact import sharpness
 
 UPPER = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # places of a spread's six numbers
 
@@ -169,7 +170,7 @@ def weights(model):
 def rows(model, weights, q, v, gamma, theta, h, scale=1.0):
     """Residuals F (n_rows,) of friction, then stops, then couplings, of joints at q = q⁺, v = v⁺, for impulses gamma.
 
-    κ = rest_gap (c + WEIGHT/1000 inertia) of friction with Coulomb part c, rest_gap WEIGHT inertia of a
+    κ = ε rest_gap (c + WEIGHT/1000 inertia) of friction with Coulomb part c, rest_gap WEIGHT inertia of a
     stop [J]; `scale` multiplies κ. A coupling gives way by rest_gap/(WEIGHT inertia) beyond its own compliance.
     """
     held, yielding = weights
@@ -178,7 +179,7 @@ def rows(model, weights, q, v, gamma, theta, h, scale=1.0):
         dof = np.array([joint.v.start for joint, _ in model.frictions])
         c, s, v_s = theta[np.array([where for _, where in model.frictions]).T]
         bound = h * joints.friction_bound(c, s, v_s, v[dof])
-        kappa = model.rest_gap * (c + joints.FRICTION_FLOOR * joints.WEIGHT * held[dof])
+        kappa = sharpness(h) * model.rest_gap * (c + joints.FRICTION_FLOOR * joints.WEIGHT * held[dof])
         out.append(joints.friction_residual(bound, v[dof], gamma[:n], joints.RHO * yielding[dof], scale * kappa))
     if model.stops:
         dof, at = (np.array([getattr(joint, x).start for joint, *_ in model.stops]) for x in "vq")

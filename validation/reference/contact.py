@@ -1,13 +1,15 @@
 """Node spheres against fixed shapes: gaps, normals, central-path impulses.
 
-With v̂_n = gap/h [m/s] and v_t = (I - n nᵀ) v⁺, the impulse p = γ_n n + γ_t [N·s] solves
-s ∘ w = κ e, s = (v̂_n + ς, μ v_t), w = (γ_n, γ_t/μ) in the second-order cone.
+With v̂_n = gap/h [m/s] and v_t = (I - n nᵀ) v⁺, the impulse p = w₀ n + μ w̄ [N·s] solves
+s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = 1/ε, ε = h²/(h² + τ²) (coulomb).
 Admissible: gap > 0 (coulomb), v̂_n > μ |v_t| (anitescu).
 """
 
 import jax.numpy as jnp
 
 from .laws import dot
+
+FRICTION_TIME = 0.01  # τ [s]
 
 
 def plane_gap(x, radius, shape):
@@ -40,21 +42,26 @@ def tangential(normal, velocity):
     return velocity - normal * dot(normal, velocity)
 
 
+def sharpness(h):
+    """ε = h²/(h² + τ²): smoothing of friction over that along the normal."""
+    return h**2 / (h**2 + FRICTION_TIME**2)
+
+
 def impulse(law, gap, normal, velocity, h, friction, kappa):
     """p = γ_n n + γ_t  [N·s].
 
-    coulomb:  s0 = (v̂_n + √(v̂_n² + 4 μ²|v_t|²))/2, γ_n = κ/v̂_n, γ_t = -μ² γ_n v_t/s0.
+    coulomb:  s0 = (v̂_n + √(v̂_n² + 4|v_t/ε|²))/2, γ_n = κ/v̂_n, γ_t = -μ γ_n (v_t/ε)/s0.
     anitescu: d = v̂_n² - μ²|v_t|², γ_n = κ v̂_n/d, γ_t = -κ μ² v_t/d.
     """
     approach = gap / h
     v_t = tangential(normal, velocity)
-    slip2 = friction**2 * (dot(v_t, v_t))
     if law == "coulomb":
-        s0 = 0.5 * (approach + jnp.sqrt(approach**2 + 4.0 * slip2))
+        slip = v_t / sharpness(h)
+        s0 = 0.5 * (approach + jnp.sqrt(approach**2 + 4.0 * dot(slip, slip)))
         gamma_n = kappa / approach
-        return gamma_n * normal - friction**2 * gamma_n / s0 * v_t
+        return gamma_n * normal - friction * gamma_n / s0 * slip
     if law == "anitescu":
-        d = approach**2 - slip2
+        d = approach**2 - friction**2 * dot(v_t, v_t)
         return kappa / d * (approach * normal - friction**2 * v_t)
     raise ValueError(f"unknown contact law {law!r}")
 

@@ -1,7 +1,7 @@
 //! Colliders that may touch, and their contact linearized under the split law.
 
 use super::distance_change::Changes;
-use super::{LinkLinear, RHO, contact_law};
+use super::{LinkLinear, RHO, contact_law, slip};
 use crate::geometry::collider::{ContactGeometry, carried};
 use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
 use pliant_math::Vec3;
@@ -49,6 +49,9 @@ pub struct ColliderPair {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitLaw {
     pub law: ContactLaw,
+    /// Friction μ, and the slip factor's derivative by it [-].
+    pub mu: f64,
+    pub slip_by_mu: f64,
     pub at: SplitPoint,
 }
 
@@ -59,7 +62,7 @@ impl SplitLaw {
         match self.law {
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()).f,
             ContactLaw::Anitescu => {
-                residual(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()).into()
+                residual(self.law, at.slip, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()).into()
             }
         }
     }
@@ -69,7 +72,7 @@ impl SplitLaw {
         let at = &self.at;
         match self.law {
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()),
-            ContactLaw::Anitescu => linearize(self.law, at.mu, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()),
+            ContactLaw::Anitescu => linearize(self.law, at.slip, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()),
         }
     }
 }
@@ -111,7 +114,7 @@ impl LinkLinear {
         if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
             return None;
         }
-        let (n, c, mu) = (&geometry.normal, &geometry.point, law.at.mu);
+        let (n, c, mu) = (&geometry.normal, &geometry.point, law.mu);
         let projector = Matrix3::identity() - n * n.transpose();
         let turning = projector * hat(&sliding.relative.w);
         let along = n.dot(&sliding.velocity);
@@ -147,7 +150,7 @@ impl LinkLinear {
             gain: product(&w_w, &lin.df_dw_inverse),
             w_xi,
             f_vn: lin.df_dvn,
-            f_mu: lin.df_dmu,
+            f_mu: lin.df_dslip * law.slip_by_mu,
             f_vt: lin.df_dvt,
         })
     }
@@ -162,7 +165,7 @@ fn stack(top: &Matrix3x6<f64>, bottom: &Matrix3x6<f64>) -> Matrix6<f64> {
 
 /// Rounding of w: that of F through F_w⁻¹.
 pub(crate) fn rounding(inverse: &Matrix4<f64>, w: &Vector4<f64>, law: &SplitLaw, v_t: &Vec3<f64>) -> f64 {
-    let size = w.norm() + law.at.rho_t * law.at.mu * v_t.norm();
+    let size = w.norm() + law.at.rho_t * law.at.slip * v_t.norm();
     4.0 * f64::EPSILON * size * inverse.norm()
 }
 
@@ -175,20 +178,25 @@ pub(crate) fn body_contact_law(
     [h, rest_gap]: [f64; 2],
     regularization: f64,
 ) -> SplitLaw {
-    SplitLaw {
-        law: contact_law(law),
-        at: SplitPoint {
-            mu: pair.friction.value(theta),
-            kappa: rest_gap * pair.weight,
-            rho_n,
-            rho_t,
-            compliance_per_h2: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
-            regularization,
-        },
-    }
+    let at = SplitPoint {
+        slip: 0.0,
+        kappa: rest_gap * pair.weight,
+        rho_n,
+        rho_t,
+        compliance_per_h2: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
+        regularization,
+    };
+    SplitLaw::new(law, pair.friction.value(theta), h, at)
 }
 
 impl SplitLaw {
+    /// With the slip factor of μ and a stage's length, and ρ_t over it: `at` has that of σ = 1.
+    pub fn new(law: pliant_scene::Law, mu: f64, h: f64, at: SplitPoint) -> Self {
+        let (slip, slip_by_mu) = slip(law, mu, h);
+        let rho_t = if law == pliant_scene::Law::Coulomb { at.rho_t / slip } else { at.rho_t };
+        Self { law: contact_law(law), mu, slip_by_mu, at: SplitPoint { slip, rho_t, ..at } }
+    }
+
     /// w on the central path for a signed distance: w₀ v_n = κ, bounded by what closes it.
     pub fn central(&self, gap: f64, h: f64) -> Vector4<f64> {
         let z = -self.at.rho_n * gap.max(0.0) / h;

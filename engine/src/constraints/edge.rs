@@ -8,7 +8,7 @@
 //! ```
 
 use super::collider::{Friction, SplitLaw};
-use super::{contact_law, impulse};
+use super::impulse;
 use crate::geometry::collider::{Feature, PlacedCollider};
 use crate::geometry::element::{Nearest, nearest};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, RowVector3, SMatrix, Vector4};
@@ -107,14 +107,11 @@ pub(crate) fn element_law(
     (group, element): (&ElementGroup, &ContactElement),
     rho: f64,
     theta: &[f64],
-    rest_gap: f64,
+    [h, rest_gap]: [f64; 2],
     regularization: f64,
 ) -> SplitLaw {
     let (mu, kappa) = (group.friction.value(theta), rest_gap * element.weight);
-    SplitLaw {
-        law: contact_law(law),
-        at: SplitPoint { mu, kappa, rho_n: rho, rho_t: rho, compliance_per_h2: 0.0, regularization },
-    }
+    SplitLaw::new(law, mu, h, SplitPoint { slip: 0.0, kappa, rho_n: rho, rho_t: rho, compliance_per_h2: 0.0, regularization })
 }
 
 /// Σ β_i x_i.
@@ -195,9 +192,9 @@ pub(crate) struct ConeLinear {
 }
 
 impl ConeLinear {
-    pub fn new(lin: &Linearization) -> Self {
+    pub fn new(lin: &Linearization, slip_by_mu: f64) -> Self {
         let (f_w, inverse) = (lin.df_dw, lin.df_dw_inverse);
-        Self { f_w, inverse, f_vn: lin.df_dvn, f_mu: lin.df_dmu, f_vt: lin.df_dvt }
+        Self { f_w, inverse, f_vn: lin.df_dvn, f_mu: lin.df_dslip * slip_by_mu, f_vt: lin.df_dvt }
     }
 
     pub fn zero() -> Self {
@@ -237,8 +234,9 @@ mod tests {
     type Dual = DualSVec64<9>;
 
     const H: f64 = 0.01;
+    const MU: f64 = 0.7;
     const LAW: SplitPoint =
-        SplitPoint { mu: 0.6, kappa: 1e-5, rho_n: 0.02, rho_t: 0.02, compliance_per_h2: 0.0, regularization: 0.0 };
+        SplitPoint { slip: 0.6, kappa: 1e-5, rho_n: 0.02, rho_t: 0.02, compliance_per_h2: 0.0, regularization: 0.0 };
 
     /// Impulses on the nodes and F for nodes and velocities of any scalar.
     fn generic(
@@ -259,9 +257,9 @@ mod tests {
         let u = v[0] * found.weights[0] + v[1] * found.weights[1] + v[2] * found.weights[2];
         let u_t = u - n * n.dot(&u);
         let w = w.map(Dual::from_re);
-        let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * Dual::from_re(LAW.mu);
-        let [mu, kappa, compliance_per_h2] = [LAW.mu, LAW.kappa, LAW.compliance_per_h2].map(Dual::from_re);
-        let f = split_residual(mu, kappa, LAW.rho_n, LAW.rho_t, compliance_per_h2, found.gap / H, u_t.into(), w.into());
+        let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * Dual::from_re(MU);
+        let [slip, kappa, compliance_per_h2] = [LAW.slip, LAW.kappa, LAW.compliance_per_h2].map(Dual::from_re);
+        let f = split_residual(slip, kappa, LAW.rho_n, LAW.rho_t, compliance_per_h2, found.gap / H, u_t.into(), w.into());
         (found.weights.map(|weight| impulse * weight), f)
     }
 
@@ -290,7 +288,7 @@ mod tests {
                 let found = changes.nearest;
                 let u_t = tangential(&found.normal, &weighted(&found.weights, &v));
                 let lin = split_linearize(&LAW, found.gap / H, u_t.into(), w.into());
-                let by_hand = ElementLinear::new(&lin, &changes, LAW.mu, &v, H, &w);
+                let by_hand = ElementLinear::new(&lin, &changes, MU, &v, H, &w);
                 let seeded = |i: usize, x: &Vec3<f64>, on: bool| {
                     Vec3::from_fn(|a, _| if on { Dual::from_re(x[a]).derivative(3 * i + a) } else { Dual::from_re(x[a]) })
                 };

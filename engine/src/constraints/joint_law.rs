@@ -1,6 +1,7 @@
 //! Friction and stops at joints, and joints that follow others: one impulse each, condensed into the force on its degrees of freedom.
 
 use super::coupling::Coupling;
+use super::sharpness;
 use nalgebra::{SVector, Vector3};
 use num_dual::{Derivative, Dual64, DualSVec64};
 use pliant_math::Real;
@@ -108,7 +109,7 @@ impl JointRow {
         }
     }
 
-    /// F for any scalar, of (q, v, γ, load). κ = δ (c + weight/1000) for friction with c the mean of c₊ and c₋, δ weight for a stop.
+    /// F for any scalar, of (q, v, γ, load). κ = ε δ (c + weight/1000) for friction with c the mean of c₊ and c₋, and ε of [`sharpness`], δ weight for a stop.
     fn law<S: Real>(&self, at: &RowPoint, [q, v, gamma, load]: [S; 4], p: &[S]) -> S {
         match self.kind {
             JointRowKind::Friction(friction) => {
@@ -117,7 +118,7 @@ impl JointRow {
                 if friction.load.is_some() {
                     more += p[4] * if load.re() == 0.0 { S::zero() } else { load.abs() };
                 }
-                let kappa = ((p[0] + p[1]) * 0.5 + 1e-3 * at.weight) * at.rest_gap;
+                let kappa = ((p[0] + p[1]) * 0.5 + 1e-3 * at.weight) * (at.rest_gap * sharpness(at.h));
                 friction_residual(kappa, at.rho, (p[0] + more) * at.h, (p[1] + more) * at.h, v, gamma)
             }
             JointRowKind::Stop(_, side) => {

@@ -20,6 +20,8 @@ pub(crate) struct LawPoint {
     pub law: ContactLaw,
     /// Friction μ [-].
     pub mu: f64,
+    /// Slip factor σ and its derivative by μ [-].
+    pub slip: (f64, f64),
     /// Smoothing κ [J].
     pub kappa: f64,
     /// Step of the natural residual ρ [kg].
@@ -48,7 +50,7 @@ pub(crate) struct Condensed {
     /// ∂F/∂q⁺ and ∂F/∂v⁺.
     pub df_dq: Matrix4x3<f64>,
     pub df_dv: Matrix4x3<f64>,
-    /// ∂F/∂v_n, ∂F/∂v_t, ∂F/∂μ, ∂F/∂κ for parameter derivatives.
+    /// ∂F/∂v_n, ∂F/∂v_t, ∂F/∂μ (through σ), ∂F/∂κ for parameter derivatives.
     pub df_dvn: Vector4<f64>,
     pub df_dvt: Matrix4x3<f64>,
     pub df_dmu: Vector4<f64>,
@@ -63,7 +65,7 @@ pub(crate) fn impulse(normal: Vec3<f64>, mu: f64, w: &Vector4<f64>) -> Vec3<f64>
 impl Condensed {
     /// Linearizes at cone variable `w` and node velocity `v`; `h` is the stage length. False if the iterate is not finite.
     pub(crate) fn linearize(&mut self, at: LawPoint, touch: &Touch, v: Vec3<f64>, h: f64, w: &Vector4<f64>) -> bool {
-        let lin = pliant_smoothing::linearize(at.law, at.mu, at.kappa, at.rho, touch.v_n, touch.v_t.into(), (*w).into());
+        let lin = pliant_smoothing::linearize(at.law, at.slip.0, at.kappa, at.rho, touch.v_n, touch.v_t.into(), (*w).into());
         if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
             return false;
         }
@@ -78,7 +80,7 @@ impl Condensed {
         self.dp_dq = self.dp_dq_fixed - self.gain * self.df_dq;
         self.dp_dv = -self.gain * self.df_dv;
         (self.residual, self.df_dw, self.inverse) = (lin.f, lin.df_dw, lin.df_dw_inverse);
-        (self.df_dvn, self.df_dvt, self.df_dmu, self.df_dkappa) = (lin.df_dvn, lin.df_dvt, lin.df_dmu, lin.df_dkappa);
+        (self.df_dvn, self.df_dvt, self.df_dmu, self.df_dkappa) = (lin.df_dvn, lin.df_dvt, lin.df_dslip * at.slip.1, lin.df_dkappa);
         true
     }
 

@@ -47,7 +47,7 @@ impl Stage<'_> {
         let [_, first, ..] = ws.constraints.starts();
         for ((link, BodyContact { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
             let geometry = self.geometry(link, features, &at)?;
-            let wrench = contact_wrench(&geometry, self.body_contact_law(link, *pair).at.mu, &Vector4::from_column_slice(w));
+            let wrench = contact_wrench(&geometry, self.body_contact_law(link, *pair).mu, &Vector4::from_column_slice(w));
             // a deep contact is pushed out by its target; that much is meant
             let meant = w[0] * link.target_speed(self.h);
             touched += link.sliding(&geometry, &at).relative.dot(&wrench) - meant;

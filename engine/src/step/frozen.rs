@@ -107,7 +107,7 @@ impl Stage<'_> {
             let sliding = link.sliding(&geometry, &at);
             let law = self.body_contact_law(link, *pair);
             let [s, t] = tangents(&geometry.normal);
-            let (mu, kappa) = (law.at.mu, law.at.kappa);
+            let (mu, kappa) = (law.mu, law.at.kappa);
             part.contacts.push(CentralContact { mu, kappa, compliance_per_h2: law.at.compliance_per_h2 });
             part.points.push(FrozenPoint { axes: [geometry.normal, s, t], point: geometry.point });
             part.b.extend([geometry.gap / self.h, sliding.velocity.dot(&s), sliding.velocity.dot(&t)]);

@@ -1,11 +1,11 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 use super::*;
-use crate::impulse;
+use crate::central;
 use nalgebra::{SMatrix, SVector, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
 const LAWS: [ContactLaw; 2] = [ContactLaw::Coulomb, ContactLaw::Anitescu];
-const MUS: [f64; 5] = [0.0, 0.05, 0.4, 1.0, 1.5];
+const SLIPS: [f64; 5] = [0.0, 0.05, 0.4, 1.5, 50.0];
 const KAPPAS: [f64; 6] = [1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2];
 type Dual = DualSVec64<10>;
 
@@ -21,8 +21,8 @@ impl Lcg {
     }
 }
 
-/// F and its 10 derivatives by (v_n, v_t, w, μ, κ), in that order.
-fn automatic(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> [Dual; 4] {
+/// F and its 10 derivatives by (v_n, v_t, w, σ, κ), in that order.
+fn automatic(law: ContactLaw, slip: f64, kappa: f64, rho: f64, v_n: f64, v_t: [f64; 3], w: [f64; 4]) -> [Dual; 4] {
     let seed = |value: f64, k: usize| {
         let mut e = SVector::<f64, 10>::zeros();
         e[k] = 1.0;
@@ -30,7 +30,7 @@ fn automatic(law: ContactLaw, mu: f64, kappa: f64, rho: f64, v_n: f64, v_t: [f64
     };
     let v_t = std::array::from_fn(|a| seed(v_t[a], 1 + a));
     let w = std::array::from_fn(|a| seed(w[a], 4 + a));
-    residual(law, seed(mu, 8), seed(kappa, 9), rho, seed(v_n, 0), v_t, w)
+    residual(law, seed(slip, 8), seed(kappa, 9), rho, seed(v_n, 0), v_t, w)
 }
 
 fn columns(l: &Linearization) -> [Vector4<f64>; 10] {
@@ -38,7 +38,7 @@ fn columns(l: &Linearization) -> [Vector4<f64>; 10] {
         0 => l.df_dvn,
         1..4 => l.df_dvt.column(k - 1).into(),
         4..8 => l.df_dw.column(k - 4).into(),
-        8 => l.df_dmu,
+        8 => l.df_dslip,
         _ => l.df_dkappa,
     })
 }
@@ -48,7 +48,7 @@ fn for_points(mut check: impl FnMut(ContactLaw, f64, f64, f64, f64, [f64; 3], [f
     let mut rng = Lcg(7);
     let rho = 0.3 * 0.01;
     for law in LAWS {
-        for mu in MUS {
+        for slip in SLIPS {
             for kappa in KAPPAS {
                 for (v_n, speed, w0, w_bar) in [
                     (1e-7, 1e-9, 1e-3, 5e-4),  // stick
@@ -63,7 +63,7 @@ fn for_points(mut check: impl FnMut(ContactLaw, f64, f64, f64, f64, [f64; 3], [f
                     for _ in 0..6 {
                         let (v_n, w0) = (v_n * (1.0 + 0.9 * rng.next()), w0 * (1.0 + 0.9 * rng.next()));
                         let (v_t, w_bar) = (rng.vector(speed), rng.vector(w_bar));
-                        check(law, mu, kappa, rho, v_n, v_t, [w0, w_bar[0], w_bar[1], w_bar[2]]);
+                        check(law, slip, kappa, rho, v_n, v_t, [w0, w_bar[0], w_bar[1], w_bar[2]]);
                     }
                 }
             }
@@ -74,14 +74,14 @@ fn for_points(mut check: impl FnMut(ContactLaw, f64, f64, f64, f64, [f64; 3], [f
 #[test]
 fn kernel_equals_the_automatic_derivatives() {
     let mut worst = (0.0_f64, String::new());
-    for_points(|law, mu, kappa, rho, v_n, v_t, w| {
-        let l = linearize(law, mu, kappa, rho, v_n, v_t, w);
-        let auto = automatic(law, mu, kappa, rho, v_n, v_t, w);
+    for_points(|law, slip, kappa, rho, v_n, v_t, w| {
+        let l = linearize(law, slip, kappa, rho, v_n, v_t, w);
+        let auto = automatic(law, slip, kappa, rho, v_n, v_t, w);
         let f: Vector4<f64> = Vector4::from_fn(|a, _| auto[a].re);
         let mut note = |error: f64, scale: f64, what: String| {
             let relative = if error == 0.0 { 0.0 } else { error / scale };
             if relative > worst.0 || relative.is_nan() {
-                worst = (relative, format!("{what} {law} mu {mu} kappa {kappa:e} v_n {v_n:e} v_t {v_t:?} w {w:?}"));
+                worst = (relative, format!("{what} {law} slip {slip} kappa {kappa:e} v_n {v_n:e} v_t {v_t:?} w {w:?}"));
             }
         };
         // F is a difference of terms of this size
@@ -98,18 +98,17 @@ fn kernel_equals_the_automatic_derivatives() {
 fn closed_form_is_the_root() {
     let mut rng = Lcg(11);
     for law in LAWS {
-        for mu in [1e-3, 0.3, 0.8, 1.5] {
+        for slip in [1e-3, 0.3, 0.8, 1.5] {
             for kappa in KAPPAS {
                 for (v_n, speed) in [(1e-7, 0.0), (1e-7, 1e-8), (1e-6, 0.5), (1.0, 0.2), (0.01, 2.0)] {
                     let v_t = rng.vector(speed);
                     let norm = v_t.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    let v_n = if law == ContactLaw::Anitescu { 1.01 * mu * norm + v_n } else { v_n };
-                    let (gamma_n, gamma_t) = impulse(law, mu, kappa, v_n, v_t);
-                    let w = [gamma_n, gamma_t[0] / mu, gamma_t[1] / mu, gamma_t[2] / mu];
+                    let v_n = if law == ContactLaw::Anitescu { 1.01 * slip * norm + v_n } else { v_n };
+                    let w = central(law, slip, kappa, v_n, v_t);
                     for rho in [1e-4, 0.03] {
-                        let f = residual(law, mu, kappa, rho, v_n, v_t, w);
-                        let scale = w[0] + rho * v_n + rho * mu * norm;
-                        assert!(f.iter().all(|f| f.abs() < 1e-14 * scale), "{law} {mu} {kappa} {v_n} {v_t:?}: {f:?}");
+                        let f = residual(law, slip, kappa, rho, v_n, v_t, w);
+                        let scale = w[0] + rho * v_n + rho * slip * norm;
+                        assert!(f.iter().all(|f| f.abs() < 1e-14 * scale), "{law} {slip} {kappa} {v_n} {v_t:?}: {f:?}");
                     }
                 }
             }
@@ -121,21 +120,20 @@ fn closed_form_is_the_root() {
 #[test]
 fn root_of_the_residual_is_complementary() {
     for law in LAWS {
-        for mu in MUS {
+        for slip in SLIPS {
             for kappa in [1e-12, 1e-9, 1e-4] {
                 let (v_n, v_t, rho) = (3e-3 + if law == ContactLaw::Anitescu { 0.4 } else { 0.0 }, [0.1, -0.2, 0.05], 0.003);
                 let mut w = Vector4::new(1e-4, 0.0, 0.0, 0.0);
                 for _ in 0..60 {
-                    let l = linearize(law, mu, kappa, rho, v_n, v_t, w.into());
+                    let l = linearize(law, slip, kappa, rho, v_n, v_t, w.into());
                     let step = l.df_dw.lu().solve(&l.f).unwrap();
                     // damped: stay where w₀ is positive
                     let shrink = if step[0] > 0.9 * w[0] { 0.9 * w[0] / step[0] } else { 1.0 };
                     w -= step * shrink;
                 }
-                let (gamma_n, gamma_t): (f64, [f64; 3]) = impulse(law, mu, kappa, v_n, v_t);
-                assert!((w[0] - gamma_n).abs() < 1e-9 * gamma_n, "{law} {mu} {kappa}: {} {gamma_n}", w[0]);
-                for a in 0..3 {
-                    assert!((mu * w[1 + a] - gamma_t[a]).abs() < 1e-9 * gamma_n);
+                let root: [f64; 4] = central(law, slip, kappa, v_n, v_t);
+                for a in 0..4 {
+                    assert!((w[a] - root[a]).abs() < 1e-9 * root[0], "{law} {slip} {kappa}: {w} {root:?}");
                 }
                 let (low, high) = eigenvalues(w.into());
                 assert!(0.0 < low && low <= high);
@@ -147,12 +145,12 @@ fn root_of_the_residual_is_complementary() {
 #[test]
 fn regular_where_nothing_is_tangential() {
     for law in LAWS {
-        for mu in [0.0, 0.5] {
+        for slip in [0.0, 0.5] {
             for (v_n, w0) in [(0.0, 1e-3), (1e-3, 0.0), (-1e-2, 0.0), (0.0, 0.0)] {
-                let l = linearize(law, mu, 1e-9, 0.01, v_n, [0.0; 3], [w0, 0.0, 0.0, 0.0]);
+                let l = linearize(law, slip, 1e-9, 0.01, v_n, [0.0; 3], [w0, 0.0, 0.0, 0.0]);
                 let finite = l.f.iter().chain(columns(&l).iter().flatten()).all(|x| x.is_finite());
-                assert!(finite, "{law} {mu} {v_n} {w0}: {l:?}");
-                let auto = automatic(law, mu, 1e-9, 0.01, v_n, [0.0; 3], [w0, 0.0, 0.0, 0.0]);
+                assert!(finite, "{law} {slip} {v_n} {w0}: {l:?}");
+                let auto = automatic(law, slip, 1e-9, 0.01, v_n, [0.0; 3], [w0, 0.0, 0.0, 0.0]);
                 for (k, column) in columns(&l).iter().enumerate() {
                     for a in 0..4 {
                         let expected = auto[a].eps.0.map_or(0.0, |e| e[k]);
@@ -168,8 +166,8 @@ fn regular_where_nothing_is_tangential() {
 #[test]
 fn inverse_is_the_inverse() {
     let mut worst = 0.0_f64;
-    for_points(|law, mu, kappa, rho, v_n, v_t, w| {
-        let l = linearize(law, mu, kappa, rho, v_n, v_t, w);
+    for_points(|law, slip, kappa, rho, v_n, v_t, w| {
+        let l = linearize(law, slip, kappa, rho, v_n, v_t, w);
         let error = (l.df_dw * l.df_dw_inverse - Matrix4::identity()).abs();
         let rounding = l.df_dw.abs() * l.df_dw_inverse.abs();
         worst = worst.max(error.component_div(&rounding.add_scalar(f64::MIN_POSITIVE)).max());
@@ -180,7 +178,7 @@ fn inverse_is_the_inverse() {
 /// A mass over a plane with normal z, for [`newton_lands_a_falling_mass`]; unknowns (v⁺, w).
 struct FallingMass {
     law: ContactLaw,
-    mu: f64,
+    slip: f64,
     kappa: f64,
     mass: f64,
     h: f64,
@@ -190,16 +188,16 @@ struct FallingMass {
 
 impl FallingMass {
     fn system(&self, y: &SVector<f64, 7>) -> (SVector<f64, 7>, SMatrix<f64, 7, 7>) {
-        let Self { law, mu, kappa, mass, h, gap, v } = self;
+        let Self { law, slip, kappa, mass, h, gap, v } = self;
         let (v_new, w) = (y.fixed_rows::<3>(0), y.fixed_rows::<4>(3));
         let v_t = [v_new[0], v_new[1], 0.0];
-        let l = linearize(*law, *mu, *kappa, 0.3 * mass, gap / h + v_new[2], v_t, [w[0], w[1], w[2], w[3]]);
+        let l = linearize(*law, *slip, *kappa, 0.3 * mass, gap / h + v_new[2], v_t, [w[0], w[1], w[2], w[3]]);
         let mut r = SVector::<f64, 7>::zeros();
-        r.fixed_rows_mut::<3>(0).copy_from(&((v_new - v) * *mass - Vector3::new(mu * w[1], mu * w[2], w[0])));
+        r.fixed_rows_mut::<3>(0).copy_from(&((v_new - v) * *mass - Vector3::new(slip * w[1], slip * w[2], w[0])));
         r.fixed_rows_mut::<4>(3).copy_from(&l.f);
         let mut k = SMatrix::<f64, 7, 7>::zeros();
         k.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(*mass);
-        (k[(0, 4)], k[(1, 5)], k[(2, 3)]) = (-mu, -mu, -1.0);
+        (k[(0, 4)], k[(1, 5)], k[(2, 3)]) = (-slip, -slip, -1.0);
         k.fixed_view_mut::<4, 2>(3, 0).copy_from(&l.df_dvt.fixed_columns::<2>(0));
         k.fixed_view_mut::<4, 1>(3, 2).copy_from(&l.df_dvn);
         k.fixed_view_mut::<4, 4>(3, 3).copy_from(&l.df_dw);
@@ -241,12 +239,12 @@ impl FallingMass {
 #[test]
 fn newton_lands_a_falling_mass() {
     for law in LAWS {
-        for mu in [0.0, 0.3, 1.0] {
+        for slip in [0.0, 0.3, 1.0] {
             for speed in [0.0, 1e-6, 0.5] {
                 let (mass, h, gap, v) = (0.01, 0.005, 0.004, Vector3::new(speed, 0.0, -2.0));
-                let falling = FallingMass { law, mu, kappa: 1e-9 * mass * 9.81, mass, h, gap, v };
-                let (iterations, y) = falling.newton().unwrap_or_else(|| panic!("{law} mu {mu} speed {speed}: stuck"));
-                assert!(iterations <= 8, "{law} mu {mu} speed {speed}: {iterations} iterations");
+                let falling = FallingMass { law, slip, kappa: 1e-9 * mass * 9.81, mass, h, gap, v };
+                let (iterations, y) = falling.newton().unwrap_or_else(|| panic!("{law} slip {slip} speed {speed}: stuck"));
+                assert!(iterations <= 8, "{law} slip {slip} speed {speed}: {iterations} iterations");
                 assert!(gap + h * y[2] > 0.0 && y[3] > 0.0);
             }
         }

@@ -75,7 +75,7 @@ impl Stage<'_> {
     /// The law's numbers at the contact of an edge or triangle.
     fn element_law(&self, contact: &EdgeContact) -> SplitLaw {
         let of = (&self.model.element_groups[contact.id.group], &self.model.elements[contact.id.element]);
-        element_law(self.model.contact.law, of, contact.rho, self.theta, self.options.rest_gap, self.options.regularization)
+        element_law(self.model.contact.law, of, contact.rho, self.theta, [self.h, self.options.rest_gap], self.options.regularization)
     }
 
     fn element_names(&self, id: &EdgeId) -> [String; 2] {
@@ -158,7 +158,7 @@ impl ConstraintSet for EdgeContacts {
             let u_t = tangential(&found.normal, &weighted(&found.weights, &of_nodes(element, at.v)));
             let f = law.residual(found.gap / stage.h, &u_t, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
-            element.push(&found, impulse(found.normal, law.at.mu, &(w - contact.law.inverse * f)), stage.h, loads.nodes);
+            element.push(&found, impulse(found.normal, law.mu, &(w - contact.law.inverse * f)), stage.h, loads.nodes);
         }
         Ok(())
     }
@@ -185,7 +185,7 @@ impl ConstraintSet for EdgeContacts {
                 let [first, second] = stage.element_names(&contact.id);
                 return Err(StepError::ContactNotFinite { step: 0, first, second, value: w.norm() });
             }
-            let linear = ElementLinear::new(&lin, &changes, law.at.mu, &v, stage.h, &w);
+            let linear = ElementLinear::new(&lin, &changes, law.mu, &v, stage.h, &w);
             for (i, &row) in element.corners().iter().enumerate() {
                 for (j, &column) in element.corners().iter().enumerate() {
                     let [by_x, by_v] = linear.condensed(i, j);
@@ -193,11 +193,11 @@ impl ConstraintSet for EdgeContacts {
                     slopes.dv.add_block(row, column, 1.0 / stage.h, &rows(&by_v));
                 }
             }
-            contact.law = ConeLinear::new(&lin);
+            contact.law = ConeLinear::new(&lin, law.slip_by_mu);
             contact.rounding = rounding(&lin.df_dw_inverse, &w, &law, &u_t);
             contact.linear = Some(linear);
             out[4 * k..4 * k + 4].copy_from_slice(lin.f.as_slice());
-            element.push(&found, impulse(found.normal, law.at.mu, &(w - lin.df_dw_inverse * lin.f)), stage.h, loads.nodes);
+            element.push(&found, impulse(found.normal, law.mu, &(w - lin.df_dw_inverse * lin.f)), stage.h, loads.nodes);
         }
         Ok(())
     }
@@ -347,7 +347,7 @@ fn nearest_with(model: &Model, id: EdgeId, q: &[f64], theta: impl Fn(usize) -> D
 /// Numbers that tell the contact apart, 0 separate, 1 stick or 2 slip, and which part of the edge or triangle is nearest.
 pub(super) fn mode(record: &ConeRecord, id: EdgeId, at: &InputsAt) -> Vec<u8> {
     let of = (&at.model.element_groups[id.group], &at.model.elements[id.element]);
-    let law = element_law(at.model.contact.law, of, record.rho[0], at.theta, at.stage.rest_gap, 0.0);
+    let law = element_law(at.model.contact.law, of, record.rho[0], at.theta, [at.stage.h, at.stage.rest_gap], 0.0);
     let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt());
     let region = || match nearest_with(at.model, id, at.q, |k| Dual64::from_re(at.theta[k]))?.region {
         Region::Inside => Some(1),

@@ -4,7 +4,7 @@ use super::{
     Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, Loads, RecordAt,
     Slopes, WarmImpulses, cone,
 };
-use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, weighed};
+use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, slip, weighed};
 use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
@@ -43,6 +43,7 @@ impl Stage<'_> {
         LawPoint {
             law: contact_law(self.model.contact.law),
             mu: self.theta[pair.friction],
+            slip: slip(self.model.contact.law, self.theta[pair.friction], self.h),
             kappa: self.options.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
             rho: RHO * mass,
         }
@@ -89,7 +90,7 @@ impl ConstraintSet for NodeContacts {
         for (c, contact) in self.contacts.iter().enumerate() {
             let (touch, _) = stage.touch(c, at)?;
             let (law, w) = (stage.law_point(c), cone(lambda, c));
-            let f = pliant_smoothing::residual(law.law, law.mu, law.kappa, law.rho, touch.v_n, touch.v_t.into(), w.into());
+            let f = pliant_smoothing::residual(law.law, law.slip.0, law.kappa, law.rho, touch.v_n, touch.v_t.into(), w.into());
             out[4 * c..4 * c + 4].copy_from_slice(&f);
             let condensed = (impulse(touch.normal, law.mu, &w) - contact.gain * Vector4::from(f)) / stage.h;
             add_force(stage.model.pairs[c].node, condensed, loads.nodes);
