@@ -47,7 +47,7 @@ pub(crate) struct Inverse {
     transposed: Vec<f64>,
     columns: usize,
     refinement: Refinement,
-    /// Vᵀ, where it is a product.
+    /// V, where it is a product.
     by_position: Vec<f64>,
     /// σ m of every column; zero in prescribed ones.
     momentum: Vec<f64>,
@@ -145,14 +145,12 @@ impl Inverse {
             }
             (stage.carried_positions(cx.model), Vec::new())
         };
-        let mut a = vec![0.0; 4 * n * n];
         self.prepare(cx, stage, &positions, &normals);
         let inertia = stage.inertia * stage.scheme.momentum;
         self.momentum.clear();
         self.momentum.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(|(m, d)| if *d { 0.0 } else { inertia * m }));
         let [begin, end, _] = &stage.transport.carry;
-        self.by_state(stage, begin, &mut a);
-        let mut out = Linearization { a, b: vec![0.0; 2 * n * nu], c: Vec::new() };
+        let mut out = Linearization { a: self.by_state(stage, begin), b: vec![0.0; 2 * n * nu], c: Vec::new() };
         self.add_commands(step, h, nu, &mut out);
         end.add_after(&mut out.a[..2 * n * n], 2 * n);
         end.add_after(&mut out.b[..n * nu], nu);
@@ -223,15 +221,13 @@ impl Inverse {
                 break;
             }
         }
-        self.rows.clear();
         self.rows.resize(n * self.width, 0.0);
         transpose_into(&self.transposed, columns, &mut self.rows, self.width, n);
     }
 
-    /// Vᵀ where it is a product; otherwise D/h and the blocks on V's diagonal.
+    /// V where it is a product; otherwise D/h and the blocks on V's diagonal.
     fn prepare(&mut self, cx: Context, stage: &StageRecord, positions: &NodeMatrix, normals: &[NodeBlock]) {
         let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
-        self.by_position.clear();
         if stage.undamped {
             let scale = |(m, prescribed): (&f64, &bool)| per_h * if *prescribed { 1.0 } else { stage.inertia * m };
             self.scale.clear();
@@ -240,9 +236,12 @@ impl Inverse {
             return;
         }
         positions.transpose_times(&self.transposed[..n * columns], &mut self.by_position, columns);
+        // Vᵀ so far, which takes the place of Gᵀ transposed
+        transpose_into(&self.by_position, columns, &mut self.transposed, n, n);
+        std::mem::swap(&mut self.by_position, &mut self.transposed);
         for (node, along) in normals {
             for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                self.by_position[(3 * node + c) * columns + 3 * node + r] -= along[r][c] * per_h;
+                self.by_position[(3 * node + r) * n + 3 * node + c] -= along[r][c] * per_h;
             }
         }
     }
@@ -276,27 +275,33 @@ impl Inverse {
         }
     }
 
-    /// A, with the commands as they are and rods' axes not yet carried to the end.
-    fn by_state(&self, stage: &StageRecord, begin: &TransportDerivative, a: &mut [f64]) {
+    /// A, with the commands as they are and rods' axes not yet carried to the end. (Written in order: zeros to begin with would cost as much
+    /// as half of it.)
+    fn by_state(&self, stage: &StageRecord, begin: &TransportDerivative) -> Vec<f64> {
         let (n, nodes, h) = (self.momentum.len(), 3 * stage.jacobians.dq.nodes.layout().n_nodes(), stage.h);
-        let (upper, lower) = a.split_at_mut(2 * n * n);
-        if !stage.undamped {
-            transpose_into(&self.by_position, self.columns, lower, 2 * n, n);
-        }
-        let rows = upper.chunks_exact_mut(2 * n).zip(lower.chunks_exact_mut(2 * n));
-        for (i, ((q, v), g)) in rows.zip(self.rows.chunks_exact(self.width)).enumerate() {
+        let mut a = Vec::with_capacity(4 * n * n);
+        for (i, g) in self.rows.chunks_exact(self.width).enumerate() {
+            let row = a.len();
             if stage.undamped {
-                v.iter_mut().zip(g.iter().zip(&self.scale)).for_each(|(to, (g, s))| *to = g * s);
+                a.extend(g.iter().zip(&self.scale).map(|(g, s)| g * s));
+                let v = &mut a[row..];
                 self.contacts.iter().for_each(|contact| contact.add(g, v));
                 self.condensed.iter().for_each(|contact| contact.add(g, v));
                 let (own, r) = if i < nodes { (i - i % 3..i - i % 3 + 3, i % 3) } else { (i..i + 1, 0) };
                 own.for_each(|c| v[c] = self.own[c][r].value);
+            } else {
+                a.extend_from_slice(&self.by_position[i * n..(i + 1) * n]);
             }
-            begin.pull_before(&mut v[..n]);
-            v[n..].iter_mut().zip(g.iter().zip(&self.momentum)).for_each(|(v, (g, m))| *v = g * m);
-            q.iter_mut().zip(v.iter()).for_each(|(q, v)| *q = h * v);
+            begin.pull_before(&mut a[row..]);
+            a.extend(g.iter().zip(&self.momentum).map(|(g, m)| g * m));
+        }
+        // so far the rows of v⁺
+        a.extend_from_within(..);
+        for (i, q) in a[..2 * n * n].chunks_exact_mut(2 * n).enumerate() {
+            q.iter_mut().for_each(|q| *q *= h);
             begin.add_row(i, q);
         }
+        a
     }
 
     /// Adds to A and B the effect of positions and controls on the commanded velocities.

@@ -268,14 +268,28 @@ impl NodeMatrix {
     /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows of `width` numbers, of which the first `dim` count:
     /// three entries of a node's column, of a twist's one (and zeros).
     pub fn diagonal_blocks_of_product(&self, x: &[f64], width: usize, out: &mut Vec<[Sum; 3]>) {
-        let nodes = 3 * self.layout().n_nodes();
+        let (layout, b) = (self.layout(), self.layout().block());
         out.clear();
         out.resize(self.dim(), [Sum::default(); 3]);
         for r in 0..self.dim() {
-            self.for_system_row(r, |c, a| {
-                let rows = if c < nodes { c - c % 3..c - c % 3 + 3 } else { c..c + 1 };
-                rows.zip(&mut out[c]).for_each(|(row, sum)| sum.add(x[row * width + r] * a));
-            });
+            let at = layout.storage(r);
+            let (first, range) = self.stored_row(at);
+            let entries = &self.data()[range][b * (-first).max(0) as usize..];
+            for (slot, entries) in layout.row(at / b).zip(entries.chunks_exact(b)) {
+                if let (Some(c), Some(entries)) = (layout.system(b * slot), entries.first_chunk::<3>())
+                    && let Some(out) = out[c..].first_chunk_mut::<3>()
+                {
+                    for row in 0..3 {
+                        let factor = x[(c + row) * width + r];
+                        for k in 0..3 {
+                            out[k][row].add(factor * entries[k]);
+                        }
+                    }
+                }
+                if let (Some(twist), Some(c)) = (entries.get(3), (b == 4).then(|| layout.system(b * slot + 3)).flatten()) {
+                    out[c][0].add(x[c * width + r] * twist);
+                }
+            }
         }
     }
 }

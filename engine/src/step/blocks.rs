@@ -60,9 +60,10 @@ impl UnconstrainedBlocks {
         }
     }
 
-    /// Calls `visit(node, ∂f/∂q̄, ∂f/∂v̄)` for the blocks of single nodes.
-    pub fn visit_own(&self, mut visit: impl FnMut(usize, &Block, &Block)) {
-        self.own.iter().for_each(|([node, _], before)| visit(*node, &before.dq, &before.dv));
+    /// ∂f/∂q̄ and ∂f/∂v̄ of a node by itself, if it may touch.
+    pub fn own(&self, node: usize) -> Option<(&Block, &Block)> {
+        let at = self.own.binary_search_by_key(&node, |(nodes, _)| nodes[0]).ok()?;
+        Some((&self.own[at].1.dq, &self.own[at].1.dv))
     }
 
     /// Takes the blocks out of `k`, leaving zeros.

@@ -101,7 +101,7 @@ impl Stage<'_> {
         part.contacts.clear();
         part.points.clear();
         part.b.clear();
-        let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, resisting: &ws.resisting };
+        let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
         for (link, BodyContact { pair, features }) in ws.constraints.bodies.each() {
             let geometry = self.geometry(link, features, &at)?;
             let sliding = link.sliding(&geometry, &at);

@@ -210,10 +210,10 @@ impl Stage<'_> {
     fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: bool) -> Result<(), StepError> {
         ws.residuals.resize(it.lambda.len(), 0.0);
         ws.loads.clear(if ws.constraints.has_links() { self.model.tree.bodies().len() } else { 0 });
-        if linearize {
-            self.resisting_masses(&ws.blocks, &mut ws.resisting);
+        if it.lambda.is_empty() {
+            return Ok(());
         }
-        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, resisting: &ws.resisting };
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
         let (mut lambda, mut residuals) = (it.lambda.as_slice(), ws.residuals.as_mut_slice());
         let mut loads = Loads { nodes: &mut ws.f, bodies: &mut ws.loads.bodies, joints: &mut ws.loads.joints };
         let mut slopes = Slopes { dq: &mut ws.dq.nodes, dv: &mut ws.dv.nodes, joints: &mut ws.loads.slopes };
@@ -231,15 +231,12 @@ impl Stage<'_> {
     }
 
     /// The mass that resists a push on a node within the stage \[kg\]: its own, and of what bends, stretches and damps there at least
-    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. The split law of contact with bodies, boxes and cylinders takes its step ρ from it; of nodes that touch nothing
-    /// it is the mass.
-    fn resisting_masses(&self, blocks: &UnconstrainedBlocks, out: &mut Vec<f64>) {
-        out.clone_from(&self.masses.nodes);
+    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. The split law of contact with bodies, boxes and cylinders takes its step ρ from it.
+    pub(crate) fn resisting_mass(&self, node: usize, blocks: &UnconstrainedBlocks) -> f64 {
+        let Some((dq, dv)) = blocks.own(node) else { return self.masses.nodes[node] };
         let (cq, cv) = (self.h * self.h * self.scheme.free.a1, self.h * self.scheme.free.b1);
-        blocks.visit_own(|node, dq, dv| {
-            let block = Matrix3::from_fn(|r, c| -(cq * (dq[r][c] + dq[c][r]) + cv * (dv[r][c] + dv[c][r])) * 0.5);
-            out[node] += least_eigenvalue(&block).max(0.0);
-        });
+        let block = Matrix3::from_fn(|r, c| -(cq * (dq[r][c] + dq[c][r]) + cv * (dv[r][c] + dv[c][r])) * 0.5);
+        self.masses.nodes[node] + least_eigenvalue(&block).max(0.0)
     }
 
     fn subtract_joint_loads(&self, ws: &mut Workspace) {
@@ -249,9 +246,22 @@ impl Stage<'_> {
     /// Lists the constraints of this stage, and starts those that are new.
     pub(crate) fn find_constraints(&self, ws: &mut Workspace) {
         if self.lists_constraints() {
-            self.frames_at_start(ws);
-            self.frames_ahead(ws);
+            self.list_constraints(ws);
         }
+        let n = ws.it.v.len();
+        let warm = ws.warm.as_ref().map(|warm| &warm.impulses);
+        ws.constraints.for_parts(&mut ws.it.lambda, |set, own| set.start(self, warm, own));
+        ws.weights.resize(n + ws.it.lambda.len(), 0.0);
+        let (of_nodes, of_dofs) = ws.weights[..n].split_at_mut(self.masses.weights.len());
+        of_nodes.copy_from_slice(&self.masses.weights);
+        of_dofs.copy_from_slice(&self.model.weights.held);
+        ws.constraints.for_parts(&mut ws.weights[n..], |set, own| set.weights(self, own));
+    }
+
+    /// Lists those that are listed anew in each stage.
+    fn list_constraints(&self, ws: &mut Workspace) {
+        self.frames_at_start(ws);
+        self.frames_ahead(ws);
         let mut at = Beginning { frames: &ws.bodies.frames, ahead: &ws.bodies.ahead, q_ahead: &ws.bodies.q_ahead, mobility: &[] };
         ws.constraints.sets_mut().into_iter().for_each(|set| set.find(self, &at));
         if ws.constraints.has_links() {
@@ -265,14 +275,6 @@ impl Stage<'_> {
         }
         ws.blocks.list(self, &ws.constraints);
         ws.it.lambda.resize(ws.constraints.dim(), 0.0);
-        let n = ws.it.v.len();
-        let warm = ws.warm.as_ref().map(|warm| &warm.impulses);
-        ws.constraints.for_parts(&mut ws.it.lambda, |set, own| set.start(self, warm, own));
-        ws.weights.resize(n + ws.it.lambda.len(), 0.0);
-        let (of_nodes, of_dofs) = ws.weights[..n].split_at_mut(self.masses.weights.len());
-        of_nodes.copy_from_slice(&self.masses.weights);
-        of_dofs.copy_from_slice(&self.model.weights.held);
-        ws.constraints.for_parts(&mut ws.weights[n..], |set, own| set.weights(self, own));
     }
 
     /// The change of all multipliers into `d.lambda` that goes with the change `d.v` of velocities, for the residuals at hand; the columns

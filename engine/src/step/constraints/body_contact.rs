@@ -165,7 +165,7 @@ impl ConstraintSet for BodyContacts {
             let st = 0.25 * (along(s + t) - along(s - t));
             let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
             link.mobility = [along(geometry.normal), across];
-            link.set_steps(stage, &stage.masses.nodes);
+            link.set_steps(stage, |node| stage.masses.nodes[node]);
             link.gap = geometry.gap;
             stage.set_target(link, *pair, features, at);
             let [va, vb] = link.attachments.map(|c| velocity(c, stage.v_ref, at.frames));
@@ -204,7 +204,7 @@ impl ConstraintSet for BodyContacts {
     ) -> Result<(), StepError> {
         for (k, (link, BodyContact { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
             if link.attachments.iter().any(|c| matches!(c, Attachment::Node(_))) {
-                link.set_steps(stage, at.resisting);
+                link.set_steps(stage, |node| stage.resisting_mass(node, at.blocks));
             }
             let (w, colliders) = (cone(lambda, k), link.colliders.map(|s| &stage.model.colliders[s]));
             let poses = link.attachments.map(|c| pose(c, at.q, at.frames));

@@ -115,9 +115,9 @@ impl Link {
 
 impl Link {
     /// Sets the steps of the law, for nodes that resist with these masses \[kg\].
-    pub fn set_steps(&mut self, stage: &Stage, resisting: &[f64]) {
-        let nodes: f64 =
-            self.attachments.iter().filter_map(|c| node_of(*c)).map(|node| 1.0 / resisting[node].max(f64::MIN_POSITIVE)).sum();
+    pub fn set_steps(&mut self, stage: &Stage, resisting: impl Fn(usize) -> f64) {
+        let nodes = self.attachments.iter().filter_map(|c| node_of(*c));
+        let nodes: f64 = nodes.map(|node| 1.0 / resisting(node).max(f64::MIN_POSITIVE)).sum();
         [self.rho_n, self.rho_t] = self.mobility.map(|mobility| stage.law_step(mobility + nodes));
     }
 }
