@@ -40,15 +40,16 @@ use std::borrow::Cow;
 /// Memory, kept from one step to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Inverse {
-    /// [G H], row-major in rows of `width`.
+    /// G, row-major.
     rows: Vec<f64>,
-    width: usize,
     /// [G H]ᵀ, row-major in rows of `columns`, where rows are solved for; Gᵀ where V is a product.
     transposed: Vec<f64>,
     columns: usize,
     refinement: Refinement,
-    /// V, where it is a product.
+    /// V, where it comes from `transposed`; its blocks on the diagonal are chosen later.
     by_position: Vec<f64>,
+    /// Vᵀ, on the way there.
+    moved: Vec<f64>,
     /// σ m of every column; zero in prescribed ones.
     momentum: Vec<f64>,
     /// D/h of every column, and its entries of V's blocks on the diagonal: three of a node's, one of a twist's.
@@ -72,25 +73,40 @@ struct Contact<const N: usize> {
     by_q: [[f64; 3]; N],
 }
 
-impl<const N: usize> Contact<N> {
-    /// Adds H F_v/h to a row of V, from that of [G H].
+impl Contact<3> {
+    /// Adds H F_v/h to a row of V, from that of G.
     #[inline]
     fn add(&self, row: &[f64], v: &mut [f64]) {
-        let (Some(x), Some(to)) = (row[self.from..].first_chunk::<N>(), v[self.node..].first_chunk_mut::<3>()) else { return };
+        let (Some(x), Some(to)) = (row[self.from..].first_chunk::<3>(), v[self.node..].first_chunk_mut::<3>()) else { return };
         for (x, rates) in x.iter().zip(&self.rates) {
             to.iter_mut().zip(rates).for_each(|(to, rate)| *to += x * rate);
         }
     }
 }
 
+impl Contact<4> {
+    /// Adds (H F_v/h)ᵀ to Vᵀ, from [G H]ᵀ; both in rows of `columns`.
+    fn add_transposed(&self, transposed: &[f64], columns: usize, v: &mut [f64]) {
+        let rows = &transposed[self.from * columns..(self.from + 4) * columns];
+        for (c, to) in v[self.node * columns..(self.node + 3) * columns].chunks_exact_mut(columns).enumerate() {
+            for (x, rates) in rows.chunks_exact(columns).zip(&self.rates) {
+                let rate = rates[c];
+                to.iter_mut().zip(x).for_each(|(to, x)| *to += x * rate);
+            }
+        }
+    }
+}
+
 impl<const N: usize> Contact<N> {
-    /// Adds its part of V's blocks on the diagonal, as a product and as a difference.
-    fn add_own(&self, rows: &[f64], width: usize, product: &mut [[Sum; 3]], difference: &mut [[Sum; 3]]) {
-        for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-            let from = &rows[(self.node + r) * width + self.from..][..N];
-            for ((x, by_q), rates) in from.iter().zip(&self.by_q).zip(&self.rates) {
-                product[self.node + c][r].add(-x * by_q[c]);
-                difference[self.node + c][r].add(x * rates[c]);
+    /// Adds its part of V's blocks on the diagonal, as a product and as a difference, for entries (row, column) of [G H].
+    fn add_own(&self, at: impl Fn(usize, usize) -> f64, product: &mut [[Sum; 3]], difference: &mut [[Sum; 3]]) {
+        for r in 0..3 {
+            let x: [f64; N] = std::array::from_fn(|k| at(self.node + r, self.from + k));
+            for c in 0..3 {
+                for ((x, by_q), rates) in x.iter().zip(&self.by_q).zip(&self.rates) {
+                    product[self.node + c][r].add(-x * by_q[c]);
+                    difference[self.node + c][r].add(x * rates[c]);
+                }
             }
         }
     }
@@ -160,7 +176,6 @@ impl Inverse {
     /// G without contacts or damping.
     fn invert(&mut self, stage: &StageRecord) {
         let n = stage.v.len();
-        self.width = n;
         stage.jacobians.factor.inverse_of_nodes(&mut self.rows);
         if worth_refining(stage, vec![1.0; n]) {
             // X ← X + X (1 − K X)
@@ -181,7 +196,7 @@ impl Inverse {
         }
         let (positions, normals) = stage.positions_beside_normals()?;
         let n = stage.v.len();
-        (self.width, self.columns) = (n, n);
+        self.columns = n;
         if stage.undamped {
             stage.jacobians.factor.inverse_of_nodes(&mut self.rows);
             stage.visit_contact_damping(|node, block| {
@@ -194,11 +209,11 @@ impl Inverse {
         Some((Cow::Owned(positions), normals))
     }
 
-    /// [G H] from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
+    /// [G H]ᵀ from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
     fn solve_rows(&mut self, stage: &StageRecord) {
         let n = stage.v.len();
         let columns = n.next_multiple_of(VECTOR);
-        (self.width, self.columns) = (stage.n_rows(), columns);
+        self.columns = columns;
         stage.visit_contact_rates(|node, from, rates, by_q| {
             self.contacts.push(Contact { node, from, rates: rates.map(|row| row.map(|x| x / stage.h)), by_q });
         });
@@ -221,49 +236,59 @@ impl Inverse {
                 break;
             }
         }
-        self.rows.resize(n * self.width, 0.0);
-        transpose_into(&self.transposed, columns, &mut self.rows, self.width, n);
+        transpose_into(&self.transposed, columns, &mut self.rows, n);
     }
 
-    /// V where it is a product; otherwise D/h and the blocks on V's diagonal.
+    /// Whether V comes from [G H]ᵀ.
+    fn has_columns(&self, stage: &StageRecord) -> bool {
+        !stage.undamped || !self.contacts.is_empty()
+    }
+
+    /// V where it comes from [G H]ᵀ; and unless it is a product D/h and the blocks on its diagonal.
     fn prepare(&mut self, cx: Context, stage: &StageRecord, positions: &NodeMatrix, normals: &[NodeBlock]) {
         let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
-        if stage.undamped {
-            let scale = |(m, prescribed): (&f64, &bool)| per_h * if *prescribed { 1.0 } else { stage.inertia * m };
-            self.scale.clear();
-            self.scale.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(scale));
-            self.choose_own(positions, normals, per_h);
+        if !stage.undamped {
+            positions.transpose_times(&self.transposed, &mut self.moved, columns);
+            transpose_into(&self.moved, columns, &mut self.by_position, n);
+            for (node, along) in normals {
+                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                    self.by_position[(3 * node + r) * n + 3 * node + c] -= along[r][c] * per_h;
+                }
+            }
             return;
         }
-        positions.transpose_times(&self.transposed[..n * columns], &mut self.by_position, columns);
-        // Vᵀ so far, which takes the place of Gᵀ transposed
-        transpose_into(&self.by_position, columns, &mut self.transposed, n, n);
-        std::mem::swap(&mut self.by_position, &mut self.transposed);
-        for (node, along) in normals {
-            for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                self.by_position[(3 * node + r) * n + 3 * node + c] -= along[r][c] * per_h;
+        let scale = |(m, prescribed): (&f64, &bool)| per_h * if *prescribed { 1.0 } else { stage.inertia * m };
+        self.scale.clear();
+        self.scale.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(scale));
+        self.choose_own(positions, normals, per_h);
+        if self.has_columns(stage) {
+            self.moved.clear();
+            for (g, s) in self.transposed.chunks_exact(columns).zip(&self.scale) {
+                self.moved.extend(g.iter().map(|g| g * s));
             }
+            self.contacts.iter().for_each(|contact| contact.add_transposed(&self.transposed, columns, &mut self.moved));
+            transpose_into(&self.moved, columns, &mut self.by_position, n);
         }
     }
 
     /// The blocks on V's diagonal: of the product and the difference the one that adds up smaller numbers, entry by entry.
     fn choose_own(&mut self, positions: &NodeMatrix, normals: &[NodeBlock], per_h: f64) {
-        let (width, nodes) = (self.width, 3 * positions.layout().n_nodes());
-        positions.diagonal_blocks_of_product(&self.rows, width, &mut self.own);
+        let (n, nodes) = (self.scale.len(), 3 * positions.layout().n_nodes());
+        positions.diagonal_blocks_of_product(&self.rows, &mut self.own);
         self.difference.clear();
         self.difference.resize(self.own.len(), [Sum::default(); 3]);
         for (c, sums) in self.difference.iter_mut().enumerate() {
             let (first, rows) = if c < nodes { (c - c % 3, 3) } else { (c, 1) };
             for (r, sum) in sums.iter_mut().take(rows).enumerate() {
-                sum.add(self.rows[(first + r) * width + c] * self.scale[c]);
+                sum.add(self.rows[(first + r) * n + c] * self.scale[c]);
                 sum.add(if first + r == c { -per_h } else { 0.0 });
             }
         }
         for contact in &self.contacts {
-            contact.add_own(&self.rows, width, &mut self.own, &mut self.difference);
+            contact.add_own(|r, c| self.transposed[c * self.columns + r], &mut self.own, &mut self.difference);
         }
         for contact in &self.condensed {
-            contact.add_own(&self.rows, width, &mut self.own, &mut self.difference);
+            contact.add_own(|r, c| self.rows[r * n + c], &mut self.own, &mut self.difference);
         }
         for (node, along) in normals {
             (0..9).map(|k| (k / 3, k % 3)).for_each(|(r, c)| self.own[3 * node + c][r].add(-along[r][c] * per_h));
@@ -280,17 +305,18 @@ impl Inverse {
     fn by_state(&self, stage: &StageRecord, begin: &TransportDerivative) -> Vec<f64> {
         let (n, nodes, h) = (self.momentum.len(), 3 * stage.jacobians.dq.nodes.layout().n_nodes(), stage.h);
         let mut a = Vec::with_capacity(4 * n * n);
-        for (i, g) in self.rows.chunks_exact(self.width).enumerate() {
+        for (i, g) in self.rows.chunks_exact(n).enumerate() {
             let row = a.len();
-            if stage.undamped {
+            if self.has_columns(stage) {
+                a.extend_from_slice(&self.by_position[i * n..(i + 1) * n]);
+            } else {
                 a.extend(g.iter().zip(&self.scale).map(|(g, s)| g * s));
+            }
+            if stage.undamped {
                 let v = &mut a[row..];
-                self.contacts.iter().for_each(|contact| contact.add(g, v));
                 self.condensed.iter().for_each(|contact| contact.add(g, v));
                 let (own, r) = if i < nodes { (i - i % 3..i - i % 3 + 3, i % 3) } else { (i..i + 1, 0) };
                 own.for_each(|c| v[c] = self.own[c][r].value);
-            } else {
-                a.extend_from_slice(&self.by_position[i * n..(i + 1) * n]);
             }
             begin.pull_before(&mut a[row..]);
             a.extend(g.iter().zip(&self.momentum).map(|(g, m)| g * m));
@@ -313,7 +339,7 @@ impl Inverse {
                 Input::U(k) => (&mut out.b, nu, k),
                 Input::Z(_) | Input::Theta(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => continue,
             };
-            for (i, g) in self.rows.chunks_exact(self.width).enumerate() {
+            for (i, g) in self.rows.chunks_exact(n).enumerate() {
                 to[i * width + column] += h * (g[row] * value);
                 to[(n + i) * width + column] += g[row] * value;
             }
@@ -321,16 +347,29 @@ impl Inverse {
     }
 }
 
-/// The first `rows` columns of `from` (rows of `columns`) as the first numbers of rows of `width`.
-fn transpose_into(from: &[f64], columns: usize, to: &mut [f64], width: usize, rows: usize) {
-    let across = (from.len() / columns.max(1)).min(width);
-    // squares that fit into the nearest cache
-    for (first, to) in to.chunks_mut(width * TILE).take(rows.div_ceil(TILE)).enumerate() {
-        for start in (0..across).step_by(TILE) {
-            let end = across.min(start + TILE);
-            for (r, to) in to.chunks_exact_mut(width).enumerate() {
-                let column = from[start * columns + first * TILE + r..].iter().step_by(columns);
-                to[start..end].iter_mut().zip(column).for_each(|(to, from)| *to = *from);
+/// The square of the first `n` rows and columns of `from`, whose rows have `columns` numbers, transposed.
+fn transpose_into(from: &[f64], columns: usize, to: &mut Vec<f64>, n: usize) {
+    to.resize(n * n, 0.0);
+    // squares that fit into the nearest cache, four rows of the result at a time
+    for (first, to) in to.chunks_mut(n * TILE).enumerate() {
+        for start in (0..n).step_by(TILE) {
+            let end = n.min(start + TILE);
+            for (k, rows) in to.chunks_mut(4 * n).enumerate() {
+                let from = &from[start * columns + first * TILE + 4 * k..];
+                if rows.len() < 4 * n {
+                    for (r, row) in rows.chunks_exact_mut(n).enumerate() {
+                        row[start..end].iter_mut().zip(from[r..].iter().step_by(columns)).for_each(|(to, from)| *to = *from);
+                    }
+                    continue;
+                }
+                let (ab, cd) = rows.split_at_mut(2 * n);
+                let ((a, b), (c, d)) = (ab.split_at_mut(n), cd.split_at_mut(n));
+                let to = a[start..end].iter_mut().zip(&mut b[start..end]).zip(&mut c[start..end]).zip(&mut d[start..end]);
+                for (from, (((a, b), c), d)) in from.chunks(columns).zip(to) {
+                    if let Some(from) = from.first_chunk::<4>() {
+                        [*a, *b, *c, *d] = *from;
+                    }
+                }
             }
         }
     }

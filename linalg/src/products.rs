@@ -265,13 +265,12 @@ impl NodeMatrix {
 }
 
 impl NodeMatrix {
-    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows of `width` numbers, of which the first `dim` count:
-    /// three entries of a node's column, of a twist's one (and zeros).
-    pub fn diagonal_blocks_of_product(&self, x: &[f64], width: usize, out: &mut Vec<[Sum; 3]>) {
-        let (layout, b) = (self.layout(), self.layout().block());
+    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows and columns: three entries of a node's column, of a twist's one (and zeros).
+    pub fn diagonal_blocks_of_product(&self, x: &[f64], out: &mut Vec<[Sum; 3]>) {
+        let (layout, b, n) = (self.layout(), self.layout().block(), self.dim());
         out.clear();
-        out.resize(self.dim(), [Sum::default(); 3]);
-        for r in 0..self.dim() {
+        out.resize(n, [Sum::default(); 3]);
+        for r in 0..n {
             let at = layout.storage(r);
             let (first, range) = self.stored_row(at);
             let entries = &self.data()[range][b * (-first).max(0) as usize..];
@@ -280,14 +279,14 @@ impl NodeMatrix {
                     && let Some(out) = out[c..].first_chunk_mut::<3>()
                 {
                     for row in 0..3 {
-                        let factor = x[(c + row) * width + r];
+                        let factor = x[(c + row) * n + r];
                         for k in 0..3 {
                             out[k][row].add(factor * entries[k]);
                         }
                     }
                 }
                 if let (Some(twist), Some(c)) = (entries.get(3), (b == 4).then(|| layout.system(b * slot + 3)).flatten()) {
-                    out[c][0].add(x[c * width + r] * twist);
+                    out[c][0].add(x[c * n + r] * twist);
                 }
             }
         }
