@@ -210,20 +210,21 @@ impl Stage<'_> {
     fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: bool) -> Result<(), StepError> {
         ws.residuals.resize(it.lambda.len(), 0.0);
         ws.loads.clear(if ws.constraints.has_links() { self.model.tree.bodies().len() } else { 0 });
-        if it.lambda.is_empty() {
-            return Ok(());
-        }
         let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
         let (mut lambda, mut residuals) = (it.lambda.as_slice(), ws.residuals.as_mut_slice());
         let mut loads = Loads { nodes: &mut ws.f, bodies: &mut ws.loads.bodies, joints: &mut ws.loads.joints };
         let mut slopes = Slopes { dq: &mut ws.dq.nodes, dv: &mut ws.dv.nodes, joints: &mut ws.loads.slopes };
         for set in ws.constraints.sets_mut() {
-            let (own, others) = lambda.split_at(set.dim());
-            let (out, rest) = std::mem::take(&mut residuals).split_at_mut(set.dim());
-            if linearize {
-                set.linearize(self, &at, own, out, &mut loads, &mut slopes)?;
-            } else {
-                set.residual(self, &at, own, out, &mut loads)?;
+            if lambda.is_empty() {
+                break;
+            }
+            let dim = set.dim();
+            let (own, others) = lambda.split_at(dim);
+            let (out, rest) = std::mem::take(&mut residuals).split_at_mut(dim);
+            match (dim, linearize) {
+                (0, _) => {}
+                (_, true) => set.linearize(self, &at, own, out, &mut loads, &mut slopes)?,
+                (_, false) => set.residual(self, &at, own, out, &mut loads)?,
             }
             (lambda, residuals) = (others, rest);
         }
@@ -261,7 +262,9 @@ impl Stage<'_> {
     /// Lists those that are listed anew in each stage.
     fn list_constraints(&self, ws: &mut Workspace) {
         self.frames_at_start(ws);
-        self.frames_ahead(ws);
+        if ws.constraints.bodies.find_near(self, &ws.bodies.frames) {
+            self.frames_ahead(ws);
+        }
         let mut at = Beginning { frames: &ws.bodies.frames, ahead: &ws.bodies.ahead, q_ahead: &ws.bodies.q_ahead, mobility: &[] };
         ws.constraints.sets_mut().into_iter().for_each(|set| set.find(self, &at));
         if ws.constraints.has_links() {

@@ -1,6 +1,6 @@
 //! Which features of two colliders may meet in the coming step.
 
-use super::features::RIM_POINTS;
+use super::features::{EDGES, SIDES};
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
 
 /// Tilt (sine) of a cylinder's axis against a face's normal above which the rim touches the face by its deepest point, and below which by
@@ -48,35 +48,10 @@ struct Pair<'a> {
     found: &'a mut Vec<(FeaturePair, bool)>,
 }
 
-const SIDES: [i8; 2] = [-1, 1];
-
-fn corners() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
-}
-
-fn edges() -> impl Iterator<Item = Feature> {
-    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
-}
-
-fn rim_points() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|side| (0..RIM_POINTS).map(move |k| Feature::RimPoint(side, k)))
-}
-
-/// Points that a solid can touch with.
-fn points(form: ColliderShape) -> Vec<Feature> {
-    match form {
-        ColliderShape::HalfSpace => vec![],
-        ColliderShape::Ball => vec![Feature::Whole],
-        ColliderShape::Capsule => SIDES.map(Feature::End).to_vec(),
-        ColliderShape::Cylinder => rim_points().collect(),
-        ColliderShape::Block => corners().collect(),
-    }
-}
-
 impl Pair<'_> {
     fn list(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for first in points(self.a.form) {
+        for &first in self.a.form.points() {
             if round { self.whole(first) } else { self.sharp(first) }
         }
         match (self.a.form, self.b.form) {
@@ -98,7 +73,7 @@ impl Pair<'_> {
     /// Features of the first collider that points of the second touch.
     fn other_points(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for first in points(self.a.form) {
+        for &first in self.a.form.points() {
             match (round, self.b.form) {
                 (true, _) | (_, ColliderShape::Ball | ColliderShape::Capsule) => self.whole(first),
                 _ => self.sharp(first),
@@ -171,12 +146,12 @@ impl Pair<'_> {
 
     /// Deepest points of a cylinder's rims over the faces they are above.
     fn rims(&mut self) {
-        let faces: Vec<(usize, i8)> = match self.b.form {
-            ColliderShape::HalfSpace => vec![(2, 1)],
-            ColliderShape::Cylinder => SIDES.map(|s| (2, s)).to_vec(),
-            _ => (0..3).flat_map(|k| SIDES.map(|s| (k, s))).collect(),
+        let (axes, sides) = match self.b.form {
+            ColliderShape::HalfSpace => (2..3, &SIDES[1..]),
+            ColliderShape::Cylinder => (2..3, &SIDES[..]),
+            _ => (0..3, &SIDES[..]),
         };
-        for (k, side) in faces {
+        for (k, side) in axes.flat_map(|k| sides.iter().map(move |side| (k, *side))) {
             if self.tilt(k, side) <= LEANING {
                 continue;
             }
@@ -210,11 +185,11 @@ impl Pair<'_> {
     /// Edges and axes that cross.
     fn lines(&mut self) {
         let lines = |form| match form {
-            ColliderShape::Block => edges().collect(),
-            _ => vec![Feature::Axis],
+            ColliderShape::Block => &EDGES[..],
+            _ => &[Feature::Axis],
         };
-        for first in lines(self.a.form) {
-            for second in lines(self.b.form) {
+        for &first in lines(self.a.form) {
+            for &second in lines(self.b.form) {
                 self.crossing(first, second);
             }
         }

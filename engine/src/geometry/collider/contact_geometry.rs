@@ -91,14 +91,15 @@ fn clamp<S: Real>(y: S, half: S) -> S {
 fn point_block<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
     let y = b.local(&x);
     let d: Vec3<S> = Vec3::from_fn(|k, _| y[k] - clamp(y[k], b.sizes[k]));
-    let outside: Vec<usize> = (0..3).filter(|&k| y[k].re().abs() > b.sizes[k].re()).collect();
-    if outside.len() > 1 {
+    let mut outside = (0..3).filter(|&k| y[k].re().abs() > b.sizes[k].re());
+    let (first, second) = (outside.next(), outside.next());
+    if second.is_some() {
         return apart(x, r, b.rotation * d, S::from(0.0));
     }
     // one face: over it, or the nearest from inside
     let depth = |k: &usize| b.sizes[*k].re() - y[*k].re().abs();
     let nearest = || (0..3).min_by(|i, j| depth(i).total_cmp(&depth(j))).unwrap_or(0);
-    let k = outside.first().copied().unwrap_or_else(nearest);
+    let k = first.unwrap_or_else(nearest);
     let side = if y[k].re() < 0.0 { -1 } else { 1 };
     Ok(point_face(x, r, b.face(k as u8, side)))
 }

@@ -4,7 +4,7 @@
 //! stage begins, or where the velocities there lead.
 
 use super::nearest::{Nearest, Region, combine, nearest};
-use crate::geometry::collider::{ColliderShape, Feature, PlacedCollider};
+use crate::geometry::collider::{CORNERS, ColliderShape, EDGES, ENDS, Feature, PlacedCollider};
 use pliant_math::Vec3;
 
 /// Sine of the angle between an edge and a capsule's axis or a block's edge below which the ends of the edge say all.
@@ -30,16 +30,6 @@ pub(crate) struct Candidates<'a> {
     pub margin: f64,
 }
 
-const SIDES: [i8; 2] = [-1, 1];
-
-fn corners() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
-}
-
-fn edges() -> impl Iterator<Item = Feature> {
-    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
-}
-
 /// Lists what the contact element may touch `now`, or where it will be `next`; both are the same contact element and shape.
 pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Feature>) {
     let mut list = |feature| {
@@ -49,9 +39,9 @@ pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Fe
     };
     match (now.shape.form, now.x.len()) {
         (ColliderShape::Ball, _) | (ColliderShape::Capsule, 2) => list(Feature::Whole),
-        (ColliderShape::Capsule, _) => SIDES.map(Feature::End).into_iter().for_each(list),
-        (ColliderShape::Block, 2) => edges().chain(corners()).for_each(list),
-        (ColliderShape::Block, _) => corners().for_each(list),
+        (ColliderShape::Capsule, _) => ENDS.into_iter().for_each(list),
+        (ColliderShape::Block, 2) => EDGES.into_iter().chain(CORNERS).for_each(list),
+        (ColliderShape::Block, _) => CORNERS.into_iter().for_each(list),
         (ColliderShape::HalfSpace | ColliderShape::Cylinder, _) => {}
     }
 }

@@ -249,26 +249,29 @@ impl Constraints {
         self.bodies.dim() + self.closures.dim() + self.edges.dim() > 0
     }
 
-    /// Every set with its part of `lambda`; none where that is empty.
+    /// Every set that has multipliers, with its part of `lambda`.
     pub fn parts<'a>(&'a self, lambda: &'a [f64]) -> impl Iterator<Item = (&'a dyn ConstraintSet, &'a [f64])> {
         let mut rest = lambda;
-        let sets = (!lambda.is_empty()).then(|| self.sets());
-        sets.into_iter().flatten().map(move |set| {
+        let part = move |set: &'a dyn ConstraintSet| {
             let (own, others) = rest.split_at(set.dim());
             rest = others;
             (set, own)
-        })
+        };
+        let sets = (!lambda.is_empty()).then(|| self.sets());
+        sets.into_iter().flatten().map(part).filter(|(_, own)| !own.is_empty())
     }
 
-    /// Calls `each` with every set and its part of `lambda`; not where that is empty.
+    /// Calls `each` with every set that has multipliers, and its part of `lambda`.
     pub fn for_parts(&self, lambda: &mut [f64], mut each: impl FnMut(&dyn ConstraintSet, &mut [f64])) {
-        if lambda.is_empty() {
-            return;
-        }
         let mut rest = lambda;
         for set in self.sets() {
+            if rest.is_empty() {
+                break;
+            }
             let (own, others) = std::mem::take(&mut rest).split_at_mut(set.dim());
-            each(set, own);
+            if !own.is_empty() {
+                each(set, own);
+            }
             rest = others;
         }
     }
