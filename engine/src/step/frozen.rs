@@ -22,7 +22,7 @@ pub(crate) struct FrozenWorkspace {
     /// Contacts, in their order: the numbers of their law, and unit forces along their axes where they meet.
     contacts: Vec<CentralContact>,
     pushes: Vec<[Force<f64>; 3]>,
-    /// Y, row-major, and G by columns.
+    /// Y, row-major, and G by columns, of the contacts that may close.
     response: Vec<f64>,
     delassus: Vec<f64>,
     /// b [m/s].
@@ -67,15 +67,16 @@ impl Stage<'_> {
             }
         }
         ws.factor.solve_many(&mut part.response, n);
-        part.delassus.clear();
         part.delassus.resize(n * n, 0.0);
         let mut y = std::mem::take(&mut ws.newton.d_next.v);
-        for j in 0..n {
-            y.iter_mut().zip(part.response.chunks_exact(n)).for_each(|(y, row)| *y = row[j]);
-            self.relative(&y, &part.pushes, ws, &mut part.delassus[j * n..(j + 1) * n]);
-        }
+        let w = central_path::solve(&part.contacts, &part.b, &mut part.delassus, |c, columns| {
+            for (k, column) in columns.chunks_exact_mut(n).enumerate() {
+                y.iter_mut().zip(part.response.chunks_exact(n)).for_each(|(y, row)| *y = row[3 * c + k]);
+                self.relative(&y, &part.pushes, ws, column);
+            }
+        });
         (ws.newton.d.v, ws.newton.d_next.v) = (d, y);
-        let Some(w) = central_path::solve(&part.contacts, &part.delassus, &part.b) else { return false };
+        let Some(w) = w else { return false };
         // p into `column`, w into the multipliers
         let [_, first, ..] = ws.constraints.starts();
         for (c, ((w, contact), [_, s, t])) in w.iter().zip(&part.contacts).zip(&part.pushes).enumerate() {
