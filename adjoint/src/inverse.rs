@@ -33,7 +33,7 @@ use crate::linearization::{Linearization, VECTOR};
 use crate::stage::Context;
 use pliant_engine::rods::TransportDerivative;
 use pliant_engine::step::{EULER, NodeBlock, StageKind, StageRecord, StepRecord};
-use pliant_linalg::{NodeMatrix, Sum};
+use pliant_linalg::{NodeMatrix, Sums};
 use pliant_math::Input;
 use std::borrow::Cow;
 
@@ -54,8 +54,8 @@ pub(crate) struct Inverse {
     momentum: Vec<f64>,
     /// D/h of every column, and its entries of V's blocks on the diagonal: three of a node's, one of a twist's.
     scale: Vec<f64>,
-    own: Vec<[Sum; 3]>,
-    difference: Vec<[Sum; 3]>,
+    own: Vec<Sums>,
+    difference: Vec<Sums>,
     contacts: Vec<Contact<4>>,
     condensed: Vec<Contact<3>>,
 }
@@ -99,14 +99,15 @@ impl Contact<4> {
 
 impl<const N: usize> Contact<N> {
     /// Adds its part of V's blocks on the diagonal, as a product and as a difference, for entries (row, column) of [G H].
-    fn add_own(&self, at: impl Fn(usize, usize) -> f64, product: &mut [[Sum; 3]], difference: &mut [[Sum; 3]]) {
-        for r in 0..3 {
-            let x: [f64; N] = std::array::from_fn(|k| at(self.node + r, self.from + k));
+    fn add_own(&self, at: impl Fn(usize, usize) -> f64, product: &mut [Sums], difference: &mut [Sums]) {
+        let nodes = self.node..self.node + 3;
+        let (product, difference) = (&mut product[nodes.clone()], &mut difference[nodes]);
+        for (k, (by_q, rates)) in self.by_q.iter().zip(&self.rates).enumerate() {
+            let entry = |r: usize| at(self.node + r, self.from + k);
+            let x = [entry(0), entry(1), entry(2), 0.0];
             for c in 0..3 {
-                for ((x, by_q), rates) in x.iter().zip(&self.by_q).zip(&self.rates) {
-                    product[self.node + c][r].add(-x * by_q[c]);
-                    difference[self.node + c][r].add(x * rates[c]);
-                }
+                product[c].add(x.map(|x| -x * by_q[c]));
+                difference[c].add(x.map(|x| x * rates[c]));
             }
         }
     }
@@ -276,13 +277,14 @@ impl Inverse {
         let (n, nodes) = (self.scale.len(), 3 * positions.layout().n_nodes());
         positions.diagonal_blocks_of_product(&self.rows, &mut self.own);
         self.difference.clear();
-        self.difference.resize(self.own.len(), [Sum::default(); 3]);
-        for (c, sums) in self.difference.iter_mut().enumerate() {
+        for (c, scale) in self.scale.iter().enumerate() {
             let (first, rows) = if c < nodes { (c - c % 3, 3) } else { (c, 1) };
-            for (r, sum) in sums.iter_mut().take(rows).enumerate() {
-                sum.add(self.rows[(first + r) * n + c] * self.scale[c]);
-                sum.add(if first + r == c { -per_h } else { 0.0 });
-            }
+            let (mut moved, mut unit, mut sums) = ([0.0; 4], [0.0; 4], Sums::default());
+            (0..rows).for_each(|r| moved[r] = self.rows[(first + r) * n + c] * scale);
+            unit[c - first] = -per_h;
+            sums.add(moved);
+            sums.add(unit);
+            self.difference.push(sums);
         }
         for contact in &self.contacts {
             contact.add_own(|r, c| self.transposed[c * self.columns + r], &mut self.own, &mut self.difference);
@@ -291,11 +293,14 @@ impl Inverse {
             contact.add_own(|r, c| self.rows[r * n + c], &mut self.own, &mut self.difference);
         }
         for (node, along) in normals {
-            (0..9).map(|k| (k / 3, k % 3)).for_each(|(r, c)| self.own[3 * node + c][r].add(-along[r][c] * per_h));
+            for c in 0..3 {
+                let along = [along[0][c], along[1][c], along[2][c], 0.0];
+                self.own[3 * node + c].add(along.map(|along| -along * per_h));
+            }
         }
-        for (own, difference) in self.own.as_flattened_mut().iter_mut().zip(self.difference.as_flattened()) {
-            if difference.size < own.size {
-                *own = *difference;
+        for (own, difference) in self.own.iter_mut().zip(&self.difference) {
+            for r in (0..3).filter(|r| difference.size[*r] < own.size[*r]) {
+                own.value[r] = difference.value[r];
             }
         }
     }
@@ -310,16 +315,16 @@ impl Inverse {
             if self.has_columns(stage) {
                 a.extend_from_slice(&self.by_position[i * n..(i + 1) * n]);
             } else {
-                a.extend(g.iter().zip(&self.scale).map(|(g, s)| g * s));
+                push_scaled(g, &self.scale, &mut a);
             }
             if stage.undamped {
                 let v = &mut a[row..];
                 self.condensed.iter().for_each(|contact| contact.add(g, v));
                 let (own, r) = if i < nodes { (i - i % 3..i - i % 3 + 3, i % 3) } else { (i..i + 1, 0) };
-                own.for_each(|c| v[c] = self.own[c][r].value);
+                own.for_each(|c| v[c] = self.own[c].value[r]);
             }
             begin.pull_before(&mut a[row..]);
-            a.extend(g.iter().zip(&self.momentum).map(|(g, m)| g * m));
+            push_scaled(g, &self.momentum, &mut a);
         }
         // so far the rows of v⁺
         a.extend_from_within(..);
@@ -345,6 +350,13 @@ impl Inverse {
             }
         }
     }
+}
+
+/// Appends the numbers of a row, each times its scale.
+fn push_scaled(row: &[f64], scale: &[f64], out: &mut Vec<f64>) {
+    let from = out.len();
+    out.extend_from_slice(row);
+    out[from..].iter_mut().zip(scale).for_each(|(x, scale)| *x *= scale);
 }
 
 /// The square of the first `n` rows and columns of `from`, whose rows have `columns` numbers, transposed.

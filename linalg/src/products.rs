@@ -265,49 +265,62 @@ impl NodeMatrix {
 }
 
 impl NodeMatrix {
-    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows and columns: three entries of a node's column, of a twist's one (and zeros).
-    pub fn diagonal_blocks_of_product(&self, x: &[f64], out: &mut Vec<[Sum; 3]>) {
-        let (layout, b, n) = (self.layout(), self.layout().block(), self.dim());
+    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows and columns: three entries of a node's column, one
+    /// of a twist's (and zeros).
+    pub fn diagonal_blocks_of_product(&self, x: &[f64], out: &mut Vec<Sums>) {
+        let (n, nodes) = (self.dim(), self.layout().n_nodes());
         out.clear();
-        out.resize(n, [Sum::default(); 3]);
-        for r in 0..n {
-            let at = layout.storage(r);
-            let (first, range) = self.stored_row(at);
-            let entries = &self.data()[range][b * (-first).max(0) as usize..];
-            for (slot, entries) in layout.row(at / b).zip(entries.chunks_exact(b)) {
-                if let (Some(c), Some(entries)) = (layout.system(b * slot), entries.first_chunk::<3>())
-                    && let Some(out) = out[c..].first_chunk_mut::<3>()
-                {
-                    for row in 0..3 {
-                        let factor = x[(c + row) * n + r];
-                        for k in 0..3 {
-                            out[k][row].add(factor * entries[k]);
-                        }
-                    }
+        out.resize(n, Sums::default());
+        (0..nodes).for_each(|node| self.add_to_diagonal_blocks::<3>(3 * node, x, out));
+        (3 * nodes..n).for_each(|twist| self.add_to_diagonal_blocks::<1>(twist, x, out));
+    }
+
+    /// What `R` rows of A from `r` on, of a node or a twist, contribute.
+    fn add_to_diagonal_blocks<const R: usize>(&self, r: usize, x: &[f64], out: &mut [Sums]) {
+        let (layout, b, n) = (self.layout(), self.layout().block(), self.dim());
+        let at = layout.storage(r);
+        let before = (-self.stored_row(at).0).max(0) as usize;
+        let rows: [&[f64]; R] = std::array::from_fn(|a| &self.row(at + a)[b * before..]);
+        let x = |row: usize| x[row * n + r..].first_chunk::<R>();
+        for (k, slot) in layout.row(at / b).enumerate() {
+            let Some(c) = layout.system(b * slot) else { continue };
+            let (Some(x0), Some(x1), Some(x2), Some(sums)) = (x(c), x(c + 1), x(c + 2), out[c..].first_chunk_mut::<3>()) else {
+                continue;
+            };
+            for a in 0..R {
+                let Some(entries) = rows[a][b * k..].first_chunk::<3>() else { continue };
+                for column in 0..3 {
+                    let entry = entries[column];
+                    sums[column].add([x0[a] * entry, x1[a] * entry, x2[a] * entry, 0.0]);
                 }
-                if let (Some(twist), Some(c)) = (entries.get(3), (b == 4).then(|| layout.system(b * slot + 3)).flatten()) {
-                    out[c][0].add(x[c * n + r] * twist);
-                }
+            }
+            if b == 4
+                && let Some(c) = layout.system(b * slot + 3)
+                && let Some(x) = x(c)
+            {
+                (0..R).for_each(|a| out[c].add([x[a] * rows[a][b * k + 3], 0.0, 0.0, 0.0]));
             }
         }
     }
 }
 
-/// A sum, and that of its terms' sizes: rounding is relative to those.
+/// Sums, and those of their terms' sizes: rounding is relative to those. Four, though a node has three: vectors have two or four.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sum {
+pub struct Sums {
     /// Σ x.
-    pub value: f64,
+    pub value: [f64; 4],
     /// Σ |x|.
-    pub size: f64,
+    pub size: [f64; 4],
 }
 
-impl Sum {
-    /// Adds a term.
+impl Sums {
+    /// Adds a term to each.
     #[inline]
-    pub fn add(&mut self, x: f64) {
-        self.value += x;
-        self.size += x.abs();
+    pub fn add(&mut self, x: [f64; 4]) {
+        for r in 0..4 {
+            self.value[r] += x[r];
+            self.size[r] += x[r].abs();
+        }
     }
 }
 
