@@ -3,7 +3,7 @@
 
 use crate::layout::Pattern;
 use crate::matrix::NodeMatrix;
-use pliant_math::simd::rows::{subtract_four, support};
+use pliant_math::simd::rows::{joined, subtract_four, support};
 use pulp::{Arch, Simd, WithSimd};
 
 impl NodeMatrix {
@@ -117,17 +117,20 @@ impl NodeMatrix {
 
     #[inline(always)]
     fn add_mul_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        let mut supports = Vec::with_capacity(self.dim());
-        for row in x.chunks_exact(columns).take(self.dim()) {
-            supports.push(support(row));
+        let (layout, b) = (self.layout(), self.layout().block());
+        let row = |r: usize| &x[r * columns..(r + 1) * columns];
+        // of a node's three rows of X, slot by slot
+        let mut supports = Vec::with_capacity(layout.n_nodes());
+        for slot in 0..layout.n_nodes() {
+            let c = layout.system(b * slot).unwrap_or(0);
+            supports.push(joined(&joined(&support(row(c)), &support(row(c + 1))), &support(row(c + 2))));
         }
-        let b = self.layout().block();
         for (r, y_row) in y.chunks_exact_mut(columns).enumerate().take(self.dim()) {
-            let at = self.layout().storage(r);
+            let at = layout.storage(r);
             let (_, range) = self.stored_row(at);
             let entries = &self.data()[range];
             // blocks of the row: in a band those that stick out of the matrix are zero
-            let (first, listed, blocks) = match &self.layout().pattern {
+            let (first, listed, blocks) = match &layout.pattern {
                 Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
                 Pattern::Sparse { starts, columns, .. } => {
                     let row = &columns[starts[at / b]..starts[at / b + 1]];
@@ -137,15 +140,21 @@ impl NodeMatrix {
             for k in 0..blocks {
                 let slot = match listed {
                     Some(row) => row[k],
-                    None if first + (k as isize) < 0 || first + k as isize >= self.layout().n_nodes() as isize => continue,
+                    None if first + (k as isize) < 0 || first + k as isize >= layout.n_nodes() as isize => continue,
                     None => (first + k as isize) as usize,
                 };
-                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
-                    let (factor, column) = (scale * a, self.layout().system(b * slot + c));
-                    if let (true, Some(c)) = (factor != 0.0, column) {
-                        let range = supports[c].clone();
-                        add_scaled(simd, factor, &x[c * columns..(c + 1) * columns][range.clone()], &mut y_row[range]);
-                    }
+                let entries = &entries[b * k..b * (k + 1)];
+                let (factors, range) = ([scale * entries[0], scale * entries[1], scale * entries[2]], supports[slot].clone());
+                if let (true, Some(c)) = (factors != [0.0; 3] && !range.is_empty(), layout.system(b * slot)) {
+                    let rows = [&row(c)[range.clone()], &row(c + 1)[range.clone()], &row(c + 2)[range.clone()]];
+                    add_rows(simd, factors, rows, &mut y_row[range]);
+                }
+                if b == 4
+                    && entries[3] != 0.0
+                    && let Some(c) = layout.system(b * slot + 3)
+                {
+                    let range = support(row(c));
+                    add_rows(simd, [scale * entries[3]], [&row(c)[range.clone()]], &mut y_row[range]);
                 }
             }
         }
@@ -363,15 +372,26 @@ fn transposed_slot<S: Simd, const FULL: bool>(
     sums
 }
 
-/// `y += a x`.
+/// `y += Σ_i a_i x_i` for rows that are equally long.
 #[inline(always)]
-fn add_scaled<S: Simd>(simd: S, a: f64, x: &[f64], y: &mut [f64]) {
-    let factor = simd.splat_f64s(a);
-    let ((x, x_rest), (y, y_rest)) = (S::as_simd_f64s(x), S::as_mut_simd_f64s(y));
-    for (y, x) in y.iter_mut().zip(x) {
-        *y = simd.mul_add_e_f64s(factor, *x, *y);
+fn add_rows<S: Simd, const N: usize>(simd: S, a: [f64; N], x: [&[f64]; N], y: &mut [f64]) {
+    let (mut whole, mut tails, mut factors) = ([S::as_simd_f64s(x[0]).0; N], [x[0]; N], [simd.splat_f64s(0.0); N]);
+    let (y, rest) = S::as_mut_simd_f64s(y);
+    let n = y.len();
+    for i in 0..N {
+        let (x, tail) = S::as_simd_f64s(x[i]);
+        (whole[i], tails[i], factors[i]) = (&x[..n], tail, simd.splat_f64s(a[i]));
     }
-    for (y, x) in y_rest.iter_mut().zip(x_rest) {
-        *y += a * x;
+    for k in 0..n {
+        let mut sum = y[k];
+        for i in 0..N {
+            sum = simd.mul_add_e_f64s(factors[i], whole[i][k], sum);
+        }
+        y[k] = sum;
+    }
+    for (k, y) in rest.iter_mut().enumerate() {
+        for i in 0..N {
+            *y += a[i] * tails[i][k];
+        }
     }
 }

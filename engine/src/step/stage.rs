@@ -7,7 +7,6 @@
 //! ```
 //! with the impulses p of contact condensed as described in `contact`.
 
-use super::blocks::UnconstrainedBlocks;
 use super::{Scheme, SolverOptions, StepError, Weights, Workspace};
 use crate::bodies::operational::mobilities;
 use crate::constraints::JointRow;
@@ -17,7 +16,6 @@ use crate::model::Model;
 use crate::rods::{Remembered, RodEdge, RodPast};
 use crate::step::constraints::{Beginning, Change, Evaluation, Loads, Slopes};
 use crate::terms::Point;
-use nalgebra::Matrix3;
 use pliant_linalg::System;
 use pliant_math::spatial::Inertia;
 use pliant_scene::Integrator;
@@ -229,15 +227,6 @@ impl Stage<'_> {
             (lambda, residuals) = (others, rest);
         }
         Ok(())
-    }
-
-    /// The mass that resists a push on a node within the stage \[kg\]: its own, and of what bends, stretches and damps there at least
-    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. The split law of contact with bodies, boxes and cylinders takes its step ρ from it.
-    pub(crate) fn resisting_mass(&self, node: usize, blocks: &UnconstrainedBlocks) -> f64 {
-        let Some((dq, dv)) = blocks.own(node) else { return self.masses.nodes[node] };
-        let (cq, cv) = (self.h * self.h * self.scheme.free.a1, self.h * self.scheme.free.b1);
-        let block = Matrix3::from_fn(|r, c| -(cq * (dq[r][c] + dq[c][r]) + cv * (dv[r][c] + dv[c][r])) * 0.5);
-        self.masses.nodes[node] + least_eigenvalue(&block).max(0.0)
     }
 
     fn subtract_joint_loads(&self, ws: &mut Workspace) {
@@ -492,34 +481,5 @@ impl Stage<'_> {
             largest = (GRASP.to_owned(), ws.f[row].abs());
         }
         (largest.0, None)
-    }
-}
-
-/// Of a symmetric matrix, by the trigonometric solution of its characteristic equation.
-fn least_eigenvalue(m: &Matrix3<f64>) -> f64 {
-    let mean = m.trace() / 3.0;
-    let deviator = m - Matrix3::from_diagonal_element(mean);
-    let size = (deviator.norm_squared() / 6.0).sqrt();
-    if size == 0.0 {
-        return mean;
-    }
-    let angle = (0.5 * (deviator / size).determinant()).clamp(-1.0, 1.0).acos() / 3.0;
-    mean + 2.0 * size * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_least_eigenvalue_is_that_of_the_decomposition() {
-        for seed in 0..50 {
-            let x = |k: usize| ((seed * 9 + k) as f64 * 0.73).sin();
-            let half = Matrix3::from_fn(|r, c| x(3 * r + c) * if seed % 3 == 0 && r == 2 { 1e-8 } else { 1.0 });
-            let m = half + half.transpose();
-            let least = m.symmetric_eigenvalues().min();
-            assert!((least_eigenvalue(&m) - least).abs() < 1e-12 * (1.0 + m.norm()), "{m}: {least}");
-        }
-        assert_eq!(least_eigenvalue(&Matrix3::identity()), 1.0);
     }
 }
