@@ -2,14 +2,7 @@
 
 use super::features::{EDGES, SIDES};
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
-
-/// Tilt (sine) of a cylinder's axis against a face's normal above which the rim touches the face by its deepest point, and below which by
-/// its fixed points: there the deepest would run round the rim at once.
-const LEANING: f64 = 0.05;
-/// Sine of the angle between two lines below which they count as parallel: their ends meet, not their middles.
-const PARALLEL: f64 = 1e-3;
-/// Distance beyond an edge or a line's end at which a contact still counts, as a part of the collider's size.
-const SLIVER: f64 = 1e-9;
+use crate::geometry::constants::GEOMETRY;
 
 /// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
 fn in_order(a: ColliderShape, b: ColliderShape) -> bool {
@@ -116,7 +109,7 @@ impl Pair<'_> {
         if self.b.form == ColliderShape::Cylinder {
             let radial = y[0].hypot(y[1]);
             let (beside, beyond) = (radial - sizes[0], y[2].abs() - sizes[1]);
-            let sliver = SLIVER * sizes[0];
+            let sliver = GEOMETRY.sliver * sizes[0];
             if beside >= beyond && beyond <= sliver && radial > 0.0 {
                 self.push(first, Feature::Side);
             } else if beyond > beside && beside <= sliver {
@@ -127,7 +120,7 @@ impl Pair<'_> {
         let beyond = |k: usize| y[k].abs() - sizes[k];
         let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
         let side = if y[k] < 0.0 { -1 } else { 1 };
-        let over = (0..3).all(|i| i == k || beyond(i) <= SLIVER * sizes[i]);
+        let over = (0..3).all(|i| i == k || beyond(i) <= GEOMETRY.sliver * sizes[i]);
         if over && !self.rolls(first, k, side) {
             self.push(first, Feature::Face(k as u8, side));
         }
@@ -135,7 +128,7 @@ impl Pair<'_> {
 
     /// Whether a rim's fixed point is not wanted on a face because the rim's deepest point says all: the cylinder leans.
     fn rolls(&self, first: Feature, k: usize, side: i8) -> bool {
-        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > LEANING
+        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > GEOMETRY.leaning
     }
 
     /// Sine of the angle between the first solid's axis and a face's normal.
@@ -152,7 +145,7 @@ impl Pair<'_> {
             _ => (0..3, &SIDES[..]),
         };
         for (k, side) in axes.flat_map(|k| sides.iter().map(move |side| (k, *side))) {
-            if self.tilt(k, side) <= LEANING {
+            if self.tilt(k, side) <= GEOMETRY.leaning {
                 continue;
             }
             for end in SIDES {
@@ -198,7 +191,7 @@ impl Pair<'_> {
     fn crossing(&mut self, first: Feature, second: Feature) {
         let ((p, d), (q, e)) = (self.a.line(first), self.b.line(second));
         let cross = d.cross(&e);
-        if cross.norm() < PARALLEL {
+        if cross.norm() < GEOMETRY.parallel_lines {
             return;
         }
         let feature_pair = FeaturePair { first, second };
@@ -208,7 +201,7 @@ impl Pair<'_> {
         let square = cross.norm_squared();
         let s = -between.cross(&e).dot(&cross) / square;
         let t = -between.cross(&d).dot(&cross) / square;
-        let within = s.abs() <= reach_a * (1.0 + SLIVER) && t.abs() <= reach_b * (1.0 + SLIVER);
+        let within = s.abs() <= reach_a * (1.0 + GEOMETRY.sliver) && t.abs() <= reach_b * (1.0 + GEOMETRY.sliver);
         let depth = self.a.sizes[0].min(self.b.sizes[0]);
         if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
             self.found.push((feature_pair, self.swapped));
@@ -220,7 +213,7 @@ impl Pair<'_> {
         let at = |feature: Feature, collider: &PlacedCollider<f64>, sign: f64| match feature {
             Feature::Edge(k, sides) => (0..2).all(|i| {
                 let axis = collider.axis((usize::from(k) + 1 + i) % 3);
-                sign * f64::from(sides[i]) * axis.dot(normal) >= -PARALLEL
+                sign * f64::from(sides[i]) * axis.dot(normal) >= -GEOMETRY.lean
             }),
             _ => true,
         };

@@ -6,7 +6,8 @@ use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, Inpu
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
-    LinkLinear, RHO, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding, velocity,
+    CONSTRAINTS, LinkLinear, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding,
+    velocity,
 };
 use crate::geometry::collider::{
     Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry, drop_hidden,
@@ -274,7 +275,7 @@ impl ConstraintSet for BodyContacts {
         for (k, (link, BodyContact { features, .. })) in self.each().enumerate() {
             let Ok(geometry) = stage.geometry(link, features, at) else { continue };
             let speed = link.sliding(&geometry, at).velocity.dot(&geometry.normal);
-            let pushed = lambda[4 * k] * RHO / link.rho_n;
+            let pushed = lambda[4 * k] * CONSTRAINTS.rho / link.rho_n;
             visit(Approach { gap: [link.gap, geometry.gap + link.target], speed: [link.speed, speed], pushed });
         }
     }
@@ -287,7 +288,7 @@ impl ConstraintSet for BodyContacts {
 impl Stage<'_> {
     /// ρ \[kg\] of a law for a mobility [1/kg]. What nothing can move has none; ρ then only scales the residual, and must be finite.
     pub(crate) fn law_step(&self, mobility: f64) -> f64 {
-        RHO / mobility.max(STEP.least_mobility / self.masses.total)
+        CONSTRAINTS.rho / mobility.max(STEP.least_mobility / self.masses.total)
     }
 
     /// Decides how far a contact is pushed out in this stage. A contact that begins deeper than it could have got within a step is one

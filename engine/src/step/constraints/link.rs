@@ -6,7 +6,7 @@
 use super::{Change, ConstraintId, Loads, Slopes};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::{Displacement, Partials, WrenchPartial, moved_along};
-use crate::constraints::{LinkLinear, RHO, node_of};
+use crate::constraints::{CONSTRAINTS, LinkLinear, node_of};
 use crate::geometry::collider::Attachment;
 use crate::step::Stage;
 use nalgebra::{Matrix6, Vector4, Vector6};
@@ -209,10 +209,10 @@ impl Stage<'_> {
 impl Link {
     /// One over the effective mass along the normal and across [1/kg].
     pub(crate) fn weights(&self) -> [f64; 4] {
-        [RHO / self.rho_n, RHO / self.rho_t, RHO / self.rho_t, RHO / self.rho_t]
+        [CONSTRAINTS.rho / self.rho_n, CONSTRAINTS.rho / self.rho_t, CONSTRAINTS.rho / self.rho_t, CONSTRAINTS.rho / self.rho_t]
     }
 
     pub(crate) fn rounding2(&self) -> f64 {
-        RHO * self.rounding * self.rounding / self.rho_n.min(self.rho_t)
+        CONSTRAINTS.rho * self.rounding * self.rounding / self.rho_n.min(self.rho_t)
     }
 }

@@ -4,7 +4,7 @@ use super::{
     Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, Loads, RecordAt,
     Slopes, WarmImpulses, cone,
 };
-use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, weighed};
+use crate::constraints::{CONSTRAINTS, Condensed, LawPoint, Touch, contact_law, impulse, weighed};
 use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
@@ -44,7 +44,7 @@ impl Stage<'_> {
             law: contact_law(self.model.contact.law),
             mu: self.theta[pair.friction],
             kappa: self.options.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
-            rho: RHO * mass,
+            rho: CONSTRAINTS.rho * mass,
         }
     }
 
