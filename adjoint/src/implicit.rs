@@ -7,16 +7,13 @@
 //! The minus of the theorem stands in [`negate`] and nowhere else. Solves are refined against the matrix
 //! itself; many columns at once only where a probe shows that it changes them.
 
+use crate::constants::ADJOINT;
 use pliant_engine::step::StageRecord;
 
 /// Contacts at a nanometre's rest gap are 1e7 times stiffer than the rope: systems with them need a second refinement.
 pub(crate) fn refinements(stage: &StageRecord) -> usize {
     if stage.n_rows() == stage.v.len() { 1 } else { 2 }
 }
-
-/// Relative change by a refinement below which it is not worth its price for many columns. The image of a column under one step may be far
-/// larger than under the following ones: joints pulled off their coupling move by the pull over the step, and back.
-const REFINED: f64 = 1e-14;
 
 fn negate(x: &mut [f64]) {
     x.iter_mut().for_each(|a| *a = -*a);
@@ -78,7 +75,7 @@ pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, m
     }
 }
 
-/// Whether the correction after `d` would be below [`REFINED`] of the largest entry of `x`, in every column.
+/// Whether the correction after `d` would be below [`ADJOINT`]`.refined` of the largest entry of `x`, in every column.
 pub(crate) fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f64>; 2]) -> bool {
     for (largest, rows) in largest.iter_mut().zip([x, d]) {
         largest.clear();
@@ -88,10 +85,10 @@ pub(crate) fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f
             largest.iter_mut().zip(row).for_each(|(m, x)| *m = if x.abs() > *m { x.abs() } else { *m });
         }
     }
-    largest[0].iter().zip(&largest[1]).all(|(x, d)| d * d <= REFINED * x * x)
+    largest[0].iter().zip(&largest[1]).all(|(x, d)| d * d <= ADJOINT.refined * x * x)
 }
 
-/// Whether a refinement changes the solution for `rhs` by more than [`REFINED`] of its largest entry.
+/// Whether a refinement changes the solution for `rhs` by more than [`ADJOINT`]`.refined` of its largest entry.
 pub(crate) fn worth_refining(stage: &StageRecord, rhs: Vec<f64>) -> bool {
     let largest = |x: &[f64]| x[..stage.v.len()].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let mut x = rhs.clone();
@@ -100,7 +97,7 @@ pub(crate) fn worth_refining(stage: &StageRecord, rhs: Vec<f64>) -> bool {
     stage.subtract_system(&x, &mut defect, 1);
     stage.solve_system(&mut defect, 1);
     // written so that NaN is refined, and shows
-    let settled = largest(&defect) <= REFINED * largest(&x);
+    let settled = largest(&defect) <= ADJOINT.refined * largest(&x);
     !settled
 }
 

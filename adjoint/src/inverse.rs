@@ -33,28 +33,29 @@ use crate::linearization::{Linearization, VECTOR};
 use crate::stage::Context;
 use pliant_engine::rods::TransportDerivative;
 use pliant_engine::step::{EULER, NodeBlock, StageKind, StageRecord, StepRecord};
-use pliant_linalg::{NodeMatrix, Sum};
+use pliant_linalg::{NodeMatrix, Sums};
 use pliant_math::Input;
 use std::borrow::Cow;
 
 /// Memory, kept from one step to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Inverse {
-    /// [G H], row-major in rows of `width`.
+    /// G, row-major.
     rows: Vec<f64>,
-    width: usize,
     /// [G H]ᵀ, row-major in rows of `columns`, where rows are solved for; Gᵀ where V is a product.
     transposed: Vec<f64>,
     columns: usize,
     refinement: Refinement,
-    /// Vᵀ, where it is a product.
+    /// V, where it comes from `transposed`; its blocks on the diagonal are chosen later.
     by_position: Vec<f64>,
+    /// Vᵀ, on the way there.
+    moved: Vec<f64>,
     /// σ m of every column; zero in prescribed ones.
     momentum: Vec<f64>,
     /// D/h of every column, and its entries of V's blocks on the diagonal: three of a node's, one of a twist's.
     scale: Vec<f64>,
-    own: Vec<[Sum; 3]>,
-    difference: Vec<[Sum; 3]>,
+    own: Vec<Sums>,
+    difference: Vec<Sums>,
     contacts: Vec<Contact<4>>,
     condensed: Vec<Contact<3>>,
 }
@@ -72,25 +73,41 @@ struct Contact<const N: usize> {
     by_q: [[f64; 3]; N],
 }
 
-impl<const N: usize> Contact<N> {
-    /// Adds H F_v/h to a row of V, from that of [G H].
+impl Contact<3> {
+    /// Adds H F_v/h to a row of V, from that of G.
     #[inline]
     fn add(&self, row: &[f64], v: &mut [f64]) {
-        let (Some(x), Some(to)) = (row[self.from..].first_chunk::<N>(), v[self.node..].first_chunk_mut::<3>()) else { return };
+        let (Some(x), Some(to)) = (row[self.from..].first_chunk::<3>(), v[self.node..].first_chunk_mut::<3>()) else { return };
         for (x, rates) in x.iter().zip(&self.rates) {
             to.iter_mut().zip(rates).for_each(|(to, rate)| *to += x * rate);
         }
     }
 }
 
+impl Contact<4> {
+    /// Adds (H F_v/h)ᵀ to Vᵀ, from [G H]ᵀ; both in rows of `columns`.
+    fn add_transposed(&self, transposed: &[f64], columns: usize, v: &mut [f64]) {
+        let rows = &transposed[self.from * columns..(self.from + 4) * columns];
+        for (c, to) in v[self.node * columns..(self.node + 3) * columns].chunks_exact_mut(columns).enumerate() {
+            for (x, rates) in rows.chunks_exact(columns).zip(&self.rates) {
+                let rate = rates[c];
+                to.iter_mut().zip(x).for_each(|(to, x)| *to += x * rate);
+            }
+        }
+    }
+}
+
 impl<const N: usize> Contact<N> {
-    /// Adds its part of V's blocks on the diagonal, as a product and as a difference.
-    fn add_own(&self, rows: &[f64], width: usize, product: &mut [[Sum; 3]], difference: &mut [[Sum; 3]]) {
-        for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-            let from = &rows[(self.node + r) * width + self.from..][..N];
-            for ((x, by_q), rates) in from.iter().zip(&self.by_q).zip(&self.rates) {
-                product[self.node + c][r].add(-x * by_q[c]);
-                difference[self.node + c][r].add(x * rates[c]);
+    /// Adds its part of V's blocks on the diagonal, as a product and as a difference, for entries (row, column) of [G H].
+    fn add_own(&self, at: impl Fn(usize, usize) -> f64, product: &mut [Sums], difference: &mut [Sums]) {
+        let nodes = self.node..self.node + 3;
+        let (product, difference) = (&mut product[nodes.clone()], &mut difference[nodes]);
+        for (k, (by_q, rates)) in self.by_q.iter().zip(&self.rates).enumerate() {
+            let entry = |r: usize| at(self.node + r, self.from + k);
+            let x = [entry(0), entry(1), entry(2), 0.0];
+            for c in 0..3 {
+                product[c].add(x.map(|x| -x * by_q[c]));
+                difference[c].add(x.map(|x| x * rates[c]));
             }
         }
     }
@@ -145,14 +162,12 @@ impl Inverse {
             }
             (stage.carried_positions(cx.model), Vec::new())
         };
-        let mut a = vec![0.0; 4 * n * n];
         self.prepare(cx, stage, &positions, &normals);
         let inertia = stage.inertia * stage.scheme.momentum;
         self.momentum.clear();
         self.momentum.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(|(m, d)| if *d { 0.0 } else { inertia * m }));
         let [begin, end, _] = &stage.transport.carry;
-        self.by_state(stage, begin, &mut a);
-        let mut out = Linearization { a, b: vec![0.0; 2 * n * nu], c: Vec::new() };
+        let mut out = Linearization { a: self.by_state(stage, begin), b: vec![0.0; 2 * n * nu], c: Vec::new() };
         self.add_commands(step, h, nu, &mut out);
         end.add_after(&mut out.a[..2 * n * n], 2 * n);
         end.add_after(&mut out.b[..n * nu], nu);
@@ -162,7 +177,6 @@ impl Inverse {
     /// G without contacts or damping.
     fn invert(&mut self, stage: &StageRecord) {
         let n = stage.v.len();
-        self.width = n;
         stage.jacobians.factor.inverse_of_nodes(&mut self.rows);
         if worth_refining(stage, vec![1.0; n]) {
             // X ← X + X (1 − K X)
@@ -183,7 +197,7 @@ impl Inverse {
         }
         let (positions, normals) = stage.positions_beside_normals()?;
         let n = stage.v.len();
-        (self.width, self.columns) = (n, n);
+        self.columns = n;
         if stage.undamped {
             stage.jacobians.factor.inverse_of_nodes(&mut self.rows);
             stage.visit_contact_damping(|node, block| {
@@ -196,11 +210,11 @@ impl Inverse {
         Some((Cow::Owned(positions), normals))
     }
 
-    /// [G H] from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
+    /// [G H]ᵀ from the columns of M⁻ᵀ, refined: X ← X + M⁻ᵀ ([1; 0] − Mᵀ X).
     fn solve_rows(&mut self, stage: &StageRecord) {
         let n = stage.v.len();
         let columns = n.next_multiple_of(VECTOR);
-        (self.width, self.columns) = (stage.n_rows(), columns);
+        self.columns = columns;
         stage.visit_contact_rates(|node, from, rates, by_q| {
             self.contacts.push(Contact { node, from, rates: rates.map(|row| row.map(|x| x / stage.h)), by_q });
         });
@@ -223,80 +237,102 @@ impl Inverse {
                 break;
             }
         }
-        self.rows.clear();
-        self.rows.resize(n * self.width, 0.0);
-        transpose_into(&self.transposed, columns, &mut self.rows, self.width, n);
+        transpose_into(&self.transposed, columns, &mut self.rows, n);
     }
 
-    /// Vᵀ where it is a product; otherwise D/h and the blocks on V's diagonal.
+    /// Whether V comes from [G H]ᵀ.
+    fn has_columns(&self, stage: &StageRecord) -> bool {
+        !stage.undamped || !self.contacts.is_empty()
+    }
+
+    /// V where it comes from [G H]ᵀ; and unless it is a product D/h and the blocks on its diagonal.
     fn prepare(&mut self, cx: Context, stage: &StageRecord, positions: &NodeMatrix, normals: &[NodeBlock]) {
         let (n, columns, per_h) = (stage.v.len(), self.columns, 1.0 / stage.h);
-        self.by_position.clear();
-        if stage.undamped {
-            let scale = |(m, prescribed): (&f64, &bool)| per_h * if *prescribed { 1.0 } else { stage.inertia * m };
-            self.scale.clear();
-            self.scale.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(scale));
-            self.choose_own(positions, normals, per_h);
+        if !stage.undamped {
+            positions.transpose_times(&self.transposed, &mut self.moved, columns);
+            transpose_into(&self.moved, columns, &mut self.by_position, n);
+            for (node, along) in normals {
+                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                    self.by_position[(3 * node + r) * n + 3 * node + c] -= along[r][c] * per_h;
+                }
+            }
             return;
         }
-        positions.transpose_times(&self.transposed[..n * columns], &mut self.by_position, columns);
-        for (node, along) in normals {
-            for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                self.by_position[(3 * node + c) * columns + 3 * node + r] -= along[r][c] * per_h;
+        let scale = |(m, prescribed): (&f64, &bool)| per_h * if *prescribed { 1.0 } else { stage.inertia * m };
+        self.scale.clear();
+        self.scale.extend(cx.mass.iter().zip(cx.model.prescribed_rows()).map(scale));
+        self.choose_own(positions, normals, per_h);
+        if self.has_columns(stage) {
+            self.moved.clear();
+            for (g, s) in self.transposed.chunks_exact(columns).zip(&self.scale) {
+                self.moved.extend(g.iter().map(|g| g * s));
             }
+            self.contacts.iter().for_each(|contact| contact.add_transposed(&self.transposed, columns, &mut self.moved));
+            transpose_into(&self.moved, columns, &mut self.by_position, n);
         }
     }
 
     /// The blocks on V's diagonal: of the product and the difference the one that adds up smaller numbers, entry by entry.
     fn choose_own(&mut self, positions: &NodeMatrix, normals: &[NodeBlock], per_h: f64) {
-        let (width, nodes) = (self.width, 3 * positions.layout().n_nodes());
-        positions.diagonal_blocks_of_product(&self.rows, width, &mut self.own);
+        let (n, nodes) = (self.scale.len(), 3 * positions.layout().n_nodes());
+        positions.diagonal_blocks_of_product(&self.rows, &mut self.own);
         self.difference.clear();
-        self.difference.resize(self.own.len(), [Sum::default(); 3]);
-        for (c, sums) in self.difference.iter_mut().enumerate() {
+        for (c, scale) in self.scale.iter().enumerate() {
             let (first, rows) = if c < nodes { (c - c % 3, 3) } else { (c, 1) };
-            for (r, sum) in sums.iter_mut().take(rows).enumerate() {
-                sum.add(self.rows[(first + r) * width + c] * self.scale[c]);
-                sum.add(if first + r == c { -per_h } else { 0.0 });
-            }
+            let (mut moved, mut unit, mut sums) = ([0.0; 4], [0.0; 4], Sums::default());
+            (0..rows).for_each(|r| moved[r] = self.rows[(first + r) * n + c] * scale);
+            unit[c - first] = -per_h;
+            sums.add(moved);
+            sums.add(unit);
+            self.difference.push(sums);
         }
         for contact in &self.contacts {
-            contact.add_own(&self.rows, width, &mut self.own, &mut self.difference);
+            contact.add_own(|r, c| self.transposed[c * self.columns + r], &mut self.own, &mut self.difference);
         }
         for contact in &self.condensed {
-            contact.add_own(&self.rows, width, &mut self.own, &mut self.difference);
+            contact.add_own(|r, c| self.rows[r * n + c], &mut self.own, &mut self.difference);
         }
         for (node, along) in normals {
-            (0..9).map(|k| (k / 3, k % 3)).for_each(|(r, c)| self.own[3 * node + c][r].add(-along[r][c] * per_h));
+            for c in 0..3 {
+                let along = [along[0][c], along[1][c], along[2][c], 0.0];
+                self.own[3 * node + c].add(along.map(|along| -along * per_h));
+            }
         }
-        for (own, difference) in self.own.as_flattened_mut().iter_mut().zip(self.difference.as_flattened()) {
-            if difference.size < own.size {
-                *own = *difference;
+        for (own, difference) in self.own.iter_mut().zip(&self.difference) {
+            for r in (0..3).filter(|r| difference.size[*r] < own.size[*r]) {
+                own.value[r] = difference.value[r];
             }
         }
     }
 
-    /// A, with the commands as they are and rods' axes not yet carried to the end.
-    fn by_state(&self, stage: &StageRecord, begin: &TransportDerivative, a: &mut [f64]) {
+    /// A, with the commands as they are and rods' axes not yet carried to the end. (Written in order: zeros to begin with would cost as much
+    /// as half of it.)
+    fn by_state(&self, stage: &StageRecord, begin: &TransportDerivative) -> Vec<f64> {
         let (n, nodes, h) = (self.momentum.len(), 3 * stage.jacobians.dq.nodes.layout().n_nodes(), stage.h);
-        let (upper, lower) = a.split_at_mut(2 * n * n);
-        if !stage.undamped {
-            transpose_into(&self.by_position, self.columns, lower, 2 * n, n);
-        }
-        let rows = upper.chunks_exact_mut(2 * n).zip(lower.chunks_exact_mut(2 * n));
-        for (i, ((q, v), g)) in rows.zip(self.rows.chunks_exact(self.width)).enumerate() {
+        let mut a = Vec::with_capacity(4 * n * n);
+        for (i, g) in self.rows.chunks_exact(n).enumerate() {
+            let row = a.len();
+            if self.has_columns(stage) {
+                a.extend_from_slice(&self.by_position[i * n..(i + 1) * n]);
+            } else {
+                push_scaled(g, &self.scale, &mut a);
+            }
             if stage.undamped {
-                v.iter_mut().zip(g.iter().zip(&self.scale)).for_each(|(to, (g, s))| *to = g * s);
-                self.contacts.iter().for_each(|contact| contact.add(g, v));
+                let v = &mut a[row..];
                 self.condensed.iter().for_each(|contact| contact.add(g, v));
                 let (own, r) = if i < nodes { (i - i % 3..i - i % 3 + 3, i % 3) } else { (i..i + 1, 0) };
-                own.for_each(|c| v[c] = self.own[c][r].value);
+                own.for_each(|c| v[c] = self.own[c].value[r]);
             }
-            begin.pull_before(&mut v[..n]);
-            v[n..].iter_mut().zip(g.iter().zip(&self.momentum)).for_each(|(v, (g, m))| *v = g * m);
-            q.iter_mut().zip(v.iter()).for_each(|(q, v)| *q = h * v);
+            begin.pull_before(&mut a[row..]);
+            push_scaled(g, &self.momentum, &mut a);
+        }
+        // so far the rows of v⁺
+        a.extend_from_within(..);
+        for (i, q) in a[..2 * n * n].chunks_exact_mut(2 * n).enumerate() {
+            q.iter_mut().for_each(|q| *q *= h);
             begin.add_row(i, q);
         }
+        a
     }
 
     /// Adds to A and B the effect of positions and controls on the commanded velocities.
@@ -308,7 +344,7 @@ impl Inverse {
                 Input::U(k) => (&mut out.b, nu, k),
                 Input::Z(_) | Input::Theta(_) | Input::QNext(_) | Input::VNext(_) | Input::Command(_) => continue,
             };
-            for (i, g) in self.rows.chunks_exact(self.width).enumerate() {
+            for (i, g) in self.rows.chunks_exact(n).enumerate() {
                 to[i * width + column] += h * (g[row] * value);
                 to[(n + i) * width + column] += g[row] * value;
             }
@@ -316,16 +352,36 @@ impl Inverse {
     }
 }
 
-/// The first `rows` columns of `from` (rows of `columns`) as the first numbers of rows of `width`.
-fn transpose_into(from: &[f64], columns: usize, to: &mut [f64], width: usize, rows: usize) {
-    let across = (from.len() / columns.max(1)).min(width);
-    // squares that fit into the nearest cache
-    for (first, to) in to.chunks_mut(width * TILE).take(rows.div_ceil(TILE)).enumerate() {
-        for start in (0..across).step_by(TILE) {
-            let end = across.min(start + TILE);
-            for (r, to) in to.chunks_exact_mut(width).enumerate() {
-                let column = from[start * columns + first * TILE + r..].iter().step_by(columns);
-                to[start..end].iter_mut().zip(column).for_each(|(to, from)| *to = *from);
+/// Appends the numbers of a row, each times its scale.
+fn push_scaled(row: &[f64], scale: &[f64], out: &mut Vec<f64>) {
+    let from = out.len();
+    out.extend_from_slice(row);
+    out[from..].iter_mut().zip(scale).for_each(|(x, scale)| *x *= scale);
+}
+
+/// The square of the first `n` rows and columns of `from`, whose rows have `columns` numbers, transposed.
+fn transpose_into(from: &[f64], columns: usize, to: &mut Vec<f64>, n: usize) {
+    to.resize(n * n, 0.0);
+    // squares that fit into the nearest cache, four rows of the result at a time
+    for (first, to) in to.chunks_mut(n * TILE).enumerate() {
+        for start in (0..n).step_by(TILE) {
+            let end = n.min(start + TILE);
+            for (k, rows) in to.chunks_mut(4 * n).enumerate() {
+                let from = &from[start * columns + first * TILE + 4 * k..];
+                if rows.len() < 4 * n {
+                    for (r, row) in rows.chunks_exact_mut(n).enumerate() {
+                        row[start..end].iter_mut().zip(from[r..].iter().step_by(columns)).for_each(|(to, from)| *to = *from);
+                    }
+                    continue;
+                }
+                let (ab, cd) = rows.split_at_mut(2 * n);
+                let ((a, b), (c, d)) = (ab.split_at_mut(n), cd.split_at_mut(n));
+                let to = a[start..end].iter_mut().zip(&mut b[start..end]).zip(&mut c[start..end]).zip(&mut d[start..end]);
+                for (from, (((a, b), c), d)) in from.chunks(columns).zip(to) {
+                    if let Some(from) = from.first_chunk::<4>() {
+                        [*a, *b, *c, *d] = *from;
+                    }
+                }
             }
         }
     }

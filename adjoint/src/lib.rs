@@ -6,6 +6,7 @@
 //! ```
 //! and everything else is the chain rule over stages, steps and time. Nothing is factored going backwards.
 
+mod constants;
 mod equilibrium;
 pub mod gradcheck;
 mod implicit;

@@ -1,19 +1,16 @@
 //! Static equilibrium: the configuration where all forces vanish.
 
+mod constants;
+
 use crate::constraints::JointRow;
 use crate::memory::Past;
 use crate::model::Model;
 use crate::rods::RodPast;
 use crate::step::newton::{Work, solve_stage};
 use crate::step::{Masses, STATIC, SolverOptions, Stage, StageRecord, StepError, Workspace};
+use constants::EQUILIBRIUM;
 use pliant_math::{Input, State};
 use std::sync::Arc;
-
-/// First pseudo-time step [s]; it grows while Newton's method follows and ends at infinity.
-const FIRST_STEP: f64 = 0.02;
-const GROWTH: f64 = 3.0;
-const LAST_STEP: f64 = 1e4;
-const MAX_STEPS: usize = 400;
 
 /// A configuration at rest, with the factorization its derivatives need.
 #[derive(Clone, Debug)]
@@ -79,9 +76,9 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
     };
     let mut ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
     let mut work = Work::default();
-    let (mut tau, mut failed) = (FIRST_STEP, None);
-    for _ in 0..MAX_STEPS {
-        let last = tau >= LAST_STEP;
+    let (mut tau, mut failed) = (EQUILIBRIUM.first_step, None);
+    for _ in 0..EQUILIBRIUM.most_steps {
+        let last = tau >= EQUILIBRIUM.last_step;
         let inertia = if last { 0.0 } else { 1.0 / (tau * tau) };
         match solve_stage(&fixed.stage([&q, &frames], inertia), &mut ws, &mut work) {
             Ok(()) => {
@@ -89,12 +86,12 @@ pub fn equilibrium(model: &Arc<Model>, theta: &[f64], guess: &[f64], u: &[f64]) 
                 if last {
                     return finish(model, &fixed, [q, frames], placement.1, ws, work);
                 }
-                tau *= GROWTH;
+                tau *= EQUILIBRIUM.growth;
             }
-            Err(e) if tau < 1e-4 => return Err(e),
+            Err(e) if tau < EQUILIBRIUM.least_step => return Err(e),
             Err(e) => {
                 failed = Some(e);
-                tau *= 0.1;
+                tau *= EQUILIBRIUM.shrinkage;
             }
         }
     }

@@ -58,7 +58,7 @@ pub use factor::Factor;
 pub use layout::NodeLayout;
 pub use matrix::{CarriedPlace, NodeMatrix, Place, Places};
 pub use method::{Method, Symmetry};
-pub use products::Sum;
+pub use products::Sums;
 pub use square::Square;
 pub use symbolic::Symbolic;
 pub use system::{System, SystemFactor};

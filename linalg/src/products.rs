@@ -3,7 +3,7 @@
 
 use crate::layout::Pattern;
 use crate::matrix::NodeMatrix;
-use pliant_math::simd::rows::{subtract_four, support};
+use pliant_math::simd::rows::{joined, subtract_four, support};
 use pulp::{Arch, Simd, WithSimd};
 
 impl NodeMatrix {
@@ -117,17 +117,20 @@ impl NodeMatrix {
 
     #[inline(always)]
     fn add_mul_kernel<S: Simd>(&self, simd: S, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
-        let mut supports = Vec::with_capacity(self.dim());
-        for row in x.chunks_exact(columns).take(self.dim()) {
-            supports.push(support(row));
+        let (layout, b) = (self.layout(), self.layout().block());
+        let row = |r: usize| &x[r * columns..(r + 1) * columns];
+        // of a node's three rows of X, slot by slot
+        let mut supports = Vec::with_capacity(layout.n_nodes());
+        for slot in 0..layout.n_nodes() {
+            let c = layout.system(b * slot).unwrap_or(0);
+            supports.push(joined(&joined(&support(row(c)), &support(row(c + 1))), &support(row(c + 2))));
         }
-        let b = self.layout().block();
         for (r, y_row) in y.chunks_exact_mut(columns).enumerate().take(self.dim()) {
-            let at = self.layout().storage(r);
+            let at = layout.storage(r);
             let (_, range) = self.stored_row(at);
             let entries = &self.data()[range];
             // blocks of the row: in a band those that stick out of the matrix are zero
-            let (first, listed, blocks) = match &self.layout().pattern {
+            let (first, listed, blocks) = match &layout.pattern {
                 Pattern::Band(half_width) => ((at / b) as isize - *half_width as isize, None, 2 * half_width + 1),
                 Pattern::Sparse { starts, columns, .. } => {
                     let row = &columns[starts[at / b]..starts[at / b + 1]];
@@ -137,15 +140,21 @@ impl NodeMatrix {
             for k in 0..blocks {
                 let slot = match listed {
                     Some(row) => row[k],
-                    None if first + (k as isize) < 0 || first + k as isize >= self.layout().n_nodes() as isize => continue,
+                    None if first + (k as isize) < 0 || first + k as isize >= layout.n_nodes() as isize => continue,
                     None => (first + k as isize) as usize,
                 };
-                for (c, a) in entries[b * k..b * (k + 1)].iter().enumerate() {
-                    let (factor, column) = (scale * a, self.layout().system(b * slot + c));
-                    if let (true, Some(c)) = (factor != 0.0, column) {
-                        let range = supports[c].clone();
-                        add_scaled(simd, factor, &x[c * columns..(c + 1) * columns][range.clone()], &mut y_row[range]);
-                    }
+                let entries = &entries[b * k..b * (k + 1)];
+                let (factors, range) = ([scale * entries[0], scale * entries[1], scale * entries[2]], supports[slot].clone());
+                if let (true, Some(c)) = (factors != [0.0; 3] && !range.is_empty(), layout.system(b * slot)) {
+                    let rows = [&row(c)[range.clone()], &row(c + 1)[range.clone()], &row(c + 2)[range.clone()]];
+                    add_rows(simd, factors, rows, &mut y_row[range]);
+                }
+                if b == 4
+                    && entries[3] != 0.0
+                    && let Some(c) = layout.system(b * slot + 3)
+                {
+                    let range = support(row(c));
+                    add_rows(simd, [scale * entries[3]], [&row(c)[range.clone()]], &mut y_row[range]);
                 }
             }
         }
@@ -265,36 +274,62 @@ impl NodeMatrix {
 }
 
 impl NodeMatrix {
-    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows of `width` numbers, of which the first `dim` count:
-    /// three entries of a node's column, of a twist's one (and zeros).
-    pub fn diagonal_blocks_of_product(&self, x: &[f64], width: usize, out: &mut Vec<[Sum; 3]>) {
-        let nodes = 3 * self.layout().n_nodes();
+    /// The columns of the blocks on the diagonal of X A, for row-major X of `dim` rows and columns: three entries of a node's column, one
+    /// of a twist's (and zeros).
+    pub fn diagonal_blocks_of_product(&self, x: &[f64], out: &mut Vec<Sums>) {
+        let (n, nodes) = (self.dim(), self.layout().n_nodes());
         out.clear();
-        out.resize(self.dim(), [Sum::default(); 3]);
-        for r in 0..self.dim() {
-            self.for_system_row(r, |c, a| {
-                let rows = if c < nodes { c - c % 3..c - c % 3 + 3 } else { c..c + 1 };
-                rows.zip(&mut out[c]).for_each(|(row, sum)| sum.add(x[row * width + r] * a));
-            });
+        out.resize(n, Sums::default());
+        (0..nodes).for_each(|node| self.add_to_diagonal_blocks::<3>(3 * node, x, out));
+        (3 * nodes..n).for_each(|twist| self.add_to_diagonal_blocks::<1>(twist, x, out));
+    }
+
+    /// What `R` rows of A from `r` on, of a node or a twist, contribute.
+    fn add_to_diagonal_blocks<const R: usize>(&self, r: usize, x: &[f64], out: &mut [Sums]) {
+        let (layout, b, n) = (self.layout(), self.layout().block(), self.dim());
+        let at = layout.storage(r);
+        let before = (-self.stored_row(at).0).max(0) as usize;
+        let rows: [&[f64]; R] = std::array::from_fn(|a| &self.row(at + a)[b * before..]);
+        let x = |row: usize| x[row * n + r..].first_chunk::<R>();
+        for (k, slot) in layout.row(at / b).enumerate() {
+            let Some(c) = layout.system(b * slot) else { continue };
+            let (Some(x0), Some(x1), Some(x2), Some(sums)) = (x(c), x(c + 1), x(c + 2), out[c..].first_chunk_mut::<3>()) else {
+                continue;
+            };
+            for a in 0..R {
+                let Some(entries) = rows[a][b * k..].first_chunk::<3>() else { continue };
+                for column in 0..3 {
+                    let entry = entries[column];
+                    sums[column].add([x0[a] * entry, x1[a] * entry, x2[a] * entry, 0.0]);
+                }
+            }
+            if b == 4
+                && let Some(c) = layout.system(b * slot + 3)
+                && let Some(x) = x(c)
+            {
+                (0..R).for_each(|a| out[c].add([x[a] * rows[a][b * k + 3], 0.0, 0.0, 0.0]));
+            }
         }
     }
 }
 
-/// A sum, and that of its terms' sizes: rounding is relative to those.
+/// Sums, and those of their terms' sizes: rounding is relative to those. Four, though a node has three: vectors have two or four.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sum {
+pub struct Sums {
     /// Σ x.
-    pub value: f64,
+    pub value: [f64; 4],
     /// Σ |x|.
-    pub size: f64,
+    pub size: [f64; 4],
 }
 
-impl Sum {
-    /// Adds a term.
+impl Sums {
+    /// Adds a term to each.
     #[inline]
-    pub fn add(&mut self, x: f64) {
-        self.value += x;
-        self.size += x.abs();
+    pub fn add(&mut self, x: [f64; 4]) {
+        for r in 0..4 {
+            self.value[r] += x[r];
+            self.size[r] += x[r].abs();
+        }
     }
 }
 
@@ -337,15 +372,26 @@ fn transposed_slot<S: Simd, const FULL: bool>(
     sums
 }
 
-/// `y += a x`.
+/// `y += Σ_i a_i x_i` for rows that are equally long.
 #[inline(always)]
-fn add_scaled<S: Simd>(simd: S, a: f64, x: &[f64], y: &mut [f64]) {
-    let factor = simd.splat_f64s(a);
-    let ((x, x_rest), (y, y_rest)) = (S::as_simd_f64s(x), S::as_mut_simd_f64s(y));
-    for (y, x) in y.iter_mut().zip(x) {
-        *y = simd.mul_add_e_f64s(factor, *x, *y);
+fn add_rows<S: Simd, const N: usize>(simd: S, a: [f64; N], x: [&[f64]; N], y: &mut [f64]) {
+    let (mut whole, mut tails, mut factors) = ([S::as_simd_f64s(x[0]).0; N], [x[0]; N], [simd.splat_f64s(0.0); N]);
+    let (y, rest) = S::as_mut_simd_f64s(y);
+    let n = y.len();
+    for i in 0..N {
+        let (x, tail) = S::as_simd_f64s(x[i]);
+        (whole[i], tails[i], factors[i]) = (&x[..n], tail, simd.splat_f64s(a[i]));
     }
-    for (y, x) in y_rest.iter_mut().zip(x_rest) {
-        *y += a * x;
+    for k in 0..n {
+        let mut sum = y[k];
+        for i in 0..N {
+            sum = simd.mul_add_e_f64s(factors[i], whole[i][k], sum);
+        }
+        y[k] = sum;
+    }
+    for (k, y) in rest.iter_mut().enumerate() {
+        for i in 0..N {
+            *y += a[i] * tails[i][k];
+        }
     }
 }

@@ -42,7 +42,7 @@ const MODULES: [(&str, &str); 8] = [
     ("import/src", "constants element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
     (
         "adjoint/src",
-        "lib seeds implicit stage step linearization inverse tangent linearize rollout \
+        "lib constants seeds implicit stage step linearization inverse tangent linearize rollout \
          equilibrium gradcheck surrogate",
     ),
     ("identify/src", "lib sensor stats unknown number log error shooting causes fit audit diagnose report"),
@@ -229,10 +229,8 @@ fn begins_a_path(code: &str, module: &str) -> bool {
     })
 }
 
-type Graph = BTreeMap<String, BTreeSet<String>>;
-
-/// Which top-level module uses which, from the sources of a crate by their paths below its folder.
-fn module_graph(sources: &BTreeMap<String, String>) -> Graph {
+/// The code of a crate's sources without that of tests, by their paths below its folder.
+fn codes_of(sources: &BTreeMap<String, String>) -> BTreeMap<&String, String> {
     let mut tests = BTreeSet::new();
     let mut codes = BTreeMap::new();
     for (path, text) in sources {
@@ -244,8 +242,24 @@ fn module_graph(sources: &BTreeMap<String, String>) -> Graph {
         }
         codes.insert(path, code);
     }
-    let module_of = |path: &str| path.split('/').next().unwrap_or("").trim_end_matches(".rs").to_owned();
     codes.retain(|path, _| !tests.contains(path.as_str()));
+    codes
+}
+
+/// Constants of the code that are real numbers.
+fn lone_numbers(code: &str) -> Vec<String> {
+    let items = code.match_indices("const ").filter_map(|(at, word)| code[at + word.len()..].split_once(':'));
+    let is_real = |kind: &str| ["f64", "[f64"].iter().any(|real| kind.trim_start().starts_with(real));
+    let constants = items.filter(|(name, kind)| is_real(kind) && name.chars().all(|c| c.is_alphanumeric() || c == '_'));
+    constants.map(|(name, _)| name.to_owned()).collect()
+}
+
+type Graph = BTreeMap<String, BTreeSet<String>>;
+
+/// Which top-level module uses which, from the sources of a crate by their paths below its folder.
+fn module_graph(sources: &BTreeMap<String, String>) -> Graph {
+    let codes = codes_of(sources);
+    let module_of = |path: &str| path.split('/').next().unwrap_or("").trim_end_matches(".rs").to_owned();
     let modules: BTreeSet<String> = codes.keys().map(|path| module_of(path)).collect();
     let (handed_on, own) = codes.get(&"lib.rs".to_owned()).map(|code| root_names(code)).unwrap_or_default();
     let module_named = |name: &str| {
@@ -354,6 +368,27 @@ fn the_theorem_has_one_minus_and_knows_no_physics() {
     }
 }
 
+/// Thresholds and tolerances stand in a `constants` module; these are numbers of a formula.
+#[test]
+fn numbers_that_decide_stand_together() {
+    const OF_FORMULAS: [(&str, &str); 3] = [
+        ("engine/src/step/scheme.rs", "SDIRK_GAMMA"),
+        ("adjoint/src/step.rs", "RATIO"),
+        ("adjoint/src/gradcheck/difference.rs", "RATIO"),
+    ];
+    let mut lone = Vec::new();
+    for folder in ["linalg/src", "engine/src", "import/src", "adjoint/src"] {
+        let sources = sources_of(folder);
+        for (path, code) in codes_of(&sources).into_iter().filter(|(path, _)| !path.ends_with("constants.rs")) {
+            lone.extend(lone_numbers(&code).into_iter().map(|name| (format!("{folder}/{path}"), name)));
+        }
+    }
+    lone.sort();
+    let mut expected = OF_FORMULAS.map(|(path, name)| (path.to_owned(), name.to_owned()));
+    expected.sort();
+    assert_eq!(lone, expected);
+}
+
 /// Every test of a crate stands in its one binary `tests/suite`: a second binary would be linked again, and a file that no `mod` names
 /// would never run.
 #[test]
@@ -385,6 +420,9 @@ fn the_checks_see_what_they_are_for() {
     assert!(names("use pliant_identify::fit;", "pliant_identify"));
     assert!(!names("use pliant_identify::fit;", "pliant"));
     assert!(!names(&code("// pliant_identify::fit"), "pliant_identify"));
+    let numbers = "const A: f64 = 1.0;\npub(crate) const B: [f64; 2] = [A, A];\nconst C: usize = 3;\nfn f<const N: usize>(x: f64) {}\nconst fn g(x: f64) {}\n\
+                   const SET: Set = Set { a: 1.0 };\n#[cfg(test)]\nmod tests { const D: f64 = 1.0; }";
+    assert_eq!(lone_numbers(&codes_of(&crate_of(&[("lib.rs", numbers)]))[&"lib.rs".to_owned()]), ["A", "B"]);
 }
 
 /// A crate of a few lines.

@@ -50,13 +50,16 @@ pub fn mobilities(tree: &Tree, frames: &Frames<f64>, inertia: &[Inertia<f64>], s
     }
     out.clear();
     for body in tree.bodies() {
-        let mut omega = body.parent.map_or_else(Matrix6::zeros, |p| out[p]);
+        // none for the world
+        let mut omega = body.parent.map(|p| out[p]);
         for response in body.joints.clone().filter_map(|j| responses[j].as_ref()) {
-            let pass = Matrix6::identity() - product(&response.gain, &transposed_product(&response.s, &response.articulated));
-            let passed = product(&product(&pass, &omega), &pass.transpose());
-            omega = passed + product(&response.gain, &response.s.transpose());
+            let own = product(&response.gain, &response.s.transpose());
+            omega = Some(omega.map_or(own, |omega| {
+                let pass = Matrix6::identity() - product(&response.gain, &transposed_product(&response.s, &response.articulated));
+                product(&product(&pass, &omega), &pass.transpose()) + own
+            }));
         }
-        out.push(omega);
+        out.push(omega.unwrap_or_else(Matrix6::zeros));
     }
 }
 

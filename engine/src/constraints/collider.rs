@@ -1,7 +1,7 @@
 //! Colliders that may touch, and their contact linearized under the split law.
 
 use super::distance_change::Changes;
-use super::{LinkLinear, RHO, contact_law, slip};
+use super::{CONSTRAINTS, LinkLinear, contact_law, slip};
 use crate::geometry::collider::{ContactGeometry, carried};
 use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
 use pliant_math::Vec3;
@@ -206,6 +206,6 @@ impl SplitLaw {
 
     /// w in the middle of the central path.
     pub fn middle(&self) -> Vector4<f64> {
-        Vector4::new((self.at.kappa * self.at.rho_n / RHO).sqrt(), 0.0, 0.0, 0.0)
+        Vector4::new((self.at.kappa * self.at.rho_n / CONSTRAINTS.rho).sqrt(), 0.0, 0.0, 0.0)
     }
 }

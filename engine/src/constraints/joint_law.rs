@@ -1,5 +1,6 @@
 //! Friction and stops at joints, and joints that follow others: one impulse each, condensed into the force on its degrees of freedom.
 
+use super::CONSTRAINTS;
 use super::coupling::Coupling;
 use super::sharpness;
 use nalgebra::{SVector, Vector3};
@@ -7,8 +8,6 @@ use num_dual::{Derivative, Dual64, DualSVec64};
 use pliant_math::Real;
 use pliant_smoothing::{friction_residual, stop_residual};
 
-/// Part of its bound from which friction counts as slipping.
-const SLIP: f64 = 0.999;
 /// Numbers of θ that a row reads.
 const PARAMS: usize = 5;
 
@@ -169,7 +168,7 @@ impl JointRow {
         match self.kind {
             JointRowKind::Friction(_) => {
                 let [against_forward, against_backward] = self.bounds(at, theta);
-                let sticks = -SLIP * against_forward <= gamma && gamma <= SLIP * against_backward;
+                let sticks = -CONSTRAINTS.slip * against_forward <= gamma && gamma <= CONSTRAINTS.slip * against_backward;
                 let motion = if sticks { 1 } else { 2 + u8::from(gamma > 0.0) };
                 motion + 4 * u8::from(at.load < 0.0)
             }

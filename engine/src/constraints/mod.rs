@@ -3,6 +3,7 @@
 
 mod closure;
 mod collider;
+mod constants;
 mod coupling;
 mod distance_change;
 mod edge;
@@ -16,6 +17,7 @@ pub use closure::LoopClosure;
 pub(crate) use closure::{ClosureLaw, TieRows, closure_law};
 pub use collider::{ColliderPair, Friction};
 pub(crate) use collider::{Sliding, SplitLaw, body_contact_law, contact_wrench, rounding};
+pub(crate) use constants::CONSTRAINTS;
 pub use coupling::{Coupling, Lead};
 pub(crate) use distance_change::contact_geometry_changes;
 pub(crate) use edge::{ConeLinear, ElementLinear, element_changes, element_law, of_nodes, tangential, weighted};
@@ -53,15 +55,5 @@ pub(crate) fn slip(law: pliant_scene::Law, mu: f64, h: f64) -> (f64, f64) {
 /// the shorter the step, the later. With v_n ε instead, a sticking contact creeps at speeds of about δ h/(h² + τ²) ≤ δ/2τ, which vanish
 /// with h at any δ.
 pub(crate) fn sharpness(h: f64) -> f64 {
-    h * h / (h * h + FRICTION_TIME * FRICTION_TIME)
+    h * h / (h * h + CONSTRAINTS.friction_time * CONSTRAINTS.friction_time)
 }
-
-/// τ [s]: steps from about which on friction turns from sticking to sliding as sharply as the rest gap allows.
-const FRICTION_TIME: f64 = 0.002;
-
-/// Safe fraction of the effective mass as the laws' steps ρ (design: never above the mass itself).
-pub(crate) const RHO: f64 = 0.3;
-/// Acceleration that makes a weight of a mass in the smoothing of contacts of colliders and joints [m/s²]: near gravity's, but no parameter.
-pub(crate) const WEIGHT: f64 = 10.0;
-/// Tangential over normal impulse, |γ_t|/(μ γ_n), above which a contact counts as slipping.
-pub(crate) const SLIP: f64 = 0.999;

@@ -1,17 +1,15 @@
 //! Contact of nodes with fixed shapes, linearized. With w the cone variable, the impulse is p = w₀ n + μ w̄ and F(w, v̂) = 0 is the
 //! smoothed natural residual of the cone.
 
+use super::CONSTRAINTS;
 use super::Touch;
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Vector4};
 use pliant_math::Vec3;
 use pliant_smoothing::ContactLaw;
 
-/// Replaces gravity's acceleration where that is zero [m/s²]: a law without any smoothing has no derivative.
-const WEIGHTLESS: f64 = 10.0;
-
 /// The acceleration [m/s²] by which the sharpness of a node's contact follows from its mass, and its derivative by gravity.
 pub(crate) fn weighed(gravity: f64) -> (f64, f64) {
-    if gravity > 0.0 { (gravity, 1.0) } else { (WEIGHTLESS, 0.0) }
+    if gravity > 0.0 { (gravity, 1.0) } else { (CONSTRAINTS.weight, 0.0) }
 }
 
 /// The numbers a contact's law takes at one node.

@@ -3,18 +3,17 @@
 //! Each file holds the gap once, generic over the scalar, and a kernel that adds the Hessian; tests hold the two equal.
 //! Sign: gap < 0 penetrates; the normal n = ∂gap/∂x points out of the shape, towards the node.
 
+use constants::GEOMETRY;
 use nalgebra::Matrix3;
 use num_dual::DualSVec64;
 use pliant_math::Vec3;
 
 pub mod capsule;
 pub mod collider;
+mod constants;
 pub(crate) mod element;
 pub mod plane;
 pub mod sphere;
-
-/// Distance \[m\] of a node's centre to a sphere's centre or a capsule's segment below which there is no normal.
-pub const MIN_DISTANCE: f64 = 1e-12;
 
 /// A gap and its slopes with respect to the node's position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +31,8 @@ pub struct Gap {
 pub enum GeometryError {
     /// The node's centre is at the sphere's centre or on the capsule's segment (or not finite).
     #[error(
-        "shape `{shape}` has no normal at {point:?} m: that is {distance:e} m from its centre, at least {MIN_DISTANCE:e} m is needed"
+        "shape `{shape}` has no normal at {point:?} m: that is {distance:e} m from its centre, at least {:e} m is needed",
+        GEOMETRY.min_distance
     )]
     NoNormal {
         /// Name of the shape.
@@ -120,7 +120,7 @@ impl Shape {
     /// Gap \[m\], normal and Hessian for a node at `x` \[m\] of a rope with `radius` \[m\].
     ///
     /// # Errors
-    /// [`GeometryError::NoNormal`] within [`MIN_DISTANCE`] of a sphere's centre or a capsule's segment,
+    /// [`GeometryError::NoNormal`] within 1e-12 m of a sphere's centre or a capsule's segment,
     /// [`GeometryError::NoAxis`] for a capsule without length.
     #[inline]
     pub fn eval(&self, x: &Vec3<f64>, radius: f64, theta: &[f64]) -> Result<Gap, GeometryError> {
@@ -170,7 +170,7 @@ impl Shape {
 }
 
 fn usable(distance: f64) -> Result<f64, f64> {
-    if distance >= MIN_DISTANCE { Ok(distance) } else { Err(distance) }
+    if distance >= GEOMETRY.min_distance { Ok(distance) } else { Err(distance) }
 }
 
 fn sphere_params(c: &[usize; 3], radius: usize) -> [usize; 4] {

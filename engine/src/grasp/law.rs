@@ -1,14 +1,10 @@
 //! The law of a grasp, written once for any scalar, and its derivatives.
 
+use super::constants::GRASP;
 use super::nearest::{Region, nearest};
 use super::{Grasp, Grasping};
 use pliant_math::input::{Dual, differentiate};
 use pliant_math::{Input, Real, Vec3};
-
-/// Closing control from which on a gripper holds.
-const CLOSED: f64 = 0.5;
-/// e^{−t/τ} is 0 from this t/τ on.
-const LONG: f64 = 700.0;
 
 /// The beginning of a (halved) step, and how far it has come.
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +82,7 @@ pub(super) fn element_of(z: f64) -> Option<usize> {
 impl Grasp {
     /// The gripper's phase in a step that begins so.
     pub(crate) fn phase(&self, at: &Begin) -> Phase {
-        let closed = at.u[self.closing] >= CLOSED;
+        let closed = at.u[self.closing] >= GRASP.closed;
         let held = element_of(at.z[self.memory]).filter(|e| *e < self.elements.len());
         match (held, at.grasping) {
             (Some(element), _) if closed => return Phase::Held(element),
@@ -131,7 +127,7 @@ impl Grasp {
         let theta = |k: usize| get(Input::Theta(k));
         let p = vec3(&|a| Input::Q(3 * self.node + a));
         let moved = p + vec3(&|a| Input::Command(3 * self.node + a)) * S::from(elapsed);
-        let closing = theta(self.stiffness) * logistic(theta(self.steepness) * (get(Input::U(self.closing)) - CLOSED));
+        let closing = theta(self.stiffness) * logistic(theta(self.steepness) * (get(Input::U(self.closing)) - GRASP.closed));
         let zero = Vec3::repeat(S::zero());
         let on = |e: usize, region: Region| {
             let x = self.elements[e].map(|node| vec3(&|a| Input::Q(3 * node + a)));
@@ -281,5 +277,5 @@ fn logistic<S: Real>(x: S) -> S {
 
 /// e^{−t/τ}; 0 where τ is 0 or next to it, with slope 0.
 fn decay<S: Real>(tau: S, t: f64) -> S {
-    if tau.re() * LONG > t { (-(tau.recip() * t)).exp() } else { S::zero() }
+    if tau.re() * GRASP.long > t { (-(tau.recip() * t)).exp() } else { S::zero() }
 }

@@ -24,6 +24,7 @@
 //! Derivatives are exact but for switches (seizing, letting go, another nearest face), where they are those of one side. Where the
 //! distance is zero, ∂d is taken as 0.
 
+mod constants;
 mod law;
 mod nearest;
 

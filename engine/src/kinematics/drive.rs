@@ -10,6 +10,7 @@
 //! A clamped end edge is a ghost node one rest length behind the end node: `p_ghost = p_end − l a/|a|`, `a` the axis pointing
 //! into the rope.
 
+use super::constants::KINEMATICS;
 use super::hold::{HeldEdge, Now};
 use pliant_math::input::{Dual, differentiate};
 use pliant_math::{Input, Real, Vec3};
@@ -88,9 +89,6 @@ pub enum CommandError {
         value: f64,
     },
 }
-
-/// Sine of the smallest angle between axis and director.
-const PARALLEL: f64 = 1e-6;
 
 impl Drive {
     /// Number of controls of this gripper.
@@ -260,7 +258,7 @@ impl Drive {
             }
             if !self.held.is_empty() {
                 let [axis, director] = [3, 6].map(|k| Vec3::from_fn(|a, _| u[range.start + k + a]));
-                if axis.cross(&director).norm() <= PARALLEL * axis.norm() * director.norm() {
+                if axis.cross(&director).norm() <= KINEMATICS.parallel * axis.norm() * director.norm() {
                     return Err(CommandError::Director { gripper: self.name.clone(), director: director.into() });
                 }
             }

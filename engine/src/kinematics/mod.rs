@@ -1,5 +1,6 @@
 //! How inputs move the clamped nodes.
 
+mod constants;
 mod drive;
 mod hold;
 pub use drive::{CommandError, Drive, DriveKind, EdgeClamp};

@@ -19,6 +19,7 @@
 //! to q⁺. See [`crate::terms::joint::PlasticSpring`], and of rods [`crate::terms::section::CreepSection`],
 //! [`crate::terms::section::PlasticSection`] and [`crate::terms::section::DahlSection`], whose strains at the beginning depend on all that stands there ([`crate::rods::RodPast`]).
 
+mod constants;
 mod signal;
 
 pub(crate) use signal::Partials;

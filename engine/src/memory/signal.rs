@@ -1,6 +1,7 @@
 //! From the command of a step to what a motor sees of it.
 
 use super::Layout;
+use super::constants::MEMORY;
 use nalgebra::SVector;
 use num_dual::{Derivative, DualSVec64};
 use pliant_math::{Input, Real};
@@ -31,9 +32,6 @@ pub struct SignalPath {
     /// Command before the start.
     pub start: f64,
 }
-
-/// A lag below this part of a step is none: e^{−h/T} is zero long before.
-const NO_LAG: f64 = 1e-12;
 
 /// Inputs of a path: u, target, the two commands that the delay lets through, y, and scale, D, T.
 const INPUTS: usize = 8;
@@ -97,7 +95,7 @@ impl SignalPath {
         if self.lag.is_none() {
             return SubstepResult { command, signal: delayed, lagged: delayed };
         }
-        if lag.re() < NO_LAG * h {
+        if lag.re() < MEMORY.no_lag * h {
             return SubstepResult { command, signal: delayed + (y - newer) * lag / h, lagged: newer };
         }
         let (first, area) = lagging(y, older, part * h, lag);

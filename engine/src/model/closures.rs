@@ -1,14 +1,12 @@
 //! From a scene's closures to ties.
 
 use super::Model;
-use crate::constraints::{LoopClosure, WEIGHT, pose};
+use super::constants::MODEL;
+use crate::constraints::{CONSTRAINTS, LoopClosure, pose};
 use crate::geometry::collider::{Attachment, Pose};
 use pliant_math::Vec3;
 use pliant_math::params::{ANY, NON_NEGATIVE};
 use pliant_scene::{Closure, ClosureKind, Mistake, Scene, SceneError};
-
-/// Distance of two tied points at the start that a first step closes without a jerk \[m\].
-const OPEN: f64 = 1e-6;
 
 impl Model {
     /// Adds what holds bodies together beside joints; their second points are where the first ones are as the scene begins.
@@ -31,7 +29,9 @@ impl Model {
             });
             let compliance =
                 closure.compliance.map(|c| self.params.push(format!("{}.compliance", closure.name), "m/N", NON_NEGATIVE, c));
-            let weight = |c: Attachment| if let Attachment::Body(b) = c { WEIGHT * weights[b].max(1e-9) } else { f64::INFINITY };
+            let weight = |c: Attachment| {
+                if let Attachment::Body(b) = c { CONSTRAINTS.weight * weights[b].max(MODEL.lightest) } else { f64::INFINITY }
+            };
             self.closures.push(LoopClosure {
                 name: closure.name.clone(),
                 attachments,
@@ -53,7 +53,7 @@ fn second_point(closure: &Closure, poses: &[Pose<f64>; 2], field: &str) -> Resul
     };
     let second = poses[1].position + poses[1].rotation * Vec3::from(given);
     let distance = (first - second).norm();
-    if distance > OPEN {
+    if distance > MODEL.open {
         return Err(SceneError::at(format!("{field}.to_point"), Mistake::Open { distance }));
     }
     Ok(given)

@@ -1,8 +1,9 @@
 //! From a scene's shapes to colliders, and which of them may touch.
 
 use super::Model;
+use super::constants::MODEL;
 use super::rules::{Rule, rule_of};
-use crate::constraints::{ColliderPair, Friction, WEIGHT};
+use crate::constraints::{CONSTRAINTS, ColliderPair, Friction};
 use crate::geometry::collider::{Attachment, Collider, ColliderShape, Place, candidates, contact_geometry, drop_hidden, overlap};
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
@@ -10,9 +11,6 @@ use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE};
 use pliant_math::rotation::{matrix, normalized};
 use pliant_scene::{Body, BodyShape, Mistake, Scene, SceneError, ShapeKind};
 use std::collections::HashMap;
-
-/// Overlap at the start that contact opens without a jerk \[m\].
-const OVERLAP: f64 = 1e-6;
 
 /// A solid while pairs are listed.
 struct Entry {
@@ -217,11 +215,11 @@ impl Model {
 
     /// Weight of what carries a solid \[N\]; infinite for the world.
     fn weight(&self, bodies: &[f64], collider: usize) -> f64 {
-        WEIGHT
+        CONSTRAINTS.weight
             * match self.colliders[collider].attachment {
                 Attachment::World => f64::INFINITY,
-                Attachment::Body(body) => bodies[body].max(1e-9),
-                Attachment::Node(node) => self.masses[node].mass(self.params.values()).max(1e-9),
+                Attachment::Body(body) => bodies[body].max(MODEL.lightest),
+                Attachment::Node(node) => self.masses[node].mass(self.params.values()).max(MODEL.lightest),
             }
     }
 
@@ -265,7 +263,7 @@ impl Model {
             let [a, b] = pair.colliders;
             found.clear();
             candidates(&placed[a], &placed[b], 0.0, &mut found);
-            drop_hidden(&placed[a], &placed[b], OVERLAP, &mut found);
+            drop_hidden(&placed[a], &placed[b], MODEL.overlap, &mut found);
             for (feature_pair, swapped) in &found {
                 let (a, b) = if *swapped { (b, a) } else { (a, b) };
                 // only points that lie in the other solid tell how deep it is
@@ -277,8 +275,10 @@ impl Model {
             let depth = deepest.entry((a, b)).or_insert(0.0);
             *depth = depth.max(overlap(&placed[a], &placed[b]));
         }
-        let worst =
-            deepest.into_iter().filter(|(_, depth)| *depth > OVERLAP).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));
+        let worst = deepest
+            .into_iter()
+            .filter(|(_, depth)| *depth > MODEL.overlap)
+            .max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)));
         let Some(((a, b), depth)) = worst else { return Ok(()) };
         let name = |k: usize| format!("`{}`", self.colliders[k].name);
         Err(SceneError::at(entries[a].field.clone(), Mistake::Overlap { first: name(a), second: name(b), depth }))

@@ -1,13 +1,12 @@
 //! From a scene's couplings to rows.
 
 use super::Model;
+use super::constants::MODEL;
 use crate::constraints::{Coupling, JointRow, JointRowKind, Lead};
 use pliant_math::params::{ANY, NON_NEGATIVE};
 use pliant_scene as scene;
 use pliant_scene::{JointKind, Mistake, Scene, SceneError};
 
-/// Distance of a joint from where its coupling has it at the start that a first step closes without a jerk [rad or m].
-const OPEN: f64 = 1e-6;
 /// Units of the coefficients by power, for angles and lengths that follow angles and lengths.
 const UNITS: [[[&str; 5]; 2]; 2] = [
     [["rad", "rad/rad", "rad/rad²", "rad/rad³", "rad/rad⁴"], ["rad", "rad/m", "rad/m²", "rad/m³", "rad/m⁴"]],
@@ -67,7 +66,7 @@ impl Model {
         };
         let (theta, start) = (self.params.values(), &self.q0[self.n_node_dofs()..]);
         let [wanted, slope] = row.wanted(lead.map_or(0.0, |joint| start[joint.q]), theta);
-        if (start[q] - wanted).abs() > OPEN {
+        if (start[q] - wanted).abs() > MODEL.open {
             let mistake = Mistake::StartsApart { joint: coupling.joint.clone(), start: start[q], wanted };
             return Err(SceneError::at(format!("{field}.coefficients"), mistake));
         }

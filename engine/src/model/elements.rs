@@ -1,7 +1,8 @@
 //! Edges of ropes, and edges and triangles of sheets, that touch fixed shapes.
 
 use super::Model;
-use crate::constraints::{ContactElement, ElementGroup, Friction, WEIGHT};
+use super::constants::MODEL;
+use crate::constraints::{CONSTRAINTS, ContactElement, ElementGroup, Friction};
 use crate::geometry::collider::{Attachment, ColliderShape, PlacedCollider, overlap};
 use crate::geometry::element::{Candidates, candidates, nearest};
 use nalgebra::Matrix3;
@@ -9,9 +10,6 @@ use pliant_math::Vec3;
 use pliant_scene::{Mistake, Scene, SceneError, Touching};
 use std::collections::BTreeMap;
 use std::ops::Range;
-
-/// Depth at the start that counts as none \[m\].
-const ROUNDING: f64 = 1e-12;
 
 impl Model {
     /// Adds the contact elements that a scene asks for, and refuses those that begin inside a shape; of every rope the index of its radius in θ.
@@ -56,7 +54,7 @@ impl Model {
             }
             let mass = |node: &usize| self.masses[*node].mass(self.params.values());
             let lightest = free().map(mass).fold(f64::INFINITY, f64::min);
-            let weight = WEIGHT * lightest.max(1e-9);
+            let weight = CONSTRAINTS.weight * lightest.max(MODEL.lightest);
             self.elements.push(ContactElement { nodes: corners, count, radius, thirds, weight });
         }
         let elements = first..self.elements.len();
@@ -100,7 +98,7 @@ impl Model {
         let shape = self.colliders[collider].placed(&world, |k| theta[k]);
         let depth = |k: &usize| depth(&self.elements[*k], &self.q0, &shape);
         let Some(worst) = elements.clone().max_by(|a, b| depth(a).total_cmp(&depth(b))) else { return Ok(()) };
-        if depth(&worst) <= ROUNDING {
+        if depth(&worst) <= MODEL.touching {
             return Ok(());
         }
         let nodes = self.elements[worst].nodes[..self.elements[worst].count].iter();

@@ -5,6 +5,7 @@ mod build;
 mod closures;
 mod cloth;
 mod colliders;
+mod constants;
 mod couplings;
 mod elements;
 mod grasp;
@@ -30,15 +31,12 @@ use crate::memory::{Layout, Past};
 use crate::rods::{Following, Remembered, RodEdge, RodPast, RodPoint, Rods};
 use crate::terms::Term;
 use crate::terms::joint::{JointPoint, JointTerm};
+use constants::MODEL;
 use pliant_linalg::{Method, NodeLayout, Symmetry};
 use pliant_math::State;
 use pliant_math::params::Params;
 use pliant_scene::{Contact, Integrator, LinearSolver, Solver, Start};
 use std::sync::Arc;
-
-/// Half width of a band in nodes beyond which a fill-reducing order is cheaper: measured on square sheets, where 5 × 5 nodes are
-/// faster in the band and 7 × 7 are not (docs/cloth.md).
-const WIDEST_BAND: usize = 12;
 
 /// A rope's place in the model.
 #[derive(Clone, Debug, PartialEq)]
@@ -396,7 +394,7 @@ impl Model {
         let order = self.slot_order();
         let order = order.as_deref();
         let banded = || NodeLayout::banded(n, &twists, order, &stencils);
-        let wide = |layout: &NodeLayout| layout.half_width() > WIDEST_BAND;
+        let wide = |layout: &NodeLayout| layout.half_width() > MODEL.widest_band;
         let layout = match self.solver.linear {
             LinearSolver::Band | LinearSolver::Dense => banded(),
             LinearSolver::Auto if !banded().as_ref().is_ok_and(wide) => banded(),

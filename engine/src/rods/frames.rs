@@ -1,5 +1,6 @@
 //! The material axes of all edges at a configuration.
 
+use super::constants::RODS;
 use super::joint::{EdgeFrame, Joint};
 use super::{RodEdge, RodSection, Rods};
 use pliant_math::Vec3;
@@ -135,7 +136,7 @@ impl Rods {
     pub(crate) fn misplaced(&self, q: &[f64], frames: &[f64]) -> Option<usize> {
         let fits = |(k, edge): (usize, &RodEdge)| {
             let (t, d) = (edge_vector(edge, q).normalize(), vector(frames, k));
-            t.dot(&d).abs() < LOOSE && (d.norm_squared() - 1.0).abs() < LOOSE
+            t.dot(&d).abs() < RODS.loose && (d.norm_squared() - 1.0).abs() < RODS.loose
         };
         (0..self.edges.len()).zip(&self.edges).find(|pair| !fits(*pair)).map(|(k, _)| k)
     }
@@ -152,6 +153,3 @@ fn replace(to: &mut Vec<f64>, from: &[f64]) {
     to.clear();
     to.extend_from_slice(from);
 }
-
-/// Largest deviation of an axis from normal and from unit length [-].
-const LOOSE: f64 = 1e-6;

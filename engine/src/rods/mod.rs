@@ -15,6 +15,7 @@
 //! ```
 //! because the smallest rotations around a triangle of directions turn by its area. That is [`TransportDerivative`].
 
+mod constants;
 mod displace;
 mod frames;
 mod interpolate;

@@ -5,6 +5,7 @@ use super::Stage;
 use crate::constraints::node_of;
 use crate::model::Model;
 use crate::step::constraints::Constraints;
+use nalgebra::Matrix3;
 use pliant_linalg::NodeMatrix;
 
 type Block = [[f64; 3]; 3];
@@ -60,9 +61,10 @@ impl UnconstrainedBlocks {
         }
     }
 
-    /// Calls `visit(node, ∂f/∂q̄, ∂f/∂v̄)` for the blocks of single nodes.
-    pub fn visit_own(&self, mut visit: impl FnMut(usize, &Block, &Block)) {
-        self.own.iter().for_each(|([node, _], before)| visit(*node, &before.dq, &before.dv));
+    /// ∂f/∂q̄ and ∂f/∂v̄ of a node by itself, if it may touch.
+    pub fn own(&self, node: usize) -> Option<(&Block, &Block)> {
+        let at = self.own.binary_search_by_key(&node, |(nodes, _)| nodes[0]).ok()?;
+        Some((&self.own[at].1.dq, &self.own[at].1.dv))
     }
 
     /// Takes the blocks out of `k`, leaving zeros.
@@ -116,5 +118,45 @@ impl UnconstrainedBlocks {
             put(*nodes, block_q, before, inertia);
         }
         self.between.iter().for_each(|(nodes, before)| put(*nodes, &before.dq, before, 0.0));
+    }
+}
+
+impl Stage<'_> {
+    /// The mass that resists a push on a node within the stage \[kg\]: its own, and of what bends, stretches and damps there at least
+    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. The split law of contact with bodies, boxes and cylinders takes its step ρ from it.
+    pub(crate) fn resisting_mass(&self, node: usize, blocks: &UnconstrainedBlocks) -> f64 {
+        let Some((dq, dv)) = blocks.own(node) else { return self.masses.nodes[node] };
+        let (cq, cv) = (self.h * self.h * self.scheme.free.a1, self.h * self.scheme.free.b1);
+        let block = Matrix3::from_fn(|r, c| -(cq * (dq[r][c] + dq[c][r]) + cv * (dv[r][c] + dv[c][r])) * 0.5);
+        self.masses.nodes[node] + least_eigenvalue(&block).max(0.0)
+    }
+}
+
+/// Of a symmetric matrix, by the trigonometric solution of its characteristic equation.
+fn least_eigenvalue(m: &Matrix3<f64>) -> f64 {
+    let mean = m.trace() / 3.0;
+    let deviator = m - Matrix3::from_diagonal_element(mean);
+    let size = (deviator.norm_squared() / 6.0).sqrt();
+    if size == 0.0 {
+        return mean;
+    }
+    let angle = (0.5 * (deviator / size).determinant()).clamp(-1.0, 1.0).acos() / 3.0;
+    mean + 2.0 * size * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_eigenvalue_is_that_of_the_decomposition() {
+        for seed in 0..50 {
+            let x = |k: usize| ((seed * 9 + k) as f64 * 0.73).sin();
+            let half = Matrix3::from_fn(|r, c| x(3 * r + c) * if seed % 3 == 0 && r == 2 { 1e-8 } else { 1.0 });
+            let m = half + half.transpose();
+            let least = m.symmetric_eigenvalues().min();
+            assert!((least_eigenvalue(&m) - least).abs() < 1e-12 * (1.0 + m.norm()), "{m}: {least}");
+        }
+        assert_eq!(least_eigenvalue(&Matrix3::identity()), 1.0);
     }
 }

@@ -26,15 +26,27 @@ pub(crate) struct CentralContact {
     pub kappa: f64,
 }
 
-/// The cone variables w of all contacts, (w₀, w̄ along the two tangents); `None` if the path was lost. `delassus` is G by columns, `b` the
-/// relative velocities without impulses [m/s], three of each per contact.
+/// The cone variables w of all contacts, (w₀, w̄ along the two tangents); `None` if the path was lost. `b` are the relative velocities
+/// without impulses [m/s], three per contact, `delassus` takes G by columns, of which `fill` writes the three of a contact.
 ///
 /// Of many contacts listed few close. The path is followed for those that would close, and again with those that then would.
-pub(crate) fn solve(contacts: &[CentralContact], delassus: &[f64], b: &[f64]) -> Option<Vec<Vector3<f64>>> {
+pub(crate) fn solve(
+    contacts: &[CentralContact],
+    b: &[f64],
+    delassus: &mut [f64],
+    mut fill: impl FnMut(usize, &mut [f64]),
+) -> Option<Vec<Vector3<f64>>> {
     let n = b.len();
     let mut closing: Vec<bool> = b.chunks_exact(3).map(|b| b[0] <= 0.0).collect();
+    let mut known = vec![false; contacts.len()];
     // no contact leaves the list, so this ends
     loop {
+        for (i, columns) in delassus.chunks_exact_mut((3 * n).max(1)).enumerate() {
+            if closing[i] && !std::mem::replace(&mut known[i], true) {
+                fill(i, columns);
+            }
+        }
+        let delassus = &*delassus;
         let listed: Vec<usize> = (0..contacts.len()).filter(|i| closing[*i]).collect();
         let rows: Vec<usize> = listed.iter().flat_map(|i| 3 * i..3 * i + 3).collect();
         let laws: Vec<CentralContact> = listed.iter().map(|i| contacts[*i]).collect();
@@ -176,6 +188,11 @@ mod tests {
         CentralContact { mu, compliance_per_h2: 0.0, kappa: KAPPA }
     }
 
+    fn solve_with(contacts: &[CentralContact], g: &[f64], b: &[f64]) -> Vec<Vector3<f64>> {
+        let size = 3 * b.len();
+        solve(contacts, b, &mut vec![f64::NAN; g.len()], |i, columns| columns.copy_from_slice(&g[i * size..][..size])).unwrap()
+    }
+
     /// G of contacts that all push the same free mass: `G = J Jᵀ/m`, the columns of J being (n, s, t).
     fn one_mass(m: f64, contacts: usize) -> Vec<f64> {
         let n = 3 * contacts;
@@ -185,7 +202,7 @@ mod tests {
     #[test]
     fn a_mass_is_stopped_and_sticks_or_slides() {
         for (mu, slides) in [(0.9, false), (0.3, true)] {
-            let w = solve(&[contact(mu)], &one_mass(2.0, 1), &[-1.0, 0.6, 0.0]).unwrap();
+            let w = solve_with(&[contact(mu)], &one_mass(2.0, 1), &[-1.0, 0.6, 0.0]);
             assert_relative_eq!(w[0][0], 2.0, max_relative = 1e-6);
             let tangential = if slides { -mu * 2.0 } else { -1.2 };
             assert_relative_eq!(mu * w[0][1], tangential, max_relative = 1e-6);
@@ -196,13 +213,13 @@ mod tests {
     fn contacts_that_one_would_do_for_share_evenly() {
         let contacts = [contact(0.5); 4];
         let b: Vec<f64> = (0..4).flat_map(|_| [-1.0, 0.1, 0.0]).collect();
-        let w = solve(&contacts, &one_mass(2.0, 4), &b).unwrap();
+        let w = solve_with(&contacts, &one_mass(2.0, 4), &b);
         w.iter().for_each(|w| assert_relative_eq!(w[0], 0.5, max_relative = 1e-4));
     }
 
     #[test]
     fn what_leaves_is_not_held() {
-        let w = solve(&[contact(0.5)], &one_mass(1.0, 1), &[0.5, 0.1, 0.0]).unwrap();
+        let w = solve_with(&[contact(0.5)], &one_mass(1.0, 1), &[0.5, 0.1, 0.0]);
         assert!(w[0][0] > 0.0 && w[0][0] < 1e-6, "{}", w[0][0]);
     }
 
@@ -211,7 +228,7 @@ mod tests {
     fn a_contact_without_mobility_is_left_alone() {
         let mut g = vec![0.0; 36];
         (0..3).for_each(|k| g[7 * (3 + k)] = 0.5);
-        let w = solve(&[contact(0.0), contact(0.0)], &g, &[0.2, 0.0, 0.0, -1.0, 0.0, 0.0]).unwrap();
+        let w = solve_with(&[contact(0.0), contact(0.0)], &g, &[0.2, 0.0, 0.0, -1.0, 0.0, 0.0]);
         assert_relative_eq!(w[1][0], 2.0, max_relative = 1e-6);
         assert!(w[0][0] < 1e-6, "{}", w[0][0]);
     }

@@ -14,27 +14,20 @@ use super::{Stage, StepError, Workspace};
 use crate::geometry::collider::Attachment;
 use crate::step::constraints::{BodyContact, Change, Evaluation, tangents};
 use nalgebra::Vector6;
-use pliant_math::Vec3;
 use pliant_math::spatial::Force;
 
 /// Memory of the start, kept between stages.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FrozenWorkspace {
-    /// Contacts, in their order: the numbers of their law, and their axes and the point they meet at.
+    /// Contacts, in their order: the numbers of their law, and unit forces along their axes where they meet.
     contacts: Vec<CentralContact>,
-    points: Vec<FrozenPoint>,
-    /// Y, row-major, and G by columns.
+    pushes: Vec<[Force<f64>; 3]>,
+    /// Y, row-major, and G by columns, of the contacts that may close.
     response: Vec<f64>,
     delassus: Vec<f64>,
     /// b [m/s].
     b: Vec<f64>,
     column: Vec<f64>,
-}
-
-#[derive(Clone, Debug)]
-struct FrozenPoint {
-    axes: [Vec3<f64>; 3],
-    point: Vec3<f64>,
 }
 
 impl Stage<'_> {
@@ -56,38 +49,39 @@ impl Stage<'_> {
 
     /// Solves for the impulses and moves the iterate; false if there is no solution or it leaves what is finite.
     fn meet_frozen(&self, part: &mut FrozenWorkspace, ws: &mut Workspace) -> bool {
-        let (n, nv) = (3 * part.points.len(), ws.newton.d.v.len());
+        let (n, nv) = (3 * part.pushes.len(), ws.newton.d.v.len());
         // r₀ moves the bodies
         let mut d = std::mem::take(&mut ws.newton.d.v);
         d.iter_mut().zip(&ws.r).for_each(|(d, r)| *d = -r);
         ws.factor.solve(&mut d);
         part.column.clear();
         part.column.resize(n, 0.0);
-        self.relative(&d, &part.points, ws, &mut part.column);
+        self.relative(&d, &part.pushes, ws, &mut part.column);
         part.b.iter_mut().zip(&part.column).for_each(|(b, c)| *b += c);
         // Y and G
         part.response.clear();
         part.response.resize(nv * n, 0.0);
-        for (c, at) in part.points.iter().enumerate() {
-            for (k, axis) in at.axes.iter().enumerate() {
-                self.spread(&Force::at(&at.point, *axis), c, ws, &mut |row, f| part.response[row * n + 3 * c + k] += f / self.h);
+        for (c, pushes) in part.pushes.iter().enumerate() {
+            for (k, push) in pushes.iter().enumerate() {
+                self.spread(push, c, ws, &mut |row, f| part.response[row * n + 3 * c + k] += f / self.h);
             }
         }
         ws.factor.solve_many(&mut part.response, n);
-        part.delassus.clear();
         part.delassus.resize(n * n, 0.0);
         let mut y = std::mem::take(&mut ws.newton.d_next.v);
-        for j in 0..n {
-            y.iter_mut().zip(part.response.chunks_exact(n)).for_each(|(y, row)| *y = row[j]);
-            self.relative(&y, &part.points, ws, &mut part.delassus[j * n..(j + 1) * n]);
-        }
+        let w = central_path::solve(&part.contacts, &part.b, &mut part.delassus, |c, columns| {
+            for (k, column) in columns.chunks_exact_mut(n).enumerate() {
+                y.iter_mut().zip(part.response.chunks_exact(n)).for_each(|(y, row)| *y = row[3 * c + k]);
+                self.relative(&y, &part.pushes, ws, column);
+            }
+        });
         (ws.newton.d.v, ws.newton.d_next.v) = (d, y);
-        let Some(w) = central_path::solve(&part.contacts, &part.delassus, &part.b) else { return false };
+        let Some(w) = w else { return false };
         // p into `column`, w into the multipliers
         let [_, first, ..] = ws.constraints.starts();
-        for (c, ((w, contact), at)) in w.iter().zip(&part.contacts).zip(&part.points).enumerate() {
+        for (c, ((w, contact), [_, s, t])) in w.iter().zip(&part.contacts).zip(&part.pushes).enumerate() {
             part.column[3 * c..3 * c + 3].copy_from_slice(&[w[0], contact.mu * w[1], contact.mu * w[2]]);
-            let across = at.axes[1] * w[1] + at.axes[2] * w[2];
+            let across = s.f * w[1] + t.f * w[2];
             ws.it.lambda[first + 4 * c..first + 4 * c + 4].copy_from_slice(&[w[0], across[0], across[1], across[2]]);
         }
         for ((v, d), row) in ws.it.v.iter_mut().zip(&ws.newton.d.v).zip(part.response.chunks_exact(n)) {
@@ -99,9 +93,9 @@ impl Stage<'_> {
     /// The contacts, and u where the linearization is.
     fn list_frozen(&self, part: &mut FrozenWorkspace, ws: &Workspace) -> Result<(), StepError> {
         part.contacts.clear();
-        part.points.clear();
+        part.pushes.clear();
         part.b.clear();
-        let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, resisting: &ws.resisting };
+        let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
         for (link, BodyContact { pair, features }) in ws.constraints.bodies.each() {
             let geometry = self.geometry(link, features, &at)?;
             let sliding = link.sliding(&geometry, &at);
@@ -109,22 +103,20 @@ impl Stage<'_> {
             let [s, t] = tangents(&geometry.normal);
             let (mu, kappa) = (law.mu, law.at.kappa);
             part.contacts.push(CentralContact { mu, kappa, compliance_per_h2: law.at.compliance_per_h2 });
-            part.points.push(FrozenPoint { axes: [geometry.normal, s, t], point: geometry.point });
+            part.pushes.push([geometry.normal, s, t].map(|axis| Force::at(&geometry.point, axis)));
             part.b.extend([geometry.gap / self.h, sliding.velocity.dot(&s), sliding.velocity.dot(&t)]);
         }
         Ok(())
     }
 
     /// Changes of u that go with the change `d` of velocities; the columns must be those of K.
-    fn relative(&self, d: &[f64], points: &[FrozenPoint], ws: &Workspace, out: &mut [f64]) {
+    fn relative(&self, d: &[f64], pushes: &[[Force<f64>; 3]], ws: &Workspace, out: &mut [f64]) {
         let moved = ws.bodies.partials.carry(&self.model.tree, &d[self.model.n_node_dofs()..]);
         let change = Change { d, bodies: &moved, frames: &ws.bodies.frames };
-        for ((at, link), u) in points.iter().zip(&ws.constraints.bodies.links).zip(out.chunks_exact_mut(3)) {
+        for (([n, s, t], link), u) in pushes.iter().zip(&ws.constraints.bodies.links).zip(out.chunks_exact_mut(3)) {
             let [a, b] = link.attachments.map(|c| self.moved(c, &change));
-            let along = |x: Vector6<f64>, axis: &Vec3<f64>| column_dot(&x, &Force::at(&at.point, *axis));
-            u[0] = along(a[0] - b[0], &at.axes[0]) / self.h;
-            u[1] = along(a[1] - b[1], &at.axes[1]);
-            u[2] = along(a[1] - b[1], &at.axes[2]);
+            let (displaced, moving) = (a[0] - b[0], a[1] - b[1]);
+            u.copy_from_slice(&[column_dot(&displaced, n) / self.h, column_dot(&moving, s), column_dot(&moving, t)]);
         }
     }
 

@@ -7,7 +7,6 @@
 //! ```
 //! with the impulses p of contact condensed as described in `contact`.
 
-use super::blocks::UnconstrainedBlocks;
 use super::{Scheme, SolverOptions, StepError, Weights, Workspace};
 use crate::bodies::operational::mobilities;
 use crate::constraints::JointRow;
@@ -17,7 +16,6 @@ use crate::model::Model;
 use crate::rods::{Remembered, RodEdge, RodPast};
 use crate::step::constraints::{Beginning, Change, Evaluation, Loads, Slopes};
 use crate::terms::Point;
-use nalgebra::Matrix3;
 use pliant_linalg::System;
 use pliant_math::spatial::Inertia;
 use pliant_scene::Integrator;
@@ -210,36 +208,25 @@ impl Stage<'_> {
     fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: bool) -> Result<(), StepError> {
         ws.residuals.resize(it.lambda.len(), 0.0);
         ws.loads.clear(if ws.constraints.has_links() { self.model.tree.bodies().len() } else { 0 });
-        if linearize {
-            self.resisting_masses(&ws.blocks, &mut ws.resisting);
-        }
-        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, resisting: &ws.resisting };
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
         let (mut lambda, mut residuals) = (it.lambda.as_slice(), ws.residuals.as_mut_slice());
         let mut loads = Loads { nodes: &mut ws.f, bodies: &mut ws.loads.bodies, joints: &mut ws.loads.joints };
         let mut slopes = Slopes { dq: &mut ws.dq.nodes, dv: &mut ws.dv.nodes, joints: &mut ws.loads.slopes };
         for set in ws.constraints.sets_mut() {
-            let (own, others) = lambda.split_at(set.dim());
-            let (out, rest) = std::mem::take(&mut residuals).split_at_mut(set.dim());
-            if linearize {
-                set.linearize(self, &at, own, out, &mut loads, &mut slopes)?;
-            } else {
-                set.residual(self, &at, own, out, &mut loads)?;
+            if lambda.is_empty() {
+                break;
+            }
+            let dim = set.dim();
+            let (own, others) = lambda.split_at(dim);
+            let (out, rest) = std::mem::take(&mut residuals).split_at_mut(dim);
+            match (dim, linearize) {
+                (0, _) => {}
+                (_, true) => set.linearize(self, &at, own, out, &mut loads, &mut slopes)?,
+                (_, false) => set.residual(self, &at, own, out, &mut loads)?,
             }
             (lambda, residuals) = (others, rest);
         }
         Ok(())
-    }
-
-    /// The mass that resists a push on a node within the stage \[kg\]: its own, and of what bends, stretches and damps there at least
-    /// λ_min(−h² ∂f/∂q̄ − h ∂f/∂v̄) of the node's block. The split law of contact with bodies, boxes and cylinders takes its step ρ from it; of nodes that touch nothing
-    /// it is the mass.
-    fn resisting_masses(&self, blocks: &UnconstrainedBlocks, out: &mut Vec<f64>) {
-        out.clone_from(&self.masses.nodes);
-        let (cq, cv) = (self.h * self.h * self.scheme.free.a1, self.h * self.scheme.free.b1);
-        blocks.visit_own(|node, dq, dv| {
-            let block = Matrix3::from_fn(|r, c| -(cq * (dq[r][c] + dq[c][r]) + cv * (dv[r][c] + dv[c][r])) * 0.5);
-            out[node] += least_eigenvalue(&block).max(0.0);
-        });
     }
 
     fn subtract_joint_loads(&self, ws: &mut Workspace) {
@@ -249,7 +236,22 @@ impl Stage<'_> {
     /// Lists the constraints of this stage, and starts those that are new.
     pub(crate) fn find_constraints(&self, ws: &mut Workspace) {
         if self.lists_constraints() {
-            self.frames_at_start(ws);
+            self.list_constraints(ws);
+        }
+        let n = ws.it.v.len();
+        let warm = ws.warm.as_ref().map(|warm| &warm.impulses);
+        ws.constraints.for_parts(&mut ws.it.lambda, |set, own| set.start(self, warm, own));
+        ws.weights.resize(n + ws.it.lambda.len(), 0.0);
+        let (of_nodes, of_dofs) = ws.weights[..n].split_at_mut(self.masses.weights.len());
+        of_nodes.copy_from_slice(&self.masses.weights);
+        of_dofs.copy_from_slice(&self.model.weights.held);
+        ws.constraints.for_parts(&mut ws.weights[n..], |set, own| set.weights(self, own));
+    }
+
+    /// Lists those that are listed anew in each stage.
+    fn list_constraints(&self, ws: &mut Workspace) {
+        self.frames_at_start(ws);
+        if ws.constraints.bodies.find_near(self, &ws.bodies.frames) {
             self.frames_ahead(ws);
         }
         let mut at = Beginning { frames: &ws.bodies.frames, ahead: &ws.bodies.ahead, q_ahead: &ws.bodies.q_ahead, mobility: &[] };
@@ -265,14 +267,6 @@ impl Stage<'_> {
         }
         ws.blocks.list(self, &ws.constraints);
         ws.it.lambda.resize(ws.constraints.dim(), 0.0);
-        let n = ws.it.v.len();
-        let warm = ws.warm.as_ref().map(|warm| &warm.impulses);
-        ws.constraints.for_parts(&mut ws.it.lambda, |set, own| set.start(self, warm, own));
-        ws.weights.resize(n + ws.it.lambda.len(), 0.0);
-        let (of_nodes, of_dofs) = ws.weights[..n].split_at_mut(self.masses.weights.len());
-        of_nodes.copy_from_slice(&self.masses.weights);
-        of_dofs.copy_from_slice(&self.model.weights.held);
-        ws.constraints.for_parts(&mut ws.weights[n..], |set, own| set.weights(self, own));
     }
 
     /// The change of all multipliers into `d.lambda` that goes with the change `d.v` of velocities, for the residuals at hand; the columns
@@ -487,34 +481,5 @@ impl Stage<'_> {
             largest = (GRASP.to_owned(), ws.f[row].abs());
         }
         (largest.0, None)
-    }
-}
-
-/// Of a symmetric matrix, by the trigonometric solution of its characteristic equation.
-fn least_eigenvalue(m: &Matrix3<f64>) -> f64 {
-    let mean = m.trace() / 3.0;
-    let deviator = m - Matrix3::from_diagonal_element(mean);
-    let size = (deviator.norm_squared() / 6.0).sqrt();
-    if size == 0.0 {
-        return mean;
-    }
-    let angle = (0.5 * (deviator / size).determinant()).clamp(-1.0, 1.0).acos() / 3.0;
-    mean + 2.0 * size * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_least_eigenvalue_is_that_of_the_decomposition() {
-        for seed in 0..50 {
-            let x = |k: usize| ((seed * 9 + k) as f64 * 0.73).sin();
-            let half = Matrix3::from_fn(|r, c| x(3 * r + c) * if seed % 3 == 0 && r == 2 { 1e-8 } else { 1.0 });
-            let m = half + half.transpose();
-            let least = m.symmetric_eigenvalues().min();
-            assert!((least_eigenvalue(&m) - least).abs() < 1e-12 * (1.0 + m.norm()), "{m}: {least}");
-        }
-        assert_eq!(least_eigenvalue(&Matrix3::identity()), 1.0);
     }
 }

@@ -108,8 +108,6 @@ pub struct Workspace {
     pub(crate) stiffening: Vec<f64>,
     /// How the forces of constraints on bodies change with their own bodies.
     pub(crate) wrench_partials: Vec<WrenchPartial>,
-    /// Mass that resists a push on each node \[kg\], at the last linearization.
-    pub(crate) resisting: Vec<f64>,
     /// The start at frozen geometry.
     pub(crate) frozen: FrozenWorkspace,
     pub(crate) bodies: BodyWorkspace,
@@ -155,7 +153,6 @@ impl Workspace {
             mobility: Vec::new(),
             stiffening: Vec::new(),
             wrench_partials: Vec::new(),
-            resisting: Vec::new(),
             frozen: FrozenWorkspace::default(),
             bodies: BodyWorkspace::default(),
             warm: None,

@@ -1,15 +1,8 @@
 //! Which features of two colliders may meet in the coming step.
 
-use super::features::RIM_POINTS;
+use super::features::{EDGES, SIDES};
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
-
-/// Tilt (sine) of a cylinder's axis against a face's normal above which the rim touches the face by its deepest point, and below which by
-/// its fixed points: there the deepest would run round the rim at once.
-const LEANING: f64 = 0.05;
-/// Sine of the angle between two lines below which they count as parallel: their ends meet, not their middles.
-const PARALLEL: f64 = 1e-3;
-/// Distance beyond an edge or a line's end at which a contact still counts, as a part of the collider's size.
-const SLIVER: f64 = 1e-9;
+use crate::geometry::constants::GEOMETRY;
 
 /// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
 fn in_order(a: ColliderShape, b: ColliderShape) -> bool {
@@ -48,35 +41,10 @@ struct Pair<'a> {
     found: &'a mut Vec<(FeaturePair, bool)>,
 }
 
-const SIDES: [i8; 2] = [-1, 1];
-
-fn corners() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
-}
-
-fn edges() -> impl Iterator<Item = Feature> {
-    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
-}
-
-fn rim_points() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|side| (0..RIM_POINTS).map(move |k| Feature::RimPoint(side, k)))
-}
-
-/// Points that a solid can touch with.
-fn points(form: ColliderShape) -> Vec<Feature> {
-    match form {
-        ColliderShape::HalfSpace => vec![],
-        ColliderShape::Ball => vec![Feature::Whole],
-        ColliderShape::Capsule => SIDES.map(Feature::End).to_vec(),
-        ColliderShape::Cylinder => rim_points().collect(),
-        ColliderShape::Block => corners().collect(),
-    }
-}
-
 impl Pair<'_> {
     fn list(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for first in points(self.a.form) {
+        for &first in self.a.form.points() {
             if round { self.whole(first) } else { self.sharp(first) }
         }
         match (self.a.form, self.b.form) {
@@ -98,7 +66,7 @@ impl Pair<'_> {
     /// Features of the first collider that points of the second touch.
     fn other_points(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for first in points(self.a.form) {
+        for &first in self.a.form.points() {
             match (round, self.b.form) {
                 (true, _) | (_, ColliderShape::Ball | ColliderShape::Capsule) => self.whole(first),
                 _ => self.sharp(first),
@@ -141,7 +109,7 @@ impl Pair<'_> {
         if self.b.form == ColliderShape::Cylinder {
             let radial = y[0].hypot(y[1]);
             let (beside, beyond) = (radial - sizes[0], y[2].abs() - sizes[1]);
-            let sliver = SLIVER * sizes[0];
+            let sliver = GEOMETRY.sliver * sizes[0];
             if beside >= beyond && beyond <= sliver && radial > 0.0 {
                 self.push(first, Feature::Side);
             } else if beyond > beside && beside <= sliver {
@@ -152,7 +120,7 @@ impl Pair<'_> {
         let beyond = |k: usize| y[k].abs() - sizes[k];
         let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
         let side = if y[k] < 0.0 { -1 } else { 1 };
-        let over = (0..3).all(|i| i == k || beyond(i) <= SLIVER * sizes[i]);
+        let over = (0..3).all(|i| i == k || beyond(i) <= GEOMETRY.sliver * sizes[i]);
         if over && !self.rolls(first, k, side) {
             self.push(first, Feature::Face(k as u8, side));
         }
@@ -160,7 +128,7 @@ impl Pair<'_> {
 
     /// Whether a rim's fixed point is not wanted on a face because the rim's deepest point says all: the cylinder leans.
     fn rolls(&self, first: Feature, k: usize, side: i8) -> bool {
-        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > LEANING
+        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > GEOMETRY.leaning
     }
 
     /// Sine of the angle between the first solid's axis and a face's normal.
@@ -171,13 +139,13 @@ impl Pair<'_> {
 
     /// Deepest points of a cylinder's rims over the faces they are above.
     fn rims(&mut self) {
-        let faces: Vec<(usize, i8)> = match self.b.form {
-            ColliderShape::HalfSpace => vec![(2, 1)],
-            ColliderShape::Cylinder => SIDES.map(|s| (2, s)).to_vec(),
-            _ => (0..3).flat_map(|k| SIDES.map(|s| (k, s))).collect(),
+        let (axes, sides) = match self.b.form {
+            ColliderShape::HalfSpace => (2..3, &SIDES[1..]),
+            ColliderShape::Cylinder => (2..3, &SIDES[..]),
+            _ => (0..3, &SIDES[..]),
         };
-        for (k, side) in faces {
-            if self.tilt(k, side) <= LEANING {
+        for (k, side) in axes.flat_map(|k| sides.iter().map(move |side| (k, *side))) {
+            if self.tilt(k, side) <= GEOMETRY.leaning {
                 continue;
             }
             for end in SIDES {
@@ -210,11 +178,11 @@ impl Pair<'_> {
     /// Edges and axes that cross.
     fn lines(&mut self) {
         let lines = |form| match form {
-            ColliderShape::Block => edges().collect(),
-            _ => vec![Feature::Axis],
+            ColliderShape::Block => &EDGES[..],
+            _ => &[Feature::Axis],
         };
-        for first in lines(self.a.form) {
-            for second in lines(self.b.form) {
+        for &first in lines(self.a.form) {
+            for &second in lines(self.b.form) {
                 self.crossing(first, second);
             }
         }
@@ -223,7 +191,7 @@ impl Pair<'_> {
     fn crossing(&mut self, first: Feature, second: Feature) {
         let ((p, d), (q, e)) = (self.a.line(first), self.b.line(second));
         let cross = d.cross(&e);
-        if cross.norm() < PARALLEL {
+        if cross.norm() < GEOMETRY.parallel_lines {
             return;
         }
         let feature_pair = FeaturePair { first, second };
@@ -233,7 +201,7 @@ impl Pair<'_> {
         let square = cross.norm_squared();
         let s = -between.cross(&e).dot(&cross) / square;
         let t = -between.cross(&d).dot(&cross) / square;
-        let within = s.abs() <= reach_a * (1.0 + SLIVER) && t.abs() <= reach_b * (1.0 + SLIVER);
+        let within = s.abs() <= reach_a * (1.0 + GEOMETRY.sliver) && t.abs() <= reach_b * (1.0 + GEOMETRY.sliver);
         let depth = self.a.sizes[0].min(self.b.sizes[0]);
         if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
             self.found.push((feature_pair, self.swapped));
@@ -245,7 +213,7 @@ impl Pair<'_> {
         let at = |feature: Feature, collider: &PlacedCollider<f64>, sign: f64| match feature {
             Feature::Edge(k, sides) => (0..2).all(|i| {
                 let axis = collider.axis((usize::from(k) + 1 + i) % 3);
-                sign * f64::from(sides[i]) * axis.dot(normal) >= -PARALLEL
+                sign * f64::from(sides[i]) * axis.dot(normal) >= -GEOMETRY.lean
             }),
             _ => true,
         };

@@ -1,7 +1,7 @@
 //! The gap between two features in closed form, for any scalar.
 
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider};
-use crate::geometry::MIN_DISTANCE;
+use crate::geometry::constants::GEOMETRY;
 use pliant_math::{Real, Vec3};
 
 /// Where and how two features meet.
@@ -53,7 +53,7 @@ fn point_face<S: Real>(x: Vec3<S>, r: S, (at, normal): (Vec3<S>, Vec3<S>)) -> Co
 /// A ball against what is at the distance `d` (a vector to its centre), thick by `thickness`.
 fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<ContactGeometry<S>, f64> {
     let distance = d.dot(&d).sqrt();
-    if distance.re() < MIN_DISTANCE || !distance.re().is_finite() {
+    if distance.re() < GEOMETRY.min_distance || !distance.re().is_finite() {
         return Err(distance.re());
     }
     Ok(middle(x, r, distance - thickness - r, d * distance.recip()))
@@ -91,14 +91,15 @@ fn clamp<S: Real>(y: S, half: S) -> S {
 fn point_block<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
     let y = b.local(&x);
     let d: Vec3<S> = Vec3::from_fn(|k, _| y[k] - clamp(y[k], b.sizes[k]));
-    let outside: Vec<usize> = (0..3).filter(|&k| y[k].re().abs() > b.sizes[k].re()).collect();
-    if outside.len() > 1 {
+    let mut outside = (0..3).filter(|&k| y[k].re().abs() > b.sizes[k].re());
+    let (first, second) = (outside.next(), outside.next());
+    if second.is_some() {
         return apart(x, r, b.rotation * d, S::from(0.0));
     }
     // one face: over it, or the nearest from inside
     let depth = |k: &usize| b.sizes[*k].re() - y[*k].re().abs();
     let nearest = || (0..3).min_by(|i, j| depth(i).total_cmp(&depth(j))).unwrap_or(0);
-    let k = outside.first().copied().unwrap_or_else(nearest);
+    let k = first.unwrap_or_else(nearest);
     let side = if y[k].re() < 0.0 { -1 } else { 1 };
     Ok(point_face(x, r, b.face(k as u8, side)))
 }
@@ -128,7 +129,7 @@ fn rim_face<S: Real>(a: &PlacedCollider<S>, side: i8, (at, normal): (Vec3<S>, Ve
     let center = a.position + axis * (a.sizes[1] * f64::from(side));
     let across = axis * axis.dot(&normal) - normal;
     let length = across.dot(&across).sqrt();
-    if length.re() < MIN_DISTANCE || !length.re().is_finite() {
+    if length.re() < GEOMETRY.min_distance || !length.re().is_finite() {
         return Err(length.re());
     }
     let deepest = center + across * (a.sizes[0] / length);
@@ -145,7 +146,7 @@ fn line_line<S: Real>(
     let ((p, d), (q, e)) = (a.line(feature_pair.first), b.line(feature_pair.second));
     let cross = d.cross(&e);
     let sine = cross.dot(&cross).sqrt();
-    if sine.re() < MIN_DISTANCE || !sine.re().is_finite() {
+    if sine.re() < GEOMETRY.min_distance || !sine.re().is_finite() {
         return Err(sine.re());
     }
     let mut normal = cross * sine.recip();

@@ -1,5 +1,7 @@
 //! Features of a collider that may touch.
 
+use super::ColliderShape;
+
 /// A feature of a solid, in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Feature {
@@ -33,4 +35,57 @@ pub struct FeaturePair {
     pub first: Feature,
     /// Of the second solid.
     pub second: Feature,
+}
+
+/// The two sides of a solid along an axis.
+pub(crate) const SIDES: [i8; 2] = [-1, 1];
+
+const fn side(k: usize, bit: usize) -> i8 {
+    SIDES[k / bit % 2]
+}
+
+/// Ends of a capsule.
+pub(crate) const ENDS: [Feature; 2] = [Feature::End(-1), Feature::End(1)];
+
+/// Corners of a block.
+pub(crate) const CORNERS: [Feature; 8] = {
+    let (mut out, mut k) = ([Feature::Whole; 8], 0);
+    while k < out.len() {
+        out[k] = Feature::Corner([side(k, 4), side(k, 2), side(k, 1)]);
+        k += 1;
+    }
+    out
+};
+
+/// Edges of a block.
+pub(crate) const EDGES: [Feature; 12] = {
+    let (mut out, mut k) = ([Feature::Whole; 12], 0);
+    while k < out.len() {
+        out[k] = Feature::Edge((k / 4) as u8, [side(k, 2), side(k, 1)]);
+        k += 1;
+    }
+    out
+};
+
+/// Points of a cylinder's rims.
+const RIMS: [Feature; 2 * RIM_POINTS as usize] = {
+    let (mut out, mut k) = ([Feature::Whole; 2 * RIM_POINTS as usize], 0);
+    while k < out.len() {
+        out[k] = Feature::RimPoint(side(k, RIM_POINTS as usize), (k % RIM_POINTS as usize) as u8);
+        k += 1;
+    }
+    out
+};
+
+impl ColliderShape {
+    /// Points that a solid can touch with.
+    pub(super) fn points(self) -> &'static [Feature] {
+        match self {
+            Self::HalfSpace => &[],
+            Self::Ball => &[Feature::Whole],
+            Self::Capsule => &ENDS,
+            Self::Cylinder => &RIMS,
+            Self::Block => &CORNERS,
+        }
+    }
 }

@@ -14,6 +14,7 @@ mod parts;
 pub use candidates::candidates;
 pub(crate) use contact_geometry::point_over_face;
 pub use contact_geometry::{ContactGeometry, contact_geometry};
+pub(crate) use features::{CORNERS, EDGES, ENDS};
 pub use features::{Feature, FeaturePair};
 pub(crate) use overlap::drop_hidden;
 pub use overlap::overlap;

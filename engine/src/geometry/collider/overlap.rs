@@ -2,10 +2,8 @@
 //! one centre. Contact never gets there by itself; a scene may begin so.
 
 use super::{ColliderShape, FeaturePair, PlacedCollider, contact_geometry};
+use crate::geometry::constants::GEOMETRY;
 use pliant_math::Vec3;
-
-/// Points of a line that are looked at, to each side of its middle.
-const SAMPLES: i32 = 32;
 
 /// A depth \[m\] by which two colliders certainly overlap; 0 if nothing shows that they do. Not for half spaces, whose candidates show it.
 ///
@@ -103,7 +101,8 @@ fn of_lines(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     };
     for k in 0..3 {
         let reach = a.rotation.column(k) * half(k);
-        (-SAMPLES..=SAMPLES).for_each(|i| look(a.position + reach * (f64::from(i) / f64::from(SAMPLES))));
+        let most = GEOMETRY.samples;
+        (-most..=most).for_each(|i| look(a.position + reach * (f64::from(i) / f64::from(most))));
     }
     deepest
 }

@@ -4,15 +4,9 @@
 //! stage begins, or where the velocities there lead.
 
 use super::nearest::{Nearest, Region, combine, nearest};
-use crate::geometry::collider::{ColliderShape, Feature, PlacedCollider};
+use crate::geometry::collider::{CORNERS, ColliderShape, EDGES, ENDS, Feature, PlacedCollider};
+use crate::geometry::constants::GEOMETRY;
 use pliant_math::Vec3;
-
-/// Sine of the angle between an edge and a capsule's axis or a block's edge below which the ends of the edge say all.
-const PARALLEL: f64 = 0.02;
-/// Largest lean of a normal out of the normals of a block's neighbouring faces, or over a neighbouring triangle (sine).
-const LEAN: f64 = 1e-3;
-/// Distance beyond a block's edge at which a contact still counts, as a part of its length.
-const SLIVER: f64 = 1e-9;
 
 /// Third nodes of the triangles at a sheet's edge \[m\].
 pub(crate) type Sheet = [Option<Vec3<f64>>; 2];
@@ -30,16 +24,6 @@ pub(crate) struct Candidates<'a> {
     pub margin: f64,
 }
 
-const SIDES: [i8; 2] = [-1, 1];
-
-fn corners() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
-}
-
-fn edges() -> impl Iterator<Item = Feature> {
-    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
-}
-
 /// Lists what the contact element may touch `now`, or where it will be `next`; both are the same contact element and shape.
 pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Feature>) {
     let mut list = |feature| {
@@ -49,9 +33,9 @@ pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Fe
     };
     match (now.shape.form, now.x.len()) {
         (ColliderShape::Ball, _) | (ColliderShape::Capsule, 2) => list(Feature::Whole),
-        (ColliderShape::Capsule, _) => SIDES.map(Feature::End).into_iter().for_each(list),
-        (ColliderShape::Block, 2) => edges().chain(corners()).for_each(list),
-        (ColliderShape::Block, _) => corners().for_each(list),
+        (ColliderShape::Capsule, _) => ENDS.into_iter().for_each(list),
+        (ColliderShape::Block, 2) => EDGES.into_iter().chain(CORNERS).for_each(list),
+        (ColliderShape::Block, _) => CORNERS.into_iter().for_each(list),
         (ColliderShape::HalfSpace | ColliderShape::Cylinder, _) => {}
     }
 }
@@ -66,7 +50,7 @@ impl Candidates<'_> {
             (ColliderShape::Block, Feature::Edge(..)) => self.crosses(feature, &found),
             (ColliderShape::Block, Feature::Corner(sides)) => {
                 let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
-                let faces = |k: usize| f64::from(sides[k]) * self.shape.axis(k).dot(&found.normal) >= -LEAN;
+                let faces = |k: usize| f64::from(sides[k]) * self.shape.axis(k).dot(&found.normal) >= -GEOMETRY.lean;
                 found.gap > -depth && (0..3).all(faces) && self.over_no_triangle(&found)
             }
             _ => true,
@@ -79,7 +63,7 @@ impl Candidates<'_> {
         let leads_over = |third: &Vec3<f64>| {
             let inward = third - self.x[0];
             let inward = inward - edge * (inward.dot(&edge) / edge.norm_squared());
-            inward.dot(&found.normal) < -LEAN * inward.norm()
+            inward.dot(&found.normal) < -GEOMETRY.lean * inward.norm()
         };
         !self.sheet.iter().flatten().any(leads_over)
     }
@@ -93,7 +77,7 @@ impl Candidates<'_> {
     /// Whether the edge crosses a direction.
     fn crossing(&self, along: &Vec3<f64>) -> bool {
         let edge = self.x[1] - self.x[0];
-        edge.cross(along).norm() >= PARALLEL * edge.norm()
+        edge.cross(along).norm() >= GEOMETRY.parallel_edge * edge.norm()
     }
 
     /// Whether it crosses an edge of a block between the ends of that, not through the whole block, and with a normal between those of
@@ -105,9 +89,9 @@ impl Candidates<'_> {
         let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
         let faces = |i: usize| {
             let axis = self.shape.axis((usize::from(k) + 1 + i) % 3);
-            f64::from(sides[i]) * axis.dot(&found.normal) >= -LEAN
+            f64::from(sides[i]) * axis.dot(&found.normal) >= -GEOMETRY.lean
         };
-        let within = t.abs() <= self.shape.half_length(feature) * (1.0 + SLIVER);
+        let within = t.abs() <= self.shape.half_length(feature) * (1.0 + GEOMETRY.sliver);
         within && found.gap > -depth && (0..2).all(faces) && self.crossing(&along)
     }
 }

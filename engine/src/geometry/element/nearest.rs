@@ -1,11 +1,8 @@
 //! The nearest point of a contact element to a feature.
 
-use crate::geometry::MIN_DISTANCE;
 use crate::geometry::collider::{ColliderShape, Feature, PlacedCollider};
+use crate::geometry::constants::GEOMETRY;
 use pliant_math::{Real, Vec3};
-
-/// Sine of the angle between an edge and a line below which the nearest point is an end of the edge.
-const PARALLEL: f64 = 1e-9;
 
 /// Which part of a contact element is nearest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +96,7 @@ pub(super) fn along_plane<S: Real>(y: &[Vec3<S>]) -> [S; 3] {
 /// The gap at the distance vector `d` from the target, which is not zero.
 fn apart<S: Real>(d: Vec3<S>, radius: S, target: &Target<S>, weights: [S; 3], region: Region) -> Result<Nearest<S>, f64> {
     let distance = d.dot(&d).sqrt();
-    if distance.re() < MIN_DISTANCE || !distance.re().is_finite() {
+    if distance.re() < GEOMETRY.min_distance || !distance.re().is_finite() {
         return Err(distance.re());
     }
     let sign = if target.out.is_some_and(|out| d.dot(&out).re() < 0.0) { -1.0 } else { 1.0 };
@@ -160,7 +157,7 @@ fn to_line<S: Real>(x: &[Vec3<S>], radius: S, target: &Target<S>) -> Result<Near
     let (a, b) = (flat(&x[0]), flat(&x[1]));
     let m = b - a;
     let edge = x[1] - x[0];
-    let crossing = m.dot(&m).re() > PARALLEL * PARALLEL * edge.dot(&edge).re();
+    let crossing = m.dot(&m).re() > GEOMETRY.endless * GEOMETRY.endless * edge.dot(&edge).re();
     let s = if crossing { along_segment(&a, &b) } else { zero };
     match s.re() {
         re if re > 0.0 && re < 1.0 => across(e.cross(&m), &a, radius, target, [one - s, s, zero]),

@@ -6,7 +6,8 @@ use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, Inpu
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
-    LinkLinear, RHO, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding, velocity,
+    CONSTRAINTS, LinkLinear, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding,
+    velocity,
 };
 use crate::geometry::collider::{
     Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry, drop_hidden,
@@ -27,6 +28,16 @@ pub(crate) struct BodyContact {
     pub features: FeaturePair,
 }
 
+/// A pair of colliders that may touch within the stage.
+#[derive(Clone, Copy, Debug)]
+struct NearPair {
+    pair: usize,
+    /// Bound of how fast they approach [m/s].
+    speed: f64,
+    /// Gap below which their features are listed \[m\].
+    margin: f64,
+}
+
 /// Contacts of colliders in a stage.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BodyContacts {
@@ -37,6 +48,7 @@ pub(crate) struct BodyContacts {
     /// The fastest at which one would be pierced if nothing changed its motion [m/s].
     pub closing: f64,
     placed: Vec<PlacedCollider<f64>>,
+    near: Vec<NearPair>,
     found: Vec<(FeaturePair, bool)>,
 }
 
@@ -88,6 +100,31 @@ impl BodyContacts {
         self.links.iter().zip(&self.contacts)
     }
 
+    /// Finds the pairs that may touch within the stage, from the frames where it begins; whether there are any.
+    pub fn find_near(&mut self, stage: &Stage, frames: &Frames<f64>) -> bool {
+        let model = stage.model;
+        self.placed.clear();
+        self.near.clear();
+        if model.collider_pairs.is_empty() {
+            return false;
+        }
+        for collider in &model.colliders {
+            self.placed.push(collider.placed(&pose(collider.attachment, stage.q_ref, frames), |k| stage.theta[k]));
+        }
+        let fall = stage.theta[model.gravity].abs() * stage.h;
+        for (k, pair) in model.collider_pairs.iter().enumerate() {
+            let [a, b] = pair.colliders;
+            let (pa, pb) = (&self.placed[a], &self.placed[b]);
+            let [va, vb] = [a, b].map(|s| velocity(model.colliders[s].attachment, stage.v_ref, frames));
+            let speed = approach(pa, pb, &(va - vb));
+            let margin = reach(stage.options.rest_gap) + 1.5 * stage.h * speed + 4.0 * fall * stage.h;
+            if bound(pa, pb) <= margin {
+                self.near.push(NearPair { pair: k, speed, margin });
+            }
+        }
+        !self.near.is_empty()
+    }
+
     /// Adds the features that will be near where the motion leads: a corner may pass an edge and enter a face within a step. Those
     /// behind which the other collider already is are not the ones that it comes through.
     fn find_ahead(&mut self, stage: &Stage, at: &Beginning, pair: [usize; 2], margin: f64) {
@@ -119,37 +156,23 @@ impl BodyContacts {
 impl ConstraintSet for BodyContacts {
     fn find(&mut self, stage: &Stage, at: &Beginning) {
         let model = stage.model;
-        self.placed.clear();
         self.links.clear();
         self.contacts.clear();
-        (self.fastest, self.closing) = (0.0, 0.0);
-        if model.collider_pairs.is_empty() {
-            return;
-        }
-        for collider in &model.colliders {
-            self.placed.push(collider.placed(&pose(collider.attachment, stage.q_ref, at.frames), |k| stage.theta[k]));
-        }
-        let g = stage.theta[model.gravity].abs();
-        self.fastest = g * stage.h;
-        for (k, pair) in model.collider_pairs.iter().enumerate() {
-            let [a, b] = pair.colliders;
+        (self.fastest, self.closing) = (stage.theta[model.gravity].abs() * stage.h, 0.0);
+        for k in 0..self.near.len() {
+            let NearPair { pair, speed, margin } = self.near[k];
+            let [a, b] = model.collider_pairs[pair].colliders;
             let (pa, pb) = (&self.placed[a], &self.placed[b]);
-            let [va, vb] = [a, b].map(|s| velocity(model.colliders[s].attachment, stage.v_ref, at.frames));
-            let speed = approach(pa, pb, &(va - vb));
-            let margin = reach(stage.options.rest_gap) + 1.5 * stage.h * speed + 4.0 * g * stage.h * stage.h;
-            if bound(pa, pb) > margin {
-                continue;
-            }
             self.found.clear();
             candidates(pa, pb, margin, &mut self.found);
             drop_hidden(pa, pb, STEP.recovery * stage.h * stage.h, &mut self.found);
-            self.find_ahead(stage, at, pair.colliders, margin);
+            self.find_ahead(stage, at, [a, b], margin);
             self.fastest = if self.found.is_empty() { self.fastest } else { self.fastest.max(speed) };
             for &(features, swapped) in &self.found {
                 let colliders = if swapped { [b, a] } else { [a, b] };
                 let attachments = colliders.map(|s| model.colliders[s].attachment);
-                self.links.push(Link::new(ConstraintId::Bodies { pair: k, features, swapped }, attachments, colliders));
-                self.contacts.push(BodyContact { pair: k, features });
+                self.links.push(Link::new(ConstraintId::Bodies { pair, features, swapped }, attachments, colliders));
+                self.contacts.push(BodyContact { pair, features });
             }
         }
     }
@@ -165,7 +188,7 @@ impl ConstraintSet for BodyContacts {
             let st = 0.25 * (along(s + t) - along(s - t));
             let across = 0.5 * (ss + tt) + (0.25 * (ss - tt) * (ss - tt) + st * st).sqrt();
             link.mobility = [along(geometry.normal), across];
-            link.set_steps(stage, &stage.masses.nodes);
+            link.set_steps(stage, |node| stage.masses.nodes[node]);
             link.gap = geometry.gap;
             stage.set_target(link, *pair, features, at);
             let [va, vb] = link.attachments.map(|c| velocity(c, stage.v_ref, at.frames));
@@ -204,7 +227,7 @@ impl ConstraintSet for BodyContacts {
     ) -> Result<(), StepError> {
         for (k, (link, BodyContact { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
             if link.attachments.iter().any(|c| matches!(c, Attachment::Node(_))) {
-                link.set_steps(stage, at.resisting);
+                link.set_steps(stage, |node| stage.resisting_mass(node, at.blocks));
             }
             let (w, colliders) = (cone(lambda, k), link.colliders.map(|s| &stage.model.colliders[s]));
             let poses = link.attachments.map(|c| pose(c, at.q, at.frames));
@@ -252,7 +275,7 @@ impl ConstraintSet for BodyContacts {
         for (k, (link, BodyContact { features, .. })) in self.each().enumerate() {
             let Ok(geometry) = stage.geometry(link, features, at) else { continue };
             let speed = link.sliding(&geometry, at).velocity.dot(&geometry.normal);
-            let pushed = lambda[4 * k] * RHO / link.rho_n;
+            let pushed = lambda[4 * k] * CONSTRAINTS.rho / link.rho_n;
             visit(Approach { gap: [link.gap, geometry.gap + link.target], speed: [link.speed, speed], pushed });
         }
     }
@@ -265,7 +288,7 @@ impl ConstraintSet for BodyContacts {
 impl Stage<'_> {
     /// ρ \[kg\] of a law for a mobility [1/kg]. What nothing can move has none; ρ then only scales the residual, and must be finite.
     pub(crate) fn law_step(&self, mobility: f64) -> f64 {
-        RHO / mobility.max(STEP.least_mobility / self.masses.total)
+        CONSTRAINTS.rho / mobility.max(STEP.least_mobility / self.masses.total)
     }
 
     /// Decides how far a contact is pushed out in this stage. A contact that begins deeper than it could have got within a step is one

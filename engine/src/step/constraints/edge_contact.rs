@@ -6,8 +6,8 @@ use super::{
     InputsAt, Loads, RecordAt, Slopes, WarmImpulses, cone, cones_settled, reach,
 };
 use crate::constraints::{
-    ConeLinear, ContactElement, ElementLinear, RHO, SplitLaw, element_changes, element_law, impulse, of_nodes, pose_of_world,
-    rounding, tangential, weighted,
+    CONSTRAINTS, ConeLinear, ContactElement, ElementLinear, SplitLaw, element_changes, element_law, impulse, of_nodes,
+    pose_of_world, rounding, tangential, weighted,
 };
 use crate::geometry::collider::{Attachment, ColliderShape, Feature, PlacedCollider, Pose};
 use crate::geometry::element::{Candidates, Nearest, Region, candidates, nearest};
@@ -92,7 +92,7 @@ impl Stage<'_> {
         let element = &self.model.elements[id.element];
         let free = element.corners().iter().filter(|node| !self.model.prescribed[**node]);
         // wherever the point is, no node is lighter than this
-        let rho = RHO * free.fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
+        let rho = CONSTRAINTS.rho * free.fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
         let x = of_nodes(element, self.q_ref);
         let gap = nearest(&x[..element.count], self.theta[element.radius], id.feature, shape).map_or(0.0, |found| found.gap);
         EdgeContact { id, rho, gap, law: ConeLinear::zero(), linear: None, rounding: 0.0 }
@@ -135,7 +135,7 @@ impl ConstraintSet for EdgeContacts {
                 Some((found.gap, weighted(&found.weights, &of_nodes(element, v)).dot(&found.normal)))
             };
             let (Some(begin), Some(end)) = (near(stage.q_ref, stage.v_ref), near(at.q, at.v)) else { continue };
-            let pushed = lambda[4 * k] * RHO / contact.rho;
+            let pushed = lambda[4 * k] * CONSTRAINTS.rho / contact.rho;
             visit(Approach { gap: [begin.0, end.0], speed: [begin.1, end.1], pushed });
         }
     }
@@ -216,7 +216,7 @@ impl ConstraintSet for EdgeContacts {
     }
 
     fn weights(&self, _stage: &Stage, out: &mut [f64]) {
-        self.contacts.iter().zip(out.chunks_exact_mut(4)).for_each(|(contact, out)| out.fill(RHO / contact.rho));
+        self.contacts.iter().zip(out.chunks_exact_mut(4)).for_each(|(contact, out)| out.fill(CONSTRAINTS.rho / contact.rho));
     }
 
     fn start(&self, stage: &Stage, warm: Option<&WarmImpulses>, lambda: &mut [f64]) {
@@ -272,7 +272,7 @@ impl ConstraintSet for EdgeContacts {
     }
 
     fn rounding2(&self, _stage: &Stage) -> f64 {
-        self.contacts.iter().map(|contact| RHO * contact.rounding * contact.rounding / contact.rho).sum()
+        self.contacts.iter().map(|contact| CONSTRAINTS.rho * contact.rounding * contact.rounding / contact.rho).sum()
     }
 
     fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {

@@ -9,7 +9,7 @@ use super::{
     Block, Change, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, JointRecord, Loads, RecordAt, Slopes,
     WarmImpulses,
 };
-use crate::constraints::{JointRow, JointRowKind, RHO, RowLinear, RowPoint, WEIGHT};
+use crate::constraints::{CONSTRAINTS, JointRow, JointRowKind, RowLinear, RowPoint};
 use crate::model::Model;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
@@ -169,7 +169,7 @@ impl ConstraintSet for JointConstraints {
     fn settled(&self, stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
         let rows = &stage.joint_rows;
         rows.iter().zip(lambda).zip(d).zip(&self.rows).all(|(((row, s), d), linear)| {
-            let weight = inertias(stage.model, row)[0] * WEIGHT * stage.h;
+            let weight = inertias(stage.model, row)[0] * CONSTRAINTS.weight * stage.h;
             let at_limit = rows.iter().zip(&self.rows).filter(|(other, _)| other.dof == row.dof).map(|(_, other)| other.held);
             let moved = at_limit.fold(0.0, f64::max) * (stage.row_slope(linear) / linear.f_gamma).abs();
             let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { moved };
@@ -205,8 +205,8 @@ pub(crate) fn row_point(model: &Model, row: &JointRow, [q, v, z]: [&[f64]; 3], [
         lead: row.coupling().and_then(|c| c.lead).map_or(0.0, |joint| q[n + joint.q]),
         h,
         rest_gap,
-        weight: WEIGHT * held,
-        rho: RHO * yielding,
+        weight: CONSTRAINTS.weight * held,
+        rho: CONSTRAINTS.rho * yielding,
         load: row.load().map_or(0.0, |place| z[place]),
     }
 }

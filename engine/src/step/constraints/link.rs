@@ -6,7 +6,7 @@
 use super::{Change, ConstraintId, Loads, Slopes};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::{Displacement, Partials, WrenchPartial, moved_along};
-use crate::constraints::{LinkLinear, RHO, node_of};
+use crate::constraints::{CONSTRAINTS, LinkLinear, node_of};
 use crate::geometry::collider::Attachment;
 use crate::step::Stage;
 use nalgebra::{Matrix6, Vector4, Vector6};
@@ -115,9 +115,9 @@ impl Link {
 
 impl Link {
     /// Sets the steps of the law, for nodes that resist with these masses \[kg\].
-    pub fn set_steps(&mut self, stage: &Stage, resisting: &[f64]) {
-        let nodes: f64 =
-            self.attachments.iter().filter_map(|c| node_of(*c)).map(|node| 1.0 / resisting[node].max(f64::MIN_POSITIVE)).sum();
+    pub fn set_steps(&mut self, stage: &Stage, resisting: impl Fn(usize) -> f64) {
+        let nodes = self.attachments.iter().filter_map(|c| node_of(*c));
+        let nodes: f64 = nodes.map(|node| 1.0 / resisting(node).max(f64::MIN_POSITIVE)).sum();
         [self.rho_n, self.rho_t] = self.mobility.map(|mobility| stage.law_step(mobility + nodes));
     }
 }
@@ -209,10 +209,10 @@ impl Stage<'_> {
 impl Link {
     /// One over the effective mass along the normal and across [1/kg].
     pub(crate) fn weights(&self) -> [f64; 4] {
-        [RHO / self.rho_n, RHO / self.rho_t, RHO / self.rho_t, RHO / self.rho_t]
+        [CONSTRAINTS.rho / self.rho_n, CONSTRAINTS.rho / self.rho_t, CONSTRAINTS.rho / self.rho_t, CONSTRAINTS.rho / self.rho_t]
     }
 
     pub(crate) fn rounding2(&self) -> f64 {
-        RHO * self.rounding * self.rounding / self.rho_n.min(self.rho_t)
+        CONSTRAINTS.rho * self.rounding * self.rounding / self.rho_n.min(self.rho_t)
     }
 }

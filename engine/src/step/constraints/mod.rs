@@ -41,6 +41,7 @@ pub(crate) use warm::WarmImpulses;
 
 use crate::bodies::Frames;
 use crate::geometry::collider::Feature;
+use crate::step::blocks::UnconstrainedBlocks;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
@@ -57,8 +58,8 @@ pub(crate) struct Evaluation<'a> {
     pub v: &'a [f64],
     /// Frames of the bodies there.
     pub frames: &'a Frames<f64>,
-    /// Mass that resists a push on each node within the stage \[kg\]: see [`Stage::resisting_masses`].
-    pub resisting: &'a [f64],
+    /// Blocks of the nodes' matrices at the last linearization, for [`Stage::resisting_mass`].
+    pub blocks: &'a UnconstrainedBlocks,
 }
 
 /// Forces of constraints, accumulated.
@@ -248,22 +249,29 @@ impl Constraints {
         self.bodies.dim() + self.closures.dim() + self.edges.dim() > 0
     }
 
-    /// Every set with its part of `lambda`.
+    /// Every set that has multipliers, with its part of `lambda`.
     pub fn parts<'a>(&'a self, lambda: &'a [f64]) -> impl Iterator<Item = (&'a dyn ConstraintSet, &'a [f64])> {
         let mut rest = lambda;
-        self.sets().into_iter().map(move |set| {
+        let part = move |set: &'a dyn ConstraintSet| {
             let (own, others) = rest.split_at(set.dim());
             rest = others;
             (set, own)
-        })
+        };
+        let sets = (!lambda.is_empty()).then(|| self.sets());
+        sets.into_iter().flatten().map(part).filter(|(_, own)| !own.is_empty())
     }
 
-    /// Calls `each` with every set and its part of `lambda`.
+    /// Calls `each` with every set that has multipliers, and its part of `lambda`.
     pub fn for_parts(&self, lambda: &mut [f64], mut each: impl FnMut(&dyn ConstraintSet, &mut [f64])) {
         let mut rest = lambda;
         for set in self.sets() {
+            if rest.is_empty() {
+                break;
+            }
             let (own, others) = std::mem::take(&mut rest).split_at_mut(set.dim());
-            each(set, own);
+            if !own.is_empty() {
+                each(set, own);
+            }
             rest = others;
         }
     }

@@ -4,7 +4,7 @@ use super::{
     Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, Loads, RecordAt,
     Slopes, WarmImpulses, cone,
 };
-use crate::constraints::{Condensed, LawPoint, RHO, Touch, contact_law, impulse, slip, weighed};
+use crate::constraints::{CONSTRAINTS, Condensed, LawPoint, Touch, contact_law, impulse, slip, weighed};
 use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
@@ -45,7 +45,7 @@ impl Stage<'_> {
             mu: self.theta[pair.friction],
             slip: slip(self.model.contact.law, self.theta[pair.friction], self.h),
             kappa: self.options.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
-            rho: RHO * mass,
+            rho: CONSTRAINTS.rho * mass,
         }
     }
 

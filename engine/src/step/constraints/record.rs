@@ -10,7 +10,7 @@ use super::{ConstraintId, Link, body_contact, closure, edge_contact, node_contac
 use crate::bodies::Frames;
 use crate::bodies::dynamics::Partials;
 use crate::bodies::tangent_maps::TangentMaps;
-use crate::constraints::SLIP;
+use crate::constraints::CONSTRAINTS;
 use crate::geometry::collider::Attachment;
 use crate::model::Model;
 use crate::step::{Stage, StageRecord};
@@ -231,7 +231,7 @@ impl ConeRecord {
     /// 0 separate, 1 stick, 2 slip, for the cone variable at which it closes.
     pub(super) fn phase(&self, closing: f64) -> u8 {
         let load = self.w.fixed_rows::<3>(1).norm() / self.w[0];
-        if self.w[0] < closing { 0 } else { 1 + u8::from(load > SLIP) }
+        if self.w[0] < closing { 0 } else { 1 + u8::from(load > CONSTRAINTS.slip) }
     }
 
     /// Generalized forces of a wrench on the first frame and its opposite on the second.

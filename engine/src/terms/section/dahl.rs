@@ -1,14 +1,8 @@
 //! Friction inside a section that does not know how fast it is bent.
 
+use super::constants::SECTION;
 use super::{RememberingSection, SectionState};
 use pliant_math::Real;
-
-/// Where the path's length is rounded off, over the strain κ_f l: so small that nothing else notices.
-const ROUNDED: f64 = 1e-11;
-/// Below this the mean of a decay is its series, exact to the last digit.
-const SERIES: f64 = 1e-3;
-/// |e·Δk| over (κ_f l)² below which a joint neither loads nor unloads.
-const RESTS: f64 = 1e-12;
 
 /// Dahl's model of friction (1968; Bouc and Wen's with n = 1) as a law of two numbers: of bending k it has an elastic part e that is
 /// forgotten along the way that k goes,
@@ -39,7 +33,7 @@ pub struct DahlSection {
 
 /// (1 − e^{−y})/y.
 fn mean_decay<S: Real>(y: S) -> S {
-    if y.re() < SERIES {
+    if y.re() < SECTION.series {
         return (((y * (1.0 / 120.0) - 1.0 / 24.0) * y + 1.0 / 6.0) * y - 0.5) * y + 1.0;
     }
     -(-y).exp_m1() / y
@@ -47,7 +41,7 @@ fn mean_decay<S: Real>(y: S) -> S {
 
 /// The elastic part after the bending `change` on a line, from `e`; `limit`: κ_f l. See [`DahlSection`].
 pub fn stick<S: Real>(e: [S; 2], change: [S; 2], limit: S) -> [S; 2] {
-    let rounded = limit * ROUNDED;
+    let rounded = limit * SECTION.rounded;
     let square = change[0] * change[0] + change[1] * change[1];
     let way = square / ((square + rounded * rounded).sqrt() + rounded) / limit;
     let (kept, new) = ((-way).exp(), mean_decay(way));
@@ -99,7 +93,7 @@ impl RememberingSection for DahlSection {
     fn mode(&self, at: &SectionState<f64>, p: &[f64]) -> Option<u8> {
         let limit = p[2] * p[0] * at.fraction;
         let along: f64 = (0..2).map(|s| at.memory[s] * (at.strain[s] - at.past[s])).sum::<f64>() / (limit * limit);
-        Some(if along.abs() < RESTS { 0 } else { 1 + u8::from(along < 0.0) })
+        Some(if along.abs() < SECTION.rests { 0 } else { 1 + u8::from(along < 0.0) })
     }
 }
 
@@ -160,7 +154,7 @@ mod tests {
         let once = along(&corners, 1);
         for n in [3, 100] {
             // every step forgets by up to the rounding of its length too little
-            let bound = 4.0 * f64::from(n) * ROUNDED * LIMIT;
+            let bound = 4.0 * f64::from(n) * SECTION.rounded * LIMIT;
             assert!(size(less(along(&corners, n), once)) < bound, "{n}: {:?} {once:?}", along(&corners, n));
         }
     }
@@ -247,13 +241,13 @@ mod tests {
 
     #[test]
     fn the_mean_of_a_decay_is_one_function() {
-        for y in [1e-300, 1e-9, 0.5 * SERIES, 0.999_999 * SERIES, 1.000_001 * SERIES, 0.3] {
+        for y in [1e-300, 1e-9, 0.5 * SECTION.series, 0.999_999 * SECTION.series, 1.000_001 * SECTION.series, 0.3] {
             let exact =
                 if y < 0.1 { 1.0 - y / 2.0 + y * y / 6.0 - y.powi(3) / 24.0 + y.powi(4) / 120.0 } else { -f64::exp_m1(-y) / y };
             assert_relative_eq!(mean_decay(y), exact, max_relative = 1e-15);
         }
         let slope = |y: f64| mean_decay(Dual64::new(y, 1.0)).eps;
-        assert_relative_eq!(slope(0.999_999 * SERIES), slope(1.000_001 * SERIES), max_relative = 1e-6);
+        assert_relative_eq!(slope(0.999_999 * SECTION.series), slope(1.000_001 * SECTION.series), max_relative = 1e-6);
     }
 
     fn law() -> AutomaticMemory<DahlSection> {

@@ -6,6 +6,7 @@
 //! ([`AutomaticMemory`]).
 
 mod automatic;
+mod constants;
 mod creep;
 mod dahl;
 mod elastic;
