@@ -231,6 +231,11 @@ impl Mistake {
             ),
             Self::NoSize { key, .. } => both("a size was left out", format!("write `{key}` in m")),
             Self::OtherSize { key, .. } => both("a size of another kind of shape", format!("remove `{key}`, or change `kind`")),
+            Self::HullPoints { found, most, .. } if found > most => {
+                both("all vertices of a mesh", format!("give the corners of a coarser hull, at most {most}; an import makes one"))
+            }
+            Self::HullPoints { .. } => both("points were left out", "give four or more that do not lie in a plane"),
+            Self::FlatHull { .. } => both("a flat mesh, or a coordinate left at zero", "give the points a thickness, or use a thin box"),
             Self::Overlap { .. } => both(
                 "shapes in another unit, a misplaced start, or neighbours that are meant to overlap",
                 "move them apart, or write [[contact.pair]] with `between` and `ignore = true`",

@@ -229,6 +229,12 @@ pub enum Mistake {
     /// A size that this kind of shape does not have.
     #[error("a {kind} has no `{key}`")]
     OtherSize { kind: &'static str, key: &'static str },
+    /// Too few or too many points of a hull.
+    #[error("has {found} points, but a hull needs {least} to {most}")]
+    HullPoints { found: usize, least: usize, most: usize },
+    /// A hull without a volume.
+    #[error("the {points} points lie in one plane, so their hull has no volume")]
+    FlatHull { points: usize },
     /// Two objects that overlap as the scene begins.
     #[error("{first} and {second} overlap by {depth:.2e} m as the scene begins")]
     Overlap { first: String, second: String, depth: f64 },

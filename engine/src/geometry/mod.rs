@@ -10,6 +10,7 @@ use pliant_math::Vec3;
 pub mod capsule;
 pub mod collider;
 pub(crate) mod element;
+pub mod hull;
 pub mod plane;
 pub mod sphere;
 

@@ -1,7 +1,8 @@
 //! Which features of two colliders may meet in the coming step.
 
-use super::features::RIM_POINTS;
+use super::features::{BLOCK, RIM_POINTS, TOP, face_side};
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
+use pliant_math::Vec3;
 
 /// Tilt (sine) of a cylinder's axis against a face's normal above which the rim touches the face by its deepest point, and below which by
 /// its fixed points: there the deepest would run round the rim at once.
@@ -12,12 +13,12 @@ const PARALLEL: f64 = 1e-3;
 const SLIVER: f64 = 1e-9;
 
 /// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
-fn in_order(a: ColliderShape, b: ColliderShape) -> bool {
-    let rank = |form| match form {
+fn in_order(a: &ColliderShape, b: &ColliderShape) -> bool {
+    let rank = |form: &ColliderShape| match form {
         ColliderShape::Ball => 0,
         ColliderShape::Capsule => 1,
         ColliderShape::Cylinder => 2,
-        ColliderShape::Block => 3,
+        ColliderShape::Block | ColliderShape::Hull(_) => 3,
         ColliderShape::HalfSpace => 4,
     };
     rank(a) <= rank(b)
@@ -33,7 +34,7 @@ pub fn candidates(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, margin: f64,
     if a.form == ColliderShape::HalfSpace && b.form == ColliderShape::HalfSpace {
         return;
     }
-    if in_order(a.form, b.form) {
+    if in_order(&a.form, &b.form) {
         Pair { a, b, margin, swapped: false, found }.list();
     } else {
         Pair { a: b, b: a, margin, swapped: true, found }.list();
@@ -50,12 +51,13 @@ struct Pair<'a> {
 
 const SIDES: [i8; 2] = [-1, 1];
 
-fn corners() -> impl Iterator<Item = Feature> {
-    SIDES.into_iter().flat_map(|x| SIDES.into_iter().flat_map(move |y| SIDES.map(|z| Feature::Corner([x, y, z]))))
-}
-
-fn edges() -> impl Iterator<Item = Feature> {
-    (0..3).flat_map(|k| SIDES.into_iter().flat_map(move |x| SIDES.map(|y| Feature::Edge(k, [x, y]))))
+/// Numbers of corners, edges and faces of a polyhedron.
+fn counts(form: &ColliderShape) -> [u16; 3] {
+    match form {
+        ColliderShape::Block => BLOCK,
+        ColliderShape::Hull(p) => [p.corners.len(), p.edges.len(), p.faces.len()].map(|n| n as u16),
+        _ => [0; 3],
+    }
 }
 
 fn rim_points() -> impl Iterator<Item = Feature> {
@@ -63,31 +65,34 @@ fn rim_points() -> impl Iterator<Item = Feature> {
 }
 
 /// Points that a solid can touch with.
-fn points(form: ColliderShape) -> Vec<Feature> {
+fn points(form: &ColliderShape) -> Vec<Feature> {
     match form {
         ColliderShape::HalfSpace => vec![],
         ColliderShape::Ball => vec![Feature::Whole],
         ColliderShape::Capsule => SIDES.map(Feature::End).to_vec(),
         ColliderShape::Cylinder => rim_points().collect(),
-        ColliderShape::Block => corners().collect(),
+        ColliderShape::Block | ColliderShape::Hull(_) => (0..counts(form)[0]).map(Feature::Corner).collect(),
     }
 }
 
 impl Pair<'_> {
     fn list(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for first in points(self.a.form) {
+        for first in points(&self.a.form) {
             if round { self.whole(first) } else { self.sharp(first) }
         }
-        match (self.a.form, self.b.form) {
+        match (&self.a.form, &self.b.form) {
             (ColliderShape::Cylinder, ColliderShape::HalfSpace) => self.rims(),
-            (ColliderShape::Cylinder, ColliderShape::Block | ColliderShape::Cylinder) => {
+            (ColliderShape::Cylinder, ColliderShape::Block | ColliderShape::Hull(_) | ColliderShape::Cylinder) => {
                 self.rims();
                 self.lines();
                 self.the_other_way();
             }
-            (ColliderShape::Capsule, ColliderShape::Cylinder | ColliderShape::Block | ColliderShape::Capsule)
-            | (ColliderShape::Block, ColliderShape::Block) => {
+            (
+                ColliderShape::Capsule,
+                ColliderShape::Cylinder | ColliderShape::Block | ColliderShape::Hull(_) | ColliderShape::Capsule,
+            )
+            | (ColliderShape::Block | ColliderShape::Hull(_), ColliderShape::Block | ColliderShape::Hull(_)) => {
                 self.lines();
                 self.the_other_way();
             }
@@ -98,13 +103,13 @@ impl Pair<'_> {
     /// Features of the first collider that points of the second touch.
     fn other_points(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for first in points(self.a.form) {
-            match (round, self.b.form) {
+        for first in points(&self.a.form) {
+            match (round, &self.b.form) {
                 (true, _) | (_, ColliderShape::Ball | ColliderShape::Capsule) => self.whole(first),
                 _ => self.sharp(first),
             }
         }
-        if (self.a.form, self.b.form) == (ColliderShape::Cylinder, ColliderShape::Cylinder) {
+        if self.a.form == ColliderShape::Cylinder && self.b.form == ColliderShape::Cylinder {
             self.rims();
         }
     }
@@ -123,7 +128,7 @@ impl Pair<'_> {
     /// A point against all of the second solid.
     fn whole(&mut self, first: Feature) {
         match self.b.form {
-            ColliderShape::HalfSpace => self.push(first, Feature::Face(2, 1)),
+            ColliderShape::HalfSpace => self.push(first, Feature::Face(TOP)),
             _ => self.push(first, Feature::Whole),
         }
     }
@@ -131,8 +136,8 @@ impl Pair<'_> {
     /// A sharp point against the face under it.
     fn sharp(&mut self, first: Feature) {
         if self.b.form == ColliderShape::HalfSpace {
-            if !self.rolls(first, 2, 1) {
-                self.push(first, Feature::Face(2, 1));
+            if !self.rolls(first, TOP) {
+                self.push(first, Feature::Face(TOP));
             }
             return;
         }
@@ -145,52 +150,61 @@ impl Pair<'_> {
             if beside >= beyond && beyond <= sliver && radial > 0.0 {
                 self.push(first, Feature::Side);
             } else if beyond > beside && beside <= sliver {
-                self.push(first, Feature::Face(2, if y[2] < 0.0 { -1 } else { 1 }));
+                self.push(first, Feature::Face(if y[2] < 0.0 { TOP - 1 } else { TOP }));
             }
             return;
         }
-        let beyond = |k: usize| y[k].abs() - sizes[k];
-        let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
-        let side = if y[k] < 0.0 { -1 } else { 1 };
-        let over = (0..3).all(|i| i == k || beyond(i) <= SLIVER * sizes[i]);
-        if over && !self.rolls(first, k, side) {
-            self.push(first, Feature::Face(k as u8, side));
+        let face = match &self.b.form {
+            ColliderShape::Hull(p) => p.highest(&y).0 as u16,
+            _ => {
+                let beyond = |k: usize| y[k].abs() - sizes[k];
+                let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
+                2 * k as u16 + u16::from(y[k] >= 0.0)
+            }
+        };
+        if self.is_over(face, &y, SLIVER) && !self.rolls(first, face) {
+            self.push(first, Feature::Face(face));
         }
     }
 
     /// Whether a rim's fixed point is not wanted on a face because the rim's deepest point says all: the cylinder leans.
-    fn rolls(&self, first: Feature, k: usize, side: i8) -> bool {
-        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > LEANING
+    fn rolls(&self, first: Feature, face: u16) -> bool {
+        matches!(first, Feature::RimPoint(..)) && self.tilt(face) > LEANING
+    }
+
+    /// Whether a point in the second solid's frame lies over a face of it, or beside it by no more than `sliver`, a part of its size.
+    fn is_over(&self, face: u16, y: &Vec3<f64>, sliver: f64) -> bool {
+        let [sx, sy, sz] = self.b.sizes;
+        match &self.b.form {
+            ColliderShape::HalfSpace => true,
+            ColliderShape::Cylinder => y[0].hypot(y[1]) <= sx * (1.0 + sliver),
+            ColliderShape::Hull(p) => p.is_over(usize::from(face), y, sliver * p.reach),
+            _ => (0..3).all(|i| i == face_side(face).0 || y[i].abs() - [sx, sy, sz][i] <= sliver * [sx, sy, sz][i]),
+        }
     }
 
     /// Sine of the angle between the first solid's axis and a face's normal.
-    fn tilt(&self, k: usize, side: i8) -> f64 {
-        let (_, normal) = self.b.face(k as u8, side);
+    fn tilt(&self, face: u16) -> f64 {
+        let (_, normal) = self.b.face(face);
         self.a.axis(2).cross(&normal).norm()
     }
 
     /// Deepest points of a cylinder's rims over the faces they are above.
     fn rims(&mut self) {
-        let faces: Vec<(usize, i8)> = match self.b.form {
-            ColliderShape::HalfSpace => vec![(2, 1)],
-            ColliderShape::Cylinder => SIDES.map(|s| (2, s)).to_vec(),
-            _ => (0..3).flat_map(|k| SIDES.map(|s| (k, s))).collect(),
+        let faces = match &self.b.form {
+            ColliderShape::HalfSpace => TOP..TOP + 1,
+            ColliderShape::Cylinder => TOP - 1..TOP + 1,
+            polyhedron => 0..counts(polyhedron)[2],
         };
-        for (k, side) in faces {
-            if self.tilt(k, side) <= LEANING {
+        for face in faces {
+            if self.tilt(face) <= LEANING {
                 continue;
             }
             for end in SIDES {
-                let feature_pair = FeaturePair { first: Feature::Rim(end), second: Feature::Face(k as u8, side) };
+                let feature_pair = FeaturePair { first: Feature::Rim(end), second: Feature::Face(face) };
                 let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { continue };
                 // the rim's lowest point, not that of the far end of a cylinder that passes by
-                let y = self.b.local(&m.point);
-                let [sx, sy, sz] = self.b.sizes;
-                let over = match self.b.form {
-                    ColliderShape::HalfSpace => true,
-                    ColliderShape::Cylinder => y[0].hypot(y[1]) <= sx,
-                    _ => (0..3).all(|i| i == k || y[i].abs() <= [sx, sy, sz][i]),
-                };
+                let over = self.is_over(face, &self.b.local(&m.point), 0.0);
                 if over && m.gap <= self.margin && m.gap > -self.depth() {
                     self.found.push((feature_pair, self.swapped));
                 }
@@ -200,8 +214,9 @@ impl Pair<'_> {
 
     /// How deep a meeting may be before it is one through the whole solid.
     fn depth(&self) -> f64 {
-        match self.b.form {
+        match &self.b.form {
             ColliderShape::HalfSpace => f64::INFINITY,
+            ColliderShape::Hull(p) => p.half_width,
             ColliderShape::Block => self.b.sizes.iter().copied().fold(f64::INFINITY, f64::min),
             _ => self.b.sizes[0].min(self.b.sizes[1]),
         }
@@ -209,12 +224,12 @@ impl Pair<'_> {
 
     /// Edges and axes that cross.
     fn lines(&mut self) {
-        let lines = |form| match form {
-            ColliderShape::Block => edges().collect(),
+        let lines = |form: &ColliderShape| match form {
+            ColliderShape::Block | ColliderShape::Hull(_) => (0..counts(form)[1]).map(Feature::Edge).collect(),
             _ => vec![Feature::Axis],
         };
-        for first in lines(self.a.form) {
-            for second in lines(self.b.form) {
+        for first in lines(&self.a.form) {
+            for second in lines(&self.b.form) {
                 self.crossing(first, second);
             }
         }
@@ -234,19 +249,17 @@ impl Pair<'_> {
         let s = -between.cross(&e).dot(&cross) / square;
         let t = -between.cross(&d).dot(&cross) / square;
         let within = s.abs() <= reach_a * (1.0 + SLIVER) && t.abs() <= reach_b * (1.0 + SLIVER);
-        let depth = self.a.sizes[0].min(self.b.sizes[0]);
+        let half_width = |s: &PlacedCollider<f64>| if let ColliderShape::Hull(p) = &s.form { p.half_width } else { s.sizes[0] };
+        let depth = half_width(self.a).min(half_width(self.b));
         if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
             self.found.push((feature_pair, self.swapped));
         }
     }
 
     /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.
-    fn faces_out(&self, feature_pair: &FeaturePair, normal: &pliant_math::Vec3<f64>) -> bool {
+    fn faces_out(&self, feature_pair: &FeaturePair, normal: &Vec3<f64>) -> bool {
         let at = |feature: Feature, collider: &PlacedCollider<f64>, sign: f64| match feature {
-            Feature::Edge(k, sides) => (0..2).all(|i| {
-                let axis = collider.axis((usize::from(k) + 1 + i) % 3);
-                sign * f64::from(sides[i]) * axis.dot(normal) >= -PARALLEL
-            }),
+            Feature::Edge(edge) => collider.conormals(edge).iter().all(|across| sign * across.dot(normal) >= -PARALLEL),
             _ => true,
         };
         at(feature_pair.first, self.a, -1.0) && at(feature_pair.second, self.b, 1.0)

@@ -315,7 +315,7 @@ impl PlacedCollider<f64> {
                 (across + beyond * beyond).sqrt() - self.sizes[0]
             }
             ColliderShape::Block => Vec3::from_fn(|k, _| (y[k].abs() - self.sizes[k]).max(0.0)).norm(),
-            ColliderShape::HalfSpace | ColliderShape::Cylinder => f64::INFINITY,
+            ColliderShape::HalfSpace | ColliderShape::Cylinder | ColliderShape::Hull(_) => f64::INFINITY,
         }
     }
 }
