@@ -69,10 +69,10 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     root.mark_all_of("model");
     let mut work = Work::new("mjcf", &root.file, options);
     includes.iter().for_each(|i| work.kept(i, i.value("file").unwrap_or(""), "the file's elements, in its place"));
+    let meshes = Meshes::list(&root, path);
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;
-    let meshes = Meshes::list(&root, path);
     let mut reader = Reader {
         work,
         compiler,

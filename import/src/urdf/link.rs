@@ -119,10 +119,10 @@ impl<'a> Reader<'a> {
     fn contact(&mut self, element: &Element, body: &str) {
         element.mark();
         for child in &element.children {
-            let value = child.value("value").unwrap_or("");
+            let value = child.value("value").map_or(String::new(), |value| format!("{value}: "));
             let reason = match child.tag.as_str() {
                 "lateral_friction" => {
-                    self.work.kept(child, body, format!("friction {value}"));
+                    self.work.kept(child, body, format!("friction {}", value.trim_end_matches(": ")));
                     continue;
                 }
                 "rolling_friction" | "spinning_friction" => "friction against rolling and twisting is not simulated",
@@ -131,7 +131,7 @@ impl<'a> Reader<'a> {
                 "inertia_scaling" => "a help for Bullet's solver: the inertia is that of the file",
                 _ => "an extension for another program",
             };
-            self.work.ignored_whole(child, &format!("{value}: {reason}"));
+            self.work.ignored_whole(child, &format!("{value}{reason}"));
         }
     }
 
