@@ -3,3 +3,5 @@
 
 mod import_errors;
 mod import_stops;
+mod import_extensions;
+mod import_meshes;
