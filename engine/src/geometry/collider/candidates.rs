@@ -224,15 +224,23 @@ impl Pair<'_> {
 
     /// Edges and axes that cross.
     fn lines(&mut self) {
-        let lines = |form: &ColliderShape| match form {
-            ColliderShape::Block | ColliderShape::Hull(_) => (0..counts(form)[1]).map(Feature::Edge).collect(),
-            _ => vec![Feature::Axis],
-        };
-        for first in lines(&self.a.form) {
-            for second in lines(&self.b.form) {
-                self.crossing(first, second);
-            }
+        let (first, second) = (self.near_lines(self.a, self.b), self.near_lines(self.b, self.a));
+        for &first in &first {
+            second.iter().for_each(|&second| self.crossing(first, second));
         }
+    }
+
+    /// Lines of a collider; of edges those that reach the ball around the other one.
+    fn near_lines(&self, of: &PlacedCollider<f64>, other: &PlacedCollider<f64>) -> Vec<Feature> {
+        let edges = counts(&of.form)[1];
+        if edges == 0 {
+            return vec![Feature::Axis];
+        }
+        let near = |edge: &Feature| {
+            let distance = (of.line(*edge).0 - other.position).norm();
+            distance <= of.half_length(*edge) + other.reach() + self.margin
+        };
+        (0..edges).map(Feature::Edge).filter(near).collect()
     }
 
     fn crossing(&mut self, first: Feature, second: Feature) {
@@ -241,17 +249,19 @@ impl Pair<'_> {
         if cross.norm() < PARALLEL {
             return;
         }
-        let feature_pair = FeaturePair { first, second };
-        let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
         let (reach_a, reach_b) = (self.a.half_length(first), self.b.half_length(second));
         let between = p - q;
         let square = cross.norm_squared();
         let s = -between.cross(&e).dot(&cross) / square;
         let t = -between.cross(&d).dot(&cross) / square;
-        let within = s.abs() <= reach_a * (1.0 + SLIVER) && t.abs() <= reach_b * (1.0 + SLIVER);
+        if s.abs() > reach_a * (1.0 + SLIVER) || t.abs() > reach_b * (1.0 + SLIVER) {
+            return;
+        }
+        let feature_pair = FeaturePair { first, second };
+        let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
         let half_width = |s: &PlacedCollider<f64>| if let ColliderShape::Hull(p) = &s.form { p.half_width } else { s.sizes[0] };
         let depth = half_width(self.a).min(half_width(self.b));
-        if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
+        if m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
             self.found.push((feature_pair, self.swapped));
         }
     }
