@@ -16,6 +16,8 @@ pub struct Case {
     pub x0: State,
     /// One row of inputs for each step of the scene's duration.
     pub controls: Vec<Vec<f64>>,
+    /// What is allowed but likely not meant, or costs more than one may expect; located if the scene was read.
+    pub warnings: Vec<SceneError>,
 }
 
 /// A scene that cannot be made ready.
@@ -60,10 +62,12 @@ impl Case {
 
     /// Mistakes that only the model can find, such as an overlap, are located in the file too.
     fn from_source(source: &Source) -> Result<Self, CaseError> {
-        Self::new(scene::parse_source(source)?).map_err(|error| match error {
+        let mut case = Self::new(scene::parse_source(source)?).map_err(|error| match error {
             CaseError::Scene(error) => CaseError::Scene(error.located(source)),
             other => other,
-        })
+        })?;
+        case.warnings = case.warnings.into_iter().map(|warning| warning.located(source)).collect();
+        Ok(case)
     }
 }
 
@@ -77,7 +81,7 @@ impl Case {
         let u = scene::resting_inputs(&scene)?;
         let x0 = start(&model, model.params().values(), &u).map_err(CaseError::Start)?;
         let controls = scene::control_rows(&scene, scene.time.n_steps())?;
-        Ok(Self { scene, model, x0, controls })
+        Ok(Self { warnings: scene::warnings(&scene), scene, model, x0, controls })
     }
 }
 

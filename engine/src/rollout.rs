@@ -5,6 +5,7 @@ use crate::model::Model;
 use crate::step::newton::Work;
 use crate::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper, Warm};
 use pliant_math::State;
+use pliant_scene::available_memory;
 use std::sync::Arc;
 
 /// How a trajectory is simulated. `StepOptions` convert to it, with no bound on the records.
@@ -96,6 +97,8 @@ pub fn smoothed_rollout(
     RolloutOptions { step, max_records }: RolloutOptions,
     smoothing: Option<Smoothing>,
 ) -> Result<Rollout, StepError> {
+    let kept = if step.record { max_records.map_or(controls.len(), |most| most.max(1).min(controls.len())) } else { 0 };
+    available_memory().map_or(Ok(()), |available| fits(kept, model.tree().nv(), available))?;
     let segment = max_records.map(|most| most.max(1)).filter(|most| step.record && *most < controls.len());
     let mut checkpoints = segment.map(|segment| Checkpoints { segment, warm: Vec::new(), options: step, smoothing });
     let mut chain = Chain::new(model, theta, StepOptions { record: step.record && segment.is_none(), ..step }, smoothing)?;
@@ -120,6 +123,13 @@ pub fn smoothed_rollout(
     }
     out.checkpoints = checkpoints;
     Ok(out)
+}
+
+/// Refuses records that certainly do not fit into memory, from their dense matrices of bodies: ∂f/∂q̄, ∂f/∂v̄, the matrix of the step,
+/// its factor, and the mass matrix.
+fn fits(records: usize, dofs: usize, available: u64) -> Result<(), StepError> {
+    let bytes = (5 * size_of::<f64>() as u64).saturating_mul((dofs as u64).pow(2)).saturating_mul(records as u64);
+    if bytes > available { Err(StepError::Memory { records, dofs, bytes, available }) } else { Ok(()) }
 }
 
 impl Rollout {
@@ -214,5 +224,20 @@ impl<'m> Chain<'m> {
         if let Some(stepper) = &mut self.smooth {
             stepper.set_warm_start(smooth.clone());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn records_that_do_not_fit_are_refused_with_their_bytes() {
+        fits(0, 6000, 0).unwrap();
+        fits(3, 6000, 5 << 30).unwrap();
+        let error = fits(4, 6000, 5 << 30).unwrap_err();
+        assert!(matches!(error, StepError::Memory { bytes: 5_760_000_000, records: 4, .. }), "{error}");
+        assert!(error.to_string().contains("max_records"), "{error}");
     }
 }

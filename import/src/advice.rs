@@ -37,6 +37,14 @@ impl ImportMistake {
             Self::Choice { nearest: Some(near), .. } => both("a typing error", format!("did you mean \"{near}\"?")),
             Self::Choice { choices, .. } => both("a word that this attribute does not know", format!("write one of {choices}")),
             Self::IncludeCycle { .. } => both("two files include each other", "remove one of the <include> elements"),
+            Self::MissingFile { path, .. } if path.contains("://") => {
+                let package = path.split("://").nth(1).and_then(|p| p.split('/').next()).unwrap_or("NAME");
+                both(
+                    "the package is in no folder above the model, or its files were not copied along",
+                    format!("say where it is: --package {package}=FOLDER (in Python packages={{\"{package}\": FOLDER}})"),
+                )
+            }
+            Self::Mesh { error, .. } => error.advice(),
             Self::MissingFile { .. } => both(
                 "the path is relative to another folder, or the file was not copied along",
                 "put the file there, or correct the path",

@@ -27,6 +27,10 @@ pub(crate) struct ImportConstants {
     pub least_moment: (f64, f64),
     /// Part of a vector across another below which they are parallel [-].
     pub parallel: f64,
+    /// Largest file of a mesh that is read [bytes]: it takes several times as much memory.
+    pub mesh_bytes: u64,
+    /// Most corners of a hull that touches: its edges are tried against those of other polyhedra one by one.
+    pub hull_corners: usize,
     /// Sine of the angle to the z axis below which a direction lies along it [-].
     pub along_z: f64,
 }
@@ -46,4 +50,6 @@ pub(crate) const IMPORT: ImportConstants = ImportConstants {
     least_moment: (1e-6, 1e-12),
     parallel: 1e-12,
     along_z: 1e-10,
+    mesh_bytes: 1 << 30,
+    hull_corners: 32,
 };

@@ -1,6 +1,7 @@
 //! Errors of an import: place, mistake, likely cause and fix.
 
 use super::element::{Attribute, Element};
+use super::mesh::MeshMistake;
 use pliant_math::inertia::InertiaError;
 use pliant_scene::SceneError;
 use std::fmt;
@@ -104,8 +105,11 @@ pub enum ImportMistake {
     #[error("the file includes itself: {chain}")]
     IncludeCycle { chain: String },
     /// A file that is not there.
-    #[error("the {what} \"{path}\" is not there")]
-    MissingFile { what: &'static str, path: String },
+    #[error("the {what} \"{path}\" is not there{}", places(.looked))]
+    MissingFile { what: &'static str, path: String, looked: Vec<String> },
+    /// A mesh that cannot be used.
+    #[error("the mesh \"{path}\" {error}")]
+    Mesh { path: String, error: MeshMistake },
     /// A mass that cannot be.
     #[error("body \"{body}\": {error}")]
     Inertia { body: String, error: InertiaError },
@@ -142,4 +146,9 @@ pub enum ImportMistake {
     /// The scene that came out is refused.
     #[error("the scene made from it is refused: {error}")]
     Scene { error: SceneError },
+}
+
+/// The places where a file was looked for.
+fn places(places: &[String]) -> String {
+    if places.is_empty() { String::new() } else { format!("; looked for it at {}", places.join(", ")) }
 }

@@ -2,10 +2,13 @@
 
 use super::report::{Report, Verdict};
 use pliant_scene::{Scene, to_toml};
+use std::path::PathBuf;
 
 /// Options of an import.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Options {
+    /// Folders of packages by name, for `package://name/…` in a URDF; others are looked for around the model.
+    pub packages: Vec<(String, PathBuf)>,
     /// Approximate models that cannot be kept, instead of refusing them.
     pub approximate: bool,
     /// Let the root link of a URDF fly, instead of fixing it to the world.

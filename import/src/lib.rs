@@ -32,8 +32,10 @@ mod element;
 mod error;
 mod imported;
 mod inertia;
+mod mesh;
 mod mjcf;
 mod names;
+mod paths;
 mod pose;
 mod report;
 mod solid;
@@ -44,6 +46,7 @@ mod xml;
 
 pub use error::{ImportError, ImportMistake};
 pub use imported::{Imported, Options};
+pub use mesh::MeshMistake;
 pub use report::{Entry, Report, Verdict};
 
 use element::Element;
@@ -69,7 +72,7 @@ pub fn import_text(text: &str, file: &str, options: &Options) -> Result<Imported
 fn import(root: Element, path: &Path, options: &Options) -> Result<Imported, ImportError> {
     match root.tag.as_str() {
         "mujoco" => mjcf::import(root, path, options),
-        "robot" => urdf::import(&root, path, options),
+        "robot" => urdf::import(root, path, options),
         _ => Err(ImportError::at(&root, ImportMistake::NotAModel { root: root.tag.clone() })),
     }
 }

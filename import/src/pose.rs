@@ -41,6 +41,11 @@ impl Pose {
     }
 }
 
+/// −0 as 0.
+pub fn plain<const N: usize>(x: [f64; N]) -> [f64; N] {
+    x.map(|x| x + 0.0)
+}
+
 /// Turning by `angle` \[rad\] about `axis`, of any length but zero.
 pub fn about(axis: &Vec3<f64>, angle: f64) -> Quaternion<f64> {
     Map::Exponential.turn(&(axis.normalize() * angle))

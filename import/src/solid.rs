@@ -1,15 +1,14 @@
 //! Shapes of other formats as those of a scene.
 
 use super::inertia::Shape;
-use super::pose::Pose;
-use super::work::plain;
+use super::pose::{Pose, plain};
 use pliant_math::Vec3;
 use pliant_scene::{Block, BodyShape, Capsule, Cylinder, Plane, Scene, ShapeKind, Sphere};
 
 /// Why shapes are left out.
 pub const NO_CONTACT: &str = "touches nothing: contact is switched off";
 
-/// A shape of a body at `pose` in its frame; none for an ellipsoid.
+/// A primitive shape of a body at `pose` in its frame; none for an ellipsoid.
 pub fn of_body(shape: &Shape, pose: &Pose, friction: f64) -> Option<BodyShape> {
     let (kind, radius, half_length, half_extents) = match *shape {
         Shape::Sphere { radius } => (ShapeKind::Sphere, Some(radius), None, None),
@@ -19,7 +18,22 @@ pub fn of_body(shape: &Shape, pose: &Pose, friction: f64) -> Option<BodyShape> {
         Shape::Ellipsoid { .. } => return None,
     };
     let (position, quaternion) = (plain(pose.position.into()), plain(pose.rotation));
-    Some(BodyShape { kind, position, quaternion, radius, half_length, half_extents, friction: Some(friction) })
+    Some(BodyShape { kind, position, quaternion, radius, half_length, half_extents, points: None, friction: Some(friction) })
+}
+
+/// The convex hull of points in the axes of `pose`, about their middle.
+pub fn hull(points: &[Vec3<f64>], pose: &Pose, friction: f64) -> BodyShape {
+    let middle = points.iter().sum::<Vec3<f64>>() / points.len() as f64;
+    BodyShape {
+        kind: ShapeKind::Hull,
+        position: plain(pose.point(&middle).into()),
+        quaternion: plain(pose.rotation),
+        radius: None,
+        half_length: None,
+        half_extents: None,
+        points: Some(points.iter().map(|p| plain((p - middle).into())).collect()),
+        friction: Some(friction),
+    }
 }
 
 /// The half-space below the plane of x and y of `pose`.

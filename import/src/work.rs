@@ -4,17 +4,22 @@ use super::element::Element;
 use super::error::{ImportError, ImportMistake};
 use super::imported::{Imported, Options};
 use super::inertia::Mass;
+use super::mesh::{Mesh, MeshMistake};
 use super::names::Names;
-use super::pose::Pose;
+use super::pose::{Pose, plain};
 use super::report::{Report, Verdict};
-use super::view::View;
+use super::solid;
+use super::view::{View, unknown_element};
 use crate::constants::IMPORT;
 use pliant_engine::model::{BuildError, ModelBuilder};
 use pliant_math::inertia::InertiaError;
+use pliant_scene::words::{list, nearest};
 use pliant_scene::{Body, BodyShape, ContactRule, Coupling, Integrator, Joint, Mistake, Scene, SceneError, check};
 
 /// Why something is ignored that the importer has no word for.
 const UNREAD: &str = "not read by the importer";
+/// Why something is ignored that its format does not have.
+const EXTENSION: &str = "not of the format here: an extension for another program";
 
 /// An import under way.
 #[derive(Debug)]
@@ -83,6 +88,59 @@ impl<'o> Work<'o> {
         for (reason, attributes) in said {
             self.ignored(element, name, format!("{}: {reason}", attributes.join(", ")));
         }
+    }
+
+    /// Reports and skips children and attributes that a format with extensions does not have; `attributes` are separated by spaces. One
+    /// that is likely a typing error would change the model.
+    pub fn skip_unknown(&mut self, element: &Element, attributes: &str, children: &[&str]) -> Result<(), ImportError> {
+        let words = || attributes.split_whitespace();
+        for unknown in element.attributes.iter().filter(|a| words().all(|known| known != a.name)) {
+            if let (Some(near), false) = (nearest(&unknown.name, words()), self.options.approximate) {
+                let (nearest, known) = (Some(near.to_owned()), list(words()));
+                let mistake = ImportMistake::UnknownAttribute { name: unknown.name.clone(), nearest, known };
+                return Err(ImportError::at_attribute(element, unknown, mistake));
+            }
+            unknown.mark();
+            self.ignored(element, element.label(), format!("`{}`: {EXTENSION}", unknown.name));
+        }
+        for child in element.children.iter().filter(|c| !children.contains(&c.tag.as_str())) {
+            if nearest(&child.tag, children.iter().copied()).is_some() && !self.options.approximate {
+                return Err(unknown_element(child, element, children));
+            }
+            self.ignored_whole(child, EXTENSION);
+        }
+        Ok(())
+    }
+
+    /// The convex hull of a mesh as a shape at `place`, its pose and friction; none of a format that is not read, or of a defect that is
+    /// reported because that was asked for.
+    pub fn hull(
+        &mut self,
+        element: &Element,
+        name: &str,
+        mesh: Result<Mesh, MeshMistake>,
+        path: &str,
+        (pose, friction): (&Pose, f64),
+    ) -> Result<Option<BodyShape>, ImportError> {
+        let checked = |mesh: Mesh| if self.options.approximate { Ok(mesh) } else { mesh.check_size().map(|()| mesh) };
+        let (corners, left_out, outside) = match mesh.and_then(checked).and_then(|mesh| mesh.touching()) {
+            Ok(touching) => touching,
+            Err(error) if self.options.approximate || matches!(error, MeshMistake::Format { .. }) => {
+                self.ignored_whole(element, &format!("touches nothing: the mesh \"{path}\" {error}"));
+                return Ok(None);
+            }
+            Err(error) => return Err(ImportError::at(element, ImportMistake::Mesh { path: path.to_owned(), error })),
+        };
+        let reason = format!("the convex hull of a mesh, {} corners, of friction {friction}", corners.len());
+        match left_out {
+            0 => self.kept(element, name, reason),
+            n => self.approximated(
+                element,
+                name,
+                format!("{reason}; {n} more are left out, which reach {outside:.1e} m out of it at most"),
+            ),
+        }
+        Ok(Some(solid::hull(&corners, pose, friction)))
     }
 
     /// Refuses lengths that are likely in millimetres.
@@ -295,9 +353,4 @@ impl<'o> Work<'o> {
             None => ImportError::at(root, mistake),
         }
     }
-}
-
-/// −0 as 0.
-pub fn plain<const N: usize>(x: [f64; N]) -> [f64; N] {
-    x.map(|x| x + 0.0)
 }

@@ -12,7 +12,7 @@ pub fn read(path: &Path, from: Option<&Element>) -> Result<Element, ImportError>
     let file = path.display().to_string();
     let text = std::fs::read_to_string(path).map_err(|error| match from {
         Some(element) if error.kind() == std::io::ErrorKind::NotFound => {
-            ImportError::at(element, ImportMistake::MissingFile { what: "include file", path: file.clone() })
+            ImportError::at(element, ImportMistake::MissingFile { what: "include file", path: file.clone(), looked: Vec::new() })
         }
         _ => ImportError::in_file(&file, 0, ImportMistake::Read { error: error.to_string() }),
     })?;
@@ -27,6 +27,14 @@ pub fn parse(text: &str, file: &str) -> Result<Element, ImportError> {
         ImportError::in_file(file, error.pos().row as usize, ImportMistake::Syntax { message, xacro })
     })?;
     copy(&document, document.root_element(), &Rc::from(file), 0)
+}
+
+/// The text of the first child of that tag of a file's root, if there is such a file.
+pub fn text_of(path: &Path, tag: &str) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let document = roxmltree::Document::parse(&text).ok()?;
+    let child = document.root_element().children().find(|c| c.has_tag_name(tag))?;
+    child.text().map(|text| text.trim().to_owned())
 }
 
 fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>, depth: usize) -> Result<Element, ImportError> {
@@ -45,6 +53,10 @@ fn copy(document: &roxmltree::Document, node: roxmltree::Node, file: &Rc<str>, d
         children: Vec::new(),
         seen: Cell::new(false),
     };
+    if node.tag_name().namespace().is_some_and(|space| space.contains("xacro")) {
+        let message = format!("<{}> is a macro", node.tag_name().name());
+        return Err(ImportError::in_file(file, element.line, ImportMistake::Syntax { message, xacro: true }));
+    }
     if depth > IMPORT.deepest {
         return Err(ImportError::at(&element, too_deep()));
     }

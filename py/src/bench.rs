@@ -14,7 +14,7 @@ const RECORDED: StepOptions = StepOptions { record: true, max_halvings: None };
 /// Seconds per unit of work over `repeats` units: the mean of "step" or "linearize", the median of "rollout" or "rollout_vjp".
 #[pyfunction]
 pub fn bench(py: Python<'_>, scene_text: &str, work: &str, repeats: usize) -> PyResult<f64> {
-    let model = Model::build(&Source::new("scene.toml", scene_text))?;
+    let model = Model::build(py, &Source::new("scene.toml", scene_text))?;
     py.detach(|| {
         let theta = model.theta_or_default(None)?;
         let setup = Setup { x0: model.start(&theta)?, u: model.rows(None)?, theta, model };

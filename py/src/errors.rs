@@ -17,6 +17,7 @@ pub fn input(error: impl Display) -> PyErr {
 pub fn step(error: StepError) -> PyErr {
     match error {
         StepError::Size { .. }
+        | StepError::Memory { .. }
         | StepError::Parameter { .. }
         | StepError::Command { .. }
         | StepError::Frames { .. }

@@ -7,10 +7,12 @@ use crate::errors::{self, input};
 use crate::options::Keep;
 use crate::rollout::wrap;
 use numpy::{PyArray1, PyArray2};
-use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs};
+use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs, warnings};
 use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -26,20 +28,24 @@ pub struct Model {
 
 /// Reads a scene file (TOML).
 #[pyfunction]
-pub fn load(path: PathBuf) -> PyResult<Model> {
-    Model::build(&Source::read(&path).map_err(input)?)
+pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
+    Model::build(py, &Source::read(&path).map_err(input)?)
 }
 
 /// Reads a scene from a text (TOML); errors call it `name`.
 #[pyfunction]
 #[pyo3(signature = (text, name="scene.toml"))]
-pub fn loads(text: &str, name: &str) -> PyResult<Model> {
-    Model::build(&Source::new(name, text))
+pub fn loads(py: Python<'_>, text: &str, name: &str) -> PyResult<Model> {
+    Model::build(py, &Source::new(name, text))
 }
 
 impl Model {
-    pub fn build(source: &Source) -> PyResult<Self> {
+    pub fn build(py: Python<'_>, source: &Source) -> PyResult<Self> {
         let scene: Scene = parse_source(source).map_err(input)?;
+        for warning in warnings(&scene) {
+            let text = CString::new(warning.located(source).to_string()).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
         let model = ModelBuilder::new(&scene).map_err(|error| input(error.located(source)))?.build();
         Ok(Self { model: Arc::new(model), scene })
     }

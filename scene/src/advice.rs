@@ -73,6 +73,19 @@ impl Mistake {
                 "the duration or the step is in another unit",
                 format!("write a duration of at most {} s, or a longer step", Num(step * *most as f64)),
             ),
+            Self::Memory { .. } => both(
+                "a typing error in a count, a step in another unit, or more than one scene should hold",
+                "simulate fewer bodies, nodes or steps at once; long runs can be continued from their last state",
+            ),
+            Self::DenseBodies { .. } => both(
+                "all bodies of a scene are solved together, and their matrix has no pattern yet",
+                "split what does not touch into scenes of its own, or give it time and memory: twice the bodies take eight times as long",
+            ),
+            Self::Thick { .. } => both(
+                "a radius in another unit, or a rope divided more finely than it is thick; nodes of one rope do not touch each other, so \
+                 it runs",
+                "write the radius in m, or fewer nodes: edges shorter than the radius cost time and show no shape that the rope could take",
+            ),
             Self::NoStep { step, .. } => {
                 both("the duration or the step is in another unit", format!("write a duration of at least {} s", Num(*step)))
             }
@@ -231,6 +244,13 @@ impl Mistake {
             ),
             Self::NoSize { key, .. } => both("a size was left out", format!("write `{key}` in m")),
             Self::OtherSize { key, .. } => both("a size of another kind of shape", format!("remove `{key}`, or change `kind`")),
+            Self::HullPoints { found, most, .. } if found > most => {
+                both("all vertices of a mesh", format!("give the corners of a coarser hull, at most {most}; an import makes one"))
+            }
+            Self::HullPoints { .. } => both("points were left out", "give four or more that do not lie in a plane"),
+            Self::FlatHull { .. } => {
+                both("a flat mesh, or a coordinate left at zero", "give the points a thickness, or use a thin box")
+            }
             Self::Overlap { .. } => both(
                 "shapes in another unit, a misplaced start, or neighbours that are meant to overlap",
                 "move them apart, or write [[contact.pair]] with `between` and `ignore = true`",

@@ -142,6 +142,7 @@ impl Cable {
             radius: Some(r),
             half_length: Some(0.5 * e - r),
             half_extents: None,
+            points: None,
             friction: Some(self.friction),
         };
         let link = |k: usize| Body {

@@ -96,6 +96,15 @@ pub enum Mistake {
     /// More nodes than are simulated.
     #[error("the scene has {nodes} nodes; it may have {most}")]
     TooManyNodes { nodes: usize, most: usize },
+    /// More memory than the machine has.
+    #[error("{what} take at least {} GB ({bytes} bytes), and {} GB are free", gigabytes(*.bytes), gigabytes(*.available))]
+    Memory { what: String, bytes: u64, available: u64 },
+    /// Bodies whose dense matrix is large.
+    #[error("the bodies have {dofs} degrees of freedom, whose dense matrix takes {} GB and {flops:.1e} operations per factorization", gigabytes(*.bytes))]
+    DenseBodies { dofs: u64, bytes: u64, flops: f64 },
+    /// A rope whose nodes overlap each other.
+    #[error("is {} m, more than the shortest edge of {} m: balls at neighbouring nodes overlap", Num(*.radius), Num(*.edge))]
+    Thick { radius: f64, edge: f64 },
     /// A name that cannot stand in a parameter path.
     #[error("the name \"{name}\" cannot be part of a parameter path")]
     Name { name: String },
@@ -229,6 +238,12 @@ pub enum Mistake {
     /// A size that this kind of shape does not have.
     #[error("a {kind} has no `{key}`")]
     OtherSize { kind: &'static str, key: &'static str },
+    /// Too few or too many points of a hull.
+    #[error("has {found} points, but a hull needs {least} to {most}")]
+    HullPoints { found: usize, least: usize, most: usize },
+    /// A hull without a volume.
+    #[error("the {points} points lie in one plane, so their hull has no volume")]
+    FlatHull { points: usize },
     /// Two objects that overlap as the scene begins.
     #[error("{first} and {second} overlap by {depth:.2e} m as the scene begins")]
     Overlap { first: String, second: String, depth: f64 },
@@ -277,6 +292,12 @@ pub enum Mistake {
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },
+}
+
+/// Three digits of bytes in GB.
+fn gigabytes(bytes: u64) -> String {
+    let digits = format!("{:.2e}", bytes as f64 * 1e-9);
+    digits.parse::<f64>().map_or(digits, |x| Num(x).to_string())
 }
 
 /// ` [m]`, or nothing.

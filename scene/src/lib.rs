@@ -60,7 +60,7 @@ pub use actuator::{Actuator, ActuatorKind, Command};
 pub use body::{Body, Cogging, Joint, JointKind};
 pub use body::{Closure, ClosureKind};
 pub use cable::{Cable, cable_scene};
-pub use check::{MOST_NODES, MOST_STEPS, check};
+pub use check::{MOST_NODES, MOST_STEPS, available_memory, check, warnings};
 pub use check::{RESERVED, inertia_matrix};
 pub use clip::Clip;
 pub use cloth::{Cloth, Diagonal, Grid};

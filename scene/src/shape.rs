@@ -133,6 +133,9 @@ pub struct BodyShape {
     /// Half of a box's edges along its own axes [m].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_extents: Option<[f64; 3]>,
+    /// Points in the shape's own frame whose convex hull it is [m]; 4 to 256, not all in one plane. They are not parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<Vec<[f64; 3]>>,
     /// Friction coefficient [-]. Between two shapes their mean counts; a shape without one of its own takes its partner's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
@@ -150,6 +153,8 @@ pub enum ShapeKind {
     Cylinder,
     /// A cuboid: `half_extents`.
     Box,
+    /// A convex polyhedron, the hull of `points`.
+    Hull,
 }
 
 /// Rule for two objects that may touch. Its parameters are `contact.pair[k].friction` and `contact.pair[k].compliance`,

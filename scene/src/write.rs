@@ -64,10 +64,7 @@ fn cloth(out: &mut String, cloth: &Cloth) {
     list(out, "origin", &cloth.origin, &[0.0; 3]);
     list(out, "u_axis", cloth.u_axis.as_ref().map_or(&[], |x| x), &[]);
     list(out, "v_axis", cloth.v_axis.as_ref().map_or(&[], |x| x), &[]);
-    if let Some(points) = &cloth.points {
-        let point = |x: &[f64; 3]| format!("[{}]", x.map(number).join(", "));
-        line(out, "points", &format!("[{}]", points.iter().map(point).collect::<Vec<_>>().join(", ")));
-    }
+    points(out, cloth.points.as_deref());
     if cloth.start == Start::Equilibrium {
         line(out, "start", &quoted("equilibrium"));
     }
@@ -138,6 +135,7 @@ fn shape(out: &mut String, shape: &BodyShape) {
         ShapeKind::Capsule => "capsule",
         ShapeKind::Cylinder => "cylinder",
         ShapeKind::Box => "box",
+        ShapeKind::Hull => "hull",
     };
     line(out, "kind", &quoted(kind));
     list(out, "position", &shape.position, &[0.0; 3]);
@@ -145,6 +143,7 @@ fn shape(out: &mut String, shape: &BodyShape) {
     given(out, "radius", shape.radius);
     given(out, "half_length", shape.half_length);
     list(out, "half_extents", shape.half_extents.as_ref().map_or(&[], |x| x), &[]);
+    points(out, shape.points.as_deref());
     given(out, "friction", shape.friction);
 }
 
@@ -296,6 +295,13 @@ fn list(out: &mut String, key: &str, values: &[f64], default: &[f64]) {
     if !values.is_empty() && values != default {
         let numbers: Vec<String> = values.iter().map(|x| number(*x)).collect();
         line(out, key, &format!("[{}]", numbers.join(", ")));
+    }
+}
+
+fn points(out: &mut String, points: Option<&[[f64; 3]]>) {
+    if let Some(points) = points {
+        let point = |x: &[f64; 3]| format!("[{}]", x.map(number).join(", "));
+        line(out, "points", &format!("[{}]", points.iter().map(point).collect::<Vec<_>>().join(", ")));
     }
 }
 

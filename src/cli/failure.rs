@@ -151,6 +151,7 @@ fn is_input(step: &StepError) -> bool {
         step,
         StepError::Command { .. }
             | StepError::Size { .. }
+            | StepError::Memory { .. }
             | StepError::EquilibriumWithContact { .. }
             | StepError::Frames { .. }
             | StepError::Parameter { .. }
@@ -189,6 +190,7 @@ fn advice(step: &StepError) -> (&'static str, &'static str) {
         StepError::Frames { .. } => {
             ("positions of a rod were changed without its frames", "use the frames that `frames_at` returns for these positions")
         }
+        StepError::Memory { .. } => ("many bodies and many steps", "simulate fewer steps, or keep fewer records"),
         StepError::Size { .. } => ("inputs of another scene", "give as many as the scene has"),
         StepError::EquilibriumWithContact { .. } => {
             ("`start = \"equilibrium\"` in a scene with shapes", "write `start = \"as_given\"`, or remove the shapes")

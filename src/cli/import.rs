@@ -17,12 +17,15 @@ pub struct Arguments {
     /// Print the report as one JSON object, with the scene in it unless --out is given.
     #[arg(long)]
     json: bool,
-    /// Approximate a model that uses tendons, sites in constraints or meshes as masses, instead of refusing it.
+    /// Approximate a model that uses tendons, sites in constraints or shapes that scenes do not have, instead of refusing it.
     #[arg(long)]
     approximate: bool,
     /// Give the root link of a URDF a free joint, instead of fixing it to the world.
     #[arg(long)]
     free_base: bool,
+    /// Folder of a package, for `package://NAME/…` in a URDF; may be given several times. Others are looked for around the model.
+    #[arg(long = "package", value_name = "NAME=PATH", value_parser = package)]
+    packages: Vec<(String, PathBuf)>,
     /// Omit the collision shapes of bodies.
     #[arg(long)]
     no_contact: bool,
@@ -40,13 +43,22 @@ struct Summary<'a> {
     scene: Option<&'a str>,
 }
 
+fn package(text: &str) -> Result<(String, PathBuf), String> {
+    let parts = text.split_once('=').filter(|(name, path)| !name.is_empty() && !path.is_empty());
+    parts.map(|(name, path)| (name.to_owned(), path.into())).ok_or_else(|| "write NAME=PATH".to_owned())
+}
+
 /// Imports a model.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(out) = &arguments.out {
         file::check(out)?;
     }
-    let options =
-        Options { approximate: arguments.approximate, free_base: arguments.free_base, no_contact: arguments.no_contact };
+    let options = Options {
+        packages: arguments.packages.clone(),
+        approximate: arguments.approximate,
+        free_base: arguments.free_base,
+        no_contact: arguments.no_contact,
+    };
     let imported = import_model(&arguments.model, &options)?;
     let scene = imported.to_toml();
     if let Some(out) = &arguments.out {

@@ -53,6 +53,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         file::check(page)?;
     }
     let case = Case::read(&arguments.scene).map_err(|error| Failure::case(&arguments.scene, error))?;
+    case.warnings.iter().for_each(|warning| print::message(&format!("warning: {warning}")));
     let theta = case.model.params().values();
     let options = StepOptions { record: false, ..StepOptions::default() };
     let begin = Instant::now();

@@ -1,7 +1,7 @@
 //! From a run to its picture.
 
 use super::numbers::{Numbers, Slice};
-use super::picture::{Bone, Drawn, Mesh, Picture, Rope, Scale, left_out};
+use super::picture::{Bone, Drawn, Mesh, Picture, Polyhedron, Rope, Scale, left_out};
 use super::{Caption, Run};
 use crate::{Model, State};
 use pliant_engine::geometry::collider::{Attachment, Collider, ColliderShape, Pose};
@@ -156,22 +156,30 @@ fn drawn<'a>(solid: &'a Collider, theta: &[f64], center: &[f64; 3]) -> Option<Dr
     }
     Some(Drawn {
         name: &solid.name,
-        form: form(posed.form),
+        form: form(&posed.form),
         body,
         position: posed.position.into(),
         quaternion: from_matrix(&posed.rotation),
         sizes: posed.sizes[..posed.form.n_sizes()].to_vec(),
+        hull: hull(&posed.form),
     })
 }
 
-fn form(form: ColliderShape) -> &'static str {
+fn form(form: &ColliderShape) -> &'static str {
     match form {
         ColliderShape::HalfSpace => "plane",
         ColliderShape::Ball => "ball",
         ColliderShape::Capsule => "capsule",
         ColliderShape::Cylinder => "cylinder",
         ColliderShape::Block => "block",
+        ColliderShape::Hull(_) => "hull",
     }
+}
+
+fn hull(form: &ColliderShape) -> Option<Polyhedron> {
+    let ColliderShape::Hull(hull) = form else { return None };
+    let (corners, triangles) = hull.surface();
+    Some(Polyhedron { corners: corners.iter().map(|c| (*c).into()).collect(), triangles: triangles.to_vec() })
 }
 
 /// Bodies without shapes, by lines to their centre of mass, to the bodies that hang on them and to where loops close.

@@ -78,6 +78,16 @@ pub(super) struct Drawn<'a> {
     pub quaternion: [f64; 4],
     /// \[m\]; as many as the form has.
     pub sizes: Vec<f64>,
+    /// The surface of a hull.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hull: Option<Polyhedron>,
+}
+
+/// Corners \[m\] and triangles, counterclockwise from outside.
+#[derive(Debug, Serialize)]
+pub(super) struct Polyhedron {
+    pub corners: Vec<[f64; 3]>,
+    pub triangles: Vec<[usize; 3]>,
 }
 
 /// A line from a body's origin to a point of it.

@@ -240,6 +240,14 @@ def test_what_cannot_be_kept_is_refused(tmp_path):
     ] == [2]
 
 
+def corners(mj, g):
+    """Vertices of a mesh geom in its body's frame."""
+    mesh = mj.geom_dataid[g]
+    first = mj.mesh_vertadr[mesh]
+    vertices = mj.mesh_vert[first : first + mj.mesh_vertnum[mesh]].astype(float)
+    return vertices @ rotation(mj.geom_quat[g]).T + mj.geom_pos[g]
+
+
 def shapes(mj, body):
     """Kind, sizes, place and orientation of a body's geoms that may touch, as scenes count them."""
     out = []
@@ -248,7 +256,8 @@ def shapes(mj, body):
         masks = mj.geom_contype[g] or mj.geom_conaffinity[g]
         paired = g in mj.pair_geom1 or g in mj.pair_geom2
         if mj.geom_bodyid[g] == body and (masks or paired) and kind != "ellipsoid":
-            out.append((kind, mj.geom_size[g], mj.geom_pos[g], rotation(mj.geom_quat[g])))
+            size = corners(mj, g) if kind == "mesh" else mj.geom_size[g]
+            out.append((kind, size, mj.geom_pos[g], rotation(mj.geom_quat[g])))
     return out
 
 
@@ -260,12 +269,19 @@ def test_shapes_are_those_of_mujoco(name):
         theirs = shapes(mj, b)
         assert len(body.get("shape", [])) == len(theirs)
         for mine, (kind, size, position, axes) in zip(body.get("shape", []), theirs, strict=True):
+            touching += 1
+            if kind == "mesh":  # in single precision
+                assert mine["kind"] == "hull"
+                place, axes = np.array(mine.get("position", [0, 0, 0])), rotation(mine.get("quaternion", [1, 0, 0, 0]))
+                points = np.array(mine["points"]) @ axes.T + place
+                directions = np.random.default_rng(3).normal(size=(100, 3))
+                assert np.abs((directions @ points.T).max(1) - (directions @ size.T).max(1)).max() < 1e-6
+                continue
             assert mine["kind"] == kind
             sizes = mine.get("half_extents") or [mine["radius"], mine.get("half_length", 0.0)]
             assert relative(sizes, size[: len(sizes)]) < TOLERANCE
             assert np.abs(np.array(mine.get("position", [0, 0, 0])) - position).max() < 1e-9
             assert np.abs(rotation(mine.get("quaternion", [1, 0, 0, 0])) - axes).max() < 1e-9
-            touching += 1
     assert touching > 0 or name == "free_body.xml"
     stops = any("limits" in j for b in scene["body"] for j in b.get("joint", []))
     assert (scene["time"]["integrator"] == "euler") == (touching > 1 or stops)
@@ -381,3 +397,30 @@ def test_shapes_that_overlap_at_the_start_are_refused(tmp_path):
     assert tomllib.loads(text)["contact"]["pair"] == [{"between": ["a", "b"], "ignore": True}]
     assert any("the two pass through each other" in e["reason"] for e in report["entries"])
     assert "[[body.shape]]" not in pliant.import_model(file, contact=False)[0]
+
+
+def test_a_package_is_where_the_option_says(tmp_path):
+    robot = (MODELS / "explorer.urdf").read_text().replace("package://models/", "package://elsewhere/")
+    (tmp_path / "robot.urdf").write_text(robot)
+    with pytest.raises(pliant.InputError, match=r"robot.urdf:15: mesh(.|\n)*packages=\{\"elsewhere\": FOLDER\}"):
+        pliant.import_model(tmp_path / "robot.urdf")
+    text, _ = pliant.import_model(tmp_path / "robot.urdf", packages={"elsewhere": MODELS})
+    assert tomllib.loads(text)["body"] == tomllib.loads(pliant.import_model(MODELS / "explorer.urdf")[0])["body"]
+
+
+def test_hulls_come_to_rest_on_the_floor():
+    """Two bodies of two meshes each fall beside an arm: their lowest corners end at the rest gap."""
+    text, _ = pliant.import_model(MODELS / "meshes.xml")
+    model, scene = pliant.loads(text), tomllib.loads(text)
+    roll = model.rollout(model.initial_state(), model.controls(2000), record=False)
+    end = roll.x[-1]
+    positions, quaternions = model.body_poses(end[:20])  # two hinges, a ball, two free joints
+    for name in ("stone", "other"):
+        b = [body["name"] for body in scene["body"]].index(name)
+        lowest = np.inf
+        for shape in scene["body"][b]["shape"]:
+            axes = rotation(shape.get("quaternion", [1, 0, 0, 0]))
+            points = np.array(shape["points"]) @ axes.T + np.array(shape.get("position", [0, 0, 0]))
+            lowest = min(lowest, (points @ rotation(quaternions[b]).T + positions[b])[:, 2].min())
+        assert -1e-8 < lowest < 1e-6
+    assert np.abs(end[-12:]).max() < 1e-4

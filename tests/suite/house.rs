@@ -39,7 +39,10 @@ const MODULES: [(&str, &str); 8] = [
          schema read refine write",
     ),
     ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout"),
-    ("import/src", "constants element error advice report imported pose inertia names view work xml solid mjcf urdf lib"),
+    (
+        "import/src",
+        "constants pose inertia mesh element error advice report imported names view xml paths solid work mjcf urdf lib",
+    ),
     (
         "adjoint/src",
         "lib constants seeds implicit stage step linearization inverse tangent linearize rollout \

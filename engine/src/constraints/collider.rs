@@ -72,7 +72,9 @@ impl SplitLaw {
         let at = &self.at;
         match self.law {
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()),
-            ContactLaw::Anitescu => linearize(self.law, at.slip, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into()),
+            ContactLaw::Anitescu => {
+                linearize(self.law, at.slip, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into())
+            }
         }
     }
 }

@@ -15,4 +15,5 @@ pub(crate) struct ConstraintConstants {
 }
 
 /// The values in use.
-pub(crate) const CONSTRAINTS: ConstraintConstants = ConstraintConstants { rho: 0.3, weight: 10.0, slip: 0.999, friction_time: 0.002 };
+pub(crate) const CONSTRAINTS: ConstraintConstants =
+    ConstraintConstants { rho: 0.3, weight: 10.0, slip: 0.999, friction_time: 0.002 };

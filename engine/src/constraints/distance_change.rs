@@ -59,7 +59,7 @@ fn automatic_changes(
     let a = colliders[0].placed(&poses[0].displaced(&seeds), constant);
     let still: PlacedCollider<f64> = colliders[1].placed(poses[1], |k| theta[k]);
     let b = PlacedCollider {
-        form: still.form,
+        form: still.form.clone(),
         rotation: still.rotation.map(Dual::from_re),
         position: still.position.map(Dual::from_re),
         sizes: still.sizes.map(Dual::from_re),
@@ -100,8 +100,8 @@ mod tests {
         let (of_ball, of_plane) =
             (collider(ColliderShape::Ball, Place::Origin), collider(ColliderShape::HalfSpace, Place::At(3)));
         let cases = [
-            (Feature::End(-1), &of_capsule, Feature::Face(1, -1), &of_block),
-            (Feature::Corner([1, -1, 1]), &of_block, Feature::Face(2, 1), &of_plane),
+            (Feature::End(-1), &of_capsule, Feature::face(1, -1), &of_block),
+            (Feature::corner([1, -1, 1]), &of_block, Feature::face(2, 1), &of_plane),
             (Feature::Whole, &of_ball, Feature::Whole, &of_plane),
         ];
         for (a, collider, b, other) in cases {

@@ -79,7 +79,7 @@ fn changes<const N: usize>(
     };
     let nodes = [seeded(0), seeded(1), seeded(2)];
     let lifted = PlacedCollider {
-        form: shape.form,
+        form: shape.form.clone(),
         rotation: shape.rotation.map(DualSVec64::from_re),
         position: shape.position.map(DualSVec64::from_re),
         sizes: shape.sizes.map(DualSVec64::from_re),
@@ -247,7 +247,7 @@ mod tests {
         shape: &PlacedCollider<f64>,
     ) -> ([Vec3<Dual>; 3], [Dual; 4]) {
         let lifted = PlacedCollider {
-            form: shape.form,
+            form: shape.form.clone(),
             rotation: shape.rotation.map(Dual::from_re),
             position: shape.position.map(Dual::from_re),
             sizes: shape.sizes.map(Dual::from_re),
@@ -273,9 +273,9 @@ mod tests {
             (2, Feature::Whole, shape(ColliderShape::Capsule, [0.08, 0.2, 0.0])),
             (2, Feature::Whole, shape(ColliderShape::Capsule, [0.08, 0.01, 0.0])),
             (3, Feature::End(1), shape(ColliderShape::Capsule, [0.08, 0.02, 0.0])),
-            (2, Feature::Edge(1, [1, 1]), shape(ColliderShape::Block, [0.06, 0.2, 0.07])),
-            (2, Feature::Corner([1, 1, 1]), shape(ColliderShape::Block, [0.06, 0.05, 0.07])),
-            (3, Feature::Corner([1, 1, 1]), shape(ColliderShape::Block, [0.06, 0.05, 0.07])),
+            (2, Feature::edge(1, [1, 1]), shape(ColliderShape::Block, [0.06, 0.2, 0.07])),
+            (2, Feature::corner([1, 1, 1]), shape(ColliderShape::Block, [0.06, 0.05, 0.07])),
+            (3, Feature::corner([1, 1, 1]), shape(ColliderShape::Block, [0.06, 0.05, 0.07])),
         ];
         let nodes = [Vec3::new(-0.1, -0.12, 0.01), Vec3::new(0.12, 0.1, 0.0), Vec3::new(-0.09, 0.16, -0.01)];
         // inside, and beyond an end

@@ -78,7 +78,8 @@ impl Condensed {
         self.dp_dq = self.dp_dq_fixed - self.gain * self.df_dq;
         self.dp_dv = -self.gain * self.df_dv;
         (self.residual, self.df_dw, self.inverse) = (lin.f, lin.df_dw, lin.df_dw_inverse);
-        (self.df_dvn, self.df_dvt, self.df_dmu, self.df_dkappa) = (lin.df_dvn, lin.df_dvt, lin.df_dslip * at.slip.1, lin.df_dkappa);
+        (self.df_dvn, self.df_dvt, self.df_dmu, self.df_dkappa) =
+            (lin.df_dvn, lin.df_dvt, lin.df_dslip * at.slip.1, lin.df_dkappa);
         true
     }
 

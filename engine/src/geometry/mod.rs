@@ -12,6 +12,7 @@ pub mod capsule;
 pub mod collider;
 mod constants;
 pub(crate) mod element;
+pub mod hull;
 pub mod plane;
 pub mod sphere;
 

@@ -4,13 +4,16 @@ use super::Model;
 use super::constants::MODEL;
 use super::rules::{Rule, rule_of};
 use crate::constraints::{CONSTRAINTS, ColliderPair, Friction};
-use crate::geometry::collider::{Attachment, Collider, ColliderShape, Place, candidates, contact_geometry, drop_hidden, overlap};
+use crate::geometry::collider::{
+    Attachment, Collider, ColliderShape, Place, Polyhedron, candidates, contact_geometry, drop_hidden, overlap,
+};
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
 use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE};
 use pliant_math::rotation::{matrix, normalized};
 use pliant_scene::{Body, BodyShape, Mistake, Scene, SceneError, ShapeKind};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A solid while pairs are listed.
 struct Entry {
@@ -23,7 +26,7 @@ struct Entry {
 impl Model {
     /// Adds colliders and pairs; of every rope the index of its radius in θ.
     pub(super) fn add_colliders(&mut self, scene: &Scene, radii: &[usize]) -> Result<(), SceneError> {
-        let mut entries = self.body_colliders(scene);
+        let mut entries = self.body_colliders(scene)?;
         let of_bodies = self.colliders.len();
         self.fixed_colliders(scene, &mut entries);
         let fixed = self.colliders.len();
@@ -61,20 +64,22 @@ impl Model {
         self.refuse_overlaps(&entries)
     }
 
-    fn body_colliders(&mut self, scene: &Scene) -> Vec<Entry> {
+    fn body_colliders(&mut self, scene: &Scene) -> Result<Vec<Entry>, SceneError> {
         let mut entries = Vec::new();
         for (b, body) in scene.body.iter().enumerate() {
             let Some(index) = self.tree.body(&body.name) else { continue };
             for (k, shape) in body.shape.iter().enumerate() {
-                let collider = self.body_collider(body, k, shape, index);
+                let field = format!("body[{b}].shape[{k}]");
+                let collider =
+                    self.body_collider(body, k, shape, index).map_err(|mistake| SceneError::at(field.clone(), mistake))?;
                 self.colliders.push(collider);
-                entries.push(Entry { object: body.name.clone(), field: format!("body[{b}].shape[{k}]") });
+                entries.push(Entry { object: body.name.clone(), field });
             }
         }
-        entries
+        Ok(entries)
     }
 
-    fn body_collider(&mut self, body: &Body, k: usize, shape: &BodyShape, index: usize) -> Collider {
+    fn body_collider(&mut self, body: &Body, k: usize, shape: &BodyShape, index: usize) -> Result<Collider, Mistake> {
         let name = format!("{}.shape[{k}]", body.name);
         let place = Place::At(self.push_position(&name, shape.position));
         let (form, sizes) = match shape.kind {
@@ -82,11 +87,12 @@ impl Model {
             ShapeKind::Capsule => (ColliderShape::Capsule, [shape.radius, shape.half_length, None]),
             ShapeKind::Cylinder => (ColliderShape::Cylinder, [shape.radius, shape.half_length, None]),
             ShapeKind::Box => (ColliderShape::Block, [0, 1, 2].map(|a| shape.half_extents.map(|x| x[a]))),
+            ShapeKind::Hull => (hull(shape)?, [None; 3]),
         };
-        let sizes = self.push_sizes(&name, form, sizes.map(|x| x.unwrap_or(0.0)));
+        let sizes = self.push_sizes(&name, &form, sizes.map(|x| x.unwrap_or(0.0)));
         let friction = shape.friction.map(|mu| self.params.push(format!("{name}.friction"), "-", NON_NEGATIVE, mu));
         let rotation = matrix(&normalized(&shape.quaternion));
-        Collider { name, form, attachment: Attachment::Body(index), rotation, point: Vec3::zeros(), place, sizes, friction }
+        Ok(Collider { name, form, attachment: Attachment::Body(index), rotation, point: Vec3::zeros(), place, sizes, friction })
     }
 
     fn push_position(&mut self, name: &str, position: [f64; 3]) -> usize {
@@ -97,9 +103,9 @@ impl Model {
         first
     }
 
-    fn push_sizes(&mut self, name: &str, form: ColliderShape, sizes: [f64; 3]) -> [usize; 3] {
+    fn push_sizes(&mut self, name: &str, form: &ColliderShape, sizes: [f64; 3]) -> [usize; 3] {
         let names: &[&str] = match form {
-            ColliderShape::HalfSpace => &[],
+            ColliderShape::HalfSpace | ColliderShape::Hull(_) => &[],
             ColliderShape::Ball => &["radius"],
             ColliderShape::Capsule | ColliderShape::Cylinder => &["radius", "half_length"],
             ColliderShape::Block => &["half_extent[0]", "half_extent[1]", "half_extent[2]"],
@@ -160,14 +166,14 @@ impl Model {
         }
         for (i, s) in scene.block.iter().enumerate() {
             let place = Place::At(self.push_position(&s.name, s.position));
-            let sizes = self.push_sizes(&s.name, ColliderShape::Block, s.half_extents);
+            let sizes = self.push_sizes(&s.name, &ColliderShape::Block, s.half_extents);
             let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
             let rotation = matrix(&normalized(&s.quaternion));
             push(self, format!("box[{i}]"), fixed(&s.name, ColliderShape::Block, rotation, place, sizes, Some(friction)));
         }
         for (i, s) in scene.cylinder.iter().enumerate() {
             let place = Place::At(self.push_position(&s.name, s.position));
-            let sizes = self.push_sizes(&s.name, ColliderShape::Cylinder, [s.radius, s.half_length, 0.0]);
+            let sizes = self.push_sizes(&s.name, &ColliderShape::Cylinder, [s.radius, s.half_length, 0.0]);
             let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
             let rotation = matrix(&normalized(&s.quaternion));
             push(self, format!("cylinder[{i}]"), fixed(&s.name, ColliderShape::Cylinder, rotation, place, sizes, Some(friction)));
@@ -283,6 +289,13 @@ impl Model {
         let name = |k: usize| format!("`{}`", self.colliders[k].name);
         Err(SceneError::at(entries[a].field.clone(), Mistake::Overlap { first: name(a), second: name(b), depth }))
     }
+}
+
+/// The hull of a shape's points.
+fn hull(shape: &BodyShape) -> Result<ColliderShape, Mistake> {
+    let points: Vec<Vec3<f64>> = shape.points.iter().flatten().map(|p| Vec3::from(*p)).collect();
+    let hull = Polyhedron::new(&points).ok_or(Mistake::FlatHull { points: points.len() })?;
+    Ok(ColliderShape::Hull(Arc::new(hull)))
 }
 
 /// Axes with z along `normal`.

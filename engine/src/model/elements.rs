@@ -65,7 +65,7 @@ impl Model {
             let friction = match self.colliders[collider].form {
                 ColliderShape::Ball | ColliderShape::Capsule => self.friction_of_shape(collider, &nodes),
                 ColliderShape::Block => self.friction_of_nodes(collider, &nodes),
-                ColliderShape::HalfSpace | ColliderShape::Cylinder => None,
+                ColliderShape::HalfSpace | ColliderShape::Cylinder | ColliderShape::Hull(_) => None,
             };
             let Some(friction) = friction else { continue };
             self.refuse_inside(&elements, collider, field, name)?;

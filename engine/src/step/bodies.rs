@@ -284,10 +284,32 @@ impl Model {
     /// Computes [`DofWeights`] at the scene's parameters and initial configuration.
     pub(crate) fn dof_weights(&self) -> DofWeights {
         let n = self.tree.nv();
-        let m = nalgebra::DMatrix::from_row_slice(n, n, &self.mass_matrix(&self.q0, self.params.values()));
-        let held: Vec<f64> = m.diagonal().iter().copied().collect();
-        let yielding = m.cholesky().map(|c| c.inverse().diagonal().iter().map(|x| 1.0 / x).collect());
-        DofWeights { yielding: yielding.unwrap_or_else(|| held.clone()), held }
+        let m = self.mass_matrix(&self.q0, self.params.values());
+        let held: Vec<f64> = (0..n).map(|i| m[i * n + i]).collect();
+        let mut yielding = held.clone();
+        // trees that hang on the world do not feel each other's inertia
+        for dofs in self.tree_dofs() {
+            let block = nalgebra::DMatrix::from_fn(dofs.len(), dofs.len(), |i, j| m[dofs[i] * n + dofs[j]]);
+            if let Some(factor) = block.cholesky() {
+                dofs.iter().zip(factor.inverse().diagonal().iter()).for_each(|(&dof, x)| yielding[dof] = 1.0 / x);
+            }
+        }
+        DofWeights { yielding, held }
+    }
+
+    /// Degrees of freedom of every tree that hangs on the world.
+    fn tree_dofs(&self) -> Vec<Vec<usize>> {
+        let mut roots: Vec<usize> = Vec::new();
+        let mut dofs: Vec<Vec<usize>> = Vec::new();
+        for (b, body) in self.tree.bodies().iter().enumerate() {
+            roots.push(body.parent.map_or(b, |parent| roots[parent]));
+            dofs.push(Vec::new());
+            for joint in &self.tree.joints()[body.joints.clone()] {
+                dofs[roots[b]].extend(joint.v..joint.v + joint.kind.n_dofs());
+            }
+        }
+        dofs.retain(|dofs| !dofs.is_empty());
+        dofs
     }
 
     /// Total mass of nodes and bodies \[kg\], armatures of turning joints counted as at a metre's distance.

@@ -43,6 +43,21 @@ pub enum StepError {
         /// The inner force whose energy grows most, or `contact`.
         term: String,
     },
+    /// Records that do not fit into memory.
+    #[error(
+        "the records of {records} steps with {dofs} degrees of freedom of bodies take at least {bytes} bytes, and {available} are free; \
+         keep fewer of them (`max_records`), or none where no derivatives are wanted"
+    )]
+    Memory {
+        /// Records that would be kept at once.
+        records: usize,
+        /// Degrees of freedom of bodies, whose matrices are dense.
+        dofs: usize,
+        /// Bytes that they take at least.
+        bytes: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
     /// A number became infinite or NaN.
     #[error("step {step}: `{term}` gives {value:e} at {place}; the state or a parameter has left the range where it is defined")]
     NotFinite {
@@ -170,7 +185,7 @@ impl StepError {
             | Self::ContactNotFinite { step, .. }
             | Self::Frames { step, .. }
             | Self::Geometry { step, .. } => *step = k,
-            Self::Size { .. } | Self::EquilibriumWithContact { .. } | Self::Parameter { .. } => {}
+            Self::Size { .. } | Self::Memory { .. } | Self::EquilibriumWithContact { .. } | Self::Parameter { .. } => {}
         }
         self
     }

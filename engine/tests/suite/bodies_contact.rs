@@ -3,7 +3,7 @@
 use crate::common::{Case, scene, with};
 use pliant_engine::rollout::Rollout;
 use pliant_engine::step::StepOptions;
-use pliant_scene::Integrator;
+use pliant_scene::{Integrator, ShapeKind};
 
 /// A run of the scene's own length.
 fn run(case: &Case) -> Rollout {
@@ -23,6 +23,28 @@ fn piles_never_have_more_energy_than_they_began_with() {
         assert!(most <= energy[0] * (1.0 + 1e-9), "{name}: {} J, then {most} J", energy[0]);
         let last = energy[energy.len() - 1];
         assert!(last < 0.25 * energy[0], "{name} has not come to rest: {last} J");
+    }
+}
+
+/// A block whose shape is given by its corners slides and comes to rest as the block does.
+#[test]
+fn a_block_given_by_its_corners_moves_alike() {
+    let mut scene = scene("block_slides");
+    let as_block = run(&case_of(&scene));
+    let mut hulls = 0;
+    for shape in scene.body.iter_mut().flat_map(|body| &mut body.shape) {
+        let Some([a, b, c]) = shape.half_extents.take() else { continue };
+        let side = |k: usize, bit: usize| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        shape.kind = ShapeKind::Hull;
+        shape.points = Some((0..8).map(|k| [a * side(k, 0), b * side(k, 1), c * side(k, 2)]).collect());
+        hulls += 1;
+    }
+    assert!(hulls > 0);
+    let as_hull = run(&case_of(&scene));
+    assert_eq!(as_hull.retries(), as_block.retries());
+    for (x, y) in as_hull.states.iter().zip(&as_block.states) {
+        let apart = x.q.iter().zip(&y.q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-9, "{apart:e} m");
     }
 }
 

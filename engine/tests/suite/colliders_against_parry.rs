@@ -3,10 +3,11 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use parry3d_f64::math::{Pose as TheirPose, Rotation, Vector};
 use parry3d_f64::query::distance;
-use parry3d_f64::shape::{Ball, Capsule, Cuboid, HalfSpace, Shape};
-use pliant_engine::geometry::collider::{ColliderShape, PlacedCollider, candidates, contact_geometry};
+use parry3d_f64::shape::{Ball, Capsule, ConvexPolyhedron, Cuboid, HalfSpace, Shape};
+use pliant_engine::geometry::collider::{ColliderShape, PlacedCollider, Polyhedron, candidates, contact_geometry, overlap};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::sync::Arc;
 
 fn random_rotation(rng: &mut Pcg64Mcg) -> UnitQuaternion<f64> {
     let x: Vec<f64> = (0..4).map(|_| rng.random_range(-1.0..1.0)).collect();
@@ -18,10 +19,14 @@ fn theirs(collider: &PlacedCollider<f64>) -> (TheirPose, Box<dyn Shape>) {
     let p = Vector::new(collider.position[0], collider.position[1], collider.position[2]);
     let pose = TheirPose::from_parts(p, Rotation::from_xyzw(q.i, q.j, q.k, q.w));
     let [a, b, c] = collider.sizes;
-    let shape: Box<dyn Shape> = match collider.form {
+    let shape: Box<dyn Shape> = match &collider.form {
         ColliderShape::HalfSpace => Box::new(HalfSpace::new(Vector::new(0.0, 0.0, 1.0))),
         ColliderShape::Ball => Box::new(Ball::new(a)),
         ColliderShape::Capsule => Box::new(Capsule::new(Vector::new(0.0, 0.0, -b), Vector::new(0.0, 0.0, b), a)),
+        ColliderShape::Hull(hull) => {
+            let corners: Vec<_> = hull.surface().0.iter().map(|c| Vector::new(c[0], c[1], c[2])).collect();
+            Box::new(ConvexPolyhedron::from_convex_hull(&corners).unwrap())
+        }
         _ => Box::new(Cuboid::new(Vector::new(a, b, c))),
     };
     (pose, shape)
@@ -48,6 +53,21 @@ fn random(form: ColliderShape, rng: &mut Pcg64Mcg) -> PlacedCollider<f64> {
     PlacedCollider { form, rotation, position: Vector3::from_fn(|_, _| rng.random_range(-0.2..0.2)), sizes }
 }
 
+fn hull(points: &[Vector3<f64>]) -> ColliderShape {
+    ColliderShape::Hull(Arc::new(Polyhedron::new(points).unwrap()))
+}
+
+/// A rough stone of about twenty corners beside its origin.
+fn stone(rng: &mut Pcg64Mcg) -> ColliderShape {
+    let mut point = |_| random_rotation(rng) * Vector3::z() * rng.random_range(0.2..0.3) + Vector3::new(0.05, -0.02, 0.03);
+    hull(&(0..30).map(&mut point).collect::<Vec<_>>())
+}
+
+fn corners([a, b, c]: [f64; 3]) -> Vec<Vector3<f64>> {
+    let bit = |k: usize, b: usize| if k >> b & 1 == 1 { 1.0 } else { -1.0 };
+    (0..8).map(|k| Vector3::new(a * bit(k, 0), b * bit(k, 1), c * bit(k, 2))).collect()
+}
+
 /// Two colliders brought to the distance `close` along a line.
 fn brought_near(mut a: PlacedCollider<f64>, b: &PlacedCollider<f64>, close: f64, rng: &mut Pcg64Mcg) -> PlacedCollider<f64> {
     let direction = random_rotation(rng) * Vector3::z();
@@ -66,7 +86,7 @@ fn brought_near(mut a: PlacedCollider<f64>, b: &PlacedCollider<f64>, close: f64,
 #[test]
 fn touching_colliders_are_as_far_apart_as_parry_says() {
     use ColliderShape::{Ball, Block, Capsule, HalfSpace};
-    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let (mut rng, mut stones) = (Pcg64Mcg::seed_from_u64(3), Pcg64Mcg::seed_from_u64(9));
     let pairs = [
         (Ball, HalfSpace),
         (Capsule, HalfSpace),
@@ -77,13 +97,18 @@ fn touching_colliders_are_as_far_apart_as_parry_says() {
         (Capsule, Capsule),
         (Capsule, Block),
         (Block, Block),
+        (stone(&mut stones), HalfSpace),
+        (Ball, stone(&mut stones)),
+        (Capsule, stone(&mut stones)),
+        (Block, stone(&mut stones)),
+        (stone(&mut stones), stone(&mut stones)),
     ];
     for (first, second) in pairs {
         let mut missed = 0;
         for k in 0..300 {
-            let b = random(second, &mut rng);
+            let b = random(second.clone(), &mut rng);
             let close = 1e-5;
-            let a = brought_near(random(first, &mut rng), &b, close, &mut rng);
+            let a = brought_near(random(first.clone(), &mut rng), &b, close, &mut rng);
             let distance = apart(&a, &b);
             let (gap, normal) = match if k % 2 == 0 { nearest(&a, &b) } else { nearest(&b, &a).map(|(g, n)| (g, -n)) } {
                 Some(found) => found,
@@ -98,13 +123,50 @@ fn touching_colliders_are_as_far_apart_as_parry_says() {
             }
             assert!((gap - distance).abs() < 1e-8, "{first:?} and {second:?}: gap {gap}, distance {distance}");
             // moving apart along the normal opens the gap by as much, as far as rounded things go
-            let mut moved = a;
+            let mut moved = a.clone();
             moved.position += normal * 1e-5;
             assert!((apart(&moved, &b) - distance - 1e-5).abs() < 2e-8, "{first:?} and {second:?}");
         }
         // corners against edges and corners: no such pair stays nearest down to the touch but by chance
         assert!(missed <= 2, "{first:?} and {second:?}: {missed} of 300 missed");
     }
+}
+
+/// The hull of a block's corners touches as the block does, with as many features.
+#[test]
+fn a_hull_of_eight_corners_is_a_block() {
+    use ColliderShape::{Ball, Block, Capsule, Cylinder, HalfSpace};
+    let mut rng = Pcg64Mcg::seed_from_u64(8);
+    let mut touching = 0;
+    for other in [Ball, Capsule, Cylinder, Block, HalfSpace] {
+        for _ in 0..200 {
+            let other = random(other.clone(), &mut rng);
+            let mut block = random(Block, &mut rng);
+            block.position += random_rotation(&mut rng) * Vector3::z() * rng.random_range(0.3..0.8);
+            let as_hull = PlacedCollider { form: hull(&corners(block.sizes)), ..block.clone() };
+            let gaps = |block: &PlacedCollider<f64>| {
+                let mut found = Vec::new();
+                candidates(block, &other, 0.02, &mut found);
+                let gap = |(pair, swapped): &(_, bool)| {
+                    if *swapped { contact_geometry(pair, &other, block) } else { contact_geometry(pair, block, &other) }
+                        .unwrap()
+                        .gap
+                };
+                // deeper, an edge of another block may be taken for one on the near side
+                let mut gaps: Vec<f64> = found.iter().map(gap).filter(|gap| *gap > -0.02).collect();
+                gaps.sort_by(f64::total_cmp);
+                gaps
+            };
+            let (mine, theirs) = (gaps(&as_hull), gaps(&block));
+            assert_eq!(mine.len(), theirs.len(), "{:?}", other.form);
+            assert!(mine.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 1e-12), "{mine:?} {theirs:?}");
+            touching += mine.len();
+            if other.form != HalfSpace {
+                assert!((overlap(&as_hull, &other) - overlap(&block, &other)).abs() < 1e-12 || other.form != Block);
+            }
+        }
+    }
+    assert!(touching > 200, "{touching}");
 }
 
 #[test]

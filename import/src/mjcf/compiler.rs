@@ -32,6 +32,8 @@ pub struct Compiler {
     pub bound_mass: f64,
     pub bound_inertia: f64,
     pub balance: bool,
+    /// Whether masses of meshes are exact where a mesh does not say.
+    pub exact_meshes: bool,
     /// The sum of all masses \[kg\], if it is set.
     pub total_mass: Option<f64>,
 }
@@ -50,6 +52,7 @@ impl Compiler {
             bound_mass: 0.0,
             bound_inertia: 0.0,
             balance: false,
+            exact_meshes: false,
             total_mass: None,
         };
         for element in root.children_of("compiler") {
@@ -77,6 +80,7 @@ impl Compiler {
             Some(_) => FromGeoms::Auto,
             None => self.from_geoms,
         };
+        self.exact_meshes = view.flag("exactmeshinertia")?.unwrap_or(self.exact_meshes);
         self.groups = view.vector::<2>("inertiagrouprange")?.unwrap_or(self.groups);
         self.bound_mass = view.not_negative("boundmass", self.bound_mass)?;
         self.bound_inertia = view.not_negative("boundinertia", self.bound_inertia)?;

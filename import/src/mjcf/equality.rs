@@ -8,8 +8,8 @@ use crate::constants::IMPORT;
 use crate::element::Element;
 use crate::error::ImportError;
 use crate::pose::Pose;
+use crate::pose::plain;
 use crate::view::{View, check_attributes, check_children};
-use crate::work::plain;
 use pliant_math::Vec3;
 use pliant_scene::{Closure, ClosureKind, Coupling, Integrator, JointKind};
 

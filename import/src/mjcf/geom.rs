@@ -167,8 +167,11 @@ impl<'a> Reader<'a> {
         }
         let nothing =
             |what: &str| Ok((Made::Nothing(format!("touches nothing: {what} have no counterpart in a scene")), None, None));
-        if view.has("mesh") || matches!(kind, "mesh" | "sdf" | "hfield") {
-            return nothing("meshes and height fields");
+        if kind == "mesh" {
+            return self.make_hull(view, part, holder, friction);
+        }
+        if view.has("mesh") || matches!(kind, "sdf" | "hfield") {
+            return nothing("shapes fitted to meshes, distance fields and height fields");
         }
         let (body, place) = match holder {
             Holder::World => (None, Some(Pose::identity())),
@@ -178,7 +181,7 @@ impl<'a> Reader<'a> {
         if kind == "plane" {
             view.numbers("size", 1..=3)?;
             let Some(place) = place else { return nothing("planes that move") };
-            let pose = place.then(&part.frame).then(&self.pose(view)?);
+            let pose = place.then(&part.frame).then(&self.plane_pose(view)?);
             let name = self.work.names.give(original, "plane", self.work.scene.plane.len() + 1);
             self.work.scene.plane.push(solid::plane(&name, &pose, friction));
             return Ok((Made::Fixed(name.clone(), format!("a fixed half-space of friction {friction}")), Some(name), body));
@@ -199,6 +202,46 @@ impl<'a> Reader<'a> {
         Ok((Made::Fixed(name.clone(), format!("fixed: {words}")), Some(name), None))
     }
 
+    /// The convex hull of a mesh: a shape of its body, or of a body that is fixed to the world.
+    #[allow(clippy::type_complexity)]
+    fn make_hull(
+        &mut self,
+        view: &View,
+        part: &Part,
+        holder: Holder,
+        friction: f64,
+    ) -> Result<(Made, Option<String>, Option<String>), ImportError> {
+        let nothing = || (Made::Nothing("touches nothing: its mesh is not there or not read".to_owned()), None, None);
+        let Some(found) = self.find_mesh(view)? else { return Ok(nothing()) };
+        let (mesh, path) = match found {
+            Ok(found) => (Ok((*found.mesh).clone()), found.path),
+            Err((path, error)) => (Err(error), path),
+        };
+        let pose = part.frame.then(&self.pose(view)?);
+        let name = match holder {
+            Holder::Body(body, _) => body.to_owned(),
+            Holder::World => {
+                let number = self.work.scene.body.len() + 1;
+                self.work.names.give(view.text("name").unwrap_or(""), "mesh", number)
+            }
+        };
+        let Some(shape) = self.work.hull(view.element, &name, mesh, &path, (&pose, friction))? else { return Ok(nothing()) };
+        let words = format!("its convex hull of friction {friction}");
+        if let Holder::Body(..) = holder {
+            return Ok((Made::Shape(shape, words), Some(name.clone()), Some(name)));
+        }
+        self.work.add_body(view.element, &name, (None, &Pose::identity()), &Mass::none(), (Vec::new(), vec![shape]));
+        Ok((Made::Fixed(name.clone(), format!("fixed: {words}, as a body without joints")), Some(name), None))
+    }
+
+    /// Where a plane stands. Only its height says how large things are: its middle may be far away.
+    fn plane_pose(&self, view: &View) -> Result<Pose, ImportError> {
+        let position = Vec3::from(view.vector::<3>("pos")?.unwrap_or_default());
+        let pose = Pose { position, rotation: self.compiler.orientation(view)? };
+        self.work.check_lengths(view, "pos", &[pose.direction(&Vec3::z()).dot(&position)])?;
+        Ok(pose)
+    }
+
     fn mass_of(&mut self, view: &View, part: &Part) -> Result<Option<Mass>, ImportError> {
         let (given, density) = (view.number("mass")?, view.number("density")?.unwrap_or(1000.0));
         for (name, value) in [("mass", given.unwrap_or(0.0)), ("density", density)] {
@@ -213,10 +256,12 @@ impl<'a> Reader<'a> {
         if kind == "plane" || kind == "hfield" {
             return Ok(None);
         }
-        let from_mesh = kind == "mesh" || kind == "sdf" || view.has("mesh");
-        if from_mesh {
-            let reason = "meshes are not read; give the body an <inertial>, or save the model from MuJoCo (mj_saveLastXML)";
-            self.work.approximate(view.element, "the mass of a mesh", reason)?;
+        if kind == "mesh" {
+            return self.mass_of_mesh(view, part, given, density);
+        }
+        if kind == "sdf" || view.has("mesh") {
+            let reason = "it is not made; give the body an <inertial>, or save the model from MuJoCo (mj_saveLastXML)";
+            self.work.approximate(view.element, "the mass of a shape fitted to a mesh or of a distance field", reason)?;
             return Ok(None);
         }
         if view.flag("shellinertia")? == Some(true) {
@@ -225,6 +270,30 @@ impl<'a> Reader<'a> {
         let (shape, pose) = self.shape(kind, view)?;
         let mass = given.unwrap_or_else(|| density * shape.volume());
         Ok(Some(Mass::of_shape(&shape, mass, &part.frame.then(&pose))))
+    }
+
+    /// The mass of a mesh, `given` or of that density.
+    fn mass_of_mesh(&mut self, view: &View, part: &Part, given: Option<f64>, density: f64) -> Result<Option<Mass>, ImportError> {
+        let Some(found) = self.find_mesh(view)? else { return Ok(None) };
+        let unit = found.and_then(|found| found.mesh.mass(found.filling).map_err(|error| (found.path, error)));
+        let unit = match unit {
+            Ok(unit) => unit,
+            Err((path, error)) => {
+                if self.work.options.approximate {
+                    self.work.approximated(
+                        view.element,
+                        view.element.label(),
+                        format!("without mass: the mesh \"{path}\" {error}"),
+                    );
+                    return Ok(None);
+                }
+                return Err(view.error("mesh", ImportMistake::Mesh { path, error }));
+            }
+        };
+        let pose = part.frame.then(&self.pose(view)?);
+        let mass = given.unwrap_or(density * unit.mass);
+        let center = Pose { position: pose.point(&unit.center), ..pose };
+        Ok(Some(Mass::with_inertia(mass, &(unit.inertia * (mass / unit.mass)), &center)))
     }
 
     /// A primitive shape and where it stands in the frames around it.

@@ -55,7 +55,7 @@ struct Reader<'a> {
     known_geoms: BTreeSet<String>,
     /// Lines of all names of a kind: each may be given once.
     given: BTreeMap<(&'static str, String), usize>,
-    meshes: Meshes,
+    meshes: Meshes<'a>,
     /// Sites that have a name.
     sites: Vec<Site<'a>>,
     /// Bodies whose weight is carried, by how much of it.
@@ -69,10 +69,10 @@ pub fn import(root: Element, path: &Path, options: &Options) -> Result<Imported,
     root.mark_all_of("model");
     let mut work = Work::new("mjcf", &root.file, options);
     includes.iter().for_each(|i| work.kept(i, i.value("file").unwrap_or(""), "the file's elements, in its place"));
+    let meshes = Meshes::list(&root, path);
     let compiler = Compiler::read(&root, &mut work)?;
     let physics = Physics::read(&root, &mut work)?;
     let defaults = Defaults::read(&root)?;
-    let meshes = Meshes::read(&root, path);
     let mut reader = Reader {
         work,
         compiler,

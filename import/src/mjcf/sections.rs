@@ -64,7 +64,7 @@ impl<'a> Reader<'a> {
 
     fn ignored_section(&mut self, section: &Element) {
         let reason = words::SECTION_REASONS.iter().find(|(tag, _)| *tag == section.tag).map_or("not simulated", |(_, r)| *r);
-        section.children.iter().for_each(|child| self.work.ignored_whole(child, reason));
+        section.children.iter().filter(|c| !c.is_seen()).for_each(|child| self.work.ignored_whole(child, reason));
         if section.children.is_empty() || !section.attributes.is_empty() {
             self.work.ignored(section, "", reason);
             section.attributes.iter().for_each(|a| a.mark());

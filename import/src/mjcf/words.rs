@@ -111,6 +111,15 @@ pub const GEOM: &str = "adhesion axisangle castshadow class conaffinity condim c
     friction fromto gap group hfield margin mass material mesh name pos priority quat rgba shellinertia size solimp solmix solref \
     surfacevel type user xyaxes zaxis";
 
+pub const MESH: &str = "builtin class content_type face file inertia material maxhullvert name normal params refpos refquat scale smoothnormal \
+    texcoord vertex";
+
+/// Why attributes of meshes are ignored.
+pub const MESH_REASONS: [(&str, &str); 2] = [
+    ("maxhullvert", "a hull that touches has as many corners as contact of a scene can try"),
+    ("normal texcoord material smoothnormal content_type params", "appearance"),
+];
+
 pub const PAIR: &str = "class condim friction gap geom1 geom2 margin name solimp solref solreffriction";
 
 pub const EQUALITY: &str =
@@ -162,7 +171,7 @@ pub const SECTION_REASONS: [(&str, &str); 8] = [
     ("size", "sizes of MuJoCo's memory"),
     ("statistic", "a matter of display"),
     ("visual", "a matter of display"),
-    ("asset", "appearance and shapes, which a scene of bodies does not have"),
+    ("asset", "appearance, or shapes that no geom names"),
     ("custom", "data of the user, without effect"),
     ("sensor", "a scene has no sensors: read the state"),
     ("keyframe", "the scene starts where the joints are at zero"),

@@ -5,7 +5,7 @@ use super::{Reader, origin};
 use crate::element::Element;
 use crate::error::{ImportError, ImportMistake};
 use crate::pose::Pose;
-use crate::view::{View, check_attributes, check_children};
+use crate::view::View;
 use pliant_scene::words::{list, nearest};
 use pliant_scene::{Coupling, Integrator, Joint, JointKind};
 
@@ -15,9 +15,8 @@ impl<'a> Reader<'a> {
     /// Where a link stands in its parent, and its joint, if it can move.
     pub(super) fn joint(&mut self, edge: &Edge<'a>) -> Result<(Pose, Vec<Joint>), ImportError> {
         let element = edge.joint;
-        check_attributes(element, "name type")?;
         let known = ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"];
-        check_children(element, &known)?;
+        self.work.skip_unknown(element, "name type", &known)?;
         let view = View::plain(element);
         view.required("type")?;
         view.text("name");
@@ -58,7 +57,7 @@ impl<'a> Reader<'a> {
 
     fn axis(&mut self, element: &'a Element, joint: &mut Joint) -> Result<(), ImportError> {
         let Some(axis) = element.child("axis") else { return Ok(()) };
-        check_attributes(axis, "xyz")?;
+        self.work.skip_unknown(axis, "xyz", &[])?;
         if joint.kind == JointKind::Free {
             self.work.ignored_whole(axis, "a floating joint has no axis");
             return Ok(());
@@ -71,7 +70,7 @@ impl<'a> Reader<'a> {
     fn limit(&mut self, element: &'a Element, joint: &mut Joint) -> Result<(), ImportError> {
         let continuous = element.value("type") == Some("continuous");
         let Some(limit) = element.child("limit") else { return Ok(()) };
-        check_attributes(limit, "lower upper effort velocity acceleration jerk deceleration")?;
+        self.work.skip_unknown(limit, "lower upper effort velocity acceleration jerk deceleration", &[])?;
         let view = View::plain(limit);
         let (low, high) = (view.number("lower")?.unwrap_or(0.0), view.number("upper")?.unwrap_or(0.0));
         if low > high {
@@ -104,7 +103,7 @@ impl<'a> Reader<'a> {
 
     fn dynamics(&mut self, element: &'a Element, joint: &mut Joint) -> Result<(), ImportError> {
         let Some(dynamics) = element.child("dynamics") else { return Ok(()) };
-        check_attributes(dynamics, "damping friction")?;
+        self.work.skip_unknown(dynamics, "damping friction", &[])?;
         let view = View::plain(dynamics);
         let damping = view.not_negative("damping", 0.0)?;
         let friction = view.not_negative("friction", 0.0)?;
@@ -121,7 +120,7 @@ impl<'a> Reader<'a> {
     /// A joint that follows another one; which may not have been read yet.
     fn mimic(&mut self, element: &'a Element, joint: &Joint) -> Result<(), ImportError> {
         let Some(mimic) = element.child("mimic") else { return Ok(()) };
-        check_attributes(mimic, "joint multiplier offset")?;
+        self.work.skip_unknown(mimic, "joint multiplier offset", &[])?;
         let other = View::plain(mimic).required("joint")?;
         if self.links.joint(other).is_none() {
             let mistake = ImportMistake::NoSuch {

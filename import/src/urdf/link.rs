@@ -6,14 +6,19 @@ use crate::constants::IMPORT;
 use crate::element::Element;
 use crate::error::{ImportError, ImportMistake};
 use crate::inertia::{Mass, Shape};
+use crate::mesh::Mesh;
+use crate::paths::locate;
 use crate::pose::Pose;
 use crate::solid;
 use crate::solid::NO_CONTACT;
-use crate::view::{View, check_attributes, check_children};
+use crate::view::View;
 use crate::xml::too_deep;
 use pliant_math::spatial::full;
 use pliant_scene::{BodyShape, Joint, JointKind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Elements that a link may hold.
+const IN_LINK: [&str; 7] = ["inertial", "visual", "collision", "self_collision_checking", "contact", "sensor", "gazebo"];
 
 impl<'a> Reader<'a> {
     /// A link on the joint that carries it, and then those that hang on it. `carrier` is that joint with the parent's name in the
@@ -22,8 +27,7 @@ impl<'a> Reader<'a> {
         if depth > IMPORT.deepest {
             return Err(ImportError::at(link, too_deep()));
         }
-        check_attributes(link, "name type")?;
-        check_children(link, &["inertial", "visual", "collision", "self_collision_checking", "contact", "sensor", "gazebo"])?;
+        self.work.skip_unknown(link, "name type", &IN_LINK)?;
         link.get("name");
         let name = self.work.names.give(link.label(), "body", self.work.scene.body.len() + 1);
         let mass = self.mass(link, &name)?;
@@ -69,7 +73,7 @@ impl<'a> Reader<'a> {
 
     fn mass(&mut self, link: &Element, name: &str) -> Result<Mass, ImportError> {
         let Some(inertial) = link.child("inertial") else { return Ok(Mass::none()) };
-        check_children(inertial, &["origin", "mass", "inertia"])?;
+        self.work.skip_unknown(inertial, "", &["origin", "mass", "inertia"])?;
         let (mass, inertia) = (View::plain(needed(inertial, "mass")?), View::plain(needed(inertial, "inertia")?));
         mass.required("value")?;
         let mass = mass.not_negative("value", 0.0)?;
@@ -96,25 +100,39 @@ impl<'a> Reader<'a> {
     fn shapes(&mut self, link: &Element, body: &str) -> Result<Vec<BodyShape>, ImportError> {
         let mut shapes = Vec::new();
         let friction = self.friction(link)?;
-        for element in &link.children {
+        for element in link.children.iter().filter(|c| IN_LINK.contains(&c.tag.as_str())) {
             match element.tag.as_str() {
                 "inertial" => {}
-                "collision" => {
-                    self.missing_mesh(element)?;
-                    shapes.extend(self.collision(element, body, friction)?);
-                }
+                "collision" => shapes.extend(self.collision(element, body, friction)?),
                 "visual" => {
-                    self.missing_mesh(element)?;
+                    self.mesh_file(element)?;
                     self.work.ignored_whole(element, "bodies are not drawn");
                 }
-                "contact" if element.child("lateral_friction").is_some() => {
-                    self.work.kept(element, body, format!("friction {friction}"));
-                    element.mark_all();
-                }
+                "contact" => self.contact(element, body),
                 _ => self.work.ignored_whole(element, "an extension for another program"),
             }
         }
         Ok(shapes)
+    }
+
+    /// Bullet's numbers of a link's contact.
+    fn contact(&mut self, element: &Element, body: &str) {
+        element.mark();
+        for child in &element.children {
+            let value = child.value("value").map_or(String::new(), |value| format!("{value}: "));
+            let reason = match child.tag.as_str() {
+                "lateral_friction" => {
+                    self.work.kept(child, body, format!("friction {}", value.trim_end_matches(": ")));
+                    continue;
+                }
+                "rolling_friction" | "spinning_friction" => "friction against rolling and twisting is not simulated",
+                "stiffness" | "damping" | "contact_cfm" | "contact_erp" => "contact of a scene is hard",
+                "restitution" => "impacts of a scene do not rebound",
+                "inertia_scaling" => "a help for Bullet's solver: the inertia is that of the file",
+                _ => "an extension for another program",
+            };
+            self.work.ignored_whole(child, &format!("{value}{reason}"));
+        }
     }
 
     /// Friction of a link's shapes: 1 unless an extension of Bullet's says otherwise.
@@ -124,6 +142,8 @@ impl<'a> Reader<'a> {
     }
 
     fn collision(&mut self, element: &Element, body: &str, friction: f64) -> Result<Option<BodyShape>, ImportError> {
+        self.work.skip_unknown(element, "name", &["origin", "geometry"])?;
+        let mesh = self.mesh_file(element)?;
         if self.work.options.no_contact {
             self.work.ignored_whole(element, NO_CONTACT);
             return Ok(None);
@@ -146,14 +166,33 @@ impl<'a> Reader<'a> {
                 self.work.check_lengths(&view, "size", &sides)?;
                 Shape::Box { half: sides.map(|x| 0.5 * x) }
             }
+            "mesh" => return self.hull(element, &view, mesh.as_deref(), body, (&pose, friction)),
             _ => {
-                self.work.ignored_whole(element, &format!("a {} touches nothing: only primitive shapes do", form.tag));
+                self.work.ignored_whole(element, &format!("a {} touches nothing: primitive shapes and meshes do", form.tag));
                 return Ok(None);
             }
         };
         self.work.kept(element, body, format!("{} of friction {friction}", solid::words(&shape)));
         element.mark_all();
         Ok(solid::of_body(&shape, &pose, friction))
+    }
+
+    /// The convex hull of a mesh; none without its file, and of a format that is not read.
+    fn hull(
+        &mut self,
+        element: &Element,
+        view: &View,
+        file: Option<&Path>,
+        body: &str,
+        (pose, friction): (&Pose, f64),
+    ) -> Result<Option<BodyShape>, ImportError> {
+        let scale = view.vector::<3>("scale")?.unwrap_or([1.0; 3]);
+        view.required("filename")?;
+        self.work.leftovers(view.element, "", &[]);
+        element.mark_all();
+        let Some(file) = file else { return Ok(None) };
+        let mesh = Mesh::read(file).map(|mesh| mesh.scaled(&scale));
+        self.work.hull(element, body, mesh, &file.display().to_string(), (pose, friction))
     }
 
     fn size(&self, view: &View, name: &str) -> Result<f64, ImportError> {
@@ -165,32 +204,24 @@ impl<'a> Reader<'a> {
         Ok(value)
     }
 
-    /// Says if a mesh that the shape names is not there; it would not be read, but a model without its files is likely incomplete.
-    fn missing_mesh(&mut self, shape: &Element) -> Result<(), ImportError> {
-        let Some(mesh) = shape.child("geometry").and_then(|g| g.child("mesh")) else { return Ok(()) };
+    /// The file of a mesh that the shape names. A model without its files is likely incomplete, also where a mesh is not read.
+    fn mesh_file(&mut self, shape: &Element) -> Result<Option<PathBuf>, ImportError> {
+        let Some(mesh) = shape.child("geometry").and_then(|g| g.child("mesh")) else { return Ok(None) };
         let name = View::plain(mesh).required("filename")?;
-        if found(self.path, name) {
-            return Ok(());
-        }
+        let places = match locate(self.path, name, &self.work.options.packages) {
+            Ok(file) => return Ok(Some(file)),
+            Err(places) => places,
+        };
         if self.work.options.approximate {
             self.work.ignored(mesh, "", format!("the file \"{name}\" is not there"));
-            return Ok(());
+            return Ok(None);
         }
-        Err(ImportError::at(mesh, ImportMistake::MissingFile { what: "mesh", path: name.to_owned() }))
+        let looked = places.iter().map(|place| place.display().to_string()).collect();
+        Err(ImportError::at(mesh, ImportMistake::MissingFile { what: "mesh", path: name.to_owned(), looked }))
     }
 }
 
 fn needed<'e>(element: &'e Element, tag: &'e str) -> Result<&'e Element, ImportError> {
     let missing = || ImportError::at(element, ImportMistake::Missing { what: format!("<{tag}>") });
     element.child(tag).inspect(|e| e.mark()).ok_or_else(missing)
-}
-
-/// Whether a mesh is there: beside the model, or for `package://name/rest` in a folder `name` (or as `rest`) in any folder above.
-fn found(model: &Path, name: &str) -> bool {
-    let folder = model.parent().unwrap_or(Path::new(""));
-    let plain = name.strip_prefix("file://").unwrap_or(name);
-    let Some(package) = plain.strip_prefix("package://") else { return folder.join(plain).exists() };
-    let rest = package.split_once('/').map_or(package, |(_, rest)| rest);
-    let absolute = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-    absolute.ancestors().any(|above| above.join(package).exists() || above.join(rest).exists())
 }

@@ -10,7 +10,7 @@ mod tree;
 use super::element::Element;
 use super::error::ImportError;
 use super::pose::{Pose, euler};
-use super::view::{View, check_attributes, unknown_element};
+use super::view::View;
 use super::work::Work;
 use super::{Imported, Options};
 use pliant_scene::{JointKind, Time};
@@ -33,19 +33,21 @@ struct Reader<'a> {
 }
 
 /// Reads a robot whose root element is `root`.
-pub fn import(root: &Element, path: &Path, options: &Options) -> Result<Imported, ImportError> {
+pub fn import(mut root: Element, path: &Path, options: &Options) -> Result<Imported, ImportError> {
     let mut work = Work::new("urdf", &root.file, options);
+    substitute(&mut root, &mut work);
+    let root = &root;
     root.mark_all_of("name");
     work.leftovers(root, root.label(), &[("version", "of the format")]);
-    for element in &root.children {
+    work.skip_unknown(root, "name version", &SECTIONS)?;
+    for element in root.children.iter().filter(|c| SECTIONS.contains(&c.tag.as_str())) {
         match element.tag.as_str() {
             "link" | "joint" => {}
             "material" => work.ignored_whole(element, "bodies are not drawn"),
             "transmission" => {
                 work.ignored_whole(element, "motors are not made from transmissions: add an [[actuator]] to the scene")
             }
-            tag if SECTIONS.contains(&tag) => work.ignored_whole(element, "an extension for another program"),
-            _ => return Err(unknown_element(element, root, &SECTIONS)),
+            _ => work.ignored_whole(element, "an extension for another program"),
         }
     }
     work.scene.time = Time { step: 0.002, ..Time::default() };
@@ -57,10 +59,24 @@ pub fn import(root: &Element, path: &Path, options: &Options) -> Result<Imported
     reader.work.finish(root)
 }
 
+/// Puts the default in the place of `$(optenv VARIABLE default)`, which an expansion of macros may leave behind.
+fn substitute(element: &mut Element, work: &mut Work) {
+    for k in 0..element.attributes.len() {
+        let value = element.attributes[k].value.trim();
+        let inside = value.strip_prefix("$(optenv ").and_then(|rest| rest.strip_suffix(')')).filter(|rest| !rest.contains("$("));
+        let Some((variable, default)) = inside.and_then(|rest| rest.trim().split_once(' ')) else { continue };
+        let (variable, default) = (variable.to_owned(), default.trim().to_owned());
+        element.attributes[k].value.clone_from(&default);
+        let reason = format!("`{}`: {default}, the default of the variable {variable}", element.attributes[k].name);
+        work.kept(element, element.label(), reason);
+    }
+    element.children.iter_mut().for_each(|child| substitute(child, work));
+}
+
 /// An `<origin>` in a holder, or none.
 fn origin(work: &mut Work, holder: &Element) -> Result<Pose, ImportError> {
     let Some(element) = holder.child("origin") else { return Ok(Pose::identity()) };
-    check_attributes(element, "xyz rpy quat_xyzw")?;
+    work.skip_unknown(element, "xyz rpy quat_xyzw", &[])?;
     let view = View::plain(element);
     let position = view.vector::<3>("xyz")?.unwrap_or_default();
     work.check_lengths(&view, "xyz", &position)?;

@@ -191,7 +191,7 @@ fn what_cannot_be_kept() {
     let cases = [
         (MJCF, "</worldbody>", equality, "tendon"),
         (MJCF, "</worldbody>", tendon, "fixed"),
-        (MJCF, "<geom type=\"capsule\" fromto=\"0 0 0 0 0 -0.5\" size=\"0.02\"/>", "<geom type=\"mesh\" mesh=\"m\"/>", "geom"),
+        (MJCF, "<geom type=\"capsule\" fromto=\"0 0 0 0 0 -0.5\" size=\"0.02\"/>", "<geom type=\"sdf\"/>", "geom"),
         (MJCF, "<body name=\"hand\"", "<replicate count=\"2\"/><body name=\"hand\"", "replicate"),
         (MJCF, "range=\"-1 1\"", "springdamper=\"0.1 1\"", "joint"),
         (MJCF, "0.01 0.02 0.015", "0.01 0.05 0.015", "body"),

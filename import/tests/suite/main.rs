@@ -2,4 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod import_errors;
+mod import_extensions;
+mod import_meshes;
 mod import_stops;

@@ -377,13 +377,15 @@ def import_model(
     approximate: bool = False,
     free_base: bool = False,
     contact: bool = True,
+    packages: Mapping[str, str | PathLike[str]] | None = None,
 ) -> tuple[str, dict[str, Any]]:
     """Reads an MJCF or URDF file: the text of a scene for `loads`, and a report of every element.
 
-    approximate: approximate a model that uses tendons, sites in constraints or meshes as masses,
-    instead of refusing it, and let bodies that overlap at the start pass through each other.
+    approximate: approximate a model that uses tendons, sites in constraints or shapes that scenes do
+    not have, instead of refusing it, and let bodies that overlap at the start pass through each other.
     free_base: give the root link of a URDF a free joint. contact: include collision shapes; a
-    scene that has them runs with the integrator `euler`. The report has `format`,
+    scene that has them runs with the integrator `euler`. packages: folders of packages by name, for
+    `package://name/…` in a URDF; others are looked for around the model. The report has `format`,
     `source` and `entries`: `file`, `line`, `element`, `name`, `original` (the name in the file, if
     it is another), `verdict` ("kept", "approximated", "ignored") and `reason`.
     """

@@ -143,6 +143,11 @@ class _Writer:
                 shape = rr.Cylinders3D(radii=[sizes[0]], lengths=[2.0 * sizes[1]], centers=[position], **place)
             case "block":
                 shape = rr.Boxes3D(half_sizes=[sizes], centers=[position], **place)
+            case "hull":
+                at = np.array(solid["hull"]["corners"]) @ _axes(solid["quaternion"]).T + position
+                at, flat = _facets(at, np.array(solid["hull"]["triangles"]))
+                colour = place["colors"]
+                shape = rr.Mesh3D(vertex_positions=at, triangle_indices=flat, vertex_normals=_normals(at, flat), albedo_factor=colour)
             case _:
                 reach = self.reach()
                 # the plane's own origin may be far from what moves
@@ -171,10 +176,25 @@ def _xyzw(quaternion: Any) -> list[float]:
     return [x, y, z, w]
 
 
+def _axes(quaternion: Any) -> np.ndarray:
+    """The axes of a frame, as columns."""
+    w, x, y, z = map(float, quaternion)
+    rows = [
+        [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.array(rows)
+
+
 def _axis(quaternion: Any) -> np.ndarray:
     """The z axis of a frame."""
-    w, x, y, z = map(float, quaternion)
-    return np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+    return _axes(quaternion)[:, 2]
+
+
+def _facets(at: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles with corners of their own, so that their sides look flat."""
+    return at[triangles.ravel()], np.arange(triangles.size, dtype=np.uint32).reshape(-1, 3)
 
 
 def _normals(at: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -7,11 +7,13 @@ mod contact;
 mod coupling;
 mod gripper;
 mod joint_law;
+mod memory;
 mod rope;
 mod solid;
 mod statics;
 
 pub use body::matrix as inertia_matrix;
+pub use memory::{available_memory, warnings};
 
 use super::Nothing;
 use super::error::{Mistake, SceneError};
@@ -45,6 +47,7 @@ pub fn check(scene: &Scene) -> Result<(), SceneError> {
     }
     names(scene)?;
     size(scene)?;
+    memory::check(scene)?;
     (0..scene.rope.len()).try_for_each(|r| rope::check(scene, r))?;
     scene.cloth.iter().enumerate().try_for_each(|(c, cloth)| cloth::check(cloth, c))?;
     body::check(scene)?;

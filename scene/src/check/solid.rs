@@ -8,6 +8,8 @@ use crate::words::nearest;
 
 /// Largest size of a body's shape [m] that is not taken for millimetres.
 const LARGE: f64 = 100.0;
+/// Fewest and most points of a hull: its edges are tried against those of others one by one.
+const HULL_POINTS: [usize; 2] = [4, 256];
 
 pub(super) fn check(scene: &Scene) -> Result<(), SceneError> {
     for (b, body) in scene.body.iter().enumerate() {
@@ -43,13 +45,15 @@ fn common(field: &str, quaternion: [f64; 4], friction: Option<f64>) -> Result<()
 }
 
 fn body_shape(shape: &BodyShape, field: &str) -> Result<(), SceneError> {
-    use ShapeKind::{Box, Capsule, Cylinder, Sphere};
+    use ShapeKind::{Box, Capsule, Cylinder, Hull, Sphere};
     common(field, shape.quaternion, shape.friction)?;
+    points(shape, field)?;
     let (kind, needs) = match shape.kind {
         Sphere => ("sphere", [true, false, false]),
         Capsule => ("capsule", [true, true, false]),
         Cylinder => ("cylinder", [true, true, false]),
         Box => ("box", [false, false, true]),
+        Hull => ("hull", [false; 3]),
     };
     let extents: Option<&[f64]> = shape.half_extents.as_ref().map(|x| x.as_slice());
     let given: [(&str, Option<&[f64]>); 3] = [
@@ -72,6 +76,35 @@ fn body_shape(shape: &BodyShape, field: &str) -> Result<(), SceneError> {
         }
     }
     Ok(())
+}
+
+/// Points of a hull: some, and of a size that bodies have. Whether they lie in a plane, the hull itself says.
+fn points(shape: &BodyShape, field: &str) -> Result<(), SceneError> {
+    let at = format!("{field}.points");
+    let points = match (&shape.points, shape.kind) {
+        (None, ShapeKind::Hull) => return Err(SceneError::at(field, Mistake::NoSize { kind: "hull", key: "points" })),
+        (None, _) => return Ok(()),
+        (Some(points), ShapeKind::Hull) => points,
+        (Some(_), kind) => {
+            let kind = match kind {
+                ShapeKind::Sphere => "sphere",
+                ShapeKind::Capsule => "capsule",
+                ShapeKind::Cylinder => "cylinder",
+                _ => "box",
+            };
+            return Err(SceneError::at(at, Mistake::OtherSize { kind, key: "points" }));
+        }
+    };
+    let ([least, most], found) = (HULL_POINTS, points.len());
+    if !(least..=most).contains(&found) {
+        return Err(SceneError::at(at, Mistake::HullPoints { found, least, most }));
+    }
+    let large = points.iter().enumerate().find_map(|(k, p)| p.iter().copied().find(|x| x.abs() > LARGE).map(|x| (k, x)));
+    large.map_or(Ok(()), |(k, value)| {
+        let reason = ", farther than any body of a robot reaches".to_owned();
+        let mistake = Mistake::Unit { value, unit: "m", reason, likely: "mm", instead: 1e-3 * value };
+        Err(SceneError::at(format!("{at}[{k}]"), mistake))
+    })
 }
 
 fn name_of(key: &str) -> &'static str {

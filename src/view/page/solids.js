@@ -51,8 +51,20 @@ function addBlock(batch, [a, b, c]) {
   }
 }
 
+/** The unit normal of a triangle of a hull. */
+function hullNormal({ corners }, [a, b, c]) {
+  return unit(cross(minus(corners[b], corners[a]), minus(corners[c], corners[a])));
+}
+
+function addHull(batch, hull) {
+  for (const triangle of hull.triangles) {
+    const normal = hullNormal(hull, triangle);
+    batch.triangle(...triangle.map((k) => batch.vertex(hull.corners[k], normal, [1, 1, 1])));
+  }
+}
+
 /** The triangles of a shape of the header; none for a plane. */
-function solidMesh({ form, sizes, body }) {
+function solidMesh({ form, sizes, body, hull }) {
   const batch = new Batch();
   const painted = body !== null;
   const [radius, half = 0] = sizes;
@@ -64,10 +76,11 @@ function solidMesh({ form, sizes, body }) {
     revolved(batch, [bottom, wall, top], painted);
   }
   if (form === "block") addBlock(batch, sizes);
+  if (form === "hull") addHull(batch, hull);
   return batch.data();
 }
 
-/** The edges of a block, as pairs of points; what tells its faces apart in a flat light. */
+/** The edges of a block, as pairs of points. */
 function blockEdges([a, b, c]) {
   const out = [];
   for (let axis = 0; axis < 3; axis++) {
@@ -82,6 +95,28 @@ function blockEdges([a, b, c]) {
     }
   }
   return out;
+}
+
+/** The edges of a hull, as pairs of points; none within a flat side. */
+function hullEdges(hull) {
+  const sides = new Map();
+  for (const triangle of hull.triangles) {
+    const [a, b, c] = triangle;
+    for (const [i, j] of [[a, b], [b, c], [c, a]]) sides.set(`${i} ${j}`, hullNormal(hull, triangle));
+  }
+  const out = [];
+  for (const [side, normal] of sides) {
+    const [i, j] = side.split(" ").map(Number);
+    const other = sides.get(`${j} ${i}`);
+    if (i < j && !(other && dot(normal, other) > 1 - 1e-6)) out.push(...hull.corners[i], ...hull.corners[j]);
+  }
+  return out;
+}
+
+/** What tells the faces of a shape apart in a flat light. */
+function solidEdges({ form, sizes, hull }) {
+  if (form === "hull") return hullEdges(hull);
+  return form === "block" ? blockEdges(sizes) : [];
 }
 
 /** A small octahedron: what marks a node that is held. */

@@ -59,7 +59,7 @@ class Stage {
       line: new Program(gl, LINE_VERTEX, LINE_FRAGMENT),
     };
     this.shapes = this.solids.map((solid) => new Geometry(gl).load(solidMesh(solid)));
-    this.outlines = this.solids.map(({ form, sizes }) => new Lines(gl).load(new Float32Array(form === "block" ? blockEdges(sizes) : [])));
+    this.outlines = this.solids.map((solid) => new Lines(gl).load(new Float32Array(solidEdges(solid))));
     this.soft = new Batch();
     this.softShape = new Geometry(gl);
     this.wires = this.meshes.map((mesh) => ({ pairs: meshEdges(mesh.triangles), lines: new Lines(gl) }));
@@ -263,8 +263,9 @@ class Stage {
   }
 }
 
-/** Corners of a box around a shape. */
-function corners({ form, sizes }, { position, quaternion }) {
+/** Corners of a hull, or of a box around a shape. */
+function corners({ form, sizes, hull }, { position, quaternion }) {
+  if (hull) return hull.corners.map((corner) => add(position, turned(quaternion, corner)));
   const [a, b = 0, c = 0] = sizes;
   const half = { ball: [a, a, a], capsule: [a, a, a + b], cylinder: [a, a, b], block: [a, b, c] }[form];
   const signs = [-1, 1].flatMap((x) => [-1, 1].flatMap((y) => [-1, 1].map((z) => [x, y, z])));

@@ -251,6 +251,7 @@ fn gradients_of_a_ball_in_a_sheet() {
         radius: Some(0.08),
         half_length: None,
         half_extents: None,
+        points: None,
         friction: Some(0.3),
     };
     let joint = Joint { name: "float".to_owned(), kind: JointKind::Free, ..Joint::default() };

@@ -14,9 +14,30 @@ fn shape(kind: ShapeKind) -> BodyShape {
         ShapeKind::Capsule => (Some(0.04), Some(0.06), None),
         ShapeKind::Cylinder => (Some(0.05), Some(0.06), None),
         ShapeKind::Box => (None, None, Some([0.05, 0.06, 0.04])),
+        ShapeKind::Hull => (None, None, None),
     };
     let quaternion = [1.0, 0.0, 0.0, 0.0];
-    BodyShape { kind, position: [0.002, -0.001, 0.003], quaternion, radius, half_length, half_extents, friction: Some(0.4) }
+    let points = (kind == ShapeKind::Hull).then(stone);
+    BodyShape {
+        kind,
+        position: [0.002, -0.001, 0.003],
+        quaternion,
+        radius,
+        half_length,
+        half_extents,
+        points,
+        friction: Some(0.4),
+    }
+}
+
+/// A rough stone: points near an ellipsoid, evenly.
+fn stone() -> Vec<[f64; 3]> {
+    let at = |k: i32| {
+        let (z, angle) = (1.0 - (2.0 * f64::from(k) + 1.0) / 14.0, 2.4 * f64::from(k));
+        let r = (1.0 - z * z).sqrt() * (1.0 + 0.1 * f64::from(k % 3));
+        [0.05 * r * angle.cos(), 0.06 * r * angle.sin(), 0.05 * z]
+    };
+    (0..14).map(at).collect()
 }
 
 fn free_body(name: &str, shapes: Vec<BodyShape>, position: [f64; 3], turn: [f64; 3], velocity: [f64; 6]) -> Body {
@@ -54,8 +75,8 @@ fn two(first: ShapeKind, second: ShapeKind) -> Scene {
 
 #[test]
 fn every_pair_of_shapes() {
-    use ShapeKind::{Box, Capsule, Cylinder, Sphere};
-    let kinds = [Sphere, Capsule, Cylinder, Box];
+    use ShapeKind::{Box, Capsule, Cylinder, Hull, Sphere};
+    let kinds = [Sphere, Capsule, Cylinder, Box, Hull];
     for (k, first) in kinds.into_iter().enumerate() {
         for second in kinds[k..].iter().copied() {
             let case = Case::new(&two(first, second), 40);

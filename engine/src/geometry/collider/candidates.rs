@@ -1,16 +1,17 @@
 //! Which features of two colliders may meet in the coming step.
 
-use super::features::{EDGES, SIDES};
+use super::features::{SIDES, TOP, face_side};
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
 use crate::geometry::constants::GEOMETRY;
+use pliant_math::Vec3;
 
 /// Whether two forms stand in the order that [`candidates`] wants: the first may be thought of as points and lines.
-fn in_order(a: ColliderShape, b: ColliderShape) -> bool {
-    let rank = |form| match form {
+fn in_order(a: &ColliderShape, b: &ColliderShape) -> bool {
+    let rank = |form: &ColliderShape| match form {
         ColliderShape::Ball => 0,
         ColliderShape::Capsule => 1,
         ColliderShape::Cylinder => 2,
-        ColliderShape::Block => 3,
+        ColliderShape::Block | ColliderShape::Hull(_) => 3,
         ColliderShape::HalfSpace => 4,
     };
     rank(a) <= rank(b)
@@ -26,7 +27,7 @@ pub fn candidates(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, margin: f64,
     if a.form == ColliderShape::HalfSpace && b.form == ColliderShape::HalfSpace {
         return;
     }
-    if in_order(a.form, b.form) {
+    if in_order(&a.form, &b.form) {
         Pair { a, b, margin, swapped: false, found }.list();
     } else {
         Pair { a: b, b: a, margin, swapped: true, found }.list();
@@ -44,18 +45,22 @@ struct Pair<'a> {
 impl Pair<'_> {
     fn list(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for &first in self.a.form.points() {
+        for k in 0..self.a.form.n_points() {
+            let first = self.a.form.point(k);
             if round { self.whole(first) } else { self.sharp(first) }
         }
-        match (self.a.form, self.b.form) {
+        match (&self.a.form, &self.b.form) {
             (ColliderShape::Cylinder, ColliderShape::HalfSpace) => self.rims(),
-            (ColliderShape::Cylinder, ColliderShape::Block | ColliderShape::Cylinder) => {
+            (ColliderShape::Cylinder, ColliderShape::Block | ColliderShape::Hull(_) | ColliderShape::Cylinder) => {
                 self.rims();
                 self.lines();
                 self.the_other_way();
             }
-            (ColliderShape::Capsule, ColliderShape::Cylinder | ColliderShape::Block | ColliderShape::Capsule)
-            | (ColliderShape::Block, ColliderShape::Block) => {
+            (
+                ColliderShape::Capsule,
+                ColliderShape::Cylinder | ColliderShape::Block | ColliderShape::Hull(_) | ColliderShape::Capsule,
+            )
+            | (ColliderShape::Block | ColliderShape::Hull(_), ColliderShape::Block | ColliderShape::Hull(_)) => {
                 self.lines();
                 self.the_other_way();
             }
@@ -66,13 +71,14 @@ impl Pair<'_> {
     /// Features of the first collider that points of the second touch.
     fn other_points(&mut self) {
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
-        for &first in self.a.form.points() {
-            match (round, self.b.form) {
+        for k in 0..self.a.form.n_points() {
+            let first = self.a.form.point(k);
+            match (round, &self.b.form) {
                 (true, _) | (_, ColliderShape::Ball | ColliderShape::Capsule) => self.whole(first),
                 _ => self.sharp(first),
             }
         }
-        if (self.a.form, self.b.form) == (ColliderShape::Cylinder, ColliderShape::Cylinder) {
+        if self.a.form == ColliderShape::Cylinder && self.b.form == ColliderShape::Cylinder {
             self.rims();
         }
     }
@@ -91,7 +97,7 @@ impl Pair<'_> {
     /// A point against all of the second solid.
     fn whole(&mut self, first: Feature) {
         match self.b.form {
-            ColliderShape::HalfSpace => self.push(first, Feature::Face(2, 1)),
+            ColliderShape::HalfSpace => self.push(first, Feature::Face(TOP)),
             _ => self.push(first, Feature::Whole),
         }
     }
@@ -99,8 +105,8 @@ impl Pair<'_> {
     /// A sharp point against the face under it.
     fn sharp(&mut self, first: Feature) {
         if self.b.form == ColliderShape::HalfSpace {
-            if !self.rolls(first, 2, 1) {
-                self.push(first, Feature::Face(2, 1));
+            if !self.rolls(first, TOP) {
+                self.push(first, Feature::Face(TOP));
             }
             return;
         }
@@ -113,52 +119,61 @@ impl Pair<'_> {
             if beside >= beyond && beyond <= sliver && radial > 0.0 {
                 self.push(first, Feature::Side);
             } else if beyond > beside && beside <= sliver {
-                self.push(first, Feature::Face(2, if y[2] < 0.0 { -1 } else { 1 }));
+                self.push(first, Feature::Face(if y[2] < 0.0 { TOP - 1 } else { TOP }));
             }
             return;
         }
-        let beyond = |k: usize| y[k].abs() - sizes[k];
-        let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
-        let side = if y[k] < 0.0 { -1 } else { 1 };
-        let over = (0..3).all(|i| i == k || beyond(i) <= GEOMETRY.sliver * sizes[i]);
-        if over && !self.rolls(first, k, side) {
-            self.push(first, Feature::Face(k as u8, side));
+        let face = match &self.b.form {
+            ColliderShape::Hull(p) => p.highest(&y).0 as u16,
+            _ => {
+                let beyond = |k: usize| y[k].abs() - sizes[k];
+                let k = (0..3).max_by(|i, j| beyond(*i).total_cmp(&beyond(*j))).unwrap_or(2);
+                2 * k as u16 + u16::from(y[k] >= 0.0)
+            }
+        };
+        if self.is_over(face, &y, GEOMETRY.sliver) && !self.rolls(first, face) {
+            self.push(first, Feature::Face(face));
         }
     }
 
     /// Whether a rim's fixed point is not wanted on a face because the rim's deepest point says all: the cylinder leans.
-    fn rolls(&self, first: Feature, k: usize, side: i8) -> bool {
-        matches!(first, Feature::RimPoint(..)) && self.tilt(k, side) > GEOMETRY.leaning
+    fn rolls(&self, first: Feature, face: u16) -> bool {
+        matches!(first, Feature::RimPoint(..)) && self.tilt(face) > GEOMETRY.leaning
+    }
+
+    /// Whether a point in the second solid's frame lies over a face of it, or beside it by no more than `sliver`, a part of its size.
+    fn is_over(&self, face: u16, y: &Vec3<f64>, sliver: f64) -> bool {
+        let [sx, sy, sz] = self.b.sizes;
+        match &self.b.form {
+            ColliderShape::HalfSpace => true,
+            ColliderShape::Cylinder => y[0].hypot(y[1]) <= sx * (1.0 + sliver),
+            ColliderShape::Hull(p) => p.is_over(usize::from(face), y, sliver * p.reach),
+            _ => (0..3).all(|i| i == face_side(face).0 || y[i].abs() - [sx, sy, sz][i] <= sliver * [sx, sy, sz][i]),
+        }
     }
 
     /// Sine of the angle between the first solid's axis and a face's normal.
-    fn tilt(&self, k: usize, side: i8) -> f64 {
-        let (_, normal) = self.b.face(k as u8, side);
+    fn tilt(&self, face: u16) -> f64 {
+        let (_, normal) = self.b.face(face);
         self.a.axis(2).cross(&normal).norm()
     }
 
     /// Deepest points of a cylinder's rims over the faces they are above.
     fn rims(&mut self) {
-        let (axes, sides) = match self.b.form {
-            ColliderShape::HalfSpace => (2..3, &SIDES[1..]),
-            ColliderShape::Cylinder => (2..3, &SIDES[..]),
-            _ => (0..3, &SIDES[..]),
+        let faces = match &self.b.form {
+            ColliderShape::HalfSpace => TOP..TOP + 1,
+            ColliderShape::Cylinder => TOP - 1..TOP + 1,
+            polyhedron => 0..polyhedron.counts()[2],
         };
-        for (k, side) in axes.flat_map(|k| sides.iter().map(move |side| (k, *side))) {
-            if self.tilt(k, side) <= GEOMETRY.leaning {
+        for face in faces {
+            if self.tilt(face) <= GEOMETRY.leaning {
                 continue;
             }
             for end in SIDES {
-                let feature_pair = FeaturePair { first: Feature::Rim(end), second: Feature::Face(k as u8, side) };
+                let feature_pair = FeaturePair { first: Feature::Rim(end), second: Feature::Face(face) };
                 let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { continue };
                 // the rim's lowest point, not that of the far end of a cylinder that passes by
-                let y = self.b.local(&m.point);
-                let [sx, sy, sz] = self.b.sizes;
-                let over = match self.b.form {
-                    ColliderShape::HalfSpace => true,
-                    ColliderShape::Cylinder => y[0].hypot(y[1]) <= sx,
-                    _ => (0..3).all(|i| i == k || y[i].abs() <= [sx, sy, sz][i]),
-                };
+                let over = self.is_over(face, &self.b.local(&m.point), 0.0);
                 if over && m.gap <= self.margin && m.gap > -self.depth() {
                     self.found.push((feature_pair, self.swapped));
                 }
@@ -168,8 +183,9 @@ impl Pair<'_> {
 
     /// How deep a meeting may be before it is one through the whole solid.
     fn depth(&self) -> f64 {
-        match self.b.form {
+        match &self.b.form {
             ColliderShape::HalfSpace => f64::INFINITY,
+            ColliderShape::Hull(p) => p.half_width,
             ColliderShape::Block => self.b.sizes.iter().copied().fold(f64::INFINITY, f64::min),
             _ => self.b.sizes[0].min(self.b.sizes[1]),
         }
@@ -177,15 +193,23 @@ impl Pair<'_> {
 
     /// Edges and axes that cross.
     fn lines(&mut self) {
-        let lines = |form| match form {
-            ColliderShape::Block => &EDGES[..],
-            _ => &[Feature::Axis],
-        };
-        for &first in lines(self.a.form) {
-            for &second in lines(self.b.form) {
-                self.crossing(first, second);
-            }
+        let (first, second) = (self.near_lines(self.a, self.b), self.near_lines(self.b, self.a));
+        for &first in &first {
+            second.iter().for_each(|&second| self.crossing(first, second));
         }
+    }
+
+    /// Lines of a collider; of edges those that reach the ball around the other one.
+    fn near_lines(&self, of: &PlacedCollider<f64>, other: &PlacedCollider<f64>) -> Vec<Feature> {
+        let edges = of.form.counts()[1];
+        if edges == 0 {
+            return vec![Feature::Axis];
+        }
+        let near = |edge: &Feature| {
+            let distance = (of.line(*edge).0 - other.position).norm();
+            distance <= of.half_length(*edge) + other.reach() + self.margin
+        };
+        (0..edges).map(Feature::Edge).filter(near).collect()
     }
 
     fn crossing(&mut self, first: Feature, second: Feature) {
@@ -194,27 +218,27 @@ impl Pair<'_> {
         if cross.norm() < GEOMETRY.parallel_lines {
             return;
         }
-        let feature_pair = FeaturePair { first, second };
-        let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
         let (reach_a, reach_b) = (self.a.half_length(first), self.b.half_length(second));
         let between = p - q;
         let square = cross.norm_squared();
         let s = -between.cross(&e).dot(&cross) / square;
         let t = -between.cross(&d).dot(&cross) / square;
-        let within = s.abs() <= reach_a * (1.0 + GEOMETRY.sliver) && t.abs() <= reach_b * (1.0 + GEOMETRY.sliver);
-        let depth = self.a.sizes[0].min(self.b.sizes[0]);
-        if within && m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
+        if s.abs() > reach_a * (1.0 + GEOMETRY.sliver) || t.abs() > reach_b * (1.0 + GEOMETRY.sliver) {
+            return;
+        }
+        let feature_pair = FeaturePair { first, second };
+        let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
+        let half_width = |s: &PlacedCollider<f64>| if let ColliderShape::Hull(p) = &s.form { p.half_width } else { s.sizes[0] };
+        let depth = half_width(self.a).min(half_width(self.b));
+        if m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
             self.found.push((feature_pair, self.swapped));
         }
     }
 
     /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.
-    fn faces_out(&self, feature_pair: &FeaturePair, normal: &pliant_math::Vec3<f64>) -> bool {
+    fn faces_out(&self, feature_pair: &FeaturePair, normal: &Vec3<f64>) -> bool {
         let at = |feature: Feature, collider: &PlacedCollider<f64>, sign: f64| match feature {
-            Feature::Edge(k, sides) => (0..2).all(|i| {
-                let axis = collider.axis((usize::from(k) + 1 + i) % 3);
-                sign * f64::from(sides[i]) * axis.dot(normal) >= -GEOMETRY.lean
-            }),
+            Feature::Edge(edge) => collider.conormals(edge).iter().all(|across| sign * across.dot(normal) >= -GEOMETRY.lean),
             _ => true,
         };
         at(feature_pair.first, self.a, -1.0) && at(feature_pair.second, self.b, 1.0)

@@ -1,6 +1,7 @@
 //! The gap between two features in closed form, for any scalar.
 
-use super::{ColliderShape, Feature, FeaturePair, PlacedCollider};
+use super::features::TOP;
+use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, Polyhedron};
 use crate::geometry::constants::GEOMETRY;
 use pliant_math::{Real, Vec3};
 
@@ -25,9 +26,9 @@ pub fn contact_geometry<S: Real>(
     b: &PlacedCollider<S>,
 ) -> Result<ContactGeometry<S>, f64> {
     match (feature_pair.first, feature_pair.second) {
-        (Feature::Rim(side), Feature::Face(k, s)) => rim_face(a, side, b.face(k, s)),
+        (Feature::Rim(side), Feature::Face(k)) => rim_face(a, side, b.face(k)),
         (Feature::Axis | Feature::Edge(..), Feature::Axis | Feature::Edge(..)) => line_line(feature_pair, a, b),
-        (first, Feature::Face(k, s)) => Ok(point_face(a.point(first), a.roundness(first), b.face(k, s))),
+        (first, Feature::Face(k)) => Ok(point_face(a.point(first), a.roundness(first), b.face(k))),
         (first, Feature::Side) => point_side(a.point(first), a.roundness(first), b),
         (first, _) => point_whole(a.point(first), a.roundness(first), b),
     }
@@ -66,8 +67,9 @@ fn point_side<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<Contac
 }
 
 fn point_whole<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
-    match b.form {
-        ColliderShape::HalfSpace => Ok(point_face(x, r, b.face(2, 1))),
+    match &b.form {
+        ColliderShape::HalfSpace => Ok(point_face(x, r, b.face(TOP))),
+        ColliderShape::Hull(p) => point_hull(x, r, b, p),
         ColliderShape::Ball => apart(x, r, x - b.position, b.sizes[0]),
         ColliderShape::Capsule => {
             let (d, axis) = (x - b.position, b.axis(2));
@@ -100,8 +102,29 @@ fn point_block<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<Conta
     let depth = |k: &usize| b.sizes[*k].re() - y[*k].re().abs();
     let nearest = || (0..3).min_by(|i, j| depth(i).total_cmp(&depth(j))).unwrap_or(0);
     let k = first.unwrap_or_else(nearest);
-    let side = if y[k].re() < 0.0 { -1 } else { 1 };
-    Ok(point_face(x, r, b.face(k as u8, side)))
+    Ok(point_face(x, r, b.face(2 * k as u16 + u16::from(y[k].re() >= 0.0))))
+}
+
+/// The nearest face, edge or corner of a polyhedron, in this order.
+fn point_hull<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>, p: &Polyhedron) -> Result<ContactGeometry<S>, f64> {
+    let y: Vec3<f64> = b.local(&x).map(|c| c.re());
+    let (highest, height) = p.highest(&y);
+    let over = |f: &usize| p.height(*f, &y) > 0.0 && p.is_over(*f, &y, 0.0);
+    let face = if height <= 0.0 { Some(highest) } else { (0..p.faces.len()).find(over) };
+    if let Some(face) = face {
+        return Ok(point_face(x, r, b.face(face as u16)));
+    }
+    let along = |e: usize| (y - p.edges[e].middle).dot(&p.edges[e].direction);
+    let distance = |e: usize| {
+        let edge = &p.edges[e];
+        (y - edge.middle - edge.direction * along(e).clamp(-edge.half_length, edge.half_length)).norm_squared()
+    };
+    let nearest = (0..p.edges.len()).min_by(|i, j| distance(*i).total_cmp(&distance(*j))).unwrap_or(0);
+    let (t, half) = (along(nearest), p.edges[nearest].half_length);
+    let (middle, direction) = b.line(Feature::Edge(nearest as u16));
+    let d = x - middle;
+    let t = if t.abs() < half { d.dot(&direction) } else { S::from(half.copysign(t)) };
+    apart(x, r, d - direction * t, S::from(0.0))
 }
 
 fn point_cylinder<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<ContactGeometry<S>, f64> {
@@ -120,7 +143,7 @@ fn point_cylinder<S: Real>(x: Vec3<S>, r: S, b: &PlacedCollider<S>) -> Result<Co
     if beside > 0.0 || (beyond <= 0.0 && beside > beyond) {
         return point_side(x, r, b);
     }
-    Ok(point_face(x, r, b.face(2, if side < 0.0 { -1 } else { 1 })))
+    Ok(point_face(x, r, b.face(if side < 0.0 { TOP - 1 } else { TOP })))
 }
 
 /// The deepest point of a rim over a face: n·c − R √(1 − (n·a)²).
@@ -173,9 +196,12 @@ fn outward<S: Real>(
     normal: &Vec3<S>,
     between: &Vec3<S>,
 ) -> f64 {
-    let corner = |feature, collider: &PlacedCollider<S>| {
-        let d = collider.line(feature).0 - collider.position;
-        d.dot(normal).re()
+    let corner = |feature: Feature, collider: &PlacedCollider<S>| match (feature, &collider.form) {
+        (Feature::Edge(edge), ColliderShape::Hull(p)) => {
+            let [a, b] = p.edges[usize::from(edge)].conormals;
+            collider.rotation.map(|x| x.re()).tr_mul(&normal.map(|x| x.re())).dot(&(a + b))
+        }
+        _ => (collider.line(feature).0 - collider.position).dot(normal).re(),
     };
     match (feature_pair.first, feature_pair.second) {
         (_, Feature::Edge(..)) => corner(feature_pair.second, b),

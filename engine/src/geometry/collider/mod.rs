@@ -10,21 +10,24 @@ mod contact_geometry;
 mod features;
 mod overlap;
 mod parts;
+mod polyhedron;
 
 pub use candidates::candidates;
 pub(crate) use contact_geometry::point_over_face;
 pub use contact_geometry::{ContactGeometry, contact_geometry};
-pub(crate) use features::{CORNERS, EDGES, ENDS};
+pub(crate) use features::{BLOCK, SIDES, corner_sides, edge_sides};
 pub use features::{Feature, FeaturePair};
 pub(crate) use overlap::drop_hidden;
 pub use overlap::overlap;
+pub use polyhedron::Polyhedron;
 
 use nalgebra::Matrix3;
 use pliant_math::spatial::hat;
 use pliant_math::{Real, Vec3};
+use std::sync::Arc;
 
-/// Primitive shapes, centred at their own origin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Shapes in their own frame.
+#[derive(Clone, Debug, PartialEq)]
 pub enum ColliderShape {
     /// Everything below z = 0. No sizes.
     HalfSpace,
@@ -36,13 +39,15 @@ pub enum ColliderShape {
     Cylinder,
     /// Sizes: half the edges along x, y and z.
     Block,
+    /// A convex polyhedron, with its origin anywhere. No sizes.
+    Hull(Arc<Polyhedron>),
 }
 
 impl ColliderShape {
     /// Numbers of its size.
-    pub fn n_sizes(self) -> usize {
+    pub fn n_sizes(&self) -> usize {
         match self {
-            Self::HalfSpace => 0,
+            Self::HalfSpace | Self::Hull(_) => 0,
             Self::Ball => 1,
             Self::Capsule | Self::Cylinder => 2,
             Self::Block => 3,
@@ -116,7 +121,7 @@ impl Pose<f64> {
 }
 
 /// A solid in the world: its axes, its origin and its sizes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlacedCollider<S> {
     /// Shape.
     pub form: ColliderShape,
@@ -152,7 +157,7 @@ impl Collider {
                 (pose.rotation * Matrix3::from_columns(&[zero, zero, z]), (a + b) * S::from(0.5))
             }
         };
-        PlacedCollider { form: self.form, rotation, position: pose.position + pose.rotation * local, sizes }
+        PlacedCollider { form: self.form.clone(), rotation, position: pose.position + pose.rotation * local, sizes }
     }
 
     /// Entries of θ that its place and size depend on.
@@ -175,8 +180,9 @@ impl PlacedCollider<f64> {
     /// Radius of a ball about its origin that holds it \[m\]; infinite for a half space.
     pub fn reach(&self) -> f64 {
         let [a, b, c] = self.sizes;
-        match self.form {
+        match &self.form {
             ColliderShape::HalfSpace => f64::INFINITY,
+            ColliderShape::Hull(p) => p.reach,
             ColliderShape::Ball => a,
             ColliderShape::Capsule => a + b,
             ColliderShape::Cylinder => a.hypot(b),

@@ -7,15 +7,16 @@ use pliant_math::Vec3;
 
 /// A depth \[m\] by which two colliders certainly overlap; 0 if nothing shows that they do. Not for half spaces, whose candidates show it.
 ///
-/// Of two blocks it is exact: the least overlap along their 15 axes. Otherwise it is that of points on the middle lines of one solid
+/// Of two polyhedra it is exact: the least overlap along normals of faces and across two edges (15 axes for blocks). Otherwise it is that of points on the middle lines of one solid
 /// within the other.
 pub fn overlap(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
     let near = (a.position - b.position).norm() < a.reach() + b.reach();
     if !near || a.form == ColliderShape::HalfSpace || b.form == ColliderShape::HalfSpace {
         return 0.0;
     }
-    if (a.form, b.form) == (ColliderShape::Block, ColliderShape::Block) {
-        return of_blocks(a, b);
+    let sharp = |s: &PlacedCollider<f64>| matches!(s.form, ColliderShape::Block | ColliderShape::Hull(_));
+    if sharp(a) && sharp(b) {
+        return of_polyhedra(a, b);
     }
     of_lines(a, b).max(of_lines(b, a))
 }
@@ -42,30 +43,45 @@ pub(crate) fn drop_hidden(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, most
 
 /// How far two colliders overlap along a unit vector \[m\], the first on its side; < 0 if they are apart along it. Not for half spaces.
 fn overlap_along(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, n: &Vec3<f64>) -> f64 {
-    extent(a, n) + extent(b, n) - (a.position - b.position).dot(n)
+    extent(a, &-n) + extent(b, n) - (a.position - b.position).dot(n)
+}
+
+/// The lesser overlap along a unit vector and against it \[m\].
+fn overlap_either_way(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, n: &Vec3<f64>) -> f64 {
+    overlap_along(a, b, n).min(overlap_along(a, b, &-n))
 }
 
 /// The least overlap of two colliders along the normals of their flat sides \[m\]: the distance between convex bodies is at most this.
 fn overlap_along_faces(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
-    let between = a.position - b.position;
-    let normals = [a, b].into_iter().flat_map(|s| {
-        let flat = match s.form {
-            ColliderShape::Block => 0..3,
-            ColliderShape::Cylinder => 2..3,
-            _ => 0..0,
-        };
-        flat.map(|k| s.rotation.column(k).into_owned())
-    });
-    let outward = |n: Vec3<f64>| if between.dot(&n) < 0.0 { -n } else { n };
-    normals.map(|n| overlap_along(a, b, &outward(n))).fold(f64::INFINITY, f64::min)
+    [a, b].into_iter().flat_map(normals).map(|n| overlap_either_way(a, b, &n)).fold(f64::INFINITY, f64::min)
+}
+
+/// Normals of flat sides; of two that are opposite only one.
+fn normals(s: &PlacedCollider<f64>) -> Vec<Vec3<f64>> {
+    let axis = |k: usize| s.rotation.column(k).into_owned();
+    match &s.form {
+        ColliderShape::Block => (0..3).map(axis).collect(),
+        ColliderShape::Cylinder => vec![axis(2)],
+        ColliderShape::Hull(p) => p.faces.iter().map(|f| s.rotation * f.normal).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// Directions of edges; of parallel ones of a block only one.
+fn directions(s: &PlacedCollider<f64>) -> Vec<Vec3<f64>> {
+    match &s.form {
+        ColliderShape::Hull(p) => p.edges.iter().map(|e| s.rotation * e.direction).collect(),
+        _ => normals(s),
+    }
 }
 
 /// How far a collider reaches from its origin along a unit vector \[m\].
 fn extent(s: &PlacedCollider<f64>, n: &Vec3<f64>) -> f64 {
     let along = |k: usize| s.rotation.column(k).dot(n).abs();
     let [a, b, c] = s.sizes;
-    match s.form {
+    match &s.form {
         ColliderShape::HalfSpace => f64::INFINITY,
+        ColliderShape::Hull(p) => p.support(&s.rotation.tr_mul(n)),
         ColliderShape::Ball => a,
         ColliderShape::Capsule => a + b * along(2),
         ColliderShape::Cylinder => a * (1.0 - along(2) * along(2)).max(0.0).sqrt() + b * along(2),
@@ -74,12 +90,11 @@ fn extent(s: &PlacedCollider<f64>, n: &Vec3<f64>) -> f64 {
 }
 
 /// The theorem of separating axes: faces of both, and edges across edges.
-fn of_blocks(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
-    let axes = |s: &PlacedCollider<f64>| [0, 1, 2].map(|k| s.rotation.column(k).into_owned());
-    let (x, y) = (axes(a), axes(b));
+fn of_polyhedra(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
+    let (x, y) = (directions(a), directions(b));
     let across = x.iter().flat_map(|x| y.iter().filter_map(move |y| x.cross(y).try_normalize(1e-6)));
-    let along = |n: Vec3<f64>| extent(a, &n) + extent(b, &n) - (a.position - b.position).dot(&n).abs();
-    x.into_iter().chain(y).chain(across).map(along).fold(f64::INFINITY, f64::min).max(0.0)
+    let faces = normals(a).into_iter().chain(normals(b));
+    faces.chain(across).map(|n| overlap_either_way(a, b, &n)).fold(f64::INFINITY, f64::min).max(0.0)
 }
 
 /// How deep points on the middle lines of `a` are in `b`, with the ball about them that `a` has.
@@ -94,7 +109,7 @@ fn of_lines(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
             deepest = deepest.max(depth + radius);
         }
     };
-    let half = |k: usize| match (a.form, k) {
+    let half = |k: usize| match (&a.form, k) {
         (ColliderShape::Block, _) => a.sizes[k],
         (ColliderShape::Capsule | ColliderShape::Cylinder, 2) => a.sizes[1],
         _ => 0.0,
@@ -112,8 +127,9 @@ fn depth(s: &PlacedCollider<f64>, point: &Vec3<f64>) -> f64 {
     let d = point - s.position;
     let along = s.rotation.column(2).dot(&d);
     let across = (d.norm_squared() - along * along).max(0.0).sqrt();
-    match s.form {
+    match &s.form {
         ColliderShape::HalfSpace => -along,
+        ColliderShape::Hull(p) => -p.highest(&s.rotation.tr_mul(&d)).1,
         ColliderShape::Ball => s.sizes[0] - d.norm(),
         ColliderShape::Capsule => s.sizes[0] - across.hypot((along.abs() - s.sizes[1]).max(0.0)),
         ColliderShape::Cylinder => (s.sizes[0] - across).min(s.sizes[1] - along.abs()),

@@ -4,7 +4,7 @@
 //! stage begins, or where the velocities there lead.
 
 use super::nearest::{Nearest, Region, combine, nearest};
-use crate::geometry::collider::{CORNERS, ColliderShape, EDGES, ENDS, Feature, PlacedCollider};
+use crate::geometry::collider::{BLOCK, ColliderShape, Feature, PlacedCollider, SIDES, corner_sides, edge_sides};
 use crate::geometry::constants::GEOMETRY;
 use pliant_math::Vec3;
 
@@ -24,6 +24,14 @@ pub(crate) struct Candidates<'a> {
     pub margin: f64,
 }
 
+fn corners() -> impl Iterator<Item = Feature> {
+    (0..BLOCK[0]).map(Feature::Corner)
+}
+
+fn edges() -> impl Iterator<Item = Feature> {
+    (0..BLOCK[1]).map(Feature::Edge)
+}
+
 /// Lists what the contact element may touch `now`, or where it will be `next`; both are the same contact element and shape.
 pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Feature>) {
     let mut list = |feature| {
@@ -31,12 +39,12 @@ pub(crate) fn candidates(now: &Candidates, next: &Candidates, found: &mut Vec<Fe
             found.push(feature);
         }
     };
-    match (now.shape.form, now.x.len()) {
+    match (&now.shape.form, now.x.len()) {
         (ColliderShape::Ball, _) | (ColliderShape::Capsule, 2) => list(Feature::Whole),
-        (ColliderShape::Capsule, _) => ENDS.into_iter().for_each(list),
-        (ColliderShape::Block, 2) => EDGES.into_iter().chain(CORNERS).for_each(list),
-        (ColliderShape::Block, _) => CORNERS.into_iter().for_each(list),
-        (ColliderShape::HalfSpace | ColliderShape::Cylinder, _) => {}
+        (ColliderShape::Capsule, _) => SIDES.map(Feature::End).into_iter().for_each(list),
+        (ColliderShape::Block, 2) => edges().chain(corners()).for_each(list),
+        (ColliderShape::Block, _) => corners().for_each(list),
+        (ColliderShape::HalfSpace | ColliderShape::Cylinder | ColliderShape::Hull(_), _) => {}
     }
 }
 
@@ -44,13 +52,14 @@ impl Candidates<'_> {
     fn meets(&self, feature: Feature) -> bool {
         let Ok(found) = nearest(self.x, self.radius, feature, self.shape) else { return false };
         let near = found.region == Region::Inside && found.gap <= self.margin;
-        near && match (self.shape.form, feature) {
+        near && match (&self.shape.form, feature) {
             (ColliderShape::Ball, _) => self.over_no_triangle(&found),
             (ColliderShape::Capsule, Feature::Whole) => self.meets_capsule(&found),
             (ColliderShape::Block, Feature::Edge(..)) => self.crosses(feature, &found),
-            (ColliderShape::Block, Feature::Corner(sides)) => {
+            (ColliderShape::Block, Feature::Corner(corner)) => {
+                let sides = corner_sides(corner);
                 let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
-                let faces = |k: usize| f64::from(sides[k]) * self.shape.axis(k).dot(&found.normal) >= -GEOMETRY.lean;
+                let faces = |k: usize| sides[k] * self.shape.axis(k).dot(&found.normal) >= -GEOMETRY.lean;
                 found.gap > -depth && (0..3).all(faces) && self.over_no_triangle(&found)
             }
             _ => true,
@@ -83,13 +92,14 @@ impl Candidates<'_> {
     /// Whether it crosses an edge of a block between the ends of that, not through the whole block, and with a normal between those of
     /// the two faces.
     fn crosses(&self, feature: Feature, found: &Nearest<f64>) -> bool {
-        let Feature::Edge(k, sides) = feature else { return false };
+        let Feature::Edge(edge) = feature else { return false };
+        let (k, sides) = edge_sides(edge);
         let (at, along) = self.shape.line(feature);
         let t = (combine(&found.weights, self.x) - at).dot(&along);
         let depth = self.shape.sizes.iter().copied().fold(f64::INFINITY, f64::min);
         let faces = |i: usize| {
-            let axis = self.shape.axis((usize::from(k) + 1 + i) % 3);
-            f64::from(sides[i]) * axis.dot(&found.normal) >= -GEOMETRY.lean
+            let axis = self.shape.axis((k + 1 + i) % 3);
+            sides[i] * axis.dot(&found.normal) >= -GEOMETRY.lean
         };
         let within = t.abs() <= self.shape.half_length(feature) * (1.0 + GEOMETRY.sliver);
         within && found.gap > -depth && (0..2).all(faces) && self.crossing(&along)

@@ -20,7 +20,7 @@ fn samples(count: usize) -> impl Iterator<Item = ([Vec3<f64>; 3], Feature, Place
         (
             ColliderShape::Block,
             [0.1, 0.15, 0.2],
-            vec![Feature::Corner([1, -1, 1]), Feature::Edge(1, [-1, 1]), Feature::Edge(2, [1, 1])],
+            vec![Feature::corner([1, -1, 1]), Feature::edge(1, [-1, 1]), Feature::edge(2, [1, 1])],
         ),
     ];
     (0..count).flat_map(move |_| {
@@ -29,13 +29,13 @@ fn samples(count: usize) -> impl Iterator<Item = ([Vec3<f64>; 3], Feature, Place
         let position = Vec3::from_fn(|_, _| rng.random_range(-0.1..0.1));
         forms.clone().into_iter().flat_map(move |(form, sizes, features)| {
             let shape = PlacedCollider { form, rotation, position, sizes };
-            features.into_iter().map(move |feature| (x, feature, shape))
+            features.into_iter().map(move |feature| (x, feature, shape.clone()))
         })
     })
 }
 
 /// Facets of both kinds that may meet the feature.
-fn sizes(form: ColliderShape, feature: Feature) -> &'static [usize] {
+fn sizes(form: &ColliderShape, feature: Feature) -> &'static [usize] {
     match (form, feature) {
         (_, Feature::Edge(..)) | (ColliderShape::Capsule, Feature::Whole) => &[2],
         (ColliderShape::Capsule, _) => &[3],
@@ -55,7 +55,7 @@ fn seeded(x: &[Vec3<f64>; 3]) -> [Vec3<Dual>; 3] {
 
 fn lifted(shape: &PlacedCollider<f64>) -> PlacedCollider<Dual> {
     PlacedCollider {
-        form: shape.form,
+        form: shape.form.clone(),
         rotation: shape.rotation.map(Dual::from_re),
         position: shape.position.map(Dual::from_re),
         sizes: shape.sizes.map(Dual::from_re),
@@ -66,7 +66,7 @@ fn lifted(shape: &PlacedCollider<f64>) -> PlacedCollider<Dual> {
 fn the_gaps_slope_is_the_normal_by_the_weights_and_its_hessian_symmetric() {
     let mut regions = [0; 3];
     for (x, feature, shape) in samples(300) {
-        for &n in sizes(shape.form, feature) {
+        for &n in sizes(&shape.form, feature) {
             let Ok(plain) = nearest(&x[..n], RADIUS, feature, &shape) else { continue };
             let dual = nearest(&seeded(&x)[..n], Dual::from_re(RADIUS), feature, &lifted(&shape)).unwrap();
             regions[match plain.region {
@@ -103,7 +103,7 @@ fn distances_are_the_least_there_are() {
         (p - shape.position - axis * t).norm() - shape.sizes[0] - RADIUS
     };
     for (x, feature, shape) in samples(40).filter(|(_, _, shape)| shape.form != ColliderShape::Block) {
-        for &n in sizes(shape.form, feature) {
+        for &n in sizes(&shape.form, feature) {
             let found = nearest(&x[..n], RADIUS, feature, &shape).unwrap();
             let at = axis_distance(&combine(&found.weights, &x[..n]), &shape, feature);
             assert!((at - found.gap).abs() < 1e-12, "{feature:?} of {:?}: {at} is {}", shape.form, found.gap);
@@ -123,7 +123,7 @@ fn distances_are_the_least_there_are() {
 #[test]
 fn gaps_are_smooth_over_the_ends() {
     for (x, feature, shape) in samples(60) {
-        for &n in sizes(shape.form, feature) {
+        for &n in sizes(&shape.form, feature) {
             let moved = |t: f64| [x[0], x[1] + (x[1] - x[0]) * t, x[2]];
             let at = |t: f64| nearest(&moved(t)[..n], RADIUS, feature, &shape);
             let thickness = if shape.form == ColliderShape::Block { 0.0 } else { shape.sizes[0] };
@@ -154,7 +154,7 @@ fn sharp_features_have_signed_gaps() {
         position: Vec3::zeros(),
         sizes: [0.1, 0.2, 0.3],
     };
-    let edge = Feature::Edge(1, [1, 1]); // along y at z = 0.3, x = 0.1
+    let edge = Feature::edge(1, [1, 1]); // along y at z = 0.3, x = 0.1
     for depth in [-1e-3, 1e-3] {
         // normal (1, 1)/√2 in (x, z)
         let d = depth / 2f64.sqrt();
@@ -166,7 +166,7 @@ fn sharp_features_have_signed_gaps() {
         let (s, t) = (Vec3::new(1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, -2.0));
         let at = corner + out * depth;
         let face = [at + s * 0.1, at - s * 0.1 + t * 0.1, at - t * 0.2];
-        let found = nearest(&face, 0.0, Feature::Corner([1, 1, 1]), &shape).unwrap();
+        let found = nearest(&face, 0.0, Feature::corner([1, 1, 1]), &shape).unwrap();
         assert!((found.gap - depth).abs() < 1e-12 && (found.normal - out).norm() < 1e-12, "{found:?}");
     }
 }

@@ -332,7 +332,7 @@ impl Stage<'_> {
 /// A bound of how fast two colliders approach anywhere, for the motion of the first relative to the second [m/s].
 fn approach(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, relative: &Motion<f64>) -> f64 {
     let toward = |collider: &PlacedCollider<f64>, down: f64| down.max(0.0) + relative.w.norm() * collider.reach();
-    match (a.form, b.form) {
+    match (&a.form, &b.form) {
         (ColliderShape::HalfSpace, _) => toward(b, relative.at(&b.position).dot(&a.rotation.column(2))),
         (_, ColliderShape::HalfSpace) => toward(a, -relative.at(&a.position).dot(&b.rotation.column(2))),
         _ if a.reach() < b.reach() => toward(a, relative.at(&a.position).norm()),
@@ -342,7 +342,7 @@ fn approach(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, relative: &Motion<
 
 /// A lower bound of the distance between two colliders \[m\].
 fn bound(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
-    match (a.form, b.form) {
+    match (&a.form, &b.form) {
         (ColliderShape::HalfSpace, ColliderShape::HalfSpace) => f64::INFINITY,
         (ColliderShape::HalfSpace, _) => (b.position - a.position).dot(&a.rotation.column(2)) - b.reach(),
         (_, ColliderShape::HalfSpace) => (a.position - b.position).dot(&b.rotation.column(2)) - a.reach(),

@@ -75,7 +75,14 @@ impl Stage<'_> {
     /// The law's numbers at the contact of an edge or triangle.
     fn element_law(&self, contact: &EdgeContact) -> SplitLaw {
         let of = (&self.model.element_groups[contact.id.group], &self.model.elements[contact.id.element]);
-        element_law(self.model.contact.law, of, contact.rho, self.theta, [self.h, self.options.rest_gap], self.options.regularization)
+        element_law(
+            self.model.contact.law,
+            of,
+            contact.rho,
+            self.theta,
+            [self.h, self.options.rest_gap],
+            self.options.regularization,
+        )
     }
 
     fn element_names(&self, id: &EdgeId) -> [String; 2] {
@@ -315,7 +322,7 @@ impl PlacedCollider<f64> {
                 (across + beyond * beyond).sqrt() - self.sizes[0]
             }
             ColliderShape::Block => Vec3::from_fn(|k, _| (y[k].abs() - self.sizes[k]).max(0.0)).norm(),
-            ColliderShape::HalfSpace | ColliderShape::Cylinder => f64::INFINITY,
+            ColliderShape::HalfSpace | ColliderShape::Cylinder | ColliderShape::Hull(_) => f64::INFINITY,
         }
     }
 }
