@@ -40,7 +40,9 @@ from validation.random_scenes import GRAVITY, Scene, random_scene
 LIMIT = 60.0  # s a scene
 SHARE = 0.02
 ENDS = ("good", "grew", "not finite", "stopped", "mute", "refused", "panic", "died", "hang")
-PROCESSES = multiprocessing.get_context("fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn")
+# A small server forks each scene's process: forking one that holds much (JAX, in the tests) costs more than the scene.
+PROCESSES = multiprocessing.get_context("forkserver")
+PROCESSES.set_forkserver_preload(["validation.robustness"])
 
 
 @dataclass

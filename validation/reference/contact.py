@@ -1,7 +1,7 @@
 """Node spheres against fixed shapes: gaps, normals, central-path impulses.
 
 With v̂_n = gap/h [m/s] and v_t = (I - n nᵀ) v⁺, the impulse p = w₀ n + μ w̄ [N·s] solves
-s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = 1/ε, ε = h²/(h² + τ²) (coulomb).
+s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = 1/2ε, ε = h²/(h² + τ²) (coulomb).
 Admissible: gap > 0 (coulomb), v̂_n > μ |v_t| (anitescu).
 """
 
@@ -9,7 +9,8 @@ import jax.numpy as jnp
 
 from .laws import dot
 
-FRICTION_TIME = 0.01  # τ [s]
+FRICTION_TIME = 0.002  # τ [s]
+SLIP_FACTOR = 0.5  # of Coulomb's law in long steps
 
 
 def plane_gap(x, radius, shape):
@@ -50,13 +51,13 @@ def sharpness(h):
 def impulse(law, gap, normal, velocity, h, friction, kappa):
     """p = γ_n n + γ_t  [N·s].
 
-    coulomb:  s0 = (v̂_n + √(v̂_n² + 4|v_t/ε|²))/2, γ_n = κ/v̂_n, γ_t = -μ γ_n (v_t/ε)/s0.
+    coulomb:  s0 = (v̂_n + √(v̂_n² + 4|v_t/2ε|²))/2, γ_n = κ/v̂_n, γ_t = -μ γ_n (v_t/2ε)/s0.
     anitescu: d = v̂_n² - μ²|v_t|², γ_n = κ v̂_n/d, γ_t = -κ μ² v_t/d.
     """
     approach = gap / h
     v_t = tangential(normal, velocity)
     if law == "coulomb":
-        slip = v_t / sharpness(h)
+        slip = SLIP_FACTOR * v_t / sharpness(h)
         s0 = 0.5 * (approach + jnp.sqrt(approach**2 + 4.0 * dot(slip, slip)))
         gamma_n = kappa / approach
         return gamma_n * normal - friction * gamma_n / s0 * slip

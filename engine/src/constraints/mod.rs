@@ -40,11 +40,11 @@ pub(crate) fn contact_law(law: pliant_scene::Law) -> ContactLaw {
     }
 }
 
-/// The slip factor σ of a contact's cone variable s̄ = σ v_t [-], and its derivative by μ: of Coulomb's law 1/[`sharpness`], of the
-/// convex relaxation μ.
+/// The slip factor σ of a contact's cone variable s̄ = σ v_t [-], and its derivative by μ: of Coulomb's law 1/2ε with ε of
+/// [`sharpness`], of the convex relaxation μ.
 pub(crate) fn slip(law: pliant_scene::Law, mu: f64, h: f64) -> (f64, f64) {
     match law {
-        pliant_scene::Law::Coulomb => (1.0 / sharpness(h), 0.0),
+        pliant_scene::Law::Coulomb => (CONSTRAINTS.slip_factor / sharpness(h), 0.0),
         pliant_scene::Law::Anitescu => (mu, 1.0),
     }
 }
@@ -52,7 +52,7 @@ pub(crate) fn slip(law: pliant_scene::Law, mu: f64, h: f64) -> (f64, f64) {
 /// ε = h²/(h² + τ²) in (0, 1): smoothing of friction over that along the normal, for a stage of the length h [s].
 ///
 /// A contact that rests at the gap δ closes at v_n = δ/h, and the same smoothing would let friction act only from speeds of that size on:
-/// the shorter the step, the later. With v_n ε instead, a sticking contact creeps at speeds of about δ h/(h² + τ²) ≤ δ/2τ, which vanish
+/// the shorter the step, the later. With v_n ε instead, a sticking contact creeps at speeds of about 2 δ h/(h² + τ²) ≤ δ/τ, which vanish
 /// with h at any δ.
 pub(crate) fn sharpness(h: f64) -> f64 {
     h * h / (h * h + CONSTRAINTS.friction_time * CONSTRAINTS.friction_time)

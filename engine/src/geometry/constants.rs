@@ -18,6 +18,12 @@ pub(crate) struct GeometryConstants {
     pub lean: f64,
     /// Distance beyond an edge or a line's end at which a contact still counts, as a part of the collider's size [-]: rounding.
     pub sliver: f64,
+    /// Distance of corners from a plane, as a part of the polyhedron's extent, below which they lie in it [-]: flat sides of a mesh in single
+    /// precision are flat to 1e-7.
+    pub in_plane: f64,
+    /// Thickness of points, as a part of their extent (standard deviations along principal axes), below which they lie in a plane [-]: the
+    /// rounding of a covariance in double precision, 1e-16, is the square of 1e-8.
+    pub flat: f64,
     /// Points of a line that are looked at for an overlap, to each side of its middle.
     pub samples: i32,
 }
@@ -31,5 +37,7 @@ pub(crate) const GEOMETRY: GeometryConstants = GeometryConstants {
     endless: 1e-9,
     lean: 1e-3,
     sliver: 1e-9,
+    in_plane: 1e-6,
+    flat: 1e-7,
     samples: 32,
 };

@@ -1,14 +1,11 @@
 //! Convex hulls of points.
 
+use crate::geometry::constants::GEOMETRY;
 use nalgebra::Matrix3;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
 use pliant_math::Vec3;
 use std::collections::HashMap;
-
-/// Thickness of points, as a part of their extent (standard deviations along principal axes), below which they lie in a plane: the
-/// rounding of a covariance in double precision, 1e-16, is the square of 1e-8.
-const FLAT: f64 = 1e-7;
 
 /// A convex hull as triangles.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +32,7 @@ pub fn convex_hull(points: &[Vec3<f64>]) -> Option<Hull> {
         eigen.eigenvectors.neg_mut(); // a mirror would turn the triangles inside out
     }
     let deviation = eigen.eigenvalues.map(|x| x.max(0.0).sqrt());
-    if deviation.min() <= FLAT * deviation.max() {
+    if deviation.min() <= GEOMETRY.flat * deviation.max() {
         return None;
     }
     let whitened = |p: &Vec3<f64>| {

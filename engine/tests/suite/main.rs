@@ -16,6 +16,7 @@ mod common;
 mod couplings;
 mod edges_drops;
 mod edges_statics;
+mod friction;
 mod grasp;
 mod memory;
 mod physics;

@@ -1,12 +1,9 @@
 //! Corners, edges and faces of a convex polyhedron in its own frame.
 
+use crate::geometry::constants::GEOMETRY;
 use crate::geometry::hull::{Hull, convex_hull};
 use pliant_math::Vec3;
 use std::collections::BTreeMap;
-
-/// Distance of corners from a plane, as a part of the polyhedron's extent, below which they lie in it: flat sides of a mesh in single
-/// precision are flat to 1e-7.
-const IN_PLANE: f64 = 1e-6;
 
 /// A face: a convex polygon.
 #[derive(Clone, Debug, PartialEq)]
@@ -136,7 +133,8 @@ fn flat_groups(hull: &Hull) -> Option<Vec<usize>> {
             continue;
         }
         let (normal, at) = (area(&hull.triangles[seed]).try_normalize(0.0)?, hull.corners[hull.triangles[seed][0]]);
-        let flat = |t: usize| hull.triangles[t].iter().all(|k| (hull.corners[*k] - at).dot(&normal).abs() <= IN_PLANE * size);
+        let flat =
+            |t: usize| hull.triangles[t].iter().all(|k| (hull.corners[*k] - at).dot(&normal).abs() <= GEOMETRY.in_plane * size);
         let mut open = vec![seed];
         while let Some(t) = open.pop() {
             group[t] = next;

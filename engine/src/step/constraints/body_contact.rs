@@ -363,7 +363,7 @@ pub(crate) fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
 pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> Vec<u8> {
     let (pair, scales) = (&at.model.collider_pairs[pair], [at.stage.h, at.stage.rest_gap]);
     let law = body_contact_law(at.model.contact.law, pair, record.rho, at.theta, scales, 0.0);
-    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt()) + if record.recovers { 4 } else { 0 };
+    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt(), law.mu) + if record.recovers { 4 } else { 0 };
     [record.id.fold().to_le_bytes().to_vec(), vec![phase]].concat()
 }
 

@@ -355,7 +355,7 @@ fn nearest_with(model: &Model, id: EdgeId, q: &[f64], theta: impl Fn(usize) -> D
 pub(super) fn mode(record: &ConeRecord, id: EdgeId, at: &InputsAt) -> Vec<u8> {
     let of = (&at.model.element_groups[id.group], &at.model.elements[id.element]);
     let law = element_law(at.model.contact.law, of, record.rho[0], at.theta, [at.stage.h, at.stage.rest_gap], 0.0);
-    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt());
+    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt(), law.mu);
     let region = || match nearest_with(at.model, id, at.q, |k| Dual64::from_re(at.theta[k]))?.region {
         Region::Inside => Some(1),
         Region::Side(k) => Some(2 + k),

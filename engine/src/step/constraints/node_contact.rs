@@ -237,6 +237,8 @@ pub(super) fn visit_inputs(record: &ConeRecord, pair: usize, at: &InputsAt, visi
 
 /// 0 separate, 1 stick, 2 slip.
 pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> u8 {
-    let mass = at.model.masses[at.model.pairs[pair].node].mass(at.theta);
-    record.phase((at.stage.rest_gap * mass * at.theta[at.model.gravity] * mass).sqrt())
+    let pair = &at.model.pairs[pair];
+    let mass = at.model.masses[pair.node].mass(at.theta);
+    let weight = mass * weighed(at.theta[at.model.gravity]).0;
+    record.phase((at.stage.rest_gap * weight * mass).sqrt(), at.theta[pair.friction])
 }
