@@ -96,8 +96,7 @@ pub fn admissible(law: ContactLaw, slip: f64, v_n: f64, v_t: [f64; 3]) -> bool {
 /// `slip` σ [-], s̄ = σ v_t; `kappa` \[J\] smoothing; `v_n`, `v_t` [m/s] normal velocity and tangential world vector.
 ///
 /// Sign: w₀ > 0 pushes apart; w̄ opposes v_t and stays in the tangent plane, |w̄| < w₀.
-/// Limits: only where [`admissible`]; elsewhere the formula is not on the path and its value means nothing. μ does not enter: the
-/// impulse is linear in it, also at μ = 0.
+/// Limits: only where [`admissible`]; elsewhere the formula is not on the path and its value means nothing. μ enters by σ alone.
 /// Reference: Fukushima, Luo, Tseng (2002), Smoothing functions for second-order-cone complementarity problems; de Saxcé and
 /// Feng (1998) for s₀.
 pub fn central<S: Real>(law: ContactLaw, slip: S, kappa: S, v_n: S, v_t: [S; 3]) -> [S; 4] {

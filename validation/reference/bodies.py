@@ -179,7 +179,7 @@ def rows(model, weights, q, v, gamma, theta, h, scale=1.0):
         dof = np.array([joint.v.start for joint, _ in model.frictions])
         c, s, v_s = theta[np.array([where for _, where in model.frictions]).T]
         bound = h * joints.friction_bound(c, s, v_s, v[dof])
-        kappa = sharpness(h) * model.rest_gap * (c + joints.FRICTION_FLOOR * joints.WEIGHT * held[dof])
+        kappa = sharpness(model.h) * model.rest_gap * (c + joints.FRICTION_FLOOR * joints.WEIGHT * held[dof])
         out.append(joints.friction_residual(bound, v[dof], gamma[:n], joints.RHO * yielding[dof], scale * kappa))
     if model.stops:
         dof, at = (np.array([getattr(joint, x).start for joint, *_ in model.stops]) for x in "vq")

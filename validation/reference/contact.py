@@ -1,7 +1,7 @@
 """Node spheres against fixed shapes: gaps, normals, central-path impulses.
 
 With v̂_n = gap/h [m/s] and v_t = (I - n nᵀ) v⁺, the impulse p = w₀ n + μ w̄ [N·s] solves
-s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = 1/2ε, ε = h²/(h² + τ²) (coulomb).
+s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = μ/ε, ε = min(1, h²/τ²) (coulomb).
 Admissible: gap > 0 (coulomb), v̂_n > μ |v_t| (anitescu).
 """
 
@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from .laws import dot
 
 FRICTION_TIME = 0.002  # τ [s]
-SLIP_FACTOR = 0.5  # of Coulomb's law in long steps
 
 
 def plane_gap(x, radius, shape):
@@ -44,20 +43,21 @@ def tangential(normal, velocity):
 
 
 def sharpness(h):
-    """ε = h²/(h² + τ²): smoothing of friction over that along the normal."""
-    return h**2 / (h**2 + FRICTION_TIME**2)
+    """ε = min(1, h²/τ²): smoothing of friction over that along the normal."""
+    return jnp.minimum(1.0, (h / FRICTION_TIME) ** 2)
 
 
-def impulse(law, gap, normal, velocity, h, friction, kappa):
-    """p = γ_n n + γ_t  [N·s].
+def impulse(law, gap, normal, velocity, lengths, friction, kappa):
+    """p = γ_n n + γ_t  [N·s]; lengths [s] of the stage and of the scene's step, which ε follows.
 
-    coulomb:  s0 = (v̂_n + √(v̂_n² + 4|v_t/2ε|²))/2, γ_n = κ/v̂_n, γ_t = -μ γ_n (v_t/2ε)/s0.
+    coulomb:  s0 = (v̂_n + √(v̂_n² + 4|σ v_t|²))/2, γ_n = κ/v̂_n, γ_t = -μ γ_n σ v_t/s0.
     anitescu: d = v̂_n² - μ²|v_t|², γ_n = κ v̂_n/d, γ_t = -κ μ² v_t/d.
     """
+    h, step = lengths
     approach = gap / h
     v_t = tangential(normal, velocity)
     if law == "coulomb":
-        slip = SLIP_FACTOR * v_t / sharpness(h)
+        slip = friction * v_t / sharpness(step)
         s0 = 0.5 * (approach + jnp.sqrt(approach**2 + 4.0 * dot(slip, slip)))
         gamma_n = kappa / approach
         return gamma_n * normal - friction * gamma_n / s0 * slip

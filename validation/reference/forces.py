@@ -157,7 +157,7 @@ def contact_impulse(model, q, v, theta, kappa, h):
     total = jnp.zeros_like(q)
     for gap, normal, friction in gaps_and_normals(model, q, theta):
         each = jax.vmap(contact.impulse, (None, 0, 0, 0, None, None, 0))
-        total += each(model.law, gap, normal, v, h, friction, kappa)
+        total += each(model.law, gap, normal, v, (h, model.h), friction, kappa)
     return total
 
 
@@ -166,7 +166,7 @@ def normal_impulses(model, q, v, theta, kappa, h):
     out = []
     for gap, normal, friction in gaps_and_normals(model, q, theta):
         each = jax.vmap(contact.impulse, (None, 0, 0, 0, None, None, 0))
-        impulse = each(model.law, gap, normal, v, h, friction, kappa)
+        impulse = each(model.law, gap, normal, v, (h, model.h), friction, kappa)
         out.append(jnp.sum(impulse * normal, axis=1))
     return out
 

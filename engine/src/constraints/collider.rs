@@ -177,7 +177,7 @@ pub(crate) fn body_contact_law(
     pair: &ColliderPair,
     [rho_n, rho_t]: [f64; 2],
     theta: &[f64],
-    [h, rest_gap]: [f64; 2],
+    [h, rest_gap, sharpness]: [f64; 3],
     regularization: f64,
 ) -> SplitLaw {
     let at = SplitPoint {
@@ -188,14 +188,14 @@ pub(crate) fn body_contact_law(
         compliance_per_h2: pair.compliance.map_or(0.0, |k| theta[k] / (h * h)),
         regularization,
     };
-    SplitLaw::new(law, pair.friction.value(theta), h, at)
+    SplitLaw::new(law, pair.friction.value(theta), sharpness, at)
 }
 
 impl SplitLaw {
-    /// With the slip factor of μ and a stage's length, and ρ_t over it: `at` has that of σ = 1.
-    pub fn new(law: pliant_scene::Law, mu: f64, h: f64, at: SplitPoint) -> Self {
-        let (slip, slip_by_mu) = slip(law, mu, h);
-        let rho_t = if law == pliant_scene::Law::Coulomb { at.rho_t / slip } else { at.rho_t };
+    /// With the slip factor of μ and ε, and ρ_t as sharp: `at` has that of ε = 1.
+    pub fn new(law: pliant_scene::Law, mu: f64, sharpness: f64, at: SplitPoint) -> Self {
+        let (slip, slip_by_mu) = slip(law, mu, sharpness);
+        let rho_t = if law == pliant_scene::Law::Coulomb { at.rho_t * sharpness } else { at.rho_t };
         Self { law: contact_law(law), mu, slip_by_mu, at: SplitPoint { slip, rho_t, ..at } }
     }
 

@@ -9,14 +9,11 @@ pub(crate) struct ConstraintConstants {
     pub weight: f64,
     /// Part of its bound from which friction counts as slipping, |γ_t|/(μ γ_n) of a contact [-]; only the modes of a record depend on it.
     pub slip: f64,
-    /// Slip factor of Coulomb's law in long steps [-]: a typical coefficient of friction, which gives the relaxation its slip factor. With 1 a
-    /// sheet that slides into a corner at 0.01 s does not converge.
-    pub slip_factor: f64,
-    /// τ [s] of [`super::sharpness`]: in steps shorter than this friction is sharper than the rest gap alone makes it. With a longer τ cables
-    /// in clips take more iterations at 1/240 s (0.01 s: 1.7 times as many, 0.002 s: 1.2 times).
+    /// τ [s] of [`super::sharpness`]: in steps shorter than this friction is sharper than the rest gap alone makes it. A longer τ costs
+    /// iterations: with 0.01 s a cable in clips takes 1.7 times as many at 1/240 s.
     pub friction_time: f64,
 }
 
 /// The values in use.
 pub(crate) const CONSTRAINTS: ConstraintConstants =
-    ConstraintConstants { rho: 0.3, weight: 10.0, slip: 0.999, slip_factor: 0.5, friction_time: 0.002 };
+    ConstraintConstants { rho: 0.3, weight: 10.0, slip: 0.999, friction_time: 0.002 };

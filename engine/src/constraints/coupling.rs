@@ -121,7 +121,7 @@ mod tests {
     }
 
     fn point(q: f64, lead: f64) -> RowPoint {
-        RowPoint { q, lead, v: 0.0, h: 0.01, rest_gap: 1e-6, weight: 1.0, rho: 0.02, load: 0.0 }
+        RowPoint { q, lead, v: 0.0, h: 0.01, rest_gap: 1e-6, sharpness: 1.0, weight: 1.0, rho: 0.02, load: 0.0 }
     }
 
     #[test]

@@ -107,11 +107,16 @@ pub(crate) fn element_law(
     (group, element): (&ElementGroup, &ContactElement),
     rho: f64,
     theta: &[f64],
-    [h, rest_gap]: [f64; 2],
+    [rest_gap, sharpness]: [f64; 2],
     regularization: f64,
 ) -> SplitLaw {
     let (mu, kappa) = (group.friction.value(theta), rest_gap * element.weight);
-    SplitLaw::new(law, mu, h, SplitPoint { slip: 0.0, kappa, rho_n: rho, rho_t: rho, compliance_per_h2: 0.0, regularization })
+    SplitLaw::new(
+        law,
+        mu,
+        sharpness,
+        SplitPoint { slip: 0.0, kappa, rho_n: rho, rho_t: rho, compliance_per_h2: 0.0, regularization },
+    )
 }
 
 /// Σ β_i x_i.

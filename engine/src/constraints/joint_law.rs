@@ -2,7 +2,6 @@
 
 use super::CONSTRAINTS;
 use super::coupling::Coupling;
-use super::sharpness;
 use nalgebra::{SVector, Vector3};
 use num_dual::{Derivative, Dual64, DualSVec64};
 use pliant_math::Real;
@@ -67,6 +66,8 @@ pub(crate) struct RowPoint {
     pub h: f64,
     /// Rest gap δ [m, rad].
     pub rest_gap: f64,
+    /// ε of [`super::sharpness`].
+    pub sharpness: f64,
     /// Weight of the degree of freedom [kg·m²/s² or kg·m/s²]: its inertia times about gravity's acceleration over a metre.
     pub weight: f64,
     /// Step of the natural residual [kg·m² or kg].
@@ -108,7 +109,7 @@ impl JointRow {
         }
     }
 
-    /// F for any scalar, of (q, v, γ, load). κ = ε δ (c + weight/1000) for friction with c the mean of c₊ and c₋, and ε of [`sharpness`], δ weight for a stop.
+    /// F for any scalar, of (q, v, γ, load). κ = ε δ (c + weight/1000) for friction with c the mean of c₊ and c₋, and ε of [`super::sharpness`], δ weight for a stop.
     fn law<S: Real>(&self, at: &RowPoint, [q, v, gamma, load]: [S; 4], p: &[S]) -> S {
         match self.kind {
             JointRowKind::Friction(friction) => {
@@ -117,7 +118,7 @@ impl JointRow {
                 if friction.load.is_some() {
                     more += p[4] * if load.re() == 0.0 { S::zero() } else { load.abs() };
                 }
-                let kappa = ((p[0] + p[1]) * 0.5 + 1e-3 * at.weight) * (at.rest_gap * sharpness(at.h));
+                let kappa = ((p[0] + p[1]) * 0.5 + 1e-3 * at.weight) * (at.rest_gap * at.sharpness);
                 friction_residual(kappa, at.rho, (p[0] + more) * at.h, (p[1] + more) * at.h, v, gamma)
             }
             JointRowKind::Stop(_, side) => {

@@ -40,20 +40,22 @@ pub(crate) fn contact_law(law: pliant_scene::Law) -> ContactLaw {
     }
 }
 
-/// The slip factor σ of a contact's cone variable s̄ = σ v_t [-], and its derivative by μ: of Coulomb's law 1/2ε with ε of
-/// [`sharpness`], of the convex relaxation μ.
-pub(crate) fn slip(law: pliant_scene::Law, mu: f64, h: f64) -> (f64, f64) {
+/// The slip factor σ of a contact's cone variable s̄ = σ v_t [-], and its derivative by μ: of Coulomb's law μ/ε with ε of
+/// [`sharpness`], of
+/// the convex relaxation μ.
+pub(crate) fn slip(law: pliant_scene::Law, mu: f64, sharpness: f64) -> (f64, f64) {
     match law {
-        pliant_scene::Law::Coulomb => (CONSTRAINTS.slip_factor / sharpness(h), 0.0),
+        pliant_scene::Law::Coulomb => (mu / sharpness, 1.0 / sharpness),
         pliant_scene::Law::Anitescu => (mu, 1.0),
     }
 }
 
-/// ε = h²/(h² + τ²) in (0, 1): smoothing of friction over that along the normal, for a stage of the length h [s].
+/// ε = min(1, h²/τ²): smoothing of friction over that along the normal, in a scene with steps of the length h [s] (also in their
+/// stages and halves).
 ///
 /// A contact that rests at the gap δ closes at v_n = δ/h, and the same smoothing would let friction act only from speeds of that size on:
-/// the shorter the step, the later. With v_n ε instead, a sticking contact creeps at speeds of about 2 δ h/(h² + τ²) ≤ δ/τ, which vanish
-/// with h at any δ.
+/// the shorter the step, the later. With ε v_n instead, a sticking contact creeps at speeds of the order of δ h/(μ τ²) in steps shorter than
+/// τ, which vanish with h at any δ.
 pub(crate) fn sharpness(h: f64) -> f64 {
-    h * h / (h * h + CONSTRAINTS.friction_time * CONSTRAINTS.friction_time)
+    (h / CONSTRAINTS.friction_time).powi(2).min(1.0)
 }

@@ -12,11 +12,6 @@ use pliant_math::Vec3;
 use pliant_math::rotation::{Quaternion, from_matrix};
 
 impl Model {
-    /// Whether contact depends on the squares of friction coefficients alone: under the convex relaxation. Coulomb's law is linear in them.
-    pub fn friction_is_even(&self) -> bool {
-        self.contact.law == pliant_scene::Law::Anitescu
-    }
-
     /// Origin \[m\] and axes, a unit quaternion (w ≥ 0), of every body's frame in the world.
     ///
     /// # Panics

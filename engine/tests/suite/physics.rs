@@ -230,7 +230,7 @@ fn block_sticks_below_the_friction_angle() {
         let slope = (rho * MU).atan();
         // each of sdirk2's stages is a contact solve of length (1 − 1/√2) h
         for (integrator, stage) in [(Integrator::Euler, 0.01), (Integrator::Sdirk2, 0.01 * (1.0 - 0.5_f64.sqrt()))] {
-            let creep = 2.0 * rest_gap * stage / (stage * stage + 4e-6) * rho / (1.0 - rho * rho);
+            let creep = rest_gap / stage * rho / (MU * (1.0 - rho * rho));
             let scene = block(slope, rest_gap, 0.0, with_gap(rest_gap, Law::Coulomb), integrator);
             let last = *slide(&scene, 100).last().unwrap();
             let fastest = last.iter().map(|n| n[0].abs()).fold(0.0, f64::max);

@@ -7,7 +7,7 @@ use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
     CONSTRAINTS, LinkLinear, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding,
-    velocity,
+    sharpness, velocity,
 };
 use crate::geometry::collider::{
     Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry, drop_hidden,
@@ -56,7 +56,7 @@ impl Stage<'_> {
     /// The law's numbers at a contact of colliders.
     pub(crate) fn body_contact_law(&self, link: &Link, pair: usize) -> SplitLaw {
         let regularization = if self.options.disabled { STEP.disabled } else { self.options.regularization };
-        let (pair, scales) = (&self.model.collider_pairs[pair], [self.h, self.options.rest_gap]);
+        let (pair, scales) = (&self.model.collider_pairs[pair], [self.h, self.options.rest_gap, sharpness(self.model.h)]);
         body_contact_law(self.model.contact.law, pair, [link.rho_n, link.rho_t], self.theta, scales, regularization)
     }
 
@@ -361,9 +361,9 @@ pub(crate) fn tangents(n: &Vec3<f64>) -> [Vec3<f64>; 2] {
 
 /// Which contact it is (its pair and features, folded), and 0 separate, 1 stick or 2 slip, plus 4 where it is pushed out over several steps.
 pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> Vec<u8> {
-    let (pair, scales) = (&at.model.collider_pairs[pair], [at.stage.h, at.stage.rest_gap]);
+    let (pair, scales) = (&at.model.collider_pairs[pair], [at.stage.h, at.stage.rest_gap, sharpness(at.model.h)]);
     let law = body_contact_law(at.model.contact.law, pair, record.rho, at.theta, scales, 0.0);
-    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt(), law.mu) + if record.recovers { 4 } else { 0 };
+    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt()) + if record.recovers { 4 } else { 0 };
     [record.id.fold().to_le_bytes().to_vec(), vec![phase]].concat()
 }
 

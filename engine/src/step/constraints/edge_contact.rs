@@ -7,7 +7,7 @@ use super::{
 };
 use crate::constraints::{
     CONSTRAINTS, ConeLinear, ContactElement, ElementLinear, SplitLaw, element_changes, element_law, impulse, of_nodes,
-    pose_of_world, rounding, tangential, weighted,
+    pose_of_world, rounding, sharpness, tangential, weighted,
 };
 use crate::geometry::collider::{Attachment, ColliderShape, Feature, PlacedCollider, Pose};
 use crate::geometry::element::{Candidates, Nearest, Region, candidates, nearest};
@@ -80,7 +80,7 @@ impl Stage<'_> {
             of,
             contact.rho,
             self.theta,
-            [self.h, self.options.rest_gap],
+            [self.options.rest_gap, sharpness(self.model.h)],
             self.options.regularization,
         )
     }
@@ -354,8 +354,8 @@ fn nearest_with(model: &Model, id: EdgeId, q: &[f64], theta: impl Fn(usize) -> D
 /// Numbers that tell the contact apart, 0 separate, 1 stick or 2 slip, and which part of the edge or triangle is nearest.
 pub(super) fn mode(record: &ConeRecord, id: EdgeId, at: &InputsAt) -> Vec<u8> {
     let of = (&at.model.element_groups[id.group], &at.model.elements[id.element]);
-    let law = element_law(at.model.contact.law, of, record.rho[0], at.theta, [at.stage.h, at.stage.rest_gap], 0.0);
-    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt(), law.mu);
+    let law = element_law(at.model.contact.law, of, record.rho[0], at.theta, [at.stage.rest_gap, sharpness(at.model.h)], 0.0);
+    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt());
     let region = || match nearest_with(at.model, id, at.q, |k| Dual64::from_re(at.theta[k]))?.region {
         Region::Inside => Some(1),
         Region::Side(k) => Some(2 + k),

@@ -9,7 +9,7 @@ use super::{
     Block, Change, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, JointRecord, Loads, RecordAt, Slopes,
     WarmImpulses,
 };
-use crate::constraints::{CONSTRAINTS, JointRow, JointRowKind, RowLinear, RowPoint};
+use crate::constraints::{CONSTRAINTS, JointRow, JointRowKind, RowLinear, RowPoint, sharpness};
 use crate::model::Model;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
@@ -205,6 +205,7 @@ pub(crate) fn row_point(model: &Model, row: &JointRow, [q, v, z]: [&[f64]; 3], [
         lead: row.coupling().and_then(|c| c.lead).map_or(0.0, |joint| q[n + joint.q]),
         h,
         rest_gap,
+        sharpness: sharpness(model.h),
         weight: CONSTRAINTS.weight * held,
         rho: CONSTRAINTS.rho * yielding,
         load: row.load().map_or(0.0, |place| z[place]),

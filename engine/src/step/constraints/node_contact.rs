@@ -4,7 +4,7 @@ use super::{
     Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, Loads, RecordAt,
     Slopes, WarmImpulses, cone,
 };
-use crate::constraints::{CONSTRAINTS, Condensed, LawPoint, Touch, contact_law, impulse, slip, weighed};
+use crate::constraints::{CONSTRAINTS, Condensed, LawPoint, Touch, contact_law, impulse, sharpness, slip, weighed};
 use crate::geometry::collider::Attachment;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
@@ -43,7 +43,7 @@ impl Stage<'_> {
         LawPoint {
             law: contact_law(self.model.contact.law),
             mu: self.theta[pair.friction],
-            slip: slip(self.model.contact.law, self.theta[pair.friction], self.h),
+            slip: slip(self.model.contact.law, self.theta[pair.friction], sharpness(self.model.h)),
             kappa: self.options.rest_gap * mass * weighed(self.theta[self.model.gravity]).0,
             rho: CONSTRAINTS.rho * mass,
         }
@@ -240,5 +240,5 @@ pub(super) fn mode(record: &ConeRecord, pair: usize, at: &InputsAt) -> u8 {
     let pair = &at.model.pairs[pair];
     let mass = at.model.masses[pair.node].mass(at.theta);
     let weight = mass * weighed(at.theta[at.model.gravity]).0;
-    record.phase((at.stage.rest_gap * weight * mass).sqrt(), at.theta[pair.friction])
+    record.phase((at.stage.rest_gap * weight * mass).sqrt())
 }

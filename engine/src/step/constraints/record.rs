@@ -228,10 +228,10 @@ impl ConeRecord {
         matches!(self.id, ConstraintId::Node(_))
     }
 
-    /// 0 separate, 1 stick (or no friction), 2 slip, for the cone variable at which it closes and the coefficient of friction.
-    pub(super) fn phase(&self, closing: f64, mu: f64) -> u8 {
+    /// 0 separate, 1 stick, 2 slip (also without friction), for the cone variable at which it closes.
+    pub(super) fn phase(&self, closing: f64) -> u8 {
         let load = self.w.fixed_rows::<3>(1).norm() / self.w[0];
-        if self.w[0] < closing { 0 } else { 1 + u8::from(mu > 0.0 && load > CONSTRAINTS.slip) }
+        if self.w[0] < closing { 0 } else { 1 + u8::from(load > CONSTRAINTS.slip) }
     }
 
     /// Generalized forces of a wrench on the first frame and its opposite on the second.
