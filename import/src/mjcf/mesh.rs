@@ -37,6 +37,9 @@ pub(super) struct Found {
     pub path: String,
 }
 
+/// A mesh, or its file and why it is not read.
+type Looked = Result<Found, (String, MeshMistake)>;
+
 impl<'a> Meshes<'a> {
     /// All meshes of a model in the file `path`.
     pub fn list(root: &'a Element, path: &Path) -> Self {
@@ -79,7 +82,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The mesh that a geom names; none if it is not there, which has been said.
-    pub(super) fn find_mesh(&mut self, view: &View) -> Result<Option<Result<Found, (String, MeshMistake)>>, ImportError> {
+    pub(super) fn find_mesh(&mut self, view: &View) -> Result<Option<Looked>, ImportError> {
         let name = view.required("mesh")?;
         self.missing_mesh(view, name)?;
         let Some(k) = self.meshes.named.iter().position(|mesh| mesh.name == name) else { return Ok(None) };
