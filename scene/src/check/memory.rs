@@ -116,10 +116,11 @@ mod tests {
         let (text, bytes) = refused(&long, 1 << 30);
         assert_eq!(bytes, 8 * 120 * 10_000_001);
         assert!(text.starts_with("time.duration: ") && text.contains("10000000 steps"), "{text}");
-        let rope = "schema_version = 1\n[time]\nstep = 0.01\n[solver]\nlinear = \"dense\"\n\
-            [[rope]]\nname = \"r\"\nlength = 1.0\nnodes = 20000\nlinear_density = 0.1\n";
+        let rope = "schema_version = 1\n[time]\nstep = 0.01\nduration = 1.0\n[solver]\nlinear = \"dense\"\n\
+            [[rope]]\nname = \"r\"\nlength = 1.0\nnodes = 5000\nlinear_density = 0.1\nstretch_stiffness = 1.0\nbend_stiffness = 0.0\n\
+            initial = { shape = \"straight\", from = [0, 0, 0], direction = [1, 0, 0] }\n";
         let rope: Scene<Nothing> = parse_scene(rope, "s.toml").unwrap();
-        assert_eq!(refused(&rope.with_experiment(None), 1 << 30).1, 8 * 60_000 * 60_000);
+        assert_eq!(refused(&rope.with_experiment(None), 1 << 30).1, 8 * 15_000 * 15_000);
     }
 
     #[test]
@@ -129,7 +130,8 @@ mod tests {
         assert!(text.starts_with("body: ") && text.contains("0.288 GB") && text.contains("1.4e11"), "{text}");
         let rope = |radius: f64| {
             let text = format!(
-                "schema_version = 1\n[time]\nstep = 0.01\n[[rope]]\nname = \"r\"\nlength = 1.0\nnodes = 51\nlinear_density = 1.0\nradius = {radius}\n"
+                "schema_version = 1\n[time]\nstep = 0.01\nduration = 1.0\n[[rope]]\nname = \"r\"\nlength = 1.0\nnodes = 51\nlinear_density = 1.0\nradius = {radius}\n\
+                 stretch_stiffness = 1.0\nbend_stiffness = 0.0\ninitial = {{ shape = \"straight\", from = [0, 0, 0], direction = [1, 0, 0] }}\n"
             );
             warnings(&parse_scene::<Nothing>(&text, "s.toml").unwrap().with_experiment(None))
         };
