@@ -175,6 +175,15 @@ mod tests {
         }
     }
 
+    #[test]
+    fn without_friction_both_laws_are_a_normal_barrier() {
+        for law in [ContactLaw::Coulomb, ContactLaw::Anitescu] {
+            let w: [f64; 4] = central(law, 0.0, 1e-8, 1e-4, [2.0, 0.0, 0.0]);
+            assert_relative_eq!(w[0], 1e-4, max_relative = 1e-15);
+            assert_eq!([w[1], w[2], w[3]].map(f64::abs), [0.0; 3]);
+        }
+    }
+
     /// A weight that slides steadily at |v_t| needs w₀ = m g h: Coulomb hovers at κ/(m g) whatever the speed, Anitescu lifts off
     /// by σ h |v_t|.
     #[test]
