@@ -48,6 +48,9 @@ fn rest(element: &Element) -> String {
     if rest.is_empty() { String::new() } else { format!(" (not {rest})") }
 }
 
+/// What a geom became, and the names of the object and of the body that has it.
+type Named = (Made, Option<String>, Option<String>);
+
 impl<'a> Reader<'a> {
     /// A geom of the world.
     pub(super) fn geom_of_world(&mut self, part: &Part<'a>) -> Result<(), ImportError> {
@@ -153,14 +156,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The shape or the fixed object of a geom, with the names of the object and of the body that has it.
-    #[allow(clippy::type_complexity)]
-    fn make(
-        &mut self,
-        view: &View,
-        part: &Part,
-        holder: Holder,
-        friction: f64,
-    ) -> Result<(Made, Option<String>, Option<String>), ImportError> {
+    fn make(&mut self, view: &View, part: &Part, holder: Holder, friction: f64) -> Result<Named, ImportError> {
         let kind = view.word("type", &KINDS.map(|k| k.0))?.unwrap_or("sphere");
         if kind == "hfield" {
             self.work.approximate(view.element, "a height field", "it has no counterpart in a scene: nothing stands on it")?;
@@ -203,14 +199,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The convex hull of a mesh: a shape of its body, or of a body that is fixed to the world.
-    #[allow(clippy::type_complexity)]
-    fn make_hull(
-        &mut self,
-        view: &View,
-        part: &Part,
-        holder: Holder,
-        friction: f64,
-    ) -> Result<(Made, Option<String>, Option<String>), ImportError> {
+    fn make_hull(&mut self, view: &View, part: &Part, holder: Holder, friction: f64) -> Result<Named, ImportError> {
         let nothing = || (Made::Nothing("touches nothing: its mesh is not there or not read".to_owned()), None, None);
         let Some(found) = self.find_mesh(view)? else { return Ok(nothing()) };
         let (mesh, path) = match found {
