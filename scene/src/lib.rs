@@ -52,6 +52,7 @@ mod rope;
 mod schema;
 mod shape;
 mod source;
+mod table;
 mod vector;
 pub mod words;
 mod write;

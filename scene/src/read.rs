@@ -32,13 +32,26 @@ pub fn parse_scene<X: DeserializeOwned + JsonSchema>(text: &str, file_name: &str
 /// Only the `experiment` is read by code that depends on `X`; everything else is compiled once, in this crate, and not in every crate
 /// that reads a scene.
 pub fn parse_source<X: DeserializeOwned + JsonSchema>(source: &Source) -> Result<Scene<X>, SceneError> {
+    compare_keys(source, &json_schema::<X>())?;
+    let experiment = experiment(&source.text).map_err(|error| refused(source, &error))?;
+    Ok(parse_objects(source)?.with_experiment(experiment))
+}
+
+/// A scene as it stands in the text: nothing is loaded, resolved or checked.
+pub(crate) fn from_text<X: DeserializeOwned>(text: &str) -> Result<Scene<X>, toml::de::Error> {
+    Ok(objects(text)?.with_experiment(experiment(text)?))
+}
+
+fn experiment<X: DeserializeOwned>(text: &str) -> Result<Option<X>, toml::de::Error> {
     #[derive(Deserialize)]
     struct Measured<X> {
         experiment: Option<X>,
     }
-    compare_keys(source, &json_schema::<X>())?;
-    let measured: Measured<X> = toml::from_str(&source.text).map_err(|error| refused(source, &error))?;
-    Ok(parse_objects(source)?.with_experiment(measured.experiment))
+    toml::from_str(text).map(|measured: Measured<X>| measured.experiment)
+}
+
+fn objects(text: &str) -> Result<Scene, toml::de::Error> {
+    toml::from_str(text)
 }
 
 /// Refuses text that is not TOML, keys that are not in the schema, and material keys that exclude each other.
@@ -50,7 +63,7 @@ fn compare_keys(source: &Source, schema: &Value) -> Result<(), SceneError> {
 
 /// The scene without its experiment.
 fn parse_objects(source: &Source) -> Result<Scene, SceneError> {
-    let mut scene: Scene = toml::from_str(&source.text).map_err(|error| refused(source, &error))?;
+    let mut scene = objects(&source.text).map_err(|error| refused(source, &error))?;
     load_meshes(&mut scene, source).map_err(|error| error.located(source))?;
     material::resolve(&mut scene).map_err(|error| error.located(source))?;
     check(&scene).map_err(|error| error.located(source))?;

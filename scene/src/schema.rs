@@ -1,12 +1,29 @@
 //! The JSON Schema of scene files.
 
 use super::file::Scene;
+use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, schema_for};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 /// JSON Schema of a scene whose `experiment` is an `X`; every key is described, with its unit in brackets.
+///
+/// Only the schema of the `experiment` depends on `X`; that of the scene is compiled once, in this crate.
 pub fn json_schema<X: JsonSchema>() -> Value {
-    schema_for!(Scene<X>).to_value()
+    let mut generator = SchemaSettings::default().into_generator();
+    let experiment = generator.subschema_for::<Option<X>>().to_value();
+    with_experiment(experiment, generator.take_definitions(true))
+}
+
+/// The schema of scenes with that of an `experiment` and the definitions it refers to.
+fn with_experiment(experiment: Value, definitions: Map<String, Value>) -> Value {
+    let mut schema = schema_for!(Scene).to_value();
+    if let (Value::Object(entry), Value::Object(experiment)) = (&mut schema["properties"]["experiment"], experiment) {
+        entry.extend(experiment);
+    }
+    if let Value::Object(all) = &mut schema["$defs"] {
+        all.extend(definitions);
+    }
+    schema
 }
 
 #[cfg(test)]
@@ -29,6 +46,24 @@ mod tests {
                 silent(branch, path, out);
             }
         }
+    }
+
+    #[test]
+    fn the_schema_with_an_experiment_is_that_of_the_type() {
+        #[derive(JsonSchema)]
+        #[expect(dead_code)]
+        struct Probe {
+            part: Part,
+        }
+        #[derive(JsonSchema)]
+        #[expect(dead_code)]
+        struct Part {
+            time: super::super::Time,
+        }
+        let mut schema = json_schema::<Probe>();
+        assert!(schema["$defs"]["Part"].is_object());
+        assert!(schema["$defs"].as_object_mut().unwrap().remove("Nothing").is_some());
+        assert_eq!(schema, schema_for!(Scene<Probe>).to_value());
     }
 
     #[test]

@@ -8,7 +8,6 @@ use crate::diagnose::{Cause, Diagnosis, Estimate};
 use crate::log::{Experiment, RecordFile, SensorStart, Setup};
 use crate::number::{estimate_plain, number_plain};
 use pliant_scene::Scene;
-use serde::Deserialize;
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
@@ -34,7 +33,7 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
         move_records(experiment, setup, provenance, report);
     }
     let at = |source| ReportError::Toml { file: FILE, source };
-    let mut table = Table::try_from(&scene).map_err(at)?;
+    let mut table = scene.to_table().map_err(at)?;
     let mut placed = Vec::new();
     let mut header = header(diagnosis);
     for estimate in estimates(diagnosis) {
@@ -48,9 +47,7 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
             }
         }
     }
-    // Back through the scene, so that keys stand in their usual order and nothing is written that would not be read.
-    let scene = Scene::<Experiment>::deserialize(table).map_err(|error| at(serde::ser::Error::custom(error)))?;
-    let text = toml::to_string(&scene).map_err(at)?;
+    let text = Scene::<Experiment>::table_to_text(&table).map_err(at)?;
     Ok(header + "\n" + &annotate(&text, &placed))
 }
 
