@@ -36,7 +36,7 @@ const MODULES: [(&str, &str); 8] = [
         "scene/src",
         "lib place words cloth_error error advice shape body clip rope gripper coupling vector source mesh \
          obj cloth actuator file cloth_initial parabola initial held rod check cable keys material motion \
-         schema read refine write",
+         schema read table refine write",
     ),
     ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout"),
     (

@@ -10,12 +10,6 @@ pub(crate) struct StepConstants {
     pub created_by_bodies: f64,
     /// Part of a step's fall below which a rebound is one of rest [-]: as slow as that, a node lies again within the step.
     pub slow: f64,
-    /// Matrices, one more for a second stage, from which on the energy of a root of ropes and rods is checked: one found sooner is near.
-    pub searched: usize,
-    /// The same of sheets, of which a matrix serves for more corrections.
-    pub searched_of_sheets: usize,
-    /// Corrections with one matrix of a sheet from which on it is checked as well.
-    pub corrected: usize,
     /// Largest part of the energy at hand (kinetic, elastic, and the weight of all nodes raised by their extent) that a step, and a substep in
     /// proportion, may create [-].
     pub created: f64,
@@ -51,9 +45,6 @@ pub(crate) const STEP: StepConstants = StepConstants {
     most_counted: 16,
     created_by_bodies: 0.02,
     slow: 0.1,
-    searched: 3,
-    searched_of_sheets: 2,
-    corrected: 8,
     created: 1e-3,
     created_together: 0.1,
     at_once: 1e-9,

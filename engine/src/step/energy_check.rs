@@ -7,8 +7,8 @@
 //! D = ΔT − g·Δ(Σ m x) − h v⁺·ID(q⁺, v⁺, ā) + Σ_contacts w·u⁺        [J]
 //! ```
 //! with ID of inertia and weight, and u⁺ the relative velocity at a contact, which by itself can only take energy. For bodies that do not
-//! turn D ≤ 0: implicit Euler dissipates. A step that creates a noticeable part of the kinetic energy is refused, and two of half the
-//! length are taken.
+//! turn D ≤ 0: implicit Euler dissipates. A stage that creates a noticeable part of the kinetic energy is refused, and two steps of half
+//! the length are taken. Both stages of sdirk2 are steps of Euler, from references of their own.
 
 use super::{Stage, StepError, Workspace};
 use crate::bodies::Frames;
@@ -19,19 +19,27 @@ use crate::step::constraints::{BodyContact, Evaluation};
 use nalgebra::Vector4;
 use pliant_math::Vec3;
 
+/// Energy that a stage created, and the kinetic energy at its end \[J\].
+pub(super) struct CreatedByBodies {
+    pub energy: f64,
+    pub kinetic: f64,
+    /// Whether that is no motion.
+    pub too_much: bool,
+}
+
 impl Stage<'_> {
-    /// The energy that the root in `ws.it` created and the kinetic energy \[J\], where colliders may touch and it is too much.
-    pub(super) fn creates_energy(&self, ws: &mut Workspace) -> Result<Option<(f64, f64)>, StepError> {
+    /// What the root in `ws.it` created, where colliders may touch.
+    pub(super) fn created_by_bodies(&self, ws: &mut Workspace) -> Result<Option<CreatedByBodies>, StepError> {
         if !ws.constraints.bodies.any() {
             return Ok(None);
         }
         let it = std::mem::take(&mut ws.it);
         let balance = self.balance(&it, ws);
         ws.it = it;
-        let (created, kinetic) = balance?;
+        let (energy, kinetic) = balance?;
         let fall = self.theta[self.model.gravity] * self.h;
         let most = STEP.created_by_bodies * kinetic + 0.5 * self.masses.total * fall * fall;
-        Ok((created > most).then_some((created, kinetic)))
+        Ok(Some(CreatedByBodies { energy, kinetic, too_much: energy > most }))
     }
 
     /// D and the kinetic energy at the end \[J\], of bodies.
@@ -47,10 +55,12 @@ impl Stage<'_> {
         let [_, first, ..] = ws.constraints.starts();
         for ((link, BodyContact { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
             let geometry = self.geometry(link, features, &at)?;
-            let wrench = contact_wrench(&geometry, self.body_contact_law(link, *pair).mu, &Vector4::from_column_slice(w));
-            // a deep contact is pushed out by its target; that much is meant
-            let meant = w[0] * link.target_speed(self.h);
-            touched += link.sliding(&geometry, &at).relative.dot(&wrench) - meant;
+            let law = self.body_contact_law(link, *pair);
+            let wrench = contact_wrench(&geometry, law.mu, &Vector4::from_column_slice(w));
+            let (sliding, out) = (link.sliding(&geometry, &at), link.target_speed(self.h));
+            // what the law is meant to do: push out a deep contact by its target, and one that is nearer than the rest gap by no more than κ
+            let meant = w[0] * out + (w[0] * (geometry.normal.dot(&sliding.velocity) - out)).clamp(0.0, law.at.kappa);
+            touched += sliding.relative.dot(&wrench) - meant;
         }
         let tau = &mut ws.r[n..];
         let mut forces = Vec::new();

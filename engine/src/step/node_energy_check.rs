@@ -9,14 +9,14 @@
 //! is what the step creates beside the work of everything else, hands, wind, weight and contact, whatever it is; T counts free nodes, V is
 //! elastic. Shapes that stand still do no work: where nothing but nodes moves, what they do all the same, pushing out what a long step has
 //! put into them, counts as created. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
-//! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. The
-//! last halves are taken as they come; what they create is added up, and more than a tenth of what was at hand is an error: in a step, and,
-//! less what others of them take, over all steps in a row that have such halves. It is no motion, whatever its cause.
+//! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. Every
+//! (sub)step is judged, whatever work it took, so that the outcome is a function of where it begins and of its inputs. The last halves are
+//! taken as they come; what they create is added up, and more than a tenth of what was at hand is an error: in a step, and, less what
+//! others of them take, over all steps of a rollout in a row that have such halves. It is no motion, whatever its cause.
 
 use super::{SDIRK_GAMMA, StepError, Stepper};
-use crate::rods::Remembered;
+use crate::rods::{Remembered, RodPoint};
 use crate::step::constants::STEP;
-use crate::step::newton::Work;
 use crate::terms::{Point, Term};
 use pliant_math::State;
 use pliant_scene::Integrator;
@@ -29,72 +29,76 @@ pub(super) struct SubstepResult<'a> {
     pub h: f64,
     /// Whether sdirk2 was left for Euler.
     pub by_euler: bool,
-    /// Of Newton's method, in all stages.
-    pub work: Work,
 }
 
 /// Energy that a (sub)step creates, at most, and the energy at hand at its beginning, or its end if that is more \[J\].
 #[derive(Clone, Copy)]
 pub(super) struct Created {
-    energy: f64,
+    pub energy: f64,
     /// The part done by static obstacles.
     by_contact: f64,
     begin: f64,
     largest: f64,
 }
 
-/// Energy created by the substeps at the halving limit of a step, and the energy at hand as the first of them began \[J\]; and what those of the steps right
-/// before it have left, and the most that was at hand since.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct EnergyAccumulator {
-    halves: usize,
-    created: f64,
-    by_contact: f64,
-    at_hand: f64,
-    /// The energy they have created, less the energy that some of them dissipated.
-    net: f64,
-    before: f64,
-    most_at_hand: f64,
+/// What the substeps at the halving limit of a step created: they are taken as they come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LastHalves {
+    /// Their number.
+    pub substeps: usize,
+    /// Energy they created \[J\].
+    pub created: f64,
+    /// The part done by obstacles that stand still \[J\].
+    pub by_contact: f64,
+    /// The energy they created, less what others of them took \[J\].
+    pub net: f64,
+    /// Kinetic and elastic energy, and weight times extent, as the first of them began \[J\].
+    pub at_hand: f64,
+    /// The same of that with most.
+    pub most_at_hand: f64,
 }
 
-/// Steps in a row with last halves that have created something, up to a state.
-#[derive(Clone, Debug)]
-pub(super) struct Run {
-    net: f64,
-    most_at_hand: f64,
-    end: State,
-}
-
-impl EnergyAccumulator {
-    /// At the beginning of a step from a state.
-    pub(super) fn after(run: Option<Run>, state: &State) -> Self {
-        let before = run.filter(|run| run.end == *state);
-        before.map_or_else(Self::default, |run| Self { before: run.net, most_at_hand: run.most_at_hand, ..Self::default() })
-    }
-
+impl LastHalves {
     /// Counts a half that is taken as it comes.
     pub(super) fn add(&mut self, half: Created) {
-        if self.halves == 0 {
+        if self.substeps == 0 {
             self.at_hand = half.begin;
         }
-        self.halves += 1;
+        self.substeps += 1;
         self.most_at_hand = self.most_at_hand.max(half.begin);
         self.net += half.energy;
         self.created += half.energy.max(0.0);
         self.by_contact += half.by_contact.min(half.energy).max(0.0);
     }
+}
 
-    /// The excess, of the step or of all in a row, and the energy at hand.
-    fn excess(&self) -> Option<(f64, f64)> {
-        let sums = [(self.created, self.at_hand), (self.before + self.created, self.most_at_hand)];
-        sums.into_iter().find(|(created, at_hand)| self.halves > 0 && *created > STEP.created_together * at_hand)
-    }
+/// Steps of a rollout in a row with last halves: what they created together.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Run {
+    net: f64,
+    most_at_hand: f64,
+}
 
-    /// The accumulator of the next step.
-    pub(super) fn run_to(&self, end: &State) -> Option<Run> {
-        let net = self.before + self.net;
-        (self.halves > 0 && net > 0.0).then(|| Run { net, most_at_hand: self.most_at_hand, end: end.clone() })
+impl Run {
+    /// Takes a step, and returns what it created with those before it and what was at hand \[J\], if that is too much.
+    pub fn add(&mut self, halves: &LastHalves) -> Option<(f64, f64)> {
+        let most_at_hand = self.most_at_hand.max(halves.most_at_hand);
+        let sums = [(halves.created, halves.at_hand), (self.net + halves.created, most_at_hand)];
+        let net = self.net + halves.net;
+        *self = if halves.substeps > 0 && net > 0.0 { Self { net, most_at_hand } } else { Self::default() };
+        sums.into_iter().find(|(created, at_hand)| halves.substeps > 0 && *created > STEP.created_together * at_hand)
     }
+}
+
+/// A state's part of the balance, kept from one (sub)step to the next.
+#[derive(Clone, Debug, Default)]
+pub(super) struct EnergyPoint {
+    q: Vec<f64>,
+    frames: Vec<f64>,
+    /// The sections of rods.
+    pub rods: RodPoint,
+    /// Elastic and all energy of other terms \[J\].
+    terms: [f64; 2],
 }
 
 /// A stage in the balance.
@@ -122,16 +126,10 @@ impl Done {
 }
 
 impl Stepper<'_> {
-    /// Energy of nodes that a step created, where it is checked: at most, or without the work of others, as it is for the last halves.
+    /// Energy of nodes that a step created: at most, or without the work of others, as it is for the last halves. `None` at rest and
+    /// without nodes.
     pub(super) fn created_by_nodes(&mut self, step: &SubstepResult, last: bool) -> Option<Created> {
-        let stages = if self.in_two_stages(step) { 2 } else { 1 };
-        // halves of a step that did something of the kind may do it again
-        let searched = if self.model.buckles() { STEP.searched_of_sheets } else { STEP.searched };
-        let Work { iterations, evaluations, .. } = step.work;
-        let suspect = iterations >= searched + stages - 1 || evaluations >= STEP.corrected * stages || step.h < self.model.h;
-        // the second stage of a step goes on as the first has begun, which after a hit is up
-        let hit = stages == 2 && !self.model.pairs.is_empty();
-        if !(suspect || hit) || self.masses.nodes.is_empty() || self.model.integrator == Integrator::QuasiStatic {
+        if self.masses.nodes.is_empty() || self.model.integrator == Integrator::QuasiStatic {
             return None;
         }
         let kinetic = [step.before, step.after].map(|x| self.free_rows().map(|(k, m)| 0.5 * m * x.v[k] * x.v[k]).sum::<f64>());
@@ -157,12 +155,11 @@ impl Stepper<'_> {
         created.energy > STEP.created * h / self.model.h * created.largest
     }
 
-    /// Refuses a step whose last halves are no motion.
-    pub(super) fn refuse(&mut self, before: &State, after: &State) -> Result<(), StepError> {
-        let Some((created, at_hand)) = self.unsound.excess() else { return Ok(()) };
-        let by_contact = self.unsound.by_contact > 0.5 * self.unsound.created;
+    /// The error of last halves that are no motion.
+    pub(crate) fn energy_error(&mut self, halves: &LastHalves, (created, at_hand): (f64, f64), before: &State, after: &State) -> StepError {
+        let by_contact = halves.by_contact > 0.5 * halves.created;
         let term = if by_contact { "contact".to_owned() } else { self.grown_most(before, after) };
-        Err(StepError::EnergyCreated { step: 0, created, at_hand, term })
+        StepError::EnergyCreated { step: 0, created, at_hand, term }
     }
 
     /// The inner force whose energy grows most from one state to another.
@@ -185,21 +182,42 @@ impl Stepper<'_> {
 
     /// Elastic energy, and all potential energy, of nodes before and after \[J\].
     fn energies(&mut self, step: &SubstepResult) -> [[f64; 2]; 2] {
-        let mut point = std::mem::take(&mut self.rod_point);
-        let rods = &self.model.rods;
-        let of = [step.before, step.after].map(|x| {
-            rods.evaluate(&x.q, self.frames_of(x), &x.q, &mut point);
-            let sections = rods.energy(&point, self.theta, self.as_begun(step));
-            let (mut elastic, mut all) = (sections, sections);
-            for term in &self.model.terms {
-                let energy = term.energy(&Point { q: &x.q, v: &self.still, theta: self.theta });
-                elastic += if term.inner() { energy } else { 0.0 };
-                all += energy;
-            }
-            [elastic, all]
+        self.energy_point(step.before);
+        let mut end = std::mem::take(&mut self.end);
+        self.evaluate_energy(step.after, &mut end);
+        let of = [&self.begin, &end].map(|point| {
+            let sections = self.model.rods.energy(&point.rods, self.theta, self.as_begun(step));
+            point.terms.map(|energy| energy + sections)
         });
-        self.rod_point = point;
+        self.end = end;
         [0, 1].map(|kind| [of[0][kind], of[1][kind]])
+    }
+
+    /// The state at which a (sub)step begins, in `begin`: as a rule the end of the one before.
+    pub(super) fn energy_point(&mut self, x: &State) {
+        if self.end.q == x.q && self.end.frames == self.frames_of(x) {
+            std::mem::swap(&mut self.begin, &mut self.end);
+        }
+        let mut begin = std::mem::take(&mut self.begin);
+        self.evaluate_energy(x, &mut begin);
+        self.begin = begin;
+    }
+
+    pub(super) fn evaluate_energy(&self, x: &State, point: &mut EnergyPoint) {
+        let frames = self.frames_of(x);
+        if !point.q.is_empty() && point.q == x.q && point.frames == frames {
+            return;
+        }
+        point.q.clone_from(&x.q);
+        point.frames.clear();
+        point.frames.extend_from_slice(frames);
+        self.model.rods.evaluate(&x.q, frames, &x.q, &mut point.rods);
+        point.terms = [0.0; 2];
+        for term in &self.model.terms {
+            let energy = term.energy(&Point { q: &x.q, v: &self.still, theta: self.theta });
+            point.terms[0] += if term.inner() { energy } else { 0.0 };
+            point.terms[1] += energy;
+        }
     }
 
     /// Whether nodes may touch shapes, all of which stand still, and nothing else acts on them but forces and hands.
@@ -272,32 +290,21 @@ impl Stepper<'_> {
 mod tests {
     use super::*;
 
-    fn half(energy: f64) -> Created {
-        Created { energy, by_contact: 0.0, begin: 1.0, largest: 1.0 }
+    fn step(energies: &[f64]) -> LastHalves {
+        let mut halves = LastHalves::default();
+        energies.iter().for_each(|&energy| halves.add(Created { energy, by_contact: 0.0, begin: 1.0, largest: 1.0 }));
+        halves
     }
 
     #[test]
     fn a_little_in_each_of_many_steps_is_too_much() {
-        let (end, elsewhere) = (State::default(), State { q: vec![1.0], ..State::default() });
-        let step = |run: Option<Run>, from: &State, energies: &[f64]| {
-            let mut unsound = EnergyAccumulator::after(run, from);
-            energies.iter().for_each(|e| unsound.add(half(*e)));
-            (unsound.excess().is_some(), unsound.run_to(&end))
-        };
-        let mut run = None;
-        let refused: Vec<bool> = (0..4)
-            .map(|_| {
-                let (refused, next) = step(run.take(), &end, &[0.04, -0.01]);
-                run = next;
-                refused
-            })
-            .collect();
+        let mut run = Run::default();
+        let refused: Vec<bool> = (0..4).map(|_| run.add(&step(&[0.04, -0.01])).is_some()).collect();
         assert_eq!(refused, [false, false, false, true]);
-        // a step from another state, or after one without such halves, begins anew
-        assert!(!step(run.clone(), &elsewhere, &[0.04]).0);
-        let (refused, none) = step(run, &end, &[]);
-        assert!(!refused && none.is_none());
+        // after a step without such halves it begins anew
+        assert!(run.add(&step(&[])).is_none());
+        assert!(run.add(&step(&[0.04])).is_none());
         // and one may do too much by itself, whatever was taken before and since
-        assert!(step(None, &end, &[0.11, -0.5]).0);
+        assert!(Run::default().add(&step(&[0.11, -0.5])).is_some());
     }
 }

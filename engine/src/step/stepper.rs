@@ -4,7 +4,8 @@ mod halving;
 
 pub use halving::Retry;
 
-use super::node_energy_check::{EnergyAccumulator, Run};
+use super::energy_check::CreatedByBodies;
+use super::node_energy_check::{EnergyPoint, LastHalves, Run};
 use super::{
     EULER, MIDPOINT, Masses, QUASI_STATIC, SDIRK_GAMMA, Scheme, SolverOptions, Stage, StageRecord, StepError, Warm, Workspace,
     end_positions,
@@ -57,6 +58,11 @@ pub struct StepTrace {
     pub retries: usize,
     /// The retries by their reason, in the order of [`Retry::ALL`].
     pub retried_for: [usize; Retry::ALL.len()],
+    /// Energy \[J\] that its (sub)steps created beside the work of hands, wind and weight, at most: where the energy of nodes grows noticeably
+    /// it is the balance of docs/theory/step.md, elsewhere no more than the growth. Zero under `quasi_static`.
+    pub energy_created: f64,
+    /// The part of substeps at the halving limit.
+    pub last_halves: LastHalves,
 }
 
 /// A step's stages in the order they were solved.
@@ -101,10 +107,9 @@ pub struct Stepper<'m> {
     pub(super) v_first: Vec<f64>,
     /// No velocity.
     pub(super) still: Vec<f64>,
-    /// Energy created by substeps at the halving limit.
-    pub(super) unsound: EnergyAccumulator,
-    /// Steps in a row with such halves, the last of them the one before.
-    run: Option<Run>,
+    /// Where a (sub)step begins and ends, for the energy check and for sections that remember.
+    pub(super) begin: EnergyPoint,
+    pub(super) end: EnergyPoint,
     frames: Vec<f64>,
     pub(super) ws: Workspace,
 }
@@ -137,8 +142,8 @@ impl<'m> Stepper<'m> {
             v_ref: zeros(),
             v_first: Vec::new(),
             still: zeros(),
-            unsound: EnergyAccumulator::default(),
-            run: None,
+            begin: EnergyPoint::default(),
+            end: EnergyPoint::default(),
             frames: Vec::new(),
             ws,
         })
@@ -184,15 +189,13 @@ impl<'m> Stepper<'m> {
             let mut trace = StepTrace::default();
             let mut stages = Vec::new();
             let mut next = state.clone();
-            let halvings = self.options.max_halvings.unwrap_or(self.model.solver.max_halvings);
-            self.unsound = EnergyAccumulator::after(self.run.take(), state);
+            let halvings = self.most_halvings();
             self.substep(&mut next, h, &v_cmd, SubstepPolicy { halvings, by_euler: false }, &mut trace, &mut stages)?;
             // steps that may not be halved are wanted as they come
-            if halvings > 0 {
-                self.refuse(state, &next)?;
+            if let Some(too_much) = Run::default().add(&trace.last_halves).filter(|_| self.halves()) {
+                return Err(self.energy_error(&trace.last_halves, too_much, state, &next));
             }
             self.model.advance_signals(u, &mut next.z, self.theta);
-            self.run = self.unsound.run_to(&next);
             let record = self.options.record.then(|| {
                 let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
                 let command = StageRecord::command_inputs(self.model, [&state.q, &state.z[self.model.ndz()..]], u, self.theta, h);
@@ -203,6 +206,15 @@ impl<'m> Stepper<'m> {
         });
         self.v_cmd = v_cmd;
         result
+    }
+
+    fn most_halvings(&self) -> usize {
+        self.options.max_halvings.unwrap_or(self.model.solver.max_halvings)
+    }
+
+    /// Whether steps may be halved; if not they are wanted as they come, whatever they create.
+    pub(crate) fn halves(&self) -> bool {
+        self.most_halvings() > 0
     }
 
     fn command(&self, state: &State, u: &[f64], h: f64, v_cmd: &mut [f64]) -> Result<(), StepError> {
@@ -294,8 +306,8 @@ impl<'m> Stepper<'m> {
             self.z_past.extend_from_slice(&state.z);
         }
         if self.model.rods.remember() {
-            self.model.rods.evaluate(&state.q, &state.z[self.model.ndz()..], &state.q, &mut self.rod_point);
-            self.model.rods.begin(&self.rod_point, &mut self.rod_past);
+            self.energy_point(state);
+            self.model.rods.begin(&self.begin.rods, &mut self.rod_past);
         }
     }
 
@@ -343,15 +355,17 @@ impl<'m> Stepper<'m> {
 
     /// The same of what rods' sections remember.
     fn advance_rods(&mut self, state: &mut State, h: f64, stages: &mut [(StageKind, StageRecord)]) {
-        let (rods, memory) = (&self.model.rods, self.model.ndz());
+        let rods = &self.model.rods;
         if !rods.remember() {
             return;
         }
-        rods.evaluate(&state.q, &state.z[memory..], &state.q, &mut self.rod_point);
+        let mut end = std::mem::take(&mut self.end);
+        self.evaluate_energy(state, &mut end);
+        self.end = end;
         let before = Remembered { past: &self.rod_past, z: &self.z_past, elapsed: h };
-        rods.advance(&self.rod_point, self.theta, before, &mut state.z);
+        rods.advance(&self.end.rods, self.theta, before, &mut state.z);
         if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
-            rods.visit_advance(&self.rod_point, self.theta, before, &mut |place, input, value| {
+            rods.visit_advance(&self.end.rods, self.theta, before, &mut |place, input, value| {
                 record.memory.push((place, input, value));
             });
         }
@@ -398,19 +412,18 @@ impl<'m> Stepper<'m> {
         trace.work.add(work);
         solved?;
         let mut work = Work::default();
-        if link == StageKind::Single
-            && let Some((created, at_hand)) = stage.creates_energy(&mut self.ws)?
-        {
-            if !thorough {
+        if link != StageKind::Single && stage.is_impact(link == StageKind::SdirkFirst, &self.ws) {
+            return Ok(Outcome::Thrown);
+        }
+        if let Some(CreatedByBodies { energy: created, kinetic: at_hand, too_much }) = stage.created_by_bodies(&mut self.ws)? {
+            if too_much && !thorough {
                 return Ok(Outcome::Refused);
             }
             // steps that may not be halved are wanted as they come
-            if self.options.max_halvings != Some(0) {
+            if too_much && self.halves() {
                 return Err(StepError::EnergyCreated { step: 0, created, at_hand, term: "contact of bodies".to_owned() });
             }
-        }
-        if link != StageKind::Single && stage.is_impact(link == StageKind::SdirkFirst, &self.ws) {
-            return Ok(Outcome::Thrown);
+            trace.energy_created += created.max(0.0);
         }
         if self.options.record {
             work.factorizations += 1;

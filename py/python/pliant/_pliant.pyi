@@ -19,7 +19,7 @@ class NumericsError(RuntimeError):
     """The numerics failed: not converged, not finite, or singular."""
 
 class Trace(TypedDict):
-    """Work of each step of a rollout, (T,) int64 each."""
+    """Work of each step of a rollout, (T,) each, int64 unless it says otherwise."""
 
     iterations: NDArray[np.int64]
     """Newton matrices assembled."""
@@ -29,6 +29,8 @@ class Trace(TypedDict):
     """Residual evaluations besides."""
     retries: NDArray[np.int64]
     """Halvings; a step that is halved is another discrete map."""
+    energy_created: NDArray[np.float64]
+    """Energy that the step created beside the work of what acts, at most [J], float64."""
 
 Verdict = Literal["pass", "fail", "inconclusive"]
 

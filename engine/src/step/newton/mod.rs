@@ -48,16 +48,6 @@ impl Work {
         self.evaluations += other.evaluations;
         self.solved_by.iter_mut().zip(other.solved_by).for_each(|(sum, count)| *sum += count);
     }
-
-    /// The work since `earlier`.
-    pub(crate) fn since(self, earlier: Self) -> Self {
-        Self {
-            iterations: self.iterations - earlier.iterations,
-            factorizations: self.factorizations - earlier.factorizations,
-            evaluations: self.evaluations - earlier.evaluations,
-            solved_by: std::array::from_fn(|k| self.solved_by[k] - earlier.solved_by[k]),
-        }
-    }
 }
 
 /// Why Newton's method gave up, and how far it was.

@@ -64,18 +64,19 @@ impl Stepper<'_> {
     ) -> Result<(), StepError> {
         let policy = SubstepPolicy { halvings: if self.spent(trace) { 0 } else { policy.halvings }, ..policy };
         let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
-        let begun = trace.work;
         let mut result = self.integrate(state, h, v_cmd, policy, trace, stages);
-        let work = trace.work.since(begun);
         let guarded = policy.halvings > 0;
-        let passed = SubstepResult { before: &before, after: state, h, by_euler: policy.by_euler, work };
+        let passed = SubstepResult { before: &before, after: state, h, by_euler: policy.by_euler };
         if matches!(result, Ok(Outcome::Sound))
             && let Some(created) = self.created_by_nodes(&passed, !guarded)
         {
-            match guarded {
-                true if self.is_too_much(&created, h) => result = Ok(Outcome::Refused),
-                true => {}
-                false => self.unsound.add(created),
+            if guarded && self.is_too_much(&created, h) {
+                result = Ok(Outcome::Refused);
+            } else {
+                trace.energy_created += created.energy.max(0.0);
+            }
+            if !guarded {
+                trace.last_halves.add(created);
             }
         }
         let thrown = matches!(result, Ok(Outcome::Thrown));
