@@ -44,14 +44,16 @@ fn main() -> Result<(), Box<dyn Error>> {
                 cold_its += trace.work.iterations;
                 let speed = state.v.iter().fold(1e-3_f64, |a, v| a.max(v.abs()));
                 let gap = state.v.iter().zip(&cold_state.v).fold(0.0_f64, |a, (x, y)| a.max((x - y).abs())) / speed;
-                off += usize::from(gap > 1e-7);
+                off += usize::from(gap > 1e-8);
                 if gap > worst {
                     (worst, at) = (gap, k);
                 }
             }
-            if worst > 1e-8 || refused > 0 {
+            if worst > 1e-10 || refused > 0 {
                 let name = file.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-                println!("{name} {integrator:?}: {off} of {taken} off, worst {worst:.1e} at {at}, {refused} refused; {warm_its} / {cold_its}");
+                println!(
+                    "{name} {integrator:?}: {off} of {taken} off, worst {worst:.1e} at {at}, {refused} refused; {warm_its} / {cold_its}"
+                );
             }
         }
     }

@@ -4,10 +4,11 @@
 //! the work h v⁺·f, and the change of energy may exceed it, since inertia, weight and the distance between two colliders change along the
 //! way while forces are those of its end:
 //! ```text
-//! D = ΔT − g·Δ(Σ m x) − h v⁺·ID(q⁺, v⁺, ā) + Σ_contacts w·u⁺        [J]
+//! D = ΔT − g·Δ(Σ m x) − h v⁺·ID(q⁺, v⁺, ā) + Σ_contacts (w·u⁺ − W)        [J]
 //! ```
-//! with ID of inertia and weight, and u⁺ the relative velocity at a contact, which by itself can only take energy. For bodies that do not
-//! turn D ≤ 0: implicit Euler dissipates. A stage that creates a noticeable part of the kinetic energy is refused, and two steps of half
+//! with ID of inertia and weight, u⁺ the relative velocity at a contact, and W what the law is meant to do along the normal: push out a
+//! deep contact, and open one that is nearer than the rest gap. Beside that a contact can only take energy. For bodies that do not turn
+//! D ≤ 0: implicit Euler dissipates. A stage that creates a noticeable part of the kinetic energy is refused, and two steps of half
 //! the length are taken. Both stages of sdirk2 are steps of Euler, from references of their own.
 
 use super::{Stage, StepError, Workspace};

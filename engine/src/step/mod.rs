@@ -23,11 +23,11 @@ mod workspace;
 
 pub(crate) use bodies::end_positions;
 pub use error::StepError;
+pub use node_energy_check::LastHalves;
+pub(crate) use node_energy_check::Run;
 pub(crate) use options::SolverOptions;
 pub use record::StageRecord;
 pub use scheme::{EULER, MIDPOINT, QUASI_STATIC, SDIRK_GAMMA, STATIC, Scheme, Weights};
-pub use node_energy_check::LastHalves;
-pub(crate) use node_energy_check::Run;
 pub(crate) use stage::{Iterate, Masses, Stage};
 pub(crate) use stepper::check_size;
 pub use stepper::{Retry, StageKind, StepOptions, StepRecord, StepTrace, Stepper};

@@ -156,7 +156,13 @@ impl Stepper<'_> {
     }
 
     /// The error of last halves that are no motion.
-    pub(crate) fn energy_error(&mut self, halves: &LastHalves, (created, at_hand): (f64, f64), before: &State, after: &State) -> StepError {
+    pub(crate) fn energy_error(
+        &mut self,
+        halves: &LastHalves,
+        (created, at_hand): (f64, f64),
+        before: &State,
+        after: &State,
+    ) -> StepError {
         let by_contact = halves.by_contact > 0.5 * halves.created;
         let term = if by_contact { "contact".to_owned() } else { self.grown_most(before, after) };
         StepError::EnergyCreated { step: 0, created, at_hand, term }

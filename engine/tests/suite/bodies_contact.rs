@@ -67,7 +67,10 @@ half_extents = [0.06, 0.06, 0.06]
             let law = 4.0 * 0.15 * 9.81 * 1e-6 * 40.0_f64.ln();
             // sdirk2 goes past the height at which it balances the weight
             let over = if integrator == Integrator::Sdirk2 { 1.5 } else { 1.0 };
-            assert!(created <= 1e-3 * law && most <= over * law, "{integrator:?}, h = {step}: {created:e} J created, {most:e} J more");
+            assert!(
+                created <= 1e-3 * law && most <= over * law,
+                "{integrator:?}, h = {step}: {created:e} J created, {most:e} J more"
+            );
         }
     }
 }

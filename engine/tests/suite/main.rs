@@ -27,4 +27,5 @@ mod rods_memory;
 mod rods_section;
 mod scene_files;
 mod shapes_against_parry;
+mod warm_starts;
 mod weightless;
