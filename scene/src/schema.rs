@@ -28,6 +28,7 @@ fn with_experiment(experiment: Value, definitions: Map<String, Value>) -> Value 
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::super::Nothing;
     use super::*;
 

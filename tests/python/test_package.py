@@ -50,6 +50,8 @@ def test_shapes(path):
     x0_bar, u_bar, theta_bar = roll.vjp(weights(roll))
     assert (x0_bar.shape, u_bar.shape, theta_bar.shape) == ((ndx,), (3, nu), (n_params,))
     assert all(len(column) == 3 for column in roll.trace.values())
+    created = roll.trace["energy_created"]
+    assert created.dtype == np.float64 and np.all((created >= 0) & np.isfinite(created))
     assert roll.energy().shape == (4,) and not roll.surrogate
     for nodes in model.ropes.values():
         assert 0 <= nodes.start < nodes.stop <= model.n_nodes

@@ -63,7 +63,7 @@ impl Stepper<'_> {
         stages: &mut Vec<(StageKind, StageRecord)>,
     ) -> Result<(), StepError> {
         let policy = SubstepPolicy { halvings: if self.spent(trace) { 0 } else { policy.halvings }, ..policy };
-        let (before, kept, warm) = (state.clone(), stages.len(), self.ws.warm.clone());
+        let (before, kept, warm, created_before) = (state.clone(), stages.len(), self.ws.warm.clone(), trace.energy_created);
         let mut result = self.integrate(state, h, v_cmd, policy, trace, stages);
         let guarded = policy.halvings > 0;
         let passed = SubstepResult { before: &before, after: state, h, by_euler: policy.by_euler };
@@ -92,6 +92,7 @@ impl Stepper<'_> {
             ) if thrown || policy.halvings > 0 => {
                 *state = before;
                 stages.truncate(kept);
+                trace.energy_created = created_before;
                 self.set_warm_start(warm);
                 trace.retries += 1;
                 let reason = match result {
