@@ -3,24 +3,18 @@
 //! `cargo run --release -p pliant-engine --example fallbacks -- [scene.toml …]` steps through every scene with each integrator (without
 //! files, those of `tests/scenes` and `examples`) and prints a line per scene with a fallback, then the sums as a table.
 
+mod scenes;
+
 use pliant_engine::model::ModelBuilder;
 use pliant_engine::step::{Retry, StepOptions, StepTrace, Stepper};
 use pliant_engine::{Attempt, Work};
-use pliant_scene::{Integrator, Scene};
+use pliant_scene::Scene;
+use scenes::{INTEGRATORS, scene_files};
 use std::error::Error;
-use std::path::{Path, PathBuf};
-
-const INTEGRATORS: [Integrator; 4] = [Integrator::Euler, Integrator::Midpoint, Integrator::Sdirk2, Integrator::QuasiStatic];
+use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut files: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
-    if files.is_empty() {
-        for folder in ["tests/scenes", "examples"] {
-            let listed = std::fs::read_dir(folder)?.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>()?;
-            files.extend(listed.into_iter().filter(|path| path.extension().is_some_and(|e| e == "toml")));
-        }
-        files.sort();
-    }
+    let files = scene_files()?;
     let (mut all, mut steps, mut failed) = (StepTrace::default(), 0, 0);
     for file in &files {
         let text = std::fs::read_to_string(file)?;

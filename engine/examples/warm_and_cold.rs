@@ -1,25 +1,19 @@
 //! How far a step from a warm start ends from one that knows nothing of the steps before it:
 //! `cargo run --release -p pliant-engine --example warm_and_cold -- [scene.toml …]`.
 
+mod scenes;
+
 use pliant_engine::model::ModelBuilder;
 use pliant_engine::step::{StepOptions, Stepper};
-use pliant_scene::{Integrator, Scene};
+use pliant_scene::Scene;
+use scenes::{INTEGRATORS, scene_files};
 use std::error::Error;
-use std::path::PathBuf;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut files: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
-    if files.is_empty() {
-        for folder in ["tests/scenes", "examples"] {
-            let listed = std::fs::read_dir(folder)?.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>()?;
-            files.extend(listed.into_iter().filter(|path| path.extension().is_some_and(|e| e == "toml")));
-        }
-        files.sort();
-    }
-    for file in &files {
+    for file in &scene_files()? {
         let text = std::fs::read_to_string(file)?;
         let Ok(scene) = pliant_scene::parse_scene(&text, &file.display().to_string()) else { continue };
-        for integrator in [Integrator::Euler, Integrator::Midpoint, Integrator::Sdirk2, Integrator::QuasiStatic] {
+        for integrator in INTEGRATORS {
             let mut scene: Scene = scene.clone();
             scene.time.integrator = integrator;
             let Ok(builder) = ModelBuilder::new(&scene) else { continue };

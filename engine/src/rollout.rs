@@ -111,12 +111,15 @@ pub fn smoothed_rollout(
         records: Vec::new(),
         checkpoints: None,
     };
-    let mut state = x0.clone();
+    let (mut state, mut run) = (x0.clone(), Run::default());
     for (k, u) in controls.iter().enumerate() {
         if let Some(checkpoints) = checkpoints.as_mut().filter(|c| k % c.segment == 0) {
             checkpoints.warm.push(chain.warm());
         }
         let (trace, record) = chain.step(&mut state, u).map_err(|e| e.at_step(k))?;
+        if let Some(too_much) = run.add(&trace.last_halves).filter(|_| chain.forward.halves()) {
+            return Err(chain.forward.energy_error(&trace.last_halves, too_much, &out.states[k], &state).at_step(k));
+        }
         out.states.push(state.clone());
         out.traces.push(trace);
         out.records.extend(record);
@@ -186,8 +189,6 @@ impl Rollout {
 struct Chain<'m> {
     forward: Stepper<'m>,
     smooth: Option<Stepper<'m>>,
-    /// What the last halves of the steps right before created.
-    run: Run,
 }
 
 /// Warm starts of a chain: part of a checkpoint.
@@ -196,35 +197,25 @@ type ChainWarm = [Option<Warm>; 2];
 impl<'m> Chain<'m> {
     fn new(model: &'m Model, theta: &'m [f64], options: StepOptions, smoothing: Option<Smoothing>) -> Result<Self, StepError> {
         let Some(Smoothing { rest_gap, grasp, along }) = smoothing else {
-            return Ok(Self { forward: Stepper::new(model, theta, options)?, smooth: None, run: Run::default() });
+            return Ok(Self { forward: Stepper::new(model, theta, options)?, smooth: None });
         };
         let smooth = Stepper::new(model, theta, options)?.with_rest_gap(rest_gap)?.with_grasping(grasp);
         Ok(match along {
-            Along::Smooth => Self { forward: smooth, smooth: None, run: Run::default() },
+            Along::Smooth => Self { forward: smooth, smooth: None },
             Along::Hard => {
                 let forward = Stepper::new(model, theta, StepOptions { record: false, ..options })?;
-                Self { forward, smooth: Some(smooth), run: Run::default() }
+                Self { forward, smooth: Some(smooth) }
             }
         })
     }
 
     fn step(&mut self, state: &mut State, u: &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError> {
-        let Some(smooth) = &mut self.smooth else { return self.advance(state, u) };
+        let Some(smooth) = &mut self.smooth else { return self.forward.step(state, u) };
         let (of_smooth, record) = smooth.step(&mut state.clone(), u)?;
-        let (mut trace, _) = self.advance(state, u)?;
+        let (mut trace, _) = self.forward.step(state, u)?;
         trace.work.add(of_smooth.work);
         trace.retries += of_smooth.retries;
         Ok((trace, record))
-    }
-
-    /// A step of the simulation, refused if it and those before it created too much energy.
-    fn advance(&mut self, state: &mut State, u: &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError> {
-        let before = state.clone();
-        let (trace, record) = self.forward.step(state, u)?;
-        match self.run.add(&trace.last_halves).filter(|_| self.forward.halves()) {
-            Some(too_much) => Err(self.forward.energy_error(&trace.last_halves, too_much, &before, state)),
-            None => Ok((trace, record)),
-        }
     }
 
     fn warm(&self) -> ChainWarm {

@@ -188,7 +188,7 @@ impl Stepper<'_> {
 
     /// Elastic energy, and all potential energy, of nodes before and after \[J\].
     fn energies(&mut self, step: &SubstepResult) -> [[f64; 2]; 2] {
-        self.energy_point(step.before);
+        self.begin_at(step.before);
         let mut end = std::mem::take(&mut self.end);
         self.evaluate_energy(step.after, &mut end);
         let of = [&self.begin, &end].map(|point| {
@@ -199,8 +199,8 @@ impl Stepper<'_> {
         [0, 1].map(|kind| [of[0][kind], of[1][kind]])
     }
 
-    /// The state at which a (sub)step begins, in `begin`: as a rule the end of the one before.
-    pub(super) fn energy_point(&mut self, x: &State) {
+    /// Brings `begin` to the state at which a (sub)step begins: as a rule the end of the one before.
+    pub(super) fn begin_at(&mut self, x: &State) {
         if self.end.q == x.q && self.end.frames == self.frames_of(x) {
             std::mem::swap(&mut self.begin, &mut self.end);
         }

@@ -58,8 +58,9 @@ pub struct StepTrace {
     pub retries: usize,
     /// The retries by their reason, in the order of [`Retry::ALL`].
     pub retried_for: [usize; Retry::ALL.len()],
-    /// Energy \[J\] that its (sub)steps created beside the work of hands, wind and weight, at most: where the energy of nodes grows noticeably
-    /// it is the balance of docs/theory/step.md, elsewhere no more than the growth. Zero under `quasi_static`.
+    /// Energy \[J\] that its (sub)steps created beside the work of hands, wind and weight, at most: of bodies that may
+    /// touch the balance of docs/theory/step.md; of nodes that where their energy grows noticeably, elsewhere the growth, and nothing under
+    /// `quasi_static`.
     pub energy_created: f64,
     /// The part of substeps at the halving limit.
     pub last_halves: LastHalves,
@@ -306,7 +307,7 @@ impl<'m> Stepper<'m> {
             self.z_past.extend_from_slice(&state.z);
         }
         if self.model.rods.remember() {
-            self.energy_point(state);
+            self.begin_at(state);
             self.model.rods.begin(&self.begin.rods, &mut self.rod_past);
         }
     }

@@ -2,7 +2,7 @@
 //! found.
 
 use pliant_engine::model::ModelBuilder;
-use pliant_engine::step::{StepError, StepOptions, Stepper};
+use pliant_engine::step::{Retry, StepError, StepOptions, Stepper};
 use pliant_scene as scene;
 use pliant_scene::Scene;
 
@@ -341,4 +341,27 @@ fn energy_from_nowhere_is_an_error_that_leaves_the_state_alone() {
     });
     let Some(StepError::EnergyCreated { created, at_hand, term, .. }) = error else { panic!("{error:?}") };
     assert!(created > 0.1 * at_hand && at_hand > 0.0 && term == "membrane", "{created} of {at_hand} J, {term}");
+}
+
+/// Newton's method finds the root of each step of this rod in a matrix or two: the midpoint rule's energy is off all the same, and halved
+/// steps mend it.
+#[test]
+fn what_is_found_at_once_is_judged_too() {
+    let text = include_str!("../../../examples/twisted_rod.toml");
+    let mut scene: Scene = scene::parse_scene(text, "twisted_rod.toml").unwrap();
+    scene.time.integrator = scene::Integrator::Midpoint;
+    let model = ModelBuilder::new(&scene).unwrap().build();
+    let once = StepOptions { record: false, max_halvings: Some(0) };
+    let mut free = Stepper::new(&model, model.params().values(), once).unwrap();
+    let mut judged = Stepper::new(&model, model.params().values(), StepOptions { max_halvings: None, ..once }).unwrap();
+    let (mut refused, mut state) = (0, model.initial_state());
+    for u in scene::control_rows(&scene, 1200).unwrap() {
+        let (whole, _) = free.step(&mut state.clone(), &u).unwrap();
+        let (trace, _) = judged.step(&mut state, &u).unwrap();
+        if trace.retried_for[Retry::Energy as usize] > 0 {
+            refused += usize::from(whole.work.iterations <= 2);
+            assert!(whole.energy_created > trace.energy_created, "{} J, halved {} J", whole.energy_created, trace.energy_created);
+        }
+    }
+    assert!(refused > 0);
 }
