@@ -52,7 +52,7 @@ impl Stage<'_> {
         self.evaluate_frames(&it.v, ws, false);
         let (after, moment_after) = self.kinetic_and_moment(&ws.bodies.frames);
         let mut touched = 0.0;
-        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root: false };
         let [_, first, ..] = ws.constraints.starts();
         for ((link, BodyContact { pair, features }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
             let geometry = self.geometry(link, features, &at)?;

@@ -95,7 +95,8 @@ impl Stage<'_> {
         part.contacts.clear();
         part.pushes.clear();
         part.b.clear();
-        let at = Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
+        let at =
+            Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root: false };
         for (link, BodyContact { pair, features }) in ws.constraints.bodies.each() {
             let geometry = self.geometry(link, features, &at)?;
             let sliding = link.sliding(&geometry, &at);

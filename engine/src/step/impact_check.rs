@@ -47,7 +47,8 @@ impl Stage<'_> {
         if ws.constraints.sets().iter().any(|set| set.least_gap() < -slow * h) {
             return true;
         }
-        let (at, mut rebounds) = (Evaluation { q: &ws.q_bar, v: &ws.it.v, frames: &ws.bodies.frames, blocks: &ws.blocks }, false);
+        let (at, mut rebounds) =
+            (Evaluation { q: &ws.q_bar, v: &ws.it.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root: false }, false);
         if first {
             ws.constraints.parts(&ws.it.lambda).for_each(|(set, own)| {
                 set.visit_approaches(self, &at, own, &mut |approach| rebounds |= approach.rebounds(slow, h));

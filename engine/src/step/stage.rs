@@ -197,18 +197,19 @@ impl Stage<'_> {
         self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
         self.holds.iter().for_each(|hold| hold.add_force(&at, &mut ws.f));
         self.evaluate_frames(&it.v, ws, false);
-        self.constrain(it, ws, false)?;
+        self.constrain(it, ws, None)?;
         self.inertia_minus_force(&it.v, ws);
         self.body_residual(ws);
         self.subtract_joint_loads(ws);
         Ok(())
     }
 
-    /// Evaluates all constraints at `it`, linearizing them if asked to: their residuals, and their forces where they act.
-    fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: bool) -> Result<(), StepError> {
+    /// Evaluates all constraints at `it`, linearizing them where matrices are made: their residuals, and their forces where they act.
+    fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: Option<Axial>) -> Result<(), StepError> {
         ws.residuals.resize(it.lambda.len(), 0.0);
         ws.loads.clear(if ws.constraints.has_links() { self.model.tree.bodies().len() } else { 0 });
-        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks };
+        let at_root = matches!(linearize, Some(Axial::Exact));
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root };
         let (mut lambda, mut residuals) = (it.lambda.as_slice(), ws.residuals.as_mut_slice());
         let mut loads = Loads { nodes: &mut ws.f, bodies: &mut ws.loads.bodies, joints: &mut ws.loads.joints };
         let mut slopes = Slopes { dq: &mut ws.dq.nodes, dv: &mut ws.dv.nodes, joints: &mut ws.loads.slopes };
@@ -221,8 +222,8 @@ impl Stage<'_> {
             let (out, rest) = std::mem::take(&mut residuals).split_at_mut(dim);
             match (dim, linearize) {
                 (0, _) => {}
-                (_, true) => set.linearize(self, &at, own, out, &mut loads, &mut slopes)?,
-                (_, false) => set.residual(self, &at, own, out, &mut loads)?,
+                (_, Some(_)) => set.linearize(self, &at, own, out, &mut loads, &mut slopes)?,
+                (_, None) => set.residual(self, &at, own, out, &mut loads)?,
             }
             (lambda, residuals) = (others, rest);
         }
@@ -285,7 +286,7 @@ impl Stage<'_> {
         });
     }
 
-    /// Residual, Jacobians `ws.dq`, `ws.dv` (contacts condensed into them) and the matrix `ws.k` at `ws.it`.
+    /// Residual, Jacobians `ws.dq`, `ws.dv` (contacts condensed into them) and the matrix `ws.k` at `ws.it`, which is the root.
     pub(crate) fn linearize(&self, ws: &mut Workspace) -> Result<(), StepError> {
         self.linearize_with(Axial::Exact, ws)
     }
@@ -380,7 +381,7 @@ impl Stage<'_> {
         }
         ws.blocks.store(&ws.dq.nodes, &ws.dv.nodes);
         self.evaluate_frames(&it.v, ws, true);
-        self.constrain(it, ws, true)?;
+        self.constrain(it, ws, Some(axial))?;
         self.inertia_minus_force(&it.v, ws);
         for (row, _) in self.model.prescribed_rows.iter().enumerate().filter(|(_, d)| **d) {
             ws.dq.nodes.clear_row(row);

@@ -7,6 +7,7 @@ mod couplings;
 mod edges_gradients;
 mod gradients;
 mod grasp;
+mod random_scenes;
 mod rings;
 mod rods;
 mod rods_memory;

@@ -211,7 +211,7 @@ impl ConstraintSet for BodyContacts {
             let (law, w) = (stage.body_contact_law(link, *pair), cone(lambda, k));
             let f = law.residual(geometry.gap / stage.h, &sliding.v_t, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
-            link.push(contact_wrench(&geometry, law.mu, &(w - link.linear.inverse * f)), stage.h, loads);
+            link.push(contact_wrench(&geometry, law.mu, &link.load(&w, &f, at)), stage.h, loads);
         }
         Ok(())
     }
@@ -244,7 +244,7 @@ impl ConstraintSet for BodyContacts {
             link.rounding = rounding(&linear.inverse, &w, &law, &sliding.v_t);
             link.linear = linear;
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
-            link.push(contact_wrench(&geometry, law.mu, &(w - link.linear.inverse * link.linear.f)), stage.h, loads);
+            link.push(contact_wrench(&geometry, law.mu, &link.load(&w, &link.linear.f, at)), stage.h, loads);
             link.add_node_blocks(stage.h, slopes);
         }
         Ok(())

@@ -65,7 +65,7 @@ impl ConstraintSet for Closures {
             let (rows, w) = (self.rows(k, stage, at.q, at.frames), cone(lambda, k));
             let f = rows.residual(&stage.closure_law(link, self.parts[k].0), stage.h, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
-            link.push(rows.wrench(&(w - link.linear.inverse * f)), stage.h, loads);
+            link.push(rows.wrench(&link.load(&w, &f, at)), stage.h, loads);
         }
         Ok(())
     }
@@ -87,7 +87,7 @@ impl ConstraintSet for Closures {
             let size = rows.point.map_or(1.0, |x| x.norm()) / stage.h;
             link.rounding = 4.0 * f64::EPSILON * law.rho * size * link.linear.inverse[(1, 1)];
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
-            link.push(rows.wrench(&(w - link.linear.inverse * link.linear.f)), stage.h, loads);
+            link.push(rows.wrench(&link.load(&w, &link.linear.f, at)), stage.h, loads);
             link.add_node_blocks(stage.h, slopes);
         }
         Ok(())

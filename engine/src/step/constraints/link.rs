@@ -3,7 +3,7 @@
 //! Newton's method eliminates λ, which leaves wrenches that depend on the displacements and velocities of both sides. The part by the
 //! own side goes with the composites of [`crate::bodies::dynamics`]; the part by the other side, and by nodes, is added here.
 
-use super::{Change, ConstraintId, Loads, Slopes};
+use super::{Change, ConstraintId, Evaluation, Loads, Slopes};
 use crate::bodies::Frames;
 use crate::bodies::dynamics::{Displacement, Partials, WrenchPartial, moved_along};
 use crate::constraints::{CONSTRAINTS, LinkLinear, node_of};
@@ -64,6 +64,11 @@ impl Link {
     /// Speed at which the contact has to open to reach its target [m/s].
     pub fn target_speed(&self, h: f64) -> f64 {
         if self.target < 0.0 { (self.target - self.gap) / h } else { 0.0 }
+    }
+
+    /// The multipliers whose forces act: condensed, those that would make the residual `f` vanish.
+    pub fn load(&self, w: &Vector4<f64>, f: &Vector4<f64>, at: &Evaluation) -> Vector4<f64> {
+        if at.at_root { *w } else { w - self.linear.inverse * f }
     }
 
     /// Adds the impulse `wrench` on the first frame, and its opposite on the second, as forces over the stage length `h`.

@@ -60,6 +60,9 @@ pub(crate) struct Evaluation<'a> {
     pub frames: &'a Frames<f64>,
     /// Blocks of the nodes' matrices at the last linearization, for [`Stage::resisting_mass`].
     pub blocks: &'a UnconstrainedBlocks,
+    /// Whether it is the root, where residuals of constraints are rounding: a stiff law makes an impulse of that, which is not to count
+    /// as a load.
+    pub at_root: bool,
 }
 
 /// Forces of constraints, accumulated.
