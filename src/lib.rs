@@ -77,6 +77,7 @@ pub use pliant_engine::grasp::{Grasp, Grasping};
 pub use pliant_engine::model::{BuildError, ClothSpan, Model, ModelBuilder};
 pub use pliant_engine::rollout::{Along, Rollout, RolloutOptions, Smoothing, rollout};
 pub use pliant_engine::step::{StepError, StepOptions, StepRecord, StepTrace, Stepper};
+pub use pliant_engine::vector::{ModelCopy, VectorError, VectorStepper};
 pub use pliant_identify as identify;
 pub use pliant_import as import;
 pub use pliant_math::State;

@@ -13,7 +13,7 @@
 //! 2. forces accumulate from [`terms`], gaps come from [`geometry`], commanded velocities from [`kinematics`];
 //! 3. each contact is condensed into a force on its node, and Newton's method solves what is left with the factors of [`pliant_linalg`];
 //! 4. at the root the matrix is assembled and factored once more and kept, with the root, in a record;
-//! 5. a [`rollout`](rollout::rollout) is steps in a row; [`equilibrium`] solves the same forces at rest.
+//! 5. a [`rollout`](rollout::rollout) is steps in a row, a [`vector`] steps many copies at once; [`equilibrium`] solves the same forces at rest.
 //!
 //! A rope let go falls as one, whatever its springs are; the midpoint rule is exact there:
 //! ```
@@ -59,6 +59,7 @@ pub mod rods;
 pub mod rollout;
 pub mod step;
 pub mod terms;
+pub mod vector;
 
 pub use constraints::{ContactPair, Coupling, JointFriction, JointRow, JointRowKind, Lead};
 pub use step::newton::{Attempt, Work};

@@ -98,7 +98,7 @@ pub fn smoothed_rollout(
     smoothing: Option<Smoothing>,
 ) -> Result<Rollout, StepError> {
     let kept = if step.record { max_records.map_or(controls.len(), |most| most.max(1).min(controls.len())) } else { 0 };
-    available_memory().map_or(Ok(()), |available| fits(kept, model.tree().nv(), available))?;
+    records_fit(kept, model)?;
     let segment = max_records.map(|most| most.max(1)).filter(|most| step.record && *most < controls.len());
     let mut checkpoints = segment.map(|segment| Checkpoints { segment, warm: Vec::new(), options: step, smoothing });
     let mut chain = Chain::new(model, theta, StepOptions { record: step.record && segment.is_none(), ..step }, smoothing)?;
@@ -117,15 +117,18 @@ pub fn smoothed_rollout(
             checkpoints.warm.push(chain.warm());
         }
         let (trace, record) = chain.step(&mut state, u).map_err(|e| e.at_step(k))?;
-        if let Some(too_much) = run.add(&trace.last_halves).filter(|_| chain.forward.halves()) {
-            return Err(chain.forward.energy_error(&trace.last_halves, too_much, &out.states[k], &state).at_step(k));
-        }
+        chain.forward.continue_run(&mut run, &trace.last_halves, &out.states[k], &state).map_err(|e| e.at_step(k))?;
         out.states.push(state.clone());
         out.traces.push(trace);
         out.records.extend(record);
     }
     out.checkpoints = checkpoints;
     Ok(out)
+}
+
+/// Refuses records of so many steps that certainly do not fit into memory.
+pub(crate) fn records_fit(records: usize, model: &Model) -> Result<(), StepError> {
+    available_memory().map_or(Ok(()), |available| fits(records, model.tree().nv(), available))
 }
 
 /// Refuses records that certainly do not fit into memory, from their dense matrices of bodies: ∂f/∂q̄, ∂f/∂v̄, the matrix of the step,

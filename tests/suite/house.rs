@@ -38,7 +38,7 @@ const MODULES: [(&str, &str); 8] = [
          obj cloth actuator file cloth_initial parabola initial held rod check cable keys material motion \
          schema read table refine write",
     ),
-    ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout"),
+    ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout vector"),
     (
         "import/src",
         "constants pose inertia mesh element error advice report imported names view xml paths solid work mjcf urdf lib",

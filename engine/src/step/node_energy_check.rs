@@ -155,8 +155,17 @@ impl Stepper<'_> {
         created.energy > STEP.created * h / self.model.h * created.largest
     }
 
+    /// Adds a step to those of a rollout before it; an error if what they created together is no motion. Steps that may not be halved
+    /// are wanted as they come.
+    pub(crate) fn continue_run(&mut self, run: &mut Run, halves: &LastHalves, before: &State, after: &State) -> Result<(), StepError> {
+        match run.add(halves).filter(|_| self.halves()) {
+            Some(too_much) => Err(self.energy_error(halves, too_much, before, after)),
+            None => Ok(()),
+        }
+    }
+
     /// The error of last halves that are no motion.
-    pub(crate) fn energy_error(
+    pub(super) fn energy_error(
         &mut self,
         halves: &LastHalves,
         (created, at_hand): (f64, f64),
@@ -170,7 +179,7 @@ impl Stepper<'_> {
 
     /// The inner force whose energy grows most from one state to another.
     fn grown_most(&mut self, before: &State, after: &State) -> String {
-        let energy = |term: &dyn Term, x: &State| term.energy(&Point { q: &x.q, v: &self.still, theta: self.theta });
+        let energy = |term: &dyn Term, x: &State| term.energy(&Point { q: &x.q, v: &self.still, theta: &self.theta });
         let inner = self.model.terms.iter().filter(|term| term.inner());
         let grown = inner.map(|term| (energy(term.as_ref(), after) - energy(term.as_ref(), before), term.name().to_owned()));
         let largest = grown.max_by(|a, b| a.0.total_cmp(&b.0));
@@ -192,7 +201,7 @@ impl Stepper<'_> {
         let mut end = std::mem::take(&mut self.end);
         self.evaluate_energy(step.after, &mut end);
         let of = [&self.begin, &end].map(|point| {
-            let sections = self.model.rods.energy(&point.rods, self.theta, self.as_begun(step));
+            let sections = self.model.rods.energy(&point.rods, &self.theta, self.as_begun(step));
             point.terms.map(|energy| energy + sections)
         });
         self.end = end;
@@ -220,7 +229,7 @@ impl Stepper<'_> {
         self.model.rods.evaluate(&x.q, frames, &x.q, &mut point.rods);
         point.terms = [0.0; 2];
         for term in &self.model.terms {
-            let energy = term.energy(&Point { q: &x.q, v: &self.still, theta: self.theta });
+            let energy = term.energy(&Point { q: &x.q, v: &self.still, theta: &self.theta });
             point.terms[0] += if term.inner() { energy } else { 0.0 };
             point.terms[1] += energy;
         }
@@ -257,14 +266,14 @@ impl Stepper<'_> {
 
     fn part_of_work(&self, step: &SubstepResult, part: &Part) -> Done {
         let mut f = vec![0.0; self.model.nv()];
-        let at = Point { q: part.q_bar, v: part.v_bar, theta: self.theta };
+        let at = Point { q: part.q_bar, v: part.v_bar, theta: &self.theta };
         let add = |inner: bool, f: &mut [f64]| {
             self.model.terms.iter().filter(|term| term.inner() == inner).for_each(|term| term.add_force(&at, f));
         };
         add(true, &mut f);
         let (rods, mut point) = (&self.model.rods, Default::default());
         rods.evaluate(&step.before.q, self.frames_of(step.before), part.q_bar, &mut point);
-        rods.add_force(&point, part.v_bar, self.theta, self.as_begun(step), &mut f);
+        rods.add_force(&point, part.v_bar, &self.theta, self.as_begun(step), &mut f);
         let inertia: f64 = self.free_rows().map(|(k, m)| m * part.v_bar[k] * (part.to[k] - (part.from)(k))).sum();
         let inner: f64 = (0..self.model.n_node_dofs()).map(|k| part.v_bar[k] * f[k]).sum();
         add(false, &mut f);

@@ -22,6 +22,9 @@ use halving::{Outcome, SubstepPolicy};
 use pliant_math::rotation::Map;
 use pliant_math::{Input, State};
 use pliant_scene::Integrator;
+use std::borrow::Cow;
+use std::ops::Deref;
+use std::sync::Arc;
 
 /// How steps are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,11 +84,29 @@ pub struct StepRecord {
     pub memory: Vec<(usize, Input, f64)>,
 }
 
+/// The model of a stepper: borrowed from who steps, or shared with a stepper that outlives them.
+#[derive(Clone, Debug)]
+pub(super) enum ModelOf<'m> {
+    Borrowed(&'m Model),
+    Shared(Arc<Model>),
+}
+
+impl Deref for ModelOf<'_> {
+    type Target = Model;
+
+    fn deref(&self) -> &Model {
+        match self {
+            Self::Borrowed(model) => model,
+            Self::Shared(model) => model,
+        }
+    }
+}
+
 /// Takes steps of one model at one θ. Holds the solver's memory and the warm start of the contacts.
 #[derive(Clone, Debug)]
 pub struct Stepper<'m> {
-    pub(super) model: &'m Model,
-    pub(super) theta: &'m [f64],
+    pub(super) model: ModelOf<'m>,
+    pub(super) theta: Cow<'m, [f64]>,
     options: StepOptions,
     rest_gap: f64,
     grasping: Grasping,
@@ -117,18 +138,23 @@ pub struct Stepper<'m> {
 
 impl<'m> Stepper<'m> {
     /// Checks θ against its physical bounds and allocates.
+    ///
+    /// # Errors
+    /// A θ of another size or out of its bounds; a matrix that cannot be analysed.
     pub fn new(model: &'m Model, theta: &'m [f64], options: StepOptions) -> Result<Self, StepError> {
-        model.check_theta(theta)?;
-        let ws = Workspace::new(model, theta).map_err(|source| StepError::Singular { step: 0, source })?;
+        Self::of(ModelOf::Borrowed(model), Cow::Borrowed(theta), options)
+    }
+
+    fn of(model: ModelOf<'m>, theta: Cow<'m, [f64]>, options: StepOptions) -> Result<Self, StepError> {
+        model.check_theta(&theta)?;
+        let ws = Workspace::new(&model, &theta).map_err(|source| StepError::Singular { step: 0, source })?;
         let zeros = || vec![0.0; model.nv()];
         Ok(Self {
-            model,
-            theta,
             options,
             rest_gap: model.contact.rest_gap,
             grasping: Grasping::Hard,
-            masses: Masses::new(model, theta),
-            joint_rows: model.active_rows(theta),
+            masses: Masses::new(&model, &theta),
+            joint_rows: model.active_rows(&theta),
             u: Vec::new(),
             q_past: Vec::new(),
             z_past: Vec::new(),
@@ -147,6 +173,8 @@ impl<'m> Stepper<'m> {
             end: EnergyPoint::default(),
             frames: Vec::new(),
             ws,
+            model,
+            theta,
         })
     }
 
@@ -176,14 +204,27 @@ impl<'m> Stepper<'m> {
         self.ws.warm = warm;
     }
 
+    /// Whether the steps from now on keep records.
+    pub fn set_record(&mut self, record: bool) {
+        self.options.record = record;
+    }
+
+    /// Step length h \[s\].
+    pub fn step_length(&self) -> f64 {
+        self.model.h
+    }
+
+    /// The parameters it steps with.
+    pub fn theta(&self) -> &[f64] {
+        &self.theta
+    }
+
     /// Replaces `state` by the state one step later. On error the state is unchanged.
     pub fn step(&mut self, state: &mut State, u: &[f64]) -> Result<(StepTrace, Option<StepRecord>), StepError> {
-        check_size("position vector", state.q.len(), self.model.nq())?;
-        check_size("velocity vector", state.v.len(), self.model.nv())?;
-        check_size("internal variables", state.z.len(), self.model.nz())?;
+        self.model.check_sizes(state)?;
         check_size("control", u.len(), self.model.nu())?;
         self.model.check_frames(state)?;
-        self.model.signals(u, &state.z, self.theta, &mut self.u);
+        self.model.signals(u, &state.z, &self.theta, &mut self.u);
         let h = self.model.h;
         let mut v_cmd = std::mem::take(&mut self.v_cmd);
         let result = self.command(state, u, h, &mut v_cmd).and_then(|()| {
@@ -196,10 +237,10 @@ impl<'m> Stepper<'m> {
             if let Some(too_much) = Run::default().add(&trace.last_halves).filter(|_| self.halves()) {
                 return Err(self.energy_error(&trace.last_halves, too_much, state, &next));
             }
-            self.model.advance_signals(u, &mut next.z, self.theta);
+            self.model.advance_signals(u, &mut next.z, &self.theta);
             let record = self.options.record.then(|| {
-                let [signals, memory] = self.model.signal_partials(u, &state.z, self.theta);
-                let command = StageRecord::command_inputs(self.model, [&state.q, &state.z[self.model.ndz()..]], u, self.theta, h);
+                let [signals, memory] = self.model.signal_partials(u, &state.z, &self.theta);
+                let command = StageRecord::command_inputs(&self.model, [&state.q, &state.z[self.model.ndz()..]], u, &self.theta, h);
                 StepRecord { h, stages, command, signals, memory }
             });
             *state = next;
@@ -221,7 +262,7 @@ impl<'m> Stepper<'m> {
     fn command(&self, state: &State, u: &[f64], h: f64, v_cmd: &mut [f64]) -> Result<(), StepError> {
         for drive in &self.model.drives {
             drive
-                .command([&state.q, &state.z[self.model.ndz()..]], u, self.theta, h, v_cmd)
+                .command([&state.q, &state.z[self.model.ndz()..]], u, &self.theta, h, v_cmd)
                 .map_err(|source| StepError::Command { step: 0, source })?;
         }
         Ok(())
@@ -326,11 +367,11 @@ impl<'m> Stepper<'m> {
     }
 
     fn begin<'a>(&'a self, v_cmd: &'a [f64], elapsed: f64) -> Begin<'a> {
-        let (theta, grasping) = (self.theta, self.grasping);
+        let (theta, grasping) = (&*self.theta, self.grasping);
         Begin { q: &self.q_begin, z: &self.z_past, u: &self.u, v_cmd, theta, grasping, elapsed }
     }
 
-    fn grasps(&self) -> impl Iterator<Item = (&'m Grasp, Phase)> {
+    fn grasps(&self) -> impl Iterator<Item = (&Grasp, Phase)> {
         self.model.grasps.iter().zip(self.phases.iter().copied())
     }
 
@@ -342,7 +383,7 @@ impl<'m> Stepper<'m> {
         let n = self.model.n_node_dofs();
         let past = Past { q: &self.q_past, z: &self.z_past, elapsed: h };
         let (q, v) = (&state.q[n..], &state.v[n..]);
-        let end = JointPoint { tree: &self.model.tree, q, v, u: &self.u, theta: self.theta, past };
+        let end = JointPoint { tree: &self.model.tree, q, v, u: &self.u, theta: &self.theta, past };
         self.model.advance_materials(&end, &mut state.z);
         let begin = self.begin(v_cmd, h);
         self.grasps().for_each(|(grasp, phase)| grasp.advance(phase, &begin, &mut state.z));
@@ -364,9 +405,9 @@ impl<'m> Stepper<'m> {
         self.evaluate_energy(state, &mut end);
         self.end = end;
         let before = Remembered { past: &self.rod_past, z: &self.z_past, elapsed: h };
-        rods.advance(&self.end.rods, self.theta, before, &mut state.z);
+        rods.advance(&self.end.rods, &self.theta, before, &mut state.z);
         if let (true, Some((_, record))) = (self.options.record, stages.last_mut()) {
-            rods.visit_advance(&self.end.rods, self.theta, before, &mut |place, input, value| {
+            rods.visit_advance(&self.end.rods, &self.theta, before, &mut |place, input, value| {
                 record.memory.push((place, input, value));
             });
         }
@@ -390,8 +431,8 @@ impl<'m> Stepper<'m> {
         holds.extend(self.grasps().filter_map(|(grasp, phase)| grasp.hold(phase, &self.begin(v_cmd, self.elapsed))));
         self.holds = holds;
         let stage = Stage {
-            model: self.model,
-            theta: self.theta,
+            model: &self.model,
+            theta: &self.theta,
             masses: &self.masses,
             joint_rows: &self.joint_rows,
             u: &self.u,
@@ -451,6 +492,16 @@ impl<'m> Stepper<'m> {
     }
 }
 
+impl Stepper<'static> {
+    /// As [`Stepper::new`], of a model that it shares and parameters of its own: it may be kept beside what owns the model.
+    ///
+    /// # Errors
+    /// Those of [`Stepper::new`].
+    pub fn shared(model: Arc<Model>, theta: Vec<f64>, options: StepOptions) -> Result<Self, StepError> {
+        Self::of(ModelOf::Shared(model), Cow::Owned(theta), options)
+    }
+}
+
 impl Stepper<'_> {
     /// Derivatives of what grippers that grasp pull with in a stage.
     fn record_grasps(&self, v_cmd: &[f64], record: &mut StageRecord) {
@@ -458,7 +509,7 @@ impl Stepper<'_> {
             record.grasp_modes.extend(self.phases.iter().flat_map(|phase| phase.modes()));
             return;
         }
-        let (q_bar, _) = record.evaluation_point(self.model);
+        let (q_bar, _) = record.evaluation_point(&self.model);
         let (begin, prescribed) = (self.begin(v_cmd, self.elapsed), &self.model.prescribed_rows);
         for (grasp, phase) in self.grasps() {
             record.grasp_modes.extend(phase.modes());
@@ -476,8 +527,15 @@ pub(crate) fn check_size(what: &'static str, got: usize, expected: usize) -> Res
 }
 
 impl Model {
+    /// Refuses a state of another model.
+    pub(crate) fn check_sizes(&self, state: &State) -> Result<(), StepError> {
+        check_size("position vector", state.q.len(), self.nq())?;
+        check_size("velocity vector", state.v.len(), self.nv())?;
+        check_size("internal variables", state.z.len(), self.nz())
+    }
+
     /// Refuses reference axes that do not belong to the state's positions.
-    fn check_frames(&self, state: &State) -> Result<(), StepError> {
+    pub(crate) fn check_frames(&self, state: &State) -> Result<(), StepError> {
         match self.rods.misplaced(&state.q, &state.z[self.ndz()..]) {
             Some(edge) => Err(StepError::Frames { step: 0, place: self.row_name(self.rods.row(edge)) }),
             None => Ok(()),
