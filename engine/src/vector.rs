@@ -7,6 +7,7 @@ use crate::model::Model;
 use crate::rollout::{Rollout, records_fit};
 use crate::step::{Run, StepError, StepOptions, StepTrace, Stepper};
 use pliant_math::State;
+use pliant_scene::available_memory;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -62,6 +63,16 @@ pub enum VectorError {
         copy: usize,
         /// Why.
         source: StepError,
+    },
+    /// Copies that do not fit into memory.
+    #[error("{copies} copies take at least {bytes} bytes, and {available} are free: step fewer at once")]
+    Memory {
+        /// Number of copies.
+        copies: usize,
+        /// Bytes that they take at least.
+        bytes: u64,
+        /// Bytes that are free.
+        available: u64,
     },
     /// Records of all copies do not fit into memory.
     #[error(transparent)]
@@ -127,11 +138,12 @@ impl VectorStepper {
     /// `n` copies in the model's initial state, with its parameters.
     ///
     /// # Errors
-    /// No copies; a matrix of the step that cannot be analysed.
+    /// No copies, or more than memory holds; a matrix of the step that cannot be analysed.
     pub fn new(model: &Arc<Model>, n: usize) -> Result<Self, VectorError> {
         if n == 0 {
             return Err(VectorError::Empty);
         }
+        available_memory().map_or(Ok(()), |available| fits(n, model, available))?;
         let theta = model.params().values();
         let copy = ModelCopy::new(model, theta, model.initial_state()).map_err(|source| VectorError::Copy { copy: 0, source })?;
         Ok(Self { model: Arc::clone(model), copies: vec![copy; n], records_fit: false })
@@ -287,7 +299,7 @@ impl ModelCopy {
 
     fn reset(&mut self, x: &State) {
         assign(&mut self.state, x);
-        self.stepper.set_warm_start(None);
+        self.stepper.forget();
         (self.run, self.steps, self.trace) = (Run::default(), 0, StepTrace::default());
         (self.record, self.failure) = (None, None);
     }
@@ -329,6 +341,15 @@ impl ModelCopy {
 
 fn stepper(model: &Arc<Model>, theta: &[f64]) -> Result<Stepper<'static>, StepError> {
     Stepper::shared(Arc::clone(model), theta.to_vec(), StepOptions { record: false, ..StepOptions::default() })
+}
+
+/// Refuses copies that certainly do not fit into memory, from their states and their dense matrices of bodies: ∂f/∂q̄, ∂f/∂v̄, the matrix
+/// of the step, and its factor.
+fn fits(copies: usize, model: &Model, available: u64) -> Result<(), VectorError> {
+    let numbers = 4 * (model.tree().nv() as u64).pow(2) + 2 * model.nx() as u64;
+    let one = size_of::<ModelCopy>() as u64 + numbers.saturating_mul(size_of::<f64>() as u64);
+    let bytes = one.saturating_mul(copies as u64);
+    if bytes > available { Err(VectorError::Memory { copies, bytes, available }) } else { Ok(()) }
 }
 
 fn check_state(model: &Model, copy: usize, x: &State) -> Result<(), VectorError> {

@@ -1,6 +1,6 @@
 //! Many rollouts at once, one task per rollout. Which thread runs which does not show in the results.
 
-use crate::convert::{finite, matrix, n_axes, stack, to_matrix, to_stack};
+use crate::convert::{finite, matrix, n_axes, positive, stack, to_matrix, to_stack};
 use crate::errors::input;
 use crate::options::{Keep, Trajectory};
 use crate::rollout::wrap;
@@ -72,8 +72,8 @@ impl Job {
 pub fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     match threads {
         None => Ok(work()),
-        Some(0) => Err(input("threads is 0, but at least one is needed")),
         Some(threads) => {
+            positive("threads", threads)?;
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(input)?;
             Ok(pool.install(work))
         }

@@ -75,6 +75,17 @@ pub fn matrix(name: &str, value: &Bound<PyAny>, rows: Option<usize>, columns: us
     Ok((0..view.shape()[0]).map(|r| view.index_axis(Axis(0), r).iter().copied().collect()).collect())
 }
 
+/// A row of `columns` numbers for each of `n`, or one that all share: row-major, (n, columns).
+pub fn rows_or_shared(name: &str, value: &Bound<PyAny>, n: usize, columns: usize) -> PyResult<Vec<f64>> {
+    let array = array(name, value)?;
+    let view = array.as_array();
+    match view.shape() {
+        [rows, c] if (*rows, *c) == (n, columns) => Ok(view.iter().copied().collect()),
+        [c] if *c == columns => Ok(view.iter().copied().collect::<Vec<f64>>().repeat(n)),
+        shape => Err(shape_error(name, shape, &format!("({n}, {columns}) or, shared by all, ({columns},)"))),
+    }
+}
+
 /// A matrix of that shape, if it is given.
 pub fn optional_matrix(name: &str, value: Optional, rows: usize, columns: usize) -> PyResult<Option<Rows>> {
     value.map(|value| matrix(name, value, Some(rows), columns)).transpose()
@@ -93,6 +104,11 @@ pub fn stack(name: &str, value: &Bound<PyAny>, rows: Option<usize>, columns: usi
     }
     let row = |b: usize, r: usize| view.index_axis(Axis(0), b).index_axis(Axis(0), r).iter().copied().collect();
     Ok((0..view.shape()[0]).map(|b| (0..view.shape()[1]).map(|r| row(b, r)).collect()).collect())
+}
+
+/// Refuses zero.
+pub fn positive(name: &str, number: usize) -> PyResult<()> {
+    if number == 0 { Err(input(format!("{name} is 0, but at least one is needed"))) } else { Ok(()) }
 }
 
 /// Number of axes of an array.

@@ -1,7 +1,7 @@
 //! The engine's errors as Python exceptions.
 
 use pliant::identify::IdentifyError;
-use pliant::{AdjointError, StepError};
+use pliant::{AdjointError, StepError, VectorError};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use std::fmt::Display;
@@ -15,20 +15,33 @@ pub fn input(error: impl Display) -> PyErr {
 }
 
 pub fn step(error: StepError) -> PyErr {
+    of_step(&error, &error)
+}
+
+/// Of a vector stepper, or of the copy that it names.
+pub fn vector(error: VectorError) -> PyErr {
+    match &error {
+        VectorError::Copy { source, .. } | VectorError::Records(source) => of_step(source, &error),
+        _ => input(error),
+    }
+}
+
+/// The exception of `error`'s kind with the text of `told`.
+fn of_step(error: &StepError, told: &dyn Display) -> PyErr {
     match error {
         StepError::Size { .. }
         | StepError::Memory { .. }
         | StepError::Parameter { .. }
         | StepError::Command { .. }
         | StepError::Frames { .. }
-        | StepError::EquilibriumWithContact { .. } => input(error),
+        | StepError::EquilibriumWithContact { .. } => input(told),
         StepError::NotConverged { .. }
         | StepError::EnergyCreated { .. }
         | StepError::NotFinite { .. }
         | StepError::Singular { .. }
         | StepError::NoNormal { .. }
         | StepError::ContactNotFinite { .. }
-        | StepError::Geometry { .. } => NumericsError::new_err(error.to_string()),
+        | StepError::Geometry { .. } => NumericsError::new_err(told.to_string()),
     }
 }
 

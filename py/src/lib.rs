@@ -15,6 +15,7 @@ mod model;
 mod options;
 mod rollout;
 mod study;
+mod vector;
 
 use pyo3::prelude::*;
 
@@ -27,6 +28,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<rollout::Rollout>()?;
     m.add_class::<rollout::SurrogateRollout>()?;
     m.add_class::<batch::Batch>()?;
+    m.add_class::<vector::VectorStepper>()?;
     m.add_class::<equilibrium::Equilibrium>()?;
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;

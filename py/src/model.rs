@@ -6,6 +6,7 @@ use crate::equilibrium::Equilibrium;
 use crate::errors::{self, input};
 use crate::options::Keep;
 use crate::rollout::wrap;
+use crate::vector::VectorStepper;
 use numpy::{PyArray1, PyArray2};
 use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs, warnings};
 use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
@@ -325,6 +326,18 @@ impl Model {
         let options = StepOptions { record: false, ..StepOptions::default() };
         py.detach(|| Stepper::new(&self.model, &theta, options)?.step(&mut state, &u)).map_err(errors::step)?;
         Ok(to_vector(py, state.to_flat()))
+    }
+
+    /// `n` copies that are stepped together, each with its own state, parameters and warm start.
+    #[pyo3(signature = (n=1, thetas=None, *, x0s=None, threads=None))]
+    fn stepper<'py>(
+        this: Bound<'py, Self>,
+        n: isize,
+        thetas: Option<&Bound<'py, PyAny>>,
+        x0s: Option<&Bound<'py, PyAny>>,
+        threads: Option<usize>,
+    ) -> PyResult<VectorStepper> {
+        VectorStepper::new(this, n, thetas, x0s, threads)
     }
 
     /// Simulates from x0 (nx,) through u (T, nu). See the stubs for the options.

@@ -10,3 +10,4 @@ mod judged;
 mod long;
 mod retries;
 mod surrogate;
+mod vector;

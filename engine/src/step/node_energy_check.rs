@@ -157,7 +157,13 @@ impl Stepper<'_> {
 
     /// Adds a step to those of a rollout before it; an error if what they created together is no motion. Steps that may not be halved
     /// are wanted as they come.
-    pub(crate) fn continue_run(&mut self, run: &mut Run, halves: &LastHalves, before: &State, after: &State) -> Result<(), StepError> {
+    pub(crate) fn continue_run(
+        &mut self,
+        run: &mut Run,
+        halves: &LastHalves,
+        before: &State,
+        after: &State,
+    ) -> Result<(), StepError> {
         match run.add(halves).filter(|_| self.halves()) {
             Some(too_much) => Err(self.energy_error(halves, too_much, before, after)),
             None => Ok(()),

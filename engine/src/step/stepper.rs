@@ -204,6 +204,11 @@ impl<'m> Stepper<'m> {
         self.ws.warm = warm;
     }
 
+    /// Forgets the warm start: the next step is bitwise that of a new stepper.
+    pub fn forget(&mut self) {
+        self.ws.forget();
+    }
+
     /// Whether the steps from now on keep records.
     pub fn set_record(&mut self, record: bool) {
         self.options.record = record;
@@ -240,7 +245,8 @@ impl<'m> Stepper<'m> {
             self.model.advance_signals(u, &mut next.z, &self.theta);
             let record = self.options.record.then(|| {
                 let [signals, memory] = self.model.signal_partials(u, &state.z, &self.theta);
-                let command = StageRecord::command_inputs(&self.model, [&state.q, &state.z[self.model.ndz()..]], u, &self.theta, h);
+                let command =
+                    StageRecord::command_inputs(&self.model, [&state.q, &state.z[self.model.ndz()..]], u, &self.theta, h);
                 StepRecord { h, stages, command, signals, memory }
             });
             *state = next;

@@ -159,8 +159,10 @@ impl Workspace {
         })
     }
 
-    /// Forgets the warm start, so that the next stage depends on its inputs alone.
+    /// Forgets the warm start, so that the next stage depends on its inputs alone. Multipliers are those of new buffers again: rows of
+    /// joints that find no warm start begin where the last stage has left them.
     pub fn forget(&mut self) {
         self.warm = None;
+        self.it.lambda.fill(0.0);
     }
 }

@@ -27,5 +27,6 @@ mod rods_memory;
 mod rods_section;
 mod scene_files;
 mod shapes_against_parry;
+mod vector;
 mod warm_starts;
 mod weightless;
