@@ -119,13 +119,14 @@ impl VectorStepper {
         let n = self.n;
         let u = rows_or_shared("u", u, n, self.engine().nu())?;
         let flat = py.detach(|| {
-            let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut guard = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+            let inner = &mut *guard;
             // to hand a single copy to other threads takes as long as its step
             match self.pool.as_ref().filter(|_| n > 1) {
                 Some(pool) => pool.install(|| inner.step(&u, record)),
                 None => inner.step(&u, record),
             }?;
-            Ok(states(&inner))
+            Ok(states(inner))
         });
         to_matrix(py, flat.map_err(errors::vector)?, self.engine().nx(), n)
     }

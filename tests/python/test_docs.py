@@ -85,6 +85,15 @@ def test_readme_example_runs(monkeypatch, capsys):
     assert float(capsys.readouterr().out) == pytest.approx(float(promised), abs=0.05)
 
 
+def test_python_page_example_runs(monkeypatch, capsys):
+    pytest.importorskip("pliant")
+    (example,) = blocks((ROOT / "docs" / "python.md").read_text(encoding="utf-8"), "python")
+    (promised,) = re.findall(r"# heights of node 5 differ by ([\d.]+) m", example)
+    monkeypatch.chdir(ROOT)
+    exec(compile(example, "docs/python.md", "exec"), {})
+    assert float(capsys.readouterr().out) == pytest.approx(float(promised), rel=0.05)
+
+
 @EVERY
 def test_toml_is_toml(path):
     for block in blocks(path.read_text(encoding="utf-8"), "toml"):

@@ -201,7 +201,22 @@ class Model:
     def step(self, x: ArrayLike, u: ArrayLike, theta: ArrayLike | None = None) -> Array:
         """x (nx,) one step later, (nx,), with inputs u (nu,) and parameters theta (n_params,).
 
-        Keeps nothing for derivatives. Raises NumericsError if the step has no solution.
+        Keeps nothing for derivatives or for the next step: a loop is faster with a `stepper`. Raises NumericsError if the
+        step has no solution.
+        """
+    def stepper(
+        self,
+        n: int = 1,
+        thetas: ArrayLike | None = None,
+        *,
+        x0s: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> VectorStepper:
+        """`n` copies of the model that are stepped together, each with its own state, parameters and warm start.
+
+        thetas: (n, n_params), or (n_params,) shared, or None for the scene's. x0s: (n, nx), or (nx,) shared, or None for
+        `initial_state(theta)` of each. threads: how many; all cores if None. Results do not depend on it. InputError
+        names the copy whose state or parameters are refused.
         """
     def rollout(
         self,
@@ -348,6 +363,65 @@ class Batch:
         """Number of rollouts."""
     def __getitem__(self, b: int) -> Rollout:
         """The rollout of that number."""
+
+@final
+class VectorStepper:
+    """Copies of one model that are stepped together; made by `Model.stepper`.
+
+    Each takes, bitwise, the steps of a rollout of its own. A copy whose step fails keeps the state before that step and
+    takes no more until it is reset, while the others go on: look at `failed`. Copies are numbered from 0, negative numbers
+    count from the end; IndexError if there is no such copy. Threads that call at the same time take turns.
+    """
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+    @property
+    def x(self) -> Array:
+        """States of all copies, (n, nx) [m, m/s], a fresh array; of a failed copy the last one before the failure."""
+    @property
+    def t(self) -> Array:
+        """Time that every copy has been simulated since it was made or reset [s], (n,)."""
+    @property
+    def thetas(self) -> Array:
+        """Parameters of all copies, (n, n_params), in the parameters' units. A fresh array."""
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Which copies have failed, (n,)."""
+    @property
+    def errors(self) -> dict[int, InputError | NumericsError]:
+        """Why they have: the exception that a rollout would have raised, by number of the copy."""
+    def step(self, u: ArrayLike, *, record: bool = False) -> Array:
+        """Takes a step of every copy that has not failed, with inputs u (n, nu), or (nu,) for all; returns x (n, nx).
+
+        record: keep each copy's step, with its factorization, for `linearize`, `jvp` and `vjp`, until its next step. That
+        changes no state. InputError if u has another shape or an entry that is not finite: then no copy has taken a step.
+        """
+    def reset(self, i: int, x: ArrayLike | None = None) -> None:
+        """Lets copy i start anew from x (nx,), by default its `initial_state(theta)`, at time 0 and without warm start."""
+    def set_theta(self, i: int, theta: ArrayLike) -> None:
+        """Gives copy i parameters theta (n_params,). It goes on from its state, without warm start."""
+    def clone_copy(self, source: int, target: int) -> None:
+        """Makes copy `target` the same as copy `source`: state, time, parameters, warm start, failure, record."""
+    def clone(self) -> VectorStepper:
+        """Another stepper whose copies go on bitwise as these do."""
+    def linearize(self, i: int) -> tuple[Array, Array, Array]:
+        """Jacobians of the recorded step of copy i: A (ndx, ndx) by x, B (ndx, nu) by u, C (ndx, n_params) by theta."""
+    def jvp(
+        self,
+        i: int,
+        x_dot: ArrayLike | None = None,
+        u_dot: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+    ) -> Array:
+        """Tangent (ndx,) after the recorded step of copy i along x_dot (ndx,) before it, u_dot (nu,), theta_dot; None is zero."""
+    def vjp(self, i: int, x_bar: ArrayLike) -> tuple[Array, Array, Array]:
+        """Cotangents x_bar (ndx,), u_bar (nu,), theta_bar (n_params,) before the recorded step of copy i from x_bar (ndx,) after it.
+
+        NaN or infinity in x_bar is refused.
+        """
+    def __len__(self) -> int:
+        """Number of copies n."""
 
 @final
 class Equilibrium:
