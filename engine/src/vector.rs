@@ -198,7 +198,8 @@ impl VectorStepper {
         if self.copies.len() == 1 {
             self.copies.iter_mut().enumerate().for_each(one);
         } else {
-            self.copies.par_iter_mut().enumerate().for_each(one);
+            // copies differ in work, so that a thread without any takes over single ones
+            self.copies.par_iter_mut().enumerate().with_max_len(1).for_each(one);
         }
         Ok(())
     }
