@@ -108,6 +108,16 @@ def test_ropes_of_every_size_are_accepted(nodes):
     assert pliant.loads(rods_cloth.rod_text(nodes, "hang", 2)).n_nodes == nodes
 
 
+def test_stepping_is_measured_in_every_scene():
+    command = [sys.executable, "-m", "validation.bench.stepping", "--rounds", "1", "--json"]
+    out = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300, check=True)
+    found = json.loads(out.stdout)
+    assert [row["scene"] for row in found["rows"]] == ["rope", "rope_contact", "chain", "arm_box"]
+    for row in found["rows"]:
+        assert all(value > 0 for key, value in row.items() if key != "scene"), row
+    assert found["machine"]["cores"] >= 1
+
+
 def test_every_node_of_the_benchmarks_sheet_touches_the_floor_in_both():
     peer = MujocoSheet(rods_cloth.sheet(5, "rest"), "rest")
     peer.contacts()  # runs it
