@@ -1,8 +1,8 @@
 """`python -m validation.bench.stepping`: steps one by one from Python, and many copies at once.
 
-A table in Markdown: what a loop over `VectorStepper.step` with one copy costs beside `Model.rollout` of the same steps (which
-its start is taken from, too), beside a loop over `Model.step`, and what two threads gain on 64 copies. Rounds of all parties take
-turns; medians. *rope*: the benchmark's rope of 20 nodes, hanging and on a floor; *chain*, *arm_box*: the benchmark's bodies.
+A table in Markdown: what a loop over `VectorStepper.step` with one copy costs beside `Model.rollout` of the same steps and
+beside a loop over `Model.step`, and what two threads gain on 64 copies (with nothing else on the machine: `rollout_batch` gains
+no more on a busy one). All parties take turns; medians over the rounds. *rope*: the benchmark's rope of 20 nodes, hanging and on a floor; *chain*, *arm_box*: the benchmark's bodies.
 """
 
 import argparse
