@@ -30,8 +30,8 @@ fn disagreements_below_the_floor_are_none() {
     }
 }
 
-/// Over a level floor nothing depends on where a ball is across, or on where an upright block is: these columns of A are zero but for
-/// the ball's own place, to the last digit, however large the impulse and however tight the rest gap.
+/// Over a level floor nothing depends on where a ball is across: these columns of A are zero but for the ball's own place, however large
+/// the impulse and however tight the rest gap.
 #[test]
 fn nothing_depends_on_where_over_a_floor_a_body_falls() {
     let mut scene = scene("s131");
