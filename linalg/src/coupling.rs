@@ -71,6 +71,18 @@ impl Coupling {
         }
     }
 
+    /// Σ |a| y over a node's row of the upper block.
+    pub(crate) fn upper_magnitude(&self, row: usize, y_bodies: &[f64]) -> f64 {
+        let Ok(k) = self.nodes.binary_search(&(row / 3)) else { return 0.0 };
+        let at = (3 * k + row % 3) * self.n_dofs;
+        self.upper[at..at + self.n_dofs].iter().zip(y_bodies).map(|(a, y)| a.abs() * y).sum()
+    }
+
+    /// Σ |a| y over a degree of freedom's row of the lower block.
+    pub(crate) fn lower_magnitude(&self, dof: usize, y_nodes: &[f64]) -> f64 {
+        self.rows(&self.lower).map(|(row, entries)| entries[dof].abs() * y_nodes[row]).sum()
+    }
+
     /// `y_nodes += scale · upper x_bodies`, row-major with `columns`.
     pub(crate) fn add_upper_product(&self, scale: f64, x: &[f64], y: &mut [f64], columns: usize) {
         for (row, entries) in self.rows(&self.upper) {

@@ -72,6 +72,13 @@ impl NodeMatrix {
         }
     }
 
+    /// Σ_c |a_rc| y_c of row `r`.
+    pub fn row_magnitude(&self, r: usize, y: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        self.for_system_row(r, |c, a| sum += a.abs() * y[c]);
+        sum
+    }
+
     /// `y += scale · Aᵀ x`.
     pub fn add_mul_transpose(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         let blocks = self.for_blocks(|row, column, place, down| {

@@ -56,6 +56,19 @@ impl System {
         self.coupling.add_lower_product(scale, x_nodes, y_bodies, columns);
     }
 
+    /// Σ_c |a_rc| y_c of row `r`: how much it may change where each y_c is off by a part of itself, over that part.
+    pub fn row_magnitude(&self, r: usize, y: &[f64]) -> f64 {
+        let (y_nodes, y_bodies) = y.split_at(self.nodes.dim());
+        match r.checked_sub(self.nodes.dim()) {
+            None => self.nodes.row_magnitude(r, y_nodes) + self.coupling.upper_magnitude(r, y_bodies),
+            Some(dof) => {
+                let n = self.bodies.dim();
+                let own: f64 = self.bodies.data()[dof * n..(dof + 1) * n].iter().zip(y_bodies).map(|(a, y)| a.abs() * y).sum();
+                own + self.coupling.lower_magnitude(dof, y_nodes)
+            }
+        }
+    }
+
     /// `y += scale · Aᵀ x`.
     pub fn add_mul_transpose(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         let split = self.nodes.dim();

@@ -6,7 +6,10 @@ use crate::{Real, Vec3};
 /// finite where b = −a, which no smallest rotation leads to.
 #[inline]
 pub fn carried<S: Real>(a: &Vec3<S>, b: &Vec3<S>, d: &Vec3<S>) -> Vec3<S> {
-    d - (a + b) * (b.dot(d) * (a.dot(b) + 1.0).recip())
+    // ½|a + b|², because 1 + a·b loses its digits where b is nearly −a
+    let sum = a + b;
+    let along = b.dot(d) * sum.dot(&sum).recip();
+    d - sum * (along + along)
 }
 
 /// The angle \[rad\] in (−π, π] from `u` to `v`, both normal to the unit vector `axis`, counted about it.
@@ -49,6 +52,20 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use approx::assert_relative_eq;
+
+    #[test]
+    fn carrying_across_a_fold_keeps_its_digits() {
+        let (a, across) = (Vec3::new(1.0, 2.0, -0.5).normalize(), Vec3::new(2.0, -1.0, 0.3));
+        let across = normal_part(&across, &a).unwrap();
+        for open in [1e-2_f64, 1e-4, 1e-6] {
+            // folded back but for the angle `open`: what lies along the fold's plane turns by π − open
+            let (sin, cos) = open.sin_cos();
+            let b = across * sin - a * cos;
+            let moved = carried(&a, &b, &across);
+            let expected = -across * cos - a * sin;
+            assert!((moved - expected).norm() < 1e-15 / open, "{open}: {moved} {expected}");
+        }
+    }
 
     #[test]
     fn carrying_turns_about_the_common_normal_only() {

@@ -59,7 +59,7 @@ def test_contact_impulse_lies_on_the_central_path(law, sharper):
     p = contact.impulse(law, gap, n, v, (h, step), mu, kappa)
     v_t, w0 = contact.tangential(n, v), n @ p
     w = contact.tangential(n, p) / mu
-    slip = sharper * mu * v_t
+    slip = (sharper * np.hypot(mu, contact.LEAST_SLIP) if law == "coulomb" else mu) * v_t
     s0 = gap / h
     if law == "coulomb":  # s0 - |s̄|²/s0 = v̂_n
         s0 = (s0 + jnp.sqrt(s0**2 + 4 * slip @ slip)) / 2

@@ -147,7 +147,8 @@ fn nothing_is_computed_for_an_output_that_cannot_be_written() {
 #[test]
 fn a_failed_simulation_leaves_the_old_file_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = changed(folder.path(), "capsule_drape.toml", "[time]", "[solver]\nmax_iterations = 1\nmax_halvings = 0\n[time]");
+    let scene =
+        changed(folder.path(), "pile_explodes_2.toml", "[time]", "[solver]\nmax_iterations = 1\nmax_halvings = 0\n[time]");
     let out = folder.path().join("run.csv");
     std::fs::write(&out, "old").unwrap();
     let output = pliant(&["simulate", scene.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]);

@@ -1,7 +1,7 @@
 """Node spheres against fixed shapes: gaps, normals, central-path impulses.
 
 With v̂_n = gap/h [m/s] and v_t = (I - n nᵀ) v⁺, the impulse p = w₀ n + μ w̄ [N·s] solves
-s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = μ/ε, ε = min(1, h²/τ²) (coulomb).
+s ∘ w = κ e, s = (v̂_n + ς, σ v_t), w in the second-order cone; σ = μ (anitescu), σ = √(μ² + μ₀²)/ε, ε = min(1, h²/τ²) (coulomb).
 Admissible: gap > 0 (coulomb), v̂_n > μ |v_t| (anitescu).
 """
 
@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from .laws import dot
 
 FRICTION_TIME = 0.002  # τ [s]
+LEAST_SLIP = 0.05  # μ₀ [-]
 
 
 def plane_gap(x, radius, shape):
@@ -57,7 +58,7 @@ def impulse(law, gap, normal, velocity, lengths, friction, kappa):
     approach = gap / h
     v_t = tangential(normal, velocity)
     if law == "coulomb":
-        slip = friction * v_t / sharpness(step)
+        slip = jnp.hypot(friction, LEAST_SLIP) * v_t / sharpness(step)
         s0 = 0.5 * (approach + jnp.sqrt(approach**2 + 4.0 * dot(slip, slip)))
         gamma_n = kappa / approach
         return gamma_n * normal - friction * gamma_n / s0 * slip

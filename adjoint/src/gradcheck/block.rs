@@ -12,9 +12,9 @@ pub(crate) struct Block {
     pub x0: Vec<f64>,
     pub u: Vec<Vec<f64>>,
     pub theta: Vec<f64>,
-    /// L is even in these values: coefficients of contact friction, all zero. Both laws of contact hold their squares alone, so the
+    /// L is even in these values: coefficients of contact friction, all zero. The convex relaxation holds their squares alone, so the
     /// derivative is 0; a one-sided difference sees it only at coefficients below the rest gap over the distance slid in a step,
-    /// which rounding hides, and finds the slope of Coulomb's cone above.
+    /// which rounding hides, and finds the slope of the cone above.
     pub even: bool,
     /// Typical size of the block's values; 0 if they are all zero, so that no relative step makes sense.
     pub scale: f64,
@@ -92,9 +92,9 @@ fn theta_block(name: &str, model: &Model, inputs: &Inputs, random: &mut Random) 
         (0..inputs.theta.len()).filter(|&k| without_indices(&model.params().info(k).path) == name).collect();
     block.size = members.len();
     block.scale = members.iter().map(|&k| inputs.theta[k].abs()).fold(0.0, f64::max);
-    // (friction of joints is a force or a torque, and not even)
+    // (friction of joints is a force or a torque, and not even; Coulomb's law begins linearly)
     let coefficients = members.iter().all(|&k| model.params().info(k).unit == "-");
-    block.even = name.ends_with(".friction") && coefficients && block.scale == 0.0;
+    block.even = name.ends_with(".friction") && coefficients && block.scale == 0.0 && model.friction_is_even();
     for k in members {
         let info = model.params().info(k);
         let (value, at_bound) = (inputs.theta[k], inputs.theta[k] <= info.lower);

@@ -4,6 +4,9 @@
 pub struct GradcheckConstants {
     /// Largest admissible relative error if the difference's floor is below a tenth of it [-].
     pub relative_error: f64,
+    /// Relative precision of the steps that are checked, if the scene's own is no finer [-]: what is left of a residual at the scene's may
+    /// change with an input as quickly as a hard contact does, which no width of a difference tells from a derivative.
+    pub tolerance: f64,
     /// Multiple of the difference's floor that is admissible otherwise [-].
     pub floor_factor: f64,
     /// Largest floor of a difference that judges, so that no error above 1e-5 passes [-]. Rounding leaves differences of rollouts through
@@ -31,6 +34,7 @@ pub struct GradcheckConstants {
 /// The values in use.
 pub const GRADCHECK: GradcheckConstants = GradcheckConstants {
     relative_error: 1e-7,
+    tolerance: 1e-13,
     floor_factor: 10.0,
     judging_floor: 1e-6,
     slope: 0.1,

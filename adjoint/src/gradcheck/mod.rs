@@ -126,7 +126,7 @@ pub(crate) struct Sample {
     pub modes: Vec<u8>,
 }
 
-/// Checks jvp and vjp of the rollout of `model` from `x0` through `controls` at `theta`; `seed` chooses weights and directions.
+/// Checks jvp and vjp of the rollout of `model`, its steps solved at least to [`GradcheckConstants::tolerance`], from `x0` through `controls` at `theta`; `seed` chooses weights and directions.
 pub fn gradcheck(
     model: &Arc<Model>,
     theta: &[f64],
@@ -134,6 +134,7 @@ pub fn gradcheck(
     controls: &[Vec<f64>],
     seed: u64,
 ) -> Result<Report, AdjointError> {
+    let model = &Arc::new(Model::clone(model).solved_to(GRADCHECK.tolerance));
     let mut random = Random(seed);
     let inputs = Inputs { x0: x0.clone(), u: controls.to_vec(), theta: theta.to_vec() };
     let scale = 1.0 / (controls.len() + 1) as f64;

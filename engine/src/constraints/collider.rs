@@ -3,7 +3,7 @@
 use super::distance_change::Changes;
 use super::{CONSTRAINTS, LinkLinear, contact_law, slip};
 use crate::geometry::collider::{ContactGeometry, carried};
-use nalgebra::{Matrix3, Matrix3x6, Matrix4, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
+use nalgebra::{Matrix3, Matrix3x6, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
 use pliant_math::Vec3;
 use pliant_math::spatial::{Force, Motion, hat, product};
 use pliant_smoothing::{ContactLaw, Linearization, SplitPoint, linearize, residual, split_linearize};
@@ -163,12 +163,6 @@ fn stack(top: &Matrix3x6<f64>, bottom: &Matrix3x6<f64>) -> Matrix6<f64> {
     m.fixed_view_mut::<3, 6>(0, 0).copy_from(top);
     m.fixed_view_mut::<3, 6>(3, 0).copy_from(bottom);
     m
-}
-
-/// Rounding of w: that of F through F_w⁻¹.
-pub(crate) fn rounding(inverse: &Matrix4<f64>, w: &Vector4<f64>, law: &SplitLaw, v_t: &Vec3<f64>) -> f64 {
-    let size = w.norm() + law.at.rho_t * law.at.slip * v_t.norm();
-    4.0 * f64::EPSILON * size * inverse.norm()
 }
 
 /// The law's numbers at a contact of `pair` for a stage length and a rest gap.

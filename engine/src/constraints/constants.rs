@@ -12,8 +12,11 @@ pub(crate) struct ConstraintConstants {
     /// τ [s] of [`super::sharpness`]: in steps shorter than this friction is sharper than the rest gap alone makes it. A longer τ costs
     /// iterations: with 0.01 s a cable in clips takes 1.7 times as many at 1/240 s.
     pub friction_time: f64,
+    /// Coefficient below which Coulomb's friction turns no less sharply [-]: small beside those that hold anything, so that these keep
+    /// theirs, and large enough for a derivative by a coefficient of zero.
+    pub least_slip: f64,
 }
 
 /// The values in use.
 pub(crate) const CONSTRAINTS: ConstraintConstants =
-    ConstraintConstants { rho: 0.3, weight: 10.0, slip: 0.999, friction_time: 0.002 };
+    ConstraintConstants { rho: 0.3, weight: 10.0, slip: 0.999, friction_time: 0.002, least_slip: 0.05 };

@@ -80,12 +80,10 @@ impl Coupling {
         let [p, slope, bend] = self.polynomial(self.distance(at.lead, theta), theta);
         let compliance_per_h2 = self.compliance_per_h2(at, theta);
         RowLinear {
-            held: 0.0,
             f: at.rho * ((at.q - p) / at.h + compliance_per_h2 * gamma),
             f_q: at.rho / at.h,
             f_v: 0.0,
             f_gamma: at.rho * compliance_per_h2,
-            rounding: 4.0 * f64::EPSILON * (at.q.abs() + p.abs() + (slope * at.lead).abs()) / (at.h * compliance_per_h2),
             lever: -slope,
             lever_bend: -bend,
         }

@@ -85,10 +85,6 @@ pub(crate) struct RowLinear {
     pub f_q: f64,
     pub f_v: f64,
     pub f_gamma: f64,
-    /// Rounding of γ: that of F through F_γ, which vanishes where a joint sticks or a stop is closed hard.
-    pub rounding: f64,
-    /// Rounding of the velocity where a closed stop tells it, by where the coordinate is at the end of the step [m/s or rad/s]; otherwise 0.
-    pub held: f64,
     /// Impulse on the leading degree of freedom per unit of γ, by which its motion counts in F too; and ∂/∂ of its coordinate.
     pub lever: f64,
     pub lever_bend: f64,
@@ -220,12 +216,7 @@ impl JointRow {
         let p = self.values(theta).map(Dual::from_re);
         let f = self.law(at, [seeded(at.q, 0), seeded(at.v, 1), seeded(gamma, 2), Dual::from_re(at.load)], &p);
         let by = f.eps.0.unwrap_or_else(Vector3::zeros);
-        let is_stop = matches!(self.kind, JointRowKind::Stop(..));
-        let by_place = if is_stop { at.q.abs() / at.h } else { 0.0 };
-        let size = gamma.abs() + at.rho * (at.v.abs() + by_place) + self.bounds(at, theta).into_iter().fold(0.0, f64::max);
-        let rounding = 4.0 * f64::EPSILON * size / by[2].abs();
-        let held = if is_stop && self.mode(at, gamma, theta) == 1 { 4.0 * f64::EPSILON * by_place } else { 0.0 };
-        RowLinear { f: f.re, f_q: by[0], f_v: by[1], f_gamma: by[2], rounding, held, ..RowLinear::default() }
+        RowLinear { f: f.re, f_q: by[0], f_v: by[1], f_gamma: by[2], ..RowLinear::default() }
     }
 
     /// ∂F/∂θ of each number it reads.

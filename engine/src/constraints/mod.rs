@@ -16,7 +16,7 @@ mod place;
 pub use closure::LoopClosure;
 pub(crate) use closure::{ClosureLaw, TieRows, closure_law};
 pub use collider::{ColliderPair, Friction};
-pub(crate) use collider::{Sliding, SplitLaw, body_contact_law, contact_wrench, rounding};
+pub(crate) use collider::{Sliding, SplitLaw, body_contact_law, contact_wrench};
 pub(crate) use constants::CONSTRAINTS;
 pub use coupling::{Coupling, Lead};
 pub(crate) use distance_change::contact_geometry_changes;
@@ -40,12 +40,17 @@ pub(crate) fn contact_law(law: pliant_scene::Law) -> ContactLaw {
     }
 }
 
-/// The slip factor σ of a contact's cone variable s̄ = σ v_t [-], and its derivative by μ: of Coulomb's law μ/ε with ε of
-/// [`sharpness`], of
-/// the convex relaxation μ.
+/// The slip factor σ of a contact's cone variable s̄ = σ v_t [-], and its derivative by μ: of Coulomb's law √(μ² + μ₀²)/ε with ε of
+/// [`sharpness`], of the convex relaxation μ.
+///
+/// With σ = μ/ε the impulse would hold μ², and its derivative by a coefficient of zero would be zero, where any friction slows what
+/// slides.
 pub(crate) fn slip(law: pliant_scene::Law, mu: f64, sharpness: f64) -> (f64, f64) {
     match law {
-        pliant_scene::Law::Coulomb => (mu / sharpness, 1.0 / sharpness),
+        pliant_scene::Law::Coulomb => {
+            let slip = mu.hypot(CONSTRAINTS.least_slip);
+            (slip / sharpness, mu / (slip * sharpness))
+        }
         pliant_scene::Law::Anitescu => (mu, 1.0),
     }
 }

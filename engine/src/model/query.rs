@@ -12,6 +12,17 @@ use pliant_math::Vec3;
 use pliant_math::rotation::{Quaternion, from_matrix};
 
 impl Model {
+    /// The same model, its steps solved at least to this relative precision [-] (a scene's `solver.tolerance`).
+    pub fn solved_to(mut self, tolerance: f64) -> Self {
+        self.solver.tolerance = self.solver.tolerance.min(tolerance);
+        self
+    }
+
+    /// Whether contact depends on the squares of friction coefficients alone: under the convex relaxation.
+    pub fn friction_is_even(&self) -> bool {
+        self.contact.law == pliant_scene::Law::Anitescu
+    }
+
     /// Origin \[m\] and axes, a unit quaternion (w ≥ 0), of every body's frame in the world.
     ///
     /// # Panics

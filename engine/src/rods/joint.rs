@@ -90,10 +90,10 @@ impl<T: Number> Joint<T> {
     /// Between edges of these tangents and inverse lengths; `axes`: the first one's; `half`: sine and cosine of half the twist.
     #[inline(always)]
     pub fn of(tangents: [Three<T>; 2], by_length: [T; 2], axes: [Three<T>; 2], twist: T, half: [T; 2]) -> Self {
-        let turn = tangents[1] - tangents[0];
-        // ½|t₂ − t₁|² keeps the relative precision of a nearly straight rod, where 1 − t₁·t₂ cancels
+        let (turn, sum) = (tangents[1] - tangents[0], tangents[1] + tangents[0]);
+        // ½|t₂ − t₁|² and ½|t₂ + t₁|² keep the relative precision of a nearly straight rod and of a folded one, where 1 ∓ t₁·t₂ cancel
         let one_minus_c = turn.dot(turn).by(0.5);
-        let by_chi = (twist.same(2.0) - one_minus_c).under(1.0);
+        let by_chi = sum.dot(sum).under(2.0);
         let alpha = [axes[0].dot(turn).by(2.0) * by_chi, axes[1].dot(turn).by(2.0) * by_chi];
         let [sin, cos] = half;
         let strain = [(alpha[0] * cos).plus(alpha[1], sin), alpha[1] * cos - alpha[0] * sin, twist];

@@ -17,13 +17,6 @@ pub(crate) struct StepConstants {
     pub created_together: f64,
     /// Part of a step in which history variables relax [-]: as good as none, but it is divided by.
     pub at_once: f64,
-    /// Relative change below which an impulse of a joint has settled [-].
-    pub settled_joint: f64,
-    /// Relative change below which an eigenvalue of a cone variable has settled [-].
-    pub settled_cone: f64,
-    /// Relative change below which a cone variable of the split law has settled [-]: derivatives of friction that almost slips depend on its
-    /// last digits.
-    pub settled_split: f64,
     /// Iterations on the central path of the contacts at frozen geometry: observed are 8 to 22.
     pub central_iterations: usize,
     /// Part of the way to the boundary of the cone that such an iteration may go [-].
@@ -48,9 +41,6 @@ pub(crate) const STEP: StepConstants = StepConstants {
     created: 1e-3,
     created_together: 0.1,
     at_once: 1e-9,
-    settled_joint: 1e-6,
-    settled_cone: 1e-6,
-    settled_split: 1e-10,
     central_iterations: 60,
     central_boundary: 0.95,
     central_precision: 1e-6,

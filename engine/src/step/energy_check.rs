@@ -43,7 +43,7 @@ impl Stage<'_> {
         Ok(Some(CreatedByBodies { energy, kinetic, too_much: energy > most }))
     }
 
-    /// D and the kinetic energy at the end \[J\], of bodies.
+    /// D of bodies and contacts, and the kinetic energy of bodies and nodes at the end \[J\].
     fn balance(&self, it: &super::stage::Iterate, ws: &mut Workspace) -> Result<(f64, f64), StepError> {
         let n = self.model.n_node_dofs();
         self.frames_at_start(ws);
@@ -68,7 +68,8 @@ impl Stage<'_> {
         inverse_dynamics(&self.model.tree, &ws.bodies.frames, &self.masses.bodies, &[], &mut forces, tau);
         let work: f64 = tau.iter().zip(&it.v[n..]).map(|(t, v)| t * v).sum();
         let lifted = self.model.gravity_vector(self.theta).dot(&(moment_after - moment_before));
-        Ok((after - before - lifted - self.h * work + touched, after))
+        let of_nodes: f64 = self.masses.rows.iter().zip(&it.v).map(|(m, v)| 0.5 * m * v * v).sum();
+        Ok((after - before - lifted - self.h * work + touched, after + of_nodes))
     }
 
     /// Kinetic energy \[J\] and first moment of mass about the frames' origin [kg·m] of the bodies.

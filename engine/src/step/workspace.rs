@@ -68,6 +68,8 @@ pub(crate) struct NewtonState {
     pub secant: Secant,
     /// Full steps that may still fail the monotonicity test.
     pub nonmonotone: usize,
+    /// Size of each unknown, for [`Stage::at_rounding`](crate::step::Stage).
+    pub size: Vec<f64>,
     /// Whether the factored matrix is made of positive semidefinite parts alone.
     pub semidefinite: bool,
 }

@@ -8,7 +8,7 @@ use pliant_engine::equilibrium::equilibrium;
 use pliant_engine::rollout::{Rollout, RolloutOptions, rollout};
 use pliant_engine::step::{StepError, StepOptions};
 use pliant_math::State;
-use pliant_scene::{Integrator, LinearSolver, resting_inputs};
+use pliant_scene::{Integrator, Law, LinearSolver, resting_inputs};
 
 const SMOOTH: [&str; 10] = [
     "free_swing",
@@ -31,14 +31,18 @@ fn smooth_rollouts_under_every_integrator() {
     for name in SMOOTH {
         for integrator in [Integrator::Midpoint, Integrator::Euler, Integrator::Sdirk2] {
             let case = Case::new(&with(name, integrator), STEPS);
+            // nothing else damps this rope: bending damping changes its fastest waves beyond recognition from 5e-7 N·m·s on, and
+            // differences of a hundredth of that carry a rounding of 3e-6
+            let rounded = if (name, integrator) == ("free_swing", Integrator::Midpoint) { 1 } else { 0 };
             let kinks = if name.starts_with("arm") { 4 } else { 0 };
-            let report = demand(&format!("{name} {integrator:?}"), &case, kinks);
+            let report = demand(&format!("{name} {integrator:?}"), &case, kinks + rounded);
             let entries: usize = report.blocks.iter().map(|b| b.size).sum();
             let all = case.model.ndx() + STEPS * case.model.nu() + case.model.n_params();
             assert_eq!(entries, all, "{name}: every input is in a block");
             // dry friction of size zero makes a joint that turns round stick: the only kink here
             let mut kinked = report.with(Verdict::Inconclusive);
-            assert!(kinked.all(|b| b.name.ends_with(".friction") || b.name.ends_with(".stiction")), "{name}");
+            let expected = if rounded > 0 { &["cable.bend_damping"][..] } else { &[".friction", ".stiction"] };
+            assert!(kinked.all(|b| expected.iter().any(|end| b.name.ends_with(end))), "{name}");
         }
     }
 }
@@ -322,16 +326,17 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     norm(&a.iter().zip(b).map(|(x, y)| x - y).collect::<Vec<_>>()) / norm(a)
 }
 
-/// A plane is without friction unless it says so: both laws hold the square of the coefficient, so nothing is wrong with a
-/// gradient of 0 there, whatever slope a difference to larger coefficients finds.
+/// A plane is without friction unless it says so. Coulomb's law begins linearly, which a one-sided difference sees; the convex relaxation
+/// holds the square of the coefficient, so nothing is wrong with a gradient of 0 there, whatever slope a difference to larger ones finds.
 #[test]
-fn no_friction_has_no_gradient() {
-    for rest_gap in [1e-9, 1e-6] {
+fn the_gradient_by_no_friction() {
+    for (law, rest_gap) in [(Law::Coulomb, 1e-9), (Law::Coulomb, 1e-6), (Law::Anitescu, 1e-9)] {
         let mut scene = scene("sliding");
         scene.plane[0].friction = 0.0;
-        scene.contact.rest_gap = rest_gap;
-        let report = demand(&format!("without friction at {rest_gap:e} m"), &Case::new(&scene, 10), 0);
+        (scene.contact.rest_gap, scene.contact.law) = (rest_gap, law);
+        let report = demand(&format!("without friction, {law:?} at {rest_gap:e} m"), &Case::new(&scene, 10), 0);
         let friction = report.blocks.iter().find(|b| b.name == "floor.friction").unwrap();
-        assert!(friction.verdict == Verdict::Pass && friction.one_sided && friction.derivative.abs() < 1e-9, "{friction:#?}");
+        let expected = (friction.derivative.abs() > 1e-3) == (law == Law::Coulomb);
+        assert!(friction.verdict == Verdict::Pass && friction.one_sided && expected, "{friction:#?}");
     }
 }

@@ -6,8 +6,8 @@ use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, Inpu
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
-    CONSTRAINTS, LinkLinear, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, rounding,
-    sharpness, velocity,
+    CONSTRAINTS, LinkLinear, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, sharpness,
+    velocity,
 };
 use crate::geometry::collider::{
     Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry, drop_hidden,
@@ -241,7 +241,6 @@ impl ConstraintSet for BodyContacts {
                 let [first, second] = colliders.map(|s| s.name.clone());
                 StepError::ContactNotFinite { step: 0, first, second, value: w.norm() }
             })?;
-            link.rounding = rounding(&linear.inverse, &w, &law, &sliding.v_t);
             link.linear = linear;
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
             link.push(contact_wrench(&geometry, law.mu, &link.load(&w, &link.linear.f, at)), stage.h, loads);

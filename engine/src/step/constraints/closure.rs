@@ -84,8 +84,6 @@ impl ConstraintSet for Closures {
             let law = stage.closure_law(&self.links[k], self.parts[k].0);
             let link = &mut self.links[k];
             link.linear = rows.linearize(&law, stage.h, &w);
-            let size = rows.point.map_or(1.0, |x| x.norm()) / stage.h;
-            link.rounding = 4.0 * f64::EPSILON * law.rho * size * link.linear.inverse[(1, 1)];
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
             link.push(rows.wrench(&link.load(&w, &link.linear.f, at)), stage.h, loads);
             link.add_node_blocks(stage.h, slopes);

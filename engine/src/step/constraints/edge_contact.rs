@@ -3,11 +3,11 @@
 
 use super::{
     Beginning, Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, EdgeId, Evaluation,
-    InputsAt, Loads, RecordAt, Slopes, WarmImpulses, cone, cones_settled, reach,
+    InputsAt, Loads, RecordAt, Slopes, WarmImpulses, cone, cones_at_rounding, reach,
 };
 use crate::constraints::{
     CONSTRAINTS, ConeLinear, ContactElement, ElementLinear, SplitLaw, element_changes, element_law, impulse, of_nodes,
-    pose_of_world, rounding, sharpness, tangential, weighted,
+    pose_of_world, sharpness, tangential, weighted,
 };
 use crate::geometry::collider::{Attachment, ColliderShape, Feature, PlacedCollider, Pose};
 use crate::geometry::element::{Candidates, Nearest, Region, candidates, nearest};
@@ -30,8 +30,6 @@ pub(crate) struct EdgeContact {
     /// The law alone, and with what it is evaluated at.
     pub law: ConeLinear,
     pub linear: Option<ElementLinear>,
-    /// Rounding of w [N·s].
-    pub rounding: f64,
 }
 
 /// Contacts of edges and triangles in a stage.
@@ -102,7 +100,7 @@ impl Stage<'_> {
         let rho = CONSTRAINTS.rho * free.fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
         let x = of_nodes(element, self.q_ref);
         let gap = nearest(&x[..element.count], self.theta[element.radius], id.feature, shape).map_or(0.0, |found| found.gap);
-        EdgeContact { id, rho, gap, law: ConeLinear::zero(), linear: None, rounding: 0.0 }
+        EdgeContact { id, rho, gap, law: ConeLinear::zero(), linear: None }
     }
 }
 
@@ -201,7 +199,6 @@ impl ConstraintSet for EdgeContacts {
                 }
             }
             contact.law = ConeLinear::new(&lin, law.slip_by_mu);
-            contact.rounding = rounding(&lin.df_dw_inverse, &w, &law, &u_t);
             contact.linear = Some(linear);
             out[4 * k..4 * k + 4].copy_from_slice(lin.f.as_slice());
             element.push(&found, impulse(found.normal, law.mu, &(w - lin.df_dw_inverse * lin.f)), stage.h, loads.nodes);
@@ -278,12 +275,8 @@ impl ConstraintSet for EdgeContacts {
         }
     }
 
-    fn rounding2(&self, _stage: &Stage) -> f64 {
-        self.contacts.iter().map(|contact| CONSTRAINTS.rho * contact.rounding * contact.rounding / contact.rho).sum()
-    }
-
-    fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
-        cones_settled(lambda, d, self.contacts.iter().map(|contact| contact.rounding))
+    fn at_rounding(&self, _stage: &Stage, lambda: &[f64], residuals: &[f64], unit: f64, speed: f64) -> bool {
+        cones_at_rounding(lambda, residuals, self.contacts.iter().map(|contact| contact.rho), unit, speed)
     }
 
     fn joined_nodes(&self, stage: &Stage, pairs: &mut Vec<[usize; 2]>) {

@@ -11,7 +11,6 @@ use super::{
 };
 use crate::constraints::{CONSTRAINTS, JointRow, JointRowKind, RowLinear, RowPoint, sharpness};
 use crate::model::Model;
-use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
 use crate::step::{Stage, StageRecord, StepError};
 use pliant_linalg::System;
@@ -154,26 +153,10 @@ impl ConstraintSet for JointConstraints {
         }
     }
 
-    fn rounding2(&self, stage: &Stage) -> f64 {
-        let noise = |(row, linear): (&JointRow, &RowLinear)| linear.rounding.powi(2) / inertias(stage.model, row)[1];
-        stage.joint_rows.iter().zip(&self.rows).map(noise).sum()
-    }
-
-    fn velocity_rounding2(&self, stage: &Stage) -> f64 {
-        let noise = |(row, linear): (&JointRow, &RowLinear)| linear.held.powi(2) * inertias(stage.model, row)[0];
-        stage.joint_rows.iter().zip(&self.rows).map(noise).sum()
-    }
-
-    /// Relative to the impulses, or to what gravity does in the step; those of couplings at least within their rounding, and those where
-    /// a limit is reached within what the rounding of the velocity makes of them.
-    fn settled(&self, stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
-        let rows = &stage.joint_rows;
-        rows.iter().zip(lambda).zip(d).zip(&self.rows).all(|(((row, s), d), linear)| {
-            let weight = inertias(stage.model, row)[0] * CONSTRAINTS.weight * stage.h;
-            let at_limit = rows.iter().zip(&self.rows).filter(|(other, _)| other.dof == row.dof).map(|(_, other)| other.held);
-            let moved = at_limit.fold(0.0, f64::max) * (stage.row_slope(linear) / linear.f_gamma).abs();
-            let noise = if row.coupling().is_some() { 4.0 * linear.rounding } else { moved };
-            d.abs() <= (STEP.settled_joint * s.abs().max(1e-3 * weight)).max(noise)
+    fn at_rounding(&self, stage: &Stage, lambda: &[f64], residuals: &[f64], unit: f64, speed: f64) -> bool {
+        stage.joint_rows.iter().zip(lambda).zip(residuals).all(|((row, impulse), f)| {
+            let inertia = inertias(stage.model, row)[0];
+            f.abs() <= unit * (impulse.abs() + CONSTRAINTS.rho * inertia * speed)
         })
     }
 

@@ -38,8 +38,6 @@ pub(crate) struct Link {
     pub target: f64,
     pub target_by_start: Vec<(usize, f64)>,
     pub linear: LinkLinear,
-    /// Rounding of λ [N·s].
-    pub rounding: f64,
 }
 
 impl Link {
@@ -57,7 +55,6 @@ impl Link {
             target: 0.0,
             target_by_start: Vec::new(),
             linear: LinkLinear::zero(),
-            rounding: 0.0,
         }
     }
 
@@ -215,9 +212,5 @@ impl Link {
     /// One over the effective mass along the normal and across [1/kg].
     pub(crate) fn weights(&self) -> [f64; 4] {
         [CONSTRAINTS.rho / self.rho_n, CONSTRAINTS.rho / self.rho_t, CONSTRAINTS.rho / self.rho_t, CONSTRAINTS.rho / self.rho_t]
-    }
-
-    pub(crate) fn rounding2(&self) -> f64 {
-        CONSTRAINTS.rho * self.rounding * self.rounding / self.rho_n.min(self.rho_t)
     }
 }

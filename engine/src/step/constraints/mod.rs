@@ -42,7 +42,6 @@ pub(crate) use warm::WarmImpulses;
 use crate::bodies::Frames;
 use crate::geometry::collider::Feature;
 use crate::step::blocks::UnconstrainedBlocks;
-use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix6, Vector4};
@@ -176,19 +175,10 @@ pub(crate) trait ConstraintSet {
         self.links().iter().enumerate().for_each(|(k, link)| stage.record_link(link, cone(lambda, k), at, out));
     }
 
-    /// Rounding noise of all λ in the weights of corrections, squared.
-    fn rounding2(&self, _stage: &Stage) -> f64 {
-        self.links().iter().map(Link::rounding2).sum()
-    }
-
-    /// The same of velocities that the constraints determine.
-    fn velocity_rounding2(&self, _stage: &Stage) -> f64 {
-        0.0
-    }
-
-    /// Whether the pending corrections leave λ where they are.
-    fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
-        cones_settled(lambda, d, self.links().iter().map(|link| link.rounding))
+    /// Whether all residuals are rounding: `unit` of the multipliers and of what moves as fast as `speed` [m/s] in the laws' steps.
+    fn at_rounding(&self, _stage: &Stage, lambda: &[f64], residuals: &[f64], unit: f64, speed: f64) -> bool {
+        let steps = self.links().iter().map(|link| link.rho_n.max(link.rho_t));
+        cones_at_rounding(lambda, residuals, steps, unit, speed)
     }
 
     /// Least signed distance among the constraints that this stage has listed, where it begins \[m\].
@@ -340,14 +330,11 @@ pub(crate) fn cone(lambda: &[f64], k: usize) -> Vector4<f64> {
     Vector4::from_column_slice(&lambda[4 * k..4 * k + 4])
 }
 
-/// Whether corrections leave cone variables where they are.
-fn cones_settled(lambda: &[f64], d: &[f64], rounding: impl Iterator<Item = f64>) -> bool {
+/// [`ConstraintSet::at_rounding`] of cone variables, by the laws' steps ρ \[kg\].
+fn cones_at_rounding(lambda: &[f64], residuals: &[f64], steps: impl Iterator<Item = f64>, unit: f64, speed: f64) -> bool {
     let largest = |x: &[f64]| x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
-    lambda
-        .chunks_exact(4)
-        .zip(d.chunks_exact(4))
-        .zip(rounding)
-        .all(|((w, dw), rounding)| largest(dw) <= (STEP.settled_split * largest(w)).max(4.0 * rounding))
+    let cones = lambda.chunks_exact(4).zip(residuals.chunks_exact(4)).zip(steps);
+    cones.into_iter().all(|((w, f), rho)| largest(f) <= unit * (largest(w) + rho * speed))
 }
 
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be

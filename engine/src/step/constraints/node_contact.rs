@@ -2,16 +2,14 @@
 
 use super::{
     Block, Change, ConeRecord, ConstraintId, ConstraintRecords, ConstraintSet, DofPartial, Evaluation, InputsAt, Loads, RecordAt,
-    Slopes, WarmImpulses, cone,
+    Slopes, WarmImpulses, cone, cones_at_rounding,
 };
 use crate::constraints::{CONSTRAINTS, Condensed, LawPoint, Touch, contact_law, impulse, sharpness, slip, weighed};
 use crate::geometry::collider::Attachment;
-use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix3, Vector4};
 use pliant_math::{Input, Vec3};
-use pliant_smoothing::eigenvalues;
 
 /// Node contacts of a stage: every pair of the model, always listed.
 #[derive(Clone, Debug, Default)]
@@ -188,15 +186,9 @@ impl ConstraintSet for NodeContacts {
         }
     }
 
-    /// Whether the eigenvalues of every cone variable stay. (Those of the slack are κ over those of w at the root, so the small
-    /// eigenvalue of w stands for the large one of the slack.)
-    fn settled(&self, _stage: &Stage, lambda: &[f64], d: &[f64]) -> bool {
-        (0..self.contacts.len()).all(|c| {
-            let (w, dw) = (cone(lambda, c), cone(d, c));
-            let (before, after) = (eigenvalues(w.into()), eigenvalues((w + dw).into()));
-            let still = |a: f64, b: f64| (a - b).abs() <= STEP.settled_cone * a.abs().max(b.abs());
-            still(before.0, after.0) && still(before.1, after.1)
-        })
+    fn at_rounding(&self, stage: &Stage, lambda: &[f64], residuals: &[f64], unit: f64, speed: f64) -> bool {
+        let steps = (0..self.contacts.len()).map(|c| stage.law_point(c).rho);
+        cones_at_rounding(lambda, residuals, steps, unit, speed)
     }
 
     fn visit_fixed_blocks(&self, stage: &Stage, add: &mut dyn FnMut(usize, [[f64; 3]; 3])) {

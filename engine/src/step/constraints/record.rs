@@ -228,7 +228,7 @@ impl ConeRecord {
         matches!(self.id, ConstraintId::Node(_))
     }
 
-    /// 0 separate, 1 stick (also without friction), 2 slip, for the cone variable at which it closes.
+    /// 0 separate, 1 stick, 2 slip (also without friction), for the cone variable at which it closes.
     pub(super) fn phase(&self, closing: f64) -> u8 {
         let load = self.w.fixed_rows::<3>(1).norm() / self.w[0];
         if self.w[0] < closing { 0 } else { 1 + u8::from(load > CONSTRAINTS.slip) }

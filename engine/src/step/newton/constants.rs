@@ -37,17 +37,13 @@ pub(super) struct NewtonConstants {
     pub nearly_hard: f64,
     /// Above this it grows no more [-].
     pub most_regularization: f64,
+    /// Roundings of the unknowns that a residual may show and count as zero [-]: residuals that no longer fall are seen at 0.02 to 1.2.
+    pub rounding: f64,
+    /// Part of a correction that the next must be below to be still falling [-].
+    pub still_falls: f64,
     /// Part of the tolerance that the estimate of what is left after a last correction may be [-]: it is an estimate, and most steps end
     /// far nearer.
     pub negligible: f64,
-    /// Roundings of the stiffest force that count as balance [-].
-    pub roundings: f64,
-    /// Part of the velocity scale that the rounding of internal forces may leave open in a step [-].
-    pub unresolved: f64,
-    /// Part of the largest coordinate by which that rounding may move a node in a step [-]: at rest there is no velocity to compare with.
-    pub unmoved: f64,
-    /// Corrections up to this many tolerances count as rounding noise once they stop shrinking [-].
-    pub noise: f64,
     /// Factor of the rest gap from one stage of the continuation to the next [-].
     pub continuation_fall: f64,
     /// Levenberg weights over the inertia, in the order in which they are tried [-].
@@ -70,8 +66,8 @@ pub(super) struct NewtonConstants {
 
 /// The values in use.
 pub(super) const NEWTON: NewtonConstants = NewtonConstants {
-    chords: 8.0,
-    chords_if_dear: 15.0,
+    chords: 9.0,
+    chords_if_dear: 18.0,
     nonmonotone_steps: 2,
     nonmonotone_growth: 10.0,
     slope_left: 0.5,
@@ -86,11 +82,9 @@ pub(super) const NEWTON: NewtonConstants = NewtonConstants {
     least_regularization: 1e-9,
     nearly_hard: 1e-4,
     most_regularization: 0.05,
+    rounding: 2.0,
+    still_falls: 0.25,
     negligible: 0.01,
-    roundings: 4.0,
-    unresolved: 1e-6,
-    unmoved: 1e-10,
-    noise: 1e3,
     continuation_fall: 1e-2,
     damping_ladder: [100.0, 10.0, 3.0, 0.5],
     frozen_starts: [2, 6],

@@ -3,8 +3,8 @@
 //! A full step with matrix K gives d = −K⁻¹ r(y). The *simplified* correction d̄ = −K⁻¹ r(y + α d), from the same factor,
 //! decides: the step is taken if ‖d̄‖ ≤ (1 − α/4) ‖d‖ (Deuflhard 2011, natural monotonicity, in the mass norm, which a rotating
 //! stiff rope does not fool), α is reduced if not. While the corrections contract quickly, d̄, made better by the steps before it
-//! (secant.rs), is itself taken as the next step and no new factorization is made. The end is reached when what would be left after taking d̄, by the contraction seen, is far below the
-//! tolerance, or ‖d̄‖ itself below it, and the eigenvalues of all cone variables have settled.
+//! (secant.rs), is itself taken as the next step and no new factorization is made. The end is reached when what would be left after
+//! taking d̄, by the contraction seen, is far below the tolerance, or where the residual is rounding and d̄ small or no longer falling.
 //!
 //! Compressed in its plane, a sheet has directions in which its energy falls ever faster: K is indefinite, and Newton's step leads to a
 //! saddle. There the matrix is made of what resists alone, tension and the resistance of folds, which is positive; its step leads
@@ -22,10 +22,10 @@ pub(crate) use fallback::solve_stage;
 pub(crate) use history::History;
 pub(crate) use secant::Secant;
 
+use crate::bodies::JointKind;
 use crate::step::constraints::ConstraintSet;
 use crate::step::{Iterate, STATIC, Stage, StepError, Workspace};
 use constants::NEWTON;
-use pliant_linalg::System;
 
 /// Work of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,7 +69,7 @@ impl From<StepError> for Stuck {
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
     let precision =
         if stage.options.coarse { stage.model.solver.tolerance.max(NEWTON.coarse) } else { stage.model.solver.tolerance };
-    let tolerance = (precision * velocity_scale(stage, ws)).max(rounding(stage));
+    let tolerance = precision * velocity_scale(stage, ws);
     let mut correction = f64::INFINITY;
     ws.newton.nonmonotone = if stage.options.damping == 0.0 { NEWTON.nonmonotone_steps } else { 0 };
 
@@ -96,14 +96,14 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             }
             Descent::Converged => return Ok(()),
             Descent::Continue(ratio) => regularization = fallen(regularization, ratio),
-            // what is left where softened contacts have converged is rounding noise if it is small
-            Descent::Soften if eased && correction <= NEWTON.noise * tolerance => return Ok(()),
+            // softened contacts have converged, and what is left is rounding
+            Descent::Soften if eased && still_at_rounding(stage, ws)? => return Ok(()),
             Descent::Soften => regularization = (regularization * NEWTON.regularization_rise).max(NEWTON.first_regularization),
-            Descent::Stalled if correction <= NEWTON.noise * tolerance || balanced(stage, ws, correction) => return Ok(()),
+            Descent::Stalled if still_at_rounding(stage, ws)? => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
-    if stage.scheme != STATIC && !stage.options.coarse && regularization == 0.0 && balanced(stage, ws, correction) {
+    if regularization == 0.0 && still_at_rounding(stage, ws)? {
         return Ok(());
     }
     Err(Stuck::NoProgress { correction })
@@ -169,6 +169,12 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.options.damping > 0.0 || stage.options.regularization > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
+        let ended = next <= tolerance || next > NEWTON.still_falls * norm;
+        if alpha == 1.0 && ended && left_after(next, norm) > NEWTON.negligible * tolerance && at_rounding(stage, ws) {
+            accept(ws);
+            take_correction(ws);
+            return Ok(Descent::Converged);
+        }
         let dare = alpha == 1.0 && !behind && ws.newton.nonmonotone > 0 && next < NEWTON.nonmonotone_growth * norm;
         // where a sheet buckles a step leads downhill, whatever corrections do
         let rise = if by_slope && slope < 0.0 { dot(&ws.r, &ws.newton.d.v) / -slope } else { f64::INFINITY };
@@ -187,11 +193,12 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
                 follow(stage, ws, alpha);
                 return Ok(Descent::Continue(1.0));
             }
-            if converged(stage, ws, next, left_after(next, norm), tolerance) {
+            let left = if stage.options.coarse { next } else { left_after(next, norm) / NEWTON.negligible };
+            if left <= tolerance {
                 take_correction(ws);
                 return Ok(Descent::Converged);
             }
-            if chords_left(next, norm, tolerance) > chords {
+            if chords_left(next, norm, NEWTON.negligible * tolerance) > chords {
                 follow(stage, ws, alpha);
                 return Ok(Descent::Continue(next / first));
             }
@@ -200,15 +207,12 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
             slope = dot(&ws.r, &ws.newton.d.v);
         } else {
             if std::mem::take(&mut behind) {
-                stay(stage, ws);
                 // a chord that leads astray says nothing of the iterate: a new matrix will
-                if norm > NEWTON.noise * tolerance {
-                    return Ok(Descent::Continue(1.0));
-                }
+                stay(stage, ws);
+                return Ok(Descent::Continue(1.0));
             }
             if norm <= tolerance {
-                // rounding noise: the last correction was already below the tolerance
-                return Ok(if settled(stage, ws) { Descent::Converged } else { Descent::Stalled });
+                return Ok(Descent::Converged);
             }
             if alpha == 1.0 && stage.options.regularization < NEWTON.most_regularization && ws.constraints.any_listed() {
                 return Ok(Descent::Soften);
@@ -238,37 +242,6 @@ fn chords_left(next: f64, norm: f64, tolerance: f64) -> f64 {
 fn left_after(next: f64, norm: f64) -> f64 {
     let ratio = 2.0 * next / norm;
     if ratio < 0.5 { next * ratio / (1.0 - ratio) } else { f64::INFINITY }
-}
-
-/// Whether the iterate with the pending correction is the root: what is `left` then far below the tolerance, or the correction itself below
-/// it, velocities' or the rounding of those that stops tell, cone variables' or their rounding noise; and their eigenvalues settled.
-fn converged(stage: &Stage, ws: &Workspace, norm: f64, left: f64, tolerance: f64) -> bool {
-    if norm > tolerance && left > NEWTON.negligible * tolerance {
-        let by_cones = multiplier_norm(stage, ws, &ws.newton.d);
-        let by_velocities = (norm * norm - by_cones * by_cones).max(0.0).sqrt();
-        if by_velocities > tolerance.max(velocity_rounding(stage, ws)) || by_cones > cone_rounding(stage, ws) {
-            return false;
-        }
-    }
-    settled(stage, ws)
-}
-
-/// Rounding noise of the cone variables in [`norm`] [m/s]: that of the elastic forces, a relative ε of a coordinate times the
-/// largest stiffness, which a sticking contact has to balance; and that of joint friction and stops. (It moves nothing: the contact
-/// holds.)
-fn cone_rounding(stage: &Stage, ws: &Workspace) -> f64 {
-    let farthest = ws.q_bar[..3 * stage.masses.nodes.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()));
-    let nodes = stage.masses.nodes.len().max(1) as f64;
-    let mass = stage.masses.nodes.iter().sum::<f64>().max(f64::MIN_POSITIVE) / nodes;
-    let of_nodes = f64::EPSILON * farthest * ws.stiffness * stage.h / mass;
-    let of_constraints: f64 = ws.constraints.sets().iter().map(|set| set.rounding2(stage)).sum();
-    of_nodes + (of_constraints / stage.masses.total).sqrt()
-}
-
-/// Rounding of the velocities that closed joint limits determine, in the norm of corrections [m/s].
-fn velocity_rounding(stage: &Stage, ws: &Workspace) -> f64 {
-    let squares: f64 = ws.constraints.sets().iter().map(|set| set.velocity_rounding2(stage)).sum();
-    (squares / stage.masses.total).sqrt()
 }
 
 /// Minimiser of the quadratic model of the simplified correction, kept within [0.1, 0.5] of the last factor.
@@ -331,17 +304,6 @@ fn take_correction(ws: &mut Workspace) {
     ws.it.add(&ws.newton.d);
 }
 
-/// Whether the pending correction leaves all multipliers where they are.
-fn settled(stage: &Stage, ws: &Workspace) -> bool {
-    let mut d = ws.newton.d.lambda.as_slice();
-    let still = |(set, lambda): (&dyn ConstraintSet, &[f64])| {
-        let (own, rest) = d.split_at(lambda.len());
-        d = rest;
-        set.settled(stage, lambda, own)
-    };
-    stage.options.coarse || ws.constraints.parts(&ws.it.lambda).all(still)
-}
-
 /// Σ weight v² of the bodies' degrees of freedom.
 fn dofs_norm2(stage: &Stage, v: &[f64]) -> f64 {
     stage.model.weights.held.iter().zip(v).map(|(w, v)| w * v * v).sum()
@@ -380,34 +342,66 @@ fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
     mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs().max(size) + 1e-9
 }
 
-/// Uncertainty of velocities by the rounding of the nodes' positions [m/s]: stiff edges far from the origin, or a rope without
-/// weight at rest, tell them no better.
-fn rounding(stage: &Stage) -> f64 {
-    f64::EPSILON * farthest(stage) / stage.h
-}
-
-/// Whether nodes are in balance but for the rounding of inner forces, a relative ε of coordinates and velocities times the largest stiffness
-/// and viscosity: where something gives way easily, that moves it further than any tolerance allows. At rest it may move it as far as it
-/// likes, in a step by little.
-fn balanced(stage: &Stage, ws: &Workspace, correction: f64) -> bool {
-    let n = 3 * stage.masses.nodes.len();
-    let stiffest = |of: &System| (0..n).fold(0.0, |a: f64, k| a.max(-of.nodes.get(k, k)));
-    let largest = ws.r[..n].iter().fold(0.0_f64, |a, r| a.max(r.abs()));
-    if stage.scheme == STATIC {
-        return largest <= NEWTON.roundings * f64::EPSILON * farthest(stage) * stiffest(&ws.dq);
-    }
-    let [stiffness, viscosity] =
-        if stage.has_contact() { [ws.stiffness, ws.viscosity] } else { [stiffest(&ws.dq), stiffest(&ws.dv)] };
-    let fastest = ws.it.v[..n].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-    let noise = 4.0 * NEWTON.roundings * f64::EPSILON * (farthest(stage) * stiffness + fastest * viscosity);
-    // (bodies have balances of their own)
-    let unmoved = if stage.model.tree.nv() == 0 { NEWTON.unmoved * farthest(stage) / stage.h } else { 0.0 };
-    correction <= unmoved.max(NEWTON.unresolved * velocity_scale(stage, ws)) && settled(stage, ws) && largest <= noise
-}
-
-/// Largest coordinate of a node [m].
+/// Largest coordinate of a node, and of a joint that slides [m].
 fn farthest(stage: &Stage) -> f64 {
-    stage.q_ref[..3 * stage.masses.nodes.len()].iter().fold(0.0_f64, |a, q| a.max(q.abs()))
+    let largest = |q: &[f64]| q.iter().fold(0.0_f64, |a, q| a.max(q.abs()));
+    let n = stage.model.n_node_dofs();
+    let joints = stage.model.tree.joints().iter().filter(|joint| joint.kind == JointKind::Prismatic);
+    joints.fold(largest(&stage.q_ref[..3 * stage.masses.nodes.len()]), |far, joint| far.max(stage.q_ref[n + joint.q].abs()))
+}
+
+/// Whether the residual at hand is no larger than what the rounding of velocities and coordinates makes of it,
+/// ```text
+/// |r_i| ≤ 2 ε Σ_j |K_ij| (|v_j| + |v_j at the start| + |q_j|/(h a₁))
+/// ```
+/// in every row, and likewise in those of the constraints: then this is the root for a state that differs in the last digit, and nothing better
+/// can be told (a componentwise backward error: Oettli & Prager 1964). To an angle 1 rad is added, and a displacement counts as
+/// the largest coordinate there is, for either may be the difference of two such.
+fn at_rounding(stage: &Stage, ws: &mut Workspace) -> bool {
+    // a change of coordinates is one of velocities over this time
+    let time = stage.h * stage.scheme.free.a1;
+    let (far, n_nodes, n) = (farthest(stage), 3 * stage.masses.nodes.len(), stage.model.n_node_dofs());
+    let size = &mut ws.newton.size;
+    size.clear();
+    size.extend(ws.it.v.iter().zip(stage.v_ref).map(|(v, start)| v.abs() + start.abs()));
+    size[..n_nodes].iter_mut().for_each(|size| *size += far / time);
+    size[n_nodes..n].iter_mut().zip(&stage.q_ref[n_nodes..n]).for_each(|(size, angle)| *size += (1.0 + angle.abs()) / time);
+    for joint in stage.model.tree.joints() {
+        let coordinate = match joint.kind {
+            JointKind::Prismatic => far,
+            JointKind::Revolute => 1.0 + stage.q_ref[n + joint.q].abs(),
+            JointKind::Ball => 1.0,
+        };
+        let dofs = n + joint.v..n + joint.v + joint.kind.n_dofs();
+        size[dofs].iter_mut().for_each(|size| *size += coordinate / time);
+    }
+    let unit = NEWTON.rounding * f64::EPSILON;
+    let size = &ws.newton.size;
+    // the three rows of a node are judged together: what is small in one may be the difference of what is large in others
+    let negligible = |row: usize, rows: &[f64]| {
+        let largest = rows.iter().fold(0.0_f64, |a, r| a.max(r.abs()));
+        largest <= unit * (row..row + rows.len()).map(|row| ws.k.row_magnitude(row, size)).fold(0.0, f64::max)
+    };
+    let (nodes, others) = ws.r.split_at(n_nodes);
+    let balanced = nodes.chunks_exact(3).enumerate().all(|(node, rows)| negligible(3 * node, rows))
+        && others.iter().enumerate().all(|(k, r)| negligible(n_nodes + k, std::slice::from_ref(r)));
+    let speed = ws.newton.size.iter().fold(0.0, |a: f64, v| a.max(*v));
+    let mut residuals = ws.residuals.as_slice();
+    let satisfied = |(set, lambda): (&dyn ConstraintSet, &[f64])| {
+        let (own, rest) = residuals.split_at(lambda.len());
+        residuals = rest;
+        set.at_rounding(stage, lambda, own, unit, speed)
+    };
+    balanced && ws.constraints.parts(&ws.it.lambda).all(satisfied)
+}
+
+/// The same at the iterate, whose residual is evaluated again.
+fn still_at_rounding(stage: &Stage, ws: &mut Workspace) -> Result<bool, Stuck> {
+    let it = std::mem::take(&mut ws.it);
+    let result = stage.residual(&it, ws);
+    ws.it = it;
+    result?;
+    Ok(at_rounding(stage, ws))
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
