@@ -19,14 +19,30 @@ fn negate(x: &mut [f64]) {
     x.iter_mut().for_each(|a| *a = -*a);
 }
 
-/// The sum of a row, in four lanes.
-fn sum(row: &[f64]) -> f64 {
-    let (quads, rest) = row.as_chunks::<4>();
-    let mut lanes = [0.0; 4];
-    for quad in quads {
-        lanes.iter_mut().zip(quad).for_each(|(lane, x)| *lane += x);
+/// The sum of the columns, each divided by its largest entry: without that, one by a stiffness in small units hides all others.
+fn normalized_sum(x: &[f64], columns: usize) -> Vec<f64> {
+    let mut largest = vec![0.0_f64; columns];
+    largest_entries(x, &mut largest);
+    largest.iter_mut().for_each(|m| *m = if *m > 0.0 { 1.0 / *m } else { 0.0 });
+    x.chunks_exact(columns).map(|row| dot(row, &largest)).collect()
+}
+
+/// Raises `largest` to the largest magnitudes of the columns of `x`.
+fn largest_entries(x: &[f64], largest: &mut [f64]) {
+    for row in x.chunks_exact(largest.len()) {
+        // plain comparisons: they pass NaN over, which then shows all the same
+        largest.iter_mut().zip(row).for_each(|(m, x)| *m = if x.abs() > *m { x.abs() } else { *m });
     }
-    rest.iter().fold((lanes[0] + lanes[1]) + (lanes[2] + lanes[3]), |sum, x| sum + x)
+}
+
+/// The product of two rows, in four lanes.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut lanes = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(lane, (a, b))| *lane += a * b);
+    }
+    a_rest.iter().zip(b_rest).fold((lanes[0] + lanes[1]) + (lanes[2] + lanes[3]), |sum, (a, b)| sum + a * b)
 }
 
 /// Memory of [`root_tangent`], kept from one call to the next.
@@ -41,12 +57,12 @@ pub(crate) struct Refinement {
 /// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root, of which only the rows of velocities are meant; row-major,
 /// `columns` directions per row.
 ///
-/// Many columns are refined only if that changes their sum, which is solved first as a probe, or if bodies touch: forces shared by four
+/// Many columns are refined only if that changes their normalized sum, which is solved first as a probe, or if bodies touch: forces shared by four
 /// legs may cancel in the sum. They are refined a second time only if the first says that it would show: each correction is to the one
 /// before as that is to the solution. A single column is always refined fully.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);
-    let refine = columns <= 1 || stage.has_listed_contacts() || worth_refining(stage, x.chunks_exact(columns).map(sum).collect());
+    let refine = columns <= 1 || stage.has_listed_contacts() || worth_refining(stage, normalized_sum(x, columns));
     if !refine {
         stage.solve_velocities(x, columns);
         return;
@@ -80,10 +96,7 @@ pub(crate) fn settled(x: &[f64], d: &[f64], columns: usize, largest: &mut [Vec<f
     for (largest, rows) in largest.iter_mut().zip([x, d]) {
         largest.clear();
         largest.resize(columns, 0.0);
-        for row in rows.chunks_exact(columns) {
-            // plain comparisons: they pass NaN over, which then shows all the same
-            largest.iter_mut().zip(row).for_each(|(m, x)| *m = if x.abs() > *m { x.abs() } else { *m });
-        }
+        largest_entries(rows, largest);
     }
     largest[0].iter().zip(&largest[1]).all(|(x, d)| d * d <= ADJOINT.refined * x * x)
 }
