@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from reference_cases import jit, scene_text
+from reference_cases import scene_text, traced_once
 
 from validation.reference import body_model, body_step
 
@@ -161,7 +161,7 @@ class Case:
             # a disc without thickness has no spread along its axis: pliant gives it a little, the reference none
             text = text.replace("inertia = [0.001, 0.002, 0.001,", "inertia = [0.0012, 0.002, 0.0012,")
         self.text, self.model = text, body_model.loads(text)
-        self.linearized = jit(body_step.make_linearized_step(self.model))
+        self.linearized = traced_once(body_step.make_linearized_step(self.model), text)
         self.x0 = self.model.initial_state()
         if name == "arm_stops":  # the shoulder slides, the elbow runs into its stop
             self.x0[1] = 0.6 - 0.01

@@ -1,18 +1,22 @@
 """Shared by the tests of the JAX reference: scenes by name, and one compiled program per scene.
 
 A program maps (x, u, θ, x̄⁺) to (x⁺, residual [m/s], (x̄, ū, θ̄)): a step and its pullback, x̄ by changes of the state.
-Compiled programs are kept under target/, so a second run of the tests is quicker.
+Traced and compiled programs are kept under target/, so a second run of the tests is quicker.
 """
 
+import hashlib
+import os
 import re
+import tempfile
 from functools import cache, partial
 from pathlib import Path
 
 import jax
+from jax import export
 import numpy as np
 
 from validation import reference
-from validation.reference.step import scheme
+from validation.reference.step import Scheme, scheme
 
 ROOT = Path(__file__).resolve().parents[2]
 jax.config.update("jax_compilation_cache_dir", str(ROOT / "target" / "jax-cache"))
@@ -21,6 +25,42 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 # Quick compilation matters more here than quick execution.
 COMPILER = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
 jit = partial(jax.jit, compiler_options=COMPILER)
+PROGRAMS = ROOT / "target" / "jax-programs"
+
+
+@cache
+def sources():
+    """What every program of the reference follows from: its files and these tests', and the version of JAX."""
+    files = sorted([*(ROOT / "validation" / "reference").glob("*.py"), *Path(__file__).parent.glob("*_cases.py")])
+    return b"\0".join([jax.__version__.encode(), *(file.read_bytes() for file in files)])
+
+
+def traced_once(function, *about):
+    """`function` under jit, for arguments of one shape; `about` says what it follows from beside :func:`sources`.
+
+    The traced program is kept under target/ by all that it follows from, since tracing takes several times as long as running.
+    """
+    name = hashlib.sha256(sources() + repr(about).encode()).hexdigest()
+    file = PROGRAMS / name
+
+    def load(args):
+        if not file.exists():
+            program = export.export(jit(function))(*args).serialize()
+            PROGRAMS.mkdir(parents=True, exist_ok=True)
+            # tests in other processes may write it too: whole or not at all
+            with tempfile.NamedTemporaryFile(dir=PROGRAMS, delete=False) as draft:
+                draft.write(program)
+            os.replace(draft.name, file)
+        return jit(export.deserialize(bytearray(file.read_bytes())).call)
+
+    loaded = []
+
+    def call(*args):
+        if not loaded:
+            loaded.append(load(args))
+        return loaded[0](*args)
+
+    return call
 
 
 FLOOR = """
@@ -130,14 +170,16 @@ def program(name, law, landing):
 
     The integrator is an argument, except that one.
     """
-    model = reference.loads(scene_text(name, "sdirk2" if landing else "euler", law))
+    text = scene_text(name, "sdirk2" if landing else "euler", law)
+    model = reference.loads(text)
     step = reference.make_change_of_step(model)
 
     def of(x, u, theta, x_bar, by):
+        by = Scheme(*by)
         _, pull, (x_next, error) = jax.vjp(lambda *a: step(a[0], x, *a[1:], by), np.zeros(model.ndx), u, theta, has_aux=True)
         return x_next, error, pull(x_bar)
 
-    return jit(of)
+    return traced_once(of, text)
 
 
 class Case:
@@ -147,7 +189,8 @@ class Case:
         self.text = scene_text(name, integrator, law)
         self.model = reference.loads(self.text)
         landing = bool(self.model.shapes) and self.model.integrator == "sdirk2"
-        self.program = partial(program(name, law, landing), by=scheme(self.model))
+        traced, by = program(name, law, landing), tuple(scheme(self.model))
+        self.program = lambda *at: traced(*at, by)
 
     def start(self):
         """The scene's initial state; sheets, which are flat, a little out of shape and in motion."""
