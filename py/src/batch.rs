@@ -18,6 +18,7 @@ type Stack<'py> = Bound<'py, PyArray3<f64>>;
 pub struct Batch {
     kept: Vec<Arc<Trajectory>>,
     threads: Option<usize>,
+    surrogate: bool,
 }
 
 /// The inputs of a batch. `us` and `thetas` have one entry, shared by all, or one per rollout.
@@ -64,7 +65,7 @@ impl Job {
             self.keep.run(&self.model, theta, &self.x0s[b], u).map(Arc::new)
         };
         let results = py.detach(|| in_parallel(threads, self.x0s.len(), one))?;
-        Ok(Batch { kept: first_failure(py, results)?, threads })
+        Ok(Batch { kept: first_failure(py, results)?, threads, surrogate: self.keep.smoothing.is_some() })
     }
 }
 
@@ -108,6 +109,12 @@ impl Batch {
         to_stack(py, self.kept.iter().flat_map(|k| k.flat()).collect(), [self.kept.len(), rows, columns])
     }
 
+    /// Whether the derivatives are those of another rest gap or grasp than the scene's; each rollout says which.
+    #[getter]
+    fn surrogate(&self) -> bool {
+        self.surrogate
+    }
+
     /// Cotangents (x0_bar (batch, nx), u_bar (batch, T, nu), theta_bar (batch, n_params)) from x_bar (batch, T + 1, nx).
     #[pyo3(signature = (x_bar, threads=None))]
     fn vjp<'py>(
@@ -149,6 +156,7 @@ impl Batch {
     }
 
     fn __repr__(&self) -> String {
-        format!("<pliant.Batch: {} rollouts>", self.kept.len())
+        let kind = if self.surrogate { "surrogate rollouts" } else { "rollouts" };
+        format!("<pliant.Batch: {} {kind}>", self.kept.len())
     }
 }

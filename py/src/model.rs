@@ -60,6 +60,23 @@ impl Model {
         Ok(State::from_flat(&vector(name, x, self.model.nx())?, self.model.nq(), self.model.nv()))
     }
 
+    /// Rows of `columns` numbers: a pullback at every row of `x` of the row of `bar`, a name and an array (n, `given`).
+    fn pulled<'py>(
+        &self,
+        py: Python<'py>,
+        (name, bar): (&str, &Bound<'py, PyAny>),
+        x: &Bound<'py, PyAny>,
+        given: usize,
+        columns: usize,
+        pull: fn(&Engine, &State, &[f64]) -> Vec<f64>,
+    ) -> PyResult<Matrix<'py>> {
+        let x = matrix("x", x, None, self.model.nx())?;
+        let bar = matrix(name, bar, Some(x.len()), given)?;
+        let state = |x: &[f64]| State::from_flat(x, self.model.nq(), self.model.nv());
+        let rows = x.iter().zip(&bar).flat_map(|(x, bar)| pull(&self.model, &state(x), bar)).collect();
+        to_matrix(py, rows, columns, x.len())
+    }
+
     /// The scene's parameters where none are given.
     pub fn theta_or_default(&self, theta: Option<&Bound<PyAny>>) -> PyResult<Vec<f64>> {
         let theta = optional_vector("theta", theta, self.model.n_params())?;
@@ -254,6 +271,16 @@ impl Model {
     /// The change (ndx,) that leads from state a (nx,) to state b (nx,).
     fn difference<'py>(&self, py: Python<'py>, b: &Bound<'py, PyAny>, a: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
         Ok(to_vector(py, self.model.difference(&self.state("b", b)?, &self.state("a", a)?)))
+    }
+
+    /// Cotangents of changes (n, ndx) from those of the numbers of states x (n, nx): the pullback of `displaced` at dx = 0.
+    fn pull_displaced<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>, x_bar: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        self.pulled(py, ("x_bar", x_bar), x, self.model.nx(), self.model.ndx(), Engine::pull_displaced)
+    }
+
+    /// Cotangents of the numbers of states x (n, nx) from those of changes (n, ndx): the pullback of `difference` by b at b = a.
+    fn pull_difference<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>, dx_bar: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        self.pulled(py, ("dx_bar", dx_bar), x, self.model.ndx(), self.model.nx(), Engine::pull_difference)
     }
 
     /// First material axes at x (nx,) of all edges that twist, (n_twists, 3).

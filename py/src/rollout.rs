@@ -91,7 +91,7 @@ impl Rollout {
         to_vector(py, self.kept.theta().to_vec())
     }
 
-    /// Whether the derivatives are those of another rest gap than the scene's.
+    /// Whether the derivatives are those of another rest gap or grasp than the scene's.
     #[getter]
     fn surrogate(&self) -> bool {
         self.kept.smoothing().is_some()

@@ -6,6 +6,7 @@ Prints one JSON object: check -> the largest relative disagreement, or what was 
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -326,6 +327,60 @@ def quaternion_reference(p):
     return off(got, (np.concatenate([along, want[0][4:]]), np.asarray(want[1])))
 
 
+def material(model, x):
+    """A loss of all that a rod's state says of its material: nodes, velocities, material axes, twists between edges."""
+    rod, nodes, edges, size = model.ropes["rod"], 3 * model.n_nodes, 8, model.nx - len(model.memory_names)
+    at, turns, axes, twists = x[:nodes].reshape(-1, 3), x[nodes : nodes + edges], x[size : size + 3 * edges], x[size + 3 * edges :]
+    # a ghost, node 0, lies before the rod's first node: edges follow one another
+    assert rod == slice(1, 9, 1) and twists.size == edges - 1
+    along, d = jnp.diff(at, axis=0), axes.reshape(-1, 3)
+    t = along / jnp.linalg.norm(along, axis=1, keepdims=True)
+    first = d * jnp.cos(turns)[:, None] + jnp.cross(t, d) * jnp.sin(turns)[:, None]
+    numbers = jnp.concatenate([x[:nodes], x[nodes + edges : size], first.ravel(), jnp.diff(turns) + twists])
+    return jnp.sin(3.0 * numbers) @ jnp.cos(jnp.arange(numbers.size))
+
+
+def rod_differences(p):
+    """The gradient of a loss of the last state, along a curve of states whose axes go with their edges."""
+    (x0, u, theta), rng = p.inputs, np.random.default_rng(3)
+    dx, du, dtheta = rng.normal(size=p.model.ndx), rng.normal(size=u.shape), rng.normal(size=theta.shape) * np.abs(theta)
+    dx, du, dtheta = 1e-2 * dx, 1e-2 * du, 1e-2 * dtheta
+
+    def loss(x0, u, theta):
+        return material(p.model, pliant.jax.rollout(p.model)(x0, u, theta)[-1])
+
+    bars = jax.jit(jax.grad(loss, argnums=(0, 1, 2)))(*p.inputs)
+    ahead = [p.model.displaced(x0, k * 1e-3 * dx) for k in (-2, -1, 1, 2)]
+    x_dot = (ahead[0] - 8 * ahead[1] + 8 * ahead[2] - ahead[3]) / 12e-3
+    slope = bars[0] @ x_dot + (bars[1] * du).sum() + bars[2] @ dtheta
+    return off(slope, central(lambda e: loss(p.model.displaced(x0, e * dx), u + e * du, theta + e * dtheta)))
+
+
+def rod_scan(p):
+    """A scan of steps hands cotangents of axes from step to step, as a rollout does inside."""
+    x0, u, theta = p.inputs
+    step, rollout = pliant.jax.step(p.model), pliant.jax.rollout(p.model)
+
+    def scanned(x0, u, theta):
+        last, _ = jax.lax.scan(lambda x, row: (step(x, row, theta), None), jnp.asarray(x0), jnp.asarray(u))
+        return material(p.model, last)
+
+    def rolled(x0, u, theta):
+        return material(p.model, rollout(x0, u, theta)[-1])
+
+    return off(*(jax.jit(jax.grad(f, argnums=(0, 1, 2)))(x0, u, theta) for f in (scanned, rolled)))
+
+
+def says_surrogate(p):
+    """Functions and batches say when their gradients are surrogates."""
+    x0, u, theta = p.inputs
+    plain = [pliant.jax.step(p.model), pliant.jax.rollout(p.model), p.model.rollout_batch(x0[None], u)]
+    smooth = [pliant.jax.step(p.model, backward_rest_gap=1e-4), pliant.jax.rollout(p.model, backward_rest_gap=1e-4)]
+    smooth.append(p.model.rollout_batch(x0[None], u, rest_gap=1e-4, states="hard"))
+    names = [getattr(f, "__name__", repr(f)) for f in [*plain, *smooth]]
+    return [[f.surrogate for f in plain], [f.surrogate for f in smooth], names]
+
+
 AGREE = [
     rollout_value,
     rollout_grad_jit,
@@ -340,8 +395,9 @@ AGREE = [
     surrogate_grad,
     many_calls,
 ]
+RODS = [rod_differences, rod_scan]
 QUATERNIONS = [quaternion_differences, quaternion_chain, quaternion_radial, quaternion_reference]
-ONCE = [long_rollout, wrong_shape, failed_numerics, needs_float64, wrong_dtype]
+ONCE = [says_surrogate, long_rollout, wrong_shape, failed_numerics, needs_float64, wrong_dtype]
 
 
 def main():
@@ -352,6 +408,9 @@ def main():
         for check in AGREE:
             found[f"{name}-{check.__name__}"] = check(problem)
     found |= {check.__name__: check(problem) for check in QUATERNIONS}
+    rod = SimpleNamespace(model=pliant.load(SCENES / "twisting_rod.toml"))
+    rod.inputs = (rod.model.initial_state(), rod.model.controls(STEPS), rod.model.theta)
+    found |= {check.__name__: check(rod) for check in RODS}
     problem = Problem("free_swing")
     found |= {check.__name__: check(problem) for check in ONCE}
     json.dump(found, sys.stdout)

@@ -68,6 +68,18 @@ def test_quaternions(found, check, bound):
     assert found[check] <= bound
 
 
+@pytest.mark.parametrize(("check", "bound"), [("rod_differences", 1e-8), ("rod_scan", 1e-12)])
+def test_rods(found, check, bound):
+    """Rods that twist: against central differences, and step by step against rollouts."""
+    assert found[check] <= bound
+
+
+def test_surrogates_say_so(found):
+    plain, smooth, names = found["says_surrogate"]
+    assert plain == [False] * 3 and smooth == [True] * 3
+    assert not any("surrogate" in name for name in names[:3]) and all("surrogate" in name for name in names[3:])
+
+
 def test_long_rollout(found):
     assert found["long_rollout"] == 0.0
 

@@ -7,7 +7,7 @@ what sections remember), u's inputs of one gripper, or one entry of θ.
 import jax
 import numpy as np
 import pytest
-from reference_cases import case, gradient_errors, parts, relative, traced_once, wiggle
+from reference_cases import case, gradient_errors, jit, parts, relative, wiggle
 
 from validation import reference
 
@@ -109,7 +109,7 @@ def test_equilibrium(name):
         q, pull = jax.vjp(lambda u, t: equilibrium(u, t, guess).ravel(), u, theta)
         return q, pull(q_bar)
 
-    q, (u_bar, theta_bar) = traced_once(program, run.text)(u, theta)
+    q, (u_bar, theta_bar) = jit(program)(u, theta)
     got_u, got_theta = found.vjp(q_bar)
     assert relative(found.q, q) <= 1e-9
     assert relative(got_u, u_bar) <= 1e-8

@@ -2,6 +2,7 @@
 
 mod bodies;
 mod build;
+mod chart;
 mod closures;
 mod cloth;
 mod colliders;
@@ -150,30 +151,6 @@ impl Model {
     /// and the reference axes in z have none of their own.
     pub fn ndx(&self) -> usize {
         2 * self.nv() + self.ndz()
-    }
-
-    /// `x ⊕ δx`.
-    pub fn displaced(&self, x: &State, dx: &[f64]) -> State {
-        let (n, nv) = (self.n_node_dofs(), self.nv());
-        let mut out = x.clone();
-        out.q[..n].iter_mut().zip(&dx[..n]).for_each(|(q, d)| *q += d);
-        self.tree.add(pliant_math::rotation::Map::Exponential, &x.q[n..], &dx[n..nv], &mut out.q[n..]);
-        out.v.iter_mut().zip(&dx[nv..]).for_each(|(v, d)| *v += d);
-        out.z.iter_mut().zip(&dx[2 * nv..]).for_each(|(z, d)| *z += d);
-        self.rods.carry_frames(&x.q, &out.q, &mut out.z[self.ndz()..]);
-        out
-    }
-
-    /// `b ⊖ a`, the change δx with `a ⊕ δx = b`.
-    pub fn difference(&self, b: &State, a: &State) -> Vec<f64> {
-        let (n, nv) = (self.n_node_dofs(), self.nv());
-        let mut dx = vec![0.0; self.ndx()];
-        (0..n).for_each(|k| dx[k] = b.q[k] - a.q[k]);
-        self.rods.add_turns([&a.q, &b.q], [&a.z[self.ndz()..], &b.z[self.ndz()..]], &mut dx);
-        self.tree.subtract(&b.q[n..], &a.q[n..], &mut dx[n..nv]);
-        (0..nv).for_each(|k| dx[nv + k] = b.v[k] - a.v[k]);
-        dx[2 * nv..].iter_mut().zip(b.z.iter().zip(&a.z)).for_each(|(d, (b, a))| *d = b - a);
-        dx
     }
 
     /// Number of controls: those of grippers, then one per actuator.

@@ -23,7 +23,7 @@ pub struct RodPoint {
     begin: Vec<Vec3<f64>>,
 }
 
-fn vector(x: &[f64], i: usize) -> Vec3<f64> {
+pub(super) fn vector(x: &[f64], i: usize) -> Vec3<f64> {
     Vec3::new(x[3 * i], x[3 * i + 1], x[3 * i + 2])
 }
 

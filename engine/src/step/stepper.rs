@@ -108,7 +108,7 @@ pub struct Stepper<'m> {
     pub(super) model: ModelOf<'m>,
     pub(super) theta: Cow<'m, [f64]>,
     options: StepOptions,
-    rest_gap: f64,
+    pub(super) rest_gap: f64,
     grasping: Grasping,
     pub(super) masses: Masses,
     joint_rows: Vec<JointRow>,

@@ -7,6 +7,7 @@ mod bad_cloth;
 mod bad_motors;
 mod bad_scenes;
 mod bodies_contact;
+mod chart;
 mod cloth;
 mod cloth_newton;
 mod cloth_plate;

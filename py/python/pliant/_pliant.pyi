@@ -173,6 +173,18 @@ class Model:
         """
     def difference(self, b: ArrayLike, a: ArrayLike) -> Array:
         """The change dx (ndx,) that leads from state a (nx,) to state b (nx,), b ⊖ a."""
+    def pull_displaced(self, x: ArrayLike, x_bar: ArrayLike) -> Array:
+        """Cotangents of changes (n, ndx) from x_bar (n, nx), those of the numbers of states x (n, nx).
+
+        Eᵀ x_bar with E = ∂(x ⊕ dx)/∂dx at dx = 0: the chain rule from a loss of x, with quaternions and the axes of rods,
+        to the x_bar (n, ndx) that `vjp` takes.
+        """
+    def pull_difference(self, x: ArrayLike, dx_bar: ArrayLike) -> Array:
+        """Cotangents of the numbers (n, nx) of states x (n, nx) from dx_bar (n, ndx), those of changes.
+
+        Dᵀ dx_bar with D = ∂(b ⊖ x)/∂b at b = x: the chain rule from what `vjp` returns to what x was computed from. It undoes
+        `pull_displaced` from the right: pull_displaced(x, pull_difference(x, dx_bar)) = dx_bar.
+        """
     def material_axes(self, x: ArrayLike) -> Array:
         """First material axes at x (nx,) of all edges that twist, (n_twists, 3) [-]."""
     def masses(self, theta: ArrayLike | None = None) -> Array:
@@ -296,7 +308,7 @@ class Rollout:
         """Parameters it was simulated with, (n_params,)."""
     @property
     def surrogate(self) -> bool:
-        """Whether the derivatives are those of another rest gap than the scene's."""
+        """Whether the derivatives are those of another rest gap or grasp than the scene's."""
     @property
     def trace(self) -> Trace:
         """Work of each step; of a surrogate along hard states that of both steps."""
@@ -353,7 +365,10 @@ class Batch:
 
     @property
     def x(self) -> Array:
-        """States, (batch, T + 1, nx): positions [m], then velocities [m/s]."""
+        """States, (batch, T + 1, nx): positions [m], then velocities [m/s], then history variables."""
+    @property
+    def surrogate(self) -> bool:
+        """Whether the derivatives are those of another rest gap or grasp than the scene's; each rollout says which."""
     def vjp(self, x_bar: ArrayLike, threads: int | None = None) -> tuple[Array, Array, Array]:
         """Cotangents x0_bar (batch, ndx), u_bar (batch, T, nu), theta_bar (batch, n_params).
 
