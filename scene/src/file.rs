@@ -271,7 +271,7 @@ pub struct Solver {
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { linear: LinearSolver::default(), tolerance: 1e-12, max_iterations: 40, max_halvings: 6 }
+        Self { linear: LinearSolver::default(), tolerance: 1e-12, max_iterations: 40, max_halvings: 12 }
     }
 }
 

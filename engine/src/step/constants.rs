@@ -35,7 +35,7 @@ pub(crate) struct StepConstants {
 /// The values in use.
 pub(crate) const STEP: StepConstants = StepConstants {
     attempts: 4,
-    most_counted: 16,
+    most_counted: 8,
     created_by_bodies: 0.02,
     slow: 0.1,
     created: 1e-3,

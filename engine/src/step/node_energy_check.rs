@@ -6,8 +6,8 @@
 //! ```text
 //! D = ΔT + ΔV − Σ_stages b h v̄·(m a − f(q̄, v̄)),   a = (v⁺ − v)/h of the stage        [J]
 //! ```
-//! is what the step creates beside the work of everything else, hands, wind, weight and contact, whatever it is; T counts free nodes, V is
-//! elastic. Shapes that stand still do no work: where nothing but nodes moves, what they do all the same, pushing out what a long step has
+//! is what the step creates beside the work of everything else, hands, wind, weight and contact, whatever it is, and beside what rounding
+//! may do; T counts free nodes, V is elastic. Shapes that stand still do no work: where nothing but nodes moves, what they do all the same, pushing out what a long step has
 //! put into them, counts as created. Stiff elements have roots far from the motion, of much more energy, and Newton's method may end at one of them: a step
 //! by which the energy grows and that creates a noticeable part of what is at hand is refused, and two of half the length are taken. Every
 //! (sub)step is judged, whatever work it took, so that the outcome is a function of where it begins and of its inputs. The last halves are
@@ -18,6 +18,7 @@ use super::{SDIRK_GAMMA, StepError, Stepper};
 use crate::constraints::weighed;
 use crate::rods::{Remembered, RodPoint};
 use crate::step::constants::STEP;
+use crate::step::newton::rounding_energy;
 use crate::terms::{Point, Term};
 use pliant_math::State;
 use pliant_scene::Integrator;
@@ -112,6 +113,8 @@ struct Part<'a> {
     h: f64,
     q_bar: &'a [f64],
     v_bar: &'a [f64],
+    /// Positions that it carries axes from, and these.
+    axes: [&'a [f64]; 2],
 }
 
 /// Work in a (sub)step of everything but inner forces, and of contact on free rows, where nothing else acts \[J\].
@@ -148,6 +151,7 @@ impl Stepper<'_> {
             created.by_contact =
                 if self.touches_what_stands_still() { (contact - self.opening_work(step)).max(0.0) } else { 0.0 };
             created.energy = created.energy.min(grown + elastic[1] - elastic[0] - others + created.by_contact);
+            created.energy -= rounding_energy(&self.model, &self.q_ref, step.h, &mut self.ws);
         }
         Some(created)
     }
@@ -191,7 +195,8 @@ impl Stepper<'_> {
         let inner = self.model.terms.iter().filter(|term| term.inner());
         let grown = inner.map(|term| (energy(term.as_ref(), after) - energy(term.as_ref(), before), term.name().to_owned()));
         let largest = grown.max_by(|a, b| a.0.total_cmp(&b.0));
-        largest.filter(|(by, _)| *by > 0.0).map_or_else(|| "bending and twist of rods".to_owned(), |(_, name)| name)
+        let otherwise = if self.model.rods.edges.is_empty() { "motion" } else { "bending and twist of rods" };
+        largest.filter(|(by, _)| *by > 0.0).map_or_else(|| otherwise.to_owned(), |(_, name)| name)
     }
 
     fn in_two_stages(&self, step: &SubstepResult) -> bool {
@@ -269,15 +274,19 @@ impl Stepper<'_> {
         let (n, h, gamma) = (self.model.n_node_dofs(), step.h, SDIRK_GAMMA);
         let ([q, v], [q_next, v_next]) = ([&step.before.q, &step.before.v], [&step.after.q, &step.after.v]);
         let from = |k: usize| v[k];
+        let axes: [&[f64]; 2] = [q, self.frames_of(step.before)];
         if self.in_two_stages(step) {
             let first = &self.v_first;
             let q_first: Vec<f64> = (0..n).map(|k| q[k] + gamma * h * first[k]).collect();
             let reference = |k: usize| v[k] + (1.0 - gamma) / gamma * (first[k] - v[k]);
-            let one = Part { length: (1.0 - gamma) * h, from: &from, to: first, h: gamma * h, q_bar: &q_first, v_bar: first };
-            let two = Part { length: gamma * h, from: &reference, to: v_next, q_bar: q_next, v_bar: v_next, ..one };
+            let length = (1.0 - gamma) * h;
+            let one = Part { length, from: &from, to: first, h: gamma * h, q_bar: &q_first, v_bar: first, axes };
+            // the second stage's, by way of its reference: another way leaves another twist
+            let axes: [&[f64]; 2] = [&self.q_ref, &self.frames];
+            let two = Part { length: gamma * h, from: &reference, to: v_next, q_bar: q_next, v_bar: v_next, axes, ..one };
             return self.part_of_work(step, &one).and(self.part_of_work(step, &two));
         }
-        let euler = Part { length: h, from: &from, to: v_next, h, q_bar: q_next, v_bar: v_next };
+        let euler = Part { length: h, from: &from, to: v_next, h, q_bar: q_next, v_bar: v_next, axes };
         if self.model.integrator != Integrator::Midpoint {
             return self.part_of_work(step, &euler);
         }
@@ -295,7 +304,7 @@ impl Stepper<'_> {
         };
         add(true, &mut f);
         let (rods, mut point) = (&self.model.rods, Default::default());
-        rods.evaluate(&step.before.q, self.frames_of(step.before), part.q_bar, &mut point);
+        rods.evaluate(part.axes[0], part.axes[1], part.q_bar, &mut point);
         rods.add_force(&point, part.v_bar, &self.theta, self.as_begun(step), &mut f);
         let inertia: f64 = self.free_rows().map(|(k, m)| m * part.v_bar[k] * (part.to[k] - (part.from)(k))).sum();
         let inner: f64 = (0..self.model.n_node_dofs()).map(|k| part.v_bar[k] * f[k]).sum();

@@ -132,7 +132,7 @@ pub struct Stepper<'m> {
     /// Where a (sub)step begins and ends, for the energy check and for sections that remember.
     pub(super) begin: EnergyPoint,
     pub(super) end: EnergyPoint,
-    frames: Vec<f64>,
+    pub(super) frames: Vec<f64>,
     pub(super) ws: Workspace,
 }
 

@@ -178,6 +178,16 @@ mod tests {
         assert!((energy - expected).abs() < 1e-14 * expected, "{energy} against {expected}");
     }
 
+    /// A rope that does not resist bending may lie folded back on itself, and 0 · tan²(90°) was not a number.
+    #[test]
+    fn a_complete_fold_without_stiffness_has_no_energy() {
+        let kernel = Bend::new(vec![Element { nodes: vec![0, 1, 2], params: vec![0, 1], constants: vec![0.5] }]);
+        let at = Point { q: &[0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.25, 0.0, 0.0], v: &[0.0; 9], theta: &[1.0, 0.0] };
+        let mut f = [0.0; 9];
+        kernel.add_force(&at, &mut f);
+        assert_eq!((kernel.energy(&at), f), (0.0, [0.0; 9]));
+    }
+
     #[test]
     fn a_straight_rope_is_at_rest() {
         let kernel = Bend::new(vec![Element { nodes: vec![0, 1, 2], params: vec![0, 1], constants: vec![0.5] }]);

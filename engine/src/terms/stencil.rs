@@ -111,7 +111,8 @@ impl<S: Real> Edge<S> {
     }
 }
 
-/// Two edges that meet: d = t₂ − t₁, 1 − c = ½|d|² and p = 1/(1 + c) with c = t₁·t₂. Not finite where the rope folds back (c = −1).
+/// Two edges that meet: d = t₂ − t₁, 1 − c = ½|d|² and p = 1/(1 + c) with c = t₁·t₂; where the rope folds back (c = −1) p is too large for what
+/// resists bending.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner<S> {
     pub one: Edge<S>,
@@ -128,7 +129,9 @@ impl<S: Real> Corner<S> {
         let turn = two.tangent - one.tangent;
         // ½|t₂ − t₁|² keeps the relative precision of a nearly straight rope, where 1 − t₁·t₂ cancels.
         let one_minus_c = turn.dot(&turn) * 0.5;
-        let p = (-one_minus_c + 2.0).recip();
+        // likewise ½|t₁ + t₂|² that of a fold; a rope that does not resist bending may fold completely, and 0 · p has to be 0 there
+        let along = one.tangent + two.tangent;
+        let p = (along.dot(&along) * 0.5 + f64::MIN_POSITIVE).recip();
         Self { one, two, turn, one_minus_c, p }
     }
 

@@ -39,6 +39,9 @@ pub(super) struct NewtonConstants {
     pub most_regularization: f64,
     /// Roundings of the unknowns that a residual may show and count as zero [-]: residuals that no longer fall are seen at 0.02 to 1.2.
     pub rounding: f64,
+    /// Largest correction at which a residual may count as rounding, over the velocity scale and the largest coordinate in a step's time [-]:
+    /// the conditioning of a contact at a rest gap of 1e-9 m makes 3e-9 of it; beyond lie false ends beside singular matrices.
+    pub near: f64,
     /// Part of a correction that the next must be below to be still falling [-].
     pub still_falls: f64,
     /// Part of the tolerance that the estimate of what is left after a last correction may be [-]: it is an estimate, and most steps end
@@ -83,6 +86,7 @@ pub(super) const NEWTON: NewtonConstants = NewtonConstants {
     nearly_hard: 1e-4,
     most_regularization: 0.05,
     rounding: 2.0,
+    near: 1e-7,
     still_falls: 0.25,
     negligible: 0.01,
     continuation_fall: 1e-2,

@@ -23,6 +23,7 @@ pub(crate) use history::History;
 pub(crate) use secant::Secant;
 
 use crate::bodies::JointKind;
+use crate::model::Model;
 use crate::step::constraints::ConstraintSet;
 use crate::step::{Iterate, STATIC, Stage, StepError, Workspace};
 use constants::NEWTON;
@@ -69,7 +70,9 @@ impl From<StepError> for Stuck {
 pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, work: &mut Work) -> Result<(), Stuck> {
     let precision =
         if stage.options.coarse { stage.model.solver.tolerance.max(NEWTON.coarse) } else { stage.model.solver.tolerance };
-    let tolerance = precision * velocity_scale(stage, ws);
+    let scale = velocity_scale(stage, ws);
+    let tolerance = precision * scale;
+    let near = NEWTON.near * (scale + farthest(stage.model, stage.q_ref) / (stage.h * stage.scheme.free.a1));
     let mut correction = f64::INFINITY;
     ws.newton.nonmonotone = if stage.options.damping == 0.0 { NEWTON.nonmonotone_steps } else { 0 };
 
@@ -87,7 +90,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
         if !correction.is_finite() {
             return Err(Stuck::NoProgress { correction });
         }
-        match descend(stage, ws, correction, tolerance, work)? {
+        match descend(stage, ws, correction, [tolerance, near], work)? {
             // softened contacts have converged when they have without
             Descent::Converged if regularization > 0.0 && !stage.options.coarse => {
                 eased = true;
@@ -97,13 +100,13 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             Descent::Converged => return Ok(()),
             Descent::Continue(ratio) => regularization = fallen(regularization, ratio),
             // softened contacts have converged, and what is left is rounding
-            Descent::Soften if eased && still_at_rounding(stage, ws)? => return Ok(()),
+            Descent::Soften if eased && correction <= near && still_at_rounding(stage, ws)? => return Ok(()),
             Descent::Soften => regularization = (regularization * NEWTON.regularization_rise).max(NEWTON.first_regularization),
-            Descent::Stalled if still_at_rounding(stage, ws)? => return Ok(()),
+            Descent::Stalled if correction <= near && still_at_rounding(stage, ws)? => return Ok(()),
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
-    if regularization == 0.0 && still_at_rounding(stage, ws)? {
+    if regularization == 0.0 && correction <= near && still_at_rounding(stage, ws)? {
         return Ok(());
     }
     Err(Stuck::NoProgress { correction })
@@ -154,8 +157,9 @@ enum Descent {
     Stalled,
 }
 
-/// Damped step along `ws.d`, then chords with the same matrix while they contract quickly.
-fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &mut Work) -> Result<Descent, Stuck> {
+/// Damped step along `ws.d`, then chords with the same matrix while they contract quickly, to a correction below `tolerance`, or to a
+/// residual of rounding that corrects by no more than `near`.
+fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, [tolerance, near]: [f64; 2], work: &mut Work) -> Result<Descent, Stuck> {
     let (first, mut norm) = (norm, norm);
     let mut alpha: f64 = 1.0;
     // chords do without axial forces, which therefore do not follow them
@@ -169,7 +173,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, tolerance: f64, work: &
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.options.damping > 0.0 || stage.options.regularization > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
-        let ended = next <= tolerance || next > NEWTON.still_falls * norm;
+        let ended = next <= tolerance || (next > NEWTON.still_falls * norm && next <= near);
         if alpha == 1.0 && ended && left_after(next, norm) > NEWTON.negligible * tolerance && at_rounding(stage, ws) {
             accept(ws);
             take_correction(ws);
@@ -238,10 +242,11 @@ fn chords_left(next: f64, norm: f64, tolerance: f64) -> f64 {
 }
 
 /// Estimated error once a correction is taken that fell from `norm` to `next`: the sum of those that would follow with the same matrix. After
-/// the first they fall half as fast at worst as from the step itself (Deuflhard 2011, §2.1.2).
+/// the first they fall half as fast at worst as from the step itself (Deuflhard 2011, §2.1.2). The rounding of that step stays: one of
+/// 1e14 m/s, by a matrix that is all but singular, leaves nothing right, however much smaller the next is.
 fn left_after(next: f64, norm: f64) -> f64 {
     let ratio = 2.0 * next / norm;
-    if ratio < 0.5 { next * ratio / (1.0 - ratio) } else { f64::INFINITY }
+    if ratio < 0.5 { next * ratio / (1.0 - ratio) + f64::EPSILON * norm } else { f64::INFINITY }
 }
 
 /// Minimiser of the quadratic model of the simplified correction, kept within [0.1, 0.5] of the last factor.
@@ -338,16 +343,15 @@ fn velocity_scale(stage: &Stage, ws: &Workspace) -> f64 {
     };
     let fall = stage.theta[stage.model.gravity] * stage.h.min(1.0 / stage.inertia.max(f64::MIN_POSITIVE));
     // at rest the unknown is a displacement, and without weight the size of things is all there is to compare it with
-    let size = if stage.scheme == STATIC { farthest(stage) } else { 0.0 };
+    let size = if stage.scheme == STATIC { farthest(stage.model, stage.q_ref) } else { 0.0 };
     mean_square(stage.v_ref).max(mean_square(&ws.it.v)).sqrt() + fall.abs().max(size) + 1e-9
 }
 
 /// Largest coordinate of a node, and of a joint that slides [m].
-fn farthest(stage: &Stage) -> f64 {
-    let largest = |q: &[f64]| q.iter().fold(0.0_f64, |a, q| a.max(q.abs()));
-    let n = stage.model.n_node_dofs();
-    let joints = stage.model.tree.joints().iter().filter(|joint| joint.kind == JointKind::Prismatic);
-    joints.fold(largest(&stage.q_ref[..3 * stage.masses.nodes.len()]), |far, joint| far.max(stage.q_ref[n + joint.q].abs()))
+fn farthest(model: &Model, q: &[f64]) -> f64 {
+    let (n, nodes) = (model.n_node_dofs(), &q[..3 * model.n_nodes()]);
+    let joints = model.tree.joints().iter().filter(|joint| joint.kind == JointKind::Prismatic);
+    joints.fold(nodes.iter().fold(0.0, |far: f64, q| far.max(q.abs())), |far, joint| far.max(q[n + joint.q].abs()))
 }
 
 /// Whether the residual at hand is no larger than what the rounding of velocities and coordinates makes of it,
@@ -356,11 +360,12 @@ fn farthest(stage: &Stage) -> f64 {
 /// ```
 /// in every row, and likewise in those of the constraints: then this is the root for a state that differs in the last digit, and nothing better
 /// can be told (a componentwise backward error: Oettli & Prager 1964). To an angle 1 rad is added, and a displacement counts as
-/// the largest coordinate there is, for either may be the difference of two such.
+/// the largest coordinate there is, for either may be the difference of two such. It says nothing far from the root, where K may be large for
+/// reasons of its own: the fold of a rod.
 fn at_rounding(stage: &Stage, ws: &mut Workspace) -> bool {
     // a change of coordinates is one of velocities over this time
     let time = stage.h * stage.scheme.free.a1;
-    let (far, n_nodes, n) = (farthest(stage), 3 * stage.masses.nodes.len(), stage.model.n_node_dofs());
+    let (far, n_nodes, n) = (farthest(stage.model, stage.q_ref), 3 * stage.masses.nodes.len(), stage.model.n_node_dofs());
     let size = &mut ws.newton.size;
     size.clear();
     size.extend(ws.it.v.iter().zip(stage.v_ref).map(|(v, start)| v.abs() + start.abs()));
@@ -395,7 +400,19 @@ fn at_rounding(stage: &Stage, ws: &mut Workspace) -> bool {
     balanced && ws.constraints.parts(&ws.it.lambda).all(satisfied)
 }
 
-/// The same at the iterate, whose residual is evaluated again.
+/// Energy \[J\] of nodes and twists by which the rounding of their coordinates may change a (sub)step of length `h` from `q_ref`: that of the
+/// forces, and of velocities, over displacements of that size.
+pub(crate) fn rounding_energy(model: &Model, q_ref: &[f64], h: f64, ws: &mut Workspace) -> f64 {
+    let n = model.n_node_dofs();
+    let size = &mut ws.newton.size;
+    size.clear();
+    size.resize(model.nv(), 1.0);
+    size[..3 * model.n_nodes()].fill(farthest(model, q_ref));
+    let rows = (0..n).map(|row| ws.newton.size[row] * ws.k.row_magnitude(row, &ws.newton.size));
+    rows.sum::<f64>() / h * (NEWTON.rounding * f64::EPSILON).powi(2)
+}
+
+/// [`at_rounding`] at the iterate, whose residual is evaluated again.
 fn still_at_rounding(stage: &Stage, ws: &mut Workspace) -> Result<bool, Stuck> {
     let it = std::mem::take(&mut ws.it);
     let result = stage.residual(&it, ws);
