@@ -8,6 +8,7 @@ use crate::options::Keep;
 use crate::rollout::wrap;
 use crate::vector::VectorStepper;
 use numpy::{PyArray1, PyArray2};
+use pliant::gradcheck::GRADCHECK;
 use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs, warnings};
 use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
 use pyo3::exceptions::PyUserWarning;
@@ -444,7 +445,11 @@ impl Model {
             Some(x0) => self.state("x0", x0)?,
             None => py.detach(|| self.start(&theta))?,
         };
-        let u = u.map_or_else(|| self.rows(None), |u| matrix("u", u, None, self.model.nu()))?;
+        let first = |mut rows: Vec<Vec<f64>>| {
+            rows.truncate(GRADCHECK.steps);
+            rows
+        };
+        let u = u.map_or_else(|| self.rows(None).map(first), |u| matrix("u", u, None, self.model.nu()))?;
         crate::gradcheck::gradcheck(py, &self.model, &theta, &x0, &u, seed)
     }
 

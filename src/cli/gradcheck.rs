@@ -2,8 +2,9 @@
 
 use super::failure::Failure;
 use super::print;
+use super::progress::Progress;
 use pliant::Case;
-use pliant::gradcheck::{BlockReport, Report, Verdict, gradcheck};
+use pliant::gradcheck::{BlockReport, GRADCHECK, Report, Verdict, gradcheck_with_progress};
 use pliant::scene::{MOST_STEPS, control_rows};
 use serde::Serialize;
 use std::fmt::Write;
@@ -18,9 +19,12 @@ wrong, 3 none fails and some are inconclusive."
 pub struct Arguments {
     /// Scene file (TOML).
     scene: PathBuf,
-    /// Number of steps to differentiate; by default the scene's duration, beyond which its motions go on.
+    /// Number of steps to differentiate; by default the scene's first 100. Beyond its duration its motions go on.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_STEPS as i64))]
     steps: Option<u32>,
+    /// Differentiate all steps of the scene's duration.
+    #[arg(long, conflicts_with = "steps")]
+    full: bool,
     /// Seed of weights and directions.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -45,15 +49,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(steps) = arguments.steps {
         case.controls =
             control_rows(&case.scene, steps as usize).map_err(|error| Failure::case(&arguments.scene, error.into()))?;
+    } else if !arguments.full {
+        case.controls.truncate(GRADCHECK.steps);
     }
-    let theta = case.model.params().values();
-    let report = gradcheck(&case.model, theta, &case.x0, &case.controls, arguments.seed)
+    let (theta, mut progress) = (case.model.params().values(), Progress::start());
+    let mut tell = |k, n, name: &str| progress.tell(&format!("block {} of {n}: {name}", k + 1));
+    let report = gradcheck_with_progress(&case.model, theta, &case.x0, &case.controls, arguments.seed, &mut tell)
         .map_err(|error| Failure::adjoint(&arguments.scene, error))?;
+    drop(progress);
     if arguments.json {
         let (scene, steps) = (arguments.scene.display().to_string(), case.controls.len());
         print::json(&Output { schema_version: 2, scene, steps, seed: arguments.seed, report: &report })?;
     } else {
-        print::data(&text(&report))?;
+        print::data(&text(&report, case.controls.len()))?;
     }
     match report.verdict {
         Verdict::Pass => Ok(()),
@@ -68,7 +76,7 @@ fn listed(report: &Report, verdict: Verdict) -> String {
     report.with(verdict).map(block).collect::<Vec<_>>().join("\n")
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &Report, steps: usize) -> String {
     let width = report.blocks.iter().map(|block| block.name.chars().count()).max().unwrap_or(0).max(5);
     let mut out =
         format!("{:width$}  size   gradient    difference   rel. error  floor     slope  jvp=vjp   switches\n", "input");
@@ -81,7 +89,7 @@ fn text(report: &Report) -> String {
         "worst relative error {:.1e}, Taylor slope {slope}, dot test {:.1e}, halved steps {}",
         report.worst_relative_error, report.dot_test, report.retries
     );
-    let _ = write!(out, "{} of {} blocks judged", report.judged, report.total);
+    let _ = write!(out, "{} of {} blocks judged over {steps} steps", report.judged, report.total);
     let inconclusive: Vec<&str> = report.with(Verdict::Inconclusive).map(|b| b.name.as_str()).collect();
     if !inconclusive.is_empty() {
         let _ = write!(out, "; inconclusive: {}", inconclusive.join(", "));
@@ -156,6 +164,6 @@ mod tests {
         };
         assert_eq!(listed(&report, Verdict::Fail), "u: wrong");
         assert_eq!(listed(&report, Verdict::Inconclusive), "x0.v: 2 switches");
-        assert!(text(&report).ends_with("\n2 of 3 blocks judged; inconclusive: x0.v; verdict: FAIL"));
+        assert!(text(&report, 7).ends_with("\n2 of 3 blocks judged over 7 steps; inconclusive: x0.v; verdict: FAIL"));
     }
 }

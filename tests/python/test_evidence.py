@@ -74,7 +74,7 @@ def test_documents_quote_the_random_scenes_of_bodies():
 
 
 # every outcome and kind of scene: the first good ones, and bad ones that end within seconds
-SEEDS = (*range(9), 9, 35, 111, 120, 163, 165, 168, 189, 190, 220, 913)
+SEEDS = (*range(9), 9, 35, 111, 163, 189, 190, 220, 532, 648, 691, 913, 996)
 
 
 @pytest.mark.long

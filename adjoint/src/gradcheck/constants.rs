@@ -16,6 +16,8 @@ pub struct GradcheckConstants {
     pub slope: f64,
     /// Largest admissible relative disagreement of jvp and vjp [-].
     pub dot_test: f64,
+    /// Steps that commands check where no number is asked for: seconds of work, and every law of a scene has acted in them.
+    pub steps: usize,
     /// Scale of a direction in coordinates, history variables and inputs [SI unit of the entry].
     pub of_coordinates: f64,
     /// Scale of a direction in velocities [m/s or rad/s].
@@ -39,6 +41,7 @@ pub const GRADCHECK: GradcheckConstants = GradcheckConstants {
     judging_floor: 1e-6,
     slope: 0.1,
     dot_test: 1e-11,
+    steps: 100,
     of_coordinates: 1e-2,
     of_velocities: 0.1,
     of_zeros: 0.1,

@@ -134,6 +134,18 @@ pub fn gradcheck(
     controls: &[Vec<f64>],
     seed: u64,
 ) -> Result<Report, AdjointError> {
+    gradcheck_with_progress(model, theta, x0, controls, seed, &mut |_, _, _| ())
+}
+
+/// [`gradcheck`] that calls `progress` with the number of a block, how many there are, and its name before each.
+pub fn gradcheck_with_progress(
+    model: &Arc<Model>,
+    theta: &[f64],
+    x0: &State,
+    controls: &[Vec<f64>],
+    seed: u64,
+    progress: &mut dyn FnMut(usize, usize, &str),
+) -> Result<Report, AdjointError> {
     let model = &Arc::new(Model::clone(model).solved_to(GRADCHECK.tolerance));
     let mut random = Random(seed);
     let inputs = Inputs { x0: x0.clone(), u: controls.to_vec(), theta: theta.to_vec() };
@@ -148,17 +160,18 @@ pub fn gradcheck(
         modes: modes(rollout),
     };
     let at_base = sampled(&base);
-    let mut blocks = Vec::new();
-    for block in block::all(model, &inputs, &mut random) {
+    let (all, mut blocks) = (block::all(model, &inputs, &mut random), Vec::new());
+    for (k, block) in all.iter().enumerate() {
+        progress(k, all.len(), &block.name);
         let tangent = rollout_jvp(&base, Some(&block.x0), Some(&block.u), Some(&block.theta))?;
         let by_parts: f64 = tangent.iter().zip(&weights).map(|(t, w)| abs_dot(t, w)).sum();
         let derivative = Derivative {
             by_vjp: block.dot(&gradient),
             by_jvp: tangent.iter().zip(&weights).map(|(t, w)| dot(t, w)).sum(),
-            size: by_parts.max(by_vjp_size(&block, &gradient)),
+            size: by_parts.max(by_vjp_size(block, &gradient)),
         };
         let sample = |eps: f64| Ok(sampled(&run(model, &block.moved(model, &inputs, eps))?));
-        blocks.push(difference::judge(&block, &derivative, &at_base, sample));
+        blocks.push(difference::judge(block, &derivative, &at_base, sample));
     }
     Ok(summary(blocks, base.retries()))
 }

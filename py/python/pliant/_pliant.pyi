@@ -290,7 +290,7 @@ class Model:
     ) -> GradcheckReport:
         """Checks the rollout's derivatives block by block against finite differences and each other.
 
-        By default of the scene's own rollout. seed chooses weights and directions. A block passes,
+        By default of the first 100 steps of the scene's own rollout. seed chooses weights and directions. A block passes,
         fails, or is inconclusive where no difference is free of switches and certain to 1e-6.
         """
 
