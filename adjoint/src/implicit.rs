@@ -19,7 +19,7 @@ fn negate(x: &mut [f64]) {
     x.iter_mut().for_each(|a| *a = -*a);
 }
 
-/// The sum of the columns, each divided by its largest entry: without that, one by a stiffness in small units hides all others.
+/// The sum of the columns, each divided by its largest entry: without that, one of large entries hides all others.
 fn normalized_sum(x: &[f64], columns: usize) -> Vec<f64> {
     let mut largest = vec![0.0_f64; columns];
     largest_entries(x, &mut largest);
@@ -57,8 +57,8 @@ pub(crate) struct Refinement {
 /// Replaces the residual's tangent `x` = (∂r/∂p) ṗ by that of the root, of which only the rows of velocities are meant; row-major,
 /// `columns` directions per row.
 ///
-/// Many columns are refined only if that changes their normalized sum, which is solved first as a probe, or if bodies touch: forces shared by four
-/// legs may cancel in the sum. They are refined a second time only if the first says that it would show: each correction is to the one
+/// Many columns are refined only if that changes their normalized sum, which is solved first as a probe, or if bodies touch: forces
+/// shared by four legs may cancel in the sum. They are refined a second time only if the first says that it would show: each correction is to the one
 /// before as that is to the solution. A single column is always refined fully.
 pub(crate) fn root_tangent(stage: &StageRecord, x: &mut [f64], columns: usize, memory: &mut Refinement) {
     negate(x);

@@ -16,7 +16,7 @@ pub struct GradcheckConstants {
     pub slope: f64,
     /// Largest admissible relative disagreement of jvp and vjp [-].
     pub dot_test: f64,
-    /// Steps that commands check where no number is asked for: seconds of work, and every law of a scene has acted in them.
+    /// Steps that commands check where no number is asked for: ropes and rods take seconds for them, large sheets minutes.
     pub steps: usize,
     /// Scale of a direction in coordinates, history variables and inputs [SI unit of the entry].
     pub of_coordinates: f64,

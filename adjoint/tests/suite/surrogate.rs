@@ -114,7 +114,7 @@ fn checkpoints_give_the_same_bits() {
 }
 
 /// Nodes and bodies that rest within a surrogate's rest gap, or slide there, are lifted by it, and nothing more: products of A along the
-/// hard states stay of the size of the exact ones. (They were 1e73 for `arm_pushes`, 1e76 for `resting`.)
+/// hard states stay of the size of the exact ones. (They were 1e76 for `resting`.)
 #[test]
 fn surrogates_of_resting_contacts_do_not_grow() {
     for name in ["resting", "sliding", "block_slides", "arm_pushes"] {
