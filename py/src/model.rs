@@ -8,7 +8,7 @@ use crate::options::Keep;
 use crate::rollout::wrap;
 use crate::vector::VectorStepper;
 use numpy::{PyArray1, PyArray2};
-use pliant::gradcheck::GRADCHECK;
+use pliant::gradcheck::default_steps;
 use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs, warnings};
 use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
 use pyo3::exceptions::PyUserWarning;
@@ -446,7 +446,7 @@ impl Model {
             None => py.detach(|| self.start(&theta))?,
         };
         let first = |mut rows: Vec<Vec<f64>>| {
-            rows.truncate(GRADCHECK.steps);
+            rows.truncate(default_steps(&self.model));
             rows
         };
         let u = u.map_or_else(|| self.rows(None).map(first), |u| matrix("u", u, None, self.model.nu()))?;

@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::print;
 use super::progress::Progress;
 use pliant::Case;
-use pliant::gradcheck::{BlockReport, GRADCHECK, Report, Verdict, gradcheck_with_progress};
+use pliant::gradcheck::{BlockReport, Report, Verdict, default_steps, gradcheck_with_progress};
 use pliant::scene::{MOST_STEPS, control_rows};
 use serde::Serialize;
 use std::fmt::Write;
@@ -19,7 +19,7 @@ wrong, 3 none fails and some are inconclusive."
 pub struct Arguments {
     /// Scene file (TOML).
     scene: PathBuf,
-    /// Number of steps to differentiate; by default the scene's first 100. Beyond its duration its motions go on.
+    /// Number of steps to differentiate; by default the scene's first 100, fewer of models beyond 100 degrees of freedom (never under 10). Beyond its duration its motions go on.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_STEPS as i64))]
     steps: Option<u32>,
     /// Differentiate all steps of the scene's duration.
@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         case.controls =
             control_rows(&case.scene, steps as usize).map_err(|error| Failure::case(&arguments.scene, error.into()))?;
     } else if !arguments.full {
-        case.controls.truncate(GRADCHECK.steps);
+        case.controls.truncate(default_steps(&case.model));
     }
     let (theta, mut progress) = (case.model.params().values(), Progress::start());
     let mut tell = |k, n, name: &str| progress.tell(&format!("block {} of {n}: {name}", k + 1));

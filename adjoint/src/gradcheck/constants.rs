@@ -7,7 +7,7 @@ pub struct GradcheckConstants {
     /// Relative precision of the steps that are checked, if the scene's own is no finer [-]: what is left of a residual at the scene's may
     /// change with an input as quickly as a hard contact does, which no width of a difference tells from a derivative.
     pub tolerance: f64,
-    /// Multiple of the difference's floor that is admissible otherwise [-].
+    /// Multiple of the difference's floor that is admissible otherwise, and of the rounding seen in jvp and vjp [-].
     pub floor_factor: f64,
     /// Largest floor of a difference that judges, so that no error above 1e-5 passes [-]. Rounding leaves differences of rollouts through
     /// hard contact floors of 1e-8 to 1e-6; a term that a gradient lacks changes it by far more than 1e-5.
@@ -16,8 +16,12 @@ pub struct GradcheckConstants {
     pub slope: f64,
     /// Largest admissible relative disagreement of jvp and vjp [-].
     pub dot_test: f64,
-    /// Steps that commands check where no number is asked for: ropes and rods take seconds for them, large sheets minutes.
+    /// Steps that are checked at most where no number is asked for: ropes and rods take seconds for them.
     pub steps: usize,
+    /// Steps times degrees of freedom that are then checked at most: a sheet of 171 nodes takes some ten seconds for them on two cores.
+    pub steps_times_dofs: usize,
+    /// Steps that are then checked at least.
+    pub fewest_steps: usize,
     /// Scale of a direction in coordinates, history variables and inputs [SI unit of the entry].
     pub of_coordinates: f64,
     /// Scale of a direction in velocities [m/s or rad/s].
@@ -42,6 +46,8 @@ pub const GRADCHECK: GradcheckConstants = GradcheckConstants {
     slope: 0.1,
     dot_test: 1e-11,
     steps: 100,
+    steps_times_dofs: 10_000,
+    fewest_steps: 10,
     of_coordinates: 1e-2,
     of_velocities: 0.1,
     of_zeros: 0.1,

@@ -89,6 +89,8 @@ pub(crate) struct Derivative {
     pub by_vjp: f64,
     pub by_jvp: f64,
     pub size: f64,
+    /// What rounding is seen to make of both.
+    pub rounding: f64,
 }
 
 /// Judges the derivative along a block's direction by differences of `sample`, which takes steps ε along it; `base` is `sample(0)`.
@@ -138,8 +140,8 @@ pub(crate) fn judge(
 
     // What an input does may cancel all but its last digits: a sliding ball's weight and inertia leave its mass a derivative of 1e-8.
     // A disagreement that moves L by less than its own last digit over the block's whole scale is rounding of terms that cancel.
-    let last_digit = rounding / scale;
-    let dot_test = if size == 0.0 { 0.0 } else { ((by_vjp - derivative.by_jvp).abs() - last_digit).max(0.0) / size };
+    let digits = rounding / scale + GRADCHECK.floor_factor * derivative.rounding;
+    let dot_test = if size == 0.0 { 0.0 } else { ((by_vjp - derivative.by_jvp).abs() - digits).max(0.0) / size };
     let modes_disagree = exceeds(dot_test, GRADCHECK.dot_test)
         .then(|| format!("jvp and vjp disagree by {dot_test:.1e}, at most {:.0e} is admissible", GRADCHECK.dot_test));
     let (verdict, reason) = match (modes_disagree, by_differences(&points, best, floor, error)) {

@@ -5,7 +5,7 @@
 //! - *relative error* of ⟨∇L, d⟩ against the extrapolated difference of least uncertainty; that uncertainty is the difference's own
 //!   *floor*;
 //! - *Taylor slope*: |L(p + εd) − L(p) − ε⟨∇L, d⟩| must fall like ε² (unless the map is affine along d);
-//! - *dot test*: ⟨w, J d⟩ by jvp equals ⟨Jᵀw, d⟩ by vjp;
+//! - *dot test*: ⟨w, J d⟩ by jvp equals ⟨Jᵀw, d⟩ by vjp, but for rounding, which is seen by doing both again with d/3 and w/3;
 //! - *switches*: how many contacts changed between separate, stick and slip, motors began or ceased to saturate, plastic rods to
 //!   flow, rods with friction to unload, delays passed a whole number of steps, or steps were halved differently, within a
 //!   difference. A difference with a switch judges nothing.
@@ -28,7 +28,8 @@ use pliant_engine::model::Model;
 use pliant_engine::rollout::{Rollout, rollout};
 use pliant_engine::step::StepOptions;
 use pliant_math::State;
-use std::sync::Arc;
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Outcome of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -61,7 +62,7 @@ pub struct BlockReport {
     pub step: f64,
     /// Slope of the Taylor remainder over these steps; `None` if it is below noise (the map is affine along d).
     pub taylor_slope: Option<f64>,
-    /// Disagreement of jvp and vjp along d, beyond L's last digit over the block's scale, relative to their terms.
+    /// Disagreement of jvp and vjp along d, beyond L's last digit over the block's scale and their own rounding, relative to their terms.
     pub dot_test: f64,
     /// Switches within the smallest difference, if each has some; otherwise 0.
     pub switches: usize,
@@ -137,14 +138,20 @@ pub fn gradcheck(
     gradcheck_with_progress(model, theta, x0, controls, seed, &mut |_, _, _| ())
 }
 
-/// [`gradcheck`] that calls `progress` with the number of a block, how many there are, and its name before each.
+/// How many steps of a scene are checked where no number is asked for, so that it takes seconds: fewer of large models.
+pub fn default_steps(model: &Model) -> usize {
+    (GRADCHECK.steps_times_dofs / model.nv().max(1)).clamp(GRADCHECK.fewest_steps, GRADCHECK.steps)
+}
+
+/// [`gradcheck`] that calls `progress` with how many blocks were begun before, how many there are, and the block's name as each begins. Blocks
+/// are shared among the threads of rayon's pool.
 pub fn gradcheck_with_progress(
     model: &Arc<Model>,
     theta: &[f64],
     x0: &State,
     controls: &[Vec<f64>],
     seed: u64,
-    progress: &mut dyn FnMut(usize, usize, &str),
+    progress: &mut (dyn FnMut(usize, usize, &str) + Send),
 ) -> Result<Report, AdjointError> {
     let model = &Arc::new(Model::clone(model).solved_to(GRADCHECK.tolerance));
     let mut random = Random(seed);
@@ -154,25 +161,36 @@ pub fn gradcheck_with_progress(
         (0..=controls.len()).map(|_| (0..model.ndx()).map(|_| scale * random.symmetric()).collect()).collect();
     let base = run(model, &inputs)?;
     let gradient = rollout_vjp(&base, &weights)?;
+    // a sweep is linear: along a third of a direction it gives a third, but for its rounding
+    let third = |x: &[f64]| -> Vec<f64> { x.iter().map(|x| x / 3.0).collect() };
+    let gradient_of_third = rollout_vjp(&base, &weights.iter().map(|w| third(w)).collect::<Vec<_>>())?;
     let sampled = |rollout: &Rollout| Sample {
         value: levels(model, &base, rollout).zip(&weights).map(|(x, w)| dot(&x, w)).sum(),
         parts: rollout.states.iter().zip(&weights).map(|(x, w)| abs_dot(&sizes(model, x), w)).sum(),
         modes: modes(rollout),
     };
     let at_base = sampled(&base);
-    let (all, mut blocks) = (block::all(model, &inputs, &mut random), Vec::new());
-    for (k, block) in all.iter().enumerate() {
-        progress(k, all.len(), &block.name);
+    let (all, begun) = (block::all(model, &inputs, &mut random), Mutex::new((0, progress)));
+    let check = |block: &Block| {
+        let (k, progress) = &mut *begun.lock().unwrap_or_else(PoisonError::into_inner);
+        progress(*k, all.len(), &block.name);
+        *k += 1;
         let tangent = rollout_jvp(&base, Some(&block.x0), Some(&block.u), Some(&block.theta))?;
+        let u_third: Vec<Vec<f64>> = block.u.iter().map(|u| third(u)).collect();
+        let tangent_of_third = rollout_jvp(&base, Some(&third(&block.x0)), Some(&u_third), Some(&third(&block.theta)))?;
+        let along = |tangent: &[Vec<f64>]| -> f64 { tangent.iter().zip(&weights).map(|(t, w)| dot(t, w)).sum() };
         let by_parts: f64 = tangent.iter().zip(&weights).map(|(t, w)| abs_dot(t, w)).sum();
+        let (by_vjp, by_jvp) = (block.dot(&gradient), along(&tangent));
         let derivative = Derivative {
-            by_vjp: block.dot(&gradient),
-            by_jvp: tangent.iter().zip(&weights).map(|(t, w)| dot(t, w)).sum(),
+            by_vjp,
+            by_jvp,
             size: by_parts.max(by_vjp_size(block, &gradient)),
+            rounding: (3.0 * block.dot(&gradient_of_third) - by_vjp).abs() + (3.0 * along(&tangent_of_third) - by_jvp).abs(),
         };
         let sample = |eps: f64| Ok(sampled(&run(model, &block.moved(model, &inputs, eps))?));
-        blocks.push(difference::judge(block, &derivative, &at_base, sample));
-    }
+        Ok(difference::judge(block, &derivative, &at_base, sample))
+    };
+    let blocks = all.par_iter().map(check).collect::<Result<Vec<_>, AdjointError>>()?;
     Ok(summary(blocks, base.retries()))
 }
 

@@ -28,7 +28,7 @@ fn at_bound() -> Block {
 fn report(block: &Block, derivative: f64, value: impl Fn(f64) -> f64, mode: impl Fn(f64) -> u8) -> (BlockReport, usize) {
     let taken = Cell::new(0);
     let sample = |eps: f64| Sample { value: value(eps), parts: 1.0, modes: vec![mode(eps)] };
-    let derivative = Derivative { by_vjp: derivative, by_jvp: derivative, size: derivative.abs() };
+    let derivative = Derivative { by_vjp: derivative, by_jvp: derivative, size: derivative.abs(), rounding: 0.0 };
     let report = judge(block, &derivative, &sample(0.0), |eps| {
         assert!(eps > block.range.0 && eps < block.range.1, "{eps} is out of range");
         taken.set(taken.get() + 1);
@@ -65,7 +65,7 @@ fn a_wrong_gradient_fails() {
 fn modes_that_disagree_fail_even_if_no_difference_judges() {
     let sample = |eps: f64| Ok(Sample { value: eps.abs(), parts: 1.0, modes: vec![u8::from(eps > 0.0)] });
     let base = Sample { value: 0.0, parts: 1.0, modes: vec![0] };
-    let report = judge(&free(), &Derivative { by_vjp: 1.0, by_jvp: 1.0 + 1e-10, size: 1.0 }, &base, sample);
+    let report = judge(&free(), &Derivative { by_vjp: 1.0, by_jvp: 1.0 + 1e-10, size: 1.0, rounding: 0.0 }, &base, sample);
     assert_eq!(report.verdict, Verdict::Fail);
     assert!(reason(&report).starts_with("jvp and vjp disagree by 1.0e-10"), "{report:?}");
 }
@@ -118,7 +118,7 @@ fn noise_is_inconclusive() {
 #[test]
 fn a_failing_simulation_is_inconclusive() {
     let base = Sample { value: 0.0, parts: 1.0, modes: Vec::new() };
-    let report = judge(&free(), &Derivative { by_vjp: 1.0, by_jvp: 1.0, size: 1.0 }, &base, |_| Err(AdjointError::NoRecords));
+    let report = judge(&free(), &Derivative { by_vjp: 1.0, by_jvp: 1.0, size: 1.0, rounding: 0.0 }, &base, |_| Err(AdjointError::NoRecords));
     assert_eq!(report.verdict, Verdict::Inconclusive);
     assert_eq!(reason(&report), "no difference could be taken");
 }

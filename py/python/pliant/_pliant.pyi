@@ -290,8 +290,9 @@ class Model:
     ) -> GradcheckReport:
         """Checks the rollout's derivatives block by block against finite differences and each other.
 
-        By default of the first 100 steps of the scene's own rollout. seed chooses weights and directions. A block passes,
-        fails, or is inconclusive where no difference is free of switches and certain to 1e-6.
+        By default of the first 100 steps of the scene's own rollout, fewer of models beyond 100 degrees of freedom (never
+        under 10). seed chooses weights and directions. A block passes, fails, or is inconclusive where no difference is free of
+        switches and certain to 1e-6.
         """
 
 class Rollout:
