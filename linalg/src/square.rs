@@ -7,10 +7,22 @@ use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// A full matrix by rows.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct Square {
     dim: usize,
     data: Vec<f64>,
+}
+
+// by hand, for the one that is derived allocates in `clone_from`
+impl Clone for Square {
+    fn clone(&self) -> Self {
+        Self { dim: self.dim, data: self.data.clone() }
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        self.dim = from.dim;
+        self.data.clone_from(&from.data);
+    }
 }
 
 impl Square {

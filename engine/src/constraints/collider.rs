@@ -3,7 +3,7 @@
 use super::distance_change::Changes;
 use super::{CONSTRAINTS, LinkLinear, contact_law, slip};
 use crate::geometry::collider::{ContactGeometry, carried};
-use nalgebra::{Matrix3, Matrix3x6, Matrix4x6, Matrix6, Matrix6x4, SMatrix, Vector4};
+use nalgebra::{Matrix3, SMatrix, Vector4};
 use pliant_math::Vec3;
 use pliant_math::spatial::{Force, Motion, hat, product};
 use pliant_smoothing::{ContactLaw, Linearization, SplitPoint, linearize, residual, split_linearize};
@@ -102,8 +102,11 @@ pub(crate) fn contact_wrench(geometry: &ContactGeometry<f64>, mu: f64, w: &Vecto
 }
 
 impl LinkLinear {
-    /// `moves` says which sides can; derivatives by the others are left zero.
-    pub fn of_contact(
+    /// Becomes that of a contact; false if its law has no finite derivative. `moves` says which sides can; derivatives by the others are
+    /// left zero.
+    #[allow(clippy::too_many_arguments)] // what a contact is linearized at
+    pub fn set_contact(
+        &mut self,
         moves: [bool; 2],
         law: &SplitLaw,
         geometry: &ContactGeometry<f64>,
@@ -111,58 +114,36 @@ impl LinkLinear {
         sliding: &Sliding,
         h: f64,
         w: &Vector4<f64>,
-    ) -> Option<Self> {
+    ) -> bool {
         let lin = law.linearize(geometry.gap / h, &sliding.v_t, w);
         if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
-            return None;
+            return false;
         }
         let (n, c, mu) = (&geometry.normal, &geometry.point, law.mu);
         let projector = Matrix3::identity() - n * n.transpose();
         let turning = projector * hat(&sliding.relative.w);
         let along = n.dot(&sliding.velocity);
         let impulse = n * w[0] + Vec3::new(w[1], w[2], w[3]) * mu;
-        let f_xi = [0, 1].map(|side| {
-            if !moves[side] {
-                return Matrix4x6::zeros();
-            }
+        for side in (0..2).filter(|side| moves[*side]) {
             let dn = &changes.normal[side];
             let dv_t = product(&turning, &changes.point[side]) - dn * along - n * (sliding.velocity.transpose() * dn);
-            lin.df_dvn * (changes.gap[side] / h) + product(&lin.df_dvt, &dv_t)
-        });
-        let w_xi = [0, 1].map(|side| {
-            if !moves[side] {
-                return Matrix6::zeros();
-            }
-            let dp = changes.normal[side] * w[0];
-            stack(&(product(&hat(c), &dp) - product(&hat(&impulse), &changes.point[side])), &dp)
-        });
+            self.f_xi[side] = lin.df_dvn * (changes.gap[side] / h) + product(&lin.df_dvt, &dv_t);
+            let dp = dn * w[0];
+            let turn = product(&hat(c), &dp) - product(&hat(&impulse), &changes.point[side]);
+            self.w_xi[side].fixed_view_mut::<3, 6>(0, 0).copy_from(&turn);
+            self.w_xi[side].fixed_view_mut::<3, 6>(3, 0).copy_from(&dp);
+        }
         let mut by_w = SMatrix::<f64, 3, 4>::zeros();
         by_w.set_column(0, n);
         by_w.fixed_view_mut::<3, 3>(0, 1).fill_diagonal(mu);
-        let mut w_w = Matrix6x4::zeros();
-        w_w.fixed_view_mut::<3, 4>(0, 0).copy_from(&(hat(c) * by_w));
-        w_w.fixed_view_mut::<3, 4>(3, 0).copy_from(&by_w);
-        Some(Self {
-            f: lin.f,
-            f_w: lin.df_dw,
-            inverse: lin.df_dw_inverse,
-            f_xi,
-            f_v: product(&lin.df_dvt, &product(&projector, &carried(c, true))),
-            w_w,
-            gain: product(&w_w, &lin.df_dw_inverse),
-            w_xi,
-            f_vn: lin.df_dvn,
-            f_mu: lin.df_dslip * law.slip_by_mu,
-            f_vt: lin.df_dvt,
-        })
+        self.w_w.fixed_view_mut::<3, 4>(0, 0).copy_from(&product(&hat(c), &by_w));
+        self.w_w.fixed_view_mut::<3, 4>(3, 0).copy_from(&by_w);
+        self.gain = product(&self.w_w, &lin.df_dw_inverse);
+        self.f_v = product(&lin.df_dvt, &product(&projector, &carried(c, true)));
+        (self.f, self.f_w, self.inverse) = (lin.f, lin.df_dw, lin.df_dw_inverse);
+        (self.f_vn, self.f_mu, self.f_vt) = (lin.df_dvn, lin.df_dslip * law.slip_by_mu, lin.df_dvt);
+        true
     }
-}
-
-fn stack(top: &Matrix3x6<f64>, bottom: &Matrix3x6<f64>) -> Matrix6<f64> {
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 6>(0, 0).copy_from(top);
-    m.fixed_view_mut::<3, 6>(3, 0).copy_from(bottom);
-    m
 }
 
 /// The law's numbers at a contact of `pair` for a stage length and a rest gap.

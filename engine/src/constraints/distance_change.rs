@@ -14,7 +14,8 @@ pub(crate) struct Changes {
     pub point: [Matrix3x6<f64>; 2],
 }
 
-/// The meeting of a spot of two colliders and its [`Changes`]; the distance where there is no normal.
+/// The meeting of two features of two colliders, of which the first is given with its pose too, and its [`Changes`]; the distance where there is no
+/// normal.
 ///
 /// A ball over a face, which is what most contacts are, is done by hand: with its centre x, which moves by δx,
 /// ```text
@@ -22,13 +23,12 @@ pub(crate) struct Changes {
 /// ```
 pub(crate) fn contact_geometry_changes(
     feature_pair: &FeaturePair,
-    colliders: [&Collider; 2],
-    poses: [&Pose<f64>; 2],
+    [a, b]: [&PlacedCollider<f64>; 2],
+    first: (&Collider, &Pose<f64>),
     theta: &[f64],
 ) -> Result<(ContactGeometry<f64>, Changes), f64> {
-    let [a, b] = [0, 1].map(|side| colliders[side].placed(poses[side], |k| theta[k]));
-    let Some(x) = point_over_face(feature_pair, &a, &b) else { return automatic_changes(feature_pair, colliders, poses, theta) };
-    let geometry = contact_geometry(feature_pair, &a, &b)?;
+    let Some(x) = point_over_face(feature_pair, a, b) else { return automatic_changes(feature_pair, b, first, theta) };
+    let geometry = contact_geometry(feature_pair, a, b)?;
     let along = carried(&x, true);
     let gap = geometry.normal.transpose() * along;
     let point = along - geometry.normal * (gap * 0.5);
@@ -49,20 +49,19 @@ impl Changes {
 /// [`contact_geometry_changes`] by dual numbers, for any features.
 fn automatic_changes(
     feature_pair: &FeaturePair,
-    colliders: [&Collider; 2],
-    poses: [&Pose<f64>; 2],
+    second: &PlacedCollider<f64>,
+    (first, pose): (&Collider, &Pose<f64>),
     theta: &[f64],
 ) -> Result<(ContactGeometry<f64>, Changes), f64> {
     type Dual = DualSVec64<6>;
     let constant = |k: usize| Dual::from_re(theta[k]);
     let seeds: [Dual; 6] = std::array::from_fn(|k| Dual::from_re(0.0).derivative(k));
-    let a = colliders[0].placed(&poses[0].displaced(&seeds), constant);
-    let still: PlacedCollider<f64> = colliders[1].placed(poses[1], |k| theta[k]);
+    let a = first.placed(&pose.displaced(&seeds), constant);
     let b = PlacedCollider {
-        form: still.form.clone(),
-        rotation: still.rotation.map(Dual::from_re),
-        position: still.position.map(Dual::from_re),
-        sizes: still.sizes.map(Dual::from_re),
+        form: second.form.clone(),
+        rotation: second.rotation.map(Dual::from_re),
+        position: second.position.map(Dual::from_re),
+        sizes: second.sizes.map(Dual::from_re),
     };
     let m = contact_geometry(feature_pair, &a, &b)?;
     let slope = |x: &Dual| x.eps.0.map_or_else(RowVector6::zeros, |e| e.transpose());
@@ -106,9 +105,10 @@ mod tests {
         ];
         for (a, collider, b, other) in cases {
             let feature_pair = FeaturePair { first: a, second: b };
+            let [a, b] = [(collider, &first), (other, &second)].map(|(c, pose)| c.placed(pose, |k| theta[k]));
             let (geometry, by_hand) =
-                contact_geometry_changes(&feature_pair, [collider, other], [&first, &second], &theta).unwrap();
-            let (same, automatic) = automatic_changes(&feature_pair, [collider, other], [&first, &second], &theta).unwrap();
+                contact_geometry_changes(&feature_pair, [&a, &b], (collider, &first), &theta).unwrap();
+            let (same, automatic) = automatic_changes(&feature_pair, &b, (collider, &first), &theta).unwrap();
             assert_relative_eq!(geometry.gap, same.gap, epsilon = 1e-15);
             for side in 0..2 {
                 assert_relative_eq!(by_hand.gap[side], automatic.gap[side], epsilon = 1e-14);

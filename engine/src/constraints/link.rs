@@ -59,9 +59,9 @@ impl LinkLinear {
         if side == 0 { of_first } else { -of_first }
     }
 
-    /// The change of w that goes with changes (δξ, δV) of both sides, for the residual `f`.
-    pub fn dw(&self, f: &Vector4<f64>, change: &[[Vector6<f64>; 2]; 2]) -> Vector4<f64> {
-        let [[xi_a, v_a], [xi_b, v_b]] = change;
-        -(self.inverse * (f + self.f_xi[0] * xi_a + self.f_xi[1] * xi_b + self.f_v * (v_a - v_b)))
+    /// The change of F that goes with a change (δξ, δV) of one side.
+    pub fn df(&self, side: usize, (xi, v): &(Vector6<f64>, Vector6<f64>)) -> Vector4<f64> {
+        let moving = product(&self.f_v, v);
+        product(&self.f_xi[side], xi) + if side == 0 { moving } else { -moving }
     }
 }

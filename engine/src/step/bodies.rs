@@ -162,7 +162,7 @@ impl Stage<'_> {
     pub(super) fn gather_partials(&self, condensed: bool, ws: &mut Workspace) {
         let (body, changes) = (&mut ws.bodies, &mut ws.wrench_partials);
         changes.clear();
-        changes.extend(ws.constraints.links().flat_map(|link| link.partials(self.h, condensed)));
+        ws.constraints.links().for_each(|link| link.add_partials(self.h, condensed, changes));
         body.partials.gather(&self.model.tree, &body.frames, &self.masses.bodies, &ws.loads.bodies, changes);
     }
 

@@ -97,7 +97,7 @@ impl Stage<'_> {
         part.b.clear();
         let at =
             Evaluation { q: &ws.q_bar, v: &ws.newton.trial.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root: false };
-        for (link, BodyContact { pair, features }) in ws.constraints.bodies.each() {
+        for (link, BodyContact { pair, features, .. }) in ws.constraints.bodies.each() {
             let geometry = self.geometry(link, features, &at)?;
             let sliding = link.sliding(&geometry, &at);
             let law = self.body_contact_law(link, *pair);
@@ -116,7 +116,7 @@ impl Stage<'_> {
         let change = Change { d, bodies: &moved, frames: &ws.bodies.frames };
         for (([n, s, t], link), u) in pushes.iter().zip(&ws.constraints.bodies.links).zip(out.chunks_exact_mut(3)) {
             let [a, b] = link.attachments.map(|c| self.moved(c, &change));
-            let (displaced, moving) = (a[0] - b[0], a[1] - b[1]);
+            let (displaced, moving) = (a.0 - b.0, a.1 - b.1);
             u.copy_from_slice(&[column_dot(&displaced, n) / self.h, column_dot(&moving, s), column_dot(&moving, t)]);
         }
     }

@@ -6,7 +6,7 @@ use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, Inpu
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
-    CONSTRAINTS, LinkLinear, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, sharpness,
+    CONSTRAINTS, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, sharpness,
     velocity,
 };
 use crate::geometry::collider::{
@@ -26,6 +26,8 @@ use pliant_math::{Input, Vec3};
 pub(crate) struct BodyContact {
     pub pair: usize,
     pub features: FeaturePair,
+    /// Places of its colliders among those that are used.
+    used: [usize; 2],
 }
 
 /// A pair of colliders that may touch within the stage.
@@ -48,6 +50,9 @@ pub(crate) struct BodyContacts {
     /// The fastest at which one would be pierced if nothing changed its motion [m/s].
     pub closing: f64,
     placed: Vec<PlacedCollider<f64>>,
+    /// Colliders of the listed contacts, and where they are in the evaluation at hand.
+    used: Vec<usize>,
+    now: Vec<PlacedCollider<f64>>,
     near: Vec<NearPair>,
     found: Vec<(FeaturePair, bool)>,
 }
@@ -67,12 +72,24 @@ impl Stage<'_> {
         features: &FeaturePair,
         at: &Evaluation,
     ) -> Result<ContactGeometry<f64>, StepError> {
-        let [a, b] = link.colliders.map(|s| {
-            let collider = &self.model.colliders[s];
-            collider.placed(&pose(collider.attachment, at.q, at.frames), |k| self.theta[k])
-        });
-        let geometry = contact_geometry(features, &a, &b).map_err(|distance| self.no_normal(link, distance))?;
-        Ok(ContactGeometry { gap: geometry.gap - link.target, ..geometry })
+        let [a, b] = link.colliders;
+        self.geometry_of(link, features, [&self.placed(a, at), &self.placed(b, at)])
+    }
+
+    fn placed(&self, collider: usize, at: &Evaluation) -> PlacedCollider<f64> {
+        let collider = &self.model.colliders[collider];
+        collider.placed(&pose(collider.attachment, at.q, at.frames), |k| self.theta[k])
+    }
+
+    fn geometry_of(
+        &self,
+        link: &Link,
+        features: &FeaturePair,
+        [a, b]: [&PlacedCollider<f64>; 2],
+    ) -> Result<ContactGeometry<f64>, StepError> {
+        let mut geometry = contact_geometry(features, a, b).map_err(|distance| self.no_normal(link, distance))?;
+        geometry.gap -= link.target;
+        Ok(geometry)
     }
 
     fn no_normal(&self, link: &Link, distance: f64) -> StepError {
@@ -98,6 +115,12 @@ impl BodyContacts {
     /// Contacts with their features.
     pub fn each(&self) -> impl Iterator<Item = (&Link, &BodyContact)> {
         self.links.iter().zip(&self.contacts)
+    }
+
+    /// Places the colliders of the listed contacts where they are evaluated.
+    fn place(&mut self, stage: &Stage, at: &Evaluation) {
+        self.now.clear();
+        self.now.extend(self.used.iter().map(|collider| stage.placed(*collider, at)));
     }
 
     /// Finds the pairs that may touch within the stage, from the frames where it begins; whether there are any.
@@ -146,7 +169,7 @@ impl BodyContacts {
 
     /// w on the central path for the gap at the beginning: w₀ v_n = κ, bounded by what closes it.
     fn central(&self, stage: &Stage, k: usize) -> Vector4<f64> {
-        let (link, BodyContact { pair, features }) = (&self.links[k], self.contacts[k]);
+        let (link, BodyContact { pair, features, .. }) = (&self.links[k], self.contacts[k]);
         let [a, b] = link.colliders;
         let gap = contact_geometry(&features, &self.placed[a], &self.placed[b]).map_or(0.0, |m| m.gap);
         stage.body_contact_law(link, pair).central(gap, stage.h)
@@ -158,6 +181,7 @@ impl ConstraintSet for BodyContacts {
         let model = stage.model;
         self.links.clear();
         self.contacts.clear();
+        self.used.clear();
         (self.fastest, self.closing) = (stage.theta[model.gravity].abs() * stage.h, 0.0);
         for k in 0..self.near.len() {
             let NearPair { pair, speed, margin } = self.near[k];
@@ -172,13 +196,14 @@ impl ConstraintSet for BodyContacts {
                 let colliders = if swapped { [b, a] } else { [a, b] };
                 let attachments = colliders.map(|s| model.colliders[s].attachment);
                 self.links.push(Link::new(ConstraintId::Bodies { pair, features, swapped }, attachments, colliders));
-                self.contacts.push(BodyContact { pair, features });
+                let used = colliders.map(|s| place_in(&mut self.used, s));
+                self.contacts.push(BodyContact { pair, features, used });
             }
         }
     }
 
     fn scale(&mut self, stage: &Stage, at: &Beginning) {
-        for (link, BodyContact { pair, features }) in self.links.iter_mut().zip(&self.contacts) {
+        for (link, BodyContact { pair, features, .. }) in self.links.iter_mut().zip(&self.contacts) {
             let [a, b] = link.colliders;
             let Ok(geometry) = contact_geometry(features, &self.placed[a], &self.placed[b]) else { continue };
             let along = |x: Vec3<f64>| stage.mobility(link.attachments, at, &Force::at(&geometry.point, x));
@@ -205,8 +230,9 @@ impl ConstraintSet for BodyContacts {
         out: &mut [f64],
         loads: &mut Loads,
     ) -> Result<(), StepError> {
-        for (k, (link, BodyContact { pair, features })) in self.each().enumerate() {
-            let geometry = stage.geometry(link, features, at)?;
+        self.place(stage, at);
+        for (k, (link, BodyContact { pair, features, used })) in self.each().enumerate() {
+            let geometry = stage.geometry_of(link, features, used.map(|s| &self.now[s]))?;
             let sliding = link.sliding(&geometry, at);
             let (law, w) = (stage.body_contact_law(link, *pair), cone(lambda, k));
             let f = law.residual(geometry.gap / stage.h, &sliding.v_t, &w);
@@ -225,23 +251,23 @@ impl ConstraintSet for BodyContacts {
         loads: &mut Loads,
         slopes: &mut Slopes,
     ) -> Result<(), StepError> {
-        for (k, (link, BodyContact { pair, features })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
+        self.place(stage, at);
+        for (k, (link, BodyContact { pair, features, used })) in self.links.iter_mut().zip(&self.contacts).enumerate() {
             if link.attachments.iter().any(|c| matches!(c, Attachment::Node(_))) {
                 link.set_steps(stage, |node| stage.resisting_mass(node, at.blocks));
             }
-            let (w, colliders) = (cone(lambda, k), link.colliders.map(|s| &stage.model.colliders[s]));
-            let poses = link.attachments.map(|c| pose(c, at.q, at.frames));
-            let (mut geometry, changes) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], stage.theta)
+            let (w, first) = (cone(lambda, k), &stage.model.colliders[link.colliders[0]]);
+            let first = (first, &pose(first.attachment, at.q, at.frames));
+            let (mut geometry, changes) = contact_geometry_changes(features, used.map(|s| &self.now[s]), first, stage.theta)
                 .map_err(|distance| stage.no_normal(link, distance))?;
             geometry.gap -= link.target;
             let sliding = link.sliding(&geometry, at);
             let law = stage.body_contact_law(link, *pair);
             let moves = link.attachments.map(|c| c != Attachment::World);
-            let linear = LinkLinear::of_contact(moves, &law, &geometry, &changes, &sliding, stage.h, &w).ok_or_else(|| {
-                let [first, second] = colliders.map(|s| s.name.clone());
-                StepError::ContactNotFinite { step: 0, first, second, value: w.norm() }
-            })?;
-            link.linear = linear;
+            if !link.linear.set_contact(moves, &law, &geometry, &changes, &sliding, stage.h, &w) {
+                let [first, second] = link.colliders.map(|s| stage.model.colliders[s].name.clone());
+                return Err(StepError::ContactNotFinite { step: 0, first, second, value: w.norm() });
+            }
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
             link.push(contact_wrench(&geometry, law.mu, &link.load(&w, &link.linear.f, at)), stage.h, loads);
             link.add_node_blocks(stage.h, slopes);
@@ -299,9 +325,10 @@ impl Stage<'_> {
         if link.gap >= -most || self.model.collider_pairs[pair].compliance.is_some() {
             return;
         }
-        let poses = link.attachments.map(|c| pose(c, self.q_ref, at.frames));
-        let colliders = link.colliders.map(|s| &self.model.colliders[s]);
-        let Ok((_, changes)) = contact_geometry_changes(features, colliders, [&poses[0], &poses[1]], self.theta) else { return };
+        let [a, b] = link.colliders.map(|s| &self.model.colliders[s]);
+        let [of_a, of_b] = [a, b].map(|collider| pose(collider.attachment, self.q_ref, at.frames));
+        let placed = [a.placed(&of_a, |k| self.theta[k]), b.placed(&of_b, |k| self.theta[k])];
+        let Ok((_, changes)) = contact_geometry_changes(features, placed.each_ref(), (a, &of_a), self.theta) else { return };
         link.target = link.gap + most;
         let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
         for (attachment, by) in link.attachments.iter().zip(&changes.gap) {
@@ -326,6 +353,14 @@ impl Stage<'_> {
         };
         of(attachments[0]) + of(attachments[1])
     }
+}
+
+/// The place of `x` in a short list, to which it is added if it is not there.
+fn place_in(list: &mut Vec<usize>, x: usize) -> usize {
+    list.iter().position(|y| *y == x).unwrap_or_else(|| {
+        list.push(x);
+        list.len() - 1
+    })
 }
 
 /// A bound of how fast two colliders approach anywhere, for the motion of the first relative to the second [m/s].

@@ -91,7 +91,9 @@ impl Link {
 
     /// dλ that goes with a change of velocities, for the residual `f`.
     pub fn correct(&self, stage: &Stage, change: &Change, f: &Vector4<f64>) -> Vector4<f64> {
-        self.linear.dw(f, &self.attachments.map(|attachment| stage.moved(attachment, change)))
+        let sides = self.attachments.iter().enumerate().filter(|(_, attachment)| **attachment != Attachment::World);
+        let changed = sides.fold(*f, |f, (side, attachment)| f + self.linear.df(side, &stage.moved(*attachment, change)));
+        -(self.linear.inverse * changed)
     }
 
     /// Calls `add(node, ∂p/∂q⁺/h at fixed λ)` for the nodes among its frames.
@@ -103,15 +105,14 @@ impl Link {
     }
 
     /// How the forces on bodies change with their own bodies, for [`Partials::gather`]; λ following (`condensed`) or fixed.
-    pub fn partials(&self, h: f64, condensed: bool) -> impl Iterator<Item = WrenchPartial> {
-        [(0, 1.0 / h), (1, -1.0 / h)].into_iter().filter_map(move |(side, scale)| {
-            let Attachment::Body(body) = self.attachments[side] else { return None };
-            Some(WrenchPartial {
-                body,
-                displaced: self.linear.by_displacement(side, condensed) * scale,
-                moving: self.linear.by_velocity(side, condensed) * scale,
-            })
-        })
+    pub fn add_partials(&self, h: f64, condensed: bool, out: &mut Vec<WrenchPartial>) {
+        for (side, scale) in [(0, 1.0 / h), (1, -1.0 / h)] {
+            if let Attachment::Body(body) = self.attachments[side] {
+                let displaced = self.linear.by_displacement(side, condensed) * scale;
+                let moving = self.linear.by_velocity(side, condensed) * scale;
+                out.push(WrenchPartial { body, displaced, moving });
+            }
+        }
     }
 }
 
@@ -192,17 +193,17 @@ impl Stage<'_> {
     }
 
     /// The displacement of a frame and the change of its velocity that go with a change of velocities.
-    pub(crate) fn moved(&self, attachment: Attachment, change: &Change) -> [Vector6<f64>; 2] {
+    pub(crate) fn moved(&self, attachment: Attachment, change: &Change) -> Moved {
         match attachment {
-            Attachment::World => [Vector6::zeros(); 2],
+            Attachment::World => (Vector6::zeros(), Vector6::zeros()),
             Attachment::Node(node) => {
                 let d = &change.d[3 * node..3 * node + 3];
                 let v = Vector6::new(0.0, 0.0, 0.0, d[0], d[1], d[2]);
-                [v * (self.h * self.scheme.free.a1), v]
+                (v * (self.h * self.scheme.free.a1), v)
             }
             Attachment::Body(body) => {
                 let (xi, own) = change.bodies[body];
-                [xi, own + moved_along(&xi, &change.frames.bodies[body].velocity)]
+                (xi, own + moved_along(&xi, &change.frames.bodies[body].velocity))
             }
         }
     }
