@@ -1,7 +1,7 @@
 """Scenes of bodies that touch, and what their motions are measured by.
 
 Bodies are free and of uniform density; a shape is its kind and sizes, as scenes have them. Scenes run with implicit Euler, the
-integrator for impacts.
+integrator for impacts, unless they say otherwise.
 """
 
 from __future__ import annotations
@@ -117,6 +117,7 @@ class Setting:
     rest_gap: float = REST_GAP
     floor: float | None = 0.4  # its friction; none without a floor
     extra: str = ""
+    integrator: str = "euler"
 
     def text(self) -> str:
         floor = (
@@ -126,7 +127,7 @@ class Setting:
 [time]
 step = {self.step}
 duration = {self.duration}
-integrator = "euler"
+integrator = "{self.integrator}"
 [gravity]
 tilt = [0.0, {self.tilt}]
 [contact]
