@@ -7,6 +7,7 @@ complex states alike and has no absolute value, norm or comparison of them. Clos
 
 from __future__ import annotations
 
+import functools
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +24,7 @@ class States:
     """States x_0 … x_T of a run, or of one displaced along a tangent by a complex step."""
 
     def __init__(self, model: Any, scene: Mapping[str, Any], x: np.ndarray, tangent: np.ndarray | None = None):
-        self.h = model.step_length
+        self.h, self.rest_gap = model.step_length, model.rest_gap
         nodes, nv = 3 * model.n_nodes, model.ndx // 2
         nq = model.nx - nv
         self._q, self._v = {}, {}
@@ -126,7 +127,7 @@ class Case:
     moves: Mapping[str, Move] = field(default_factory=dict)  # of the arguments by which to differentiate
     scale: float | None = None  # of errors, where the closed form is zero; its own value otherwise
     integrators: tuple[str, ...] = ("euler", "sdirk2")
-    prepare: Callable[[Any, np.ndarray], np.ndarray] | None = None  # changes the initial state
+    refine: bool = True  # whether steps shorter than 0.5 ms are worth their time at the largest rest gap
 
     def derivative(self, name: str) -> float:
         """Of the closed form by an argument."""
@@ -148,22 +149,26 @@ class Found:
     derivative_errors: dict[str, float]
 
 
-def solve(case: Case, step: float, rest_gap: float, integrator: str = "euler") -> Found:
-    """Runs a case and differentiates its measure."""
+@functools.lru_cache(maxsize=16)
+def _roll(text: str) -> tuple[Any, Any]:
+    # cases that measure one scene follow each other
     import pliant
 
+    model = pliant.loads(text)
+    return model, model.rollout(model.initial_state(), model.controls())
+
+
+def solve(case: Case, step: float, rest_gap: float, integrator: str = "euler") -> Found:
+    """Runs a case and differentiates its measure."""
     text = case.scene(step, rest_gap, integrator)
-    model, scene = pliant.loads(text), tomllib.loads(text)
-    x0, u = model.initial_state(), model.controls()
-    if case.prepare:
-        x0 = case.prepare(model, x0)
-    roll = model.rollout(x0, u, record=bool(case.moves))
+    model, roll = _roll(text)
+    scene = tomllib.loads(text)
     value = float(case.measure(States(model, scene, roll.x)))
     exact = case.value()
     scale = case.scale if case.scale is not None else abs(exact)
     derivatives, errors = {}, {}
     for name, move in case.moves.items():
-        tangent = roll.jvp(**move(model, len(u)))
+        tangent = roll.jvp(**move(model, len(roll)))
         derivatives[name] = float(np.imag(case.measure(States(model, scene, roll.x, tangent)))) / EPSILON
         true = case.derivative(name)
         errors[name] = (derivatives[name] - true) / (abs(true) if true else scale / abs(case.at[name]))
