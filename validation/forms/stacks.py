@@ -131,18 +131,18 @@ PULL_MOVES = {
 CASES = [
     *(
         Case(
-            f"stack_load_{k}", f"the joint under block {k + 1} of 3 carries the weight above", "N",
+            f"stack_load_{k}", f"the joint under block {k + 1} of 3 carries the weight above it", "N",
             {f"m{i}": m for i, m in enumerate(MASSES)}, above(k), stack, lambda s, k=k: load(k, s), MASS_MOVES,
             integrators=("euler",), refine=False,
         )
         for k in range(len(MASSES))
     ),
     Case(
-        "block_within_edge", "a block with its centre 4 mm within an edge stays", "rad/s", WITHIN, lambda d: 0.0 * d,
+        "block_within_edge", "a block with its centre 4 mm within an edge has no spin (errors in rad/s)", "rad/s", WITHIN, lambda d: 0.0 * d,
         overhang(WITHIN["d"], 0.5), lambda s: s.velocity("cube_free")[-1, 4], {"d": start_position({"cube_free.x": 1.0})}, scale=1.0,
     ),
     Case(
-        "block_beyond_edge", "4 mm beyond it, it tips like a pendulum about the edge", "rad/s", BEYOND, tipping,
+        "block_beyond_edge", "4 mm beyond it, it tips like a pendulum", "rad/s", BEYOND, tipping,
         overhang(BEYOND["d"], BEYOND["time"], LEAN), lambda s: s.velocity("cube_free")[-1, 4],
         {"d": start_position({"cube_free.x": math.cos(LEAN), "cube_free.z": -math.sin(LEAN)})},
     ),
