@@ -13,7 +13,8 @@ PAGE = FOLDER.parents[1] / "docs" / "validation.md"
 MEASURED = PAGE.with_name("measured.md")
 BEGIN, END = "<!-- evidence: made by validation/evidence/page.py -->\n", "<!-- end of evidence -->"
 FORMS = "<!-- closed forms: made by validation/evidence/page.py -->\n", "<!-- end of closed forms -->"
-SYMBOLS = {"mu": "μ", "v0": "v₀", "alpha": "α", "m0": "m₁", "m2": "m₃", "below": "μ₁", "between": "μ₂", "length": "L", "hand": "z", "radius": "R"}
+SYMBOLS = {"mu": "μ", "v0": "v₀", "alpha": "α", "m0": "m₁", "m2": "m₃", "below": "μ₁", "between": "μ₂"}
+SYMBOLS |= {"length": "L", "hand": "z", "radius": "R"}
 LENGTHS = {1e-9: "1 nm", 1e-6: "1 µm", 1e-4: "0.1 mm"}
 HALF_MS = 5e-4  # s, the step at which the table of closed forms states orders
 
@@ -81,7 +82,8 @@ def order(part: dict, last: int, halvings: int = 1) -> str:
 
 def forms_table() -> str:
     """Closed forms of contact: three rows each, one for each rest gap."""
-    lines = ["| closed form | δ | Euler, 4 ms | 2 ms | 1 ms | ½ ms | derivatives, Euler, ½ ms | SDIRK2, ½ ms |", "|---|---|---:|---:|---:|---:|---|---:|"]
+    head = "| closed form | δ | Euler, 4 ms | 2 ms | 1 ms | ½ ms | derivatives, Euler, ½ ms | SDIRK2, ½ ms |"
+    lines = [head, "|---|---|---:|---:|---:|---:|---|---:|"]
     for case in read("closed_forms")["figures"]["cases"]:
         for gap, length in LENGTHS.items():
             rows = {row["integrator"]: row for row in case["rows"] if row["rest_gap"] == gap}

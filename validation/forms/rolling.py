@@ -55,7 +55,7 @@ CASES = [
         ball(AT["mu"], AT["v0"]), slid, MOVES,
     ),
     Case(
-        "ball_downhill", "a ball rolls down an incline at 5/7 g sin α t", "m/s", DOWN, lambda alpha, g, time: 5.0 / 7.0 * g * np.sin(alpha) * time,
-        ball(0.5, tilt=DOWN["alpha"]), lambda s: -speed(s), {"alpha": TILT, "g": parameter("gravity.magnitude")},
+        "ball_downhill", "a ball rolls down an incline at 5/7 g sin α t", "m/s", DOWN,
+        lambda alpha, g, time: 5.0 / 7.0 * g * np.sin(alpha) * time, ball(0.5, tilt=DOWN["alpha"]), lambda s: -speed(s), {"alpha": TILT, "g": parameter("gravity.magnitude")},
     ),
 ]  # fmt: skip

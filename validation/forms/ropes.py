@@ -194,13 +194,13 @@ nodes = [0]
 
 CASES = [
     Case(
-        "capstan", "capstan: T₁/T₂ of 32 edges over half a turn, e^{μπ} in the limit of many", "-", {"mu": MU}, polygon, capstan, tension_ratio,
-        {"mu": parameter("drum.shape[0].friction")},
+        "capstan", "capstan: T₁/T₂ of 32 edges over half a turn, e^{μπ} in the limit of many", "-", {"mu": MU}, polygon,
+        capstan, tension_ratio, {"mu": parameter("drum.shape[0].friction")},
     ),
     *(
         Case(
-            f"catenary_{edges}", f"a rope over a pulley without friction ends at its catenary's directrix; {edges} edges", "m", HANG, free_end, catenary(edges),
-            lambda s: s.nodes()[-1, -1, 2],
+            f"catenary_{edges}", f"a rope over a pulley without friction ends at its catenary's directrix; {edges} edges", "m", HANG,
+            free_end, catenary(edges), lambda s: s.nodes()[-1, -1, 2],
             {"length": parameter("rope.length"), "hand": control("hand.node[0].z"), "radius": parameter("pulley.radius")},
             integrators=("euler",), refine=False,
         )

@@ -98,7 +98,8 @@ def pulled(step: float, rest_gap: float, integrator: str) -> str:
     plate, cube = Solid("box", (0.3, 0.1, 0.02), LOWER), Solid("box", (0.04, 0.04, 0.04), UPPER)
     height = plate.sizes[2] + hover(4, rest_gap)
     top = height + plate.sizes[2] + cube.sizes[2] + hover(4, rest_gap)
-    slides = [f'[[body.joint]]\nname = "plate_{axis}"\nkind = "prismatic"\naxis = {unit}\n' for axis, unit in (("x", [1, 0, 0]), ("z", [0, 0, 1]))]
+    axes = {"x": [1, 0, 0], "z": [0, 0, 1]}
+    slides = [f'[[body.joint]]\nname = "plate_{name}"\nkind = "prismatic"\naxis = {axis}\n' for name, axis in axes.items()]
     return f"""{setting.text()}
 [[actuator]]
 name = "rope"
@@ -138,8 +139,8 @@ CASES = [
         for k in range(len(MASSES))
     ),
     Case(
-        "block_within_edge", "a block with its centre 4 mm within an edge has no spin (errors in rad/s)", "rad/s", WITHIN, lambda d: 0.0 * d,
-        overhang(WITHIN["d"], 0.5), lambda s: s.velocity("cube_free")[-1, 4], {"d": start_position({"cube_free.x": 1.0})}, scale=1.0,
+        "block_within_edge", "a block with its centre 4 mm within an edge has no spin (errors in rad/s)", "rad/s", WITHIN,
+        lambda d: 0.0 * d, overhang(WITHIN["d"], 0.5), lambda s: s.velocity("cube_free")[-1, 4], {"d": start_position({"cube_free.x": 1.0})}, scale=1.0,
     ),
     Case(
         "block_beyond_edge", "4 mm beyond it, it tips like a pendulum", "rad/s", BEYOND, tipping,
@@ -151,7 +152,7 @@ CASES = [
         pulled, lambda s: s.velocity("plate_x")[-1, 0], PULL_MOVES,
     ),
     Case(
-        "carried_block", "the upper one: μ₂ g t", "m/s", PULL, lambda force, below, between, time: between * G * time + 0.0 * (force + below),
-        pulled, lambda s: s.velocity("cube_free")[-1, 0], PULL_MOVES,
+        "carried_block", "the upper one: μ₂ g t", "m/s", PULL,
+        lambda force, below, between, time: between * G * time + 0.0 * (force + below), pulled, lambda s: s.velocity("cube_free")[-1, 0], PULL_MOVES,
     ),
 ]  # fmt: skip
