@@ -41,6 +41,9 @@ struct Ratio {
     d: f64,
 }
 
+/// Relative size of a Newton step after which its square is rounding [-].
+const LAST: f64 = 1e-9;
+
 impl Ratio {
     fn solve(x: f64, g: f64, c: f64) -> Self {
         if x > 4.0 * g { Self::slipping(x, g, c) } else { Self::sticking(x, g, c) }
@@ -78,7 +81,8 @@ impl Ratio {
     }
 }
 
-/// The root of a rising function between two bounds, by Newton's method kept within them.
+/// The root of a rising function between two bounds, by Newton's method kept within them. For the functions here x f″/f′ is a few at most, so
+/// that after a step of `LAST` the next would be rounding.
 fn root(f: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64, start: f64, [mut below, mut above]: [f64; 2]) -> f64 {
     let inside = |x: f64, below: f64, above: f64| if x > below && x < above { x } else { 0.5 * (below + above) };
     let mut x = inside(start, below, above);
@@ -89,7 +93,11 @@ fn root(f: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64, start: f64, [mut bel
         } else {
             below = x
         }
-        let next = inside(x - value / slope(x), below, above);
+        let step = value / slope(x);
+        if step.abs() <= LAST * x {
+            return (x - step).clamp(below, above);
+        }
+        let next = inside(x - step, below, above);
         let done = (next - x).abs() <= 4.0 * f64::EPSILON * x;
         x = next;
         if done {

@@ -6,6 +6,7 @@ use pliant_engine::model::ModelBuilder;
 use pliant_engine::step::{Retry, StepError, StepOptions, Stepper};
 use pliant_scene as scene;
 use pliant_scene::Scene;
+use std::sync::Arc;
 
 /// What became of a run.
 struct Run {
@@ -499,7 +500,7 @@ nodes = [-1]
 "#
     );
     let scene: Scene = scene::parse_scene(&text, "hanging.toml").unwrap();
-    let model = ModelBuilder::new(&scene).unwrap().build();
+    let model = Arc::new(ModelBuilder::new(&scene).unwrap().build());
     let (theta, u) = (model.params().values(), scene::control_rows(&scene, 30).unwrap());
     let rest = equilibrium(&model, theta, model.initial_positions(), &scene::resting_inputs(&scene).unwrap()).unwrap();
     let mut stepper = Stepper::new(&model, theta, StepOptions { record: false, ..StepOptions::default() }).unwrap();
