@@ -53,12 +53,17 @@ pub(crate) struct SplitLaw {
     pub mu: f64,
     pub slip_by_mu: f64,
     pub at: SplitPoint,
+    /// Whether the tangential part is left as it is: see [`SplitLaw::for_search`].
+    pub idle: bool,
 }
 
 impl SplitLaw {
     /// F [N·s].
     pub fn residual(&self, v_n: f64, v_t: &Vec3<f64>, w: &Vector4<f64>) -> Vector4<f64> {
         let at = &self.at;
+        if self.idle {
+            return self.linearize(v_n, v_t, w).f;
+        }
         match self.law {
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()).f,
             ContactLaw::Anitescu => {
@@ -71,6 +76,18 @@ impl SplitLaw {
     pub fn linearize(&self, v_n: f64, v_t: &Vec3<f64>, w: &Vector4<f64>) -> Linearization {
         let at = &self.at;
         match self.law {
+            ContactLaw::Coulomb if self.idle => {
+                let mut lin = split_linearize(at, v_n, (*v_t).into(), (*w).into());
+                for x in [&mut lin.f, &mut lin.df_dvn] {
+                    x.fixed_rows_mut::<3>(1).fill(0.0);
+                }
+                for m in [&mut lin.df_dw, &mut lin.df_dw_inverse] {
+                    m.fixed_view_mut::<3, 1>(1, 0).fill(0.0);
+                    m.fixed_view_mut::<3, 3>(1, 1).copy_from(&Matrix3::identity());
+                }
+                lin.df_dvt.fill(0.0);
+                lin
+            }
             ContactLaw::Coulomb => split_linearize(at, v_n, (*v_t).into(), (*w).into()),
             ContactLaw::Anitescu => {
                 linearize(self.law, at.slip, at.kappa, at.rho_n.min(at.rho_t), v_n, (*v_t).into(), (*w).into())
@@ -171,7 +188,29 @@ impl SplitLaw {
     pub fn new(law: pliant_scene::Law, mu: f64, sharpness: f64, at: SplitPoint) -> Self {
         let (slip, slip_by_mu) = slip(law, mu, sharpness);
         let rho_t = if law == pliant_scene::Law::Coulomb { at.rho_t * sharpness } else { at.rho_t };
-        Self { law: contact_law(law), mu, slip_by_mu, at: SplitPoint { slip, rho_t, ..at } }
+        Self { law: contact_law(law), mu, slip_by_mu, at: SplitPoint { slip, rho_t, ..at }, idle: false }
+    }
+
+    /// As Newton's method sees it away from the root. Without friction the tangential part of w pushes nothing: it says only which way friction
+    /// would act, for the derivative by μ. To look for it among the other unknowns cost most of the steps of bodies without friction
+    /// that were not solved; it is left out, and follows from what the root slides ([`SplitLaw::settled`]).
+    pub fn for_search(self, at_root: bool) -> Self {
+        Self { idle: !at_root && self.is_idle(), ..self }
+    }
+
+    /// Whether the tangential part pushes nothing.
+    pub fn is_idle(&self) -> bool {
+        self.mu == 0.0 && self.law == ContactLaw::Coulomb
+    }
+
+    /// w with its tangential part from w₀ and the sliding velocity: with s̄ = σ v_t, w₀ v_n = κ and s₀ (w₀² − |w̄|²) = κ w₀,
+    /// ```text
+    /// w̄ = −2 w₀² s̄/(κ + √(κ² + 4 |s̄|² w₀²))
+    /// ```
+    pub fn settled(&self, v_t: &Vec3<f64>, w0: f64) -> Vector4<f64> {
+        let (s, kappa) = (v_t * self.at.slip, self.at.kappa);
+        let w_bar = s * (-2.0 * w0 * w0 / (kappa + kappa.hypot(2.0 * s.norm() * w0)));
+        Vector4::new(w0, w_bar[0], w_bar[1], w_bar[2])
     }
 
     /// w on the central path for a signed distance: w₀ v_n = κ, bounded by what closes it.

@@ -230,6 +230,18 @@ impl Stage<'_> {
         Ok(())
     }
 
+    /// Sets multipliers that push nothing.
+    fn settle(&self, it: &mut Iterate, ws: &mut Workspace) -> Result<(), StepError> {
+        let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root: true };
+        let mut result = Ok(());
+        ws.constraints.for_parts(&mut it.lambda, |set, own| {
+            if result.is_ok() {
+                result = set.settle(self, &at, own);
+            }
+        });
+        result
+    }
+
     fn subtract_joint_loads(&self, ws: &mut Workspace) {
         ws.loads.joints.iter().for_each(|(row, force)| ws.r[*row] -= force);
     }
@@ -302,8 +314,8 @@ impl Stage<'_> {
     }
 
     fn linearize_with(&self, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
-        let it = std::mem::take(&mut ws.it);
-        let result = self.linearize_at(&it, axial, ws);
+        let mut it = std::mem::take(&mut ws.it);
+        let result = self.linearize_at(&mut it, axial, ws);
         ws.it = it;
         result
     }
@@ -348,7 +360,7 @@ impl Stage<'_> {
         }
     }
 
-    fn linearize_at(&self, it: &Iterate, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
+    fn linearize_at(&self, it: &mut Iterate, axial: Axial, ws: &mut Workspace) -> Result<(), StepError> {
         self.place(&it.v, ws);
         ws.f.fill(0.0);
         ws.dq.nodes.clear();
@@ -381,6 +393,9 @@ impl Stage<'_> {
         }
         ws.blocks.store(&ws.dq.nodes, &ws.dv.nodes);
         self.evaluate_frames(&it.v, ws, true);
+        if axial == Axial::Exact {
+            self.settle(it, ws)?;
+        }
         self.constrain(it, ws, Some(axial))?;
         self.inertia_minus_force(&it.v, ws);
         for (row, _) in self.model.prescribed_rows.iter().enumerate().filter(|(_, d)| **d) {

@@ -234,7 +234,7 @@ impl ConstraintSet for BodyContacts {
         for (k, (link, BodyContact { pair, features, used })) in self.each().enumerate() {
             let geometry = stage.geometry_of(link, features, used.map(|s| &self.now[s]))?;
             let sliding = link.sliding(&geometry, at);
-            let (law, w) = (stage.body_contact_law(link, *pair), cone(lambda, k));
+            let (law, w) = (stage.body_contact_law(link, *pair).for_search(at.at_root), cone(lambda, k));
             let f = law.residual(geometry.gap / stage.h, &sliding.v_t, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
             link.push(contact_wrench(&geometry, law.mu, &link.load(&w, &f, at)), stage.h, loads);
@@ -262,7 +262,7 @@ impl ConstraintSet for BodyContacts {
                 .map_err(|distance| stage.no_normal(link, distance))?;
             geometry.gap -= link.target;
             let sliding = link.sliding(&geometry, at);
-            let law = stage.body_contact_law(link, *pair);
+            let law = stage.body_contact_law(link, *pair).for_search(at.at_root);
             let moves = link.attachments.map(|c| c != Attachment::World);
             if !link.linear.set_contact(moves, &law, &geometry, &changes, &sliding, stage.h, &w) {
                 let [first, second] = link.colliders.map(|s| stage.model.colliders[s].name.clone());
@@ -271,6 +271,17 @@ impl ConstraintSet for BodyContacts {
             out[4 * k..4 * k + 4].copy_from_slice(link.linear.f.as_slice());
             link.push(contact_wrench(&geometry, law.mu, &link.load(&w, &link.linear.f, at)), stage.h, loads);
             link.add_node_blocks(stage.h, slopes);
+        }
+        Ok(())
+    }
+
+    fn settle(&self, stage: &Stage, at: &Evaluation, lambda: &mut [f64]) -> Result<(), StepError> {
+        for ((link, BodyContact { pair, features, .. }), w) in self.each().zip(lambda.chunks_exact_mut(4)) {
+            let law = stage.body_contact_law(link, *pair);
+            if law.is_idle() {
+                let sliding = link.sliding(&stage.geometry(link, features, at)?, at);
+                w.copy_from_slice(law.settled(&sliding.v_t, w[0]).as_slice());
+            }
         }
         Ok(())
     }

@@ -159,7 +159,7 @@ impl ConstraintSet for EdgeContacts {
             let shape = &self.fixed[contact.id.group];
             let found = nearest(&x[..element.count], stage.theta[element.radius], contact.id.feature, shape)
                 .map_err(|distance| stage.no_normal_of_element(&contact.id, distance))?;
-            let law = stage.element_law(contact);
+            let law = stage.element_law(contact).for_search(at.at_root);
             let u_t = tangential(&found.normal, &weighted(&found.weights, &of_nodes(element, at.v)));
             let f = law.residual(found.gap / stage.h, &u_t, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
@@ -183,7 +183,7 @@ impl ConstraintSet for EdgeContacts {
             let shape = &self.fixed[contact.id.group];
             let changes = element_changes(&x, element.count, stage.theta[element.radius], contact.id.feature, shape)
                 .map_err(|distance| stage.no_normal_of_element(&contact.id, distance))?;
-            let (found, law) = (changes.nearest, stage.element_law(contact));
+            let (found, law) = (changes.nearest, stage.element_law(contact).for_search(at.at_root));
             let u_t = tangential(&found.normal, &weighted(&found.weights, &v));
             let lin = law.linearize(found.gap / stage.h, &u_t, &w);
             if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
@@ -202,6 +202,22 @@ impl ConstraintSet for EdgeContacts {
             contact.linear = Some(linear);
             out[4 * k..4 * k + 4].copy_from_slice(lin.f.as_slice());
             element.push(&found, impulse(found.normal, law.mu, &(w - lin.df_dw_inverse * lin.f)), stage.h, loads.nodes);
+        }
+        Ok(())
+    }
+
+    fn settle(&self, stage: &Stage, at: &Evaluation, lambda: &mut [f64]) -> Result<(), StepError> {
+        for (contact, w) in self.contacts.iter().zip(lambda.chunks_exact_mut(4)) {
+            let law = stage.element_law(contact);
+            if law.is_idle() {
+                let element = &stage.model.elements[contact.id.element];
+                let (x, v) = (of_nodes(element, at.q), of_nodes(element, at.v));
+                let shape = &self.fixed[contact.id.group];
+                let found = nearest(&x[..element.count], stage.theta[element.radius], contact.id.feature, shape)
+                    .map_err(|distance| stage.no_normal_of_element(&contact.id, distance))?;
+                let u_t = tangential(&found.normal, &weighted(&found.weights, &v));
+                w.copy_from_slice(law.settled(&u_t, w[0]).as_slice());
+            }
         }
         Ok(())
     }

@@ -149,6 +149,11 @@ pub(crate) trait ConstraintSet {
         }
     }
 
+    /// Sets multipliers that push nothing to what the law makes of the others, at the root.
+    fn settle(&self, _stage: &Stage, _at: &Evaluation, _lambda: &mut [f64]) -> Result<(), StepError> {
+        Ok(())
+    }
+
     /// Weights of |dλ|² in the norm of corrections: one over the effective mass [1/kg, 1/(kg·m²)].
     fn weights(&self, _stage: &Stage, out: &mut [f64]) {
         self.links().iter().zip(out.chunks_exact_mut(4)).for_each(|(link, out)| out.copy_from_slice(&link.weights()));
