@@ -70,6 +70,8 @@ pub(crate) struct NewtonState {
     pub nonmonotone: usize,
     /// Size of each unknown, for [`Stage::at_rounding`](crate::step::Stage).
     pub size: Vec<f64>,
+    /// What the rounding of links' laws may make of every row \[N\], for the same.
+    pub of_links: Vec<f64>,
     /// Whether the factored matrix is made of positive semidefinite parts alone.
     pub semidefinite: bool,
 }

@@ -96,6 +96,24 @@ impl Link {
         -(self.linear.inverse * changed)
     }
 
+    /// Adds to every row what the rounding of the law's residual, `unit` of `w` and of what moves as fast as `speed` [m/s] in its steps, may
+    /// make of the force there.
+    pub fn add_rounding(&self, stage: &Stage, frames: &Frames<f64>, w: &[f64], [unit, speed]: [f64; 2], out: &mut [f64]) {
+        let largest = w.iter().fold(0.0_f64, |a, w| a.max(w.abs()));
+        let f = unit * (largest + self.rho_n.max(self.rho_t) * speed) / stage.h;
+        let wrench: Vector6<f64> = self.linear.gain.abs() * Vector4::repeat(f);
+        for attachment in self.attachments {
+            match attachment {
+                Attachment::World => {}
+                Attachment::Node(node) => (0..3).for_each(|a| out[3 * node + a] += wrench[3 + a]),
+                Attachment::Body(body) => {
+                    let (tree, n) = (&stage.model.tree, stage.model.n_node_dofs());
+                    tree.chain(tree.last_dof(body)).for_each(|l| out[n + l] += column(&frames.axes[l].s).abs().dot(&wrench));
+                }
+            }
+        }
+    }
+
     /// Calls `add(node, ∂p/∂q⁺/h at fixed λ)` for the nodes among its frames.
     pub fn visit_fixed_blocks(&self, h: f64, add: &mut dyn FnMut(usize, [[f64; 3]; 3])) {
         for (side, node) in self.attachments.iter().enumerate().filter_map(|(side, c)| Some((side, node_of(*c)?))) {

@@ -361,7 +361,7 @@ fn farthest(model: &Model, q: &[f64]) -> f64 {
 /// ```text
 /// |r_i| ≤ 2 ε Σ_j |K_ij| (|v_j| + |v_j at the start| + |q_j|/(h a₁))
 /// ```
-/// in every row, and likewise in those of the constraints: then this is the root for a state that differs in the last digit, and nothing better
+/// in every row, to which what the laws of contacts and closures round is added, and likewise in the rows of the constraints: then this is the root for a state that differs in the last digit, and nothing better
 /// can be told (a componentwise backward error: Oettli & Prager 1964). To an angle 1 rad is added, and a displacement counts as
 /// the largest coordinate there is, for either may be the difference of two such. It says nothing far from the root, where K may be large for
 /// reasons of its own: the fold of a rod.
@@ -384,16 +384,26 @@ fn at_rounding(stage: &Stage, ws: &mut Workspace) -> bool {
         size[dofs].iter_mut().for_each(|size| *size += coordinate / time);
     }
     let unit = NEWTON.rounding * f64::EPSILON;
-    let size = &ws.newton.size;
+    let speed = ws.newton.size.iter().fold(0.0, |a: f64, v| a.max(*v));
+    // in K the levers of contacts on both sides of a body cancel, but not what their laws round
+    let of_links = &mut ws.newton.of_links;
+    of_links.clear();
+    of_links.resize(ws.r.len(), 0.0);
+    for (set, lambda) in ws.constraints.parts(&ws.it.lambda) {
+        for (link, w) in set.links().iter().zip(lambda.chunks_exact(4)) {
+            link.add_rounding(stage, &ws.bodies.frames, w, [unit, speed], of_links);
+        }
+    }
+    let (size, of_links) = (&ws.newton.size, &ws.newton.of_links);
     // the three rows of a node are judged together: what is small in one may be the difference of what is large in others
     let negligible = |row: usize, rows: &[f64]| {
         let largest = rows.iter().fold(0.0_f64, |a, r| a.max(r.abs()));
-        largest <= unit * (row..row + rows.len()).map(|row| ws.k.row_magnitude(row, size)).fold(0.0, f64::max)
+        let may = |row: usize| unit * ws.k.row_magnitude(row, size) + of_links[row];
+        largest <= (row..row + rows.len()).map(may).fold(0.0, f64::max)
     };
     let (nodes, others) = ws.r.split_at(n_nodes);
     let balanced = nodes.chunks_exact(3).enumerate().all(|(node, rows)| negligible(3 * node, rows))
         && others.iter().enumerate().all(|(k, r)| negligible(n_nodes + k, std::slice::from_ref(r)));
-    let speed = ws.newton.size.iter().fold(0.0, |a: f64, v| a.max(*v));
     let mut residuals = ws.residuals.as_slice();
     let satisfied = |(set, lambda): (&dyn ConstraintSet, &[f64])| {
         let (own, rest) = residuals.split_at(lambda.len());
