@@ -160,3 +160,60 @@ fn a_deep_start_is_pushed_out_slowly() {
         assert!((last - (-0.055 + 200.0 * 10.0 * step * step).min(-0.05)).abs() < 1e-6, "h = {step}: {last} m");
     }
 }
+
+/// A box rests without friction on four corners and is struck: its corners share the blow, and what they slide, which pushes nothing, may not
+/// keep the step from being solved.
+#[test]
+fn a_box_on_a_floor_without_friction_is_struck() {
+    let text = r#"
+schema_version = 1
+[time]
+step = 0.004
+duration = 0.4
+integrator = "euler"
+[contact]
+rest_gap = 1e-9
+[[plane]]
+name = "floor"
+point = [0.0, 0.0, 0.0]
+normal = [-0.03, -0.05, 1.0]
+friction = 0.0
+[[body]]
+name = "box"
+position = [0.0, 0.0, 0.0300511]
+mass = 0.006
+inertia = [2.5e-6, 2.8e-6, 2.3e-6, 0.0, 0.0, 0.0]
+[[body.joint]]
+name = "box_free"
+kind = "free"
+[[body.shape]]
+kind = "box"
+half_extents = [0.027, 0.023, 0.028]
+friction = 0.0
+[[body]]
+name = "rod"
+position = [0, 0, 0.12]
+quaternion = [0.9233805168766387, 0.20519567041703082, -0.3077935056255462, 0.10259783520851541]
+mass = 0.6
+inertia = [1.7e-4, 1.7e-4, 6e-5, 0.0, 0.0, 0.0]
+[[body.joint]]
+name = "rod_free"
+kind = "free"
+velocity = [0.0, 0.0, -3.7, 0.0, 0.0, 0.0]
+[[body.shape]]
+kind = "capsule"
+radius = 0.014
+half_length = 0.021
+friction = 0.0
+"#;
+    let mut scene: pliant_scene::Scene = pliant_scene::parse_scene(text, "struck.toml").unwrap();
+    for place in [[-0.01, 0.004], [0.0, 0.0], [0.005, -0.006], [0.01, 0.01]] {
+        for mass in [0.06, 0.6, 6.0] {
+            let rod = &mut scene.body[1];
+            (rod.position[0], rod.position[1], rod.mass) = (place[0], place[1], mass);
+            let energy = run(&case_of(&scene)).energy();
+            let most = energy.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            assert!(most <= energy[0] * (1.0 + 1e-9), "{place:?} {mass} kg: {} J, then {most} J", energy[0]);
+        }
+    }
+}
