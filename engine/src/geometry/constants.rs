@@ -24,6 +24,11 @@ pub(crate) struct GeometryConstants {
     /// Thickness of points, as a part of their extent (standard deviations along principal axes), below which they lie in a plane [-]: the
     /// rounding of a covariance in double precision, 1e-16, is the square of 1e-8.
     pub flat: f64,
+    /// Square of the sine between a rim's axis and a line above which the two halves of the rim are told apart [-]: below, the line is nearer
+    /// to one point of the rim than to the others however deep it is, and which half that is may be rounding.
+    pub halved: f64,
+    /// Iterations for the point of a rim that is nearest to a line or to another rim; 4 to 8 are taken, more where two such points merge.
+    pub rim_iterations: usize,
     /// Points of a line that are looked at for an overlap, to each side of its middle.
     pub samples: i32,
 }
@@ -39,5 +44,7 @@ pub(crate) const GEOMETRY: GeometryConstants = GeometryConstants {
     sliver: 1e-9,
     in_plane: 1e-6,
     flat: 1e-7,
+    halved: 0.25,
+    rim_iterations: 60,
     samples: 32,
 };

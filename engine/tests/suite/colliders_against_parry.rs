@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use parry3d_f64::math::{Pose as TheirPose, Rotation, Vector};
 use parry3d_f64::query::distance;
-use parry3d_f64::shape::{Ball, Capsule, ConvexPolyhedron, Cuboid, HalfSpace, Shape};
+use parry3d_f64::shape::{Ball, Capsule, ConvexPolyhedron, Cuboid, Cylinder, HalfSpace, Shape};
 use pliant_engine::geometry::collider::{ColliderShape, PlacedCollider, Polyhedron, candidates, contact_geometry, overlap};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -15,7 +15,11 @@ fn random_rotation(rng: &mut Pcg64Mcg) -> UnitQuaternion<f64> {
 }
 
 fn theirs(collider: &PlacedCollider<f64>) -> (TheirPose, Box<dyn Shape>) {
-    let q = UnitQuaternion::from_matrix(&collider.rotation);
+    let mut q = UnitQuaternion::from_matrix(&collider.rotation);
+    if collider.form == ColliderShape::Cylinder {
+        // theirs stand along y
+        q *= UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    }
     let p = Vector::new(collider.position[0], collider.position[1], collider.position[2]);
     let pose = TheirPose::from_parts(p, Rotation::from_xyzw(q.i, q.j, q.k, q.w));
     let [a, b, c] = collider.sizes;
@@ -27,7 +31,8 @@ fn theirs(collider: &PlacedCollider<f64>) -> (TheirPose, Box<dyn Shape>) {
             let corners: Vec<_> = hull.surface().0.iter().map(|c| Vector::new(c[0], c[1], c[2])).collect();
             Box::new(ConvexPolyhedron::from_convex_hull(&corners).unwrap())
         }
-        _ => Box::new(Cuboid::new(Vector::new(a, b, c))),
+        ColliderShape::Cylinder => Box::new(Cylinder::new(b, a)),
+        ColliderShape::Block => Box::new(Cuboid::new(Vector::new(a, b, c))),
     };
     (pose, shape)
 }
@@ -55,6 +60,11 @@ fn random(form: ColliderShape, rng: &mut Pcg64Mcg) -> PlacedCollider<f64> {
 
 fn hull(points: &[Vector3<f64>]) -> ColliderShape {
     ColliderShape::Hull(Arc::new(Polyhedron::new(points).unwrap()))
+}
+
+/// The name of a form: a hull would print all its corners.
+fn kind(form: &ColliderShape) -> String {
+    if matches!(form, ColliderShape::Hull(_)) { "a hull".to_owned() } else { format!("{form:?}") }
 }
 
 /// A rough stone of about twenty corners beside its origin.
@@ -85,7 +95,7 @@ fn brought_near(mut a: PlacedCollider<f64>, b: &PlacedCollider<f64>, close: f64,
 
 #[test]
 fn touching_colliders_are_as_far_apart_as_parry_says() {
-    use ColliderShape::{Ball, Block, Capsule, HalfSpace};
+    use ColliderShape::{Ball, Block, Capsule, Cylinder, HalfSpace};
     let (mut rng, mut stones) = (Pcg64Mcg::seed_from_u64(3), Pcg64Mcg::seed_from_u64(9));
     let pairs = [
         (Ball, HalfSpace),
@@ -102,6 +112,12 @@ fn touching_colliders_are_as_far_apart_as_parry_says() {
         (Capsule, stone(&mut stones)),
         (Block, stone(&mut stones)),
         (stone(&mut stones), stone(&mut stones)),
+        (Cylinder, HalfSpace),
+        (Ball, Cylinder),
+        (Capsule, Cylinder),
+        (Cylinder, Block),
+        (Cylinder, stone(&mut stones)),
+        (Cylinder, Cylinder),
     ];
     for (first, second) in pairs {
         let mut missed = 0;
@@ -121,14 +137,14 @@ fn touching_colliders_are_as_far_apart_as_parry_says() {
                 missed += 1;
                 continue;
             }
-            assert!((gap - distance).abs() < 1e-8, "{first:?} and {second:?}: gap {gap}, distance {distance}");
+            assert!((gap - distance).abs() < 1e-8, "{} and {}: gap {gap}, distance {distance}", kind(&first), kind(&second));
             // moving apart along the normal opens the gap by as much, as far as rounded things go
             let mut moved = a.clone();
             moved.position += normal * 1e-5;
-            assert!((apart(&moved, &b) - distance - 1e-5).abs() < 2e-8, "{first:?} and {second:?}");
+            assert!((apart(&moved, &b) - distance - 1e-5).abs() < 2e-8, "{} and {}", kind(&first), kind(&second));
         }
         // corners against edges and corners: no such pair stays nearest down to the touch but by chance
-        assert!(missed <= 2, "{first:?} and {second:?}: {missed} of 300 missed");
+        assert!(missed <= 2, "{} and {}: {missed} of 300 missed", kind(&first), kind(&second));
     }
 }
 

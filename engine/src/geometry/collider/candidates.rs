@@ -1,7 +1,8 @@
 //! Which features of two colliders may meet in the coming step.
 
 use super::features::{SIDES, TOP, face_side};
-use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, contact_geometry};
+use super::overlap::depth;
+use super::{ColliderShape, ContactGeometry, Feature, FeaturePair, PlacedCollider, contact_geometry};
 use crate::geometry::constants::GEOMETRY;
 use pliant_math::Vec3;
 
@@ -22,7 +23,8 @@ fn in_order(a: &ColliderShape, b: &ColliderShape) -> bool {
 ///
 /// Of two colliders that touch or nearly do, the least gap is their distance; far apart, two corners or a corner and an edge may be nearest,
 /// and have no spot.
-/// A cylinder's rim is its deepest point over faces, and an octagon against everything else.
+/// A cylinder's rim is its deepest point over faces to which it leans, eight points on those where it stands, and the circle itself against
+/// balls, edges, axes and other rims.
 pub fn candidates(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, margin: f64, found: &mut Vec<(FeaturePair, bool)>) {
     if a.form == ColliderShape::HalfSpace && b.form == ColliderShape::HalfSpace {
         return;
@@ -34,12 +36,12 @@ pub fn candidates(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>, margin: f64,
     }
 }
 
-struct Pair<'a> {
-    a: &'a PlacedCollider<f64>,
-    b: &'a PlacedCollider<f64>,
-    margin: f64,
-    swapped: bool,
-    found: &'a mut Vec<(FeaturePair, bool)>,
+pub(super) struct Pair<'a> {
+    pub a: &'a PlacedCollider<f64>,
+    pub b: &'a PlacedCollider<f64>,
+    pub margin: f64,
+    pub swapped: bool,
+    pub found: &'a mut Vec<(FeaturePair, bool)>,
 }
 
 impl Pair<'_> {
@@ -54,6 +56,10 @@ impl Pair<'_> {
             (ColliderShape::Cylinder, ColliderShape::Block | ColliderShape::Hull(_) | ColliderShape::Cylinder) => {
                 self.rims();
                 self.lines();
+                self.rim_lines();
+                if self.b.form == ColliderShape::Cylinder {
+                    self.rim_rims();
+                }
                 self.the_other_way();
             }
             (
@@ -70,6 +76,12 @@ impl Pair<'_> {
 
     /// Features of the first collider that points of the second touch.
     fn other_points(&mut self) {
+        if self.a.form == ColliderShape::Cylinder && matches!(self.b.form, ColliderShape::Capsule | ColliderShape::Cylinder) {
+            self.rim_lines();
+        }
+        if self.a.form == ColliderShape::Cylinder && self.b.form == ColliderShape::Capsule {
+            return;
+        }
         let round = matches!(self.a.form, ColliderShape::Ball | ColliderShape::Capsule);
         for k in 0..self.a.form.n_points() {
             let first = self.a.form.point(k);
@@ -116,10 +128,14 @@ impl Pair<'_> {
             let radial = y[0].hypot(y[1]);
             let (beside, beyond) = (radial - sizes[0], y[2].abs() - sizes[1]);
             let sliver = GEOMETRY.sliver * sizes[0];
+            let end = if y[2] < 0.0 { TOP - 1 } else { TOP };
             if beside >= beyond && beyond <= sliver && radial > 0.0 {
-                self.push(first, Feature::Side);
-            } else if beyond > beside && beside <= sliver {
-                self.push(first, Feature::Face(if y[2] < 0.0 { TOP - 1 } else { TOP }));
+                // a rim touches the side as a circle
+                if !matches!(first, Feature::RimPoint(..)) {
+                    self.push(first, Feature::Side);
+                }
+            } else if beyond > beside && beside <= sliver && !self.rolls(first, end) {
+                self.push(first, Feature::Face(end));
             }
             return;
         }
@@ -174,7 +190,7 @@ impl Pair<'_> {
                 let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { continue };
                 // the rim's lowest point, not that of the far end of a cylinder that passes by
                 let over = self.is_over(face, &self.b.local(&m.point), 0.0);
-                if over && m.gap <= self.margin && m.gap > -self.depth() {
+                if over && m.gap <= self.margin && m.gap > -self.depth() && self.shared(&m) {
                     self.found.push((feature_pair, self.swapped));
                 }
             }
@@ -200,7 +216,7 @@ impl Pair<'_> {
     }
 
     /// Lines of a collider; of edges those that reach the ball around the other one.
-    fn near_lines(&self, of: &PlacedCollider<f64>, other: &PlacedCollider<f64>) -> Vec<Feature> {
+    pub(super) fn near_lines(&self, of: &PlacedCollider<f64>, other: &PlacedCollider<f64>) -> Vec<Feature> {
         let edges = of.form.counts()[1];
         if edges == 0 {
             return vec![Feature::Axis];
@@ -230,13 +246,19 @@ impl Pair<'_> {
         let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
         let half_width = |s: &PlacedCollider<f64>| if let ColliderShape::Hull(p) = &s.form { p.half_width } else { s.sizes[0] };
         let depth = half_width(self.a).min(half_width(self.b));
-        if m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) {
+        if m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) && self.shared(&m) {
             self.found.push((feature_pair, self.swapped));
         }
     }
 
+    /// Whether a contact that penetrates lies within both solids: otherwise it is one on the far side of a solid that is passed.
+    pub(super) fn shared(&self, m: &ContactGeometry<f64>) -> bool {
+        let outside = GEOMETRY.lean * -m.gap + GEOMETRY.sliver * self.a.reach().min(self.b.reach());
+        m.gap >= 0.0 || [self.a, self.b].iter().all(|s| depth(s, &m.point) >= -outside)
+    }
+
     /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.
-    fn faces_out(&self, feature_pair: &FeaturePair, normal: &Vec3<f64>) -> bool {
+    pub(super) fn faces_out(&self, feature_pair: &FeaturePair, normal: &Vec3<f64>) -> bool {
         let at = |feature: Feature, collider: &PlacedCollider<f64>, sign: f64| match feature {
             Feature::Edge(edge) => collider.conormals(edge).iter().all(|across| sign * across.dot(normal) >= -GEOMETRY.lean),
             _ => true,

@@ -1,6 +1,7 @@
 //! The gap between two features in closed form, for any scalar.
 
 use super::features::TOP;
+use super::rims::rim_contact;
 use super::{ColliderShape, Feature, FeaturePair, PlacedCollider, Polyhedron};
 use crate::geometry::constants::GEOMETRY;
 use pliant_math::{Real, Vec3};
@@ -18,7 +19,7 @@ pub struct ContactGeometry<S> {
 
 /// Gap, normal and point of two features; the distance \[m\] where it is too small for a normal.
 ///
-/// Point against face, line against line and rim against face are smooth; distances to whole colliders are C¹ (their curvature jumps
+/// Point against face, line against line and rims against faces, lines and rims are smooth; distances to whole colliders are C¹ (their curvature jumps
 /// from a face to an edge), and continuous only inside a block or cylinder.
 pub fn contact_geometry<S: Real>(
     feature_pair: &FeaturePair,
@@ -27,6 +28,7 @@ pub fn contact_geometry<S: Real>(
 ) -> Result<ContactGeometry<S>, f64> {
     match (feature_pair.first, feature_pair.second) {
         (Feature::Rim(side), Feature::Face(k)) => rim_face(a, side, b.face(k)),
+        (Feature::RimHalf(..) | Feature::RimSector(..), _) => rim_contact(feature_pair, a, b).map(|m| m.geometry),
         (Feature::Axis | Feature::Edge(..), Feature::Axis | Feature::Edge(..)) => line_line(feature_pair, a, b),
         (first, Feature::Face(k)) => Ok(point_face(a.point(first), a.roundness(first), b.face(k))),
         (first, Feature::Side) => point_side(a.point(first), a.roundness(first), b),
@@ -36,14 +38,17 @@ pub fn contact_geometry<S: Real>(
 
 /// The centre of the ball that a spot's first feature is \[m\], if it stays where it is in its solid and the second is a face.
 pub(crate) fn point_over_face(feature_pair: &FeaturePair, a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> Option<Vec3<f64>> {
-    let point = !matches!(feature_pair.first, Feature::Rim(_) | Feature::Axis | Feature::Edge(..));
+    let point = !matches!(
+        feature_pair.first,
+        Feature::Rim(_) | Feature::RimHalf(..) | Feature::RimSector(..) | Feature::Axis | Feature::Edge(..)
+    );
     let face = matches!(feature_pair.second, Feature::Face(..))
         || (feature_pair.second == Feature::Whole && b.form == ColliderShape::HalfSpace);
     (point && face).then(|| a.point(feature_pair.first))
 }
 
 /// The middle between the surfaces of a ball of radius `r` at `x` and of what is `gap` beyond it against the normal.
-fn middle<S: Real>(x: Vec3<S>, r: S, gap: S, normal: Vec3<S>) -> ContactGeometry<S> {
+pub(super) fn middle<S: Real>(x: Vec3<S>, r: S, gap: S, normal: Vec3<S>) -> ContactGeometry<S> {
     ContactGeometry { gap, normal, point: x - normal * (r + gap * 0.5) }
 }
 
@@ -52,7 +57,7 @@ fn point_face<S: Real>(x: Vec3<S>, r: S, (at, normal): (Vec3<S>, Vec3<S>)) -> Co
 }
 
 /// A ball against what is at the distance `d` (a vector to its centre), thick by `thickness`.
-fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<ContactGeometry<S>, f64> {
+pub(super) fn apart<S: Real>(x: Vec3<S>, r: S, d: Vec3<S>, thickness: S) -> Result<ContactGeometry<S>, f64> {
     let distance = d.dot(&d).sqrt();
     if distance.re() < GEOMETRY.min_distance || !distance.re().is_finite() {
         return Err(distance.re());

@@ -23,6 +23,10 @@ pub enum Feature {
     Rim(i8),
     /// One of eight points of that circle, fixed in the solid.
     RimPoint(i8, u8),
+    /// The half of that circle towards which the line that it meets (an edge or axis) points, 1, or from which it comes, −1.
+    RimHalf(i8, i8),
+    /// The place where that circle crosses another rim, by the part of the circle that it is in when a step begins.
+    RimSector(i8, u8),
     /// The round side of a cylinder, endless along its axis.
     Side,
 }
@@ -69,7 +73,7 @@ pub(crate) fn face_side(face: u16) -> (usize, f64) {
     (usize::from(face / 2), side(face, 0))
 }
 
-/// Points that stand for a cylinder's rim where its deepest point does not do: on a flat end, and against round or sharp things.
+/// Points that stand for a cylinder's rim on a face that it lies on flat, where its deepest point is not one.
 pub const RIM_POINTS: u8 = 8;
 
 /// Two features that may meet. The normal points from the second solid to the first.

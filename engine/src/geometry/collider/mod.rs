@@ -11,6 +11,8 @@ mod features;
 mod overlap;
 mod parts;
 mod polyhedron;
+mod rim_candidates;
+mod rims;
 
 pub use candidates::candidates;
 pub(crate) use contact_geometry::point_over_face;

@@ -123,7 +123,7 @@ fn of_lines(a: &PlacedCollider<f64>, b: &PlacedCollider<f64>) -> f64 {
 }
 
 /// Depth of a point in a solid \[m\], negative outside; there a distance for balls and capsules only.
-fn depth(s: &PlacedCollider<f64>, point: &Vec3<f64>) -> f64 {
+pub(super) fn depth(s: &PlacedCollider<f64>, point: &Vec3<f64>) -> f64 {
     let d = point - s.position;
     let along = s.rotation.column(2).dot(&d);
     let across = (d.norm_squared() - along * along).max(0.0).sqrt();
