@@ -95,6 +95,42 @@ fn every_pair_of_shapes() {
     }
 }
 
+/// Things that slide over the end of a standing cylinder and touch it with its rim: a box wider than the circle, stones, a capsule and a
+/// cylinder across it, and a cylinder that stands beside its middle.
+#[test]
+fn what_lies_across_a_rim() {
+    use ShapeKind::{Box, Capsule, Cylinder, Hull};
+    let lying = [1.0, 0.05, 0.0];
+    let cases = [
+        (Box, [0.042, 0.046, 0.04], 0.04, [0.02, 0.015, 0.1]),
+        (Hull, [0.0; 3], 0.05, [0.3, 0.2, 0.1]),
+        (Capsule, [0.0; 3], 0.02, lying),
+        (Cylinder, [0.0; 3], 0.02, lying),
+        (Cylinder, [0.0; 3], 0.06, [0.02, 0.01, 0.0]),
+    ];
+    for (kind, half_extents, height, turn) in cases {
+        let mut upper = shape(kind);
+        upper.position = [0.0; 3];
+        upper.half_extents = upper.half_extents.map(|_| half_extents);
+        if turn == lying {
+            (upper.radius, upper.half_length) = (Some(0.02), Some(0.09));
+        }
+        let mut scene = two(ShapeKind::Cylinder, kind);
+        let velocity = [0.1, 0.05, -0.3, 0.1, -0.2, 0.1];
+        let mut low = shape(Cylinder);
+        low.position = [0.0; 3];
+        scene.body = vec![
+            free_body("low", vec![low], [0.0, 0.0, 0.0601], [0.0; 3], [0.0; 6]),
+            free_body("high", vec![upper], [0.018, 0.012, 0.1202 + height + 0.002], turn, velocity),
+        ];
+        let case = Case::new(&scene, 20);
+        let run = case.run(StepOptions::default());
+        let fall = 9.81 * 20.0 / 240.0;
+        assert!(run.states.last().unwrap().v[8] > -0.3 - fall + 0.3, "{kind:?} is held by the rim");
+        demand(&format!("{kind:?} across a rim"), &case, ROUNDED);
+    }
+}
+
 /// Four corners hold a block more often than it can move: at 1 nm how they share its load costs the dot test a digit.
 #[test]
 fn a_block_slides_and_sticks() {

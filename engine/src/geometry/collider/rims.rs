@@ -318,3 +318,176 @@ fn root_of(f: impl Fn(f64, f64) -> f64, slope: impl Fn(f64, f64) -> f64, start: 
     }
     angle
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::geometry::collider::{ColliderShape, Polyhedron, Pose, candidates, contact_geometry};
+    use nalgebra::{Matrix3, Rotation3};
+    use num_dual::DualSVec64;
+    use std::sync::Arc;
+
+    type Dual = DualSVec64<8>;
+
+    /// Uniform in −1 to 1.
+    struct Chance(u64);
+    impl Chance {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        }
+        fn vector(&mut self) -> Vec3<f64> {
+            Vec3::from_fn(|_, _| self.next())
+        }
+    }
+
+    fn placed(form: ColliderShape, sizes: [f64; 3], position: Vec3<f64>, turn: Vec3<f64>) -> PlacedCollider<f64> {
+        PlacedCollider { form, rotation: Rotation3::new(turn).into_inner(), position, sizes }
+    }
+
+    /// A collider displaced by a twist, its radius by the seventh entry.
+    fn displaced(s: &PlacedCollider<f64>, by: &[f64; 7]) -> PlacedCollider<f64> {
+        let turn: Matrix3<f64> = Rotation3::new(Vec3::new(by[0], by[1], by[2])).into_inner();
+        let mut sizes = s.sizes;
+        sizes[0] += by[6];
+        let shift = Vec3::new(by[3], by[4], by[5]);
+        PlacedCollider { form: s.form.clone(), rotation: turn * s.rotation, position: turn * s.position + shift, sizes }
+    }
+
+    fn seeded(s: &PlacedCollider<f64>, moves: bool) -> PlacedCollider<Dual> {
+        let seeds: [Dual; 6] = std::array::from_fn(|k| if moves { Dual::from_re(0.0).derivative(k) } else { Dual::from_re(0.0) });
+        let pose = Pose { rotation: s.rotation, position: s.position }.displaced(&seeds);
+        let mut sizes = s.sizes.map(Dual::from_re);
+        if moves {
+            sizes[0] = sizes[0].derivative(6);
+        }
+        PlacedCollider { form: s.form.clone(), rotation: pose.rotation, position: pose.position, sizes }
+    }
+
+    fn stone() -> ColliderShape {
+        let at = |k: i32| {
+            let (z, angle) = (1.0 - (2.0 * f64::from(k) + 1.0) / 14.0, 2.4 * f64::from(k));
+            Vec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z) * 0.2
+        };
+        ColliderShape::Hull(Arc::new(Polyhedron::new(&(0..14).map(at).collect::<Vec<_>>()).unwrap()))
+    }
+
+    /// Gap, normal and point as seven numbers.
+    fn numbers<S: Real>(m: &ContactGeometry<S>) -> [S; 7] {
+        [m.gap, m.normal[0], m.normal[1], m.normal[2], m.point[0], m.point[1], m.point[2]]
+    }
+
+    /// In random poses by displacements of either collider and its radius, against central differences.
+    #[test]
+    fn derivatives_are_those_of_differences() {
+        let mut chance = Chance(7);
+        let mut seen = [0; 4];
+        for trial in 0..6000 {
+            let kind = trial % 4;
+            let form = [ColliderShape::Block, ColliderShape::Capsule, ColliderShape::Cylinder, stone()][kind].clone();
+            let mut size = || 0.2 + 0.1 * chance.next();
+            let sizes = [size(), size(), size()];
+            let cylinder = placed(ColliderShape::Cylinder, [size(), size(), 0.0], Vec3::zeros(), chance.vector() * 3.0);
+            let other = placed(form, sizes, chance.vector() * 0.5, chance.vector() * 3.0);
+            let mut found = Vec::new();
+            candidates(&cylinder, &other, 0.02, &mut found);
+            for (pair, swapped) in found {
+                let (a, b) = if swapped { (&other, &cylinder) } else { (&cylinder, &other) };
+                if !matches!(pair.first, Feature::RimHalf(..) | Feature::RimSector(..)) {
+                    continue;
+                }
+                // lines that nearly touch the circle from within have large second derivatives
+                if rim_contact(&pair, a, b).unwrap().sine < 0.3 || contact_geometry(&pair, a, b).unwrap().gap < -0.05 {
+                    continue;
+                }
+                seen[kind] += 1;
+                for side in 0..2 {
+                    let dual = contact_geometry(&pair, &seeded(a, side == 0), &seeded(b, side == 1)).unwrap();
+                    for k in 0..7 {
+                        let at = |step: f64| {
+                            let mut by = [0.0; 7];
+                            by[k] = step;
+                            let moved = |s: &PlacedCollider<f64>, moves| if moves { displaced(s, &by) } else { s.clone() };
+                            numbers(&contact_geometry(&pair, &moved(a, side == 0), &moved(b, side == 1)).unwrap())
+                        };
+                        let step = 1e-5;
+                        let (up, down) = (at(step), at(-step));
+                        for (n, by) in numbers(&dual).iter().enumerate() {
+                            let slope = by.eps.0.map_or(0.0, |e| e[k]);
+                            let difference = (up[n] - down[n]) / (2.0 * step);
+                            let error = (slope - difference).abs();
+                            assert!(error < 1e-5 * (1.0 + slope.abs()), "{pair:?}, {n} by {k} of {side}: {slope} {difference}");
+                        }
+                    }
+                }
+            }
+        }
+        assert!(seen.iter().all(|n| *n > 50), "{seen:?}");
+    }
+
+    /// An edge parallel to the end and over it crosses the rim at two points, whichever way it leans; so does a capsule's axis.
+    #[test]
+    fn a_line_over_an_end_carries_at_both_crossings() {
+        let (radius, half) = (0.034, 0.04);
+        let cylinder = placed(ColliderShape::Cylinder, [radius, half, 0.0], Vec3::zeros(), Vec3::new(0.0, 0.0, 0.3));
+        for lean in [0.0, 1e-13, -1e-13, 1e-9, -1e-9, 1e-6, -1e-6, 1e-4, -1e-4] {
+            let beside = 0.02;
+            // its lower edge at x = 0.02 goes along y
+            let block = placed(
+                ColliderShape::Block,
+                [0.05, 0.08, 0.03],
+                Vec3::new(beside + 0.05, 0.0, half + 0.03 + 1e-6),
+                Vec3::new(lean, 0.0, 0.0),
+            );
+            let capsule = placed(
+                ColliderShape::Capsule,
+                [0.01, 0.1, 0.0],
+                Vec3::new(beside, 0.0, half + 0.01 + 1e-6),
+                Vec3::new(FRAC_PI_2 + lean, 0.0, 0.0),
+            );
+            for other in [block, capsule] {
+                let mut found = Vec::new();
+                candidates(&cylinder, &other, 1e-4, &mut found);
+                found.retain(|(pair, _)| matches!(pair.first, Feature::RimHalf(..)));
+                let crossings: Vec<_> =
+                    found.iter().map(|(pair, _)| contact_geometry(pair, &cylinder, &other).unwrap()).collect();
+                assert_eq!(crossings.len(), 2, "{lean}, {found:?}");
+                let reach = (radius * radius - beside * beside).sqrt();
+                for m in crossings {
+                    assert!((m.point[0] - beside).abs() < 1e-5 && (m.point[1].abs() - reach).abs() < 1e-5, "{lean}: {m:?}");
+                    assert!((m.gap - 1e-6 - lean * m.point[1]).abs() < 1e-8, "{lean}: {m:?}");
+                    assert!((m.normal + Vec3::z()).norm() < 2.0 * lean.abs() + 1e-12);
+                }
+            }
+        }
+    }
+
+    /// Parallel cylinders side by side touch with the rims of the shorter one; standing on each other beside their axes, where their rims
+    /// cross.
+    #[test]
+    fn parallel_cylinders_touch_along_a_line_and_round_a_lens() {
+        let low = placed(ColliderShape::Cylinder, [0.03, 0.05, 0.0], Vec3::zeros(), Vec3::zeros());
+        let beside =
+            placed(ColliderShape::Cylinder, [0.02, 0.03, 0.0], Vec3::new(0.03, 0.04 + 1e-6, 0.0), Vec3::new(0.0, 0.0, 0.7));
+        let mut found = Vec::new();
+        candidates(&low, &beside, 1e-4, &mut found);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (pair, swapped) in &found {
+            let (a, b) = if *swapped { (&beside, &low) } else { (&low, &beside) };
+            let m = contact_geometry(pair, a, b).unwrap();
+            let distance = (0.03_f64 * 0.03 + (0.04_f64 + 1e-6).powi(2)).sqrt() - 0.05;
+            assert!((m.gap - distance).abs() < 1e-12 && (m.point[2].abs() - 0.03).abs() < 1e-12, "{m:?}");
+        }
+        let upon = placed(ColliderShape::Cylinder, [0.03, 0.05, 0.0], Vec3::new(0.0, 0.02, 0.1 + 1e-6), Vec3::new(0.0, 0.0, 0.7));
+        found.clear();
+        candidates(&low, &upon, 1e-4, &mut found);
+        found.retain(|(pair, _)| matches!(pair.first, Feature::RimSector(..)));
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (pair, _) in &found {
+            let m = contact_geometry(pair, &low, &upon).unwrap();
+            assert!((m.gap - 1e-6).abs() < 1e-12 && (m.normal + Vec3::z()).norm() < 1e-12, "{m:?}");
+            assert!((m.point[0].abs() - (9e-4_f64 - 1e-4).sqrt()).abs() < 1e-12 && (m.point[1] - 0.01).abs() < 1e-12);
+        }
+    }
+}
