@@ -190,7 +190,7 @@ impl Pair<'_> {
                 let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { continue };
                 // the rim's lowest point, not that of the far end of a cylinder that passes by
                 let over = self.is_over(face, &self.b.local(&m.point), 0.0);
-                if over && m.gap <= self.margin && m.gap > -self.depth() && self.shared(&m) {
+                if over && m.gap <= self.margin && m.gap > -self.depth() && self.shared(&feature_pair, &m) {
                     self.found.push((feature_pair, self.swapped));
                 }
             }
@@ -246,15 +246,20 @@ impl Pair<'_> {
         let Ok(m) = contact_geometry(&feature_pair, self.a, self.b) else { return };
         let half_width = |s: &PlacedCollider<f64>| if let ColliderShape::Hull(p) = &s.form { p.half_width } else { s.sizes[0] };
         let depth = half_width(self.a).min(half_width(self.b));
-        if m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) && self.shared(&m) {
+        if m.gap <= self.margin && m.gap > -depth && self.faces_out(&feature_pair, &m.normal) && self.shared(&feature_pair, &m) {
             self.found.push((feature_pair, self.swapped));
         }
     }
 
-    /// Whether a contact that penetrates lies within both solids: otherwise it is one on the far side of a solid that is passed.
-    pub(super) fn shared(&self, m: &ContactGeometry<f64>) -> bool {
+    /// Whether a contact that penetrates lies within both solids: otherwise it is one on the far side of a solid that is passed. Edges of
+    /// hulls may be acute, and their normals need not point into the hull: they are bounded by its least width.
+    pub(super) fn shared(&self, feature_pair: &FeaturePair, m: &ContactGeometry<f64>) -> bool {
         let outside = GEOMETRY.lean * -m.gap + GEOMETRY.sliver * self.a.reach().min(self.b.reach());
-        m.gap >= 0.0 || [self.a, self.b].iter().all(|s| depth(s, &m.point) >= -outside)
+        let within = |feature: Feature, s: &PlacedCollider<f64>| match (feature, &s.form) {
+            (Feature::Edge(_), ColliderShape::Hull(p)) => m.gap > -p.half_width,
+            _ => depth(s, &m.point) >= -outside,
+        };
+        m.gap >= 0.0 || (within(feature_pair.first, self.a) && within(feature_pair.second, self.b))
     }
 
     /// Whether the normal lies between those of the two faces at each edge: otherwise other features are nearer.

@@ -64,7 +64,12 @@ impl Pair<'_> {
                     && self.faces_out(&feature_pair, &normal)
             }
         };
-        if geometry.gap <= self.margin && sine >= GEOMETRY.parallel_lines && of_rim && of_other && self.shared(&geometry) {
+        if geometry.gap <= self.margin
+            && sine >= GEOMETRY.parallel_lines
+            && of_rim
+            && of_other
+            && self.shared(&feature_pair, &geometry)
+        {
             self.found.push((feature_pair, self.swapped));
         }
     }
