@@ -214,7 +214,7 @@ fn a_cylinder_touches_the_floor_with_the_lowest_point_of_its_rims() {
 }
 
 #[test]
-fn a_cylinder_meets_balls_exactly_and_capsules_within_an_octagon() {
+fn a_cylinder_meets_balls_and_capsules_exactly() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     for _ in 0..500 {
         let cylinder = random(ColliderShape::Cylinder, &mut rng);
@@ -239,8 +239,8 @@ fn a_cylinder_meets_balls_exactly_and_capsules_within_an_octagon() {
         let least = sampled.fold(f64::INFINITY, f64::min);
         if least > 0.0 {
             let (gap, _) = nearest(&capsule, &cylinder).unwrap();
-            let octagon = cylinder.sizes[0] * (1.0 - (std::f64::consts::PI / 8.0).cos());
-            assert!(gap > least - 1e-4 && gap < least + octagon.max(0.1 * cylinder.sizes[0]) + 1e-3, "{gap} {least}");
+            // samples lie 0.4 mm apart at most
+            assert!(gap > least - 1e-5 && gap < least + 1e-9, "{gap} {least}");
         }
     }
 }
