@@ -97,10 +97,6 @@ def test_a_box_pushed_beside_its_centre_turns_as_that_of_mujoco():
 # ---- Known limits: each of these fails today -------------------------------------------------------------------------
 
 
-OCTAGON = "edges of a box that cross a rim between two points of its octagon are not seen"
-
-
-@pytest.mark.xfail(strict=True, raises=pliant.NumericsError, reason=OCTAGON)
 def test_a_box_stands_on_a_cylinder_that_its_corners_overhang():
     cylinder, box = Solid("cylinder", (0.034, 0.04)), Solid("box", (0.026, 0.026, 0.04))
     bodies = [Free("low", cylinder, (0.0, 0.0, 0.041), friction=FRICTION), Free("high", box, (0.002, 0.0, 0.122), friction=FRICTION)]
@@ -113,6 +109,5 @@ def test_boxes_that_tumble_at_4_ms_do_not_stay_in_each_other():
     assert Judge(pile(1, ("box",), 0.004)).pliant().depth[-1] < 1e-3
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="a rim is an octagon against all but spheres and faces")
 def test_cylinders_and_capsules_do_not_rest_in_each_other():
     assert Judge(pile(2, ("sphere", "capsule", "cylinder"), 0.001)).pliant().depth[-1] < 1e-3

@@ -118,7 +118,9 @@ fn noise_is_inconclusive() {
 #[test]
 fn a_failing_simulation_is_inconclusive() {
     let base = Sample { value: 0.0, parts: 1.0, modes: Vec::new() };
-    let report = judge(&free(), &Derivative { by_vjp: 1.0, by_jvp: 1.0, size: 1.0, rounding: 0.0 }, &base, |_| Err(AdjointError::NoRecords));
+    let report = judge(&free(), &Derivative { by_vjp: 1.0, by_jvp: 1.0, size: 1.0, rounding: 0.0 }, &base, |_| {
+        Err(AdjointError::NoRecords)
+    });
     assert_eq!(report.verdict, Verdict::Inconclusive);
     assert_eq!(reason(&report), "no difference could be taken");
 }

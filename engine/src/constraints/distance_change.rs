@@ -106,8 +106,7 @@ mod tests {
         for (a, collider, b, other) in cases {
             let feature_pair = FeaturePair { first: a, second: b };
             let [a, b] = [(collider, &first), (other, &second)].map(|(c, pose)| c.placed(pose, |k| theta[k]));
-            let (geometry, by_hand) =
-                contact_geometry_changes(&feature_pair, [&a, &b], (collider, &first), &theta).unwrap();
+            let (geometry, by_hand) = contact_geometry_changes(&feature_pair, [&a, &b], (collider, &first), &theta).unwrap();
             let (same, automatic) = automatic_changes(&feature_pair, &b, (collider, &first), &theta).unwrap();
             assert_relative_eq!(geometry.gap, same.gap, epsilon = 1e-15);
             for side in 0..2 {

@@ -54,7 +54,9 @@ impl Stage<'_> {
         let mut touched = 0.0;
         let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root: false };
         let [_, first, ..] = ws.constraints.starts();
-        for ((link, BodyContact { pair, features, .. }), w) in ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4)) {
+        for ((link, BodyContact { pair, features, .. }), w) in
+            ws.constraints.bodies.each().zip(it.lambda[first..].chunks_exact(4))
+        {
             let geometry = self.geometry(link, features, &at)?;
             let law = self.body_contact_law(link, *pair);
             let wrench = contact_wrench(&geometry, law.mu, &Vector4::from_column_slice(w));

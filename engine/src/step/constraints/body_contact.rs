@@ -6,8 +6,7 @@ use super::{Beginning, ConeRecord, ConstraintId, ConstraintSet, Evaluation, Inpu
 use crate::bodies::Frames;
 use crate::bodies::operational::yields;
 use crate::constraints::{
-    CONSTRAINTS, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, sharpness,
-    velocity,
+    CONSTRAINTS, Sliding, SplitLaw, body_contact_law, contact_geometry_changes, contact_wrench, pose, sharpness, velocity,
 };
 use crate::geometry::collider::{
     Attachment, ColliderShape, ContactGeometry, FeaturePair, PlacedCollider, Pose, candidates, contact_geometry, drop_hidden,
