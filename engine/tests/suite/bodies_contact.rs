@@ -207,14 +207,12 @@ half_length = 0.021
 friction = 0.0
 "#;
     let mut scene: pliant_scene::Scene = pliant_scene::parse_scene(text, "struck.toml").unwrap();
-    for place in [[-0.01, 0.004], [0.0, 0.0], [0.005, -0.006], [0.01, 0.01]] {
-        for mass in [0.06, 0.6, 6.0] {
-            let rod = &mut scene.body[1];
-            (rod.position[0], rod.position[1], rod.mass) = (place[0], place[1], mass);
-            let energy = run(&case_of(&scene)).energy();
-            let most = energy.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // the impulse does work of first order in the step on what turns
-            assert!(most <= energy[0] * (1.0 + 1e-3), "{place:?} {mass} kg: {} J, then {most} J", energy[0]);
-        }
+    // the three of twelve that were not solved
+    for (place, mass) in [([-0.01, 0.004], 0.06), ([0.005, -0.006], 0.6), ([0.005, -0.006], 6.0)] {
+        let rod = &mut scene.body[1];
+        (rod.position[0], rod.position[1], rod.mass) = (place[0], place[1], mass);
+        let energy = run(&case_of(&scene)).energy();
+        let most = energy.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        assert!(most <= energy[0] * (1.0 + 1e-9), "{place:?} {mass} kg: {} J, then {most} J", energy[0]);
     }
 }
