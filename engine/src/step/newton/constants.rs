@@ -86,7 +86,7 @@ pub(super) const NEWTON: NewtonConstants = NewtonConstants {
     nearly_hard: 1e-4,
     most_regularization: 0.05,
     rounding: 2.0,
-    near: 1e-9,
+    near: 1e-7,
     still_falls: 0.25,
     negligible: 0.01,
     continuation_fall: 1e-2,

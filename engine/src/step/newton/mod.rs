@@ -175,8 +175,8 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, [tolerance, near]: [f64
         let monotone = next <= (1.0 - demanded) * norm;
         let ended = next <= tolerance || (next > NEWTON.still_falls * norm && next <= near);
         if alpha == 1.0 && ended && left_after(next, norm) > NEWTON.negligible * tolerance && at_rounding(stage, ws) {
-            // from a start that was as good, by a matrix that lacks the tension of the root, the step leads away from it
-            if next < norm {
+            // from a start that was as good, by a matrix that lacks the tension of the root, the step leads away from it; at rest it has it
+            if next < norm || stage.scheme == STATIC {
                 accept(ws);
                 take_correction(ws);
             }
