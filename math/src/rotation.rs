@@ -138,6 +138,12 @@ pub fn from_matrix(r: &Matrix3<f64>) -> Quaternion<f64> {
     if q[0] < 0.0 { q.map(|x| -x) } else { q }
 }
 
+/// The rotation matrix of a rotation vector \[rad\].
+#[inline]
+pub fn of_vector<S: Real>(r: &Vec3<S>) -> Matrix3<S> {
+    matrix(&Map::Exponential.turn(r))
+}
+
 /// Turning by `angle` \[rad\] about the unit axis `a`.
 pub fn about<S: Real>(a: &Vec3<f64>, angle: S) -> Matrix3<S> {
     let (s, c) = angle.sin_cos();

@@ -87,6 +87,7 @@ mod tests {
             form,
             attachment: Attachment::World,
             rotation: about(&Vec3::new(0.6, 0.0, 0.8), 0.4),
+            turn: None,
             point: Vec3::zeros(),
             place,
             sizes: [0, 1, 2],

@@ -70,10 +70,12 @@ pub enum Shape {
         name: String,
         /// A point of the plane at height zero \[m\].
         point: Vec3<f64>,
-        /// Outward unit normal.
+        /// Outward unit normal where the rotation is zero.
         normal: Vec3<f64>,
         /// Index of the height \[m\].
         height: usize,
+        /// Indices of the rotation vector that turns the plane about its point \[rad\].
+        rotation: [usize; 3],
     },
     /// Sphere; see [`sphere::gap`].
     Sphere {
@@ -102,10 +104,16 @@ impl Shape {
     ///
     /// # Errors
     /// [`GeometryError::NoPlane`] if the normal is zero or not finite.
-    pub fn plane(name: impl Into<String>, point: Vec3<f64>, normal: Vec3<f64>, height: usize) -> Result<Self, GeometryError> {
+    pub fn plane(
+        name: impl Into<String>,
+        point: Vec3<f64>,
+        normal: Vec3<f64>,
+        height: usize,
+        rotation: [usize; 3],
+    ) -> Result<Self, GeometryError> {
         let (name, length) = (name.into(), normal.norm());
         if length > 0.0 && length.is_finite() {
-            Ok(Self::Plane { name, point, normal: normal / length, height })
+            Ok(Self::Plane { name, point, normal: normal / length, height, rotation })
         } else {
             Err(GeometryError::NoPlane { shape: name, length })
         }
@@ -126,7 +134,9 @@ impl Shape {
     #[inline]
     pub fn eval(&self, x: &Vec3<f64>, radius: f64, theta: &[f64]) -> Result<Gap, GeometryError> {
         let found = match self {
-            Self::Plane { point, normal, height, .. } => Ok(plane::eval(x, radius, theta[*height], point, normal)),
+            Self::Plane { point, normal, height, rotation, .. } => {
+                Ok(plane::eval(x, radius, plane_params(*height, rotation).map(|k| theta[k]), point, normal))
+            }
             Self::Sphere { center, radius: own, .. } => sphere::eval(x, radius, sphere_params(center, *own).map(|k| theta[k])),
             Self::Capsule { name, a, b, radius: own } => {
                 let p = capsule_params(a, b, *own).map(|k| theta[k]);
@@ -156,7 +166,10 @@ impl Shape {
         self.eval(x, r, theta)?;
         visit(radius, -1.0, &Vec3::zeros());
         match self {
-            Self::Plane { height, .. } => visit(*height, -1.0, &Vec3::zeros()),
+            Self::Plane { point, normal, height, rotation, .. } => {
+                let of = |p: &[_; 4]| plane::gap(&x.map(DualSVec64::from_re), DualSVec64::from_re(r), p, point, normal);
+                visit_params(plane_params(*height, rotation), theta, of, visit);
+            }
             Self::Sphere { center, radius, .. } => {
                 let of = |p: &[_; 4]| sphere::gap(&x.map(DualSVec64::from_re), DualSVec64::from_re(r), p);
                 visit_params(sphere_params(center, *radius), theta, of, visit);
@@ -172,6 +185,10 @@ impl Shape {
 
 fn usable(distance: f64) -> Result<f64, f64> {
     if distance >= GEOMETRY.min_distance { Ok(distance) } else { Err(distance) }
+}
+
+fn plane_params(height: usize, r: &[usize; 3]) -> [usize; 4] {
+    [height, r[0], r[1], r[2]]
 }
 
 fn sphere_params(c: &[usize; 3], radius: usize) -> [usize; 4] {

@@ -7,7 +7,7 @@ const RADIUS: usize = 8;
 
 fn shapes() -> Vec<Shape> {
     vec![
-        Shape::plane("floor", Vec3::new(0.1, 0.2, -0.3), Vec3::new(0.3, -0.5, 2.0), 0).unwrap(),
+        Shape::plane("floor", Vec3::new(0.1, 0.2, -0.3), Vec3::new(0.3, -0.5, 2.0), 0, [1, 2, 3]).unwrap(),
         Shape::Sphere { name: "ball".into(), center: [0, 1, 2], radius: 3 },
         Shape::Capsule { name: "bar".into(), a: [0, 1, 2], b: [3, 4, 5], radius: 6 },
     ]
@@ -87,7 +87,7 @@ fn parameter_slopes_equal_differences() {
             assert_eq!(
                 visited.len(),
                 match shape {
-                    Shape::Plane { .. } => 2,
+                    Shape::Plane { .. } => 5,
                     Shape::Sphere { .. } => 5,
                     Shape::Capsule { .. } => 8,
                 }
@@ -140,5 +140,5 @@ fn a_node_at_a_centre_is_an_error_that_names_the_shape() {
     let point = [0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.05, 0.0, 0.01];
     assert!(matches!(shapes[2].eval(&Vec3::zeros(), 0.01, &point), Err(GeometryError::NoAxis { shape, .. }) if shape == "bar"));
     assert!(matches!(shapes[1].eval(&Vec3::repeat(f64::NAN), 0.01, &theta), Err(GeometryError::NoNormal { .. })));
-    assert!(matches!(Shape::plane("wall", Vec3::zeros(), Vec3::zeros(), 0), Err(GeometryError::NoPlane { .. })));
+    assert!(matches!(Shape::plane("wall", Vec3::zeros(), Vec3::zeros(), 0, [1, 2, 3]), Err(GeometryError::NoPlane { .. })));
 }

@@ -430,7 +430,8 @@ impl Model {
         for s in &scene.plane {
             let height = self.params.push(format!("{}.height", s.name), "m", ANY, s.height);
             let (name, normal) = (s.name.clone(), Vec3::from(s.normal).normalize());
-            self.add_shape(Shape::Plane { name, point: Vec3::from(s.point), normal, height }, s.friction);
+            let rotation = self.push_rotation(&name);
+            self.add_shape(Shape::Plane { name, point: Vec3::from(s.point), normal, height, rotation }, s.friction);
         }
         for s in &scene.sphere {
             let center = self.push_vector(&s.name, "center", s.center);

@@ -82,6 +82,7 @@ impl Model {
     fn body_collider(&mut self, body: &Body, k: usize, shape: &BodyShape, index: usize) -> Result<Collider, Mistake> {
         let name = format!("{}.shape[{k}]", body.name);
         let place = Place::At(self.push_position(&name, shape.position));
+        let turn = (shape.kind != ShapeKind::Sphere).then(|| self.push_rotation(&name)[0]);
         let (form, sizes) = match shape.kind {
             ShapeKind::Sphere => (ColliderShape::Ball, [shape.radius, None, None]),
             ShapeKind::Capsule => (ColliderShape::Capsule, [shape.radius, shape.half_length, None]),
@@ -92,7 +93,8 @@ impl Model {
         let sizes = self.push_sizes(&name, &form, sizes.map(|x| x.unwrap_or(0.0)));
         let friction = shape.friction.map(|mu| self.params.push(format!("{name}.friction"), "-", NON_NEGATIVE, mu));
         let rotation = matrix(&normalized(&shape.quaternion));
-        Ok(Collider { name, form, attachment: Attachment::Body(index), rotation, point: Vec3::zeros(), place, sizes, friction })
+        let (attachment, point) = (Attachment::Body(index), Vec3::zeros());
+        Ok(Collider { name, form, attachment, rotation, turn, point, place, sizes, friction })
     }
 
     fn push_position(&mut self, name: &str, position: [f64; 3]) -> usize {
@@ -101,6 +103,11 @@ impl Model {
             self.params.push(format!("{name}.position[{a}]"), "m", ANY, x);
         }
         first
+    }
+
+    /// The rotation vector by which a shape or plane is turned from where the scene has it.
+    pub(super) fn push_rotation(&mut self, name: &str) -> [usize; 3] {
+        [0, 1, 2].map(|a| self.params.push(format!("{name}.rotation[{a}]"), "rad", ANY, 0.0))
     }
 
     fn push_sizes(&mut self, name: &str, form: &ColliderShape, sizes: [f64; 3]) -> [usize; 3] {
@@ -129,6 +136,7 @@ impl Model {
             form,
             attachment: Attachment::World,
             rotation,
+            turn: None,
             point: Vec3::zeros(),
             place,
             sizes,
@@ -140,7 +148,8 @@ impl Model {
             let friction = find(self, &s.name, "friction");
             let collider =
                 fixed(&s.name, ColliderShape::HalfSpace, along(&Vec3::from(s.normal)), Place::Height(height), [0; 3], friction);
-            push(self, format!("plane[{i}]"), Collider { point: Vec3::from(s.point), ..collider });
+            let turn = find(self, &s.name, "rotation[0]");
+            push(self, format!("plane[{i}]"), Collider { turn, point: Vec3::from(s.point), ..collider });
         }
         for (i, s) in scene.sphere.iter().enumerate() {
             let (Some(center), Some(radius)) = (find(self, &s.name, "center[0]"), find(self, &s.name, "radius")) else {
@@ -166,17 +175,21 @@ impl Model {
         }
         for (i, s) in scene.block.iter().enumerate() {
             let place = Place::At(self.push_position(&s.name, s.position));
+            let turn = Some(self.push_rotation(&s.name)[0]);
             let sizes = self.push_sizes(&s.name, &ColliderShape::Block, s.half_extents);
             let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
             let rotation = matrix(&normalized(&s.quaternion));
-            push(self, format!("box[{i}]"), fixed(&s.name, ColliderShape::Block, rotation, place, sizes, Some(friction)));
+            let collider = fixed(&s.name, ColliderShape::Block, rotation, place, sizes, Some(friction));
+            push(self, format!("box[{i}]"), Collider { turn, ..collider });
         }
         for (i, s) in scene.cylinder.iter().enumerate() {
             let place = Place::At(self.push_position(&s.name, s.position));
+            let turn = Some(self.push_rotation(&s.name)[0]);
             let sizes = self.push_sizes(&s.name, &ColliderShape::Cylinder, [s.radius, s.half_length, 0.0]);
             let friction = self.params.push(format!("{}.friction", s.name), "-", NON_NEGATIVE, s.friction);
             let rotation = matrix(&normalized(&s.quaternion));
-            push(self, format!("cylinder[{i}]"), fixed(&s.name, ColliderShape::Cylinder, rotation, place, sizes, Some(friction)));
+            let collider = fixed(&s.name, ColliderShape::Cylinder, rotation, place, sizes, Some(friction));
+            push(self, format!("cylinder[{i}]"), Collider { turn, ..collider });
         }
     }
 
@@ -191,6 +204,7 @@ impl Model {
                     form: ColliderShape::Ball,
                     attachment: Attachment::Node(node),
                     rotation: Matrix3::identity(),
+                    turn: None,
                     point: Vec3::zeros(),
                     place: Place::Origin,
                     sizes: [radius, 0, 0],

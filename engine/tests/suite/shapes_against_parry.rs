@@ -1,6 +1,6 @@
 //! Gaps against those of parry, an independent collision library.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{Ball, Capsule, HalfSpace};
@@ -21,12 +21,13 @@ fn gaps_and_normals_equal_parrys() {
         let theta: Vec<f64> = (0..7).map(|k| if k == 6 { 0.3 } else { rng.random_range(-0.6..0.6) }).collect();
         let x = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
         let direction = Vector3::from_fn(|_, _| rng.random_range(0.1..1.0)).normalize();
+        let turned = Rotation3::new(Vector3::new(theta[4], theta[5], theta[6])) * direction;
         let cases: [(Shape, Box<dyn PointQuery>, Pose); 3] = [
-            // θ[3] shifts the plane along its normal.
+            // θ[4..7] turns the plane about its point, θ[3] shifts it along its normal
             (
-                Shape::plane("plane", Vector3::new(theta[0], theta[1], theta[2]), direction, 3).unwrap(),
-                Box::new(HalfSpace::new(glam(direction.as_slice()))),
-                Pose::from_translation(glam(&theta[..3]) + glam(direction.as_slice()) * theta[3]),
+                Shape::plane("plane", Vector3::new(theta[0], theta[1], theta[2]), direction, 3, [4, 5, 6]).unwrap(),
+                Box::new(HalfSpace::new(glam(turned.as_slice()))),
+                Pose::from_translation(glam(&theta[..3]) + glam(turned.as_slice()) * theta[3]),
             ),
             (
                 Shape::Sphere { name: "sphere".into(), center: [0, 1, 2], radius: 6 },

@@ -24,6 +24,7 @@ pub use overlap::overlap;
 pub use polyhedron::Polyhedron;
 
 use nalgebra::Matrix3;
+use pliant_math::rotation::of_vector;
 use pliant_math::spatial::hat;
 use pliant_math::{Real, Vec3};
 use std::sync::Arc;
@@ -90,8 +91,10 @@ pub struct Collider {
     pub form: ColliderShape,
     /// The frame it moves with.
     pub attachment: Attachment,
-    /// Axes in the carrier's.
+    /// Axes in the carrier's, where the rotation vector is zero.
     pub rotation: Matrix3<f64>,
+    /// First of three entries of θ: the rotation vector that turns them, in the carrier's axes \[rad\]. A ball has none.
+    pub turn: Option<usize>,
     /// The constant point of [`Place::Height`].
     pub point: Vec3<f64>,
     /// Where it is.
@@ -141,13 +144,17 @@ impl Collider {
         let n = self.form.n_sizes();
         let mut sizes = std::array::from_fn(|k| if k < n { theta(self.sizes[k]) } else { S::from(0.0) });
         let vector = |k: usize| Vec3::new(theta(k), theta(k + 1), theta(k + 2));
-        let turned = || pose.rotation * self.rotation.map(S::from);
+        let axes = || {
+            let as_built = self.rotation.map(S::from);
+            self.turn.map_or(as_built, |k| of_vector(&vector(k)) * as_built)
+        };
         let (rotation, local) = match self.place {
-            Place::Origin => (turned(), Vec3::repeat(S::from(0.0))),
-            Place::At(first) => (turned(), vector(first)),
+            Place::Origin => (pose.rotation * axes(), Vec3::repeat(S::from(0.0))),
+            Place::At(first) => (pose.rotation * axes(), vector(first)),
             Place::Height(k) => {
-                let along = self.rotation.column(2).into_owned().map(S::from) * theta(k);
-                (turned(), self.point.map(S::from) + along)
+                let axes = axes();
+                let along = axes.column(2) * theta(k);
+                (pose.rotation * axes, self.point.map(S::from) + along)
             }
             Place::Between(a, b) => {
                 let [a, b] = [a, b].map(|p| Vec3::new(theta(p[0]), theta(p[1]), theta(p[2])));
@@ -174,7 +181,8 @@ impl Collider {
             Place::Between(..) => 1,
             _ => self.form.n_sizes(),
         };
-        place.into_iter().chain(self.sizes[..sizes].iter().copied())
+        let turn = self.turn.into_iter().flat_map(|first| first..first + 3);
+        place.into_iter().chain(turn).chain(self.sizes[..sizes].iter().copied())
     }
 }
 
