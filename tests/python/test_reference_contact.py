@@ -1,0 +1,106 @@
+"""pliant's contact of bodies and of edges against the independent JAX reference at equal κ: states and all derivatives.
+
+Bars: state ≤ 1e-9, derivatives ≤ 1e-8, relative. A derivative is compared by blocks: positions and velocities of the state, one control,
+or one entry of θ. The reference lists which features may meet by the rules of docs/theory/contact.md, on its own.
+"""
+
+import numpy as np
+import pytest
+from touching_cases import SCENES, case
+
+pliant = pytest.importorskip("pliant")
+
+pytestmark = pytest.mark.long
+
+
+def relative(a, b, floor=1e-300):
+    """max |a - b| / max(|b|, floor)."""
+    a, b = np.asarray(a), np.asarray(b)
+    return np.abs(a - b).max(initial=0.0) / max(np.abs(b).max(initial=0.0), floor)
+
+
+class Both:
+    """A scene simulated by both programs."""
+
+    def __init__(self, name):
+        self.case = case(name)
+        self.ours = self.case.model
+        self.model = pliant.loads(self.case.text)
+        self.xs, self.error, self.slopes = self.case.rollout()
+        self.roll = self.model.rollout(self.case.x0, self.case.u)
+        # the entries of θ of both have their own orders
+        self.places = [list(self.model.param_paths).index(path) for path in self.ours.paths]
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def both(request):
+    return Both(request.param)
+
+
+def test_parameters_and_start(both):
+    model, ours = both.model, both.ours
+    assert sorted(model.param_paths) == sorted(ours.paths)
+    np.testing.assert_allclose(model.theta[both.places], ours.theta, rtol=1e-14)
+    assert (model.nx, model.ndx, model.nu) == (len(both.case.x0), ours.ndx, ours.nu)
+    np.testing.assert_allclose(model.initial_state(), ours.initial_state(), rtol=1e-12, atol=1e-15)
+
+
+def test_states(both):
+    assert both.error < 1e-12
+    assert not np.any(both.roll.trace["retries"])
+    nq = both.ours.nq
+    assert relative(both.roll.x[:, :nq], both.xs[:, :nq]) <= 1e-9
+    assert relative(both.roll.x[:, nq:], both.xs[:, nq:]) <= 1e-9
+
+
+def halves(n):
+    """Positions and velocities of a state's change."""
+    return [("q", slice(0, n)), ("v", slice(n, 2 * n))]
+
+
+def rounding(theta, slopes):
+    """The slope by each entry of θ below which it is compared on this scale instead: where the whole of the entry (one SI
+    unit, if it is zero) has a millionth of the strongest entry's effect, terms that cancel leave no more digits."""
+    size = np.where(theta == 0.0, 1.0, np.abs(theta))
+    return 1e-6 * (slopes * np.abs(theta)).max() / size
+
+
+def test_step_jacobians(both):
+    n = both.ours.nv
+    for k, (a, b, c) in enumerate(both.slopes):
+        got_a, got_b, got_c = both.roll.linearize(k)
+        got_c = got_c[:, both.places]
+        worst = {f"A{i}{j}": relative(got_a[r, s], a[r, s]) for i, r in halves(n) for j, s in halves(n)}
+        worst |= {f"u[{j}]": relative(got_b[:, j], b[:, j]) for j in range(both.ours.nu)}
+        floor = rounding(both.ours.theta, np.abs(c).max(axis=0))
+        for j, path in enumerate(both.ours.paths):
+            worst[path] = relative(got_c[:, j], c[:, j], floor[j])
+        failed = {key: v for key, v in worst.items() if not v <= 1e-8}
+        assert not failed, (k, failed)
+
+
+def test_rollout_derivatives(both):
+    ours, rng = both.ours, np.random.default_rng(3)
+    steps = len(both.slopes)
+    x_bar = rng.normal(size=(steps + 1, ours.ndx))
+    u_bar, theta_bar, bar = np.zeros_like(both.case.u), np.zeros_like(ours.theta), x_bar[-1].copy()
+    for k in reversed(range(steps)):
+        a, b, c = both.slopes[k]
+        u_bar[k], bar, theta_bar = b.T @ bar, a.T @ bar + x_bar[k], theta_bar + c.T @ bar
+    got_x0, got_u, got_theta = both.roll.vjp(x_bar)
+    got_theta = got_theta[both.places]
+    worst = {name: relative(got_x0[part], bar[part]) for name, part in halves(ours.nv)}
+    worst |= {f"u[{j}]": relative(got_u[:, j], u_bar[:, j]) for j in range(ours.nu)}
+    floor = rounding(ours.theta, np.abs(theta_bar))
+    worst |= {p: relative(*pair) for p, *pair in zip(ours.paths, got_theta, theta_bar, floor, strict=True)}
+    failed = {key: v for key, v in worst.items() if not v <= 1e-8}
+    assert not failed, failed
+
+    dx, du = rng.normal(size=ours.ndx), rng.normal(size=both.case.u.shape)
+    dtheta = rng.normal(size=len(ours.theta)) * np.abs(ours.theta)
+    tangents, own = [dx], np.zeros_like(dtheta)
+    own[both.places] = dtheta
+    for (a, b, c), row in zip(both.slopes, du, strict=True):
+        tangents.append(a @ tangents[-1] + b @ row + c @ dtheta)
+    got, want = both.roll.jvp(dx, du, own), np.array(tangents)
+    assert all(relative(got[:, part], want[:, part]) <= 1e-8 for _, part in halves(ours.nv))

@@ -1,0 +1,127 @@
+"""Scenes of bodies, ropes and fixed shapes that touch, for the JAX reference, and one compiled stage per scene."""
+
+from functools import cache
+
+import jax
+import numpy as np
+from reference_cases import scene_text, traced_once
+
+from validation.reference import touching_model, touching_step
+from validation.reference.touching_solve import Stepper
+
+
+def head(step=0.004, rest_gap=1e-6, integrator="euler", extra=""):
+    return f"""schema_version = 1
+[time]
+step = {step}
+duration = 1.0
+integrator = "{integrator}"
+[contact]
+rest_gap = {rest_gap}
+{extra}"""
+
+
+def floor(friction=0.5, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, 0.0)):
+    return f'[[plane]]\nname = "floor"\nnormal = {list(normal)}\npoint = {list(point)}\nfriction = {friction}\n'
+
+
+def free(name, position, shape, velocity=(0.0,) * 6, quaternion=(1.0, 0.0, 0.0, 0.0), mass=1.0, friction=0.4, place=(0.0,) * 3):
+    """A free body with one shape, the text of its sizes, whose centre of mass is not where the shape's centre is."""
+    rough = "" if friction is None else f"friction = {friction}\n"
+    return f"""
+[[body]]
+name = "{name}"
+position = {list(position)}
+quaternion = {list(quaternion)}
+mass = {mass}
+center_of_mass = [0.002, -0.001, 0.003]
+inertia = [{0.0021 * mass}, {0.0024 * mass}, {0.0018 * mass}, {0.0001 * mass}, 0.0, 0.0]
+[[body.joint]]
+name = "{name}_free"
+kind = "free"
+velocity = {list(velocity)}
+[[body.shape]]
+{shape}
+position = {list(place)}
+{rough}"""
+
+
+BALL = 'kind = "sphere"\nradius = 0.05'
+BOX = 'kind = "box"\nhalf_extents = [0.05, 0.06, 0.04]'
+CAPSULE = 'kind = "capsule"\nradius = 0.03\nhalf_length = 0.06'
+CYLINDER = 'kind = "cylinder"\nradius = 0.05\nhalf_length = 0.06'
+LYING = (0.7071067811865476, 0.0, 0.7071067811865476, 0.0)  # own z axis along x
+SLOPE = (0.1, -0.05, 1.0)
+
+
+def turned(angle, axis=(0.0, 0.0, 1.0)):
+    """Unit quaternion."""
+    axis = np.array(axis) / np.linalg.norm(axis)
+    return [float(np.cos(angle / 2)), *(float(x) for x in np.sin(angle / 2) * axis)]
+
+
+# name -> (scene, steps)
+SCENES = {
+    "ball_rolls": (  # falls on a slope, slides, rolls
+        lambda: head() + floor(0.3, SLOPE) + free("ball", (0.0, 0.0, 0.0510), BALL, (0.4, 0.0, 0.0, 0.0, 2.0, 3.0), mass=0.4),
+        20,
+    ),
+    "box_slides": (
+        lambda: head() + floor() + free("box", (0.0, 0.0, 0.040001), BOX, (0.6, 0.2, 0.0, 0.0, 0.0, 1.5)),
+        15,
+    ),
+    "box_tips": (  # over two corners in front
+        lambda: head() + floor(0.9) + free("box", (0.0, 0.0, 0.0601), BOX.replace("[0.05, 0.06, 0.04]", "[0.02, 0.04, 0.06]"),
+                                       (0.8, 0.0, 0.0, 0.0, 3.0, 0.0), friction=0.9),
+        15,
+    ),
+    "capsule_rolls": (
+        lambda: head() + floor(0.4, SLOPE) + free("capsule", (0.0, 0.0, 0.04), CAPSULE, (0.2, 0.3, 0.0, -4.0, 0.0, 1.0), LYING),
+        20,
+    ),
+    "cylinder_rolls": (
+        lambda: head() + floor(0.4) + free("roll", (0.0, 0.0, 0.0505), CYLINDER, (0.1, 0.3, 0.0, -3.0, 0.0, 0.5), LYING),
+        15,
+    ),
+    "cylinder_stands": (
+        lambda: head() + floor(0.4) + free("can", (0.0, 0.0, 0.0601), CYLINDER, (0.2, 0.0, 0.0, 0.0, 0.0, 2.0)),
+        10,
+    ),
+}
+
+# contacts that a stage may list, where it is not 12
+SIZES = {"cylinder_stands": 20}
+
+
+class Case:
+    """A scene with its reference model, its compiled stage, and its start."""
+
+    def __init__(self, name):
+        text, self.steps = SCENES[name]
+        self.text = text()
+        self.model = model = touching_model.loads(self.text)
+        rng = np.random.default_rng(2)
+        self.x0, self.u = model.initial_state(), rng.uniform(-0.5, 0.5, (self.steps, model.nu))
+        stage = touching_step.make_stage(model, model.kinds)
+
+        def slopes(*at):
+            def of(z):
+                value = stage(z, *at)
+                return value, value
+
+            z = np.zeros(3 * model.nv + at[3].size + at[4].size + at[5].size)
+            slope, value = jax.jacfwd(of, has_aux=True)(z)
+            return value, slope
+
+        self.stepper = Stepper(model, traced_once(slopes, self.text), SIZES.get(name, 12))
+
+    def rollout(self):
+        """(x (T + 1, nx), largest last Newton step, [(A, B, C)] of each step)."""
+        xs, slopes = self.stepper.rollout(self.x0, self.u, self.model.theta)
+        return xs, self.stepper.largest, slopes
+
+
+@cache
+def case(name):
+    """The case, built once per test process."""
+    return Case(name)

@@ -1,0 +1,123 @@
+"""The root of a stage and its derivatives, and rollouts, from the slopes of its residual.
+
+Newton's method starts from the last impulses; where that does not converge, from a soft contact whose κ falls tenfold at a time. No
+derivative passes through the search.
+"""
+
+import numpy as np
+
+from . import touching_step
+from .step import GAMMA
+
+
+MOST = 80  # iterations at one κ
+SLOW = 1e-3  # [m/s] beside which velocities count as large
+SHORTEST = 1e-6  # part of a correction
+COARSE, FINE = 1e-6, 1e-9  # relative size of the correction that is left, on the way and at the end
+ROUNDING = 1e-13  # relative size of a correction that need not contract
+
+
+class NotSolved(Exception):
+    """No root was found."""
+
+
+class Stepper:
+    """Steps of a model by a compiled `slopes`: (q, v, q_command, u, θ, y, h, contacts, scale) -> (value, Jacobian by z) of a stage."""
+
+    def __init__(self, model, slopes, size):
+        self.model, self.slopes, self.size = model, slopes, size
+        self.largest = 0.0  # relative size of the last Newton steps
+        self.counts = []  # contacts listed, stage by stage
+
+    def stage(self, q, v, q_command, u, theta, h):
+        """(v⁺, S (2 nv, …)): the stage's end and the slope of its change (q⁺, v⁺) by (q, v, q_command, u, θ)."""
+        model, n = self.model, self.model.nv
+        v_cmd = np.asarray(touching_step.commands(model, q_command, u, theta))
+        contacts = touching_step.listed(model, q, v, v_cmd, theta, h)
+        self.counts.append(len(contacts))
+        c = touching_step.packed(model, contacts, self.size)
+        n_y = n + touching_step.n_rows(model) + self.size
+
+        def at(y, scale):
+            value, slope = (np.asarray(x) for x in self.slopes(q, v, q_command, u, theta, y, h, c, scale))
+            return value[:n_y], slope[:, : slope.shape[1] - n_y], slope[:, slope.shape[1] - n_y :]
+
+        start = np.zeros(n_y)
+        start[:n] = v
+        start[n_y - self.size :][c["listed"]] = np.sqrt(c["rho"] * c["kappa"])[c["listed"]]
+        # size of a correction: velocities, and impulses over masses
+        weight = np.ones(n_y)
+        weight[n_y - self.size :] = 1.0 / c["rho"]
+        y = self._search(at, start, weight)
+        _, outside, inside = at(y, 1.0)
+        by_outside = -np.linalg.solve(inside[:n_y], outside[:n_y])
+        return y[:n], np.vstack([outside[n_y:] + inside[n_y:] @ by_outside, by_outside[:n]])
+
+    def _search(self, at, start, weight):
+        y = start
+        level, step = 4.0, 1.0
+        found = self._newton(at, y, weight, 10.0**level)
+        if found is None:
+            raise NotSolved("the soft contact")
+        y = found
+        while level > 0.0:
+            lower = max(0.0, level - step)
+            found = self._newton(at, y, weight, 10.0**lower, last=lower == 0.0)
+            if found is None:
+                step *= 0.5
+                if step < 0.02:
+                    raise NotSolved(f"at 10^{lower} κ")
+                continue
+            y, level, step = found, lower, min(1.0, 1.5 * step)
+        return y
+
+    def _newton(self, at, y, weight, scale, last=False):
+        """The root at this κ, or None; at the end corrections go on for as long as they shrink tenfold."""
+        size = lambda d: np.sqrt(np.sum((weight * d) ** 2))
+        n, velocities = self.model.nv, weight == 1.0
+
+        def correction(y):
+            r, _, k = at(y, scale)
+            return r, k, -np.linalg.solve(k[: len(y)], r) if np.all(np.isfinite(r)) else None
+
+        _, k, d = correction(y)
+        alpha = 1.0
+        for _ in range(MOST):
+            unit = SLOW + size(y * velocities)
+            trial = y + alpha * d
+            r, k_next, next_d = correction(trial)
+            simplified = np.inf if next_d is None else size(np.linalg.solve(k[: len(y)], r))
+            if simplified > max((1.0 - 0.25 * alpha) * size(d), ROUNDING * unit):
+                alpha *= 0.5
+                if alpha < SHORTEST:
+                    return None
+                continue
+            quick = alpha == 1.0 and size(next_d) < 0.1 * size(d)
+            y, k, d, alpha = trial, k_next, next_d, min(1.0, 2.0 * alpha)
+            if size(d) < (FINE if last else COARSE) * unit and not (last and quick):
+                if last:
+                    self.largest = max(self.largest, np.linalg.norm(d[:n]) / unit)
+                return y + d
+        return None
+
+    def step(self, x, u, theta):
+        """(x⁺, A, B, C)."""
+        model = self.model
+        n, nq = model.nv, model.nq
+        q, v = x[:nq], x[nq:]
+        widths = np.cumsum([n, n, n, len(u)])
+        if model.integrator == "euler":
+            v_end, s = self.stage(q, v, q, u, theta, model.h)
+            by_q, by_v, by_command, by_u, by_theta = np.split(s, widths, axis=1)
+            q_end = touching_step.moved(model, q, model.h * v_end)
+            return np.concatenate([q_end, v_end]), np.hstack([by_q + by_command, by_v]), by_u, by_theta
+        raise ValueError(model.integrator)
+
+    def rollout(self, x0, u, theta):
+        """(x (T + 1, nx), [(A, B, C)])."""
+        xs, slopes = [np.asarray(x0, dtype=float)], []
+        for row in u:
+            x, *abc = self.step(xs[-1], row, theta)
+            xs.append(x)
+            slopes.append(abc)
+        return np.array(xs), slopes
