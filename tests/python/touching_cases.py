@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from reference_cases import scene_text, traced_once
 
-from validation.reference import touching_model, touching_step
+from validation.reference import touching, touching_model, touching_step
 from validation.reference.touching_solve import Stepper
 
 
@@ -89,8 +89,52 @@ SCENES = {
     ),
 }
 
-# contacts that a stage may list, where it is not 12
-SIZES = {"cylinder_stands": 20}
+# contacts that a stage may list, where it is not 16
+SIZES = {}
+
+
+def width(model):
+    """Entries of θ of the compiled stage: scenes of the same bodies with different shapes share it."""
+    return -(-len(model.theta) // 32) * 32
+
+
+def structure(model, text):
+    """What a compiled stage holds of a scene, and kinds of contacts that it knows: of one free body, or two, all."""
+    own = model.bodies
+    if model.nodes is not None or touching_step.n_rows(model) or own.motors:
+        return text, model.kinds
+    joints = [(j.kind, j.axis.tolist(), j.anchor.tolist(), j.q, j.v, j.theta) for j in own.joints]
+    of = [(b.parent, b.frame.tolist(), len(b.joints), b.theta.tolist()) for b in own.bodies]
+    return (joints, of, model.of_bodies.tolist(), model.h, model.integrator, width(model)), touching.KINDS[:5]
+
+
+@cache
+def compiled(key, size):
+    """One stage for all scenes of a structure."""
+    model, kinds = STRUCTURES[key]
+    stage = touching_step.make_stage(model, kinds)
+
+    def slopes(*at):
+        def of(z):
+            value = stage(z, *at)
+            return value, value
+
+        z = np.zeros(3 * model.nv + at[3].size + at[4].size + at[5].size)
+        slope, value = jax.jacfwd(of, has_aux=True)(z)
+        return value, slope
+
+    return traced_once(slopes, key, size)
+
+
+STRUCTURES = {}
+
+
+def stage_of(model, text, size):
+    """The compiled stage for a scene."""
+    about, kinds = structure(model, text)
+    key = repr(about)
+    STRUCTURES.setdefault(key, (model, kinds))
+    return compiled(key, size)
 
 
 class Case:
@@ -100,20 +144,9 @@ class Case:
         text, self.steps = SCENES[name]
         self.text = text()
         self.model = model = touching_model.loads(self.text)
-        rng = np.random.default_rng(2)
+        rng, size = np.random.default_rng(2), SIZES.get(name, 16)
         self.x0, self.u = model.initial_state(), rng.uniform(-0.5, 0.5, (self.steps, model.nu))
-        stage = touching_step.make_stage(model, model.kinds)
-
-        def slopes(*at):
-            def of(z):
-                value = stage(z, *at)
-                return value, value
-
-            z = np.zeros(3 * model.nv + at[3].size + at[4].size + at[5].size)
-            slope, value = jax.jacfwd(of, has_aux=True)(z)
-            return value, slope
-
-        self.stepper = Stepper(model, traced_once(slopes, self.text), SIZES.get(name, 12))
+        self.stepper = Stepper(model, stage_of(model, self.text, size), size, width(model))
 
     def rollout(self):
         """(x (T + 1, nx), largest last Newton step, [(A, B, C)] of each step)."""

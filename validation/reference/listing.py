@@ -48,6 +48,11 @@ class Contact:
     node: int = -1  # whose mass follows θ in κ, in place of `kappa`
     deep: bool = False
 
+    @property
+    def identity(self):
+        """What tells it from other contacts of a scene."""
+        return self.first.of, self.first.name, self.second.of, self.second.name
+
 
 @dataclass(eq=False)
 class Instant:
@@ -248,10 +253,10 @@ def contacts(now, ahead, rates, pairs, h, rest_gap, gravity):
         flat = "half space" in (pair.first.kind, pair.second.kind)
         if not flat and any(gap < -most for *_, gap in found):
             raise ValueError("the reference knows deep contacts at half spaces only")
-        seen = {(a.frames, a.name, b.name) for _, a, b, *_ in found}
+        seen = {(a.of, a.name, b.name) for _, a, b, *_ in found}
         for kind, a, b, sign, _ in meetings(ahead, pair, margin):
             gap = now.meeting(kind, a, b, sign)[0]
-            if gap >= -most and (a.frames, a.name, b.name) not in seen:
+            if gap >= -most and (a.of, a.name, b.name) not in seen:
                 found.append((kind, a, b, sign, gap))
         for kind, a, b, sign, gap in found:
             deep = gap < -most and pair.compliance is None

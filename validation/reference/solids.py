@@ -19,7 +19,8 @@ class Feature:
     """A part of a solid that may touch. Affine maps have a column for 1, then one for each entry of θ."""
 
     kind: str  # "point" | "segment" | "line" | "box" | "face" | "rim"
-    name: tuple  # which one of its solid
+    of: str  # its solid
+    name: tuple  # which one of that
     frames: tuple  # of its two points: the same of a solid, two nodes of an edge of a rope
     points: tuple  # two (3, 1 + n) [m]: of a line or segment its ends, of a rim the centres of the other end and its own
     radius: np.ndarray  # (1 + n,) [m]
@@ -66,7 +67,7 @@ class Solid:
     def feature(self, kind, name, points, radius=None, axes=None):
         """A feature of this solid."""
         radius = self.affine(None) if radius is None else radius
-        return Feature(kind, name, (self.frame,) * 2, points, radius, self.axes if axes is None else axes, self.half)
+        return Feature(kind, self.name, name, (self.frame,) * 2, points, radius, self.axes if axes is None else axes, self.half)
 
     def along(self, k, side):
         """±half extent k along its axis (3, 1 + n)."""

@@ -22,10 +22,14 @@ class NotSolved(Exception):
 
 
 class Stepper:
-    """Steps of a model by a compiled `slopes`: (q, v, q_command, u, θ, y, h, contacts, scale) -> (value, Jacobian by z) of a stage."""
+    """Steps of a model by a compiled `slopes`: (q, v, q_command, u, θ, y, h, contacts, scale) -> (value, Jacobian by z) of a stage.
 
-    def __init__(self, model, slopes, size):
-        self.model, self.slopes, self.size = model, slopes, size
+    It takes `size` contacts and `width` entries of θ, of which the last are idle, so that it may serve several scenes.
+    """
+
+    def __init__(self, model, slopes, size, width):
+        self.model, self.slopes, self.size, self.width = model, slopes, size, width
+        self.impulses = {}  # w₀ of the contacts of the last stage
         self.largest = 0.0  # relative size of the last Newton steps
         self.counts = []  # contacts listed, stage by stage
 
@@ -35,31 +39,34 @@ class Stepper:
         v_cmd = np.asarray(touching_step.commands(model, q_command, u, theta))
         contacts = touching_step.listed(model, q, v, v_cmd, theta, h)
         self.counts.append(len(contacts))
-        c = touching_step.packed(model, contacts, self.size)
-        n_y = n + touching_step.n_rows(model) + self.size
+        c = touching_step.packed(model, contacts, self.size, self.width)
+        m = n + touching_step.n_rows(model)
+        padded = np.concatenate([theta, np.zeros(self.width - len(theta))])
 
         def at(y, scale):
-            value, slope = (np.asarray(x) for x in self.slopes(q, v, q_command, u, theta, y, h, c, scale))
-            return value[:n_y], slope[:, : slope.shape[1] - n_y], slope[:, slope.shape[1] - n_y :]
+            value, slope = (np.asarray(x) for x in self.slopes(q, v, q_command, u, padded, y, h, c, scale))
+            outside = 3 * n + len(u) + len(theta)
+            return value[: len(y)], slope[:, :outside], slope[:, outside + self.width - len(theta) :]
 
-        start = np.zeros(n_y)
-        start[:n] = v
-        start[n_y - self.size :][c["listed"]] = np.sqrt(c["rho"] * c["kappa"])[c["listed"]]
         # size of a correction: velocities, and impulses over masses
-        weight = np.ones(n_y)
-        weight[n_y - self.size :] = 1.0 / c["rho"]
-        y = self._search(at, start, weight)
+        weight = np.concatenate([np.ones(m), 1.0 / c["rho"]])
+        soft = np.concatenate([v, np.zeros(m - n), np.where(c["listed"], np.sqrt(c["rho"] * c["kappa"]), 0.0)])
+        start = soft.copy()
+        for k, contact in enumerate(contacts):
+            start[m + k] = self.impulses.get(contact.identity, soft[m + k])
+        y = self._newton(at, start, weight, 1.0, last=True)
+        y = self._continued(at, soft, weight) if y is None else y
+        self.impulses = {contact.identity: w for contact, w in zip(contacts, y[m:], strict=False)}
         _, outside, inside = at(y, 1.0)
-        by_outside = -np.linalg.solve(inside[:n_y], outside[:n_y])
-        return y[:n], np.vstack([outside[n_y:] + inside[n_y:] @ by_outside, by_outside[:n]])
+        by_outside = -np.linalg.solve(inside[: len(y)], outside[: len(y)])
+        return y[:n], np.vstack([outside[len(y) :] + inside[len(y) :] @ by_outside, by_outside[:n]])
 
-    def _search(self, at, start, weight):
-        y = start
+    def _continued(self, at, y, weight):
+        """The root, from that at 10⁴ κ."""
         level, step = 4.0, 1.0
-        found = self._newton(at, y, weight, 10.0**level)
-        if found is None:
+        y = self._newton(at, y, weight, 10.0**level)
+        if y is None:
             raise NotSolved("the soft contact")
-        y = found
         while level > 0.0:
             lower = max(0.0, level - step)
             found = self._newton(at, y, weight, 10.0**lower, last=lower == 0.0)

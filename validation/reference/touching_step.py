@@ -204,12 +204,14 @@ def n_rows(model):
     return 0 if own is None else len(own.frictions) + len(own.stops) + len(own.couplings)
 
 
-def packed(model, contacts, size):
-    """Contacts as arrays of `size` rows, of which the last are idle."""
+AFFINE = ("points", "others", "half", "radius", "thick", "friction", "compliance")
+
+
+def packed(model, contacts, size, width):
+    """Contacts as arrays of `size` rows, of which the last are idle, affine in `width` entries of θ."""
     if len(contacts) > size:
         raise ValueError(f"{len(contacts)} contacts")
-    n = 1 + len(model.theta)
-    world = model.n_bodies
+    n, world = 1 + width, model.n_bodies
     shapes = {"points": (2, 3, n), "others": (2, 3, n), "axes": (3, 3), "half": (3, n)}
     shapes |= {key: (n,) for key in ("radius", "thick", "friction", "compliance")}
     out = {key: np.zeros((size, *shape)) for key, shape in shapes.items()}
@@ -226,7 +228,11 @@ def packed(model, contacts, size):
             mass = float(forces.masses(model.nodes, model.nodes.theta)[c.node])
         row |= {"listed": True, "kappa": c.kappa if c.kappa > 0.0 else 1.0, "rho": 0.3 * mass}
         for key, value in row.items():
-            out[key][k] = value
+            affine = key in AFFINE and np.ndim(value)
+            if affine:
+                out[key][k][..., : 1 + len(model.theta)] = value
+            else:
+                out[key][k] = value
     return out
 
 
