@@ -60,6 +60,27 @@ def turned(angle, axis=(0.0, 0.0, 1.0)):
     return [float(np.cos(angle / 2)), *(float(x) for x in np.sin(angle / 2) * axis)]
 
 
+def fixed_box():
+    """Its upper face at z = 0.05 m, turned."""
+    return f"""[[box]]
+name = "table"
+position = [0.0, 0.0, 0.0]
+quaternion = {turned(0.2)}
+half_extents = [0.05, 0.1, 0.05]
+friction = 0.5
+"""
+
+
+def fixed_bar(a, b, radius):
+    return f'[[capsule]]\nname = "bar"\na = {list(a)}\nb = {list(b)}\nradius = {radius}\nfriction = 0.3\n'
+
+
+def arm_pushes():
+    """tests/scenes/arm_pushes.toml a moment before the arm meets the box."""
+    text = scene_text("arm_pushes").replace("1e-8", "1e-6").replace("0.0500001", "0.050001")
+    return text.replace("start = [1.75]", "start = [1.7]\nvelocity = [-1.0]")
+
+
 # name -> (scene, steps)
 SCENES = {
     "ball_rolls": (  # falls on a slope, slides, rolls
@@ -87,6 +108,47 @@ SCENES = {
         lambda: head() + floor(0.4) + free("can", (0.0, 0.0, 0.0601), CYLINDER, (0.2, 0.0, 0.0, 0.0, 0.0, 2.0)),
         10,
     ),
+    "deep_ball": (  # set 3 mm into the floor: pushed out over several steps
+        lambda: head() + floor(0.3) + free("ball", (0.0, 0.0, 0.0501), BALL, (0.2, 0.0, 0.0, 0.0, 0.0, 1.0), place=(0.01, 0.0, 0.0)),
+        10,
+    ),
+    "box_at_fixed": (  # falls on the edge of a fixed box and on a fixed capsule across it
+        lambda: head() + fixed_box() + fixed_bar((0.075, -0.2, 0.033), (0.07, 0.2, 0.037), 0.02)
+        + free("box", (0.0, 0.0, 0.0934), BOX, (0.1, 0.1, 0.0, 0.0, 0.2, 0.0), turned(0.05, (0.3, 1.0, 0.1))),
+        15,
+    ),
+    "capsule_at_fixed": (  # lies across a box's edge and a fixed capsule
+        lambda: head() + fixed_box() + fixed_bar((0.075, -0.2, 0.033), (0.07, 0.2, 0.037), 0.02)
+        + free("capsule", (0.03, 0.0, 0.0883), CAPSULE, (0.1, 0.2, 0.0, -1.0, 0.0, 0.0), turned(1.65, (0.0, 1.0, 0.1))),
+        15,
+    ),
+    "ball_at_fixed": (  # rolls from a fixed box over its edge onto a fixed ball
+        lambda: head() + fixed_box() + '[[sphere]]\nname = "stone"\ncenter = [0.1, 0.0, 0.0]\nradius = 0.05\nfriction = 0.4\n'
+        + free("ball", (0.035, 0.01, 0.1002), BALL, (0.35, 0.05, 0.0, -1.0, 7.0, 0.0)),
+        30,
+    ),
+    "box_on_box": (
+        lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0401), BOX, (0.2, 0.0, 0.0, 0.0, 0.0, 0.3), mass=2.0)
+        + free("upper", (0.03, 0.02, 0.1203), BOX, (-0.3, 0.1, 0.0, 0.0, 0.0, 1.0), turned(0.4), friction=0.2),
+        12,
+    ),
+    "ball_on_ball": (  # rolls off one that rolls; the rule between them gives way and has its own friction
+        lambda: head(extra='[[contact.pair]]\nbetween = ["lower", "upper"]\nfriction = 0.25\ncompliance = 1e-4\n') + floor()
+        + free("lower", (0.0, 0.0, 0.0801), BALL.replace("0.05", "0.08"), (0.2, 0.0, 0.0, 0.0, 2.0, 1.0), mass=2.0)
+        + free("upper", (0.03, 0.01, 0.2065), BALL, (0.0, 0.1, 0.0, 0.0, 3.0, 0.0), mass=0.5),
+        20,
+    ),
+    "edge_on_edge": (  # a leaning box slides down the edge of another
+        lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0401), BOX, (0.0,) * 6, mass=2.0)
+        + free("upper", (0.095, 0.0, 0.0967), BOX, (0.0, 0.3, 0.0, 0.0, 0.0, 0.0), turned(0.7, (0.1, 1.0, 0.2))),
+        15,
+    ),
+    "capsules_cross": (  # one lies across another
+        lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0301), CAPSULE, (0.1, 0.0, 0.0, 0.0, 0.0, 0.0), LYING)
+        + free("upper", (0.01, 0.005, 0.0902), CAPSULE, (0.0, 0.2, 0.0, 0.0, 0.0, 1.0), turned(1.5707963267948966, (1.0, 0.2, 0.0))),
+        15,
+    ),
+    "arm_pushes": (lambda: arm_pushes(), 20),
 }
 
 # contacts that a stage may list, where it is not 16
@@ -146,6 +208,8 @@ class Case:
         self.model = model = touching_model.loads(self.text)
         rng, size = np.random.default_rng(2), SIZES.get(name, 16)
         self.x0, self.u = model.initial_state(), rng.uniform(-0.5, 0.5, (self.steps, model.nu))
+        if name == "deep_ball":
+            self.x0[2] -= 0.003
         self.stepper = Stepper(model, stage_of(model, self.text, size), size, width(model))
 
     def rollout(self):

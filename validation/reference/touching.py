@@ -51,9 +51,15 @@ def segment(np, x, r, a, b, thick):
 
 
 def box(np, x, r, centre, axes, half):
-    """A ball whose centre is outside a box, and the point of the box nearest to it."""
+    """A ball at a box: gap and normal to the nearest point of the box, or from inside to the nearest face."""
     y = axes.T @ (x - centre)
-    return _apart(np, x, r, axes @ (y - np.clip(y, -half, half)), 0.0)
+    beyond = np.abs(y) - half
+    d = np.where(beyond > 0.0, beyond, 0.0) * np.sign(y)
+    inside = np.max(beyond) <= 0.0
+    out = np.where(np.arange(3) == np.argmax(beyond), np.where(y >= 0.0, 1.0, -1.0), 0.0)
+    distance = np.sqrt(np.where(inside, 1.0, dot(d, d)))
+    n = np.where(inside, out, d / distance)
+    return _ball(x, r, np.where(inside, dot(out, y) - dot(np.abs(out), half), distance) - r, axes @ n)
 
 
 def parts_of_lines(np, a, b, p, q):
