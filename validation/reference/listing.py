@@ -91,6 +91,16 @@ class Instant:
             return np.inf
         return np.sum(sizes) if solid.kind in ("ball", "capsule") else np.linalg.norm(sizes)
 
+    def support(self, solid, n):
+        """How far a solid reaches from its origin along a unit vector."""
+        sizes, along = self.sizes(solid), np.abs(self.axes(solid, solid.frame).T @ n)
+        if solid.kind == "box":
+            return sizes @ along
+        if solid.kind == "cylinder":
+            return sizes[0] * np.sqrt(max(0.0, 1.0 - along[2] ** 2)) + sizes[1] * along[2]
+        a, b = self.points(solid.whole())
+        return sizes[0] + 0.5 * abs((b - a) @ n)
+
     def local(self, solid, x):
         """A point in the axes of a box, cylinder or half space, from its origin."""
         return self.axes(solid, solid.frame).T @ (x - self.middle(solid))
@@ -242,6 +252,26 @@ def _crossing(at, first, second, a, b, margin):
     return meeting
 
 
+def shown(at, pair, found, most):
+    """Those of a pair's meetings that are no deeper than the solids overlap: along every normal listed and every flat side at least so."""
+    if all(gap >= -most for *_, gap in found):
+        return found
+
+    def overlap(a, b, n):
+        return at.support(a, -n) + at.support(b, n) - (at.middle(a) - at.middle(b)) @ n
+
+    a, b = pair.first, pair.second
+    solids, overlaps = {a.name: a, b.name: b}, []
+    for kind, x, y, sign, _ in found:
+        overlaps.append(overlap(solids[x.of], solids[y.of], at.meeting(kind, x, y, sign)[1]))
+    for solid in (a, b):
+        normals = {"box": (0, 1, 2), "cylinder": (2,)}.get(solid.kind, ())
+        axes = at.axes(solid, solid.frame)
+        overlaps += [overlap(a, b, side * axes[:, k]) for k in normals for side in (-1.0, 1.0)]
+    depth = max(0.0, min(overlaps))
+    return [meeting for meeting in found if meeting[-1] >= -depth - most]
+
+
 def contacts(now, ahead, rates, pairs, h, rest_gap, gravity):
     """Contacts of pairs of solids for a stage of length h that begins `now` and would end `ahead` if nothing changed the motion."""
     out, most = [], DEEP * h * h
@@ -250,9 +280,8 @@ def contacts(now, ahead, rates, pairs, h, rest_gap, gravity):
         if margin is None:
             continue
         found = meetings(now, pair, margin)
-        flat = "half space" in (pair.first.kind, pair.second.kind)
-        if not flat and any(gap < -most for *_, gap in found):
-            raise ValueError("the reference knows deep contacts at half spaces only")
+        if "half space" not in (pair.first.kind, pair.second.kind):
+            found = shown(now, pair, found, most)
         seen = {(a.of, a.name, b.name) for _, a, b, *_ in found}
         for kind, a, b, sign, _ in meetings(ahead, pair, margin):
             gap = now.meeting(kind, a, b, sign)[0]

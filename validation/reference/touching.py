@@ -89,23 +89,23 @@ def rim(np, ends, r, at, n):
     return face(np, ends[1] - r * unit(np, n - a * dot(a, n)), 0.0, at, n)
 
 
-def edge_to_point(np, ends, r, p, thick, sign):
-    """An edge and a point: (gap, n, share of the second node), n = ± (x - p)/|x - p|."""
+def edge_to_point(np, ends, r, p, thick):
+    """An edge and a point: (gap, n, share of the second node), n = (x - p)/|x - p|."""
     s = np.clip(part(np, p, *ends), 0.0, 1.0)
     d = ends[0] + s * (ends[1] - ends[0]) - p
-    distance = sign * np.sqrt(dot(d, d))
+    distance = np.sqrt(dot(d, d))
     return distance - r - thick, d / distance, s
 
 
 def edge_to_line(np, ends, r, others, thick, sign):
-    """An edge and an endless line, likewise: by the common perpendicular, or from the edge's nearer end."""
+    """An edge and an endless line, likewise: along n = ± d × e/|d × e|, or from the edge's end that is nearest."""
     (a, b), (p, q) = ends, others
     s, _ = parts_of_lines(np, a, b, p, q)
     inside, share = (s > 0.0) & (s < 1.0), np.clip(s, 0.0, 1.0)
     n = sign * unit(np, np.cross(b - a, q - p))
     x = a + share * (b - a)
     d = x - p - part(np, x, p, q) * (q - p)
-    distance = sign * np.sqrt(dot(d, d))
+    distance = np.sqrt(dot(d, d))
     gap = np.where(inside, dot(n, a - p), distance)
     return gap - r - thick, np.where(inside, n, d / distance), share
 
@@ -115,7 +115,7 @@ def edge_to_segment(np, ends, r, others, thick, sign):
     beside = edge_to_line(np, ends, r, others, thick, sign)
     x = ends[0] + beside[2] * (ends[1] - ends[0])
     t = part(np, x, *others)
-    end = edge_to_point(np, ends, r, np.where(t > 1.0, others[1], others[0]), thick, 1.0)
+    end = edge_to_point(np, ends, r, np.where(t > 1.0, others[1], others[0]), thick)
     return tuple(np.where((t < 0.0) | (t > 1.0), y, z) for y, z in zip(end, beside, strict=True))
 
 
@@ -129,7 +129,7 @@ def meet(kinds, c, ends, others, axes, r, thick, half):
         "box": lambda: (*box(jnp, ends[0], r, others[0], axes, half), 0.0),
         "line": lambda: (*line(jnp, ends, r, others, thick, sign), 0.0),
         "rim": lambda: (*rim(jnp, ends, r, others[0], n), 0.0),
-        "edge to point": lambda: _edge(edge_to_point(jnp, ends, r, others[0], thick, sign), zero),
+        "edge to point": lambda: _edge(edge_to_point(jnp, ends, r, others[0], thick), zero),
         "edge to line": lambda: _edge(edge_to_line(jnp, ends, r, others, thick, sign), zero),
         "edge to segment": lambda: _edge(edge_to_segment(jnp, ends, r, others, thick, sign), zero),
     }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import body_model, forces, listing, solids, touching
+from . import body_model, edge_listing, forces, listing, solids, touching
 from . import model as rope_model
 from .parameters import Table, add_shape
 
@@ -137,7 +137,8 @@ def loads(text):
         v0=np.concatenate([x.v0.ravel() for x in (nodes, bodies) if x]),
     )
     pairs, always = _pairs(model, colliders, balls, rules, unrough)
-    return replace(model, pairs=pairs, always=always)
+    model = replace(model, pairs=pairs, always=always)
+    return model if nodes is None else edge_listing.groups(model, scene, colliders, _masses(model))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ class NotSolved(Exception):
 
 
 class Stepper:
-    """Steps of a model by a compiled `slopes`: (q, v, q_command, u, θ, y, h, contacts, scale) -> (value, Jacobian by z) of a stage.
+    """Steps of a model by a compiled `slopes`: (directions, q, v, q_command, u, θ, y, h, contacts, scale) -> (value, its slopes along as
+    many directions of z as there are unknowns) of a stage.
 
     It takes `size` contacts and `width` entries of θ, of which the last are idle, so that it may serve several scenes.
     """
@@ -43,10 +44,15 @@ class Stepper:
         m = n + touching_step.n_rows(model)
         padded = np.concatenate([theta, np.zeros(self.width - len(theta))])
 
-        def at(y, scale):
-            value, slope = (np.asarray(x) for x in self.slopes(q, v, q_command, u, padded, y, h, c, scale))
-            outside = 3 * n + len(u) + len(theta)
-            return value[: len(y)], slope[:, :outside], slope[:, outside + self.width - len(theta) :]
+        n_y, n_x = m + self.size, 3 * n + len(u) + self.width
+
+        def at(y, scale, columns=None):
+            """The rows of the residual and of q⁺, and their slopes by y, or by these entries of z."""
+            columns = n_x + np.arange(n_y) if columns is None else columns
+            along = np.zeros((n_y, n_x + n_y))
+            along[np.arange(len(columns)), columns] = 1.0
+            value, slope = (np.asarray(x) for x in self.slopes(along, q, v, q_command, u, padded, y, h, c, scale))
+            return value[:n_y], slope[:, : len(columns)]
 
         # size of a correction: velocities, and impulses over masses
         weight = np.concatenate([np.ones(m), 1.0 / c["rho"]])
@@ -57,9 +63,11 @@ class Stepper:
         y = self._newton(at, start, weight, 1.0, last=True)
         y = self._continued(at, soft, weight) if y is None else y
         self.impulses = {contact.identity: w for contact, w in zip(contacts, y[m:], strict=False)}
-        _, outside, inside = at(y, 1.0)
-        by_outside = -np.linalg.solve(inside[: len(y)], outside[: len(y)])
-        return y[:n], np.vstack([outside[len(y) :] + inside[len(y) :] @ by_outside, by_outside[:n]])
+        given = np.arange(n_x - self.width + len(theta))
+        outside = np.hstack([at(y, 1.0, given[k : k + n_y])[1] for k in range(0, len(given), n_y)])
+        inside = at(y, 1.0)[1]
+        by_outside = -np.linalg.solve(inside[:n_y], outside[:n_y])
+        return y[:n], np.vstack([outside[n_y:] + inside[n_y:] @ by_outside, by_outside[:n]])
 
     def _continued(self, at, y, weight):
         """The root, from that at 10⁴ κ."""
@@ -84,7 +92,7 @@ class Stepper:
         n, velocities = self.model.nv, weight == 1.0
 
         def correction(y):
-            r, _, k = at(y, scale)
+            r, k = at(y, scale)
             return r, k, -np.linalg.solve(k[: len(y)], r) if np.all(np.isfinite(r)) else None
 
         _, k, d = correction(y)

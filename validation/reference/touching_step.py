@@ -246,5 +246,6 @@ def listed(model, q, v, v_cmd, theta, h):
     rates = (later - before) / (2.0 * EPS)
     now, ahead = (listing.Instant(f, theta) for f in (now, frames_of(model, moved(model, q, h * way))))
     of_pairs = listing.contacts(now, ahead, rates, model.pairs, h, model.rest_gap, theta[model.magnitude])
-    of_edges = [c for group in model.edges for c in group.contacts(now, ahead, way, h)]
+    fall = abs(theta[model.magnitude]) * h * h
+    of_edges = [c for group in model.edges for c in group.contacts(now, ahead, way, h, fall)]
     return [*model.always, *of_pairs, *of_edges]
