@@ -46,8 +46,9 @@ def test_parameters_and_start(both):
 
 
 def test_states(both):
-    assert both.error < 1e-12
-    assert not np.any(both.roll.trace["retries"])
+    assert both.error < 1e-11  # gaps of 1e-6 m are known to 1e-11 of themselves
+    # under sdirk2 both take two half steps where something lands
+    assert np.flatnonzero(both.roll.trace["retries"]).tolist() == both.case.stepper.halved
     nq = both.ours.nq
     assert relative(both.roll.x[:, :nq], both.xs[:, :nq]) <= 1e-9
     assert relative(both.roll.x[:, nq:], both.xs[:, nq:]) <= 1e-9

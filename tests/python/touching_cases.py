@@ -164,6 +164,15 @@ SCENES = {
     ),
     "rope_on_box": (rope_on_box, 15),
     "rope_edges": (rope_edges, 15),
+    "box_slides_sdirk2": (
+        lambda: head(integrator="sdirk2") + floor() + free("box", (0.0, 0.0, 0.040001), BOX, (0.6, 0.2, 0.0, 0.0, 0.0, 1.5)),
+        12,
+    ),
+    "ball_rolls_sdirk2": (  # its fall ends in a step of two halves
+        lambda: head(integrator="sdirk2") + floor(0.3, SLOPE)
+        + free("ball", (0.0, 0.0, 0.0510), BALL, (0.4, 0.0, 0.0, 0.0, 2.0, 3.0), mass=0.4),
+        15,
+    ),
     "arm_pushes": (arm_pushes, 12),
 }
 

@@ -6,7 +6,7 @@ derivative passes through the search.
 
 import numpy as np
 
-from . import touching_step
+from . import touching_landing, touching_step
 from .step import GAMMA
 
 
@@ -15,6 +15,9 @@ SLOW = 1e-3  # [m/s] beside which velocities count as large
 SHORTEST = 1e-6  # part of a correction
 COARSE, FINE = 1e-6, 1e-9  # relative size of the correction that is left, on the way and at the end
 ROUNDING = 1e-13  # relative size of a correction that need not contract
+
+
+CARRIES = 0.3  # [m/s²] of the lighter solid's mass, from which on a contact is one that carries
 
 
 class NotSolved(Exception):
@@ -33,6 +36,10 @@ class Stepper:
         self.impulses = {}  # w₀ of the contacts of the last stage
         self.largest = 0.0  # relative size of the last Newton steps
         self.counts = []  # contacts listed, stage by stage
+        self.steps = 0
+        self.halved = []  # numbers of the steps of sdirk2 that two half steps take
+        self.last = None  # contacts and w₀ of the last stage
+        self.loaded = set()  # what carried a part of a weight: kinds of the two features
 
     def stage(self, q, v, q_command, u, theta, h):
         """(v⁺, S (2 nv, …)): the stage's end and the slope of its change (q⁺, v⁺) by (q, v, q_command, u, θ)."""
@@ -62,7 +69,10 @@ class Stepper:
             start[m + k] = self.impulses.get(contact.identity, soft[m + k])
         y = self._newton(at, start, weight, 1.0, last=True)
         y = self._continued(at, soft, weight) if y is None else y
-        self.impulses = {contact.identity: w for contact, w in zip(contacts, y[m:], strict=False)}
+        self.last = contacts, y[m : m + len(contacts)]
+        self.impulses = {contact.identity: w for contact, w in zip(*self.last, strict=True)}
+        carries = y[m:] > CARRIES * h * c["rho"] / touching_step.RHO
+        self.loaded |= {(a.first.name[0], a.second.name[0]) for a, yes in zip(contacts, carries, strict=False) if yes}
         given = np.arange(n_x - self.width + len(theta))
         outside = np.hstack([at(y, 1.0, given[k : k + n_y])[1] for k in range(0, len(given), n_y)])
         inside = at(y, 1.0)[1]
@@ -117,16 +127,43 @@ class Stepper:
 
     def step(self, x, u, theta):
         """(x⁺, A, B, C)."""
-        model = self.model
-        n, nq = model.nv, model.nq
-        q, v = x[:nq], x[nq:]
-        widths = np.cumsum([n, n, n, len(u)])
+        model, n, h = self.model, self.model.nv, self.model.h
+        q, v = x[: model.nq], x[model.nq :]
+        # slopes of what a stage is given, by (q, v, u, θ)
+        by_q, by_v, by_u, by_theta = np.split(np.eye(2 * n + len(u) + len(theta)), np.cumsum([n, n, len(u)]))
+        begin = (q, v, by_q, by_v)
+
+        def advance(start, length):
+            (q_0, v_0, to_q, to_v) = start
+            v_1, s = self.stage(q_0, v_0, q, u, theta, length)
+            slope = s @ np.vstack([to_q, to_v, by_q, by_u, by_theta])
+            return touching_step.moved(model, q_0, length * v_1), v_1, slope[:n], slope[n:]
+
         if model.integrator == "euler":
-            v_end, s = self.stage(q, v, q, u, theta, model.h)
-            by_q, by_v, by_command, by_u, by_theta = np.split(s, widths, axis=1)
-            q_end = touching_step.moved(model, q, model.h * v_end)
-            return np.concatenate([q_end, v_end]), np.hstack([by_q + by_command, by_v]), by_u, by_theta
-        raise ValueError(model.integrator)
+            end = advance(begin, h)
+        elif model.integrator == "sdirk2":
+            first = advance(begin, GAMMA * h)
+            contacts, load = self.last
+            second = self._second(begin, first)
+            ends = [(q, v), first[:2], second[:2]]
+            if touching_landing.thrown_back(model, ends, contacts, load, theta, GAMMA * h):
+                self.halved.append(self.steps)
+                end = advance(advance(begin, 0.5 * h), 0.5 * h)
+            else:
+                end = advance(second, GAMMA * h)
+        else:
+            raise ValueError(model.integrator)
+        self.steps += 1
+        slopes = np.split(np.vstack(end[2:]), np.cumsum([2 * n, len(u)]), axis=1)
+        return np.concatenate(end[:2]), *slopes
+
+    def _second(self, begin, first):
+        """Where the second stage of sdirk2 begins: q ⊕ (1 - γ) h v₁, v + (1 - γ)/γ (v₁ - v)."""
+        q, v, by_q, by_v = begin
+        way, more = (1.0 - GAMMA) * self.model.h, (1.0 - GAMMA) / GAMMA
+        at_q, at_t = touching_step.slopes_of_moved(self.model, way * first[1])
+        to_q = at_q @ by_q + at_t @ (way * first[3])
+        return touching_step.moved(self.model, q, way * first[1]), v + more * (first[1] - v), to_q, by_v + more * (first[3] - by_v)
 
     def rollout(self, x0, u, theta):
         """(x (T + 1, nx), [(A, B, C)])."""

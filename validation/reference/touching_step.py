@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 
 from . import bodies, body_step, forces, listing, rotations, solids, touching
-from .step import GAMMA, commanded_velocity
+from .step import commanded_velocity
 
-ROUND = 1e-12  # relative size of the last Newton step that is asked for
+RHO = 0.3  # step ρ over the lighter solid's mass; the root does not depend on it
 EPS = 1e-6  # [s] difference for velocities of frames, which are needed for margins only
 
 
@@ -61,6 +61,30 @@ def moved(model, q, t):
         a, b = q[to][0], q[to][1:]
         out[to] = np.concatenate([[a * w - b @ u], a * u + w * b + np.cross(b, u)])
     return out
+
+
+def rates_of(model, q, v):
+    """Rates (m, 3, 4) of the frames, for margins and thresholds only."""
+    later, before = (frames_of(model, moved(model, q, t * v)) for t in (EPS, -EPS))
+    return (later - before) / (2.0 * EPS)
+
+
+def slopes_of_moved(model, t):
+    """Slopes of the change of q ⊕ exp(t) by that of q and by t, (nv, nv) each; NumPy. Of a ball Rᵀ(t) and the right Jacobian of its
+    turns, 1 - (1 - cos a)/a² [t] + (a - sin a)/a³ [t]²."""
+    by_q, by_t = np.eye(model.nv), np.eye(model.nv)
+    for joint in model.bodies.joints if model.bodies else ():
+        if joint.kind != "ball":
+            continue
+        rows = slice(3 * model.n_nodes + joint.v.start, 3 * model.n_nodes + joint.v.stop)
+        x = t[rows]
+        a, hat = np.linalg.norm(x), np.cross(np.eye(3), x)
+        series = a < 1e-2  # next terms are a⁴/720 and a⁴/5040
+        first = 0.5 - a * a / 24.0 if series else (1.0 - np.cos(a)) / a**2
+        second = 1.0 / 6.0 - a * a / 120.0 if series else (a - np.sin(a)) / a**3
+        by_t[rows, rows] = np.eye(3) - first * hat + second * hat @ hat
+        by_q[rows, rows] = solids.rotation([np.cos(0.5 * a), *(0.5 * np.sinc(0.5 * a / np.pi) * x)]).T
+    return by_q, by_t
 
 
 def split(model, x):
@@ -204,6 +228,18 @@ def n_rows(model):
     return 0 if own is None else len(own.frictions) + len(own.stops) + len(own.couplings)
 
 
+def node_masses(model, theta):
+    """Masses of the nodes  [kg]; NumPy."""
+    return np.zeros(0) if model.nodes is None else np.asarray(forces.masses(model.nodes, theta[model.of_nodes]))
+
+
+def mass_of(model, contact):
+    """Of the lighter of the two solids, as the scene begins  [kg]."""
+    if contact.node >= 0:
+        return node_masses(model, model.theta)[contact.node]
+    return contact.kappa / (model.rest_gap * solids.WEIGHT)
+
+
 AFFINE = ("points", "others", "half", "radius", "thick", "friction", "compliance")
 
 
@@ -223,10 +259,7 @@ def packed(model, contacts, size, width):
         row = {"points": a.points, "others": b.points, "axes": b.axes, "half": b.half, "radius": a.radius, "thick": b.radius}
         row |= {"friction": c.friction, "compliance": 0.0 if c.compliance is None else c.compliance, "sign": c.sign}
         row |= {"kind": touching.KINDS.index(c.kind), "node": c.node, "frames": a.frames, "other": b.frames[0], "deep": c.deep}
-        mass = c.kappa / (model.rest_gap * solids.WEIGHT)
-        if c.node >= 0:
-            mass = float(forces.masses(model.nodes, model.nodes.theta)[c.node])
-        row |= {"listed": True, "kappa": c.kappa if c.kappa > 0.0 else 1.0, "rho": 0.3 * mass}
+        row |= {"listed": True, "kappa": c.kappa if c.kappa > 0.0 else 1.0, "rho": RHO * mass_of(model, c)}
         for key, value in row.items():
             affine = key in AFFINE and np.ndim(value)
             if affine:
@@ -242,10 +275,8 @@ def listed(model, q, v, v_cmd, theta, h):
     if model.nodes is not None:
         driven[: 3 * model.n_nodes] = model.nodes.driven_rows
     way = np.where(driven, np.concatenate([v_cmd, np.zeros(model.nv - len(v_cmd))]), v)
-    now, later, before = (frames_of(model, moved(model, q, t * v)) for t in (0.0, EPS, -EPS))
-    rates = (later - before) / (2.0 * EPS)
-    now, ahead = (listing.Instant(f, theta) for f in (now, frames_of(model, moved(model, q, h * way))))
-    of_pairs = listing.contacts(now, ahead, rates, model.pairs, h, model.rest_gap, theta[model.magnitude])
+    now, ahead = (listing.Instant(frames_of(model, moved(model, q, t * way)), theta) for t in (0.0, h))
+    of_pairs = listing.contacts(now, ahead, rates_of(model, q, v), model.pairs, h, model.rest_gap, theta[model.magnitude])
     fall = abs(theta[model.magnitude]) * h * h
     of_edges = [c for group in model.edges for c in group.contacts(now, ahead, way, h, fall)]
     return [*model.always, *of_pairs, *of_edges]
