@@ -131,10 +131,15 @@ SCENES = {
         + free("box", (0.0, 0.0, 0.0934), BOX, (0.1, 0.1, 0.0, 0.0, 0.2, 0.0), turned(0.05, (0.3, 1.0, 0.1))),
         15,
     ),
-    "capsule_at_fixed": (  # lies across a box's edge and a fixed capsule
-        lambda: head() + fixed_box() + fixed_bar((0.075, -0.2, 0.033), (0.07, 0.2, 0.037), 0.02)
-        + free("capsule", (0.03, 0.0, 0.0883), CAPSULE, (0.1, 0.2, 0.0, -1.0, 0.0, 0.0), turned(1.65, (0.0, 1.0, 0.1))),
+    "capsule_at_fixed": (  # tips over a box's edge onto a fixed capsule
+        lambda: head() + fixed_box() + fixed_bar((0.125, -0.2, 0.015), (0.12, 0.2, 0.02), 0.02)
+        + free("capsule", (0.065, 0.0, 0.0788), CAPSULE, (0.1, 0.2, 0.0, -1.0, 0.5, 0.0), turned(1.7, (0.0, 1.0, 0.1))),
         15,
+    ),
+    "corner_at_capsule": (  # a box's corner on a fixed capsule
+        lambda: head() + fixed_bar((-0.1, -0.05, 0.0), (0.15, 0.03, 0.01), 0.03)
+        + free("box", (0.0, 0.0, 0.1195), BOX, (0.1, 0.2, -0.2, 0.0, 0.0, 0.0), turned(0.9, (1.0, -0.8, 0.3))),
+        12,
     ),
     "ball_at_fixed": (  # rolls from a fixed box over its edge onto a fixed ball
         lambda: head() + fixed_box() + '[[sphere]]\nname = "stone"\ncenter = [0.1, 0.0, 0.0]\nradius = 0.05\nfriction = 0.4\n'
