@@ -187,7 +187,7 @@ SIZES = {"rope_edges": 32, "rope_on_box": 24}
 
 def width(model):
     """Entries of θ of the compiled stage: scenes of the same bodies with different shapes share it."""
-    return -(-len(model.theta) // 32) * 32
+    return -(-len(model.theta) // 64) * 64
 
 
 def structure(model, text):

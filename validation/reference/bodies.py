@@ -122,9 +122,18 @@ def mass_matrix(model, q, theta):
 
 def potential(model, q, theta):
     """Weight, springs and cogging  [J]."""
+    return -jnp.sum(poses(model, q) * weights_on_frames(model, theta)) + springs(model, q, theta)
+
+
+def weights_on_frames(model, theta):
+    """g (m c; m)ᵀ (n_bodies, 3, 4): what the weight is as a load on the frames T."""
     g = laws.gravity_vector(theta[model.magnitude], theta[model.tilt])
-    first = moments(model, theta)[:, :, 3:]  # of T (first): m times the centre's place in the world
-    e = -jnp.sum(g * jnp.sum((poses(model, q) @ first)[:, :, 0], axis=0))
+    return g[:, None] * moments(model, theta)[:, None, :, 3]
+
+
+def springs(model, q, theta):
+    """Springs and cogging  [J]."""
+    e = jnp.zeros(())
     for ball in (False, True):
         sprung = [j for j in model.joints if "stiffness" in j.theta and (j.kind == "ball") == ball]
         if not sprung:
@@ -141,16 +150,16 @@ def potential(model, q, theta):
     return e
 
 
-def force(model, q, v, u, theta):
+def force(model, q, v, u, theta, energy=potential):
     """All that acts on the joints at (q, v) and controls u (nv,)  [N·m or N]: -∂E/∂q - ∂R/∂v + motors."""
 
-    def energy(t):
-        return potential(model, add(model, q, t, rotations.cayley), theta)
+    def energy_at(t):
+        return energy(model, add(model, q, t, rotations.cayley), theta)
 
     def dissipation(v):
         return 0.5 * jnp.sum(by_dof(model, theta, "damping") * v * v)
 
-    f = -jax.grad(energy)(jnp.zeros(model.nv)) - jax.grad(dissipation)(v)
+    f = -jax.grad(energy_at)(jnp.zeros(model.nv)) - jax.grad(dissipation)(v)
     for motor, control in zip(model.motors, u, strict=True) if model.motors else ():
         p = {key: theta[at] for key, at in motor.theta.items()}
         joint = motor.joint

@@ -25,7 +25,7 @@ class NotSolved(Exception):
 
 
 class Stepper:
-    """Steps of a model by a compiled `slopes`: (directions, q, v, q_command, u, θ, y, h, contacts, scale) -> (value, its slopes along as
+    """Steps of a model by a compiled `slopes`: (directions, q, v, command, u, θ, y, h, contacts, scale) -> (value, its slopes along as
     many directions of z as there are unknowns) of a stage.
 
     It takes `size` contacts and `width` entries of θ, of which the last are idle, so that it may serve several scenes.
@@ -41,24 +41,24 @@ class Stepper:
         self.last = None  # contacts and w₀ of the last stage
         self.loaded = set()  # what carried a part of a weight: kinds of the two features
 
-    def stage(self, q, v, q_command, u, theta, h):
-        """(v⁺, S (2 nv, …)): the stage's end and the slope of its change (q⁺, v⁺) by (q, v, q_command, u, θ)."""
+    def stage(self, q, v, command, u, theta, h):
+        """(v⁺, S (2 nv, …)): the stage's end and the slope of its change (q⁺, v⁺) by (q, v, command, u, θ)."""
         model, n = self.model, self.model.nv
-        v_cmd = np.asarray(touching_step.commands(model, q_command, u, theta))
+        v_cmd = np.asarray(touching_step.commands(model, command, u, theta))
         contacts = touching_step.listed(model, q, v, v_cmd, theta, h)
         self.counts.append(len(contacts))
         c = touching_step.packed(model, contacts, self.size, self.width)
         m = n + touching_step.n_rows(model)
         padded = np.concatenate([theta, np.zeros(self.width - len(theta))])
 
-        n_y, n_x = m + self.size, 3 * n + len(u) + self.width
+        n_y, n_x = m + self.size, 2 * n + len(command) + len(u) + self.width
 
         def at(y, scale, columns=None):
             """The rows of the residual and of q⁺, and their slopes by y, or by these entries of z."""
             columns = n_x + np.arange(n_y) if columns is None else columns
             along = np.zeros((n_y, n_x + n_y))
             along[np.arange(len(columns)), columns] = 1.0
-            value, slope = (np.asarray(x) for x in self.slopes(along, q, v, q_command, u, padded, y, h, c, scale))
+            value, slope = (np.asarray(x) for x in self.slopes(along, q, v, command, u, padded, y, h, c, scale))
             return value[:n_y], slope[:, : len(columns)]
 
         # size of a correction: velocities, and impulses over masses
@@ -127,7 +127,7 @@ class Stepper:
 
     def step(self, x, u, theta):
         """(x⁺, A, B, C)."""
-        model, n, h = self.model, self.model.nv, self.model.h
+        model, n, h, count = self.model, self.model.nv, self.model.h, 3 * self.model.n_nodes
         q, v = x[: model.nq], x[model.nq :]
         # slopes of what a stage is given, by (q, v, u, θ)
         by_q, by_v, by_u, by_theta = np.split(np.eye(2 * n + len(u) + len(theta)), np.cumsum([n, n, len(u)]))
@@ -135,8 +135,8 @@ class Stepper:
 
         def advance(start, length):
             (q_0, v_0, to_q, to_v) = start
-            v_1, s = self.stage(q_0, v_0, q, u, theta, length)
-            slope = s @ np.vstack([to_q, to_v, by_q, by_u, by_theta])
+            v_1, s = self.stage(q_0, v_0, q[:count], u, theta, length)
+            slope = s @ np.vstack([to_q, to_v, by_q[:count], by_u, by_theta])
             return touching_step.moved(model, q_0, length * v_1), v_1, slope[:n], slope[n:]
 
         if model.integrator == "euler":

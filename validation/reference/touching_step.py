@@ -87,12 +87,6 @@ def slopes_of_moved(model, t):
     return by_q, by_t
 
 
-def split(model, x):
-    """The nodes' part (n, 3) and the bodies'."""
-    count = 3 * model.n_nodes
-    return x[:count].reshape(-1, 3), x[count:]
-
-
 def add(model, q, t):
     """q ⊕ exp(t)."""
     count = 3 * model.n_nodes
@@ -113,14 +107,14 @@ def difference(model, q, at):
     return jnp.concatenate(parts)
 
 
-def commands(model, q, u, theta):
-    """v_cmd (3 n_nodes,) of nodes; zero at free ones."""
+def commands(model, nodes, u, theta):
+    """v_cmd (3 n_nodes,) of nodes that are at `nodes` (3 n_nodes,); zero at free ones."""
     if model.nodes is None:
         return jnp.zeros(0)
-    return commanded_velocity(model.nodes, split(model, q)[0], u[: model.nodes.nu], theta[model.of_nodes]).ravel()
+    return commanded_velocity(model.nodes, nodes.reshape(-1, 3), u[: model.nodes.nu], theta[model.of_nodes]).ravel()
 
 
-def body_residual(model, q, v, a, u, theta, gamma, h, push):
+def body_residual(model, q, v, a, u, theta, gamma, h):
     """(frames, rates) of the bodies, and what takes their wrenches Σ p (c; 1)ᵀ/h (n, 3, 4), in their own frames, to the residual."""
     own = model.bodies
 
@@ -132,24 +126,24 @@ def body_residual(model, q, v, a, u, theta, gamma, h, push):
 
     (frames, rates), (_, accelerations) = jax.jvp(curve, (0.0,), (1.0,))
     _, pull = jax.vjp(at, jnp.zeros(own.nv))
-    masses = accelerations @ bodies.moments(own, theta)
-    rest = bodies.by_dof(own, theta, "armature") * a - bodies.force(own, q, v, u, theta)
+    inertia = accelerations @ bodies.moments(own, theta) - bodies.weights_on_frames(own, theta)
+    rest = bodies.by_dof(own, theta, "armature") * a - bodies.force(own, q, v, u, theta, bodies.springs)
     if len(gamma):
         rest -= bodies.directions(own, q, theta) @ gamma / h
-    return frames, rates, lambda loads: pull(masses - loads)[0] + rest
+    return frames, rates, lambda loads: pull(inertia - loads)[0] + rest
 
 
 def make_stage(model, kinds):
-    """stage(z, q, v, q_command, u, theta, y, h, contacts, scale) -> (residual (n_y,), q⁺ ⊖ itself (nv,)) at changes z of (q, v, q_command,
-    u, θ, y); q_command: where the step begins, from which grippers are commanded; kinds: of contacts that may be listed."""
+    """stage(z, q, v, command, u, theta, y, h, contacts, scale) -> (residual (n_y,), q⁺ ⊖ itself (nv,)) at changes z of (q, v, command,
+    u, θ, y); command (3 n_nodes,): nodes where the step begins, from which grippers are commanded; kinds: of contacts that may be listed."""
     nv, count = model.nv, 3 * model.n_nodes
     weights = bodies.weights(model.bodies) if n_rows(model) else None
     driven = np.zeros(0, dtype=bool) if model.nodes is None else model.nodes.driven_rows
 
-    def stage(z, q, v, q_command, u, theta, y, h, c, scale):
-        sizes = np.cumsum([nv, nv, nv, len(u), len(theta)])
+    def stage(z, q, v, command, u, theta, y, h, c, scale):
+        sizes = np.cumsum([nv, nv, count, len(u), len(theta)])
         dq, dv, dc, du, dt, dy = jnp.split(z, sizes)
-        q, v, q_command, u, theta, y = add(model, q, dq), v + dv, add(model, q_command, dc), u + du, theta + dt, y + dy
+        q, v, command, u, theta, y = add(model, q, dq), v + dv, command + dc, u + du, theta + dt, y + dy
         v_next, gamma, w0 = y[:nv], y[nv : nv + n_rows(model)], y[nv + n_rows(model) :]
         q_next = add(model, q, h * v_next)
         nodes, v_nodes = q_next[:count].reshape(-1, 3), v_next[:count].reshape(-1, 3)
@@ -161,7 +155,7 @@ def make_stage(model, kinds):
         if model.bodies is not None:
             own = theta[model.of_bodies]
             a, u_bodies = (v_next - v)[count:] / h, u[len(u) - model.bodies.nu :]
-            of, rate, to_rows = body_residual(model, q_next[count:], v_next[count:], a, u_bodies, own, gamma, h, None)
+            of, rate, to_rows = body_residual(model, q_next[count:], v_next[count:], a, u_bodies, own, gamma, h)
             frames, rates = [of, *frames], [rate, *rates]
             begin = [bodies.poses(model.bodies, q[count:]), *begin]
         frames, rates, begin = (jnp.concatenate(x) for x in (frames, rates, begin))
@@ -173,7 +167,7 @@ def make_stage(model, kinds):
             m = forces.row_masses(model.nodes, own)
             on_nodes = loads[model.n_bodies + 1 :, :, 3].ravel()
             free = m * (v_next - v)[:count] / h - f - on_nodes
-            rows.append(jnp.where(driven, v_next[:count] - commands(model, q_command, u, theta), free))
+            rows.append(jnp.where(driven, v_next[:count] - commands(model, command, u, theta), free))
         if to_rows is not None:
             rows.append(to_rows(loads[: model.n_bodies]))
             if n_rows(model):
@@ -185,8 +179,10 @@ def make_stage(model, kinds):
     def act(frames, rates, begin, w0, theta, h, c, scale):
         """Loads Σ ±p (r; 1)ᵀ/h (m, 3, 4) on frames at their own points r, and the contacts' rows."""
         one = jnp.concatenate([jnp.ones(1), theta])
-        gap, n, point, share = touching.all_meet(kinds, c, frames, theta)
-        start = touching.all_meet(kinds, c, begin, theta)[0]
+        # at the end and at the beginning of the stage in one, which compiles once
+        twice = {key: jnp.concatenate([x, x + len(frames)] if key in ("frames", "other") else [x, x]) for key, x in c.items()}
+        met = touching.all_meet(kinds, twice, jnp.concatenate([frames, begin]), theta)
+        (gap, n, point, share), start = (x[: len(w0)] for x in met), met[0][len(w0) :]
         target = jnp.where(c["deep"], start + listing.DEEP * h * h, 0.0)
         kappa = c["kappa"]
         if model.nodes is not None:
