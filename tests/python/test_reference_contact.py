@@ -13,6 +13,25 @@ pliant = pytest.importorskip("pliant")
 pytestmark = pytest.mark.long
 
 
+# what carries in a scene: kinds of the first and the second feature
+CARRIED = {
+    "ball_rolls": {("whole", "face")},
+    "box_tips": {("corner", "face")},
+    "capsule_rolls": {("end", "face")},
+    "cylinder_rolls": {("rim", "face")},
+    "cylinder_stands": {("rim point", "face")},
+    "box_at_fixed": {("corner", "face"), ("edge", "edge")},
+    "capsule_at_fixed": {("axis", "edge"), ("end", "whole")},
+    "corner_at_capsule": {("corner", "whole")},
+    "box_on_box": {("corner", "face"), ("edge", "edge")},
+    "capsules_cross": {("axis", "axis"), ("end", "face")},
+    "ball_on_ball": {("whole", "whole")},
+    "rope_on_box": {("whole", "whole"), ("corner", "face")},
+    "rope_edges": {("edge", "edge"), ("edge", "whole")},
+    "arm_pushes": {("whole", "whole"), ("corner", "face")},
+}
+
+
 def relative(a, b, floor=1e-300):
     """max |a - b| / max(|b|, floor)."""
     a, b = np.asarray(a), np.asarray(b)
@@ -26,7 +45,7 @@ class Both:
         self.case = case(name)
         self.ours = self.case.model
         self.model = pliant.loads(self.case.text)
-        self.xs, self.error, self.slopes = self.case.rollout()
+        self.xs, self.error, self.slopes = self.case.rollout
         self.roll = self.model.rollout(self.case.x0, self.case.u)
         # the entries of θ of both have their own orders
         self.places = [list(self.model.param_paths).index(path) for path in self.ours.paths]
@@ -52,6 +71,27 @@ def test_states(both):
     nq = both.ours.nq
     assert relative(both.roll.x[:, :nq], both.xs[:, :nq]) <= 1e-9
     assert relative(both.roll.x[:, nq:], both.xs[:, nq:]) <= 1e-9
+
+
+def test_every_scene_has_its_contacts():
+    for name, expected in CARRIED.items():
+        run = case(name)
+        assert run.rollout and expected <= run.stepper.loaded, (name, run.stepper.loaded)
+    assert len(case("ball_rolls_sdirk2").stepper.halved) == 1
+
+
+def test_bars_see_small_errors():
+    """A coefficient of friction that is off by 1e-6 of itself, a size by 1e-9 m, and a rest gap by a thousandth fail the bars."""
+    for name, path, change in (("box_slides", "floor.friction", 5e-7), ("edge_on_edge", "upper.shape[0].half_extent[2]", 1e-9)):
+        run, model = case(name), pliant.loads(case(name).text)
+        xs = run.rollout[0]
+        theta = model.theta.copy()
+        theta[model.param_index(path)] += change
+        assert relative(model.rollout(run.x0, run.u, theta=theta).x, xs) > 1e-9
+    run = case("box_slides")
+    text = run.text.replace("rest_gap = 1e-06", "rest_gap = 1.001e-06")
+    assert text != run.text
+    assert relative(pliant.loads(text).rollout(run.x0, run.u).x, run.rollout[0]) > 1e-9
 
 
 def halves(n):

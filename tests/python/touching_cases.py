@@ -1,6 +1,6 @@
 """Scenes of bodies, ropes and fixed shapes that touch, for the JAX reference, and one compiled stage per scene."""
 
-from functools import cache
+from functools import cache, cached_property
 
 import jax
 import numpy as np
@@ -239,6 +239,7 @@ class Case:
             self.x0[2] -= 0.003
         self.stepper = Stepper(model, stage_of(model, self.text, size), size, width(model))
 
+    @cached_property
     def rollout(self):
         """(x (T + 1, nx), largest last Newton step, [(A, B, C)] of each step)."""
         xs, slopes = self.stepper.rollout(self.x0, self.u, self.model.theta)
