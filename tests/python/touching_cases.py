@@ -50,6 +50,9 @@ BALL = 'kind = "sphere"\nradius = 0.05'
 BOX = 'kind = "box"\nhalf_extents = [0.05, 0.06, 0.04]'
 CAPSULE = 'kind = "capsule"\nradius = 0.03\nhalf_length = 0.06'
 CYLINDER = 'kind = "cylinder"\nradius = 0.05\nhalf_length = 0.06'
+STONE = """kind = "hull"
+points = [[0.05, 0.04, -0.05], [-0.05, 0.05, -0.05], [-0.04, -0.05, -0.05], [0.05, -0.04, -0.05],
+  [0.04, 0.03, 0.05], [-0.03, 0.04, 0.04], [-0.04, -0.03, 0.05], [0.02, -0.05, 0.03], [0.0, 0.0, 0.07]]"""
 LYING = (0.7071067811865476, 0.0, 0.7071067811865476, 0.0)  # own z axis along x
 SLOPE = (0.1, -0.05, 1.0)
 
@@ -160,6 +163,11 @@ SCENES = {
     "edge_on_edge": (  # a leaning box slides down the edge of another
         lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0401), BOX, (0.0,) * 6, mass=2.0)
         + free("upper", (0.095, 0.0, 0.0967), BOX, (0.0, 0.3, 0.0, 0.0, 0.0, 0.0), turned(0.7, (0.1, 1.0, 0.2))),
+        15,
+    ),
+    "stones": (  # hulls: one tumbles over another on the floor
+        lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0501), STONE, (0.1, 0.0, 0.0, 0.0, 0.0, 0.2), mass=2.0)
+        + free("upper", (0.03, 0.02, 0.1763), STONE, (0.0, 0.3, -0.2, 1.0, 0.0, 0.0), turned(0.8, (0.3, 1.0, 0.2)), friction=0.2),
         15,
     ),
     "capsules_cross": (  # one lies across another

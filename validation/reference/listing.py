@@ -78,7 +78,9 @@ class Instant:
         return self.frames[solid.frame][:, :3] @ (solid.centre @ self.one) + self.frames[solid.frame][:, 3]
 
     def sizes(self, solid):
-        """Radius and half a length, or half extents."""
+        """Radius and half a length, or half extents; of a hull half its least width."""
+        if solid.kind == "hull":
+            return np.array([solid.hull.half_width])
         if solid.kind == "box":
             return solid.half @ self.one
         ends = solid.ends @ self.one
@@ -89,11 +91,16 @@ class Instant:
         sizes = self.sizes(solid)
         if solid.kind == "half space":
             return np.inf
+        if solid.kind == "hull":
+            return solid.hull.extent
         return np.sum(sizes) if solid.kind in ("ball", "capsule") else np.linalg.norm(sizes)
 
     def support(self, solid, n):
         """How far a solid reaches from its origin along a unit vector."""
-        sizes, along = self.sizes(solid), np.abs(self.axes(solid, solid.frame).T @ n)
+        along = self.axes(solid, solid.frame).T @ n
+        if solid.kind == "hull":
+            return np.max(solid.hull.corners @ along)
+        sizes, along = self.sizes(solid), np.abs(along)
         if solid.kind == "box":
             return sizes @ along
         if solid.kind == "cylinder":
@@ -156,6 +163,9 @@ def near(at, pair, rates, h, rest_gap, fall):
     return margin if distance <= margin else None
 
 
+CROSSING = ("capsule", "box", "hull")  # kinds whose lines may cross
+
+
 def meetings(at, pair, margin):
     """(kind, first feature, second feature, sign, gap) of the pair at an instant, as far as their gap is below the margin."""
     a, b = pair.first, pair.second
@@ -166,7 +176,7 @@ def meetings(at, pair, margin):
         out.append(_tip(at, tip, a, b))
     if a.kind == "cylinder" and b.kind == "half space":
         out += [_rim(at, rim, a, b) for rim in a.rims()]
-    elif a.kind in ("capsule", "box") and b.kind in ("capsule", "box"):
+    elif a.kind in CROSSING and b.kind in CROSSING:
         out += [_crossing(at, x, y, a, b, margin) for x in _near_lines(at, a, b, margin) for y in _near_lines(at, b, a, margin)]
         out += [_tip(at, tip, b, a) for tip in b.tips()]
     elif "cylinder" in (a.kind, b.kind) and a.kind != "ball":
@@ -185,11 +195,14 @@ def _tip(at, tip, a, b):
     if b.kind == "half space":
         return None if _rolls(at, a, b, tip) else ("face", tip, b.faces()[0], 1.0)
     if round_tip or b.kind in ("ball", "capsule"):
-        if b.kind == "cylinder":
-            raise ValueError("the reference knows no ball at a cylinder")
+        if b.kind in ("cylinder", "hull"):
+            raise ValueError("the reference knows no ball at a cylinder or hull")
         whole = b.whole()
         return whole.kind, tip, whole, 1.0
     y, half = at.local(b, at.points(tip)[0]), at.sizes(b)
+    if b.kind == "hull":
+        face, _, beside = b.hull.over(y)
+        return None if beside > SLIVER * b.hull.extent else ("face", tip, b.faces()[face], 1.0)
     beyond = np.abs(y) - half
     k = 2 - np.argmax(beyond[::-1])
     beside = np.delete(beyond - SLIVER * half, k)
@@ -234,9 +247,9 @@ def _crossing(at, first, second, a, b, margin):
         return None
     n = np.cross(d, e)
     if second.name[0] == "edge":
-        way = others.mean(axis=0) - at.middle(b)
+        way = _outward(at, second, b)
     elif first.name[0] == "edge":
-        way = at.middle(a) - ends.mean(axis=0)
+        way = -_outward(at, first, a)
     else:
         way = ends[0] - others[0]
     meeting = ("line", first, second, 1.0 if n @ way >= 0.0 else -1.0)
@@ -247,8 +260,8 @@ def _crossing(at, first, second, a, b, margin):
         if line.name[0] == "edge" and np.any(at.axes(line, line.frames[0])[:, 1:].T @ way < -LEAN):
             return None
     outside = -LEAN * gap + SLIVER * min(at.extent(a), at.extent(b))
-    if gap < 0.0 and min(at.depth(a, c), at.depth(b, c)) < -outside:
-        return None
+    if gap < 0.0 and any(s.kind != "hull" and at.depth(s, c) < -outside for s in (a, b)):
+        return None  # of hulls the least width says enough
     return meeting
 
 
@@ -265,11 +278,17 @@ def shown(at, pair, found, most):
     for kind, x, y, sign, _ in found:
         overlaps.append(overlap(solids[x.of], solids[y.of], at.meeting(kind, x, y, sign)[1]))
     for solid in (a, b):
-        normals = {"box": (0, 1, 2), "cylinder": (2,)}.get(solid.kind, ())
-        axes = at.axes(solid, solid.frame)
-        overlaps += [overlap(a, b, side * axes[:, k]) for k in normals for side in (-1.0, 1.0)]
+        normals = [at.axes(face, solid.frame)[:, 2] for face in solid.faces()]
+        overlaps += [overlap(a, b, side * n) for n in normals for side in (-1.0, 1.0)]
     depth = max(0.0, min(overlaps))
     return [meeting for meeting in found if meeting[-1] >= -depth - most]
+
+
+def _outward(at, edge, solid):
+    """A direction out of a solid at its edge."""
+    if solid.kind == "hull":
+        return at.axes(edge, solid.frame)[:, 1:].sum(axis=1)
+    return at.points(edge).mean(axis=0) - at.middle(solid)
 
 
 def contacts(now, ahead, rates, pairs, h, rest_gap, gravity):

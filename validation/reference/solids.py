@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import hulls
+
 WEIGHT = 10.0  # [m/s²]: makes a weight of a mass, in what smooths a contact
 RIM_POINTS = 8  # of a cylinder's rim, on a face that it stands on
 
@@ -41,6 +43,7 @@ class Solid:
     ends: np.ndarray  # (2, 3, 1 + n) of the axis of a capsule or cylinder; the centre twice of others
     sizes: tuple  # positions in θ: radius, then half a length; or three half extents
     friction: int | None  # position in θ
+    hull: hulls.Hull | None = None
 
     @property
     def rank(self):
@@ -73,8 +76,16 @@ class Solid:
         """±half extent k along its axis (3, 1 + n)."""
         return side * np.outer(self.axes[:, k], self.half[k])
 
+    def fixed(self, y):
+        """A point of its own axes (3, 1 + n)."""
+        out = self.centre.copy()
+        out[:, 0] += self.axes @ y
+        return out
+
     def tips(self):
         """Its points: the centre of a ball, the ends of a capsule, corners, points of both rims."""
+        if self.kind == "hull":
+            return [self.feature("point", ("corner", k), (self.fixed(y),) * 2) for k, y in enumerate(self.hull.corners)]
         if self.kind == "ball":
             return [self.feature("point", ("whole",), (self.centre,) * 2, self.radius)]
         if self.kind == "capsule":
@@ -89,6 +100,12 @@ class Solid:
 
     def lines(self):
         """The axis of a capsule or cylinder, or the edges of a box with the outward normals of their faces in `axes`."""
+        if self.kind == "hull":
+            out = []
+            for k, ((a, b), across) in enumerate(self.hull.edges):
+                axes = self.axes @ np.column_stack([b - a, *across])
+                out.append(self.feature("line", ("edge", k), (self.fixed(a), self.fixed(b)), axes=axes))
+            return out
         if self.kind != "box":
             return [self.feature("line", ("axis",), tuple(self.ends), self.radius)]
         out = []
@@ -106,8 +123,10 @@ class Solid:
         if self.kind == "cylinder":
             turned = [-self.axes, self.axes]
             return [self.feature("face", ("face", k), (self.ends[k],) * 2, axes=turned[k]) for k in (0, 1)]
-        if self.kind != "box":
-            return []
+        if self.kind == "hull":
+            planes = zip(self.hull.normals, self.hull.heights, strict=True)
+            axes = lambda n: np.column_stack([np.zeros((3, 2)), self.axes @ n])
+            return [self.feature("face", ("face", k), (self.fixed(h * n),) * 2, axes=axes(n)) for k, (n, h) in enumerate(planes)]
         out = []
         for k, side in itertools.product(range(3), (-1, 1)):
             axes = side * np.column_stack([self.axes[:, (k + 1) % 3], self.axes[:, (k + 2) % 3], self.axes[:, k]])
@@ -125,7 +144,7 @@ class Solid:
         return self.feature("segment", ("whole",), tuple(self.ends), self.radius)
 
 
-KINDS = {"ball": 0, "capsule": 1, "cylinder": 2, "box": 3, "half space": 4}
+KINDS = {"ball": 0, "capsule": 1, "cylinder": 2, "box": 3, "hull": 3, "half space": 4}
 
 
 def rotation(quaternion):
@@ -148,6 +167,7 @@ SIZES = {
     "capsule": ("capsule", ["radius", "half_length"]),
     "cylinder": ("cylinder", ["radius", "half_length"]),
     "box": ("box", ["half_extent[0]", "half_extent[1]", "half_extent[2]"]),
+    "hull": ("hull", []),
 }
 
 
@@ -171,7 +191,7 @@ def entries(scene, table):
 
 def _places(table, name, shape, kind):
     where = {"position": table.add_vector(f"{name}.position", shape.get("position", [0.0] * 3))}
-    values = shape.get("half_extents") or [shape.get("radius"), shape.get("half_length")]
+    values = [] if kind == "hull" else shape.get("half_extents") or [shape.get("radius"), shape.get("half_length")]
     for entry, value in zip(SIZES[kind][1], values, strict=False):
         where[entry] = table.add(f"{name}.{entry}", value)
     if "friction" in shape:
@@ -203,7 +223,8 @@ def solid(kind, shape, name, owner, where, frame, n):
     if form in ("capsule", "cylinder"):
         half[1 + sizes[1]] = 1.0
     ends = np.array([centre - np.outer(axes[:, 2], half), centre + np.outer(axes[:, 2], half)])
-    return Solid(form, name, owner, frame, axes, centre, ends, sizes, friction)
+    of = hulls.hull(shape["points"]) if form == "hull" else None
+    return Solid(form, name, owner, frame, axes, centre, ends, sizes, friction, of)
 
 
 def ball(name, owner, frame, radius, n):

@@ -65,11 +65,11 @@ class TouchingModel:
             first, second = sorted((pair.first.kind, pair.second.kind), key=solids.KINDS.get)
             if second in ("ball", "capsule"):
                 out.add("segment")
-            elif second == "half space" or first == "box":
+            elif second == "half space" or first in ("box", "hull"):
                 out.add("face")
-            if second == "box" and first != "box":
+            if second == "box" and first in ("ball", "capsule"):
                 out.add("box")
-            if first in ("capsule", "box") and second in ("capsule", "box"):
+            if first in listing.CROSSING and second in listing.CROSSING:
                 out |= {"line"} | ({"segment"} if first == "capsule" else set())
             if first == "cylinder":
                 out.add("rim")
