@@ -98,6 +98,13 @@ def rope_edges():
     return text.replace("0.012, 0.075]", "0.012, 0.0705]").replace("[0.1, 0.0, 0.0]", "[0.1, 0.0, 0.005]").replace("0.05, 0.02]", "0.05, 0.035]").replace('contact = "edges"', 'contact = "edges"\nvelocity = [0.0, 0.0, -0.2]')
 
 
+def sheet_edges():
+    """tests/scenes/cloth_edges.toml with a coarser sheet, a moment before it meets the box, the ball and the bar's end."""
+    text = scene_text("cloth_edges").replace("nodes = [4, 4], size = [0.4, 0.4]", "nodes = [3, 3], size = [0.36, 0.36]")
+    text = text.replace("-0.02, 0.02]", "-0.03, 0.0305]").replace("-0.12, 0.06]", "-0.12, 0.0715]")
+    return text.replace("origin = [-0.2, -0.2, 0.095]", "origin = [-0.2, -0.2, 0.0945]\nvelocity = [0.0, 0.0, -0.2]")
+
+
 # name -> (scene, steps)
 SCENES = {
     "ball_rolls": (  # falls on a slope, slides, rolls
@@ -177,6 +184,7 @@ SCENES = {
     ),
     "rope_on_box": (rope_on_box, 15),
     "rope_edges": (rope_edges, 15),
+    "sheet_edges": (sheet_edges, 8),
     "box_slides_sdirk2": (
         lambda: head(integrator="sdirk2") + floor() + free("box", (0.0, 0.0, 0.040001), BOX, (0.6, 0.2, 0.0, 0.0, 0.0, 1.5)),
         12,
@@ -190,7 +198,7 @@ SCENES = {
 }
 
 # contacts that a stage may list, where it is not 16
-SIZES = {"rope_edges": 32, "rope_on_box": 24}
+SIZES = {"rope_edges": 32, "rope_on_box": 24, "sheet_edges": 40}
 
 
 def width(model):

@@ -1,6 +1,6 @@
-"""Which features of a fixed shape an edge of a rope may touch within a stage: docs/theory/contact.md, "Edges and triangles".
+"""Which features of a fixed shape an edge or triangle may touch within a stage: docs/theory/contact.md, "Edges and triangles".
 
-An edge is listed with a feature if its inside is nearest to it where the stage begins or where its nodes' velocities lead; its nodes
+One is listed with a feature if its inside is nearest to it where the stage begins or where its nodes' velocities lead; its nodes
 touch by themselves. NumPy; nothing is differentiated.
 """
 
@@ -8,55 +8,62 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import touching
+from . import solids, touching
 from .listing import LEAN, PARALLEL_EDGE, SLIVER, Contact, reach
-from .solids import Feature
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The edges of a rope and a fixed shape."""
+    """The edges of a rope, or edges and triangles of a sheet, and a fixed shape."""
 
     name: str
-    nodes: list  # of each edge two nodes
+    nodes: list  # of each edge two nodes, of each triangle three
+    thirds: list  # of each edge the third nodes of the triangles at it
     frame: int  # of node 0
     radius: np.ndarray  # affine in θ
     solid: object
     friction: np.ndarray
-    kappas: list  # of each edge [J]
+    kappas: list  # of each edge or triangle [J]
     rest_gap: float
 
     @property
     def kinds(self):
         """Kinds of contacts that may be listed."""
-        return {"ball": {"edge to point"}, "capsule": {"edge to segment"}, "box": {"edge to point", "edge to line"}}[self.solid.kind]
+        out = {kind for kind, _ in self.features(2)}
+        return out | {"triangle to point"} if any(len(nodes) == 3 for nodes in self.nodes) else out
 
-    def features(self):
-        """(kind, feature) of the shape."""
+    def features(self, count):
+        """(kind, feature) of the shape for an edge or triangle."""
+        if count == 3:
+            whole = self.solid.kind == "ball"
+            return [("triangle to point", f) for f in ([self.solid.whole()] if whole else self.solid.tips())]
         if self.solid.kind == "box":
             return [("edge to line", f) for f in self.solid.lines()] + [("edge to point", f) for f in self.solid.tips()]
-        whole = self.solid.whole()
-        return [("edge to point" if self.solid.kind == "ball" else "edge to segment", whole)]
+        return [("edge to point" if self.solid.kind == "ball" else "edge to segment", self.solid.whole())]
 
-    def edge(self, k):
-        """An edge as a feature."""
-        zero, frames = np.zeros_like(self.solid.centre), tuple(self.frame + node for node in self.nodes[k])
-        return Feature("edge", self.name, ("edge", k), frames, (zero, zero), self.radius, np.eye(3), zero)
+    def element(self, k):
+        """An edge or triangle as a feature."""
+        zero, nodes = np.zeros_like(self.solid.centre), self.nodes[k]
+        frames = tuple(self.frame + node for node in (*nodes, nodes[-1])[:3])
+        kind = "edge" if len(nodes) == 2 else "triangle"
+        return solids.Feature(kind, self.name, (kind, k), frames, (zero,) * 3, self.radius, np.eye(3), zero)
 
     def contacts(self, now, ahead, way, h, fall):
         """Contacts listed, for velocities `way` (nv,) of which the nodes' come first; fall: g h² [m]."""
         out = []
-        for k, ends in enumerate(self.nodes):
-            edge, x = self.edge(k), now.points(self.edge(k))
-            speed = max(np.linalg.norm(way[3 * node : 3 * node + 3]) for node in ends)
+        for k, nodes in enumerate(self.nodes):
+            element, count = self.element(k), len(nodes)
+            x = now.nodes(element)[:count]
+            speed = max(np.linalg.norm(way[3 * node : 3 * node + 3]) for node in nodes)
             margin = reach(self.rest_gap) + 1.5 * h * speed + 4.0 * fall
-            apart = self._distance(now, x.mean(axis=0))
-            if apart > margin + 0.5 * np.linalg.norm(x[1] - x[0]) + edge.radius @ now.one:
+            middle = x.mean(axis=0)
+            size = np.linalg.norm(x - middle, axis=1).max()
+            if self._distance(now, middle) > margin + size + element.radius @ now.one:
                 continue
-            for kind, feature in self.features():
-                if any(self._meets(at, kind, edge, feature, margin) for at in (now, ahead)):
-                    sign = self._sign(now, edge, feature)
-                    out.append(Contact(kind, edge, feature, self.friction, None, self.kappas[k], sign))
+            for kind, feature in self.features(count):
+                if any(self._meets(at, kind, k, element, feature, margin) for at in (now, ahead)):
+                    sign = self._sign(now, kind, element, feature)
+                    out.append(Contact(kind, element, feature, self.friction, None, self.kappas[k], sign))
         return out
 
     def _distance(self, at, x):
@@ -65,60 +72,87 @@ class Group:
             return np.linalg.norm(np.maximum(np.abs(at.local(self.solid, x)) - at.sizes(self.solid), 0.0))
         return -at.depth(self.solid, x)
 
-    def _sign(self, at, edge, feature):
-        """±1 that makes d × e point out of the shape there."""
-        ends, others = at.points(edge), at.points(feature)
-        n = np.cross(ends[1] - ends[0], others[1] - others[0])
-        way = others.mean(axis=0) - at.middle(self.solid) if self.solid.kind == "box" else ends[0] - others[0]
+    def _sign(self, at, kind, element, feature):
+        """±1 that makes the normal, d × e of two lines or that of the triangle's plane, point out of the shape there."""
+        x, others = at.nodes(element), at.points(feature)
+        n = np.cross(x[1] - x[0], x[2] - x[0] if kind == "triangle to point" else others[1] - others[0])
+        way = others.mean(axis=0) - at.middle(self.solid) if self.solid.kind == "box" else x[0] - others[0]
+        if feature.name[0] == "corner":
+            way = at.axes(self.solid, self.solid.frame) @ np.array(feature.name[1:])
         return 1.0 if n @ way >= 0.0 else -1.0
 
-    def _meets(self, at, kind, edge, feature, margin):
-        ends, others, r = at.points(edge), at.points(feature), edge.radius @ at.one
-        thick, sign = feature.radius @ at.one, self._sign(at, edge, feature)
-        if kind == "edge to point":
-            gap, n, share = touching.edge_to_point(np, ends, r, others[0], thick)
+    def _meets(self, at, kind, k, element, feature, margin):
+        x, others, r = at.nodes(element), at.points(feature), element.radius @ at.one
+        thick, sign = feature.radius @ at.one, self._sign(at, kind, element, feature)
+        if kind == "triangle to point":
+            gap, n, shares = touching.triangle_to_point(np, x, r, others[0], thick, sign)
+        elif kind == "edge to point":
+            gap, n, share = touching.edge_to_point(np, x[:2], r, others[0], thick)
         else:
             measure = touching.edge_to_line if kind == "edge to line" else touching.edge_to_segment
-            gap, n, share = measure(np, ends, r, others, thick, sign)
-        if not (0.0 < share < 1.0 and gap <= margin):
+            gap, n, share = measure(np, x[:2], r, others, thick, sign)
+        if kind != "triangle to point":
+            shares = np.array([1.0 - share, share])
+        if not (np.all(shares > 0.0) and gap <= margin):
             return False
-        x = ends[0] + share * (ends[1] - ends[0])
+        point = shares @ x[: len(shares)]
+        t = touching.part(np, point, *others)
         if kind == "edge to segment":
-            t = touching.part(np, x, *others)
-            return not 0.0 <= t <= 1.0 or self._crosses(ends, others)
-        if self.solid.kind == "ball":
-            return True
+            return self._crosses(x, others) if 0.0 <= t <= 1.0 else self._over_none(at, k, x, n)
+        if self.solid.kind != "box":
+            return self._over_none(at, k, x, n)
         if gap <= -np.min(at.sizes(self.solid)):
             return False
         if kind == "edge to line":
-            t = touching.part(np, x, *others)
             normals = at.axes(feature, feature.frames[0])[:, 1:].T
-            return abs(2.0 * t - 1.0) <= 1.0 + SLIVER and np.all(normals @ n >= -LEAN) and self._crosses(ends, others)
+            return abs(2.0 * t - 1.0) <= 1.0 + SLIVER and np.all(normals @ n >= -LEAN) and self._crosses(x, others)
         sides = np.array(feature.name[1:])
-        return np.all(sides * (at.axes(self.solid, self.solid.frame).T @ n) >= -LEAN)
+        return np.all(sides * (at.axes(self.solid, self.solid.frame).T @ n) >= -LEAN) and self._over_none(at, k, x, n)
 
     def _crosses(self, ends, others):
         d, e = ends[1] - ends[0], others[1] - others[0]
         return np.linalg.norm(np.cross(d, e)) >= PARALLEL_EDGE * np.linalg.norm(d) * np.linalg.norm(e)
 
+    def _over_none(self, at, k, x, n):
+        """Whether n leads over none of the triangles at an edge, whose inside is then nearer."""
+        edge = x[1] - x[0]
+        for third in self.thirds[k]:
+            inward = at.frames[self.frame + third][:, 3] - x[0]
+            inward -= edge * (inward @ edge) / (edge @ edge)
+            if inward @ n < -LEAN * np.linalg.norm(inward):
+                return False
+        return True
 
-def groups(model, scene, colliders, masses):
-    """The groups of a scene whose pairs are known; masses: of frames as the scene begins [kg]."""
+
+def _elements(nodes, triangles):
+    """(nodes of every edge and triangle, third nodes at every edge)."""
+    if triangles is None:
+        return list(zip(nodes[:-1], nodes[1:], strict=True)), [()] * (len(nodes) - 1)
+    thirds = {}
+    for a, b, c in triangles:
+        for i, j, third in ((a, b, c), (b, c, a), (c, a, b)):
+            thirds.setdefault((min(i, j), max(i, j)), []).append(third)
+    return [*thirds, *map(tuple, triangles)], [*thirds.values(), *[()] * len(triangles)]
+
+
+def groups(model, objects, colliders, masses):
+    """The model with its groups; objects: (name, nodes, triangles or None, position of the radius in θ) of those that touch with edges;
+    masses: of frames as the scene begins [kg]."""
     out, world = [], model.n_bodies
-    for rope, where, own in zip(scene.get("rope", []), model.nodes.ropes, model.nodes.rope_nodes, strict=True):
-        if rope.get("contact", "nodes") != "edges":
-            continue
+    for name, own, triangles, radius in objects:
+        every, thirds = _elements(own, triangles)
         free = {node for node in own if not model.nodes.driven[node]}
-        edges = [(a, b) for a, b in zip(own[:-1], own[1:], strict=True) if free & {a, b}]
-        lightest = [min(masses[world + 1 + node] for node in free & set(edge)) for edge in edges]
+        kept = [k for k, nodes in enumerate(every) if free & set(nodes)]
+        lightest = [min(masses[world + 1 + node] for node in free & set(every[k])) for k in kept]
+        of = lambda solid_name: solid_name.rsplit(".node", 1)[0] == name
         for solid in colliders:
             if solid.frame != world or solid.kind not in ("ball", "capsule", "box"):
                 continue
-            of_rope = lambda first, second: rope["name"] in (first.rsplit(".node", 1)[0], second.rsplit(".node", 1)[0])
-            frictions = [c.friction for c in model.always if c.second.of == solid.name and of_rope(c.first.of, "")]
-            frictions += [p.friction for p in model.pairs if solid in (p.first, p.second) and of_rope(p.first.name, p.second.name)]
+            frictions = [c.friction for c in model.always if c.second.of == solid.name and of(c.first.of)]
+            frictions += [p.friction for p in model.pairs if solid in (p.first, p.second) and (of(p.first.name) or of(p.second.name))]
             if frictions:
-                kappas = [model.rest_gap * 10.0 * m for m in lightest]
-                radius = solid.affine(model.of_nodes[where["radius"]])
-                out.append(Group(rope["name"], edges, world + 1, radius, solid, frictions[0], kappas, model.rest_gap))
+                kappas = [model.rest_gap * solids.WEIGHT * m for m in lightest]
+                picked = [[x[k] for k in kept] for x in (every, thirds)]
+                thick = solid.affine(radius)
+                out.append(Group(name, *picked, world + 1, thick, solid, frictions[0], kappas, model.rest_gap))
     return replace(model, edges=out)

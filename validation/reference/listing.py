@@ -66,7 +66,11 @@ class Instant:
         self.one = np.concatenate([[1.0], self.theta])
 
     def points(self, feature):
-        """Its two points (2, 3)  [m]."""
+        """Its first two points (2, 3)  [m]."""
+        return self.nodes(feature)[:2]
+
+    def nodes(self, feature):
+        """Its three points (3, 3)  [m]."""
         frames = [self.frames[k] for k in feature.frames]
         return np.array([f[:, :3] @ (p @ self.one) + f[:, 3] for f, p in zip(frames, feature.points, strict=True)])
 

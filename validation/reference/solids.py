@@ -23,8 +23,8 @@ class Feature:
     kind: str  # "point" | "segment" | "line" | "box" | "face" | "rim"
     of: str  # its solid
     name: tuple  # which one of that
-    frames: tuple  # of its two points: the same of a solid, two nodes of an edge of a rope
-    points: tuple  # two (3, 1 + n) [m]: of a line or segment its ends, of a rim the centres of the other end and its own
+    frames: tuple  # of its three points: the same of a solid, nodes of an edge (the second twice) or a triangle
+    points: tuple  # three (3, 1 + n) [m]: first of a line or segment its ends, of a rim the centres of the other end and its own
     radius: np.ndarray  # (1 + n,) [m]
     axes: np.ndarray  # (3, 3) columns: of a face the last is its outward normal
     half: np.ndarray  # (3, 1 + n) [m] half extents of a box
@@ -70,7 +70,7 @@ class Solid:
     def feature(self, kind, name, points, radius=None, axes=None):
         """A feature of this solid."""
         radius = self.affine(None) if radius is None else radius
-        return Feature(kind, self.name, name, (self.frame,) * 2, points, radius, self.axes if axes is None else axes, self.half)
+        return Feature(kind, self.name, name, (self.frame,) * 3, (*points, points[1]), radius, self.axes if axes is None else axes, self.half)
 
     def along(self, k, side):
         """±half extent k along its axis (3, 1 + n)."""

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 
 from .contact import LEAST_SLIP, sharpness
 
-KINDS = ("face", "segment", "box", "line", "rim", "edge to point", "edge to line", "edge to segment")
+KINDS = ("face", "segment", "box", "line", "rim", "edge to point", "edge to line", "edge to segment", "triangle to point")
+ON_NODES = KINDS.index("edge to point")  # from here on the first is an edge or triangle of nodes
 
 
 def dot(a, b):
@@ -119,28 +120,51 @@ def edge_to_segment(np, ends, r, others, thick, sign):
     return tuple(np.where((t < 0.0) | (t > 1.0), y, z) for y, z in zip(end, beside, strict=True))
 
 
+def triangle_to_point(np, x, r, p, thick, sign):
+    """A triangle x (3, 3) and a point: (gap, n, shares of the three nodes); n = ± that of its plane, or from its nearest side.
+
+    In the plane y = Σ β_i x_i with (y - p)·(x₁ - x₀) = (y - p)·(x₂ - x₀) = 0.
+    """
+    u, v, d = x[1] - x[0], x[2] - x[0], p - x[0]
+    n = np.cross(u, v)
+    square = dot(n, n)
+    second, third = dot(np.cross(d, v), n) / square, dot(np.cross(u, d), n) / square
+    shares = np.stack([1.0 - second - third, second, third])
+    n = sign * n / np.sqrt(square)
+    gap, best = dot(n, x[0] - p) - r - thick, None
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        of_side, n_side, s = edge_to_point(np, (x[i], x[j]), r, p, thick)
+        side = (of_side, n_side, (1.0 - s) * np.eye(3)[i] + s * np.eye(3)[j])
+        nearer = best is None or of_side < best[0]
+        best = side if best is None else tuple(np.where(nearer, y, z) for y, z in zip(side, best, strict=True))
+    inside = np.min(shares) >= 0.0
+    return tuple(np.where(inside, y, z) for y, z in zip((gap, n, shares), best, strict=True))
+
+
 def meet(kinds, c, ends, others, axes, r, thick, half):
-    """(gap, n, c, share of the second node) of a contact whose kind is one of `kinds` (names), numbers from jax.numpy."""
-    n, sign = axes[:, 2], c["sign"]
-    zero = jnp.zeros(3)
+    """(gap, n, c, shares of the three nodes) of a contact whose kind is one of `kinds` (names), numbers from jax.numpy."""
+    sign, out = c["sign"], axes[:, 2]
     made = {
-        "face": lambda: (*face(jnp, ends[0], r, others[0], n), 0.0),
-        "segment": lambda: (*segment(jnp, ends[0], r, *others, thick), 0.0),
-        "box": lambda: (*box(jnp, ends[0], r, others[0], axes, half), 0.0),
-        "line": lambda: (*line(jnp, ends, r, others, thick, sign), 0.0),
-        "rim": lambda: (*rim(jnp, ends, r, others[0], n), 0.0),
-        "edge to point": lambda: _edge(edge_to_point(jnp, ends, r, others[0], thick), zero),
-        "edge to line": lambda: _edge(edge_to_line(jnp, ends, r, others, thick, sign), zero),
-        "edge to segment": lambda: _edge(edge_to_segment(jnp, ends, r, others, thick, sign), zero),
+        "face": lambda: face(jnp, ends[0], r, others[0], out),
+        "segment": lambda: segment(jnp, ends[0], r, *others, thick),
+        "box": lambda: box(jnp, ends[0], r, others[0], axes, half),
+        "line": lambda: line(jnp, ends[:2], r, others, thick, sign),
+        "rim": lambda: rim(jnp, ends[:2], r, others[0], out),
+        "edge to point": lambda: edge_to_point(jnp, ends[:2], r, others[0], thick),
+        "edge to line": lambda: edge_to_line(jnp, ends[:2], r, others, thick, sign),
+        "edge to segment": lambda: edge_to_segment(jnp, ends[:2], r, others, thick, sign),
+        "triangle to point": lambda: triangle_to_point(jnp, ends, r, others[0], thick, sign),
     }
-    results = [made[kind]() for kind in kinds]
+    results = []
+    for kind in kinds:
+        gap, n, last = made[kind]()
+        if kind.startswith("edge"):
+            last = jnp.stack([1.0 - last, last, 0.0 * last])
+        # the contact point of solids, shares of nodes
+        on_nodes = KINDS.index(kind) >= ON_NODES
+        results.append((gap, n, jnp.zeros(3) if on_nodes else last, last if on_nodes else jnp.zeros(3)))
     which = [c["kind"] == KINDS.index(kind) for kind in kinds]
-    return tuple(jnp.select(which, [jnp.asarray(x[k]) for x in results]) for k in range(4))
-
-
-def _edge(found, zero):
-    gap, n, share = found
-    return gap, n, zero, share
+    return tuple(jnp.select(which, [x[k] for x in results]) for k in range(4))
 
 
 def positive_part(z, area):
@@ -161,7 +185,7 @@ def law(w0, v_n, v_t, n, friction, kappa, step, rho):
 
 
 def all_meet(kinds, contacts, frames, theta):
-    """(gap, n, c, share) of all contacts (arrays with a row each) where the frames (m, 3, 4) are."""
+    """(gap, n, c, shares) of all contacts (arrays with a row each) where the frames (m, 3, 4) are."""
     one = jnp.concatenate([jnp.ones(1), theta])
 
     def each(c):

@@ -89,7 +89,7 @@ def loads(text):
     scene, table = tomllib.loads(text), Table()
     if scene.get("contact", {}).get("law", "coulomb") != "coulomb":
         raise ValueError("contact of bodies and edges is Coulomb's here")
-    nodes = rope_model.loads(text) if scene.get("rope") else None
+    nodes = rope_model.loads(text) if scene.get("rope") or scene.get("cloth") else None
     bodies = body_model.loads(text) if scene.get("body") else None
     of = []
     for part in (nodes, bodies):
@@ -112,12 +112,10 @@ def loads(text):
     frame = lambda owner: names.index(owner) if owner else len(names)
     colliders = [solids.solid(kind, s, name, owner, where, frame(owner), n) for kind, s, name, owner, where in listed]
     first_node, balls = len(names) + 1, []
-    if nodes is not None:
-        for where, own, rope in zip(nodes.ropes, nodes.rope_nodes, scene["rope"], strict=True):
-            for k, node in enumerate(own):
-                if not nodes.driven[node]:
-                    radius = of[0][where["radius"]]
-                    balls.append(solids.ball(f"{rope['name']}.node[{k}]", rope["name"], first_node + node, radius, n))
+    objects = _objects(scene, nodes, of[0])
+    for name, own, _, radius, _ in objects:
+        loose = [(k, node) for k, node in enumerate(own) if not nodes.driven[node]]
+        balls += [solids.ball(f"{name}.node[{k}]", name, first_node + node, radius, n) for k, node in loose]
     theta = np.array(table.values)
     model = TouchingModel(
         h=scene["time"]["step"],
@@ -138,7 +136,23 @@ def loads(text):
     )
     pairs, always = _pairs(model, colliders, balls, rules, unrough)
     model = replace(model, pairs=pairs, always=always)
-    return model if nodes is None else edge_listing.groups(model, scene, colliders, _masses(model))
+    with_edges = [(name, own, faces, radius) for name, own, faces, radius, contact in objects if contact == "edges"]
+    return edge_listing.groups(model, with_edges, colliders, _masses(model)) if with_edges else model
+
+
+def _objects(scene, nodes, places):
+    """(name, nodes, triangles or None, position of the radius in θ, "nodes" or "edges") of ropes and sheets."""
+    out, first = [], 0
+    ropes = zip(scene.get("rope", []), nodes.ropes, nodes.rope_nodes, strict=True) if nodes else ()
+    for rope, where, own in ropes:
+        out.append((rope["name"], list(own), None, places[where["radius"]], rope.get("contact", "nodes")))
+    for cloth in scene.get("cloth", []):
+        own = nodes.n_nodes - sum(int(np.prod(c["grid"]["nodes"])) for c in scene["cloth"][first:]) + np.arange(int(np.prod(cloth["grid"]["nodes"])))
+        faces = [tuple(face) for face in nodes.sheets.triangles if face[0] in own]
+        radius = places[nodes.paths.index(f"{cloth['name']}.radius")]
+        out.append((cloth["name"], list(own), faces, radius, cloth.get("contact", "nodes")))
+        first += 1
+    return out
 
 
 @dataclass(frozen=True)

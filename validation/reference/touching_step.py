@@ -182,7 +182,7 @@ def make_stage(model, kinds):
         # at the end and at the beginning of the stage in one, which compiles once
         twice = {key: jnp.concatenate([x, x + len(frames)] if key in ("frames", "other") else [x, x]) for key, x in c.items()}
         met = touching.all_meet(kinds, twice, jnp.concatenate([frames, begin]), theta)
-        (gap, n, point, share), start = (x[: len(w0)] for x in met), met[0][len(w0) :]
+        (gap, n, point, shares), start = (x[: len(w0)] for x in met), met[0][len(w0) :]
         target = jnp.where(c["deep"], start + listing.DEEP * h * h, 0.0)
         kappa = c["kappa"]
         if model.nodes is not None:
@@ -191,26 +191,23 @@ def make_stage(model, kinds):
             kappa = jnp.where(c["node"] >= 0, of_node[c["node"]], kappa)
         kappa = scale * kappa
 
-        def each(c, gap, target, n, point, share, w0, kappa):
+        def each(c, gap, target, n, point, shares, w0, kappa):
             of_a, of_b = frames[c["frames"][0]], frames[c["other"]]
             # the points of both solids that are at the contact
             r_a, r_b = (of[:, :3].T @ (point - of[:, 3]) for of in (of_a, of_b))
             at = lambda rate, r: rate[:, :3] @ r + rate[:, 3]
-            i, j = c["frames"]
-            edge = c["kind"] >= touching.KINDS.index("edge to point")
-            on_edge = (1.0 - share) * rates[i][:, 3] + share * rates[j][:, 3]
-            u = jnp.where(edge, on_edge, at(rates[i], r_a) - at(rates[c["other"]], r_b))
+            on_nodes = c["kind"] >= touching.ON_NODES
+            of_nodes = shares @ rates[c["frames"]][:, :, 3]
+            u = jnp.where(on_nodes, of_nodes, at(rates[c["frames"][0]], r_a) - at(rates[c["other"]], r_b))
             v_n = (gap - target) / h + (c["compliance"] @ one) * w0 / h**2
             f, p = touching.law(w0, v_n, u - n * touching.dot(n, u), n, c["friction"] @ one, kappa, model.h, c["rho"])
-            arm = lambda r, part: jnp.outer(p, jnp.append(r, 1.0)) * part / h
-            loads = jnp.stack([
-                jnp.where(edge, arm(jnp.zeros(3), 1.0 - share), arm(r_a, 1.0)),
-                jnp.where(edge, arm(jnp.zeros(3), share), 0.0),
-                jnp.where(edge, 0.0, -arm(r_b, 1.0)),
-            ])
+            arm = lambda r: jnp.outer(p, jnp.append(r, 1.0)) / h
+            nodes = shares[:, None, None] * arm(jnp.zeros(3))
+            of_solids = jnp.stack([arm(r_a), jnp.zeros((3, 4)), jnp.zeros((3, 4))])
+            loads = jnp.concatenate([jnp.where(on_nodes, nodes, of_solids), jnp.where(on_nodes, 0.0, -arm(r_b))[None]])
             return jnp.where(c["listed"], f, w0), jnp.where(c["listed"], loads, 0.0)
 
-        rows, loads = jax.vmap(each)(c, gap, target, n, point, share, w0, kappa)
+        rows, loads = jax.vmap(each)(c, gap, target, n, point, shares, w0, kappa)
         to = jnp.concatenate([c["frames"], c["other"][:, None]], axis=1)
         which = (to[:, :, None] == jnp.arange(len(frames))).astype(float)
         return jnp.einsum("csf,csij->fij", which, loads), rows
@@ -244,15 +241,15 @@ def packed(model, contacts, size, width):
     if len(contacts) > size:
         raise ValueError(f"{len(contacts)} contacts")
     n, world = 1 + width, model.n_bodies
-    shapes = {"points": (2, 3, n), "others": (2, 3, n), "axes": (3, 3), "half": (3, n)}
+    shapes = {"points": (3, 3, n), "others": (2, 3, n), "axes": (3, 3), "half": (3, n)}
     shapes |= {key: (n,) for key in ("radius", "thick", "friction", "compliance")}
     out = {key: np.zeros((size, *shape)) for key, shape in shapes.items()}
     out |= {"kappa": np.ones(size), "rho": np.ones(size), "sign": np.ones(size)}
-    out |= {"kind": np.zeros(size, dtype=int), "node": np.full(size, -1), "frames": np.full((size, 2), world)}
+    out |= {"kind": np.zeros(size, dtype=int), "node": np.full(size, -1), "frames": np.full((size, 3), world)}
     out |= {"other": np.full(size, world), "listed": np.zeros(size, dtype=bool), "deep": np.zeros(size, dtype=bool)}
     for k, c in enumerate(contacts):
         a, b = c.first, c.second
-        row = {"points": a.points, "others": b.points, "axes": b.axes, "half": b.half, "radius": a.radius, "thick": b.radius}
+        row = {"points": a.points, "others": b.points[:2], "axes": b.axes, "half": b.half, "radius": a.radius, "thick": b.radius}
         row |= {"friction": c.friction, "compliance": 0.0 if c.compliance is None else c.compliance, "sign": c.sign}
         row |= {"kind": touching.KINDS.index(c.kind), "node": c.node, "frames": a.frames, "other": b.frames[0], "deep": c.deep}
         row |= {"listed": True, "kappa": c.kappa if c.kappa > 0.0 else 1.0, "rho": RHO * mass_of(model, c)}
