@@ -109,24 +109,24 @@ def sheet_edges():
 SCENES = {
     "ball_rolls": (  # falls on a slope, slides, rolls
         lambda: head() + floor(0.3, SLOPE) + free("ball", (0.0, 0.0, 0.0510), BALL, (0.4, 0.0, 0.0, 0.0, 2.0, 3.0), mass=0.4),
-        20,
+        12,
     ),
     "box_slides": (
         lambda: head() + floor() + free("box", (0.0, 0.0, 0.040001), BOX, (0.6, 0.2, 0.0, 0.0, 0.0, 1.5)),
-        15,
+        10,
     ),
     "box_tips": (  # over two corners in front
         lambda: head() + floor(0.9) + free("box", (0.0, 0.0, 0.0601), BOX.replace("[0.05, 0.06, 0.04]", "[0.02, 0.04, 0.06]"),
                                        (0.8, 0.0, 0.0, 0.0, 3.0, 0.0), friction=0.9),
-        15,
+        10,
     ),
     "capsule_rolls": (
         lambda: head() + floor(0.4, SLOPE) + free("capsule", (0.0, 0.0, 0.04), CAPSULE, (0.2, 0.3, 0.0, -4.0, 0.0, 1.0), LYING),
-        20,
+        12,
     ),
     "cylinder_rolls": (
         lambda: head() + floor(0.4) + free("roll", (0.0, 0.0, 0.0505), CYLINDER, (0.1, 0.3, 0.0, -3.0, 0.0, 0.5), LYING),
-        15,
+        10,
     ),
     "cylinder_stands": (
         lambda: head() + floor(0.4) + free("can", (0.0, 0.0, 0.0601), CYLINDER, (0.2, 0.0, 0.0, 0.0, 0.0, 2.0)),
@@ -139,66 +139,66 @@ SCENES = {
     "box_at_fixed": (  # falls on the edge of a fixed box and on a fixed capsule across it
         lambda: head() + fixed_box() + fixed_bar((0.075, -0.2, 0.033), (0.07, 0.2, 0.037), 0.02)
         + free("box", (0.0, 0.0, 0.0934), BOX, (0.1, 0.1, 0.0, 0.0, 0.2, 0.0), turned(0.05, (0.3, 1.0, 0.1))),
-        15,
+        12,
     ),
     "capsule_at_fixed": (  # tips over a box's edge onto a fixed capsule
         lambda: head() + fixed_box() + fixed_bar((0.125, -0.2, 0.015), (0.12, 0.2, 0.02), 0.02)
         + free("capsule", (0.065, 0.0, 0.0788), CAPSULE, (0.1, 0.2, 0.0, -1.0, 0.5, 0.0), turned(1.7, (0.0, 1.0, 0.1))),
-        15,
+        12,
     ),
     "corner_at_capsule": (  # a box's corner on a fixed capsule
         lambda: head() + fixed_bar((-0.1, -0.05, 0.0), (0.15, 0.03, 0.01), 0.03)
         + free("box", (0.0, 0.0, 0.1195), BOX, (0.1, 0.2, -0.2, 0.0, 0.0, 0.0), turned(0.9, (1.0, -0.8, 0.3))),
-        12,
+        10,
     ),
     "ball_at_fixed": (  # rolls from a fixed box over its edge onto a fixed ball
         lambda: head() + fixed_box() + '[[sphere]]\nname = "stone"\ncenter = [0.1, 0.0, 0.0]\nradius = 0.05\nfriction = 0.4\n'
         + free("ball", (0.035, 0.01, 0.1002), BALL, (0.35, 0.05, 0.0, -1.0, 7.0, 0.0)),
-        30,
+        28,
     ),
     "box_on_box": (
         lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0401), BOX, (0.2, 0.0, 0.0, 0.0, 0.0, 0.3), mass=2.0)
         + free("upper", (0.03, 0.02, 0.1203), BOX, (-0.3, 0.1, 0.0, 0.0, 0.0, 1.0), turned(0.4), friction=0.2),
-        12,
+        10,
     ),
     "ball_on_ball": (  # rolls off one that rolls; the rule between them gives way and has its own friction
         lambda: head(extra='[[contact.pair]]\nbetween = ["lower", "upper"]\nfriction = 0.25\ncompliance = 1e-4\n') + floor()
         + free("lower", (0.0, 0.0, 0.0801), BALL.replace("0.05", "0.08"), (0.2, 0.0, 0.0, 0.0, 2.0, 1.0), mass=2.0)
         + free("upper", (0.03, 0.01, 0.2065), BALL, (0.0, 0.1, 0.0, 0.0, 3.0, 0.0), mass=0.5),
-        20,
+        12,
     ),
     "edge_on_edge": (  # a leaning box slides down the edge of another
         lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0401), BOX, (0.0,) * 6, mass=2.0)
         + free("upper", (0.095, 0.0, 0.0967), BOX, (0.0, 0.3, 0.0, 0.0, 0.0, 0.0), turned(0.7, (0.1, 1.0, 0.2))),
-        15,
+        10,
     ),
     "stones": (  # hulls: one tumbles over another on the floor
         lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0501), STONE, (0.1, 0.0, 0.0, 0.0, 0.0, 0.2), mass=2.0)
         + free("upper", (0.03, 0.02, 0.1763), STONE, (0.0, 0.3, -0.2, 1.0, 0.0, 0.0), turned(0.8, (0.3, 1.0, 0.2)), friction=0.2),
-        15,
+        12,
     ),
     "capsules_cross": (  # one lies across another
         lambda: head() + floor() + free("lower", (0.0, 0.0, 0.0301), CAPSULE, (0.1, 0.0, 0.0, 0.0, 0.0, 0.0), LYING)
         + free("upper", (0.01, 0.005, 0.0902), CAPSULE, (0.0, 0.2, 0.0, 0.0, 0.0, 1.0), turned(1.5707963267948966, (1.0, 0.2, 0.0))),
-        15,
+        10,
     ),
-    "rope_on_box": (rope_on_box, 15),
-    "rope_edges": (rope_edges, 15),
-    "sheet_edges": (sheet_edges, 8),
+    "rope_on_box": (rope_on_box, 12),
+    "rope_edges": (rope_edges, 12),
+    "sheet_edges": (sheet_edges, 10),
     "box_slides_sdirk2": (
         lambda: head(integrator="sdirk2") + floor() + free("box", (0.0, 0.0, 0.040001), BOX, (0.6, 0.2, 0.0, 0.0, 0.0, 1.5)),
-        12,
+        10,
     ),
     "ball_rolls_sdirk2": (  # its fall ends in a step of two halves
         lambda: head(integrator="sdirk2") + floor(0.3, SLOPE)
         + free("ball", (0.0, 0.0, 0.0510), BALL, (0.4, 0.0, 0.0, 0.0, 2.0, 3.0), mass=0.4),
-        15,
+        12,
     ),
     "arm_pushes": (arm_pushes, 12),
 }
 
 # contacts that a stage may list, where it is not 16
-SIZES = {"rope_edges": 32, "rope_on_box": 24, "sheet_edges": 40}
+SIZES = {"rope_edges": 20, "rope_on_box": 12, "sheet_edges": 24}
 
 
 def width(model):
