@@ -1,7 +1,8 @@
 """pliant's contact of bodies and of edges against the independent JAX reference at equal κ: states and all derivatives.
 
 Bars: state ≤ 1e-9, derivatives ≤ 1e-8, relative. A derivative is compared by blocks: positions and velocities of the state, one control,
-one entry of θ, or a place (three entries: a ball that moves along an edge has nothing along it but rounding). The reference lists which features may meet by the rules of docs/theory/contact.md, on its own.
+one entry of θ, or a place (three entries: what moves along an edge has nothing along it but rounding). The reference lists which features
+may meet on its own, by the rules of docs/theory/contact.md.
 """
 
 import numpy as np

@@ -11,6 +11,10 @@ implicit-function adjoint gives the derivatives. SI units, float64 throughout.
 
 Scenes of bodies have `body_model.loads` and `body_step.make_step` instead: poses of a tree of joints (`bodies`),
 energies and d'Alembert's principle on them, friction and stops (`joints`).
+
+Where solids touch there are `touching_model.loads` and `touching_solve.Stepper`: features of shapes (`solids`, `hulls`), which of them may
+meet in a stage (`listing`, `edge_listing`), their gaps and the contact law (`touching`), a stage's residual (`touching_step`) and what lands
+under sdirk2 (`touching_landing`).
 """
 
 import jax

@@ -270,7 +270,7 @@ def _crossing(at, first, second, a, b, margin):
 
 
 def shown(at, pair, found, most):
-    """Those of a pair's meetings that are no deeper than the solids overlap: along every normal listed and every flat side at least so."""
+    """Those of a pair's meetings that are no deeper than the solids overlap, by the least overlap along a normal listed or of a flat side."""
     if all(gap >= -most for *_, gap in found):
         return found
 

@@ -70,7 +70,8 @@ class Solid:
     def feature(self, kind, name, points, radius=None, axes=None):
         """A feature of this solid."""
         radius = self.affine(None) if radius is None else radius
-        return Feature(kind, self.name, name, (self.frame,) * 3, (*points, points[1]), radius, self.axes if axes is None else axes, self.half)
+        axes = self.axes if axes is None else axes
+        return Feature(kind, self.name, name, (self.frame,) * 3, (*points, points[1]), radius, axes, self.half)
 
     def along(self, k, side):
         """±half extent k along its axis (3, 1 + n)."""

@@ -104,9 +104,8 @@ def loads(text):
                 add_shape(table, kind, shape)
     listed = solids.entries(scene, table)
     rules = [_rule(table, k, rule) for k, rule in enumerate(scene.get("contact", {}).get("pair", []))]
-    unrough = None
-    if nodes is not None and any(where.get("friction") is None for *_, where in listed):
-        unrough = table.add("contact.friction", 0.0)
+    smooth = [where for *_, where in listed if "friction" not in where]
+    unrough = table.add("contact.friction", 0.0) if len(smooth) > (nodes is None) else None
     n = len(table.paths)
     names = [b.name for b in bodies.bodies] if bodies else []
     frame = lambda owner: names.index(owner) if owner else len(names)
@@ -142,16 +141,16 @@ def loads(text):
 
 def _objects(scene, nodes, places):
     """(name, nodes, triangles or None, position of the radius in θ, "nodes" or "edges") of ropes and sheets."""
-    out, first = [], 0
-    ropes = zip(scene.get("rope", []), nodes.ropes, nodes.rope_nodes, strict=True) if nodes else ()
+    out, ropes = [], zip(scene.get("rope", []), nodes.ropes, nodes.rope_nodes, strict=True) if nodes else ()
     for rope, where, own in ropes:
         out.append((rope["name"], list(own), None, places[where["radius"]], rope.get("contact", "nodes")))
-    for cloth in scene.get("cloth", []):
-        own = nodes.n_nodes - sum(int(np.prod(c["grid"]["nodes"])) for c in scene["cloth"][first:]) + np.arange(int(np.prod(cloth["grid"]["nodes"])))
+    counts = [int(np.prod(cloth["grid"]["nodes"])) for cloth in scene.get("cloth", [])]
+    firsts = (nodes.n_nodes if nodes else 0) - np.cumsum(counts[::-1])[::-1]
+    for cloth, first, count in zip(scene.get("cloth", []), firsts, counts, strict=True):
+        own = range(first, first + count)
         faces = [tuple(face) for face in nodes.sheets.triangles if face[0] in own]
         radius = places[nodes.paths.index(f"{cloth['name']}.radius")]
         out.append((cloth["name"], list(own), faces, radius, cloth.get("contact", "nodes")))
-        first += 1
     return out
 
 
