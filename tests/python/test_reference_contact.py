@@ -7,7 +7,7 @@ may meet on its own, by the rules of docs/theory/contact.md.
 
 import numpy as np
 import pytest
-from touching_cases import SCENES, case
+from touching_cases import SCENES, SPINNING, case, stepper_of
 
 pliant = pytest.importorskip("pliant")
 
@@ -60,7 +60,8 @@ def both(request):
 
 def test_parameters_and_start(both):
     model, ours = both.model, both.ours
-    assert sorted(model.param_paths) == sorted(ours.paths)
+    # of a scene's numbers the reference knows all but turns of shapes, where these are parameters
+    assert sorted(p for p in model.param_paths if ".rotation[" not in p) == sorted(ours.paths)
     np.testing.assert_allclose(model.theta[both.places], ours.theta, rtol=1e-14)
     assert (model.nx, model.ndx, model.nu) == (len(both.case.x0), ours.ndx, ours.nu)
     np.testing.assert_allclose(model.initial_state(), ours.initial_state(), rtol=1e-12, atol=1e-15)
@@ -152,9 +153,19 @@ def test_rollout_derivatives(both):
 
     dx, du = rng.normal(size=ours.ndx), rng.normal(size=both.case.u.shape)
     dtheta = rng.normal(size=len(ours.theta)) * np.abs(ours.theta)
-    tangents, own = [dx], np.zeros_like(dtheta)
+    tangents, own = [dx], np.zeros(both.model.n_params)
     own[both.places] = dtheta
     for (a, b, c), row in zip(both.slopes, du, strict=True):
         tangents.append(a @ tangents[-1] + b @ row + c @ dtheta)
     got, want = both.roll.jvp(dx, du, own), np.array(tangents)
     assert all(relative(got[:, part], want[:, part]) <= 1e-8 for _, part in halves(ours.nv))
+
+
+@pytest.mark.xfail(strict=True, reason="a step ends while the spin is off by 1e-5 rad/s: its rows count rounding of rolling's")
+def test_a_ball_that_lands_spinning_at_the_default_rest_gap():
+    model, stepper = stepper_of(SPINNING)
+    x0 = model.initial_state()
+    x = stepper.step(x0, np.zeros(0), model.theta)[0]
+    assert stepper.largest < 1e-11
+    roll = pliant.loads(SPINNING).rollout(x0, np.zeros((1, 0)))
+    assert np.abs(roll.x[1] - x).max() <= 1e-9

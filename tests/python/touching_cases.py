@@ -269,20 +269,50 @@ def stage_of(model, text, size):
     return compiled(key, size)
 
 
+# at the default rest gap: the ball lands with its spin, and rolls about the point that it stands on
+SPINNING = (
+    head(rest_gap=1e-9)
+    + """
+[[plane]]
+name = "floor"
+friction = 0.33
+[[body]]
+name = "ball"
+position = [0.0, 0.0, 0.060002]
+quaternion = [-0.877, -0.319, -0.03, 0.359]
+mass = 1.4
+center_of_mass = [0.002, -0.001, 0.003]
+inertia = [0.003, 0.0034, 0.0025, 0.0001, 0.0, 0.0]
+[[body.joint]]
+name = "free"
+kind = "free"
+velocity = [-0.22, -0.06, -0.21, -0.09, 0.42, 2.1]
+[[body.shape]]
+kind = "sphere"
+radius = 0.06
+"""
+)
+
+
+def stepper_of(text, size=16):
+    """(model, steps of it) of a scene text."""
+    model = touching_model.loads(text)
+    return model, Stepper(model, stage_of(model, text, size), size, width(model))
+
+
 class Case:
     """A scene with its reference model, its compiled stage, and its start."""
 
     def __init__(self, name):
         text, self.steps = SCENES[name]
         self.text = text()
-        self.model = model = touching_model.loads(self.text)
-        rng, size = np.random.default_rng(2), SIZES.get(name, 16)
+        self.model, self.stepper = stepper_of(self.text, SIZES.get(name, 16))
+        model, rng = self.model, np.random.default_rng(2)
         self.x0, self.u = model.initial_state(), rng.uniform(-0.5, 0.5, (self.steps, model.nu))
         if model.nodes is not None and model.nodes.nu:
             self.u = wiggle(model.nodes, model.nodes.q0, self.steps)
         if name == "deep_ball":
             self.x0[2] -= 0.003
-        self.stepper = Stepper(model, stage_of(model, self.text, size), size, width(model))
 
     @cached_property
     def rollout(self):
