@@ -161,7 +161,6 @@ def test_rollout_derivatives(both):
     assert all(relative(got[:, part], want[:, part]) <= 1e-8 for _, part in halves(ours.nv))
 
 
-@pytest.mark.xfail(strict=True, reason="a step ends while the spin is off by 1e-5 rad/s: its rows count rounding of rolling's")
 def test_a_ball_that_lands_spinning_at_the_default_rest_gap():
     model, stepper = stepper_of(SPINNING)
     x0 = model.initial_state()

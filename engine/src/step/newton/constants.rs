@@ -42,6 +42,8 @@ pub(super) struct NewtonConstants {
     /// Largest correction at which a residual may count as rounding, over the velocity scale and the largest coordinate in a step's time [-]:
     /// the conditioning of a contact at a rest gap of 1e-9 m makes 3e-9 of it; beyond lie false ends beside singular matrices.
     pub near: f64,
+    /// Part of that for corrections by a matrix of an earlier iterate [-]: of those, 1 of 8 spinning balls that land ended 1e-6 m/s off.
+    pub near_by_chords: f64,
     /// Part of a correction that the next must be below to be still falling [-].
     pub still_falls: f64,
     /// Part of the tolerance that the estimate of what is left after a last correction may be [-]: it is an estimate, and most steps end
@@ -87,6 +89,7 @@ pub(super) const NEWTON: NewtonConstants = NewtonConstants {
     most_regularization: 0.05,
     rounding: 2.0,
     near: 1e-7,
+    near_by_chords: 1e-2,
     still_falls: 0.25,
     negligible: 0.01,
     continuation_fall: 1e-2,

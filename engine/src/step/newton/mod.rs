@@ -173,6 +173,8 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, [tolerance, near]: [f64
         // a damped matrix contracts slowly by design: any decrease will do
         let demanded = if stage.options.damping > 0.0 || stage.options.regularization > 0.0 { 0.0 } else { 0.25 * alpha };
         let monotone = next <= (1.0 - demanded) * norm;
+        // a chord that no longer falls may want a new matrix, which a correction that small is not worth
+        let near = if behind { NEWTON.near_by_chords * near } else { near };
         let ended = next <= tolerance || (next > NEWTON.still_falls * norm && next <= near);
         if alpha == 1.0 && ended && left_after(next, norm) > NEWTON.negligible * tolerance && at_rounding(stage, ws) {
             // from a start that was as good, by a matrix that lacks the tension of the root, the step leads away from it; at rest it has it
