@@ -97,8 +97,9 @@ impl Rollout {
         self.kept.smoothing().is_some()
     }
 
-    /// Per step: Newton `iterations`, `factorizations`, residual `evaluations`, `retries` (halvings), and the energy that it created, at most
-    /// (`energy_created` [J]; docs/theory/step.md).
+    /// Per step: Newton `iterations`, `factorizations`, residual `evaluations`, `retries` (halvings), the largest correction left where
+    /// the residual was rounding before corrections were below the tolerance (`left` [m/s], zero if none), and the energy that it created, at
+    /// most (`energy_created` [J]); docs/theory/step.md.
     #[getter]
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let traces = self.kept.traces();
@@ -108,6 +109,7 @@ impl Rollout {
         dict.set_item("factorizations", column(|t| t.work.factorizations))?;
         dict.set_item("evaluations", column(|t| t.work.evaluations))?;
         dict.set_item("retries", column(|t| t.retries))?;
+        dict.set_item("left", PyArray1::from_iter(py, traces.iter().map(|t| t.work.left)))?;
         dict.set_item("energy_created", PyArray1::from_iter(py, traces.iter().map(|t| t.energy_created)))?;
         Ok(dict)
     }

@@ -52,6 +52,7 @@ def test_shapes(path):
     assert all(len(column) == 3 for column in roll.trace.values())
     created = roll.trace["energy_created"]
     assert created.dtype == np.float64 and np.all((created >= 0) & np.isfinite(created))
+    assert roll.trace["left"].dtype == np.float64 and np.all((roll.trace["left"] >= 0.0) & (roll.trace["left"] < 1e-6))
     assert roll.energy().shape == (4,) and not roll.surrogate
     for nodes in model.ropes.values():
         assert 0 <= nodes.start < nodes.stop <= model.n_nodes

@@ -66,6 +66,8 @@ pub(crate) struct NewtonState {
     pub d_next: Iterate,
     /// Steps taken by the factored matrix.
     pub secant: Secant,
+    /// Correction \[m/s\] that is left where the residual is rounding.
+    pub left: f64,
     /// Full steps that may still fail the monotonicity test.
     pub nonmonotone: usize,
     /// Size of each unknown, for [`Stage::at_rounding`](crate::step::Stage).

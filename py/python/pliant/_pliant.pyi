@@ -29,6 +29,8 @@ class Trace(TypedDict):
     """Residual evaluations besides."""
     retries: NDArray[np.int64]
     """Halvings; a step that is halved is another discrete map."""
+    left: NDArray[np.float64]
+    """Largest correction left where the residual was rounding before corrections were below the tolerance; zero if none [m/s], float64."""
     energy_created: NDArray[np.float64]
     """Energy that the step created beside the work of what acts, at most [J], float64."""
 

@@ -86,6 +86,7 @@ pub(crate) fn solve_stage(stage: &Stage, ws: &mut Workspace, work: &mut Work) ->
             stuck = Some(attempt.run(stage, ws, touching, work));
             if matches!(stuck, Some(Ok(()))) {
                 work.solved_by[attempt as usize] += 1;
+                work.left = work.left.max(ws.newton.left);
                 break;
             }
         }

@@ -29,7 +29,7 @@ use crate::step::{Iterate, STATIC, Stage, StepError, Workspace};
 use constants::NEWTON;
 
 /// Work of a solve.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
     /// Newton matrices assembled and solved with.
     pub iterations: usize,
@@ -39,6 +39,8 @@ pub struct Work {
     pub evaluations: usize,
     /// Stages solved by each [`Attempt`].
     pub solved_by: [usize; Attempt::ALL.len()],
+    /// Largest correction \[m/s\] that was left where the residual was rounding before corrections were below the tolerance; zero if none.
+    pub left: f64,
 }
 
 impl Work {
@@ -48,6 +50,7 @@ impl Work {
         self.factorizations += other.factorizations;
         self.evaluations += other.evaluations;
         self.solved_by.iter_mut().zip(other.solved_by).for_each(|(sum, count)| *sum += count);
+        self.left = self.left.max(other.left);
     }
 }
 
@@ -83,6 +86,7 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
         let stage = &stage.with(|o| o.regularization = regularization);
         work.iterations += 1;
         work.factorizations += 1;
+        ws.newton.left = 0.0;
         if !factor(stage, ws, work)? {
             return Err(Stuck::NoProgress { correction });
         }
@@ -100,13 +104,20 @@ pub(crate) fn newton(stage: &Stage, ws: &mut Workspace, max_iterations: usize, w
             Descent::Converged => return Ok(()),
             Descent::Continue(ratio) => regularization = fallen(regularization, ratio),
             // softened contacts have converged, and what is left is rounding
-            Descent::Soften if eased && correction <= near && still_at_rounding(stage, ws)? => return Ok(()),
+            Descent::Soften if eased && correction <= near && still_at_rounding(stage, ws)? => {
+                ws.newton.left = correction;
+                return Ok(());
+            }
             Descent::Soften => regularization = (regularization * NEWTON.regularization_rise).max(NEWTON.first_regularization),
-            Descent::Stalled if correction <= near && still_at_rounding(stage, ws)? => return Ok(()),
+            Descent::Stalled if correction <= near && still_at_rounding(stage, ws)? => {
+                ws.newton.left = correction;
+                return Ok(());
+            }
             Descent::Stalled => return Err(Stuck::NoProgress { correction }),
         }
     }
     if regularization == 0.0 && correction <= near && still_at_rounding(stage, ws)? {
+        ws.newton.left = correction;
         return Ok(());
     }
     Err(Stuck::NoProgress { correction })
@@ -177,6 +188,7 @@ fn descend(stage: &Stage, ws: &mut Workspace, norm: f64, [tolerance, near]: [f64
         let near = if behind { NEWTON.near_by_chords * near } else { near };
         let ended = next <= tolerance || (next > NEWTON.still_falls * norm && next <= near);
         if alpha == 1.0 && ended && left_after(next, norm) > NEWTON.negligible * tolerance && at_rounding(stage, ws) {
+            ws.newton.left = next;
             // from a start that was as good, by a matrix that lacks the tension of the root, the step leads away from it; at rest it has it
             if next < norm || stage.scheme == STATIC {
                 accept(ws);
