@@ -74,6 +74,12 @@ def closed_forms(figures: dict) -> str:
     return f"{len(figures['cases'])} closed forms: of {len(parts)} errors of values and derivatives {sum(p['stays'] for p in parts)} stay"
 
 
+def soak(figures: dict) -> str:
+    """What a long run ends with, in a line."""
+    last = figures["periods"][-1]
+    return f"{figures['steps']} steps of a moved cable: the last period differs from the one before by {last['change_m']:.0e} m"
+
+
 def order(part: dict, last: int, halvings: int = 1) -> str:
     """Observed order up to the step of that number, over so many halvings, in brackets; nothing where an error is negligible."""
     before, now = (abs(part["errors"][k]) for k in (last - halvings, last))
@@ -112,7 +118,7 @@ def records() -> list[str]:
     return sorted(str(path.relative_to(FOLDER).with_suffix("")) for path in FOLDER.rglob("*.json"))
 
 
-SAY = {"closed_forms": closed_forms}
+SAY = {"closed_forms": closed_forms, "soak": soak}
 
 
 def table() -> str:
