@@ -99,7 +99,7 @@ def test_twist_of_a_rod_is_what_turns_its_axes():
 
 def test_normals_are_the_gradients_of_the_gaps():
     shapes = {
-        "plane": {"normal": jnp.array([0.0, 0.6, 0.8]), "point": jnp.ones(3), "height": 0.2},
+        "plane": {"normal": jnp.array([0.0, 0.6, 0.8]), "point": jnp.ones(3), "height": 0.2, "rotation": jnp.array([0.1, -0.2, 0.05])},
         "sphere": {"center": jnp.ones(3), "radius": 0.2},
         "capsule": {"a": jnp.ones(3), "b": jnp.array([1.0, 2.0, 1.5]), "radius": 0.2},
     }

@@ -226,8 +226,30 @@ SCENES = {
     "arm_pushes": (arm_pushes, 12),
 }
 
+# scene -> another one, with turns of planes, boxes and shapes of bodies by rotation vectors [rad] in place of the scene's zeros, and by
+# how much (coordinates of the state) its start is higher [m]
+TURNED = {
+    "box_at_fixed_turned": (
+        "box_at_fixed",
+        {"table.rotation": (0.1, -0.05, 0.08), "box.shape[0].rotation": (0.05, 0.1, -0.1)},
+        {2: 0.0068},
+    ),
+    "capsule_rolls_turned": (
+        "capsule_rolls",
+        {"floor.rotation": (0.05, -0.1, 0.1), "capsule.shape[0].rotation": (0.1, 0.06, -0.05)},
+        {2: -0.007},
+    ),
+    "stones_turned": (
+        "stones",
+        {"floor.rotation": (0.03, 0.02, 0.1), "lower.shape[0].rotation": (0.02, 0.05, 0.1), "upper.shape[0].rotation": (0.1, 0.06, -0.05)},
+        {2: 0.0019, 9: 0.0056},
+    ),
+    "rope_edges_turned": ("rope_edges", {"table.rotation": (-0.1, -0.05, 0.08)}, {}),
+}
+SCENES |= {name: SCENES[of] for name, (of, _, _) in TURNED.items()}
+
 # contacts that a stage may list, where it is not 16
-SIZES = {"rope_edges": 20, "rope_on_box": 12, "sheet_edges": 24}
+SIZES = {"rope_edges": 20, "rope_edges_turned": 20, "rope_on_box": 12, "sheet_edges": 24}
 
 
 def width(model):
@@ -311,13 +333,17 @@ class Case:
         self.x0, self.u = model.initial_state(), rng.uniform(-0.5, 0.5, (self.steps, model.nu))
         if model.nodes is not None and model.nodes.nu:
             self.u = wiggle(model.nodes, model.nodes.q0, self.steps)
-        if name == "deep_ball":
-            self.x0[2] -= 0.003
+        self.theta = model.theta.copy()
+        _, turns, higher = TURNED.get(name, (name, {}, {2: -0.003} if name == "deep_ball" else {}))
+        for entry, vector in turns.items():
+            self.theta[[model.index(f"{entry}[{k}]") for k in range(3)]] = vector
+        for k, by in higher.items():
+            self.x0[k] += by
 
     @cached_property
     def rollout(self):
         """(x (T + 1, nx), largest last Newton step, [(A, B, C)] of each step)."""
-        xs, slopes = self.stepper.rollout(self.x0, self.u, self.model.theta)
+        xs, slopes = self.stepper.rollout(self.x0, self.u, self.theta)
         return xs, self.stepper.largest, slopes
 
 

@@ -7,6 +7,7 @@ Admissible: gap > 0 (coulomb), v̂_n > μ |v_t| (anitescu).
 
 import jax.numpy as jnp
 
+from . import rotations
 from .laws import dot
 
 FRICTION_TIME = 0.002  # τ [s]
@@ -14,8 +15,8 @@ LEAST_SLIP = 0.05  # μ₀ [-]
 
 
 def plane_gap(x, radius, shape):
-    """gap = n·(x - p) - height - r  [m]; n constant."""
-    normal = shape["normal"]
+    """gap = n·(x - p) - height - r  [m]; n = rot(a) n₀, a the rotation vector [rad], n₀ and p constant."""
+    normal = rotations.of_vector(shape["rotation"]) @ shape["normal"]
     return dot(normal, x - shape["point"]) - shape["height"] - radius, normal
 
 

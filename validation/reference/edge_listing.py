@@ -46,7 +46,7 @@ class Group:
         zero, nodes = np.zeros_like(self.solid.centre), self.nodes[k]
         frames = tuple(self.frame + node for node in (*nodes, nodes[-1])[:3])
         kind = "edge" if len(nodes) == 2 else "triangle"
-        return solids.Feature(kind, self.name, (kind, k), frames, (zero,) * 3, self.radius, np.eye(3), zero)
+        return solids.Feature(kind, self.name, (kind, k), frames, (zero,) * 3, self.radius, np.eye(3), zero, (), zero)
 
     def contacts(self, now, ahead, way, h, fall):
         """Contacts listed, for velocities `way` (nv,) of which the nodes' come first; fall: g h² [m]."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import touching
+from . import solids, touching
 
 DEEP = 10.0  # [m/s²] R: deeper than R h² a contact is pushed out over several steps
 LEANING = 0.05  # sine of a cylinder's lean on a face from which its rim touches by its deepest point
@@ -61,9 +61,19 @@ class Instant:
     frames: np.ndarray
     theta: np.ndarray
     one: np.ndarray = field(init=False)
+    turns: dict = field(default_factory=dict)  # frames of solids that turn, as far as they were needed
 
     def __post_init__(self):
         self.one = np.concatenate([[1.0], self.theta])
+
+    def frame(self, of, k):
+        """Frame k (3, 4) with the turn of a feature's solid, or of a solid."""
+        if not of.turn:
+            return self.frames[k]
+        if (of.turn, k) not in self.turns:
+            rot = solids.rotation(solids.quaternion(self.theta[list(of.turn)]))
+            self.turns[of.turn, k] = solids.turned(np, rot, self.frames[k], of.pivot @ self.one)
+        return self.turns[of.turn, k]
 
     def points(self, feature):
         """Its first two points (2, 3)  [m]."""
@@ -71,15 +81,16 @@ class Instant:
 
     def nodes(self, feature):
         """Its three points (3, 3)  [m]."""
-        frames = [self.frames[k] for k in feature.frames]
+        frames = [self.frame(feature, k) for k in feature.frames]
         return np.array([f[:, :3] @ (p @ self.one) + f[:, 3] for f, p in zip(frames, feature.points, strict=True)])
 
     def axes(self, feature_or_solid, frame):
-        return self.frames[frame][:, :3] @ feature_or_solid.axes
+        return self.frame(feature_or_solid, frame)[:, :3] @ feature_or_solid.axes
 
     def middle(self, solid):
         """Where the origin of a solid is."""
-        return self.frames[solid.frame][:, :3] @ (solid.centre @ self.one) + self.frames[solid.frame][:, 3]
+        frame = self.frame(solid, solid.frame)
+        return frame[:, :3] @ (solid.centre @ self.one) + frame[:, 3]
 
     def sizes(self, solid):
         """Radius and half a length, or half extents; of a hull half its least width."""

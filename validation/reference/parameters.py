@@ -48,7 +48,7 @@ SHEET_ENTRIES = (
     "radius",
 )
 SHAPE_ENTRIES = {  # kind -> (entry, components; 0 = scalar)
-    "plane": (("height", 0), ("friction", 0)),
+    "plane": (("height", 0), ("rotation", 3), ("friction", 0)),
     "sphere": (("center", 3), ("radius", 0), ("friction", 0)),
     "capsule": (("a", 3), ("b", 3), ("radius", 0), ("friction", 0)),
 }

@@ -51,6 +51,11 @@ def exponential(t):
     return jnp.concatenate([cosine[None], 0.5 * sine * t])
 
 
+def of_vector(t):
+    """R = rot(t) (3, 3), turning by |t| [rad] about t."""
+    return matrix(exponential(t))
+
+
 def cayley(t):
     """Turning by 2 atan(|t|/2) about t; equals the exponential map up to third order in t."""
     return unit(jnp.concatenate([jnp.ones(1), 0.5 * t]))

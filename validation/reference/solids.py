@@ -1,8 +1,9 @@
 """Solids that touch, and their features: points, lines and faces, as far as θ says where they are.
 
 A solid is carried by a *frame*: a body, the world, or a node (a ball that does not turn). In its frame every point of a feature, every
-radius and every coefficient of friction is affine in θ: p = P (1, θ), P (3, 1 + n). So a list of contacts is numbers, and one compiled
-program serves all scenes of the same bodies.
+radius and every coefficient of friction is affine in θ: p = P (1, θ), P (3, 1 + n), but for the turn of the whole solid by a rotation
+vector r of θ about a pivot c = C (1, θ), which turns its axes too: a point p is at c + rot(r) (p - c), which a frame (R, x) carries as
+(R rot(r), x + R (c - rot(r) c)) carries p. So a list of contacts is numbers, and one compiled program serves all scenes of the same bodies.
 """
 
 import itertools
@@ -28,6 +29,8 @@ class Feature:
     radius: np.ndarray  # (1 + n,) [m]
     axes: np.ndarray  # (3, 3) columns: of a face the last is its outward normal
     half: np.ndarray  # (3, 1 + n) [m] half extents of a box
+    turn: tuple  # its solid's
+    pivot: np.ndarray  # its solid's
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,8 @@ class Solid:
     sizes: tuple  # positions in θ: radius, then half a length; or three half extents
     friction: int | None  # position in θ
     hull: hulls.Hull | None = None
+    turn: tuple = ()  # positions in θ of the rotation vector  [rad], in the frame's axes; none of what does not turn
+    about: np.ndarray | None = None  # (3, 1 + n) the point that it turns about, where that is not the centre  [m]
 
     @property
     def rank(self):
@@ -56,6 +61,11 @@ class Solid:
         if place is not None:
             out[1 + place] = 1.0
         return out
+
+    @property
+    def pivot(self):
+        """The point that it turns about (3, 1 + n)."""
+        return self.centre if self.about is None else self.about
 
     @property
     def radius(self):
@@ -71,7 +81,8 @@ class Solid:
         """A feature of this solid."""
         radius = self.affine(None) if radius is None else radius
         axes = self.axes if axes is None else axes
-        return Feature(kind, self.name, name, (self.frame,) * 3, (*points, points[1]), radius, axes, self.half)
+        frames, points = (self.frame,) * 3, (*points, points[1])
+        return Feature(kind, self.name, name, frames, points, radius, axes, self.half, self.turn, self.pivot)
 
     def along(self, k, side):
         """±half extent k along its axis (3, 1 + n)."""
@@ -155,6 +166,18 @@ def rotation(quaternion):
     return np.eye(3) + 2.0 * w * hat + 2.0 * hat @ hat
 
 
+def quaternion(t):
+    """Of turning by |t| [rad] about t: (cos(|t|/2), sin(|t|/2) t/|t|)."""
+    half = 0.5 * np.linalg.norm(t)
+    return np.array([np.cos(half), *(0.5 * np.sinc(half / np.pi) * np.asarray(t))])
+
+
+def turned(np, rot, frame, pivot):
+    """The frame (3, 4) that carries a solid's points as they are without its turn, where `frame` carries them turned by rot about pivot."""
+    r = frame[:, :3] @ rot
+    return np.concatenate([r, (frame[:, 3] + frame[:, :3] @ pivot - r @ pivot)[:, None]], axis=1)
+
+
 def _across(z):
     """Axes whose third is along z; a half space does not know the others."""
     z = np.asarray(z, dtype=float) / np.linalg.norm(z)
@@ -192,6 +215,8 @@ def entries(scene, table):
 
 def _places(table, name, shape, kind):
     where = {"position": table.add_vector(f"{name}.position", shape.get("position", [0.0] * 3))}
+    if kind != "sphere":
+        where["rotation"] = table.add_vector(f"{name}.rotation", [0.0] * 3)
     values = [] if kind == "hull" else shape.get("half_extents") or [shape.get("radius"), shape.get("half_length")]
     for entry, value in zip(SIZES[kind][1], values, strict=False):
         where[entry] = table.add(f"{name}.{entry}", value)
@@ -212,8 +237,10 @@ def solid(kind, shape, name, owner, where, frame, n):
     if kind == "plane":
         axes, centre = _across(shape.get("normal", [0.0, 0.0, 1.0])), np.zeros((3, 1 + n))
         centre[:, 0] = shape.get("point", [0.0, 0.0, 0.0])
+        point = centre.copy()
         centre[:, 1 + where["height"]] = axes[:, 2]
-        return Solid("half space", name, owner, frame, axes, centre, np.array([centre, centre]), (), friction)
+        turn = tuple(where[f"rotation[{k}]"] for k in range(3))
+        return Solid("half space", name, owner, frame, axes, centre, np.array([centre, centre]), (), friction, turn=turn, about=point)
     if "a[0]" in where:
         ends = np.array([vector([where[f"{e}[{k}]"] for k in range(3)]) for e in "ab"])
         return Solid("capsule", name, owner, frame, np.eye(3), ends.mean(axis=0), ends, (where["radius"],), friction)
@@ -225,7 +252,7 @@ def solid(kind, shape, name, owner, where, frame, n):
         half[1 + sizes[1]] = 1.0
     ends = np.array([centre - np.outer(axes[:, 2], half), centre + np.outer(axes[:, 2], half)])
     of = hulls.hull(shape["points"]) if form == "hull" else None
-    return Solid(form, name, owner, frame, axes, centre, ends, sizes, friction, of)
+    return Solid(form, name, owner, frame, axes, centre, ends, sizes, friction, of, tuple(where.get("rotation", ())))
 
 
 def ball(name, owner, frame, radius, n):

@@ -8,6 +8,7 @@ differentiate them. Lengths in m.
 import jax
 import jax.numpy as jnp
 
+from . import solids
 from .contact import LEAST_SLIP, sharpness
 
 KINDS = ("face", "segment", "box", "line", "rim", "edge to point", "edge to line", "edge to segment", "triangle to point")
@@ -185,11 +186,13 @@ def law(w0, v_n, v_t, n, friction, kappa, step, rho):
 
 
 def all_meet(kinds, contacts, frames, theta):
-    """(gap, n, c, shares) of all contacts (arrays with a row each) where the frames (m, 3, 4) are."""
+    """(gap, n, c, shares) of all contacts (arrays with a row each) where the frames (m, 3, 4) are; `rot`: turns of both solids by θ."""
     one = jnp.concatenate([jnp.ones(1), theta])
 
     def each(c):
-        of_a, of_b = frames[c["frames"]], frames[c["other"]]
+        pivot, rot = c["pivot"] @ one, c["rot"]
+        of_a = jax.vmap(lambda frame: solids.turned(jnp, rot[0], frame, pivot[0]))(frames[c["frames"]])
+        of_b = solids.turned(jnp, rot[1], frames[c["other"]], pivot[1])
         ends = jnp.einsum("kij,kj->ki", of_a[:, :, :3], c["points"] @ one) + of_a[:, :, 3]
         others = (c["others"] @ one) @ of_b[:, :3].T + of_b[:, 3]
         return meet(kinds, c, ends, others, of_b[:, :3] @ c["axes"], c["radius"] @ one, c["thick"] @ one, c["half"] @ one)

@@ -179,6 +179,8 @@ def make_stage(model, kinds):
     def act(frames, rates, begin, w0, theta, h, c, scale):
         """Loads Σ ±p (r; 1)ᵀ/h (m, 3, 4) on frames at their own points r, and the contacts' rows."""
         one = jnp.concatenate([jnp.ones(1), theta])
+        rot = jax.vmap(jax.vmap(rotations.of_vector))(jnp.where(c["turn"] < 0, 0.0, theta[c["turn"]]))
+        c = c | {"rot": rot}
         # at the end and at the beginning of the stage in one, which compiles once
         twice = {key: jnp.concatenate([x, x + len(frames)] if key in ("frames", "other") else [x, x]) for key, x in c.items()}
         met = touching.all_meet(kinds, twice, jnp.concatenate([frames, begin]), theta)
@@ -233,7 +235,7 @@ def mass_of(model, contact):
     return contact.kappa / (model.rest_gap * solids.WEIGHT)
 
 
-AFFINE = ("points", "others", "half", "radius", "thick", "friction", "compliance")
+AFFINE = ("points", "others", "pivot", "half", "radius", "thick", "friction", "compliance")
 
 
 def packed(model, contacts, size, width):
@@ -242,16 +244,18 @@ def packed(model, contacts, size, width):
         raise ValueError(f"{len(contacts)} contacts")
     n, world = 1 + width, model.n_bodies
     shapes = {"points": (3, 3, n), "others": (2, 3, n), "axes": (3, 3), "half": (3, n)}
+    shapes["pivot"] = (2, 3, n)
     shapes |= {key: (n,) for key in ("radius", "thick", "friction", "compliance")}
     out = {key: np.zeros((size, *shape)) for key, shape in shapes.items()}
     out |= {"kappa": np.ones(size), "rho": np.ones(size), "sign": np.ones(size)}
     out |= {"kind": np.zeros(size, dtype=int), "node": np.full(size, -1), "frames": np.full((size, 3), world)}
-    out |= {"other": np.full(size, world), "listed": np.zeros(size, dtype=bool), "deep": np.zeros(size, dtype=bool)}
+    out |= {"turn": np.full((size, 2, 3), -1), "other": np.full(size, world), "listed": np.zeros(size, dtype=bool), "deep": np.zeros(size, dtype=bool)}
     for k, c in enumerate(contacts):
         a, b = c.first, c.second
         row = {"points": a.points, "others": b.points[:2], "axes": b.axes, "half": b.half, "radius": a.radius, "thick": b.radius}
         row |= {"friction": c.friction, "compliance": 0.0 if c.compliance is None else c.compliance, "sign": c.sign}
         row |= {"kind": touching.KINDS.index(c.kind), "node": c.node, "frames": a.frames, "other": b.frames[0], "deep": c.deep}
+        row |= {"pivot": (a.pivot, b.pivot), "turn": [x.turn or (-1,) * 3 for x in (a, b)]}
         row |= {"listed": True, "kappa": c.kappa if c.kappa > 0.0 else 1.0, "rho": RHO * mass_of(model, c)}
         for key, value in row.items():
             affine = key in AFFINE and np.ndim(value)
