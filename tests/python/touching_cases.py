@@ -211,9 +211,9 @@ SCENES = {
         + free("upper", (0.01, 0.005, 0.0902), CAPSULE, (0.0, 0.2, 0.0, 0.0, 0.0, 1.0), turned(np.pi / 2, (1.0, 0.2, 0.0))),
         10,
     ),
-    "rope_on_box": (rope_on_box, 12),
+    "rope_on_box": (rope_on_box, 10),
     "rope_edges": (rope_edges, 12),
-    "sheet_edges": (sheet_edges, 10),
+    "sheet_edges": (sheet_edges, 8),
     "box_slides_sdirk2": (
         lambda: head(integrator="sdirk2") + floor() + free("box", (0.0, 0.0, 0.040001), BOX, (0.6, 0.2, 0.0, 0.0, 0.0, 1.5)),
         10,
@@ -223,21 +223,17 @@ SCENES = {
         + free("ball", (0.0, 0.0, 0.0510), BALL, (0.4, 0.0, 0.0, 0.0, 2.0, 3.0), mass=0.4),
         12,
     ),
-    "arm_pushes": (arm_pushes, 12),
+    "arm_pushes": (arm_pushes, 9),
 }
 
 # scene -> another one, with turns of planes, boxes and shapes of bodies by rotation vectors [rad] in place of the scene's zeros, and by
 # how much (coordinates of the state) its start is higher [m]
 TURNED = {
     "box_at_fixed_turned": (
-        "box_at_fixed",
-        {"table.rotation": (0.1, -0.05, 0.08), "box.shape[0].rotation": (0.05, 0.1, -0.1)},
-        {2: 0.0068},
+        "box_at_fixed", {"table.rotation": (0.1, -0.05, 0.08), "box.shape[0].rotation": (0.05, 0.1, -0.1)}, {2: 0.0068}
     ),
     "capsule_rolls_turned": (
-        "capsule_rolls",
-        {"floor.rotation": (0.05, -0.1, 0.1), "capsule.shape[0].rotation": (0.1, 0.06, -0.05)},
-        {2: -0.007},
+        "capsule_rolls", {"floor.rotation": (0.05, -0.1, 0.1), "capsule.shape[0].rotation": (0.1, 0.06, -0.05)}, {2: -0.007}
     ),
     "stones_turned": (
         "stones",
@@ -246,7 +242,7 @@ TURNED = {
     ),
     "rope_edges_turned": ("rope_edges", {"table.rotation": (-0.1, -0.05, 0.08)}, {}),
 }
-SCENES |= {name: SCENES[of] for name, (of, _, _) in TURNED.items()}
+SCENES |= {name: (SCENES[of][0], 8) for name, (of, _, _) in TURNED.items()}
 
 # contacts that a stage may list, where it is not 16
 SIZES = {"rope_edges": 20, "rope_edges_turned": 20, "rope_on_box": 12, "sheet_edges": 24}
