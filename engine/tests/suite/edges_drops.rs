@@ -94,3 +94,47 @@ fn random_drops_are_solved_and_nothing_is_cut() {
         }
     }
 }
+
+/// A rope whose edges begin in a box, though no node does, is pushed out at a step's fall a step, not with depth/h, whatever the step.
+#[test]
+fn an_edge_that_begins_deep_is_pushed_out_slowly() {
+    let text = r#"
+schema_version = 1
+[time]
+step = 0.004
+duration = 1.0
+integrator = "euler"
+[contact]
+rest_gap = 1e-6
+[[rope]]
+name = "cable"
+nodes = 3
+length = 0.4
+linear_density = 0.05
+stretch_stiffness = 400.0
+bend_stiffness = 5e-4
+radius = 0.004
+contact = "edges"
+initial = { shape = "straight", from = [-0.2, 0.0, 0.0524], direction = [1.0, 0.0, 0.0] }
+[[box]]
+name = "table"
+position = [0.1, 0.0, 0.0]
+half_extents = [0.05, 0.1, 0.05]
+friction = 0.4
+"#;
+    let scene = pliant_scene::parse_scene(text, "inside.toml").unwrap();
+    for step in [1.0 / 240.0, 0.001] {
+        let mut scene = scene.clone();
+        scene.time.step = step;
+        let case = Case::new(&scene, 40);
+        let begun = least_gap(&scene, &case.model, &case.x0.q);
+        assert!(begun < -1.5e-3, "{begun} m");
+        let run = case.run(StepOptions { record: false, ..StepOptions::default() });
+        assert_eq!(run.retries(), 0);
+        let gaps: Vec<f64> = run.states.iter().map(|x| least_gap(&scene, &case.model, &x.q)).collect();
+        // by no more than 10 h² a step, until it is out
+        let slowly = |g: &[f64]| g[0] >= 0.0 || (0.0..10.0 * step * step + 1e-6).contains(&(g[1] - g[0]));
+        assert!(gaps.windows(2).all(slowly), "h = {step}: {gaps:?}");
+        assert!(gaps[40] > (begun + 40.0 * 10.0 * step * step).min(0.0) - 1e-6, "h = {step}: {} m", gaps[40]);
+    }
+}

@@ -36,3 +36,17 @@ fn gradients_of_a_hundred_steps() {
         demand(name, &case, if name == "rope_edges" { 3 } else { 1 });
     }
 }
+
+/// Contacts that begin deep aim at a gap that follows the one they began with, through positions, sizes and orientations.
+#[test]
+fn deep_starts() {
+    let mut case = Case::new(&crate::common::scene("rope_edges"), 12);
+    // 1.5 mm into the box, whose edge it is to lie on, and 5 mm into the bar
+    (0..7).for_each(|node| case.x0.q[3 * node + 2] -= 0.0125);
+    case.x0.v.fill(0.0);
+    let run = case.run(StepOptions::default());
+    let upward = |x: &pliant_math::State| (1..7).map(|node| x.v[3 * node + 2]).fold(0.0, f64::max);
+    // no faster than a fall over that time, and what a push between two nodes gives them
+    assert!(run.states.iter().all(|x| upward(x) < 0.3), "thrown");
+    demand("deep starts of edges", &case, 3);
+}

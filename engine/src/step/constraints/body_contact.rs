@@ -326,20 +326,25 @@ impl Stage<'_> {
         CONSTRAINTS.rho / mobility.max(STEP.least_mobility / self.masses.total)
     }
 
-    /// Decides how far a contact is pushed out in this stage. A contact that begins deeper than it could have got within a step is one
-    /// that was not listed before, or that the scene begins with. To demand that it be open at the end of the stage would throw the bodies apart
-    /// with depth/h, the faster the shorter the step; it has to open by `recovery`·h² only. A compliant contact is meant to be deep.
+    /// Signed distance \[m\] that a contact must have where the stage ends, for that where it begins. A contact that begins deeper than it could
+    /// have got within a step is one that was not listed before, or that the scene begins with. To demand that it be open at the end of the
+    /// stage would throw things apart with depth/h, the faster the shorter the step; it has to open by `recovery`·h² only.
+    pub(crate) fn target(&self, gap: f64) -> f64 {
+        (gap + STEP.recovery * self.h * self.h).min(0.0)
+    }
+
+    /// Decides how far a contact is pushed out in this stage. A compliant one is meant to be deep.
     fn set_target(&self, link: &mut Link, pair: usize, features: &FeaturePair, at: &Beginning) {
-        let most = STEP.recovery * self.h * self.h;
         (link.target, link.target_by_start) = (0.0, Vec::new());
-        if link.gap >= -most || self.model.collider_pairs[pair].compliance.is_some() {
+        let target = self.target(link.gap);
+        if target >= 0.0 || self.model.collider_pairs[pair].compliance.is_some() {
             return;
         }
         let [a, b] = link.colliders.map(|s| &self.model.colliders[s]);
         let [of_a, of_b] = [a, b].map(|collider| pose(collider.attachment, self.q_ref, at.frames));
         let placed = [a.placed(&of_a, |k| self.theta[k]), b.placed(&of_b, |k| self.theta[k])];
         let Ok((_, changes)) = contact_geometry_changes(features, placed.each_ref(), (a, &of_a), self.theta) else { return };
-        link.target = link.gap + most;
+        link.target = target;
         let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
         for (attachment, by) in link.attachments.iter().zip(&changes.gap) {
             match *attachment {

@@ -27,6 +27,10 @@ pub(crate) struct EdgeContact {
     pub rho: f64,
     /// Signed distance where the stage begins \[m\].
     pub gap: f64,
+    /// Signed distance that it must have where the stage ends \[m\]: 0, or less where it begins [deep](Stage::target), and then its
+    /// derivatives by the positions of the nodes where the stage begins [-].
+    pub target: f64,
+    pub target_by_start: [Vec3<f64>; 3],
     /// The law alone, and with what it is evaluated at.
     pub law: ConeLinear,
     pub linear: Option<ElementLinear>,
@@ -99,8 +103,12 @@ impl Stage<'_> {
         // wherever the point is, no node is lighter than this
         let rho = CONSTRAINTS.rho * free.fold(f64::INFINITY, |m, node| m.min(self.masses.nodes[*node]));
         let x = of_nodes(element, self.q_ref);
-        let gap = nearest(&x[..element.count], self.theta[element.radius], id.feature, shape).map_or(0.0, |found| found.gap);
-        EdgeContact { id, rho, gap, law: ConeLinear::zero(), linear: None }
+        let found = nearest(&x[..element.count], self.theta[element.radius], id.feature, shape);
+        let (gap, by_start) =
+            found.map_or((0.0, [Vec3::zeros(); 3]), |found| (found.gap, found.weights.map(|w| found.normal * w)));
+        let target = self.target(gap);
+        let target_by_start = if target < 0.0 { by_start } else { [Vec3::zeros(); 3] };
+        EdgeContact { id, rho, gap, target, target_by_start, law: ConeLinear::zero(), linear: None }
     }
 }
 
@@ -161,7 +169,7 @@ impl ConstraintSet for EdgeContacts {
                 .map_err(|distance| stage.no_normal_of_element(&contact.id, distance))?;
             let law = stage.element_law(contact).for_search(at.at_root);
             let u_t = tangential(&found.normal, &weighted(&found.weights, &of_nodes(element, at.v)));
-            let f = law.residual(found.gap / stage.h, &u_t, &w);
+            let f = law.residual((found.gap - contact.target) / stage.h, &u_t, &w);
             out[4 * k..4 * k + 4].copy_from_slice(f.as_slice());
             element.push(&found, impulse(found.normal, law.mu, &(w - contact.law.inverse * f)), stage.h, loads.nodes);
         }
@@ -185,7 +193,7 @@ impl ConstraintSet for EdgeContacts {
                 .map_err(|distance| stage.no_normal_of_element(&contact.id, distance))?;
             let (found, law) = (changes.nearest, stage.element_law(contact).for_search(at.at_root));
             let u_t = tangential(&found.normal, &weighted(&found.weights, &v));
-            let lin = law.linearize(found.gap / stage.h, &u_t, &w);
+            let lin = law.linearize((found.gap - contact.target) / stage.h, &u_t, &w);
             if !lin.df_dw_inverse.iter().all(|x| x.is_finite()) {
                 let [first, second] = stage.element_names(&contact.id);
                 return Err(StepError::ContactNotFinite { step: 0, first, second, value: w.norm() });
@@ -242,7 +250,7 @@ impl ConstraintSet for EdgeContacts {
     fn start(&self, stage: &Stage, warm: Option<&WarmImpulses>, lambda: &mut [f64]) {
         for (contact, w) in self.contacts.iter().zip(lambda.chunks_exact_mut(4)) {
             let known = warm.and_then(|warm| warm.of(&ConstraintId::Edge(contact.id)));
-            let start = known.unwrap_or_else(|| stage.element_law(contact).central(contact.gap, stage.h));
+            let start = known.unwrap_or_else(|| stage.element_law(contact).central(contact.gap - contact.target, stage.h));
             w.copy_from_slice(start.as_slice());
         }
     }
@@ -266,10 +274,12 @@ impl ConstraintSet for EdgeContacts {
             let dofs = element.corners().iter().enumerate().flat_map(|(j, &node)| {
                 let felt = if stage.model.prescribed[node] { 0.0 } else { linear.weights[j] };
                 let slope = linear.slope(j, way);
+                let (by_gap, by_start) = (contact.law.f_vn / stage.h, contact.target_by_start[j]);
                 (0..3).map(move |a| DofPartial {
                     v: 3 * node + a,
                     impulse: linear.by_w.row(a).transpose() * felt,
-                    by_q: linear.f_x[j].column(a).into_owned(),
+                    // v_n = (gap − target)/h, where the target may follow the positions at the beginning
+                    by_q: linear.f_x[j].column(a) - by_gap * by_start[a],
                     slope: slope.column(a).into_owned(),
                 })
             });
@@ -286,7 +296,7 @@ impl ConstraintSet for EdgeContacts {
                 attachments: [Attachment::World; 2],
                 colliders: [0; 2],
                 rho: [contact.rho; 2],
-                recovers: false,
+                recovers: contact.target < 0.0,
             });
         }
     }
@@ -350,7 +360,7 @@ impl Model {
     }
 }
 
-/// The nearest point of an edge or triangle at positions `q` for entries of θ as `theta` has them.
+/// The nearest point of an edge or triangle at nodes' positions `q` for entries of θ as `theta` has them.
 fn nearest_with(model: &Model, id: EdgeId, q: &[f64], theta: impl Fn(usize) -> Dual64) -> Option<Nearest<Dual64>> {
     let element = &model.elements[id.element];
     let x = of_nodes(element, q).map(|x| x.map(Dual64::from_re));
@@ -360,11 +370,11 @@ fn nearest_with(model: &Model, id: EdgeId, q: &[f64], theta: impl Fn(usize) -> D
     nearest(&x[..element.count], theta(element.radius), id.feature, &shape).ok()
 }
 
-/// Numbers that tell the contact apart, 0 separate, 1 stick or 2 slip, and which part of the edge or triangle is nearest.
+/// Numbers that tell the contact apart, 0 separate, 1 stick or 2 slip, plus 4 where it is pushed out over several steps, and which part of the edge or triangle is nearest.
 pub(super) fn mode(record: &ConeRecord, id: EdgeId, at: &InputsAt) -> Vec<u8> {
     let of = (&at.model.element_groups[id.group], &at.model.elements[id.element]);
     let law = element_law(at.model.contact.law, of, record.rho[0], at.theta, [at.stage.rest_gap, sharpness(at.model.h)], 0.0);
-    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt());
+    let phase = record.phase((law.at.kappa * law.at.rho_n).sqrt()) + if record.recovers { 4 } else { 0 };
     let region = || match nearest_with(at.model, id, at.q, |k| Dual64::from_re(at.theta[k]))?.region {
         Region::Inside => Some(1),
         Region::Side(k) => Some(2 + k),
@@ -379,9 +389,15 @@ pub(super) fn mode(record: &ConeRecord, id: EdgeId, at: &InputsAt) -> Vec<u8> {
 pub(super) fn visit_inputs(record: &ConeRecord, id: EdgeId, at: &InputsAt, visit: &mut dyn FnMut(usize, Input, f64)) {
     let (model, theta, h) = (at.model, at.theta, at.stage.h);
     let (group, element) = (&model.element_groups[id.group], &model.elements[id.element]);
-    let along = |param: Option<usize>| {
+    let along_at = |q: &[f64], param: Option<usize>| {
         let seeded = |k: usize| Dual64::new(theta[k], if Some(k) == param { 1.0 } else { 0.0 });
-        nearest_with(model, id, at.q, seeded)
+        nearest_with(model, id, q, seeded)
+    };
+    let along = |param| along_at(at.q, param);
+    // where its target follows the gap at the beginning
+    let gap_at_start = |param| {
+        let by = record.recovers.then(|| along_at(&at.stage.start.q_ref, Some(param))).flatten();
+        by.map_or(0.0, |by| by.gap.eps)
     };
     // changes of the impulses on free nodes, and of F
     let mut emit = |param: usize, by: &dyn Fn(usize) -> Vec3<f64>, df: Vector4<f64>| {
@@ -406,7 +422,7 @@ pub(super) fn visit_inputs(record: &ConeRecord, id: EdgeId, at: &InputsAt, visit
         let Some(by) = along(Some(param)) else { continue };
         let (dn, dweights) = (by.normal.map(|x| x.eps), by.weights.map(|w| w.eps));
         let du_t = tangential(&n, &weighted(&dweights, &v)) - dn * n.dot(&u) - n * dn.dot(&u);
-        let df = record.f_vn * (by.gap.eps / h) + record.f_vt * du_t;
+        let df = record.f_vn * ((by.gap.eps - gap_at_start(param)) / h) + record.f_vt * du_t;
         emit(param, &|i| push * dweights[i] + dn * (weights[i] * w[0]), df);
     }
 }
