@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import solids, touching
-from .listing import LEAN, PARALLEL_EDGE, SLIVER, Contact, reach
+from .listing import DEEP, LEAN, PARALLEL_EDGE, SLIVER, Contact, reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,8 @@ class Group:
             for kind, feature in self.features(count):
                 if any(self._meets(at, kind, k, element, feature, margin) for at in (now, ahead)):
                     sign = self._sign(now, kind, element, feature)
-                    out.append(Contact(kind, element, feature, self.friction, None, self.kappas[k], sign))
+                    deep = self._meeting(now, kind, element, feature)[0] < -DEEP * h * h
+                    out.append(Contact(kind, element, feature, self.friction, None, self.kappas[k], sign, deep=deep))
         return out
 
     def _distance(self, at, x):
@@ -81,18 +82,22 @@ class Group:
             way = at.axes(self.solid, self.solid.frame) @ np.array(feature.name[1:])
         return 1.0 if n @ way >= 0.0 else -1.0
 
-    def _meets(self, at, kind, k, element, feature, margin):
+    def _meeting(self, at, kind, element, feature):
+        """(gap, n, shares of the nodes in the nearest point)."""
         x, others, r = at.nodes(element), at.points(feature), element.radius @ at.one
         thick, sign = feature.radius @ at.one, self._sign(at, kind, element, feature)
         if kind == "triangle to point":
-            gap, n, shares = touching.triangle_to_point(np, x, r, others[0], thick, sign)
-        elif kind == "edge to point":
+            return touching.triangle_to_point(np, x, r, others[0], thick, sign)
+        if kind == "edge to point":
             gap, n, share = touching.edge_to_point(np, x[:2], r, others[0], thick)
         else:
             measure = touching.edge_to_line if kind == "edge to line" else touching.edge_to_segment
             gap, n, share = measure(np, x[:2], r, others, thick, sign)
-        if kind != "triangle to point":
-            shares = np.array([1.0 - share, share])
+        return gap, n, np.array([1.0 - share, share])
+
+    def _meets(self, at, kind, k, element, feature, margin):
+        x, others = at.nodes(element), at.points(feature)
+        gap, n, shares = self._meeting(at, kind, element, feature)
         if not (np.all(shares > 0.0) and gap <= margin):
             return False
         point = shares @ x[: len(shares)]
