@@ -216,3 +216,16 @@ friction = 0.0
         assert!(most <= energy[0] * (1.0 + 1e-9), "{place:?} {mass} kg: {} J, then {most} J", energy[0]);
     }
 }
+
+/// A step that is given up says which contact pushes hardest where it fails.
+#[test]
+fn what_does_not_converge_names_the_contact() {
+    let mut scene = scene("pile_gains");
+    (scene.solver.max_iterations, scene.solver.max_halvings) = (1, 0);
+    let case = case_of(&scene);
+    let options = StepOptions { record: false, ..StepOptions::default() };
+    let mut stepper = pliant_engine::step::Stepper::new(&case.model, &case.theta, options).unwrap();
+    let mut state = case.x0.clone();
+    let error = case.u.iter().find_map(|u| stepper.step(&mut state, u).err()).unwrap().to_string();
+    assert!(error.contains("not converged") && error.contains("`contact of b0.shape[0] with floor`"), "{error}");
+}
