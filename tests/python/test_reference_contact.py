@@ -85,7 +85,8 @@ def test_every_scene_has_its_contacts():
     for name, expected in CARRIED.items():
         run = case(name)
         assert run.rollout and expected <= run.stepper.loaded, (name, run.stepper.loaded)
-    assert len(case("ball_rolls_sdirk2").stepper.halved) == 1
+    lands = case("ball_rolls_sdirk2")
+    assert lands.rollout and len(lands.stepper.halved) == 1
 
 
 def test_bars_see_small_errors():
