@@ -52,7 +52,8 @@ def test_shapes(path):
     assert all(len(column) == 3 for column in roll.trace.values())
     created = roll.trace["energy_created"]
     assert created.dtype == np.float64 and np.all((created >= 0) & np.isfinite(created))
-    assert roll.trace["left"].dtype == np.float64 and np.all((roll.trace["left"] >= 0.0) & (roll.trace["left"] < 1e-6))
+    left = roll.trace["left"]
+    assert left.dtype == np.float64 and np.all((left >= 0.0) & (left < 1e-6))
     assert roll.energy().shape == (4,) and not roll.surrogate
     for nodes in model.ropes.values():
         assert 0 <= nodes.start < nodes.stop <= model.n_nodes
@@ -338,3 +339,9 @@ def test_first_gradient():
     seconds, moved = out.stdout.split()
     print(f"import and first gradient: {float(seconds):.3f} s (goal: below 1 s)")
     assert moved == "True"
+
+
+def test_a_rope_at_rest_ends_its_steps_at_rounding():
+    model = pliant.load(Path(__file__).parents[2] / "examples" / "hanging_cable.toml")
+    left = model.rollout(model.initial_state(), model.controls(10)).trace["left"]
+    assert np.all((left > 0.0) & (left < 1e-12))

@@ -14,7 +14,7 @@ def sound(figures):
     """Nothing grows: neither strain nor depth nor speed after the first periods, nor memory."""
     rows = figures["periods"][2:]
     assert max(row["depth_m"] for row in rows) < 1e-9 and max(row["largest_strain"] for row in rows) < 0.03
-    assert max(row["fastest_m_s"] for row in rows[-5:]) <= 1.01 * max(row["fastest_m_s"] for row in rows)
+    assert max(row["fastest_m_s"] for row in rows[-5:]) <= 1.01 * max(row["fastest_m_s"] for row in rows[:-5])
     assert rows[-1]["memory_mb"] - rows[0]["memory_mb"] < 5.0
     assert figures["replay_difference"] < 1e-10 and np.isfinite(figures["largest_gradient"])
 

@@ -34,8 +34,7 @@ def frames_of(model, q):
                 if joint.kind == "prismatic":
                     move[:3, 3] = joint.axis * x[joint.q][0]
                 else:
-                    half = 0.5 * x[joint.q][0]
-                    turn = x[joint.q] if joint.kind == "ball" else [np.cos(half), *(np.sin(half) * joint.axis)]
+                    turn = x[joint.q] if joint.kind == "ball" else solids.quaternion(x[joint.q][0] * joint.axis)
                     move[:3, :3] = solids.rotation(turn)
                     move[:3, 3] = joint.anchor - move[:3, :3] @ joint.anchor
                 frame = frame @ move
@@ -56,10 +55,9 @@ def moved(model, q, t):
         if joint.kind != "ball":
             out[to] += by
             continue
-        angle = np.linalg.norm(by)
-        w, u = np.cos(0.5 * angle), 0.5 * np.sinc(0.5 * angle / np.pi) * by
+        w, *u = solids.quaternion(by)
         a, b = q[to][0], q[to][1:]
-        out[to] = np.concatenate([[a * w - b @ u], a * u + w * b + np.cross(b, u)])
+        out[to] = np.concatenate([[a * w - b @ u], a * np.array(u) + w * b + np.cross(b, u)])
     return out
 
 
@@ -83,7 +81,7 @@ def slopes_of_moved(model, t):
         first = 0.5 - a * a / 24.0 if series else (1.0 - np.cos(a)) / a**2
         second = 1.0 / 6.0 - a * a / 120.0 if series else (a - np.sin(a)) / a**3
         by_t[rows, rows] = np.eye(3) - first * hat + second * hat @ hat
-        by_q[rows, rows] = solids.rotation([np.cos(0.5 * a), *(0.5 * np.sinc(0.5 * a / np.pi) * x)]).T
+        by_q[rows, rows] = solids.rotation(solids.quaternion(x)).T
     return by_q, by_t
 
 

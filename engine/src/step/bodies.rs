@@ -111,7 +111,7 @@ impl Stage<'_> {
         }
     }
 
-    fn joint_point<'a>(&'a self, q_bar: &'a [f64], v_bar: &'a [f64]) -> JointPoint<'a> {
+    pub(super) fn joint_point<'a>(&'a self, q_bar: &'a [f64], v_bar: &'a [f64]) -> JointPoint<'a> {
         let n = self.model.n_node_dofs();
         JointPoint { tree: &self.model.tree, q: &q_bar[n..], v: &v_bar[n..], u: self.u, theta: self.theta, past: self.past }
     }
@@ -227,24 +227,6 @@ impl Stage<'_> {
             end.evaluate(&self.model.tree, self.scheme.end, &t);
         }
         (middle, end)
-    }
-
-    /// The joint force with the largest share of a row, and the first that is not finite.
-    pub(super) fn blame_joint(&self, dof: usize, ws: &mut Workspace) -> (String, Option<(String, usize, f64)>) {
-        let n = self.model.n_node_dofs();
-        let mut largest = ("inertia".to_owned(), 0.0);
-        let mut f = vec![0.0; self.model.tree.nv()];
-        for term in &self.model.joint_terms {
-            f.fill(0.0);
-            term.add_force(&self.joint_point(&ws.q_bar, &ws.v_bar), &mut f);
-            if let Some(k) = f.iter().position(|x| !x.is_finite()) {
-                return (term.name().to_owned(), Some((term.name().to_owned(), n + k, f[k])));
-            }
-            if f[dof].abs() > largest.1 {
-                largest = (term.name().to_owned(), f[dof].abs());
-            }
-        }
-        (largest.0, None)
     }
 }
 

@@ -1,5 +1,6 @@
 //! One step: integrators as sequences of stages, retries, and the record of what was solved.
 
+mod blame;
 mod blocks;
 mod bodies;
 mod body_inputs;

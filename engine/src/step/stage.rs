@@ -20,11 +20,6 @@ use pliant_linalg::System;
 use pliant_math::spatial::Inertia;
 use pliant_scene::Integrator;
 
-/// Name of bending and twisting of rods in messages.
-const ROD: &str = "rod (bending and twist)";
-/// And grippers that grasp.
-const GRASP: &str = "grasp";
-
 /// The unknowns of a stage, or a change of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Iterate {
@@ -136,7 +131,7 @@ impl Stage<'_> {
     }
 
     /// History variables of rod sections.
-    fn remembered(&self) -> Remembered<'_> {
+    pub(super) fn remembered(&self) -> Remembered<'_> {
         Remembered { past: self.rod_past, z: self.past.z, elapsed: self.past.elapsed }
     }
 
@@ -463,39 +458,5 @@ impl Stage<'_> {
         }
         ws.constraints.parts(&ws.it.lambda).for_each(|(set, own)| set.add_fixed(self, own, &mut dq, &mut a));
         (dq, dv, a)
-    }
-
-    /// The term with the largest force in a row, and the first non-finite force with its row, if any: for error messages.
-    pub(crate) fn blame(&self, it: &Iterate, row: usize, ws: &mut Workspace) -> (String, Option<(String, usize, f64)>) {
-        self.place(&it.v, ws);
-        if row >= self.model.n_node_dofs() {
-            return self.blame_joint(row - self.model.n_node_dofs(), ws);
-        }
-        let mut largest = ("inertia".to_owned(), 0.0);
-        for term in &self.model.terms {
-            ws.f.fill(0.0);
-            term.add_force(&Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta }, &mut ws.f);
-            if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
-                return (term.name().to_owned(), Some((term.name().to_owned(), k, ws.f[k])));
-            }
-            if ws.f[row].abs() > largest.1 {
-                largest = (term.name().to_owned(), ws.f[row].abs());
-            }
-        }
-        ws.f.fill(0.0);
-        self.model.rods.add_force(&ws.rods, &ws.v_bar, self.theta, self.remembered(), &mut ws.f);
-        if let Some(k) = ws.f.iter().position(|f| !f.is_finite()) {
-            return (ROD.to_owned(), Some((ROD.to_owned(), k, ws.f[k])));
-        }
-        if ws.f[row].abs() > largest.1 {
-            largest = (ROD.to_owned(), ws.f[row].abs());
-        }
-        ws.f.fill(0.0);
-        let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
-        self.holds.iter().for_each(|hold| hold.add_force(&at, &mut ws.f));
-        if ws.f[row].abs() > largest.1 {
-            largest = (GRASP.to_owned(), ws.f[row].abs());
-        }
-        (largest.0, None)
     }
 }

@@ -14,7 +14,7 @@ use crate::geometry::collider::{
 use crate::model::Model;
 use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
-use crate::step::{Iterate, Stage, StepError, Workspace};
+use crate::step::{Stage, StepError};
 use nalgebra::Vector4;
 use num_dual::Dual64;
 use pliant_math::spatial::{Force, Motion, column};
@@ -326,13 +326,6 @@ impl Stage<'_> {
         CONSTRAINTS.rho / mobility.max(STEP.least_mobility / self.masses.total)
     }
 
-    /// Signed distance \[m\] that a contact must have where the stage ends, for that where it begins. A contact that begins deeper than it could
-    /// have got within a step is one that was not listed before, or that the scene begins with. To demand that it be open at the end of the
-    /// stage would throw things apart with depth/h, the faster the shorter the step; it has to open by `recovery`·h² only.
-    pub(crate) fn target(&self, gap: f64) -> f64 {
-        (gap + STEP.recovery * self.h * self.h).min(0.0)
-    }
-
     /// Decides how far a contact is pushed out in this stage. A compliant one is meant to be deep.
     fn set_target(&self, link: &mut Link, pair: usize, features: &FeaturePair, at: &Beginning) {
         (link.target, link.target_by_start) = (0.0, Vec::new());
@@ -356,29 +349,6 @@ impl Stage<'_> {
                     .extend(tree.chain(tree.last_dof(body)).map(|l| (n + l, (by * column(&at.frames.axes[l].s))[0]))),
             }
         }
-    }
-
-    /// The contact of colliders with the largest impulse of those that push in a row, with the masses of its bodies.
-    pub(crate) fn heaviest_contact(&self, row: usize, it: &Iterate, ws: &Workspace) -> Option<String> {
-        let (n, tree) = (self.model.n_node_dofs(), &self.model.tree);
-        let pushes = |attachment: &Attachment| match *attachment {
-            Attachment::World => false,
-            Attachment::Node(node) => row / 3 == node && row < n,
-            Attachment::Body(body) => tree.chain(tree.last_dof(body)).any(|l| n + l == row),
-        };
-        let of_bodies = |link: &Link| matches!(link.id, ConstraintId::Bodies { .. });
-        let links = ws.constraints.parts(&it.lambda).flat_map(|(set, own)| set.links().iter().zip(own.chunks_exact(4)));
-        let pushing = links.filter(|(link, _)| of_bodies(link) && link.attachments.iter().any(pushes));
-        let (link, _) = pushing.max_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]))?;
-        let names = link.colliders.map(|k| &self.model.colliders[k].name);
-        let masses = match link.attachments {
-            [Attachment::Body(a), Attachment::Body(b)] => {
-                let [a, b] = [a, b].map(|body| self.masses.bodies[body].m);
-                format!(" ({a:.3e} kg, {b:.3e} kg)")
-            }
-            _ => String::new(),
-        };
-        Some(format!("contact of {} with {}{masses}", names[0], names[1]))
     }
 
     /// Inverse effective mass of two frames for a wrench on the first and its opposite on the second, where the stage begins; nodes

@@ -42,6 +42,7 @@ pub(crate) use warm::WarmImpulses;
 use crate::bodies::Frames;
 use crate::geometry::collider::Feature;
 use crate::step::blocks::UnconstrainedBlocks;
+use crate::step::constants::STEP;
 use crate::step::impact_check::Approach;
 use crate::step::{Stage, StepError};
 use nalgebra::{Matrix6, Vector4};
@@ -340,6 +341,15 @@ fn cones_at_rounding(lambda: &[f64], residuals: &[f64], steps: impl Iterator<Ite
     let largest = |x: &[f64]| x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     let cones = lambda.chunks_exact(4).zip(residuals.chunks_exact(4)).zip(steps);
     cones.into_iter().all(|((w, f), rho)| largest(f) <= unit * (largest(w) + rho * speed))
+}
+
+impl Stage<'_> {
+    /// Signed distance \[m\] that a contact must have where the stage ends, for that where it begins. A contact that begins deeper than it could
+    /// have got within a step is one that was not listed before, or that the scene begins with. To demand that it be open at the end of the
+    /// stage would throw things apart with depth/h, the faster the shorter the step; it has to open by `recovery`·h² only.
+    pub(crate) fn target(&self, gap: f64) -> f64 {
+        (gap + STEP.recovery * self.h * self.h).min(0.0)
+    }
 }
 
 /// Reach of a contact \[m\]: beyond it pushes with less than 1e-6 of the weight (hard contact) or 1e-3 (soft, where that would be

@@ -241,8 +241,6 @@ fn explain(stage: &Stage, ws: &mut Workspace, correction: f64, work: &Work) -> S
         }
         Ok(Blame { row, term, residual, .. }) => {
             let place = stage.model.row_name(row);
-            // beside contacts inertia says nothing: it is what balances them
-            let term = if term == "inertia" { stage.heaviest_contact(row, &ws.it, ws).unwrap_or(term) } else { term };
             StepError::NotConverged { step: 0, iterations: work.iterations, correction, residual, row, place, term }
         }
     }
