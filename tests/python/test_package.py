@@ -342,6 +342,6 @@ def test_first_gradient():
 
 
 def test_a_rope_at_rest_ends_its_steps_at_rounding():
-    model = pliant.load(Path(__file__).parents[2] / "examples" / "hanging_cable.toml")
+    model = pliant.load(ROOT / "examples" / "hanging_cable.toml")
     left = model.rollout(model.initial_state(), model.controls(10)).trace["left"]
     assert np.all((left > 0.0) & (left < 1e-12))
