@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// The crates from the bottom up: folder of the manifest, name of the package, folders with its sources. Each may use those
 /// before it, and none may use those after it.
-const LAYERS: [(&str, &str, &[&str]); 10] = [
+const LAYERS: [(&str, &str, &[&str]); 11] = [
     ("math", "pliant-math", &["math"]),
     ("linalg", "pliant-linalg", &["linalg"]),
     ("smoothing", "pliant-smoothing", &["smoothing"]),
@@ -17,6 +17,7 @@ const LAYERS: [(&str, &str, &[&str]); 10] = [
     ("engine", "pliant-engine", &["engine"]),
     ("import", "pliant-import", &["import"]),
     ("adjoint", "pliant-adjoint", &["adjoint"]),
+    ("control", "pliant-control", &["control"]),
     ("identify", "pliant-identify", &["identify"]),
     (".", "pliant", &["src", "examples", "tests"]),
     ("py", "pliant-py", &["py"]),
@@ -24,7 +25,7 @@ const LAYERS: [(&str, &str, &[&str]); 10] = [
 
 /// The modules of each crate from the bottom up: source folder, and its top-level modules, each of which may use those before it. `lib`
 /// stands for the items of `lib.rs` itself.
-const MODULES: [(&str, &str); 8] = [
+const MODULES: [(&str, &str); 9] = [
     ("math/src", "lib input params simd state dihedral spatial inertia rotation transport"),
     (
         "linalg/src",
@@ -48,6 +49,7 @@ const MODULES: [(&str, &str); 8] = [
         "lib constants seeds implicit stage step linearization inverse tangent linearize rollout \
          equilibrium gradcheck surrogate",
     ),
+    ("control/src", "lib ocp"),
     ("identify/src", "lib sensor stats unknown number log error shooting causes fit audit diagnose report"),
 ];
 
