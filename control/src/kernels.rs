@@ -1,0 +1,169 @@
+//! Products of a column-major matrix with a vector, vectorised, four columns at a time.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// The first `columns` columns of a matrix stored with `height` numbers a column.
+///
+/// Of a lower triangle, whose entries above the diagonal are zeros, blocks of four columns start at their first diagonal entry.
+#[derive(Clone, Copy)]
+pub(crate) struct Columns<'a> {
+    pub data: &'a [f64],
+    pub height: usize,
+    pub columns: usize,
+    pub lower: bool,
+}
+
+impl<'a> Columns<'a> {
+    fn block(self, first: usize, from: usize) -> [&'a [f64]; 4] {
+        std::array::from_fn(|i| &self.data[(first + i) * self.height + from..(first + i + 1) * self.height])
+    }
+
+    fn one(self, column: usize, from: usize) -> &'a [f64] {
+        &self.data[column * self.height + from..(column + 1) * self.height]
+    }
+}
+
+/// `y += scale · A x`.
+pub(crate) fn add_product(scale: f64, a: Columns<'_>, x: &[f64], y: &mut [f64]) {
+    Arch::new().dispatch(AddProduct { scale, a, x, y });
+}
+
+struct AddProduct<'a> {
+    scale: f64,
+    a: Columns<'a>,
+    x: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl WithSimd for AddProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { scale, a, x, y } = self;
+        let whole = a.columns / 4 * 4;
+        for first in (0..whole).step_by(4) {
+            let factors: [f64; 4] = std::array::from_fn(|i| scale * x[first + i]);
+            if factors == [0.0; 4] {
+                continue;
+            }
+            let from = if a.lower { first } else { 0 };
+            let [(c0, t0), (c1, t1), (c2, t2), (c3, t3)] = a.block(first, from).map(S::as_simd_f64s);
+            let (body, tail) = S::as_mut_simd_f64s(&mut y[from..a.height]);
+            let f = factors.map(|factor| simd.splat_f64s(factor));
+            for ((((y, c0), c1), c2), c3) in body.iter_mut().zip(c0).zip(c1).zip(c2).zip(c3) {
+                let left = simd.mul_add_f64s(f[0], *c0, simd.mul_add_f64s(f[1], *c1, *y));
+                *y = simd.mul_add_f64s(f[2], *c2, simd.mul_add_f64s(f[3], *c3, left));
+            }
+            for ((((y, c0), c1), c2), c3) in tail.iter_mut().zip(t0).zip(t1).zip(t2).zip(t3) {
+                *y += (factors[0] * c0 + factors[1] * c1) + (factors[2] * c2 + factors[3] * c3);
+            }
+        }
+        for column in whole..a.columns {
+            let from = if a.lower { column } else { 0 };
+            let factor = scale * x[column];
+            for (y, c) in y[from..a.height].iter_mut().zip(a.one(column, from)) {
+                *y += factor * c;
+            }
+        }
+    }
+}
+
+/// `y = Aᵀ x`.
+pub(crate) fn transposed_product(a: Columns<'_>, x: &[f64], y: &mut [f64]) {
+    Arch::new().dispatch(TransposedProduct { a, x, y });
+}
+
+struct TransposedProduct<'a> {
+    a: Columns<'a>,
+    x: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl WithSimd for TransposedProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { a, x, y } = self;
+        let whole = a.columns / 4 * 4;
+        for first in (0..whole).step_by(4) {
+            let from = if a.lower { first } else { 0 };
+            let [(c0, t0), (c1, t1), (c2, t2), (c3, t3)] = a.block(first, from).map(S::as_simd_f64s);
+            let (body, tail) = S::as_simd_f64s(&x[from..a.height]);
+            let mut sums = [simd.splat_f64s(0.0); 4];
+            for ((((x, c0), c1), c2), c3) in body.iter().zip(c0).zip(c1).zip(c2).zip(c3) {
+                sums[0] = simd.mul_add_f64s(*x, *c0, sums[0]);
+                sums[1] = simd.mul_add_f64s(*x, *c1, sums[1]);
+                sums[2] = simd.mul_add_f64s(*x, *c2, sums[2]);
+                sums[3] = simd.mul_add_f64s(*x, *c3, sums[3]);
+            }
+            let rest = [t0, t1, t2, t3].map(|t| t.iter().zip(tail).map(|(c, x)| c * x).sum::<f64>());
+            for i in 0..4 {
+                y[first + i] = simd.reduce_sum_f64s(sums[i]) + rest[i];
+            }
+        }
+        for column in whole..a.columns {
+            let from = if a.lower { column } else { 0 };
+            y[column] = dot_with(simd, a.one(column, from), &x[from..a.height]);
+        }
+    }
+}
+
+#[inline(always)]
+fn dot_with<S: Simd>(simd: S, a: &[f64], b: &[f64]) -> f64 {
+    let ((a, ta), (b, tb)) = (S::as_simd_f64s(a), S::as_simd_f64s(b));
+    let sum = a.iter().zip(b).fold(simd.splat_f64s(0.0), |sum, (a, b)| simd.mul_add_f64s(*a, *b, sum));
+    simd.reduce_sum_f64s(sum) + ta.iter().zip(tb).map(|(a, b)| a * b).sum::<f64>()
+}
+
+/// aᵀ b.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    struct Dot<'a>(&'a [f64], &'a [f64]);
+    impl WithSimd for Dot<'_> {
+        type Output = f64;
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> f64 {
+            dot_with(simd, self.0, self.1)
+        }
+    }
+    Arch::new().dispatch(Dot(a, b))
+}
+
+/// |a|₂.
+pub(crate) fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// Largest |aᵢ|; 0 of no numbers.
+pub(crate) fn largest(a: &[f64]) -> f64 {
+    a.iter().fold(0.0, |most, a| f64::max(most, a.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Both products against plain sums, at heights and widths that leave rests beside vectors and blocks of columns.
+    #[test]
+    fn products_agree_with_plain_sums() {
+        for (height, columns, lower) in [(1, 1, false), (7, 5, false), (19, 8, false), (23, 23, true), (9, 9, true)] {
+            let entry = |i: usize, j: usize| if lower && i < j { 0.0 } else { ((3 * i + 7 * j) % 11) as f64 - 4.0 };
+            let data: Vec<f64> = (0..columns).flat_map(|j| (0..height).map(move |i| entry(i, j))).collect();
+            let a = Columns { data: &data, height, columns, lower };
+            let x: Vec<f64> = (0..columns).map(|j| j as f64 - 2.5).collect();
+            let mut y: Vec<f64> = (0..height).map(|i| i as f64).collect();
+            add_product(-2.0, a, &x, &mut y);
+            for (i, y) in y.iter().enumerate() {
+                let sum: f64 = (0..columns).map(|j| entry(i, j) * x[j]).sum();
+                assert_eq!(*y, i as f64 - 2.0 * sum);
+            }
+            let w: Vec<f64> = (0..height).map(|i| 1.5 - i as f64).collect();
+            let mut back = vec![f64::NAN; columns];
+            transposed_product(a, &w, &mut back);
+            for (j, back) in back.iter().enumerate() {
+                assert_eq!(*back, (0..height).map(|i| entry(i, j) * w[i]).sum::<f64>());
+            }
+        }
+    }
+}
