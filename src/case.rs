@@ -61,7 +61,7 @@ impl Case {
     }
 
     /// Mistakes that only the model can find, such as an overlap, are located in the file too.
-    fn from_source(source: &Source) -> Result<Self, CaseError> {
+    pub(crate) fn from_source(source: &Source) -> Result<Self, CaseError> {
         let mut case = Self::new(scene::parse_source(source)?).map_err(|error| match error {
             CaseError::Scene(error) => CaseError::Scene(error.located(source)),
             other => other,

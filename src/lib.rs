@@ -55,6 +55,7 @@
 mod case;
 mod differentiate;
 pub mod file;
+mod task;
 #[cfg(feature = "pages")]
 pub mod view;
 
@@ -66,11 +67,13 @@ pub mod terms {
 
 pub use case::{Case, CaseError, start};
 pub use differentiate::Differentiate;
+pub use task::TaskCase;
 
 pub use pliant_adjoint::{
     AdjointError, Linearization, Linearizer, RolloutCotangent, Surrogate, equilibrium_jvp, equilibrium_vjp, gradcheck, linearize,
     surrogate_rollout,
 };
+pub use pliant_control as control;
 pub use pliant_engine::bodies::{Joint, JointKind, Tree};
 pub use pliant_engine::equilibrium::{Equilibrium, equilibrium};
 pub use pliant_engine::grasp::{Grasp, Grasping};

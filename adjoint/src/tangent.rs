@@ -32,6 +32,26 @@ impl<'m> TangentStepper<'m> {
         Self::new(self.model, self.theta, seeds)
     }
 
+    /// Makes room for more columns: those that there are keep their numbers, the new ones are zero and have no direction. Directions in
+    /// u of the columns that there are, which belong to the last step, are forgotten.
+    pub fn grow(&mut self, columns: usize) {
+        let before = self.seeds.columns;
+        self.seeds.clear_u();
+        if columns <= before {
+            return;
+        }
+        let rows = [self.model.nv(), self.model.nv(), self.model.ndz()];
+        for (block, rows) in [&mut self.x.q, &mut self.x.v, &mut self.x.z].into_iter().zip(rows) {
+            let mut wider = vec![0.0; rows * columns];
+            for row in 0..rows {
+                wider[row * columns..][..before].copy_from_slice(&block[row * before..][..before]);
+            }
+            *block = wider;
+        }
+        self.seeds.columns = columns;
+        self.memory = Memory::default();
+    }
+
     /// Pushes the tangents through one step.
     pub fn step(&mut self, record: &StepRecord) {
         let cx = Context { model: self.model, theta: self.theta, mass: &self.mass };

@@ -2,5 +2,9 @@
 
 mod constants;
 mod kernels;
+pub mod mpc;
 pub mod ocp;
+pub mod plan;
+pub mod problem;
 pub mod qp;
+pub mod task;

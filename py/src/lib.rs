@@ -6,6 +6,7 @@
 mod batch;
 mod bench;
 mod cable;
+mod control;
 mod convert;
 mod equilibrium;
 mod errors;
@@ -30,9 +31,15 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<batch::Batch>()?;
     m.add_class::<vector::VectorStepper>()?;
     m.add_class::<equilibrium::Equilibrium>()?;
+    m.add_class::<control::Task>()?;
+    m.add_class::<control::Plan>()?;
+    m.add_class::<control::Mpc>()?;
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;
     m.add_function(wrap_pyfunction!(cable::cable, m)?)?;
+    m.add_function(wrap_pyfunction!(control::load_task, m)?)?;
+    m.add_function(wrap_pyfunction!(control::loads_task, m)?)?;
+    m.add_function(wrap_pyfunction!(control::plan_inputs, m)?)?;
     m.add_function(wrap_pyfunction!(import::import_model, m)?)?;
     m.add_function(wrap_pyfunction!(bench::bench, m)?)?;
     m.add_function(wrap_pyfunction!(study::fit, m)?)?;

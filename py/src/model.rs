@@ -10,7 +10,7 @@ use crate::vector::VectorStepper;
 use numpy::{PyArray1, PyArray2};
 use pliant::gradcheck::default_steps;
 use pliant::scene::{MOST_STEPS, Scene, Source, control_list, control_rows, parse_source, resting_inputs, warnings};
-use pliant::{Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
+use pliant::{Case, Model as Engine, ModelBuilder, State, StepOptions, Stepper, equilibrium, start};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
@@ -50,6 +50,11 @@ impl Model {
         }
         let model = ModelBuilder::new(&scene).map_err(|error| input(error.located(source)))?.build();
         Ok(Self { model: Arc::new(model), scene })
+    }
+
+    /// Of a scene that is ready to run.
+    pub fn from_case(case: &Case) -> Self {
+        Self { model: Arc::clone(&case.model), scene: case.scene.clone() }
     }
 
     pub fn engine(&self) -> &Arc<Engine> {

@@ -76,7 +76,7 @@ pub use mesh::Mesh;
 pub use mesh::Raw;
 pub use motion::{Control, control_list, control_rows, resting_inputs};
 pub use place::Place;
-pub use read::{parse_scene, parse_source, read_scene};
+pub use read::{parse_as, parse_scene, parse_source, read_scene};
 pub use refine::Refined;
 pub use rod::RodStart;
 pub use rope::{

@@ -9,7 +9,7 @@ use super::obj;
 use super::place::Place;
 use super::schema::json_schema;
 use super::source::Source;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, schema_for};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -35,6 +35,14 @@ pub fn parse_source<X: DeserializeOwned + JsonSchema>(source: &Source) -> Result
     compare_keys(source, &json_schema::<X>())?;
     let experiment = experiment(&source.text).map_err(|error| refused(source, &error))?;
     Ok(parse_objects(source)?.with_experiment(experiment))
+}
+
+/// Reads a file of another kind than a scene, by the same rules: unknown and missing keys, wrong types and units in texts are refused with
+/// line and field.
+pub fn parse_as<T: DeserializeOwned + JsonSchema>(source: &Source) -> Result<T, SceneError> {
+    let table = DeTable::parse(&source.text).map_err(|error| syntax(source, &error))?;
+    keys::compare(&schema_for!(T).to_value(), &table, source)?;
+    toml::from_str(&source.text).map_err(|error| refused(source, &error))
 }
 
 /// A scene as it stands in the text: nothing is loaded, resolved or checked.

@@ -2,7 +2,7 @@
 
 use super::constants::GRASP;
 use super::nearest::{Region, nearest};
-use super::{Grasp, Grasping};
+use super::{Grasp, Grasping, Reach};
 use pliant_math::input::{Dual, differentiate};
 use pliant_math::{Input, Real, Vec3};
 
@@ -89,21 +89,53 @@ impl Grasp {
             (_, Grasping::Hard) if !closed => return Phase::Open,
             _ => {}
         }
-        let vec3 = |node: usize| Vec3::new(at.q[3 * node], at.q[3 * node + 1], at.q[3 * node + 2]);
-        let p = vec3(self.node);
-        let of = |(e, nodes): (usize, &[usize; 3])| {
-            let (region, d2) = nearest(&p, &nodes.map(vec3), self.corners);
-            (d2, e, region)
-        };
-        let Some((d2, element, region)) = self.elements.iter().enumerate().map(of).min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Phase::Open;
-        };
+        let Some((element, region, d2)) = self.nearest(at.q) else { return Phase::Open };
         let reached = d2.sqrt() <= at.theta[self.radius];
         match at.grasping {
             _ if closed && reached => Phase::Seized(element, region),
             Grasping::Hard => Phase::Open,
             Grasping::Smooth => Phase::Near(element, region),
         }
+    }
+
+    /// The element nearest to the gripper's point, the part of it, and the squared distance [m²].
+    fn nearest(&self, q: &[f64]) -> Option<(usize, Region, f64)> {
+        let vec3 = |node: usize| Vec3::new(q[3 * node], q[3 * node + 1], q[3 * node + 2]);
+        let p = vec3(self.node);
+        let of = |(e, nodes): (usize, &[usize; 3])| {
+            let (region, d2) = nearest(&p, &nodes.map(vec3), self.corners);
+            (e, region, d2)
+        };
+        self.elements.iter().enumerate().map(of).min_by(|a, b| a.2.total_cmp(&b.2))
+    }
+
+    /// The point of its rope or sheet nearest to the gripper's point at positions `q`, whether it holds something or not; `None` if
+    /// there is nothing to seize.
+    pub fn reach(&self, q: &[f64]) -> Option<Reach> {
+        let (element, region, d2) = self.nearest(q)?;
+        let vec3 = |node: usize| Vec3::new(q[3 * node], q[3 * node + 1], q[3 * node + 2]);
+        let nodes = self.elements[element];
+        let weights = region.weights(&vec3(self.node), &nodes.map(vec3));
+        let point = (0..self.corners).map(|k| vec3(nodes[k]) * weights[k]).sum();
+        Some(Reach {
+            gripper: self.node,
+            element,
+            nodes,
+            weights,
+            corners: self.corners,
+            point,
+            from: vec3(self.node),
+            distance: d2.sqrt(),
+        })
+    }
+
+    /// Writes into `z` that the gripper holds the point `reach`, which stays where it is from the gripper: what seizing at a distance
+    /// would be.
+    pub fn hold_at_distance(&self, reach: &Reach, z: &mut [f64]) {
+        let own = &mut z[self.memory..self.memory + Self::n_memory(self.corners)];
+        own[0] = (reach.element + 1) as f64;
+        own[1..self.corners].copy_from_slice(&reach.weights[1..self.corners]);
+        own[self.corners..].copy_from_slice((reach.point - reach.from).as_slice());
     }
 
     /// The spring of a phase; none if it is open.

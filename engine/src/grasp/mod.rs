@@ -74,6 +74,47 @@ pub struct Grasp {
     pub corners: usize,
 }
 
+/// The point of a rope or a sheet nearest to a gripper's point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    gripper: usize,
+    element: usize,
+    nodes: [usize; 3],
+    weights: [f64; 3],
+    corners: usize,
+    /// The nearest point x_a = Σ wᵢ xᵢ \[m\].
+    pub point: Vec3<f64>,
+    /// The gripper's point p \[m\].
+    pub from: Vec3<f64>,
+    /// |x_a − p| \[m\].
+    pub distance: f64,
+}
+
+impl Reach {
+    /// Number of the edge or triangle, from 0.
+    pub fn element(&self) -> usize {
+        self.element
+    }
+
+    /// Nodes of the element and their weights.
+    pub fn weights(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.nodes.into_iter().zip(self.weights).take(self.corners)
+    }
+
+    /// Calls `visit(k, ∂distance/∂q_k)`. Exact but where another element or another part of it is as near, and where the distance is
+    /// zero, where it is taken as zero: at the nearest point a change of its weights does not change the distance.
+    pub fn visit_distance(&self, mut visit: impl FnMut(usize, f64)) {
+        if self.distance == 0.0 {
+            return;
+        }
+        let away = (self.from - self.point) / self.distance;
+        for a in 0..3 {
+            visit(3 * self.gripper + a, away[a]);
+            self.weights().for_each(|(node, w)| visit(3 * node + a, -w * away[a]));
+        }
+    }
+}
+
 impl Grasp {
     /// How many numbers of z it has: the element, `corners − 1` weights, three of o.
     pub fn n_memory(corners: usize) -> usize {

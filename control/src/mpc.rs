@@ -1,0 +1,102 @@
+//! Model predictive control: one Gauss–Newton step per sample, from the last plan shifted by a step.
+//!
+//! The measured state is taken as it is. A controller that could not improve its plan in time goes on with the shifted one, and says
+//! so: [`Update::status`].
+
+use crate::plan::{PlanError, PlanOptions, PlanStatus, PlanStep, Search};
+use crate::problem::Problem;
+use pliant_engine::model::Model;
+use pliant_engine::rollout::Rollout;
+use pliant_math::State;
+use std::sync::Arc;
+
+/// A controller.
+pub struct Mpc<P> {
+    problem: P,
+    model: Arc<Model>,
+    theta: Vec<f64>,
+    options: PlanOptions,
+    controls: Vec<Vec<f64>>,
+    damping: f64,
+}
+
+/// What an update decided.
+#[derive(Clone, Debug)]
+pub struct Update {
+    /// The rollout of the new plan from the measured state; its first inputs are to be applied.
+    pub rollout: Rollout,
+    /// The Gauss–Newton steps that it took.
+    pub steps: Vec<PlanStep>,
+    /// Why it took no more.
+    pub status: PlanStatus,
+    /// J of the new plan.
+    pub cost: f64,
+    /// Σ price max(0, c) of the new plan.
+    pub penalty: f64,
+}
+
+impl<P: Problem> Mpc<P> {
+    /// A controller whose first plan is `controls`: one row per step that it looks ahead.
+    ///
+    /// # Errors
+    /// No rows, or rows of another size than the model's inputs.
+    pub fn new(
+        problem: P,
+        model: &Arc<Model>,
+        theta: &[f64],
+        controls: Vec<Vec<f64>>,
+        options: PlanOptions,
+    ) -> Result<Self, PlanError> {
+        if controls.is_empty() {
+            return Err(PlanError::Empty);
+        }
+        if let Some((row, u)) = controls.iter().enumerate().find(|(_, u)| u.len() != model.nu()) {
+            return Err(PlanError::Inputs { row, got: u.len(), expected: model.nu() });
+        }
+        Ok(Self { problem, model: Arc::clone(model), theta: theta.to_vec(), options, controls, damping: 0.0 })
+    }
+
+    /// The plan that the next update starts from.
+    pub fn controls(&self) -> &[Vec<f64>] {
+        &self.controls
+    }
+
+    /// The model that it plans with.
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// Replaces the plan that the next update starts from.
+    ///
+    /// # Errors
+    /// Rows of another number or size.
+    pub fn set_controls(&mut self, controls: Vec<Vec<f64>>) -> Result<(), PlanError> {
+        if let Some((row, u)) = controls.iter().enumerate().find(|(_, u)| u.len() != self.model.nu()) {
+            return Err(PlanError::Inputs { row, got: u.len(), expected: self.model.nu() });
+        }
+        if controls.is_empty() {
+            return Err(PlanError::Empty);
+        }
+        self.controls = controls;
+        Ok(())
+    }
+
+    /// Improves the plan from the measured state `x`, and shifts it for the next update: the last inputs are repeated.
+    ///
+    /// # Errors
+    /// A state from which the shifted plan cannot be simulated; a cost that is not finite.
+    pub fn update(&mut self, x: &State) -> Result<Update, PlanError> {
+        let start = std::time::Instant::now();
+        let mut search = Search::new(&self.problem, &self.model, &self.theta, x, &self.controls)?.damped(self.damping);
+        let (steps, status) = search.run(self.options, start)?;
+        self.damping = search.damping();
+        let (cost, penalty) = search.value();
+        let rollout = search.into_rollout();
+        self.controls.clone_from(&rollout.controls);
+        self.controls.rotate_left(1);
+        if let [.., before, last] = self.controls.as_mut_slice() {
+            last.clone_from(before);
+        }
+        Ok(Update { rollout, steps, status, cost, penalty })
+    }
+}

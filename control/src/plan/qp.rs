@@ -1,0 +1,40 @@
+//! The step of a plan: the minimum of its quadratic model within the bounds.
+
+use super::constants::PLAN;
+use super::model::QuadraticModel;
+use crate::qp::{ActiveSet, Qp, QpError};
+use faer::MatRef;
+
+/// The step δ, and the decrease of cost and penalty that the damped model predicts.
+///
+/// # Errors
+/// A model that is not finite.
+pub(super) fn solve(
+    model: &mut QuadraticModel,
+    solver: &mut ActiveSet,
+    damping: f64,
+    [lower, upper]: [&[f64]; 2],
+) -> Result<(Vec<f64>, f64), QpError> {
+    let n = model.n;
+    let diagonal: Vec<f64> = (0..n).map(|k| model.hessian[(k, k)]).collect();
+    // inputs that change nothing have a zero row, and stay where they are
+    let floor = PLAN.least_curvature * diagonal.iter().fold(0.0, |a: f64, b| a.max(*b)).max(f64::MIN_POSITIVE);
+    for (k, d) in diagonal.iter().enumerate() {
+        model.hessian[(k, k)] = d + damping * d + floor;
+    }
+    let limits: Vec<f64> = model.values.iter().map(|c| -c).collect();
+    let solved = solver.solve(&Qp {
+        hessian: model.hessian.as_ref(),
+        gradient: &model.gradient,
+        lower,
+        upper,
+        rows: MatRef::from_row_major_slice(&model.rows, limits.len(), n),
+        limits: &limits,
+        weights: &model.prices,
+    });
+    for (k, d) in diagonal.into_iter().enumerate() {
+        model.hessian[(k, k)] = d;
+    }
+    let solution = solved?;
+    Ok((solution.z, model.penalty - solution.cost))
+}

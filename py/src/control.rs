@@ -1,0 +1,481 @@
+//! Plans and controllers.
+
+use crate::convert::{matrix, optional_vector, rows_to_matrix, to_vector, vector};
+use crate::errors::{self, input};
+use crate::model::Model;
+use crate::options::Trajectory;
+use crate::rollout::wrap;
+use numpy::{PyArray1, PyArray2};
+use pliant::control::mpc::{Mpc as Engine, Update};
+use pliant::control::plan::{self, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
+use pliant::control::problem::{Problem, Rows, Terms};
+use pliant::{Rollout, State, TaskCase};
+use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
+use pyo3::types::{PyDict, PyList};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+type AnyProblem = Arc<dyn Problem + Send + Sync>;
+
+/// Cost and constraints of a task file, with its scene.
+#[pyclass(module = "pliant", frozen)]
+pub struct Task {
+    case: TaskCase,
+    model: Py<Model>,
+}
+
+/// Reads a task file (TOML) and the scene beside it.
+#[pyfunction]
+pub fn load_task(py: Python<'_>, path: PathBuf) -> PyResult<Task> {
+    Task::new(py, TaskCase::read(path).map_err(input)?)
+}
+
+/// Reads a task from a text (TOML); its scene is looked for in `folder`.
+#[pyfunction]
+#[pyo3(signature = (text, folder=PathBuf::new()))]
+pub fn loads_task(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Task> {
+    Task::new(py, TaskCase::parse(text, &folder.join("task.toml").display().to_string()).map_err(input)?)
+}
+
+impl Task {
+    fn new(py: Python<'_>, case: TaskCase) -> PyResult<Self> {
+        let model = Py::new(py, Model::from_case(&case.case))?;
+        Ok(Self { case, model })
+    }
+
+    fn asked<'py>(
+        &self,
+        py: Python<'py>,
+        x0: Option<&Bound<'py, PyAny>>,
+        u0: Option<&Bound<'py, PyAny>>,
+        theta: Option<&Bound<'py, PyAny>>,
+        steps: usize,
+    ) -> PyResult<Asked> {
+        let model = self.model.bind(py).get();
+        let theta = model.theta_or_default(theta)?;
+        let x0 = x0.map_or_else(|| Ok(self.case.case.x0.clone()), |x0| model.state("x0", x0))?;
+        let first = |u0: &Bound<'py, PyAny>| matrix("u0", u0, None, model.engine().nu());
+        let controls = u0.map_or_else(|| Ok(self.case.first_guess(steps)), first)?;
+        Ok(Asked { x0, controls, theta })
+    }
+}
+
+/// Arguments of a plan.
+struct Asked {
+    x0: State,
+    controls: Vec<Vec<f64>>,
+    theta: Vec<f64>,
+}
+
+fn options(iterations: usize, tolerance: f64, time_limit: Option<f64>, holding: bool) -> PyResult<PlanOptions> {
+    if tolerance.is_nan() || tolerance < 0.0 {
+        return Err(input(format!("tolerance is {tolerance}, but must not be negative")));
+    }
+    let refused = |limit: f64| input(format!("time_limit is {limit} s, but must be a positive number"));
+    let limit = |limit: f64| Duration::try_from_secs_f64(limit).ok().filter(|l| !l.is_zero()).ok_or_else(|| refused(limit));
+    let time_limit = time_limit.map(limit).transpose()?;
+    Ok(PlanOptions { iterations, tolerance, time_limit, holding })
+}
+
+#[pymethods]
+impl Task {
+    /// The model of its scene.
+    #[getter]
+    fn model(&self, py: Python<'_>) -> Py<Model> {
+        self.model.clone_ref(py)
+    }
+
+    /// Steps of a plan.
+    #[getter]
+    fn steps(&self) -> usize {
+        self.case.task.steps
+    }
+
+    /// Steps that a controller looks ahead.
+    #[getter]
+    fn horizon(&self) -> usize {
+        self.case.task.horizon.unwrap_or(self.case.task.steps)
+    }
+
+    /// The state that the scene starts from, (nx,).
+    #[getter]
+    fn x0<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        to_vector(py, self.case.case.x0.to_flat())
+    }
+
+    /// Bounds of the inputs, (nu,) each.
+    #[getter]
+    fn bounds<'py>(&self, py: Python<'py>) -> (Vector<'py>, Vector<'py>) {
+        let nu = self.case.case.model.nu();
+        let (mut lower, mut upper) = (vec![0.0; nu], vec![0.0; nu]);
+        self.case.problem.bounds(0, &mut lower, &mut upper);
+        (to_vector(py, lower), to_vector(py, upper))
+    }
+
+    /// Cost of states x (N + 1, nx) under inputs u (N, nu), and the constraints that they violate.
+    fn evaluate<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        u: &Bound<'py, PyAny>,
+    ) -> PyResult<(f64, Bound<'py, PyList>)> {
+        let engine = &self.case.case.model;
+        let u = matrix("u", u, None, engine.nu())?;
+        let x = matrix("x", x, Some(u.len() + 1), engine.nx())?;
+        let states: Vec<State> = x.iter().map(|x| State::from_flat(x, engine.nq(), engine.nv())).collect();
+        let (cost, violations) = plan::evaluate(&self.case.problem, &states, &u).map_err(failed)?;
+        Ok((cost, broken(py, &violations)?))
+    }
+
+    /// Seeks the inputs of least cost.
+    #[pyo3(signature = (x0=None, u0=None, theta=None, *, iterations=50, tolerance=1e-6, time_limit=None, holding=true))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments
+    fn plan<'py>(
+        &self,
+        py: Python<'py>,
+        x0: Option<&Bound<'py, PyAny>>,
+        u0: Option<&Bound<'py, PyAny>>,
+        theta: Option<&Bound<'py, PyAny>>,
+        iterations: usize,
+        tolerance: f64,
+        time_limit: Option<f64>,
+        holding: bool,
+    ) -> PyResult<Plan> {
+        let options = options(iterations, tolerance, time_limit, holding)?;
+        let Asked { x0, controls, theta } = self.asked(py, x0, u0, theta, self.case.task.steps)?;
+        let model = &self.case.case.model;
+        let found = py.detach(|| plan::plan(&self.case.problem, model, &theta, &x0, &controls, options)).map_err(failed)?;
+        Plan::new(py, found)
+    }
+
+    /// A controller that looks `horizon` steps ahead.
+    #[pyo3(signature = (u0=None, theta=None, *, horizon=None, iterations=1, time_limit=None, holding=true))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments
+    fn mpc<'py>(
+        &self,
+        py: Python<'py>,
+        u0: Option<&Bound<'py, PyAny>>,
+        theta: Option<&Bound<'py, PyAny>>,
+        horizon: Option<usize>,
+        iterations: usize,
+        time_limit: Option<f64>,
+        holding: bool,
+    ) -> PyResult<Mpc> {
+        let options = options(iterations, 0.0, time_limit, holding)?;
+        let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
+        let problem: AnyProblem = Arc::new(self.case.problem.clone());
+        Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<pliant.Task: {} steps, {} costs, {} limits>",
+            self.case.task.steps,
+            self.case.task.cost.len(),
+            self.case.task.limit.len()
+        )
+    }
+}
+
+/// Cost and constraints given as a Python function.
+struct Called {
+    evaluate: Py<PyAny>,
+    nu: usize,
+    ndx: usize,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+impl Called {
+    fn new(model: &Model, evaluate: Py<PyAny>, bounds: [Option<&Bound<PyAny>>; 2]) -> PyResult<Self> {
+        let (nu, ndx) = (model.engine().nu(), model.engine().ndx());
+        let [lower, upper] = bounds;
+        let lower = optional_vector("lower", lower, nu)?.unwrap_or_else(|| vec![f64::NEG_INFINITY; nu]);
+        let upper = optional_vector("upper", upper, nu)?.unwrap_or_else(|| vec![f64::INFINITY; nu]);
+        Ok(Self { evaluate, nu, ndx, lower, upper })
+    }
+
+    /// Values and their derivatives from entries of the dict that the function returns.
+    fn rows(&self, out: &Bound<PyDict>, name: &str, rows: &mut Rows) -> PyResult<usize> {
+        let Some(values) = out.get_item(name)? else { return Ok(0) };
+        let n = values.len()?;
+        let first = rows.values.len();
+        rows.values.extend(vector(name, &values, n)?);
+        for (key, columns, from) in [(format!("{name}_by_x"), self.ndx, 0), (format!("{name}_by_u"), self.nu, self.ndx)] {
+            let Some(slopes) = out.get_item(&key)? else { continue };
+            for (r, row) in matrix(&key, &slopes, Some(n), columns)?.into_iter().enumerate() {
+                let nonzero = row.into_iter().enumerate().filter(|(_, value)| *value != 0.0);
+                nonzero.for_each(|(c, value)| rows.slope(first + r, from + c, value));
+            }
+        }
+        Ok(n)
+    }
+
+    fn call(&self, py: Python<'_>, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> PyResult<()> {
+        let u = u.map(|u| to_vector(py, u.to_vec()));
+        let found = self.evaluate.bind(py).call1((k, n, to_vector(py, x.to_flat()), u))?;
+        let found = found.cast::<PyDict>().map_err(|_| {
+            input("the function of a plan must return a dict with `residuals`, `residuals_by_x`, `residuals_by_u` and, for constraints, \
+                   `constraints`, `constraints_by_x`, `constraints_by_u`, `price`")
+        })?;
+        self.rows(found, "residuals", &mut out.residuals)?;
+        let constraints = self.rows(found, "constraints", &mut out.constraints)?;
+        let prices = match found.get_item("price")? {
+            None => vec![1e3; constraints],
+            Some(price) => match price.extract::<f64>() {
+                Ok(price) => vec![price; constraints],
+                Err(_) => vector("price", &price, constraints)?,
+            },
+        };
+        out.prices.extend(prices);
+        Ok(())
+    }
+}
+
+impl Problem for Called {
+    fn evaluate(&self, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> Result<(), String> {
+        Python::attach(|py| self.call(py, k, n, x, u, out).map_err(|error| error.to_string()))
+    }
+
+    fn bounds(&self, _: usize, lower: &mut [f64], upper: &mut [f64]) {
+        lower.copy_from_slice(&self.lower);
+        upper.copy_from_slice(&self.upper);
+    }
+}
+
+/// Seeks the inputs of least cost, for a cost given as a function.
+#[pyfunction]
+#[pyo3(name = "plan", signature = (model, evaluate, x0, u0, theta=None, *, lower=None, upper=None, iterations=50, tolerance=1e-6, time_limit=None, holding=true))]
+#[allow(clippy::too_many_arguments)] // keyword arguments
+pub fn plan_inputs<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    evaluate: Py<PyAny>,
+    x0: &Bound<'py, PyAny>,
+    u0: &Bound<'py, PyAny>,
+    theta: Option<&Bound<'py, PyAny>>,
+    lower: Option<&Bound<'py, PyAny>>,
+    upper: Option<&Bound<'py, PyAny>>,
+    iterations: usize,
+    tolerance: f64,
+    time_limit: Option<f64>,
+    holding: bool,
+) -> PyResult<Plan> {
+    let options = options(iterations, tolerance, time_limit, holding)?;
+    let model = model.get();
+    let problem = Called::new(model, evaluate, [lower, upper])?;
+    let (x0, theta) = (model.state("x0", x0)?, model.theta_or_default(theta)?);
+    let u0 = matrix("u0", u0, None, model.engine().nu())?;
+    let found = py.detach(|| plan::plan(&problem, model.engine(), &theta, &x0, &u0, options)).map_err(failed)?;
+    Plan::new(py, found)
+}
+
+/// A plan.
+#[pyclass(module = "pliant", frozen)]
+pub struct Plan {
+    rollout: Py<PyAny>,
+    /// Cost.
+    #[pyo3(get)]
+    cost: f64,
+    violations: Vec<Violation>,
+    steps: Vec<PlanStep>,
+    status: PlanStatus,
+    /// Whether the last step was taken with a surrogate term.
+    #[pyo3(get)]
+    surrogate: bool,
+    u: Vec<Vec<f64>>,
+    nu: usize,
+}
+
+impl Plan {
+    fn new(py: Python<'_>, found: plan::Plan) -> PyResult<Self> {
+        let (u, nu) = (found.rollout.controls.clone(), found.rollout.model.nu());
+        let rollout = wrap(py, Arc::new(Trajectory::Exact(found.rollout)))?.unbind();
+        let plan::Plan { cost, violations, steps, status, surrogate, .. } = found;
+        Ok(Self { rollout, cost, violations, steps, status, surrogate, u, nu })
+    }
+}
+
+#[pymethods]
+impl Plan {
+    /// Its rollout, with derivatives.
+    #[getter]
+    fn rollout(&self, py: Python<'_>) -> Py<PyAny> {
+        self.rollout.clone_ref(py)
+    }
+
+    /// Its inputs, (N, nu).
+    #[getter]
+    fn u<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        rows_to_matrix(py, &self.u, self.nu)
+    }
+
+    /// Constraints that it violates, largest first: (text, by how much).
+    #[getter]
+    fn violations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        broken(py, &self.violations)
+    }
+
+    /// The steps of the search.
+    #[getter]
+    fn steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        listed(py, &self.steps)
+    }
+
+    /// Why the search ended: "converged", "iterations", "time" or "stalled".
+    #[getter]
+    fn status(&self) -> &'static str {
+        word(self.status)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<pliant.Plan: cost {:.6}, {} violations, {}>", self.cost, self.violations.len(), word(self.status))
+    }
+}
+
+/// A controller.
+#[pyclass(module = "pliant", frozen)]
+pub struct Mpc {
+    inner: Mutex<(Engine<AnyProblem>, Option<Update>)>,
+    model: Py<Model>,
+}
+
+impl Mpc {
+    fn new(
+        problem: AnyProblem,
+        model: Py<Model>,
+        theta: &[f64],
+        controls: Vec<Vec<f64>>,
+        options: PlanOptions,
+    ) -> PyResult<Self> {
+        let engine = Engine::new(problem, model.get().engine(), theta, controls, options).map_err(failed)?;
+        Ok(Self { inner: Mutex::new((engine, None)), model })
+    }
+
+    fn lock<'a>(&'a self, py: Python<'_>) -> MutexGuard<'a, (Engine<AnyProblem>, Option<Update>)> {
+        self.inner.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn last<'py, T>(&self, py: Python<'py>, of: impl FnOnce(&Update) -> PyResult<T>) -> PyResult<T> {
+        let inner = self.lock(py);
+        of(inner.1.as_ref().ok_or_else(|| input("this controller has not been updated yet: call `update(x)` first"))?)
+    }
+}
+
+#[pymethods]
+impl Mpc {
+    /// A controller for a cost given as a function.
+    #[new]
+    #[pyo3(signature = (model, evaluate, u0, theta=None, *, lower=None, upper=None, iterations=1, time_limit=None, holding=true))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments
+    fn of_function<'py>(
+        model: Bound<'py, Model>,
+        evaluate: Py<PyAny>,
+        u0: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        lower: Option<&Bound<'py, PyAny>>,
+        upper: Option<&Bound<'py, PyAny>>,
+        iterations: usize,
+        time_limit: Option<f64>,
+        holding: bool,
+    ) -> PyResult<Self> {
+        let options = options(iterations, 0.0, time_limit, holding)?;
+        let problem: AnyProblem = Arc::new(Called::new(model.get(), evaluate, [lower, upper])?);
+        let theta = model.get().theta_or_default(theta)?;
+        let u0 = matrix("u0", u0, None, model.get().engine().nu())?;
+        Self::new(problem, model.unbind(), &theta, u0, options)
+    }
+
+    /// Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
+    fn update<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
+        let x = self.model.get().state("x", x)?;
+        let first = py.detach(|| -> Result<Vec<f64>, PlanError> {
+            let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+            let update = inner.0.update(&x)?;
+            let first = update.rollout.controls[0].clone();
+            inner.1 = Some(update);
+            Ok(first)
+        });
+        Ok(to_vector(py, first.map_err(failed)?))
+    }
+
+    /// Inputs of the last plan, (N, nu).
+    #[getter]
+    fn u<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        let nu = self.model.get().engine().nu();
+        self.last(py, |update| rows_to_matrix(py, &update.rollout.controls, nu))
+    }
+
+    /// States of the last plan, (N + 1, nx).
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        let nx = self.model.get().engine().nx();
+        let flat = |rollout: &Rollout| rollout.states.iter().map(State::to_flat).collect::<Vec<_>>();
+        self.last(py, |update| rows_to_matrix(py, &flat(&update.rollout), nx))
+    }
+
+    /// Cost of the last plan.
+    #[getter]
+    fn cost(&self, py: Python<'_>) -> PyResult<f64> {
+        self.last(py, |update| Ok(update.cost))
+    }
+
+    /// Price of the constraints that the last plan violates.
+    #[getter]
+    fn penalty(&self, py: Python<'_>) -> PyResult<f64> {
+        self.last(py, |update| Ok(update.penalty))
+    }
+
+    /// The steps of the last update.
+    #[getter]
+    fn steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        self.last(py, |update| listed(py, &update.steps))
+    }
+
+    /// Why the last update ended.
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<&'static str> {
+        self.last(py, |update| Ok(word(update.status)))
+    }
+}
+
+fn word(status: PlanStatus) -> &'static str {
+    match status {
+        PlanStatus::Converged => "converged",
+        PlanStatus::Iterations => "iterations",
+        PlanStatus::Time => "time",
+        PlanStatus::Stalled => "stalled",
+    }
+}
+
+fn broken<'py>(py: Python<'py>, violations: &[Violation]) -> PyResult<Bound<'py, PyList>> {
+    PyList::new(py, violations.iter().map(|v| (v.constraint.clone(), v.by)))
+}
+
+fn listed<'py>(py: Python<'py>, steps: &[PlanStep]) -> PyResult<Bound<'py, PyList>> {
+    let one = |step: &PlanStep| -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("cost", step.cost)?;
+        dict.set_item("penalty", step.penalty)?;
+        dict.set_item("predicted", step.predicted)?;
+        dict.set_item("achieved", step.achieved)?;
+        dict.set_item("damping", step.damping)?;
+        dict.set_item("rollouts", step.rollouts)?;
+        dict.set_item("approaches", step.approaches)?;
+        Ok(dict)
+    };
+    PyList::new(py, steps.iter().map(one).collect::<PyResult<Vec<_>>>()?)
+}
+
+fn failed(error: PlanError) -> PyErr {
+    match error {
+        PlanError::Guess(error) => errors::step(error),
+        PlanError::Adjoint(error) => errors::adjoint(error),
+        PlanError::NotFinite { .. } | PlanError::Step(_) => errors::NumericsError::new_err(error.to_string()),
+        PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => input(error),
+    }
+}
