@@ -263,7 +263,7 @@ impl<'a> Run<'a> {
             for row in &rows.list {
                 match row.kind {
                     Kind::Bound { input, sign } => bounds[k][input] += sign * row.lambda,
-                    Kind::Row(i) => multipliers[k][i] = row.lambda,
+                    Kind::Row(i) => multipliers[k][i] = row.lambda.min(row.weight),
                 }
             }
             // those of fixed inputs take up what the others leave
