@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+#[allow(dead_code)] // the suite's random problems
 #[path = "../tests/suite/ocp_cases.rs"]
 mod ocp_cases;
 
@@ -98,15 +99,27 @@ fn ocp(name: &str, ocp: &Ocp) {
     );
 }
 
+/// All, or those of the group named: `dense`, `rope` or `chain`.
 fn main() {
+    let only = std::env::args().nth(1);
+    let runs = |group: &str| only.as_deref().is_none_or(|only| only == group);
     faer::set_global_parallelism(faer::Par::Seq);
-    for (n, m) in [(80, 0), (120, 0), (160, 0), (240, 0), (80, 400), (120, 400), (160, 400), (240, 1300)] {
-        dense(n, m);
+    if runs("dense") {
+        for (n, m) in [(80, 0), (120, 0), (160, 0), (240, 0), (80, 400), (120, 400), (160, 400), (240, 1300)] {
+            dense(n, m);
+        }
     }
-    for rows in [0, 20, 65] {
-        ocp(&format!("rope nx 69 nu 8 N 20, {rows:2} rows a stage"), &ocp_cases::rope(20, rows, 1));
+    if runs("rope") {
+        for rows in [0, 20, 65] {
+            ocp(&format!("rope nx 69 nu 8 N 20, {rows:2} rows a stage"), &ocp_cases::rope(20, rows, 1));
+        }
     }
-    for (masses, n) in [(2, 10), (2, 25), (2, 50), (2, 100), (5, 10), (5, 25), (5, 50), (10, 10), (10, 25), (10, 50)] {
-        ocp(&format!("chain nx {:2} nu {masses:2} N {n:3}", 2 * masses), &ocp_cases::chain(masses, n, 1.0, 1));
+    if runs("chain") {
+        for (masses, stages) in [(2, &[10, 25, 50, 100][..]), (5, &[10, 20, 30, 50]), (10, &[5, 10, 20, 30])] {
+            for &n in stages {
+                let problem = ocp_cases::chain(masses, n, 1.0, 2.0, 1);
+                ocp(&format!("chain nx {:2} nu {masses:2} N {n:3}", 2 * masses), &problem);
+            }
+        }
     }
 }

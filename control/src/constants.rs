@@ -14,6 +14,9 @@ pub(crate) struct ActiveSetConstants {
     pub dependent: f64,
     /// Orthogonal parts below this part of the norm are orthogonalised again [-] (Daniel, Gragg, Kaufman, Stewart 1976).
     pub corrected: f64,
+    /// A warm start's rows are factored at once if each one's orthogonal part is at least this part of its norm [-]: squares of it leave
+    /// ten digits, which refinement completes.
+    pub at_once: f64,
     /// At most this many corrections: two suffice unless a row depends on the others.
     pub corrections: usize,
     /// A violated row that depends on the working rows contradicts them from this part of its size on [-], and is noise below.
@@ -36,7 +39,8 @@ pub(crate) const ACTIVE_SET: ActiveSetConstants = ActiveSetConstants {
     noise: 1e-13,
     refined: 10.0,
     dependent: 1e-9,
-    corrected: 0.5,
+    corrected: 0.1,
+    at_once: 1e-3,
     corrections: 3,
     contradiction: 1e-8,
     rate: 1e-10,

@@ -94,8 +94,9 @@ fn exponential(m: &Mat<f64>, t: f64) -> Mat<f64> {
 }
 
 /// A chain of masses between two walls (as in the numerical example of Leeman et al. 2024, fast-SLS): m = 1, stiffness 10, damping 2,
-/// forces on all masses, sampled at 0.1; |x| ≤ 4, |u| ≤ 4, Q = 3 I, R = I, Q_N = Q; x_0 uniform in [−1, 1] times `spread`.
-pub fn chain(masses: usize, n: usize, spread: f64, seed: u64) -> Ocp {
+/// forces on all masses, sampled at 0.1; |x| ≤ `most_x`, |u| ≤ `most_u` (4 and 4 there; less, and they act), Q = 3 I, R = I, Q_N = Q;
+/// x_0 uniform in [−1, 1].
+pub fn chain(masses: usize, n: usize, most_x: f64, most_u: f64, seed: u64) -> Ocp {
     let (nx, nu) = (2 * masses, masses);
     let mut continuous = Mat::zeros(nx + nu, nx + nu);
     for i in 0..masses {
@@ -116,7 +117,7 @@ pub fn chain(masses: usize, n: usize, spread: f64, seed: u64) -> Ocp {
     let box_rows = |nu: usize| Rows {
         gx: both(nx),
         gu: Mat::zeros(2 * nx, nu),
-        limits: vec![4.0; 2 * nx],
+        limits: vec![most_x; 2 * nx],
         weights: vec![f64::INFINITY; 2 * nx],
     };
     let stage = |k: usize| Stage {
@@ -128,12 +129,12 @@ pub fn chain(masses: usize, n: usize, spread: f64, seed: u64) -> Ocp {
         r: Mat::identity(nu, nu),
         q_linear: vec![0.0; nx],
         r_linear: vec![0.0; nu],
-        lower: vec![-4.0; nu],
-        upper: vec![4.0; nu],
+        lower: vec![-most_u; nu],
+        upper: vec![most_u; nu],
         rows: if k == 0 { Rows::none(nx, nu) } else { box_rows(nu) },
     };
     Ocp {
-        x0: vector(nx, &mut Pcg64::seed_from_u64(seed), spread),
+        x0: vector(nx, &mut Pcg64::seed_from_u64(seed), 1.0),
         stages: (0..n).map(stage).collect(),
         q_final: Mat::<f64>::identity(nx, nx) * Scale(3.0),
         q_final_linear: vec![0.0; nx],
