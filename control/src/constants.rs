@@ -14,6 +14,9 @@ pub(crate) struct ActiveSetConstants {
     pub dependent: f64,
     /// Orthogonal parts below this part of the norm are orthogonalised again [-] (Daniel, Gragg, Kaufman, Stewart 1976).
     pub corrected: f64,
+    /// A warm start's rows are factored at once if each one's orthogonal part is at least this part of its norm [-]: squares of it leave
+    /// ten digits, which refinement completes.
+    pub at_once: f64,
     /// At most this many corrections: two suffice unless a row depends on the others.
     pub corrections: usize,
     /// A violated row that depends on the working rows contradicts them from this part of its size on [-], and is noise below.
@@ -36,7 +39,8 @@ pub(crate) const ACTIVE_SET: ActiveSetConstants = ActiveSetConstants {
     noise: 1e-13,
     refined: 10.0,
     dependent: 1e-9,
-    corrected: 0.5,
+    corrected: 0.1,
+    at_once: 1e-3,
     corrections: 3,
     contradiction: 1e-8,
     rate: 1e-10,
@@ -44,4 +48,51 @@ pub(crate) const ACTIVE_SET: ActiveSetConstants = ActiveSetConstants {
     refinements: 3,
     changes: 20,
     pivot: 16.0 * f64::EPSILON,
+};
+
+/// Of problems of optimal control; one value, [`OCP`].
+pub(crate) struct OcpConstants {
+    /// Inputs of all stages, as a multiple of the number of states plus `least_states`, up to which a problem is condensed [-]. Measured
+    /// by `examples/qp_times.rs`.
+    pub condensed_inputs: f64,
+    /// See there.
+    pub least_states: usize,
+    // interior-point method
+    /// Errors of the conditions of optimality at which it ends, relative to their terms [-].
+    pub aimed: f64,
+    /// Errors at which a solution is accepted where no further digits can be had [-].
+    pub accepted: f64,
+    /// Mean product of slack and multiplier at which it ends, relative to the cost's size [-]: errors of u are proportional to it where
+    /// rows hold with positive multipliers, and to its root where multipliers vanish.
+    pub complementary: f64,
+    /// Part of the way to the boundary that a step takes at most [-]; 1 − μ at the end (Mehrotra 1992).
+    pub boundary: f64,
+    /// Iterations at most; tests need half as many.
+    pub iterations: usize,
+    /// Iterations without a better error after which it ends.
+    pub stalled: usize,
+    /// Curvature of u [-] beside prices of 1 where least violations are sought: small, so that it moves no violation it need not.
+    pub elastic: f64,
+    /// Multiplier from which on a row that holds counts among those that contradict each other, where violations cost 1 [-].
+    pub acting: f64,
+    /// Violation from which on a row counts as contradicting others, relative to its terms [-].
+    pub contradiction: f64,
+    /// Part of entries that are not zero from which on a stage's rows are multiplied as dense matrices [-].
+    pub dense_rows: f64,
+}
+
+/// The values in use.
+pub(crate) const OCP: OcpConstants = OcpConstants {
+    condensed_inputs: 2.0,
+    least_states: 0,
+    aimed: 1e-10,
+    accepted: 1e-8,
+    complementary: 1e-13,
+    boundary: 0.995,
+    iterations: 60,
+    stalled: 5,
+    elastic: 1e-4,
+    acting: 1e-3,
+    contradiction: 1e-6,
+    dense_rows: 0.25,
 };

@@ -117,6 +117,40 @@ fn dot_with<S: Simd>(simd: S, a: &[f64], b: &[f64]) -> f64 {
     simd.reduce_sum_f64s(sum) + ta.iter().zip(tb).map(|(a, b)| a * b).sum::<f64>()
 }
 
+/// `x ← R⁻¹ x`, or R⁻ᵀ x, of an upper triangle R with as many columns as x has numbers.
+pub(crate) fn solve_upper(r: &[f64], height: usize, transposed: bool, x: &mut [f64]) {
+    struct Solve<'a>(&'a [f64], usize, bool, &'a mut [f64]);
+    impl WithSimd for Solve<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            let Self(r, height, transposed, x) = self;
+            let column = |j: usize| &r[j * height..j * height + j + 1];
+            if transposed {
+                for j in 0..x.len() {
+                    let (above, column) = (&x[..j], column(j));
+                    x[j] = (x[j] - dot_with(simd, &column[..j], above)) / column[j];
+                }
+                return;
+            }
+            for j in (0..x.len()).rev() {
+                let (column, (above, at)) = (column(j), x.split_at_mut(j));
+                at[0] /= column[j];
+                let (body, tail) = S::as_mut_simd_f64s(above);
+                let (of_body, of_tail) = S::as_simd_f64s(&column[..j]);
+                let factor = simd.splat_f64s(-at[0]);
+                for (x, r) in body.iter_mut().zip(of_body) {
+                    *x = simd.mul_add_f64s(factor, *r, *x);
+                }
+                for (x, r) in tail.iter_mut().zip(of_tail) {
+                    *x -= at[0] * r;
+                }
+            }
+        }
+    }
+    Arch::new().dispatch(Solve(r, height, transposed, x));
+}
+
 /// aᵀ b.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     struct Dot<'a>(&'a [f64], &'a [f64]);
@@ -143,6 +177,23 @@ pub(crate) fn largest(a: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn triangles_are_inverted() {
+        let (n, height) = (21, 25);
+        let entry = |i: usize, j: usize| if i == j { 8.0 } else { ((5 * i + 3 * j) % 7) as f64 - 3.0 };
+        let r: Vec<f64> = (0..n).flat_map(|j| (0..height).map(move |i| if i <= j { entry(i, j) } else { f64::NAN })).collect();
+        let b: Vec<f64> = (0..n).map(|i| i as f64 - 7.0).collect();
+        for transposed in [false, true] {
+            let mut x = b.clone();
+            solve_upper(&r, height, transposed, &mut x);
+            for (i, b) in b.iter().enumerate() {
+                let term = |j: usize| if transposed { entry(j, i) * x[j] } else { entry(i, j) * x[j] };
+                let sum: f64 = if transposed { (0..=i).map(term).sum() } else { (i..n).map(term).sum() };
+                assert!((sum - b).abs() < 1e-11, "{transposed} {i} {sum}");
+            }
+        }
+    }
 
     /// Both products against plain sums, at heights and widths that leave rests beside vectors and blocks of columns.
     #[test]

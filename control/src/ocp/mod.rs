@@ -8,7 +8,22 @@
 //! ```
 //! A soft row of a finite weight has an exact (L1) penalty: it holds wherever it can hold at a multiplier of at most its weight, and a
 //! problem whose rows of states are all soft always has a solution.
+//!
+//! Two methods: [`Condensed`] eliminates the states and solves a dense quadratic program of N · nu inputs, warm-started; [`Riccati`] is an
+//! interior-point method whose work grows with N (nx³ + nu³). [`choose`] takes the one that is faster.
 
+mod check;
+mod condensed;
+mod error;
+mod evaluate;
+mod products;
+mod riccati;
+
+pub use condensed::Condensed;
+pub use error::{OcpConstraint, OcpError};
+pub use riccati::Riccati;
+
+use crate::constants::OCP;
 use faer::Mat;
 
 /// Rows G_x x + G_u u ≤ limit of one stage; without columns of u at the last.
@@ -110,6 +125,12 @@ pub trait OcpSolver {
     fn solve(&mut self, ocp: &Ocp) -> Result<OcpSolution, OcpError>;
 }
 
-/// Why a problem has no solution.
-#[derive(Clone, Debug, thiserror::Error)]
-pub enum OcpError {}
+/// The method that is faster for problems of N stages, nx states and nu inputs: [`Condensed`] for few inputs in all, [`Riccati`] for
+/// long horizons.
+pub fn choose(stages: usize, nx: usize, nu: usize) -> Box<dyn OcpSolver> {
+    if (stages * nu) as f64 <= OCP.condensed_inputs * (nx + OCP.least_states) as f64 {
+        Box::new(Condensed::new())
+    } else {
+        Box::new(Riccati::new())
+    }
+}

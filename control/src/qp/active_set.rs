@@ -115,11 +115,11 @@ impl ActiveSet {
             self.states.resize(n + m, State::Free);
             self.scratch.resize(n);
         }
-        self.hessian.refactor(qp.hessian)?;
+        let changed = self.hessian.refactor(qp.hessian)?;
         let mut copied = std::mem::take(&mut self.copied);
         let rows = contiguous(qp.rows, &mut copied);
         let mut run = Run { qp, rows, solver: self, changes: 0, reach: 0.0 };
-        let result = run.solve();
+        let result = run.solve(changed);
         self.copied = copied;
         result
     }
@@ -170,11 +170,11 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn solve(&mut self) -> Result<QpSolution, QpError> {
+    fn solve(&mut self, changed: bool) -> Result<QpSolution, QpError> {
         let Scratch { gradient, .. } = &mut self.solver.scratch;
         self.solver.hessian.forward(self.qp.gradient, gradient);
         self.reach = norm(gradient);
-        self.warm_start();
+        self.warm_start(changed);
         let limit = 100 + ACTIVE_SET.changes * (self.solver.n + self.solver.m);
         loop {
             while let Some(violated) = self.most_violated() {
@@ -331,30 +331,27 @@ impl<'a> Run<'a> {
         ACTIVE_SET.noise * norm * self.reach + ACTIVE_SET.feasible * self.limit(constraint).abs()
     }
 
-    /// Takes up the last working set.
-    fn warm_start(&mut self) {
-        let last = std::mem::take(&mut self.solver.working.members);
-        self.solver.working.clear(self.solver.n);
+    /// Takes up the last working set, and its factor if neither the Hessian nor the set's rows changed.
+    fn warm_start(&mut self, changed: bool) {
         for row in 0..self.solver.m {
             let place = self.solver.n + row;
             if self.solver.states[place] == State::Saturated && !(self.qp.weights[row] + self.qp.limits[row]).is_finite() {
                 self.solver.states[place] = State::Free;
             }
         }
-        let mut entering = std::mem::take(&mut self.solver.scratch.entering);
-        for member in last {
-            let constraint = member.constraint;
-            self.set_state(constraint, State::Free);
-            if self.limit(constraint).is_finite() && self.weight(constraint) > 0.0 {
-                self.transform(constraint, &mut entering);
-                let rest = self.solver.working.project(&entering);
-                if rest > 0.0 {
-                    self.solver.working.push(constraint, 0.0, &entering, rest);
-                    self.set_state(constraint, State::Working);
-                }
+        for place in (0..self.solver.working.len()).rev() {
+            let constraint = self.solver.working.members[place].constraint;
+            if self.limit(constraint) == f64::INFINITY || self.weight(constraint) == 0.0 {
+                self.solver.working.remove(place);
+                self.set_state(constraint, State::Free);
             }
         }
-        self.solver.scratch.entering = entering;
+        if changed || self.rows_changed() {
+            let mut working = std::mem::take(&mut self.solver.working);
+            let left_out = working.rebuild(|constraint, m| self.transform(constraint, m));
+            self.solver.working = working;
+            left_out.into_iter().for_each(|constraint| self.set_state(constraint, State::Free));
+        }
         self.solver.scratch.candidates.clear();
         self.solver.scratch.settled.clear();
         loop {
@@ -363,6 +360,20 @@ impl<'a> Run<'a> {
                 break;
             }
         }
+    }
+
+    /// Whether a row of the set is another one than that of the last problem, at the same Hessian.
+    fn rows_changed(&mut self) -> bool {
+        let mut m = std::mem::take(&mut self.solver.scratch.entering);
+        let mut rows = self.solver.working.members.iter().map(|member| member.constraint).enumerate();
+        let changed = rows.any(|(place, constraint)| {
+            matches!(constraint, Constraint::Row(_)) && {
+                self.transform(constraint, &mut m);
+                !self.solver.working.has(place, &m)
+            }
+        });
+        self.solver.scratch.entering = m;
+        changed
     }
 
     /// Computes the multipliers at which the working rows hold, and y.

@@ -24,15 +24,15 @@ pub(super) struct Hessian {
 }
 
 impl Hessian {
-    /// Factors `h`, if it differs from the one before.
+    /// Factors `h`, if it differs from the one before; whether it does.
     ///
     /// # Errors
     /// `h` is not positive definite.
-    pub fn refactor(&mut self, h: MatRef<'_, f64>) -> Result<(), QpError> {
+    pub fn refactor(&mut self, h: MatRef<'_, f64>) -> Result<bool, QpError> {
         let n = h.nrows();
         let known = self.n == n && (0..n).all(|j| (j..n).all(|i| self.full[j * n + i] == h[(i, j)]));
         if known {
-            return Ok(());
+            return Ok(false);
         }
         self.n = 0;
         for entries in [&mut self.full, &mut self.factor, &mut self.inverse] {
@@ -59,7 +59,7 @@ impl Hessian {
         invert_lower_triangular(MatMut::from_column_major_slice_mut(&mut self.inverse, n, n), factor, Par::Seq);
         self.norms = (0..n).map(|j| norm(&self.inverse[j * n + j..(j + 1) * n])).collect();
         self.n = n;
-        Ok(())
+        Ok(true)
     }
 
     fn inverse(&self) -> Columns<'_> {

@@ -6,7 +6,11 @@
 
 use super::Constraint;
 use crate::constants::ACTIVE_SET;
-use crate::kernels::{Columns, add_product, dot, norm, transposed_product};
+use crate::kernels::{Columns, add_product, norm, solve_upper, transposed_product};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Mat, MatRef, Par};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
@@ -66,23 +70,12 @@ impl WorkingSet {
 
     /// `x ← R⁻ᵀ x`.
     pub fn solve_transposed(&self, x: &mut [f64]) {
-        for j in 0..self.len() {
-            let column = &self.r[j * self.n..][..=j];
-            x[j] = (x[j] - dot(&column[..j], &x[..j])) / column[j];
-        }
+        solve_upper(&self.r, self.n, true, x);
     }
 
     /// `x ← R⁻¹ x`.
     pub fn solve(&self, x: &mut [f64]) {
-        for j in (0..self.len()).rev() {
-            let column = &self.r[j * self.n..][..=j];
-            let (above, at) = x.split_at_mut(j);
-            at[0] /= column[j];
-            let factor = at[0];
-            for (x, r) in above.iter_mut().zip(column) {
-                *x -= factor * r;
-            }
-        }
+        solve_upper(&self.r, self.n, false, x);
     }
 
     /// Splits m into M · `rates` + `rest`; returns |rest|, 0 if m depends on the set.
@@ -99,9 +92,9 @@ impl WorkingSet {
             }
             let (mut correction, mut rest) = (std::mem::take(&mut self.correction), std::mem::take(&mut self.rest));
             self.transposed_product(&rest, &mut correction);
-            self.solve_transposed(&mut correction);
+            self.solve_transposed(&mut correction[..k]);
             add(&mut self.head[..k], &correction);
-            self.solve(&mut correction);
+            self.solve(&mut correction[..k]);
             add(&mut self.rates[..k], &correction);
             self.add_product(-1.0, &correction, &mut rest);
             (self.correction, self.rest) = (correction, rest);
@@ -111,6 +104,58 @@ impl WorkingSet {
             }
         }
         if k == self.n || left <= ACTIVE_SET.dependent * size { 0.0 } else { left }
+    }
+
+    /// Whether M's column at `place` is m.
+    pub fn has(&self, place: usize, m: &[f64]) -> bool {
+        self.m[place * self.n..][..self.n] == *m
+    }
+
+    /// Takes the set's rows anew, as many of them as are independent of those before; `transform` gives L⁻¹ a. Mᵀ M is factored at once;
+    /// where that would leave too few digits, row by row. Returns those left out.
+    pub fn rebuild(&mut self, mut transform: impl FnMut(Constraint, &mut [f64])) -> Vec<Constraint> {
+        let (n, k) = (self.n, self.len());
+        for (member, m) in self.members.iter_mut().zip(self.m.chunks_mut(n)) {
+            transform(member.constraint, m);
+            member.norm = norm(m);
+        }
+        if k == 0 || self.factor_at_once() {
+            return Vec::new();
+        }
+        let (mut left_out, mut m) = (Vec::new(), vec![0.0; n]);
+        for member in std::mem::take(&mut self.members) {
+            transform(member.constraint, &mut m);
+            let rest = self.project(&m);
+            if rest > 0.0 {
+                self.push(member.constraint, 0.0, &m, rest);
+            } else {
+                left_out.push(member.constraint);
+            }
+        }
+        left_out
+    }
+
+    /// R by Cholesky's factorization of Mᵀ M; false if a row is too near to the others.
+    fn factor_at_once(&mut self) -> bool {
+        let (n, k) = (self.n, self.len());
+        let m = MatRef::from_column_major_slice(&self.m[..n * k], n, k);
+        let mut gram = Mat::<f64>::zeros(k, k);
+        let (lower, full) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+        triangular::matmul(gram.as_mut(), lower, Accum::Replace, m.transpose(), full, m, full, 1.0, Par::Seq);
+        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<f64>(k, Par::Seq, Default::default()));
+        let stack = MemStack::new(&mut memory);
+        if cholesky_in_place(gram.as_mut(), Default::default(), Par::Seq, stack, Default::default()).is_err() {
+            return false;
+        }
+        if (0..k).any(|j| gram[(j, j)] < ACTIVE_SET.at_once * self.members[j].norm) {
+            return false;
+        }
+        for j in 0..k {
+            for i in 0..=j {
+                self.r[j * n + i] = gram[(j, i)];
+            }
+        }
+        true
     }
 
     /// Appends the row m last given to [`WorkingSet::project`], and |rest|, not 0.
