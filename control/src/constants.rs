@@ -25,6 +25,10 @@ pub(crate) struct ActiveSetConstants {
     pub rate: f64,
     /// A multiplier that refinement finds outside of its range by this part of the largest one, or more, leaves the working set [-].
     pub sign: f64,
+    /// Sets of bounds guessed at most, where none is known.
+    pub guesses: usize,
+    /// Bounds violated from which on they enter together: below, single changes are faster (`examples/qp_times.rs`).
+    pub guessed: usize,
     /// Refinements of a solution at most; the second leaves rounding errors of the residuals alone.
     pub refinements: usize,
     /// Working-set changes at most, as a multiple of the number of variables and rows, plus 100: tests need less than a fifth of it.
@@ -45,6 +49,8 @@ pub(crate) const ACTIVE_SET: ActiveSetConstants = ActiveSetConstants {
     contradiction: 1e-8,
     rate: 1e-10,
     sign: 1e-11,
+    guesses: 4,
+    guessed: 64,
     refinements: 3,
     changes: 20,
     pivot: 16.0 * f64::EPSILON,
@@ -57,6 +63,8 @@ pub(crate) struct OcpConstants {
     pub condensed_inputs: f64,
     /// See there.
     pub least_states: usize,
+    /// A matrix of fewer entries than one in so many is multiplied entry by entry.
+    pub sparse_rows: usize,
     // interior-point method
     /// Errors of the conditions of optimality at which it ends, relative to their terms [-].
     pub aimed: f64,
@@ -85,6 +93,7 @@ pub(crate) struct OcpConstants {
 pub(crate) const OCP: OcpConstants = OcpConstants {
     condensed_inputs: 2.0,
     least_states: 0,
+    sparse_rows: 8,
     aimed: 1e-10,
     accepted: 1e-8,
     complementary: 1e-13,
