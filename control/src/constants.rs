@@ -85,6 +85,17 @@ pub(crate) struct OcpConstants {
     pub acting: f64,
     /// Violation from which on a row counts as contradicting others, relative to its terms [-].
     pub contradiction: f64,
+    /// Complementarity, as above, from which on the rows that hold are solved for as equations, and the part of it at which that is tried
+    /// again.
+    pub polished_from: f64,
+    /// See there.
+    pub polished_again: f64,
+    /// Weight of these equations relative to slopes and states [-]: half of the digits, so that two or three steps give all.
+    pub polish_weight: f64,
+    /// Steps at most.
+    pub polish_steps: usize,
+    /// Part of the error aimed at where they end.
+    pub polished: f64,
     /// Part of entries that are not zero from which on a stage's rows are multiplied as dense matrices [-].
     pub dense_rows: f64,
 }
@@ -99,9 +110,14 @@ pub(crate) const OCP: OcpConstants = OcpConstants {
     complementary: 1e-13,
     boundary: 0.995,
     iterations: 60,
-    stalled: 5,
+    stalled: 15,
     elastic: 1e-4,
     acting: 1e-3,
     contradiction: 1e-6,
+    polished_from: 1e-9,
+    polished_again: 1e-2,
+    polish_weight: 1e7,
+    polish_steps: 8,
+    polished: 1e-3,
     dense_rows: 0.25,
 };
