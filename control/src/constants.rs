@@ -25,6 +25,10 @@ pub(crate) struct ActiveSetConstants {
     pub rate: f64,
     /// A multiplier that refinement finds outside of its range by this part of the largest one, or more, leaves the working set [-].
     pub sign: f64,
+    /// Sets of bounds guessed at most, where none is known.
+    pub guesses: usize,
+    /// Bounds violated from which on they enter together: below, single changes are faster (`examples/qp_times.rs`).
+    pub guessed: usize,
     /// Refinements of a solution at most; the second leaves rounding errors of the residuals alone.
     pub refinements: usize,
     /// Working-set changes at most, as a multiple of the number of variables and rows, plus 100: tests need less than a fifth of it.
@@ -45,6 +49,8 @@ pub(crate) const ACTIVE_SET: ActiveSetConstants = ActiveSetConstants {
     contradiction: 1e-8,
     rate: 1e-10,
     sign: 1e-11,
+    guesses: 4,
+    guessed: 64,
     refinements: 3,
     changes: 20,
     pivot: 16.0 * f64::EPSILON,
@@ -57,6 +63,8 @@ pub(crate) struct OcpConstants {
     pub condensed_inputs: f64,
     /// See there.
     pub least_states: usize,
+    /// A matrix of fewer entries than one in so many is multiplied entry by entry.
+    pub sparse_rows: usize,
     // interior-point method
     /// Errors of the conditions of optimality at which it ends, relative to their terms [-].
     pub aimed: f64,
@@ -77,6 +85,17 @@ pub(crate) struct OcpConstants {
     pub acting: f64,
     /// Violation from which on a row counts as contradicting others, relative to its terms [-].
     pub contradiction: f64,
+    /// Complementarity, as above, from which on the rows that hold are solved for as equations, and the part of it at which that is tried
+    /// again.
+    pub polished_from: f64,
+    /// See there.
+    pub polished_again: f64,
+    /// Weight of these equations relative to slopes and states [-]: half of the digits, so that two or three steps give all.
+    pub polish_weight: f64,
+    /// Steps at most.
+    pub polish_steps: usize,
+    /// Part of the error aimed at where they end.
+    pub polished: f64,
     /// Part of entries that are not zero from which on a stage's rows are multiplied as dense matrices [-].
     pub dense_rows: f64,
 }
@@ -85,14 +104,20 @@ pub(crate) struct OcpConstants {
 pub(crate) const OCP: OcpConstants = OcpConstants {
     condensed_inputs: 2.0,
     least_states: 0,
+    sparse_rows: 8,
     aimed: 1e-10,
     accepted: 1e-8,
     complementary: 1e-13,
     boundary: 0.995,
     iterations: 60,
-    stalled: 5,
+    stalled: 15,
     elastic: 1e-4,
     acting: 1e-3,
     contradiction: 1e-6,
+    polished_from: 1e-9,
+    polished_again: 1e-2,
+    polish_weight: 1e7,
+    polish_steps: 8,
+    polished: 1e-3,
     dense_rows: 0.25,
 };

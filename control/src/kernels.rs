@@ -1,5 +1,6 @@
 //! Products of a column-major matrix with a vector, vectorised, four columns at a time.
 
+use faer::MatRef;
 use pulp::{Arch, Simd, WithSimd};
 
 /// The first `columns` columns of a matrix stored with `height` numbers a column.
@@ -162,6 +163,16 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     Arch::new().dispatch(Dot(a, b))
+}
+
+/// Place of a number that is not finite. The sum of squares of a column that lies contiguously is finite if its numbers are, but for
+/// overflow: only where it is not are they looked at one by one.
+pub(crate) fn not_finite(m: MatRef<'_, f64>) -> Option<(usize, usize)> {
+    (0..m.ncols()).find_map(|j| {
+        let column = m.col(j);
+        let sound = column.try_as_col_major().is_some_and(|column| dot(column.as_slice(), column.as_slice()).is_finite());
+        if sound { None } else { column.iter().position(|value| !value.is_finite()).map(|i| (i, j)) }
+    })
 }
 
 /// |a|₂.

@@ -1,6 +1,7 @@
 //! Checks of a problem at the door.
 
 use super::{Ocp, OcpError, Rows, Stage};
+use crate::kernels::not_finite;
 use faer::MatRef;
 
 impl Ocp {
@@ -75,16 +76,10 @@ fn matrix(array: &'static str, stage: usize, m: MatRef<'_, f64>, expected: (usiz
     if m.shape() != expected {
         return Err(OcpError::Size { array, stage, found: m.shape(), expected });
     }
-    for column in 0..m.ncols() {
-        // 0 · value is 0 of finite numbers only: no branch a number
-        let sum: f64 = m.col(column).iter().map(|value| 0.0 * value).sum();
-        if sum.is_nan()
-            && let Some(row) = m.col(column).iter().position(|value| !value.is_finite())
-        {
-            return Err(OcpError::NotFinite { array, stage, row, column, value: m[(row, column)] });
-        }
+    match not_finite(m) {
+        Some((row, column)) => Err(OcpError::NotFinite { array, stage, row, column, value: m[(row, column)] }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 fn vector(

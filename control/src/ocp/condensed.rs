@@ -3,13 +3,16 @@
 //! With u = (u_0, …, u_{N−1}) the states are x_k = x̄_k + Γ_k u, where x̄ is the response without inputs and Γ_{k+1} = [A_k Γ_k, B_k, 0]
 //! has columns of u_0 … u_k only. Per stage three products are formed over the columns that are not zero, N (N + 1)/2 blocks each:
 //! Γ forwards, then backwards W_k = Q_k Γ_k + A_kᵀ W_{k+1}, of which block row k of the Hessian's lower triangle is
-//! B_kᵀ W_{k+1} + S_k Γ_k + R_k (the adjoint way; Frison, Jørgensen 2013, IEEE CDC, the O(N²) algorithm). A diagonal Q costs no product.
+//! B_kᵀ W_{k+1} + S_k Γ_k + R_k (the adjoint way; Frison, Jørgensen 2013, IEEE CDC, the O(N²) algorithm). A diagonal Q and rows of few
+//! states cost no product of matrices: Γ and W are stored transposed, so that a state's response lies contiguously.
 
 use super::products::{add_to, multiply};
-use super::{Ocp, OcpConstraint, OcpError, OcpSolution, OcpSolver, Rows};
+use super::snapshot::Snapshot;
+use super::{Ocp, OcpConstraint, OcpError, OcpSolution, OcpSolver};
+use crate::constants::OCP;
 use crate::qp::{ActiveSet, Constraint, Qp, QpError, QpSolution};
 use faer::prelude::ReborrowMut;
-use faer::{Accum, Mat, MatRef};
+use faer::{Accum, Mat, MatMut, MatRef, unzip, zip};
 
 /// Condenses problems and solves them by [`ActiveSet`], from the working set of the last one if sizes are the same. Matrices that are the
 /// same as the last problem's are not condensed again. Iterations are changes of the working set.
@@ -19,12 +22,13 @@ use faer::{Accum, Mat, MatRef};
 #[derive(Clone, Debug)]
 pub struct Condensed {
     solver: ActiveSet,
-    /// The problem whose matrices are condensed.
-    last: Option<Ocp>,
-    /// Γ_0 … Γ_N, nx × N nu, of which the first k nu columns are used.
+    /// The matrices that are condensed, if they are all there.
+    last: Snapshot,
+    /// Γ_0ᵀ … Γ_Nᵀ, N nu × nx, of which the first k nu rows are used.
     gamma: Vec<Mat<f64>>,
-    /// W_{k+1} and W_k.
+    /// W_{k+1}ᵀ and W_kᵀ.
     w: [Mat<f64>; 2],
+    /// Upper triangle.
     hessian: Mat<f64>,
     /// Transposed rows of all stages, N nu × m.
     rows: Mat<f64>,
@@ -37,7 +41,7 @@ impl Condensed {
     pub fn new() -> Self {
         Self {
             solver: ActiveSet::new(),
-            last: None,
+            last: Snapshot::default(),
             gamma: Vec::new(),
             w: [Mat::new(), Mat::new()],
             hessian: Mat::new(),
@@ -46,53 +50,53 @@ impl Condensed {
         }
     }
 
+    /// Forgets the working set: the next problem starts from none. Memory is kept.
+    pub fn forget(&mut self) {
+        self.solver.forget();
+    }
+
     /// The condensed matrices: Hessian and rows.
     fn condense(&mut self, ocp: &Ocp) {
-        if self.last.as_ref().is_some_and(|last| same_matrices(last, ocp)) {
+        if !self.last.take(ocp) {
             return;
         }
         let (nx, nu, n) = (ocp.nx(), ocp.nu(), ocp.stages.len());
         self.resize(nx, nu, n, ocp);
         for (k, stage) in ocp.stages.iter().enumerate() {
             let (before, after) = self.gamma.split_at_mut(k + 1);
-            let (mut past, mut own) = after[0].as_mut().split_at_col_mut(k * nu);
-            multiply(past.rb_mut(), Accum::Replace, stage.a.as_ref(), before[k].as_ref().subcols(0, k * nu));
-            own.rb_mut().subcols_mut(0, nu).copy_from(&stage.b);
+            let (past, mut own) = after[0].as_mut().split_at_row_mut(k * nu);
+            multiply(past, Accum::Replace, before[k].as_ref().subrows(0, k * nu), stage.a.transpose());
+            own.rb_mut().subrows_mut(0, nu).copy_from(stage.b.transpose());
         }
-        weigh(self.w[0].as_mut().subcols_mut(0, n * nu), Accum::Replace, ocp.q_final.as_ref(), self.gamma[n].as_ref());
+        self.w[0].fill(0.0);
+        add_weighed(self.w[0].as_mut(), self.gamma[n].as_ref(), ocp.q_final.as_ref());
         for (k, stage) in ocp.stages.iter().enumerate().rev() {
             let [later, now] = &mut self.w;
-            let later = later.as_ref().subcols(0, (k + 1) * nu);
-            let gamma = self.gamma[k].as_ref().subcols(0, k * nu);
-            let mut row = self.hessian.as_mut().submatrix_mut(k * nu, 0, nu, (k + 1) * nu);
-            multiply(row.rb_mut(), Accum::Replace, stage.b.transpose(), later);
-            let (past, mut own) = row.split_at_col_mut(k * nu);
+            let later = later.as_ref().subrows(0, (k + 1) * nu);
+            let gamma = self.gamma[k].as_ref().subrows(0, k * nu);
+            let mut column = self.hessian.as_mut().submatrix_mut(0, k * nu, (k + 1) * nu, nu);
+            multiply(column.rb_mut(), Accum::Replace, later, stage.b.as_ref());
+            let (past, mut own) = column.split_at_row_mut(k * nu);
             own += &stage.r;
-            if k > 0 {
-                if !is_zero(stage.s.as_ref()) {
-                    multiply(past, Accum::Add, stage.s.as_ref(), gamma);
-                }
-                let mut now = now.as_mut().subcols_mut(0, k * nu);
-                multiply(now.rb_mut(), Accum::Replace, stage.a.transpose(), later.subcols(0, k * nu));
-                weigh(now, Accum::Add, stage.q.as_ref(), gamma);
-            }
+            multiply(past, Accum::Add, gamma, stage.s.transpose());
+            let mut now = now.as_mut().subrows_mut(0, k * nu);
+            multiply(now.rb_mut(), Accum::Replace, later.subrows(0, k * nu), stage.a.as_ref());
+            add_weighed(now, gamma, stage.q.as_ref());
             self.w.swap(0, 1);
         }
         for k in 0..=n {
             let rows = ocp.rows(k);
             let mut block = self.rows.as_mut().subcols_mut(self.starts[k], rows.len());
-            let gamma = self.gamma[k].as_ref().subcols(0, k * nu);
-            multiply(block.rb_mut().subrows_mut(0, k * nu), Accum::Replace, gamma.transpose(), rows.gx.transpose());
+            block.fill(0.0);
+            let gamma = self.gamma[k].as_ref().subrows(0, k * nu);
+            add_weighed(block.rb_mut().subrows_mut(0, k * nu), gamma, rows.gx.transpose());
             if k < n {
-                block.rb_mut().subrows_mut(k * nu, nu).copy_from(rows.gu.transpose());
-                block.subrows_mut((k + 1) * nu, (n - k - 1) * nu).fill(0.0);
+                block.subrows_mut(k * nu, nu).copy_from(rows.gu.transpose());
             }
         }
-        self.last = Some(ocp.clone());
     }
 
     fn resize(&mut self, nx: usize, nu: usize, n: usize, ocp: &Ocp) {
-        self.last = None;
         self.starts.clear();
         self.starts.push(0);
         let mut m = 0;
@@ -100,9 +104,9 @@ impl Condensed {
             m += ocp.rows(k).len();
             self.starts.push(m);
         }
-        if self.gamma.len() != n + 1 || self.gamma[0].shape() != (nx, n * nu) {
-            self.gamma = vec![Mat::zeros(nx, n * nu); n + 1];
-            self.w = [Mat::zeros(nx, n * nu), Mat::zeros(nx, n * nu)];
+        if self.gamma.len() != n + 1 || self.gamma[0].shape() != (n * nu, nx) {
+            self.gamma = vec![Mat::zeros(n * nu, nx); n + 1];
+            self.w = [Mat::zeros(n * nu, nx), Mat::zeros(n * nu, nx)];
             self.hessian = Mat::zeros(n * nu, n * nu);
         }
         if self.rows.shape() != (n * nu, m) {
@@ -173,7 +177,7 @@ impl OcpSolver for Condensed {
         let of_stages = |bound: fn(&super::Stage) -> &[f64]| ocp.stages.iter().flat_map(bound).copied().collect::<Vec<_>>();
         let weights: Vec<f64> = (0..=ocp.stages.len()).flat_map(|k| &ocp.rows(k).weights).copied().collect();
         let qp = Qp {
-            hessian: self.hessian.as_ref(),
+            hessian: self.hessian.transpose(),
             gradient: &gradient,
             lower: &of_stages(|stage| &stage.lower),
             upper: &of_stages(|stage| &stage.upper),
@@ -196,31 +200,18 @@ impl OcpSolver for Condensed {
     }
 }
 
-/// `w += Q Γ` or `w = Q Γ`.
-fn weigh(mut w: faer::MatMut<'_, f64>, accum: Accum, q: MatRef<'_, f64>, gamma: MatRef<'_, f64>) {
-    let diagonal = (0..q.ncols()).all(|j| q.col(j).iter().enumerate().all(|(i, entry)| i == j || *entry == 0.0));
-    if !diagonal {
-        return multiply(w, accum, q, gamma);
+/// `w += Γᵀ M`, by columns of Γᵀ where M has few entries.
+fn add_weighed(mut w: MatMut<'_, f64>, gamma: MatRef<'_, f64>, m: MatRef<'_, f64>) {
+    let nonzero = |j: usize| (0..m.nrows()).filter(move |&i| m[(i, j)] != 0.0);
+    let count: usize = (0..m.ncols()).map(|j| nonzero(j).count()).sum();
+    if count * OCP.sparse_rows > m.nrows() * m.ncols() {
+        return multiply(w, Accum::Add, gamma, m);
     }
-    for j in 0..w.ncols() {
-        for (i, w) in w.rb_mut().col_mut(j).iter_mut().enumerate() {
-            let weighed = q[(i, i)] * gamma[(i, j)];
-            *w = if accum == Accum::Replace { weighed } else { *w + weighed };
+    for j in 0..m.ncols() {
+        let mut w = w.rb_mut().col_mut(j);
+        for i in nonzero(j) {
+            let factor = m[(i, j)];
+            zip!(w.rb_mut(), gamma.col(i)).for_each(|unzip!(w, gamma)| *w += factor * *gamma);
         }
     }
-}
-
-fn is_zero(m: MatRef<'_, f64>) -> bool {
-    (0..m.ncols()).all(|j| m.col(j).iter().all(|entry| *entry == 0.0))
-}
-
-fn same_matrices(a: &Ocp, b: &Ocp) -> bool {
-    let rows = |a: &Rows, b: &Rows| a.gx == b.gx && a.gu == b.gu;
-    a.stages.len() == b.stages.len()
-        && a.stages
-            .iter()
-            .zip(&b.stages)
-            .all(|(a, b)| a.a == b.a && a.b == b.b && a.q == b.q && a.s == b.s && a.r == b.r && rows(&a.rows, &b.rows))
-        && a.q_final == b.q_final
-        && rows(&a.rows_final, &b.rows_final)
 }

@@ -18,6 +18,7 @@ mod error;
 mod evaluate;
 mod products;
 mod riccati;
+mod snapshot;
 
 pub use condensed::Condensed;
 pub use error::{OcpConstraint, OcpError};

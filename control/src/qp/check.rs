@@ -1,6 +1,7 @@
 //! Checks of a problem at the door.
 
 use super::{Qp, QpError};
+use crate::kernels::not_finite;
 
 impl Qp<'_> {
     /// Number of variables n.
@@ -29,10 +30,14 @@ impl Qp<'_> {
         if let Some((array, of, found, expected)) = sizes.into_iter().find(|(_, _, found, expected)| found != expected) {
             return Err(QpError::Size { array, of, found, expected });
         }
-        // only the lower triangle of the Hessian is read
-        check_matrix("hessian", n, n, |i, j| if i < j { 0.0 } else { self.hessian[(i, j)] })?;
+        let entry = |array, value, (row, column)| QpError::NotFinite { array, row, column, value };
+        if let Some(place) = not_finite(self.hessian) {
+            return Err(entry("hessian", self.hessian[place], place));
+        }
         // along rows, which are contiguous where it matters
-        check_matrix("rows", n, m, |j, i| self.rows[(i, j)]).map_err(swap_place)?;
+        if let Some((column, row)) = not_finite(self.rows.transpose()) {
+            return Err(entry("rows", self.rows[(row, column)], (row, column)));
+        }
         check_vector("gradient", self.gradient, |_| false)?;
         check_vector("lower", self.lower, |value| value == f64::NEG_INFINITY)?;
         check_vector("upper", self.upper, |value| value == f64::INFINITY)?;
@@ -45,26 +50,6 @@ impl Qp<'_> {
             Some(variable) => Err(QpError::CrossedBounds { variable, lower: self.lower[variable], upper: self.upper[variable] }),
             None => Ok(()),
         }
-    }
-}
-
-/// Finds a number that is not finite by the sum of all, whose products with 0 are 0 only if they are finite: no branch a number.
-fn check_matrix(array: &'static str, rows: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Result<(), QpError> {
-    for column in 0..columns {
-        let sum: f64 = (0..rows).map(|row| 0.0 * entry(row, column)).sum();
-        if sum.is_nan()
-            && let Some(row) = (0..rows).find(|&row| !entry(row, column).is_finite())
-        {
-            return Err(QpError::NotFinite { array, row, column, value: entry(row, column) });
-        }
-    }
-    Ok(())
-}
-
-fn swap_place(error: QpError) -> QpError {
-    match error {
-        QpError::NotFinite { array, row, column, value } => QpError::NotFinite { array, row: column, column: row, value },
-        other => other,
     }
 }
 

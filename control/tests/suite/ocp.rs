@@ -34,3 +34,9 @@ fn agree_with_clarabel() {
         println!("clar {seed} {:e} {:e}", (condensed.cost - cost).abs() / (1.0 + cost.abs()), difference(&condensed.u, &u));
     }
 }
+
+#[test]
+fn dbg() {
+    let seed: u64 = std::env::var("SEED").unwrap().parse().unwrap();
+    Riccati::new().solve(&random(seed)).unwrap();
+}

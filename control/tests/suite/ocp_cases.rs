@@ -181,7 +181,7 @@ pub fn rope(n: usize, rows: usize, seed: u64) -> Ocp {
             q: Mat::from_fn(nx, nx, |i, j| if i == j { weight(i) } else { 0.0 }),
             s: Mat::zeros(nu, nx),
             r,
-            q_linear: (0..nx).map(|i| -weight(i) * (0.3 + 0.5 * (i as f64 / 69.0))).collect(),
+            q_linear: (0..nx).map(|i| -weight(i) * (0.02 + 0.05 * (i as f64 / 69.0))).collect(),
             r_linear: vec![0.0; nu],
             lower: vec![-0.2; nu],
             upper: vec![0.2; nu],

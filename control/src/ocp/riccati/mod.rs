@@ -4,12 +4,13 @@
 //! convex quadratic costs ask (Rao, Wright, Rawlings 1998, J. Optim. Theory Appl. 99). It starts from the solution without inequalities.
 
 mod infeasible;
+mod polish;
 mod recursion;
 mod rows;
 
 use super::{Ocp, OcpError, OcpSolution, OcpSolver};
 use crate::constants::OCP;
-use crate::kernels::{dot, largest};
+use crate::kernels::largest;
 use crate::ocp::products::add_to;
 use recursion::{Recursion, Trajectory};
 use rows::{Kind, StageRows};
@@ -78,6 +79,11 @@ impl Errors {
     fn largest(self) -> f64 {
         self.linear.max(self.complementary)
     }
+
+    /// Sum relative to what is aimed at: of errors small enough the other one counts.
+    fn weighed(self) -> f64 {
+        self.linear.max(OCP.aimed) / OCP.aimed + self.complementary.max(OCP.complementary) / OCP.complementary
+    }
 }
 
 impl<'a> Run<'a> {
@@ -101,8 +107,16 @@ impl<'a> Run<'a> {
         self.start()?;
         let (mut best, mut stalled) = (self.errors(), 0);
         let mut kept = (self.at.clone(), self.rows.clone());
-        while !(best.linear <= OCP.aimed && best.complementary <= OCP.complementary) {
-            if stalled == OCP.stalled || self.iterations == OCP.iterations {
+        let mut polished_from = OCP.polished_from;
+        while stalled < OCP.stalled && self.iterations < OCP.iterations {
+            let near = best.linear <= OCP.accepted && best.complementary <= polished_from;
+            if near {
+                if self.polish() {
+                    return Ok(());
+                }
+                polished_from = OCP.polished_again * best.complementary;
+            }
+            if best.linear <= OCP.aimed && best.complementary <= OCP.complementary {
                 break;
             }
             // rounding errors of the last digits may leave a factor indefinite: no further digits can be had
@@ -111,11 +125,7 @@ impl<'a> Run<'a> {
             }
             let errors = self.errors();
             stalled += 1;
-            // of errors that are small enough the other one counts
-            let sum = |errors: Errors| {
-                errors.linear.max(OCP.aimed) / OCP.aimed + errors.complementary.max(OCP.complementary) / OCP.complementary
-            };
-            if sum(errors) < sum(best) {
+            if errors.weighed() < best.weighed() {
                 (best, stalled) = (errors, 0);
                 kept = (self.at.clone(), self.rows.clone());
             }
@@ -142,7 +152,7 @@ impl<'a> Run<'a> {
         let violation = list().map(|row| row.value - row.limit).fold(0.0, f64::max);
         let distance = list().map(|row| (row.value - row.limit).abs()).fold(0.0, f64::max);
         let least = violation.max(1e-2 * distance).max(1e-6);
-        let slope = self.at.dynamics.iter().map(|pi| largest(pi)).fold(0.0, f64::max).max(self.slope_of_inputs()).max(1e-6);
+        let slope = most(&self.at.dynamics).max(self.slope_of_inputs()).max(1e-6);
         for row in self.rows.iter_mut().flat_map(|rows| &mut rows.list) {
             row.start(least, least * slope);
         }
@@ -232,18 +242,30 @@ impl<'a> Run<'a> {
     }
 
     fn errors(&self) -> Errors {
-        let most = |vectors: &[Vec<f64>]| vectors.iter().map(|vector| largest(vector)).fold(0.0, f64::max);
-        let list = || self.rows.iter().flat_map(|rows| &rows.list);
-        let states = most(&self.at.x).max(f64::MIN_POSITIVE);
-        // x_0 is given: its residual is no condition
-        let stationary = most(&self.residual.x[1..]).max(self.residual_of_inputs());
-        let slopes = most(&self.at.dynamics).max(self.slope_of_inputs()).max(list().map(|row| row.lambda).fold(0.0, f64::max));
-        let gap = list().map(|row| row.gap().abs() / (row.limit.abs().max(row.value.abs()) + states)).fold(0.0, f64::max);
-        let linear = (stationary / slopes.max(f64::MIN_POSITIVE)).max(most(&self.residual.dynamics) / states).max(gap);
-        let inputs = self.at.u.iter().zip(&self.residual.u).map(|(u, _)| dot(u, u)).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
-        let complementary = self.mean_product(0.0) / (slopes * inputs.max(states)).max(f64::MIN_POSITIVE);
-        // a number that is not finite is the largest error of all
-        Errors { linear: if linear.is_finite() { linear } else { f64::INFINITY }, complementary }
+        let (states, slopes) = (self.size_of_states(), self.size_of_slopes());
+        let list = self.rows.iter().flat_map(|rows| &rows.list);
+        let gap = list.map(|row| row.gap().abs() / (row.limit.abs().max(row.value.abs()) + states)).fold(0.0, f64::max);
+        let linear = (self.stationarity() / slopes).max(most(&self.residual.dynamics) / states).max(gap);
+        let complementary = self.mean_product(0.0) / (slopes * states);
+        // a number that is none is the largest error of all, which maxima pass over
+        let sound = self.at.x.iter().flatten().all(|x| x.is_finite());
+        Errors { linear: if sound { linear } else { f64::INFINITY }, complementary }
+    }
+
+    /// Largest state or input.
+    fn size_of_states(&self) -> f64 {
+        most(&self.at.x).max(most(&self.at.u)).max(f64::MIN_POSITIVE)
+    }
+
+    /// Largest multiplier, or slope of the cost of inputs.
+    fn size_of_slopes(&self) -> f64 {
+        let multipliers = self.rows.iter().flat_map(|rows| &rows.list).map(|row| row.lambda).fold(0.0, f64::max);
+        most(&self.at.dynamics).max(self.slope_of_inputs()).max(multipliers).max(f64::MIN_POSITIVE)
+    }
+
+    /// Largest derivative of the Lagrangian by a state or input that is an unknown.
+    fn stationarity(&self) -> f64 {
+        most(&self.residual.x[1..]).max(self.residual_of_inputs())
     }
 
     fn residual_of_inputs(&self) -> f64 {
@@ -277,6 +299,10 @@ impl<'a> Run<'a> {
         let cost = ocp.cost(&x, &u, &violations);
         OcpSolution { x, u, multipliers, bounds, violations, cost, iterations: self.iterations }
     }
+}
+
+fn most(vectors: &[Vec<f64>]) -> f64 {
+    vectors.iter().map(|vector| largest(vector)).fold(0.0, f64::max)
 }
 
 /// `at += part · step`.

@@ -13,6 +13,7 @@ use crate::ocp::products::{add_to, multiply};
 use crate::ocp::{Ocp, OcpError};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, MatRef, Par};
 
@@ -77,15 +78,15 @@ impl Recursion {
             rows[k].add_inputs(&stage.rows, gain, lambda);
             multiply(self.pa.as_mut(), Accum::Replace, later.as_ref(), stage.a.as_ref());
             multiply(self.pb.as_mut(), Accum::Replace, later.as_ref(), stage.b.as_ref());
-            multiply(p.as_mut(), Accum::Add, stage.a.transpose(), self.pa.as_ref());
+            add_lower(p, 1.0, stage.a.transpose(), self.pa.as_ref());
             multiply(lambda.as_mut(), Accum::Add, stage.b.transpose(), self.pb.as_ref());
             multiply(gain.as_mut(), Accum::Add, stage.b.transpose(), self.pa.as_ref());
             fix(&rows[k].fixed, gain, lambda);
             cholesky_in_place(lambda.as_mut(), Default::default(), Par::Seq, MemStack::new(&mut memory), Default::default())
                 .map_err(|LltError::NonPositivePivot { index }| OcpError::NotConvex { stage: k, input: index })?;
             solve_lower_triangular_in_place(lambda.as_ref(), gain.as_mut(), Par::Seq);
-            faer::linalg::matmul::matmul(p.as_mut(), Accum::Add, gain.transpose(), gain.as_ref(), -1.0, Par::Seq);
-            symmetrize(p);
+            add_lower(p, -1.0, gain.transpose(), gain.as_ref());
+            mirror(p);
         }
         Ok(())
     }
@@ -135,13 +136,17 @@ fn fix(fixed: &[usize], gain: &mut Mat<f64>, lambda: &mut Mat<f64>) {
     }
 }
 
-/// Rounding errors make P unsymmetric, and the recursion lets them grow.
-fn symmetrize(p: &mut Mat<f64>) {
+/// The lower triangle of `p += sign · A B`.
+fn add_lower(p: &mut Mat<f64>, sign: f64, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
+    let (lower, full) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    triangular::matmul(p.as_mut(), lower, Accum::Add, a, full, b, full, sign, Par::Seq);
+}
+
+/// The upper triangle from the lower one: P stays symmetric to the last bit, or the recursion lets the difference grow.
+fn mirror(p: &mut Mat<f64>) {
     for j in 0..p.ncols() {
         for i in 0..j {
-            let mean = 0.5 * (p[(i, j)] + p[(j, i)]);
-            p[(i, j)] = mean;
-            p[(j, i)] = mean;
+            p[(i, j)] = p[(j, i)];
         }
     }
 }

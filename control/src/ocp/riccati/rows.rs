@@ -24,11 +24,23 @@ pub(super) enum Kind {
     Row(usize),
 }
 
+/// What a row is taken for at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// λ = 0.
+    Free,
+    /// g w = c.
+    Held,
+    /// λ = weight.
+    Priced,
+}
+
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inequality {
     pub kind: Kind,
     pub limit: f64,
     pub weight: f64,
+    pub phase: Phase,
     pub s: f64,
     pub lambda: f64,
     pub sigma: f64,
@@ -166,6 +178,33 @@ impl StageRows {
         }
     }
 
+    /// D = weight / |g|² of rows that hold, and no other.
+    pub fn weigh_held(&mut self, weight: f64) {
+        for i in 0..self.list.len() {
+            let squares = match self.list[i].kind {
+                Kind::Bound { .. } => 1.0,
+                Kind::Row(row) => self.entries(row).iter().map(|(_, entry)| entry * entry).sum(),
+            };
+            let held = self.list[i].phase == Phase::Held && squares > 0.0;
+            self.list[i].d = if held { weight / squares } else { 0.0 };
+        }
+    }
+
+    /// `(gx, gu) += D (g w − c) gᵀ`.
+    pub fn add_held(&mut self, gx: &mut [f64], gu: &mut [f64]) {
+        self.list.iter_mut().for_each(|row| row.rho = row.value - row.limit);
+        self.list.iter().for_each(|row| self.add_row(row.kind, row.d * row.rho, gx, gu));
+    }
+
+    /// `λ += D (g (w + dw) − c)`.
+    pub fn take_up_held(&mut self, dx: &[f64], du: &[f64]) {
+        for i in 0..self.list.len() {
+            let value = self.value_of(self.list[i].kind, dx, du);
+            let row = &mut self.list[i];
+            row.lambda += row.d * (value + row.rho);
+        }
+    }
+
     /// `p += G_xᵀ D G_x`.
     pub fn add_states(&self, rows: &Rows, p: &mut Mat<f64>) {
         if self.dense {
@@ -226,6 +265,7 @@ impl Inequality {
             kind,
             limit,
             weight,
+            phase: Phase::Held,
             s: 0.0,
             lambda: 0.0,
             sigma: 0.0,
@@ -250,15 +290,39 @@ impl Inequality {
         self.value - self.sigma + self.s - self.limit
     }
 
-    /// Sets slacks of at least `least` and multipliers at which their products are `mu`.
+    /// Sets slacks and multipliers at which their products are `mu`: a hard row's slack is at least `least`; a soft row has the gap 0,
+    /// by the root of s − σ = mu/λ − mu/(weight − λ) = c − g w.
     pub fn start(&mut self, least: f64, mu: f64) {
-        self.s = (self.limit - self.value).max(least);
-        self.lambda = mu / self.s;
+        let distance = self.limit - self.value;
         if self.is_soft() {
-            self.lambda = self.lambda.min(0.5 * self.weight);
-            self.nu = self.weight - self.lambda;
-            self.sigma = (mu / self.nu).max(self.value - self.limit);
+            let priced = distance * self.weight;
+            self.lambda = 2.0 * mu * self.weight / (priced + 2.0 * mu + priced.hypot(2.0 * mu));
+            self.nu = 2.0 * mu * self.weight / (-priced + 2.0 * mu + priced.hypot(2.0 * mu));
+            (self.s, self.sigma) = (mu / self.lambda, mu / self.nu);
+        } else {
+            self.s = distance.max(least);
+            self.lambda = mu / self.s;
         }
+    }
+
+    /// Takes a row for what its slack and multiplier say, relative to the sizes of states and slopes.
+    pub fn decide(&mut self, states: f64, slopes: f64) {
+        let small = |slack: f64, multiplier: f64| slack * slopes < multiplier * states;
+        self.phase = match (small(self.s, self.lambda), !self.is_soft() || small(self.sigma, self.nu)) {
+            (false, _) => Phase::Free,
+            (true, true) => Phase::Held,
+            (true, false) => Phase::Priced,
+        };
+        match self.phase {
+            Phase::Free => self.lambda = 0.0,
+            Phase::Held => {}
+            Phase::Priced => self.lambda = self.weight,
+        }
+    }
+
+    /// Takes what rounding errors put the multiplier out of its range by back.
+    pub fn clamp(&mut self) {
+        self.lambda = self.lambda.clamp(0.0, self.weight);
     }
 
     /// The part of the last step at which a slack or multiplier vanishes.
