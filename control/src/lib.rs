@@ -3,6 +3,7 @@
 mod constants;
 mod kernels;
 pub mod mpc;
+pub mod mppi;
 pub mod ocp;
 pub mod plan;
 pub mod problem;

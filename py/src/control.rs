@@ -7,8 +7,10 @@ use crate::options::Trajectory;
 use crate::rollout::wrap;
 use numpy::{PyArray1, PyArray2};
 use pliant::control::mpc::{Mpc as Engine, Update};
+use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
 use pliant::control::plan::{self, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
 use pliant::control::problem::{Problem, Rows, Terms};
+use pliant::scene::Source;
 use pliant::{Rollout, State, TaskCase};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
@@ -34,11 +36,13 @@ pub fn load_task(py: Python<'_>, path: PathBuf) -> PyResult<Task> {
     Task::new(py, TaskCase::read(path).map_err(input)?)
 }
 
-/// Reads a task from a text (TOML); its scene is looked for in `folder`.
+/// Reads a task from a text (TOML); its scene is the text `scene` or a file in `folder`.
 #[pyfunction]
-#[pyo3(signature = (text, folder=PathBuf::new()))]
-pub fn loads_task(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Task> {
-    Task::new(py, TaskCase::parse(text, &folder.join("task.toml").display().to_string()).map_err(input)?)
+#[pyo3(signature = (text, *, scene=None, folder=PathBuf::new()))]
+pub fn loads_task(py: Python<'_>, text: &str, scene: Option<&str>, folder: PathBuf) -> PyResult<Task> {
+    let scene = scene.map(|scene| Source::new("scene.toml", scene));
+    let name = folder.join("task.toml").display().to_string();
+    Task::new(py, TaskCase::parse(text, &name, scene.as_ref()).map_err(input)?)
 }
 
 impl Task {
@@ -169,6 +173,33 @@ impl Task {
         let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
         Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options)
+    }
+
+    /// A controller that samples, to compare with.
+    #[pyo3(signature = (u0, sigma, theta=None, *, samples=256, temperature=0.1, gamma=1e-2, violation=10.0, seed=0))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments
+    fn mppi<'py>(
+        &self,
+        py: Python<'py>,
+        u0: &Bound<'py, PyAny>,
+        sigma: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        samples: usize,
+        temperature: f64,
+        gamma: f64,
+        violation: f64,
+        seed: u64,
+    ) -> PyResult<Mppi> {
+        if temperature.is_nan() || temperature <= 0.0 {
+            return Err(input(format!("temperature is {temperature}, but must be positive")));
+        }
+        let Asked { controls, theta, .. } = self.asked(py, None, Some(u0), theta, self.horizon())?;
+        let engine = &self.case.case.model;
+        let sigma = vector("sigma", sigma, engine.nu())?;
+        let options = MppiOptions { samples, sigma, temperature, gamma, violation, seed };
+        let problem: AnyProblem = Arc::new(self.case.problem.clone());
+        let inner = Sampler::new(problem, engine, &theta, controls, options).map_err(failed)?;
+        Ok(Mppi { inner: Mutex::new(inner), model: self.model.clone_ref(py) })
     }
 
     fn __repr__(&self) -> String {
@@ -440,6 +471,23 @@ impl Mpc {
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.last(py, |update| Ok(word(update.status)))
+    }
+}
+
+/// A sampling controller.
+#[pyclass(module = "pliant", frozen)]
+pub struct Mppi {
+    inner: Mutex<Sampler<AnyProblem>>,
+    model: Py<Model>,
+}
+
+#[pymethods]
+impl Mppi {
+    /// Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
+    fn update<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
+        let x = self.model.get().state("x", x)?;
+        let first = py.detach(|| self.inner.lock().unwrap_or_else(PoisonError::into_inner).update(&x));
+        Ok(to_vector(py, first.map_err(failed)?))
     }
 }
 

@@ -34,6 +34,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<control::Task>()?;
     m.add_class::<control::Plan>()?;
     m.add_class::<control::Mpc>()?;
+    m.add_class::<control::Mppi>()?;
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;
     m.add_function(wrap_pyfunction!(cable::cable, m)?)?;

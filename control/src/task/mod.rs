@@ -36,6 +36,7 @@ pub struct Task {
     /// Version of the format: 1.
     pub schema_version: u32,
     /// File of the scene, beside the task's.
+    #[serde(default)]
     pub scene: String,
     /// Steps of a plan.
     pub steps: usize,

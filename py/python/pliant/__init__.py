@@ -16,9 +16,13 @@ from ._pliant import (
     Equilibrium,
     InputError,
     Model,
+    Mpc,
+    Mppi,
     NumericsError,
+    Plan,
     Rollout,
     SurrogateRollout,
+    Task,
     VectorStepper,
     __version__,
     bench,
@@ -27,7 +31,10 @@ from ._pliant import (
     fit,
     import_model,
     load,
+    load_task,
     loads,
+    loads_task,
+    plan,
 )
 
 __all__ = [
@@ -35,9 +42,13 @@ __all__ = [
     "Equilibrium",
     "InputError",
     "Model",
+    "Mpc",
+    "Mppi",
     "NumericsError",
+    "Plan",
     "Rollout",
     "SurrogateRollout",
+    "Task",
     "VectorStepper",
     "__version__",
     "bench",
@@ -46,7 +57,10 @@ __all__ = [
     "fit",
     "import_model",
     "load",
+    "load_task",
     "loads",
+    "loads_task",
+    "plan",
 ]
 
 

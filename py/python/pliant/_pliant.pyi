@@ -459,6 +459,213 @@ class Equilibrium:
     def vjp(self, q_bar: ArrayLike) -> tuple[Array, Array]:
         """Cotangents u_bar (nu,), theta_bar (n_params,) from q_bar (3 n_nodes,)."""
 
+PlanStatus = Literal["converged", "iterations", "time", "stalled"]
+
+class PlanStep(TypedDict):
+    """One Gauss-Newton step of a search for a plan."""
+
+    cost: float
+    """J before it."""
+    penalty: float
+    """Sum of price times violation of the constraints before it."""
+    predicted: float
+    """Decrease of both that the quadratic model predicted, surrogate terms included."""
+    achieved: float
+    """Decrease of both that it brought, surrogate terms included."""
+    damping: float
+    """Levenberg-Marquardt damping it was taken with [-], of the diagonal."""
+    rollouts: int
+    """Rollouts it took."""
+    approaches: int
+    """Empty grippers that were drawn to what is worth holding: a surrogate term (docs/control.md)."""
+
+class StageTerms(TypedDict, total=False):
+    """What a cost function returns for one stage; derivatives that are left out are zero."""
+
+    residuals: ArrayLike
+    """r (m,): the cost is half the sum of its squares."""
+    residuals_by_x: ArrayLike
+    """(m, ndx), by a change of x."""
+    residuals_by_u: ArrayLike
+    """(m, nu)."""
+    constraints: ArrayLike
+    """c (p,), that must not be positive."""
+    constraints_by_x: ArrayLike
+    """(p, ndx)."""
+    constraints_by_u: ArrayLike
+    """(p, nu)."""
+    price: ArrayLike
+    """Price of a violation by 1: a number or (p,). 1000 if left out."""
+
+CostFunction = Callable[[int, int, Array, Array | None], StageTerms]
+"""Of stage k of N: (k, N, x (nx,), u (nu,) or None at k = N)."""
+
+@final
+class Task:
+    """Cost and constraints of a task file, with its scene (docs/control.md)."""
+
+    @property
+    def model(self) -> Model:
+        """The model of its scene."""
+    @property
+    def steps(self) -> int:
+        """Steps of a plan."""
+    @property
+    def horizon(self) -> int:
+        """Steps that a controller looks ahead."""
+    @property
+    def x0(self) -> Array:
+        """The state that the scene starts from, (nx,)."""
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the inputs, (nu,) each; infinite where there are none."""
+    def evaluate(self, x: ArrayLike, u: ArrayLike) -> tuple[float, list[tuple[str, float]]]:
+        """Cost of states x (N + 1, nx) under inputs u (N, nu), and the constraints that they violate, largest first, with by how much."""
+    def plan(
+        self,
+        x0: ArrayLike | None = None,
+        u0: ArrayLike | None = None,
+        theta: ArrayLike | None = None,
+        *,
+        iterations: int = 50,
+        tolerance: float = 1e-6,
+        time_limit: float | None = None,
+        holding: bool = True,
+    ) -> Plan:
+        """Seeks the inputs of least cost from x0 (nx,), by default the scene's start.
+
+        u0: the first guess, (N, nu), by default the scene's motions for `steps` steps. iterations: Gauss-Newton steps at most.
+        tolerance: it is done when a step would lower the cost by less than this part of it. time_limit: time after which no further
+        step is begun [s]; the best plan so far is returned. holding: whether empty grippers are drawn to what is worth holding.
+        NumericsError if the rollout of the first guess fails.
+        """
+    def mpc(
+        self,
+        u0: ArrayLike | None = None,
+        theta: ArrayLike | None = None,
+        *,
+        horizon: int | None = None,
+        iterations: int = 1,
+        time_limit: float | None = None,
+        holding: bool = True,
+    ) -> Mpc:
+        """A controller that looks `horizon` steps ahead; u0 is its first plan, (horizon, nu)."""
+
+    def mppi(
+        self,
+        u0: ArrayLike,
+        sigma: ArrayLike,
+        theta: ArrayLike | None = None,
+        *,
+        samples: int = 256,
+        temperature: float = 0.1,
+        gamma: float = 1e-2,
+        violation: float = 10.0,
+        seed: int = 0,
+    ) -> Mppi:
+        """A controller that samples (MPPI), to compare with.
+
+        u0: its first plan, (horizon, nu). sigma: standard deviation of each input, (nu,). violation: price of a squared violation.
+        The other defaults are those of CORD-SLS's baseline.
+        """
+
+@final
+class Mppi:
+    """Model predictive path integral control: the plan is moved towards the samples of least cost."""
+
+    def update(self, x: ArrayLike) -> Array:
+        """Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,). Results do not depend on threads."""
+
+@final
+class Plan:
+    """A plan and how it was found."""
+
+    @property
+    def rollout(self) -> Rollout:
+        """Its rollout, with derivatives."""
+    @property
+    def u(self) -> Array:
+        """Its inputs, (N, nu)."""
+    @property
+    def cost(self) -> float:
+        """J."""
+    @property
+    def violations(self) -> list[tuple[str, float]]:
+        """Constraints that it violates, largest first, with by how much."""
+    @property
+    def steps(self) -> list[PlanStep]:
+        """The steps of the search."""
+    @property
+    def status(self) -> PlanStatus:
+        """Why the search ended; "stalled": no step, however damped, lowers the cost."""
+    @property
+    def surrogate(self) -> bool:
+        """Whether the last step was taken with surrogate terms, so that the plan does not minimize J alone."""
+
+@final
+class Mpc:
+    """A controller: one Gauss-Newton step per update, from the last plan shifted by a step."""
+
+    def __new__(
+        cls,
+        model: Model,
+        evaluate: CostFunction,
+        u0: ArrayLike,
+        theta: ArrayLike | None = None,
+        *,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        iterations: int = 1,
+        time_limit: float | None = None,
+        holding: bool = True,
+    ) -> Mpc:
+        """A controller for a cost given as a function; lower and upper bound the inputs, (nu,)."""
+    def update(self, x: ArrayLike) -> Array:
+        """Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
+
+        NumericsError if the shifted plan cannot be simulated from x.
+        """
+    @property
+    def u(self) -> Array:
+        """Inputs of the last plan, (N, nu)."""
+    @property
+    def x(self) -> Array:
+        """States of the last plan, (N + 1, nx)."""
+    @property
+    def cost(self) -> float:
+        """J of the last plan."""
+    @property
+    def penalty(self) -> float:
+        """Sum of price times violation of the constraints of the last plan."""
+    @property
+    def steps(self) -> list[PlanStep]:
+        """The steps of the last update."""
+    @property
+    def status(self) -> PlanStatus:
+        """Why the last update ended."""
+
+def load_task(path: str | PathLike[str]) -> Task:
+    """Reads a task file (TOML) and the scene beside it. InputError says file, line, field, cause and fix."""
+
+def loads_task(text: str, *, scene: str | None = None, folder: str | PathLike[str] = "") -> Task:
+    """Reads a task from a text (TOML); its scene is the text `scene`, or the file that it names in `folder`."""
+
+def plan(
+    model: Model,
+    evaluate: CostFunction,
+    x0: ArrayLike,
+    u0: ArrayLike,
+    theta: ArrayLike | None = None,
+    *,
+    lower: ArrayLike | None = None,
+    upper: ArrayLike | None = None,
+    iterations: int = 50,
+    tolerance: float = 1e-6,
+    time_limit: float | None = None,
+    holding: bool = True,
+) -> Plan:
+    """Seeks the inputs of least cost, for a cost given as a function; as `Task.plan`. lower and upper bound the inputs, (nu,)."""
+
 def load(path: str | PathLike[str]) -> Model:
     """Reads a scene file (TOML). InputError says file, line, field, cause and fix."""
 

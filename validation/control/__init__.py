@@ -1,0 +1,4 @@
+"""Control on the four tasks of CORD-SLS, and what else docs/control.md shows.
+
+    python -m validation.control --json [--task NAME] [--runs N]
+"""

@@ -1,0 +1,78 @@
+"""Closed loops: a controller, a plant, disturbances, and what came of it."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pliant
+
+from validation.control.tasks import MPPI_SAMPLES, STEPS, Instance
+
+DISTURBANCE = 0.003 * 0.02  # m, radius of the ball of a step's disturbance in the release
+
+
+@dataclass
+class Outcome:
+    """A closed loop, run to its end."""
+
+    error: float
+    clearance: float
+    updates: list
+    evaluations: int
+    failures: int
+
+
+def disturbed(model, x, rng) -> np.ndarray:
+    """The state with its free nodes moved by a random vector in the release's ball."""
+    free = model.masses() > 0
+    w = rng.normal(size=3 * int(free.sum()))
+    w *= DISTURBANCE * rng.uniform() ** (1 / len(w)) / np.linalg.norm(w)
+    dx = np.zeros(model.ndx)
+    dx[: 3 * len(free)].reshape(-1, 3)[free] = w.reshape(-1, 3)
+    return model.displaced(x, dx)
+
+
+def run(instance: Instance, controller: Callable, task: pliant.Task, theta, steps: int, rng=None) -> Outcome:
+    """Steps of the plant, the model at theta, under the controller; disturbed if `rng` is given."""
+    model, x = task.model, task.x0
+    clearance, updates, evaluations, failures = np.inf, [], 0, 0
+    for _ in range(steps):
+        begin = time.perf_counter()
+        u, rollouts = controller(x)
+        updates.append(time.perf_counter() - begin)
+        evaluations += rollouts
+        failures += u is None
+        x = model.step(x, np.zeros(model.nu) if u is None else u, theta)
+        if rng is not None:
+            x = disturbed(model, x, rng)
+        clearance = min(clearance, instance.clearance(model, x))
+    return Outcome(instance.error(model, x), clearance, updates, evaluations, failures)
+
+
+def gradient(task: pliant.Task, theta, horizon: int) -> Callable:
+    """One Gauss-Newton step an update, from inputs of zero; evaluations are rollouts times steps, a Jacobian counted as one."""
+    mpc = task.mpc(np.zeros((horizon, task.model.nu)), theta)
+
+    def control(x):
+        u = mpc.update(x)
+        return u, horizon * sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps)
+
+    return control
+
+
+def sampling(task: pliant.Task, theta, horizon: int, name: str, seed: int, scaled: bool) -> Callable:
+    """MPPI with the release's settings: one sigma for all inputs, or a tenth of each input's range."""
+    lower, upper = task.bounds
+    sigma = np.where(upper > lower, 0.1 * (upper - lower) if scaled else 0.1, 0.0)
+    first = np.zeros((horizon, task.model.nu))
+    mppi = task.mppi(np.clip(first, lower, upper), sigma, theta, samples=MPPI_SAMPLES[name], seed=seed)
+
+    def control(x):
+        return mppi.update(x), horizon * MPPI_SAMPLES[name]
+
+    return control
+
+
+def steps_of(name: str) -> int:
+    return STEPS[name]
