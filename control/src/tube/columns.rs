@@ -80,7 +80,8 @@ impl Tube {
             columns.push(column);
             norms.push(of_column);
         }
-        Self { gains, reach: Reach::Columns(columns), tightenings: sum_norms(problem, &norms), cost: Some(cost), norms }
+        let tightenings = sum_norms(problem, &norms);
+        Self { gains, reach: Reach::Columns(columns), sizes: tightenings.clone(), tightenings, cost: Some(cost), norms }
     }
 }
 
@@ -95,7 +96,7 @@ pub struct ExactTube;
 impl TubeSynthesis for ExactTube {
     fn synthesize(&self, problem: &TubeProblem<'_>, multipliers: &RowValues, previous: Option<&Tube>) -> Result<Tube, TubeError> {
         let gains = Gains::exact(problem, &Weights::new(multipliers, previous))?;
-        Ok(Tube::of_gains(problem, gains))
+        Ok(Tube::of_gains(problem, gains).after(previous))
     }
 }
 
@@ -107,6 +108,6 @@ pub struct SharedGainTube;
 impl TubeSynthesis for SharedGainTube {
     fn synthesize(&self, problem: &TubeProblem<'_>, multipliers: &RowValues, previous: Option<&Tube>) -> Result<Tube, TubeError> {
         let weights = Weights::new(multipliers, previous);
-        Ok(Tube::of_gains(problem, Gains::of_weights(problem, |k| weights.mean(k))?))
+        Ok(Tube::of_gains(problem, Gains::of_weights(problem, |k| weights.mean(k))?).after(previous))
     }
 }

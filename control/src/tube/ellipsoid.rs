@@ -2,6 +2,7 @@
 
 use faer::Mat;
 
+use super::constants::TUBE;
 use super::error::TubeError;
 use super::gains::Gains;
 use super::problem::TubeProblem;
@@ -41,11 +42,15 @@ impl EllipsoidalTube {
     }
 
     fn weights(&self, problem: &TubeProblem<'_>, multipliers: &RowValues, previous: Option<&Tube>, k: usize) -> Option<Vec<f64>> {
-        let tightenings = previous?.tightenings.stage(k);
+        let previous = previous?;
+        let (tightenings, sizes) = (previous.tightenings.stage(k), previous.sizes.stage(k));
         let multipliers = multipliers.stage(k);
         let squared = self.gamma(problem, k).powi(2);
-        let eta = |(&mu, &h): (&f64, &f64)| if mu > 0.0 && h > 0.0 { mu * squared / (2.0 * h) } else { 0.0 };
-        multipliers.iter().any(|mu| *mu > 0.0).then(|| multipliers.iter().zip(tightenings).map(eta).collect())
+        let eta = |((&mu, &h), &size): ((&f64, &f64), &f64)| {
+            let floored = h.max(TUBE.norm_floor * size);
+            if mu > 0.0 && floored > 0.0 { mu * squared / (2.0 * floored) } else { 0.0 }
+        };
+        multipliers.iter().any(|mu| *mu > 0.0).then(|| multipliers.iter().zip(tightenings).zip(sizes).map(eta).collect())
     }
 }
 
@@ -82,7 +87,8 @@ impl TubeSynthesis for EllipsoidalTube {
             }
         }
         shapes.push(sigma);
-        Ok(Tube { gains, reach: Reach::Ellipsoids(shapes), tightenings, cost: Some(cost), norms: Vec::new() })
+        let (reach, sizes) = (Reach::Ellipsoids(shapes), tightenings.clone());
+        Ok(Tube { gains, reach, tightenings, cost: Some(cost), norms: Vec::new(), sizes }.after(previous))
     }
 }
 

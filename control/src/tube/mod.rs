@@ -47,8 +47,7 @@ pub use robust::{RobustOptions, RobustSolution, Violation, robust};
 pub use rows::RowValues;
 
 pub(crate) use problem::check;
-pub(crate) use rows::StageRows;
-pub(crate) use weights::{Norms, Weights, sum_norms};
+pub(crate) use weights::{Norms, Weights};
 
 use faer::Mat;
 
@@ -76,9 +75,19 @@ pub struct Tube {
     pub cost: Option<f64>,
     /// a_{k,j} at `[j][k − j][row]`; none of ellipsoids.
     pub(crate) norms: Norms,
+    /// Tightenings of the first tube of an alternation, whose weights were zero: what small ones are small against.
+    pub(crate) sizes: RowValues,
 }
 
 impl Tube {
+    /// The next tube of an alternation.
+    pub(crate) fn after(mut self, previous: Option<&Self>) -> Self {
+        if let Some(previous) = previous {
+            self.sizes = previous.sizes.clone();
+        }
+        self
+    }
+
     /// g · Φ_{k,j} shift_j summed over j: how much higher every row and input of the nominal trajectory through the balls' centres is than
     /// that of the nominal trajectory without their shifts, under the policy.
     pub fn shifts(&self, problem: &TubeProblem<'_>) -> RowValues {

@@ -110,7 +110,7 @@ pub fn robust(
     let mut tightenings = RowValues::zeros(ocp);
     let mut tube = synthesis.synthesize(&problem, &tightenings, None)?;
     let mut raised = BTreeMap::new();
-    let mut damping = Damping { step: 1.0, last_change: f64::INFINITY };
+    let mut damping = Damping { step: 1.0, longest: 1.0, last_change: f64::INFINITY };
     let mut last: Option<OcpSolution> = None;
     let (mut iterations, mut converged) = (0, false);
     while iterations < options.iterations && !converged {
@@ -120,7 +120,7 @@ pub fn robust(
         tighten(&mut tightened, &centred, &kept);
         let nominal = solver.solve(&tightened).map_err(|source| TubeError::Nominal { iteration: iterations, source })?;
         let scale = nominal.cost.abs() + tube.cost.unwrap_or(0.0);
-        let mut multipliers = multipliers_of(&nominal, &tube.tightenings, scale);
+        let mut multipliers = multipliers_of(&nominal, &tube.sizes, scale);
         room.raise(&tube.tightenings, &mut multipliers, &mut raised, scale);
         let next = synthesis.synthesize(&problem, &multipliers, Some(&tube))?;
         let change = next.tightenings.distance(&tightenings);
@@ -138,16 +138,22 @@ pub fn robust(
     Ok(RobustSolution { nominal, tube, iterations, converged, violations })
 }
 
-/// Step towards new tightenings: full while their change contracts.
+/// Step towards new tightenings: full while their change contracts, halved where it does not, longer again where it contracts about as
+/// much as the step allows, but never as long as one that failed. Were new tightenings independent of old ones, the change would contract
+/// by 1 − step.
 struct Damping {
     step: f64,
+    longest: f64,
     last_change: f64,
 }
 
 impl Damping {
     fn step(&mut self, change: f64) -> f64 {
         if change > TUBE.stalled * self.last_change {
+            self.longest = (TUBE.below_failed * self.step).max(TUBE.least_step);
             self.step = (0.5 * self.step).max(TUBE.least_step);
+        } else if change < (1.0 - TUBE.contracting * self.step) * self.last_change {
+            self.step = (TUBE.lengthening * self.step).min(self.longest);
         }
         self.last_change = change;
         self.step
@@ -172,10 +178,10 @@ fn tighten(tightened: &mut Ocp, original: &Ocp, tightenings: &RowValues) {
 }
 
 /// Multipliers of rows and inputs, without those that are rounding of the solver: multiplier times tightening is the part of the cost that
-/// a row's tightening decides.
-fn multipliers_of(nominal: &OcpSolution, tightenings: &RowValues, scale: f64) -> RowValues {
-    let mut multipliers = tightenings.clone();
-    for k in 0..tightenings.len() {
+/// a row's tightening decides, and the one without weights is its size.
+fn multipliers_of(nominal: &OcpSolution, sizes: &RowValues, scale: f64) -> RowValues {
+    let mut multipliers = sizes.clone();
+    for k in 0..sizes.len() {
         let rows = nominal.multipliers[k].iter().map(|mu| mu.max(0.0));
         let inputs = nominal.bounds.get(k).into_iter().flatten().map(|mu| mu.abs());
         for (value, mu) in multipliers.stage_mut(k).iter_mut().zip(rows.chain(inputs)) {

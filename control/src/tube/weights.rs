@@ -8,9 +8,8 @@ use super::rows::RowValues;
 /// Multipliers and the row norms that weights are made of.
 pub(crate) struct Weights<'a> {
     multipliers: &'a RowValues,
-    norms: Option<&'a Norms>,
-    /// Largest norm of each row over all disturbances.
-    largest: Vec<Vec<f64>>,
+    /// Norms of the previous tube, and the sizes that their floors are parts of.
+    norms: Option<(&'a Norms, &'a RowValues)>,
 }
 
 /// Row norms a_{k,j} at `[j][k − j][row]`.
@@ -19,16 +18,8 @@ pub(crate) type Norms = Vec<Vec<Vec<f64>>>;
 impl<'a> Weights<'a> {
     /// Without a previous tube there are no norms yet, and all weights are zero.
     pub fn new(multipliers: &'a RowValues, previous: Option<&'a Tube>) -> Self {
-        let norms = previous.map(|tube| &tube.norms).filter(|norms| !norms.is_empty());
-        let mut largest: Vec<Vec<f64>> = (0..multipliers.len()).map(|k| vec![0.0; multipliers.stage(k).len()]).collect();
-        for (j, column) in norms.into_iter().flatten().enumerate() {
-            for (k, norms) in column.iter().enumerate() {
-                for (largest, norm) in largest[j + k].iter_mut().zip(norms) {
-                    *largest = largest.max(*norm);
-                }
-            }
-        }
-        Self { multipliers, norms, largest }
+        let previous = previous.filter(|tube| !tube.norms.is_empty());
+        Self { multipliers, norms: previous.map(|tube| (&tube.norms, &tube.sizes)) }
     }
 
     /// Last stage with a weighted row.
@@ -43,21 +34,22 @@ impl<'a> Weights<'a> {
 
     /// η_{k,j} = μ_k / (2 a_{k,j}), the derivative of μ_k √(a²) by a², with a floor under a. None where all are zero.
     pub fn of_column(&self, k: usize, j: usize) -> Option<Vec<f64>> {
-        let norms = &self.norms?[j][k - j];
+        let (norms, sizes) = self.norms?;
+        let norms = &norms[j][k - j];
         let multipliers = self.multipliers.stage(k);
         if !self.is_active(k) || norms.iter().all(|a| *a == 0.0) {
             return None;
         }
-        let eta = |((&mu, &a), &largest): ((&f64, &f64), &f64)| {
-            let floored = a.max(TUBE.norm_floor * largest);
+        let eta = |((&mu, &a), &size): ((&f64, &f64), &f64)| {
+            let floored = a.max(TUBE.norm_floor * size);
             if mu > 0.0 && floored > 0.0 { mu / (2.0 * floored) } else { 0.0 }
         };
-        Some(multipliers.iter().zip(norms).zip(&self.largest[k]).map(eta).collect())
+        Some(multipliers.iter().zip(norms).zip(sizes.stage(k)).map(eta).collect())
     }
 
     /// The mean over j of η_{k,j} with weights a²: the cost Σ_j η_{k,j} a_{k,j}² of the present tube is unchanged.
     pub fn mean(&self, k: usize) -> Option<Vec<f64>> {
-        let norms = self.norms?;
+        let (norms, sizes) = self.norms?;
         if !self.is_active(k) {
             return None;
         }
@@ -65,7 +57,8 @@ impl<'a> Weights<'a> {
         let of_row = |i: usize| {
             let of_columns = norms.iter().enumerate().take(k + 1).map(|(j, column)| column[k - j][i]);
             let (sum, squares) = of_columns.fold((0.0, 0.0), |(sum, squares), a| (sum + a, squares + a * a));
-            if squares > 0.0 { multipliers[i].max(0.0) * sum / (2.0 * squares) } else { 0.0 }
+            let floored = squares.max((TUBE.norm_floor * sizes.stage(k)[i]).powi(2));
+            if floored > 0.0 { multipliers[i].max(0.0) * sum.max(floored.sqrt()) / (2.0 * floored) } else { 0.0 }
         };
         Some((0..multipliers.len()).map(of_row).collect())
     }

@@ -142,7 +142,7 @@ fn tight_problem(seed: u64, nx: usize, nu: usize, horizon: usize) -> (Ocp, Distu
 
 #[test]
 fn exact_tubes_solve_the_joint_problem() {
-    for (seed, nx, nu, horizon) in [(1, 2, 1, 4), (2, 3, 2, 5), (3, 4, 2, 6), (4, 4, 1, 6), (5, 2, 2, 6)] {
+    for (seed, nx, nu, horizon) in [(1, 2, 1, 4), (2, 3, 2, 5), (3, 4, 2, 6), (4, 4, 1, 6), (8, 2, 2, 6), (9, 3, 1, 5)] {
         let (ocp, disturbance) = tight_problem(seed, nx, nu, horizon);
         let cost = tube_cost(nx, nu, 0.05, 0.01, 0.1);
         let options = RobustOptions { iterations: 200, tolerance: 1e-7, ..RobustOptions::default() };
