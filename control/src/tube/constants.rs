@@ -8,20 +8,13 @@ pub(crate) struct TubeConstants {
     /// Share of the room between two opposed hard rows that their tightenings are cut to while they exceed it \[-\]: the nominal problem
     /// keeps an interior.
     pub kept_room: f64,
-    /// Largest ratio of needed to kept room, and the inverse of the least, that one iteration's multipliers of opposed rows react to \[-\].
+    /// Largest ratio of needed to available width, and the inverse of the least, that one iteration's multipliers react to \[-\].
     pub escalation: f64,
     /// Part of the costs below which multiplier times tightening is rounding of the nominal solver \[-\].
     pub negligible_multiplier: f64,
-    /// A change of the tightenings above this part of the last one halves the step towards new ones \[-\]: it does not contract.
+    /// Share of its distance to the mean multipliers that a step leaves, of 1 − step/2, above which it counts as stalled \[-\]: were the
+    /// nominal problem's multipliers independent of the mean, a step would leave 1 − step.
     pub stalled: f64,
-    /// Least step towards new tightenings \[-\].
-    pub least_step: f64,
-    /// Part of a step by which the change must contract for the step to lengthen \[-\], and the factor by which it does \[-\].
-    pub contracting: f64,
-    /// See `contracting`.
-    pub lengthening: f64,
-    /// Longest step after one has failed, in that one \[-\].
-    pub below_failed: f64,
     /// Sine of the angle to exact opposition below which two rows count as opposed \[-\].
     pub opposed: f64,
 }
@@ -33,9 +26,5 @@ pub(crate) const TUBE: TubeConstants = TubeConstants {
     escalation: 10.0,
     negligible_multiplier: 1e-9,
     stalled: 0.9,
-    least_step: 0.125,
-    contracting: 0.7,
-    lengthening: 1.5,
-    below_failed: 0.75,
     opposed: 1e-9,
 };

@@ -69,7 +69,7 @@ impl TubeSynthesis for EllipsoidalTube {
             let k_sigma = gain.map(|gain| product(gain.as_ref(), sigma.as_ref()));
             let inputs = gain.zip(k_sigma.as_ref()).map(|(gain, k_sigma)| product(k_sigma.as_ref(), gain.transpose()));
             let gamma = self.gamma(problem, k);
-            let widths = problem.rows[k].variances(&sigma, k_sigma.as_ref(), inputs.as_ref());
+            let widths = problem.rows[k].variances(&sigma, gain);
             for (h, variance) in tightenings.stage_mut(k).iter_mut().zip(widths) {
                 *h = gamma * variance.max(0.0).sqrt();
             }

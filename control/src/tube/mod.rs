@@ -29,6 +29,7 @@ pub(crate) mod constants;
 mod ellipsoid;
 mod error;
 mod gains;
+mod multipliers;
 mod policy;
 mod problem;
 mod riccati;

@@ -1,9 +1,7 @@
 //! The nominal trajectory and its tube together.
 
-use std::collections::BTreeMap;
-
-use super::constants::TUBE;
 use super::error::{Constraint, TubeError};
+use super::multipliers::Multipliers;
 use super::policy::TubePolicy;
 use super::problem::{Disturbance, TubeCost, TubeProblem};
 use super::room::Room;
@@ -107,57 +105,41 @@ pub fn robust(
     room.check_any_policy(&problem)?;
 
     let mut tightened = centred.clone();
-    let mut tightenings = RowValues::zeros(ocp);
-    let mut tube = synthesis.synthesize(&problem, &tightenings, None)?;
-    let mut raised = BTreeMap::new();
-    let mut damping = Damping { step: 1.0, longest: 1.0, last_change: f64::INFINITY };
+    let mut multipliers = Multipliers::default();
+    let mut tube = synthesis.synthesize(&problem, &RowValues::zeros(ocp), None)?;
+    let mut best: Option<(OcpSolution, Tube)> = None;
     let mut last: Option<OcpSolution> = None;
     let (mut iterations, mut converged) = (0, false);
+    let value = |nominal: &OcpSolution, tube: &Tube| nominal.cost + tube.cost.unwrap_or(0.0);
     while iterations < options.iterations && !converged {
         iterations += 1;
-        let mut kept = tightenings.clone();
-        room.cut(&mut kept);
-        tighten(&mut tightened, &centred, &kept);
+        let mut tightenings = if iterations == 1 { RowValues::zeros(ocp) } else { tube.tightenings.clone() };
+        let is_whole = iterations > 1 && !room.cut(&mut tightenings);
+        tighten(&mut tightened, &centred, &tightenings);
         let nominal = solver.solve(&tightened).map_err(|source| TubeError::Nominal { iteration: iterations, source })?;
-        let scale = nominal.cost.abs() + tube.cost.unwrap_or(0.0);
-        let mut multipliers = multipliers_of(&nominal, &tube.sizes, scale);
-        room.raise(&tube.tightenings, &mut multipliers, &mut raised, scale);
-        let next = synthesis.synthesize(&problem, &multipliers, Some(&tube))?;
+        let step = multipliers.update(ocp, &nominal, &tube, options.feasibility);
+        let weights = room.raise(&tube, &mut multipliers, nominal.cost.abs() + tube.cost.unwrap_or(0.0));
+        let next = synthesis.synthesize(&problem, &weights, Some(&tube))?;
         let change = next.tightenings.distance(&tightenings);
         let moved = last.as_ref().map_or(f64::INFINITY, |last| moved(last, &nominal));
-        converged = change.max(moved) <= options.tolerance;
-        tightenings.approach(&next.tightenings, damping.step(change));
-        tube = next;
-        last = Some(nominal);
+        converged = change.max(moved) <= options.tolerance * step;
+        if is_whole && best.as_ref().is_none_or(|(of_best, tube_of_best)| value(&nominal, &tube) < value(of_best, tube_of_best)) {
+            best = Some((nominal.clone(), tube));
+        }
+        (tube, last) = (next, Some(nominal));
     }
 
-    room.check(&tube.tightenings)?;
-    tighten(&mut tightened, &centred, &tube.tightenings);
-    let nominal = solver.solve(&tightened).map_err(|source| TubeError::Nominal { iteration: iterations + 1, source })?;
+    let (nominal, tube) = match best {
+        Some(best) => best,
+        None => {
+            room.check(&tube.tightenings)?;
+            tighten(&mut tightened, &centred, &tube.tightenings);
+            let nominal = solver.solve(&tightened).map_err(|source| TubeError::Nominal { iteration: iterations + 1, source })?;
+            (nominal, tube)
+        }
+    };
     let violations = violations_of(&problem, &tube.tightenings, &nominal, options.feasibility);
     Ok(RobustSolution { nominal, tube, iterations, converged, violations })
-}
-
-/// Step towards new tightenings: full while their change contracts, halved where it does not, longer again where it contracts about as
-/// much as the step allows, but never as long as one that failed. Were new tightenings independent of old ones, the change would contract
-/// by 1 − step.
-struct Damping {
-    step: f64,
-    longest: f64,
-    last_change: f64,
-}
-
-impl Damping {
-    fn step(&mut self, change: f64) -> f64 {
-        if change > TUBE.stalled * self.last_change {
-            self.longest = (TUBE.below_failed * self.step).max(TUBE.least_step);
-            self.step = (0.5 * self.step).max(TUBE.least_step);
-        } else if change < (1.0 - TUBE.contracting * self.step) * self.last_change {
-            self.step = (TUBE.lengthening * self.step).min(self.longest);
-        }
-        self.last_change = change;
-        self.step
-    }
 }
 
 /// Limits and bounds of `original`, tightened.
@@ -175,20 +157,6 @@ fn tighten(tightened: &mut Ocp, original: &Ocp, tightenings: &RowValues) {
             stage.upper[i] = original.upper[i] - h;
         }
     }
-}
-
-/// Multipliers of rows and inputs, without those that are rounding of the solver: multiplier times tightening is the part of the cost that
-/// a row's tightening decides, and the one without weights is its size.
-fn multipliers_of(nominal: &OcpSolution, sizes: &RowValues, scale: f64) -> RowValues {
-    let mut multipliers = sizes.clone();
-    for k in 0..sizes.len() {
-        let rows = nominal.multipliers[k].iter().map(|mu| mu.max(0.0));
-        let inputs = nominal.bounds.get(k).into_iter().flatten().map(|mu| mu.abs());
-        for (value, mu) in multipliers.stage_mut(k).iter_mut().zip(rows.chain(inputs)) {
-            *value = if mu * *value > TUBE.negligible_multiplier * scale { mu } else { 0.0 };
-        }
-    }
-    multipliers
 }
 
 /// Largest change of states and inputs.
@@ -219,6 +187,3 @@ fn violations_of(problem: &TubeProblem<'_>, tightenings: &RowValues, nominal: &O
     }
     violations
 }
-
-/// Raised multipliers by stage and place.
-pub(super) type Raised = BTreeMap<(usize, usize), f64>;

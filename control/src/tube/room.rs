@@ -1,9 +1,10 @@
 //! Room between opposed hard constraints, and whether a tube fits into it.
 
+use super::Tube;
 use super::constants::TUBE;
 use super::error::TubeError;
+use super::multipliers::Multipliers;
 use super::problem::TubeProblem;
-use super::robust::Raised;
 use super::rows::{RowValues, rows_of};
 
 /// Two hard constraints of one stage that bound the same quantity from both sides, by their places among the stage's rows and inputs. The
@@ -105,43 +106,48 @@ impl Room {
         }
     }
 
-    /// Cuts tightenings to what keeps the nominal problem's interior.
-    pub fn cut(&self, tightenings: &mut RowValues) {
+    /// Cuts tightenings to what keeps the nominal problem's interior; returns whether there were any to cut.
+    pub fn cut(&self, tightenings: &mut RowValues) -> bool {
+        let mut any = false;
         for pair in &self.pairs {
             let values = tightenings.stage_mut(pair.stage);
             let (needed, kept) = (pair.needed(values), TUBE.kept_room * pair.room.max(0.0));
             if needed <= kept {
                 continue;
             }
+            any = true;
             values[pair.first] *= kept / needed;
             if let Some(second) = pair.second.filter(|second| *second != pair.first) {
                 values[second] *= kept / needed;
             }
         }
+        any
     }
 
-    /// Raises multipliers of pairs that need more than their room, and lowers raised ones of pairs that need less.
+    /// The mean multipliers, with those of pairs that need more than their room raised, and raised ones of pairs that need less lowered.
     ///
     /// Between two opposed rows that almost touch, the nominal problem determines the difference of both multipliers, not their sum, and the
     /// sum is what the responses' weights depend on. It is found by a multiplicative ascent, μ ← μ (needed / kept)², that rests where the
     /// pair needs what is kept.
-    pub fn raise(&self, tightenings: &RowValues, multipliers: &mut RowValues, raised: &mut Raised, scale: f64) {
+    pub fn raise(&self, tube: &Tube, multipliers: &mut Multipliers, scale: f64) -> RowValues {
+        let mut weights = multipliers.mean(tube);
         for pair in self.pairs.iter().filter(|pair| pair.room > 0.0) {
             let key = (pair.stage, pair.first);
-            let ratio = pair.needed(tightenings.stage(pair.stage)) / (TUBE.kept_room * pair.room);
-            let values = multipliers.stage_mut(pair.stage);
+            let ratio = pair.needed(tube.tightenings.stage(pair.stage)) / (TUBE.kept_room * pair.room);
+            let values = weights.stage_mut(pair.stage);
             let of_nominal = pair.second.map_or(values[pair.first], |second| values[pair.first].max(values[second]));
-            // the part of the cost that a row of this width decides, where the nominal problem has no multiplier
-            let start = of_nominal.max(scale / pair.room);
-            if ratio <= 1.0 && !raised.contains_key(&key) {
+            if ratio <= 1.0 && !multipliers.raised.contains_key(&key) {
                 continue;
             }
-            let multiplier = raised.entry(key).or_insert(start);
+            // the part of the cost that a row of this width decides, where the nominal problem has no multiplier
+            let start = of_nominal.max(scale / pair.room);
+            let multiplier = multipliers.raised.entry(key).or_insert(start);
             *multiplier *= ratio.clamp(TUBE.escalation.recip(), TUBE.escalation).powi(2);
             for place in [Some(pair.first), pair.second].into_iter().flatten() {
                 values[place] = values[place].max(*multiplier);
             }
         }
+        weights
     }
 }
 

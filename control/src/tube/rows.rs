@@ -5,7 +5,7 @@ use std::ops::Range;
 use faer::Mat;
 
 use super::error::Constraint;
-use crate::ocp::{Ocp, Rows};
+use crate::ocp::{Ocp, OcpSolution, Rows};
 
 /// One number for each row of stages 0 … N and each input of stages 0 … N−1: tightenings, multipliers.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,24 @@ impl RowValues {
         let rows: Vec<usize> = (0..=ocp.stages.len()).map(|k| rows_of(ocp, k).len()).collect();
         let inputs = |k: usize| if k < ocp.stages.len() { nu } else { 0 };
         Self { stages: rows.iter().enumerate().map(|(k, m)| vec![0.0; m + inputs(k)]).collect(), rows }
+    }
+
+    /// Multipliers of a problem's solution: those of rows, and of inputs the magnitude of their bounds'.
+    pub fn multipliers(ocp: &Ocp, solution: &OcpSolution) -> Self {
+        let mut values = Self::zeros(ocp);
+        for (k, stage) in values.stages.iter_mut().enumerate() {
+            let rows = solution.multipliers[k].iter().map(|mu| mu.max(0.0));
+            let inputs = solution.bounds.get(k).into_iter().flatten().map(|mu| mu.abs());
+            for (value, mu) in stage.iter_mut().zip(rows.chain(inputs)) {
+                *value = mu;
+            }
+        }
+        values
+    }
+
+    /// Zeros of the same sizes.
+    pub(crate) fn zeros_like(&self) -> Self {
+        Self { stages: self.stages.iter().map(|stage| vec![0.0; stage.len()]).collect(), rows: self.rows.clone() }
     }
 
     /// Values of the rows of stage k.
@@ -64,6 +82,12 @@ impl RowValues {
         for (a, b) in self.stages.iter_mut().flatten().zip(others.stages.iter().flatten()) {
             *a += step * (b - *a);
         }
+    }
+
+    /// Σ |difference to others| · weight.
+    pub(crate) fn weighted_distance(&self, others: &Self, weights: &Self) -> f64 {
+        let pairs = self.stages.iter().flatten().zip(others.stages.iter().flatten()).zip(weights.stages.iter().flatten());
+        pairs.map(|((a, b), w)| w * (a - b).abs()).sum()
     }
 
     /// Largest difference to others of the same sizes.
@@ -141,13 +165,22 @@ impl StageRows {
         sums
     }
 
-    /// g_x Σ g_xᵀ + 2 g_u KΣ g_xᵀ + g_u KΣKᵀ g_uᵀ, row by row.
-    pub fn variances(&self, sigma: &Mat<f64>, k_sigma: Option<&Mat<f64>>, inputs: Option<&Mat<f64>>) -> Vec<f64> {
-        let bilinear = |left: &Sparse, a: Option<&Mat<f64>>, right: &Sparse| {
-            let Some(a) = a else { return 0.0 };
-            left.iter().map(|&(r, g)| g * right.iter().map(|&(c, h)| h * a[(r, c)]).sum::<f64>()).sum::<f64>()
+    /// r Σ rᵀ of r = g_x + g_u K, row by row. The row is formed first: where K answers a row entirely, its terms cancel in r, and would
+    /// leave rounding of their own size under the root otherwise.
+    pub fn variances(&self, sigma: &Mat<f64>, gain: Option<&Mat<f64>>) -> Vec<f64> {
+        let of_row = |(x, u): (&Sparse, &Sparse)| {
+            let row: Sparse = match gain.filter(|_| !u.is_empty()) {
+                None => x.clone(),
+                Some(gain) => {
+                    let mut row: Vec<f64> =
+                        (0..sigma.ncols()).map(|c| u.iter().map(|&(r, g)| g * gain[(r, c)]).sum()).collect();
+                    x.iter().for_each(|&(c, g)| row[c] += g);
+                    row.into_iter().enumerate().collect()
+                }
+            };
+            let times = |c: usize| row.iter().map(|&(r, g)| g * sigma[(r, c)]).sum::<f64>();
+            row.iter().map(|&(c, g)| g * times(c)).sum()
         };
-        let of_row = |(x, u)| bilinear(x, Some(sigma), x) + 2.0 * bilinear(u, k_sigma, x) + bilinear(u, inputs, u);
         self.x.iter().zip(&self.u).map(of_row).collect()
     }
 

@@ -144,7 +144,7 @@ fn assert_same(values: &RowValues, expected: &[Vec<f64>]) {
 #[test]
 fn rows_alone_give_the_tightenings_of_whole_blocks() {
     for (delay, sharing) in [(1, Sharing::PerColumn), (3, Sharing::PerColumn), (1, Sharing::Shared), (2, Sharing::Shared)] {
-        let case = case(11, delay);
+        let case = case(12, delay);
         let (synthesis, tube, _) = tube_of(&case, sharing);
         let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
         let all = Responses::new(&problem, &case.sensing, &synthesis.observer, &tube.gains);
