@@ -1,0 +1,119 @@
+//! Dense products, Cholesky factors and row norms on one thread. Callers run columns side by side, so a product never splits itself.
+
+use std::ops::Range;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Conj, Mat, MatMut, MatRef, Par};
+
+/// Pivot of a Cholesky factor, in the diagonal entry it began as \[-\], below which the matrix counts as singular: rounding of the
+/// products that form the matrix.
+const PIVOT_FLOOR: f64 = 1e-14;
+
+/// a b.
+pub(crate) fn product(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    let mut out = Mat::zeros(a.nrows(), b.ncols());
+    matmul(out.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    out
+}
+
+/// out += alpha a b.
+pub(crate) fn add_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>, alpha: f64) {
+    matmul(out, Accum::Add, a, b, alpha, Par::Seq);
+}
+
+/// out = a b.
+pub(crate) fn set_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
+    matmul(out, Accum::Replace, a, b, 1.0, Par::Seq);
+}
+
+/// Lower triangle of out += a b, where a b is symmetric.
+pub(crate) fn add_symmetric_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
+    let (lower, full) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    triangular::matmul(out, lower, Accum::Add, a, full, b, full, 1.0, Par::Seq);
+}
+
+/// Copies the lower triangle into the upper one.
+pub(crate) fn mirror(a: &mut Mat<f64>) {
+    for c in 0..a.ncols() {
+        for r in c + 1..a.nrows() {
+            a[(c, r)] = a[(r, c)];
+        }
+    }
+}
+
+/// A x for a vector x.
+pub(crate) fn apply(a: &Mat<f64>, x: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; a.nrows()];
+    add_applied(&mut out, a, x, 1.0);
+    out
+}
+
+/// out += alpha A x for vectors.
+pub(crate) fn add_applied(out: &mut [f64], a: &Mat<f64>, x: &[f64], alpha: f64) {
+    for (c, &x) in x.iter().enumerate() {
+        let scaled = alpha * x;
+        for (out, &a) in out.iter_mut().zip(a.col_as_slice(c)) {
+            *out += scaled * a;
+        }
+    }
+}
+
+/// Sum over the blocks of columns of the Euclidean norm of each row.
+pub(crate) fn row_norms(a: &Mat<f64>, blocks: &[Range<usize>]) -> Vec<f64> {
+    let mut sums = vec![0.0; a.nrows()];
+    let mut squares = vec![0.0; a.nrows()];
+    for block in blocks {
+        squares.fill(0.0);
+        for c in block.clone() {
+            for (square, &a) in squares.iter_mut().zip(a.col_as_slice(c)) {
+                *square += a * a;
+            }
+        }
+        for (sum, square) in sums.iter_mut().zip(&squares) {
+            *sum += square.sqrt();
+        }
+    }
+    sums
+}
+
+/// Whether every entry is finite.
+pub(crate) fn is_finite(a: &Mat<f64>) -> bool {
+    (0..a.ncols()).all(|c| a.col_as_slice(c).iter().all(|a| a.is_finite()))
+}
+
+/// Factor L of a symmetric positive definite matrix L Lᵀ.
+pub(crate) struct Cholesky {
+    l: Mat<f64>,
+}
+
+impl Cholesky {
+    /// Reads the lower triangle of `a`.
+    ///
+    /// # Errors
+    /// The number of the pivot that is not positive.
+    pub(crate) fn new(a: Mat<f64>) -> Result<Self, usize> {
+        let n = a.nrows();
+        let sizes: Vec<f64> = (0..n).map(|i| a[(i, i)]).collect();
+        let mut l = a;
+        let mut memory = MemBuffer::new(llt::factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default()));
+        let stack = MemStack::new(&mut memory);
+        match llt::factor::cholesky_in_place(l.as_mut(), Default::default(), Par::Seq, stack, Default::default()) {
+            Err(llt::factor::LltError::NonPositivePivot { index }) => return Err(index),
+            Ok(_) => (),
+        }
+        // faer accepts pivots that are rounding
+        match (0..n).find(|&i| !(l[(i, i)].powi(2) > PIVOT_FLOOR * sizes[i])) {
+            Some(index) => Err(index),
+            None => Ok(Self { l }),
+        }
+    }
+
+    /// b ← (L Lᵀ)⁻¹ b.
+    pub(crate) fn solve(&self, b: MatMut<'_, f64>) {
+        let mut memory = MemBuffer::new(llt::solve::solve_in_place_scratch::<f64>(self.l.nrows(), b.ncols(), Par::Seq));
+        llt::solve::solve_in_place_with_conj(self.l.as_ref(), Conj::No, b, Par::Seq, MemStack::new(&mut memory));
+    }
+}
