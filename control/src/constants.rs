@@ -121,3 +121,9 @@ pub(crate) const OCP: OcpConstants = OcpConstants {
     polished: 1e-3,
     dense_rows: 0.25,
 };
+
+/// Part of an input's size that two sums of the same numbers may differ by [-].
+pub(crate) const ROUNDING: f64 = 1e-9;
+
+/// Cost of a deviation of an input that costs nothing in the plan, as a part of the dearest one's [-]: the gains stay finite.
+pub(crate) const FREE_INPUT: f64 = 1e-3;

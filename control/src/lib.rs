@@ -11,5 +11,6 @@ pub mod ocp;
 pub mod plan;
 pub mod problem;
 pub mod qp;
+pub mod robust;
 pub mod task;
 pub mod tube;

@@ -3,7 +3,7 @@
 //! The measured state is taken as it is. A controller that could not improve its plan in time goes on with the shifted one, and says
 //! so: [`Update::status`].
 
-use crate::plan::{PlanError, PlanOptions, PlanStatus, PlanStep, Search};
+use crate::plan::{Plan, PlanError, PlanOptions, PlanStatus, PlanStep, Search, Violation};
 use crate::problem::Problem;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::Rollout;
@@ -33,6 +33,8 @@ pub struct Update {
     pub cost: f64,
     /// Σ price max(0, c) of the new plan.
     pub penalty: f64,
+    /// Constraints that the new plan violates, largest first.
+    pub violations: Vec<Violation>,
 }
 
 impl<P: Problem> Mpc<P> {
@@ -59,6 +61,16 @@ impl<P: Problem> Mpc<P> {
     /// The plan that the next update starts from.
     pub fn controls(&self) -> &[Vec<f64>] {
         &self.controls
+    }
+
+    /// Its cost and constraints.
+    pub fn problem(&self) -> &P {
+        &self.problem
+    }
+
+    /// Its cost and constraints, to change them before the next update.
+    pub fn problem_mut(&mut self) -> &mut P {
+        &mut self.problem
     }
 
     /// The model that it plans with.
@@ -90,13 +102,13 @@ impl<P: Problem> Mpc<P> {
         let mut search = Search::new(&self.problem, &self.model, &self.theta, x, &self.controls)?.damped(self.damping);
         let (steps, status) = search.run(self.options, start)?;
         self.damping = search.damping();
-        let (cost, penalty) = search.value();
-        let rollout = search.into_rollout();
+        let (_, penalty) = search.value();
+        let Plan { rollout, cost, violations, steps, status, .. } = search.finish(steps, status)?;
         self.controls.clone_from(&rollout.controls);
         self.controls.rotate_left(1);
         if let [.., before, last] = self.controls.as_mut_slice() {
             last.clone_from(before);
         }
-        Ok(Update { rollout, steps, status, cost, penalty })
+        Ok(Update { rollout, steps, status, cost, penalty, violations })
     }
 }

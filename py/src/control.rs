@@ -1,15 +1,17 @@
 //! Plans and controllers.
 
-use crate::convert::{matrix, optional_vector, rows_to_matrix, to_vector, vector};
+use crate::convert::{finite, matrix, optional_vector, rows_to_matrix, to_vector, vector};
 use crate::errors::{self, input};
 use crate::model::Model;
 use crate::options::Trajectory;
 use crate::rollout::wrap;
+use faer::Mat;
 use numpy::{PyArray1, PyArray2};
 use pliant::control::mpc::{Mpc as Engine, Update};
 use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
 use pliant::control::plan::{self, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
 use pliant::control::problem::{Problem, Rows, Terms};
+use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions};
 use pliant::scene::Source;
 use pliant::{Rollout, State, TaskCase};
 use pyo3::prelude::*;
@@ -157,7 +159,7 @@ impl Task {
     }
 
     /// A controller that looks `horizon` steps ahead.
-    #[pyo3(signature = (u0=None, theta=None, *, horizon=None, iterations=1, time_limit=None, holding=true))]
+    #[pyo3(signature = (u0=None, theta=None, *, horizon=None, iterations=1, time_limit=None, holding=true, disturbance=None, initial=None, tube="exact"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn mpc<'py>(
         &self,
@@ -168,11 +170,28 @@ impl Task {
         iterations: usize,
         time_limit: Option<f64>,
         holding: bool,
+        disturbance: Option<&Bound<'py, PyAny>>,
+        initial: Option<&Bound<'py, PyAny>>,
+        tube: &str,
     ) -> PyResult<Mpc> {
-        let options = options(iterations, 0.0, time_limit, holding)?;
+        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding)?;
         let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
-        Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options)
+        let Some(given) = disturbance else { return Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options) };
+        let exact = match tube {
+            "exact" => true,
+            "shared" => false,
+            other => return Err(input(format!("tube is \"{other}\", but must be \"exact\" or \"shared\""))),
+        };
+        let model = self.model.bind(py).get();
+        let none = || Ok(Mat::zeros(model.engine().ndx(), 0));
+        let tubes = TubeOptions {
+            disturbance: self::disturbance(model, "disturbance", given)?,
+            initial: initial.map_or_else(none, |given| self::disturbance(model, "initial", given))?,
+            exact,
+        };
+        let engine = RobustMpc::new(problem, model.engine(), &theta, controls, options, tubes).map_err(not_robust)?;
+        Ok(Mpc::of(Controller::Tubes(Box::new(engine)), self.model.clone_ref(py)))
     }
 
     /// A controller that samples, to compare with.
@@ -371,8 +390,56 @@ impl Plan {
 /// A controller.
 #[pyclass(module = "pliant", frozen)]
 pub struct Mpc {
-    inner: Mutex<(Engine<AnyProblem>, Option<Update>)>,
+    inner: Mutex<Loop>,
     model: Py<Model>,
+}
+
+/// A controller and its last decision.
+struct Loop {
+    controller: Controller,
+    last: Option<Decision>,
+}
+
+enum Controller {
+    Nominal(Engine<AnyProblem>),
+    Tubes(Box<RobustMpc<AnyProblem>>),
+}
+
+struct Decision {
+    update: Update,
+    /// Largest tightening of a constraint, what the tube reaches beyond, and the steps in which a gripper seizes or lets go.
+    tube: Option<(f64, Vec<Violation>, Vec<usize>)>,
+}
+
+impl Controller {
+    fn update(&mut self, x: &State) -> Result<Decision, RobustError> {
+        match self {
+            Self::Nominal(engine) => Ok(Decision { update: engine.update(x)?, tube: None }),
+            Self::Tubes(engine) => {
+                let RobustUpdate { update, tube, violations, switches } = engine.update(x)?;
+                let stages = 0..=update.rollout.controls.len();
+                let most = stages.flat_map(|k| tube.tightenings.rows(k)).fold(0.0, |most: f64, h| most.max(*h));
+                Ok(Decision { update, tube: Some((most, violations, switches)) })
+            }
+        }
+    }
+}
+
+/// E of the disturbances, (ndx, nw), or the radius of a ball of all free nodes' positions [m].
+fn disturbance(model: &Model, name: &str, given: &Bound<PyAny>) -> PyResult<Mat<f64>> {
+    let engine = model.engine();
+    if let Ok(radius) = given.extract::<f64>() {
+        if !radius.is_finite() || radius < 0.0 {
+            return Err(input(format!("{name} is {radius} m, but must be a radius, finite and not negative")));
+        }
+        let free: Vec<usize> = (0..3 * engine.n_nodes()).filter(|row| !engine.prescribed()[row / 3]).collect();
+        return Ok(Mat::from_fn(engine.ndx(), free.len(), |r, c| if free[c] == r { radius } else { 0.0 }));
+    }
+    let columns = given.getattr("shape").ok().and_then(|shape| shape.get_item(1).ok()).and_then(|n| n.extract::<usize>().ok());
+    let columns = columns.ok_or_else(|| input(format!("{name} must be a radius [m] or a matrix (ndx, nw)")))?;
+    let rows = matrix(name, given, Some(engine.ndx()), columns)?;
+    finite(name, rows.iter().map(Vec::as_slice))?;
+    Ok(Mat::from_fn(engine.ndx(), columns, |r, c| rows[r][c]))
 }
 
 impl Mpc {
@@ -384,16 +451,24 @@ impl Mpc {
         options: PlanOptions,
     ) -> PyResult<Self> {
         let engine = Engine::new(problem, model.get().engine(), theta, controls, options).map_err(failed)?;
-        Ok(Self { inner: Mutex::new((engine, None)), model })
+        Ok(Self::of(Controller::Nominal(engine), model))
     }
 
-    fn lock<'a>(&'a self, py: Python<'_>) -> MutexGuard<'a, (Engine<AnyProblem>, Option<Update>)> {
+    fn of(controller: Controller, model: Py<Model>) -> Self {
+        Self { inner: Mutex::new(Loop { controller, last: None }), model }
+    }
+
+    fn lock<'a>(&'a self, py: Python<'_>) -> MutexGuard<'a, Loop> {
         self.inner.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn last<'py, T>(&self, py: Python<'py>, of: impl FnOnce(&Update) -> PyResult<T>) -> PyResult<T> {
+    fn decision<T>(&self, py: Python<'_>, of: impl FnOnce(&Decision) -> PyResult<T>) -> PyResult<T> {
         let inner = self.lock(py);
-        of(inner.1.as_ref().ok_or_else(|| input("this controller has not been updated yet: call `update(x)` first"))?)
+        of(inner.last.as_ref().ok_or_else(|| input("this controller has not been updated yet: call `update(x)` first"))?)
+    }
+
+    fn last<T>(&self, py: Python<'_>, of: impl FnOnce(&Update) -> PyResult<T>) -> PyResult<T> {
+        self.decision(py, |decision| of(&decision.update))
     }
 }
 
@@ -414,7 +489,7 @@ impl Mpc {
         time_limit: Option<f64>,
         holding: bool,
     ) -> PyResult<Self> {
-        let options = options(iterations, 0.0, time_limit, holding)?;
+        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding)?;
         let problem: AnyProblem = Arc::new(Called::new(model.get(), evaluate, [lower, upper])?);
         let theta = model.get().theta_or_default(theta)?;
         let u0 = matrix("u0", u0, None, model.get().engine().nu())?;
@@ -424,14 +499,35 @@ impl Mpc {
     /// Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
     fn update<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
         let x = self.model.get().state("x", x)?;
-        let first = py.detach(|| -> Result<Vec<f64>, PlanError> {
+        let first = py.detach(|| -> Result<Vec<f64>, RobustError> {
             let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-            let update = inner.0.update(&x)?;
-            let first = update.rollout.controls[0].clone();
-            inner.1 = Some(update);
+            let decision = inner.controller.update(&x)?;
+            let first = decision.update.rollout.controls[0].clone();
+            inner.last = Some(decision);
             Ok(first)
         });
-        Ok(to_vector(py, first.map_err(failed)?))
+        Ok(to_vector(py, first.map_err(not_robust)?))
+    }
+
+    /// Largest tightening of a constraint by the last tube; 0 without tubes.
+    #[getter]
+    fn tightening(&self, py: Python<'_>) -> PyResult<f64> {
+        self.decision(py, |decision| Ok(decision.tube.as_ref().map_or(0.0, |tube| tube.0)))
+    }
+
+    /// Constraints that the last tube reaches beyond: (text, by how much), largest first; without tubes those that the plan violates.
+    #[getter]
+    fn violations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        self.decision(py, |decision| match &decision.tube {
+            Some((_, violations, _)) => broken(py, violations),
+            None => broken(py, &decision.update.violations),
+        })
+    }
+
+    /// Steps of the last plan in which a gripper seizes or lets go, through which a tube is not valid.
+    #[getter]
+    fn switches(&self, py: Python<'_>) -> PyResult<Vec<usize>> {
+        self.decision(py, |decision| Ok(decision.tube.as_ref().map_or(Vec::new(), |tube| tube.2.clone())))
     }
 
     /// Inputs of the last plan, (N, nu).
@@ -517,6 +613,14 @@ fn listed<'py>(py: Python<'py>, steps: &[PlanStep]) -> PyResult<Bound<'py, PyLis
         Ok(dict)
     };
     PyList::new(py, steps.iter().map(one).collect::<PyResult<Vec<_>>>()?)
+}
+
+fn not_robust(error: RobustError) -> PyErr {
+    match error {
+        RobustError::Plan(error) => failed(error),
+        RobustError::Disturbance { .. } => input(error),
+        RobustError::Tube(error) => errors::NumericsError::new_err(error.to_string()),
+    }
 }
 
 fn failed(error: PlanError) -> PyErr {

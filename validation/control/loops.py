@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pliant
 
-from validation.control.tasks import MPPI_SAMPLES, STEPS, Instance
+from validation.control.tasks import MPPI_SAMPLES, Instance
 
 DISTURBANCE = 0.003 * 0.02  # m, radius of the ball of a step's disturbance in the release
 
@@ -50,13 +50,13 @@ def run(instance: Instance, controller: Callable, task: pliant.Task, theta, step
     return Outcome(instance.error(model, x), clearance, updates, evaluations, failures)
 
 
-def gradient(task: pliant.Task, theta, horizon: int) -> Callable:
+def gradient(task: pliant.Task, theta, horizon: int, tubes: bool) -> Callable:
     """One Gauss-Newton step an update, from inputs of zero; evaluations are rollouts times steps, a Jacobian counted as one."""
-    mpc = task.mpc(np.zeros((horizon, task.model.nu)), theta)
+    mpc = task.mpc(np.zeros((horizon, task.model.nu)), theta, disturbance=DISTURBANCE if tubes else None)
 
     def control(x):
         u = mpc.update(x)
-        return u, horizon * sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps)
+        return u, horizon * (tubes + sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps))
 
     return control
 
@@ -72,7 +72,3 @@ def sampling(task: pliant.Task, theta, horizon: int, name: str, seed: int, scale
         return mppi.update(x), horizon * MPPI_SAMPLES[name]
 
     return control
-
-
-def steps_of(name: str) -> int:
-    return STEPS[name]

@@ -1,6 +1,6 @@
 """The four tasks in closed loop, beside MPPI in the same run and the published figures.
 
-    python -m validation.control [--json] [--task NAME] [--runs N] [--method nominal|mppi|mppi_scaled] [--threads T] [--write]
+    python -m validation.control [--json] [--task NAME] [--runs N] [--method nominal|tubes|mppi|mppi_scaled] [--write]
 
 A row is {task, method, goal_error_m, safety, runs, update_s, threads, evaluations, published}: mean goal error at the end, share of runs
 without a violation, mean time of an update, dynamics evaluations (steps simulated, a step's Jacobian counted as one more) an update.
@@ -16,7 +16,7 @@ from validation import evidence
 from validation.control.loops import gradient, run, sampling
 from validation.control.tasks import HORIZON, PUBLISHED, STEPS, make
 
-METHODS = ("nominal", "mppi", "mppi_scaled")
+METHODS = ("nominal", "tubes", "mppi", "mppi_scaled")
 FRESH = 70_000  # first seed of the runs; seeds below were looked at while the planner was built
 LEAST = 1e-9  # m: a constraint that is touched to rounding is not violated
 
@@ -29,8 +29,8 @@ def row(name: str, method: str, runs: int) -> dict:
         instance = make(name, seed)
         task = instance.load()
         theta = task.model.theta_with(instance.theta)
-        if method == "nominal":
-            controller = gradient(task, theta, horizon)
+        if method in ("nominal", "tubes"):
+            controller = gradient(task, theta, horizon, method == "tubes")
         else:
             controller = sampling(task, theta, horizon, name, seed, method == "mppi_scaled")
         outcomes.append(run(instance, controller, task, theta, STEPS[name], np.random.default_rng(seed)))

@@ -254,11 +254,6 @@ impl<'a> Search<'a> {
     }
 
     /// The rollout of the best plan so far.
-    pub fn into_rollout(self) -> Rollout {
-        self.rollout
-    }
-
-    /// The rollout of the best plan so far.
     pub fn rollout(&self) -> &Rollout {
         &self.rollout
     }

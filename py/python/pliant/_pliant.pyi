@@ -548,8 +548,16 @@ class Task:
         iterations: int = 1,
         time_limit: float | None = None,
         holding: bool = True,
+        disturbance: ArrayLike | float | None = None,
+        initial: ArrayLike | float | None = None,
+        tube: Literal["exact", "shared"] = "exact",
     ) -> Mpc:
-        """A controller that looks `horizon` steps ahead; u0 is its first plan, (horizon, nu)."""
+        """A controller that looks `horizon` steps ahead; u0 is its first plan, (horizon, nu).
+
+        disturbance: of every step, E w with |w| <= 1: E (ndx, nw), or the radius of a ball of all free nodes [m]. Constraints and bounds
+        are then tightened by the tube about the plan. initial: likewise the uncertainty of the measured state. tube: "exact", gains for
+        every disturbance, or "shared", one gain a stage. Tubes are those of the linearization (docs/control.md).
+        """
 
     def mppi(
         self,
@@ -637,6 +645,15 @@ class Mpc:
     @property
     def penalty(self) -> float:
         """Sum of price times violation of the constraints of the last plan."""
+    @property
+    def tightening(self) -> float:
+        """Largest tightening of a constraint by the last tube, in the constraint's unit; 0 without tubes."""
+    @property
+    def violations(self) -> list[tuple[str, float]]:
+        """Constraints that the last tube reaches beyond, largest first, with by how much; without tubes those that the plan violates."""
+    @property
+    def switches(self) -> list[int]:
+        """Steps of the last plan in which a gripper seizes or lets go, through which a tube is not valid."""
     @property
     def steps(self) -> list[PlanStep]:
         """The steps of the last update."""

@@ -1,0 +1,297 @@
+//! Robust model predictive control: the nominal controller with its constraints tightened by the tube about its plan.
+//!
+//! ```text
+//! update(x)   Gauss–Newton step on the nominal plan, constraints c + h ≤ 0 and bounds moved in by h_u      h of the last tube
+//!             A_k, B_k and the constraints' rows about the new plan → tube → h, h_u                        (crate::tube)
+//! ```
+//! The tube is that of the linearization along the plan, for a disturbance E w, |w|₂ ≤ 1, of every step. It does not cover the error of the
+//! linearization, nor a gripper that seizes or lets go within the plan ([`RobustUpdate::switches`]): there the linearization says nothing of
+//! the other side.
+
+use crate::mpc::{Mpc, Update};
+use crate::ocp::{Ocp, Rows, Stage};
+use crate::plan::{PlanError, PlanOptions, Violation};
+use crate::problem::{Problem, Terms};
+use crate::tube::{
+    Constraint, Disturbance, ExactTube, RowValues, SharedGainTube, Tube, TubeCost, TubeError, TubeProblem, TubeSynthesis,
+};
+use faer::Mat;
+use pliant_adjoint::Linearizer;
+use pliant_engine::model::Model;
+use pliant_engine::rollout::Rollout;
+use pliant_math::State;
+use std::sync::Arc;
+
+/// What the tube is made of.
+#[derive(Clone, Debug)]
+pub struct TubeOptions {
+    /// E of a change of state, ndx × nw: the disturbance of each step is E w, |w|₂ ≤ 1.
+    pub disturbance: Mat<f64>,
+    /// E_0, the uncertainty of the measured state; no columns: none.
+    pub initial: Mat<f64>,
+    /// Whether every disturbance has gains of its own; else all share one gain a stage, which is cheaper and tightens by more.
+    pub exact: bool,
+}
+
+/// Constraints moved in by a tube.
+struct Tightened<P> {
+    problem: P,
+    /// h of the constraints and of the inputs, by stage; empty: none.
+    rows: Vec<Vec<f64>>,
+    inputs: Vec<Vec<f64>>,
+}
+
+impl<P: Problem> Problem for Tightened<P> {
+    fn evaluate(&self, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> Result<(), String> {
+        let before = out.constraints.values.len();
+        self.problem.evaluate(k, n, x, u, out)?;
+        let own = out.constraints.values[before..].iter_mut();
+        own.zip(self.rows.get(k).into_iter().flatten()).for_each(|(c, h)| *c += h);
+        Ok(())
+    }
+
+    fn bounds(&self, k: usize, lower: &mut [f64], upper: &mut [f64]) {
+        self.problem.bounds(k, lower, upper);
+        for ((l, u), h) in lower.iter_mut().zip(upper).zip(self.inputs.get(k).into_iter().flatten()) {
+            // where there is no room for both, the nominal input is in the middle
+            let (low, high) = (*l + h, *u - h);
+            (*l, *u) = if low <= high { (low, high) } else { (0.5 * (*l + *u), 0.5 * (*l + *u)) };
+        }
+    }
+
+    fn constraint(&self, k: usize, n: usize, row: usize) -> String {
+        self.problem.constraint(k, n, row)
+    }
+}
+
+/// A controller.
+pub struct RobustMpc<P> {
+    inner: Mpc<Tightened<P>>,
+    options: TubeOptions,
+}
+
+/// What an update decided.
+#[derive(Clone, Debug)]
+pub struct RobustUpdate {
+    /// The nominal plan; its first inputs are to be applied.
+    pub update: Update,
+    /// The tube about it.
+    pub tube: Tube,
+    /// Constraints that the tube reaches beyond, largest first: none, and the linearized plan is safe.
+    pub violations: Vec<Violation>,
+    /// Steps of the plan in which a gripper seizes or lets go, through which the tube is not valid.
+    pub switches: Vec<usize>,
+}
+
+/// Why there is no decision.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum RobustError {
+    /// Of the plan.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// Of the tube.
+    #[error(transparent)]
+    Tube(#[from] TubeError),
+    /// A disturbance of another size than the model's changes of state.
+    #[error("the {what} has {got} rows, but a change of state has {expected} numbers: give one row for each")]
+    Disturbance {
+        /// Which.
+        what: &'static str,
+        /// Rows given.
+        got: usize,
+        /// Rows needed.
+        expected: usize,
+    },
+}
+
+impl<P: Problem> RobustMpc<P> {
+    /// A controller whose first plan is `controls`.
+    ///
+    /// # Errors
+    /// As [`Mpc::new`]; a disturbance of another size.
+    pub fn new(
+        problem: P,
+        model: &Arc<Model>,
+        theta: &[f64],
+        controls: Vec<Vec<f64>>,
+        plan: PlanOptions,
+        options: TubeOptions,
+    ) -> Result<Self, RobustError> {
+        let expected = model.ndx();
+        for (what, e) in [("disturbance", &options.disturbance), ("initial uncertainty", &options.initial)] {
+            if e.nrows() != expected && e.ncols() > 0 {
+                return Err(RobustError::Disturbance { what, got: e.nrows(), expected });
+            }
+        }
+        let tightened = Tightened { problem, rows: Vec::new(), inputs: Vec::new() };
+        Ok(Self { inner: Mpc::new(tightened, model, theta, controls, plan)?, options })
+    }
+
+    /// Improves the plan from the measured state `x` and makes the tube about it.
+    ///
+    /// # Errors
+    /// As [`Mpc::update`]; a tube that cannot be made.
+    pub fn update(&mut self, x: &State) -> Result<RobustUpdate, RobustError> {
+        let update = self.inner.update(x)?;
+        let about = self.about(&update.rollout)?;
+        let n = update.rollout.controls.len();
+        let disturbance = Disturbance::new((0..=n).map(|k| if k == 0 { about.of_start.clone() } else { about.of_step.clone() }));
+        let problem = TubeProblem::new(&about.ocp, &disturbance, &about.cost)?;
+        let free = RowValues::zeros(&about.ocp);
+        let tube = if self.options.exact {
+            ExactTube.synthesize(&problem, &free, None)?
+        } else {
+            SharedGainTube.synthesize(&problem, &free, None)?
+        };
+        let violations = self.violations(&update.rollout, &about, &tube);
+        self.tighten(&tube, n);
+        let holds = |x: &State| self.inner.model().grasps().iter().map(|g| g.held(&x.z).is_some()).collect::<Vec<_>>();
+        let states = &update.rollout.states;
+        let switches = (0..n).filter(|k| holds(&states[*k]) != holds(&states[k + 1])).collect();
+        Ok(RobustUpdate { update, tube, violations, switches })
+    }
+
+    /// h of the next update: what is k steps ahead then has been disturbed as often as what is k steps ahead now.
+    fn tighten(&mut self, tube: &Tube, n: usize) {
+        let h = &tube.tightenings;
+        let problem = self.inner.problem_mut();
+        problem.rows = (0..=n).map(|k| h.rows(k).to_vec()).collect();
+        problem.inputs = (0..n).map(|k| h.inputs(k).to_vec()).collect();
+    }
+
+    /// Constraints that the plan's tube reaches beyond.
+    fn violations(&self, plan: &Rollout, about: &About, tube: &Tube) -> Vec<Violation> {
+        let (n, problem) = (plan.controls.len(), self.inner.problem());
+        let mut out = Vec::new();
+        for k in 0..=n {
+            let over = about.values[k].iter().zip(tube.tightenings.rows(k)).enumerate().map(|(row, (c, h))| (row, c + h));
+            let broken = over.filter(|(_, by)| *by > 0.0);
+            out.extend(broken.map(|(row, by)| Violation { constraint: problem.constraint(k, n, row), by }));
+        }
+        for (k, u) in plan.controls.iter().enumerate() {
+            let nu = u.len();
+            let (mut lower, mut upper) = (vec![0.0; nu], vec![0.0; nu]);
+            problem.problem.bounds(k, &mut lower, &mut upper);
+            for input in 0..nu {
+                let h = tube.tightenings.get(k, Constraint::Input(input));
+                let by = (lower[input] - (u[input] - h)).max(u[input] + h - upper[input]);
+                if h > 0.0 && by > crate::constants::ROUNDING * (1.0 + u[input].abs()) {
+                    out.push(Violation { constraint: format!("bounds of input {input} in step {k} of {n}"), by });
+                }
+            }
+        }
+        out.sort_by(|a, b| b.by.total_cmp(&a.by));
+        out
+    }
+
+    /// Dynamics, rows and costs about a plan, in the numbers of the state that matter.
+    fn about(&self, plan: &Rollout) -> Result<About, RobustError> {
+        let (model, n) = (&plan.model, plan.controls.len());
+        let (ndx, nu) = (model.ndx(), model.nu());
+        let mut linearizer = Linearizer::new(model, &plan.theta, false);
+        let jacobians: Vec<_> = plan.records.iter().map(|record| linearizer.linearize(record)).collect();
+        let mut terms = Vec::with_capacity(n + 1);
+        for (k, x) in plan.states.iter().enumerate() {
+            let mut of_stage = Terms::default();
+            let u = plan.controls.get(k).map(Vec::as_slice);
+            self.inner.problem().problem.evaluate(k, n, x, u, &mut of_stage).map_err(PlanError::Problem)?;
+            terms.push(of_stage);
+        }
+        // a state's number matters if something follows from it: a quasi-static step forgets the velocities
+        let mut matters = vec![false; ndx];
+        for jacobian in &jacobians {
+            jacobian.a.chunks_exact(ndx).for_each(|row| row.iter().zip(&mut matters).for_each(|(a, m)| *m |= *a != 0.0));
+        }
+        let entries = terms.iter().flat_map(|t| t.residuals.entries.iter().chain(&t.constraints.entries));
+        entries.filter(|e| e.1 < ndx).for_each(|e| matters[e.1] = true);
+        let kept: Vec<usize> = (0..ndx).filter(|k| matters[*k]).collect();
+        let mut place = vec![usize::MAX; ndx];
+        kept.iter().enumerate().for_each(|(k, column)| place[*column] = k);
+        let nx = kept.len();
+        let cut = |e: &Mat<f64>| Mat::from_fn(nx, e.ncols(), |r, c| e[(kept[r], c)]);
+        let mut stages = Vec::with_capacity(n);
+        let (mut lower, mut upper) = (vec![0.0; nu], vec![0.0; nu]);
+        let mut moves = vec![true; nu];
+        for (k, jacobian) in jacobians.iter().enumerate() {
+            self.inner.problem().problem.bounds(k, &mut lower, &mut upper);
+            (0..nu).for_each(|c| moves[c] &= lower[c] < upper[c]);
+            stages.push(Stage {
+                a: Mat::from_fn(nx, nx, |r, c| jacobian.a[kept[r] * ndx + kept[c]]),
+                // an input that may not move does not answer a disturbance
+                b: Mat::from_fn(nx, nu, |r, c| if moves[c] { jacobian.b[kept[r] * nu + c] } else { 0.0 }),
+                d: vec![0.0; nx],
+                q: Mat::zeros(nx, nx),
+                s: Mat::zeros(nu, nx),
+                r: Mat::identity(nu, nu),
+                q_linear: vec![0.0; nx],
+                r_linear: vec![0.0; nu],
+                lower: lower.clone(),
+                upper: upper.clone(),
+                rows: rows(&terms[k], &place, nx, nu, ndx),
+            });
+        }
+        let ocp = Ocp {
+            x0: vec![0.0; nx],
+            stages,
+            q_final: Mat::zeros(nx, nx),
+            q_final_linear: vec![0.0; nx],
+            rows_final: rows(&terms[n], &place, nx, 0, ndx),
+        };
+        let cost = cost(&terms, &place, [nx, nu, ndx], &moves);
+        let values = terms.into_iter().map(|t| t.constraints.values).collect();
+        let of_start = if self.options.initial.ncols() == 0 { Mat::zeros(nx, 0) } else { cut(&self.options.initial) };
+        Ok(About { of_step: cut(&self.options.disturbance), of_start, ocp, cost, values })
+    }
+}
+
+/// The linearization about a plan.
+struct About {
+    ocp: Ocp,
+    cost: TubeCost,
+    of_step: Mat<f64>,
+    of_start: Mat<f64>,
+    /// c of each stage, not tightened.
+    values: Vec<Vec<f64>>,
+}
+
+/// Constraints of a stage as rows.
+fn rows(terms: &Terms, place: &[usize], nx: usize, nu: usize, ndx: usize) -> Rows {
+    let m = terms.constraints.values.len();
+    let (mut gx, mut gu) = (Mat::zeros(m, nx), Mat::zeros(m, nu));
+    for &(row, column, value) in &terms.constraints.entries {
+        if column < ndx {
+            gx[(row, place[column])] += value;
+        } else if column - ndx < nu {
+            gu[(row, column - ndx)] += value;
+        }
+    }
+    Rows { gx, gu, limits: terms.constraints.values.iter().map(|c| -c).collect(), weights: terms.prices.clone() }
+}
+
+/// Deviations cost what they cost in the plan: rᵤᵀ rᵤ and rₓᵀ rₓ, the mean over the stages.
+fn cost(terms: &[Terms], place: &[usize], [nx, nu, ndx]: [usize; 3], moves: &[bool]) -> TubeCost {
+    let (mut q, mut r) = (Mat::zeros(nx, nx), Mat::zeros(nu, nu));
+    let share = 1.0 / (terms.len() as f64 - 1.0).max(1.0);
+    for of_stage in terms {
+        let mut by_row: Vec<Vec<(usize, f64)>> = vec![Vec::new(); of_stage.residuals.values.len()];
+        of_stage.residuals.entries.iter().for_each(|&(row, column, value)| by_row[row].push((column, value)));
+        for row in by_row {
+            for &(i, a) in &row {
+                for &(j, b) in &row {
+                    if i < ndx && j < ndx {
+                        q[(place[i], place[j])] += share * a * b;
+                    } else if i >= ndx && j >= ndx {
+                        r[(i - ndx, j - ndx)] += share * a * b;
+                    }
+                }
+            }
+        }
+    }
+    let most = (0..nu).map(|k| r[(k, k)]).fold(0.0, f64::max);
+    for (k, moves) in moves.iter().enumerate() {
+        // inputs without a cost get a little of one, so that the gains are finite
+        let floor = if most > 0.0 { crate::constants::FREE_INPUT * most } else { 1.0 };
+        r[(k, k)] = if *moves { r[(k, k)].max(floor) } else { 1.0 };
+    }
+    TubeCost { q_final: q.clone(), q, r }
+}
