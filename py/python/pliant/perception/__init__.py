@@ -1,0 +1,3 @@
+from .camera import Camera
+from .hidden import hidden_stretch
+from .rope import RopeEstimate, rope
