@@ -23,6 +23,8 @@ SEEN = 0.15
 ENDS = 4.0
 # How far a hidden stretch strays typically, in half widths of the ellipse that its length leaves it.
 STRAY = 0.2
+# Error of the seen length: pixels at each cut end, and a part of the length.
+CUT, SEEN_ERROR = 1.0, 0.004
 # Nodes of a hidden stretch.
 HIDDEN_NODES = 17
 
@@ -34,8 +36,8 @@ class RopeEstimate:
     nodes (n, 3): positions in the world [m], equally spaced along the curve, the first at the `start`.
     sigma (n,): standard deviation of a node's distance from the true one [m]: √(σ_x² + σ_y² + σ_z²).
     visible (n,): whether the node is seen; the others are reconstructed.
-    reach (n,): radius [m] about the node that contains the true one if the seen ends of the hidden stretch are exact: a rope of a length
-    between two points is within an ellipsoid, and at each length within two balls. 0 where the node is seen.
+    reach (n,): radius [m] about the node that contains the true one if the seen ends of the hidden stretch are exact and its length is that
+    found or at most two standard deviations more: at each length along it a rope is within two balls. 0 where the node is seen.
     seen_length: length of what is seen [m]. length: of the curve [m], which is the given one if that was given.
     settled: whether all hidden stretches are equilibria; if not, some are smooth curves of the right length alone.
     """
@@ -215,7 +217,8 @@ def _assembled(chain: list[Piece], held: Held, known: Array, length: float | Non
         raise InputError(f"{len(open_gaps)} stretches of the rope are hidden, {sum(g.chord for g in open_gaps):.3g} m at least: {text}")
     if length is not None:
         _check_length(seen, length, open_gaps, len(chain))
-    lengths = iter(_shared(open_gaps, (length or 0.0) - seen, known, chain))
+    doubt = float(np.hypot(CUT * chain[0].pixel * np.sqrt(2.0 * len(open_gaps)), SEEN_ERROR * seen)) if open_gaps else 0.0
+    lengths = iter(_shared(open_gaps, (length or 0.0) - seen, doubt, known))
     stretches: list[_Stretch] = []
     settled = True
     for k, gap in enumerate(gaps):
@@ -224,13 +227,13 @@ def _assembled(chain: list[Piece], held: Held, known: Array, length: float | Non
             points, found = hidden_stretch(gap.a, gap.ta, gap.b, gap.tb, size, HIDDEN_NODES, load=load, aside=_aside(gap, known))
             settled &= found
             s = np.linspace(0.0, 1.0, HIDDEN_NODES)
-            stray = STRAY * 0.5 * np.sqrt(max(0.0, size**2 - gap.chord**2)) * 4.0 * s * (1.0 - s)
+            # a millimetre more of length bends a nearly straight stretch aside by many
+            stray = STRAY * 0.5 * np.sqrt(max(0.0, (size + doubt) ** 2 - gap.chord**2)) * 4.0 * s * (1.0 - s)
             ends = np.interp(s, [0.0, 1.0], [gap.sigma[0], gap.sigma[1]])
-            stretches.append(_Stretch(points, np.hypot(ends, stray), False, size))
+            stretches.append(_Stretch(points, np.hypot(ends, stray), False, size + 2.0 * doubt))
         if k < len(chain):
             stretches.append(_Stretch(chain[k].points, chain[k].sigma, True, chain[k].length))
-    free = sum(h is None for h in held)
-    return _Curve(stretches, settled, TIP * chain[0].pixel * np.sqrt(free / 2.0))
+    return _Curve(stretches, settled, float(np.hypot(TIP * chain[0].pixel, doubt / 2.0)))
 
 
 @dataclass(frozen=True)
@@ -314,20 +317,24 @@ def _check_length(seen: float, length: float, gaps: list[_Gap], pieces: int) -> 
         raise InputError(f"{length - seen:.3g} m of {length:.3g} m are not seen, and no gap lies between pieces or held ends: {text}")
 
 
-def _shared(gaps: list[_Gap], hidden: float, known: Array, chain: list[Piece]) -> list[float]:
-    """The hidden length shared out among the gaps: as in the last estimate, or as arcs of circles have it."""
+def _shared(gaps: list[_Gap], hidden: float, doubt: float, known: Array) -> list[float]:
+    """The hidden length shared out among the gaps.
+
+    Believed lengths are those of the last estimate, or of arcs of circles. They are changed by what the hidden length differs from
+    their sum beyond its own doubt: within that, a smooth curve is the better guess.
+    """
     if not gaps:
         return []
-    if len(known) > 1:
+    if len(known) > 2:
         s = arc(known)
-        believed = [max(g.chord, float(np.ptp(along_reference(np.stack([g.a, g.b]), known, s)))) for g in gaps]
+        believed = np.array([max(g.chord, float(np.ptp(along_reference(np.stack([g.a, g.b]), known, s)))) for g in gaps])
     else:
-        believed = [g.natural for g in gaps]
+        believed = np.array([g.natural for g in gaps])
     chords = np.array([g.chord for g in gaps])
-    slack, spare = np.array(believed) - chords, hidden - float(chords.sum())
-    if spare <= 0.0:
-        return chords.tolist()
-    if slack.sum() >= spare:
-        return (chords + slack * spare / slack.sum()).tolist()
-    # what is left over goes where there is room: by chords
-    return (chords + slack + (spare - slack.sum()) * chords / chords.sum()).tolist()
+    more = hidden - float(believed.sum())
+    more = np.sign(more) * max(0.0, abs(more) - doubt)
+    slack = believed - chords
+    if more < 0.0:
+        kept = max(0.0, 1.0 + more / slack.sum()) if slack.sum() > 0.0 else 0.0
+        return (chords + kept * slack).tolist()
+    return (believed + more * believed / believed.sum()).tolist()

@@ -21,10 +21,12 @@ from ._libraries import library
 from .camera import Array, Mask
 
 # Lengths in units of the rope's width in the image.
-SPUR = 1.0
+SPUR = 1.5
 CROSSING = 1.5
 # Across so many widths from a crossing the other strand may hide this one, and the middle of the mask is not that of one strand.
 NEAR_CROSSING = 1.0
+# Parts of the mask smaller than this part of its largest are noise.
+SPECK = 0.01
 # A piece shorter than so many widths has no direction.
 SHORTEST = 1.5
 
@@ -48,6 +50,7 @@ class Strands:
 
 def strands(mask: Mask) -> Strands:
     """Ordered paths of all pieces of a mask, the longest first."""
+    mask = _without_specks(mask)
     box = library("scipy.ndimage").find_objects(mask.astype(np.uint8))[0]
     margin = 2
     rows, cols = (slice(max(0, s.start - margin), s.stop + margin) for s in box)
@@ -65,6 +68,14 @@ def strands(mask: Mask) -> Strands:
     full = np.zeros_like(mask)
     full[rows, cols] = cropped
     return Strands([Strand(s.pixels + offset, s.clear) for s in found], width, full)
+
+
+def _without_specks(mask: Mask) -> Mask:
+    """Without parts that are far smaller than the largest: single pixels all over an image would make all of it worth looking at."""
+    labels, count = library("scipy.ndimage").label(mask, np.ones((3, 3)))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    return (sizes > SPECK * sizes.max())[labels]
 
 
 def _cleaned(mask: Mask) -> tuple[Mask, float, Array]:
