@@ -74,6 +74,10 @@ def _mjcf(scene: Scene, camera: Camera, size) -> str:
             geoms.append(f'<geom name="shown{k}" type="capsule" size="{scene.radius}" fromto="{text(a)} {text(b)}"/>')
     if scene.sheet is not None:
         points, triangles = scene.sheet
+        if np.linalg.matrix_rank(points - points[0], tol=1e-6) < 3:
+            # MuJoCo refuses a mesh that is flat
+            points = points.copy()
+            points[-1, 2] += 1e-4
         faces = " ".join(str(int(i)) for i in np.ravel(triangles))
         assets = f'<mesh name="sheet" inertia="shell" vertex="{text(points)}" face="{faces}"/>'
         geoms.append('<geom name="shown" type="mesh" mesh="sheet"/>')
