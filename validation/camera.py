@@ -66,12 +66,15 @@ def noisy(mask, depth, rng, depth_noise=1e-3, flips=0.25, missing=0.05):
     return out, depth
 
 
+def _text(values) -> str:
+    return " ".join(repr(float(v)) for v in np.ravel(values))
+
+
 def _mjcf(scene: Scene, camera: Camera, size) -> str:
-    text = lambda values: " ".join(repr(float(v)) for v in np.ravel(values))
     geoms, assets = [], ""
     if scene.rope is not None:
         for k, (a, b) in enumerate(zip(scene.rope[:-1], scene.rope[1:], strict=True)):
-            geoms.append(f'<geom name="shown{k}" type="capsule" size="{scene.radius}" fromto="{text(a)} {text(b)}"/>')
+            geoms.append(f'<geom name="shown{k}" type="capsule" size="{scene.radius}" fromto="{_text(a)} {_text(b)}"/>')
     if scene.sheet is not None:
         points, triangles = scene.sheet
         if np.linalg.matrix_rank(points - points[0], tol=1e-6) < 3:
@@ -79,15 +82,15 @@ def _mjcf(scene: Scene, camera: Camera, size) -> str:
             points = points.copy()
             points[-1, 2] += 1e-4
         faces = " ".join(str(int(i)) for i in np.ravel(triangles))
-        assets = f'<mesh name="sheet" inertia="shell" vertex="{text(points)}" face="{faces}"/>'
+        assets = f'<mesh name="sheet" inertia="shell" vertex="{_text(points)}" face="{faces}"/>'
         geoms.append('<geom name="shown" type="mesh" mesh="sheet"/>')
     if scene.table is not None:
         geoms.append(f'<geom type="plane" size="3 3 1" pos="0 0 {scene.table!r}"/>')
-    geoms += [f'<geom type="box" pos="{text(c)}" size="{text(h)}"/>' for c, h in scene.boxes]
-    geoms += [f'<geom type="sphere" pos="{text(c)}" size="{r!r}"/>' for c, r in scene.balls]
+    geoms += [f'<geom type="box" pos="{_text(c)}" size="{_text(h)}"/>' for c, h in scene.boxes]
+    geoms += [f'<geom type="sphere" pos="{_text(c)}" size="{r!r}"/>' for c, r in scene.balls]
     right, down = camera.rotation[:, 0], camera.rotation[:, 1]
     # MuJoCo looks along −z with y upward
-    eye = f'<camera name="eye" pos="{text(camera.position)}" xyaxes="{text(right)} {text(-down)}" '
+    eye = f'<camera name="eye" pos="{_text(camera.position)}" xyaxes="{_text(right)} {_text(-down)}" '
     eye += f'fovy="{float(np.degrees(2.0 * np.arctan(0.5 * size[1] / camera.fy)))!r}"/>'
     return f"""<mujoco><visual><map znear="0.01" zfar="10"/><quality offsamples="0" shadowsize="0"/>
   <global offwidth="{size[0]}" offheight="{size[1]}"/></visual>
