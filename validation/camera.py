@@ -92,7 +92,7 @@ def _mjcf(scene: Scene, camera: Camera, size) -> str:
     # MuJoCo looks along −z with y upward
     eye = f'<camera name="eye" pos="{_text(camera.position)}" xyaxes="{_text(right)} {_text(-down)}" '
     eye += f'fovy="{float(np.degrees(2.0 * np.arctan(0.5 * size[1] / camera.fy)))!r}"/>'
-    return f"""<mujoco><visual><map znear="0.01" zfar="10"/><quality offsamples="0" shadowsize="0"/>
+    return f"""<mujoco><visual><map znear="0.01" zfar="10"/><quality offsamples="0" shadowsize="0" numslices="64" numstacks="64"/>
   <global offwidth="{size[0]}" offheight="{size[1]}"/></visual>
   <statistic extent="1" center="0 0 0"/><asset>{assets}</asset>
   <worldbody>{eye}{"".join(geoms)}</worldbody></mujoco>"""

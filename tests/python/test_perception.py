@@ -150,24 +150,38 @@ def test_ropes_behind_something(name, where, what):
     assert hidden or what == "hand", "the post hides something of every rope"
 
 
-def test_weight_shapes_what_is_hidden():
-    """MuJoCo's rope at rest between two hands, its lowest third behind a box: with its weight the hidden nodes are nearer."""
-    model = Rope(nodes=61, length=0.6, bend_stiffness=1e-3, linear_density=0.05, radius=RADIUS)
-    truth = hanging(model, (-0.2, 0.0, 0.4), (0.2, 0.0, 0.4), step=2e-3, speed=1e-5)
+def at_rest_between_hands(bend_stiffness):
+    """MuJoCo's rope of 0.6 m between two hands 0.4 m apart: the rope, its nodes, and ρA g/EI."""
+    model = Rope(nodes=31, length=0.6, bend_stiffness=bend_stiffness, stretch_stiffness=1e3, linear_density=0.05, radius=RADIUS)
+    nodes = hanging(model, (-0.2, 0.0, 0.4), (0.2, 0.0, 0.4), step=1e-2, speed=1e-5)
+    return nodes, np.array([0.0, 0.0, -model.linear_density * model.gravity / bend_stiffness])
+
+
+@pytest.mark.parametrize(("bend_stiffness", "bound"), [(1e-4, 0.6), (3e-4, 0.2), (1e-3, 0.05)])
+def test_weight_shapes_what_is_hidden(bend_stiffness, bound):
+    """Ends and directions of MuJoCo's hanging rope: with its weight the nodes between are nearer than without; bounds in mm."""
+    nodes, load = at_rest_between_hands(bend_stiffness)
+    for first, last in ((4, 26), (6, 24), (2, 18)):
+        part = nodes[first : last + 1]
+        ends = part[0], nodes[first + 1] - nodes[first - 1], part[-1], nodes[last + 1] - nodes[last - 1]
+        arguments = (*ends, even(part, 2)[1], len(part))
+        heavy, light = (hidden_stretch(*arguments, load=weight) for weight in (load, 0.0 * load))
+        assert heavy[1] and light[1]
+        error = errors(heavy[0], part).max()
+        assert error < bound * mm and error < 0.65 * errors(light[0], part).max()
+
+
+def test_a_hanging_rope_behind_a_box():
+    """Half of MuJoCo's rope is hidden; in development at most 7.3 mm off there, by what directions at the ends are uncertain."""
+    nodes, load = at_rest_between_hands(1e-3)
     eye = Camera.looking_at((0.0, 0.0, 0.3), (0.0, -0.9, 0.35), f=600.0, size=SIZE)
-    box = ((0.0, -0.1, truth[:, 2].min()), (0.09, 0.01, 0.1))
-    mask, depth = render(Scene(rope=truth, radius=RADIUS, table=None, boxes=[box]), eye)
-    load = (0.0, 0.0, -model.linear_density * model.gravity / model.bend_stiffness)
-    worst = {}
-    for name, weight in (("weight", load), ("none", (0.0, 0.0, 0.0))):
-        found = [
-            rope(*noisy(mask, depth, np.random.default_rng(seed)), eye, nodes=31, radius=RADIUS, length=0.6, reference=truth[0], load=weight)
-            for seed in FRESH
-        ]
-        assert all((~f.visible).sum() >= 5 for f in found)
-        worst[name] = max(errors(f.nodes, truth[::2])[~f.visible].max() for f in found)
-    assert worst["weight"] < worst["none"]
-    assert worst["weight"] < 5.0 * mm
+    mask, depth = render(Scene(rope=nodes, radius=RADIUS, table=None, boxes=[((0.0, -0.1, 0.22), (0.13, 0.01, 0.06))]), eye)
+    for seed in FRESH:
+        images = noisy(mask, depth, np.random.default_rng(seed))
+        found = rope(*images, eye, nodes=31, radius=RADIUS, length=0.6, reference=nodes[0], load=load)
+        error = errors(found.nodes, nodes)
+        assert (~found.visible).sum() >= 12
+        assert error[found.visible].max() < 3.2 * mm and error.max() < 10.0 * mm
 
 
 @pytest.mark.parametrize(("angle", "bound"), [(0.5, 2e-4), (1.5, 5e-4), (3.0, 1.2e-3), (4.5, 1.8e-3)])
@@ -193,20 +207,25 @@ def test_a_hidden_stretch_between_facing_ends_bends_to_a_side():
 
 
 def test_the_last_estimate_shares_out_what_is_hidden():
-    """Two posts hide two stretches, one with more slack than the other; nodes from before put the slack where it was."""
-    t = np.linspace(0.0, 1.0, 2000)
-    bump = np.where((t > 0.25) & (t < 0.45), 0.03 * np.sin(np.pi * (t - 0.25) / 0.2) ** 2, 0.0)
-    points, length = even(np.stack([0.5 * t - 0.25, bump, 0.0 * t + RADIUS], axis=1), 161)
+    """Two posts hide two stretches, all slack in one of them; nodes from before put it where it was."""
+    bump, settled = hidden_stretch((-0.125, 0.0, RADIUS), (1, 0, 0), (-0.025, 0.0, RADIUS), (1, 0, 0), 0.112, 41, aside=(0.0, 1.0, 0.0))
+    assert settled
+    points, length = even(np.vstack([[-0.25, 0.0, RADIUS], bump, [0.25, 0.0, RADIUS]]), 161)
     eye = view("above")
-    boxes = [((x, 0.0, 0.1), (0.045, 0.06, 0.01)) for x in (-0.075, 0.12)]
+    boxes = [((x, 0.01, 0.1), (0.045, 0.06, 0.01)) for x in (-0.075, 0.12)]
     mask, depth = render(Scene(rope=points, radius=RADIUS, boxes=boxes), eye)
-    truth, shifted = points[::8], points[::8] + [0.002, 0.001, 0.0]
-    images = noisy(mask, depth, np.random.default_rng(FRESH[0]))
-    free = rope(*images, eye, nodes=NODES, radius=RADIUS, length=length, reference=truth[0])
-    known = rope(*images, eye, nodes=NODES, radius=RADIUS, length=length, reference=shifted)
-    assert (~known.visible).sum() >= 4
-    assert errors(known.nodes, truth).max() < 0.7 * errors(free.nodes, truth).max()
-    assert errors(known.nodes, truth).max() < 9.0 * mm
+    truth = points[::8]
+    worst = {}
+    for name, reference in (("point", truth[0]), ("nodes", truth + [0.002, 0.001, 0.0])):
+        worst[name] = 0.0
+        for seed in FRESH:
+            images = noisy(mask, depth, np.random.default_rng(seed))
+            found = rope(*images, eye, nodes=NODES, radius=RADIUS, length=length, reference=reference)
+            assert (~found.visible).sum() >= 4
+            # behind the second post, where the rope is straight
+            straight = errors(found.nodes, truth)[truth[:, 0] > 0.05]
+            worst[name] = max(worst[name], straight.max())
+    assert worst["nodes"] < 2.5 * mm < 10.0 * mm < worst["point"]  # 0.9 and 15.7
 
 
 def folded(upper_from, bend, n, m, size=(0.3, 0.2)):
@@ -265,12 +284,14 @@ def seen_cloth(drawn_nodes, truth, where, seed, **bounds):
 @pytest.mark.parametrize(("upper_from", "bend"), [(0.2, 0.01), (0.16, 0.01), (0.18, 0.02), (0.14, 0.008), (0.15, 0.03)])
 def test_folds_of_known_shape(upper_from, bend, where, seed):
     """In development at most 2.2 mm where seen and 6.8 mm where hidden: the true bend is a half circle, which no sheet at rest has."""
-    found = seen_cloth(folded(upper_from, bend, 301, 3), folded(upper_from, bend, NODES, 3), where, seed, seen=2.6 * mm, hidden=8.0 * mm)
+    truth = folded(upper_from, bend, NODES, 3)
+    found = seen_cloth(folded(upper_from, bend, 301, 3), truth, where, seed, seen=2.6 * mm, hidden=8.0 * mm)
     assert found.fold == pytest.approx(upper_from + 0.5 * np.pi * bend, abs=4.0 * mm)
     assert found.settled and 4 <= (~found.visible).sum() <= 10
     # rows are equally far apart along the sheet, columns across
     np.testing.assert_allclose(np.diff(found.nodes[:, :, 1], axis=1), 0.1, atol=1e-9)
-    assert even(found.nodes[:, 1], 2)[1] == pytest.approx(0.3, abs=4.0 * mm)
+    # chords across a bend are shorter than the sheet, alike in both
+    assert even(found.nodes[:, 1], 2)[1] == pytest.approx(even(truth[:, 1], 2)[1], abs=4.0 * mm)
 
 
 @EVERY_VIEW
@@ -305,6 +326,12 @@ def blob(mask, where, value):
     return out
 
 
+def branched(mask, column=304):
+    """With a bar that stands on the rope."""
+    rope_at = np.flatnonzero(mask[:, column])[0]
+    return blob(mask, np.s_[rope_at - 60 : rope_at + 1, column - 4 : column + 4], True)
+
+
 def ring(shape):
     v, u = np.indices(shape)
     return np.abs(np.hypot(u - 300, v - 200) - 80) < 4
@@ -323,7 +350,7 @@ WRONG = [
     (lambda a: {"mask": blob(a["mask"], np.s_[:, 200:], False)}, "less than 15%"),
     (lambda a: {"mask": a["mask"] & (np.indices(a["mask"].shape)[1] % 400 < 200), "length": None}, "give its length"),
     (lambda a: {"mask": ring(a["mask"].shape)}, "closed ring"),
-    (lambda a: {"mask": blob(a["mask"], np.s_[100:241, 300:308], True)}, "has a branch at"),
+    (lambda a: {"mask": branched(a["mask"])}, "has a branch at"),
     (lambda a: {"reference": None}, "which end of the rope is the first"),
     (lambda a: {"radius": 0.0}, "radius is 0 m"),
     (lambda a: {"radius": np.nan}, "radius is nan"),
@@ -369,7 +396,7 @@ def test_wrong_sheets_are_input_errors():
         ({"size": (1.5, 0.2)}, "seen along it, but from 30%"),
         ({"edge": [[0, 0, 0], [0, 0, 1]]}, "one above the other"),
         ({"nodes": (7, 1)}, "two whole numbers"),
-        ({"up": (0, 1, 0)}, "above the sheet"),
+        ({"up": (1, 0, 0)}, "above the sheet"),
     ]:
         with pytest.raises(pliant.InputError, match=text):
             cloth(mask, depth, eye, **right | change)

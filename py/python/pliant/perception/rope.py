@@ -25,6 +25,8 @@ ENDS = 4.0
 STRAY = 0.2
 # Error of the seen length: pixels at each cut end, and a part of the length.
 CUT, SEEN_ERROR = 1.0, 0.004
+# Share of more hidden length that goes to a straight stretch, relative to one that has its own length of slack.
+STRAIGHT_SHARE = 0.01
 # Nodes of a hidden stretch.
 HIDDEN_NODES = 17
 
@@ -337,4 +339,6 @@ def _shared(gaps: list[_Gap], hidden: float, doubt: float, known: Array) -> list
     if more < 0.0:
         kept = max(0.0, 1.0 + more / slack.sum()) if slack.sum() > 0.0 else 0.0
         return (chords + kept * slack).tolist()
-    return (believed + more * believed / believed.sum()).tolist()
+    # a stretch that is believed straight stays nearly so: a millimetre too much bends it aside by many
+    weight = slack + STRAIGHT_SHARE * believed
+    return (believed + more * weight / weight.sum()).tolist()
