@@ -6,6 +6,7 @@ OpenGL: `MUJOCO_GL` is set to EGL (Mesa's runs without a GPU) unless it is set a
 
 import os
 from dataclasses import dataclass, field
+from functools import cache
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
@@ -15,6 +16,16 @@ import numpy as np
 from pliant.perception import Camera
 
 WIDTH, HEIGHT = 640, 480
+
+
+@cache
+def unavailable() -> str | None:
+    """Why MuJoCo cannot render here; None if it can."""
+    try:
+        with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
+            return None
+    except Exception as error:  # noqa: BLE001  # it depends on the platform's OpenGL what is raised
+        return f"{type(error).__name__}: {error}"
 
 
 @dataclass

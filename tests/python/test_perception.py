@@ -1,7 +1,7 @@
 """Perception of ropes and cloth (`pliant.perception`) on images that MuJoCo renders, with noise and with things in the way.
 
-Bounds were set from seeds 0 to 4 of the noise (rendered shapes and cameras as here); what is judged has the seeds `FRESH`, which were
-not looked at before. Noise: 1 mm of depth per pixel, 5 % of depths missing, a quarter of the pixels along the mask's outline on
+Bounds were set from other seeds of the noise (0 to 4 for ropes and sheets at rest, 2000 to 2059 for folds of known shape); what is judged has the seeds `FRESH`, which were not
+looked at before. Noise: 1 mm of depth per pixel, 5 % of depths missing, a quarter of the pixels along the mask's outline on
 the wrong side, one pixel in 10⁴ anywhere.
 """
 
@@ -14,76 +14,27 @@ pytest.importorskip("mujoco", minversion="4.0")
 pytest.importorskip("skimage")
 pliant = pytest.importorskip("pliant")
 
-from pliant.perception import Camera, cloth, hidden_stretch, rope  # noqa: E402
+from pliant.perception import Camera, cloth, hidden_stretch, rope
 
-from validation import camera as rendering  # noqa: E402
-from validation.camera import Scene, noisy, render  # noqa: E402
-from validation.mujoco_cloth import Flex, Sheet  # noqa: E402
-from validation.mujoco_rope import Rope, hanging  # noqa: E402
+from validation import camera as rendering
+from validation.camera import Scene, noisy
+from validation.mujoco_cloth import Flex, Sheet
+from validation.mujoco_rope import Rope, hanging
+from validation.perception import CURVES, NODES, OBSTACLES, RADIUS, SIZE, VIEWS, cloth_view, drawn, errors, even, folded, rms, view
 
-RADIUS = 0.004
-NODES = 21
-FRESH = (1001, 1002, 1003)
-VIEWS = {"above": (0.0, -0.0, 0.7), "aslant": (0.1, -0.5, 0.6)}
-SIZE = (rendering.WIDTH, rendering.HEIGHT)
+FRESH = (8001, 8002, 8003)
 mm = 1e-3
 
 
-@pytest.fixture(scope="module", autouse=True)
-def offscreen():
-    """Skips where OpenGL does not render without a window."""
-    try:
-        render(Scene(), view("above"))
-    except Exception as error:  # MuJoCo's depends on the platform
-        pytest.skip(f"MuJoCo cannot render here: {error}")
+def render(scene, eye):
+    """Mask and depth; skips where OpenGL does not work without a window."""
+    if (why := rendering.unavailable()) is not None:
+        pytest.skip(f"MuJoCo cannot render here: {why}")
+    return rendering.render(scene, eye)
 
 
-def view(name, target=(0.0, 0.0, 0.05)):
-    return Camera.looking_at(target, VIEWS[name], f=600.0, size=SIZE)
-
-
-def even(points, n):
-    """Points equally spaced along a curve, and its length."""
-    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    return np.stack([np.interp(np.linspace(0.0, s[-1], n), s, c) for c in points.T], axis=1), float(s[-1])
-
-
-T = np.linspace(0.0, 1.0, 2000)
-CURVES = {
-    "line": np.stack([0.4 * T - 0.2, 0.1 * T, 0.0 * T + RADIUS], axis=1),
-    "arc": np.stack([0.15 * np.cos(2.5 * T), 0.15 * np.sin(2.5 * T), 0.0 * T + RADIUS], axis=1),
-    "U": np.stack([0.1 * np.cos(1.4 * np.pi * T), 0.1 * np.sin(1.4 * np.pi * T), RADIUS + 0.1 * T], axis=1),
-    "S": np.stack([0.4 * T - 0.2, 0.08 * np.sin(2.0 * np.pi * T), RADIUS + 0.06 * np.sin(np.pi * T) ** 2], axis=1),
-    "crossing": np.stack(
-        [
-            0.12 * np.sin(1.8 * np.pi * T + 0.3),
-            0.2 * T - 0.1 + 0.1 * np.cos(1.8 * np.pi * T + 0.3),
-            RADIUS + 0.02 * np.sin(np.pi * T) + 0.03 * T,
-        ],
-        axis=1,
-    ),
-    "hanging": np.stack([0.4 * T - 0.2, 0.0 * T, 0.3 - 0.2 * (1.0 - (2.0 * T - 1.0) ** 2)], axis=1),
-}
-OBSTACLES = {
-    "hand": {"balls": [((0.05, 0.02, 0.25), 0.03)]},
-    "post": {"boxes": [((-0.06, 0.0, 0.15), (0.012, 0.25, 0.15))]},
-}
 EVERY_CURVE = pytest.mark.parametrize("name", CURVES)
 EVERY_VIEW = pytest.mark.parametrize("where", VIEWS)
-
-
-def drawn(name, n=161):
-    """Nodes as they are drawn, the true nodes, and the length."""
-    points, length = even(CURVES[name], n)
-    return points, points[:: (n - 1) // (NODES - 1)], length
-
-
-def errors(nodes, truth):
-    return np.linalg.norm(nodes - truth, axis=-1)
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def test_lifting_undoes_projecting():
@@ -128,6 +79,7 @@ def test_ropes_in_sight(name, where):
         np.testing.assert_allclose(back.nodes[::-1], found.nodes, atol=0.5 * mm)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", OBSTACLES)
 @EVERY_VIEW
 @EVERY_CURVE
@@ -228,17 +180,6 @@ def test_the_last_estimate_shares_out_what_is_hidden():
     assert worst["nodes"] < 2.5 * mm < 10.0 * mm < worst["point"]  # 0.9 and 15.7
 
 
-def folded(upper_from, bend, n, m, size=(0.3, 0.2)):
-    """Nodes (n, m, 3) of a sheet that lies flat to `upper_from`, bends over as a half circle of radius `bend`, and lies flat again."""
-    s = np.linspace(0.0, size[0], n)
-    angle = np.clip((s - upper_from) / bend, 0.0, np.pi)
-    back = np.maximum(0.0, s - upper_from - np.pi * bend)
-    x = np.minimum(s, upper_from) + bend * np.sin(angle) - back
-    z = 1e-3 + bend * (1.0 - np.cos(angle))
-    y = size[1] * (np.linspace(0.0, 1.0, m) - 0.5)
-    return np.stack(np.broadcast_arrays(x[:, None], y, z[:, None]), axis=-1)
-
-
 def at_rest(lift, youngs_modulus, rows=61):
     """MuJoCo's sheet (rows, 3, 3) on a floor, folded over, with its last row held at a height."""
     sheet = Sheet(
@@ -267,7 +208,7 @@ def at_rest(lift, youngs_modulus, rows=61):
 
 def seen_cloth(drawn_nodes, truth, where, seed, **bounds):
     """Errors of the perceived sheet are within bounds [m]; the estimate."""
-    eye = Camera.looking_at((0.1, 0.0, 0.0), {"above": (0.1, 0.0, 0.7), "aslant": (0.1, -0.25, 0.65)}[where], f=600.0, size=SIZE)
+    eye = cloth_view(where)
     triangles = Sheet(nodes=drawn_nodes.shape[:2]).triangles()
     mask, depth = render(Scene(sheet=(drawn_nodes.reshape(-1, 3), triangles), table=-1e-3), eye)
     images = (mask, depth) if seed is None else noisy(mask, depth, np.random.default_rng(seed))
@@ -279,13 +220,14 @@ def seen_cloth(drawn_nodes, truth, where, seed, **bounds):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [None, *FRESH])
 @EVERY_VIEW
 @pytest.mark.parametrize(("upper_from", "bend"), [(0.2, 0.01), (0.16, 0.01), (0.18, 0.02), (0.14, 0.008), (0.15, 0.03)])
 def test_folds_of_known_shape(upper_from, bend, where, seed):
-    """In development at most 2.2 mm where seen and 6.8 mm where hidden: the true bend is a half circle, which no sheet at rest has."""
+    """In development at most 3.4 mm where seen and 8.0 mm where hidden: the true bend is a half circle, which no sheet at rest has."""
     truth = folded(upper_from, bend, NODES, 3)
-    found = seen_cloth(folded(upper_from, bend, 301, 3), truth, where, seed, seen=2.6 * mm, hidden=8.0 * mm)
+    found = seen_cloth(folded(upper_from, bend, 301, 3), truth, where, seed, seen=4.2 * mm, hidden=9.5 * mm)
     assert found.fold == pytest.approx(upper_from + 0.5 * np.pi * bend, abs=4.0 * mm)
     assert found.settled and 4 <= (~found.visible).sum() <= 10
     # rows are equally far apart along the sheet, columns across

@@ -122,9 +122,9 @@ def _number(name: str, value: Any, source: str) -> float:
     return number
 
 
-def images(mask: ArrayLike, depth: ArrayLike) -> tuple[Mask, Array]:
+def images(given_mask: ArrayLike, given_depth: ArrayLike) -> tuple[Mask, Array]:
     """A checked mask and depth image of the same shape (height, width); the mask is not empty and ends within the image."""
-    mask = np.asarray(mask)
+    mask: NDArray[Any] = np.asarray(given_mask)
     if mask.ndim != 2 or min(mask.shape) < 3:
         raise InputError(f"mask has shape {mask.shape}, but an image (height, width) of at least 3 × 3 is needed")
     if mask.dtype != np.bool_:
@@ -134,7 +134,7 @@ def images(mask: ArrayLike, depth: ArrayLike) -> tuple[Mask, Array]:
         if 0 not in values and len(values):
             raise InputError(f"mask has no pixel that is 0 (values: {values.tolist()}): what is not the object must be 0 or False")
         mask = mask != 0
-    depth = np.asarray(depth)
+    depth: NDArray[Any] = np.asarray(given_depth)
     if depth.shape != mask.shape:
         text = "both must be of the same camera; register the depth to the colour image first"
         raise InputError(f"depth has shape {depth.shape}, but the mask has {mask.shape}: {text}")

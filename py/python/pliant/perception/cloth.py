@@ -1,6 +1,7 @@
 """Nodes of a sheet that is folded over once, from a mask and a depth image."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,10 +28,14 @@ FLAT = 0.04
 SEEN = 0.3
 # The free edge of the upper layer is sought within this part of the length from where the known length puts it.
 EDGE_SEARCH = 0.12
+# A step is at least this part of the profile's height; a bin whose height is further than this from both layers, in steps, holds both.
+STEP, MIXED = 0.3, 0.15
 # Errors of places on an outline [px], of a seen length as a part of it, and of heights [m].
 OUTLINE, SEEN_ERROR, HEIGHT = 1.0, 0.005, 5e-4
 # How far a hidden stretch strays typically, in half widths of the ellipse that its length leaves it.
 STRAY = 0.25
+# Cosine of the angle between view and `up` that is still from above.
+VIEW = 0.7
 # Nodes of the hidden bend, and places tried for where it leaves the layer below.
 BEND_NODES, TRIALS = 17, 7
 
@@ -96,7 +101,7 @@ def cloth(
     x, z, noise = _profile(inner, pixel)
     z = z - 0.5 * thickness * np.sqrt(1.0 + np.gradient(z, x) ** 2).clip(1.0, 3.0)
     row0 = float((0.5 * (ends[0] + ends[1]) @ frame.T)[0])
-    profile = _folded(x, z, along, row0, pixel, thickness)
+    profile = _folded(x, z, inner, along, row0, pixel)
     return _rows(profile, frame, middle, (n, m), across, noise, pixel)
 
 
@@ -135,7 +140,7 @@ def _profile(points: Array, pixel: float) -> tuple[Array, Array, float]:
     order = np.argsort(group, kind="stable")
     edges = np.searchsorted(group[order], np.arange(count + 1))
     x, z, scatter = [], [], []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         if b - a < FEW:
             continue
         inside = points[order[a:b]]
@@ -173,9 +178,9 @@ class _Profile:
     seen_length: float
 
 
-def _folded(x: Array, z: Array, length: float, row0: float, pixel: float, thickness: float) -> _Profile:
+def _folded(x: Array, z: Array, inner: Array, length: float, row0: float, pixel: float) -> _Profile:
     """The whole profile, of the seen one and the known length."""
-    seen = _surface_length(x, z, thickness)
+    seen = _surface_length(x, z)
     if seen < SEEN * length or seen > length * (1.0 + FLAT):
         text = "`size`, the camera's intrinsics and the unit of depths must fit, and the mask must be of the sheet alone"
         raise InputError(f"{seen:.3g} m of the sheet's {length:.3g} m are seen along it, but from {SEEN:.0%} to 100 % can be: {text}")
@@ -184,24 +189,23 @@ def _folded(x: Array, z: Array, length: float, row0: float, pixel: float, thickn
     if seen > length * (1.0 - FLAT):
         return _Profile(points, np.ones(len(x), bool), np.zeros(len(x)), doubt, None, True, seen)
     tip = x[-1]
-    k = _free_edge(x, z, seen, length, tip)
-    lower, upper = points[: k + 1], points[k + 1 :]
-    if k >= 0:
-        # the step lies between two bins, and both layers go on to it
-        place = 0.5 * (x[k] + x[k + 1])
-        below, above = np.median(z[max(0, k - 3) : k + 1]), np.median(z[k + 1 : k + 5])
-        lower = np.vstack([lower, [place, below]])
-        upper = np.vstack([[place, above], upper])
-    if k < 0:
+    step = _free_edge(x, z, tip - (length - seen), EDGE_SEARCH * length)
+    if step is None:
         # the upper layer hides the first row
-        lower = np.array([[row0, z.min()]])
+        lower, upper = np.array([[row0, z.min()]]), points
+    else:
+        # the step lies between two bins, and both layers go on to it
+        last, first = step
+        place = _step_place(inner, x[last], x[first], 0.5 * (z[last] + z[first]))
+        lower = np.vstack([points[: last + 1], [place, np.median(z[max(0, last - 3) : last + 1])]])
+        upper = np.vstack([[place, np.median(z[first : first + 4])], points[first:]])
     start = lower[-1]
     peak = float(upper[-max(2, len(upper) // 8) :, 1].max())
     # the outermost line of a bend that is as round above as below lies in the middle of its height
     end = np.array([tip, min(float(upper[-1, 1]), 0.5 * (peak + start[1]))])
     upper = np.vstack([upper[:-1], end])
-    below = _surface_length(*lower.T, thickness) if len(lower) > 1 else 0.0
-    seen = below + _surface_length(*upper[:-1].T, thickness) + float(np.linalg.norm(upper[-1] - upper[-2]))
+    below = _surface_length(lower[:, 0], lower[:, 1]) if len(lower) > 1 else 0.0
+    seen = below + _surface_length(upper[:-1, 0], upper[:-1, 1]) + float(np.linalg.norm(upper[-1] - upper[-2]))
     hidden = length - seen
     bend, settled, flat = _bend(start, end, hidden)
     chord = float(np.linalg.norm(end - bend[0]))
@@ -209,34 +213,42 @@ def _folded(x: Array, z: Array, length: float, row0: float, pixel: float, thickn
     s = np.linspace(0.0, 1.0, len(bend))
     whole = np.concatenate([lower, bend, upper[::-1]])
     inside = np.concatenate([np.zeros(len(lower)), stray * 4.0 * s * (1.0 - s), np.zeros(len(upper))])
-    visible = np.concatenate([np.full(len(lower), k >= 0), np.zeros(len(bend), bool), np.ones(len(upper), bool)])
+    visible = np.concatenate([np.full(len(lower), step is not None), np.zeros(len(bend), bool), np.ones(len(upper), bool)])
     fold = float(arc(np.concatenate([lower, bend]))[-1])
     return _Profile(whole, visible, inside, doubt, fold, settled, seen)
 
 
-def _surface_length(x: Array, z: Array, thickness: float) -> float:
+def _surface_length(x: Array, z: Array) -> float:
     """Length of a profile without its noise [m]: steps in height count where they are larger than the noise's."""
     smooth = library("scipy.ndimage").gaussian_filter1d(z, 1.5, mode="nearest") if len(z) > 6 else z
     return float(np.hypot(np.diff(x), np.diff(smooth)).sum())
 
 
-def _free_edge(x: Array, z: Array, seen: float, length: float, tip: float) -> int:
-    """Index of the last bin of the lower layer; −1 if none is seen."""
-    # what is hidden is as long as the upper layer is wide, and a bend more that is small beside it
-    place = tip - (length - seen)
-    near = np.abs(0.5 * (x[1:] + x[:-1]) - place) < EDGE_SEARCH * length
-    if place < x[0] + 0.02 * length and not near.any() or place < x[0]:
-        return -1
-    if not near.any():
-        return -1
-    # a bin that holds both layers counts to the nearer one
-    rise = np.full(len(x) - 1, -np.inf)
-    rise[1:-1] = z[3:] - z[:-3]
-    rise[~near] = -np.inf
+def _free_edge(x: Array, z: Array, place: float, within: float) -> tuple[int, int] | None:
+    """Indices of the last bin of the lower layer and the first of the upper one; None if there is no step near to `place` [m].
+
+    `place` is where the free edge is if what is hidden is as long as the upper layer is wide; the bend adds little to that.
+    """
+    near = np.flatnonzero(np.abs(0.5 * (x[1:] + x[:-1]) - place) < within)
+    if not len(near):
+        return None
+    # over three bins, of which the one in the middle may hold both layers
+    ahead, back = np.minimum(near + 2, len(z) - 1), np.maximum(near - 1, 0)
+    rise = z[ahead] - z[back]
     k = int(np.argmax(rise))
-    below, above = z[max(0, k - 1)], z[min(len(z) - 1, k + 3)]
-    window = np.arange(max(0, k - 1), min(len(z) - 1, k + 4))
-    return int(window[np.flatnonzero(z[window] < 0.5 * (below + above))[-1]])
+    below, above = z[back[k]], z[ahead[k]]
+    if above - below < STEP * np.ptp(z):
+        return None
+    part = (z[back[k] : ahead[k] + 1] - below) / (above - below)
+    last = int(back[k] + np.flatnonzero(part < MIXED)[-1])
+    later = np.flatnonzero(z[last + 1 : ahead[k] + 1] > below + (1.0 - MIXED) * (above - below))
+    return last, last + 1 + int(later[0])
+
+
+def _step_place(inner: Array, begin: float, end: float, height: float) -> float:
+    """Where the lower layer ends between two bins [m]: it takes the part of the way there that it has of the points."""
+    between = inner[(inner[:, 0] > begin) & (inner[:, 0] < end), 2]
+    return begin + (end - begin) * (float(np.mean(between < height)) if len(between) else 0.5)
 
 
 def _bend(start: Array, end: Array, length: float) -> tuple[Array, bool, float]:
@@ -274,7 +286,9 @@ def _bent(start: Array, end: Array, length: float, flat: float):
     return points[:, [0, 2]], energy, settled
 
 
-def _rows(profile: _Profile, frame: Array, middle: float, nodes: tuple[int, int], across: float, noise: float, pixel: float) -> ClothEstimate:
+def _rows(
+    profile: _Profile, frame: Array, middle: float, nodes: tuple[int, int], across: float, noise: float, pixel: float
+) -> ClothEstimate:
     """The grid at equal arc lengths."""
     s = arc(profile.points)
     at = np.linspace(0.0, s[-1], nodes[0])
@@ -287,7 +301,3 @@ def _rows(profile: _Profile, frame: Array, middle: float, nodes: tuple[int, int]
     base = np.sqrt(profile.doubt**2 + (0.5 * OUTLINE * pixel) ** 2 + noise**2 + HEIGHT**2)
     sigma = np.hypot(base, np.interp(at, s, profile.stray))
     return ClothEstimate(local @ frame, sigma, visible, profile.seen_length, profile.fold, profile.settled)
-
-
-# Cosine of the angle between view and `up` that is still from above.
-VIEW = 0.7

@@ -18,7 +18,7 @@ STRAIGHT = 1e-4
 # equilibrium that Newton's method can find. It moves nodes by less than 1e-4 ℓ.
 LIGHTEST = 1e-2
 # Halvings of the interval in which the size of a curve's end derivatives is sought.
-HALVINGS = 30
+HALVINGS = 20
 # Samples of a curve per node, of which its length is summed.
 SAMPLES = 6
 

@@ -228,7 +228,10 @@ def _shortest_chain(pieces: list[Piece], begin: Array | None, end: Array | None)
         return size * (1.0 + turn)
 
     best = {(1 << (k // 2), k): (0.0 if begin is None else gap(begin, None, w.points[0], tangent[k][0]), -1) for k, w in enumerate(ways)}
-    join = [[0.0 if i // 2 == j // 2 else gap(ways[i].points[-1], tangent[i][1], ways[j].points[0], tangent[j][0]) for j in range(n)] for i in range(n)]
+    join = [
+        [0.0 if i // 2 == j // 2 else gap(ways[i].points[-1], tangent[i][1], ways[j].points[0], tangent[j][0]) for j in range(n)]
+        for i in range(n)
+    ]
     full = (1 << len(pieces)) - 1
     for used in range(1, full + 1):
         for i in range(n):

@@ -97,14 +97,14 @@ def rope(
     radius = positive("radius", radius, "m")
     length = None if length is None else positive("length", length, "m")
     load = numbers("load", load, (3,))
-    held = tuple(_held(name, value) for name, value in (("start", start), ("end", end)))
+    held = (_held("start", start), _held("end", end))
     known = _reference(reference, held)
     found = strands(mask)
     pieces = [p for s in found.strands if (p := piece(s, found.mask, depth, camera, radius, found.width, depth_noise)) is not None]
     if not pieces:
         text = "too few depths within the mask are valid, or its parts are too short to have a direction"
         raise InputError(f"the mask's {len(found.strands)} pieces have no curve: {text}")
-    chain = ordered(pieces, *(None if h is None else h[0] for h in held), known)
+    chain = ordered(pieces, _place(held[0]), _place(held[1]), known)
     chain = _trimmed(chain, held, radius if round_ends else 0.0, 2.0 * radius)
     curve = _assembled(chain, held, known, length, load, ENDS * 2.0 * radius)
     return curve.nodes(nodes, 0.0 if length is None else length)
@@ -121,6 +121,10 @@ def _held(name: str, value: ArrayLike | None) -> Array | None:
             raise InputError(f"{name}[1] is zero, but must be the rope's direction at the gripper; leave it out if it is not known")
         out[1] /= np.linalg.norm(out[1])
     return out
+
+
+def _place(grip: Array | None) -> Array | None:
+    return None if grip is None else grip[0]
 
 
 def _reference(reference: ArrayLike | None, held: Held) -> Array:

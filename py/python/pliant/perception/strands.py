@@ -15,10 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._pliant import InputError
 from ._libraries import library
 from .camera import Array, Mask
+
+Pixels = NDArray[np.intp]
 
 # Lengths in units of the rope's width in the image.
 SPUR = 1.5
@@ -97,7 +100,7 @@ def _cleaned(mask: Mask) -> tuple[Mask, float, Array]:
 
 
 def _width(mask: Mask) -> float:
-    """Width of a strip [px]: pixels over those of the skeleton, whose steps are longer than a pixel on average."""
+    """Width of a strip [px], of the distances of its skeleton to the nearest pixel outside, which are half a pixel more than to its edge."""
     skeleton = library("skimage.morphology").skeletonize(mask)
     inside = library("scipy.ndimage").distance_transform_edt(mask)
     return max(1.0, 2.0 * float(np.median(inside[skeleton])) - 1.0)
@@ -176,7 +179,7 @@ class _Graph:
         """Paths (n, 2) with the places of crossings on them (m, 2)."""
         joined = self._joined()
         middles = {c: np.mean([self.place(p) for p in joined[c].pixels], axis=0) for c in joined}
-        following = self._following(joined, middles)
+        following = self._following(joined)
         out, done = [], set()
         bridges = {id(b) for junction in joined.values() for b in junction.bridges}
         for k, branch in enumerate(self.branches):
@@ -240,10 +243,10 @@ class _Graph:
                     joined[root(end)].sides.append((k, side))
         return joined
 
-    def _following(self, joined: dict[int, "_Junction"], middles: dict[int, Array]) -> dict[tuple[int, int], tuple[int, int]]:
+    def _following(self, joined: dict[int, "_Junction"]) -> dict[tuple[int, int], tuple[int, int]]:
         """Which side of which branch continues a side of a branch."""
         out = {}
-        for c, junction in joined.items():
+        for junction in joined.values():
             sides = junction.sides
             if len(sides) in (0, 1):
                 continue
@@ -283,7 +286,7 @@ class _Junction:
     bridges: list[_Branch]
 
 
-def _neighbours(skeleton: Mask, pixels: Array, stride: int) -> dict[int, list[int]]:
+def _neighbours(skeleton: Mask, pixels: Pixels, stride: int) -> dict[int, list[int]]:
     """Neighbours of each pixel, without diagonals that two straight steps replace."""
     flat = skeleton.ravel()
     near: dict[int, list[int]] = {int(p): [] for p in pixels}
