@@ -1,7 +1,7 @@
 """Perception of ropes and cloth (`pliant.perception`) on images that MuJoCo renders, with noise and with things in the way.
 
-Bounds were set from other seeds of the noise (0 to 4 for ropes and sheets at rest, 2000 to 2059 for folds of known shape); what is judged has the seeds `FRESH`, which were not
-looked at before. Noise: 1 mm of depth per pixel, 5 % of depths missing, a quarter of the pixels along the mask's outline on
+Bounds were set from other seeds of the noise (0 to 4 for ropes and sheets at rest, 2000 to 2059 for folds of known shape); what
+is judged has the seeds `FRESH`, which were not looked at before. Noise: 1 mm of depth per pixel, 5 % of depths missing, a quarter of the pixels along the mask's outline on
 the wrong side, one pixel in 10⁴ anywhere.
 """
 
