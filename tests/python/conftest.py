@@ -6,6 +6,8 @@ from pathlib import Path
 
 # Before NumPy is loaded: matrices here are small, and threads of BLAS in every worker wait for each other on a shared machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# MuJoCo asks for this when it is imported: Mesa's EGL renders without a window and without a GPU.
+os.environ.setdefault("MUJOCO_GL", "egl")
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 

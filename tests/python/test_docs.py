@@ -94,6 +94,16 @@ def test_python_page_example_runs(monkeypatch, capsys):
     assert float(capsys.readouterr().out) == pytest.approx(float(promised), rel=0.05)
 
 
+def test_perception_page_example_runs(capsys):
+    pytest.importorskip("pliant")
+    pytest.importorskip("skimage")
+    (example,) = blocks((ROOT / "docs" / "perception.md").read_text(encoding="utf-8"), "python")
+    ((nodes, metres),) = re.findall(r"# (\d+) nodes are seen; the ends are ([\d.]+) m apart", example)
+    exec(compile(example, "docs/perception.md", "exec"), {})
+    seen, apart = capsys.readouterr().out.split()
+    assert (seen, float(apart)) == (nodes, pytest.approx(float(metres), abs=5e-4))
+
+
 @EVERY
 def test_toml_is_toml(path):
     for block in blocks(path.read_text(encoding="utf-8"), "toml"):

@@ -65,9 +65,9 @@ __all__ = [
 
 
 def __getattr__(name: str):
-    """Import `pliant.jax` when it is first used, so that JAX is loaded only then."""
-    if name == "jax":
+    """Import `pliant.jax` and `pliant.perception` when they are first used, so that what they need is loaded only then."""
+    if name in ("jax", "perception"):
         from importlib import import_module
 
-        return import_module(".jax", __name__)
+        return import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
