@@ -99,7 +99,8 @@ impl<P: Problem> Mpc<P> {
     /// A state from which the shifted plan cannot be simulated; a cost that is not finite.
     pub fn update(&mut self, x: &State) -> Result<Update, PlanError> {
         let start = std::time::Instant::now();
-        let mut search = Search::new(&self.problem, &self.model, &self.theta, x, &self.controls)?.damped(self.damping);
+        let mut search =
+            Search::new(&self.problem, &self.model, &self.theta, x, &self.controls, self.options)?.damped(self.damping);
         let (steps, status) = search.run(self.options, start)?;
         self.damping = search.damping();
         let (_, penalty) = search.value();

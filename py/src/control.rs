@@ -9,7 +9,7 @@ use faer::Mat;
 use numpy::{PyArray1, PyArray2};
 use pliant::control::mpc::{Mpc as Engine, Update};
 use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
-use pliant::control::plan::{self, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
+use pliant::control::plan::{self, Annealing, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
 use pliant::control::problem::{Problem, Rows, Terms};
 use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions};
 use pliant::scene::Source;
@@ -77,14 +77,24 @@ struct Asked {
     theta: Vec<f64>,
 }
 
-fn options(iterations: usize, tolerance: f64, time_limit: Option<f64>, holding: bool) -> PyResult<PlanOptions> {
+fn options(
+    iterations: usize,
+    tolerance: f64,
+    time_limit: Option<f64>,
+    holding: bool,
+    rest_gap: Option<f64>,
+) -> PyResult<PlanOptions> {
     if tolerance.is_nan() || tolerance < 0.0 {
         return Err(input(format!("tolerance is {tolerance}, but must not be negative")));
     }
     let refused = |limit: f64| input(format!("time_limit is {limit} s, but must be a positive number"));
     let limit = |limit: f64| Duration::try_from_secs_f64(limit).ok().filter(|l| !l.is_zero()).ok_or_else(|| refused(limit));
     let time_limit = time_limit.map(limit).transpose()?;
-    Ok(PlanOptions { iterations, tolerance, time_limit, holding })
+    if let Some(gap) = rest_gap.filter(|gap| !(gap.is_finite() && *gap > 0.0)) {
+        return Err(input(format!("rest_gap is {gap} m, but must be positive")));
+    }
+    let smoothing = rest_gap.map(Annealing::from_gap);
+    Ok(PlanOptions { iterations, tolerance, time_limit, holding, smoothing })
 }
 
 #[pymethods]
@@ -138,7 +148,7 @@ impl Task {
     }
 
     /// Seeks the inputs of least cost.
-    #[pyo3(signature = (x0=None, u0=None, theta=None, *, iterations=50, tolerance=1e-6, time_limit=None, holding=true))]
+    #[pyo3(signature = (x0=None, u0=None, theta=None, *, iterations=50, tolerance=1e-6, time_limit=None, holding=true, rest_gap=None))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn plan<'py>(
         &self,
@@ -150,8 +160,9 @@ impl Task {
         tolerance: f64,
         time_limit: Option<f64>,
         holding: bool,
+        rest_gap: Option<f64>,
     ) -> PyResult<Plan> {
-        let options = options(iterations, tolerance, time_limit, holding)?;
+        let options = options(iterations, tolerance, time_limit, holding, rest_gap)?;
         let Asked { x0, controls, theta } = self.asked(py, x0, u0, theta, self.case.task.steps)?;
         let model = &self.case.case.model;
         let found = py.detach(|| plan::plan(&self.case.problem, model, &theta, &x0, &controls, options)).map_err(failed)?;
@@ -174,7 +185,7 @@ impl Task {
         initial: Option<&Bound<'py, PyAny>>,
         tube: &str,
     ) -> PyResult<Mpc> {
-        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding)?;
+        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
         let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
         let Some(given) = disturbance else { return Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options) };
@@ -299,7 +310,7 @@ impl Problem for Called {
 
 /// Seeks the inputs of least cost, for a cost given as a function.
 #[pyfunction]
-#[pyo3(name = "plan", signature = (model, evaluate, x0, u0, theta=None, *, lower=None, upper=None, iterations=50, tolerance=1e-6, time_limit=None, holding=true))]
+#[pyo3(name = "plan", signature = (model, evaluate, x0, u0, theta=None, *, lower=None, upper=None, iterations=50, tolerance=1e-6, time_limit=None, holding=true, rest_gap=None))]
 #[allow(clippy::too_many_arguments)] // keyword arguments
 pub fn plan_inputs<'py>(
     py: Python<'py>,
@@ -314,8 +325,9 @@ pub fn plan_inputs<'py>(
     tolerance: f64,
     time_limit: Option<f64>,
     holding: bool,
+    rest_gap: Option<f64>,
 ) -> PyResult<Plan> {
-    let options = options(iterations, tolerance, time_limit, holding)?;
+    let options = options(iterations, tolerance, time_limit, holding, rest_gap)?;
     let model = model.get();
     let problem = Called::new(model, evaluate, [lower, upper])?;
     let (x0, theta) = (model.state("x0", x0)?, model.theta_or_default(theta)?);
@@ -489,7 +501,7 @@ impl Mpc {
         time_limit: Option<f64>,
         holding: bool,
     ) -> PyResult<Self> {
-        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding)?;
+        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
         let problem: AnyProblem = Arc::new(Called::new(model.get(), evaluate, [lower, upper])?);
         let theta = model.get().theta_or_default(theta)?;
         let u0 = matrix("u0", u0, None, model.get().engine().nu())?;
@@ -610,6 +622,7 @@ fn listed<'py>(py: Python<'py>, steps: &[PlanStep]) -> PyResult<Bound<'py, PyLis
         dict.set_item("damping", step.damping)?;
         dict.set_item("rollouts", step.rollouts)?;
         dict.set_item("approaches", step.approaches)?;
+        dict.set_item("rest_gap", step.rest_gap)?;
         Ok(dict)
     };
     PyList::new(py, steps.iter().map(one).collect::<PyResult<Vec<_>>>()?)

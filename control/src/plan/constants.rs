@@ -14,6 +14,8 @@ pub(crate) struct PlanConstants {
     pub sufficient: f64,
     /// Part of a gripper's reach from which on it need not come nearer [-]: inside, rounding and the object's own motion do not lose it.
     pub inside: f64,
+    /// Rest gap of a stage of annealing over that of the one before [-]: a decade, as schedules of κ have it.
+    pub anneal: f64,
     /// Closing time of a virtual hold \[s\]: so long that what is held stays where it is.
     pub never: f64,
 }
@@ -26,5 +28,6 @@ pub(crate) const PLAN: PlanConstants = PlanConstants {
     most_damping: 1e8,
     sufficient: 1e-4,
     inside: 0.5,
+    anneal: 0.1,
     never: 1e9,
 };

@@ -7,7 +7,7 @@
 //!       roll out u + δ; accept if J + Σ price max(0, c) falls by a part of what was predicted, else raise λ
 //! ```
 //! The dynamics hold in every iterate. The penalty is exact: where prices are above the multipliers, the constraints hold at the end; what
-//! is violated is reported. While a gripper that may grasp holds nothing, a surrogate term draws it to what is worth holding
+//! is violated is reported. With [`Annealing`] the derivatives are those of smoothed contact at first, and at last the scene's own. While a gripper that may grasp holds nothing, a surrogate term draws it to what is worth holding
 //! ([`holding`]); [`Plan::surrogate`] says so.
 
 mod constants;
@@ -21,9 +21,10 @@ pub use model::QuadraticModel;
 use crate::problem::{Problem, Terms};
 use crate::qp::{ActiveSet, QpError};
 use constants::PLAN;
-use pliant_adjoint::AdjointError;
+use pliant_adjoint::{AdjointError, surrogate_rollout};
+use pliant_engine::grasp::Grasping;
 use pliant_engine::model::Model;
-use pliant_engine::rollout::{Rollout, RolloutOptions, rollout};
+use pliant_engine::rollout::{Along, Rollout, RolloutOptions, Smoothing, rollout};
 use pliant_engine::step::{StepError, StepOptions};
 use pliant_math::State;
 use std::sync::Arc;
@@ -40,11 +41,22 @@ pub struct PlanOptions {
     pub time_limit: Option<Duration>,
     /// Whether empty grippers are drawn to what is worth holding.
     pub holding: bool,
+    /// Contact whose derivatives are taken first, while the states stay those of hard contact; `None`: the scene's own.
+    pub smoothing: Option<Annealing>,
+}
+
+/// Surrogate derivatives of smoothed contact, annealed: where no step helps any more the rest gap is lowered, until it is the scene's own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Annealing {
+    /// First rest gap \[m\] of the steps that are differentiated: about the distance at which contact is to be felt.
+    pub rest_gap: f64,
+    /// Factor of the rest gap from one stage to the next [-], between 0 and 1.
+    pub factor: f64,
 }
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { iterations: 50, tolerance: 1e-6, time_limit: None, holding: true }
+        Self { iterations: 50, tolerance: 1e-6, time_limit: None, holding: true, smoothing: None }
     }
 }
 
@@ -59,6 +71,13 @@ pub enum PlanStatus {
     Time,
     /// No step, however damped, lowers the cost: the rollout is not smooth here.
     Stalled,
+}
+
+impl Annealing {
+    /// From that rest gap \[m\], a tenth of the last one from stage to stage.
+    pub fn from_gap(rest_gap: f64) -> Self {
+        Self { rest_gap, factor: PLAN.anneal }
+    }
 }
 
 /// One step of the search.
@@ -78,6 +97,8 @@ pub struct PlanStep {
     pub rollouts: usize,
     /// Grippers that were drawn to something.
     pub approaches: usize,
+    /// Rest gap of the contact that was differentiated \[m\], if it is not the scene's.
+    pub rest_gap: Option<f64>,
 }
 
 /// A constraint that a plan violates.
@@ -102,7 +123,7 @@ pub struct Plan {
     pub steps: Vec<PlanStep>,
     /// Why it ended.
     pub status: PlanStatus,
-    /// Whether the last step was taken with surrogate terms, so that the plan does not minimize J alone.
+    /// Whether the last step was taken with surrogate terms or derivatives, so that the plan need not be a minimum of J.
     pub surrogate: bool,
 }
 
@@ -171,7 +192,7 @@ pub fn plan(
     options: PlanOptions,
 ) -> Result<Plan, PlanError> {
     let start = Instant::now();
-    let mut search = Search::new(problem, model, theta, x0, controls)?;
+    let mut search = Search::new(problem, model, theta, x0, controls, options)?;
     let (steps, status) = search.run(options, start)?;
     search.finish(steps, status)
 }
@@ -180,6 +201,8 @@ pub fn plan(
 pub struct Search<'a> {
     problem: &'a dyn Problem,
     rollout: Rollout,
+    /// Rest gap of the steps that are differentiated, if it is not the scene's.
+    rest_gap: Option<f64>,
     model: QuadraticModel,
     lower: Vec<f64>,
     upper: Vec<f64>,
@@ -201,6 +224,7 @@ impl<'a> Search<'a> {
         theta: &[f64],
         x0: &State,
         controls: &[Vec<f64>],
+        options: PlanOptions,
     ) -> Result<Self, PlanError> {
         let nu = model.nu();
         if controls.is_empty() {
@@ -221,10 +245,15 @@ impl<'a> Search<'a> {
                 *u = u.clamp(low[input], high[input]);
             }
         }
-        let rollout = simulate(model, theta, x0, &controls).map_err(PlanError::Guess)?;
+        let rest_gap = options.smoothing.map(|annealing| annealing.rest_gap).filter(|gap| *gap > model.rest_gap());
+        let rollout = simulate(model, theta, x0, &controls, rest_gap).map_err(|error| match error {
+            AdjointError::Step(error) => PlanError::Guess(error),
+            other => PlanError::Adjoint(other),
+        })?;
         let mut out = Self {
             problem,
             rollout,
+            rest_gap,
             model: QuadraticModel::default(),
             lower,
             upper,
@@ -273,10 +302,23 @@ impl<'a> Search<'a> {
             }
             let (step, ended) = self.step(options, start)?;
             steps.push(step);
-            if let Some(status) = ended {
-                return Ok((steps, status));
+            match ended {
+                Some(PlanStatus::Converged | PlanStatus::Stalled) if self.rest_gap.is_some() => self.anneal(options)?,
+                Some(status) => return Ok((steps, status)),
+                None => {}
             }
         }
+    }
+
+    /// Goes on with derivatives of a harder contact, at last the scene's own.
+    fn anneal(&mut self, options: PlanOptions) -> Result<(), PlanError> {
+        let scene = self.rollout.model.rest_gap();
+        let lower = self.rest_gap.zip(options.smoothing).map(|(gap, annealing)| gap * annealing.factor);
+        self.rest_gap = lower.filter(|gap| *gap > scene);
+        self.damping = 0.0;
+        let Rollout { model, theta, states, controls, .. } = &self.rollout;
+        self.rollout = simulate(model, theta, &states[0], controls, self.rest_gap)?;
+        Ok(())
     }
 
     /// Takes a Gauss–Newton step, damped until the cost falls; says why there is none to be taken. The time counts from `start`.
@@ -295,6 +337,7 @@ impl<'a> Search<'a> {
             damping: self.damping,
             rollouts: 0,
             approaches: approaches.len(),
+            rest_gap: self.rest_gap,
         };
         let u: Vec<f64> = self.rollout.controls.concat();
         let nu = self.rollout.model.nu();
@@ -310,7 +353,8 @@ impl<'a> Search<'a> {
             let next: Vec<f64> = next.iter().zip(self.lower.iter().zip(&self.upper)).map(|(u, (l, h))| u.clamp(*l, *h)).collect();
             let controls: Vec<Vec<f64>> = next.chunks_exact(nu).map(<[f64]>::to_vec).collect();
             step.rollouts += 1;
-            if let Ok(tried) = simulate(&self.rollout.model, &self.rollout.theta, &self.rollout.states[0], &controls)
+            if let Ok(tried) =
+                simulate(&self.rollout.model, &self.rollout.theta, &self.rollout.states[0], &controls, self.rest_gap)
                 && let Ok((cost, penalty)) = judge(self.problem, &tried, &mut self.terms)
             {
                 let drawn: f64 = approaches.iter().map(|approach| approach.cost(&tried)).sum();
@@ -348,13 +392,30 @@ impl<'a> Search<'a> {
         // what was evaluated before can be evaluated again
         let violations =
             evaluate(self.problem, &self.rollout.states, &self.rollout.controls).map_or(Vec::new(), |(_, broken)| broken);
-        let surrogate = steps.last().is_some_and(|step: &PlanStep| step.approaches > 0);
-        Ok(Plan { rollout: self.rollout, cost: self.cost, violations, steps, status, surrogate })
+        let surrogate = steps.last().is_some_and(|step: &PlanStep| step.approaches > 0 || step.rest_gap.is_some());
+        let rollout = if self.rest_gap.is_none() {
+            self.rollout
+        } else {
+            // the plan's derivatives are the scene's own
+            let Rollout { model, theta, states, controls, .. } = &self.rollout;
+            simulate(model, theta, &states[0], controls, None)?
+        };
+        Ok(Plan { rollout, cost: self.cost, violations, steps, status, surrogate })
     }
 }
 
-fn simulate(model: &Arc<Model>, theta: &[f64], x0: &State, controls: &[Vec<f64>]) -> Result<Rollout, StepError> {
-    rollout(model, theta, x0, controls, RolloutOptions::from(StepOptions::default()))
+/// The scene's own rollout; its records are those of steps of another rest gap from the same states, if one is given.
+fn simulate(
+    model: &Arc<Model>,
+    theta: &[f64],
+    x0: &State,
+    controls: &[Vec<f64>],
+    rest_gap: Option<f64>,
+) -> Result<Rollout, AdjointError> {
+    let options = RolloutOptions::from(StepOptions::default());
+    let Some(rest_gap) = rest_gap else { return Ok(rollout(model, theta, x0, controls, options)?) };
+    let smoothing = Smoothing { rest_gap, grasp: Grasping::Hard, along: Along::Hard };
+    Ok(surrogate_rollout(model, theta, x0, controls, options, smoothing)?.into_unmarked())
 }
 
 /// J and Σ price max(0, c) of a rollout.

@@ -478,6 +478,8 @@ class PlanStep(TypedDict):
     """Rollouts it took."""
     approaches: int
     """Empty grippers that were drawn to what is worth holding: a surrogate term (docs/control.md)."""
+    rest_gap: float | None
+    """Rest gap of the contact that was differentiated [m], if it is not the scene's: a surrogate derivative."""
 
 class StageTerms(TypedDict, total=False):
     """What a cost function returns for one stage; derivatives that are left out are zero."""
@@ -531,12 +533,15 @@ class Task:
         tolerance: float = 1e-6,
         time_limit: float | None = None,
         holding: bool = True,
+        rest_gap: float | None = None,
     ) -> Plan:
         """Seeks the inputs of least cost from x0 (nx,), by default the scene's start.
 
         u0: the first guess, (N, nu), by default the scene's motions for `steps` steps. iterations: Gauss-Newton steps at most.
         tolerance: it is done when a step would lower the cost by less than this part of it. time_limit: time after which no further
         step is begun [s]; the best plan so far is returned. holding: whether empty grippers are drawn to what is worth holding.
+        rest_gap: derivatives are those of contact with this rest gap [m] at first, where no step helps any more of a tenth of it, and so on
+        to the scene's own; states are those of hard contact throughout.
         NumericsError if the rollout of the first guess fails.
         """
     def mpc(
@@ -680,6 +685,7 @@ def plan(
     tolerance: float = 1e-6,
     time_limit: float | None = None,
     holding: bool = True,
+    rest_gap: float | None = None,
 ) -> Plan:
     """Seeks the inputs of least cost, for a cost given as a function; as `Task.plan`. lower and upper bound the inputs, (nu,)."""
 
