@@ -75,13 +75,18 @@ fn dense(n: usize, m: usize) {
 }
 
 fn ocp(name: &str, ocp: &Ocp) {
-    let mut moved = ocp.clone();
-    moved.x0.iter_mut().enumerate().for_each(|(i, x)| *x += 1e-3 * ((i % 5) as f64 - 2.0));
-    let mut changed = moved.clone();
+    let mut changed = ocp.clone();
+    changed.x0.iter_mut().enumerate().for_each(|(i, x)| *x += 1e-3 * ((i % 3) as f64 - 1.0));
     changed.stages[0].a[(0, 0)] += 1e-9;
+    let mut moved = changed.clone();
+    moved.x0.iter_mut().enumerate().for_each(|(i, x)| *x += 1e-3 * ((i % 5) as f64 - 2.0));
     let (mut changes, mut turn) = (0, 0);
-    let cold = median(7, || changes = Condensed::new().solve(ocp).unwrap().iterations);
     let mut solver = Condensed::new();
+    let cold = median(7, || {
+        turn += 1;
+        solver.forget();
+        changes = solver.solve([ocp, &changed][turn % 2]).unwrap().iterations;
+    });
     let mut of_warm = 0;
     let warm = median(11, || {
         turn += 1;
@@ -89,7 +94,7 @@ fn ocp(name: &str, ocp: &Ocp) {
     });
     let vectors = median(11, || {
         turn += 1;
-        solver.solve([&moved, ocp][turn % 2]).unwrap();
+        solver.solve([&moved, &changed][turn % 2]).unwrap();
     });
     let mut riccati = Riccati::new();
     let mut iterations = 0;
@@ -110,14 +115,15 @@ fn main() {
         }
     }
     if runs("rope") {
-        for rows in [0, 20, 65] {
-            ocp(&format!("rope nx 69 nu 8 N 20, {rows:2} rows a stage"), &ocp_cases::rope(20, rows, 1));
+        for (n, rows) in [(20, 0), (20, 20), (20, 65), (40, 20), (60, 20)] {
+            ocp(&format!("rope nx 69 nu 8 N {n}, {rows:2} rows a stage"), &ocp_cases::rope(n, rows, 1));
         }
     }
     if runs("chain") {
-        for (masses, stages) in [(2, &[10, 25, 50, 100][..]), (5, &[10, 20, 30, 50]), (10, &[5, 10, 20, 30])] {
+        for (masses, stages) in [(2, &[10, 25, 50, 100, 200, 400][..]), (5, &[10, 20, 50, 100, 200]), (10, &[5, 10, 20, 50, 100])]
+        {
             for &n in stages {
-                let problem = ocp_cases::chain(masses, n, 1.0, 2.0, 1);
+                let problem = ocp_cases::chain(masses, n, 0.8, 1.0, 100.0, 1);
                 ocp(&format!("chain nx {:2} nu {masses:2} N {n:3}", 2 * masses), &problem);
             }
         }

@@ -94,9 +94,10 @@ fn exponential(m: &Mat<f64>, t: f64) -> Mat<f64> {
 }
 
 /// A chain of masses between two walls (as in the numerical example of Leeman et al. 2024, fast-SLS): m = 1, stiffness 10, damping 2,
-/// forces on all masses, sampled at 0.1; |x| ≤ `most_x`, |u| ≤ `most_u` (4 and 4 there; less, and they act), Q = 3 I, R = I, Q_N = Q;
+/// forces on all masses, sampled at 0.1; |x| ≤ `most_x`, |u| ≤ `most_u` (4 and 4, hard, there; with less they act, and
+/// need a `weight`), Q = 3 I, R = I, Q_N = Q;
 /// x_0 uniform in [−1, 1].
-pub fn chain(masses: usize, n: usize, most_x: f64, most_u: f64, seed: u64) -> Ocp {
+pub fn chain(masses: usize, n: usize, most_x: f64, most_u: f64, weight: f64, seed: u64) -> Ocp {
     let (nx, nu) = (2 * masses, masses);
     let mut continuous = Mat::zeros(nx + nu, nx + nu);
     for i in 0..masses {
@@ -118,7 +119,7 @@ pub fn chain(masses: usize, n: usize, most_x: f64, most_u: f64, seed: u64) -> Oc
         gx: both(nx),
         gu: Mat::zeros(2 * nx, nu),
         limits: vec![most_x; 2 * nx],
-        weights: vec![f64::INFINITY; 2 * nx],
+        weights: vec![weight; 2 * nx],
     };
     let stage = |k: usize| Stage {
         a: sampled.as_ref().submatrix(0, 0, nx, nx).to_owned(),

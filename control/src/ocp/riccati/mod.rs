@@ -13,7 +13,7 @@ use crate::constants::OCP;
 use crate::kernels::largest;
 use crate::ocp::products::add_to;
 use recursion::{Recursion, Trajectory};
-use rows::{Kind, StageRows};
+use rows::{Inequality, Kind, StageRows};
 
 /// Solves problems by an interior-point method; every problem starts anew, only memory is kept.
 ///
@@ -63,6 +63,9 @@ struct Run<'a> {
     residual: Trajectory,
     gradient: Trajectory,
     step: Trajectory,
+    /// The best point so far, and its inequalities.
+    kept: Trajectory,
+    kept_rows: Vec<Vec<Inequality>>,
     iterations: usize,
 }
 
@@ -98,15 +101,30 @@ impl<'a> Run<'a> {
             residual: zeros.clone(),
             gradient: zeros.clone(),
             step: zeros.clone(),
+            kept: zeros.clone(),
             at: zeros,
+            kept_rows: vec![Vec::new(); n + 1],
             iterations: 0,
         }
+    }
+
+    /// Keeps the present point.
+    fn keep(&mut self) {
+        self.kept.copy_from(&self.at);
+        self.kept_rows.iter_mut().zip(&self.rows).for_each(|(kept, rows)| kept.clone_from(&rows.list));
+    }
+
+    /// Returns to the point kept.
+    fn take_back(&mut self) {
+        self.at.copy_from(&self.kept);
+        self.kept_rows.iter().zip(&mut self.rows).for_each(|(kept, rows)| rows.list.clone_from(kept));
+        self.evaluate();
     }
 
     fn solve(&mut self) -> Result<(), OcpError> {
         self.start()?;
         let (mut best, mut stalled) = (self.errors(), 0);
-        let mut kept = (self.at.clone(), self.rows.clone());
+        self.keep();
         let mut polished_from = OCP.polished_from;
         while stalled < OCP.stalled && self.iterations < OCP.iterations {
             let near = best.linear <= OCP.accepted && best.complementary <= polished_from;
@@ -127,10 +145,10 @@ impl<'a> Run<'a> {
             stalled += 1;
             if errors.weighed() < best.weighed() {
                 (best, stalled) = (errors, 0);
-                kept = (self.at.clone(), self.rows.clone());
+                self.keep();
             }
         }
-        (self.at, self.rows) = kept;
+        self.take_back();
         if best.largest() <= OCP.accepted {
             return Ok(());
         }
@@ -188,7 +206,7 @@ impl<'a> Run<'a> {
 
     fn direction(&mut self, mu: f64, correct: bool) {
         let n = self.ocp.stages.len();
-        self.gradient.clone_from(&self.residual);
+        self.gradient.copy_from(&self.residual);
         let Trajectory { x, u, .. } = &mut self.gradient;
         for k in 0..=n {
             self.rows[k].add_gradient(mu, correct, &mut x[k], u.get_mut(k).map_or(&mut [], |u| u));
@@ -200,7 +218,7 @@ impl<'a> Run<'a> {
     }
 
     fn longest(&self) -> f64 {
-        self.rows.iter().flat_map(|rows| &rows.list).map(rows::Inequality::longest).fold(1.0, f64::min)
+        self.rows.iter().flat_map(|rows| &rows.list).map(Inequality::longest).fold(1.0, f64::min)
     }
 
     /// Mean of s λ and σ ν after a part of the step; 0 without inequalities.

@@ -12,9 +12,9 @@ use crate::constants::OCP;
 use crate::kernels::largest;
 
 impl Run<'_> {
-    /// Solves for the rows that seem to hold; whether the result is a solution. If not, all is as before.
+    /// From the point kept, solves for the rows that seem to hold; whether the result is a solution. If not, the point is again that kept.
     pub(super) fn polish(&mut self) -> bool {
-        let before = (self.at.clone(), self.rows.clone());
+        self.take_back();
         let (states, slopes) = (self.size_of_states(), self.size_of_slopes());
         for row in self.rows.iter_mut().flat_map(|rows| &mut rows.list) {
             row.decide(states, slopes);
@@ -35,8 +35,7 @@ impl Run<'_> {
             error <= OCP.aimed
         };
         if !solved {
-            (self.at, self.rows) = before;
-            self.evaluate();
+            self.take_back();
             return false;
         }
         self.rows.iter_mut().flat_map(|rows| &mut rows.list).for_each(Inequality::clamp);
@@ -45,7 +44,7 @@ impl Run<'_> {
 
     fn step_of_equations(&mut self) {
         let n = self.ocp.stages.len();
-        self.gradient.clone_from(&self.residual);
+        self.gradient.copy_from(&self.residual);
         for k in 0..=n {
             let (x, u) = (&mut self.gradient.x[k], self.gradient.u.get_mut(k));
             self.rows[k].add_held(x, u.map_or(&mut [], |u| u));

@@ -43,6 +43,14 @@ impl Trajectory {
     pub fn zeros(stages: usize, nx: usize, nu: usize) -> Self {
         Self { x: vec![vec![0.0; nx]; stages + 1], u: vec![vec![0.0; nu]; stages], dynamics: vec![vec![0.0; nx]; stages] }
     }
+
+    /// Becomes the other one, without new memory.
+    pub fn copy_from(&mut self, other: &Self) {
+        let pairs = [(&mut self.x, &other.x), (&mut self.u, &other.u), (&mut self.dynamics, &other.dynamics)];
+        for (to, from) in pairs.into_iter().flat_map(|(to, from)| to.iter_mut().zip(from)) {
+            to.copy_from_slice(from);
+        }
+    }
 }
 
 impl Recursion {
@@ -94,10 +102,11 @@ impl Recursion {
     /// The step of gradients gx, gu and gaps.
     pub fn solve(&self, ocp: &Ocp, rows: &[StageRows], gradient: &Trajectory, step: &mut Trajectory) {
         let n = ocp.stages.len();
+        let mut later = vec![0.0; ocp.nx()];
         step.dynamics[n - 1].copy_from_slice(&gradient.x[n]);
         for (k, stage) in ocp.stages.iter().enumerate().rev() {
             // p_{k+1} is kept as it is: the multipliers of the dynamics begin with it
-            let mut later = step.dynamics[k].clone();
+            later.copy_from_slice(&step.dynamics[k]);
             add_to(&mut later, 1.0, self.p[k + 1].as_ref(), &gradient.dynamics[k]);
             let u = &mut step.u[k];
             u.copy_from_slice(&gradient.u[k]);
