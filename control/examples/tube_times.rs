@@ -17,21 +17,14 @@ mod rope;
 
 use std::time::Instant;
 
-/// Median time of a few runs \[ms\], after one that warms up.
-fn median(mut run: impl FnMut()) -> f64 {
-    run();
-    let started = Instant::now();
-    run();
-    let repeats = ((1.0 / started.elapsed().as_secs_f64()) as usize).clamp(3, 51);
-    let mut times: Vec<f64> = (0..repeats)
-        .map(|_| {
-            let started = Instant::now();
-            run();
-            started.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[repeats / 2]
+/// Least time of 15 runs \[ms\]: what others do on the machine only adds.
+fn least(mut run: impl FnMut()) -> f64 {
+    let times = (0..15).map(|_| {
+        let started = Instant::now();
+        run();
+        started.elapsed().as_secs_f64() * 1e3
+    });
+    times.fold(f64::INFINITY, f64::min)
 }
 
 /// Runs on a number of threads.

@@ -70,9 +70,9 @@ fn chain(masses: usize, horizon: usize, x0: Vec<f64>) -> Ocp {
 
 /// Clarabel with the time it takes.
 #[derive(Default)]
-struct Timed {
+pub struct Timed {
     solver: Reference,
-    seconds: f64,
+    pub seconds: f64,
 }
 
 impl OcpSolver for Timed {

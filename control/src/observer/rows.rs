@@ -46,7 +46,7 @@ pub(crate) fn row_tightenings(
 }
 
 fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer, gains: &Gains, k: usize) -> StageNorms {
-    let (g_x, g_u) = problem.rows[k].full(problem.nx, problem.nu);
+    let (g_x, g_u) = problem.rows[k].distinct(problem.nx, problem.nu);
     let mut to_increments = increment_rows(problem, gains, k, &g_x, &g_u);
     let rows = g_x.nrows();
     let mut sums = vec![0.0; rows];
@@ -80,7 +80,8 @@ fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer
         }
         lambda = earlier;
     }
-    StageNorms { sums, joint }
+    let of_all = |values: &Vec<f64>| problem.rows[k].of_all(values);
+    StageNorms { sums: of_all(&sums), joint: joint.iter().map(of_all).collect() }
 }
 
 /// c_{k,l} = (g_x + g_u K_{k,l}) Φ_x[k,l] for l = 0 … k.
