@@ -1,17 +1,18 @@
 //! Times of tubes and observers: `cargo run --release -p pliant-control --example tube_times [rope|chain|light]`.
 //!
 //! Nominal problems are solved by Clarabel, from scratch each time; the columns named "nominal" are its times, not this crate's.
+#![allow(clippy::unwrap_used)]
 
+#[path = "tube_times/chain.rs"]
+mod chain;
+#[path = "tube_times/light.rs"]
+mod light;
 #[path = "../tests/suite/problems.rs"]
 #[allow(dead_code)]
 mod problems;
 #[path = "../tests/suite/reference.rs"]
 #[allow(dead_code)]
 mod reference;
-#[path = "tube_times/chain.rs"]
-mod chain;
-#[path = "tube_times/light.rs"]
-mod light;
 #[path = "tube_times/rope.rs"]
 mod rope;
 

@@ -8,16 +8,15 @@ use std::time::Instant;
 
 use pliant_control::observer::{JointResponses, OutputFeedbackTube, Sensing, Sharing};
 use pliant_control::ocp::{Ocp, OcpSolution, OcpSolver};
-use pliant_control::tube::{
-    Disturbance, RobustOptions, RobustSolution, RowValues, TubeCost, TubeProblem, TubeSynthesis, robust,
-};
+use pliant_control::tube::{Disturbance, RobustOptions, RobustSolution, RowValues, TubeCost, TubeProblem, TubeSynthesis, robust};
 
 use super::chain::Timed;
 use super::problems::{box_rows, identity, invariant, tube_cost};
 use super::reference::cost_of;
 
 /// (N, published s of the method, published s of its SDP by MOSEK).
-const PUBLISHED: [(usize, f64, f64); 5] = [(20, 1.13, 52.0), (30, 4.33, 129.0), (40, 6.04, 247.0), (50, 7.22, 429.0), (60, 9.31, 727.0)];
+const PUBLISHED: [(usize, f64, f64); 5] =
+    [(20, 1.13, 52.0), (30, 4.33, 129.0), (40, 6.04, 247.0), (50, 7.22, 429.0), (60, 9.31, 727.0)];
 /// Outer iterations at most, and the step \[m\] at which they end.
 const OUTER: (usize, f64) = (40, 1e-3);
 
@@ -85,9 +84,9 @@ fn solve(horizon: usize, solver: &mut Timed) -> Option<Outcome> {
         let mut model = ocp.clone();
         for ((stage, x), slope) in model.stages.iter_mut().zip(&x).zip(gradient(&joint, &x, &multipliers)) {
             stage.q_linear[0] += slope;
-            for i in 0..2 {
+            for (i, x) in x.iter().enumerate() {
                 stage.q[(i, i)] += prox;
-                stage.q_linear[i] -= prox * x[i];
+                stage.q_linear[i] -= prox * x;
             }
         }
         let synthesis = OutputFeedbackTube::new(&tube_problem, sensing(&x), Sharing::PerColumn).ok()?;
@@ -103,7 +102,11 @@ fn solve(horizon: usize, solver: &mut Timed) -> Option<Outcome> {
             let (tube, joint) = responses(&tube_problem, &x, &ocp)?;
             (cost_of(&ocp, &x, &u) + tube < before || outer == 1).then_some((t, x, u, tube, joint))
         });
-        let moved = x.iter().zip(&candidate.nominal.x).flat_map(|(a, b)| a.iter().zip(b)).fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()));
+        let moved = x
+            .iter()
+            .zip(&candidate.nominal.x)
+            .flat_map(|(a, b)| a.iter().zip(b))
+            .fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()));
         multipliers = RowValues::multipliers(&ocp, &candidate.nominal);
         found = Some(candidate);
         match trial {

@@ -4,7 +4,8 @@ use faer::Mat;
 use pliant_control::observer::{JointResponses, Observer, OutputFeedbackTube, Responses, Sensing, Sharing};
 use pliant_control::ocp::Ocp;
 use pliant_control::tube::{
-    Disturbance, EllipsoidalTube, ExactTube, RobustOptions, RowValues, Scaling, SharedGainTube, Tube, TubeProblem, TubeSynthesis, robust,
+    Disturbance, EllipsoidalTube, ExactTube, RobustOptions, RowValues, Scaling, SharedGainTube, Tube, TubeProblem, TubeSynthesis,
+    robust,
 };
 
 use super::problems::{box_rows, generator, identity, invariant, random, tube_cost};
@@ -59,7 +60,8 @@ pub fn run() {
             let found = robust(&ocp, disturbance, &cost, &mut Reference::default(), synthesis, &options).unwrap();
             let multipliers = RowValues::multipliers(&ocp, &found.nominal);
             let previous: Tube = found.tube;
-            let time = |threads| with_threads(threads, || least(|| drop(synthesis.synthesize(&problem, &multipliers, Some(&previous)))));
+            let time =
+                |threads| with_threads(threads, || least(|| drop(synthesis.synthesize(&problem, &multipliers, Some(&previous)))));
             println!("{name:8} {kind:26} {:8.2} {:8.2}", time(1), time(2));
         }
     }
@@ -74,7 +76,9 @@ pub fn run() {
         let time = |threads| with_threads(threads, || least(|| drop(synthesis.tightenings(&problem, &gains))));
         println!("output feedback by rows, {name:10} {:8.2} {:8.2}", time(1), time(2));
         if sharing == Sharing::Shared {
-            let joint = |threads| with_threads(threads, || least(|| drop(JointResponses::new(&problem, &sensing, &synthesis.observer, &gains))));
+            let joint = |threads| {
+                with_threads(threads, || least(|| drop(JointResponses::new(&problem, &sensing, &synthesis.observer, &gains))))
+            };
             println!("{:35} {:8.2} {:8.2}", "output feedback, joint recursion", joint(1), joint(2));
         }
         let whole = least(|| drop(Responses::new(&problem, &sensing, &synthesis.observer, &gains)));

@@ -32,13 +32,12 @@ impl JointResponses {
     pub fn new(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer, gains: &Gains) -> Self {
         let horizon = problem.horizon();
         let sources: Vec<Source> = (0..=horizon).map(Source::Disturbance).chain((1..=horizon).map(Source::Noise)).collect();
-        let columns: Vec<Column> =
-            sources.par_iter().map(|source| column(problem, sensing, observer, gains, *source)).collect();
+        let columns: Vec<Column> = sources.par_iter().map(|source| column(problem, sensing, observer, gains, *source)).collect();
         let mut tightenings = RowValues::zeros(problem.ocp);
         for (source, column) in sources.iter().zip(&columns) {
             let (first, balls): (usize, Vec<Range<usize>>) = match *source {
                 Source::Disturbance(j) => (j, problem.balls[j].clone()),
-                Source::Noise(s) => (s, Vec::from([0..column.x[0].ncols()])),
+                Source::Noise(s) => (s, std::iter::once(0..column.x[0].ncols()).collect()),
             };
             for (k, x) in (first..).zip(&column.x) {
                 let norms = problem.rows[k].norms(x, column.u.get(k - first), &balls);

@@ -58,7 +58,8 @@ impl Observer {
             let c_sigma = product(c.as_ref(), sigma.as_ref());
             let mut innovation = product(f.as_ref(), f.transpose());
             add_product(innovation.as_mut(), c_sigma.as_ref(), c.transpose(), 1.0);
-            let factor = Cholesky::new(innovation).map_err(|component| ObserverError::Innovation { measurement: s, component })?;
+            let factor =
+                Cholesky::new(innovation).map_err(|component| ObserverError::Innovation { measurement: s, component })?;
             // Lᵀ = −G⁻¹ C Σ Aᵀ
             let mut gain = product(c_sigma.as_ref(), a.transpose());
             factor.solve(gain.as_mut());

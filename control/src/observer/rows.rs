@@ -75,7 +75,7 @@ fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer
             let difference = &lambda - row;
             let through_gain = product(difference.as_ref(), observer.gains[s - 1].as_ref());
             let of_noise = product(through_gain.as_ref(), sensing.f[s - 1].as_ref());
-            count(arrival, row_norms(&of_noise, &Vec::from([0..of_noise.ncols()])));
+            count(arrival, row_norms(&of_noise, std::slice::from_ref(&(0..of_noise.ncols()))));
             add_product(earlier.as_mut(), through_gain.as_ref(), sensing.c[s - 1].as_ref(), 1.0);
         }
         lambda = earlier;

@@ -32,7 +32,11 @@ impl TubePolicy {
         let horizon = ocp.stages.len();
         let sized = |what, rows, needed_rows| {
             let (stage, columns, needed_columns) = (0, 1, 1);
-            if rows == needed_rows { Ok(()) } else { Err(TubeError::Size { what, stage, rows, columns, needed_rows, needed_columns }) }
+            if rows == needed_rows {
+                Ok(())
+            } else {
+                Err(TubeError::Size { what, stage, rows, columns, needed_rows, needed_columns })
+            }
         };
         sized("nominal states", x.len(), horizon + 1)?;
         sized("nominal inputs", u.len(), horizon)?;

@@ -72,6 +72,11 @@ impl RowValues {
         &mut self.stages[k]
     }
 
+    /// Whether all are zero.
+    pub(crate) fn is_zero(&self) -> bool {
+        self.stages.iter().flatten().all(|value| *value == 0.0)
+    }
+
     /// Number of stages, the last included.
     pub(crate) fn len(&self) -> usize {
         self.stages.len()
@@ -121,7 +126,8 @@ impl StageRows {
         let rows = rows_of(ocp, k);
         let sparse = |g: &Mat<f64>, i: usize| (0..g.ncols()).map(|c| (c, g[(i, c)])).filter(|(_, g)| *g != 0.0).collect();
         let mut x: Vec<Sparse> = (0..rows.len()).map(|i| sparse(&rows.gx, i)).collect();
-        let mut u: Vec<Sparse> = (0..rows.len()).map(|i| if k < ocp.stages.len() { sparse(&rows.gu, i) } else { Vec::new() }).collect();
+        let mut u: Vec<Sparse> =
+            (0..rows.len()).map(|i| if k < ocp.stages.len() { sparse(&rows.gu, i) } else { Vec::new() }).collect();
         if let Some(stage) = ocp.stages.get(k) {
             x.extend((0..stage.b.ncols()).map(|_| Vec::new()));
             u.extend((0..stage.b.ncols()).map(|i| vec![(i, 1.0)]));
@@ -188,8 +194,7 @@ impl StageRows {
             let row: Sparse = match gain.filter(|_| !u.is_empty()) {
                 None => x.clone(),
                 Some(gain) => {
-                    let mut row: Vec<f64> =
-                        (0..sigma.ncols()).map(|c| u.iter().map(|&(r, g)| g * gain[(r, c)]).sum()).collect();
+                    let mut row: Vec<f64> = (0..sigma.ncols()).map(|c| u.iter().map(|&(r, g)| g * gain[(r, c)]).sum()).collect();
                     x.iter().for_each(|&(c, g)| row[c] += g);
                     row.into_iter().enumerate().collect()
                 }

@@ -187,10 +187,7 @@ fn simulate(case: &Case, policy: &mut OutputPolicy, draw: &Draw) -> [Vec<Vec<f64
 
 fn draw(seed: u64) -> Draw {
     let mut rng = generator(seed);
-    Draw {
-        w: (0..=N).map(|_| direction(&mut rng, NX)).collect(),
-        e: (0..N).map(|_| direction(&mut rng, NY + 1)).collect(),
-    }
+    Draw { w: (0..=N).map(|_| direction(&mut rng, NX)).collect(), e: (0..N).map(|_| direction(&mut rng, NY + 1)).collect() }
 }
 
 #[test]
@@ -366,7 +363,9 @@ fn separation_makes_the_lqg_optimum() {
         let optimum = cost_of(gains, observer, None);
         let mut curvature: f64 = 0.0;
         for stage in delay..N {
-            for (row, time, column) in (0..NU).flat_map(|r| (0..=stage - delay).flat_map(move |t| (0..NY).map(move |c| (r, t, c)))) {
+            for (row, time, column) in
+                (0..NU).flat_map(|r| (0..=stage - delay).flat_map(move |t| (0..NY).map(move |c| (r, t, c))))
+            {
                 let at = |size: f64| cost_of(gains, observer, Some((stage, row, time, column, size)));
                 let (minus, plus) = (at(-1.0), at(1.0));
                 assert!((plus - minus).abs() < 1e-11 * optimum.max(plus), "delay {delay}, stage {stage}: {}", plus - minus);

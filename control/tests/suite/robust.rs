@@ -125,12 +125,8 @@ fn tight_problem(seed: u64, nx: usize, nu: usize, horizon: usize) -> (Ocp, Distu
     let mut ocp = varying(seed, nx, nu, horizon);
     let mut rng = generator(seed + 500);
     for stage in &mut ocp.stages {
-        let mixed = Rows {
-            gx: random(&mut rng, 1, nx, 1.0),
-            gu: random(&mut rng, 1, nu, 1.0),
-            limits: vec![0.4],
-            weights: vec![100.0],
-        };
+        let mixed =
+            Rows { gx: random(&mut rng, 1, nx, 1.0), gu: random(&mut rng, 1, nu, 1.0), limits: vec![0.4], weights: vec![100.0] };
         stage.rows = mixed;
         stage.lower = vec![-1.2; nu];
         stage.upper = vec![1.0; nu];
@@ -151,6 +147,7 @@ fn exact_tubes_solve_the_joint_problem() {
         let active = found.nominal.multipliers.iter().chain(&found.nominal.bounds).flatten().filter(|mu| mu.abs() > 1e-2).count();
         assert!(active > 0, "seed {seed}: no constraint is active");
         let relative = found.cost() / reference.cost - 1.0;
+        eprintln!("ITER {seed} {}", found.iterations);
         assert!(found.converged, "seed {seed}: not after {} iterations", found.iterations);
         assert!(relative.abs() < 1e-4, "seed {seed}: {} against {}", found.cost(), reference.cost);
         assert!((found.nominal.cost - cost_of(&ocp, &found.nominal.x, &found.nominal.u)) >= -1e-9);
@@ -163,7 +160,11 @@ fn exact_tubes_solve_the_joint_problem() {
         for k in 0..=horizon {
             for (i, mu) in found.nominal.multipliers[k].iter().enumerate().filter(|(_, mu)| **mu > 1e-2) {
                 let h = found.tube.tightenings.rows(k)[i];
-                assert!((h - reference.tightenings[k][i]).abs() < 1e-4, "seed {seed}, μ {mu}: {h} against {}", reference.tightenings[k][i]);
+                assert!(
+                    (h - reference.tightenings[k][i]).abs() < 1e-4,
+                    "seed {seed}, μ {mu}: {h} against {}",
+                    reference.tightenings[k][i]
+                );
             }
         }
     }
@@ -191,7 +192,9 @@ fn cheaper_tubes_cost_more_and_hold_too() {
     let (ocp, disturbance) = tight_problem(3, 4, 2, 6);
     let cost = tube_cost(4, 2, 0.05, 0.01, 0.1);
     let options = RobustOptions { iterations: 60, ..RobustOptions::default() };
-    let solve = |synthesis: &dyn TubeSynthesis| robust(&ocp, &disturbance, &cost, &mut Reference::default(), synthesis, &options).unwrap();
+    let solve = |synthesis: &dyn TubeSynthesis| {
+        robust(&ocp, &disturbance, &cost, &mut Reference::default(), synthesis, &options).unwrap()
+    };
     let exact = solve(&ExactTube);
     let shared = solve(&SharedGainTube);
     let ellipsoid = solve(&EllipsoidalTube { scaling: Scaling::Bound });
@@ -276,6 +279,21 @@ fn inputs_too_weak_for_hard_rows_are_impossible() {
     ocp.stages.iter_mut().for_each(|stage| (stage.lower, stage.upper) = (vec![-0.5], vec![0.5]));
     let found = robust(&ocp, &disturbance, &cost, &mut Reference::default(), &ExactTube, &RobustOptions::default()).unwrap();
     assert!(found.is_certified());
+}
+
+/// Soft rows that cannot hold ask for more input than there is: the tube keeps to the inputs' bounds and reports the rows.
+#[test]
+fn hard_bounds_come_before_soft_rows() {
+    let mut ocp = invariant(&identity(2, 1.2), &identity(2, 1.0), 6, vec![0.3, -0.3], [1.0, 0.01, 1.0], 0.15);
+    for stage in &mut ocp.stages[1..] {
+        stage.rows = box_rows(2, 2, 0.11, 1e4);
+    }
+    ocp.rows_final = box_rows(2, 2, 0.11, 1e4);
+    let disturbance = Disturbance::new((0..=6).map(|_| identity(2, 0.1)));
+    let cost = tube_cost(2, 2, 1e-3, 1e-3, 1e-3);
+    let found = robust(&ocp, &disturbance, &cost, &mut Reference::default(), &ExactTube, &RobustOptions::default()).unwrap();
+    assert!(found.violations.iter().any(|violation| matches!(violation.constraint, Constraint::Row(_))));
+    assert!(!found.violations.iter().any(|violation| matches!(violation.constraint, Constraint::Input(_))));
 }
 
 /// A shift of the disturbance is met by the nominal trajectory.

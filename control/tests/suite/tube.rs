@@ -8,7 +8,7 @@ use pliant_control::tube::{
 };
 use rand::RngExt;
 
-use crate::problems::{box_rows, direction, generator, invariant, identity, random, tube_cost, varying};
+use crate::problems::{box_rows, direction, generator, identity, invariant, random, tube_cost, varying};
 use crate::reference::Reference;
 use pliant_control::tube::{RobustOptions, robust};
 
@@ -124,7 +124,8 @@ fn trajectories_stay_within_and_the_worst_one_touches() {
                 // vertices: one axis, its sign alternating or not
                 0..16 => (0..=N)
                     .map(|j| {
-                        let sign = if sample / 8 == 1 && j % 2 == 1 { -1.0 } else { 1.0 } * if sample % 2 == 0 { 1.0 } else { -1.0 };
+                        let sign =
+                            if sample / 8 == 1 && j % 2 == 1 { -1.0 } else { 1.0 } * if sample % 2 == 0 { 1.0 } else { -1.0 };
                         (0..sizes[j]).map(|i| if i == (sample / 2) % sizes[j] { sign } else { 0.0 }).collect()
                     })
                     .collect(),
