@@ -157,7 +157,7 @@ pub fn conformal_bound(
         return Err(ConformalError::Level { delta, horizon });
     }
     for (run, scores) in runs.iter().enumerate() {
-        if let Some((transition, &score)) = scores.iter().enumerate().find(|(_, score)| !(**score >= 0.0)) {
+        if let Some((transition, &score)) = scores.iter().enumerate().find(|(_, score)| score.is_nan() || **score < 0.0) {
             return Err(ConformalError::Score { run, transition, score });
         }
         if coverage == Coverage::Trajectory && scores.len() < horizon {

@@ -105,7 +105,8 @@ impl Cholesky {
             Ok(_) => (),
         }
         // faer accepts pivots that are rounding
-        match (0..n).find(|&i| !(l[(i, i)].powi(2) > PIVOT_FLOOR * sizes[i])) {
+        let is_sound = |i: usize| l[(i, i)].powi(2) > PIVOT_FLOOR * sizes[i];
+        match (0..n).find(|&i| !is_sound(i)) {
             Some(index) => Err(index),
             None => Ok(Self { l }),
         }

@@ -37,7 +37,7 @@ impl JointResponses {
         for (source, column) in sources.iter().zip(&columns) {
             let (first, balls): (usize, Vec<Range<usize>>) = match *source {
                 Source::Disturbance(j) => (j, problem.balls[j].clone()),
-                Source::Noise(s) => (s, Vec::from([0..column.x[0].ncols()])),
+                Source::Noise(s) => (s, std::iter::once(0..column.x[0].ncols()).collect()),
             };
             for (k, x) in (first..).zip(&column.x) {
                 let norms = problem.rows[k].norms(x, column.u.get(k - first), &balls);

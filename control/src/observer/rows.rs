@@ -46,7 +46,7 @@ pub(crate) fn row_tightenings(
 }
 
 fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer, gains: &Gains, k: usize) -> StageNorms {
-    let (g_x, g_u) = problem.rows[k].full(problem.nx, problem.nu);
+    let (g_x, g_u) = problem.rows[k].distinct(problem.nx, problem.nu);
     let mut to_increments = increment_rows(problem, gains, k, &g_x, &g_u);
     let rows = g_x.nrows();
     let mut sums = vec![0.0; rows];
@@ -75,12 +75,13 @@ fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer
             let difference = &lambda - row;
             let through_gain = product(difference.as_ref(), observer.gains[s - 1].as_ref());
             let of_noise = product(through_gain.as_ref(), sensing.f[s - 1].as_ref());
-            count(arrival, row_norms(&of_noise, &Vec::from([0..of_noise.ncols()])));
+            count(arrival, row_norms(&of_noise, std::slice::from_ref(&(0..of_noise.ncols()))));
             add_product(earlier.as_mut(), through_gain.as_ref(), sensing.c[s - 1].as_ref(), 1.0);
         }
         lambda = earlier;
     }
-    StageNorms { sums, joint }
+    let of_all = |values: &Vec<f64>| problem.rows[k].of_all(values);
+    StageNorms { sums: of_all(&sums), joint: joint.iter().map(of_all).collect() }
 }
 
 /// c_{k,l} = (g_x + g_u K_{k,l}) Φ_x[k,l] for l = 0 … k.

@@ -15,6 +15,8 @@ pub(crate) struct TubeConstants {
     /// Share of its distance to the mean multipliers that a step leaves, of 1 − step/2, above which it counts as stalled \[-\]: were the
     /// nominal problem's multipliers independent of the mean, a step would leave 1 − step.
     pub stalled: f64,
+    /// Most syntheses with multipliers held, after an alternation of which no tube fitted between its hard constraints \[-\].
+    pub fitting: usize,
     /// Sine of the angle to exact opposition below which two rows count as opposed \[-\].
     pub opposed: f64,
 }
@@ -26,5 +28,6 @@ pub(crate) const TUBE: TubeConstants = TubeConstants {
     escalation: 10.0,
     negligible_multiplier: 1e-9,
     stalled: 0.9,
+    fitting: 100,
     opposed: 1e-9,
 };

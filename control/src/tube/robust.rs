@@ -1,5 +1,8 @@
 //! The nominal trajectory and its tube together.
 
+use std::rc::Rc;
+
+use super::constants::TUBE;
 use super::error::{Constraint, TubeError};
 use super::multipliers::Multipliers;
 use super::policy::TubePolicy;
@@ -79,9 +82,12 @@ impl RobustSolution {
 /// 2. weights η_{k,j,i} = μ_{k,i} / (2 a_{k,j,i})      derivative of Σ_j μ √(a_j²) by a_j²
 /// 3. responses of least cost under these weights      → a, h = Σ_j a_j
 /// ```
-/// At a fixed point z, v and Φ meet the optimality conditions of the joint second-order cone problem, which is convex. Tightenings move by
-/// a step that halves while their change does not contract. The last nominal problem is solved with exactly the tube's tightenings, so
-/// that what is returned holds whether or not the iteration has converged.
+/// At a fixed point z, v and Φ meet the optimality conditions of the joint second-order cone problem, which is convex. Weights are made
+/// of a running mean of the multipliers, whose step shortens where the alternation does not contract. It converges linearly where the
+/// optimum's multipliers are the tightened problem's only ones, and slowly where the optimum leaves that problem barely feasible.
+///
+/// Each nominal problem is solved with exactly the tightenings of a tube, and the pair of least cost is returned: what it says of rows
+/// holds whether or not the iteration has converged. (A synthesis that computes no cost is compared by the nominal one.)
 ///
 /// Where the tightenings of opposed hard rows, or of an input between its bounds, exceed the room between them, the nominal problem gets
 /// what keeps its interior, and the multipliers of these rows rise until the responses fit.
@@ -106,8 +112,9 @@ pub fn robust(
 
     let mut tightened = centred.clone();
     let mut multipliers = Multipliers::default();
-    let mut tube = synthesis.synthesize(&problem, &RowValues::zeros(ocp), None)?;
-    let mut best: Option<(OcpSolution, Tube)> = None;
+    let mut tube = Rc::new(synthesis.synthesize(&problem, &RowValues::zeros(ocp), None)?);
+    let mut is_unweighted = true;
+    let mut best: Option<(OcpSolution, Rc<Tube>)> = None;
     let mut last: Option<OcpSolution> = None;
     let (mut iterations, mut converged) = (0, false);
     let value = |nominal: &OcpSolution, tube: &Tube| nominal.cost + tube.cost.unwrap_or(0.0);
@@ -119,7 +126,12 @@ pub fn robust(
         let nominal = solver.solve(&tightened).map_err(|source| TubeError::Nominal { iteration: iterations, source })?;
         let step = multipliers.update(ocp, &nominal, &tube, options.feasibility);
         let weights = room.raise(&tube, &mut multipliers, nominal.cost.abs() + tube.cost.unwrap_or(0.0));
-        let next = synthesis.synthesize(&problem, &weights, Some(&tube))?;
+        // weights that stay zero leave the tube as it is
+        let next = match is_unweighted && weights.is_zero() {
+            true => tube.clone(),
+            false => Rc::new(synthesis.synthesize(&problem, &weights, Some(&tube))?),
+        };
+        is_unweighted = weights.is_zero();
         let change = next.tightenings.distance(&tightenings);
         let moved = last.as_ref().map_or(f64::INFINITY, |last| moved(last, &nominal));
         converged = change.max(moved) <= options.tolerance * step;
@@ -130,8 +142,17 @@ pub fn robust(
     }
 
     let (nominal, tube) = match best {
-        Some(best) => best,
+        Some((nominal, tube)) => (nominal, Rc::unwrap_or_clone(tube)),
         None => {
+            let mut tube = Rc::unwrap_or_clone(tube);
+            // no tube fitted yet: with the multipliers held, responses give way until one does
+            for _ in 0..TUBE.fitting {
+                if room.check(&tube.tightenings).is_ok() {
+                    break;
+                }
+                let weights = room.raise(&tube, &mut multipliers, tube.cost.unwrap_or(0.0));
+                tube = synthesis.synthesize(&problem, &weights, Some(&tube))?;
+            }
             room.check(&tube.tightenings)?;
             tighten(&mut tightened, &centred, &tube.tightenings);
             let nominal = solver.solve(&tightened).map_err(|source| TubeError::Nominal { iteration: iterations + 1, source })?;
@@ -173,14 +194,14 @@ fn violations_of(problem: &TubeProblem<'_>, tightenings: &RowValues, nominal: &O
         let limits = &rows_of(problem.ocp, k).limits;
         for (i, (value, limit)) in values.iter().zip(limits).enumerate() {
             let amount = value + tightenings.rows(k)[i] - limit;
-            if !(amount <= tolerance) {
+            if amount.is_nan() || amount > tolerance {
                 violations.push(Violation { stage: k, constraint: Constraint::Row(i), amount });
             }
         }
         for (i, (u, h)) in u.iter().zip(tightenings.inputs(k)).enumerate() {
             let stage = &problem.ocp.stages[k];
             let amount = (u + h - stage.upper[i]).max(stage.lower[i] - u + h);
-            if !(amount <= tolerance) {
+            if amount.is_nan() || amount > tolerance {
                 violations.push(Violation { stage: k, constraint: Constraint::Input(i), amount });
             }
         }

@@ -72,6 +72,11 @@ impl RowValues {
         &mut self.stages[k]
     }
 
+    /// Whether all are zero.
+    pub(crate) fn is_zero(&self) -> bool {
+        self.stages.iter().flatten().all(|value| *value == 0.0)
+    }
+
     /// Number of stages, the last included.
     pub(crate) fn len(&self) -> usize {
         self.stages.len()
@@ -110,6 +115,10 @@ type Sparse = Vec<(usize, f64)>;
 pub(crate) struct StageRows {
     pub x: Vec<Sparse>,
     pub u: Vec<Sparse>,
+    /// Rows of which none is another one, nor another one negated: bounds from both sides have the same norms.
+    distinct: Vec<usize>,
+    /// Place among the distinct rows of each row.
+    place: Vec<usize>,
 }
 
 impl StageRows {
@@ -123,19 +132,31 @@ impl StageRows {
             x.extend((0..stage.b.ncols()).map(|_| Vec::new()));
             u.extend((0..stage.b.ncols()).map(|i| vec![(i, 1.0)]));
         }
-        Self { x, u }
+        let (mut distinct, mut place) = (Vec::<usize>::new(), Vec::new());
+        for i in 0..x.len() {
+            let same = |&other: &usize| {
+                let is = |sign: f64| is_multiple(&x[i], &x[other], sign) && is_multiple(&u[i], &u[other], sign);
+                is(1.0) || is(-1.0)
+            };
+            place.push(distinct.iter().position(same).unwrap_or_else(|| {
+                distinct.push(i);
+                distinct.len() - 1
+            }));
+        }
+        Self { x, u, distinct, place }
     }
 
-    pub fn len(&self) -> usize {
-        self.x.len()
+    /// Values of distinct rows as values of all rows.
+    pub fn of_all(&self, of_distinct: &[f64]) -> Vec<f64> {
+        self.place.iter().map(|&place| of_distinct[place]).collect()
     }
 
-    /// [G_x, G_u] as full matrices.
-    pub fn full(&self, nx: usize, nu: usize) -> (Mat<f64>, Mat<f64>) {
+    /// [G_x, G_u] of the distinct rows as full matrices.
+    pub fn distinct(&self, nx: usize, nu: usize) -> (Mat<f64>, Mat<f64>) {
         let fill = |rows: &[Sparse], columns: usize| {
-            let mut g = Mat::zeros(rows.len(), columns);
-            for (i, row) in rows.iter().enumerate() {
-                for &(c, value) in row {
+            let mut g = Mat::zeros(self.distinct.len(), columns);
+            for (i, &row) in self.distinct.iter().enumerate() {
+                for &(c, value) in &rows[row] {
                     g[(i, c)] = value;
                 }
             }
@@ -146,16 +167,16 @@ impl StageRows {
 
     /// Sum over the balls of |g_x X + g_u U|₂, row by row; X and U have the balls' columns side by side.
     pub fn norms(&self, x: &Mat<f64>, u: Option<&Mat<f64>>, balls: &[Range<usize>]) -> Vec<f64> {
-        let mut sums = vec![0.0; self.len()];
-        let mut squares = vec![0.0; self.len()];
+        let mut sums = vec![0.0; self.distinct.len()];
+        let mut squares = vec![0.0; self.distinct.len()];
         for ball in balls {
             squares.fill(0.0);
             for c in ball.clone() {
                 let x = x.col_as_slice(c);
                 let u = u.map_or(&[][..], |u| u.col_as_slice(c));
-                for (square, (row_x, row_u)) in squares.iter_mut().zip(self.x.iter().zip(&self.u)) {
-                    let in_x: f64 = row_x.iter().map(|&(i, g)| g * x[i]).sum();
-                    let in_u: f64 = row_u.iter().map(|&(i, g)| g * u[i]).sum();
+                for (square, &row) in squares.iter_mut().zip(&self.distinct) {
+                    let in_x: f64 = self.x[row].iter().map(|&(i, g)| g * x[i]).sum();
+                    let in_u: f64 = self.u[row].iter().map(|&(i, g)| g * u[i]).sum();
                     *square += (in_x + in_u).powi(2);
                 }
             }
@@ -163,7 +184,7 @@ impl StageRows {
                 *sum += square.sqrt();
             }
         }
-        sums
+        self.of_all(&sums)
     }
 
     /// r Σ rᵀ of r = g_x + g_u K, row by row. The row is formed first: where K answers a row entirely, its terms cancel in r, and would
@@ -203,6 +224,10 @@ impl StageRows {
             }
         }
     }
+}
+
+fn is_multiple(a: &Sparse, b: &Sparse, factor: f64) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|((i, a), (j, b))| i == j && *a == factor * b)
 }
 
 fn add_square(eta: f64, row: &Sparse, out: &mut Mat<f64>) {

@@ -147,6 +147,7 @@ fn exact_tubes_solve_the_joint_problem() {
         let active = found.nominal.multipliers.iter().chain(&found.nominal.bounds).flatten().filter(|mu| mu.abs() > 1e-2).count();
         assert!(active > 0, "seed {seed}: no constraint is active");
         let relative = found.cost() / reference.cost - 1.0;
+        eprintln!("ITER {seed} {}", found.iterations);
         assert!(found.converged, "seed {seed}: not after {} iterations", found.iterations);
         assert!(relative.abs() < 1e-4, "seed {seed}: {} against {}", found.cost(), reference.cost);
         assert!((found.nominal.cost - cost_of(&ocp, &found.nominal.x, &found.nominal.u)) >= -1e-9);
@@ -278,6 +279,21 @@ fn inputs_too_weak_for_hard_rows_are_impossible() {
     ocp.stages.iter_mut().for_each(|stage| (stage.lower, stage.upper) = (vec![-0.5], vec![0.5]));
     let found = robust(&ocp, &disturbance, &cost, &mut Reference::default(), &ExactTube, &RobustOptions::default()).unwrap();
     assert!(found.is_certified());
+}
+
+/// Soft rows that cannot hold ask for more input than there is: the tube keeps to the inputs' bounds and reports the rows.
+#[test]
+fn hard_bounds_come_before_soft_rows() {
+    let mut ocp = invariant(&identity(2, 1.2), &identity(2, 1.0), 6, vec![0.3, -0.3], [1.0, 0.01, 1.0], 0.15);
+    for stage in &mut ocp.stages[1..] {
+        stage.rows = box_rows(2, 2, 0.11, 1e4);
+    }
+    ocp.rows_final = box_rows(2, 2, 0.11, 1e4);
+    let disturbance = Disturbance::new((0..=6).map(|_| identity(2, 0.1)));
+    let cost = tube_cost(2, 2, 1e-3, 1e-3, 1e-3);
+    let found = robust(&ocp, &disturbance, &cost, &mut Reference::default(), &ExactTube, &RobustOptions::default()).unwrap();
+    assert!(found.violations.iter().any(|violation| matches!(violation.constraint, Constraint::Row(_))));
+    assert!(!found.violations.iter().any(|violation| matches!(violation.constraint, Constraint::Input(_))));
 }
 
 /// A shift of the disturbance is met by the nominal trajectory.
