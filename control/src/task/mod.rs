@@ -8,7 +8,7 @@
 //! [[cost]]
 //! kind = "nodes"                         # weight · Σ |p − goal|² over the nodes
 //! object = "rope"
-//! goal = { from = [0, 0, 0.05], to = [0.3, 0, 0.05] }
+//! line = { from = [0, 0, 0.05], to = [0.3, 0, 0.05] }   # or goal = [[x, y, z], …], a point per node
 //! [[cost]]
 //! kind = "inputs"                        # weight · Σ u²
 //! inputs = ["left.velocity.x", "left.velocity.y", "left.velocity.z"]
@@ -62,16 +62,6 @@ pub enum When {
     End,
 }
 
-/// Goals of nodes: points, or a line at equal distances.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum Goal {
-    /// One point per node [m].
-    Points(Vec<[f64; 3]>),
-    /// From the first node to the last.
-    Line(Line),
-}
-
 /// A straight line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -101,8 +91,12 @@ pub enum Cost {
         /// Its nodes, all if left out; negative numbers count from the end.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         nodes: Option<Vec<i64>>,
-        /// Where they are to be [m].
-        goal: Goal,
+        /// Where they are to be, one point per node [m]; or `line`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        goal: Option<Vec<[f64; 3]>>,
+        /// Where they are to be, at equal distances on a line.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        line: Option<Line>,
         /// Weight [1/m²].
         #[serde(default = "one")]
         weight: f64,

@@ -1,6 +1,6 @@
 //! A task's names, found in a scene and its model.
 
-use super::{Cost, Goal, Limit, Task, When};
+use super::{Cost, Limit, Line, Task, When};
 use pliant_engine::model::Model;
 use pliant_scene::words::nearest;
 use pliant_scene::{Mistake, Scene, SceneError, control_list};
@@ -98,10 +98,10 @@ impl Names<'_> {
             Ok((2.0 * not_negative(weight, "-", &format!("{field}.weight"))?).sqrt())
         };
         Ok(match cost {
-            Cost::Nodes { object, nodes, goal, weight, axes, when } => {
+            Cost::Nodes { object, nodes, goal, line, weight, axes, when } => {
                 let span = self.span(object, field)?;
                 let numbers = numbered(nodes.as_deref(), &span, &format!("{field}.nodes"))?;
-                let goals = goals(goal, numbers.len(), &format!("{field}.goal"))?;
+                let goals = goals(goal.as_deref(), *line, numbers.len(), field)?;
                 let weight = root(*weight)?;
                 Part::Nodes { nodes: numbers.into_iter().zip(goals).collect(), weight: axes.map(|a| weight * a), when: *when }
             }
@@ -221,29 +221,34 @@ fn numbered(numbers: Option<&[i64]>, span: &Range<usize>, field: &str) -> Result
     numbers.iter().enumerate().map(one).collect()
 }
 
-fn goals(goal: &Goal, nodes: usize, field: &str) -> Result<Vec<[f64; 3]>, SceneError> {
-    match goal {
-        Goal::Points(points) if points.len() != nodes => {
-            Err(SceneError::at(field, Mistake::Count { found: points.len(), expected: nodes }))
-        }
-        Goal::Points(points) => {
+fn goals(points: Option<&[[f64; 3]]>, line: Option<Line>, nodes: usize, field: &str) -> Result<Vec<[f64; 3]>, SceneError> {
+    match (points, line) {
+        (Some(points), None) => {
+            let field = format!("{field}.goal");
+            if points.len() != nodes {
+                return Err(SceneError::at(field, Mistake::Count { found: points.len(), expected: nodes }));
+            }
             for (i, point) in points.iter().enumerate() {
                 for (a, x) in point.iter().enumerate() {
                     finite(*x, &format!("{field}[{i}][{a}]"))?;
                 }
             }
-            Ok(points.clone())
+            Ok(points.to_vec())
         }
-        Goal::Line(line) => {
+        (None, Some(line)) => {
             for a in 0..3 {
-                finite(line.from[a], &format!("{field}.from[{a}]"))?;
-                finite(line.to[a], &format!("{field}.to[{a}]"))?;
+                finite(line.from[a], &format!("{field}.line.from[{a}]"))?;
+                finite(line.to[a], &format!("{field}.line.to[{a}]"))?;
             }
             let at = |k: usize| {
                 let t = if nodes > 1 { k as f64 / (nodes - 1) as f64 } else { 0.0 };
                 std::array::from_fn(|a| line.from[a] + t * (line.to[a] - line.from[a]))
             };
             Ok((0..nodes).map(at).collect())
+        }
+        (points, _) => {
+            let given = if points.is_some() { 2 } else { 0 };
+            Err(SceneError::at(field, Mistake::OneOf { keys: "goal, line".to_owned(), given }))
         }
     }
 }

@@ -49,7 +49,7 @@ steps = 12
 [[cost]]
 kind = "nodes"
 object = "rope"
-goal = { from = [0.0, 0.03, 0.05], to = [0.12, 0.03, 0.05] }
+line = { from = [0.0, 0.03, 0.05], to = [0.12, 0.03, 0.05] }
 weight = 3.0
 axes = [1, 0.5, 1]
 [[cost]]
@@ -101,17 +101,25 @@ integrator = "euler"
 [[body]]
 name = "upper"
 mass = 1.0
-inertia = [0.01, 0.01, 0.001]
-centre_of_mass = [0.15, 0, 0]
-joint = { name = "shoulder", kind = "revolute", axis = [0, 1, 0], damping = 0.5 }
+inertia = [0.01, 0.01, 0.001, 0, 0, 0]
+center_of_mass = [0.15, 0, 0]
+[[body.joint]]
+name = "shoulder"
+kind = "revolute"
+axis = [0, 1, 0]
+damping = 0.5
 [[body]]
 name = "lower"
 parent = "upper"
 position = [0.3, 0, 0]
 mass = 0.5
-inertia = [0.004, 0.004, 0.0004]
-centre_of_mass = [0.1, 0, 0]
-joint = { name = "elbow", kind = "revolute", axis = [0, 1, 0], damping = 0.3 }
+inertia = [0.004, 0.004, 0.0004, 0, 0, 0]
+center_of_mass = [0.1, 0, 0]
+[[body.joint]]
+name = "elbow"
+kind = "revolute"
+axis = [0, 1, 0]
+damping = 0.3
 [[actuator]]
 name = "first"
 joint = "shoulder"
