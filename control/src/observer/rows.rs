@@ -84,7 +84,7 @@ fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer
     StageNorms { sums: of_all(&sums), joint: joint.iter().map(of_all).collect() }
 }
 
-/// c_{k,l} = (g_x + g_u K_{k,l}) Φ_x[k,l] for l = 0 … k.
+/// c_{k,l} = (g_x + g_u K_{k,l}) Φ_x\[k,l\] for l = 0 … k.
 fn increment_rows(problem: &TubeProblem<'_>, gains: &Gains, k: usize, g_x: &Mat<f64>, g_u: &Mat<f64>) -> Vec<Mat<f64>> {
     let start = |l: usize| {
         let mut row = g_x.clone();

@@ -14,9 +14,9 @@ use crate::linear::{add_product, product};
 /// Responses to the disturbance of one time j.
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// Φ_x[k,j] E_j for k = j … N, nx × nw_j.
+    /// Φ_x\[k,j\] E_j for k = j … N, nx × nw_j.
     pub x: Vec<Mat<f64>>,
-    /// Φ_u[k,j] E_j for k = j … N−1, nu × nw_j.
+    /// Φ_u\[k,j\] E_j for k = j … N−1, nu × nw_j.
     pub u: Vec<Mat<f64>>,
 }
 

@@ -7,10 +7,10 @@ use super::gains::Gains;
 use crate::linear::{add_applied, apply};
 use crate::ocp::Ocp;
 
-/// u_k = v_k + Σ_{j≤k} Φ_u[k,j] ŵ_j, with ŵ_k = x_k − z_k − Σ_{j<k} Φ_x[k,j] ŵ_j the state that the disturbance of time k left.
+/// u_k = v_k + Σ_{j≤k} Φ_u\[k,j\] ŵ_j, with ŵ_k = x_k − z_k − Σ_{j<k} Φ_x\[k,j\] ŵ_j the state that the disturbance of time k left.
 ///
-/// Responses are normalised (Φ_x[j,j] = 1), so that no matrix is inverted, and kept as the vectors Φ_x[k,j] ŵ_j, which
-/// Φ_x[k+1,j] ŵ_j = (A + B K_{k,j}) Φ_x[k,j] ŵ_j carries on: O(N nx²) a stage and no Φ in memory. With gains that all columns share it is
+/// Responses are normalised (Φ_x\[j,j\] = 1), so that no matrix is inverted, and kept as the vectors Φ_x\[k,j\] ŵ_j, which
+/// Φ_x\[k+1,j\] ŵ_j = (A + B K_{k,j}) Φ_x\[k,j\] ŵ_j carries on: O(N nx²) a stage and no Φ in memory. With gains that all columns share it is
 /// u = v + K (x − z).
 #[derive(Clone, Debug)]
 pub struct TubePolicy {
@@ -19,7 +19,7 @@ pub struct TubePolicy {
     x: Vec<Vec<f64>>,
     u: Vec<Vec<f64>>,
     gains: Gains,
-    /// Φ_x[k,j] ŵ_j of the times j before the next stage k.
+    /// Φ_x\[k,j\] ŵ_j of the times j before the next stage k.
     deviations: Vec<Vec<f64>>,
 }
 

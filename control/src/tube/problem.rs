@@ -78,7 +78,7 @@ impl Disturbance {
     }
 }
 
-/// Cost Σ_{j,k} |Q_r^{1/2} Φ_x[k,j] E_j|² + |R_r^{1/2} Φ_u[k,j] E_j|² of deviations, without a factor ½.
+/// Cost Σ_{j,k} |Q_r^{1/2} Φ_x\[k,j\] E_j|² + |R_r^{1/2} Φ_u\[k,j\] E_j|² of deviations, without a factor ½.
 #[derive(Clone, Debug)]
 pub struct TubeCost {
     /// Q_r, nx × nx, symmetric, positive semidefinite.

@@ -147,7 +147,6 @@ fn exact_tubes_solve_the_joint_problem() {
         let active = found.nominal.multipliers.iter().chain(&found.nominal.bounds).flatten().filter(|mu| mu.abs() > 1e-2).count();
         assert!(active > 0, "seed {seed}: no constraint is active");
         let relative = found.cost() / reference.cost - 1.0;
-        eprintln!("ITER {seed} {}", found.iterations);
         assert!(found.converged, "seed {seed}: not after {} iterations", found.iterations);
         assert!(relative.abs() < 1e-4, "seed {seed}: {} against {}", found.cost(), reference.cost);
         assert!((found.nominal.cost - cost_of(&ocp, &found.nominal.x, &found.nominal.u)) >= -1e-9);
