@@ -71,7 +71,7 @@ pub use task::TaskCase;
 
 pub use pliant_adjoint::{
     AdjointError, Linearization, Linearizer, RolloutCotangent, Surrogate, equilibrium_jvp, equilibrium_vjp, gradcheck, linearize,
-    surrogate_rollout,
+    rollout_jacobians, rollout_jvp_columns, surrogate_rollout,
 };
 pub use pliant_control as control;
 pub use pliant_engine::bodies::{Joint, JointKind, Tree};

@@ -24,7 +24,7 @@ pub use equilibrium::{equilibrium_jvp, equilibrium_jvp_columns, equilibrium_vjp}
 pub use linearization::Linearization;
 pub use linearize::{Linearizer, linearize};
 pub use pliant_engine::rollout::{Along, Smoothing};
-pub use rollout::{RolloutCotangent, rollout_jvp, rollout_linearize, rollout_vjp};
+pub use rollout::{RolloutCotangent, rollout_jacobians, rollout_jvp, rollout_jvp_columns, rollout_linearize, rollout_vjp};
 pub use seeds::Seeds;
 pub use step::{Cotangent, Tangent};
 pub use surrogate::{Surrogate, surrogate_rollout};

@@ -18,6 +18,8 @@ pub struct Linearizer<'m> {
     nx: usize,
     nu: usize,
     np: usize,
+    /// Columns of the velocities: none of a step that does not depend on them, whose part of A is zero.
+    of_v: usize,
 }
 
 impl<'m> Linearizer<'m> {
@@ -25,13 +27,16 @@ impl<'m> Linearizer<'m> {
     pub fn new(model: &'m Model, theta: &'m [f64], with_theta: bool) -> Self {
         let (nx, nu) = (model.ndx(), model.nu());
         let np = if with_theta { model.n_params() } else { 0 };
+        let nv = model.nv();
+        let of_v = if model.forgets_velocities() { 0 } else { nv };
+        let of_x = nx - nv + of_v;
         // rows of whole vectors, which the kernels need no remainders for
-        let columns = (nx + nu + np).next_multiple_of(VECTOR);
+        let columns = (of_x + nu + np).next_multiple_of(VECTOR);
         let mut seeds = Seeds::none(columns, nu, model.n_params());
-        (0..nu).for_each(|k| seeds.add_u(k, nx + k, 1.0));
-        (0..np).for_each(|k| seeds.add_theta(k, nx + nu + k, 1.0));
+        (0..nu).for_each(|k| seeds.add_u(k, of_x + k, 1.0));
+        (0..np).for_each(|k| seeds.add_theta(k, of_x + nu + k, 1.0));
         let tangent = TangentStepper::new(model, theta, seeds);
-        Self { tangent, inverse: Inverse::default(), of_theta: None, nv: model.nv(), nx, nu, np }
+        Self { tangent, inverse: Inverse::default(), of_theta: None, nv, nx, nu, np, of_v }
     }
 
     /// The Jacobians of a step, from its factorization; C is empty unless asked for.
@@ -40,22 +45,28 @@ impl<'m> Linearizer<'m> {
         if let Some(ab) = self.inverse.linearize(cx, step, self.nu) {
             return Linearization { c: self.by_theta(step), ..ab };
         }
-        let (nv, m) = (self.nv, self.tangent.seeds.columns);
+        let (nv, m, of_v) = (self.nv, self.tangent.seeds.columns, self.of_v);
         let x = &mut self.tangent.x;
-        for (first, block) in [(0, &mut x.q), (nv, &mut x.v), (2 * nv, &mut x.z)] {
+        for (first, n, block) in [(0, nv, &mut x.q), (nv, of_v, &mut x.v), (nv + of_v, self.nx - 2 * nv, &mut x.z)] {
             block.fill(0.0);
-            (0..block.len() / m).for_each(|k| block[k * m + first + k] = 1.0);
+            (0..n).for_each(|k| block[k * m + first + k] = 1.0);
         }
         self.tangent.step(step);
         let x = &self.tangent.x;
         let rows = || x.q.chunks_exact(m).chain(x.v.chunks_exact(m)).chain(x.z.chunks_exact(m));
+        let of_x = self.nx - nv + of_v;
+        let mut a = Vec::with_capacity(self.nx * self.nx);
+        for row in rows() {
+            a.extend_from_slice(&row[..nv + of_v]);
+            a.resize(a.len() + nv - of_v, 0.0);
+            a.extend_from_slice(&row[nv + of_v..of_x]);
+        }
         let part = |from: usize, to: usize| {
             let mut out = Vec::with_capacity(self.nx * (to - from));
             rows().for_each(|r| out.extend_from_slice(&r[from..to]));
             out
         };
-        let (a, b) = (self.nx, self.nx + self.nu);
-        Linearization { a: part(0, a), b: part(a, b), c: part(b, b + self.np) }
+        Linearization { a, b: part(of_x, of_x + self.nu), c: part(of_x + self.nu, of_x + self.nu + self.np) }
     }
 
     /// C alone, of a step that remembers nothing.

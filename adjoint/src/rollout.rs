@@ -2,10 +2,11 @@
 
 use crate::AdjointError;
 use crate::linearization::Linearization;
-use crate::linearize::linearize;
+use crate::linearize::{Linearizer, linearize};
 use crate::seeds::Seeds;
 use crate::stage::{Context, Memory};
 use crate::step::{Cotangent, Tangent, step_cotangent, step_tangent};
+use crate::tangent::TangentStepper;
 use pliant_engine::rollout::Rollout;
 
 /// Cotangents of everything a rollout starts from.
@@ -101,6 +102,82 @@ pub fn rollout_linearize(rollout: &Rollout, k: usize) -> Result<Linearization, A
         None if rollout.checkpoints.is_some() => Err(AdjointError::Checkpointed),
         None => Err(AdjointError::NoRecords),
     }
+}
+
+/// A, B and, if its buffer is given, C of all steps, written one after another into the caller's memory: T × (2 nv + nz)², T × (2 nv + nz)
+/// × nu, T × (2 nv + nz) × n_params numbers, row-major.
+///
+/// # Errors
+/// A rollout without records or with checkpoints, buffers of another size.
+pub fn rollout_jacobians(rollout: &Rollout, a: &mut [f64], b: &mut [f64], c: Option<&mut [f64]>) -> Result<(), AdjointError> {
+    need_records(rollout)?;
+    if rollout.checkpoints.is_some() {
+        return Err(AdjointError::Checkpointed);
+    }
+    let (model, steps) = (&rollout.model, rollout.records.len());
+    let (ndx, nu, np) = (model.ndx(), model.nu(), model.n_params());
+    check("a", Some(a.len()), steps * ndx * ndx)?;
+    check("b", Some(b.len()), steps * ndx * nu)?;
+    check("c", c.as_ref().map(|c| c.len()), steps * ndx * np)?;
+    let mut linearizer = Linearizer::new(model, &rollout.theta, c.is_some());
+    let mut c = c;
+    for (k, record) in rollout.records.iter().enumerate() {
+        let of_step = linearizer.linearize(record);
+        a[k * ndx * ndx..][..ndx * ndx].copy_from_slice(&of_step.a);
+        b[k * ndx * nu..][..ndx * nu].copy_from_slice(&of_step.b);
+        if let Some(c) = &mut c {
+            c[k * ndx * np..][..ndx * np].copy_from_slice(&of_step.c);
+        }
+    }
+    Ok(())
+}
+
+/// Tangents of x₀ … x_T along `columns` directions at once: row-major (2 nv + nz) × columns each. `x0_dot` (2 nv + nz, columns), `u_dot` (T
+/// rows of nu × columns), `theta_dot` (n_params, columns), row-major; `None` is zero.
+///
+/// # Errors
+/// As [`rollout_jvp`].
+pub fn rollout_jvp_columns(
+    rollout: &Rollout,
+    columns: usize,
+    x0_dot: Option<&[f64]>,
+    u_dot: Option<&[Vec<f64>]>,
+    theta_dot: Option<&[f64]>,
+) -> Result<Vec<Vec<f64>>, AdjointError> {
+    need_records(rollout)?;
+    if rollout.checkpoints.is_some() {
+        return Err(AdjointError::Checkpointed);
+    }
+    let model = &rollout.model;
+    let (nv, ndx, nu, np) = (model.nv(), model.ndx(), model.nu(), model.n_params());
+    check("x0_dot", x0_dot.map(<[f64]>::len), ndx * columns)?;
+    check("theta_dot", theta_dot.map(<[f64]>::len), np * columns)?;
+    check("u_dot", u_dot.map(<[Vec<f64>]>::len), rollout.records.len())?;
+    let mut seeds = Seeds::none(columns, nu, np);
+    for (k, &weight) in theta_dot.unwrap_or(&[]).iter().enumerate().filter(|(_, w)| **w != 0.0) {
+        seeds.add_theta(k / columns, k % columns, weight);
+    }
+    let mut tangent = TangentStepper::new(model, &rollout.theta, seeds);
+    if let Some(x0_dot) = x0_dot {
+        let (q, rest) = x0_dot.split_at(nv * columns);
+        let (v, z) = rest.split_at(nv * columns);
+        tangent.x.q.copy_from_slice(q);
+        tangent.x.v.copy_from_slice(v);
+        tangent.x.z.copy_from_slice(z);
+    }
+    let all = |tangent: &TangentStepper| [tangent.x.q.as_slice(), tangent.x.v.as_slice(), tangent.x.z.as_slice()].concat();
+    let mut out = vec![all(&tangent)];
+    for (k, record) in rollout.records.iter().enumerate() {
+        tangent.seeds.clear_u();
+        if let Some(u_dot) = u_dot {
+            check("u_dot row", Some(u_dot[k].len()), nu * columns)?;
+            let nonzero = u_dot[k].iter().enumerate().filter(|(_, w)| **w != 0.0);
+            nonzero.for_each(|(c, &w)| tangent.seeds.add_u(c / columns, c % columns, w));
+        }
+        tangent.step(record);
+        out.push(all(&tangent));
+    }
+    Ok(out)
 }
 
 /// Pulls back through the records of `rollout`, which are steps `first` … of the whole; `x_bar` and `out` are of the whole.

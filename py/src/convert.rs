@@ -106,6 +106,14 @@ pub fn stack(name: &str, value: &Bound<PyAny>, rows: Option<usize>, columns: usi
     Ok((0..view.shape()[0]).map(|b| (0..view.shape()[1]).map(|r| row(b, r)).collect()).collect())
 }
 
+/// Size of the last of an array's axes, which is axis `axis`.
+pub fn last_axis(name: &str, value: &Bound<PyAny>, axis: usize) -> PyResult<usize> {
+    let array = array(name, value)?;
+    let shape = array.as_array().shape().to_vec();
+    let last = shape.get(axis).copied().filter(|_| shape.len() == axis + 1);
+    last.ok_or_else(|| input(format!("{name} has shape {}, but {} axes are needed", shape_text(&shape), axis + 1)))
+}
+
 /// Refuses zero.
 pub fn positive(name: &str, number: usize) -> PyResult<()> {
     if number == 0 { Err(input(format!("{name} is 0, but at least one is needed"))) } else { Ok(()) }

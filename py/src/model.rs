@@ -296,6 +296,37 @@ impl Model {
         to_matrix(py, axes.iter().flat_map(|d| [d.x, d.y, d.z]).collect(), 3, axes.len())
     }
 
+    /// Names of the grippers that grasp, in the order of `held`.
+    #[getter]
+    fn grasping(&self) -> Vec<String> {
+        self.model.grasps().iter().map(|grasp| grasp.name.clone()).collect()
+    }
+
+    /// Whether each grasping gripper holds something at x (nx,): bools, in the order of `grasping`.
+    fn held<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let x = self.state("x", x)?;
+        Ok(PyArray1::from_iter(py, self.model.grasps().iter().map(|grasp| grasp.held(&x.z).is_some())))
+    }
+
+    /// The point nearest to a grasping gripper at x (nx,) of what it may seize; see the stubs.
+    fn reach<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>, gripper: &str) -> PyResult<Bound<'py, PyDict>> {
+        let x = self.state("x", x)?;
+        let grasp = self.model.grasps().iter().find(|grasp| grasp.name == gripper);
+        let known = || self.grasping().join(", ");
+        let grasp =
+            grasp.ok_or_else(|| input(format!("no gripper named \"{gripper}\" grasps: those that do are {}", known())))?;
+        let reach = grasp.reach(&x.q).ok_or_else(|| input(format!("there is nothing that \"{gripper}\" could seize")))?;
+        let mut slope = vec![0.0; self.model.ndx()];
+        reach.visit_distance(|k, by| slope[k] += by);
+        let dict = PyDict::new(py);
+        dict.set_item("distance", reach.distance)?;
+        dict.set_item("distance_by_x", to_vector(py, slope))?;
+        dict.set_item("point", to_vector(py, reach.point.as_slice().to_vec()))?;
+        dict.set_item("nodes", reach.weights().map(|(node, _)| node).collect::<Vec<_>>())?;
+        dict.set_item("weights", to_vector(py, reach.weights().map(|(_, w)| w).collect()))?;
+        Ok(dict)
+    }
+
     /// Masses of all nodes [kg], (n_nodes,); ghosts have none.
     #[pyo3(signature = (theta=None))]
     fn masses<'py>(&self, py: Python<'py>, theta: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {

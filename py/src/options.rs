@@ -3,7 +3,7 @@
 use crate::errors;
 use pliant::{
     Along, Differentiate, Grasping, Linearization, Model, Rollout, RolloutCotangent, RolloutOptions, Smoothing, State,
-    StepOptions, StepTrace, Surrogate, rollout, surrogate_rollout,
+    StepOptions, StepTrace, Surrogate, rollout, rollout_jacobians, rollout_jvp_columns, surrogate_rollout,
 };
 use pyo3::{PyErr, PyResult};
 use std::sync::Arc;
@@ -137,6 +137,21 @@ impl Trajectory {
             Self::Smoothed(r) => r.jvp(x0_dot, u_dot, theta_dot).map(Surrogate::into_unmarked),
         }
         .map_err(errors::adjoint)
+    }
+
+    /// A, B and C of all steps; a smoothed rollout's mark stays with the class that Python sees.
+    pub fn jacobians(&self, a: &mut [f64], b: &mut [f64], c: Option<&mut [f64]>) -> PyResult<()> {
+        rollout_jacobians(self.rollout(), a, b, c).map_err(errors::adjoint)
+    }
+
+    pub fn jvp_columns(
+        &self,
+        columns: usize,
+        x0_dot: Option<&[f64]>,
+        u_dot: Option<&[Vec<f64>]>,
+        theta_dot: Option<&[f64]>,
+    ) -> PyResult<Vec<Vec<f64>>> {
+        rollout_jvp_columns(self.rollout(), columns, x0_dot, u_dot, theta_dot).map_err(errors::adjoint)
     }
 
     pub fn linearize(&self, k: usize) -> PyResult<Linearization> {

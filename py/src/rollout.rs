@@ -1,9 +1,11 @@
 //! A trajectory and its derivatives.
 
-use crate::convert::{finite, matrix, optional_matrix, optional_vector, rows_to_matrix, to_matrix, to_vector};
+use crate::convert::{
+    finite, last_axis, matrix, optional_matrix, optional_vector, positive, rows_to_matrix, stack, to_matrix, to_stack, to_vector,
+};
 use crate::errors::input;
 use crate::options::Trajectory;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pliant::file::write;
 use pliant::view::{Caption, Run, is_page, page};
 use pliant::{Along, Grasping, Linearization, RolloutCotangent, State, StepTrace};
@@ -157,6 +159,74 @@ impl Rollout {
         let Linearization { a, b, c } = py.detach(|| self.kept.linearize(record))?;
         let (nx, nu, np) = (model.ndx(), model.nu(), model.n_params());
         Ok((to_matrix(py, a, nx, nx)?, to_matrix(py, b, nu, nx)?, to_matrix(py, c, np, nx)?))
+    }
+
+    /// Jacobians of all steps: A (T, ndx, ndx), B (T, ndx, nu) and, with `theta`, C (T, ndx, n_params); into `out` if it is given.
+    #[pyo3(signature = (*, theta=false, out=None))]
+    fn jacobians<'py>(
+        &self,
+        py: Python<'py>,
+        theta: bool,
+        out: Option<Vec<Bound<'py, PyArray3<f64>>>>,
+    ) -> PyResult<Vec<Bound<'py, PyArray3<f64>>>> {
+        let (model, steps) = (self.kept.model(), self.kept.controls().len());
+        let (nx, nu, np) = (model.ndx(), model.nu(), model.n_params());
+        let shapes: Vec<[usize; 3]> = [nx, nu, np].into_iter().take(2 + usize::from(theta)).map(|n| [steps, nx, n]).collect();
+        let arrays = out.unwrap_or_else(|| shapes.iter().map(|shape| PyArray3::zeros(py, *shape, false)).collect());
+        if arrays.len() != shapes.len() {
+            return Err(input(format!(
+                "out has {} arrays, but {} are needed: A, B and, with theta=True, C",
+                arrays.len(),
+                shapes.len()
+            )));
+        }
+        for (k, (array, shape)) in arrays.iter().zip(&shapes).enumerate() {
+            if array.shape() != shape || !array.is_c_contiguous() {
+                return Err(input(format!(
+                    "out[{k}] must be a C-contiguous float64 array of shape {shape:?}; it has {:?}",
+                    array.shape()
+                )));
+            }
+        }
+        let mut locked = arrays.iter().map(|array| Ok(array.try_readwrite()?)).collect::<PyResult<Vec<_>>>()?;
+        let mut slices = locked.iter_mut().map(|array| Ok(array.as_slice_mut()?)).collect::<PyResult<Vec<&mut [f64]>>>()?;
+        let mut slices = slices.iter_mut();
+        if let (Some(a), Some(b)) = (slices.next(), slices.next()) {
+            let c = slices.next();
+            py.detach(|| self.kept.jacobians(a, b, c.map(|c| &mut **c)))?;
+        }
+        drop(locked);
+        Ok(arrays)
+    }
+
+    /// Tangents (T + 1, ndx, m) of all states along m directions at once: x0_dot (ndx, m), u_dot (T, nu, m), theta_dot (n_params, m).
+    #[pyo3(signature = (x0_dot=None, u_dot=None, theta_dot=None))]
+    fn jvp_columns<'py>(
+        &self,
+        py: Python<'py>,
+        x0_dot: Option<&Bound<'py, PyAny>>,
+        u_dot: Option<&Bound<'py, PyAny>>,
+        theta_dot: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (model, steps) = (self.kept.model(), self.kept.controls().len());
+        let given = [("x0_dot", x0_dot, 1), ("u_dot", u_dot, 2), ("theta_dot", theta_dot, 1)];
+        let widths = given.into_iter().filter_map(|(name, array, axis)| array.map(|array| last_axis(name, array, axis)));
+        let widths = widths.collect::<PyResult<Vec<usize>>>()?;
+        let Some(&m) = widths.first() else {
+            return Err(input(
+                "jvp_columns needs at least one of x0_dot, u_dot and theta_dot, which say how many directions there are",
+            ));
+        };
+        positive("the number of directions", m)?;
+        let x0_dot = optional_matrix("x0_dot", x0_dot, model.ndx(), m)?.map(|rows| rows.concat());
+        let theta_dot = optional_matrix("theta_dot", theta_dot, model.n_params(), m)?.map(|rows| rows.concat());
+        let u_dot = u_dot.map(|u_dot| stack("u_dot", u_dot, Some(model.nu()), m)).transpose()?;
+        let u_dot: Option<Vec<Vec<f64>>> = u_dot.map(|steps| steps.into_iter().map(|rows| rows.concat()).collect());
+        if let Some(rows) = u_dot.as_ref().filter(|rows| rows.len() != steps) {
+            return Err(input(format!("u_dot has {} steps, but the rollout has {steps}", rows.len())));
+        }
+        let rows = py.detach(|| self.kept.jvp_columns(m, x0_dot.as_deref(), u_dot.as_deref(), theta_dot.as_deref()))?;
+        to_stack(py, rows.concat(), [steps + 1, model.ndx(), m])
     }
 
     /// Writes a page with a 3-D view of the run, one HTML file that needs no network; returns a note on omitted states, or None.

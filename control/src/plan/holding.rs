@@ -134,7 +134,7 @@ fn worth(problem: &dyn Problem, plan: &Rollout, grasp: &Grasp) -> Result<f64, Ad
         u[grasp.closing] = u[grasp.closing].max(1.0);
     }
     let held = rollout(model, &theta, &x0, &controls, StepOptions::default())?;
-    let gradient = cost_gradient(problem, &held)?;
+    let gradient = cost_gradient(problem, &held, grasp.node)?;
     // the derivative by a shift of the gripper from a step on: for velocities of one of them, for positions of all that follow
     let (mut shift, mut most) = (Vec3::zeros(), 0.0_f64);
     for u in gradient.iter().rev() {
@@ -145,8 +145,8 @@ fn worth(problem: &dyn Problem, plan: &Rollout, grasp: &Grasp) -> Result<f64, Ad
     Ok(most)
 }
 
-/// ∂J/∂u by one backward sweep, without the cost's own derivative by u.
-fn cost_gradient(problem: &dyn Problem, held: &Rollout) -> Result<Vec<Vec<f64>>, AdjointError> {
+/// ∂J/∂u by one backward sweep, without the cost's own derivative by u and by where the gripper's node is: neither is what holding is for.
+fn cost_gradient(problem: &dyn Problem, held: &Rollout, gripper: usize) -> Result<Vec<Vec<f64>>, AdjointError> {
     let (ndx, steps) = (held.model.ndx(), held.controls.len());
     let mut x_bar = vec![vec![0.0; ndx]; steps + 1];
     let mut terms = Terms::default();
@@ -156,7 +156,13 @@ fn cost_gradient(problem: &dyn Problem, held: &Rollout) -> Result<Vec<Vec<f64>>,
             continue;
         }
         let r = &terms.residuals.values;
-        terms.residuals.entries.iter().filter(|e| e.1 < ndx).for_each(|&(row, column, value)| bar[column] += r[row] * value);
+        let own = 3 * gripper..3 * gripper + 3;
+        terms
+            .residuals
+            .entries
+            .iter()
+            .filter(|e| e.1 < ndx && !own.contains(&e.1))
+            .for_each(|&(row, column, value)| bar[column] += r[row] * value);
     }
     Ok(rollout_vjp(held, &x_bar)?.u)
 }

@@ -359,10 +359,10 @@ fn a_linear_problem_takes_one_step() {
     let setup = setup(ROPE, ROPE_TASK);
     let (n, h) = (5, 0.02);
     let guess = vec![vec![0.0; 4]; n];
-    let options = PlanOptions { tolerance: 1e-12, ..PlanOptions::default() };
+    let options = PlanOptions { tolerance: 1e-12, holding: false, ..PlanOptions::default() };
     let found = plan(&Goal, &setup.model, &setup.theta, &setup.model.initial_state(), &guess, options).unwrap();
     assert_eq!(found.status, PlanStatus::Converged);
-    assert!(found.steps.len() <= 3 && !found.surrogate, "{:?}", found.steps);
+    assert!(found.steps.len() <= 2 && !found.surrogate, "{:?}", found.steps);
     // min ½ (d − h Σu)² + ½ 0.01 Σu², d = 0.02: u = h d/(N h² + 0.01)
     let best = h * 0.02 / (n as f64 * h * h + 0.01);
     for u in &found.rollout.controls {
@@ -372,10 +372,11 @@ fn a_linear_problem_takes_one_step() {
 
 #[test]
 fn an_empty_hand_is_drawn_to_the_rope_and_holds_it() {
-    let setup = setup(
-        ROPE,
-        ROPE_TASK.replace("kind = \"reach\"\ngripper = \"hand\"\ninside = 0.005\nweight = 4.0\n[[cost]]\n", "").as_str(),
-    );
+    // without a reach cost, and without an obstacle in the way
+    let reach = "kind = \"reach\"\ngripper = \"hand\"\ninside = 0.005\nweight = 4.0\n[[cost]]\n";
+    assert!(ROPE_TASK.contains(reach));
+    let task = ROPE_TASK.replace(reach, "").replace("radius = 0.03\n", "radius = 0.001\n");
+    let setup = setup(ROPE, &task);
     let x0 = setup.model.initial_state();
     let guess: Vec<Vec<f64>> = vec![vec![0.0, 0.0, 0.0, 1.0]; 20];
     let seizes = |holding: bool| {
@@ -387,7 +388,7 @@ fn an_empty_hand_is_drawn_to_the_rope_and_holds_it() {
     assert!(with && surrogate, "drawn there, and named a surrogate");
     let (without, exact, cost_without) = seizes(false);
     assert!(!without && !exact, "the exact derivative is blind");
-    assert!(cost < 0.8 * cost_without, "{cost} {cost_without}");
+    assert!(cost < 0.9 * cost_without, "{cost} {cost_without}");
 }
 
 #[test]

@@ -163,6 +163,11 @@ impl Model {
         self.n_actuators > 0
     }
 
+    /// Whether a step does not depend on the velocities before it: quasi-static steps drop momentum.
+    pub fn forgets_velocities(&self) -> bool {
+        self.integrator == Integrator::QuasiStatic
+    }
+
     /// The bodies and joints; their coordinates follow those of the nodes.
     pub fn tree(&self) -> &Tree {
         &self.tree

@@ -89,6 +89,20 @@ class GradcheckReport(TypedDict):
     blocks: list[BlockReport]
     """Block by block."""
 
+class Reach(TypedDict):
+    """The point of a rope or a cloth nearest to a gripper."""
+
+    distance: float
+    """From the gripper's point [m]."""
+    distance_by_x: Array
+    """Its derivative by a change of x, (ndx,); exact but where another part is as near, zero where the distance is."""
+    point: Array
+    """The nearest point, (3,) [m]."""
+    nodes: list[int]
+    """Nodes of the edge or triangle it lies on."""
+    weights: Array
+    """Their weights [-]."""
+
 @final
 class Model:
     """A scene made ready to simulate: a fixed map x_next = F(x, u, theta). Immutable."""
@@ -189,6 +203,13 @@ class Model:
         """
     def material_axes(self, x: ArrayLike) -> Array:
         """First material axes at x (nx,) of all edges that twist, (n_twists, 3) [-]."""
+    @property
+    def grasping(self) -> list[str]:
+        """Names of the grippers that grasp, in the order of `held`."""
+    def held(self, x: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each grasping gripper holds something at x (nx,), in the order of `grasping`."""
+    def reach(self, x: ArrayLike, gripper: str) -> Reach:
+        """The point nearest to a grasping gripper at x (nx,) of what it may seize, whether it holds something or not."""
     def masses(self, theta: ArrayLike | None = None) -> Array:
         """Masses of all nodes [kg], (n_nodes,); ghosts have none."""
     @property
@@ -331,6 +352,18 @@ class Rollout:
         per SI unit.
         NaN or infinity in x_bar is refused.
         """
+    def jacobians(self, *, theta: bool = False, out: Sequence[Array] | None = None) -> list[Array]:
+        """Jacobians of all steps: A (T, ndx, ndx), B (T, ndx, nu) and, with theta, C (T, ndx, n_params).
+
+        out: C-contiguous float64 arrays of these shapes to write into, which are then returned. Faster than `linearize` step by step.
+        """
+    def jvp_columns(
+        self,
+        x0_dot: ArrayLike | None = None,
+        u_dot: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+    ) -> Array:
+        """Tangents of all states along m directions at once, (T + 1, ndx, m): x0_dot (ndx, m), u_dot (T, nu, m), theta_dot (n_params, m)."""
     def linearize(self, k: int) -> tuple[Array, Array, Array]:
         """Jacobians of step k: A (ndx, ndx) by x_k, B (ndx, nu) by u_k, C (ndx, n_params) by theta."""
     def view(self, path: str | PathLike[str], *, title: str | None = None) -> str | None:
