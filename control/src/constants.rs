@@ -76,9 +76,18 @@ pub(crate) struct OcpConstants {
     pub complementary: f64,
     /// Part of the way to the boundary that a step takes at most [-]; 1 − μ at the end (Mehrotra 1992).
     pub boundary: f64,
+    /// Part of a step below which the corrected direction is given up for one that centres.
+    pub short: f64,
+    /// The same of the mean product's growth.
+    pub grown: f64,
+    /// The mean product that one aims at, relative to the present one [-].
+    pub centering: f64,
+    /// Mean product at the start, relative to the least slack times the largest slope [-]: on 1200 random problems 10 takes the fewest
+    /// iterations of 1, 3, 10 and 30.
+    pub start: f64,
     /// Iterations at most; tests need half as many.
     pub iterations: usize,
-    /// Iterations without a better error after which it ends.
+    /// Iterations without a better error, of points that satisfy all but complementarity, after which it ends.
     pub stalled: usize,
     /// Curvature of u [-] beside prices of 1 where least violations are sought: small, so that it moves no violation it need not.
     pub elastic: f64,
@@ -110,8 +119,12 @@ pub(crate) const OCP: OcpConstants = OcpConstants {
     accepted: 1e-8,
     complementary: 1e-13,
     boundary: 0.995,
+    short: 0.1,
+    grown: 1.0,
+    centering: 0.5,
+    start: 10.0,
     iterations: 60,
-    stalled: 15,
+    stalled: 6,
     elastic: 1e-4,
     acting: 1e-3,
     contradiction: 1e-6,

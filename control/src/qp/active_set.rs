@@ -41,6 +41,8 @@ pub struct ActiveSet {
     pub(super) working: WorkingSet,
     /// Of the bounds of a variable, then of the rows.
     pub(super) states: Vec<State>,
+    /// The factor of the working set is not that of its numbers.
+    renumbered: bool,
     /// Rows, where the problem's do not lie contiguously.
     copied: Vec<f64>,
     pub(super) scratch: Scratch,
@@ -93,6 +95,28 @@ impl ActiveSet {
         self.states.fill(State::Free);
     }
 
+    /// Numbers the working set's constraints anew, for a next problem whose variables and rows have moved; those without a new number
+    /// leave it. Numbers have to differ, and to be below n or m.
+    pub(crate) fn renumber(&mut self, new: impl Fn(Constraint) -> Option<Constraint>) {
+        let (n, m) = (self.n, self.m);
+        let saturated: Vec<usize> = (0..m).filter(|row| self.states[n + row] == State::Saturated).collect();
+        self.states.fill(State::Free);
+        for row in saturated {
+            if let Some(Constraint::Row(row)) = new(Constraint::Row(row)) {
+                self.states[n + row] = State::Saturated;
+            }
+        }
+        self.working.members.retain_mut(|member| new(member.constraint).map(|new| member.constraint = new).is_some());
+        for member in &self.working.members {
+            let place = match member.constraint {
+                Constraint::Lower(j) | Constraint::Upper(j) => j,
+                Constraint::Row(row) => n + row,
+            };
+            self.states[place] = State::Working;
+        }
+        self.renumbered = true;
+    }
+
     /// # Errors
     /// Sizes that do not belong together, numbers that are not finite, negative weights, crossed bounds; a Hessian that is not positive
     /// definite; hard constraints that contradict each other; bad conditioning beyond what rounding allows. After an error the next
@@ -115,7 +139,7 @@ impl ActiveSet {
             self.states.resize(n + m, State::Free);
             self.scratch.resize(n);
         }
-        let changed = self.hessian.refactor(qp.hessian)?;
+        let changed = self.hessian.refactor(qp.hessian)? || std::mem::take(&mut self.renumbered);
         let mut copied = std::mem::take(&mut self.copied);
         let rows = contiguous(qp.rows, &mut copied);
         let mut run = Run { qp, rows, solver: self, changes: 0, reach: 0.0 };

@@ -142,7 +142,7 @@ impl<'a> Run<'a> {
                 break;
             }
             let errors = self.errors();
-            stalled += 1;
+            stalled += usize::from(best.linear <= OCP.accepted);
             if errors.weighed() < best.weighed() {
                 (best, stalled) = (errors, 0);
                 self.keep();
@@ -172,7 +172,7 @@ impl<'a> Run<'a> {
         let least = violation.max(1e-2 * distance).max(1e-6);
         let slope = most(&self.at.dynamics).max(self.slope_of_inputs()).max(1e-6);
         for row in self.rows.iter_mut().flat_map(|rows| &mut rows.list) {
-            row.start(least, least * slope);
+            row.start(least, OCP.start * least * slope);
         }
         self.evaluate();
         Ok(())
@@ -193,28 +193,43 @@ impl<'a> Run<'a> {
         self.rows.iter_mut().for_each(StageRows::weigh);
         self.recursion.factor(self.ocp, &self.rows)?;
         let mu = self.mean_product(0.0);
-        self.direction(0.0, false);
+        self.direction(0.0, 0.0);
         let longest = self.longest();
         let centering = (self.mean_product(longest) / mu).powi(3);
-        self.direction(centering * mu, true);
-        let part = f64::min(1.0, OCP.boundary.max(1.0 - mu) * self.longest());
+        self.direction(centering * mu, 1.0);
+        // without a safeguard the corrector can cycle (Cartis 2009, Appl. Numer. Math. 59)
+        let corrected = self.longest();
+        if corrected < OCP.short || self.mean_product(corrected) > OCP.grown * mu {
+            self.direction(OCP.centering * mu, 0.0);
+        }
+        let part = self.least_product(mu, f64::min(1.0, OCP.boundary.max(1.0 - mu) * self.longest()));
         add(&mut self.at, part, &self.step);
         self.rows.iter_mut().flat_map(|rows| &mut rows.list).for_each(|row| row.advance(part));
         self.evaluate();
         Ok(())
     }
 
-    fn direction(&mut self, mu: f64, correct: bool) {
+    /// The step to products of slack and multiplier that are `mu`, less that part of the last step's products which `correction` is.
+    fn direction(&mut self, mu: f64, correction: f64) {
         let n = self.ocp.stages.len();
         self.gradient.copy_from(&self.residual);
         let Trajectory { x, u, .. } = &mut self.gradient;
         for k in 0..=n {
-            self.rows[k].add_gradient(mu, correct, &mut x[k], u.get_mut(k).map_or(&mut [], |u| u));
+            self.rows[k].add_gradient(mu, correction, &mut x[k], u.get_mut(k).map_or(&mut [], |u| u));
         }
         self.recursion.solve(self.ocp, &self.rows, &self.gradient, &mut self.step);
         for k in 0..=n {
             self.rows[k].take_up(&self.step.x[k], self.step.u.get(k).map_or(&[], |u| u));
         }
+    }
+
+    /// Of the parts of the step up to `most`, the one of the least mean product, a parabola, if at `most` it would have grown; `most` if
+    /// it falls nowhere.
+    fn least_product(&self, mu: f64, most: f64) -> f64 {
+        let (half, whole) = (self.mean_product(0.5 * most), self.mean_product(most));
+        let curvature = 2.0 * (whole - 2.0 * half + mu);
+        let slope = whole - mu - curvature;
+        if whole > OCP.grown * mu && slope < 0.0 { most * (-0.5 * slope / curvature).clamp(OCP.short, 1.0) } else { most }
     }
 
     fn longest(&self) -> f64 {
