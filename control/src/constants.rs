@@ -71,7 +71,7 @@ pub(crate) struct OcpConstants {
     pub aimed: f64,
     /// Errors at which a solution is accepted where no further digits can be had [-].
     pub accepted: f64,
-    /// Mean product of slack and multiplier at which it ends, relative to the cost's size [-]: errors of u are proportional to it where
+    /// Largest product of slack and multiplier at which it ends, relative to the cost's size [-]: errors of u are proportional to it where
     /// rows hold with positive multipliers, and to its root where multipliers vanish.
     pub complementary: f64,
     /// Part of the way to the boundary that a step takes at most [-]; 1 − μ at the end (Mehrotra 1992).
@@ -100,6 +100,8 @@ pub(crate) struct OcpConstants {
     pub polished_from: f64,
     /// See there.
     pub polished_again: f64,
+    /// Guesses of these rows at most, each from what the last one showed.
+    pub guesses: usize,
     /// Weight of these equations relative to slopes and states [-]: half of the digits, so that two or three steps give all.
     pub polish_weight: f64,
     /// Steps at most.
@@ -130,6 +132,7 @@ pub(crate) const OCP: OcpConstants = OcpConstants {
     contradiction: 1e-6,
     polished_from: 1e-9,
     polished_again: 1e-2,
+    guesses: 3,
     polish_weight: 1e7,
     polish_steps: 8,
     polished: 1e-3,

@@ -6,11 +6,12 @@ use faer::Mat;
 use pliant_control::ocp::{Condensed, Ocp, OcpConstraint, OcpError, OcpSolution, OcpSolver, Riccati, Rows, choose};
 use std::ops::Range;
 
-/// Seeds looked at during development, the second range after it had shown iterations that cycled, and seeds that were run once when all
-/// was done.
+/// Seeds looked at during development, the second and third ranges after they had shown iterations that cycled and inputs out of
+/// their bounds by rounding, and seeds that were run once when all was done.
 const SEEDS: Range<u64> = 0..200;
 const SECOND: Range<u64> = 5000..6000;
-const FRESH: Range<u64> = 20000..21000;
+const THIRD: Range<u64> = 20000..21000;
+const FRESH: Range<u64> = 30000..31000;
 
 /// Solves by both methods and checks each one's conditions of optimality and that they agree.
 fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
@@ -30,7 +31,7 @@ fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
 
 #[test]
 fn conditions_of_optimality_and_agreement() {
-    for seed in SEEDS.chain(SECOND).chain(FRESH) {
+    for seed in SEEDS.chain(SECOND).chain(THIRD) {
         both(&format!("seed {seed}"), &random(seed));
     }
 }

@@ -74,7 +74,7 @@ struct Run<'a> {
 struct Errors {
     /// Largest of the conditions without complementarity, relative to its terms.
     linear: f64,
-    /// Mean product of slack and multiplier, relative to the size of the cost's terms.
+    /// Largest product of slack and multiplier, relative to the size of the cost's terms.
     complementary: f64,
 }
 
@@ -279,7 +279,8 @@ impl<'a> Run<'a> {
         let list = self.rows.iter().flat_map(|rows| &rows.list);
         let gap = list.map(|row| row.gap().abs() / (row.limit.abs().max(row.value.abs()) + states)).fold(0.0, f64::max);
         let linear = (self.stationarity() / slopes).max(most(&self.residual.dynamics) / states).max(gap);
-        let complementary = self.mean_product(0.0) / (slopes * states);
+        let products = self.rows.iter().flat_map(|rows| &rows.list).map(Inequality::largest_product);
+        let complementary = products.fold(0.0, f64::max) / (slopes * states);
         // a number that is none is the largest error of all, which maxima pass over
         let sound = self.at.x.iter().flatten().all(|x| x.is_finite());
         Errors { linear: if sound { linear } else { f64::INFINITY }, complementary }

@@ -310,12 +310,30 @@ impl Inequality {
     /// Takes a row for what its slack and multiplier say, relative to the sizes of states and slopes.
     pub fn decide(&mut self, states: f64, slopes: f64) {
         let small = |slack: f64, multiplier: f64| slack * slopes < multiplier * states;
-        self.phase = match (small(self.s, self.lambda), !self.is_soft() || small(self.sigma, self.nu)) {
+        self.enter(match (small(self.s, self.lambda), !self.is_soft() || small(self.sigma, self.nu)) {
             (false, _) => Phase::Free,
             (true, true) => Phase::Held,
             (true, false) => Phase::Priced,
+        });
+    }
+
+    /// Takes a row for what the equations showed: a free row that is violated, or a priced one that is not, holds; one that holds with a
+    /// multiplier out of its range is free or priced.
+    pub fn decide_again(&mut self) {
+        let excess = self.value - self.limit;
+        let phase = match self.phase {
+            Phase::Free if excess > 0.0 => Phase::Held,
+            Phase::Priced if excess < 0.0 => Phase::Held,
+            Phase::Held if self.lambda < 0.0 => Phase::Free,
+            Phase::Held if self.lambda > self.weight => Phase::Priced,
+            phase => phase,
         };
-        match self.phase {
+        self.enter(phase);
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        self.phase = phase;
+        match phase {
             Phase::Free => self.lambda = 0.0,
             Phase::Held => {}
             Phase::Priced => self.lambda = self.weight,
@@ -332,6 +350,11 @@ impl Inequality {
         let to_zero = |value: f64, change: f64| if change < 0.0 { -value / change } else { f64::INFINITY };
         let hard = to_zero(self.s, self.ds).min(to_zero(self.lambda, self.dlambda));
         if self.is_soft() { hard.min(to_zero(self.sigma, self.dsigma)).min(to_zero(self.nu, -self.dlambda)) } else { hard }
+    }
+
+    /// The larger of s λ and σ ν.
+    pub fn largest_product(&self) -> f64 {
+        f64::max(self.s * self.lambda, self.sigma * self.nu)
     }
 
     /// Sum of the products s λ and σ ν after a part of the last step, and their number.
