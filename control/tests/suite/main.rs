@@ -1,4 +1,5 @@
 //! Quadratic programs and problems of optimal control: conditions of optimality, agreement with Clarabel, the odd cases.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod ocp;
 mod ocp_cases;

@@ -31,7 +31,7 @@ fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
 
 #[test]
 fn conditions_of_optimality_and_agreement() {
-    for seed in SEEDS.chain(SECOND).chain(THIRD) {
+    for seed in SEEDS.chain(SECOND).chain(THIRD).chain(FRESH) {
         both(&format!("seed {seed}"), &random(seed));
     }
 }
@@ -90,7 +90,8 @@ fn long_horizon() {
 /// The second of two problems differs in one array only: nothing of the first may stay.
 #[test]
 fn every_array_counts() {
-    let changes: [(&str, fn(&mut Ocp)); 14] = [
+    type Change = fn(&mut Ocp);
+    let changes: [(&str, Change); 14] = [
         ("x0", |ocp| ocp.x0[0] += 0.5),
         ("a", |ocp| ocp.stages[1].a[(0, 0)] += 0.5),
         ("b", |ocp| ocp.stages[1].b[(0, 0)] += 0.5),

@@ -193,14 +193,14 @@ impl<'a> Run<'a> {
         self.rows.iter_mut().for_each(StageRows::weigh);
         self.recursion.factor(self.ocp, &self.rows)?;
         let mu = self.mean_product(0.0);
-        self.direction(0.0, 0.0);
+        self.direction(0.0, false);
         let longest = self.longest();
         let centering = (self.mean_product(longest) / mu).powi(3);
-        self.direction(centering * mu, 1.0);
+        self.direction(centering * mu, true);
         // without a safeguard the corrector can cycle (Cartis 2009, Appl. Numer. Math. 59)
         let corrected = self.longest();
         if corrected < OCP.short || self.mean_product(corrected) > OCP.grown * mu {
-            self.direction(OCP.centering * mu, 0.0);
+            self.direction(OCP.centering * mu, false);
         }
         let part = self.least_product(mu, f64::min(1.0, OCP.boundary.max(1.0 - mu) * self.longest()));
         add(&mut self.at, part, &self.step);
@@ -209,17 +209,16 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// The step to products of slack and multiplier that are `mu`, less that part of the last step's products which `correction` is.
-    fn direction(&mut self, mu: f64, correction: f64) {
-        let n = self.ocp.stages.len();
+    /// The step to products of slack and multiplier that are `mu`, less the products of the last step's changes if `correct`.
+    fn direction(&mut self, mu: f64, correct: bool) {
         self.gradient.copy_from(&self.residual);
         let Trajectory { x, u, .. } = &mut self.gradient;
-        for k in 0..=n {
-            self.rows[k].add_gradient(mu, correction, &mut x[k], u.get_mut(k).map_or(&mut [], |u| u));
+        for (k, (rows, x)) in self.rows.iter_mut().zip(x).enumerate() {
+            rows.add_gradient(mu, correct, x, u.get_mut(k).map_or(&mut [], |u| u));
         }
         self.recursion.solve(self.ocp, &self.rows, &self.gradient, &mut self.step);
-        for k in 0..=n {
-            self.rows[k].take_up(&self.step.x[k], self.step.u.get(k).map_or(&[], |u| u));
+        for (k, (rows, dx)) in self.rows.iter_mut().zip(&self.step.x).enumerate() {
+            rows.take_up(dx, self.step.u.get(k).map_or(&[], |du| du));
         }
     }
 

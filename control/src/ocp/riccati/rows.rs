@@ -143,12 +143,10 @@ impl StageRows {
         self.list.iter().for_each(|row| self.add_row(row.kind, row.lambda, gx, gu));
     }
 
-    /// Sets the targets of s λ and σ ν to `mu`, less `correction` times the products ds dλ and dσ dν of the last step, and adds D ρ gᵀ.
-    pub fn add_gradient(&mut self, mu: f64, correction: f64, gx: &mut [f64], gu: &mut [f64]) {
+    /// Sets the targets of s λ and σ ν to `mu`, less the products of the last step's changes if `correct`, and adds D ρ gᵀ.
+    pub fn add_gradient(&mut self, mu: f64, correct: bool, gx: &mut [f64], gu: &mut [f64]) {
         for row in &mut self.list {
-            // not 0 · ∞, where the last step has no bound
-            let scaled = if correction > 0.0 { correction * row.dlambda } else { 0.0 };
-            let last = if correction > 0.0 { (row.ds * scaled, -row.dsigma * scaled) } else { (0.0, 0.0) };
+            let last = if correct { (row.ds * row.dlambda, -row.dsigma * row.dlambda) } else { (0.0, 0.0) };
             row.target_s = mu - row.s * row.lambda - last.0;
             row.d = row.s / row.lambda;
             row.rho = row.gap() + row.target_s / row.lambda;
