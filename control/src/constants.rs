@@ -31,7 +31,8 @@ pub(crate) struct ActiveSetConstants {
     pub guessed: usize,
     /// Refinements of a solution at most; the second leaves rounding errors of the residuals alone.
     pub refinements: usize,
-    /// Working-set changes at most, as a multiple of the number of variables and rows, plus 100: tests need less than a fifth of it.
+    /// Working-set changes at most, as a multiple of the number of variables and rows, plus 100: no set comes back but by
+    /// rounding, which this ends.
     pub changes: usize,
     /// A pivot of the Hessian below this part of its diagonal entry is rounding noise [-].
     pub pivot: f64,
@@ -85,7 +86,7 @@ pub(crate) struct OcpConstants {
     /// Mean product at the start, relative to the least slack times the largest slope [-]: on 1200 random problems 10 takes the fewest
     /// iterations of 1, 3, 10 and 30.
     pub start: f64,
-    /// Iterations at most; tests need half as many.
+    /// Iterations at most: on 1200 random problems 9 on average, 22 at most.
     pub iterations: usize,
     /// Iterations without a better error, of points that satisfy all but complementarity, after which it ends.
     pub stalled: usize,
@@ -130,7 +131,7 @@ pub(crate) const OCP: OcpConstants = OcpConstants {
     elastic: 1e-4,
     acting: 1e-3,
     contradiction: 1e-6,
-    polished_from: 1e-9,
+    polished_from: 1e-7,
     polished_again: 1e-2,
     guesses: 3,
     polish_weight: 1e7,

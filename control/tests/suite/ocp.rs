@@ -6,12 +6,13 @@ use faer::Mat;
 use pliant_control::ocp::{Condensed, Ocp, OcpConstraint, OcpError, OcpSolution, OcpSolver, Riccati, Rows, choose};
 use std::ops::Range;
 
-/// Seeds looked at during development, the second and third ranges after they had shown iterations that cycled and inputs out of
-/// their bounds by rounding, and seeds that were run once when all was done.
+/// Seeds looked at during development.
 const SEEDS: Range<u64> = 0..200;
-const SECOND: Range<u64> = 5000..6000;
-const THIRD: Range<u64> = 20000..21000;
-const FRESH: Range<u64> = 30000..31000;
+/// Seeds that each were fresh once, and showed: iterations that cycled; inputs out of their bounds by rounding; hard rows that leave one
+/// point, at which factors lose their digits.
+const FORMERLY_FRESH: [Range<u64>; 3] = [5000..6000, 20000..21000, 30000..31000];
+/// Seeds that were run once, when all was done.
+const FRESH: Range<u64> = 40000..41000;
 
 /// Solves by both methods and checks each one's conditions of optimality and that they agree.
 fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
@@ -31,7 +32,7 @@ fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
 
 #[test]
 fn conditions_of_optimality_and_agreement() {
-    for seed in SEEDS.chain(SECOND).chain(THIRD).chain(FRESH) {
+    for seed in SEEDS.chain(FORMERLY_FRESH.into_iter().flatten()).chain(FRESH) {
         both(&format!("seed {seed}"), &random(seed));
     }
 }
