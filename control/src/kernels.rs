@@ -60,9 +60,9 @@ impl WithSimd for AddProduct<'_> {
                 *y += (factors[0] * c0 + factors[1] * c1) + (factors[2] * c2 + factors[3] * c3);
             }
         }
-        for column in whole..a.columns {
+        for (column, x) in x.iter().enumerate().take(a.columns).skip(whole) {
             let from = if a.lower { column } else { 0 };
-            let factor = scale * x[column];
+            let factor = scale * x;
             for (y, c) in y[from..a.height].iter_mut().zip(a.one(column, from)) {
                 *y += factor * c;
             }
@@ -104,9 +104,9 @@ impl WithSimd for TransposedProduct<'_> {
                 y[first + i] = simd.reduce_sum_f64s(sums[i]) + rest[i];
             }
         }
-        for column in whole..a.columns {
+        for (column, y) in y.iter_mut().enumerate().take(a.columns).skip(whole) {
             let from = if a.lower { column } else { 0 };
-            y[column] = dot_with(simd, a.one(column, from), &x[from..a.height]);
+            *y = dot_with(simd, a.one(column, from), &x[from..a.height]);
         }
     }
 }

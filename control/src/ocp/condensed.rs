@@ -34,6 +34,7 @@ pub struct Condensed {
     rows: Mat<f64>,
     /// First row of each stage, and their number.
     starts: Vec<usize>,
+    nu: usize,
 }
 
 impl Condensed {
@@ -47,12 +48,31 @@ impl Condensed {
             hessian: Mat::new(),
             rows: Mat::new(),
             starts: Vec::new(),
+            nu: 0,
         }
     }
 
     /// Forgets the working set: the next problem starts from none. Memory is kept.
     pub fn forget(&mut self) {
         self.solver.forget();
+    }
+
+    /// Moves the working set by a stage towards the present, for a next problem that begins where the last one's second stage did: the
+    /// bounds and rows of stage k + 1 become those of stage k. Rows that stage k has not are left out, and the last stage starts without any.
+    pub fn shift(&mut self) {
+        let (nu, stages) = (self.nu, self.starts.len().saturating_sub(1));
+        let starts = std::mem::take(&mut self.starts);
+        let earlier = |j: usize| j.checked_sub(nu);
+        self.solver.renumber(|constraint| match constraint {
+            Constraint::Lower(j) => earlier(j).map(Constraint::Lower),
+            Constraint::Upper(j) => earlier(j).map(Constraint::Upper),
+            Constraint::Row(row) => {
+                let stage = starts.partition_point(|start| *start <= row) - 1;
+                let moved = starts[stage.checked_sub(1)?] + (row - starts[stage]);
+                (stage < stages && moved < starts[stage]).then_some(Constraint::Row(moved))
+            }
+        });
+        self.starts = starts;
     }
 
     /// The condensed matrices: Hessian and rows.
@@ -97,6 +117,7 @@ impl Condensed {
     }
 
     fn resize(&mut self, nx: usize, nu: usize, n: usize, ocp: &Ocp) {
+        self.nu = nu;
         self.starts.clear();
         self.starts.push(0);
         let mut m = 0;

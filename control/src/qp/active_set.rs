@@ -7,13 +7,10 @@
 //! holds and works, or is at the other end of its range; a working row whose multiplier meets an end of its range on the way leaves the
 //! set there. Each entry increases the dual, so that no set comes back; rounding is held off by tolerances relative to each row.
 //!
-//! **Warm start.** The multipliers at which the last working set holds are computed at once; rows whose multiplier is out of its range
-//! leave, until none does.
-//!
 //! Violations of rows are computed for those that were violated when all were last looked at; all are when none of these is violated.
 
 use super::hessian::Hessian;
-use super::working::{Member, WorkingSet};
+use super::working::WorkingSet;
 use super::{Constraint, Qp, QpError, QpSolution};
 use crate::constants::ACTIVE_SET;
 use crate::kernels::{dot, norm};
@@ -41,6 +38,8 @@ pub struct ActiveSet {
     pub(super) working: WorkingSet,
     /// Of the bounds of a variable, then of the rows.
     pub(super) states: Vec<State>,
+    /// The factor of the working set is not that of its numbers.
+    pub(super) renumbered: bool,
     /// Rows, where the problem's do not lie contiguously.
     copied: Vec<f64>,
     pub(super) scratch: Scratch,
@@ -115,7 +114,7 @@ impl ActiveSet {
             self.states.resize(n + m, State::Free);
             self.scratch.resize(n);
         }
-        let changed = self.hessian.refactor(qp.hessian)?;
+        let changed = self.hessian.refactor(qp.hessian)? || std::mem::take(&mut self.renumbered);
         let mut copied = std::mem::take(&mut self.copied);
         let rows = contiguous(qp.rows, &mut copied);
         let mut run = Run { qp, rows, solver: self, changes: 0, reach: 0.0 };
@@ -329,132 +328,6 @@ impl<'a> Run<'a> {
     /// Violation that is rounding noise.
     pub fn tolerance(&self, constraint: Constraint, norm: f64) -> f64 {
         ACTIVE_SET.noise * norm * self.reach + ACTIVE_SET.feasible * self.limit(constraint).abs()
-    }
-
-    /// Takes up the last working set, and its factor if neither the Hessian nor the set's rows changed.
-    fn warm_start(&mut self, changed: bool) {
-        for row in 0..self.solver.m {
-            let place = self.solver.n + row;
-            if self.solver.states[place] == State::Saturated && !(self.qp.weights[row] + self.qp.limits[row]).is_finite() {
-                self.solver.states[place] = State::Free;
-            }
-        }
-        for place in (0..self.solver.working.len()).rev() {
-            let constraint = self.solver.working.members[place].constraint;
-            if self.limit(constraint) == f64::INFINITY || self.weight(constraint) == 0.0 {
-                self.solver.working.remove(place);
-                self.set_state(constraint, State::Free);
-            }
-        }
-        if self.solver.states.iter().all(|state| *state == State::Free) {
-            self.guess_bounds();
-        } else if changed || self.rows_changed() {
-            self.rebuild();
-        }
-        self.solver.scratch.candidates.clear();
-        self.solver.scratch.settled.clear();
-        loop {
-            self.hold();
-            if !self.release_out_of_range(0.0) {
-                break;
-            }
-        }
-    }
-
-    /// Factors the set anew.
-    fn rebuild(&mut self) {
-        let mut working = std::mem::take(&mut self.solver.working);
-        let left_out = working.rebuild(|constraint, m| self.transform(constraint, m));
-        self.solver.working = working;
-        left_out.into_iter().for_each(|constraint| self.set_state(constraint, State::Free));
-    }
-
-    /// A first working set of bounds, if many are violated: all that are enter together, those of negative multipliers leave together, some
-    /// times (Hintermüller, Ito, Kunisch 2003, SIAM J. Optim. 13). A set is factored at once for the work of a few single changes.
-    fn guess_bounds(&mut self) {
-        for _ in 0..ACTIVE_SET.guesses {
-            self.hold();
-            let z = &mut self.solver.scratch.z;
-            self.solver.hessian.backward(&self.solver.scratch.y, z);
-            let outside = |j: &usize| self.qp.lower[*j] > z[*j] || z[*j] > self.qp.upper[*j];
-            let free = |j: &usize| self.solver.states[*j] == State::Free;
-            let entering: Vec<usize> = (0..self.solver.n).filter(free).filter(outside).collect();
-            if entering.len() < ACTIVE_SET.guessed {
-                return;
-            }
-            let ActiveSet { working, states, scratch: Scratch { z, .. }, .. } = &mut *self.solver;
-            self.changes += entering.len() + working.len();
-            working.members.retain(|member| member.multiplier >= 0.0);
-            self.changes -= working.len();
-            working.members.extend(entering.into_iter().map(|j| {
-                let constraint = if z[j] < self.qp.lower[j] { Constraint::Lower(j) } else { Constraint::Upper(j) };
-                Member { constraint, multiplier: 0.0, norm: 0.0 }
-            }));
-            states.fill(State::Free);
-            working.members.iter().for_each(|member| match member.constraint {
-                Constraint::Lower(j) | Constraint::Upper(j) => states[j] = State::Working,
-                Constraint::Row(_) => {}
-            });
-            self.rebuild();
-        }
-    }
-
-    /// Whether a row of the set is another one than that of the last problem, at the same Hessian.
-    fn rows_changed(&mut self) -> bool {
-        let mut m = std::mem::take(&mut self.solver.scratch.entering);
-        let mut rows = self.solver.working.members.iter().map(|member| member.constraint).enumerate();
-        let changed = rows.any(|(place, constraint)| {
-            matches!(constraint, Constraint::Row(_)) && {
-                self.transform(constraint, &mut m);
-                !self.solver.working.has(place, &m)
-            }
-        });
-        self.solver.scratch.entering = m;
-        changed
-    }
-
-    /// Computes the multipliers at which the working rows hold, and y.
-    pub fn hold(&mut self) {
-        let (mut y, mut sum) = (std::mem::take(&mut self.solver.scratch.y), std::mem::take(&mut self.solver.scratch.a));
-        sum.copy_from_slice(self.qp.gradient);
-        for row in 0..self.solver.m {
-            if self.solver.states[self.solver.n + row] == State::Saturated {
-                self.add_row(Constraint::Row(row), self.qp.weights[row], &mut sum);
-            }
-        }
-        self.solver.hessian.forward(&sum, &mut y);
-        self.reach = self.reach.max(norm(&y));
-        y.iter_mut().for_each(|y| *y = -*y);
-        let working = &self.solver.working;
-        let k = working.len();
-        working.transposed_product(&y, &mut sum);
-        for (sum, member) in sum.iter_mut().zip(&working.members) {
-            *sum -= self.limit(member.constraint);
-        }
-        working.solve_transposed(&mut sum[..k]);
-        working.solve(&mut sum[..k]);
-        working.add_product(-1.0, &sum, &mut y);
-        for (member, multiplier) in self.solver.working.members.iter_mut().zip(&sum) {
-            member.multiplier = *multiplier;
-        }
-        (self.solver.scratch.y, self.solver.scratch.a) = (y, sum);
-    }
-
-    /// Lets working rows go whose multipliers are out of their range by more than `slack`; whether any was.
-    pub fn release_out_of_range(&mut self, slack: f64) -> bool {
-        let before = self.solver.working.len();
-        for place in (0..before).rev() {
-            let member = self.solver.working.members[place];
-            let state = match member.multiplier {
-                low if low < -slack => State::Free,
-                high if high > self.weight(member.constraint) + slack => State::Saturated,
-                _ => continue,
-            };
-            self.solver.working.remove(place);
-            self.set_state(member.constraint, state);
-            self.changes += 1;
-        }
-        self.solver.working.len() < before
     }
 
     fn solution(&self) -> QpSolution {

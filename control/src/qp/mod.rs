@@ -35,6 +35,7 @@ mod check;
 mod hessian;
 mod refine;
 mod step;
+mod warm;
 mod working;
 
 pub use active_set::ActiveSet;

@@ -52,6 +52,10 @@ impl Run<'_> {
                 Constraint::Row(_) => {}
             }
         }
+        // others may be out of theirs by the tolerance
+        for (z, (lower, upper)) in z.iter_mut().zip(self.qp.lower.iter().zip(self.qp.upper)) {
+            *z = z.clamp(*lower, *upper);
+        }
         self.solver.scratch = scratch;
         if self.release_out_of_range(ACTIVE_SET.sign * scale) {
             self.hold();

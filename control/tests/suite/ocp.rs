@@ -6,9 +6,13 @@ use faer::Mat;
 use pliant_control::ocp::{Condensed, Ocp, OcpConstraint, OcpError, OcpSolution, OcpSolver, Riccati, Rows, choose};
 use std::ops::Range;
 
-/// Seeds looked at during development, and seeds that were run once when all was done.
+/// Seeds looked at during development.
 const SEEDS: Range<u64> = 0..200;
-const FRESH: Range<u64> = 5000..6000;
+/// Seeds that each were fresh once, and showed: iterations that cycled; inputs out of their bounds by rounding; hard rows that leave one
+/// point, at which factors lose their digits.
+const FORMERLY_FRESH: [Range<u64>; 3] = [5000..6000, 20000..21000, 30000..31000];
+/// Seeds that were run once, when all was done.
+const FRESH: Range<u64> = 40000..41000;
 
 /// Solves by both methods and checks each one's conditions of optimality and that they agree.
 fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
@@ -28,7 +32,7 @@ fn both(name: &str, ocp: &Ocp) -> [OcpSolution; 2] {
 
 #[test]
 fn conditions_of_optimality_and_agreement() {
-    for seed in SEEDS.chain(FRESH) {
+    for seed in SEEDS.chain(FORMERLY_FRESH.into_iter().flatten()).chain(FRESH) {
         both(&format!("seed {seed}"), &random(seed));
     }
 }
@@ -87,7 +91,8 @@ fn long_horizon() {
 /// The second of two problems differs in one array only: nothing of the first may stay.
 #[test]
 fn every_array_counts() {
-    let changes: [(&str, fn(&mut Ocp)); 14] = [
+    type Change = fn(&mut Ocp);
+    let changes: [(&str, Change); 14] = [
         ("x0", |ocp| ocp.x0[0] += 0.5),
         ("a", |ocp| ocp.stages[1].a[(0, 0)] += 0.5),
         ("b", |ocp| ocp.stages[1].b[(0, 0)] += 0.5),
@@ -120,24 +125,29 @@ fn every_array_counts() {
     }
 }
 
-/// A plan is solved anew from the next state as the first stage has passed: counts fall, solutions are those of a solver without memory.
+/// A plan is solved anew from the next state, as the first stage has passed: counts fall, most if the working set is shifted with time, and
+/// solutions are those of a solver without memory.
 #[test]
 fn warm_starts() {
     let ocp = chain(5, 20, 0.6, 0.5, 100.0, 2);
-    let mut solver = Condensed::new();
-    let mut solution = solver.solve(&ocp).unwrap();
-    assert_eq!(solver.solve(&ocp).unwrap().iterations, 0);
-    let (mut warm, mut cold) = (0, 0);
+    let [mut shifted, mut kept] = [Condensed::new(), Condensed::new()];
+    let mut solution = shifted.solve(&ocp).unwrap();
+    kept.solve(&ocp).unwrap();
+    assert_eq!(kept.solve(&ocp).unwrap().iterations, 0);
+    let mut counts = [0; 3];
     let mut moved = ocp.clone();
     for _ in 0..10 {
         moved.x0 = solution.x[1].clone();
-        solution = solver.solve(&moved).unwrap();
-        let fresh = Condensed::new().solve(&moved).unwrap();
-        assert!(difference(&solution.u, &fresh.u) < 1e-9);
-        warm += solution.iterations;
-        cold += fresh.iterations;
+        shifted.shift();
+        let solutions = [&mut shifted, &mut kept, &mut Condensed::new()].map(|solver| solver.solve(&moved).unwrap());
+        for (count, other) in counts.iter_mut().zip(&solutions) {
+            assert!(difference(&solutions[2].u, &other.u) < 1e-9);
+            *count += other.iterations;
+        }
+        solution = solutions[0].clone();
     }
-    assert!(2 * warm < cold, "{warm} {cold}");
+    let [of_shifted, of_kept, of_fresh] = counts;
+    assert!(2 * of_shifted < of_kept && of_kept < of_fresh, "{counts:?}");
 }
 
 /// Inputs whose bounds coincide, rows of no price, rows without a limit.

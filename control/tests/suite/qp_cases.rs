@@ -113,10 +113,8 @@ impl Case {
         let soft: Vec<usize> = (0..self.limits.len()).filter(|&i| self.weights[i].is_finite()).collect();
         let total = n + soft.len();
         let mut p = vec![vec![0.0; total]; total];
-        for j in 0..n {
-            for i in 0..=j {
-                p[i][j] = self.h[(i, j)];
-            }
+        for (i, row) in p.iter_mut().enumerate().take(n) {
+            (i..n).for_each(|j| row[j] = self.h[(i, j)]);
         }
         let gradient: Vec<f64> = self.g.iter().copied().chain(soft.iter().map(|&i| self.weights[i])).collect();
         let (mut a, mut b): (Vec<Vec<f64>>, Vec<f64>) = (Vec::new(), Vec::new());

@@ -20,26 +20,41 @@ impl Run<'_> {
             row.decide(states, slopes);
         }
         let weight = OCP.polish_weight * slopes / states;
-        self.rows.iter_mut().for_each(|rows| rows.weigh_held(weight));
-        let solved = self.recursion.factor(self.ocp, &self.rows).is_ok() && {
-            self.evaluate();
-            let mut error = f64::INFINITY;
-            for _ in 0..OCP.polish_steps {
-                self.step_of_equations();
-                let last = std::mem::replace(&mut error, self.error_of_equations());
-                // no further digits
-                if error < OCP.polished * OCP.aimed || error > 0.5 * last {
-                    break;
-                }
+        let mut solved = false;
+        for guess in 0..OCP.guesses {
+            if guess > 0 {
+                self.rows.iter_mut().flat_map(|rows| &mut rows.list).for_each(Inequality::decide_again);
             }
-            error <= OCP.aimed
-        };
+            solved = self.solve_equations(weight);
+            if solved {
+                break;
+            }
+        }
         if !solved {
             self.take_back();
             return false;
         }
         self.rows.iter_mut().flat_map(|rows| &mut rows.list).for_each(Inequality::clamp);
         true
+    }
+
+    /// Whether the rows that hold, with those that are free or priced, are a solution.
+    fn solve_equations(&mut self, weight: f64) -> bool {
+        self.rows.iter_mut().for_each(|rows| rows.weigh_held(weight));
+        if self.recursion.factor(self.ocp, &self.rows).is_err() {
+            return false;
+        }
+        self.evaluate();
+        let mut error = f64::INFINITY;
+        for _ in 0..OCP.polish_steps {
+            self.step_of_equations();
+            let last = std::mem::replace(&mut error, self.error_of_equations());
+            // no further digits
+            if error < OCP.polished * OCP.aimed || error > 0.5 * last {
+                break;
+            }
+        }
+        error <= OCP.aimed
     }
 
     fn step_of_equations(&mut self) {

@@ -143,7 +143,7 @@ impl StageRows {
         self.list.iter().for_each(|row| self.add_row(row.kind, row.lambda, gx, gu));
     }
 
-    /// Sets the targets of s λ and σ ν to `mu`, less the product of the last step's parts if `correct`, and adds D ρ gᵀ.
+    /// Sets the targets of s λ and σ ν to `mu`, less the products of the last step's changes if `correct`, and adds D ρ gᵀ.
     pub fn add_gradient(&mut self, mu: f64, correct: bool, gx: &mut [f64], gu: &mut [f64]) {
         for row in &mut self.list {
             let last = if correct { (row.ds * row.dlambda, -row.dsigma * row.dlambda) } else { (0.0, 0.0) };
@@ -308,12 +308,30 @@ impl Inequality {
     /// Takes a row for what its slack and multiplier say, relative to the sizes of states and slopes.
     pub fn decide(&mut self, states: f64, slopes: f64) {
         let small = |slack: f64, multiplier: f64| slack * slopes < multiplier * states;
-        self.phase = match (small(self.s, self.lambda), !self.is_soft() || small(self.sigma, self.nu)) {
+        self.enter(match (small(self.s, self.lambda), !self.is_soft() || small(self.sigma, self.nu)) {
             (false, _) => Phase::Free,
             (true, true) => Phase::Held,
             (true, false) => Phase::Priced,
+        });
+    }
+
+    /// Takes a row for what the equations showed: a free row that is violated, or a priced one that is not, holds; one that holds with a
+    /// multiplier out of its range is free or priced.
+    pub fn decide_again(&mut self) {
+        let excess = self.value - self.limit;
+        let phase = match self.phase {
+            Phase::Free if excess > 0.0 => Phase::Held,
+            Phase::Priced if excess < 0.0 => Phase::Held,
+            Phase::Held if self.lambda < 0.0 => Phase::Free,
+            Phase::Held if self.lambda > self.weight => Phase::Priced,
+            phase => phase,
         };
-        match self.phase {
+        self.enter(phase);
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        self.phase = phase;
+        match phase {
             Phase::Free => self.lambda = 0.0,
             Phase::Held => {}
             Phase::Priced => self.lambda = self.weight,
@@ -330,6 +348,11 @@ impl Inequality {
         let to_zero = |value: f64, change: f64| if change < 0.0 { -value / change } else { f64::INFINITY };
         let hard = to_zero(self.s, self.ds).min(to_zero(self.lambda, self.dlambda));
         if self.is_soft() { hard.min(to_zero(self.sigma, self.dsigma)).min(to_zero(self.nu, -self.dlambda)) } else { hard }
+    }
+
+    /// The larger of s λ and σ ν.
+    pub fn largest_product(&self) -> f64 {
+        f64::max(self.s * self.lambda, self.sigma * self.nu)
     }
 
     /// Sum of the products s λ and σ ν after a part of the last step, and their number.
