@@ -3,7 +3,7 @@
 //! The measured state is taken as it is. A controller that could not improve its plan in time goes on with the shifted one, and says
 //! so: [`Update::status`].
 
-use crate::plan::{Plan, PlanError, PlanOptions, PlanStatus, PlanStep, Search, Violation};
+use crate::plan::{Plan, PlanError, PlanOptions, PlanStatus, PlanStep, Search, Violation, Warm};
 use crate::problem::Problem;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::Rollout;
@@ -17,7 +17,7 @@ pub struct Mpc<P> {
     theta: Vec<f64>,
     options: PlanOptions,
     controls: Vec<Vec<f64>>,
-    damping: f64,
+    warm: Warm,
 }
 
 /// What an update decided.
@@ -55,7 +55,7 @@ impl<P: Problem> Mpc<P> {
         if let Some((row, u)) = controls.iter().enumerate().find(|(_, u)| u.len() != model.nu()) {
             return Err(PlanError::Inputs { row, got: u.len(), expected: model.nu() });
         }
-        Ok(Self { problem, model: Arc::clone(model), theta: theta.to_vec(), options, controls, damping: 0.0 })
+        Ok(Self { problem, model: Arc::clone(model), theta: theta.to_vec(), options, controls, warm: Warm::default() })
     }
 
     /// The plan that the next update starts from.
@@ -99,10 +99,10 @@ impl<P: Problem> Mpc<P> {
     /// A state from which the shifted plan cannot be simulated; a cost that is not finite.
     pub fn update(&mut self, x: &State) -> Result<Update, PlanError> {
         let start = std::time::Instant::now();
-        let mut search =
-            Search::new(&self.problem, &self.model, &self.theta, x, &self.controls, self.options)?.damped(self.damping);
+        let mut search = Search::new(&self.problem, &self.model, &self.theta, x, &self.controls, self.options)?
+            .warm(std::mem::take(&mut self.warm));
         let (steps, status) = search.run(self.options, start)?;
-        self.damping = search.damping();
+        self.warm = search.take_warm();
         let (_, penalty) = search.value();
         let Plan { rollout, cost, violations, steps, status, .. } = search.finish(steps, status)?;
         self.controls.clone_from(&rollout.controls);

@@ -19,7 +19,7 @@ pub use holding::{Approach, approaches};
 pub use model::QuadraticModel;
 
 use crate::problem::{Problem, Terms};
-use crate::qp::{ActiveSet, QpError};
+use crate::qp::{ActiveSet, Constraint, QpError};
 use constants::PLAN;
 use pliant_adjoint::{AdjointError, surrogate_rollout};
 use pliant_engine::grasp::Grasping;
@@ -197,6 +197,13 @@ pub fn plan(
     search.finish(steps, status)
 }
 
+/// What a search leaves for the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Warm {
+    damping: f64,
+    solver: ActiveSet,
+}
+
 /// The search for a plan, step by step.
 pub struct Search<'a> {
     problem: &'a dyn Problem,
@@ -267,14 +274,26 @@ impl<'a> Search<'a> {
         Ok(out)
     }
 
-    /// Starts with a damping that an earlier search of a problem alike ended with.
-    pub(crate) fn damped(self, damping: f64) -> Self {
-        Self { damping, ..self }
+    /// Starts with what an earlier search, of a problem that began a step before, ended with.
+    pub(crate) fn warm(self, Warm { damping, solver }: Warm) -> Self {
+        Self { damping, solver, ..self }
     }
 
-    /// The damping that the next step is tried with.
-    pub(crate) fn damping(&self) -> f64 {
-        self.damping
+    /// What a search of a problem that begins a step later may start with: the damping, and the bounds and constraints that hold.
+    pub(crate) fn take_warm(&mut self) -> Warm {
+        let (nu, places) = (self.rollout.model.nu(), &self.model.places);
+        let mut solver = std::mem::take(&mut self.solver);
+        let earlier = |j: usize| j.checked_sub(nu);
+        solver.renumber(|constraint| match constraint {
+            Constraint::Lower(j) => earlier(j).map(Constraint::Lower),
+            Constraint::Upper(j) => earlier(j).map(Constraint::Upper),
+            Constraint::Row(row) => {
+                let (stage, own) = *places.get(row)?;
+                let moved = (stage.checked_sub(1)?, own);
+                places.binary_search(&moved).ok().map(Constraint::Row)
+            }
+        });
+        Warm { damping: self.damping, solver }
     }
 
     /// J and Σ price max(0, c) of the best plan so far.
