@@ -7,6 +7,7 @@ use crate::options::Trajectory;
 use crate::rollout::wrap;
 use faer::Mat;
 use numpy::{PyArray1, PyArray2};
+use pliant::control::conformal::{self, Coverage};
 use pliant::control::mpc::{Mpc as Engine, Update};
 use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
 use pliant::control::plan::{self, Annealing, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
@@ -597,6 +598,32 @@ impl Mppi {
         let first = py.detach(|| self.inner.lock().unwrap_or_else(PoisonError::into_inner).update(&x));
         Ok(to_vector(py, first.map_err(failed)?))
     }
+}
+
+/// A bound on one-step errors from held-out runs by split conformal prediction: a dict (see the stubs).
+#[pyfunction]
+#[pyo3(signature = (runs, delta, horizon, *, coverage="trajectory"))]
+pub fn conformal_bound<'py>(
+    py: Python<'py>,
+    runs: Vec<Vec<f64>>,
+    delta: f64,
+    horizon: usize,
+    coverage: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let coverage = match coverage {
+        "trajectory" => Coverage::Trajectory,
+        "transitions" => Coverage::Transitions,
+        other => return Err(input(format!("coverage is \"{other}\", but must be \"trajectory\" or \"transitions\""))),
+    };
+    let bound = conformal::conformal_bound(&runs, delta, horizon, coverage, false).map_err(input)?;
+    let dict = PyDict::new(py);
+    dict.set_item("radius", bound.radius)?;
+    dict.set_item("delta", bound.delta)?;
+    dict.set_item("horizon", bound.horizon)?;
+    dict.set_item("scores", bound.scores)?;
+    dict.set_item("rank", bound.rank)?;
+    dict.set_item("statement", bound.statement())?;
+    Ok(dict)
 }
 
 fn word(status: PlanStatus) -> &'static str {

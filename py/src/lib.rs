@@ -41,6 +41,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::load_task, m)?)?;
     m.add_function(wrap_pyfunction!(control::loads_task, m)?)?;
     m.add_function(wrap_pyfunction!(control::plan_inputs, m)?)?;
+    m.add_function(wrap_pyfunction!(control::conformal_bound, m)?)?;
     m.add_function(wrap_pyfunction!(import::import_model, m)?)?;
     m.add_function(wrap_pyfunction!(bench::bench, m)?)?;
     m.add_function(wrap_pyfunction!(study::fit, m)?)?;

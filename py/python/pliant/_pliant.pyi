@@ -699,6 +699,36 @@ class Mpc:
     def status(self) -> PlanStatus:
         """Why the last update ended."""
 
+class ConformalBound(TypedDict):
+    """A bound on one-step errors, and what it supports."""
+
+    radius: float
+    """In the unit of the scores: `disturbance=` of `Task.mpc` where these are distances of states."""
+    delta: float
+    """Risk that any of the errors of a new run exceeds it."""
+    horizon: int
+    """Steps of the new run."""
+    scores: int
+    """Number of calibration scores."""
+    rank: int
+    """Which of them, from the smallest, the radius is."""
+    statement: str
+    """What it says, and on what condition, in words."""
+
+def conformal_bound(
+    runs: Sequence[Sequence[float]] | ArrayLike,
+    delta: float,
+    horizon: int,
+    *,
+    coverage: Literal["trajectory", "transitions"] = "trajectory",
+) -> ConformalBound:
+    """A bound on one-step errors from held-out runs, by split conformal prediction.
+
+    runs: of each run its errors |x⁺ − f(x, u)|, step by step. delta: risk that any of the `horizon` errors of a new run exceeds the bound.
+    coverage: "trajectory" takes the largest error of each run as one score, runs being exchangeable with the new one; "transitions"
+    every error, with the union bound. InputError if there are too few runs, with how many are needed: never the largest score instead.
+    """
+
 def load_task(path: str | PathLike[str]) -> Task:
     """Reads a task file (TOML) and the scene beside it. InputError says file, line, field, cause and fix."""
 
