@@ -1,5 +1,6 @@
 //! Decisions from gradients: optimal control through contact, plans, robust MPC.
 
+pub mod closed_loop;
 pub mod conformal;
 mod constants;
 mod kernels;
