@@ -7,6 +7,7 @@
 //! conformal   bounds of one-step prediction errors from held-out runs: the disturbances of a tube
 //! ```
 
+pub mod closed_loop;
 pub mod conformal;
 mod constants;
 mod kernels;

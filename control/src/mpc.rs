@@ -93,6 +93,26 @@ impl<P: Problem> Mpc<P> {
         Ok(())
     }
 
+    /// The inputs that the last plan has for now, within their bounds, where there was no update; the plan is shifted as by an update.
+    pub fn hold(&mut self) -> Vec<f64> {
+        let mut now = self.controls[0].clone();
+        let (mut lower, mut upper) = (vec![0.0; now.len()], vec![0.0; now.len()]);
+        self.problem.bounds(0, &mut lower, &mut upper);
+        for (u, (low, high)) in now.iter_mut().zip(lower.iter().zip(&upper)).filter(|(_, (low, high))| low <= high) {
+            *u = u.clamp(*low, *high);
+        }
+        self.shift();
+        now
+    }
+
+    /// The rows a step on; the last one is repeated.
+    fn shift(&mut self) {
+        self.controls.rotate_left(1);
+        if let [.., before, last] = self.controls.as_mut_slice() {
+            last.clone_from(before);
+        }
+    }
+
     /// Improves the plan from the measured state `x`, and shifts it for the next update: the last inputs are repeated.
     ///
     /// # Errors
@@ -106,10 +126,7 @@ impl<P: Problem> Mpc<P> {
         let (_, penalty) = search.value();
         let Plan { rollout, cost, violations, steps, status, .. } = search.finish(steps, status)?;
         self.controls.clone_from(&rollout.controls);
-        self.controls.rotate_left(1);
-        if let [.., before, last] = self.controls.as_mut_slice() {
-            last.clone_from(before);
-        }
+        self.shift();
         Ok(Update { rollout, steps, status, cost, penalty, violations })
     }
 }

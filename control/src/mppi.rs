@@ -135,7 +135,7 @@ impl<P: Problem> Mppi<P> {
 type Sample = (f64, Vec<Vec<f64>>);
 
 /// A standard normal number (Box and Muller).
-fn normal(random: &mut Pcg64) -> f64 {
+pub(crate) fn normal(random: &mut Pcg64) -> f64 {
     let (a, b): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
 }

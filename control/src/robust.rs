@@ -33,6 +33,24 @@ pub struct TubeOptions {
     pub exact: bool,
 }
 
+impl TubeOptions {
+    /// Exact tubes of [`ball_of_free_nodes`] about a state that is measured exactly.
+    pub fn of_ball(model: &Model, radius: f64) -> Self {
+        Self { disturbance: ball_of_free_nodes(model, radius), initial: Mat::zeros(model.ndx(), 0), exact: true }
+    }
+}
+
+/// E of a disturbance that displaces all free nodes together by a vector of length `radius` [m] at most: ndx rows, three columns a node.
+pub fn ball_of_free_nodes(model: &Model, radius: f64) -> Mat<f64> {
+    let free = free_rows(model);
+    Mat::from_fn(model.ndx(), free.len(), |r, c| if free[c] == r { radius } else { 0.0 })
+}
+
+/// Rows of a change of state that displace nodes which no gripper holds.
+pub fn free_rows(model: &Model) -> Vec<usize> {
+    (0..3 * model.n_nodes()).filter(|row| !model.prescribed()[row / 3]).collect()
+}
+
 /// Constraints moved in by a tube.
 struct Tightened<P> {
     problem: P,
@@ -133,6 +151,21 @@ impl<P: Problem> RobustMpc<P> {
     /// As [`Mpc::update`]; a tube that cannot be made.
     pub fn update(&mut self, x: &State) -> Result<RobustUpdate, RobustError> {
         let update = self.inner.update(x)?;
+        let controls = update.rollout.controls.clone();
+        self.surround(update).or_else(|error| {
+            // a plan without a tube is not shifted, so that `hold` has its inputs for now
+            self.inner.set_controls(controls)?;
+            Err(error)
+        })
+    }
+
+    /// The inputs that the last plan has for now, where there was no update; the plan is shifted as by an update.
+    pub fn hold(&mut self) -> Vec<f64> {
+        self.inner.hold()
+    }
+
+    /// Makes the tube about a plan.
+    fn surround(&mut self, update: Update) -> Result<RobustUpdate, RobustError> {
         let about = self.about(&update.rollout)?;
         let n = update.rollout.controls.len();
         let disturbance = Disturbance::new((0..=n).map(|k| if k == 0 { about.of_start.clone() } else { about.of_step.clone() }));

@@ -12,7 +12,7 @@ use pliant::control::mpc::{Mpc as Engine, Update};
 use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
 use pliant::control::plan::{self, Annealing, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
 use pliant::control::problem::{Problem, Rows, Terms};
-use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions};
+use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions, ball_of_free_nodes};
 use pliant::scene::Source;
 use pliant::{Rollout, State, TaskCase};
 use pyo3::prelude::*;
@@ -392,11 +392,11 @@ impl Plan {
     /// Why the search ended: "converged", "iterations", "time" or "stalled".
     #[getter]
     fn status(&self) -> &'static str {
-        word(self.status)
+        self.status.word()
     }
 
     fn __repr__(&self) -> String {
-        format!("<pliant.Plan: cost {:.6}, {} violations, {}>", self.cost, self.violations.len(), word(self.status))
+        format!("<pliant.Plan: cost {:.6}, {} violations, {}>", self.cost, self.violations.len(), self.status.word())
     }
 }
 
@@ -414,7 +414,7 @@ struct Loop {
 }
 
 enum Controller {
-    Nominal(Engine<AnyProblem>),
+    Nominal(Box<Engine<AnyProblem>>),
     Tubes(Box<RobustMpc<AnyProblem>>),
 }
 
@@ -445,8 +445,7 @@ fn disturbance(model: &Model, name: &str, given: &Bound<PyAny>) -> PyResult<Mat<
         if !radius.is_finite() || radius < 0.0 {
             return Err(input(format!("{name} is {radius} m, but must be a radius, finite and not negative")));
         }
-        let free: Vec<usize> = (0..3 * engine.n_nodes()).filter(|row| !engine.prescribed()[row / 3]).collect();
-        return Ok(Mat::from_fn(engine.ndx(), free.len(), |r, c| if free[c] == r { radius } else { 0.0 }));
+        return Ok(ball_of_free_nodes(engine, radius));
     }
     let columns = given.getattr("shape").ok().and_then(|shape| shape.get_item(1).ok()).and_then(|n| n.extract::<usize>().ok());
     let columns = columns.ok_or_else(|| input(format!("{name} must be a radius [m] or a matrix (ndx, nw)")))?;
@@ -464,7 +463,7 @@ impl Mpc {
         options: PlanOptions,
     ) -> PyResult<Self> {
         let engine = Engine::new(problem, model.get().engine(), theta, controls, options).map_err(failed)?;
-        Ok(Self::of(Controller::Nominal(engine), model))
+        Ok(Self::of(Controller::Nominal(Box::new(engine)), model))
     }
 
     fn of(controller: Controller, model: Py<Model>) -> Self {
@@ -579,7 +578,7 @@ impl Mpc {
     /// Why the last update ended.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<&'static str> {
-        self.last(py, |update| Ok(word(update.status)))
+        self.last(py, |update| Ok(update.status.word()))
     }
 }
 
@@ -624,15 +623,6 @@ pub fn conformal_bound<'py>(
     dict.set_item("rank", bound.rank)?;
     dict.set_item("statement", bound.statement())?;
     Ok(dict)
-}
-
-fn word(status: PlanStatus) -> &'static str {
-    match status {
-        PlanStatus::Converged => "converged",
-        PlanStatus::Iterations => "iterations",
-        PlanStatus::Time => "time",
-        PlanStatus::Stalled => "stalled",
-    }
 }
 
 fn broken<'py>(py: Python<'py>, violations: &[Violation]) -> PyResult<Bound<'py, PyList>> {

@@ -1,5 +1,9 @@
 //! Failures of a command: place, mistake, likely cause and fix; and its exit code.
 
+use super::inputs::InputsError;
+use pliant::control::closed_loop::LoopError;
+use pliant::control::plan::PlanError;
+use pliant::control::robust::RobustError;
 use pliant::identify::IdentifyError;
 use pliant::identify::log::LogError;
 use pliant::identify::report::ReportError;
@@ -34,6 +38,18 @@ pub enum Failure {
     /// A fit or a diagnosis failed.
     #[error("error: {scene}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, scene = .scene.display())]
     Identify { scene: PathBuf, source: Box<IdentifyError>, advice: (&'static str, &'static str) },
+    /// A control log is refused.
+    #[error("error: {0}")]
+    Inputs(#[from] InputsError),
+    /// There is no plan.
+    #[error("error: {task}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, task = .task.display())]
+    Plan { task: PathBuf, source: Box<PlanError>, advice: (&'static str, &'static str) },
+    /// A closed loop ended early.
+    #[error("error: {task}: {source}\n  likely cause: {}\n  fix: {}", .advice.0, .advice.1, task = .task.display())]
+    Loop { task: PathBuf, source: Box<LoopError>, advice: (&'static str, &'static str) },
+    /// A plant of another size.
+    #[error("error: {plant}: {what}\n  likely cause: a scene with other objects or grippers\n  fix: give a scene that differs from the task's in its numbers alone", plant = .plant.display())]
+    Plant { plant: PathBuf, what: String },
     /// The report cannot be written.
     #[error("error: {0}")]
     Report(#[from] ReportError),
@@ -43,6 +59,9 @@ pub enum Failure {
     /// An output of an unknown kind.
     #[error("error: {path}: ends neither in .csv nor in .npz\n  likely cause: another format was meant\n  fix: write `--out {stem}.csv` or `--out {stem}.npz`", path = .path.display(), stem = .path.with_extension("").display())]
     Kind { path: PathBuf },
+    /// A control log of another kind.
+    #[error("error: {path}: does not end in .csv\n  likely cause: another format was meant\n  fix: write `--inputs {stem}.csv`", path = .path.display(), stem = .path.with_extension("").display())]
+    InputsKind { path: PathBuf },
     /// A page of another kind.
     #[error("error: {path}: does not end in .html\n  likely cause: another format was meant\n  fix: write `--view {stem}.html`", path = .path.display(), stem = .path.with_extension("").display())]
     PageKind { path: PathBuf },
@@ -66,6 +85,8 @@ impl Failure {
             Self::Step { source, .. } => !is_input(source),
             Self::Adjoint { .. } | Self::View { .. } | Self::NotPassed(_) => true,
             Self::Identify { source, .. } => !source.is_input(),
+            Self::Plan { source, .. } => !is_input_of_plan(source),
+            Self::Loop { .. } => true,
             Self::Report(error) => !error.is_input(),
             _ => false,
         };
@@ -118,6 +139,35 @@ impl Failure {
         Self::Identify { scene: scene.to_owned(), source: Box::new(source), advice }
     }
 
+    /// A plan that cannot be made.
+    pub fn plan(task: &Path, source: PlanError) -> Self {
+        Self::Plan { task: task.to_owned(), advice: advice_on_plan(&source), source: Box::new(source) }
+    }
+
+    /// A controller that cannot be made.
+    pub fn controller(task: &Path, source: RobustError) -> Self {
+        match source {
+            RobustError::Plan(source) => Self::plan(task, source),
+            other => Self::looped(task, LoopError::Controller { step: 0, failures: 1, source: other }),
+        }
+    }
+
+    /// A closed loop that ended early.
+    pub fn looped(task: &Path, source: LoopError) -> Self {
+        let advice = match &source {
+            LoopError::Start { .. } => ("the plant is not ready", "start it before the controller"),
+            LoopError::Plant { .. } => (
+                "the inputs lead where the plant's scene cannot be simulated",
+                "shorten `time.step`, bound the inputs more narrowly, or look ahead further with `--horizon`",
+            ),
+            LoopError::Controller { source: RobustError::Plan(source), .. } => advice_on_plan(source),
+            LoopError::Controller { .. } => {
+                ("the disturbance is too large for the constraints", "lower `--disturbance`, or plan without `--tubes`")
+            }
+        };
+        Self::Loop { task: task.to_owned(), advice, source: Box::new(source) }
+    }
+
     /// Stdout cannot be written; files that were written before are complete.
     pub fn stdout(source: std::io::Error) -> Self {
         let (cause, fix) = match source.kind() {
@@ -156,6 +206,33 @@ fn is_input(step: &StepError) -> bool {
             | StepError::Frames { .. }
             | StepError::Parameter { .. }
     )
+}
+
+/// Whether the input is to blame, not the numerics.
+fn is_input_of_plan(error: &PlanError) -> bool {
+    match error {
+        PlanError::Guess(step) | PlanError::Adjoint(AdjointError::Step(step)) => is_input(step),
+        PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => true,
+        PlanError::Adjoint(_) | PlanError::NotFinite { .. } | PlanError::Step(_) => false,
+    }
+}
+
+/// (likely cause, fix).
+fn advice_on_plan(error: &PlanError) -> (&'static str, &'static str) {
+    match error {
+        PlanError::Guess(step) | PlanError::Adjoint(AdjointError::Step(step)) => advice(step),
+        PlanError::Adjoint(_) => ("an internal error", "report this as a bug"),
+        PlanError::NotFinite { .. } => {
+            ("a weight, a goal or a price of an extreme size", "check the weights and prices of the task")
+        }
+        PlanError::Step(_) => (
+            "weights and prices of very different sizes, or a rollout whose derivatives grow without bound",
+            "choose weights of like size, or plan fewer steps with `--steps`",
+        ),
+        PlanError::Inputs { .. } | PlanError::Empty => ("inputs of another scene", "give one row of inputs per step"),
+        PlanError::Problem(_) => ("a cost that has no value at this state", "check the task's costs and limits"),
+        PlanError::Bounds { .. } => ("two limits of the same input", "correct `lower` and `upper` in the task"),
+    }
 }
 
 /// (likely cause, fix).

@@ -11,6 +11,11 @@ mod file;
 mod fit;
 mod gradcheck;
 mod import;
+mod inputs;
+mod mpc;
+mod numbers;
+mod outputs;
+mod plan;
 mod print;
 mod progress;
 mod schema;
@@ -18,6 +23,7 @@ mod simulate;
 mod threads;
 mod trajectory;
 mod view;
+mod violations;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -43,11 +49,15 @@ enum Command {
     Fit(fit::Arguments),
     /// Find the physical effects that a scene lacks to explain its logs, and write a report.
     Diagnose(diagnose::Arguments),
+    /// Plan the inputs of a task: those of least cost within its limits.
+    Plan(plan::Arguments),
+    /// Control a task in closed loop, with a simulated plant.
+    Mpc(mpc::Arguments),
     /// Convert an MJCF (MuJoCo) or URDF (ROS) model to a scene, with a report of every element.
     Import(import::Arguments),
     /// Write the scene of a cable: a chain of capsules, with clips and a floor.
     Cable(cable::Arguments),
-    /// Print the JSON Schema of scene files, or of the output of `diagnose` or `fit`.
+    /// Print the JSON Schema of scene files or task files, or of the output of `diagnose` or `fit`.
     Schema(schema::Arguments),
 }
 
@@ -58,6 +68,8 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Command::Gradcheck(arguments) => gradcheck::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Mpc(arguments) => mpc::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Cable(arguments) => cable::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),

@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::print;
 use clap::ValueEnum;
+use pliant::control::task::Task;
 use pliant::identify::log::Experiment;
 use pliant::identify::{Diagnosis, FitReport};
 use pliant::scene::json_schema;
@@ -18,6 +19,8 @@ pub struct Arguments {
 enum Subject {
     /// Scene files, their [experiment] included.
     Scene,
+    /// Task files of `pliant plan` and `pliant mpc`.
+    Task,
     /// Output of `pliant diagnose --json`.
     Diagnosis,
     /// Output of `pliant fit --json`.
@@ -28,6 +31,7 @@ enum Subject {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match arguments.subject {
         Subject::Scene => print::json(&json_schema::<Experiment>()),
+        Subject::Task => print::json(&schemars::schema_for!(Task)),
         Subject::Diagnosis => print::json(&schemars::schema_for!(Diagnosis)),
         Subject::Fit => print::json(&schemars::schema_for!(FitReport)),
     }

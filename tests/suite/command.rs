@@ -4,16 +4,16 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-fn pliant(arguments: &[&str]) -> Output {
+pub(crate) fn pliant(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pliant"));
     command.current_dir(env!("CARGO_MANIFEST_DIR")).args(arguments).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-fn json(output: &Output) -> Value {
+pub(crate) fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -27,12 +27,12 @@ fn changed(folder: &Path, scene: &str, from: &str, to: &str) -> PathBuf {
     path
 }
 
-fn entries(folder: &Path) -> usize {
+pub(crate) fn entries(folder: &Path) -> usize {
     std::fs::read_dir(folder).unwrap().count()
 }
 
 /// Exit code 2, nothing on stdout, and the four parts of an error on stderr.
-fn assert_refused(output: &Output, parts: &[&str]) {
+pub(crate) fn assert_refused(output: &Output, parts: &[&str]) {
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(output.stdout.is_empty());
@@ -235,6 +235,42 @@ fn the_schema_describes_the_experiment_too() {
     }
     let schema = json(&pliant(&["schema", "fit"]));
     assert!(schema["properties"]["warnings"]["description"].is_string());
+}
+
+/// Paths of keys without description.
+fn silent(schema: &Value, path: &str, out: &mut Vec<String>) {
+    for (key, value) in schema["properties"].as_object().into_iter().flatten() {
+        let path = format!("{path}.{key}");
+        if value["description"].is_null() && value["const"].is_null() {
+            out.push(path.clone());
+        }
+        silent(value, &path, out);
+    }
+    for branch in ["oneOf", "anyOf"].iter().flat_map(|list| schema[list].as_array().into_iter().flatten()) {
+        silent(branch, path, out);
+    }
+    for (name, definition) in schema["$defs"].as_object().into_iter().flatten() {
+        silent(definition, name, out);
+    }
+}
+
+#[test]
+fn every_key_of_a_task_is_described() {
+    let output = pliant(&["schema", "task"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let mut schema = json(&output);
+    let silent_keys = |schema: &Value| {
+        let mut out = Vec::new();
+        silent(schema, "task", &mut out);
+        out
+    };
+    assert_eq!(silent_keys(&schema), [""; 0]);
+    assert!(schema["properties"]["horizon"]["description"].is_string());
+    let nodes = schema["$defs"]["Cost"]["oneOf"].as_array_mut().unwrap();
+    let nodes = nodes.iter_mut().find(|branch| branch["properties"]["kind"]["const"] == "nodes").unwrap();
+    assert_eq!(nodes["properties"]["weight"]["description"], "Weight [1/m²].");
+    nodes["properties"]["weight"]["description"] = Value::Null;
+    assert_eq!(silent_keys(&schema), ["Cost.weight"], "the check sees a key without a description");
 }
 
 /// The built-in example's files in a folder; a text in one of them replaced.

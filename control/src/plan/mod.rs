@@ -101,6 +101,18 @@ pub struct PlanStep {
     pub rest_gap: Option<f64>,
 }
 
+impl PlanStatus {
+    /// Its word in outputs: `converged`, `iterations`, `time` or `stalled`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::Iterations => "iterations",
+            Self::Time => "time",
+            Self::Stalled => "stalled",
+        }
+    }
+}
+
 /// A constraint that a plan violates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Violation {
@@ -311,6 +323,19 @@ impl<'a> Search<'a> {
     /// # Errors
     /// As [`Search::step`].
     pub fn run(&mut self, options: PlanOptions, start: Instant) -> Result<(Vec<PlanStep>, PlanStatus), PlanError> {
+        self.run_and_tell(options, start, &mut |_, _| ())
+    }
+
+    /// As [`Search::run`]; `tell` hears of every step, counted from 1, as soon as it is taken.
+    ///
+    /// # Errors
+    /// As [`Search::step`].
+    pub fn run_and_tell(
+        &mut self,
+        options: PlanOptions,
+        start: Instant,
+        tell: &mut dyn FnMut(usize, &PlanStep),
+    ) -> Result<(Vec<PlanStep>, PlanStatus), PlanError> {
         let mut steps = Vec::new();
         loop {
             if steps.len() == options.iterations {
@@ -321,6 +346,7 @@ impl<'a> Search<'a> {
             }
             let (step, ended) = self.step(options, start)?;
             steps.push(step);
+            tell(steps.len(), &step);
             match ended {
                 Some(PlanStatus::Converged | PlanStatus::Stalled) if self.rest_gap.is_some() => self.anneal(options)?,
                 Some(status) => return Ok((steps, status)),
@@ -470,7 +496,7 @@ pub fn evaluate(problem: &dyn Problem, states: &[State], controls: &[Vec<f64>]) 
 }
 
 /// Cost and penalty of a stage.
-fn finite(terms: &Terms, stage: usize) -> Result<[f64; 2], PlanError> {
+pub(crate) fn finite(terms: &Terms, stage: usize) -> Result<[f64; 2], PlanError> {
     let both = [("the cost", terms.cost()), ("the penalty of the constraints", terms.penalty())];
     match both.iter().find(|(_, value)| !value.is_finite()) {
         Some(&(what, value)) => Err(PlanError::NotFinite { what, value, stage }),

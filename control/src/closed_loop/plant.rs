@@ -1,0 +1,85 @@
+//! What a loop asks of a plant, and the engine as one.
+
+use crate::mppi::normal;
+use crate::robust::free_rows;
+use pliant_engine::model::Model;
+use pliant_engine::step::{StepError, StepOptions, Stepper};
+use pliant_math::State;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::sync::Arc;
+
+/// What is controlled.
+pub trait Plant {
+    /// Measures the state now.
+    ///
+    /// # Errors
+    /// There is no measurement, in words.
+    fn state(&mut self) -> Result<State, String>;
+
+    /// Applies inputs for one step, and returns when the step is over.
+    ///
+    /// # Errors
+    /// The inputs were not applied, in words.
+    fn apply(&mut self, u: &[f64]) -> Result<(), String>;
+}
+
+/// A simulated plant: a model at parameters θ, if wished with a disturbance after every step.
+pub struct ModelPlant {
+    model: Arc<Model>,
+    stepper: Stepper<'static>,
+    state: State,
+    disturbance: Option<Disturber>,
+}
+
+struct Disturber {
+    radius: f64,
+    random: Pcg64,
+}
+
+impl ModelPlant {
+    /// A plant in the state `x0`.
+    ///
+    /// # Errors
+    /// A θ of another size or out of its bounds.
+    pub fn new(model: &Arc<Model>, theta: &[f64], x0: &State) -> Result<Self, StepError> {
+        let options = StepOptions { record: false, ..StepOptions::default() };
+        let stepper = Stepper::shared(Arc::clone(model), theta.to_vec(), options)?;
+        Ok(Self { model: Arc::clone(model), stepper, state: x0.clone(), disturbance: None })
+    }
+
+    /// The same with its free nodes displaced together, after every step, by a vector drawn uniformly from the ball of `radius` [m].
+    pub fn disturbed(self, radius: f64, seed: u64) -> Self {
+        Self { disturbance: Some(Disturber { radius, random: Pcg64::seed_from_u64(seed) }), ..self }
+    }
+}
+
+impl Plant for ModelPlant {
+    fn state(&mut self) -> Result<State, String> {
+        Ok(self.state.clone())
+    }
+
+    fn apply(&mut self, u: &[f64]) -> Result<(), String> {
+        self.stepper.step(&mut self.state, u).map_err(|error| error.to_string())?;
+        if let Some(disturber) = &mut self.disturbance {
+            let change = disturber.draw(&self.model);
+            self.state = self.model.displaced(&self.state, &change);
+        }
+        Ok(())
+    }
+}
+
+impl Disturber {
+    /// A change of state: a direction from normal numbers, and of n numbers the length radius · U^(1/n).
+    fn draw(&mut self, model: &Model) -> Vec<f64> {
+        let mut change = vec![0.0; model.ndx()];
+        let free = free_rows(model);
+        free.iter().for_each(|&row| change[row] = normal(&mut self.random));
+        let length = change.iter().map(|w| w * w).sum::<f64>().sqrt();
+        let wanted = self.radius * self.random.random::<f64>().powf(1.0 / free.len().max(1) as f64);
+        if length > 0.0 {
+            free.iter().for_each(|&row| change[row] *= wanted / length);
+        }
+        change
+    }
+}
