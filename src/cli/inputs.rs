@@ -19,7 +19,7 @@ const TIME: &str = "t";
 #[derive(Debug)]
 pub struct InputsError {
     place: Place,
-    mistake: Mistake,
+    mistake: Box<Mistake>,
 }
 
 /// The problem.
@@ -116,13 +116,13 @@ pub fn write(path: &Path, names: &[String], h: f64, rows: &[Vec<f64>]) -> Result
 /// Reads one row of inputs per step, in the order of `names`.
 pub fn read(path: &Path, names: &[String], steps: usize) -> Result<Vec<Vec<f64>>, InputsError> {
     let whole = Place { file: Some(path.display().to_string()), ..Place::default() };
-    let refuse = |mistake: Mistake| InputsError { place: whole.clone(), mistake };
+    let refuse = |mistake: Mistake| InputsError { place: whole.clone(), mistake: Box::new(mistake) };
     let text = std::fs::read_to_string(path).map_err(|error| refuse(Mistake::Read { error: error.to_string() }))?;
     let (header, rows) = table(&text).map_err(|error| refuse(Mistake::Read { error }))?;
     let columns = columns(&header, names).map_err(refuse)?;
     let read = |row: &StringRecord| -> Result<Vec<f64>, InputsError> {
         let line = row.position().map(|position| position.line() as usize);
-        let at = |place: Place, mistake: Mistake| InputsError { place: Place { line, ..place }, mistake };
+        let at = |place: Place, mistake: Mistake| InputsError { place: Place { line, ..place }, mistake: Box::new(mistake) };
         if row.len() != header.len() {
             return Err(at(whole.clone(), Mistake::Ragged { found: row.len(), expected: header.len() }));
         }
@@ -194,7 +194,7 @@ mod tests {
             assert_eq!(read_text(text).unwrap(), expected, "{text}");
         }
         let file = tempfile::NamedTempFile::with_suffix(".csv").unwrap();
-        let rows = vec![vec![0.1 + 0.2, -1e-300], vec![std::f64::consts::PI, 12345.678_901_234_567]];
+        let rows = vec![vec![0.1 + 0.2, -1e-300], vec![std::f64::consts::PI, 1.0 / 3.0]];
         let names = ["hand.x".to_owned(), "hand.y".to_owned()];
         write(file.path(), &names, 0.01, &rows).unwrap();
         assert_eq!(read(file.path(), &names, 2).unwrap(), rows, "bit by bit");

@@ -8,6 +8,7 @@ use pliant::control::closed_loop::{Controller, Decision, LoopOptions, LoopRun, L
 use pliant::control::mpc::Mpc;
 use pliant::control::plan::{PlanOptions, PlanStatus};
 use pliant::control::robust::{RobustError, RobustMpc, TubeOptions};
+use pliant::scene::MOST_STEPS;
 use pliant::{Case, Model, Rollout, State, TaskCase};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -26,10 +27,10 @@ pub struct Arguments {
     /// Task file (TOML), beside its scene.
     task: PathBuf,
     /// Steps of the loop; by default those of the task.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_STEPS as i64))]
     steps: Option<u32>,
     /// Steps that the controller looks ahead; by default the task's `horizon`, or else its `steps`.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_STEPS as i64))]
     horizon: Option<u32>,
     /// Gauss-Newton steps of an update, at most.
     #[arg(long, value_name = "N", default_value_t = 1)]

@@ -7,6 +7,7 @@ use super::{inputs, numbers, print, violations};
 use pliant::TaskCase;
 use pliant::control::plan::{Annealing, Plan, PlanError, PlanOptions, PlanStatus, PlanStep, Search};
 use pliant::control::problem::Problem;
+use pliant::scene::MOST_STEPS;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,7 +23,7 @@ pub struct Arguments {
     /// Task file (TOML), beside its scene.
     task: PathBuf,
     /// Steps of the plan; by default those of the task.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_STEPS as i64))]
     steps: Option<u32>,
     /// First guess (CSV): a column per input by its name, a row per step; without it, the motions of the scene.
     #[arg(long, value_name = "FILE.csv")]

@@ -29,6 +29,8 @@ pub struct ModelPlant {
     model: Arc<Model>,
     stepper: Stepper<'static>,
     state: State,
+    /// Steps taken.
+    steps: usize,
     disturbance: Option<Disturber>,
 }
 
@@ -45,7 +47,7 @@ impl ModelPlant {
     pub fn new(model: &Arc<Model>, theta: &[f64], x0: &State) -> Result<Self, StepError> {
         let options = StepOptions { record: false, ..StepOptions::default() };
         let stepper = Stepper::shared(Arc::clone(model), theta.to_vec(), options)?;
-        Ok(Self { model: Arc::clone(model), stepper, state: x0.clone(), disturbance: None })
+        Ok(Self { model: Arc::clone(model), stepper, state: x0.clone(), steps: 0, disturbance: None })
     }
 
     /// The same with its free nodes displaced together, after every step, by a vector drawn uniformly from the ball of `radius` [m].
@@ -60,7 +62,8 @@ impl Plant for ModelPlant {
     }
 
     fn apply(&mut self, u: &[f64]) -> Result<(), String> {
-        self.stepper.step(&mut self.state, u).map_err(|error| error.to_string())?;
+        self.stepper.step(&mut self.state, u).map_err(|error| error.at_step(self.steps).to_string())?;
+        self.steps += 1;
         if let Some(disturber) = &mut self.disturbance {
             let change = disturber.draw(&self.model);
             self.state = self.model.displaced(&self.state, &change);

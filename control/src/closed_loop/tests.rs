@@ -211,6 +211,14 @@ fn controllers_hold_the_inputs_that_their_plan_has_for_now() {
     let second = mpc.controls()[0].clone();
     assert_eq!(Controller::hold(&mut mpc), second, "the second row of the plan");
 
+    // a plan whose tube fails is kept, and not shifted
+    let bad = TubeOptions::of_ball(&model, f64::NAN);
+    let mut robust = RobustMpc::new(pull(false), &model, theta, guess.clone(), options, bad).unwrap();
+    let error = robust.decide(&x0).unwrap_err();
+    assert!(matches!(error, RobustError::Tube(_)), "{error}");
+    assert_eq!(Controller::hold(&mut robust), decision.inputs);
+    assert_eq!(Controller::hold(&mut robust), second);
+
     let tubes = TubeOptions::of_ball(&model, 1e-4);
     let mut robust = RobustMpc::new(pull(false), &model, theta, guess, options, tubes).unwrap();
     let decision = robust.decide(&x0).unwrap();

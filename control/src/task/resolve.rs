@@ -3,7 +3,7 @@
 use super::{Cost, Limit, Line, Task, When};
 use pliant_engine::model::Model;
 use pliant_scene::words::nearest;
-use pliant_scene::{Mistake, Scene, SceneError, control_list};
+use pliant_scene::{MOST_STEPS, Mistake, Scene, SceneError, control_list};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -57,6 +57,9 @@ impl TaskProblem {
         for (field, steps) in [("steps", Some(task.steps)), ("horizon", task.horizon)] {
             if steps == Some(0) {
                 return Err(SceneError::at(field, Mistake::NotPositive { value: 0.0, unit: "steps" }));
+            }
+            if let Some(steps) = steps.filter(|steps| *steps > MOST_STEPS) {
+                return Err(SceneError::at(field, Mistake::Range { value: steps as f64, low: 1.0, high: MOST_STEPS as f64 }));
             }
         }
         for (i, cost) in task.cost.iter().enumerate() {
