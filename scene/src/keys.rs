@@ -28,7 +28,7 @@ impl<'a> Walk<'a> {
         Err(SceneError::new(self.source.place_at(byte, field), mistake))
     }
 
-    /// Follows `$ref`, and X of `anyOf: [X, null]`.
+    /// Follows `$ref` and the optional half of `anyOf: [X, null]`.
     fn resolve(&self, schema: &'a Value) -> &'a Value {
         if let Some(target) = schema["$ref"].as_str() {
             let found = target.strip_prefix("#").and_then(|pointer| self.root.pointer(pointer));
@@ -37,27 +37,14 @@ impl<'a> Walk<'a> {
         let branches = schema["anyOf"].as_array();
         let some = branches.and_then(|branches| branches.iter().find(|b| b["type"] != "null"));
         match (branches, some) {
-            (Some(branches), Some(some)) if branches.len() == 2 && branches.iter().any(|b| b["type"] == "null") => {
-                self.resolve(some)
-            }
+            (Some(branches), Some(some)) if branches.len() == 2 => self.resolve(some),
             _ => schema,
         }
     }
 
-    /// Of alternatives, a list or a table, the one that the value is.
-    fn alternative(&self, schema: &'a Value, value: &DeValue) -> &'a Value {
-        let wanted = match value {
-            DeValue::Table(_) => "object",
-            DeValue::Array(_) => "array",
-            _ => return schema,
-        };
-        let branches = schema["anyOf"].as_array().into_iter().flatten();
-        branches.map(|branch| self.resolve(branch)).find(|branch| type_of(branch) == wanted).unwrap_or(schema)
-    }
-
     fn value(&self, schema: &'a Value, value: &Spanned<DeValue>, field: &str, unit: Unit) -> Result<(), SceneError> {
         let unit = unit_of(schema).or(unit);
-        let schema = self.alternative(self.resolve(schema), value.get_ref());
+        let schema = self.resolve(schema);
         let unit = unit.or(unit_of(schema));
         let start = value.span().start;
         if let Some(choices) = choices(schema) {
@@ -95,7 +82,6 @@ impl<'a> Walk<'a> {
             ("boolean", _) => wrong("true or false"),
             ("", DeValue::Table(table)) => self.table(schema, table, start, field),
             ("", _) if schema["oneOf"].is_array() => wrong("a table"),
-            ("", _) if schema["anyOf"].is_array() => wrong("a list or a table"),
             _ => Ok(()),
         }
     }
