@@ -57,11 +57,11 @@ def main():
     parser.add_argument("--task", choices=STEPS, help="one task alone")
     parser.add_argument("--method", choices=METHODS, help="one method alone")
     parser.add_argument("--runs", type=int, default=3, help="runs of each row")
-    parser.add_argument("--write", action="store_true", help="write validation/results/control.json, with the commit")
+    parser.add_argument("--write", action="store_true", help="write validation/evidence/control.json, with the commit")
     arguments = parser.parse_args()
     if arguments.runs < 1:
         parser.error(f"--runs is {arguments.runs}, but at least one run is needed")
-    rows = []
+    record, rows = evidence.Run(), []
     for name in [arguments.task] if arguments.task else STEPS:
         for method in [arguments.method] if arguments.method else METHODS:
             rows.append(row(name, method, arguments.runs))
@@ -77,7 +77,7 @@ def main():
     if arguments.json:
         print(json.dumps(rows, indent=1))
     if arguments.write:
-        evidence.write("control", {"rows": rows})
+        record.write("control", {"first": FRESH, "count": arguments.runs}, {"rows": rows})
 
 
 if __name__ == "__main__":
