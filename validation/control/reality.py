@@ -20,6 +20,7 @@ A row is {method, runs, success, violations, clearance_m, error_m, radius_m, tig
 import argparse
 import json
 import time
+from functools import cache
 from math import ceil
 
 import mujoco
@@ -70,6 +71,42 @@ class Plant:
             if self.bar is not None:
                 away = np.hypot(*(self.nodes()[:, [0, 2]] - self.bar).T)
                 self.clearance = min(self.clearance, float(away.min() - BAR - MODEL.radius))
+
+
+class Renderer:
+    """Masks and depths of the rope's nodes, as `validation.camera.render`; compiled once, its capsules are moved."""
+
+    def __init__(self):
+        straight = hanging((0.0, 0.0, 0.5))
+        text = camera._mjcf(camera.Scene(rope=straight, radius=MODEL.radius, table=None), EYE, (camera.WIDTH, camera.HEIGHT))
+        self.model = mujoco.MjModel.from_xml_string(text)
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, self.data)
+        self.renderer = mujoco.Renderer(self.model, camera.HEIGHT, camera.WIDTH)
+        self.renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 0
+
+    def __call__(self, nodes) -> tuple[np.ndarray, np.ndarray]:
+        edges = np.diff(nodes, axis=0)
+        lengths, quaternion, turn = np.linalg.norm(edges, axis=1), np.zeros(4), np.zeros(9)
+        self.model.geom_size[:, 1] = 0.5 * lengths
+        for k, edge in enumerate(edges):
+            mujoco.mju_quatZ2Vec(quaternion, edge)
+            mujoco.mju_quat2Mat(turn, quaternion)
+            self.data.geom_xmat[k] = turn
+        self.data.geom_xpos[:] = 0.5 * (nodes[1:] + nodes[:-1])
+        self.renderer.update_scene(self.data, camera="eye")
+        self.renderer.enable_depth_rendering()
+        depth = self.renderer.render().astype(float)
+        self.renderer.disable_depth_rendering()
+        self.renderer.enable_segmentation_rendering()
+        mask = self.renderer.render()[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM)
+        self.renderer.disable_segmentation_rendering()
+        return mask, depth
+
+
+@cache
+def renderer() -> Renderer:
+    return Renderer()
 
 
 def hanging(hand) -> np.ndarray:
@@ -138,7 +175,7 @@ class Sight:
 
     def state(self, plant: Plant, velocity) -> np.ndarray:
         """At the time when the next command begins, of the image of now; `velocity` is the hand's until then."""
-        images = camera.noisy(*camera.render(camera.Scene(rope=plant.nodes(), radius=MODEL.radius, table=None), EYE), self.rng)
+        images = camera.noisy(*renderer()(plant.nodes()), self.rng)
         begin, x = time.perf_counter(), self.x.copy()
         try:
             found = rope(*images, EYE, nodes=MODEL.nodes, radius=MODEL.radius, length=MODEL.length, start=plant.hand, reference=plant.hand)
