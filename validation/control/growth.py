@@ -3,9 +3,9 @@
     python -m validation.control.growth [--json] [--repeats N]
 
 A rope of 0.3 m (LiftRope's material) hangs in the air, held at nodes by grippers with velocities as inputs; quasi-static steps of 20 ms;
-it is to become a horizontal line 5 cm higher, |v| <= 0.2 m/s, every node below a plane that is 3 cm
-above the start, which binds. One thing is changed at a time from a horizon of
-20, 21 nodes and two grippers (6 inputs). Times are medians over the updates of a closed loop on the model, from outside:
+it is to become a horizontal line 5 cm higher, |v| <= 0.2 m/s, every node below a plane that is 3 cm above the start, which binds. One
+thing is changed at a time from a horizon of 20, 21 nodes and two grippers (6 inputs). Times are medians of processor time (other work on
+the machine counts little) over the updates of a closed loop on the model, from outside:
 
 rollout       of the horizon with records, times the rollouts of an update (its own and the trials)
 derivatives   an update of the same problem without limits, less its rollouts: Jacobians' directions, condensing, a solve
@@ -73,9 +73,9 @@ def updates(task: pliant.Task, repeats: int, **options) -> tuple[float, float]:
     mpc, x = task.mpc(np.zeros((task.horizon, task.model.nu)), **options), task.x0
     seconds, rollouts = [], []
     for _ in range(repeats):
-        begin = time.perf_counter()
+        begin = time.process_time()
         u = mpc.update(x)
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
         rollouts.append(1 + sum(step["rollouts"] for step in mpc.steps))
         x = task.model.step(x, u)
     return float(np.median(seconds)), float(np.mean(rollouts))
@@ -87,9 +87,9 @@ def row(repeats: int, **size) -> dict:
     u = np.zeros((task.horizon, task.model.nu))
     times = []
     for _ in range(repeats):
-        begin = time.perf_counter()
+        begin = time.process_time()
         task.model.rollout(task.x0, u)
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
     rollout = float(np.median(times))
     without, few = updates(free, repeats)
     with_limits, many = updates(task, repeats)

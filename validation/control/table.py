@@ -9,6 +9,7 @@ Each run has its own draw of goal and material, and disturbances in the release'
 
 import argparse
 import json
+import os
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def row(name: str, method: str, runs: int) -> dict:
         "runs": runs,
         "update_s": float(np.mean(updates)),
         "update_s_95": float(np.quantile(updates, 0.95)),
-        "threads": 1,
+        "threads": 1 if method in ("nominal", "tubes") else os.cpu_count(),  # MPPI uses all
         "evaluations": float(np.sum([o.evaluations for o in outcomes]) / len(updates)),
         "published": PUBLISHED[name],
     }
