@@ -56,7 +56,7 @@ def render(scene: Scene, camera: Camera, size=(WIDTH, HEIGHT)) -> tuple[np.ndarr
         renderer.enable_segmentation_rendering()
         ids = renderer.render()
     shown = [g for g in range(model.ngeom) if model.geom(g).name.startswith("shown")]
-    mask = (ids[..., 1] == mujoco.mjtObj.mjOBJ_GEOM) & np.isin(ids[..., 0], shown)
+    mask = (ids[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM)) & np.isin(ids[..., 0], shown)
     return mask, depth
 
 

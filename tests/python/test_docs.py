@@ -104,6 +104,21 @@ def test_perception_page_example_runs(capsys):
     assert (seen, float(apart)) == (nodes, pytest.approx(float(metres), abs=5e-4))
 
 
+def test_control_page_example_runs(monkeypatch, tmp_path, capsys):
+    pytest.importorskip("pliant")
+    text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
+    (example,), (scene, task) = blocks(text, "python"), blocks(text, "toml")
+    (tmp_path / "lift.toml").write_text(scene, encoding="utf-8")
+    (tmp_path / "task.toml").write_text(task, encoding="utf-8")
+    (promised,) = re.findall(r"whose end is ([\d.]+) m from its goal", example)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(example, "docs/control.md", "exec"), {})
+    first, second = capsys.readouterr().out.splitlines()
+    held, away = first.split()
+    assert (held, float(away)) == ("True", pytest.approx(float(promised), abs=1e-4))
+    assert second.endswith("[]")
+
+
 @EVERY
 def test_toml_is_toml(path):
     for block in blocks(path.read_text(encoding="utf-8"), "toml"):

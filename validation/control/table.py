@@ -9,6 +9,7 @@ Each run has its own draw of goal and material, and disturbances in the release'
 
 import argparse
 import json
+import os
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def row(name: str, method: str, runs: int) -> dict:
         "runs": runs,
         "update_s": float(np.mean(updates)),
         "update_s_95": float(np.quantile(updates, 0.95)),
-        "threads": 1,
+        "threads": 1 if method in ("nominal", "tubes") else os.cpu_count(),  # MPPI uses all
         "evaluations": float(np.sum([o.evaluations for o in outcomes]) / len(updates)),
         "published": PUBLISHED[name],
     }
@@ -57,11 +58,11 @@ def main():
     parser.add_argument("--task", choices=STEPS, help="one task alone")
     parser.add_argument("--method", choices=METHODS, help="one method alone")
     parser.add_argument("--runs", type=int, default=3, help="runs of each row")
-    parser.add_argument("--write", action="store_true", help="write validation/results/control.json, with the commit")
+    parser.add_argument("--write", action="store_true", help="write validation/evidence/control.json, with the commit")
     arguments = parser.parse_args()
     if arguments.runs < 1:
         parser.error(f"--runs is {arguments.runs}, but at least one run is needed")
-    rows = []
+    record, rows = evidence.Run(), []
     for name in [arguments.task] if arguments.task else STEPS:
         for method in [arguments.method] if arguments.method else METHODS:
             rows.append(row(name, method, arguments.runs))
@@ -77,7 +78,7 @@ def main():
     if arguments.json:
         print(json.dumps(rows, indent=1))
     if arguments.write:
-        evidence.write("control", {"rows": rows})
+        record.write("control", {"first": FRESH, "count": arguments.runs}, {"rows": rows})
 
 
 if __name__ == "__main__":
