@@ -3,7 +3,7 @@
 //! The measured state is taken as it is. A controller that could not improve its plan in time goes on with the shifted one, and says
 //! so: [`Update::status`].
 
-use crate::plan::{Plan, PlanError, PlanOptions, PlanStatus, PlanStep, Search, Violation, Warm};
+use crate::plan::{ConstraintPrice, Plan, PlanError, PlanOptions, PlanStatus, PlanStep, Search, Violation, Warm};
 use crate::problem::Problem;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::Rollout;
@@ -35,6 +35,8 @@ pub struct Update {
     pub penalty: f64,
     /// Constraints that the new plan violates, largest first.
     pub violations: Vec<Violation>,
+    /// Multipliers of the constraints and bounds that hold the plan back.
+    pub prices: Vec<ConstraintPrice>,
 }
 
 impl<P: Problem> Mpc<P> {
@@ -123,10 +125,10 @@ impl<P: Problem> Mpc<P> {
             .warm(std::mem::take(&mut self.warm));
         let (steps, status) = search.run(self.options, start)?;
         self.warm = search.take_warm();
-        let (_, penalty) = search.value();
+        let ((_, penalty), prices) = (search.value(), search.prices().to_vec());
         let Plan { rollout, cost, violations, steps, status, .. } = search.finish(steps, status)?;
         self.controls.clone_from(&rollout.controls);
         self.shift();
-        Ok(Update { rollout, steps, status, cost, penalty, violations })
+        Ok(Update { rollout, steps, status, cost, penalty, violations, prices })
     }
 }

@@ -86,6 +86,8 @@ impl<P: Problem> Problem for Tightened<P> {
 pub struct RobustMpc<P> {
     inner: Mpc<Tightened<P>>,
     options: TubeOptions,
+    /// The tube of the last update, whose reach weighs its rows.
+    previous: Option<Tube>,
 }
 
 /// What an update decided.
@@ -142,7 +144,7 @@ impl<P: Problem> RobustMpc<P> {
             }
         }
         let tightened = Tightened { problem, rows: Vec::new(), inputs: Vec::new() };
-        Ok(Self { inner: Mpc::new(tightened, model, theta, controls, plan)?, options })
+        Ok(Self { inner: Mpc::new(tightened, model, theta, controls, plan)?, options, previous: None })
     }
 
     /// Improves the plan from the measured state `x` and makes the tube about it.
@@ -170,12 +172,19 @@ impl<P: Problem> RobustMpc<P> {
         let n = update.rollout.controls.len();
         let disturbance = Disturbance::new((0..=n).map(|k| if k == 0 { about.of_start.clone() } else { about.of_step.clone() }));
         let problem = TubeProblem::new(&about.ocp, &disturbance, &about.cost)?;
-        let free = RowValues::zeros(&about.ocp);
+        // what holds the plan back is what the gains should keep deviations off
+        let mut multipliers = RowValues::zeros(&about.ocp);
+        for price in &update.prices {
+            let constraint = if price.input { Constraint::Input(price.row) } else { Constraint::Row(price.row) };
+            multipliers.set(price.stage, constraint, price.multiplier);
+        }
+        let previous = self.previous.as_ref();
         let tube = if self.options.exact {
-            ExactTube.synthesize(&problem, &free, None)?
+            ExactTube.synthesize(&problem, &multipliers, previous)?
         } else {
-            SharedGainTube.synthesize(&problem, &free, None)?
+            SharedGainTube.synthesize(&problem, &multipliers, previous)?
         };
+        self.previous = Some(tube.clone());
         let violations = self.violations(&update.rollout, &about, &tube);
         self.tighten(&tube, n);
         let holds = |x: &State| self.inner.model().grasps().iter().map(|g| g.held(&x.z).is_some()).collect::<Vec<_>>();

@@ -189,12 +189,12 @@ impl Task {
         let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
         let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
-        let Some(given) = disturbance else { return Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options) };
         let exact = match tube {
             "exact" => true,
             "shared" => false,
             other => return Err(input(format!("tube is \"{other}\", but must be \"exact\" or \"shared\""))),
         };
+        let Some(given) = disturbance else { return Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options) };
         let model = self.model.bind(py).get();
         let none = || Ok(Mat::zeros(model.engine().ndx(), 0));
         let tubes = TubeOptions {
@@ -227,6 +227,9 @@ impl Task {
         let Asked { controls, theta, .. } = self.asked(py, None, Some(u0), theta, self.horizon())?;
         let engine = &self.case.case.model;
         let sigma = vector("sigma", sigma, engine.nu())?;
+        if let Some(k) = sigma.iter().position(|s| !(s.is_finite() && *s >= 0.0)) {
+            return Err(input(format!("sigma[{k}] is {}, but must be finite and not negative", sigma[k])));
+        }
         let options = MppiOptions { samples, sigma, temperature, gamma, violation, seed };
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
         let inner = Sampler::new(problem, engine, &theta, controls, options).map_err(failed)?;
@@ -243,6 +246,10 @@ impl Task {
     }
 }
 
+/// What a cost function may return.
+const KEYS: [&str; 7] =
+    ["residuals", "residuals_by_x", "residuals_by_u", "constraints", "constraints_by_x", "constraints_by_u", "price"];
+
 /// Cost and constraints given as a Python function.
 struct Called {
     evaluate: Py<PyAny>,
@@ -255,6 +262,9 @@ struct Called {
 impl Called {
     fn new(model: &Model, evaluate: Py<PyAny>, bounds: [Option<&Bound<PyAny>>; 2]) -> PyResult<Self> {
         let (nu, ndx) = (model.engine().nu(), model.engine().ndx());
+        if Python::attach(|py| !evaluate.bind(py).is_callable()) {
+            return Err(input("the cost of a plan must be a function of (k, N, x, u) that returns a dict"));
+        }
         let [lower, upper] = bounds;
         let lower = optional_vector("lower", lower, nu)?.unwrap_or_else(|| vec![f64::NEG_INFINITY; nu]);
         let upper = optional_vector("upper", upper, nu)?.unwrap_or_else(|| vec![f64::INFINITY; nu]);
@@ -284,6 +294,19 @@ impl Called {
             input("the function of a plan must return a dict with `residuals`, `residuals_by_x`, `residuals_by_u` and, for constraints, \
                    `constraints`, `constraints_by_x`, `constraints_by_u`, `price`")
         })?;
+        for key in found.keys() {
+            let key: String = key.extract()?;
+            if !KEYS.contains(&key.as_str()) {
+                return Err(input(format!(
+                    "the function of a plan returned the unknown key `{key}`; known are {}",
+                    KEYS.join(", ")
+                )));
+            }
+            let of = key.split("_by_").next().unwrap_or_default();
+            if key != "price" && !found.contains(of)? {
+                return Err(input(format!("the function of a plan returned `{key}` without `{of}`")));
+            }
+        }
         self.rows(found, "residuals", &mut out.residuals)?;
         let constraints = self.rows(found, "constraints", &mut out.constraints)?;
         let prices = match found.get_item("price")? {
@@ -293,6 +316,9 @@ impl Called {
                 Err(_) => vector("price", &price, constraints)?,
             },
         };
+        if let Some(row) = prices.iter().position(|price| price.is_nan() || *price < 0.0) {
+            return Err(input(format!("the price of constraint {row} is {}, but must not be negative", prices[row])));
+        }
         out.prices.extend(prices);
         Ok(())
     }

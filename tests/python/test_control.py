@@ -439,3 +439,65 @@ def test_samples_lower_the_cost():
         total["mppi"] += 0.5 * float(np.sum((x[tip(task.model)] - GOAL) ** 2) + np.sum((INPUTS * u) ** 2))
         total["still"] += 0.5 * float(np.sum((still[tip(task.model)] - GOAL) ** 2))
     assert total["mppi"] < 0.8 * total["still"]
+
+
+def test_a_controller_recovers_from_refused_steps():
+    """Damping that grew while no step helped does not end the search for ever."""
+    model, wrong = pliant.loads(CART), True
+
+    def cost(k, n, x, u):
+        slope = -1.0 if wrong else 1.0
+        if u is None:
+            return {"residuals": [x[0] - 1], "residuals_by_x": [[slope, 0]]}
+        by_x = [[slope, 0], [0, 0]]
+        return {"residuals": [x[0] - 1, 0.01 * u[0]], "residuals_by_x": by_x, "residuals_by_u": [[0], [0.01]]}
+
+    mpc, x = pliant.Mpc(model, cost, np.zeros((20, 1)), lower=[-3.0], upper=[3.0]), model.initial_state()
+    status = []
+    for k in range(25):
+        wrong = k < 3
+        mpc.update(x)
+        status.append(mpc.status)
+    assert status[0] == "stalled", status
+    wrong = False
+    fresh = pliant.plan(model, cost, x, np.zeros((20, 1)), lower=[-3.0], upper=[3.0])
+    assert mpc.steps[-1]["damping"] == 0
+    assert abs(mpc.cost - fresh.cost) < 1e-3 * fresh.cost, (mpc.cost, fresh.cost)
+
+
+@pytest.mark.parametrize(
+    ("returned", "says"),
+    [
+        ({"residual": [1.0]}, "unknown key `residual`"),
+        ({"residuals_by_x": [[0, 0]]}, "`residuals_by_x` without `residuals`"),
+        ({"residuals": [1.0], "constraints": [1.0], "price": -1.0}, "price of constraint 0 is -1"),
+    ],
+)
+def test_what_a_cost_function_may_return(returned, says):
+    model = pliant.loads(CART)
+    with pytest.raises(pliant.InputError, match=says):
+        pliant.plan(model, lambda k, n, x, u: returned, model.initial_state(), np.zeros((3, 1)))
+
+
+def test_a_cost_that_is_no_function_is_refused():
+    model = pliant.loads(CART)
+    with pytest.raises(pliant.InputError, match="must be a function"):
+        pliant.Mpc(model, "x", np.zeros((3, 1)))
+
+
+def test_gains_of_each_disturbance_differ_from_shared_ones():
+    """Where a constraint holds the plan back, its multiplier weighs the gains."""
+    instance = make("DragRope", 0)
+    widths = {}
+    for tube in ("exact", "shared"):
+        task = instance.load()
+        mpc, x = task.mpc(np.zeros((task.horizon, task.model.nu)), disturbance=1e-3, tube=tube), task.x0
+        for _ in range(8):
+            x = task.model.step(x, mpc.update(x))
+        widths[tube] = mpc.tightening
+    assert widths["exact"] > 0 and widths["shared"] > 0
+    assert abs(widths["exact"] - widths["shared"]) > 1e-6 * widths["shared"], widths
+    with pytest.raises(pliant.InputError, match='tube is "none"'):
+        task.mpc(tube="none")
+    with pytest.raises(pliant.InputError, match=r"sigma\[0\] is -1"):
+        task.mppi(np.zeros((20, 4)), [-1.0, 0.1, 0.1, 0.0])

@@ -49,7 +49,7 @@ pub struct Reach {
 }
 
 impl From<Update> for Decision {
-    fn from(Update { mut rollout, steps, status, cost, penalty, violations }: Update) -> Self {
+    fn from(Update { mut rollout, steps, status, cost, penalty, violations, .. }: Update) -> Self {
         Self { inputs: rollout.controls.swap_remove(0), cost, penalty, status, steps, violations, reach: None }
     }
 }

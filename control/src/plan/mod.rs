@@ -139,6 +139,19 @@ pub struct Plan {
     pub surrogate: bool,
 }
 
+/// What a constraint or a bound costs a plan: the multiplier of its quadratic model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConstraintPrice {
+    /// Stage.
+    pub stage: usize,
+    /// Row of the stage's constraints, or with `input` the number of the input.
+    pub row: usize,
+    /// Whether it is a bound of an input.
+    pub input: bool,
+    /// Decrease of the cost per unit by which it is loosened.
+    pub multiplier: f64,
+}
+
 /// Why there is no plan.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum PlanError {
@@ -226,6 +239,7 @@ pub struct Search<'a> {
     lower: Vec<f64>,
     upper: Vec<f64>,
     solver: ActiveSet,
+    prices: Vec<ConstraintPrice>,
     damping: f64,
     cost: f64,
     penalty: f64,
@@ -277,6 +291,7 @@ impl<'a> Search<'a> {
             lower,
             upper,
             solver: ActiveSet::new(),
+            prices: Vec::new(),
             damping: 0.0,
             cost: 0.0,
             penalty: 0.0,
@@ -306,6 +321,11 @@ impl<'a> Search<'a> {
             }
         });
         Warm { damping: self.damping, solver }
+    }
+
+    /// Multipliers of the last quadratic model, those that are not zero.
+    pub(crate) fn prices(&self) -> &[ConstraintPrice] {
+        &self.prices
     }
 
     /// J and Σ price max(0, c) of the best plan so far.
@@ -385,14 +405,18 @@ impl<'a> Search<'a> {
             rest_gap: self.rest_gap,
         };
         let u: Vec<f64> = self.rollout.controls.concat();
-        let nu = self.rollout.model.nu();
+        let (nu, first) = (self.rollout.model.nu(), self.damping);
         loop {
             let lower: Vec<f64> = self.lower.iter().zip(&u).map(|(l, u)| l - u).collect();
             let upper: Vec<f64> = self.upper.iter().zip(&u).map(|(h, u)| h - u).collect();
-            let (delta, predicted) = qp::solve(&mut self.model, &mut self.solver, self.damping, [&lower, &upper])?;
+            let (delta, predicted, prices) = qp::solve(&mut self.model, &mut self.solver, self.damping, [&lower, &upper])?;
             (step.predicted, step.damping) = (predicted, self.damping);
+            self.prices = prices;
             if predicted <= options.tolerance * merit.abs() {
-                return Ok((step, Some(PlanStatus::Converged)));
+                // a damped step promises little of what an undamped one may: the next search begins with less damping
+                let converged = self.damping == 0.0;
+                self.damping = lowered(first);
+                return Ok((step, Some(if converged { PlanStatus::Converged } else { PlanStatus::Stalled })));
             }
             let next: Vec<f64> = u.iter().zip(&delta).map(|(u, d)| u + d).collect();
             let next: Vec<f64> = next.iter().zip(self.lower.iter().zip(&self.upper)).map(|(u, (l, h))| u.clamp(*l, *h)).collect();
@@ -406,10 +430,7 @@ impl<'a> Search<'a> {
                 let achieved = merit - (cost + penalty + drawn);
                 if achieved >= PLAN.sufficient * predicted {
                     (self.rollout, self.cost, self.penalty) = (tried, cost, penalty);
-                    self.damping /= PLAN.damping_factor;
-                    if self.damping < PLAN.first_damping / PLAN.damping_factor {
-                        self.damping = 0.0;
-                    }
+                    self.damping = lowered(self.damping);
                     step.achieved = achieved;
                     return Ok((step, None));
                 }
@@ -419,7 +440,7 @@ impl<'a> Search<'a> {
                 return Ok((step, Some(PlanStatus::Time)));
             }
             if self.damping > PLAN.most_damping {
-                self.damping = 0.0;
+                self.damping = lowered(first);
                 return Ok((step, Some(PlanStatus::Stalled)));
             }
         }
@@ -447,6 +468,12 @@ impl<'a> Search<'a> {
         };
         Ok(Plan { rollout, cost: self.cost, violations, steps, status, surrogate })
     }
+}
+
+/// A decade less damping; none below the least.
+fn lowered(damping: f64) -> f64 {
+    let less = damping / PLAN.damping_factor;
+    if less < PLAN.first_damping / PLAN.damping_factor { 0.0 } else { less }
 }
 
 /// The scene's own rollout; its records are those of steps of another rest gap from the same states, if one is given.

@@ -21,6 +21,8 @@ const VECTOR: usize = 8;
 pub struct QuadraticModel {
     /// Number of unknowns N nu.
     pub n: usize,
+    /// N.
+    pub steps: usize,
     /// H, n × n: its lower triangle.
     pub hessian: Mat<f64>,
     /// g (n).
@@ -45,6 +47,7 @@ impl Default for QuadraticModel {
     fn default() -> Self {
         Self {
             n: 0,
+            steps: 0,
             hessian: Mat::new(),
             gradient: Vec::new(),
             rows: Vec::new(),
@@ -68,6 +71,7 @@ impl QuadraticModel {
         let (model, steps) = (&rollout.model, rollout.controls.len());
         let (nu, ndx) = (model.nu(), model.ndx());
         self.reset(steps * nu);
+        self.steps = steps;
         let first = nu.next_multiple_of(VECTOR);
         let mut tangent = TangentStepper::new(model, &rollout.theta, Seeds::none(first, nu, model.n_params()));
         let mut held: Vec<bool> = approaches.iter().map(|_| false).collect();

@@ -1,11 +1,12 @@
 //! The step of a plan: the minimum of its quadratic model within the bounds.
 
+use super::ConstraintPrice;
 use super::constants::PLAN;
 use super::model::QuadraticModel;
 use crate::qp::{ActiveSet, Qp, QpError};
 use faer::MatRef;
 
-/// The step δ, and the decrease of cost and penalty that the damped model predicts.
+/// The step δ, the decrease of cost and penalty that the damped model predicts, and the multipliers that are not zero.
 ///
 /// # Errors
 /// A model that is not finite.
@@ -14,7 +15,7 @@ pub(super) fn solve(
     solver: &mut ActiveSet,
     damping: f64,
     [lower, upper]: [&[f64]; 2],
-) -> Result<(Vec<f64>, f64), QpError> {
+) -> Result<(Vec<f64>, f64, Vec<ConstraintPrice>), QpError> {
     let n = model.n;
     let diagonal: Vec<f64> = (0..n).map(|k| model.hessian[(k, k)]).collect();
     // inputs that change nothing have a zero row, and stay where they are
@@ -36,5 +37,11 @@ pub(super) fn solve(
         model.hessian[(k, k)] = d;
     }
     let solution = solved?;
-    Ok((solution.z, model.penalty - solution.cost))
+    let nu = n / model.steps.max(1);
+    let rows = model.places.iter().zip(&solution.multipliers);
+    let rows = rows.map(|(&(stage, row), &multiplier)| ConstraintPrice { stage, row, input: false, multiplier });
+    let bounds = solution.bounds.iter().enumerate();
+    let bounds = bounds.map(|(k, mu)| ConstraintPrice { stage: k / nu, row: k % nu, input: true, multiplier: mu.abs() });
+    let prices = rows.chain(bounds).filter(|price| price.multiplier != 0.0).collect();
+    Ok((solution.z, model.penalty - solution.cost, prices))
 }

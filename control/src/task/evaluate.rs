@@ -111,11 +111,11 @@ impl Guard {
 
     fn says(&self, row: usize) -> String {
         match self {
-            Self::Outside { nodes, radius, object, a, .. } => {
-                format!("node {} of \"{object}\" is nearer than {radius} m to the axis at {a:?}", nodes[row] - nodes[0])
+            Self::Outside { nodes, first, radius, object, a, .. } => {
+                format!("node {} of \"{object}\" is nearer than {radius} m to the axis at {a:?}", nodes[row] - first)
             }
-            Self::Above { nodes, object, offset, .. } => {
-                format!("node {} of \"{object}\" is below the plane at {offset} m", nodes[row] - nodes[0])
+            Self::Above { nodes, first, object, offset, .. } => {
+                format!("node {} of \"{object}\" is below the plane at {offset} m", nodes[row] - first)
             }
             Self::Joint { joint, lower, upper, .. } => format!("joint \"{joint}\" leaves {lower} … {upper}"),
         }

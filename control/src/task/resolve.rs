@@ -22,8 +22,8 @@ pub(super) enum Part {
 /// A limit with numbers for names.
 #[derive(Clone, Debug)]
 pub(super) enum Guard {
-    Outside { nodes: Vec<usize>, a: [f64; 3], b: [f64; 3], radius: f64, price: f64, object: String },
-    Above { nodes: Vec<usize>, normal: [f64; 3], offset: f64, price: f64, object: String },
+    Outside { nodes: Vec<usize>, first: usize, a: [f64; 3], b: [f64; 3], radius: f64, price: f64, object: String },
+    Above { nodes: Vec<usize>, first: usize, normal: [f64; 3], offset: f64, price: f64, object: String },
     Joint { q: usize, v: usize, lower: f64, upper: f64, price: f64, joint: String },
 }
 
@@ -152,18 +152,27 @@ impl Names<'_> {
         Ok(Some(match limit {
             Limit::Inputs { .. } => return Ok(None),
             Limit::Outside { object, nodes, a, b, radius, price } => {
-                let nodes = numbered(nodes.as_deref(), &self.span(object, field)?, &format!("{field}.nodes"))?;
+                let span = self.span(object, field)?;
+                let (first, nodes) = (span.start, numbered(nodes.as_deref(), &span, &format!("{field}.nodes"))?);
                 let radius = not_negative(*radius, "m", &format!("{field}.radius"))?;
-                Guard::Outside { nodes, a: *a, b: b.unwrap_or(*a), radius, price: paid(*price)?, object: object.clone() }
+                Guard::Outside { nodes, first, a: *a, b: b.unwrap_or(*a), radius, price: paid(*price)?, object: object.clone() }
             }
             Limit::Above { object, nodes, normal, offset, price } => {
-                let nodes = numbered(nodes.as_deref(), &self.span(object, field)?, &format!("{field}.nodes"))?;
+                let span = self.span(object, field)?;
+                let (first, nodes) = (span.start, numbered(nodes.as_deref(), &span, &format!("{field}.nodes"))?);
                 let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
                 if !(length > 0.0 && length.is_finite()) {
                     return Err(SceneError::at(format!("{field}.normal"), Mistake::NotPositive { value: length, unit: "long" }));
                 }
                 let offset = finite(*offset, &format!("{field}.offset"))?;
-                Guard::Above { nodes, normal: normal.map(|n| n / length), offset, price: paid(*price)?, object: object.clone() }
+                Guard::Above {
+                    nodes,
+                    first,
+                    normal: normal.map(|n| n / length),
+                    offset,
+                    price: paid(*price)?,
+                    object: object.clone(),
+                }
             }
             Limit::Joint { joint, lower, upper, price } => {
                 let (q, v) = self.joint(joint, field)?;

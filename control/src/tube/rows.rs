@@ -59,6 +59,15 @@ impl RowValues {
         }
     }
 
+    /// Sets the value of a row or an input of stage k.
+    pub(crate) fn set(&mut self, k: usize, constraint: Constraint, value: f64) {
+        let at = match constraint {
+            Constraint::Row(i) => i,
+            Constraint::Input(i) => self.rows[k] + i,
+        };
+        self.stages[k][at] = value;
+    }
+
     /// Which row or input stands at a place of a stage's values.
     pub(crate) fn constraint(&self, k: usize, place: usize) -> Constraint {
         if place < self.rows[k] { Constraint::Row(place) } else { Constraint::Input(place - self.rows[k]) }
