@@ -236,6 +236,6 @@ fn ended(status: PlanStatus) -> &'static str {
         PlanStatus::Converged => "converged: no step lowers the cost by more than the tolerance",
         PlanStatus::Iterations => "not converged: all iterations were used",
         PlanStatus::Time => "not converged: the time was over",
-        PlanStatus::Stalled => "stalled: no step, however short, lowers the cost",
+        PlanStatus::Stalled => "stalled: no step that was tried, however short, lowers the cost by more than the tolerance",
     }
 }

@@ -38,7 +38,11 @@ fn a_plan_is_found_written_and_read_back() {
     let [out, inputs, view] = ["motion.csv", "inputs.csv", "motion.html"].map(|name| at(folder.path(), name));
     let planned = done(&pliant(&["plan", TASK, "--json", "--out", &out, "--inputs", &inputs, "--view", &view]));
     assert_eq!((&planned["schema_version"], &planned["steps"], &planned["step_s"]), (&1.into(), &60.into(), &0.02.into()));
-    assert_eq!((&planned["status"], &planned["surrogate"]), (&"converged".into(), &false.into()));
+    assert_eq!(
+        (&planned["status"], &planned["surrogate"]),
+        (&"stalled".into(), &false.into()),
+        "the rope leaves the bar: a kink"
+    );
     assert!(number(&planned["cost"]) + number(&planned["penalty"]) < 0.5 * number(&planned["cost_before"]), "{planned:#}");
     let search = planned["search"].as_array().unwrap();
     assert!(search.len() > 2 && search[0]["cost"] == planned["cost_before"] && search[0]["rollouts"].is_number());
@@ -69,7 +73,7 @@ fn a_summary_says_how_it_ended_and_what_is_violated() {
     let folder = tempfile::tempdir().unwrap();
     let output = pliant(&["plan", TASK]);
     let said = text(&output.stdout);
-    assert!(said.contains("60 steps of 0.02 s\ncost ") && said.contains(" -> ") && said.contains("\nconverged: "), "{said}");
+    assert!(said.contains("60 steps of 0.02 s\ncost ") && said.contains(" -> ") && said.contains("\nstalled: "), "{said}");
     assert!(said.trim_end().ends_with("all constraints hold"), "{said}");
 
     let limited = done(&pliant(&["plan", TASK, "--json", "--time-limit", "1e-9"]));

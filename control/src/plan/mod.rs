@@ -69,7 +69,7 @@ pub enum PlanStatus {
     Iterations,
     /// The time was over.
     Time,
-    /// No step, however damped, lowers the cost: the rollout is not smooth here.
+    /// No step that was tried, however damped, lowers the cost by more than the tolerance: the rollout is not smooth here.
     Stalled,
 }
 
