@@ -20,5 +20,6 @@ pub mod plan;
 pub mod problem;
 pub mod qp;
 pub mod robust;
+#[allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 pub mod task;
 pub mod tube;

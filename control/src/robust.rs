@@ -40,7 +40,7 @@ impl TubeOptions {
     }
 }
 
-/// E of a disturbance that displaces all free nodes together by a vector of length `radius` [m] at most: ndx rows, three columns a node.
+/// E of a disturbance that displaces all free nodes together by a vector of length `radius` \[m\] at most: ndx rows, three columns a node.
 pub fn ball_of_free_nodes(model: &Model, radius: f64) -> Mat<f64> {
     let free = free_rows(model);
     Mat::from_fn(model.ndx(), free.len(), |r, c| if free[c] == r { radius } else { 0.0 })

@@ -683,7 +683,9 @@ fn failed(error: PlanError) -> PyErr {
     match error {
         PlanError::Guess(error) => errors::step(error),
         PlanError::Adjoint(error) => errors::adjoint(error),
-        PlanError::NotFinite { .. } | PlanError::Step(_) => errors::NumericsError::new_err(error.to_string()),
+        PlanError::NotFinite { .. } | PlanError::Step(_) | PlanError::Hold { .. } => {
+            errors::NumericsError::new_err(error.to_string())
+        }
         PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => input(error),
     }
 }

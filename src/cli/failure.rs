@@ -213,7 +213,7 @@ fn is_input_of_plan(error: &PlanError) -> bool {
     match error {
         PlanError::Guess(step) | PlanError::Adjoint(AdjointError::Step(step)) => is_input(step),
         PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => true,
-        PlanError::Adjoint(_) | PlanError::NotFinite { .. } | PlanError::Step(_) => false,
+        PlanError::Adjoint(_) | PlanError::NotFinite { .. } | PlanError::Step(_) | PlanError::Hold { .. } => false,
     }
 }
 
@@ -221,6 +221,10 @@ fn is_input_of_plan(error: &PlanError) -> bool {
 fn advice_on_plan(error: &PlanError) -> (&'static str, &'static str) {
     match error {
         PlanError::Guess(step) | PlanError::Adjoint(AdjointError::Step(step)) => advice(step),
+        PlanError::Hold { .. } => (
+            "a gripper far from what it may seize, whose weight would not be carried so",
+            "begin nearer to it, or plan without the value of holding (`--no-holding`)",
+        ),
         PlanError::Adjoint(_) => ("an internal error", "report this as a bug"),
         PlanError::NotFinite { .. } => {
             ("a weight, a goal or a price of an extreme size", "check the weights and prices of the task")

@@ -1,4 +1,5 @@
-"""Results of runs that take too long for the tests: one JSON file per run, written by the command that it records.
+"""Results of runs that take too long for the tests: one JSON file per run, written by the command that it records; those whose format is
+agreed on stand in validation/results.
 
 A file has the keys
 
@@ -46,12 +47,12 @@ class Run:
     """A run that has begun; its checkout is looked at now, so that later edits do not count."""
 
     commit: str = field(default_factory=lambda: git("rev-parse", "HEAD"))
-    dirty: bool = field(default_factory=lambda: bool(git("status", "--porcelain", "--", ":/", ":!/validation/evidence")))
+    dirty: bool = field(default_factory=lambda: bool(git("status", "--porcelain", "--", ":/", ":!/validation/evidence", ":!/validation/results")))
     begun: float = field(default_factory=time.time)
     used: float = field(default_factory=processor_seconds)
 
-    def write(self, name: str, seeds: object, figures: object) -> Path:
-        """Writes validation/evidence/`name`.json."""
+    def write(self, name: str, seeds: object, figures: object, folder: Path = FOLDER) -> Path:
+        """Writes `name`.json into validation/evidence or another folder."""
         machine = describe()
         content = {
             "command": " ".join(["python", *sys.orig_argv[1:]]),
@@ -64,7 +65,7 @@ class Run:
             "seeds": seeds,
             "figures": figures,
         }
-        path = FOLDER / f"{name}.json"
+        path = folder / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         return path

@@ -50,7 +50,7 @@ impl ModelPlant {
         Ok(Self { model: Arc::clone(model), stepper, state: x0.clone(), steps: 0, disturbance: None })
     }
 
-    /// The same with its free nodes displaced together, after every step, by a vector drawn uniformly from the ball of `radius` [m].
+    /// The same with its free nodes displaced together, after every step, by a vector drawn uniformly from the ball of `radius` \[m\].
     pub fn disturbed(self, radius: f64, seed: u64) -> Self {
         Self { disturbance: Some(Disturber { radius, random: Pcg64::seed_from_u64(seed) }), ..self }
     }

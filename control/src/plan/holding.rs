@@ -14,9 +14,10 @@
 //!
 //! What is added is named a surrogate: it is a term of the plan's model, not of its cost.
 
+use super::PlanError;
 use super::constants::PLAN;
 use crate::problem::{Problem, Rows, Terms};
-use pliant_adjoint::{AdjointError, TangentStepper, rollout_vjp};
+use pliant_adjoint::{TangentStepper, rollout_vjp};
 use pliant_engine::grasp::Grasp;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::{Rollout, rollout};
@@ -83,7 +84,7 @@ impl Approach {
 ///
 /// # Errors
 /// A virtual hold whose rollout fails.
-pub fn approaches(problem: &dyn Problem, plan: &Rollout) -> Result<Vec<Approach>, AdjointError> {
+pub fn approaches(problem: &dyn Problem, plan: &Rollout) -> Result<Vec<Approach>, PlanError> {
     let model = &plan.model;
     let mut out = Vec::new();
     for (number, grasp) in model.grasps().iter().enumerate() {
@@ -115,7 +116,7 @@ pub fn approaches(problem: &dyn Problem, plan: &Rollout) -> Result<Vec<Approach>
 }
 
 /// π: what a metre of the gripper's motion would be worth if it held the nearest point.
-fn worth(problem: &dyn Problem, plan: &Rollout, grasp: &Grasp) -> Result<f64, AdjointError> {
+fn worth(problem: &dyn Problem, plan: &Rollout, grasp: &Grasp) -> Result<f64, PlanError> {
     let model = &plan.model;
     let mut x0 = plan.states[0].clone();
     let Some(reach) = grasp.reach(&x0.q) else { return Ok(0.0) };
@@ -133,7 +134,8 @@ fn worth(problem: &dyn Problem, plan: &Rollout, grasp: &Grasp) -> Result<f64, Ad
         }
         u[grasp.closing] = u[grasp.closing].max(1.0);
     }
-    let held = rollout(model, &theta, &x0, &controls, StepOptions::default())?;
+    let held = rollout(model, &theta, &x0, &controls, StepOptions::default())
+        .map_err(|source| PlanError::Hold { gripper: grasp.name.clone(), source: Box::new(source) })?;
     let gradient = cost_gradient(problem, &held, grasp.node)?;
     // the derivative by a shift of the gripper from a step on: for velocities of one of them, for positions of all that follow
     let (mut shift, mut most) = (Vec3::zeros(), 0.0_f64);
@@ -146,15 +148,14 @@ fn worth(problem: &dyn Problem, plan: &Rollout, grasp: &Grasp) -> Result<f64, Ad
 }
 
 /// ∂J/∂u by one backward sweep, without the cost's own derivative by u and by where the gripper's node is: neither is what holding is for.
-fn cost_gradient(problem: &dyn Problem, held: &Rollout, gripper: usize) -> Result<Vec<Vec<f64>>, AdjointError> {
+fn cost_gradient(problem: &dyn Problem, held: &Rollout, gripper: usize) -> Result<Vec<Vec<f64>>, PlanError> {
     let (ndx, steps) = (held.model.ndx(), held.controls.len());
     let mut x_bar = vec![vec![0.0; ndx]; steps + 1];
     let mut terms = Terms::default();
     for (k, bar) in x_bar.iter_mut().enumerate() {
         terms.clear();
-        if problem.evaluate(k, steps, &held.states[k], held.controls.get(k).map(Vec::as_slice), &mut terms).is_err() {
-            continue;
-        }
+        let u = held.controls.get(k).map(Vec::as_slice);
+        problem.evaluate(k, steps, &held.states[k], u, &mut terms).map_err(PlanError::Problem)?;
         let r = &terms.residuals.values;
         let own = 3 * gripper..3 * gripper + 3;
         terms

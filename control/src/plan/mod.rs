@@ -8,7 +8,7 @@
 //! ```
 //! The dynamics hold in every iterate. The penalty is exact: where prices are above the multipliers, the constraints hold at the end; what
 //! is violated is reported. With [`Annealing`] the derivatives are those of smoothed contact at first, and at last the scene's own. While a gripper that may grasp holds nothing, a surrogate term draws it to what is worth holding
-//! ([`holding`]); [`Plan::surrogate`] says so.
+//! ([`approaches`]); [`Plan::surrogate`] says so.
 
 mod constants;
 mod holding;
@@ -171,6 +171,17 @@ pub enum PlanError {
     /// The rollout of the first guess fails.
     #[error("the rollout of the first guess fails: {0}")]
     Guess(StepError),
+    /// The rollout in which a gripper holds at a distance, for the worth of holding, fails.
+    #[error(
+        "the rollout in which gripper `{gripper}` holds the nearest point at a distance, for what that would be worth, fails: {source}; begin \
+         nearer to what it is to seize, or plan without the value of holding"
+    )]
+    Hold {
+        /// Gripper.
+        gripper: String,
+        /// Why.
+        source: Box<StepError>,
+    },
     /// A derivative failed.
     #[error(transparent)]
     Adjoint(#[from] AdjointError),
