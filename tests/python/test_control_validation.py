@@ -1,12 +1,15 @@
 """The comparisons of `validation.control`: what they compute is right, and their main results come out again in short runs."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 pliant = pytest.importorskip("pliant")
 pytest.importorskip("scipy")
 
-from validation.control import discovery, growth, pushing
+from validation.control import discovery, growth, pushing, table, tasks
 from validation.control.smoothed import WIDTHS, SmoothedMpc
 
 SEED = 60_000
@@ -125,3 +128,23 @@ def test_the_moved_capsules_are_drawn_as_new_ones():
         moved = reality.renderer()(nodes + shift)
         assert np.array_equal(fresh[0], moved[0]) and fresh[0].sum() > 500
         np.testing.assert_allclose(moved[1][fresh[0]], fresh[1][fresh[0]], atol=1e-3)
+
+
+def test_the_record_of_the_four_tasks_has_the_agreed_form():
+    """validation/results/control.json: rows of all tasks, with the commit; docs/control.md quotes it."""
+    record = json.loads((table.RESULTS / "control.json").read_text(encoding="utf-8"))
+    assert len(record["commit"]) == 40 and record["dirty"] is False and record["command"].startswith("python -m validation.control")
+    rows = record["figures"]["rows"]
+    assert {row["task"] for row in rows} == set(tasks.STEPS)
+    page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    for row in rows:
+        assert set(row) >= {"task", "method", "goal_error_m", "safety", "runs", "update_s", "threads", "evaluations", "published"}
+        assert row["published"] == tasks.PUBLISHED[row["task"]]
+        assert f"| {row['task']} | {row['method']} | {1e3 * row['goal_error_m']:.1f} mm |" in page
+
+
+def test_a_row_of_the_table_is_measured():
+    """A short run of the least task gives a row of the agreed form."""
+    row = table.row("LiftRope", "nominal", 1)
+    assert row["runs"] == 1 and row["update_s"] > 0 and row["evaluations"] > 20
+    assert abs(row["goal_error_m"] - 0.079) < 2e-3 and row["clearance_m"] is None and row["safety"] == 1
