@@ -16,7 +16,7 @@ use faer::Mat;
 /// Relative rounding of (n + 1) α, below which it counts as the whole number next to it \[-\]: 20 · 0.05 is one.
 const COUNT_ROUNDING: f64 = 1e-12;
 
-/// What is exchangeable with what, and how the horizon is covered.
+/// Which scores are exchangeable, and how they cover the horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coverage {
     /// The score of a run is the largest of its first T transitions; α = δ. Runs need be exchangeable with the new one, transitions
@@ -42,7 +42,7 @@ pub enum ConformalError {
         delta: f64,
         /// T.
         horizon: usize,
-        /// What a score is.
+        /// Definition of a score.
         coverage: Coverage,
     },
     /// A run is shorter than the horizon.
@@ -104,7 +104,7 @@ pub struct ConformalBound {
     pub scores: usize,
     /// Rank r of the score that is the radius.
     pub rank: usize,
-    /// What is exchangeable.
+    /// Which scores are exchangeable.
     pub coverage: Coverage,
     /// Whether scores were divided by a scale, which then multiplies the radius.
     pub scaled: bool,
@@ -198,7 +198,7 @@ impl ConformalBound {
         faer::Scale(self.radius) * scale
     }
 
-    /// What the bound says, and on what condition.
+    /// The statement that the bound supports, with its condition.
     pub fn statement(&self) -> String {
         let size = if self.scaled { "|L(x, u)⁻¹ (x⁺ − f(x, u))|₂" } else { "|x⁺ − f(x, u)|₂" };
         let (count, of, condition) = match self.coverage {

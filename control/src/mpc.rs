@@ -20,7 +20,7 @@ pub struct Mpc<P> {
     warm: Warm,
 }
 
-/// What an update decided.
+/// The decision of an update.
 #[derive(Clone, Debug)]
 pub struct Update {
     /// The rollout of the new plan from the measured state; its first inputs are to be applied.

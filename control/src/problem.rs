@@ -1,4 +1,4 @@
-//! What a plan is judged by: cost and constraints along a rollout, with their derivatives.
+//! Cost and constraints along a rollout, with their derivatives.
 //!
 //! ```text
 //! J(u) = Σ_{k=0}^{N} ½ |r_k(x_k, u_k)|²          x_{k+1} = F(x_k, u_k; θ),  no u_N
@@ -78,13 +78,13 @@ pub trait Problem: Sync {
     /// not depend on x and u.
     ///
     /// # Errors
-    /// Whatever makes a row impossible to evaluate, in words.
+    /// The reason, in words, why a row cannot be evaluated.
     fn evaluate(&self, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> Result<(), String>;
 
     /// Bounds of u_k (nu each), infinite where there are none.
     fn bounds(&self, k: usize, lower: &mut [f64], upper: &mut [f64]);
 
-    /// What row `row` of the constraints of stage `k` says, for messages.
+    /// Words for row `row` of the constraints of stage `k`, for messages.
     fn constraint(&self, k: usize, n: usize, row: usize) -> String {
         format!("constraint {row} of stage {k} of {n}")
     }

@@ -22,7 +22,7 @@ use pliant_engine::rollout::Rollout;
 use pliant_math::State;
 use std::sync::Arc;
 
-/// What the tube is made of.
+/// Disturbances and gains of the tube.
 #[derive(Clone, Debug)]
 pub struct TubeOptions {
     /// E of a change of state, ndx × nw: the disturbance of each step is E w, |w|₂ ≤ 1.
@@ -90,7 +90,7 @@ pub struct RobustMpc<P> {
     previous: Option<Tube>,
 }
 
-/// What an update decided.
+/// The decision of an update.
 #[derive(Clone, Debug)]
 pub struct RobustUpdate {
     /// The nominal plan; its first inputs are to be applied.

@@ -246,7 +246,7 @@ impl Task {
     }
 }
 
-/// What a cost function may return.
+/// Keys that a cost function may return.
 const KEYS: [&str; 7] =
     ["residuals", "residuals_by_x", "residuals_by_u", "constraints", "constraints_by_x", "constraints_by_u", "price"];
 

@@ -1,4 +1,4 @@
-//! What a loop asks of a controller, and what it keeps of its decisions.
+//! The interface of a controller, and the record of its decisions.
 
 use crate::mpc::{Mpc, Update};
 use crate::plan::{PlanStatus, PlanStep, Violation};
@@ -37,7 +37,7 @@ pub struct Decision {
     pub reach: Option<Reach>,
 }
 
-/// What a tube says of a plan.
+/// Result of a tube about a plan.
 #[derive(Clone, Debug)]
 pub struct Reach {
     /// Largest tightening of a constraint.

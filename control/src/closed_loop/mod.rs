@@ -67,7 +67,7 @@ pub enum LoopError {
     /// Nothing was ever applied, so there is nothing to hold.
     #[error("the plant gave no state before the first step: {message}")]
     Start {
-        /// What the plant said.
+        /// The plant's message.
         message: String,
     },
     /// The plant does not answer any more.
@@ -77,7 +77,7 @@ pub enum LoopError {
         step: usize,
         /// Steps in a row without an answer.
         silent: usize,
-        /// What the plant said last.
+        /// The plant's last message.
         message: String,
     },
     /// The controller fails again and again.

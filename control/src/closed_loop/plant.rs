@@ -1,4 +1,4 @@
-//! What a loop asks of a plant, and the engine as one.
+//! The interface of a plant, and the engine as one.
 
 use crate::mppi::normal;
 use crate::robust::free_rows;

@@ -1,4 +1,4 @@
-//! What a closed loop came to.
+//! Score of a closed loop.
 
 use crate::plan::{PlanError, finite};
 use crate::problem::{Problem, Terms};
@@ -18,7 +18,7 @@ pub struct Score {
 pub struct StageViolation {
     /// The stage: the number of steps before it.
     pub stage: usize,
-    /// What it says.
+    /// Its words.
     pub constraint: String,
     /// By how much.
     pub by: f64,

@@ -1,4 +1,4 @@
-//! What is measured, and the one Kalman recursion of it.
+//! Measurements, and the one Kalman recursion of them.
 
 use faer::Mat;
 

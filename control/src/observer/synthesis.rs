@@ -24,7 +24,7 @@ pub enum Sharing {
 /// References: the composition of state feedback and observer as responses: VISION-SLS; GPU-SLS, arXiv 2604.07644.
 #[derive(Clone, Debug)]
 pub struct OutputFeedbackTube {
-    /// What is measured.
+    /// Measured quantities.
     pub sensing: Sensing,
     /// The observer.
     pub observer: Observer,

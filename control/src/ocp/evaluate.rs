@@ -1,4 +1,4 @@
-//! What a problem's numbers are at given states and inputs.
+//! Values of a problem at given states and inputs.
 
 use super::products::add_to;
 use super::{Ocp, Rows};

@@ -12,7 +12,7 @@
 //!    it seized, and says nothing of what holding is for.
 //! 5. *Handover.* Once it holds, the term is gone and all derivatives are exact.
 //!
-//! What is added is named a surrogate: it is a term of the plan's model, not of its cost.
+//! The added term is named a surrogate: it belongs to the plan's model, not to its cost.
 
 use super::PlanError;
 use super::constants::PLAN;

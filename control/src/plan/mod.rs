@@ -116,7 +116,7 @@ impl PlanStatus {
 /// A constraint that a plan violates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Violation {
-    /// What it says.
+    /// Its words.
     pub constraint: String,
     /// By how much.
     pub by: f64,
@@ -139,7 +139,7 @@ pub struct Plan {
     pub surrogate: bool,
 }
 
-/// What a constraint or a bound costs a plan: the multiplier of its quadratic model.
+/// Price of a constraint or a bound in a plan: the multiplier of its quadratic model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConstraintPrice {
     /// Stage.
@@ -233,7 +233,7 @@ pub fn plan(
     search.finish(steps, status)
 }
 
-/// What a search leaves for the next.
+/// Warm start of the next search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Warm {
     damping: f64,
@@ -317,7 +317,7 @@ impl<'a> Search<'a> {
         Self { damping, solver, ..self }
     }
 
-    /// What a search of a problem that begins a step later may start with: the damping, and the bounds and constraints that hold.
+    /// Warm start of a search of a problem that begins a step later: the damping, and the bounds and constraints that hold.
     pub(crate) fn take_warm(&mut self) -> Warm {
         let (nu, places) = (self.rollout.model.nu(), &self.model.places);
         let mut solver = std::mem::take(&mut self.solver);
@@ -342,11 +342,6 @@ impl<'a> Search<'a> {
     /// J and Σ price max(0, c) of the best plan so far.
     pub fn value(&self) -> (f64, f64) {
         (self.cost, self.penalty)
-    }
-
-    /// The rollout of the best plan so far.
-    pub fn rollout(&self) -> &Rollout {
-        &self.rollout
     }
 
     /// Takes steps until one of the options' ends; the time counts from `start`.

@@ -66,7 +66,7 @@ impl QuadraticModel {
     /// Evaluates the model about a recorded rollout; `approaches` add their residuals.
     ///
     /// # Errors
-    /// What the problem cannot evaluate, in words.
+    /// The problem's reason, in words, if it cannot be evaluated.
     pub fn evaluate(&mut self, problem: &dyn Problem, rollout: &Rollout, approaches: &[Approach]) -> Result<(), String> {
         let (model, steps) = (&rollout.model, rollout.controls.len());
         let (nu, ndx) = (model.nu(), model.ndx());

@@ -95,7 +95,7 @@ pub enum QpError {
     Size {
         /// Name of the array.
         array: &'static str,
-        /// What is counted.
+        /// The counted thing.
         of: &'static str,
         /// Its number.
         found: usize,

@@ -6,7 +6,7 @@ use super::{Constraint, QpError};
 use crate::constants::ACTIVE_SET;
 use crate::kernels::norm;
 
-/// What ends a step.
+/// Ends of a step.
 enum Blocked {
     /// The row holds.
     Holds,
@@ -23,7 +23,7 @@ struct Entering {
     sign: f64,
     /// The way its multiplier went so far.
     moved: f64,
-    /// What it is violated by still.
+    /// Violation that remains.
     by: f64,
     /// |L⁻¹ a|.
     norm: f64,

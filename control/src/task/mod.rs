@@ -43,10 +43,10 @@ pub struct Task {
     /// Steps that a controller looks ahead; the whole plan if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub horizon: Option<usize>,
-    /// What is to be small.
+    /// Costs.
     #[serde(default)]
     pub cost: Vec<Cost>,
-    /// What must hold.
+    /// Limits.
     #[serde(default)]
     pub limit: Vec<Limit>,
 }

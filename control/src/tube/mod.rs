@@ -52,7 +52,7 @@ pub(crate) use weights::{Norms, Weights};
 
 use faer::Mat;
 
-/// What the disturbances reach.
+/// Deviations that the disturbances reach.
 #[derive(Clone, Debug)]
 pub enum Reach {
     /// Φ_x E and Φ_u E, by the time j of the disturbance.

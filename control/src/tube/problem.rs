@@ -37,7 +37,7 @@ impl Ball {
     }
 }
 
-/// What disturbs the state: balls at times 0 … N, independent of each other; those of time 0 are the uncertainty of x₀.
+/// Disturbances of the state: balls at times 0 … N, independent of each other; those of time 0 are the uncertainty of x₀.
 #[derive(Clone, Debug)]
 pub struct Disturbance {
     /// Balls of each time.

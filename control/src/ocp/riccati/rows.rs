@@ -47,7 +47,7 @@ pub(super) struct Inequality {
     pub nu: f64,
     /// g w.
     pub value: f64,
-    /// What s λ and σ ν are to become, less what they are.
+    /// Targets of s λ and σ ν less their values.
     target_s: f64,
     target_sigma: f64,
     /// D.
