@@ -1,30 +1,31 @@
 //! Plans and controllers.
 
-use crate::convert::{finite, matrix, optional_vector, rows_to_matrix, to_vector, vector};
+use crate::convert::{matrix, rows_to_matrix, to_vector, vector};
+use crate::cost_function::Called;
 use crate::errors::{self, input};
 use crate::model::Model;
+use crate::mpc::{Controller, Mpc, columns};
 use crate::options::Trajectory;
 use crate::rollout::wrap;
 use faer::Mat;
 use numpy::{PyArray1, PyArray2};
 use pliant::control::conformal::{self, Coverage};
-use pliant::control::mpc::{Mpc as Engine, Update};
 use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
-use pliant::control::plan::{self, Annealing, PlanError, PlanOptions, PlanStatus, PlanStep, Violation};
-use pliant::control::problem::{Problem, Rows, Terms};
-use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions, ball_of_free_nodes};
+use pliant::control::plan::{self, Annealing, PlanOptions, PlanStatus, PlanStep, Violation};
+use pliant::control::problem::Problem;
+use pliant::control::robust::{RobustMpc, TubeOptions};
 use pliant::scene::Source;
-use pliant::{Rollout, State, TaskCase};
+use pliant::{State, TaskCase};
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
-type AnyProblem = Arc<dyn Problem + Send + Sync>;
+/// Cost and constraints of any kind.
+pub type AnyProblem = Arc<dyn Problem + Send + Sync>;
 
 /// Cost and constraints of a task file, with its scene.
 #[pyclass(module = "pliant", frozen)]
@@ -78,7 +79,7 @@ struct Asked {
     theta: Vec<f64>,
 }
 
-fn options(
+pub fn options(
     iterations: usize,
     tolerance: f64,
     time_limit: Option<f64>,
@@ -144,7 +145,7 @@ impl Task {
         let u = matrix("u", u, None, engine.nu())?;
         let x = matrix("x", x, Some(u.len() + 1), engine.nx())?;
         let states: Vec<State> = x.iter().map(|x| State::from_flat(x, engine.nq(), engine.nv())).collect();
-        let (cost, violations) = plan::evaluate(&self.case.problem, &states, &u).map_err(failed)?;
+        let (cost, violations) = plan::evaluate(&self.case.problem, &states, &u).map_err(errors::plan)?;
         Ok((cost, broken(py, &violations)?))
     }
 
@@ -166,7 +167,7 @@ impl Task {
         let options = options(iterations, tolerance, time_limit, holding, rest_gap)?;
         let Asked { x0, controls, theta } = self.asked(py, x0, u0, theta, self.case.task.steps)?;
         let model = &self.case.case.model;
-        let found = py.detach(|| plan::plan(&self.case.problem, model, &theta, &x0, &controls, options)).map_err(failed)?;
+        let found = py.detach(|| plan::plan(&self.case.problem, model, &theta, &x0, &controls, options)).map_err(errors::plan)?;
         Plan::new(py, found)
     }
 
@@ -198,11 +199,11 @@ impl Task {
         let model = self.model.bind(py).get();
         let none = || Ok(Mat::zeros(model.engine().ndx(), 0));
         let tubes = TubeOptions {
-            disturbance: self::disturbance(model, "disturbance", given)?,
-            initial: initial.map_or_else(none, |given| self::disturbance(model, "initial", given))?,
+            disturbance: columns(model, "disturbance", given)?,
+            initial: initial.map_or_else(none, |given| columns(model, "initial", given))?,
             exact,
         };
-        let engine = RobustMpc::new(problem, model.engine(), &theta, controls, options, tubes).map_err(not_robust)?;
+        let engine = RobustMpc::new(problem, model.engine(), &theta, controls, options, tubes).map_err(errors::robust)?;
         Ok(Mpc::of(Controller::Tubes(Box::new(engine)), self.model.clone_ref(py)))
     }
 
@@ -232,7 +233,7 @@ impl Task {
         }
         let options = MppiOptions { samples, sigma, temperature, gamma, violation, seed };
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
-        let inner = Sampler::new(problem, engine, &theta, controls, options).map_err(failed)?;
+        let inner = Sampler::new(problem, engine, &theta, controls, options).map_err(errors::plan)?;
         Ok(Mppi { inner: Mutex::new(inner), model: self.model.clone_ref(py) })
     }
 
@@ -243,95 +244,6 @@ impl Task {
             self.case.task.cost.len(),
             self.case.task.limit.len()
         )
-    }
-}
-
-/// Keys that a cost function may return.
-const KEYS: [&str; 7] =
-    ["residuals", "residuals_by_x", "residuals_by_u", "constraints", "constraints_by_x", "constraints_by_u", "price"];
-
-/// Cost and constraints given as a Python function.
-struct Called {
-    evaluate: Py<PyAny>,
-    nu: usize,
-    ndx: usize,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-}
-
-impl Called {
-    fn new(model: &Model, evaluate: Py<PyAny>, bounds: [Option<&Bound<PyAny>>; 2]) -> PyResult<Self> {
-        let (nu, ndx) = (model.engine().nu(), model.engine().ndx());
-        if Python::attach(|py| !evaluate.bind(py).is_callable()) {
-            return Err(input("the cost of a plan must be a function of (k, N, x, u) that returns a dict"));
-        }
-        let [lower, upper] = bounds;
-        let lower = optional_vector("lower", lower, nu)?.unwrap_or_else(|| vec![f64::NEG_INFINITY; nu]);
-        let upper = optional_vector("upper", upper, nu)?.unwrap_or_else(|| vec![f64::INFINITY; nu]);
-        Ok(Self { evaluate, nu, ndx, lower, upper })
-    }
-
-    /// Values and their derivatives from entries of the dict that the function returns.
-    fn rows(&self, out: &Bound<PyDict>, name: &str, rows: &mut Rows) -> PyResult<usize> {
-        let Some(values) = out.get_item(name)? else { return Ok(0) };
-        let n = values.len()?;
-        let first = rows.values.len();
-        rows.values.extend(vector(name, &values, n)?);
-        for (key, columns, from) in [(format!("{name}_by_x"), self.ndx, 0), (format!("{name}_by_u"), self.nu, self.ndx)] {
-            let Some(slopes) = out.get_item(&key)? else { continue };
-            for (r, row) in matrix(&key, &slopes, Some(n), columns)?.into_iter().enumerate() {
-                let nonzero = row.into_iter().enumerate().filter(|(_, value)| *value != 0.0);
-                nonzero.for_each(|(c, value)| rows.slope(first + r, from + c, value));
-            }
-        }
-        Ok(n)
-    }
-
-    fn call(&self, py: Python<'_>, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> PyResult<()> {
-        let u = u.map(|u| to_vector(py, u.to_vec()));
-        let found = self.evaluate.bind(py).call1((k, n, to_vector(py, x.to_flat()), u))?;
-        let found = found.cast::<PyDict>().map_err(|_| {
-            input("the function of a plan must return a dict with `residuals`, `residuals_by_x`, `residuals_by_u` and, for constraints, \
-                   `constraints`, `constraints_by_x`, `constraints_by_u`, `price`")
-        })?;
-        for key in found.keys() {
-            let key: String = key.extract()?;
-            if !KEYS.contains(&key.as_str()) {
-                return Err(input(format!(
-                    "the function of a plan returned the unknown key `{key}`; known are {}",
-                    KEYS.join(", ")
-                )));
-            }
-            let of = key.split("_by_").next().unwrap_or_default();
-            if key != "price" && !found.contains(of)? {
-                return Err(input(format!("the function of a plan returned `{key}` without `{of}`")));
-            }
-        }
-        self.rows(found, "residuals", &mut out.residuals)?;
-        let constraints = self.rows(found, "constraints", &mut out.constraints)?;
-        let prices = match found.get_item("price")? {
-            None => vec![1e3; constraints],
-            Some(price) => match price.extract::<f64>() {
-                Ok(price) => vec![price; constraints],
-                Err(_) => vector("price", &price, constraints)?,
-            },
-        };
-        if let Some(row) = prices.iter().position(|price| price.is_nan() || *price < 0.0) {
-            return Err(input(format!("the price of constraint {row} is {}, but must not be negative", prices[row])));
-        }
-        out.prices.extend(prices);
-        Ok(())
-    }
-}
-
-impl Problem for Called {
-    fn evaluate(&self, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> Result<(), String> {
-        Python::attach(|py| self.call(py, k, n, x, u, out).map_err(|error| error.to_string()))
-    }
-
-    fn bounds(&self, _: usize, lower: &mut [f64], upper: &mut [f64]) {
-        lower.copy_from_slice(&self.lower);
-        upper.copy_from_slice(&self.upper);
     }
 }
 
@@ -359,7 +271,7 @@ pub fn plan_inputs<'py>(
     let problem = Called::new(model, evaluate, [lower, upper])?;
     let (x0, theta) = (model.state("x0", x0)?, model.theta_or_default(theta)?);
     let u0 = matrix("u0", u0, None, model.engine().nu())?;
-    let found = py.detach(|| plan::plan(&problem, model.engine(), &theta, &x0, &u0, options)).map_err(failed)?;
+    let found = py.detach(|| plan::plan(&problem, model.engine(), &theta, &x0, &u0, options)).map_err(errors::plan)?;
     Plan::new(py, found)
 }
 
@@ -426,188 +338,6 @@ impl Plan {
     }
 }
 
-/// A controller.
-#[pyclass(module = "pliant", frozen)]
-pub struct Mpc {
-    inner: Mutex<Loop>,
-    model: Py<Model>,
-}
-
-/// A controller and its last decision.
-struct Loop {
-    controller: Controller,
-    last: Option<Decision>,
-}
-
-enum Controller {
-    Nominal(Box<Engine<AnyProblem>>),
-    Tubes(Box<RobustMpc<AnyProblem>>),
-}
-
-struct Decision {
-    update: Update,
-    /// Largest tightening of a constraint, what the tube reaches beyond, and the steps in which a gripper seizes or lets go.
-    tube: Option<(f64, Vec<Violation>, Vec<usize>)>,
-}
-
-impl Controller {
-    fn update(&mut self, x: &State) -> Result<Decision, RobustError> {
-        match self {
-            Self::Nominal(engine) => Ok(Decision { update: engine.update(x)?, tube: None }),
-            Self::Tubes(engine) => {
-                let RobustUpdate { update, tube, violations, switches } = engine.update(x)?;
-                let stages = 0..=update.rollout.controls.len();
-                let most = stages.flat_map(|k| tube.tightenings.rows(k)).fold(0.0, |most: f64, h| most.max(*h));
-                Ok(Decision { update, tube: Some((most, violations, switches)) })
-            }
-        }
-    }
-}
-
-/// E of the disturbances, (ndx, nw), or the radius of a ball of all free nodes' positions [m].
-fn disturbance(model: &Model, name: &str, given: &Bound<PyAny>) -> PyResult<Mat<f64>> {
-    let engine = model.engine();
-    if let Ok(radius) = given.extract::<f64>() {
-        if !radius.is_finite() || radius < 0.0 {
-            return Err(input(format!("{name} is {radius} m, but must be a radius, finite and not negative")));
-        }
-        return Ok(ball_of_free_nodes(engine, radius));
-    }
-    let columns = given.getattr("shape").ok().and_then(|shape| shape.get_item(1).ok()).and_then(|n| n.extract::<usize>().ok());
-    let columns = columns.ok_or_else(|| input(format!("{name} must be a radius [m] or a matrix (ndx, nw)")))?;
-    let rows = matrix(name, given, Some(engine.ndx()), columns)?;
-    finite(name, rows.iter().map(Vec::as_slice))?;
-    Ok(Mat::from_fn(engine.ndx(), columns, |r, c| rows[r][c]))
-}
-
-impl Mpc {
-    fn new(
-        problem: AnyProblem,
-        model: Py<Model>,
-        theta: &[f64],
-        controls: Vec<Vec<f64>>,
-        options: PlanOptions,
-    ) -> PyResult<Self> {
-        let engine = Engine::new(problem, model.get().engine(), theta, controls, options).map_err(failed)?;
-        Ok(Self::of(Controller::Nominal(Box::new(engine)), model))
-    }
-
-    fn of(controller: Controller, model: Py<Model>) -> Self {
-        Self { inner: Mutex::new(Loop { controller, last: None }), model }
-    }
-
-    fn lock<'a>(&'a self, py: Python<'_>) -> MutexGuard<'a, Loop> {
-        self.inner.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn decision<T>(&self, py: Python<'_>, of: impl FnOnce(&Decision) -> PyResult<T>) -> PyResult<T> {
-        let inner = self.lock(py);
-        of(inner.last.as_ref().ok_or_else(|| input("this controller has not been updated yet: call `update(x)` first"))?)
-    }
-
-    fn last<T>(&self, py: Python<'_>, of: impl FnOnce(&Update) -> PyResult<T>) -> PyResult<T> {
-        self.decision(py, |decision| of(&decision.update))
-    }
-}
-
-#[pymethods]
-impl Mpc {
-    /// A controller for a cost given as a function.
-    #[new]
-    #[pyo3(signature = (model, evaluate, u0, theta=None, *, lower=None, upper=None, iterations=1, time_limit=None, holding=true))]
-    #[allow(clippy::too_many_arguments)] // keyword arguments
-    fn of_function<'py>(
-        model: Bound<'py, Model>,
-        evaluate: Py<PyAny>,
-        u0: &Bound<'py, PyAny>,
-        theta: Option<&Bound<'py, PyAny>>,
-        lower: Option<&Bound<'py, PyAny>>,
-        upper: Option<&Bound<'py, PyAny>>,
-        iterations: usize,
-        time_limit: Option<f64>,
-        holding: bool,
-    ) -> PyResult<Self> {
-        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
-        let problem: AnyProblem = Arc::new(Called::new(model.get(), evaluate, [lower, upper])?);
-        let theta = model.get().theta_or_default(theta)?;
-        let u0 = matrix("u0", u0, None, model.get().engine().nu())?;
-        Self::new(problem, model.unbind(), &theta, u0, options)
-    }
-
-    /// Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
-    fn update<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
-        let x = self.model.get().state("x", x)?;
-        let first = py.detach(|| -> Result<Vec<f64>, RobustError> {
-            let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-            let decision = inner.controller.update(&x)?;
-            let first = decision.update.rollout.controls[0].clone();
-            inner.last = Some(decision);
-            Ok(first)
-        });
-        Ok(to_vector(py, first.map_err(not_robust)?))
-    }
-
-    /// Largest tightening of a constraint by the last tube; 0 without tubes.
-    #[getter]
-    fn tightening(&self, py: Python<'_>) -> PyResult<f64> {
-        self.decision(py, |decision| Ok(decision.tube.as_ref().map_or(0.0, |tube| tube.0)))
-    }
-
-    /// Constraints that the last tube reaches beyond: (text, by how much), largest first; without tubes those that the plan violates.
-    #[getter]
-    fn violations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        self.decision(py, |decision| match &decision.tube {
-            Some((_, violations, _)) => broken(py, violations),
-            None => broken(py, &decision.update.violations),
-        })
-    }
-
-    /// Steps of the last plan in which a gripper seizes or lets go, through which a tube is not valid.
-    #[getter]
-    fn switches(&self, py: Python<'_>) -> PyResult<Vec<usize>> {
-        self.decision(py, |decision| Ok(decision.tube.as_ref().map_or(Vec::new(), |tube| tube.2.clone())))
-    }
-
-    /// Inputs of the last plan, (N, nu).
-    #[getter]
-    fn u<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        let nu = self.model.get().engine().nu();
-        self.last(py, |update| rows_to_matrix(py, &update.rollout.controls, nu))
-    }
-
-    /// States of the last plan, (N + 1, nx).
-    #[getter]
-    fn x<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        let nx = self.model.get().engine().nx();
-        let flat = |rollout: &Rollout| rollout.states.iter().map(State::to_flat).collect::<Vec<_>>();
-        self.last(py, |update| rows_to_matrix(py, &flat(&update.rollout), nx))
-    }
-
-    /// Cost of the last plan.
-    #[getter]
-    fn cost(&self, py: Python<'_>) -> PyResult<f64> {
-        self.last(py, |update| Ok(update.cost))
-    }
-
-    /// Price of the constraints that the last plan violates.
-    #[getter]
-    fn penalty(&self, py: Python<'_>) -> PyResult<f64> {
-        self.last(py, |update| Ok(update.penalty))
-    }
-
-    /// The steps of the last update.
-    #[getter]
-    fn steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        self.last(py, |update| listed(py, &update.steps))
-    }
-
-    /// Why the last update ended.
-    #[getter]
-    fn status(&self, py: Python<'_>) -> PyResult<&'static str> {
-        self.last(py, |update| Ok(update.status.word()))
-    }
-}
-
 /// A sampling controller.
 #[pyclass(module = "pliant", frozen)]
 pub struct Mppi {
@@ -621,7 +351,7 @@ impl Mppi {
     fn update<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
         let x = self.model.get().state("x", x)?;
         let first = py.detach(|| self.inner.lock().unwrap_or_else(PoisonError::into_inner).update(&x));
-        Ok(to_vector(py, first.map_err(failed)?))
+        Ok(to_vector(py, first.map_err(errors::plan)?))
     }
 }
 
@@ -651,11 +381,11 @@ pub fn conformal_bound<'py>(
     Ok(dict)
 }
 
-fn broken<'py>(py: Python<'py>, violations: &[Violation]) -> PyResult<Bound<'py, PyList>> {
+pub fn broken<'py>(py: Python<'py>, violations: &[Violation]) -> PyResult<Bound<'py, PyList>> {
     PyList::new(py, violations.iter().map(|v| (v.constraint.clone(), v.by)))
 }
 
-fn listed<'py>(py: Python<'py>, steps: &[PlanStep]) -> PyResult<Bound<'py, PyList>> {
+pub fn listed<'py>(py: Python<'py>, steps: &[PlanStep]) -> PyResult<Bound<'py, PyList>> {
     let one = |step: &PlanStep| -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         dict.set_item("cost", step.cost)?;
@@ -669,23 +399,4 @@ fn listed<'py>(py: Python<'py>, steps: &[PlanStep]) -> PyResult<Bound<'py, PyLis
         Ok(dict)
     };
     PyList::new(py, steps.iter().map(one).collect::<PyResult<Vec<_>>>()?)
-}
-
-fn not_robust(error: RobustError) -> PyErr {
-    match error {
-        RobustError::Plan(error) => failed(error),
-        RobustError::Disturbance { .. } => input(error),
-        RobustError::Tube(error) => errors::NumericsError::new_err(error.to_string()),
-    }
-}
-
-fn failed(error: PlanError) -> PyErr {
-    match error {
-        PlanError::Guess(error) => errors::step(error),
-        PlanError::Adjoint(error) => errors::adjoint(error),
-        PlanError::NotFinite { .. } | PlanError::Step(_) | PlanError::Hold { .. } => {
-            errors::NumericsError::new_err(error.to_string())
-        }
-        PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => input(error),
-    }
 }

@@ -1,5 +1,7 @@
 //! The engine's errors as Python exceptions.
 
+use pliant::control::plan::PlanError;
+use pliant::control::robust::RobustError;
 use pliant::identify::IdentifyError;
 use pliant::{AdjointError, StepError, VectorError};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -57,5 +59,24 @@ pub fn adjoint(error: AdjointError) -> PyErr {
         AdjointError::Step(error) => step(error),
         AdjointError::NoRecords => input("this rollout kept no records, which derivatives need: simulate it with `record=True`"),
         AdjointError::Checkpointed | AdjointError::Size { .. } => input(error),
+    }
+}
+
+/// Of a controller with tubes.
+pub fn robust(error: RobustError) -> PyErr {
+    match error {
+        RobustError::Plan(error) => plan(error),
+        RobustError::Disturbance { .. } => input(error),
+        RobustError::Tube(error) => NumericsError::new_err(error.to_string()),
+    }
+}
+
+/// Of a plan.
+pub fn plan(error: PlanError) -> PyErr {
+    match error {
+        PlanError::Guess(error) => step(error),
+        PlanError::Adjoint(error) => adjoint(error),
+        PlanError::NotFinite { .. } | PlanError::Step(_) | PlanError::Hold { .. } => NumericsError::new_err(error.to_string()),
+        PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => input(error),
     }
 }
