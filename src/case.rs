@@ -16,7 +16,7 @@ pub struct Case {
     pub x0: State,
     /// One row of inputs for each step of the scene's duration.
     pub controls: Vec<Vec<f64>>,
-    /// What is allowed but likely not meant, or costs more than one may expect; located if the scene was read.
+    /// Warnings of things that are allowed but likely not meant, or cost more than one may expect; located if the scene was read.
     pub warnings: Vec<SceneError>,
 }
 

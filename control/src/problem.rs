@@ -1,11 +1,12 @@
 //! Cost and constraints along a rollout, with their derivatives.
 //!
 //! ```text
-//! J(u) = Σ_{k=0}^{N} ½ |r_k(x_k, u_k)|²          x_{k+1} = F(x_k, u_k; θ),  no u_N
+//! J(u) = Σ_{k=0}^{N} ½ |r_k(x_k, u_k)|² + ℓ_k(x_k, u_k)     x_{k+1} = F(x_k, u_k; θ),  no u_N
 //! c_k(x_k, u_k) ≤ 0                              each with a price per unit of its violation
 //! lower_k ≤ u_k ≤ upper_k
 //! ```
-//! Residuals r make the Gauss–Newton matrix rᵤᵀ rᵤ, which needs no second derivative and is never indefinite.
+//! Residuals r make the Gauss–Newton matrix rᵤᵀ rᵤ, which needs no second derivative and is never indefinite. Costs ℓ that are no sums of
+//! squares are given by value and slope; a plan finds their curvature from one step to the next.
 
 use pliant_math::State;
 
@@ -41,6 +42,8 @@ impl Rows {
 pub struct Terms {
     /// r_k.
     pub residuals: Rows,
+    /// Summands of ℓ_k.
+    pub values: Rows,
     /// c_k.
     pub constraints: Rows,
     /// Prices of the constraints' violations, per unit.
@@ -57,13 +60,14 @@ impl Terms {
     /// Forgets all rows and keeps their memory.
     pub fn clear(&mut self) {
         self.residuals.clear();
+        self.values.clear();
         self.constraints.clear();
         self.prices.clear();
     }
 
-    /// ½ |r|².
+    /// ½ |r|² + ℓ.
     pub fn cost(&self) -> f64 {
-        0.5 * self.residuals.values.iter().map(|r| r * r).sum::<f64>()
+        0.5 * self.residuals.values.iter().map(|r| r * r).sum::<f64>() + self.values.values.iter().sum::<f64>()
     }
 
     /// Σ price · max(0, c).

@@ -189,6 +189,9 @@ impl Task {
     ) -> PyResult<Mpc> {
         let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
         let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
+        if let Some(horizon) = horizon.filter(|horizon| *horizon != controls.len()) {
+            return Err(input(format!("u0 has {} rows, but the horizon is {horizon}: give one row per step", controls.len())));
+        }
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
         let exact = match tube {
             "exact" => true,

@@ -9,8 +9,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Keys that a cost function may return.
-const KEYS: [&str; 7] =
-    ["residuals", "residuals_by_x", "residuals_by_u", "constraints", "constraints_by_x", "constraints_by_u", "price"];
+const KEYS: [&str; 10] = [
+    "residuals",
+    "residuals_by_x",
+    "residuals_by_u",
+    "cost",
+    "cost_by_x",
+    "cost_by_u",
+    "constraints",
+    "constraints_by_x",
+    "constraints_by_u",
+    "price",
+];
 
 /// Cost and constraints given as a Python function.
 pub struct Called {
@@ -49,11 +59,23 @@ impl Called {
         Ok(n)
     }
 
+    /// A cost that is no sum of squares, and its slopes.
+    fn value(&self, out: &Bound<PyDict>, rows: &mut Rows) -> PyResult<()> {
+        let Some(cost) = out.get_item("cost")? else { return Ok(()) };
+        let row = rows.push(cost.extract().map_err(|_| input("`cost` must be a number"))?);
+        for (key, columns, from) in [("cost_by_x", self.ndx, 0), ("cost_by_u", self.nu, self.ndx)] {
+            let Some(slopes) = out.get_item(key)? else { continue };
+            let nonzero = vector(key, &slopes, columns)?.into_iter().enumerate().filter(|(_, value)| *value != 0.0);
+            nonzero.for_each(|(c, value)| rows.slope(row, from + c, value));
+        }
+        Ok(())
+    }
+
     fn call(&self, py: Python<'_>, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> PyResult<()> {
         let u = u.map(|u| to_vector(py, u.to_vec()));
         let found = self.evaluate.bind(py).call1((k, n, to_vector(py, x.to_flat()), u))?;
         let found = found.cast::<PyDict>().map_err(|_| {
-            input("the function of a plan must return a dict with `residuals`, `residuals_by_x`, `residuals_by_u` and, for constraints, \
+            input("the function of a plan must return a dict with `residuals`, `residuals_by_x`, `residuals_by_u` (or `cost`, `cost_by_x`, `cost_by_u`) and, for constraints, \
                    `constraints`, `constraints_by_x`, `constraints_by_u`, `price`")
         })?;
         for key in found.keys() {
@@ -70,6 +92,7 @@ impl Called {
             }
         }
         self.rows(found, "residuals", &mut out.residuals)?;
+        self.value(found, &mut out.values)?;
         let constraints = self.rows(found, "constraints", &mut out.constraints)?;
         let prices = match found.get_item("price")? {
             None => vec![1e3; constraints],

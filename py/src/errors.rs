@@ -77,6 +77,10 @@ pub fn plan(error: PlanError) -> PyErr {
         PlanError::Guess(error) => step(error),
         PlanError::Adjoint(error) => adjoint(error),
         PlanError::NotFinite { .. } | PlanError::Step(_) | PlanError::Hold { .. } => NumericsError::new_err(error.to_string()),
-        PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => input(error),
+        PlanError::Inputs { .. }
+        | PlanError::Empty
+        | PlanError::Problem(_)
+        | PlanError::Bounds { .. }
+        | PlanError::Memory { .. } => input(error),
     }
 }

@@ -212,7 +212,11 @@ fn is_input(step: &StepError) -> bool {
 fn is_input_of_plan(error: &PlanError) -> bool {
     match error {
         PlanError::Guess(step) | PlanError::Adjoint(AdjointError::Step(step)) => is_input(step),
-        PlanError::Inputs { .. } | PlanError::Empty | PlanError::Problem(_) | PlanError::Bounds { .. } => true,
+        PlanError::Inputs { .. }
+        | PlanError::Empty
+        | PlanError::Problem(_)
+        | PlanError::Bounds { .. }
+        | PlanError::Memory { .. } => true,
         PlanError::Adjoint(_) | PlanError::NotFinite { .. } | PlanError::Step(_) | PlanError::Hold { .. } => false,
     }
 }
@@ -234,6 +238,7 @@ fn advice_on_plan(error: &PlanError) -> (&'static str, &'static str) {
             "choose weights of like size, or plan fewer steps with `--steps`",
         ),
         PlanError::Inputs { .. } | PlanError::Empty => ("inputs of another scene", "give one row of inputs per step"),
+        PlanError::Memory { .. } => ("more steps than this machine has memory for", "plan fewer steps (`--steps`)"),
         PlanError::Problem(_) => ("a cost that has no value at this state", "check the task's costs and limits"),
         PlanError::Bounds { .. } => ("two limits of the same input", "correct `lower` and `upper` in the task"),
     }

@@ -17,7 +17,7 @@ use std::time::Duration;
 /// Failures of the controller in a row that end a run.
 const FAILURES: usize = 3;
 
-/// What happens in a loop, for the help.
+/// The course of a loop, for the help.
 const LOOP: &str = "At every step the controller improves its plan from the state of the plant, and the plan's first inputs are applied. \
 If it fails, those that the last plan has for this step are applied; three failures in a row end the run with exit code 1.";
 

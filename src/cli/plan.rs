@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What a task is, for the help.
+/// The parts of a task, for the help.
 const TASK: &str = "A task file (TOML) names its scene, costs and limits; `pliant schema task` describes every key. A plan that violates \
 constraints is written and reported, with exit code 0: raise their prices, or give more steps. \
 Violations up to 1e-9 m or rad count as rounding.";

@@ -185,6 +185,39 @@ def test_bounds_bind_where_the_free_optimum_is_beyond_them():
     assert (np.abs(np.abs(plan.u) - most) < 1e-12).any() and (np.abs(plan.u) < most - 1e-3).any()
 
 
+def test_a_cost_that_is_no_sum_of_squares_is_minimized_from_its_slopes():
+    """Sum of log cosh((x - 1)/0.2) along the cart's path, against SciPy's L-BFGS-B on the gradient by vjp."""
+    from scipy.optimize import minimize
+
+    model, steps, width = pliant.loads(CART), 20, 0.2
+    x0 = model.initial_state()
+
+    def of_x(x):
+        away = (x - 1.0) / width
+        return np.logaddexp(away, -away) - np.log(2.0), np.tanh(away) / width
+
+    def evaluate(k, n, x, u):
+        cost, slope = of_x(x[0])
+        out = {"cost": cost, "cost_by_x": slope * np.eye(model.ndx)[0]}
+        return out if u is None else {**out, "residuals": INPUTS * u, "residuals_by_u": [[INPUTS]]}
+
+    def total(u):
+        roll = model.rollout(x0, u.reshape(steps, 1))
+        costs, slopes = of_x(roll.x[:, 0])
+        x_bar = np.zeros((steps + 1, model.ndx))
+        x_bar[:, 0] = slopes
+        return costs.sum() + 0.5 * INPUTS**2 * (u @ u), roll.vjp(x_bar)[1].ravel() + INPUTS**2 * u
+
+    bounds = {"lower": [-2.0], "upper": [2.0]}
+    plan = pliant.plan(model, evaluate, x0, np.zeros((steps, 1)), iterations=100, tolerance=1e-9, **bounds)
+    best = minimize(total, np.zeros(steps), jac=True, method="L-BFGS-B", bounds=[(-2.0, 2.0)] * steps, options={"ftol": 1e-14, "maxiter": 500})
+    assert plan.cost == pytest.approx(total(plan.u.ravel())[0], rel=1e-12)
+    assert plan.cost <= best.fun * (1 + 1e-6) and plan.steps[0]["cost"] > 1.05 * best.fun
+
+    with pytest.raises(pliant.InputError, match="`cost_by_x` without `cost`"):
+        pliant.plan(model, lambda k, n, x, u: {"cost_by_x": np.zeros(model.ndx)}, x0, np.zeros((steps, 1)))
+
+
 def test_a_step_is_gauss_newtons_of_the_rollouts_jacobians(rope):
     x0, u0 = rope.initial_state(), guess()
     roll, s, rows = rope.rollout(x0, u0), np.zeros((rope.ndx, 3 * N)), []
@@ -393,6 +426,25 @@ def test_a_rope_is_found_by_the_value_of_holding_and_not_without():
             x = task.model.step(x, mpc.update(x))
         begun[holding] = discovery.held(task.model, x)
     assert begun == {True: 2, False: 0}
+
+
+def test_a_rope_is_seized_where_it_is_worth_most():
+    """From above the ends of a soft rope the hands go to nodes beside them, at their full speed, and seize those."""
+    task = make("LiftRope", SEED).load()
+    model, x = task.model, task.x0
+    mpc = task.mpc(np.clip(np.zeros((20, 8)), *task.bounds))
+    for _ in range(18):
+        x = model.step(x, mpc.update(x))
+    assert discovery.held(model, x) == 2
+    z = dict(zip(model.memory_names, x[-len(model.memory_names) :]))
+    left, right = (z[f"{hand}.held"] - 1 + z[f"{hand}.held_weight[1]"] for hand in ("left", "right"))
+    assert 1.5 < left < 3.5 and 16.5 < right < 18.5
+
+
+def test_the_rows_of_a_first_plan_are_its_horizon():
+    task = make("LiftRope", SEED).load()
+    with pytest.raises(pliant.InputError, match="u0 has 5 rows, but the horizon is 20"):
+        task.mpc(np.zeros((5, 8)), horizon=20)
 
 
 @pytest.mark.long

@@ -125,6 +125,7 @@ fn mistakes_in_tasks_are_located() {
         ("lower = -0.5", "lower = 0.6", ["limit[1].upper: is 0.5, but must lie between 0.6 and inf", "wrong order"]),
         ("steps = 60", "steps = 0", ["steps", "must be positive"]),
         ("horizon = 20", "horizon = 20_000_000_000", ["horizon: is 2e10, but must lie between 1 and 10000000", "wrong order"]),
+        ("horizon = 20", "horizon = 61", ["horizon: is 61, but must lie between 1 and 60", ""]),
     ] {
         let task = example(folder.path(), [from, to], ["", ""]);
         for command in ["plan", "mpc"] {

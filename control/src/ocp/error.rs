@@ -48,7 +48,7 @@ pub enum OcpError {
         stage: usize,
         /// Rows and columns; a vector has one column.
         found: (usize, usize),
-        /// What they should be.
+        /// The rows and columns that it should have.
         expected: (usize, usize),
     },
     /// A number that is not finite, where it has to be.

@@ -14,6 +14,11 @@ pub(crate) struct PlanConstants {
     pub sufficient: f64,
     /// Part of a gripper's reach from which on it need not come nearer [-]: inside, rounding and the object's own motion do not lose it.
     pub inside: f64,
+    /// Distance that a gripper keeps from what it may seize per metre by which it is beside of the node that it is to hold [-]: it comes
+    /// within reach where it is beside by less than a sixteenth of the reach. With 4 LiftRope's rope is held farther from its nodes, with 16 later.
+    pub funnel: f64,
+    /// Sweeps of projections on an edge's half-space, for the directions in which a node is the nearest point.
+    pub sweeps: usize,
     /// Rest gap of a stage of annealing over that of the one before [-]: a decade, as schedules of κ have it.
     pub anneal: f64,
     /// Closing time of a virtual hold \[s\]: so long that what is held stays where it is.
@@ -28,6 +33,8 @@ pub(crate) const PLAN: PlanConstants = PlanConstants {
     most_damping: 1e8,
     sufficient: 1e-4,
     inside: 0.5,
+    funnel: 8.0,
+    sweeps: 20,
     anneal: 0.1,
     never: 1e9,
 };

@@ -7,213 +7,38 @@
 //!       roll out u + δ; accept if J + Σ price max(0, c) falls by a part of what was predicted, else raise λ
 //! ```
 //! The dynamics hold in every iterate. The penalty is exact: where prices are above the multipliers, the constraints hold at the end; what
-//! is violated is reported. With [`Annealing`] the derivatives are those of smoothed contact at first, and at last the scene's own. While a gripper that may grasp holds nothing, a surrogate term draws it to what is worth holding
-//! ([`approaches`]); [`Plan::surrogate`] says so.
+//! is violated is reported. With [`Annealing`] the derivatives are those of smoothed contact at first, and at last the scene's own. While a
+//! gripper that may grasp holds nothing, a surrogate term draws it to what is worth holding ([`Aim`], [`approaches`]);
+//! [`Plan::surrogate`] says so. Costs that are given by value instead of residuals have the BFGS matrix for their part of H.
 
+mod aim;
 mod constants;
+mod curvature;
+mod error;
 mod holding;
+mod memory;
 mod model;
+mod options;
 mod qp;
 
+pub use aim::Aim;
+pub use error::PlanError;
 pub use holding::{Approach, approaches};
 pub use model::QuadraticModel;
+pub use options::{Annealing, ConstraintPrice, Plan, PlanOptions, PlanStatus, PlanStep, Violation};
 
 use crate::problem::{Problem, Terms};
-use crate::qp::{ActiveSet, Constraint, QpError};
+use crate::qp::{ActiveSet, Constraint};
 use constants::PLAN;
+use curvature::Curvature;
 use pliant_adjoint::{AdjointError, surrogate_rollout};
 use pliant_engine::grasp::Grasping;
 use pliant_engine::model::Model;
 use pliant_engine::rollout::{Along, Rollout, RolloutOptions, Smoothing, rollout};
-use pliant_engine::step::{StepError, StepOptions};
+use pliant_engine::step::StepOptions;
 use pliant_math::State;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// How a plan is sought.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanOptions {
-    /// Largest number of Gauss–Newton steps.
-    pub iterations: usize,
-    /// The plan is done when a step would lower the cost by less than this part of it [-].
-    pub tolerance: f64,
-    /// Time after which no further step is begun; the best plan so far is returned.
-    pub time_limit: Option<Duration>,
-    /// Whether empty grippers are drawn to what is worth holding.
-    pub holding: bool,
-    /// Contact whose derivatives are taken first, while the states stay those of hard contact; `None`: the scene's own.
-    pub smoothing: Option<Annealing>,
-}
-
-/// Surrogate derivatives of smoothed contact, annealed: where no step helps any more the rest gap is lowered, until it is the scene's own.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Annealing {
-    /// First rest gap \[m\] of the steps that are differentiated: about the distance at which contact is to be felt.
-    pub rest_gap: f64,
-    /// Factor of the rest gap from one stage to the next [-], between 0 and 1.
-    pub factor: f64,
-}
-
-impl Default for PlanOptions {
-    fn default() -> Self {
-        Self { iterations: 50, tolerance: 1e-6, time_limit: None, holding: true, smoothing: None }
-    }
-}
-
-/// Why the search ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlanStatus {
-    /// No step would lower the cost by more than the tolerance.
-    Converged,
-    /// The largest number of steps was taken.
-    Iterations,
-    /// The time was over.
-    Time,
-    /// No step that was tried, however damped, lowers the cost by more than the tolerance: the rollout is not smooth here.
-    Stalled,
-}
-
-impl Annealing {
-    /// From that rest gap \[m\], a tenth of the last one from stage to stage.
-    pub fn from_gap(rest_gap: f64) -> Self {
-        Self { rest_gap, factor: PLAN.anneal }
-    }
-}
-
-/// One step of the search.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanStep {
-    /// J before it.
-    pub cost: f64,
-    /// Σ price max(0, c) before it.
-    pub penalty: f64,
-    /// Decrease of both that the model predicted.
-    pub predicted: f64,
-    /// Decrease of both that it brought; surrogate terms count in both.
-    pub achieved: f64,
-    /// λ it was taken with.
-    pub damping: f64,
-    /// Rollouts that it took.
-    pub rollouts: usize,
-    /// Grippers that were drawn to something.
-    pub approaches: usize,
-    /// Rest gap of the contact that was differentiated \[m\], if it is not the scene's.
-    pub rest_gap: Option<f64>,
-}
-
-impl PlanStatus {
-    /// Its word in outputs: `converged`, `iterations`, `time` or `stalled`.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::Iterations => "iterations",
-            Self::Time => "time",
-            Self::Stalled => "stalled",
-        }
-    }
-}
-
-/// A constraint that a plan violates.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Violation {
-    /// Its words.
-    pub constraint: String,
-    /// By how much.
-    pub by: f64,
-}
-
-/// A plan.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// Its rollout, with records: the inputs are `rollout.controls`.
-    pub rollout: Rollout,
-    /// J.
-    pub cost: f64,
-    /// Constraints that are violated, largest first.
-    pub violations: Vec<Violation>,
-    /// The steps of the search.
-    pub steps: Vec<PlanStep>,
-    /// Why it ended.
-    pub status: PlanStatus,
-    /// Whether the last step was taken with surrogate terms or derivatives, so that the plan need not be a minimum of J.
-    pub surrogate: bool,
-}
-
-/// Price of a constraint or a bound in a plan: the multiplier of its quadratic model.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ConstraintPrice {
-    /// Stage.
-    pub stage: usize,
-    /// Row of the stage's constraints, or with `input` the number of the input.
-    pub row: usize,
-    /// Whether it is a bound of an input.
-    pub input: bool,
-    /// Decrease of the cost per unit by which it is loosened.
-    pub multiplier: f64,
-}
-
-/// Why there is no plan.
-#[derive(Clone, Debug, thiserror::Error)]
-pub enum PlanError {
-    /// Inputs of another number than the model's, or none.
-    #[error("the first guess has {got} inputs in row {row}, but the model has {expected}: give one row of inputs per step")]
-    Inputs {
-        /// Row.
-        row: usize,
-        /// Entries given.
-        got: usize,
-        /// Entries needed.
-        expected: usize,
-    },
-    /// No steps.
-    #[error("a plan of 0 steps decides nothing: give at least one row of inputs")]
-    Empty,
-    /// The rollout of the first guess fails.
-    #[error("the rollout of the first guess fails: {0}")]
-    Guess(StepError),
-    /// The rollout in which a gripper holds at a distance, for the worth of holding, fails.
-    #[error(
-        "the rollout in which gripper `{gripper}` holds the nearest point at a distance, for what that would be worth, fails: {source}; begin \
-         nearer to what it is to seize, or plan without the value of holding"
-    )]
-    Hold {
-        /// Gripper.
-        gripper: String,
-        /// Why.
-        source: Box<StepError>,
-    },
-    /// A derivative failed.
-    #[error(transparent)]
-    Adjoint(#[from] AdjointError),
-    /// A cost or a constraint is not a finite number.
-    #[error("{what} is {value} at stage {stage}: check what the cost computes there")]
-    NotFinite {
-        /// Which.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-        /// Stage.
-        stage: usize,
-    },
-    /// The quadratic model of the cost has no minimum: it is not finite.
-    #[error("the step of the plan cannot be computed: {0}")]
-    Step(#[from] QpError),
-    /// The problem says that it cannot be evaluated.
-    #[error("the problem cannot be evaluated: {0}")]
-    Problem(String),
-    /// Bounds that cross.
-    #[error("input {input} has the lower bound {lower} above the upper bound {upper} in step {step}")]
-    Bounds {
-        /// Input.
-        input: usize,
-        /// Step.
-        step: usize,
-        /// Lower bound.
-        lower: f64,
-        /// Upper bound.
-        upper: f64,
-    },
-}
+use std::time::Instant;
 
 /// Seeks the inputs that minimize the cost of `problem`, from the first guess `controls` (clamped to their bounds).
 ///
@@ -238,6 +63,7 @@ pub fn plan(
 pub(crate) struct Warm {
     damping: f64,
     solver: ActiveSet,
+    aim: Aim,
 }
 
 /// The search for a plan, step by step.
@@ -247,11 +73,13 @@ pub struct Search<'a> {
     /// Rest gap of the steps that are differentiated, if it is not the scene's.
     rest_gap: Option<f64>,
     model: QuadraticModel,
+    curvature: Curvature,
     lower: Vec<f64>,
     upper: Vec<f64>,
     solver: ActiveSet,
     prices: Vec<ConstraintPrice>,
     damping: f64,
+    aim: Aim,
     cost: f64,
     penalty: f64,
     terms: Terms,
@@ -289,6 +117,7 @@ impl<'a> Search<'a> {
                 *u = u.clamp(low[input], high[input]);
             }
         }
+        memory::check(problem, x0, &controls, model.ndx())?;
         let rest_gap = options.smoothing.map(|annealing| annealing.rest_gap).filter(|gap| *gap > model.rest_gap());
         let rollout = simulate(model, theta, x0, &controls, rest_gap).map_err(|error| match error {
             AdjointError::Step(error) => PlanError::Guess(error),
@@ -299,11 +128,13 @@ impl<'a> Search<'a> {
             rollout,
             rest_gap,
             model: QuadraticModel::default(),
+            curvature: Curvature::default(),
             lower,
             upper,
             solver: ActiveSet::new(),
             prices: Vec::new(),
             damping: 0.0,
+            aim: Aim::default(),
             cost: 0.0,
             penalty: 0.0,
             terms: Terms::default(),
@@ -313,8 +144,8 @@ impl<'a> Search<'a> {
     }
 
     /// Starts with what an earlier search, of a problem that began a step before, ended with.
-    pub(crate) fn warm(self, Warm { damping, solver }: Warm) -> Self {
-        Self { damping, solver, ..self }
+    pub(crate) fn warm(self, Warm { damping, solver, aim }: Warm) -> Self {
+        Self { damping, solver, aim, ..self }
     }
 
     /// Warm start of a search of a problem that begins a step later: the damping, and the bounds and constraints that hold.
@@ -331,7 +162,7 @@ impl<'a> Search<'a> {
                 places.binary_search(&moved).ok().map(Constraint::Row)
             }
         });
-        Warm { damping: self.damping, solver }
+        Warm { damping: self.damping, solver, aim: std::mem::take(&mut self.aim) }
     }
 
     /// Multipliers of the last quadratic model, those that are not zero.
@@ -397,7 +228,7 @@ impl<'a> Search<'a> {
     /// # Errors
     /// A problem that cannot be evaluated, or a derivative that cannot be taken.
     pub fn step(&mut self, options: PlanOptions, start: Instant) -> Result<(PlanStep, Option<PlanStatus>), PlanError> {
-        let approaches = if options.holding { approaches(self.problem, &self.rollout)? } else { Vec::new() };
+        let (approaches, copies) = self.approaches(options, start)?;
         self.model.evaluate(self.problem, &self.rollout, &approaches).map_err(PlanError::Problem)?;
         let merit = self.merit(&approaches);
         let mut step = PlanStep {
@@ -406,11 +237,14 @@ impl<'a> Search<'a> {
             predicted: 0.0,
             achieved: 0.0,
             damping: self.damping,
-            rollouts: 0,
+            rollouts: copies,
             approaches: approaches.len(),
             rest_gap: self.rest_gap,
         };
         let u: Vec<f64> = self.rollout.controls.concat();
+        if !self.model.slopes.is_empty() {
+            self.curvature.add(&u, &self.model.slopes, self.cost, &mut self.model.hessian);
+        }
         let (nu, first) = (self.rollout.model.nu(), self.damping);
         loop {
             let lower: Vec<f64> = self.lower.iter().zip(&u).map(|(l, u)| l - u).collect();
@@ -450,6 +284,15 @@ impl<'a> Search<'a> {
                 return Ok((step, Some(PlanStatus::Stalled)));
             }
         }
+    }
+
+    /// The pull on empty grippers to the points that are worth most to hold, and the rollouts that these took to find.
+    fn approaches(&mut self, options: PlanOptions, start: Instant) -> Result<(Vec<Approach>, usize), PlanError> {
+        if !options.holding || self.rollout.model.grasps().is_empty() {
+            return Ok((Vec::new(), 0));
+        }
+        let copies = self.aim.improve(self.problem, &self.rollout, options, start)?;
+        Ok((approaches(self.problem, &self.rollout, &self.aim)?, copies))
     }
 
     fn merit(&self, approaches: &[Approach]) -> f64 {

@@ -5,6 +5,7 @@
 //! J(u + δ) ≈ J + gᵀδ + ½ δᵀHδ,   g = Σ J_kᵀ r_k,  H = Σ J_kᵀ J_k,   J_k = ∂r_k/∂x S_k + ∂r_k/∂u
 //! c(u + δ) ≈ c + C δ
 //! ```
+//! Costs ℓ given by value add their slopes to g; their part of H is B of [`Curvature`](super::curvature::Curvature).
 
 use super::holding::Approach;
 use crate::problem::{Problem, Rows, Terms};
@@ -27,6 +28,8 @@ pub struct QuadraticModel {
     pub hessian: Mat<f64>,
     /// g (n).
     pub gradient: Vec<f64>,
+    /// Part of g of the costs given by value (n); empty if there are none.
+    pub slopes: Vec<f64>,
     /// C, rows of all stages in a row; row-major, n columns.
     pub rows: Vec<f64>,
     /// c.
@@ -50,6 +53,7 @@ impl Default for QuadraticModel {
             steps: 0,
             hessian: Mat::new(),
             gradient: Vec::new(),
+            slopes: Vec::new(),
             rows: Vec::new(),
             values: Vec::new(),
             prices: Vec::new(),
@@ -85,6 +89,7 @@ impl QuadraticModel {
             self.add(k, nu, ndx, &terms, &tangent);
             self.terms = terms;
             if k == steps {
+                self.gradient.iter_mut().zip(&self.slopes).for_each(|(g, slope)| *g += slope);
                 break;
             }
             tangent.grow(((k + 1) * nu).next_multiple_of(VECTOR));
@@ -105,6 +110,7 @@ impl QuadraticModel {
         self.hessian = Mat::zeros(n, n);
         self.gradient.clear();
         self.gradient.resize(n, 0.0);
+        self.slopes.clear();
         (self.cost, self.penalty) = (0.0, 0.0);
         self.rows.clear();
         self.values.clear();
@@ -145,6 +151,13 @@ impl QuadraticModel {
                 1.0,
                 Par::Seq,
             );
+        }
+        if !terms.values.values.is_empty() {
+            self.slopes.resize(self.n, 0.0);
+            let place = Place { k, nu, ndx, columns };
+            for &(_, column, value) in &terms.values.entries {
+                place.add(column, value, tangent, &mut self.slopes[..columns]);
+            }
         }
         self.add_constraints(k, nu, ndx, columns, &terms.constraints, tangent);
         self.prices.extend(&terms.prices);

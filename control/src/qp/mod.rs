@@ -99,7 +99,7 @@ pub enum QpError {
         of: &'static str,
         /// Its number.
         found: usize,
-        /// What it should be.
+        /// The size that it should have.
         expected: usize,
     },
     /// A number that is not finite, where it has to be.

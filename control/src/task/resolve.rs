@@ -62,6 +62,9 @@ impl TaskProblem {
                 return Err(SceneError::at(field, Mistake::Range { value: steps as f64, low: 1.0, high: MOST_STEPS as f64 }));
             }
         }
+        if let Some(horizon) = task.horizon.filter(|horizon| *horizon > task.steps) {
+            return Err(SceneError::at("horizon", Mistake::Range { value: horizon as f64, low: 1.0, high: task.steps as f64 }));
+        }
         for (i, cost) in task.cost.iter().enumerate() {
             out.parts.push(names.part(cost, &format!("cost[{i}]"))?);
         }

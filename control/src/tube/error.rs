@@ -79,7 +79,7 @@ pub enum TubeError {
     Nominal {
         /// Number of the iteration.
         iteration: usize,
-        /// What its solver says.
+        /// The error of its solver.
         source: OcpError,
     },
 }

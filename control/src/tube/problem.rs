@@ -24,7 +24,7 @@ impl Ball {
         Self { columns, shift: Vec::new() }
     }
 
-    /// What smoothing hides: x_true = x_κ + Σ_j columns_j w_j with every w_j in [1, 2], enclosed by the ball about the centre of that cube
+    /// The states that smoothing hides: x_true = x_κ + Σ_j columns_j w_j with every w_j in [1, 2], enclosed by the ball about the centre of that cube
     /// through its corners, of radius ½ √nw.
     ///
     /// Column j is −P⁻¹ J_jᵀ (dλ_j/dκ) κ, the first-order effect of the smoothing κ of contact j on the step.

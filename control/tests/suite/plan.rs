@@ -1,7 +1,7 @@
 //! Plans: derivatives of tasks and of the quadratic model, problems with a known optimum, grasping, tubes.
 
 use pliant_adjoint::{Seeds, TangentStepper, rollout_vjp};
-use pliant_control::plan::{Approach, PlanOptions, PlanStatus, QuadraticModel, approaches, evaluate, plan};
+use pliant_control::plan::{Aim, Approach, PlanOptions, PlanStatus, QuadraticModel, approaches, evaluate, plan};
 use pliant_control::problem::{Problem, Terms};
 use pliant_control::task::{Task, TaskProblem};
 use pliant_engine::model::{Model, ModelBuilder};
@@ -370,6 +370,38 @@ fn a_linear_problem_takes_one_step() {
     }
 }
 
+/// The same optimum from values and slopes alone.
+#[test]
+fn costs_given_by_value_find_the_same_optimum() {
+    struct Goal;
+    impl Problem for Goal {
+        fn evaluate(&self, k: usize, n: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> Result<(), String> {
+            if k == n {
+                let row = out.values.push(0.5 * (x.q[21] - 0.05).powi(2));
+                out.values.slope(row, 21, x.q[21] - 0.05);
+            }
+            if let Some(u) = u {
+                let row = out.values.push(0.005 * u[0] * u[0]);
+                out.values.slope(row, x.q.len() + x.v.len() + x.z.len(), 0.01 * u[0]);
+            }
+            Ok(())
+        }
+        fn bounds(&self, _: usize, lower: &mut [f64], upper: &mut [f64]) {
+            lower.copy_from_slice(&[-1.0, 0.0, 0.0, 0.0]);
+            upper.copy_from_slice(&[1.0, 0.0, 0.0, 0.0]);
+        }
+    }
+    let setup = setup(ROPE, ROPE_TASK);
+    let (n, h) = (5, 0.02);
+    let options = PlanOptions { tolerance: 1e-12, holding: false, ..PlanOptions::default() };
+    let guess = vec![vec![0.0; 4]; n];
+    let found = plan(&Goal, &setup.model, &setup.theta, &setup.model.initial_state(), &guess, options).unwrap();
+    let best = h * 0.02 / (n as f64 * h * h + 0.01);
+    for u in &found.rollout.controls {
+        assert!((u[0] - best).abs() < 1e-5, "{} {best} {:?}", u[0], found.status);
+    }
+}
+
 #[test]
 fn an_empty_hand_is_drawn_to_the_rope_and_holds_it() {
     // without a reach cost, and without an obstacle in the way
@@ -395,8 +427,9 @@ fn an_empty_hand_is_drawn_to_the_rope_and_holds_it() {
 fn what_holding_is_worth_is_the_derivative_of_the_held_rollout() {
     let setup = setup(ROPE, ROPE_TASK);
     let run = setup.run(&vec![vec![0.0, 0.0, 0.0, 1.0]; 10]);
-    let found: Vec<Approach> = approaches(&setup.problem, &run).unwrap();
-    assert_eq!((found.len(), found[0].step), (1, 10));
+    // no node is chosen yet: the nearest point, and time has no price
+    let found: Vec<Approach> = approaches(&setup.problem, &run, &Aim::default()).unwrap();
+    assert_eq!((found.len(), found[0].step), (1, 9));
     // by hand: hold at a distance, move all of the motion from step k on, difference the cost
     let grasp = &setup.model.grasps()[0];
     let mut x0 = setup.model.initial_state();

@@ -112,21 +112,27 @@ impl Grasp {
     /// The point of its rope or sheet nearest to the gripper's point at positions `q`, whether it holds something or not; `None` if
     /// there is nothing to seize.
     pub fn reach(&self, q: &[f64]) -> Option<Reach> {
-        let (element, region, d2) = self.nearest(q)?;
+        let (element, region, _) = self.nearest(q)?;
         let vec3 = |node: usize| Vec3::new(q[3 * node], q[3 * node + 1], q[3 * node + 2]);
-        let nodes = self.elements[element];
-        let weights = region.weights(&vec3(self.node), &nodes.map(vec3));
-        let point = (0..self.corners).map(|k| vec3(nodes[k]) * weights[k]).sum();
-        Some(Reach {
-            gripper: self.node,
-            element,
-            nodes,
-            weights,
-            corners: self.corners,
-            point,
-            from: vec3(self.node),
-            distance: d2.sqrt(),
-        })
+        let weights = region.weights(&vec3(self.node), &self.elements[element].map(vec3));
+        Some(self.reach_to(element, weights, q))
+    }
+
+    /// The node `node` of its rope or sheet, as a point that may be held; `None` if it is no node of them.
+    pub fn reach_node(&self, node: usize, q: &[f64]) -> Option<Reach> {
+        let corner = |nodes: &[usize; 3]| nodes[..self.corners].iter().position(|of| *of == node);
+        let (element, corner) = self.elements.iter().enumerate().find_map(|(e, nodes)| Some((e, corner(nodes)?)))?;
+        let mut weights = [0.0; 3];
+        weights[corner] = 1.0;
+        Some(self.reach_to(element, weights, q))
+    }
+
+    fn reach_to(&self, element: usize, weights: [f64; 3], q: &[f64]) -> Reach {
+        let vec3 = |node: usize| Vec3::new(q[3 * node], q[3 * node + 1], q[3 * node + 2]);
+        let (nodes, from) = (self.elements[element], vec3(self.node));
+        let point: Vec3<f64> = (0..self.corners).map(|k| vec3(nodes[k]) * weights[k]).sum();
+        let distance = (point - from).norm();
+        Reach { gripper: self.node, element, nodes, weights, corners: self.corners, point, from, distance }
     }
 
     /// Writes into `z` that the gripper holds the point `reach`, which stays where it is from the gripper: what seizing at a distance

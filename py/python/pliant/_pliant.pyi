@@ -508,7 +508,7 @@ class PlanStep(TypedDict):
     damping: float
     """Levenberg-Marquardt damping it was taken with [-], of the diagonal."""
     rollouts: int
-    """Rollouts it took."""
+    """Rollouts it took; those of copies in which empty grippers hold something, and their sweeps of derivatives, counted as one each."""
     approaches: int
     """Empty grippers that were drawn to what is worth holding: a surrogate term (docs/control.md)."""
     rest_gap: float | None
@@ -523,6 +523,12 @@ class StageTerms(TypedDict, total=False):
     """(m, ndx), by a change of x."""
     residuals_by_u: ArrayLike
     """(m, nu)."""
+    cost: float
+    """A cost that is no sum of squares, added to the residuals'; its curvature is found from one step of a plan to the next."""
+    cost_by_x: ArrayLike
+    """(ndx,), by a change of x."""
+    cost_by_u: ArrayLike
+    """(nu,)."""
     constraints: ArrayLike
     """c (p,), that must not be positive."""
     constraints_by_x: ArrayLike

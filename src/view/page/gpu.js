@@ -51,7 +51,7 @@ bool within(vec3 p) {
   return true;
 }`;
 
-// What lies in the lamp's way, laid flat onto a plane n·x = u_plane.w.
+// Everything that lies in the lamp's way, laid flat onto a plane n·x = u_plane.w.
 const SHADOW_VERTEX = `#version 300 es
 uniform mat4 u_view, u_model;
 uniform vec4 u_plane;

@@ -1,4 +1,4 @@
-// What is drawn: made from the header once, and from the numbers at every frame.
+// The things drawn: made from the header once, and from the numbers at every frame.
 
 /** Colours of ropes, cloths and bodies, one after the other. */
 const PALETTE = ["#2f7fd1", "#e08a1e", "#3d9a5f", "#b5518f", "#7a6bd1", "#c2543d", "#1f9aa0", "#8f7a2e"];

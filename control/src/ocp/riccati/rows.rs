@@ -24,7 +24,7 @@ pub(super) enum Kind {
     Row(usize),
 }
 
-/// What a row is taken for at the end.
+/// How a row is taken at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     /// λ = 0.
