@@ -65,13 +65,13 @@ impl Aim {
             let chooses = grasp.held(&x0.z).is_none() && grasp.corners == 2;
             *target = target.or_else(|| nearest_node(grasp, &x0.q)).filter(|_| chooses);
         }
-        let mut empty = grasps.iter().filter(|grasp| grasp.held(&x0.z).is_none()).peekable();
-        if empty.peek().is_none() {
+        if self.targets.iter().all(Option::is_none) {
             self.controls.clear();
             return Ok(0);
         }
         if self.controls.len() != plan.controls.len() {
             self.controls.clone_from(&plan.controls);
+            let empty = grasps.iter().filter(|grasp| grasp.held(&x0.z).is_none());
             empty.for_each(|grasp| rest(plan, grasp, &mut self.controls));
         }
         let copy = Held { problem, plan, theta: without_closing(plan), options, start };

@@ -412,7 +412,7 @@ fn an_empty_hand_is_drawn_to_the_rope_and_holds_it() {
     let x0 = setup.model.initial_state();
     let guess: Vec<Vec<f64>> = vec![vec![0.0, 0.0, 0.0, 1.0]; 20];
     let seizes = |holding: bool| {
-        let options = PlanOptions { iterations: 15, holding, ..PlanOptions::default() };
+        let options = PlanOptions { holding, ..PlanOptions::default() };
         let found = plan(&setup.problem, &setup.model, &setup.theta, &x0, &guess, options).unwrap();
         (found.rollout.states.iter().any(|x| setup.model.grasps()[0].held(&x.z).is_some()), found.surrogate, found.cost)
     };
