@@ -6,8 +6,8 @@
 //! J(u; a) is the cost, penalties included, of inputs u from a copy of the start in which each empty gripper j holds its node a_j at the
 //! distance where it is; ℓ_k is the cost of stage k there, and K(a_j) the number of steps to come near to a_j at the highest velocities: a
 //! step of delay adds ℓ_1 and drops ℓ_{N−1}. Time has no price where that difference is negative, or inputs are positions. Of a sheet the
-//! nearest point is held: what is best over a horizon much shorter than a fold is not what is good for the fold (FoldCloth: 261 instead of
-//! 191 mm).
+//! nearest point is held: a Gauss–Newton step of the copy takes as long as an update there, and a horizon much shorter than a fold does not
+//! see what is good for the fold.
 //!
 //! One plan u of the copy is kept. A step of the search takes a Gauss–Newton step from it for the present nodes, and one for others: one
 //! gripper's node replaced by one that shares an element with it, in turn, until one is no better. The least W is kept, with its u. A

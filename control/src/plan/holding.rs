@@ -109,18 +109,17 @@ pub fn approaches(problem: &dyn Problem, plan: &Rollout, aim: &Aim) -> Result<Ve
         let height = (PLAN.inside * reach_of + PLAN.funnel * beside).min(outward.norm());
         let goal = target.point + outward.try_normalize(0.0).unwrap_or_else(Vec3::zeros) * height;
         let far = (target.from - goal).norm();
-        if price == 0.0 {
+        // near to it, it is not drawn any more
+        if far == 0.0 || away.norm() <= PLAN.inside * reach_of || price == 0.0 {
             continue;
         }
-        // near to its node it is not drawn any more
-        let arrived = far == 0.0 || away.norm() <= PLAN.inside * reach_of;
         out.push(Approach {
             grasp: number,
             step,
             price,
             distance: reach.distance,
             model: Arc::clone(model),
-            weight: if arrived { 0.0 } else { (0.5 * price / far).sqrt() },
+            weight: (0.5 * price / far).sqrt(),
             goal,
         });
     }
