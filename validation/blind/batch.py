@@ -4,7 +4,7 @@
     python -m validation.blind.batch --cases 60 --seed 1 --keep FOLDER --draw        only writes the cases
 
 The tool sees a scene and its logs, never the truth. Each case lies in FOLDER/NAME, with the truth in FOLDER/NAME.truth.json and
-the answer in FOLDER/NAME.answer.json; a batch that was interrupted goes on where it was (a case drawn, an answer given, is not made again).
+the answer in FOLDER/answers/NAME.json (`--answers` names another folder, for another binary); a batch that was interrupted goes on where it was (a case drawn, an answer given, is not made again).
 `--write` puts the summary into validation/results/blind.json.
 """
 
@@ -14,6 +14,8 @@ import argparse
 import json
 import multiprocessing
 import os
+import resource
+import signal
 import subprocess
 import sys
 import time
@@ -27,14 +29,17 @@ RESULTS = Path(__file__).resolve().parents[1] / "results"
 KEPT = Path(__file__).resolve().parents[1] / "out" / "blind"  # not in the repository
 
 
-def ask(pliant: str, scene: Path, timeout: float) -> tuple[dict | None, str]:
-    """The tool's JSON on one scene, or None and why."""
-    command = [pliant, "diagnose", str(scene), "--json", "--out", str(scene.parent / "report")]
+def ask(pliant: str, scene: Path, out: Path, timeout: float) -> tuple[dict | None, str]:
+    """The tool's JSON on one scene, or None and why; `timeout` in seconds of one processor, whatever else the machine does."""
+    command = [pliant, "diagnose", str(scene), "--json", "--out", str(out)]
     environment = os.environ | {"RAYON_NUM_THREADS": "1"}
+    limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(timeout), int(timeout) + 5))
     try:
-        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=timeout, env=environment)
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=20.0 * timeout, env=environment, preexec_fn=limit)
     except subprocess.TimeoutExpired:
-        return None, f"no answer within {timeout} s"
+        return None, f"no answer within {20.0 * timeout} s"
+    if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return None, f"no answer within {timeout} s of a processor"
     try:
         return json.loads(done.stdout), ""
     except json.JSONDecodeError:
@@ -59,20 +64,21 @@ def stored(path: Path, content: dict) -> None:
     partial.replace(path)
 
 
-def answered(root: Path, case: dict, pliant: str, timeout: float) -> dict:
+def answered(root: Path, answers: Path, case: dict, pliant: str, timeout: float) -> dict:
     """The tool's report on a case, asked for where it does not lie there yet."""
     name = f"seed{case['seed']}-case{case['index']:04d}"
-    path = root / f"{name}.answer.json"
+    path = answers / f"{name}.json"
     if not path.exists():
-        began = time.monotonic()
-        report, error = ask(pliant, root / name / "scene.toml", timeout)
-        stored(path, {"report": report, "error": error, "seconds": round(time.monotonic() - began, 1)})
+        used = evidence.processor_seconds()
+        answers.mkdir(parents=True, exist_ok=True)
+        report, error = ask(pliant, root / name / "scene.toml", answers / name, timeout)
+        stored(path, {"report": report, "error": error, "seconds": round(evidence.processor_seconds() - used, 1)})
     return json.loads(path.read_text(encoding="utf-8"))
 
 
 def one(job: tuple) -> dict | None:
     """Draws a case and, if wanted, asks about it."""
-    root, seed, index, system, kind, pliant, timeout = job
+    root, answers, seed, index, system, kind, pliant, timeout = job
     try:
         case = written(root, seed, index, system, kind)
     except RuntimeError as error:
@@ -80,7 +86,7 @@ def one(job: tuple) -> dict | None:
         return None
     row = {"case": case}
     if pliant:
-        row |= answered(root, case, pliant, timeout)
+        row |= answered(root, answers, case, pliant, timeout)
         row["outcome"] = score.outcome(case, row["report"])
     told = score.told_name(row["report"]) if pliant else ""
     hidden = score.hidden_name(case) or "-"
@@ -111,8 +117,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--kinds", type=lambda x: x.split(","), help=", ".join(draw.SHARES))
     parser.add_argument("--pliant", default="target/release/pliant")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--timeout", type=float, default=300.0)
+    parser.add_argument("--timeout", type=float, default=300.0, help="seconds of a processor for a diagnosis")
     parser.add_argument("--keep", type=Path, default=KEPT)
+    parser.add_argument("--answers", type=Path)
     parser.add_argument("--draw", action="store_true", help="write the cases and ask nothing")
     parser.add_argument("--json", type=Path, help="summary and all reports")
     parser.add_argument("--write", action="store_true")
@@ -121,7 +128,8 @@ def main(arguments: list[str] | None = None) -> int:
     options.keep.mkdir(parents=True, exist_ok=True)
     pliant = "" if options.draw else options.pliant
     wanted = draw.plan(options.cases, options.seed, options.systems, options.kinds)
-    jobs = [(options.keep, options.seed, i, system, kind, pliant, options.timeout) for i, (system, kind) in enumerate(wanted)]
+    answers = options.answers or options.keep / "answers"
+    jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout) for i, (system, kind) in enumerate(wanted)]
     with ProcessPoolExecutor(options.jobs, multiprocessing.get_context("spawn")) as pool:
         rows = [row for row in pool.map(one, jobs) if row]
     if options.draw:

@@ -71,7 +71,7 @@ class Judge:
         setup, n = self.setup, len(self.records)
         path = None
         if setup.cache is not None:
-            source = repr((setup.system, changes)) + "".join(inspect.getsource(m) for m in setup.sources)
+            source = repr((setup.system, changes, setup.sigma if not setup.sources else getattr(setup, "family", ""))) + "".join(inspect.getsource(m) for m in setup.sources)
             path = setup.cache / f"{setup.system}-{hashlib.sha256(source.encode()).hexdigest()[:12]}.npz"
             if path.exists():
                 data = np.load(path)

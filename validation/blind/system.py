@@ -70,7 +70,8 @@ class Setup:
     starts: int = 0  # unknown numbers of a record's beginning: knobs start:0 to start:n-1
     start_steps: tuple[float, ...] = ()
     sigma: float  # of the readings' noise, in their unit
-    cache: Path | None = None  # where derivatives are kept, of setups that are the same for all seeds
+    cache: Path | None = None  # where derivatives are kept, of setups that are the same for all seeds; `sources`: modules they depend on
+    sources: tuple = ()
 
     def readings(self, jobs: list[Job], rule: str = "true") -> list[np.ndarray]:
         """Readings (samples, channels) without noise; by the fitter's step and interpolation where rule is "scene"."""
