@@ -14,7 +14,6 @@ import argparse
 import json
 import multiprocessing
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -31,11 +30,11 @@ KEPT = Path(__file__).resolve().parents[1] / "out" / "blind"  # not in the repos
 
 def ask(pliant: str, scene: Path, out: Path, timeout: float) -> tuple[dict | None, str]:
     """The tool's JSON on one scene, or None and why; `timeout` in seconds of one processor, whatever else the machine does."""
-    command = [pliant, "diagnose", str(scene), "--json", "--out", str(out)]
+    limited = ["sh", "-c", f'ulimit -t {round(timeout)}; exec "$0" "$@"']
+    command = [*limited, pliant, "diagnose", str(scene), "--json", "--out", str(out)]
     environment = os.environ | {"RAYON_NUM_THREADS": "1"}
-    limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(timeout), int(timeout) + 5))
     try:
-        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=20.0 * timeout, env=environment, preexec_fn=limit)
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=20.0 * timeout, env=environment)
     except subprocess.TimeoutExpired:
         return None, f"no answer within {20.0 * timeout} s"
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):

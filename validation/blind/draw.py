@@ -182,10 +182,16 @@ def fitted(judge: Judge, by_record: list[float]) -> list[float]:
 def told(cause: Cause, setup: Setup, unit: Changes, sizes: list[float]) -> dict:
     """What is hidden: true values by path; of each record where they differ."""
     true = lambda s: {setup.knobs[k].path: float(setup.knobs[k].true(s * unit[k])) for k in cause.knobs if setup.knobs[k].path}
-    out = {"name": cause.name, "object": cause.object, "truth": true(sizes[0]) | cause.also}
+    alone = sum(c.name == cause.name for c in setup.causes.values()) == 1
+    out = {"name": cause.name, "object": cause.object, "alone": alone, "truth": true(sizes[0]) | cause.also}
     if len(set(sizes)) > 1:
         out |= {"truth": dict(cause.also), "by_record": [true(s) for s in sizes]}
     return out
+
+
+def has_twin(rho: dict[str, float], cause: Cause) -> bool:
+    """Whether another candidate imitates the cause exactly."""
+    return max((c for k, c in rho.items() if k != cause.key), default=0.0) > SYMMETRIC
 
 
 def square(u: np.ndarray) -> float:
@@ -205,12 +211,12 @@ def one(case: Case, judge: Judge, rng: np.random.Generator) -> list[Changes] | N
     if found is None:
         return None
     size, u, case.lam, case.lam_exact = found
-    nearest(case, judge.cosines(u))
-    case.allowed, case.margin, case.rivals = judge.allows_name(u, cause.key)
-    case.allowed = case.allowed and case.kind != "symmetric"
-    others = [c for k, c in judge.cosines(u).items() if k != cause.key]
-    if (max(others, default=0.0) > SYMMETRIC) != (case.kind == "symmetric"):
+    rho = judge.matched(u, cause.key)
+    nearest(case, rho)
+    case.allowed, case.margin, case.rivals = judge.allows_name(u, cause.key, rho)
+    if has_twin(rho, cause) != (case.kind == "symmetric"):
         return None
+    case.allowed = case.allowed and case.kind != "symmetric"
     case.hidden = [told(cause, setup, unit, [size])]
     return [scaled(unit, size) for _ in setup.roles]
 
@@ -231,6 +237,7 @@ def two(case: Case, judge: Judge, rng: np.random.Generator) -> list[Changes] | N
             return None
         size, u, wanted, lam = found
         allowed, margin, rivals = beside.allows_name(off(u), cause.key)
+        allowed = allowed and not has_twin(judge.matched(u, cause.key), cause)
         parts.append((cause, unit, size, wanted, lam, allowed, margin, rivals, beside.cosines(off(u))))
     weaker = min(parts, key=lambda part: part[4])
     case.lam, case.lam_exact, case.margin = weaker[3], weaker[4], min(part[6] for part in parts)
@@ -260,9 +267,10 @@ def by_record(case: Case, judge: Judge, rng: np.random.Generator) -> list[Change
         return None
     size, u, case.lam, case.lam_varies = found
     case.lam_exact = square(u)
-    apart = judge.apart()
-    nearest(case, apart.cosines(u))
-    case.allowed, case.margin, case.rivals = apart.allows_name(u, cause.key)
+    rho = judge.matched(u, cause.key, by_record=True)
+    nearest(case, rho)
+    case.allowed, case.margin, case.rivals = judge.allows_name(u, cause.key, rho)
+    case.allowed = case.allowed and not has_twin(rho, cause)
     case.hidden = [told(cause, setup, unit, [size * s for s in sizes])]
     return [scaled(unit, size * s) for s in sizes]
 

@@ -20,6 +20,7 @@ from validation.blind.noise import Noise, whiten
 from validation.blind.system import Changes, Setup
 
 ALPHA = 0.05
+CLOSE = 0.9  # cosine from which an imitation is simulated at its size
 HIDDEN = 0.03  # part of an effect that must remain beside what is refitted, for it to be tested at all
 
 
@@ -53,6 +54,7 @@ class Judge:
             self.start.append(np.linalg.qr(np.stack(columns, axis=1)) if columns else None)
         self.free = [self.off_start(slope[k]) / setup.knobs[k].step for k in setup.free]
         self.shared = np.linalg.qr(np.stack(self.free, axis=1)) if self.free else None
+        self.u = {knob: self.project(slope[knob]) / setup.knobs[knob].step for c in setup.causes.values() if not c.points for knob in c.knobs}
         self.basis: dict[str, list[np.ndarray]] = {}
         for cause in setup.causes.values():
             groups = [[f"{cause.key}#{i}"] for i in range(len(cause.points))] or [list(cause.knobs)]
@@ -156,7 +158,41 @@ class Judge:
     def cosines(self, u: np.ndarray) -> dict[str, float]:
         """ρ of a change with every candidate, the best of its points where it has several."""
         size = max(float(np.linalg.norm(u)), 1e-300)
-        return {key: max(float(np.linalg.norm(b.T @ u)) / size for b in own) for key, own in self.basis.items()}
+        return {key: float(max(np.linalg.norm(b.T @ u) for b in own) / size) for key, own in self.basis.items()}
+
+    def matched(self, u: np.ndarray, own: str, by_record: bool = False) -> dict[str, float]:
+        """Cosines where the best imitations are simulated at their size: derivatives miss the likeness of large changes.
+
+        `by_record`: with a size of their own in every record.
+        """
+        judge = self.apart() if by_record else self
+        rho = judge.cosines(u)
+        for key, c in sorted(rho.items(), key=lambda kv: -kv[1])[:8]:
+            knobs = self.setup.causes[key].knobs
+            if c < CLOSE or key == own or any(knob not in self.u for knob in knobs):
+                continue
+            parts = self.parts if by_record else [slice(None)] * len(self.records)
+            sizes = [self.sizes(knobs, u, part) for part in parts]
+            imitation = self.change(sizes)
+            size = np.linalg.norm(imitation) * np.linalg.norm(u)
+            rho[key] = float(max(c, abs(imitation @ u) / max(size, 1e-300)))
+        return rho
+
+    def sizes(self, knobs: tuple[str, ...], u: np.ndarray, part: slice) -> Changes:
+        """Changes of knobs that imitate u best, to first order; those of one sign kept to it."""
+        columns = np.stack([self.u[knob][part] for knob in knobs], axis=1)
+        size, *_ = np.linalg.lstsq(columns, u[part], rcond=1e-3)
+        out = {}
+        for knob, x in zip(knobs, size, strict=True):
+            own = self.setup.knobs[knob]
+            out[knob] = float(np.clip(x, 0.0 if own.one_sided else -own.largest, own.largest))
+        return out
+
+    @property
+    def parts(self) -> list[slice]:
+        """Where each fitted record lies in whitened readings."""
+        ends = np.cumsum([x.size for x in self.zero])
+        return [slice(end - x.size, end) for end, x in zip(ends, self.zero, strict=True)]
 
     def mismatch_t2(self) -> float:
         """The largest |P_j m|² of the fitter's step and interpolation; a null needs it below 1."""
@@ -180,8 +216,7 @@ class Judge:
         """A judge whose candidates have a size of their own in every record."""
         other = object.__new__(Judge)
         other.__dict__ |= self.__dict__
-        ends = np.cumsum([x.size for x in self.zero])
-        parts = [slice(end - x.size, end) for end, x in zip(ends, self.zero, strict=True)]
+        parts = self.parts
 
         def split(b: np.ndarray) -> np.ndarray:
             out = []
@@ -195,13 +230,13 @@ class Judge:
         other.basis = {key: [split(b) for b in own] for key, own in self.basis.items()}
         return other
 
-    def allows_name(self, u: np.ndarray, own: str) -> tuple[bool, float, list[str]]:
+    def allows_name(self, u: np.ndarray, own: str, rho: dict[str, float] | None = None) -> tuple[bool, float, list[str]]:
         """The naming rule in expectation: (allowed, margin of the worst rival [σ], rivals not beaten).
 
         Significant: λ above the χ²_k threshold at α/(number of candidates). Beats rival k if √(λ (1-ρ)/2) > Φ⁻¹(1 - α/m).
         """
         lam = float(u @ u)
-        rho = {k: c for k, c in self.cosines(u).items() if k != own}
+        rho = {k: c for k, c in (rho or self.cosines(u)).items() if k != own}
         gate = norm.ppf(1.0 - ALPHA / max(len(rho), 1))
         margins = {k: float(np.sqrt(0.5 * lam * max(1.0 - c, 0.0)) - gate) for k, c in rho.items()}
         dimensions = len(self.setup.causes[own].knobs) if own in self.setup.causes else 1

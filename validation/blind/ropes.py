@@ -15,7 +15,16 @@ from scipy.interpolate import CubicHermiteSpline
 from validation.blind import families, fitter_step, measure, rope_ode
 from validation.blind.families import FAMILIES, Family, Motion
 from validation.blind.oracle import CACHE, OUTSIDE_STEP, PHYSICAL
-from validation.blind.system import Cause, Changes, Job, Knob, Setup, sensor_causes, sensor_knobs, turned
+from validation.blind.system import (
+    Cause,
+    Changes,
+    Job,
+    Knob,
+    Setup,
+    sensor_causes,
+    sensor_knobs,
+    turned,
+)
 
 SYSTEMS = tuple(FAMILIES)
 LARGEST = {"EI": 1e-3, "c1": 0.3, "c2": 0.1, "cb": 2e-4, "EA": 0.05, "tip": 5e-3, "wind0": 2.0, "wind1": 2.0, "wind2": 2.0, "tilt0": 0.2, "tilt1": 0.2}

@@ -64,14 +64,15 @@ def considered(report: dict) -> set[tuple[str, str]]:
     return out
 
 
-def is_cause(case: dict, hidden: dict, name: tuple[str, str]) -> bool:
-    """Whether a told cause is the hidden one. A single motor's delay has no candidate but the readings' own."""
-    twins = {hidden["name"], name[0]} == {"actuator_delay", "sensor_delay"} and case["cosines"].get(join(*name), 0.0) > SYMMETRIC
-    return (hidden["name"], hidden["object"]) == name or twins
+def is_cause(hidden: dict, name: tuple[str, str]) -> bool:
+    """Whether a told cause is the hidden one."""
+    alone = hidden.get("alone", False)
+    return same(hidden["name"], hidden["object"], alone) == same(*name, alone) or (hidden["name"] == name[0] and alone and not name[1])
 
 
-def join(name: str, at: str) -> str:
-    return f"{name}:{at}" if at else name
+def same(name: str, at: str, alone: bool) -> tuple[str, str]:
+    """Commands that are late for all motors, or for the only one, are readings that are late."""
+    return ("sensor_delay", "") if name == "actuator_delay" and (alone or not at) else (name, at)
 
 
 def by_path(case: dict, report: dict) -> bool:
@@ -86,7 +87,7 @@ def exactly(case: dict, report: dict) -> bool:
     if case["kind"] in ("outside", "value"):
         return by_path(case, report)
     names, hidden = told(report), case["hidden"]
-    return len(names) == len(hidden) and all(any(is_cause(case, h, name) for name in names) for h in hidden)
+    return len(names) == len(hidden) and all(any(is_cause(h, name) for name in names) for h in hidden)
 
 
 def outcome(case: dict, report: dict | None) -> str:
@@ -99,7 +100,7 @@ def outcome(case: dict, report: dict | None) -> str:
         return "clean" if wanted else {"named": "false_alarm", "varies": "false_alarm", "withheld": "withheld"}.get(found, "flagged")
     if found == "ambiguous":
         known = considered(report)
-        return "honest" if all(any(is_cause(case, h, name) for name in known) for h in case["hidden"]) else "astray"
+        return "honest" if all(any(is_cause(h, name) for name in known) for h in case["hidden"]) else "astray"
     if found in ("named", "varies"):
         if not exactly(case, report):
             return "wrong"

@@ -239,13 +239,20 @@ STEP = ("discretisation", "")
         (case("outside"), answer("not_in_library"), "not_in_library"),
         (case("outside"), answer("named", V), "wrong"),
         (case("value", ("", "")), answer("named", C), "right"),  # its parameter is the wrong number
-        (case("symmetric", ("actuator_delay", "m"), cosines={"sensor_delay": 1.0}), answer("named", ("sensor_delay", "")), "right"),
+        (case("symmetric", ("actuator_delay", "m")), answer("named", ("sensor_delay", "")), "wrong"),
+        (case("symmetric", ("sensor_delay", "")), answer("ambiguous", others=[[("actuator_delay", "")]]), "honest"),
         (case("effect", V), None, "failed"),
         (case("effect", V), answer("nonsense"), "failed"),
     ],
 )  # fmt: skip
 def test_outcomes(hidden, told, worth):
     assert score.outcome(hidden, told) == worth
+
+
+def test_a_single_motor_is_late_as_its_readings_are():
+    hidden = {"name": "actuator_delay", "object": "m", "alone": True}
+    assert all(score.is_cause(hidden, name) for name in (("sensor_delay", ""), ("actuator_delay", ""), ("actuator_delay", "m")))
+    assert not score.is_cause(hidden | {"alone": False}, ("sensor_delay", ""))
 
 
 def row(hidden: dict, told: dict) -> dict:

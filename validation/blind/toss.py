@@ -14,7 +14,16 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
-from validation.blind.system import Cause, Changes, Job, Knob, Setup, sensor_causes, sensor_knobs, turned
+from validation.blind.system import (
+    Cause,
+    Changes,
+    Job,
+    Knob,
+    Setup,
+    sensor_causes,
+    sensor_knobs,
+    turned,
+)
 
 G = 9.81  # m/s²
 FINE = 2e-3  # s
