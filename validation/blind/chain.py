@@ -3,8 +3,8 @@
     M(q) q̈ = τ - c(q, q̇)      Newton-Euler recursion in the world's frame; a column of M per unit acceleration
 
 True motions take steps of Strang: half a step of classical Runge-Kutta with all smooth forces, the impulse of dry friction over
-the whole step, the other half; without dry friction a whole step of Runge-Kutta. The impulse keeps |f_i| within its bounds and brings to rest what it can (projected Gauss-Seidel). The
-same equations by the implicit midpoint rule are what a fitter's step would make of them.
+the whole step, the other half; without dry friction a whole step of Runge-Kutta. The impulse is exact where accelerations are constant,
+joint by joint, until all agree (Gauss-Seidel). The same equations by the implicit midpoint rule are what a fitter's step would make of them.
 
 A variant has entries of `zero(n)`; arrays are over joints, or links and their axes.
 """
@@ -82,6 +82,20 @@ def solve(matrix, right):
     for i in reversed(range(n)):
         x[i] = x[i] / d[i] - sum(low[k][i] * x[k] for k in range(i + 1, n))
     return x
+
+
+def braked(v, a, forward, backward, h):
+    """Change of a velocity v over h by dry friction, exact where all else accelerates it by a: it may stop, and stay or turn round.
+
+    `forward`, `backward`: deceleration of positive and of negative velocities.
+    """
+    against = lambda x: jnp.where(x > 0.0, forward, -backward)
+    net = a - against(v)
+    moving = v != 0.0
+    stops = jnp.where(moving & (net * v < 0.0), -v / jnp.where(net == 0.0, 1.0, net), jnp.where(moving, jnp.inf, 0.0))
+    held = (a <= forward) & (a >= -backward)
+    after = jnp.where(held, -(v + a * h), -against(v) * jnp.minimum(stops, h) - against(a) * (h - jnp.minimum(stops, h)))
+    return jnp.where(stops >= h, -against(v) * h, after)
 
 
 @dataclass(frozen=True)
@@ -162,19 +176,21 @@ class Chain:
         f = self.smooth(p, q, v, u, t)
         return jnp.stack(solve(self.mass_matrix(p, q), [f[i] - inertial[i] for i in range(self.n)]))
 
-    def rubbed(self, p, q, v, u, h, t):
-        """Velocities after the impulse of dry friction over h."""
+    def rubbed(self, p, q, v, begun, u, h, t):
+        """Velocities after the impulse of dry friction over h; `begun`: those at the step's beginning, half a step of other forces ago."""
         bound = p["friction"] + p["stiction"] * jnp.exp(-((v / p["speed"]) ** 2)) + p["load"] * jnp.abs(self.carried(p, q, v, u))
         bound = bound + p["rough"] * (1.0 + jnp.sin(5.0 * q)) + p["warm"] * jnp.maximum(t, 0.0)
-        low, high = -h * bound, h * (bound + p["backward"])
+        other = bound + p["backward"]
         matrix = self.mass_matrix(p, q)
         inverse = [solve(matrix, [float(i == j) for i in range(self.n)]) for j in range(self.n)]
+        pushed = (v - begun) / (0.5 * h)
 
         def sweep(_, impulse):
             impulse = list(impulse)
             for i in range(self.n):
-                after = v[i] + sum(inverse[i][k] * impulse[k] for k in range(self.n))
-                impulse[i] = jnp.clip(impulse[i] - after / inverse[i][i], low[i], high[i])
+                own = inverse[i][i]
+                rest = sum(inverse[i][k] * impulse[k] for k in range(self.n) if k != i) / h
+                impulse[i] = braked(begun[i], pushed[i] + rest, own * bound[i], own * other[i], h) / own
             return tuple(impulse)
 
         start = tuple(jnp.zeros_like(v[i]) for i in range(self.n))
@@ -199,14 +215,15 @@ class Chain:
         """A true step; `u` at its quarters (5, n)."""
         if not dry:
             return self.runge_kutta(p, q, v, u[::2], h, t)
+        begun = v
         q, v = self.runge_kutta(p, q, v, u[:3], 0.5 * h, t)
-        v = self.rubbed(p, q, v, u[2], h, t + 0.5 * h)
+        v = self.rubbed(p, q, v, begun, u[2], h, t + 0.5 * h)
         return self.runge_kutta(p, q, v, u[2:], 0.5 * h, t + 0.5 * h)
 
     def midpoint(self, p, q, v, u, h, t, dry: bool):
         """A step of the implicit midpoint rule; dry friction beside it."""
         if dry:
-            v = self.rubbed(p, q, v, u[0], 0.5 * h, t)
+            v = self.rubbed(p, q, v, v, u[0], 0.5 * h, t)
         mean = 0.25 * (0.5 * u[0] + u[1] + u[2] + u[3] + 0.5 * u[4])
 
         def again(_, a):
@@ -214,7 +231,7 @@ class Chain:
 
         a = jax.lax.fori_loop(0, 8, again, jnp.zeros_like(v))
         q, v = q + h * (v + 0.5 * h * a), v + h * a
-        return q, (self.rubbed(p, q, v, u[4], 0.5 * h, t + h) if dry else v)
+        return q, (self.rubbed(p, q, v, v, u[4], 0.5 * h, t + h) if dry else v)
 
     def simulate(
         self, variants: list[dict], q: np.ndarray, v: np.ndarray, u: np.ndarray, h: float, begin: float, rule: str = "strang"

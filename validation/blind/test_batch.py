@@ -46,6 +46,15 @@ def test_dry_friction_stops_a_slide_where_it_must():
     assert np.abs(x[:50] - (0.6 * t - 0.75 * t**2)).max() < 1e-12
 
 
+def test_a_slide_that_a_force_turns_round_loses_no_step():
+    chain, p = one_joint("prismatic", friction=3.0, offset=4.0)  # 1.5 and 2 m/s²
+    t, turned = np.arange(201) * 5e-3, 1.0 / 3.5
+    after = np.maximum(t - turned, 0.0)
+    before = np.minimum(t, turned)
+    exact = -before + 1.75 * before**2 + 0.25 * after**2
+    assert np.abs(moved(chain, p, 0.0, -1.0) - exact).max() < 1e-5
+
+
 def test_a_pendulum_keeps_its_energy_and_its_small_period():
     chain, p = one_joint("revolute")
     arm = 0.25 + 0.02  # r² + k², k² = 0.01 + 0.01
