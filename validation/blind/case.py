@@ -27,10 +27,3 @@ class BlindCase:
 
     def as_json(self) -> dict:
         return asdict(self)
-
-
-@dataclass(kw_only=True)
-class BodyCase(BlindCase):
-    """A case of bodies: the same cause may be at one of several joints, links or motors."""
-
-    lam_exact: float = 0.0  # λ of the size that was hidden; `lam` is the one aimed at

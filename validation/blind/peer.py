@@ -1,6 +1,6 @@
 """The blind cases given to `mujoco.sysid`, beside pliant's verdicts.
 
-    python -m validation.blind.run --cases 110 --seed 12 --keep KEPT --json batch.json
+    python -m validation.blind.batch --cases 110 --seed 12 --systems pendant,one_end,two_ends --keep KEPT --json batch.json
     python -m validation.blind.peer batch.json --kept KEPT --cases 24
 
 `mujoco.sysid` fits the parameters it is given; it has no test of causes and no verdict. So it is given the answer to try:
@@ -40,17 +40,18 @@ CAUSES = {
 def chosen(rows: list[dict], n: int, names: list[str]) -> list[tuple[dict, str]]:
     """n/2 nulls, each with one of the causes `names` in turn, and n/2 representable effects of the largest λ, with theirs."""
     nulls = [row for row in rows if row["case"]["kind"] == "null"][: n // 2]
-    effects = [row for row in rows if row["case"]["kind"] == "effect" and row["case"]["name"] in names]
+    effects = [row for row in rows if row["case"]["kind"] == "effect" and row["case"]["hidden"][0]["name"] in names]
     effects.sort(key=lambda row: (-row["case"]["lam"], row["case"]["index"]))
     tried = [(row, names[k % len(names)]) for k, row in enumerate(nulls)]
-    return tried + [(row, row["case"]["name"]) for row in effects[: n - n // 2]]
+    return tried + [(row, row["case"]["hidden"][0]["name"]) for row in effects[: n - n // 2]]
 
 
 def ask(folder: Path, case: dict, cause: str, iterations: int) -> dict:
     """The peer's fit of the first record with the cause's parameters free."""
     began = time.monotonic()
     experiment = peer_sysid.read(folder / "scene.toml", folder / "run1.csv", substeps=1)
-    gripper = case["cause"].partition(":")[2] or next(iter(experiment.grippers))
+    hidden = case["hidden"][0] if case["hidden"] else {"object": "", "truth": {}}
+    gripper = hidden["object"] or next(iter(experiment.grippers))
     paths = [(path.format(gripper=gripper), low, high) for path, low, high in CAUSES[cause]]
     free = [*experiment.free, *({"path": p, "lower": low, "upper": high} for p, low, high in paths)]
     with redirect_stdout(sys.stderr):
@@ -62,7 +63,7 @@ def ask(folder: Path, case: dict, cause: str, iterations: int) -> dict:
         if p["half_width_95"] is None:
             continue
         found.append(abs(p["fitted"] - p["start"]) > p["half_width_95"])
-        covered.append(abs(p["fitted"] - case["truth"].get(path, p["start"])) <= p["half_width_95"])
+        covered.append(abs(p["fitted"] - hidden["truth"].get(path, p["start"])) <= p["half_width_95"])
     return {
         "cause": cause,
         "found": any(found),
@@ -103,7 +104,7 @@ def compare(description: str, ask: Callable[[Path, dict, str, int], dict], names
     options = parser.parse_args()
     rows = json.loads(options.batch.read_text(encoding="utf-8"))["cases"]
     pairs = chosen(rows, options.cases, names)
-    folders = [options.kept / f"case{row['case']['index']:04d}" for row, _ in pairs]
+    folders = [options.kept / f"seed{row['case']['seed']}-case{row['case']['index']:04d}" for row, _ in pairs]
     with ProcessPoolExecutor(options.jobs) as pool:
         hidden, causes = [row["case"] for row, _ in pairs], [cause for _, cause in pairs]
         answers = list(pool.map(ask, folders, hidden, causes, [options.iterations] * len(pairs)))

@@ -1,19 +1,28 @@
-"""Scores a batch of verdicts against the hidden truth and checks what `diagnose` must reach.
+"""Scores verdicts against the hidden truth, and checks what a diagnosis must reach.
 
-Outcome of a case: right (named, exactly the hidden cause), wrong (named otherwise), honest (ambiguous,
-the hidden cause among the alternatives), astray (ambiguous without it), not_in_library, missed
-(adequate), withheld, failed (no answer). Nulls: clean (adequate), false_alarm (named), flagged (ambiguous
-or not_in_library), withheld, failed, void (generator-fitter mismatch of 1 or more along a candidate).
+Outcomes of effects: right (named, exactly the hidden causes), wrong (named otherwise, or said to vary with another law), honest
+(ambiguous, all that is hidden among the alternatives), astray (ambiguous without it), not_in_library, missed (adequate), numerics,
+withheld, failed (no answer), varied (the right law, said to vary where it does not), one_size (the right law, named with one size
+where it does vary). Of nulls: clean (adequate, or `numerics` where they are wrong on purpose), false_alarm (named, or said to vary),
+flagged (anything else that is claimed). Of effects outside the library: not_in_library is what is wanted, wrong is any name.
+
 Bounds on rates are Clopper-Pearson, 95 %.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable
 
 from scipy.stats import beta
 
-SYMMETRIC = 0.995  # cosine from which two causes count as exact symmetries
+DEVELOPMENT = range(1000)  # seeds that rules may be made on
+FRESH = range(1000, 10_000)  # seeds to be drawn once, for figures that are reported
+SYMMETRIC = 0.9995  # cosine from which two causes count as exact symmetries
+VERDICTS = ("named", "ambiguous", "varies", "numerics", "not_in_library", "adequate", "withheld")
+OUTCOMES = ("clean", "false_alarm", "flagged", "right", "wrong", "honest", "astray", "varied", "one_size", "not_in_library", "missed",
+            "numerics", "withheld", "failed")  # fmt: skip
+STEP = "discretisation"  # the cause by which the scene's own step was named
 
 
 def clopper_pearson(k: int, n: int, level: float = 0.95) -> tuple[float, float]:
@@ -29,45 +38,84 @@ def upper_bound(k: int, n: int, level: float = 0.95) -> float:
     return float(beta.ppf(level, k + 1, n - k)) if k < n else 1.0
 
 
-def outcome(case: dict, report: dict | None) -> str:
-    """What a verdict is worth; see the head of the file."""
-    verdict = report.get("verdict") if report else None
-    if verdict not in ("named", "ambiguous", "not_in_library", "adequate", "withheld"):
+# ---- One case --------------------------------------------------------------------------------------------------------------
+
+
+def verdict(report: dict | None) -> str:
+    """The verdict; `numerics` where nothing but the scene's own step is named, "failed" without an answer."""
+    found = report.get("verdict") if report else None
+    if found not in VERDICTS:
         return "failed"
-    if case["kind"] == "null":
-        if case["mismatch_t2"] >= 1.0:
-            return "void"
-        if verdict == "named" and not told(case, report):
-            return "clean"
-        return {"adequate": "clean", "named": "false_alarm", "withheld": "withheld"}.get(verdict, "flagged")
-    if verdict == "named" and not told(case, report):
-        return "missed"
-    if verdict == "named":
-        return "right" if told(case, report) == [(case["name"], case.get("object", ""))] else "wrong"
-    if verdict == "ambiguous":
-        known = {name for group in report["alternatives"] for name in group}
-        return "honest" if case["name"] in known else "astray"
-    return {"adequate": "missed"}.get(verdict, verdict)
+    return "numerics" if found == "named" and report["causes"] and not told(report) else found
 
 
-def told(case: dict, report: dict) -> list[tuple[str, str]]:
-    """The causes named, with their objects: a cause at another gripper, joint or motor is another one.
+def told(report: dict) -> list[tuple[str, str]]:
+    """Causes named, with their objects: a cause at another gripper, joint or motor is another one."""
+    return [(c["name"], c.get("object") or "") for c in report.get("causes", []) if c["name"] != STEP]
 
-    Of arms the simulation's own step is no answer to the question, and no mistake either: they go over the top, where the scene's
-    step does show.
-    """
-    of_arm = case.get("family") == "arm"
-    causes = [c for c in report["causes"] if not (of_arm and c["name"] == "discretisation")]
-    return [(c["name"], c.get("object") or "") for c in causes]
+
+def considered(report: dict) -> set[tuple[str, str]]:
+    """Every cause among the alternatives of an ambiguous answer, those accepted besides them included."""
+    groups, objects = report.get("alternatives", []), report.get("alternative_objects") or []
+    out = set(told(report))
+    for g, names in enumerate(groups):
+        at = objects[g] if g < len(objects) else [None] * len(names)
+        out |= {(name, obj or "") for name, obj in zip(names, at, strict=True)}
+    return out
+
+
+def is_cause(hidden: dict, name: tuple[str, str]) -> bool:
+    """Whether a told cause is the hidden one."""
+    alone = hidden.get("alone", False)
+    return same(hidden["name"], hidden["object"], alone) == same(*name, alone) or (hidden["name"] == name[0] and alone and not name[1])
+
+
+def same(name: str, at: str, alone: bool) -> tuple[str, str]:
+    """Commands that are late for all motors, or for the only one, are readings that are late."""
+    return ("sensor_delay", "") if name == "actuator_delay" and (alone or not at) else (name, at)
+
+
+def by_path(case: dict, report: dict) -> bool:
+    """Whether what was named is the wrong number of the scene, whatever the cause is called."""
+    paths = {path for h in case["hidden"] for path in h["truth"]}
+    causes = [c for c in report["causes"] if c["name"] != STEP]
+    return bool(paths) and len(causes) == 1 and paths <= {p["path"] for p in causes[0]["parameters"]}
+
+
+def exactly(case: dict, report: dict) -> bool:
+    """Whether the causes told are those hidden."""
+    if case["kind"] in ("outside", "value"):
+        return by_path(case, report)
+    names, hidden = told(report), case["hidden"]
+    return len(names) == len(hidden) and all(any(is_cause(h, name) for name in names) for h in hidden)
+
+
+def outcome(case: dict, report: dict | None) -> str:
+    """What an answer is worth; see the head of the file."""
+    found, kind = verdict(report), case["kind"]
+    if found == "failed":
+        return "failed"
+    if kind == "null":
+        wanted = found == "adequate" or (found == "numerics" and case["numerics"])
+        return "clean" if wanted else {"named": "false_alarm", "varies": "false_alarm", "withheld": "withheld"}.get(found, "flagged")
+    if found == "ambiguous":
+        known = considered(report)
+        return "honest" if all(any(is_cause(h, name) for name in known) for h in case["hidden"]) else "astray"
+    if found in ("named", "varies"):
+        if not exactly(case, report):
+            return "wrong"
+        changing = kind in ("varies", "some")
+        return "right" if changing == (found == "varies") else "one_size" if changing else "varied"
+    return {"adequate": "missed"}.get(found, found)
 
 
 def coverage(case: dict, report: dict) -> list[bool]:
-    """Whether each interval of the rightly named cause holds the true value; parameters without an interval are left out."""
+    """Whether each interval of rightly named causes holds the true value; parameters without an interval are left out."""
+    truth = {path: x for h in case["hidden"] for path, x in h["truth"].items()}
     hits = []
     for p in [p for cause in report["causes"] for p in cause["parameters"]]:
-        if p["path"] in case["truth"] and p["interval"] is not None:
-            low, high = p["interval"]
-            hits.append(bool(low <= case["truth"][p["path"]] <= high))
+        if p["path"] in truth and p["interval"] is not None:
+            hits.append(bool(p["interval"][0] <= truth[p["path"]] <= p["interval"][1]))
     return hits
 
 
@@ -79,11 +127,89 @@ def gain_is_right(report: dict) -> bool | None:
     return longest["rmse_after"] < longest["rmse_before"]
 
 
-def lost_to_symmetry(case: dict) -> bool:
-    """Whether some other cause imitates this one (all but) exactly."""
-    own = f"{case['name']}:{case['object']}" if case.get("object") else case["name"]
-    others = {k: c for k, c in case["cosines"].items() if k != own}
-    return case["kind"] == "effect" and max(others.values()) > SYMMETRIC
+def hidden_name(case: dict) -> str:
+    """What is hidden, in short."""
+    names = [h.get("effect") or titled(h["name"], h["object"]) for h in case["hidden"]]
+    return " + ".join(names) or (f"numerics: {case['numerics']}" if case["numerics"] else "")
+
+
+def titled(name: str, at: str | None) -> str:
+    return f"{name} ({at})" if at else name
+
+
+def told_name(report: dict | None) -> str:
+    """An answer in short."""
+    found = verdict(report)
+    if found in ("named", "varies"):
+        names = " + ".join(sorted(titled(*c) for c in told(report)))
+        return names if found == "named" else f"varies: {names}"
+    if found == "ambiguous":
+        names = sorted(titled(*c) for c in considered(report))
+        return f"ambiguous: {' | '.join(names[:3])}{' …' if len(names) > 3 else ''}"
+    return found
+
+
+def short(row: dict) -> dict:
+    """A case and the answer to it."""
+    case = row["case"]
+    kept = {key: case[key] for key in ("seed", "index", "system", "kind", "noise", "numerics", "lam", "allowed")}
+    kept |= {"hidden": hidden_name(case), "told": told_name(row["report"]), "outcome": row["outcome"]}
+    return kept | {"seconds": row["seconds"]}
+
+
+# ---- A batch ---------------------------------------------------------------------------------------------------------------
+
+
+def counted(rows: list[dict], what: Callable[[dict], str]) -> dict[str, dict[str, int]]:
+    """Outcomes by a key of the case."""
+    out: dict[str, Counter] = {}
+    for row in rows:
+        out.setdefault(what(row["case"]), Counter())[row["outcome"]] += 1
+    return {key: dict(value) for key, value in sorted(out.items())}
+
+
+def named(rows: Iterable[dict]) -> int:
+    return sum(row["outcome"] in ("right", "wrong", "varied", "one_size") for row in rows)
+
+
+def summarize(rows: list[dict]) -> dict:
+    """Counts of a batch of {case, report, outcome, seconds}, and the requirements."""
+    of = lambda *kinds: [r for r in rows if r["case"]["kind"] in kinds]
+    count = lambda part, *outcomes: sum(r["outcome"] in outcomes for r in part)
+    null, effects, outside, symmetric = of("null"), of("effect", "pair"), of("outside", "value"), of("symmetric")
+    changing, wrong_numerics = of("varies", "some"), [r for r in null if r["case"]["numerics"]]
+    allowed = [r for r in effects if r["case"]["allowed"]]
+    hits = [hit for r in effects if r["outcome"] == "right" and r["case"]["lam"] >= 100.0 for hit in coverage(r["case"], r["report"])]
+    verdicts = Counter(verdict(r["report"]) for r in rows)
+    seconds = sorted(r["seconds"] for r in rows)
+    return {
+        "cases": len(rows),
+        "nulls": {"n": len(null), "named": count(null, "false_alarm"), "clean": count(null, "clean"), "flagged": count(null, "flagged")},
+        "effects": {
+            "n": len(effects), "named_right": count(effects, "right"), "named_wrong": count(effects, "wrong"),
+            "ambiguous_with": count(effects, "honest"), "ambiguous_without": count(effects, "astray"),
+            "adequate": count(effects, "missed"), "withheld": count(effects, "withheld"), "varies": count(effects, "varied"),
+            "numerics": count(effects, "numerics"), "not_in_library": count(effects, "not_in_library"), "failed": count(effects, "failed"),
+            "oracle_allows": len(allowed), "oracle_named": count(allowed, "right"),
+        },
+        "outside": {"n": len(outside), "named": count(outside, "wrong", "varied"), "right": count(outside, "right"),
+                    "not_in_library": count(outside, "not_in_library"), "ambiguous": count(outside, "astray"),
+                    "adequate": count(outside, "missed")},
+        "symmetric": {"n": len(symmetric), "named": named(symmetric), "ambiguous_with": count(symmetric, "honest")},
+        "intervals": {"n": len(hits), "hold": sum(hits)},
+        "varies": {"n": len(changing), "right": count(changing, "right"), "one_size": count(changing, "one_size"),
+                   "wrong": count(changing, "wrong"), "ambiguous_with": count(changing, "honest")},
+        "numerics": {"n": len(wrong_numerics), "told": sum(verdict(r["report"]) == "numerics" for r in wrong_numerics),
+                     "named": count(wrong_numerics, "false_alarm")},
+        "not_in_library": verdicts["not_in_library"],
+        "verdicts": dict(verdicts),
+        "by_system": counted(rows, lambda c: c["system"]),
+        "by_kind": counted(rows, lambda c: c["kind"]),
+        "by_lambda": counted(rows, lambda c: f"{c['kind']} {c['lam']:g}"),
+        "by_noise": counted(rows, lambda c: c["noise"]),
+        "seconds": {"median": seconds[len(seconds) // 2], "longest": seconds[-1], "sum": round(sum(seconds), 1)} if rows else {},
+        "requirements": requirements(rows),
+    }  # fmt: skip
 
 
 def rate(k: int, n: int) -> dict:
@@ -91,70 +217,33 @@ def rate(k: int, n: int) -> dict:
     return {"k": k, "n": n, "rate": k / n if n else None, "low": low, "high": high}
 
 
-def summarize(results: list[dict]) -> dict:
-    """Summary of [{case, report, outcome}]: outcomes by λ, confusion matrix, requirements."""
-    effects = [r for r in results if r["case"]["kind"] == "effect"]
-    by_lambda: dict[str, Counter] = {}
-    for r in results:
-        by_lambda.setdefault(f"{r['case']['kind']} {r['case']['lam']:g}", Counter())[r["outcome"]] += 1
-    confusion: dict[str, Counter] = {}
-    for r in results:
-        told = told_name(r["report"])
-        confusion.setdefault(r["case"]["name"] or r["case"]["cause"] or "null", Counter())[told] += 1
-    power: dict[str, dict] = {}
-    for lam in sorted({r["case"]["lam"] for r in effects}):
-        for allowed in (True, False):
-            part = [r for r in effects if r["case"]["lam"] == lam and r["case"]["allowed"] == allowed]
-            right = sum(r["outcome"] == "right" for r in part)
-            power[f"{lam:g} {'nameable' if allowed else 'not nameable'}"] = rate(right, len(part))
-    return {
-        "cases": len(results),
-        "by_lambda": {key: dict(value) for key, value in sorted(by_lambda.items(), key=_order)},
-        "confusion": {key: dict(value) for key, value in sorted(confusion.items())},
-        "power": power,
-        "requirements": requirements(results),
-    }
-
-
-def _order(item: tuple) -> tuple[str, float]:
-    kind, lam = item[0].split()
-    return kind, float(lam)
-
-
-def told_name(report: dict | None) -> str:
-    if report and report.get("verdict") == "named":
-        return "+".join(sorted(c["name"] for c in report["causes"]))
-    return report.get("verdict", "failed") if report else "failed"
-
-
-def requirements(results: list[dict]) -> list[dict]:
-    """The list of "Blind tests, and what passes": name, counts, and passes / fails / too few cases."""
-    null = [r for r in results if r["case"]["kind"] == "null" and r["outcome"] not in ("void", "failed")]
-    alarms = sum(r["outcome"] == "false_alarm" for r in null)
-    allowed = [r for r in results if r["case"]["kind"] == "effect" and r["case"]["allowed"]]
-    named = [r for r in allowed if r["outcome"] in ("right", "wrong")]
-    right = [r for r in allowed if r["outcome"] == "right"]
-    outside = [r for r in results if r["case"]["kind"] == "outside" and r["case"]["lam"] >= 30.0]
-    outside_named = sum(r["outcome"] == "wrong" for r in outside)
-    twins = [r for r in results if lost_to_symmetry(r["case"])]
-    twins_named = sum(r["outcome"] in ("right", "wrong") for r in twins)
-    strong = [r for r in results if r["outcome"] == "right" and r["case"]["lam"] >= 100.0]
+def requirements(rows: list[dict]) -> list[dict]:
+    """What must be reached: name, counts, and passes, fails or too few cases."""
+    of = lambda *kinds: [r for r in rows if r["case"]["kind"] in kinds]
+    count = lambda part, *outcomes: sum(r["outcome"] in outcomes for r in part)
+    null = [r for r in of("null") if r["outcome"] != "failed"]
+    allowed = [r for r in of("effect", "pair") if r["case"]["allowed"]]
+    told_of = count(allowed, "right", "wrong")
+    outside = [r for r in of("outside", "value") if r["case"]["lam"] >= 30.0]
+    twins, failed = of("symmetric"), count(rows, "failed")
+    strong = [r for r in of("effect", "pair") if r["outcome"] == "right" and r["case"]["lam"] >= 100.0]
     hits = [hit for r in strong for hit in coverage(r["case"], r["report"])]
     gains = [g for r in strong if (g := gain_is_right(r["report"])) is not None]
+    alarms, right = count(null, "false_alarm"), count(allowed, "right")
+    imitated, alone = count(outside, "wrong", "varied"), named(twins)
     covered = sum(hits) / len(hits) if hits else 0.0
-    failed = sum(r["outcome"] == "failed" for r in results)
-    rows = [
-        ("every case answered", rate(failed, len(results)), failed == 0, 1),
+    listed = [
+        ("every case answered", rate(failed, len(rows)), failed == 0, 1),
         ("false naming ≤ 5 % of nulls", rate(alarms, len(null)), alarms <= 0.05 * len(null), 200),
-        ("right ≥ 95 % of nameable named", rate(len(right), len(named)), len(right) >= 0.95 * len(named), 20),
-        ("named in ≥ 80 % of nameable", rate(len(named), len(allowed)), len(named) >= 0.8 * len(allowed), 20),
-        ("outside effects never named", rate(outside_named, len(outside)), outside_named == 0, 20),
-        ("exact symmetries never named", rate(twins_named, len(twins)), twins_named == 0, 10),
+        ("right ≥ 95 % of nameable named", rate(right, told_of), right >= 0.95 * told_of, 20),
+        ("named rightly in ≥ 80 % of nameable", rate(right, len(allowed)), right >= 0.8 * len(allowed), 20),
+        ("outside effects never named", rate(imitated, len(outside)), imitated == 0, 20),
+        ("exact symmetries never named", rate(alone, len(twins)), alone == 0, 10),
         ("90 % intervals cover 85-95 %", rate(sum(hits), len(hits)), 0.85 <= covered <= 0.95, 40),
         ("gain's sign right", rate(sum(gains), len(gains)), all(gains), 20),
     ]
     out = []
-    for name, counts, ok, least in rows:
+    for name, counts, ok, least in listed:
         state = "too few cases" if counts["n"] < least else "passes" if ok else "fails"
         out.append({"name": name, **counts, "least": least, "state": state})
     out[1]["upper_bound_95"] = upper_bound(alarms, len(null))
@@ -163,21 +252,21 @@ def requirements(results: list[dict]) -> list[dict]:
 
 def table(summary: dict) -> str:
     """The summary as plain text."""
-    columns = ("clean", "false_alarm", "flagged", "void", "right", "wrong", "honest", "astray")
-    columns += ("not_in_library", "missed", "withheld", "failed")
-    lines = [f"{'kind, λ':14s}" + "".join(f"{c[:9]:>10s}" for c in columns)]
-    for key, row in summary["by_lambda"].items():
-        lines.append(f"{key:14s}" + "".join(f"{row.get(c, 0) or '·':>10}" for c in columns))
-    lines += ["", "right name against λ (95 % Clopper-Pearson)"]
-    for key, row in summary["power"].items():
-        if row["n"]:
-            lines.append(f"  λ = {key:20s} {row['k']:4d}/{row['n']:<4d} [{row['low']:.2f}, {row['high']:.2f}]")
-    lines += ["", "hidden -> told"]
-    for key, row in summary["confusion"].items():
-        told = ", ".join(f"{n} {name}" for name, n in sorted(row.items(), key=lambda kv: -kv[1]))
-        lines.append(f"  {key:18s} {told}")
+    lines = []
+    for title, key in (("system", "by_system"), ("kind", "by_kind"), ("kind, λ", "by_lambda"), ("noise", "by_noise")):
+        lines.append(f"{title:17s}" + "".join(f"{c[:9]:>10s}" for c in OUTCOMES))
+        for name, row in sorted(summary[key].items(), key=lambda kv: order(kv[0])):
+            lines.append(f"{name:17s}" + "".join(f"{row.get(c, 0) or '·':>10}" for c in OUTCOMES))
+        lines.append("")
+    for key in ("nulls", "effects", "outside", "symmetric", "varies", "numerics", "intervals", "seconds"):
+        lines.append(f"{key:10s} " + ", ".join(f"{name} {value}" for name, value in summary[key].items()))
     lines.append("")
     for row in summary["requirements"]:
         extra = f"  upper bound {row['upper_bound_95']:.3f}" if "upper_bound_95" in row else ""
-        lines.append(f"  {row['state']:14s} {row['name']:32s} {row['k']}/{row['n']}{extra}")
+        lines.append(f"  {row['state']:14s} {row['name']:36s} {row['k']}/{row['n']}{extra}")
     return "\n".join(lines)
+
+
+def order(name: str) -> tuple[str, float]:
+    kind, _, lam = name.partition(" ")
+    return kind, float(lam or 0.0)

@@ -1,0 +1,38 @@
+"""A few cases of the blind batch, drawn and diagnosed anew: what the smallest batch must reach.
+
+Development seeds; the requirements on whole batches are those of `validation.blind.score`.
+"""
+
+from pathlib import Path
+
+import pliant
+import pytest
+
+from validation.blind import draw, noise, score
+
+pytestmark = pytest.mark.long
+
+
+def asked(folder: Path, index: int, system: str, kind: str, seed: int = 0) -> tuple[dict, str]:
+    """A case of a seed, and what the answer to it is worth."""
+    case, read, setup = draw.draw(seed, index, system, kind)
+    scene = setup.write(folder, read, case.guess, missing=noise.KINDS[case.noise].gaps > 0.0)
+    hidden = case.as_json()
+    return hidden, score.outcome(hidden, pliant.diagnose(str(scene)))
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_nothing_is_named_where_nothing_is_hidden(tmp_path, index):
+    hidden, worth = asked(tmp_path, index, "cart", "null", seed=2)
+    assert worth == "clean", hidden
+
+
+def test_a_plain_effect_is_named(tmp_path):
+    hidden, worth = asked(tmp_path, 6, "cart", "effect")
+    assert hidden["allowed"] and hidden["lam"] >= 1000.0
+    assert worth == "right", hidden
+
+
+def test_an_exact_symmetry_is_not_named_singly(tmp_path):
+    hidden, worth = asked(tmp_path, 0, "cart", "symmetric")
+    assert worth in ("honest", "astray"), hidden
