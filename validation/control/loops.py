@@ -1,6 +1,7 @@
 """Closed loops: a controller, a plant, disturbances, and what came of it."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import pliant
 from validation.control.tasks import MPPI_SAMPLES, Instance
 
 DISTURBANCE = 0.003 * 0.02  # m, radius of the ball of a step's disturbance in the release
+NOISE, DELAY = 1e-3, 2  # standard deviation of each coordinate of a node [m], and steps that it comes late: those of a depth camera
 
 
 @dataclass
@@ -57,6 +59,24 @@ def gradient(task: pliant.Task, theta, horizon: int, tubes: bool) -> Callable:
     def control(x):
         u = mpc.update(x)
         return u, horizon * (tubes + sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps))
+
+    return control
+
+
+def reading(task: pliant.Task, theta, horizon: int, seed: int, tubes: bool) -> Callable:
+    """The same from noisy, late readings of the object's nodes instead of the state; whether grippers hold something is read as well."""
+    (span,) = {**task.model.ropes, **task.model.cloths}.values()
+    sensing = pliant.Sensing(task.model, list(range(span.start, span.stop)), NOISE, delay=DELAY)
+    first, tube = np.zeros((horizon, task.model.nu)), "exact" if tubes else None
+    mpc = task.mpc(first, theta, disturbance=DISTURBANCE, sensing=sensing, tube=tube)
+    seen, rng = deque(), np.random.default_rng([seed, 1])
+
+    def control(x):
+        seen.append(sensing.read(x) + sensing.noise * rng.normal(size=len(sensing.noise)))
+        u = mpc.update(seen.popleft() if len(seen) > DELAY else None)
+        # the filter's steps: one to its next time, then to the present
+        steps = 1 + DELAY + horizon * (tubes + sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps))
+        return u, steps
 
     return control
 
