@@ -33,6 +33,8 @@ pub struct OutputOptions {
 pub struct OutputMpc<P> {
     estimator: Estimator,
     planner: Planner<P>,
+    /// Whether the estimator has inputs for the step that begins now.
+    decided: bool,
 }
 
 enum Planner<P> {
@@ -90,7 +92,7 @@ impl<P: Problem> OutputMpc<P> {
         } else {
             Planner::Nominal(Box::new(Mpc::new(problem, model, theta, controls, plan)?))
         };
-        Ok(Self { estimator, planner })
+        Ok(Self { estimator, planner, decided: false })
     }
 
     /// Its sensors.
@@ -104,12 +106,14 @@ impl<P: Problem> OutputMpc<P> {
     /// # Errors
     /// As [`RobustMpc::update`]; a reading of another size, or too early. Inputs are then those of [`OutputMpc::hold`].
     pub fn update(&mut self, reading: Option<&[f64]>) -> Result<OutputUpdate, RobustError> {
+        self.decided = false;
         let estimate = self.estimator.estimate(reading)?;
         let planned = match &mut self.planner {
             Planner::Nominal(mpc) => Planned::Nominal(mpc.update(&estimate.x)?),
             Planner::Tubes(robust) => Planned::Tubes(robust.update_from(&estimate)?),
         };
         self.estimator.send(&planned.update().rollout.controls[0]);
+        self.decided = true;
         Ok(OutputUpdate { estimate: estimate.x, planned })
     }
 
@@ -120,10 +124,11 @@ impl<P: Problem> OutputMpc<P> {
             Planner::Tubes(robust) => robust.hold(),
         };
         self.estimator.send(&inputs);
+        self.decided = true;
         inputs
     }
 
-    /// The inputs that were sent instead of those of the last [`OutputMpc::update`] or [`OutputMpc::hold`].
+    /// The inputs that were sent instead of those of the last [`OutputMpc::update`] or [`OutputMpc::hold`], or after an update that failed.
     ///
     /// # Errors
     /// Inputs of another number than the model's.
@@ -132,7 +137,11 @@ impl<P: Problem> OutputMpc<P> {
         if u.len() != expected {
             return Err(PlanError::Inputs { row: 0, got: u.len(), expected }.into());
         }
-        self.estimator.resend(u);
+        if std::mem::replace(&mut self.decided, true) {
+            self.estimator.resend(u);
+        } else {
+            self.estimator.send(u);
+        }
         Ok(())
     }
 }

@@ -210,7 +210,8 @@ impl<P: Problem> RobustMpc<P> {
     fn surround(&mut self, update: Update, estimate: &Estimate) -> Result<RobustUpdate, RobustError> {
         let about = self.about(&update.rollout, estimate)?;
         let (n, before) = (update.rollout.controls.len(), estimate.since.len());
-        let disturbance = Disturbance::new((0..=before + n).map(|k| if k == 0 { about.of_start.clone() } else { about.of_step.clone() }));
+        let disturbance =
+            Disturbance::new((0..=before + n).map(|k| if k == 0 { about.of_start.clone() } else { about.of_step.clone() }));
         let problem = TubeProblem::new(&about.ocp, &disturbance, &about.cost)?;
         // what holds the plan back is what the gains should keep deviations off
         let mut multipliers = RowValues::zeros(&about.ocp);
@@ -218,7 +219,8 @@ impl<P: Problem> RobustMpc<P> {
             let constraint = if price.input { Constraint::Input(price.row) } else { Constraint::Row(price.row) };
             multipliers.set(before + price.stage, constraint, price.multiplier);
         }
-        let previous = self.previous.as_ref();
+        // before the first reading a tube has fewer stages
+        let previous = self.previous.as_ref().filter(|tube| tube.tightenings.len() == before + n + 1);
         let tube = match (&about.sensing, self.options.exact) {
             (None, true) => ExactTube.synthesize(&problem, &multipliers, previous)?,
             (None, false) => SharedGainTube.synthesize(&problem, &multipliers, previous)?,
@@ -249,7 +251,8 @@ impl<P: Problem> RobustMpc<P> {
         let (n, problem) = (plan.controls.len(), self.inner.problem());
         let mut out = Vec::new();
         for k in 0..=n {
-            let over = about.values[k].iter().zip(tube.tightenings.rows(before + k)).enumerate().map(|(row, (c, h))| (row, c + h));
+            let over =
+                about.values[k].iter().zip(tube.tightenings.rows(before + k)).enumerate().map(|(row, (c, h))| (row, c + h));
             let broken = over.filter(|(_, by)| *by > 0.0);
             out.extend(broken.map(|(row, by)| Violation { constraint: problem.constraint(k, n, row), by }));
         }
@@ -293,7 +296,8 @@ impl<P: Problem> RobustMpc<P> {
         let mut place = vec![usize::MAX; ndx];
         kept.iter().enumerate().for_each(|(k, column)| place[*column] = k);
         let nx = kept.len();
-        let cut = |e: &Mat<f64>| if e.ncols() == 0 { Mat::zeros(nx, 0) } else { Mat::from_fn(nx, e.ncols(), |r, c| e[(kept[r], c)]) };
+        let cut =
+            |e: &Mat<f64>| if e.ncols() == 0 { Mat::zeros(nx, 0) } else { Mat::from_fn(nx, e.ncols(), |r, c| e[(kept[r], c)]) };
         let before = estimate.since.len();
         let mut stages = Vec::with_capacity(before + n);
         for jacobian in &estimate.since {

@@ -177,7 +177,8 @@ impl Task {
         rest_gap: Option<f64>,
     ) -> PyResult<Plan> {
         let options = options(iterations, tolerance, time_limit, holding, rest_gap)?;
-        let Asked { x0, controls, theta } = self.asked(py, x0, u0, theta, (self.case.task.steps, "change `steps` of the task"))?;
+        let Asked { x0, controls, theta } =
+            self.asked(py, x0, u0, theta, (self.case.task.steps, "change `steps` of the task"))?;
         let model = &self.case.case.model;
         let found = py.detach(|| plan::plan(&self.case.problem, model, &theta, &x0, &controls, options)).map_err(errors::plan)?;
         Plan::new(py, found)
@@ -227,7 +228,8 @@ impl Task {
         if temperature.is_nan() || temperature <= 0.0 {
             return Err(input(format!("temperature is {temperature}, but must be positive")));
         }
-        let Asked { controls, theta, .. } = self.asked(py, None, Some(u0), theta, (self.horizon(), "change `horizon` of the task"))?;
+        let Asked { controls, theta, .. } =
+            self.asked(py, None, Some(u0), theta, (self.horizon(), "change `horizon` of the task"))?;
         let engine = &self.case.case.model;
         let sigma = vector("sigma", sigma, engine.nu())?;
         if let Some(k) = sigma.iter().position(|s| !(s.is_finite() && *s >= 0.0)) {

@@ -12,7 +12,7 @@ use pliant::control::mpc::{Mpc as Engine, Update};
 use pliant::control::output::{OutputMpc, OutputOptions, OutputUpdate, Planned};
 use pliant::control::plan::{PlanOptions, Violation};
 use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions, ball_of_free_nodes};
-use pliant::control::sensing::{Sensors, SensingError};
+use pliant::control::sensing::{SensingError, Sensors};
 use pliant::{Rollout, State};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;

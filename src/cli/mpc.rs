@@ -49,7 +49,7 @@ pub struct Arguments {
     #[arg(long, value_name = "M", value_parser = numbers::not_negative)]
     disturbance: Option<f64>,
     /// Seed of the disturbance and of the readings' noise.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "disturbance")]
     seed: u64,
     /// Tighten the constraints by the tube of disturbances of that radius, and of what the task's sensors do not tell.
     #[arg(long, requires = "disturbance")]

@@ -20,7 +20,8 @@ class Outcome:
 
     error: float
     clearance: float
-    updates: list
+    updates: list  # wall time of each update [s]
+    processor: list  # processor time of all its threads [s]
     evaluations: int
     failures: int
 
@@ -38,18 +39,19 @@ def disturbed(model, x, rng) -> np.ndarray:
 def run(instance: Instance, controller: Callable, task: pliant.Task, theta, steps: int, rng=None) -> Outcome:
     """Steps of the plant, the model at theta, under the controller; disturbed if `rng` is given."""
     model, x = task.model, task.x0
-    clearance, updates, evaluations, failures = np.inf, [], 0, 0
+    clearance, updates, processor, evaluations, failures = np.inf, [], [], 0, 0
     for _ in range(steps):
-        begin = time.perf_counter()
+        begin, used = time.perf_counter(), time.process_time()
         u, rollouts = controller(x)
         updates.append(time.perf_counter() - begin)
+        processor.append(time.process_time() - used)
         evaluations += rollouts
         failures += u is None
         x = model.step(x, np.zeros(model.nu) if u is None else u, theta)
         if rng is not None:
             x = disturbed(model, x, rng)
         clearance = min(clearance, instance.clearance(model, x))
-    return Outcome(instance.error(model, x), clearance, updates, evaluations, failures)
+    return Outcome(instance.error(model, x), clearance, updates, processor, evaluations, failures)
 
 
 def gradient(task: pliant.Task, theta, horizon: int, tubes: bool) -> Callable:

@@ -31,8 +31,8 @@ mod synthesis;
 
 pub use error::ObserverError;
 pub use joint::JointResponses;
-pub use kalman::{Observer, Sensing};
 pub(crate) use kalman::{Correction, predict, square};
+pub use kalman::{Observer, Sensing};
 pub use policy::OutputPolicy;
 pub use responses::{Blocks, Responses, feedback_responses, observer_responses};
 pub use synthesis::{OutputFeedbackTube, Sharing};

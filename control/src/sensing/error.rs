@@ -31,7 +31,9 @@ pub enum SensingError {
         value: f64,
     },
     /// A reading where none can have come yet.
-    #[error("a reading came at step {step}, but with a delay of {delay} step(s) that of the start comes at step {delay}: give none before")]
+    #[error(
+        "a reading came at step {step}, but with a delay of {delay} step(s) that of the start comes at step {delay}: give none before"
+    )]
     Early {
         /// Steps taken.
         step: usize,

@@ -2,8 +2,8 @@
 
 use super::constants::SENSING;
 use super::{SensingError, Sensors};
-use crate::observer::{Correction, predict, square};
 use crate::linear::SemidefiniteCholesky;
+use crate::observer::{Correction, predict, square};
 use faer::Mat;
 use pliant_adjoint::{Linearization, Linearizer};
 use pliant_engine::grasp::Grasp;
@@ -74,7 +74,10 @@ impl Estimator {
                 return refuse(format!("the model has {nq} positions in {nv} degrees of freedom: name one of them"));
             }
             if !(output.noise.is_finite() && output.noise >= 0.0) {
-                return refuse(format!("its noise is {}, but must be a standard deviation, finite and not negative", output.noise));
+                return refuse(format!(
+                    "its noise is {}, but must be a standard deviation, finite and not negative",
+                    output.noise
+                ));
             }
         }
         let about: Vec<usize> = (0..ndx).filter(|k| !(model.forgets_velocities() && (nv..2 * nv).contains(k))).collect();

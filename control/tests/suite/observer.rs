@@ -6,7 +6,9 @@ use pliant_control::observer::{
     observer_responses,
 };
 use pliant_control::ocp::Ocp;
-use pliant_control::tube::{Disturbance, ExactTube, Gains, RobustOptions, RowValues, Tube, TubeCost, TubeProblem, TubeSynthesis, robust};
+use pliant_control::tube::{
+    Disturbance, ExactTube, Gains, RobustOptions, RowValues, Tube, TubeCost, TubeProblem, TubeSynthesis, robust,
+};
 
 use crate::problems::{box_rows, direction, generator, random, tube_cost, varying};
 use crate::reference::Reference;

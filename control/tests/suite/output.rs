@@ -33,7 +33,7 @@ fn model() -> Arc<Model> {
         linear_density = 0.05
         stretch_stiffness = 50.0
         bend_stiffness = 1e-4
-        drag_linear = 0.5
+        drag_linear = 0.1
         initial = {{ shape = "straight", from = [0, 0, 0], direction = [0, 0, -1] }}
         [[gripper]]
         name = "hand"
@@ -46,7 +46,7 @@ fn model() -> Arc<Model> {
     Arc::new(ModelBuilder::new(&scene).unwrap().build())
 }
 
-/// The last node to x = 0.1 m, which is behind a wall.
+/// The last node to x = 0.03 m, which is behind a wall.
 #[derive(Clone)]
 struct Wall {
     ndx: usize,
@@ -56,7 +56,7 @@ impl Problem for Wall {
     fn evaluate(&self, k: usize, _: usize, x: &State, u: Option<&[f64]>, out: &mut Terms) -> Result<(), String> {
         let tip = 3 * (NODES - 1);
         if k > 0 {
-            let row = out.residuals.push(x.q[tip] - 0.1);
+            let row = out.residuals.push(x.q[tip] - 0.03);
             out.residuals.slope(row, tip, 1.0);
             let row = out.constrain(x.q[tip] - WALL, 1e3);
             out.constraints.slope(row, tip, 1.0);
@@ -145,9 +145,9 @@ fn a_delay_costs_nothing_where_the_model_is_exact() {
     let run = |delay: usize| {
         let mut mpc = controller(&model, sensors(0.0, delay), 1e-3, false);
         let (mut plant, mut seen, mut inputs) = (Pushed::new(&model, 0.0), Vec::new(), Vec::new());
-        for k in 0..8 {
+        for k in 0_usize..8 {
             seen.push(mpc.sensors().read(&model, &plant.x));
-            let reading = k.checked_sub(delay).map(|k: usize| seen[k].clone());
+            let reading = k.checked_sub(delay).map(|k| seen[k].clone());
             let found = mpc.update(reading.as_deref()).unwrap();
             assert!(found.estimate.q.iter().zip(&plant.x.q).all(|(a, b)| (a - b).abs() < 1e-12));
             let u = found.planned.update().rollout.controls[0].clone();
@@ -172,11 +172,11 @@ fn the_worst_disturbances_and_noises_stay_outside_of_the_wall() {
     let closest = |tighten: bool| {
         let mut mpc = controller(&model, sensors(noise, delay), radius, tighten);
         let (mut plant, mut seen, mut closest) = (Pushed::new(&model, radius), Vec::new(), f64::NEG_INFINITY);
-        for k in 0..40 {
+        for k in 0_usize..40 {
             let mut reading = mpc.sensors().read(&model, &plant.x);
             reading[3 * (NODES - 1)] -= 3.0 * noise;
             seen.push(reading);
-            let found = mpc.update(k.checked_sub(delay).map(|k: usize| seen[k].as_slice())).unwrap();
+            let found = mpc.update(k.checked_sub(delay).map(|k| seen[k].as_slice())).unwrap();
             plant.step(&found.planned.update().rollout.controls[0]);
             closest = closest.max(plant.tip() - WALL);
         }
@@ -184,7 +184,7 @@ fn the_worst_disturbances_and_noises_stay_outside_of_the_wall() {
     };
     let (nominal, tubes) = (closest(false), closest(true));
     assert!(nominal > 2.0 * radius, "{nominal}");
-    assert!((-20.0 * radius..=0.0).contains(&tubes), "{tubes}");
+    assert!((-radius..=0.0).contains(&tubes), "{tubes}");
 }
 
 /// Noise that the readings are averaged over, lost readings, and inputs that were not those decided.
@@ -195,7 +195,7 @@ fn estimates_are_nearer_than_readings() {
     let theta = model.params().values();
     let x0 = model.initial_state();
     let mut plant = ModelPlant::new(&model, theta, &x0).unwrap().disturbed(2e-4, 3).read_by(sensors(noise, delay), 3);
-    let (mut of_estimate, mut of_reading, mut count) = (0.0, 0.0, 0.0);
+    let (mut of_estimate, mut of_reading, mut count) = (0.0_f64, 0.0_f64, 0.0);
     for k in 0..60 {
         let Measured::Readings(reading) = plant.measure().unwrap() else { panic!("readings") };
         assert_eq!(reading.is_some(), k >= delay);
@@ -205,15 +205,16 @@ fn estimates_are_nearer_than_readings() {
         let truth = plant.state().unwrap();
         let error = |q: &[f64]| (3..3 * NODES).map(|c| (q[c] - truth.q[c]).powi(2)).sum::<f64>();
         if let Some(reading) = reading.filter(|_| k > 10) {
-            (of_estimate, of_reading, count) = (of_estimate + error(&found.estimate.q), of_reading + error(&reading), count + 1.0);
+            (of_estimate, of_reading, count) =
+                (of_estimate + error(&found.estimate.q), of_reading + error(&reading), count + 1.0);
         }
         let u: Vec<f64> = found.planned.update().rollout.controls[0].iter().map(|u| 0.5 * u).collect();
         plant.apply(&u).unwrap();
         mpc.sent(&u).unwrap();
     }
     let (of_estimate, of_reading) = ((of_estimate / count).sqrt(), (of_reading / count).sqrt());
-    assert!((of_reading / (noise * 3.0) - 1.0).abs() < 0.3, "{of_reading}: three times the noise, of nine numbers");
-    assert!(of_estimate < 0.4 * of_reading, "{of_estimate} against {of_reading}");
+    // nine numbers, each with the noise
+    assert!(of_estimate < 0.5 * 3.0 * noise && of_estimate < 0.5 * of_reading, "{of_estimate} against {of_reading}");
 }
 
 #[test]
@@ -254,7 +255,8 @@ fn loops_run_on_readings_and_refuse_what_does_not_fit() {
     assert!(mpc.sent(&[0.0]).is_err());
 
     let made = |outputs: Vec<Output>| {
-        let tubes = TubeOptions { disturbance: ball_of_free_nodes(&model, 1e-4), initial: Mat::zeros(model.ndx(), 0), exact: true };
+        let tubes =
+            TubeOptions { disturbance: ball_of_free_nodes(&model, 1e-4), initial: Mat::zeros(model.ndx(), 0), exact: true };
         let options = OutputOptions { sensors: Sensors { outputs, delay: 0 }, tubes, tighten: true };
         OutputMpc::new(Wall { ndx: model.ndx() }, &model, theta, &x0, vec![vec![0.0; 3]; N], PlanOptions::default(), options)
             .map(|_| ())
