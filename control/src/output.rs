@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// How a state is estimated, and whether constraints are tightened for it.
 #[derive(Clone, Debug)]
 pub struct OutputOptions {
-    /// What is read.
+    /// Sensors.
     pub sensors: Sensors,
     /// Disturbances, the uncertainty of the first state, gains.
     pub tubes: TubeOptions,

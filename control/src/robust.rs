@@ -6,9 +6,8 @@
 //! ```
 //! The tube is that of the linearization along the plan, for a disturbance E w, |w|₂ ≤ 1, of every step. Where the state is estimated
 //! ([`crate::output`]) it begins at the time of the last reading, whose estimate has an error E_0 w, with the steps since, whose inputs are
-//! sent; the plan's inputs answer estimates. It does not cover the error of the
-//! linearization, nor a gripper that seizes or lets go within the plan ([`RobustUpdate::switches`]): there the linearization says nothing of
-//! the other side.
+//! sent; the plan's inputs answer estimates. It does not cover the error of the linearization, nor a gripper that seizes or lets go within the
+//! plan ([`RobustUpdate::switches`]): there the linearization says nothing of the other side.
 
 use crate::mpc::{Mpc, Update};
 use crate::observer::{ObserverError, OutputFeedbackTube, Sensing, Sharing};

@@ -96,7 +96,7 @@ fn kind(needed: &'static str, given: &'static str) -> SensingError {
     SensingError::Kind { needed, given, fix: "give `sensing` to the controller, or leave it out" }
 }
 
-/// What a controller knows of disturbances and of the state.
+/// A controller's knowledge of disturbances and of the state.
 pub struct Uncertainty<'a, 'py> {
     pub disturbance: Option<&'a Bound<'py, PyAny>>,
     pub initial: Option<&'a Bound<'py, PyAny>>,

@@ -7,7 +7,7 @@ use numpy::PyArray1;
 use pliant::control::sensing::{Output, Sensors};
 use pyo3::prelude::*;
 
-/// What a controller reads instead of the state.
+/// Sensors of a controller that does not know the state.
 #[pyclass(module = "pliant", frozen)]
 pub struct Sensing {
     pub sensors: Sensors,

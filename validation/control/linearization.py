@@ -1,4 +1,4 @@
-"""What tubes leave out: the error of the linearization, in the rows of limits, against exact simulation.
+"""The error of the linearization, which tubes leave out: rows of limits against exact simulation.
 
     python -m validation.control.linearization [--json] [--radius M …]
 

@@ -8,7 +8,7 @@ use crate::robust::{RobustError, RobustMpc, RobustUpdate};
 use crate::sensing::SensingError;
 use pliant_math::State;
 
-/// What a plant measures at a step.
+/// A plant's measurement at a step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measured {
     /// Its state.

@@ -41,7 +41,7 @@ impl Output {
     }
 }
 
-/// What is read at every step, and how late.
+/// Outputs that are read at every step, and their delay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensors {
     /// Outputs.

@@ -52,7 +52,7 @@ pub struct Task {
     /// Limits.
     #[serde(default)]
     pub limit: Vec<Limit>,
-    /// What a controller knows of the state; all of it if left out.
+    /// Sensors of a controller; it knows the state if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensing: Option<Sensing>,
 }

@@ -626,7 +626,7 @@ class Task:
 
 @final
 class Sensing:
-    """What a controller reads instead of the state: positions of nodes and coordinates of joints, with noise of a normal law, some steps
+    """Readings of a controller that does not know the state: positions of nodes and coordinates of joints, with noise of a normal law, some steps
     late; and, at the end of a reading, 1 or 0 for each gripper that grasps: whether it holds something."""
 
     def __new__(
