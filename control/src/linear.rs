@@ -6,6 +6,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_solve;
 use faer::{Accum, Conj, Mat, MatMut, MatRef, Par};
 
 /// Pivot of a Cholesky factor, in the diagonal entry it began as \[-\], below which the matrix counts as singular: rounding of the
@@ -116,5 +117,63 @@ impl Cholesky {
     pub(crate) fn solve(&self, b: MatMut<'_, f64>) {
         let mut memory = MemBuffer::new(llt::solve::solve_in_place_scratch::<f64>(self.l.nrows(), b.ncols(), Par::Seq));
         llt::solve::solve_in_place_with_conj(self.l.as_ref(), Conj::No, b, Par::Seq, MemStack::new(&mut memory));
+    }
+}
+
+/// Factor L of a symmetric positive semidefinite matrix L Lᵀ, row by row of its largest pivots: what is left below rounding is zero.
+pub(crate) struct SemidefiniteCholesky {
+    /// Rows in the matrix's order; as many columns as it has rank.
+    l: Mat<f64>,
+    /// Rows of the pivots.
+    order: Vec<usize>,
+}
+
+impl SemidefiniteCholesky {
+    pub(crate) fn new(a: &Mat<f64>) -> Self {
+        let n = a.nrows();
+        let mut left: Vec<f64> = (0..n).map(|i| a[(i, i)]).collect();
+        let floor = PIVOT_FLOOR * left.iter().fold(0.0_f64, |most, d| most.max(*d));
+        let (mut l, mut order) = (Mat::zeros(n, n), Vec::new());
+        for k in 0..n {
+            let Some((pivot, &largest)) = left.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+            if largest <= floor {
+                break;
+            }
+            let mut column = a.col_as_slice(pivot).to_vec();
+            for p in 0..k {
+                let by: f64 = l[(pivot, p)];
+                column.iter_mut().zip(l.col_as_slice(p)).for_each(|(c, l)| *c -= by * l);
+            }
+            order.iter().for_each(|&row: &usize| column[row] = 0.0);
+            let root = largest.sqrt();
+            column.iter_mut().for_each(|c| *c /= root);
+            column[pivot] = root;
+            left.iter_mut().zip(&column).for_each(|(left, c)| *left -= c * c);
+            // taken, whatever rounding leaves
+            left[pivot] = f64::NEG_INFINITY;
+            l.col_as_slice_mut(k).copy_from_slice(&column);
+            order.push(pivot);
+        }
+        let l = l.as_ref().subcols(0, order.len()).to_owned();
+        Self { l, order }
+    }
+
+    /// L.
+    pub(crate) fn into_factor(self) -> Mat<f64> {
+        self.l
+    }
+
+    /// X with (L Lᵀ) X = B in the rows of pivots, and zero in the others, which say nothing that these do not.
+    pub(crate) fn solve(&self, b: &Mat<f64>) -> Mat<f64> {
+        let rank = self.order.len();
+        let l = Mat::from_fn(rank, rank, |r, c| self.l[(self.order[r], c)]);
+        let mut x = Mat::from_fn(rank, b.ncols(), |r, c| b[(self.order[r], c)]);
+        triangular_solve::solve_lower_triangular_in_place(l.as_ref(), x.as_mut(), Par::Seq);
+        triangular_solve::solve_upper_triangular_in_place(l.transpose(), x.as_mut(), Par::Seq);
+        let mut out = Mat::zeros(b.nrows(), b.ncols());
+        for (r, &row) in self.order.iter().enumerate() {
+            (0..b.ncols()).for_each(|c| out[(row, c)] = x[(r, c)]);
+        }
+        out
     }
 }

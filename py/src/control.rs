@@ -4,16 +4,15 @@ use crate::convert::{matrix, rows_to_matrix, to_vector, vector};
 use crate::cost_function::Called;
 use crate::errors::{self, input};
 use crate::model::Model;
-use crate::mpc::{Controller, Mpc, columns};
+use crate::mpc::{Mpc, Uncertainty};
 use crate::options::Trajectory;
 use crate::rollout::wrap;
-use faer::Mat;
+use crate::sensing::Sensing;
 use numpy::{PyArray1, PyArray2};
 use pliant::control::conformal::{self, Coverage};
 use pliant::control::mppi::{Mppi as Sampler, MppiOptions};
 use pliant::control::plan::{self, Annealing, PlanOptions, PlanStatus, PlanStep, Violation};
 use pliant::control::problem::Problem;
-use pliant::control::robust::{RobustMpc, TubeOptions};
 use pliant::scene::Source;
 use pliant::{State, TaskCase};
 use pyo3::prelude::*;
@@ -61,12 +60,19 @@ impl Task {
         x0: Option<&Bound<'py, PyAny>>,
         u0: Option<&Bound<'py, PyAny>>,
         theta: Option<&Bound<'py, PyAny>>,
-        steps: usize,
+        (steps, fewer): (usize, &str),
     ) -> PyResult<Asked> {
         let model = self.model.bind(py).get();
         let theta = model.theta_or_default(theta)?;
         let x0 = x0.map_or_else(|| Ok(self.case.case.x0.clone()), |x0| model.state("x0", x0))?;
-        let first = |u0: &Bound<'py, PyAny>| matrix("u0", u0, None, model.engine().nu());
+        let first = |u0: &Bound<'py, PyAny>| {
+            let rows = matrix("u0", u0, None, model.engine().nu())?;
+            if rows.len() == steps {
+                return Ok(rows);
+            }
+            let got = rows.len();
+            Err(input(format!("u0 has {got} rows, but {steps} steps are to be planned: give a row for each, or {fewer}")))
+        };
         let controls = u0.map_or_else(|| Ok(self.case.first_guess(steps)), first)?;
         Ok(Asked { x0, controls, theta })
     }
@@ -119,6 +125,12 @@ impl Task {
         self.case.task.horizon.unwrap_or(self.case.task.steps)
     }
 
+    /// Sensors of its section `sensing`; None without one.
+    #[getter]
+    fn sensing(&self, py: Python<'_>) -> Option<Sensing> {
+        self.case.problem.sensors().map(|sensors| Sensing::of(sensors.clone(), self.model.clone_ref(py)))
+    }
+
     /// The state that the scene starts from, (nx,).
     #[getter]
     fn x0<'py>(&self, py: Python<'py>) -> Vector<'py> {
@@ -165,14 +177,15 @@ impl Task {
         rest_gap: Option<f64>,
     ) -> PyResult<Plan> {
         let options = options(iterations, tolerance, time_limit, holding, rest_gap)?;
-        let Asked { x0, controls, theta } = self.asked(py, x0, u0, theta, self.case.task.steps)?;
+        let Asked { x0, controls, theta } =
+            self.asked(py, x0, u0, theta, (self.case.task.steps, "change `steps` of the task"))?;
         let model = &self.case.case.model;
         let found = py.detach(|| plan::plan(&self.case.problem, model, &theta, &x0, &controls, options)).map_err(errors::plan)?;
         Plan::new(py, found)
     }
 
     /// A controller that looks `horizon` steps ahead.
-    #[pyo3(signature = (u0=None, theta=None, *, horizon=None, iterations=1, time_limit=None, holding=true, disturbance=None, initial=None, tube="exact"))]
+    #[pyo3(signature = (u0=None, theta=None, *, horizon=None, iterations=1, time_limit=None, holding=true, rest_gap=None, disturbance=None, initial=None, tube=Some("exact"), sensing=None))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn mpc<'py>(
         &self,
@@ -183,31 +196,18 @@ impl Task {
         iterations: usize,
         time_limit: Option<f64>,
         holding: bool,
+        rest_gap: Option<f64>,
         disturbance: Option<&Bound<'py, PyAny>>,
         initial: Option<&Bound<'py, PyAny>>,
-        tube: &str,
+        tube: Option<&str>,
+        sensing: Option<&Bound<'py, Sensing>>,
     ) -> PyResult<Mpc> {
-        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
-        let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, horizon.unwrap_or_else(|| self.horizon()))?;
-        if let Some(horizon) = horizon.filter(|horizon| *horizon != controls.len()) {
-            return Err(input(format!("u0 has {} rows, but the horizon is {horizon}: give one row per step", controls.len())));
-        }
+        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, rest_gap)?;
+        let steps = (horizon.unwrap_or_else(|| self.horizon()), "change `horizon`");
+        let Asked { controls, theta, .. } = self.asked(py, None, u0, theta, steps)?;
         let problem: AnyProblem = Arc::new(self.case.problem.clone());
-        let exact = match tube {
-            "exact" => true,
-            "shared" => false,
-            other => return Err(input(format!("tube is \"{other}\", but must be \"exact\" or \"shared\""))),
-        };
-        let Some(given) = disturbance else { return Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options) };
-        let model = self.model.bind(py).get();
-        let none = || Ok(Mat::zeros(model.engine().ndx(), 0));
-        let tubes = TubeOptions {
-            disturbance: columns(model, "disturbance", given)?,
-            initial: initial.map_or_else(none, |given| columns(model, "initial", given))?,
-            exact,
-        };
-        let engine = RobustMpc::new(problem, model.engine(), &theta, controls, options, tubes).map_err(errors::robust)?;
-        Ok(Mpc::of(Controller::Tubes(Box::new(engine)), self.model.clone_ref(py)))
+        let uncertainty = Uncertainty { disturbance, initial, tube, sensing, x0: &self.case.case.x0 };
+        Mpc::new(problem, self.model.clone_ref(py), &theta, controls, options, &uncertainty)
     }
 
     /// A controller that samples, to compare with.
@@ -228,7 +228,8 @@ impl Task {
         if temperature.is_nan() || temperature <= 0.0 {
             return Err(input(format!("temperature is {temperature}, but must be positive")));
         }
-        let Asked { controls, theta, .. } = self.asked(py, None, Some(u0), theta, self.horizon())?;
+        let Asked { controls, theta, .. } =
+            self.asked(py, None, Some(u0), theta, (self.horizon(), "change `horizon` of the task"))?;
         let engine = &self.case.case.model;
         let sigma = vector("sigma", sigma, engine.nu())?;
         if let Some(k) = sigma.iter().position(|s| !(s.is_finite() && *s >= 0.0)) {

@@ -2,6 +2,7 @@
 
 use pliant::control::plan::PlanError;
 use pliant::control::robust::RobustError;
+use pliant::control::sensing::SensingError;
 use pliant::identify::IdentifyError;
 use pliant::{AdjointError, StepError, VectorError};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -67,7 +68,9 @@ pub fn robust(error: RobustError) -> PyErr {
     match error {
         RobustError::Plan(error) => plan(error),
         RobustError::Disturbance { .. } => input(error),
-        RobustError::Tube(error) => NumericsError::new_err(error.to_string()),
+        RobustError::Sensing(SensingError::Step(error)) => step(error),
+        RobustError::Sensing(error) => input(error),
+        RobustError::Tube(_) | RobustError::Observer(_) => NumericsError::new_err(error.to_string()),
     }
 }
 

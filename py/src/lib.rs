@@ -17,6 +17,7 @@ mod model;
 mod mpc;
 mod options;
 mod rollout;
+mod sensing;
 mod study;
 mod vector;
 
@@ -37,6 +38,7 @@ fn _pliant(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<control::Plan>()?;
     m.add_class::<mpc::Mpc>()?;
     m.add_class::<control::Mppi>()?;
+    m.add_class::<sensing::Sensing>()?;
     m.add_function(wrap_pyfunction!(model::load, m)?)?;
     m.add_function(wrap_pyfunction!(model::loads, m)?)?;
     m.add_function(wrap_pyfunction!(cable::cable, m)?)?;

@@ -1,15 +1,18 @@
 //! Controllers.
 
 use crate::control::{AnyProblem, broken, listed, options};
-use crate::convert::{finite, matrix, rows_to_matrix, to_vector};
+use crate::convert::{finite, matrix, rows_to_matrix, to_vector, vector};
 use crate::cost_function::Called;
 use crate::errors::{self, input};
 use crate::model::Model;
+use crate::sensing::Sensing;
 use faer::Mat;
 use numpy::{PyArray1, PyArray2};
 use pliant::control::mpc::{Mpc as Engine, Update};
+use pliant::control::output::{OutputMpc, OutputOptions, OutputUpdate, Planned};
 use pliant::control::plan::{PlanOptions, Violation};
-use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, ball_of_free_nodes};
+use pliant::control::robust::{RobustError, RobustMpc, RobustUpdate, TubeOptions, ball_of_free_nodes};
+use pliant::control::sensing::{SensingError, Sensors};
 use pliant::{Rollout, State};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
@@ -32,9 +35,10 @@ struct Loop {
     last: Option<Decision>,
 }
 
-pub enum Controller {
+enum Controller {
     Nominal(Box<Engine<AnyProblem>>),
     Tubes(Box<RobustMpc<AnyProblem>>),
+    Output(Box<OutputMpc<AnyProblem>>),
 }
 
 struct Decision {
@@ -43,17 +47,83 @@ struct Decision {
     tube: Option<(f64, Vec<Violation>, Vec<usize>)>,
 }
 
+/// The state, or a reading.
+enum Known {
+    State(State),
+    Reading(Option<Vec<f64>>),
+}
+
+impl From<Update> for Decision {
+    fn from(update: Update) -> Self {
+        Self { update, tube: None }
+    }
+}
+
+impl From<RobustUpdate> for Decision {
+    fn from(robust: RobustUpdate) -> Self {
+        let most = robust.tightening();
+        let RobustUpdate { update, violations, switches, .. } = robust;
+        Self { update, tube: Some((most, violations, switches)) }
+    }
+}
+
 impl Controller {
-    fn update(&mut self, x: &State) -> Result<Decision, RobustError> {
+    fn sensors(&self) -> Option<&Sensors> {
         match self {
-            Self::Nominal(engine) => Ok(Decision { update: engine.update(x)?, tube: None }),
-            Self::Tubes(engine) => {
-                let RobustUpdate { update, tube, violations, switches } = engine.update(x)?;
-                let stages = 0..=update.rollout.controls.len();
-                let most = stages.flat_map(|k| tube.tightenings.rows(k)).fold(0.0, |most: f64, h| most.max(*h));
-                Ok(Decision { update, tube: Some((most, violations, switches)) })
-            }
+            Self::Output(engine) => Some(engine.sensors()),
+            Self::Nominal(_) | Self::Tubes(_) => None,
         }
+    }
+
+    fn update(&mut self, known: &Known) -> Result<Decision, RobustError> {
+        Ok(match (self, known) {
+            (Self::Nominal(engine), Known::State(x)) => engine.update(x)?.into(),
+            (Self::Tubes(engine), Known::State(x)) => engine.update(x)?.into(),
+            (Self::Output(engine), Known::Reading(reading)) => {
+                let OutputUpdate { planned, .. } = engine.update(reading.as_deref())?;
+                match planned {
+                    Planned::Nominal(update) => update.into(),
+                    Planned::Tubes(robust) => robust.into(),
+                }
+            }
+            (Self::Output(_), Known::State(_)) => return Err(kind("readings", "the state").into()),
+            (_, Known::Reading(_)) => return Err(kind("the state", "readings").into()),
+        })
+    }
+}
+
+fn kind(needed: &'static str, given: &'static str) -> SensingError {
+    SensingError::Kind { needed, given, fix: "give `sensing` to the controller, or leave it out" }
+}
+
+/// A controller's knowledge of disturbances and of the state.
+pub struct Uncertainty<'a, 'py> {
+    pub disturbance: Option<&'a Bound<'py, PyAny>>,
+    pub initial: Option<&'a Bound<'py, PyAny>>,
+    /// "exact", "shared", or no tube.
+    pub tube: Option<&'a str>,
+    pub sensing: Option<&'a Bound<'py, Sensing>>,
+    /// The state that an estimate begins with.
+    pub x0: &'a State,
+}
+
+impl Uncertainty<'_, '_> {
+    /// Tubes and sensors of a controller.
+    fn read(&self, model: &Model) -> PyResult<Option<(TubeOptions, bool)>> {
+        let exact = match self.tube {
+            None | Some("exact") => true,
+            Some("shared") => false,
+            Some(other) => return Err(input(format!("tube is \"{other}\", but must be \"exact\", \"shared\" or None"))),
+        };
+        if self.disturbance.is_none() && self.sensing.is_none() {
+            return Ok(None);
+        }
+        let of = |name: &str, given: Option<&Bound<PyAny>>| match given {
+            Some(given) => columns(model, name, given),
+            None => Ok(Mat::zeros(model.engine().ndx(), 0)),
+        };
+        let (disturbance, initial) = (of("disturbance", self.disturbance)?, of("initial", self.initial)?);
+        Ok(Some((TubeOptions { disturbance, initial, exact }, self.tube.is_some())))
     }
 }
 
@@ -80,13 +150,22 @@ impl Mpc {
         theta: &[f64],
         controls: Vec<Vec<f64>>,
         options: PlanOptions,
+        uncertainty: &Uncertainty,
     ) -> PyResult<Self> {
-        let engine = Engine::new(problem, model.get().engine(), theta, controls, options).map_err(errors::plan)?;
-        Ok(Self::of(Controller::Nominal(Box::new(engine)), model))
-    }
-
-    pub fn of(controller: Controller, model: Py<Model>) -> Self {
-        Self { inner: Mutex::new(Loop { controller, last: None }), model }
+        let engine = model.get().engine();
+        let controller = match (uncertainty.read(model.get())?, uncertainty.sensing) {
+            (Some((tubes, tighten)), Some(sensing)) => {
+                let options_of_output = OutputOptions { sensors: sensing.get().sensors.clone(), tubes, tighten };
+                let made = OutputMpc::new(problem, engine, theta, uncertainty.x0, controls, options, options_of_output);
+                Controller::Output(Box::new(made.map_err(errors::robust)?))
+            }
+            (Some((tubes, true)), None) => {
+                let made = RobustMpc::new(problem, engine, theta, controls, options, tubes);
+                Controller::Tubes(Box::new(made.map_err(errors::robust)?))
+            }
+            _ => Controller::Nominal(Box::new(Engine::new(problem, engine, theta, controls, options).map_err(errors::plan)?)),
+        };
+        Ok(Self { inner: Mutex::new(Loop { controller, last: None }), model })
     }
 
     fn lock<'a>(&'a self, py: Python<'_>) -> MutexGuard<'a, Loop> {
@@ -107,7 +186,7 @@ impl Mpc {
 impl Mpc {
     /// A controller for a cost given as a function.
     #[new]
-    #[pyo3(signature = (model, evaluate, u0, theta=None, *, lower=None, upper=None, iterations=1, time_limit=None, holding=true))]
+    #[pyo3(signature = (model, evaluate, u0, theta=None, *, lower=None, upper=None, iterations=1, time_limit=None, holding=true, rest_gap=None, disturbance=None, initial=None, tube=Some("exact"), sensing=None, x0=None))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn of_function<'py>(
         model: Bound<'py, Model>,
@@ -119,25 +198,50 @@ impl Mpc {
         iterations: usize,
         time_limit: Option<f64>,
         holding: bool,
+        rest_gap: Option<f64>,
+        disturbance: Option<&Bound<'py, PyAny>>,
+        initial: Option<&Bound<'py, PyAny>>,
+        tube: Option<&str>,
+        sensing: Option<&Bound<'py, Sensing>>,
+        x0: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
-        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, None)?;
+        let options = options(iterations, PlanOptions::default().tolerance, time_limit, holding, rest_gap)?;
         let problem: AnyProblem = Arc::new(Called::new(model.get(), evaluate, [lower, upper])?);
         let theta = model.get().theta_or_default(theta)?;
         let u0 = matrix("u0", u0, None, model.get().engine().nu())?;
-        Self::new(problem, model.unbind(), &theta, u0, options)
+        let x0 = x0.map_or_else(|| Ok(model.get().engine().initial_state()), |x0| model.get().state("x0", x0))?;
+        let uncertainty = Uncertainty { disturbance, initial, tube, sensing, x0: &x0 };
+        Self::new(problem, model.unbind(), &theta, u0, options, &uncertainty)
     }
 
-    /// Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
-    fn update<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
-        let x = self.model.get().state("x", x)?;
+    /// Improves the plan from the measured state (nx,) or, with sensors, from a reading (n,) or none; returns the inputs to apply now, (nu,).
+    #[pyo3(signature = (x=None))]
+    fn update<'py>(&self, py: Python<'py>, x: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {
+        let model = self.model.get();
+        let numbers = self.lock(py).controller.sensors().map(|sensors| sensors.len(model.engine()));
+        let known = match (numbers, x) {
+            (None, None) => return Err(input("this controller needs the state: call `update(x)`")),
+            (None, Some(x)) => Known::State(model.state("x", x)?),
+            (Some(_), None) => Known::Reading(None),
+            (Some(numbers), Some(reading)) => Known::Reading(Some(vector("the reading", reading, numbers)?)),
+        };
         let first = py.detach(|| -> Result<Vec<f64>, RobustError> {
             let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-            let decision = inner.controller.update(&x)?;
+            let decision = inner.controller.update(&known)?;
             let first = decision.update.rollout.controls[0].clone();
             inner.last = Some(decision);
             Ok(first)
         });
         Ok(to_vector(py, first.map_err(errors::robust)?))
+    }
+
+    /// Inputs (nu,) that were sent instead of those that the last update returned; only with sensors is that of interest.
+    fn sent<'py>(&self, py: Python<'py>, u: &Bound<'py, PyAny>) -> PyResult<()> {
+        let u = vector("u", u, self.model.get().engine().nu())?;
+        match &mut self.lock(py).controller {
+            Controller::Output(engine) => engine.sent(&u).map_err(errors::robust),
+            Controller::Nominal(_) | Controller::Tubes(_) => Ok(()),
+        }
     }
 
     /// Largest tightening of a constraint by the last tube; 0 without tubes.

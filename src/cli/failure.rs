@@ -4,6 +4,7 @@ use super::inputs::InputsError;
 use pliant::control::closed_loop::LoopError;
 use pliant::control::plan::PlanError;
 use pliant::control::robust::RobustError;
+use pliant::control::sensing::SensingError;
 use pliant::identify::IdentifyError;
 use pliant::identify::log::LogError;
 use pliant::identify::report::ReportError;
@@ -161,6 +162,10 @@ impl Failure {
                 "shorten `time.step`, bound the inputs more narrowly, or look ahead further with `--horizon`",
             ),
             LoopError::Controller { source: RobustError::Plan(source), .. } => advice_on_plan(source),
+            LoopError::Controller { source: RobustError::Sensing(SensingError::Step(step)), .. } => advice(step),
+            LoopError::Controller { source: RobustError::Sensing(_), .. } => {
+                ("sensors that do not fit the plant's scene", "correct `sensing` in the task")
+            }
             LoopError::Controller { .. } => {
                 ("the disturbance is too large for the constraints", "lower `--disturbance`, or plan without `--tubes`")
             }

@@ -6,8 +6,10 @@ use super::progress::Progress;
 use super::{inputs, numbers, print, violations};
 use pliant::control::closed_loop::{Controller, Decision, LoopOptions, LoopRun, LoopStep, ModelPlant, Score, run_loop, score};
 use pliant::control::mpc::Mpc;
-use pliant::control::plan::{PlanOptions, PlanStatus};
-use pliant::control::robust::{RobustError, RobustMpc, TubeOptions};
+use pliant::control::output::{OutputMpc, OutputOptions};
+use pliant::control::plan::{Annealing, PlanOptions, PlanStatus};
+use pliant::control::robust::{RobustError, RobustMpc, TubeOptions, ball_of_free_nodes};
+use pliant::control::sensing::Sensors;
 use pliant::scene::MOST_STEPS;
 use pliant::{Case, Model, Rollout, State, TaskCase};
 use serde::Serialize;
@@ -19,7 +21,8 @@ const FAILURES: usize = 3;
 
 /// The course of a loop, for the help.
 const LOOP: &str = "At every step the controller improves its plan from the state of the plant, and the plan's first inputs are applied. \
-If it fails, those that the last plan has for this step are applied; three failures in a row end the run with exit code 1.";
+If it fails, those that the last plan has for this step are applied; three failures in a row end the run with exit code 1. \
+If the task has a section `sensing`, the plant gives readings of these sensors, late and with noise, and the controller estimates the state.";
 
 #[derive(clap::Args)]
 #[command(after_help = LOOP, allow_negative_numbers = true)]
@@ -35,16 +38,20 @@ pub struct Arguments {
     /// Gauss-Newton steps of an update, at most.
     #[arg(long, value_name = "N", default_value_t = 1)]
     iterations: usize,
+    /// Take derivatives of contact smoothed to this rest gap [m] at first, and of the scene's own where no step helps any more; an update
+    /// goes through both if its iterations suffice.
+    #[arg(long, value_name = "M", value_parser = numbers::positive)]
+    rest_gap: Option<f64>,
     /// Scene (TOML) of the plant, with the states and inputs of the task's; without it, the task's own.
     #[arg(long, value_name = "SCENE.toml")]
     plant: Option<PathBuf>,
     /// Displace the plant's free nodes after every step, by a random vector from the ball of this radius [m].
     #[arg(long, value_name = "M", value_parser = numbers::not_negative)]
     disturbance: Option<f64>,
-    /// Seed of the disturbance.
+    /// Seed of the disturbance and of the readings' noise.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "disturbance")]
     seed: u64,
-    /// Tighten the constraints by the tube of disturbances of that radius.
+    /// Tighten the constraints by the tube of disturbances of that radius, and of what the task's sensors do not tell.
     #[arg(long, requires = "disturbance")]
     tubes: bool,
     #[command(flatten)]
@@ -65,10 +72,13 @@ struct Summary<'a> {
     steps: usize,
     step_s: f64,
     horizon: usize,
-    /// Radius of the disturbances [m], and their seed.
+    /// Radius of the disturbances [m], and the seed of them and of noise.
     disturbance: Option<f64>,
     seed: Option<u64>,
     tubes: bool,
+    /// Numbers of a reading and their delay in steps; null where the state is known.
+    readings: Option<usize>,
+    delay: Option<usize>,
     /// Cost of the whole loop, of each of its stages, and of the last one, which is its end.
     cost: f64,
     stage_costs: &'a [f64],
@@ -148,7 +158,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.json && violated > 0 {
         print::message(&format!("warning: the closed loop violates {violated} constraint(s)"));
     }
-    let summary = summary(arguments, &scene, horizon, &looped);
+    let summary = summary(arguments, case.problem.sensors(), &scene, horizon, &looped);
     if arguments.json { print::json(&summary) } else { print::data(&text(&summary, &arguments.outputs)) }
 }
 
@@ -176,17 +186,26 @@ fn read_plant(path: &Path, model: &Model) -> Result<Case, Failure> {
 }
 
 fn controller(arguments: &Arguments, case: &TaskCase, horizon: usize) -> Result<Box<dyn Controller>, RobustError> {
-    let options = PlanOptions { iterations: arguments.iterations, ..PlanOptions::default() };
+    let smoothing = arguments.rest_gap.map(Annealing::from_gap);
+    let options = PlanOptions { iterations: arguments.iterations, smoothing, ..PlanOptions::default() };
     let (model, guess) = (&case.case.model, case.first_guess(horizon));
     let theta = model.params().values();
     let problem = case.problem.clone();
-    Ok(match arguments.disturbance.filter(|_| arguments.tubes) {
-        None => Box::new(Mpc::new(problem, model, theta, guess, options)?),
-        Some(radius) => Box::new(RobustMpc::new(problem, model, theta, guess, options, TubeOptions::of_ball(model, radius))?),
+    let mut tubes = TubeOptions::of_ball(model, arguments.disturbance.unwrap_or(0.0));
+    if let (Some(sensors), Some(sensing)) = (problem.sensors().cloned(), &case.task.sensing) {
+        tubes.initial = ball_of_free_nodes(model, sensing.initial);
+        let options_of_output = OutputOptions { sensors, tubes, tighten: arguments.tubes };
+        let (x0, options) = (&case.case.x0, options);
+        return Ok(Box::new(OutputMpc::new(problem, model, theta, x0, guess, options, options_of_output)?));
+    }
+    Ok(if arguments.tubes {
+        Box::new(RobustMpc::new(problem, model, theta, guess, options, tubes)?)
+    } else {
+        Box::new(Mpc::new(problem, model, theta, guess, options)?)
     })
 }
 
-/// Runs the loop; the states after its steps are those that the plant measured.
+/// Runs the loop; the states after its steps are the plant's own.
 fn close(
     arguments: &Arguments,
     case: &TaskCase,
@@ -199,6 +218,9 @@ fn close(
     let mut plant = ModelPlant::new(model, theta, &of_plant.x0).map_err(|error| Failure::step(scene, error))?;
     if let Some(radius) = arguments.disturbance {
         plant = plant.disturbed(radius, arguments.seed);
+    }
+    if let Some(sensors) = case.problem.sensors() {
+        plant = plant.read_by(sensors.clone(), arguments.seed);
     }
     let mut progress = Progress::start();
     // a simulation that fails once fails again from the same state
@@ -229,7 +251,13 @@ fn close(
     Ok(Looped { run, steps, score })
 }
 
-fn summary<'a>(arguments: &Arguments, scene: &Path, horizon: usize, looped: &'a Looped) -> Summary<'a> {
+fn summary<'a>(
+    arguments: &Arguments,
+    sensors: Option<&Sensors>,
+    scene: &Path,
+    horizon: usize,
+    looped: &'a Looped,
+) -> Summary<'a> {
     let [out, inputs, view] = arguments.outputs.names();
     let Looped { run, steps, score } = looped;
     let stalled = |step: &&LoopStep| step.decision.as_ref().is_some_and(|d| d.status == PlanStatus::Stalled);
@@ -242,8 +270,10 @@ fn summary<'a>(arguments: &Arguments, scene: &Path, horizon: usize, looped: &'a 
         step_s: run.model.step_length(),
         horizon,
         disturbance: arguments.disturbance,
-        seed: arguments.disturbance.map(|_| arguments.seed),
+        seed: (arguments.disturbance.is_some() || sensors.is_some()).then_some(arguments.seed),
         tubes: arguments.tubes,
+        readings: sensors.map(|sensors| sensors.len(&run.model)),
+        delay: sensors.map(|sensors| sensors.delay),
         cost: score.stage_costs.iter().sum(),
         stage_costs: &score.stage_costs,
         final_stage_cost: score.stage_costs.last().copied().unwrap_or(0.0),
@@ -289,8 +319,12 @@ fn text(summary: &Summary, outputs: &Outputs) -> String {
         (Some(radius), Some(seed)) => format!(", disturbed by up to {radius} m a step (seed {seed})"),
         _ => String::new(),
     };
+    let read = match (summary.readings, summary.delay) {
+        (Some(readings), Some(delay)) => format!(", from readings of {readings} numbers {delay} step(s) late"),
+        _ => String::new(),
+    };
     let mut out = format!(
-        "{}: {} steps of {} s in closed loop, {} ahead{}{disturbed}\n\
+        "{}: {} steps of {} s in closed loop, {} ahead{}{read}{disturbed}\n\
          cost {:.6}, of the end alone {:.6}\n\
          an update takes {:.2} ms in the mean, 95 % at most {:.2} ms, the longest {:.2} ms; {} stalled, {} failed",
         summary.task,

@@ -9,7 +9,7 @@ import pytest
 pliant = pytest.importorskip("pliant")
 pytest.importorskip("scipy")
 
-from validation.control import discovery, growth, pushing, table, tasks
+from validation.control import discovery, growth, linearization, pushing, table, tasks
 from validation.control.smoothed import WIDTHS, SmoothedMpc
 
 SEED = 60_000
@@ -148,3 +148,19 @@ def test_a_row_of_the_table_is_measured():
     row = table.row("LiftRope", "nominal", 1)
     assert row["runs"] == 1 and row["update_s"] > 0 and row["evaluations"] > 20
     assert abs(row["goal_error_m"] - 0.079) < 2e-3 and row["clearance_m"] is None and row["safety"] == 1
+
+
+def test_rows_of_other_tasks_stay_where_one_is_written():
+    record = json.loads((table.RESULTS / "control.json").read_text(encoding="utf-8"))
+    before = record["figures"]["rows"]
+    new = {"task": "DragRope", "method": "tubes", "runs": 7}
+    rows = table.merged([new], "of this run")
+    assert len(rows) == len(before) and [row["task"] for row in rows] == sorted((row["task"] for row in rows), key=list(tasks.STEPS).index)
+    assert new | {"commit": "of this run"} in rows
+    assert all(len(row["commit"]) == 40 for row in rows if row["runs"] != 7)
+
+
+def test_without_contact_the_linearization_predicts_rows():
+    (row,) = linearization.measure("RopeOver", [6e-5], (3,))
+    assert row["exact_m"] == pytest.approx(row["tightening_m"], rel=1e-3) and row["tightening_m"] > 6e-5
+    assert 0 <= row["error_m"] < 1e-8 and row["beyond_m"] < 0

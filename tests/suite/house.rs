@@ -49,7 +49,10 @@ const MODULES: [(&str, &str); 9] = [
         "lib constants seeds implicit stage step linearization inverse tangent linearize rollout \
          equilibrium gradcheck surrogate",
     ),
-    ("control/src", "lib constants kernels linear qp ocp tube observer conformal problem task plan mpc robust mppi closed_loop"),
+    (
+        "control/src",
+        "lib constants kernels linear qp ocp tube observer conformal sensing problem task plan mpc robust output mppi closed_loop",
+    ),
     ("identify/src", "lib sensor stats unknown number log error shooting causes fit audit diagnose report"),
 ];
 

@@ -284,3 +284,22 @@ fn a_plant_of_its_own_has_the_states_and_inputs_of_the_task() {
     let missing = at(folder.path(), "missing.toml");
     assert_refused(&pliant(&["mpc", TASK, "--plant", &missing]), &["missing.toml: cannot be read"]);
 }
+
+/// A task with sensors: the plant gives readings of its nodes, late and with noise, and the controller has no other knowledge.
+#[test]
+fn a_task_with_sensors_is_run_on_their_readings() {
+    let folder = tempfile::tempdir().unwrap();
+    let sensing = "[sensing]\ndelay = 2\nsensor = [{ kind = \"nodes\", object = \"rope\", noise = 5e-4 }]\n[[cost]]";
+    let task = example(folder.path(), ["[[cost]]", sensing], ["", ""]);
+    let fixed = ["mpc", &task, "--steps", "6", "--horizon", "6", "--disturbance", "1e-4", "--rest-gap", "1e-3"];
+    let found = done(&pliant(&[&fixed[..], &["--tubes", "--json"]].concat()));
+    let nodes = number(&found["readings"]) / 3.0;
+    assert!(nodes >= 3.0 && nodes.fract() == 0.0 && number(&found["delay"]) == 2.0, "{found:#}");
+    assert!(found["failed"].as_array().unwrap().is_empty());
+    let updates = found["updates"].as_array().unwrap();
+    assert!(updates.iter().all(|u| number(&u["tightening"]) > 0.0), "{updates:#?}");
+    let said = text(&pliant(&fixed).stdout);
+    assert!(said.contains("numbers 2 step(s) late"), "{said}");
+    let wrong = example(folder.path(), ["[[cost]]", &sensing.replace("\"rope\"", "\"rop\"")], ["", ""]);
+    assert_refused(&pliant(&["mpc", &wrong]), &["sensing.sensor[0].object", "did you mean \"rope\""]);
+}

@@ -1,6 +1,7 @@
 """Closed loops: a controller, a plant, disturbances, and what came of it."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import pliant
 from validation.control.tasks import MPPI_SAMPLES, Instance
 
 DISTURBANCE = 0.003 * 0.02  # m, radius of the ball of a step's disturbance in the release
+NOISE, DELAY = 1e-3, 2  # standard deviation of each coordinate of a node [m], and steps that it comes late: those of a depth camera
 
 
 @dataclass
@@ -18,7 +20,8 @@ class Outcome:
 
     error: float
     clearance: float
-    updates: list
+    updates: list  # wall time of each update [s]
+    processor: list  # processor time of all its threads [s]
     evaluations: int
     failures: int
 
@@ -36,18 +39,19 @@ def disturbed(model, x, rng) -> np.ndarray:
 def run(instance: Instance, controller: Callable, task: pliant.Task, theta, steps: int, rng=None) -> Outcome:
     """Steps of the plant, the model at theta, under the controller; disturbed if `rng` is given."""
     model, x = task.model, task.x0
-    clearance, updates, evaluations, failures = np.inf, [], 0, 0
+    clearance, updates, processor, evaluations, failures = np.inf, [], [], 0, 0
     for _ in range(steps):
-        begin = time.perf_counter()
+        begin, used = time.perf_counter(), time.process_time()
         u, rollouts = controller(x)
         updates.append(time.perf_counter() - begin)
+        processor.append(time.process_time() - used)
         evaluations += rollouts
         failures += u is None
         x = model.step(x, np.zeros(model.nu) if u is None else u, theta)
         if rng is not None:
             x = disturbed(model, x, rng)
         clearance = min(clearance, instance.clearance(model, x))
-    return Outcome(instance.error(model, x), clearance, updates, evaluations, failures)
+    return Outcome(instance.error(model, x), clearance, updates, processor, evaluations, failures)
 
 
 def gradient(task: pliant.Task, theta, horizon: int, tubes: bool) -> Callable:
@@ -57,6 +61,24 @@ def gradient(task: pliant.Task, theta, horizon: int, tubes: bool) -> Callable:
     def control(x):
         u = mpc.update(x)
         return u, horizon * (tubes + sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps))
+
+    return control
+
+
+def reading(task: pliant.Task, theta, horizon: int, seed: int, tubes: bool) -> Callable:
+    """The same from noisy, late readings of the object's nodes instead of the state; whether grippers hold something is read as well."""
+    (span,) = {**task.model.ropes, **task.model.cloths}.values()
+    sensing = pliant.Sensing(task.model, list(range(span.start, span.stop)), NOISE, delay=DELAY)
+    first, tube = np.zeros((horizon, task.model.nu)), "exact" if tubes else None
+    mpc = task.mpc(first, theta, disturbance=DISTURBANCE, sensing=sensing, tube=tube)
+    seen, rng = deque(), np.random.default_rng([seed, 1])
+
+    def control(x):
+        seen.append(sensing.read(x) + sensing.noise * rng.normal(size=len(sensing.noise)))
+        u = mpc.update(seen.popleft() if len(seen) > DELAY else None)
+        # the filter's steps: one to its next time, then to the present
+        steps = 1 + DELAY + horizon * (tubes + sum(2 + step["rollouts"] + step["approaches"] for step in mpc.steps))
+        return u, steps
 
     return control
 

@@ -1,21 +1,62 @@
 //! The interface of a controller, and the record of its decisions.
 
 use crate::mpc::{Mpc, Update};
+use crate::output::{OutputMpc, Planned};
 use crate::plan::{PlanStatus, PlanStep, Violation};
 use crate::problem::Problem;
 use crate::robust::{RobustError, RobustMpc, RobustUpdate};
+use crate::sensing::SensingError;
 use pliant_math::State;
+
+/// A plant's measurement at a step.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Measured {
+    /// Its state.
+    State(State),
+    /// The readings of its sensors, of as many steps ago as their delay; `None`: there are none yet, or they were lost.
+    Readings(Option<Vec<f64>>),
+}
+
+impl Measured {
+    fn state(&self) -> Result<&State, SensingError> {
+        match self {
+            Self::State(x) => Ok(x),
+            Self::Readings(_) => Err(SensingError::Kind {
+                needed: "the state",
+                given: "readings",
+                fix: "give the controller sensors, which estimate it",
+            }),
+        }
+    }
+
+    fn readings(&self) -> Result<Option<&[f64]>, SensingError> {
+        match self {
+            Self::Readings(readings) => Ok(readings.as_deref()),
+            Self::State(_) => {
+                Err(SensingError::Kind { needed: "readings", given: "its state", fix: "give the plant the same sensors" })
+            }
+        }
+    }
+}
 
 /// A controller.
 pub trait Controller {
-    /// Decides the inputs of the step that begins at the measured state `x`.
+    /// Decides the inputs of the step that begins now.
     ///
     /// # Errors
     /// No decision can be made; [`Controller::hold`] then has inputs.
-    fn decide(&mut self, x: &State) -> Result<Decision, RobustError>;
+    fn decide(&mut self, measured: &Measured) -> Result<Decision, RobustError>;
 
     /// The inputs that the last plan has for this step, for which there was no decision; the plan goes on by a step.
     fn hold(&mut self) -> Vec<f64>;
+
+    /// Hears which inputs the plant got for this step, whether decided or held.
+    ///
+    /// # Errors
+    /// Inputs of another number.
+    fn sent(&mut self, _u: &[f64]) -> Result<(), RobustError> {
+        Ok(())
+    }
 }
 
 /// A decision, without the rollout that it comes from.
@@ -54,9 +95,17 @@ impl From<Update> for Decision {
     }
 }
 
+impl From<RobustUpdate> for Decision {
+    fn from(robust: RobustUpdate) -> Self {
+        let tightening = robust.tightening();
+        let RobustUpdate { update, violations, switches, .. } = robust;
+        Self { reach: Some(Reach { tightening, violations, switches }), ..update.into() }
+    }
+}
+
 impl<P: Problem> Controller for Mpc<P> {
-    fn decide(&mut self, x: &State) -> Result<Decision, RobustError> {
-        Ok(self.update(x)?.into())
+    fn decide(&mut self, measured: &Measured) -> Result<Decision, RobustError> {
+        Ok(self.update(measured.state()?)?.into())
     }
 
     fn hold(&mut self) -> Vec<f64> {
@@ -65,14 +114,28 @@ impl<P: Problem> Controller for Mpc<P> {
 }
 
 impl<P: Problem> Controller for RobustMpc<P> {
-    fn decide(&mut self, x: &State) -> Result<Decision, RobustError> {
-        let RobustUpdate { update, tube, violations, switches } = self.update(x)?;
-        let stages = 0..=update.rollout.controls.len();
-        let tightening = stages.flat_map(|k| tube.tightenings.rows(k)).fold(0.0, |most: f64, h| most.max(*h));
-        Ok(Decision { reach: Some(Reach { tightening, violations, switches }), ..update.into() })
+    fn decide(&mut self, measured: &Measured) -> Result<Decision, RobustError> {
+        Ok(self.update(measured.state()?)?.into())
     }
 
     fn hold(&mut self) -> Vec<f64> {
         Self::hold(self)
+    }
+}
+
+impl<P: Problem> Controller for OutputMpc<P> {
+    fn decide(&mut self, measured: &Measured) -> Result<Decision, RobustError> {
+        Ok(match self.update(measured.readings()?)?.planned {
+            Planned::Nominal(update) => update.into(),
+            Planned::Tubes(robust) => robust.into(),
+        })
+    }
+
+    fn hold(&mut self) -> Vec<f64> {
+        Self::hold(self)
+    }
+
+    fn sent(&mut self, u: &[f64]) -> Result<(), RobustError> {
+        Self::sent(self, u)
     }
 }

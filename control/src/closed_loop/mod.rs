@@ -1,14 +1,15 @@
 //! A controller and a plant in a closed loop.
 //!
 //! ```text
-//! x ← plant.state()        u ← controller.decide(x)        plant.apply(u), which lasts one step        N times
+//! y ← plant.measure()        u ← controller.decide(y)        plant.apply(u), which lasts one step        N times
 //! ```
 //! - If the controller fails, the inputs that its last plan has for this step are applied; after [`LoopOptions::failures`] failures in a
 //!   row the loop ends with an error.
 //! - If the plant does not answer, the last inputs are applied again; after more than [`LoopOptions::silence`] such steps in a row the
 //!   loop ends with an error. The plan goes on by one step at each of them, so that it stays in time with the plant.
 //!
-//! A plant is anything that measures a state and takes inputs: a robot, another simulator, or the engine itself ([`ModelPlant`]).
+//! A plant measures its state, or gives readings of sensors (late, noisy) from which a controller with the same sensors estimates it.
+//! It is anything that takes inputs: a robot, another simulator, or the engine itself ([`ModelPlant`]).
 
 mod controller;
 mod plant;
@@ -16,7 +17,7 @@ mod score;
 #[cfg(test)]
 mod tests;
 
-pub use controller::{Controller, Decision, Reach};
+pub use controller::{Controller, Decision, Measured, Reach};
 pub use plant::{ModelPlant, Plant};
 pub use score::{Score, StageViolation, score};
 
@@ -38,7 +39,7 @@ pub struct LoopOptions {
 /// One step of a loop.
 #[derive(Clone, Debug)]
 pub struct LoopStep {
-    /// The measured state that it begins with; `None`: the plant gave none.
+    /// The state that it begins with, as measured or, behind readings, as the plant knows it; `None`: it gave none.
     pub state: Option<State>,
     /// The inputs that were sent.
     pub inputs: Vec<f64>,
@@ -57,7 +58,7 @@ pub struct LoopStep {
 pub struct LoopRun {
     /// Its steps.
     pub steps: Vec<LoopStep>,
-    /// The measured state after the last step; `None`: the plant gave none.
+    /// The state after the last step, likewise.
     pub end: Option<State>,
 }
 
@@ -105,8 +106,8 @@ pub fn run_loop(
     let mut steps: Vec<LoopStep> = Vec::new();
     let (mut failures, mut silent) = (0, 0);
     for k in 0..options.steps {
-        let mut step = match plant.state() {
-            Ok(x) => decide(controller, x),
+        let mut step = match plant.measure() {
+            Ok(measured) => decide(controller, &measured, state_of(plant, &measured)),
             Err(message) => unmeasured(controller, steps.last(), message)?,
         };
         if step.decision.is_some() {
@@ -120,6 +121,7 @@ pub fn run_loop(
         if let Err(message) = plant.apply(&step.inputs) {
             step.silence = Some(message);
         }
+        controller.sent(&step.inputs).map_err(|source| LoopError::Controller { step: k, failures: 1, source })?;
         match &step.silence {
             None => silent = 0,
             Some(message) => {
@@ -132,19 +134,28 @@ pub fn run_loop(
         tell(k, &step);
         steps.push(step);
     }
-    Ok(LoopRun { steps, end: plant.state().ok() })
+    let end = plant.measure().ok().and_then(|measured| state_of(plant, &measured));
+    Ok(LoopRun { steps, end })
 }
 
-/// Inputs from a measured state, or those of the last plan if the controller fails.
-fn decide(controller: &mut dyn Controller, x: State) -> LoopStep {
+/// The state itself, where it is measured or known.
+fn state_of(plant: &dyn Plant, measured: &Measured) -> Option<State> {
+    match measured {
+        Measured::State(x) => Some(x.clone()),
+        Measured::Readings(_) => plant.state(),
+    }
+}
+
+/// Inputs from what was measured, or those of the last plan if the controller fails.
+fn decide(controller: &mut dyn Controller, measured: &Measured, state: Option<State>) -> LoopStep {
     let begin = Instant::now();
-    let decided = controller.decide(&x);
+    let decided = controller.decide(measured);
     let time = begin.elapsed();
     let (inputs, decision, failure) = match decided {
         Ok(decision) => (decision.inputs.clone(), Some(decision), None),
         Err(error) => (controller.hold(), None, Some(error)),
     };
-    LoopStep { state: Some(x), inputs, decision, failure, silence: None, time }
+    LoopStep { state, inputs, decision, failure, silence: None, time }
 }
 
 /// The last inputs again, because there is no measured state.

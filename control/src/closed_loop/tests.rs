@@ -1,4 +1,4 @@
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 use super::*;
 use crate::mpc::Mpc;
 use crate::plan::{PlanError, PlanOptions, PlanStatus};
@@ -18,12 +18,12 @@ struct Fickle {
 }
 
 impl Plant for Fickle {
-    fn state(&mut self) -> Result<State, String> {
+    fn measure(&mut self) -> Result<Measured, String> {
         self.asked += 1;
         if self.mute.contains(&self.step) {
             return Err(format!("no telegram at {}", self.step));
         }
-        Ok(State { q: vec![self.step as f64], v: Vec::new(), z: Vec::new() })
+        Ok(Measured::State(State { q: vec![self.step as f64], v: Vec::new(), z: Vec::new() }))
     }
 
     fn apply(&mut self, u: &[f64]) -> Result<(), String> {
@@ -44,7 +44,8 @@ struct Simple {
 }
 
 impl Controller for Simple {
-    fn decide(&mut self, x: &State) -> Result<Decision, RobustError> {
+    fn decide(&mut self, measured: &Measured) -> Result<Decision, RobustError> {
+        let Measured::State(x) = measured else { panic!("the plant measures its state") };
         if self.fails.contains(&(x.q[0] as usize)) {
             return Err(PlanError::Empty.into());
         }
@@ -200,13 +201,13 @@ fn controllers_hold_the_inputs_that_their_plan_has_for_now() {
     let guess: Vec<Vec<f64>> = (0..4).map(|k| vec![0.04 * k as f64 - 0.01, 0.5, 0.0]).collect();
     let pull = |refuses| Pull { refuses, ndx: model.ndx() };
     let mut mpc = Mpc::new(pull(true), &model, theta, guess.clone(), options).unwrap();
-    assert!(mpc.decide(&x0).is_err());
+    assert!(mpc.decide(&Measured::State(x0.clone())).is_err());
     let held: Vec<Vec<f64>> = (0..5).map(|_| Controller::hold(&mut mpc)).collect();
     let expected = [[-0.01, 0.1, 0.0], [0.03, 0.1, 0.0], [0.07, 0.1, 0.0], [0.1, 0.1, 0.0], [0.1, 0.1, 0.0]];
     assert!(held.iter().flatten().zip(expected.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-15), "{held:?}");
 
     let mut mpc = Mpc::new(pull(false), &model, theta, guess.clone(), options).unwrap();
-    let decision = mpc.decide(&x0).unwrap();
+    let decision = mpc.decide(&Measured::State(x0.clone())).unwrap();
     assert!(decision.inputs[0] > 0.0 && !decision.steps.is_empty() && decision.reach.is_none());
     let second = mpc.controls()[0].clone();
     assert_eq!(Controller::hold(&mut mpc), second, "the second row of the plan");
@@ -214,14 +215,14 @@ fn controllers_hold_the_inputs_that_their_plan_has_for_now() {
     // a plan whose tube fails is kept, and not shifted
     let bad = TubeOptions::of_ball(&model, f64::NAN);
     let mut robust = RobustMpc::new(pull(false), &model, theta, guess.clone(), options, bad).unwrap();
-    let error = robust.decide(&x0).unwrap_err();
+    let error = robust.decide(&Measured::State(x0.clone())).unwrap_err();
     assert!(matches!(error, RobustError::Tube(_)), "{error}");
     assert_eq!(Controller::hold(&mut robust), decision.inputs);
     assert_eq!(Controller::hold(&mut robust), second);
 
     let tubes = TubeOptions::of_ball(&model, 1e-4);
     let mut robust = RobustMpc::new(pull(false), &model, theta, guess, options, tubes).unwrap();
-    let decision = robust.decide(&x0).unwrap();
+    let decision = robust.decide(&Measured::State(x0.clone())).unwrap();
     assert!(decision.reach.is_some());
     let next = Controller::hold(&mut robust);
     assert!(next.len() == 3 && next.iter().all(|u| u.abs() <= 0.1), "{next:?}");

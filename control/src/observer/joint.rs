@@ -13,7 +13,7 @@ use crate::tube::{Column, Gains, RowValues, TubeProblem};
 ///
 /// ```text
 /// x_{k+1} = (A + BK) x_k − BK err_k + E_{k+1} w_{k+1}          err: of the estimate that the input of stage k has
-/// err_{s+1} = (A + LC) err_s + L F e_{s+1} + E_{s+1} w_{s+1}    of the predictor
+/// err_{i+1} = A ((1 + MC) err_i + M F e_i) + E_{i+1} w_{i+1}    of the filter, before the measurement of its time
 /// ```
 /// A recursion of 2 nx rows for each column: O(N² nx²) per column of E and F, against the O(N³) block products of
 /// [`Responses`](super::Responses).
@@ -21,7 +21,7 @@ use crate::tube::{Column, Gains, RowValues, TubeProblem};
 pub struct JointResponses {
     /// To w_j: P_xx E and P_ux E of stages j … N.
     pub disturbances: Vec<Column>,
-    /// To e_s, s = 1 … N, at index s − 1: P_xy F and P_uy F of stages s … N.
+    /// To e_i, i = 0 … N − 1: P_xy F and P_uy F of stages i … N.
     pub noises: Vec<Column>,
     /// h of every row and input.
     pub tightenings: RowValues,
@@ -31,13 +31,13 @@ impl JointResponses {
     /// Reads K_{k,k} as the gain of all columns.
     pub fn new(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer, gains: &Gains) -> Self {
         let horizon = problem.horizon();
-        let sources: Vec<Source> = (0..=horizon).map(Source::Disturbance).chain((1..=horizon).map(Source::Noise)).collect();
+        let sources: Vec<Source> = (0..=horizon).map(Source::Disturbance).chain((0..horizon).map(Source::Noise)).collect();
         let columns: Vec<Column> = sources.par_iter().map(|source| column(problem, sensing, observer, gains, *source)).collect();
         let mut tightenings = RowValues::zeros(problem.ocp);
         for (source, column) in sources.iter().zip(&columns) {
             let (first, balls): (usize, Vec<Range<usize>>) = match *source {
                 Source::Disturbance(j) => (j, problem.balls[j].clone()),
-                Source::Noise(s) => (s, std::iter::once(0..column.x[0].ncols()).collect()),
+                Source::Noise(i) => (i, std::iter::once(0..column.x[0].ncols()).collect()),
             };
             for (k, x) in (first..).zip(&column.x) {
                 let norms = problem.rows[k].norms(x, column.u.get(k - first), &balls);
@@ -56,33 +56,33 @@ impl JointResponses {
 enum Source {
     /// w_j.
     Disturbance(usize),
-    /// e_s.
+    /// e_i.
     Noise(usize),
 }
 
 fn column(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer, gains: &Gains, source: Source) -> Column {
-    let (first, x, error) = match source {
-        Source::Disturbance(j) => (j, problem.columns[j].clone(), problem.columns[j].clone()),
-        Source::Noise(s) => {
-            let error = product(observer.gains[s - 1].as_ref(), sensing.f[s - 1].as_ref());
-            (s, Mat::zeros(problem.nx, error.ncols()), error)
-        }
+    let (first, x) = match source {
+        Source::Disturbance(j) => (j, problem.columns[j].clone()),
+        Source::Noise(i) => (i, Mat::zeros(problem.nx, sensing.f[i].ncols())),
     };
-    // of the predictor, at times from `first` on
-    let mut errors = vec![error];
-    for closed in &observer.closed[first..] {
-        errors.push(product(closed.as_ref(), errors[errors.len() - 1].as_ref()));
+    // of the filter, after the measurements of times from `first` on
+    let (mut errors, mut before) = (Vec::new(), x.clone());
+    for (i, stage) in problem.ocp.stages.iter().enumerate().skip(first) {
+        let mut error = product(observer.kept[i].as_ref(), before.as_ref());
+        if matches!(source, Source::Noise(own) if own == i) {
+            add_product(error.as_mut(), observer.gains[i].as_ref(), sensing.f[i].as_ref(), 1.0);
+        }
+        before = product(stage.a.as_ref(), error.as_ref());
+        errors.push(error);
     }
     let mut column = Column { x: vec![x], u: Vec::new() };
     for (k, stage) in problem.ocp.stages.iter().enumerate().skip(first) {
-        let known = sensing.known(k);
-        let mut error = match source {
-            // a disturbance after the last measured time is an error as a whole
-            Source::Disturbance(j) => errors[known.max(j) - j].clone(),
-            Source::Noise(s) if s <= known => errors[known - s].clone(),
-            Source::Noise(_) => Mat::zeros(problem.nx, errors[0].ncols()),
+        // a disturbance after the last measured time is an error as a whole, and a noise is none
+        let (mut error, from) = match sensing.last(k).filter(|last| *last >= first) {
+            Some(last) => (errors[last - first].clone(), last),
+            None => (column.x[0].clone(), first),
         };
-        for later in &problem.ocp.stages[known.max(first)..k] {
+        for later in &problem.ocp.stages[from..k] {
             error = product(later.a.as_ref(), error.as_ref());
         }
         let x = &column.x[k - first];

@@ -1,8 +1,8 @@
 //! Tubes of output feedback: an observer, state feedback on its estimate, and what both together reach.
 //!
 //! ```text
-//! x_{k+1} = A x_k + B u_k + E_{k+1} w_{k+1},   y_s = C_{s−1} x_{s−1} + F_s e_s,   |w_j|₂ ≤ 1,  |e_s|₂ ≤ 1
-//! the input of stage k knows y_1 … y_{k−d+1}, measurements of x_0 … x_{k−d}: delay d ≥ 1
+//! x_{k+1} = A x_k + B u_k + E_{k+1} w_{k+1},   y_i = C_i x_i + F_i e_i,   |w_j|₂ ≤ 1,  |e_i|₂ ≤ 1
+//! the input of stage k knows y_0 … y_{k−d}: delay d ≥ 0
 //! h_{k,i} = Σ_j |g [P_xx; P_ux][k,j] E_j|₂ + |g [P_xy; P_uy][k,j] F_j|₂
 //! ```
 //! `M = 1 − Z A` takes a trajectory to its increments. State feedback P_xf, P_uf solves M P_xf − Z B P_uf = 1, the observer
@@ -15,8 +15,8 @@
 //! Responses            all blocks, for tests and for looking at
 //! OutputPolicy         u of the measurements, stage by stage
 //! ```
-//! A delay is met by the delayed-measurement form: the predictor runs at the time of the measurement, and the inputs applied since carry
-//! its estimate to the present. The estimate is that of a predictor for the state augmented by its d − 1 predecessors, at the cost of d = 1.
+//! A delay is met by the delayed-measurement form: the filter runs at the time of the measurement, and the inputs applied since carry
+//! its estimate to the present. The estimate is that of a filter for the state augmented by its d predecessors, at the cost of d = 0.
 //!
 //! References: Anderson, Doyle, Low and Matni (2019), "System level synthesis", section on output feedback; Kalman (1960); Bucy and Joseph
 //! (1968) for the form of the recursion.
@@ -31,6 +31,7 @@ mod synthesis;
 
 pub use error::ObserverError;
 pub use joint::JointResponses;
+pub(crate) use kalman::{Correction, predict, square};
 pub use kalman::{Observer, Sensing};
 pub use policy::OutputPolicy;
 pub use responses::{Blocks, Responses, feedback_responses, observer_responses};

@@ -14,8 +14,8 @@ use crate::tube::{Gains, TubeError, TubePolicy};
 /// ν_k = x̂_k − A x̂_{k−1} − B u_{k−1},   δu = P_uf ν
 /// ```
 /// The policy of a tube on x̂ takes ν for its disturbances, and ν = (1 − M P_xo) w − M P_yo e makes that δu = P_ux w + P_uy e with the
-/// composed [`Responses`](super::Responses). O(N nx²) a stage. Measurements late by d steps update the predictor of their own time; the
-/// inputs applied since carry its estimate to the present.
+/// composed [`Responses`](super::Responses). O(N nx²) a stage. Measurements late by d steps correct the estimate of their own time; the
+/// inputs applied since carry it to the present.
 #[derive(Clone, Debug)]
 pub struct OutputPolicy {
     policy: TubePolicy,
@@ -26,7 +26,7 @@ pub struct OutputPolicy {
     x: Vec<Vec<f64>>,
     u: Vec<Vec<f64>>,
     nominal_outputs: Vec<Vec<f64>>,
-    /// x̂ − z of the predictor's time.
+    /// x̂ − z of the time whose measurement comes next, or came last.
     estimate: Vec<f64>,
     /// u − v of the stages so far.
     inputs: Vec<Vec<f64>>,
@@ -81,13 +81,17 @@ impl OutputPolicy {
         if k != next || k >= horizon {
             return Err(TubeError::Order { asked: k, next, horizon }.into());
         }
+        let mut time = 0;
         match (measurement, k.checked_sub(first)) {
-            (Some(y), Some(measured)) => self.update(measured, y)?,
+            (Some(y), Some(measured)) => {
+                self.update(measured, y)?;
+                time = measured;
+            }
             (None, None) => (),
             _ => return Err(ObserverError::Arrival { stage: k, first }),
         }
         let mut now = self.estimate.clone();
-        for i in self.sensing.known(k)..k {
+        for i in time..k {
             now = self.moved(i, &now);
         }
         let estimate: Vec<f64> = now.iter().zip(&self.x[k]).map(|(deviation, z)| z + deviation).collect();
@@ -96,17 +100,18 @@ impl OutputPolicy {
         Ok(input)
     }
 
-    /// The predictor goes from time i to i + 1 with the measurement of x_i.
+    /// The estimate of time i, from that of the time before, with the measurement of x_i.
     fn update(&mut self, i: usize, y: &[f64]) -> Result<(), ObserverError> {
         let (rows, needed_rows) = (y.len(), self.sensing.c[i].nrows());
         if rows != needed_rows {
             return Err(TubeError::Size { what: "y", stage: i, rows, columns: 1, needed_rows, needed_columns: 1 }.into());
         }
+        if i > 0 {
+            self.estimate = self.moved(i - 1, &self.estimate);
+        }
         let mut innovation: Vec<f64> = y.iter().zip(&self.nominal_outputs[i]).map(|(y, nominal)| y - nominal).collect();
         add_applied(&mut innovation, &self.sensing.c[i], &self.estimate, -1.0);
-        let mut next = self.moved(i, &self.estimate);
-        add_applied(&mut next, &self.gains[i], &innovation, -1.0);
-        self.estimate = next;
+        add_applied(&mut self.estimate, &self.gains[i], &innovation, -1.0);
         Ok(())
     }
 

@@ -43,23 +43,24 @@ pub fn feedback_responses(problem: &TubeProblem<'_>, gains: &Gains) -> (Blocks, 
 
 /// The estimate's error (P_xo, P_yo): x − x̂ = P_xo w + P_yo e.
 ///
-/// With a delay of d steps the estimate of stage k is the predictor's of time s = k − d + 1, carried on by A with the inputs applied since:
-/// row k is A_{k−1} … A_s times the predictor's row s, and A_{k−1} … A_j for disturbances after s. It is what a predictor of the state
-/// augmented by its d − 1 predecessors would estimate, without the augmented matrices.
+/// With a delay of d steps the estimate of stage k is the filter's of time m = k − d, carried on by A with the inputs applied since: row k
+/// is A_{k−1} … A_m times the filter's row m, and A_{k−1} … A_j for disturbances after m. It is what a filter of the state augmented by
+/// its d predecessors would estimate, without the augmented matrices.
 pub fn observer_responses(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer) -> (Blocks, Blocks) {
     let (mut xo, mut yo) = (Vec::new(), Vec::new());
     for k in 0..=problem.horizon() {
-        let s = sensing.known(k);
+        let last = sensing.last(k);
         let mut of_x = vec![Mat::zeros(0, 0); k + 1];
         let mut of_y: Vec<Mat<f64>> = (0..=k).map(|i| Mat::zeros(problem.nx, arrival_size(sensing, i))).collect();
         let mut response = Mat::identity(problem.nx, problem.nx);
         for j in (0..=k).rev() {
+            if last.is_some_and(|last| j <= last) {
+                of_y[j + sensing.delay] = product(response.as_ref(), observer.gains[j].as_ref());
+                response = product(response.as_ref(), observer.kept[j].as_ref());
+            }
             of_x[j] = response.clone();
-            if j > s {
+            if j > 0 {
                 response = product(response.as_ref(), problem.ocp.stages[j - 1].a.as_ref());
-            } else if j > 0 {
-                of_y[j + sensing.delay - 1] = product(response.as_ref(), observer.gains[j - 1].as_ref());
-                response = product(response.as_ref(), observer.closed[j - 1].as_ref());
             }
         }
         xo.push(of_x);

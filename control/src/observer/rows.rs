@@ -17,12 +17,12 @@ struct StageNorms {
 
 /// h_{k,i} = Σ_j |g [P_xx; P_ux][k,j] E_j| + |g [P_xy; P_uy][k,j] F_j| and the norms that weights are made of.
 ///
-/// Rows are propagated backward instead of blocks forward. With the estimate's increments ν_l, which are −L_l (C err + F e) carried to
-/// their arrival, and the error's own recursion,
+/// Rows are propagated backward instead of blocks forward. With the estimate's increments ν_l, which are −M_i (C err + F e) carried to
+/// their arrival l = i + d, and the error's own recursion,
 /// ```text
 /// g_x x_k + g_u u_k = g_x err_k + Σ_{l≤k} c_{k,l} ν_l,      c_{k,l} = (g_x + g_u K_{k,l}) Φ_x[k,l]
-/// λ_s = g_x A_{k−1} … A_s at s = k − d + 1,                 c̃_s = c_{k,s+d−1} A_{s+d−2} … A_s
-/// λ_{s−1} = λ_s A_{s−1} + (λ_s − c̃_s) L_s C_{s−1};          response to w_s: λ_s E_s, to e_s: (λ_s − c̃_s) L_s F_s
+/// λ = g_x A_{k−1} … A_i at i = k − d, on the error after the measurement,   c̃_i = c_{k,i+d} A_{i+d−1} … A_i
+/// λ_i = λ + (λ − c̃_i) M_i C_i before it,   λ ← λ_i A_{i−1};          response to w_i: λ_i E_i, to e_i: (λ − c̃_i) M_i F_i
 /// ```
 /// m rows of a stage cost O(m nx² N) for λ, and for c the same with gains that columns share, O(m nx² N²) otherwise; no block product of
 /// [`Responses`](super::Responses) is formed. Stages run in parallel.
@@ -57,28 +57,25 @@ fn stage_norms(problem: &TubeProblem<'_>, sensing: &Sensing, observer: &Observer
             *joint = joint.hypot(norm);
         }
     };
-    let known = sensing.known(k);
+    let last = sensing.last(k);
     let mut lambda = g_x;
-    for s in (0..=k).rev() {
-        count(s, row_norms(&product(lambda.as_ref(), problem.columns[s].as_ref()), &problem.balls[s]));
-        if s == 0 {
-            break;
-        }
-        let a = &problem.ocp.stages[s - 1].a;
-        let mut earlier = product(lambda.as_ref(), a.as_ref());
-        if s <= known {
-            let arrival = s + sensing.delay - 1;
+    for i in (0..=k).rev() {
+        if last.is_some_and(|last| i <= last) {
+            let arrival = i + sensing.delay;
             let mut row = std::mem::replace(&mut to_increments[arrival], Mat::zeros(0, 0));
-            for stage in problem.ocp.stages[s..arrival].iter().rev() {
+            for stage in problem.ocp.stages[i..arrival].iter().rev() {
                 row = product(row.as_ref(), stage.a.as_ref());
             }
             let difference = &lambda - row;
-            let through_gain = product(difference.as_ref(), observer.gains[s - 1].as_ref());
-            let of_noise = product(through_gain.as_ref(), sensing.f[s - 1].as_ref());
+            let through_gain = product(difference.as_ref(), observer.gains[i].as_ref());
+            let of_noise = product(through_gain.as_ref(), sensing.f[i].as_ref());
             count(arrival, row_norms(&of_noise, std::slice::from_ref(&(0..of_noise.ncols()))));
-            add_product(earlier.as_mut(), through_gain.as_ref(), sensing.c[s - 1].as_ref(), 1.0);
+            add_product(lambda.as_mut(), through_gain.as_ref(), sensing.c[i].as_ref(), 1.0);
         }
-        lambda = earlier;
+        count(i, row_norms(&product(lambda.as_ref(), problem.columns[i].as_ref()), &problem.balls[i]));
+        if i > 0 {
+            lambda = product(lambda.as_ref(), problem.ocp.stages[i - 1].a.as_ref());
+        }
     }
     let of_all = |values: &Vec<f64>| problem.rows[k].of_all(values);
     StageNorms { sums: of_all(&sums), joint: joint.iter().map(of_all).collect() }

@@ -18,6 +18,9 @@
 //! inputs = ["left.velocity.x", "left.velocity.y", "left.velocity.z"]
 //! lower = -0.2
 //! upper = 0.2
+//! [sensing]                              # what a controller reads; without it, it knows the state
+//! delay = 2                              # steps
+//! sensor = [{ kind = "nodes", object = "rope", noise = 0.001 }]
 //! ```
 //! Costs are summed over the steps' ends k = 1 … N (inputs: k = 0 … N − 1), or taken at the end alone (`when = "end"`).
 
@@ -49,6 +52,53 @@ pub struct Task {
     /// Limits.
     #[serde(default)]
     pub limit: Vec<Limit>,
+    /// Sensors of a controller; it knows the state if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensing: Option<Sensing>,
+}
+
+/// Sensors of a controller, which estimates the state from their readings; whether a grasping gripper holds something is always read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sensing {
+    /// Steps from a state to the decision that knows its reading.
+    #[serde(default)]
+    pub delay: usize,
+    /// Radius of the ball about the scene's start in which the free nodes begin [m].
+    #[serde(default)]
+    pub initial: f64,
+    /// Sensors.
+    pub sensor: Vec<Sensor>,
+}
+
+/// A sensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Sensor {
+    /// Positions of nodes of a rope or a cloth.
+    Nodes {
+        /// The rope or cloth.
+        object: String,
+        /// Its nodes, all if left out; negative numbers count from the end.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        nodes: Option<Vec<i64>>,
+        /// Standard deviation of each coordinate's noise [m].
+        noise: f64,
+    },
+    /// The position of a gripper that grasps.
+    Gripper {
+        /// The gripper.
+        gripper: String,
+        /// Standard deviation of each coordinate's noise [m].
+        noise: f64,
+    },
+    /// The coordinate of a joint that has one.
+    Joint {
+        /// The joint.
+        joint: String,
+        /// Standard deviation of its noise [rad or m].
+        noise: f64,
+    },
 }
 
 /// When a cost counts.

@@ -1,6 +1,7 @@
 //! A task's names, found in a scene and its model.
 
-use super::{Cost, Limit, Line, Task, When};
+use super::{Cost, Limit, Line, Sensor, Task, When};
+use crate::sensing::{Output, Sensors};
 use pliant_engine::model::Model;
 use pliant_scene::words::nearest;
 use pliant_scene::{MOST_STEPS, Mistake, Scene, SceneError, control_list};
@@ -35,6 +36,7 @@ pub struct TaskProblem {
     pub(super) guards: Vec<Guard>,
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
+    pub(super) sensors: Option<Sensors>,
 }
 
 impl TaskProblem {
@@ -53,6 +55,7 @@ impl TaskProblem {
             guards: Vec::new(),
             lower: vec![f64::NEG_INFINITY; model.nu()],
             upper: vec![f64::INFINITY; model.nu()],
+            sensors: None,
         };
         for (field, steps) in [("steps", Some(task.steps)), ("horizon", task.horizon)] {
             if steps == Some(0) {
@@ -84,7 +87,24 @@ impl TaskProblem {
                 out.guards.push(guard);
             }
         }
+        if let Some(sensing) = &task.sensing {
+            if sensing.delay > MOST_STEPS {
+                let range = Mistake::Range { value: sensing.delay as f64, low: 0.0, high: MOST_STEPS as f64 };
+                return Err(SceneError::at("sensing.delay", range));
+            }
+            not_negative(sensing.initial, "m", "sensing.initial")?;
+            let mut outputs = Vec::new();
+            for (i, sensor) in sensing.sensor.iter().enumerate() {
+                outputs.extend(names.sensor(sensor, &format!("sensing.sensor[{i}]"))?);
+            }
+            out.sensors = Some(Sensors { outputs, delay: sensing.delay });
+        }
         Ok(out)
+    }
+
+    /// Sensors of the controller; `None`: it knows the state.
+    pub fn sensors(&self) -> Option<&Sensors> {
+        self.sensors.as_ref()
     }
 
     /// The model.
@@ -140,10 +160,7 @@ impl Names<'_> {
                 weight: root(*weight)?,
             },
             Cost::Reach { gripper, inside, weight } => {
-                let grasps = self.model.grasps();
-                let names = || grasps.iter().map(|g| g.name.clone()).collect();
-                let found = grasps.iter().position(|g| g.name == *gripper);
-                let grasp = found.ok_or_else(|| no_such("gripper that grasps", gripper, names(), &format!("{field}.gripper")))?;
+                let grasp = self.grasp(gripper, field)?;
                 Part::Reach { grasp, inside: not_negative(*inside, "m", &format!("{field}.inside"))?, weight: root(*weight)? }
             }
         })
@@ -188,6 +205,32 @@ impl Names<'_> {
                 Guard::Joint { q, v, lower: *lower, upper: *upper, price: paid(*price)?, joint: joint.clone() }
             }
         }))
+    }
+
+    fn sensor(&self, sensor: &Sensor, field: &str) -> Result<Vec<Output>, SceneError> {
+        let noise = |noise: f64, unit: &'static str| not_negative(noise, unit, &format!("{field}.noise"));
+        Ok(match sensor {
+            Sensor::Nodes { object, nodes, noise: std } => {
+                let (span, std) = (self.span(object, field)?, noise(*std, "m")?);
+                let nodes = numbered(nodes.as_deref(), &span, &format!("{field}.nodes"))?;
+                nodes.into_iter().flat_map(|node| Output::of_node(node, std)).collect()
+            }
+            Sensor::Gripper { gripper, noise: std } => {
+                let std = noise(*std, "m")?;
+                Output::of_node(self.model.grasps()[self.grasp(gripper, field)?].node, std).into()
+            }
+            Sensor::Joint { joint, noise: std } => {
+                let (q, column) = self.joint(joint, field)?;
+                vec![Output { name: format!("joint \"{joint}\""), q, column, noise: noise(*std, "rad or m")? }]
+            }
+        })
+    }
+
+    fn grasp(&self, gripper: &str, field: &str) -> Result<usize, SceneError> {
+        let grasps = self.model.grasps();
+        let names = || grasps.iter().map(|g| g.name.clone()).collect();
+        let found = grasps.iter().position(|g| g.name == gripper);
+        found.ok_or_else(|| no_such("gripper that grasps", gripper, names(), &format!("{field}.gripper")))
     }
 
     fn span(&self, object: &str, field: &str) -> Result<Range<usize>, SceneError> {

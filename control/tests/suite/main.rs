@@ -8,6 +8,7 @@ mod observer;
 mod ocp;
 mod ocp_cases;
 mod ocp_checks;
+mod output;
 mod plan;
 mod problems;
 mod qp;

@@ -6,7 +6,9 @@ use pliant_control::observer::{
     observer_responses,
 };
 use pliant_control::ocp::Ocp;
-use pliant_control::tube::{Disturbance, Gains, RobustOptions, RowValues, Tube, TubeCost, TubeProblem, TubeSynthesis, robust};
+use pliant_control::tube::{
+    Disturbance, ExactTube, Gains, RobustOptions, RowValues, Tube, TubeCost, TubeProblem, TubeSynthesis, robust,
+};
 
 use crate::problems::{box_rows, direction, generator, random, tube_cost, varying};
 use crate::reference::Reference;
@@ -78,7 +80,7 @@ fn subdiagonal(below: usize, blocks: &[&Mat<f64>]) -> Mat<f64> {
 
 #[test]
 fn the_four_identities_hold() {
-    for delay in [1, 2, 4] {
+    for delay in [0, 1, 2, 4] {
         let case = case(10, delay);
         let (synthesis, tube, _) = tube_of(&case, Sharing::PerColumn);
         assert!(tube.gains.first_shared() > 0);
@@ -116,8 +118,8 @@ fn block_tightenings(case: &Case, all: &Responses) -> Vec<Vec<f64>> {
         };
         for j in 0..=k {
             count(&all.xx[k][j], all.ux.get(k).map(|u| &u[j]), &case.disturbance.balls[j][0].columns);
-            if j >= case.sensing.delay {
-                count(&all.xy[k][j], all.uy.get(k).map(|u| &u[j]), &case.sensing.f[j - case.sensing.delay]);
+            if let Some(f) = j.checked_sub(case.sensing.delay).and_then(|i| case.sensing.f.get(i)) {
+                count(&all.xy[k][j], all.uy.get(k).map(|u| &u[j]), f);
             }
         }
         sums
@@ -143,7 +145,8 @@ fn assert_same(values: &RowValues, expected: &[Vec<f64>]) {
 
 #[test]
 fn rows_alone_give_the_tightenings_of_whole_blocks() {
-    for (delay, sharing) in [(1, Sharing::PerColumn), (3, Sharing::PerColumn), (1, Sharing::Shared), (2, Sharing::Shared)] {
+    let kinds = [(0, Sharing::PerColumn), (1, Sharing::PerColumn), (3, Sharing::PerColumn)];
+    for (delay, sharing) in kinds.into_iter().chain([0, 1, 2].map(|delay| (delay, Sharing::Shared))) {
         let case = case(12, delay);
         let (synthesis, tube, _) = tube_of(&case, sharing);
         let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
@@ -176,9 +179,9 @@ fn simulate(case: &Case, policy: &mut OutputPolicy, draw: &Draw) -> [Vec<Vec<f64
     let mut x = vec![add(&case.ocp.x0, &kick(0))];
     let (mut u, mut y) = (Vec::new(), Vec::<Vec<f64>>::new());
     for (k, stage) in case.ocp.stages.iter().enumerate() {
+        y.push(add(&times(&case.sensing.c[k], &x[k]), &times(&case.sensing.f[k], &draw.e[k])));
         let measured = k.checked_sub(case.sensing.delay).map(|i| y[i].as_slice());
         u.push(policy.control(k, measured).unwrap());
-        y.push(add(&times(&case.sensing.c[k], &x[k]), &times(&case.sensing.f[k], &draw.e[k])));
         let moved = add(&times(&stage.a, &x[k]), &times(&stage.b, &u[k]));
         x.push(add(&add(&moved, &stage.d), &kick(k + 1)));
     }
@@ -192,7 +195,8 @@ fn draw(seed: u64) -> Draw {
 
 #[test]
 fn the_policy_is_what_responses_predict() {
-    for (delay, sharing) in [(1, Sharing::PerColumn), (2, Sharing::PerColumn), (4, Sharing::PerColumn), (2, Sharing::Shared)] {
+    let kinds = [0, 1, 2, 4].map(|delay| (delay, Sharing::PerColumn));
+    for (delay, sharing) in kinds.into_iter().chain([(2, Sharing::Shared)]) {
         let case = case(12, delay);
         let (synthesis, tube, [z, v]) = tube_of(&case, sharing);
         let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
@@ -205,7 +209,7 @@ fn the_policy_is_what_responses_predict() {
             let mut sum = vec![0.0; states[k][0].nrows()];
             for j in 0..=k {
                 sum = add(&sum, &times(&states[k][j], &times(&case.disturbance.balls[j][0].columns, &draw.w[j])));
-                if let Some(s) = j.checked_sub(delay) {
+                if let Some(s) = j.checked_sub(delay).filter(|s| *s < N) {
                     sum = add(&sum, &times(&noises[k][j], &times(&case.sensing.f[s], &draw.e[s])));
                 }
             }
@@ -308,9 +312,9 @@ fn quadratic_cost(case: &Case, mut control: impl FnMut(&[Vec<f64>], &[Vec<f64>],
         let mut x = vec![kick(0)];
         let (mut u, mut y): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         for (k, stage) in case.ocp.stages.iter().enumerate() {
-            u.push(control(&y, &u, k));
             let noise = if !is_disturbance && k == time { entry(&case.sensing.f[k]) } else { vec![0.0; NY] };
             y.push(add(&times(&case.sensing.c[k], &x[k]), &noise));
+            u.push(control(&y, &u, k));
             x.push(add(&add(&times(&stage.a, &x[k]), &times(&stage.b, &u[k])), &kick(k + 1)));
             total += form(&case.cost.q, &x[k]) + form(&case.cost.r, &u[k]);
         }
@@ -328,7 +332,7 @@ fn form(w: &Mat<f64>, x: &[f64]) -> f64 {
 /// difference of the costs at ±1, exactly, for each entry.
 #[test]
 fn separation_makes_the_lqg_optimum() {
-    for delay in [1, 2] {
+    for delay in [0, 1, 2] {
         let case = case(14, delay);
         let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
         let synthesis = OutputFeedbackTube::new(&problem, case.sensing.clone(), Sharing::PerColumn).unwrap();
@@ -336,20 +340,20 @@ fn separation_makes_the_lqg_optimum() {
         let (gains, observer) = (&tube.gains, &synthesis.observer);
         let cost_of = |gains: &Gains, observer: &Observer, q: Option<(usize, usize, usize, usize, f64)>| {
             quadratic_cost(&case, |y, u, k| {
-                let known = (k + 1).saturating_sub(delay);
                 let mut estimate = vec![0.0; NX];
                 let mut innovations = Vec::new();
-                for i in 0..k {
-                    let stage = &case.ocp.stages[i];
-                    let mut next = add(&times(&stage.a, &estimate), &times(&stage.b, &u[i]));
-                    if i < known {
+                for i in 0..=k {
+                    if i + delay <= k {
                         let expected = times(&case.sensing.c[i], &estimate);
                         let innovation: Vec<f64> = y[i].iter().zip(expected).map(|(y, expected)| y - expected).collect();
                         let correction = times(&observer.gains[i], &innovation);
-                        next.iter_mut().zip(correction).for_each(|(x, c)| *x -= c);
+                        estimate.iter_mut().zip(correction).for_each(|(x, c)| *x -= c);
                         innovations.push(innovation);
                     }
-                    estimate = next;
+                    if i < k {
+                        let stage = &case.ocp.stages[i];
+                        estimate = add(&times(&stage.a, &estimate), &times(&stage.b, &u[i]));
+                    }
                 }
                 let mut input = times(gains.get(k, k), &estimate);
                 if let Some((stage, row, time, column, size)) = q
@@ -381,9 +385,9 @@ fn separation_makes_the_lqg_optimum() {
     }
 }
 
-/// A delay widens tubes, and a sensor without noise whose state is known is refused.
+/// A delay widens tubes; a measurement without noise of what is known changes nothing, and one of all states makes it state feedback.
 #[test]
-fn delays_cost_and_silent_sensors_are_refused() {
+fn delays_cost_and_exact_measurements_are_state_feedback() {
     let width = |delay: usize| {
         let case = case(15, delay);
         let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
@@ -393,14 +397,26 @@ fn delays_cost_and_silent_sensors_are_refused() {
         let squares = |m: &Mat<f64>| m.squared_norm_l2();
         joint.disturbances.iter().chain(&joint.noises).map(|column| column.x.iter().map(squares).sum::<f64>()).sum::<f64>()
     };
-    assert!(width(1) < width(2) && width(2) < width(4));
+    assert!(width(0) < width(1) && width(1) < width(2) && width(2) < width(4));
 
-    let mut case = case(15, 1);
+    let mut case = case(15, 0);
     case.sensing.f = vec![Mat::zeros(NY, 1); N];
     case.disturbance.balls[0][0].columns = Mat::zeros(NX, 1);
     let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
-    let refused = Observer::new(&problem, &case.sensing);
-    assert!(matches!(refused, Err(ObserverError::Innovation { measurement: 1, component: 0 })));
-    case.sensing.delay = 0;
-    assert!(matches!(Observer::new(&problem, &case.sensing), Err(ObserverError::NoDelay)));
+    let observer = Observer::new(&problem, &case.sensing).unwrap();
+    assert!(observer.gains[0].norm_max() == 0.0 && observer.gains[1].norm_max() > 0.1);
+
+    // three exact measurements of three states, one of them twice
+    let all = random(&mut generator(16), 4, NX, 1.0);
+    case.sensing.c = vec![all; N];
+    case.sensing.f = vec![Mat::zeros(4, 1); N];
+    let problem = TubeProblem::new(&case.ocp, &case.disturbance, &case.cost).unwrap();
+    let synthesis = OutputFeedbackTube::new(&problem, case.sensing.clone(), Sharing::PerColumn).unwrap();
+    let tube = synthesis.synthesize(&problem, &RowValues::zeros(&case.ocp), None).unwrap();
+    let by_state = ExactTube.synthesize(&problem, &RowValues::zeros(&case.ocp), None).unwrap();
+    for k in 0..=N {
+        let pairs = tube.tightenings.rows(k).iter().zip(by_state.tightenings.rows(k));
+        let inputs = tube.tightenings.inputs(k).iter().zip(by_state.tightenings.inputs(k));
+        assert!(pairs.chain(inputs).all(|(a, b)| (a - b).abs() < 1e-10), "stage {k}");
+    }
 }

@@ -555,6 +555,9 @@ class Task:
     def horizon(self) -> int:
         """Steps that a controller looks ahead."""
     @property
+    def sensing(self) -> Sensing | None:
+        """Sensors of its section `sensing`; None without one."""
+    @property
     def x0(self) -> Array:
         """The state that the scene starts from, (nx,)."""
     @property
@@ -592,15 +595,21 @@ class Task:
         iterations: int = 1,
         time_limit: float | None = None,
         holding: bool = True,
+        rest_gap: float | None = None,
         disturbance: ArrayLike | float | None = None,
         initial: ArrayLike | float | None = None,
-        tube: Literal["exact", "shared"] = "exact",
+        tube: Literal["exact", "shared"] | None = "exact",
+        sensing: Sensing | None = None,
     ) -> Mpc:
         """A controller that looks `horizon` steps ahead; u0 is its first plan, (horizon, nu).
 
+        rest_gap: as of `plan`, within the `iterations` of each update.
         disturbance: of every step, E w with |w| <= 1: E (ndx, nw), or the radius of a ball of all free nodes [m]. Constraints and bounds
         are then tightened by the tube about the plan. initial: likewise the uncertainty of the measured state. tube: "exact", gains for
-        every disturbance, or "shared", one gain a stage. Tubes are those of the linearization (docs/control.md).
+        every disturbance, "shared", one gain a stage, or None: nothing is tightened. Tubes are those of the linearization
+        (docs/control.md).
+        sensing: `update` then takes readings (`Task.sensing` has the sensors of the task's file), from which the state is estimated,
+        beginning with the task's `x0`, of which `initial` is the uncertainty; tubes cover the estimate's error.
         """
 
     def mppi(
@@ -620,6 +629,32 @@ class Task:
         u0: its first plan, (horizon, nu). sigma: standard deviation of each input, (nu,). violation: price of a squared violation.
         The other defaults are those of CORD-SLS's baseline.
         """
+
+@final
+class Sensing:
+    """Readings of a controller that does not know the state: positions of nodes and coordinates of joints, with noise of a normal law, some steps
+    late; and, at the end of a reading, 1 or 0 for each gripper that grasps: whether it holds something."""
+
+    def __new__(
+        cls,
+        model: Model,
+        nodes: Sequence[int] | None = None,
+        noise: float = 0.0,
+        *,
+        joints: Sequence[str] = (),
+        joint_noise: float = 0.0,
+        delay: int = 0,
+    ) -> Sensing:
+        """nodes: numbers of the model's nodes, all if left out. noise: standard deviation of each coordinate [m]; joint_noise: of joints
+        [rad or m]. delay: steps from a state to the update that gets its reading."""
+    @property
+    def delay(self) -> int:
+        """Steps from a state to the update that gets its reading."""
+    @property
+    def noise(self) -> Array:
+        """Standard deviations of a reading's numbers, (n,); 0 of whether grippers hold something."""
+    def read(self, x: ArrayLike) -> Array:
+        """The reading of a state x (nx,) without noise, (n,)."""
 
 @final
 class Mppi:
@@ -670,13 +705,26 @@ class Mpc:
         iterations: int = 1,
         time_limit: float | None = None,
         holding: bool = True,
+        rest_gap: float | None = None,
+        disturbance: ArrayLike | float | None = None,
+        initial: ArrayLike | float | None = None,
+        tube: Literal["exact", "shared"] | None = "exact",
+        sensing: Sensing | None = None,
+        x0: ArrayLike | None = None,
     ) -> Mpc:
-        """A controller for a cost given as a function; lower and upper bound the inputs, (nu,)."""
-    def update(self, x: ArrayLike) -> Array:
+        """A controller for a cost given as a function; lower and upper bound the inputs, (nu,).
+
+        The other arguments are those of `Task.mpc`; x0 (nx,), by default the scene's start, is what an estimate begins with.
+        """
+    def update(self, x: ArrayLike | None = None) -> Array:
         """Improves the plan from the measured state x (nx,); returns the inputs to apply now, (nu,).
 
+        With `sensing` x is the reading (n,) of `delay` steps ago; None where there is none: at the first `delay` steps, or where it was
+        lost. The returned inputs count as sent until `sent` says what was.
         NumericsError if the shifted plan cannot be simulated from x.
         """
+    def sent(self, u: ArrayLike) -> None:
+        """Tells the inputs (nu,) that were sent instead of those of the last update: an estimate depends on them."""
     @property
     def u(self) -> Array:
         """Inputs of the last plan, (N, nu)."""
