@@ -48,7 +48,7 @@ pub enum Planned {
     /// Without tubes.
     Nominal(Update),
     /// With a tube about it.
-    Tubes(RobustUpdate),
+    Tubes(Box<RobustUpdate>),
 }
 
 /// The decision of an update.
@@ -110,7 +110,7 @@ impl<P: Problem> OutputMpc<P> {
         let estimate = self.estimator.estimate(reading)?;
         let planned = match &mut self.planner {
             Planner::Nominal(mpc) => Planned::Nominal(mpc.update(&estimate.x)?),
-            Planner::Tubes(robust) => Planned::Tubes(robust.update_from(&estimate)?),
+            Planner::Tubes(robust) => Planned::Tubes(Box::new(robust.update_from(&estimate)?)),
         };
         self.estimator.send(&planned.update().rollout.controls[0]);
         self.decided = true;

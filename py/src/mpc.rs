@@ -83,7 +83,7 @@ impl Controller {
                 let OutputUpdate { planned, .. } = engine.update(reading.as_deref())?;
                 match planned {
                     Planned::Nominal(update) => update.into(),
-                    Planned::Tubes(robust) => robust.into(),
+                    Planned::Tubes(robust) => (*robust).into(),
                 }
             }
             (Self::Output(_), Known::State(_)) => return Err(kind("readings", "the state").into()),
