@@ -46,7 +46,7 @@ enum Planner<P> {
 #[derive(Clone, Debug)]
 pub enum Planned {
     /// Without tubes.
-    Nominal(Update),
+    Nominal(Box<Update>),
     /// With a tube about it.
     Tubes(Box<RobustUpdate>),
 }
@@ -109,7 +109,7 @@ impl<P: Problem> OutputMpc<P> {
         self.decided = false;
         let estimate = self.estimator.estimate(reading)?;
         let planned = match &mut self.planner {
-            Planner::Nominal(mpc) => Planned::Nominal(mpc.update(&estimate.x)?),
+            Planner::Nominal(mpc) => Planned::Nominal(Box::new(mpc.update(&estimate.x)?)),
             Planner::Tubes(robust) => Planned::Tubes(Box::new(robust.update_from(&estimate)?)),
         };
         self.estimator.send(&planned.update().rollout.controls[0]);

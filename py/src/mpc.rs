@@ -82,7 +82,7 @@ impl Controller {
             (Self::Output(engine), Known::Reading(reading)) => {
                 let OutputUpdate { planned, .. } = engine.update(reading.as_deref())?;
                 match planned {
-                    Planned::Nominal(update) => update.into(),
+                    Planned::Nominal(update) => (*update).into(),
                     Planned::Tubes(robust) => (*robust).into(),
                 }
             }

@@ -126,7 +126,7 @@ impl<P: Problem> Controller for RobustMpc<P> {
 impl<P: Problem> Controller for OutputMpc<P> {
     fn decide(&mut self, measured: &Measured) -> Result<Decision, RobustError> {
         Ok(match self.update(measured.readings()?)?.planned {
-            Planned::Nominal(update) => update.into(),
+            Planned::Nominal(update) => (*update).into(),
             Planned::Tubes(robust) => (*robust).into(),
         })
     }
