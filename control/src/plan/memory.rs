@@ -65,6 +65,7 @@ fn refuse(stage: Stage, steps: usize, available: f64) -> Result<(), PlanError> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
 
     #[test]
