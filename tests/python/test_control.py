@@ -443,7 +443,7 @@ def test_a_rope_is_seized_where_it_is_worth_most():
 
 def test_the_rows_of_a_first_plan_are_its_horizon():
     task = make("LiftRope", SEED).load()
-    with pytest.raises(pliant.InputError, match="u0 has 5 rows, but the horizon is 20"):
+    with pytest.raises(pliant.InputError, match="u0 has 5 rows, but 20 steps are to be planned"):
         task.mpc(np.zeros((5, 8)), horizon=20)
 
 

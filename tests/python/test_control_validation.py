@@ -147,7 +147,7 @@ def test_a_row_of_the_table_is_measured():
     """A short run of the least task gives a row of the agreed form."""
     row = table.row("LiftRope", "nominal", 1)
     assert row["runs"] == 1 and row["update_s"] > 0 and row["evaluations"] > 20
-    assert abs(row["goal_error_m"] - 0.079) < 2e-3 and row["clearance_m"] is None and row["safety"] == 1
+    assert abs(row["goal_error_m"] - 0.0549) < 2e-3 and row["clearance_m"] is None and row["safety"] == 1
 
 
 def test_rows_of_other_tasks_stay_where_one_is_written():

@@ -107,13 +107,16 @@ def test_perception_page_example_runs(capsys):
 def test_control_page_example_runs(monkeypatch, tmp_path, capsys):
     pytest.importorskip("pliant")
     text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
-    (example,), (scene, task) = blocks(text, "python"), blocks(text, "toml")
+    (example, by_readings), (scene, task, *_) = blocks(text, "python"), blocks(text, "toml")
     (tmp_path / "lift.toml").write_text(scene, encoding="utf-8")
     (tmp_path / "task.toml").write_text(task, encoding="utf-8")
     (promised,) = re.findall(r"whose end is ([\d.]+) m from its goal", example)
     monkeypatch.chdir(tmp_path)
-    exec(compile(example, "docs/control.md", "exec"), {})
+    names = {}
+    exec(compile(example, "docs/control.md", "exec"), names)
     first, second = capsys.readouterr().out.splitlines()
+    exec(compile(by_readings, "docs/control.md", "exec"), names)
+    assert float(capsys.readouterr().out) < 0.01  # ten times the noise of a reading
     held, away = first.split()
     assert (held, float(away)) == ("True", pytest.approx(float(promised), abs=1e-4))
     assert second.endswith("[]")
