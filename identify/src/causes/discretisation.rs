@@ -32,8 +32,9 @@ pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse
         let coarse = shoot(plan, &plain, values, ShotWants::default()).map_err(named)?.predicted;
         let inputs = halved(&plain, plan);
         let past = plain.past.iter().flat_map(|row| [row.clone(), row.clone()]).collect();
-        let finer =
-            shoot(&fine, &RecordPlan { inputs, past, ..plain.clone() }, values, ShotWants::default()).map_err(named)?.predicted;
+        let finer = shoot(&fine, &RecordPlan { inputs, past, other: Arc::default(), ..plain }, values, ShotWants::default())
+            .map_err(named)?
+            .predicted;
         Ok(coarse.iter().zip(&finer).map(|(a, b)| a - b).collect())
     };
     let changes: Vec<Vec<f64>> = records.par_iter().map(one).collect::<Result<_, _>>()?;

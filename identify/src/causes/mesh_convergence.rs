@@ -52,7 +52,7 @@ pub fn spacing(scene: &Scene, plan: &Plan, records: &[RecordPlan], values: &Valu
 fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values) -> Option<Vec<f64>> {
     let start = initial_guess(plan, record).ok()?;
     let past = inputs.first().cloned().into_iter().collect();
-    let rec = RecordPlan { record: record.clone(), inputs, past, start, nodes: Vec::new(), parent: 0 };
+    let rec = RecordPlan { record: record.clone(), inputs, past, other: Arc::default(), start, nodes: Vec::new(), parent: 0 };
     shoot(plan, &rec, values, ShotWants::default()).ok().map(|shot| shot.predicted)
 }
 

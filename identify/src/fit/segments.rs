@@ -4,9 +4,10 @@ use super::constants::FIT;
 use super::lm::{FitOptions, fit};
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::shooting::{Plan, RecordPlan, ShotWants, shoot, state_at};
+use crate::shooting::{OtherInputs, Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::{Unknown, Values};
 use pliant_math::State;
+use std::sync::Arc;
 
 /// Segmentation of the fitted records.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,11 +108,18 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
         let name = format!("{} from {:.2} s", rec.record.name, time[sample]);
         let record = Record { name, ..rec.record.piece(first_read((step, sample))..end_sample, step as f64 * h) };
         let back = (FIT.past / h).round() as usize;
-        let past = if step == 0 { rec.past.clone() } else { rec.inputs[step.saturating_sub(back)..step].to_vec() };
+        // of the inputs as they are, and as the other reading of the log has them
+        let cut = |inputs: &[Vec<f64>], past: &[Vec<f64>]| {
+            let past = if step == 0 { past } else { &inputs[step.saturating_sub(back)..step] };
+            (inputs[step..end_step].to_vec(), past.to_vec())
+        };
+        let (inputs, past) = cut(&rec.inputs, &rec.past);
+        let (others, before) = cut(&rec.other.inputs, &rec.other.past);
         pieces.push(RecordPlan {
             record,
-            inputs: rec.inputs[step..end_step].to_vec(),
+            inputs,
             past,
+            other: Arc::new(OtherInputs { inputs: others, past: before }),
             start,
             nodes: Vec::new(),
             parent: rec.parent,

@@ -15,6 +15,9 @@ pub struct Experiment {
     /// Knowledge of the state at the beginning of each record.
     #[serde(default)]
     pub initial: Beginning,
+    /// What inputs are taken to do between the samples of a log.
+    #[serde(default)]
+    pub interpolation: Interpolation,
     /// "markers" if the grippers' inputs come from the sensor that sees the markers: its scale, rotation and bias act on both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gripper_sensor: Option<GripperSensor>,
@@ -69,6 +72,29 @@ pub enum Beginning {
     Given,
     /// Static equilibrium with the record's first inputs.
     Rest,
+}
+
+/// What inputs are taken to do between the samples of a log; before the first and after the last they are held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Interpolation {
+    /// They go straight from sample to sample.
+    #[default]
+    Linear,
+    /// They follow a cubic spline through all samples, for commands and motions that were smooth: of these it leaves an error that falls
+    /// with the fourth power of the time between samples, and a straight line one that falls with the second. Where an input jumps, a
+    /// spline swings past it on both sides.
+    Smooth,
+}
+
+impl Interpolation {
+    /// The way that is not this one.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Linear => Self::Smooth,
+            Self::Smooth => Self::Linear,
+        }
+    }
 }
 
 /// The sensor that measured the grippers' inputs.
@@ -289,9 +315,9 @@ fn angle_floor() -> f64 {
     1e-3
 }
 
-/// The logged inputs of one gripper or actuator: in CSV `columns`, or at `indices` of an npz array. Between samples they are taken to be
-/// linear, so that a controller that holds its command from one sample to the next seems half a sample late; over gaps of more than 0.1 s
-/// they are unknown, and the record is cut there.
+/// The logged inputs of one gripper or actuator: in CSV `columns`, or at `indices` of an npz array. Between samples they are read
+/// as the experiment's `interpolation` says, linearly if it is left out; a controller that holds its command from one sample to the next
+/// then seems half a sample late. Over gaps of more than 0.1 s they are unknown, and the record is cut there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Input {

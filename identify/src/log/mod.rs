@@ -3,7 +3,8 @@
 //! ```text
 //! scene.toml ── Setup::read ── Setup { scene, experiment } ── Setup::read_logs ── Logs { records, split }
 //! ```
-//! Inputs stay at the log's own times; [`Record::step_inputs`] interpolates them linearly to the steps of a simulation.
+//! Inputs stay at the log's own times; [`Record::step_inputs`] reads them at the steps of a simulation, along straight
+//! lines or a smooth curve.
 //! The sample period must be a whole number of steps (within 2 %, so that jittering clocks pass), and samples may then fall a
 //! little beside the steps: [`Record::samples_in_steps`] says where.
 
@@ -13,6 +14,7 @@ mod advice;
 mod check;
 mod constants;
 mod csv_file;
+mod curve;
 mod error;
 mod experiment;
 mod free;
@@ -23,8 +25,8 @@ mod setup;
 
 pub use error::{LogError, LogMistake, Need, Refused};
 pub use experiment::{
-    AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, JointQuantity, JointSensor, LengthUnit, Marker,
-    Orientation, Prior, RecordFile, Role, SensorStart, TimeUnit,
+    AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor,
+    LengthUnit, Marker, Orientation, Prior, RecordFile, Role, SensorStart, TimeUnit,
 };
 pub use record::{Logs, Record, Split, StepTime};
 pub use setup::Setup;

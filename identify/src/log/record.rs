@@ -1,7 +1,8 @@
 //! Records: measured runs in SI units.
 
 use super::constants::LOG;
-use super::experiment::Role;
+use super::curve::Curve;
+use super::experiment::{Interpolation, Role};
 
 /// All records of an experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,9 +106,11 @@ impl Record {
         (self.duration() / h - 1e-6).ceil().max(0.0) as usize
     }
 
-    /// The inputs of n steps of h [s], interpolated linearly in the log; held where the log has ended.
-    pub fn step_inputs(&self, h: f64, n_steps: usize) -> Vec<Vec<f64>> {
-        let row = |k: usize| (0..self.phase.len()).map(|j| self.input(j, (k as f64 + self.phase[j]) * h)).collect();
+    /// The inputs of n steps of h [s], read between the samples in this way; held where the log has ended.
+    pub fn step_inputs(&self, h: f64, n_steps: usize, interpolation: Interpolation) -> Vec<Vec<f64>> {
+        let curve = |j: usize| Curve::new(&self.time, self.inputs.iter().map(|row| row[j]).collect(), interpolation);
+        let curves: Vec<Curve> = (0..self.phase.len()).map(curve).collect();
+        let row = |k: usize| curves.iter().zip(&self.phase).map(|(curve, phase)| curve.at((k as f64 + phase) * h)).collect();
         (0..n_steps).map(row).collect()
     }
 
@@ -172,19 +175,6 @@ impl Record {
         let turns = || self.orientations.iter().zip(&other.orientations).all(|(a, b)| same(a.as_flattened(), b.as_flattened()));
         same(&self.time, &other.time) && markers() && joints() && turns() && inputs()
     }
-
-    fn input(&self, j: usize, t: f64) -> f64 {
-        let after = self.time.partition_point(|sample| *sample < t);
-        if after == 0 {
-            return self.inputs[0][j];
-        }
-        if after == self.time.len() {
-            return self.inputs[after - 1][j];
-        }
-        let (t0, t1) = (self.time[after - 1], self.time[after]);
-        let part = (t - t0) / (t1 - t0);
-        (1.0 - part) * self.inputs[after - 1][j] + part * self.inputs[after][j]
-    }
 }
 
 #[cfg(test)]
@@ -199,12 +189,14 @@ mod tests {
 
     #[test]
     fn inputs_are_interpolated_to_the_steps() {
-        let rows = record().step_inputs(0.01, 7);
-        for (k, row) in rows.iter().take(6).enumerate() {
-            let end = 0.01 * (k + 1) as f64;
-            assert!((row[0] - 10.0 * end).abs() < 1e-12 && (row[1] - (1.0 - (end - 0.005))).abs() < 1e-12, "{row:?}");
+        for interpolation in [Interpolation::Linear, Interpolation::Smooth] {
+            let rows = record().step_inputs(0.01, 7, interpolation);
+            for (k, row) in rows.iter().take(6).enumerate() {
+                let end = 0.01 * (k + 1) as f64;
+                assert!((row[0] - 10.0 * end).abs() < 1e-12 && (row[1] - (1.0 - (end - 0.005))).abs() < 1e-12, "{row:?}");
+            }
+            assert_eq!(rows[6][0], 0.6);
         }
-        assert_eq!(rows[6][0], 0.6);
     }
 
     #[test]

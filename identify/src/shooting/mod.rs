@@ -27,7 +27,7 @@ mod torque;
 pub(crate) use constants::SHOOTING;
 pub(crate) use dormant::opened;
 pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
-pub use plan::{Plan, RecordPlan};
+pub use plan::{OtherInputs, Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
 pub use start::{StartState, initial_guess, state_at};
 pub use torque::DrivePlace;

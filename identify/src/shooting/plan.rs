@@ -4,7 +4,7 @@ use super::dormant::{followers, opened, rejoin, tied};
 use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
 use super::torque::drives_of;
 use crate::error::IdentifyError;
-use crate::log::{Beginning, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
+use crate::log::{Beginning, Interpolation, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
 use crate::shooting::start::{StartState, initial_guess};
 use crate::unknown::{Unknown, Values};
 use nalgebra::Vector3;
@@ -22,12 +22,24 @@ pub struct RecordPlan {
     pub inputs: Vec<Vec<f64>>,
     /// Inputs of the steps before, as far as motors may remember them; of a whole record that of its beginning.
     pub past: Vec<Vec<f64>>,
+    /// The two as the other way of reading between samples gives them. Steps begin at those of the record, of which this may be a piece
+    /// whose samples cannot give them again: they are read and cut together with the first.
+    pub other: Arc<OtherInputs>,
     /// Its initial state: prior and current estimate.
     pub start: StartState,
     /// States at segment starts, (step, x), estimated.
     pub nodes: Vec<(usize, pliant_math::State)>,
     /// Number of the measured record this is (a piece of), among those of its role.
     pub parent: usize,
+}
+
+/// The inputs of a record's steps, and of those before, read from its log in the way that its simulation does not use.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OtherInputs {
+    /// Inputs of each step.
+    pub inputs: Vec<Vec<f64>>,
+    /// Inputs of the steps before.
+    pub past: Vec<Vec<f64>>,
 }
 
 /// An experiment ready to be simulated.
@@ -51,6 +63,8 @@ pub struct Plan {
     pub at_rest: bool,
     /// Initial states are taken from the data as they are.
     pub given: bool,
+    /// What inputs do between the samples of the logs.
+    pub interpolation: Interpolation,
     /// Fitted records.
     pub fitted: Vec<RecordPlan>,
     /// Held-out records.
@@ -126,6 +140,7 @@ impl Plan {
             shared_sensor: setup.experiment.gripper_sensor.is_some(),
             at_rest: setup.experiment.initial == Beginning::Rest,
             given: setup.experiment.initial == Beginning::Given,
+            interpolation: setup.experiment.interpolation,
             fitted: Vec::new(),
             held_out: Vec::new(),
             lead_in: setup.experiment.lead_in,
@@ -243,12 +258,28 @@ impl Plan {
         self.fitted.last().map_or(0, |rec| rec.parent + 1)
     }
 
+    /// The same record on the same steps, its inputs read in the other way between the samples of the log: smoothly if this plan reads them
+    /// along straight lines, and the reverse. Of a record that gives its inputs back when it is asked for twice.
+    pub fn with_other_inputs(&self, rec: &RecordPlan) -> RecordPlan {
+        let steps = rec.inputs.len().min(rec.other.inputs.len()); // a record may have been shortened since
+        let other = OtherInputs { inputs: rec.inputs.clone(), past: rec.past.clone() };
+        RecordPlan {
+            inputs: rec.other.inputs[..steps].to_vec(),
+            past: rec.other.past.clone(),
+            other: Arc::new(other),
+            ..rec.clone()
+        }
+    }
+
     fn prepare(&self, record: &Record) -> Result<RecordPlan, IdentifyError> {
         let h = self.model.step_length();
-        let inputs = record.step_inputs(h, record.n_steps(h));
+        let read = |interpolation| record.step_inputs(h, record.n_steps(h), interpolation);
+        let before = |inputs: &[Vec<f64>]| inputs.first().cloned().into_iter().collect();
+        let (inputs, others) = (read(self.interpolation), read(self.interpolation.other()));
+        let other = Arc::new(OtherInputs { past: before(&others), inputs: others });
+        let past = before(&inputs);
         let start = initial_guess(self, record)?;
-        let past = inputs.first().cloned().into_iter().collect();
-        Ok(RecordPlan { record: record.clone(), inputs, past, start, nodes: Vec::new(), parent: 0 })
+        Ok(RecordPlan { record: record.clone(), inputs, past, other, start, nodes: Vec::new(), parent: 0 })
     }
 }
 

@@ -3,7 +3,7 @@
 use ndarray::{Array1, Array3, Array4};
 use ndarray_npy::NpzWriter;
 use pliant_identify::fit_scene;
-use pliant_identify::log::{Beginning, LogError, Logs, Role, Setup, Split};
+use pliant_identify::log::{Beginning, Interpolation, LogError, Logs, Role, Setup, Split};
 use pliant_scene::Source;
 use std::fmt::Write;
 use std::fs;
@@ -279,6 +279,15 @@ fn columns() {
     Case::csv(|lines| lines[5].push_str(",3")).refused("run.csv:6", &["14 cells instead of 13"]);
     Case::csv(|lines| lines[5] = lines[5].replacen("-30", "low", 1))
         .refused("run.csv:6: column m_z", &["\"low\" is not a number"]);
+}
+
+#[test]
+fn what_inputs_do_between_samples_is_told() {
+    let way = |name: &str| Case::csv(|_| {}).with("initial = \"rest\"", &format!("interpolation = \"{name}\""));
+    let read = |case: &Case| case.setup().unwrap().experiment.interpolation;
+    assert_eq!(read(&Case::csv(|_| {})), Interpolation::Linear);
+    assert_eq!((read(&way("linear")), read(&way("smooth"))), (Interpolation::Linear, Interpolation::Smooth));
+    way("cubic").refused("scene.toml:21: experiment.interpolation", &["\"cubic\" is none of \"linear\", \"smooth\""]);
 }
 
 #[test]

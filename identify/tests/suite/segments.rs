@@ -2,7 +2,7 @@
 
 use crate::pendulum::Truth;
 use pliant_identify::fit::{Cut, FitOptions, cut, fit};
-use pliant_identify::log::Setup;
+use pliant_identify::log::{Interpolation, Setup};
 use pliant_identify::sensor::DELAY;
 use pliant_identify::shooting::{Plan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
@@ -37,6 +37,32 @@ fn what_is_remembered_goes_on_through_segments() {
     rec.nodes = vec![(800, moved)];
     let joined = shoot(&plan, &rec, &plan.scene_values, wants).unwrap();
     assert!((joined.defect - 1e-3).abs() < 1e-12 && joined.predicted != whole.predicted);
+}
+
+/// Steps of a piece may begin before its first sample, and no sample tells what its inputs were there.
+#[test]
+fn pieces_know_their_inputs_read_the_other_way() {
+    let mut plan = plan(Truth { turned: 2.4, noise: 1e-5, ..Truth::default() }, "");
+    let (h, whole) = (plan.model.step_length(), plan.fitted[0].clone());
+    let read = |interpolation| whole.record.step_inputs(h, whole.inputs.len(), interpolation);
+    let (straight, smooth) = (read(Interpolation::Linear), read(Interpolation::Smooth));
+    assert!(plan.interpolation == Interpolation::Linear && straight == whole.inputs && straight != smooth);
+    assert_eq!(plan.with_other_inputs(&whole).inputs, smooth);
+    let values = plan.scene_values.clone();
+    assert!(matches!(cut(&mut plan, &values, None).unwrap(), Cut::Pieces(_)));
+    let pieces: Vec<_> = plan.fitted.iter().filter(|rec| rec.parent == 0).collect();
+    assert!(pieces.iter().any(|rec| rec.record.time[0] > 0.0));
+    let mut first = 0;
+    for rec in pieces {
+        let (steps, other) = (rec.inputs.len(), plan.with_other_inputs(rec));
+        first += straight[first..].windows(steps).position(|rows| rows == rec.inputs).unwrap();
+        assert_eq!(other.inputs, smooth[first..first + steps]);
+        if first > 0 {
+            assert_eq!(other.past, smooth[first - rec.past.len()..first]);
+        }
+        let back = plan.with_other_inputs(&other);
+        assert!(back.inputs == rec.inputs && back.past == rec.past && back.record == rec.record);
+    }
 }
 
 /// A sensor 20 ms late, before a pendulum that starts near the top and is too sensitive to be followed: the first readings of a piece are
