@@ -36,6 +36,7 @@ mod joint_stiffness;
 mod length_scale;
 mod linear_drag;
 mod link_inertia;
+mod link_mass;
 mod load_friction;
 mod marker_offset;
 mod mass_distribution;
@@ -422,6 +423,7 @@ pub const LIBRARY: &[Row] = &[
     row("joint_plasticity", joint_plasticity::causes),
     row("cogging_torque", cogging_torque::causes),
     row("payload", payload::causes),
+    row("link_mass", link_mass::causes),
     row("link_inertia", link_inertia::causes),
     row("center_of_mass", center_of_mass::causes),
     row("armature", armature::causes),

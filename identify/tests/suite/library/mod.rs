@@ -46,6 +46,7 @@ const ARM: &[Row] = &[
         "cubic_stiffness (shoulder)",
     ),
     row("payload (lower)", &[("lower.mass", 0.63)], "link_inertia (lower)"),
+    row("link_mass (upper)", &[("upper.mass", 0.63)], "payload (lower)"),
     row("link_inertia (lower)", &[("lower.spread[2]", 0.085)], "armature (elbow)"),
     row("center_of_mass (lower)", &[("lower.center_of_mass[0]", 0.025), ("lower.center_of_mass[2]", -0.155)], "payload (lower)"),
     row("armature (elbow)", &[("elbow.armature", 1e-3)], "link_inertia (lower)"),
