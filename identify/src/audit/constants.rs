@@ -115,6 +115,14 @@ pub(crate) struct AuditConstants {
     pub unlike: f64,
     /// Least deviation of the total length that is reported, relative to the median [-].
     pub total_length_least: f64,
+    // records that are said to begin at rest
+    /// Samples from the start over which readings are compared with rest.
+    pub start_samples: usize,
+    /// Motion over these samples in its standard errors from which a reading moves [-]: in white noise one of a million channels seems to.
+    pub start_errors: f64,
+    /// Part of the largest simulated motion over these samples that readings may be off it [-]: inputs that move at once move the readings
+    /// of a record that begins at rest too, and a scene that lacks something does not move them by the same amount.
+    pub start_simulated: f64,
     // grids, flat tops, exchanged names
     /// Fewest distinct values of a channel whose grid is looked for.
     pub grid_distinct: usize,
@@ -197,6 +205,9 @@ pub(crate) const AUDIT: AuditConstants = AuditConstants {
     rigid_over_noise: 5.0,
     unlike: 5.0,
     total_length_least: 0.02,
+    start_samples: 5,
+    start_errors: 5.0,
+    start_simulated: 0.5,
     grid_distinct: 8,
     grid_share: 0.98,
     grid_tolerance: 0.05,

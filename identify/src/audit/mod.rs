@@ -21,8 +21,10 @@ mod saturation;
 mod series;
 mod swaps;
 
+pub(crate) use constants::AUDIT;
 pub use record::{AuditError, Layout, RawRecord};
 pub use report::{AuditReport, Finding, Place, RecordNoise, Severity};
+pub(crate) use series::noise_sigma;
 
 use record::Prepared;
 
