@@ -58,10 +58,10 @@ impl Default for Body {
     }
 }
 
-/// A joint. Its parameters are `name.armature`, `name.damping`, `name.stiffness`, `name.cubic_stiffness`, `name.rest`,
-/// `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far as its kind has them, and
-/// `name.friction_backward`, `name.load_friction`, `name.plastic_time`, `name.yield`, `name.gravity_compensation`, `name.cogging_sine`
-/// and `name.cogging_cosine` if the keys are given.
+/// A joint. Its parameters are `name.armature`, `name.damping`, `name.quadratic_damping`, `name.stiffness`,
+/// `name.cubic_stiffness`, `name.rest`, `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far
+/// as its kind has them, and `name.friction_backward`, `name.load_friction`, `name.plastic_time`, `name.yield`,
+/// `name.gravity_compensation`, `name.cogging_sine` and `name.cogging_cosine` if the keys are given.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -84,6 +84,9 @@ pub struct Joint {
     /// Viscous friction [N·m·s/rad] or [N·s/m].
     #[serde(default)]
     pub damping: f64,
+    /// Damping that grows with the square of the speed, as of air and fluids [N·m·s²/rad²] or [N·s²/m²]: −`quadratic_damping` |v| v.
+    #[serde(default)]
+    pub quadratic_damping: f64,
     /// Stiffness of a spring [N·m/rad] or [N/m].
     #[serde(default)]
     pub stiffness: f64,
@@ -159,6 +162,7 @@ impl Default for Joint {
             anchor: [0.0; 3],
             armature: 0.0,
             damping: 0.0,
+            quadratic_damping: 0.0,
             stiffness: 0.0,
             cubic_stiffness: 0.0,
             rest: 0.0,

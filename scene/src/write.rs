@@ -221,6 +221,7 @@ fn joint(out: &mut String, joint: &Joint) {
     list(out, "anchor", &joint.anchor, &default.anchor);
     differing(out, "armature", joint.armature, default.armature);
     differing(out, "damping", joint.damping, default.damping);
+    differing(out, "quadratic_damping", joint.quadratic_damping, default.quadratic_damping);
     differing(out, "stiffness", joint.stiffness, default.stiffness);
     differing(out, "cubic_stiffness", joint.cubic_stiffness, default.cubic_stiffness);
     differing(out, "rest", joint.rest, default.rest);

@@ -34,6 +34,7 @@ anchor = [0.01, 0.0, 0.03]
 armature = 0.0002
 stiffness = 0.3
 damping = 0.01
+quadratic_damping = 0.003
 velocity = [1.0, 2.0, -3.0]
 
 [[body]]
@@ -54,6 +55,7 @@ stiffness = 3.0
 rest = 0.1
 cubic_stiffness = 4.0
 damping = 0.05
+quadratic_damping = 0.2
 friction = 0.15
 start = [0.2, -0.3]
 velocity = [0.6, -0.4]
@@ -83,6 +85,7 @@ stribeck_velocity = 0.05
 stiffness = 4.0
 rest = 0.05
 cubic_stiffness = 100.0
+quadratic_damping = 3.0
 start = [0.2]
 velocity = [0.4]
 armature = 0.1
@@ -104,6 +107,7 @@ name = "swivel"
 kind = "revolute"
 axis = [0, 0.1, 1]
 armature = 0.003
+quadratic_damping = 0.0002
 velocity = [-4.0]
 cogging = { cycles = 5, sine = 0.03, cosine = -0.02 }
 

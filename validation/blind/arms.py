@@ -61,6 +61,7 @@ EFFECTS = {
     "viscous_friction": Effect(
         "viscous_friction", "elbow", {"elbow": {"damping": 0.02}}
     ),
+    "quadratic_damping": Effect("quadratic_damping", "shoulder", quadratic=(0.01, 0.0)),
     "coulomb_friction": Effect(
         "coulomb_friction", "shoulder", {"shoulder": {"frictionloss": 0.06}}
     ),
@@ -86,7 +87,6 @@ EFFECTS = {
     "load_friction": Effect("load_friction", "shoulder", load=(0.1, 0.0)),
     # outside the library
     "ripple": Effect("", ripple=(0.05, 0.0)),
-    "quadratic": Effect("", quadratic=(0.01, 0.0)),
     "backlash": Effect("", play=(0.0, 0.01)),
 }
 

@@ -5,6 +5,7 @@ creep at a ball         f = -k Jᵀ e,  e = q - p,  ṗ = e/τ,  J: the rate of 
 slack at a ball         f = -k max(1 - s/|q|, 0) q
 quadratic drag          f = -c |v| v               at the middle of each link
 cubic at a slide        f = -k₃ x³
+damping by the square   f = -d |v| v               at a ball v is the angular velocity in the link's axes
 friction at a slide     f = -(s exp(-(v/v_s)²) + μ |u|) tanh(v/1 mm/s),  u: force of the servo
 gust                    f = a sin(2π 1.3 Hz t)     at the middle of each link, along x and y
 pull                    f = P d/(|d|² + d₀²)       at the middle of the last link, d towards a magnet beside it
@@ -39,6 +40,8 @@ class Forces:
     creep: dict[int, float] = field(default_factory=dict)  # 1/τ [1/s]
     slack: dict[int, float] = field(default_factory=dict)  # rad
     cubic_slide: dict[int, float] = field(default_factory=dict)  # N/m³
+    square: dict[int, float] = field(default_factory=dict)  # N·m·s²/rad²
+    square_slide: dict[int, float] = field(default_factory=dict)  # N·s²/m²
     stribeck: dict[int, tuple[float, float]] = field(default_factory=dict)  # N, m/s
     load: dict[int, float] = field(default_factory=dict)
     drag: float = 0.0  # N·s²/m² a link
@@ -51,8 +54,9 @@ class Forces:
 
     @property
     def none(self) -> bool:
-        at_joints = self.cubic or self.creep or self.slack or self.cubic_slide or self.stribeck or self.load
-        return not (at_joints or self.drag or any(self.gust) or self.pull)
+        at_balls = self.cubic or self.creep or self.slack or self.square
+        at_slides = self.cubic_slide or self.square_slide or self.stribeck or self.load
+        return not (at_balls or at_slides or self.drag or any(self.gust) or self.pull)
 
 
 class Acting:
@@ -67,6 +71,9 @@ class Acting:
         for k, size in own.cubic.items():
             q = turn(data, k)
             add(data, k, -size * (q @ q) * q)
+        for k, size in own.square.items():
+            v = data.qvel[2 + 3 * k : 5 + 3 * k]
+            add(data, k, -size * math.sqrt(v @ v) * v)
         for k, crept in self.crept.items():
             q = turn(data, k)
             add(data, k, -self.stiffness * rate(q).T @ (q - crept))
@@ -81,6 +88,8 @@ class Acting:
         own = self.forces
         for j, size in own.cubic_slide.items():
             data.qfrc_passive[j] -= size * data.qpos[j] ** 3
+        for j, size in own.square_slide.items():
+            data.qfrc_passive[j] -= size * abs(data.qvel[j]) * data.qvel[j]
         for j, (size, speed) in own.stribeck.items():
             v = data.qvel[j]
             data.qfrc_passive[j] -= size * math.exp(-((v / speed) ** 2)) * math.tanh(v / SHARP)

@@ -82,6 +82,7 @@ def of_cable() -> dict[str, list[Direction]]:
     for k, j in enumerate(BALLS):
         out[f"joint_stiffness:{j}"] = [Direction(at_joint(j, "stiffness", cables.STIFFNESS), 2e-4)]
         out[f"viscous_friction:{j}"] = [Direction(at_joint(j, "damping", cables.DAMPING), 2e-5)]
+        out[f"quadratic_damping:{j}"] = [Direction(force("square", k), 2e-6)]
         out[f"armature:{j}"] = [Direction(at_joint(j, "armature"), 2e-7, "one")]
         out[f"cubic_stiffness:{j}"] = [Direction(force("cubic", k), 1e-3)]
         out[f"joint_plasticity:{j}"] = [Direction(force("creep", k), 0.05)]
@@ -96,6 +97,7 @@ def of_carriage(peaks: np.ndarray) -> dict[str, list[Direction]]:
     out = {}
     for k, (s, m) in enumerate(zip(SLIDES, MOTORS, strict=True)):
         out[f"viscous_friction:{s}"] = [Direction(at_joint(s, "damping"), 0.2, "one")]
+        out[f"quadratic_damping:{s}"] = [Direction(force("square_slide", k), 0.5)]
         out[f"joint_stiffness:{s}"] = [Direction(at_joint(s, "stiffness"), 2.0, "one")]
         out[f"armature:{s}"] = [Direction(at_joint(s, "armature"), 2e-3, "one")]
         out[f"cubic_stiffness:{s}"] = [Direction(force("cubic_slide", k), 500.0)]

@@ -162,10 +162,10 @@ class Chain:
 
     def smooth(self, p, q, v, u, t):
         """All torques but dry friction (n,)."""
-        f = self.carried(p, q, v, u) - p["damping"] * v
+        f = self.carried(p, q, v, u) - p["damping"] * v - p["quadratic"] * v * jnp.abs(v)
         f = f + p["sine"] * jnp.sin(p["cycles"] * q) + p["cosine"] * jnp.cos(p["cycles"] * q)
         # outside the library
-        f = f - p["quadratic"] * v * jnp.abs(v) + p["ripple"] * jnp.sin(p["ripples"] * q)
+        f = f + p["ripple"] * jnp.sin(p["ripples"] * q)
         away = (q - p["place"]) / 0.15
         f = f - p["magnet"] * away * jnp.exp(-0.5 * away**2)
         f = f + p["gust"] * jnp.exp(-0.5 * ((t - p["gust_at"]) / 0.08) ** 2)

@@ -173,6 +173,7 @@ class ChainSetup(Setup):
         link, unit, size = self.links[k], self.inertia[k], self.size[k]
         j, force = link.joint, self.inertia[k] * self.size[k]
         self.add("viscous_friction", j, f"damping:{j}", Knob(0.01 * unit, 3.0 * unit, f"{j}.damping", link.damping, link.damping == 0.0))
+        self.add("quadratic_damping", j, f"quadratic:{j}", Knob(0.04 * unit / size, 4.0 * unit / size, f"{j}.quadratic_damping", one_sided=True))
         self.add("coulomb_friction", j, f"friction:{j}", Knob(0.05 * force, 4.0 * force, f"{j}.friction", link.friction, one_sided=True))
         speeds = [x * size for x in (0.05, 0.2, 0.6)]
         points = tuple({f"stiction:{j}": 0.1 * force, f"speed:{j}": x - self.stribeck[k]} for x in speeds)
@@ -193,7 +194,7 @@ class ChainSetup(Setup):
         self.add("encoder_scale", j, f"scale:{j}", Knob(1e-3, 0.2, f"{j}.position_scale", 1.0))
         if len(self.links) > 1:
             self.add("sensor_delay", j, f"delay:{j}", Knob(5e-4, LATEST, f"{j}.position_delay", one_sided=True))
-        effects = {"quadratic": 4.0 * unit / size, "magnet": 6.0 * force, "gust": 8.0 * force, "slack": 60.0 * unit}
+        effects = {"magnet": 6.0 * force, "gust": 8.0 * force, "slack": 60.0 * unit}
         effects |= {"rough": 2.0 * force, "warm": 2.0 * force, "play": 0.05 * size, "drift": 0.05 * size}
         if not link.cycles:
             effects["ripple"] = 6.0 * force

@@ -37,6 +37,12 @@ fn dry_friction_is_named() {
 }
 
 #[test]
+fn damping_by_the_square_of_the_speed_is_named() {
+    let truth = Truth { quadratic: 0.005, ..Truth::default() };
+    named(&truth, "quadratic_damping (pivot)", "pivot.quadratic_damping", 0.005);
+}
+
+#[test]
 fn a_cubic_spring_is_named() {
     named(&Truth { cubic: 0.2, ..Truth::default() }, "cubic_stiffness (pivot)", "pivot.cubic_stiffness", 0.2);
 }

@@ -150,6 +150,18 @@ def springs(model, q, theta):
     return e
 
 
+def quadratic_dissipation(model, v, theta):
+    """Of damping by the square of the speed  [W]."""
+    r = jnp.zeros(())
+    for ball in (False, True):
+        damped = [j for j in model.joints if "quadratic_damping" in j.theta and (j.kind == "ball") == ball]
+        if damped:
+            k = theta[np.array([j.theta["quadratic_damping"] for j in damped])]
+            speed2 = jnp.sum(v[np.array([_range(j.v) for j in damped])] ** 2, axis=1)
+            r += jnp.sum(joints.quadratic_dissipation(speed2, k))
+    return r
+
+
 def force(model, q, v, u, theta, energy=potential):
     """All that acts on the joints at (q, v) and controls u (nv,)  [N·m or N]: -∂E/∂q - ∂R/∂v + motors."""
 
@@ -157,7 +169,7 @@ def force(model, q, v, u, theta, energy=potential):
         return energy(model, add(model, q, t, rotations.cayley), theta)
 
     def dissipation(v):
-        return 0.5 * jnp.sum(by_dof(model, theta, "damping") * v * v)
+        return 0.5 * jnp.sum(by_dof(model, theta, "damping") * v * v) + quadratic_dissipation(model, v, theta)
 
     f = -jax.grad(energy_at)(jnp.zeros(model.nv)) - jax.grad(dissipation)(v)
     for motor, control in zip(model.motors, u, strict=True) if model.motors else ():

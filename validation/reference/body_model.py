@@ -23,7 +23,7 @@ class Joint:
     anchor: np.ndarray
     q: slice
     v: slice
-    theta: dict  # armature; but for free bodies damping, stiffness, cubic_stiffness, and rest of one axis
+    theta: dict  # armature; but for free bodies damping, quadratic_damping, stiffness, cubic_stiffness, and rest of one axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ class _Builder:
 
     def _joint(self, entry, ball_start, table):
         kind, name = entry["kind"], entry["name"]
-        keys = ["armature"] if kind == "free" else ["armature", "damping", "stiffness", "cubic_stiffness"]
+        keys = ["armature"] if kind == "free" else ["armature", "damping", "quadratic_damping", "stiffness", "cubic_stiffness"]
         keys += ["rest"] if kind in ("revolute", "prismatic", "universal") else []
         theta = {key: table.add(f"{name}.{key}", entry.get(key, 0.0)) for key in keys}
         axes = {

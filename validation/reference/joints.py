@@ -34,6 +34,12 @@ def spring_energy(stretch2, stiffness, cubic):
     return 0.5 * stiffness * stretch2 + 0.25 * cubic * stretch2**2
 
 
+def quadratic_dissipation(speed2, quadratic):
+    """R = ⅓ k |v|³ [W] of a force -∂R/∂v = -k |v| v, of |v|² = v², or the squared angular velocity of a ball."""
+    moving = speed2 > 0.0
+    return jnp.where(moving, quadratic * jnp.where(moving, speed2, 1.0) ** 1.5 / 3.0, 0.0)
+
+
 def cogging_energy(q, cycles, sine, cosine):
     """E = (a cos(n q) - b sin(n q))/n [J] of a torque -∂E/∂q = a sin(n q) + b cos(n q) [N·m], n cycles per turn."""
     return (sine * jnp.cos(cycles * q) - cosine * jnp.sin(cycles * q)) / cycles

@@ -6,7 +6,7 @@ use crate::constraints::{JointFriction, JointRow, JointRowKind};
 use crate::memory::SignalPath;
 use crate::terms::joint::{
     AutomaticJoint, Cogging, CubicSpring, Damping, GravityCompensation, JointElement, JointLaw, PlasticSpring, PositionDrive,
-    Spring, TorqueDrive, VelocityDrive,
+    QuadraticDamping, Spring, TorqueDrive, VelocityDrive,
 };
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
@@ -25,6 +25,7 @@ struct Elements {
     /// Gains of gravity compensation: degree of freedom and index in θ.
     compensated: Vec<(usize, usize)>,
     damping: Vec<JointElement>,
+    quadratic_damping: Vec<JointElement>,
     cogging: Vec<JointElement>,
     torque: Vec<JointElement>,
     position: Vec<JointElement>,
@@ -179,6 +180,7 @@ impl Model {
         self.add_joint_law(CubicSpring, e.cubic);
         self.add_joint_law(PlasticSpring, e.plastic);
         self.add_joint_law(Damping, e.damping);
+        self.add_joint_law(QuadraticDamping, e.quadratic_damping);
         self.add_joint_law(Cogging, e.cogging);
         self.add_joint_law(TorqueDrive, e.torque);
         self.add_joint_law(PositionDrive, e.position);
@@ -237,6 +239,7 @@ struct JointParams {
 
 struct ForceParams {
     damping: usize,
+    quadratic_damping: usize,
     stiffness: usize,
     cubic: usize,
     rest: Option<usize>,
@@ -252,10 +255,11 @@ impl JointParams {
             return Self { armature, forces: None };
         }
         let damping = entry("damping", unit("N·m·s/rad", "N·s/m"), NON_NEGATIVE, joint.damping);
+        let quadratic_damping = entry("quadratic_damping", unit("N·m·s²/rad²", "N·s²/m²"), NON_NEGATIVE, joint.quadratic_damping);
         let stiffness = entry("stiffness", unit("N·m/rad", "N/m"), NON_NEGATIVE, joint.stiffness);
         let cubic = entry("cubic_stiffness", unit("N·m/rad³", "N/m³"), ANY, joint.cubic_stiffness);
         let rest = (joint.kind.n_dofs() <= 2).then(|| entry("rest", unit("rad", "m"), ANY, joint.rest));
-        Self { armature, forces: Some(ForceParams { damping, stiffness, cubic, rest }) }
+        Self { armature, forces: Some(ForceParams { damping, quadratic_damping, stiffness, cubic, rest }) }
     }
 }
 
@@ -301,7 +305,9 @@ fn list_elements(joints: &JointParams, places: &[usize], creeps: bool, out: &mut
             out.spring.push(with(p.stiffness));
             out.cubic.push(with(p.cubic));
         }
-        out.damping.push(JointElement { joints: vec![place], params: vec![p.damping], ..JointElement::default() });
+        for (list, k) in [(&mut out.damping, p.damping), (&mut out.quadratic_damping, p.quadratic_damping)] {
+            list.push(JointElement { joints: vec![place], params: vec![k], ..JointElement::default() });
+        }
     }
 }
 

@@ -81,6 +81,12 @@ fn joints() {
     refused("friction_backward = 0.1", "friction_backward = -1", "16: body[0].joint[0].friction_backward", &["-1 N·m"]);
     refused("load_friction = 0.2", "load_friction = -1", "17: body[0].joint[0].load_friction", &["-1 -", "negative"]);
     refused("plastic_time = 0.5", "plastic_tim = 0.5", "13: body[0].joint[0].plastic_tim", &["did you mean `plastic_time`?"]);
+    let more = |line: &str| format!("{line}\ncogging = {{");
+    let at = "19: body[0].joint[0].quadratic_damping";
+    refused("cogging = {", &more("quadratic_damping = -0.1"), at, &["-0.1 N·m·s²/rad²", "must not be negative"]);
+    refused("cogging = {", &more("quadratic_damping = \"0.1\""), at, &["write 0.1 (in N·m·s²/rad², without quotes)"]);
+    let at = "19: body[0].joint[0].quadratic_dampin";
+    refused("cogging = {", &more("quadratic_dampin = 0.1"), at, &["did you mean `quadratic_damping`?"]);
     let at = "19: body[0].joint[0].cogging";
     refused(
         "cycles = 6",

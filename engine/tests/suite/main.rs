@@ -21,6 +21,7 @@ mod friction;
 mod grasp;
 mod memory;
 mod physics;
+mod quadratic_damping;
 mod rims_carry;
 mod rings;
 mod robust_steps;

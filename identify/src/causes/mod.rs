@@ -43,6 +43,7 @@ mod mass_distribution;
 mod mesh_convergence;
 mod payload;
 mod pieces;
+mod quadratic_damping;
 mod quadratic_drag;
 mod rod_creep;
 mod rod_plasticity;
@@ -414,6 +415,7 @@ pub const LIBRARY: &[Row] = &[
     row("bend_friction", bend_friction::causes),
     row("gripper_offset", gripper_offset::causes),
     row("viscous_friction", viscous_friction::causes),
+    row("quadratic_damping", quadratic_damping::causes),
     row("coulomb_friction", coulomb_friction::causes),
     row("stribeck", stribeck::causes),
     row("asymmetric_friction", asymmetric_friction::causes),

@@ -110,15 +110,19 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// f = −(d + d₁ |v| + d₂ v²) v; the first is kept.
+    /// f = −(d + d₁ |v| + d₂ v²) v; the first is kept, and the second of joints of one axis if it damps.
     fn damping(&mut self, view: &View, joint: &mut Joint) -> Result<(), ImportError> {
         let numbers = view.numbers("damping", 1..=3)?.unwrap_or_else(|| vec![0.0]);
         joint.damping = self.positive(view, "damping", numbers[0])?;
-        if numbers[1..].iter().any(|x| *x != 0.0) {
-            self.work.approximate(view.element, "`damping` of higher order", "friction is proportional to the velocity")?;
+        let quadratic = numbers.get(1).copied().filter(|d| is_axial(joint) && *d >= 0.0);
+        joint.quadratic_damping = quadratic.unwrap_or(0.0);
+        let kept = if quadratic.is_some() { 2 } else { 1 };
+        if numbers[kept..].iter().any(|x| *x != 0.0) {
+            let reason = "damping grows with the speed and, of a joint of one axis, with its square";
+            self.work.approximate(view.element, "`damping` of higher order", reason)?;
         }
         if !self.physics.dampers {
-            joint.damping = 0.0;
+            (joint.damping, joint.quadratic_damping) = (0.0, 0.0);
         }
         Ok(())
     }
@@ -127,7 +131,7 @@ impl<'a> Reader<'a> {
     fn stiffness(&mut self, view: &View, joint: &mut Joint) -> Result<(), ImportError> {
         let numbers = view.numbers("stiffness", 1..=3)?.unwrap_or_else(|| vec![0.0]);
         joint.stiffness = self.positive(view, "stiffness", numbers[0])?;
-        let axial = matches!(joint.kind, JointKind::Revolute | JointKind::Prismatic);
+        let axial = is_axial(joint);
         joint.cubic_stiffness = if axial { numbers.get(2).copied().unwrap_or(0.0) } else { 0.0 };
         let lost = if axial { &numbers[1..numbers.len().min(2)] } else { &numbers[1..] };
         if lost.iter().any(|x| *x != 0.0) {
@@ -151,7 +155,7 @@ impl<'a> Reader<'a> {
         let friction = view.not_negative("frictionloss", 0.0)?;
         let (element, name) = (view.element, joint.name.as_str());
         if friction > 0.0 && self.physics.friction {
-            if matches!(joint.kind, JointKind::Revolute | JointKind::Prismatic) {
+            if is_axial(joint) {
                 joint.friction = friction;
                 self.work.kept(element, name, format!("frictionloss {friction}: dry friction that sticks"));
             } else {
@@ -231,4 +235,8 @@ impl<'a> Reader<'a> {
             ImportError::at(user, mistake)
         })
     }
+}
+
+fn is_axial(joint: &Joint) -> bool {
+    matches!(joint.kind, JointKind::Revolute | JointKind::Prismatic)
 }

@@ -97,3 +97,21 @@ fn limits_and_friction_of_urdf() {
     assert_eq!(joint(&locked).limits, None);
     says(&locked, Verdict::Ignored, "both stops at one place");
 }
+
+/// MuJoCo's f = −(d + d₁ |v| + d₂ v²) v: the first two numbers of a hinge or slide are kept, the others are not.
+#[test]
+fn damping_by_the_square_of_the_speed_is_kept() {
+    let of = |imported: &Imported| (joint(imported).damping, joint(imported).quadratic_damping);
+    for kind in ["hinge", "slide"] {
+        let attributes = format!("type=\"{kind}\" damping=\"0.1 0.02 0\"");
+        assert_eq!(of(&mjcf(&attributes, "")), (0.1, 0.02));
+    }
+    assert_eq!(of(&mjcf("damping=\"0.1 0.02\"", "<option><flag damper=\"disable\"/></option>")), (0.0, 0.0));
+    for (attributes, expected) in [
+        ("damping=\"0.1 0.02 0.3\"", (0.1, 0.02)),
+        ("damping=\"0.1 -0.02\"", (0.1, 0.0)),
+        ("type=\"ball\" damping=\"0.1 0.02\"", (0.1, 0.0)),
+    ] {
+        assert_eq!(of(&approximated(attributes)), expected, "{attributes}");
+    }
+}

@@ -120,6 +120,7 @@ fn joint(body: &Body, joint: &Joint, field: &str) -> Result<(), SceneError> {
     for (key, value, unit) in [
         ("armature", joint.armature, "kg·m²"),
         ("damping", joint.damping, "N·m·s/rad"),
+        ("quadratic_damping", joint.quadratic_damping, "N·m·s²/rad²"),
         ("stiffness", joint.stiffness, "N·m/rad"),
     ] {
         not_negative(&format!("{field}.{key}"), value, unit)?;

@@ -13,7 +13,7 @@ mod spring;
 pub use automatic::AutomaticJoint;
 pub use cogging::Cogging;
 pub use compensation::GravityCompensation;
-pub use damping::Damping;
+pub use damping::{Damping, QuadraticDamping};
 pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};
 pub use plastic::{PlasticSpring, relax};
 pub use spring::{CubicSpring, Spring};

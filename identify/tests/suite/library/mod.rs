@@ -37,6 +37,7 @@ impl Row {
 
 const ARM: &[Row] = &[
     row("viscous_friction (shoulder)", &[("shoulder.damping", 0.03)], "joint_plasticity (elbow)"),
+    row("quadratic_damping (shoulder)", &[("shoulder.quadratic_damping", 0.01)], "viscous_friction (shoulder)"),
     row("joint_stiffness (shoulder)", &[("shoulder.stiffness", 0.05)], "cubic_stiffness (shoulder)"),
     row("cubic_stiffness (shoulder)", &[("shoulder.cubic_stiffness", 0.05)], "joint_stiffness (shoulder)"),
     row("joint_plasticity (elbow)", &[("elbow.plastic_time", 4.0), ("elbow.yield", 0.05)], "viscous_friction (shoulder)"),

@@ -5,11 +5,13 @@ use pliant_scene::Source;
 use std::fmt::Write;
 use tempfile::TempDir;
 
-/// The true motion: I θ̈ = −w sin θ − b θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + a sin nθ + τ, read as θ(t) + bias + noise, with the motor's
-/// τ = gain u(t − late) cut at ±limit, and of the spring k the plastic part ṗ = (θ − p)/creep.
+/// The true motion: I θ̈ = −w sin θ − b θ̇ − b₂ |θ̇| θ̇ − c sgn θ̇ − k (θ − p) − k₃ θ³ + a sin nθ + τ, read as θ(t) + bias + noise, with
+/// the motor's τ = gain u(t − late) cut at ±limit, and of the spring k the plastic part ṗ = (θ − p)/creep.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     pub damping: f64,
+    /// b₂ [N·m·s²/rad²].
+    pub quadratic: f64,
     pub friction: f64,
     pub cubic: f64,
     /// a of the motor's cogging, [`CYCLES`] times per turn [N·m].
@@ -39,6 +41,7 @@ impl Default for Truth {
     fn default() -> Self {
         Self {
             damping: 0.0,
+            quadratic: 0.0,
             friction: 0.0,
             cubic: 0.0,
             cogging: 0.0,
@@ -57,10 +60,11 @@ impl Default for Truth {
 impl Truth {
     fn acceleration(&self, [angle, speed, plastic]: [f64; 3], command: f64) -> f64 {
         let dry = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
+        let damped = (self.damping + self.quadratic * speed.abs()) * speed;
         let spring = self.spring * (angle - plastic) + self.cubic * angle.powi(3);
         let cogging = self.cogging * (f64::from(CYCLES) * angle).sin();
         let torque = (self.gain * command).clamp(-self.limit, self.limit);
-        (-WEIGHT * angle.sin() - self.damping * speed - dry - spring + cogging + torque) / INERTIA
+        (-WEIGHT * angle.sin() - damped - dry - spring + cogging + torque) / INERTIA
     }
 
     /// Columns t, angle, speed and command of a record.
