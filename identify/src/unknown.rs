@@ -202,6 +202,15 @@ impl Unknown {
         }
     }
 
+    /// The coordinate of a value.
+    pub fn coordinate_of(&self, value: f64) -> f64 {
+        match self.coordinate {
+            Coordinate::Linear => value / self.scale,
+            Coordinate::Log => value.ln(),
+            Coordinate::Inverse => 1.0 / (value * self.scale),
+        }
+    }
+
     /// d value/d coordinate at a value.
     pub fn slope(&self, value: f64) -> f64 {
         match self.coordinate {

@@ -64,11 +64,6 @@ def of(*names):
     return pytest.mark.parametrize("case", params, indirect=True)
 
 
-def physical(answer):
-    """Accepted causes except the scene's own step, which is one too where an arm goes over the top."""
-    return [cause for cause in answer["causes"] if cause["name"] != "discretisation"]
-
-
 def test_every_case_is_recorded():
     files = {path.stem for path in (evidence.FOLDER / "diagnoses").glob("*.json")}
     assert files == set(diagnoses.CASES)
@@ -94,9 +89,9 @@ def test_friction_at_a_joint_is_named(case):
     name = name.removeprefix("arm_")
     effect = arms.EFFECTS[name]
     assert answer["verdict"] == "named", answer["reason"]
-    assert [(cause["name"], cause["object"]) for cause in physical(answer)] == [(name, effect.object)]
+    assert [(cause["name"], cause["object"]) for cause in answer["causes"]] == [(name, effect.object)]
     (size,) = effect.joint[effect.object].values()
-    assert physical(answer)[0]["parameters"][0]["estimate"] == pytest.approx(size, rel=0.03)
+    assert answer["causes"][0]["parameters"][0]["estimate"] == pytest.approx(size, rel=0.03)
     whole = answer["gain"][-1]
     assert whole["unit"] == "rad" and whole["rmse_after"] < 0.1 * whole["rmse_before"]
 
@@ -105,8 +100,8 @@ def test_friction_at_a_joint_is_named(case):
 def test_a_motor_that_saturates_is_named(case):
     _, answer = case
     assert answer["verdict"] == "named", answer["reason"]
-    assert [(cause["name"], cause["object"]) for cause in physical(answer)] == [("saturation", "motor_shoulder")]
-    assert physical(answer)[0]["parameters"][0]["estimate"] == pytest.approx(1.0, rel=0.01)
+    assert [(cause["name"], cause["object"]) for cause in answer["causes"]] == [("saturation", "motor_shoulder")]
+    assert answer["causes"][0]["parameters"][0]["estimate"] == pytest.approx(1.0, rel=0.01)
 
 
 @of("arm_encoder_bias")
@@ -180,7 +175,7 @@ def test_the_silverbox_has_a_cubic_spring(case):
     _, answer = case
     assert answer["verdict"] == "named", answer["reason"]
     # a scale of the encoder is an exact symmetry beside a free gain and must not be called a second cause
-    assert [cause["name"] for cause in physical(answer)] == ["cubic_stiffness"]
+    assert [cause["name"] for cause in answer["causes"]] == ["cubic_stiffness"]
     (cubic,) = [p for p in answer["causes"][0]["parameters"] if p["path"] == "spring.cubic_stiffness"]
     low, high = cubic["interval"]
     # all the data give 7.33e5 N/m³; these are 600 samples
@@ -215,7 +210,7 @@ def test_a_thrown_cube_is_measured_in_wrong_lengths(case):
     _, answer = case
     # the remainder (the tosses differ by more than their noise) may forbid the name; it must not bring another one
     assert [stage["name"] for stage in answer["stages"]] == ["baseline", "length_scale"], answer["reason"]
-    assert answer["verdict"] == "named" or "length_scale fits best" in answer["reason"]
+    assert answer["verdict"] == "named" or "length_scale takes" in answer["reason"]
     (scale,) = [p["estimate"] for p in answer["stages"][1]["parameters"] if p["path"] == "sensor.scale"]
     # the data's README: free fall reads 0.980 g, the cube at rest stands 0.9779 half widths high
     assert scale == pytest.approx(0.979, abs=0.002)
@@ -229,5 +224,8 @@ def test_a_thrown_cube_is_measured_in_wrong_lengths(case):
 @of("cube_flight")
 def test_free_fall_alone_leaves_length_and_gravity_ambiguous(case):
     _, answer = case
-    assert answer["verdict"] == "ambiguous", answer["reason"]
-    assert set(answer["alternatives"][0]) == {"length_scale", "gravity_magnitude"}
+    # the camera's own errors are left, more than noise: then there is no name, and nothing is said to be ambiguous
+    assert answer["verdict"] in ("ambiguous", "not_in_library"), answer["reason"]
+    assert answer["causes"] == []
+    score = {c["name"]: c["statistic"] for c in answer["candidates"] if c["object"] is None}
+    assert score["length_scale"] == pytest.approx(score["gravity_magnitude"], rel=0.01)

@@ -22,7 +22,6 @@ SYMMETRIC = 0.9995  # cosine from which two causes count as exact symmetries
 VERDICTS = ("named", "ambiguous", "varies", "numerics", "not_in_library", "adequate", "withheld")
 OUTCOMES = ("clean", "false_alarm", "flagged", "right", "wrong", "honest", "astray", "varied", "one_size", "not_in_library", "missed",
             "numerics", "withheld", "failed")  # fmt: skip
-STEP = "discretisation"  # the cause by which the scene's own step was named
 
 
 def clopper_pearson(k: int, n: int, level: float = 0.95) -> tuple[float, float]:
@@ -42,16 +41,14 @@ def upper_bound(k: int, n: int, level: float = 0.95) -> float:
 
 
 def verdict(report: dict | None) -> str:
-    """The verdict; `numerics` where nothing but the scene's own step is named, "failed" without an answer."""
+    """The verdict, "failed" without an answer."""
     found = report.get("verdict") if report else None
-    if found not in VERDICTS:
-        return "failed"
-    return "numerics" if found == "named" and report["causes"] and not told(report) else found
+    return found if found in VERDICTS else "failed"
 
 
 def told(report: dict) -> list[tuple[str, str]]:
     """Causes named, with their objects: a cause at another gripper, joint or motor is another one."""
-    return [(c["name"], c.get("object") or "") for c in report.get("causes", []) if c["name"] != STEP]
+    return [(c["name"], c.get("object") or "") for c in report.get("causes", [])]
 
 
 def considered(report: dict) -> set[tuple[str, str]]:
@@ -78,7 +75,7 @@ def same(name: str, at: str, alone: bool) -> tuple[str, str]:
 def by_path(case: dict, report: dict) -> bool:
     """Whether what was named is the wrong number of the scene, whatever the cause is called."""
     paths = {path for h in case["hidden"] for path in h["truth"]}
-    causes = [c for c in report["causes"] if c["name"] != STEP]
+    causes = report["causes"]
     return bool(paths) and len(causes) == 1 and paths <= {p["path"] for p in causes[0]["parameters"]}
 
 

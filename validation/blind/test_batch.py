@@ -218,7 +218,6 @@ def case(kind: str, *names: tuple[str, str], **more) -> dict:
 
 
 V, C, D = ("viscous_friction", "elbow"), ("coulomb_friction", "elbow"), ("viscous_friction", "shoulder")
-STEP = ("discretisation", "")
 
 
 @pytest.mark.parametrize(
@@ -227,7 +226,6 @@ STEP = ("discretisation", "")
         (case("effect", V), answer("named", V), "right"),
         (case("effect", V), answer("named", D), "wrong"),
         (case("effect", V), answer("named", V, C), "wrong"),
-        (case("effect", V), answer("named", V, STEP), "right"),
         (case("effect", V), answer("varies", V), "varied"),
         (case("effect", V), answer("ambiguous", others=[[C], [V]]), "honest"),
         (case("effect", V), answer("ambiguous", others=[[C], [D]]), "astray"),
@@ -244,7 +242,6 @@ STEP = ("discretisation", "")
         (case("null"), answer("varies", V), "false_alarm"),
         (case("null"), answer("numerics"), "flagged"),
         (case("null", numerics="step"), answer("numerics"), "clean"),
-        (case("null", numerics="step"), answer("named", STEP), "clean"),
         (case("outside"), answer("not_in_library"), "not_in_library"),
         (case("outside"), answer("named", V), "wrong"),
         (case("value", ("", "")), answer("named", C), "right"),  # its parameter is the wrong number

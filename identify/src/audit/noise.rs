@@ -30,7 +30,8 @@ pub(super) fn check(record: &Prepared, out: &mut Vec<Finding>) -> RecordNoise {
 }
 
 /// The grid step: the smallest difference between distinct values, if nearly all others are its multiples.
-/// Grids finer than a fiftieth of the noise are number formats, not sensors.
+/// Grids finer than a fiftieth of the noise are number formats, not sensors. On a grid readings repeat; those of a body that moves
+/// uniformly lie at equal distances too, and do not.
 fn grid_step(series: &[f64], sigma: f64) -> Option<f64> {
     let mut sorted = series.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -42,7 +43,7 @@ fn grid_step(series: &[f64], sigma: f64) -> Option<f64> {
             distinct.push(x);
         }
     }
-    if distinct.len() < AUDIT.grid_distinct {
+    if distinct.len() < AUDIT.grid_distinct || distinct.len() == series.len() {
         return None;
     }
     let gaps: Vec<f64> = distinct.windows(2).map(|w| w[1] - w[0]).collect();
@@ -72,5 +73,7 @@ mod tests {
         let single: Vec<f64> = noisy.iter().map(|x| f64::from(*x as f32)).collect();
         assert_eq!(grid_step(&single, noise_sigma(&single)), None);
         assert_eq!(grid_step(&[1.0; 50], 0.0), None);
+        let uniform: Vec<f64> = (0..50).map(|t| 1.0 + 6e-3 * f64::from(t)).collect();
+        assert_eq!(grid_step(&uniform, noise_sigma(&uniform)), None);
     }
 }

@@ -97,6 +97,13 @@ impl AuditReport {
         (0..channels).map(of).collect()
     }
 
+    /// Noise that quantisation makes on every channel, Δ/√12 [unit of the points]; 0 where there is no grid.
+    pub(crate) fn grids(&self) -> Vec<f64> {
+        let channels = self.noise.first().map_or(0, |n| n.quantum.len());
+        let of = |c: usize| self.noise.iter().filter_map(|n| n.quantum[c]).fold(0.0, f64::max) / 12.0_f64.sqrt();
+        (0..channels).map(of).collect()
+    }
+
     pub(crate) fn sort(&mut self) {
         self.findings.sort_by(|a, b| a.record.cmp(&b.record).then(b.severity.cmp(&a.severity)).then(a.place.cmp(&b.place)));
     }

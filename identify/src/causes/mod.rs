@@ -18,7 +18,6 @@ mod cogging_torque;
 mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
-mod discretisation;
 mod edge_lengths;
 mod encoder_bias;
 mod encoder_scale;
@@ -40,7 +39,6 @@ mod link_mass;
 mod load_friction;
 mod marker_offset;
 mod mass_distribution;
-mod mesh_convergence;
 mod payload;
 mod pieces;
 mod quadratic_damping;
@@ -60,9 +58,6 @@ mod uneven_curvature;
 mod uneven_stiffness;
 mod viscous_friction;
 mod wind;
-
-pub use discretisation::{Discretisation, TOLERATED, discretisation};
-pub use mesh_convergence::{Spacing, spacing};
 
 use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;

@@ -8,10 +8,10 @@ use crate::error::IdentifyError;
 use crate::log::{Logs, Record};
 use crate::shooting::{NodePair, Observed, Plan};
 
-/// Findings in words, and the median noise of the channels whose errors are reported.
-pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64), IdentifyError> {
+/// Findings in words, and the noise that quantisation makes on every channel [unit of the channel].
+pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<f64>), IdentifyError> {
     let first = &logs.records[0];
-    let mut sigmas = Vec::new();
+    let mut grids = Vec::new();
     let mut findings = Vec::new();
     let nothing_else = plan.joints.is_empty() && plan.orientations.is_empty();
     if !plan.markers.is_empty() || nothing_else {
@@ -21,7 +21,9 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64)
         let points = |r: &Record| r.markers.iter().flatten().flatten().copied().collect();
         let report = audited(logs, &layout, &points)?;
         findings.extend(report.findings.iter().map(|f| worded(f, logs, format!("{:?}", f.place), "m")));
-        sigmas.extend(report.noise.iter().flat_map(|n| n.sigma.clone()));
+        if !plan.markers.is_empty() {
+            grids.extend(report.grids());
+        }
     }
     for (k, sensor) in plan.joints.iter().enumerate() {
         let layout = Layout { dimension: 1, vertical: None, ..Layout::rope(1, first.inputs[0].len()) };
@@ -30,15 +32,12 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, f64)
         let again = |f: &Finding| matches!(f.place, Place::Clock | Place::Input(_)) && (k > 0 || !plan.markers.is_empty());
         let own = |f: &Finding| if matches!(f.place, Place::Input(_)) { format!("{:?}", f.place) } else { sensor.name.clone() };
         findings.extend(report.findings.iter().filter(|f| !again(f)).map(|f| worded(f, logs, own(f), sensor.unit)));
-        if sensor.unit == plan.unit() {
-            sigmas.extend(report.noise.iter().flat_map(|n| n.sigma.clone()));
-        }
+        grids.extend(report.grids());
     }
     findings.extend(starts::moving(plan));
     findings.extend(dead(plan, logs));
-    sigmas.retain(|s| s.is_finite());
-    sigmas.sort_by(f64::total_cmp);
-    Ok((findings, sigmas.get(sigmas.len() / 2).copied().unwrap_or(0.0)))
+    grids.resize(plan.channels(), 0.0);
+    Ok((findings, grids))
 }
 
 fn audited(logs: &Logs, layout: &Layout, read: &dyn Fn(&Record) -> Vec<f64>) -> Result<AuditReport, IdentifyError> {

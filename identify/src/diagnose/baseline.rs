@@ -1,7 +1,7 @@
 //! Step 2: refit of the declared free parameters.
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
-use super::constants::DIAGNOSE;
+use super::policy::POLICY;
 use super::result::Estimate;
 use crate::causes::probed;
 use crate::error::IdentifyError;
@@ -68,10 +68,10 @@ pub(super) fn declared(setup: &Setup, plan: &Plan) -> Result<Vec<Unknown>, Ident
     let one = |free: &crate::log::Free| {
         let of_joint = |sensor: usize| setup.experiment.joint[sensor].paths().iter().position(|p| *p == free.path);
         let joint = (0..setup.experiment.joint.len()).find_map(|sensor| Some((sensor, of_joint(sensor)?)));
-        let width = DIAGNOSE.declared_size * (free.upper - free.lower);
+        let width = POLICY.declared_size * (free.upper - free.lower);
         let beside = setup.offset_path(&free.path);
         let mut unknown = match (SENSOR_PATHS.iter().position(|path| *path == free.path), joint, beside) {
-            (Some(entry), ..) => Unknown::of_sensor(entry, DIAGNOSE.sensor_size, SENSOR_BOUNDS[entry]),
+            (Some(entry), ..) => Unknown::of_sensor(entry, POLICY.sensor_size, SENSOR_BOUNDS[entry]),
             (.., Some((marker, axis))) => Unknown::beside(free.path.clone(), vec![marker], axis, width),
             (None, Some((sensor, entry)), None) => {
                 let unit = setup.joint_units(sensor)[entry];
@@ -102,7 +102,7 @@ pub(super) fn refuse_dead(plan: &Plan, unknowns: &[Unknown]) -> Result<(), Ident
             norm.iter_mut().zip(row).for_each(|(n, d)| *n += d * d);
         }
     }
-    match norm.iter().position(|n| *n < DIAGNOSE.no_influence) {
+    match norm.iter().position(|n| *n < POLICY.no_influence) {
         Some(dead) if k > 0 => Err(IdentifyError::DeadParameter { path: unknowns[dead].path.clone() }),
         _ => Ok(()),
     }
@@ -135,9 +135,16 @@ impl Prepared {
         Ok(Self { unknowns, values, records })
     }
 
-    /// The baseline: fitted with its noise model, or with `rounds` 0 by least squares.
+    /// The baseline with its noise model, or with `rounds` 0 by least squares; fitted again from where it ended while it does not converge.
     pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
-        fit(plan, &self.records, &self.values, &self.unknowns, None, options)
+        let mut fitted = fit(plan, &self.records, &self.values, &self.unknowns, None, options)?;
+        for _ in 1..POLICY.baseline_fits {
+            if fitted.converged {
+                break;
+            }
+            fitted = fit(plan, &fitted.records, &fitted.values, &self.unknowns, None, options)?;
+        }
+        Ok(fitted)
     }
 }
 
@@ -158,7 +165,7 @@ fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen
     let prepared = Prepared::new(setup, plan, options)?;
     let plain = prepared.fit(plan, &FitOptions { rounds: 0, ..*options })?;
     let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;
-    let given_up = whitened.rmse > DIAGNOSE.given_up * plain.rmse;
+    let given_up = whitened.rmse > POLICY.given_up * plain.rmse;
     let mut warnings = Vec::new();
     let (fitted, spread) = if given_up {
         warnings.push(format!(
@@ -195,13 +202,13 @@ pub(super) fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), I
     let noise = fit_noise(plan, &plain.residuals, lost)?;
     let samples = plain.residuals.iter().map(Vec::len).sum::<usize>() / plan.channels().max(1);
     let wider = (samples as f64 / noise.effective_samples(samples)).max(1.0).sqrt();
-    let sigma = noise.sigma().iter().map(|s| s * noise.stationary_ratio().sqrt() * wider).collect();
+    let sigma = noise.sigma().iter().map(|s| s * noise.stationary_ratio() * wider).collect();
     let spread = Fitted { noise: ArModel::white(sigma)?, ..plain.clone() };
     Ok((Fitted { noise, ..plain }, spread))
 }
 
 /// Warning about an estimate that ends at one of its bounds.
-fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
+pub(super) fn at_bound(u: &Unknown, fitted: &Fitted) -> Option<String> {
     let value = u.value(&fitted.values);
     let bound = if value <= u.bounds.0 {
         "lower"
@@ -229,7 +236,7 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
     let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, &options)?;
     progress("intervals");
     let curvature = super::certainty::Curvature::new(&plan, &spread)?;
-    let parameters = super::certainty::estimates(&plan, &spread, &curvature.std_errors());
+    let parameters = super::certainty::estimates(&plan, &spread, &super::certainty::normal(&curvature.std_errors()));
     let held_out = if plan.held_out.is_empty() { None } else { Some(super::gain::held_out_rmse(&plan, &fitted)?) };
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,

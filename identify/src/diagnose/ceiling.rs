@@ -5,13 +5,13 @@
 //! records, under the same protocol as held-out ones (initial state from the lead-in). It names nothing. Where it takes much
 //! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
 
-use super::constants::DIAGNOSE;
 use super::gain;
+use super::policy::POLICY;
 use super::result::Ceiling;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
-use crate::stats::ridge::{Group, cross_validated};
+use crate::stats::ridge::{Group, cross_validated, foretold};
 use crate::unknown::Values;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ pub(super) fn ceiling(
     plan: &Plan,
     base: &Fitted,
     last: &Fitted,
-    judged: &[RecordPlan],
+    [judged, rejudged]: [&[RecordPlan]; 2],
     sensor_sigma: f64,
     options: &FitOptions,
 ) -> Result<Option<Ceiling>, IdentifyError> {
@@ -30,28 +30,50 @@ pub(super) fn ceiling(
         return Ok(None);
     }
     let training = gain::prepared(plan, &plan.fitted, base, options)?;
+    let relearnt = gain::prepared(plan, &plan.fitted, last, options)?;
     let before = plan.rms(&gain::residuals(plan, judged, &base.values)?);
-    let again = |records: &[RecordPlan]| gain::reread(plan, records, base, last, options);
-    let (relearnt, rejudged) = (again(&training)?, again(judged)?);
-    let after = plan.rms(&gain::residuals(plan, &rejudged, &last.values)?);
+    let after = plan.rms(&gain::residuals(plan, rejudged, &last.values)?);
     let flexible = corrected(plan, &training, judged, &base.values)?;
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
-    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > DIAGNOSE.ceiling_rounding * before;
+    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > POLICY.ceiling_rounding * before;
     let taken = |rmse: f64| if takes(rmse) { (before * before - rmse * rmse) / explainable } else { 0.0 };
     Ok(Some(Ceiling {
         rmse: flexible,
         explained_fraction: taken(flexible),
-        rmse_on_top: corrected(plan, &relearnt, &rejudged, &last.values)?,
+        rmse_on_top: corrected(plan, &relearnt, rejudged, &last.values)?,
         unit: plan.unit().to_owned(),
         share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
     }))
 }
 
+/// Part of the squares of `residuals` (of the fitted records) that the correction takes on measured records left out: a force of position,
+/// speed or inputs that the model lacks. With a single record, on blocks left out.
+pub(super) fn by_motion(plan: &Plan, fitted: &Fitted, residuals: &[Vec<f64>]) -> Result<Option<f64>, IdentifyError> {
+    let one = |(rec, residual): (&RecordPlan, &Vec<f64>)| rows_of(plan, rec, &fitted.values, Some(residual.as_slice()));
+    let all: Vec<Vec<Rows>> = fitted.records.par_iter().zip(residuals).map(one).collect::<Result<_, _>>()?;
+    let single = plan.fitted_records() < 2;
+    let mut groups: Vec<Vec<Group>> = vec![Vec::new(); groups_of(plan).len()];
+    for (k, record) in all.iter().enumerate() {
+        for (m, rows) in record.iter().enumerate() {
+            if single {
+                groups[m].extend(rows.groups(POLICY.ceiling_groups.div_ceil(all.len())));
+            } else if let Some(whole) = rows.groups(1).pop() {
+                let same = k > 0 && fitted.records[k - 1].parent == fitted.records[k].parent;
+                match groups[m].last_mut().filter(|_| same) {
+                    Some(last) => *last = last.plus(&whole, 1.0),
+                    None => groups[m].push(whole),
+                }
+            }
+        }
+    }
+    Ok(foretold(&groups))
+}
+
 /// RMSE \[m\] over `judged` after the correction learnt on `training`.
 fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values: &Values) -> Result<f64, IdentifyError> {
     let learnt: Vec<Vec<Rows>> = training.par_iter().map(|rec| rows(plan, rec, values)).collect::<Result<_, _>>()?;
-    let blocks = DIAGNOSE.ceiling_groups.div_ceil(training.len().max(1));
+    let blocks = POLICY.ceiling_groups.div_ceil(training.len().max(1));
     let groups: Vec<Vec<Group>> =
         (0..groups_of(plan).len()).map(|m| learnt.iter().flat_map(|record| record[m].groups(blocks)).collect()).collect();
     let b = cross_validated(&groups);
@@ -102,10 +124,15 @@ impl Rows {
 
 /// One entry per group; samples where it was not seen are left out.
 fn rows(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<Rows>, IdentifyError> {
+    rows_of(plan, rec, values, None)
+}
+
+/// The same with other residuals than the simulation's.
+fn rows_of(plan: &Plan, rec: &RecordPlan, values: &Values, instead: Option<&[f64]>) -> Result<Vec<Rows>, IdentifyError> {
     let shot = shoot(plan, rec, values, ShotWants::default())
         .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })?;
     let (channels, period) = (plan.channels(), rec.record.period().max(1e-9));
-    let back = DIAGNOSE.ceiling_lags.map(|lag| (lag / period).round() as usize);
+    let back = POLICY.ceiling_lags.map(|lag| (lag / period).round() as usize);
     let groups = groups_of(plan);
     let mut out: Vec<Rows> = groups.iter().map(|_| Rows::default()).collect();
     for t in 0..shot.residual.len() / channels {
@@ -130,7 +157,7 @@ fn rows(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<Rows>, Ide
             x.extend(v.iter());
             x.extend(v.iter().map(|v| speed * v));
             x.extend_from_slice(&grippers);
-            rows.y.push(shot.residual[row(t)].to_vec());
+            rows.y.push(instead.unwrap_or(&shot.residual)[row(t)].to_vec());
             rows.x.push(x);
         }
     }

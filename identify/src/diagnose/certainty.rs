@@ -1,19 +1,19 @@
 //! Steps 2 and 7: the combinations that the data determine, and intervals.
 
-use super::constants::DIAGNOSE;
-use super::result::Estimate;
+use super::numerics::Shift;
+use super::policy::POLICY;
+use super::procedure::across::solved;
+use super::result::{Estimate, Numerics};
 use super::scores::reduce;
 use crate::error::IdentifyError;
-use crate::fit::{Fitted, fit};
+use crate::fit::Fitted;
 use crate::shooting::Plan;
+use crate::stats::dist::t_quantile;
 use crate::unknown::{Unknown, Values};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Two-sided 90 % of a normal.
 const Z90: f64 = 1.644_853_626_951_472_6;
-/// χ²₁ at 90 %.
-const DEVIANCE90: f64 = 2.705_543_454_095_404;
-
 /// Curvature of the deviance in the fit's coordinates, initial states eliminated, by its principal directions.
 ///
 /// Each coordinate is measured by its own influence: its typical size may be off by orders of magnitude (a cubic spring is one N/m³ or a
@@ -31,7 +31,7 @@ impl Curvature {
 
     fn of(gram: DMatrix<f64>) -> Self {
         let own: Vec<f64> = gram.diagonal().iter().map(|d| d.max(0.0).sqrt()).collect();
-        let dust = DIAGNOSE.no_column * own.iter().copied().fold(0.0, f64::max);
+        let dust = POLICY.no_column * own.iter().copied().fold(0.0, f64::max);
         let influence = |j: usize| own[j] > dust;
         let lengths = DVector::from_fn(own.len(), |j, _| if influence(j) { own[j] } else { 1.0 });
         let unit = |i, j| if influence(i) && influence(j) { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
@@ -49,7 +49,7 @@ impl Curvature {
 
     /// The curvature up to which a direction is not determined.
     fn least(&self) -> f64 {
-        DIAGNOSE.undetermined * DIAGNOSE.undetermined * self.eigen.eigenvalues.iter().copied().fold(0.0, f64::max)
+        POLICY.undetermined * POLICY.undetermined * self.eigen.eigenvalues.iter().copied().fold(0.0, f64::max)
     }
 
     /// Standard error of each coordinate; infinite where nothing determines it.
@@ -60,7 +60,7 @@ impl Curvature {
         let (vectors, values) = (&self.eigen.eigenvectors, &self.eigen.eigenvalues);
         let (weak, least) = (self.weak(), self.least());
         let one = |j: usize| {
-            if weak.iter().any(|&k| vectors[(j, k)].abs() > DIAGNOSE.component) {
+            if weak.iter().any(|&k| vectors[(j, k)].abs() > POLICY.component) {
                 return f64::INFINITY;
             }
             let parts = (0..values.len()).map(|k| vectors[(j, k)].powi(2) / values[k].max(least).max(f64::MIN_POSITIVE));
@@ -74,7 +74,7 @@ impl Curvature {
         let word = |k: usize| {
             // back from coordinates of equal influence to those of the fit
             let v = self.eigen.eigenvectors.column(k).component_div(&self.lengths).normalize();
-            let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > DIAGNOSE.component);
+            let parts = fitted.unknowns.iter().zip(v.iter()).filter(|(_, x)| x.abs() > POLICY.component);
             parts.map(|(u, x)| format!("{x:+.2}·{}", u.path)).collect::<Vec<_>>().join(" ")
         };
         self.weak().into_iter().map(word).collect()
@@ -91,7 +91,6 @@ pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, Identi
     let reduced = reduce(plan, fitted, &fitted.unknowns)?;
     let (k, records) = (reduced.columns(), reduced.records());
     let gram = reduced.gram();
-    let lengths = DVector::from_fn(k, |j, _| gram[(j, j)].max(f64::MIN_POSITIVE).sqrt());
     let mut parts = vec![(DMatrix::<f64>::zeros(k, k), DVector::<f64>::zeros(k)); records];
     for block in reduced.blocks() {
         parts[block.record].0 += &block.gram;
@@ -99,10 +98,8 @@ pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, Identi
     }
     let mut squares = vec![0.0; k];
     for (own, score) in &parts {
-        let rest = DMatrix::from_fn(k, k, |i, j| (gram[(i, j)] - own[(i, j)]) / (lengths[i] * lengths[j]));
-        let moved = rest.svd(true, true).solve(&score.component_div(&lengths), DIAGNOSE.undetermined * DIAGNOSE.undetermined);
-        let moved = moved.unwrap_or_else(|_| DVector::from_element(k, f64::INFINITY));
-        squares.iter_mut().zip(moved.iter().zip(lengths.iter())).for_each(|(sum, (d, length))| *sum += (d / length).powi(2));
+        let moved = solved(&(&gram - own), score);
+        squares.iter_mut().zip(moved.iter()).for_each(|(sum, d)| *sum += d * d);
     }
     let of_curvature = Curvature::of(gram).std_errors();
     let share = (records as f64 - 1.0) / records.max(1) as f64;
@@ -112,71 +109,50 @@ pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, Identi
     Ok(squares.into_iter().zip(of_curvature).map(one).collect())
 }
 
-/// Estimates with intervals from standard errors of their coordinates.
-pub(super) fn estimates(plan: &Plan, fitted: &Fitted, errors: &[f64]) -> Vec<Estimate> {
-    let one = |(u, se): (&Unknown, &f64)| Estimate {
+/// Half widths of 90 % intervals in the coordinates of a fit: the wider of the one by the noise model and the one by the records, and wider
+/// by what each of the simulation's own errors makes of the estimate, unless the data exclude that a finer simulation is nearer to them.
+/// `spread`: the fit with the noise that its errors are taken from; `numerics` belong to `shifts`.
+pub(super) fn half_widths(
+    plan: &Plan,
+    spread: &Fitted,
+    (shifts, numerics): (&[Shift], &[Numerics]),
+) -> Result<Vec<f64>, IdentifyError> {
+    let mut half = normal(&Curvature::new(plan, spread)?.std_errors());
+    let records = plan.fitted_records();
+    if records >= POLICY.jackknife_records {
+        let t = t_quantile(0.5 * (1.0 + POLICY.gain_level), records as f64 - 1.0);
+        half.iter_mut().zip(by_record(plan, spread)?).for_each(|(half, error)| *half = half.max(t * error));
+    }
+    for (shift, _) in shifts.iter().zip(numerics).filter(|(_, n)| n.gain > -POLICY.per_number) {
+        half.iter_mut().zip(shift.sizes(plan, spread)?.iter()).for_each(|(half, bias)| *half += bias.abs());
+    }
+    Ok(half)
+}
+
+/// Half widths of 90 % intervals by a normal law.
+pub(super) fn normal(std_errors: &[f64]) -> Vec<f64> {
+    std_errors.iter().map(|error| Z90 * error).collect()
+}
+
+/// Estimates with their intervals.
+pub(super) fn estimates(plan: &Plan, fitted: &Fitted, half_widths: &[f64]) -> Vec<Estimate> {
+    let one = |(u, half): (&Unknown, &f64)| Estimate {
         path: u.path.clone(),
         estimate: u.value(&fitted.values),
         unit: u.unit.clone(),
-        interval: Some(by_curvature(u, &fitted.values, *se)),
+        interval: Some(interval(u, &fitted.values, *half)),
         scene_value: u.value(&plan.scene_values),
     };
-    fitted.unknowns.iter().zip(errors).map(one).collect()
+    fitted.unknowns.iter().zip(half_widths).map(one).collect()
 }
 
-/// 90 % interval from a standard error of the coordinate; its bounds where nothing determines it.
-pub(super) fn by_curvature(u: &Unknown, values: &Values, std_error: f64) -> [f64; 2] {
-    if !std_error.is_finite() {
+/// An interval of the value; its bounds where nothing determines it.
+fn interval(u: &Unknown, values: &Values, half: f64) -> [f64; 2] {
+    if !half.is_finite() {
         return [u.bounds.0, u.bounds.1];
     }
     let value = u.value(values);
-    rising([-Z90, Z90].map(|z| u.far(value, z * std_error)))
-}
-
-/// 90 % profile-likelihood interval of unknown `j`: where the deviance, minimised over all else, has risen by χ²₁(0.90).
-pub(super) fn profile(plan: &Plan, fitted: &Fitted, j: usize, std_error: f64) -> Result<[f64; 2], IdentifyError> {
-    let u = &fitted.unknowns[j];
-    if !std_error.is_finite() {
-        return Ok([u.bounds.0, u.bounds.1]);
-    }
-    let whitened = |f: &Fitted| -> Result<f64, IdentifyError> {
-        let slices: Vec<&[f64]> = f.residuals.iter().map(Vec::as_slice).collect();
-        let own: f64 = f.records.iter().flat_map(|r| &r.start.z).map(|z| z * z).sum();
-        Ok(fitted.noise.minus_two_log_likelihood(&slices)? + own)
-    };
-    // the fit ended under the noise model before the last one: the deviance is at its least a little further on
-    let fixed = DIAGNOSE.profile_fit;
-    let least = fit(plan, &fitted.records, &fitted.values, &fitted.unknowns, Some(&fitted.noise), &fixed)?;
-    let (base, best) = (whitened(&least)?, u.value(&least.values));
-    let others: Vec<_> = fitted.unknowns.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, u)| u.clone()).collect();
-    let rise = |value: f64| -> Result<f64, IdentifyError> {
-        let mut start = least.values.clone();
-        u.set(&mut start, value);
-        // a value with which the records cannot even be simulated lies outside
-        let Ok(at) = fit(plan, &least.records, &start, &others, Some(&fitted.noise), &fixed) else { return Ok(f64::INFINITY) };
-        Ok((whitened(&at)? - base).max(0.0))
-    };
-    let mut ends = [best; 2];
-    for (end, sign) in ends.iter_mut().zip([-1.0, 1.0]) {
-        // the deviance is close to a parabola: its square root is close to linear
-        let mut reach = Z90 * std_error;
-        for _ in 0..DIAGNOSE.profile_steps {
-            let value = u.moved(best, sign * reach);
-            *end = value;
-            if value <= u.bounds.0 || value >= u.bounds.1 {
-                break;
-            }
-            let risen = rise(value)?;
-            let factor = (DEVIANCE90 / risen.max(DIAGNOSE.profile_least_rise))
-                .sqrt()
-                .clamp(DIAGNOSE.profile_stretch.0, DIAGNOSE.profile_stretch.1);
-            if (factor - 1.0).abs() < DIAGNOSE.profile_settled {
-                break;
-            }
-            reach *= factor;
-        }
-    }
-    Ok(rising(ends))
+    rising([-half, half].map(|delta| u.far(value, delta)))
 }
 
 /// Ends of an interval of the value, whichever way its coordinate runs.

@@ -7,7 +7,7 @@
 //! - *by amplitude*: does the size trend with the effect's own amplitude a_b = √(I_b/rows)? z = Σ (a_b − ā) S_b / √Σ (a_b − ā)² I_b.
 //!   Dry friction in place of viscous damping, hardening in place of stiffness show here.
 
-use super::constants::DIAGNOSE;
+use super::policy::POLICY;
 use super::scores::reduce_in;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Smallest p over the parameters of a cause; 1 where there are too few parts to compare.
 pub(super) fn p_value(plan: &Plan, fitted: &Fitted, own: &[Unknown]) -> Result<f64, IdentifyError> {
-    let reduced = reduce_in(plan, fitted, &fitted.unknowns, DIAGNOSE.constancy_parts)?;
+    let reduced = reduce_in(plan, fitted, &fitted.unknowns, POLICY.constancy_parts)?;
     let columns: Vec<usize> =
         (0..fitted.unknowns.len()).filter(|&j| own.iter().any(|o| o.target.same(&fitted.unknowns[j].target))).collect();
     let smallest = columns.iter().map(|&c| of_column(&reduced, c)).fold(1.0, f64::min);
@@ -43,7 +43,7 @@ fn free_direction(gram: &DMatrix<f64>, column: usize) -> DVector<f64> {
     }
     let inner = DMatrix::from_fn(others.len(), others.len(), |i, j| gram[(others[i], others[j])]);
     let against = DVector::from_fn(others.len(), |i, _| gram[(others[i], column)]);
-    if let Ok(weights) = inner.svd(true, true).solve(&against, DIAGNOSE.singular) {
+    if let Ok(weights) = inner.svd(true, true).solve(&against, POLICY.singular) {
         others.iter().zip(weights.iter()).for_each(|(&j, w)| direction[j] = -w);
     }
     direction
@@ -65,7 +65,7 @@ impl Part {
 
 fn by_part(parts: &[Part]) -> f64 {
     let mean = parts.iter().map(|p| p.information).sum::<f64>() / parts.len().max(1) as f64;
-    let telling: Vec<&Part> = parts.iter().filter(|p| p.information > DIAGNOSE.constancy_feeble * mean).collect();
+    let telling: Vec<&Part> = parts.iter().filter(|p| p.information > POLICY.constancy_feeble * mean).collect();
     if telling.len() < 2 {
         return 1.0;
     }

@@ -1,6 +1,6 @@
 //! Step 8: the error on records that were not fitted.
 
-use super::constants::DIAGNOSE;
+use super::policy::POLICY;
 use super::result::{Curve, Gain, HorizonError, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
@@ -21,11 +21,11 @@ pub(super) fn prepared(
     }
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut short = rec.clone();
-        let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + DIAGNOSE.same_time).max(DIAGNOSE.lead_in_samples);
+        let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + POLICY.same_time).max(POLICY.lead_in_samples);
         short.record.truncate(keep);
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
-        let fixed = FitOptions { rounds: 0, max_iterations: DIAGNOSE.lead_in_iterations, ..*options };
+        let fixed = FitOptions { rounds: 0, max_iterations: POLICY.lead_in_iterations, ..*options };
         let white = crate::stats::ar::ArModel::white(by.noise.sigma().to_vec())?;
         let fitted = fit(plan, &[short], &by.values, &[], Some(&white), &fixed)?;
         let mut out = rec.clone();
@@ -35,19 +35,9 @@ pub(super) fn prepared(
     records.par_iter().map(one).collect()
 }
 
-/// The same records for a model that reads them by another sensor than the baseline: the same readings then mean another
-/// state, estimated from the same lead-in. For equal sensors they stay as they are.
-pub(super) fn reread(
-    plan: &Plan,
-    records: &[RecordPlan],
-    base: &Fitted,
-    fitted: &Fitted,
-    options: &FitOptions,
-) -> Result<Vec<RecordPlan>, IdentifyError> {
-    let (a, b) = (&base.values, &fitted.values);
-    let same = a.sensor == b.sensor && a.joints == b.joints && a.offsets == b.offsets;
-    // records that were fitted have more states than their first
-    if same || plan.held_out.is_empty() { Ok(records.to_vec()) } else { prepared(plan, records, fitted, options) }
+/// The records that a fit is judged on: those held out, each begun from its lead-in under the fit itself; where none is, the fitted ones.
+pub(super) fn judged(plan: &Plan, by: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
+    if plan.held_out.is_empty() { Ok(by.records.clone()) } else { prepared(plan, &plan.held_out, by, options) }
 }
 
 /// Residuals of `records` at `values`.
@@ -81,7 +71,7 @@ pub(super) fn gains(
 fn horizons(plan: &Plan, records: &[RecordPlan]) -> Vec<f64> {
     let longest = records.iter().map(|r| r.record.duration()).fold(0.0, f64::max);
     let mut horizons = vec![plan.model.step_length()];
-    horizons.extend(DIAGNOSE.horizons.into_iter().filter(|h| *h < longest - DIAGNOSE.same_time));
+    horizons.extend(POLICY.horizons.into_iter().filter(|h| *h < longest - POLICY.same_time));
     horizons.push(longest);
     horizons
 }
@@ -90,7 +80,7 @@ fn horizons(plan: &Plan, records: &[RecordPlan]) -> Vec<f64> {
 fn until(plan: &Plan, records: &[RecordPlan], all: &[Vec<f64>], horizon: f64) -> Vec<Vec<f64>> {
     let channels = plan.channels();
     let cut = |(r, rec): (&Vec<f64>, &RecordPlan)| {
-        let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + DIAGNOSE.same_time) + DIAGNOSE.horizon_slack).max(2);
+        let n = rec.record.time.partition_point(|t| *t <= horizon * (1.0 + POLICY.same_time) + POLICY.horizon_slack).max(2);
         r[..(n * channels).min(r.len())].to_vec()
     };
     all.iter().zip(records).map(cut).collect()
@@ -147,18 +137,18 @@ fn ends(interval: &LogRmseGain) -> Option<[f64; 2]> {
 
 /// 90 % interval of the difference of log RMSE: over records, or over blocks of the only one if it is long enough.
 fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64) -> Result<LogRmseGain, IdentifyError> {
-    let square = |r: &[f64]| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(DIAGNOSE.least_square);
+    let square = |r: &[f64]| (r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64).max(POLICY.least_square);
     let pair = |(b, a): (&[f64], &[f64])| RecordError { before: square(b), after: square(a) };
     if let ([b], [a]) = (before, after) {
         let samples = b.len() / channels;
-        if samples >= DIAGNOSE.gain_blocks * DIAGNOSE.gain_block {
-            let rows = samples / DIAGNOSE.gain_blocks * channels;
+        if samples >= POLICY.gain_blocks * POLICY.gain_block {
+            let rows = samples / POLICY.gain_blocks * channels;
             let blocks: Vec<RecordError> = b.chunks_exact(rows).zip(a.chunks_exact(rows)).map(pair).collect();
-            return Ok(log_rmse_gain_of_blocks(&blocks, DIAGNOSE.gain_level, DIAGNOSE.gain_draws, seed)?);
+            return Ok(log_rmse_gain_of_blocks(&blocks, POLICY.gain_level, POLICY.gain_draws, seed)?);
         }
     }
     let pairs: Vec<RecordError> = before.iter().zip(after).map(|(b, a)| pair((b, a))).collect();
-    Ok(log_rmse_gain(&pairs, DIAGNOSE.gain_level, DIAGNOSE.gain_draws, seed)?)
+    Ok(log_rmse_gain(&pairs, POLICY.gain_level, POLICY.gain_draws, seed)?)
 }
 
 /// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.
@@ -168,7 +158,7 @@ pub(super) fn pictures(
     (reread, after): (&[RecordPlan], &Values),
 ) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
     let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
-    for (rec, again) in records.iter().zip(reread).take(DIAGNOSE.picture_records) {
+    for (rec, again) in records.iter().zip(reread).take(POLICY.picture_records) {
         let run = |rec: &RecordPlan, values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
             shoot(plan, rec, values, wants)
@@ -192,7 +182,7 @@ pub(super) fn pictures(
             Observed::Orientation(_) => [0.0; 3],
         };
         let samples = b.residual.len() / channels;
-        let stride = samples.div_ceil(DIAGNOSE.picture_samples).max(1);
+        let stride = samples.div_ceil(POLICY.picture_samples).max(1);
         let chosen = || (0..samples).step_by(stride);
         curves.push(Curve {
             record: rec.record.name.clone(),

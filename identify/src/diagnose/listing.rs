@@ -1,108 +1,117 @@
-//! Lists of a selection: the accepted causes with their estimates, all candidates with their statistics.
+//! Lists of a diagnosis: the accepted causes with their estimates, all candidates with their statistics.
 
-use super::certainty::{Curvature, by_curvature, by_record, profile};
+use super::certainty::estimates;
+use super::constancy;
+use super::policy::POLICY;
+use super::procedure::{Found, OwnSizes};
 use super::result::*;
 use super::scores::Scores;
-use super::selection::{Accepted, Selection};
+use crate::causes::Cause as Candidate;
 use crate::error::IdentifyError;
 use crate::shooting::Plan;
-use crate::unknown::{Coordinate, Unknown};
+use crate::unknown::{Coordinate, Unknown, Values};
 
-impl Selection {
-    pub(super) fn causes(&self, plan: &Plan) -> Result<Vec<Cause>, IdentifyError> {
-        if self.accepted.is_empty() {
-            return Ok(Vec::new());
+/// The accepted causes. `half`: half widths of the intervals of everything fitted; `first`: the tests against the baseline.
+pub(super) fn causes(plan: &Plan, found: &Found, half: &[f64], first: &Scores) -> Result<Vec<Cause>, IdentifyError> {
+    let fitted = &found.fitted;
+    let all = estimates(plan, fitted, half);
+    let one = |(cause, evidence): (&Candidate, &super::procedure::Evidence)| -> Result<Cause, IdentifyError> {
+        let place = |own: &Unknown| fitted.unknowns.iter().position(|u| u.target.same(&own.target));
+        let mut parameters: Vec<Estimate> = cause.unknowns.iter().filter_map(place).map(|j| all[j].clone()).collect();
+        let own: Vec<usize> = cause.unknowns.iter().flat_map(|u| u.target.entries()).map(|(k, _)| k).collect();
+        for &(entry, value) in cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
+            let info = plan.model.params().info(entry);
+            let (path, unit, scene_value) = (info.path.clone(), info.unit.to_owned(), plan.scene_values.theta[entry]);
+            parameters.push(Estimate { path, estimate: value, unit, interval: None, scene_value });
         }
-        let spread = self.spread.as_deref();
-        let errors = match spread {
-            Some(spread) => by_record(plan, spread)?,
-            None => Curvature::new(plan, &self.current)?.std_errors(),
-        };
-        let one = |a: &Accepted| -> Result<Cause, IdentifyError> {
-            let mut parameters = Vec::new();
-            for own in &a.cause.unknowns {
-                let Some(j) = self.current.unknowns.iter().position(|u| u.target.same(&own.target)) else { continue };
-                let u = &self.current.unknowns[j];
-                let interval = match spread {
-                    // found together: by how records differ, for no noise model is true
-                    Some(spread) => by_curvature(u, &spread.values, errors[j]),
-                    None => profile(plan, &self.current, j, errors[j])?,
-                };
-                parameters.push(Estimate {
-                    path: u.path.clone(),
-                    estimate: u.value(&self.current.values),
-                    unit: u.unit.clone(),
-                    interval: Some(interval),
-                    scene_value: u.value(&plan.scene_values),
-                });
-            }
-            let own: Vec<usize> = a.cause.unknowns.iter().flat_map(|u| u.target.entries()).map(|(k, _)| k).collect();
-            for &(entry, value) in a.cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own.contains(entry)) {
-                let info = plan.model.params().info(entry);
-                parameters.push(Estimate {
-                    path: info.path.clone(),
-                    estimate: value,
-                    unit: info.unit.to_owned(),
-                    interval: None,
-                    scene_value: plan.scene_values.theta[entry],
-                });
-            }
-            Ok(Cause {
-                name: a.cause.name.to_owned(),
-                object: a.cause.object.clone(),
-                meaning: a.cause.meaning.to_owned(),
-                parameters,
-                statistic: a.statistic,
-                constancy_p: a.constancy,
-                rivals: a.rivals.clone(),
-            })
-        };
-        self.accepted.iter().map(one).collect()
-    }
+        Ok(Cause {
+            name: cause.name.to_owned(),
+            object: cause.object.clone(),
+            meaning: cause.meaning.to_owned(),
+            statistic: evidence.statistic,
+            foretold: evidence.foretold,
+            constancy_p: Some(constancy::p_value(plan, fitted, &cause.unknowns)?),
+            sizes: found.varying.as_ref().map_or_else(Vec::new, |own| sizes(plan, cause, own)),
+            rivals: rivals(first, cause),
+            parameters,
+        })
+    };
+    found.best.causes.iter().zip(&found.evidence).map(one).collect()
+}
 
-    pub(super) fn candidates(&self, first: &Scores) -> Vec<CandidateReport> {
-        let report = |c: usize| {
-            let cause = &first.causes[c];
-            let unit = cause.unknowns.first().map_or(String::new(), |u| u.unit.clone());
-            let base = CandidateReport {
-                name: cause.name.to_owned(),
-                object: cause.object.clone(),
-                status: Status::Untestable,
-                statistic: None,
-                dof: cause.unknowns.len(),
-                p_value: None,
-                absorbed_fraction: None,
-                smallest_detectable: None,
-                one_step: Vec::new(),
-                unit,
-                reason: cause.untestable.clone().unwrap_or_default(),
-            };
-            let Some(j) = first.tested.iter().position(|&t| t == c) else { return base };
-            let s = &first.score.candidates[j];
-            let absorbed = s.absorbed.iter().copied().fold(f64::NAN, f64::min);
-            let change = |k: usize, t: f64| self.change(&cause.unknowns[k], t);
-            let reasons: Vec<&str> =
-                self.notes.iter().filter(|(n, _)| *n == cause.title()).map(|(_, why)| why.as_str()).collect();
-            CandidateReport {
-                status: if s.rank == 0 { Status::Absorbed } else { Status::Tested },
-                statistic: (s.rank > 0).then_some(s.lm),
-                p_value: (s.rank > 0).then_some(first.adjusted[j]),
-                absorbed_fraction: Some(absorbed).filter(|a| a.is_finite()),
-                smallest_detectable: s.detectable.first().map(|d| change(0, *d)).filter(|d| d.is_finite()),
-                one_step: s.theta.iter().enumerate().map(|(k, t)| change(k, *t)).collect(),
-                reason: if s.rank == 0 { "what can be fitted anyway hides it".to_owned() } else { reasons.join("; ") },
-                ..base
-            }
-        };
-        (0..first.causes.len()).map(report).collect()
-    }
-
-    /// Change of a cause's value by a step of its coordinate; where the value starts at infinity, the value after the step.
-    fn change(&self, u: &Unknown, step: f64) -> f64 {
-        match u.coordinate {
-            Coordinate::Linear => u.slope(0.0) * step,
-            Coordinate::Log => u.slope(u.value(&self.current.values)) * step,
-            Coordinate::Inverse => u.far(u.value(&self.current.values), step),
+/// The size of a cause's first number in every record; none where these do not differ.
+fn sizes(plan: &Plan, cause: &Candidate, own: &OwnSizes) -> Vec<RecordSize> {
+    let Some(first) = cause.unknowns.first() else { return Vec::new() };
+    let Some(place) = own.unknowns.iter().position(|u| u.target.same(&first.target)) else { return Vec::new() };
+    let records = plan.fitted.iter().filter(|rec| !rec.record.name.contains(" from ") || rec.parent == 0);
+    let mut names: Vec<String> = Vec::new();
+    for rec in records {
+        if names.len() == rec.parent {
+            names.push(rec.record.name.clone());
         }
+    }
+    let one = |(k, sizes): (usize, &Vec<f64>)| RecordSize {
+        record: names.get(k).cloned().unwrap_or_else(|| format!("record {k}")),
+        size: sizes[place],
+    };
+    own.values.iter().enumerate().map(one).collect()
+}
+
+/// The causes most similar to one on these data, among those tested against the baseline.
+fn rivals(tested: &Scores, cause: &Candidate) -> Vec<Rival> {
+    let of = |j: usize| &tested.causes[tested.tested[j]];
+    let Some(j) = (0..tested.tested.len()).find(|&j| of(j).title() == cause.title()) else { return Vec::new() };
+    let others = (0..tested.tested.len()).filter(|&k| k != j && tested.score.candidates[k].rank > 0);
+    let one =
+        |k: usize| Rival { name: of(k).name.to_owned(), object: of(k).object.clone(), cosine: tested.score.cosines[(j, k)] };
+    let mut out: Vec<Rival> = others.map(one).collect();
+    out.sort_by(|a, b| b.cosine.abs().total_cmp(&a.cosine.abs()));
+    out.truncate(POLICY.listed_rivals);
+    out
+}
+
+/// Every candidate against the baseline, with what became of it.
+pub(super) fn candidates(first: &Scores, base: &Values, notes: &[(String, String)]) -> Vec<CandidateReport> {
+    let report = |c: usize| {
+        let cause = &first.causes[c];
+        let unit = cause.unknowns.first().map_or(String::new(), |u| u.unit.clone());
+        let untested = CandidateReport {
+            name: cause.name.to_owned(),
+            object: cause.object.clone(),
+            status: Status::Untestable,
+            statistic: None,
+            dof: cause.unknowns.len(),
+            p_value: None,
+            absorbed_fraction: None,
+            smallest_detectable: None,
+            one_step: Vec::new(),
+            unit,
+            reason: cause.untestable.clone().unwrap_or_default(),
+        };
+        let Some(j) = first.tested.iter().position(|&t| t == c) else { return untested };
+        let s = &first.score.candidates[j];
+        let absorbed = s.absorbed.iter().copied().fold(f64::NAN, f64::min);
+        let change = |k: usize, t: f64| change(&cause.unknowns[k], base, t);
+        let reason = notes.iter().rev().find(|(title, _)| *title == cause.title()).map_or("", |(_, why)| why.as_str());
+        CandidateReport {
+            status: if s.rank == 0 { Status::Absorbed } else { Status::Tested },
+            statistic: (s.rank > 0).then_some(s.lm),
+            p_value: (s.rank > 0).then_some(first.adjusted[j]),
+            absorbed_fraction: Some(absorbed).filter(|a| a.is_finite()),
+            smallest_detectable: s.detectable.first().map(|d| change(0, *d)).filter(|d| d.is_finite()),
+            one_step: s.theta.iter().enumerate().map(|(k, t)| change(k, *t)).collect(),
+            reason: if s.rank == 0 { "what can be fitted anyway hides it".to_owned() } else { reason.to_owned() },
+            ..untested
+        }
+    };
+    (0..first.causes.len()).map(report).collect()
+}
+
+/// Change of a cause's value by a step of its coordinate; where the value starts at infinity, the value after the step.
+fn change(u: &Unknown, at: &Values, step: f64) -> f64 {
+    match u.coordinate {
+        Coordinate::Linear => u.slope(0.0) * step,
+        Coordinate::Log => u.slope(u.value(at)) * step,
+        Coordinate::Inverse => u.far(u.value(at), step),
     }
 }

@@ -1,20 +1,23 @@
 //! The whole diagnosis, in order.
 
-use super::baseline::Prepared;
-use super::certainty::Curvature;
-use super::constants::DIAGNOSE;
+use super::baseline::{Prepared, at_bound, coloured};
+use super::certainty::{Curvature, estimates, half_widths, normal};
+use super::listing;
+use super::numerics::shifts;
+use super::policy::POLICY;
+use super::procedure::{Bench, Found, search};
+use super::remainder::remainder;
 use super::result::*;
 use super::scores::scores;
-use super::search::{Found, is_possible, search};
-use super::selection::Selection;
-use super::story::Story;
-use super::verdict::{decide, set_alternatives};
-use super::{audit, ceiling, gain, numerics, remainder};
-use crate::causes::{discretisation, spacing};
+use super::story::story;
+use super::verdict::decide;
+use super::{audit, ceiling, gain};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::log::{Logs, Setup, Split};
-use crate::shooting::{Plan, RecordPlan, opened};
+use crate::log::{Interpolation, Logs, Setup, Split};
+use crate::number::number_plain;
+use crate::shooting::{Plan, opened};
+use crate::stats::ar::ArModel;
 use std::time::Instant;
 
 /// Settings of a diagnosis.
@@ -32,6 +35,26 @@ impl Default for DiagnoseOptions {
     }
 }
 
+/// Seconds of each part.
+struct Clock {
+    start: Instant,
+    last: Instant,
+    parts: Vec<PartTime>,
+}
+
+impl Clock {
+    fn new() -> Self {
+        let now = Instant::now();
+        Self { start: now, last: now, parts: Vec::new() }
+    }
+
+    fn done(&mut self, part: &str) {
+        let seconds = self.last.elapsed().as_secs_f64();
+        self.parts.push(PartTime { part: part.to_owned(), seconds });
+        self.last = Instant::now();
+    }
+}
+
 /// Finds the physical effects that the scene lacks to explain the logs.
 ///
 /// `progress` is told each step. Errors: wrong input, or a baseline that cannot be simulated; everything else ends in
@@ -42,62 +65,113 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, IdentifyError> {
-    let clock = Instant::now();
+    let mut clock = Clock::new();
+    let first = pass(setup, logs, None, options, &mut clock, progress)?;
+    let Some(refined) = Refinement::of(&first, setup) else { return Ok(first) };
+    progress(&format!("once more, with {}", refined.words()));
+    pass(&refined.setup(setup), logs, Some((&refined, &first)), options, &mut clock, progress)
+}
+
+/// A finer simulation than the scene's.
+struct Refinement {
+    step: f64,
+    interpolation: Interpolation,
+}
+
+impl Refinement {
+    /// The one that a diagnosis calls for: its step where the data are nearer to a finer one, or where a cause would only make up
+    /// for it; the other reading of inputs where the data are nearer to that. Small causes are not to be looked for in the simulation's own error.
+    fn of(d: &Diagnosis, setup: &Setup) -> Option<Self> {
+        let of = |kind| d.numerics.iter().find(|n: &&Numerics| n.kind == kind);
+        let (step, interpolation) = (setup.scene.time.step, setup.experiment.interpolation);
+        let told = |n: &&Numerics| n.gain > POLICY.per_number || d.imitated.contains(&NumericsKind::Step);
+        let needed = of(NumericsKind::Step).filter(told).and_then(|n| n.needed);
+        let finer = needed.map(|needed| (step / needed).ceil().min(POLICY.finest));
+        let other = of(NumericsKind::Inputs).is_some_and(|n| n.gain > POLICY.per_number);
+        let wanted = d.verdict != Verdict::Withheld && (finer.is_some() || other);
+        wanted.then(|| Self {
+            step: step / finer.unwrap_or(1.0),
+            interpolation: if other { interpolation.other() } else { interpolation },
+        })
+    }
+
+    fn setup(&self, setup: &Setup) -> Setup {
+        let mut out = setup.clone();
+        out.scene.time.step = self.step;
+        out.experiment.interpolation = self.interpolation;
+        out
+    }
+
+    fn words(&self) -> String {
+        format!("a step of {} s and inputs read as `interpolation = \"{}\"`", number_plain(self.step), self.interpolation.name())
+    }
+}
+
+/// A diagnosis with the simulation as it is given; `coarser`: what the scene's own gave, and how this one is finer.
+fn pass(
+    setup: &Setup,
+    logs: &Logs,
+    coarser: Option<(&Refinement, &Diagnosis)>,
+    options: &DiagnoseOptions,
+    clock: &mut Clock,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, IdentifyError> {
     progress("auditing the data");
     let mut plan = Plan::opened(setup, logs)?;
-    let (mut findings, sensor_sigma) = audit::check(&plan, logs)?;
+    let (mut findings, grids) = audit::check(&plan, logs)?;
     if logs.split == Split::NothingHeldOut {
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
     }
     findings.extend(audit::held_markers(&plan));
-    let fit_options = FitOptions::default();
-    progress("fitting the baseline");
-    let prepared = Prepared::new(setup, &mut plan, &fit_options)?;
-    let found = together(&plan, &prepared, sensor_sigma, options, progress)?;
-    let base = match &found {
-        Some(found) => found.base.coloured.clone(),
-        None => prepared.fit(&plan, &fit_options)?,
-    };
-    let held_out = gain::prepared(&plan, &plan.held_out, &base, &fit_options)?;
-    let judged: &[RecordPlan] = if held_out.is_empty() { &base.records } else { &held_out };
-    let mut story =
-        Story { plan: &plan, judged, base: &base, options: &fit_options, by_record: found.is_some(), stages: Vec::new() };
-    let plain = found.as_ref().map(|found| found.base.spread.clone());
-    story.add("baseline", plain.as_ref().unwrap_or(&base))?;
+    clock.done("audit");
 
-    let mut run = Selection::new(&base);
-    progress("testing every cause");
-    let first = scores(&plan, &base, options.seed)?;
-    match found {
-        Some(found) => run.take(found, &mut story)?,
-        None => {
-            run.grow(&plan, &first, sensor_sigma, options, &fit_options, &mut story, progress)?;
-            run.prune(&plan, &base.unknowns, &fit_options, progress)?;
-        }
-    }
+    progress("fitting the baseline");
+    let prepared = Prepared::new(setup, &mut plan, &FitOptions::default())?;
+    let plain = prepared.fit(&plan, &FitOptions { rounds: 0, tolerance: 1e-5, ..FitOptions::default() })?;
+    let scatter = super::procedure::scatter::scatter(&plan, &plain, &grids);
+    let bench = Bench { plan: &plan, declared: plain.unknowns.clone(), white: ArModel::white(scatter.clone())? };
+    let base = bench.finished(&plain, &plain.records)?;
+    let converged = plain.converged;
+    clock.done("baseline");
+
+    let scene = opened(&setup.scene);
+    let found = search(&bench, &scene, base, options.max_causes, options.seed, progress)?;
+    clock.done("search");
 
     progress("checking what remains");
-    let numerics = discretisation(&plan, &run.current.records, &run.current.values, run.current.rmse)?;
-    let has_ropes = !plan.model.ropes().is_empty();
-    let spaced = || spacing(&opened(&setup.scene), &plan, &run.current.records, &run.current.values, run.current.rmse);
-    let edges = if has_ropes { spaced() } else { None };
-    let p_input = remainder::depends_on_input(&plan, &run.current)?;
-    let last = scores(&plan, &run.current, options.seed)?;
-    let untested = !run.ambiguous.is_empty() || run.rejected || last.adjusted.iter().any(|p| *p <= DIAGNOSE.level);
-    let varying = run.test_constancy(&plan)?;
-    let left = run.remainder(&plan, &base, sensor_sigma, p_input, untested, varying);
+    let (fitted, spread) = (&found.fitted, spread(&plan, &found)?);
+    let shifts = shifts(&scene, &plan, fitted);
+    let numerics: Vec<Numerics> = shifts
+        .iter()
+        .map(|shift| Ok(shift.report(&plan, fitted, shift.gain(&plan, &spread)?)))
+        .collect::<Result<_, IdentifyError>>()?;
+    let sensor_sigma = reported(&plan, &scatter);
+    let noise = noise(&plan, fitted, sensor_sigma);
+    let base_rmse = found.base.fitted.rmse;
+    // where sizes differ from record to record, what is left beside the sizes of each
+    let beside = found.varying.as_ref().map_or(fitted, |own| &own.fitted);
+    let left = remainder(&bench, beside, (&shifts, &numerics), base_rmse, &noise)?;
+    clock.done("remainder");
 
     progress("intervals and held-out gain");
-    let causes = run.causes(&plan)?;
-    let before = gain::residuals(&plan, judged, &base.values)?;
-    let reread = gain::reread(&plan, judged, &base, &run.current, &fit_options)?;
-    let after = gain::residuals(&plan, &reread, &run.current.values)?;
-    let gain =
-        if held_out.is_empty() { Vec::new() } else { gain::gains(&plan, judged, &before, &after, sensor_sigma, options.seed)? };
-    let ceiling = ceiling::ceiling(&plan, &base, &run.current, judged, sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(&plan, (judged, &base.values), (&reread, &run.current.values))?;
-    let of_base = plain.as_ref().unwrap_or(&base);
-    let curvature = Curvature::new(&plan, of_base)?;
+    let half = half_widths(&plan, &spread, (&shifts, &numerics))?;
+    // every candidate against the baseline, under the noise of the final model
+    let first = scores(&plan, &Fitted { noise: fitted.noise.clone(), ..found.base.fitted.clone() }, options.seed)?;
+    let causes = listing::causes(&plan, &found, &half, &first)?;
+    clock.done("intervals");
+    let fit_options = FitOptions::default();
+    let base = &found.base.fitted;
+    let judged = [gain::judged(&plan, base, &fit_options)?, gain::judged(&plan, fitted, &fit_options)?];
+    let before = gain::residuals(&plan, &judged[0], &base.values)?;
+    let after = gain::residuals(&plan, &judged[1], &fitted.values)?;
+    let gain = match plan.held_out.is_empty() {
+        true => Vec::new(),
+        false => gain::gains(&plan, &judged[0], &before, &after, sensor_sigma, options.seed)?,
+    };
+    let ceiling = ceiling::ceiling(&plan, base, fitted, [&judged[0], &judged[1]], sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(&plan, (&judged[0], &base.values), (&judged[1], &fitted.values))?;
+    let stages = story(&bench, &found, &half, &fit_options)?;
+    let curvature = Curvature::new(&plan, &coloured(&plan, base.clone())?.1)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
         scene: setup.source.place("").file.unwrap_or_default(),
@@ -109,46 +183,40 @@ pub fn diagnose(
         alternative_objects: Vec::new(),
         advice: Vec::new(),
         remainder: left,
-        candidates: run.candidates(&first),
+        candidates: listing::candidates(&first, &base.values, &found.notes),
         gain,
         ceiling,
-        noise: noise(&plan, &run.current, sensor_sigma),
+        numerics,
+        imitated: found.imitated.iter().map(|(_, kind)| *kind).collect(),
+        refined: coarser.map(|(refined, _)| Refined { step: refined.step, interpolation: refined.interpolation }),
+        noise,
+        warnings: fitted.unknowns.iter().filter_map(|u| at_bound(u, fitted)).collect(),
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
-        baseline: story.stages[0].parameters.clone(),
-        unidentifiable: curvature.unidentifiable(&base),
-        stages: story.stages,
+        baseline: estimates(&plan, base, &normal(&curvature.std_errors())),
+        unidentifiable: curvature.unidentifiable(base),
+        stages,
         curves,
         snapshots,
         wall_s: 0.0,
+        parts: Vec::new(),
     };
-    set_alternatives(&mut diagnosis, &run.alternatives());
-    numerics::report(&mut diagnosis, &numerics, has_ropes.then_some(edges.as_ref()), plan.model.step_length());
-    let imitated = run.imitated(&plan, &base, sensor_sigma)?;
-    decide(&mut diagnosis, &run, &first, base.converged, imitated, numerics.ratio);
-    diagnosis.wall_s = clock.elapsed().as_secs_f64();
+    decide(&mut diagnosis, &found, &first, converged, coarser.map(|(refined, d)| (refined.words(), d)));
+    clock.done("held-out gain and report");
+    diagnosis.wall_s = clock.start.elapsed().as_secs_f64();
+    diagnosis.parts.clone_from(&clock.parts);
     Ok(diagnosis)
 }
 
-/// Where the residual is no noise and records are many: causes that carry over together, and the baseline of least squares that they
-/// begin from. What they leave has to be no noise either: else a noise model can be found, and is the better judge.
-fn together(
-    plan: &Plan,
-    prepared: &Prepared,
-    sensor_sigma: f64,
-    options: &DiagnoseOptions,
-    progress: &mut dyn FnMut(&str),
-) -> Result<Option<Found>, IdentifyError> {
-    let no_noise = |fitted: &Fitted| sensor_sigma > 0.0 && fitted.rmse > DIAGNOSE.no_noise * sensor_sigma;
-    if !is_possible(plan) {
-        return Ok(None);
-    }
-    let plain = prepared.fit(plan, &FitOptions { rounds: 0, tolerance: DIAGNOSE.baseline_tolerance, ..FitOptions::default() })?;
-    if !no_noise(&plain) {
-        return Ok(None);
-    }
-    let found = search(plan, &plain, options.max_causes, options.seed, progress)?;
-    Ok(Some(found).filter(|found| found.steps.last().is_some_and(|last| no_noise(&last.fitted.coloured))))
+/// The final model with the noise that the errors of its estimates are taken from: its own where what is left is noise, else white noise of
+/// as many independent samples as the residual has.
+fn spread(plan: &Plan, found: &Found) -> Result<Fitted, IdentifyError> {
+    if found.no_noise { Ok(coloured(plan, found.fitted.clone())?.1) } else { Ok(found.fitted.clone()) }
+}
+
+/// Root mean square over the channels whose errors are reported.
+fn reported(plan: &Plan, scatter: &[f64]) -> f64 {
+    plan.rms(&[scatter.to_vec()])
 }
 
 /// The noise of a fit, in the reported unit.
@@ -159,7 +227,7 @@ fn noise(plan: &Plan, fitted: &Fitted, sensor_sigma: f64) -> Noise {
     let channels = sigma.len().max(1);
     Noise {
         ar: fitted.noise.coefficients().to_vec(),
-        sigma: reported * fitted.noise.stationary_ratio().sqrt(),
+        sigma: reported * fitted.noise.stationary_ratio(),
         sensor_sigma,
         effective_samples: fitted.noise.effective_samples(rows / channels) * channels as f64,
     }

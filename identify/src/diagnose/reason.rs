@@ -1,77 +1,100 @@
-//! Why causes are named, in words.
+//! The verdict's reasons, in words.
 
-use super::constants::DIAGNOSE;
-use super::result::{Cause, Estimate, Gain, Noise, Remainder};
-use super::select::Margin;
+use super::policy::POLICY;
+use super::result::{Cause, Estimate, Gain, Noise, Numerics, Remainder};
 use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
 
-/// Name of the cause that lies in the simulation itself.
-pub(super) const DISCRETISATION: &str = "discretisation";
-
-/// The causes with their sizes, their lead over the nearest rival, and their gain on records that were not fitted.
-///
-/// `margins` belong to the accepted causes that had a rival to beat.
-pub(super) fn named<'a>(causes: &[Cause], margins: impl Iterator<Item = (String, &'a Margin)>, gain: &[Gain]) -> String {
-    let (numerics, physics): (Vec<&Cause>, Vec<&Cause>) = causes.iter().partition(|c| c.name == DISCRETISATION);
-    let mut out = Vec::new();
-    if !physics.is_empty() {
-        let all: Vec<String> = physics.iter().map(|c| format!("{}: {}", c.title(), sizes(c))).collect();
-        let least = number_plain(physics.iter().map(|c| c.statistic).fold(f64::INFINITY, f64::min));
-        let proof = if all.len() == 1 {
-            format!("its likelihood-ratio statistic is {least}")
-        } else {
-            format!("taking any of them away costs a likelihood-ratio statistic of {least} or more")
-        };
-        out.push(format!("The data call for {}; {proof}.", all.join(", and for ")));
-    }
-    for e in numerics.iter().flat_map(|c| &c.parameters) {
-        let [needed, scene] = [e.estimate, e.scene_value].map(number_plain);
-        out.push(format!(
-            "The simulation's own step of {scene} {0} is too coarse for these data, {needed} {0} would do.",
-            e.unit
-        ));
-    }
-    if !physics.is_empty() {
-        let nearest = margins.min_by(|(_, a), (_, b)| (a.lead / a.needed).total_cmp(&(b.lead / b.needed)));
-        let rival = match nearest {
-            Some((name, m)) => format!(
-                "The rival nearest to {name}, {}, is beaten by {:.1} standard errors ({:.1} are needed)",
-                m.rival, m.lead, m.needed
-            ),
-            None => "No rival was left to beat after the refits".to_owned(),
-        };
-        out.push(format!("{rival}, and {}.", held_out(gain)));
-    }
-    out.join(" ")
+/// The causes with their sizes, what each of them takes, and the gain on records that were not fitted.
+pub(super) fn named(causes: &[Cause], gain: &[Gain]) -> String {
+    let all: Vec<String> = causes.iter().map(|c| format!("{}: {}", c.title(), sizes(c))).collect();
+    let least = number_plain(causes.iter().map(|c| c.statistic).fold(f64::INFINITY, f64::min));
+    let proof = if all.len() == 1 {
+        format!("without it the likelihood falls by {least} units of −2 log")
+    } else {
+        format!("without any of them the likelihood falls by {least} units of −2 log or more")
+    };
+    format!("The data call for {}; {proof}, no other cause comes as near, and {}.", all.join(", and for "), held_out(gain))
 }
 
-/// That a residual without a cause is too large and too slow to be noise, if it is.
-pub(super) fn unlike_noise(noise: &Noise, left: &Remainder) -> Option<String> {
-    let times = left.rmse / noise.sensor_sigma;
-    (noise.sensor_sigma > 0.0 && times > DIAGNOSE.no_noise).then(|| {
-        format!(
-            "no cause of the library was found, but what is left, {}, is {times:.0} times what the readings scatter from one to the next: \
-             too much for noise, and slow: something outside the library",
-            quantity_plain(left.rmse, &left.unit)
-        )
-    })
-}
-
-/// That causes were found which carry over to other records together, and leave too much to be given names.
-pub(super) fn together(names: &[String], left: &Remainder, noise: &Noise) -> String {
+/// That the law is right and its size differs from record to record.
+pub(super) fn varies(causes: &[Cause], varying: &str) -> String {
+    let all: Vec<String> = causes.iter().map(|c| format!("{}: {}", c.title(), sizes(c))).collect();
+    let sizes = causes.iter().filter(|c| c.title() == varying).flat_map(|c| &c.sizes);
+    let sizes: Vec<String> = sizes.map(|s| format!("{} in {}", number_plain(s.size), s.record)).collect();
     format!(
-        "{} together take {} of what can be explained, each of them on records it was not fitted to; what is left, {}, is {:.0} times what \
-         the readings scatter: something else is there, outside the library, that one of these may stand for in part",
+        "The data call for {}, but {varying} has another size in every record: {}. What it depends on is not in the model",
+        all.join(", and for "),
+        sizes.join(", ")
+    )
+}
+
+/// That several causes fit alike. `accepted`: those that stand whichever of them is right; `by_any`: no data of this kind can tell them.
+pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool) -> String {
+    let beside = if accepted.is_empty() { String::new() } else { format!(" beside {}", accepted.join(" and ")) };
+    if by_any {
+        format!(
+            "{} explains the data{beside}, and no log of these sensors can tell it from {}: both move the readings in the same way",
+            set[0],
+            set[1..].join(", ")
+        )
+    } else {
+        format!("{} explain the data equally well{beside}", set.join(", "))
+    }
+}
+
+/// That causes were found which carry over to other records, and leave too much to be given names.
+pub(super) fn approximated(causes: &[Cause], left: &Remainder) -> String {
+    let names: Vec<String> = causes.iter().map(Cause::title).collect();
+    let verb = if names.len() == 1 { "takes" } else { "together take" };
+    format!(
+        "{} {verb} {} of what can be explained, and {}: something else is there, outside the library, that what was found may stand for",
         names.join(", "),
         share(left.explained_fraction),
-        quantity_plain(left.rmse, &left.unit),
-        left.rmse / noise.sensor_sigma
+        left.note
     )
+}
+
+/// That something is there for which no cause is accepted.
+pub(super) fn unexplained(left: &Remainder) -> String {
+    format!(
+        "no cause of the library is accepted, and {}: something outside the library ({})",
+        left.note,
+        quantity_plain(left.rmse, &left.unit)
+    )
+}
+
+/// That a cause would only make up for the simulation's own error, or that this error is part of what is left.
+pub(super) fn numerics(own: &[&Numerics], imitated: &[String]) -> String {
+    let what = own.iter().map(|n| n.note.clone()).collect::<Vec<_>>().join("; ");
+    match imitated {
+        [] => format!("no cause is accepted, and part of what is left is the simulation's own: {what}"),
+        some => format!("{} would only make up for the simulation's own error: {what}", some.join(", ")),
+    }
+}
+
+/// The reservation that the simulation's own error is, beside causes.
+pub(super) fn own_error(own: &[Numerics]) -> String {
+    let notes: Vec<&str> = own.iter().map(|n| n.note.as_str()).collect();
+    if notes.is_empty() { String::new() } else { format!(" The simulation's own error counts as well: {}.", notes.join("; ")) }
+}
+
+/// That the simulation was refined, and why. `coarse`: what counted with the scene's own.
+pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
+    let notes: Vec<&str> = coarse.iter().map(|n| n.note.as_str()).collect();
+    let because = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
+    format!(". The scene's own simulation is too coarse for these data{because}; this is of one with {finer}")
+}
+
+/// That nothing can be built on the baseline.
+pub(super) fn not_converged() -> String {
+    "the baseline fit did not converge, and nothing built on it can be trusted: start the free parameters nearer to their values, narrow \
+     their bounds, or free fewer of them"
+        .to_owned()
 }
 
 /// That no cause was found; and where the residual is slow and larger than the sensors' own noise, that this is all the data say.
 pub(super) fn adequate(noise: &Noise, left: &Remainder) -> String {
-    if left.rmse <= DIAGNOSE.larger * noise.sensor_sigma || noise.sensor_sigma == 0.0 {
+    if left.rmse <= POLICY.larger * noise.sensor_sigma || noise.sensor_sigma == 0.0 {
         return "nothing beyond the noise was found".to_owned();
     }
     format!(
@@ -109,15 +132,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_residual_that_is_slow_and_large_is_not_called_noise() {
+    fn a_residual_that_is_slow_is_not_called_noise() {
         let noise = |sensor_sigma| Noise { ar: vec![0.97], sigma: 1e-3, sensor_sigma, effective_samples: 28.0 };
         let left = Remainder { rmse: 1.2e-3, unit: "rad".to_owned(), ..Remainder::default() };
         assert_eq!(adequate(&noise(1e-3), &left), "nothing beyond the noise was found");
         let slow = adequate(&noise(3e-4), &left);
         assert!(slow.contains("1.2 10⁻³ rad, is 4.0 times") && slow.contains("twice"), "{slow}");
-        assert_eq!(unlike_noise(&noise(3e-4), &left), None);
-        let large = unlike_noise(&noise(1e-4), &left).unwrap_or_default();
-        assert!(large.contains("is 12 times") && large.ends_with("something outside the library"), "{large}");
     }
 
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
@@ -129,17 +149,15 @@ mod tests {
             meaning: String::new(),
             parameters: vec![parameter],
             statistic,
+            foretold: None,
             constancy_p: None,
+            sizes: Vec::new(),
             rivals: Vec::new(),
         }
     }
 
-    fn margin(rival: &str, lead: f64) -> Margin {
-        Margin { rival: rival.into(), lead, needed: 2.5 }
-    }
-
     #[test]
-    fn one_cause_comes_with_size_rival_and_gain() {
+    fn one_cause_comes_with_size_and_gain() {
         let gain = |horizon_s: f64, rmse_after: f64| Gain {
             horizon_s,
             rmse_before: 4e-3,
@@ -149,39 +167,30 @@ mod tests {
             explained_fraction: 0.9,
             mean_abs: [0.0; 2],
         };
-        let (damping, drag) = (cause("internal_damping", "cable.bend_damping", 5e-5, "N·m²·s", 1e4), margin("linear_drag", 41.0));
-        let text = named(&[damping], [("internal_damping".to_owned(), &drag)].into_iter(), &[gain(0.1, 3e-3), gain(4.0, 1e-3)]);
+        let text =
+            named(&[cause("internal_damping", "cable.bend_damping", 5e-5, "N·m²·s", 1e4)], &[gain(0.1, 3e-3), gain(4.0, 1e-3)]);
         assert_eq!(
             text,
             "The data call for internal_damping: cable.bend_damping = 5e-5 N·m²·s (90 % interval 4.5e-5 to 5.5e-5, scene 0); \
-             its likelihood-ratio statistic is 10000. The rival nearest to internal_damping, linear_drag, is beaten by 41.0 \
-             standard errors (2.5 are needed), and the error on held-out records falls from 4 to 1 mm (RMSE over 4 s)."
+             without it the likelihood falls by 10000 units of −2 log, no other cause comes as near, and the error on held-out records \
+             falls from 4 to 1 mm (RMSE over 4 s)."
         );
     }
 
     #[test]
-    fn several_causes_tell_the_closest_decision() {
+    fn several_causes_tell_the_least() {
         let causes = [
             cause("sensor_scale", "sensor.scale", 1.02, "-", 300.0),
             cause("internal_damping", "cable.bend_damping", 5e-5, "N·m²·s", 200.0),
-            cause(DISCRETISATION, "time.step", 0.002, "s", 0.5),
         ];
-        let (near, far) = (margin("gravity_tilt", 3.0), margin("linear_drag", 30.0));
-        let text = named(&causes, [("sensor_scale".to_owned(), &far), ("internal_damping".to_owned(), &near)].into_iter(), &[]);
-        assert!(text.starts_with("The data call for sensor_scale: sensor.scale = 1.02 (90 %"), "{text}");
+        let text = named(&causes, &[]);
         for part in [
-            ", and for internal_damping: cable.bend_damping = 5e-5",
-            "costs a likelihood-ratio statistic of 200 or more. The simulation's own step of 0 s is too coarse",
-            ", 0.002 s would do. The rival nearest to internal_damping, gravity_tilt, is beaten by 3.0 ",
+            "The data call for sensor_scale: ",
+            ", and for internal_damping: ",
+            "without any of them the likelihood falls by 200 ",
             "and no record was held out to check this on.",
         ] {
             assert!(text.contains(part), "{text}");
         }
-    }
-
-    #[test]
-    fn a_step_too_coarse_has_no_rival() {
-        let text = named(&[cause(DISCRETISATION, "time.step", 0.002, "s", 0.5)], [].into_iter(), &[]);
-        assert_eq!(text, "The simulation's own step of 0 s is too coarse for these data, 0.002 s would do.");
     }
 }

@@ -1,14 +1,64 @@
-//! Test whether the residual after all accepted causes is more than noise.
+//! Whether what is left after all accepted causes, and beyond the simulation's own error, is more than noise.
 
-use super::constants::DIAGNOSE;
+use super::ceiling;
+use super::numerics::Shift;
+use super::policy::POLICY;
+use super::procedure::Bench;
+use super::result::{Noise, Numerics, Remainder};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
 use crate::stats::whiteness::{channel, cross_correlation};
 
+/// What a model leaves. `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
+pub(super) fn remainder(
+    bench: &Bench,
+    fitted: &Fitted,
+    (shifts, numerics): (&[Shift], &[Numerics]),
+    base_rmse: f64,
+    noise: &Noise,
+) -> Result<Remainder, IdentifyError> {
+    let plan = bench.plan;
+    // the simulation's own error is no missing dynamics
+    let mut beyond = fitted.clone();
+    for (shift, _) in shifts.iter().zip(numerics).filter(|(_, n)| n.gain > POLICY.per_number) {
+        for (r, d) in beyond.residuals.iter_mut().zip(&shift.change) {
+            r.iter_mut().zip(d).filter(|(r, _)| **r != 0.0).for_each(|(r, d)| *r -= d);
+        }
+    }
+    let over_scatter = bench.over(&beyond);
+    let by_motion = ceiling::by_motion(plan, &beyond, &beyond.residuals)?;
+    let explainable = base_rmse * base_rmse - noise.sensor_sigma * noise.sensor_sigma;
+    let large = over_scatter > POLICY.no_noise;
+    let squares = (fitted.rmse / noise.sensor_sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
+    let moves = by_motion.filter(|part| part * squares > POLICY.by_motion);
+    let note = match (large, moves) {
+        (true, _) => format!("what is left is {over_scatter:.0} times what the readings scatter: too much for noise"),
+        (false, Some(part)) => format!(
+            "a regression on motion and inputs foretells {:.0} % of what is left on other records: dynamics are missing",
+            100.0 * part
+        ),
+        (false, None) => "what is left does not differ from noise".to_owned(),
+    };
+    Ok(Remainder {
+        significant: large || moves.is_some(),
+        over_scatter,
+        by_motion,
+        input_p: depends_on_input(plan, fitted)?,
+        rmse: fitted.rmse,
+        unit: plan.unit().to_owned(),
+        explained_fraction: if explainable > 0.0 {
+            (base_rmse * base_rmse - fitted.rmse * fitted.rmse) / explainable
+        } else {
+            0.0
+        },
+        note,
+    })
+}
+
 /// Smallest Bonferroni p of a correlation between the whitened residual of any channel and the rate of any input. Colour
 /// alone may be the sensor; dependence on the input is missing dynamics.
-pub(super) fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
+fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
     let (channels, inputs) = (plan.channels(), plan.model.nu());
     let whitened: Vec<Vec<f64>> = fitted
         .residuals
@@ -19,12 +69,12 @@ pub(super) fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, Iden
         })
         .collect::<Result<_, _>>()?;
     let period = fitted.records[0].record.period().max(1e-6);
-    let lags = ((DIAGNOSE.remainder_lag / period) as usize).clamp(1, DIAGNOSE.remainder_lags);
+    let lags = ((POLICY.remainder_lag / period) as usize).clamp(1, POLICY.remainder_lags);
     let (mut smallest, mut tests) = (1.0f64, 0usize);
     for input in 0..inputs {
         let rates: Vec<Vec<f64>> =
             fitted.records.iter().zip(&whitened).map(|(rec, r)| rate(&rec.record.inputs, input, r.len() / channels)).collect();
-        if rates.iter().flatten().all(|x| x.abs() < DIAGNOSE.remainder_still) {
+        if rates.iter().flatten().all(|x| x.abs() < POLICY.remainder_still) {
             continue;
         }
         for c in 0..channels {
@@ -35,11 +85,6 @@ pub(super) fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, Iden
         }
     }
     Ok((smallest * tests.max(1) as f64).min(1.0))
-}
-
-/// Whether that p is evidence.
-pub(super) fn is_significant(p: f64) -> bool {
-    p < DIAGNOSE.remainder_level
 }
 
 /// Differences of an input from sample to sample.

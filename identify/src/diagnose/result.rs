@@ -2,11 +2,12 @@
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 use crate::causes::title;
+use crate::log::Interpolation;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Version of the JSON.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// The verdict of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
@@ -16,7 +17,11 @@ pub enum Verdict {
     Named,
     /// Something is there, and several causes explain it equally well; see `alternatives`.
     Ambiguous,
-    /// Something significant is there, and no cause of the library is accepted for it.
+    /// Causes are accepted, one of them with another size in every record; see `causes` and their `sizes`.
+    Varies,
+    /// What is left is the simulation's own error, of its step, its mesh or how it reads inputs; see `numerics`.
+    Numerics,
+    /// Something significant is there that no cause of the library explains; `extension` lists what helps most, as an approximation.
     NotInLibrary,
     /// Nothing significant is left to explain.
     Adequate,
@@ -33,8 +38,8 @@ pub struct Estimate {
     pub estimate: f64,
     /// SI unit.
     pub unit: String,
-    /// 90 % interval: by profile likelihood, or for causes found together from how the estimates move without each record in turn; null
-    /// where none was estimated: of the step length that the data need, and of values taken from a grid.
+    /// 90 % interval: the wider of the one by the noise model and the one by how the estimate moves without each record in turn, and wider
+    /// still by what the simulation's own error makes of it; null where none was estimated: of values taken from a grid.
     pub interval: Option<[f64; 2]>,
     /// Value in the scene.
     pub scene_value: f64,
@@ -62,12 +67,70 @@ pub struct Cause {
     pub meaning: String,
     /// Its parameters after the joint refit.
     pub parameters: Vec<Estimate>,
-    /// Likelihood-ratio statistic of adding it last [-].
+    /// −2 log likelihood ratio of taking it away, all else refitted [-]; where what is left is no noise, squares on records left out, in
+    /// units of the sensors' scatter.
     pub statistic: f64,
-    /// p of the hypothesis that its size is the same in all parts of the records; absent where that was not tested.
+    /// Part of the squares on records left out of the fit that it takes [-]; absent with a single fitted record.
+    pub foretold: Option<f64>,
+    /// p of the hypothesis that its size is the same in all parts of the records, for the record: it decides nothing.
     pub constancy_p: Option<f64>,
+    /// Its size in each fitted record, where these surely differ.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sizes: Vec<RecordSize>,
     /// Causes it was held against, most similar first.
     pub rivals: Vec<Rival>,
+}
+
+/// Size of a cause's first parameter in one record.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct RecordSize {
+    /// Record.
+    pub record: String,
+    /// Size there, in the unit of the parameter.
+    pub size: f64,
+}
+
+/// A source of the simulation's own error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NumericsKind {
+    /// The length of its steps.
+    Step,
+    /// The length of the edges of ropes.
+    Mesh,
+    /// How inputs are read between samples.
+    Inputs,
+}
+
+/// The simulation's own error of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Numerics {
+    /// Its source.
+    pub kind: NumericsKind,
+    /// Root mean square change of the readings without it.
+    pub rms: f64,
+    /// Unit of `rms`.
+    pub unit: String,
+    /// The same over what is left [-].
+    pub part: f64,
+    /// Squares that it takes from what is left, whitened by its noise [-]: negative where a finer simulation is farther from the data.
+    pub gain: f64,
+    /// Refinement that would bring it to a tenth of what is left: the step [s], or the factor on the number of edges; null where none is
+    /// needed.
+    pub needed: Option<f64>,
+    /// In words.
+    pub note: String,
+}
+
+impl NumericsKind {
+    /// What a cause of a size that is the simulation's own error is said to be.
+    pub(super) fn imitates(self) -> &'static str {
+        match self {
+            Self::Step => "its size is what the length of the simulation's steps imitates",
+            Self::Mesh => "its size is what the length of the ropes' edges imitates",
+            Self::Inputs => "its size is what reading the inputs between samples otherwise imitates",
+        }
+    }
 }
 
 /// Outcome of a candidate's test.
@@ -114,9 +177,13 @@ pub struct CandidateReport {
 pub struct Remainder {
     /// Whether it is more than noise.
     pub significant: bool,
-    /// Whether it depends on the grippers' motion: dynamics are missing.
-    pub by_input: bool,
-    /// Root mean square of the final residual on the fitted records [m].
+    /// Root mean square over the sensors' scatter, all channels [-].
+    pub over_scatter: f64,
+    /// Part of its squares that a regression on motion and inputs takes on records left out [-]; absent with a single record.
+    pub by_motion: Option<f64>,
+    /// p of the hypothesis that it does not depend on the inputs' rates, for the record: it decides nothing.
+    pub input_p: f64,
+    /// Root mean square of the final residual on the fitted records, in `unit`.
     pub rmse: f64,
     /// Unit of `rmse`.
     pub unit: String,
@@ -166,11 +233,11 @@ pub struct Ceiling {
 /// The noise model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Noise {
-    /// Autoregressive coefficients, common to all channels.
+    /// Autoregressive coefficients of what is left, common to all channels.
     pub ar: Vec<f64>,
     /// Root mean square of the channels' stationary standard deviation [m].
     pub sigma: f64,
-    /// High-frequency noise of the sensor from fourth differences [m].
+    /// Scatter of the readings from one to the next (divided differences of orders 2 to 6) [m].
     pub sensor_sigma: f64,
     /// Effective number of independent samples.
     pub effective_samples: f64,
@@ -233,8 +300,6 @@ pub struct Stage {
     pub rmse_held_out: f64,
     /// Mean |error| per coordinate over the held-out records [m].
     pub mean_abs_held_out: f64,
-    /// −2 log likelihood plus the BIC penalty.
-    pub bic: f64,
     /// Errors over the held-out records up to several horizons.
     pub held_out: Vec<HorizonError>,
     /// Parameters fitted at this stage.
@@ -291,6 +356,24 @@ pub struct Snapshot {
     pub after: Vec<[f64; 3]>,
 }
 
+/// A finer simulation than the scene's.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Refined {
+    /// Its step [s].
+    pub step: f64,
+    /// How it reads inputs between samples.
+    pub interpolation: Interpolation,
+}
+
+/// Time that a part of a diagnosis took.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct PartTime {
+    /// The part.
+    pub part: String,
+    /// Wall-clock time [s].
+    pub seconds: f64,
+}
+
 /// A diagnosis.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Diagnosis {
@@ -304,8 +387,8 @@ pub struct Diagnosis {
     pub reason: String,
     /// Causes accepted jointly.
     pub causes: Vec<Cause>,
-    /// Causes that extend the model without being named: together they carry over to records they were not fitted to,
-    /// while so much remains that one of them may stand for something outside the library.
+    /// Causes that extend the model as an approximation, without being named: they carry over to records they were not fitted to, while so
+    /// much remains that each may stand for something outside the library.
     pub extension: Vec<Cause>,
     /// Sets of causes that cannot be told apart.
     pub alternatives: Vec<Vec<String>>,
@@ -315,15 +398,23 @@ pub struct Diagnosis {
     pub advice: Vec<String>,
     /// The remaining residual.
     pub remainder: Remainder,
-    /// Every candidate against the baseline: a cause once, or once per gripper (`object`); and `node_spacing`, the change by a finer
-    /// rope, which is no cause.
+    /// Every candidate against the baseline, under the noise of the final model: a cause once, or once per object.
     pub candidates: Vec<CandidateReport>,
     /// Held-out errors.
     pub gain: Vec<Gain>,
     /// The yardstick; absent where nothing is held out.
     pub ceiling: Option<Ceiling>,
+    /// The simulation's own errors at the final model.
+    pub numerics: Vec<Numerics>,
+    /// Sources of the simulation's own error that a cause would only have made up for.
+    pub imitated: Vec<NumericsKind>,
+    /// How the simulation was refined, where the scene's own was too coarse for these data: everything here is of the finer one. `parts`
+    /// has both passes, one after the other.
+    pub refined: Option<Refined>,
     /// The noise model.
     pub noise: Noise,
+    /// Reservations about the estimates: at a bound, or not determined.
+    pub warnings: Vec<String>,
     /// Numbers of records.
     pub records: RecordCount,
     /// Findings in the data themselves.
@@ -341,4 +432,6 @@ pub struct Diagnosis {
     pub snapshots: Vec<Snapshot>,
     /// Seconds it took.
     pub wall_s: f64,
+    /// Seconds of each part of it, in order.
+    pub parts: Vec<PartTime>,
 }

@@ -1,7 +1,7 @@
 //! Step 4: score tests of all causes from one linearization at the current fit.
 
 use super::baseline::Prepared;
-use super::constants::DIAGNOSE;
+use super::policy::POLICY;
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
@@ -104,8 +104,8 @@ pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64)
         causes[cause].nuisance_grid = if grid_point.is_empty() { Vec::new() } else { vec![grid_point] };
     }
     let mut adjusted = holm(&p);
-    if reduced.records() >= DIAGNOSE.flip_records.max(STATS.flip_records) {
-        let flips = sign_flip(&score, DIAGNOSE.flip_draws, seed)?;
+    if reduced.records() >= POLICY.flip_records.max(STATS.flip_records) {
+        let flips = sign_flip(&score, POLICY.flip_draws, seed)?;
         // the arbiter may only take significance away: with 2^R patterns it cannot resolve small p
         adjusted.iter_mut().zip(&flips.p_adjusted).for_each(|(a, f)| *a = a.max(*f));
     }
@@ -178,34 +178,15 @@ impl Columns {
             if largest == 0.0 {
                 continue;
             }
-            let mut acts = norms.iter().map(|norm| *norm > DIAGNOSE.dead_number * largest).cycle();
+            let mut acts = norms.iter().map(|norm| *norm > POLICY.dead_number * largest).cycle();
             column.columns.retain(|_| acts.next().unwrap_or(true));
             causes[column.cause].unknowns.retain(|_| acts.next().unwrap_or(true));
         }
     }
 
     fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {
-        merged(fitted, |rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, DIAGNOSE.score_blocks))
+        merged(fitted, |_, rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, POLICY.score_blocks))
     }
-}
-
-/// Readings of the records as they were, with the columns of everything fitted first and those of the tested candidates behind
-/// them: no more than `limit` readings, of whole records. With each record's shot, the candidates in the order of `tested`.
-pub(super) fn raw(
-    plan: &Plan,
-    fitted: &Fitted,
-    tested: &Scores,
-    limit: usize,
-) -> Result<(Vec<Shot>, Vec<Candidate>), IdentifyError> {
-    let columns = Columns::new(&tested.causes, fitted);
-    let candidate = |c: &Column| Candidate { columns: c.columns.clone(), sign: c.sign(&tested.causes, fitted) };
-    let of = |cause: &usize| columns.candidates.iter().find(|c| c.cause == *cause).map(candidate);
-    let candidates = tested.tested.iter().filter_map(of).collect();
-    let total: usize = fitted.residuals.iter().map(Vec::len).sum();
-    let every = total.div_ceil(limit).max(1);
-    let chosen: Vec<&RecordPlan> = fitted.records.iter().step_by(every).collect();
-    let shots = chosen.par_iter().map(|rec| shot_of(plan, rec, &columns.unknowns, &columns.passes)).collect::<Result<_, _>>()?;
-    Ok((shots, candidates))
 }
 
 fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
@@ -218,21 +199,34 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
-    reduce_in(plan, fitted, unknowns, DIAGNOSE.score_blocks)
+    reduce_in(plan, fitted, unknowns, POLICY.score_blocks)
+}
+
+/// The same with other readings in place of the residuals, as a change of the simulation makes them: no prior pulls at them.
+pub(super) fn reduce_instead(plan: &Plan, fitted: &Fitted, readings: &[Vec<f64>]) -> Result<Reduced, IdentifyError> {
+    let unknowns = &fitted.unknowns;
+    let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
+    merged(fitted, |k, rec| {
+        let mut shot = shot_of(plan, rec, unknowns, &passes)?;
+        let seen = shot.residual.iter().map(|r| f64::from(u8::from(*r != 0.0)));
+        shot.residual = seen.zip(&readings[k]).map(|(seen, change)| seen * change).collect();
+        let z = vec![0.0; rec.start.z.len()];
+        reduce_shot(plan, fitted, &z, shot, unknowns.len(), POLICY.score_blocks)
+    })
 }
 
 /// As [`reduce`], with so many time blocks per record (or piece of one).
 pub(super) fn reduce_in(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown], blocks: usize) -> Result<Reduced, IdentifyError> {
     let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    merged(fitted, |rec| reduce_record(plan, fitted, rec, unknowns, &passes, blocks))
+    merged(fitted, |_, rec| reduce_record(plan, fitted, rec, unknowns, &passes, blocks))
 }
 
 /// The statistics of all records.
 fn merged(
     fitted: &Fitted,
-    one: impl Fn(&RecordPlan) -> Result<Reduced, IdentifyError> + Sync + Send,
+    one: impl Fn(usize, &RecordPlan) -> Result<Reduced, IdentifyError> + Sync + Send,
 ) -> Result<Reduced, IdentifyError> {
-    let parts: Vec<Reduced> = fitted.records.par_iter().map(one).collect::<Result<_, _>>()?;
+    let parts: Vec<Reduced> = fitted.records.par_iter().enumerate().map(|(k, rec)| one(k, rec)).collect::<Result<_, _>>()?;
     // pieces of one measured record are one record: they share its errors
     let mut whole: Vec<Reduced> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
@@ -252,8 +246,19 @@ fn reduce_record(
     passes: &[(Values, Vec<usize>)],
     blocks: usize,
 ) -> Result<Reduced, IdentifyError> {
-    let mut shot = shot_of(plan, rec, unknowns, passes)?;
-    let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
+    reduce_shot(plan, fitted, &rec.start.z, shot_of(plan, rec, unknowns, passes)?, unknowns.len(), blocks)
+}
+
+/// A record's readings and columns, whitened and reduced; `z`: its own unknowns, on which there is a prior.
+fn reduce_shot(
+    plan: &Plan,
+    fitted: &Fitted,
+    z: &[f64],
+    mut shot: Shot,
+    k: usize,
+    blocks: usize,
+) -> Result<Reduced, IdentifyError> {
+    let (m, channels) = (shot.own_columns, plan.channels());
     fitted.noise.whiten(&mut shot.residual, channels)?;
     if m > 0 {
         fitted.noise.whiten_columns(&mut shot.own, channels, m)?;
@@ -262,11 +267,11 @@ fn reduce_record(
         fitted.noise.whiten_columns(&mut shot.global, channels, k)?;
     }
     let times = shot.residual.len() / channels;
-    let mut starts = time_blocks(times, channels, (times / blocks).max(DIAGNOSE.score_block));
+    let mut starts = time_blocks(times, channels, (times / blocks).max(POLICY.score_block));
     if m > 0 {
         // the prior on the record's own unknowns, rows of their own
         starts.push(shot.residual.len());
-        for (c, z) in rec.start.z.iter().enumerate() {
+        for (c, z) in z.iter().enumerate() {
             shot.residual.push(-z);
             shot.own.extend((0..m).map(|j| f64::from(u8::from(j == c))));
             shot.global.extend(std::iter::repeat_n(0.0, k));

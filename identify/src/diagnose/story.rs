@@ -1,38 +1,38 @@
 //! The errors after each accepted cause.
 
-use super::certainty::{Curvature, by_record, estimates};
+use super::certainty::{Curvature, estimates, normal};
 use super::gain;
+use super::procedure::{Bench, Found};
 use super::result::*;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
-use crate::shooting::{Plan, RecordPlan};
+use crate::shooting::Plan;
 
-/// Errors after each accepted cause.
-pub(super) struct Story<'a> {
-    pub plan: &'a Plan,
-    pub judged: &'a [RecordPlan],
-    pub base: &'a Fitted,
-    pub options: &'a FitOptions,
-    /// Intervals are taken from how records differ, not from a noise model.
-    pub by_record: bool,
-    pub stages: Vec<Stage>,
+/// The baseline, and the model after each of the accepted causes; the last is the one that is reported, with its half widths.
+pub(super) fn story(bench: &Bench, found: &Found, half: &[f64], options: &FitOptions) -> Result<Vec<Stage>, IdentifyError> {
+    let plan = bench.plan;
+    let mut out = vec![stage(plan, "baseline", &found.base.fitted, None, options)?];
+    let last = found.best.causes.len();
+    for (k, (cause, fitted)) in found.best.causes.iter().zip(&found.best.trail).enumerate() {
+        let (fitted, half) = if k + 1 == last { (&found.fitted, Some(half)) } else { (fitted, None) };
+        out.push(stage(plan, cause.name, fitted, half, options)?);
+    }
+    Ok(out)
 }
 
-impl Story<'_> {
-    pub(super) fn add(&mut self, name: &str, fitted: &Fitted) -> Result<(), IdentifyError> {
-        let records = gain::reread(self.plan, self.judged, self.base, fitted, self.options)?;
-        let residuals = gain::residuals(self.plan, &records, &fitted.values)?;
-        let rows: f64 = fitted.residuals.iter().map(|r| r.len() as f64).sum();
-        let errors = if self.by_record { by_record(self.plan, fitted)? } else { Curvature::new(self.plan, fitted)?.std_errors() };
-        self.stages.push(Stage {
-            name: name.to_owned(),
-            rmse_fit: fitted.rmse,
-            rmse_held_out: self.plan.rms(&residuals),
-            mean_abs_held_out: self.plan.mean_abs(&residuals),
-            held_out: gain::horizon_errors(self.plan, &records, &residuals),
-            bic: fitted.deviance + fitted.unknowns.len() as f64 * rows.ln(),
-            parameters: estimates(self.plan, fitted, &errors),
-        });
-        Ok(())
-    }
+fn stage(plan: &Plan, name: &str, fitted: &Fitted, half: Option<&[f64]>, options: &FitOptions) -> Result<Stage, IdentifyError> {
+    let records = gain::judged(plan, fitted, options)?;
+    let residuals = gain::residuals(plan, &records, &fitted.values)?;
+    let half = match half {
+        Some(half) => half.to_vec(),
+        None => normal(&Curvature::new(plan, &super::baseline::coloured(plan, fitted.clone())?.1)?.std_errors()),
+    };
+    Ok(Stage {
+        name: name.to_owned(),
+        rmse_fit: fitted.rmse,
+        rmse_held_out: plan.rms(&residuals),
+        mean_abs_held_out: plan.mean_abs(&residuals),
+        held_out: gain::horizon_errors(plan, &records, &residuals),
+        parameters: estimates(plan, fitted, &half),
+    })
 }

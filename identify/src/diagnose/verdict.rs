@@ -1,120 +1,113 @@
 //! Verdict, reason and advice.
 
-use super::constants::DIAGNOSE;
+use super::policy::POLICY;
+use super::procedure::{Found, Hypothesis};
 use super::reason;
 use super::result::*;
 use super::scores::Scores;
-use super::selection::{Name, Selection, name};
-use crate::number::share;
+use crate::causes::{Cause as Candidate, title};
 
-/// Whether accepted causes leave too much that is significant; of a cause whose size surely varies more is asked.
-fn takes_too_little(remainder: &Remainder, varying: bool) -> bool {
-    let enough = if varying { DIAGNOSE.enough_though_varying } else { DIAGNOSE.enough };
-    remainder.significant && remainder.explained_fraction < enough
+/// Name of a cause, and the object it is about.
+type Name = (String, Option<String>);
+
+fn name(cause: &Candidate) -> Name {
+    (cause.name.to_owned(), cause.object.clone())
 }
 
-pub(super) fn set_alternatives(d: &mut Diagnosis, sets: &[Vec<Name>]) {
-    d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
-    d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
-}
-
-/// Verdict, reason and advice.
-pub(super) fn decide(
-    d: &mut Diagnosis,
-    run: &Selection,
-    first: &Scores,
-    converged: bool,
-    imitated: Option<f64>,
-    numerical_part: f64,
-) {
-    let names: Vec<String> = d.causes.iter().map(Cause::title).collect();
-    let titles = d.alternative_titles();
-    let little =
-        !run.accepted.is_empty() && takes_too_little(&d.remainder, run.varying().is_some_and(|(_, p)| p < DIAGNOSE.surely));
-    let open = little && !run.ambiguous.is_empty() && !d.remainder.by_input && imitated.is_none();
-    (d.verdict, d.reason) = if !converged {
-        (Verdict::Withheld, "the baseline fit did not converge; nothing built on it can be trusted".to_owned())
-    } else if open {
-        let reason = format!(
-            "{} takes {} of what can be explained, but what remains is significant and fits several causes equally well: {}",
-            names.join(" with "),
-            share(d.remainder.explained_fraction),
-            titles.concat().join(", ")
-        );
-        (Verdict::Ambiguous, reason)
-    } else if little {
-        let reason = if run.spread.is_some() {
-            reason::together(&run.accepted.iter().map(|a| a.cause.title()).collect::<Vec<_>>(), &d.remainder, &d.noise)
-        } else {
-            format!(
-                "{} fits best, but takes {} of what can be explained, and the rest is significant ({}): something outside the library",
-                names.join(" with "),
-                share(d.remainder.explained_fraction),
-                d.remainder.note
-            )
-        };
-        (Verdict::NotInLibrary, reason)
-    } else if let Some((set, reason)) = run.only_equivalents() {
-        set_alternatives(d, &[set]);
-        (Verdict::Ambiguous, reason)
-    } else if !run.accepted.is_empty() || (!d.causes.is_empty() && (!d.remainder.significant || numerical_part > DIAGNOSE.enough))
-    {
-        let margins = run.accepted.iter().filter_map(|a| Some((a.cause.title(), a.margin.as_ref()?)));
-        (Verdict::Named, reason::named(&d.causes, margins, &d.gain))
-    } else if let (Some(taken), Some(set)) = (imitated, titles.first()) {
-        let reason = format!(
-            "{} fit equally well, but take {} of what can be explained, and the rest still depends on the inputs, asks for another \
-             size in every part of the records, or is far more than noise: something outside the library",
-            set.join(", "),
-            share(taken)
-        );
-        (Verdict::NotInLibrary, reason)
-    } else if let Some(set) = titles.first() {
-        (Verdict::Ambiguous, format!("{} explain the data equally well", set.join(", ")))
-    } else if run.rejected || d.remainder.significant {
-        (Verdict::NotInLibrary, "something significant is there, and no cause of the library is accepted for it".to_owned())
-    } else if let Some(reason) = reason::unlike_noise(&d.noise, &d.remainder) {
-        (Verdict::NotInLibrary, reason)
-    } else {
-        (Verdict::Adequate, reason::adequate(&d.noise, &d.remainder))
-    };
-    if open && d.verdict == Verdict::Ambiguous {
-        let accepted = run.accepted.iter().map(|a| name(&a.cause));
-        let set = accepted.chain(run.alternatives().concat()).collect();
-        set_alternatives(d, &[set]);
-    }
-    if d.verdict != Verdict::Named {
-        let causes = std::mem::take(&mut d.causes);
-        if run.spread.is_some() && d.verdict == Verdict::NotInLibrary {
-            d.extension = causes.into_iter().filter(|c| c.name != reason::DISCRETISATION).collect();
+/// A cause with those that no data of this kind can tell from it.
+fn with_equivalents(found: &Found, cause: &Candidate) -> Vec<Name> {
+    let place = found.best.causes.iter().position(|own| own.title() == cause.title());
+    let known = cause.equivalents.iter().map(|other| ((*other).to_owned(), cause.object.clone()));
+    let alike = place.and_then(|k| found.alike.get(k)).into_iter().flatten().map(name);
+    let mut out = vec![name(cause)];
+    for other in known.chain(alike) {
+        if !out.contains(&other) {
+            out.push(other);
         }
     }
-    let wanted: Vec<&String> = d.alternatives.iter().flatten().collect();
-    d.advice = first
-        .causes
-        .iter()
-        .filter(|c| wanted.iter().any(|w| *w == c.name))
-        .map(|c| format!("{}: {}", c.name, c.excitation))
-        .collect();
+    out
+}
+
+/// The causes in which models that cannot be told apart differ, those of the best one first; and each accepted cause with its equivalents.
+fn alternatives(found: &Found) -> Vec<Vec<Name>> {
+    let all: Vec<&Hypothesis> = std::iter::once(&found.best).chain(&found.tied).collect();
+    let everywhere = |title: &str| all.iter().all(|model| model.causes.iter().any(|cause| cause.title() == title));
+    let mut set: Vec<Name> = Vec::new();
+    for cause in all.iter().flat_map(|model| &model.causes).filter(|cause| !everywhere(&cause.title())) {
+        for one in with_equivalents(found, cause) {
+            if !set.contains(&one) {
+                set.push(one);
+            }
+        }
+    }
+    let shared = found.best.causes.iter().filter(|cause| everywhere(&cause.title()));
+    let equal = shared.map(|cause| with_equivalents(found, cause)).filter(|set| set.len() > 1);
+    let sets = (!found.tied.is_empty() && set.len() > 1).then_some(set);
+    sets.into_iter().chain(equal).collect()
+}
+
+/// Whether the simulation's own error is part of what is left that counts.
+fn counts(n: &&Numerics) -> bool {
+    n.gain > POLICY.per_number && n.part > POLICY.tolerated
+}
+
+/// Verdict, reason and advice. `before`: a diagnosis with the scene's own simulation, where this one is finer, and how.
+pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged: bool, before: Option<(String, &Diagnosis)>) {
+    let sets = alternatives(found);
+    d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
+    d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
+    let own: Vec<Numerics> = d.numerics.iter().filter(counts).cloned().collect();
+    let titles = d.alternative_titles();
+    (d.verdict, d.reason) = if !converged {
+        (Verdict::Withheld, reason::not_converged())
+    } else if d.causes.is_empty() {
+        without_cause(d, found, &own)
+    } else if d.remainder.significant {
+        (Verdict::NotInLibrary, reason::approximated(&d.causes, &d.remainder))
+    } else if let Some(set) = titles.first() {
+        let accepted: Vec<String> = d.causes.iter().map(Cause::title).filter(|t| !titles.concat().contains(t)).collect();
+        let by_any = found.tied.is_empty();
+        (Verdict::Ambiguous, reason::ambiguous(set, &accepted, by_any))
+    } else if let Some(varying) = d.causes.iter().find(|c| !c.sizes.is_empty()) {
+        (Verdict::Varies, reason::varies(&d.causes, &varying.title()))
+    } else {
+        (Verdict::Named, reason::named(&d.causes, &d.gain))
+    };
+    if !d.causes.is_empty() {
+        d.reason += &reason::own_error(&own);
+    }
+    if let Some((finer, before)) = &before {
+        let told = before.numerics.iter().any(|n| n.gain > POLICY.per_number) || before.verdict != Verdict::Adequate;
+        if d.verdict == Verdict::Adequate && told {
+            d.verdict = Verdict::Numerics;
+        }
+        d.reason += &reason::refined(finer, &before.numerics.iter().filter(counts).collect::<Vec<_>>());
+    }
+    if !matches!(d.verdict, Verdict::Named | Verdict::Varies) {
+        let causes = std::mem::take(&mut d.causes);
+        if d.verdict == Verdict::NotInLibrary {
+            d.extension = causes;
+        }
+    }
+    if d.verdict != Verdict::Ambiguous {
+        (d.alternatives, d.alternative_objects) = (Vec::new(), Vec::new());
+    }
+    let wanted: Vec<String> = d.alternative_titles().concat();
+    let all = first.causes.iter().filter(|c| wanted.contains(&title(c.name, c.object.as_deref())));
+    d.advice = all.map(|c| format!("{}: {}", c.name, c.excitation)).collect();
     d.advice.dedup();
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cause_whose_size_varies_has_to_explain_more() {
-        let left = |explained_fraction: f64, significant: bool| Remainder {
-            significant,
-            by_input: false,
-            rmse: 1e-3,
-            unit: "rad".to_owned(),
-            explained_fraction,
-            note: String::new(),
-        };
-        assert!(takes_too_little(&left(0.95, true), true) && !takes_too_little(&left(0.95, true), false));
-        assert!(takes_too_little(&left(0.85, true), false) && !takes_too_little(&left(0.999, true), true));
-        assert!(!takes_too_little(&left(0.5, false), true));
+/// Where no cause is accepted.
+fn without_cause(d: &Diagnosis, found: &Found, own: &[Numerics]) -> (Verdict, String) {
+    let imitated: Vec<String> = found.imitated.iter().map(|(title, _)| title.clone()).collect();
+    if d.remainder.significant {
+        (Verdict::NotInLibrary, reason::unexplained(&d.remainder))
+    } else if !own.is_empty() || !imitated.is_empty() {
+        let kinds: Vec<NumericsKind> = found.imitated.iter().map(|(_, kind)| *kind).collect();
+        let behind = d.numerics.iter().filter(|n| own.contains(n) || kinds.contains(&n.kind));
+        (Verdict::Numerics, reason::numerics(&behind.collect::<Vec<_>>(), &imitated))
+    } else {
+        (Verdict::Adequate, reason::adequate(&d.noise, &d.remainder))
     }
 }

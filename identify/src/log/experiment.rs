@@ -95,6 +95,14 @@ impl Interpolation {
             Self::Smooth => Self::Linear,
         }
     }
+
+    /// Its word in a scene file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Smooth => "smooth",
+        }
+    }
 }
 
 /// The sensor that measured the grippers' inputs.

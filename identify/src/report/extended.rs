@@ -29,7 +29,13 @@ pub(super) struct Place {
 /// The text of `scene_extended.toml` in the folder `report`.
 pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance, report: &Path) -> Result<String, ReportError> {
     let mut scene = setup.to_scene();
+    if let Some(refined) = diagnosis.refined {
+        scene.time.step = refined.step;
+    }
     if let Some(experiment) = &mut scene.experiment {
+        if let Some(refined) = diagnosis.refined {
+            experiment.interpolation = refined.interpolation;
+        }
         move_records(experiment, setup, provenance, report);
     }
     let at = |source| ReportError::Toml { file: FILE, source };

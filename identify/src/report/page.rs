@@ -42,6 +42,9 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
             explained => percent(d.remainder.explained_fraction),
             note => sentence(&d.remainder.note),
         },
+        numerics => d.numerics.iter().map(|n| sentence(&n.note)).collect::<Vec<_>>(),
+        warnings => d.warnings,
+        parts => d.parts.iter().map(|p| format!("{} {} s", p.part, number(p.seconds))).collect::<Vec<_>>().join(", "),
         noise => context! {
             sigma => quantity(d.noise.sigma, &d.remainder.unit),
             sensor => quantity(d.noise.sensor_sigma, &d.remainder.unit),
@@ -116,6 +119,8 @@ fn causes(d: &Diagnosis) -> Vec<Value> {
             name => titled(&cause.name, cause.object.as_deref()),
             meaning => sentence(&cause.meaning),
             statistic => number(cause.statistic),
+            foretold => cause.foretold.map(percent),
+            sizes => cause.sizes.iter().map(|s| format!("{}: {}", s.record, number(s.size))).collect::<Vec<_>>().join(", "),
             parameters => cause.parameters.iter().map(estimate_row).collect::<Vec<_>>(),
             rivals => rivals.collect::<Vec<_>>().join(", "),
         }
@@ -140,7 +145,6 @@ fn stage_rows(d: &Diagnosis) -> Vec<Value> {
             fit => quantity(stage.rmse_fit, &d.remainder.unit),
             held_out => quantity(stage.rmse_held_out, &d.remainder.unit),
             mean_abs => quantity(stage.mean_abs_held_out, &d.remainder.unit),
-            bic => number(stage.bic),
             parameters => stage.parameters.iter().map(|e| format!("{} = {}", e.path, estimate(e))).collect::<Vec<_>>(),
         }
     };

@@ -60,7 +60,6 @@ pub(super) fn diagnosis() -> Diagnosis {
             median_record: 0.4 * rmse,
             without_worst: 0.45 * rmse,
         }],
-        bic: 1e4 * rmse,
         parameters: parameters.iter().map(|e| (*e).clone()).collect(),
     };
     let gain = |horizon_s: f64, rmse_before: f64| Gain {
@@ -83,7 +82,9 @@ pub(super) fn diagnosis() -> Diagnosis {
             meaning: "The cable loses energy when it is bent.".into(),
             parameters: vec![damping.clone()],
             statistic: 312.0,
+            foretold: Some(0.96),
             constancy_p: Some(0.4),
+            sizes: Vec::new(),
             rivals: vec![Rival { name: "linear_drag".into(), object: None, cosine: 0.71 }],
         }],
         extension: Vec::new(),
@@ -91,8 +92,10 @@ pub(super) fn diagnosis() -> Diagnosis {
         alternative_objects: Vec::new(),
         advice: Vec::new(),
         remainder: Remainder {
-            by_input: false,
             significant: false,
+            over_scatter: 1.4,
+            by_motion: Some(0.01),
+            input_p: 0.4,
             rmse: 1.1e-3,
             unit: "m".into(),
             explained_fraction: 0.97,
@@ -106,6 +109,10 @@ pub(super) fn diagnosis() -> Diagnosis {
         ],
         gain: vec![gain(0.5, 4e-3), gain(2.0, 1e-2)],
         ceiling: Some(Ceiling { rmse: 6e-3, rmse_on_top: 1.9e-3, unit: "m".into(), explained_fraction: 0.7, share: Some(1.37) }),
+        numerics: Vec::new(),
+        imitated: Vec::new(),
+        refined: None,
+        warnings: Vec::new(),
         noise: Noise { ar: vec![0.4, 0.1], sigma: 1e-3, sensor_sigma: 8e-4, effective_samples: 420.0 },
         records: RecordCount { fit: 2, held_out: 1 },
         audit: vec![AuditFinding {
@@ -124,6 +131,7 @@ pub(super) fn diagnosis() -> Diagnosis {
         curves: (0..3).map(curve).collect(),
         snapshots: [0.4, 1.3].map(snapshot).to_vec(),
         wall_s: 12.0,
+        parts: vec![PartTime { part: "search".into(), seconds: 9.0 }],
     }
 }
 

@@ -19,6 +19,10 @@ pub fn headline(d: &Diagnosis) -> String {
                 sets => format!("Something is missing, and these data do not tell which: {sets}."),
             }
         }
+        Verdict::Varies => {
+            format!("The simulation lacks {}, whose size differs from record to record.", list(&names, "and"))
+        }
+        Verdict::Numerics => "What is left is the simulation's own error, and no cause is named.".to_owned(),
         Verdict::NotInLibrary if !d.extension.is_empty() => {
             let found: Vec<String> = d.extension.iter().map(|cause| words(&cause.title())).collect();
             format!(
@@ -38,6 +42,8 @@ pub(super) fn word(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Named => "named",
         Verdict::Ambiguous => "ambiguous",
+        Verdict::Varies => "size varies",
+        Verdict::Numerics => "own error",
         Verdict::NotInLibrary => "not in the library",
         Verdict::Adequate => "adequate",
         Verdict::Withheld => "withheld",
@@ -57,6 +63,9 @@ pub fn summary(d: &Diagnosis) -> String {
         let _ = write!(out, "\n\n{}: {}", words(&cause.title()), sentence(&cause.meaning));
         for e in &cause.parameters {
             let _ = write!(out, "\n  {}", plain(e));
+        }
+        for size in &cause.sizes {
+            let _ = write!(out, "\n    {}: {}", size.record, number_plain(size.size));
         }
         if let Some(rival) = cause.rivals.first() {
             let _ =
@@ -88,6 +97,9 @@ pub fn summary(d: &Diagnosis) -> String {
     out.push('\n');
     for line in &d.unidentifiable {
         let _ = write!(out, "\nnot determined by these data: {line}");
+    }
+    for line in &d.warnings {
+        let _ = write!(out, "\nwarning: {line}");
     }
     for advice in &d.advice {
         let _ = write!(out, "\nto tell them apart: {advice}");

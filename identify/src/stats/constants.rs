@@ -9,13 +9,6 @@ pub(crate) struct StatsConstants {
     pub noise_order: usize,
     /// Fits of one order with channels weighted by the σ of the last: the weights have settled after two.
     pub weight_passes: usize,
-    /// Series from which bias and error of the noise model are taken.
-    pub pilots: usize,
-    /// Largest partial autocorrelation of a simulated series [-].
-    pub simulated_reflection: f64,
-    /// Least σ of a channel in units of its stationary one [-]: a residual that a cause explains to the last digit is not infinitely
-    /// likely.
-    pub least_sigma: f64,
     // score tests
     /// A column is dead when its part orthogonal to the others is below this share of its norm [-].
     pub dead: f64,
@@ -66,9 +59,6 @@ pub(crate) const STATS: StatsConstants = StatsConstants {
     reflection_limit: 0.999,
     noise_order: 4,
     weight_passes: 2,
-    pilots: 100,
-    simulated_reflection: 0.9995,
-    least_sigma: 1e-3,
     dead: 1e-8,
     rounding: 1e-6,
     conditional: 0.03,

@@ -5,7 +5,7 @@
 //!    [`ar::ArModel::whiten_columns`] on residual and Jacobian of each record;
 //! 2. [`reduced::Reduced::of_record`] projects the record's own nuisance out and keeps a small triangle; merge them;
 //! 3. [`score::score_test`] for every candidate; [`multiple::holm`] over its p-values;
-//! 4. [`sign_flip`] where there are at least ten records; [`colour`] where nothing is significant but much is left;
+//! 4. [`sign_flip`] where there are at least ten records;
 //! 5. [`naming`]: one name, an ambiguity set, or nothing.
 //!
 //! Layout: a record's residual is row-major time × channel, its Jacobian row-major (time · channel) × column.
@@ -14,7 +14,6 @@ pub mod ar;
 mod basis;
 pub mod bootstrap;
 mod clusters;
-pub mod colour;
 mod constants;
 pub mod dist;
 mod error;

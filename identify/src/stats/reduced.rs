@@ -9,7 +9,8 @@
 //! triangle of the stacked triangles (a "tall skinny QR"), so that precision is that of QR and not of normal equations.
 //! Records of 15 000 rows × 100 columns become 16 kB each; the whole matrix never exists.
 //!
-//! Per time block b the small matrices G̃_bᵀG̃_b and G̃_bᵀr̃_b are kept as well, for variances robust to a wrong noise model.
+//! Per time block b the small matrices G̃_bᵀG̃_b, G̃_bᵀr̃_b and r̃_bᵀr̃_b are kept as well, for variances robust to a wrong noise model and
+//! for errors on records left out.
 
 use super::basis::Basis;
 use super::constants::STATS;
@@ -55,6 +56,8 @@ pub struct Block {
     pub gram: DMatrix<f64>,
     /// G̃_bᵀ r̃_b (k).
     pub score: DVector<f64>,
+    /// r̃_bᵀ r̃_b.
+    pub square: f64,
 }
 
 /// Sufficient statistics of one record or of many.
@@ -225,7 +228,8 @@ fn block(rows: usize, r: &DMatrix<f64>) -> Block {
     let k = r.ncols() - 1;
     let g = r.columns(0, k).into_owned();
     let products = g.transpose() * r;
-    Block { record: 0, rows, gram: products.columns(0, k).into_owned(), score: products.column(k).into_owned() }
+    let square = r.column(k).norm_squared();
+    Block { record: 0, rows, gram: products.columns(0, k).into_owned(), score: products.column(k).into_owned(), square }
 }
 
 fn stack<'a>(parts: impl Iterator<Item = &'a DMatrix<f64>> + Clone, columns: usize) -> DMatrix<f64> {

@@ -35,7 +35,8 @@ impl Group {
         self.yy += y.iter().map(|y| y * y).sum::<f64>();
     }
 
-    fn plus(&self, other: &Self, sign: f64) -> Self {
+    /// The sums of both groups' rows, the other's times `sign`.
+    pub fn plus(&self, other: &Self, sign: f64) -> Self {
         Self { xx: &self.xx + &other.xx * sign, xy: &self.xy + &other.xy * sign, yy: self.yy + sign * other.yy }
     }
 
@@ -64,12 +65,24 @@ impl Group {
 /// two groups.
 pub fn cross_validated(all: &[Vec<Group>]) -> Option<Vec<DMatrix<f64>>> {
     let totals: Vec<Group> = all.iter().map(|groups| sum(groups)).collect::<Option<_>>()?;
+    let (weight, part) = best_weight(all, &totals)?;
+    if part > 0.0 { totals.iter().map(|t| t.solve(weight)).collect() } else { None }
+}
+
+/// Part of the squares of groups left out that such regressions predict; 0 where they predict none, `None` with fewer than two groups.
+pub fn foretold(all: &[Vec<Group>]) -> Option<f64> {
+    let totals: Vec<Group> = all.iter().map(|groups| sum(groups)).collect::<Option<_>>()?;
+    best_weight(all, &totals).map(|(_, part)| part.max(0.0))
+}
+
+/// The weight that predicts groups left out best, and the part of their squares that it predicts.
+fn best_weight(all: &[Vec<Group>], totals: &[Group]) -> Option<(f64, f64)> {
     if all.iter().any(|groups| groups.len() < 2) {
         return None;
     }
     let left_out = |weight: f64| -> Option<f64> {
         let mut error = 0.0;
-        for (groups, total) in all.iter().zip(&totals) {
+        for (groups, total) in all.iter().zip(totals) {
             for group in groups {
                 error += group.error(&total.plus(group, -1.0).solve(weight)?);
             }
@@ -79,7 +92,7 @@ pub fn cross_validated(all: &[Vec<Group>]) -> Option<Vec<DMatrix<f64>>> {
     let nothing: f64 = totals.iter().map(|t| t.yy).sum();
     let tried = STATS.ridge_weights.iter().filter_map(|&w| Some((w, left_out(w)?)));
     let (weight, error) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    if error < nothing { totals.iter().map(|t| t.solve(weight)).collect() } else { None }
+    Some((weight, 1.0 - error / nothing.max(f64::MIN_POSITIVE)))
 }
 
 fn sum(groups: &[Group]) -> Option<Group> {
@@ -124,6 +137,8 @@ mod tests {
         let b = cross_validated(&groups(|_| 0.0));
         let size = b.map_or(0.0, |b| b[0][(1, 0)].abs());
         assert!(size < 0.03, "{size}");
+        assert!(foretold(&groups(|_| 0.0)).unwrap() < 0.01);
+        assert!(foretold(&groups(|x| 0.3 + 2.0 * x[1])).unwrap() > 0.9);
     }
 
     #[test]

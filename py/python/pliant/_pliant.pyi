@@ -907,7 +907,6 @@ def diagnose(
     """Finds the physical effects that the scene lacks to explain the records of its experiment and `logs`.
 
     seed: of bootstraps and sign flips. The dict has the keys of the command's JSON: `verdict`
-    ("named", "ambiguous", "not_in_library", "adequate", "withheld"), `causes`, `gain`,
-    `candidates`, `unidentifiable`, … An `interval` is None where it is unknown, as that of the step
-    length that `discretisation` asks for.
+    ("named", "ambiguous", "varies", "numerics", "not_in_library", "adequate", "withheld"), `causes`,
+    `gain`, `numerics`, `candidates`, `unidentifiable`, … An `interval` is None where none was estimated.
     """

@@ -10,6 +10,8 @@ use tempfile::TempDir;
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     pub damping: f64,
+    /// Part by which b grows from record to record.
+    pub growth: f64,
     /// b₂ [N·m·s²/rad²].
     pub quadratic: f64,
     pub friction: f64,
@@ -41,6 +43,7 @@ impl Default for Truth {
     fn default() -> Self {
         Self {
             damping: 0.0,
+            growth: 0.0,
             quadratic: 0.0,
             friction: 0.0,
             cubic: 0.0,
@@ -58,9 +61,10 @@ impl Default for Truth {
 }
 
 impl Truth {
-    fn acceleration(&self, [angle, speed, plastic]: [f64; 3], command: f64) -> f64 {
+    fn acceleration(&self, record: usize, [angle, speed, plastic]: [f64; 3], command: f64) -> f64 {
         let dry = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
-        let damped = (self.damping + self.quadratic * speed.abs()) * speed;
+        let viscous = self.damping * (1.0 + self.growth * record as f64);
+        let damped = (viscous + self.quadratic * speed.abs()) * speed;
         let spring = self.spring * (angle - plastic) + self.cubic * angle.powi(3);
         let cogging = self.cogging * (f64::from(CYCLES) * angle).sin();
         let torque = (self.gain * command).clamp(-self.limit, self.limit);
@@ -87,7 +91,7 @@ impl Truth {
             let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x[0] + self.bias + self.noise * noise(), line(t));
             for k in 0..FINE {
                 let t = t + k as f64 * h - self.late;
-                let f = |x: [f64; 3], t: f64| [x[1], self.acceleration(x, line(t)), (x[0] - x[2]) / self.creep];
+                let f = |x: [f64; 3], t: f64| [x[1], self.acceleration(record, x, line(t)), (x[0] - x[2]) / self.creep];
                 let moved = |by: f64, d: [f64; 3]| [0, 1, 2].map(|i| x[i] + by * d[i]);
                 let a = f(x, t);
                 let b = f(moved(0.5 * h, a), t + 0.5 * h);

@@ -1,31 +1,25 @@
-//! The simulation's own error: how far halving the step moves the readings, against the residual.
+//! The simulation's own error in time: how far a step of half the length moves the readings.
 
 use crate::error::IdentifyError;
 use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use crate::unknown::Values;
+use pliant_scene::Integrator;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A simulation error above this part of the residual is a cause of its own.
-pub const TOLERATED: f64 = 0.1;
-
-/// What halving the step changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Discretisation {
-    /// Root mean square change of the readings, extrapolated to the error of the scene's step.
-    pub rms: f64,
-    /// The same over the residual's root mean square.
-    pub ratio: f64,
-    /// The step \[s\] that would bring it to [`TOLERATED`].
-    pub step_needed: f64,
-    /// Order of the integrator.
-    pub order: i32,
+/// Order of the scene's integrator.
+pub(super) fn order(plan: &Plan) -> i32 {
+    match plan.model.integrator() {
+        Integrator::Euler | Integrator::QuasiStatic => 1,
+        Integrator::Midpoint | Integrator::Sdirk2 => 2,
+    }
 }
 
-/// Compares the readings at the scene's step h with those at h/2 on every record; `rmse` is the residual's.
-pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse: f64) -> Result<Discretisation, IdentifyError> {
+/// Readings at a vanishing step less those at the scene's, of every record: by Richardson's extrapolation (y(h/2) − y(h)) / (1 − 2^−order).
+pub(super) fn shift(plan: &Plan, records: &[RecordPlan], values: &Values) -> Result<Vec<Vec<f64>>, IdentifyError> {
     let h = plan.model.step_length();
     let fine = Plan { model: Arc::new(plan.model.with_step(0.5 * h)), fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() };
+    let extrapolated = 1.0 / (1.0 - 0.5f64.powi(order(plan)));
     let one = |rec: &RecordPlan| -> Result<Vec<f64>, IdentifyError> {
         let named = |source| IdentifyError::Simulation { record: rec.record.name.clone(), source };
         let plain = RecordPlan { nodes: Vec::new(), ..rec.clone() };
@@ -35,18 +29,9 @@ pub fn discretisation(plan: &Plan, records: &[RecordPlan], values: &Values, rmse
         let finer = shoot(&fine, &RecordPlan { inputs, past, other: Arc::default(), ..plain }, values, ShotWants::default())
             .map_err(named)?
             .predicted;
-        Ok(coarse.iter().zip(&finer).map(|(a, b)| a - b).collect())
+        Ok(coarse.iter().zip(&finer).map(|(a, b)| extrapolated * (b - a)).collect())
     };
-    let changes: Vec<Vec<f64>> = records.par_iter().map(one).collect::<Result<_, _>>()?;
-    let order = match plan.model.integrator() {
-        pliant_scene::Integrator::Euler | pliant_scene::Integrator::QuasiStatic => 1,
-        pliant_scene::Integrator::Midpoint | pliant_scene::Integrator::Sdirk2 => 2,
-    };
-    // Richardson: the error at h is the change over (1 − 2^−order)
-    let rms = plan.rms(&changes) / (1.0 - 0.5f64.powi(order));
-    let ratio = rms / rmse.max(f64::MIN_POSITIVE);
-    let step_needed = if ratio > TOLERATED { h * (TOLERATED / ratio).powf(1.0 / f64::from(order)) } else { h };
-    Ok(Discretisation { rms, ratio, step_needed, order })
+    records.par_iter().map(one).collect()
 }
 
 /// The same piecewise-linear inputs on steps of half the length.

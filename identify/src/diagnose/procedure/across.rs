@@ -1,0 +1,196 @@
+//! A model across records: its errors on records left out, and whether a cause needs another size in every record.
+//!
+//! Both come from one linearization at the optimum. With a record's whitened sensitivities G_r (its own starting state projected off), its
+//! residual r_r, s_r = G_rᵀr_r and G = Σ G_rᵀG_r, the estimates without record r move by δ = −(G − G_rᵀG_r)⁻¹ s_r, and its squares are
+//! then |r_r − G_r δ|².
+
+use super::super::policy::POLICY;
+use super::super::scores::reduce;
+use crate::error::IdentifyError;
+use crate::fit::Fitted;
+use crate::shooting::Plan;
+use crate::stats::reduced::Reduced;
+use crate::unknown::Unknown;
+use nalgebra::{DMatrix, DVector};
+
+/// Sums of one measured record.
+struct Sums {
+    gram: DMatrix<f64>,
+    score: DVector<f64>,
+    square: f64,
+}
+
+fn by_record(reduced: &Reduced) -> Vec<Sums> {
+    let k = reduced.columns();
+    let none = || Sums { gram: DMatrix::zeros(k, k), score: DVector::zeros(k), square: 0.0 };
+    let mut out: Vec<Sums> = (0..reduced.records()).map(|_| none()).collect();
+    for block in reduced.blocks() {
+        let sums = &mut out[block.record];
+        sums.gram += &block.gram;
+        sums.score += &block.score;
+        sums.square += block.square;
+    }
+    out
+}
+
+/// A⁺ b with the coordinates made of equal influence first.
+pub(in super::super) fn solved(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
+    let n = b.len();
+    if n == 0 {
+        return DVector::zeros(0);
+    }
+    let lengths = DVector::from_fn(n, |j, _| a[(j, j)].max(0.0).sqrt());
+    let largest = lengths.max();
+    let length = |j: usize| if lengths[j] > POLICY.no_column * largest { lengths[j] } else { f64::INFINITY };
+    let unit = DMatrix::from_fn(n, n, |i, j| a[(i, j)] / (length(i) * length(j)));
+    let right = DVector::from_fn(n, |j, _| b[j] / length(j));
+    let x = unit.svd(true, true).solve(&right, POLICY.undetermined).unwrap_or_else(|_| DVector::zeros(n));
+    DVector::from_fn(n, |j, _| x[j] / length(j))
+}
+
+/// A model across records.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Across {
+    /// Whitened squares of every measured record under the estimates of all others.
+    pub left_out: Vec<f64>,
+    /// What own sizes of some of its numbers would do, linearized.
+    pub own: Apart,
+}
+
+impl Across {
+    /// Of a fit; `own`: the numbers that may differ from record to record.
+    pub fn new(plan: &Plan, fitted: &Fitted, own: &[Unknown]) -> Result<Self, IdentifyError> {
+        let reduced = reduce(plan, fitted, &fitted.unknowns)?;
+        let records = by_record(&reduced);
+        Ok(Self { left_out: left_out(&reduced.gram(), &records), own: Apart::new(&reduced, &records, fitted, own) })
+    }
+}
+
+/// Squares of every record under the estimates of all others; `whole`: the sum of their curvatures.
+fn left_out(whole: &DMatrix<f64>, records: &[Sums]) -> Vec<f64> {
+    let one = |r: &Sums| {
+        let moved = -solved(&(whole - &r.gram), &r.score);
+        r.square - 2.0 * moved.dot(&r.score) + moved.dot(&(&r.gram * &moved))
+    };
+    records.iter().map(one).collect()
+}
+
+/// Whether the second list of squares is smaller by more than one standard error of the differences between records. With one record,
+/// whether it is smaller.
+pub(super) fn better(before: &[f64], after: &[f64]) -> bool {
+    let d: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
+    let n = d.len() as f64;
+    let mean = d.iter().sum::<f64>() / n;
+    let variance = d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0);
+    mean > (variance / n).sqrt()
+}
+
+/// Part of the squares that the second list leaves away.
+pub(super) fn share(before: &[f64], after: &[f64]) -> f64 {
+    1.0 - after.iter().sum::<f64>() / before.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+}
+
+/// What own sizes of some numbers in every record would do, linearized.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Apart {
+    /// Squares with a common size, and with own ones.
+    pub squares: [f64; 2],
+    /// Rows.
+    pub rows: f64,
+    /// Additional numbers.
+    pub numbers: f64,
+}
+
+impl Apart {
+    /// Sizes of `own` by record: all else that is fitted stays common.
+    fn new(reduced: &Reduced, records: &[Sums], fitted: &Fitted, own: &[Unknown]) -> Self {
+        let is_own = |j: &usize| own.iter().any(|o| o.target.same(&fitted.unknowns[*j].target));
+        let (sized, common): (Vec<usize>, Vec<usize>) = (0..fitted.unknowns.len()).partition(is_own);
+        let part = |m: &DMatrix<f64>, a: &[usize], b: &[usize]| DMatrix::from_fn(a.len(), b.len(), |i, j| m[(a[i], b[j])]);
+        let some = |v: &DVector<f64>, a: &[usize]| DVector::from_fn(a.len(), |i, _| v[a[i]]);
+        let mut gram = DMatrix::zeros(common.len(), common.len());
+        let mut score = DVector::zeros(common.len());
+        let (mut together, mut apart) = (0.0, 0.0);
+        for r in records {
+            let (inner, cross) = (part(&r.gram, &sized, &sized), part(&r.gram, &sized, &common));
+            let (own, other) = (some(&r.score, &sized), some(&r.score, &common));
+            let weights: Vec<DVector<f64>> = cross.column_iter().map(|c| solved(&inner, &c.into_owned())).collect();
+            let by = DMatrix::from_fn(sized.len(), common.len(), |i, j| weights[j][i]);
+            gram += part(&r.gram, &common, &common) - cross.transpose() * &by;
+            score += other - by.transpose() * &own;
+            together += r.square;
+            apart += r.square - own.dot(&solved(&inner, &own));
+        }
+        let moved = solved(&gram, &score);
+        apart -= moved.dot(&score);
+        Self {
+            squares: [together, apart.max(0.0)],
+            rows: reduced.rows() as f64,
+            numbers: (records.len().saturating_sub(1) * sized.len()) as f64,
+        }
+    }
+
+    /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of their numbers.
+    pub fn promises(&self) -> bool {
+        let [together, apart] = self.squares;
+        let taken = self.rows * (together / apart.max(f64::MIN_POSITIVE)).max(1.0).ln();
+        self.numbers > 0.0 && taken > POLICY.per_number * self.numbers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a linear law the squares on a record left out are those of a fit of the others.
+    #[test]
+    fn a_linear_law_left_out_is_refitted_exactly() {
+        let noise = crate::stats::testing::gaussians(40, 3);
+        let record = |r: usize| -> Vec<[f64; 3]> {
+            (0..10)
+                .map(|t| {
+                    let x = 0.3 * t as f64 + r as f64;
+                    [x.sin(), x, 2.0 * x.sin() - 0.5 * x + noise[10 * r + t]]
+                })
+                .collect()
+        };
+        let fit = |rows: &[[f64; 3]]| {
+            let a = DMatrix::from_fn(rows.len(), 2, |i, j| rows[i][j]);
+            let b = DVector::from_fn(rows.len(), |i, _| rows[i][2]);
+            (a.transpose() * &a).cholesky().map(|c| c.solve(&(a.transpose() * b))).unwrap_or_default()
+        };
+        let left = |rows: &[[f64; 3]], by: &DVector<f64>| -> Vec<f64> {
+            rows.iter().map(|r| r[2] - r[0] * by[0] - r[1] * by[1]).collect()
+        };
+        let records: Vec<Vec<[f64; 3]>> = (0..4).map(record).collect();
+        let best = fit(&records.concat());
+        let sums: Vec<Sums> = records
+            .iter()
+            .map(|rows| {
+                let (g, e) = (DMatrix::from_fn(10, 2, |i, j| rows[i][j]), DVector::from_vec(left(rows, &best)));
+                Sums { gram: g.transpose() * &g, score: g.transpose() * &e, square: e.norm_squared() }
+            })
+            .collect();
+        let whole = sums.iter().fold(DMatrix::zeros(2, 2), |sum, r| sum + &r.gram);
+        for (r, found) in left_out(&whole, &sums).into_iter().enumerate() {
+            let others: Vec<[f64; 3]> =
+                records.iter().enumerate().filter(|(k, _)| *k != r).flat_map(|(_, rows)| rows.clone()).collect();
+            let truth: f64 = left(&records[r], &fit(&others)).iter().map(|e| e * e).sum();
+            assert!((found / truth - 1.0).abs() < 1e-9, "{found} {truth}");
+        }
+    }
+
+    #[test]
+    fn a_gain_on_one_record_alone_is_none() {
+        assert!(better(&[5.0, 6.0, 7.0], &[3.0, 4.0, 6.0]));
+        assert!(!better(&[5.0, 6.0, 7.0], &[5.1, 6.1, 5.5]));
+        assert!(better(&[2.0], &[1.0]) && !better(&[1.0], &[1.0]));
+        assert!((share(&[2.0, 2.0], &[1.0, 2.0]) - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_coordinate_without_influence_does_not_move() {
+        let a = DMatrix::from_row_slice(2, 2, &[4.0, 0.0, 0.0, 0.0]);
+        assert_eq!(solved(&a, &DVector::from_vec(vec![2.0, 1.0])).as_slice(), [0.5, 0.0]);
+    }
+}

@@ -1,0 +1,122 @@
+//! Several models under one noise model: that of the best one's residual.
+//!
+//! The residual of a model that lacks something is no noise, and a noise model fitted to it takes slow errors for colour: rivals that
+//! differ by half a million under the right noise differed by 47 under such a one. So the noise is an AR(2) of what the *best* model
+//! leaves, and every rival is fitted and judged under it: by generalized least squares,
+//! ```text
+//! score = |W (y − ŷ)|² + Σ |z_r|² + c · numbers
+//! ```
+//! Where even the best leaves far more than the sensors' scatter there is no noise model, and models are compared by their errors on
+//! records left out ([`super::across`]). A cause may need another size in every record: own sizes compete as well, at the price of their
+//! numbers, so that a wrong law with one size does not beat the right one with several.
+
+use super::super::policy::POLICY;
+use super::across::{self, Across};
+use super::hypothesis::{Bench, Hypothesis, OwnSizes, squares};
+use crate::error::IdentifyError;
+use crate::fit::{Fitted, fit, floors};
+use crate::stats::ar::{ArModel, ArOptions, Order};
+use crate::unknown::Unknown;
+
+/// Models that were held against each other.
+pub(super) struct Contest {
+    /// Whether even the best leaves more than noise.
+    pub no_noise: bool,
+    /// Each model as it is judged.
+    pub fits: Vec<Fitted>,
+    /// Each model's score: less is better.
+    pub scores: Vec<f64>,
+    /// Squares of each on every record with it left out.
+    pub left_out: Vec<Vec<f64>>,
+    /// Whether the last cause of each surely has another size in every record; its score is then that with own sizes.
+    pub varies: Vec<bool>,
+}
+
+/// AR(2) of a fit's residual.
+pub(super) fn noise_of(bench: &Bench, fitted: &Fitted) -> Result<ArModel, IdentifyError> {
+    let slices: Vec<&[f64]> = fitted.residuals.iter().map(Vec::as_slice).collect();
+    let lost = fitted.unknowns.len() + fitted.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+    let order = Order::Fixed(POLICY.noise_order);
+    let options = ArOptions { order, sigma_floor: floors(bench.plan, 1e-3), lost_dof: lost };
+    let model = ArModel::fit(&slices, bench.plan.channels(), &options)?;
+    let ratio = model.stationary_ratio();
+    let sigma = model.sigma().iter().zip(floors(bench.plan, 1.0)).map(|(s, floor)| s.max(floor / ratio)).collect();
+    Ok(ArModel::from_reflection(model.reflection(), sigma)?)
+}
+
+/// A model as it is judged: under `noise`, or by least squares where it leaves more than `least` times the scatter, for then it is out of
+/// the question under this noise, or what it leaves is none.
+pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: f64) -> Result<Fitted, IdentifyError> {
+    let plain = &model.fitted;
+    if bench.over(plain) > least {
+        return Ok(Fitted { noise: noise.clone(), ..plain.clone() });
+    }
+    fit(bench.plan, &plain.records, &plain.values, &plain.unknowns, Some(noise), &POLICY.fine)
+}
+
+/// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise something.
+fn apart(bench: &Bench, model: &Hypothesis, new: bool) -> Result<Option<OwnSizes>, IdentifyError> {
+    let last = model.causes.last().filter(|_| new).map_or(&[][..], |cause| &cause.unknowns);
+    let own: Vec<Unknown> = model.varying.iter().chain(last).cloned().collect();
+    if own.is_empty() || model.varying.is_empty() && !Across::new(bench.plan, &model.fitted, &own)?.own.promises() {
+        return Ok(None);
+    }
+    bench.own_sizes(&model.fitted, &own, None).map(Some)
+}
+
+impl Contest {
+    /// The models that others extend come first, `beam` of them.
+    pub fn new(bench: &Bench, models: &[&Hypothesis], beam: usize) -> Result<Self, IdentifyError> {
+        let own: Vec<Option<OwnSizes>> =
+            models.iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam)).collect::<Result<_, _>>()?;
+        // every model with common sizes and with own ones, and the numbers of each
+        let numbers = |k: usize| models[k].numbers() as f64;
+        let common = models.iter().enumerate().map(|(k, m)| (&m.fitted, numbers(k)));
+        let apart = own.iter().enumerate().filter_map(|(k, own)| own.as_ref().map(|o| (&o.fitted, numbers(k) + o.more())));
+        let all: Vec<(&Fitted, f64)> = common.chain(apart).collect();
+        let over = all.iter().map(|(f, _)| bench.over(f)).fold(f64::INFINITY, f64::min).max(1.0);
+        let mut best = (f64::INFINITY, all[0].0);
+        for (fitted, numbers) in &all {
+            let rough = squares(bench.plan, fitted, &bench.white)? / (over * over) + POLICY.per_number * numbers;
+            if rough < best.0 {
+                best = (rough, fitted);
+            }
+        }
+        let no_noise = bench.no_noise(best.1);
+        let noise = noise_of(bench, best.1)?;
+        let least = POLICY.out_of_question * over;
+        let mut out = Self { no_noise, fits: Vec::new(), scores: Vec::new(), left_out: Vec::new(), varies: Vec::new() };
+        for (k, model) in models.iter().enumerate() {
+            let fitted = if no_noise { model.fitted.clone() } else { judged(bench, model, &noise, least)? };
+            let left_out = Across::new(bench.plan, &fitted, &[])?.left_out;
+            let score = match no_noise {
+                true => left_out.iter().sum(),
+                false => squares(bench.plan, &fitted, &noise)? + POLICY.per_number * numbers(k),
+            };
+            let with_own = match own[k].as_ref().filter(|o| !no_noise && bench.over(&o.fitted) <= least) {
+                Some(o) => {
+                    let own = bench.own_sizes(&fitted, &o.unknowns, Some(&noise))?;
+                    let score = squares(bench.plan, &own.fitted, &noise)? + POLICY.per_number * (numbers(k) + own.more());
+                    let new = model.causes.last().filter(|_| k >= beam).map_or(&[][..], |cause| &cause.unknowns);
+                    (own.differ(bench.plan, new) || !model.varying.is_empty()).then_some(score)
+                }
+                None => None,
+            };
+            let varies = with_own.is_some_and(|own| own < score - POLICY.lead);
+            out.scores.push(with_own.filter(|_| varies).unwrap_or(score));
+            out.varies.push(varies && k >= beam);
+            out.fits.push(fitted);
+            out.left_out.push(left_out);
+        }
+        Ok(out)
+    }
+
+    /// Whether model `k` cannot be told from the better model `best`.
+    pub fn ties(&self, best: usize, k: usize) -> bool {
+        if self.no_noise {
+            !across::better(&self.left_out[k], &self.left_out[best])
+        } else {
+            self.scores[k] - self.scores[best] < POLICY.lead
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
+
+use super::super::policy::POLICY;
+use crate::causes::Cause;
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted, approach, fit};
+use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
+use crate::stats::ar::ArModel;
+use crate::unknown::{Target, Unknown, Values};
+use rayon::prelude::*;
+
+/// The scene with some causes added, and its fit.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Hypothesis {
+    /// In the order of their acceptance, each with every unknown that was freed for it.
+    pub causes: Vec<Cause>,
+    /// Least squares over all fitted records, the noise white with the sensors' scatter.
+    pub fitted: Fitted,
+    /// The same with the first cause, the first two and so on; the last is `fitted`.
+    pub trail: Vec<Fitted>,
+    /// Numbers of its causes that surely have another size in every record.
+    pub varying: Vec<Unknown>,
+}
+
+impl Hypothesis {
+    /// The scene as it is declared.
+    pub fn baseline(fitted: Fitted) -> Self {
+        Self { causes: Vec::new(), fitted, trail: Vec::new(), varying: Vec::new() }
+    }
+
+    /// With one more cause.
+    pub fn and(&self, cause: Cause, fitted: Fitted) -> Self {
+        let causes = self.causes.iter().cloned().chain([cause]).collect();
+        let trail = self.trail.iter().cloned().chain([fitted.clone()]).collect();
+        Self { causes, fitted, trail, varying: self.varying.clone() }
+    }
+
+    /// Numbers freed for its causes.
+    pub fn numbers(&self) -> usize {
+        self.causes.iter().map(|cause| cause.unknowns.len()).sum()
+    }
+
+    /// Titles of its causes in the order of the alphabet: the same for the same model however it was found.
+    pub fn key(&self) -> Vec<String> {
+        let mut titles: Vec<String> = self.causes.iter().map(Cause::title).collect();
+        titles.sort();
+        titles
+    }
+}
+
+/// A fit in which some numbers have another size in every record.
+#[derive(Clone, Debug)]
+pub(in super::super) struct OwnSizes {
+    /// The numbers.
+    pub unknowns: Vec<Unknown>,
+    /// Their values, by measured record and in the same order.
+    pub values: Vec<Vec<f64>>,
+    /// Records and residuals with these sizes; values and everything else are those of the common fit.
+    pub fitted: Fitted,
+}
+
+impl OwnSizes {
+    /// Additional numbers.
+    pub fn more(&self) -> f64 {
+        (self.values.len().saturating_sub(1) * self.unknowns.len()) as f64
+    }
+
+    /// Whether the sizes of one of `of` differ by more than a part of their mean, counted from the scene's value.
+    pub fn differ(&self, plan: &Plan, of: &[Unknown]) -> bool {
+        let n = self.values.len() as f64;
+        self.unknowns.iter().enumerate().filter(|(_, u)| of.iter().any(|o| o.target.same(&u.target))).any(|(j, u)| {
+            let none = u.coordinate_of(u.value(&plan.scene_values));
+            let sizes = || self.values.iter().map(|own| u.coordinate_of(own[j]) - none);
+            let mean = sizes().sum::<f64>() / n;
+            let variance = sizes().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
+            variance.sqrt() > POLICY.varies * mean.abs()
+        })
+    }
+}
+
+/// Whitened squares of a fit under a noise model, its records' own unknowns counted by their prior.
+pub(super) fn squares(plan: &Plan, fitted: &Fitted, noise: &ArModel) -> Result<f64, IdentifyError> {
+    let mut sum = 0.0;
+    for (rec, residual) in fitted.records.iter().zip(&fitted.residuals) {
+        let mut r = residual.clone();
+        noise.whiten(&mut r, plan.channels())?;
+        sum += r.iter().chain(&rec.start.z).map(|x| x * x).sum::<f64>();
+    }
+    let prior = |u: &Unknown| u.prior.map(|(mean, std)| ((u.value(&fitted.values) - mean) / std).powi(2));
+    Ok(sum + fitted.unknowns.iter().filter_map(prior).sum::<f64>())
+}
+
+/// What all models of an experiment have in common.
+pub(in super::super) struct Bench<'a> {
+    pub plan: &'a Plan,
+    /// Unknowns that are free without any cause.
+    pub declared: Vec<Unknown>,
+    /// White noise with the sensors' scatter.
+    pub white: ArModel,
+}
+
+impl Bench<'_> {
+    /// Root mean square residual over the scatter, of all channels.
+    pub fn over(&self, fitted: &Fitted) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        let sigma = self.white.sigma();
+        for row in fitted.residuals.iter().flat_map(|r| r.chunks_exact(sigma.len())) {
+            for (r, s) in row.iter().zip(sigma).filter(|(r, _)| **r != 0.0) {
+                (sum, count) = (sum + (r / s) * (r / s), count + 1.0);
+            }
+        }
+        (sum / f64::max(count, 1.0)).sqrt()
+    }
+
+    /// Whether what a fit leaves is no noise.
+    pub fn no_noise(&self, fitted: &Fitted) -> bool {
+        self.over(fitted) > POLICY.no_noise
+    }
+
+    /// Least squares.
+    pub fn fit(
+        &self,
+        records: &[RecordPlan],
+        start: &Values,
+        unknowns: &[Unknown],
+        options: &FitOptions,
+    ) -> Result<Fitted, IdentifyError> {
+        let unknowns = self.plan.tied(unknowns.to_vec());
+        let mut values = start.clone();
+        self.plan.followers.iter().for_each(|&(leader, follower)| {
+            if unknowns.iter().any(|u| u.target == Target::Theta(vec![leader, follower])) {
+                values.theta[follower] = values.theta[leader];
+            }
+        });
+        fit(self.plan, records, &values, &unknowns, Some(&self.white), options)
+    }
+
+    /// A fit followed to its end: less far where what is left is no noise anyway.
+    pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
+        let rough = self.fit(records, &from.values, &from.unknowns, &POLICY.coarse)?;
+        if self.no_noise(&rough) { Ok(rough) } else { self.fit(&rough.records, &rough.values, &rough.unknowns, &POLICY.fine) }
+    }
+
+    /// `parent` with a cause freed as well (and `beside` it its unmeasured companions), from the start that comes nearest to the data;
+    /// the cause with everything that was freed for it.
+    pub fn with(
+        &self,
+        parent: &Fitted,
+        cause: &Cause,
+        step: &[f64],
+        beside: &[Unknown],
+    ) -> Result<(Fitted, Cause), IdentifyError> {
+        let known = &parent.unknowns;
+        let new = |u: &&Unknown| !known.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
+        let own: Vec<Unknown> = cause.unknowns.iter().chain(beside).filter(new).cloned().collect();
+        let unknowns: Vec<Unknown> = known.iter().chain(&own).cloned().collect();
+        let plain = vec![Vec::new()];
+        let starts = if cause.starts.is_empty() || beside.is_empty() { &plain } else { &cause.starts };
+        let mut best: Option<(f64, Values, Vec<RecordPlan>)> = None;
+        for start in starts {
+            let mut nearest: Option<(f64, Values)> = None;
+            for part in std::iter::once(0.0).chain(POLICY.starts) {
+                let values = opened(parent, cause, step, start, part);
+                let squares = self.squares_at(&parent.records, &values);
+                if nearest.as_ref().is_none_or(|(least, _)| squares < *least) {
+                    nearest = Some((squares, values));
+                }
+            }
+            let Some((squares, values)) = nearest else { continue };
+            let tied = self.plan.tied(unknowns.clone());
+            // records in joined segments stay near the data as they are
+            let led =
+                self.plan.given.then(|| approach(self.plan, &parent.records, &values, &tied, &POLICY.pieces).ok()).flatten();
+            let led = led.map(|(values, records)| (self.squares_at(&records, &values), values, records));
+            for one in led.into_iter().chain([(squares, values, parent.records.clone())]) {
+                if best.as_ref().is_none_or(|(least, ..)| one.0 < *least) {
+                    best = Some(one);
+                }
+            }
+        }
+        let (_, values, records) = best.unwrap_or_else(|| (0.0, parent.values.clone(), parent.records.clone()));
+        let fitted = self.fit(&records, &values, &unknowns, &POLICY.rough)?;
+        Ok((fitted, Cause { unknowns: own, ..cause.clone() }))
+    }
+
+    /// The fit with own sizes of some of its numbers in every measured record, all other numbers as they are; under `noise`, or by least
+    /// squares.
+    pub fn own_sizes(&self, fitted: &Fitted, own: &[Unknown], noise: Option<&ArModel>) -> Result<OwnSizes, IdentifyError> {
+        let is_own = |u: &&Unknown| own.iter().any(|o| o.target.same(&u.target));
+        let unknowns: Vec<Unknown> = fitted.unknowns.iter().filter(is_own).cloned().collect();
+        let mut out = fitted.clone();
+        let mut values = Vec::new();
+        let parents = fitted.records.last().map_or(0, |rec| rec.parent + 1);
+        for parent in 0..parents {
+            let places: Vec<usize> = (0..fitted.records.len()).filter(|&k| fitted.records[k].parent == parent).collect();
+            let records: Vec<RecordPlan> = places.iter().map(|&k| fitted.records[k].clone()).collect();
+            if records.is_empty() {
+                continue;
+            }
+            let white = Some(noise.unwrap_or(&self.white));
+            let one = fit(self.plan, &records, &fitted.values, &unknowns, white, &POLICY.fine)?;
+            values.push(unknowns.iter().map(|u| u.value(&one.values)).collect());
+            for (&k, (record, residual)) in places.iter().zip(one.records.into_iter().zip(one.residuals)) {
+                (out.records[k], out.residuals[k]) = (record, residual);
+            }
+        }
+        out.rmse = self.plan.rms(&out.residuals);
+        Ok(OwnSizes { unknowns, values, fitted: out })
+    }
+
+    /// `parent` with a cause freed as well, at its one-step estimate and not refitted; the cause with what was freed for it.
+    pub fn moved(&self, parent: &Fitted, cause: &Cause, step: &[f64]) -> (Fitted, Cause) {
+        let new = |u: &&Unknown| !parent.unknowns.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
+        let own: Vec<Unknown> = cause.unknowns.iter().filter(new).cloned().collect();
+        let unknowns = parent.unknowns.iter().chain(&own).cloned().collect();
+        let values = opened(parent, cause, step, &[], 1.0);
+        (Fitted { unknowns, values, ..parent.clone() }, Cause { unknowns: own, ..cause.clone() })
+    }
+
+    /// The model without one of its causes.
+    pub fn without(&self, whole: &Hypothesis, k: usize) -> Result<Hypothesis, IdentifyError> {
+        let mut values = whole.fitted.values.clone();
+        let mut causes = whole.causes.clone();
+        let out = causes.remove(k);
+        for &(entry, _) in out.nuisance_grid.iter().flatten() {
+            values.theta[entry] = self.plan.scene_values.theta[entry];
+        }
+        let unknowns = self.plan.taken_out(&self.declared, &whole.fitted.unknowns, &out.unknowns, &mut values);
+        let rough = self.fit(&whole.fitted.records, &values, &unknowns, &POLICY.coarse)?;
+        let fitted = self.finished(&rough, &rough.records)?;
+        let mut trail = whole.trail.clone();
+        trail.remove(k);
+        if let Some(last) = trail.last_mut() {
+            last.clone_from(&fitted);
+        }
+        let stays = |u: &Unknown| out.unknowns.iter().all(|o| !o.target.same(&u.target));
+        let varying = whole.varying.iter().filter(|u| stays(u)).cloned().collect();
+        Ok(Hypothesis { causes, fitted, trail, varying })
+    }
+
+    /// Squares of the residuals in units of the scatter; infinite where a record cannot be simulated.
+    fn squares_at(&self, records: &[RecordPlan], values: &Values) -> f64 {
+        let one = |rec: &RecordPlan| -> f64 {
+            let Ok(mut shot) = shoot(self.plan, rec, values, ShotWants::default()) else { return f64::INFINITY };
+            if self.white.whiten(&mut shot.residual, self.plan.channels()).is_err() {
+                return f64::INFINITY;
+            }
+            shot.residual.iter().map(|r| r * r).sum::<f64>()
+        };
+        let parts: Vec<f64> = records.par_iter().map(one).collect();
+        let sum: f64 = parts.iter().sum();
+        if sum.is_finite() { sum } else { f64::INFINITY }
+    }
+}
+
+/// The parent's values with a cause opened by so many parts of its one-step estimate. A law that is silent at zero begins at its probe.
+fn opened(parent: &Fitted, cause: &Cause, step: &[f64], start: &[(usize, f64)], part: f64) -> Values {
+    let mut values = parent.values.clone();
+    cause.nuisance_grid.iter().flatten().chain(start).for_each(|&(entry, value)| values.theta[entry] = value);
+    for (u, step) in cause.unknowns.iter().zip(step) {
+        // a point of the nuisance grid may be a value of the cause itself
+        let value = u.value(&values);
+        let moved = if step.is_finite() { u.moved(value, part * step) } else { value };
+        match u.silent(&parent.values) {
+            Some(probe) => u.set(&mut values, if moved > probe.small { moved } else { probe.start }),
+            None if part > 0.0 => u.set(&mut values, moved),
+            None => {}
+        }
+    }
+    values
+}

@@ -1,0 +1,22 @@
+//! From a baseline fit to the models that explain the data: the procedure.
+//!
+//! 1. **Scatter** of the sensors ([`scatter`]): the least noise that the readings can have.
+//! 2. **Models** ([`hypothesis`]): the scene with some causes added, refitted by least squares from several starts, all alike.
+//! 3. **Contest** ([`contest`]): all under the noise of the best one's residual, with a price for every number.
+//! 4. **Across records** ([`across`]): whether a cause's size is the same in all records, and whether it predicts records left out.
+//! 5. **Numerics** ([`super::numerics`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
+//! 6. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
+//!
+//! [`search`] puts them in order: the best cause is accepted, the next is sought on top of it and of what came second, until none is
+//! accepted; then each is taken out again, to see whether it is missed.
+
+pub(super) mod across;
+mod alike;
+mod contest;
+mod hypothesis;
+mod race;
+pub(super) mod scatter;
+mod search;
+
+pub(super) use hypothesis::{Bench, Hypothesis, OwnSizes};
+pub(super) use search::{Evidence, Found, search};

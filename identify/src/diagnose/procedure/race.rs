@@ -1,0 +1,202 @@
+//! Every cause on top of the models so far: tried roughly, the best refitted to their end.
+
+use super::super::certainty::Curvature;
+use super::super::policy::POLICY;
+use super::super::scores::{Scores, scores_in};
+use super::contest::noise_of;
+use super::hypothesis::{Bench, Hypothesis, squares};
+use crate::causes::{Cause, Situation};
+use crate::error::IdentifyError;
+use crate::fit::Fitted;
+use crate::unknown::Unknown;
+
+/// A model tried roughly on some of the records.
+struct Tried {
+    /// Number of the model that it extends.
+    parent: usize,
+    cause: Cause,
+    rough: Fitted,
+    /// Squares of its residual over the scatter: of the refit, or foretold by the linearization.
+    squares: f64,
+    /// −2 log likelihood that it takes under the noise of its parent's residual, as the linearization foretells; 0 where that is no noise.
+    taken: f64,
+    numbers: usize,
+}
+
+/// The extensions of `beam` by one cause that come nearest to the data, refitted to all records; best first, and how many causes
+/// were tested. `notes`: (title of a cause, what became of it).
+///
+/// Where a cause takes much of what is left it is refitted before it is compared, for a linearization says little of large changes;
+/// where it takes little, the linearization is right. Two rankings choose who is followed: by squares, and by likelihood under the noise
+/// of the parent's residual, which is right if the parent lacks little, and sees fast effects in slow noise.
+pub(super) fn race(
+    bench: &Bench,
+    beam: &[Hypothesis],
+    seed: u64,
+    notes: &mut Vec<(String, String)>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(Vec<Hypothesis>, usize), IdentifyError> {
+    let mut tests = 0;
+    let mut tried = Vec::new();
+    let mut plain = f64::INFINITY;
+    for (parent, model) in beam.iter().enumerate() {
+        let some = restricted(&model.fitted);
+        let left = squares(bench.plan, &some, &bench.white)?;
+        plain = plain.min(left);
+        let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
+        let white = scores_in(bench.plan, &at, &some, seed)?;
+        let coloured = match bench.no_noise(&some) {
+            true => None,
+            false => Some(scores_in(bench.plan, &at, &Fitted { noise: noise_of(bench, &some)?, ..some.clone() }, seed)?),
+        };
+        tests += white.tested.len();
+        for Promise { cause, step, score, taken } in promising(&white, coloured.as_ref()) {
+            let companions = cause.companions.as_slice();
+            let sets: &[&[Unknown]] = if companions.is_empty() { &[&[]] } else { &[&[], companions] };
+            for beside in sets {
+                let numbers = model.numbers() + cause.unknowns.len() + beside.len();
+                if score < POLICY.linear * left && beside.is_empty() {
+                    let (rough, cause) = bench.moved(&some, &cause, &step);
+                    tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers });
+                    continue;
+                }
+                progress(&format!("trying {}", cause.title()));
+                match bench.with(&some, &cause, &step, beside) {
+                    Ok((rough, cause)) => {
+                        let squares = squares(bench.plan, &rough, &bench.white)?;
+                        tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers });
+                    }
+                    Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
+                }
+            }
+        }
+    }
+    let mut out: Vec<Hypothesis> = Vec::new();
+    for one in finalists(beam, tried, plain) {
+        progress(&format!("refitting with {}", one.cause.title()));
+        let parent = &beam[one.parent];
+        let whole = one.rough.records.len() == parent.fitted.records.len();
+        let records = if whole { &one.rough.records } else { &parent.fitted.records };
+        match bench.finished(&one.rough, records).and_then(|fitted| shaped(bench, fitted, one.cause.clone())) {
+            Ok((fitted, cause)) => out.push(parent.and(cause, fitted)),
+            Err(e) => notes.push((one.cause.title(), format!("its refit failed: {e}"))),
+        }
+    }
+    Ok((out, tests))
+}
+
+/// A cause worth a refit.
+struct Promise {
+    cause: Cause,
+    /// The step that the linearization proposes.
+    step: Vec<f64>,
+    /// Squares that it takes, linearized.
+    score: f64,
+    /// −2 log likelihood that it takes under the noise of what is left.
+    taken: f64,
+}
+
+/// The causes worth a refit, by either score.
+fn promising(white: &Scores, coloured: Option<&Scores>) -> Vec<Promise> {
+    let title = |scores: &Scores, j: usize| scores.causes[scores.tested[j]].title();
+    let ranked = |scores: &Scores| -> Vec<usize> {
+        let all = &scores.score.candidates;
+        let worth = |j: &usize| all[*j].rank > 0 && all[*j].admissible && all[*j].lm > POLICY.promising * all[*j].rank as f64;
+        let mut out: Vec<usize> = (0..all.len()).filter(worth).collect();
+        out.sort_by(|&a, &b| all[b].lm.total_cmp(&all[a].lm));
+        out.truncate(POLICY.raced);
+        out
+    };
+    let mut titles: Vec<String> = ranked(white).into_iter().map(|j| title(white, j)).collect();
+    for j in coloured.map_or(Vec::new(), ranked) {
+        titles.extend(coloured.map(|scores| title(scores, j)).filter(|t| !titles.contains(t)));
+    }
+    let find = |scores: &Scores, wanted: &str| (0..scores.tested.len()).find(|&j| title(scores, j) == wanted);
+    let one = |wanted: &String| {
+        let j = find(white, wanted)?;
+        let s = &white.score.candidates[j];
+        let taken = coloured.and_then(|scores| Some(scores.score.candidates[find(scores, wanted)?].lm));
+        let cause = white.causes[white.tested[j]].clone();
+        Some(Promise { cause, step: s.theta.clone(), score: s.lm, taken: taken.unwrap_or(0.0) })
+    };
+    titles.iter().filter_map(one).collect()
+}
+
+/// The best of those tried: the first few of each ranking, and all that are not clearly behind. The same model found twice counts once.
+fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Tried> {
+    let rows: f64 = beam.iter().map(|m| m.fitted.residuals.iter().map(|r| r.len() as f64).sum()).fold(1.0, f64::max);
+    // squares per row of the best: the unit of a likelihood if it leaves white noise
+    let unit = tried.iter().map(|t| t.squares / rows).fold(f64::INFINITY, f64::min).max(1.0);
+    let price = |t: &Tried| POLICY.per_number * t.numbers as f64;
+    let score = |t: &Tried| t.squares / unit + price(t);
+    tried.retain(|t| t.squares.is_finite());
+    tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
+    let mut seen: Vec<Vec<String>> = Vec::new();
+    tried.retain(|t| {
+        let mut key = beam[t.parent].key();
+        key.push(t.cause.title());
+        key.sort();
+        let new = !seen.contains(&key);
+        if new {
+            seen.push(key);
+        }
+        new
+    });
+    let Some(best) = tried.first().map(score) else { return tried };
+    let most = plain / unit - best;
+    let mut by_likelihood: Vec<f64> = tried.iter().map(|t| t.taken - price(t)).collect();
+    by_likelihood.sort_by(|a, b| b.total_cmp(a));
+    let least = by_likelihood.get(POLICY.finalists - 1).copied().unwrap_or(f64::NEG_INFINITY);
+    let mut rank = 0;
+    tried.retain(|t| {
+        rank += 1;
+        let near = score(t) < best + 2.0 * POLICY.lead;
+        let first = rank <= POLICY.finalists && plain / unit - score(t) > POLICY.far_behind * most;
+        let own = POLICY.per_number * (t.numbers - beam[t.parent].numbers()) as f64;
+        let likely = t.taken > own - POLICY.lead && t.taken - price(t) >= least;
+        near && most > 0.0 || first || likely
+    });
+    tried
+}
+
+/// A fit restricted to some of its measured records, evenly chosen.
+fn restricted(fitted: &Fitted) -> Fitted {
+    let parents = fitted.records.last().map_or(0, |rec| rec.parent + 1);
+    if parents <= POLICY.raced_records {
+        return fitted.clone();
+    }
+    let place = |k: usize| (2 * k + 1) * parents / (2 * POLICY.raced_records);
+    let chosen: Vec<usize> = (0..POLICY.raced_records).map(place).collect();
+    let keep: Vec<bool> = fitted.records.iter().map(|rec| chosen.contains(&rec.parent)).collect();
+    let mut out = fitted.clone();
+    let mut kept = keep.iter();
+    out.records.retain(|_| kept.next().copied().unwrap_or(false));
+    let mut kept = keep.iter();
+    out.residuals.retain(|_| kept.next().copied().unwrap_or(false));
+    out
+}
+
+/// The fit with the parameters freed that have a meaning now that the cause has a size: all of them if the data determine them (standard
+/// errors of their logarithms below 1), else none.
+fn shaped(bench: &Bench, fitted: Fitted, cause: Cause) -> Result<(Fitted, Cause), IdentifyError> {
+    let own = |entry: usize| cause.unknowns.iter().any(|u| u.target.entries().iter().any(|(k, _)| *k == entry));
+    let params = bench.plan.model.params();
+    let free =
+        |&(entry, _): &(usize, f64)| Some(Unknown::of_theta(&bench.plan.model, &params.info(entry).path, 1.0)?.logarithmic());
+    let brought = cause.nuisance_grid.iter().flatten().filter(|(entry, _)| !own(*entry)).filter_map(free);
+    let shape: Vec<Unknown> = if cause.afterwards.is_empty() { brought.collect() } else { cause.afterwards.clone() };
+    if shape.is_empty() {
+        return Ok((fitted, cause));
+    }
+    let unknowns: Vec<Unknown> = fitted.unknowns.iter().chain(&shape).cloned().collect();
+    let Ok(freed) = bench.fit(&fitted.records, &fitted.values, &unknowns, &POLICY.fine) else { return Ok((fitted, cause)) };
+    let errors = Curvature::new(bench.plan, &freed)?.std_errors();
+    let over = bench.over(&freed).max(1.0);
+    let known = errors.iter().rev().take(shape.len()).all(|error| error * over < POLICY.shape_error);
+    let nearer = squares(bench.plan, &freed, &bench.white)? <= squares(bench.plan, &fitted, &bench.white)?;
+    if !(known && nearer) {
+        return Ok((fitted, cause));
+    }
+    let unknowns = cause.unknowns.iter().chain(&shape).cloned().collect();
+    Ok((freed, Cause { unknowns, nuisance_grid: Vec::new(), afterwards: Vec::new(), ..cause }))
+}

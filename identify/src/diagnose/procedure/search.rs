@@ -1,0 +1,296 @@
+//! The order of the procedure: one cause after the other is accepted, each for good reasons, and taken out again if it is not missed.
+
+use super::super::numerics::{Shift, shifts};
+use super::super::policy::POLICY;
+use super::super::result::NumericsKind;
+use super::across;
+use super::alike::alike;
+use super::contest::{Contest, judged, noise_of};
+use super::hypothesis::{Bench, Hypothesis, OwnSizes};
+use super::race::race;
+use crate::causes::Cause;
+use crate::error::IdentifyError;
+use crate::fit::Fitted;
+use crate::stats::dist::chi2_quantile;
+use pliant_scene::Scene;
+
+/// Evidence for an accepted cause, all other causes present.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Evidence {
+    /// Squares that it takes.
+    pub statistic: f64,
+    /// Part of the squares on records left out that it takes; absent with a single record.
+    pub foretold: Option<f64>,
+}
+
+/// What a search found.
+pub(in super::super) struct Found {
+    pub base: Hypothesis,
+    /// The model with all accepted causes, and as it is judged.
+    pub best: Hypothesis,
+    pub fitted: Fitted,
+    /// Evidence for each of its causes.
+    pub evidence: Vec<Evidence>,
+    /// Models that cannot be told from it.
+    pub tied: Vec<Hypothesis>,
+    /// Of each of its causes the others that move the readings just as it does.
+    pub alike: Vec<Vec<Cause>>,
+    /// Sizes in every record of the causes for which these surely differ.
+    pub varying: Option<OwnSizes>,
+    /// Even the best leaves more than noise.
+    pub no_noise: bool,
+    /// (title of a cause, what became of it)
+    pub notes: Vec<(String, String)>,
+    /// Causes that the simulation's own error imitates.
+    pub imitated: Vec<(String, NumericsKind)>,
+}
+
+/// Causes accepted by the procedure on top of `base`, at most `most`. `scene`: that of the plan.
+pub(in super::super) fn search(
+    bench: &Bench,
+    scene: &Scene,
+    base: Fitted,
+    most: usize,
+    seed: u64,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Found, IdentifyError> {
+    let base = Hypothesis::baseline(base);
+    let mut beam = vec![base.clone()];
+    let (mut best, mut tied) = (base.clone(), Vec::new());
+    let mut refitted: Vec<Vec<String>> = Vec::new();
+    let (mut notes, mut imitated) = (Vec::new(), Vec::new());
+    while best.causes.len() < most {
+        let (children, tests) = race(bench, &beam, seed, &mut notes, progress)?;
+        if children.is_empty() {
+            break;
+        }
+        let round = Round::new(bench, scene, &beam, children, tests)?;
+        let Some(accepted) = round.accept(&mut notes, &mut imitated)? else { break };
+        let leader = &round.models[accepted.leader];
+        progress(&format!("accepted {}", leader.causes.last().map_or(String::new(), Cause::title)));
+        best = leader.clone();
+        refitted.extend(round.models.iter().map(Hypothesis::key));
+        tied = accepted.tied.iter().map(|&k| round.models[k].clone()).collect();
+        beam = round.next_beam(&accepted);
+        if round.contest.varies[accepted.leader] {
+            let numbers = best.causes.last().map_or(Vec::new(), |cause| cause.unknowns.clone());
+            best.varying.extend(numbers);
+            beam[0].varying.clone_from(&best.varying);
+        }
+    }
+    let evidence = prune(bench, &mut best, &mut notes, progress)?;
+    tied.retain(|other| other.key() != best.key());
+    let (fitted, varying) = as_judged(bench, &best)?;
+    let left = varying.as_ref().map_or(&fitted, |own| &own.fitted);
+    let no_noise = bench.no_noise(left);
+    let alike = alike(bench, &best, &fitted, &refitted, seed)?;
+    Ok(Found { alike, base, best, fitted, evidence, tied, varying, no_noise, notes, imitated })
+}
+
+/// Models held against each other in a round: those of the beam first.
+struct Round<'a> {
+    bench: &'a Bench<'a>,
+    scene: &'a Scene,
+    models: Vec<Hypothesis>,
+    beam: usize,
+    /// Causes tested in this round, for the level of each.
+    tests: f64,
+    contest: Contest,
+}
+
+/// A model that was accepted.
+struct Accepted {
+    leader: usize,
+    /// Others that it cannot be told from.
+    tied: Vec<usize>,
+    /// All that came after it, best first.
+    behind: Vec<usize>,
+}
+
+impl<'a> Round<'a> {
+    fn new(
+        bench: &'a Bench,
+        scene: &'a Scene,
+        beam: &[Hypothesis],
+        children: Vec<Hypothesis>,
+        tests: usize,
+    ) -> Result<Self, IdentifyError> {
+        let models: Vec<Hypothesis> = beam.iter().cloned().chain(children).collect();
+        let contest = Contest::new(bench, &models.iter().collect::<Vec<_>>(), beam.len())?;
+        Ok(Self { bench, scene, models, beam: beam.len(), tests: tests.max(1) as f64, contest })
+    }
+
+    /// The best model of the beam.
+    fn parent(&self) -> usize {
+        (0..self.beam).min_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b])).unwrap_or(0)
+    }
+
+    /// The best child that has everything a cause is accepted for, with its ties.
+    fn accept(
+        &self,
+        notes: &mut Vec<(String, String)>,
+        imitated: &mut Vec<(String, NumericsKind)>,
+    ) -> Result<Option<Accepted>, IdentifyError> {
+        let mut order: Vec<usize> = (self.beam..self.models.len()).collect();
+        order.sort_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b]));
+        let mut possible = Vec::new();
+        for k in order {
+            match self.rejection(k)? {
+                None => possible.push(k),
+                Some(Rejection::Imitated(kind)) => {
+                    let title = self.cause(k).title();
+                    notes.push((title.clone(), kind.imitates().to_owned()));
+                    imitated.push((title, kind));
+                }
+                Some(Rejection::Because(why)) => notes.push((self.cause(k).title(), why)),
+            }
+        }
+        let Some((&leader, behind)) = possible.split_first() else { return Ok(None) };
+        let tied: Vec<usize> = behind.iter().copied().filter(|&k| self.contest.ties(leader, k)).collect();
+        for &k in behind.iter().filter(|k| !tied.contains(k)) {
+            let ahead = self.contest.scores[k] - self.contest.scores[leader];
+            let by = format!("{} is nearer to the data, by {ahead:.0} units of −2 log likelihood", self.cause(leader).title());
+            notes.push((
+                self.cause(k).title(),
+                if self.contest.no_noise { "another is nearer to the data".to_owned() } else { by },
+            ));
+        }
+        Ok(Some(Accepted { leader, tied, behind: behind.to_vec() }))
+    }
+
+    /// The cause that a child adds.
+    fn cause(&self, k: usize) -> &Cause {
+        &self.models[k].causes[self.models[k].causes.len() - 1]
+    }
+
+    /// Why a child is not accepted, if it is not.
+    fn rejection(&self, k: usize) -> Result<Option<Rejection>, IdentifyError> {
+        let (parent, cause, fitted) = (self.parent(), self.cause(k), &self.contest.fits[k]);
+        if let [one] = cause.unknowns.as_slice() {
+            let value = one.value(&fitted.values);
+            if value <= one.bounds.0 || value >= one.bounds.1 {
+                return Ok(Some(Rejection::Because(format!("its refit ends at the physical bound {} = {value}", one.path))));
+            }
+        }
+        let records = self.contest.left_out[k].len();
+        let more = self.models[k].numbers() as f64 - self.models[parent].numbers() as f64;
+        let taken = self.contest.scores[parent] - self.contest.scores[k];
+        if !self.contest.no_noise {
+            let level = chi2_quantile(1.0 - POLICY.level / self.tests, more.max(1.0));
+            let needed = level.max(POLICY.per_number * more);
+            if taken + POLICY.per_number * more < needed {
+                let (taken, needed) = (taken + POLICY.per_number * more, needed);
+                return Ok(Some(Rejection::Because(format!(
+                    "its refit gains {taken:.1} units of −2 log likelihood, less than {needed:.1}"
+                ))));
+            }
+        }
+        let (before, after) = (&self.contest.left_out[parent], &self.contest.left_out[k]);
+        let share = across::share(before, after);
+        let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
+        // a size that differs between records foretells less, and something still
+        let accepted = carries || share > 0.0 && self.contest.varies[k];
+        // a single record has none left out, and its likelihood decides
+        let judged = records >= 2 || self.contest.no_noise;
+        if judged && !accepted {
+            return Ok(Some(Rejection::Because(format!(
+                "it does not carry over: on records left out it takes {:.1} % of the squares",
+                100.0 * share
+            ))));
+        }
+        self.imitated(parent, k, taken + POLICY.per_number * more)
+    }
+
+    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error.
+    ///
+    /// A finer mesh is another model as much as a better one (fitted stiffnesses have made up for the coarse one already), so it imitates
+    /// a cause only if it takes as much from the parent, too.
+    fn imitated(&self, parent: usize, k: usize, taken: f64) -> Result<Option<Rejection>, IdentifyError> {
+        let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
+        let own: Vec<usize> = (0..fitted.unknowns.len())
+            .filter(|&j| self.cause(k).unknowns.iter().any(|o| o.target.same(&fitted.unknowns[j].target)))
+            .collect();
+        let size = |j: usize| {
+            let u = &fitted.unknowns[j];
+            (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
+        };
+        for shift in shifts(self.scene, plan, fitted) {
+            let bias = shift.sizes(plan, fitted)?;
+            if own.iter().any(|&j| size(j) > POLICY.beyond_bias * bias[j].abs()) {
+                continue;
+            }
+            if shift.kind == NumericsKind::Mesh {
+                let before = Fitted { noise: fitted.noise.clone(), ..self.contest.fits[parent].clone() };
+                let same = |s: &Shift| s.kind == NumericsKind::Mesh;
+                let Some(finer) = shifts(self.scene, plan, &before).into_iter().find(same) else { continue };
+                if finer.gain(plan, &before)? < taken {
+                    continue;
+                }
+            }
+            return Ok(Some(Rejection::Imitated(shift.kind)));
+        }
+        Ok(None)
+    }
+
+    /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
+    fn next_beam(&self, accepted: &Accepted) -> Vec<Hypothesis> {
+        let size = POLICY.beam.max(1 + accepted.tied.len().min(POLICY.finalists));
+        let order = std::iter::once(accepted.leader).chain(accepted.behind.iter().copied());
+        order.take(size).map(|k| self.models[k].clone()).collect()
+    }
+}
+
+/// Why a cause is not accepted.
+enum Rejection {
+    Because(String),
+    Imitated(NumericsKind),
+}
+
+/// A model under the noise that it leaves, and with the sizes of its causes in every record where these vary.
+fn as_judged(bench: &Bench, model: &Hypothesis) -> Result<(Fitted, Option<OwnSizes>), IdentifyError> {
+    if model.varying.is_empty() {
+        let noise = noise_of(bench, &model.fitted)?;
+        return Ok((judged(bench, model, &noise, POLICY.no_noise)?, None));
+    }
+    let plain = bench.own_sizes(&model.fitted, &model.varying, None)?;
+    let noise = noise_of(bench, &plain.fitted)?;
+    let mut own = bench.own_sizes(&model.fitted, &model.varying, Some(&noise))?;
+    own.fitted.noise.clone_from(&noise);
+    Ok((Fitted { noise, ..model.fitted.clone() }, Some(own)))
+}
+
+/// Takes out causes that are not missed, and says how much each of the others takes.
+fn prune(
+    bench: &Bench,
+    best: &mut Hypothesis,
+    notes: &mut Vec<(String, String)>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Vec<Evidence>, IdentifyError> {
+    let mut evidence: Vec<Evidence> = Vec::new();
+    let mut k = best.causes.len();
+    while k > 0 {
+        k -= 1;
+        let cause = best.causes[k].clone();
+        progress(&format!("checking that {} is still needed", cause.title()));
+        let without = bench.without(best, k)?;
+        let contest = Contest::new(bench, &[&without, best], 2)?;
+        let [before, after] = [0, 1].map(|k| &contest.left_out[k]);
+        let numbers = POLICY.per_number * cause.unknowns.len() as f64;
+        let foretold = across::share(before, after);
+        let taken = contest.scores[0] - contest.scores[1];
+        let missed = if contest.no_noise { across::better(before, after) && foretold >= POLICY.worth } else { taken > 0.0 };
+        let rested_on = best.causes.iter().any(|other| other.rests_on(&cause));
+        if !missed && !rested_on && best.causes.len() > 1 {
+            notes.push((cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
+            *best = without;
+            // those before were judged with it present
+            evidence.clear();
+            k = best.causes.len();
+            continue;
+        }
+        let statistic = if contest.no_noise { taken } else { taken + numbers };
+        let several = before.len() > 1;
+        evidence.insert(0, Evidence { statistic, foretold: several.then_some(foretold) });
+    }
+    Ok(evidence)
+}
