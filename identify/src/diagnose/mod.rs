@@ -1,8 +1,8 @@
 //! Diagnosis: the errors of a simulation against measurements, and their causes.
 //!
 //! In order: audit of the data; baseline refit of the declared free parameters by least squares; the procedure, which accepts one cause after
-//! the other ([`procedure`]); the simulation's own error in the units of what was found ([`numerics`]); intervals; what is left; gain on
-//! held-out records; the verdict. The numbers that decide stand in [`policy`].
+//! the other (`procedure`); the simulation's own error in the units of what was found (`numerics`); intervals; what is left; gain on
+//! held-out records; the verdict. The numbers that decide stand in `policy.rs`.
 
 mod audit;
 mod baseline;
