@@ -121,10 +121,12 @@ CASES = {
 def main() -> None:
     """Runs the cases that were asked for."""
     parser = argparse.ArgumentParser(prog="python -m validation.diagnoses", description=__doc__.splitlines()[0])
-    parser.add_argument("case", nargs="*", choices=CASES)
+    parser.add_argument("case", nargs="*", help=", ".join(CASES))
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--write", action="store_true", help="write the answers to validation/evidence/diagnoses/")
     options = parser.parse_args()
+    if unknown := [name for name in options.case if name not in CASES]:
+        parser.error(f"no case {unknown[0]}: there are {', '.join(CASES)}")
     for name in CASES if options.all else options.case:
         run = evidence.Run()
         with tempfile.TemporaryDirectory() as folder:

@@ -25,7 +25,7 @@ def answer(figures: dict) -> str:
         rigid, dry = figures["rigid"], figures["dry_friction"]
         errors = f"torque error on held-out recordings {rigid['torque_error']:.3f} → {dry['torque_error']:.3f} N·m"
         return f"{errors} with dry friction; m₂r₂ = {dry['lever']:.3f} kg·m"
-    found = [value(cause) for cause in figures["causes"] if cause["name"] != "discretisation"]
+    found = [value(cause) for cause in figures["causes"]]
     if not found:
         pairs = zip(figures["alternatives"], figures["alternative_objects"], strict=True)
         sets = [[f"`{n}`" + (f" ({o})" if o else "") for n, o in zip(*pair, strict=True)] for pair in pairs]
