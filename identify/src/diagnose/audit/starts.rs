@@ -264,7 +264,7 @@ pub(super) mod tests {
     fn what_the_inputs_move_is_not_held_against_rest() {
         let (plan, _) = plan_of(&rope(), vec![carried(0, [0.0, 0.4]); 2]);
         let mut truth = plan.scene_values.clone();
-        truth.sensor.0[SCALE] = 1.1;
+        truth.sensor.0[SCALE] = 1.3;
         let clean = shoot(&plan, &plan.fitted[0], &truth, ShotWants::default()).unwrap().predicted;
         for seed in 0..200 {
             let read: Vec<f64> = clean.iter().zip(gaussians(clean.len(), seed)).map(|(y, e)| y + NOISE * e).collect();
