@@ -124,9 +124,9 @@ fn promising(white: &Scores, coloured: Option<&Scores>) -> Vec<Promise> {
 
 /// The best of those tried: the first few of each ranking, and all that are not clearly behind. The same model found twice counts once.
 fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Tried> {
-    let rows: f64 = beam.iter().map(|m| m.fitted.residuals.iter().map(|r| r.len() as f64).sum()).fold(1.0, f64::max);
     // squares per row of the best: the unit of a likelihood if it leaves white noise
-    let unit = tried.iter().map(|t| t.squares / rows).fold(f64::INFINITY, f64::min).max(1.0);
+    let rows = |t: &Tried| t.rough.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+    let unit = tried.iter().map(|t| t.squares / rows(t)).fold(f64::INFINITY, f64::min).max(1.0);
     let price = |t: &Tried| POLICY.per_number * t.numbers as f64;
     let score = |t: &Tried| t.squares / unit + price(t);
     tried.retain(|t| t.squares.is_finite());
