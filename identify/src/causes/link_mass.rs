@@ -5,18 +5,12 @@ use super::{Cause, Situation};
 use pliant_engine::bodies::Tree;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
-    let tree = at.plan.model.tree();
-    let one = |name: &String| {
-        let unknown = at.theta(&format!("{name}.mass"), 0.1)?;
-        Some(Cause {
-            object: Some(name.clone()),
-            meaning: "a link that carries others is heavier or lighter than simulated",
-            unknowns: vec![unknown],
-            excitation: "weigh it; or hold it in two postures by known torques",
-            ..Cause::default()
-        })
+    let shape = Cause {
+        meaning: "a link that carries others is heavier or lighter than simulated",
+        excitation: "weigh it; or hold it in two postures by known torques",
+        ..Cause::default()
     };
-    carriers(tree).filter_map(one).collect()
+    at.per_mass(carriers(at.plan.model.tree()), &shape)
 }
 
 /// Names of the bodies that carry another one and move. The mass of one that is welded to the world acts on nothing.

@@ -266,6 +266,15 @@ impl Situation<'_> {
         self.actuators().into_iter().filter_map(one).collect()
     }
 
+    /// A cause of this shape for the mass of each of these bodies; its distribution in space stays.
+    fn per_mass<'a>(&self, bodies: impl Iterator<Item = &'a String>, shape: &Cause) -> Vec<Cause> {
+        let one = |body: &String| {
+            let unknown = self.theta(&format!("{body}.mass"), 0.1)?;
+            Some(Cause { object: Some(body.clone()), unknowns: vec![unknown], ..shape.clone() })
+        };
+        bodies.filter_map(one).collect()
+    }
+
     /// A cause of this shape for every path with this end; its object is what comes before.
     fn per_path(&self, end: &str, scale: f64, shape: &Cause) -> Vec<Cause> {
         let objects = self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(end));

@@ -4,18 +4,12 @@ use super::{Cause, Situation};
 use pliant_engine::bodies::Tree;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
-    let tree = at.plan.model.tree();
-    let one = |name: &String| {
-        let unknown = at.theta(&format!("{name}.mass"), 0.1)?;
-        Some(Cause {
-            object: Some(name.clone()),
-            meaning: "the last link, with what it carries, is heavier or lighter than simulated",
-            unknowns: vec![unknown],
-            excitation: "weigh it; or hold the arm level by known torques",
-            ..Cause::default()
-        })
+    let shape = Cause {
+        meaning: "the last link, with what it carries, is heavier or lighter than simulated",
+        excitation: "weigh it; or hold the arm level by known torques",
+        ..Cause::default()
     };
-    ends(tree).filter_map(one).collect()
+    at.per_mass(ends(at.plan.model.tree()), &shape)
 }
 
 /// Names of the bodies that carry no other.

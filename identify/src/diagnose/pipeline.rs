@@ -127,7 +127,7 @@ fn pass(
 
     progress("fitting the baseline");
     let prepared = Prepared::new(setup, &mut plan, &FitOptions::default())?;
-    let plain = prepared.fit(&plan, &FitOptions { rounds: 0, tolerance: 1e-5, ..FitOptions::default() })?;
+    let plain = prepared.fit(&plan, &FitOptions { rounds: 0, tolerance: POLICY.fine.tolerance, ..FitOptions::default() })?;
     let scatter = super::procedure::scatter::scatter(&plan, &plain, &grids);
     let bench = Bench { plan: &plan, declared: plain.unknowns.clone(), white: ArModel::white(scatter.clone())? };
     let base = bench.finished(&plain, &plain.records)?;

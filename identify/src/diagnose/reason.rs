@@ -75,14 +75,21 @@ pub(super) fn numerics(own: &[&Numerics], imitated: &[String]) -> String {
 /// The reservation that the simulation's own error is, beside causes.
 pub(super) fn own_error(own: &[Numerics]) -> String {
     let notes: Vec<&str> = own.iter().map(|n| n.note.as_str()).collect();
-    if notes.is_empty() { String::new() } else { format!(" The simulation's own error counts as well: {}.", notes.join("; ")) }
+    if notes.is_empty() { String::new() } else { format!("the simulation's own error counts as well: {}", notes.join("; ")) }
+}
+
+/// Adds a clause to a reason that may end as a sentence; nothing if it is empty.
+pub(super) fn add(reason: &mut String, clause: &str) {
+    if !clause.is_empty() {
+        *reason = format!("{}; {clause}", reason.trim_end_matches('.'));
+    }
 }
 
 /// That the simulation was refined, and why. `coarse`: what counted with the scene's own.
 pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
     let notes: Vec<&str> = coarse.iter().map(|n| n.note.as_str()).collect();
     let because = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
-    format!(". The scene's own simulation is too coarse for these data{because}; this is of one with {finer}")
+    format!("the scene's own simulation is too coarse for these data{because}; this is of one with {finer}")
 }
 
 /// That nothing can be built on the baseline.
@@ -175,6 +182,15 @@ mod tests {
              without it the likelihood falls by 10000 units of −2 log, no other cause comes as near, and the error on held-out records \
              falls from 4 to 1 mm (RMSE over 4 s)."
         );
+    }
+
+    #[test]
+    fn a_reservation_follows_a_sentence() {
+        let mut reason = "The data call for wind.".to_owned();
+        add(&mut reason, "");
+        assert_eq!(reason, "The data call for wind.");
+        add(&mut reason, "the step is too coarse");
+        assert_eq!(reason, "The data call for wind; the step is too coarse");
     }
 
     #[test]

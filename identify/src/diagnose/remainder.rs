@@ -10,7 +10,7 @@ use crate::fit::Fitted;
 use crate::shooting::Plan;
 use crate::stats::whiteness::{channel, cross_correlation};
 
-/// What a model leaves. `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
+/// The remainder of a model. `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
 pub(super) fn remainder(
     bench: &Bench,
     fitted: &Fitted,

@@ -19,7 +19,7 @@ pub enum Verdict {
     Ambiguous,
     /// Causes are accepted, one of them with another size in every record; see `causes` and their `sizes`.
     Varies,
-    /// What is left is the simulation's own error, of its step, its mesh or how it reads inputs; see `numerics`.
+    /// The remainder is the simulation's own error, of its step, its mesh or how it reads inputs; see `numerics`.
     Numerics,
     /// Something significant is there that no cause of the library explains; `extension` lists what helps most, as an approximation.
     NotInLibrary,
@@ -123,7 +123,7 @@ pub struct Numerics {
 }
 
 impl NumericsKind {
-    /// What a cause of a size that is the simulation's own error is said to be.
+    /// The note on a cause whose size is the simulation's own error.
     pub(super) fn imitates(self) -> &'static str {
         match self {
             Self::Step => "its size is what the length of the simulation's steps imitates",

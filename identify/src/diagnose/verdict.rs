@@ -74,14 +74,15 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
         (Verdict::Named, reason::named(&d.causes, &d.gain))
     };
     if !d.causes.is_empty() {
-        d.reason += &reason::own_error(&own);
+        reason::add(&mut d.reason, &reason::own_error(&own));
     }
     if let Some((finer, before)) = &before {
         let told = before.numerics.iter().any(|n| n.gain > POLICY.per_number) || before.verdict != Verdict::Adequate;
         if d.verdict == Verdict::Adequate && told {
             d.verdict = Verdict::Numerics;
         }
-        d.reason += &reason::refined(finer, &before.numerics.iter().filter(counts).collect::<Vec<_>>());
+        let finer = reason::refined(finer, &before.numerics.iter().filter(counts).collect::<Vec<_>>());
+        reason::add(&mut d.reason, &finer);
     }
     if !matches!(d.verdict, Verdict::Named | Verdict::Varies) {
         let causes = std::mem::take(&mut d.causes);

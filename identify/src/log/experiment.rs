@@ -15,7 +15,7 @@ pub struct Experiment {
     /// Knowledge of the state at the beginning of each record.
     #[serde(default)]
     pub initial: Beginning,
-    /// What inputs are taken to do between the samples of a log.
+    /// Course of the inputs between the samples of a log.
     #[serde(default)]
     pub interpolation: Interpolation,
     /// "markers" if the grippers' inputs come from the sensor that sees the markers: its scale, rotation and bias act on both.
@@ -74,7 +74,7 @@ pub enum Beginning {
     Rest,
 }
 
-/// What inputs are taken to do between the samples of a log; before the first and after the last they are held.
+/// Course of the inputs between the samples of a log; before the first and after the last they are held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpolation {

@@ -63,7 +63,7 @@ pub struct Plan {
     pub at_rest: bool,
     /// Initial states are taken from the data as they are.
     pub given: bool,
-    /// What inputs do between the samples of the logs.
+    /// Course of the inputs between the samples of the logs.
     pub interpolation: Interpolation,
     /// Fitted records.
     pub fitted: Vec<RecordPlan>,

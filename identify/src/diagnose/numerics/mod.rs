@@ -23,7 +23,7 @@ use nalgebra::DVector;
 use pliant_scene::Scene;
 use rayon::prelude::*;
 
-/// What a finer simulation reads otherwise.
+/// Change of the readings by a finer simulation.
 #[derive(Clone, Debug)]
 pub(super) struct Shift {
     pub kind: NumericsKind,
@@ -84,7 +84,7 @@ impl Shift {
         Ok(left(&now) - left(&reduce_instead(plan, fitted, &finer)?))
     }
 
-    /// What is reported of it, at a fit: `gain` from [`Shift::gain`] under the noise of that fit.
+    /// Its entry in a report, at a fit: `gain` from [`Shift::gain`] under the noise of that fit.
     pub fn report(&self, plan: &Plan, fitted: &Fitted, gain: f64) -> Numerics {
         let rms = plan.rms(&self.change);
         let part = rms / fitted.rmse.max(f64::MIN_POSITIVE);

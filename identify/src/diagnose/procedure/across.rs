@@ -53,7 +53,7 @@ pub(in super::super) fn solved(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f6
 pub(in super::super) struct Across {
     /// Whitened squares of every measured record under the estimates of all others.
     pub left_out: Vec<f64>,
-    /// What own sizes of some of its numbers would do, linearized.
+    /// The squares with own sizes of some of its numbers, linearized.
     pub own: Apart,
 }
 
@@ -90,7 +90,7 @@ pub(super) fn share(before: &[f64], after: &[f64]) -> f64 {
     1.0 - after.iter().sum::<f64>() / before.iter().sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
-/// What own sizes of some numbers in every record would do, linearized.
+/// Squares with own sizes of some numbers in every record, linearized.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Apart {
     /// Squares with a common size, and with own ones.

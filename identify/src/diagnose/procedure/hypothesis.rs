@@ -90,7 +90,7 @@ pub(super) fn squares(plan: &Plan, fitted: &Fitted, noise: &ArModel) -> Result<f
     Ok(sum + fitted.unknowns.iter().filter_map(prior).sum::<f64>())
 }
 
-/// What all models of an experiment have in common.
+/// The experiment, the declared unknowns and the scatter, which all models share.
 pub(in super::super) struct Bench<'a> {
     pub plan: &'a Plan,
     /// Unknowns that are free without any cause.

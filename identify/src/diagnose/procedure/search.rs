@@ -23,7 +23,7 @@ pub(in super::super) struct Evidence {
     pub foretold: Option<f64>,
 }
 
-/// What a search found.
+/// The result of a search.
 pub(in super::super) struct Found {
     pub base: Hypothesis,
     /// The model with all accepted causes, and as it is judged.
