@@ -1,6 +1,6 @@
 //! Step 0: the raw records.
 
-mod starts;
+pub(super) mod starts;
 
 use super::result::AuditFinding;
 use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};

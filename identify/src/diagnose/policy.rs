@@ -37,6 +37,13 @@ pub(super) struct Policy {
     /// A number of a cause that moves the readings by less than this part of its others moves none [-].
     pub dead_number: f64,
     // refits
+    /// The error of the longer step that causes are tried on, in what is left \[-\]: it is taken off the data, and of a change of the size of
+    /// what is left only the step's part is wrong.
+    pub race_step: f64,
+    /// Times that it is taken off again before a fit is ended on the scene's own step.
+    pub corrections: usize,
+    /// Part of the squares within which both steps agree [-]: of squares of 10⁴ one, where a lead is 15.
+    pub agree: f64,
     /// Most measured records that causes are tried on before the best are refitted to all.
     pub raced_records: usize,
     /// Causes tried on top of one model, largest score first.
@@ -179,6 +186,9 @@ pub(super) const POLICY: Policy = Policy {
     score_blocks: 8,
     score_block: 10,
     dead_number: 1e-9,
+    race_step: 1.0,
+    corrections: 3,
+    agree: 1e-4,
     raced_records: 6,
     raced: 8,
     promising: 5.0,

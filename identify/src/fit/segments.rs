@@ -123,6 +123,7 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
             start,
             nodes: Vec::new(),
             parent: rec.parent,
+            correction: Arc::default(),
         });
     }
     Ok(pieces)

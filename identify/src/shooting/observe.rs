@@ -230,7 +230,7 @@ impl Pass<'_> {
 
 /// A residual of a measured sample: never exactly 0, which marks a missing one. A marker on a gripper that the same sensor drives is
 /// met exactly or to rounding, by chance, and must count the same both times.
-fn met(residual: f64) -> f64 {
+pub(super) fn met(residual: f64) -> f64 {
     if residual == 0.0 { f64::MIN_POSITIVE } else { residual }
 }
 

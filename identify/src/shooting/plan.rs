@@ -31,6 +31,8 @@ pub struct RecordPlan {
     pub nodes: Vec<(usize, pliant_math::State)>,
     /// Number of the measured record this is (a piece of), among those of its role.
     pub parent: usize,
+    /// Added to the residuals, rows (time, channel): the known error of this simulation. Rows beyond it are not measured. Empty: none.
+    pub correction: Arc<[f64]>,
 }
 
 /// The inputs of a record's steps, and of those before, read from its log in the way that its simulation does not use.
@@ -279,7 +281,16 @@ impl Plan {
         let other = Arc::new(OtherInputs { past: before(&others), inputs: others });
         let past = before(&inputs);
         let start = initial_guess(self, record)?;
-        Ok(RecordPlan { record: record.clone(), inputs, past, other, start, nodes: Vec::new(), parent: 0 })
+        Ok(RecordPlan {
+            record: record.clone(),
+            inputs,
+            past,
+            other,
+            start,
+            nodes: Vec::new(),
+            parent: 0,
+            correction: Arc::default(),
+        })
     }
 }
 

@@ -3,7 +3,7 @@
 use super::blend::Blend;
 use super::constants::SHOOTING;
 use super::marker_offset::{At, Beside};
-use super::observe::Instant;
+use super::observe::{Instant, met};
 use super::observed::Observed;
 use super::plan::{Plan, RecordPlan};
 use crate::sensor::{DELAY, TIME_OFFSET};
@@ -115,7 +115,19 @@ impl Pass<'_> {
                 shot.states.push(state.clone());
             }
         }
+        self.correct(&mut shot.residual);
         Ok(shot)
+    }
+
+    /// Takes the record's known error off the residuals.
+    fn correct(&self, residual: &mut [f64]) {
+        let known = &self.rec.correction;
+        if known.is_empty() {
+            return;
+        }
+        for (row, r) in residual.iter_mut().enumerate().filter(|(_, r)| **r != 0.0) {
+            *r = known.get(row).map_or(0.0, |error| met(*r + error));
+        }
     }
 
     fn seeds(&self) -> Seeds {

@@ -43,12 +43,7 @@ pub(super) fn shifts(scene: &Scene, plan: &Plan, fitted: &Fitted) -> Vec<Shift> 
     let mesh = mesh.map(|(change, order)| Shift { kind: NumericsKind::Mesh, change, order });
     let inputs = inputs(plan, records, values).map(|change| Shift { kind: NumericsKind::Inputs, change, order: 0 });
     let finite = |s: &Shift| s.change.iter().flatten().all(|x| x.is_finite());
-    let mut all: Vec<Shift> = [step, mesh, inputs].into_iter().flatten().filter(finite).collect();
-    for shift in &mut all {
-        // a last sample at the very end of the last step may be read by one of the two simulations alone
-        shift.change.iter_mut().zip(&fitted.residuals).for_each(|(change, r)| change.resize(r.len(), 0.0));
-    }
-    all
+    [step, mesh, inputs].into_iter().flatten().filter(finite).map(|shift| shift.beside(fitted)).collect()
 }
 
 /// Readings with the inputs read the other way between samples less those as the scene reads them.
@@ -66,6 +61,13 @@ fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values) -> Option<Vec<Ve
 }
 
 impl Shift {
+    /// With the rows of a fit: a last sample at the very end of the last step may be read by one of two simulations alone.
+    pub fn beside(&self, fitted: &Fitted) -> Self {
+        let mut out = self.clone();
+        out.change.iter_mut().zip(&fitted.residuals).for_each(|(change, r)| change.resize(r.len(), 0.0));
+        out
+    }
+
     /// b, in the coordinates of everything fitted.
     pub fn sizes(&self, plan: &Plan, fitted: &Fitted) -> Result<DVector<f64>, IdentifyError> {
         let moved = reduce_instead(plan, fitted, &self.change)?;

@@ -8,6 +8,7 @@
 
 use super::super::policy::POLICY;
 use super::super::scores::scores_in;
+use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis};
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
@@ -23,6 +24,8 @@ pub(super) fn alike(
     refitted: &[Vec<String>],
     seed: u64,
 ) -> Result<Vec<Vec<Cause>>, IdentifyError> {
+    let coarse = Coarse::of(bench, fitted)?;
+    let (bench, fitted) = (&coarse.bench(bench), &coarse.fitted);
     let one = |cause: &Cause| -> Result<Vec<Cause>, IdentifyError> {
         let swapped = |other: &Cause| {
             let mut key: Vec<String> = best.key().into_iter().filter(|t| *t != cause.title()).chain([other.title()]).collect();

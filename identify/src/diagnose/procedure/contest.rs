@@ -12,9 +12,10 @@
 
 use super::super::policy::POLICY;
 use super::across::{self, Across};
+use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, OwnSizes, squares};
 use crate::error::IdentifyError;
-use crate::fit::{Fitted, fit, floors};
+use crate::fit::{Fitted, floors};
 use crate::stats::ar::{ArModel, ArOptions, Order};
 use crate::unknown::Unknown;
 
@@ -24,6 +25,8 @@ pub(super) struct Contest {
     pub no_noise: bool,
     /// Each model as it is judged.
     pub fits: Vec<Fitted>,
+    /// The same on longer steps, for their sensitivities.
+    pub coarse: Vec<Coarse>,
     /// Each model's score: less is better.
     pub scores: Vec<f64>,
     /// Squares of each on every record with it left out.
@@ -51,17 +54,21 @@ pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: 
     if bench.over(plain) > least {
         return Ok(Fitted { noise: noise.clone(), ..plain.clone() });
     }
-    fit(bench.plan, &plain.records, &plain.values, &plain.unknowns, Some(noise), &POLICY.fine)
+    bench.polished(&plain.records, &plain.values, &plain.unknowns, noise, &POLICY.fine)
 }
 
 /// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise something.
 fn apart(bench: &Bench, model: &Hypothesis, new: bool) -> Result<Option<OwnSizes>, IdentifyError> {
     let last = model.causes.last().filter(|_| new).map_or(&[][..], |cause| &cause.unknowns);
     let own: Vec<Unknown> = model.varying.iter().chain(last).cloned().collect();
-    if own.is_empty() || model.varying.is_empty() && !Across::new(bench.plan, &model.fitted, &own)?.own.promises() {
+    if own.is_empty() {
         return Ok(None);
     }
-    bench.own_sizes(&model.fitted, &own, None).map(Some)
+    let coarse = Coarse::of(bench, &model.fitted)?;
+    if model.varying.is_empty() && !Across::new(&coarse.plan, &coarse.fitted, &own)?.own.promises() {
+        return Ok(None);
+    }
+    coarse.bench(bench).own_sizes(&coarse.fitted, &own, None).map(Some)
 }
 
 impl Contest {
@@ -85,10 +92,12 @@ impl Contest {
         let no_noise = bench.no_noise(best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
-        let mut out = Self { no_noise, fits: Vec::new(), scores: Vec::new(), left_out: Vec::new(), varies: Vec::new() };
+        let mut out =
+            Self { no_noise, fits: Vec::new(), coarse: Vec::new(), scores: Vec::new(), left_out: Vec::new(), varies: Vec::new() };
         for (k, model) in models.iter().enumerate() {
             let fitted = if no_noise { model.fitted.clone() } else { judged(bench, model, &noise, least)? };
-            let left_out = Across::new(bench.plan, &fitted, &[])?.left_out;
+            let coarse = Coarse::of(bench, &fitted)?;
+            let left_out = Across::new(&coarse.plan, &coarse.fitted, &[])?.left_out;
             let score = match no_noise {
                 true => left_out.iter().sum(),
                 false => squares(bench.plan, &fitted, &noise)? + POLICY.per_number * numbers(k),
@@ -106,6 +115,7 @@ impl Contest {
             out.scores.push(with_own.filter(|_| varies).unwrap_or(score));
             out.varies.push(varies && k >= beam);
             out.fits.push(fitted);
+            out.coarse.push(coarse);
             out.left_out.push(left_out);
         }
         Ok(out)

@@ -1,6 +1,7 @@
 //! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
 
 use super::super::policy::POLICY;
+use super::coarse::Coarse;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit};
@@ -137,8 +138,12 @@ impl Bench<'_> {
 
     /// A fit followed to its end: less far where what is left is no noise anyway.
     pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
-        let rough = self.fit(records, &from.values, &from.unknowns, &POLICY.coarse)?;
-        if self.no_noise(&rough) { Ok(rough) } else { self.fit(&rough.records, &rough.values, &rough.unknowns, &POLICY.fine) }
+        let white = &self.white;
+        let rough = self.polished(records, &from.values, &from.unknowns, white, &POLICY.coarse)?;
+        match self.no_noise(&rough) {
+            true => Ok(rough),
+            false => self.polished(&rough.records, &rough.values, &rough.unknowns, white, &POLICY.fine),
+        }
     }
 
     /// `parent` with a cause freed as well (and `beside` it its unmeasured companions), from the start that comes nearest to the data;
@@ -197,8 +202,8 @@ impl Bench<'_> {
             if records.is_empty() {
                 continue;
             }
-            let white = Some(noise.unwrap_or(&self.white));
-            let one = fit(self.plan, &records, &fitted.values, &unknowns, white, &POLICY.fine)?;
+            let white = noise.unwrap_or(&self.white);
+            let one = self.polished(&records, &fitted.values, &unknowns, white, &POLICY.fine)?;
             values.push(unknowns.iter().map(|u| u.value(&one.values)).collect());
             for (&k, (record, residual)) in places.iter().zip(one.records.into_iter().zip(one.residuals)) {
                 (out.records[k], out.residuals[k]) = (record, residual);
@@ -226,8 +231,9 @@ impl Bench<'_> {
             values.theta[entry] = self.plan.scene_values.theta[entry];
         }
         let unknowns = self.plan.taken_out(&self.declared, &whole.fitted.unknowns, &out.unknowns, &mut values);
-        let rough = self.fit(&whole.fitted.records, &values, &unknowns, &POLICY.coarse)?;
-        let fitted = self.finished(&rough, &rough.records)?;
+        let coarse = Coarse::of(self, &whole.fitted)?;
+        let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, &POLICY.coarse)?;
+        let fitted = self.finished(&rough, &coarse.back(&rough.records, &whole.fitted.records))?;
         let mut trail = whole.trail.clone();
         trail.remove(k);
         if let Some(last) = trail.last_mut() {

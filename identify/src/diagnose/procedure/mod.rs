@@ -12,6 +12,7 @@
 
 pub(super) mod across;
 mod alike;
+mod coarse;
 mod contest;
 mod hypothesis;
 mod race;

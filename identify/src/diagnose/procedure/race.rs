@@ -3,6 +3,7 @@
 use super::super::certainty::Curvature;
 use super::super::policy::POLICY;
 use super::super::scores::{Scores, scores_in};
+use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use crate::causes::{Cause, Situation};
@@ -40,14 +41,17 @@ pub(super) fn race(
     let mut tried = Vec::new();
     let mut plain = f64::INFINITY;
     for (parent, model) in beam.iter().enumerate() {
-        let some = restricted(&model.fitted);
-        let left = squares(bench.plan, &some, &bench.white)?;
+        let whole = restricted(&model.fitted);
+        let coarse = Coarse::of(bench, &whole)?;
+        let some = &coarse.fitted;
+        let bench = &coarse.bench(bench);
+        let left = squares(bench.plan, some, &bench.white)?;
         plain = plain.min(left);
         let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
-        let white = scores_in(bench.plan, &at, &some, seed)?;
-        let coloured = match bench.no_noise(&some) {
+        let white = scores_in(bench.plan, &at, some, seed)?;
+        let coloured = match bench.no_noise(some) {
             true => None,
-            false => Some(scores_in(bench.plan, &at, &Fitted { noise: noise_of(bench, &some)?, ..some.clone() }, seed)?),
+            false => Some(scores_in(bench.plan, &at, &Fitted { noise: noise_of(bench, some)?, ..some.clone() }, seed)?),
         };
         tests += white.tested.len();
         for Promise { cause, step, score, taken } in promising(&white, coloured.as_ref()) {
@@ -56,14 +60,16 @@ pub(super) fn race(
             for beside in sets {
                 let numbers = model.numbers() + cause.unknowns.len() + beside.len();
                 if score < POLICY.linear * left && beside.is_empty() {
-                    let (rough, cause) = bench.moved(&some, &cause, &step);
+                    let (rough, cause) = bench.moved(&whole, &cause, &step);
                     tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers });
                     continue;
                 }
                 progress(&format!("trying {}", cause.title()));
-                match bench.with(&some, &cause, &step, beside) {
+                match bench.with(some, &cause, &step, beside) {
                     Ok((rough, cause)) => {
                         let squares = squares(bench.plan, &rough, &bench.white)?;
+                        let records = coarse.back(&rough.records, &whole.records);
+                        let rough = Fitted { records, ..rough };
                         tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers });
                     }
                     Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
@@ -189,7 +195,9 @@ fn shaped(bench: &Bench, fitted: Fitted, cause: Cause) -> Result<(Fitted, Cause)
         return Ok((fitted, cause));
     }
     let unknowns: Vec<Unknown> = fitted.unknowns.iter().chain(&shape).cloned().collect();
-    let Ok(freed) = bench.fit(&fitted.records, &fitted.values, &unknowns, &POLICY.fine) else { return Ok((fitted, cause)) };
+    let unknowns = bench.plan.tied(unknowns);
+    let freed = bench.polished(&fitted.records, &fitted.values, &unknowns, &bench.white, &POLICY.fine);
+    let Ok(freed) = freed else { return Ok((fitted, cause)) };
     let errors = Curvature::new(bench.plan, &freed)?.std_errors();
     let over = bench.over(&freed).max(1.0);
     let known = errors.iter().rev().take(shape.len()).all(|error| error * over < POLICY.shape_error);

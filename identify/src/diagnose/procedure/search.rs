@@ -13,6 +13,7 @@ use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::stats::dist::chi2_quantile;
 use pliant_scene::Scene;
+use std::cell::OnceCell;
 
 /// Evidence for an accepted cause, all other causes present.
 #[derive(Clone, Debug)]
@@ -96,6 +97,8 @@ struct Round<'a> {
     /// Causes tested in this round, for the level of each.
     tests: f64,
     contest: Contest,
+    /// Errors of the simulation at the first child that they are asked for: the best, and those that come as near to the data share them.
+    shifts: OnceCell<Vec<Shift>>,
 }
 
 /// A model that was accepted.
@@ -117,7 +120,7 @@ impl<'a> Round<'a> {
     ) -> Result<Self, IdentifyError> {
         let models: Vec<Hypothesis> = beam.iter().cloned().chain(children).collect();
         let contest = Contest::new(bench, &models.iter().collect::<Vec<_>>(), beam.len())?;
-        Ok(Self { bench, scene, models, beam: beam.len(), tests: tests.max(1) as f64, contest })
+        Ok(Self { bench, scene, models, beam: beam.len(), tests: tests.max(1) as f64, contest, shifts: OnceCell::new() })
     }
 
     /// The best model of the beam.
@@ -214,8 +217,9 @@ impl<'a> Round<'a> {
             let u = &fitted.unknowns[j];
             (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
         };
-        for shift in shifts(self.scene, plan, fitted) {
-            let bias = shift.sizes(plan, fitted)?;
+        for shift in self.shifts.get_or_init(|| shifts(self.scene, plan, fitted)) {
+            let coarse = &self.contest.coarse[k];
+            let bias = shift.beside(&coarse.fitted).sizes(&coarse.plan, &coarse.fitted)?;
             if own.iter().any(|&j| size(j) > POLICY.beyond_bias * bias[j].abs()) {
                 continue;
             }

@@ -1,0 +1,257 @@
+//! A diagnosis on longer steps, for the race of causes.
+//!
+//! The step that a verdict needs is far shorter than the one that tells which cause comes near. So the race simulates with the longest step
+//! whose error is no more than what is left, and takes that error, as it is at the model that is extended, off the data:
+//! ```text
+//! y' = y − (ŷ_h(θ₀) − ŷ_nh(θ₀))
+//! ```
+//! There the two residuals are the same, and changes from there are wrong by the step's part of the *change* alone. Taken again where a fit
+//! on the long steps ends, until both agree, the residuals are those of the scene's step and the directions those of the longer one
+//! ([`Bench::polished`]).
+
+use super::super::policy::POLICY;
+use super::hypothesis::{Bench, squares};
+use crate::error::IdentifyError;
+use crate::fit::{FitOptions, Fitted, fit};
+use crate::shooting::{OtherInputs, Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::stats::ar::ArModel;
+use crate::unknown::{Unknown, Values};
+use pliant_math::State;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A plan with longer steps, and a fit as it looks there.
+pub(super) struct Coarse {
+    pub plan: Plan,
+    pub fitted: Fitted,
+    /// Steps in place of which it makes one.
+    steps: usize,
+}
+
+impl Coarse {
+    /// Of a fit at its optimum; as it is where no longer step is near enough.
+    pub fn of(bench: &Bench, fitted: &Fitted) -> Result<Self, IdentifyError> {
+        Self::beside(bench, fitted, None)
+    }
+
+    /// The same of a fit whose simulation is known.
+    fn beside(bench: &Bench, fitted: &Fitted, now: Option<&[Shot]>) -> Result<Self, IdentifyError> {
+        let plan = bench.plan;
+        let h = plan.model.step_length();
+        let sample = fitted.records.iter().map(|rec| rec.record.period()).fold(f64::INFINITY, f64::min);
+        let longest = (sample / h * (1.0 + POLICY.same_time)).floor();
+        let mut steps = if longest >= 2.0 { 1 << (longest.log2().floor() as usize) } else { 1 };
+        let corrected = fitted.records.iter().any(|rec| !rec.correction.is_empty());
+        if steps == 1 || corrected {
+            steps = 1;
+            return Ok(Self { plan: plan.clone(), fitted: fitted.clone(), steps });
+        }
+        let shots;
+        let now = match now {
+            Some(now) => now,
+            None => {
+                shots = simulated(plan, &fitted.records, &fitted.values)?;
+                &shots
+            }
+        };
+        while steps > 1 {
+            if let Some(coarse) = Self::with(bench, fitted, now, steps) {
+                return Ok(coarse);
+            }
+            steps /= 2;
+        }
+        Ok(Self { plan: plan.clone(), fitted: fitted.clone(), steps })
+    }
+
+    /// With so many steps in one, if that is near enough. `now`: the simulation as it is.
+    fn with(bench: &Bench, fitted: &Fitted, now: &[Shot], steps: usize) -> Option<Self> {
+        let plan = bench.plan;
+        let h = steps as f64 * plan.model.step_length();
+        let plan = Plan { model: Arc::new(plan.model.with_step(h)), fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() };
+        let mut records: Vec<RecordPlan> = fitted.records.iter().map(|rec| longer(&plan, rec, steps)).collect();
+        let longer = simulated(&plan, &records, &fitted.values).ok()?;
+        let mut change = fitted.residuals.clone();
+        for (change, (now, longer)) in change.iter_mut().zip(now.iter().zip(&longer)) {
+            // the end of the last step may read another sample
+            let both = now.predicted.len().min(longer.predicted.len()).min(change.len());
+            change.truncate(both);
+            change.iter_mut().zip(now.predicted.iter().zip(&longer.predicted)).for_each(|(c, (now, longer))| {
+                // nothing was measured where a residual is 0
+                *c = if *c == 0.0 { 0.0 } else { longer - now };
+            });
+        }
+        let moved = Fitted { residuals: change.clone(), ..fitted.clone() };
+        if !change.iter().flatten().all(|x| x.is_finite()) || bench.over(&moved) > POLICY.race_step * bench.over(fitted) {
+            return None;
+        }
+        for ((rec, change), (shot, before)) in records.iter_mut().zip(change).zip(longer.iter().zip(&fitted.records)) {
+            rec.correction = change.into();
+            rec.nodes = before.nodes.iter().filter_map(|(step, _)| node(step / steps, &shot.states)).collect();
+        }
+        let slices = fitted.residuals.iter().zip(&records);
+        let residuals = slices.map(|(r, rec)| r[..rec.correction.len()].to_vec()).collect();
+        Some(Self { plan, fitted: Fitted { records, residuals, ..fitted.clone() }, steps })
+    }
+
+    /// The bench with this plan.
+    pub fn bench(&self, of: &Bench) -> Bench<'_> {
+        Bench { plan: &self.plan, declared: of.declared.clone(), white: of.white.clone() }
+    }
+
+    /// Records of a fit of this plan on the steps of those that it was made from.
+    pub fn back(&self, records: &[RecordPlan], from: &[RecordPlan]) -> Vec<RecordPlan> {
+        let one = |(rec, from): (&RecordPlan, &RecordPlan)| {
+            let nodes = rec.nodes.iter().map(|(step, x)| (step * self.steps, x.clone())).collect();
+            RecordPlan { start: rec.start.clone(), nodes, ..from.clone() }
+        };
+        records.iter().zip(from).map(one).collect()
+    }
+}
+
+impl Bench<'_> {
+    /// A fit under `noise` from a point close to its end.
+    pub fn polished(
+        &self,
+        records: &[RecordPlan],
+        start: &Values,
+        unknowns: &[Unknown],
+        noise: &ArModel,
+        options: &FitOptions,
+    ) -> Result<Fitted, IdentifyError> {
+        let Some((mut at, mut shots)) = self.followed(records, start, unknowns, noise)? else {
+            return fit(self.plan, records, start, unknowns, Some(noise), options);
+        };
+        let mut before = squares(self.plan, &at, noise)?;
+        for _ in 0..POLICY.corrections {
+            let coarse = Coarse::beside(self, &at, Some(&shots))?;
+            if coarse.steps == 1 {
+                break;
+            }
+            let found = fit(&coarse.plan, &coarse.fitted.records, &at.values, unknowns, Some(noise), options)?;
+            let foretold = squares(&coarse.plan, &found, noise)?;
+            let next = self.followed(&coarse.back(&found.records, &at.records), &found.values, unknowns, noise)?;
+            let Some((next, seen)) = next else { break };
+            let now = squares(self.plan, &next, noise)?;
+            if now > before {
+                break;
+            }
+            (at, shots, before) = (Fitted { converged: found.converged, ..next }, seen, now);
+            if (now - foretold).abs() <= POLICY.agree * now {
+                return Ok(at);
+            }
+        }
+        fit(self.plan, &at.records, &at.values, unknowns, Some(noise), options)
+    }
+
+    /// These records simulated without a break, as a fit and as they are; none where they cannot be followed.
+    fn followed(
+        &self,
+        records: &[RecordPlan],
+        values: &Values,
+        unknowns: &[Unknown],
+        noise: &ArModel,
+    ) -> Result<Option<(Fitted, Vec<Shot>)>, IdentifyError> {
+        let Ok(shots) = simulated(self.plan, records, values) else { return Ok(None) };
+        let residuals: Vec<Vec<f64>> = shots.iter().map(|shot| shot.residual.clone()).collect();
+        let follow = |(rec, shot): (&RecordPlan, &Shot)| RecordPlan {
+            nodes: rec.nodes.iter().filter_map(|(step, _)| node(*step, &shot.states)).collect(),
+            ..rec.clone()
+        };
+        let records = records.iter().zip(&shots).map(follow).collect();
+        let slices: Vec<&[f64]> = residuals.iter().map(Vec::as_slice).collect();
+        let fitted = Fitted {
+            unknowns: unknowns.to_vec(),
+            values: values.clone(),
+            records,
+            deviance: noise.minus_two_log_likelihood(&slices)?,
+            rmse: self.plan.rms(&residuals),
+            residuals,
+            noise: noise.clone(),
+            iterations: 0,
+            converged: false,
+        };
+        Ok(Some((fitted, shots)))
+    }
+}
+
+/// A segment start where the simulation passes.
+fn node(step: usize, states: &[State]) -> Option<(usize, State)> {
+    let inside = step > 0 && step + 1 < states.len();
+    inside.then(|| (step, states[step].clone()))
+}
+
+/// The records simulated without a break, with their states.
+fn simulated(plan: &Plan, records: &[RecordPlan], values: &Values) -> Result<Vec<Shot>, IdentifyError> {
+    let one = |rec: &RecordPlan| {
+        let whole = RecordPlan { nodes: Vec::new(), ..rec.clone() };
+        let wants = ShotWants { states: true, ..ShotWants::default() };
+        shoot(plan, &whole, values, wants).map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
+    };
+    records.par_iter().map(one).collect()
+}
+
+/// A record on steps so many times as long: forces are means over them, grippers are where they end.
+fn longer(plan: &Plan, rec: &RecordPlan, steps: usize) -> RecordPlan {
+    let of_grippers = plan.model.drives().iter().flat_map(|d| std::iter::repeat_n(d.is_prescribed(), d.n_controls()));
+    let prescribed: Vec<bool> = of_grippers.chain(std::iter::repeat(false)).take(plan.model.nu()).collect();
+    let one = |rows: &[Vec<f64>]| -> Vec<f64> {
+        let mean = |j: usize| rows.iter().map(|row| row[j]).sum::<f64>() / rows.len() as f64;
+        let last = |j: usize| rows[rows.len() - 1][j];
+        prescribed.iter().enumerate().map(|(j, p)| if *p { last(j) } else { mean(j) }).collect()
+    };
+    let joined = |rows: &[Vec<f64>]| -> Vec<Vec<f64>> { rows.chunks(steps).map(one).collect() };
+    // what came before ends where the record begins
+    let before = |rows: &[Vec<f64>]| -> Vec<Vec<f64>> { rows.rchunks(steps).rev().map(one).collect() };
+    let other = OtherInputs { inputs: joined(&rec.other.inputs), past: before(&rec.other.past) };
+    RecordPlan { inputs: joined(&rec.inputs), past: before(&rec.past), other: Arc::new(other), nodes: Vec::new(), ..rec.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::super::audit::starts::tests::{experiment, pendulum};
+    use super::*;
+
+    /// A swinging pendulum with some damping, in readings of 0.4 s; the scene has none.
+    fn swinging() -> Plan {
+        let swing = |k: usize, a: f64| a * (5.7 * 0.01 * k as f64).cos() * (-0.5 * 0.01 * k as f64).exp();
+        let readings: Vec<Vec<f64>> = [0.3, 0.5].iter().map(|a| (0..40).map(|k| swing(k, *a)).collect()).collect();
+        let fine = pendulum("measured").replace("step = 0.005", "step = 0.00125");
+        experiment(&fine, &readings).0
+    }
+
+    fn damping(plan: &Plan) -> Vec<Unknown> {
+        vec![Unknown::of_theta(&plan.model, "pivot.damping", 0.1).unwrap()]
+    }
+
+    #[test]
+    fn where_it_is_made_the_residuals_are_those_of_the_short_step() {
+        let plan = swinging();
+        let white = ArModel::white(vec![1e-3]).unwrap();
+        let bench = Bench { plan: &plan, declared: Vec::new(), white: white.clone() };
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let coarse = Coarse::of(&bench, &fitted).unwrap();
+        assert_eq!(coarse.steps, 8);
+        let seen = simulated(&coarse.plan, &coarse.fitted.records, &coarse.fitted.values).unwrap();
+        for (a, b) in seen[0].residual.iter().zip(&fitted.residuals[0]) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+        // made again from there it stays as it is
+        assert_eq!(Coarse::of(&coarse.bench(&bench), &coarse.fitted).unwrap().steps, 1);
+    }
+
+    #[test]
+    fn a_fit_on_long_steps_ends_where_that_of_the_short_ones_does() {
+        let plan = swinging();
+        let white = ArModel::white(vec![1e-4]).unwrap();
+        let bench = Bench { plan: &plan, declared: Vec::new(), white: white.clone() };
+        let unknowns = damping(&plan);
+        let path = |f: &Fitted| unknowns[0].value(&f.values);
+        let short = fit(&plan, &plan.fitted, &plan.scene_values, &unknowns, Some(&white), &POLICY.fine).unwrap();
+        let long = bench.polished(&plan.fitted, &plan.scene_values, &unknowns, &white, &POLICY.fine).unwrap();
+        assert!(path(&short) > 1e-3, "{}", path(&short));
+        assert!((path(&long) / path(&short) - 1.0).abs() < 1e-3, "{} {}", path(&long), path(&short));
+        let [a, b] = [&long, &short].map(|f| squares(&plan, f, &white).unwrap());
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
+}
