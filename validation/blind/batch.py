@@ -111,6 +111,7 @@ def listed(root: Path) -> str:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--cases", type=int, default=40)
+    parser.add_argument("--first", type=int, help="only so many of the cases, which are in a random order: a part of a batch, to go on with later")
     parser.add_argument("--seed", type=int, default=score.DEVELOPMENT.start, help="development: 0 to 999; see docs/measured.md")
     parser.add_argument("--systems", type=lambda x: x.split(","), help=", ".join(draw.SYSTEMS))
     parser.add_argument("--kinds", type=lambda x: x.split(","), help=", ".join(draw.SHARES))
@@ -128,7 +129,7 @@ def main(arguments: list[str] | None = None) -> int:
     pliant = "" if options.draw else options.pliant
     wanted = draw.plan(options.cases, options.seed, options.systems, options.kinds)
     answers = options.answers or options.keep / "answers"
-    jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout) for i, (system, kind) in enumerate(wanted)]
+    jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout) for i, (system, kind) in enumerate(wanted[: options.first])]
     with ProcessPoolExecutor(options.jobs, multiprocessing.get_context("spawn")) as pool:
         rows = [row for row in pool.map(one, jobs) if row]
     if options.draw:
@@ -139,7 +140,8 @@ def main(arguments: list[str] | None = None) -> int:
     if options.json:
         stored(options.json, {"summary": summary, "cases": rows})
     if options.write:
-        figures = {"commit": record.commit, "seeds": [options.seed], **summary, "answers": [score.short(row) for row in rows]}
+        planned = {"commit": record.commit, "seeds": [options.seed], "planned": options.cases}
+        figures = {**planned, **summary, "answers": [score.short(row) for row in rows]}
         stored(RESULTS / "blind.json", figures)
     return int(any(row["state"] == "fails" for row in summary["requirements"]))
 

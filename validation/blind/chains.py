@@ -299,7 +299,9 @@ class ChainSetup(Setup):
     def seen(self, record: int, changes: Changes, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """What the encoders read."""
         stamps = self.logged[record][0]
-        out = np.empty((len(stamps), len(self.links)))
+        out = np.full((len(stamps), len(self.links)), np.nan)
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            return out  # a change so large that the motion runs away
         for k, link in enumerate(self.links):
             get = lambda key, j=link.joint: changes.get(f"{key}:{j}", 0.0)
             at = stamps - changes.get("delay", 0.0) - get("delay")

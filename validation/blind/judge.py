@@ -134,8 +134,8 @@ class Judge:
                     for k, x0 in enumerate(step):
                         moved[i][f"start:{k}"] = moved[i].get(f"start:{k}", 0.0) + float(x0)
             nearer = setup.readings(list(zip(self.records, moved, strict=True)))
-            if self.size(read, nearer) > self.size(read, base):
-                return u  # the step went too far
+            if not self.size(read, nearer) <= self.size(read, base):
+                return u  # the step went too far, or nowhere
             base = nearer
         return u
 

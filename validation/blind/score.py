@@ -1,6 +1,7 @@
 """Scores verdicts against the hidden truth, and checks what a diagnosis must reach.
 
-Outcomes of effects: right (named, exactly the hidden causes), wrong (named otherwise, or said to vary with another law), honest
+Outcomes of effects: right (named, exactly the hidden causes), part (all that is named is hidden, and something else is, too), wrong
+(named otherwise, or said to vary with another law), honest
 (ambiguous, all that is hidden among the alternatives), astray (ambiguous without it), not_in_library, missed (adequate), numerics,
 withheld, failed (no answer), varied (the right law, said to vary where it does not), one_size (the right law, named with one size
 where it does vary). Of nulls: clean (adequate, or `numerics` where they are wrong on purpose), false_alarm (named, or said to vary),
@@ -20,7 +21,7 @@ DEVELOPMENT = range(1000)  # seeds that rules may be made on
 FRESH = range(1000, 10_000)  # seeds to be drawn once, for figures that are reported
 SYMMETRIC = 0.9995  # cosine from which two causes count as exact symmetries
 VERDICTS = ("named", "ambiguous", "varies", "numerics", "not_in_library", "adequate", "withheld")
-OUTCOMES = ("clean", "false_alarm", "flagged", "right", "wrong", "honest", "astray", "varied", "one_size", "not_in_library", "missed",
+OUTCOMES = ("clean", "false_alarm", "flagged", "right", "part", "wrong", "honest", "astray", "varied", "one_size", "not_in_library", "missed",
             "numerics", "withheld", "failed")  # fmt: skip
 
 
@@ -87,6 +88,12 @@ def exactly(case: dict, report: dict) -> bool:
     return len(names) == len(hidden) and all(any(is_cause(h, name) for name in names) for h in hidden)
 
 
+def partly(case: dict, report: dict) -> bool:
+    """Whether every cause told is hidden, and more is hidden."""
+    names, hidden = told(report), case["hidden"]
+    return len(names) < len(hidden) and all(any(is_cause(h, name) for h in hidden) for name in names)
+
+
 def outcome(case: dict, report: dict | None) -> str:
     """What an answer is worth; see the head of the file."""
     found, kind = verdict(report), case["kind"]
@@ -100,7 +107,7 @@ def outcome(case: dict, report: dict | None) -> str:
         return "honest" if all(any(is_cause(h, name) for name in known) for h in case["hidden"]) else "astray"
     if found in ("named", "varies"):
         if not exactly(case, report):
-            return "wrong"
+            return "part" if partly(case, report) else "wrong"
         changing = kind in ("varies", "some")
         return "right" if changing == (found == "varies") else "one_size" if changing else "varied"
     return {"adequate": "missed"}.get(found, found)
@@ -166,7 +173,7 @@ def counted(rows: list[dict], what: Callable[[dict], str]) -> dict[str, dict[str
 
 
 def named(rows: Iterable[dict]) -> int:
-    return sum(row["outcome"] in ("right", "wrong", "varied", "one_size") for row in rows)
+    return sum(row["outcome"] in ("right", "part", "wrong", "varied", "one_size") for row in rows)
 
 
 def summarize(rows: list[dict]) -> dict:
@@ -183,7 +190,7 @@ def summarize(rows: list[dict]) -> dict:
         "cases": len(rows),
         "nulls": {"n": len(null), "named": count(null, "false_alarm"), "clean": count(null, "clean"), "flagged": count(null, "flagged")},
         "effects": {
-            "n": len(effects), "named_right": count(effects, "right"), "named_wrong": count(effects, "wrong"),
+            "n": len(effects), "named_right": count(effects, "right"), "named_part": count(effects, "part"), "named_wrong": count(effects, "wrong"),
             "ambiguous_with": count(effects, "honest"), "ambiguous_without": count(effects, "astray"),
             "adequate": count(effects, "missed"), "withheld": count(effects, "withheld"), "varies": count(effects, "varied"),
             "numerics": count(effects, "numerics"), "not_in_library": count(effects, "not_in_library"), "failed": count(effects, "failed"),
@@ -220,7 +227,7 @@ def requirements(rows: list[dict]) -> list[dict]:
     count = lambda part, *outcomes: sum(r["outcome"] in outcomes for r in part)
     null = [r for r in of("null") if r["outcome"] != "failed"]
     allowed = [r for r in of("effect", "pair") if r["case"]["allowed"]]
-    told_of = count(allowed, "right", "wrong")
+    told_of = count(allowed, "right", "part", "wrong")
     outside = [r for r in of("outside", "value") if r["case"]["lam"] >= 30.0]
     twins, failed = of("symmetric"), count(rows, "failed")
     strong = [r for r in of("effect", "pair") if r["outcome"] == "right" and r["case"]["lam"] >= 100.0]

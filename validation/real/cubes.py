@@ -54,11 +54,12 @@ def tosses(data: Path) -> list[tuple[str, np.ndarray, int]]:
     return sorted(found, key=lambda toss: -toss[2])[:TOSSES]
 
 
-def write(data: Path, folder: Path, flight_only: bool = False, count: int = TOSSES) -> Path:
-    """Scene and logs of `count` tosses."""
+def write(data: Path, folder: Path, flight_only: bool = False, count: int = TOSSES, half: int | None = None) -> Path:
+    """Scene and logs of `count` tosses, or of every second of them, from the first (`half` 0) or the second (1) on."""
     folder.mkdir(parents=True, exist_ok=True)
     records = ""
-    for k, (name, rows, n) in enumerate(tosses(data)[:count]):
+    chosen = tosses(data)[:count]
+    for k, (name, rows, n) in enumerate(chosen if half is None else chosen[half::2]):
         columns = {"t": np.arange(n) / RATE}
         columns |= dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), rows[:n].T, strict=True))
         lying = np.full((n, 3), np.nan)
