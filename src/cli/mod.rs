@@ -18,6 +18,7 @@ mod outputs;
 mod plan;
 mod print;
 mod progress;
+mod report;
 mod schema;
 mod simulate;
 mod threads;
@@ -49,6 +50,8 @@ enum Command {
     Fit(fit::Arguments),
     /// Find the physical effects that a scene lacks to explain its logs, and write a report.
     Diagnose(diagnose::Arguments),
+    /// Write the page of a diagnosis again from its JSON, and its figures as SVG files.
+    Report(report::Arguments),
     /// Plan the inputs of a task: those of least cost within its limits.
     Plan(plan::Arguments),
     /// Control a task in closed loop, with a simulated plant.
@@ -68,6 +71,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Command::Gradcheck(arguments) => gradcheck::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Mpc(arguments) => mpc::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),

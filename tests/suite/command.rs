@@ -362,6 +362,14 @@ fn the_built_in_example_is_diagnosed_and_reported() {
     let extended = out.join("scene_extended.toml");
     assert!(pliant(&["simulate", extended.to_str().unwrap()]).status.success());
     assert!(std::fs::read_to_string(&extended).unwrap().contains("file = \"example/run1.csv\""));
+    // The page can be made again from the rest, the copied example included.
+    let page = std::fs::read(out.join("report.html")).unwrap();
+    std::fs::remove_file(out.join("report.html")).unwrap();
+    let again = pliant(&["report", out.to_str().unwrap(), "--svg", folder.path().join("figures").to_str().unwrap()]);
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+    assert_eq!(std::fs::read(out.join("report.html")).unwrap(), page);
+    assert!(folder.path().join("figures/curve_1.svg").is_file());
+    assert_eq!(pliant(&["report", folder.path().to_str().unwrap()]).status.code(), Some(2));
 }
 
 #[test]

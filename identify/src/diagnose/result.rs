@@ -4,13 +4,13 @@
 use crate::causes::title;
 use crate::log::Interpolation;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Version of the JSON.
 pub const SCHEMA_VERSION: u32 = 2;
 
 /// The verdict of a diagnosis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// One cause, or several jointly, are accepted; see `causes`.
@@ -30,7 +30,7 @@ pub enum Verdict {
 }
 
 /// An estimated parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Estimate {
     /// Path, for example `cable.bend_damping`.
     pub path: String,
@@ -46,7 +46,7 @@ pub struct Estimate {
 }
 
 /// A rival of an accepted cause.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Rival {
     /// Name of the other cause.
     pub name: String,
@@ -57,7 +57,7 @@ pub struct Rival {
 }
 
 /// An accepted cause.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cause {
     /// Name.
     pub name: String,
@@ -75,14 +75,14 @@ pub struct Cause {
     /// p of the hypothesis that its size is the same in all parts of the records, for the record: it decides nothing.
     pub constancy_p: Option<f64>,
     /// Its size in each fitted record, where these surely differ.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sizes: Vec<RecordSize>,
     /// Causes it was held against, most similar first.
     pub rivals: Vec<Rival>,
 }
 
 /// Size of a cause's first parameter in one record.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RecordSize {
     /// Record.
     pub record: String,
@@ -91,7 +91,7 @@ pub struct RecordSize {
 }
 
 /// A source of the simulation's own error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NumericsKind {
     /// The length of its steps.
@@ -103,7 +103,7 @@ pub enum NumericsKind {
 }
 
 /// The simulation's own error of one kind.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Numerics {
     /// Its source.
     pub kind: NumericsKind,
@@ -134,7 +134,7 @@ impl NumericsKind {
 }
 
 /// Outcome of a candidate's test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Its score was tested.
@@ -146,7 +146,7 @@ pub enum Status {
 }
 
 /// A candidate cause against the baseline.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CandidateReport {
     /// Name.
     pub name: String,
@@ -173,7 +173,7 @@ pub struct CandidateReport {
 }
 
 /// Residual that no accepted cause explains.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Remainder {
     /// Whether it is more than noise.
     pub significant: bool,
@@ -194,7 +194,7 @@ pub struct Remainder {
 }
 
 /// Error on held-out records before and after.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gain {
     /// Horizon from the start of a record [s].
     pub horizon_s: f64,
@@ -215,7 +215,7 @@ pub struct Gain {
 
 /// Held-out error over whole records that a flexible statistical correction takes, learnt on the fitted records: a yardstick for
 /// the causes, and no explanation.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Ceiling {
     /// RMSE of the baseline with the correction [m].
     pub rmse: f64,
@@ -231,7 +231,7 @@ pub struct Ceiling {
 }
 
 /// The noise model.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Noise {
     /// Autoregressive coefficients of what is left, common to all channels.
     pub ar: Vec<f64>,
@@ -244,7 +244,7 @@ pub struct Noise {
 }
 
 /// Numbers of records.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RecordCount {
     /// Fitted.
     pub fit: usize,
@@ -269,7 +269,7 @@ impl Diagnosis {
 }
 
 /// A finding of the audit of the data.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AuditFinding {
     /// `info`, `warning` or `faulty`.
     pub severity: String,
@@ -290,7 +290,7 @@ pub struct AuditFinding {
 }
 
 /// One accepted step of the forward selection, for the story of the report.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Stage {
     /// `baseline` or the cause accepted.
     pub name: String,
@@ -307,7 +307,7 @@ pub struct Stage {
 }
 
 /// Mean |error| per coordinate over held-out records up to a horizon [m].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HorizonError {
     /// Horizon from the start of a record [s].
     pub horizon_s: f64,
@@ -320,44 +320,56 @@ pub struct HorizonError {
 }
 
 /// Measured and simulated positions of one marker of one record, for pictures.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Curve {
     /// Record.
     pub record: String,
     /// Marker.
     pub marker: usize,
     /// Name of the quantity, if it is no marker's position: then its numbers are the first of each three.
-    #[serde(skip_serializing_if = "String::is_empty")]
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub quantity: String,
     /// Unit of the numbers.
     pub unit: String,
     /// Times [s].
     pub time: Vec<f64>,
     /// Measured positions [m].
+    #[serde(deserialize_with = "points")]
     pub measured: Vec<[f64; 3]>,
     /// Simulated by the baseline [m].
+    #[serde(deserialize_with = "points")]
     pub before: Vec<[f64; 3]>,
     /// Simulated with the accepted causes [m].
+    #[serde(deserialize_with = "points")]
     pub after: Vec<[f64; 3]>,
 }
 
 /// Shapes of the whole rope at one instant, for the picture of measured against simulated.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Snapshot {
     /// Record.
     pub record: String,
     /// Time [s].
     pub time: f64,
     /// Measured markers [m].
+    #[serde(deserialize_with = "points")]
     pub measured: Vec<[f64; 3]>,
     /// Nodes simulated by the baseline [m].
+    #[serde(deserialize_with = "points")]
     pub before: Vec<[f64; 3]>,
     /// Nodes simulated with the accepted causes [m].
+    #[serde(deserialize_with = "points")]
     pub after: Vec<[f64; 3]>,
 }
 
+/// Points in which a number that is missing, which JSON writes as null, is no number.
+fn points<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<[f64; 3]>, D::Error> {
+    let read = Vec::<[Option<f64>; 3]>::deserialize(from)?;
+    Ok(read.into_iter().map(|p| p.map(|x| x.unwrap_or(f64::NAN))).collect())
+}
+
 /// A finer simulation than the scene's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Refined {
     /// Its step [s].
     pub step: f64,
@@ -366,7 +378,7 @@ pub struct Refined {
 }
 
 /// Time that a part of a diagnosis took.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartTime {
     /// The part.
     pub part: String,
@@ -375,7 +387,7 @@ pub struct PartTime {
 }
 
 /// A diagnosis.
-#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Diagnosis {
     /// Version of this object.
     pub schema_version: u32,

@@ -36,6 +36,24 @@ pub enum ReportError {
         /// The file system's error.
         source: std::io::Error,
     },
+    /// A file of a report cannot be read.
+    #[error("{path}: cannot be read: {source}\n  likely cause: it is not the folder or the JSON of a diagnosis\n  fix: give the folder \
+             that `pliant diagnose --out` wrote, or a file with the output of `pliant diagnose --json`", path = .path.display())]
+    Absent {
+        /// File.
+        path: PathBuf,
+        /// The file system's error.
+        source: std::io::Error,
+    },
+    /// A file of a report holds something else.
+    #[error("{path}: is not part of a report of this version: {what}\n  likely cause: another version of pliant wrote it, or it was \
+             changed\n  fix: run `pliant diagnose` again", path = .path.display())]
+    Foreign {
+        /// File.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The page cannot be filled in.
     #[error("report.html: {0}\n  likely cause: a mistake in pliant's own template\n  fix: report this as a bug")]
     Page(#[from] minijinja::Error),
@@ -72,6 +90,6 @@ impl ReportError {
 
     /// Whether the input is at fault (exit code 2).
     pub fn is_input(&self) -> bool {
-        matches!(self, Self::NotOurs { .. } | Self::Write { .. } | Self::Read { .. })
+        matches!(self, Self::NotOurs { .. } | Self::Write { .. } | Self::Read { .. } | Self::Absent { .. } | Self::Foreign { .. })
     }
 }

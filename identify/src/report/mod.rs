@@ -21,6 +21,7 @@ mod plot;
 mod reproduce;
 #[cfg(test)]
 mod sample;
+mod saved;
 mod shapes;
 mod stages;
 mod story;
@@ -28,6 +29,7 @@ mod story;
 pub use error::ReportError;
 pub use folder::check_folder;
 pub use reproduce::Provenance;
+pub use saved::Saved;
 pub use story::{headline, summary};
 
 use crate::diagnose::Diagnosis;

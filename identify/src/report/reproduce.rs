@@ -2,7 +2,7 @@
 
 use super::error::ReportError;
 use crate::log::Setup;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Component, Path, PathBuf};
 
 /// The run that made a report.
@@ -23,7 +23,7 @@ pub struct Provenance {
 }
 
 /// A file that was read.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputFile {
     /// Path.
     pub path: String,
@@ -101,6 +101,30 @@ pub(super) fn text(provenance: &Provenance) -> Result<String, ReportError> {
     Ok("# How this report was made; the same command on the same files gives the same numbers, on any number of threads.\n"
         .to_owned()
         + &text)
+}
+
+/// The provenance of a report in `folder`, from the text of its `reproduce.toml`.
+pub(super) fn read(text: &str, folder: &Path) -> Result<Provenance, toml::de::Error> {
+    #[derive(Deserialize)]
+    struct Kept {
+        command: Vec<String>,
+        seed: u64,
+        threads: usize,
+        #[serde(default)]
+        file: Vec<InputFile>,
+    }
+    let kept: Kept = toml::from_str(text)?;
+    let content = |file: &InputFile| Some((file.path.clone(), std::fs::read(folder.join(&file.path)).ok()?));
+    let copied = |file: &&InputFile| file.path.starts_with("example/");
+    let example = kept.file.iter().filter(copied).filter_map(content).collect();
+    Ok(Provenance {
+        command: kept.command,
+        seed: kept.seed,
+        threads: kept.threads,
+        example,
+        files: kept.file,
+        ..Provenance::default()
+    })
 }
 
 /// The path of `file` as seen from the folder `from`.
