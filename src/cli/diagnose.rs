@@ -54,6 +54,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     print::data(&format!("{}\nreport: {}", summary(&diagnosis), arguments.out.join("report.html").display()))
 }
 
+/// Diagnoses a scene with default settings.
+pub fn of_scene(scene: &Path, out: &Path) -> Result<(), Failure> {
+    let (scene, out) = (Some(scene.to_owned()), out.to_owned());
+    run(&Arguments { scene, logs: Vec::new(), out, json: false, seed: 0, threads: None })
+}
+
 fn analyse(scene: &Path, setup: &Setup, logs: &Logs, seed: u64) -> Result<Diagnosis, Failure> {
     let mut progress = Progress::start();
     let options = DiagnoseOptions { seed, ..DiagnoseOptions::default() };

@@ -57,6 +57,9 @@ pub enum Failure {
     /// An output cannot be written.
     #[error("error: {path}: cannot be written: {source}\n  likely cause: {cause}\n  fix: {fix}", path = .path.display())]
     Write { path: PathBuf, source: std::io::Error, cause: &'static str, fix: &'static str },
+    /// No scene can be made of a model and its logs.
+    #[error("error: {place}: {what}\n  likely cause: {cause}\n  fix: {fix}")]
+    Init { place: String, what: String, cause: &'static str, fix: String },
     /// An output of an unknown kind.
     #[error("error: {path}: ends neither in .csv nor in .npz\n  likely cause: another format was meant\n  fix: write `--out {stem}.csv` or `--out {stem}.npz`", path = .path.display(), stem = .path.with_extension("").display())]
     Kind { path: PathBuf },

@@ -11,6 +11,7 @@ mod file;
 mod fit;
 mod gradcheck;
 mod import;
+mod init;
 mod inputs;
 mod mpc;
 mod numbers;
@@ -48,6 +49,8 @@ enum Command {
     Gradcheck(gradcheck::Arguments),
     /// Fit the free parameters of a scene to its logs.
     Fit(fit::Arguments),
+    /// Write a scene for a model and its logs, whose columns are matched by name, to be diagnosed.
+    Init(init::Arguments),
     /// Find the physical effects that a scene lacks to explain its logs, and write a report.
     Diagnose(diagnose::Arguments),
     /// Write the page of a diagnosis again from its JSON, and its figures as SVG files.
@@ -70,6 +73,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Gradcheck(arguments) => gradcheck::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
+        Command::Init(arguments) => init::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),

@@ -5,5 +5,6 @@
 
 mod command;
 mod house;
+mod init;
 mod plan;
 mod view;

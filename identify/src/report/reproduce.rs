@@ -128,7 +128,7 @@ pub(super) fn read(text: &str, folder: &Path) -> Result<Provenance, toml::de::Er
 }
 
 /// The path of `file` as seen from the folder `from`.
-pub(super) fn relative(from: &Path, file: &Path) -> String {
+pub fn relative(from: &Path, file: &Path) -> String {
     let (from, file) = (resolved(from), resolved(file));
     let (a, b): (Vec<Component>, Vec<Component>) = (from.components().collect(), file.components().collect());
     let common = a.iter().zip(&b).take_while(|(a, b)| a == b).count();

@@ -1,0 +1,79 @@
+//! `pliant init`: from a model and its logs to a scene that can be diagnosed.
+
+mod clock;
+mod draft;
+mod log;
+mod matching;
+mod names;
+
+use super::failure::Failure;
+use super::{diagnose, file, print};
+use draft::Draft;
+use log::Log;
+use std::io::Write;
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Model: URDF, MJCF, or a scene without an [experiment] (.toml).
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// Log (.csv) of one run, to be fitted; may be given several times.
+    #[arg(long = "log", value_name = "FILE.csv", required = true)]
+    logs: Vec<PathBuf>,
+    /// Log that only judges; may be given several times. Without it the last of several logs is held out.
+    #[arg(long = "held-out", value_name = "FILE.csv")]
+    held_out: Vec<PathBuf>,
+    /// Folder for the scene, `scene.toml`.
+    #[arg(long, value_name = "DIR", default_value = "diagnosis")]
+    out: PathBuf,
+    /// Replace a scene that is there.
+    #[arg(long)]
+    force: bool,
+    /// Diagnose at once; the report goes to `report` in the folder.
+    #[arg(long)]
+    run: bool,
+}
+
+/// Writes the scene, says what was assumed, and diagnoses it if wanted.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let path = arguments.out.join("scene.toml");
+    if path.exists() && !arguments.force {
+        return Err(Failure::Init {
+            place: path.display().to_string(),
+            what: "is there already".to_owned(),
+            cause: "an earlier `pliant init`, or a scene of your own",
+            fix: "choose another folder with `--out`, or replace it with `--force`".to_owned(),
+        });
+    }
+    let logs = logs(arguments)?;
+    let mut draft = Draft::new(&arguments.model, &logs, &arguments.out)?;
+    // paths of logs lead through the folder, so it has to be there before they are tried
+    let new = !arguments.out.exists();
+    std::fs::create_dir_all(&arguments.out).map_err(|error| Failure::write(&arguments.out, error))?;
+    let written = draft.check(&path).and_then(|()| file::write(&path, |file| file.write_all(draft.text.as_bytes())));
+    if written.is_err() && new {
+        // nothing is left behind; a folder that cannot be removed is no news beside the error
+        let _ = std::fs::remove_dir(&arguments.out);
+    }
+    written?;
+    let next = format!("pliant diagnose {} --out {}", path.display(), arguments.out.join("report").display());
+    draft.assumed.push(match arguments.run {
+        true => format!("wrote {}", path.display()),
+        false => format!("wrote {}\nnext: {next}", path.display()),
+    });
+    print::data(&draft.assumed.join("\n"))?;
+    if arguments.run { diagnose::of_scene(&path, &arguments.out.join("report")) } else { Ok(()) }
+}
+
+/// All logs: those to be fitted, then those that judge.
+fn logs(arguments: &Arguments) -> Result<Vec<Log>, Failure> {
+    let read = |path: &PathBuf| Log::read(path);
+    let mut all: Vec<Log> = arguments.logs.iter().chain(&arguments.held_out).map(read).collect::<Result<_, _>>()?;
+    let fitted = match arguments.held_out.is_empty() && all.len() > 1 {
+        true => all.len() - 1,
+        false => arguments.logs.len(),
+    };
+    all.iter_mut().skip(fitted).for_each(|log| log.held_out = true);
+    Ok(all)
+}
