@@ -21,6 +21,17 @@ struct Column {
     factor: f64,
 }
 
+/// Names of the columns of a CSV log, and their numbers, one per row; NaN where a cell holds none.
+///
+/// # Errors
+/// A file that cannot be read, without names, or with rows of another length.
+pub fn csv_columns(path: &Path) -> Result<Vec<(String, Vec<f64>)>, LogError> {
+    let table = Table::read(path)?;
+    let number = |row: &StringRecord, k: usize| row.get(k).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
+    let numbers = |k: usize| table.rows.iter().map(|row| number(row, k)).collect();
+    Ok(table.header.iter().enumerate().map(|(k, name)| (name.clone(), numbers(k))).collect())
+}
+
 /// Reads the one record of a file.
 pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
     let table = Table::read(path)?;

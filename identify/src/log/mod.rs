@@ -23,6 +23,7 @@ mod npz_file;
 mod record;
 mod setup;
 
+pub use csv_file::csv_columns;
 pub use error::{LogError, LogMistake, Need, Refused};
 pub use experiment::{
     AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor,

@@ -4,7 +4,7 @@ use super::super::failure::Failure;
 use super::clock;
 use super::matching::{self, Mistake};
 use super::names;
-use csv::{ReaderBuilder, Trim};
+use pliant::identify::log::csv_columns;
 use std::path::{Path, PathBuf};
 
 /// A log as far as a scene for it has to know.
@@ -30,31 +30,18 @@ pub struct Log {
 impl Log {
     /// Reads the header and the clock.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let place = || path.display().to_string();
-        let unreadable = |what: String| Failure::Init {
-            place: place(),
-            what,
-            cause: "the path is wrong, or the file is not a CSV log with a line of names",
-            fix: "give a CSV file with one column per quantity; other formats can be written as CSV".to_owned(),
-        };
-        let text = std::fs::read_to_string(path).map_err(|error| unreadable(format!("cannot be read: {error}")))?;
-        let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#')).unwrap_or("");
-        let delimiter = [b',', b';', b'\t'].into_iter().find(|d| first.contains(char::from(*d))).unwrap_or(b',');
-        let mut builder = ReaderBuilder::new();
-        builder.delimiter(delimiter).comment(Some(b'#')).trim(Trim::All).flexible(true);
-        let mut reader = builder.from_reader(text.as_bytes());
-        let names = reader.headers().map_err(|error| unreadable(format!("cannot be read: {error}")))?;
-        let header: Vec<String> = names.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
+        let (header, numbers): (Vec<String>, Vec<Vec<f64>>) = csv_columns(path)?.into_iter().unzip();
         let columns: Vec<&str> = header.iter().map(String::as_str).collect();
         let clock = matching::clock(&columns).map_err(|mistake| no_clock(path, &header, &mistake))?;
-        let mut times = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|error| unreadable(format!("cannot be read: {error}")))?;
-            times.extend(row.get(clock).and_then(|cell| cell.parse::<f64>().ok()).filter(|t| t.is_finite()));
-        }
+        let times: Vec<f64> = numbers[clock].iter().copied().filter(|t| t.is_finite()).collect();
         let difference = clock::median_difference(&times);
         if difference <= 0.0 {
-            return Err(unreadable(format!("column `{}` does not count up: {} times", header[clock], times.len())));
+            return Err(Failure::Init {
+                place: format!("{}: column `{}`", path.display(), header[clock]),
+                what: format!("does not count up: {} times", times.len()),
+                cause: "the column is not the time, or the log has a single sample",
+                fix: "name another column `time`, or give a longer log".to_owned(),
+            });
         }
         let unit = names::read(&header[clock]).unit;
         let seconds = clock::seconds(unit.as_deref(), difference);
