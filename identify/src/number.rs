@@ -59,9 +59,13 @@ pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     if x.abs() < 1e9 { format!("{x:.decimals$}") } else { format!("{x:.3e}") }
 }
 
-/// Unit in which errors are reported: mm for lengths [m], else a thousandth of the unit.
+/// Unit in which errors are reported, a thousandth of theirs: mm, mrad, mN·m; of no unit at all that of lengths.
 pub(crate) fn thousandths(unit: &str) -> String {
-    if unit == "m" || unit.is_empty() { "mm".to_owned() } else { format!("10⁻³ {unit}") }
+    match unit {
+        "" => "mm".to_owned(),
+        "-" => "10⁻³".to_owned(),
+        _ => unit.strip_prefix('k').filter(|rest| rest.starts_with('g')).map_or_else(|| format!("m{unit}"), str::to_owned),
+    }
 }
 
 /// A size [unit] in [`thousandths`].
@@ -137,7 +141,8 @@ mod tests {
         assert_eq!((fixed(0.5, 4), fixed(1e300, 4)), ("0.5000".into(), "1.000e300".into()));
         assert_eq!((share(0.934), share(-0.15)), ("93 %".into(), "nothing".into()));
         assert_eq!((percent(0.934), quantity(0.00123, "m")), ("93 %".into(), "1.23 mm".into()));
-        assert_eq!(quantity_plain(0.0123, "rad"), "12.3 10⁻³ rad");
+        assert_eq!(quantity_plain(0.0123, "rad"), "12.3 mrad");
+        assert_eq!([thousandths("kg·m²"), thousandths("m/s"), thousandths("-")], ["g·m²", "mm/s", "10⁻³"]);
         assert_eq!((p_value(1e-20), p_value(0.04)), ("< 10⁻¹²".into(), "0.04".into()));
     }
 

@@ -144,7 +144,7 @@ mod tests {
         let left = Remainder { rmse: 1.2e-3, unit: "rad".to_owned(), ..Remainder::default() };
         assert_eq!(adequate(&noise(1e-3), &left), "nothing beyond the noise was found");
         let slow = adequate(&noise(3e-4), &left);
-        assert!(slow.contains("1.2 10⁻³ rad, is 4.0 times") && slow.contains("twice"), "{slow}");
+        assert!(slow.contains("1.2 mrad, is 4.0 times") && slow.contains("twice"), "{slow}");
     }
 
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
