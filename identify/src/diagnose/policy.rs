@@ -37,7 +37,7 @@ pub(super) struct Policy {
     /// A number of a cause that moves the readings by less than this part of its others moves none [-].
     pub dead_number: f64,
     // refits
-    /// The error of the longer step that causes are tried on, in what is left \[-\]: it is taken off the data, and of a change of the size of
+    /// The error of the longer step that causes are refitted on, in what is left \[-\]: it is taken off the data, and of a change of the size of
     /// what is left only the step's part is wrong.
     pub race_step: f64,
     /// Times that it is taken off again before a fit is ended on the scene's own step.

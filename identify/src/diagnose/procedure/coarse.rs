@@ -1,7 +1,7 @@
-//! A diagnosis on longer steps, for the race of causes.
+//! Refits on longer steps.
 //!
-//! The step that a verdict needs is far shorter than the one that tells which cause comes near. So the race simulates with the longest step
-//! whose error is no more than what is left, and takes that error, as it is at the model that is extended, off the data:
+//! The step that a verdict needs is far shorter than the one that directions need. So refits simulate with the longest step whose error is
+//! no more than what is left, and take that error, as it is where they begin, off the data:
 //! ```text
 //! y' = y − (ŷ_h(θ₀) − ŷ_nh(θ₀))
 //! ```

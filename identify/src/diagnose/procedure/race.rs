@@ -3,7 +3,6 @@
 use super::super::certainty::Curvature;
 use super::super::policy::POLICY;
 use super::super::scores::{Scores, scores_in};
-use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use crate::causes::{Cause, Situation};
@@ -41,10 +40,7 @@ pub(super) fn race(
     let mut tried = Vec::new();
     let mut plain = f64::INFINITY;
     for (parent, model) in beam.iter().enumerate() {
-        let whole = restricted(&model.fitted);
-        let coarse = Coarse::of(bench, &whole)?;
-        let some = &coarse.fitted;
-        let bench = &coarse.bench(bench);
+        let some = &restricted(&model.fitted);
         let left = squares(bench.plan, some, &bench.white)?;
         plain = plain.min(left);
         let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
@@ -60,7 +56,7 @@ pub(super) fn race(
             for beside in sets {
                 let numbers = model.numbers() + cause.unknowns.len() + beside.len();
                 if score < POLICY.linear * left && beside.is_empty() {
-                    let (rough, cause) = bench.moved(&whole, &cause, &step);
+                    let (rough, cause) = bench.moved(some, &cause, &step);
                     tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers });
                     continue;
                 }
@@ -68,8 +64,6 @@ pub(super) fn race(
                 match bench.with(some, &cause, &step, beside) {
                     Ok((rough, cause)) => {
                         let squares = squares(bench.plan, &rough, &bench.white)?;
-                        let records = coarse.back(&rough.records, &whole.records);
-                        let rough = Fitted { records, ..rough };
                         tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers });
                     }
                     Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
