@@ -39,7 +39,7 @@ pub(super) struct Policy {
     // refits
     /// The error of the longer step that causes are refitted on, in what is left \[-\]: it is taken off the data, and of a change of the size of
     /// what is left only the step's part is wrong.
-    pub race_step: f64,
+    pub long_step: f64,
     /// Times that it is taken off again before a fit is ended on the scene's own step.
     pub corrections: usize,
     /// Part of the squares within which both steps agree [-]: of squares of 10⁴ one, where a lead is 15.
@@ -186,7 +186,7 @@ pub(super) const POLICY: Policy = Policy {
     score_blocks: 8,
     score_block: 10,
     dead_number: 1e-9,
-    race_step: 1.0,
+    long_step: 1.0,
     corrections: 3,
     agree: 1e-4,
     raced_records: 6,

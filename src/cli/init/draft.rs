@@ -8,7 +8,7 @@ use super::names::Quantity;
 use pliant::identify::log::{Experiment, Setup};
 use pliant::identify::report::relative;
 use pliant::import::{Options, import_model};
-use pliant::scene::{JointKind, Scene, Source, parse_source, to_toml};
+use pliant::scene::{Actuator, ActuatorKind, JointKind, Scene, Source, parse_source, to_toml};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -27,6 +27,8 @@ struct Model {
     joints: Vec<(String, bool)>,
     /// Actuators: name, joint.
     actuators: Vec<(String, String)>,
+    /// Names of those that command a position or a velocity.
+    servos: Vec<String>,
 }
 
 impl Draft {
@@ -95,15 +97,17 @@ impl Model {
             scene.body.len(),
             scene.time.step
         ));
-        let driven: Vec<&str> = log.header.iter().map(String::as_str).collect();
+        let header: Vec<&str> = log.header.iter().map(String::as_str).collect();
         let names: Vec<&str> = scene.actuator.iter().map(|a| a.name.as_str()).collect();
-        let known = columns(&driven, log.clock, &[], &names).unwrap_or_default();
+        let known = columns(&header, log.clock, &[], &names).unwrap_or_default();
         let torques = |joint: &str| {
-            let all = columns(&driven, log.clock, &[joint], &[]).unwrap_or_default();
+            let all = columns(&header, log.clock, &[joint], &[]).unwrap_or_default();
             all.found.iter().any(|m| m.quantity == Quantity::Torque)
         };
-        let commanded = |name: &str, joint: &str| known.found.iter().any(|m| m.object == name) || torques(joint);
-        let idle: Vec<String> = scene.actuator.iter().filter(|a| !commanded(&a.name, &a.joint)).map(|a| a.name.clone()).collect();
+        // a torque is no command of a servo
+        let driven = |a: &Actuator| a.kind == ActuatorKind::Torque && torques(&a.joint);
+        let commanded = |a: &&Actuator| known.found.iter().any(|m| m.object == a.name) || driven(a);
+        let idle: Vec<String> = scene.actuator.iter().filter(|a| !commanded(a)).map(|a| a.name.clone()).collect();
         if !idle.is_empty() {
             assumed.push(format!("actuators left out, as no column commands them: {}", idle.join(", ")));
             scene.actuator.retain(|a| !idle.contains(&a.name));
@@ -117,7 +121,8 @@ impl Model {
         let one_axis = |kind| matches!(kind, JointKind::Revolute | JointKind::Prismatic);
         let joints = joints.filter(|j| one_axis(j.kind)).map(|j| (j.name.clone(), j.kind == JointKind::Prismatic)).collect();
         let actuators = scene.actuator.iter().map(|a| (a.name.clone(), a.joint.clone())).collect();
-        Self { text, joints, actuators }
+        let servos = scene.actuator.iter().filter(|a| a.kind != ActuatorKind::Torque).map(|a| a.name.clone()).collect();
+        Self { text, joints, actuators, servos }
     }
 }
 
@@ -204,7 +209,7 @@ fn sensors(
 fn driven(model: &mut Model, found: &Matches, m: &Match, column: &str, assumed: &mut Vec<String>) -> Option<(String, String)> {
     if let Some((name, _)) = model.actuators.iter().find(|(_, joint)| *joint == m.object) {
         let commanded = found.found.iter().any(|other| other.quantity == Quantity::Command && other.object == *name);
-        if commanded {
+        if commanded || model.servos.contains(name) {
             assumed.push(format!("{column}: left out, since {name} has a command of its own"));
             return None;
         }

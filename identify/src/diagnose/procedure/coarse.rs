@@ -81,7 +81,7 @@ impl Coarse {
             });
         }
         let moved = Fitted { residuals: change.clone(), ..fitted.clone() };
-        if !change.iter().flatten().all(|x| x.is_finite()) || bench.over(&moved) > POLICY.race_step * bench.over(fitted) {
+        if !change.iter().flatten().all(|x| x.is_finite()) || bench.over(&moved) > POLICY.long_step * bench.over(fitted) {
             return None;
         }
         for ((rec, change), (shot, before)) in records.iter_mut().zip(change).zip(longer.iter().zip(&fitted.records)) {
