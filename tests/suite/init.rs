@@ -111,6 +111,12 @@ fn motors_without_a_command_are_left_out_of_an_imported_model() {
     }
     let scene = std::fs::read_to_string(out.join("scene.toml")).unwrap();
     assert!(scene.contains("actuator = \"lift_motor\"") && !scene.contains("turn_motor"), "{scene}");
+    // A torque is no command of a servo.
+    let servo = std::fs::read_to_string(&path).unwrap().replace("<motor name=\"turn", "<position kp=\"5\" name=\"turn");
+    std::fs::write(&path, servo).unwrap();
+    let torques = log(at, "torques.csv", "time,lift,turn,lift_motor,turn_torque");
+    let made = pliant(&arguments(path.to_str().unwrap(), &[&torques], at.join("servo").to_str().unwrap()));
+    assert!(text(&made.stdout).contains("no column commands them: turn_motor"), "{}", text(&made.stderr));
     // A scene of one's own keeps its motors, and each needs a command.
     let own = at.join("own.toml");
     let start = scene.find("[experiment]").unwrap();
