@@ -144,7 +144,7 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
 fn of_the_file(mistake: &M) -> (String, String) {
     match mistake {
         M::Read { .. } => {
-            both("the path is wrong, or the file is damaged", "check the path; it is relative to the scene's folder")
+            both("the path is wrong, or the file is damaged", "check the path; in a scene it is relative to the scene's folder")
         }
         M::Empty => both("the recording did not begin, or another file was meant", "record again, or leave this file out"),
         M::Kind => both("another format", "convert it to .csv or .npz"),
