@@ -107,7 +107,7 @@ def outcome(case: dict, report: dict | None) -> str:
         return "honest" if all(any(is_cause(h, name) for name in known) for h in case["hidden"]) else "astray"
     if found in ("named", "varies"):
         if not exactly(case, report):
-            return "part" if partly(case, report) else "wrong"
+            return "part" if found == "named" and partly(case, report) else "wrong"
         changing = kind in ("varies", "some")
         return "right" if changing == (found == "varies") else "one_size" if changing else "varied"
     return {"adequate": "missed"}.get(found, found)

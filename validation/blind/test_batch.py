@@ -234,7 +234,7 @@ V, C, D = ("viscous_friction", "elbow"), ("coulomb_friction", "elbow"), ("viscou
         (case("pair", V, C), answer("named", C, V), "right"),
         (case("pair", V, C), answer("named", C), "part"),
         (case("pair", V, C), answer("named", D), "wrong"),
-        (case("pair", V, C), answer("varies", C), "part"),
+        (case("pair", V, C), answer("varies", C), "wrong"),
         (case("pair", V, C), answer("ambiguous", V, others=[[C], [D]]), "honest"),
         (case("varies", V), answer("varies", V), "right"),
         (case("varies", V), answer("named", V), "one_size"),
