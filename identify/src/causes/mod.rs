@@ -94,12 +94,19 @@ pub struct Cause {
     pub starts: Vec<Vec<(usize, f64)>>,
     /// The cause that this one adds detail to.
     pub above: Option<&'static str>,
+    /// The cause that this one is at a limit of its own shape; where its shape gains nothing significant, the limit stands.
+    pub becomes: Option<&'static str>,
 }
 
 impl Cause {
     /// Name and object, which tell it from all others: `gripper_offset (left)`.
     pub fn title(&self) -> String {
         title(self.name, self.object.as_deref())
+    }
+
+    /// Whether the other is a limit of it.
+    pub(crate) fn may_be(&self, other: &Self) -> bool {
+        self.becomes == Some(other.name) && self.object == other.object
     }
 
     /// Whether it means nothing without the other.

@@ -2,10 +2,11 @@
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
 use super::policy::POLICY;
+use super::procedure::Bench;
 use super::result::Estimate;
 use crate::causes::probed;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, fit, fit_noise, prepare};
+use crate::fit::{FitOptions, Fitted, cut, evenly, first_noise, fit, fit_noise};
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
@@ -119,7 +120,7 @@ fn opened(values: &Values, unknowns: &[Unknown]) -> Values {
     out
 }
 
-/// Start of a baseline fit: the declared unknowns, and the records in segments near the data.
+/// Start of a baseline fit: the declared unknowns, and the records in segments.
 pub(super) struct Prepared {
     pub unknowns: Vec<Unknown>,
     pub values: Values,
@@ -127,22 +128,32 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    pub(super) fn new(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Self, IdentifyError> {
+    pub(super) fn new(setup: &Setup, plan: &mut Plan) -> Result<Self, IdentifyError> {
         let unknowns = declared(setup, plan)?;
         refuse_dead(plan, &unknowns)?;
         let values = opened(&plan.scene_values, &unknowns);
-        let (values, records) = prepare(plan, &values, &unknowns, setup.experiment.fit.segment, options)?;
-        Ok(Self { unknowns, values, records })
+        cut(plan, &values, setup.experiment.fit.segment)?;
+        Ok(Self { unknowns, values, records: plan.fitted.clone() })
     }
 
-    /// The baseline with its noise model, or with `rounds` 0 by least squares; fitted again from where it ended while it does not converge.
+    /// The baseline by least squares, fitted again from where it ended while it does not converge.
+    ///
+    /// Of many records some bring the values near the end, where all need few iterations more.
     pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
-        let mut fitted = fit(plan, &self.records, &self.values, &self.unknowns, None, options)?;
+        let bench = Bench { plan, declared: self.unknowns.clone(), white: first_noise(plan)? };
+        let options = FitOptions { rounds: 0, ..*options };
+        let keep = evenly(&self.records, POLICY.searched_records);
+        let some: Vec<RecordPlan> =
+            self.records.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(rec, _)| rec.clone()).collect();
+        let mut fitted = bench.first(&some, &self.values, &self.unknowns, &options)?;
+        if some.len() < self.records.len() {
+            fitted = bench.polished(&self.records, &fitted.values, &self.unknowns, &bench.white, &options)?;
+        }
         for _ in 1..POLICY.baseline_fits {
             if fitted.converged {
                 break;
             }
-            fitted = fit(plan, &fitted.records, &fitted.values, &self.unknowns, None, options)?;
+            fitted = bench.polished(&fitted.records, &fitted.values, &self.unknowns, &bench.white, &options)?;
         }
         Ok(fitted)
     }
@@ -162,8 +173,8 @@ struct Chosen {
 /// no noise, and the whitened optimum may lie far from the data: it explains the fast part of the residual and neglects the slow one.
 fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let start = opened(&plan.scene_values, &declared(setup, plan)?);
-    let prepared = Prepared::new(setup, plan, options)?;
-    let plain = prepared.fit(plan, &FitOptions { rounds: 0, ..*options })?;
+    let prepared = Prepared::new(setup, plan)?;
+    let plain = prepared.fit(plan, options)?;
     let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;
     let given_up = whitened.rmse > POLICY.given_up * plain.rmse;
     let mut warnings = Vec::new();

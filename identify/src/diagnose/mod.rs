@@ -11,6 +11,7 @@ mod certainty;
 mod constancy;
 mod gain;
 mod listing;
+mod next;
 mod numerics;
 mod pipeline;
 mod policy;

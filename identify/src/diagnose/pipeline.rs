@@ -11,7 +11,7 @@ use super::result::*;
 use super::scores::scores;
 use super::story::story;
 use super::verdict::decide;
-use super::{audit, ceiling, gain};
+use super::{audit, ceiling, gain, next};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::log::{Interpolation, Logs, Setup, Split};
@@ -126,8 +126,8 @@ fn pass(
     clock.done("audit");
 
     progress("fitting the baseline");
-    let prepared = Prepared::new(setup, &mut plan, &FitOptions::default())?;
-    let plain = prepared.fit(&plan, &FitOptions { rounds: 0, tolerance: POLICY.fine.tolerance, ..FitOptions::default() })?;
+    let prepared = Prepared::new(setup, &mut plan)?;
+    let plain = prepared.fit(&plan, &FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() })?;
     let scatter = super::procedure::scatter::scatter(&plan, &plain, &grids);
     let bench = Bench { plan: &plan, declared: plain.unknowns.clone(), white: ArModel::white(scatter.clone())? };
     let base = bench.finished(&plain, &plain.records)?;
@@ -182,6 +182,7 @@ fn pass(
         alternatives: Vec::new(),
         alternative_objects: Vec::new(),
         advice: Vec::new(),
+        next: Vec::new(),
         remainder: left,
         candidates: listing::candidates(&first, &base.values, &found.notes),
         gain,
@@ -203,6 +204,11 @@ fn pass(
     };
     decide(&mut diagnosis, &found, &first, converged, coarser.map(|(refined, d)| (refined.words(), d)));
     clock.done("held-out gain and report");
+    if diagnosis.verdict == Verdict::Ambiguous {
+        progress("which experiment would tell");
+        diagnosis.next = next::experiments(&bench, &found)?;
+        clock.done("next experiment");
+    }
     diagnosis.wall_s = clock.start.elapsed().as_secs_f64();
     diagnosis.parts.clone_from(&clock.parts);
     Ok(diagnosis)

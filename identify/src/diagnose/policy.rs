@@ -42,8 +42,15 @@ pub(super) struct Policy {
     pub long_step: f64,
     /// Times that it is taken off again before a fit is ended on the scene's own step.
     pub corrections: usize,
-    /// Part of the squares within which both steps agree [-]: of squares of 10⁴ one, where a lead is 15.
+    /// Units of −2 log likelihood within which both steps agree well enough, a fifth of a lead.
     pub agree: f64,
+    /// The same, from which no further correction is worth its time.
+    pub agree_well: f64,
+    /// Part of the last difference between both steps to which a further correction has to bring it [-].
+    pub nearer: f64,
+    /// Most measured records that causes are sought on while the best model leaves more than noise: there causes count by the part of the squares
+    /// that they take, which a dozen records tell as well as all.
+    pub searched_records: usize,
     /// Most measured records that causes are tried on before the best are refitted to all.
     pub raced_records: usize,
     /// Causes tried on top of one model, largest score first.
@@ -112,6 +119,13 @@ pub(super) struct Policy {
     pub component: f64,
     /// Fewest records for an interval by leaving each out in turn: with three, the law of Student makes it three times as wide as it is.
     pub jackknife_records: usize,
+    // next experiment
+    /// Records that are repeated with a change.
+    pub repeated_records: usize,
+    /// Models that an experiment is to tell apart, at most: those of the first ties.
+    pub told_rivals: usize,
+    /// Experiments that are listed.
+    pub next_experiments: usize,
     // remainder
     /// Part of what is left (and of the scatter) that a regression on motion and inputs takes on records left out, above which dynamics are missing [-]:
     /// right models left at most 0.05 to it in 46 blind cases, and a thrown cube, whose positions are read by a camera with errors of its own, 0.22.
@@ -188,7 +202,10 @@ pub(super) const POLICY: Policy = Policy {
     dead_number: 1e-9,
     long_step: 1.0,
     corrections: 3,
-    agree: 1e-4,
+    agree: 3.0,
+    agree_well: 0.03,
+    nearer: 0.5,
+    searched_records: 24,
     raced_records: 6,
     raced: 8,
     promising: 5.0,
@@ -217,6 +234,9 @@ pub(super) const POLICY: Policy = Policy {
     no_column: 1e-10,
     component: 0.01,
     jackknife_records: 4,
+    repeated_records: 3,
+    told_rivals: 4,
+    next_experiments: 3,
     by_motion: 0.1,
     remainder_lag: 0.25,
     remainder_lags: 20,

@@ -368,6 +368,25 @@ fn points<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<[f64; 3]>, D:
     Ok(read.into_iter().map(|p| p.map(|x| x.unwrap_or(f64::NAN))).collect())
 }
 
+/// A recorded experiment done again with a change, to tell causes that the data cannot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct NextExperiment {
+    /// The record it repeats.
+    pub record: String,
+    /// In words.
+    pub what: String,
+    /// Factor on how far the commands go from where they begin [-].
+    pub commands: f64,
+    /// Factor on their speed [-].
+    pub pace: f64,
+    /// Factor on how far the record begins from the scene's pose, and on its speed there [-].
+    pub start: f64,
+    /// Mean of what one of the alternatives cannot imitate of another, in units of −2 log likelihood.
+    pub separation: f64,
+    /// Probability that one alternative, if it is right, is then told from another; mean over the pairs.
+    pub chance: f64,
+}
+
 /// A finer simulation than the scene's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Refined {
@@ -406,8 +425,11 @@ pub struct Diagnosis {
     pub alternatives: Vec<Vec<String>>,
     /// The grippers that `alternatives` are about, in the same order; null where there is none.
     pub alternative_objects: Vec<Vec<Option<String>>>,
-    /// Experiments that would tell them apart.
+    /// Experiments that would tell them apart, one for each of them.
     pub advice: Vec<String>,
+    /// Records done again with a change, which tell them apart best, best first.
+    #[serde(default)]
+    pub next: Vec<NextExperiment>,
     /// The remaining residual.
     pub remainder: Remainder,
     /// Every candidate against the baseline, under the noise of the final model: a cause once, or once per object.

@@ -4,7 +4,7 @@ use super::baseline::Prepared;
 use super::policy::POLICY;
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted};
+use crate::fit::{FitOptions, Fitted, fit};
 use crate::log::{Logs, Setup};
 use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::STATS;
@@ -53,8 +53,9 @@ impl Scores {
 pub fn score_scene(setup: &Setup, logs: &Logs, seed: u64) -> Result<Scores, IdentifyError> {
     let mut plan = Plan::opened(setup, logs)?;
     let options = FitOptions::default();
-    let prepared = Prepared::new(setup, &mut plan, &options)?;
-    scores(&plan, &prepared.fit(&plan, &options)?, seed)
+    let prepared = Prepared::new(setup, &mut plan)?;
+    let plain = prepared.fit(&plan, &options)?;
+    scores(&plan, &fit(&plan, &plain.records, &plain.values, &prepared.unknowns, None, &options)?, seed)
 }
 
 /// Tests every cause that can be tested at `fitted`.

@@ -90,3 +90,13 @@ pub(crate) fn solve(
     let own = shares.iter().zip(&factors).map(|(s, (f, gain))| f.solve(&s.own_rhs) - gain * &common).collect();
     Some((common, own))
 }
+
+/// Decrease of the sum of squares that the linearization foretells of these changes: 2 bᵀδ − δᵀAδ.
+pub(crate) fn decrease(shares: &[Share], prior: &[(f64, f64)], common: &DVector<f64>, own: &[DVector<f64>]) -> f64 {
+    let one = |(s, z): (&Share, &DVector<f64>)| {
+        let curved = z.dot(&(&s.own * z)) + 2.0 * z.dot(&(&s.border * common)) + common.dot(&(&s.common * common));
+        2.0 * (s.own_rhs.dot(z) + s.common_rhs.dot(common)) - curved
+    };
+    let of_prior = prior.iter().zip(common.iter()).map(|((weight, pull), d)| 2.0 * pull * d - weight * d * d);
+    shares.iter().zip(own).map(one).sum::<f64>() + of_prior.sum::<f64>()
+}

@@ -1,8 +1,8 @@
 //! Bounded Levenberg–Marquardt over all fitted records.
 
-use super::arrow::{Share, solve};
+use super::arrow::{Share, decrease, solve};
 use super::constants::FIT;
-use super::noise::{fit_noise, floors};
+use super::noise::{first_noise, fit_noise};
 use crate::error::IdentifyError;
 use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::ar::ArModel;
@@ -50,11 +50,35 @@ pub struct Fitted {
     pub converged: bool,
 }
 
+impl Fitted {
+    /// The fit seen on so many of its measured records at most, evenly chosen; its values are what they were.
+    pub fn of_some(&self, most: usize) -> Self {
+        let keep = evenly(&self.records, most);
+        let kept = |k: &usize| keep[*k];
+        let all = 0..self.records.len();
+        let records = all.clone().filter(kept).map(|k| self.records[k].clone()).collect();
+        let residuals = all.filter(kept).map(|k| self.residuals[k].clone()).collect();
+        Self { records, residuals, ..self.clone() }
+    }
+}
+
+/// Which of the records belong to so many measured ones at most, evenly chosen.
+pub fn evenly(records: &[RecordPlan], most: usize) -> Vec<bool> {
+    let mut parents: Vec<usize> = records.iter().map(|rec| rec.parent).collect();
+    parents.dedup();
+    let all = parents.len();
+    let chosen = |k: usize| (2 * k + 1) * all / (2 * most);
+    let kept: Vec<usize> = if all <= most { parents } else { (0..most).map(|k| parents[chosen(k)]).collect() };
+    records.iter().map(|rec| kept.contains(&rec.parent)).collect()
+}
+
 /// One evaluation of all records.
 struct Point {
     values: Values,
     records: Vec<RecordPlan>,
     cost: f64,
+    /// Residuals as they are measured, empty before the first evaluation.
+    residuals: Vec<Vec<f64>>,
 }
 
 /// Fits `unknowns` and the initial states from `start`, with the noise model `noise` in the first round (white with the
@@ -69,9 +93,9 @@ pub fn fit(
 ) -> Result<Fitted, IdentifyError> {
     let mut noise = match noise {
         Some(model) => model.clone(),
-        None => ArModel::white(floors(plan, FIT.start_floors))?,
+        None => first_noise(plan)?,
     };
-    let mut point = Point { values: start.clone(), records: records.to_vec(), cost: f64::INFINITY };
+    let mut point = Point { values: start.clone(), records: records.to_vec(), cost: f64::INFINITY, residuals: Vec::new() };
     let mut iterations = 0;
     let loose = FitOptions { tolerance: options.tolerance.max(FIT.loose), ..*options };
     for round in 0..options.rounds {
@@ -88,7 +112,10 @@ pub fn fit(
     if options.rounds > 0 {
         noise = noise_of(plan, &point, unknowns)?;
     }
-    let residuals = residuals(plan, &point)?;
+    let residuals = match point.cost.is_finite() {
+        true => point.residuals,
+        false => residuals(plan, &point)?,
+    };
     let slices: Vec<&[f64]> = residuals.iter().map(Vec::as_slice).collect();
     let deviance = noise.minus_two_log_likelihood(&slices)?;
     let rmse = plan.rms(&residuals);
@@ -108,7 +135,7 @@ pub fn fit(
 /// The noise model of a point's residuals.
 fn noise_of(plan: &Plan, point: &Point, unknowns: &[Unknown]) -> Result<ArModel, IdentifyError> {
     let lost = unknowns.len() + point.records.iter().map(|r| r.start.z.len()).sum::<usize>();
-    fit_noise(plan, &residuals(plan, point)?, lost)
+    fit_noise(plan, &point.residuals, lost)
 }
 
 fn alike(a: &ArModel, b: &ArModel) -> bool {
@@ -128,19 +155,20 @@ fn residuals(plan: &Plan, point: &Point) -> Result<Vec<Vec<f64>>, IdentifyError>
     point.records.par_iter().map(one).collect()
 }
 
-/// Whitened cost of a point; infinite if a record cannot be simulated there.
-fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknown], noise: &ArModel) -> f64 {
-    let one = |rec: &RecordPlan| -> f64 {
-        let Ok(shot) = shoot(plan, rec, values, ShotWants::default()) else { return f64::INFINITY };
-        let mut r = shot.residual;
+/// Whitened cost of a point, and its residuals; infinite if a record cannot be simulated there.
+fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknown], noise: &ArModel) -> (f64, Vec<Vec<f64>>) {
+    let nothing = (f64::INFINITY, Vec::new());
+    let one = |rec: &RecordPlan| -> (f64, Vec<f64>) {
+        let Ok(shot) = shoot(plan, rec, values, ShotWants::default()) else { return nothing.clone() };
+        let mut r = shot.residual.clone();
         if noise.whiten(&mut r, plan.channels()).is_err() {
-            return f64::INFINITY;
+            return nothing.clone();
         }
         let squares = |x: &[f64]| x.iter().map(|a| a * a).sum::<f64>();
-        squares(&r) + squares(&rec.start.z) + (shot.defect / FIT.defect_sigma).powi(2)
+        (squares(&r) + squares(&rec.start.z) + (shot.defect / FIT.defect_sigma).powi(2), shot.residual)
     };
-    let parts: Vec<f64> = records.par_iter().map(one).collect();
-    parts.iter().sum::<f64>() + prior_cost(values, unknowns)
+    let (parts, residuals): (Vec<f64>, Vec<Vec<f64>>) = records.par_iter().map(one).unzip();
+    (parts.iter().sum::<f64>() + prior_cost(values, unknowns), residuals)
 }
 
 fn prior_cost(values: &Values, unknowns: &[Unknown]) -> f64 {
@@ -156,133 +184,143 @@ fn minimise(
     mut iterations: usize,
 ) -> Result<(bool, usize), IdentifyError> {
     let mut damping = FIT.start_damping;
-    point.cost = cost(plan, &point.values, &point.records, unknowns, noise);
+    (point.cost, point.residuals) = cost(plan, &point.values, &point.records, unknowns, noise);
     for _ in 0..options.max_iterations {
         iterations += 1;
-        let linear = linearize(plan, point, unknowns, noise)?;
-        let shares: Vec<Share> = linear.iter().map(|(share, _)| share.clone()).collect();
+        let linear = Linear::new(plan, point, unknowns, noise)?;
         let mut accepted = None;
         while damping < FIT.largest_damping {
-            let Some(trial) = step(plan, point, &shares, &linear, unknowns, damping, 1.0) else {
+            let Some((trial, foretold)) = linear.step(plan, point, unknowns, noise, damping, 1.0) else {
                 damping = (damping * FIT.raise_damping).max(FIT.start_damping);
                 continue;
             };
-            let trial_cost = cost(plan, &trial.0, &trial.1, unknowns, noise);
-            if trial_cost <= point.cost * (1.0 + FIT.cost_rounding) {
-                accepted = Some((trial, trial_cost));
+            if trial.cost <= point.cost * (1.0 + FIT.cost_rounding) {
+                accepted = Some((trial, foretold));
                 break;
             }
-            if (trial_cost - point.cost).abs() <= FIT.flat * point.cost {
+            if (trial.cost - point.cost).abs() <= FIT.flat * point.cost {
                 break;
             }
             damping = (damping * FIT.raise_damping).max(FIT.start_damping);
         }
-        if let Some((best, next)) = &mut accepted {
-            lengthen(plan, point, &shares, &linear, unknowns, noise, damping, best, next);
-        }
-        let Some(((values, records), next)) = accepted else {
+        let Some((mut next, foretold)) = accepted else {
             return Ok((damping < FIT.largest_damping || point.cost.is_finite(), iterations));
         };
-        let drop = point.cost - next;
-        let gain = drop / point.cost.max(f64::MIN_POSITIVE);
-        *point = Point { values, records, cost: next };
+        let (whole, enough) = (point.cost.max(f64::MIN_POSITIVE), if options.rounds > 0 { FIT.settled } else { 0.0 });
+        let ends = |drop: f64| drop <= (options.tolerance * whole).max(enough);
+        let mut drop = point.cost - next.cost;
+        // where the cost falls by less than was foretold, it does not fall farther along the step
+        if drop > foretold {
+            linear.lengthen(plan, point, unknowns, noise, damping, &mut next);
+            drop = point.cost - next.cost;
+        }
+        let over = ends(drop);
+        *point = next;
         damping = (damping * FIT.lower_damping).max(FIT.least_damping);
-        if gain <= options.tolerance || options.rounds > 0 && drop <= FIT.settled {
+        if over {
             return Ok((true, iterations));
         }
     }
     Ok((false, iterations))
 }
 
-/// Goes on along an accepted step, twice as far each time, while the cost falls: where the residual is large the curvature that
-/// Gauss–Newton leaves out makes its steps too short.
-#[allow(clippy::too_many_arguments)] // the parts of one iteration
-fn lengthen(
-    plan: &Plan,
-    point: &Point,
-    shares: &[Share],
-    linear: &[(Share, Shot)],
-    unknowns: &[Unknown],
-    noise: &ArModel,
-    damping: f64,
-    best: &mut (Values, Vec<RecordPlan>),
-    cost_at_best: &mut f64,
-) {
-    if unknowns.is_empty() || point.records.iter().any(|rec| !rec.nodes.is_empty()) {
-        return;
+/// The records' linearizations at a point.
+struct Linear {
+    shares: Vec<Share>,
+    /// Tangents at the segments' starts.
+    shots: Vec<Shot>,
+}
+
+impl Linear {
+    fn new(plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel) -> Result<Self, IdentifyError> {
+        let one = |rec: &RecordPlan| -> Result<(Share, Shot), IdentifyError> {
+            let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
+            let mut shot = shoot(plan, rec, &point.values, wants).map_err(simulation(rec))?;
+            let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
+            noise.whiten(&mut shot.residual, channels)?;
+            if m > 0 {
+                noise.whiten_columns(&mut shot.own, channels, m)?;
+            }
+            if k > 0 {
+                noise.whiten_columns(&mut shot.global, channels, k)?;
+            }
+            let share = Share::new(&shot.residual, &shot.own, m, &shot.global, k, &rec.start.z);
+            Ok((share, Shot { boundary: shot.boundary, own_columns: m, ..Shot::default() }))
+        };
+        let all: Vec<(Share, Shot)> = point.records.par_iter().map(one).collect::<Result<_, _>>()?;
+        let (shares, shots) = all.into_iter().unzip();
+        Ok(Self { shares, shots })
     }
-    let mut length = 2.0;
-    while length <= FIT.longest_step {
-        let Some(trial) = step(plan, point, shares, linear, unknowns, damping, length) else { return };
-        let next = cost(plan, &trial.0, &trial.1, unknowns, noise);
-        if next >= *cost_at_best {
+
+    /// Damped changes of the common unknowns and of each record's own.
+    fn changes(&self, unknowns: &[Unknown], point: &Point, damping: f64) -> Option<(DVector<f64>, Vec<DVector<f64>>)> {
+        let pulls = pulls(unknowns, point);
+        let mut held = vec![false; unknowns.len()];
+        loop {
+            let (common, own) = solve(&self.shares, damping, &pulls, &held)?;
+            // an unknown at a bound that wants to leave is held there, and the rest is solved again
+            let leaving = unknowns.iter().zip(common.iter()).enumerate().find(|(j, (u, d))| {
+                let value = u.value(&point.values);
+                !held[*j] && u.leaves(value, **d)
+            });
+            match leaving {
+                Some((j, _)) => held[j] = true,
+                None => return Some((common, own)),
+            }
+        }
+    }
+
+    /// The point one damped step away, `length` times as far, and the decrease of the cost that is foretold of the step.
+    fn step(
+        &self,
+        plan: &Plan,
+        point: &Point,
+        unknowns: &[Unknown],
+        noise: &ArModel,
+        damping: f64,
+        length: f64,
+    ) -> Option<(Point, f64)> {
+        let (mut common, mut own) = self.changes(unknowns, point, damping)?;
+        let foretold = decrease(&self.shares, &pulls(unknowns, point), &common, &own);
+        common *= length;
+        own.iter_mut().for_each(|dz| *dz *= length);
+        let mut values = point.values.clone();
+        for (u, delta) in unknowns.iter().zip(common.iter()) {
+            u.set(&mut values, u.moved(u.value(&point.values), *delta));
+        }
+        let moves = point.records.iter().zip(&own).zip(&self.shots);
+        let records: Vec<RecordPlan> = moves.map(|((rec, dz), shot)| moved(plan, rec, dz, &common, shot)).collect();
+        let (cost, residuals) = cost(plan, &values, &records, unknowns, noise);
+        Some((Point { values, records, cost, residuals }, foretold))
+    }
+
+    /// Goes on along an accepted step, twice as far each time, while the cost falls: where the residual is large the curvature that
+    /// Gauss–Newton leaves out makes its steps too short.
+    fn lengthen(&self, plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel, damping: f64, best: &mut Point) {
+        if unknowns.is_empty() || point.records.iter().any(|rec| !rec.nodes.is_empty()) {
             return;
         }
-        (*best, *cost_at_best) = (trial, next);
-        length *= 2.0;
+        let mut length = 2.0;
+        while length <= FIT.longest_step {
+            match self.step(plan, point, unknowns, noise, damping, length) {
+                Some((trial, _)) if trial.cost < best.cost => *best = trial,
+                _ => return,
+            }
+            length *= 2.0;
+        }
     }
 }
 
-fn linearize(plan: &Plan, point: &Point, unknowns: &[Unknown], noise: &ArModel) -> Result<Vec<(Share, Shot)>, IdentifyError> {
-    let one = |rec: &RecordPlan| -> Result<(Share, Shot), IdentifyError> {
-        let wants = ShotWants { unknowns, tangents: true, ..ShotWants::default() };
-        let mut shot = shoot(plan, rec, &point.values, wants).map_err(simulation(rec))?;
-        let (m, k, channels) = (shot.own_columns, unknowns.len(), plan.channels());
-        noise.whiten(&mut shot.residual, channels)?;
-        if m > 0 {
-            noise.whiten_columns(&mut shot.own, channels, m)?;
-        }
-        if k > 0 {
-            noise.whiten_columns(&mut shot.global, channels, k)?;
-        }
-        let share = Share::new(&shot.residual, &shot.own, m, &shot.global, k, &rec.start.z);
-        Ok((share, Shot { boundary: shot.boundary, own_columns: m, ..Shot::default() }))
-    };
-    point.records.par_iter().map(one).collect()
-}
-
-/// The point one damped step away, `length` times as far.
-fn step(
-    plan: &Plan,
-    point: &Point,
-    shares: &[Share],
-    linear: &[(Share, Shot)],
-    unknowns: &[Unknown],
-    damping: f64,
-    length: f64,
-) -> Option<(Values, Vec<RecordPlan>)> {
-    let pulls: Vec<(f64, f64)> = unknowns
-        .iter()
-        .map(|u| {
-            let value = u.value(&point.values);
-            u.prior.map_or((0.0, 0.0), |(mean, std)| {
-                let slope = u.slope(value) / std;
-                (slope * slope, slope * (mean - value) / std)
-            })
+/// (weight, weighted pull) of the unknowns' priors.
+fn pulls(unknowns: &[Unknown], point: &Point) -> Vec<(f64, f64)> {
+    let one = |u: &Unknown| {
+        let value = u.value(&point.values);
+        u.prior.map_or((0.0, 0.0), |(mean, std)| {
+            let slope = u.slope(value) / std;
+            (slope * slope, slope * (mean - value) / std)
         })
-        .collect();
-    let mut held = vec![false; unknowns.len()];
-    let (mut common, mut own) = loop {
-        let (common, own) = solve(shares, damping, &pulls, &held)?;
-        // an unknown at a bound that wants to leave is held there, and the rest is solved again
-        let leaving = unknowns.iter().zip(common.iter()).enumerate().find(|(j, (u, d))| {
-            let value = u.value(&point.values);
-            !held[*j] && u.leaves(value, **d)
-        });
-        match leaving {
-            Some((j, _)) => held[j] = true,
-            None => break (common, own),
-        }
     };
-    common *= length;
-    own.iter_mut().for_each(|dz| *dz *= length);
-    let mut values = point.values.clone();
-    for (u, delta) in unknowns.iter().zip(common.iter()) {
-        u.set(&mut values, u.moved(u.value(&point.values), *delta));
-    }
-    let records =
-        point.records.iter().zip(&own).zip(linear).map(|((rec, dz), (_, shot))| moved(plan, rec, dz, &common, shot)).collect();
-    Some((values, records))
+    unknowns.iter().map(one).collect()
 }
 
 /// A record's initial and segment states moved along the condensed step; history variables are those of the simulation.

@@ -13,6 +13,6 @@ mod lm;
 mod noise;
 mod segments;
 
-pub use lm::{FitOptions, Fitted, fit};
-pub use noise::{fit_noise, floors};
-pub use segments::{Cut, approach, cut, growth, prepare};
+pub use lm::{FitOptions, Fitted, evenly, fit};
+pub use noise::{first_noise, fit_noise, floors};
+pub use segments::{Cut, approach, cut, growth};

@@ -10,6 +10,11 @@ pub fn floors(plan: &Plan, times: f64) -> Vec<f64> {
     plan.floors().into_iter().map(|floor| times * floor.max(FIT.least_floor)).collect()
 }
 
+/// White noise that a fit without a noise model begins with.
+pub fn first_noise(plan: &Plan) -> Result<ArModel, IdentifyError> {
+    Ok(ArModel::white(floors(plan, FIT.start_floors))?)
+}
+
 /// AR model of the residuals (rows (time, channel)), order by BIC up to 4, `lost` degrees of freedom spent by the fit.
 ///
 /// Its stationary σ is nowhere below the declared floors: a reading that a record's own state can follow exactly (a body that is read

@@ -162,18 +162,6 @@ pub fn approach(
     Ok((values, records))
 }
 
-/// Cuts the fitted records ([`cut`]) and brings `values` near ([`approach`]).
-pub fn prepare(
-    plan: &mut Plan,
-    values: &Values,
-    unknowns: &[Unknown],
-    length: Option<f64>,
-    options: &FitOptions,
-) -> Result<(Values, Vec<RecordPlan>), IdentifyError> {
-    cut(plan, values, length)?;
-    approach(plan, &plan.fitted, values, unknowns, options)
-}
-
 fn states(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Vec<State>, IdentifyError> {
     let wants = ShotWants { states: true, ..ShotWants::default() };
     let shot = shoot(plan, rec, values, wants);

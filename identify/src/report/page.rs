@@ -31,6 +31,7 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         extended => !d.extension.is_empty(),
         alternatives => alternatives(d),
         advice => d.advice,
+        next => super::story::next(d),
         stage_bars => Value::from_safe_string(stages::bars(&d.stages, d.noise.sigma, &d.remainder.unit)),
         stages => stage_rows(d),
         gain => d.gain.iter().map(gain_row).collect::<Vec<_>>(),

@@ -91,6 +91,7 @@ pub(super) fn diagnosis() -> Diagnosis {
         alternatives: Vec::new(),
         alternative_objects: Vec::new(),
         advice: Vec::new(),
+        next: Vec::new(),
         remainder: Remainder {
             significant: false,
             over_scatter: 1.4,

@@ -1,9 +1,12 @@
 //! The verdict in words: one sentence, and a summary for a terminal.
 
 use crate::causes::title;
-use crate::diagnose::{Ceiling, Diagnosis, Estimate, Gain, Verdict};
+use crate::diagnose::{Ceiling, Diagnosis, Estimate, Gain, NextExperiment, Verdict};
 use crate::number::{estimate_of, estimate_plain, number_plain, quantity_plain, share, unit};
 use std::fmt::Write;
+
+/// Probability from which an experiment is worth proposing [-].
+const WORTH_A_TRY: f64 = 0.2;
 
 /// The verdict as one sentence.
 pub fn headline(d: &Diagnosis) -> String {
@@ -101,6 +104,9 @@ pub fn summary(d: &Diagnosis) -> String {
     for line in &d.warnings {
         let _ = write!(out, "\nwarning: {line}");
     }
+    for next in next(d) {
+        let _ = write!(out, "\nnext experiment: {next}");
+    }
     for advice in &d.advice {
         let _ = write!(out, "\nto tell them apart: {advice}");
     }
@@ -141,6 +147,17 @@ pub fn summary(d: &Diagnosis) -> String {
         let _ = write!(out, "\n  {record}{}; {}", finding.what, finding.advice);
     }
     out
+}
+
+/// Records to repeat with a change, and what each would tell; that none would, if so.
+pub(super) fn next(d: &Diagnosis) -> Vec<String> {
+    let told = |n: &NextExperiment| format!("{}: tells two of them apart with a probability of {}", n.what, share(n.chance));
+    match d.next.first() {
+        Some(best) if best.chance < WORTH_A_TRY => {
+            vec!["no repetition of these records with other commands or another start would tell them apart".to_owned()]
+        }
+        _ => d.next.iter().filter(|n| n.chance >= WORTH_A_TRY).map(told).collect(),
+    }
 }
 
 /// The error taken by the causes, beside that taken by statistics alone.

@@ -1,8 +1,8 @@
 //! A model across records: its errors on records left out, and whether a cause needs another size in every record.
 //!
 //! Both come from one linearization at the optimum. With a record's whitened sensitivities G_r (its own starting state projected off), its
-//! residual r_r, s_r = G_rᵀr_r and G = Σ G_rᵀG_r, the estimates without record r move by δ = −(G − G_rᵀG_r)⁻¹ s_r, and its squares are
-//! then |r_r − G_r δ|².
+//! residual r_r, s_r = G_rᵀr_r, s = Σ s_r (zero where the fit has ended) and G = Σ G_rᵀG_r, the estimates without record r move by
+//! δ = (G − G_rᵀG_r)⁻¹ (s − s_r), and its squares are then |r_r − G_r δ|².
 
 use super::super::policy::POLICY;
 use super::super::scores::reduce;
@@ -66,10 +66,11 @@ impl Across {
     }
 }
 
-/// Squares of every record under the estimates of all others; `whole`: the sum of their curvatures.
+/// Squares of every record under the estimates of all others; `whole`: the sum of all curvatures.
 fn left_out(whole: &DMatrix<f64>, records: &[Sums]) -> Vec<f64> {
+    let score = records.iter().fold(DVector::zeros(whole.nrows()), |sum, r| sum + &r.score);
     let one = |r: &Sums| {
-        let moved = -solved(&(whole - &r.gram), &r.score);
+        let moved = solved(&(whole - &r.gram), &(&score - &r.score));
         r.square - 2.0 * moved.dot(&r.score) + moved.dot(&(&r.gram * &moved))
     };
     records.iter().map(one).collect()
@@ -142,7 +143,7 @@ impl Apart {
 mod tests {
     use super::*;
 
-    /// Of a linear law the squares on a record left out are those of a fit of the others.
+    /// Of a linear law the squares on a record left out are those of a fit of the others, whether the fit of all has ended or not.
     #[test]
     fn a_linear_law_left_out_is_refitted_exactly() {
         let noise = crate::stats::testing::gaussians(40, 3);
@@ -163,7 +164,7 @@ mod tests {
             rows.iter().map(|r| r[2] - r[0] * by[0] - r[1] * by[1]).collect()
         };
         let records: Vec<Vec<[f64; 3]>> = (0..4).map(record).collect();
-        let best = fit(&records.concat());
+        let best = fit(&records.concat()) + DVector::from_vec(vec![0.3, -0.2]);
         let sums: Vec<Sums> = records
             .iter()
             .map(|rows| {

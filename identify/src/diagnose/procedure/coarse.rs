@@ -12,7 +12,7 @@
 use super::super::policy::POLICY;
 use super::hypothesis::{Bench, squares};
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, fit};
+use crate::fit::{FitOptions, Fitted, approach, fit};
 use crate::shooting::{OtherInputs, Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A plan with longer steps, and a fit as it looks there.
-pub(super) struct Coarse {
+pub(in super::super) struct Coarse {
     pub plan: Plan,
     pub fitted: Fitted,
     /// Steps in place of which it makes one.
@@ -37,10 +37,7 @@ impl Coarse {
     /// The same of a fit whose simulation is known.
     fn beside(bench: &Bench, fitted: &Fitted, now: Option<&[Shot]>) -> Result<Self, IdentifyError> {
         let plan = bench.plan;
-        let h = plan.model.step_length();
-        let sample = fitted.records.iter().map(|rec| rec.record.period()).fold(f64::INFINITY, f64::min);
-        let longest = (sample / h * (1.0 + POLICY.same_time)).floor();
-        let mut steps = if longest >= 2.0 { 1 << (longest.log2().floor() as usize) } else { 1 };
+        let mut steps = longest(plan, &fitted.records);
         let corrected = fitted.records.iter().any(|rec| !rec.correction.is_empty());
         if steps == 1 || corrected {
             steps = 1;
@@ -66,8 +63,7 @@ impl Coarse {
     /// With so many steps in one, if that is near enough. `now`: the simulation as it is.
     fn with(bench: &Bench, fitted: &Fitted, now: &[Shot], steps: usize) -> Option<Self> {
         let plan = bench.plan;
-        let h = steps as f64 * plan.model.step_length();
-        let plan = Plan { model: Arc::new(plan.model.with_step(h)), fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() };
+        let plan = on_steps(plan, steps);
         let mut records: Vec<RecordPlan> = fitted.records.iter().map(|rec| longer(&plan, rec, steps)).collect();
         let longer = simulated(&plan, &records, &fitted.values).ok()?;
         let mut change = fitted.residuals.clone();
@@ -108,7 +104,54 @@ impl Coarse {
     }
 }
 
+/// The plan with so many steps in one.
+fn on_steps(plan: &Plan, steps: usize) -> Plan {
+    let h = steps as f64 * plan.model.step_length();
+    Plan { model: Arc::new(plan.model.with_step(h)), fitted: Vec::new(), held_out: Vec::new(), ..plan.clone() }
+}
+
+/// The largest power of two of steps that lie between two samples.
+fn longest(plan: &Plan, records: &[RecordPlan]) -> usize {
+    let sample = records.iter().map(|rec| rec.record.period()).fold(f64::INFINITY, f64::min);
+    let longest = (sample / plan.model.step_length() * (1.0 + POLICY.same_time)).floor();
+    if longest >= 2.0 { 1 << (longest.log2().floor() as usize) } else { 1 }
+}
+
 impl Bench<'_> {
+    /// A first fit, from values that are farther off than any step's error: on the longest steps as they are, then on the scene's. Longer steps
+    /// that lead nowhere are left out.
+    pub fn first(
+        &self,
+        records: &[RecordPlan],
+        start: &Values,
+        unknowns: &[Unknown],
+        options: &FitOptions,
+    ) -> Result<Fitted, IdentifyError> {
+        let there = |plan: &Plan, records: &[RecordPlan]| {
+            let (values, records) = approach(plan, records, start, unknowns, options)?;
+            fit(plan, &records, &values, unknowns, Some(&self.white), options)
+        };
+        let steps = longest(self.plan, records);
+        if steps > 1 {
+            let plan = on_steps(self.plan, steps);
+            let on_steps = |rec: &RecordPlan| {
+                let nodes = rec.nodes.iter().map(|(step, x)| (step / steps, x.clone())).filter(|(step, _)| *step > 0);
+                RecordPlan { nodes: nodes.collect(), ..longer(&plan, rec, steps) }
+            };
+            let longer: Vec<RecordPlan> = records.iter().map(on_steps).collect();
+            let near = there(&plan, &longer).and_then(|near| {
+                let starts = records.iter().zip(&near.records);
+                let records: Vec<RecordPlan> =
+                    starts.map(|(rec, near)| RecordPlan { start: near.start.clone(), ..rec.clone() }).collect();
+                self.polished(&records, &near.values, unknowns, &self.white, options)
+            });
+            if let Ok(near) = near {
+                return Ok(near);
+            }
+        }
+        there(self.plan, records)
+    }
+
     /// A fit under `noise` from a point close to its end.
     pub fn polished(
         &self,
@@ -118,10 +161,36 @@ impl Bench<'_> {
         noise: &ArModel,
         options: &FitOptions,
     ) -> Result<Fitted, IdentifyError> {
-        let Some((mut at, mut shots)) = self.followed(records, start, unknowns, noise)? else {
-            return fit(self.plan, records, start, unknowns, Some(noise), options);
-        };
-        let mut before = squares(self.plan, &at, noise)?;
+        match self.corrected(records, start, unknowns, noise, options)? {
+            Some((at, true)) => Ok(at),
+            Some((at, false)) => fit(self.plan, &at.records, &at.values, unknowns, Some(noise), options),
+            None => fit(self.plan, records, start, unknowns, Some(noise), options),
+        }
+    }
+
+    /// The same by least squares and without the last steps, where models are yet to be fitted again under one noise.
+    pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
+        let (values, unknowns, white) = (&from.values, &from.unknowns, &self.white);
+        match self.corrected(records, values, unknowns, white, &POLICY.coarse)? {
+            Some((at, _)) => Ok(at),
+            None => fit(self.plan, records, values, unknowns, Some(white), &POLICY.coarse),
+        }
+    }
+
+    /// A fit on longer steps, their error taken off again where it ends, seen on the scene's step; and whether both agree there. None where no
+    /// longer step is near enough.
+    fn corrected(
+        &self,
+        records: &[RecordPlan],
+        start: &Values,
+        unknowns: &[Unknown],
+        noise: &ArModel,
+        options: &FitOptions,
+    ) -> Result<Option<(Fitted, bool)>, IdentifyError> {
+        let Some((mut at, mut shots)) = self.followed(records, start, unknowns, noise)? else { return Ok(None) };
+        let (mut before, mut apart, mut moved) = (squares(self.plan, &at, noise)?, f64::INFINITY, false);
+        let mut enough = 0.0;
+        let rows = at.residuals.iter().map(Vec::len).sum::<usize>() as f64;
         for _ in 0..POLICY.corrections {
             let coarse = Coarse::beside(self, &at, Some(&shots))?;
             if coarse.steps == 1 {
@@ -135,12 +204,16 @@ impl Bench<'_> {
             if now > before {
                 break;
             }
-            (at, shots, before) = (Fitted { converged: found.converged, ..next }, seen, now);
-            if (now - foretold).abs() <= POLICY.agree * now {
-                return Ok(at);
+            let last = std::mem::replace(&mut apart, (now - foretold).abs());
+            (at, shots, before, moved) = (Fitted { converged: found.converged, ..next }, seen, now, true);
+            let unit = (now / rows).max(1.0);
+            enough = (POLICY.agree * unit).max(options.tolerance * now);
+            // what does not come nearer is an error without a direction: of friction that sticks and slips
+            if apart <= (POLICY.agree_well * unit).max(options.tolerance * now) || apart > POLICY.nearer * last {
+                break;
             }
         }
-        fit(self.plan, &at.records, &at.values, unknowns, Some(noise), options)
+        Ok(moved.then_some((at, apart <= enough)))
     }
 
     /// These records simulated without a break, as a fit and as they are; none where they cannot be followed.

@@ -36,6 +36,19 @@ impl Hypothesis {
         Self { causes, fitted, trail, varying: self.varying.clone() }
     }
 
+    /// Seen on some of its records.
+    pub fn of_some(&self, most: usize) -> Self {
+        let trail = self.trail.iter().map(|fitted| fitted.of_some(most)).collect();
+        Self { fitted: self.fitted.of_some(most), trail, ..self.clone() }
+    }
+
+    /// Refitted to `records`, and every model on the way to it.
+    pub fn on(&self, bench: &Bench, records: &[RecordPlan]) -> Result<Self, IdentifyError> {
+        let trail: Vec<Fitted> = self.trail.iter().map(|fitted| bench.finished(fitted, records)).collect::<Result<_, _>>()?;
+        let fitted = trail.last().cloned().map_or_else(|| bench.finished(&self.fitted, records), Ok)?;
+        Ok(Self { fitted, trail, ..self.clone() })
+    }
+
     /// Numbers freed for its causes.
     pub fn numbers(&self) -> usize {
         self.causes.iter().map(|cause| cause.unknowns.len()).sum()
@@ -134,16 +147,6 @@ impl Bench<'_> {
             }
         });
         fit(self.plan, records, &values, &unknowns, Some(&self.white), options)
-    }
-
-    /// A fit followed to its end: less far where what is left is no noise anyway.
-    pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
-        let white = &self.white;
-        let rough = self.polished(records, &from.values, &from.unknowns, white, &POLICY.coarse)?;
-        match self.no_noise(&rough) {
-            true => Ok(rough),
-            false => self.polished(&rough.records, &rough.values, &rough.unknowns, white, &POLICY.fine),
-        }
     }
 
     /// `parent` with a cause freed as well (and `beside` it its unmeasured companions), from the start that comes nearest to the data;

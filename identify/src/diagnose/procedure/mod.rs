@@ -19,5 +19,7 @@ mod race;
 pub(super) mod scatter;
 mod search;
 
+pub(super) use across::solved;
+pub(super) use coarse::Coarse;
 pub(super) use hypothesis::{Bench, Hypothesis, OwnSizes};
 pub(super) use search::{Evidence, Found, search};

@@ -3,6 +3,7 @@
 use super::super::certainty::Curvature;
 use super::super::policy::POLICY;
 use super::super::scores::{Scores, scores_in};
+use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use crate::causes::{Cause, Situation};
@@ -40,7 +41,10 @@ pub(super) fn race(
     let mut tried = Vec::new();
     let mut plain = f64::INFINITY;
     for (parent, model) in beam.iter().enumerate() {
-        let some = &restricted(&model.fitted);
+        let whole = model.fitted.of_some(POLICY.raced_records);
+        let coarse = Coarse::of(bench, &whole)?;
+        let some = &coarse.fitted;
+        let bench = &coarse.bench(bench);
         let left = squares(bench.plan, some, &bench.white)?;
         plain = plain.min(left);
         let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
@@ -56,7 +60,7 @@ pub(super) fn race(
             for beside in sets {
                 let numbers = model.numbers() + cause.unknowns.len() + beside.len();
                 if score < POLICY.linear * left && beside.is_empty() {
-                    let (rough, cause) = bench.moved(some, &cause, &step);
+                    let (rough, cause) = bench.moved(&whole, &cause, &step);
                     tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers });
                     continue;
                 }
@@ -64,6 +68,8 @@ pub(super) fn race(
                 match bench.with(some, &cause, &step, beside) {
                     Ok((rough, cause)) => {
                         let squares = squares(bench.plan, &rough, &bench.white)?;
+                        let records = coarse.back(&rough.records, &whole.records);
+                        let rough = Fitted { records, ..rough };
                         tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers });
                     }
                     Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
@@ -157,23 +163,6 @@ fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Trie
         near && most > 0.0 || first || likely
     });
     tried
-}
-
-/// A fit restricted to some of its measured records, evenly chosen.
-fn restricted(fitted: &Fitted) -> Fitted {
-    let parents = fitted.records.last().map_or(0, |rec| rec.parent + 1);
-    if parents <= POLICY.raced_records {
-        return fitted.clone();
-    }
-    let place = |k: usize| (2 * k + 1) * parents / (2 * POLICY.raced_records);
-    let chosen: Vec<usize> = (0..POLICY.raced_records).map(place).collect();
-    let keep: Vec<bool> = fitted.records.iter().map(|rec| chosen.contains(&rec.parent)).collect();
-    let mut out = fitted.clone();
-    let mut kept = keep.iter();
-    out.records.retain(|_| kept.next().copied().unwrap_or(false));
-    let mut kept = keep.iter();
-    out.residuals.retain(|_| kept.next().copied().unwrap_or(false));
-    out
 }
 
 /// The fit with the parameters freed that have a meaning now that the cause has a size: all of them if the data determine them (standard

@@ -46,6 +46,23 @@ pub(in super::super) struct Found {
     pub imitated: Vec<(String, NumericsKind)>,
 }
 
+impl Found {
+    /// Fits of the models that cannot be told from the best one: its ties, and it with a cause replaced by one that moves the readings alike.
+    pub fn rivals(&self, bench: &Bench) -> Result<Vec<Fitted>, IdentifyError> {
+        let mut out: Vec<Fitted> = self.tied.iter().map(|model| model.fitted.clone()).collect();
+        for (k, others) in self.alike.iter().enumerate().filter(|(_, others)| !others.is_empty()) {
+            let without = bench.without(&self.best, k)?.fitted;
+            for other in others.iter().take(POLICY.told_rivals) {
+                let nowhere = vec![f64::NAN; other.unknowns.len()];
+                if let Ok((rough, _)) = bench.with(&without, other, &nowhere, &[]) {
+                    out.push(bench.finished(&rough, &without.records)?);
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
 /// Causes accepted by the procedure on top of `base`, at most `most`. `scene`: that of the plan.
 pub(in super::super) fn search(
     bench: &Bench,
@@ -56,14 +73,26 @@ pub(in super::super) fn search(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Found, IdentifyError> {
     let base = Hypothesis::baseline(base);
-    let mut beam = vec![base.clone()];
-    let (mut best, mut tied) = (base.clone(), Vec::new());
+    // on some of the records while even the best leaves more than noise
+    let all = &base.fitted.records;
+    let of_all = |model: &Hypothesis| model.fitted.records.len() == all.len();
+    let start = if bench.no_noise(&base.fitted) { base.of_some(POLICY.searched_records) } else { base.clone() };
+    let mut beam = vec![start];
+    let (mut best, mut tied) = (beam[0].clone(), Vec::new());
     let mut refitted: Vec<Vec<String>> = Vec::new();
     let (mut notes, mut imitated) = (Vec::new(), Vec::new());
     while best.causes.len() < most {
-        let (children, tests) = race(bench, &beam, seed, &mut notes, progress)?;
+        let (mut children, tests) = race(bench, &beam, seed, &mut notes, progress)?;
         if children.is_empty() {
             break;
+        }
+        if !of_all(&beam[0]) && children.iter().any(|child| !bench.no_noise(&child.fitted)) {
+            progress("what is left may be noise: on all records");
+            let on_all = |models: &[Hypothesis]| models.iter().filter_map(|model| model.on(bench, all).ok()).collect();
+            (beam, children) = (on_all(&beam), on_all(&children));
+            if beam.is_empty() || children.is_empty() {
+                break;
+            }
         }
         let round = Round::new(bench, scene, &beam, children, tests)?;
         let Some(accepted) = round.accept(&mut notes, &mut imitated)? else { break };
@@ -81,10 +110,14 @@ pub(in super::super) fn search(
     }
     let evidence = prune(bench, &mut best, &mut notes, progress)?;
     tied.retain(|other| other.key() != best.key());
+    if !of_all(&best) {
+        progress("refitting to all records");
+        best = best.on(bench, all)?;
+    }
     let (fitted, varying) = as_judged(bench, &best)?;
     let left = varying.as_ref().map_or(&fitted, |own| &own.fitted);
     let no_noise = bench.no_noise(left);
-    let alike = alike(bench, &best, &fitted, &refitted, seed)?;
+    let alike = alike(bench, &best, &fitted.of_some(POLICY.searched_records), &refitted, seed)?;
     Ok(Found { alike, base, best, fitted, evidence, tied, varying, no_noise, notes, imitated })
 }
 
@@ -149,6 +182,13 @@ impl<'a> Round<'a> {
             }
         }
         let Some((&leader, behind)) = possible.split_first() else { return Ok(None) };
+        let (limits, behind): (Vec<usize>, Vec<usize>) = behind.iter().partition(|&&k| self.has_as_limit(k, leader));
+        for k in limits {
+            notes.push((
+                self.cause(k).title(),
+                format!("becomes {} at a limit of its own, which explains as much", self.cause(leader).title()),
+            ));
+        }
         let tied: Vec<usize> = behind.iter().copied().filter(|&k| self.contest.ties(leader, k)).collect();
         for &k in behind.iter().filter(|k| !tied.contains(k)) {
             let ahead = self.contest.scores[k] - self.contest.scores[leader];
@@ -158,7 +198,24 @@ impl<'a> Round<'a> {
                 if self.contest.no_noise { "another is nearer to the data".to_owned() } else { by },
             ));
         }
-        Ok(Some(Accepted { leader, tied, behind: behind.to_vec() }))
+        Ok(Some(Accepted { leader, tied, behind }))
+    }
+
+    /// Whether one child is the other at a limit of the cause that it adds, for all that the data say: it has more numbers, and they gain
+    /// nothing significant.
+    fn has_as_limit(&self, k: usize, other: usize) -> bool {
+        let before = |k: usize| {
+            let causes = &self.models[k].causes;
+            let mut titles: Vec<String> = causes[..causes.len() - 1].iter().map(Cause::title).collect();
+            titles.sort();
+            titles
+        };
+        let more = self.models[k].numbers() as f64 - self.models[other].numbers() as f64;
+        if self.contest.no_noise || more < 1.0 || !self.cause(k).may_be(self.cause(other)) || before(k) != before(other) {
+            return false;
+        }
+        let gained = self.contest.scores[other] - self.contest.scores[k] + POLICY.per_number * more;
+        gained < chi2_quantile(1.0 - POLICY.level, more)
     }
 
     /// The cause that a child adds.

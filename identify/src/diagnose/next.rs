@@ -1,0 +1,194 @@
+//! Which experiment to do next, where causes cannot be told apart.
+//!
+//! The menu are the fitted records done again, with another size, direction or pace of their commands, or from another start. Each is simulated
+//! with each of the models. What model B cannot imitate of what A would give is the separation
+//! ```text
+//! λ(A, B) = min over δ, z of |W (y_A − y_B − J δ − J₀ z)|² + |z|² + δᵀ G δ
+//! ```
+//! W the whitening of the final model's noise, δ a change of B's numbers, G their curvature in the records there are, z the start of the new
+//! record, which is measured as those of the old ones are. If A is right, its lead over B grows by a normal number of mean λ and variance 4 λ,
+//! and A is told from B with the probability Φ((λ − lead)/(2 √λ)).
+
+use super::policy::POLICY;
+use super::procedure::{Bench, Coarse, Found, solved};
+use super::result::NextExperiment;
+use super::scores::{reduce, reduce_instead};
+use crate::error::IdentifyError;
+use crate::fit::Fitted;
+use crate::shooting::{Plan, RecordPlan, ShotWants, StartState, shoot};
+use crate::stats::dist::normal_cdf;
+use nalgebra::DMatrix;
+use pliant_math::State;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// How a recorded experiment is changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Change {
+    /// Factor on how far the commands go from where they begin.
+    commands: f64,
+    /// Factor on their speed.
+    pace: f64,
+    /// Factor on how far the record begins from the scene's pose, and on its speed there.
+    start: f64,
+}
+
+const AGAIN: Change = Change { commands: 1.0, pace: 1.0, start: 1.0 };
+
+/// The menu.
+const CHANGES: [Change; 11] = [
+    AGAIN,
+    Change { commands: 2.0, ..AGAIN },
+    Change { commands: 0.5, ..AGAIN },
+    Change { commands: -1.0, ..AGAIN },
+    Change { commands: 0.0, ..AGAIN },
+    Change { pace: 2.0, ..AGAIN },
+    Change { pace: 0.5, ..AGAIN },
+    Change { commands: 2.0, pace: 2.0, ..AGAIN },
+    Change { start: 2.0, ..AGAIN },
+    Change { start: -1.0, ..AGAIN },
+    Change { commands: 0.0, start: 2.0, ..AGAIN },
+];
+
+impl Change {
+    fn words(self, record: &str) -> String {
+        let commands = match self.commands {
+            1.0 => None,
+            0.0 => Some("its commands held where they begin".to_owned()),
+            -1.0 => Some("its commands reversed about where they begin".to_owned()),
+            x => Some(format!("its commands going {x} times as far from where they begin")),
+        };
+        let pace = (self.pace != 1.0).then(|| format!("commands {} times as fast", self.pace));
+        let start = match self.start {
+            1.0 => None,
+            -1.0 => Some("begun on the other side".to_owned()),
+            x => Some(format!("begun {x} times as far from the scene's pose")),
+        };
+        let all: Vec<String> = [commands, pace, start].into_iter().flatten().collect();
+        if all.is_empty() { format!("{record} once more as it was") } else { format!("{record} with {}", all.join(", ")) }
+    }
+
+    /// The record, so changed: begun where `from` was estimated to, its start known as well as that one's.
+    fn of(self, plan: &Plan, from: &RecordPlan) -> RecordPlan {
+        let steps = from.inputs.len();
+        let first = from.inputs.first().cloned().unwrap_or_default();
+        let at = |k: usize| -> Vec<f64> {
+            let x = (k as f64 * self.pace).min((steps - 1) as f64);
+            let (low, part) = (x.floor() as usize, x.fract());
+            let high = (low + 1).min(steps - 1);
+            let between = |j: usize| from.inputs[low][j] + part * (from.inputs[high][j] - from.inputs[low][j]);
+            (0..first.len()).map(|j| first[j] + self.commands * (between(j) - first[j])).collect()
+        };
+        let z = vec![0.0; from.start.z.len()];
+        let mean = if from.start.is_fixed() { from.start.mean.clone() } else { self.begun(plan, from.start.state(&plan.model)) };
+        RecordPlan {
+            inputs: (0..steps).map(at).collect(),
+            start: StartState { mean, z, ..from.start.clone() },
+            nodes: Vec::new(),
+            correction: Arc::default(),
+            ..from.clone()
+        }
+    }
+
+    fn begun(self, plan: &Plan, state: State) -> State {
+        if self.start == 1.0 {
+            return state;
+        }
+        let pose = plan.model.initial_state().q;
+        let q = state.q.iter().zip(&pose).map(|(q, pose)| pose + self.start * (q - pose)).collect();
+        State { q, v: state.v.iter().map(|v| self.start * v).collect(), ..state }
+    }
+}
+
+/// The changes that can be made to these records.
+fn menu(plan: &Plan, records: &[RecordPlan]) -> Vec<Change> {
+    let moves = |rec: &RecordPlan| rec.inputs.windows(2).any(|w| w[0].iter().zip(&w[1]).any(|(a, b)| a != b));
+    let driven = records.iter().any(moves);
+    // where a pose is a list of numbers, each of its own joint
+    let placed =
+        plan.model.ropes().is_empty() && plan.model.nq() == plan.model.nv() && records.iter().all(|rec| !rec.start.is_fixed());
+    let possible = |c: &Change| (driven || c.commands == 1.0 && c.pace == 1.0) && (placed || c.start == 1.0);
+    CHANGES.into_iter().filter(possible).collect()
+}
+
+/// The experiments that tell the models best that could not be told apart, best first.
+pub(super) fn experiments(bench: &Bench, found: &Found) -> Result<Vec<NextExperiment>, IdentifyError> {
+    let leader = found.fitted.of_some(POLICY.repeated_records);
+    let coarse = Coarse::of(bench, &leader)?;
+    let plan = &coarse.plan;
+    if plan.in_pieces || coarse.fitted.records.is_empty() {
+        return Ok(Vec::new());
+    }
+    let noise = &found.fitted.noise;
+    let rivals = found.rivals(bench)?.into_iter().take(POLICY.told_rivals - 1);
+    let models: Vec<Fitted> = std::iter::once(found.fitted.clone()).chain(rivals).collect();
+    let models: Vec<Fitted> = models.into_iter().map(|m| Fitted { noise: noise.clone(), ..m }).collect();
+    let known = |model: &Fitted| -> Result<DMatrix<f64>, IdentifyError> {
+        let coarse = Coarse::of(bench, model)?;
+        Ok(reduce(&coarse.plan, &coarse.fitted, &model.unknowns)?.gram())
+    };
+    let known: Vec<DMatrix<f64>> = models.iter().map(known).collect::<Result<_, _>>()?;
+    let menu = menu(plan, &coarse.fitted.records);
+    let all: Vec<(&RecordPlan, Change)> =
+        coarse.fitted.records.iter().flat_map(|rec| menu.iter().map(move |change| (rec, *change))).collect();
+    let one = |(rec, change): &(&RecordPlan, Change)| {
+        let (separation, chance) = told(plan, &models, &known, change.of(plan, rec))?;
+        Some(NextExperiment {
+            record: rec.record.name.clone(),
+            what: change.words(&rec.record.name),
+            commands: change.commands,
+            pace: change.pace,
+            start: change.start,
+            separation,
+            chance,
+        })
+    };
+    let mut out: Vec<NextExperiment> = all.par_iter().filter_map(one).collect();
+    out.sort_by(|a, b| b.chance.total_cmp(&a.chance).then(b.separation.total_cmp(&a.separation)));
+    out.truncate(POLICY.next_experiments);
+    Ok(out)
+}
+
+/// The mean separation of the models in a record, and the mean probability that one of them, if it is right, is told from another; none where
+/// one of them cannot be simulated.
+fn told(plan: &Plan, models: &[Fitted], known: &[DMatrix<f64>], rec: RecordPlan) -> Option<(f64, f64)> {
+    let residual = |model: &Fitted| Some(shoot(plan, &rec, &model.values, ShotWants::default()).ok()?.residual);
+    let seen: Vec<Vec<f64>> = models.iter().map(residual).collect::<Option<_>>()?;
+    let mut separations = Vec::new();
+    for a in 0..models.len() {
+        for b in (0..models.len()).filter(|b| *b != a) {
+            let apart: Vec<f64> = seen[b].iter().zip(&seen[a]).map(|(of_b, of_a)| of_b - of_a).collect();
+            let there = Fitted { records: vec![rec.clone()], residuals: vec![apart.clone()], ..models[b].clone() };
+            let new = reduce_instead(plan, &there, &[apart]).ok()?;
+            let moved = solved(&(&known[b] + new.gram()), &new.score());
+            separations.push((new.rss() - moved.dot(&new.score())).max(0.0));
+        }
+    }
+    let pairs = separations.len() as f64;
+    let chance = separations.iter().map(|s| told_with(*s)).sum::<f64>() / pairs;
+    (pairs > 0.0).then(|| (separations.iter().sum::<f64>() / pairs, chance))
+}
+
+/// Probability that a lead is reached whose growth has this mean, and four times this variance.
+fn told_with(separation: f64) -> f64 {
+    normal_cdf((separation - POLICY.lead) / (2.0 * separation.max(f64::MIN_POSITIVE).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chance_is_even_where_the_mean_is_the_lead() {
+        assert!((told_with(POLICY.lead) - 0.5).abs() < 1e-12);
+        assert!(told_with(0.0) < 1e-12 && told_with(60.0) > 0.99);
+    }
+
+    #[test]
+    fn a_change_is_said_in_words() {
+        assert_eq!(AGAIN.words("run1.csv"), "run1.csv once more as it was");
+        let other = Change { commands: 0.0, start: 2.0, ..AGAIN };
+        let said = "run1.csv with its commands held where they begin, begun 2 times as far from the scene's pose";
+        assert_eq!(other.words("run1.csv"), said);
+    }
+}
