@@ -120,11 +120,10 @@ fn opened(values: &Values, unknowns: &[Unknown]) -> Values {
     out
 }
 
-/// Start of a baseline fit: the declared unknowns, and the records in segments.
+/// Start of a baseline fit of a plan whose records are cut.
 pub(super) struct Prepared {
     pub unknowns: Vec<Unknown>,
     pub values: Values,
-    pub records: Vec<RecordPlan>,
 }
 
 impl Prepared {
@@ -133,7 +132,7 @@ impl Prepared {
         refuse_dead(plan, &unknowns)?;
         let values = opened(&plan.scene_values, &unknowns);
         cut(plan, &values, setup.experiment.fit.segment)?;
-        Ok(Self { unknowns, values, records: plan.fitted.clone() })
+        Ok(Self { unknowns, values })
     }
 
     /// The baseline by least squares, fitted again from where it ended while it does not converge.
@@ -142,12 +141,12 @@ impl Prepared {
     pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
         let bench = Bench { plan, declared: self.unknowns.clone(), white: first_noise(plan)? };
         let options = FitOptions { rounds: 0, ..*options };
-        let keep = evenly(&self.records, POLICY.searched_records);
+        let keep = evenly(&plan.fitted, POLICY.searched_records);
         let some: Vec<RecordPlan> =
-            self.records.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(rec, _)| rec.clone()).collect();
+            plan.fitted.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(rec, _)| rec.clone()).collect();
         let mut fitted = bench.first(&some, &self.values, &self.unknowns, &options)?;
-        if some.len() < self.records.len() {
-            fitted = bench.polished(&self.records, &fitted.values, &self.unknowns, &bench.white, &options)?;
+        if some.len() < plan.fitted.len() {
+            fitted = bench.polished(&plan.fitted, &fitted.values, &self.unknowns, &bench.white, &options)?;
         }
         for _ in 1..POLICY.baseline_fits {
             if fitted.converged {

@@ -176,12 +176,35 @@ fn told_with(separation: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::audit::starts::tests::{experiment, pendulum};
     use super::*;
+    use crate::fit::fit;
+    use crate::stats::ar::ArModel;
 
     #[test]
     fn a_chance_is_even_where_the_mean_is_the_lead() {
         assert!((told_with(POLICY.lead) - 0.5).abs() < 1e-12);
         assert!(told_with(0.0) < 1e-12 && told_with(60.0) > 0.99);
+    }
+
+    /// What a model without damping cannot imitate of one with it grows with the square of a small swing; a copy of it imitates all.
+    #[test]
+    fn a_wider_swing_tells_damping_better() {
+        let readings: Vec<f64> = (0..40).map(|k| 0.05 * (5.7 * 0.01 * f64::from(k)).cos()).collect();
+        let plan = experiment(&pendulum("measured"), &[readings.clone(), readings]).0;
+        let white = ArModel::white(vec![1e-4]).unwrap();
+        let plain = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let mut damped = plain.clone();
+        damped.values.theta[plan.model.params().find("pivot.damping").unwrap()] += 0.002;
+        let known = || vec![DMatrix::zeros(0, 0), DMatrix::zeros(0, 0)];
+        let separation = |models: &[Fitted], start| {
+            told(&plan, models, &known(), Change { start, ..AGAIN }.of(&plan, &plain.records[0])).unwrap().0
+        };
+        assert!(separation(&[plain.clone(), plain.clone()], 1.0) < 1e-12);
+        let both = [plain.clone(), damped];
+        let [once, twice] = [1.0, 2.0].map(|start| separation(&both, start));
+        assert!(once > 0.0 && (twice / once - 4.0).abs() < 0.4, "{once} {twice}");
     }
 
     #[test]

@@ -48,8 +48,8 @@ pub(super) struct Policy {
     pub agree_well: f64,
     /// Part of the last difference between both steps to which a further correction has to bring it [-].
     pub nearer: f64,
-    /// Most measured records that causes are sought on while the best model leaves more than noise: there causes count by the part of the squares
-    /// that they take, which a dozen records tell as well as all.
+    /// Most measured records that causes are sought on while the best model leaves more than noise, where they count by the part of the squares
+    /// that they take; also that a baseline is first fitted to, and that likeness is looked for on.
     pub searched_records: usize,
     /// Most measured records that causes are tried on before the best are refitted to all.
     pub raced_records: usize,

@@ -206,18 +206,15 @@ fn minimise(
         let Some((mut next, foretold)) = accepted else {
             return Ok((damping < FIT.largest_damping || point.cost.is_finite(), iterations));
         };
-        let (whole, enough) = (point.cost.max(f64::MIN_POSITIVE), if options.rounds > 0 { FIT.settled } else { 0.0 });
-        let ends = |drop: f64| drop <= (options.tolerance * whole).max(enough);
-        let mut drop = point.cost - next.cost;
-        // where the cost falls by less than was foretold, it does not fall farther along the step
-        if drop > foretold {
+        // a step is too short where the cost falls by more than was foretold
+        if point.cost - next.cost > foretold {
             linear.lengthen(plan, point, unknowns, noise, damping, &mut next);
-            drop = point.cost - next.cost;
         }
-        let over = ends(drop);
+        let drop = point.cost - next.cost;
+        let gain = drop / point.cost.max(f64::MIN_POSITIVE);
         *point = next;
         damping = (damping * FIT.lower_damping).max(FIT.least_damping);
-        if over {
+        if gain <= options.tolerance || options.rounds > 0 && drop <= FIT.settled {
             return Ok((true, iterations));
         }
     }
@@ -336,4 +333,34 @@ fn moved(plan: &Plan, rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, 
         *state = plan.model.displaced(state, &along);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::log::Record;
+    use std::sync::Arc;
+
+    fn record(parent: usize) -> RecordPlan {
+        RecordPlan {
+            record: Record::default(),
+            inputs: Vec::new(),
+            past: Vec::new(),
+            other: Arc::default(),
+            start: Default::default(),
+            nodes: Vec::new(),
+            parent,
+            correction: Arc::default(),
+        }
+    }
+
+    #[test]
+    fn measured_records_are_chosen_evenly_with_all_their_pieces() {
+        let of = |parents: &[usize]| parents.iter().map(|&p| record(p)).collect::<Vec<_>>();
+        assert_eq!(evenly(&of(&[0, 0, 1, 2, 3, 3]), 2), [false, false, true, false, true, true]);
+        assert_eq!(evenly(&of(&[0, 1]), 2), [true, true]);
+        // some of some: their numbers are those of all
+        assert_eq!(evenly(&of(&[7, 8, 8, 40, 41]), 2), [false, true, true, false, true]);
+    }
 }
