@@ -1,4 +1,4 @@
-//! Directions in θ and u, as columns of a tangent.
+//! Directions in θ, u and in forces from outside, as columns of a tangent.
 
 /// `columns` directions; column c moves parameter k by `weight` for every (c, weight) listed under k, and likewise controls.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -7,13 +7,14 @@ pub struct Seeds {
     pub columns: usize,
     theta: Vec<Vec<(usize, f64)>>,
     u: Vec<Vec<(usize, f64)>>,
+    forces: Vec<(usize, usize, f64)>,
     any_theta: bool,
 }
 
 impl Seeds {
     /// No direction in θ or u.
     pub fn none(columns: usize, nu: usize, n_params: usize) -> Self {
-        Self { columns, theta: vec![Vec::new(); n_params], u: vec![Vec::new(); nu], any_theta: false }
+        Self { columns, theta: vec![Vec::new(); n_params], u: vec![Vec::new(); nu], forces: Vec::new(), any_theta: false }
     }
 
     /// Column `column` moves parameter `param` at rate `weight`.
@@ -30,6 +31,22 @@ impl Seeds {
     /// Forgets the directions in u, to set those of the next step.
     pub fn clear_u(&mut self) {
         self.u.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Column `column` adds a generalized force, constant over the next step and of no law of the model, to a degree of freedom at rate
+    /// `weight` [N, or N·m at a turn]; one that a gripper prescribes does not feel it.
+    pub fn add_force(&mut self, dof: usize, column: usize, weight: f64) {
+        self.forces.push((dof, column, weight));
+    }
+
+    /// Forgets the forces, to set those of the next step.
+    pub fn clear_forces(&mut self) {
+        self.forces.clear();
+    }
+
+    /// Forces, as (degree of freedom, column, weight).
+    pub fn forces(&self) -> &[(usize, usize, f64)] {
+        &self.forces
     }
 
     /// Columns that move a parameter.

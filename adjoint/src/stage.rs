@@ -88,6 +88,11 @@ pub(crate) fn stage_tangent(cx: Context, stage: &StageRecord, q_dot: &[f64], v_d
             stage.visit_signals(cx.model, cx.theta, &mut visit);
         }
     }
+    for &(row, column, weight) in seeds.forces() {
+        if !cx.model.prescribed_rows().get(row).is_some_and(|prescribed| *prescribed) {
+            dr[row * m + column] -= weight;
+        }
+    }
     root_tangent(stage, dr, m, refinement);
     dr.truncate(v_dot.len());
 }

@@ -23,6 +23,7 @@ pub mod causes;
 pub mod diagnose;
 pub mod error;
 pub mod fit;
+pub mod form;
 pub mod log;
 mod number;
 #[cfg(feature = "report")]

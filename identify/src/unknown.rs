@@ -1,5 +1,6 @@
 //! Numbers to be found: entries of θ and of the sensor, as coordinates in which a fit is well scaled.
 
+use crate::form::Form;
 use crate::sensor::{SENSOR_PATHS, SENSOR_UNITS, Sensor};
 use crate::stats::score::Sign;
 use pliant_engine::model::Model;
@@ -20,6 +21,8 @@ pub enum Target {
     Beside(Vec<usize>, usize),
     /// Input delay of this control's motor, where the scene has no delay of it.
     Late(usize),
+    /// A force, or an error of a reading, that no law describes; its size is 0.
+    Form(Form),
 }
 
 impl Target {
@@ -37,7 +40,7 @@ impl Target {
         match self {
             Self::Theta(entries) => entries.iter().map(|&k| (k, 1.0)).collect(),
             Self::Mirrored(low, high) => vec![(*low, -1.0), (*high, 1.0)],
-            Self::Sensor(_) | Self::Joint(..) | Self::Beside(..) | Self::Late(_) => Vec::new(),
+            Self::Sensor(_) | Self::Joint(..) | Self::Beside(..) | Self::Late(_) | Self::Form(_) => Vec::new(),
         }
     }
 }
@@ -148,6 +151,12 @@ impl Unknown {
         self.probe.filter(|_| self.value(values) == 0.0)
     }
 
+    /// A [`Form`], of this path.
+    pub fn of_form(path: String, form: Form) -> Self {
+        let (unit, target) = (String::new(), Target::Form(form));
+        Self { path, unit, target, bounds: ANY, scale: 1.0, coordinate: Coordinate::Linear, prior: None, probe: None }
+    }
+
     /// An entry of the sensor's parameters.
     pub fn of_sensor(entry: usize, scale: f64, bounds: (f64, f64)) -> Self {
         Self {
@@ -186,6 +195,7 @@ impl Unknown {
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry],
             Target::Beside(markers, axis) => values.offsets[markers[0]][*axis],
             Target::Late(control) => values.late[*control],
+            Target::Form(_) => 0.0,
         }
     }
 
@@ -199,6 +209,7 @@ impl Unknown {
             Target::Joint(sensor, entry) => values.joints[*sensor][*entry] = value,
             Target::Beside(markers, axis) => markers.iter().for_each(|&k| values.offsets[k][*axis] = value),
             Target::Late(control) => values.late[*control] = value,
+            Target::Form(_) => {}
         }
     }
 

@@ -5,6 +5,7 @@
 
 #[path = "../../../engine/tests/suite/common/mod.rs"]
 mod common;
+mod forces;
 mod friction_at_zero;
 mod inverse;
 mod judged;

@@ -135,17 +135,26 @@ impl Prepared {
         Ok(Self { unknowns, values })
     }
 
-    /// The baseline by least squares, fitted again from where it ended while it does not converge.
-    ///
-    /// Of many records some bring the values near the end, where all need few iterations more.
-    pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
-        let bench = Bench { plan, declared: self.unknowns.clone(), white: first_noise(plan)? };
-        let options = FitOptions { rounds: 0, ..*options };
+    /// The baseline by least squares to some of many records, roughly: it brings the values near the end, and tells what is left.
+    pub(super) fn near(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
         let keep = evenly(&plan.fitted, POLICY.searched_records);
         let some: Vec<RecordPlan> =
             plan.fitted.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(rec, _)| rec.clone()).collect();
-        let mut fitted = bench.first(&some, &self.values, &self.unknowns, &options)?;
-        if some.len() < plan.fitted.len() {
+        let options = if some.len() < plan.fitted.len() { POLICY.coarse } else { FitOptions { rounds: 0, ..*options } };
+        self.bench(plan)?.first(&some, &self.values, &self.unknowns, &options)
+    }
+
+    /// The baseline by least squares to all records, fitted again from where it ended while it does not converge.
+    pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+        self.ended(plan, self.near(plan, options)?, options)
+    }
+
+    /// The same from one that is near.
+    pub(super) fn ended(&self, plan: &Plan, near: Fitted, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+        let bench = self.bench(plan)?;
+        let options = FitOptions { rounds: 0, ..*options };
+        let mut fitted = near;
+        if fitted.records.len() < plan.fitted.len() {
             fitted = bench.polished(&plan.fitted, &fitted.values, &self.unknowns, &bench.white, &options)?;
         }
         for _ in 1..POLICY.baseline_fits {
@@ -155,6 +164,10 @@ impl Prepared {
             fitted = bench.polished(&fitted.records, &fitted.values, &self.unknowns, &bench.white, &options)?;
         }
         Ok(fitted)
+    }
+
+    fn bench<'a>(&self, plan: &'a Plan) -> Result<Bench<'a>, IdentifyError> {
+        Ok(Bench { plan, declared: self.unknowns.clone(), white: first_noise(plan)? })
     }
 }
 
@@ -246,7 +259,7 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
     let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, &options)?;
     progress("intervals");
     let curvature = super::certainty::Curvature::new(&plan, &spread)?;
-    let parameters = super::certainty::estimates(&plan, &spread, &super::certainty::normal(&curvature.std_errors()));
+    let parameters = super::certainty::estimates(&plan, &spread, Some(&super::certainty::normal(&curvature.std_errors())));
     let held_out = if plan.held_out.is_empty() { None } else { Some(super::gain::held_out_rmse(&plan, &fitted)?) };
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,

@@ -1,14 +1,15 @@
 //! Steps 2 and 7: the combinations that the data determine, and intervals.
 
-use super::numerics::Shift;
 use super::policy::POLICY;
 use super::procedure::across::solved;
 use super::result::{Estimate, Numerics};
+use super::beside::Beside;
 use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
 use crate::stats::dist::t_quantile;
+use crate::stats::reduced::Reduced;
 use crate::unknown::{Unknown, Values};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
@@ -87,8 +88,7 @@ impl Curvature {
 /// δ_r = (G − G_r)⁻¹ s_r,        variance (R − 1)/R Σ δ_r²
 /// ```
 /// the jackknife over records (CR3 of Bell & McCaffrey 2002). An effect that all records lack alike is not in it.
-pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, IdentifyError> {
-    let reduced = reduce(plan, fitted, &fitted.unknowns)?;
+fn by_record(reduced: &Reduced) -> Vec<f64> {
     let (k, records) = (reduced.columns(), reduced.records());
     let gram = reduced.gram();
     let mut parts = vec![(DMatrix::<f64>::zeros(k, k), DVector::<f64>::zeros(k)); records];
@@ -106,27 +106,23 @@ pub(super) fn by_record(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, Identi
     let one = |(sum, determined): (f64, f64)| {
         if records > 1 && determined.is_finite() { (share * sum).sqrt() } else { f64::INFINITY }
     };
-    Ok(squares.into_iter().zip(of_curvature).map(one).collect())
+    squares.into_iter().zip(of_curvature).map(one).collect()
 }
 
 /// Half widths of 90 % intervals in the coordinates of a fit: the wider of the one by the noise model and the one by the records, and wider
 /// by what each of the simulation's own errors makes of the estimate, unless the data exclude that a finer simulation is nearer to them.
-/// `spread`: the fit with the noise that its errors are taken from; `numerics` belong to `shifts`.
-pub(super) fn half_widths(
-    plan: &Plan,
-    spread: &Fitted,
-    (shifts, numerics): (&[Shift], &[Numerics]),
-) -> Result<Vec<f64>, IdentifyError> {
-    let mut half = normal(&Curvature::new(plan, spread)?.std_errors());
-    let records = plan.fitted_records();
+/// `beside`: the fit, under the noise that its errors are taken from, beside the changes that `numerics` report.
+pub(super) fn half_widths(beside: &Beside, numerics: &[Numerics]) -> Vec<f64> {
+    let mut half = normal(&Curvature::of(beside.reduced.gram()).std_errors());
+    let records = beside.reduced.records();
     if records >= POLICY.jackknife_records {
         let t = t_quantile(0.5 * (1.0 + POLICY.gain_level), records as f64 - 1.0);
-        half.iter_mut().zip(by_record(plan, spread)?).for_each(|(half, error)| *half = half.max(t * error));
+        half.iter_mut().zip(by_record(&beside.reduced)).for_each(|(half, error)| *half = half.max(t * error));
     }
-    for (shift, _) in shifts.iter().zip(numerics).filter(|(_, n)| n.gain > -POLICY.per_number) {
-        half.iter_mut().zip(shift.sizes(plan, spread)?.iter()).for_each(|(half, bias)| *half += bias.abs());
+    for (k, _) in numerics.iter().enumerate().filter(|(_, n)| n.gain > -POLICY.per_number) {
+        half.iter_mut().zip(beside.sizes(k).iter()).for_each(|(half, bias)| *half += bias.abs());
     }
-    Ok(half)
+    half
 }
 
 /// Half widths of 90 % intervals by a normal law.
@@ -134,16 +130,16 @@ pub(super) fn normal(std_errors: &[f64]) -> Vec<f64> {
     std_errors.iter().map(|error| Z90 * error).collect()
 }
 
-/// Estimates with their intervals.
-pub(super) fn estimates(plan: &Plan, fitted: &Fitted, half_widths: &[f64]) -> Vec<Estimate> {
-    let one = |(u, half): (&Unknown, &f64)| Estimate {
+/// Estimates, with intervals where their half widths are known.
+pub(super) fn estimates(plan: &Plan, fitted: &Fitted, half_widths: Option<&[f64]>) -> Vec<Estimate> {
+    let one = |(j, u): (usize, &Unknown)| Estimate {
         path: u.path.clone(),
         estimate: u.value(&fitted.values),
         unit: u.unit.clone(),
-        interval: Some(interval(u, &fitted.values, *half)),
+        interval: half_widths.map(|half| interval(u, &fitted.values, half[j])),
         scene_value: u.value(&plan.scene_values),
     };
-    fitted.unknowns.iter().zip(half_widths).map(one).collect()
+    fitted.unknowns.iter().enumerate().map(one).collect()
 }
 
 /// An interval of the value; its bounds where nothing determines it.

@@ -8,22 +8,18 @@
 //!   Dry friction in place of viscous damping, hardening in place of stiffness show here.
 
 use super::policy::POLICY;
-use super::scores::reduce_in;
-use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shooting::Plan;
 use crate::stats::dist::{chi2_sf, normal_cdf};
 use crate::stats::reduced::{Block, Reduced};
 use crate::unknown::Unknown;
 use nalgebra::{DMatrix, DVector};
 
-/// Smallest p over the parameters of a cause; 1 where there are too few parts to compare.
-pub(super) fn p_value(plan: &Plan, fitted: &Fitted, own: &[Unknown]) -> Result<f64, IdentifyError> {
-    let reduced = reduce_in(plan, fitted, &fitted.unknowns, POLICY.constancy_parts)?;
+/// Smallest p over the parameters of a cause; 1 where there are too few parts to compare. `reduced`: of the fit, cut into [`POLICY`]`.constancy_parts`.
+pub(super) fn p_value(reduced: &Reduced, fitted: &Fitted, own: &[Unknown]) -> f64 {
     let columns: Vec<usize> =
         (0..fitted.unknowns.len()).filter(|&j| own.iter().any(|o| o.target.same(&fitted.unknowns[j].target))).collect();
-    let smallest = columns.iter().map(|&c| of_column(&reduced, c)).fold(1.0, f64::min);
-    Ok((smallest * columns.len() as f64).min(1.0))
+    let smallest = columns.iter().map(|&c| of_column(reduced, c)).fold(1.0, f64::min);
+    (smallest * columns.len() as f64).min(1.0)
 }
 
 fn of_column(reduced: &Reduced, column: usize) -> f64 {

@@ -7,15 +7,15 @@ use super::procedure::{Found, OwnSizes};
 use super::result::*;
 use super::scores::Scores;
 use crate::causes::Cause as Candidate;
-use crate::error::IdentifyError;
 use crate::shooting::Plan;
+use crate::stats::reduced::Reduced;
 use crate::unknown::{Coordinate, Unknown, Values};
 
-/// The accepted causes. `half`: half widths of the intervals of everything fitted; `first`: the tests against the baseline.
-pub(super) fn causes(plan: &Plan, found: &Found, half: &[f64], first: &Scores) -> Result<Vec<Cause>, IdentifyError> {
+/// The accepted causes. `parts`: what the final model's constancy is told from; `half`: half widths of the intervals of everything fitted; `first`: the tests against the baseline.
+pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], first: &Scores) -> Vec<Cause> {
     let fitted = &found.fitted;
-    let all = estimates(plan, fitted, half);
-    let one = |(cause, evidence): (&Candidate, &super::procedure::Evidence)| -> Result<Cause, IdentifyError> {
+    let all = estimates(plan, fitted, Some(half));
+    let one = |(cause, evidence): (&Candidate, &super::procedure::Evidence)| {
         let place = |own: &Unknown| fitted.unknowns.iter().position(|u| u.target.same(&own.target));
         let mut parameters: Vec<Estimate> = cause.unknowns.iter().filter_map(place).map(|j| all[j].clone()).collect();
         let own: Vec<usize> = cause.unknowns.iter().flat_map(|u| u.target.entries()).map(|(k, _)| k).collect();
@@ -24,17 +24,17 @@ pub(super) fn causes(plan: &Plan, found: &Found, half: &[f64], first: &Scores) -
             let (path, unit, scene_value) = (info.path.clone(), info.unit.to_owned(), plan.scene_values.theta[entry]);
             parameters.push(Estimate { path, estimate: value, unit, interval: None, scene_value });
         }
-        Ok(Cause {
+        Cause {
             name: cause.name.to_owned(),
             object: cause.object.clone(),
             meaning: cause.meaning.to_owned(),
             statistic: evidence.statistic,
             foretold: evidence.foretold,
-            constancy_p: Some(constancy::p_value(plan, fitted, &cause.unknowns)?),
+            constancy_p: Some(constancy::p_value(parts, fitted, &cause.unknowns)),
             sizes: found.varying.as_ref().map_or_else(Vec::new, |own| sizes(plan, cause, own)),
             rivals: rivals(first, cause),
             parameters,
-        })
+        }
     };
     found.best.causes.iter().zip(&found.evidence).map(one).collect()
 }

@@ -6,9 +6,11 @@
 
 mod audit;
 mod baseline;
+mod beside;
 mod ceiling;
 mod certainty;
 mod constancy;
+mod forms;
 mod gain;
 mod listing;
 mod next;

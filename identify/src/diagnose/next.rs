@@ -9,10 +9,11 @@
 //! record, which is measured as those of the old ones are. If A is right, its lead over B grows by a normal number of mean λ and variance 4 λ,
 //! and A is told from B with the probability Φ((λ − lead)/(2 √λ)).
 
+use super::beside::Beside;
 use super::policy::POLICY;
-use super::procedure::{Bench, Coarse, Found, solved};
+use super::procedure::{Bench, Coarse, Found};
 use super::result::NextExperiment;
-use super::scores::{reduce, reduce_instead};
+use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::{Plan, RecordPlan, ShotWants, StartState, shoot};
@@ -159,9 +160,7 @@ fn told(plan: &Plan, models: &[Fitted], known: &[DMatrix<f64>], rec: RecordPlan)
         for b in (0..models.len()).filter(|b| *b != a) {
             let apart: Vec<f64> = seen[b].iter().zip(&seen[a]).map(|(of_b, of_a)| of_b - of_a).collect();
             let there = Fitted { records: vec![rec.clone()], residuals: vec![apart.clone()], ..models[b].clone() };
-            let new = reduce_instead(plan, &there, &[apart]).ok()?;
-            let moved = solved(&(&known[b] + new.gram()), &new.score());
-            separations.push((new.rss() - moved.dot(&new.score())).max(0.0));
+            separations.push(Beside::new(plan, &there, &[&[apart]]).ok()?.beyond(0, &known[b]));
         }
     }
     let pairs = separations.len() as f64;

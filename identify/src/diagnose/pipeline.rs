@@ -1,10 +1,12 @@
 //! The whole diagnosis, in order.
 
 use super::baseline::{Prepared, at_bound, coloured};
+use super::beside::Beside;
 use super::certainty::{Curvature, estimates, half_widths, normal};
 use super::listing;
-use super::numerics::shifts;
+use super::numerics::{changes, shifts};
 use super::policy::POLICY;
+use super::procedure::scatter::scatter;
 use super::procedure::{Bench, Found, search};
 use super::remainder::remainder;
 use super::result::*;
@@ -127,9 +129,18 @@ fn pass(
 
     progress("fitting the baseline");
     let prepared = Prepared::new(setup, &mut plan)?;
-    let plain = prepared.fit(&plan, &FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() })?;
-    let scatter = super::procedure::scatter::scatter(&plan, &plain, &grids);
-    let bench = Bench { plan: &plan, declared: plain.unknowns.clone(), white: ArModel::white(scatter.clone())? };
+    let options_of_fit = FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() };
+    let seen = |plain: &Fitted| -> Result<Bench, IdentifyError> {
+        let white = ArModel::white(scatter(&plan, plain, &grids))?;
+        Ok(Bench { plan: &plan, declared: plain.unknowns.clone(), white })
+    };
+    let mut plain = prepared.near(&plan, &options_of_fit)?;
+    // some of the records are enough to look for causes on while even the best model leaves more than noise
+    let enough = plain.records.len() < plan.fitted.len() && seen(&plain)?.no_noise(&plain);
+    if !enough {
+        plain = prepared.ended(&plan, plain, &options_of_fit)?;
+    }
+    let bench = seen(&plain)?;
     let base = bench.finished(&plain, &plain.records)?;
     let converged = plain.converged;
     clock.done("baseline");
@@ -141,11 +152,10 @@ fn pass(
     progress("checking what remains");
     let (fitted, spread) = (&found.fitted, spread(&plan, &found)?);
     let shifts = shifts(&scene, &plan, fitted);
-    let numerics: Vec<Numerics> = shifts
-        .iter()
-        .map(|shift| Ok(shift.report(&plan, fitted, shift.gain(&plan, &spread)?)))
-        .collect::<Result<_, IdentifyError>>()?;
-    let sensor_sigma = reported(&plan, &scatter);
+    let changed = Beside::new(&plan, &spread, &changes(&shifts))?;
+    let numerics: Vec<Numerics> =
+        shifts.iter().enumerate().map(|(k, shift)| shift.report(&plan, fitted, changed.gain(k))).collect();
+    let sensor_sigma = reported(&plan, bench.white.sigma());
     let noise = noise(&plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;
     // where sizes differ from record to record, what is left beside the sizes of each
@@ -154,10 +164,11 @@ fn pass(
     clock.done("remainder");
 
     progress("intervals and held-out gain");
-    let half = half_widths(&plan, &spread, (&shifts, &numerics))?;
-    // every candidate against the baseline, under the noise of the final model
-    let first = scores(&plan, &Fitted { noise: fitted.noise.clone(), ..found.base.fitted.clone() }, options.seed)?;
-    let causes = listing::causes(&plan, &found, &half, &first)?;
+    let half = half_widths(&changed, &numerics);
+    // every candidate against the baseline, under the noise of the final model; on some of many records where that is none
+    let seen = if found.no_noise { found.base.fitted.of_some(POLICY.searched_records) } else { found.base.fitted.clone() };
+    let first = scores(&plan, &Fitted { noise: fitted.noise.clone(), ..seen }, options.seed)?;
+    let causes = listing::causes(&plan, &found, &changed.reduced, &half, &first);
     clock.done("intervals");
     let fit_options = FitOptions::default();
     let base = &found.base.fitted;
@@ -194,7 +205,7 @@ fn pass(
         warnings: fitted.unknowns.iter().filter_map(|u| at_bound(u, fitted)).collect(),
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
-        baseline: estimates(&plan, base, &normal(&curvature.std_errors())),
+        baseline: estimates(&plan, base, Some(&normal(&curvature.std_errors()))),
         unidentifiable: curvature.unidentifiable(base),
         stages,
         curves,

@@ -138,6 +138,16 @@ pub(super) struct Policy {
     pub remainder_still: f64,
     /// Times the sensors' own scatter above which an adequate residual is said to be larger [-].
     pub larger: f64,
+    /// Level of all hypotheses about what is left together [-]: one null in two hundred.
+    pub form_level: f64,
+    /// Part of the samples at either end of a variable's range that its hats leave to the outermost ones [-].
+    pub form_range: f64,
+    /// Hats over a range.
+    pub form_hats: usize,
+    /// Hypotheses that are said in the note on what is left.
+    pub told_forms: usize,
+    /// Waves in the range of a position.
+    pub form_waves: [f64; 8],
     // constancy of sizes
     /// Parts of each record.
     pub constancy_parts: usize,
@@ -205,7 +215,7 @@ pub(super) const POLICY: Policy = Policy {
     agree: 3.0,
     agree_well: 0.03,
     nearer: 0.5,
-    searched_records: 24,
+    searched_records: 12,
     raced_records: 6,
     raced: 8,
     promising: 5.0,
@@ -216,7 +226,7 @@ pub(super) const POLICY: Policy = Policy {
     starts: [1.0 / 3.0, 1.0, 3.0],
     rough: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
     pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-3 },
-    coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 3e-3 },
+    coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
     fine: FitOptions { max_iterations: 30, rounds: 0, tolerance: 1e-5 },
     shape_error: 1.0,
     noise_order: 2,
@@ -242,6 +252,11 @@ pub(super) const POLICY: Policy = Policy {
     remainder_lags: 20,
     remainder_still: 1e-12,
     larger: 2.0,
+    form_level: 0.005,
+    form_range: 0.02,
+    form_hats: 6,
+    told_forms: 2,
+    form_waves: [1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0],
     constancy_parts: 16,
     constancy_feeble: 1e-3,
     singular: 1e-12,

@@ -32,16 +32,20 @@ pub(super) fn remainder(
     let large = over_scatter > POLICY.no_noise;
     let squares = (fitted.rmse / noise.sensor_sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
     let moves = by_motion.filter(|part| part * squares > POLICY.by_motion);
+    let forms = super::forms::forms(bench, fitted, shifts)?;
     let note = match (large, moves) {
         (true, _) => format!("what is left is {over_scatter:.0} times what the readings scatter: too much for noise"),
+        (false, _) if !forms.is_empty() => "what is left is no noise".to_owned(),
         (false, Some(part)) => format!(
             "a regression on motion and inputs foretells {:.0} % of what is left on other records: dynamics are missing",
             100.0 * part
         ),
         (false, None) => "what is left does not differ from noise".to_owned(),
     };
+    let looks = forms.iter().take(POLICY.told_forms).map(|form| form.what.as_str()).collect::<Vec<_>>().join(", or ");
+    let note = if looks.is_empty() { note } else { format!("{note}; it looks like {looks}") };
     Ok(Remainder {
-        significant: large || moves.is_some(),
+        significant: large || moves.is_some() || !forms.is_empty(),
         over_scatter,
         by_motion,
         input_p: depends_on_input(plan, fitted)?,
@@ -53,6 +57,7 @@ pub(super) fn remainder(
             0.0
         },
         note,
+        forms,
     })
 }
 

@@ -39,7 +39,8 @@ pub struct Estimate {
     /// SI unit.
     pub unit: String,
     /// 90 % interval: the wider of the one by the noise model and the one by how the estimate moves without each record in turn, and wider
-    /// still by what the simulation's own error makes of it; null where none was estimated: of values taken from a grid.
+    /// still by what the simulation's own error makes of it; null where none was estimated: of values taken from a grid, and of the models on
+    /// the way to the last.
     pub interval: Option<[f64; 2]>,
     /// Value in the scene.
     pub scene_value: f64,
@@ -191,6 +192,29 @@ pub struct Remainder {
     pub explained_fraction: f64,
     /// In words.
     pub note: String,
+    /// What it may be, most significant first: hypotheses, which are no causes of the library.
+    pub forms: Vec<RemainderForm>,
+}
+
+/// A hypothesis about what is left: a force at a joint, or an error of its sensor, that depends on one variable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RemainderForm {
+    /// The joint, or its sensor.
+    pub object: String,
+    /// In words.
+    pub what: String,
+    /// −2 log likelihood that it takes, linearized [-].
+    pub taken: f64,
+    /// Numbers that it has.
+    pub numbers: usize,
+    /// p under the noise of what is left, and robust to it, the larger of the two [-].
+    pub p: f64,
+    /// Where it is any function of its variable: values of that, and the force or the error there.
+    pub values: Vec<[f64; 2]>,
+    /// Unit of the force or the error.
+    pub unit: String,
+    /// Unit of the variable.
+    pub variable_unit: String,
 }
 
 /// Error on held-out records before and after.

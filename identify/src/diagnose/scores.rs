@@ -200,26 +200,31 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
-    reduce_in(plan, fitted, unknowns, POLICY.score_blocks)
+    let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
+    merged(fitted, |_, rec| reduce_record(plan, fitted, rec, unknowns, &passes, POLICY.score_blocks))
 }
 
-/// The same with other readings in place of the residuals, as a change of the simulation makes them: no prior pulls at them.
-pub(super) fn reduce_instead(plan: &Plan, fitted: &Fitted, readings: &[Vec<f64>]) -> Result<Reduced, IdentifyError> {
-    let unknowns = &fitted.unknowns;
-    let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    merged(fitted, |k, rec| {
+/// The same with changes of the readings as further columns, behind those of the unknowns, each given by record; 0 where nothing was measured. Cut into the parts of [`super::constancy`].
+pub(super) fn reduce_beside(
+    plan: &Plan,
+    fitted: &Fitted,
+    unknowns: &[Unknown],
+    changes: &[&[Vec<f64>]],
+) -> Result<Reduced, IdentifyError> {
+    let (k, all) = (unknowns.len(), unknowns.len() + changes.len());
+    let passes = [(fitted.values.clone(), (0..k).collect())];
+    merged(fitted, |r, rec| {
         let mut shot = shot_of(plan, rec, unknowns, &passes)?;
-        let seen = shot.residual.iter().map(|r| f64::from(u8::from(*r != 0.0)));
-        shot.residual = seen.zip(&readings[k]).map(|(seen, change)| seen * change).collect();
-        let z = vec![0.0; rec.start.z.len()];
-        reduce_shot(plan, fitted, &z, shot, unknowns.len(), POLICY.score_blocks)
+        let change = |row: usize, change: &&[Vec<f64>]| {
+            change[r].get(row).copied().filter(|_| shot.residual[row] != 0.0).unwrap_or(0.0)
+        };
+        let row = |row: usize| {
+            let changes = changes.iter().map(move |c| change(row, c));
+            shot.global[row * k..(row + 1) * k].iter().copied().chain(changes)
+        };
+        shot.global = (0..shot.residual.len()).flat_map(row).collect();
+        reduce_shot(plan, fitted, &rec.start.z, shot, all, POLICY.constancy_parts)
     })
-}
-
-/// As [`reduce`], with so many time blocks per record (or piece of one).
-pub(super) fn reduce_in(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown], blocks: usize) -> Result<Reduced, IdentifyError> {
-    let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    merged(fitted, |_, rec| reduce_record(plan, fitted, rec, unknowns, &passes, blocks))
 }
 
 /// The statistics of all records.

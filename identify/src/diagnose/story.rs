@@ -1,6 +1,6 @@
 //! The errors after each accepted cause.
 
-use super::certainty::{Curvature, estimates, normal};
+use super::certainty::estimates;
 use super::gain;
 use super::procedure::{Bench, Found};
 use super::result::*;
@@ -23,16 +23,12 @@ pub(super) fn story(bench: &Bench, found: &Found, half: &[f64], options: &FitOpt
 fn stage(plan: &Plan, name: &str, fitted: &Fitted, half: Option<&[f64]>, options: &FitOptions) -> Result<Stage, IdentifyError> {
     let records = gain::judged(plan, fitted, options)?;
     let residuals = gain::residuals(plan, &records, &fitted.values)?;
-    let half = match half {
-        Some(half) => half.to_vec(),
-        None => normal(&Curvature::new(plan, &super::baseline::coloured(plan, fitted.clone())?.1)?.std_errors()),
-    };
     Ok(Stage {
         name: name.to_owned(),
         rmse_fit: fitted.rmse,
         rmse_held_out: plan.rms(&residuals),
         mean_abs_held_out: plan.mean_abs(&residuals),
         held_out: gain::horizon_errors(plan, &records, &residuals),
-        parameters: estimates(plan, fitted, &half),
+        parameters: estimates(plan, fitted, half),
     })
 }

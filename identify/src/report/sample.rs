@@ -94,6 +94,7 @@ pub(super) fn diagnosis() -> Diagnosis {
         next: Vec::new(),
         remainder: Remainder {
             significant: false,
+            forms: Vec::new(),
             over_scatter: 1.4,
             by_motion: Some(0.01),
             input_p: 0.4,

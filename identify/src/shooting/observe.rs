@@ -5,6 +5,7 @@ use super::bodies::{Bodies, inverse_left_jacobian};
 use super::marker_offset::At;
 use super::observed::{MarkerPlace, Observed};
 use super::run::{Pass, Shot};
+use crate::form::Place;
 use crate::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
 use crate::unknown::{Target, Unknown};
 use nalgebra::{Matrix3, Vector3};
@@ -147,13 +148,15 @@ impl Pass<'_> {
             }
         }
         let residual = measured.is_finite().then_some([measured - y, 0.0, 0.0]);
+        let time = self.rec.record.time[sample];
         let reading = Reading { value: [y, 0.0, 0.0], residual, rows };
         let direct = |unknown: &Unknown, _: usize| match &unknown.target {
             Target::Sensor(TIME_OFFSET) => -sensor[GAIN] * x.rate,
             Target::Joint(sensor, BIAS) if *sensor == k => 1.0,
             Target::Joint(sensor, GAIN) if *sensor == k => x.value,
             Target::Joint(other, DELAY) if *other == k => -sensor[GAIN] * x.rate,
-            Target::Sensor(_) | Target::Joint(..) | Target::Beside(..) | Target::Late(_) => 0.0,
+            Target::Form(form) if form.place == Place::Reading(k) => form.value(time, x.value, x.rate),
+            Target::Sensor(_) | Target::Joint(..) | Target::Beside(..) | Target::Late(_) | Target::Form(_) => 0.0,
             Target::Theta(_) | Target::Mirrored(..) => {
                 let entries = unknown.target.entries();
                 let by = |k: usize| x.by_theta.iter().filter(move |(entry, _)| *entry == k).map(|(_, d)| d).sum::<f64>();

@@ -6,6 +6,7 @@ use super::marker_offset::{At, Beside};
 use super::observe::{Instant, met};
 use super::observed::Observed;
 use super::plan::{Plan, RecordPlan};
+use crate::form::{Form, Place};
 use crate::sensor::{DELAY, TIME_OFFSET};
 use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
@@ -97,6 +98,7 @@ impl Pass<'_> {
             let (before, tangent_before) = (state.clone(), if keep { tangent.x.clone() } else { Tangent::default() });
             let (_, record) = stepper.step(&mut state, &u).map_err(|e| e.at_step(k))?;
             if let Some(record) = record {
+                self.seed_forces(k, [&before, &state], &mut tangent.seeds);
                 tangent.step(&record);
             }
             for table in &mut tables {
@@ -264,6 +266,21 @@ impl Pass<'_> {
             }
         }
         u
+    }
+
+    /// Forces that no law describes, at the middle of a step between these states.
+    fn seed_forces(&self, step: usize, [before, after]: [&State; 2], seeds: &mut Seeds) {
+        seeds.clear_forces();
+        let first = self.plan.model.n_node_dofs();
+        for (j, unknown) in self.wants.unknowns.iter().enumerate() {
+            let Target::Form(form @ Form { place: Place::Force { q, v }, .. }) = &unknown.target else { continue };
+            let middle = |a: &[f64], b: &[f64], k: usize| 0.5 * (a[first + k] + b[first + k]);
+            let (at, rate) = (middle(&before.q, &after.q, *q), middle(&before.v, &after.v, *v));
+            let weight = form.value((step as f64 + 0.5) * self.h, at, rate);
+            if weight != 0.0 {
+                seeds.add_force(first + v, self.own + j, weight);
+            }
+        }
     }
 
     fn is_edge(&self, drive: &pliant_engine::kinematics::Drive) -> bool {

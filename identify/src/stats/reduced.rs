@@ -141,6 +141,22 @@ impl Reduced {
         Ok(())
     }
 
+    /// The statistics with the first `k` global columns alone.
+    pub fn first(&self, k: usize) -> Self {
+        let kept: Vec<usize> = (0..k).chain([self.columns()]).collect();
+        let one = |b: &Block| Block {
+            gram: b.gram.view((0, 0), (k, k)).into_owned(),
+            score: b.score.rows(0, k).into_owned(),
+            ..b.clone()
+        };
+        Self {
+            factor: triangle(self.factor.select_columns(&kept)),
+            raw_square: self.raw_square[..k].to_vec(),
+            blocks: self.blocks.iter().map(one).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Merges records in the order given.
     ///
     /// # Errors

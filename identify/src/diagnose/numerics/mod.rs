@@ -1,25 +1,17 @@
-//! The simulation's own errors in the units of what is fitted: of its step, of its mesh, of how inputs are read between samples.
+//! The simulation's own errors: of its step, of its mesh, of how inputs are read between samples.
 //!
-//! With Δ the readings of a finer simulation less those of the scene's, whitened, and G the sensitivities of everything fitted (starting
-//! states projected off), an estimate is wrong by
-//! ```text
-//! b = (GᵀG)⁻¹ GᵀΔ
-//! ```
-//! as if Δ were in the data: the scene's simulation makes up for its own error by it.
+//! Each is a change Δ of the readings, those of a finer simulation less those of the scene's. Estimates are wrong by as much as Δ in the data
+//! would move them ([`super::beside`]): the scene's simulation makes up for its own error by it.
 
 mod mesh;
 mod step;
 
 use super::policy::POLICY;
 use super::result::{Numerics, NumericsKind};
-use super::scores::{reduce, reduce_instead};
-use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::number::{number_plain, quantity_plain};
 use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
-use crate::stats::reduced::Reduced;
 use crate::unknown::Values;
-use nalgebra::DVector;
 use pliant_scene::Scene;
 use rayon::prelude::*;
 
@@ -35,15 +27,25 @@ pub(super) struct Shift {
 
 /// All of them at a fit. What cannot be simulated is left out. `scene`: that of the plan.
 pub(super) fn shifts(scene: &Scene, plan: &Plan, fitted: &Fitted) -> Vec<Shift> {
+    [NumericsKind::Step, NumericsKind::Mesh, NumericsKind::Inputs].into_iter().filter_map(|kind| shift(kind, scene, plan, fitted)).collect()
+}
+
+/// One of them, as [`shifts`].
+pub(super) fn shift(kind: NumericsKind, scene: &Scene, plan: &Plan, fitted: &Fitted) -> Option<Shift> {
     let (records, values) = (&fitted.records, &fitted.values);
-    let step = step::shift(plan, records, values).ok();
-    let step = step.map(|change| Shift { kind: NumericsKind::Step, change, order: step::order(plan) });
-    let ropes = !plan.model.ropes().is_empty();
-    let mesh = if ropes { mesh::shift(scene, plan, records, values) } else { None };
-    let mesh = mesh.map(|(change, order)| Shift { kind: NumericsKind::Mesh, change, order });
-    let inputs = inputs(plan, records, values).map(|change| Shift { kind: NumericsKind::Inputs, change, order: 0 });
-    let finite = |s: &Shift| s.change.iter().flatten().all(|x| x.is_finite());
-    [step, mesh, inputs].into_iter().flatten().filter(finite).map(|shift| shift.beside(fitted)).collect()
+    let (change, order) = match kind {
+        NumericsKind::Step => (step::shift(plan, records, values).ok()?, step::order(plan)),
+        NumericsKind::Mesh if plan.model.ropes().is_empty() => return None,
+        NumericsKind::Mesh => mesh::shift(scene, plan, records, values)?,
+        NumericsKind::Inputs => (inputs(plan, records, values)?, 0),
+    };
+    let finite = change.iter().flatten().all(|x| x.is_finite());
+    finite.then(|| Shift { kind, change, order })
+}
+
+/// Their changes, for [`super::beside::Beside`].
+pub(super) fn changes(shifts: &[Shift]) -> Vec<&[Vec<f64>]> {
+    shifts.iter().map(|shift| shift.change.as_slice()).collect()
 }
 
 /// Readings with the inputs read the other way between samples less those as the scene reads them.
@@ -61,32 +63,7 @@ fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values) -> Option<Vec<Ve
 }
 
 impl Shift {
-    /// With the rows of a fit: a last sample at the very end of the last step may be read by one of two simulations alone.
-    pub fn beside(&self, fitted: &Fitted) -> Self {
-        let mut out = self.clone();
-        out.change.iter_mut().zip(&fitted.residuals).for_each(|(change, r)| change.resize(r.len(), 0.0));
-        out
-    }
-
-    /// b, in the coordinates of everything fitted.
-    pub fn sizes(&self, plan: &Plan, fitted: &Fitted) -> Result<DVector<f64>, IdentifyError> {
-        let moved = reduce_instead(plan, fitted, &self.change)?;
-        Ok(super::procedure::across::solved(&moved.gram(), &moved.score()))
-    }
-
-    /// Squares that a simulation without this error would take from a fit, whatever is free refitted (linearized).
-    pub fn gain(&self, plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
-        let left = |r: &Reduced| {
-            let score = r.score();
-            r.rss() - score.dot(&super::procedure::across::solved(&r.gram(), &score))
-        };
-        let residuals = fitted.residuals.iter().zip(&self.change);
-        let finer: Vec<Vec<f64>> = residuals.map(|(r, d)| r.iter().zip(d).map(|(r, d)| r - d).collect()).collect();
-        let now = reduce(plan, fitted, &fitted.unknowns)?;
-        Ok(left(&now) - left(&reduce_instead(plan, fitted, &finer)?))
-    }
-
-    /// Its entry in a report, at a fit: `gain` from [`Shift::gain`] under the noise of that fit.
+    /// Its entry in a report, at a fit: `gain` from [`super::beside::Beside::gain`] under the noise of that fit.
     pub fn report(&self, plan: &Plan, fitted: &Fitted, gain: f64) -> Numerics {
         let rms = plan.rms(&self.change);
         let part = rms / fitted.rmse.max(f64::MIN_POSITIVE);

@@ -131,9 +131,13 @@ impl Apart {
         }
     }
 
-    /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of their numbers.
+    /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of their numbers. Where they
+    /// leave more than noise they are not asked for.
     pub fn promises(&self) -> bool {
         let [together, apart] = self.squares;
+        if apart > POLICY.no_noise * POLICY.no_noise * self.rows {
+            return false;
+        }
         let taken = self.rows * (together / apart.max(f64::MIN_POSITIVE)).max(1.0).ln();
         self.numbers > 0.0 && taken > POLICY.per_number * self.numbers
     }

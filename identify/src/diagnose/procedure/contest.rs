@@ -57,25 +57,30 @@ pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: 
     bench.polished(&plain.records, &plain.values, &plain.unknowns, noise, &POLICY.fine)
 }
 
-/// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise something.
-fn apart(bench: &Bench, model: &Hypothesis, new: bool) -> Result<Option<OwnSizes>, IdentifyError> {
+/// A model on longer steps, and across records.
+type Seen = (Coarse, Across);
+
+/// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise something;
+/// and what that was told from.
+fn apart(bench: &Bench, model: &Hypothesis, new: bool) -> Result<(Option<OwnSizes>, Option<Seen>), IdentifyError> {
     let last = model.causes.last().filter(|_| new).map_or(&[][..], |cause| &cause.unknowns);
     let own: Vec<Unknown> = model.varying.iter().chain(last).cloned().collect();
     if own.is_empty() {
-        return Ok(None);
+        return Ok((None, None));
     }
     let coarse = Coarse::of(bench, &model.fitted)?;
-    if model.varying.is_empty() && !Across::new(&coarse.plan, &coarse.fitted, &own)?.own.promises() {
-        return Ok(None);
-    }
-    coarse.bench(bench).own_sizes(&coarse.fitted, &own, None).map(Some)
+    let across = Across::new(&coarse.plan, &coarse.fitted, &own)?;
+    let asked = !model.varying.is_empty() || across.own.promises();
+    let sizes = asked.then(|| coarse.bench(bench).own_sizes(&coarse.fitted, &own, None)).transpose()?;
+    Ok((sizes, Some((coarse, across))))
 }
 
 impl Contest {
     /// The models that others extend come first, `beam` of them.
     pub fn new(bench: &Bench, models: &[&Hypothesis], beam: usize) -> Result<Self, IdentifyError> {
-        let own: Vec<Option<OwnSizes>> =
-            models.iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam)).collect::<Result<_, _>>()?;
+        let all = models.iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam));
+        let (own, mut seen): (Vec<Option<OwnSizes>>, Vec<Option<Seen>>) =
+            all.collect::<Result<Vec<_>, IdentifyError>>()?.into_iter().unzip();
         // every model with common sizes and with own ones, and the numbers of each
         let numbers = |k: usize| models[k].numbers() as f64;
         let common = models.iter().enumerate().map(|(k, m)| (&m.fitted, numbers(k)));
@@ -96,8 +101,15 @@ impl Contest {
             Self { no_noise, fits: Vec::new(), coarse: Vec::new(), scores: Vec::new(), left_out: Vec::new(), varies: Vec::new() };
         for (k, model) in models.iter().enumerate() {
             let fitted = if no_noise { model.fitted.clone() } else { judged(bench, model, &noise, least)? };
-            let coarse = Coarse::of(bench, &fitted)?;
-            let left_out = Across::new(&coarse.plan, &coarse.fitted, &[])?.left_out;
+            let (coarse, across) = match seen[k].take().filter(|_| no_noise) {
+                Some(seen) => seen,
+                None => {
+                    let coarse = Coarse::of(bench, &fitted)?;
+                    let across = Across::new(&coarse.plan, &coarse.fitted, &[])?;
+                    (coarse, across)
+                }
+            };
+            let left_out = across.left_out;
             let score = match no_noise {
                 true => left_out.iter().sum(),
                 false => squares(bench.plan, &fitted, &noise)? + POLICY.per_number * numbers(k),

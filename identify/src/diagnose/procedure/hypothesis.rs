@@ -36,16 +36,15 @@ impl Hypothesis {
         Self { causes, fitted, trail, varying: self.varying.clone() }
     }
 
-    /// Seen on some of its records.
-    pub fn of_some(&self, most: usize) -> Self {
-        let trail = self.trail.iter().map(|fitted| fitted.of_some(most)).collect();
-        Self { fitted: self.fitted.of_some(most), trail, ..self.clone() }
-    }
-
-    /// Refitted to `records`, and every model on the way to it.
+    /// Refitted to `records`. The models on the way to it keep their values, as they were found.
     pub fn on(&self, bench: &Bench, records: &[RecordPlan]) -> Result<Self, IdentifyError> {
-        let trail: Vec<Fitted> = self.trail.iter().map(|fitted| bench.finished(fitted, records)).collect::<Result<_, _>>()?;
-        let fitted = trail.last().cloned().map_or_else(|| bench.finished(&self.fitted, records), Ok)?;
+        let fitted = bench.finished(&self.fitted, records)?;
+        let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
+            let starts = fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse)?;
+            Ok(Fitted { unknowns: before.unknowns.clone(), ..starts })
+        };
+        let mut trail: Vec<Fitted> = self.trail.iter().rev().skip(1).rev().map(there).collect::<Result<_, _>>()?;
+        trail.extend(self.trail.last().map(|_| fitted.clone()));
         Ok(Self { fitted, trail, ..self.clone() })
     }
 

@@ -177,9 +177,8 @@ fn shaped(bench: &Bench, fitted: Fitted, cause: Cause) -> Result<(Fitted, Cause)
     if shape.is_empty() {
         return Ok((fitted, cause));
     }
-    let unknowns: Vec<Unknown> = fitted.unknowns.iter().chain(&shape).cloned().collect();
-    let unknowns = bench.plan.tied(unknowns);
-    let freed = bench.polished(&fitted.records, &fitted.values, &unknowns, &bench.white, &POLICY.fine);
+    let unknowns = bench.plan.tied(fitted.unknowns.iter().chain(&shape).cloned().collect());
+    let freed = bench.finished(&Fitted { unknowns, ..fitted.clone() }, &fitted.records);
     let Ok(freed) = freed else { return Ok((fitted, cause)) };
     let errors = Curvature::new(bench.plan, &freed)?.std_errors();
     let over = bench.over(&freed).max(1.0);

@@ -1,6 +1,7 @@
 //! The order of the procedure: one cause after the other is accepted, each for good reasons, and taken out again if it is not missed.
 
-use super::super::numerics::{Shift, shifts};
+use super::super::beside::Beside;
+use super::super::numerics::{Shift, changes, shift, shifts};
 use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::across;
@@ -72,12 +73,11 @@ pub(in super::super) fn search(
     seed: u64,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Found, IdentifyError> {
-    let base = Hypothesis::baseline(base);
+    let mut base = Hypothesis::baseline(base);
     // on some of the records while even the best leaves more than noise
-    let all = &base.fitted.records;
+    let all = if base.fitted.records.len() < bench.plan.fitted.len() { &bench.plan.fitted } else { &base.fitted.records.clone() };
     let of_all = |model: &Hypothesis| model.fitted.records.len() == all.len();
-    let start = if bench.no_noise(&base.fitted) { base.of_some(POLICY.searched_records) } else { base.clone() };
-    let mut beam = vec![start];
+    let mut beam = vec![base.clone()];
     let (mut best, mut tied) = (beam[0].clone(), Vec::new());
     let mut refitted: Vec<Vec<String>> = Vec::new();
     let (mut notes, mut imitated) = (Vec::new(), Vec::new());
@@ -110,8 +110,11 @@ pub(in super::super) fn search(
     }
     let evidence = prune(bench, &mut best, &mut notes, progress)?;
     tied.retain(|other| other.key() != best.key());
-    if !of_all(&best) {
+    if !of_all(&base) {
         progress("refitting to all records");
+        base = base.on(bench, all)?;
+    }
+    if !of_all(&best) {
         best = best.on(bench, all)?;
     }
     let (fitted, varying) = as_judged(bench, &best)?;
@@ -274,21 +277,22 @@ impl<'a> Round<'a> {
             let u = &fitted.unknowns[j];
             (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
         };
-        for shift in self.shifts.get_or_init(|| shifts(self.scene, plan, fitted)) {
-            let coarse = &self.contest.coarse[k];
-            let bias = shift.beside(&coarse.fitted).sizes(&coarse.plan, &coarse.fitted)?;
+        let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
+        let (changes, coarse) = (changes(shifts), &self.contest.coarse[k]);
+        let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes)?;
+        for (number, of) in shifts.iter().enumerate() {
+            let bias = beside.sizes(number);
             if own.iter().any(|&j| size(j) > POLICY.beyond_bias * bias[j].abs()) {
                 continue;
             }
-            if shift.kind == NumericsKind::Mesh {
+            if of.kind == NumericsKind::Mesh {
                 let before = Fitted { noise: fitted.noise.clone(), ..self.contest.fits[parent].clone() };
-                let same = |s: &Shift| s.kind == NumericsKind::Mesh;
-                let Some(finer) = shifts(self.scene, plan, &before).into_iter().find(same) else { continue };
-                if finer.gain(plan, &before)? < taken {
+                let Some(finer) = shift(NumericsKind::Mesh, self.scene, plan, &before) else { continue };
+                if Beside::new(plan, &before, &[&finer.change])?.gain(0) < taken {
                     continue;
                 }
             }
-            return Ok(Some(Rejection::Imitated(shift.kind)));
+            return Ok(Some(Rejection::Imitated(of.kind)));
         }
         Ok(None)
     }

@@ -1,0 +1,122 @@
+//! Changes that no law describes: a force at a degree of freedom, or an error of a joint's sensor, as a function of one variable.
+//!
+//! They are looked at where they have no size, so only their directions are of use.
+
+/// A change of size one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Form {
+    /// What it changes.
+    pub place: Place,
+    /// What it depends on.
+    pub variable: Variable,
+    /// How.
+    pub shape: Shape,
+    /// Whether it turns over with the velocity, as friction does.
+    pub reversing: bool,
+}
+
+/// What a form changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// The force at a joint [N or N·m].
+    Force {
+        /// The coordinate, counted from the first of the bodies'.
+        q: usize,
+        /// The degree of freedom, counted likewise.
+        v: usize,
+    },
+    /// The reading of this sensor at a joint.
+    Reading(usize),
+}
+
+/// What a form depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Variable {
+    /// Time since the record began \[s\].
+    Time,
+    /// The joint's coordinate [m or rad].
+    Position,
+    /// The joint's velocity [m/s or rad/s].
+    Velocity,
+}
+
+/// How a form depends on its variable x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// xⁿ.
+    Power(i32),
+    /// |x|.
+    Size,
+    /// 1 at the peak and 0 from `width` on, linear between: a hat of a row of them over a range.
+    Hat {
+        /// Where it is 1.
+        peak: f64,
+        /// The distance to the next one.
+        width: f64,
+        /// Whether it is the first of its row, and stays 1 before its peak.
+        first: bool,
+        /// Whether it is the last, and stays 1 behind its peak.
+        last: bool,
+    },
+    /// sin(k x) with the wave number k.
+    Sine(f64),
+    /// cos(k x).
+    Cosine(f64),
+}
+
+impl Form {
+    /// Its value at a time, a coordinate and a velocity.
+    pub fn value(&self, time: f64, q: f64, v: f64) -> f64 {
+        let x = match self.variable {
+            Variable::Time => time,
+            Variable::Position => q,
+            Variable::Velocity => v,
+        };
+        let sign = match (self.reversing, v) {
+            (true, 0.0) => 0.0,
+            (true, v) => v.signum(),
+            (false, _) => 1.0,
+        };
+        sign * self.shape.at(x)
+    }
+}
+
+impl Shape {
+    /// Its value.
+    pub fn at(self, x: f64) -> f64 {
+        match self {
+            Self::Power(n) => x.powi(n),
+            Self::Size => x.abs(),
+            Self::Hat { peak, width, first, last } => {
+                let side = (x - peak) / width;
+                let beyond = side < 0.0 && first || side > 0.0 && last;
+                if beyond { 1.0 } else { (1.0 - side.abs()).max(0.0) }
+            }
+            Self::Sine(k) => (k * x).sin(),
+            Self::Cosine(k) => (k * x).cos(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hats_of_a_row_add_up_to_one_everywhere() {
+        let hat = |k: usize| Shape::Hat { peak: f64::from(k as u8) * 0.5, width: 0.5, first: k == 0, last: k == 3 };
+        for x in [-3.0, 0.0, 0.1, 0.77, 1.5, 9.0] {
+            let sum: f64 = (0..4).map(|k| hat(k).at(x)).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{x} {sum}");
+        }
+    }
+
+    #[test]
+    fn what_reverses_has_the_sign_of_the_velocity() {
+        let place = Place::Force { q: 0, v: 0 };
+        let friction = Form { place, variable: Variable::Position, shape: Shape::Size, reversing: true };
+        assert_eq!([-2.0, 0.0, 0.1].map(|v| friction.value(5.0, -3.0, v)), [-3.0, 0.0, 3.0]);
+        let later = Form { place, variable: Variable::Time, shape: Shape::Power(1), reversing: false };
+        assert_eq!(later.value(5.0, -3.0, -2.0), 5.0);
+    }
+}
