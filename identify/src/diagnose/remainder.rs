@@ -3,17 +3,18 @@
 use super::ceiling;
 use super::numerics::Shift;
 use super::policy::POLICY;
-use super::procedure::Bench;
+use super::procedure::{Bench, Evidence};
 use super::result::{Noise, Numerics, Remainder};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
 use crate::stats::whiteness::{channel, cross_correlation};
 
-/// The remainder of a model. `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
+/// The remainder of a model. `evidence`: of its causes; `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
 pub(super) fn remainder(
     bench: &Bench,
     fitted: &Fitted,
+    evidence: &[Evidence],
     (shifts, numerics): (&[Shift], &[Numerics]),
     base_rmse: f64,
     noise: &Noise,
@@ -33,19 +34,23 @@ pub(super) fn remainder(
     let squares = (fitted.rmse / noise.sensor_sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
     let moves = by_motion.filter(|part| part * squares > POLICY.by_motion);
     let forms = super::forms::forms(bench, fitted, shifts)?;
+    // a law that stands in for another leaves much of it
+    let least = evidence.iter().map(|e| e.statistic).fold(f64::INFINITY, f64::min);
+    let counts = forms.iter().any(|form| evidence.is_empty() || form.taken > POLICY.stands_in * least);
     let note = match (large, moves) {
         (true, _) => format!("what is left is {over_scatter:.0} times what the readings scatter: too much for noise"),
-        (false, _) if !forms.is_empty() => "what is left is no noise".to_owned(),
+        (false, _) if counts => "what is left is no noise".to_owned(),
         (false, Some(part)) => format!(
             "a regression on motion and inputs foretells {:.0} % of what is left on other records: dynamics are missing",
             100.0 * part
         ),
+        (false, None) if !forms.is_empty() => "what is left is small beside what was found, and not quite noise".to_owned(),
         (false, None) => "what is left does not differ from noise".to_owned(),
     };
     let looks = forms.iter().take(POLICY.told_forms).map(|form| form.what.as_str()).collect::<Vec<_>>().join(", or ");
     let note = if looks.is_empty() { note } else { format!("{note}; it looks like {looks}") };
     Ok(Remainder {
-        significant: large || moves.is_some() || !forms.is_empty(),
+        significant: large || moves.is_some() || counts,
         over_scatter,
         by_motion,
         input_p: depends_on_input(plan, fitted)?,

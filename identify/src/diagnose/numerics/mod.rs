@@ -40,7 +40,7 @@ pub(super) fn shift(kind: NumericsKind, scene: &Scene, plan: &Plan, fitted: &Fit
         NumericsKind::Inputs => (inputs(plan, records, values)?, 0),
     };
     let finite = change.iter().flatten().all(|x| x.is_finite());
-    finite.then(|| Shift { kind, change, order })
+    finite.then_some(Shift { kind, change, order })
 }
 
 /// Their changes, for [`super::beside::Beside`].
