@@ -75,6 +75,8 @@ pub(super) struct Policy {
     pub pieces: FitOptions,
     /// Refits to the end, where what is left is no noise.
     pub coarse: FitOptions,
+    /// From some of many records to all of them.
+    pub widened: FitOptions,
     /// Refits to the end.
     pub fine: FitOptions,
     /// Standard error of the logarithms of a nuisance grid's parameters below which they are freed [-].
@@ -231,6 +233,7 @@ pub(super) const POLICY: Policy = Policy {
     rough: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
     pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-3 },
     coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
+    widened: FitOptions { max_iterations: 2, rounds: 0, tolerance: 1e-2 },
     fine: FitOptions { max_iterations: 30, rounds: 0, tolerance: 1e-5 },
     shape_error: 1.0,
     noise_order: 2,

@@ -185,6 +185,10 @@ fn minimise(
 ) -> Result<(bool, usize), IdentifyError> {
     let mut damping = FIT.start_damping;
     (point.cost, point.residuals) = cost(plan, &point.values, &point.records, unknowns, noise);
+    let free = |rec: &RecordPlan| rec.start.unknowns() > 0 || !rec.nodes.is_empty();
+    if unknowns.is_empty() && !point.records.iter().any(free) {
+        return Ok((true, iterations));
+    }
     for _ in 0..options.max_iterations {
         iterations += 1;
         let linear = Linear::new(plan, point, unknowns, noise)?;

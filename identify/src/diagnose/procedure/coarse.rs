@@ -89,6 +89,11 @@ impl Coarse {
         Some(Self { plan, fitted: Fitted { records, residuals, ..fitted.clone() }, steps })
     }
 
+    /// Whether its steps are no longer than the scene's.
+    pub fn is_fine(&self) -> bool {
+        self.steps == 1
+    }
+
     /// The bench with this plan.
     pub fn bench(&self, of: &Bench) -> Bench<'_> {
         Bench { plan: &self.plan, declared: of.declared.clone(), white: of.white.clone() }
@@ -170,10 +175,15 @@ impl Bench<'_> {
 
     /// The same by least squares and without the last steps, where models are yet to be fitted again under one noise.
     pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
+        self.led(from, records, &POLICY.coarse)
+    }
+
+    /// The same with so many steps.
+    pub fn led(&self, from: &Fitted, records: &[RecordPlan], options: &FitOptions) -> Result<Fitted, IdentifyError> {
         let (values, unknowns, white) = (&from.values, &from.unknowns, &self.white);
-        match self.corrected(records, values, unknowns, white, &POLICY.coarse)? {
+        match self.corrected(records, values, unknowns, white, options)? {
             Some((at, _)) => Ok(at),
-            None => fit(self.plan, records, values, unknowns, Some(white), &POLICY.coarse),
+            None => fit(self.plan, records, values, unknowns, Some(white), options),
         }
     }
 

@@ -36,9 +36,9 @@ impl Hypothesis {
         Self { causes, fitted, trail, varying: self.varying.clone() }
     }
 
-    /// Refitted to `records`. The models on the way to it keep their values, as they were found.
+    /// Led on to `records` by a step or two, for what it leaves is no noise. The models on the way to it keep their values, as they were found.
     pub fn on(&self, bench: &Bench, records: &[RecordPlan]) -> Result<Self, IdentifyError> {
-        let fitted = bench.finished(&self.fitted, records)?;
+        let fitted = bench.led(&self.fitted, records, &POLICY.widened)?;
         let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
             let starts = fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse)?;
             Ok(Fitted { unknowns: before.unknowns.clone(), ..starts })
@@ -235,7 +235,10 @@ impl Bench<'_> {
         let unknowns = self.plan.taken_out(&self.declared, &whole.fitted.unknowns, &out.unknowns, &mut values);
         let coarse = Coarse::of(self, &whole.fitted)?;
         let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, &POLICY.coarse)?;
-        let fitted = self.finished(&rough, &coarse.back(&rough.records, &whole.fitted.records))?;
+        let fitted = match coarse.is_fine() {
+            true => rough,
+            false => self.finished(&rough, &coarse.back(&rough.records, &whole.fitted.records))?,
+        };
         let mut trail = whole.trail.clone();
         trail.remove(k);
         if let Some(last) = trail.last_mut() {
