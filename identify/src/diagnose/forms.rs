@@ -19,6 +19,7 @@ use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::score::{Candidate, CandidateScore, ScoreOptions, Sign, score_test};
 use crate::unknown::{Unknown, Values};
 use pliant_engine::bodies::{Joint, JointKind};
+use rayon::prelude::*;
 
 /// Powers and sizes of a variable, each with whether it reverses and how it is said.
 const SINGLE: [(Variable, Shape, bool, &str); 10] = [
@@ -49,10 +50,13 @@ struct Site<'a> {
 /// The hypotheses that are significant, most significant first. `fitted` may have residuals that are not those of its values alone.
 pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<Vec<RemainderForm>, IdentifyError> {
     let coarse = Coarse::of(bench, fitted)?;
-    let (plan, fitted) = (&coarse.plan, as_left(&coarse.plan, &coarse.fitted)?);
+    let plan = &coarse.plan;
+    let shots: Vec<Shot> =
+        coarse.fitted.records.par_iter().map(|rec| simulated(plan, rec, &coarse.fitted.values)).collect::<Result<_, _>>()?;
+    let fitted = as_left(&coarse.fitted, &shots);
     let (mut out, mut tests) = (Vec::new(), 0);
     for site in sites(plan) {
-        let Some(ranges) = Ranges::new(plan, &fitted.records, &fitted.values, site.joint)? else { continue };
+        let Some(ranges) = Ranges::new(plan, &fitted.records, &shots, site.joint) else { continue };
         let groups = groups(&site, &ranges);
         let k = fitted.unknowns.len();
         let mut unknowns = fitted.unknowns.clone();
@@ -79,16 +83,15 @@ pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<
 
 /// The fit with corrections of its records that make the simulation's residuals those that it says are left: where sizes differ from record to
 /// record, its values are the common ones.
-fn as_left(plan: &Plan, fitted: &Fitted) -> Result<Fitted, IdentifyError> {
+fn as_left(fitted: &Fitted, shots: &[Shot]) -> Fitted {
     let mut out = fitted.clone();
-    for (rec, left) in out.records.iter_mut().zip(&fitted.residuals) {
-        let shot = simulated(plan, rec, &fitted.values)?;
+    for (rec, (left, shot)) in out.records.iter_mut().zip(fitted.residuals.iter().zip(shots)) {
         let mut known = rec.correction.to_vec();
         known.resize(left.len(), 0.0);
         known.iter_mut().zip(left.iter().zip(&shot.residual)).for_each(|(k, (left, now))| *k += left - now);
         rec.correction = known.into();
     }
-    Ok(out)
+    out
 }
 
 fn simulated(plan: &Plan, rec: &RecordPlan, values: &Values) -> Result<Shot, IdentifyError> {
@@ -114,11 +117,10 @@ struct Ranges {
 
 impl Ranges {
     /// None of a joint that does not move.
-    fn new(plan: &Plan, records: &[RecordPlan], values: &Values, joint: &Joint) -> Result<Option<Self>, IdentifyError> {
+    fn new(plan: &Plan, records: &[RecordPlan], shots: &[Shot], joint: &Joint) -> Option<Self> {
         let (mut q, mut v, mut time) = (Vec::new(), Vec::new(), 0.0f64);
         let first = plan.model.n_node_dofs();
-        for rec in records {
-            let shot = simulated(plan, rec, values)?;
+        for (rec, shot) in records.iter().zip(shots) {
             q.extend(shot.states.iter().map(|x| x.q[first + joint.q]));
             v.extend(shot.states.iter().map(|x| x.v[first + joint.v]));
             time = time.max(rec.record.time.last().copied().unwrap_or(0.0));
@@ -130,7 +132,7 @@ impl Ranges {
         };
         let out = Self { time: [0.0, time], position: inner(q), velocity: inner(v) };
         let wide = |[low, high]: [f64; 2]| high > low;
-        Ok([out.time, out.position, out.velocity].into_iter().all(wide).then_some(out))
+        [out.time, out.position, out.velocity].into_iter().all(wide).then_some(out)
     }
 }
 

@@ -49,7 +49,8 @@ pub(super) struct Policy {
     /// Part of the last difference between both steps to which a further correction has to bring it [-].
     pub nearer: f64,
     /// Most measured records that causes are sought on while the best model leaves more than noise, where they count by the part of the squares
-    /// that they take; also that a baseline is first fitted to, and that likeness is looked for on.
+    /// that they take; also that a baseline is first fitted to, and that likeness is looked for on. On six records of a real cable no cause carried over
+    /// to those left out, on eight one, on twelve four *(development)*.
     pub searched_records: usize,
     /// Most measured records that causes are tried on before the best are refitted to all.
     pub raced_records: usize,
@@ -231,7 +232,7 @@ pub(super) const POLICY: Policy = Policy {
     beam: 2,
     starts: [1.0 / 3.0, 1.0, 3.0],
     rough: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
-    pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-3 },
+    pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-2 },
     coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
     widened: FitOptions { max_iterations: 2, rounds: 0, tolerance: 1e-2 },
     fine: FitOptions { max_iterations: 30, rounds: 0, tolerance: 1e-5 },
