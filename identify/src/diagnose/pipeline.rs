@@ -129,16 +129,16 @@ fn pass(
 
     progress("fitting the baseline");
     let prepared = Prepared::new(setup, &mut plan)?;
-    let options_of_fit = FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() };
+    let to_the_end = FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() };
     let seen = |plain: &Fitted| -> Result<Bench, IdentifyError> {
         let white = ArModel::white(scatter(&plan, plain, &grids))?;
         Ok(Bench { plan: &plan, declared: plain.unknowns.clone(), white })
     };
-    let mut plain = prepared.near(&plan, &options_of_fit)?;
+    let mut plain = prepared.near(&plan, &to_the_end)?;
     // some of the records are enough to look for causes on while even the best model leaves more than noise
     let enough = plain.records.len() < plan.fitted.len() && seen(&plain)?.no_noise(&plain);
     if !enough {
-        plain = prepared.ended(&plan, plain, &options_of_fit)?;
+        plain = prepared.ended(&plan, plain, &to_the_end)?;
     }
     let bench = seen(&plain)?;
     let base = bench.finished(&plain, &plain.records)?;
@@ -166,8 +166,8 @@ fn pass(
     progress("intervals and held-out gain");
     let half = half_widths(&changed, &numerics);
     // every candidate against the baseline, under the noise of the final model; on some of many records where that is none
-    let seen = if found.no_noise { found.base.fitted.of_some(POLICY.searched_records) } else { found.base.fitted.clone() };
-    let first = scores(&plan, &Fitted { noise: fitted.noise.clone(), ..seen }, options.seed)?;
+    let judged_on = if found.no_noise { found.base.fitted.of_some(POLICY.searched_records) } else { found.base.fitted.clone() };
+    let first = scores(&plan, &Fitted { noise: fitted.noise.clone(), ..judged_on }, options.seed)?;
     let causes = listing::causes(&plan, &found, &changed.reduced, &half, &first);
     clock.done("intervals");
     let fit_options = FitOptions::default();

@@ -114,7 +114,9 @@ pub(in super::super) fn search(
         progress("refitting to all records");
         base = base.on(bench, all)?;
     }
-    if !of_all(&best) {
+    if best.causes.is_empty() {
+        best = base.clone();
+    } else if !of_all(&best) {
         best = best.on(bench, all)?;
     }
     let (fitted, varying) = as_judged(bench, &best)?;
