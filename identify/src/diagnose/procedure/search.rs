@@ -122,7 +122,11 @@ pub(in super::super) fn search(
     let (fitted, varying) = as_judged(bench, &best)?;
     let left = varying.as_ref().map_or(&fitted, |own| &own.fitted);
     let no_noise = bench.no_noise(left);
-    let alike = alike(bench, &best, &fitted.of_some(POLICY.searched_records), &refitted, seed)?;
+    // over more than noise nothing is named that a likeness could make ambiguous
+    let alike = match no_noise {
+        true => best.causes.iter().map(|_| Vec::new()).collect(),
+        false => alike(bench, &best, &fitted.of_some(POLICY.searched_records), &refitted, seed)?,
+    };
     Ok(Found { alike, base, best, fitted, evidence, tied, varying, no_noise, notes, imitated })
 }
 
