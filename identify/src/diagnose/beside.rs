@@ -37,11 +37,8 @@ impl Beside {
     pub fn new(plan: &Plan, fitted: &Fitted, changes: &[&[Vec<f64>]]) -> Result<Self, IdentifyError> {
         let (k, whole) = (fitted.unknowns.len(), reduce_beside(plan, fitted, &fitted.unknowns, changes)?);
         let (gram, score) = (whole.gram(), whole.score());
-        let one = |j: usize| Change {
-            along: gram.column(j).rows(0, k).into_owned(),
-            square: gram[(j, j)],
-            with_residual: score[j],
-        };
+        let one =
+            |j: usize| Change { along: gram.column(j).rows(0, k).into_owned(), square: gram[(j, j)], with_residual: score[j] };
         Ok(Self { reduced: whole.first(k), changes: (k..k + changes.len()).map(one).collect() })
     }
 

@@ -1,9 +1,9 @@
 //! Steps 2 and 7: the combinations that the data determine, and intervals.
 
+use super::beside::Beside;
 use super::policy::POLICY;
 use super::procedure::across::solved;
 use super::result::{Estimate, Numerics};
-use super::beside::Beside;
 use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;

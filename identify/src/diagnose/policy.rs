@@ -233,7 +233,7 @@ pub(super) const POLICY: Policy = Policy {
     starts: [1.0 / 3.0, 1.0, 3.0],
     rough: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
     pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-2 },
-    coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
+    coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 3e-3 },
     widened: FitOptions { max_iterations: 2, rounds: 0, tolerance: 1e-2 },
     fine: FitOptions { max_iterations: 30, rounds: 0, tolerance: 1e-5 },
     shape_error: 1.0,

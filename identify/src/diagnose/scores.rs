@@ -215,9 +215,8 @@ pub(super) fn reduce_beside(
     let passes = [(fitted.values.clone(), (0..k).collect())];
     merged(fitted, |r, rec| {
         let mut shot = shot_of(plan, rec, unknowns, &passes)?;
-        let change = |row: usize, change: &&[Vec<f64>]| {
-            change[r].get(row).copied().filter(|_| shot.residual[row] != 0.0).unwrap_or(0.0)
-        };
+        let change =
+            |row: usize, change: &&[Vec<f64>]| change[r].get(row).copied().filter(|_| shot.residual[row] != 0.0).unwrap_or(0.0);
         let row = |row: usize| {
             let changes = changes.iter().map(move |c| change(row, c));
             shot.global[row * k..(row + 1) * k].iter().copied().chain(changes)

@@ -27,7 +27,10 @@ pub(super) struct Shift {
 
 /// All of them at a fit. What cannot be simulated is left out. `scene`: that of the plan.
 pub(super) fn shifts(scene: &Scene, plan: &Plan, fitted: &Fitted) -> Vec<Shift> {
-    [NumericsKind::Step, NumericsKind::Mesh, NumericsKind::Inputs].into_iter().filter_map(|kind| shift(kind, scene, plan, fitted)).collect()
+    [NumericsKind::Step, NumericsKind::Mesh, NumericsKind::Inputs]
+        .into_iter()
+        .filter_map(|kind| shift(kind, scene, plan, fitted))
+        .collect()
 }
 
 /// One of them, as [`shifts`].

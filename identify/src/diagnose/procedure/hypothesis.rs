@@ -48,19 +48,6 @@ impl Hypothesis {
         Ok(Self { fitted, trail, ..self.clone() })
     }
 
-    /// The model that its last cause was added to, if that is its `k`-th and not its first.
-    pub fn before_last(&self, k: usize) -> Option<Self> {
-        let (_, causes) = self.causes.split_last().filter(|_| k + 1 == self.causes.len())?;
-        let (_, trail) = self.trail.split_last()?;
-        let fitted = trail.last()?.clone();
-        // a model on the way may have had a cause that is out again
-        let own = self.fitted.unknowns.len() - self.causes[k].unknowns.len().min(self.fitted.unknowns.len());
-        if fitted.unknowns.len() != own {
-            return None;
-        }
-        Some(Self { causes: causes.to_vec(), fitted, trail: trail.to_vec(), varying: self.varying.clone() })
-    }
-
     /// Numbers freed for its causes.
     pub fn numbers(&self) -> usize {
         self.causes.iter().map(|cause| cause.unknowns.len()).sum()

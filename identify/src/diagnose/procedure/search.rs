@@ -343,8 +343,7 @@ fn prune(
         k -= 1;
         let cause = best.causes[k].clone();
         progress(&format!("checking that {} is still needed", cause.title()));
-        let without = if bench.no_noise(&best.fitted) { best.before_last(k) } else { None };
-        let without = without.map_or_else(|| bench.without(best, k), Ok)?;
+        let without = bench.without(best, k)?;
         let contest = Contest::new(bench, &[&without, best], 2)?;
         let [before, after] = [0, 1].map(|k| &contest.left_out[k]);
         let numbers = POLICY.per_number * cause.unknowns.len() as f64;
