@@ -60,3 +60,44 @@ impl Beside {
         (d.square - d.along.dot(&solved(&(known + self.reduced.gram()), &d.along))).max(0.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::audit::starts::tests::{experiment, pendulum};
+    use super::super::policy::POLICY;
+    use super::super::scores::reduce;
+    use super::*;
+    use crate::fit::fit;
+    use crate::shooting::{ShotWants, shoot};
+    use crate::stats::ar::ArModel;
+    use crate::stats::testing::gaussians;
+    use crate::unknown::Unknown;
+
+    /// A change that the parameter makes is taken for its size, takes nothing beyond it, and as a change of the simulation takes nothing; what
+    /// is left itself takes all that a refit does not.
+    #[test]
+    fn a_change_is_what_it_imitates() {
+        let swing = |seed| {
+            gaussians(40, seed).iter().zip(0..40).map(|(e, k)| 0.4 * (5.7 * 0.01 * f64::from(k)).cos() + 1e-3 * e).collect()
+        };
+        let plan = experiment(&pendulum("measured"), &[swing(1), swing(2), swing(3)]).0;
+        let damping = vec![Unknown::of_theta(&plan.model, "pivot.damping", 0.01).unwrap()];
+        let white = ArModel::white(vec![1e-3]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &damping, Some(&white), &POLICY.fine).unwrap();
+        let wants = ShotWants { unknowns: &damping, tangents: true, ..ShotWants::default() };
+        let made: Vec<Vec<f64>> = fitted
+            .records
+            .iter()
+            .map(|rec| shoot(&plan, rec, &fitted.values, wants).unwrap().global.iter().map(|d| 3.0 * d).collect())
+            .collect();
+        let beside = Beside::new(&plan, &fitted, &[&made, &fitted.residuals]).unwrap();
+        assert!((beside.sizes(0)[0] - 3.0).abs() < 1e-6, "{:?}", beside.sizes(0));
+        assert!(beside.gain(0).abs() < 1e-6 && beside.beyond(0, &DMatrix::zeros(1, 1)) < 1e-6, "{}", beside.gain(0));
+        let alone = reduce(&plan, &fitted, &damping).unwrap();
+        let score = alone.score();
+        let left = alone.rss() - score.dot(&solved(&alone.gram(), &score));
+        assert!((beside.reduced.rss() / alone.rss() - 1.0).abs() < 1e-9 && beside.reduced.columns() == 1);
+        assert!((beside.gain(1) / left - 1.0).abs() < 0.02, "{} {left}", beside.gain(1));
+    }
+}
