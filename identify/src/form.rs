@@ -5,17 +5,17 @@
 /// A change of size one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Form {
-    /// What it changes.
+    /// The force or the reading that it changes.
     pub place: Place,
-    /// What it depends on.
+    /// The variable that its size depends on.
     pub variable: Variable,
-    /// How.
+    /// The function of that variable.
     pub shape: Shape,
     /// Whether it turns over with the velocity, as friction does.
     pub reversing: bool,
 }
 
-/// What a form changes.
+/// The force or the reading that a form changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The force at a joint [N or N·m].
@@ -29,7 +29,7 @@ pub enum Place {
     Reading(usize),
 }
 
-/// What a form depends on.
+/// The variable that a form is a function of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variable {
     /// Time since the record began \[s\].
@@ -40,7 +40,7 @@ pub enum Variable {
     Velocity,
 }
 
-/// How a form depends on its variable x.
+/// The function of the variable x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     /// xⁿ.

@@ -1,4 +1,4 @@
-//! What is left, as a function of one variable.
+//! Hypotheses about the remainder: a force or an error of a sensor that is a function of one variable.
 //!
 //! Of every joint a force f(x), and of its sensor an error e(x), are tried, with x the time, the position or the velocity: powers, waves of the
 //! position, friction whose size depends on the position or on the time, and any function at all, as a sum of hats over the range that the
@@ -246,6 +246,21 @@ mod tests {
         let found = of_swings(0.0, 5e-4);
         let play = "an error of the sensor of `position of pivot` that depends on the velocity like c·sign(v)";
         assert_eq!(found.first().map(|f| f.what.as_str()), Some(play), "{found:?}");
+    }
+
+    /// Where the residuals are not those of the values, as with sizes that differ from record to record, they are what is looked at.
+    #[test]
+    fn residuals_are_taken_as_they_are() {
+        let plan = experiment(&pendulum("measured"), &[vec![0.3; 40], vec![0.5; 40], vec![0.7; 40]]).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let mut fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        fitted.residuals.iter_mut().flatten().for_each(|r| *r = 0.25 * *r + 1e-3);
+        let shots: Vec<Shot> = fitted.records.iter().map(|rec| simulated(&plan, rec, &fitted.values).unwrap()).collect();
+        for (rec, left) in as_left(&fitted, &shots).records.iter().zip(&fitted.residuals) {
+            let seen = simulated(&plan, rec, &fitted.values).unwrap().residual;
+            let miss = seen.iter().zip(left).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(seen.len() == left.len() && miss < 1e-12, "{miss}");
+        }
     }
 
     #[test]

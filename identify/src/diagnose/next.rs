@@ -187,7 +187,7 @@ mod tests {
         assert!(told_with(0.0) < 1e-12 && told_with(60.0) > 0.99);
     }
 
-    /// What a model without damping cannot imitate of one with it grows with the square of a small swing; a copy of it imitates all.
+    /// The part of a damped swing that a model without damping cannot imitate grows with the square of a small swing; a copy of it imitates all.
     #[test]
     fn a_wider_swing_tells_damping_better() {
         let readings: Vec<f64> = (0..40).map(|k| 0.05 * (5.7 * 0.01 * f64::from(k)).cos()).collect();

@@ -192,7 +192,7 @@ pub struct Remainder {
     pub explained_fraction: f64,
     /// In words.
     pub note: String,
-    /// What it may be, most significant first: hypotheses, which are no causes of the library.
+    /// Hypotheses about it, most significant first: no causes of the library.
     pub forms: Vec<RemainderForm>,
 }
 

@@ -36,7 +36,8 @@ impl Hypothesis {
         Self { causes, fitted, trail, varying: self.varying.clone() }
     }
 
-    /// Led on to `records` by a step or two, for what it leaves is no noise. The models on the way to it keep their values, as they were found.
+    /// Led on to `records` by at most two steps; where it may leave noise a contest fits it to the end. The models on the way to it keep their
+    /// values, as they were found.
     pub fn on(&self, bench: &Bench, records: &[RecordPlan]) -> Result<Self, IdentifyError> {
         let fitted = bench.led(&self.fitted, records, &POLICY.widened)?;
         let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
