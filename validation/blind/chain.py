@@ -1,6 +1,6 @@
 """A chain of bodies on revolute and prismatic joints, many variants at once: the motions of pendulums, carts and arms.
 
-    M(q) q̈ = τ - c(q, q̇)      Newton-Euler recursion in the world's frame; a column of M per unit acceleration
+    M(q) q̈ = τ - c(q, q̇)      c by the Newton-Euler recursion in the world's frame, M by composite rigid bodies
 
 True motions take steps of Strang: half a step of classical Runge-Kutta with all smooth forces, the impulse of dry friction over
 the whole step, the other half; without dry friction a whole step of Runge-Kutta. The impulse is exact where accelerations are constant,
@@ -26,7 +26,8 @@ jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 G = 9.81  # m/s²
-CHUNK = 64  # variants that are simulated together
+CHUNK = 64  # variants that are simulated together; so few sizes of arrays that a kind of chain is compiled once for all setups
+SEGMENT = 256  # steps that are simulated together
 SWEEPS = 12  # of Gauss-Seidel
 
 
@@ -110,49 +111,74 @@ class Chain:
     def n(self) -> int:
         return len(self.kinds)
 
-    def torques(self, p, q, v, a, weight):
-        """Forces at the joints (list) that the accelerations take; `weight`: whether there is gravity."""
-        columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]  # of the orientation
-        w, al, origin = [0.0] * 3, [0.0] * 3, [0.0] * 3
-        acc = times(-weight, gravity(p["tilt"]))
-        links = []
+    def links(self, p, q):
+        """Of every link in the world's frame: axis, joint's place, orientation's columns, its joint's arm, its center's, its moments."""
+        columns, at, out = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [0.0] * 3, []
         for i, kind in enumerate(self.kinds):
             axis = columns[self.axes[i]]
-            arm = add(*(times(x, c) for x, c in zip((p["places"][i, k] for k in range(3)), columns, strict=True)))
-            acc = add(acc, cross(al, arm), cross(w, cross(w, arm)))
-            origin = add(origin, arm)
+            arm = add(*(times(p["places"][i, k], columns[k]) for k in range(3)))
+            at = add(at, arm)
             if kind == "revolute":
-                al = add(al, times(a[i], axis), times(v[i], cross(w, axis)))
-                w = add(w, times(v[i], axis))
                 k, m = (self.axes[i] + 1) % 3, (self.axes[i] + 2) % 3
                 cos, sin, old = jnp.cos(q[i]), jnp.sin(q[i]), columns
                 columns = list(old)
                 columns[k] = add(times(cos, old[k]), times(sin, old[m]))
                 columns[m] = add(times(cos, old[m]), times(-sin, old[k]))
             else:
+                at = add(at, times(q[i], axis))
+            s = [p["spread"][i, k] ** 2 for k in range(3)]
+            moments = times(p["mass"][i], [s[1] + s[2], s[0] + s[2], s[0] + s[1]])
+            center = add(*(times(p["com"][i, k], columns[k]) for k in range(3)))
+            out.append((kind, axis, at, columns, arm, center, moments))
+        return out
+
+    def needed(self, p, q, v, links):
+        """Forces at the joints (list) that keep the velocities as they are, against gravity."""
+        w, al, acc = [0.0] * 3, [0.0] * 3, times(-1.0, gravity(p["tilt"]))
+        loads = []
+        for i, (kind, axis, _, columns, arm, center, moments) in enumerate(links):
+            acc = add(acc, cross(al, arm), cross(w, cross(w, arm)))
+            if kind == "revolute":
+                al = add(al, times(v[i], cross(w, axis)))
+                w = add(w, times(v[i], axis))
+            else:
                 slid = times(q[i], axis)
-                acc = add(acc, cross(al, slid), cross(w, cross(w, slid)), times(2.0 * v[i], cross(w, axis)), times(a[i], axis))
-                origin = add(origin, slid)
-            mass, s = p["mass"][i], [p["spread"][i, k] ** 2 for k in range(3)]
-            moments = [mass * (s[1] + s[2]), mass * (s[0] + s[2]), mass * (s[0] + s[1])]
-            turn = lambda x, columns=columns, moments=moments: add(
-                *(times(j * dot(c, x), c) for j, c in zip(moments, columns, strict=True))
-            )
-            c = add(*(times(p["com"][i, k], columns[k]) for k in range(3)))
-            force = times(mass, add(acc, cross(al, c), cross(w, cross(w, c))))
-            links.append((kind, axis, origin, force, add(turn(al), cross(w, turn(w)), cross(c, force))))
+                acc = add(acc, cross(al, slid), cross(w, cross(w, slid)), times(2.0 * v[i], cross(w, axis)))
+            turn = lambda x, columns=columns, moments=moments: add(*(times(j * dot(c, x), c) for j, c in zip(moments, columns, strict=True)))
+            force = times(p["mass"][i], add(acc, cross(al, center), cross(w, cross(w, center))))
+            loads.append((force, add(turn(al), cross(w, turn(w)), cross(center, force))))
         f, m, out, last = [0.0] * 3, [0.0] * 3, [], [0.0] * 3
-        for kind, axis, at, force, moment in links[::-1]:
+        for (kind, axis, at, *_), (force, moment) in zip(links[::-1], loads[::-1], strict=True):
             m = add(m, moment, cross(add(last, times(-1.0, at)), f))
             f, last = add(f, force), at
             out.append(dot(axis, m if kind == "revolute" else f))
         return out[::-1]
 
-    def mass_matrix(self, p, q):
-        """Rows of M."""
-        still = [0.0] * self.n
-        columns = jax.vmap(lambda a: self.torques(p, q, still, [a[i] for i in range(self.n)], 0.0))(jnp.eye(self.n))
-        return [[columns[i][j] + (p["armature"][i] if i == j else 0.0) for j in range(self.n)] for i in range(self.n)]
+    def mass_matrix(self, p, q, links=None):
+        """Rows of M: of each joint what it takes to accelerate all that it carries, a composite rigid body."""
+        links = links or self.links(p, q)
+        matrix = [[0.0] * self.n for _ in range(self.n)]
+        mass, moment, inertia = 0.0, [0.0] * 3, [[0.0] * 3 for _ in range(3)]  # of what is carried, about the world's origin
+        for i in reversed(range(self.n)):
+            kind, axis, at, columns, _, center, own = links[i]
+            x, m = add(at, center), p["mass"][i]
+            mass, moment = mass + m, add(moment, times(m, x))
+            for r in range(3):
+                for c in range(3):
+                    spin = sum(j * col[r] * col[c] for j, col in zip(own, columns, strict=True))
+                    inertia[r][c] = inertia[r][c] + spin - m * x[r] * x[c] + (m * dot(x, x) if r == c else 0.0)
+            if kind == "revolute":
+                swept = cross(axis, at)
+                force = add(cross(axis, moment), times(-mass, swept))
+                torque = add([dot(row, axis) for row in inertia], times(-1.0, cross(moment, swept)))
+            else:
+                force, torque = times(mass, axis), cross(moment, axis)
+            for j in range(i + 1):
+                other, line, place = links[j][:3]
+                matrix[i][j] = dot(line, force if other == "prismatic" else add(torque, times(-1.0, cross(place, force))))
+                matrix[j][i] = matrix[i][j]
+            matrix[i][i] = matrix[i][i] + p["armature"][i]
+        return matrix
 
     def carried(self, p, q, v, u):
         """Torques of springs and motors (n,)."""
@@ -172,9 +198,9 @@ class Chain:
         return f - p["slack"] * jnp.sign(q) * jnp.maximum(jnp.abs(q) - p["gap"], 0.0)
 
     def acceleration(self, p, q, v, u, t):
-        inertial = self.torques(p, q, v, [0.0] * self.n, 1.0)
-        f = self.smooth(p, q, v, u, t)
-        return jnp.stack(solve(self.mass_matrix(p, q), [f[i] - inertial[i] for i in range(self.n)]))
+        links = self.links(p, q)
+        inertial, f = self.needed(p, q, v, links), self.smooth(p, q, v, u, t)
+        return jnp.stack(solve(self.mass_matrix(p, q, links), [f[i] - inertial[i] for i in range(self.n)]))
 
     def rubbed(self, p, q, v, begun, u, h, t):
         """Velocities after the impulse of dry friction over h; `begun`: those at the step's beginning, half a step of other forces ago."""
@@ -238,23 +264,31 @@ class Chain:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (variants, steps + 1, n) from states (variants, n)."""
         dry = [is_dry(p) for p in variants]
-        shape = (len(variants), (u.shape[1] - 1) // 4 + 1, self.n)
+        steps = (u.shape[1] - 1) // 4
+        short = -steps % SEGMENT
+        u = np.concatenate([u, np.repeat(u[:, -1:], 4 * short, axis=1)], axis=1)
+        shape = (len(variants), steps + short + 1, self.n)
         out_q, out_v = np.empty(shape), np.empty(shape)
+        out_q[:, 0], out_v[:, 0] = q, v
         for kind in (False, True):
             own = np.flatnonzero(np.array(dry) == kind)
             for part in (own[k : k + CHUNK] for k in range(0, len(own), CHUNK)):
-                # shapes of few sizes, so that little is compiled
                 size = CHUNK if len(part) > 8 else 8
                 padded = np.resize(part, size)
                 p = {key: np.stack([variants[k][key] for k in padded]) for key in variants[0]}
-                x, w = compiled(self)(p, q[padded], v[padded], u[padded], h, begin, kind, rule)
-                out_q[part], out_v[part] = np.asarray(x)[: len(part)], np.asarray(w)[: len(part)]
-        return out_q, out_v
+                x, w = q[padded], v[padded]
+                for done in range(0, steps, SEGMENT):
+                    own_u = u[padded, 4 * done : 4 * (done + SEGMENT) + 1]
+                    all_x, all_w = compiled(self)(p, x, w, own_u, h, begin + done * h, kind, rule)
+                    x, w = all_x[:, -1], all_w[:, -1]
+                    after = slice(done + 1, done + SEGMENT + 1)
+                    out_q[part, after], out_v[part, after] = np.asarray(all_x)[: len(part)], np.asarray(all_w)[: len(part)]
+        return out_q[:, : steps + 1], out_v[:, : steps + 1]
 
 
 @functools.cache
 def compiled(chain: Chain) -> Callable:
-    """(variants, q, v, u (variants, 4 steps + 1, n), h, beginning) -> q, v at all steps (variants, steps + 1, n)."""
+    """(variants, q, v, u (variants, 4 steps + 1, n), h, beginning) -> q, v after every step (variants, steps, n)."""
 
     def run(p, q, v, u, h, begin, dry, rule):
         step = getattr(chain, rule)
@@ -265,7 +299,7 @@ def compiled(chain: Chain) -> Callable:
             return state, state
 
         _, (x, w) = jax.lax.scan(body, (q, v), jnp.arange((len(u) - 1) // 4))
-        return jnp.concatenate([q[None], x]), jnp.concatenate([v[None], w])
+        return x, w
 
     def many(p, q, v, u, h, begin, dry, rule):
         return jax.vmap(lambda p, q, v, u: run(p, q, v, u, h, begin, dry, rule))(p, q, v, u)

@@ -19,6 +19,7 @@ from validation.blind.system import Cause, Changes, Job, Knob, Setup
 SYSTEMS = ("pendulum", "cart", "cart_pole", "arm2", "arm3", "arm5", "arm7")
 BEFORE = 0.1  # s
 LATEST = 0.025  # s, the longest delay
+SEEN = ("bias", "scale", "delay", "play", "drift")  # changes of the sensors, not of the motion
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 SHOWN = {"arm2": "yy", "arm3": "yxy", "arm5": "zyyzy", "arm7": "zyzyzyz"}  # axes of the arms
 
@@ -285,16 +286,22 @@ class ChainSetup(Setup):
         times = np.arange(4 * (before + round((self.duration + 0.01) / h)) + 1) * (h / 4) - before * h
         n, linear = len(self.links), not self.smooth or rule == "scene"
         tables: dict[tuple, np.ndarray] = {}
-        states, inputs = np.empty((len(jobs), 2 * n)), []
-        for i, (record, changes) in enumerate(jobs):
+        motions: dict[tuple, int] = {}  # simulated once, however many sensors look at them
+        own_motion, kept, states, inputs = [], [], [], []
+        for (record, changes), variant in zip(jobs, variants, strict=True):
+            moving = (record, *sorted((k, x) for k, x in changes.items() if k.partition(":")[0] not in SEEN))
+            own_motion.append(motions.setdefault(moving, len(motions)))
+            if len(motions) == len(kept):
+                continue
             own = tuple(sorted((k, x) for k, x in changes.items() if k.partition(":")[0] in ("late", "lag")))
             if (record, own) not in tables:
                 tables[record, own] = self.table(record, changes, times, linear)
+            kept.append(variant)
             inputs.append(tables[record, own])
-            states[i] = np.concatenate(self.begun[record]) + [changes.get(f"start:{k}", 0.0) for k in range(2 * n)]
-        by = "midpoint" if rule == "scene" else "strang"
-        q, v = self.chain.simulate(variants, states[:, :n], states[:, n:], np.stack(inputs), h, times[0], by)
-        return [self.seen(record, changes, times[::4], q[i], v[i]) for i, (record, changes) in enumerate(jobs)]
+            states.append(np.concatenate(self.begun[record]) + [changes.get(f"start:{k}", 0.0) for k in range(2 * n)])
+        begun, by = np.array(states), "midpoint" if rule == "scene" else "strang"
+        q, v = self.chain.simulate(kept, begun[:, :n], begun[:, n:], np.stack(inputs), h, times[0], by)
+        return [self.seen(record, changes, times[::4], q[m], v[m]) for m, (record, changes) in zip(own_motion, jobs, strict=True)]
 
     def seen(self, record: int, changes: Changes, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """What the encoders read."""
