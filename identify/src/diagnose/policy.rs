@@ -143,9 +143,9 @@ pub(super) struct Policy {
     pub larger: f64,
     /// Level of all hypotheses about what is left together [-]: one null in two hundred.
     pub form_level: f64,
-    /// Part of what the least of the accepted causes takes above which a hypothesis about what is left says that they may stand for something
-    /// else [-]: a law that imitates another to a squared cosine of 0.8 leaves it a quarter *(development)*. A sensor's delay in place of play left 0.6; the
-    /// right causes of a cube, a pendulum and a circuit that were measured 0.002 to 0.18.
+    /// Part of what an accepted cause takes above which a hypothesis about what is left, with what weaker causes take that are no more
+    /// certain, says that it may stand for something else [-]: a law that imitates another to a squared cosine of 0.8 leaves it a quarter
+    /// *(development)*. A sensor's delay in place of play left 0.6; the right causes of a cube, a pendulum and a circuit that were measured 0.0005 to 0.18.
     pub stands_in: f64,
     /// Part of the samples at either end of a variable's range that its hats leave to the outermost ones [-].
     pub form_range: f64,

@@ -78,6 +78,17 @@ pub(super) fn own_error(own: &[Numerics]) -> String {
     if notes.is_empty() { String::new() } else { format!("the simulation's own error counts as well: {}", notes.join("; ")) }
 }
 
+/// The reservation that causes accepted beside others are, which may stand for something else.
+pub(super) fn stand_ins(causes: &[Cause]) -> String {
+    let names: Vec<String> = causes.iter().map(Cause::title).collect();
+    let verb = if names.len() == 1 { "takes" } else { "take" };
+    if names.is_empty() {
+        String::new()
+    } else {
+        format!("beside it {} {verb} something, and may only stand for what is left", names.join(" and "))
+    }
+}
+
 /// Adds a clause to a reason that may end as a sentence; nothing if it is empty.
 pub(super) fn add(reason: &mut String, clause: &str) {
     if !clause.is_empty() {

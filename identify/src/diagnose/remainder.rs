@@ -4,7 +4,7 @@ use super::ceiling;
 use super::numerics::Shift;
 use super::policy::POLICY;
 use super::procedure::{Bench, Evidence};
-use super::result::{Noise, Numerics, Remainder};
+use super::result::{Noise, Numerics, Remainder, RemainderForm};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
@@ -34,9 +34,8 @@ pub(super) fn remainder(
     let squares = (fitted.rmse / noise.sensor_sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
     let moves = by_motion.filter(|part| part * squares > POLICY.by_motion);
     let forms = super::forms::forms(bench, fitted, shifts)?;
-    // a law that stands in for another leaves much of it
-    let least = evidence.iter().map(|e| e.statistic).fold(f64::INFINITY, f64::min);
-    let counts = forms.iter().any(|form| evidence.is_empty() || form.taken > POLICY.stands_in * least);
+    let statistics: Vec<f64> = evidence.iter().map(|e| e.statistic).collect();
+    let counts = !forms.is_empty() && stand_ins(&statistics, &forms).into_iter().all(|may| may);
     let note = match (large, moves) {
         (true, _) => format!("what is left is {over_scatter:.0} times what the readings scatter: too much for noise"),
         (false, _) if counts => "what is left is no noise".to_owned(),
@@ -64,6 +63,23 @@ pub(super) fn remainder(
         note,
         forms,
     })
+}
+
+/// Of causes with these statistics those that may stand in for something else: from the weakest on, each to which what is left and all that
+/// may are a quarter or more ([`POLICY`]`.stands_in`): a law that stands in for another leaves much of it.
+pub(super) fn stand_ins(statistics: &[f64], forms: &[RemainderForm]) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..statistics.len()).collect();
+    order.sort_by(|a, b| statistics[*a].total_cmp(&statistics[*b]));
+    let mut unknown = forms.iter().map(|form| form.taken).fold(0.0, f64::max);
+    let mut out = vec![false; statistics.len()];
+    for k in order {
+        if unknown <= POLICY.stands_in * statistics[k] {
+            break;
+        }
+        out[k] = true;
+        unknown += statistics[k];
+    }
+    out
 }
 
 /// Smallest Bonferroni p of a correlation between the whitened residual of any channel and the rate of any input. Colour
@@ -100,4 +116,20 @@ fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> 
 /// Differences of an input from sample to sample.
 fn rate(inputs: &[Vec<f64>], k: usize, n: usize) -> Vec<f64> {
     (0..n).map(|t| inputs[t.min(inputs.len() - 1)][k] - inputs[t.saturating_sub(1)][k]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weak_causes_may_stand_in_for_what_is_left() {
+        let left = |taken: f64| vec![RemainderForm { taken, ..RemainderForm::default() }];
+        // a cubic spring that is there beyond doubt, and a damping that is as large as what is left
+        assert_eq!(stand_ins(&[1.7e6, 1193.0], &left(825.0)), [false, true]);
+        assert_eq!(stand_ins(&[1.7e6, 1193.0], &[]), [false, false]);
+        assert_eq!(stand_ins(&[1000.0], &left(600.0)), [true]);
+        // each alone is five times what is left: but the weaker two together are not to be told from it
+        assert_eq!(stand_ins(&[400.0, 300.0, 9000.0], &left(80.0)), [true, true, false]);
+    }
 }

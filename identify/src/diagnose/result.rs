@@ -197,7 +197,7 @@ pub struct Remainder {
 }
 
 /// A hypothesis about what is left: a force at a joint, or an error of its sensor, that depends on one variable.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RemainderForm {
     /// The joint, or its sensor.
     pub object: String,
@@ -443,7 +443,7 @@ pub struct Diagnosis {
     /// Causes accepted jointly.
     pub causes: Vec<Cause>,
     /// Causes that extend the model as an approximation, without being named: they carry over to records they were not fitted to, while so
-    /// much remains that each may stand for something outside the library.
+    /// much remains that each may stand for something outside the library. Beside `causes`, those to which this much remains.
     pub extension: Vec<Cause>,
     /// Sets of causes that cannot be told apart.
     pub alternatives: Vec<Vec<String>>,

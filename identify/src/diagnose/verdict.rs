@@ -3,6 +3,7 @@
 use super::policy::POLICY;
 use super::procedure::{Found, Hypothesis};
 use super::reason;
+use super::remainder::stand_ins;
 use super::result::*;
 use super::scores::Scores;
 use crate::causes::{Cause as Candidate, title};
@@ -57,6 +58,7 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
     d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
     d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
     let own: Vec<Numerics> = d.numerics.iter().filter(counts).cloned().collect();
+    let approximate = if d.remainder.significant { Vec::new() } else { set_apart(d) };
     let titles = d.alternative_titles();
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, reason::not_converged())
@@ -74,6 +76,7 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
         (Verdict::Named, reason::named(&d.causes, &d.gain))
     };
     if !d.causes.is_empty() {
+        reason::add(&mut d.reason, &reason::stand_ins(&approximate));
         reason::add(&mut d.reason, &reason::own_error(&own));
     }
     if let Some((finer, before)) = &before {
@@ -89,6 +92,8 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
         if d.verdict == Verdict::NotInLibrary {
             d.extension = causes;
         }
+    } else {
+        d.extension = approximate;
     }
     if d.verdict != Verdict::Ambiguous {
         (d.alternatives, d.alternative_objects) = (Vec::new(), Vec::new());
@@ -97,6 +102,21 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
     let all = first.causes.iter().filter(|c| wanted.contains(&title(c.name, c.object.as_deref())));
     d.advice = all.map(|c| format!("{}: {}", c.name, c.excitation)).collect();
     d.advice.dedup();
+}
+
+/// Takes out the causes that may stand in for what is left, and the sets of alternatives that are about nothing else.
+fn set_apart(d: &mut Diagnosis) -> Vec<Cause> {
+    let statistics: Vec<f64> = d.causes.iter().map(|c| c.statistic).collect();
+    let mut may = stand_ins(&statistics, &d.remainder.forms).into_iter();
+    let (apart, causes): (Vec<Cause>, Vec<Cause>) =
+        std::mem::take(&mut d.causes).into_iter().partition(|_| may.next() == Some(true));
+    d.causes = causes;
+    let about: Vec<bool> = d.alternative_titles().iter().map(|set| d.causes.iter().any(|c| set.contains(&c.title()))).collect();
+    let mut own = about.iter();
+    d.alternatives.retain(|_| own.next() == Some(&true));
+    let mut own = about.iter();
+    d.alternative_objects.retain(|_| own.next() == Some(&true));
+    apart
 }
 
 /// Where no cause is accepted.

@@ -62,7 +62,8 @@ fn header(diagnosis: &Diagnosis) -> String {
     let found = match (diagnosis.causes.as_slice(), diagnosis.extension.as_slice()) {
         ([], []) => "no cause was accepted".to_owned(),
         ([], more) => format!("extended, without a name being given, by: {}", names(more)),
-        (named, _) => format!("accepted: {}", names(named)),
+        (named, []) => format!("accepted: {}", names(named)),
+        (named, more) => format!("accepted: {}; besides extended, without a name being given, by: {}", names(named), names(more)),
     };
     // A line break in a file's name would end the comment.
     let scene = diagnosis.scene.replace(char::is_control, " ");

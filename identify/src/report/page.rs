@@ -28,7 +28,6 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
         shapes => shapes::figures(&d.snapshots),
         curves => curves::figures(&d.curves),
         causes => causes(d),
-        extended => !d.extension.is_empty(),
         alternatives => alternatives(d),
         advice => d.advice,
         next => super::story::next(d),
@@ -126,7 +125,10 @@ fn causes(d: &Diagnosis) -> Vec<Value> {
             rivals => rivals.collect::<Vec<_>>().join(", "),
         }
     };
-    d.causes.iter().chain(&d.extension).map(row).collect()
+    let found =
+        [("What the simulation lacks", &d.causes), ("What the model is extended by, without a name being given", &d.extension)];
+    let told = found.into_iter().filter(|(_, causes)| !causes.is_empty());
+    told.map(|(title, causes)| context! { title, causes => causes.iter().map(row).collect::<Vec<_>>() }).collect()
 }
 
 fn alternatives(d: &Diagnosis) -> Vec<String> {
@@ -271,6 +273,9 @@ mod tests {
         let text = render(&d);
         assert!(text.contains("What the model is extended by, without a name being given") && text.contains("internal damping"));
         assert!(!text.contains("What the simulation lacks"));
+        (d.verdict, d.causes) = (Verdict::Named, d.extension.clone());
+        let text = render(&d);
+        assert!(text.contains("What the simulation lacks") && text.contains("What the model is extended by"));
     }
 
     #[test]
