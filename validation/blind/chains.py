@@ -173,7 +173,7 @@ class ChainSetup(Setup):
     def of_joint(self, k: int) -> None:
         link, unit, size = self.links[k], self.inertia[k], self.size[k]
         j, force = link.joint, self.inertia[k] * self.size[k]
-        self.add("viscous_friction", j, f"damping:{j}", Knob(0.01 * unit, 3.0 * unit, f"{j}.damping", link.damping, link.damping == 0.0))
+        self.add("viscous_friction", j, f"damping:{j}", Knob(0.01 * unit, 3.0 * unit, f"{j}.damping", link.damping, link.damping == 0.0, positive=True))
         self.add("quadratic_damping", j, f"quadratic:{j}", Knob(0.04 * unit / size, 4.0 * unit / size, f"{j}.quadratic_damping", one_sided=True))
         self.add("coulomb_friction", j, f"friction:{j}", Knob(0.05 * force, 4.0 * force, f"{j}.friction", link.friction, one_sided=True))
         speeds = [x * size for x in (0.05, 0.2, 0.6)]
@@ -185,7 +185,7 @@ class ChainSetup(Setup):
             self.add("asymmetric_friction", j, f"backward:{j}", Knob(0.05 * largest, largest, f"{j}.friction_backward", link.friction))
         self.add("load_friction", j, f"load:{j}", Knob(0.01, 0.4, f"{j}.load_friction", one_sided=True))
         known = link.stiffness == 0.0
-        self.add("joint_stiffness", j, f"stiffness:{j}", Knob(0.1 * unit, 20.0 * unit, f"{j}.stiffness", link.stiffness, known))
+        self.add("joint_stiffness", j, f"stiffness:{j}", Knob(0.1 * unit, 20.0 * unit, f"{j}.stiffness", link.stiffness, known, positive=True))
         self.add("cubic_stiffness", j, f"cubic:{j}", Knob(0.1 * unit / size**2, 60.0 * unit / size**2, f"{j}.cubic_stiffness", one_sided=True))
         self.add("armature", j, f"armature:{j}", Knob(0.005 * unit, 0.5 * unit, f"{j}.armature", one_sided=True))
         if link.cycles:

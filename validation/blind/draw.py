@@ -146,7 +146,7 @@ def direction(cause: Cause, judge: Judge, rng: np.random.Generator) -> Changes:
     d = d / np.linalg.norm(d)
     out = {}
     for key, x in zip(cause.knobs, d, strict=True):
-        out[key] = float(abs(x) if knobs[key].one_sided else x) * knobs[key].largest
+        out[key] = float(abs(x) * knobs[key].least if x < 0.0 and knobs[key].least < 0.0 else abs(x) * knobs[key].largest)
     return out
 
 
@@ -285,8 +285,8 @@ def beyond(case: Case, judge: Judge, rng: np.random.Generator) -> list[Changes] 
     name = str(rng.choice(names))
     key = str(rng.choice([k for k in pool if k.partition(":")[0] == name]))
     knobs, own = pool[key], {c.key for c in setup.causes.values() if set(c.knobs) == set(pool[key])}
-    sign = {k: 1.0 if setup.knobs[k].one_sided else float(rng.choice([-1.0, 1.0])) for k in knobs}
-    unit = {k: sign[k] * setup.knobs[k].largest for k in knobs}
+    down = lambda knob: knob.least < 0.0 and rng.random() < 0.5
+    unit = {k: knob.least if down(knob) else knob.largest for k in knobs for knob in [setup.knobs[k]]}
     others = lambda u: {k: c for k, c in judge.cosines(u).items() if k not in own}
     rest = lambda u: square(u) * (1.0 - max(others(u).values()) ** 2)
     found = sized(judge, unit, [1.0] * len(judge.records), rest, LAMBDAS[1:], rng)

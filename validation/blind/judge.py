@@ -185,7 +185,7 @@ class Judge:
         out = {}
         for knob, x in zip(knobs, size, strict=True):
             own = self.setup.knobs[knob]
-            out[knob] = float(np.clip(x, 0.0 if own.one_sided else -own.largest, own.largest))
+            out[knob] = float(np.clip(x, own.least, own.largest))
         return out
 
     @property

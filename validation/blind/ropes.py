@@ -29,6 +29,7 @@ from validation.blind.system import (
 SYSTEMS = tuple(FAMILIES)
 LARGEST = {"EI": 1e-3, "c1": 0.3, "c2": 0.1, "cb": 2e-4, "EA": 0.05, "tip": 5e-3, "wind0": 2.0, "wind1": 2.0, "wind2": 2.0, "tilt0": 0.2, "tilt1": 0.2}
 LARGEST |= {"magnet": 0.05, "hardening": 5.0, "gradient": 0.8, "curvature": 1.0, "friction": 1e-3}
+POSITIVE = ("EI", "c1", "c2", "cb")
 ONE_SIDED = ("tip", "EA", "magnet", "hardening", "friction")
 SINGLE = {"linear_drag": "c1", "quadratic_drag": "c2", "extensibility": "EA", "internal_damping": "cb", "tip_mass": "tip"}
 
@@ -63,7 +64,7 @@ class RopeSetup(Setup):
         for key, (name, _, step, path) in PHYSICAL.items():
             nominal = family.nominal.get(name, 0.0)
             stiff = (lambda x, ea=nominal: 1.0 / (1.0 / ea + x)) if key == "EA" else None
-            self.knobs[key] = Knob(step, LARGEST[key], path, nominal, key in ONE_SIDED, stiff)
+            self.knobs[key] = Knob(step, LARGEST[key], path, nominal, key in ONE_SIDED, key in POSITIVE, stiff)
         for key in self.outside:
             self.knobs[key] = Knob(OUTSIDE_STEP[key], LARGEST[key], one_sided=key in ONE_SIDED)
         causes = [Cause(name, "", (key,)) for name, key in SINGLE.items() if key != "tip" or family.n - 1 not in family.driven]

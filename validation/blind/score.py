@@ -2,7 +2,8 @@
 
 Outcomes of effects: right (named, exactly the hidden causes), part (all that is named is hidden, and something else is, too), wrong
 (named otherwise, or said to vary with another law), honest
-(ambiguous, all that is hidden among the alternatives), astray (ambiguous without it), not_in_library, missed (adequate), numerics,
+(ambiguous, all that is hidden among the alternatives or accepted beside them), half (ambiguous, some of it there, and nothing told
+without it), astray (ambiguous otherwise), not_in_library, missed (adequate), numerics,
 withheld, failed (no answer), varied (the right law, said to vary where it does not), one_size (the right law, named with one size
 where it does vary). Of nulls: clean (adequate, or `numerics` where they are wrong on purpose), false_alarm (named, or said to vary),
 flagged (anything else that is claimed). Of effects outside the library: not_in_library is what is wanted, wrong is any name.
@@ -21,7 +22,7 @@ DEVELOPMENT = range(1000)  # seeds that rules may be made on
 FRESH = range(1000, 10_000)  # seeds to be drawn once, for figures that are reported
 SYMMETRIC = 0.9995  # cosine from which two causes count as exact symmetries
 VERDICTS = ("named", "ambiguous", "varies", "numerics", "not_in_library", "adequate", "withheld")
-OUTCOMES = ("clean", "false_alarm", "flagged", "right", "part", "wrong", "honest", "astray", "varied", "one_size", "not_in_library", "missed",
+OUTCOMES = ("clean", "false_alarm", "flagged", "right", "part", "wrong", "honest", "half", "astray", "varied", "one_size", "not_in_library", "missed",
             "numerics", "withheld", "failed")  # fmt: skip
 
 
@@ -52,14 +53,19 @@ def told(report: dict) -> list[tuple[str, str]]:
     return [(c["name"], c.get("object") or "") for c in report.get("causes", [])]
 
 
-def considered(report: dict) -> set[tuple[str, str]]:
-    """Every cause among the alternatives of an ambiguous answer, those accepted besides them included."""
+def claims(report: dict) -> list[list[tuple[str, str]]]:
+    """What an ambiguous answer claims: its sets of alternatives, and each cause accepted beside them."""
     groups, objects = report.get("alternatives", []), report.get("alternative_objects") or []
-    out = set(told(report))
+    out = [[cause] for cause in told(report)]
     for g, names in enumerate(groups):
         at = objects[g] if g < len(objects) else [None] * len(names)
-        out |= {(name, obj or "") for name, obj in zip(names, at, strict=True)}
+        out.append([(name, obj or "") for name, obj in zip(names, at, strict=True)])
     return out
+
+
+def considered(report: dict) -> set[tuple[str, str]]:
+    """Every cause among the alternatives of an ambiguous answer, those accepted besides them included."""
+    return {cause for claim in claims(report) for cause in claim}
 
 
 def is_cause(hidden: dict, name: tuple[str, str]) -> bool:
@@ -103,8 +109,10 @@ def outcome(case: dict, report: dict | None) -> str:
         wanted = found == "adequate" or (found == "numerics" and case["numerics"])
         return "clean" if wanted else {"named": "false_alarm", "varies": "false_alarm", "withheld": "withheld"}.get(found, "flagged")
     if found == "ambiguous":
-        known = considered(report)
-        return "honest" if all(any(is_cause(h, name) for name in known) for h in case["hidden"]) else "astray"
+        true = lambda claim: any(is_cause(h, name) for h in case["hidden"] for name in claim)
+        if all(any(is_cause(h, name) for name in considered(report)) for h in case["hidden"]):
+            return "honest"
+        return "half" if case["kind"] == "pair" and all(true(claim) for claim in claims(report)) else "astray"
     if found in ("named", "varies"):
         if not exactly(case, report):
             return "part" if found == "named" and partly(case, report) else "wrong"
@@ -191,7 +199,7 @@ def summarize(rows: list[dict]) -> dict:
         "nulls": {"n": len(null), "named": count(null, "false_alarm"), "clean": count(null, "clean"), "flagged": count(null, "flagged")},
         "effects": {
             "n": len(effects), "named_right": count(effects, "right"), "named_part": count(effects, "part"), "named_wrong": count(effects, "wrong"),
-            "ambiguous_with": count(effects, "honest"), "ambiguous_without": count(effects, "astray"),
+            "ambiguous_with": count(effects, "honest"), "ambiguous_half": count(effects, "half"), "ambiguous_without": count(effects, "astray"),
             "adequate": count(effects, "missed"), "withheld": count(effects, "withheld"), "varies": count(effects, "varied"),
             "numerics": count(effects, "numerics"), "not_in_library": count(effects, "not_in_library"), "failed": count(effects, "failed"),
             "oracle_allows": len(allowed), "oracle_named": count(allowed, "right"),
@@ -227,20 +235,21 @@ def requirements(rows: list[dict]) -> list[dict]:
     count = lambda part, *outcomes: sum(r["outcome"] in outcomes for r in part)
     null = [r for r in of("null") if r["outcome"] != "failed"]
     allowed = [r for r in of("effect", "pair") if r["case"]["allowed"]]
-    told_of = count(allowed, "right", "part", "wrong")
     outside = [r for r in of("outside", "value") if r["case"]["lam"] >= 30.0]
     twins, failed = of("symmetric"), count(rows, "failed")
     strong = [r for r in of("effect", "pair") if r["outcome"] == "right" and r["case"]["lam"] >= 100.0]
     hits = [hit for r in strong for hit in coverage(r["case"], r["report"])]
     gains = [g for r in strong if (g := gain_is_right(r["report"])) is not None]
-    alarms, right = count(null, "false_alarm"), count(allowed, "right")
+    alarms, right, wrong = count(null, "false_alarm"), count(allowed, "right"), count(of("effect", "pair"), "wrong")
+    effects, astray = of("effect", "pair"), count(of("effect", "pair"), "astray")
     imitated, alone = count(outside, "wrong", "varied"), named(twins)
     covered = sum(hits) / len(hits) if hits else 0.0
     listed = [
         ("every case answered", rate(failed, len(rows)), failed == 0, 1),
-        ("false naming ≤ 5 % of nulls", rate(alarms, len(null)), alarms <= 0.05 * len(null), 200),
-        ("right ≥ 95 % of nameable named", rate(right, told_of), right >= 0.95 * told_of, 20),
-        ("named rightly in ≥ 80 % of nameable", rate(right, len(allowed)), right >= 0.8 * len(allowed), 20),
+        ("false names ≤ 2 % of nulls", rate(alarms, len(null)), alarms <= 0.02 * len(null), 50),
+        ("wrong names ≤ 2 % of effects", rate(wrong, len(effects)), wrong <= 0.02 * len(effects), 50),
+        ("right names ≥ 95 % of nameable", rate(right, len(allowed)), right >= 0.95 * len(allowed), 20),
+        ("ambiguous without it ≤ 2 % of effects", rate(astray, len(effects)), astray <= 0.02 * len(effects), 50),
         ("outside effects never named", rate(imitated, len(outside)), imitated == 0, 20),
         ("exact symmetries never named", rate(alone, len(twins)), alone == 0, 10),
         ("90 % intervals cover 85-95 %", rate(sum(hits), len(hits)), 0.85 <= covered <= 0.95, 40),

@@ -35,7 +35,13 @@ class Knob:
     path: str = ""
     scene: float = 0.0
     one_sided: bool = False  # only positive changes exist
+    positive: bool = False  # the true value is more than zero
     value: Callable[[float], float] | None = field(default=None, compare=False)
+
+    @property
+    def least(self) -> float:
+        """The most negative change."""
+        return 0.0 if self.one_sided else max(-self.largest, -0.9 * self.scene) if self.positive else -self.largest
 
     def true(self, change: float) -> float:
         return self.scene + change if self.value is None else self.value(change)

@@ -15,7 +15,7 @@ pub const SCHEMA_VERSION: u32 = 2;
 pub enum Verdict {
     /// One cause, or several jointly, are accepted; see `causes`.
     Named,
-    /// Something is there, and several causes explain it equally well; see `alternatives`.
+    /// Something is there, and several causes explain it equally well; see `alternatives`, and `causes` for what is accepted beside them.
     Ambiguous,
     /// Causes are accepted, one of them with another size in every record; see `causes` and their `sizes`.
     Varies,
@@ -440,7 +440,7 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Why, in one or two sentences.
     pub reason: String,
-    /// Causes accepted jointly.
+    /// Causes accepted jointly; where some cannot be told from others, those that stand whichever of the `alternatives` is right.
     pub causes: Vec<Cause>,
     /// Causes that extend the model as an approximation, without being named: they carry over to records they were not fitted to, while so
     /// much remains that each may stand for something outside the library. Beside `causes`, those to which this much remains.

@@ -87,14 +87,19 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
         let finer = reason::refined(finer, &before.numerics.iter().filter(counts).collect::<Vec<_>>());
         reason::add(&mut d.reason, &finer);
     }
-    if !matches!(d.verdict, Verdict::Named | Verdict::Varies) {
-        let causes = std::mem::take(&mut d.causes);
-        if d.verdict == Verdict::NotInLibrary {
-            d.extension = causes;
+    d.extension = match d.verdict {
+        Verdict::Named | Verdict::Varies => approximate,
+        Verdict::Ambiguous => {
+            // those stay that stand whichever of the alternatives is right
+            d.causes.retain(|cause| !titles.concat().contains(&cause.title()));
+            approximate
         }
-    } else {
-        d.extension = approximate;
-    }
+        Verdict::NotInLibrary => std::mem::take(&mut d.causes),
+        Verdict::Numerics | Verdict::Adequate | Verdict::Withheld => {
+            d.causes.clear();
+            Vec::new()
+        }
+    };
     if d.verdict != Verdict::Ambiguous {
         (d.alternatives, d.alternative_objects) = (Vec::new(), Vec::new());
     }

@@ -267,14 +267,12 @@ impl<'a> Round<'a> {
                 100.0 * share
             ))));
         }
-        self.imitated(parent, k, taken + POLICY.per_number * more)
+        self.imitated(parent, k)
     }
 
-    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error.
-    ///
-    /// A finer mesh is another model as much as a better one (fitted stiffnesses have made up for the coarse one already), so it imitates
-    /// a cause only if it takes as much from the parent, too.
-    fn imitated(&self, parent: usize, k: usize, taken: f64) -> Result<Option<Rejection>, IdentifyError> {
+    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and it
+    /// does not lead the finer simulation without it.
+    fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
         let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
         let own: Vec<usize> = (0..fitted.unknowns.len())
             .filter(|&j| self.cause(k).unknowns.iter().any(|o| o.target.same(&fitted.unknowns[j].target)))
@@ -284,23 +282,26 @@ impl<'a> Round<'a> {
             (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
         };
         let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
-        let (changes, coarse) = (changes(shifts), &self.contest.coarse[k]);
-        let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes)?;
+        let coarse = &self.contest.coarse[k];
+        let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes(shifts))?;
         for (number, of) in shifts.iter().enumerate() {
             let bias = beside.sizes(number);
-            if own.iter().any(|&j| size(j) > POLICY.beyond_bias * bias[j].abs()) {
-                continue;
+            let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
+            if small && self.gain_of_finer(parent, of.kind)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
+            {
+                return Ok(Some(Rejection::Imitated(of.kind)));
             }
-            if of.kind == NumericsKind::Mesh {
-                let before = Fitted { noise: fitted.noise.clone(), ..self.contest.fits[parent].clone() };
-                let Some(finer) = shift(NumericsKind::Mesh, self.scene, plan, &before) else { continue };
-                if Beside::new(plan, &before, &[&finer.change])?.gain(0) < taken {
-                    continue;
-                }
-            }
-            return Ok(Some(Rejection::Imitated(of.kind)));
         }
         Ok(None)
+    }
+
+    /// Squares that a finer simulation takes from a model.
+    fn gain_of_finer(&self, model: usize, kind: NumericsKind) -> Result<f64, IdentifyError> {
+        let coarse = &self.contest.coarse[model];
+        let Some(finer) = shift(kind, self.scene, self.bench.plan, &self.contest.fits[model]) else {
+            return Ok(f64::NEG_INFINITY);
+        };
+        Ok(Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?.gain(0))
     }
 
     /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
