@@ -8,17 +8,16 @@ from pathlib import Path
 import pliant
 import pytest
 
-from validation.blind import draw, noise, score
+from validation.blind import draw, score
 
 pytestmark = pytest.mark.long
 
 
 def asked(folder: Path, index: int, system: str, kind: str, seed: int = 0) -> tuple[dict, str]:
     """A case of a seed, and what the answer to it is worth."""
-    case, read, setup = draw.draw(seed, index, system, kind)
-    scene = setup.write(folder, read, case.guess, missing=noise.KINDS[case.noise].gaps > 0.0)
-    hidden = case.as_json()
-    return hidden, score.outcome(hidden, pliant.diagnose(str(scene)))
+    drawn = draw.draw(seed, index, system, kind)
+    hidden = drawn.case.as_json()
+    return hidden, score.outcome(hidden, pliant.diagnose(str(drawn.write(folder))))
 
 
 @pytest.mark.parametrize("index", range(3))

@@ -50,9 +50,9 @@ def written(root: Path, seed: int, index: int, system: str, kind: str) -> dict:
     path = root / f"seed{seed}-case{index:04d}.truth.json"
     if not path.exists():
         began = time.monotonic()
-        case, read, setup = draw.draw(seed, index, system, kind)
-        setup.write(root / case.name, read, case.guess, draw.NOISES[case.noise].gaps > 0.0)
-        stored(path, case.as_json() | {"seconds": round(time.monotonic() - began, 1)})
+        drawn = draw.draw(seed, index, system, kind)
+        drawn.write(root / drawn.case.name)
+        stored(path, drawn.case.as_json() | {"seconds": round(time.monotonic() - began, 1)})
     return json.loads(path.read_text(encoding="utf-8"))
 
 

@@ -124,7 +124,7 @@ class ChainSetup(Setup):
     def records(self, rng: np.random.Generator, rest: np.ndarray, jitter: float) -> None:
         """Waves of the commands, stamps, and states at the beginning of all records."""
         n = len(self.links)
-        self.rest, self.waves, self.logged, self.begun = rest, [], [], []
+        self.rest, self.waves, self.pace, self.logged, self.begun = rest, [], [], [], []
         for r in range(len(self.roles)):
             free_swing = r == 2 and not self.servo
             strong = 0.0 if free_swing else rng.uniform(0.7, 1.2)
@@ -132,17 +132,35 @@ class ChainSetup(Setup):
             each = 0.15 * self.size if self.servo else 3.5 * self.inertia * self.size
             size[self.motors] = strong * each[self.motors, None] * rng.uniform(0.6, 1.4, (len(self.motors), 4))
             self.waves.append((size, rng.uniform(0.3, 2.0, (n, 4)), rng.uniform(0.0, 2 * np.pi, (n, 4))))
-            t = np.arange(round(self.duration * self.rate) + 1) / self.rate
-            shaken = np.round(t + jitter * np.clip(rng.standard_normal(len(t)), -3, 3) * (t > 0), 6)
-            self.logged.append((shaken, np.round(self.command(r, shaken), 7)))
+            self.pace.append(1.0)
+            self.log(rng, jitter)
             q = rest + self.size * (0.1 if self.servo else 0.9 if free_swing else 0.4) * rng.uniform(-1.0, 1.0, n)
             v = self.size * (0.2 if self.servo else 0.8) * rng.uniform(-1.0, 1.0, n)
             self.begun.append((q, v))
 
-    def command(self, record: int, t: np.ndarray) -> np.ndarray:
-        """What is commanded (times, n): held before the record."""
+    def log(self, rng: np.random.Generator, jitter: float) -> None:
+        """Stamps and commands of the next record."""
+        t = np.arange(round(self.duration * self.rate) + 1) / self.rate
+        shaken = np.round(t + jitter * np.clip(rng.standard_normal(len(t)), -3, 3) * (t > 0), 6)
+        self.logged.append((shaken, np.round(self.command(len(self.logged), shaken), 7)))
+
+    def repeat(self, record: int, commands: float, pace: float, start: float, rng: np.random.Generator, jitter: float) -> int:
+        """A fitted record more: one again, with other commands, pace or start, as `pliant diagnose` proposes them."""
         size, frequency, phase = self.waves[record]
-        t = np.maximum(t, 0.0)
+        self.waves.append((commands * size, frequency, phase))
+        self.pace.append(pace)
+        self.log(rng, jitter)
+        q, v = self.begun[record]
+        self.begun.append((self.rest + start * (q - self.rest), start * v))
+        self.roles += ("fit",)
+        return len(self.roles) - 1
+
+    def command(self, record: int, t: np.ndarray) -> np.ndarray:
+        """What is commanded (times, n): held before the record, and after the end of one that is faster."""
+        size, frequency, phase = self.waves[record]
+        t = np.maximum(self.pace[record] * t, 0.0)
+        if self.pace[record] > 1.0:
+            t = np.minimum(t, self.duration)
         wave = np.einsum("jk,tjk->tj", size, np.sin(2 * np.pi * frequency * t[:, None, None] + phase))
         held = (self.rest if self.servo else 0.0) + np.zeros(len(self.links))
         return held + wave * (1.0 - np.exp(-((t / 0.15) ** 2)))[:, None]

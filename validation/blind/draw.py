@@ -15,12 +15,14 @@ Sizes are such that λ of `judge.py` is one of `LAMBDAS` (of `outside` and `valu
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from validation.blind import chains, ropes, toss
 from validation.blind.judge import HIDDEN, Judge
 from validation.blind.noise import KINDS as NOISES
+from validation.blind.noise import Noise
 from validation.blind.system import Cause, Changes, Setup
 
 LAMBDAS = (10.0, 30.0, 100.0, 1e3, 1e5)
@@ -64,6 +66,21 @@ class Case:
         return asdict(self)
 
 
+@dataclass
+class Drawn:
+    """A case, and what it was made with."""
+
+    case: Case
+    setup: Setup
+    hidden: list[Changes]  # of every record
+    noise: Noise
+    readings: list[np.ndarray]
+
+    def write(self, folder: Path) -> Path:
+        """Scene and logs in a folder."""
+        return self.setup.write(folder, self.readings, self.case.guess, self.noise.gaps > 0.0)
+
+
 def set_up(system: str, rng: np.random.Generator, jitter: float, numerics: str) -> Setup:
     """A setup of a system."""
     if system in chains.SYSTEMS:
@@ -98,7 +115,7 @@ def dealt(n: int, shares: dict[str, float], rng: np.random.Generator) -> list[st
     return [str(x) for x in rng.permutation(out)]
 
 
-def draw(seed: int, index: int, system: str, kind: str) -> tuple[Case, list[np.ndarray], Setup]:
+def draw(seed: int, index: int, system: str, kind: str) -> Drawn:
     """A case with its readings; setups are drawn again until the effect exists in one, is of a sane size and can be hidden."""
     rng = np.random.default_rng([seed, index])
     for _ in range(40):
@@ -122,7 +139,7 @@ def draw(seed: int, index: int, system: str, kind: str) -> tuple[Case, list[np.n
             knobs = [setup.knobs[k] for k in setup.free]
             case.guess = {knob.path: float(knob.scene * np.exp(0.1 * np.clip(rng.standard_normal(), -2, 2))) for knob in knobs}
             clean = setup.readings(list(enumerate(by_record)))
-            return case, [noise.read(y, setup.sigma, rng) for y in clean], setup
+            return Drawn(case, setup, by_record, noise, [noise.read(y, setup.sigma, rng) for y in clean])
     raise RuntimeError(f"nothing could be hidden: seed {seed}, case {index}, {system}, {kind}")
 
 

@@ -174,12 +174,14 @@ def test_its_lambda_is_what_the_noise_makes_of_an_effect(pendulum):
 
 
 def test_a_case_has_the_lambda_aimed_at_and_a_scene_that_lacks_it(tmp_path: Path):
-    case, read, setup = draw.draw(0, 3, "cart", "effect")
+    drawn = draw.draw(0, 3, "cart", "effect")
+    case = drawn.case
     assert 0.8 < case.lam_exact / case.lam < 1.25 and case.hidden[0]["truth"]
-    scene = setup.write(tmp_path, read, case.guess, missing=False).read_text(encoding="utf-8")
+    scene = drawn.write(tmp_path).read_text(encoding="utf-8")
     assert "pliant" in scene and all(f"run{r + 1}.csv" in scene for r in range(5))
-    again, same, _ = draw.draw(0, 3, "cart", "effect")
-    assert again.as_json() == case.as_json() and all(np.array_equal(a, b, equal_nan=True) for a, b in zip(read, same, strict=True))
+    again = draw.draw(0, 3, "cart", "effect")
+    assert again.case.as_json() == case.as_json()
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(drawn.readings, again.readings, strict=True))
 
 
 def test_plans_have_their_shares_and_do_not_depend_on_the_order_of_asking():
