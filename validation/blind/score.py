@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from math import inf
 
 from scipy.stats import beta
 
@@ -127,7 +128,8 @@ def coverage(case: dict, report: dict) -> list[bool]:
     hits = []
     for p in [p for cause in report["causes"] for p in cause["parameters"]]:
         if p["path"] in truth and p["interval"] is not None:
-            hits.append(bool(p["interval"][0] <= truth[p["path"]] <= p["interval"][1]))
+            low, high = (infinity if end is None else end for end, infinity in zip(p["interval"], (-inf, inf), strict=True))
+            hits.append(bool(low <= truth[p["path"]] <= high))
     return hits
 
 

@@ -10,7 +10,8 @@ use pliant_engine::model::Model;
 use pliant_math::State;
 use pliant_math::rotation::{Map, conjugate, logarithm, matrix, product};
 
-/// Cubic Hermite interpolation within a step.
+/// Cubic Hermite interpolation within a step; before and after it, where a sensor that is late or early is read, the acceleration of the step
+/// goes on (a cubic that is followed for many steps takes a step's rounding for jerk).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Blend {
     part: f64,
@@ -31,12 +32,17 @@ impl Blend {
             a
         };
         let b = 1.0 - a;
-        Self {
-            part: a,
-            h,
-            position: [b * b * (1.0 + 2.0 * a), a * b * b * h, a * a * (1.0 + 2.0 * b), -a * a * b * h],
-            velocity: [-6.0 * a * b / h, b * (1.0 - 3.0 * a), 6.0 * a * b / h, a * (3.0 * a - 2.0)],
-        }
+        let (position, velocity) = if a < 0.0 {
+            ([1.0, a * h * (1.0 - 0.5 * a), 0.0, 0.5 * a * a * h], [0.0, b, 0.0, a])
+        } else if b < 0.0 {
+            ([0.0, -0.5 * b * b * h, 1.0, -b * h * (1.0 - 0.5 * b)], [0.0, b, 0.0, a])
+        } else {
+            (
+                [b * b * (1.0 + 2.0 * a), a * b * b * h, a * a * (1.0 + 2.0 * b), -a * a * b * h],
+                [-6.0 * a * b / h, b * (1.0 - 3.0 * a), 6.0 * a * b / h, a * (3.0 * a - 2.0)],
+            )
+        };
+        Self { part: a, h, position, velocity }
     }
 
     fn sum(weights: &[f64; 4], x: [&State; 2], node: usize) -> Vector3<f64> {
@@ -133,4 +139,26 @@ fn arc_slopes(arc: &Vector3<f64>, a: f64) -> [Matrix3<f64>; 2] {
     let inverse = |t: &Vector3<f64>| jacobian(t).try_inverse().unwrap_or_else(Matrix3::identity);
     let along = jacobian(&(arc * a)) * a;
     [matrix(&Map::Exponential.turn(&(arc * -a))) - along * inverse(&-arc), along * inverse(arc)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fall by steps of any rule, whose positions are no exact integrals: the speed goes on as it changed, from the end that is nearer.
+    #[test]
+    fn beyond_a_step_its_acceleration_goes_on() {
+        let (h, v0, v1) = (0.01, 1.0, 0.9);
+        let (q0, q1) = (2.0, 2.0 + h * v1);
+        let at = |a: f64| {
+            let Blend { position: w, velocity: u, .. } = Blend::new(a, h);
+            (w[0] * q0 + w[1] * v0 + w[2] * q1 + w[3] * v1, u[0] * q0 + u[1] * v0 + u[2] * q1 + u[3] * v1)
+        };
+        let near =
+            |(q, v): (f64, f64), (x, y): (f64, f64)| assert!((q - x).abs() < 1e-14 && (v - y).abs() < 1e-12, "{q} {v} {x} {y}");
+        near(at(-3.0), (q0 - 3.0 * h * v0 - 4.5 * h * 0.1, v0 + 0.3));
+        near(at(3.0), (q1 + 2.0 * h * v1 - 2.0 * h * 0.1, v1 - 0.2));
+        near(at(0.0), (q0, v0));
+        near(at(1.0), (q1, v1));
+    }
 }

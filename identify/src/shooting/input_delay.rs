@@ -15,10 +15,10 @@ use crate::unknown::Target;
 use pliant_adjoint::{Seeds, TangentStepper};
 
 impl RecordPlan {
-    /// The command of step `k` of the record, which may lie before it.
+    /// The command of step `k`, which may lie before the record or after it.
     fn command(&self, k: isize, control: usize) -> f64 {
         let row = match usize::try_from(k) {
-            Ok(k) => self.inputs.get(k),
+            Ok(k) => self.inputs.get(k).or(self.inputs.last()),
             Err(_) => self.past.get(self.past.len().saturating_sub(k.unsigned_abs())),
         };
         row.or(self.inputs.first()).map_or(0.0, |row| row[control])

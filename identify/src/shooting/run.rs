@@ -16,6 +16,7 @@ use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::step::{StepError, StepOptions, Stepper};
 use pliant_math::rotation::Map;
 use pliant_math::{Input, State};
+use std::borrow::Cow;
 
 /// Results that a simulation of a record returns besides the readings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -81,18 +82,20 @@ pub fn shoot(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -
 impl Pass<'_> {
     fn run(&self) -> Result<Shot, StepError> {
         let model = &self.plan.model;
-        let steps = self.wants.until.map_or(usize::MAX, |t| (t / self.h).ceil() as usize).min(self.rec.inputs.len());
+        let mut tables = self.timetables();
+        let all = self.steps(&tables);
+        let steps = self.wants.until.map_or(all, |t| ((t / self.h).ceil() as usize).min(all));
+        tables.iter_mut().for_each(|table| table.samples.truncate(table.samples.partition_point(|(step, _)| *step < steps)));
         let mut shot = Shot { own_columns: self.own, ..Shot::default() };
         let mut tangent = TangentStepper::new(model, &self.values.theta, self.seeds());
         let mut state = self.start(&mut tangent)?;
         let options = StepOptions { record: self.wants.tangents, ..StepOptions::default() };
         let mut stepper = Stepper::new(model, &self.values.theta, options)?;
-        let mut tables = self.timetables(steps);
         let complete = tables.iter().map(|t| t.samples.len()).min().unwrap_or(0);
         self.reserve(&mut shot, complete);
-        for (k, measured) in self.rec.inputs[..steps].iter().enumerate() {
+        for k in 0..steps {
             self.enter_segment(k, &mut state, &mut tangent, &mut shot);
-            let u = self.inputs(k, measured, &mut tangent.seeds);
+            let u = self.inputs(k, &self.measured(k), &mut tangent.seeds);
             let due = |t: &Timetable| t.next < complete && t.samples[t.next].0 == k;
             let keep = self.wants.tangents && tables.iter().any(due);
             let (before, tangent_before) = (state.clone(), if keep { tangent.x.clone() } else { Tangent::default() });
@@ -301,8 +304,30 @@ impl Pass<'_> {
         }
     }
 
+    /// Inputs of a step, which may come after those of the record: grippers move on, motors are commanded what they were last.
+    fn measured(&self, k: usize) -> Cow<'_, [f64]> {
+        let rows = &self.rec.inputs;
+        if let Some(row) = rows.get(k) {
+            return Cow::Borrowed(row);
+        }
+        let (before, mut out) = (&rows[rows.len().saturating_sub(2)], rows[rows.len() - 1].clone());
+        let further = (k + 1 - rows.len()) as f64;
+        for drive in self.plan.model.drives().iter().filter(|d| d.is_prescribed()) {
+            for j in drive.first_u..drive.first_u + drive.n_controls() {
+                out[j] += further * (out[j] - before[j]);
+            }
+        }
+        Cow::Owned(out)
+    }
+
+    /// Steps to all samples: more than the record has inputs for where its sensors read ahead of its clock.
+    fn steps(&self, tables: &[Timetable]) -> usize {
+        let last = tables.iter().filter_map(|table| table.samples.last()).map(|(step, _)| step + 1);
+        last.fold(self.rec.inputs.len(), usize::max)
+    }
+
     /// Observed quantities with their times, grouped by equal time shift.
-    fn timetables(&self, steps: usize) -> Vec<Timetable> {
+    fn timetables(&self) -> Vec<Timetable> {
         let offset = self.values.sensor.time_offset();
         let mut shifts: Vec<(f64, Vec<Observed>)> = Vec::new();
         for observed in self.plan.observed() {
@@ -312,17 +337,19 @@ impl Pass<'_> {
                 None => shifts.push((offset + own, vec![observed])),
             }
         }
-        shifts.into_iter().map(|(shift, observed)| Timetable { observed, samples: self.samples(steps, shift), next: 0 }).collect()
+        shifts.into_iter().map(|(shift, observed)| Timetable { observed, samples: self.samples(shift), next: 0 }).collect()
     }
 
-    /// (step, part of it) of every sample that the simulated steps cover, read `shift` late \[s\].
-    fn samples(&self, steps: usize, shift: f64) -> Vec<(usize, f64)> {
+    /// (step, part of it) of every sample, read `shift` late \[s\].
+    fn samples(&self, shift: f64) -> Vec<(usize, f64)> {
+        let ahead = shift < 0.0;
         let place = |t: &f64| {
             let x = (t - shift) / self.h;
-            let step = ((x + SHOOTING.same_time).floor().max(0.0) as usize).min(self.rec.inputs.len() - 1);
+            let step = (x + SHOOTING.same_time).floor().max(0.0) as usize;
+            let step = if ahead { step } else { step.min(self.rec.inputs.len() - 1) };
             (step, x - step as f64)
         };
-        self.rec.record.time.iter().map(place).take_while(|(step, part)| *step < steps && *part < 2.0).collect()
+        self.rec.record.time.iter().map(place).collect()
     }
 
     fn reserve(&self, shot: &mut Shot, samples: usize) {
