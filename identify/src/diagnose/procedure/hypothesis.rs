@@ -79,7 +79,8 @@ impl OwnSizes {
         (self.values.len().saturating_sub(1) * self.unknowns.len()) as f64
     }
 
-    /// Whether the sizes of one of `of` differ by more than a part of their mean, counted from the scene's value.
+    /// Whether the sizes of one of `of` differ by more than a part of their mean, counted from the scene's value; each weighs as much as its
+    /// record says about it.
     pub fn differ(&self, plan: &Plan, of: &[Unknown]) -> bool {
         let n = self.values.len() as f64;
         self.unknowns.iter().enumerate().filter(|(_, u)| of.iter().any(|o| o.target.same(&u.target))).any(|(j, u)| {
