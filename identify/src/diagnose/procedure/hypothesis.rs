@@ -177,9 +177,7 @@ impl Bench<'_> {
             }
             let Some((squares, values)) = nearest else { continue };
             let tied = self.plan.tied(unknowns.clone());
-            // records in joined segments stay near the data as they are
-            let led =
-                self.plan.given.then(|| approach(self.plan, &parent.records, &values, &tied, &POLICY.pieces).ok()).flatten();
+            let led = approach(self.plan, &parent.records, &values, &tied, &POLICY.pieces).ok();
             let led = led.map(|(values, records)| (self.squares_at(&records, &values), values, records));
             for one in led.into_iter().chain([(squares, values, parent.records.clone())]) {
                 if best.as_ref().is_none_or(|(least, ..)| one.0 < *least) {
