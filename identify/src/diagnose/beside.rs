@@ -49,9 +49,22 @@ impl Beside {
 
     /// Squares that a simulation with this change takes from the fit, whatever is free refitted (linearized).
     pub fn gain(&self, change: usize) -> f64 {
-        let (gram, score, d) = (self.reduced.gram(), self.reduced.score(), &self.changes[change]);
-        let fitted = |s: &DVector<f64>| s.dot(&solved(&gram, s));
-        2.0 * d.with_residual - d.square + fitted(&(&score - &d.along)) - fitted(&score)
+        let [with_residual, square] = self.off_the_fit(change);
+        2.0 * with_residual - square
+    }
+
+    /// The same with that part of the change, none to all of it, that takes most.
+    pub fn most(&self, change: usize) -> f64 {
+        let [with_residual, square] = self.off_the_fit(change);
+        let part = (with_residual / square.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        part * (2.0 * with_residual - part * square)
+    }
+
+    /// Δᵀr and ΔᵀΔ with everything fitted projected off.
+    fn off_the_fit(&self, change: usize) -> [f64; 2] {
+        let d = &self.changes[change];
+        let fitted = solved(&self.reduced.gram(), &d.along);
+        [d.with_residual - fitted.dot(&self.reduced.score()), d.square - fitted.dot(&d.along)]
     }
 
     /// Squares of the change that none of what is fitted imitates, where a curvature `known` holds it besides.
@@ -99,5 +112,16 @@ mod tests {
         let left = alone.rss() - score.dot(&solved(&alone.gram(), &score));
         assert!((beside.reduced.rss() / alone.rss() - 1.0).abs() < 1e-9 && beside.reduced.columns() == 1);
         assert!((beside.gain(1) / left - 1.0).abs() < 0.02, "{} {left}", beside.gain(1));
+        // of twice what is left all of it takes nothing, and half of it everything; of its opposite no part takes anything
+        let [twice, against] =
+            [2.0, -1.0].map(|by| fitted.residuals.iter().map(|r| r.iter().map(|r| by * r).collect()).collect::<Vec<Vec<f64>>>());
+        let beside = Beside::new(&plan, &fitted, &[&twice, &against]).unwrap();
+        assert!(
+            beside.gain(0).abs() < 1e-6 * left && (beside.most(0) / left - 1.0).abs() < 0.02,
+            "{} {}",
+            beside.gain(0),
+            beside.most(0)
+        );
+        assert!(beside.gain(1) < -2.9 * left && beside.most(1) == 0.0);
     }
 }

@@ -93,8 +93,8 @@ pub(super) struct Policy {
     /// Units of −2 log likelihood that a further number has to gain [-]: odds of 1800 to 1, so that of forty causes tried, none of which is
     /// there, one is accepted once in fifty times.
     pub per_number: f64,
-    /// Units of −2 log likelihood by which a model has to lead to be told from a rival [-]: as many as a number costs, so that a rival which
-    /// explains the same by one number more is not told from it. (Right names led by 170 and more in 46 blind cases.)
+    /// Units of −2 log likelihood by which a model has to lead to be told from a rival, beside what the rival's further numbers cost [-]: odds of
+    /// 1800 to 1. (Right names led by 170 and more in 46 blind cases.)
     pub lead: f64,
     /// Times the sensors' scatter above which what is left is no noise [-]. Noise of AR(1) 0.97 would be 5.9 times its scatter. Right
     /// models left 1.5 to 6.7 times, wrong ones 17 times and more in 46 blind cases.

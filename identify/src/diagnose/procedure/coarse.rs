@@ -294,6 +294,8 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::super::super::audit::starts::tests::{experiment, pendulum};
     use super::*;
+    use crate::causes::{Situation, library};
+    use crate::sensor::DELAY;
 
     /// A swinging pendulum with some damping, in readings of 0.4 s; the scene has none.
     fn swinging() -> Plan {
@@ -336,5 +338,36 @@ mod tests {
         assert!((path(&long) / path(&short) - 1.0).abs() < 1e-3, "{} {}", path(&long), path(&short));
         let [a, b] = [&long, &short].map(|f| squares(&plan, f, &white).unwrap());
         assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
+
+    /// Grids and scales of causes are those that the records call for, on whatever steps they are tried.
+    #[test]
+    fn causes_have_the_same_sizes_on_long_steps() {
+        let plan = swinging();
+        let white = ArModel::white(vec![1e-3]).unwrap();
+        let bench = Bench { plan: &plan, declared: Vec::new(), white: white.clone() };
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let coarse = Coarse::of(&bench, &fitted).unwrap();
+        assert!(!coarse.is_fine());
+        let sizes = |plan: &Plan| -> Vec<_> {
+            let at = Situation { plan, values: &fitted.values, free: &[], together: true };
+            library(&at).iter().map(|c| (c.title(), c.untestable.clone(), c.nuisance_grid.clone())).collect()
+        };
+        assert_eq!(sizes(&coarse.plan), sizes(&plan));
+    }
+
+    /// A clock that is ahead reads all samples, the last of them after the record's last input.
+    #[test]
+    fn a_reading_ahead_of_the_clock_loses_no_sample() {
+        let plan = swinging();
+        let (rec, mut values) = (&plan.fitted[0], plan.scene_values.clone());
+        values.joints[0][DELAY] = -0.0231;
+        let ahead = shoot(&plan, rec, &values, ShotWants::default()).unwrap().predicted;
+        let mut longer = rec.clone();
+        longer.inputs.extend(std::iter::repeat_n(rec.inputs[rec.inputs.len() - 1].clone(), 40));
+        longer.record.time.iter_mut().for_each(|t| *t += 0.0231);
+        let later = shoot(&plan, &longer, &plan.scene_values, ShotWants::default()).unwrap().predicted;
+        assert!(ahead.len() == rec.record.time.len() && ahead.len() == later.len());
+        assert!(ahead.iter().zip(&later).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 }

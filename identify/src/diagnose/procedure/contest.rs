@@ -29,6 +29,8 @@ pub(super) struct Contest {
     pub coarse: Vec<Coarse>,
     /// Each model's score: less is better.
     pub scores: Vec<f64>,
+    /// What its numbers cost of that.
+    pub prices: Vec<f64>,
     /// Squares of each on every record with it left out.
     pub left_out: Vec<Vec<f64>>,
     /// Whether the last cause of each surely has another size in every record; its score is then that with own sizes.
@@ -97,8 +99,15 @@ impl Contest {
         let no_noise = bench.no_noise(best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
-        let mut out =
-            Self { no_noise, fits: Vec::new(), coarse: Vec::new(), scores: Vec::new(), left_out: Vec::new(), varies: Vec::new() };
+        let mut out = Self {
+            no_noise,
+            fits: Vec::new(),
+            coarse: Vec::new(),
+            scores: Vec::new(),
+            prices: Vec::new(),
+            left_out: Vec::new(),
+            varies: Vec::new(),
+        };
         for (k, model) in models.iter().enumerate() {
             let fitted = if no_noise { model.fitted.clone() } else { judged(bench, model, &noise, least)? };
             let (coarse, across) = match seen[k].take().filter(|_| no_noise) {
@@ -110,21 +119,25 @@ impl Contest {
                 }
             };
             let left_out = across.left_out;
+            let price = POLICY.per_number * numbers(k);
             let score = match no_noise {
                 true => left_out.iter().sum(),
-                false => squares(bench.plan, &fitted, &noise)? + POLICY.per_number * numbers(k),
+                false => squares(bench.plan, &fitted, &noise)? + price,
             };
             let with_own = match own[k].as_ref().filter(|o| !no_noise && bench.over(&o.fitted) <= least) {
                 Some(o) => {
                     let own = bench.own_sizes(&fitted, &o.unknowns, Some(&noise))?;
-                    let score = squares(bench.plan, &own.fitted, &noise)? + POLICY.per_number * (numbers(k) + own.more());
+                    let price = POLICY.per_number * (numbers(k) + own.more());
+                    let score = squares(bench.plan, &own.fitted, &noise)? + price;
                     let new = model.causes.last().filter(|_| k >= beam).map_or(&[][..], |cause| &cause.unknowns);
-                    (own.differ(bench.plan, new) || !model.varying.is_empty()).then_some(score)
+                    (own.differ(bench.plan, new) || !model.varying.is_empty()).then_some((score, price))
                 }
                 None => None,
             };
-            let varies = with_own.is_some_and(|own| own < score - POLICY.lead);
-            out.scores.push(with_own.filter(|_| varies).unwrap_or(score));
+            let varies = with_own.is_some_and(|(own, _)| own < score - POLICY.lead);
+            let (score, price) = with_own.filter(|_| varies).unwrap_or((score, price));
+            out.scores.push(score);
+            out.prices.push(price);
             out.varies.push(varies && k >= beam);
             out.fits.push(fitted);
             out.coarse.push(coarse);
@@ -133,12 +146,38 @@ impl Contest {
         Ok(out)
     }
 
-    /// Whether model `k` cannot be told from the better model `best`.
+    /// Whether model `k` cannot be told from the better model `best`. What its numbers cost more tells nothing: that a tilt has two and a turn of
+    /// the camera three makes neither likelier.
     pub fn ties(&self, best: usize, k: usize) -> bool {
         if self.no_noise {
             !across::better(&self.left_out[k], &self.left_out[best])
         } else {
-            self.scores[k] - self.scores[best] < POLICY.lead
+            let more = (self.prices[k] - self.prices[best]).max(0.0);
+            self.scores[k] - self.scores[best] - more < POLICY.lead
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of models that are as near to the data the one with fewer numbers is better, and not told from the other.
+    #[test]
+    fn what_numbers_cost_tells_nothing() {
+        let mut contest = Contest {
+            no_noise: false,
+            fits: Vec::new(),
+            coarse: Vec::new(),
+            scores: vec![130.0, 146.0, 160.5],
+            prices: vec![30.0, 45.0, 30.0],
+            left_out: Vec::new(),
+            varies: Vec::new(),
+        };
+        assert!(contest.ties(0, 1) && !contest.ties(0, 2));
+        // nor is a rival told from it that is as much farther from the data as the leader's own further number cost
+        contest.prices[1] = 15.0;
+        contest.scores[1] = 144.0;
+        assert!(contest.ties(0, 1));
     }
 }

@@ -1,5 +1,6 @@
 //! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
 
+use super::super::certainty::Curvature;
 use super::super::policy::POLICY;
 use super::coarse::Coarse;
 use crate::causes::Cause;
@@ -69,6 +70,8 @@ pub(in super::super) struct OwnSizes {
     pub unknowns: Vec<Unknown>,
     /// Their values, by measured record and in the same order.
     pub values: Vec<Vec<f64>>,
+    /// Of each what its record says about it: one over the squared standard error; 0 where it says nothing.
+    pub information: Vec<Vec<f64>>,
     /// Records and residuals with these sizes; values and everything else are those of the common fit.
     pub fitted: Fitted,
 }
@@ -82,13 +85,16 @@ impl OwnSizes {
     /// Whether the sizes of one of `of` differ by more than a part of their mean, counted from the scene's value; each weighs as much as its
     /// record says about it.
     pub fn differ(&self, plan: &Plan, of: &[Unknown]) -> bool {
-        let n = self.values.len() as f64;
         self.unknowns.iter().enumerate().filter(|(_, u)| of.iter().any(|o| o.target.same(&u.target))).any(|(j, u)| {
             let none = u.coordinate_of(u.value(&plan.scene_values));
-            let sizes = || self.values.iter().map(|own| u.coordinate_of(own[j]) - none);
-            let mean = sizes().sum::<f64>() / n;
-            let variance = sizes().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
-            variance.sqrt() > POLICY.varies * mean.abs()
+            let sizes =
+                || self.values.iter().zip(&self.information).map(|(own, known)| (u.coordinate_of(own[j]) - none, known[j]));
+            let mean_of = |f: &dyn Fn(f64) -> f64| {
+                let weight = sizes().map(|(_, known)| known).sum::<f64>().max(f64::MIN_POSITIVE);
+                sizes().map(|(x, known)| f(x) * known).sum::<f64>() / weight
+            };
+            let mean = mean_of(&|x| x);
+            mean_of(&|x| (x - mean) * (x - mean)).sqrt() > POLICY.varies * mean.abs()
         })
     }
 }
@@ -196,7 +202,7 @@ impl Bench<'_> {
         let is_own = |u: &&Unknown| own.iter().any(|o| o.target.same(&u.target));
         let unknowns: Vec<Unknown> = fitted.unknowns.iter().filter(is_own).cloned().collect();
         let mut out = fitted.clone();
-        let mut values = Vec::new();
+        let (mut values, mut information) = (Vec::new(), Vec::new());
         let parents = fitted.records.last().map_or(0, |rec| rec.parent + 1);
         for parent in 0..parents {
             let places: Vec<usize> = (0..fitted.records.len()).filter(|&k| fitted.records[k].parent == parent).collect();
@@ -206,13 +212,16 @@ impl Bench<'_> {
             }
             let white = noise.unwrap_or(&self.white);
             let one = self.polished(&records, &fitted.values, &unknowns, white, &POLICY.fine)?;
+            let errors = Curvature::new(self.plan, &one)?.std_errors();
+            let known = |error: &f64| if error.is_finite() && *error > 0.0 { (error * error).recip() } else { 0.0 };
+            information.push(errors.iter().map(known).collect());
             values.push(unknowns.iter().map(|u| u.value(&one.values)).collect());
             for (&k, (record, residual)) in places.iter().zip(one.records.into_iter().zip(one.residuals)) {
                 (out.records[k], out.residuals[k]) = (record, residual);
             }
         }
         out.rmse = self.plan.rms(&out.residuals);
-        Ok(OwnSizes { unknowns, values, fitted: out })
+        Ok(OwnSizes { unknowns, values, information, fitted: out })
     }
 
     /// `parent` with a cause freed as well, at its one-step estimate and not refitted; the cause with what was freed for it.
@@ -279,4 +288,31 @@ fn opened(parent: &Fitted, cause: &Cause, step: &[f64], start: &[(usize, f64)], 
         }
     }
     values
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::super::audit::starts::tests::{experiment, pendulum};
+    use super::*;
+
+    /// What a record does not know does not make a size vary.
+    #[test]
+    fn sizes_weigh_as_much_as_is_known_of_them() {
+        let plan = experiment(&pendulum("measured"), &[vec![0.3; 40], vec![0.5; 40]]).0;
+        let damping = Unknown::of_theta(&plan.model, "pivot.damping", 0.1).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], None, &POLICY.fine).unwrap();
+        let differ = |sizes: [f64; 3], information: [f64; 3]| {
+            let values = sizes.map(|x| vec![x]).to_vec();
+            let own = OwnSizes {
+                unknowns: vec![damping.clone()],
+                values,
+                information: information.map(|x| vec![x]).to_vec(),
+                fitted: fitted.clone(),
+            };
+            own.differ(&plan, &[damping.clone()])
+        };
+        assert!(differ([0.08, 0.08, 0.0], [1.0, 1.0, 1.0]) && !differ([0.08, 0.08, 0.0], [1.0, 1.0, 1e-3]));
+        assert!(!differ([0.08, 0.0801, 0.079], [1.0; 3]));
+    }
 }

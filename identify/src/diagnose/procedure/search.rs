@@ -257,8 +257,8 @@ impl<'a> Round<'a> {
         let (before, after) = (&self.contest.left_out[parent], &self.contest.left_out[k]);
         let share = across::share(before, after);
         let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
-        // a size that differs between records foretells less, and something still
-        let accepted = carries || share > 0.0 && self.contest.varies[k];
+        // a size that differs between records foretells nothing of others: that each record by itself calls for the law has to do
+        let accepted = carries || self.contest.varies[k];
         // a single record has none left out, and its likelihood decides
         let judged = records >= 2 || self.contest.no_noise;
         if judged && !accepted {
@@ -271,7 +271,7 @@ impl<'a> Round<'a> {
     }
 
     /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and it
-    /// does not lead the finer simulation without it.
+    /// does not lead the finer simulation without it, or one that is part of the way there.
     fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
         let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
         let own: Vec<usize> = (0..fitted.unknowns.len())
@@ -287,7 +287,7 @@ impl<'a> Round<'a> {
         for (number, of) in shifts.iter().enumerate() {
             let bias = beside.sizes(number);
             let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
-            if small && self.gain_of_finer(parent, of.kind)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
+            if small && self.taken_by_finer(parent, of.kind)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
             {
                 return Ok(Some(Rejection::Imitated(of.kind)));
             }
@@ -295,13 +295,11 @@ impl<'a> Round<'a> {
         Ok(None)
     }
 
-    /// Squares that a finer simulation takes from a model.
-    fn gain_of_finer(&self, model: usize, kind: NumericsKind) -> Result<f64, IdentifyError> {
+    /// Squares that a finer simulation, or one part of the way to it, takes from a model.
+    fn taken_by_finer(&self, model: usize, kind: NumericsKind) -> Result<f64, IdentifyError> {
         let coarse = &self.contest.coarse[model];
-        let Some(finer) = shift(kind, self.scene, self.bench.plan, &self.contest.fits[model]) else {
-            return Ok(f64::NEG_INFINITY);
-        };
-        Ok(Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?.gain(0))
+        let finer = shift(kind, self.scene, self.bench.plan, &self.contest.fits[model]);
+        finer.map_or(Ok(0.0), |finer| Ok(Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?.most(0)))
     }
 
     /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
