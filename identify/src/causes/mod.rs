@@ -94,7 +94,8 @@ pub struct Cause {
     pub starts: Vec<Vec<(usize, f64)>>,
     /// The cause that this one adds detail to.
     pub above: Option<&'static str>,
-    /// The cause that this one is at a limit of its own shape; where its shape gains nothing significant, the limit stands.
+    /// The cause that this one is at a limit of its own shape, or with all its numbers alike; where its shape gains nothing significant, that
+    /// one stands.
     pub becomes: Option<&'static str>,
 }
 

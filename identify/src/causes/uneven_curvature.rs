@@ -24,6 +24,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             excitation: "turn both ends about the rod's own direction by the same angle, with the rod slack and with it stretched",
             companions: if even { Vec::new() } else { at.unmeasured_of(rod) },
             above: even.then_some("intrinsic_curvature"),
+            becomes: (!even).then_some("intrinsic_curvature"),
             ..Cause::default()
         }
     })

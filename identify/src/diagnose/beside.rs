@@ -112,12 +112,12 @@ mod tests {
         let left = alone.rss() - score.dot(&solved(&alone.gram(), &score));
         assert!((beside.reduced.rss() / alone.rss() - 1.0).abs() < 1e-9 && beside.reduced.columns() == 1);
         assert!((beside.gain(1) / left - 1.0).abs() < 0.02, "{} {left}", beside.gain(1));
-        // of twice what is left all of it takes nothing, and half of it everything; of its opposite no part takes anything
+        // a fit that has not quite ended takes something of its own residual; of twice that all of it takes nothing, and half of it everything; of its opposite no part takes anything
         let [twice, against] =
             [2.0, -1.0].map(|by| fitted.residuals.iter().map(|r| r.iter().map(|r| by * r).collect()).collect::<Vec<Vec<f64>>>());
         let beside = Beside::new(&plan, &fitted, &[&twice, &against]).unwrap();
         assert!(
-            beside.gain(0).abs() < 1e-6 * left && (beside.most(0) / left - 1.0).abs() < 0.02,
+            beside.gain(0).abs() < 1e-3 * left && (beside.most(0) / left - 1.0).abs() < 0.02,
             "{} {}",
             beside.gain(0),
             beside.most(0)
