@@ -257,8 +257,8 @@ impl<'a> Round<'a> {
         let (before, after) = (&self.contest.left_out[parent], &self.contest.left_out[k]);
         let share = across::share(before, after);
         let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
-        // a size that differs between records foretells nothing of others: that each record by itself calls for the law has to do
-        let accepted = carries || self.contest.varies[k];
+        // a size that differs between records foretells less, and something still
+        let accepted = carries || share > 0.0 && self.contest.varies[k];
         // a single record has none left out, and its likelihood decides
         let judged = records >= 2 || self.contest.no_noise;
         if judged && !accepted {
