@@ -310,7 +310,7 @@ mod tests {
                 information: information.map(|x| vec![x]).to_vec(),
                 fitted: fitted.clone(),
             };
-            own.differ(&plan, &[damping.clone()])
+            own.differ(&plan, std::slice::from_ref(&damping))
         };
         assert!(differ([0.08, 0.08, 0.0], [1.0, 1.0, 1.0]) && !differ([0.08, 0.08, 0.0], [1.0, 1.0, 1e-3]));
         assert!(!differ([0.08, 0.0801, 0.079], [1.0; 3]));
