@@ -245,7 +245,7 @@ impl<'a> Round<'a> {
         let more = self.models[k].numbers() as f64 - self.models[parent].numbers() as f64;
         let taken = self.contest.scores[parent] - self.contest.scores[k];
         if !self.contest.no_noise {
-            let level = chi2_quantile(1.0 - POLICY.level / self.tests, more.max(1.0));
+            let level = chi2_quantile(1.0 - POLICY.accepted_level / self.tests, more.max(1.0));
             let needed = level.max(POLICY.per_number * more);
             if taken + POLICY.per_number * more < needed {
                 let (taken, needed) = (taken + POLICY.per_number * more, needed);
