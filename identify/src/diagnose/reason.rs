@@ -78,15 +78,17 @@ pub(super) fn own_error(own: &[Numerics]) -> String {
     if notes.is_empty() { String::new() } else { format!("the simulation's own error counts as well: {}", notes.join("; ")) }
 }
 
-/// The reservation that causes accepted beside others are, which may stand for something else.
+/// The reservation that causes are which were accepted beside those that are named, and may stand for something else.
 pub(super) fn stand_ins(causes: &[Cause]) -> String {
     let names: Vec<String> = causes.iter().map(Cause::title).collect();
-    let verb = if names.len() == 1 { "takes" } else { "take" };
+    let [takes, stands] = if names.len() == 1 { ["takes", "is"] } else { ["take", "are"] };
     if names.is_empty() {
-        String::new()
-    } else {
-        format!("beside it {} {verb} something, and may only stand for what is left", names.join(" and "))
+        return String::new();
     }
+    format!(
+        "{} {takes} part of the rest, and {stands} not named, for about as much is left that looks otherwise",
+        names.join(" and ")
+    )
 }
 
 /// Adds a clause to a reason that may end as a sentence; nothing if it is empty.
@@ -202,6 +204,14 @@ mod tests {
         assert_eq!(reason, "The data call for wind.");
         add(&mut reason, "the step is too coarse");
         assert_eq!(reason, "The data call for wind; the step is too coarse");
+    }
+
+    #[test]
+    fn causes_that_are_not_named_are_said_besides() {
+        let one = cause("quadratic_damping", "spring.quadratic_damping", 0.1, "N·s²/m²", 1193.0);
+        assert_eq!(stand_ins(&[]), "");
+        let said = stand_ins(&[one]);
+        assert!(said.starts_with("quadratic_damping takes part of the rest, and is not named"), "{said}");
     }
 
     #[test]

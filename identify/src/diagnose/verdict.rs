@@ -137,3 +137,26 @@ fn without_cause(d: &Diagnosis, found: &Found, own: &[Numerics]) -> (Verdict, St
         (Verdict::Adequate, reason::adequate(&d.noise, &d.remainder))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    /// A weak cause that what is left may be behind goes, and what it could be taken for; a strong one and its rivals stay.
+    #[test]
+    fn weak_causes_are_set_apart_with_their_rivals() {
+        let mut d = sample::diagnosis();
+        let of = |name: &str, statistic: f64| Cause { name: name.to_owned(), statistic, ..sample::diagnosis().causes[0].clone() };
+        d.causes = vec![of("linear_drag", 9000.0), of("tip_mass", 200.0)];
+        d.remainder.forms = vec![RemainderForm { taken: 80.0, ..RemainderForm::default() }];
+        d.alternatives = vec![vec!["tip_mass".into(), "wind".into()], vec!["linear_drag".into(), "quadratic_drag".into()]];
+        d.alternative_objects = vec![vec![None; 2]; 2];
+        let apart = set_apart(&mut d);
+        let names = |causes: &[Cause]| causes.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+        assert_eq!((names(&apart), names(&d.causes)), (vec!["tip_mass".to_owned()], vec!["linear_drag".to_owned()]));
+        assert_eq!((d.alternatives.len(), d.alternative_objects.len(), d.alternatives[0][0].as_str()), (1, 1, "linear_drag"));
+        d.remainder.forms.clear();
+        assert!(set_apart(&mut d).is_empty() && d.causes.len() == 1);
+    }
+}

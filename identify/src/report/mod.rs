@@ -20,7 +20,7 @@ mod place_rod;
 mod plot;
 mod reproduce;
 #[cfg(test)]
-mod sample;
+pub(crate) mod sample;
 mod saved;
 mod shapes;
 mod stages;

@@ -46,7 +46,7 @@ pub(super) fn estimate(path: &str, estimate: f64) -> Estimate {
 }
 
 /// A rope that swings and is damped less by the baseline than in truth.
-pub(super) fn diagnosis() -> Diagnosis {
+pub(crate) fn diagnosis() -> Diagnosis {
     let damping = estimate("cable.bend_damping", 1.5e-4);
     let stiffness = estimate("cable.bend_stiffness", 2.1e-3);
     let stage = |name: &str, rmse: f64, parameters: &[&Estimate]| Stage {
