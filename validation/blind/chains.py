@@ -148,7 +148,7 @@ class ChainSetup(Setup):
         """A fitted record more: one again, with other commands, pace or start, as `pliant diagnose` proposes them."""
         size, frequency, phase = self.waves[record]
         self.waves.append((commands * size, frequency, phase))
-        self.pace.append(pace)
+        self.pace.append(self.pace[record] * pace)
         self.log(rng, jitter)
         q, v = self.begun[record]
         self.begun.append((self.rest + start * (q - self.rest), start * v))

@@ -54,7 +54,8 @@ def led(folder: Path, truth: dict, report: dict, choose: Callable[[dict], Choice
         if choice is None:
             break
         record = setup.repeat(choice[0], *choice[1], rng, drawn.noise.jitter)
-        clean = setup.readings([(record, drawn.hidden[choice[0]])])
+        drawn.hidden.append(drawn.hidden[choice[0]])
+        clean = setup.readings([(record, drawn.hidden[record])])
         drawn.readings.append(drawn.noise.read(clean[0], setup.sigma, rng))
         scene = drawn.write(folder / str(number))
         answer, error = batch.ask(pliant, scene, folder / str(number) / "out", timeout)
@@ -69,7 +70,7 @@ def one(job: tuple[Path, str, float, str]) -> dict:
     """Both ways of going on with a case."""
     root, pliant, timeout, name = job
     truth, report = json.loads((root / f"{name}.truth.json").read_text()), json.loads((root / "answers" / f"{name}.json").read_text())["report"]
-    lot = by_lot(np.random.default_rng([truth["seed"], truth["index"], 12]), len(report["curves"]) or 1)
+    lot = by_lot(np.random.default_rng([truth["seed"], truth["index"], 12]), report["records"]["fit"])
     row = {"case": name, "system": truth["system"], "lam": truth["lam"], "hidden": score.hidden_name(truth), "chance": [n["chance"] for n in report["next"]]}
     for way, choose in (("proposed", proposed), ("by_lot", lot)):
         folder = root / "next" / name / way

@@ -30,6 +30,13 @@ def test_a_record_repeated_as_it_was_has_the_same_motion(cart):
     assert again == pytest.approx(one, abs=1e-12)
 
 
+def test_a_repeated_record_can_be_repeated(cart):
+    fast = cart.repeat(0, 2.0, 2.0, 1.0, np.random.default_rng(0), 0.0)
+    again = cart.repeat(fast, 0.5, 0.5, 1.0, np.random.default_rng(0), 0.0)
+    t = np.linspace(0.0, cart.duration, 50)
+    assert cart.command(again, t) == pytest.approx(cart.command(0, t), abs=1e-12)
+
+
 def test_the_menu_is_that_of_the_diagnosis():
     source = (trial.Path(__file__).parents[2] / "identify/src/diagnose/next.rs").read_text(encoding="utf-8")
     menu = source.split("const CHANGES")[1].split("];")[0]
