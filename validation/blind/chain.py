@@ -26,7 +26,8 @@ jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 G = 9.81  # m/s²
-CHUNK = 64  # variants that are simulated together; so few sizes of arrays that a kind of chain is compiled once for all setups
+# arrays have few sizes, so that a kind of chain is compiled once for all setups
+CHUNK = 64  # variants that are simulated together
 SEGMENT = 256  # steps that are simulated together
 SWEEPS = 12  # of Gauss-Seidel
 

@@ -1,6 +1,7 @@
 """Records that are repeated as a diagnosis proposes, and what is counted of the trials."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -39,8 +40,9 @@ def test_a_repeated_record_can_be_repeated(cart):
 
 def test_the_menu_is_that_of_the_diagnosis():
     source = (trial.Path(__file__).parents[2] / "identify/src/diagnose/next.rs").read_text(encoding="utf-8")
-    menu = source.split("const CHANGES")[1].split("];")[0]
-    assert menu.count("Change {") + menu.count("AGAIN,\n    Change") == len(trial.MENU)
+    entries = re.findall(r"AGAIN,\n|Change \{(.*?)\},\n", source.split("const CHANGES")[1].split("];")[0])
+    factor = lambda entry, name: float((re.search(rf"{name}: (-?[0-9.]+)", entry) or [0, 1.0])[1])
+    assert tuple(tuple(factor(entry, name) for name in ("commands", "pace", "start")) for entry in entries) == trial.MENU
 
 
 def test_the_first_proposal_is_taken():
