@@ -5,7 +5,7 @@
 //! ```
 //! Inputs stay at the log's own times; [`Record::step_inputs`] reads them at the steps of a simulation, along straight
 //! lines or a smooth curve.
-//! The sample period must be a whole number of steps (within 2 %, so that jittering clocks pass), and samples may then fall a
+//! The sample [`period`] must be a whole number of steps (within 2 %); samples may fall a
 //! little beside the steps: [`Record::samples_in_steps`] says where.
 
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
@@ -29,6 +29,6 @@ pub use experiment::{
     AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor,
     LengthUnit, Marker, Orientation, Prior, RecordFile, Role, SensorStart, TimeUnit,
 };
-pub use record::{Logs, Record, Split, StepTime};
+pub use record::{Logs, Record, Split, StepTime, period};
 pub use setup::Setup;
 pub(crate) use setup::offset_path;

@@ -87,17 +87,29 @@ pub struct StepTime {
     pub part: f64,
 }
 
+/// Period of a clock, in the unit of its times; 0 for fewer than two of them.
+///
+/// The whole time over the number of periods in it, where a spacing counts for the nearest number of them: a clock that shakes moves the
+/// median of the spacings, and samples that are missing their mean.
+pub fn period(times: &[f64]) -> f64 {
+    let mut spacings: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+    spacings.sort_by(f64::total_cmp);
+    let median = spacings.get(spacings.len() / 2).copied().unwrap_or(0.0);
+    let counted =
+        |period: f64| (times[times.len() - 1] - times[0]) / spacings.iter().map(|d| (d / period).round().max(1.0)).sum::<f64>();
+    // The second time with a period that a shaken median no longer moves.
+    if median > 0.0 { counted(counted(median)) } else { median }
+}
+
 impl Record {
     /// Time from the first sample to the last [s].
     pub fn duration(&self) -> f64 {
         self.time.last().copied().unwrap_or(0.0)
     }
 
-    /// Median time between samples [s].
+    /// Time between samples [s]; see [`period`].
     pub fn period(&self) -> f64 {
-        let mut periods: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
-        periods.sort_by(f64::total_cmp);
-        periods.get(periods.len() / 2).copied().unwrap_or(0.0)
+        period(&self.time)
     }
 
     /// Number of steps of h [s] that cover the record.
@@ -224,6 +236,15 @@ mod tests {
         assert!(samples[1].step == 1 && (samples[1].part - 0.05).abs() < 1e-9);
         assert!(samples[3].step == 2 && (samples[3].part - 1.0).abs() < 1e-9);
         assert!((record.period() - 0.02).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_clock_that_shakes_or_drops_samples_keeps_its_period() {
+        // Shaken by up to a seventh of the period, by the parts of multiples of the golden ratio; every seventh sample is missing.
+        let shaken = |k: usize| 0.02 * (k as f64 + ((k as f64 * 0.618_034).fract() - 0.5) * 2.0 / 7.0);
+        let times: Vec<f64> = (0..400).filter(|k| k % 7 != 3).map(shaken).collect();
+        assert!((period(&times) / 0.02 - 1.0).abs() < 1e-3, "{}", period(&times));
+        assert_eq!((period(&[0.0, 1.0, 2.0, 7.0]), period(&[3.0]), period(&[])), (1.0, 0.0, 0.0));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::super::failure::Failure;
 use super::clock;
 use super::matching::{self, Mistake};
 use super::names;
-use pliant::identify::log::csv_columns;
+use pliant::identify::log::{csv_columns, period};
 use std::path::{Path, PathBuf};
 
 /// A log as far as a scene for it has to know.
@@ -34,8 +34,8 @@ impl Log {
         let columns: Vec<&str> = header.iter().map(String::as_str).collect();
         let clock = matching::clock(&columns).map_err(|mistake| no_clock(path, &header, &mistake))?;
         let times: Vec<f64> = numbers[clock].iter().copied().filter(|t| t.is_finite()).collect();
-        let difference = clock::median_difference(&times);
-        if difference <= 0.0 {
+        let counts = period(&times);
+        if counts <= 0.0 {
             return Err(Failure::Init {
                 place: format!("{}: column `{}`", path.display(), header[clock]),
                 what: format!("does not count up: {} times", times.len()),
@@ -44,10 +44,10 @@ impl Log {
             });
         }
         let unit = names::read(&header[clock]).unit;
-        let seconds = clock::seconds(unit.as_deref(), difference);
+        let seconds = clock::seconds(unit.as_deref(), counts);
         let said = unit.as_deref().is_some_and(|unit| clock::UNITS.iter().any(|(known, _)| *known == unit));
         let duration = seconds * (times[times.len() - 1] - times[0]);
-        Ok(Self { path: path.to_owned(), header, clock, seconds, said, period: seconds * difference, duration, held_out: false })
+        Ok(Self { path: path.to_owned(), header, clock, seconds, said, period: seconds * counts, duration, held_out: false })
     }
 }
 
