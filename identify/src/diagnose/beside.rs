@@ -7,6 +7,7 @@
 //! ```
 //! if Δ is taken off the data, and the squares of what is then left are those of r − Δ less what a refit takes of them.
 
+use super::policy::POLICY;
 use super::procedure::solved;
 use super::scores::reduce_beside;
 use crate::error::IdentifyError;
@@ -35,7 +36,8 @@ struct Change {
 impl Beside {
     /// `changes`: of every record, rows (time, channel).
     pub fn new(plan: &Plan, fitted: &Fitted, changes: &[&[Vec<f64>]]) -> Result<Self, IdentifyError> {
-        let (k, whole) = (fitted.unknowns.len(), reduce_beside(plan, fitted, &fitted.unknowns, changes)?);
+        let (k, whole) =
+            (fitted.unknowns.len(), reduce_beside(plan, fitted, &fitted.unknowns, changes, POLICY.constancy_blocks)?);
         let (gram, score) = (whole.gram(), whole.score());
         let one =
             |j: usize| Change { along: gram.column(j).rows(0, k).into_owned(), square: gram[(j, j)], with_residual: score[j] };

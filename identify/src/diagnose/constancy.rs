@@ -14,7 +14,7 @@ use crate::stats::reduced::{Block, Reduced};
 use crate::unknown::Unknown;
 use nalgebra::{DMatrix, DVector};
 
-/// Smallest p over the parameters of a cause; 1 where there are too few parts to compare. `reduced`: of the fit, cut into [`POLICY`]`.constancy_parts`.
+/// Smallest p over the parameters of a cause; 1 where there are too few parts to compare. `reduced`: of the fit, cut into [`POLICY`]`.constancy_blocks`.
 pub(super) fn p_value(reduced: &Reduced, fitted: &Fitted, own: &[Unknown]) -> f64 {
     let columns: Vec<usize> =
         (0..fitted.unknowns.len()).filter(|&j| own.iter().any(|o| o.target.same(&fitted.unknowns[j].target))).collect();

@@ -2,11 +2,11 @@
 //!
 //! Of every joint a force f(x), and of its sensor an error e(x), are tried, with x the time, the position or the velocity: powers, waves of the
 //! position, friction whose size depends on the position or on the time, and any function at all, as a sum of hats over the range that the
-//! records visit. Each is a score test at the final model, with everything fitted and the simulation's own errors projected off. They decide
-//! whether something is left, and are hypotheses about what it is: no names.
+//! records visit; and of every joint a push, for a moment of one record. Each is a score test at the final model, with everything fitted and the
+//! simulation's own errors projected off. They decide whether something is left, and are hypotheses about what it is: no names.
 
 use super::numerics::{Shift, changes};
-use super::policy::POLICY;
+use super::policy::{Blocks, POLICY};
 use super::procedure::{Bench, Coarse};
 use super::result::RemainderForm;
 use super::scores::reduce_beside;
@@ -16,6 +16,7 @@ use crate::form::{Form, Place, Shape, Variable};
 use crate::log::JointQuantity;
 use crate::number::{number_plain, quantity_plain};
 use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::stats::dist::chi2_sf;
 use crate::stats::score::{Candidate, CandidateScore, ScoreOptions, Sign, score_test};
 use crate::unknown::{Unknown, Values};
 use pliant_engine::bodies::{Joint, JointKind};
@@ -58,27 +59,80 @@ pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<
     for site in sites(plan) {
         let Some(ranges) = Ranges::new(plan, &fitted.records, &shots, site.joint) else { continue };
         let groups = groups(&site, &ranges);
-        let k = fitted.unknowns.len();
-        let mut unknowns = fitted.unknowns.clone();
-        let mut candidates = Vec::new();
-        for group in &groups {
-            let columns = (unknowns.len()..unknowns.len() + group.forms.len()).collect();
-            unknowns.extend(group.forms.iter().map(|form| Unknown::of_form(group.what.clone(), form.clone())));
-            candidates.push(Candidate { columns, sign: Sign::Any });
-        }
-        let reduced = reduce_beside(plan, &fitted, &unknowns, &changes(shifts))?;
-        let nuisance: Vec<usize> = (0..k).chain(unknowns.len()..unknowns.len() + shifts.len()).collect();
-        let test = score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())?;
+        let test = tested(plan, &fitted, &groups, &changes(shifts), POLICY.constancy_blocks)?;
         // what hangs on a few stretches of the records, as on an outlier at the end of a range, has no robust error
         let robust = |(_, s): &(&Group, &CandidateScore)| s.rank > 0 && s.p_blocks.is_some();
-        let tested: Vec<(&Group, &CandidateScore)> = groups.iter().zip(&test.candidates).filter(robust).collect();
-        tests += tested.len();
-        out.extend(tested.into_iter().map(|(group, score)| told(plan, &site, group, score)));
+        let robust: Vec<(&Group, &CandidateScore)> = groups.iter().zip(&test).filter(robust).collect();
+        tests += robust.len();
+        out.extend(robust.into_iter().map(|(group, score)| told(plan, &site, group, score)));
     }
     out.retain(|form| form.p * (tests as f64) < POLICY.form_level);
+    let (pushes, tests) = pushes(plan, &fitted, &changes(shifts))?;
+    out.extend(pushes.into_iter().filter(|push| push.p * (tests as f64) < POLICY.push_level));
     out.sort_by(|a, b| a.p.total_cmp(&b.p).then(b.taken.total_cmp(&a.taken)));
-    out.truncate(POLICY.listed_rivals);
     Ok(out)
+}
+
+/// Pushes: a force at a joint for a moment of one record. Of every record and joint the most significant one, and how many were tried.
+fn pushes(plan: &Plan, fitted: &Fitted, changes: &[&[Vec<f64>]]) -> Result<(Vec<RemainderForm>, usize), IdentifyError> {
+    let sites = sites(plan);
+    let pairs: Vec<(usize, &Site)> = (0..fitted.records.len()).flat_map(|r| sites.iter().map(move |site| (r, site))).collect();
+    let tried = |(r, site): &(usize, &Site)| pushes_of(plan, fitted, changes, *r, site);
+    let tried: Vec<Vec<RemainderForm>> = pairs.par_iter().map(tried).collect::<Result<_, _>>()?;
+    let number = tried.iter().map(Vec::len).sum();
+    let strongest = |all: Vec<RemainderForm>| all.into_iter().min_by(|a, b| a.p.total_cmp(&b.p));
+    Ok((tried.into_iter().filter_map(strongest).collect(), number))
+}
+
+/// Those of one record and joint: a hat over each part of the record's time.
+fn pushes_of(
+    plan: &Plan,
+    fitted: &Fitted,
+    changes: &[&[Vec<f64>]],
+    r: usize,
+    site: &Site,
+) -> Result<Vec<RemainderForm>, IdentifyError> {
+    let rec = &fitted.records[r];
+    let alone = Fitted { records: vec![rec.clone()], residuals: vec![fitted.residuals[r].clone()], ..fitted.clone() };
+    let changes: Vec<&[Vec<f64>]> = changes.iter().map(|change| &change[r..=r]).collect();
+    let width = rec.record.time.last().copied().unwrap_or(0.0) / POLICY.push_parts as f64;
+    let place = Place::Force { q: site.joint.q, v: site.joint.v };
+    let push = |k: usize| {
+        let peak = k as f64 * width;
+        let shape = Shape::Hat { peak, width, first: false, last: false };
+        let what = format!("pushes for {} s, {} s into {}", number_plain(width), number_plain(peak), rec.record.name);
+        Group { forms: vec![Form { place, variable: Variable::Time, shape, reversing: false }], what }
+    };
+    let groups: Vec<Group> = (0..=POLICY.push_parts).map(push).collect();
+    let test = tested(plan, &alone, &groups, &changes, POLICY.push_blocks)?;
+    // An outlier is a push to the model, but one whose weight lies in few blocks. Behind a push there are too few of them for a test of their
+    // own: what they take back of its size is taken from it.
+    let told = |(group, score): (&Group, &CandidateScore)| {
+        let (scale, _) = *score.caution.first()?;
+        Some(RemainderForm { p: chi2_sf(scale * scale * score.lm, 1.0), ..told(plan, site, group, score) })
+    };
+    Ok(groups.iter().zip(&test).filter_map(told).collect())
+}
+
+/// The score test of hypotheses, with everything fitted and these changes of the readings projected off.
+fn tested(
+    plan: &Plan,
+    fitted: &Fitted,
+    groups: &[Group],
+    changes: &[&[Vec<f64>]],
+    blocks: Blocks,
+) -> Result<Vec<CandidateScore>, IdentifyError> {
+    let k = fitted.unknowns.len();
+    let mut unknowns = fitted.unknowns.clone();
+    let mut candidates = Vec::new();
+    for group in groups {
+        let columns = (unknowns.len()..unknowns.len() + group.forms.len()).collect();
+        unknowns.extend(group.forms.iter().map(|form| Unknown::of_form(group.what.clone(), form.clone())));
+        candidates.push(Candidate { columns, sign: Sign::Any });
+    }
+    let reduced = reduce_beside(plan, fitted, &unknowns, changes, blocks)?;
+    let nuisance: Vec<usize> = (0..k).chain(unknowns.len()..unknowns.len() + changes.len()).collect();
+    Ok(score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())?.candidates)
 }
 
 /// The fit with corrections of its records that make the simulation's residuals those that it says are left: where sizes differ from record to
@@ -158,11 +212,12 @@ fn groups(site: &Site, ranges: &Ranges) -> Vec<Group> {
         add(hats(ranges.position, place, Variable::Position, true), "turns over with the velocity and depends on the position");
         add(hats(ranges.time, place, Variable::Time, true), "turns over with the velocity and depends on the time");
         let [low, high] = ranges.position;
-        for waves in POLICY.form_waves {
+        let kinds = [(false, ""), (true, "turns over with the velocity and ")];
+        for (waves, (reversing, turns)) in POLICY.form_waves.into_iter().flat_map(|waves| kinds.map(|kind| (waves, kind))) {
             let period = (high - low) / waves;
             let k = std::f64::consts::TAU / period;
-            let wave = |shape| Form { place, variable: Variable::Position, shape, reversing: false };
-            let what = format!("repeats every {} of the position", quantity_plain(period, length(site.joint)));
+            let wave = |shape| Form { place, variable: Variable::Position, shape, reversing };
+            let what = format!("{turns}repeats every {} of the position", quantity_plain(period, length(site.joint)));
             add(vec![wave(Shape::Sine(k)), wave(Shape::Cosine(k))], &what);
         }
     }
@@ -195,7 +250,11 @@ fn told(plan: &Plan, site: &Site, group: &Group, score: &CandidateScore) -> Rema
     let ends = |by: fn(&&[f64; 2], &&[f64; 2]) -> std::cmp::Ordering| values.iter().min_by(by);
     let (least, most) = (ends(|a, b| a[1].total_cmp(&b[1])), ends(|a, b| b[1].total_cmp(&a[1])));
     let at = |[x, y]: &[f64; 2]| format!("{} {unit} at {} {variable}", number_plain(*y), number_plain(*x));
-    let range = least.zip(most).map_or(String::new(), |(a, b)| format!(" ({} to {})", at(a), at(b)));
+    let range = match (values.as_slice(), least, most) {
+        ([[_, size]], ..) => format!(" ({})", quantity_plain(*size, unit)),
+        (_, Some(a), Some(b)) => format!(" ({} to {})", at(a), at(b)),
+        _ => String::new(),
+    };
     RemainderForm {
         what: format!("{of} `{object}` that {}{range}", group.what),
         object,
@@ -219,19 +278,34 @@ mod tests {
 
     const NOISE: f64 = 1e-4;
 
-    /// Hypotheses about swings with this quadratic damping [N·m·s²/rad²] and an error of the encoder that changes sign with the velocity
-    /// \[rad\], at the scene without either.
-    fn of_swings(damping: f64, play: f64) -> Vec<RemainderForm> {
+    /// What the swings have that the scene lacks.
+    #[derive(Clone, Copy, Default)]
+    struct Swings {
+        /// N·m·s²/rad²
+        damping: f64,
+        /// Error of the encoder that changes sign with the velocity \[rad\].
+        play: f64,
+        /// Torque from 0.1 to 0.2 s of the second record [N·m].
+        push: f64,
+        /// Error of the last reading of the second record \[rad\].
+        outlier: f64,
+    }
+
+    /// Hypotheses about swings, at the scene without all this.
+    fn of_swings(hidden: Swings) -> Vec<RemainderForm> {
         let starts = [0.3, 0.9, -0.5, 1.4, -1.1, 0.6];
         let nothing: Vec<Vec<f64>> = starts.iter().map(|angle| vec![*angle; 40]).collect();
         let mut plan = experiment(&pendulum("measured"), &nothing).0;
         let mut truth = plan.scene_values.clone();
-        truth.theta[plan.model.params().find("pivot.quadratic_damping").unwrap()] = damping;
-        for (k, rec) in plan.fitted.clone().iter().enumerate() {
-            let shot = simulated(&plan, rec, &truth).unwrap();
+        truth.theta[plan.model.params().find("pivot.quadratic_damping").unwrap()] = hidden.damping;
+        for (k, mut rec) in plan.fitted.clone().into_iter().enumerate() {
+            let (push, outlier) = if k == 1 { (hidden.push, hidden.outlier) } else { (0.0, 0.0) };
+            rec.inputs.iter_mut().skip(20).take(20).for_each(|u| u[0] += push);
+            let shot = simulated(&plan, &rec, &truth).unwrap();
             let speed = |t: usize| shot.predicted[(t + 1).min(39)] - shot.predicted[t.saturating_sub(1)];
             let noise = gaussians(40, 7 + k as u64);
-            let reading = |t: usize| vec![shot.predicted[t] + play * speed(t).signum() + NOISE * noise[t]];
+            let late = |t: usize| if t == 39 { outlier } else { 0.0 };
+            let reading = |t: usize| vec![shot.predicted[t] + hidden.play * speed(t).signum() + NOISE * noise[t] + late(t)];
             plan.fitted[k].record.joints = (0..40).map(reading).collect();
         }
         let white = ArModel::white(vec![NOISE]).unwrap();
@@ -241,9 +315,9 @@ mod tests {
 
     #[test]
     fn a_law_that_is_missing_is_said_in_words() {
-        let found = of_swings(2e-3, 0.0);
+        let found = of_swings(Swings { damping: 2e-3, ..Swings::default() });
         assert!(found.iter().any(|f| f.what == "a torque at `pivot` that depends on the velocity like c·v·|v|"), "{found:?}");
-        let found = of_swings(0.0, 5e-4);
+        let found = of_swings(Swings { play: 5e-4, ..Swings::default() });
         let play = "an error of the sensor of `position of pivot` that depends on the velocity like c·sign(v)";
         assert_eq!(found.first().map(|f| f.what.as_str()), Some(play), "{found:?}");
     }
@@ -263,8 +337,19 @@ mod tests {
         }
     }
 
+    /// Something that pushes once is said with its record and time; an outlier, to which a push just before it fits too, is not.
+    #[test]
+    fn a_push_is_told_from_an_outlier() {
+        let found = of_swings(Swings { push: 3e-3, ..Swings::default() });
+        let said = |f: &&RemainderForm| {
+            f.what.starts_with("a torque at `pivot` that pushes for 0.0163 s, 0.1") && f.what.contains("s into run1 (")
+        };
+        assert!(found.iter().find(said).is_some_and(|f| f.taken > 100.0), "{found:?}");
+        assert_eq!(of_swings(Swings { outlier: 8.0 * NOISE, ..Swings::default() }), []);
+    }
+
     #[test]
     fn noise_looks_like_nothing() {
-        assert_eq!(of_swings(0.0, 0.0), []);
+        assert_eq!(of_swings(Swings::default()), []);
     }
 }

@@ -31,9 +31,7 @@ pub(super) struct Policy {
     /// Random sign patterns.
     pub flip_draws: usize,
     /// Time blocks of a record for variances robust to a wrong noise model.
-    pub score_blocks: usize,
-    /// Fewest samples of such a block.
-    pub score_block: usize,
+    pub score_blocks: Blocks,
     /// A number of a cause that moves the readings by less than this part of its others moves none [-].
     pub dead_number: f64,
     // refits
@@ -148,20 +146,27 @@ pub(super) struct Policy {
     /// Level of all hypotheses about what is left together [-]: one null in two hundred.
     pub form_level: f64,
     /// Part of what an accepted cause takes above which a hypothesis about what is left, with what weaker causes take that are no more
-    /// certain, says that it may stand for something else [-]: a law that imitates another to a squared cosine of 0.8 leaves it a quarter
-    /// *(development)*. A sensor's delay in place of play left 0.6; the right causes of a cube, a pendulum and a circuit that were measured 0.0005 to 0.18.
+    /// certain, says that it may stand for something else [-]: a law that imitates another to a squared cosine of 0.98 leaves it a fiftieth, and
+    /// an error of a seventh of what the cause does *(development)*. Laws in place of others left 0.05 to 0.6; right causes that left more than
+    /// noise at all 0.006, and of a circuit that was measured 0.0003.
     pub stands_in: f64,
     /// Part of the samples at either end of a variable's range that its hats leave to the outermost ones [-].
     pub form_range: f64,
     /// Hats over a range.
     pub form_hats: usize,
+    /// Parts of a record's time in each of which something may push.
+    pub push_parts: usize,
+    /// Level of all pushes together [-]: thousands are tried, and a noise model is least true far out.
+    pub push_level: f64,
+    /// Blocks of the readings behind a push: so short that an outlier fills one of them, and a push, which moves all that follows, many.
+    pub push_blocks: Blocks,
     /// Hypotheses that are said in the note on what is left.
     pub told_forms: usize,
     /// Waves in the range of a position.
     pub form_waves: [f64; 8],
     // constancy of sizes
     /// Parts of each record.
-    pub constancy_parts: usize,
+    pub constancy_blocks: Blocks,
     /// A part with less than this share of the mean information says nothing [-].
     pub constancy_feeble: f64,
     /// Singular values below this are zero when other unknowns are projected out [-].
@@ -206,6 +211,13 @@ pub(super) struct Policy {
     pub ceiling_rounding: f64,
 }
 
+/// Blocks of time that a record is cut into: so many at most, each of so many samples at least.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blocks {
+    pub most: usize,
+    pub samples: usize,
+}
+
 /// The values in use.
 pub(super) const POLICY: Policy = Policy {
     declared_size: 0.1,
@@ -218,8 +230,7 @@ pub(super) const POLICY: Policy = Policy {
     scatter_gap: 2.5,
     flip_records: 10,
     flip_draws: 4000,
-    score_blocks: 8,
-    score_block: 10,
+    score_blocks: Blocks { most: 8, samples: 10 },
     dead_number: 1e-9,
     long_step: 1.0,
     corrections: 3,
@@ -266,12 +277,15 @@ pub(super) const POLICY: Policy = Policy {
     remainder_still: 1e-12,
     larger: 2.0,
     form_level: 0.005,
-    stands_in: 0.25,
+    stands_in: 0.02,
     form_range: 0.02,
     form_hats: 6,
+    push_parts: 24,
+    push_level: 1e-4,
+    push_blocks: Blocks { most: usize::MAX, samples: 3 },
     told_forms: 2,
     form_waves: [1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0],
-    constancy_parts: 16,
+    constancy_blocks: Blocks { most: 16, samples: 10 },
     constancy_feeble: 1e-3,
     singular: 1e-12,
     alike: 0.9995,

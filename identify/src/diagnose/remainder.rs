@@ -66,7 +66,7 @@ pub(super) fn remainder(
 }
 
 /// Of causes with these statistics those that may stand in for something else: from the weakest on, each to which what is left and all that
-/// may are a quarter or more ([`POLICY`]`.stands_in`): a law that stands in for another leaves much of it.
+/// may are a fiftieth or more ([`POLICY`]`.stands_in`): a law that stands in for another leaves a part of it.
 pub(super) fn stand_ins(statistics: &[f64], forms: &[RemainderForm]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..statistics.len()).collect();
     order.sort_by(|a, b| statistics[*a].total_cmp(&statistics[*b]));
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(stand_ins(&[1.7e6, 1193.0], &left(825.0)), [false, true]);
         assert_eq!(stand_ins(&[1.7e6, 1193.0], &[]), [false, false]);
         assert_eq!(stand_ins(&[1000.0], &left(600.0)), [true]);
-        // each alone is five times what is left: but the weaker two together are not to be told from it
-        assert_eq!(stand_ins(&[400.0, 300.0, 9000.0], &left(80.0)), [true, true, false]);
+        // the stronger one is 250 times what is left: but the weaker two together are not to be told from it
+        assert_eq!(stand_ins(&[2e4, 3000.0, 9e6], &left(80.0)), [true, true, false]);
     }
 }

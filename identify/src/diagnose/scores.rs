@@ -1,7 +1,7 @@
 //! Step 4: score tests of all causes from one linearization at the current fit.
 
 use super::baseline::Prepared;
-use super::policy::POLICY;
+use super::policy::{Blocks, POLICY};
 use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
@@ -204,12 +204,13 @@ pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Resu
     merged(fitted, |_, rec| reduce_record(plan, fitted, rec, unknowns, &passes, POLICY.score_blocks))
 }
 
-/// The same with changes of the readings as further columns, behind those of the unknowns, each given by record; 0 where nothing was measured. Cut into the parts of [`super::constancy`].
+/// The same with changes of the readings as further columns, behind those of the unknowns, each given by record; 0 where nothing was measured.
 pub(super) fn reduce_beside(
     plan: &Plan,
     fitted: &Fitted,
     unknowns: &[Unknown],
     changes: &[&[Vec<f64>]],
+    blocks: Blocks,
 ) -> Result<Reduced, IdentifyError> {
     let (k, all) = (unknowns.len(), unknowns.len() + changes.len());
     let passes = [(fitted.values.clone(), (0..k).collect())];
@@ -222,7 +223,7 @@ pub(super) fn reduce_beside(
             shot.global[row * k..(row + 1) * k].iter().copied().chain(changes)
         };
         shot.global = (0..shot.residual.len()).flat_map(row).collect();
-        reduce_shot(plan, fitted, &rec.start.z, shot, all, POLICY.constancy_parts)
+        reduce_shot(plan, fitted, &rec.start.z, shot, all, blocks)
     })
 }
 
@@ -249,7 +250,7 @@ fn reduce_record(
     rec: &RecordPlan,
     unknowns: &[Unknown],
     passes: &[(Values, Vec<usize>)],
-    blocks: usize,
+    blocks: Blocks,
 ) -> Result<Reduced, IdentifyError> {
     reduce_shot(plan, fitted, &rec.start.z, shot_of(plan, rec, unknowns, passes)?, unknowns.len(), blocks)
 }
@@ -261,7 +262,7 @@ fn reduce_shot(
     z: &[f64],
     mut shot: Shot,
     k: usize,
-    blocks: usize,
+    blocks: Blocks,
 ) -> Result<Reduced, IdentifyError> {
     let (m, channels) = (shot.own_columns, plan.channels());
     fitted.noise.whiten(&mut shot.residual, channels)?;
@@ -272,7 +273,7 @@ fn reduce_shot(
         fitted.noise.whiten_columns(&mut shot.global, channels, k)?;
     }
     let times = shot.residual.len() / channels;
-    let mut starts = time_blocks(times, channels, (times / blocks).max(POLICY.score_block));
+    let mut starts = time_blocks(times, channels, (times / blocks.most).max(blocks.samples));
     if m > 0 {
         // the prior on the record's own unknowns, rows of their own
         starts.push(shot.residual.len());

@@ -148,7 +148,7 @@ mod tests {
     fn weak_causes_are_set_apart_with_their_rivals() {
         let mut d = sample::diagnosis();
         let of = |name: &str, statistic: f64| Cause { name: name.to_owned(), statistic, ..sample::diagnosis().causes[0].clone() };
-        d.causes = vec![of("linear_drag", 9000.0), of("tip_mass", 200.0)];
+        d.causes = vec![of("linear_drag", 9e4), of("tip_mass", 200.0)];
         d.remainder.forms = vec![RemainderForm { taken: 80.0, ..RemainderForm::default() }];
         d.alternatives = vec![vec!["tip_mass".into(), "wind".into()], vec!["linear_drag".into(), "quadratic_drag".into()]];
         d.alternative_objects = vec![vec![None; 2]; 2];

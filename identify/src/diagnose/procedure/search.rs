@@ -1,13 +1,14 @@
 //! The order of the procedure: one cause after the other is accepted, each for good reasons, and taken out again if it is not missed.
 
 use super::super::beside::Beside;
+use super::super::gain::prepared;
 use super::super::numerics::{Shift, changes, shift, shifts};
 use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::across;
 use super::alike::alike;
 use super::contest::{Contest, judged, noise_of};
-use super::hypothesis::{Bench, Hypothesis, OwnSizes};
+use super::hypothesis::{Bench, Hypothesis, OwnSizes, squares};
 use super::race::race;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -139,6 +140,8 @@ struct Round<'a> {
     /// Causes tested in this round, for the level of each.
     tests: f64,
     contest: Contest,
+    /// −2 log likelihood of each on the held-out records, where it was asked for.
+    held_out: Vec<OnceCell<f64>>,
     /// Errors of the simulation at the first child that they are asked for: the best, and those that come as near to the data share them.
     shifts: OnceCell<Vec<Shift>>,
 }
@@ -162,7 +165,17 @@ impl<'a> Round<'a> {
     ) -> Result<Self, IdentifyError> {
         let models: Vec<Hypothesis> = beam.iter().cloned().chain(children).collect();
         let contest = Contest::new(bench, &models.iter().collect::<Vec<_>>(), beam.len())?;
-        Ok(Self { bench, scene, models, beam: beam.len(), tests: tests.max(1) as f64, contest, shifts: OnceCell::new() })
+        let held_out = vec![OnceCell::new(); models.len()];
+        Ok(Self {
+            bench,
+            scene,
+            models,
+            beam: beam.len(),
+            tests: tests.max(1) as f64,
+            contest,
+            held_out,
+            shifts: OnceCell::new(),
+        })
     }
 
     /// The best model of the beam.
@@ -246,11 +259,17 @@ impl<'a> Round<'a> {
         let taken = self.contest.scores[parent] - self.contest.scores[k];
         if !self.contest.no_noise {
             let level = chi2_quantile(1.0 - POLICY.accepted_level / self.tests, more.max(1.0));
-            let needed = level.max(POLICY.per_number * more);
-            if taken + POLICY.per_number * more < needed {
-                let (taken, needed) = (taken + POLICY.per_number * more, needed);
+            let (needed, gained) = (level.max(POLICY.per_number * more), taken + POLICY.per_number * more);
+            if gained < needed {
                 return Ok(Some(Rejection::Because(format!(
-                    "its refit gains {taken:.1} units of −2 log likelihood, less than {needed:.1}"
+                    "its refit gains {gained:.1} units of −2 log likelihood, less than {needed:.1}"
+                ))));
+            }
+            // a size that differs between records says nothing of the held-out ones
+            let lost = if self.contest.varies[k] { 0.0 } else { self.on_held_out(k) - self.on_held_out(parent) };
+            if gained - lost < needed {
+                return Ok(Some(Rejection::Because(format!(
+                    "its refit gains {gained:.1} units of −2 log likelihood, and with it the held-out records lose {lost:.1}"
                 ))));
             }
         }
@@ -268,6 +287,16 @@ impl<'a> Round<'a> {
             ))));
         }
         self.imitated(parent, k)
+    }
+
+    /// −2 log likelihood of a model on the held-out records, of which only the starts are fitted; infinite where it cannot be simulated.
+    fn on_held_out(&self, k: usize) -> f64 {
+        let (plan, judged) = (self.bench.plan, &self.contest.fits[k]);
+        let squares = || {
+            let near = prepared(plan, &plan.held_out, judged, &POLICY.fine)?;
+            squares(plan, &self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?, &judged.noise)
+        };
+        *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
     }
 
     /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and it

@@ -10,8 +10,15 @@ fn diagnosed(truth: &Truth) -> Diagnosis {
 }
 
 fn diagnosed_at(truth: &Truth, step: f64) -> Diagnosis {
-    let folder = TempDir::new().unwrap();
+    diagnosed_but(truth, truth, step)
+}
+
+/// The same with another truth in the held-out record.
+fn diagnosed_but(truth: &Truth, held_out: &Truth, step: f64) -> Diagnosis {
+    let [folder, other] = [TempDir::new().unwrap(), TempDir::new().unwrap()];
     let mut setup = crate::pendulum::setup(truth, &folder).unwrap();
+    held_out.logs(&other).unwrap();
+    std::fs::copy(other.path().join("run3.csv"), folder.path().join("run3.csv")).unwrap();
     setup.scene.time.step = step;
     let logs = setup.read_logs(&[]).unwrap();
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
@@ -59,6 +66,17 @@ fn ambiguous(truth: &Truth, among: &[&str]) {
 fn an_encoder_zero_is_not_named_beside_a_tilt() {
     let d = diagnosed(&Truth { bias: 0.02, ..Truth::default() });
     assert_ne!(d.verdict, Verdict::Named, "{}", d.reason);
+}
+
+/// What three records show barely is accepted where the held-out one does not speak against it.
+#[test]
+fn a_weak_cause_has_to_stand_on_held_out_records() {
+    let [weak, against] = [3.4e-5, -3.4e-5].map(|damping| Truth { damping, ..Truth::default() });
+    ambiguous(&weak, &["viscous_friction (pivot)", "coulomb_friction (pivot)"]);
+    let d = diagnosed_but(&weak, &against, 0.00125);
+    assert!(d.causes.is_empty() && d.extension.is_empty() && d.alternatives.is_empty(), "{}", d.reason);
+    let lost = |name: &str| d.candidates.iter().any(|c| c.name == name && c.reason.contains("with it the held-out records lose"));
+    assert!(lost("viscous_friction") && lost("coulomb_friction"), "{:?}", d.candidates);
 }
 
 #[test]
