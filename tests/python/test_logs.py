@@ -4,9 +4,11 @@ import csv
 import json
 import os
 import re
+import sqlite3
 import subprocess
 import sys
 import tomllib
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -241,6 +243,20 @@ def test_bags_of_ros_2(tmp_path, storage):
     check(one(inner), joints("pos"))
 
 
+def test_a_bag_that_does_not_describe_its_types(tmp_path):
+    """As those in sqlite3 before ROS 2 Iron: the types of ROS itself are known, others are left out."""
+    messages = [("/joint_states", t, joint_state(t, q)) for t, q in zip(T, Q, strict=True)]
+    messages += [("/own", t, floats([t])) for t in T]
+    bag = bag2(tmp_path / "bag", messages, rosbag2.StoragePlugin.SQLITE3)
+    (inner,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(inner)) as base, base:
+        base.execute("DELETE FROM message_definitions")
+        base.execute("UPDATE topics SET type = 'own/msg/Type' WHERE name = '/own'")
+    table = one(inner)
+    check(table, joints("pos"))
+    assert said(table, "/own: left out from") and said(table, "own/msg/Type cannot be decoded")
+
+
 def test_bags_of_ros_1(tmp_path):
     store = get_typestore(Stores.ROS1_NOETIC)
     with rosbag1.Writer(tmp_path / "run.bag") as writer:
@@ -251,7 +267,7 @@ def test_bags_of_ros_1(tmp_path):
 
 
 def test_topics_are_brought_to_one_clock(tmp_path):
-    """A measurement at half the rate is interpolated, but not over a gap; a command is held; both where the clock's times are."""
+    """A measurement at half the rate is interpolated, but not over a gap; a row has the mean of the commands in force in its period."""
     half = np.delete(np.arange(11) * 0.02, [4, 5, 6])  # a gap of 0.08 s, four periods
     messages = [("/joint_states", t, joint_state(t, q)) for t, q in zip(T, Q, strict=True)]
     messages += [("/ft", t, pose(t, (10 * t, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))) for t in half]
@@ -260,12 +276,13 @@ def test_topics_are_brought_to_one_clock(tmp_path):
     table = one(path, joints=JOINTS)
     x = np.where((T > 0.0601) & (T < 0.1399), np.nan, 10 * T)
     np.testing.assert_allclose(table.columns["ft_x"], x, atol=1e-12)
-    command = np.where(T < 0.055, 0.0, np.where(T < 0.1199, 0.055, 0.12))
-    np.testing.assert_array_equal(table.columns["shoulder_effort"], command)
+    # 0.055 is halfway between two rows, 0.12 in the middle of a row's period
+    command = np.where(T < 0.055, 0.0, np.where(T < 0.1199, 0.055, np.where(T < 0.1201, (0.055 + 0.12) / 2, 0.12)))
+    np.testing.assert_allclose(table.columns["shoulder_effort"], command, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(table.columns["wrist_effort"], 3.0)
     assert [c for c in table.columns if c.startswith("ft")] == ["ft_x", "ft_y", "ft_z", "ft_qx", "ft_qy", "ft_qz", "ft_qw"]
     assert said(table, "shoulder_effort_cmd -> shoulder_effort: no torque of this joint was measured")
-    assert said(table, "/ft: 8 messages, interpolated, never over more than 3 periods of 0.02 s to these times; 7 of 21 rows are empty")
+    assert said(table, "/ft: 8 messages, interpolated, never over more than 3 periods of 0.02 s; 7 of 21 rows are empty")
     assert said(table, "/effort_controller/commands: by the time of recording, for it has no header stamps")
     # by another clock, positions are interpolated to its times
     other = one(path, clock="/ft")
@@ -277,9 +294,24 @@ def test_rows_without_joints_of_other_topics_are_cut(tmp_path):
     """pliant refuses inputs with empty cells: before the first command there is none."""
     messages = [("/joint_states", t, joint_state(t, q)) for t, q in zip(T, Q, strict=True)]
     messages += [("/joint_commands", t, joint_state(t, q, stamped=False)) for t, q in zip(T[5:], Q[5:], strict=True)]
+    command = (Q[4:20] + Q[5:]) / 2  # one comes with every row: half of its period the last one was in force
+    command[0] = Q[5]
     table = one(mcap_ros(tmp_path / "run.mcap", sorted(messages, key=lambda m: m[1])))
-    check(table, {**joints("pos", Q[5:]), **joints("cmd", Q[5:])}, T[:16])
+    for name, values in {**joints("pos", Q[5:]), **joints("cmd", command)}.items():
+        np.testing.assert_allclose(table.columns[name], values, rtol=0, atol=1e-14, err_msg=name)
+    np.testing.assert_allclose(table.columns["time_s"], T[:16], rtol=0, atol=1e-9)
     assert said(table, "5 rows at the start and 0 at the end are cut")
+
+
+def test_commands_that_come_often_or_not_at_all(tmp_path):
+    """Many in a row's period count by the time that they were in force; a missing number leaves the row empty."""
+    messages = [("/joint_states", t, {"name": JOINTS, "position": q.tolist()}) for t, q in zip(T, Q, strict=True)]
+    messages += [("/u", k * 1e-3, {"data": None if k == 103 else float(k)}) for k in range(201)]
+    u = one(mcap_json(tmp_path / "run.mcap", sorted(messages, key=lambda m: m[1])), clock="/joint_states").columns["u"]
+    # from 5 ms before a row to 5 ms after it the commands 10 k - 5 to 10 k + 4 are in force; the first row begins at 0, the last lasts on
+    expected = 10.0 * np.arange(21) - 0.5
+    expected[[0, 10, 20]] = 2.0, np.nan, (195 + 196 + 197 + 198 + 199 + 5 * 200) / 10
+    np.testing.assert_allclose(u, expected, rtol=0, atol=1e-9)
 
 
 def test_parts_of_a_robot_on_one_topic(tmp_path):
@@ -767,3 +799,32 @@ def test_a_recording_becomes_the_scene_that_its_csv_becomes(tmp_path):
         for new_input, old_input in zip(own["input"], other["input"], strict=True):
             assert new_input["actuator"] == old_input["actuator"]
             np.testing.assert_array_equal(here[new_input["columns"][0]], there[old_input["columns"][0]])
+
+
+@pytest.mark.long
+def test_held_commands_do_not_look_late(tmp_path):
+    """An arm whose commands come right after each joint state and are held: the diagnosis names what is missing, and no delay."""
+    arm, h, each, n = ["shoulder", "elbow"], 0.0025, 4, 200
+    init([ARM / "run1.csv"], tmp_path / "first")
+    text = (tmp_path / "first" / "scene.toml").read_text(encoding="utf-8").partition("[experiment]")[0]
+    truth = pliant.loads(text.replace('name = "elbow"\nkind', 'damping = 0.08\nname = "elbow"\nkind'))
+    assert truth.theta[truth.param_index("elbow.damping")] == 0.08
+    rng = np.random.default_rng(1)
+    for k in range(3):
+        t = np.arange(n) * each * h
+        sizes, rates = rng.uniform(0.3, 1.0, size=(2, 3)) * [[1.5], [0.3]], rng.uniform(0.5, 3.0, size=(2, 3))
+        u = np.stack([np.sin(2 * np.pi * np.outer(t, rates[j])) @ sizes[j] for j in range(2)], axis=1)
+        x = truth.rollout(truth.initial_state(), np.repeat(u, each, axis=0)).x[::each][:n]
+        q = x[:, :2] + rng.normal(scale=3e-4, size=(n, 2))
+        messages = [("/joint_states", a, joint_state(a, b, joints=arm)) for a, b in zip(t, q, strict=True)]
+        messages += [("/effort_controller/commands", a + 1e-4, floats(b)) for a, b in zip(t, u, strict=True)]
+        mcap_ros(tmp_path / f"run{k}.mcap", sorted(messages, key=lambda m: m[1]))
+    recordings = [tmp_path / f"run{k}.mcap" for k in range(3)]
+    code, _, err = run(*recordings, "--names", ARM / "arm.urdf", "--out", tmp_path)
+    assert (code, err) == (0, "")
+    init([path.with_suffix(".csv") for path in recordings], tmp_path / "arm")
+    diagnose = [pliant_command(), "diagnose", tmp_path / "arm" / "scene.toml", "--out", tmp_path / "report"]
+    subprocess.run(diagnose, check=True, capture_output=True)
+    found = json.loads((tmp_path / "report" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert (found["verdict"], [cause["name"] for cause in found["causes"]]) == ("named", ["viscous_friction"])
+    assert found["causes"][0]["parameters"][0]["estimate"] == pytest.approx(0.08, rel=5e-3)

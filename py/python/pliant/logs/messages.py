@@ -100,7 +100,7 @@ class Flattener:
         elif isinstance(value, dict):
             own = joint_names(value)
             for key, part in value.items():
-                time = not path and key in ("header", "stamp", "timestamp") and isinstance(part, dict)
+                time = key in ("header", "stamp", "timestamp") and isinstance(part, dict)
                 if not time and not (own and key in NAMES):
                     self._walk(part, f"{path}.{key}" if path else key, own or names, index, out)
         elif isinstance(value, list):

@@ -1,6 +1,7 @@
 """Bags of ROS 2 (folders with metadata.yaml, storage mcap or sqlite3; single .db3 files) and of ROS 1 (.bag)."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +28,13 @@ def _messages(path: Path, notes: list[str]) -> Iterator[tuple[str, int, Any]]:
     highlevel, typesys = library("rosbags.highlevel"), library("rosbags.typesys")
     # bags before ROS 2 Iron in sqlite3 do not say what their types are: then those of ROS itself are known
     known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    reader = None
     try:
         reader = highlevel.AnyReader([path], default_typestore=known)
         reader.open()
     except Exception as error:
         cause = "the recording was cut off, a file of it is missing, or it is damaged"
         raise mistake(str(path), f"cannot be read: {error}", cause, "repair it by `ros2 bag reindex`, or copy it again") from error
-    with reader.stack:
+    with closing(reader):
         undecoded: set[str] = set()
         messages = reader.messages()
         while True:

@@ -167,7 +167,7 @@ def _on_one_clock(streams: list[Stream], clock: Stream, options: Options, notes:
 
 
 def _at(stream: Stream, at: np.ndarray, notes: list[str]) -> dict[Field, np.ndarray]:
-    """A stream's columns at the times [ns] of the rows: commands and flags held, measurements interpolated, NaN where unknown."""
+    """A stream's columns at the times [ns] of the rows, NaN where unknown: measurements interpolated, commands as `_in_force` says."""
     # one message per time, the last; in the order of time
     times, last = np.unique(stream.times[::-1], return_index=True)
     rows = len(stream.times) - 1 - last
@@ -186,15 +186,36 @@ def _at(stream: Stream, at: np.ndarray, notes: list[str]) -> dict[Field, np.ndar
     out = {}
     for f, values in _turned(columns).items():
         if f.held:
-            out[f] = np.where(known, values[before], np.nan)
+            out[f] = _in_force(times, values, at)
         else:
             out[f] = np.where(exact, values[before], np.where(inside, np.interp(t, own, values), np.nan))
-    how = ["held"] if held else []
+    how = ["held from one to the next, a row has the mean over its period"] if held else []
     how += [f"interpolated, never over more than {LONGEST_GAP:g} periods of {period:.4g} s"] if len(held) < len(columns) else []
     empty = int(np.sum(~(known if len(held) == len(columns) else inside)))
     text = f"; {empty} of {len(at)} rows are empty" if empty else ""
-    notes.append(f"{stream.label}: {len(times)} messages, {' or '.join(how)} to these times{text}")
+    notes.append(f"{stream.label}: {len(times)} messages, {'; '.join(how)}{text}")
     return out
+
+
+def _in_force(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The mean of a command over the period of each row, which ends halfway to its neighbours; NaN before the first command.
+
+    A command is in force from its time [ns] until the next one. pliant reads inputs between rows as straight lines: with the value in
+    force at the row's time they would come up to half a period early or late, and a diagnosis would find a delay.
+    """
+    halfway = at[:-1] + np.diff(at) // 2
+    lower = np.maximum(np.concatenate([[2 * at[0] - halfway[0]], halfway]), times[0])
+    upper = np.concatenate([halfway, [2 * at[-1] - halfway[-1]]])
+    first = np.searchsorted(times, lower, side="right") - 1
+    last = np.maximum(np.searchsorted(times, upper, side="left") - 1, first)
+    numbers = np.nan_to_num(values)
+    integral = np.concatenate([[0.0], np.cumsum(numbers[:-1] * np.diff(times))])
+    whole = integral[last] - integral[first] + numbers[last] * (upper - times[last]) - numbers[first] * (lower - times[first])
+    missing = np.concatenate([[0], np.cumsum(np.isnan(values))])
+    known = (at >= times[0]) & (missing[last + 1] == missing[first])
+    # one command for the whole period: exactly it
+    mean = np.where(first == last, numbers[last], whole / np.maximum(upper - lower, 1))
+    return np.where(known, mean, np.nan)
 
 
 def _turned(columns: dict[Field, np.ndarray]) -> dict[Field, np.ndarray]:
