@@ -271,7 +271,7 @@ def test_topics_are_brought_to_one_clock(tmp_path):
     half = np.delete(np.arange(11) * 0.02, [4, 5, 6])  # a gap of 0.08 s, four periods
     messages = [("/joint_states", t, joint_state(t, q)) for t, q in zip(T, Q, strict=True)]
     messages += [("/ft", t, pose(t, (10 * t, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))) for t in half]
-    messages += [("/effort_controller/commands", t, floats([t, 2.0, 3.0])) for t in (0.0, 0.055, 0.12)]
+    messages += [("/effort_controller/commands", t, floats([t, 0.7, 3.0])) for t in (0.0, 0.055, 0.12)]
     path = mcap_ros(tmp_path / "run.mcap", sorted(messages, key=lambda m: m[1]))
     table = one(path, joints=JOINTS)
     x = np.where((T > 0.0601) & (T < 0.1399), np.nan, 10 * T)
@@ -279,7 +279,7 @@ def test_topics_are_brought_to_one_clock(tmp_path):
     # 0.055 is halfway between two rows, 0.12 in the middle of a row's period
     command = np.where(T < 0.055, 0.0, np.where(T < 0.1199, 0.055, np.where(T < 0.1201, (0.055 + 0.12) / 2, 0.12)))
     np.testing.assert_allclose(table.columns["shoulder_effort"], command, rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(table.columns["wrist_effort"], 3.0)
+    np.testing.assert_array_equal(table.columns["elbow_effort"], 0.7)  # not a mean's 0.7000000000000001
     assert [c for c in table.columns if c.startswith("ft")] == ["ft_x", "ft_y", "ft_z", "ft_qx", "ft_qy", "ft_qz", "ft_qw"]
     assert said(table, "shoulder_effort_cmd -> shoulder_effort: no torque of this joint was measured")
     assert said(table, "/ft: 8 messages, interpolated, never over more than 3 periods of 0.02 s; 7 of 21 rows are empty")
@@ -301,6 +301,20 @@ def test_rows_without_joints_of_other_topics_are_cut(tmp_path):
         np.testing.assert_allclose(table.columns[name], values, rtol=0, atol=1e-14, err_msg=name)
     np.testing.assert_allclose(table.columns["time_s"], T[:16], rtol=0, atol=1e-9)
     assert said(table, "5 rows at the start and 0 at the end are cut")
+
+
+def test_joint_positions_are_the_rows_although_others_come_more_often(tmp_path):
+    messages = [("/joint_states", t, joint_state(t, q, (), 4 * q)) for t, q in zip(T, Q, strict=True)]
+    messages += [("/force", t, ROS.types["std_msgs/msg/Float64"](t)) for t in np.arange(201) * 1e-3]
+    image = ROS.types["sensor_msgs/msg/CompressedImage"]
+    messages += [("/camera", t, image(header(t), "png", np.arange(9, dtype=np.uint8))) for t in T]
+    messages += [("/effort_controller/commands", t, floats([1.0, 2.0, 3.0])) for t in T]
+    table = one(mcap_ros(tmp_path / "run.mcap", sorted(messages, key=lambda m: m[1])), joints=JOINTS)
+    commands = {f"{joint}_effort_cmd": np.full(21, k + 1.0) for k, joint in enumerate(JOINTS)}
+    np.testing.assert_allclose(table.columns.pop("force"), T, rtol=0, atol=1e-12)
+    # efforts were measured, so that the commanded ones keep their name
+    check(table, {**joints("pos"), **joints("effort", 4 * Q), **commands})
+    assert said(table, "/camera: left out, no numbers")
 
 
 def test_commands_that_come_often_or_not_at_all(tmp_path):
@@ -339,15 +353,19 @@ def test_commands_of_controllers(tmp_path):
     for t, q in zip(T, Q, strict=True):
         point = {"positions": q.tolist(), "velocities": (2 * q).tolist()}
         state = {"joint_names": JOINTS, "reference": {"positions": (3 * q).tolist()}, "feedback": point, "error": {"positions": [t, t, t]}}
+        state["desired"] = {"positions": (4 * q).tolist()}  # means the same: the first has the short name
         messages.append(("/controller/state", t, state))
     columns = one(mcap_json(tmp_path / "state.mcap", messages)).columns
-    assert list(columns)[1:] == [*joints("cmd"), *joints("pos"), *joints("vel"), *(f"{joint}.error.positions" for joint in JOINTS)]
+    errors, desired = ([f"{joint}.{part}.positions" for joint in JOINTS] for part in ("error", "desired"))
+    assert list(columns)[1:] == [*joints("cmd"), *joints("pos"), *joints("vel"), *errors, *desired]
+    np.testing.assert_array_equal(columns["wrist.desired.positions"], 4 * Q[:, 2])
     np.testing.assert_array_equal(columns["wrist_cmd"], 3 * Q[:, 2])
     np.testing.assert_array_equal(columns["wrist_vel"], 2 * Q[:, 2])
     goals = [
-        ("/arm/joint_trajectory", t, {"joint_names": JOINTS, "points": [{"positions": q.tolist()}]}) for t, q in zip(T, Q, strict=True)
+        ("/arm/joint_trajectory", t, {"joint_names": JOINTS, "points": [{"positions": q.tolist(), "time_from_start": {"sec": 0}}]})
+        for t, q in zip(T, Q, strict=True)
     ]
-    check(one(mcap_json(tmp_path / "goals.mcap", goals)), joints("pos"))
+    check(one(mcap_json(tmp_path / "goals.mcap", goals)), joints("cmd"))
     states = [("/joint_states", t, {"name": JOINTS, "position": q.tolist()}) for t, q in zip(T, Q, strict=True)]
     plans = [("/arm/joint_trajectory", 0.05, {"joint_names": JOINTS, "points": [{"positions": [1, 2, 3]}, {"positions": [4, 5, 6]}]})]
     table = one(mcap_json(tmp_path / "plans.mcap", states + plans))
@@ -567,6 +585,8 @@ def test_nothing_is_half_written(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["b.csv"]
     with pytest.raises(pliant.InputError, match="would be written twice"):
         write([first, first], tmp_path)
+    with pytest.raises(pliant.InputError, match=r"b\.csv: is no folder"):
+        write([first], tmp_path / "b.csv")
     broken = pliant.logs.Table("c", {"time_s": T, "q": T[:3]})
     with pytest.raises(ValueError):
         write([first, broken], tmp_path)
@@ -719,6 +739,13 @@ def test_arrays_of_different_lengths(tmp_path):
     with h5py.File(tmp_path / "run.h5", "w") as file:
         file["data/demo_0/t"], file["data/demo_0/obs/joint_vel"] = T, Q[:4]
     refused(tmp_path / "run.h5", "/data/demo_0: obs.joint_vel has 4 rows, but the time 21")
+
+
+def test_arrays_that_are_records_of_their_own(tmp_path):
+    path = savez(tmp_path / "tosses.npz", toss_0=Q, toss_1=Q[:-1], toss_2=Q[:-2], toss_3=Q)
+    refused(path, "its 4 arrays have 3 different lengths", rate=100.0)
+    table = one(savez(tmp_path / "run.npz", arm=Q, limits=Q[:2], wrist=Q), rate=100.0)
+    assert len(table) == 21 and said(table, "limits: left out, 2 rows where the time has 21")
 
 
 def test_lists_that_differ_in_length(tmp_path):

@@ -88,7 +88,7 @@ def _time(where: str, arrays: Mapping[str, np.ndarray], options: Options, unit: 
             raise mistake(where, f"has no column {options.clock} to be the clock", cause, "name one of them by --clock")
         clocks = [options.clock]
     elif options.rate is not None:
-        rows = _rows(arrays)
+        rows = _rows(where, arrays)
         return None, np.arange(rows) / options.rate, f"time_s: {rows} rows at {options.rate:g} Hz, as given"
     if not clocks:
         cause = f"no name is a word for time; there are {short(names)}"
@@ -99,7 +99,11 @@ def _time(where: str, arrays: Mapping[str, np.ndarray], options: Options, unit: 
     return clock, *clock_in_seconds(arrays[clock], clock, where, unit)
 
 
-def _rows(arrays: Mapping[str, np.ndarray]) -> int:
-    """The most frequent length; of those that are as frequent, the longest."""
+def _rows(where: str, arrays: Mapping[str, np.ndarray]) -> int:
+    """The length that most arrays have."""
     counts = Counter(len(array) for array in arrays.values())
-    return max(counts, key=lambda length: (counts[length], length))
+    ((rows, most), *_) = counts.most_common(1)
+    if 2 * most <= len(arrays):
+        what = f"its {len(arrays)} arrays have {len(counts)} different lengths, and no length is that of most"
+        raise mistake(where, what, "each array is a record of its own, or they were cut differently", "write a file per record")
+    return rows

@@ -100,7 +100,7 @@ class Flattener:
         elif isinstance(value, dict):
             own = joint_names(value)
             for key, part in value.items():
-                time = key in ("header", "stamp", "timestamp") and isinstance(part, dict)
+                time = key in ("header", "stamp", "timestamp", "time_from_start") and isinstance(part, dict)
                 if not time and not (own and key in NAMES):
                     self._walk(part, f"{path}.{key}" if path else key, own or names, index, out)
         elif isinstance(value, list):
@@ -118,8 +118,8 @@ class Flattener:
                         field = Field(f"{name}.{path}", held=field.held)
                     out[field] = float("nan") if part is None else float(part)
             return
-        if names and size == 1 and isinstance(value[0], dict):  # a trajectory of one point is a command
-            self._walk(value[0], path, names, index, out)
+        if names and path == "points" and size == 1 and isinstance(value[0], dict):  # a trajectory of one point is a command
+            self._walk(value[0], "goal", names, index, out)
             return
         if self.sizes.setdefault(path, size) != size:
             at = f"{self.sizes[path]} in message 0, {size} in message {index}"

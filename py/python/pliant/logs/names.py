@@ -22,9 +22,7 @@ KIND_OF = {word: kind for kind, text in KINDS.items() for word in words(text)}
 COMMANDS = frozenset(words("cmd command commands commanded action actions ctrl control target desired reference goal setpoint u"))
 # Words that may stand beside a quantity of joints. Any other word says that an array is something else: `eef_pos`, `gripper_qpos`.
 FILLERS = frozenset(
-    words(
-        "joint joints state observation observations obs measured actual feedback data robot arm follower group controller forward points"
-    )
+    words("joint joints state observation observations obs measured actual feedback data robot arm follower group controller forward")
 )
 CLOCKS = frozenset(("t", "time", "timestamp", "stamp"))
 # Words for quantities and units that `pliant init` knows.
