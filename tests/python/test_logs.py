@@ -765,7 +765,13 @@ def test_encrypted_parquet(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("module", "package", "name"), [("h5py", "h5py", "a.h5"), ("mcap.reader", "mcap", "a.mcap"), ("pyarrow", "pyarrow", "a.parquet")]
+    ("module", "package", "name"),
+    [
+        ("h5py", "h5py", "a.h5"),
+        ("mcap.reader", "mcap", "a.mcap"),
+        ("pyarrow", "pyarrow", "a.parquet"),
+        ("rosbags.highlevel", "rosbags", "a.bag"),
+    ],
 )
 def test_libraries_that_are_missing(tmp_path, monkeypatch, capsys, module, package, name):
     monkeypatch.setitem(sys.modules, module, None)
