@@ -104,6 +104,16 @@ def test_perception_page_example_runs(capsys):
     assert (seen, float(apart)) == (nodes, pytest.approx(float(metres), abs=5e-4))
 
 
+def test_logs_page_example_runs(monkeypatch, tmp_path, capsys):
+    pytest.importorskip("pliant")
+    (example,) = blocks((ROOT / "docs" / "logs.md").read_text(encoding="utf-8"), "python")
+    (promised,) = re.findall(r"# (time_s .*)", example)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(example, "docs/logs.md", "exec"), {})
+    assert capsys.readouterr().out.strip() == promised
+    assert (tmp_path / "csv" / "run.csv").is_file()
+
+
 def test_control_page_example_runs(monkeypatch, tmp_path, capsys):
     pytest.importorskip("pliant")
     text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")

@@ -69,8 +69,8 @@ __all__ = [
 
 
 def __getattr__(name: str):
-    """Import `pliant.jax` and `pliant.perception` when they are first used, so that what they need is loaded only then."""
-    if name in ("jax", "perception"):
+    """Import `pliant.jax`, `pliant.logs` and `pliant.perception` when they are first used: what they need is loaded only then."""
+    if name in ("jax", "logs", "perception"):
         from importlib import import_module
 
         return import_module(f".{name}", __name__)
