@@ -1,7 +1,6 @@
 //! Robust descriptions of short series. Empty input gives zero, never a panic.
 
-/// Factor from a median absolute deviation to a Gaussian standard deviation.
-pub(crate) const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
+use crate::stats::MAD_TO_SIGMA;
 
 /// Quantile with linear interpolation.
 pub(crate) fn quantile(values: &[f64], p: f64) -> f64 {

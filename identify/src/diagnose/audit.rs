@@ -5,7 +5,7 @@ pub(super) mod starts;
 use super::result::AuditFinding;
 use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};
 use crate::error::IdentifyError;
-use crate::log::{Logs, Record};
+use crate::log::{Logs, Lone, LoneSensor, Record};
 use crate::shooting::{NodePair, Observed, Plan};
 
 /// Findings in words, and the noise that quantisation makes on every channel [unit of the channel].
@@ -34,6 +34,7 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<
         findings.extend(report.findings.iter().filter(|f| !again(f)).map(|f| worded(f, logs, own(f), sensor.unit)));
         grids.extend(report.grids());
     }
+    findings.extend(logs.records.iter().flat_map(|record| left_out(plan, record)));
     findings.extend(starts::moving(plan));
     findings.extend(dead(plan, logs));
     grids.resize(plan.channels(), 0.0);
@@ -60,6 +61,34 @@ fn worded(f: &Finding, logs: &Logs, place: String, unit: &str) -> AuditFinding {
         unit: if f.unit == "m" { unit.to_owned() } else { f.unit.to_owned() },
         advice: f.advice.to_owned(),
     }
+}
+
+/// Of each sensor the readings of a record that were left out.
+fn left_out(plan: &Plan, record: &Record) -> Vec<AuditFinding> {
+    let observed = |lone: &Lone| match lone.sensor {
+        LoneSensor::Marker(k) => Observed::Marker(k),
+        LoneSensor::Joint(k) => Observed::Joint(k),
+    };
+    let mut sensors: Vec<Observed> = record.left_out.iter().map(observed).collect();
+    sensors.dedup();
+    let finding = |sensor: Observed| {
+        let own: Vec<&Lone> = record.left_out.iter().filter(|lone| observed(lone) == sensor).collect();
+        let worst = own.iter().max_by(|a, b| a.size.abs().total_cmp(&b.size.abs()))?;
+        Some(AuditFinding {
+            severity: "info".to_owned(),
+            record: record.name.clone(),
+            place: place_of(plan, sensor),
+            time_s: Some(worst.time),
+            what: format!(
+                "{} lone readings, off the curve through their neighbours, were left out; the largest is given",
+                own.len()
+            ),
+            number: worst.size,
+            unit: plan.unit_of(sensor).to_owned(),
+            advice: "a sensor that does this often is worth a look".to_owned(),
+        })
+    };
+    sensors.into_iter().filter_map(finding).collect()
 }
 
 /// Sensors that read exactly 0 in every sample of every record: a wrong column, or nothing connected. Of a marker all three coordinates

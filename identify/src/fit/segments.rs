@@ -19,12 +19,11 @@ pub enum Cut {
     Pieces(f64),
 }
 
-/// Gives every record its segments: of `length` \[s\] if given, else as long as a disturbance of the initial state takes to
-/// grow e-fold, at most half a second. Records that start at rest have one. The states of joined segments are left to
-/// [`approach`].
+/// Gives every record its segments: of `length` \[s\] if given, else of at most half a second. Records that start at rest have one. The
+/// states of joined segments are left to [`approach`].
 ///
-/// Where a disturbance grows more than e-fold within a record, and no length is given, all records are cut into pieces
-/// without constraints instead: joined, every cause would look like every other, and like the initial state.
+/// Where a disturbance of the initial state grows more than a hundredfold within a record, and no length is given, all records are cut into pieces
+/// without constraints instead, as long as it takes to grow e-fold: joined, every cause would look like every other, and like the initial state.
 pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut, IdentifyError> {
     let mut fitted = std::mem::take(&mut plan.fitted);
     let (mut shortest, mut wildest) = (f64::INFINITY, 1.0f64);

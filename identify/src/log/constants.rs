@@ -9,6 +9,13 @@ pub(super) struct LogConstants {
     pub gap: (f64, f64),
     /// Fewest samples of a part between gaps that is simulated.
     pub part: usize,
+    /// Distance of a reading from the curve through its neighbours, in their scatter, from which it is left out [-]: of a million readings with normal noise
+    /// one is off by 5.
+    pub lone: f64,
+    /// Part of a sensor's readings up to which they are left out [-].
+    pub lone_share: f64,
+    /// Time from the second reading before one to the second behind it, in periods, up to which they are its neighbours [-].
+    pub lone_span: f64,
     /// Part by which the sample period may differ from a whole number of steps [-]: jittering clocks pass.
     pub period_error: f64,
     /// Steps between two samples below which the clock is taken for one in seconds that is read as milliseconds, and above which for one
@@ -32,6 +39,9 @@ pub(super) const LOG: LogConstants = LogConstants {
     samples: 10,
     gap: (0.1, 5.0),
     part: 20,
+    lone: 8.0,
+    lone_share: 0.02,
+    lone_span: 4.5,
     period_error: 0.02,
     steps: (0.05, 500.0),
     extent: (0.01, 10.0),

@@ -19,6 +19,7 @@ mod error;
 mod experiment;
 mod free;
 mod joint_sensor;
+mod lone;
 mod npz_file;
 mod record;
 mod setup;
@@ -29,6 +30,7 @@ pub use experiment::{
     AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor,
     LengthUnit, Marker, Orientation, Prior, RecordFile, Role, SensorStart, TimeUnit,
 };
+pub use lone::{Lone, LoneSensor};
 pub use record::{Logs, Record, Split, StepTime, period};
 pub use setup::Setup;
 pub(crate) use setup::offset_path;

@@ -3,6 +3,7 @@
 use super::constants::LOG;
 use super::curve::Curve;
 use super::experiment::{Interpolation, Role};
+use super::lone::Lone;
 
 /// All records of an experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +75,8 @@ pub struct Record {
     pub orientations: Vec<Vec<[f64; 4]>>,
     /// Inputs in the order of the model, in SI units, per time.
     pub inputs: Vec<Vec<f64>>,
+    /// Readings that were taken out, since no motion explains them.
+    pub left_out: Vec<Lone>,
     /// Per input the part of a step at which the step takes it: 1 for positions (at its end), ½ for velocities (its mean).
     pub phase: Vec<f64>,
 }
@@ -174,6 +177,7 @@ impl Record {
             joints: self.joints[samples.clone()].to_vec(),
             orientations: self.orientations[samples.clone()].to_vec(),
             inputs: self.inputs[samples].to_vec(),
+            left_out: Vec::new(),
             phase: self.phase.clone(),
         }
     }

@@ -4,7 +4,7 @@ use super::check::{check_experiment, check_record, check_twice};
 use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Input, RecordFile, Role};
 use super::record::{Logs, Record};
-use super::{csv_file, npz_file};
+use super::{csv_file, lone, npz_file};
 use pliant_scene::{Control, Joint, JointKind, Place, Scene, Source, control_list, parse_source, words};
 use std::path::{Path, PathBuf};
 
@@ -93,6 +93,7 @@ impl Setup {
         check_record(self, &record, place)?;
         let start = record.time[0];
         record.time.iter_mut().for_each(|t| *t -= start);
+        lone::leave_out(&mut record);
         Ok(record)
     }
 

@@ -1,5 +1,8 @@
 //! Numbers that decide in statistics. Units and reasons; where no source is named, a value is our own choice. Levels and numbers of draws that a caller may choose are fields of the modules' options.
 
+/// Factor from a median absolute deviation to a Gaussian standard deviation.
+pub(crate) const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
+
 /// See the module; one value, [`STATS`].
 pub(crate) struct StatsConstants {
     // noise models

@@ -27,5 +27,5 @@ pub mod sign_flip;
 pub(crate) mod testing;
 pub mod whiteness;
 
-pub(crate) use constants::STATS;
+pub(crate) use constants::{MAD_TO_SIGMA, STATS};
 pub use error::StatsError;

@@ -11,10 +11,8 @@
 use super::super::policy::POLICY;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
+use crate::stats::MAD_TO_SIGMA;
 use crate::stats::whiteness::channel;
-
-/// Factor from a median of |x| to a Gaussian standard deviation.
-const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
 
 /// Scatter of every channel [unit of the channel]; `grids`: the noise that the channels' quantisation makes.
 pub(in super::super) fn scatter(plan: &Plan, base: &Fitted, grids: &[f64]) -> Vec<f64> {
