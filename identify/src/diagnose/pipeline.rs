@@ -89,12 +89,10 @@ impl Refinement {
         let told = |n: &&Numerics| n.gain > POLICY.per_number || d.imitated.contains(&NumericsKind::Step);
         let needed = of(NumericsKind::Step).filter(told).and_then(|n| n.needed);
         let finer = needed.map(|needed| (step / needed).ceil().min(POLICY.finest));
-        let other = of(NumericsKind::Inputs).is_some_and(|n| n.gain > POLICY.per_number);
-        let wanted = d.verdict != Verdict::Withheld && (finer.is_some() || other);
-        wanted.then(|| Self {
-            step: step / finer.unwrap_or(1.0),
-            interpolation: if other { interpolation.other() } else { interpolation },
-        })
+        let ways = d.numerics.iter().filter(|n| n.kind == NumericsKind::Inputs && n.gain > POLICY.per_number);
+        let other = ways.max_by(|a, b| a.gain.total_cmp(&b.gain)).and_then(|n| n.interpolation);
+        let wanted = d.verdict != Verdict::Withheld && (finer.is_some() || other.is_some());
+        wanted.then(|| Self { step: step / finer.unwrap_or(1.0), interpolation: other.unwrap_or(interpolation) })
     }
 
     fn setup(&self, setup: &Setup) -> Setup {

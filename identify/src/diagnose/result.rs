@@ -108,6 +108,8 @@ pub enum NumericsKind {
 pub struct Numerics {
     /// Its source.
     pub kind: NumericsKind,
+    /// Of inputs, how they are read instead; else null.
+    pub interpolation: Option<Interpolation>,
     /// Root mean square change of the readings without it.
     pub rms: f64,
     /// Unit of `rms`.

@@ -351,7 +351,7 @@ mod tests {
             record: Record::default(),
             inputs: Vec::new(),
             past: Vec::new(),
-            other: Arc::default(),
+            others: Arc::default(),
             start: Default::default(),
             nodes: Vec::new(),
             parent,

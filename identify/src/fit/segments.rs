@@ -107,18 +107,21 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
         let name = format!("{} from {:.2} s", rec.record.name, time[sample]);
         let record = Record { name, ..rec.record.piece(first_read((step, sample))..end_sample, step as f64 * h) };
         let back = (FIT.past / h).round() as usize;
-        // of the inputs as they are, and as the other reading of the log has them
+        // of the inputs as they are, and as other readings of the log have them
         let cut = |inputs: &[Vec<f64>], past: &[Vec<f64>]| {
             let past = if step == 0 { past } else { &inputs[step.saturating_sub(back)..step] };
             (inputs[step..end_step].to_vec(), past.to_vec())
         };
         let (inputs, past) = cut(&rec.inputs, &rec.past);
-        let (others, before) = cut(&rec.other.inputs, &rec.other.past);
+        let other = |way: usize| {
+            let (inputs, past) = cut(&rec.others[way].inputs, &rec.others[way].past);
+            OtherInputs { inputs, past }
+        };
         pieces.push(RecordPlan {
             record,
             inputs,
             past,
-            other: Arc::new(OtherInputs { inputs: others, past: before }),
+            others: Arc::new([0, 1].map(other)),
             start,
             nodes: Vec::new(),
             parent: rec.parent,

@@ -1,4 +1,4 @@
-//! Inputs between the samples of a log: straight lines, or a cubic spline on the samples' own times.
+//! Inputs between the samples of a log: straight lines, a cubic spline on the samples' own times, or the last sample.
 //!
 //! Between the samples at t₀ and t₁ = t₀ + d, with a = (t₁ − t)/d and b = (t − t₀)/d,
 //! ```text
@@ -18,16 +18,17 @@ pub(super) struct Curve<'a> {
     values: Vec<f64>,
     /// Second derivative at each sample.
     bends: Vec<f64>,
+    held: bool,
 }
 
 impl<'a> Curve<'a> {
     /// Through these values; there is at least one.
     pub fn new(time: &'a [f64], values: Vec<f64>, interpolation: Interpolation) -> Self {
         let bends = match interpolation {
-            Interpolation::Linear => vec![0.0; values.len()],
+            Interpolation::Linear | Interpolation::Held => vec![0.0; values.len()],
             Interpolation::Smooth => bends(time, &values),
         };
-        Self { time, values, bends }
+        Self { time, values, bends, held: interpolation == Interpolation::Held }
     }
 
     /// Its value at a time; that of the nearest sample outside the log.
@@ -37,6 +38,9 @@ impl<'a> Curve<'a> {
             return self.values[0];
         }
         if after == self.time.len() {
+            return self.values[after - 1];
+        }
+        if self.held {
             return self.values[after - 1];
         }
         let (t0, t1) = (self.time[after - 1], self.time[after]);

@@ -85,14 +85,18 @@ pub enum Interpolation {
     /// with the fourth power of the time between samples, and a straight line one that falls with the second. Where an input jumps, a
     /// spline swings past it on both sides.
     Smooth,
+    /// Commands and speeds stay as they are until the next sample, as those of a controller at the rate of the log; prescribed positions, which cannot
+    /// jump, go straight.
+    Held,
 }
 
 impl Interpolation {
-    /// The way that is not this one.
-    pub fn other(self) -> Self {
+    /// The ways that are not this one.
+    pub fn others(self) -> [Self; 2] {
         match self {
-            Self::Linear => Self::Smooth,
-            Self::Smooth => Self::Linear,
+            Self::Linear => [Self::Smooth, Self::Held],
+            Self::Smooth => [Self::Linear, Self::Held],
+            Self::Held => [Self::Linear, Self::Smooth],
         }
     }
 
@@ -101,6 +105,7 @@ impl Interpolation {
         match self {
             Self::Linear => "linear",
             Self::Smooth => "smooth",
+            Self::Held => "held",
         }
     }
 }

@@ -123,7 +123,10 @@ impl Record {
 
     /// The inputs of n steps of h [s], read between the samples in this way; held where the log has ended.
     pub fn step_inputs(&self, h: f64, n_steps: usize, interpolation: Interpolation) -> Vec<Vec<f64>> {
-        let curve = |j: usize| Curve::new(&self.time, self.inputs.iter().map(|row| row[j]).collect(), interpolation);
+        // a position is where a step ends: held, it would jump
+        let way =
+            |phase: f64| if phase == 1.0 && interpolation == Interpolation::Held { Interpolation::Linear } else { interpolation };
+        let curve = |j: usize| Curve::new(&self.time, self.inputs.iter().map(|row| row[j]).collect(), way(self.phase[j]));
         let curves: Vec<Curve> = (0..self.phase.len()).map(curve).collect();
         let row = |k: usize| curves.iter().zip(&self.phase).map(|(curve, phase)| curve.at((k as f64 + phase) * h)).collect();
         (0..n_steps).map(row).collect()
@@ -213,6 +216,15 @@ mod tests {
             }
             assert_eq!(rows[6][0], 0.6);
         }
+    }
+
+    #[test]
+    fn held_inputs_stay_until_the_next_sample_and_positions_do_not_jump() {
+        let rows = record().step_inputs(0.01, 6, Interpolation::Held);
+        let [straight, held]: [Vec<f64>; 2] = [0, 1].map(|j| rows.iter().map(|row| row[j]).collect());
+        assert!(straight.iter().enumerate().all(|(k, x)| (x - 0.1 * (k + 1) as f64).abs() < 1e-12), "{straight:?}");
+        // at 5, 15, 25 ms ... of samples at 0, 21, 40 and 60 ms
+        assert_eq!(held, [1.0, 1.0, 0.979, 0.979, 0.96, 0.96]);
     }
 
     #[test]

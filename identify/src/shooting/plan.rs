@@ -22,9 +22,9 @@ pub struct RecordPlan {
     pub inputs: Vec<Vec<f64>>,
     /// Inputs of the steps before, as far as motors may remember them; of a whole record that of its beginning.
     pub past: Vec<Vec<f64>>,
-    /// The two as the other way of reading between samples gives them. Steps begin at those of the record, of which this may be a piece
-    /// whose samples cannot give them again: they are read and cut together with the first.
-    pub other: Arc<OtherInputs>,
+    /// The two as the other ways of reading between samples give them, in the order of [`Interpolation::others`]. Steps begin at those of the record,
+    /// of which this may be a piece whose samples cannot give them again: they are read and cut together with the first.
+    pub others: Arc<[OtherInputs; 2]>,
     /// Its initial state: prior and current estimate.
     pub start: StartState,
     /// States at segment starts, (step, x), estimated.
@@ -35,7 +35,16 @@ pub struct RecordPlan {
     pub correction: Arc<[f64]>,
 }
 
-/// The inputs of a record's steps, and of those before, read from its log in the way that its simulation does not use.
+impl RecordPlan {
+    /// The same record on the same steps, its inputs read in this of the other ways between the samples of the log.
+    pub fn with_other_inputs(&self, way: usize) -> Self {
+        let other = &self.others[way];
+        let steps = self.inputs.len().min(other.inputs.len()); // a record may have been shortened since
+        Self { inputs: other.inputs[..steps].to_vec(), past: other.past.clone(), ..self.clone() }
+    }
+}
+
+/// The inputs of a record's steps, and of those before, read from its log in a way that its simulation does not use.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OtherInputs {
     /// Inputs of each step.
@@ -260,32 +269,19 @@ impl Plan {
         self.fitted.last().map_or(0, |rec| rec.parent + 1)
     }
 
-    /// The same record on the same steps, its inputs read in the other way between the samples of the log: smoothly if this plan reads them
-    /// along straight lines, and the reverse. Of a record that gives its inputs back when it is asked for twice.
-    pub fn with_other_inputs(&self, rec: &RecordPlan) -> RecordPlan {
-        let steps = rec.inputs.len().min(rec.other.inputs.len()); // a record may have been shortened since
-        let other = OtherInputs { inputs: rec.inputs.clone(), past: rec.past.clone() };
-        RecordPlan {
-            inputs: rec.other.inputs[..steps].to_vec(),
-            past: rec.other.past.clone(),
-            other: Arc::new(other),
-            ..rec.clone()
-        }
-    }
-
     fn prepare(&self, record: &Record) -> Result<RecordPlan, IdentifyError> {
         let h = self.model.step_length();
         let read = |interpolation| record.step_inputs(h, record.n_steps(h), interpolation);
         let before = |inputs: &[Vec<f64>]| inputs.first().cloned().into_iter().collect();
-        let (inputs, others) = (read(self.interpolation), read(self.interpolation.other()));
-        let other = Arc::new(OtherInputs { past: before(&others), inputs: others });
+        let inputs = read(self.interpolation);
+        let others = self.interpolation.others().map(read).map(|inputs| OtherInputs { past: before(&inputs), inputs });
         let past = before(&inputs);
         let start = initial_guess(self, record)?;
         Ok(RecordPlan {
             record: record.clone(),
             inputs,
             past,
-            other,
+            others: Arc::new(others),
             start,
             nodes: Vec::new(),
             parent: 0,

@@ -32,8 +32,8 @@ pub(super) fn shift(scene: &Scene, plan: &Plan, records: &[RecordPlan], values: 
 fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values) -> Option<Vec<f64>> {
     let start = initial_guess(plan, record).ok()?;
     let past = inputs.first().cloned().into_iter().collect();
-    let (other, correction) = (Arc::default(), Arc::default());
-    let rec = RecordPlan { record: record.clone(), inputs, past, other, start, nodes: Vec::new(), parent: 0, correction };
+    let (others, correction) = (Arc::default(), Arc::default());
+    let rec = RecordPlan { record: record.clone(), inputs, past, others, start, nodes: Vec::new(), parent: 0, correction };
     shoot(plan, &rec, values, ShotWants::default()).ok().map(|shot| shot.predicted)
 }
 

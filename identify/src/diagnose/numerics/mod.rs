@@ -18,32 +18,54 @@ use rayon::prelude::*;
 /// Change of the readings by a finer simulation.
 #[derive(Clone, Debug)]
 pub(super) struct Shift {
-    pub kind: NumericsKind,
+    pub source: Source,
     /// Δ of every record, rows (time, channel); NaN-free.
     pub change: Vec<Vec<f64>>,
     /// Order in the step or the edges; 0 where there is no refinement.
     order: i32,
 }
 
+/// What a finer simulation has finer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    Step,
+    Mesh,
+    /// Inputs read in this of the plan's other ways.
+    Inputs(usize),
+}
+
+impl Source {
+    pub fn kind(self) -> NumericsKind {
+        match self {
+            Self::Step => NumericsKind::Step,
+            Self::Mesh => NumericsKind::Mesh,
+            Self::Inputs(_) => NumericsKind::Inputs,
+        }
+    }
+}
+
 /// All of them at a fit. What cannot be simulated is left out. `scene`: that of the plan.
 pub(super) fn shifts(scene: &Scene, plan: &Plan, fitted: &Fitted) -> Vec<Shift> {
-    [NumericsKind::Step, NumericsKind::Mesh, NumericsKind::Inputs]
-        .into_iter()
-        .filter_map(|kind| shift(kind, scene, plan, fitted))
-        .collect()
+    let mut out: Vec<Shift> = Vec::new();
+    for source in [Source::Step, Source::Mesh, Source::Inputs(0), Source::Inputs(1)] {
+        // of grippers alone two ways of reading are the same
+        out.extend(shift(source, scene, plan, fitted).filter(|new| out.iter().all(|known| known.change != new.change)));
+    }
+    out
 }
 
 /// One of them, as [`shifts`].
-pub(super) fn shift(kind: NumericsKind, scene: &Scene, plan: &Plan, fitted: &Fitted) -> Option<Shift> {
+pub(super) fn shift(source: Source, scene: &Scene, plan: &Plan, fitted: &Fitted) -> Option<Shift> {
     let (records, values) = (&fitted.records, &fitted.values);
-    let (change, order) = match kind {
-        NumericsKind::Step => (step::shift(plan, records, values).ok()?, step::order(plan)),
-        NumericsKind::Mesh if plan.model.ropes().is_empty() => return None,
-        NumericsKind::Mesh => mesh::shift(scene, plan, records, values)?,
-        NumericsKind::Inputs => (inputs(plan, records, values)?, 0),
+    let (change, order) = match source {
+        Source::Step => (step::shift(plan, records, values).ok()?, step::order(plan)),
+        Source::Mesh if plan.model.ropes().is_empty() => return None,
+        Source::Mesh => mesh::shift(scene, plan, records, values)?,
+        Source::Inputs(way) => (inputs(plan, records, values, way)?, 0),
     };
+    let moves = change.iter().flatten().any(|x| *x != 0.0) || source.kind() != NumericsKind::Inputs;
     let finite = change.iter().flatten().all(|x| x.is_finite());
-    finite.then_some(Shift { kind, change, order })
+    (finite && moves).then_some(Shift { source, change, order })
 }
 
 /// Their changes, for [`super::beside::Beside`].
@@ -51,15 +73,15 @@ pub(super) fn changes(shifts: &[Shift]) -> Vec<&[Vec<f64>]> {
     shifts.iter().map(|shift| shift.change.as_slice()).collect()
 }
 
-/// Readings with the inputs read the other way between samples less those as the scene reads them.
-fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values) -> Option<Vec<Vec<f64>>> {
+/// Readings with the inputs read in this of the other ways between samples less those as the scene reads them.
+fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values, way: usize) -> Option<Vec<Vec<f64>>> {
     if plan.model.nu() == 0 {
         return None;
     }
     let one = |rec: &RecordPlan| {
         let plain = RecordPlan { nodes: Vec::new(), ..rec.clone() };
         let now = shoot(plan, &plain, values, ShotWants::default()).ok()?.predicted;
-        let other = shoot(plan, &plan.with_other_inputs(&plain), values, ShotWants::default()).ok()?.predicted;
+        let other = shoot(plan, &plain.with_other_inputs(way), values, ShotWants::default()).ok()?.predicted;
         Some(now.iter().zip(&other).map(|(a, b)| b - a).collect())
     };
     records.par_iter().map(one).collect()
@@ -73,13 +95,17 @@ impl Shift {
         let refined =
             (self.order > 0 && part > POLICY.tolerated).then(|| (POLICY.tolerated / part).powf(1.0 / f64::from(self.order)));
         let h = plan.model.step_length();
-        let needed = match self.kind {
-            NumericsKind::Step => refined.map(|factor| h * factor),
-            NumericsKind::Mesh => refined.map(f64::recip),
-            NumericsKind::Inputs => None,
+        let needed = match self.source {
+            Source::Step => refined.map(|factor| h * factor),
+            Source::Mesh => refined.map(f64::recip),
+            Source::Inputs(_) => None,
+        };
+        let interpolation = match self.source {
+            Source::Inputs(way) => Some(plan.interpolation.others()[way]),
+            Source::Step | Source::Mesh => None,
         };
         let size = format!("{}, {:.0} % of what is left", quantity_plain(rms, plan.unit()), 100.0 * part);
-        let note = match (self.kind, needed) {
+        let note = match (self.source.kind(), needed) {
             (NumericsKind::Step, Some(needed)) => {
                 format!("the step of {} s moves the readings by {size}; {} s would do", number_plain(h), number_plain(needed))
             }
@@ -90,9 +116,9 @@ impl Shift {
             (NumericsKind::Mesh, None) => format!("the length of the ropes' edges moves the readings by {size}"),
             (NumericsKind::Inputs, _) => format!(
                 "inputs read between samples by `interpolation = \"{}\"` move the readings by {size}",
-                plan.interpolation.other().name()
+                interpolation.map_or("", |way| way.name())
             ),
         };
-        Numerics { kind: self.kind, rms, unit: plan.unit().to_owned(), part, gain, needed, note }
+        Numerics { kind: self.source.kind(), interpolation, rms, unit: plan.unit().to_owned(), part, gain, needed, note }
     }
 }

@@ -26,7 +26,7 @@ pub(super) fn shift(plan: &Plan, records: &[RecordPlan], values: &Values) -> Res
         let coarse = shoot(plan, &plain, values, ShotWants::default()).map_err(named)?.predicted;
         let inputs = halved(&plain, plan);
         let past = plain.past.iter().flat_map(|row| [row.clone(), row.clone()]).collect();
-        let finer = shoot(&fine, &RecordPlan { inputs, past, other: Arc::default(), ..plain }, values, ShotWants::default())
+        let finer = shoot(&fine, &RecordPlan { inputs, past, others: Arc::default(), ..plain }, values, ShotWants::default())
             .map_err(named)?
             .predicted;
         Ok(coarse.iter().zip(&finer).map(|(a, b)| extrapolated * (b - a)).collect())

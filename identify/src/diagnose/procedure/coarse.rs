@@ -285,8 +285,9 @@ fn longer(plan: &Plan, rec: &RecordPlan, steps: usize) -> RecordPlan {
     let joined = |rows: &[Vec<f64>]| -> Vec<Vec<f64>> { rows.chunks(steps).map(one).collect() };
     // what came before ends where the record begins
     let before = |rows: &[Vec<f64>]| -> Vec<Vec<f64>> { rows.rchunks(steps).rev().map(one).collect() };
-    let other = OtherInputs { inputs: joined(&rec.other.inputs), past: before(&rec.other.past) };
-    RecordPlan { inputs: joined(&rec.inputs), past: before(&rec.past), other: Arc::new(other), nodes: Vec::new(), ..rec.clone() }
+    let other = |way: usize| OtherInputs { inputs: joined(&rec.others[way].inputs), past: before(&rec.others[way].past) };
+    let others = Arc::new([0, 1].map(other));
+    RecordPlan { inputs: joined(&rec.inputs), past: before(&rec.past), others, nodes: Vec::new(), ..rec.clone() }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::super::beside::Beside;
 use super::super::gain::prepared;
-use super::super::numerics::{Shift, changes, shift, shifts};
+use super::super::numerics::{Shift, Source, changes, shift, shifts};
 use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::across;
@@ -316,19 +316,22 @@ impl<'a> Round<'a> {
         for (number, of) in shifts.iter().enumerate() {
             let bias = beside.sizes(number);
             let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
-            if small && self.taken_by_finer(parent, of.kind)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
+            if small
+                && self.taken_by_finer(parent, of.source)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
             {
-                return Ok(Some(Rejection::Imitated(of.kind)));
+                return Ok(Some(Rejection::Imitated(of.source.kind())));
             }
         }
         Ok(None)
     }
 
-    /// Squares that a finer simulation, or one part of the way to it, takes from a model.
-    fn taken_by_finer(&self, model: usize, kind: NumericsKind) -> Result<f64, IdentifyError> {
+    /// Squares that a finer simulation, or one part of the way to it, takes from a model; inputs are read one way or the other.
+    fn taken_by_finer(&self, model: usize, source: Source) -> Result<f64, IdentifyError> {
         let coarse = &self.contest.coarse[model];
-        let finer = shift(kind, self.scene, self.bench.plan, &self.contest.fits[model]);
-        finer.map_or(Ok(0.0), |finer| Ok(Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?.most(0)))
+        let finer = shift(source, self.scene, self.bench.plan, &self.contest.fits[model]);
+        let Some(finer) = finer else { return Ok(0.0) };
+        let beside = Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?;
+        Ok(if source.kind() == NumericsKind::Inputs { beside.gain(0) } else { beside.most(0) })
     }
 
     /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.

@@ -2,6 +2,7 @@
 
 use crate::pendulum::Truth;
 use pliant_identify::diagnose::Status;
+use pliant_identify::log::Interpolation;
 use pliant_identify::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use tempfile::TempDir;
 
@@ -66,6 +67,19 @@ fn ambiguous(truth: &Truth, among: &[&str]) {
 fn an_encoder_zero_is_not_named_beside_a_tilt() {
     let d = diagnosed(&Truth { bias: 0.02, ..Truth::default() });
     assert_ne!(d.verdict, Verdict::Named, "{}", d.reason);
+}
+
+/// Held commands come half a sample later than straight lines between them say: the log's reading is at fault, and no delay is named.
+#[test]
+fn held_commands_are_no_delay() {
+    let d = diagnosed(&Truth { held: true, ..Truth::default() });
+    assert_eq!(d.verdict, Verdict::Numerics, "{}", d.reason);
+    assert_eq!(d.refined.map(|refined| refined.interpolation), Some(Interpolation::Held), "{}", d.reason);
+    // a motor that is later than that is
+    let d = diagnosed(&Truth { held: true, late: 0.02, ..Truth::default() });
+    let delayed = |title: &String| title.starts_with("actuator_delay");
+    let told: Vec<String> = d.causes.iter().map(|c| c.title()).chain(d.alternative_titles().concat()).collect();
+    assert!(told.iter().any(delayed), "{:?}: {}", d.verdict, d.reason);
 }
 
 /// What three records show barely is accepted where the held-out one does not speak against it.

@@ -27,6 +27,8 @@ pub struct Truth {
     pub creep: f64,
     /// Additional angle at the start [rad].
     pub turned: f64,
+    /// Whether commands are held from sample to sample, else they go straight.
+    pub held: bool,
 }
 
 /// Inertia about the axis [kg·m²], and weight times lever [N·m]: 0.5 kg at 0.3 m.
@@ -56,6 +58,7 @@ impl Default for Truth {
             spring: 0.0,
             creep: 1e9,
             turned: 0.0,
+            held: false,
         }
     }
 }
@@ -77,10 +80,10 @@ impl Truth {
             let k = record as f64;
             0.5 * (2.0 * t * (1.0 + 0.3 * k) + k).sin() + 0.25 * (7.3 * t + 2.0 * k).sin()
         };
-        // the log is interpolated linearly, so the truth is driven by the same line
+        // a scene reads its log along straight lines, so the truth is driven by the same line
         let line = |t: f64| {
-            let k = (t * RATE).floor();
-            let part = t * RATE - k;
+            let k = (t * RATE + 1e-9).floor();
+            let part = if self.held { 0.0 } else { t * RATE - k };
             (1.0 - part) * command(k / RATE) + part * command((k + 1.0) / RATE)
         };
         let h = 1.0 / RATE / FINE as f64;
