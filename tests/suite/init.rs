@@ -60,6 +60,7 @@ fn logs_that_do_not_fit_are_refused_and_nothing_is_written() {
     let good = log(at, "good.csv", "t,shoulder,elbow");
     let mistakes = [
         ("a.csv", "shoulder,elbow", "no column is the time; there are shoulder, elbow"),
+        ("a.mcap", "", "python -m pliant.logs"),
         ("b.csv", "t,time,elbow", "columns `t` and `time` both look like the time"),
         ("c.csv", "t,wrist", "no column names a joint of the model: columns t, wrist; joints shoulder, elbow"),
         ("d.csv", "t,elbow_torque", "no column names a joint of the model"),

@@ -147,7 +147,10 @@ fn of_the_file(mistake: &M) -> (String, String) {
             both("the path is wrong, or the file is damaged", "check the path; in a scene it is relative to the scene's folder")
         }
         M::Empty => both("the recording did not begin, or another file was meant", "record again, or leave this file out"),
-        M::Kind => both("another format", "convert it to .csv or .npz"),
+        M::Kind => both(
+            "another format",
+            "`python -m pliant.logs` writes CSV files of MCAP, ROS bags, Parquet, HDF5 and arrays (docs/logs.md)",
+        ),
         M::Mapping { key, kind } => both(
             "the mapping was written for the other kind of file",
             format!("add `{key}`, or name a file of the other kind (this one is {kind})"),

@@ -21,11 +21,20 @@ struct Column {
     factor: f64,
 }
 
+/// Whether a file is a CSV log, by its name.
+pub(super) fn is_csv(path: &Path) -> bool {
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    matches!(extension.as_deref().and_then(|e| e.to_str()), Some("csv" | "txt" | "tsv"))
+}
+
 /// Names of the columns of a CSV log, and their numbers, one per row; NaN where a cell holds none.
 ///
 /// # Errors
-/// A file that cannot be read, without names, or with rows of another length.
+/// Another kind of file, one that cannot be read, without names, or with rows of another length.
 pub fn csv_columns(path: &Path) -> Result<Vec<(String, Vec<f64>)>, LogError> {
+    if !is_csv(path) {
+        return Err(LogError::new(Place { file: Some(path.display().to_string()), ..Place::default() }, LogMistake::Kind));
+    }
     let table = Table::read(path)?;
     let number = |row: &StringRecord, k: usize| row.get(k).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
     let numbers = |k: usize| table.rows.iter().map(|row| number(row, k)).collect();

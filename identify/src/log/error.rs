@@ -126,7 +126,7 @@ pub enum LogMistake {
     #[error("cannot be read: {error}")]
     Read { error: String },
     /// Not a known kind of file.
-    #[error("is neither .csv nor .npz")]
+    #[error("is not a log that pliant reads")]
     Kind,
     /// A file of no content.
     #[error("is empty: it has no header and no rows")]

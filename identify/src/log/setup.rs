@@ -74,10 +74,9 @@ impl Setup {
     }
 
     fn read_file(&self, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
-        let extension = path.extension().map(|e| e.to_ascii_lowercase());
-        match extension.as_deref().and_then(|e| e.to_str()) {
-            Some("csv" | "txt" | "tsv") => csv_file::read(self, path, file),
-            Some("npz") => npz_file::read(self, path, file),
+        match path.extension() {
+            _ if csv_file::is_csv(path) => csv_file::read(self, path, file),
+            Some(extension) if extension.eq_ignore_ascii_case("npz") => npz_file::read(self, path, file),
             _ => Err(LogError::new(Place { file: Some(path.display().to_string()), ..Place::default() }, LogMistake::Kind)),
         }
     }

@@ -331,7 +331,7 @@ fn arrays() {
 fn files() {
     Case::new(CSV).refused("run.csv", &["cannot be read", "relative to the scene's folder"]);
     Case::csv(Vec::clear).refused("run.csv", &["is empty", "record again"]);
-    Case::new(CSV).with("run.csv", "run.mat").refused("run.mat", &["neither .csv nor .npz"]);
+    Case::new(CSV).with("run.csv", "run.mat").refused("run.mat", &["is not a log that pliant reads", "python -m pliant.logs"]);
     Case::new(CSV)
         .with("[[experiment.record]]\nfile = \"run.csv\"\n", "")
         .refused("scene.toml:20: experiment", &["no log", "--log FILE"]);
