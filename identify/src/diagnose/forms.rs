@@ -103,15 +103,14 @@ fn pushes_of(
         let what = format!("pushes for {} s, {} s into {}", number_plain(width), number_plain(peak), rec.record.name);
         Group { forms: vec![Form { place, variable: Variable::Time, shape, reversing: false }], what }
     };
-    let groups: Vec<Group> = (0..=POLICY.push_parts).map(push).collect();
+    let groups: Vec<Group> = (0..=POLICY.push_parts - POLICY.push_behind).map(push).collect();
     let test = tested(plan, &alone, &groups, &changes, POLICY.push_blocks)?;
-    // An outlier is a push to the model, but one whose weight lies in few blocks. Behind a push there are too few of them for a test of their
-    // own: what they take back of its size is taken from it.
+    // an outlier is a push to the model as well, but hangs on one block
     let told = |(group, score): (&Group, &CandidateScore)| {
-        let (scale, _) = *score.caution.first()?;
-        Some(RemainderForm { p: chi2_sf(scale * scale * score.lm, 1.0), ..told(plan, site, group, score) })
+        let form = told(plan, site, group, score);
+        RemainderForm { p: chi2_sf(score.lm_without_any, 1.0), ..form }
     };
-    Ok(groups.iter().zip(&test).filter_map(told).collect())
+    Ok(groups.iter().zip(&test).filter(|(_, score)| score.rank > 0).map(told).collect())
 }
 
 /// The score test of hypotheses, with everything fitted and these changes of the readings projected off.

@@ -156,9 +156,11 @@ pub(super) struct Policy {
     pub form_hats: usize,
     /// Parts of a record's time in each of which something may push.
     pub push_parts: usize,
+    /// Parts that have to lie behind it: an outlier near the end bends the fit before it, and looks like a push in all of them.
+    pub push_behind: usize,
     /// Level of all pushes together [-]: thousands are tried, and a noise model is least true far out.
     pub push_level: f64,
-    /// Blocks of the readings behind a push: so short that an outlier fills one of them, and a push, which moves all that follows, many.
+    /// Blocks of the readings behind a push, which has to be seen whichever of them is left out: an outlier fills one, and a push moves all that follows.
     pub push_blocks: Blocks,
     /// Hypotheses that are said in the note on what is left.
     pub told_forms: usize,
@@ -281,6 +283,7 @@ pub(super) const POLICY: Policy = Policy {
     form_range: 0.02,
     form_hats: 6,
     push_parts: 24,
+    push_behind: 3,
     push_level: 1e-4,
     push_blocks: Blocks { most: usize::MAX, samples: 3 },
     told_forms: 2,

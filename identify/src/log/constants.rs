@@ -12,6 +12,8 @@ pub(super) struct LogConstants {
     /// Distance of a reading from the curve through its neighbours, in their scatter, from which it is left out [-]: of a million readings with normal noise
     /// one is off by 5.
     pub lone: f64,
+    /// The same of a reading at an end, and the parabola through the three next to it [-]: less, for three say less about a fourth.
+    pub lone_end: f64,
     /// Part of a sensor's readings up to which they are left out [-].
     pub lone_share: f64,
     /// Time from the second reading before one to the second behind it, in periods, up to which they are its neighbours [-].
@@ -40,6 +42,7 @@ pub(super) const LOG: LogConstants = LogConstants {
     gap: (0.1, 5.0),
     part: 20,
     lone: 8.0,
+    lone_end: 5.0,
     lone_share: 0.02,
     lone_span: 4.5,
     period_error: 0.02,

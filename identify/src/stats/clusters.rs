@@ -44,6 +44,17 @@ impl Clusters {
         DMatrix::from_fn(directions.basis.rank(), columns.len(), |i, j| columns[j][i])
     }
 
+    /// The least of ŝᵀ(1 − I_b)⁻¹ŝ over the blocks, each left out of ŝ in turn: what hangs on one of them has none.
+    pub fn without_any(&self, directions: &Directions, local: &DVector<f64>) -> f64 {
+        let rank = directions.basis.rank();
+        let without = |block: &Cluster| {
+            let score = local - directions.weights.tr_mul(&block.score);
+            let rest = DMatrix::identity(rank, rank) - information(&directions.weights, &block.gram);
+            Cholesky::new(rest).map_or(0.0, |rest| score.dot(&rest.solve(&score)))
+        };
+        self.blocks.iter().map(without).fold(local.norm_squared(), f64::min)
+    }
+
     /// Wald-type tests with the variance from time blocks and, where there are enough, from records.
     pub fn evidence(
         &self,
@@ -57,25 +68,27 @@ impl Clusters {
     }
 }
 
+/// w G wᵀ of a cluster's gram G, in a candidate's coordinates. Most columns are other candidates': their weights w are zero.
+fn information(weights: &DMatrix<f64>, gram: &DMatrix<f64>) -> DMatrix<f64> {
+    let (w, rank) = (weights, weights.ncols());
+    let support: Vec<usize> = (0..w.nrows()).filter(|&i| w.row(i).iter().any(|x| *x != 0.0)).collect();
+    DMatrix::from_fn(rank, rank, |a, b| {
+        let inner = |j: usize| support.iter().map(|&i| w[(i, a)] * gram[(i, j)]).sum::<f64>();
+        support.iter().map(|&j| inner(j) * w[(j, b)]).sum()
+    })
+}
+
 /// ŝᵀV⁻¹ŝ against t (one direction) or F; none where the clusters carry too few degrees of freedom.
 fn wald(clusters: &[Cluster], directions: &Directions, local: &DVector<f64>, min_dof: f64) -> Option<Evidence> {
     let rank = directions.basis.rank();
     if rank == 0 {
         return None;
     }
-    // Most columns are other candidates': their weights are zero.
     let w = &directions.weights;
-    let support: Vec<usize> = (0..w.nrows()).filter(|&i| w.row(i).iter().any(|x| *x != 0.0)).collect();
-    let weigh = |gram: &DMatrix<f64>| -> DMatrix<f64> {
-        DMatrix::from_fn(rank, rank, |a, b| {
-            let inner = |j: usize| support.iter().map(|&i| w[(i, a)] * gram[(i, j)]).sum::<f64>();
-            support.iter().map(|&j| inner(j) * w[(j, b)]).sum()
-        })
-    };
     let mut variance = DMatrix::zeros(rank, rank);
     let mut shares = Vec::with_capacity(clusters.len());
     for cluster in clusters {
-        let information = weigh(&cluster.gram);
+        let information = information(w, &cluster.gram);
         shares.push((information.trace() / rank as f64).clamp(0.0, 1.0));
         let centred = w.tr_mul(&cluster.score) - &information * local;
         let corrected = inverse_root_of_complement(information) * centred;

@@ -88,6 +88,8 @@ pub struct CandidateScore {
     pub dead: Vec<usize>,
     /// LM, ~ χ²_rank.
     pub lm: f64,
+    /// The least LM with one of the time blocks left out.
+    pub lm_without_any: f64,
     /// u ᵀr / (|u| √φ), with sign, where rank = 1 and the candidate has one column; else NaN.
     pub t: f64,
     /// θ̂: one-step size.
@@ -295,6 +297,7 @@ impl<'a> Linear<'a> {
             rank: basis.rank(),
             dead: basis.dead.clone(),
             lm,
+            lm_without_any: self.clusters.without_any(directions, &local) / self.options.dispersion,
             t,
             theta,
             detectable: std_error.iter().map(|s| STATS.detectable * s).collect(),
