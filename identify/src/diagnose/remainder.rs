@@ -29,7 +29,9 @@ pub(super) fn remainder(
     }
     let over_scatter = bench.over(&beyond);
     let by_motion = ceiling::by_motion(plan, &beyond, &beyond.residuals)?;
-    let explainable = base_rmse * base_rmse - noise.sensor_sigma * noise.sensor_sigma;
+    let base = base_rmse * base_rmse;
+    // a scatter that the baseline is below is none of its errors
+    let explainable = if noise.sensor_sigma < base_rmse { base - noise.sensor_sigma * noise.sensor_sigma } else { base };
     let large = over_scatter > POLICY.no_noise;
     let squares = (fitted.rmse / noise.sensor_sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
     let moves = by_motion.filter(|part| part * squares > POLICY.by_motion);
@@ -55,11 +57,7 @@ pub(super) fn remainder(
         input_p: depends_on_input(plan, fitted)?,
         rmse: fitted.rmse,
         unit: plan.unit().to_owned(),
-        explained_fraction: if explainable > 0.0 {
-            (base_rmse * base_rmse - fitted.rmse * fitted.rmse) / explainable
-        } else {
-            0.0
-        },
+        explained_fraction: if explainable > 0.0 { (base - fitted.rmse * fitted.rmse) / explainable } else { 0.0 },
         note,
         forms,
     })

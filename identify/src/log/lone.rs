@@ -30,30 +30,31 @@ pub enum LoneSensor {
     Joint(usize),
 }
 
-/// Takes lone readings out of a record: they are NaN, as those that are missing, and listed in `left_out`. A sensor that has many keeps them: they are its noise.
+/// Takes lone readings out of a record: they are NaN, as those that are missing, and listed in `left_out`. What several sensors see at once is
+/// motion; a sensor that has many keeps them, for they are its noise.
 pub(super) fn leave_out(record: &mut Record) {
-    let samples = record.time.len();
-    let most = (LOG.lone_share * samples as f64).ceil() as usize;
-    let mut out = Vec::new();
+    let mut found: Vec<(LoneSensor, usize, f64)> = Vec::new();
     for k in 0..record.joints.first().map_or(0, Vec::len) {
         let series: Vec<f64> = record.joints.iter().map(|row| row[k]).collect();
-        let found = lone(&record.time, &series);
-        if found.len() <= most {
-            found.iter().for_each(|(t, _)| record.joints[*t][k] = f64::NAN);
-            out.extend(found.into_iter().map(|(t, size)| Lone { sensor: LoneSensor::Joint(k), time: record.time[t], size }));
-        }
+        found.extend(lone(&record.time, &series).into_iter().map(|(t, size)| (LoneSensor::Joint(k), t, size)));
     }
     for k in 0..record.markers.first().map_or(0, Vec::len) {
         let of = |a: usize| lone(&record.time, &record.markers.iter().map(|row| row[k][a]).collect::<Vec<f64>>());
-        let mut found: Vec<(usize, f64)> = (0..3).flat_map(of).collect();
-        found.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-        found.dedup_by_key(|(t, _)| *t);
-        if found.len() <= most {
-            found.iter().for_each(|(t, _)| record.markers[*t][k] = [f64::NAN; 3]);
-            out.extend(found.into_iter().map(|(t, size)| Lone { sensor: LoneSensor::Marker(k), time: record.time[t], size }));
-        }
+        let mut own: Vec<(usize, f64)> = (0..3).flat_map(of).collect();
+        own.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.abs().total_cmp(&a.1.abs())));
+        own.dedup_by_key(|(t, _)| *t);
+        found.extend(own.into_iter().map(|(t, size)| (LoneSensor::Marker(k), t, size)));
     }
-    record.left_out = out;
+    let most = (LOG.lone_share * record.time.len() as f64).ceil() as usize;
+    let seldom = |sensor: LoneSensor| found.iter().filter(|(own, ..)| *own == sensor).count() <= most;
+    let alone = |t: usize| found.iter().filter(|(_, at, _)| *at == t).count() == 1;
+    for &(sensor, t, size) in found.iter().filter(|(sensor, t, _)| seldom(*sensor) && alone(*t)) {
+        match sensor {
+            LoneSensor::Joint(k) => record.joints[t][k] = f64::NAN,
+            LoneSensor::Marker(k) => record.markers[t][k] = [f64::NAN; 3],
+        }
+        record.left_out.push(Lone { sensor, time: record.time[t], size });
+    }
 }
 
 /// The parabola through three readings, one step beyond them: the weight of each, the nearest first.
@@ -174,6 +175,8 @@ mod tests {
         record.joints = vec![Vec::new(); 200];
         record.markers[50][1][2] += 0.05;
         record.markers[50][1][0] += 0.04;
+        // a blow moves both markers at once
+        record.markers[120].iter_mut().for_each(|point| point[1] -= 0.05);
         leave_out(&mut record);
         assert!(record.markers[50][1].iter().all(|x| x.is_nan()) && record.markers[50][0][1].is_finite());
         assert_eq!(record.left_out.len(), 1);

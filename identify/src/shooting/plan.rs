@@ -234,16 +234,20 @@ impl Plan {
         errors.iter().zip(reported.iter().cycle()).filter(|(_, r)| **r).map(|(e, _)| *e).collect()
     }
 
-    /// Root mean square of the reported errors of all records.
+    /// Root mean square of the reported errors of all records; where nothing was measured an error is 0, and does not count.
     pub fn rms(&self, errors: &[Vec<f64>]) -> f64 {
-        let kept = || errors.iter().flat_map(|e| self.reported_errors(e));
-        (kept().map(|e| e * e).sum::<f64>() / kept().count().max(1) as f64).sqrt()
+        self.mean(errors, |e| e * e).sqrt()
     }
 
-    /// Mean size of the reported errors of all records.
+    /// Mean size of the reported errors of all records, likewise.
     pub fn mean_abs(&self, errors: &[Vec<f64>]) -> f64 {
-        let kept = || errors.iter().flat_map(|e| self.reported_errors(e));
-        kept().map(f64::abs).sum::<f64>() / kept().count().max(1) as f64
+        self.mean(errors, f64::abs)
+    }
+
+    fn mean(&self, errors: &[Vec<f64>], of: impl Fn(f64) -> f64) -> f64 {
+        let kept = errors.iter().flat_map(|e| self.reported_errors(e)).filter(|e| *e != 0.0);
+        let (sum, count) = kept.fold((0.0, 0usize), |(sum, count), e| (sum + of(e), count + 1));
+        sum / count.max(1) as f64
     }
 
     /// Reading of an observed quantity at a sample of a record, up to four numbers; NaN where it is missing.
