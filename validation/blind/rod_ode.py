@@ -47,6 +47,12 @@ QUICK = {"xla_llvm_disable_expensive_passes": True}  # compiles three times as f
 LANES = (4, 48)  # variants that are simulated together: one compiled program each
 
 
+def differences(function, y, delta=1e-7):
+    """Jacobian of a function of a vector by forward differences, which compile in a third of the time of derivatives."""
+    begin = function(y)
+    return jax.lax.map(lambda e: (function(y + delta * e) - begin) / delta, jnp.eye(len(y))).T
+
+
 @dataclass(frozen=True, eq=False)
 class Rod:
     """A layout of nodes and grippers, of which everything else is a number."""
@@ -164,7 +170,7 @@ class Rod:
 
         def newton(_, carried):
             y, _ = carried
-            step = jnp.linalg.solve(jax.jacfwd(residual)(y), residual(y))
+            step = jnp.linalg.solve(differences(residual, y), residual(y))
             step *= jnp.minimum(1.0, 0.05 / jnp.max(jnp.abs(step)))
             return y - step, jnp.max(jnp.abs(step))
 
@@ -245,7 +251,7 @@ class Rod:
                     return jnp.concatenate([a.ravel() for a in r])
 
                 new = jnp.concatenate([v.ravel(), o])
-                inverse = jnp.linalg.inv(jax.jacfwd(residual)(new))
+                inverse = jnp.linalg.inv(differences(residual, new))
                 new = jax.lax.fori_loop(0, 6, lambda _, a: a - inverse @ residual(a), new)
                 v_new, o_new = split(new)
                 x_new, w_new = x + 0.5 * h * (v + v_new), w + 0.5 * h * (o + o_new)
@@ -270,7 +276,7 @@ def layout(text: str) -> Rod:
 
 @functools.cache
 def programs(text: str, rule: str) -> tuple:
-    """Equilibria and rollouts of lanes of a layout; compiled programs are kept on disk, as each takes ten seconds."""
+    """Equilibria and rollouts of lanes of a layout; compiled programs are kept on disk, as each takes ten seconds and more."""
     jax.config.update("jax_compilation_cache_dir", str(KEPT))
     rod = layout(text)
     one = rod.midpoint if rule == "scene" else rod.simulate
@@ -286,17 +292,24 @@ def programs(text: str, rule: str) -> tuple:
     return rest, rollout
 
 
+def in_lanes(function, count: int, width: int) -> list[np.ndarray]:
+    """Arrays of `count` variants from those of `function(numbers of width variants)`; the last variant fills up."""
+    parts = []
+    for at in range(0, count, width):
+        own = np.minimum(np.arange(at, at + width), count - 1)
+        parts.append([np.asarray(a)[: count - at] for a in function(own)])
+    return [np.concatenate(a) for a in zip(*parts, strict=True)]
+
+
 def run(text: str, rule: str, theta, extra, record, tables, origin, guess, turns: int, steps: int):
     """Nodes (B, rows, n, 3), velocities, first axes (B, rows, E, 3) of B variants, and the last steps to their equilibria (B,)."""
     rest, rollout = programs(text, rule)
-    parts, at = [], 0
-    while at < len(record):
-        left = len(record) - at
-        width = next((n for n in LANES if left <= n), LANES[-1])
-        own = np.minimum(np.arange(at, at + width), len(record) - 1)  # the last one fills up
+
+    def resting(own):
         begun, last = rest(theta[own], extra[own], record[own], tables, origin, guess, turns)
-        x, v, d = rollout(begun, theta[own], extra[own], record[own], tables, origin, steps)
-        kept = min(left, width)
-        parts.append([np.asarray(a)[:kept] for a in (x, v, d, last)])
-        at += kept
-    return [np.concatenate(a) for a in zip(*parts, strict=True)]
+        return *begun, last
+
+    few, many = LANES
+    *begun, last = in_lanes(resting, len(record), few)
+    moving = lambda own: rollout(tuple(a[own] for a in begun), theta[own], extra[own], record[own], tables, origin, steps)
+    return *in_lanes(moving, len(record), few if len(record) <= 2 * few else many), last

@@ -8,7 +8,6 @@ of the noise (see docs/measured.md), so that no null would be one.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,8 +25,9 @@ AXES = "xyz"
 DURATION = 1.2  # s
 TURNS, CALM = 12, 0.3  # Newton's steps to an equilibrium; kg/(m·s) of the drag that brings a rod to rest
 SEEN = ("scale", "rotation", "bias", "delay", "drift", "marker")  # changes of the sensor, not of the motion
-REMEMBERS = ("rod.creep_fraction", "rod.friction_moment", "flow")
-MEMORY = """[rope.plasticity]
+LAWS = """[rope.stiffening]
+coefficient = 0.0
+[rope.plasticity]
 yield_curvature = 1.0
 time = 1e9
 [rope.creep]
@@ -35,19 +35,11 @@ fraction = 0.0
 time = 0.5
 [rope.bend_friction]
 moment = 0.0
-curvature = 0.5
-"""
+curvature = 0.5"""
 
 
-@functools.cache
-def layout(grippers: tuple[str, ...], remembers: bool) -> str:
-    """The scene that the reference reads: its numbers are replaced by those of a setup, its layout stays."""
-    points = [[0.06 * k, 0.0, 0.0] for k in range(NODES)]
-    return rope(points, {}, grippers, ["[rope.stiffening]", "coefficient = 0.0", *([MEMORY] if remembers else [])])
-
-
-def rope(points: list, numbers: dict[str, float], grippers: tuple[str, ...], laws: list[str], open_all: bool = True) -> str:
-    """A rod and its grippers; `open_all`: with the entries that a scene may leave out."""
+def rope(points: list, numbers: dict[str, float], open_all: bool) -> str:
+    """A rod and its grippers; `open_all`: with all laws and entries that a scene may leave out, silent."""
     get = lambda key, usual: float(numbers.get(f"rod.{key}", usual))
     out = ["schema_version = 1", "[time]", "step = 1e-3", f"duration = {DURATION}", 'integrator = "midpoint"', "[[rope]]", 'name = "rod"']
     out += [f"nodes = {NODES}", f"initial = {{ shape = \"points\", points = {points} }}"]
@@ -57,8 +49,8 @@ def rope(points: list, numbers: dict[str, float], grippers: tuple[str, ...], law
     out += ["[rope.twist]", f"stiffness = {get('twist_stiffness', 1.0)!r}", f"damping = {get('twist_damping', 0.0)!r}"]
     out += [f"inertia = {get('twist_inertia', 1.0)!r}", "director = [0, 1, 0]"]
     out += [f"bend_stiffness_2 = {get('bend_stiffness_2', 0.5)!r}"] if open_all else []
-    out += laws
-    for name in grippers:
+    out += [LAWS] if open_all else []
+    for name in HELD:
         out += ["[[gripper]]", f'name = "{name}"', 'rope = "rod"', f"nodes = {list(HELD[name])}"]
     return "\n".join([*out, ""])
 
@@ -76,6 +68,10 @@ def arc(length: float, end: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(at, along(low), x) for x in shape(low).T], axis=1)
 
 
+# the scene that the reference reads: its numbers are replaced by those of a setup, its layout stays
+LAYOUT = rope([[0.06 * k, 0.0, 0.0] for k in range(NODES)], {}, open_all=True)
+
+
 class RodSetup(Setup):
     """See `Setup`."""
 
@@ -84,8 +80,7 @@ class RodSetup(Setup):
     def __init__(self, rng: np.random.Generator, jitter: float = 0.0, smooth: bool = False) -> None:
         self.smooth, self.rate, self.roles = smooth, 50.0 if smooth else 100.0, ("fit",) * 3 + ("held_out",)
         self.substeps = round(400.0 / self.rate)
-        self.grippers = tuple(HELD)
-        self.nodes = [node for name in self.grippers for node in HELD[name]]
+        self.nodes = [node for held in HELD.values() for node in held]
         self.marked = tuple(range(2, NODES - 2))
         length, density = float(np.round(rng.uniform(0.5, 0.65), 3)), float(np.round(rng.uniform(0.025, 0.04), 4))
         stiffness = float(np.round(np.exp(rng.uniform(np.log(7e-4), np.log(2e-3))), 6))
@@ -113,7 +108,7 @@ class RodSetup(Setup):
         self.waves, self.logged, self.gusts = [], [], []
         for _ in self.roles:
             own = []
-            for _ in self.grippers:
+            for _ in HELD:
                 size = rng.uniform(0.7, 1.3, 4) * (0.05, 0.07, 0.04, 0.5)  # m, and rad about the vertical
                 own.append((size, rng.uniform(4.0, 8.0, 4), rng.uniform(0.0, 2 * np.pi, 4)))
             self.waves.append(own)
@@ -127,7 +122,7 @@ class RodSetup(Setup):
     def command(self, record: int, t: np.ndarray) -> np.ndarray:
         """Places of the held nodes (times, nodes, 3) [m]: grippers swing, and turn what they hold about the vertical, from rest."""
         out = []
-        for name, (size, frequency, phase) in zip(self.grippers, self.waves[record], strict=True):
+        for name, (size, frequency, phase) in zip(HELD, self.waves[record], strict=True):
             wave = size * (1.0 - np.exp(-((t[:, None] / 0.15) ** 2))) * np.sin(frequency * t[:, None] + phase)
             first, second = self.points[list(HELD[name])]
             cos, sin, half = np.cos(wave[:, 3]), np.sin(wave[:, 3]), 0.5 * (second - first)
@@ -148,11 +143,10 @@ class RodSetup(Setup):
 
     def settle(self) -> None:
         """Brings the rod to rest: where the scene begins, to rounding."""
-        theta = self.theta({"rod.drag_linear": CALM}, layout(self.grippers, False))
+        theta = self.theta({"rod.drag_linear": CALM})
         still = np.tile(self.points[self.nodes], (len(self.roles), round(DURATION / ROW) + 1, 1, 1))
-        self.origin = self.beginning()
-        x, *_ = rod_ode.run(layout(self.grippers, False), "true", theta[None], np.zeros((1, 4)), np.zeros(1, int), still, self.origin,
-                            (self.points, self.origin[1]), 0, STEPS)  # fmt: skip
+        t, d, places = self.beginning()
+        x, *_ = rod_ode.run(LAYOUT, "true", theta[None], np.zeros((1, 4)), np.zeros(1, int), still, (t, d, places), (self.points, d), 0, STEPS)
         calm = self.points.copy()
         self.points = np.array(x[0, -1])
         self.points[self.nodes] = calm[self.nodes]
@@ -217,7 +211,7 @@ class RodSetup(Setup):
         flow = Knob(0.02, 10.0, "rod.plastic_time", one_sided=True, value=lambda x: 1.0 / max(x, 1e-9))
         yields = tuple({"flow": 0.1, "rod.yield_curvature": x * largest} for x in (0.05, 0.3, 0.6))
         self.add("rod_plasticity", "", {"flow": flow}, points=yields, also={"rod.yield_curvature": self.yields})
-        for number, name in enumerate(self.grippers):
+        for number, name in enumerate(HELD):
             self.add("gripper_offset", name, self.entries(name + ".offset[{}]", range(3), 2e-4, 0.02))
             if number:
                 self.add("clamp_roll", name, self.entries(name + ".roll", [0], 5e-3, 0.8))
@@ -236,17 +230,16 @@ class RodSetup(Setup):
 
     # ---- Motion --------------------------------------------------------------------------------------------------------
 
-    def theta(self, changes: Changes, text: str) -> np.ndarray:
+    def theta(self, changes: Changes) -> np.ndarray:
         """The reference's numbers."""
-        model = rod_ode.layout(text).model
-        usual = {"rod.bend_stiffness": "rod.bend_stiffness_2"}
+        model = rod_ode.layout(LAYOUT).model
         values = dict(self.numbers)
         values |= {"rod.creep_time": self.creep_time, "rod.friction_curvature": self.rub_curvature, "rod.yield_curvature": self.yields}
         for key, x in changes.items():
             knob = self.knobs.get(key) if hasattr(self, "knobs") else None
             if key == "EI":
-                for path in (*usual, *usual.values()):
-                    values[path] = values.get(path, 0.0) + x
+                values["rod.bend_stiffness"] += x
+                values["rod.bend_stiffness_2"] += x
             elif key == "rod.bend_stiffness_2":
                 values[key] += x
             elif knob is not None and knob.path:
@@ -255,29 +248,20 @@ class RodSetup(Setup):
                 values[key] = x
         out = np.array(model.theta)
         for path, x in values.items():
-            if path in model.paths:
-                out[model.index(path)] = x
+            out[model.index(path)] = x
         return out
 
     def motions(self, jobs: list[Job], rule: str) -> list[tuple[np.ndarray, ...]]:
         """Nodes, velocities (rows, n, 3) and first axes (rows, E, 3) of every job."""
-        linear = rule == "scene" or not self.smooth
-        tables, out = self.tables(linear), [()] * len(jobs)
+        tables = self.tables(rule == "scene" or not self.smooth)
         steps = STEPS if rule == "true" else round(ROW * self.rate * self.substeps)
-        for remembers in (False, True):
-            own = [k for k, (_, c) in enumerate(jobs) if any(key in c for key in REMEMBERS) == remembers]
-            if not own:
-                continue
-            text = layout(self.grippers, remembers)
-            theta = np.array([self.theta({k: x for k, x in jobs[i][1].items() if k not in rod_ode.EXTRA}, text) for i in own])
-            extra = np.array([[*(jobs[i][1].get(key, 0.0) for key in rod_ode.EXTRA[:3]), self.gusts[jobs[i][0]]] for i in own])
-            record = np.array([jobs[i][0] for i in own])
-            *paths, last = rod_ode.run(text, rule, theta, extra, record, tables, self.origin, (self.points, self.origin[1]), TURNS, steps)
-            if not last.max() < 1e-8:
-                raise RuntimeError(f"no equilibrium: last step {last.max():.1e}")
-            for k, i in enumerate(own):
-                out[i] = tuple(x[k] for x in paths)
-        return out
+        theta = np.array([self.theta({key: x for key, x in c.items() if key not in rod_ode.EXTRA}) for _, c in jobs])
+        extra = np.array([[*(c.get(key, 0.0) for key in rod_ode.EXTRA[:3]), self.gusts[r]] for r, c in jobs])
+        record = np.array([r for r, _ in jobs])
+        *paths, last = rod_ode.run(LAYOUT, rule, theta, extra, record, tables, self.origin, (self.points, self.origin[1]), TURNS, steps)
+        if not last.max() < 1e-8:
+            raise RuntimeError(f"no equilibrium: last step {last.max():.1e}")
+        return list(zip(*paths, strict=True))
 
     def readings(self, jobs: list[Job], rule: str = "true") -> list[np.ndarray]:
         moving = [(r, {key: x for key, x in c.items() if x and not key.startswith(SEEN)}) for r, c in jobs]
@@ -327,7 +311,7 @@ class RodSetup(Setup):
         for node in self.marked:
             out += ["[[experiment.marker]]", 'rope = "rod"', f"node = {node}", f"columns = {quoted(columns('m', [node]))}"]
             out += ["may_be_missing = true"] if missing else []
-        for name in self.grippers:
+        for name in HELD:
             out += ["[[experiment.input]]", f'gripper = "{name}"', f"columns = {quoted(columns('g', HELD[name]))}"]
         for r, role in enumerate(self.roles):
             out += ["[[experiment.record]]", f'file = "run{r + 1}.csv"', f'role = "{role}"']
@@ -336,7 +320,7 @@ class RodSetup(Setup):
         path.write_text("\n".join([*out, "[experiment.fit]", f"free = [{', '.join(free)}]", ""]), encoding="utf-8")
         return path
 
-    def text(self, guess: dict[str, float], laws: tuple[str, ...] = (), open_all: bool = False) -> str:
-        """The rod as it is believed to be; `laws` and `open_all` as in `rope`."""
-        text = rope(self.points.tolist(), self.numbers | guess, self.grippers, list(laws), open_all)
+    def text(self, guess: dict[str, float], open_all: bool = False) -> str:
+        """The rod as it is believed to be; `open_all` as in `rope`."""
+        text = rope(self.points.tolist(), self.numbers | guess, open_all)
         return text.replace("step = 1e-3", f"step = {1.0 / self.rate / self.substeps!r}")
