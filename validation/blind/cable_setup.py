@@ -146,7 +146,8 @@ class CableSetup(Setup):
         self.add("quadratic_damping", j, f"square_slide:{j}", Knob(0.02 * d, 2.0 * d, f"{j}.quadratic_damping", one_sided=True))
         self.add("coulomb_friction", j, f"friction:{j}", Knob(0.05 * force, 3.0 * force, f"{j}.friction", one_sided=True))
         points = tuple({f"stiction:{j}": 0.1 * force, f"speed:{j}": x} for x in SPEEDS)
-        self.add("stribeck", j, f"stiction:{j}", Knob(0.05 * force, 3.0 * force, f"{j}.stiction", one_sided=True), points=points, hidden=False)
+        stiction = Knob(0.05 * force, 3.0 * force, f"{j}.stiction", one_sided=True)
+        self.add("stribeck", j, f"stiction:{j}", stiction, points=points, hidden=False)
         self.add("load_friction", j, f"load:{j}", Knob(0.01, 0.3, f"{j}.load_friction", one_sided=True))
         self.add("joint_stiffness", j, f"stiffness:{j}", Knob(0.005 * k, 0.2 * k, f"{j}.stiffness", one_sided=True))
         self.add("cubic_stiffness", j, f"cubic:{j}", Knob(1.0 * k, 60.0 * k, f"{j}.cubic_stiffness", one_sided=True))
@@ -308,8 +309,8 @@ class CableSetup(Setup):
         moments = [*(self.mass * (s.sum() - s)).tolist(), 0.0, 0.0, 0.0]
         for k, b in enumerate(BODIES):
             out += ["[[body]]", f'name = "{b}"', f'parent = "{BODIES[k - 1] if k else "carriage"}"']
-            out += [f"position = [0, 0, {-self.link if k else 0.0}]", f"mass = {self.mass!r}", f"center_of_mass = [0, 0, {-0.5 * self.link}]"]
-            out += [f"inertia = {moments}", "[[body.joint]]", f'name = "{BALLS[k]}"', 'kind = "ball"']
+            out += [f"position = [0, 0, {-self.link if k else 0.0}]", f"mass = {self.mass!r}"]
+            out += [f"center_of_mass = [0, 0, {-0.5 * self.link}]", f"inertia = {moments}", "[[body.joint]]", f'name = "{BALLS[k]}"', 'kind = "ball"']
             out += [f"stiffness = {stiffness!r}", f"damping = {self.damping!r}"]
         for j, m in zip(SLIDES, MOTORS, strict=True):
             out += ["[[actuator]]", f'name = "{m}"', f'joint = "{j}"', 'kind = "position"']

@@ -9,8 +9,8 @@ hold move as commanded, straight from one row of a table to the next; the edges 
 
     R(t, φ_g) S(t₀ → t) d₀,    φ_g = roll + a·(t - t₀) + b·(x - x₀)
 
-with S the smallest rotation, t₀, d₀, x₀ the direction, axis and first node's place as the scene begins, a, b [rad, rad/m] the roll by direction
-and by place. What sections remember follows its own equations (κ̇ the rate of the strains, l the length of a joint):
+with S the smallest rotation, t₀, d₀, x₀ the direction, axis and first node's place as the scene begins, a, b [rad, rad/m] the roll by
+direction and by place. What sections remember follows its own equations (κ̇ the rate of the strains, l the length of a joint):
 
     creep          ė = κ̇ - e/τ                        e (3) beside the elastic section, of g times its stiffness
     friction       ė = κ̇ - |κ̇| e/(κ_f l)              moment M_f e/(κ_f l)

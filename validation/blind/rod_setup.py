@@ -43,8 +43,8 @@ def rope(points: list, numbers: dict[str, float], open_all: bool) -> str:
     get = lambda key, usual: float(numbers.get(f"rod.{key}", usual))
     out = ["schema_version = 1", "[time]", "step = 1e-3", f"duration = {DURATION}", 'integrator = "midpoint"', "[[rope]]", 'name = "rod"']
     out += [f"nodes = {NODES}", f"initial = {{ shape = \"points\", points = {points} }}"]
-    keys = ("length", "linear_density", "stretch_stiffness", "stretch_damping", "bend_stiffness", "bend_damping", "drag_linear", "drag_quadratic")
-    out += [f"{key} = {get(key, 0.5)!r}" for key in keys]
+    stiffnesses = ("stretch_stiffness", "stretch_damping", "bend_stiffness", "bend_damping")
+    out += [f"{key} = {get(key, 0.5)!r}" for key in ("length", "linear_density", *stiffnesses, "drag_linear", "drag_quadratic")]
     out += [f"edge_rest_strains = {[0.0] * (NODES - 1)}"] if open_all else []
     out += ["[rope.twist]", f"stiffness = {get('twist_stiffness', 1.0)!r}", f"damping = {get('twist_damping', 0.0)!r}"]
     out += [f"inertia = {get('twist_inertia', 1.0)!r}", "director = [0, 1, 0]"]
@@ -84,17 +84,19 @@ class RodSetup(Setup):
         self.marked = tuple(range(2, NODES - 2))
         length, density = float(np.round(rng.uniform(0.5, 0.65), 3)), float(np.round(rng.uniform(0.025, 0.04), 4))
         stiffness = float(np.round(np.exp(rng.uniform(np.log(7e-4), np.log(2e-3))), 6))
+        drag, square, twist = (float(np.round(rng.uniform(*x), 4)) for x in ((0.03, 0.06), (0.01, 0.02), (0.6, 1.2)))
         self.numbers = {
             "rod.length": length, "rod.linear_density": density, "rod.stretch_stiffness": 100.0, "rod.stretch_damping": 0.05,
             "rod.bend_stiffness": stiffness, "rod.bend_stiffness_2": stiffness, "rod.bend_damping": float(np.round(0.02 * stiffness, 8)),
-            "rod.drag_linear": float(np.round(rng.uniform(0.03, 0.06), 4)), "rod.drag_quadratic": float(np.round(rng.uniform(0.01, 0.02), 4)),
-            "rod.twist_stiffness": float(np.round(rng.uniform(0.6, 1.2) * stiffness, 6)), "rod.twist_damping": 2e-6, "rod.twist_inertia": 2e-6,
+            "rod.drag_linear": drag, "rod.drag_quadratic": square,
+            "rod.twist_stiffness": float(np.round(twist * stiffness, 6)), "rod.twist_damping": 2e-6, "rod.twist_inertia": 2e-6,
         }  # fmt: skip
         span = rng.uniform(0.65, 0.8) * length
         end = np.array([span, 0.0, rng.uniform(-0.05, 0.05)])
         self.points = arc(length, end)
         self.sigma = float(np.exp(rng.uniform(np.log(2e-4), np.log(8e-4))))
-        self.creep_time, self.rub_curvature, self.yields = (float(np.round(rng.uniform(*x), 3)) for x in ((0.2, 0.8), (0.3, 1.0), (2.0, 4.0)))
+        places = ((0.2, 0.8), (0.3, 1.0), (2.0, 4.0))  # s, 1/m, 1/m
+        self.creep_time, self.rub_curvature, self.yields = (float(np.round(rng.uniform(*x), 3)) for x in places)
         self.records(rng, jitter)
         self.settle()
         self.free, self.values = ("EI",), {}
@@ -146,7 +148,8 @@ class RodSetup(Setup):
         theta = self.theta({"rod.drag_linear": CALM})
         still = np.tile(self.points[self.nodes], (len(self.roles), round(DURATION / ROW) + 1, 1, 1))
         t, d, places = self.beginning()
-        x, *_ = rod_ode.run(LAYOUT, "true", theta[None], np.zeros((1, 4)), np.zeros(1, int), still, (t, d, places), (self.points, d), 0, STEPS)
+        one, guess = (theta[None], np.zeros((1, 4)), np.zeros(1, int)), (self.points, d)
+        x, *_ = rod_ode.run(LAYOUT, "true", *one, still, (t, d, places), guess, 0, STEPS)
         calm = self.points.copy()
         self.points = np.array(x[0, -1])
         self.points[self.nodes] = calm[self.nodes]
@@ -189,8 +192,8 @@ class RodSetup(Setup):
         self.add("quadratic_drag", "", self.number("rod.drag_quadratic", 0.05, 6.0))
         self.add("internal_damping", "", self.number("rod.bend_damping", 0.1, 6.0))
         self.add("twist_stiffness", "", self.number("rod.twist_stiffness", 0.02, 2.0))
-        compliance = Knob(1e-4, 0.03, "rod.stretch_stiffness", one_sided=True, value=lambda x, ea=n["rod.stretch_stiffness"]: 1.0 / (1.0 / ea + x))
-        self.add("extensibility", "", {"EA": compliance})
+        stretched = lambda x, ea=n["rod.stretch_stiffness"]: 1.0 / (1.0 / ea + x)  # by compliance [1/N]
+        self.add("extensibility", "", {"EA": Knob(1e-4, 0.03, "rod.stretch_stiffness", one_sided=True, value=stretched)})
         self.add("intrinsic_curvature", "", self.entries("rod.rest_curvature[{}]", range(2), 0.02, 3.0))
         self.add("intrinsic_twist", "", self.entries("rod.rest_twist", [0], 0.02, 6.0))
         self.add("bend_stiffening", "", self.entries("rod.stiffening", [0], 2e-4, 0.03, one_sided=True))
@@ -206,8 +209,8 @@ class RodSetup(Setup):
         self.add("rod_creep", "", self.entries("rod.creep_fraction", [0], 0.02, 2.0, one_sided=True), points=creep,
                  also={"rod.creep_time": self.creep_time})  # fmt: skip
         rubs = tuple({"rod.friction_moment": 0.1 * stiffness, "rod.friction_curvature": x * largest} for x in (0.01, 0.1, 0.5))
-        self.add("bend_friction", "", self.entries("rod.friction_moment", [0], 0.02 * stiffness, 3.0 * stiffness, one_sided=True), points=rubs,
-                 also={"rod.friction_curvature": self.rub_curvature})  # fmt: skip
+        friction = self.entries("rod.friction_moment", [0], 0.02 * stiffness, 3.0 * stiffness, one_sided=True)
+        self.add("bend_friction", "", friction, points=rubs, also={"rod.friction_curvature": self.rub_curvature})
         flow = Knob(0.02, 10.0, "rod.plastic_time", one_sided=True, value=lambda x: 1.0 / max(x, 1e-9))
         yields = tuple({"flow": 0.1, "rod.yield_curvature": x * largest} for x in (0.05, 0.3, 0.6))
         self.add("rod_plasticity", "", {"flow": flow}, points=yields, also={"rod.yield_curvature": self.yields})
