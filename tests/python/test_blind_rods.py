@@ -43,7 +43,10 @@ def changed(setup) -> dict[str, tuple[dict, np.ndarray]]:
 def by_pliant(setup: rod_setup.RodSetup, changes: dict, every: int = 16) -> np.ndarray:
     """Readings of the first record by pliant's midpoint rule, `every` steps a sample."""
     setup.substeps = every
-    model = pliant.loads(setup.text({}, open_all=True))
+    text = setup.text({}, open_all=bool(changes))
+    if "flow" not in changes:  # bending beyond a yield is of first order in the step, even where nothing flows
+        text = text.replace("[rope.plasticity]\nyield_curvature = 1.0\ntime = 1e9\n", "")
+    model = pliant.loads(text)
     knobs = {key: setup.knobs[key] for key in changes if key in setup.knobs}
     true = {knob.path: knob.true(changes[key]) for key, knob in knobs.items() if not knob.path.startswith(("sensor", "marker"))}
     true |= {key: x for key, x in changes.items() if key not in setup.knobs}
@@ -72,6 +75,6 @@ def test_what_a_rod_hides_is_pliants_law(setup, changed):
     off = {}
     for key, (changes, y) in changed.items():
         error, effect = np.abs(y - plain - by_pliant(setup, changes) + same).max(), np.abs(y - plain).max()
-        if error > max(0.01 * effect, 0.02 * setup.sigma):
+        if error > max((0.03 if key == "flow" else 0.005) * effect, 5e-3 * setup.sigma):
             off[key] = (effect / setup.sigma, error / setup.sigma)
     assert not off
