@@ -6,7 +6,7 @@ slack at a ball         f = -k max(1 - s/|q|, 0) q
 quadratic drag          f = -c |v| v               at the middle of each link
 cubic at a slide        f = -k₃ x³
 damping by the square   f = -d |v| v               at a ball v is the angular velocity in the link's axes
-friction at a slide     f = -(s exp(-(v/v_s)²) + μ |u|) tanh(v/1 mm/s),  u: force of the servo
+friction at a slide     f = -(s exp(-(v/v_s)²) + μ |u|) tanh(v/0.3 mm/s),  u: force of the servo
 gust                    f = a sin(2π 1.3 Hz t)     at the middle of each link, along x and y
 pull                    f = P d/(|d|² + d₀²)       at the middle of the last link, d towards a magnet beside it
 """
@@ -24,7 +24,7 @@ import numpy as np
 
 LINKS = 6
 GUST = 1.3  # Hz
-SHARP = 1e-3  # m/s, over which dry friction turns
+SHARP = 3e-4  # m/s, over which dry friction turns
 MAGNET, SOFT = np.array([0.1, 0.05, -0.38]), 0.03  # m
 
 
@@ -101,12 +101,13 @@ class Acting:
         own = self.forces
         jacobian = np.zeros((3, model.nv))
         gust = np.array([*own.gust, 0.0]) * math.sin(2 * math.pi * GUST * data.time)
-        for k in range(LINKS):
+        last = model.nbody - 3  # behind the world and the carriage
+        for k in range(last + 1):
             at = data.xipos[2 + k]
             mujoco.mj_jac(model, data, jacobian, None, at, 2 + k)
             v = jacobian @ data.qvel
             force = gust - own.drag * math.sqrt(v @ v) * v
-            if own.pull and k == LINKS - 1:
+            if own.pull and k == last:
                 d = MAGNET - at
                 force = force + own.pull * d / (d @ d + SOFT**2)
             data.qfrc_passive[:] += jacobian.T @ force

@@ -23,10 +23,12 @@ def motion(t: np.ndarray, u: np.ndarray) -> np.ndarray:
         command = cables.motor_command(effect, t, u, h, (len(t) - 1) * cables.EVERY)
         cables.settle(model, data, effect, u[0])
         q, v = data.qpos.copy(), np.zeros(model.nv)
+        stiffness = np.array([cables.SERVO] * 2 + [cables.STIFFNESS] * (model.nv - 2))
+        damping = np.array([cables.BRAKE] * 2 + [cables.DAMPING] * (model.nv - 2))
         out = [cables.markers(data)]
         for k, own in enumerate(command):
             data.ctrl[:] = own
-            q, v = step(model, data, q, v, h)
+            q, v = step(model, data, q, v, h, stiffness, damping)
             if (k + 1) % cables.EVERY == 0:
                 data.qpos[:] = q
                 mujoco.mj_kinematics(model, data)
@@ -35,11 +37,9 @@ def motion(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def step(
-    model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, h: float
+    model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, h: float, stiffness: np.ndarray, damping: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q⁺, v⁺ by Newton's method with the mass, damping and stiffness at q̄; what that leaves out is small."""
-    stiffness = np.array([cables.SERVO] * 2 + [cables.STIFFNESS] * (model.nv - 2))
-    damping = np.array([cables.BRAKE] * 2 + [cables.DAMPING] * (model.nv - 2))
+    """q⁺, v⁺ by Newton's method with the mass at q̄ and these dampings and stiffnesses (nv,); what that leaves out is small."""
     new, mass = v.copy(), np.empty((model.nv, model.nv))
     for _ in range(30):
         mean = 0.5 * (v + new)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.blind import chains, ropes, toss
+from validation.blind import cable_setup, chains, ropes, toss
 from validation.blind.judge import HIDDEN, Judge
 from validation.blind.noise import KINDS as NOISES
 from validation.blind.noise import Noise
@@ -30,8 +30,12 @@ STRONG = (100.0, 1e3, 1e5)
 SYMMETRIC = 0.9995  # cosine from which two causes count as exact symmetries
 SHARES = {"null": 0.34, "effect": 0.26, "pair": 0.07, "varies": 0.07, "some": 0.03, "value": 0.04, "outside": 0.12, "symmetric": 0.07}
 # system -> share of the cases; many cheap ones and a few costly
-SYSTEMS = {"pendulum": 0.20, "cart": 0.18, "cart_pole": 0.12, "arm2": 0.20, "toss": 0.12, "arm3": 0.10, "arm5": 0.05, "arm7": 0.03, "pendant": 0.06, "one_end": 0.03, "two_ends": 0.03}
-RULED_OUT = dict.fromkeys(("cart", "pendulum", "toss", *ropes.SYSTEMS), ("value",))  # of these systems every number has its cause
+SYSTEMS = {
+    "pendulum": 0.20, "cart": 0.18, "cart_pole": 0.12, "arm2": 0.20, "toss": 0.12, "arm3": 0.10, "arm5": 0.05, "arm7": 0.03,
+    "pendant": 0.06, "one_end": 0.03, "two_ends": 0.03, "cable": 0.04, "rod": 0.04,
+}  # fmt: skip
+# of these systems every number has its cause
+RULED_OUT = dict.fromkeys(("cart", "pendulum", "toss", "cable", "rod", *ropes.SYSTEMS), ("value",))
 FINEST = 64  # steps of a scene in a sample, at most
 WRONG_NUMERICS = 30.0  # t² of the scene's own step or interpolation, at least
 
@@ -87,6 +91,12 @@ def set_up(system: str, rng: np.random.Generator, jitter: float, numerics: str) 
         return chains.ChainSetup(system, rng, jitter, smooth=numerics == "commands")
     if system == "toss":
         return toss.TossSetup(rng, jitter)
+    if system == "cable":
+        return cable_setup.CableSetup(rng, jitter, smooth=numerics == "commands")
+    if system == "rod":
+        from validation.blind import rod_setup  # here, as JAX is slow to load
+
+        return rod_setup.RodSetup(rng, jitter, smooth=numerics == "commands")
     if system in ropes.SYSTEMS:
         return ropes.RopeSetup(system, rng, jitter, smooth=numerics == "commands")
     raise ValueError(f"no system {system}")
