@@ -22,7 +22,7 @@ pub enum Cut {
 /// Gives every record its segments: of `length` \[s\] if given, else of at most half a second. Records that start at rest have one. The
 /// states of joined segments are left to [`approach`].
 ///
-/// Where a disturbance of the initial state grows more than a hundredfold within a record, and no length is given, all records are cut into pieces
+/// Where a disturbance of the initial state grows more than e-fold within a record, and no length is given, all records are cut into pieces
 /// without constraints instead, as long as it takes to grow e-fold: joined, every cause would look like every other, and like the initial state.
 pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut, IdentifyError> {
     let mut fitted = std::mem::take(&mut plan.fitted);
