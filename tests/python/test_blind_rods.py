@@ -70,6 +70,11 @@ def test_a_rod_without_effect_moves_as_in_pliant(setup, changed):
     assert np.abs(changed[""][1] - by_pliant(setup, {})).max() < 0.02 * setup.sigma
 
 
+def test_a_rod_that_runs_away_has_no_readings(setup):
+    (y,) = setup.readings([(0, {"rod.bend_damping": 1.0})])
+    assert y.shape == (len(setup.logged[0][0]), 15) and np.isnan(y).all()
+
+
 def test_what_a_rod_hides_is_pliants_law(setup, changed):
     plain, same = changed.pop("")[1], by_pliant(setup, {})
     off = {}

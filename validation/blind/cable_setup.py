@@ -211,8 +211,8 @@ class CableSetup(Setup):
             drag=changes.get("drag", 0.0), gust=(changes.get("gust0", 0.0), changes.get("gust1", 0.0)), pull=changes.get("pull", 0.0),
         )  # fmt: skip
 
-    def motion(self, record: int, changes: Changes) -> CubicSpline:
-        """Places of the markers (markers, 3) [m] over the time."""
+    def motion(self, record: int, changes: Changes) -> CubicSpline | None:
+        """Places of the markers (markers, 3) [m] over the time; None of a motion that runs away."""
         h, half = 1.0 / self.rate / STEPS, STEPS // 2
         steps = STEPS * round((self.duration + 0.01) * self.rate + 0.5)
         told = self.told(record, changes, h, steps, linear=not self.smooth)
@@ -239,9 +239,9 @@ class CableSetup(Setup):
                     acting.advance(data)
                     if (k + 1) % half == 0:
                         q[(k + 1) // half] = data.qpos
-            return CubicSpline(np.arange(len(q)) * half * h, self.places(model, data, q), axis=0)
+            return through(np.arange(len(q)) * half * h, self.places(model, data, q))
 
-    def midpoint(self, record: int, changes: Changes) -> CubicSpline:
+    def midpoint(self, record: int, changes: Changes) -> CubicSpline | None:
         """The same by the implicit midpoint rule at the scene's step, with the logged commands."""
         h, steps = 1.0 / self.rate / self.substeps, self.substeps * round((self.duration + 0.01) * self.rate + 0.5)
         told = self.told(record, changes, h, steps, linear=True)
@@ -255,7 +255,7 @@ class CableSetup(Setup):
                 data.ctrl[:] = u
                 at, v = cable_midpoint.step(model, data, q[-1], v, h, k, d)
                 q.append(at)
-            return CubicSpline(np.arange(len(q)) * h, self.places(model, data, np.array(q)), axis=0)
+            return through(np.arange(len(q)) * h, self.places(model, data, np.array(q)))
 
     def places(self, model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray) -> np.ndarray:
         """Ends of the marked links (times, markers, 3) [m]."""
@@ -267,15 +267,18 @@ class CableSetup(Setup):
         return out
 
     def readings(self, jobs: list[Job], rule: str = "true") -> list[np.ndarray]:
-        paths: dict[str, CubicSpline] = {}  # faults of the sensor alone need no new motion
+        paths: dict[str, CubicSpline | None] = {}  # faults of the sensor alone need no new motion
         out = []
         for record, changes in jobs:
             moving = {key: x for key, x in changes.items() if x and not key.startswith(SEEN)}
             key = repr((record, sorted(moving.items())))
             if key not in paths:
                 paths[key] = (self.midpoint if rule == "scene" else self.motion)(record, moving)
-            stamps = self.logged[record][0]
-            y = paths[key](np.maximum(stamps - changes.get("delay", 0.0), 0.0))
+            stamps, path = self.logged[record][0], paths[key]
+            if path is None:
+                out.append(np.full((len(stamps), 3 * len(MARKED)), np.nan))
+                continue
+            y = path(np.maximum(stamps - changes.get("delay", 0.0), 0.0))
             y = turned(y, changes) + changes.get("drift", 0.0) * (stamps / self.duration)[:, None, None]
             out.append(y.reshape(len(stamps), -1))
         return out
@@ -326,6 +329,11 @@ class CableSetup(Setup):
             out += ["[[experiment.record]]", f'file = "run{r + 1}.csv"', f'role = "{role}"']
         free = [f'{{ path = "{path}", lower = {0.1 * x!r}, upper = {10.0 * x!r} }}' for path, x in guess.items()]
         return "\n".join([*out, "[experiment.fit]", f"free = [{', '.join(free)}]", ""])
+
+
+def through(t: np.ndarray, x: np.ndarray) -> CubicSpline | None:
+    """A curve through x (times, …), if there is one."""
+    return CubicSpline(t, x, axis=0) if np.isfinite(x).all() else None
 
 
 def settle(model: mujoco.MjModel, data: mujoco.MjData, command: np.ndarray) -> None:

@@ -124,6 +124,10 @@ def test_forces_leave_no_callback(cable):
     assert mujoco.get_mjcb_passive() is None
 
 
+def test_a_motion_that_runs_away_has_no_readings(cable):
+    assert cable_setup.through(np.arange(4.0), np.array([0.0, 1.0, np.nan, 2.0])) is None
+
+
 def test_the_new_systems_are_drawn():
     systems = {system for system, _ in draw.plan(400, 700)}
     assert {"cable", "rod"} <= systems
