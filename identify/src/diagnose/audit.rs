@@ -80,7 +80,7 @@ fn left_out(plan: &Plan, record: &Record) -> Vec<AuditFinding> {
             place: place_of(plan, sensor),
             time_s: Some(worst.time),
             what: format!(
-                "{} lone readings, off the curve through their neighbours, were left out; the largest is given",
+                "lone readings, {} in all, off the curve through their neighbours, were left out; the largest is given",
                 own.len()
             ),
             number: worst.size,

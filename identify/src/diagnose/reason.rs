@@ -86,7 +86,7 @@ pub(super) fn stand_ins(causes: &[Cause]) -> String {
         return String::new();
     }
     format!(
-        "{} {takes} part of the rest, and {stands} not named, for about as much is left that looks otherwise",
+        "{} {takes} part of the rest, and {stands} not named, for what is left looks like something else",
         names.join(" and ")
     )
 }
