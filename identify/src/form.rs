@@ -1,6 +1,9 @@
-//! Changes that no law describes: a force at a degree of freedom, or an error of a joint's sensor, as a function of one variable.
+//! Changes that no law describes: a force at a joint or on nodes, or an error of a sensor, as a function of one variable.
 //!
 //! They are looked at where they have no size, so only their directions are of use.
+
+use pliant_engine::bodies::quaternion;
+use pliant_math::rotation::logarithm;
 
 /// A change of size one.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,8 +28,63 @@ pub enum Place {
         /// The degree of freedom, counted likewise.
         v: usize,
     },
+    /// The moment at a ball joint about one axis of the body that it turns [N·m]; its position is that component of the rotation vector,
+    /// its velocity that of the angular velocity.
+    Moment {
+        /// The first entry of its quaternion, counted from the first of the bodies' coordinates.
+        q: usize,
+        /// Its first degree of freedom, counted likewise.
+        v: usize,
+        /// The axis.
+        axis: usize,
+    },
+    /// A force on each of these nodes along an axis of the world \[N\], a function of the time alone.
+    Nodes {
+        /// The first node.
+        first: usize,
+        /// How many there are from there on.
+        number: usize,
+        /// The axis.
+        axis: usize,
+    },
     /// The reading of this sensor at a joint.
     Reading(usize),
+    /// The readings of all markers along an axis of the sensor \[m\], a function of the time alone.
+    Markers {
+        /// The axis.
+        axis: usize,
+    },
+}
+
+impl Place {
+    /// The coordinate of a joint among those of all bodies [m or rad]; 0 of what is no joint.
+    pub fn position(self, q: &[f64]) -> f64 {
+        match self {
+            Self::Force { q: k, .. } => q[k],
+            Self::Moment { q: k, axis, .. } => logarithm(&quaternion(q, k))[axis],
+            Self::Nodes { .. } | Self::Reading(_) | Self::Markers { .. } => 0.0,
+        }
+    }
+
+    /// Its velocity among those of all bodies [m/s or rad/s].
+    pub fn velocity(self, v: &[f64]) -> f64 {
+        match self {
+            Self::Force { v: k, .. } => v[k],
+            Self::Moment { v: k, axis, .. } => v[k + axis],
+            Self::Nodes { .. } | Self::Reading(_) | Self::Markers { .. } => 0.0,
+        }
+    }
+
+    /// Degrees of freedom that the force acts on, `bodies` being the first of the bodies'; none of an error of a sensor.
+    pub fn dofs(self, bodies: usize) -> impl Iterator<Item = usize> {
+        let (first, number, apart) = match self {
+            Self::Force { v, .. } => (bodies + v, 1, 1),
+            Self::Moment { v, axis, .. } => (bodies + v + axis, 1, 1),
+            Self::Nodes { first, number, axis } => (3 * first + axis, number, 3),
+            Self::Reading(_) | Self::Markers { .. } => (0, 0, 1),
+        };
+        (0..number).map(move |k| first + apart * k)
+    }
 }
 
 /// The variable that a form is a function of.
@@ -109,6 +167,17 @@ mod tests {
             let sum: f64 = (0..4).map(|k| hat(k).at(x)).sum();
             assert!((sum - 1.0).abs() < 1e-12, "{x} {sum}");
         }
+    }
+
+    #[test]
+    fn a_force_finds_its_place_in_the_state() {
+        let ball = Place::Moment { q: 1, v: 1, axis: 2 };
+        let half = 0.15_f64;
+        assert!((ball.position(&[7.0, half.cos(), 0.0, 0.0, half.sin()]) - 0.3).abs() < 1e-12);
+        assert_eq!(ball.velocity(&[7.0, 1.0, 2.0, 3.0]), 3.0);
+        assert_eq!(ball.dofs(12).collect::<Vec<_>>(), [15]);
+        assert_eq!(Place::Nodes { first: 2, number: 3, axis: 1 }.dofs(99).collect::<Vec<_>>(), [7, 10, 13]);
+        assert_eq!(Place::Reading(0).dofs(4).count() + Place::Markers { axis: 0 }.dofs(4).count(), 0);
     }
 
     #[test]

@@ -167,11 +167,15 @@ impl Situation<'_> {
         rods.into_iter().map(|rod| Cause { object: several.then(|| rod.to_owned()), ..one(rod) }).collect()
     }
 
-    /// A cause for every gripper that holds the axes of a rod, with three unknowns of this name.
-    fn per_rod_gripper(&self, quantity: &str, scale: f64, meaning: &'static str) -> Vec<Cause> {
+    /// A cause for every gripper that holds the axes of a rod, with three unknowns of this name, each from −`most` to `most`.
+    fn per_rod_gripper(&self, quantity: &str, scale: f64, most: f64, meaning: &'static str) -> Vec<Cause> {
+        let unknown = |gripper: &str, a: usize| {
+            let of_model = self.theta(&format!("{gripper}.{quantity}[{a}]"), scale)?;
+            Some(Unknown { bounds: (-most, most), ..of_model })
+        };
         let one = |(gripper, _): (String, bool)| Cause {
             meaning,
-            unknowns: (0..3).filter_map(|a| self.theta(&format!("{gripper}.{quantity}[{a}]"), scale)).collect(),
+            unknowns: (0..3).filter_map(|a| unknown(&gripper, a)).collect(),
             object: Some(gripper),
             excitation: "measure the turn: a second marker beside the rod, on the gripper",
             ..Cause::default()

@@ -194,14 +194,14 @@ pub struct Remainder {
     pub explained_fraction: f64,
     /// In words.
     pub note: String,
-    /// Hypotheses about it, most significant first: no causes of the library.
+    /// Hypotheses about it, those first that take most beyond what their numbers cost: no causes of the library.
     pub forms: Vec<RemainderForm>,
 }
 
-/// A hypothesis about what is left: a force at a joint, or an error of its sensor, that depends on one variable.
+/// A hypothesis about what is left: a force at a joint or on a rope, or an error of a sensor, that depends on one variable.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RemainderForm {
-    /// The joint, or its sensor.
+    /// The joint, the rope or the sensor.
     pub object: String,
     /// In words.
     pub what: String,

@@ -104,7 +104,7 @@ impl Pass<'_> {
             (MarkerPlace::Body { .. }, None) => return, // an instant with a marker on a body has bodies
         };
         let (y, dy_dp, by) = self.values.sensor.read(p);
-        let measured = self.rec.record.markers[sample][k];
+        let (measured, time) = (self.rec.record.markers[sample][k], self.rec.record.time[sample]);
         let seen = measured.iter().all(|c| c.is_finite());
         let residual = seen.then(|| (Vector3::from(measured) - y).into());
         let reading = Reading { value: y.into(), residual, rows: turn(&dy_dp, &point, m) };
@@ -112,6 +112,7 @@ impl Pass<'_> {
             Target::Sensor(TIME_OFFSET) => -(dy_dp * speed)[axis],
             Target::Sensor(entry) => by[entry][axis],
             Target::Beside(ref markers, along) if markers.contains(&k) => (dy_dp * axes[along])[axis],
+            Target::Form(ref form) if form.place == (Place::Markers { axis }) => form.value(time, 0.0, 0.0),
             _ => 0.0,
         };
         self.store(sample, Observed::Marker(k), reading, &direct, shot);

@@ -6,7 +6,7 @@ use super::marker_offset::{At, Beside};
 use super::observe::{Instant, met};
 use super::observed::Observed;
 use super::plan::{Plan, RecordPlan};
-use crate::form::{Form, Place};
+use crate::form::Place;
 use crate::sensor::{DELAY, TIME_OFFSET};
 use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
@@ -153,10 +153,12 @@ impl Pass<'_> {
         let u0 = self.inputs(0, &self.rec.record.inputs[0], &mut tangent.seeds);
         if self.plan.at_rest {
             let rest = equilibrium(model, &self.values.theta, &self.rec.start.mean.q, &u0)?;
+            let mut state = rest.state();
             if self.wants.tangents {
+                let still = |place: Place, first: usize| (place.position(&state.q[first..]), 0.0);
+                self.seed_forces_at(0.0, still, &mut tangent.seeds);
                 tangent.x.q = equilibrium_jvp_columns(&rest, &tangent.seeds);
             }
-            let mut state = rest.state();
             state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);
             return Ok(state);
         }
@@ -273,15 +275,29 @@ impl Pass<'_> {
 
     /// Forces that no law describes, at the middle of a step between these states.
     fn seed_forces(&self, step: usize, [before, after]: [&State; 2], seeds: &mut Seeds) {
+        let time = (step as f64 + 0.5) * self.h;
+        let middle = |a: f64, b: f64| 0.5 * (a + b);
+        self.seed_forces_at(
+            time,
+            |place, first| {
+                let [q0, q1] = [before, after].map(|x| place.position(&x.q[first..]));
+                let [v0, v1] = [before, after].map(|x| place.velocity(&x.v[first..]));
+                (middle(q0, q1), middle(v0, v1))
+            },
+            seeds,
+        );
+    }
+
+    /// Those at a time. `at(place, first)`: coordinate and velocity there, `first` being the first coordinate of bodies.
+    fn seed_forces_at(&self, time: f64, at: impl Fn(Place, usize) -> (f64, f64), seeds: &mut Seeds) {
         seeds.clear_forces();
-        let first = self.plan.model.n_node_dofs();
+        let bodies = self.plan.model.n_node_dofs();
         for (j, unknown) in self.wants.unknowns.iter().enumerate() {
-            let Target::Form(form @ Form { place: Place::Force { q, v }, .. }) = &unknown.target else { continue };
-            let middle = |a: &[f64], b: &[f64], k: usize| 0.5 * (a[first + k] + b[first + k]);
-            let (at, rate) = (middle(&before.q, &after.q, *q), middle(&before.v, &after.v, *v));
-            let weight = form.value((step as f64 + 0.5) * self.h, at, rate);
+            let Target::Form(form) = &unknown.target else { continue };
+            let (q, v) = at(form.place, bodies);
+            let weight = form.value(time, q, v);
             if weight != 0.0 {
-                seeds.add_force(first + v, self.own + j, weight);
+                form.place.dofs(bodies).for_each(|dof| seeds.add_force(dof, self.own + j, weight));
             }
         }
     }

@@ -167,7 +167,7 @@ pub(in super::super) mod tests {
     }
 
     /// Records of this experiment, the last one held out.
-    fn plan_of(text: &str, mut records: Vec<Record>) -> (Plan, Logs) {
+    pub fn plan_of(text: &str, mut records: Vec<Record>) -> (Plan, Logs) {
         let setup = Setup::from_source(Source::new("scene.toml", text), PathBuf::new()).unwrap();
         records.last_mut().unwrap().role = Role::HeldOut;
         let logs = Logs { records, split: Split::Declared };

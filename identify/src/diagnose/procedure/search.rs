@@ -191,7 +191,7 @@ impl<'a> Round<'a> {
     ) -> Result<Option<Accepted>, IdentifyError> {
         let mut order: Vec<usize> = (self.beam..self.models.len()).collect();
         order.sort_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b]));
-        let mut possible = Vec::new();
+        let (mut possible, mut as_numerics) = (Vec::new(), Vec::new());
         for k in order {
             match self.rejection(k)? {
                 None => possible.push(k),
@@ -199,10 +199,20 @@ impl<'a> Round<'a> {
                     let title = self.cause(k).title();
                     notes.push((title.clone(), kind.imitates().to_owned()));
                     imitated.push((title, kind));
+                    as_numerics.push(k);
                 }
                 Some(Rejection::Because(why)) => notes.push((self.cause(k).title(), why)),
             }
         }
+        // of two that are as near to the data neither is there where the simulation's own error may be one of them
+        possible.retain(|&k| {
+            let rival = as_numerics.iter().find(|&&other| self.contest.ties(k, other) && self.contest.ties(other, k));
+            if let Some(&rival) = rival {
+                let why = "is as near to the data, and the simulation's own error imitates it";
+                notes.push((self.cause(k).title(), format!("{} {why}", self.cause(rival).title())));
+            }
+            rival.is_none()
+        });
         let Some((&leader, behind)) = possible.split_first() else { return Ok(None) };
         let (limits, behind): (Vec<usize>, Vec<usize>) = behind.iter().partition(|&&k| self.has_as_limit(k, leader));
         for k in limits {
@@ -276,8 +286,8 @@ impl<'a> Round<'a> {
         let (before, after) = (&self.contest.left_out[parent], &self.contest.left_out[k]);
         let share = across::share(before, after);
         let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
-        // a size that differs between records foretells less, and something still
-        let accepted = carries || share > 0.0 && self.contest.varies[k];
+        // a size that differs between records, as of an effect in some of them alone, need foretell nothing
+        let accepted = carries || self.contest.varies[k];
         // a single record has none left out, and its likelihood decides
         let judged = records >= 2 || self.contest.no_noise;
         if judged && !accepted {

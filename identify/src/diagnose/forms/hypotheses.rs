@@ -1,0 +1,360 @@
+//! The hypotheses about what is left, place by place, and how they are said.
+
+use super::super::policy::POLICY;
+use super::super::result::RemainderForm;
+use crate::form::{Form, Place, Shape, Variable};
+use crate::log::JointQuantity;
+use crate::number::{number_plain, quantity_plain};
+use crate::shooting::{Plan, RecordPlan, Shot};
+use crate::stats::score::CandidateScore;
+use pliant_engine::bodies::{Joint, JointKind};
+use pliant_engine::model::{Model, RopeSpan};
+use pliant_math::State;
+
+/// Powers and sizes of a variable, each with whether it reverses and how it is said.
+const SINGLE: [(Variable, Shape, bool, &str); 10] = [
+    (Variable::Time, Shape::Power(1), false, "grows with the time, like c·t"),
+    (Variable::Time, Shape::Power(1), true, "turns over with the velocity and grows with the time, like c·t·sign(v)"),
+    (Variable::Position, Shape::Power(2), false, "depends on the position like c·q²"),
+    (Variable::Position, Shape::Power(3), false, "depends on the position like c·q³"),
+    (Variable::Position, Shape::Size, false, "depends on the position like c·|q|"),
+    (Variable::Position, Shape::Size, true, "turns over with the velocity and grows with the position, like c·|q|·sign(v)"),
+    (Variable::Velocity, Shape::Power(0), true, "depends on the velocity like c·sign(v)"),
+    (Variable::Velocity, Shape::Power(2), false, "depends on the velocity like c·v²"),
+    (Variable::Velocity, Shape::Power(2), true, "depends on the velocity like c·v·|v|"),
+    (Variable::Velocity, Shape::Power(3), false, "depends on the velocity like c·v³"),
+];
+
+/// Axes of the world, or of the body that a ball joint turns.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A hypothesis: several forms of one place and variable.
+pub(super) struct Group {
+    pub forms: Vec<Form>,
+    pub what: String,
+}
+
+/// Something that may have a force or an error that no law describes.
+pub(super) enum Site<'a> {
+    /// A joint with one degree of freedom, and its sensors by number.
+    Joint { joint: &'a Joint, sensors: Vec<usize> },
+    /// A ball joint about one of its axes.
+    Ball { joint: &'a Joint, axis: usize },
+    /// The nodes of a rope that no gripper holds.
+    Rope { rope: &'a RopeSpan, nodes: Vec<usize> },
+    /// All markers along one axis of the world.
+    Markers { axis: usize },
+}
+
+/// All of a plan.
+pub(super) fn sites(plan: &Plan) -> Vec<Site<'_>> {
+    let axes = || 0..AXES.len();
+    let sensors = |joint: &Joint| {
+        let own = |k: &usize| plan.joints[*k].v == joint.v && plan.joints[*k].quantity != JointQuantity::Torque;
+        (0..plan.joints.len()).filter(own).collect()
+    };
+    let mut out = Vec::new();
+    for joint in plan.model.tree().joints() {
+        match joint.kind {
+            JointKind::Ball => out.extend(axes().map(|axis| Site::Ball { joint, axis })),
+            _ => out.push(Site::Joint { joint, sensors: sensors(joint) }),
+        }
+    }
+    out.extend(plan.model.ropes().iter().map(|rope| Site::Rope { rope, nodes: free_nodes(&plan.model, rope) }));
+    if !plan.markers.is_empty() {
+        out.extend(axes().map(|axis| Site::Markers { axis }));
+    }
+    out
+}
+
+/// Nodes of a rope that forces can move.
+fn free_nodes(model: &Model, rope: &RopeSpan) -> Vec<usize> {
+    let held = |node: &usize| model.prescribed_rows().get(3 * node).is_some_and(|held| *held);
+    rope.nodes.clone().filter(|node| !held(node)).collect()
+}
+
+/// Ranges of the variables that the records visit; of what is no joint the time alone has one.
+pub(super) struct Ranges {
+    time: [f64; 2],
+    position: [f64; 2],
+    velocity: [f64; 2],
+}
+
+impl Ranges {
+    /// None of a joint that does not move.
+    pub fn new(plan: &Plan, records: &[RecordPlan], shots: &[Shot], site: &Site) -> Option<Self> {
+        let of_record = |rec: &RecordPlan| rec.record.time.last().copied().unwrap_or(0.0);
+        let time = [0.0, records.iter().map(of_record).fold(0.0, f64::max)];
+        let Some(place) = site.force() else {
+            return Some(Self { time, position: [0.0; 2], velocity: [0.0; 2] });
+        };
+        let first = plan.model.n_node_dofs();
+        let visited = |of: &dyn Fn(&State) -> f64| {
+            let mut all: Vec<f64> = shots.iter().flat_map(|shot| shot.states.iter().map(of)).collect();
+            all.sort_by(f64::total_cmp);
+            let at = |part: f64| all.get((all.len().saturating_sub(1) as f64 * part) as usize).copied().unwrap_or(0.0);
+            [at(POLICY.form_range), at(1.0 - POLICY.form_range)]
+        };
+        let position = visited(&|x: &State| place.position(&x.q[first..]));
+        let velocity = visited(&|x: &State| place.velocity(&x.v[first..]));
+        let wide = |[low, high]: [f64; 2]| high > low;
+        [time, position, velocity].into_iter().all(wide).then_some(Self { time, position, velocity })
+    }
+}
+
+/// Any function over a range, as a sum of hats.
+fn hats([low, high]: [f64; 2], place: Place, variable: Variable, reversing: bool) -> Vec<Form> {
+    let (last, width) = (POLICY.form_hats - 1, (high - low) / (POLICY.form_hats - 1) as f64);
+    let hat = |k: usize| Shape::Hat { peak: low + k as f64 * width, width, first: k == 0, last: k == last };
+    (0..=last).map(|k| Form { place, variable, shape: hat(k), reversing }).collect()
+}
+
+impl Site<'_> {
+    /// The force at a joint.
+    fn force(&self) -> Option<Place> {
+        match self {
+            Self::Joint { joint, .. } => Some(Place::Force { q: joint.q, v: joint.v }),
+            Self::Ball { joint, axis } => Some(Place::Moment { q: joint.q, v: joint.v, axis: *axis }),
+            Self::Rope { .. } | Self::Markers { .. } => None,
+        }
+    }
+
+    /// Forces that may push here for a moment.
+    pub fn pushed(&self) -> Vec<Place> {
+        match self {
+            Self::Rope { rope, .. } => (0..3).map(|axis| along(rope, axis)).collect(),
+            _ => self.force().into_iter().collect(),
+        }
+    }
+
+    /// The hypotheses of a place.
+    pub fn groups(&self, ranges: &Ranges) -> Vec<Group> {
+        let said = |forms, what: &str| Group { forms, what: what.to_owned() };
+        let over_time = |place| said(hats(ranges.time, place, Variable::Time, false), "depends on the time");
+        let (joint, sensors) = match self {
+            Self::Joint { joint, sensors } => (joint, sensors.as_slice()),
+            Self::Ball { joint, .. } => (joint, [].as_slice()),
+            Self::Rope { rope, nodes } => {
+                let steady = |node: &usize| {
+                    let one = |axis| Form {
+                        place: Place::Nodes { first: *node, number: 1, axis },
+                        variable: Variable::Time,
+                        shape: Shape::Power(0),
+                        reversing: false,
+                    };
+                    said((0..3).map(one).collect(), "is always there")
+                };
+                return nodes.iter().map(steady).chain((0..3).map(|axis| over_time(along(rope, axis)))).collect();
+            }
+            Self::Markers { axis } => {
+                let place = Place::Markers { axis: *axis };
+                let (shape, variable) = (Shape::Power(1), Variable::Time);
+                let drift = Form { place, variable, shape, reversing: false };
+                return vec![said(vec![drift], "grows with the time, like c·t"), over_time(place)];
+            }
+        };
+        let mut out = Vec::new();
+        for place in self.force().into_iter().chain(sensors.iter().map(|k| Place::Reading(*k))) {
+            for (variable, shape, reversing, what) in SINGLE {
+                out.push(said(vec![Form { place, variable, shape, reversing }], what));
+            }
+            let any = |range, variable, reversing, what| said(hats(range, place, variable, reversing), what);
+            out.push(over_time(place));
+            out.push(any(ranges.position, Variable::Position, false, "depends on the position"));
+            out.push(any(ranges.velocity, Variable::Velocity, false, "depends on the velocity"));
+            out.push(any(ranges.position, Variable::Position, true, "turns over with the velocity and depends on the position"));
+            out.push(any(ranges.time, Variable::Time, true, "turns over with the velocity and depends on the time"));
+            if joint.kind != JointKind::Ball {
+                out.extend(waves(ranges.position, place, length(joint)));
+            }
+        }
+        out
+    }
+
+    /// The object and what it has, with its unit.
+    fn named(&self, plan: &Plan, place: Place) -> (String, String, &'static str) {
+        match (self, place) {
+            (_, Place::Reading(k)) => {
+                let sensor = &plan.joints[k];
+                (sensor.name.clone(), format!("an error of the sensor of `{}`", sensor.name), sensor.unit)
+            }
+            (Self::Joint { joint, .. }, _) => {
+                let (what, unit) = if joint.kind == JointKind::Prismatic { ("force", "N") } else { ("torque", "N·m") };
+                (joint.name.clone(), format!("a {what} at `{}`", joint.name), unit)
+            }
+            (Self::Ball { joint, axis }, _) => {
+                (joint.name.clone(), format!("a torque at `{}` about {}", joint.name, AXES[*axis]), "N·m")
+            }
+            (Self::Rope { rope, .. }, Place::Nodes { first, number: 1, .. }) => {
+                (rope.name.clone(), format!("a force on node {} of `{}`", first - rope.nodes.start, rope.name), "N")
+            }
+            (Self::Rope { rope, .. }, Place::Nodes { axis, .. }) => {
+                (rope.name.clone(), format!("a force along {} on each node of `{}`", AXES[axis], rope.name), "N")
+            }
+            (Self::Rope { rope, .. }, _) => (rope.name.clone(), format!("a force on `{}`", rope.name), "N"),
+            (Self::Markers { axis }, _) => ("markers".to_owned(), format!("an error of all markers along {}", AXES[*axis]), "m"),
+        }
+    }
+
+    /// A hypothesis and its score, in words.
+    pub fn told(&self, plan: &Plan, group: &Group, score: &CandidateScore) -> RemainderForm {
+        let form = &group.forms[0];
+        let (object, of, unit) = self.named(plan, form.place);
+        let coordinate = match self {
+            Self::Joint { joint, .. } | Self::Ball { joint, .. } => length(joint),
+            Self::Rope { .. } | Self::Markers { .. } => "m",
+        };
+        let variable = match form.variable {
+            Variable::Time => "s".to_owned(),
+            Variable::Position => coordinate.to_owned(),
+            Variable::Velocity => format!("{coordinate}/s"),
+        };
+        let values = group.forms.iter().zip(&score.theta).filter_map(|(form, size)| match form.shape {
+            Shape::Hat { peak, .. } => Some([peak, *size]),
+            _ => None,
+        });
+        let values: Vec<[f64; 2]> = values.collect();
+        let ends = |by: fn(&&[f64; 2], &&[f64; 2]) -> std::cmp::Ordering| values.iter().min_by(by);
+        let (least, most) = (ends(|a, b| a[1].total_cmp(&b[1])), ends(|a, b| b[1].total_cmp(&a[1])));
+        let at = |[x, y]: &[f64; 2]| format!("{} {unit} at {} {variable}", number_plain(*y), number_plain(*x));
+        let range = match (values.as_slice(), least, most) {
+            ([[_, size]], ..) => format!(" ({})", quantity_plain(*size, unit)),
+            (_, Some(a), Some(b)) => format!(" ({} to {})", at(a), at(b)),
+            _ => String::new(),
+        };
+        RemainderForm {
+            what: format!("{of} that {}{range}", group.what),
+            object,
+            taken: score.lm,
+            numbers: score.rank,
+            p: score.p,
+            unit: unit.to_owned(),
+            variable_unit: variable,
+            values,
+        }
+    }
+}
+
+/// A force of one size on every node of a rope.
+fn along(rope: &RopeSpan, axis: usize) -> Place {
+    Place::Nodes { first: rope.nodes.start, number: rope.nodes.len(), axis }
+}
+
+/// Waves of the position, alone and turning over with the velocity.
+fn waves([low, high]: [f64; 2], place: Place, unit: &str) -> Vec<Group> {
+    let mut out = Vec::new();
+    for waves in POLICY.form_waves {
+        for (reversing, turns) in [(false, ""), (true, "turns over with the velocity and ")] {
+            let period = (high - low) / waves;
+            let k = std::f64::consts::TAU / period;
+            let wave = |shape| Form { place, variable: Variable::Position, shape, reversing };
+            let what = format!("{turns}repeats every {} of the position", quantity_plain(period, unit));
+            out.push(Group { forms: vec![wave(Shape::Sine(k)), wave(Shape::Cosine(k))], what });
+        }
+    }
+    out
+}
+
+/// Unit of a joint's coordinate.
+fn length(joint: &Joint) -> &'static str {
+    if joint.kind == JointKind::Prismatic { "m" } else { "rad" }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::super::audit::starts::tests::plan_of;
+    use super::super::super::procedure::Bench;
+    use super::super::{forms, simulated};
+    use super::*;
+    use crate::fit::fit;
+    use crate::log::Record;
+    use crate::stats::ar::ArModel;
+    use crate::stats::testing::gaussians;
+
+    const SAMPLES: usize = 60;
+    const NOISE: f64 = 1e-4;
+
+    /// A cord that hangs from a moving hand, and a link on a ball joint, with markers.
+    fn scene(what: &str, markers: &str) -> String {
+        format!(
+            "schema_version = 1\n[time]\nstep = 0.005\nduration = 1.0\nintegrator = \"midpoint\"\n{what}\n[experiment]\n\
+             initial = \"measured\"\ntime = {{ column = \"t\" }}\n{markers}\n[[experiment.record]]\nfile = \"run.csv\"\n"
+        )
+    }
+
+    fn cord() -> String {
+        let markers = [1, 2, 3, 4]
+            .map(|k| format!("[[experiment.marker]]\nrope = \"cord\"\nnode = {k}\ncolumns = [\"x{k}\", \"y{k}\", \"z{k}\"]\n"));
+        let input = "[[experiment.input]]\ngripper = \"hand\"\ncolumns = [\"hx\", \"hy\", \"hz\"]\n";
+        scene(
+            "[[rope]]\nname = \"cord\"\nnodes = 5\nlength = 0.4\nlinear_density = 0.05\nstretch_stiffness = 50.0\n\
+             stretch_damping = 0.05\nbend_stiffness = 1e-4\ndrag_linear = 0.02\n\
+             [rope.initial]\nshape = \"straight\"\nfrom = [0, 0, 0]\ndirection = [0, 0, -1]\n\
+             [[gripper]]\nname = \"hand\"\nrope = \"cord\"\nnodes = [0]\n",
+            &(markers.concat() + input),
+        )
+    }
+
+    fn ball() -> String {
+        let markers = [[0.05, 0.0, -0.3], [0.0, 0.05, -0.3]]
+            .map(|point| format!("[[experiment.marker]]\nbody = \"link\"\npoint = {point:?}\ncolumns = [\"x\", \"y\", \"z\"]\n"));
+        scene(
+            "[[body]]\nname = \"link\"\nmass = 0.5\ncenter_of_mass = [0, 0, -0.3]\ninertia = [1e-3, 1e-3, 1e-3, 0, 0, 0]\n\
+             [[body.joint]]\nname = \"pivot\"\nkind = \"ball\"\n",
+            &markers.concat(),
+        )
+    }
+
+    /// Hypotheses about five motions at the scene, of a truth that has other parameters and markers that drift [m/s].
+    fn found(text: &str, hidden: &[(&str, f64)], drift: f64) -> Vec<RemainderForm> {
+        let held = text.contains("gripper");
+        let records = (0..6).map(|k| {
+            let at = |t: usize| 0.005 * t as f64;
+            let hand = |t: usize| vec![0.05 * (9.0 * at(t) + k as f64).sin(), 0.04 * (7.0 * at(t) - k as f64).cos(), 0.0];
+            Record {
+                name: format!("run{k}"),
+                inputs: (0..SAMPLES).map(|t| if held { hand(t) } else { Vec::new() }).collect(),
+                phase: vec![0.5; if held { 3 } else { 0 }],
+                joints: vec![Vec::new(); SAMPLES],
+                orientations: vec![Vec::new(); SAMPLES],
+                markers: vec![vec![[f64::NAN; 3]; if held { 4 } else { 2 }]; SAMPLES],
+                time: (0..SAMPLES).map(at).collect(),
+                ..Record::default()
+            }
+        });
+        let mut plan = plan_of(text, records.collect()).0;
+        let mut truth = plan.scene_values.clone();
+        for (path, value) in hidden {
+            truth.theta[plan.model.params().find(path).unwrap()] = *value;
+        }
+        for (k, mut rec) in plan.fitted.clone().into_iter().enumerate() {
+            // somewhere, with some velocity
+            rec.start.z.iter_mut().enumerate().for_each(|(i, z)| *z = 0.5 * ((3 * k + 7 * i) as f64).sin());
+            let shot = simulated(&plan, &rec, &truth).unwrap();
+            let (n, noise) = (plan.channels(), gaussians(SAMPLES * plan.channels(), 90 + k as u64));
+            let late = |row: usize| if row % 3 == 0 { drift * 0.005 * (row / n) as f64 } else { 0.0 };
+            let read: Vec<f64> = (0..SAMPLES * n).map(|row| shot.predicted[row] + late(row) + NOISE * noise[row]).collect();
+            let triples = |row: &[f64]| row.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect();
+            plan.fitted[k].record.markers = read.chunks_exact(n).map(triples).collect();
+            plan.fitted[k].start.z.clone_from(&rec.start.z);
+        }
+        let white = ArModel::white(vec![NOISE; plan.channels()]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &[]).unwrap()
+    }
+
+    #[test]
+    fn what_is_left_of_ropes_balls_and_markers_is_said_in_words() {
+        let says = |found: &[RemainderForm], what: &str| found.iter().any(|form| form.what.starts_with(what));
+        let blown = found(&cord(), &[("air.wind[0]", 0.5)], 0.0);
+        assert!(says(&blown, "a force along x on each node of `cord` that depends on the time"), "{blown:?}");
+        let drifting = found(&cord(), &[], 0.01);
+        let drift = "an error of all markers along x that grows with the time, like c·t";
+        assert_eq!(drifting.first().map(|form| form.what.as_str()), Some(drift), "{drifting:?}");
+        let damped = found(&ball(), &[("pivot.quadratic_damping", 0.02)], 0.0);
+        assert!(says(&damped, "a torque at `pivot` about "), "{damped:?}");
+        assert_eq!(found(&cord(), &[], 0.0), []);
+        assert_eq!(found(&ball(), &[], 0.0), []);
+    }
+}
