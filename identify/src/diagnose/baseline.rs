@@ -3,10 +3,11 @@
 
 use super::policy::POLICY;
 use super::procedure::Bench;
+use super::procedure::scatter::scatter;
 use super::result::Estimate;
 use crate::causes::probed;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, cut, evenly, first_noise, fit, fit_noise};
+use crate::fit::{Cut, FIT, FitOptions, Fitted, cut, evenly, first_noise, fit, fit_noise};
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
@@ -127,16 +128,44 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    pub(super) fn new(setup: &Setup, plan: &mut Plan) -> Result<Self, IdentifyError> {
+    /// A plan whose records are cut, and its baseline, near its end: as wholes up to a growth of [`FIT`]`.growth_followed` where the model follows
+    /// them, `grids` being the noise that the channels' quantisation makes, and else in pieces from `FIT.growth` on.
+    pub(super) fn begun(
+        setup: &Setup,
+        plan: &mut Plan,
+        options: &FitOptions,
+        grids: &[f64],
+    ) -> Result<(Self, Fitted), IdentifyError> {
         let unknowns = declared(setup, plan)?;
         refuse_dead(plan, &unknowns)?;
         let values = opened(&plan.scene_values, &unknowns);
-        cut(plan, &values, setup.experiment.fit.segment)?;
-        Ok(Self { unknowns, values })
+        let (prepared, uncut, length) = (Self { unknowns, values }, plan.fitted.clone(), setup.experiment.fit.segment);
+        let as_wholes = cut(plan, &prepared.values, length, FIT.growth_followed)?;
+        if matches!(as_wholes, Cut::Joined(grown) if grown <= FIT.growth) {
+            let near = prepared.near(plan, options)?;
+            return Ok((prepared, near));
+        }
+        // a motion that grows may not even be simulated as a whole where the model is wrong
+        if matches!(as_wholes, Cut::Joined(_))
+            && let Ok(near) = prepared.near(plan, options)
+            && !prepared.seen(plan, &near, grids)?.no_noise(&near)
+        {
+            return Ok((prepared, near));
+        }
+        plan.fitted = uncut;
+        cut(plan, &prepared.values, length, FIT.growth)?;
+        let near = prepared.near(plan, options)?;
+        Ok((prepared, near))
+    }
+
+    /// The bench with the scatter of the readings around a fit.
+    pub(super) fn seen<'a>(&self, plan: &'a Plan, plain: &Fitted, grids: &[f64]) -> Result<Bench<'a>, IdentifyError> {
+        let white = ArModel::white(scatter(plan, plain, grids))?;
+        Ok(Bench { plan, declared: self.unknowns.clone(), white })
     }
 
     /// The baseline by least squares to some of many records, roughly: it brings the values near the end, and tells what is left.
-    pub(super) fn near(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    fn near(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
         let keep = evenly(&plan.fitted, POLICY.searched_records);
         let some: Vec<RecordPlan> =
             plan.fitted.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(rec, _)| rec.clone()).collect();
@@ -144,12 +173,7 @@ impl Prepared {
         self.bench(plan)?.first(&some, &self.values, &self.unknowns, &options)
     }
 
-    /// The baseline by least squares to all records, fitted again from where it ended while it does not converge.
-    pub(super) fn fit(&self, plan: &Plan, options: &FitOptions) -> Result<Fitted, IdentifyError> {
-        self.ended(plan, self.near(plan, options)?, options)
-    }
-
-    /// The same from one that is near.
+    /// The baseline by least squares to all records from one that is near, fitted again from where it ended while it does not converge.
     pub(super) fn ended(&self, plan: &Plan, near: Fitted, options: &FitOptions) -> Result<Fitted, IdentifyError> {
         let bench = self.bench(plan)?;
         let options = FitOptions { rounds: 0, ..*options };
@@ -183,10 +207,11 @@ struct Chosen {
 ///
 /// Whitened by its own colour, a residual that is noise gives the best estimates. Where the model lacks something, the residual is
 /// no noise, and the whitened optimum may lie far from the data: it explains the fast part of the residual and neglects the slow one.
-fn choose(setup: &Setup, plan: &mut Plan, options: &FitOptions) -> Result<Chosen, IdentifyError> {
+fn choose(setup: &Setup, plan: &mut Plan, logs: &Logs, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let start = opened(&plan.scene_values, &declared(setup, plan)?);
-    let prepared = Prepared::new(setup, plan)?;
-    let plain = prepared.fit(plan, options)?;
+    let (_, grids) = super::audit::check(plan, logs)?;
+    let (prepared, near) = Prepared::begun(setup, plan, options, &grids)?;
+    let plain = prepared.ended(plan, near, options)?;
     let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;
     let given_up = whitened.rmse > POLICY.given_up * plain.rmse;
     let mut warnings = Vec::new();
@@ -256,7 +281,7 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
     let mut plan = Plan::new(setup, logs)?;
     let options = FitOptions::default();
     progress("fitting");
-    let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, &options)?;
+    let Chosen { fitted, spread, warnings } = choose(setup, &mut plan, logs, &options)?;
     progress("intervals");
     let curvature = super::certainty::Curvature::new(&plan, &spread)?;
     let parameters = super::certainty::estimates(&plan, &spread, Some(&super::certainty::normal(&curvature.std_errors())));
@@ -273,4 +298,37 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
         unidentifiable: curvature.unidentifiable(&fitted),
         warnings,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::audit::starts::tests::{experiment, pendulum};
+    use super::*;
+    use crate::stats::testing::gaussians;
+    use pliant_scene::Source;
+    use std::path::PathBuf;
+
+    /// Swings from near the top, where a disturbance grows tenfold, of a pendulum with this damping [N·m·s/rad]; whether they are cut into pieces.
+    fn in_pieces(damping: f64) -> bool {
+        let text = pendulum("measured");
+        let setup = Setup::from_source(Source::new("scene.toml", text.clone()), PathBuf::new()).unwrap();
+        let starts: Vec<Vec<f64>> = [2.9, 3.0, 3.1, 2.8].iter().map(|angle| vec![*angle; 40]).collect();
+        let mut plan = experiment(&text, &starts).0;
+        let mut truth = plan.scene_values.clone();
+        truth.theta[plan.model.params().find("pivot.damping").unwrap()] = damping;
+        for (k, rec) in plan.fitted.clone().into_iter().enumerate() {
+            let shot = shoot(&plan, &rec, &truth, ShotWants::default()).unwrap();
+            let noise = gaussians(40, k as u64);
+            plan.fitted[k].record.joints = (0..40).map(|t| vec![shot.predicted[t] + 1e-4 * noise[t]]).collect();
+        }
+        Prepared::begun(&setup, &mut plan, &FitOptions::default(), &[]).unwrap();
+        plan.in_pieces
+    }
+
+    #[test]
+    fn what_the_model_follows_stays_whole() {
+        assert!(!in_pieces(0.0));
+        assert!(in_pieces(2.0));
+    }
 }

@@ -6,8 +6,7 @@ use super::certainty::{Curvature, estimates, half_widths, normal};
 use super::listing;
 use super::numerics::{changes, shifts};
 use super::policy::POLICY;
-use super::procedure::scatter::scatter;
-use super::procedure::{Bench, Found, search};
+use super::procedure::{Found, search};
 use super::remainder::remainder;
 use super::result::*;
 use super::scores::scores;
@@ -19,7 +18,6 @@ use crate::fit::{FitOptions, Fitted};
 use crate::log::{Interpolation, Logs, Setup, Split};
 use crate::number::number_plain;
 use crate::shooting::{Plan, opened};
-use crate::stats::ar::ArModel;
 use std::time::Instant;
 
 /// Settings of a diagnosis.
@@ -126,13 +124,9 @@ fn pass(
     clock.done("audit");
 
     progress("fitting the baseline");
-    let prepared = Prepared::new(setup, &mut plan)?;
     let to_the_end = FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() };
-    let seen = |plain: &Fitted| -> Result<Bench, IdentifyError> {
-        let white = ArModel::white(scatter(&plan, plain, &grids))?;
-        Ok(Bench { plan: &plan, declared: plain.unknowns.clone(), white })
-    };
-    let mut plain = prepared.near(&plan, &to_the_end)?;
+    let (prepared, mut plain) = Prepared::begun(setup, &mut plan, &to_the_end, &grids)?;
+    let seen = |plain: &Fitted| prepared.seen(&plan, plain, &grids);
     // some of the records are enough to look for causes on while even the best model leaves more than noise
     let enough = plain.records.len() < plan.fitted.len() && seen(&plain)?.no_noise(&plain);
     if !enough {

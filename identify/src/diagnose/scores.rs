@@ -53,8 +53,9 @@ impl Scores {
 pub fn score_scene(setup: &Setup, logs: &Logs, seed: u64) -> Result<Scores, IdentifyError> {
     let mut plan = Plan::opened(setup, logs)?;
     let options = FitOptions::default();
-    let prepared = Prepared::new(setup, &mut plan)?;
-    let plain = prepared.fit(&plan, &options)?;
+    let (_, grids) = super::audit::check(&plan, logs)?;
+    let (prepared, near) = Prepared::begun(setup, &mut plan, &options, &grids)?;
+    let plain = prepared.ended(&plan, near, &options)?;
     scores(&plan, &fit(&plan, &plain.records, &plain.values, &prepared.unknowns, None, &options)?, seed)
 }
 

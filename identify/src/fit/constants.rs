@@ -38,9 +38,12 @@ pub(crate) struct FitConstants {
     pub cost_rounding: f64,
     /// Change of the cost by a rejected step, as a part of it, below which the round ends [-].
     pub flat: f64,
-    /// Growth of a small disturbance over a record up to which its segments are joined [-]: one Lyapunov time. Pieces of two-link arms say a quarter of what
-    /// their records say (λ of a spring 110 instead of 409); but whole records that grow a hundredfold do not follow a motor that is 6 ms late.
+    /// Growth of a small disturbance over a record up to which its segments are joined whatever the model leaves [-]: one Lyapunov time. Whole
+    /// records that grow more do not follow what is far off, as a motor that is 6 ms late.
     pub growth: f64,
+    /// That up to which they are joined where the model follows them to noise [-]: pieces of two-link arms say a quarter of what their records
+    /// say (λ of a spring 110 instead of 409).
+    pub growth_followed: f64,
     /// That disturbance, in standard deviations of the initial state's prior [-]: small enough to be linear.
     pub disturbance: f64,
     /// Longest segment of a record whose initial state is unknown \[s\]: short enough to stay near the data while parameters are wrong.
@@ -80,6 +83,7 @@ pub(crate) const FIT: FitConstants = FitConstants {
     cost_rounding: 1e-14,
     flat: 1e-9,
     growth: std::f64::consts::E,
+    growth_followed: 100.0,
     disturbance: 1e-4,
     longest_segment: 0.5,
     shortest_segment: 0.2,

@@ -13,6 +13,7 @@ mod lm;
 mod noise;
 mod segments;
 
+pub(crate) use constants::FIT;
 pub use lm::{FitOptions, Fitted, evenly, fit};
 pub use noise::{first_noise, fit_noise, floors};
 pub use segments::{Cut, approach, cut, growth};

@@ -12,8 +12,9 @@ use std::sync::Arc;
 /// Segmentation of the fitted records.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// Segments joined by continuity constraints: the statistics are those of whole records.
-    Joined,
+    /// Segments joined by continuity constraints: the statistics are those of whole records. A small disturbance of the initial state grows
+    /// this much over them [-].
+    Joined(f64),
     /// Pieces of this length \[s\] on their own, each with an unknown initial state: the simulation is too sensitive to its
     /// initial state to be followed for longer.
     Pieces(f64),
@@ -22,23 +23,23 @@ pub enum Cut {
 /// Gives every record its segments: of `length` \[s\] if given, else of at most half a second. Records that start at rest have one. The
 /// states of joined segments are left to [`approach`].
 ///
-/// Where a disturbance of the initial state grows more than e-fold within a record, and no length is given, all records are cut into pieces
+/// Where a disturbance of the initial state grows more than `most`-fold within a record, and no length is given, all records are cut into pieces
 /// without constraints instead, as long as it takes to grow e-fold: joined, every cause would look like every other, and like the initial state.
-pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>) -> Result<Cut, IdentifyError> {
+pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>, most: f64) -> Result<Cut, IdentifyError> {
     let mut fitted = std::mem::take(&mut plan.fitted);
     let (mut shortest, mut wildest) = (f64::INFINITY, 1.0f64);
     for rec in &mut fitted {
         let (seconds, grown) = segment_length(plan, rec, values, length)?;
         (shortest, wildest) = (shortest.min(seconds), wildest.max(grown));
     }
-    let (shortest, pieces) = (shortest.max(FIT.shortest_segment), length.is_none() && wildest > FIT.growth);
+    let (shortest, pieces) = (shortest.max(FIT.shortest_segment), length.is_none() && wildest > most);
     plan.in_pieces = pieces;
     plan.fitted = if pieces {
         fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat()
     } else {
         fitted.into_iter().map(|rec| joined(plan, rec, shortest)).collect()
     };
-    Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined })
+    Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined(wildest) })
 }
 
 /// Length of a record's segments \[s\], and the growth of a small disturbance over the record.

@@ -51,7 +51,7 @@ fn pieces_know_their_inputs_read_the_other_way() {
     assert!(straight != others[0] && straight != others[1] && others[0] != others[1]);
     assert!([0, 1].into_iter().all(|way| whole.with_other_inputs(way).inputs == others[way]));
     let values = plan.scene_values.clone();
-    assert!(matches!(cut(&mut plan, &values, None).unwrap(), Cut::Pieces(_)));
+    assert!(matches!(cut(&mut plan, &values, None, std::f64::consts::E).unwrap(), Cut::Pieces(_)));
     let pieces: Vec<_> = plan.fitted.iter().filter(|rec| rec.parent == 0).collect();
     assert!(pieces.iter().any(|rec| rec.record.time[0] > 0.0));
     let mut first = 0;
@@ -75,7 +75,7 @@ fn a_late_sensor_is_found_in_pieces() {
     let late = 0.02;
     let mut plan = plan(Truth { late, turned: 2.4, noise: 1e-5, ..Truth::default() }, "");
     let values = plan.scene_values.clone();
-    assert!(matches!(cut(&mut plan, &values, None).unwrap(), Cut::Pieces(_)));
+    assert!(matches!(cut(&mut plan, &values, None, std::f64::consts::E).unwrap(), Cut::Pieces(_)));
     let began = plan.fitted.iter().filter(|rec| rec.record.time[0] > 0.0).count();
     assert!(began > 0 && plan.fitted.iter().all(|rec| rec.record.time[0] == 0.0 || rec.record.time[0] >= 0.03 - 1e-9));
     let unknown = Unknown::of_joint("pivot.delay".to_owned(), "s", (0, DELAY), 1e-3, (-0.1, 0.1));
