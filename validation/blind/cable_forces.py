@@ -150,3 +150,27 @@ def rate(q: np.ndarray) -> np.ndarray:
 
 def add(data: mujoco.MjData, k: int, moment: np.ndarray) -> None:
     data.qfrc_passive[2 + 3 * k : 5 + 3 * k] += moment
+
+
+def settle(model: mujoco.MjModel, data: mujoco.MjData, command: np.ndarray) -> None:
+    """Brings the cable to rest under a command (2,) [m] of its two slides, by Newton's method on the forces at rest."""
+    balls = (model.nv - 2) // 3
+
+    def force(x: np.ndarray) -> np.ndarray:
+        data.qpos[:] = np.concatenate([x[:2], np.tile([1.0, 0.0, 0.0, 0.0], balls)])
+        mujoco.mj_integratePos(model, data.qpos, np.concatenate([[0.0, 0.0], x[2:]]), 1.0)
+        data.qvel[:], data.ctrl[:] = 0.0, command
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        return data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+
+    x = np.concatenate([command, np.zeros(3 * balls)])
+    for _ in range(8):
+        f = force(x)
+        if np.abs(f).max() < 1e-12:
+            break
+        slope = np.stack([(force(x + d) - force(x - d)) / 2e-6 for d in 1e-6 * np.eye(len(x))], axis=1)
+        x -= np.linalg.solve(slope, f)
+    force(x)
+    data.time = 0.0

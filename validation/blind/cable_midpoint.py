@@ -21,7 +21,7 @@ def motion(t: np.ndarray, u: np.ndarray) -> np.ndarray:
         model = mujoco.MjModel.from_xml_string(cables.xml(effect))
         data = mujoco.MjData(model)
         command = cables.motor_command(effect, t, u, h, (len(t) - 1) * cables.EVERY)
-        cables.settle(model, data, effect, u[0])
+        cable_forces.settle(model, data, u[0])
         q, v = data.qpos.copy(), np.zeros(model.nv)
         stiffness = np.array([cables.SERVO] * 2 + [cables.STIFFNESS] * (model.nv - 2))
         damping = np.array([cables.BRAKE] * 2 + [cables.DAMPING] * (model.nv - 2))

@@ -224,7 +224,7 @@ class CableSetup(Setup):
             acting = cable_forces.Acting(own, stiffness, self.servo, h)
             if not own.none:
                 mujoco.set_mjcb_passive(acting)
-            settle(model, data, self.told(record, changes | {"lag": 0.0}, h, 1, linear=not self.smooth)[0])
+            cable_forces.settle(model, data, self.told(record, changes | {"lag": 0.0}, h, 1, linear=not self.smooth)[0])
             if own.none:
                 begun = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
                 mujoco.mj_getState(model, data, begun, mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -248,7 +248,7 @@ class CableSetup(Setup):
         with cable_forces.alone():
             model = mujoco.MjModel.from_xml_string(self.xml(changes, h))
             data = mujoco.MjData(model)
-            settle(model, data, told[0])
+            cable_forces.settle(model, data, told[0])
             q, v = [data.qpos.copy()], np.zeros(model.nv)
             k, d = (np.array([self.servo[i]] * 2 + [x] * (3 * LINKS)) for i, x in enumerate((self.stiffness, self.damping)))
             for u in told:
@@ -282,12 +282,6 @@ class CableSetup(Setup):
             y = turned(y, changes) + changes.get("drift", 0.0) * (stamps / self.duration)[:, None, None]
             out.append(y.reshape(len(stamps), -1))
         return out
-
-    def refine(self) -> None:
-        self.substeps *= 2
-
-    def coarsen(self) -> None:
-        self.substeps = 1
 
     # ---- Scene ---------------------------------------------------------------------------------------------------------
 
@@ -334,27 +328,3 @@ class CableSetup(Setup):
 def through(t: np.ndarray, x: np.ndarray) -> CubicSpline | None:
     """A curve through x (times, …), if there is one."""
     return CubicSpline(t, x, axis=0) if np.isfinite(x).all() else None
-
-
-def settle(model: mujoco.MjModel, data: mujoco.MjData, command: np.ndarray) -> None:
-    """Brings the cable to rest under a command (2,) [m], by Newton's method on the forces at rest."""
-    balls = (model.nv - 2) // 3
-
-    def force(x: np.ndarray) -> np.ndarray:
-        data.qpos[:] = np.concatenate([x[:2], np.tile([1.0, 0.0, 0.0, 0.0], balls)])
-        mujoco.mj_integratePos(model, data.qpos, np.concatenate([[0.0, 0.0], x[2:]]), 1.0)
-        data.qvel[:], data.ctrl[:] = 0.0, command
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fwdActuation(model, data)
-        return data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
-
-    x = np.concatenate([command, np.zeros(3 * balls)])
-    for _ in range(8):
-        f = force(x)
-        if np.abs(f).max() < 1e-12:
-            break
-        slope = np.stack([(force(x + d) - force(x - d)) / 2e-6 for d in 1e-6 * np.eye(len(x))], axis=1)
-        x -= np.linalg.solve(slope, f)
-    force(x)
-    data.time = 0.0

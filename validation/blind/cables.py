@@ -141,7 +141,7 @@ def motion(effect: Effect, t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np
             mujoco.set_mjcb_passive(forces)
         every = round(1.0 / RATE / FINE)
         command = motor_command(effect, t, u, FINE, (len(t) - 1) * every)
-        settle(model, data, effect, u[0])
+        cable_forces.settle(model, data, u[0] + np.array(effect.offset) / SERVO)
         out, peak = [markers(data)], np.zeros(2)
         for k, own in enumerate(command):
             data.ctrl[:] = own
@@ -152,30 +152,6 @@ def motion(effect: Effect, t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np
                 mujoco.mj_kinematics(model, data)
                 out.append(markers(data))
     return np.array(out), peak
-
-
-def settle(model: mujoco.MjModel, data: mujoco.MjData, effect: Effect, first: np.ndarray) -> None:
-    """Brings the cable to rest under its first command, by Newton's method on the forces at rest."""
-    data.ctrl[:] = first + np.array(effect.offset) / SERVO
-
-    def force(x: np.ndarray) -> np.ndarray:
-        data.qpos[:] = np.concatenate([x[:2], np.tile([1.0, 0, 0, 0], LINKS)])
-        mujoco.mj_integratePos(model, data.qpos, np.concatenate([[0.0, 0.0], x[2:]]), 1.0)
-        data.qvel[:] = 0.0
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fwdActuation(model, data)
-        return data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
-
-    x = np.concatenate([data.ctrl, np.zeros(3 * LINKS)])
-    for _ in range(5):
-        f = force(x)
-        if np.abs(f).max() < 1e-12:
-            break
-        slope = np.stack([(force(x + d) - force(x - d)) / 2e-6 for d in 1e-6 * np.eye(len(x))], axis=1)
-        x -= np.linalg.solve(slope, f)
-    force(x)
-    data.time = 0.0
 
 
 def markers(data: mujoco.MjData) -> np.ndarray:

@@ -337,12 +337,6 @@ class ChainSetup(Setup):
             out[:, k] = (1.0 + get("scale")) * out[:, k] + get("bias") + get("drift") * stamps
         return out
 
-    def refine(self) -> None:
-        self.substeps *= 2
-
-    def coarsen(self) -> None:
-        self.substeps = 1
-
     # ---- Scene ---------------------------------------------------------------------------------------------------------
 
     def write(self, folder: Path, read: list[np.ndarray], guess: dict[str, float], missing: bool) -> Path:

@@ -23,11 +23,12 @@ from validation.blind import cable_setup, chains, ropes, toss
 from validation.blind.judge import HIDDEN, Judge
 from validation.blind.noise import KINDS as NOISES
 from validation.blind.noise import Noise
+from validation.blind.score import SYMMETRIC
 from validation.blind.system import Cause, Changes, Setup
 
 LAMBDAS = (10.0, 30.0, 100.0, 1e3, 1e5)
 STRONG = (100.0, 1e3, 1e5)
-SYMMETRIC = 0.9995  # cosine from which two causes count as exact symmetries
+SAME = 2.0  # λ (1 - ρ²) of two causes that count as exact symmetries, at most: what no test tells apart
 SHARES = {"null": 0.34, "effect": 0.26, "pair": 0.07, "varies": 0.07, "some": 0.03, "value": 0.04, "outside": 0.12, "symmetric": 0.07}
 # system -> share of the cases; many cheap ones and a few costly
 SYSTEMS = {
@@ -216,9 +217,10 @@ def told(cause: Cause, setup: Setup, unit: Changes, sizes: list[float]) -> dict:
     return out
 
 
-def has_twin(rho: dict[str, float], cause: Cause) -> bool:
-    """Whether another candidate imitates the cause exactly."""
-    return max((c for k, c in rho.items() if k != cause.key), default=0.0) > SYMMETRIC
+def has_twin(rho: dict[str, float], cause: Cause, lam: float) -> bool:
+    """Whether another candidate imitates the cause exactly, at its size λ."""
+    nearest_of = max((c for k, c in rho.items() if k != cause.key), default=0.0)
+    return nearest_of > SYMMETRIC and lam * (1.0 - nearest_of**2) < SAME
 
 
 def square(u: np.ndarray) -> float:
@@ -241,7 +243,7 @@ def one(case: Case, judge: Judge, rng: np.random.Generator) -> list[Changes] | N
     rho = judge.matched(u, cause.key)
     nearest(case, rho)
     case.allowed, case.margin, case.rivals = judge.allows_name(u, cause.key, rho)
-    if has_twin(rho, cause) != (case.kind == "symmetric"):
+    if has_twin(rho, cause, case.lam_exact) != (case.kind == "symmetric"):
         return None
     case.allowed = case.allowed and case.kind != "symmetric"
     case.hidden = [told(cause, setup, unit, [size])]
@@ -264,7 +266,7 @@ def two(case: Case, judge: Judge, rng: np.random.Generator) -> list[Changes] | N
             return None
         size, u, wanted, lam = found
         allowed, margin, rivals = beside.allows_name(off(u), cause.key)
-        allowed = allowed and not has_twin(judge.matched(u, cause.key), cause)
+        allowed = allowed and not has_twin(judge.matched(u, cause.key), cause, square(u))
         parts.append((cause, unit, size, wanted, lam, allowed, margin, rivals, beside.cosines(off(u))))
     weaker = min(parts, key=lambda part: part[4])
     case.lam, case.lam_exact, case.margin = weaker[3], weaker[4], min(part[6] for part in parts)
@@ -297,7 +299,7 @@ def by_record(case: Case, judge: Judge, rng: np.random.Generator) -> list[Change
     rho = judge.matched(u, cause.key, by_record=True)
     nearest(case, rho)
     case.allowed, case.margin, case.rivals = judge.allows_name(u, cause.key, rho)
-    case.allowed = case.allowed and not has_twin(rho, cause)
+    case.allowed = case.allowed and not has_twin(rho, cause, case.lam_exact)
     case.hidden = [told(cause, setup, unit, [size * s for s in sizes])]
     return [scaled(unit, size * s) for s in sizes]
 

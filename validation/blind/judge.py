@@ -54,7 +54,8 @@ class Judge:
             self.start.append(np.linalg.qr(np.stack(columns, axis=1)) if columns else None)
         self.free = [self.off_start(slope[k]) / setup.knobs[k].step for k in setup.free]
         self.shared = np.linalg.qr(np.stack(self.free, axis=1)) if self.free else None
-        self.u = {knob: self.project(slope[knob]) / setup.knobs[knob].step for c in setup.causes.values() if not c.points for knob in c.knobs}
+        alone = [knob for c in setup.causes.values() if not c.points for knob in c.knobs if all(np.isfinite(x).all() for x in slope[knob])]
+        self.u = {knob: self.project(slope[knob]) / setup.knobs[knob].step for knob in alone}
         self.basis: dict[str, list[np.ndarray]] = {}
         for cause in setup.causes.values():
             groups = [[f"{cause.key}#{i}"] for i in range(len(cause.points))] or [list(cause.knobs)]
@@ -101,7 +102,9 @@ class Judge:
         return w if self.shared is None else w - self.shared[0] @ (self.shared[0].T @ w)
 
     def spanned(self, slopes: list[list[np.ndarray]]) -> np.ndarray | None:
-        """Basis of what remains of a candidate's directions; None where all but nothing does."""
+        """Basis of what remains of a candidate's directions; None where all but nothing does, and where the motion runs away."""
+        if not all(np.isfinite(x).all() for s in slopes for x in s):
+            return None
         raw = max(np.linalg.norm(np.concatenate([self.white(x) for x in s])) for s in slopes)
         columns = [self.project(s) for s in slopes]
         if raw == 0.0 or max(map(np.linalg.norm, columns)) < 1e-3 * raw:

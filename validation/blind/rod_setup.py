@@ -79,7 +79,7 @@ class RodSetup(Setup):
 
     def __init__(self, rng: np.random.Generator, jitter: float = 0.0, smooth: bool = False) -> None:
         self.smooth, self.rate, self.roles = smooth, 50.0 if smooth else 100.0, ("fit",) * 3 + ("held_out",)
-        self.substeps = round(400.0 / self.rate)
+        self.substeps, self.coarse = round(400.0 / self.rate), round(200.0 / self.rate)
         self.nodes = [node for held in HELD.values() for node in held]
         self.marked = tuple(range(2, NODES - 2))
         length, density = float(np.round(rng.uniform(0.5, 0.65), 3)), float(np.round(rng.uniform(0.025, 0.04), 4))
@@ -295,12 +295,6 @@ class RodSetup(Setup):
             y = y + np.einsum("ka,tkai->tki", beside, path[1](at))
         y = turned(y, changes) + changes.get("drift", 0.0) * (stamps / DURATION)[:, None, None]
         return y.reshape(len(stamps), -1)
-
-    def refine(self) -> None:
-        self.substeps *= 2
-
-    def coarsen(self) -> None:
-        self.substeps = round(200.0 / self.rate)
 
     # ---- Scene ---------------------------------------------------------------------------------------------------------
 

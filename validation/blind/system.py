@@ -73,6 +73,8 @@ class Setup:
     outside: dict[str, tuple[str, ...]]
     values: dict[str, tuple[str, ...]]  # wrong numbers of the scene that no candidate stands for
     free: tuple[str, ...]
+    substeps: int  # steps of the scene in a sample
+    coarse: int = 1  # those of a scene whose step is too long
     starts: int = 0  # unknown numbers of a record's beginning: knobs start:0 to start:n-1
     start_steps: tuple[float, ...] = ()
     sigma: float  # of the readings' noise, in their unit
@@ -85,11 +87,11 @@ class Setup:
 
     def refine(self) -> None:
         """A shorter step for the scene."""
-        raise NotImplementedError
+        self.substeps *= 2
 
     def coarsen(self) -> None:
         """A step of the scene that is too long."""
-        raise NotImplementedError
+        self.substeps = self.coarse
 
     def write(self, folder: Path, read: list[np.ndarray], guess: dict[str, float], missing: bool) -> Path:
         """Scene and logs; `guess`: values of the free paths in the scene; `missing`: whether readings may be NaN."""

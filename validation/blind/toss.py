@@ -135,12 +135,6 @@ class TossSetup(Setup):
             out.append(CubicHermiteSpline(times, path[:, :3] + arm, path[:, 7:10] + np.cross(spin, arm))(at))
         return turned(np.stack(out, axis=1), changes).reshape(len(at), -1)
 
-    def refine(self) -> None:
-        self.substeps *= 2
-
-    def coarsen(self) -> None:
-        self.substeps = 1
-
     def write(self, folder: Path, read: list[np.ndarray], guess: dict[str, float], missing: bool) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         columns = [[f"m{k}_{axis}" for axis in AXES] for k in range(len(POINTS))]
