@@ -5,7 +5,8 @@
 
 The tool sees a scene and its logs, never the truth. Each case lies in FOLDER/NAME, with the truth in FOLDER/NAME.truth.json and
 the answer in FOLDER/answers/NAME.json (`--answers` names another folder, for another binary); a batch that was interrupted goes on where it was (a case drawn, an answer given, is not made again).
-`--write` puts the summary into validation/results/blind.json.
+`--write` puts the answers and their summary into validation/results/blind.json. A batch that one sitting cannot answer is given in parts: where
+that file holds answers of the same commit, seed and number of cases, those stay, are not asked for again, and the summary is of all.
 """
 
 from __future__ import annotations
@@ -94,6 +95,12 @@ def one(job: tuple) -> dict | None:
     return row
 
 
+def earlier(path: Path, planned: dict) -> list[dict]:
+    """Answers of the same batch that a file holds."""
+    held = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return held["answers"] if all(held.get(key) == value for key, value in planned.items()) else []
+
+
 def listed(root: Path) -> str:
     """All cases of a folder, in the file README beside them: what is hidden, how large, and whether the rule allows a name."""
     lines = ["case                system     kind       noise          λ  allowed  what is hidden (true values, SI)"]
@@ -129,20 +136,23 @@ def main(arguments: list[str] | None = None) -> int:
     pliant = "" if options.draw else options.pliant
     wanted = draw.plan(options.cases, options.seed, options.systems, options.kinds)
     answers = options.answers or options.keep / "answers"
-    jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout) for i, (system, kind) in enumerate(wanted[: options.first])]
+    planned = {"commit": record.commit, "seeds": [options.seed], "planned": options.cases}
+    given = earlier(RESULTS / "blind.json", planned) if options.write else []
+    done = {row["index"] for row in given}
+    jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout)
+            for i, (system, kind) in enumerate(wanted[: options.first]) if i not in done]  # fmt: skip
     with ProcessPoolExecutor(options.jobs, multiprocessing.get_context("spawn")) as pool:
         rows = [row for row in pool.map(one, jobs) if row]
     if options.draw:
         print(listed(options.keep))
         return 0
-    summary = score.summarize(rows)
+    answers_given = sorted([*given, *map(score.short, rows)], key=lambda row: row["index"])
+    summary = score.summarize(answers_given)
     print(score.table(summary))
     if options.json:
         stored(options.json, {"summary": summary, "cases": rows})
     if options.write:
-        planned = {"commit": record.commit, "seeds": [options.seed], "planned": options.cases}
-        figures = {**planned, **summary, "answers": [score.short(row) for row in rows]}
-        stored(RESULTS / "blind.json", figures)
+        stored(RESULTS / "blind.json", {**planned, **summary, "answers": answers_given})
     return int(any(row["state"] == "fails" for row in summary["requirements"]))
 
 

@@ -75,7 +75,11 @@ def bodies(system: str, rng: np.random.Generator) -> list[Link]:
 class ChainSetup(Setup):
     """See `Setup`."""
 
-    def __init__(self, system: str, rng: np.random.Generator, jitter: float = 0.0, smooth: bool = False) -> None:
+    def __init__(
+        self, system: str, rng: np.random.Generator, jitter: float = 0.0, smooth: bool = False, rate: float | None = None,
+        duration: float | None = None, fitted: int | None = None,
+    ) -> None:  # fmt: skip
+        """`rate` [Hz], `duration` [s] and number of `fitted` records other than those of the batch."""
         self.system, self.links, self.smooth = system, bodies(system, rng), smooth
         n = len(self.links)
         self.servo = n >= 4
@@ -83,9 +87,9 @@ class ChainSetup(Setup):
             tuple(link.kind for link in self.links), tuple("xyz".index(link.axis) for link in self.links), self.servo
         )
         self.motors = [0] if n == 1 or system == "cart_pole" else list(range(n))
-        self.rate = 50.0 if smooth else 100.0
-        self.duration = 2.0 if n > 1 else 3.0
-        self.roles = ("fit",) * (3 if n > 3 else 4) + ("held_out",)
+        self.rate = rate or (50.0 if smooth else 100.0)
+        self.duration = duration or (2.0 if n > 1 else 3.0)
+        self.roles = ("fit",) * (fitted or (3 if n > 3 else 4)) + ("held_out",)
         self.substeps = 8
         self.base = self.variant_of_scene()
         rest = rng.choice([-1.0, 1.0], n) * rng.uniform(0.4, 0.8, n) if self.servo else np.zeros(n)

@@ -164,10 +164,12 @@ def told_name(report: dict | None) -> str:
 
 
 def short(row: dict) -> dict:
-    """A case and the answer to it."""
-    case = row["case"]
+    """A case and the answer to it, all that a summary needs: `holds` of each interval of a right name, whether the gain's sign is right."""
+    case, report = row["case"], row["report"]
     kept = {key: case[key] for key in ("seed", "index", "system", "kind", "noise", "numerics", "lam", "allowed")}
-    kept |= {"hidden": hidden_name(case), "told": told_name(row["report"]), "outcome": row["outcome"]}
+    kept |= {"hidden": hidden_name(case), "told": told_name(report), "verdict": verdict(report), "outcome": row["outcome"]}
+    right = row["outcome"] == "right" and case["kind"] in ("effect", "pair")
+    kept |= {"holds": coverage(case, report) if right else [], "gain": gain_is_right(report) if right else None}
     return kept | {"seconds": row["seconds"]}
 
 
@@ -175,10 +177,10 @@ def short(row: dict) -> dict:
 
 
 def counted(rows: list[dict], what: Callable[[dict], str]) -> dict[str, dict[str, int]]:
-    """Outcomes by a key of the case."""
+    """Outcomes by a key of the rows."""
     out: dict[str, Counter] = {}
     for row in rows:
-        out.setdefault(what(row["case"]), Counter())[row["outcome"]] += 1
+        out.setdefault(what(row), Counter())[row["outcome"]] += 1
     return {key: dict(value) for key, value in sorted(out.items())}
 
 
@@ -187,14 +189,14 @@ def named(rows: Iterable[dict]) -> int:
 
 
 def summarize(rows: list[dict]) -> dict:
-    """Counts of a batch of {case, report, outcome, seconds}, and the requirements."""
-    of = lambda *kinds: [r for r in rows if r["case"]["kind"] in kinds]
+    """Counts of a batch of rows as `short` makes them, and the requirements."""
+    of = lambda *kinds: [r for r in rows if r["kind"] in kinds]
     count = lambda part, *outcomes: sum(r["outcome"] in outcomes for r in part)
     null, effects, outside, symmetric = of("null"), of("effect", "pair"), of("outside", "value"), of("symmetric")
-    changing, wrong_numerics = of("varies", "some"), [r for r in null if r["case"]["numerics"]]
-    allowed = [r for r in effects if r["case"]["allowed"]]
-    hits = [hit for r in effects if r["outcome"] == "right" and r["case"]["lam"] >= 100.0 for hit in coverage(r["case"], r["report"])]
-    verdicts = Counter(verdict(r["report"]) for r in rows)
+    changing, wrong_numerics = of("varies", "some"), [r for r in null if r["numerics"]]
+    allowed = [r for r in effects if r["allowed"]]
+    hits = [hit for r in effects if r["lam"] >= 100.0 for hit in r["holds"]]
+    verdicts = Counter(r["verdict"] for r in rows)
     seconds = sorted(r["seconds"] for r in rows)
     return {
         "cases": len(rows),
@@ -213,7 +215,7 @@ def summarize(rows: list[dict]) -> dict:
         "intervals": {"n": len(hits), "hold": sum(hits)},
         "varies": {"n": len(changing), "right": count(changing, "right"), "one_size": count(changing, "one_size"),
                    "wrong": count(changing, "wrong"), "ambiguous_with": count(changing, "honest")},
-        "numerics": {"n": len(wrong_numerics), "told": sum(verdict(r["report"]) == "numerics" for r in wrong_numerics),
+        "numerics": {"n": len(wrong_numerics), "told": sum(r["verdict"] == "numerics" for r in wrong_numerics),
                      "named": count(wrong_numerics, "false_alarm")},
         "not_in_library": verdicts["not_in_library"],
         "verdicts": dict(verdicts),
@@ -233,15 +235,15 @@ def rate(k: int, n: int) -> dict:
 
 def requirements(rows: list[dict]) -> list[dict]:
     """What must be reached: name, counts, and passes, fails or too few cases."""
-    of = lambda *kinds: [r for r in rows if r["case"]["kind"] in kinds]
+    of = lambda *kinds: [r for r in rows if r["kind"] in kinds]
     count = lambda part, *outcomes: sum(r["outcome"] in outcomes for r in part)
     null = [r for r in of("null") if r["outcome"] != "failed"]
-    allowed = [r for r in of("effect", "pair") if r["case"]["allowed"]]
-    outside = [r for r in of("outside", "value") if r["case"]["lam"] >= 30.0]
+    allowed = [r for r in of("effect", "pair") if r["allowed"]]
+    outside = [r for r in of("outside", "value") if r["lam"] >= 30.0]
     twins, failed = of("symmetric"), count(rows, "failed")
-    strong = [r for r in of("effect", "pair") if r["outcome"] == "right" and r["case"]["lam"] >= 100.0]
-    hits = [hit for r in strong for hit in coverage(r["case"], r["report"])]
-    gains = [g for r in strong if (g := gain_is_right(r["report"])) is not None]
+    strong = [r for r in of("effect", "pair") if r["outcome"] == "right" and r["lam"] >= 100.0]
+    hits = [hit for r in strong for hit in r["holds"]]
+    gains = [r["gain"] for r in strong if r["gain"] is not None]
     alarms, right, wrong = count(null, "false_alarm"), count(allowed, "right"), count(of("effect", "pair"), "wrong")
     effects, astray = of("effect", "pair"), count(of("effect", "pair"), "astray")
     imitated, alone = count(outside, "wrong", "varied"), named(twins)

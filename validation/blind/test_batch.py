@@ -267,6 +267,16 @@ def test_a_single_motor_is_late_as_its_readings_are():
     assert not score.is_cause(hidden | {"alone": False}, ("sensor_delay", ""))
 
 
+def test_parts_of_a_batch_are_of_one_program(tmp_path: Path):
+    planned = {"commit": "a", "seeds": [1003], "planned": 600}
+    path, row_of_it = tmp_path / "blind.json", {"index": 3, "outcome": "clean"}
+    assert batch.earlier(path, planned) == []
+    batch.stored(path, planned | {"cases": 1, "answers": [row_of_it]})
+    assert batch.earlier(path, planned) == [row_of_it]
+    for other in ({"commit": "b"}, {"seeds": [1004]}, {"planned": 601}):
+        assert batch.earlier(path, planned | other) == []
+
+
 def row(hidden: dict, told: dict) -> dict:
     return {"case": hidden, "report": told, "outcome": score.outcome(hidden, told), "seconds": 1.0}
 
@@ -276,7 +286,7 @@ def test_a_batch_is_counted_as_agreed():
     rows += [row(case("effect", V), answer("named", V))] * 30 + [row(case("effect", V), answer("named", C))]
     rows += [row(case("outside"), answer("named", V)), row(case("outside"), answer("not_in_library"))]
     rows += [row(case("symmetric", V), answer("named", V)), row(case("varies", V), answer("varies", V))]
-    summary = score.summarize(rows)
+    summary = score.summarize([score.short(each) for each in rows])
     assert {key: summary["nulls"][key] for key in ("n", "named")} == {"n": 245, "named": 5}
     assert summary["outside"]["n"] == 2 and summary["outside"]["named"] == 1
     assert summary["symmetric"]["n"] == 1 and summary["symmetric"]["named"] == 1
