@@ -173,6 +173,7 @@ impl ModelBuilder {
         model.add_colliders(scene, &radii)?;
         model.add_elements(scene, &radii)?;
         model.add_closures(scene)?;
+        model.add_forces(scene)?;
         Ok(Self { model })
     }
 

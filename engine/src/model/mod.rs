@@ -9,6 +9,7 @@ mod colliders;
 mod constants;
 mod couplings;
 mod elements;
+mod forces;
 mod grasp;
 mod mass;
 mod materials;
