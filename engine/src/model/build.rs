@@ -125,6 +125,7 @@ impl ModelBuilder {
             colliders: Vec::new(),
             collider_pairs: Vec::new(),
             closures: Vec::new(),
+            own_forces: Vec::new(),
             layout: Arc::new(NodeLayout::band(0, 0)),
             gravity,
             h: scene.time.step,

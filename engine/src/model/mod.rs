@@ -20,6 +20,7 @@ mod signals;
 
 pub use build::{BuildError, ModelBuilder};
 pub use cloth::ClothSpan;
+pub use forces::{Acts, OwnForce};
 pub use mass::NodeMass;
 pub(crate) use materials::from_nodes;
 
@@ -103,6 +104,7 @@ pub struct Model {
     pub(crate) colliders: Vec<Collider>,
     pub(crate) collider_pairs: Vec<ColliderPair>,
     pub(crate) closures: Vec<LoopClosure>,
+    pub(crate) own_forces: Vec<OwnForce>,
     pub(crate) layout: Arc<NodeLayout>,
     pub(crate) gravity: usize,
     pub(crate) h: f64,
