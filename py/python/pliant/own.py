@@ -9,9 +9,10 @@
     text += pliant.own.force("seal", seal, joint="elbow")
     model = pliant.loads(text)              # has the parameters seal.c and seal.width
 
-The function is called once, with symbols in place of numbers; what it computes with them is written down as a formula, which the engine
-evaluates with exact derivatives. So what it does must not depend on their values: `numpy.where` instead of `if`. Its arguments are variables
-(q and v of a joint of one axis; qx, qy, qz, vx, vy, vz of a ball; x, y, z, vx, vy, vz of a node) and parameters of the force. All in SI units.
+The function is called once, with symbols in place of numbers; what it computes with them is written down as a formula, which the
+engine evaluates with exact derivatives. So what it does must not depend on their values: `numpy.where` instead of `if`. Its arguments
+are variables (q and v of a joint of one axis; qx, qy, qz, vx, vy, vz of a ball; x, y, z, vx, vy, vz of a node) and parameters of the
+force. All in SI units.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -30,6 +32,9 @@ AT_JOINTS = ("q", "v", "qx", "qy", "qz", "vx", "vy", "vz")
 ON_NODES = ("x", "y", "z", "vx", "vy", "vz")
 # How tightly a text binds: what stands inside one that binds more tightly needs brackets.
 COMPARISON, SUM, PRODUCT, SIGNED, POWER, ATOM = range(6)
+KNOWN = (
+    "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh exp expm1 log log1p sqrt abs sign hypot minimum maximum where".split()
+)
 SAME = "sin cos tan arcsin arccos arctan sinh cosh tanh exp expm1 log log1p sqrt sign".split()
 
 
@@ -49,21 +54,15 @@ class Symbol:
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         if method != "__call__" or kwargs:
             raise unsupported(f"numpy.{ufunc.__name__}.{method}" if method != "__call__" else f"numpy.{ufunc.__name__} with options")
-        if any(isinstance(x, np.ndarray) and x.ndim for x in inputs):
-            inputs = tuple(np.vectorize(symbol, otypes=[object])(x) if isinstance(x, np.ndarray) else x for x in inputs)
-            return np.frompyfunc(lambda *at: apply(ufunc.__name__, *at), len(inputs), 1)(*inputs)
-        return apply(ufunc.__name__, *inputs)
+        return each(ufunc.__name__, *inputs)
 
     def __array_function__(self, function: Any, types: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
         if function is np.where and len(args) == 3:
-            return apply("where", *args)
+            return each("where", *args)
         if function is np.clip and not set(kwargs) - {"a_min", "a_max", "min", "max"}:
             low, high = [*args[1:], *kwargs.values()] if len(args) + len(kwargs) == 3 else (None, None)
-            return apply("minimum", apply("maximum", args[0], low), high)
+            return each("minimum", each("maximum", args[0], low), high)
         raise unsupported(f"numpy.{function.__name__}")
-
-    def __jax_array__(self) -> Any:
-        raise _WrittenWithJax
 
     def __bool__(self) -> bool:
         raise TypeError(IF)
@@ -85,14 +84,16 @@ class Symbol:
     def __round__(self, digits: int | None = None) -> Symbol:
         raise unsupported("round")
 
+    def __mod__(self, other: object) -> Symbol:
+        raise unsupported("the remainder `%`")
 
-class _WrittenWithJax(Exception):
-    """The function calls jax.numpy."""
+    def __floordiv__(self, other: object) -> Symbol:
+        raise unsupported("the division `//`")
 
 
 IF = (
-    "what the function does depends on a value (`if`, `and`, `or`, `while`, `max` or `min` of Python). fix: write `numpy.where(condition, a, "
-    "b)` for `a if condition else b`, `numpy.maximum` for `max`, `&` for `and`"
+    "what the function does depends on a value (`if`, `and`, `or`, `while`, `max` or `min` of Python). fix: write "
+    "`numpy.where(condition, a, b)` for `a if condition else b`, `numpy.maximum` for `max`, `&` for `and`"
 )
 
 
@@ -114,10 +115,8 @@ def _operators() -> None:
 
 def elementwise(name: str, a: Any, b: Any) -> Any:
     """An operator between a symbol and a number, a symbol, or an array of either; of anything else Python decides."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return np.frompyfunc(lambda x, y: apply(name, x, y), 2, 1)(a, b)
-    known = all(isinstance(x, (Symbol, int, float, np.number, np.bool_)) for x in (a, b))
-    return apply(name, a, b) if known else NotImplemented
+    known = all(isinstance(x, (Symbol, int, float, np.number, np.bool_, np.ndarray)) for x in (a, b))
+    return each(name, a, b) if known else NotImplemented
 
 
 def symbol(x: Any) -> Symbol:
@@ -190,8 +189,7 @@ _operators()
 
 
 def unsupported(what: str) -> ValueError:
-    known = ", ".join(sorted(FUNCTIONS))
-    return ValueError(f"{what} has no place in a formula. fix: write it with what has one: operators and {known}, clip")
+    return ValueError(f"{what} has no place in a formula. fix: write it with `+ - * / **`, comparisons, clip and {', '.join(KNOWN)}")
 
 
 def apply(name: str, *of: Any) -> Symbol:
@@ -199,6 +197,13 @@ def apply(name: str, *of: Any) -> Symbol:
     if name not in FUNCTIONS:
         raise unsupported(f"numpy.{name}")
     return FUNCTIONS[name](*(symbol(x) for x in of))
+
+
+def each(name: str, *of: Any) -> Any:
+    """One of FUNCTIONS, element by element of arrays of symbols and numbers; a symbol of symbols."""
+    # a symbol that stood beside an array would be asked for the function again
+    arrays = [np.array(x, dtype=object) if isinstance(x, Symbol) else np.asarray(x) for x in of]
+    return np.frompyfunc(lambda *x: apply(name, *x), len(of), 1)(*arrays)
 
 
 def formula(function: Callable[..., Any]) -> str | list[str]:
@@ -210,10 +215,8 @@ def formula(function: Callable[..., Any]) -> str | list[str]:
     names = list(inspect.signature(function).parameters)
     try:
         result = function(*(Symbol(name) for name in names))
-    except _WrittenWithJax:
-        return _of_jax(function, names)
-    except TypeError as error:
-        if "JAX" not in str(error):
+    except (TypeError, ValueError) as error:
+        if not _came_from_jax(error):
             raise
         return _of_jax(function, names)
     return _texts(result)
@@ -239,7 +242,7 @@ def force(
     nodes: Sequence[int] | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> str:
-    """A `[[force]]` table, to be appended to the text of a scene: what `function` returns acts at a joint, or on nodes of a rope or a cloth.
+    """A `[[force]]` table, to be appended to the text of a scene: what `function` returns acts at a joint, or on nodes of a rope or cloth.
 
     Arguments of the function that are no variables are parameters of the force; their values are those of `parameters`, else the
     function's defaults. One that is 0 is what a diagnosis looks for. The function returns one force, or three of a ball joint and of nodes;
@@ -255,8 +258,8 @@ def force(
             continue
         value = given.pop(argument.name, argument.default)
         if value is inspect.Parameter.empty:
-            known = ", ".join(variables)
-            raise ValueError(f"the argument `{argument.name}` has no value and is no variable. fix: give it in `parameters`, or name one of {known}")
+            fix = f"give it in `parameters`, or name one of {', '.join(variables)}"
+            raise ValueError(f"the argument `{argument.name}` has no value and is no variable. fix: {fix}")
         values[argument.name] = float(value)
     if given:
         raise ValueError(f"`parameters` has {', '.join(given)}, which is no argument of the function. fix: remove it, or add the argument")
@@ -281,6 +284,14 @@ ELEMENTWISE = {
 }  # fmt: skip
 INLINED = ("pjit", "jit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint")
 UNCHANGED = ("convert_element_type", "stop_gradient", "copy", "reduce_precision")
+
+
+def _came_from_jax(error: Exception) -> bool:
+    """Whether JAX refused a symbol: then the function is written with it."""
+    frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__))
+    modules = (frame.f_globals.get("__name__", "") for frame in frames)
+    # JAX may hide its own frames, and then says so
+    return any(name.split(".")[0] == "jax" for name in modules) or "jax" in str(error).lower()
 
 
 def _of_jax(function: Callable[..., Any], names: list[str]) -> str | list[str]:
@@ -326,6 +337,8 @@ def _run(jaxpr: Any, consts: Sequence[Any], args: Sequence[Any]) -> list[Any]:
 
 def _equation(equation: Any, of: list[Any]) -> list[Any]:
     name, params = equation.primitive.name, equation.params
+    if name in INLINED and params.get("name") == "hypot":  # what JAX makes of it asks for infinities
+        return [each("hypot", *of)]
     if name in INLINED:
         inner = params.get("jaxpr") or params.get("call_jaxpr") or params.get("fun_jaxpr")
         consts = getattr(inner, "consts", ())
@@ -335,7 +348,6 @@ def _equation(equation: Any, of: list[Any]) -> list[Any]:
 
 def _value(name: str, params: Mapping[str, Any], of: list[Any]) -> Any:
     """What a primitive makes of arrays of symbols."""
-    each = lambda function, *at: np.frompyfunc(lambda *x: apply(function, *x), len(at), 1)(*at)
     if name in ELEMENTWISE:
         return each(ELEMENTWISE[name], *of)
     if name in UNCHANGED:
@@ -357,6 +369,8 @@ def _value(name: str, params: Mapping[str, Any], of: list[Any]) -> Any:
         return np.broadcast_to(np.reshape(of[0], at), params["shape"])
     if name == "concatenate":
         return np.concatenate(of, axis=params["dimension"])
+    if name == "stack":
+        return np.stack(of, axis=params.get("axis", params.get("dimension", 0)))
     if name in ("reshape", "squeeze"):
         return np.reshape(of[0], params.get("new_sizes") if name == "reshape" else np.squeeze(of[0], params["dimensions"]).shape)
     if name == "slice":
