@@ -8,7 +8,7 @@ use pliant_math::formula::FormulaError;
 pub enum ForceMistake {
     /// A text that is no formula.
     #[error("\"{text}\": {error}")]
-    Formula { text: String, error: FormulaError },
+    Formula { text: String, error: Box<FormulaError> },
     /// A joint without coordinates that a formula could name.
     #[error("joint \"{joint}\" is {kind}; a force of one's own acts at a revolute, prismatic or ball joint")]
     Kind { joint: String, kind: &'static str },

@@ -27,7 +27,7 @@ impl Model {
         let Some(variables) = force.variables(kind) else { return Ok(()) }; // which the scene's check refuses
         let formulas = force.read(variables).map_err(|(k, error)| {
             let text = force.formula.texts()[k].clone();
-            let error = ForceMistake::Formula { text, error };
+            let error = ForceMistake::Formula { text, error: Box::new(error) };
             SceneError::at(format!("force[{number}].formula"), Mistake::Force { error })
         })?;
         let name = format!("force \"{}\"", force.name);

@@ -125,7 +125,7 @@ fn parameters(force: &Force, variables: &[&str], field: &str) -> Result<(), Scen
             Formulas::One(_) => format!("{field}.formula"),
             Formulas::Three(_) => format!("{field}.formula[{k}]"),
         };
-        refused(at, ForceMistake::Formula { text: force.formula.texts()[k].clone(), error })
+        refused(at, ForceMistake::Formula { text: force.formula.texts()[k].clone(), error: Box::new(error) })
     })?;
     let unused = |k: &usize| formulas.iter().all(|formula| !formula.uses(variables.len() + k));
     match (0..found).find(unused).and_then(|k| force.parameters.keys().nth(k)) {
