@@ -39,7 +39,7 @@ fn cause(at: &Situation, force: &OwnForce) -> Option<Cause> {
     }
     let shape = Cause {
         object: Some(force.name.clone()),
-        meaning: "a force that the scene writes as a formula of its own, and has at size zero, is there",
+        meaning: "the force that the scene writes as a formula, with a size of zero, is there",
         excitation: "move through the places and speeds at which its formula differs most from a constant, a spring and a damper",
         ..Cause::default()
     };
