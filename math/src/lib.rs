@@ -6,6 +6,7 @@
 //!             dihedral (angles of folds)
 //! SIMD        simd (kernels over eight elements at a time), simd::rows (kernels over rows of matrices)
 //! quantities  params (θ), state (x = (q, v, z)), input (arguments that a map is differentiated by)
+//! texts       formula (expressions that somebody writes into a scene)
 //! ```
 //!
 //! A law is written once, for any scalar; its derivative comes from dual numbers:
@@ -23,6 +24,7 @@
 //! ```
 
 pub mod dihedral;
+pub mod formula;
 pub mod inertia;
 pub mod input;
 pub mod params;

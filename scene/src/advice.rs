@@ -97,13 +97,14 @@ impl Mistake {
     fn advice_on_objects(&self) -> (String, String) {
         match self {
             Self::Cloth { error } => error.advice(),
+            Self::Force { error } => error.advice(),
             Self::Name { .. } => both(
                 "names become paths such as `cable.bend_stiffness`",
                 "use letters, digits, `_` and `-`, beginning with a letter; not gravity, air, sensor",
             ),
             Self::NameTaken { .. } => both(
                 "an object was copied and not renamed",
-                "give every rope, cloth, body, joint, actuator, gripper and shape its own name",
+                "give every rope, cloth, body, joint, actuator, gripper, force and shape its own name",
             ),
             Self::Nothing => {
                 both("the scene is only a beginning", "add a [[rope]], a [[cloth]], or a [[body]] with a [[body.joint]]")

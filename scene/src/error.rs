@@ -1,6 +1,7 @@
 //! Errors of scenes: place, problem, likely cause, and fix.
 
 use super::cloth_error::ClothMistake;
+use super::force_error::ForceMistake;
 use super::place::Place;
 use super::words::Num;
 use std::fmt;
@@ -289,6 +290,9 @@ pub enum Mistake {
     /// Anything wrong with a sheet of cloth.
     #[error("{error}")]
     Cloth { error: ClothMistake },
+    /// Anything wrong with a force of one's own.
+    #[error("{error}")]
+    Force { error: ForceMistake },
     /// A node that starts inside a shape.
     #[error("node {node} of rope \"{rope}\" starts {depth:.4} m inside {shape} (its centre, not only its surface)")]
     Inside { rope: String, node: usize, depth: f64, shape: String },

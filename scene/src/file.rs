@@ -4,6 +4,7 @@ use super::actuator::Actuator;
 use super::body::{Body, Closure};
 use super::cloth::Cloth;
 use super::coupling::Coupling;
+use super::force::Force;
 use super::gripper::{Clamp, End, Gripper};
 use super::rope::Rope;
 use super::shape::{Block, Capsule, ContactRule, Cylinder, Plane, Sphere};
@@ -47,6 +48,9 @@ pub struct Scene<X = Nothing> {
     /// Joints that follow others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub coupling: Vec<Coupling>,
+    /// Forces of one's own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force: Vec<Force>,
     /// Clamps that drive nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gripper: Vec<Gripper>,
@@ -106,6 +110,7 @@ impl<X> Scene<X> {
             actuator: self.actuator.clone(),
             closure: self.closure.clone(),
             coupling: self.coupling.clone(),
+            force: self.force.clone(),
             gripper: self.gripper.clone(),
             plane: self.plane.clone(),
             sphere: self.sphere.clone(),
@@ -133,6 +138,7 @@ impl<X> Default for Scene<X> {
             actuator: Vec::new(),
             closure: Vec::new(),
             coupling: Vec::new(),
+            force: Vec::new(),
             gripper: Vec::new(),
             plane: Vec::new(),
             sphere: Vec::new(),

@@ -34,7 +34,8 @@ impl<'a> Walk<'a> {
             let found = target.strip_prefix("#").and_then(|pointer| self.root.pointer(pointer));
             return found.map_or(schema, |found| self.resolve(found));
         }
-        let branches = schema["anyOf"].as_array();
+        let optional = |branches: &&Vec<Value>| branches.iter().any(|b| b["type"] == "null");
+        let branches = schema["anyOf"].as_array().filter(optional);
         let some = branches.and_then(|branches| branches.iter().find(|b| b["type"] != "null"));
         match (branches, some) {
             (Some(branches), Some(some)) if branches.len() == 2 => self.resolve(some),
@@ -47,6 +48,15 @@ impl<'a> Walk<'a> {
         let schema = self.resolve(schema);
         let unit = unit.or(unit_of(schema));
         let start = value.span().start;
+        if let Some(branches) = schema["anyOf"].as_array() {
+            return match branches.iter().find(|branch| takes(branch, value.get_ref())) {
+                Some(branch) => self.value(branch, value, field, unit),
+                None => {
+                    let (found, expected) = (kind(value.get_ref()), alternatives(branches));
+                    self.refuse(start, field, Mistake::WrongType { found, expected, unit: unit.map(str::to_owned) })
+                }
+            };
+        }
         if let Some(choices) = choices(schema) {
             return self.choice(&choices, value, field);
         }
@@ -128,6 +138,11 @@ impl<'a> Walk<'a> {
             let unit = known.get(*key).and_then(|schema| unit_of(schema).map(str::to_owned));
             return self.refuse(start, field, Mistake::MissingKey { key: (*key).to_owned(), unit });
         }
+        // a table of names that somebody chooses, all of one type
+        let free = &schema["additionalProperties"];
+        if free.is_object() && schema["properties"].is_null() {
+            table.iter().try_for_each(|(key, value)| self.value(free, value, &join(field, key.get_ref()), None))?;
+        }
         // Values are compared with the schema's own nodes, which outlive `known`.
         let groups = std::iter::once(schema).chain(schema["oneOf"].as_array().into_iter().flatten().filter(|b| fits(b, table)));
         for group in groups {
@@ -170,6 +185,24 @@ impl<'a> Walk<'a> {
         let found = branches.iter().find(|b| value.get_ref().as_str() == b["properties"][tag]["const"].as_str());
         Ok(found.unwrap_or(&branches[0]))
     }
+}
+
+/// Whether a value is of the type that one of several alternatives has.
+fn takes(branch: &Value, value: &DeValue) -> bool {
+    match value {
+        DeValue::String(_) => branch["type"] == "string",
+        DeValue::Array(_) => branch["type"] == "array",
+        _ => false,
+    }
+}
+
+/// `a text in quotes or a list of 3`
+fn alternatives(branches: &[Value]) -> String {
+    let name = |branch: &Value| match (branch["type"].as_str(), branch["minItems"].as_u64()) {
+        (Some("array"), Some(n)) => format!("a list of {n}"),
+        _ => "a text in quotes".to_owned(),
+    };
+    branches.iter().map(name).collect::<Vec<_>>().join(" or ")
 }
 
 /// Words a text may be, if the schema lists them.

@@ -25,7 +25,7 @@ impl Refined {
 impl Scene {
     /// Halves every edge of every rope. A gripper that holds neighbouring nodes holds the new node between them too, in the middle.
     ///
-    /// Materials are per length and stay; node numbers, points and edges are doubled.
+    /// Materials and forces of one's own on whole ropes are per length and stay; node numbers, points and edges are doubled.
     pub fn refined(&self) -> Refined {
         let (mut scene, mut inputs, mut first) = (self.clone(), Vec::new(), 0);
         let mut clamps_edges = false;
@@ -62,6 +62,12 @@ impl Scene {
                     inputs.extend((first..first + 6).map(|k| [k, k]));
                     first += 6;
                 }
+            }
+        }
+        for force in &mut scene.force {
+            let rope = self.rope.iter().find(|rope| Some(&rope.name) == force.rope.as_ref());
+            if let (Some(numbers), Some(rope)) = (&mut force.nodes, rope) {
+                *numbers = numbers.iter().filter_map(|&number| rope.node(number)).map(|node| as_number(2 * node)).collect();
             }
         }
         scene.rope.iter_mut().for_each(halve_edges);
@@ -156,6 +162,11 @@ mod tests {
         name = "hand"
         rope = "cable"
         nodes = [1, 0]
+        [[force]]
+        name = "tug"
+        rope = "cable"
+        nodes = [1, -1]
+        formula = ["0", "0", "1"]
     "#;
 
     #[test]
@@ -167,6 +178,7 @@ mod tests {
         let rope = &refined.scene.rope[0];
         assert_eq!(rope.fractions(), [0.1, 0.1, 0.15, 0.15, 0.25, 0.25]);
         assert_eq!(rope.node_mass.iter().map(|m| rope.node(m.node).unwrap()).collect::<Vec<_>>(), [2, 6]);
+        assert_eq!(refined.scene.force[0].nodes, Some(vec![2, 6]));
         assert_eq!(refined.scene.gripper[0].clamp, Clamp::Nodes(vec![4]));
         assert_eq!(refined.scene.gripper[1].clamp, Clamp::Nodes(vec![2, 0, 1]));
         // the refined scene's own resting input is the one carried over

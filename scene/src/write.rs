@@ -7,7 +7,7 @@ use super::{
 use std::fmt::Write;
 
 /// The file of a scene that was made, by an importer or a builder, with `comment` as its first line. What only people write (ropes,
-/// grippers, wind, solver settings, `experiment`) is left out.
+/// grippers, forces of their own, wind, solver settings, `experiment`) is left out.
 pub fn to_toml(scene: &Scene, comment: &str) -> String {
     let mut out = format!("# {}\nschema_version = {}\n\n[time]\n", comment.replace(char::is_control, " "), scene.schema_version);
     line(&mut out, "step", &number(scene.time.step));

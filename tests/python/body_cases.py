@@ -146,6 +146,18 @@ joint = "swivel"
 kind = "torque"
 gain = 0.2
 gear = -3.0
+
+[[force]]
+name = "tether"
+joint = "sling"
+formula = ["-k*qx*(1 + qy**2) - c*vx*abs(vx)", "k*sin(qz) - c*vy", "twist*qx*vz"]
+parameters = { k = 0.2, c = 0.002, twist = 0.0 }
+
+[[force]]
+name = "grease"
+joint = "rail"
+formula = "-c*v/(1 + (v/speed)**2) + where(q > 0, a*exp(-q), a)"
+parameters = { c = 0.5, speed = 0.3, a = 0.2 }
 """
 LIMITS = {"universal": "limits = [-0.3005, 0.2015]", "rail": "limits = [-0.1, 0.2005]"}
 STEPS = 4

@@ -91,6 +91,13 @@ nodes = [48]
 motion = { kind = "sine", amplitude = [-0.05, 0, 0.05], frequency = 1.0 }
 """
 JOINTS = "joint = [{ node = 2, rest_curvature = [2.0, 1.0], bend_factor = 0.3 }, { node = -2, bend_factor = 4.0 }]"
+OWN_FORCE = """
+[[force]]
+name = "draft"
+cloth = "sheet"
+formula = ["a*(z - vx)", "-c*vy*vz**2", "a*cos(8*x)"]
+parameters = { a = 0.4, c = 0.3 }
+"""
 REMEMBERS = """[rope.plasticity]
 yield_curvature = 2.0
 time = 0.02
@@ -138,7 +145,7 @@ VARIANTS = {
         FLOOR,
     ),
     "cloth_free": ("cloth_hung", [CLOTH_MESH, (CLOTH_HANDS, ""), ("[air]", CLOTH_MOVES)], ""),
-    "cloth_held": ("cloth_hung", [CLOTH_MESH, ("nodes = [48]", "nodes = [15]")], ""),
+    "cloth_held": ("cloth_hung", [CLOTH_MESH, ("nodes = [48]", "nodes = [15]")], OWN_FORCE),
     "cloth_on_ball": (
         "cloth_sphere",
         [("nodes = [8, 8], size = [0.4, 0.4]", 'nodes = [4, 3], size = [0.12, 0.12], diagonal = "alternating"'),

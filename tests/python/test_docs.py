@@ -87,11 +87,14 @@ def test_readme_example_runs(monkeypatch, capsys):
 
 def test_python_page_example_runs(monkeypatch, capsys):
     pytest.importorskip("pliant")
-    (example,) = blocks((ROOT / "docs" / "python.md").read_text(encoding="utf-8"), "python")
+    example, own_force = blocks((ROOT / "docs" / "python.md").read_text(encoding="utf-8"), "python")
     (promised,) = re.findall(r"# heights of node 5 differ by ([\d.]+) m", example)
     monkeypatch.chdir(ROOT)
     exec(compile(example, "docs/python.md", "exec"), {})
     assert float(capsys.readouterr().out) == pytest.approx(float(promised), rel=0.05)
+    (promised,) = re.findall(r"# (-?[\d.]+) rad per N·m·s/rad", own_force)
+    exec(compile(own_force, "docs/python.md", "exec"), {})
+    assert float(capsys.readouterr().out) == pytest.approx(float(promised), rel=5e-3)
 
 
 def test_perception_page_example_runs(capsys):

@@ -27,6 +27,7 @@ CASES = [
     ("velocity_gripper", "euler", None),
     ("windy", "euler", None),
     ("windy", "sdirk2", None),
+    ("own_force", "midpoint", None),
     ("sliding", "euler", "coulomb"),
     ("sliding", "euler", "anitescu"),
     ("sliding", "sdirk2", "anitescu"),

@@ -26,7 +26,7 @@ const LAYERS: [(&str, &str, &[&str]); 11] = [
 /// The modules of each crate from the bottom up: source folder, and its top-level modules, each of which may use those before it. `lib`
 /// stands for the items of `lib.rs` itself.
 const MODULES: [(&str, &str); 9] = [
-    ("math/src", "lib input params simd state dihedral spatial inertia rotation transport"),
+    ("math/src", "lib input params formula simd state dihedral spatial inertia rotation transport"),
     (
         "linalg/src",
         "lib constants buffer error layout matrix pivot band method panel prescribed dense multifrontal symbolic factor \
@@ -35,8 +35,8 @@ const MODULES: [(&str, &str); 9] = [
     ("smoothing/src", "lib bounded schedule law natural split"),
     (
         "scene/src",
-        "lib place words cloth_error error advice shape body clip rope gripper coupling vector source mesh \
-         obj cloth actuator file cloth_initial parabola initial held rod check cable keys material motion \
+        "lib place words cloth_error force_error error advice shape body clip rope gripper coupling vector source mesh \
+         obj cloth actuator force file cloth_initial parabola initial held rod check cable keys material motion \
          schema read table refine write",
     ),
     ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout vector"),

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import joints, laws, rotations
+from . import formulas, joints, laws, rotations
 from .contact import sharpness
 
 UPPER = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # places of a spread's six numbers
@@ -176,6 +176,10 @@ def force(model, q, v, u, theta, energy=potential):
         p = {key: theta[at] for key, at in motor.theta.items()}
         joint = motor.joint
         f = f.at[joint.v].add(joints.motor_force(motor.kind, p, control, q[joint.q], v[joint.v]))
+    for own in model.forces:
+        joint = own.place
+        coordinates = rotations.logarithm(q[joint.q]) if joint.kind == "ball" else q[joint.q]
+        f = f.at[joint.v].add(formulas.of_joint(own, coordinates, v[joint.v], theta))
     return f
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from . import formulas
 from .parameters import Table
 
 
@@ -74,6 +75,7 @@ class BodyModel:
     stops: list  # (joint, θ position of the limit, +1 above it or -1 below)
     coggings: list  # (joint, cycles per turn, θ positions of sine and cosine)
     couplings: list
+    forces: list  # `formulas.Force`s
     q0: np.ndarray
     v0: np.ndarray
 
@@ -148,6 +150,7 @@ def loads(text):
         build.add_body(entry, table)
     motors = [build.motor(entry, table) for entry in scene.get("actuator", [])]
     couplings = [build.coupling(entry, table) for entry in scene.get("coupling", [])]
+    forces = [build.force(entry, table) for entry in scene.get("force", [])]
     return BodyModel(
         h=time["step"],
         integrator=time.get("integrator", "midpoint"),
@@ -162,6 +165,7 @@ def loads(text):
         stops=build.stops,
         coggings=build.coggings,
         couplings=couplings,
+        forces=forces,
         q0=np.array(build.q0, dtype=float),
         v0=np.array(build.v0, dtype=float),
     )
@@ -265,6 +269,12 @@ class _Builder:
         theta = {k: table.add(f"{entry['name']}.{k}", entry.get(k, defaults.get(k, 0.0))) for k in keys}
         return Motor(entry["kind"], self.by_name[entry["joint"]], theta)
 
+
+    def force(self, entry, table):
+        """The force of one [[force]]."""
+        joint = self.by_name[entry["joint"]]
+        ball = ("qx", "qy", "qz", "vx", "vy", "vz")
+        return formulas.read(entry, table, ball if joint.kind == "ball" else ("q", "v"), joint)
 
     def coupling(self, entry, table):
         """The coupling of one [[coupling]]."""

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import contact, laws, rods, sheets
+from . import contact, formulas, laws, rods, sheets
 
 
 def rope_values(model, theta, key, rope_of):
@@ -123,7 +123,8 @@ def total_force(model, q, v, theta, frames, begin):
     x, x_dot = q[:count].reshape(-1, 3), v[:count].reshape(-1, 3)
     elastic = -jax.grad(potential, 1)(model, x, theta)
     damping = -jax.grad(dissipation, 2)(model, x, x_dot, theta)
-    nodes = (elastic + damping + drag(model, x, x_dot, theta)).ravel()
+    nodes = elastic + damping + drag(model, x, x_dot, theta)
+    nodes = formulas.add_to_nodes(model.forces, x, x_dot, theta, nodes).ravel()
     if model.rods is None:
         return nodes
     twists = jnp.zeros(model.nq - count)
@@ -131,8 +132,10 @@ def total_force(model, q, v, theta, frames, begin):
 
 
 def static_force(model, q, theta):
-    """Σ f at rest (n_nodes, 3)  [N]: elastic, gravity and the wind's drag."""
-    return -jax.grad(potential, 1)(model, q, theta) + drag(model, q, jnp.zeros_like(q), theta)
+    """Σ f at rest (n_nodes, 3)  [N]: elastic, gravity, the wind's drag and forces of one's own."""
+    still = jnp.zeros_like(q)
+    f = -jax.grad(potential, 1)(model, q, theta) + drag(model, q, still, theta)
+    return formulas.add_to_nodes(model.forces, q, still, theta, f)
 
 
 def _shape_values(shape, theta):

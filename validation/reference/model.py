@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import rods, sheets
+from . import formulas, rods, sheets
 from .parameters import Table, add_rod, add_rope, add_shape, add_sheet
 
 
@@ -63,6 +63,7 @@ class Model:
     driven: np.ndarray  # (n_nodes,) bool
     rods: rods.Rods | None
     shapes: list  # (kind, θ positions, constants)
+    forces: list  # `formulas.Force`s
     nu: int
     control_names: list
     q0: np.ndarray  # (n_nodes, 3)
@@ -166,6 +167,9 @@ def loads(text):
             driven[g.ghost] = True
     names = _control_names(grippers, scene.get("gripper", []))
     time, contact = scene["time"], scene.get("contact", {})
+    shapes = _shapes(scene, table)
+    extents = _extents(ropes, where, mesh, cloths, sheet_nodes)
+    forces = formulas.on_nodes(scene.get("force", []), table, spans, extents)
     del mesh["ghosts"]
     return Model(
         h=time["step"],
@@ -173,7 +177,8 @@ def loads(text):
         integrator=time.get("integrator", "midpoint"),
         law=contact.get("law", "coulomb"),
         rest_gap=contact.get("rest_gap", 1e-9),
-        shapes=_shapes(scene, table),
+        shapes=shapes,
+        forces=forces,
         paths=table.paths,
         theta=np.array(table.values),
         tilt=tilt,
@@ -243,6 +248,18 @@ def _spans(ropes, mesh, cloths, first):
         count = int(np.prod(cloth["grid"]["nodes"]))
         out[cloth["name"]] = first + np.arange(count)
         first += count
+    return out
+
+
+def _extents(ropes, where, mesh, cloths, sheet_nodes):
+    """Name -> of every node of the rope or sheet its part of the length or area, and that one's position in θ."""
+    out, first = {}, 0
+    for rope, w, nodes in zip(ropes, where, mesh["rope_nodes"], strict=True):
+        out[rope["name"]] = mesh["node_voronoi"][nodes], np.full(len(nodes), w["length"])
+    for cloth in cloths:
+        part = slice(first, first + int(np.prod(cloth["grid"]["nodes"])))
+        out[cloth["name"]] = sheet_nodes["fraction"][part], sheet_nodes["area"][part]
+        first = part.stop
     return out
 
 

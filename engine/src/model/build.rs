@@ -125,6 +125,7 @@ impl ModelBuilder {
             colliders: Vec::new(),
             collider_pairs: Vec::new(),
             closures: Vec::new(),
+            own_forces: Vec::new(),
             layout: Arc::new(NodeLayout::band(0, 0)),
             gravity,
             h: scene.time.step,
@@ -173,6 +174,7 @@ impl ModelBuilder {
         model.add_colliders(scene, &radii)?;
         model.add_elements(scene, &radii)?;
         model.add_closures(scene)?;
+        model.add_forces(scene)?;
         Ok(Self { model })
     }
 

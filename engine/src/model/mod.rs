@@ -9,6 +9,7 @@ mod colliders;
 mod constants;
 mod couplings;
 mod elements;
+mod forces;
 mod grasp;
 mod mass;
 mod materials;
@@ -19,6 +20,7 @@ mod signals;
 
 pub use build::{BuildError, ModelBuilder};
 pub use cloth::ClothSpan;
+pub use forces::{Acts, OwnForce};
 pub use mass::NodeMass;
 pub(crate) use materials::from_nodes;
 
@@ -102,6 +104,7 @@ pub struct Model {
     pub(crate) colliders: Vec<Collider>,
     pub(crate) collider_pairs: Vec<ColliderPair>,
     pub(crate) closures: Vec<LoopClosure>,
+    pub(crate) own_forces: Vec<OwnForce>,
     pub(crate) layout: Arc<NodeLayout>,
     pub(crate) gravity: usize,
     pub(crate) h: f64,

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod bad_cloth;
+mod bad_forces;
 mod bad_motors;
 mod bad_scenes;
 mod bodies_contact;
@@ -20,6 +21,7 @@ mod edges_statics;
 mod friction;
 mod grasp;
 mod memory;
+mod own_force;
 mod physics;
 mod quadratic_damping;
 mod rims_carry;

@@ -39,6 +39,7 @@ mod link_mass;
 mod load_friction;
 mod marker_offset;
 mod mass_distribution;
+mod own_force;
 mod payload;
 mod pieces;
 mod quadratic_damping;
@@ -440,6 +441,7 @@ pub const LIBRARY: &[Row] = &[
     row("cubic_stiffness", cubic_stiffness::causes),
     row("joint_plasticity", joint_plasticity::causes),
     row("cogging_torque", cogging_torque::causes),
+    row("own_force", own_force::causes),
     row("payload", payload::causes),
     row("link_mass", link_mass::causes),
     row("link_inertia", link_inertia::causes),

@@ -108,6 +108,9 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         *offset.as_array_mut()?.get_mut(axis)? = Value::Float(estimate.estimate);
         return Some(Place { table: "experiment.marker".to_owned(), number: marker, key: "offset".to_owned() });
     }
+    if let Some(place) = set_force(table, object, rest, estimate.estimate) {
+        return Some(place);
+    }
     let list = OBJECTS.iter().find_map(|list| {
         let items = table.get(*list)?.as_array()?;
         Some((*list, items.iter().position(|item| item.get("name").and_then(Value::as_str) == Some(object))?))
@@ -135,6 +138,14 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
     let inertia = if name == "body" { set_inertia(target, rest, estimate.estimate) } else { None };
     let key = inertia.or_else(|| set_value(target, rest, estimate.estimate))?;
     Some(Place { table: name.to_owned(), number, key })
+}
+
+/// A parameter of a force of one's own.
+fn set_force(scene: &mut Table, object: &str, parameter: &str, new: f64) -> Option<Place> {
+    let mut forces = scene.get_mut("force")?.as_array_mut()?.iter_mut().enumerate();
+    let (number, force) = forces.find(|(_, force)| force.get("name").and_then(Value::as_str) == Some(object))?;
+    *force.get_mut("parameters")?.as_table_mut()?.get_mut(parameter)? = Value::Float(new);
+    Some(Place { table: "force.parameters".to_owned(), number, key: parameter.to_owned() })
 }
 
 /// Marker and axis of `marker[2].offset[1]`.
@@ -301,6 +312,21 @@ mod tests {
         let lines: Vec<String> = annotate(text, &[(place, &found)]).lines().map(str::to_owned).collect();
         assert_eq!(lines[3], "stiffness = 1.0");
         assert!(lines[7].starts_with("stiffness = 2.0  # estimated; b.twist_stiffness was"), "{}", lines[7]);
+    }
+
+    #[test]
+    fn a_force_of_ones_own_gets_its_size() {
+        let force = |name: &str| format!("[[force]]\nname = \"{name}\"\nformula = \"-c*v\"\n[force.parameters]\nc = 0.0\n");
+        let text = force("first") + &force("second");
+        let mut scene: Table = toml::from_str(&text).unwrap();
+        let place = set_force(&mut scene, "second", "c", 0.25).unwrap();
+        assert_eq!(scene["force"][1]["parameters"]["c"].as_float(), Some(0.25));
+        assert_eq!(scene["force"][0]["parameters"]["c"].as_float(), Some(0.0));
+        assert!(set_force(&mut scene, "second", "d", 1.0).is_none() && set_force(&mut scene, "third", "c", 1.0).is_none());
+        let found = sample::estimate("second.c", 0.25);
+        let lines: Vec<String> = annotate(&text, &[(place, &found)]).lines().map(str::to_owned).collect();
+        assert_eq!(lines[4], "c = 0.0");
+        assert!(lines[9].starts_with("c = 0.0  # estimated; second.c was"), "{}", lines[9]);
     }
 
     #[test]

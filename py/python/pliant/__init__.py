@@ -69,8 +69,8 @@ __all__ = [
 
 
 def __getattr__(name: str):
-    """Import `pliant.jax`, `pliant.logs` and `pliant.perception` when they are first used: what they need is loaded only then."""
-    if name in ("jax", "logs", "perception"):
+    """Import `pliant.jax`, `pliant.logs`, `pliant.own` and `pliant.perception` when they are first used: what they need is loaded only then."""
+    if name in ("jax", "logs", "own", "perception"):
         from importlib import import_module
 
         return import_module(f".{name}", __name__)

@@ -5,6 +5,7 @@ mod body;
 mod cloth;
 mod contact;
 mod coupling;
+mod force;
 mod gripper;
 mod joint_law;
 mod memory;
@@ -52,6 +53,7 @@ pub fn check(scene: &Scene) -> Result<(), SceneError> {
     scene.cloth.iter().enumerate().try_for_each(|(c, cloth)| cloth::check(cloth, c))?;
     body::check(scene)?;
     coupling::check(scene)?;
+    force::check(scene)?;
     actuator::check(scene)?;
     gripper::check(scene)?;
     statics::check(scene)?;
@@ -192,8 +194,9 @@ fn named(scene: &Scene) -> impl Iterator<Item = (String, &str)> {
     let actuators = scene.actuator.iter().enumerate().map(|(i, o)| (format!("actuator[{i}]"), o.name.as_str()));
     let closures = scene.closure.iter().enumerate().map(|(i, o)| (format!("closure[{i}]"), o.name.as_str()));
     let couplings = scene.coupling.iter().enumerate().map(|(i, o)| (format!("coupling[{i}]"), o.name.as_str()));
+    let forces = scene.force.iter().enumerate().map(|(i, o)| (format!("force[{i}]"), o.name.as_str()));
     let sheets = scene.cloth.iter().enumerate().map(|(i, o)| (format!("cloth[{i}]"), o.name.as_str()));
-    let ropes = ropes.chain(sheets).chain(bodies).chain(joints).chain(actuators).chain(closures).chain(couplings);
+    let ropes = ropes.chain(sheets).chain(bodies).chain(joints).chain(actuators).chain(closures).chain(couplings).chain(forces);
     let blocks = scene.block.iter().enumerate().map(|(i, o)| (format!("box[{i}]"), o.name.as_str()));
     let cylinders = scene.cylinder.iter().enumerate().map(|(i, o)| (format!("cylinder[{i}]"), o.name.as_str()));
     ropes.chain(grippers).chain(planes).chain(spheres).chain(capsules).chain(blocks).chain(cylinders)

@@ -10,17 +10,19 @@ use pliant_engine::step::{StepError, StepOptions};
 use pliant_math::State;
 use pliant_scene::{Integrator, Law, LinearSolver, resting_inputs};
 
-const SMOOTH: [&str; 10] = [
+const SMOOTH: [&str; 12] = [
     "free_swing",
     "clamped_ends",
     "edge_clamp",
     "uneven_edges",
     "velocity_gripper",
     "windy",
+    "own_force",
     "twisting_rod",
     "arm_free",
     "arm_actuators",
     "arm_plastic",
+    "arm_own",
 ];
 /// The default rest gap, 1 nm: contacts of 4e7 N/m on ropes of 1 N/m.
 const HARDEST: f64 = 1e-9;

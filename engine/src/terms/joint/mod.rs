@@ -7,6 +7,7 @@ mod cogging;
 mod compensation;
 mod damping;
 mod drive;
+mod formula;
 mod plastic;
 mod spring;
 
@@ -15,6 +16,7 @@ pub use cogging::Cogging;
 pub use compensation::GravityCompensation;
 pub use damping::{Damping, QuadraticDamping};
 pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};
+pub use formula::ByFormula;
 pub use plastic::{PlasticSpring, relax};
 pub use spring::{CubicSpring, Spring};
 

@@ -139,6 +139,8 @@ pub fn arm(friction: f64) -> Bench {
     let upper = link("upper", "", "shoulder", &format!("damping = 0.02\nfriction = {friction:?}\ncogging = {{ cycles = 4 }}"));
     let lower = link("lower", "parent = \"upper\"\nposition = [0, 0, -0.3]", "elbow", "damping = 0.01\nstiffness = 0.6");
     let motor = |joint: &str| format!("[[actuator]]\nname = \"motor_{joint}\"\njoint = \"{joint}\"\nkind = \"torque\"\n");
+    // a seal that drags where it is turned far
+    let own = "[[force]]\nname = \"seal\"\njoint = \"shoulder\"\nformula = \"-c*v*q**2\"\nparameters = { c = 0.0 }\n";
     let sensor = |joint: &str| {
         format!(
             "[[experiment.joint]]\njoint = \"{joint}\"\ncolumn = \"{joint}\"\nnoise_floor = 3e-4\n\
@@ -146,7 +148,7 @@ pub fn arm(friction: f64) -> Bench {
         )
     };
     let text = format!(
-        "schema_version = 1\n[time]\nstep = 0.005\nduration = 1.0\nintegrator = \"midpoint\"\n{upper}{lower}{}{}\
+        "schema_version = 1\n[time]\nstep = 0.005\nduration = 1.0\nintegrator = \"midpoint\"\n{upper}{lower}{}{}{own}\
          [experiment]\ntime = {{ column = \"t\" }}\n{}{}{}",
         motor("shoulder"),
         motor("elbow"),
@@ -252,7 +254,9 @@ fn wave(amplitude: f64, frequency: f64, phase: f64, t: f64) -> f64 {
 pub fn rope() -> Bench {
     let keys = "length = 0.5\nlinear_density = 0.03\nstretch_stiffness = 60.0\nstretch_damping = 0.05\nbend_stiffness = 1e-3\n\
                 bend_damping = 2e-5\ndrag_linear = 0.02\ndrag_quadratic = 0.01\n\
-                initial = { shape = \"straight\", from = [0.1, 0.0, 0.8], direction = [0, 0, -1] }\n";
+                initial = { shape = \"straight\", from = [0.1, 0.0, 0.8], direction = [0, 0, -1] }\n\
+                [[force]]\nname = \"draft\"\nrope = \"cable\"\nformula = [\"a*exp(-z/0.3)\", \"b*sin(4*x)\", \"0\"]\n\
+                parameters = { a = 0.0, b = 0.0 }\n";
     let inputs = |_: &Model, record: usize, t: f64| {
         let k = record as f64;
         vec![0.1 + wave(0.12, 6.0 + k, k, t), wave(0.10, 5.0 - 0.7 * k, 1.0 + k, t), 0.8 + wave(0.08, 8.0 + k, 2.0 * k, t)]

@@ -46,6 +46,7 @@ const ARM: &[Row] = &[
         &[("shoulder.cogging_sine", 0.03), ("shoulder.cogging_cosine", 0.02)],
         "cubic_stiffness (shoulder)",
     ),
+    row("own_force (seal)", &[("seal.c", 0.06)], "viscous_friction (shoulder)"),
     row("payload (lower)", &[("lower.mass", 0.63)], "link_inertia (lower)"),
     row("link_mass (upper)", &[("upper.mass", 0.63)], "payload (lower)"),
     row("link_inertia (lower)", &[("lower.spread[2]", 0.085)], "armature (elbow)"),
@@ -108,6 +109,7 @@ const ROPE: &[Row] = &[
     row("extensibility", &[("cable.stretch_stiffness", 50.0)], "length_scale"),
     row("internal_damping", &[("cable.bend_damping", 1e-4)], "linear_drag"),
     row("tip_mass", &[("cable.tip_mass", 1e-3)], "extensibility"),
+    row("own_force (draft)", &[("draft.a", 0.01), ("draft.b", -0.006)], "wind"),
     row("gripper_offset (hand)", &[("hand.offset[0]", 2e-3), ("hand.offset[1]", -2e-3), ("hand.offset[2]", 2e-3)], "sensor_bias")
         .beside(&["sensor_bias"]),
     row("sensor_bias", &[("sensor.bias[0]", 2e-3), ("sensor.bias[1]", -1e-3), ("sensor.bias[2]", 1e-3)], "gripper_offset (hand)")
