@@ -269,8 +269,10 @@ mod tests {
     use super::*;
     use crate::fit::fit;
     use crate::log::Record;
+    use crate::shooting::{ShotWants, shoot};
     use crate::stats::ar::ArModel;
     use crate::stats::testing::gaussians;
+    use crate::unknown::Unknown;
 
     const SAMPLES: usize = 60;
     const NOISE: f64 = 1e-4;
@@ -306,10 +308,10 @@ mod tests {
         )
     }
 
-    /// Hypotheses about five motions at the scene, of a truth that has other parameters and markers that drift [m/s].
-    fn found(text: &str, hidden: &[(&str, f64)], drift: f64) -> Vec<RemainderForm> {
+    /// Six motions without readings.
+    fn motions(text: &str) -> Vec<Record> {
         let held = text.contains("gripper");
-        let records = (0..6).map(|k| {
+        let one = |k: usize| {
             let at = |t: usize| 0.005 * t as f64;
             let hand = |t: usize| vec![0.05 * (9.0 * at(t) + k as f64).sin(), 0.04 * (7.0 * at(t) - k as f64).cos(), 0.0];
             Record {
@@ -322,8 +324,13 @@ mod tests {
                 time: (0..SAMPLES).map(at).collect(),
                 ..Record::default()
             }
-        });
-        let mut plan = plan_of(text, records.collect()).0;
+        };
+        (0..6).map(one).collect()
+    }
+
+    /// Hypotheses about such motions at the scene, of a truth that has other parameters and markers that drift [m/s].
+    fn found(text: &str, hidden: &[(&str, f64)], drift: f64) -> Vec<RemainderForm> {
+        let mut plan = plan_of(text, motions(text)).0;
         let mut truth = plan.scene_values.clone();
         for (path, value) in hidden {
             truth.theta[plan.model.params().find(path).unwrap()] = *value;
@@ -356,5 +363,24 @@ mod tests {
         assert!(says(&damped, "a torque at `pivot` about "), "{damped:?}");
         assert_eq!(found(&cord(), &[], 0.0), []);
         assert_eq!(found(&ball(), &[], 0.0), []);
+    }
+    /// A steady force moves what begins at rest under it as the same force of a formula does, whose derivative is the engine's.
+    #[test]
+    fn a_steady_force_is_there_before_a_record_begins() {
+        let pull = "[[force]]\nname = \"pull\"\nrope = \"cord\"\nnodes = [2]\nformula = [\"f\", \"0\", \"0\"]\nparameters = { f = 0.0 }\n";
+        let text = cord().replace("\"measured\"", "\"rest\"").replace("[experiment]", &format!("{pull}[experiment]"));
+        let mut plan = plan_of(&text, motions(&text)).0;
+        let place = Place::Nodes { first: 2, number: 1, axis: 0 };
+        let form = Form { place, variable: Variable::Time, shape: Shape::Power(0), reversing: false };
+        let unknowns = [Unknown::of_theta(&plan.model, "pull.f", 1.0).unwrap(), Unknown::of_form("form".to_owned(), form)];
+        let seen: Vec<Vec<[f64; 3]>> = vec![vec![[0.0; 3]; 4]; SAMPLES];
+        plan.fitted[0].record.markers = seen;
+        let wants = ShotWants { unknowns: &unknowns, tangents: true, ..ShotWants::default() };
+        let shot = shoot(&plan, &plan.fitted[0], &plan.scene_values, wants).unwrap();
+        let largest = shot.global.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        assert!(shot.global[..2 * plan.channels()].iter().any(|d| d.abs() > 0.01 * largest));
+        for by in shot.global.chunks_exact(2) {
+            assert!((by[0] - by[1]).abs() < 1e-9 * largest, "{by:?} of {largest}");
+        }
     }
 }
