@@ -1,4 +1,4 @@
-"""How long a diagnosis takes: a two-link arm with encoders, six records of ten seconds at 500 Hz, one of them held out.
+"""How long a diagnosis takes: a two-link arm with damped joints and encoders, six records of ten seconds at 500 Hz, one of them held out.
 
     python -m validation.bench.diagnosis [--pliant target/release/pliant] [--json FILE]
 
@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,15 +25,28 @@ from validation.blind.chains import ChainSetup
 from validation.blind.noise import KINDS
 
 RATE, DURATION, FITTED, SUBSTEPS = 500.0, 10.0, 5, 2  # Hz, s, records, steps of the scene in a sample
+DAMPING, CALM = 0.05, 0.25  # N·m·s/rad, part of the torques of the blind batch: over ten seconds those throw the arm round
+FRICTION = 0.01  # N·m, hidden
 SIGMA = 5e-4  # rad
 SEED = 9  # of links, motions and noise
+
+
+def arm(rng: np.random.Generator) -> ChainSetup:
+    """The arm and its records."""
+    setup = ChainSetup("arm2", rng, rate=RATE, duration=DURATION, fitted=FITTED)
+    setup.substeps = SUBSTEPS
+    setup.links = [replace(link, damping=DAMPING) for link in setup.links]
+    setup.base["damping"][:] = DAMPING
+    setup.waves, setup.logged = [(CALM * size, *wave) for size, *wave in setup.waves], []
+    for _ in setup.roles:
+        setup.log(rng, 0.0)
+    return setup
 
 
 def written(folder: Path, hidden: dict[str, float]) -> Path:
     """Scene and logs with these changes of the generator's knobs."""
     rng = np.random.default_rng(SEED)
-    setup = ChainSetup("arm2", rng, rate=RATE, duration=DURATION, fitted=FITTED)
-    setup.substeps = SUBSTEPS
+    setup = arm(rng)
     clean = setup.readings([(record, hidden) for record in range(len(setup.roles))])
     guess = {setup.knobs[key].path: 1.05 * setup.knobs[key].scene for key in setup.free}
     return setup.write(folder, [KINDS["white"].read(y, SIGMA, rng) for y in clean], guess, missing=False)
@@ -61,7 +75,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     out = {"machine": describe()}
-    for name, hidden in (("nothing hidden", {}), ("dry friction at joint1", {"friction:joint1": 0.05})):
+    for name, hidden in (("nothing hidden", {}), ("dry friction at joint1", {"friction:joint1": FRICTION})):
         with tempfile.TemporaryDirectory() as folder:
             found = out[name] = diagnosed(options.pliant, written(Path(folder), hidden))
         stages = ", ".join(f"{part} {100.0 * s / max(sum(found['stages'].values()), 1e-9):.0f} %" for part, s in found["stages"].items())
