@@ -340,7 +340,7 @@ mod tests {
             rec.start.z.iter_mut().enumerate().for_each(|(i, z)| *z = 0.5 * ((3 * k + 7 * i) as f64).sin());
             let shot = simulated(&plan, &rec, &truth).unwrap();
             let (n, noise) = (plan.channels(), gaussians(SAMPLES * plan.channels(), 90 + k as u64));
-            let late = |row: usize| if row % 3 == 0 { drift * 0.005 * (row / n) as f64 } else { 0.0 };
+            let late = |row: usize| if row.is_multiple_of(3) { drift * 0.005 * (row / n) as f64 } else { 0.0 };
             let read: Vec<f64> = (0..SAMPLES * n).map(|row| shot.predicted[row] + late(row) + NOISE * noise[row]).collect();
             let triples = |row: &[f64]| row.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect();
             plan.fitted[k].record.markers = read.chunks_exact(n).map(triples).collect();
