@@ -269,7 +269,6 @@ class _Builder:
         theta = {k: table.add(f"{entry['name']}.{k}", entry.get(k, defaults.get(k, 0.0))) for k in keys}
         return Motor(entry["kind"], self.by_name[entry["joint"]], theta)
 
-
     def force(self, entry, table):
         """The force of one [[force]]."""
         joint = self.by_name[entry["joint"]]

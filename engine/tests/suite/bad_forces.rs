@@ -59,13 +59,7 @@ parameters = { f = 0.1 }
 /// Refuses the good scene with one text replaced, at this place, with each of these parts in the message.
 #[track_caller]
 fn refused(old: &str, new: &str, place: &str, parts: &[&str]) {
-    assert!(GOOD.contains(old), "{old}");
-    let error = parse_scene::<Nothing>(&GOOD.replacen(old, new, 1), "scene.toml").unwrap_err().to_string();
-    assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
-    assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
-    for part in parts {
-        assert!(error.contains(part), "no `{part}` in\n{error}");
-    }
+    crate::common::refused(GOOD, (old, new), place, parts);
 }
 
 #[test]

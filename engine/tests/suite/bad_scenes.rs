@@ -36,22 +36,10 @@ b = [1, 0, -1]
 radius = 0.02
 "#;
 
-/// The error of the good scene with one line replaced.
-#[track_caller]
-fn error(old: &str, new: &str) -> String {
-    assert!(GOOD.contains(old), "{old}");
-    parse_scene::<Nothing>(&GOOD.replacen(old, new, 1), "scene.toml").unwrap_err().to_string()
-}
-
 /// Checks the error's place, and that each of the parts occurs in it.
 #[track_caller]
 fn refused(old: &str, new: &str, place: &str, parts: &[&str]) {
-    let error = error(old, new);
-    assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
-    assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
-    for part in parts {
-        assert!(error.contains(part), "no `{part}` in\n{error}");
-    }
+    crate::common::refused(GOOD, (old, new), place, parts);
 }
 
 #[test]

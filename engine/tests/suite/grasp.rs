@@ -234,13 +234,7 @@ motion = { kind = "path", points = [[0.0, 0, 0, 0], [0.2, 0, 0, 0.1]] }
 
 #[track_caller]
 fn refused(old: &str, new: &str, place: &str, parts: &[&str]) {
-    assert!(GOOD.contains(old), "{old}");
-    let error = parse_scene::<Nothing>(&GOOD.replacen(old, new, 1), "scene.toml").unwrap_err().to_string();
-    assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
-    assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
-    for part in parts {
-        assert!(error.contains(part), "no `{part}` in\n{error}");
-    }
+    crate::common::refused(GOOD, (old, new), place, parts);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use pliant_engine::model::{Model, ModelBuilder};
 use pliant_engine::rollout::{Rollout, rollout};
 use pliant_engine::step::StepOptions;
 use pliant_math::State;
-use pliant_scene::{Integrator, Nothing, Scene, control_rows, read_scene};
+use pliant_scene::{Integrator, Nothing, Scene, control_rows, parse_scene, read_scene};
 use std::sync::Arc;
 
 /// Steps of the rollouts that are checked.
@@ -35,6 +35,18 @@ impl Case {
     pub fn x_bar(&self) -> Vec<Vec<f64>> {
         let weight = |k: usize, i: usize| ((k * 37 + i * 11) as f64 * 0.61).sin();
         (0..=self.u.len()).map(|k| (0..self.model.ndx()).map(|i| weight(k, i)).collect()).collect()
+    }
+}
+
+/// Refuses this good scene with one text replaced, at this place, with a cause, a fix and each of these parts in the message.
+#[track_caller]
+pub fn refused(good: &str, (old, new): (&str, &str), place: &str, parts: &[&str]) {
+    assert!(good.contains(old), "{old}");
+    let error = parse_scene::<Nothing>(&good.replacen(old, new, 1), "scene.toml").unwrap_err().to_string();
+    assert!(error.starts_with(&format!("scene.toml:{place}: ")), "{error}");
+    assert!(error.contains("\n  likely cause: ") && error.contains("\n  fix: "), "{error}");
+    for part in parts {
+        assert!(error.contains(part), "no `{part}` in\n{error}");
     }
 }
 

@@ -156,6 +156,11 @@ impl Contest {
             self.scores[k] - self.scores[best] - more < POLICY.lead
         }
     }
+
+    /// Whether neither model can be told from the other, whichever is better.
+    pub fn alike(&self, a: usize, b: usize) -> bool {
+        self.ties(a, b) && self.ties(b, a)
+    }
 }
 
 #[cfg(test)]
@@ -175,6 +180,8 @@ mod tests {
             varies: Vec::new(),
         };
         assert!(contest.ties(0, 1) && !contest.ties(0, 2));
+        // a worse one is always behind a better one, and is like it only where that one is hardly better
+        assert!(contest.ties(2, 0) && !contest.alike(0, 2) && !contest.alike(2, 0) && contest.alike(1, 0));
         // nor is a rival told from it that is as much farther from the data as the leader's own further number cost
         contest.prices[1] = 15.0;
         contest.scores[1] = 144.0;

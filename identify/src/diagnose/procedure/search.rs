@@ -206,7 +206,7 @@ impl<'a> Round<'a> {
         }
         // of two that are as near to the data neither is there where the simulation's own error may be one of them
         possible.retain(|&k| {
-            let rival = as_numerics.iter().find(|&&other| self.contest.ties(k, other) && self.contest.ties(other, k));
+            let rival = as_numerics.iter().find(|&&other| self.contest.alike(k, other));
             if let Some(&rival) = rival {
                 let why = "is as near to the data, and the simulation's own error imitates it";
                 notes.push((self.cause(k).title(), format!("{} {why}", self.cause(rival).title())));

@@ -273,6 +273,17 @@ fn causes_of_a_rod() {
     check(&bench::rod(&[]), ROD);
 }
 
+/// What a gripper cannot do is no explanation: a gust on an edge that hardly turned was told as a roll of −622 rad.
+#[test]
+fn rolls_of_grippers_have_a_physical_size() {
+    let made = bench::rod(&[]).made(&[], SEED);
+    for row in ROD.iter().filter(|row| row.title.starts_with("clamp_roll_by")) {
+        for unknown in cause(&made.plan, row).unknowns {
+            assert_eq!(unknown.bounds, (-std::f64::consts::TAU, std::f64::consts::TAU), "{}", unknown.path);
+        }
+    }
+}
+
 #[test]
 fn causes_of_a_rod_whose_curvature_is_fitted() {
     check(&bench::rod(&["cable.rest_curvature[0]", "cable.rest_curvature[1]"]), CURVED);
