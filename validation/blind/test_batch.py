@@ -12,6 +12,7 @@ import pytest
 from validation.blind import batch, draw, judge, noise, ropes, score, toss
 from validation.blind.chain import Chain, zero
 from validation.blind.chains import ChainSetup
+from validation.blind.system import Cause
 
 HELD = np.zeros((1, 4 * 200 + 1, 1))  # commands of 200 steps
 
@@ -265,6 +266,22 @@ def test_a_single_motor_is_late_as_its_readings_are():
     hidden = {"name": "actuator_delay", "object": "m", "alone": True}
     assert all(score.is_cause(hidden, name) for name in (("sensor_delay", ""), ("actuator_delay", ""), ("actuator_delay", "m")))
     assert not score.is_cause(hidden | {"alone": False}, ("sensor_delay", ""))
+
+
+def test_an_exact_symmetry_is_one_at_the_size_of_the_effect():
+    cause = Cause("a", "", ("x",))
+    alike = {"a": 1.0, "b": 0.9999}  # 1 - ρ² = 2e-4
+    assert draw.has_twin(alike, cause, 5e3) and not draw.has_twin(alike, cause, 2e4)
+    assert not draw.has_twin({"a": 1.0, "b": 0.99}, cause, 10.0)
+
+
+def test_what_runs_away_has_no_direction():
+    """A candidate whose change throws the motion to infinity stands beside none of the others."""
+    setup = ChainSetup("cart", np.random.default_rng(0))
+    good = judge.Judge(setup, noise.KINDS["white"])
+    gone = [np.full_like(y, np.nan) for y in good.zero]
+    some = [np.ones_like(y).cumsum(axis=0) ** 2 for y in good.zero]
+    assert good.spanned([some]) is not None and good.spanned([gone]) is None and good.spanned([some, gone]) is None
 
 
 def test_parts_of_a_batch_are_of_one_program(tmp_path: Path):
