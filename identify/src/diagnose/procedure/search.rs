@@ -287,7 +287,7 @@ impl<'a> Round<'a> {
         let share = across::share(before, after);
         let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
         // a size that differs between records, as of an effect in some of them alone, need foretell nothing
-        let accepted = carries || self.contest.varies[k];
+        let accepted = carries || share > 0.0 && self.contest.varies[k];
         // a single record has none left out, and its likelihood decides
         let judged = records >= 2 || self.contest.no_noise;
         if judged && !accepted {
