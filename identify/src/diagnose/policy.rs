@@ -58,6 +58,9 @@ pub(super) struct Policy {
     pub promising: f64,
     /// A cause that takes less than this part of what is left needs no refit before it is compared [-]: its linearization is right.
     pub linear: f64,
+    /// A cause of which the linearization foretells, under the noise of what is left, less than one over this of what acceptance asks is not
+    /// refitted to its end [-]: refits gained what was foretold to 2 units where that was less than 15 *(development)*.
+    pub foretold: f64,
     /// Causes tried roughly that are refitted to their end.
     pub finalists: usize,
     /// A cause that takes less than this part of the squares that the best one takes is not followed [-].
@@ -244,6 +247,7 @@ pub(super) const POLICY: Policy = Policy {
     raced: 8,
     promising: 5.0,
     linear: 0.2,
+    foretold: 2.0,
     finalists: 3,
     far_behind: 0.3,
     beam: 2,

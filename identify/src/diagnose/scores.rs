@@ -8,6 +8,7 @@ use crate::fit::{FitOptions, Fitted, fit};
 use crate::log::{Logs, Setup};
 use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
 use crate::stats::STATS;
+use crate::stats::ar::ArModel;
 use crate::stats::multiple::holm;
 use crate::stats::naming::{Naming, NamingOptions, name};
 use crate::stats::reduced::{RecordRows, Reduced, time_blocks};
@@ -66,10 +67,42 @@ pub(super) fn scores(plan: &Plan, fitted: &Fitted, seed: u64) -> Result<Scores, 
 
 /// Tests every cause of the library as it stands in this situation.
 pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64) -> Result<Scores, IdentifyError> {
-    let mut causes = library(at);
-    let mut columns = Columns::new(&causes, fitted);
-    let reduced = columns.reduce(plan, fitted)?;
-    columns.drop_dead(&mut causes, &reduced);
+    Ok(scores_under(plan, at, fitted, None, seed)?.0)
+}
+
+/// The same under the noise of the fit, and from the same pass of sensitivities under another one.
+pub(super) fn scores_under(
+    plan: &Plan,
+    at: &Situation,
+    fitted: &Fitted,
+    other: Option<&ArModel>,
+    seed: u64,
+) -> Result<(Scores, Option<Scores>), IdentifyError> {
+    let causes = library(at);
+    let columns = Columns::new(&causes, fitted);
+    let k = columns.unknowns.len();
+    let one = |rec: &RecordPlan| {
+        let shot = shot_of(plan, rec, &columns.unknowns, &columns.passes)?;
+        let reduced = |noise, shot| reduce_shot(plan, noise, &rec.start.z, shot, k, POLICY.score_blocks);
+        let other = other.map(|noise| reduced(noise, shot.clone())).transpose()?;
+        Ok((reduced(&fitted.noise, shot)?, other))
+    };
+    let parts: Vec<(Reduced, Option<Reduced>)> = fitted.records.par_iter().map(one).collect::<Result<_, IdentifyError>>()?;
+    let (own, others): (Vec<Reduced>, Vec<Option<Reduced>>) = parts.into_iter().unzip();
+    let others: Option<Vec<Reduced>> = others.into_iter().collect();
+    let test = |parts: &[Reduced]| tested(causes.clone(), columns.clone(), &joined(fitted, parts)?, fitted, seed);
+    Ok((test(&own)?, others.map(|parts| test(&parts)).transpose()?))
+}
+
+/// The tests, from the statistics of the columns.
+fn tested(
+    mut causes: Vec<Cause>,
+    mut columns: Columns,
+    reduced: &Reduced,
+    fitted: &Fitted,
+    seed: u64,
+) -> Result<Scores, IdentifyError> {
+    columns.drop_dead(&mut causes, reduced);
     let silent = |c: &Column| c.columns.iter().all(|&k| reduced.raw_norm(k) == 0.0);
     for (k, cause) in causes.iter_mut().enumerate().filter(|(_, cause)| cause.untestable.is_none()) {
         if columns.candidates.iter().filter(|c| c.cause == k).all(silent) {
@@ -80,7 +113,7 @@ pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64)
     let trial = |chosen: &[&Column]| {
         let candidates: Vec<Candidate> =
             chosen.iter().map(|c| Candidate { columns: c.columns.clone(), sign: c.sign(&causes, fitted) }).collect();
-        score_test(&reduced, &nuisance, &candidates, &ScoreOptions::default())
+        score_test(reduced, &nuisance, &candidates, &ScoreOptions::default())
     };
     let all: Vec<&Column> = columns.candidates.iter().filter(|c| causes[c.cause].untestable.is_none()).collect();
     let first = trial(&all)?;
@@ -115,6 +148,7 @@ pub(super) fn scores_in(plan: &Plan, at: &Situation, fitted: &Fitted, seed: u64)
 }
 
 /// A candidate: a cause at one point of its nuisance grid, and its columns.
+#[derive(Clone)]
 struct Column {
     cause: usize,
     grid_point: Vec<(usize, f64)>,
@@ -132,6 +166,7 @@ impl Column {
 
 /// Columns of everything fitted and of all candidates, by the values they are taken at: those of the fit, or for laws that are
 /// silent there, close by.
+#[derive(Clone)]
 struct Columns {
     unknowns: Vec<Unknown>,
     candidates: Vec<Column>,
@@ -185,10 +220,6 @@ impl Columns {
             causes[column.cause].unknowns.retain(|_| acts.next().unwrap_or(true));
         }
     }
-
-    fn reduce(&self, plan: &Plan, fitted: &Fitted) -> Result<Reduced, IdentifyError> {
-        merged(fitted, |_, rec| reduce_record(plan, fitted, rec, &self.unknowns, &self.passes, POLICY.score_blocks))
-    }
 }
 
 fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
@@ -202,7 +233,10 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
     let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    merged(fitted, |_, rec| reduce_record(plan, fitted, rec, unknowns, &passes, POLICY.score_blocks))
+    merged(fitted, |_, rec| {
+        let shot = shot_of(plan, rec, unknowns, &passes)?;
+        reduce_shot(plan, &fitted.noise, &rec.start.z, shot, unknowns.len(), POLICY.score_blocks)
+    })
 }
 
 /// The same with changes of the readings as further columns, behind those of the unknowns, each given by record; 0 where nothing was measured.
@@ -224,7 +258,7 @@ pub(super) fn reduce_beside(
             shot.global[row * k..(row + 1) * k].iter().copied().chain(changes)
         };
         shot.global = (0..shot.residual.len()).flat_map(row).collect();
-        reduce_shot(plan, fitted, &rec.start.z, shot, all, blocks)
+        reduce_shot(plan, &fitted.noise, &rec.start.z, shot, all, blocks)
     })
 }
 
@@ -234,6 +268,11 @@ fn merged(
     one: impl Fn(usize, &RecordPlan) -> Result<Reduced, IdentifyError> + Sync + Send,
 ) -> Result<Reduced, IdentifyError> {
     let parts: Vec<Reduced> = fitted.records.par_iter().enumerate().map(|(k, rec)| one(k, rec)).collect::<Result<_, _>>()?;
+    joined(fitted, &parts)
+}
+
+/// The statistics of all records from those of each.
+fn joined(fitted: &Fitted, parts: &[Reduced]) -> Result<Reduced, IdentifyError> {
     // pieces of one measured record are one record: they share its errors
     let mut whole: Vec<Reduced> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
@@ -245,33 +284,22 @@ fn merged(
     Ok(Reduced::merge_all(&whole)?)
 }
 
-fn reduce_record(
-    plan: &Plan,
-    fitted: &Fitted,
-    rec: &RecordPlan,
-    unknowns: &[Unknown],
-    passes: &[(Values, Vec<usize>)],
-    blocks: Blocks,
-) -> Result<Reduced, IdentifyError> {
-    reduce_shot(plan, fitted, &rec.start.z, shot_of(plan, rec, unknowns, passes)?, unknowns.len(), blocks)
-}
-
 /// A record's readings and columns, whitened and reduced; `z`: its own unknowns, on which there is a prior.
 fn reduce_shot(
     plan: &Plan,
-    fitted: &Fitted,
+    noise: &ArModel,
     z: &[f64],
     mut shot: Shot,
     k: usize,
     blocks: Blocks,
 ) -> Result<Reduced, IdentifyError> {
     let (m, channels) = (shot.own_columns, plan.channels());
-    fitted.noise.whiten(&mut shot.residual, channels)?;
+    noise.whiten(&mut shot.residual, channels)?;
     if m > 0 {
-        fitted.noise.whiten_columns(&mut shot.own, channels, m)?;
+        noise.whiten_columns(&mut shot.own, channels, m)?;
     }
     if k > 0 {
-        fitted.noise.whiten_columns(&mut shot.global, channels, k)?;
+        noise.whiten_columns(&mut shot.global, channels, k)?;
     }
     let times = shot.residual.len() / channels;
     let mut starts = time_blocks(times, channels, (times / blocks.most).max(blocks.samples));

@@ -132,10 +132,10 @@ impl Apart {
     }
 
     /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of their numbers. Where they
-    /// leave more than noise they are not asked for.
-    pub fn promises(&self) -> bool {
+    /// leave more than `most` times the scatter they are not asked for.
+    pub fn promises(&self, most: f64) -> bool {
         let [together, apart] = self.squares;
-        if apart > POLICY.no_noise * POLICY.no_noise * self.rows {
+        if apart > most * most * self.rows {
             return false;
         }
         let taken = self.rows * (together / apart.max(f64::MIN_POSITIVE)).max(1.0).ln();

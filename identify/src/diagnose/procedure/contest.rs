@@ -18,6 +18,7 @@ use crate::error::IdentifyError;
 use crate::fit::{Fitted, floors};
 use crate::stats::ar::{ArModel, ArOptions, Order};
 use crate::unknown::Unknown;
+use std::cell::OnceCell;
 
 /// Models that were held against each other.
 pub(super) struct Contest {
@@ -25,16 +26,14 @@ pub(super) struct Contest {
     pub no_noise: bool,
     /// Each model as it is judged.
     pub fits: Vec<Fitted>,
-    /// The same on longer steps, for their sensitivities.
-    pub coarse: Vec<Coarse>,
     /// Each model's score: less is better.
     pub scores: Vec<f64>,
     /// What its numbers cost of that.
     pub prices: Vec<f64>,
-    /// Squares of each on every record with it left out.
-    pub left_out: Vec<Vec<f64>>,
     /// Whether the last cause of each surely has another size in every record; its score is then that with own sizes.
     pub varies: Vec<bool>,
+    /// Each on longer steps and across records, where it was asked for.
+    seen: Vec<OnceCell<Seen>>,
 }
 
 /// AR(2) of a fit's residual.
@@ -59,29 +58,38 @@ pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: 
     bench.polished(&plain.records, &plain.values, &plain.unknowns, noise, &POLICY.fine)
 }
 
-/// A model on longer steps, and across records.
+/// A model on longer steps, for its sensitivities, and across records.
 type Seen = (Coarse, Across);
 
-/// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise something;
-/// and what that was told from.
-fn apart(bench: &Bench, model: &Hypothesis, new: bool) -> Result<(Option<OwnSizes>, Option<Seen>), IdentifyError> {
+fn seen(bench: &Bench, fitted: &Fitted, own: &[Unknown]) -> Result<Seen, IdentifyError> {
+    let coarse = Coarse::of(bench, fitted)?;
+    let across = Across::new(&coarse.plan, &coarse.fitted, own)?;
+    Ok((coarse, across))
+}
+
+/// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise to leave no
+/// more than `most` times the scatter; and what that was told from.
+fn apart(bench: &Bench, model: &Hypothesis, new: bool, most: f64) -> Result<(Option<OwnSizes>, Option<Seen>), IdentifyError> {
     let last = model.causes.last().filter(|_| new).map_or(&[][..], |cause| &cause.unknowns);
     let own: Vec<Unknown> = model.varying.iter().chain(last).cloned().collect();
     if own.is_empty() {
         return Ok((None, None));
     }
-    let coarse = Coarse::of(bench, &model.fitted)?;
-    let across = Across::new(&coarse.plan, &coarse.fitted, &own)?;
-    let asked = !model.varying.is_empty() || across.own.promises();
+    let seen = seen(bench, &model.fitted, &own)?;
+    let (coarse, across) = &seen;
+    let asked = !model.varying.is_empty() || across.own.promises(most);
     let sizes = asked.then(|| coarse.bench(bench).own_sizes(&coarse.fitted, &own, None)).transpose()?;
-    Ok((sizes, Some((coarse, across))))
+    Ok((sizes, Some(seen)))
 }
 
 impl Contest {
     /// The models that others extend come first, `beam` of them.
     pub fn new(bench: &Bench, models: &[&Hypothesis], beam: usize) -> Result<Self, IdentifyError> {
-        let all = models.iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam));
-        let (own, mut seen): (Vec<Option<OwnSizes>>, Vec<Option<Seen>>) =
+        // with own sizes a model is out of the question where it is beside the best of those with common ones
+        let common = models.iter().map(|m| bench.over(&m.fitted)).fold(f64::INFINITY, f64::min).max(1.0);
+        let most = POLICY.no_noise.min(POLICY.out_of_question * common);
+        let all = models.iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam, most));
+        let (own, mut before): (Vec<Option<OwnSizes>>, Vec<Option<Seen>>) =
             all.collect::<Result<Vec<_>, IdentifyError>>()?.into_iter().unzip();
         // every model with common sizes and with own ones, and the numbers of each
         let numbers = |k: usize| models[k].numbers() as f64;
@@ -99,34 +107,22 @@ impl Contest {
         let no_noise = bench.no_noise(best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
-        let mut out = Self {
-            no_noise,
-            fits: Vec::new(),
-            coarse: Vec::new(),
-            scores: Vec::new(),
-            prices: Vec::new(),
-            left_out: Vec::new(),
-            varies: Vec::new(),
-        };
+        let mut out =
+            Self { no_noise, fits: Vec::new(), scores: Vec::new(), prices: Vec::new(), varies: Vec::new(), seen: Vec::new() };
         for (k, model) in models.iter().enumerate() {
             let fitted = if no_noise { model.fitted.clone() } else { judged(bench, model, &noise, least)? };
-            let (coarse, across) = match seen[k].take().filter(|_| no_noise) {
-                Some(seen) => seen,
-                None => {
-                    let coarse = Coarse::of(bench, &fitted)?;
-                    let across = Across::new(&coarse.plan, &coarse.fitted, &[])?;
-                    (coarse, across)
-                }
-            };
-            let left_out = across.left_out;
+            let cell = before[k].take().filter(|_| no_noise).map_or_else(OnceCell::new, OnceCell::from);
+            out.fits.push(fitted);
+            out.seen.push(cell);
+            let fitted = &out.fits[k];
             let price = POLICY.per_number * numbers(k);
             let score = match no_noise {
-                true => left_out.iter().sum(),
-                false => squares(bench.plan, &fitted, &noise)? + price,
+                true => out.left_out(bench, k)?.iter().sum(),
+                false => squares(bench.plan, fitted, &noise)? + price,
             };
             let with_own = match own[k].as_ref().filter(|o| !no_noise && bench.over(&o.fitted) <= least) {
                 Some(o) => {
-                    let own = bench.own_sizes(&fitted, &o.unknowns, Some(&noise))?;
+                    let own = bench.own_sizes(fitted, &o.unknowns, Some(&noise))?;
                     let price = POLICY.per_number * (numbers(k) + own.more());
                     let score = squares(bench.plan, &own.fitted, &noise)? + price;
                     let new = model.causes.last().filter(|_| k >= beam).map_or(&[][..], |cause| &cause.unknowns);
@@ -139,22 +135,38 @@ impl Contest {
             out.scores.push(score);
             out.prices.push(price);
             out.varies.push(varies && k >= beam);
-            out.fits.push(fitted);
-            out.coarse.push(coarse);
-            out.left_out.push(left_out);
         }
         Ok(out)
+    }
+
+    fn seen(&self, bench: &Bench, k: usize) -> Result<&Seen, IdentifyError> {
+        if let Some(seen) = self.seen[k].get() {
+            return Ok(seen);
+        }
+        let now = seen(bench, &self.fits[k], &[])?;
+        Ok(self.seen[k].get_or_init(|| now))
+    }
+
+    /// A model as it is judged on longer steps, for its sensitivities.
+    pub fn coarse(&self, bench: &Bench, k: usize) -> Result<&Coarse, IdentifyError> {
+        Ok(&self.seen(bench, k)?.0)
+    }
+
+    /// Squares of a model on every record with it left out.
+    pub fn left_out(&self, bench: &Bench, k: usize) -> Result<&[f64], IdentifyError> {
+        Ok(&self.seen(bench, k)?.1.left_out)
     }
 
     /// Whether model `k` cannot be told from the better model `best`. What its numbers cost more tells nothing: that a tilt has two and a turn of
     /// the camera three makes neither likelier.
     pub fn ties(&self, best: usize, k: usize) -> bool {
         if self.no_noise {
-            !across::better(&self.left_out[k], &self.left_out[best])
-        } else {
-            let more = (self.prices[k] - self.prices[best]).max(0.0);
-            self.scores[k] - self.scores[best] - more < POLICY.lead
+            // the scores were made of these
+            let left_out = |k: usize| self.seen[k].get().map_or(&[][..], |(_, across)| across.left_out.as_slice());
+            return !across::better(left_out(k), left_out(best));
         }
+        let more = (self.prices[k] - self.prices[best]).max(0.0);
+        self.scores[k] - self.scores[best] - more < POLICY.lead
     }
 
     /// Whether neither model can be told from the other, whichever is better.
@@ -173,11 +185,10 @@ mod tests {
         let mut contest = Contest {
             no_noise: false,
             fits: Vec::new(),
-            coarse: Vec::new(),
             scores: vec![130.0, 146.0, 160.5],
             prices: vec![30.0, 45.0, 30.0],
-            left_out: Vec::new(),
             varies: Vec::new(),
+            seen: Vec::new(),
         };
         assert!(contest.ties(0, 1) && !contest.ties(0, 2));
         // a worse one is always behind a better one, and is like it only where that one is hardly better

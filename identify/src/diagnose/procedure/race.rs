@@ -2,13 +2,14 @@
 
 use super::super::certainty::Curvature;
 use super::super::policy::POLICY;
-use super::super::scores::{Scores, scores_in};
+use super::super::scores::{Scores, scores_under};
 use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
+use crate::shooting::RecordPlan;
 use crate::unknown::Unknown;
 
 /// A model tried roughly on some of the records.
@@ -22,6 +23,8 @@ struct Tried {
     /// −2 log likelihood that it takes under the noise of its parent's residual, as the linearization foretells; 0 where that is no noise.
     taken: f64,
     numbers: usize,
+    /// Whether the linearization says that a refit gains too little to be accepted.
+    hopeless: bool,
 }
 
 /// The extensions of `beam` by one cause that come nearest to the data, refitted to all records; best first, and how many causes
@@ -48,12 +51,11 @@ pub(super) fn race(
         let left = squares(bench.plan, some, &bench.white)?;
         plain = plain.min(left);
         let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
-        let white = scores_in(bench.plan, &at, some, seed)?;
-        let coloured = match bench.no_noise(some) {
-            true => None,
-            false => Some(scores_in(bench.plan, &at, &Fitted { noise: noise_of(bench, some)?, ..some.clone() }, seed)?),
-        };
+        let noise = (!bench.no_noise(some)).then(|| noise_of(bench, some)).transpose()?;
+        let (white, coloured) = scores_under(bench.plan, &at, some, noise.as_ref(), seed)?;
         tests += white.tested.len();
+        let rows = |records: &[RecordPlan]| records.iter().map(|rec| rec.record.time.len()).sum::<usize>().max(1) as f64;
+        let part = rows(&some.records) / rows(&model.fitted.records);
         for Promise { cause, step, score, taken } in promising(&white, coloured.as_ref()) {
             let companions = cause.companions.as_slice();
             let sets: &[&[Unknown]] = if companions.is_empty() { &[&[]] } else { &[&[], companions] };
@@ -61,7 +63,9 @@ pub(super) fn race(
                 let numbers = model.numbers() + cause.unknowns.len() + beside.len();
                 if score < POLICY.linear * left && beside.is_empty() {
                     let (rough, cause) = bench.moved(&whole, &cause, &step);
-                    tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers });
+                    let asked = POLICY.per_number * cause.unknowns.len() as f64;
+                    let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
+                    tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers, hopeless });
                     continue;
                 }
                 progress(&format!("trying {}", cause.title()));
@@ -70,7 +74,7 @@ pub(super) fn race(
                         let squares = squares(bench.plan, &rough, &bench.white)?;
                         let records = coarse.back(&rough.records, &whole.records);
                         let rough = Fitted { records, ..rough };
-                        tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers });
+                        tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false });
                     }
                     Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
                 }
@@ -128,7 +132,8 @@ fn promising(white: &Scores, coloured: Option<&Scores>) -> Vec<Promise> {
     titles.iter().filter_map(one).collect()
 }
 
-/// The best of those tried: the first few of each ranking, and all that are not clearly behind. The same model found twice counts once.
+/// The best of those tried: the first few of each ranking, and all that are not clearly behind, without the hopeless. The same model found
+/// twice counts once.
 fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Tried> {
     // squares per row of the best: the unit of a likelihood if it leaves white noise
     let rows = |t: &Tried| t.rough.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
@@ -160,7 +165,7 @@ fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Trie
         let first = rank <= POLICY.finalists && plain / unit - score(t) > POLICY.far_behind * most;
         let own = POLICY.per_number * (t.numbers - beam[t.parent].numbers()) as f64;
         let likely = t.taken > own - POLICY.lead && t.taken - price(t) >= least;
-        near && most > 0.0 || first || likely
+        !t.hopeless && (near && most > 0.0 || first || likely)
     });
     tried
 }

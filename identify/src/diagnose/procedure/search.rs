@@ -81,6 +81,7 @@ pub(in super::super) fn search(
     let mut beam = vec![base.clone()];
     let (mut best, mut tied) = (beam[0].clone(), Vec::new());
     let mut refitted: Vec<Vec<String>> = Vec::new();
+    let mut of_last = None;
     let (mut notes, mut imitated) = (Vec::new(), Vec::new());
     while best.causes.len() < most {
         let (mut children, tests) = race(bench, &beam, seed, &mut notes, progress)?;
@@ -100,6 +101,7 @@ pub(in super::super) fn search(
         let leader = &round.models[accepted.leader];
         progress(&format!("accepted {}", leader.causes.last().map_or(String::new(), Cause::title)));
         best = leader.clone();
+        of_last = Some(accepted.evidence.clone());
         refitted.extend(round.models.iter().map(Hypothesis::key));
         tied = accepted.tied.iter().map(|&k| round.models[k].clone()).collect();
         beam = round.next_beam(&accepted);
@@ -109,7 +111,11 @@ pub(in super::super) fn search(
             beam[0].varying.clone_from(&best.varying);
         }
     }
-    let evidence = prune(bench, &mut best, &mut notes, progress)?;
+    let evidence = match of_last {
+        // all other causes present: none
+        Some(evidence) if best.causes.len() == 1 => vec![evidence],
+        _ => prune(bench, &mut best, &mut notes, progress)?,
+    };
     tied.retain(|other| other.key() != best.key());
     if !of_all(&base) {
         progress("refitting to all records");
@@ -149,6 +155,7 @@ struct Round<'a> {
 /// A model that was accepted.
 struct Accepted {
     leader: usize,
+    evidence: Evidence,
     /// Others that it cannot be told from.
     tied: Vec<usize>,
     /// All that came after it, best first.
@@ -230,7 +237,12 @@ impl<'a> Round<'a> {
                 if self.contest.no_noise { "another is nearer to the data".to_owned() } else { by },
             ));
         }
-        Ok(Some(Accepted { leader, tied, behind }))
+        Ok(Some(Accepted {
+            leader,
+            evidence: evidence(self.bench, &self.contest, self.parent(), leader, self.cause(leader))?,
+            tied,
+            behind,
+        }))
     }
 
     /// Whether one child is the other at a limit of the cause that it adds, for all that the data say: it has more numbers, and they gain
@@ -264,7 +276,6 @@ impl<'a> Round<'a> {
                 return Ok(Some(Rejection::Because(format!("its refit ends at the physical bound {} = {value}", one.path))));
             }
         }
-        let records = self.contest.left_out[k].len();
         let more = self.models[k].numbers() as f64 - self.models[parent].numbers() as f64;
         let taken = self.contest.scores[parent] - self.contest.scores[k];
         if !self.contest.no_noise {
@@ -283,13 +294,13 @@ impl<'a> Round<'a> {
                 ))));
             }
         }
-        let (before, after) = (&self.contest.left_out[parent], &self.contest.left_out[k]);
+        let [before, after] = [self.contest.left_out(self.bench, parent)?, self.contest.left_out(self.bench, k)?];
         let share = across::share(before, after);
         let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
         // a size that differs between records, as of an effect in some of them alone, need foretell nothing
         let accepted = carries || share > 0.0 && self.contest.varies[k];
         // a single record has none left out, and its likelihood decides
-        let judged = records >= 2 || self.contest.no_noise;
+        let judged = after.len() >= 2 || self.contest.no_noise;
         if judged && !accepted {
             return Ok(Some(Rejection::Because(format!(
                 "it does not carry over: on records left out it takes {:.1} % of the squares",
@@ -321,7 +332,7 @@ impl<'a> Round<'a> {
             (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
         };
         let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
-        let coarse = &self.contest.coarse[k];
+        let coarse = self.contest.coarse(self.bench, k)?;
         let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes(shifts))?;
         for (number, of) in shifts.iter().enumerate() {
             let bias = beside.sizes(number);
@@ -337,7 +348,7 @@ impl<'a> Round<'a> {
 
     /// Squares that a finer simulation, or one part of the way to it, takes from a model; inputs are read one way or the other.
     fn taken_by_finer(&self, model: usize, source: Source) -> Result<f64, IdentifyError> {
-        let coarse = &self.contest.coarse[model];
+        let coarse = self.contest.coarse(self.bench, model)?;
         let finer = shift(source, self.scene, self.bench.plan, &self.contest.fits[model]);
         let Some(finer) = finer else { return Ok(0.0) };
         let beside = Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?;
@@ -378,7 +389,7 @@ fn prune(
     notes: &mut Vec<(String, String)>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Vec<Evidence>, IdentifyError> {
-    let mut evidence: Vec<Evidence> = Vec::new();
+    let mut of_all: Vec<Evidence> = Vec::new();
     let mut k = best.causes.len();
     while k > 0 {
         k -= 1;
@@ -386,23 +397,28 @@ fn prune(
         progress(&format!("checking that {} is still needed", cause.title()));
         let without = bench.without(best, k)?;
         let contest = Contest::new(bench, &[&without, best], 2)?;
-        let [before, after] = [0, 1].map(|k| &contest.left_out[k]);
-        let numbers = POLICY.per_number * cause.unknowns.len() as f64;
-        let foretold = across::share(before, after);
+        let [before, after] = [contest.left_out(bench, 0)?, contest.left_out(bench, 1)?];
         let taken = contest.scores[0] - contest.scores[1];
-        let missed = if contest.no_noise { across::better(before, after) && foretold >= POLICY.worth } else { taken > 0.0 };
+        let worth = across::share(before, after) >= POLICY.worth;
+        let missed = if contest.no_noise { across::better(before, after) && worth } else { taken > 0.0 };
         let rested_on = best.causes.iter().any(|other| other.rests_on(&cause));
         if !missed && !rested_on && best.causes.len() > 1 {
             notes.push((cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
             *best = without;
             // those before were judged with it present
-            evidence.clear();
+            of_all.clear();
             k = best.causes.len();
             continue;
         }
-        let statistic = if contest.no_noise { taken } else { taken + numbers };
-        let several = before.len() > 1;
-        evidence.insert(0, Evidence { statistic, foretold: several.then_some(foretold) });
+        of_all.insert(0, evidence(bench, &contest, 0, 1, &cause)?);
     }
-    Ok(evidence)
+    Ok(of_all)
+}
+
+/// Evidence for a cause: the model with it against the one without.
+fn evidence(bench: &Bench, contest: &Contest, without: usize, with: usize, cause: &Cause) -> Result<Evidence, IdentifyError> {
+    let numbers = if contest.no_noise { 0.0 } else { POLICY.per_number * cause.unknowns.len() as f64 };
+    let [before, after] = [contest.left_out(bench, without)?, contest.left_out(bench, with)?];
+    let foretold = (before.len() > 1).then(|| across::share(before, after));
+    Ok(Evidence { statistic: contest.scores[without] - contest.scores[with] + numbers, foretold })
 }
