@@ -61,6 +61,14 @@ impl Hypothesis {
         titles.sort();
         titles
     }
+
+    /// The same with one cause more.
+    pub fn key_with(&self, cause: &Cause) -> Vec<String> {
+        let mut titles = self.key();
+        titles.push(cause.title());
+        titles.sort();
+        titles
+    }
 }
 
 /// A fit in which some numbers have another size in every record.

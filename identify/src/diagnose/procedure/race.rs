@@ -43,6 +43,8 @@ pub(super) fn race(
     let mut tests = 0;
     let mut tried = Vec::new();
     let mut plain = f64::INFINITY;
+    // models that an earlier one of the beam, which leaves noise, was tested for: what it does not promise it does not become from elsewhere
+    let mut settled: Vec<Vec<String>> = Vec::new();
     for (parent, model) in beam.iter().enumerate() {
         let whole = model.fitted.of_some(POLICY.raced_records);
         let coarse = Coarse::of(bench, &whole)?;
@@ -57,6 +59,9 @@ pub(super) fn race(
         let rows = |records: &[RecordPlan]| records.iter().map(|rec| rec.record.time.len()).sum::<usize>().max(1) as f64;
         let part = rows(&some.records) / rows(&model.fitted.records);
         for Promise { cause, step, score, taken } in promising(&white, coloured.as_ref()) {
+            if settled.contains(&model.key_with(&cause)) {
+                continue;
+            }
             let companions = cause.companions.as_slice();
             let sets: &[&[Unknown]] = if companions.is_empty() { &[&[]] } else { &[&[], companions] };
             for beside in sets {
@@ -79,6 +84,9 @@ pub(super) fn race(
                     Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
                 }
             }
+        }
+        if coloured.is_some() {
+            settled.extend(white.tested.iter().map(|&c| model.key_with(&white.causes[c])));
         }
     }
     let mut out: Vec<Hypothesis> = Vec::new();
@@ -144,9 +152,7 @@ fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Trie
     tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
     let mut seen: Vec<Vec<String>> = Vec::new();
     tried.retain(|t| {
-        let mut key = beam[t.parent].key();
-        key.push(t.cause.title());
-        key.sort();
+        let key = beam[t.parent].key_with(&t.cause);
         let new = !seen.contains(&key);
         if new {
             seen.push(key);

@@ -199,7 +199,16 @@ impl<'a> Round<'a> {
         let mut order: Vec<usize> = (self.beam..self.models.len()).collect();
         order.sort_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b]));
         let (mut possible, mut as_numerics) = (Vec::new(), Vec::new());
+        // of two that are as near to the data neither is there where the simulation's own error may be one of them
+        let beside = |k: usize, as_numerics: &[usize]| {
+            let rival = as_numerics.iter().find(|&&other| self.contest.alike(k, other))?;
+            Some(format!("{} is as near to the data, and the simulation's own error imitates it", self.cause(*rival).title()))
+        };
         for k in order {
+            if let Some(why) = beside(k, &as_numerics) {
+                notes.push((self.cause(k).title(), why));
+                continue;
+            }
             match self.rejection(k)? {
                 None => possible.push(k),
                 Some(Rejection::Imitated(kind)) => {
@@ -211,14 +220,12 @@ impl<'a> Round<'a> {
                 Some(Rejection::Because(why)) => notes.push((self.cause(k).title(), why)),
             }
         }
-        // of two that are as near to the data neither is there where the simulation's own error may be one of them
-        possible.retain(|&k| {
-            let rival = as_numerics.iter().find(|&&other| self.contest.alike(k, other));
-            if let Some(&rival) = rival {
-                let why = "is as near to the data, and the simulation's own error imitates it";
-                notes.push((self.cause(k).title(), format!("{} {why}", self.cause(rival).title())));
+        possible.retain(|&k| match beside(k, &as_numerics) {
+            Some(why) => {
+                notes.push((self.cause(k).title(), why));
+                false
             }
-            rival.is_none()
+            None => true,
         });
         let Some((&leader, behind)) = possible.split_first() else { return Ok(None) };
         let (limits, behind): (Vec<usize>, Vec<usize>) = behind.iter().partition(|&&k| self.has_as_limit(k, leader));
