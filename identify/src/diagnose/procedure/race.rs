@@ -201,3 +201,64 @@ fn shaped(bench: &Bench, fitted: Fitted, cause: Cause) -> Result<(Fitted, Cause)
     let unknowns = cause.unknowns.iter().chain(&shape).cloned().collect();
     Ok((freed, Cause { unknowns, nuisance_grid: Vec::new(), afterwards: Vec::new(), ..cause }))
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::super::audit::starts::tests::{experiment, pendulum, turning};
+    use super::*;
+    use crate::causes::library;
+    use crate::fit::fit;
+    use crate::stats::ar::ArModel;
+
+    const NOISE: f64 = 2e-4;
+
+    /// Titles of the causes that a pendulum is refitted with.
+    fn refitted(readings: &[Vec<f64>]) -> Vec<String> {
+        let plan = experiment(&pendulum("measured"), readings).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let bench = Bench { plan: &plan, declared: Vec::new(), white };
+        let mut said = Vec::new();
+        let base = Hypothesis::baseline(fitted);
+        race(&bench, &[base], 0, &mut Vec::new(), &mut |line| said.push(line.to_owned())).unwrap();
+        said.iter().filter_map(|line| line.strip_prefix("refitting with ").map(str::to_owned)).collect()
+    }
+
+    /// Angles of a pendulum that swings with this damping [1/s].
+    fn swinging(damping: f64, seed: u64) -> Vec<Vec<f64>> {
+        let swing = |t: f64| 0.02 * (5.7 * t).sin() * (-damping * t).exp();
+        let noise = turning(&[0.0; 4], NOISE, seed);
+        noise.iter().map(|record| record.iter().enumerate().map(|(k, e)| swing(0.01 * k as f64) + e).collect()).collect()
+    }
+
+    #[test]
+    fn a_cause_that_is_there_is_refitted() {
+        let found = refitted(&swinging(1.0, 5));
+        assert!(found.contains(&"viscous_friction (pivot)".to_owned()), "{found:?}");
+    }
+
+    /// What is as near as the others is not refitted where its linearization says that it cannot be accepted; of one model found twice the
+    /// better one is.
+    #[test]
+    fn what_cannot_be_accepted_is_not_refitted() {
+        let plan = experiment(&pendulum("measured"), &swinging(0.0, 1)).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let beam = [Hypothesis::baseline(fitted.clone())];
+        let at = Situation { plan: &plan, values: &fitted.values, free: &[], together: true };
+        let causes: Vec<Cause> = library(&at).into_iter().filter(|cause| cause.unknowns.len() == 1).take(3).collect();
+        let tried = |k: usize, squares: f64, hopeless: bool| Tried {
+            parent: 0,
+            cause: causes[k].clone(),
+            rough: fitted.clone(),
+            squares,
+            taken: 10.0,
+            numbers: 1,
+            hopeless,
+        };
+        let all = vec![tried(0, 100.0, false), tried(1, 90.0, true), tried(2, 104.0, false), tried(2, 101.0, false)];
+        let kept: Vec<(String, f64)> = finalists(&beam, all, 200.0).iter().map(|t| (t.cause.title(), t.squares)).collect();
+        assert_eq!(kept, [(causes[0].title(), 100.0), (causes[2].title(), 101.0)]);
+    }
+}
