@@ -1,5 +1,6 @@
 //! Step 0: the raw records.
 
+pub(super) mod contradictions;
 pub(super) mod starts;
 
 use super::result::AuditFinding;
