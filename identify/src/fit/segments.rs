@@ -7,6 +7,7 @@ use crate::log::Record;
 use crate::shooting::{OtherInputs, Plan, RecordPlan, ShotWants, shoot, state_at};
 use crate::unknown::{Unknown, Values};
 use pliant_math::State;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Segmentation of the fitted records.
@@ -161,7 +162,7 @@ pub fn approach(
         rec.nodes = steps.into_iter().map(|step| (step, states[step].clone())).collect();
         Ok(rec)
     };
-    let records = records.iter().map(follow).collect::<Result<_, _>>()?;
+    let records = records.par_iter().map(follow).collect::<Result<_, _>>()?;
     Ok((values, records))
 }
 

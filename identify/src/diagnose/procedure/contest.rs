@@ -18,6 +18,7 @@ use crate::error::IdentifyError;
 use crate::fit::{Fitted, floors};
 use crate::stats::ar::{ArModel, ArOptions, Order};
 use crate::unknown::Unknown;
+use rayon::prelude::*;
 use std::cell::OnceCell;
 
 /// Models that were held against each other.
@@ -88,8 +89,8 @@ impl Contest {
         // with own sizes a model is out of the question where it is beside the best of those with common ones
         let common = models.iter().map(|m| bench.over(&m.fitted)).fold(f64::INFINITY, f64::min).max(1.0);
         let most = POLICY.no_noise.min(POLICY.out_of_question * common);
-        let all = models.iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam, most));
-        let (own, mut before): (Vec<Option<OwnSizes>>, Vec<Option<Seen>>) =
+        let all = models.par_iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam, most));
+        let (own, before): (Vec<Option<OwnSizes>>, Vec<Option<Seen>>) =
             all.collect::<Result<Vec<_>, IdentifyError>>()?.into_iter().unzip();
         // every model with common sizes and with own ones, and the numbers of each
         let numbers = |k: usize| models[k].numbers() as f64;
@@ -107,22 +108,27 @@ impl Contest {
         let no_noise = bench.no_noise(best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
+        let fit = |(k, before): (usize, Option<Seen>)| -> Result<(Fitted, Option<Seen>, Option<OwnSizes>), IdentifyError> {
+            if no_noise {
+                let seen = before.map_or_else(|| seen(bench, &models[k].fitted, &[]), Ok)?;
+                return Ok((models[k].fitted.clone(), Some(seen), None));
+            }
+            let fitted = judged(bench, models[k], &noise, least)?;
+            let asked = own[k].as_ref().filter(|o| bench.over(&o.fitted) <= least);
+            let own = asked.map(|o| bench.own_sizes(&fitted, &o.unknowns, Some(&noise))).transpose()?;
+            Ok((fitted, None, own))
+        };
+        let judged: Vec<_> = before.into_par_iter().enumerate().map(fit).collect::<Result<_, _>>()?;
         let mut out =
             Self { no_noise, fits: Vec::new(), scores: Vec::new(), prices: Vec::new(), varies: Vec::new(), seen: Vec::new() };
-        for (k, model) in models.iter().enumerate() {
-            let fitted = if no_noise { model.fitted.clone() } else { judged(bench, model, &noise, least)? };
-            let cell = before[k].take().filter(|_| no_noise).map_or_else(OnceCell::new, OnceCell::from);
-            out.fits.push(fitted);
-            out.seen.push(cell);
-            let fitted = &out.fits[k];
+        for (k, ((fitted, seen, own), model)) in judged.into_iter().zip(models).enumerate() {
             let price = POLICY.per_number * numbers(k);
-            let score = match no_noise {
-                true => out.left_out(bench, k)?.iter().sum(),
-                false => squares(bench.plan, fitted, &noise)? + price,
+            let score = match &seen {
+                Some((_, across)) => across.left_out.iter().sum(),
+                None => squares(bench.plan, &fitted, &noise)? + price,
             };
-            let with_own = match own[k].as_ref().filter(|o| !no_noise && bench.over(&o.fitted) <= least) {
-                Some(o) => {
-                    let own = bench.own_sizes(fitted, &o.unknowns, Some(&noise))?;
+            let with_own = match own {
+                Some(own) => {
                     let price = POLICY.per_number * (numbers(k) + own.more());
                     let score = squares(bench.plan, &own.fitted, &noise)? + price;
                     let new = model.causes.last().filter(|_| k >= beam).map_or(&[][..], |cause| &cause.unknowns);
@@ -132,6 +138,8 @@ impl Contest {
             };
             let varies = with_own.is_some_and(|(own, _)| own < score - POLICY.lead);
             let (score, price) = with_own.filter(|_| varies).unwrap_or((score, price));
+            out.fits.push(fitted);
+            out.seen.push(seen.map_or_else(OnceCell::new, OnceCell::from));
             out.scores.push(score);
             out.prices.push(price);
             out.varies.push(varies && k >= beam);

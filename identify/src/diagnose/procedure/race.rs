@@ -11,6 +11,7 @@ use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::RecordPlan;
 use crate::unknown::Unknown;
+use rayon::prelude::*;
 
 /// A model tried roughly on some of the records.
 struct Tried {
@@ -58,52 +59,68 @@ pub(super) fn race(
         tests += white.tested.len();
         let rows = |records: &[RecordPlan]| records.iter().map(|rec| rec.record.time.len()).sum::<usize>().max(1) as f64;
         let part = rows(&some.records) / rows(&model.fitted.records);
-        for Promise { cause, step, score, taken } in promising(&white, coloured.as_ref()) {
-            if settled.contains(&model.key_with(&cause)) {
-                continue;
+        let worth = promising(&white, coloured.as_ref()).into_iter().filter(|p| !settled.contains(&model.key_with(&p.cause)));
+        let trials: Vec<(Promise, Vec<Unknown>)> = worth.flat_map(Promise::trials).collect();
+        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| p.score < POLICY.linear * left && beside.is_empty();
+        for (p, _) in trials.iter().filter(|trial| !is_linear(trial)) {
+            progress(&format!("trying {}", p.cause.title()));
+        }
+        let trial = |trial: &(Promise, Vec<Unknown>)| -> Result<Result<Tried, Note>, IdentifyError> {
+            let (Promise { cause, step, score, taken }, beside) = trial;
+            let numbers = model.numbers() + cause.unknowns.len() + beside.len();
+            if is_linear(trial) {
+                let (rough, cause) = bench.moved(&whole, cause, step);
+                let asked = POLICY.per_number * cause.unknowns.len() as f64;
+                let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
+                return Ok(Ok(Tried { parent, cause, rough, squares: left - score, taken: *taken, numbers, hopeless }));
             }
-            let companions = cause.companions.as_slice();
-            let sets: &[&[Unknown]] = if companions.is_empty() { &[&[]] } else { &[&[], companions] };
-            for beside in sets {
-                let numbers = model.numbers() + cause.unknowns.len() + beside.len();
-                if score < POLICY.linear * left && beside.is_empty() {
-                    let (rough, cause) = bench.moved(&whole, &cause, &step);
-                    let asked = POLICY.per_number * cause.unknowns.len() as f64;
-                    let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
-                    tried.push(Tried { parent, cause, rough, squares: left - score, taken, numbers, hopeless });
-                    continue;
+            Ok(match bench.with(some, cause, step, beside) {
+                Ok((rough, cause)) => {
+                    let squares = squares(bench.plan, &rough, &bench.white)?;
+                    let rough = Fitted { records: coarse.back(&rough.records, &whole.records), ..rough };
+                    Ok(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false })
                 }
-                progress(&format!("trying {}", cause.title()));
-                match bench.with(some, &cause, &step, beside) {
-                    Ok((rough, cause)) => {
-                        let squares = squares(bench.plan, &rough, &bench.white)?;
-                        let records = coarse.back(&rough.records, &whole.records);
-                        let rough = Fitted { records, ..rough };
-                        tried.push(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false });
-                    }
-                    Err(e) => notes.push((cause.title(), format!("its refit failed: {e}"))),
-                }
+                Err(e) => Err(failed(cause, &e)),
+            })
+        };
+        for one in trials.par_iter().map(trial).collect::<Result<Vec<_>, _>>()? {
+            match one {
+                Ok(one) => tried.push(one),
+                Err(note) => notes.push(note),
             }
         }
         if coloured.is_some() {
             settled.extend(white.tested.iter().map(|&c| model.key_with(&white.causes[c])));
         }
     }
-    let mut out: Vec<Hypothesis> = Vec::new();
-    for one in finalists(beam, tried, plain) {
-        progress(&format!("refitting with {}", one.cause.title()));
+    let chosen = finalists(beam, tried, plain);
+    chosen.iter().for_each(|one| progress(&format!("refitting with {}", one.cause.title())));
+    let refit = |one: &Tried| -> Result<Hypothesis, Note> {
         let parent = &beam[one.parent];
         let whole = one.rough.records.len() == parent.fitted.records.len();
         let records = if whole { &one.rough.records } else { &parent.fitted.records };
-        match bench.finished(&one.rough, records).and_then(|fitted| shaped(bench, fitted, one.cause.clone())) {
-            Ok((fitted, cause)) => out.push(parent.and(cause, fitted)),
-            Err(e) => notes.push((one.cause.title(), format!("its refit failed: {e}"))),
+        let refitted = bench.finished(&one.rough, records).and_then(|fitted| shaped(bench, fitted, one.cause.clone()));
+        refitted.map(|(fitted, cause)| parent.and(cause, fitted)).map_err(|e| failed(&one.cause, &e))
+    };
+    let mut out: Vec<Hypothesis> = Vec::new();
+    for one in chosen.par_iter().map(refit).collect::<Vec<_>>() {
+        match one {
+            Ok(one) => out.push(one),
+            Err(note) => notes.push(note),
         }
     }
     Ok((out, tests))
 }
 
+/// Title of a cause, and what became of it.
+type Note = (String, String);
+
+fn failed(cause: &Cause, e: &IdentifyError) -> Note {
+    (cause.title(), format!("its refit failed: {e}"))
+}
+
 /// A cause worth a refit.
+#[derive(Clone)]
 struct Promise {
     cause: Cause,
     /// The step that the linearization proposes.
@@ -112,6 +129,15 @@ struct Promise {
     score: f64,
     /// −2 log likelihood that it takes under the noise of what is left.
     taken: f64,
+}
+
+impl Promise {
+    /// Alone, and with its unmeasured companions freed beside it.
+    fn trials(self) -> Vec<(Self, Vec<Unknown>)> {
+        let companions = self.cause.companions.clone();
+        let alone = (self.clone(), Vec::new());
+        if companions.is_empty() { vec![alone] } else { vec![alone, (self, companions)] }
+    }
 }
 
 /// The causes worth a refit, by either score.
