@@ -19,7 +19,9 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 from validation import evidence
@@ -95,6 +97,19 @@ def one(job: tuple) -> dict | None:
     return row
 
 
+@contextmanager
+def workers(jobs: int, scheduler: str | None) -> Iterator[Executor]:
+    """Processes that answer cases: of this machine, or those of a cluster, which have to see the same folders."""
+    if not scheduler:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+            yield pool
+        return
+    from dask.distributed import Client
+
+    with Client(scheduler) as client:
+        yield client.get_executor(pure=False)
+
+
 def earlier(path: Path, planned: dict) -> list[dict]:
     """Answers of the same batch that a file holds."""
     held = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
@@ -124,6 +139,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--kinds", type=lambda x: x.split(","), help=", ".join(draw.SHARES))
     parser.add_argument("--pliant", default="target/release/pliant")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--scheduler", help="address of a dask cluster that answers in place of this machine, its processes of one thread each")
     parser.add_argument("--timeout", type=float, default=300.0, help="seconds of a processor for a diagnosis")
     parser.add_argument("--keep", type=Path, default=KEPT)
     parser.add_argument("--answers", type=Path)
@@ -141,7 +157,7 @@ def main(arguments: list[str] | None = None) -> int:
     done = {row["index"] for row in given}
     jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout)
             for i, (system, kind) in enumerate(wanted[: options.first]) if i not in done]  # fmt: skip
-    with ProcessPoolExecutor(options.jobs, multiprocessing.get_context("spawn")) as pool:
+    with workers(options.jobs, options.scheduler) as pool:
         rows = [row for row in pool.map(one, jobs) if row]
     if options.draw:
         print(listed(options.keep))
