@@ -210,21 +210,18 @@ impl Bench<'_> {
         let is_own = |u: &&Unknown| own.iter().any(|o| o.target.same(&u.target));
         let unknowns: Vec<Unknown> = fitted.unknowns.iter().filter(is_own).cloned().collect();
         let parents = fitted.records.last().map_or(0, |rec| rec.parent + 1);
-        let own = |parent: usize| -> Result<Option<(Vec<usize>, Fitted, Vec<f64>)>, IdentifyError> {
-            let places: Vec<usize> = (0..fitted.records.len()).filter(|&k| fitted.records[k].parent == parent).collect();
+        let places = |parent: usize| (0..fitted.records.len()).filter(|&k| fitted.records[k].parent == parent).collect();
+        let places: Vec<Vec<usize>> = (0..parents).map(places).filter(|places: &Vec<usize>| !places.is_empty()).collect();
+        let own = |places: &Vec<usize>| -> Result<(Fitted, Vec<f64>), IdentifyError> {
             let records: Vec<RecordPlan> = places.iter().map(|&k| fitted.records[k].clone()).collect();
-            if records.is_empty() {
-                return Ok(None);
-            }
-            let white = noise.unwrap_or(&self.white);
-            let one = self.polished(&records, &fitted.values, &unknowns, white, &POLICY.fine)?;
+            let one = self.polished(&records, &fitted.values, &unknowns, noise.unwrap_or(&self.white), &POLICY.fine)?;
             let errors = Curvature::new(self.plan, &one)?.std_errors();
-            Ok(Some((places, one, errors)))
+            Ok((one, errors))
         };
         let mut out = fitted.clone();
         let (mut values, mut information) = (Vec::new(), Vec::new());
-        let all: Vec<_> = (0..parents).into_par_iter().map(own).collect::<Result<_, IdentifyError>>()?;
-        for (places, one, errors) in all.into_iter().flatten() {
+        let all: Vec<_> = places.par_iter().map(own).collect::<Result<_, IdentifyError>>()?;
+        for (places, (one, errors)) in places.iter().zip(all) {
             let known = |error: &f64| if error.is_finite() && *error > 0.0 { (error * error).recip() } else { 0.0 };
             information.push(errors.iter().map(known).collect());
             values.push(unknowns.iter().map(|u| u.value(&one.values)).collect());
