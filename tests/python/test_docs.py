@@ -87,7 +87,7 @@ def test_readme_example_runs(monkeypatch, capsys):
 
 def test_python_page_example_runs(monkeypatch, capsys):
     pytest.importorskip("pliant")
-    example, own_force = blocks((ROOT / "docs" / "python.md").read_text(encoding="utf-8"), "python")
+    example, _, _, own_force = blocks((ROOT / "docs" / "python.md").read_text(encoding="utf-8"), "python")
     (promised,) = re.findall(r"# heights of node 5 differ by ([\d.]+) m", example)
     monkeypatch.chdir(ROOT)
     exec(compile(example, "docs/python.md", "exec"), {})
@@ -95,6 +95,17 @@ def test_python_page_example_runs(monkeypatch, capsys):
     (promised,) = re.findall(r"# (-?[\d.]+) rad per N·m·s/rad", own_force)
     exec(compile(own_force, "docs/python.md", "exec"), {})
     assert float(capsys.readouterr().out) == pytest.approx(float(promised), rel=5e-3)
+
+
+def test_python_page_example_of_many_diagnoses_runs(monkeypatch, tmp_path, capsys):
+    pytest.importorskip("pliant")
+    _, many, cluster, _ = blocks((ROOT / "docs" / "python.md").read_text(encoding="utf-8"), "python")
+    # its scenes are not there, which ends as an answer for each; `test_many.py` diagnoses scenes, on a cluster too
+    monkeypatch.chdir(tmp_path)
+    exec(compile(many, "docs/python.md", "exec"), {})
+    told = capsys.readouterr().out
+    assert [name in told for name in ("a/scene.toml", "b/scene.toml")] == [True, True] and told.count("cannot be read") == 2
+    compile(cluster, "docs/python.md", "exec")
 
 
 def test_perception_page_example_runs(capsys):
