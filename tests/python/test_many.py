@@ -1,4 +1,4 @@
-"""Diagnoses of many scenes: on this machine's processes, and on two workers of dask, the same answers to the last digit."""
+"""Diagnoses of many scenes: on this machine's threads, and on two workers of dask, the same answers to the last digit."""
 
 import json
 
@@ -39,6 +39,12 @@ def test_a_cluster_answers_as_this_process_does(scenes, cluster):
         assert untimed(answer.report) == untimed(pliant.diagnose(str(scene)))
     # what cannot be read ends alone
     assert answers[1].report is None and "absent.toml" in answers[1].error
+
+
+@pytest.mark.long
+def test_threads_answer_as_one_after_the_other(scenes):
+    answers = many.diagnose(scenes)
+    assert [untimed(answer.report) for answer in answers] == [untimed(pliant.diagnose(str(scene))) for scene in scenes]
 
 
 @pytest.mark.long

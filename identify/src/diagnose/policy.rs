@@ -18,8 +18,6 @@ pub(super) struct Policy {
     /// Fits of the baseline, each from where the last one ended, before it is said not to converge.
     pub baseline_fits: usize,
     // records that contradict each other
-    /// Part of the longer record that the shorter one has to last to be of the same run [-].
-    pub same_run: f64,
     /// Difference of two simulated motions below which they are the same, in the size of the motion [-].
     pub same_motion: f64,
     // scatter of the sensors
@@ -235,7 +233,6 @@ pub(super) const POLICY: Policy = Policy {
     no_influence: 1e-24,
     given_up: 1.05,
     baseline_fits: 3,
-    same_run: 0.8,
     same_motion: 0.05,
     scatter_orders: 2..=6,
     scatter_samples: 50,

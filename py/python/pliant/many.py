@@ -8,16 +8,15 @@
     with Client("tcp://scheduler:8786") as client:
         answers = many.diagnose(scenes, executor=client.get_executor(pure=False))
 
-Scenes and logs are read where a diagnosis runs: the machines of a cluster need the same files at the same places, and pliant. Give each
-of their processes one thread (`dask worker --nthreads 1`): every diagnosis runs on one thread, and its numbers do not depend on it.
+Scenes and logs are read where a diagnosis runs: the machines of a cluster need the same files at the same places, and pliant. Every
+diagnosis runs on one thread, without Python's lock; its numbers do not depend on where and beside what it runs.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Iterable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,12 +40,12 @@ class Answer:
 def diagnose(cases: Iterable[Case], *, seed: int = 0, executor: Executor | None = None) -> list[Answer]:
     """Diagnoses every case: a scene, or a scene and further logs. Answers come in the order of the cases.
 
-    `executor`: any `concurrent.futures.Executor` of processes; by default one process a core. One that fails, and what cannot be read, ends
-    as an answer with an error; the others go on.
+    `executor`: any `concurrent.futures.Executor`; by default a thread for each core. What fails, or cannot be read, ends as an answer with
+    an error; the others go on.
     """
     work = [split(case) for case in cases]
     if executor is None:
-        with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as own:
+        with ThreadPoolExecutor(os.cpu_count()) as own:
             return gathered(own, work, seed)
     return gathered(executor, work, seed)
 
@@ -66,15 +65,12 @@ def gathered(executor: Executor, work: list[tuple[str, list[str]]], seed: int) -
     answers = []
     for (scene, _), future in zip(work, futures, strict=True):
         try:
-            answers.append(future.result())
-        # a process that died took its answer with it
+            answers.append(Answer(scene, future.result(), ""))
+        # wrong input and failed numerics, and of a cluster a process that died
         except Exception as error:
-            answers.append(Answer(scene, None, f"{type(error).__name__}: {error}"))
+            answers.append(Answer(scene, None, str(error) or type(error).__name__))
     return answers
 
 
-def one(scene: str, logs: list[str], seed: int) -> Answer:
-    try:
-        return Answer(scene, pliant.diagnose(scene, logs, seed=seed, threads=1), "")
-    except (ValueError, OSError, RuntimeError) as error:
-        return Answer(scene, None, str(error))
+def one(scene: str, logs: list[str], seed: int) -> dict[str, Any]:
+    return pliant.diagnose(scene, logs, seed=seed, threads=1)

@@ -86,7 +86,7 @@ fn apart(bench: &Bench, model: &Hypothesis, new: bool, most: f64) -> Result<(Opt
 impl Contest {
     /// The models that others extend come first, `beam` of them.
     pub fn new(bench: &Bench, models: &[&Hypothesis], beam: usize) -> Result<Self, IdentifyError> {
-        // with own sizes a model is out of the question where it is beside the best of those with common ones
+        // a model whose own sizes would leave far more than the best one leaves with common sizes need not be fitted with them
         let common = models.iter().map(|m| bench.over(&m.fitted)).fold(f64::INFINITY, f64::min).max(1.0);
         let most = POLICY.no_noise.min(POLICY.out_of_question * common);
         let all = models.par_iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam, most));

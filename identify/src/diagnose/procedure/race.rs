@@ -44,7 +44,7 @@ pub(super) fn race(
     let mut tests = 0;
     let mut tried = Vec::new();
     let mut plain = f64::INFINITY;
-    // models that an earlier one of the beam, which leaves noise, was tested for: what it does not promise it does not become from elsewhere
+    // children of the earlier models that leave noise: there the linearization is right, and the same child of a later model is the same
     let mut settled: Vec<Vec<String>> = Vec::new();
     for (parent, model) in beam.iter().enumerate() {
         let whole = model.fitted.of_some(POLICY.raced_records);
@@ -195,8 +195,7 @@ fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Trie
         rank += 1;
         let near = score(t) < best + 2.0 * POLICY.lead;
         let first = rank <= POLICY.finalists && plain / unit - score(t) > POLICY.far_behind * most;
-        let own = POLICY.per_number * (t.numbers - beam[t.parent].numbers()) as f64;
-        let likely = t.taken > own - POLICY.lead && t.taken - price(t) >= least;
+        let likely = t.taken > 0.0 && t.taken - price(t) >= least;
         !t.hopeless && (near && most > 0.0 || first || likely)
     });
     tried
