@@ -3,11 +3,12 @@
 use super::certainty::estimates;
 use super::constancy;
 use super::policy::POLICY;
-use super::procedure::{Found, OwnSizes};
+use super::procedure::Found;
 use super::result::*;
 use super::scores::Scores;
 use crate::causes::Cause as Candidate;
-use crate::shooting::Plan;
+use crate::fit::Fitted;
+use crate::shooting::{Plan, RecordPlan};
 use crate::stats::reduced::Reduced;
 use crate::unknown::{Coordinate, Unknown, Values};
 
@@ -31,7 +32,7 @@ pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], 
             statistic: evidence.statistic,
             foretold: evidence.foretold,
             constancy_p: Some(constancy::p_value(parts, fitted, &cause.unknowns)),
-            sizes: found.varying.as_ref().map_or_else(Vec::new, |own| sizes(plan, cause, own)),
+            sizes: sizes(fitted, cause),
             rivals: rivals(first, cause),
             parameters,
         }
@@ -39,22 +40,13 @@ pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], 
     found.best.causes.iter().zip(&found.evidence).map(one).collect()
 }
 
-/// The size of a cause's first number in every record; none where these do not differ.
-fn sizes(plan: &Plan, cause: &Candidate, own: &OwnSizes) -> Vec<RecordSize> {
-    let Some(first) = cause.unknowns.first() else { return Vec::new() };
-    let Some(place) = own.unknowns.iter().position(|u| u.target.same(&first.target)) else { return Vec::new() };
-    let records = plan.fitted.iter().filter(|rec| !rec.record.name.contains(" from ") || rec.parent == 0);
-    let mut names: Vec<String> = Vec::new();
-    for rec in records {
-        if names.len() == rec.parent {
-            names.push(rec.record.name.clone());
-        }
-    }
-    let one = |(k, sizes): (usize, &Vec<f64>)| RecordSize {
-        record: names.get(k).cloned().unwrap_or_else(|| format!("record {k}")),
-        size: sizes[place],
-    };
-    own.values.iter().enumerate().map(one).collect()
+/// The size of a cause's first number in every record, and in every part of one behind a gap; none where these do not differ.
+fn sizes(fitted: &Fitted, cause: &Candidate) -> Vec<RecordSize> {
+    let own = |u: &Unknown, rec: &RecordPlan| Some(rec.sizes.iter().find(|own| own.of.target.same(&u.target))?.value(&fitted.values));
+    let varies = |u: &&Unknown| fitted.records.iter().any(|rec| own(u, rec).is_some());
+    let Some(first) = cause.unknowns.iter().find(varies) else { return Vec::new() };
+    let one = |rec: &RecordPlan| Some(RecordSize { record: rec.record.name.clone(), size: own(first, rec)? });
+    fitted.records.iter().filter_map(one).collect()
 }
 
 /// The causes most similar to one on these data, among those tested against the baseline.

@@ -25,6 +25,9 @@ mod scores;
 mod story;
 mod verdict;
 
+#[cfg(test)]
+pub(crate) use audit::starts::tests as testing;
+
 pub use baseline::{FitReport, fit_scene};
 pub use pipeline::{DiagnoseOptions, diagnose};
 pub use result::*;

@@ -151,9 +151,7 @@ fn pass(
     let sensor_sigma = reported(&plan, bench.white.sigma());
     let noise = noise(&plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;
-    // where sizes differ from record to record, what is left beside the sizes of each
-    let beside = found.varying.as_ref().map_or(fitted, |own| &own.fitted);
-    let left = remainder(&bench, beside, &found.evidence, (&shifts, &numerics), base_rmse, &noise)?;
+    let left = remainder(&bench, fitted, &found.evidence, (&shifts, &numerics), base_rmse, &noise)?;
     clock.done("remainder");
 
     progress("intervals and held-out gain");

@@ -114,6 +114,18 @@ pub(super) struct Policy {
     /// A cause's size varies if own sizes pay for their numbers and their standard deviation is more than this part of their mean [-]: what
     /// is nearly the same everywhere has one size.
     pub varies: f64,
+    /// Part of what the sizes do that may be against what their mean does [-]. A tilt of gravity that stood in for something else in the tosses of a cube
+    /// did 45 % against it *(development)*.
+    pub against: f64,
+    /// Part of the squares that are left with common sizes up to which own sizes are worth a fit although they leave more than noise [-]: half of the
+    /// errors. Where they are that large a linearization is off by as much as it leaves.
+    pub mostly: f64,
+    /// Widest spread of a size that is looked for, in its standard error [-].
+    pub widest_spread: f64,
+    /// Times that the spreads of several numbers are each sought in turn.
+    pub spread_rounds: usize,
+    /// Grids of seventeen points, each an eighth as wide as the one before, that a spread is sought on.
+    pub spread_grids: usize,
     // numerics
     /// A size counts only beyond this many times the size that imitates the simulation's own error [-].
     pub beyond_bias: f64,
@@ -271,6 +283,11 @@ pub(super) const POLICY: Policy = Policy {
     no_noise: 8.0,
     worth: 0.03,
     varies: 0.1,
+    against: 0.1,
+    mostly: 0.25,
+    widest_spread: 1e6,
+    spread_rounds: 3,
+    spread_grids: 3,
     beyond_bias: 3.0,
     tolerated: 0.1,
     finest: 4.0,

@@ -71,7 +71,8 @@ pub struct Cause {
     /// −2 log likelihood ratio of taking it away, all else refitted [-]; where what is left is no noise, squares on records left out, in
     /// units of the sensors' scatter.
     pub statistic: f64,
-    /// Part of the squares on records left out of the fit that it takes [-]; absent with a single fitted record.
+    /// Part of the squares on records left out of the fit that it takes [-]; of a size that varies, on halves of records. Absent with a single
+    /// fitted record.
     pub foretold: Option<f64>,
     /// p of the hypothesis that its size is the same in all parts of the records, for the record: it decides nothing.
     pub constancy_p: Option<f64>,

@@ -83,7 +83,7 @@ pub(super) fn scores_under(
     let k = columns.unknowns.len();
     let one = |rec: &RecordPlan| {
         let shot = shot_of(plan, rec, &columns.unknowns, &columns.passes)?;
-        let reduced = |noise, shot| reduce_shot(plan, noise, &rec.start.z, shot, k, POLICY.score_blocks);
+        let reduced = |noise, shot| reduce_shot(plan, noise, &rec.z(), shot, k, POLICY.score_blocks);
         let other = other.map(|noise| reduced(noise, shot.clone())).transpose()?;
         Ok((reduced(&fitted.noise, shot)?, other))
     };
@@ -232,11 +232,17 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
+    joined(fitted, &reduce_each(plan, fitted, unknowns)?)
+}
+
+/// The same of every record, and of every piece of one, on its own.
+pub(super) fn reduce_each(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Vec<Reduced>, IdentifyError> {
     let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    merged(fitted, |_, rec| {
+    let one = |rec: &RecordPlan| {
         let shot = shot_of(plan, rec, unknowns, &passes)?;
-        reduce_shot(plan, &fitted.noise, &rec.start.z, shot, unknowns.len(), POLICY.score_blocks)
-    })
+        reduce_shot(plan, &fitted.noise, &rec.z(), shot, unknowns.len(), POLICY.score_blocks)
+    };
+    fitted.records.par_iter().map(one).collect()
 }
 
 /// The same with changes of the readings as further columns, behind those of the unknowns, each given by record; 0 where nothing was measured.
@@ -258,7 +264,7 @@ pub(super) fn reduce_beside(
             shot.global[row * k..(row + 1) * k].iter().copied().chain(changes)
         };
         shot.global = (0..shot.residual.len()).flat_map(row).collect();
-        reduce_shot(plan, &fitted.noise, &rec.start.z, shot, all, blocks)
+        reduce_shot(plan, &fitted.noise, &rec.z(), shot, all, blocks)
     })
 }
 

@@ -134,7 +134,7 @@ pub fn fit(
 
 /// The noise model of a point's residuals.
 fn noise_of(plan: &Plan, point: &Point, unknowns: &[Unknown]) -> Result<ArModel, IdentifyError> {
-    let lost = unknowns.len() + point.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+    let lost = unknowns.len() + point.records.iter().map(RecordPlan::own_unknowns).sum::<usize>();
     fit_noise(plan, &point.residuals, lost)
 }
 
@@ -165,7 +165,7 @@ fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknow
             return nothing.clone();
         }
         let squares = |x: &[f64]| x.iter().map(|a| a * a).sum::<f64>();
-        (squares(&r) + squares(&rec.start.z) + (shot.defect / FIT.defect_sigma).powi(2), shot.residual)
+        (squares(&r) + squares(&rec.z()) + (shot.defect / FIT.defect_sigma).powi(2), shot.residual)
     };
     let (parts, residuals): (Vec<f64>, Vec<Vec<f64>>) = records.par_iter().map(one).unzip();
     (parts.iter().sum::<f64>() + prior_cost(values, unknowns), residuals)
@@ -185,7 +185,7 @@ fn minimise(
 ) -> Result<(bool, usize), IdentifyError> {
     let mut damping = FIT.start_damping;
     (point.cost, point.residuals) = cost(plan, &point.values, &point.records, unknowns, noise);
-    let free = |rec: &RecordPlan| rec.start.unknowns() > 0 || !rec.nodes.is_empty();
+    let free = |rec: &RecordPlan| rec.own_unknowns() > 0 || !rec.nodes.is_empty();
     if unknowns.is_empty() && !point.records.iter().any(free) {
         return Ok((true, iterations));
     }
@@ -245,7 +245,7 @@ impl Linear {
             if k > 0 {
                 noise.whiten_columns(&mut shot.global, channels, k)?;
             }
-            let share = Share::new(&shot.residual, &shot.own, m, &shot.global, k, &rec.start.z);
+            let share = Share::new(&shot.residual, &shot.own, m, &shot.global, k, &rec.z());
             Ok((share, Shot { boundary: shot.boundary, own_columns: m, ..Shot::default() }))
         };
         let all: Vec<(Share, Shot)> = point.records.par_iter().map(one).collect::<Result<_, _>>()?;
@@ -327,7 +327,7 @@ fn pulls(unknowns: &[Unknown], point: &Point) -> Vec<(f64, f64)> {
 /// A record's initial and segment states moved along the condensed step; history variables are those of the simulation.
 fn moved(plan: &Plan, rec: &RecordPlan, dz: &DVector<f64>, dphi: &DVector<f64>, shot: &Shot) -> RecordPlan {
     let mut out = rec.clone();
-    out.start.z.iter_mut().zip(dz.iter()).for_each(|(z, d)| *z += d);
+    out.move_own(dz.as_slice());
     let step: Vec<f64> = dz.iter().chain(dphi.iter()).copied().chain([1.0]).collect();
     for ((_, state), tangent) in out.nodes.iter_mut().zip(&shot.boundary) {
         let change = |row: &[f64]| row.iter().zip(&step).map(|(t, s)| t * s).sum::<f64>();
@@ -353,6 +353,7 @@ mod tests {
             past: Vec::new(),
             others: Arc::default(),
             start: Default::default(),
+            sizes: Vec::new(),
             nodes: Vec::new(),
             parent,
             correction: Arc::default(),

@@ -2,6 +2,7 @@
 
 use super::dormant::{followers, opened, rejoin, tied};
 use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
+use super::own_size::OwnSize;
 use super::torque::drives_of;
 use crate::error::IdentifyError;
 use crate::log::{Beginning, Interpolation, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
@@ -27,6 +28,8 @@ pub struct RecordPlan {
     pub others: Arc<[OtherInputs; 2]>,
     /// Its initial state: prior and current estimate.
     pub start: StartState,
+    /// Sizes of its own of numbers that are common otherwise.
+    pub sizes: Vec<OwnSize>,
     /// States at segment starts, (step, x), estimated.
     pub nodes: Vec<(usize, pliant_math::State)>,
     /// Number of the measured record this is (a piece of), among those of its role.
@@ -287,6 +290,7 @@ impl Plan {
             past,
             others: Arc::new(others),
             start,
+            sizes: Vec::new(),
             nodes: Vec::new(),
             parent: 0,
             correction: Arc::default(),

@@ -5,6 +5,7 @@ use super::constants::SHOOTING;
 use super::marker_offset::{At, Beside};
 use super::observe::{Instant, met};
 use super::observed::Observed;
+use super::own_size::beside;
 use super::plan::{Plan, RecordPlan};
 use crate::form::Place;
 use crate::sensor::{DELAY, TIME_OFFSET};
@@ -72,6 +73,28 @@ struct Timetable {
 
 /// Simulates a record from its current initial state and segment states.
 pub fn shoot(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -> Result<Shot, StepError> {
+    if rec.sizes.is_empty() {
+        return passed(plan, rec, values, wants);
+    }
+    let values = rec.values(values);
+    let free: Vec<(&Unknown, f64)> = rec.sizes.iter().filter_map(|own| Some((&own.of, own.spread?))).collect();
+    if !wants.tangents || free.is_empty() {
+        return passed(plan, rec, &values, wants);
+    }
+    let mut unknowns = wants.unknowns.to_vec();
+    let mut place = |of: &Unknown| {
+        unknowns.iter().position(|u| u.target.same(&of.target)).unwrap_or_else(|| {
+            unknowns.push(of.clone());
+            unknowns.len() - 1
+        })
+    };
+    let places: Vec<(usize, f64)> = free.into_iter().map(|(of, spread)| (place(of), spread)).collect();
+    let shot = passed(plan, rec, &values, ShotWants { unknowns: &unknowns, ..wants })?;
+    Ok(beside(shot, wants.unknowns.len(), unknowns.len(), &places))
+}
+
+/// The same of a record whose sizes are these values.
+fn passed(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -> Result<Shot, StepError> {
     let own = if wants.tangents { rec.start.unknowns() } else { 0 };
     let columns = if wants.tangents { own + wants.unknowns.len() + 1 } else { 0 };
     let beside = Beside::new(plan, values, wants.unknowns);

@@ -138,7 +138,7 @@ fn motion(time: &[f64], y: &[f64], least: f64) -> Motion {
 }
 
 #[cfg(test)]
-pub(in super::super) mod tests {
+pub(crate) mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::log::{Logs, Record, Role, Setup, Split};

@@ -1,6 +1,6 @@
-//! A model across records: its errors on records left out, and whether a cause needs another size in every record.
+//! The errors of a model on records left out.
 //!
-//! Both come from one linearization at the optimum. With a record's whitened sensitivities G_r (its own starting state projected off), its
+//! They come from one linearization at the optimum. With a record's whitened sensitivities G_r (its own starting state projected off), its
 //! residual r_r, s_r = G_rᵀr_r, s = Σ s_r (zero where the fit has ended) and G = Σ G_rᵀG_r, the estimates without record r move by
 //! δ = (G − G_rᵀG_r)⁻¹ (s − s_r), and its squares are then |r_r − G_r δ|².
 
@@ -10,7 +10,6 @@ use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
 use crate::stats::reduced::Reduced;
-use crate::unknown::Unknown;
 use nalgebra::{DMatrix, DVector};
 
 /// Sums of one measured record.
@@ -48,26 +47,14 @@ pub(in super::super) fn solved(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f6
     DVector::from_fn(n, |j, _| x[j] / length(j))
 }
 
-/// A model across records.
-#[derive(Clone, Debug)]
-pub(in super::super) struct Across {
-    /// Whitened squares of every measured record under the estimates of all others.
-    pub left_out: Vec<f64>,
-    /// The squares with own sizes of some of its numbers, linearized.
-    pub own: Apart,
-}
-
-impl Across {
-    /// Of a fit; `own`: the numbers that may differ from record to record.
-    pub fn new(plan: &Plan, fitted: &Fitted, own: &[Unknown]) -> Result<Self, IdentifyError> {
-        let reduced = reduce(plan, fitted, &fitted.unknowns)?;
-        let records = by_record(&reduced);
-        Ok(Self { left_out: left_out(&reduced.gram(), &records), own: Apart::new(&reduced, &records, fitted, own) })
-    }
+/// Whitened squares of every measured record of a fit under the estimates of all others.
+pub(super) fn left_out(plan: &Plan, fitted: &Fitted) -> Result<Vec<f64>, IdentifyError> {
+    let reduced = reduce(plan, fitted, &fitted.unknowns)?;
+    Ok(of_sums(&reduced.gram(), &by_record(&reduced)))
 }
 
 /// Squares of every record under the estimates of all others; `whole`: the sum of all curvatures.
-fn left_out(whole: &DMatrix<f64>, records: &[Sums]) -> Vec<f64> {
+fn of_sums(whole: &DMatrix<f64>, records: &[Sums]) -> Vec<f64> {
     let score = records.iter().fold(DVector::zeros(whole.nrows()), |sum, r| sum + &r.score);
     let one = |r: &Sums| {
         let moved = solved(&(whole - &r.gram), &(&score - &r.score));
@@ -89,58 +76,6 @@ pub(super) fn better(before: &[f64], after: &[f64]) -> bool {
 /// Part of the squares that the second list leaves away.
 pub(super) fn share(before: &[f64], after: &[f64]) -> f64 {
     1.0 - after.iter().sum::<f64>() / before.iter().sum::<f64>().max(f64::MIN_POSITIVE)
-}
-
-/// Squares with own sizes of some numbers in every record, linearized.
-#[derive(Clone, Debug)]
-pub(in super::super) struct Apart {
-    /// Squares with a common size, and with own ones.
-    pub squares: [f64; 2],
-    /// Rows.
-    pub rows: f64,
-    /// Additional numbers.
-    pub numbers: f64,
-}
-
-impl Apart {
-    /// Sizes of `own` by record: all else that is fitted stays common.
-    fn new(reduced: &Reduced, records: &[Sums], fitted: &Fitted, own: &[Unknown]) -> Self {
-        let is_own = |j: &usize| own.iter().any(|o| o.target.same(&fitted.unknowns[*j].target));
-        let (sized, common): (Vec<usize>, Vec<usize>) = (0..fitted.unknowns.len()).partition(is_own);
-        let part = |m: &DMatrix<f64>, a: &[usize], b: &[usize]| DMatrix::from_fn(a.len(), b.len(), |i, j| m[(a[i], b[j])]);
-        let some = |v: &DVector<f64>, a: &[usize]| DVector::from_fn(a.len(), |i, _| v[a[i]]);
-        let mut gram = DMatrix::zeros(common.len(), common.len());
-        let mut score = DVector::zeros(common.len());
-        let (mut together, mut apart) = (0.0, 0.0);
-        for r in records {
-            let (inner, cross) = (part(&r.gram, &sized, &sized), part(&r.gram, &sized, &common));
-            let (own, other) = (some(&r.score, &sized), some(&r.score, &common));
-            let weights: Vec<DVector<f64>> = cross.column_iter().map(|c| solved(&inner, &c.into_owned())).collect();
-            let by = DMatrix::from_fn(sized.len(), common.len(), |i, j| weights[j][i]);
-            gram += part(&r.gram, &common, &common) - cross.transpose() * &by;
-            score += other - by.transpose() * &own;
-            together += r.square;
-            apart += r.square - own.dot(&solved(&inner, &own));
-        }
-        let moved = solved(&gram, &score);
-        apart -= moved.dot(&score);
-        Self {
-            squares: [together, apart.max(0.0)],
-            rows: reduced.rows() as f64,
-            numbers: (records.len().saturating_sub(1) * sized.len()) as f64,
-        }
-    }
-
-    /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of their numbers. Where they
-    /// leave more than `most` times the scatter they are not asked for.
-    pub fn promises(&self, most: f64) -> bool {
-        let [together, apart] = self.squares;
-        if apart > most * most * self.rows {
-            return false;
-        }
-        let taken = self.rows * (together / apart.max(f64::MIN_POSITIVE)).max(1.0).ln();
-        self.numbers > 0.0 && taken > POLICY.per_number * self.numbers
-    }
 }
 
 #[cfg(test)]
@@ -177,7 +112,7 @@ mod tests {
             })
             .collect();
         let whole = sums.iter().fold(DMatrix::zeros(2, 2), |sum, r| sum + &r.gram);
-        for (r, found) in left_out(&whole, &sums).into_iter().enumerate() {
+        for (r, found) in of_sums(&whole, &sums).into_iter().enumerate() {
             let others: Vec<[f64; 3]> =
                 records.iter().enumerate().filter(|(k, _)| *k != r).flat_map(|(_, rows)| rows.clone()).collect();
             let truth: f64 = left(&records[r], &fit(&others)).iter().map(|e| e * e).sum();

@@ -2,52 +2,89 @@
 //!
 //! If another cause imitates an accepted one exactly, whatever its size, then it also does so for a small change of size: at the accepted model,
 //! and at the same one with the cause taken back to the scene's value, the two directions of change of the readings are parallel, all else
-//! that is fitted projected off: nearly so without the cause, where the model is not that of the data. That needs no refit, which may fail to arrive (an encoder's scale that stands for a floor's friction has
-//! to take every starting state with it). One end alone would not do: beside a free gain, an encoder's scale changes the size of a cubic
-//! spring that is there, and makes none.
+//! that is fitted projected off: nearly so without the cause, where the model is not that of the data. That needs no refit, which may fail to
+//! arrive (an encoder's scale that stands for a floor's friction has to take every starting state with it). One end alone would not do: beside a
+//! free gain, an encoder's scale changes the size of a cubic spring that is there, and makes none. Where the cause takes so much that the
+//! data would tell even this little difference of direction, a refit decides.
 
 use super::super::policy::POLICY;
 use super::super::scores::scores_in;
+use super::apart::{frozen, own_numbers, uncertain, with_common};
 use super::coarse::Coarse;
-use super::hypothesis::{Bench, Hypothesis};
+use super::hypothesis::{Bench, Hypothesis, squares};
+use super::search::Evidence;
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::unknown::Unknown;
 
-/// Of every accepted cause the others that move the readings in the same way. `refitted`: models that were held against others, by their
-/// keys; a cause that was refitted in place of the accepted one is judged by that.
+/// Of every accepted cause the others that move the readings in the same way. `judged`: the best model as it is judged, `evidence` of its causes;
+/// `refitted`: models that were held against others, by their keys: a cause that was refitted in place of the accepted one is judged by that.
 pub(super) fn alike(
     bench: &Bench,
     best: &Hypothesis,
-    fitted: &Fitted,
+    judged: &Fitted,
+    evidence: &[Evidence],
     refitted: &[Vec<String>],
     seed: u64,
 ) -> Result<Vec<Vec<Cause>>, IdentifyError> {
-    let coarse = Coarse::of(bench, fitted)?;
-    let (bench, fitted) = (&coarse.bench(bench), &coarse.fitted);
-    let one = |cause: &Cause| -> Result<Vec<Cause>, IdentifyError> {
+    let coarse = Coarse::of(bench, &judged.of_some(POLICY.searched_records))?;
+    let (there, fitted) = (&coarse.bench(bench), &coarse.fitted);
+    let one = |(k, (cause, evidence)): (usize, (&Cause, &Evidence))| -> Result<Vec<Cause>, IdentifyError> {
         let swapped = |other: &Cause| {
             let mut key: Vec<String> = best.key().into_iter().filter(|t| *t != cause.title()).chain([other.title()]).collect();
             key.sort();
             key
         };
-        let mut all = parallel(bench, fitted, cause, POLICY.alike, seed)?;
-        all.retain(|other| !refitted.contains(&swapped(other)));
+        let records = fitted.records.iter().map(|rec| frozen(rec, &cause.unknowns)).collect();
+        let mut all = parallel(there, &Fitted { records, ..fitted.clone() }, cause, POLICY.alike, seed)?;
+        all.retain(|other| !refitted.contains(&swapped(&other.cause)));
         if all.is_empty() {
-            return Ok(all);
+            return Ok(Vec::new());
         }
-        let mut back = fitted.clone();
+        let mut back = with_common(fitted, &cause.unknowns);
         cause.unknowns.iter().for_each(|u| u.set(&mut back.values, u.value(&bench.plan.scene_values)));
-        let there: Vec<String> = parallel(bench, &back, cause, POLICY.alike_before, seed)?.iter().map(Cause::title).collect();
-        all.retain(|other| there.contains(&other.title()));
-        Ok(all)
+        let before = parallel(there, &back, cause, POLICY.alike_before, seed)?;
+        let mut out = Vec::new();
+        for other in all {
+            // in place of the cause it would have to be the other way than is physical
+            let Some(begun) = before.iter().find(|b| b.cause.title() == other.cause.title() && b.admissible) else { continue };
+            let told = (1.0 - other.cosine * other.cosine) * evidence.statistic > POLICY.lead;
+            if !told || comes_as_near(bench, best, judged, k, begun)? {
+                out.push(other.cause);
+            }
+        }
+        Ok(out)
     };
-    best.causes.iter().map(one).collect()
+    best.causes.iter().zip(evidence).enumerate().map(one).collect()
+}
+
+/// Whether the model with a cause replaced by another, refitted, cannot be told from it; so too if the refit does not arrive.
+fn comes_as_near(bench: &Bench, best: &Hypothesis, judged: &Fitted, k: usize, other: &Parallel) -> Result<bool, IdentifyError> {
+    let (noise, varies) = (&judged.noise, best.varies(k));
+    let without = bench.without(best, k)?;
+    let Ok((rough, cause)) = bench.with(&without.fitted, &other.cause, &other.step, &[]) else { return Ok(true) };
+    let Ok(plain) = bench.finished(&rough, &without.fitted.records) else { return Ok(true) };
+    let apart = if varies { bench.apart(&plain, &cause.unknowns, f64::INFINITY)? } else { None };
+    let swapped = without.and(cause, apart.unwrap_or(plain));
+    let fitted = super::contest::judged(bench, &swapped, noise, POLICY.no_noise)?;
+    let own = |fitted: &Fitted| uncertain(bench, fitted, &own_numbers(fitted));
+    let [here, there] = [squares(bench.plan, judged, noise)? + own(judged)?, squares(bench.plan, &fitted, noise)? + own(&fitted)?];
+    Ok(!fitted.converged || there - here < POLICY.lead)
+}
+
+/// A cause that moves the readings as another does.
+struct Parallel {
+    cause: Cause,
+    /// Smallest principal cosine of the two.
+    cosine: f64,
+    /// The step that the linearization proposes, and whether its sign is physical.
+    step: Vec<f64>,
+    admissible: bool,
 }
 
 /// The causes whose directions have at least this cosine with that of `cause` at a fit.
-fn parallel(bench: &Bench, fitted: &Fitted, cause: &Cause, cosine: f64, seed: u64) -> Result<Vec<Cause>, IdentifyError> {
+fn parallel(bench: &Bench, fitted: &Fitted, cause: &Cause, cosine: f64, seed: u64) -> Result<Vec<Parallel>, IdentifyError> {
     let own = |u: &&Unknown| cause.unknowns.iter().any(|o| o.target.same(&u.target));
     let others: Vec<Unknown> = fitted.unknowns.iter().filter(|u| !own(u)).cloned().collect();
     let at = Situation { plan: bench.plan, values: &fitted.values, free: &others, together: true };
@@ -55,6 +92,10 @@ fn parallel(bench: &Bench, fitted: &Fitted, cause: &Cause, cosine: f64, seed: u6
     let of = |j: usize| &tested.causes[tested.tested[j]];
     let all = 0..tested.tested.len();
     let Some(j) = all.clone().find(|&j| of(j).title() == cause.title()) else { return Ok(Vec::new()) };
+    let one = |k: usize| {
+        let (score, cosine) = (&tested.score.candidates[k], tested.score.containment[(j, k)]);
+        Parallel { cause: of(k).clone(), cosine, step: score.theta.clone(), admissible: score.admissible }
+    };
     let same = |k: &usize| *k != j && tested.score.candidates[*k].rank > 0 && tested.score.containment[(j, *k)] >= cosine;
-    Ok(all.filter(same).map(|k| of(k).clone()).collect())
+    Ok(all.filter(same).map(one).collect())
 }

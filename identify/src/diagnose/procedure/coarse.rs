@@ -103,7 +103,7 @@ impl Coarse {
     pub fn back(&self, records: &[RecordPlan], from: &[RecordPlan]) -> Vec<RecordPlan> {
         let one = |(rec, from): (&RecordPlan, &RecordPlan)| {
             let nodes = rec.nodes.iter().map(|(step, x)| (step * self.steps, x.clone())).collect();
-            RecordPlan { start: rec.start.clone(), nodes, ..from.clone() }
+            RecordPlan { start: rec.start.clone(), sizes: rec.sizes.clone(), nodes, ..from.clone() }
         };
         records.iter().zip(from).map(one).collect()
     }
@@ -147,7 +147,7 @@ impl Bench<'_> {
             let near = there(&plan, &longer).and_then(|near| {
                 let starts = records.iter().zip(&near.records);
                 let records: Vec<RecordPlan> =
-                    starts.map(|(rec, near)| RecordPlan { start: near.start.clone(), ..rec.clone() }).collect();
+                    starts.map(|(rec, near)| RecordPlan { start: near.start.clone(), sizes: near.sizes.clone(), ..rec.clone() }).collect();
                 self.polished(&records, &near.values, unknowns, &self.white, options)
             });
             if let Ok(near) = near {

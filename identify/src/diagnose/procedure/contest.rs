@@ -8,14 +8,17 @@
 //! ```
 //! Where even the best leaves far more than the sensors' scatter there is no noise model, and models are compared by their errors on
 //! records left out ([`super::across`]). A cause may need another size in every record: own sizes compete as well, at the price of their
-//! numbers, so that a wrong law with one size does not beat the right one with several.
+//! spread ([`super::apart`]), so that a wrong law with one size does not beat the right one with several.
 
 use super::super::policy::POLICY;
-use super::across::{self, Across};
+use super::across;
+use super::apart::{Apart, own_numbers, spreads, uncertain};
 use super::coarse::Coarse;
-use super::hypothesis::{Bench, Hypothesis, OwnSizes, squares};
+use super::hypothesis::{Bench, Hypothesis, squares};
+use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{Fitted, floors};
+use crate::shooting::RecordPlan;
 use crate::stats::ar::{ArModel, ArOptions, Order};
 use crate::unknown::Unknown;
 use rayon::prelude::*;
@@ -31,8 +34,10 @@ pub(super) struct Contest {
     pub scores: Vec<f64>,
     /// What its numbers cost of that.
     pub prices: Vec<f64>,
-    /// Whether the last cause of each surely has another size in every record; its score is then that with own sizes.
+    /// Whether the last cause of each surely has another size in every record; it is then judged with own sizes.
     pub varies: Vec<bool>,
+    /// Each with own sizes of its last cause, where these were worth a fit.
+    apart: Vec<Option<Fitted>>,
     /// Each on longer steps and across records, where it was asked for.
     seen: Vec<OnceCell<Seen>>,
 }
@@ -40,7 +45,7 @@ pub(super) struct Contest {
 /// AR(2) of a fit's residual.
 pub(super) fn noise_of(bench: &Bench, fitted: &Fitted) -> Result<ArModel, IdentifyError> {
     let slices: Vec<&[f64]> = fitted.residuals.iter().map(Vec::as_slice).collect();
-    let lost = fitted.unknowns.len() + fitted.records.iter().map(|r| r.start.z.len()).sum::<usize>();
+    let lost = fitted.unknowns.len() + fitted.records.iter().map(RecordPlan::own_unknowns).sum::<usize>();
     let order = Order::Fixed(POLICY.noise_order);
     let options = ArOptions { order, sigma_floor: floors(bench.plan, 1e-3), lost_dof: lost };
     let model = ArModel::fit(&slices, bench.plan.channels(), &options)?;
@@ -59,28 +64,55 @@ pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: 
     bench.polished(&plain.records, &plain.values, &plain.unknowns, noise, &POLICY.fine)
 }
 
-/// A model on longer steps, for its sensitivities, and across records.
-type Seen = (Coarse, Across);
+/// A model on longer steps, for its sensitivities, and its squares on every record with it left out.
+type Seen = (Coarse, Vec<f64>);
 
-fn seen(bench: &Bench, fitted: &Fitted, own: &[Unknown]) -> Result<Seen, IdentifyError> {
+fn seen(bench: &Bench, fitted: &Fitted) -> Result<Seen, IdentifyError> {
     let coarse = Coarse::of(bench, fitted)?;
-    let across = Across::new(&coarse.plan, &coarse.fitted, own)?;
-    Ok((coarse, across))
+    let left_out = across::left_out(&coarse.plan, &coarse.fitted)?;
+    Ok((coarse, left_out))
 }
 
-/// A model with own sizes of the numbers that are known to vary, and of those of its last cause if it is new and own sizes promise to leave no
-/// more than `most` times the scatter; and what that was told from.
-fn apart(bench: &Bench, model: &Hypothesis, new: bool, most: f64) -> Result<(Option<OwnSizes>, Option<Seen>), IdentifyError> {
-    let last = model.causes.last().filter(|_| new).map_or(&[][..], |cause| &cause.unknowns);
-    let own: Vec<Unknown> = model.varying.iter().chain(last).cloned().collect();
-    if own.is_empty() {
-        return Ok((None, None));
+/// A model as it is judged: its score, and what its numbers cost of that.
+struct Scored {
+    fitted: Fitted,
+    score: f64,
+    price: f64,
+}
+
+/// A fit under the noise that it was fitted under. Own sizes cost their spreads, and what the deviations are uncertain by.
+fn scored(bench: &Bench, fitted: Fitted, numbers: usize) -> Result<Scored, IdentifyError> {
+    let own = own_numbers(&fitted);
+    let price = POLICY.per_number * (numbers + own.len()) as f64 + uncertain(bench, &fitted, &own)?;
+    let score = squares(bench.plan, &fitted, &fitted.noise)? + price;
+    Ok(Scored { fitted, score, price })
+}
+
+/// A model under the noise of the best with own sizes of the numbers of its last cause, if it varies: these lead, differ without pointing both
+/// ways, and one half of a record foretells the other better by its own size than by the common one.
+fn varying(bench: &Bench, common: &Scored, apart: &Fitted, model: &Hypothesis) -> Result<Option<Scored>, IdentifyError> {
+    let last = model.causes.last().map_or(&[][..], |cause| &cause.unknowns);
+    let noise = &common.fitted.noise;
+    let (begun, _) = bench.spread_anew(&Fitted { noise: noise.clone(), ..apart.clone() }, last)?;
+    if own_numbers(&begun).len() == own_numbers(&common.fitted).len() {
+        return Ok(None);
     }
-    let seen = seen(bench, &model.fitted, &own)?;
-    let (coarse, across) = &seen;
-    let asked = !model.varying.is_empty() || across.own.promises(most);
-    let sizes = asked.then(|| coarse.bench(bench).own_sizes(&coarse.fitted, &own, None)).transpose()?;
-    Ok((sizes, Some(seen)))
+    let fitted = bench.polished(&begun.records, &begun.values, &begun.unknowns, noise, &POLICY.fine)?;
+    let own = scored(bench, fitted, model.numbers())?;
+    if own.score >= common.score - POLICY.lead {
+        return Ok(None);
+    }
+    let [together, apart] = [&common.fitted, &own.fitted].map(|fitted| halves(bench, fitted, last));
+    let (together, apart) = (together?, apart?);
+    let sizes = apart.sizes(last, &own.fitted.values, &bench.plan.scene_values);
+    let carries = across::better(&together.halves(), &apart.left_out(&spreads(&own.fitted, last)));
+    Ok((carries && apart.differ(&sizes) && !apart.points_both_ways(&sizes)).then_some(own))
+}
+
+/// What the data say of own sizes of some numbers of a fit, on longer steps.
+fn halves(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> Result<Apart, IdentifyError> {
+    let coarse = Coarse::of(bench, fitted)?;
+    Apart::new(&coarse.bench(bench), &coarse.fitted, numbers)
 }
 
 impl Contest {
@@ -89,17 +121,22 @@ impl Contest {
         // a model whose own sizes would leave far more than the best one leaves with common sizes need not be fitted with them
         let common = models.iter().map(|m| bench.over(&m.fitted)).fold(f64::INFINITY, f64::min).max(1.0);
         let most = POLICY.no_noise.min(POLICY.out_of_question * common);
-        let all = models.par_iter().enumerate().map(|(k, m)| apart(bench, m, k >= beam, most));
-        let (own, before): (Vec<Option<OwnSizes>>, Vec<Option<Seen>>) =
-            all.collect::<Result<Vec<_>, IdentifyError>>()?.into_iter().unzip();
-        // every model with common sizes and with own ones, and the numbers of each
-        let numbers = |k: usize| models[k].numbers() as f64;
-        let common = models.iter().enumerate().map(|(k, m)| (&m.fitted, numbers(k)));
-        let apart = own.iter().enumerate().filter_map(|(k, own)| own.as_ref().map(|o| (&o.fitted, numbers(k) + o.more())));
-        let all: Vec<(&Fitted, f64)> = common.chain(apart).collect();
+        let apart = |(k, model): (usize, &&Hypothesis)| match model.causes.last() {
+            Some(last) if k >= beam => bench.apart(&model.fitted, &last.unknowns, most),
+            _ => Ok(None),
+        };
+        let apart: Vec<Option<Fitted>> = models.par_iter().enumerate().map(apart).collect::<Result<_, _>>()?;
+        // every model with common sizes and with own ones
+        let all: Vec<(&Fitted, usize)> = models
+            .iter()
+            .zip(&apart)
+            .flat_map(|(m, own)| [Some((&m.fitted, m.numbers())), own.as_ref().map(|own| (own, m.numbers()))])
+            .flatten()
+            .collect();
         let over = all.iter().map(|(f, _)| bench.over(f)).fold(f64::INFINITY, f64::min).max(1.0);
         let mut best = (f64::INFINITY, all[0].0);
         for (fitted, numbers) in &all {
+            let numbers = (numbers + own_numbers(fitted).len()) as f64;
             let rough = squares(bench.plan, fitted, &bench.white)? / (over * over) + POLICY.per_number * numbers;
             if rough < best.0 {
                 best = (rough, fitted);
@@ -108,50 +145,67 @@ impl Contest {
         let no_noise = bench.no_noise(best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
-        let fit = |(k, before): (usize, Option<Seen>)| -> Result<(Fitted, Option<Seen>, Option<OwnSizes>), IdentifyError> {
+        let fit = |k: usize| -> Result<(Scored, Option<Seen>, bool), IdentifyError> {
             if no_noise {
-                let seen = before.map_or_else(|| seen(bench, &models[k].fitted, &[]), Ok)?;
-                return Ok((models[k].fitted.clone(), Some(seen), None));
+                let seen = seen(bench, &models[k].fitted)?;
+                let score = seen.1.iter().sum();
+                return Ok((Scored { fitted: models[k].fitted.clone(), score, price: 0.0 }, Some(seen), false));
             }
-            let fitted = judged(bench, models[k], &noise, least)?;
-            let asked = own[k].as_ref().filter(|o| bench.over(&o.fitted) <= least);
-            let own = asked.map(|o| bench.own_sizes(&fitted, &o.unknowns, Some(&noise))).transpose()?;
-            Ok((fitted, None, own))
+            let common = scored(bench, judged(bench, models[k], &noise, least)?, models[k].numbers())?;
+            let own = apart[k].as_ref().filter(|own| bench.over(own) <= least);
+            let own = own.map(|own| varying(bench, &common, own, models[k])).transpose()?.flatten();
+            let varies = own.is_some();
+            Ok((own.unwrap_or(common), None, varies))
         };
-        let judged: Vec<_> = before.into_par_iter().enumerate().map(fit).collect::<Result<_, _>>()?;
-        let mut out =
-            Self { no_noise, fits: Vec::new(), scores: Vec::new(), prices: Vec::new(), varies: Vec::new(), seen: Vec::new() };
-        for (k, ((fitted, seen, own), model)) in judged.into_iter().zip(models).enumerate() {
-            let price = POLICY.per_number * numbers(k);
-            let score = match &seen {
-                Some((_, across)) => across.left_out.iter().sum(),
-                None => squares(bench.plan, &fitted, &noise)? + price,
-            };
-            let with_own = match own {
-                Some(own) => {
-                    let price = POLICY.per_number * (numbers(k) + own.more());
-                    let score = squares(bench.plan, &own.fitted, &noise)? + price;
-                    let new = model.causes.last().filter(|_| k >= beam).map_or(&[][..], |cause| &cause.unknowns);
-                    (own.differ(bench.plan, new) || !model.varying.is_empty()).then_some((score, price))
-                }
-                None => None,
-            };
-            let varies = with_own.is_some_and(|(own, _)| own < score - POLICY.lead);
-            let (score, price) = with_own.filter(|_| varies).unwrap_or((score, price));
-            out.fits.push(fitted);
+        let judged: Vec<_> = (0..models.len()).into_par_iter().map(fit).collect::<Result<_, _>>()?;
+        let mut out = Self {
+            no_noise,
+            fits: Vec::new(),
+            scores: Vec::new(),
+            prices: Vec::new(),
+            varies: judged.iter().map(|(.., varies)| *varies).collect(),
+            apart,
+            seen: Vec::new(),
+        };
+        for (scored, seen, _) in judged {
+            out.fits.push(scored.fitted);
             out.seen.push(seen.map_or_else(OnceCell::new, OnceCell::from));
-            out.scores.push(score);
-            out.prices.push(price);
-            out.varies.push(varies && k >= beam);
+            out.scores.push(scored.score);
+            out.prices.push(scored.price);
         }
         Ok(out)
+    }
+
+    /// A model as the next cause is tried on it: with own sizes of its last cause where these vary.
+    pub fn adopted(&self, k: usize, model: &Hypothesis) -> Hypothesis {
+        let mut out = model.clone();
+        if let (true, Some(own)) = (self.varies[k], &self.apart[k]) {
+            out.fitted = own.clone();
+            out.trail.pop();
+            out.trail.push(own.clone());
+        }
+        out
+    }
+
+    /// Squares of two models on what was left out: on every record, or, where the second one's last cause has another size in each, on both
+    /// halves of every record, the size being told from the other half.
+    pub fn left_out(&self, bench: &Bench, before: usize, after: usize, cause: &Cause) -> Result<[Vec<f64>; 2], IdentifyError> {
+        if !self.varies[after] {
+            return Ok([self.seen(bench, before)?.1.clone(), self.seen(bench, after)?.1.clone()]);
+        }
+        let halves = |k: usize| -> Result<Apart, IdentifyError> {
+            let coarse = self.coarse(bench, k)?;
+            Apart::new(&coarse.bench(bench), &coarse.fitted, &cause.unknowns)
+        };
+        let spreads = spreads(&self.fits[after], &cause.unknowns);
+        Ok([halves(before)?.halves(), halves(after)?.left_out(&spreads)])
     }
 
     fn seen(&self, bench: &Bench, k: usize) -> Result<&Seen, IdentifyError> {
         if let Some(seen) = self.seen[k].get() {
             return Ok(seen);
         }
-        let now = seen(bench, &self.fits[k], &[])?;
+        let now = seen(bench, &self.fits[k])?;
         Ok(self.seen[k].get_or_init(|| now))
     }
 
@@ -160,17 +214,12 @@ impl Contest {
         Ok(&self.seen(bench, k)?.0)
     }
 
-    /// Squares of a model on every record with it left out.
-    pub fn left_out(&self, bench: &Bench, k: usize) -> Result<&[f64], IdentifyError> {
-        Ok(&self.seen(bench, k)?.1.left_out)
-    }
-
     /// Whether model `k` cannot be told from the better model `best`. What its numbers cost more tells nothing: that a tilt has two and a turn of
     /// the camera three makes neither likelier.
     pub fn ties(&self, best: usize, k: usize) -> bool {
         if self.no_noise {
             // the scores were made of these
-            let left_out = |k: usize| self.seen[k].get().map_or(&[][..], |(_, across)| across.left_out.as_slice());
+            let left_out = |k: usize| self.seen[k].get().map_or(&[][..], |(_, left_out)| left_out.as_slice());
             return !across::better(left_out(k), left_out(best));
         }
         let more = (self.prices[k] - self.prices[best]).max(0.0);
@@ -196,6 +245,7 @@ mod tests {
             scores: vec![130.0, 146.0, 160.5],
             prices: vec![30.0, 45.0, 30.0],
             varies: Vec::new(),
+            apart: Vec::new(),
             seen: Vec::new(),
         };
         assert!(contest.ties(0, 1) && !contest.ties(0, 2));

@@ -1,7 +1,7 @@
 //! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
 
-use super::super::certainty::Curvature;
 use super::super::policy::POLICY;
+use super::apart::{carried, own_numbers, with_common};
 use super::coarse::Coarse;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -20,27 +20,25 @@ pub(in super::super) struct Hypothesis {
     pub fitted: Fitted,
     /// The same with the first cause, the first two and so on; the last is `fitted`.
     pub trail: Vec<Fitted>,
-    /// Numbers of its causes that surely have another size in every record.
-    pub varying: Vec<Unknown>,
 }
 
 impl Hypothesis {
     /// The scene as it is declared.
     pub fn baseline(fitted: Fitted) -> Self {
-        Self { causes: Vec::new(), fitted, trail: Vec::new(), varying: Vec::new() }
+        Self { causes: Vec::new(), fitted, trail: Vec::new() }
     }
 
     /// With one more cause.
     pub fn and(&self, cause: Cause, fitted: Fitted) -> Self {
         let causes = self.causes.iter().cloned().chain([cause]).collect();
         let trail = self.trail.iter().cloned().chain([fitted.clone()]).collect();
-        Self { causes, fitted, trail, varying: self.varying.clone() }
+        Self { causes, fitted, trail }
     }
 
     /// Led on to `records` by at most two steps; where it may leave noise a contest fits it to the end. The models on the way to it keep their
     /// values, as they were found.
     pub fn on(&self, bench: &Bench, records: &[RecordPlan]) -> Result<Self, IdentifyError> {
-        let fitted = bench.led(&self.fitted, records, &POLICY.widened)?;
+        let fitted = bench.led(&self.fitted, &carried(&self.fitted, records), &POLICY.widened)?;
         let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
             let starts = fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse)?;
             Ok(Fitted { unknowns: before.unknowns.clone(), ..starts })
@@ -53,6 +51,11 @@ impl Hypothesis {
     /// Numbers freed for its causes.
     pub fn numbers(&self) -> usize {
         self.causes.iter().map(|cause| cause.unknowns.len()).sum()
+    }
+
+    /// Whether a cause of it has sizes of its own in every record.
+    pub fn varies(&self, k: usize) -> bool {
+        own_numbers(&self.fitted).iter().any(|own| self.causes[k].unknowns.iter().any(|u| u.target.same(&own.target)))
     }
 
     /// Titles of its causes in the order of the alphabet: the same for the same model however it was found.
@@ -71,49 +74,13 @@ impl Hypothesis {
     }
 }
 
-/// A fit in which some numbers have another size in every record.
-#[derive(Clone, Debug)]
-pub(in super::super) struct OwnSizes {
-    /// The numbers.
-    pub unknowns: Vec<Unknown>,
-    /// Their values, by measured record and in the same order.
-    pub values: Vec<Vec<f64>>,
-    /// Of each what its record says about it: one over the squared standard error; 0 where it says nothing.
-    pub information: Vec<Vec<f64>>,
-    /// Records and residuals with these sizes; values and everything else are those of the common fit.
-    pub fitted: Fitted,
-}
-
-impl OwnSizes {
-    /// Additional numbers.
-    pub fn more(&self) -> f64 {
-        (self.values.len().saturating_sub(1) * self.unknowns.len()) as f64
-    }
-
-    /// Whether the sizes of one of `of` differ by more than a part of their mean, counted from the scene's value; each weighs as much as its
-    /// record says about it.
-    pub fn differ(&self, plan: &Plan, of: &[Unknown]) -> bool {
-        self.unknowns.iter().enumerate().filter(|(_, u)| of.iter().any(|o| o.target.same(&u.target))).any(|(j, u)| {
-            let none = u.coordinate_of(u.value(&plan.scene_values));
-            let sizes =
-                || self.values.iter().zip(&self.information).map(|(own, known)| (u.coordinate_of(own[j]) - none, known[j]));
-            let mean_of = |f: &dyn Fn(f64) -> f64| {
-                let weight = sizes().map(|(_, known)| known).sum::<f64>().max(f64::MIN_POSITIVE);
-                sizes().map(|(x, known)| f(x) * known).sum::<f64>() / weight
-            };
-            let mean = mean_of(&|x| x);
-            mean_of(&|x| (x - mean) * (x - mean)).sqrt() > POLICY.varies * mean.abs()
-        })
-    }
-}
-
 /// Whitened squares of a fit under a noise model, its records' own unknowns counted by their prior.
 pub(super) fn squares(plan: &Plan, fitted: &Fitted, noise: &ArModel) -> Result<f64, IdentifyError> {
     let mut sum = 0.0;
     for (rec, residual) in fitted.records.iter().zip(&fitted.residuals) {
         let mut r = residual.clone();
         noise.whiten(&mut r, plan.channels())?;
-        sum += r.iter().chain(&rec.start.z).map(|x| x * x).sum::<f64>();
+        sum += r.iter().chain(&rec.z()).map(|x| x * x).sum::<f64>();
     }
     let prior = |u: &Unknown| u.prior.map(|(mean, std)| ((u.value(&fitted.values) - mean) / std).powi(2));
     Ok(sum + fitted.unknowns.iter().filter_map(prior).sum::<f64>())
@@ -155,13 +122,14 @@ impl Bench<'_> {
         options: &FitOptions,
     ) -> Result<Fitted, IdentifyError> {
         let unknowns = self.plan.tied(unknowns.to_vec());
+        let records: Vec<RecordPlan> = records.iter().map(|rec| rec.tied(&unknowns)).collect();
         let mut values = start.clone();
         self.plan.followers.iter().for_each(|&(leader, follower)| {
             if unknowns.iter().any(|u| u.target == Target::Theta(vec![leader, follower])) {
                 values.theta[follower] = values.theta[leader];
             }
         });
-        fit(self.plan, records, &values, &unknowns, Some(&self.white), options)
+        fit(self.plan, &records, &values, &unknowns, Some(&self.white), options)
     }
 
     /// `parent` with a cause freed as well (and `beside` it its unmeasured companions), from the start that comes nearest to the data;
@@ -204,35 +172,6 @@ impl Bench<'_> {
         Ok((fitted, Cause { unknowns: own, ..cause.clone() }))
     }
 
-    /// The fit with own sizes of some of its numbers in every measured record, all other numbers as they are; under `noise`, or by least
-    /// squares.
-    pub fn own_sizes(&self, fitted: &Fitted, own: &[Unknown], noise: Option<&ArModel>) -> Result<OwnSizes, IdentifyError> {
-        let is_own = |u: &&Unknown| own.iter().any(|o| o.target.same(&u.target));
-        let unknowns: Vec<Unknown> = fitted.unknowns.iter().filter(is_own).cloned().collect();
-        let parents = fitted.records.last().map_or(0, |rec| rec.parent + 1);
-        let places = |parent: usize| (0..fitted.records.len()).filter(|&k| fitted.records[k].parent == parent).collect();
-        let places: Vec<Vec<usize>> = (0..parents).map(places).filter(|places: &Vec<usize>| !places.is_empty()).collect();
-        let own = |places: &Vec<usize>| -> Result<(Fitted, Vec<f64>), IdentifyError> {
-            let records: Vec<RecordPlan> = places.iter().map(|&k| fitted.records[k].clone()).collect();
-            let one = self.polished(&records, &fitted.values, &unknowns, noise.unwrap_or(&self.white), &POLICY.fine)?;
-            let errors = Curvature::new(self.plan, &one)?.std_errors();
-            Ok((one, errors))
-        };
-        let mut out = fitted.clone();
-        let (mut values, mut information) = (Vec::new(), Vec::new());
-        let all: Vec<_> = places.par_iter().map(own).collect::<Result<_, IdentifyError>>()?;
-        for (places, (one, errors)) in places.iter().zip(all) {
-            let known = |error: &f64| if error.is_finite() && *error > 0.0 { (error * error).recip() } else { 0.0 };
-            information.push(errors.iter().map(known).collect());
-            values.push(unknowns.iter().map(|u| u.value(&one.values)).collect());
-            for (&k, (record, residual)) in places.iter().zip(one.records.into_iter().zip(one.residuals)) {
-                (out.records[k], out.residuals[k]) = (record, residual);
-            }
-        }
-        out.rmse = self.plan.rms(&out.residuals);
-        Ok(OwnSizes { unknowns, values, information, fitted: out })
-    }
-
     /// `parent` with a cause freed as well, at its one-step estimate and not refitted; the cause with what was freed for it.
     pub fn moved(&self, parent: &Fitted, cause: &Cause, step: &[f64]) -> (Fitted, Cause) {
         let new = |u: &&Unknown| !parent.unknowns.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
@@ -251,7 +190,7 @@ impl Bench<'_> {
             values.theta[entry] = self.plan.scene_values.theta[entry];
         }
         let unknowns = self.plan.taken_out(&self.declared, &whole.fitted.unknowns, &out.unknowns, &mut values);
-        let coarse = Coarse::of(self, &whole.fitted)?;
+        let coarse = Coarse::of(self, &with_common(&whole.fitted, &out.unknowns))?;
         let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, &POLICY.coarse)?;
         let fitted = match coarse.is_fine() {
             true => rough,
@@ -262,9 +201,7 @@ impl Bench<'_> {
         if let Some(last) = trail.last_mut() {
             last.clone_from(&fitted);
         }
-        let stays = |u: &Unknown| out.unknowns.iter().all(|o| !o.target.same(&u.target));
-        let varying = whole.varying.iter().filter(|u| stays(u)).cloned().collect();
-        Ok(Hypothesis { causes, fitted, trail, varying })
+        Ok(Hypothesis { causes, fitted, trail })
     }
 
     /// Squares of the residuals in units of the scatter; infinite where a record cannot be simulated.
@@ -297,31 +234,4 @@ fn opened(parent: &Fitted, cause: &Cause, step: &[f64], start: &[(usize, f64)], 
         }
     }
     values
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::super::super::audit::starts::tests::{experiment, pendulum};
-    use super::*;
-
-    /// What a record does not know does not make a size vary.
-    #[test]
-    fn sizes_weigh_as_much_as_is_known_of_them() {
-        let plan = experiment(&pendulum("measured"), &[vec![0.3; 40], vec![0.5; 40]]).0;
-        let damping = Unknown::of_theta(&plan.model, "pivot.damping", 0.1).unwrap();
-        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], None, &POLICY.fine).unwrap();
-        let differ = |sizes: [f64; 3], information: [f64; 3]| {
-            let values = sizes.map(|x| vec![x]).to_vec();
-            let own = OwnSizes {
-                unknowns: vec![damping.clone()],
-                values,
-                information: information.map(|x| vec![x]).to_vec(),
-                fitted: fitted.clone(),
-            };
-            own.differ(&plan, std::slice::from_ref(&damping))
-        };
-        assert!(differ([0.08, 0.08, 0.0], [1.0, 1.0, 1.0]) && !differ([0.08, 0.08, 0.0], [1.0, 1.0, 1e-3]));
-        assert!(!differ([0.08, 0.0801, 0.079], [1.0; 3]));
-    }
 }

@@ -7,8 +7,9 @@ use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::across;
 use super::alike::alike;
+use super::apart::{carried, own_numbers, uncertain};
 use super::contest::{Contest, judged, noise_of};
-use super::hypothesis::{Bench, Hypothesis, OwnSizes, squares};
+use super::hypothesis::{Bench, Hypothesis, squares};
 use super::race::race;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -38,8 +39,6 @@ pub(in super::super) struct Found {
     pub tied: Vec<Hypothesis>,
     /// Of each of its causes the others that move the readings just as it does.
     pub alike: Vec<Vec<Cause>>,
-    /// Sizes in every record of the causes for which these surely differ.
-    pub varying: Option<OwnSizes>,
     /// Even the best leaves more than noise.
     pub no_noise: bool,
     /// (title of a cause, what became of it)
@@ -98,18 +97,12 @@ pub(in super::super) fn search(
         }
         let round = Round::new(bench, scene, &beam, children, tests)?;
         let Some(accepted) = round.accept(&mut notes, &mut imitated)? else { break };
-        let leader = &round.models[accepted.leader];
-        progress(&format!("accepted {}", leader.causes.last().map_or(String::new(), Cause::title)));
-        best = leader.clone();
+        best = round.adopted(accepted.leader);
+        progress(&format!("accepted {}", best.causes.last().map_or(String::new(), Cause::title)));
         of_last = Some(accepted.evidence.clone());
         refitted.extend(round.models.iter().map(Hypothesis::key));
-        tied = accepted.tied.iter().map(|&k| round.models[k].clone()).collect();
+        tied = accepted.tied.iter().map(|&k| round.adopted(k)).collect();
         beam = round.next_beam(&accepted);
-        if round.contest.varies[accepted.leader] {
-            let numbers = best.causes.last().map_or(Vec::new(), |cause| cause.unknowns.clone());
-            best.varying.extend(numbers);
-            beam[0].varying.clone_from(&best.varying);
-        }
     }
     let evidence = match of_last {
         // all other causes present: none
@@ -126,15 +119,14 @@ pub(in super::super) fn search(
     } else if !of_all(&best) {
         best = best.on(bench, all)?;
     }
-    let (fitted, varying) = as_judged(bench, &best)?;
-    let left = varying.as_ref().map_or(&fitted, |own| &own.fitted);
-    let no_noise = bench.no_noise(left);
+    let fitted = as_judged(bench, &best)?;
+    let no_noise = bench.no_noise(&fitted);
     // over more than noise nothing is named that a likeness could make ambiguous
     let alike = match no_noise {
         true => best.causes.iter().map(|_| Vec::new()).collect(),
-        false => alike(bench, &best, &fitted.of_some(POLICY.searched_records), &refitted, seed)?,
+        false => alike(bench, &best, &fitted, &evidence, &refitted, seed)?,
     };
-    Ok(Found { alike, base, best, fitted, evidence, tied, varying, no_noise, notes, imitated })
+    Ok(Found { alike, base, best, fitted, evidence, tied, no_noise, notes, imitated })
 }
 
 /// Models held against each other in a round: those of the beam first.
@@ -183,6 +175,11 @@ impl<'a> Round<'a> {
             held_out,
             shifts: OnceCell::new(),
         })
+    }
+
+    /// A model as the next cause is tried on it.
+    fn adopted(&self, k: usize) -> Hypothesis {
+        self.contest.adopted(k, &self.models[k])
     }
 
     /// The best model of the beam.
@@ -293,24 +290,22 @@ impl<'a> Round<'a> {
                     "its refit gains {gained:.1} units of −2 log likelihood, less than {needed:.1}"
                 ))));
             }
-            // a size that differs between records says nothing of the held-out ones
-            let lost = if self.contest.varies[k] { 0.0 } else { self.on_held_out(k) - self.on_held_out(parent) };
+            let lost = self.on_held_out(k) - self.on_held_out(parent);
             if gained - lost < needed {
                 return Ok(Some(Rejection::Because(format!(
                     "its refit gains {gained:.1} units of −2 log likelihood, and with it the held-out records lose {lost:.1}"
                 ))));
             }
         }
-        let [before, after] = [self.contest.left_out(self.bench, parent)?, self.contest.left_out(self.bench, k)?];
-        let share = across::share(before, after);
-        let carries = across::better(before, after) && (!self.contest.no_noise || share >= POLICY.worth);
-        // a size that differs between records, as of an effect in some of them alone, need foretell nothing
-        let accepted = carries || share > 0.0 && self.contest.varies[k];
+        let [before, after] = self.contest.left_out(self.bench, parent, k, cause)?;
+        let share = across::share(&before, &after);
+        let carries = across::better(&before, &after) && (!self.contest.no_noise || share >= POLICY.worth);
         // a single record has none left out, and its likelihood decides
         let judged = after.len() >= 2 || self.contest.no_noise;
-        if judged && !accepted {
+        if judged && !carries {
+            let what = if self.contest.varies[k] { "halves of records" } else { "records" };
             return Ok(Some(Rejection::Because(format!(
-                "it does not carry over: on records left out it takes {:.1} % of the squares",
+                "it does not carry over: on {what} left out it takes {:.1} % of the squares",
                 100.0 * share
             ))));
         }
@@ -320,9 +315,10 @@ impl<'a> Round<'a> {
     /// −2 log likelihood of a model on the held-out records, of which only the starts are fitted; infinite where it cannot be simulated.
     fn on_held_out(&self, k: usize) -> f64 {
         let (plan, judged) = (self.bench.plan, &self.contest.fits[k]);
-        let squares = || {
-            let near = prepared(plan, &plan.held_out, judged, &POLICY.fine)?;
-            squares(plan, &self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?, &judged.noise)
+        let squares = || -> Result<f64, IdentifyError> {
+            let near = carried(judged, &prepared(plan, &plan.held_out, judged, &POLICY.fine)?);
+            let fitted = self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?;
+            Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted, &own_numbers(&fitted))?)
         };
         *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
     }
@@ -366,7 +362,7 @@ impl<'a> Round<'a> {
     fn next_beam(&self, accepted: &Accepted) -> Vec<Hypothesis> {
         let size = POLICY.beam.max(1 + accepted.tied.len().min(POLICY.finalists));
         let order = std::iter::once(accepted.leader).chain(accepted.behind.iter().copied());
-        order.take(size).map(|k| self.models[k].clone()).collect()
+        order.take(size).map(|k| self.adopted(k)).collect()
     }
 }
 
@@ -376,17 +372,15 @@ enum Rejection {
     Imitated(NumericsKind),
 }
 
-/// A model under the noise that it leaves, and with the sizes of its causes in every record where these vary.
-fn as_judged(bench: &Bench, model: &Hypothesis) -> Result<(Fitted, Option<OwnSizes>), IdentifyError> {
-    if model.varying.is_empty() {
-        let noise = noise_of(bench, &model.fitted)?;
-        return Ok((judged(bench, model, &noise, POLICY.no_noise)?, None));
+/// A model under the noise that it leaves, and with the spreads that are likeliest under it.
+fn as_judged(bench: &Bench, model: &Hypothesis) -> Result<Fitted, IdentifyError> {
+    let noise = noise_of(bench, &model.fitted)?;
+    let own = own_numbers(&model.fitted);
+    if own.is_empty() {
+        return judged(bench, model, &noise, POLICY.no_noise);
     }
-    let plain = bench.own_sizes(&model.fitted, &model.varying, None)?;
-    let noise = noise_of(bench, &plain.fitted)?;
-    let mut own = bench.own_sizes(&model.fitted, &model.varying, Some(&noise))?;
-    own.fitted.noise.clone_from(&noise);
-    Ok((Fitted { noise, ..model.fitted.clone() }, Some(own)))
+    let (fitted, _) = bench.spread_anew(&Fitted { noise: noise.clone(), ..model.fitted.clone() }, &own)?;
+    judged(bench, &Hypothesis { fitted, ..model.clone() }, &noise, POLICY.no_noise)
 }
 
 /// Takes out causes that are not missed, and says how much each of the others takes.
@@ -404,10 +398,10 @@ fn prune(
         progress(&format!("checking that {} is still needed", cause.title()));
         let without = bench.without(best, k)?;
         let contest = Contest::new(bench, &[&without, best], 2)?;
-        let [before, after] = [contest.left_out(bench, 0)?, contest.left_out(bench, 1)?];
+        let [before, after] = contest.left_out(bench, 0, 1, &cause)?;
         let taken = contest.scores[0] - contest.scores[1];
-        let worth = across::share(before, after) >= POLICY.worth;
-        let missed = if contest.no_noise { across::better(before, after) && worth } else { taken > 0.0 };
+        let worth = across::share(&before, &after) >= POLICY.worth;
+        let missed = if contest.no_noise { across::better(&before, &after) && worth } else { taken > 0.0 };
         let rested_on = best.causes.iter().any(|other| other.rests_on(&cause));
         if !missed && !rested_on && best.causes.len() > 1 {
             notes.push((cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
@@ -425,7 +419,7 @@ fn prune(
 /// Evidence for a cause: the model with it against the one without.
 fn evidence(bench: &Bench, contest: &Contest, without: usize, with: usize, cause: &Cause) -> Result<Evidence, IdentifyError> {
     let numbers = if contest.no_noise { 0.0 } else { POLICY.per_number * cause.unknowns.len() as f64 };
-    let [before, after] = [contest.left_out(bench, without)?, contest.left_out(bench, with)?];
-    let foretold = (before.len() > 1).then(|| across::share(before, after));
+    let [before, after] = contest.left_out(bench, without, with, cause)?;
+    let foretold = (before.len() > 1).then(|| across::share(&before, &after));
     Ok(Evidence { statistic: contest.scores[without] - contest.scores[with] + numbers, foretold })
 }

@@ -1,0 +1,180 @@
+//! Numbers whose size differs from record to record.
+//!
+//! A record's own size is the common one moved by a deviation, of which the prior is normal:
+//! ```text
+//! coordinate of the number in record r = common coordinate + s z_r,     z_r ~ N(0, 1)
+//! ```
+//! with the spread s in the coordinate of a fit [`crate::unknown::Unknown`]. So z_r is one more of the record's own unknowns, beside those of its
+//! initial state; a deviation moves the readings as the common number does, and its column is s times that one's.
+
+use super::plan::RecordPlan;
+use super::run::Shot;
+use crate::unknown::{Unknown, Values};
+use pliant_adjoint::Tangent;
+
+/// A number's own size in a record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnSize {
+    /// The number, as it is common to all records.
+    pub of: Unknown,
+    /// Deviation of its coordinate in this record [-].
+    pub beyond: f64,
+    /// Standard deviation of that over records [-]; none where the deviation is not estimated.
+    pub spread: Option<f64>,
+}
+
+impl OwnSize {
+    /// The deviation in its standard deviation, where it is estimated.
+    fn z(&self) -> Option<f64> {
+        self.spread.map(|spread| self.beyond / spread)
+    }
+
+    /// Its value in this record, the common values being these.
+    pub fn value(&self, common: &Values) -> f64 {
+        self.of.far(self.of.value(common), self.beyond)
+    }
+}
+
+impl RecordPlan {
+    /// Number of the record's own unknowns: of its initial state, and its own sizes.
+    pub fn own_unknowns(&self) -> usize {
+        self.start.unknowns() + self.sizes.iter().filter(|own| own.spread.is_some()).count()
+    }
+
+    /// The record's own unknowns, each with a standard normal prior.
+    pub fn z(&self) -> Vec<f64> {
+        self.start.z.iter().copied().chain(self.sizes.iter().filter_map(OwnSize::z)).collect()
+    }
+
+    /// Moves the record's own unknowns.
+    pub(crate) fn move_own(&mut self, change: &[f64]) {
+        let (start, sizes) = change.split_at(self.start.z.len());
+        self.start.z.iter_mut().zip(start).for_each(|(z, d)| *z += d);
+        let free = self.sizes.iter_mut().filter_map(|own| own.spread.map(|spread| (&mut own.beyond, spread)));
+        free.zip(sizes).for_each(|((beyond, spread), d)| *beyond += spread * d);
+    }
+
+    /// With its own sizes of the numbers that these unknowns set, followers with them.
+    pub(crate) fn tied(&self, unknowns: &[Unknown]) -> Self {
+        let mut out = self.clone();
+        for own in &mut out.sizes {
+            if let Some(known) = unknowns.iter().find(|u| u.target.same(&own.of.target)) {
+                own.of.clone_from(known);
+            }
+        }
+        out
+    }
+
+    /// The values as they are in this record.
+    pub fn values(&self, common: &Values) -> Values {
+        let mut out = common.clone();
+        self.sizes.iter().for_each(|own| own.of.set(&mut out, own.value(common)));
+        out
+    }
+}
+
+/// Columns of a pass that differentiated by `k` unknowns and behind them by what else the own sizes are of: `places` has of each size the column of its
+/// number, and its spread. Their columns join the record's own.
+pub(super) fn beside(shot: Shot, k: usize, all: usize, places: &[(usize, f64)]) -> Shot {
+    let m = shot.own_columns;
+    let own = m + places.len();
+    let split = |start: &[f64], global: &[f64]| -> Vec<f64> {
+        start.iter().copied().chain(places.iter().map(|&(j, spread)| spread * global[j])).collect()
+    };
+    let rows = shot.residual.len();
+    let row = |r: usize| (&shot.own[r * m..(r + 1) * m], &shot.global[r * all..(r + 1) * all]);
+    let joined = (0..rows).flat_map(|r| split(row(r).0, row(r).1)).collect();
+    let global = (0..rows).flat_map(|r| row(r).1[..k].iter().copied()).collect();
+    let along = |matrix: &[f64]| -> Vec<f64> {
+        let one = |row: &[f64]| [&split(&row[..m], &row[m..m + all])[..], &row[m..m + k], &row[m + all..]].concat();
+        matrix.chunks_exact(m + all + 1).flat_map(one).collect()
+    };
+    let boundary = shot.boundary.iter().map(|x| Tangent { q: along(&x.q), v: along(&x.v), z: along(&x.z), ..x.clone() }).collect();
+    Shot { own: joined, own_columns: own, global, boundary, ..shot }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::run::{ShotWants, shoot};
+    use super::*;
+    use crate::diagnose::testing::{experiment, pendulum};
+    use crate::shooting::Plan;
+
+    fn plan() -> (Plan, Vec<Unknown>) {
+        let plan = experiment(&pendulum("measured"), &[vec![0.3; 40], vec![0.5; 40]]).0;
+        let of = |path: &str, scale: f64| Unknown::of_theta(&plan.model, path, scale).unwrap();
+        let unknowns = vec![of("pivot.damping", 0.1), of("pivot.stiffness", 2.0)];
+        (plan, unknowns)
+    }
+
+    /// The record with this size of its own, and two segments.
+    fn with_size(plan: &Plan, of: &Unknown, beyond: f64, spread: Option<f64>) -> RecordPlan {
+        let mut rec = RecordPlan { sizes: vec![OwnSize { of: of.clone(), beyond, spread }], ..plan.fitted[0].clone() };
+        let states = shoot(plan, &rec, &plan.scene_values, ShotWants { states: true, ..ShotWants::default() }).unwrap().states;
+        rec.nodes = vec![(20, states[20].clone())];
+        rec
+    }
+
+    #[test]
+    fn an_own_size_is_the_common_one_moved() {
+        let (plan, unknowns) = plan();
+        let rec = with_size(&plan, &unknowns[0], 0.7, None);
+        let mut values = plan.scene_values.clone();
+        unknowns[0].set(&mut values, 0.1 * 0.7);
+        let common = RecordPlan { sizes: Vec::new(), ..rec.clone() };
+        let shot = |rec: &RecordPlan, values: &Values| shoot(&plan, rec, values, ShotWants::default()).unwrap().predicted;
+        assert_eq!(shot(&rec, &plan.scene_values), shot(&common, &values));
+        assert_ne!(shot(&rec, &plan.scene_values), shot(&common, &plan.scene_values));
+        assert!((rec.sizes[0].value(&plan.scene_values) - 0.07).abs() < 1e-15);
+        // of what is not estimated there is no unknown
+        assert_eq!((rec.own_unknowns(), rec.z().len()), (common.own_unknowns(), common.z().len()));
+    }
+
+    /// Its column is the derivative by its deviation, whether the common number is asked for or not, and those of all else stay what they were, at
+    /// segment starts too.
+    #[test]
+    fn its_column_is_the_derivative() {
+        let (plan, unknowns) = plan();
+        let rec = with_size(&plan, &unknowns[0], 0.7, Some(0.5));
+        let fixed = RecordPlan { sizes: vec![OwnSize { spread: None, ..rec.sizes[0].clone() }], ..rec.clone() };
+        let whole = RecordPlan { nodes: Vec::new(), ..rec.clone() };
+        let m = rec.own_unknowns();
+        let moved = |by: f64| {
+            let mut there = whole.clone();
+            let mut change = vec![0.0; m];
+            change[m - 1] = by;
+            there.move_own(&change);
+            assert!((there.z()[m - 1] - whole.z()[m - 1] - by).abs() < 1e-12);
+            shoot(&plan, &there, &plan.scene_values, ShotWants::default()).unwrap().predicted
+        };
+        for asked in [&unknowns[..], &unknowns[1..], &[]] {
+            let wants = ShotWants { unknowns: asked, tangents: true, ..ShotWants::default() };
+            let shot = |rec: &RecordPlan| shoot(&plan, rec, &plan.scene_values, wants).unwrap();
+            let (own, plain) = (shot(&rec), shot(&fixed));
+            assert_eq!((own.own_columns, &own.global), (m, &plain.global));
+            let columns = m + asked.len() + 1;
+            for (with, without) in own.boundary[0].q.chunks_exact(columns).zip(plain.boundary[0].q.chunks_exact(columns - 1)) {
+                assert_eq!([&with[..m - 1], &with[m..]].concat(), without);
+            }
+            // the error of a central difference falls with the square of its step
+            let column: Vec<f64> = shot(&whole).own.chunks_exact(m).map(|row| row[m - 1]).collect();
+            let error = |by: f64| {
+                let slope = |(a, b): (&f64, &f64)| (a - b) / (2.0 * by);
+                let difference: Vec<f64> = moved(by).iter().zip(&moved(-by)).map(slope).collect();
+                difference.iter().zip(&column).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+            };
+            let ratio = error(0.4) / error(0.2);
+            assert!((3.6..4.4).contains(&ratio) && error(0.02) < 1e-4 * column.iter().copied().fold(0.0, |a, b| b.abs().max(a)));
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_tied_anew_sets_what_it_is_tied_to() {
+        let (plan, unknowns) = plan();
+        let rec = with_size(&plan, &unknowns[0], 0.7, None);
+        let tie = Unknown { target: crate::unknown::Target::Theta([unknowns[0].target.entries()[0].0, 3].to_vec()), ..unknowns[0].clone() };
+        assert_eq!(rec.tied(std::slice::from_ref(&tie)).sizes[0].of, tie);
+        assert_eq!(rec.tied(&unknowns[1..]).sizes[0].of, unknowns[0]);
+    }
+}
