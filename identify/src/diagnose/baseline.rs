@@ -11,7 +11,7 @@ use crate::fit::{Cut, FIT, FitOptions, Fitted, cut, evenly, first_noise, fit, fi
 use crate::log::{LogMistake, Logs, Setup};
 use crate::number::{number_plain, quantity_plain, unit};
 use crate::sensor::{JOINT_BOUNDS, SENSOR_BOUNDS, SENSOR_PATHS};
-use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, own_unknowns, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use schemars::JsonSchema;
@@ -246,7 +246,7 @@ fn unmoved(u: &Unknown) -> String {
 /// A least-squares fit with the noise model of its residual, and with white noise of as many independent samples as that has:
 /// the error of least squares where its residual is coloured.
 pub(super) fn coloured(plan: &Plan, plain: Fitted) -> Result<(Fitted, Fitted), IdentifyError> {
-    let lost = plain.unknowns.len() + plain.records.iter().map(RecordPlan::own_unknowns).sum::<usize>();
+    let lost = plain.unknowns.len() + own_unknowns(&plain.records);
     let noise = fit_noise(plan, &plain.residuals, lost)?;
     let samples = plain.residuals.iter().map(Vec::len).sum::<usize>() / plan.channels().max(1);
     let wider = (samples as f64 / noise.effective_samples(samples)).max(1.0).sqrt();

@@ -8,9 +8,10 @@ use super::result::*;
 use super::scores::Scores;
 use crate::causes::Cause as Candidate;
 use crate::fit::Fitted;
-use crate::shooting::{Plan, RecordPlan};
+use crate::shooting::{Plan, RecordPlan, measured};
 use crate::stats::reduced::Reduced;
 use crate::unknown::{Coordinate, Unknown, Values};
+use std::ops::Range;
 
 /// The accepted causes. `parts`: what the final model's constancy is told from; `half`: half widths of the intervals of everything fitted; `first`: the tests against the baseline.
 pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], first: &Scores) -> Vec<Cause> {
@@ -40,13 +41,18 @@ pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], 
     found.best.causes.iter().zip(&found.evidence).map(one).collect()
 }
 
-/// The size of a cause's first number in every record, and in every part of one behind a gap; none where these do not differ.
+/// The size of a cause's first number that varies, in every record; none where none does.
 fn sizes(fitted: &Fitted, cause: &Candidate) -> Vec<RecordSize> {
     let own = |u: &Unknown, rec: &RecordPlan| Some(rec.sizes.iter().find(|own| own.of.target.same(&u.target))?.value(&fitted.values));
     let varies = |u: &&Unknown| fitted.records.iter().any(|rec| own(u, rec).is_some());
     let Some(first) = cause.unknowns.iter().find(varies) else { return Vec::new() };
-    let one = |rec: &RecordPlan| Some(RecordSize { record: rec.record.name.clone(), size: own(first, rec)? });
-    fitted.records.iter().filter_map(one).collect()
+    let one = |pieces: Range<usize>| {
+        let rec = &fitted.records[pieces.start];
+        // of a piece the name says where it begins
+        let name = rec.record.name.rsplit_once(" from ").filter(|(_, at)| at.ends_with(" s")).map(|(name, _)| name);
+        Some(RecordSize { record: name.unwrap_or(&rec.record.name).to_owned(), size: own(first, rec)? })
+    };
+    measured(&fitted.records).into_iter().filter_map(one).collect()
 }
 
 /// The causes most similar to one on these data, among those tested against the baseline.

@@ -6,7 +6,7 @@ use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::log::{Logs, Setup};
-use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, measured, shoot};
 use crate::stats::STATS;
 use crate::stats::ar::ArModel;
 use crate::stats::multiple::holm;
@@ -16,6 +16,7 @@ use crate::stats::score::{Candidate, ScoreOptions, ScoreTest, Sign, score_test};
 use crate::stats::sign_flip::sign_flip;
 use crate::unknown::{Unknown, Values};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Score tests of the library against a fit.
 #[derive(Clone, Debug)]
@@ -81,16 +82,14 @@ pub(super) fn scores_under(
     let causes = library(at);
     let columns = Columns::new(&causes, fitted);
     let k = columns.unknowns.len();
-    let one = |rec: &RecordPlan| {
-        let shot = shot_of(plan, rec, &columns.unknowns, &columns.passes)?;
-        let reduced = |noise, shot| reduce_shot(plan, noise, &rec.z(), shot, k, POLICY.score_blocks);
-        let other = other.map(|noise| reduced(noise, shot.clone())).transpose()?;
-        Ok((reduced(&fitted.noise, shot)?, other))
+    let one = |_: usize, rec: &RecordPlan| shot_of(plan, rec, &columns.unknowns, &columns.passes);
+    let both = |pieces: &[(&RecordPlan, Shot)]| {
+        let other = other.map(|noise| reduce_shots(plan, noise, pieces, k, POLICY.score_blocks)).transpose()?;
+        Ok((reduce_shots(plan, &fitted.noise, pieces, k, POLICY.score_blocks)?, other))
     };
-    let parts: Vec<(Reduced, Option<Reduced>)> = fitted.records.par_iter().map(one).collect::<Result<_, IdentifyError>>()?;
-    let (own, others): (Vec<Reduced>, Vec<Option<Reduced>>) = parts.into_iter().unzip();
+    let (own, others): (Vec<Reduced>, Vec<Option<Reduced>>) = each(fitted, one, both)?.into_iter().unzip();
     let others: Option<Vec<Reduced>> = others.into_iter().collect();
-    let test = |parts: &[Reduced]| tested(causes.clone(), columns.clone(), &joined(fitted, parts)?, fitted, seed);
+    let test = |parts: &[Reduced]| tested(causes.clone(), columns.clone(), &Reduced::merge_all(parts)?, fitted, seed);
     Ok((test(&own)?, others.map(|parts| test(&parts)).transpose()?))
 }
 
@@ -232,17 +231,14 @@ fn probe(unknowns: &[Unknown], at: &Values, values: &mut Values) {
 
 /// Sufficient statistics of all records with `unknowns` as common columns.
 pub(super) fn reduce(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Reduced, IdentifyError> {
-    joined(fitted, &reduce_each(plan, fitted, unknowns)?)
+    Ok(Reduced::merge_all(&reduce_each(plan, fitted, unknowns)?)?)
 }
 
-/// The same of every record, and of every piece of one, on its own.
+/// The same of every measured record on its own.
 pub(super) fn reduce_each(plan: &Plan, fitted: &Fitted, unknowns: &[Unknown]) -> Result<Vec<Reduced>, IdentifyError> {
     let passes = [(fitted.values.clone(), (0..unknowns.len()).collect())];
-    let one = |rec: &RecordPlan| {
-        let shot = shot_of(plan, rec, unknowns, &passes)?;
-        reduce_shot(plan, &fitted.noise, &rec.z(), shot, unknowns.len(), POLICY.score_blocks)
-    };
-    fitted.records.par_iter().map(one).collect()
+    let one = |_: usize, rec: &RecordPlan| shot_of(plan, rec, unknowns, &passes);
+    each(fitted, one, |pieces| reduce_shots(plan, &fitted.noise, pieces, unknowns.len(), POLICY.score_blocks))
 }
 
 /// The same with changes of the readings as further columns, behind those of the unknowns, each given by record; 0 where nothing was measured.
@@ -255,7 +251,7 @@ pub(super) fn reduce_beside(
 ) -> Result<Reduced, IdentifyError> {
     let (k, all) = (unknowns.len(), unknowns.len() + changes.len());
     let passes = [(fitted.values.clone(), (0..k).collect())];
-    merged(fitted, |r, rec| {
+    let one = |r: usize, rec: &RecordPlan| {
         let mut shot = shot_of(plan, rec, unknowns, &passes)?;
         let change =
             |row: usize, change: &&[Vec<f64>]| change[r].get(row).copied().filter(|_| shot.residual[row] != 0.0).unwrap_or(0.0);
@@ -264,67 +260,100 @@ pub(super) fn reduce_beside(
             shot.global[row * k..(row + 1) * k].iter().copied().chain(changes)
         };
         shot.global = (0..shot.residual.len()).flat_map(row).collect();
-        reduce_shot(plan, &fitted.noise, &rec.z(), shot, all, blocks)
-    })
+        Ok(shot)
+    };
+    let parts = each(fitted, one, |pieces| reduce_shots(plan, &fitted.noise, pieces, all, blocks))?;
+    Ok(Reduced::merge_all(&parts)?)
 }
 
-/// The statistics of all records.
-fn merged(
+/// What becomes of every measured record's shots, `one` of each of its pieces.
+fn each<T: Send>(
     fitted: &Fitted,
-    one: impl Fn(usize, &RecordPlan) -> Result<Reduced, IdentifyError> + Sync + Send,
-) -> Result<Reduced, IdentifyError> {
-    let parts: Vec<Reduced> = fitted.records.par_iter().enumerate().map(|(k, rec)| one(k, rec)).collect::<Result<_, _>>()?;
-    joined(fitted, &parts)
+    one: impl Fn(usize, &RecordPlan) -> Result<Shot, IdentifyError> + Sync + Send,
+    then: impl Fn(&[(&RecordPlan, Shot)]) -> Result<T, IdentifyError> + Sync + Send,
+) -> Result<Vec<T>, IdentifyError> {
+    let of = |pieces: Range<usize>| {
+        let shots = pieces.into_par_iter().map(|k| Ok((&fitted.records[k], one(k, &fitted.records[k])?)));
+        then(&shots.collect::<Result<Vec<_>, IdentifyError>>()?)
+    };
+    measured(&fitted.records).into_par_iter().map(of).collect()
 }
 
-/// The statistics of all records from those of each.
-fn joined(fitted: &Fitted, parts: &[Reduced]) -> Result<Reduced, IdentifyError> {
-    // pieces of one measured record are one record: they share its errors
-    let mut whole: Vec<Reduced> = Vec::new();
-    for (k, part) in parts.iter().enumerate() {
-        match whole.last_mut() {
-            Some(last) if fitted.records[k - 1].parent == fitted.records[k].parent => last.append(part)?,
-            _ => whole.push(part.clone()),
-        }
-    }
-    Ok(Reduced::merge_all(&whole)?)
-}
-
-/// A record's readings and columns, whitened and reduced; `z`: its own unknowns, on which there is a prior.
-fn reduce_shot(
+/// A record's readings and columns, whitened and reduced, from the shots of its pieces. On each piece's initial state there is a prior, and one on the sizes that
+/// they share.
+fn reduce_shots(
     plan: &Plan,
     noise: &ArModel,
-    z: &[f64],
-    mut shot: Shot,
+    pieces: &[(&RecordPlan, Shot)],
     k: usize,
     blocks: Blocks,
 ) -> Result<Reduced, IdentifyError> {
-    let (m, channels) = (shot.own_columns, plan.channels());
-    noise.whiten(&mut shot.residual, channels)?;
-    if m > 0 {
-        noise.whiten_columns(&mut shot.own, channels, m)?;
+    let sizes = pieces[0].0.own_sizes();
+    if sizes == 0 && pieces.len() > 1 {
+        // nothing is shared: each is reduced on its own
+        let parts = pieces.chunks(1).map(|one| reduce_shots(plan, noise, one, k, blocks));
+        let parts: Vec<Reduced> = parts.collect::<Result<_, _>>()?;
+        let mut whole = parts[0].clone();
+        parts[1..].iter().try_for_each(|part| whole.append(part))?;
+        return Ok(whole);
     }
-    if k > 0 {
-        noise.whiten_columns(&mut shot.global, channels, k)?;
-    }
-    let times = shot.residual.len() / channels;
-    let mut starts = time_blocks(times, channels, (times / blocks.most).max(blocks.samples));
-    if m > 0 {
-        // the prior on the record's own unknowns, rows of their own
-        starts.push(shot.residual.len());
-        for (c, z) in z.iter().enumerate() {
-            shot.residual.push(-z);
-            shot.own.extend((0..m).map(|j| f64::from(u8::from(j == c))));
-            shot.global.extend(std::iter::repeat_n(0.0, k));
+    let channels = plan.channels();
+    let starts: usize = pieces.iter().map(|(_, shot)| shot.own_columns - sizes).sum();
+    let columns = starts + sizes;
+    let (mut residual, mut own, mut global) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut ends, mut first) = (Vec::new(), 0);
+    let prior = |column: usize| (0..columns).map(move |j| f64::from(u8::from(j == column)));
+    for (rec, shot) in pieces {
+        let (m, mut shot) = (shot.own_columns, shot.clone());
+        noise.whiten(&mut shot.residual, channels)?;
+        if m > 0 {
+            noise.whiten_columns(&mut shot.own, channels, m)?;
         }
+        if k > 0 {
+            noise.whiten_columns(&mut shot.global, channels, k)?;
+        }
+        let times = shot.residual.len() / channels;
+        let before = residual.len();
+        let blocks = time_blocks(times, channels, (times / blocks.most).max(blocks.samples));
+        ends.extend(blocks.into_iter().map(|start| before + start));
+        residual.extend_from_slice(&shot.residual);
+        global.extend_from_slice(&shot.global);
+        let start = m - sizes;
+        for row in 0..shot.residual.len() {
+            let of = &shot.own[row * m..(row + 1) * m];
+            let place = |j: usize| match j {
+                j if j >= starts => of[start + j - starts],
+                j if (first..first + start).contains(&j) => of[j - first],
+                _ => 0.0,
+            };
+            own.extend((0..columns).map(place));
+        }
+        if start > 0 {
+            ends.push(residual.len());
+        }
+        for (c, z) in rec.start.z.iter().enumerate() {
+            residual.push(-z);
+            own.extend(prior(first + c));
+            global.extend(std::iter::repeat_n(0.0, k));
+        }
+        first += start;
+    }
+    let (rec, _) = &pieces[0];
+    if sizes > 0 {
+        ends.push(residual.len());
+    }
+    for (c, z) in rec.z()[rec.start.z.len()..].iter().enumerate() {
+        residual.push(-z);
+        own.extend(prior(starts + c));
+        global.extend(std::iter::repeat_n(0.0, k));
     }
     let rows = RecordRows {
-        residual: &shot.residual,
-        own: &shot.own,
-        own_columns: m,
-        global: &shot.global,
+        residual: &residual,
+        own: &own,
+        own_columns: columns,
+        global: &global,
         global_columns: k,
-        block_starts: &starts,
+        block_starts: &ends,
     };
     Ok(Reduced::of_record(&rows)?)
 }

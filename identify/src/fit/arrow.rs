@@ -44,6 +44,47 @@ impl Share {
         }
     }
 
+    /// The share of a measured record, from those of its pieces: `[own of each piece | own of all | common]`. The last of the pieces' own unknowns are
+    /// the same in all: the record's sizes, now at `z`, whose prior counts once.
+    pub(crate) fn joined(pieces: &[Self], z: &[f64]) -> Self {
+        if let [one] = pieces {
+            return one.clone();
+        }
+        let n = z.len();
+        let starts: Vec<usize> = pieces.iter().map(|p| p.own_rhs.len() - n).collect();
+        let all: usize = starts.iter().sum();
+        let k = pieces[0].common_rhs.len();
+        let mut out = Self {
+            own: DMatrix::zeros(all + n, all + n),
+            border: DMatrix::zeros(all + n, k),
+            common: DMatrix::zeros(k, k),
+            own_rhs: DVector::zeros(all + n),
+            common_rhs: DVector::zeros(k),
+        };
+        let mut first = 0;
+        for (piece, m) in pieces.iter().zip(&starts) {
+            let place = |c: usize| if c < *m { first + c } else { all + c - m };
+            for i in 0..m + n {
+                for j in 0..m + n {
+                    out.own[(place(i), place(j))] += piece.own[(i, j)];
+                }
+                for j in 0..k {
+                    out.border[(place(i), j)] += piece.border[(i, j)];
+                }
+                out.own_rhs[place(i)] += piece.own_rhs[i];
+            }
+            out.common += &piece.common;
+            out.common_rhs += &piece.common_rhs;
+            first += m;
+        }
+        let again = pieces.len() as f64 - 1.0;
+        for (c, z) in z.iter().enumerate() {
+            out.own[(all + c, all + c)] -= again;
+            out.own_rhs[all + c] += again * z;
+        }
+        out
+    }
+
     /// Factor of the own block with its diagonal raised by the part `damping`.
     fn factor(&self, damping: f64) -> Option<Cholesky<f64, nalgebra::Dyn>> {
         let mut own = self.own.clone();
@@ -99,4 +140,46 @@ pub(crate) fn decrease(shares: &[Share], prior: &[(f64, f64)], common: &DVector<
     };
     let of_prior = prior.iter().zip(common.iter()).map(|((weight, pull), d)| 2.0 * pull * d - weight * d * d);
     shares.iter().zip(own).map(one).sum::<f64>() + of_prior.sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn rows(piece: usize, columns: usize) -> Vec<f64> {
+        (0..12 * columns).map(|k| ((k * (piece + 2)) as f64 * 0.7).sin() + 0.1 * (k % columns) as f64).collect()
+    }
+
+    /// Two pieces with a start of their own (2 and 1 numbers) and a size that they share give the equations of all their rows together.
+    #[test]
+    fn pieces_share_what_is_the_records_own() {
+        let (k, z, size) = (2, [[0.3, -0.2], [0.5, 0.0]], 0.4);
+        let starts = [2, 1];
+        let piece = |p: usize| {
+            let m = starts[p] + 1;
+            let own = [&z[p][..starts[p]], &[size]].concat();
+            Share::new(&rows(p, 1), &rows(p + 5, m), m, &rows(p + 9, k), k, &own)
+        };
+        let joined = Share::joined(&[piece(0), piece(1)], &[size]);
+        // the same by one record whose columns are those of both
+        let mut own = vec![0.0; 24 * 4];
+        for p in 0..2 {
+            let (m, of) = (starts[p] + 1, rows(p + 5, starts[p] + 1));
+            for r in 0..12 {
+                for c in 0..m {
+                    let column = if c == m - 1 { 3 } else { 2 * p + c };
+                    own[(12 * p + r) * 4 + column] = of[r * m + c];
+                }
+            }
+        }
+        let both = |of: usize, columns: usize| [rows(of, columns), rows(of + 1, columns)].concat();
+        let truth = Share::new(&both(0, 1), &own, 4, &both(9, k), k, &[0.3, -0.2, 0.5, size]);
+        for (a, b) in [(&joined.own, &truth.own), (&joined.border, &truth.border), (&joined.common, &truth.common)] {
+            assert!((a - b).abs().max() < 1e-12);
+        }
+        assert!((&joined.own_rhs - &truth.own_rhs).abs().max() < 1e-12);
+        assert!((&joined.common_rhs - &truth.common_rhs).abs().max() < 1e-12);
+        assert_eq!(Share::joined(&[piece(0)], &[size]).own, piece(0).own);
+    }
 }

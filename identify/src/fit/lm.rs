@@ -4,7 +4,7 @@ use super::arrow::{Share, decrease, solve};
 use super::constants::FIT;
 use super::noise::{first_noise, fit_noise};
 use crate::error::IdentifyError;
-use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, measured, own_squares, own_unknowns, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use nalgebra::DVector;
@@ -134,7 +134,7 @@ pub fn fit(
 
 /// The noise model of a point's residuals.
 fn noise_of(plan: &Plan, point: &Point, unknowns: &[Unknown]) -> Result<ArModel, IdentifyError> {
-    let lost = unknowns.len() + point.records.iter().map(RecordPlan::own_unknowns).sum::<usize>();
+    let lost = unknowns.len() + own_unknowns(&point.records);
     fit_noise(plan, &point.residuals, lost)
 }
 
@@ -165,10 +165,10 @@ fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknow
             return nothing.clone();
         }
         let squares = |x: &[f64]| x.iter().map(|a| a * a).sum::<f64>();
-        (squares(&r) + squares(&rec.z()) + (shot.defect / FIT.defect_sigma).powi(2), shot.residual)
+        (squares(&r) + (shot.defect / FIT.defect_sigma).powi(2), shot.residual)
     };
     let (parts, residuals): (Vec<f64>, Vec<Vec<f64>>) = records.par_iter().map(one).unzip();
-    (parts.iter().sum::<f64>() + prior_cost(values, unknowns), residuals)
+    (parts.iter().sum::<f64>() + own_squares(records) + prior_cost(values, unknowns), residuals)
 }
 
 fn prior_cost(values: &Values, unknowns: &[Unknown]) -> f64 {
@@ -185,7 +185,7 @@ fn minimise(
 ) -> Result<(bool, usize), IdentifyError> {
     let mut damping = FIT.start_damping;
     (point.cost, point.residuals) = cost(plan, &point.values, &point.records, unknowns, noise);
-    let free = |rec: &RecordPlan| rec.own_unknowns() > 0 || !rec.nodes.is_empty();
+    let free = |rec: &RecordPlan| !rec.z().is_empty() || !rec.nodes.is_empty();
     if unknowns.is_empty() && !point.records.iter().any(free) {
         return Ok((true, iterations));
     }
@@ -227,6 +227,7 @@ fn minimise(
 
 /// The records' linearizations at a point.
 struct Linear {
+    /// Of every measured record.
     shares: Vec<Share>,
     /// Tangents at the segments' starts.
     shots: Vec<Shot>,
@@ -249,8 +250,27 @@ impl Linear {
             Ok((share, Shot { boundary: shot.boundary, own_columns: m, ..Shot::default() }))
         };
         let all: Vec<(Share, Shot)> = point.records.par_iter().map(one).collect::<Result<_, _>>()?;
-        let (shares, shots) = all.into_iter().unzip();
-        Ok(Self { shares, shots })
+        let (pieces, shots): (Vec<Share>, Vec<Shot>) = all.into_iter().unzip();
+        let joined = |of: std::ops::Range<usize>| {
+            let rec = &point.records[of.start];
+            Share::joined(&pieces[of], &rec.z()[rec.start.z.len()..])
+        };
+        Ok(Self { shares: measured(&point.records).into_iter().map(joined).collect(), shots })
+    }
+
+    /// Changes of each piece's own unknowns, from those of each measured record's.
+    fn by_piece(&self, records: &[RecordPlan], own: &[DVector<f64>]) -> Vec<DVector<f64>> {
+        let split = |(of, own): (std::ops::Range<usize>, &DVector<f64>)| {
+            let (starts, sizes) = own.as_slice().split_at(own.len() - records[of.start].own_sizes());
+            let mut first = 0;
+            let one = |rec: &RecordPlan| {
+                let start = &starts[first..first + rec.start.z.len()];
+                first += start.len();
+                DVector::from_vec([start, sizes].concat())
+            };
+            records[of].iter().map(one).collect::<Vec<_>>()
+        };
+        measured(records).into_iter().zip(own).flat_map(split).collect()
     }
 
     /// Damped changes of the common unknowns and of each record's own.
@@ -289,6 +309,7 @@ impl Linear {
         for (u, delta) in unknowns.iter().zip(common.iter()) {
             u.set(&mut values, u.moved(u.value(&point.values), *delta));
         }
+        let own = self.by_piece(&point.records, &own);
         let moves = point.records.iter().zip(&own).zip(&self.shots);
         let records: Vec<RecordPlan> = moves.map(|((rec, dz), shot)| moved(plan, rec, dz, &common, shot)).collect();
         let (cost, residuals) = cost(plan, &values, &records, unknowns, noise);

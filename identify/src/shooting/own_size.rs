@@ -11,6 +11,7 @@ use super::plan::RecordPlan;
 use super::run::Shot;
 use crate::unknown::{Unknown, Values};
 use pliant_adjoint::Tangent;
+use std::ops::Range;
 
 /// A number's own size in a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,12 +37,12 @@ impl OwnSize {
 }
 
 impl RecordPlan {
-    /// Number of the record's own unknowns: of its initial state, and its own sizes.
-    pub fn own_unknowns(&self) -> usize {
-        self.start.unknowns() + self.sizes.iter().filter(|own| own.spread.is_some()).count()
+    /// Number of its own sizes that are estimated.
+    pub fn own_sizes(&self) -> usize {
+        self.sizes.iter().filter(|own| own.spread.is_some()).count()
     }
 
-    /// The record's own unknowns, each with a standard normal prior.
+    /// The unknowns of its initial state and its own sizes, each with a standard normal prior.
     pub fn z(&self) -> Vec<f64> {
         self.start.z.iter().copied().chain(self.sizes.iter().filter_map(OwnSize::z)).collect()
     }
@@ -71,6 +72,31 @@ impl RecordPlan {
         self.sizes.iter().for_each(|own| own.of.set(&mut out, own.value(common)));
         out
     }
+}
+
+/// The pieces of each measured record. They share its sizes.
+pub fn measured(records: &[RecordPlan]) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for (k, rec) in records.iter().enumerate() {
+        match out.last_mut() {
+            Some(last) if records[last.start].parent == rec.parent => last.end = k + 1,
+            _ => out.push(k..k + 1),
+        }
+    }
+    out
+}
+
+/// Number of unknowns that these records have of their own.
+pub fn own_unknowns(records: &[RecordPlan]) -> usize {
+    let starts: usize = records.iter().map(|rec| rec.start.z.len()).sum();
+    starts + measured(records).into_iter().map(|pieces| records[pieces.start].own_sizes()).sum::<usize>()
+}
+
+/// What the priors of these unknowns add to the squares.
+pub fn own_squares(records: &[RecordPlan]) -> f64 {
+    let starts = records.iter().flat_map(|rec| &rec.start.z).map(|z| z * z).sum::<f64>();
+    let sizes = |pieces: Range<usize>| records[pieces.start].sizes.iter().filter_map(OwnSize::z).map(|z| z * z).sum::<f64>();
+    starts + measured(records).into_iter().map(sizes).sum::<f64>()
 }
 
 /// Columns of a pass that differentiated by `k` unknowns and behind them by what else the own sizes are of: `places` has of each size the column of its
@@ -128,7 +154,7 @@ mod tests {
         assert_ne!(shot(&rec, &plan.scene_values), shot(&common, &plan.scene_values));
         assert!((rec.sizes[0].value(&plan.scene_values) - 0.07).abs() < 1e-15);
         // of what is not estimated there is no unknown
-        assert_eq!((rec.own_unknowns(), rec.z().len()), (common.own_unknowns(), common.z().len()));
+        assert_eq!((rec.own_sizes(), rec.z()), (0, common.z()));
     }
 
     /// Its column is the derivative by its deviation, whether the common number is asked for or not, and those of all else stay what they were, at
@@ -139,7 +165,7 @@ mod tests {
         let rec = with_size(&plan, &unknowns[0], 0.7, Some(0.5));
         let fixed = RecordPlan { sizes: vec![OwnSize { spread: None, ..rec.sizes[0].clone() }], ..rec.clone() };
         let whole = RecordPlan { nodes: Vec::new(), ..rec.clone() };
-        let m = rec.own_unknowns();
+        let m = rec.z().len();
         let moved = |by: f64| {
             let mut there = whole.clone();
             let mut change = vec![0.0; m];
@@ -167,6 +193,18 @@ mod tests {
             let ratio = error(0.4) / error(0.2);
             assert!((3.6..4.4).contains(&ratio) && error(0.02) < 1e-4 * column.iter().copied().fold(0.0, |a, b| b.abs().max(a)));
         }
+    }
+
+    /// Pieces of a record share its sizes, which count once.
+    #[test]
+    fn pieces_share_the_sizes_of_their_record() {
+        let (plan, unknowns) = plan();
+        let rec = with_size(&plan, &unknowns[0], 0.7, Some(0.5));
+        let other = RecordPlan { parent: 1, ..with_size(&plan, &unknowns[0], -0.5, Some(0.5)) };
+        let records = [rec.clone(), rec.clone(), other];
+        assert_eq!(measured(&records), [0..2, 2..3]);
+        assert_eq!(own_unknowns(&records), 3 * rec.start.z.len() + 2);
+        assert!((own_squares(&records) - 1.4f64.powi(2) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -16,10 +16,11 @@ use super::coarse::Coarse;
 use super::hypothesis::Bench;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shooting::{OwnSize, RecordPlan};
+use crate::shooting::{OwnSize, RecordPlan, measured};
 use crate::stats::reduced::{Block, Reduced};
 use crate::unknown::{Unknown, Values};
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
 /// What one record, or a part of it, says of its own sizes.
 #[derive(Clone, Debug)]
@@ -52,7 +53,7 @@ impl Of {
     }
 }
 
-/// What the data say of own sizes of some numbers, linearized. A part of a record behind a gap counts as a record.
+/// What the data say of own sizes of some numbers, linearized.
 pub(super) struct Apart {
     records: Vec<Of>,
     /// Of each record its first and second half.
@@ -77,12 +78,12 @@ impl Apart {
     pub fn new(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> Result<Self, IdentifyError> {
         let frozen = fitted.records.iter().map(|rec| frozen(rec, numbers)).collect();
         let reduced = reduce_each(bench.plan, &Fitted { records: frozen, ..fitted.clone() }, numbers)?;
-        let one = |(rec, reduced): (&RecordPlan, &Reduced)| {
-            let beyond = DVector::from_fn(numbers.len(), |j, _| deviation(rec, &numbers[j]));
+        let one = |(pieces, reduced): (Range<usize>, &Reduced)| {
+            let beyond = DVector::from_fn(numbers.len(), |j, _| deviation(&fitted.records[pieces.start], &numbers[j]));
             let (first, second) = reduced.blocks().split_at(reduced.blocks().len().div_ceil(2));
             (Of::sum(reduced.blocks(), &beyond), [Of::sum(first, &beyond), Of::sum(second, &beyond)])
         };
-        let (records, halves) = fitted.records.iter().zip(&reduced).map(one).unzip();
+        let (records, halves) = measured(&fitted.records).into_iter().zip(&reduced).map(one).unzip();
         Ok(Self { records, halves, rows: reduced.iter().map(|r| r.rows() as f64).sum() })
     }
 
@@ -249,10 +250,6 @@ fn deviation(rec: &RecordPlan, number: &Unknown) -> f64 {
 impl Bench<'_> {
     /// A fit with own sizes of some numbers, if they are worth a fit.
     pub(super) fn apart(&self, fitted: &Fitted, numbers: &[Unknown], most: f64) -> Result<Option<Fitted>, IdentifyError> {
-        // pieces are cut for the simulation's sake: their sizes are not those of records
-        if self.plan.in_pieces || fitted.records.len() < 2 {
-            return Ok(None);
-        }
         let coarse = Coarse::of(self, fitted)?;
         let white = Fitted { noise: self.white.clone(), ..coarse.fitted.clone() };
         let apart = Apart::new(&coarse.bench(self), &white, numbers)?;
@@ -276,8 +273,9 @@ impl Bench<'_> {
 
 /// A fit with these deviations of some numbers, whose spreads are these; 0: none.
 fn opened(fitted: &Fitted, numbers: &[Unknown], spreads: &[f64], deviations: &[DVector<f64>]) -> Fitted {
-    let one = |(rec, deviations): (&RecordPlan, &DVector<f64>)| {
-        let mut rec = rec.clone();
+    let place = |k: usize| measured(&fitted.records).iter().position(|pieces| pieces.contains(&k)).unwrap_or(0);
+    let one = |(k, rec): (usize, &RecordPlan)| {
+        let (deviations, mut rec) = (&deviations[place(k)], rec.clone());
         rec.sizes.retain(|own| !numbers.iter().any(|u| u.target.same(&own.of.target)));
         for (j, number) in numbers.iter().enumerate().filter(|(j, _)| spreads[*j] > 0.0) {
             let known = fitted.unknowns.iter().find(|u| u.target.same(&number.target)).unwrap_or(number);
@@ -285,7 +283,7 @@ fn opened(fitted: &Fitted, numbers: &[Unknown], spreads: &[f64], deviations: &[D
         }
         rec
     };
-    Fitted { records: fitted.records.iter().zip(deviations).map(one).collect(), ..fitted.clone() }
+    Fitted { records: fitted.records.iter().enumerate().map(one).collect(), ..fitted.clone() }
 }
 
 /// A fit whose records have the common sizes of some numbers.
@@ -321,7 +319,7 @@ pub(super) fn spreads(fitted: &Fitted, numbers: &[Unknown]) -> Vec<f64> {
 pub(super) fn carried(fitted: &Fitted, records: &[RecordPlan]) -> Vec<RecordPlan> {
     let Some(first) = fitted.records.first() else { return records.to_vec() };
     let one = |rec: &RecordPlan| {
-        let same = |known: &&RecordPlan| known.parent == rec.parent && known.record.name == rec.record.name;
+        let same = |known: &&RecordPlan| known.parent == rec.parent && known.record.role == rec.record.role;
         let unknown = || first.sizes.iter().map(|own| OwnSize { beyond: 0.0, ..own.clone() }).collect();
         let sizes = fitted.records.iter().find(same).map_or_else(unknown, |known| known.sizes.clone());
         RecordPlan { sizes, ..rec.clone() }

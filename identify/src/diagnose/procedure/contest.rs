@@ -18,7 +18,7 @@ use super::hypothesis::{Bench, Hypothesis, squares};
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{Fitted, floors};
-use crate::shooting::RecordPlan;
+use crate::shooting::own_unknowns;
 use crate::stats::ar::{ArModel, ArOptions, Order};
 use crate::unknown::Unknown;
 use rayon::prelude::*;
@@ -45,7 +45,7 @@ pub(super) struct Contest {
 /// AR(2) of a fit's residual.
 pub(super) fn noise_of(bench: &Bench, fitted: &Fitted) -> Result<ArModel, IdentifyError> {
     let slices: Vec<&[f64]> = fitted.residuals.iter().map(Vec::as_slice).collect();
-    let lost = fitted.unknowns.len() + fitted.records.iter().map(RecordPlan::own_unknowns).sum::<usize>();
+    let lost = fitted.unknowns.len() + own_unknowns(&fitted.records);
     let order = Order::Fixed(POLICY.noise_order);
     let options = ArOptions { order, sigma_floor: floors(bench.plan, 1e-3), lost_dof: lost };
     let model = ArModel::fit(&slices, bench.plan.channels(), &options)?;

@@ -6,7 +6,7 @@ use super::coarse::Coarse;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit};
-use crate::shooting::{Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, own_squares, ShotWants, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use rayon::prelude::*;
@@ -76,11 +76,11 @@ impl Hypothesis {
 
 /// Whitened squares of a fit under a noise model, its records' own unknowns counted by their prior.
 pub(super) fn squares(plan: &Plan, fitted: &Fitted, noise: &ArModel) -> Result<f64, IdentifyError> {
-    let mut sum = 0.0;
-    for (rec, residual) in fitted.records.iter().zip(&fitted.residuals) {
+    let mut sum = own_squares(&fitted.records);
+    for residual in &fitted.residuals {
         let mut r = residual.clone();
         noise.whiten(&mut r, plan.channels())?;
-        sum += r.iter().chain(&rec.z()).map(|x| x * x).sum::<f64>();
+        sum += r.iter().map(|x| x * x).sum::<f64>();
     }
     let prior = |u: &Unknown| u.prior.map(|(mean, std)| ((u.value(&fitted.values) - mean) / std).powi(2));
     Ok(sum + fitted.unknowns.iter().filter_map(prior).sum::<f64>())
