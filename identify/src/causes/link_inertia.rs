@@ -26,7 +26,9 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
 fn unknowns(at: &Situation, body: usize, name: &str) -> Vec<Unknown> {
     let tree = at.plan.model.tree();
     let spread = |k: usize| at.value(&format!("{name}.spread[{k}]"));
-    let all = (0..3).filter_map(|k| at.theta(&format!("{name}.spread[{k}]"), 0.01));
+    // of a body that turns freely all three may grow by one factor: in logarithms that changes nothing of what is seen of their ratios
+    let one = |k: usize| at.theta(&format!("{name}.spread[{k}]"), 0.01).map(Unknown::logarithmic);
+    let all = (0..3).filter_map(one);
     let joints = &tree.joints()[tree.bodies()[body].joints.clone()];
     let [joint] = joints else { return all.collect() };
     if joint.kind != JointKind::Revolute {

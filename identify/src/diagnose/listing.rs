@@ -43,7 +43,7 @@ pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], 
 
 /// The size of a cause's first number that varies, in every record; none where none does.
 fn sizes(fitted: &Fitted, cause: &Candidate) -> Vec<RecordSize> {
-    let own = |u: &Unknown, rec: &RecordPlan| Some(rec.sizes.iter().find(|own| own.of.target.same(&u.target))?.value(&fitted.values));
+    let own = |u: &Unknown, rec: &RecordPlan| rec.sizes.iter().find_map(|own| own.value(u, &fitted.values));
     let varies = |u: &&Unknown| fitted.records.iter().any(|rec| own(u, rec).is_some());
     let Some(first) = cause.unknowns.iter().find(varies) else { return Vec::new() };
     let one = |pieces: Range<usize>| {

@@ -1,11 +1,12 @@
-//! Numbers whose size differs from record to record.
+//! Effects whose size differs from record to record.
 //!
-//! A record's own size is the common one moved by a deviation, of which the prior is normal:
+//! An effect of numbers θ_j is of another size in record r if their coordinates are
 //! ```text
-//! coordinate of the number in record r = common coordinate + s z_r,     z_r ~ N(0, 1)
+//! x_j(r) = x_j + w_j d_r,     d_r = s z_r,  z_r ~ N(0, 1)
 //! ```
-//! with the spread s in the coordinate of a fit [`crate::unknown::Unknown`]. So z_r is one more of the record's own unknowns, beside those of its
-//! initial state; a deviation moves the readings as the common number does, and its column is s times that one's.
+//! with the common coordinates x of a fit ([`crate::unknown::Unknown`]) and a direction w: that from the scene's values to the common ones, so that d = −1 is a
+//! record without the effect. The deviation's standard deviation s is the spread; z_r is one more of the record's own unknowns, beside those of its
+//! initial state, and its column is s Σ w_j times those of the numbers.
 
 use super::plan::RecordPlan;
 use super::run::Shot;
@@ -13,12 +14,12 @@ use crate::unknown::{Unknown, Values};
 use pliant_adjoint::Tangent;
 use std::ops::Range;
 
-/// A number's own size in a record.
+/// An effect's own size in a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnSize {
-    /// The number, as it is common to all records.
-    pub of: Unknown,
-    /// Deviation of its coordinate in this record [-].
+    /// Its numbers, as they are common to all records, and by how much a deviation of 1 moves the coordinate of each [-].
+    pub of: Vec<(Unknown, f64)>,
+    /// Deviation in this record [-].
     pub beyond: f64,
     /// Standard deviation of that over records [-]; none where the deviation is not estimated.
     pub spread: Option<f64>,
@@ -30,9 +31,15 @@ impl OwnSize {
         self.spread.map(|spread| self.beyond / spread)
     }
 
-    /// Its value in this record, the common values being these.
-    pub fn value(&self, common: &Values) -> f64 {
-        self.of.far(self.of.value(common), self.beyond)
+    /// Whether it is about one of these numbers.
+    pub fn is_of(&self, numbers: &[Unknown]) -> bool {
+        self.of.iter().any(|(own, _)| numbers.iter().any(|u| u.target.same(&own.target)))
+    }
+
+    /// The value of one of its numbers in this record, the common values being these.
+    pub fn value(&self, number: &Unknown, common: &Values) -> Option<f64> {
+        let (own, weight) = self.of.iter().find(|(own, _)| own.target.same(&number.target))?;
+        Some(own.far(own.value(common), weight * self.beyond))
     }
 }
 
@@ -58,9 +65,9 @@ impl RecordPlan {
     /// With its own sizes of the numbers that these unknowns set, followers with them.
     pub(crate) fn tied(&self, unknowns: &[Unknown]) -> Self {
         let mut out = self.clone();
-        for own in &mut out.sizes {
-            if let Some(known) = unknowns.iter().find(|u| u.target.same(&own.of.target)) {
-                own.of.clone_from(known);
+        for (own, _) in out.sizes.iter_mut().flat_map(|own| &mut own.of) {
+            if let Some(known) = unknowns.iter().find(|u| u.target.same(&own.target)) {
+                own.clone_from(known);
             }
         }
         out
@@ -69,7 +76,9 @@ impl RecordPlan {
     /// The values as they are in this record.
     pub fn values(&self, common: &Values) -> Values {
         let mut out = common.clone();
-        self.sizes.iter().for_each(|own| own.of.set(&mut out, own.value(common)));
+        for (beyond, (number, weight)) in self.sizes.iter().flat_map(|own| own.of.iter().map(|of| (own.beyond, of))) {
+            number.set(&mut out, number.far(number.value(common), weight * beyond));
+        }
         out
     }
 }
@@ -99,13 +108,13 @@ pub fn own_squares(records: &[RecordPlan]) -> f64 {
     starts + measured(records).into_iter().map(sizes).sum::<f64>()
 }
 
-/// Columns of a pass that differentiated by `k` unknowns and behind them by what else the own sizes are of: `places` has of each size the column of its
-/// number, and its spread. Their columns join the record's own.
-pub(super) fn beside(shot: Shot, k: usize, all: usize, places: &[(usize, f64)]) -> Shot {
+/// A pass that differentiated by `k` unknowns and behind them, `all` in sum, by what else the own sizes are of, with their columns among the record's own: `sizes` has of each
+/// the columns of its numbers with their weights, the spread among these.
+pub(super) fn beside(shot: Shot, k: usize, all: usize, sizes: &[Vec<(usize, f64)>]) -> Shot {
     let m = shot.own_columns;
-    let own = m + places.len();
+    let own = m + sizes.len();
     let split = |start: &[f64], global: &[f64]| -> Vec<f64> {
-        start.iter().copied().chain(places.iter().map(|&(j, spread)| spread * global[j])).collect()
+        start.iter().copied().chain(sizes.iter().map(|of| of.iter().map(|(j, weight)| weight * global[*j]).sum())).collect()
     };
     let rows = shot.residual.len();
     let row = |r: usize| (&shot.own[r * m..(r + 1) * m], &shot.global[r * all..(r + 1) * all]);
@@ -135,8 +144,9 @@ mod tests {
     }
 
     /// The record with this size of its own, and two segments.
-    fn with_size(plan: &Plan, of: &Unknown, beyond: f64, spread: Option<f64>) -> RecordPlan {
-        let mut rec = RecordPlan { sizes: vec![OwnSize { of: of.clone(), beyond, spread }], ..plan.fitted[0].clone() };
+    fn with_size(plan: &Plan, of: &[Unknown], beyond: f64, spread: Option<f64>) -> RecordPlan {
+        let of = of.iter().cloned().zip([2.0, -0.5]).collect();
+        let mut rec = RecordPlan { sizes: vec![OwnSize { of, beyond, spread }], ..plan.fitted[0].clone() };
         let states = shoot(plan, &rec, &plan.scene_values, ShotWants { states: true, ..ShotWants::default() }).unwrap().states;
         rec.nodes = vec![(20, states[20].clone())];
         rec
@@ -145,14 +155,15 @@ mod tests {
     #[test]
     fn an_own_size_is_the_common_one_moved() {
         let (plan, unknowns) = plan();
-        let rec = with_size(&plan, &unknowns[0], 0.7, None);
+        let rec = with_size(&plan, &unknowns[..1], 0.7, None);
         let mut values = plan.scene_values.clone();
-        unknowns[0].set(&mut values, 0.1 * 0.7);
+        unknowns[0].set(&mut values, 0.1 * (2.0 * 0.7));
         let common = RecordPlan { sizes: Vec::new(), ..rec.clone() };
         let shot = |rec: &RecordPlan, values: &Values| shoot(&plan, rec, values, ShotWants::default()).unwrap().predicted;
         assert_eq!(shot(&rec, &plan.scene_values), shot(&common, &values));
         assert_ne!(shot(&rec, &plan.scene_values), shot(&common, &plan.scene_values));
-        assert!((rec.sizes[0].value(&plan.scene_values) - 0.07).abs() < 1e-15);
+        assert!((rec.sizes[0].value(&unknowns[0], &plan.scene_values).unwrap() - 0.14).abs() < 1e-15);
+        assert_eq!(rec.sizes[0].value(&unknowns[1], &plan.scene_values), None);
         // of what is not estimated there is no unknown
         assert_eq!((rec.own_sizes(), rec.z()), (0, common.z()));
     }
@@ -162,7 +173,7 @@ mod tests {
     #[test]
     fn its_column_is_the_derivative() {
         let (plan, unknowns) = plan();
-        let rec = with_size(&plan, &unknowns[0], 0.7, Some(0.5));
+        let rec = with_size(&plan, &unknowns, 0.7, Some(0.5));
         let fixed = RecordPlan { sizes: vec![OwnSize { spread: None, ..rec.sizes[0].clone() }], ..rec.clone() };
         let whole = RecordPlan { nodes: Vec::new(), ..rec.clone() };
         let m = rec.z().len();
@@ -199,8 +210,8 @@ mod tests {
     #[test]
     fn pieces_share_the_sizes_of_their_record() {
         let (plan, unknowns) = plan();
-        let rec = with_size(&plan, &unknowns[0], 0.7, Some(0.5));
-        let other = RecordPlan { parent: 1, ..with_size(&plan, &unknowns[0], -0.5, Some(0.5)) };
+        let rec = with_size(&plan, &unknowns, 0.7, Some(0.5));
+        let other = RecordPlan { parent: 1, ..with_size(&plan, &unknowns, -0.5, Some(0.5)) };
         let records = [rec.clone(), rec.clone(), other];
         assert_eq!(measured(&records), [0..2, 2..3]);
         assert_eq!(own_unknowns(&records), 3 * rec.start.z.len() + 2);
@@ -210,9 +221,9 @@ mod tests {
     #[test]
     fn a_number_that_is_tied_anew_sets_what_it_is_tied_to() {
         let (plan, unknowns) = plan();
-        let rec = with_size(&plan, &unknowns[0], 0.7, None);
+        let rec = with_size(&plan, &unknowns[..1], 0.7, None);
         let tie = Unknown { target: crate::unknown::Target::Theta([unknowns[0].target.entries()[0].0, 3].to_vec()), ..unknowns[0].clone() };
-        assert_eq!(rec.tied(std::slice::from_ref(&tie)).sizes[0].of, tie);
-        assert_eq!(rec.tied(&unknowns[1..]).sizes[0].of, unknowns[0]);
+        assert_eq!(rec.tied(std::slice::from_ref(&tie)).sizes[0].of, [(tie, 2.0)]);
+        assert_eq!(rec.tied(&unknowns[1..]).sizes[0].of, [(unknowns[0].clone(), 2.0)]);
     }
 }

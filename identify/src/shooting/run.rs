@@ -77,8 +77,7 @@ pub fn shoot(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -
         return passed(plan, rec, values, wants);
     }
     let values = rec.values(values);
-    let free: Vec<(&Unknown, f64)> = rec.sizes.iter().filter_map(|own| Some((&own.of, own.spread?))).collect();
-    if !wants.tangents || free.is_empty() {
+    if !wants.tangents || rec.own_sizes() == 0 {
         return passed(plan, rec, &values, wants);
     }
     let mut unknowns = wants.unknowns.to_vec();
@@ -88,9 +87,11 @@ pub fn shoot(plan: &Plan, rec: &RecordPlan, values: &Values, wants: ShotWants) -
             unknowns.len() - 1
         })
     };
-    let places: Vec<(usize, f64)> = free.into_iter().map(|(of, spread)| (place(of), spread)).collect();
+    let free = rec.sizes.iter().filter_map(|own| Some((&own.of, own.spread?)));
+    let sizes: Vec<Vec<(usize, f64)>> =
+        free.map(|(of, spread)| of.iter().map(|(number, weight)| (place(number), spread * weight)).collect()).collect();
     let shot = passed(plan, rec, &values, ShotWants { unknowns: &unknowns, ..wants })?;
-    Ok(beside(shot, wants.unknowns.len(), unknowns.len(), &places))
+    Ok(beside(shot, wants.unknowns.len(), unknowns.len(), &sizes))
 }
 
 /// The same of a record whose sizes are these values.

@@ -9,7 +9,7 @@
 
 use super::super::policy::POLICY;
 use super::super::scores::scores_in;
-use super::apart::{frozen, own_numbers, uncertain, with_common};
+use super::apart::{frozen, uncertain, with_common};
 use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use super::search::Evidence;
@@ -68,7 +68,7 @@ fn comes_as_near(bench: &Bench, best: &Hypothesis, judged: &Fitted, k: usize, ot
     let apart = if varies { bench.apart(&plain, &cause.unknowns, f64::INFINITY)? } else { None };
     let swapped = without.and(cause, apart.unwrap_or(plain));
     let fitted = super::contest::judged(bench, &swapped, noise, POLICY.no_noise)?;
-    let own = |fitted: &Fitted| uncertain(bench, fitted, &own_numbers(fitted));
+    let own = |fitted: &Fitted| uncertain(bench, fitted);
     let [here, there] = [squares(bench.plan, judged, noise)? + own(judged)?, squares(bench.plan, &fitted, noise)? + own(&fitted)?];
     Ok(!fitted.converged || there - here < POLICY.lead)
 }

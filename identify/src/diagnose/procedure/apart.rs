@@ -1,10 +1,11 @@
-//! Numbers whose size differs from record to record: their spread over records, and what own sizes are worth.
+//! Causes whose size differs from record to record: its spread over records, and what own sizes are worth.
 //!
-//! The size in record r is the common one μ and a deviation d_r with prior N(0, T), T diagonal. With a record's whitened sensitivities G_r (its
-//! initial state projected off) and residual, F_r = G_rᵀG_r and b_r = G_rᵀ(residual without the deviation), all deviations together leave
+//! The deviation d_r of a cause in record r has the prior N(0, s²) ([`crate::shooting::OwnSize`]). With a record's whitened sensitivities G_r by the deviations of
+//! all such causes (its initial state projected off) and its residual, F_r = G_rᵀG_r, b_r = G_rᵀ(residual without the deviations) and T = diag(s²),
+//! all deviations together leave
 //! ```text
 //! −2 log p(T) = const + Σ_r [ln det(1 + T^½ F_r T^½) − b_rᵀ P_r b_r] − gᵀ A⁻¹ g,     P_r = (F_r + T⁻¹)⁻¹,
-//! g = Σ (b_r − F_r P_r b_r),  A = Σ (F_r − F_r P_r F_r)                              (μ moves by A⁻¹ g)
+//! g = Σ (b_r − F_r P_r b_r),  A = Σ (F_r − F_r P_r F_r)                              (the common sizes move by A⁻¹ g)
 //! ```
 //! which T minimizes. So a size that varies costs one number, its spread, and what the deviations are uncertain by, and not as many numbers as
 //! there are records. (A linear mixed model, by maximum likelihood: Laird & Ware 1982.)
@@ -18,7 +19,7 @@ use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::{OwnSize, RecordPlan, measured};
 use crate::stats::reduced::{Block, Reduced};
-use crate::unknown::{Unknown, Values};
+use crate::unknown::{Coordinate, Unknown};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -35,13 +36,13 @@ struct Of {
 }
 
 impl Of {
-    /// Sum of some of a record's blocks.
-    fn sum(blocks: &[Block], beyond: &DVector<f64>) -> Self {
+    /// Sum of some of a record's blocks, whose columns are numbers; `along`: those of the causes.
+    fn sum(blocks: &[Block], along: &DMatrix<f64>, beyond: &DVector<f64>) -> Self {
         let n = beyond.len();
         let none = Self { gram: DMatrix::zeros(n, n), score: DVector::zeros(n), square: 0.0, beyond: beyond.clone() };
         blocks.iter().fold(none, |sum, b| Self {
-            gram: sum.gram + &b.gram,
-            score: sum.score + &b.score,
+            gram: sum.gram + along.transpose() * &b.gram * along,
+            score: sum.score + along.transpose() * &b.score,
             square: sum.square + b.square,
             ..sum
         })
@@ -53,17 +54,22 @@ impl Of {
     }
 }
 
-/// What the data say of own sizes of some numbers, linearized.
+/// The numbers of a cause, and the direction in their coordinates in which its size varies.
+pub(super) type Direction = Vec<(Unknown, f64)>;
+
+/// What the data say of own sizes of some causes, linearized.
 pub(super) struct Apart {
     records: Vec<Of>,
     /// Of each record its first and second half.
     halves: Vec<[Of; 2]>,
     rows: f64,
+    /// Common size of the first cause along its direction, counted from the scene's values.
+    common: f64,
 }
 
 /// The best spreads, and what they gain.
 pub(super) struct Spread {
-    /// Standard deviation of each number's coordinate; 0: it does not vary.
+    /// Standard deviation of each cause's deviation; 0: it does not vary.
     pub sizes: Vec<f64>,
     /// Squares with these deviations and the best common sizes.
     pub squares: f64,
@@ -75,16 +81,26 @@ pub(super) struct Spread {
 
 impl Apart {
     /// Of a fit under its noise.
-    pub fn new(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> Result<Self, IdentifyError> {
-        let frozen = fitted.records.iter().map(|rec| frozen(rec, numbers)).collect();
-        let reduced = reduce_each(bench.plan, &Fitted { records: frozen, ..fitted.clone() }, numbers)?;
+    pub fn new(bench: &Bench, fitted: &Fitted, causes: &[Direction]) -> Result<Self, IdentifyError> {
+        let numbers: Vec<Unknown> = causes.iter().flatten().map(|(u, _)| u.clone()).collect();
+        let frozen = fitted.records.iter().map(|rec| frozen(rec, &numbers)).collect();
+        let reduced = reduce_each(bench.plan, &Fitted { records: frozen, ..fitted.clone() }, &numbers)?;
+        let owner = causes.iter().enumerate().flat_map(|(c, of)| of.iter().map(move |(_, weight)| (c, *weight)));
+        let mut along = DMatrix::zeros(numbers.len(), causes.len());
+        owner.enumerate().for_each(|(j, (c, weight))| along[(j, c)] = weight);
         let one = |(pieces, reduced): (Range<usize>, &Reduced)| {
-            let beyond = DVector::from_fn(numbers.len(), |j, _| deviation(&fitted.records[pieces.start], &numbers[j]));
+            let beyond = DVector::from_fn(causes.len(), |c, _| deviation(&fitted.records[pieces.start], &causes[c]));
             let (first, second) = reduced.blocks().split_at(reduced.blocks().len().div_ceil(2));
-            (Of::sum(reduced.blocks(), &beyond), [Of::sum(first, &beyond), Of::sum(second, &beyond)])
+            let sum = |blocks: &[Block]| Of::sum(blocks, &along, &beyond);
+            (sum(reduced.blocks()), [sum(first), sum(second)])
         };
         let (records, halves) = measured(&fitted.records).into_iter().zip(&reduced).map(one).unzip();
-        Ok(Self { records, halves, rows: reduced.iter().map(|r| r.rows() as f64).sum() })
+        let way = |u: &Unknown| u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&bench.plan.scene_values));
+        let size = DVector::from_iterator(numbers.len(), numbers.iter().map(way).map(|w| if w.is_finite() { w } else { 0.0 }));
+        let gram = reduced.iter().fold(DMatrix::zeros(numbers.len(), numbers.len()), |sum, r| sum + r.gram());
+        let [with, own] = [&size, &along.column(0).into_owned()].map(|x| along.column(0).dot(&(&gram * x)));
+        let common = if own > 0.0 { with / own } else { 1.0 };
+        Ok(Self { records, halves, rows: reduced.iter().map(|r| r.rows() as f64).sum(), common })
     }
 
     /// −2 log likelihood under these spreads beside a constant, in the parts of [`Spread`]: (squares, ln det).
@@ -187,40 +203,25 @@ impl Apart {
         taken > POLICY.per_number * numbers + spread.uncertain
     }
 
-    /// Sizes by record, counted from the scene's values.
-    pub fn sizes(&self, numbers: &[Unknown], at: &Values, scene: &Values) -> Vec<DVector<f64>> {
-        let common = |u: &Unknown| u.coordinate_of(u.value(at)) - u.coordinate_of(u.value(scene));
-        let common = DVector::from_iterator(numbers.len(), numbers.iter().map(common));
-        self.records.iter().map(|of| &common + &of.beyond).collect()
-    }
-
-    /// Whether the sizes of a number differ by more than a part of their mean; each weighs as much as its record says about it.
-    pub fn differ(&self, sizes: &[DVector<f64>]) -> bool {
-        let numbers = sizes.first().map_or(0, |s| s.len());
-        (0..numbers).any(|j| {
-            let mean_of = |f: &dyn Fn(f64) -> f64| {
-                let weight = self.records.iter().map(|of| of.gram[(j, j)]).sum::<f64>().max(f64::MIN_POSITIVE);
-                self.records.iter().zip(sizes).map(|(of, size)| f(size[j]) * of.gram[(j, j)]).sum::<f64>() / weight
-            };
-            let mean = mean_of(&|x| x);
-            mean_of(&|x| (x - mean) * (x - mean)).sqrt() > POLICY.varies * mean.abs()
-        })
-    }
-
-    /// Whether part of what the sizes do, in the squares of the readings, is against what their mean does: an effect that is there in some records,
-    /// or of another size in each, is not the opposite in others.
-    pub fn points_both_ways(&self, sizes: &[DVector<f64>]) -> bool {
-        let Some(first) = sizes.first() else { return false };
-        let gram = self.records.iter().fold(DMatrix::zeros(first.len(), first.len()), |sum, of| sum + &of.gram);
-        let weighted = self.records.iter().zip(sizes).fold(DVector::zeros(first.len()), |sum, (of, size)| sum + &of.gram * size);
-        let mean = solved(&gram, &weighted);
-        let along = |(of, size): (&Of, &DVector<f64>)| {
-            let (with, own) = (size.dot(&(&of.gram * &mean)), mean.dot(&(&of.gram * &mean)).max(f64::MIN_POSITIVE));
-            (with < 0.0, with * with / own)
+    /// Whether the sizes of the first cause differ by more than a part of their mean; each weighs as much as its record says about it.
+    pub fn differ(&self) -> bool {
+        let mean_of = |f: &dyn Fn(f64) -> f64| {
+            let weight = self.records.iter().map(|of| of.gram[(0, 0)]).sum::<f64>().max(f64::MIN_POSITIVE);
+            self.records.iter().map(|of| f(self.common + of.beyond[0]) * of.gram[(0, 0)]).sum::<f64>() / weight
         };
-        let all: Vec<(bool, f64)> = self.records.iter().zip(sizes).map(along).collect();
-        let sum = |against: bool| all.iter().filter(|(a, _)| *a == against).map(|(_, x)| x).sum::<f64>();
-        sum(true) > POLICY.against * (sum(true) + sum(false))
+        let mean = mean_of(&|x| x);
+        mean_of(&|x| (x - mean) * (x - mean)).sqrt() > POLICY.varies * mean.abs()
+    }
+
+    /// Whether part of what the first cause does, in the squares of the readings, is against what it does on the whole: an effect that is there in some
+    /// records, or of another size in each, is not the opposite in others.
+    pub fn points_both_ways(&self) -> bool {
+        let sum = |way: f64| -> f64 {
+            let size = |of: &Of| (way * (self.common + of.beyond[0])).max(0.0);
+            self.records.iter().map(|of| size(of) * size(of) * of.gram[(0, 0)]).sum()
+        };
+        let [with, against] = [sum(1.0), sum(-1.0)];
+        with.min(against) > POLICY.against * (with + against)
     }
 }
 
@@ -237,82 +238,102 @@ fn posterior(gram: &DMatrix<f64>, spreads: &[f64]) -> (DMatrix<f64>, f64) {
 /// A record whose own sizes of some numbers are no unknowns.
 pub(super) fn frozen(rec: &RecordPlan, numbers: &[Unknown]) -> RecordPlan {
     let mut out = rec.clone();
-    let known = |own: &&mut OwnSize| numbers.iter().any(|u| u.target.same(&own.of.target));
-    out.sizes.iter_mut().filter(known).for_each(|own| own.spread = None);
+    out.sizes.iter_mut().filter(|own| own.is_of(numbers)).for_each(|own| own.spread = None);
     out
 }
 
-/// Deviation of a number in a record.
-fn deviation(rec: &RecordPlan, number: &Unknown) -> f64 {
-    rec.sizes.iter().find(|own| own.of.target.same(&number.target)).map_or(0.0, |own| own.beyond)
+/// A fit whose records have the common sizes of some numbers.
+pub(super) fn with_common(fitted: &Fitted, numbers: &[Unknown]) -> Fitted {
+    let mut out = fitted.clone();
+    out.records.iter_mut().for_each(|rec| rec.sizes.retain(|own| !own.is_of(numbers)));
+    out
+}
+
+/// Deviation of a cause in a record.
+fn deviation(rec: &RecordPlan, cause: &Direction) -> f64 {
+    rec.sizes.iter().find(|own| own.of[0].0.target.same(&cause[0].0.target)).map_or(0.0, |own| own.beyond)
+}
+
+/// From the scene's values to those of a fit, in the numbers of a cause; none where there is no way to go. What only shapes a law (its coordinate is a logarithm) is
+/// part of a size where there is nothing else.
+pub(super) fn direction(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> Option<Direction> {
+    let shapes = |u: &&Unknown| u.coordinate == Coordinate::Log;
+    let all = numbers.iter().all(|u| shapes(&u));
+    let way = |u: &Unknown| u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&bench.plan.scene_values));
+    let known = |u: &Unknown| fitted.unknowns.iter().find(|k| k.target.same(&u.target)).unwrap_or(u).clone();
+    let out: Direction = numbers.iter().filter(|u| all || !shapes(u)).map(|u| (known(u), way(u))).collect();
+    out.iter().any(|(_, weight)| *weight != 0.0 && weight.is_finite()).then_some(out)
 }
 
 impl Bench<'_> {
-    /// A fit with own sizes of some numbers, if they are worth a fit.
+    /// A fit with own sizes of the cause with these numbers, if they are worth a fit.
     pub(super) fn apart(&self, fitted: &Fitted, numbers: &[Unknown], most: f64) -> Result<Option<Fitted>, IdentifyError> {
+        let Some(cause) = direction(self, fitted, numbers) else { return Ok(None) };
         let coarse = Coarse::of(self, fitted)?;
         let white = Fitted { noise: self.white.clone(), ..coarse.fitted.clone() };
-        let apart = Apart::new(&coarse.bench(self), &white, numbers)?;
+        let causes = [cause];
+        let apart = Apart::new(&coarse.bench(self), &white, &causes)?;
         let spread = apart.spread();
         if !apart.promises(&spread, most) {
             return Ok(None);
         }
-        let opened = opened(fitted, numbers, &spread.sizes, &apart.deviations(&spread.sizes));
+        let opened = opened(fitted, &causes, &spread.sizes, &apart.deviations(&spread.sizes));
         Ok(Some(self.finished(&opened, &opened.records)?))
     }
 
-    /// The same fit with the spreads that are likeliest under `noise`.
-    pub(super) fn spread_anew(&self, fitted: &Fitted, numbers: &[Unknown]) -> Result<(Fitted, Spread), IdentifyError> {
+    /// A fit with the spreads that are likeliest under its noise, of the causes that have own sizes in it.
+    pub(super) fn spread_anew(&self, fitted: &Fitted) -> Result<Fitted, IdentifyError> {
+        let causes = own_sizes(fitted);
+        if causes.is_empty() {
+            return Ok(fitted.clone());
+        }
         let coarse = Coarse::of(self, fitted)?;
-        let apart = Apart::new(&coarse.bench(self), &coarse.fitted, numbers)?;
-        let spread = apart.spread();
-        let out = opened(fitted, numbers, &spread.sizes, &apart.deviations(&spread.sizes));
-        Ok((out, spread))
+        let apart = Apart::new(&coarse.bench(self), &coarse.fitted, &causes)?;
+        let spreads = apart.spread().sizes;
+        Ok(opened(fitted, &causes, &spreads, &apart.deviations(&spreads)))
     }
 }
 
-/// A fit with these deviations of some numbers, whose spreads are these; 0: none.
-fn opened(fitted: &Fitted, numbers: &[Unknown], spreads: &[f64], deviations: &[DVector<f64>]) -> Fitted {
+/// A fit with these deviations of some causes, whose spreads are these; 0: none.
+fn opened(fitted: &Fitted, causes: &[Direction], spreads: &[f64], deviations: &[DVector<f64>]) -> Fitted {
     let place = |k: usize| measured(&fitted.records).iter().position(|pieces| pieces.contains(&k)).unwrap_or(0);
     let one = |(k, rec): (usize, &RecordPlan)| {
         let (deviations, mut rec) = (&deviations[place(k)], rec.clone());
-        rec.sizes.retain(|own| !numbers.iter().any(|u| u.target.same(&own.of.target)));
-        for (j, number) in numbers.iter().enumerate().filter(|(j, _)| spreads[*j] > 0.0) {
-            let known = fitted.unknowns.iter().find(|u| u.target.same(&number.target)).unwrap_or(number);
-            rec.sizes.push(OwnSize { of: known.clone(), beyond: deviations[j], spread: Some(spreads[j]) });
+        let of = |own: &OwnSize, cause: &Direction| own.of[0].0.target.same(&cause[0].0.target);
+        rec.sizes.retain(|own| !causes.iter().any(|cause| of(own, cause)));
+        for (c, cause) in causes.iter().enumerate().filter(|(c, _)| spreads[*c] > 0.0) {
+            rec.sizes.push(OwnSize { of: cause.clone(), beyond: deviations[c], spread: Some(spreads[c]) });
         }
         rec
     };
     Fitted { records: fitted.records.iter().enumerate().map(one).collect(), ..fitted.clone() }
 }
 
-/// A fit whose records have the common sizes of some numbers.
-pub(super) fn with_common(fitted: &Fitted, numbers: &[Unknown]) -> Fitted {
-    let mut out = fitted.clone();
-    let known = |own: &OwnSize| numbers.iter().any(|u| u.target.same(&own.of.target));
-    out.records.iter_mut().for_each(|rec| rec.sizes.retain(|own| !known(own)));
-    out
-}
-
-/// The numbers that have own sizes in a fit.
-pub(super) fn own_numbers(fitted: &Fitted) -> Vec<Unknown> {
+/// The causes that have own sizes in a fit.
+pub(super) fn own_sizes(fitted: &Fitted) -> Vec<Direction> {
     let free = |own: &&OwnSize| own.spread.is_some();
     fitted.records.first().map_or(Vec::new(), |rec| rec.sizes.iter().filter(free).map(|own| own.of.clone()).collect())
 }
 
-/// What the deviations of these numbers are uncertain by: Σ ln det(1 + T^½ F_r T^½).
-pub(super) fn uncertain(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> Result<f64, IdentifyError> {
-    if numbers.is_empty() {
+/// What the deviations in a fit are uncertain by: Σ ln det(1 + T^½ F_r T^½).
+pub(super) fn uncertain(bench: &Bench, fitted: &Fitted) -> Result<f64, IdentifyError> {
+    let causes = own_sizes(fitted);
+    if causes.is_empty() {
         return Ok(0.0);
     }
     let coarse = Coarse::of(bench, fitted)?;
-    Ok(Apart::new(&coarse.bench(bench), &coarse.fitted, numbers)?.at(&spreads(fitted, numbers)).1)
+    Ok(Apart::new(&coarse.bench(bench), &coarse.fitted, &causes)?.at(&spreads(fitted)).1)
 }
 
-/// Spreads of some numbers in a fit.
-pub(super) fn spreads(fitted: &Fitted, numbers: &[Unknown]) -> Vec<f64> {
-    let own = |u: &Unknown| fitted.records.first()?.sizes.iter().find(|own| own.of.target.same(&u.target))?.spread;
-    numbers.iter().map(|u| own(u).unwrap_or(0.0)).collect()
+/// The spreads in a fit.
+fn spreads(fitted: &Fitted) -> Vec<f64> {
+    fitted.records.first().map_or(Vec::new(), |rec| rec.sizes.iter().filter_map(|own| own.spread).collect())
+}
+
+/// Spread of the cause with these numbers in a fit; 0: none.
+pub(super) fn spread_of(fitted: &Fitted, numbers: &[Unknown]) -> f64 {
+    let own = || fitted.records.first()?.sizes.iter().find(|own| own.is_of(numbers))?.spread;
+    own().unwrap_or(0.0)
 }
 
 /// Records with room for the own sizes that a fit has in its records: the deviations are known where they were estimated, and 0 elsewhere.
@@ -365,6 +386,7 @@ mod tests {
             records: all.iter().map(|(g, y, d)| of(g, y, d)).collect(),
             halves: all.iter().map(half).collect(),
             rows: 30.0 * records as f64,
+            common: 1.0,
         }
     }
 
@@ -430,15 +452,16 @@ mod tests {
     /// What a record does not know does not make a size vary, and what is there in some records alone does not point both ways.
     #[test]
     fn sizes_weigh_as_much_as_is_known_of_them() {
-        let with = |information: [f64; 3]| {
-            let one = |f: f64| of(&DMatrix::from_element(1, 1, f.sqrt()), &DVector::zeros(1), &DVector::zeros(1));
-            Apart { records: information.map(one).to_vec(), halves: Vec::new(), rows: 3.0 }
+        let with = |information: [f64; 3], sizes: [f64; 3]| {
+            let one = |(f, size): (&f64, f64)| {
+                of(&DMatrix::from_element(1, 1, f.sqrt()), &DVector::zeros(1), &DVector::from_element(1, size - 1.0))
+            };
+            Apart { records: information.iter().zip(sizes).map(one).collect(), halves: Vec::new(), rows: 3.0, common: 1.0 }
         };
-        let sizes = |sizes: [f64; 3]| sizes.map(|s| DVector::from_element(1, s));
-        assert!(with([1.0; 3]).differ(&sizes([0.08, 0.08, 0.0])) && !with([1.0, 1.0, 1e-3]).differ(&sizes([0.08, 0.08, 0.0])));
-        assert!(!with([1.0; 3]).differ(&sizes([0.08, 0.0801, 0.079])));
-        let both = |s: [f64; 3]| with([1.0; 3]).points_both_ways(&sizes(s));
-        assert!(both([0.08, -0.06, 0.01]) && both([-0.08, 0.06, -0.01]) && !both([0.08, 0.0, 0.0]) && !both([-0.08, 0.003, -0.01]));
+        assert!(with([1.0; 3], [1.5, 1.5, 0.0]).differ() && !with([1.0, 1.0, 1e-3], [1.5, 1.5, 0.0]).differ());
+        assert!(!with([1.0; 3], [1.0, 1.01, 0.98]).differ());
+        let both = |sizes: [f64; 3]| with([1.0; 3], sizes).points_both_ways();
+        assert!(both([8.0, -6.0, 1.0]) && both([-8.0, 6.0, -1.0]) && !both([3.0, 0.0, 0.0]) && !both([3.0, -0.1, 0.4]));
     }
 
     /// A pendulum with these dampings in its three fitted records, and whether a contest says that they vary: the deviations by record.
@@ -463,7 +486,8 @@ mod tests {
         let child = base.and(cause, fitted(std::slice::from_ref(&number)));
         let contest = Contest::new(&bench, &[&base, &child], 1).unwrap();
         let adopted = contest.adopted(1, &child);
-        let sizes = adopted.fitted.records.iter().filter_map(|rec| Some(rec.sizes.first()?.value(&adopted.fitted.values))).collect();
+        let size = |rec: &RecordPlan| rec.sizes.first()?.value(&number, &adopted.fitted.values);
+        let sizes = adopted.fitted.records.iter().filter_map(size).collect();
         (contest.varies[1], sizes)
     }
 

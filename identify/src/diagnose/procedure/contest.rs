@@ -12,7 +12,7 @@
 
 use super::super::policy::POLICY;
 use super::across;
-use super::apart::{Apart, own_numbers, spreads, uncertain};
+use super::apart::{Apart, direction, own_sizes, spread_of, uncertain};
 use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use crate::causes::Cause;
@@ -82,19 +82,18 @@ struct Scored {
 
 /// A fit under the noise that it was fitted under. Own sizes cost their spreads, and what the deviations are uncertain by.
 fn scored(bench: &Bench, fitted: Fitted, numbers: usize) -> Result<Scored, IdentifyError> {
-    let own = own_numbers(&fitted);
-    let price = POLICY.per_number * (numbers + own.len()) as f64 + uncertain(bench, &fitted, &own)?;
+    let price = POLICY.per_number * (numbers + own_sizes(&fitted).len()) as f64 + uncertain(bench, &fitted)?;
     let score = squares(bench.plan, &fitted, &fitted.noise)? + price;
     Ok(Scored { fitted, score, price })
 }
 
-/// A model under the noise of the best with own sizes of the numbers of its last cause, if it varies: these lead, differ without pointing both
+/// A model under the noise of the best with own sizes of its last cause, if it varies: these lead, differ without pointing both
 /// ways, and one half of a record foretells the other better by its own size than by the common one.
 fn varying(bench: &Bench, common: &Scored, apart: &Fitted, model: &Hypothesis) -> Result<Option<Scored>, IdentifyError> {
     let last = model.causes.last().map_or(&[][..], |cause| &cause.unknowns);
     let noise = &common.fitted.noise;
-    let (begun, _) = bench.spread_anew(&Fitted { noise: noise.clone(), ..apart.clone() }, last)?;
-    if own_numbers(&begun).len() == own_numbers(&common.fitted).len() {
+    let begun = bench.spread_anew(&Fitted { noise: noise.clone(), ..apart.clone() })?;
+    if spread_of(&begun, last) == 0.0 {
         return Ok(None);
     }
     let fitted = bench.polished(&begun.records, &begun.values, &begun.unknowns, noise, &POLICY.fine)?;
@@ -102,17 +101,18 @@ fn varying(bench: &Bench, common: &Scored, apart: &Fitted, model: &Hypothesis) -
     if own.score >= common.score - POLICY.lead {
         return Ok(None);
     }
-    let [together, apart] = [&common.fitted, &own.fitted].map(|fitted| halves(bench, fitted, last));
+    let [together, apart] = [&common.fitted, &own.fitted].map(|fitted| halves(bench, fitted, last, &own.fitted));
     let (together, apart) = (together?, apart?);
-    let sizes = apart.sizes(last, &own.fitted.values, &bench.plan.scene_values);
-    let carries = across::better(&together.halves(), &apart.left_out(&spreads(&own.fitted, last)));
-    Ok((carries && apart.differ(&sizes) && !apart.points_both_ways(&sizes)).then_some(own))
+    let carries = across::better(&together.halves(), &apart.left_out(&[spread_of(&own.fitted, last)]));
+    Ok((carries && apart.differ() && !apart.points_both_ways()).then_some(own))
 }
 
-/// What the data say of own sizes of some numbers of a fit, on longer steps.
-fn halves(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> Result<Apart, IdentifyError> {
+/// What the data say of own sizes of a cause in a fit, on longer steps; its direction is that of the fit `by`.
+fn halves(bench: &Bench, fitted: &Fitted, numbers: &[Unknown], by: &Fitted) -> Result<Apart, IdentifyError> {
     let coarse = Coarse::of(bench, fitted)?;
-    Apart::new(&coarse.bench(bench), &coarse.fitted, numbers)
+    let own = || own_sizes(by).into_iter().find(|of| of.iter().any(|(u, _)| numbers.iter().any(|n| n.target.same(&u.target))));
+    let causes: Vec<_> = own().or_else(|| direction(bench, by, numbers)).into_iter().collect();
+    Apart::new(&coarse.bench(bench), &coarse.fitted, &causes)
 }
 
 impl Contest {
@@ -136,7 +136,7 @@ impl Contest {
         let over = all.iter().map(|(f, _)| bench.over(f)).fold(f64::INFINITY, f64::min).max(1.0);
         let mut best = (f64::INFINITY, all[0].0);
         for (fitted, numbers) in &all {
-            let numbers = (numbers + own_numbers(fitted).len()) as f64;
+            let numbers = (numbers + own_sizes(fitted).len()) as f64;
             let rough = squares(bench.plan, fitted, &bench.white)? / (over * over) + POLICY.per_number * numbers;
             if rough < best.0 {
                 best = (rough, fitted);
@@ -193,12 +193,8 @@ impl Contest {
         if !self.varies[after] {
             return Ok([self.seen(bench, before)?.1.clone(), self.seen(bench, after)?.1.clone()]);
         }
-        let halves = |k: usize| -> Result<Apart, IdentifyError> {
-            let coarse = self.coarse(bench, k)?;
-            Apart::new(&coarse.bench(bench), &coarse.fitted, &cause.unknowns)
-        };
-        let spreads = spreads(&self.fits[after], &cause.unknowns);
-        Ok([halves(before)?.halves(), halves(after)?.left_out(&spreads)])
+        let halves = |k: usize| halves(bench, &self.fits[k], &cause.unknowns, &self.fits[after]);
+        Ok([halves(before)?.halves(), halves(after)?.left_out(&[spread_of(&self.fits[after], &cause.unknowns)])])
     }
 
     fn seen(&self, bench: &Bench, k: usize) -> Result<&Seen, IdentifyError> {

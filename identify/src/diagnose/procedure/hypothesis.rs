@@ -1,7 +1,7 @@
 //! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
 
 use super::super::policy::POLICY;
-use super::apart::{carried, own_numbers, with_common};
+use super::apart::{carried, spread_of, with_common};
 use super::coarse::Coarse;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -55,7 +55,7 @@ impl Hypothesis {
 
     /// Whether a cause of it has sizes of its own in every record.
     pub fn varies(&self, k: usize) -> bool {
-        own_numbers(&self.fitted).iter().any(|own| self.causes[k].unknowns.iter().any(|u| u.target.same(&own.target)))
+        spread_of(&self.fitted, &self.causes[k].unknowns) > 0.0
     }
 
     /// Titles of its causes in the order of the alphabet: the same for the same model however it was found.

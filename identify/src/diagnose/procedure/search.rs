@@ -7,7 +7,7 @@ use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::across;
 use super::alike::alike;
-use super::apart::{carried, own_numbers, uncertain};
+use super::apart::{carried, uncertain};
 use super::contest::{Contest, judged, noise_of};
 use super::hypothesis::{Bench, Hypothesis, squares};
 use super::race::race;
@@ -318,7 +318,7 @@ impl<'a> Round<'a> {
         let squares = || -> Result<f64, IdentifyError> {
             let near = carried(judged, &prepared(plan, &plan.held_out, judged, &POLICY.fine)?);
             let fitted = self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?;
-            Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted, &own_numbers(&fitted))?)
+            Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted)?)
         };
         *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
     }
@@ -375,11 +375,7 @@ enum Rejection {
 /// A model under the noise that it leaves, and with the spreads that are likeliest under it.
 fn as_judged(bench: &Bench, model: &Hypothesis) -> Result<Fitted, IdentifyError> {
     let noise = noise_of(bench, &model.fitted)?;
-    let own = own_numbers(&model.fitted);
-    if own.is_empty() {
-        return judged(bench, model, &noise, POLICY.no_noise);
-    }
-    let (fitted, _) = bench.spread_anew(&Fitted { noise: noise.clone(), ..model.fitted.clone() }, &own)?;
+    let fitted = bench.spread_anew(&Fitted { noise: noise.clone(), ..model.fitted.clone() })?;
     judged(bench, &Hypothesis { fitted, ..model.clone() }, &noise, POLICY.no_noise)
 }
 
