@@ -33,7 +33,17 @@ fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values
     let start = initial_guess(plan, record).ok()?;
     let past = inputs.first().cloned().into_iter().collect();
     let (others, correction) = (Arc::default(), Arc::default());
-    let rec = RecordPlan { record: record.clone(), inputs, past, others, start, sizes: Vec::new(), nodes: Vec::new(), parent: 0, correction };
+    let rec = RecordPlan {
+        record: record.clone(),
+        inputs,
+        past,
+        others,
+        start,
+        sizes: Vec::new(),
+        nodes: Vec::new(),
+        parent: 0,
+        correction,
+    };
     shoot(plan, &rec, values, ShotWants::default()).ok().map(|shot| shot.predicted)
 }
 

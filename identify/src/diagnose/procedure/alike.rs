@@ -69,7 +69,8 @@ fn comes_as_near(bench: &Bench, best: &Hypothesis, judged: &Fitted, k: usize, ot
     let swapped = without.and(cause, apart.unwrap_or(plain));
     let fitted = super::contest::judged(bench, &swapped, noise, POLICY.no_noise)?;
     let own = |fitted: &Fitted| uncertain(bench, fitted);
-    let [here, there] = [squares(bench.plan, judged, noise)? + own(judged)?, squares(bench.plan, &fitted, noise)? + own(&fitted)?];
+    let [here, there] =
+        [squares(bench.plan, judged, noise)? + own(judged)?, squares(bench.plan, &fitted, noise)? + own(&fitted)?];
     Ok(!fitted.converged || there - here < POLICY.lead)
 }
 
@@ -98,4 +99,76 @@ fn parallel(bench: &Bench, fitted: &Fitted, cause: &Cause, cosine: f64, seed: u6
     };
     let same = |k: &usize| *k != j && tested.score.candidates[*k].rank > 0 && tested.score.containment[(j, *k)] >= cosine;
     Ok(all.filter(same).map(one).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::super::audit::starts::tests::{experiment, pendulum};
+    use super::*;
+    use crate::causes::library;
+    use crate::fit::fit;
+    use crate::shooting::{Plan, ShotWants, shoot};
+    use crate::stats::ar::ArModel;
+    use crate::stats::testing::gaussians;
+
+    const NOISE: f64 = 2e-4;
+
+    fn cause(plan: &Plan, name: &str) -> Cause {
+        let at = Situation { plan, values: &plan.scene_values, free: &[], together: true };
+        library(&at).into_iter().find(|cause| cause.name == name).unwrap()
+    }
+
+    /// A pendulum of which this cause has moved its coordinate so far.
+    fn moved(name: &str, by: f64) -> Plan {
+        let mut plan = experiment(&pendulum("measured"), &[vec![0.6; 40], vec![0.9; 40], vec![0.2; 40]]).0;
+        let number = cause(&plan, name).unknowns[0].clone();
+        let mut values = plan.scene_values.clone();
+        number.set(&mut values, number.moved(number.value(&plan.scene_values), by));
+        for (k, rec) in plan.fitted.clone().iter().enumerate() {
+            let clean = shoot(&plan, rec, &values, ShotWants::default()).unwrap().predicted;
+            plan.fitted[k].record.joints =
+                clean.iter().zip(gaussians(40, 3 + k as u64)).map(|(x, e)| vec![x + NOISE * e]).collect();
+        }
+        plan
+    }
+
+    /// The accepted model with this cause, and what `then` says of it.
+    fn accepted<T>(plan: &Plan, name: &str, then: impl Fn(&Bench, &Hypothesis) -> T) -> T {
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let bench = Bench { plan, declared: Vec::new(), white: white.clone() };
+        let cause = cause(plan, name);
+        let fitted =
+            |unknowns: &[Unknown]| fit(plan, &plan.fitted, &plan.scene_values, unknowns, Some(&white), &POLICY.fine).unwrap();
+        let best = Hypothesis::baseline(fitted(&[])).and(cause.clone(), fitted(&cause.unknowns));
+        then(&bench, &best)
+    }
+
+    fn names_alike(name: &str, by: f64) -> Vec<String> {
+        let evidence = [Evidence { statistic: 1e4, foretold: None }];
+        accepted(&moved(name, by), name, |bench, best| {
+            let all = alike(bench, best, &best.fitted, &evidence, &[], 0).unwrap();
+            all[0].iter().map(|other| other.name.to_owned()).collect()
+        })
+    }
+
+    /// An armature turns a joint heavier just as a link whose mass lies farther out does; lighter it cannot turn it.
+    #[test]
+    fn what_would_have_to_be_the_other_way_is_not_alike() {
+        let [wider, closer] = [0.05, -0.05].map(|by| names_alike("link_inertia", by));
+        assert!(wider.contains(&"armature".to_owned()), "{wider:?}");
+        assert!(!closer.contains(&"armature".to_owned()), "{closer:?}");
+    }
+
+    /// A refit tells damping that grows with the speed from one that grows with its square, and not a wider link from an armature.
+    #[test]
+    fn a_refit_decides() {
+        let comes_near = |name: &str, by: f64, other: &str| {
+            let plan = moved(name, by);
+            let other = Parallel { cause: cause(&plan, other), cosine: 1.0, step: vec![f64::NAN], admissible: true };
+            accepted(&plan, name, |bench, best| comes_as_near(bench, best, &best.fitted, 0, &other).unwrap())
+        };
+        assert!(comes_near("link_inertia", 0.05, "armature"));
+        assert!(!comes_near("viscous_friction", 2.0, "quadratic_damping"));
+    }
 }

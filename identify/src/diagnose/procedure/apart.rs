@@ -481,7 +481,8 @@ mod tests {
         }
         let white = ArModel::white(vec![2e-4]).unwrap();
         let bench = Bench { plan: &plan, declared: Vec::new(), white: white.clone() };
-        let fitted = |unknowns: &[Unknown]| fit(&plan, &plan.fitted, &plan.scene_values, unknowns, Some(&white), &POLICY.fine).unwrap();
+        let fitted =
+            |unknowns: &[Unknown]| fit(&plan, &plan.fitted, &plan.scene_values, unknowns, Some(&white), &POLICY.fine).unwrap();
         let base = Hypothesis::baseline(fitted(&[]));
         let child = base.and(cause, fitted(std::slice::from_ref(&number)));
         let contest = Contest::new(&bench, &[&base, &child], 1).unwrap();

@@ -146,8 +146,9 @@ impl Bench<'_> {
             let longer: Vec<RecordPlan> = records.iter().map(on_steps).collect();
             let near = there(&plan, &longer).and_then(|near| {
                 let starts = records.iter().zip(&near.records);
-                let records: Vec<RecordPlan> =
-                    starts.map(|(rec, near)| RecordPlan { start: near.start.clone(), sizes: near.sizes.clone(), ..rec.clone() }).collect();
+                let records: Vec<RecordPlan> = starts
+                    .map(|(rec, near)| RecordPlan { start: near.start.clone(), sizes: near.sizes.clone(), ..rec.clone() })
+                    .collect();
                 self.polished(&records, &near.values, unknowns, &self.white, options)
             });
             if let Ok(near) = near {

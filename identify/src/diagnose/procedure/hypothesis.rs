@@ -6,7 +6,7 @@ use super::coarse::Coarse;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit};
-use crate::shooting::{Plan, RecordPlan, own_squares, ShotWants, shoot};
+use crate::shooting::{Plan, RecordPlan, ShotWants, own_squares, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Target, Unknown, Values};
 use rayon::prelude::*;

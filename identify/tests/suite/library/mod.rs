@@ -234,10 +234,15 @@ fn derivative_error(bench: &Bench, made: &Made, row: &Row) -> f64 {
         unknown.set(&mut moved, unknown.moved(unknown.value(values), change));
         predicted(plan, rec, &moved, bench.smooth)
     };
+    // central differences, extrapolated from a change and half of it: a logarithm's error of second order is as large as what is looked for
+    let difference = |unknown: &Unknown, change: f64| -> Vec<f64> {
+        let (up, down) = (at(unknown, change), at(unknown, -change));
+        up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * change)).collect()
+    };
     let error = |(j, unknown): (usize, &Unknown)| {
-        let (up, down) = (at(unknown, bench.change), at(unknown, -bench.change));
+        let [whole, half] = [bench.change, 0.5 * bench.change].map(|change| difference(unknown, change));
         let column = shot.global.iter().skip(j).step_by(unknowns.len());
-        let off = column.zip(up.iter().zip(&down)).map(|(d, (up, down))| (d - (up - down) / (2.0 * bench.change)).abs());
+        let off = column.zip(whole.iter().zip(&half)).map(|(d, (whole, half))| (d - (4.0 * half - whole) / 3.0).abs());
         off.fold(0.0, f64::max)
     };
     unknowns.iter().enumerate().map(error).fold(0.0, f64::max) / size
