@@ -124,8 +124,7 @@ pub(super) fn beside(shot: Shot, k: usize, all: usize, sizes: &[Vec<(usize, f64)
         let one = |row: &[f64]| [&split(&row[..m], &row[m..m + all])[..], &row[m..m + k], &row[m + all..]].concat();
         matrix.chunks_exact(m + all + 1).flat_map(one).collect()
     };
-    let boundary =
-        shot.boundary.iter().map(|x| Tangent { q: along(&x.q), v: along(&x.v), z: along(&x.z), ..x.clone() }).collect();
+    let boundary = shot.boundary.iter().map(|x| Tangent { q: along(&x.q), v: along(&x.v), z: along(&x.z) }).collect();
     Shot { own: joined, own_columns: own, global, boundary, ..shot }
 }
 
