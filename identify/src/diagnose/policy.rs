@@ -111,18 +111,18 @@ pub(super) struct Policy {
     /// there.
     pub worth: f64,
     // sizes by record
-    /// A cause's size varies if own sizes pay for their numbers and their standard deviation is more than this part of their mean [-]: what
+    /// A cause's size varies if own sizes pay for their spread and their standard deviation is more than this part of their mean [-]: what
     /// is nearly the same everywhere has one size.
     pub varies: f64,
-    /// Part of what the sizes do that may be against what their mean does [-]. A tilt of gravity that stood in for something else in the tosses of a cube
-    /// did 45 % against it *(development)*.
+    /// Part of what the sizes do that may be against what their mean does \[-\]: right causes did up to 5 % against it, and a tilt of gravity that stood in
+    /// for something else in the tosses of a cube 24 to 45 % *(development)*.
     pub against: f64,
     /// Part of the squares that are left with common sizes up to which own sizes are worth a fit although they leave more than noise [-]: half of the
     /// errors. Where they are that large a linearization is off by as much as it leaves.
     pub mostly: f64,
-    /// Widest spread of a size that is looked for, in its standard error [-].
+    /// Widest spread of a size that is looked for, in the standard error that the best record knows it by; the narrowest is 1 [-].
     pub widest_spread: f64,
-    /// Times that the spreads of several numbers are each sought in turn.
+    /// Times that the spreads of several causes are each sought in turn.
     pub spread_rounds: usize,
     /// Grids of seventeen points, each an eighth as wide as the one before, that a spread is sought on.
     pub spread_grids: usize,
