@@ -9,6 +9,7 @@ use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use nalgebra::DVector;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -227,7 +228,7 @@ fn minimise(
 
 /// The records' linearizations at a point.
 struct Linear {
-    /// Of every measured record.
+    /// Of every piece, or of all pieces of a record that share its sizes.
     shares: Vec<Share>,
     /// Tangents at the segments' starts.
     shots: Vec<Shot>,
@@ -251,16 +252,16 @@ impl Linear {
         };
         let all: Vec<(Share, Shot)> = point.records.par_iter().map(one).collect::<Result<_, _>>()?;
         let (pieces, shots): (Vec<Share>, Vec<Shot>) = all.into_iter().unzip();
-        let joined = |of: std::ops::Range<usize>| {
+        let joined = |of: Range<usize>| {
             let rec = &point.records[of.start];
             Share::joined(&pieces[of], &rec.z()[rec.start.z.len()..])
         };
-        Ok(Self { shares: measured(&point.records).into_iter().map(joined).collect(), shots })
+        Ok(Self { shares: sharing(&point.records).map(joined).collect(), shots })
     }
 
-    /// Changes of each piece's own unknowns, from those of each measured record's.
-    fn by_piece(&self, records: &[RecordPlan], own: &[DVector<f64>]) -> Vec<DVector<f64>> {
-        let split = |(of, own): (std::ops::Range<usize>, &DVector<f64>)| {
+    /// Changes of each piece's own unknowns, from those of each share.
+    fn by_piece(records: &[RecordPlan], own: &[DVector<f64>]) -> Vec<DVector<f64>> {
+        let split = |(of, own): (Range<usize>, &DVector<f64>)| {
             let (starts, sizes) = own.as_slice().split_at(own.len() - records[of.start].own_sizes());
             let mut first = 0;
             let one = |rec: &RecordPlan| {
@@ -270,7 +271,7 @@ impl Linear {
             };
             records[of].iter().map(one).collect::<Vec<_>>()
         };
-        measured(records).into_iter().zip(own).flat_map(split).collect()
+        sharing(records).zip(own).flat_map(split).collect()
     }
 
     /// Damped changes of the common unknowns and of each record's own.
@@ -309,7 +310,7 @@ impl Linear {
         for (u, delta) in unknowns.iter().zip(common.iter()) {
             u.set(&mut values, u.moved(u.value(&point.values), *delta));
         }
-        let own = self.by_piece(&point.records, &own);
+        let own = Self::by_piece(&point.records, &own);
         let moves = point.records.iter().zip(&own).zip(&self.shots);
         let records: Vec<RecordPlan> = moves.map(|((rec, dz), shot)| moved(plan, rec, dz, &common, shot)).collect();
         let (cost, residuals) = cost(plan, &values, &records, unknowns, noise);
@@ -331,6 +332,14 @@ impl Linear {
             length *= 2.0;
         }
     }
+}
+
+/// The pieces that share unknowns of their own: those of a record with sizes, and each alone of all others.
+fn sharing(records: &[RecordPlan]) -> impl Iterator<Item = Range<usize>> + '_ {
+    measured(records).into_iter().flat_map(|of| {
+        let step = if records[of.start].own_sizes() > 0 { of.len() } else { 1 };
+        of.clone().step_by(step).map(move |first| first..first + step)
+    })
 }
 
 /// (weight, weighted pull) of the unknowns' priors.
@@ -379,6 +388,22 @@ mod tests {
             parent,
             correction: Arc::default(),
         }
+    }
+
+    #[test]
+    fn pieces_are_solved_together_where_they_share_a_size() {
+        let number = Unknown::of_sensor(0, 1.0, (-1.0, 1.0));
+        let size = crate::shooting::OwnSize { of: vec![(number, 1.0)], beyond: 0.0, spread: Some(1.0) };
+        let mut records = [0, 0, 1, 1, 1].map(record);
+        assert_eq!(sharing(&records).collect::<Vec<_>>(), [0..1, 1..2, 2..3, 3..4, 4..5]);
+        records[2..].iter_mut().for_each(|rec| rec.sizes.push(size.clone()));
+        assert_eq!(sharing(&records).collect::<Vec<_>>(), [0..1, 1..2, 2..5]);
+        let own = [vec![], vec![], vec![0.3]].map(DVector::from_vec);
+        let by_piece = Linear::by_piece(&records, &own);
+        assert_eq!(
+            by_piece.iter().map(|d| d.as_slice().to_vec()).collect::<Vec<_>>(),
+            [vec![], vec![], vec![0.3], vec![0.3], vec![0.3]]
+        );
     }
 
     #[test]
