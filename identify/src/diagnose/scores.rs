@@ -266,7 +266,7 @@ pub(super) fn reduce_beside(
     Ok(Reduced::merge_all(&parts)?)
 }
 
-/// What becomes of every measured record's shots, `one` of each of its pieces.
+/// Shoots every piece of each measured record with `one`, and makes one thing of a record's shots with `then`.
 fn each<T: Send>(
     fitted: &Fitted,
     one: impl Fn(usize, &RecordPlan) -> Result<Shot, IdentifyError> + Sync + Send,
@@ -279,8 +279,8 @@ fn each<T: Send>(
     measured(&fitted.records).into_par_iter().map(of).collect()
 }
 
-/// A record's readings and columns, whitened and reduced, from the shots of its pieces. On each piece's initial state there is a prior, and one on the sizes that
-/// they share.
+/// A record's readings and columns, whitened and reduced, from the shots of its pieces. There is a prior on each piece's initial state, and one on
+/// the sizes that they share.
 fn reduce_shots(
     plan: &Plan,
     noise: &ArModel,

@@ -4,9 +4,9 @@
 //! ```text
 //! x_j(r) = x_j + w_j d_r,     d_r = s z_r,  z_r ~ N(0, 1)
 //! ```
-//! with the common coordinates x of a fit ([`crate::unknown::Unknown`]) and a direction w: that from the scene's values to the common ones, so that d = −1 is a
-//! record without the effect. The deviation's standard deviation s is the spread; z_r is one more of the record's own unknowns, beside those of its
-//! initial state, and its column is s Σ w_j times those of the numbers.
+//! with the common coordinates x of a fit ([`crate::unknown::Unknown`]) and a direction w: that from the scene's values to the common ones where the
+//! size was first let vary, so that there d = −1 is a record without the effect. The deviation's standard deviation s is the spread; z_r is one
+//! more of the record's own unknowns, beside those of its initial state, and its column is s Σ w_j times those of the numbers.
 
 use super::plan::RecordPlan;
 use super::run::Shot;
@@ -101,15 +101,15 @@ pub fn own_unknowns(records: &[RecordPlan]) -> usize {
     starts + measured(records).into_iter().map(|pieces| records[pieces.start].own_sizes()).sum::<usize>()
 }
 
-/// What the priors of these unknowns add to the squares.
+/// Squares of these unknowns: the share of their priors in a fit's squares.
 pub fn own_squares(records: &[RecordPlan]) -> f64 {
     let starts = records.iter().flat_map(|rec| &rec.start.z).map(|z| z * z).sum::<f64>();
     let sizes = |pieces: Range<usize>| records[pieces.start].sizes.iter().filter_map(OwnSize::z).map(|z| z * z).sum::<f64>();
     starts + measured(records).into_iter().map(sizes).sum::<f64>()
 }
 
-/// A pass that differentiated by `k` unknowns and behind them, `all` in sum, by what else the own sizes are of, with their columns among the record's own: `sizes` has of each
-/// the columns of its numbers with their weights, the spread among these.
+/// A pass with the columns of own sizes among the record's own. It differentiated by `k` unknowns and behind them, `all` in sum, by the numbers
+/// of own sizes that are not among these; `sizes` has of each own size the columns of its numbers, with their weights times the spread.
 pub(super) fn beside(shot: Shot, k: usize, all: usize, sizes: &[Vec<(usize, f64)>]) -> Shot {
     let m = shot.own_columns;
     let own = m + sizes.len();

@@ -68,9 +68,9 @@ fn comes_as_near(bench: &Bench, best: &Hypothesis, judged: &Fitted, k: usize, ot
     let apart = if varies { bench.apart(&plain, &cause.unknowns, f64::INFINITY)? } else { None };
     let swapped = without.and(cause, apart.unwrap_or(plain));
     let fitted = super::contest::judged(bench, &swapped, noise, POLICY.no_noise)?;
-    let own = |fitted: &Fitted| uncertain(bench, fitted);
+    let own_sizes = |fitted: &Fitted| uncertain(bench, fitted);
     let [here, there] =
-        [squares(bench.plan, judged, noise)? + own(judged)?, squares(bench.plan, &fitted, noise)? + own(&fitted)?];
+        [squares(bench.plan, judged, noise)? + own_sizes(judged)?, squares(bench.plan, &fitted, noise)? + own_sizes(&fitted)?];
     Ok(!fitted.converged || there - here < POLICY.lead)
 }
 

@@ -23,7 +23,7 @@ use std::cell::OnceCell;
 pub(in super::super) struct Evidence {
     /// Squares that it takes.
     pub statistic: f64,
-    /// Part of the squares on records left out that it takes; absent with a single record.
+    /// Part of the squares on records left out that it takes; of a size that varies, on halves of records. Absent with a single record.
     pub foretold: Option<f64>,
 }
 
