@@ -8,7 +8,7 @@ use super::result::*;
 use super::scores::Scores;
 use crate::causes::Cause as Candidate;
 use crate::fit::Fitted;
-use crate::shooting::{Plan, RecordPlan, measured};
+use crate::shooting::{Plan, RecordPlan, pieces_by_record};
 use crate::stats::reduced::Reduced;
 use crate::unknown::{Coordinate, Unknown, Values};
 use std::ops::Range;
@@ -52,7 +52,7 @@ fn sizes(fitted: &Fitted, cause: &Candidate) -> Vec<RecordSize> {
         let name = rec.record.name.rsplit_once(" from ").filter(|(_, at)| at.ends_with(" s")).map(|(name, _)| name);
         Some(RecordSize { record: name.unwrap_or(&rec.record.name).to_owned(), size: own(first, rec)? })
     };
-    measured(&fitted.records).into_iter().filter_map(one).collect()
+    pieces_by_record(&fitted.records).into_iter().filter_map(one).collect()
 }
 
 /// The causes most similar to one on these data, among those tested against the baseline.

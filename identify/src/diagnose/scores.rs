@@ -6,7 +6,7 @@ use crate::causes::{Cause, Situation, library};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::log::{Logs, Setup};
-use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, measured, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, pieces_by_record, shoot};
 use crate::stats::STATS;
 use crate::stats::ar::ArModel;
 use crate::stats::multiple::holm;
@@ -276,7 +276,7 @@ fn each<T: Send>(
         let shots = pieces.into_par_iter().map(|k| Ok((&fitted.records[k], one(k, &fitted.records[k])?)));
         then(&shots.collect::<Result<Vec<_>, IdentifyError>>()?)
     };
-    measured(&fitted.records).into_par_iter().map(of).collect()
+    pieces_by_record(&fitted.records).into_par_iter().map(of).collect()
 }
 
 /// A record's readings and columns, whitened and reduced, from the shots of its pieces. There is a prior on each piece's initial state, and one on
@@ -381,4 +381,51 @@ fn shot_of(plan: &Plan, rec: &RecordPlan, unknowns: &[Unknown], passes: &[(Value
     }
     out.global = global;
     Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::audit::starts::tests::{experiment, pendulum};
+    use super::*;
+    use crate::shooting::OwnSize;
+    use nalgebra::DMatrix;
+
+    /// Of two pieces that share a size, what is left of a column is what no start of a piece and no size of the record takes, all with their priors.
+    #[test]
+    fn a_size_that_pieces_share_is_projected_off_them_together() {
+        let (plan, _) = experiment(&pendulum("measured"), &[vec![0.3; 40], vec![0.5; 40], vec![0.2; 40]]);
+        let of = |path: &str| Unknown::of_theta(&plan.model, path, 0.1).unwrap();
+        let (number, other) = (of("pivot.damping"), of("link.mass"));
+        let mut fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], None, &POLICY.fine).unwrap();
+        for rec in &mut fitted.records {
+            rec.parent = 0;
+            rec.sizes = vec![OwnSize { of: vec![(number.clone(), 1.0)], beyond: 0.2, spread: Some(0.5) }];
+        }
+        let reduced = reduce(&plan, &fitted, std::slice::from_ref(&other)).unwrap();
+        assert_eq!(reduced.records(), 1);
+        let wants = ShotWants { unknowns: std::slice::from_ref(&other), tangents: true, ..ShotWants::default() };
+        let (m, rows) = (fitted.records[0].start.z.len(), 40);
+        let columns = 2 * m + 1;
+        let mut own = DMatrix::zeros(2 * rows + columns, columns);
+        let mut column = DMatrix::zeros(2 * rows + columns, 1);
+        for (p, rec) in fitted.records.iter().enumerate() {
+            let shot = shoot(&plan, rec, &fitted.values, wants).unwrap();
+            let whitened = |x: &[f64]| {
+                let mut x = x.to_vec();
+                fitted.noise.whiten(&mut x, 1).unwrap();
+                x
+            };
+            for c in 0..=m {
+                let of: Vec<f64> = shot.own.iter().skip(c).step_by(m + 1).copied().collect();
+                let place = if c == m { 2 * m } else { p * m + c };
+                whitened(&of).iter().enumerate().for_each(|(r, x)| own[(p * rows + r, place)] = *x);
+            }
+            whitened(&shot.global).iter().enumerate().for_each(|(r, x)| column[(p * rows + r, 0)] = *x);
+        }
+        (0..columns).for_each(|c| own[(2 * rows + c, c)] = 1.0);
+        let taken = (own.transpose() * &own).cholesky().unwrap().solve(&(own.transpose() * &column));
+        let left = (&column - own * taken).norm_squared();
+        assert!((reduced.gram()[(0, 0)] / left - 1.0).abs() < 1e-8, "{} {left}", reduced.gram()[(0, 0)]);
+    }
 }

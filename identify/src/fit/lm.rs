@@ -4,7 +4,7 @@ use super::arrow::{Share, decrease, solve};
 use super::constants::FIT;
 use super::noise::{first_noise, fit_noise};
 use crate::error::IdentifyError;
-use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, measured, own_squares, own_unknowns, shoot};
+use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, own_squares, own_unknowns, pieces_by_record, shoot};
 use crate::stats::ar::ArModel;
 use crate::unknown::{Unknown, Values};
 use nalgebra::DVector;
@@ -336,7 +336,7 @@ impl Linear {
 
 /// The pieces that share unknowns of their own: those of a record with sizes, and each alone of all others.
 fn sharing(records: &[RecordPlan]) -> impl Iterator<Item = Range<usize>> + '_ {
-    measured(records).into_iter().flat_map(|of| {
+    pieces_by_record(records).into_iter().flat_map(|of| {
         let step = if records[of.start].own_sizes() > 0 { of.len() } else { 1 };
         of.clone().step_by(step).map(move |first| first..first + step)
     })

@@ -28,7 +28,7 @@ mod torque;
 pub(crate) use constants::SHOOTING;
 pub(crate) use dormant::opened;
 pub use observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPlace};
-pub use own_size::{OwnSize, measured, own_squares, own_unknowns};
+pub use own_size::{OwnSize, own_squares, own_unknowns, pieces_by_record};
 pub use plan::{OtherInputs, Plan, RecordPlan};
 pub use run::{Shot, ShotWants, shoot};
 pub use start::{StartState, initial_guess, state_at};

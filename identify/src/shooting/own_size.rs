@@ -84,7 +84,7 @@ impl RecordPlan {
 }
 
 /// The pieces of each measured record. They share its sizes.
-pub fn measured(records: &[RecordPlan]) -> Vec<Range<usize>> {
+pub fn pieces_by_record(records: &[RecordPlan]) -> Vec<Range<usize>> {
     let mut out: Vec<Range<usize>> = Vec::new();
     for (k, rec) in records.iter().enumerate() {
         match out.last_mut() {
@@ -98,14 +98,14 @@ pub fn measured(records: &[RecordPlan]) -> Vec<Range<usize>> {
 /// Number of unknowns that these records have of their own.
 pub fn own_unknowns(records: &[RecordPlan]) -> usize {
     let starts: usize = records.iter().map(|rec| rec.start.z.len()).sum();
-    starts + measured(records).into_iter().map(|pieces| records[pieces.start].own_sizes()).sum::<usize>()
+    starts + pieces_by_record(records).into_iter().map(|pieces| records[pieces.start].own_sizes()).sum::<usize>()
 }
 
 /// Squares of these unknowns: the share of their priors in a fit's squares.
 pub fn own_squares(records: &[RecordPlan]) -> f64 {
     let starts = records.iter().flat_map(|rec| &rec.start.z).map(|z| z * z).sum::<f64>();
     let sizes = |pieces: Range<usize>| records[pieces.start].sizes.iter().filter_map(OwnSize::z).map(|z| z * z).sum::<f64>();
-    starts + measured(records).into_iter().map(sizes).sum::<f64>()
+    starts + pieces_by_record(records).into_iter().map(sizes).sum::<f64>()
 }
 
 /// A pass with the columns of own sizes among the record's own. It differentiated by `k` unknowns and behind them, `all` in sum, by the numbers
@@ -213,7 +213,7 @@ mod tests {
         let rec = with_size(&plan, &unknowns, 0.7, Some(0.5));
         let other = RecordPlan { parent: 1, ..with_size(&plan, &unknowns, -0.5, Some(0.5)) };
         let records = [rec.clone(), rec.clone(), other];
-        assert_eq!(measured(&records), [0..2, 2..3]);
+        assert_eq!(pieces_by_record(&records), [0..2, 2..3]);
         assert_eq!(own_unknowns(&records), 3 * rec.start.z.len() + 2);
         assert!((own_squares(&records) - 1.4f64.powi(2) - 1.0).abs() < 1e-12);
     }

@@ -9,10 +9,11 @@
 
 use super::super::policy::POLICY;
 use super::super::scores::scores_in;
-use super::apart::{frozen, uncertain, with_common};
+use super::apart::{uncertain, with_common};
 use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use super::search::Evidence;
+use super::spread::frozen;
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;

@@ -8,13 +8,14 @@
 //! ```
 //! Where even the best leaves far more than the sensors' scatter there is no noise model, and models are compared by their errors on
 //! records left out ([`super::across`]). A cause may need another size in every record: own sizes compete as well, at the price of their
-//! spread ([`super::apart`]), so that a wrong law with one size does not beat the right one with several.
+//! spread ([`super::spread`]), so that a wrong law with one size does not beat the right one with several.
 
 use super::super::policy::POLICY;
 use super::across;
-use super::apart::{Apart, direction, own_sizes, spread_of, uncertain};
+use super::apart::{causes_apart, spread_of, uncertain};
 use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, squares};
+use super::spread::Apart;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{Fitted, floors};
@@ -82,7 +83,7 @@ struct Scored {
 
 /// A fit under the noise that it was fitted under. Own sizes cost their spreads, and what the deviations are uncertain by.
 fn scored(bench: &Bench, fitted: Fitted, numbers: usize) -> Result<Scored, IdentifyError> {
-    let price = POLICY.per_number * (numbers + own_sizes(&fitted).len()) as f64 + uncertain(bench, &fitted)?;
+    let price = POLICY.per_number * (numbers + causes_apart(&fitted).len()) as f64 + uncertain(bench, &fitted)?;
     let score = squares(bench.plan, &fitted, &fitted.noise)? + price;
     Ok(Scored { fitted, score, price })
 }
@@ -107,11 +108,11 @@ fn varying(bench: &Bench, common: &Scored, apart: &Fitted, model: &Hypothesis) -
     Ok((carries && apart.differ() && !apart.points_both_ways()).then_some(own))
 }
 
-/// What the data say of own sizes of a cause in a fit, on longer steps; its direction is that of the fit `by`.
+/// A fit's halves of records beside own sizes of the cause with these numbers, as it varies in the fit `by`; on longer steps.
 fn halves(bench: &Bench, fitted: &Fitted, numbers: &[Unknown], by: &Fitted) -> Result<Apart, IdentifyError> {
     let coarse = Coarse::of(bench, fitted)?;
-    let own = || own_sizes(by).into_iter().find(|of| of.iter().any(|(u, _)| numbers.iter().any(|n| n.target.same(&u.target))));
-    let causes: Vec<_> = own().or_else(|| direction(bench, by, numbers)).into_iter().collect();
+    let mut causes = causes_apart(by);
+    causes.retain(|of| of.iter().any(|(u, _)| numbers.iter().any(|n| n.target.same(&u.target))));
     Apart::new(&coarse.bench(bench), &coarse.fitted, &causes)
 }
 
@@ -136,7 +137,7 @@ impl Contest {
         let over = all.iter().map(|(f, _)| bench.over(f)).fold(f64::INFINITY, f64::min).max(1.0);
         let mut best = (f64::INFINITY, all[0].0);
         for (fitted, numbers) in &all {
-            let numbers = (numbers + own_sizes(fitted).len()) as f64;
+            let numbers = (numbers + causes_apart(fitted).len()) as f64;
             let rough = squares(bench.plan, fitted, &bench.white)? / (over * over) + POLICY.per_number * numbers;
             if rough < best.0 {
                 best = (rough, fitted);

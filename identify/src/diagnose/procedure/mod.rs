@@ -3,7 +3,7 @@
 //! 1. **Scatter** of the sensors ([`scatter`]): the least noise that the readings can have.
 //! 2. **Models** ([`hypothesis`]): the scene with some causes added, refitted by least squares from several starts, all alike.
 //! 3. **Contest** ([`contest`]): all under the noise of the best one's residual, with a price for every number.
-//! 4. **Across records**: whether a cause predicts records left out ([`across`]), and whether its size differs between them ([`apart`]).
+//! 4. **Across records**: whether a cause predicts records left out ([`across`]), and whether its size differs between them ([`spread`], [`apart`]).
 //! 5. **Numerics** ([`super::numerics`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
 //! 6. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
 //!
@@ -19,6 +19,7 @@ mod hypothesis;
 mod race;
 pub(super) mod scatter;
 mod search;
+mod spread;
 
 pub(super) use across::solved;
 pub(super) use coarse::Coarse;

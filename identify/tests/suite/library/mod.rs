@@ -263,6 +263,19 @@ fn causes_of_a_contact() {
     check(&bench::slider(), SLIDER);
 }
 
+/// Of a body that turns freely the ratios of its inertia are seen, and no common factor: it moves all three logarithms alike.
+#[test]
+fn a_common_factor_of_a_free_bodys_inertia_is_not_seen() {
+    let (bench, row) = (bench::toss(), &row("link_inertia (cube)", &[("cube.spread[1]", 0.027)], "gravity_tilt"));
+    let made = bench.made(row.truth, SEED);
+    let unknowns = cause(&made.plan, row).unknowns;
+    let wants = ShotWants { unknowns: &unknowns, tangents: true, ..ShotWants::default() };
+    let shot = shoot(&made.plan, &made.plan.fitted[1], &made.values, wants).unwrap();
+    let size = shot.global.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+    let common = shot.global.chunks_exact(3).map(|row| row.iter().sum::<f64>().abs()).fold(0.0, f64::max);
+    assert!(size > 0.0 && common < 1e-8 * size, "{common} {size}");
+}
+
 #[test]
 fn causes_of_a_tossed_body() {
     check(&bench::toss(), TOSS);
