@@ -6,7 +6,7 @@ use super::certainty::{Curvature, estimates, half_widths, normal};
 use super::listing;
 use super::numerics::{changes, shifts};
 use super::policy::POLICY;
-use super::procedure::{Found, search};
+use super::procedure::{Found, counted, search};
 use super::remainder::remainder;
 use super::result::*;
 use super::scores::scores;
@@ -133,9 +133,13 @@ fn pass(
         plain = prepared.ended(&plan, plain, &to_the_end)?;
     }
     let bench = seen(&plain)?;
-    let base = bench.finished(&plain, &plain.records)?;
+    let mut base = bench.finished(&plain, &plain.records)?;
     let converged = plain.converged;
     findings.extend(audit::contradictions::contradictions(&bench, &base));
+    if enough {
+        let even_handed = counted(&bench, &base);
+        base = counted(&bench, &bench.finished(&even_handed, &even_handed.records)?);
+    }
     clock.done("baseline");
 
     let scene = opened(&setup.scene);

@@ -41,6 +41,9 @@ pub(super) struct Policy {
     /// The error of the longer step that causes are refitted on, in what is left \[-\]: it is taken off the data, and of a change of the size of
     /// what is left only the step's part is wrong.
     pub long_step: f64,
+    /// Samples in one of these steps on more than so many records, where what is left is no noise [-]: half the time of a cable's diagnosis.
+    /// On fewer a wrong cause came beside the friction of a cart *(development)*.
+    pub samples_in_a_step: usize,
     /// Times that it is taken off again before a fit is ended on the scene's own step.
     pub corrections: usize,
     /// Units of −2 log likelihood within which both steps agree well enough, a fifth of a lead.
@@ -53,6 +56,8 @@ pub(super) struct Policy {
     /// that they take; also that a baseline is first fitted to, and that likeness is looked for on. On six records of a real cable no cause carried over
     /// to those left out, on eight one, on twelve four *(development)*.
     pub searched_records: usize,
+    /// Most of the other measured records that these models are judged on.
+    pub judged_records: usize,
     /// Most measured records that causes are tried on before the best are refitted to all.
     pub raced_records: usize,
     /// Causes tried on top of one model, largest score first.
@@ -75,9 +80,9 @@ pub(super) struct Policy {
     /// large).
     pub starts: [f64; 3],
     /// First refits.
-    pub rough: FitOptions,
-    /// Fits over short pieces before them.
-    pub pieces: FitOptions,
+    pub rough: First,
+    /// The same of models that are judged on records that they have not seen: what is accepted goes on in the rounds that follow.
+    pub glance: First,
     /// Refits to the end, where what is left is no noise.
     pub coarse: FitOptions,
     /// From some of many records to all of them.
@@ -232,6 +237,15 @@ pub(super) struct Policy {
     pub ceiling_rounding: f64,
 }
 
+/// How a cause is first refitted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct First {
+    /// Over short pieces before.
+    pub pieces: Option<FitOptions>,
+    /// Over whole records.
+    pub options: FitOptions,
+}
+
 /// Blocks of time that a record is cut into: so many at most, each of so many samples at least.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Blocks {
@@ -255,11 +269,13 @@ pub(super) const POLICY: Policy = Policy {
     score_blocks: Blocks { most: 8, samples: 10 },
     dead_number: 1e-9,
     long_step: 1.0,
+    samples_in_a_step: 2,
     corrections: 3,
     agree: 3.0,
     agree_well: 0.03,
     nearer: 0.5,
     searched_records: 12,
+    judged_records: 36,
     raced_records: 6,
     raced: 8,
     promising: 5.0,
@@ -269,8 +285,11 @@ pub(super) const POLICY: Policy = Policy {
     far_behind: 0.3,
     beam: 2,
     starts: [1.0 / 3.0, 1.0, 3.0],
-    rough: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
-    pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-2 },
+    rough: First {
+        pieces: Some(FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-2 }),
+        options: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
+    },
+    glance: First { pieces: None, options: FitOptions { max_iterations: 4, rounds: 0, tolerance: 1e-2 } },
     coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 3e-3 },
     widened: FitOptions { max_iterations: 2, rounds: 0, tolerance: 1e-2 },
     fine: FitOptions { max_iterations: 30, rounds: 0, tolerance: 1e-5 },

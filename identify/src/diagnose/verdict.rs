@@ -52,19 +52,27 @@ fn counts(n: &&Numerics) -> bool {
     n.gain > POLICY.per_number && n.part > POLICY.tolerated
 }
 
+/// Whether something outside the library is behind the causes: what is left is significant; or a size differs from record to record, which a law
+/// that lacks something does as well, and what is left has a form besides.
+fn beyond(d: &Diagnosis) -> bool {
+    let varies = d.causes.iter().any(|cause| !cause.sizes.is_empty());
+    d.remainder.significant || varies && !d.remainder.forms.is_empty()
+}
+
 /// Verdict, reason and advice. `before`: a diagnosis with the scene's own simulation, where this one is finer, and how.
 pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged: bool, before: Option<(String, &Diagnosis)>) {
     let sets = alternatives(found);
     d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
     d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
     let own: Vec<Numerics> = d.numerics.iter().filter(counts).cloned().collect();
-    let approximate = if d.remainder.significant { Vec::new() } else { set_apart(d) };
+    let beyond = beyond(d);
+    let approximate = if beyond { Vec::new() } else { set_apart(d) };
     let titles = d.alternative_titles();
     (d.verdict, d.reason) = if !converged {
         (Verdict::Withheld, reason::not_converged())
     } else if d.causes.is_empty() {
         without_cause(d, found, &own)
-    } else if d.remainder.significant {
+    } else if beyond {
         (Verdict::NotInLibrary, reason::approximated(&d.causes, &d.remainder))
     } else if let Some(set) = titles.first() {
         let accepted: Vec<String> = d.causes.iter().map(Cause::title).filter(|t| !titles.concat().contains(t)).collect();
@@ -142,6 +150,21 @@ fn without_cause(d: &Diagnosis, found: &Found, own: &[Numerics]) -> (Verdict, St
 mod tests {
     use super::*;
     use crate::report::sample;
+
+    /// A law with another size in every record is the right one only if nothing is left of a form.
+    #[test]
+    fn a_size_that_varies_over_a_form_is_no_name() {
+        let mut d = sample::diagnosis();
+        d.remainder.significant = false;
+        d.remainder.forms = vec![RemainderForm::default()];
+        assert!(!beyond(&d));
+        d.causes[0].sizes = vec![RecordSize { record: "run1.csv".into(), size: 0.1 }];
+        assert!(beyond(&d));
+        d.remainder.forms.clear();
+        assert!(!beyond(&d));
+        d.remainder.significant = true;
+        assert!(beyond(&d));
+    }
 
     /// A weak cause that what is left may be behind goes, and what it could be taken for; a strong one and its rivals stay.
     #[test]

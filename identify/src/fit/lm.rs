@@ -387,6 +387,7 @@ mod tests {
             nodes: Vec::new(),
             parent,
             correction: Arc::default(),
+            weight: 1.0,
         }
     }
 

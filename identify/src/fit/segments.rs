@@ -129,6 +129,7 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
             nodes: Vec::new(),
             parent: rec.parent,
             correction: Arc::default(),
+            weight: 1.0,
         });
     }
     Ok(pieces)

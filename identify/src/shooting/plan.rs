@@ -36,6 +36,8 @@ pub struct RecordPlan {
     pub parent: usize,
     /// Added to the residuals, rows (time, channel): the known error of this simulation. Rows beyond it are not measured. Empty: none.
     pub correction: Arc<[f64]>,
+    /// Factor of its residuals and their derivatives [-].
+    pub weight: f64,
 }
 
 impl RecordPlan {
@@ -294,6 +296,7 @@ impl Plan {
             nodes: Vec::new(),
             parent: 0,
             correction: Arc::default(),
+            weight: 1.0,
         })
     }
 }

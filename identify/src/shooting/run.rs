@@ -37,7 +37,7 @@ pub struct ShotWants<'a> {
 pub struct Shot {
     /// Simulated readings, each channel in its unit; of an orientation, −(turn from simulated to measured).
     pub predicted: Vec<f64>,
-    /// Measured − simulated, the accumulated defects taken off; 0 where nothing was measured.
+    /// Measured − simulated, the accumulated defects taken off, times the record's weight, as are the derivatives; 0 where nothing was measured.
     pub residual: Vec<f64>,
     /// rows × own columns: ∂(reading)/∂z.
     pub own: Vec<f64>,
@@ -145,6 +145,7 @@ impl Pass<'_> {
             }
         }
         self.correct(&mut shot.residual);
+        [&mut shot.residual, &mut shot.own, &mut shot.global].into_iter().flatten().for_each(|x| *x *= self.rec.weight);
         Ok(shot)
     }
 

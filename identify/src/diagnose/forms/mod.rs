@@ -14,7 +14,7 @@ use super::procedure::{Bench, Coarse};
 use super::result::RemainderForm;
 use super::scores::reduce_beside;
 use crate::error::IdentifyError;
-use crate::fit::Fitted;
+use crate::fit::{Fitted, evenly};
 use crate::form::{Form, Place, Shape, Variable};
 use crate::number::number_plain;
 use crate::shooting::{Plan, RecordPlan, Shot, ShotWants, shoot};
@@ -26,7 +26,11 @@ use rayon::prelude::*;
 
 /// The hypotheses that are significant, those first that take most beyond what their numbers cost. `fitted` may have residuals that are not those of its values alone.
 pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<Vec<RemainderForm>, IdentifyError> {
-    let coarse = Coarse::of(bench, fitted)?;
+    // where what is left is no noise, some of many records are enough to say what it looks like
+    let most = if bench.no_noise(fitted) { POLICY.searched_records } else { usize::MAX };
+    let keep = evenly(&fitted.records, most);
+    let shifts: Vec<Shift> = shifts.iter().map(|shift| shift.of_some(&keep)).collect();
+    let coarse = Coarse::of(bench, &fitted.of_some(most))?;
     let plan = &coarse.plan;
     let shots: Vec<Shot> =
         coarse.fitted.records.par_iter().map(|rec| simulated(plan, rec, &coarse.fitted.values)).collect::<Result<_, _>>()?;
@@ -35,7 +39,7 @@ pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<
     for site in sites(plan) {
         let Some(ranges) = Ranges::new(plan, &fitted.records, &shots, &site) else { continue };
         let groups = site.groups(&ranges);
-        let test = tested(plan, &fitted, &groups, &changes(shifts), POLICY.constancy_blocks)?;
+        let test = tested(plan, &fitted, &groups, &changes(&shifts), POLICY.constancy_blocks)?;
         // what hangs on a few stretches of the records, as on an outlier at the end of a range, has no robust error
         let robust = |(_, s): &(&Group, &CandidateScore)| s.rank > 0 && s.p_blocks.is_some();
         let robust: Vec<(&Group, &CandidateScore)> = groups.iter().zip(&test).filter(robust).collect();
@@ -43,7 +47,7 @@ pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<
         out.extend(robust.into_iter().map(|(group, score)| site.told(plan, group, score)));
     }
     out.retain(|form| form.p * (tests as f64) < POLICY.form_level);
-    let (pushes, tests) = pushes(plan, &fitted, &changes(shifts))?;
+    let (pushes, tests) = pushes(plan, &fitted, &changes(&shifts))?;
     out.extend(pushes.into_iter().filter(|push| push.p * (tests as f64) < POLICY.push_level));
     // beside something strong everything is significant: what comes nearest to it comes first
     let worth = |form: &RemainderForm| form.taken - POLICY.per_number * form.numbers as f64;

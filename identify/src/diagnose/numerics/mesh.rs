@@ -43,6 +43,7 @@ fn readings(plan: &Plan, record: &Record, inputs: Vec<Vec<f64>>, values: &Values
         nodes: Vec::new(),
         parent: 0,
         correction,
+        weight: 1.0,
     };
     shoot(plan, &rec, values, ShotWants::default()).ok().map(|shot| shot.predicted)
 }

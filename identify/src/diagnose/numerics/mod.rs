@@ -25,6 +25,14 @@ pub(super) struct Shift {
     order: i32,
 }
 
+impl Shift {
+    /// That of some of its records.
+    pub fn of_some(&self, keep: &[bool]) -> Self {
+        let kept = self.change.iter().zip(keep).filter(|(_, keep)| **keep);
+        Self { change: kept.map(|(change, _)| change.clone()).collect(), ..self.clone() }
+    }
+}
+
 /// What a finer simulation has finer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {

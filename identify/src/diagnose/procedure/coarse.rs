@@ -37,7 +37,9 @@ impl Coarse {
     /// The same of a fit whose simulation is known.
     fn beside(bench: &Bench, fitted: &Fitted, now: Option<&[Shot]>) -> Result<Self, IdentifyError> {
         let plan = bench.plan;
-        let mut steps = longest(plan, &fitted.records);
+        let many = plan.fitted_records() > POLICY.searched_records && bench.no_noise(fitted);
+        let samples = if many { POLICY.samples_in_a_step } else { 1 };
+        let mut steps = samples * longest(plan, &fitted.records);
         let corrected = fitted.records.iter().any(|rec| !rec.correction.is_empty());
         if steps == 1 || corrected {
             steps = 1;
@@ -76,7 +78,8 @@ impl Coarse {
                 *c = if *c == 0.0 { 0.0 } else { longer - now };
             });
         }
-        let moved = Fitted { residuals: change.clone(), ..fitted.clone() };
+        let counted = |(change, rec): (&Vec<f64>, &RecordPlan)| change.iter().map(|c| c * rec.weight).collect();
+        let moved = Fitted { residuals: change.iter().zip(&records).map(counted).collect(), ..fitted.clone() };
         if !change.iter().flatten().all(|x| x.is_finite()) || bench.over(&moved) > POLICY.long_step * bench.over(fitted) {
             return None;
         }
@@ -174,9 +177,10 @@ impl Bench<'_> {
         }
     }
 
-    /// The same by least squares and without the last steps, where models are yet to be fitted again under one noise.
+    /// The same by least squares and without the last steps, where models are yet to be fitted again under one noise, or on more records.
     pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
-        self.led(from, records, &POLICY.coarse)
+        let to_go_on = records.len() < self.plan.fitted.len() && self.no_noise(from);
+        self.led(from, records, if to_go_on { &POLICY.widened } else { &POLICY.coarse })
     }
 
     /// The same with so many steps.

@@ -16,6 +16,7 @@ use super::apart::{causes_apart, spread_of, uncertain};
 use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, squares};
 use super::spread::Apart;
+use super::unseen::{foretold, logs, sought_on_some, typical, unseen};
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{Fitted, floors};
@@ -29,6 +30,8 @@ use std::cell::OnceCell;
 pub(super) struct Contest {
     /// Whether even the best leaves more than noise.
     pub no_noise: bool,
+    /// Whether they are judged on records that they have not seen.
+    pub unseen: bool,
     /// Each model as it is judged.
     pub fits: Vec<Fitted>,
     /// Each model's score: less is better.
@@ -65,12 +68,15 @@ pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: 
     bench.polished(&plain.records, &plain.values, &plain.unknowns, noise, &POLICY.fine)
 }
 
-/// A model on longer steps, for its sensitivities, and its squares on every record with it left out.
+/// A model on longer steps, for its sensitivities, and its squares on the records that it has not seen, or else on every record with it left out.
 type Seen = (Coarse, Vec<f64>);
 
 fn seen(bench: &Bench, fitted: &Fitted) -> Result<Seen, IdentifyError> {
     let coarse = Coarse::of(bench, fitted)?;
-    let left_out = across::left_out(&coarse.plan, &coarse.fitted)?;
+    let left_out = match sought_on_some(bench.plan, fitted) {
+        true => foretold(bench, fitted, &unseen(bench.plan, fitted)),
+        false => across::left_out(&coarse.plan, &coarse.fitted)?,
+    };
     Ok((coarse, left_out))
 }
 
@@ -144,12 +150,13 @@ impl Contest {
             }
         }
         let no_noise = bench.no_noise(best.1);
+        let unseen = no_noise && sought_on_some(bench.plan, best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
         let fit = |k: usize| -> Result<(Scored, Option<Seen>, bool), IdentifyError> {
             if no_noise {
                 let seen = seen(bench, &models[k].fitted)?;
-                let score = seen.1.iter().sum();
+                let score = if unseen { typical(&seen.1) } else { seen.1.iter().sum() };
                 return Ok((Scored { fitted: models[k].fitted.clone(), score, price: 0.0 }, Some(seen), false));
             }
             let common = scored(bench, judged(bench, models[k], &noise, least)?, models[k].numbers())?;
@@ -161,6 +168,7 @@ impl Contest {
         let judged: Vec<_> = (0..models.len()).into_par_iter().map(fit).collect::<Result<_, _>>()?;
         let mut out = Self {
             no_noise,
+            unseen,
             fits: Vec::new(),
             scores: Vec::new(),
             prices: Vec::new(),
@@ -198,6 +206,14 @@ impl Contest {
         Ok([halves(before)?.halves(), halves(after)?.left_out(&[spread_of(&self.fits[after], &cause.unknowns)])])
     }
 
+    /// Whether the second of two models is better on what was left out, and the part of the squares that it takes there.
+    pub fn gain(&self, [before, after]: &[Vec<f64>; 2]) -> (bool, f64) {
+        match self.unseen {
+            true => (across::better(&logs(before), &logs(after)), across::share(&[typical(before)], &[typical(after)])),
+            false => (across::better(before, after), across::share(before, after)),
+        }
+    }
+
     fn seen(&self, bench: &Bench, k: usize) -> Result<&Seen, IdentifyError> {
         if let Some(seen) = self.seen[k].get() {
             return Ok(seen);
@@ -217,7 +233,7 @@ impl Contest {
         if self.no_noise {
             // the scores were made of these
             let left_out = |k: usize| self.seen[k].get().map_or(&[][..], |(_, left_out)| left_out.as_slice());
-            return !across::better(left_out(k), left_out(best));
+            return !self.gain(&[left_out(k).to_vec(), left_out(best).to_vec()]).0;
         }
         let more = (self.prices[k] - self.prices[best]).max(0.0);
         self.scores[k] - self.scores[best] - more < POLICY.lead
@@ -238,6 +254,7 @@ mod tests {
     fn what_numbers_cost_tells_nothing() {
         let mut contest = Contest {
             no_noise: false,
+            unseen: false,
             fits: Vec::new(),
             scores: vec![130.0, 146.0, 160.5],
             prices: vec![30.0, 45.0, 30.0],

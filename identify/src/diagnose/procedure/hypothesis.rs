@@ -1,8 +1,9 @@
 //! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
 
-use super::super::policy::POLICY;
+use super::super::policy::{First, POLICY};
 use super::apart::{carried, spread_of, with_common};
 use super::coarse::Coarse;
+use super::unseen::{counted, even, sought_on_some};
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, approach, fit};
@@ -35,10 +36,15 @@ impl Hypothesis {
         Self { causes, fitted, trail }
     }
 
-    /// Led on to `records` by at most two steps; where it may leave noise a contest fits it to the end. The models on the way to it keep their
+    /// Led on to `records` by at most two steps, each counted by what is left in it where that is no noise; where it may be noise a contest fits it to
+    /// the end. The models on the way to it keep their
     /// values, as they were found.
     pub fn on(&self, bench: &Bench, records: &[RecordPlan]) -> Result<Self, IdentifyError> {
-        let fitted = bench.led(&self.fitted, &carried(&self.fitted, records), &POLICY.widened)?;
+        let here =
+            fit(bench.plan, &carried(&self.fitted, records), &self.fitted.values, &[], Some(&bench.white), &POLICY.coarse)?;
+        let here = Fitted { unknowns: self.fitted.unknowns.clone(), ..here };
+        let here = if bench.no_noise(&here) { counted(bench, &here) } else { here };
+        let fitted = even(bench.plan, &bench.led(&here, &here.records, &POLICY.widened)?);
         let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
             let starts = fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse)?;
             Ok(Fitted { unknowns: before.unknowns.clone(), ..starts })
@@ -140,6 +146,7 @@ impl Bench<'_> {
         cause: &Cause,
         step: &[f64],
         beside: &[Unknown],
+        first: &First,
     ) -> Result<(Fitted, Cause), IdentifyError> {
         let known = &parent.unknowns;
         let new = |u: &&Unknown| !known.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
@@ -159,7 +166,8 @@ impl Bench<'_> {
             }
             let Some((squares, values)) = nearest else { continue };
             let tied = self.plan.tied(unknowns.clone());
-            let led = approach(self.plan, &parent.records, &values, &tied, &POLICY.pieces).ok();
+            let lead = |options: &FitOptions| approach(self.plan, &parent.records, &values, &tied, options).ok();
+            let led = first.pieces.as_ref().and_then(lead);
             let led = led.map(|(values, records)| (self.squares_at(&records, &values), values, records));
             for one in led.into_iter().chain([(squares, values, parent.records.clone())]) {
                 if best.as_ref().is_none_or(|(least, ..)| one.0 < *least) {
@@ -168,7 +176,7 @@ impl Bench<'_> {
             }
         }
         let (_, values, records) = best.unwrap_or_else(|| (0.0, parent.values.clone(), parent.records.clone()));
-        let fitted = self.fit(&records, &values, &unknowns, &POLICY.rough)?;
+        let fitted = self.fit(&records, &values, &unknowns, &first.options)?;
         Ok((fitted, Cause { unknowns: own, ..cause.clone() }))
     }
 
@@ -191,7 +199,8 @@ impl Bench<'_> {
         }
         let unknowns = self.plan.taken_out(&self.declared, &whole.fitted.unknowns, &out.unknowns, &mut values);
         let coarse = Coarse::of(self, &with_common(&whole.fitted, &out.unknowns))?;
-        let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, &POLICY.coarse)?;
+        let first = if sought_on_some(self.plan, &whole.fitted) { &POLICY.glance.options } else { &POLICY.coarse };
+        let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, first)?;
         let fitted = match coarse.is_fine() {
             true => rough,
             false => self.finished(&rough, &coarse.back(&rough.records, &whole.fitted.records))?,
@@ -205,7 +214,7 @@ impl Bench<'_> {
     }
 
     /// Squares of the residuals in units of the scatter; infinite where a record cannot be simulated.
-    fn squares_at(&self, records: &[RecordPlan], values: &Values) -> f64 {
+    pub fn squares_at(&self, records: &[RecordPlan], values: &Values) -> f64 {
         let one = |rec: &RecordPlan| -> f64 {
             let Ok(mut shot) = shoot(self.plan, rec, values, ShotWants::default()) else { return f64::INFINITY };
             if self.white.whiten(&mut shot.residual, self.plan.channels()).is_err() {

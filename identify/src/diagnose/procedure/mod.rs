@@ -4,8 +4,9 @@
 //! 2. **Models** ([`hypothesis`]): the scene with some causes added, refitted by least squares from several starts, all alike.
 //! 3. **Contest** ([`contest`]): all under the noise of the best one's residual, with a price for every number.
 //! 4. **Across records**: whether a cause predicts records left out ([`across`]), and whether its size differs between them ([`spread`], [`apart`]).
-//! 5. **Numerics** ([`super::numerics`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
-//! 6. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
+//! 5. **Unseen records** ([`unseen`]): of many records, while what is left is no noise, some are fitted and the others judge.
+//! 6. **Numerics** ([`super::numerics`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
+//! 7. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
 //!
 //! [`search`] puts them in order: the best cause is accepted, the next is sought on top of it and of what came second, until none is
 //! accepted; then each is taken out again, to see whether it is missed.
@@ -20,8 +21,10 @@ mod race;
 pub(super) mod scatter;
 mod search;
 mod spread;
+mod unseen;
 
 pub(super) use across::solved;
 pub(super) use coarse::Coarse;
 pub(super) use hypothesis::{Bench, Hypothesis};
 pub(super) use search::{Evidence, Found, search};
+pub(super) use unseen::counted;

@@ -6,6 +6,7 @@ use super::super::scores::{Scores, scores_under};
 use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
+use super::unseen::{foretold, sought_on_some, typical, unseen};
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -47,12 +48,23 @@ pub(super) fn race(
     // children of the earlier models that leave noise: there the linearization is right, and the same child of a later model is the same
     let mut settled: Vec<Vec<String>> = Vec::new();
     for (parent, model) in beam.iter().enumerate() {
-        let whole = model.fitted.of_some(POLICY.raced_records);
+        let whole = match sought_on_some(bench.plan, &model.fitted) {
+            true => model.fitted.clone(),
+            false => model.fitted.of_some(POLICY.raced_records),
+        };
         let coarse = Coarse::of(bench, &whole)?;
         let some = &coarse.fitted;
-        let bench = &coarse.bench(bench);
+        // what is no noise counts on records that a model has not seen, and of that a linearization says nothing
+        let unseen = if sought_on_some(bench.plan, &model.fitted) { unseen(bench.plan, &whole) } else { Vec::new() };
+        let (whole_bench, bench) = (bench, &coarse.bench(bench));
+        let judged = |fitted: &Fitted| -> Result<f64, IdentifyError> {
+            match unseen.is_empty() {
+                true => squares(bench.plan, fitted, &bench.white),
+                false => Ok(typical(&foretold(whole_bench, fitted, &unseen))),
+            }
+        };
         let left = squares(bench.plan, some, &bench.white)?;
-        plain = plain.min(left);
+        plain = plain.min(judged(some)?);
         let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
         let noise = (!bench.no_noise(some)).then(|| noise_of(bench, some)).transpose()?;
         let (white, coloured) = scores_under(bench.plan, &at, some, noise.as_ref(), seed)?;
@@ -61,7 +73,9 @@ pub(super) fn race(
         let part = rows(&some.records) / rows(&model.fitted.records);
         let worth = promising(&white, coloured.as_ref()).into_iter().filter(|p| !settled.contains(&model.key_with(&p.cause)));
         let trials: Vec<(Promise, Vec<Unknown>)> = worth.flat_map(Promise::trials).collect();
-        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| p.score < POLICY.linear * left && beside.is_empty();
+        let small = |p: &Promise| unseen.is_empty() && p.score < POLICY.linear * left;
+        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| small(p) && beside.is_empty();
+        let first = if unseen.is_empty() { &POLICY.rough } else { &POLICY.glance };
         for (p, _) in trials.iter().filter(|trial| !is_linear(trial)) {
             progress(&format!("trying {}", p.cause.title()));
         }
@@ -74,9 +88,9 @@ pub(super) fn race(
                 let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
                 return Ok(Ok(Tried { parent, cause, rough, squares: left - score, taken: *taken, numbers, hopeless }));
             }
-            Ok(match bench.with(some, cause, step, beside) {
+            Ok(match bench.with(some, cause, step, beside, first) {
                 Ok((rough, cause)) => {
-                    let squares = squares(bench.plan, &rough, &bench.white)?;
+                    let squares = judged(&rough)?;
                     let rough = Fitted { records: coarse.back(&rough.records, &whole.records), ..rough };
                     Ok(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false })
                 }

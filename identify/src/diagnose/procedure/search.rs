@@ -5,12 +5,12 @@ use super::super::gain::prepared;
 use super::super::numerics::{Shift, Source, changes, shift, shifts};
 use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
-use super::across;
 use super::alike::alike;
 use super::apart::{carried, uncertain};
 use super::contest::{Contest, judged, noise_of};
 use super::hypothesis::{Bench, Hypothesis, squares};
 use super::race::race;
+use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -55,7 +55,7 @@ impl Found {
             let without = bench.without(&self.best, k)?.fitted;
             for other in others.iter().take(POLICY.told_rivals) {
                 let nowhere = vec![f64::NAN; other.unknowns.len()];
-                if let Ok((rough, _)) = bench.with(&without, other, &nowhere, &[]) {
+                if let Ok((rough, _)) = bench.with(&without, other, &nowhere, &[], &POLICY.rough) {
                     out.push(bench.finished(&rough, &without.records)?);
                 }
             }
@@ -179,7 +179,11 @@ impl<'a> Round<'a> {
 
     /// A model as the next cause is tried on it.
     fn adopted(&self, k: usize) -> Hypothesis {
-        self.contest.adopted(k, &self.models[k])
+        let mut out = self.contest.adopted(k, &self.models[k]);
+        if self.contest.unseen {
+            out.fitted = counted(self.bench, &out.fitted);
+        }
+        out
     }
 
     /// The best model of the beam.
@@ -297,11 +301,11 @@ impl<'a> Round<'a> {
                 ))));
             }
         }
-        let [before, after] = self.contest.left_out(self.bench, parent, k, cause)?;
-        let share = across::share(&before, &after);
-        let carries = across::better(&before, &after) && (!self.contest.no_noise || share >= POLICY.worth);
+        let both = self.contest.left_out(self.bench, parent, k, cause)?;
+        let (better, share) = self.contest.gain(&both);
+        let carries = better && (!self.contest.no_noise || share >= POLICY.worth);
         // a single record has none left out, and its likelihood decides
-        let judged = after.len() >= 2 || self.contest.no_noise;
+        let judged = both[1].len() >= 2 || self.contest.no_noise;
         if judged && !carries {
             let what = if self.contest.varies[k] { "halves of records" } else { "records" };
             return Ok(Some(Rejection::Because(format!(
@@ -309,7 +313,8 @@ impl<'a> Round<'a> {
                 100.0 * share
             ))));
         }
-        self.imitated(parent, k)
+        // an approximation of more than noise gets no name that the simulation's own error could have taken
+        if self.contest.unseen { Ok(None) } else { self.imitated(parent, k) }
     }
 
     /// −2 log likelihood of a model on the held-out records, of which only the starts are fitted; infinite where it cannot be simulated.
@@ -360,7 +365,8 @@ impl<'a> Round<'a> {
 
     /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
     fn next_beam(&self, accepted: &Accepted) -> Vec<Hypothesis> {
-        let size = POLICY.beam.max(1 + accepted.tied.len().min(POLICY.finalists));
+        // on unseen records the leader alone: each further model is tried as often
+        let size = if self.contest.unseen { 1 } else { POLICY.beam.max(1 + accepted.tied.len().min(POLICY.finalists)) };
         let order = std::iter::once(accepted.leader).chain(accepted.behind.iter().copied());
         order.take(size).map(|k| self.adopted(k)).collect()
     }
@@ -394,10 +400,9 @@ fn prune(
         progress(&format!("checking that {} is still needed", cause.title()));
         let without = bench.without(best, k)?;
         let contest = Contest::new(bench, &[&without, best], 2)?;
-        let [before, after] = contest.left_out(bench, 0, 1, &cause)?;
+        let (better, share) = contest.gain(&contest.left_out(bench, 0, 1, &cause)?);
         let taken = contest.scores[0] - contest.scores[1];
-        let worth = across::share(&before, &after) >= POLICY.worth;
-        let missed = if contest.no_noise { across::better(&before, &after) && worth } else { taken > 0.0 };
+        let missed = if contest.no_noise { better && share >= POLICY.worth } else { taken > 0.0 };
         let rested_on = best.causes.iter().any(|other| other.rests_on(&cause));
         if !missed && !rested_on && best.causes.len() > 1 {
             notes.push((cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
@@ -415,7 +420,7 @@ fn prune(
 /// Evidence for a cause: the model with it against the one without.
 fn evidence(bench: &Bench, contest: &Contest, without: usize, with: usize, cause: &Cause) -> Result<Evidence, IdentifyError> {
     let numbers = if contest.no_noise { 0.0 } else { POLICY.per_number * cause.unknowns.len() as f64 };
-    let [before, after] = contest.left_out(bench, without, with, cause)?;
-    let foretold = (before.len() > 1).then(|| across::share(&before, &after));
+    let both = contest.left_out(bench, without, with, cause)?;
+    let foretold = (both[0].len() > 1).then(|| contest.gain(&both).1);
     Ok(Evidence { statistic: contest.scores[without] - contest.scores[with] + numbers, foretold })
 }
