@@ -84,10 +84,14 @@ impl Refinement {
     fn of(d: &Diagnosis, setup: &Setup) -> Option<Self> {
         let of = |kind| d.numerics.iter().find(|n: &&Numerics| n.kind == kind);
         let (step, interpolation) = (setup.scene.time.step, setup.experiment.interpolation);
-        let told = |n: &&Numerics| n.gain > POLICY.per_number || d.imitated.contains(&NumericsKind::Step);
+        // over more than noise no likelihood says anything, and a finer simulation has to take a part of what is left, as a cause has
+        let no_noise = d.remainder.over_scatter > POLICY.no_noise;
+        let worth = if no_noise { POLICY.worth * d.noise.effective_samples } else { 0.0 };
+        let nearer = |n: &Numerics| n.gain > POLICY.per_number.max(worth);
+        let told = |n: &&Numerics| nearer(n) || d.imitated.contains(&NumericsKind::Step);
         let needed = of(NumericsKind::Step).filter(told).and_then(|n| n.needed);
         let finer = needed.map(|needed| (step / needed).ceil().min(POLICY.finest));
-        let ways = d.numerics.iter().filter(|n| n.kind == NumericsKind::Inputs && n.gain > POLICY.per_number);
+        let ways = d.numerics.iter().filter(|n| n.kind == NumericsKind::Inputs && nearer(n));
         let other = ways.max_by(|a, b| a.gain.total_cmp(&b.gain)).and_then(|n| n.interpolation);
         let wanted = d.verdict != Verdict::Withheld && (finer.is_some() || other.is_some());
         wanted.then(|| Self { step: step / finer.unwrap_or(1.0), interpolation: other.unwrap_or(interpolation) })
@@ -256,5 +260,32 @@ fn note(what: &str, advice: &str) -> AuditFinding {
         number: 0.0,
         unit: String::new(),
         advice: advice.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::audit::starts::tests::pendulum;
+    use super::*;
+    use crate::report::sample;
+    use pliant_scene::Source;
+
+    /// A few units are enough where what is left is noise; where it is none a finer step has to take a part of it.
+    #[test]
+    fn a_finer_simulation_has_to_be_worth_it() {
+        let setup = Setup::from_source(Source::new("scene.toml", pendulum("measured")), Default::default()).unwrap();
+        let with = |over_scatter: f64, gain: f64| {
+            let mut d = sample::diagnosis();
+            d.noise.effective_samples = 1e4;
+            d.remainder.over_scatter = over_scatter;
+            let (kind, unit, note) = (NumericsKind::Step, String::new(), String::new());
+            d.numerics = vec![Numerics { kind, interpolation: None, rms: 0.0, unit, part: 0.2, gain, needed: Some(0.002), note }];
+            Refinement::of(&d, &setup).map(|finer| finer.step)
+        };
+        assert_eq!(with(1.0, 20.0), Some(0.005 / 3.0));
+        assert_eq!(with(1.0, 10.0), None);
+        assert_eq!(with(100.0, 20.0), None);
+        assert_eq!(with(100.0, 400.0), Some(0.005 / 3.0));
     }
 }
