@@ -84,10 +84,9 @@ impl Refinement {
     fn of(d: &Diagnosis, setup: &Setup) -> Option<Self> {
         let of = |kind| d.numerics.iter().find(|n: &&Numerics| n.kind == kind);
         let (step, interpolation) = (setup.scene.time.step, setup.experiment.interpolation);
-        // over more than noise no likelihood says anything, and a finer simulation has to take a part of what is left, as a cause has
-        let no_noise = d.remainder.over_scatter > POLICY.no_noise;
-        let worth = if no_noise { POLICY.worth * d.noise.effective_samples } else { 0.0 };
-        let nearer = |n: &Numerics| n.gain > POLICY.per_number.max(worth);
+        // of many records that no model explains what was found are approximations, which a finer step makes no names of
+        let approximated = d.records.fit > POLICY.searched_records && d.remainder.over_scatter > POLICY.no_noise;
+        let nearer = |n: &Numerics| n.gain > POLICY.per_number && !approximated;
         let told = |n: &&Numerics| nearer(n) || d.imitated.contains(&NumericsKind::Step);
         let needed = of(NumericsKind::Step).filter(told).and_then(|n| n.needed);
         let finer = needed.map(|needed| (step / needed).ceil().min(POLICY.finest));
@@ -271,21 +270,21 @@ mod tests {
     use crate::report::sample;
     use pliant_scene::Source;
 
-    /// A few units are enough where what is left is noise; where it is none a finer step has to take a part of it.
+    /// A few units are enough, but not of many records over more than noise.
     #[test]
-    fn a_finer_simulation_has_to_be_worth_it() {
+    fn approximations_are_not_sought_again_with_a_finer_step() {
         let setup = Setup::from_source(Source::new("scene.toml", pendulum("measured")), Default::default()).unwrap();
-        let with = |over_scatter: f64, gain: f64| {
+        let with = |records: usize, over_scatter: f64, gain: f64| {
             let mut d = sample::diagnosis();
-            d.noise.effective_samples = 1e4;
+            d.records.fit = records;
             d.remainder.over_scatter = over_scatter;
             let (kind, unit, note) = (NumericsKind::Step, String::new(), String::new());
             d.numerics = vec![Numerics { kind, interpolation: None, rms: 0.0, unit, part: 0.2, gain, needed: Some(0.002), note }];
             Refinement::of(&d, &setup).map(|finer| finer.step)
         };
-        assert_eq!(with(1.0, 20.0), Some(0.005 / 3.0));
-        assert_eq!(with(1.0, 10.0), None);
-        assert_eq!(with(100.0, 20.0), None);
-        assert_eq!(with(100.0, 400.0), Some(0.005 / 3.0));
+        assert_eq!(with(47, 1.0, 20.0), Some(0.005 / 3.0));
+        assert_eq!(with(47, 1.0, 10.0), None);
+        assert_eq!(with(47, 100.0, 400.0), None);
+        assert_eq!(with(5, 100.0, 20.0), Some(0.005 / 3.0));
     }
 }
