@@ -6,7 +6,7 @@ use super::super::scores::{Scores, scores_under};
 use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
-use super::unseen::{foretold, sought_on_some, typical, unseen};
+use super::unseen::{foretold, typical, unseen};
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -48,14 +48,11 @@ pub(super) fn race(
     // children of the earlier models that leave noise: there the linearization is right, and the same child of a later model is the same
     let mut settled: Vec<Vec<String>> = Vec::new();
     for (parent, model) in beam.iter().enumerate() {
-        let whole = match sought_on_some(bench.plan, &model.fitted) {
-            true => model.fitted.clone(),
-            false => model.fitted.of_some(POLICY.raced_records),
-        };
+        // what is no noise counts on records that a model has not seen, and of that a linearization says nothing
+        let unseen = unseen(bench.plan, &model.fitted);
+        let whole = if unseen.is_empty() { model.fitted.of_some(POLICY.raced_records) } else { model.fitted.clone() };
         let coarse = Coarse::of(bench, &whole)?;
         let some = &coarse.fitted;
-        // what is no noise counts on records that a model has not seen, and of that a linearization says nothing
-        let unseen = if sought_on_some(bench.plan, &model.fitted) { unseen(bench.plan, &whole) } else { Vec::new() };
         let (whole_bench, bench) = (bench, &coarse.bench(bench));
         let judged = |fitted: &Fitted| -> Result<f64, IdentifyError> {
             match unseen.is_empty() {

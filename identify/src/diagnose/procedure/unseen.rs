@@ -18,10 +18,11 @@ pub(super) fn sought_on_some(plan: &Plan, fitted: &Fitted) -> bool {
     fitted.records.len() < plan.fitted.len()
 }
 
-/// Records that a model was not fitted to, at most [`POLICY`]`.judged_records` measured ones.
+/// Records that a model was not fitted to, at most [`POLICY`]`.judged_records` measured ones, without segments: nobody has fitted their states.
 pub(super) fn unseen(plan: &Plan, fitted: &Fitted) -> Vec<RecordPlan> {
     let seen = |rec: &&RecordPlan| fitted.records.iter().any(|fitted| fitted.parent == rec.parent);
-    let others: Vec<RecordPlan> = plan.fitted.iter().filter(|rec| !seen(rec)).cloned().collect();
+    let others: Vec<RecordPlan> =
+        plan.fitted.iter().filter(|rec| !seen(rec)).map(|rec| RecordPlan { nodes: Vec::new(), ..rec.clone() }).collect();
     let keep = evenly(&others, POLICY.judged_records);
     others.into_iter().zip(keep).filter_map(|(rec, keep)| keep.then_some(rec)).collect()
 }
