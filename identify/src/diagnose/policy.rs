@@ -41,8 +41,8 @@ pub(super) struct Policy {
     /// The error of the longer step that causes are refitted on, in what is left \[-\]: it is taken off the data, and of a change of the size of
     /// what is left only the step's part is wrong.
     pub long_step: f64,
-    /// Samples in one of these steps on more than so many records, where what is left is no noise [-]: half the time of a cable's diagnosis.
-    /// On fewer a wrong cause came beside the friction of a cart *(development)*.
+    /// Samples in one of these steps where what is left is no noise and there are more records than causes are sought on [-], to save time. On
+    /// fewer records a wrong cause came beside the friction of a cart *(development)*.
     pub samples_in_a_step: usize,
     /// Times that it is taken off again before a fit is ended on the scene's own step.
     pub corrections: usize,
