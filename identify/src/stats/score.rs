@@ -94,6 +94,8 @@ pub struct CandidateScore {
     pub t: f64,
     /// θ̂: one-step size.
     pub theta: Vec<f64>,
+    /// Step of the nuisance parameters beside it, in the order given (0 for dead ones).
+    pub beside: Vec<f64>,
     /// Its standard errors under the noise model.
     pub std_error: Vec<f64>,
     /// Share of each column's squared norm that nuisance directions explain.
@@ -129,8 +131,6 @@ pub struct ScoreTest {
     pub containment: DMatrix<f64>,
     /// Nuisance columns (of the list given) that are dead.
     pub dead_nuisance: Vec<usize>,
-    /// Gauss–Newton step of the live nuisance parameters at θ_j = 0 (0 for dead ones), in the order given.
-    pub nuisance_step: Vec<f64>,
     /// Squared norm of the residual that the nuisance leaves.
     pub rss: f64,
     /// Rows less all nuisance directions.
@@ -188,7 +188,6 @@ pub fn score_test(
         cosines: DMatrix::zeros(0, 0),
         containment: DMatrix::zeros(0, 0),
         dead_nuisance: linear.nuisance.dead.iter().map(|&p| nuisance[p]).collect(),
-        nuisance_step: nuisance.iter().map(|&c| linear.coefficients[(c, reduced.columns())]).collect(),
         rss: linear.residual.norm_squared(),
         dof: reduced.rows() as f64 - (reduced.own_rank() + linear.nuisance.rank()) as f64,
         bases: Vec::with_capacity(candidates.len()),
@@ -199,7 +198,7 @@ pub fn score_test(
     for candidate in candidates {
         let directions = linear.directions(candidate);
         out.record_scores.push(linear.clusters.by_record(&directions) / scale);
-        out.candidates.push(linear.score(candidate, &directions));
+        out.candidates.push(linear.score(nuisance, candidate, &directions));
         out.bases.push(directions.basis.q);
     }
     (out.cosines, out.containment) = principal_cosines(&out.bases);
@@ -270,10 +269,13 @@ impl<'a> Linear<'a> {
         Directions { basis, weights }
     }
 
-    fn score(&self, candidate: &Candidate, directions: &Directions) -> CandidateScore {
+    fn score(&self, nuisance: &[usize], candidate: &Candidate, directions: &Directions) -> CandidateScore {
         let basis = &directions.basis;
         let local = basis.q.transpose() * &self.residual;
         let (theta, std_error) = self.sizes(candidate, basis, &local);
+        let taken =
+            |n: usize| candidate.columns.iter().zip(&theta).map(|(&c, size)| self.coefficients[(n, c)] * size).sum::<f64>();
+        let beside: Vec<f64> = nuisance.iter().map(|&n| self.coefficients[(n, self.reduced.columns())] - taken(n)).collect();
         let absorbed = candidate.columns.iter().map(|&c| {
             let (left, raw) = (self.projected.column(c).norm(), self.reduced.raw_norm(c));
             if raw > 0.0 { (1.0 - (left / raw).powi(2)).clamp(0.0, 1.0) } else { 1.0 }
@@ -300,6 +302,7 @@ impl<'a> Linear<'a> {
             lm_without_any: self.clusters.without_any(directions, &local) / self.options.dispersion,
             t,
             theta,
+            beside,
             detectable: std_error.iter().map(|s| STATS.detectable * s).collect(),
             std_error,
             absorbed: absorbed.collect(),

@@ -83,6 +83,15 @@ fn equals_the_direct_computation() {
         let theta = &inverse * (u.transpose() * &r);
         let lm = (u.transpose() * &r).dot(&theta);
         assert_relative_eq!(found.lm, lm, max_relative = 1e-10);
+        // all at once: the nuisance moves beside the candidate
+        let mut all = problem.nuisance.clone().resize_horizontally(problem.nuisance.ncols() + s.ncols(), 0.0);
+        all.columns_mut(problem.nuisance.ncols(), s.ncols()).copy_from(&s);
+        let together = all.pseudo_inverse(1e-12).unwrap() * &problem.residual;
+        let own = 3 * OWN;
+        for (step, size) in found.beside.iter().zip(together.iter().skip(own)) {
+            assert_relative_eq!(step, size, max_relative = 1e-9);
+        }
+        assert_eq!(found.beside.len(), 2);
         for (i, &size) in theta.iter().enumerate() {
             assert_relative_eq!(found.theta[i], size, max_relative = 1e-10);
             assert_relative_eq!(found.std_error[i], inverse[(i, i)].sqrt(), max_relative = 1e-10);

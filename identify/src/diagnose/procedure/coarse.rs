@@ -170,7 +170,7 @@ impl Bench<'_> {
         noise: &ArModel,
         options: &FitOptions,
     ) -> Result<Fitted, IdentifyError> {
-        match self.corrected(records, start, unknowns, noise, options)? {
+        match self.corrected(records, start, unknowns, noise, options, POLICY.corrections)? {
             Some((at, true)) => Ok(at),
             Some((at, false)) => fit(self.plan, &at.records, &at.values, unknowns, Some(noise), options),
             None => fit(self.plan, records, start, unknowns, Some(noise), options),
@@ -180,13 +180,23 @@ impl Bench<'_> {
     /// The same by least squares and without the last steps, where models are yet to be fitted again under one noise, or on more records.
     pub fn finished(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
         let to_go_on = records.len() < self.plan.fitted.len() && self.no_noise(from);
-        self.led(from, records, if to_go_on { &POLICY.widened } else { &POLICY.coarse })
+        if to_go_on { self.led(from, records) } else { self.least(from, records, &POLICY.coarse, POLICY.corrections) }
     }
 
-    /// The same with so many steps.
-    pub fn led(&self, from: &Fitted, records: &[RecordPlan], options: &FitOptions) -> Result<Fitted, IdentifyError> {
+    /// The same by a step or two.
+    pub fn led(&self, from: &Fitted, records: &[RecordPlan]) -> Result<Fitted, IdentifyError> {
+        self.least(from, records, &POLICY.widened, 1)
+    }
+
+    fn least(
+        &self,
+        from: &Fitted,
+        records: &[RecordPlan],
+        options: &FitOptions,
+        corrections: usize,
+    ) -> Result<Fitted, IdentifyError> {
         let (values, unknowns, white) = (&from.values, &from.unknowns, &self.white);
-        match self.corrected(records, values, unknowns, white, options)? {
+        match self.corrected(records, values, unknowns, white, options, corrections)? {
             Some((at, _)) => Ok(at),
             None => fit(self.plan, records, values, unknowns, Some(white), options),
         }
@@ -201,12 +211,13 @@ impl Bench<'_> {
         unknowns: &[Unknown],
         noise: &ArModel,
         options: &FitOptions,
+        corrections: usize,
     ) -> Result<Option<(Fitted, bool)>, IdentifyError> {
         let Some((mut at, mut shots)) = self.followed(records, start, unknowns, noise)? else { return Ok(None) };
         let (mut before, mut apart, mut moved) = (squares(self.plan, &at, noise)?, f64::INFINITY, false);
         let mut enough = 0.0;
         let rows = at.residuals.iter().map(Vec::len).sum::<usize>() as f64;
-        for _ in 0..POLICY.corrections {
+        for _ in 0..corrections {
             let coarse = Coarse::beside(self, &at, Some(&shots))?;
             if coarse.steps == 1 {
                 break;

@@ -42,8 +42,9 @@ pub(super) struct Contest {
     pub varies: Vec<bool>,
     /// Each with own sizes of its last cause, where these were worth a fit.
     apart: Vec<Option<Fitted>>,
-    /// Each on longer steps and across records, where it was asked for.
-    seen: Vec<OnceCell<Seen>>,
+    /// Each on longer steps, and its squares on what was left out, where they were asked for.
+    coarse: Vec<OnceCell<Coarse>>,
+    left_out: Vec<OnceCell<Vec<f64>>>,
 }
 
 /// AR(2) of a fit's residual.
@@ -66,18 +67,6 @@ pub(super) fn judged(bench: &Bench, model: &Hypothesis, noise: &ArModel, least: 
         return Ok(Fitted { noise: noise.clone(), ..plain.clone() });
     }
     bench.polished(&plain.records, &plain.values, &plain.unknowns, noise, &POLICY.fine)
-}
-
-/// A model on longer steps, for its sensitivities, and its squares on the records that it has not seen, or else on every record with it left out.
-type Seen = (Coarse, Vec<f64>);
-
-fn seen(bench: &Bench, fitted: &Fitted) -> Result<Seen, IdentifyError> {
-    let coarse = Coarse::of(bench, fitted)?;
-    let left_out = match sought_on_some(bench.plan, fitted) {
-        true => foretold(bench, fitted, &unseen(bench.plan, fitted)),
-        false => across::left_out(&coarse.plan, &coarse.fitted)?,
-    };
-    Ok((coarse, left_out))
 }
 
 /// A model as it is judged: its score, and what its numbers cost of that.
@@ -153,17 +142,15 @@ impl Contest {
         let unseen = no_noise && sought_on_some(bench.plan, best.1);
         let noise = noise_of(bench, best.1)?;
         let least = POLICY.out_of_question * over;
-        let fit = |k: usize| -> Result<(Scored, Option<Seen>, bool), IdentifyError> {
+        let fit = |k: usize| -> Result<(Scored, bool), IdentifyError> {
             if no_noise {
-                let seen = seen(bench, &models[k].fitted)?;
-                let score = if unseen { typical(&seen.1) } else { seen.1.iter().sum() };
-                return Ok((Scored { fitted: models[k].fitted.clone(), score, price: 0.0 }, Some(seen), false));
+                return Ok((Scored { fitted: models[k].fitted.clone(), score: f64::NAN, price: 0.0 }, false));
             }
             let common = scored(bench, judged(bench, models[k], &noise, least)?, models[k].numbers())?;
             let own = apart[k].as_ref().filter(|own| bench.over(own) <= least);
             let own = own.map(|own| varying(bench, &common, own, models[k])).transpose()?.flatten();
             let varies = own.is_some();
-            Ok((own.unwrap_or(common), None, varies))
+            Ok((own.unwrap_or(common), varies))
         };
         let judged: Vec<_> = (0..models.len()).into_par_iter().map(fit).collect::<Result<_, _>>()?;
         let mut out = Self {
@@ -172,15 +159,19 @@ impl Contest {
             fits: Vec::new(),
             scores: Vec::new(),
             prices: Vec::new(),
-            varies: judged.iter().map(|(.., varies)| *varies).collect(),
+            varies: judged.iter().map(|(_, varies)| *varies).collect(),
             apart,
-            seen: Vec::new(),
+            coarse: models.iter().map(|_| OnceCell::new()).collect(),
+            left_out: vec![OnceCell::new(); models.len()],
         };
-        for (scored, seen, _) in judged {
+        for (scored, _) in judged {
             out.fits.push(scored.fitted);
-            out.seen.push(seen.map_or_else(OnceCell::new, OnceCell::from));
             out.scores.push(scored.score);
             out.prices.push(scored.price);
+        }
+        for k in (0..models.len()).filter(|_| no_noise) {
+            let left_out = out.of_records(bench, k)?;
+            out.scores[k] = if unseen { typical(left_out) } else { left_out.iter().sum() };
         }
         Ok(out)
     }
@@ -200,7 +191,7 @@ impl Contest {
     /// halves of every record, the size being told from the other half.
     pub fn left_out(&self, bench: &Bench, before: usize, after: usize, cause: &Cause) -> Result<[Vec<f64>; 2], IdentifyError> {
         if !self.varies[after] {
-            return Ok([self.seen(bench, before)?.1.clone(), self.seen(bench, after)?.1.clone()]);
+            return Ok([self.of_records(bench, before)?.clone(), self.of_records(bench, after)?.clone()]);
         }
         let halves = |k: usize| halves(bench, &self.fits[k], &cause.unknowns, &self.fits[after]);
         Ok([halves(before)?.halves(), halves(after)?.left_out(&[spread_of(&self.fits[after], &cause.unknowns)])])
@@ -214,17 +205,29 @@ impl Contest {
         }
     }
 
-    fn seen(&self, bench: &Bench, k: usize) -> Result<&Seen, IdentifyError> {
-        if let Some(seen) = self.seen[k].get() {
-            return Ok(seen);
+    /// A model's squares on the records that it has not seen, or else on every record with it left out.
+    fn of_records(&self, bench: &Bench, k: usize) -> Result<&Vec<f64>, IdentifyError> {
+        if let Some(left_out) = self.left_out[k].get() {
+            return Ok(left_out);
         }
-        let now = seen(bench, &self.fits[k])?;
-        Ok(self.seen[k].get_or_init(|| now))
+        let fitted = &self.fits[k];
+        let left_out = match sought_on_some(bench.plan, fitted) {
+            true => foretold(bench, fitted, &unseen(bench.plan, fitted, POLICY.judged_records)),
+            false => {
+                let coarse = self.coarse(bench, k)?;
+                across::left_out(&coarse.plan, &coarse.fitted)?
+            }
+        };
+        Ok(self.left_out[k].get_or_init(|| left_out))
     }
 
     /// A model as it is judged on longer steps, for its sensitivities.
     pub fn coarse(&self, bench: &Bench, k: usize) -> Result<&Coarse, IdentifyError> {
-        Ok(&self.seen(bench, k)?.0)
+        if let Some(coarse) = self.coarse[k].get() {
+            return Ok(coarse);
+        }
+        let coarse = Coarse::of(bench, &self.fits[k])?;
+        Ok(self.coarse[k].get_or_init(|| coarse))
     }
 
     /// Whether model `k` cannot be told from the better model `best`. What its numbers cost more tells nothing: that a tilt has two and a turn of
@@ -232,7 +235,7 @@ impl Contest {
     pub fn ties(&self, best: usize, k: usize) -> bool {
         if self.no_noise {
             // the scores were made of these
-            let left_out = |k: usize| self.seen[k].get().map_or(&[][..], |(_, left_out)| left_out.as_slice());
+            let left_out = |k: usize| self.left_out[k].get().map_or(&[][..], Vec::as_slice);
             return !self.gain(&[left_out(k).to_vec(), left_out(best).to_vec()]).0;
         }
         let more = (self.prices[k] - self.prices[best]).max(0.0);
@@ -260,7 +263,8 @@ mod tests {
             prices: vec![30.0, 45.0, 30.0],
             varies: Vec::new(),
             apart: Vec::new(),
-            seen: Vec::new(),
+            coarse: Vec::new(),
+            left_out: Vec::new(),
         };
         assert!(contest.ties(0, 1) && !contest.ties(0, 2));
         // a worse one is always behind a better one, and is like it only where that one is hardly better

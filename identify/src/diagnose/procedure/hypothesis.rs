@@ -44,7 +44,7 @@ impl Hypothesis {
             fit(bench.plan, &carried(&self.fitted, records), &self.fitted.values, &[], Some(&bench.white), &POLICY.coarse)?;
         let here = Fitted { unknowns: self.fitted.unknowns.clone(), ..here };
         let here = if bench.no_noise(&here) { counted(bench, &here) } else { here };
-        let fitted = even(bench.plan, &bench.led(&here, &here.records, &POLICY.widened)?);
+        let fitted = even(bench.plan, &bench.led(&here, &here.records)?);
         let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
             let starts = fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse)?;
             Ok(Fitted { unknowns: before.unknowns.clone(), ..starts })
@@ -180,12 +180,18 @@ impl Bench<'_> {
         Ok((fitted, Cause { unknowns: own, ..cause.clone() }))
     }
 
-    /// `parent` with a cause freed as well, at its one-step estimate and not refitted; the cause with what was freed for it.
-    pub fn moved(&self, parent: &Fitted, cause: &Cause, step: &[f64]) -> (Fitted, Cause) {
+    /// `parent` with a cause freed as well, at so many parts of its one-step estimate and not refitted; the cause with what was freed for it.
+    /// `beside`: the step of what is free without it.
+    pub fn moved(&self, parent: &Fitted, cause: &Cause, step: &[f64], beside: &[f64], part: f64) -> (Fitted, Cause) {
         let new = |u: &&Unknown| !parent.unknowns.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
         let own: Vec<Unknown> = cause.unknowns.iter().filter(new).cloned().collect();
         let unknowns = parent.unknowns.iter().chain(&own).cloned().collect();
-        let values = opened(parent, cause, step, &[], 1.0);
+        let mut values = opened(parent, cause, step, &[], part);
+        parent
+            .unknowns
+            .iter()
+            .zip(beside)
+            .for_each(|(u, step)| u.set(&mut values, u.moved(u.value(&parent.values), part * step)));
         (Fitted { unknowns, values, ..parent.clone() }, Cause { unknowns: own, ..cause.clone() })
     }
 
@@ -198,12 +204,16 @@ impl Bench<'_> {
             values.theta[entry] = self.plan.scene_values.theta[entry];
         }
         let unknowns = self.plan.taken_out(&self.declared, &whole.fitted.unknowns, &out.unknowns, &mut values);
-        let coarse = Coarse::of(self, &with_common(&whole.fitted, &out.unknowns))?;
-        let first = if sought_on_some(self.plan, &whole.fitted) { &POLICY.glance.options } else { &POLICY.coarse };
-        let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, first)?;
-        let fitted = match coarse.is_fine() {
-            true => rough,
-            false => self.finished(&rough, &coarse.back(&rough.records, &whole.fitted.records))?,
+        let begun = with_common(&whole.fitted, &out.unknowns);
+        let fitted = if sought_on_some(self.plan, &begun) && self.no_noise(&begun) {
+            self.led(&Fitted { unknowns, values, ..begun.clone() }, &begun.records)?
+        } else {
+            let coarse = Coarse::of(self, &begun)?;
+            let rough = coarse.bench(self).fit(&coarse.fitted.records, &values, &unknowns, &POLICY.coarse)?;
+            match coarse.is_fine() {
+                true => rough,
+                false => self.finished(&rough, &coarse.back(&rough.records, &begun.records))?,
+            }
         };
         let mut trail = whole.trail.clone();
         trail.remove(k);

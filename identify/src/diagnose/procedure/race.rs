@@ -6,7 +6,7 @@ use super::super::scores::{Scores, scores_under};
 use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
-use super::unseen::{foretold, typical, unseen};
+use super::unseen::{foretold, sought_on_some, typical, unseen};
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -20,7 +20,7 @@ struct Tried {
     parent: usize,
     cause: Cause,
     rough: Fitted,
-    /// Squares of its residual over the scatter: of the refit, or foretold by the linearization.
+    /// Squares of its residual over the scatter: of the refit, or foretold by the linearization; or those of unseen records.
     squares: f64,
     /// −2 log likelihood that it takes under the noise of its parent's residual, as the linearization foretells; 0 where that is no noise.
     taken: f64,
@@ -35,6 +35,9 @@ struct Tried {
 /// Where a cause takes much of what is left it is refitted before it is compared, for a linearization says little of large changes;
 /// where it takes little, the linearization is right. Two rankings choose who is followed: by squares, and by likelihood under the noise
 /// of the parent's residual, which is right if the parent lacks little, and sees fast effects in slow noise.
+///
+/// Models of more than noise that are judged on records which they have not seen are tried along the step that all their numbers would take
+/// together, by what it is worth there.
 pub(super) fn race(
     bench: &Bench,
     beam: &[Hypothesis],
@@ -48,20 +51,16 @@ pub(super) fn race(
     // children of the earlier models that leave noise: there the linearization is right, and the same child of a later model is the same
     let mut settled: Vec<Vec<String>> = Vec::new();
     for (parent, model) in beam.iter().enumerate() {
-        // what is no noise counts on records that a model has not seen, and of that a linearization says nothing
-        let unseen = unseen(bench.plan, &model.fitted);
-        let whole = if unseen.is_empty() { model.fitted.of_some(POLICY.raced_records) } else { model.fitted.clone() };
+        // what is no noise counts on records that a model has not seen
+        let on_some = sought_on_some(bench.plan, &model.fitted);
+        let unseen = if on_some { unseen(bench.plan, &model.fitted, POLICY.searched_records) } else { Vec::new() };
+        let whole = if on_some { model.fitted.clone() } else { model.fitted.of_some(POLICY.raced_records) };
         let coarse = Coarse::of(bench, &whole)?;
         let some = &coarse.fitted;
         let (whole_bench, bench) = (bench, &coarse.bench(bench));
-        let judged = |fitted: &Fitted| -> Result<f64, IdentifyError> {
-            match unseen.is_empty() {
-                true => squares(bench.plan, fitted, &bench.white),
-                false => Ok(typical(&foretold(whole_bench, fitted, &unseen))),
-            }
-        };
+        let foretold = |fitted: &Fitted| typical(&foretold(whole_bench, fitted, &unseen));
         let left = squares(bench.plan, some, &bench.white)?;
-        plain = plain.min(judged(some)?);
+        plain = plain.min(if on_some { foretold(some) } else { left });
         let at = Situation { plan: bench.plan, values: &some.values, free: &some.unknowns, together: true };
         let noise = (!bench.no_noise(some)).then(|| noise_of(bench, some)).transpose()?;
         let (white, coloured) = scores_under(bench.plan, &at, some, noise.as_ref(), seed)?;
@@ -69,25 +68,33 @@ pub(super) fn race(
         let rows = |records: &[RecordPlan]| records.iter().map(|rec| rec.record.time.len()).sum::<usize>().max(1) as f64;
         let part = rows(&some.records) / rows(&model.fitted.records);
         let worth = promising(&white, coloured.as_ref()).into_iter().filter(|p| !settled.contains(&model.key_with(&p.cause)));
-        let trials: Vec<(Promise, Vec<Unknown>)> = worth.flat_map(Promise::trials).collect();
-        let small = |p: &Promise| unseen.is_empty() && p.score < POLICY.linear * left;
-        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| small(p) && beside.is_empty();
-        let first = if unseen.is_empty() { &POLICY.rough } else { &POLICY.glance };
+        let tried_so = |(_, beside): &(Promise, Vec<Unknown>)| !on_some || beside.is_empty();
+        let trials: Vec<(Promise, Vec<Unknown>)> = worth.flat_map(Promise::trials).filter(tried_so).collect();
+        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| p.score < POLICY.linear * left && beside.is_empty();
         for (p, _) in trials.iter().filter(|trial| !is_linear(trial)) {
             progress(&format!("trying {}", p.cause.title()));
         }
         let trial = |trial: &(Promise, Vec<Unknown>)| -> Result<Result<Tried, Note>, IdentifyError> {
-            let (Promise { cause, step, score, taken }, beside) = trial;
+            let (Promise { cause, step, others, score, taken }, beside) = trial;
             let numbers = model.numbers() + cause.unknowns.len() + beside.len();
+            if on_some {
+                let along = |part: f64| {
+                    let (rough, cause) = bench.moved(&whole, cause, step, others, part);
+                    (foretold(&rough), rough, cause)
+                };
+                let [short, full] = POLICY.along.map(along);
+                let (squares, rough, cause) = if short.0 < full.0 { short } else { full };
+                return Ok(Ok(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false }));
+            }
             if is_linear(trial) {
-                let (rough, cause) = bench.moved(&whole, cause, step);
+                let (rough, cause) = bench.moved(&whole, cause, step, &[], 1.0);
                 let asked = POLICY.per_number * cause.unknowns.len() as f64;
                 let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
                 return Ok(Ok(Tried { parent, cause, rough, squares: left - score, taken: *taken, numbers, hopeless }));
             }
-            Ok(match bench.with(some, cause, step, beside, first) {
+            Ok(match bench.with(some, cause, step, beside, &POLICY.rough) {
                 Ok((rough, cause)) => {
-                    let squares = judged(&rough)?;
+                    let squares = squares(bench.plan, &rough, &bench.white)?;
                     let rough = Fitted { records: coarse.back(&rough.records, &whole.records), ..rough };
                     Ok(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false })
                 }
@@ -136,6 +143,8 @@ struct Promise {
     cause: Cause,
     /// The step that the linearization proposes.
     step: Vec<f64>,
+    /// That of all that is free without it.
+    others: Vec<f64>,
     /// Squares that it takes, linearized.
     score: f64,
     /// −2 log likelihood that it takes under the noise of what is left.
@@ -172,7 +181,7 @@ fn promising(white: &Scores, coloured: Option<&Scores>) -> Vec<Promise> {
         let s = &white.score.candidates[j];
         let taken = coloured.and_then(|scores| Some(scores.score.candidates[find(scores, wanted)?].lm));
         let cause = white.causes[white.tested[j]].clone();
-        Some(Promise { cause, step: s.theta.clone(), score: s.lm, taken: taken.unwrap_or(0.0) })
+        Some(Promise { cause, step: s.theta.clone(), others: s.beside.clone(), score: s.lm, taken: taken.unwrap_or(0.0) })
     };
     titles.iter().filter_map(one).collect()
 }
@@ -246,6 +255,7 @@ mod tests {
     use crate::causes::library;
     use crate::fit::fit;
     use crate::stats::ar::ArModel;
+    use crate::unknown::Values;
 
     const NOISE: f64 = 2e-4;
 
@@ -266,6 +276,30 @@ mod tests {
         let swing = |t: f64| 0.02 * (5.7 * t).sin() * (-damping * t).exp();
         let noise = turning(&[0.0; 4], NOISE, seed);
         noise.iter().map(|record| record.iter().enumerate().map(|(k, e)| swing(0.01 * k as f64) + e).collect()).collect()
+    }
+
+    /// Where everything is nearly linear the step that all numbers take together ends where a refit does, and that of the cause alone does not.
+    #[test]
+    fn the_step_of_all_numbers_is_a_refit() {
+        let plan = experiment(&pendulum("measured"), &swinging(0.2, 3)).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let bench = Bench { plan: &plan, declared: Vec::new(), white };
+        let free = Unknown::of_theta(&plan.model, "pivot.stiffness", 0.1).unwrap();
+        // the stiffness is wrong, and there is no damping
+        let mut values = plan.scene_values.clone();
+        free.set(&mut values, 0.1);
+        let fitted = |values: &Values, unknowns: &[Unknown]| {
+            fit(&plan, &plan.fitted, values, unknowns, Some(&bench.white), &POLICY.fine).unwrap()
+        };
+        let away = Fitted { unknowns: vec![free.clone()], ..fitted(&values, &[]) };
+        let at = Situation { plan: &plan, values: &away.values, free: &away.unknowns, together: true };
+        let scores = scores_under(&plan, &at, &away, None, 0).unwrap().0;
+        let promise = promising(&scores, None).into_iter().find(|p| p.cause.name == "viscous_friction").unwrap();
+        let left = |fitted: &Fitted| squares(&plan, fitted, &bench.white).unwrap();
+        let along = |others: &[f64]| left(&fitted(&bench.moved(&away, &promise.cause, &promise.step, others, 1.0).0.values, &[]));
+        let both = [&[free][..], &promise.cause.unknowns].concat();
+        let (together, alone, refitted) = (along(&promise.others), along(&[]), left(&fitted(&away.values, &both)));
+        assert!(together < 1.05 * refitted && alone > 1.5 * refitted, "{together} {alone} {refitted}");
     }
 
     #[test]

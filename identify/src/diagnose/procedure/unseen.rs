@@ -18,12 +18,12 @@ pub(super) fn sought_on_some(plan: &Plan, fitted: &Fitted) -> bool {
     fitted.records.len() < plan.fitted.len()
 }
 
-/// Records that a model was not fitted to, at most [`POLICY`]`.judged_records` measured ones, without segments: nobody has fitted their states.
-pub(super) fn unseen(plan: &Plan, fitted: &Fitted) -> Vec<RecordPlan> {
+/// Records that a model was not fitted to, at most so many measured ones, without segments: nobody has fitted their states.
+pub(super) fn unseen(plan: &Plan, fitted: &Fitted, most: usize) -> Vec<RecordPlan> {
     let seen = |rec: &&RecordPlan| fitted.records.iter().any(|fitted| fitted.parent == rec.parent);
     let others: Vec<RecordPlan> =
         plan.fitted.iter().filter(|rec| !seen(rec)).map(|rec| RecordPlan { nodes: Vec::new(), ..rec.clone() }).collect();
-    let keep = evenly(&others, POLICY.judged_records);
+    let keep = evenly(&others, most);
     others.into_iter().zip(keep).filter_map(|(rec, keep)| keep.then_some(rec)).collect()
 }
 
@@ -153,12 +153,13 @@ mod tests {
         let plan = swings(&[0.5, 0.5, 0.8, 0.5]);
         let (bench, all) = (bench(&plan), fitted(&plan, &plan.fitted, &[]));
         let some = all.of_some(1);
-        assert!(sought_on_some(&plan, &some) && !sought_on_some(&plan, &all) && unseen(&plan, &all).is_empty());
-        let others = unseen(&plan, &some);
+        assert!(sought_on_some(&plan, &some) && !sought_on_some(&plan, &all) && unseen(&plan, &all, 9).is_empty());
+        let others = unseen(&plan, &some, 9);
         let numbers: Vec<usize> = others.iter().map(|rec| rec.parent).collect();
         assert_eq!((some.records[0].parent, numbers), (1, vec![0, 2]));
         let squares = foretold(&bench, &some, &others);
         assert!(squares[1] > squares[0] && squares[0] > 0.0, "{squares:?}");
+        assert_eq!(unseen(&plan, &some, 1)[0].parent, 2);
         // where it cannot be simulated it is infinitely far from the data
         let mut values = all.values.clone();
         damping(&plan).set(&mut values, f64::NAN);
