@@ -14,6 +14,7 @@ mod center_of_mass;
 mod clamp_roll;
 mod clamp_roll_by_direction;
 mod clamp_roll_by_position;
+mod cloth_mass;
 mod cogging_torque;
 mod contact_friction;
 mod coulomb_friction;
@@ -39,6 +40,7 @@ mod link_mass;
 mod load_friction;
 mod marker_offset;
 mod mass_distribution;
+mod membrane_damping;
 mod own_force;
 mod payload;
 mod pieces;
@@ -156,6 +158,18 @@ impl Situation<'_> {
         self.ropes().iter().filter_map(|rope| self.theta(&format!("{rope}.{quantity}"), scale(rope))).collect()
     }
 
+    /// One unknown per sheet of cloth for a quantity of sheets.
+    fn per_sheet(&self, quantity: &str, scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
+        let sheets = self.plan.model.cloths().iter().map(|sheet| sheet.name.as_str());
+        sheets.filter_map(|sheet| self.theta(&format!("{sheet}.{quantity}"), scale(sheet))).collect()
+    }
+
+    /// One unknown per rope and per sheet for a quantity that has a name of its own for each, both of a typical size.
+    fn per_span(&self, [of_rope, of_sheet]: [&str; 2], scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
+        let ropes = self.per_rope(of_rope, &scale);
+        ropes.into_iter().chain(self.per_sheet(of_sheet, &scale)).collect()
+    }
+
     /// Whether a rope twists.
     fn is_rod(&self, rope: &str) -> bool {
         self.plan.model.params().find(&format!("{rope}.twist_stiffness")).is_some()
@@ -239,9 +253,16 @@ impl Situation<'_> {
         if largest.is_finite() && largest > 0.0 { largest } else { self.typical_curvature(rod) }
     }
 
-    /// A drag coefficient [kg/(m·s)] whose force at 1 m/s is a tenth of the rope's weight: a typical size.
-    fn typical_drag(&self, rope: &str) -> f64 {
-        0.1 * self.value(&format!("{rope}.linear_density")) * self.value("gravity.magnitude").max(1.0)
+    /// A drag coefficient [kg/(m·s)], of a sheet [kg/(m²·s)], whose force at 1 m/s is a tenth of the weight: a typical size.
+    fn typical_drag(&self, span: &str) -> f64 {
+        // only one of the two is there
+        let density = self.value(&format!("{span}.linear_density")) + self.value(&format!("{span}.area_density"));
+        0.1 * density * self.value("gravity.magnitude").max(1.0)
+    }
+
+    /// A damping of bending that is a hundredth of a second times the stiffness: a typical size.
+    fn typical_damping(&self, span: &str) -> f64 {
+        0.01 * self.value(&format!("{span}.bend_stiffness")).max(1e-8)
     }
 
     /// Unmeasured parameters that decide where a rod with intrinsic curvature lies: the turns of later grippers about it, and its
@@ -413,6 +434,8 @@ pub const LIBRARY: &[Row] = &[
     row("gravity_magnitude", gravity_magnitude::causes),
     row("extensibility", extensibility::causes),
     row("internal_damping", internal_damping::causes),
+    row("membrane_damping", membrane_damping::causes),
+    row("cloth_mass", cloth_mass::causes),
     row("tip_mass", tip_mass::causes),
     row("edge_lengths", edge_lengths::causes),
     row("intrinsic_curvature", intrinsic_curvature::causes),

@@ -2,6 +2,7 @@
 
 use super::error::ReportError;
 use super::place_body::{set_inertia, set_joint};
+use super::place_cloth::{set_area, write_out};
 use super::place_rod::{node_count, set_rod};
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
@@ -14,7 +15,7 @@ use toml::{Table, Value};
 
 const FILE: &str = "scene_extended.toml";
 /// Lists of named objects.
-const OBJECTS: [&str; 7] = ["rope", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
+const OBJECTS: [&str; 8] = ["rope", "cloth", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
 
 /// Keys that a scene without such an effect leaves out.
 const LEFT_OUT: [&str; 6] = ["delay", "lag", "friction_backward", "load_friction", "plastic_time", "yield"];
@@ -37,6 +38,13 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
             experiment.interpolation = refined.interpolation;
         }
         move_records(experiment, setup, provenance, report);
+    }
+    let estimated = |name: &str| estimates(diagnosis).iter().any(|e| e.path.split('.').next() == Some(name));
+    for cloth in &mut scene.cloth {
+        if estimated(&cloth.name) {
+            write_out(cloth);
+        }
+        cloth.mesh = cloth.mesh.as_ref().map(|mesh| relative(report, &setup.folder.join(mesh)));
     }
     let at = |source| ReportError::Toml { file: FILE, source };
     let mut table = scene.to_table().map_err(at)?;
@@ -134,6 +142,10 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         && let Some((table, key)) = set_rod(target, rest, estimate.estimate)
     {
         return Some(Place { table: table.to_owned(), number, key });
+    }
+    if name == "cloth" && rest == "area" {
+        let key = set_area(target, estimate.estimate)?;
+        return Some(Place { table: "cloth.grid".to_owned(), number, key });
     }
     let inertia = if name == "body" { set_inertia(target, rest, estimate.estimate) } else { None };
     let key = inertia.or_else(|| set_value(target, rest, estimate.estimate))?;
