@@ -13,8 +13,9 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     vec![Cause {
         meaning: "the air moves",
         unknowns: if testable { unknowns } else { Vec::new() },
-        untestable: (!testable)
-            .then(|| "wind acts through drag, and the simulation has none: give the rope or cloth drag, or accept drag first".to_owned()),
+        untestable: (!testable).then(|| {
+            "wind acts through drag, and the simulation has none: give the rope or cloth drag, or accept drag first".to_owned()
+        }),
         excitation: "turn the set-up by 90°: wind and tilt turn differently; or shield it",
         ..Cause::default()
     }]

@@ -148,7 +148,8 @@ pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
         },
         number: 0.0,
         unit: String::new(),
-        advice: "it shows the gripper's and the sensor's errors and nothing else; correct `node` if a free one was meant".to_owned(),
+        advice: "it shows the gripper's and the sensor's errors and nothing else; correct `node` if a free one was meant"
+            .to_owned(),
     };
     on_held.map(finding).collect()
 }

@@ -23,9 +23,10 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
             "write `initial = \"measured\"`, which estimates where it begins, or \"rest\"; or add a marker at every node that no gripper holds",
         ),
         M::NoRecord => both("no log was named", "add a [[experiment.record]], or give `--log FILE`"),
-        M::NoMarker { bodies: false } => {
-            both("the mapping from log to nodes is missing", "add a [[experiment.marker]] with `rope` or `cloth`, `node` and `columns`")
-        }
+        M::NoMarker { bodies: false } => both(
+            "the mapping from log to nodes is missing",
+            "add a [[experiment.marker]] with `rope` or `cloth`, `node` and `columns`",
+        ),
         M::NoMarker { bodies: true } => both(
             "the mapping from log to joints and bodies is missing",
             "add a [[experiment.joint]] with `joint` and `column`, or a [[experiment.marker]] with `body` and `columns`",
@@ -140,7 +141,9 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
             "markers or inputs are in another unit than `unit` says, e.g. mm",
             "write `unit = \"mm\"` for those that are in mm, or correct the size of ropes and cloth",
         ),
-        M::Extent { .. } => both("the log is in m, not mm", "write `unit = \"m\"` for the markers, or correct the size of ropes and cloth"),
+        M::Extent { .. } => {
+            both("the log is in m, not mm", "write `unit = \"m\"` for the markers, or correct the size of ropes and cloth")
+        }
         _ => return None,
     })
 }

@@ -21,7 +21,8 @@ pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
     check.range("experiment.lead_in", experiment.lead_in, 0.0, 1e6, "s")?;
     check.range("experiment.fit.segment", experiment.fit.segment.unwrap_or(1.0), setup.scene.time.step, 1e6, "s")?;
     if experiment.marker.is_empty() && experiment.joint.is_empty() && experiment.orientation.is_empty() {
-        return check.refuse("experiment", LogMistake::NoMarker { bodies: setup.scene.rope.is_empty() && setup.scene.cloth.is_empty() });
+        return check
+            .refuse("experiment", LogMistake::NoMarker { bodies: setup.scene.rope.is_empty() && setup.scene.cloth.is_empty() });
     }
     experiment.marker.iter().enumerate().try_for_each(|(k, marker)| check.marker(k, marker))?;
     check.marked(experiment)?;
@@ -94,7 +95,10 @@ impl Check<'_> {
             let names: Vec<&str> = cloths.iter().map(|cloth| cloth.name.as_str()).collect();
             return self.unknown(&format!("{item}.cloth"), "cloth", name, &names);
         };
-        let keys = [("arc", marker.arc.is_some(), "markers on ropes"), ("offset", marker.offset.is_some(), "markers on ropes that twist")];
+        let keys = [
+            ("arc", marker.arc.is_some(), "markers on ropes"),
+            ("offset", marker.offset.is_some(), "markers on ropes that twist"),
+        ];
         if let Some((key, _, owner)) = keys.into_iter().find(|(_, given, _)| *given) {
             return self.refuse(&format!("{item}.{key}"), LogMistake::Misplaced { key, owner });
         }
@@ -118,7 +122,8 @@ impl Check<'_> {
             let of = |name: &Option<String>| name.as_ref() == Some(&cloth.name);
             let marked = experiment.marker.iter().filter(|marker| of(&marker.cloth)).filter_map(|marker| marker.node);
             let clamps = self.setup.scene.gripper.iter().filter(|gripper| of(&gripper.cloth)).map(|gripper| &gripper.clamp);
-            let held = clamps.filter_map(|clamp| if let Clamp::Nodes(nodes) = clamp { Some(nodes) } else { None }).flatten().copied();
+            let held =
+                clamps.filter_map(|clamp| if let Clamp::Nodes(nodes) = clamp { Some(nodes) } else { None }).flatten().copied();
             let known: Vec<usize> = marked.chain(held).filter_map(|number| cloth.node(number)).collect();
             if let Some(node) = (0..cloth.n_nodes()).find(|node| !known.contains(node)) {
                 return self.refuse("experiment.initial", LogMistake::Unmarked { cloth: cloth.name.clone(), node });
