@@ -287,14 +287,14 @@ pub fn rope() -> Bench {
 /// A strip of cloth that hangs from a gripper by its upper side.
 pub fn sheet() -> Bench {
     let keys = "grid = { nodes = [5, 3], size = [0.4, 0.16] }\norigin = [0, 0, 0.8]\nu_axis = [0, 0, -1]\nv_axis = [0, 1, 0]\n\
-                thickness = 1e-3\narea_density = 0.2\nyoungs_modulus = 5e4\npoisson_ratio = 0.2\nbend_stiffness = 3e-4\n\
-                membrane_damping = 50.0\nbend_damping = 3e-6\ndrag_normal = 0.1\ndrag_quadratic = 0.1\n\
+                thickness = 1e-3\narea_density = 0.2\nyoungs_modulus = 5e4\npoisson_ratio = 0.2\nbend_stiffness = 2e-3\n\
+                membrane_damping = 20.0\nbend_damping = 1e-5\ndrag_normal = 0.1\ndrag_quadratic = 0.1\n\
                 [[force]]\nname = \"draft\"\ncloth = \"sheet\"\nformula = [\"a*exp(-z/0.3)\", \"b*sin(4*x)\", \"0\"]\n\
                 parameters = { a = 0.0, b = 0.0 }\n";
     let inputs = |model: &Model, record: usize, t: f64| {
         let (q, k) = (model.initial_positions(), record as f64);
-        let by = [wave(0.12, 6.0 + k, k, t), wave(0.06, 5.0 - 0.7 * k, 1.0 + k, t), wave(0.08, 8.0 + k, 2.0 * k, t)];
-        let (sin, cos) = wave(0.5, 5.0 + 0.5 * k, k, t).sin_cos();
+        let by = [wave(0.06, 6.0 + k, k, t), wave(0.04, 5.0 - 0.7 * k, 1.0 + k, t), wave(0.05, 8.0 + k, 2.0 * k, t)];
+        let (sin, cos) = wave(0.3, 5.0 + 0.5 * k, k, t).sin_cos();
         // the upper side moves, and turns about the vertical
         let at = |node: usize| {
             let y = q[3 * node + 1];

@@ -130,9 +130,9 @@ const SHEET: &[Row] = &[
     row("gravity_tilt", &[("gravity.tilt[0]", 0.01), ("gravity.tilt[1]", -0.01)], "frame_rotation"),
     row("gravity_magnitude", &[("gravity.magnitude", 9.9)], "cloth_mass"),
     row("extensibility", &[("sheet.youngs_modulus", 4.5e4)], "length_scale"),
-    row("internal_damping", &[("sheet.bend_damping", 3.5e-6)], "linear_drag"),
-    row("membrane_damping", &[("sheet.membrane_damping", 150.0)], "linear_drag"),
-    row("cloth_mass", &[("sheet.area_density", 0.21)], "gravity_magnitude"),
+    row("internal_damping", &[("sheet.bend_damping", 2e-5)], "linear_drag"),
+    row("membrane_damping", &[("sheet.membrane_damping", 30.0)], "linear_drag"),
+    row("cloth_mass", &[("sheet.area_density", 0.206)], "gravity_magnitude"),
     row("own_force (draft)", &[("draft.a", 0.05), ("draft.b", -0.03)], "wind"),
     row("gripper_offset (hand)", &[("hand.offset[0]", 2e-3), ("hand.offset[1]", -2e-3), ("hand.offset[2]", 2e-3)], "sensor_bias")
         .beside(&["sensor_bias"]),
@@ -227,15 +227,6 @@ fn check(bench: &Bench, rows: &[Row]) {
         (row.title, score_scene(&made.setup, &made.logs, 0).unwrap())
     };
     let found: BTreeMap<&str, Scores> = rows.iter().map(scored).collect();
-    for row in rows {
-        eprintln!(
-            "{} p {:?} leads {:?}; in imitation {:?}",
-            row.title,
-            found[row.title].p_value(row.title),
-            found[row.title].leading(),
-            found[row.imitation].leading()
-        );
-    }
     for row in rows {
         let (own, leading) = (&found[row.title], found[row.title].leading());
         let p = own.p_value(row.title).unwrap_or_else(|| panic!("{} was not tested", row.title));
