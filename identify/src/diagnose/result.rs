@@ -131,7 +131,7 @@ impl NumericsKind {
     pub(super) fn imitates(self) -> &'static str {
         match self {
             Self::Step => "its size is what the length of the simulation's steps imitates",
-            Self::Mesh => "its size is what the length of the ropes' edges imitates",
+            Self::Mesh => "its size is what the length of the edges imitates",
             Self::Inputs => "its size is what reading the inputs between samples otherwise imitates",
         }
     }

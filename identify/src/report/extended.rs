@@ -267,7 +267,8 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::super::sample;
     use super::*;
-    use pliant_scene::parse_scene;
+    use pliant_scene::{Source, parse_scene};
+    use std::path::PathBuf;
 
     #[test]
     fn estimates_stand_in_the_scene_and_say_so() {
@@ -295,6 +296,28 @@ mod tests {
         let sensor = SensorStart { bias: [0.0, 0.0, 0.002], time_offset: 0.01, ..SensorStart::default() };
         assert_eq!(experiment.sensor, sensor);
         assert!(experiment.record[0].file.ends_with("data/run1.csv"));
+    }
+
+    #[test]
+    fn estimates_of_a_sheet_change_nothing_else_of_it() {
+        let scene = "schema_version = 1\n[time]\nstep = 0.01\n[[cloth]]\nname = \"sheet\"\ngrid = { nodes = [3, 2], size = [0.4, 0.2] }\n\
+                     thickness = 1e-3\ndensity = 200.0\nyoungs_modulus = 1e5\n[[gripper]]\nname = \"hand\"\ncloth = \"sheet\"\n\
+                     nodes = [0, 1]\n[experiment]\ntime = { column = \"t\" }\n[[experiment.marker]]\ncloth = \"sheet\"\nnode = 5\n\
+                     columns = [\"x\", \"y\", \"z\"]\n[[experiment.input]]\ngripper = \"hand\"\n\
+                     columns = [\"a\", \"b\", \"c\", \"d\", \"e\", \"f\"]\n";
+        let setup = Setup::from_source(Source::new("scene.toml", scene), PathBuf::new()).unwrap();
+        let mut diagnosis = sample::diagnosis();
+        let found =
+            [("sheet.youngs_modulus", 2e5), ("sheet.drag_quadratic", 0.3), ("sheet.area", 0.32), ("hand.offset[0]", 0.01)];
+        diagnosis.causes[0].parameters = found.map(|(path, value)| sample::estimate(path, value)).to_vec();
+        let text = text(&diagnosis, &setup, &Provenance::default(), Path::new("/somewhere/report")).unwrap();
+        let extended = parse_scene::<Experiment>(&text, FILE).unwrap();
+        let (old, new) = (&setup.scene.cloth[0], &extended.cloth[0]);
+        assert_eq!((new.youngs_modulus, new.drag_quadratic, extended.gripper[0].offset[0]), (2e5, 0.3, 0.01));
+        assert_eq!((new.plate_stiffness(), new.mass_per_area()), (old.plate_stiffness(), old.mass_per_area()));
+        assert_eq!(new.grid.as_ref().map(|grid| grid.size), Some([0.8, 0.4]));
+        assert!(text.contains("youngs_modulus = 200000.0  # estimated; sheet.youngs_modulus was 0"), "{text}");
+        assert_eq!(extended.experiment.unwrap().marker[0].cloth.as_deref(), Some("sheet"));
     }
 
     #[test]
