@@ -51,6 +51,7 @@ mod rod_plasticity;
 mod saturation;
 mod sensor_bias;
 mod sensor_delay;
+mod spans;
 mod stribeck;
 mod time_offset;
 mod tip_mass;
@@ -148,28 +149,6 @@ impl Situation<'_> {
         self.plan.model.params().find(path).map_or(0.0, |k| self.values.theta[k])
     }
 
-    /// Names of the ropes.
-    fn ropes(&self) -> Vec<&str> {
-        self.plan.model.ropes().iter().map(|r| r.name.as_str()).collect()
-    }
-
-    /// One unknown per rope for a quantity of ropes.
-    fn per_rope(&self, quantity: &str, scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
-        self.ropes().iter().filter_map(|rope| self.theta(&format!("{rope}.{quantity}"), scale(rope))).collect()
-    }
-
-    /// One unknown per sheet of cloth for a quantity of sheets.
-    fn per_sheet(&self, quantity: &str, scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
-        let sheets = self.plan.model.cloths().iter().map(|sheet| sheet.name.as_str());
-        sheets.filter_map(|sheet| self.theta(&format!("{sheet}.{quantity}"), scale(sheet))).collect()
-    }
-
-    /// One unknown per rope and per sheet for a quantity that has a name of its own for each, both of a typical size.
-    fn per_span(&self, [of_rope, of_sheet]: [&str; 2], scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
-        let ropes = self.per_rope(of_rope, &scale);
-        ropes.into_iter().chain(self.per_sheet(of_sheet, &scale)).collect()
-    }
-
     /// Whether a rope twists.
     fn is_rod(&self, rope: &str) -> bool {
         self.plan.model.params().find(&format!("{rope}.twist_stiffness")).is_some()
@@ -251,18 +230,6 @@ impl Situation<'_> {
             }
         }
         if largest.is_finite() && largest > 0.0 { largest } else { self.typical_curvature(rod) }
-    }
-
-    /// A drag coefficient [kg/(m·s)], of a sheet [kg/(m²·s)], whose force at 1 m/s is a tenth of the weight: a typical size.
-    fn typical_drag(&self, span: &str) -> f64 {
-        // only one of the two is there
-        let density = self.value(&format!("{span}.linear_density")) + self.value(&format!("{span}.area_density"));
-        0.1 * density * self.value("gravity.magnitude").max(1.0)
-    }
-
-    /// A damping of bending that is a hundredth of a second times the stiffness: a typical size.
-    fn typical_damping(&self, span: &str) -> f64 {
-        0.01 * self.value(&format!("{span}.bend_stiffness")).max(1e-8)
     }
 
     /// Unmeasured parameters that decide where a rod with intrinsic curvature lies: the turns of later grippers about it, and its
