@@ -154,7 +154,7 @@ impl Cloth {
     }
 
     /// Nodes and triangles as the grid or the file has them.
-    fn raw(&self, field: &str) -> Result<Arc<Raw>, SceneError> {
+    pub(super) fn raw(&self, field: &str) -> Result<Arc<Raw>, SceneError> {
         match (&self.grid, &self.loaded, &self.mesh) {
             (Some(grid), ..) => Ok(Arc::new(grid.raw())),
             (None, Some(raw), _) => Ok(Arc::clone(raw)),

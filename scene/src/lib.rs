@@ -49,6 +49,7 @@ mod parabola;
 mod place;
 mod read;
 mod refine;
+mod refine_cloth;
 mod rod;
 mod rope;
 mod schema;

@@ -2,16 +2,18 @@
 
 use super::file::Scene;
 use super::gripper::{Clamp, Mode};
+use super::held::Held;
+use super::refine_cloth::Halves;
 use super::rope::{Initial, JointSection, Rope, Twist};
 
-/// A refined scene and how its inputs follow from the original's. Node i of a rope becomes node 2i.
+/// A refined scene and how its inputs follow from the original's. Node i of a rope becomes node 2i, that of a sheet keeps its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refined {
     /// The scene.
     pub scene: Scene,
     /// Each input as the mean of two of the original's (the same twice where it is a copy).
     pub inputs: Vec<[usize; 2]>,
-    /// Whether a gripper clamps an edge by its two nodes.
+    /// Whether a gripper clamps an edge of a rope by its two nodes, or a triangle by its three.
     pub clamps_edges: bool,
 }
 
@@ -23,27 +25,24 @@ impl Refined {
 }
 
 impl Scene {
-    /// Halves every edge of every rope. A gripper that holds neighbouring nodes holds the new node between them too, in the middle.
+    /// Halves every edge of every rope and sheet. A gripper that holds neighbouring nodes holds the new node between them too, in the middle.
     ///
-    /// Materials and forces of one's own on whole ropes are per length and stay; node numbers, points and edges are doubled.
+    /// Materials and forces of one's own on whole ropes and sheets are per length or area and stay; node numbers, points and edges of ropes are doubled.
     pub fn refined(&self) -> Refined {
         let (mut scene, mut inputs, mut first) = (self.clone(), Vec::new(), 0);
         let mut clamps_edges = false;
+        let halves: Vec<Option<Halves>> = self.cloth.iter().map(Halves::of).collect();
         for gripper in &mut scene.gripper {
-            let rope = self.rope.iter().find(|rope| Some(&rope.name) == gripper.rope.as_ref());
-            match (&mut gripper.clamp, rope) {
-                // sheets stay as they are
-                (Clamp::Nodes(numbers), None) => {
-                    let n = if gripper.mode == Mode::Prescribed { 3 * numbers.len() } else { 3 };
-                    inputs.extend((first..first + n).map(|k| [k, k]));
-                    first += n;
-                }
-                (Clamp::Nodes(numbers), Some(rope)) => {
-                    let held: Vec<usize> = numbers.iter().filter_map(|&number| rope.node(number)).collect();
-                    let pairs = held_pairs(&held, rope);
-                    clamps_edges |= !pairs.is_empty();
-                    *numbers =
-                        held.iter().map(|i| 2 * i).chain(pairs.iter().map(|p| 2 * held[p[0]] + 1)).map(as_number).collect();
+            let held = self.held(gripper);
+            match (&mut gripper.clamp, held) {
+                (Clamp::Nodes(numbers), Some(of)) => {
+                    let held: Vec<usize> = numbers.iter().filter_map(|&number| of.node(number)).collect();
+                    let (pairs, nodes, clamps) = match of {
+                        Held::Rope(rope, _) => on_rope(&held, rope),
+                        Held::Cloth(_, c) => on_sheet(&held, halves[c].as_ref()),
+                    };
+                    clamps_edges |= clamps;
+                    *numbers = nodes.into_iter().map(as_number).collect();
                     if gripper.mode == Mode::Prescribed {
                         let copies = (0..held.len()).map(|k| [k, k]);
                         let sources: Vec<[usize; 2]> = copies.chain(pairs).collect();
@@ -65,18 +64,46 @@ impl Scene {
             }
         }
         for force in &mut scene.force {
+            let Some(numbers) = &mut force.nodes else { continue };
             let rope = self.rope.iter().find(|rope| Some(&rope.name) == force.rope.as_ref());
-            if let (Some(numbers), Some(rope)) = (&mut force.nodes, rope) {
-                *numbers = numbers.iter().filter_map(|&number| rope.node(number)).map(|node| as_number(2 * node)).collect();
-            }
+            let cloth = self.cloth.iter().find(|cloth| Some(&cloth.name) == force.cloth.as_ref());
+            let place = |number: i64| match (rope, cloth) {
+                (Some(rope), _) => rope.node(number).map(|node| 2 * node),
+                (None, cloth) => cloth?.node(number),
+            };
+            *numbers = numbers.iter().filter_map(|&number| place(number)).map(as_number).collect();
         }
         scene.rope.iter_mut().for_each(halve_edges);
+        for (c, (cloth, halves)) in scene.cloth.iter_mut().zip(&halves).enumerate() {
+            if let Some(refined) = halves.as_ref().and_then(|halves| halves.refined(cloth, c)) {
+                *cloth = refined;
+            }
+        }
         Refined { scene, inputs, clamps_edges }
     }
 }
 
 fn as_number(node: usize) -> i64 {
     i64::try_from(node).unwrap_or(i64::MAX)
+}
+
+/// Pairs of held nodes that an edge joins, by their places in the list; the held nodes of the refined scene, those that halve these edges
+/// last; whether an edge or triangle cannot turn.
+type Grip = (Vec<[usize; 2]>, Vec<usize>, bool);
+
+fn on_rope(held: &[usize], rope: &Rope) -> Grip {
+    let pairs = held_pairs(held, rope);
+    let nodes = held.iter().map(|i| 2 * i).chain(pairs.iter().map(|p| 2 * held[p[0]] + 1)).collect();
+    let clamps = !pairs.is_empty();
+    (pairs, nodes, clamps)
+}
+
+fn on_sheet(held: &[usize], halves: Option<&Halves>) -> Grip {
+    let Some(halves) = halves else { return (Vec::new(), held.to_vec(), false) };
+    let all = (0..held.len()).flat_map(|a| (0..a).map(move |b| [a, b]));
+    let found = all.filter_map(|pair| Some((pair, halves.between(held[pair[0]], held[pair[1]])?)));
+    let (pairs, middles): (Vec<_>, Vec<_>) = found.unzip();
+    (pairs, held.iter().copied().chain(middles).collect(), halves.clamps(held))
 }
 
 /// Positions in `held` of nodes that an edge joins, the one that it begins at first.
@@ -205,5 +232,47 @@ mod tests {
         let Initial::Points { points } = &rope.initial else { panic!("{rope:?}") };
         assert_eq!((points.len(), points[7]), (8, [0.0, 0.1, 0.0]));
         assert_eq!(refined.scene.gripper[0].clamp, Clamp::Nodes(vec![0, 6, 7]));
+    }
+
+    #[test]
+    fn halves_edges_of_a_sheet() {
+        let text = r#"
+            schema_version = 1
+            [time]
+            step = 0.01
+            [[cloth]]
+            name = "sheet"
+            grid = { nodes = [4, 3], size = [0.3, 0.2] }
+            origin = [0, 0, 1]
+            u_axis = [0, 0, -1]
+            thickness = 1e-3
+            area_density = 0.2
+            youngs_modulus = 1e4
+            [[gripper]]
+            name = "hand"
+            cloth = "sheet"
+            nodes = [2, 0, 1]
+            [[force]]
+            name = "tug"
+            cloth = "sheet"
+            nodes = [4, -1]
+            formula = ["0", "0", "1"]
+        "#;
+        let scene: Scene<Nothing> = parse_scene(text, "scene.toml").unwrap();
+        let refined = scene.refined();
+        check(&refined.scene).unwrap();
+        let (coarse, fine) = (scene.cloth[0].rest("cloth").unwrap(), refined.scene.cloth[0].rest("cloth").unwrap());
+        assert_eq!((fine.vertices.len(), fine.triangles.len()), (7 * 5, 4 * coarse.triangles.len()));
+        assert!((fine.total_area() - coarse.total_area()).abs() < 1e-15);
+        assert_eq!(fine.vertices[..12], coarse.vertices[..]);
+        assert_eq!(refined.scene.force[0].nodes, Some(vec![4, 11]));
+        // one row of nodes is a hinge, and the nodes between them are held too
+        let Clamp::Nodes(held) = &refined.scene.gripper[0].clamp else { panic!("{refined:?}") };
+        assert!(held.len() == 5 && !refined.clamps_edges);
+        let carried = refined.input(&resting_inputs(&scene).unwrap());
+        let wanted = resting_inputs(&refined.scene).unwrap();
+        assert!(carried.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-15), "{carried:?} {wanted:?}");
+        let two_rows = parse_scene::<Nothing>(&text.replace("[2, 0, 1]", "[0, 1, 2, 3, 4, 5]"), "scene.toml").unwrap().refined();
+        assert!(two_rows.clamps_edges && two_rows.inputs.len() == 3 * 15);
     }
 }

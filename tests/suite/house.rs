@@ -37,7 +37,7 @@ const MODULES: [(&str, &str); 9] = [
         "scene/src",
         "lib place words cloth_error force_error error advice shape body clip rope gripper coupling vector source mesh \
          obj cloth actuator force file cloth_initial parabola initial held rod check cable keys material motion \
-         schema read table refine write",
+         schema read table refine_cloth refine write",
     ),
     ("engine/src", "lib geometry bodies constraints memory terms rods grasp kinematics model step equilibrium rollout vector"),
     (

@@ -135,7 +135,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--cases", type=int, default=40)
     parser.add_argument("--first", type=int, help="only so many of the cases, which are in a random order: a part of a batch, to go on with later")
     parser.add_argument("--seed", type=int, default=score.DEVELOPMENT.start, help="development: 0 to 999; see docs/measured.md")
-    parser.add_argument("--systems", type=lambda x: x.split(","), help=", ".join(draw.SYSTEMS))
+    parser.add_argument("--systems", type=lambda x: x.split(","), help=", ".join(draw.SYSTEMS | draw.BY_NAME))
     parser.add_argument("--kinds", type=lambda x: x.split(","), help=", ".join(draw.SHARES))
     parser.add_argument("--pliant", default="target/release/pliant")
     parser.add_argument("--jobs", type=int, default=2)

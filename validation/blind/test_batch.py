@@ -193,6 +193,11 @@ def test_plans_have_their_shares_and_do_not_depend_on_the_order_of_asking():
     assert all(kind not in draw.RULED_OUT.get(system, ()) for system, kind in wanted)
 
 
+def test_a_system_that_is_drawn_by_name_is_in_no_other_batch():
+    assert not {system for system, _ in draw.plan(400, 4)} & set(draw.BY_NAME)
+    assert {system for system, _ in draw.plan(20, 4, ["cloth"])} == {"cloth"}
+
+
 def test_parameters_of_ropes_are_absolute():
     setup = ropes.RopeSetup("two_ends", np.random.default_rng(0))
     told = setup.parameters({"c1": 0.01, "wind1": 0.2, "right.offset2": 1e-3, "EA": 1e-3, "scale": 0.1})

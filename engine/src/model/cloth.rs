@@ -7,6 +7,7 @@ use crate::terms::sheet::{FaceDrag, Membrane, MembraneDamping, Plate, PlateDampi
 use pliant_math::Vec3;
 use pliant_math::params::{ANY, NON_NEGATIVE, POSITIVE, Params};
 use pliant_scene::{Clamp, Cloth, Gripper, Mesh, Mode, Scene, SceneError};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Bounds of Poisson's ratio: clear of −1 and 1, where a sheet's stiffness is infinite.
@@ -21,6 +22,8 @@ pub struct ClothSpan {
     pub nodes: std::ops::Range<usize>,
     /// Triangles, by nodes of the sheet counted from 0; all of a piece turned the same way.
     pub triangles: Vec<[usize; 3]>,
+    /// Edges of the triangles, each once, by nodes of the sheet counted from 0, and their lengths at rest over the root of the area [-].
+    pub edges: Vec<([usize; 2], f64)>,
     /// Index in θ of the sheet's area at rest \[m²\].
     pub area: usize,
     /// Index in θ of the distance at which its nodes touch \[m\].
@@ -91,8 +94,8 @@ impl Model {
                 self.masses.push(NodeMass { fraction, length, density, extras: Vec::new(), ghost: false });
             }
             out.list(&mesh, first, &p, wind);
-            let (nodes, name) = (first..self.masses.len(), cloth.name.clone());
-            self.cloths.push(ClothSpan { name, nodes, triangles: mesh.triangles, area: p.area, radius: p.radius });
+            let (nodes, name, edges) = (first..self.masses.len(), cloth.name.clone(), edges(&mesh));
+            self.cloths.push(ClothSpan { name, nodes, triangles: mesh.triangles, edges, area: p.area, radius: p.radius });
         }
         Ok(out)
     }
@@ -145,6 +148,14 @@ impl Model {
     pub fn cloth(&self, name: &str) -> Option<&ClothSpan> {
         self.cloths.iter().find(|c| c.name == name)
     }
+}
+
+/// Edges of a mesh and their relative lengths, as [`ClothSpan::edges`].
+fn edges(mesh: &Mesh) -> Vec<([usize; 2], f64)> {
+    let sides = |&[a, b, c]: &[usize; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]);
+    let pairs: BTreeSet<[usize; 2]> = mesh.triangles.iter().flat_map(sides).collect();
+    let (x, root) = (|i: usize| Vec3::from(mesh.vertices[i]), mesh.total_area().sqrt());
+    pairs.into_iter().map(|[i, j]| ([i, j], (x(j) - x(i)).norm() / root)).collect()
 }
 
 impl SheetElements {

@@ -1,7 +1,7 @@
-//! The size of gravity, where nothing but bodies is watched by a sensor of positions.
+//! The size of gravity, where bodies or cloth are watched by a sensor of positions.
 //!
 //! For a body in free fall it cannot be told from the sensor's scale unless a length is known. In scenes with ropes it would be all
-//! their forces together, and at joints that only encoders watch, all masses.
+//! their forces together, and at joints that only encoders watch, all masses. Of a sheet all forces together are [`super::cloth_mass`].
 
 use super::{Cause, Situation};
 

@@ -1,4 +1,4 @@
-//! A constant error of where a gripper holds the rope; a candidate per gripper.
+//! A constant error of where a gripper holds a rope or sheet; a candidate per gripper.
 
 use super::{Cause, Situation};
 
@@ -10,7 +10,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
             let unknowns = (0..3).filter_map(|a| at.theta(&format!("{}.offset[{a}]", drive.name), 1e-3)).collect();
             Cause {
                 object: Some(drive.name.clone()),
-                meaning: "a gripper holds the rope beside where its reading says",
+                meaning: "a gripper holds the rope or cloth beside where its reading says",
                 unknowns: if testable { unknowns } else { Vec::new() },
                 untestable: (!testable)
                     .then(|| format!("gripper `{}` is controlled by velocity and has no measured position", drive.name)),

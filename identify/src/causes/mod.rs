@@ -14,6 +14,7 @@ mod center_of_mass;
 mod clamp_roll;
 mod clamp_roll_by_direction;
 mod clamp_roll_by_position;
+mod cloth_mass;
 mod cogging_torque;
 mod contact_friction;
 mod coulomb_friction;
@@ -39,6 +40,7 @@ mod link_mass;
 mod load_friction;
 mod marker_offset;
 mod mass_distribution;
+mod membrane_damping;
 mod own_force;
 mod payload;
 mod pieces;
@@ -49,6 +51,7 @@ mod rod_plasticity;
 mod saturation;
 mod sensor_bias;
 mod sensor_delay;
+mod spans;
 mod stribeck;
 mod time_offset;
 mod tip_mass;
@@ -146,16 +149,6 @@ impl Situation<'_> {
         self.plan.model.params().find(path).map_or(0.0, |k| self.values.theta[k])
     }
 
-    /// Names of the ropes.
-    fn ropes(&self) -> Vec<&str> {
-        self.plan.model.ropes().iter().map(|r| r.name.as_str()).collect()
-    }
-
-    /// One unknown per rope for a quantity of ropes.
-    fn per_rope(&self, quantity: &str, scale: impl Fn(&str) -> f64) -> Vec<Unknown> {
-        self.ropes().iter().filter_map(|rope| self.theta(&format!("{rope}.{quantity}"), scale(rope))).collect()
-    }
-
     /// Whether a rope twists.
     fn is_rod(&self, rope: &str) -> bool {
         self.plan.model.params().find(&format!("{rope}.twist_stiffness")).is_some()
@@ -237,11 +230,6 @@ impl Situation<'_> {
             }
         }
         if largest.is_finite() && largest > 0.0 { largest } else { self.typical_curvature(rod) }
-    }
-
-    /// A drag coefficient [kg/(m·s)] whose force at 1 m/s is a tenth of the rope's weight: a typical size.
-    fn typical_drag(&self, rope: &str) -> f64 {
-        0.1 * self.value(&format!("{rope}.linear_density")) * self.value("gravity.magnitude").max(1.0)
     }
 
     /// Unmeasured parameters that decide where a rod with intrinsic curvature lies: the turns of later grippers about it, and its
@@ -413,6 +401,8 @@ pub const LIBRARY: &[Row] = &[
     row("gravity_magnitude", gravity_magnitude::causes),
     row("extensibility", extensibility::causes),
     row("internal_damping", internal_damping::causes),
+    row("membrane_damping", membrane_damping::causes),
+    row("cloth_mass", cloth_mass::causes),
     row("tip_mass", tip_mass::causes),
     row("edge_lengths", edge_lengths::causes),
     row("intrinsic_curvature", intrinsic_curvature::causes),

@@ -16,7 +16,9 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<
     let mut findings = Vec::new();
     let nothing_else = plan.joints.is_empty() && plan.orientations.is_empty();
     if !plan.markers.is_empty() || nothing_else {
-        let on_ropes = plan.markers.iter().all(|m| m.nodes().is_some());
+        // markers of a sheet have no order in which they are neighbours
+        let ropes = plan.model.ropes();
+        let on_ropes = plan.markers.iter().all(|m| m.nodes().is_some_and(|m| ropes.iter().any(|r| r.nodes.contains(&m.node))));
         let rope = Layout::rope(first.markers[0].len(), first.inputs[0].len());
         let layout = if on_ropes { rope } else { Layout { chords: Vec::new(), ..rope } };
         let points = |r: &Record| r.markers.iter().flatten().flatten().copied().collect();
@@ -127,10 +129,10 @@ fn place_of(plan: &Plan, observed: Observed) -> String {
     }
 }
 
-/// Markers on nodes that a gripper holds: they measure it, and nothing about the rope.
+/// Markers on nodes that a gripper holds: they measure it, and nothing about the rope or cloth.
 pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
     let held = |node: usize| plan.model.prescribed()[node];
-    let rope = |node: usize| plan.model.ropes().iter().find(|rope| rope.nodes.contains(&node));
+    let owner = |node: usize| plan.model.node_spans().find(|(_, nodes)| nodes.contains(&node));
     let on_nodes = plan.markers.iter().enumerate().filter_map(|(k, m)| Some((k, m.nodes()?)));
     let on_held = on_nodes.filter(|(_, m)| held(m.node) && held(m.next));
     let finding = |(k, marker): (usize, &NodePair)| AuditFinding {
@@ -138,15 +140,16 @@ pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
         record: String::new(),
         place: format!("Point({k})"),
         time_s: None,
-        what: match rope(marker.node) {
-            Some(rope) => {
-                format!("marker {k} is on node {} of \"{}\", which a gripper holds", marker.node - rope.nodes.start, rope.name)
+        what: match owner(marker.node) {
+            Some((name, nodes)) => {
+                format!("marker {k} is on node {} of \"{name}\", which a gripper holds", marker.node - nodes.start)
             }
             None => format!("marker {k} is on a node that a gripper holds"),
         },
         number: 0.0,
         unit: String::new(),
-        advice: "it shows the gripper's and the sensor's errors, not the rope; correct `node` if a free one was meant".to_owned(),
+        advice: "it shows the gripper's and the sensor's errors and nothing else; correct `node` if a free one was meant"
+            .to_owned(),
     };
     on_held.map(finding).collect()
 }

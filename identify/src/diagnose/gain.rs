@@ -7,6 +7,7 @@ use crate::fit::{FitOptions, Fitted, fit};
 use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
+use pliant_engine::model::{ClothSpan, Model};
 use rayon::prelude::*;
 
 /// Records with their initial states estimated from the lead-in under a fit.
@@ -195,7 +196,7 @@ pub(super) fn pictures(
             before: chosen().map(|k| at(&b, k)).collect(),
             after: chosen().map(|k| at(&a, k)).collect(),
         });
-        if plan.model.ropes().is_empty() || plan.markers.is_empty() {
+        if plan.model.n_nodes() == 0 || plan.markers.is_empty() {
             continue;
         }
         let late = (0..samples).max_by(|x, y| {
@@ -204,11 +205,7 @@ pub(super) fn pictures(
         });
         let k = late.unwrap_or(0);
         let step = ((rec.record.time[k] / plan.model.step_length()).round() as usize).min(b.states.len() - 1);
-        let ropes = plan.model.ropes();
-        let shape = |s: &crate::shooting::Shot| {
-            let q = &s.states[step].q;
-            ropes.iter().flat_map(|r| r.nodes.clone()).map(|n| [q[3 * n], q[3 * n + 1], q[3 * n + 2]]).collect()
-        };
+        let shape = |s: &crate::shooting::Shot| drawn(&plan.model, &s.states[step].q);
         snapshots.push(Snapshot {
             record: rec.record.name.clone(),
             time: rec.record.time[k],
@@ -220,10 +217,45 @@ pub(super) fn pictures(
     Ok((curves, snapshots))
 }
 
+/// Points of the lines that show the nodes' shape, a point of no numbers after each: ropes from end to end, of sheets the rim.
+fn drawn(model: &Model, q: &[f64]) -> Vec<[f64; 3]> {
+    let ropes = model.ropes().iter().map(|rope| rope.nodes.clone().collect());
+    let lines: Vec<Vec<usize>> = ropes.chain(model.cloths().iter().flat_map(rim)).collect();
+    let points = |line: Vec<usize>| {
+        let at = |node: usize| [q[3 * node], q[3 * node + 1], q[3 * node + 2]];
+        line.into_iter().map(at).chain(std::iter::once([f64::NAN; 3])).collect::<Vec<_>>()
+    };
+    lines.into_iter().flat_map(points).collect()
+}
+
+/// The lines along the free edges of a sheet, by nodes of the model. Triangles of a piece are turned the same way, so that each such edge
+/// begins where another one ends.
+fn rim(sheet: &ClothSpan) -> Vec<Vec<usize>> {
+    let sides: Vec<[usize; 2]> = sheet.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    let mut left: Vec<[usize; 2]> = sides.iter().copied().filter(|[a, b]| !sides.contains(&[*b, *a])).collect();
+    let mut out = Vec::new();
+    while let Some([first, second]) = left.pop() {
+        let mut line = vec![first, second];
+        while let Some(next) = left.iter().position(|[from, _]| line.last() == Some(from)) {
+            line.push(left.swap_remove(next)[1]);
+        }
+        out.push(line.into_iter().map(|node| sheet.nodes.start + node).collect());
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used)]
+    #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
+
+    #[test]
+    fn a_sheet_is_drawn_by_its_rim() {
+        let triangles = vec![[0, 3, 4], [0, 4, 1], [1, 4, 5], [1, 5, 2]];
+        let sheet = ClothSpan { name: String::new(), nodes: 10..16, triangles, edges: Vec::new(), area: 0, radius: 0 };
+        let [line] = &rim(&sheet)[..] else { panic!("{:?}", rim(&sheet)) };
+        assert!(line.len() == 7 && line[0] == line[6] && (10..16).all(|node| line.contains(&node)), "{line:?}");
+    }
 
     #[test]
     fn one_record_has_an_interval_only_if_it_is_long() {

@@ -107,7 +107,7 @@ fn menu(plan: &Plan, records: &[RecordPlan]) -> Vec<Change> {
     let driven = records.iter().any(moves);
     // where a pose is a list of numbers, each of its own joint
     let placed =
-        plan.model.ropes().is_empty() && plan.model.nq() == plan.model.nv() && records.iter().all(|rec| !rec.start.is_fixed());
+        plan.model.n_nodes() == 0 && plan.model.nq() == plan.model.nv() && records.iter().all(|rec| !rec.start.is_fixed());
     let possible = |c: &Change| (driven || c.commands == 1.0 && c.pace == 1.0) && (placed || c.start == 1.0);
     CHANGES.into_iter().filter(possible).collect()
 }

@@ -131,7 +131,7 @@ impl NumericsKind {
     pub(super) fn imitates(self) -> &'static str {
         match self {
             Self::Step => "its size is what the length of the simulation's steps imitates",
-            Self::Mesh => "its size is what the length of the ropes' edges imitates",
+            Self::Mesh => "its size is what the length of the edges imitates",
             Self::Inputs => "its size is what reading the inputs between samples otherwise imitates",
         }
     }
@@ -371,7 +371,7 @@ pub struct Curve {
     pub after: Vec<[f64; 3]>,
 }
 
-/// Shapes of the whole rope at one instant, for the picture of measured against simulated.
+/// Shapes of ropes, and rims of sheets, at one instant, for the picture of measured against simulated.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Snapshot {
     /// Record.
@@ -381,10 +381,10 @@ pub struct Snapshot {
     /// Measured markers [m].
     #[serde(deserialize_with = "points")]
     pub measured: Vec<[f64; 3]>,
-    /// Nodes simulated by the baseline [m].
+    /// Nodes simulated by the baseline, line by line, with a point of no numbers after each [m].
     #[serde(deserialize_with = "points")]
     pub before: Vec<[f64; 3]>,
-    /// Nodes simulated with the accepted causes [m].
+    /// The same with the accepted causes [m].
     #[serde(deserialize_with = "points")]
     pub after: Vec<[f64; 3]>,
 }

@@ -76,7 +76,7 @@ fn joined(plan: &Plan, mut rec: RecordPlan, seconds: f64) -> RecordPlan {
 }
 
 /// The record as pieces of about `seconds` that start at a sample, each a record of its own. All but the first begin to be read `FIT.lead`
-/// later, and the one before is read until then; with ropes they are read at once, since the first reading tells how the ends are held.
+/// later, and the one before is read until then; with ropes or cloth they are read at once, since the first reading tells how the ends are held.
 fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>, IdentifyError> {
     let (h, steps) = (plan.model.step_length(), rec.inputs.len());
     let per_piece = (seconds / h).round().clamp(2.0, steps.max(2) as f64) as usize;
@@ -96,7 +96,7 @@ fn split(plan: &Plan, rec: &RecordPlan, seconds: f64) -> Result<Vec<RecordPlan>,
         wanted = starts[starts.len() - 1].0 + per_piece;
     }
     let time = &rec.record.time;
-    let lead = if plan.model.ropes().is_empty() { FIT.lead } else { 0.0 };
+    let lead = if plan.model.n_nodes() == 0 { FIT.lead } else { 0.0 };
     let first_read = |start: (usize, usize)| match start {
         (0, _) => 0,
         (_, sample) => time.partition_point(|t| *t < time[sample] + lead - FIT.same_time * h).min(time.len() - 1),

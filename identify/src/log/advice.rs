@@ -13,15 +13,20 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
         M::NoExperiment => {
             both("the scene was written for simulation", "add an [experiment] with `time`, markers, inputs and records")
         }
-        M::Cloth { .. } => both(
-            "an experiment was written for a sheet, or copied from another scene",
-            "remove the [[cloth]] and what holds it; or remove the [experiment], and fit by the gradients of rollouts (`vjp`, `linearize`), \
-             which sheets have",
+        M::NoNode { count, .. } => both(
+            "nodes are counted from 0; node (i, j) of a grid of cloth has the number i · nodes[1] + j, and a vertex of a file its number \
+             less one",
+            format!("write a number from 0 to {}, or a negative one to count from the end", count.saturating_sub(1)),
+        ),
+        M::Unmarked { .. } => both(
+            "the cloth was marked in some places only, and between markers nobody knows how it is folded",
+            "write `initial = \"measured\"`, which estimates where it begins, or \"rest\"; or add a marker at every node that no gripper holds",
         ),
         M::NoRecord => both("no log was named", "add a [[experiment.record]], or give `--log FILE`"),
-        M::NoMarker { bodies: false } => {
-            both("the mapping from log to rope is missing", "add a [[experiment.marker]] with `rope`, `node` and `columns`")
-        }
+        M::NoMarker { bodies: false } => both(
+            "the mapping from log to nodes is missing",
+            "add a [[experiment.marker]] with `rope` or `cloth`, `node` and `columns`",
+        ),
         M::NoMarker { bodies: true } => both(
             "the mapping from log to joints and bodies is missing",
             "add a [[experiment.joint]] with `joint` and `column`, or a [[experiment.marker]] with `body` and `columns`",
@@ -134,9 +139,11 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
         }
         M::Extent { extent, length } if extent > length => both(
             "markers or inputs are in another unit than `unit` says, e.g. mm",
-            "write `unit = \"mm\"` for those that are in mm, or correct the ropes' length",
+            "write `unit = \"mm\"` for those that are in mm, or correct the size of ropes and cloth",
         ),
-        M::Extent { .. } => both("the log is in m, not mm", "write `unit = \"m\"` for the markers, or correct the ropes' length"),
+        M::Extent { .. } => {
+            both("the log is in m, not mm", "write `unit = \"m\"` for the markers, or correct the size of ropes and cloth")
+        }
         _ => return None,
     })
 }

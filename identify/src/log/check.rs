@@ -2,20 +2,17 @@
 
 use super::constants::LOG;
 use super::error::{LogError, LogMistake};
-use super::experiment::{Experiment, Marker};
+use super::experiment::{Beginning, Experiment, Marker};
 use super::joint_sensor::check_angles;
 use super::record::Record;
 use super::setup::{Setup, suggestion};
-use pliant_scene::{Place, words};
+use pliant_scene::{Clamp, Place, words};
 use std::f64::consts::PI;
 
 /// Checks the experiment against the scene.
 pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
     let experiment = &setup.experiment;
     let check = Check { setup };
-    if let Some(cloth) = setup.scene.cloth.first() {
-        return check.refuse("experiment", LogMistake::Cloth { cloth: cloth.name.clone() });
-    }
     let clock = &experiment.time;
     let given = usize::from(clock.column.is_some()) + usize::from(clock.array.is_some()) + usize::from(clock.rate.is_some());
     check.one_of("experiment.time", "`column`, `array`, `rate`", given)?;
@@ -24,9 +21,11 @@ pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
     check.range("experiment.lead_in", experiment.lead_in, 0.0, 1e6, "s")?;
     check.range("experiment.fit.segment", experiment.fit.segment.unwrap_or(1.0), setup.scene.time.step, 1e6, "s")?;
     if experiment.marker.is_empty() && experiment.joint.is_empty() && experiment.orientation.is_empty() {
-        return check.refuse("experiment", LogMistake::NoMarker { bodies: setup.scene.rope.is_empty() });
+        return check
+            .refuse("experiment", LogMistake::NoMarker { bodies: setup.scene.rope.is_empty() && setup.scene.cloth.is_empty() });
     }
     experiment.marker.iter().enumerate().try_for_each(|(k, marker)| check.marker(k, marker))?;
+    check.marked(experiment)?;
     check.joint_sensors(experiment)?;
     check.orientations(experiment)?;
     check.sensor(experiment)?;
@@ -60,13 +59,17 @@ impl Check<'_> {
         let at = |key: &str| format!("experiment.marker[{k}].{key}");
         let scene = &self.setup.scene;
         let item = format!("experiment.marker[{k}]");
-        self.one_of(&item, "`rope`, `body`", usize::from(marker.rope.is_some()) + usize::from(marker.body.is_some()))?;
+        let on = [marker.rope.is_some(), marker.cloth.is_some(), marker.body.is_some()];
+        self.one_of(&item, "`rope`, `cloth`, `body`", on.into_iter().map(usize::from).sum())?;
         self.one_of(&item, "`columns`, `index`", usize::from(marker.columns.is_some()) + usize::from(marker.index.is_some()))?;
         if let Some(body) = &marker.body {
             return self.body_marker(&item, body, marker);
         }
         if marker.point.is_some() {
             return self.refuse(&at("point"), LogMistake::Misplaced { key: "point", owner: "markers on bodies" });
+        }
+        if let Some(cloth) = &marker.cloth {
+            return self.cloth_marker(&item, cloth, marker);
         }
         let name = marker.rope.as_deref().unwrap_or("");
         let Some(rope) = scene.rope.iter().find(|rope| rope.name == name) else {
@@ -76,14 +79,57 @@ impl Check<'_> {
         self.one_of(&item, "`node`, `arc`", usize::from(marker.node.is_some()) + usize::from(marker.arc.is_some()))?;
         self.range(&at("arc"), marker.arc.unwrap_or(0.0), 0.0, rope.length, "m")?;
         if let Some(node) = marker.node.filter(|node| rope.node(*node).is_none()) {
-            let n = rope.n_nodes() as f64;
-            return self.refuse(&at("node"), LogMistake::Range { value: node as f64, low: -n, high: n - 1.0, unit: "(nodes)" });
+            let (name, count) = (name.to_owned(), rope.n_nodes());
+            return self.refuse(&at("node"), LogMistake::NoNode { kind: "rope", name, node, count });
         }
         if marker.offset.is_some() && rope.twist.is_none() {
             return self.refuse(&at("offset"), LogMistake::Misplaced { key: "offset", owner: "markers on ropes that twist" });
         }
         let offset = marker.offset.unwrap_or_default().into_iter().enumerate();
         offset.into_iter().try_for_each(|(a, x)| self.range(&at(&format!("offset[{a}]")), x, -rope.length, rope.length, "m"))
+    }
+
+    fn cloth_marker(&self, item: &str, name: &str, marker: &Marker) -> Result<(), LogError> {
+        let cloths = &self.setup.scene.cloth;
+        let Some(cloth) = cloths.iter().find(|cloth| cloth.name == name) else {
+            let names: Vec<&str> = cloths.iter().map(|cloth| cloth.name.as_str()).collect();
+            return self.unknown(&format!("{item}.cloth"), "cloth", name, &names);
+        };
+        let keys = [
+            ("arc", marker.arc.is_some(), "markers on ropes"),
+            ("offset", marker.offset.is_some(), "markers on ropes that twist"),
+        ];
+        if let Some((key, _, owner)) = keys.into_iter().find(|(_, given, _)| *given) {
+            return self.refuse(&format!("{item}.{key}"), LogMistake::Misplaced { key, owner });
+        }
+        self.one_of(item, "`node`", usize::from(marker.node.is_some()))?;
+        match marker.node.filter(|node| cloth.node(*node).is_none()) {
+            Some(node) => {
+                let (name, count) = (name.to_owned(), cloth.n_nodes());
+                self.refuse(&format!("{item}.node"), LogMistake::NoNode { kind: "cloth", name, node, count })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// A cloth that begins as the data have it has a marker at every free node: of a sheet a few points say too little for a start that
+    /// nothing corrects.
+    fn marked(&self, experiment: &Experiment) -> Result<(), LogError> {
+        if experiment.initial != Beginning::Given {
+            return Ok(());
+        }
+        for cloth in &self.setup.scene.cloth {
+            let of = |name: &Option<String>| name.as_ref() == Some(&cloth.name);
+            let marked = experiment.marker.iter().filter(|marker| of(&marker.cloth)).filter_map(|marker| marker.node);
+            let clamps = self.setup.scene.gripper.iter().filter(|gripper| of(&gripper.cloth)).map(|gripper| &gripper.clamp);
+            let held =
+                clamps.filter_map(|clamp| if let Clamp::Nodes(nodes) = clamp { Some(nodes) } else { None }).flatten().copied();
+            let known: Vec<usize> = marked.chain(held).filter_map(|number| cloth.node(number)).collect();
+            if let Some(node) = (0..cloth.n_nodes()).find(|node| !known.contains(node)) {
+                return self.refuse("experiment.initial", LogMistake::Unmarked { cloth: cloth.name.clone(), node });
+            }
+        }
+        Ok(())
     }
 
     fn body_marker(&self, item: &str, body: &str, marker: &Marker) -> Result<(), LogError> {
@@ -217,11 +263,15 @@ pub(super) fn check_twice(records: &[Record], places: &[Place]) -> Result<(), Lo
     Ok(())
 }
 
-/// Markers and grippers spread over a length that the ropes can span, or some are in another unit.
+/// Markers and grippers spread over a length that ropes and sheets can span, or some are in another unit.
 fn extent(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
-    let length: f64 = setup.scene.rope.iter().map(|rope| rope.length).sum();
-    if setup.scene.rope.is_empty() {
+    let scene = &setup.scene;
+    if scene.rope.is_empty() && scene.cloth.is_empty() {
         return Ok(());
+    }
+    let mut length: f64 = scene.rope.iter().map(|rope| rope.length).sum();
+    for (c, cloth) in scene.cloth.iter().enumerate() {
+        length += cloth.rest(&format!("cloth[{c}]"))?.extents().iter().map(|side| side * side).sum::<f64>().sqrt();
     }
     let controls = setup.controls();
     let spread = |a: usize, with_inputs: bool| {

@@ -48,9 +48,12 @@ pub enum LogMistake {
     /// No `[experiment]`.
     #[error("the scene has no [experiment]")]
     NoExperiment,
-    /// A scene that fits and diagnoses do not know.
-    #[error("the scene has cloth \"{cloth}\", and fits and diagnoses know ropes, rods and bodies, but no cloth yet")]
-    Cloth { cloth: String },
+    /// A node that a rope or sheet does not have.
+    #[error("{kind} \"{name}\" has no node {node}: it has {count}")]
+    NoNode { kind: &'static str, name: String, node: i64, count: usize },
+    /// A start taken from readings that are not there.
+    #[error("records begin where the data are, and node {node} of cloth \"{cloth}\" has no marker")]
+    Unmarked { cloth: String, node: usize },
     /// No file to read.
     #[error("there is no log to read")]
     NoRecord,
@@ -168,7 +171,7 @@ pub enum LogMistake {
     #[error("the samples are {} s apart, which is {} steps of {} s", fixed(*.period, 6), fixed(*.ratio, if *.ratio < 1.0 { 4 } else { 0 }), Num(*.step))]
     ClockUnit { period: f64, step: f64, ratio: f64 },
     /// Positions that betray another unit.
-    #[error("markers and grippers spread over {} m, but the ropes are {} m long", fixed(*.extent, 4), fixed(*.length, 4))]
+    #[error("markers and grippers spread over {} m, but ropes and cloth are {} m long", fixed(*.extent, 4), fixed(*.length, 4))]
     Extent { extent: f64, length: f64 },
     /// An npz file without that array.
     #[error("there is no array \"{name}\"")]

@@ -67,7 +67,7 @@ pub enum Beginning {
     /// Position and velocity of every free node and joint are unknowns with a prior from the data.
     #[default]
     Measured,
-    /// Position and velocity from the data, taken as they are: where the model's error within a few samples exceeds theirs, an
+    /// Position and velocity from the data, taken as they are (of a cloth every free node needs a marker): where the model's error within a few samples exceeds theirs, an
     /// unknown initial state would only hide it.
     Given,
     /// Static equilibrium with the record's first inputs.
@@ -210,20 +210,24 @@ pub enum AngleUnit {
     Deg,
 }
 
-/// An observed point of a rope, at a `node` or at an `arc` length, or of a `body`; in CSV `columns` or at an `index` of an npz array.
+/// An observed point of a rope, at a `node` or at an `arc` length, of a cloth, at a `node`, or of a `body`; in CSV `columns` or at an
+/// `index` of an npz array.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Marker {
     /// Name of the rope.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rope: Option<String>,
+    /// Name of the sheet of cloth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloth: Option<String>,
     /// Name of the body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
     /// Place in the body's frame [m]; its origin if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point: Option<[f64; 3]>,
-    /// Node number; negative numbers count from the end.
+    /// Node number: along the rope, or of the cloth's vertex in its grid (i · nodes\[1\] + j) or file; negative numbers count from the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node: Option<i64>,
     /// Arc length from the first node at rest [m].

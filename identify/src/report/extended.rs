@@ -2,6 +2,7 @@
 
 use super::error::ReportError;
 use super::place_body::{set_inertia, set_joint};
+use super::place_cloth::{set_area, write_out};
 use super::place_rod::{node_count, set_rod};
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
@@ -14,7 +15,7 @@ use toml::{Table, Value};
 
 const FILE: &str = "scene_extended.toml";
 /// Lists of named objects.
-const OBJECTS: [&str; 7] = ["rope", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
+const OBJECTS: [&str; 8] = ["rope", "cloth", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
 
 /// Keys that a scene without such an effect leaves out.
 const LEFT_OUT: [&str; 6] = ["delay", "lag", "friction_backward", "load_friction", "plastic_time", "yield"];
@@ -37,6 +38,13 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
             experiment.interpolation = refined.interpolation;
         }
         move_records(experiment, setup, provenance, report);
+    }
+    let estimated = |name: &str| estimates(diagnosis).iter().any(|e| e.path.split('.').next() == Some(name));
+    for cloth in &mut scene.cloth {
+        if estimated(&cloth.name) {
+            write_out(cloth);
+        }
+        cloth.mesh = cloth.mesh.as_ref().map(|mesh| relative(report, &setup.folder.join(mesh)));
     }
     let at = |source| ReportError::Toml { file: FILE, source };
     let mut table = scene.to_table().map_err(at)?;
@@ -134,6 +142,10 @@ fn set(table: &mut Table, estimate: &Estimate) -> Option<Place> {
         && let Some((table, key)) = set_rod(target, rest, estimate.estimate)
     {
         return Some(Place { table: table.to_owned(), number, key });
+    }
+    if name == "cloth" && rest == "area" {
+        let key = set_area(target, estimate.estimate)?;
+        return Some(Place { table: "cloth.grid".to_owned(), number, key });
     }
     let inertia = if name == "body" { set_inertia(target, rest, estimate.estimate) } else { None };
     let key = inertia.or_else(|| set_value(target, rest, estimate.estimate))?;
@@ -255,7 +267,8 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::super::sample;
     use super::*;
-    use pliant_scene::parse_scene;
+    use pliant_scene::{Source, parse_scene};
+    use std::path::PathBuf;
 
     #[test]
     fn estimates_stand_in_the_scene_and_say_so() {
@@ -283,6 +296,29 @@ mod tests {
         let sensor = SensorStart { bias: [0.0, 0.0, 0.002], time_offset: 0.01, ..SensorStart::default() };
         assert_eq!(experiment.sensor, sensor);
         assert!(experiment.record[0].file.ends_with("data/run1.csv"));
+    }
+
+    #[test]
+    fn estimates_of_a_sheet_change_nothing_else_of_it() {
+        let scene = "schema_version = 1\n[time]\nstep = 0.01\n[[cloth]]\nname = \"sheet\"\ngrid = { nodes = [3, 2], size = [0.4, 0.2] }\n\
+                     thickness = 1e-3\ndensity = 200.0\nyoungs_modulus = 1e5\n[[gripper]]\nname = \"hand\"\ncloth = \"sheet\"\n\
+                     nodes = [0, 1]\n[experiment]\ntime = { column = \"t\" }\n[[experiment.marker]]\ncloth = \"sheet\"\nnode = 5\n\
+                     columns = [\"x\", \"y\", \"z\"]\n[[experiment.input]]\ngripper = \"hand\"\n\
+                     columns = [\"a\", \"b\", \"c\", \"d\", \"e\", \"f\"]\n";
+        let setup = Setup::from_source(Source::new("scene.toml", scene), PathBuf::new()).unwrap();
+        let mut diagnosis = sample::diagnosis();
+        let found =
+            [("sheet.youngs_modulus", 2e5), ("sheet.drag_quadratic", 0.3), ("sheet.area", 0.32), ("hand.offset[0]", 0.01)];
+        diagnosis.causes[0].parameters = found.map(|(path, value)| sample::estimate(path, value)).to_vec();
+        let text = text(&diagnosis, &setup, &Provenance::default(), Path::new("/somewhere/report")).unwrap();
+        let extended = parse_scene::<Experiment>(&text, FILE).unwrap();
+        let (old, new) = (&setup.scene.cloth[0], &extended.cloth[0]);
+        assert_eq!((new.youngs_modulus, new.drag_quadratic, extended.gripper[0].offset[0]), (2e5, 0.3, 0.01));
+        assert_eq!((new.plate_stiffness(), new.mass_per_area()), (old.plate_stiffness(), old.mass_per_area()));
+        let size = new.grid.as_ref().map_or([0.0; 2], |grid| grid.size);
+        assert!((size[0] - 0.8).abs() < 1e-12 && (size[1] - 0.4).abs() < 1e-12, "{size:?}");
+        assert!(text.contains("youngs_modulus = 200000.0  # estimated; sheet.youngs_modulus was 0"), "{text}");
+        assert_eq!(extended.experiment.unwrap().marker[0].cloth.as_deref(), Some("sheet"));
     }
 
     #[test]

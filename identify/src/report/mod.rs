@@ -16,6 +16,7 @@ mod folder;
 pub mod json;
 mod page;
 mod place_body;
+mod place_cloth;
 mod place_rod;
 mod plot;
 mod reproduce;

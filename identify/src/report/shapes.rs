@@ -1,4 +1,4 @@
-//! Pictures of the rope: measured against simulated, before and after.
+//! Pictures of ropes and cloth: measured against simulated, before and after.
 
 use super::plot::{Frame, Point, range};
 use crate::diagnose::Snapshot;
@@ -38,7 +38,7 @@ fn figure(snapshot: &Snapshot, view: &View, frame: &Frame) -> Figure {
         + &frame.line("after", &view.see(&snapshot.after))
         + &frame.dots("measured", 4.0, &view.see(&snapshot.measured));
     let caption = format!("{}, t = {} s", snapshot.record, number(snapshot.time));
-    Figure::new(frame.svg(&format!("Shape of the rope: {caption}"), &body), caption)
+    Figure::new(frame.svg(&format!("Shape: {caption}"), &body), caption)
 }
 
 /// A direction to look from.
@@ -49,13 +49,13 @@ struct View {
     up: String,
 }
 
-/// Height below which a rope lies flat, as a part of its width.
+/// Height below which a shape lies flat, as a part of its width.
 const FLAT: f64 = 0.02;
 /// Ratio by which another view must show more of the change than the view from the side to replace it [-].
 const CLEARER: f64 = 2.0;
 
 impl View {
-    /// From the side, where the rope is widest; if the change from before to after is much clearer from above, from there.
+    /// From the side, where the shape is widest; if the change from before to after is much clearer from above, from there.
     fn of(snapshots: &[Snapshot]) -> Self {
         let points = || {
             snapshots
@@ -72,7 +72,8 @@ impl View {
         let (along, beside) = ([c, s, 0.0], [-s, c, 0.0]);
         let change = |direction: [f64; 3]| {
             let pairs = snapshots.iter().flat_map(|s| s.before.iter().zip(&s.after));
-            pairs.map(|(b, a)| (dot(a, &direction) - dot(b, &direction)).powi(2)).sum::<f64>()
+            let squares = pairs.map(|(b, a)| (dot(a, &direction) - dot(b, &direction)).powi(2));
+            squares.filter(|square| square.is_finite()).sum::<f64>()
         };
         let vertical = [0.0, 0.0, 1.0];
         let flat = cov(2, 2) < FLAT * FLAT * (cov(0, 0) + cov(1, 1));

@@ -23,7 +23,7 @@ pub(crate) struct ShootingConstants {
     pub seen: (f64, f64),
     /// Standard deviations of the prior of a node between observed ones \[m\], [m/s].
     pub unseen: (f64, f64),
-    /// Acceleration that the plausible strain of a rope goes with [m/s²]: twice gravity's.
+    /// Acceleration that the plausible strain of a rope or sheet goes with [m/s²]: twice gravity's.
     pub strain_acceleration: f64,
     /// Bounds of the plausible strain [-].
     pub strain_bounds: (f64, f64),

@@ -8,6 +8,7 @@
 //! short by half the squared half angle between them). Between two steps the axes are interpolated linearly. A record that starts where
 //! the data are starts where the markers less their offsets are: nodes between markers by interpolation, velocities as if there were none.
 
+use super::extension::spans;
 use super::observed::{MarkerPlace, NodePair};
 use super::plan::Plan;
 use crate::unknown::{Target, Unknown, Values};
@@ -142,22 +143,11 @@ fn starts(plan: &Plan) -> Vec<(usize, usize, f64)> {
         plan.markers.iter().position(on)
     };
     let mut out = Vec::new();
-    for rope in model.ropes() {
-        let known: Vec<(usize, Option<usize>)> =
-            rope.nodes.clone().filter(|n| at(*n).is_some() || model.prescribed()[*n]).map(|n| (n, at(n))).collect();
-        for node in rope.nodes.clone().filter(|node| !model.prescribed()[*node]) {
-            let after = known.partition_point(|(n, _)| *n < node);
-            let (a, b) = (after.checked_sub(1).map(|k| known[k]), known.get(after).copied());
-            let parts = match (a, b) {
-                (_, Some((n, marker))) if n == node => vec![(marker, 1.0)],
-                (Some((a, from)), Some((b, to))) => {
-                    let part = (node - a) as f64 / (b - a) as f64;
-                    vec![(from, 1.0 - part), (to, part)]
-                }
-                (Some((_, marker)), None) | (None, Some((_, marker))) => vec![(marker, 1.0)],
-                (None, None) => Vec::new(),
-            };
-            out.extend(parts.into_iter().filter_map(|(marker, weight)| Some((node, marker?, weight))));
+    for span in spans(model, &plan.scene_values.theta) {
+        let held = |node: usize| model.prescribed()[node];
+        let known: Vec<usize> = span.nodes.clone().filter(|node| at(*node).is_some() || held(*node)).collect();
+        for (node, parts) in span.nodes.clone().zip(span.weights(&known)).filter(|(node, _)| !held(*node)) {
+            out.extend(parts.into_iter().filter_map(|(k, weight)| Some((node, at(known[k])?, weight))));
         }
     }
     out

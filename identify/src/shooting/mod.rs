@@ -13,6 +13,7 @@ mod blend;
 mod bodies;
 mod constants;
 mod dormant;
+mod extension;
 mod input_delay;
 mod marker_offset;
 mod observe;

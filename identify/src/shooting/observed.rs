@@ -25,7 +25,7 @@ impl Observed {
 /// Where a marker is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MarkerPlace {
-    /// On a rope.
+    /// On a rope or a sheet of cloth.
     Nodes(NodePair),
     /// On a body.
     Body {
@@ -37,13 +37,13 @@ pub enum MarkerPlace {
 }
 
 impl MarkerPlace {
-    /// The nodes of a marker on a rope.
+    /// The nodes of a marker on a rope or sheet.
     pub fn nodes(&self) -> Option<&NodePair> {
         if let Self::Nodes(pair) = self { Some(pair) } else { None }
     }
 }
 
-/// A point of a rope as a weighted pair of nodes.
+/// A point of a rope as a weighted pair of nodes; of a sheet a node, twice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodePair {
     /// First node.

@@ -149,7 +149,7 @@ impl Plan {
         let mut plan = Self {
             model,
             scene_values,
-            markers: markers.ok_or_else(|| missing("a marker lies on a rope or body"))?,
+            markers: markers.ok_or_else(|| missing("a marker lies on a rope, cloth or body"))?,
             joints: joints.ok_or_else(|| missing("a sensor is at a joint"))?,
             orientations: orientations.ok_or_else(|| missing("an orientation is of a body"))?,
             marker_floor: setup.experiment.noise_floor,
@@ -321,12 +321,13 @@ fn place(model: &Model, marker: &Marker) -> Option<MarkerPlace> {
         let point = Vector3::from(marker.point.unwrap_or_default());
         return Some(MarkerPlace::Body { body: model.tree().body(body)?, point });
     }
-    let rope = model.rope(marker.rope.as_deref()?)?;
-    let (start, n) = (rope.nodes.start, rope.nodes.len());
     if let Some(node) = marker.node {
-        let k = start + if node < 0 { (node + n as i64) as usize } else { node as usize };
+        let name = marker.rope.as_ref().or(marker.cloth.as_ref())?;
+        let nodes = model.node_spans().find_map(|(other, nodes)| (other == name).then_some(nodes))?;
+        let k = nodes.start + if node < 0 { (node + nodes.len() as i64) as usize } else { node as usize };
         return Some(MarkerPlace::Nodes(NodePair { node: k, next: k, weight: 0.0 }));
     }
+    let rope = model.rope(marker.rope.as_deref()?)?;
     let mut left = marker.arc? / model.params().values()[rope.length];
     for (e, fraction) in rope.fractions.iter().enumerate() {
         if left <= *fraction || e + 1 == rope.fractions.len() {

@@ -1,6 +1,7 @@
 //! Where a record starts: at rest, or at an unknown state with a prior from its first samples.
 
 use super::constants::SHOOTING;
+use super::extension::spans;
 use super::observed::MarkerPlace;
 use super::plan::Plan;
 use super::start_bodies::body_start;
@@ -63,8 +64,8 @@ impl StartState {
 }
 
 /// Prior of a record's initial state. At rest: the equilibrium, nothing unknown. Measured: a quadratic through each marker's
-/// first samples; free nodes without a marker follow by carrying the difference to the equilibrium shape over, linearly
-/// along the rope, with a wider prior.
+/// first samples; free nodes without a marker follow by carrying the difference to the equilibrium shape over ([`super::extension`]),
+/// with a wider prior.
 pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
     if plan.at_rest {
@@ -76,14 +77,14 @@ pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, Identif
 }
 
 /// The state at a sample of the record from the data, with its prior: a quadratic through the samples around it for each
-/// marker, the rest by interpolation, reconciled with the strains that the ropes' stiffness allows.
+/// marker, the rest by interpolation, reconciled with the strains that the stiffness of ropes and sheets allows.
 pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
     let theta = &plan.scene_values.theta;
     let named = |e| IdentifyError::Simulation { record: record.name.clone(), source: e };
     let u = &record.inputs[sample];
     let shape = match equilibrium(model, theta, model.initial_positions(), u) {
-        Ok(rest) if !model.ropes().is_empty() => rest.q,
+        Ok(rest) if model.n_nodes() > 0 => rest.q,
         _ => {
             let start = model.initial_state();
             place_clamped(model, theta, u, [&start.q, &start.z[model.ndz()..]]).map_err(named)?.0
@@ -91,10 +92,13 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     };
     let (mut q, mut v) = (shape.clone(), driven_velocities(plan, record, sample, &shape).map_err(named)?);
     let (mut dofs, mut sigma_q, mut sigma_v) = (Vec::new(), Vec::new(), Vec::new());
-    for rope in model.ropes() {
-        let known = known_nodes(plan, record, sample, rope.nodes.clone(), &shape, &v);
-        for node in rope.nodes.clone() {
-            let (dq, dv, seen) = interpolate(&known, node);
+    for span in spans(model, theta) {
+        let known = known_nodes(plan, record, sample, span.nodes.clone(), &shape, &v);
+        let weights = span.weights(&known.iter().map(|k| k.node).collect::<Vec<_>>());
+        for (node, parts) in span.nodes.zip(weights) {
+            let dq: Vector3<f64> = parts.iter().map(|&(k, weight)| known[k].away * weight).sum();
+            let dv: Vector3<f64> = parts.iter().map(|&(k, weight)| known[k].velocity * weight).sum();
+            let seen = known.iter().any(|k| k.node == node && k.seen);
             let sigma = if seen { SHOOTING.seen } else { SHOOTING.unseen };
             for a in 0..3 {
                 q[3 * node + a] = shape[3 * node + a] + dq[a];
@@ -164,7 +168,16 @@ fn driven_velocities(plan: &Plan, record: &Record, sample: usize, shape: &[f64])
     Ok(v)
 }
 
-type Known = (usize, Vector3<f64>, Vector3<f64>, bool);
+/// A node whose place is known.
+struct Known {
+    node: usize,
+    /// Its difference to the shape \[m\].
+    away: Vector3<f64>,
+    /// Its velocity [m/s].
+    velocity: Vector3<f64>,
+    /// By a marker.
+    seen: bool,
+}
 
 /// Nodes whose difference to `shape` and velocity are known: markers, and clamped nodes.
 fn known_nodes(
@@ -180,16 +193,15 @@ fn known_nodes(
     for (m, marker) in on_nodes.filter(|(_, m)| m.weight == 0.0 && nodes.contains(&m.node)) {
         if let Some((p, v)) = marker_at(plan, record, m, sample) {
             let at = Vector3::new(shape[3 * marker.node], shape[3 * marker.node + 1], shape[3 * marker.node + 2]);
-            known.push((marker.node, p - at, v, true));
+            known.push(Known { node: marker.node, away: p - at, velocity: v, seen: true });
         }
     }
     for node in nodes {
-        if plan.model.prescribed()[node] && !known.iter().any(|k| k.0 == node) {
-            let speed = Vector3::new(v[3 * node], v[3 * node + 1], v[3 * node + 2]);
-            known.push((node, Vector3::zeros(), speed, false));
+        if plan.model.prescribed()[node] && !known.iter().any(|k| k.node == node) {
+            let velocity = Vector3::new(v[3 * node], v[3 * node + 1], v[3 * node + 2]);
+            known.push(Known { node, away: Vector3::zeros(), velocity, seen: false });
         }
     }
-    known.sort_by_key(|k| k.0);
     known
 }
 
@@ -198,20 +210,6 @@ fn located(plan: &Plan, p: Vector3<f64>, v: Vector3<f64>) -> (Vector3<f64>, Vect
     let sensor = &plan.scene_values.sensor;
     let v = sensor.locate_direction(v).0 / sensor.0[SCALE];
     (sensor.locate(p).0 + v * sensor.time_offset(), v)
-}
-
-fn interpolate(known: &[Known], node: usize) -> (Vector3<f64>, Vector3<f64>, bool) {
-    let after = known.iter().position(|k| k.0 >= node);
-    match after {
-        Some(k) if known[k].0 == node => (known[k].1, known[k].2, known[k].3),
-        Some(0) => (known[0].1, known[0].2, false),
-        Some(k) => {
-            let (a, b) = (&known[k - 1], &known[k]);
-            let t = (node - a.0) as f64 / (b.0 - a.0) as f64;
-            (a.1.lerp(&b.1, t), a.2.lerp(&b.2, t), false)
-        }
-        None => known.last().map_or((Vector3::zeros(), Vector3::zeros(), false), |k| (k.1, k.2, false)),
-    }
 }
 
 /// Position and velocity of a marker at a sample, by the known errors of the sensor.

@@ -1,14 +1,15 @@
-//! Prior of an initial state from a rope's stiffness, where the state is read off markers.
+//! Prior of an initial state from the stiffness of a rope or sheet, where the state is read off markers.
 //!
 //! Marker noise and chords across bent edges look like stretch. In a stiff rope the forces of that stretch dwarf all others and
 //! blow the motion up within a step. So the prior of an initial state holds, besides the readings, that every edge is strained
-//! no more than the rope's own weight under a few times gravity would strain it:
+//! no more than the own weight of its rope or sheet under a few times gravity would strain it:
 //! ```text
 //! q:  Σ |q − q_read|²/σ_q² + Σ_edges (ε/s)²,     v:  Σ |v − v_read|²/σ_v² + Σ_edges (ε̇/(s Ω))²
 //! ```
 //! Its mean is the minimum, its covariance the inverse curvature there (Gauss–Newton), q and v apart.
 
 use super::constants::SHOOTING;
+use super::extension::spans;
 use crate::error::IdentifyError;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use pliant_engine::model::Model;
@@ -46,7 +47,7 @@ pub(super) fn positions(model: &Model, theta: &[f64], q: &[f64], dofs: &[usize],
             return Ok(Prior { mean, factor });
         }
     }
-    // not settled: the readings are far from any shape of this rope, and the last curvature has to do
+    // not settled: the readings are far from any shape of this rope or sheet, and the last curvature has to do
     let mut system = System::new(q.len(), dofs, sigma, |_| 0.0);
     for e in &edges {
         let t = between(&mean, e.nodes);
@@ -81,17 +82,13 @@ fn between(x: &[f64], [a, b]: [usize; 2]) -> Vector3<f64> {
 
 fn stiff_edges(model: &Model, theta: &[f64]) -> Vec<StiffEdge> {
     let mass = model.masses(theta);
+    let free = |nodes: &[usize; 2]| nodes.iter().any(|node| !model.prescribed()[*node]);
     let mut out = Vec::new();
-    for rope in model.ropes() {
-        let stiffness = model.params().find(&format!("{}.stretch_stiffness", rope.name)).map_or(0.0, |k| theta[k]);
-        let weight = SHOOTING.strain_acceleration * rope.nodes.clone().map(|n| mass[n]).sum::<f64>();
-        let strain = (weight / stiffness.max(f64::MIN_POSITIVE)).clamp(SHOOTING.strain_bounds.0, SHOOTING.strain_bounds.1);
-        for (e, fraction) in rope.fractions.iter().enumerate() {
-            let nodes = rope.edge(e);
-            if nodes.iter().any(|n| !model.prescribed()[*n]) {
-                out.push(StiffEdge { nodes, rest: fraction * theta[rope.length], strain });
-            }
-        }
+    for span in spans(model, theta) {
+        let weight = SHOOTING.strain_acceleration * span.nodes.map(|node| mass[node]).sum::<f64>();
+        let strain = (weight / span.stiffness.max(f64::MIN_POSITIVE)).clamp(SHOOTING.strain_bounds.0, SHOOTING.strain_bounds.1);
+        let edges = span.edges.into_iter().filter(|edge| free(&edge.nodes));
+        out.extend(edges.map(|edge| StiffEdge { nodes: edge.nodes, rest: edge.rest, strain }));
     }
     out
 }

@@ -233,15 +233,36 @@ fn an_experiment_survives_a_round_trip() {
     }
 }
 
-#[test]
-fn sheets() {
+/// The cable's experiment with a marker on a sheet.
+fn sheet(marker: &str) -> Case {
     let sheet = "[[cloth]]\nname = \"sheet\"\ngrid = { nodes = [4, 3], size = [0.3, 0.2] }\norigin = [0, 0, 1]\nthickness = 1e-3\n\
                  area_density = 0.2\nyoungs_modulus = 1e5\n[experiment]\n";
-    let case = Case::csv(|_| ()).with("[experiment]\n", sheet);
-    case.refused(
-        "scene.toml:27: experiment",
-        &["cloth \"sheet\"", "know ropes, rods and bodies", "remove the [[cloth]]", "`vjp`"],
-    );
+    Case::csv(|_| ()).with("[experiment]\n", sheet).with("rope = \"cable\"\nnode = 2\n", marker)
+}
+
+#[test]
+fn markers_of_sheets() {
+    assert_eq!(sheet("cloth = \"sheet\"\nnode = 11\n").logs().unwrap().records[0].markers[3], [[0.5, 0.003, -0.03]]);
+    let place = "scene.toml:30: experiment.marker[0]";
+    sheet("cloth = \"sheet\"\n").refused(place, &["none of the keys `node`"]);
+    sheet("cloth = \"sheet\"\nnode = 1\nrope = \"cable\"\n")
+        .refused(place, &["more than one of the keys `rope`, `cloth`, `body`"]);
+    sheet("cloth = \"shet\"\nnode = 1\n")
+        .refused("scene.toml:31: experiment.marker[0].cloth", &["no cloth \"shet\"", "did you mean \"sheet\"?"]);
+    let node = "scene.toml:32: experiment.marker[0].node";
+    sheet("cloth = \"sheet\"\nnode = 12\n")
+        .refused(node, &["cloth \"sheet\" has no node 12: it has 12", "node (i, j) of a grid", "from 0 to 11"]);
+    sheet("cloth = \"sheet\"\nnode = -13\n").refused(node, &["has no node -13"]);
+    sheet("cloth = \"sheet\"\narc = 0.1\n").refused("scene.toml:32: experiment.marker[0].arc", &["only markers on ropes"]);
+    sheet("cloth = \"sheet\"\nnode = 1\noffset = [0, 0]\n")
+        .refused("scene.toml:33: experiment.marker[0].offset", &["that twist"]);
+    sheet("cloth = \"sheet\"\nnode = 1\n")
+        .with("initial = \"rest\"", "initial = \"given\"")
+        .refused("scene.toml:28: experiment.initial", &["node 0 of cloth \"sheet\" has no marker", "`initial = \"measured\"`"]);
+    // a length of the sheet in mm that is read as m
+    sheet("cloth = \"sheet\"\nnode = 1\n")
+        .with("unit = \"mm\"", "unit = \"m\"")
+        .refused("run.csv: markers", &["500.0000 m", "ropes and cloth are 1.3606 m long", "write `unit = \"mm\"`"]);
 }
 
 #[test]
@@ -346,7 +367,9 @@ fn mappings() {
     let place = "scene.toml:23: experiment.marker[0]";
     Case::new(CSV).with("node = 2\n", "").refused(place, &["none of the keys `node`, `arc`"]);
     Case::new(CSV).with("node = 2\n", "node = 2\narc = 0.5\n").refused(place, &["more than one"]);
-    Case::new(CSV).with("node = 2\n", "node = 5\n").refused("scene.toml:25: experiment.marker[0].node", &["is 5", "-5 and 4"]);
+    Case::new(CSV)
+        .with("node = 2\n", "node = 5\n")
+        .refused("scene.toml:25: experiment.marker[0].node", &["rope \"cable\" has no node 5: it has 5", "from 0 to 4"]);
     Case::new(CSV).with("node = 2\n", "arc = 500\n").refused("scene.toml:25: experiment.marker[0].arc", &["between 0 and 1 m"]);
     let typo = Case::new(CSV).with("gripper = \"right\"", "gripper = \"rihgt\"");
     typo.refused("scene.toml:29: experiment.input[0].gripper", &["no gripper \"rihgt\"", "did you mean \"right\"?"]);

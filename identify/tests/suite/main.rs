@@ -5,6 +5,8 @@
 
 mod audit_deform_dlo;
 mod audit_synthetic;
+mod cloth;
+mod cloth_logs;
 mod fit_report;
 mod late_commands;
 mod library;

@@ -8,8 +8,9 @@ use crate::number::{number_plain, quantity_plain};
 use crate::shooting::{Plan, RecordPlan, Shot};
 use crate::stats::score::CandidateScore;
 use pliant_engine::bodies::{Joint, JointKind};
-use pliant_engine::model::{Model, RopeSpan};
+use pliant_engine::model::Model;
 use pliant_math::State;
+use std::ops::Range;
 
 /// Powers and sizes of a variable, each with whether it reverses and how it is said.
 const SINGLE: [(Variable, Shape, bool, &str); 10] = [
@@ -40,8 +41,8 @@ pub(super) enum Site<'a> {
     Joint { joint: &'a Joint, sensors: Vec<usize> },
     /// A ball joint about one of its axes.
     Ball { joint: &'a Joint, axis: usize },
-    /// The nodes of a rope that no gripper holds.
-    Rope { rope: &'a RopeSpan, nodes: Vec<usize> },
+    /// The nodes of a rope or sheet, and those that no gripper holds.
+    Nodes { name: &'a str, all: Range<usize>, free: Vec<usize> },
     /// All markers along one axis of the world.
     Markers { axis: usize },
 }
@@ -60,17 +61,18 @@ pub(super) fn sites(plan: &Plan) -> Vec<Site<'_>> {
             _ => out.push(Site::Joint { joint, sensors: sensors(joint) }),
         }
     }
-    out.extend(plan.model.ropes().iter().map(|rope| Site::Rope { rope, nodes: free_nodes(&plan.model, rope) }));
+    let of_span = |(name, all): (_, Range<usize>)| Site::Nodes { name, free: free_nodes(&plan.model, all.clone()), all };
+    out.extend(plan.model.node_spans().map(of_span));
     if !plan.markers.is_empty() {
         out.extend(axes().map(|axis| Site::Markers { axis }));
     }
     out
 }
 
-/// Nodes of a rope that forces can move.
-fn free_nodes(model: &Model, rope: &RopeSpan) -> Vec<usize> {
+/// Nodes that forces can move.
+fn free_nodes(model: &Model, nodes: Range<usize>) -> Vec<usize> {
     let held = |node: &usize| model.prescribed_rows().get(3 * node).is_some_and(|held| *held);
-    rope.nodes.clone().filter(|node| !held(node)).collect()
+    nodes.filter(|node| !held(node)).collect()
 }
 
 /// Ranges of the variables that the records visit; of what is no joint the time alone has one.
@@ -115,14 +117,14 @@ impl Site<'_> {
         match self {
             Self::Joint { joint, .. } => Some(Place::Force { q: joint.q, v: joint.v }),
             Self::Ball { joint, axis } => Some(Place::Moment { q: joint.q, v: joint.v, axis: *axis }),
-            Self::Rope { .. } | Self::Markers { .. } => None,
+            Self::Nodes { .. } | Self::Markers { .. } => None,
         }
     }
 
     /// Forces that may push here for a moment.
     pub fn pushed(&self) -> Vec<Place> {
         match self {
-            Self::Rope { rope, .. } => (0..3).map(|axis| along(rope, axis)).collect(),
+            Self::Nodes { all, .. } => (0..3).map(|axis| along(all, axis)).collect(),
             _ => self.force().into_iter().collect(),
         }
     }
@@ -134,7 +136,7 @@ impl Site<'_> {
         let (joint, sensors) = match self {
             Self::Joint { joint, sensors } => (joint, sensors.as_slice()),
             Self::Ball { joint, .. } => (joint, [].as_slice()),
-            Self::Rope { rope, nodes } => {
+            Self::Nodes { all, free, .. } => {
                 let steady = |node: &usize| {
                     let one = |axis| Form {
                         place: Place::Nodes { first: *node, number: 1, axis },
@@ -144,7 +146,7 @@ impl Site<'_> {
                     };
                     said((0..3).map(one).collect(), "is always there")
                 };
-                return nodes.iter().map(steady).chain((0..3).map(|axis| over_time(along(rope, axis)))).collect();
+                return free.iter().map(steady).chain((0..3).map(|axis| over_time(along(all, axis)))).collect();
             }
             Self::Markers { axis } => {
                 let place = Place::Markers { axis: *axis };
@@ -185,13 +187,13 @@ impl Site<'_> {
             (Self::Ball { joint, axis }, _) => {
                 (joint.name.clone(), format!("a torque at `{}` about {}", joint.name, AXES[*axis]), "N·m")
             }
-            (Self::Rope { rope, .. }, Place::Nodes { first, number: 1, .. }) => {
-                (rope.name.clone(), format!("a force on node {} of `{}`", first - rope.nodes.start, rope.name), "N")
+            (Self::Nodes { name, all, .. }, Place::Nodes { first, number: 1, .. }) => {
+                ((*name).to_owned(), format!("a force on node {} of `{name}`", first - all.start), "N")
             }
-            (Self::Rope { rope, .. }, Place::Nodes { axis, .. }) => {
-                (rope.name.clone(), format!("a force along {} on each node of `{}`", AXES[axis], rope.name), "N")
+            (Self::Nodes { name, .. }, Place::Nodes { axis, .. }) => {
+                ((*name).to_owned(), format!("a force along {} on each node of `{name}`", AXES[axis]), "N")
             }
-            (Self::Rope { rope, .. }, _) => (rope.name.clone(), format!("a force on `{}`", rope.name), "N"),
+            (Self::Nodes { name, .. }, _) => ((*name).to_owned(), format!("a force on `{name}`"), "N"),
             (Self::Markers { axis }, _) => ("markers".to_owned(), format!("an error of all markers along {}", AXES[*axis]), "m"),
         }
     }
@@ -202,7 +204,7 @@ impl Site<'_> {
         let (object, of, unit) = self.named(plan, form.place);
         let coordinate = match self {
             Self::Joint { joint, .. } | Self::Ball { joint, .. } => length(joint),
-            Self::Rope { .. } | Self::Markers { .. } => "m",
+            Self::Nodes { .. } | Self::Markers { .. } => "m",
         };
         let variable = match form.variable {
             Variable::Time => "s".to_owned(),
@@ -235,9 +237,9 @@ impl Site<'_> {
     }
 }
 
-/// A force of one size on every node of a rope.
-fn along(rope: &RopeSpan, axis: usize) -> Place {
-    Place::Nodes { first: rope.nodes.start, number: rope.nodes.len(), axis }
+/// A force of one size on every one of these nodes.
+fn along(nodes: &Range<usize>, axis: usize) -> Place {
+    Place::Nodes { first: nodes.start, number: nodes.len(), axis }
 }
 
 /// Waves of the position, alone and turning over with the velocity.

@@ -1,6 +1,6 @@
-//! The simulation's own error in space: how far halving every edge of ropes moves the readings.
+//! The simulation's own error in space: how far halving every edge of ropes and sheets moves the readings.
 //!
-//! A statement about the scene, not about the data: fitted stiffnesses may have made up for a coarse rope already.
+//! A statement about the scene, not about the data: fitted stiffnesses may have made up for a coarse mesh already.
 
 use crate::error::IdentifyError;
 use crate::log::Record;
@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Readings with edges of vanishing length less those with the scene's, of every record, by Richardson's extrapolation from edges half as
-/// long, and the order in the edges' length: 1 where a gripper clamps an edge by its two nodes (half of that edge should bend and
-/// cannot), else 2. Both simulations begin from the same kind of start: rest, or the data's state. `None` where the refined scene cannot
+/// long, and the order in the edges' length: 1 where a gripper clamps an edge by its two nodes, or a triangle by its three (half of it
+/// should bend and cannot), else 2. Both simulations begin from the same kind of start: rest, or the data's state. `None` where the refined scene cannot
 /// be built, or simulated at this step.
 pub(super) fn shift(scene: &Scene, plan: &Plan, records: &[RecordPlan], values: &Values) -> Option<(Vec<Vec<f64>>, i32)> {
     let refined = scene.refined();
@@ -78,7 +78,7 @@ fn renamed(path: &str) -> String {
     doubled().unwrap_or_else(|| path.to_owned())
 }
 
-/// The same point on the refined rope.
+/// The same point on the refined rope or sheet.
 fn place(coarse: &Model, fine: &Model, marker: &MarkerPlace) -> MarkerPlace {
     let MarkerPlace::Nodes(marker) = marker else { return *marker };
     let ropes = coarse.ropes().iter().zip(fine.ropes());
@@ -93,7 +93,11 @@ fn place(coarse: &Model, fine: &Model, marker: &MarkerPlace) -> MarkerPlace {
             });
         }
     }
-    MarkerPlace::Nodes(*marker)
+    // nodes of a sheet keep their numbers in it
+    let sheets = coarse.cloths().iter().zip(fine.cloths());
+    let moved = sheets.filter(|(old, _)| old.nodes.contains(&marker.node));
+    let moved = moved.map(|(old, new)| marker.node - old.nodes.start + new.nodes.start).next();
+    MarkerPlace::Nodes(moved.map_or(*marker, |node| NodePair { node, next: node, weight: 0.0 }))
 }
 
 #[cfg(test)]

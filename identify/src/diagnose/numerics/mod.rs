@@ -67,7 +67,7 @@ pub(super) fn shift(source: Source, scene: &Scene, plan: &Plan, fitted: &Fitted)
     let (records, values) = (&fitted.records, &fitted.values);
     let (change, order) = match source {
         Source::Step => (step::shift(plan, records, values).ok()?, step::order(plan)),
-        Source::Mesh if plan.model.ropes().is_empty() => return None,
+        Source::Mesh if plan.model.n_nodes() == 0 => return None,
         Source::Mesh => mesh::shift(scene, plan, records, values)?,
         Source::Inputs(way) => (inputs(plan, records, values, way)?, 0),
     };
@@ -119,9 +119,9 @@ impl Shift {
             }
             (NumericsKind::Step, None) => format!("the step of {} s moves the readings by {size}", number_plain(h)),
             (NumericsKind::Mesh, Some(needed)) => {
-                format!("the length of the ropes' edges moves the readings by {size}; {needed:.1} times the edges would do")
+                format!("the length of the edges moves the readings by {size}; {needed:.1} times the edges would do")
             }
-            (NumericsKind::Mesh, None) => format!("the length of the ropes' edges moves the readings by {size}"),
+            (NumericsKind::Mesh, None) => format!("the length of the edges moves the readings by {size}"),
             (NumericsKind::Inputs, _) => format!(
                 "inputs read between samples by `interpolation = \"{}\"` move the readings by {size}",
                 interpolation.map_or("", |way| way.name())

@@ -221,21 +221,32 @@ pub fn toss() -> Bench {
     Bench { text, records: [3, 80], rate: 100.0, noise: 5e-4, inputs: |_, _, _| Vec::new(), smooth: None, change: 1e-4, start }
 }
 
-/// Keys of a rope between two grippers, or of one that hangs from its first.
-fn held(rope: &str, nodes: usize, grippers: &[(&str, &[usize])], step: f64, integrator: &str) -> String {
+/// Kind and name of what grippers hold, and its number of nodes.
+const CABLE: (&str, &str) = ("rope", "cable");
+const SHEET: (&str, &str) = ("cloth", "sheet");
+
+/// A rope or sheet of these keys that grippers hold by nodes.
+fn held(
+    (kind, name): (&str, &str),
+    keys: &str,
+    nodes: usize,
+    grippers: &[(&str, &[usize])],
+    step: f64,
+    integrator: &str,
+) -> String {
     let list = |nodes: &[usize]| nodes.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    let gripper = |(name, nodes): &(&str, &[usize])| {
-        format!("[[gripper]]\nname = \"{name}\"\nrope = \"cable\"\nnodes = [{}]\n", list(nodes))
+    let gripper = |(hand, nodes): &(&str, &[usize])| {
+        format!("[[gripper]]\nname = \"{hand}\"\n{kind} = \"{name}\"\nnodes = [{}]\n", list(nodes))
     };
     let input = |(name, nodes): &(&str, &[usize])| {
         format!("[[experiment.input]]\ngripper = \"{name}\"\ncolumns = [{}]\n", columns(&format!("{name}_"), 3 * nodes.len()))
     };
     let free = (0..nodes).filter(|node| !grippers.iter().any(|(_, held)| held.contains(node)));
     let marker = |node: usize| {
-        format!("[[experiment.marker]]\nrope = \"cable\"\nnode = {node}\ncolumns = [{}]\n", columns(&format!("m{node}_"), 3))
+        format!("[[experiment.marker]]\n{kind} = \"{name}\"\nnode = {node}\ncolumns = [{}]\n", columns(&format!("m{node}_"), 3))
     };
     format!(
-        "schema_version = 1\n[time]\nstep = {step}\nduration = 1.0\nintegrator = \"{integrator}\"\n[[rope]]\nname = \"cable\"\nnodes = {nodes}\n{rope}{}\
+        "schema_version = 1\n[time]\nstep = {step}\nduration = 1.0\nintegrator = \"{integrator}\"\n[[{kind}]]\nname = \"{name}\"\n{keys}{}\
          [experiment]\ninitial = \"rest\"\nnoise_floor = 1e-4\ntime = {{ column = \"t\" }}\n{}{}{}",
         grippers.iter().map(gripper).collect::<String>(),
         free.map(marker).collect::<String>(),
@@ -252,7 +263,7 @@ fn wave(amplitude: f64, frequency: f64, phase: f64, t: f64) -> f64 {
 
 /// A rope that hangs from a gripper, with a free end.
 pub fn rope() -> Bench {
-    let keys = "length = 0.5\nlinear_density = 0.03\nstretch_stiffness = 60.0\nstretch_damping = 0.05\nbend_stiffness = 1e-3\n\
+    let keys = "nodes = 6\nlength = 0.5\nlinear_density = 0.03\nstretch_stiffness = 60.0\nstretch_damping = 0.05\nbend_stiffness = 1e-3\n\
                 bend_damping = 2e-5\ndrag_linear = 0.02\ndrag_quadratic = 0.01\n\
                 initial = { shape = \"straight\", from = [0.1, 0.0, 0.8], direction = [0, 0, -1] }\n\
                 [[force]]\nname = \"draft\"\nrope = \"cable\"\nformula = [\"a*exp(-z/0.3)\", \"b*sin(4*x)\", \"0\"]\n\
@@ -262,7 +273,37 @@ pub fn rope() -> Bench {
         vec![0.1 + wave(0.12, 6.0 + k, k, t), wave(0.10, 5.0 - 0.7 * k, 1.0 + k, t), 0.8 + wave(0.08, 8.0 + k, 2.0 * k, t)]
     };
     Bench {
-        text: held(keys, 6, &[("hand", &[0])], 0.005, "midpoint"),
+        text: held(CABLE, keys, 6, &[("hand", &[0])], 0.005, "midpoint"),
+        records: [3, 60],
+        rate: 50.0,
+        noise: 1e-4,
+        inputs,
+        smooth: None,
+        change: 1e-4,
+        start: |_| None,
+    }
+}
+
+/// A strip of cloth that hangs from a gripper by its upper side.
+pub fn sheet() -> Bench {
+    let keys = "grid = { nodes = [5, 3], size = [0.4, 0.16] }\norigin = [0, 0, 0.8]\nu_axis = [0, 0, -1]\nv_axis = [0, 1, 0]\n\
+                thickness = 1e-3\narea_density = 0.2\nyoungs_modulus = 5e4\npoisson_ratio = 0.2\nbend_stiffness = 2e-3\n\
+                membrane_damping = 20.0\nbend_damping = 1e-5\ndrag_normal = 0.1\ndrag_quadratic = 0.1\n\
+                [[force]]\nname = \"draft\"\ncloth = \"sheet\"\nformula = [\"a*exp(-z/0.3)\", \"b*sin(4*x)\", \"0\"]\n\
+                parameters = { a = 0.0, b = 0.0 }\n";
+    let inputs = |model: &Model, record: usize, t: f64| {
+        let (q, k) = (model.initial_positions(), record as f64);
+        let by = [wave(0.06, 6.0 + k, k, t), wave(0.04, 5.0 - 0.7 * k, 1.0 + k, t), wave(0.05, 8.0 + k, 2.0 * k, t)];
+        let (sin, cos) = wave(0.3, 5.0 + 0.5 * k, k, t).sin_cos();
+        // the upper side moves, and turns about the vertical
+        let at = |node: usize| {
+            let y = q[3 * node + 1];
+            [q[3 * node] - y * sin + by[0], y * cos + by[1], q[3 * node + 2] + by[2]]
+        };
+        (0..3).flat_map(at).collect()
+    };
+    Bench {
+        text: held(SHEET, keys, 15, &[("hand", &[0, 1, 2])], 0.005, "midpoint"),
         records: [3, 60],
         rate: 50.0,
         noise: 1e-4,
@@ -278,7 +319,7 @@ const NODES: usize = 8;
 
 /// A rod that is curved free of load, between two grippers; `free` lists the declared free parameters.
 pub fn rod(free: &[&str]) -> Bench {
-    let keys = "length = 0.6\nlinear_density = 0.03\nstretch_stiffness = 300.0\nstretch_damping = 0.3\nbend_stiffness = 1e-3\n\
+    let keys = "nodes = 8\nlength = 0.6\nlinear_density = 0.03\nstretch_stiffness = 300.0\nstretch_damping = 0.3\nbend_stiffness = 1e-3\n\
                 bend_damping = 3e-5\ninitial = { shape = \"between\", from = [0, 0, 0], to = [0.45, 0, 0.05] }\n\
                 [rope.twist]\nstiffness = 1e-3\ndamping = 3e-5\ninertia = 4e-7\nrest_curvature = [0.9, -0.6]\n";
     let inputs = |model: &Model, record: usize, t: f64| {
@@ -301,6 +342,6 @@ pub fn rod(free: &[&str]) -> Bench {
     let grippers: [(&str, &[usize]); 2] = [("left", &[0, 1]), ("right", &[NODES - 2, NODES - 1])];
     let one = |path: &&str| format!("{{ path = \"{path}\", lower = -10.0, upper = 10.0 }}");
     let fit = format!("[experiment.fit]\nfree = [{}]\n", free.iter().map(one).collect::<Vec<_>>().join(", "));
-    let text = held(keys, NODES, &grippers, 0.01, "midpoint") + &fit;
+    let text = held(CABLE, keys, NODES, &grippers, 0.01, "midpoint") + &fit;
     Bench { text, records: [3, 50], rate: 50.0, noise: 1e-4, inputs, smooth: None, change: 1e-4, start: |_| None }
 }

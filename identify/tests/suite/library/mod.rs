@@ -123,6 +123,30 @@ const ROPE: &[Row] = &[
     row("time_offset", &[("sensor.time_offset", 0.004)], "linear_drag"),
 ];
 
+const SHEET: &[Row] = &[
+    row("linear_drag", &[("sheet.drag_normal", 0.15)], "quadratic_drag"),
+    row("quadratic_drag", &[("sheet.drag_quadratic", 0.15)], "linear_drag"),
+    row("wind", &[("air.wind[0]", 0.1), ("air.wind[1]", -0.1), ("air.wind[2]", 0.05)], "gravity_tilt"),
+    row("gravity_tilt", &[("gravity.tilt[0]", 0.01), ("gravity.tilt[1]", -0.01)], "frame_rotation"),
+    row("gravity_magnitude", &[("gravity.magnitude", 9.9)], "cloth_mass"),
+    row("extensibility", &[("sheet.youngs_modulus", 4.5e4)], "length_scale"),
+    row("internal_damping", &[("sheet.bend_damping", 2e-5)], "linear_drag"),
+    row("membrane_damping", &[("sheet.membrane_damping", 30.0)], "linear_drag"),
+    row("cloth_mass", &[("sheet.area_density", 0.206)], "gravity_magnitude"),
+    row("own_force (draft)", &[("draft.a", 0.05), ("draft.b", -0.03)], "wind"),
+    row("gripper_offset (hand)", &[("hand.offset[0]", 2e-3), ("hand.offset[1]", -2e-3), ("hand.offset[2]", 2e-3)], "sensor_bias")
+        .beside(&["sensor_bias"]),
+    row("sensor_bias", &[("sensor.bias[0]", 2e-3), ("sensor.bias[1]", -1e-3), ("sensor.bias[2]", 1e-3)], "gripper_offset (hand)")
+        .beside(&["gripper_offset (hand)"]),
+    row(
+        "frame_rotation",
+        &[("sensor.rotation[0]", 0.01), ("sensor.rotation[1]", -0.01), ("sensor.rotation[2]", 0.01)],
+        "gravity_tilt",
+    ),
+    row("length_scale", &[("sensor.scale", 1.01)], "extensibility"),
+    row("time_offset", &[("sensor.time_offset", 0.004)], "linear_drag"),
+];
+
 const ROD: &[Row] = &[
     row("intrinsic_curvature", &[("cable.rest_curvature[0]", 1.1), ("cable.rest_curvature[1]", -0.8)], "marker_offset"),
     row("intrinsic_twist", &[("cable.rest_twist", 0.5)], "clamp_roll (right)").beside(&["clamp_roll (right)"]),
@@ -171,7 +195,7 @@ const CURVED: &[Row] = &[
 const SEED: u64 = 7;
 
 /// All rows, by scene.
-const TABLES: [&[Row]; 7] = [ARM, FRICTION, SLIDER, TOSS, ROPE, ROD, CURVED];
+const TABLES: [&[Row]; 8] = [ARM, FRICTION, SLIDER, TOSS, ROPE, SHEET, ROD, CURVED];
 
 fn name(title: &str) -> &str {
     title.split(" (").next().unwrap_or(title)
@@ -284,6 +308,11 @@ fn causes_of_a_tossed_body() {
 #[test]
 fn causes_of_a_rope() {
     check(&bench::rope(), ROPE);
+}
+
+#[test]
+fn causes_of_a_sheet() {
+    check(&bench::sheet(), SHEET);
 }
 
 #[test]
