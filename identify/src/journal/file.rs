@@ -65,8 +65,7 @@ pub(super) fn read(path: &Path, inputs: BTreeMap<String, String>) -> (Partial, B
         return refused(inputs, why);
     }
     let begun = Begun::Resumed { causes: found.causes.len(), seconds: found.seconds };
-    // what was found so far is told again on the way
-    (Partial { seconds: found.seconds, rounds: found.rounds, states: found.states, ..anew(inputs) }, begun)
+    (found.gone_on_from(), begun)
 }
 
 /// The place of the file, and when it was written.

@@ -62,9 +62,9 @@ impl std::fmt::Debug for Journal {
 }
 
 impl Journal {
-    /// A journal in memory, with the states of another one.
+    /// A journal in memory, with what another one has of the same diagnosis.
     pub fn new(kept: Partial, tell: Tell) -> Arc<Self> {
-        Self::of(kept, None, tell)
+        Self::of(kept.gone_on_from(), None, tell)
     }
 
     /// The journal of a diagnosis of these `inputs` (name and hash of each), kept in the file [`PROGRESS`] of a folder, which is made if it is

@@ -50,6 +50,12 @@ impl Default for Partial {
 }
 
 impl Partial {
+    /// What a diagnosis goes on from: the rest is told again on the way, its simulation first.
+    pub(super) fn gone_on_from(self) -> Self {
+        let Self { inputs, seconds, rounds, states, .. } = self;
+        Self { inputs, seconds, rounds, states, ..Self::default() }
+    }
+
     /// A round (counted from 1) took so long. One that is made again from kept fits takes no time, and that says nothing of the next one.
     pub(super) fn finished_round(&mut self, number: usize, seconds: f64) {
         self.rounds.resize(self.rounds.len().max(number), 0.0);
