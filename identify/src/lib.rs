@@ -24,6 +24,7 @@ pub mod diagnose;
 pub mod error;
 pub mod fit;
 pub mod form;
+pub mod journal;
 pub mod log;
 mod number;
 #[cfg(feature = "report")]
@@ -33,5 +34,5 @@ pub mod shooting;
 pub mod stats;
 pub mod unknown;
 
-pub use diagnose::{DiagnoseOptions, Diagnosis, FitReport, Verdict, diagnose, fit_scene};
+pub use diagnose::{DiagnoseOptions, Diagnosis, FitReport, Verdict, diagnose, diagnose_kept, fit_scene};
 pub use error::IdentifyError;

@@ -3,10 +3,13 @@
 use super::failure::Failure;
 use super::progress::Progress;
 use super::{example, print, threads};
+use pliant::identify::journal::{Begun, Journal};
 use pliant::identify::log::{Logs, Setup};
-use pliant::identify::report::{Provenance, check_folder, summary, write_report};
-use pliant::identify::{DiagnoseOptions, Diagnosis, diagnose};
+use pliant::identify::report::{InputFile, Provenance, check_folder, summary, write_report};
+use pliant::identify::{DiagnoseOptions, Diagnosis, diagnose_kept};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -29,7 +32,7 @@ pub struct Arguments {
     threads: Option<u16>,
 }
 
-/// Diagnoses a scene, writes the report and prints its summary.
+/// Diagnoses a scene, writes the report and prints its summary. Interrupted, it goes on where it was when it is given again.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_folder(&arguments.out)?;
     let threads = threads::set(arguments.threads);
@@ -46,8 +49,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let logs = setup.read_logs(&arguments.logs)?;
     let scene = arguments.scene.as_deref().unwrap_or(Path::new(example::SCENE));
-    let diagnosis = analyse(scene, &setup, &logs, arguments.seed)?;
-    write_report(&arguments.out, &diagnosis, &setup, &provenance.hash(&setup)?)?;
+    let provenance = provenance.hash(&setup)?;
+    let diagnosis = analyse(scene, &setup, &logs, &provenance, &arguments.out)?;
+    write_report(&arguments.out, &diagnosis, &setup, &provenance)?;
     if arguments.json {
         return print::json(&diagnosis);
     }
@@ -60,10 +64,42 @@ pub fn of_scene(scene: &Path, out: &Path) -> Result<(), Failure> {
     run(&Arguments { scene, logs: Vec::new(), out, json: false, seed: 0, threads: None })
 }
 
-fn analyse(scene: &Path, setup: &Setup, logs: &Logs, seed: u64) -> Result<Diagnosis, Failure> {
-    let mut progress = Progress::start();
-    let options = DiagnoseOptions { seed, ..DiagnoseOptions::default() };
-    diagnose(setup, logs, &options, &mut |what| progress.tell(what)).map_err(|error| Failure::identify(scene, error))
+/// Diagnoses a scene; what it has finished lies in the folder of the report until that is written.
+fn analyse(scene: &Path, setup: &Setup, logs: &Logs, provenance: &Provenance, out: &Path) -> Result<Diagnosis, Failure> {
+    let progress = Arc::new(Progress::start());
+    let options = DiagnoseOptions { seed: provenance.seed, ..DiagnoseOptions::default() };
+    let told = Arc::clone(&progress);
+    let inputs = inputs(setup, provenance, &options);
+    let (journal, begun) = Journal::at(out, inputs, Box::new(move |line| told.tell(line)));
+    if begun != Begun::Anew {
+        progress.note(&begun.to_string());
+    }
+    progress.note("may be interrupted (Ctrl-C): the same command then goes on from what is finished");
+    // an error comes again with the same inputs, and nothing is to be kept for it
+    diagnose_kept(setup, logs, &options, &journal).map_err(|error| {
+        journal.remove();
+        Failure::identify(scene, error)
+    })
+}
+
+/// Name and hash of everything that a diagnosis depends on.
+fn inputs(setup: &Setup, provenance: &Provenance, options: &DiagnoseOptions) -> BTreeMap<String, String> {
+    let files = provenance.files.iter().map(|file| (file.path.clone(), file.fnv1a64.clone()));
+    // with the meshes that it names
+    let read = ("the scene as it is read".to_owned(), hash(&format!("{:?}", setup.scene)));
+    let options = ("the options".to_owned(), format!("{options:?}"));
+    files.chain([read, options, ("the program".to_owned(), program())]).collect()
+}
+
+fn hash(text: &str) -> String {
+    InputFile::new(String::new(), text.as_bytes()).fnv1a64
+}
+
+/// The version of the program, and when its file was made: a build of other sources may have the same version.
+fn program() -> String {
+    let file = std::env::current_exe().and_then(std::fs::metadata);
+    let made = file.and_then(|file| Ok((file.len(), file.modified()?)));
+    format!("pliant {} {}", env!("CARGO_PKG_VERSION"), hash(&format!("{:?}", made.ok())))
 }
 
 /// The command as it was given, the program by its name alone.

@@ -72,6 +72,22 @@ pub enum Failure {
     /// A page cannot be made.
     #[error("error: {path}: {source}", path = .path.display())]
     View { path: PathBuf, source: ViewError },
+    /// Pictures of a program that draws none.
+    #[cfg(not(feature = "png"))]
+    #[error(
+        "error: figures as PNG: this pliant was built without them\n  likely cause: the feature `png` is not a default\n  fix: build it with `cargo install --path . --features png`, or write the figures with `--svg`"
+    )]
+    NoPictures,
+    /// Pictures without a font.
+    #[cfg(feature = "png")]
+    #[error(
+        "error: figures as PNG: there is no font for their texts\n  likely cause: a machine without fonts, as a container is\n  fix: install fonts (such as `fonts-dejavu-core`), or write the figures with `--svg`, which needs none"
+    )]
+    Fonts,
+    /// A figure that cannot be drawn.
+    #[cfg(feature = "png")]
+    #[error("error: {path}: cannot be drawn: {what}\n  likely cause: a mistake in pliant's own figures\n  fix: report this as a bug; `--svg` writes the figure itself", path = .path.display())]
+    Picture { path: PathBuf, what: String },
     /// A check did not pass; its report has been printed.
     #[error("{0}")]
     NotPassed(String),
@@ -88,6 +104,8 @@ impl Failure {
             Self::Case { source, .. } => matches!(&**source, CaseError::Start(step) if !is_input(step)),
             Self::Step { source, .. } => !is_input(source),
             Self::Adjoint { .. } | Self::View { .. } | Self::NotPassed(_) => true,
+            #[cfg(feature = "png")]
+            Self::Picture { .. } => true,
             Self::Identify { source, .. } => !source.is_input(),
             Self::Plan { source, .. } => !is_input_of_plan(source),
             Self::Loop { .. } => true,

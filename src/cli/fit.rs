@@ -34,7 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let setup = Setup::read(&arguments.scene)?;
     let logs = setup.read_logs(&arguments.logs)?;
     let report = {
-        let mut progress = Progress::start();
+        let progress = Progress::start();
         fit_scene(&setup, &logs, &mut |what| progress.tell(what)).map_err(|error| Failure::identify(&arguments.scene, error))?
     };
     if arguments.json {

@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else if !arguments.full {
         case.controls.truncate(default_steps(&case.model));
     }
-    let (theta, mut progress) = (case.model.params().values(), Progress::start());
+    let (theta, progress) = (case.model.params().values(), Progress::start());
     let mut tell = |k, n, name: &str| progress.tell(&format!("block {} of {n}: {name}", k + 1));
     let report = gradcheck_with_progress(&case.model, theta, &case.x0, &case.controls, arguments.seed, &mut tell)
         .map_err(|error| Failure::adjoint(&arguments.scene, error))?;

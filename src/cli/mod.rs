@@ -1,7 +1,7 @@
 //! The command: arguments, dispatch, exit codes.
 //!
 //! Data go to stdout, messages and progress to stderr. Exit codes: 0 done, 1 the numerics failed or a check failed, 2 the input is
-//! wrong, 3 a check is inconclusive.
+//! wrong, 3 a check is inconclusive. An interrupt (Ctrl-C) ends the process as the system does it, 130 in a shell; files are complete then too.
 
 mod cable;
 mod diagnose;
@@ -17,6 +17,8 @@ mod mpc;
 mod numbers;
 mod outputs;
 mod plan;
+#[cfg(feature = "png")]
+mod png;
 mod print;
 mod progress;
 mod report;
@@ -53,7 +55,7 @@ enum Command {
     Init(init::Arguments),
     /// Find the physical effects that a scene lacks to explain its logs, and write a report.
     Diagnose(diagnose::Arguments),
-    /// Write the page of a diagnosis again from its JSON, and its figures as SVG files.
+    /// Write the page of a diagnosis again from its JSON, and its figures as SVG or PNG files.
     Report(report::Arguments),
     /// Plan the inputs of a task: those of least cost within its limits.
     Plan(plan::Arguments),
@@ -63,7 +65,7 @@ enum Command {
     Import(import::Arguments),
     /// Write the scene of a cable: a chain of capsules, with clips and a floor.
     Cable(cable::Arguments),
-    /// Print the JSON Schema of scene files or task files, or of the output of `diagnose` or `fit`.
+    /// Print the JSON Schema of scene files or task files, of the output of `diagnose` or `fit`, or of a diagnosis's progress.
     Schema(schema::Arguments),
 }
 

@@ -222,7 +222,7 @@ fn close(
     if let Some(sensors) = case.problem.sensors() {
         plant = plant.read_by(sensors.clone(), arguments.seed);
     }
-    let mut progress = Progress::start();
+    let progress = Progress::start();
     // a simulation that fails once fails again from the same state
     let options = LoopOptions { steps, silence: 0, failures: FAILURES };
     let LoopRun { steps, end } = run_loop(controller, &mut plant, options, &mut |k, step| {

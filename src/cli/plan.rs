@@ -167,7 +167,7 @@ fn plan(arguments: &Arguments, case: &TaskCase, guess: &[Vec<f64>]) -> Result<Fo
         holding: !arguments.no_holding,
         smoothing: arguments.rest_gap.map(Annealing::from_gap),
     };
-    let mut progress = Progress::start();
+    let progress = Progress::start();
     let (model, start) = (&case.case.model, Instant::now());
     let mut search = Search::new(&case.problem, model, model.params().values(), &case.case.x0, guess, options)?;
     let before = search.value();

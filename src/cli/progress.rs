@@ -3,6 +3,7 @@
 use super::print;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Time between two lines where there is no terminal.
@@ -11,7 +12,7 @@ const PAUSE: Duration = Duration::from_secs(10);
 /// Shows progress messages until it is dropped.
 pub struct Progress {
     spinner: Option<ProgressBar>,
-    last: Option<Instant>,
+    last: Mutex<Option<Instant>>,
 }
 
 impl Progress {
@@ -25,16 +26,26 @@ impl Progress {
             bar.enable_steady_tick(Duration::from_millis(120));
             bar
         });
-        Self { spinner, last: None }
+        Self { spinner, last: Mutex::new(None) }
     }
 
     /// Shows a message.
-    pub fn tell(&mut self, what: &str) {
+    pub fn tell(&self, what: &str) {
         if let Some(spinner) = &self.spinner {
-            spinner.set_message(what.to_owned());
-        } else if self.last.is_none_or(|last| last.elapsed() >= PAUSE) {
+            return spinner.set_message(what.to_owned());
+        }
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.is_none_or(|last| last.elapsed() >= PAUSE) {
             print::message(what);
-            self.last = Some(Instant::now());
+            *last = Some(Instant::now());
+        }
+    }
+
+    /// Shows a line that stays.
+    pub fn note(&self, what: &str) {
+        match &self.spinner {
+            Some(spinner) => spinner.suspend(|| print::message(what)),
+            None => print::message(what),
         }
     }
 }

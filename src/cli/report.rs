@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::print;
 use pliant::identify::report::{Saved, summary};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -12,6 +12,9 @@ pub struct Arguments {
     /// Folder for the figures of the page, each as an SVG file.
     #[arg(long, value_name = "DIR")]
     svg: Option<PathBuf>,
+    /// Folder for the same figures as PNG files, if pliant was built with the feature `png`; their texts need a font of this machine.
+    #[arg(long, value_name = "DIR")]
+    png: Option<PathBuf>,
 }
 
 /// Writes the page of a diagnosis again, and its figures.
@@ -19,6 +22,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let saved = Saved::read(&arguments.report)?;
     let page = saved.write_page()?;
     let figures = arguments.svg.as_ref().map(|folder| saved.write_figures(folder)).transpose()?.unwrap_or_default();
-    let wrote: String = figures.iter().map(|path| format!("\nwrote {}", path.display())).collect();
+    let pictures = arguments.png.as_ref().map(|folder| pictures(folder, &saved)).transpose()?.unwrap_or_default();
+    let wrote: String = figures.iter().chain(&pictures).map(|path| format!("\nwrote {}", path.display())).collect();
     print::data(&format!("{}\nreport: {}{wrote}", summary(&saved.diagnosis), page.display()))
+}
+
+#[cfg(feature = "png")]
+fn pictures(folder: &Path, saved: &Saved) -> Result<Vec<PathBuf>, Failure> {
+    super::png::write(folder, &saved.figures())
+}
+
+#[cfg(not(feature = "png"))]
+fn pictures(_: &Path, _: &Saved) -> Result<Vec<PathBuf>, Failure> {
+    Err(Failure::NoPictures)
 }

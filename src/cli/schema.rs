@@ -4,6 +4,7 @@ use super::failure::Failure;
 use super::print;
 use clap::ValueEnum;
 use pliant::control::task::Task;
+use pliant::identify::journal::Partial;
 use pliant::identify::log::Experiment;
 use pliant::identify::{Diagnosis, FitReport};
 use pliant::scene::json_schema;
@@ -23,6 +24,8 @@ enum Subject {
     Task,
     /// Output of `pliant diagnose --json`.
     Diagnosis,
+    /// The file `progress.json` of a diagnosis that is not finished.
+    Progress,
     /// Output of `pliant fit --json`.
     Fit,
 }
@@ -33,6 +36,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Subject::Scene => print::json(&json_schema::<Experiment>()),
         Subject::Task => print::json(&schemars::schema_for!(Task)),
         Subject::Diagnosis => print::json(&schemars::schema_for!(Diagnosis)),
+        Subject::Progress => print::json(&schemars::schema_for!(Partial)),
         Subject::Fit => print::json(&schemars::schema_for!(FitReport)),
     }
 }

@@ -369,7 +369,79 @@ fn the_built_in_example_is_diagnosed_and_reported() {
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
     assert_eq!(std::fs::read(out.join("report.html")).unwrap(), page);
     assert!(folder.path().join("figures/curve_1.svg").is_file());
+    // and its figures be drawn, by a program that can and where there is a font
+    let pictures = folder.path().join("pictures");
+    let drawn = pliant(&["report", out.to_str().unwrap(), "--png", pictures.to_str().unwrap()]);
+    let refusals = ["built without them", "there is no font"];
+    if cfg!(not(feature = "png")) || text(&drawn.stderr).contains(refusals[1]) {
+        assert_refused(&drawn, &["figures as PNG: ", refusals[usize::from(cfg!(feature = "png"))]]);
+        assert!(!pictures.exists());
+    } else {
+        assert_eq!(drawn.status.code(), Some(0), "{}", text(&drawn.stderr));
+        assert_eq!(entries(&pictures), entries(&folder.path().join("figures")));
+        let picture = std::fs::read(pictures.join("curve_1.png")).unwrap();
+        assert!(picture.starts_with(b"\x89PNG") && picture.len() > 5000, "{}", picture.len());
+    }
     assert_eq!(pliant(&["report", folder.path().to_str().unwrap()]).status.code(), Some(2));
+}
+
+/// A diagnosis without its times.
+fn timeless(mut diagnosis: Value) -> Value {
+    for key in ["wall_s", "parts"] {
+        assert!(diagnosis.as_object_mut().unwrap().remove(key).is_some());
+    }
+    diagnosis
+}
+
+/// Interrupted once it has finished something, a diagnosis goes on from there and says the same; with other inputs, or with a file that is
+/// damaged, it begins anew and says why.
+#[test]
+fn an_interrupted_diagnosis_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = example(folder.path(), "scene.toml", "", "");
+    let out = folder.path().join("report");
+    let progress = out.join("progress.json");
+    let arguments = |seed: &'static str| ["diagnose", &scene, "--json", "--seed", seed, "--out", out.to_str().unwrap()];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pliant"));
+    let null = std::process::Stdio::null;
+    let mut child = command.args(arguments("0")).stdout(null()).stderr(null()).spawn().unwrap();
+    let so_far = loop {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
+        let read = std::fs::read_to_string(&progress).ok();
+        // it is there whole whenever it is there
+        let so_far: Option<Value> = read.map(|text| serde_json::from_str(&text).unwrap());
+        match so_far.filter(|so_far| so_far["states"]["round"].is_string()) {
+            Some(so_far) => break so_far,
+            None => std::thread::sleep(std::time::Duration::from_millis(5)),
+        }
+    };
+    // harder than Ctrl-C, which a shell's background jobs ignore
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success());
+    assert_eq!((&so_far["schema_version"], &so_far["causes"][0]["name"]), (&1.into(), &"internal_damping".into()));
+    assert!(so_far["baseline"]["rmse"].as_f64().unwrap() > 0.0 && so_far["rounds"].is_array());
+    let schema = json(&pliant(&["schema", "progress"]));
+    let described = schema["properties"].as_object().unwrap();
+    assert!(so_far.as_object().unwrap().keys().all(|key| described.contains_key(key)));
+    let kept = std::fs::read(&progress).unwrap();
+
+    let resumed = pliant(&arguments("0"));
+    let said = text(&resumed.stderr);
+    assert!(said.contains("goes on with an interrupted diagnosis, which had accepted 1 causes"), "{said}");
+    assert!(out.join("report.html").is_file() && !progress.exists());
+    assert_eq!(entries(&out), 4);
+
+    std::fs::write(&progress, &kept[..kept.len() / 2]).unwrap();
+    let anew = pliant(&arguments("0"));
+    let said = text(&anew.stderr);
+    assert!(said.contains("progress.json: is damaged") && said.contains("begins anew"), "{said}");
+    assert_eq!(timeless(json(&resumed)), timeless(json(&anew)));
+
+    std::fs::write(&progress, &kept).unwrap();
+    let other = pliant(&arguments("1"));
+    let said = text(&other.stderr);
+    assert!(said.contains("changed since: the options: the diagnosis begins anew"), "{said}");
+    assert_eq!(other.status.code(), Some(0), "{said}");
 }
 
 #[test]

@@ -53,7 +53,7 @@ const MODULES: [(&str, &str); 9] = [
         "control/src",
         "lib constants kernels linear qp ocp tube observer conformal sensing problem task plan mpc robust output mppi closed_loop",
     ),
-    ("identify/src", "lib sensor stats form unknown number log error shooting causes fit audit diagnose report"),
+    ("identify/src", "lib sensor stats form unknown number log error journal shooting causes fit audit diagnose report"),
 ];
 
 fn root() -> &'static Path {

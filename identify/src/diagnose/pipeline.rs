@@ -15,9 +15,11 @@ use super::verdict::decide;
 use super::{audit, ceiling, gain, next};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
+use crate::journal::Journal;
 use crate::log::{Interpolation, Logs, Setup, Split};
 use crate::number::number_plain;
 use crate::shooting::{Plan, opened};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Settings of a diagnosis.
@@ -65,11 +67,53 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, IdentifyError> {
+    passes(setup, logs, options, &Arc::default(), progress)
+}
+
+/// The same, told and kept by a journal: what it has of an earlier run is not computed again, and the result is the same to the last bit.
+///
+/// Errors: those of [`diagnose`].
+pub fn diagnose_kept(
+    setup: &Setup,
+    logs: &Logs,
+    options: &DiagnoseOptions,
+    journal: &Arc<Journal>,
+) -> Result<Diagnosis, IdentifyError> {
+    passes(setup, logs, options, journal, &mut |stage| journal.says(stage))
+}
+
+fn passes(
+    setup: &Setup,
+    logs: &Logs,
+    options: &DiagnoseOptions,
+    journal: &Arc<Journal>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, IdentifyError> {
     let mut clock = Clock::new();
-    let first = pass(setup, logs, None, options, &mut clock, progress)?;
+    let first = match first_pass(journal) {
+        Some(first) => first,
+        None => pass(setup, logs, None, options, (&mut clock, journal), progress)?,
+    };
     let Some(refined) = Refinement::of(&first, setup) else { return Ok(first) };
     progress(&format!("once more, with {}", refined.words()));
-    pass(&refined.setup(setup), logs, Some((&refined, &first)), options, &mut clock, progress)
+    keep_first_pass(journal, &first);
+    journal.pass(Some(refined.words()));
+    pass(&refined.setup(setup), logs, Some((&refined, &first)), options, (&mut clock, journal), progress)
+}
+
+/// A first pass that was finished.
+fn first_pass(journal: &Journal) -> Option<Diagnosis> {
+    serde_json::from_str(&journal.reached::<String>("first pass")?).ok()
+}
+
+/// Keeps it, if it is read back as it was.
+fn keep_first_pass(journal: &Journal, first: &Diagnosis) {
+    let Some(text) = journal.keeps().then(|| serde_json::to_string(first).ok()).flatten() else { return };
+    let back: Option<Diagnosis> = serde_json::from_str(&text).ok();
+    // NaN is equal to itself here
+    if back.is_some_and(|back| format!("{back:?}") == format!("{first:?}")) {
+        journal.reaches("first pass", &text);
+    }
 }
 
 /// A finer simulation than the scene's.
@@ -114,11 +158,11 @@ fn pass(
     logs: &Logs,
     coarser: Option<(&Refinement, &Diagnosis)>,
     options: &DiagnoseOptions,
-    clock: &mut Clock,
+    (clock, journal): (&mut Clock, &Arc<Journal>),
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, IdentifyError> {
     progress("auditing the data");
-    let mut plan = Plan::opened(setup, logs)?;
+    let mut plan = Plan { journal: Arc::clone(journal), ..Plan::opened(setup, logs)? };
     let (mut findings, grids) = audit::check(&plan, logs)?;
     if logs.split == Split::NothingHeldOut {
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
@@ -143,10 +187,12 @@ fn pass(
         let even_handed = counted(&bench, &base);
         base = counted(&bench, &bench.finished(&even_handed, &even_handed.records)?);
     }
+    journal.baseline(base.rmse, plan.unit());
     clock.done("baseline");
 
     let scene = opened(&setup.scene);
     let found = search(&bench, &scene, base, options.max_causes, options.seed, progress)?;
+    journal.round(None);
     clock.done("search");
 
     progress("checking what remains");

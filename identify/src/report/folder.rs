@@ -1,12 +1,15 @@
 //! A folder that is there complete, or not at all.
 
 use super::error::ReportError;
+use crate::journal::{PART, PROGRESS};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// Everything a report may hold; a folder with anything else is somebody's.
 const OURS: [&str; 5] = ["report.html", "diagnosis.json", "scene_extended.toml", "reproduce.toml", "example"];
+/// Those of a diagnosis that is not finished, in a folder of their own or in that of an older report, with which they go.
+const UNFINISHED: [&str; 2] = [PROGRESS, PART];
 /// Every report has this file, so a folder without it is not a report.
 const MARK: &str = "reproduce.toml";
 
@@ -74,6 +77,7 @@ fn check_ours(path: &Path) -> Result<(), ReportError> {
     for entry in std::fs::read_dir(path).map_err(at)? {
         names.push(entry.map_err(at)?.file_name().to_string_lossy().into_owned());
     }
+    names.retain(|name| !UNFINISHED.contains(&name.as_str()));
     names.sort();
     let foreign = names.iter().find(|name| !OURS.contains(&name.as_str()));
     let found = foreign.or_else(|| names.first().filter(|_| !names.iter().any(|name| name == MARK)));
@@ -128,6 +132,17 @@ mod tests {
         std::fs::create_dir(&path).unwrap();
         check_folder(&path).unwrap();
         write(&path, &files("one"), &[]).unwrap();
+    }
+
+    #[test]
+    fn a_report_takes_the_place_of_what_was_not_finished() {
+        let around = tempfile::tempdir().unwrap();
+        let path = around.path().join("report");
+        std::fs::create_dir(&path).unwrap();
+        std::fs::write(path.join(PROGRESS), "{}").unwrap();
+        check_folder(&path).unwrap();
+        write(&path, &files("one"), &[]).unwrap();
+        assert_eq!(std::fs::read_dir(&path).unwrap().count(), 2);
     }
 
     #[test]

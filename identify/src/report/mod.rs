@@ -29,7 +29,7 @@ mod story;
 
 pub use error::ReportError;
 pub use folder::check_folder;
-pub use reproduce::{Provenance, relative};
+pub use reproduce::{InputFile, Provenance, relative};
 pub use saved::Saved;
 pub use story::{headline, summary};
 

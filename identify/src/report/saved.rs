@@ -74,7 +74,12 @@ impl Saved {
             let path = folder.join(name);
             whole(&path, &svg).map(|()| path)
         };
-        figures(&self.diagnosis).into_iter().map(write).collect()
+        self.figures().into_iter().map(write).collect()
+    }
+
+    /// Name and text of each of the page's figures as an SVG file of its own.
+    pub fn figures(&self) -> Vec<(String, String)> {
+        figures(&self.diagnosis)
     }
 }
 

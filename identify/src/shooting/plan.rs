@@ -5,6 +5,7 @@ use super::observed::{JointPlace, MarkerPlace, NodePair, Observed, OrientationPl
 use super::own_size::OwnSize;
 use super::torque::drives_of;
 use crate::error::IdentifyError;
+use crate::journal::Journal;
 use crate::log::{Beginning, Interpolation, JointQuantity, JointSensor, LogMistake, Logs, Marker, Record, Role, Setup};
 use crate::shooting::start::{StartState, initial_guess};
 use crate::unknown::{Unknown, Values};
@@ -91,6 +92,8 @@ pub struct Plan {
     pub followers: Vec<(usize, usize)>,
     /// Fitted records are cut into pieces on their own: nothing that builds up over a record can be seen.
     pub in_pieces: bool,
+    /// What the diagnosis that it belongs to has finished.
+    pub journal: Arc<Journal>,
 }
 
 impl Plan {
@@ -162,6 +165,7 @@ impl Plan {
             lead_in: setup.experiment.lead_in,
             followers: Vec::new(),
             in_pieces: false,
+            journal: Arc::default(),
         };
         let mut counts = [0; 2];
         for record in &logs.records {

@@ -906,7 +906,8 @@ def diagnose(
 ) -> dict[str, Any]:
     """Finds the physical effects that the scene lacks to explain the records of its experiment and `logs`.
 
-    seed: of bootstraps and sign flips. The dict has the keys of the command's JSON: `verdict`
+    seed: of bootstraps and sign flips. Nothing is kept of an interrupted call; the command `pliant diagnose` goes on where it was.
+    The dict has the keys of the command's JSON: `verdict`
     ("named", "ambiguous", "varies", "numerics", "not_in_library", "adequate", "withheld"), `causes`,
     `gain`, `numerics`, `candidates`, `unidentifiable`, … An `interval` is None where none was estimated.
     """

@@ -152,7 +152,10 @@ impl Contest {
             let varies = own.is_some();
             Ok((own.unwrap_or(common), varies))
         };
-        let judged: Vec<_> = (0..models.len()).into_par_iter().map(fit).collect::<Result<_, _>>()?;
+        let journal = &bench.plan.journal;
+        journal.counts("models to be judged", models.len(), rayon::current_num_threads());
+        let judged = (0..models.len()).into_par_iter().map(fit).inspect(|_| journal.one_done());
+        let judged: Vec<_> = judged.collect::<Result<_, _>>()?;
         let mut out = Self {
             no_noise,
             unseen,

@@ -17,10 +17,12 @@ mod apart;
 mod coarse;
 mod contest;
 mod hypothesis;
+mod kept;
 mod race;
 pub(super) mod scatter;
 mod search;
 mod spread;
+mod told;
 mod unseen;
 
 pub(super) use across::solved;

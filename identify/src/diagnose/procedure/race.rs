@@ -101,7 +101,8 @@ pub(super) fn race(
                 Err(e) => Err(failed(cause, &e)),
             })
         };
-        for one in trials.par_iter().map(trial).collect::<Result<Vec<_>, _>>()? {
+        bench.plan.journal.counts("trials", trials.len(), rayon::current_num_threads());
+        for one in trials.par_iter().map(trial).inspect(|_| bench.plan.journal.one_done()).collect::<Result<Vec<_>, _>>()? {
             match one {
                 Ok(one) => tried.push(one),
                 Err(note) => notes.push(note),
@@ -121,7 +122,8 @@ pub(super) fn race(
         refitted.map(|(fitted, cause)| parent.and(cause, fitted)).map_err(|e| failed(&one.cause, &e))
     };
     let mut out: Vec<Hypothesis> = Vec::new();
-    for one in chosen.par_iter().map(refit).collect::<Vec<_>>() {
+    bench.plan.journal.counts("refits", chosen.len(), rayon::current_num_threads());
+    for one in chosen.par_iter().map(refit).inspect(|_| bench.plan.journal.one_done()).collect::<Vec<_>>() {
         match one {
             Ok(one) => out.push(one),
             Err(note) => notes.push(note),

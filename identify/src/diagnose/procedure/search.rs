@@ -9,7 +9,9 @@ use super::alike::alike;
 use super::apart::{carried, uncertain};
 use super::contest::{Contest, judged, noise_of};
 use super::hypothesis::{Bench, Hypothesis, squares};
+use super::kept::{Between, Pruned};
 use super::race::race;
+use super::told;
 use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -73,6 +75,10 @@ pub(in super::super) fn search(
     seed: u64,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Found, IdentifyError> {
+    if let Some(found) = Found::reached(bench) {
+        told::accepted(bench, &found.best, &found.evidence);
+        return Ok(found);
+    }
     let mut base = Hypothesis::baseline(base);
     // on some of the records while even the best leaves more than noise
     let all = if base.fitted.records.len() < bench.plan.fitted.len() { &bench.plan.fitted } else { &base.fitted.records.clone() };
@@ -82,7 +88,13 @@ pub(in super::super) fn search(
     let mut refitted: Vec<Vec<String>> = Vec::new();
     let mut of_last = None;
     let (mut notes, mut imitated) = (Vec::new(), Vec::new());
-    while best.causes.len() < most {
+    let mut over = false;
+    if let Some(then) = Between::reached(bench) {
+        Between { beam, best, tied, refitted, of_last, notes, imitated, over } = then;
+        told::accepted(bench, &best, of_last.as_slice());
+    }
+    while !over && best.causes.len() < most {
+        bench.plan.journal.round(Some((best.causes.len() + 1, most)));
         let (mut children, tests) = race(bench, &beam, seed, &mut notes, progress)?;
         if children.is_empty() {
             break;
@@ -99,10 +111,15 @@ pub(in super::super) fn search(
         let Some(accepted) = round.accept(&mut notes, &mut imitated)? else { break };
         best = round.adopted(accepted.leader);
         progress(&format!("accepted {}", best.causes.last().map_or(String::new(), Cause::title)));
+        told::accepted(bench, &best, std::slice::from_ref(&accepted.evidence));
         of_last = Some(accepted.evidence.clone());
         refitted.extend(round.models.iter().map(Hypothesis::key));
         tied = accepted.tied.iter().map(|&k| round.adopted(k)).collect();
         beam = round.next_beam(&accepted);
+        Between::keep(bench, (&best, &beam, &tied), &refitted, of_last.as_ref(), (&notes, &imitated), false);
+    }
+    if !over {
+        Between::keep(bench, (&best, &beam, &tied), &refitted, of_last.as_ref(), (&notes, &imitated), true);
     }
     let evidence = match of_last {
         // all other causes present: none
@@ -126,7 +143,9 @@ pub(in super::super) fn search(
         true => best.causes.iter().map(|_| Vec::new()).collect(),
         false => alike(bench, &best, &fitted, &evidence, &refitted, seed)?,
     };
-    Ok(Found { alike, base, best, fitted, evidence, tied, no_noise, notes, imitated })
+    let found = Found { alike, base, best, fitted, evidence, tied, no_noise, notes, imitated };
+    found.keep(bench);
+    Ok(found)
 }
 
 /// Models held against each other in a round: those of the beam first.
@@ -392,8 +411,10 @@ fn prune(
     notes: &mut Vec<(String, String)>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Vec<Evidence>, IdentifyError> {
-    let mut of_all: Vec<Evidence> = Vec::new();
-    let mut k = best.causes.len();
+    let (mut of_all, mut k) = (Vec::new(), best.causes.len());
+    if let Some(then) = Pruned::reached(bench) {
+        (*best, of_all, *notes, k) = (then.best, then.of_all, then.notes, then.left);
+    }
     while k > 0 {
         k -= 1;
         let cause = best.causes[k].clone();
@@ -407,12 +428,14 @@ fn prune(
         if !missed && !rested_on && best.causes.len() > 1 {
             notes.push((cause.title(), "accepted first, superfluous beside the later causes".to_owned()));
             *best = without;
+            told::taken_out(bench, best);
             // those before were judged with it present
             of_all.clear();
             k = best.causes.len();
-            continue;
+        } else {
+            of_all.insert(0, evidence(bench, &contest, 0, 1, &cause)?);
         }
-        of_all.insert(0, evidence(bench, &contest, 0, 1, &cause)?);
+        Pruned::keep(bench, best, &of_all, notes, k);
     }
     Ok(of_all)
 }
