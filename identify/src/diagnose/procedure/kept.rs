@@ -24,7 +24,8 @@ pub(super) struct Between {
     pub best: Hypothesis,
     pub tied: Vec<Hypothesis>,
     pub refitted: Vec<Vec<String>>,
-    pub of_last: Option<Evidence>,
+    /// Of every cause when it was accepted.
+    pub of_each: Vec<Evidence>,
     pub notes: Vec<(String, String)>,
     pub imitated: Vec<(String, NumericsKind)>,
     /// The last round has accepted none.
@@ -34,13 +35,13 @@ pub(super) struct Between {
 impl Between {
     /// The state after the last round that was finished.
     pub fn reached(bench: &Bench) -> Option<Self> {
-        let mut kept: Kept = bench.plan.journal.reached("round")?;
+        let kept: Kept = bench.plan.journal.reached("round")?;
         let mut models = kept.models(bench.plan)?.into_iter();
         let best = models.next()?;
         let beam = models.by_ref().take(kept.beam).collect();
         let imitated = kept.imitated()?;
-        let (of_last, refitted) = (kept.evidence.pop(), kept.refitted);
-        Some(Self { beam, best, tied: models.collect(), refitted, of_last, notes: kept.notes, imitated, over: kept.over })
+        let (of_each, refitted) = (kept.evidence, kept.refitted);
+        Some(Self { beam, best, tied: models.collect(), refitted, of_each, notes: kept.notes, imitated, over: kept.over })
     }
 
     /// Keeps the state: models that the next cause is tried on, and what was found on the way.
@@ -48,13 +49,12 @@ impl Between {
         bench: &Bench,
         (best, beam, tied): (&Hypothesis, &[Hypothesis], &[Hypothesis]),
         refitted: &[Vec<String>],
-        of_last: Option<&Evidence>,
+        of_each: &[Evidence],
         said: Said,
         over: bool,
     ) {
         let models: Vec<&Hypothesis> = std::iter::once(best).chain(beam).chain(tied).collect();
-        let evidence = of_last.cloned().into_iter().collect();
-        let rest = Kept { refitted: refitted.to_vec(), beam: beam.len(), evidence, over, ..Kept::default() };
+        let rest = Kept { refitted: refitted.to_vec(), beam: beam.len(), evidence: of_each.to_vec(), over, ..Kept::default() };
         keep(bench, "round", rest, (&models, &[]), said);
     }
 }

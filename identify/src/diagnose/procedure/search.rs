@@ -20,7 +20,7 @@ use crate::stats::dist::chi2_quantile;
 use pliant_scene::Scene;
 use std::cell::OnceCell;
 
-/// Evidence for an accepted cause, all other causes present.
+/// Evidence for an accepted cause, all other causes present; of models that are judged on unseen records, those accepted before.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Evidence {
     /// Squares that it takes.
@@ -86,12 +86,12 @@ pub(in super::super) fn search(
     let mut beam = vec![base.clone()];
     let (mut best, mut tied) = (beam[0].clone(), Vec::new());
     let mut refitted: Vec<Vec<String>> = Vec::new();
-    let mut of_last = None;
+    let mut of_each = Vec::new();
     let (mut notes, mut imitated) = (Vec::new(), Vec::new());
     let mut over = false;
     if let Some(then) = Between::reached(bench) {
-        Between { beam, best, tied, refitted, of_last, notes, imitated, over } = then;
-        told::accepted(bench, &best, of_last.as_slice());
+        Between { beam, best, tied, refitted, of_each, notes, imitated, over } = then;
+        told::accepted(bench, &best, &of_each[of_each.len().saturating_sub(1)..]);
     }
     while !over && best.causes.len() < most {
         bench.plan.journal.round(Some((best.causes.len() + 1, most)));
@@ -112,19 +112,19 @@ pub(in super::super) fn search(
         best = round.adopted(accepted.leader);
         progress(&format!("accepted {}", best.causes.last().map_or(String::new(), Cause::title)));
         told::accepted(bench, &best, std::slice::from_ref(&accepted.evidence));
-        of_last = Some(accepted.evidence.clone());
+        of_each.push(accepted.evidence.clone());
         refitted.extend(round.models.iter().map(Hypothesis::key));
         tied = accepted.tied.iter().map(|&k| round.adopted(k)).collect();
         beam = round.next_beam(&accepted);
-        Between::keep(bench, (&best, &beam, &tied), &refitted, of_last.as_ref(), (&notes, &imitated), false);
+        Between::keep(bench, (&best, &beam, &tied), &refitted, &of_each, (&notes, &imitated), false);
     }
     if !over {
-        Between::keep(bench, (&best, &beam, &tied), &refitted, of_last.as_ref(), (&notes, &imitated), true);
+        Between::keep(bench, (&best, &beam, &tied), &refitted, &of_each, (&notes, &imitated), true);
     }
-    let evidence = match of_last {
+    let evidence = match of_each.as_slice() {
         // all other causes present: none
-        Some(evidence) if best.causes.len() == 1 => vec![evidence],
-        _ => prune(bench, &mut best, &mut notes, progress)?,
+        [evidence] if best.causes.len() == 1 => vec![evidence.clone()],
+        _ => prune(bench, &mut best, &of_each, &mut notes, progress)?,
     };
     tied.retain(|other| other.key() != best.key());
     if !of_all(&base) {
@@ -404,14 +404,17 @@ fn as_judged(bench: &Bench, model: &Hypothesis) -> Result<Fitted, IdentifyError>
     judged(bench, &Hypothesis { fitted, ..model.clone() }, &noise, POLICY.no_noise)
 }
 
-/// Takes out causes that are not missed, and says how much each of the others takes.
+/// Takes out causes that are not missed, and says how much each of the others takes. `of_each`: what it was accepted for. On unseen records that
+/// stands: the steps that a refit is given there tell whether a cause is missed, and not what the best model without it would leave.
 fn prune(
     bench: &Bench,
     best: &mut Hypothesis,
+    of_each: &[Evidence],
     notes: &mut Vec<(String, String)>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Vec<Evidence>, IdentifyError> {
     let (mut of_all, mut k) = (Vec::new(), best.causes.len());
+    let when_accepted: Vec<(String, Evidence)> = best.causes.iter().map(Cause::title).zip(of_each.iter().cloned()).collect();
     if let Some(then) = Pruned::reached(bench) {
         (*best, of_all, *notes, k) = (then.best, then.of_all, then.notes, then.left);
     }
@@ -433,7 +436,8 @@ fn prune(
             of_all.clear();
             k = best.causes.len();
         } else {
-            of_all.insert(0, evidence(bench, &contest, 0, 1, &cause)?);
+            let then = when_accepted.iter().find(|(title, _)| contest.unseen && *title == cause.title());
+            of_all.insert(0, then.map_or_else(|| evidence(bench, &contest, 0, 1, &cause), |(_, then)| Ok(then.clone()))?);
         }
         Pruned::keep(bench, best, &of_all, notes, k);
     }
