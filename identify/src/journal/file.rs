@@ -24,7 +24,7 @@ pub enum Begun {
     Resumed {
         /// Causes that it has accepted.
         causes: usize,
-        /// Its time [s].
+        /// Its time \[s\].
         seconds: f64,
     },
 }

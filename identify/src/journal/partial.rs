@@ -14,7 +14,7 @@ pub struct Partial {
     pub schema_version: u32,
     /// What it is a diagnosis of: name of each input, and its hash. With others it begins anew.
     pub inputs: BTreeMap<String, String>,
-    /// Time so far, that of interrupted runs included [s].
+    /// Time so far, that of interrupted runs included \[s\].
     pub seconds: f64,
     /// What is being done.
     pub stage: String,

@@ -64,7 +64,7 @@ impl StartState {
 }
 
 /// Prior of a record's initial state. At rest: the equilibrium, nothing unknown. Measured: a quadratic through each marker's
-/// first samples; free nodes without a marker follow by carrying the difference to the equilibrium shape over ([`super::extension`]),
+/// first samples; free nodes without a marker follow by carrying the difference to the equilibrium shape over,
 /// with a wider prior.
 pub fn initial_guess(plan: &Plan, record: &Record) -> Result<StartState, IdentifyError> {
     let model = &plan.model;
