@@ -192,7 +192,6 @@ fn pass(
 
     let scene = opened(&setup.scene);
     let found = search(&bench, &scene, base, options.max_causes, options.seed, progress)?;
-    journal.round(None);
     clock.done("search");
 
     progress("checking what remains");

@@ -152,9 +152,13 @@ impl Contest {
             let varies = own.is_some();
             Ok((own.unwrap_or(common), varies))
         };
-        let journal = &bench.plan.journal;
-        journal.counts("models to be judged", models.len(), rayon::current_num_threads());
-        let judged = (0..models.len()).into_par_iter().map(fit).inspect(|_| journal.one_done());
+        let (journal, beside) = (&bench.plan.journal, if no_noise { 1 } else { rayon::current_num_threads() });
+        journal.counts("models to be judged", models.len(), beside);
+        let judged = (0..models.len()).into_par_iter().map(fit).inspect(|_| {
+            if !no_noise {
+                journal.one_done()
+            }
+        });
         let judged: Vec<_> = judged.collect::<Result<_, _>>()?;
         let mut out = Self {
             no_noise,
@@ -175,6 +179,7 @@ impl Contest {
         for k in (0..models.len()).filter(|_| no_noise) {
             let left_out = out.of_records(bench, k)?;
             out.scores[k] = if unseen { typical(left_out) } else { left_out.iter().sum() };
+            journal.one_done();
         }
         Ok(out)
     }

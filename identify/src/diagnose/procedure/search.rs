@@ -118,6 +118,7 @@ pub(in super::super) fn search(
         beam = round.next_beam(&accepted);
         Between::keep(bench, (&best, &beam, &tied), &refitted, &of_each, (&notes, &imitated), false);
     }
+    bench.plan.journal.round(None);
     if !over {
         Between::keep(bench, (&best, &beam, &tied), &refitted, &of_each, (&notes, &imitated), true);
     }
