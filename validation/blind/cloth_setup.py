@@ -130,7 +130,7 @@ class ClothSetup(Setup):
         return CubicHermiteSpline(np.arange(len(x)) * ROW, x[:, own], v[:, own], axis=0)
 
     def seen(self, record: int, changes: Changes, path: CubicHermiteSpline | None) -> np.ndarray:
-        """What is read at the stamps of a record (samples, channels); NaN where there is no motion."""
+        """Readings at the stamps of a record (samples, channels); NaN where there is no motion."""
         stamps = self.logged[record][0]
         if path is None:
             return np.full((len(stamps), 3 * len(MARKED)), np.nan)

@@ -53,8 +53,8 @@ SETS: dict[str, Callable[[Path, Path], Path]] = {
 }
 
 
-def row(name: str, report: dict, seconds: float) -> dict:
-    """A row of the results; errors at the longest horizon."""
+def row(name: str, report: dict, seconds: float, data: Path) -> dict:
+    """A row of the results; errors at the longest horizon, logs named from the folder of the measurements."""
     parameters = lambda found: [{key: p[key] for key in ("path", "unit", "estimate", "interval")} for p in found["parameters"]]
     causes = lambda found: [{"name": c["name"], "object": c["object"], "parameters": parameters(c)} for c in found]
     longest = max(report["gain"], key=lambda g: g["horizon_s"], default=None)
@@ -62,7 +62,7 @@ def row(name: str, report: dict, seconds: float) -> dict:
     return {
         "set": name,
         "verdict": report["verdict"],
-        "reason": report["reason"],
+        "reason": report["reason"].replace(f"{data}/", ""),
         "causes": causes(report["causes"]),
         "extension": causes(report["extension"]),
         "alternatives": report["alternatives"],
@@ -89,7 +89,7 @@ def main() -> None:
         run = evidence.Run()
         with tempfile.TemporaryDirectory() as folder:
             report = pliant.diagnose(str(SETS[name](data, Path(folder))))
-        found = row(name, report, evidence.processor_seconds() - run.used) | {"commit": run.commit, "dirty": run.dirty}
+        found = row(name, report, evidence.processor_seconds() - run.used, data) | {"commit": run.commit, "dirty": run.dirty}
         print(json.dumps(found), flush=True)
         if options.write:
             rows = json.loads(path.read_text(encoding="utf-8"))["rows"] if path.exists() else []

@@ -1,6 +1,7 @@
 """The batch of measured sets: what is written, and what of an answer is kept."""
 
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -40,11 +41,12 @@ def test_a_row_keeps_the_longest_horizon():
     }  # fmt: skip
     cause = {"name": "payload", "object": "link", "parameters": [{"path": "link.mass", "unit": "kg", "estimate": 1.0, "interval": [0.9, 1.1], "scene_value": 0.5}]}
     report = {
-        "verdict": "named", "reason": "", "causes": [cause], "extension": [], "alternatives": [], "alternative_objects": [],
+        "verdict": "named", "reason": "a push 1.66 s into /data/cable/run.npz/train[15]", "causes": [cause], "extension": [], "alternatives": [], "alternative_objects": [],
         "gain": [gain(0.1, 0.9), gain(2.0, 0.2), gain(1.0, 0.4)], "remainder": {"over_scatter": 1.5},
     }  # fmt: skip
-    row = batch.row("a set", report, 12.34)
+    row = batch.row("a set", report, 12.34, Path("/data"))
+    assert row["reason"] == "a push 1.66 s into cable/run.npz/train[15]"
     assert row["held_out"]["rmse_after"] == 0.2
     assert row["causes"][0]["parameters"] == [{"path": "link.mass", "unit": "kg", "estimate": 1.0, "interval": [0.9, 1.1]}]
     assert (row["set"], row["over_scatter"], row["processor_seconds"]) == ("a set", 1.5, 12.3)
-    assert batch.row("a set", report | {"gain": []}, 1.0)["held_out"] is None
+    assert batch.row("a set", report | {"gain": []}, 1.0, Path("/data"))["held_out"] is None

@@ -86,7 +86,7 @@ pub(super) struct Policy {
     pub rough: First,
     /// Refits to the end, where what is left is no noise.
     pub coarse: FitOptions,
-    /// From some of many records to all of them.
+    /// Refits of models that are judged on unseen records, and from some of many records to all of them.
     pub widened: FitOptions,
     /// Refits to the end.
     pub fine: FitOptions,

@@ -10,7 +10,8 @@ pub const PROGRESS: &str = "progress.json";
 /// Its name while it is written.
 pub const PART: &str = "progress.json.part";
 
-/// Time between two writings over the time that one takes [-]: together they take less than a hundredth of a diagnosis.
+/// Time between two routine writings over the time that one takes [-], so that they take less than a hundredth of a diagnosis. Where a stage ends
+/// the file is written at once.
 const PAUSE: u32 = 100;
 
 /// How a diagnosis begins.
@@ -41,7 +42,7 @@ impl std::fmt::Display for Begun {
     }
 }
 
-/// What an earlier run with the same inputs has finished, if the file has it.
+/// The progress of an earlier run with the same inputs, if the file has it.
 pub(super) fn read(path: &Path, inputs: BTreeMap<String, String>) -> (Partial, Begun) {
     let anew = |inputs| Partial { inputs, ..Partial::default() };
     let refused = |inputs, why: String| (anew(inputs), Begun::Refused(format!("{}: {why}", path.display())));
@@ -141,7 +142,7 @@ mod tests {
         assert!(!due(ms(999), ms(10)) && due(ms(1000), ms(10)));
     }
 
-    /// What was finished is there again with the same inputs, and only then.
+    /// Finished stages are there again with the same inputs, and only then.
     #[test]
     fn the_same_inputs_go_on() {
         let around = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What a diagnosis has finished so far: states that it can go on from after an interrupt, and what it can say of itself.
+//! The progress of a diagnosis: states that it can go on from after an interrupt, and its messages.
 //!
 //! A diagnosis is a fixed sequence of computations on its inputs. One that was interrupted is made again from its beginning, and takes from here
 //! what it had finished: its first pass, its search, or the state of that after the last round. The rest is the same by construction. A state is
@@ -37,7 +37,7 @@ struct Kept {
     tell: Tell,
 }
 
-/// What changes while a diagnosis runs.
+/// The part that changes while a diagnosis runs.
 struct State {
     so_far: Partial,
     /// Seconds of earlier runs.
@@ -101,12 +101,12 @@ impl Journal {
         });
     }
 
-    /// How far the diagnosis is, with all that is kept.
+    /// The progress of the diagnosis, with all that is kept.
     pub fn so_far(&self) -> Partial {
         self.state().map_or_else(Partial::default, |state| state.so_far.clone())
     }
 
-    /// How often its file was written, and the seconds that this took.
+    /// Number of writings of its file, and the seconds that they took.
     pub fn written(&self) -> (usize, f64) {
         self.state().and_then(|state| state.place.as_ref().map(Place::written)).unwrap_or_default()
     }

@@ -12,13 +12,13 @@ pub(super) const VERSION: u32 = 1;
 pub struct Partial {
     /// Version of this object.
     pub schema_version: u32,
-    /// What it is a diagnosis of: name of each input, and its hash. With others it begins anew.
+    /// Inputs of the diagnosis: name of each, and its hash. With others it begins anew.
     pub inputs: BTreeMap<String, String>,
     /// Time so far, that of interrupted runs included \[s\].
     pub seconds: f64,
-    /// What is being done.
+    /// The present stage.
     pub stage: String,
-    /// What is known of the time left, in words; empty where nothing is.
+    /// The time left as far as it is known, in words; empty where nothing is.
     pub left: String,
     /// The finer simulation that the diagnosis is made with once more; absent while it is the scene's own.
     pub finer: Option<String>,
@@ -50,7 +50,7 @@ impl Default for Partial {
 }
 
 impl Partial {
-    /// What a diagnosis goes on from: the rest is told again on the way, its simulation first.
+    /// The part that a diagnosis goes on from: the rest is told again on the way, its simulation first.
     pub(super) fn gone_on_from(self) -> Self {
         let Self { inputs, seconds, rounds, states, .. } = self;
         Self { inputs, seconds, rounds, states, ..Self::default() }

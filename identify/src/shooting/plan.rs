@@ -92,7 +92,7 @@ pub struct Plan {
     pub followers: Vec<(usize, usize)>,
     /// Fitted records are cut into pieces on their own: nothing that builds up over a record can be seen.
     pub in_pieces: bool,
-    /// What the diagnosis that it belongs to has finished.
+    /// Progress of the diagnosis that it belongs to.
     pub journal: Arc<Journal>,
 }
 

@@ -15,7 +15,7 @@ use crate::stats::ar::ArModel;
 use crate::unknown::{Coordinate, Probe, Target, Unknown, Values};
 use pliant_math::State;
 
-/// What became of causes, and those that the simulation's own error imitates.
+/// Notes on causes (title, outcome), and the causes that the simulation's own error imitates.
 type Said<'a> = (&'a [(String, String)], &'a [(String, NumericsKind)]);
 
 /// A search between two rounds.
@@ -145,7 +145,7 @@ fn same(a: &Fitted, b: &Fitted) -> bool {
     all && written(&KeptFit::new(a)) == written(&KeptFit::new(b)) && a.noise == b.noise
 }
 
-/// What a record has of the plan's.
+/// The parts of a record that are taken from the plan, as words.
 fn words_of(rec: &RecordPlan) -> Vec<u64> {
     let (RecordPlan { record, inputs, past, others, start, correction, .. }, mut out) = (rec, Vec::new());
     [&record.joints, &record.inputs, inputs, past].into_iter().for_each(|rows| rows.put(&mut out));
@@ -285,7 +285,7 @@ impl KeptFit {
     }
 }
 
-/// What a fit finds in a record of the plan.
+/// The results of a fit in one record of the plan.
 struct KeptRecord {
     name: String,
     parent: usize,
@@ -337,7 +337,7 @@ impl Words for Coordinate {
     }
 }
 
-/// What no law describes is no cause, and is not read back.
+/// A form that no law describes is no cause, and is not read back.
 impl Words for Target {
     fn put(&self, out: &mut Vec<u64>) {
         let (kind, entries) = match self {

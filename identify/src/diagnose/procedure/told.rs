@@ -1,4 +1,4 @@
-//! What a search tells while it runs.
+//! Messages of a search while it runs.
 
 use super::hypothesis::{Bench, Hypothesis};
 use super::search::Evidence;
