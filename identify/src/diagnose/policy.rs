@@ -242,7 +242,7 @@ pub(super) struct Policy {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct First {
     /// Over short pieces before.
-    pub pieces: Option<FitOptions>,
+    pub pieces: FitOptions,
     /// Over whole records.
     pub options: FitOptions,
 }
@@ -288,7 +288,7 @@ pub(super) const POLICY: Policy = Policy {
     starts: [1.0 / 3.0, 1.0, 3.0],
     along: [1.0 / 3.0, 1.0],
     rough: First {
-        pieces: Some(FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-2 }),
+        pieces: FitOptions { max_iterations: 8, rounds: 0, tolerance: 1e-2 },
         options: FitOptions { max_iterations: 12, rounds: 0, tolerance: 1e-2 },
     },
     coarse: FitOptions { max_iterations: 12, rounds: 0, tolerance: 3e-3 },

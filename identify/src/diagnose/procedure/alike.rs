@@ -64,7 +64,7 @@ pub(super) fn alike(
 fn comes_as_near(bench: &Bench, best: &Hypothesis, judged: &Fitted, k: usize, other: &Parallel) -> Result<bool, IdentifyError> {
     let (noise, varies) = (&judged.noise, best.varies(k));
     let without = bench.without(best, k)?;
-    let Ok((rough, cause)) = bench.with(&without.fitted, &other.cause, &other.step, &[], &POLICY.rough) else { return Ok(true) };
+    let Ok((rough, cause)) = bench.with(&without.fitted, &other.cause, &other.step, &[]) else { return Ok(true) };
     let Ok(plain) = bench.finished(&rough, &without.fitted.records) else { return Ok(true) };
     let apart = if varies { bench.apart(&plain, &cause.unknowns, f64::INFINITY)? } else { None };
     let swapped = without.and(cause, apart.unwrap_or(plain));

@@ -1,6 +1,6 @@
 //! Models of the data: the scene with some causes added, fitted by least squares in units of the sensors' scatter.
 
-use super::super::policy::{First, POLICY};
+use super::super::policy::POLICY;
 use super::apart::{carried, spread_of, with_common};
 use super::coarse::Coarse;
 use super::unseen::{counted, even, sought_on_some};
@@ -146,7 +146,6 @@ impl Bench<'_> {
         cause: &Cause,
         step: &[f64],
         beside: &[Unknown],
-        first: &First,
     ) -> Result<(Fitted, Cause), IdentifyError> {
         let known = &parent.unknowns;
         let new = |u: &&Unknown| !known.iter().any(|k| k.target.same(&u.target) && k.path == u.path);
@@ -166,8 +165,7 @@ impl Bench<'_> {
             }
             let Some((squares, values)) = nearest else { continue };
             let tied = self.plan.tied(unknowns.clone());
-            let lead = |options: &FitOptions| approach(self.plan, &parent.records, &values, &tied, options).ok();
-            let led = first.pieces.as_ref().and_then(lead);
+            let led = approach(self.plan, &parent.records, &values, &tied, &POLICY.rough.pieces).ok();
             let led = led.map(|(values, records)| (self.squares_at(&records, &values), values, records));
             for one in led.into_iter().chain([(squares, values, parent.records.clone())]) {
                 if best.as_ref().is_none_or(|(least, ..)| one.0 < *least) {
@@ -176,7 +174,7 @@ impl Bench<'_> {
             }
         }
         let (_, values, records) = best.unwrap_or_else(|| (0.0, parent.values.clone(), parent.records.clone()));
-        let fitted = self.fit(&records, &values, &unknowns, &first.options)?;
+        let fitted = self.fit(&records, &values, &unknowns, &POLICY.rough.options)?;
         Ok((fitted, Cause { unknowns: own, ..cause.clone() }))
     }
 

@@ -92,7 +92,7 @@ pub(super) fn race(
                 let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
                 return Ok(Ok(Tried { parent, cause, rough, squares: left - score, taken: *taken, numbers, hopeless }));
             }
-            Ok(match bench.with(some, cause, step, beside, &POLICY.rough) {
+            Ok(match bench.with(some, cause, step, beside) {
                 Ok((rough, cause)) => {
                     let squares = squares(bench.plan, &rough, &bench.white)?;
                     let rough = Fitted { records: coarse.back(&rough.records, &whole.records), ..rough };

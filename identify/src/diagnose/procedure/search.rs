@@ -57,7 +57,7 @@ impl Found {
             let without = bench.without(&self.best, k)?.fitted;
             for other in others.iter().take(POLICY.told_rivals) {
                 let nowhere = vec![f64::NAN; other.unknowns.len()];
-                if let Ok((rough, _)) = bench.with(&without, other, &nowhere, &[], &POLICY.rough) {
+                if let Ok((rough, _)) = bench.with(&without, other, &nowhere, &[]) {
                     out.push(bench.finished(&rough, &without.records)?);
                 }
             }
