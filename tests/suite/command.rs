@@ -427,7 +427,7 @@ fn an_interrupted_diagnosis_goes_on() {
 
     let resumed = pliant(&arguments("0"));
     let said = text(&resumed.stderr);
-    assert!(said.contains("goes on with an interrupted diagnosis, which had accepted 1 causes"), "{said}");
+    assert!(said.contains("goes on with an interrupted diagnosis, which had accepted one cause"), "{said}");
     assert!(out.join("report.html").is_file() && !progress.exists());
     assert_eq!(entries(&out), 4);
 

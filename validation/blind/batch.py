@@ -28,6 +28,7 @@ from validation import evidence
 from validation.blind import draw, score
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
+TASKS = 40  # cases of a process, before another one goes on: after so many one had grown to 2.7 GB, most of it programs that JAX compiled
 KEPT = Path(__file__).resolve().parents[1] / "out" / "blind"  # not in the repository
 
 
@@ -101,7 +102,7 @@ def one(job: tuple) -> dict | None:
 def workers(jobs: int, scheduler: str | None) -> Iterator[Executor]:
     """Processes that answer cases: of this machine, or those of a cluster, which have to see the same folders."""
     if not scheduler:
-        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), max_tasks_per_child=TASKS) as pool:
             yield pool
         return
     from dask.distributed import Client

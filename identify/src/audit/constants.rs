@@ -50,6 +50,11 @@ pub(crate) struct AuditConstants {
     pub frozen_last_over_noise: f64,
     /// Steps looked at on either side of a run.
     pub frozen_around: usize,
+    // sensors that stand still over a record
+    /// Simulated motion over the larger of noise floor, grid and rounding from which a reading should not be the same throughout [-].
+    pub still_over_noise: f64,
+    /// Simulated motion below which it may be rounding [unit of the reading].
+    pub still_rounding: f64,
     // jumps
     /// Third difference over its median in the record [-].
     pub jump_over_median: f64,
@@ -174,6 +179,8 @@ pub(crate) const AUDIT: AuditConstants = AuditConstants {
     frozen_over_noise: 10.0,
     frozen_last_over_noise: 0.5,
     frozen_around: 3,
+    still_over_noise: 10.0,
+    still_rounding: 1e-7,
     jump_over_median: 25.0,
     jump_over_noise: 10.0,
     jump_warning: 0.05,

@@ -2,6 +2,7 @@
 
 pub(super) mod contradictions;
 pub(super) mod starts;
+pub(super) mod still;
 
 use super::result::AuditFinding;
 use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};
@@ -39,7 +40,6 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<
     }
     findings.extend(logs.records.iter().flat_map(|record| left_out(plan, record)));
     findings.extend(starts::moving(plan));
-    findings.extend(dead(plan, logs));
     grids.resize(plan.channels(), 0.0);
     Ok((findings, grids))
 }
@@ -94,33 +94,6 @@ fn left_out(plan: &Plan, record: &Record) -> Vec<AuditFinding> {
     sensors.into_iter().filter_map(finding).collect()
 }
 
-/// Sensors that read exactly 0 in every sample of every record: a wrong column, or nothing connected. Of a marker all three coordinates
-/// have to be 0 (motion in a plane may leave one of them there), of an orientation the turn.
-fn dead(plan: &Plan, logs: &Logs) -> Vec<AuditFinding> {
-    let samples = || logs.records.iter().flat_map(|record| (0..record.time.len()).map(move |sample| (record, sample)));
-    let read = |observed: Observed| {
-        let numbers = move |(record, sample): (&Record, usize)| {
-            let reading = plan.measured(record, sample, observed);
-            // the real part of a quaternion that turns nothing is 1
-            let real = usize::from(matches!(observed, Observed::Orientation(_)));
-            reading.into_iter().skip(real).collect::<Vec<f64>>()
-        };
-        samples().flat_map(numbers).filter(|x| x.is_finite())
-    };
-    let is_dead = |observed: &Observed| read(*observed).next().is_some() && read(*observed).all(|x| x == 0.0);
-    let finding = |observed: Observed| AuditFinding {
-        severity: "faulty".to_owned(),
-        record: String::new(),
-        place: place_of(plan, observed),
-        time_s: None,
-        what: format!("{} reads exactly 0 in every sample of every record", plan.name_of(observed)),
-        number: 0.0,
-        unit: plan.unit_of(observed).to_owned(),
-        advice: "a dead channel: check its column and the sensor's connection, or leave it out of the experiment".to_owned(),
-    };
-    plan.observed().into_iter().filter(is_dead).map(finding).collect()
-}
-
 /// Where a finding on something observed sits.
 fn place_of(plan: &Plan, observed: Observed) -> String {
     match observed {
@@ -152,25 +125,4 @@ pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
             .to_owned(),
     };
     on_held.map(finding).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::starts::tests::{experiment, pendulum, turning};
-    use super::*;
-
-    #[test]
-    fn a_sensor_that_always_reads_zero_is_dead() {
-        let (plan, logs) = experiment(&pendulum("measured"), &turning(&[0.3, 0.2], 0.0, 1));
-        assert_eq!(dead(&plan, &logs), []);
-        let (plan, mut silent) = experiment(&pendulum("measured"), &turning(&[0.0, 0.0], 0.0, 1));
-        let found = dead(&plan, &silent);
-        assert_eq!(found.len(), 1);
-        assert_eq!((found[0].severity.as_str(), found[0].place.as_str()), ("faulty", "position of pivot"));
-        assert!(check(&plan, &silent).unwrap().0.contains(&found[0]));
-        // one sample of one record shows that something is there
-        silent.records[1].joints[7][0] = 1e-9;
-        assert_eq!(dead(&plan, &silent), []);
-    }
 }

@@ -1,5 +1,6 @@
 //! The whole diagnosis, in order.
 
+use super::audit::still::Still;
 use super::baseline::{Prepared, at_bound, coloured};
 use super::beside::Beside;
 use super::certainty::{Curvature, estimates, half_widths, normal};
@@ -12,7 +13,7 @@ use super::result::*;
 use super::scores::scores;
 use super::story::story;
 use super::verdict::decide;
-use super::{audit, ceiling, gain, next};
+use super::{audit, ceiling, gain, next, reason};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted};
 use crate::journal::Journal;
@@ -164,6 +165,13 @@ fn pass(
     progress("auditing the data");
     let mut plan = Plan { journal: Arc::clone(journal), ..Plan::opened(setup, logs)? };
     let (mut findings, grids) = audit::check(&plan, logs)?;
+    let still = Still::of(&plan, logs, &grids);
+    findings.extend(still.findings(&plan, logs));
+    let nothing_to_see = still.reason(&plan, logs);
+    let others = still.others(logs);
+    if let Some(others) = &others {
+        plan = Plan { journal: Arc::clone(journal), ..Plan::opened(setup, others)? };
+    }
     if logs.split == Split::NothingHeldOut {
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
     }
@@ -181,7 +189,7 @@ fn pass(
     }
     let bench = seen(&plain)?;
     let mut base = bench.finished(&plain, &plain.records)?;
-    let converged = plain.converged;
+    let untrusted = nothing_to_see.or_else(|| (!plain.converged).then(reason::not_converged));
     findings.extend(audit::contradictions::contradictions(&bench, &base));
     if enough {
         let even_handed = counted(&bench, &base);
@@ -191,7 +199,8 @@ fn pass(
     clock.done("baseline");
 
     let scene = opened(&setup.scene);
-    let found = search(&bench, &scene, base, options.max_causes, options.seed, progress)?;
+    let most = if untrusted.is_some() { 0 } else { options.max_causes };
+    let found = search(&bench, &scene, base, most, options.seed, progress)?;
     clock.done("search");
 
     progress("checking what remains");
@@ -256,7 +265,7 @@ fn pass(
         wall_s: 0.0,
         parts: Vec::new(),
     };
-    decide(&mut diagnosis, &found, &first, converged, coarser.map(|(refined, d)| (refined.words(), d)));
+    decide(&mut diagnosis, &found, &first, untrusted, coarser.map(|(refined, d)| (refined.words(), d)));
     clock.done("held-out gain and report");
     if diagnosis.verdict == Verdict::Ambiguous {
         progress("which experiment would tell");

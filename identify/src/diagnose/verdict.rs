@@ -59,8 +59,14 @@ fn beyond(d: &Diagnosis) -> bool {
     d.remainder.significant || varies && !d.remainder.forms.is_empty()
 }
 
-/// Verdict, reason and advice. `before`: a diagnosis with the scene's own simulation, where this one is finer, and how.
-pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged: bool, before: Option<(String, &Diagnosis)>) {
+/// Verdict, reason and advice. `untrusted`: why nothing that was found can be trusted, if so; `before`: a diagnosis with the scene's own simulation, where this one is finer, and how.
+pub(super) fn decide(
+    d: &mut Diagnosis,
+    found: &Found,
+    first: &Scores,
+    untrusted: Option<String>,
+    before: Option<(String, &Diagnosis)>,
+) {
     let sets = alternatives(found);
     d.alternatives = sets.iter().map(|set| set.iter().map(|(name, _)| name.clone()).collect()).collect();
     d.alternative_objects = sets.iter().map(|set| set.iter().map(|(_, object)| object.clone()).collect()).collect();
@@ -68,8 +74,8 @@ pub(super) fn decide(d: &mut Diagnosis, found: &Found, first: &Scores, converged
     let beyond = beyond(d);
     let approximate = if beyond { Vec::new() } else { set_apart(d) };
     let titles = d.alternative_titles();
-    (d.verdict, d.reason) = if !converged {
-        (Verdict::Withheld, reason::not_converged())
+    (d.verdict, d.reason) = if let Some(why) = untrusted {
+        (Verdict::Withheld, why)
     } else if d.causes.is_empty() {
         without_cause(d, found, &own)
     } else if beyond {

@@ -36,7 +36,12 @@ impl std::fmt::Display for Begun {
             Self::Anew => Ok(()),
             Self::Refused(why) => write!(f, "{why}: the diagnosis begins anew"),
             Self::Resumed { causes, seconds } => {
-                write!(f, "goes on with an interrupted diagnosis, which had accepted {causes} causes in {seconds:.0} s")
+                let causes = match causes {
+                    0 => "no cause".to_owned(),
+                    1 => "one cause".to_owned(),
+                    some => format!("{some} causes"),
+                };
+                write!(f, "goes on with an interrupted diagnosis, which had accepted {causes} in {seconds:.0} s")
             }
         }
     }

@@ -11,18 +11,26 @@ fn diagnosed(truth: &Truth) -> Diagnosis {
 }
 
 fn diagnosed_at(truth: &Truth, step: f64) -> Diagnosis {
-    diagnosed_but(truth, truth, step)
+    diagnosed_but(truth, truth, &[], step)
 }
 
-/// The same with another truth in the held-out record.
-fn diagnosed_but(truth: &Truth, held_out: &Truth, step: f64) -> Diagnosis {
+/// The same with another truth in the held-out record, and an encoder that is dead in some records.
+fn diagnosed_but(truth: &Truth, held_out: &Truth, dead: &[usize], step: f64) -> Diagnosis {
     let [folder, other] = [TempDir::new().unwrap(), TempDir::new().unwrap()];
     let mut setup = crate::pendulum::setup(truth, &folder).unwrap();
     held_out.logs(&other).unwrap();
     std::fs::copy(other.path().join("run3.csv"), folder.path().join("run3.csv")).unwrap();
     setup.scene.time.step = step;
-    let logs = setup.read_logs(&[]).unwrap();
+    let mut logs = setup.read_logs(&[]).unwrap();
+    for k in dead {
+        logs.records[*k].joints.iter_mut().for_each(|row| row[0] = 0.0);
+    }
     diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| {}).unwrap()
+}
+
+/// Records in which a sensor is said to stand still.
+fn standing_still(d: &Diagnosis) -> usize {
+    d.audit.iter().filter(|f| f.severity == "faulty" && f.what.contains("reads exactly 0 in every sample")).count()
 }
 
 fn named(truth: &Truth, cause: &str, path: &str, value: f64) {
@@ -50,6 +58,22 @@ fn nothing_is_claimed_where_nothing_is_hidden() {
 #[test]
 fn viscous_friction_is_named() {
     named(&Truth { damping: 0.01, ..Truth::default() }, "viscous_friction (pivot)", "pivot.damping", 0.01);
+}
+
+#[test]
+fn a_record_with_a_dead_encoder_is_left_out() {
+    let truth = Truth { damping: 0.01, ..Truth::default() };
+    let d = diagnosed_but(&truth, &truth, &[1], 0.00125);
+    assert_eq!((d.verdict, standing_still(&d), d.records.fit), (Verdict::Named, 1, 2), "{}", d.reason);
+    assert!((d.causes[0].parameters[0].estimate / 0.01 - 1.0).abs() < 0.03, "{:?}", d.causes[0]);
+}
+
+#[test]
+fn nothing_is_told_from_a_dead_encoder() {
+    let truth = Truth { damping: 0.01, ..Truth::default() };
+    let d = diagnosed_but(&truth, &truth, &[0, 1, 2, 3], 0.00125);
+    assert_eq!((d.verdict, standing_still(&d)), (Verdict::Withheld, 4), "{}", d.reason);
+    assert!(d.causes.is_empty() && d.extension.is_empty() && d.reason.contains("dead channel"), "{}", d.reason);
 }
 
 /// Verdict ambiguous, with these among the alternatives.
@@ -87,7 +111,7 @@ fn held_commands_are_no_delay() {
 fn a_weak_cause_has_to_stand_on_held_out_records() {
     let [weak, against] = [3.4e-5, -3.4e-5].map(|damping| Truth { damping, ..Truth::default() });
     ambiguous(&weak, &["viscous_friction (pivot)", "coulomb_friction (pivot)"]);
-    let d = diagnosed_but(&weak, &against, 0.00125);
+    let d = diagnosed_but(&weak, &against, &[], 0.00125);
     assert!(d.causes.is_empty() && d.extension.is_empty() && d.alternatives.is_empty(), "{}", d.reason);
     let lost = |name: &str| d.candidates.iter().any(|c| c.name == name && c.reason.contains("with it the held-out records lose"));
     assert!(lost("viscous_friction") && lost("coulomb_friction"), "{:?}", d.candidates);
