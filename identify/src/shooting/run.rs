@@ -125,7 +125,7 @@ impl Pass<'_> {
             let (before, tangent_before) = (state.clone(), if keep { tangent.x.clone() } else { Tangent::default() });
             let (_, record) = stepper.step(&mut state, &u).map_err(|e| e.at_step(k))?;
             if let Some(record) = record {
-                self.seed_forces(k, [&before, &state], &mut tangent.seeds);
+                self.seed_forces((k as f64 + 0.5) * self.h, [&before, &state], &mut tangent.seeds);
                 tangent.step(&record);
             }
             for table in &mut tables {
@@ -180,8 +180,7 @@ impl Pass<'_> {
             let rest = equilibrium(model, &self.values.theta, &self.rec.start.mean.q, &u0)?;
             let mut state = rest.state();
             if self.wants.tangents {
-                let still = |place: Place, first: usize| (place.position(&state.q[first..]), 0.0);
-                self.seed_forces_at(0.0, still, &mut tangent.seeds);
+                self.seed_forces(0.0, [&state, &state], &mut tangent.seeds);
                 tangent.x.q = equilibrium_jvp_columns(&rest, &tangent.seeds);
             }
             state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);
@@ -298,31 +297,34 @@ impl Pass<'_> {
         u
     }
 
-    /// Forces that no law describes, at the middle of a step between these states.
-    fn seed_forces(&self, step: usize, [before, after]: [&State; 2], seeds: &mut Seeds) {
-        let time = (step as f64 + 0.5) * self.h;
-        let middle = |a: f64, b: f64| 0.5 * (a + b);
-        self.seed_forces_at(
-            time,
-            |place, first| {
-                let [q0, q1] = [before, after].map(|x| place.position(&x.q[first..]));
-                let [v0, v1] = [before, after].map(|x| place.velocity(&x.v[first..]));
-                (middle(q0, q1), middle(v0, v1))
-            },
-            seeds,
-        );
-    }
-
-    /// Those at a time. `at(place, first)`: coordinate and velocity there, `first` being the first coordinate of bodies.
-    fn seed_forces_at(&self, time: f64, at: impl Fn(Place, usize) -> (f64, f64), seeds: &mut Seeds) {
+    /// Forces that no law describes, at a time in the middle between these states.
+    fn seed_forces(&self, time: f64, [before, after]: [&State; 2], seeds: &mut Seeds) {
         seeds.clear_forces();
-        let bodies = self.plan.model.n_node_dofs();
+        let model = &self.plan.model;
+        let bodies = model.n_node_dofs();
+        let middle = |of: &dyn Fn(&State) -> f64| 0.5 * (of(before) + of(after));
         for (j, unknown) in self.wants.unknowns.iter().enumerate() {
             let Target::Form(form) = &unknown.target else { continue };
-            let (q, v) = at(form.place, bodies);
+            let column = self.own + j;
+            if let Place::Bends(bends) = form.place {
+                let rope = &model.ropes()[bends.rope];
+                let row = |of: &dyn Fn(usize) -> f64| Vector3::from([0, 1, 2].map(of));
+                // a gripper moves its nodes uniformly over the step
+                let node = |node: usize| {
+                    let early = if model.prescribed()[node] { after } else { before };
+                    let at = 3 * node;
+                    [row(&|a| 0.5 * (before.q[at + a] + after.q[at + a])), row(&|a| 0.5 * (early.v[at + a] + after.v[at + a]))]
+                };
+                bends.forces(form, (rope, self.values.theta[rope.length]), time, node, |node, f| {
+                    [f.x, f.y, f.z].into_iter().enumerate().for_each(|(axis, f)| seeds.add_force(3 * node + axis, column, f));
+                });
+                continue;
+            }
+            let q = middle(&|state| form.place.position(&state.q[bodies..]));
+            let v = middle(&|state| form.place.velocity(&state.v[bodies..]));
             let weight = form.value(time, q, v);
             if weight != 0.0 {
-                form.place.dofs(bodies).for_each(|dof| seeds.add_force(dof, self.own + j, weight));
+                form.place.dofs(bodies).for_each(|dof| seeds.add_force(dof, column, weight));
             }
         }
     }

@@ -2,13 +2,13 @@
 
 use super::super::policy::POLICY;
 use super::super::result::RemainderForm;
-use crate::form::{Form, Place, Shape, Variable};
+use crate::form::{Bends, Form, Place, Shape, Variable};
 use crate::log::JointQuantity;
 use crate::number::{number_plain, quantity_plain};
 use crate::shooting::{Plan, RecordPlan, Shot};
 use crate::stats::score::CandidateScore;
 use pliant_engine::bodies::{Joint, JointKind};
-use pliant_engine::model::Model;
+use pliant_engine::model::{Model, RopeSpan};
 use pliant_math::State;
 use std::ops::Range;
 
@@ -24,6 +24,15 @@ const SINGLE: [(Variable, Shape, bool, &str); 10] = [
     (Variable::Velocity, Shape::Power(2), false, "depends on the velocity like c·v²"),
     (Variable::Velocity, Shape::Power(2), true, "depends on the velocity like c·v·|v|"),
     (Variable::Velocity, Shape::Power(3), false, "depends on the velocity like c·v³"),
+];
+
+/// Moments in bending: those of a joint's hypotheses that curvature, which has a size and no sign, and its rate have.
+const BENDING: [(Variable, Shape, bool, &str); 5] = [
+    (Variable::Velocity, Shape::Power(0), true, "turns over with the rate of the curvature, like c·sign(κ̇)"),
+    (Variable::Velocity, Shape::Power(2), true, "depends on the rate of the curvature like c·κ̇·|κ̇|"),
+    (Variable::Position, Shape::Size, true, "turns over with the rate of the curvature and grows with it, like c·|κ|·sign(κ̇)"),
+    (Variable::Position, Shape::Power(2), false, "depends on the curvature like c·κ·|κ|"),
+    (Variable::Position, Shape::Power(3), false, "depends on the curvature like c·κ³"),
 ];
 
 /// Axes of the world, or of the body that a ball joint turns.
@@ -43,6 +52,8 @@ pub(super) enum Site<'a> {
     Ball { joint: &'a Joint, axis: usize },
     /// The nodes of a rope or sheet, and those that no gripper holds.
     Nodes { name: &'a str, all: Range<usize>, free: Vec<usize> },
+    /// Where a rope that does not twist bends; the sections of one that does have laws of their own.
+    Bends { name: &'a str, bends: Bends },
     /// All markers along one axis of the world.
     Markers { axis: usize },
 }
@@ -63,6 +74,9 @@ pub(super) fn sites(plan: &Plan) -> Vec<Site<'_>> {
     }
     let of_span = |(name, all): (_, Range<usize>)| Site::Nodes { name, free: free_nodes(&plan.model, all.clone()), all };
     out.extend(plan.model.node_spans().map(of_span));
+    let twists = |rope: &RopeSpan| plan.model.params().find(&format!("{}.twist_stiffness", rope.name)).is_some();
+    let bending = plan.model.ropes().iter().enumerate().filter(|(_, rope)| !twists(rope));
+    out.extend(bending.map(|(k, rope)| Site::Bends { name: &rope.name, bends: Bends::of(k, rope) }));
     if !plan.markers.is_empty() {
         out.extend(axes().map(|axis| Site::Markers { axis }));
     }
@@ -117,7 +131,7 @@ impl Site<'_> {
         match self {
             Self::Joint { joint, .. } => Some(Place::Force { q: joint.q, v: joint.v }),
             Self::Ball { joint, axis } => Some(Place::Moment { q: joint.q, v: joint.v, axis: *axis }),
-            Self::Nodes { .. } | Self::Markers { .. } => None,
+            Self::Nodes { .. } | Self::Bends { .. } | Self::Markers { .. } => None,
         }
     }
 
@@ -147,6 +161,14 @@ impl Site<'_> {
                     said((0..3).map(one).collect(), "is always there")
                 };
                 return free.iter().map(steady).chain((0..3).map(|axis| over_time(along(all, axis)))).collect();
+            }
+            Self::Bends { bends, .. } => {
+                let one = |bends, variable, shape, reversing| Form { place: Place::Bends(bends), variable, shape, reversing };
+                let single =
+                    BENDING.map(|(variable, shape, reversing, what)| said(vec![one(*bends, variable, shape, reversing)], what));
+                let stiffness = bends.each().map(|node| one(node, Variable::Position, Shape::Power(1), false)).collect();
+                let uneven = said(stiffness, "grows with the curvature otherwise at every node");
+                return single.into_iter().chain([uneven]).collect();
             }
             Self::Markers { axis } => {
                 let place = Place::Markers { axis: *axis };
@@ -194,6 +216,7 @@ impl Site<'_> {
                 ((*name).to_owned(), format!("a force along {} on each node of `{name}`", AXES[axis]), "N")
             }
             (Self::Nodes { name, .. }, _) => ((*name).to_owned(), format!("a force on `{name}`"), "N"),
+            (Self::Bends { name, .. }, _) => ((*name).to_owned(), format!("a moment in the bending of `{name}`"), "N·m²"),
             (Self::Markers { axis }, _) => ("markers".to_owned(), format!("an error of all markers along {}", AXES[*axis]), "m"),
         }
     }
@@ -205,10 +228,12 @@ impl Site<'_> {
         let coordinate = match self {
             Self::Joint { joint, .. } | Self::Ball { joint, .. } => length(joint),
             Self::Nodes { .. } | Self::Markers { .. } => "m",
+            Self::Bends { .. } => "-",
         };
         let variable = match form.variable {
             Variable::Time => "s".to_owned(),
             Variable::Position => coordinate.to_owned(),
+            Variable::Velocity if coordinate == "-" => "1/s".to_owned(),
             Variable::Velocity => format!("{coordinate}/s"),
         };
         let values = group.forms.iter().zip(&score.theta).filter_map(|(form, size)| match form.shape {
@@ -332,7 +357,18 @@ mod tests {
 
     /// Hypotheses about such motions at the scene, of a truth that has other parameters and markers that drift [m/s].
     fn found(text: &str, hidden: &[(&str, f64)], drift: f64) -> Vec<RemainderForm> {
+        found_with(text, hidden, drift, &|_| None)
+    }
+
+    /// The same with a form of this size hidden as well.
+    fn found_with(
+        text: &str,
+        hidden: &[(&str, f64)],
+        drift: f64,
+        form: &dyn Fn(&Plan) -> Option<(Form, f64)>,
+    ) -> Vec<RemainderForm> {
         let mut plan = plan_of(text, motions(text)).0;
+        let form = form(&plan);
         let mut truth = plan.scene_values.clone();
         for (path, value) in hidden {
             truth.theta[plan.model.params().find(path).unwrap()] = *value;
@@ -343,7 +379,9 @@ mod tests {
             let shot = simulated(&plan, &rec, &truth).unwrap();
             let (n, noise) = (plan.channels(), gaussians(SAMPLES * plan.channels(), 90 + k as u64));
             let late = |row: usize| if row.is_multiple_of(3) { drift * 0.005 * (row / n) as f64 } else { 0.0 };
-            let read: Vec<f64> = (0..SAMPLES * n).map(|row| shot.predicted[row] + late(row) + NOISE * noise[row]).collect();
+            let moved = form.as_ref().map_or_else(|| vec![0.0; SAMPLES * n], |(form, size)| moved_by(&plan, &rec, form, *size));
+            let read = |row: usize| shot.predicted[row] + moved[row] + late(row) + NOISE * noise[row];
+            let read: Vec<f64> = (0..SAMPLES * n).map(read).collect();
             let triples = |row: &[f64]| row.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect();
             plan.fitted[k].record.markers = read.chunks_exact(n).map(triples).collect();
             plan.fitted[k].start.z.clone_from(&rec.start.z);
@@ -351,6 +389,63 @@ mod tests {
         let white = ArModel::white(vec![NOISE; plan.channels()]).unwrap();
         let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
         forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &[]).unwrap()
+    }
+
+    /// What a form of a small size does to the readings of a record.
+    fn moved_by(plan: &Plan, rec: &RecordPlan, form: &Form, size: f64) -> Vec<f64> {
+        let mut seen = rec.clone();
+        seen.record.markers = vec![vec![[0.0; 3]; plan.markers.len()]; SAMPLES];
+        let unknowns = [Unknown::of_form("form".to_owned(), form.clone())];
+        let wants = ShotWants { unknowns: &unknowns, tangents: true, ..ShotWants::default() };
+        let shot = shoot(plan, &seen, &plan.scene_values, wants).unwrap();
+        // derivatives are those of what is left
+        shot.global.iter().map(|d| -size * d).collect()
+    }
+
+    /// Where a rope bends, what no law of it describes is not said to be one that it has.
+    #[test]
+    fn moments_in_bending_are_said_in_words() {
+        let all = |plan: &Plan| Place::Bends(Bends::of(0, &plan.model.ropes()[0]));
+        let of = |variable, shape, reversing, size: f64| {
+            let damped = cord().replace("bend_stiffness = 1e-4", "bend_stiffness = 1e-4\nbend_damping = 1e-5");
+            found_with(&damped, &[], 0.0, &|plan| Some((Form { place: all(plan), variable, shape, reversing }, size)))
+        };
+        let rubbed = of(Variable::Velocity, Shape::Power(0), true, -1e-5);
+        let friction = "a moment in the bending of `cord` that turns over with the rate of the curvature, like c·sign(κ̇)";
+        assert_eq!(rubbed.first().map(|form| form.what.as_str()), Some(friction), "{rubbed:?}");
+        let stiffer = of(Variable::Position, Shape::Power(3), false, -2e-4);
+        let cubic = "a moment in the bending of `cord` that depends on the curvature like c·κ³";
+        assert_eq!(stiffer.first().map(|form| form.what.as_str()), Some(cubic), "{stiffer:?}");
+    }
+
+    /// Moments along the curvature and its rate are those of the laws, whose derivatives are the engine's.
+    #[test]
+    fn moments_that_grow_in_proportion_are_those_of_the_laws() {
+        let text = cord().replace("bend_stiffness = 1e-4", "bend_stiffness = 1e-4\nbend_damping = 1e-5");
+        let mut plan = plan_of(&text, motions(&text)).0;
+        let place = Place::Bends(Bends::of(0, &plan.model.ropes()[0]));
+        let form = |variable, reversing| {
+            Unknown::of_form("form".to_owned(), Form { place, variable, shape: Shape::Power(1), reversing })
+        };
+        let law = |path: &str| Unknown::of_theta(&plan.model, path, 1.0).unwrap();
+        let unknowns = [
+            law("cord.bend_stiffness"),
+            form(Variable::Position, false),
+            law("cord.bend_damping"),
+            form(Variable::Velocity, true),
+        ];
+        let rec = &mut plan.fitted[1];
+        rec.start.z.iter_mut().enumerate().for_each(|(i, z)| *z = 0.5 * ((3 + 7 * i) as f64).sin());
+        rec.record.markers = vec![vec![[0.0; 3]; 4]; SAMPLES];
+        let wants = ShotWants { unknowns: &unknowns, tangents: true, ..ShotWants::default() };
+        let shot = shoot(&plan, &plan.fitted[1], &plan.scene_values, wants).unwrap();
+        let slopes = unknowns.each_ref().map(|u| u.slope(u.value(&plan.scene_values)));
+        for (law, form) in [(0, 1), (2, 3)] {
+            let of = |k: usize| shot.global.iter().skip(k).step_by(4).map(move |d| d / slopes[k]);
+            let largest = of(law).fold(0.0, |a: f64, b| a.max(b.abs()));
+            assert!(largest > 0.0);
+            of(law).zip(of(form)).for_each(|(a, b)| assert!((a + b).abs() < 1e-9 * largest, "{a} {b} of {largest}"));
+        }
     }
 
     #[test]
@@ -366,6 +461,7 @@ mod tests {
         assert_eq!(found(&cord(), &[], 0.0), []);
         assert_eq!(found(&ball(), &[], 0.0), []);
     }
+
     /// A steady force moves what begins at rest under it as the same force of a formula does, whose derivative is the engine's.
     #[test]
     fn a_steady_force_is_there_before_a_record_begins() {

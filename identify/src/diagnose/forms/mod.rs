@@ -2,9 +2,10 @@
 //!
 //! Of every joint a force f(x), of a ball about each of its axes, and of its sensor an error e(x), are tried, with x the time, the position or
 //! the velocity: powers, waves of the position, friction whose size depends on the position or on the time, and any function at all, as a sum of
-//! hats over the range that the records visit; of every node of a rope a force that is always there, of all its nodes one that depends on the
-//! time, and of all markers such an error; and of every joint and rope a push, for a moment of one record. Each is a score test at the final model, with everything fitted and the
-//! simulation's own errors projected off. They decide whether something is left, and are hypotheses about what it is: no names.
+//! hats over the range that the records visit. Of every node of a rope a force that is always there, of all its nodes one that depends on the
+//! time, of its bending a moment that depends on the curvature or its rate, and of all markers an error that depends on the time. And of every
+//! joint and rope a push, for a moment of one record. Each is a score test at the final model, with everything fitted and the simulation's own
+//! errors projected off. They decide whether something is left, and are hypotheses about what it is: no names.
 
 mod hypotheses;
 

@@ -1,6 +1,10 @@
-//! Changes that no law describes: a force at a joint or on nodes, or an error of a sensor, as a function of one variable.
+//! Changes that no law describes: a force at a joint, on nodes or in bending, or an error of a sensor, as a function of one variable.
 //!
 //! They are looked at where they have no size, so only their directions are of use.
+
+mod bends;
+
+pub use bends::Bends;
 
 use pliant_engine::bodies::quaternion;
 use pliant_math::rotation::logarithm;
@@ -47,6 +51,8 @@ pub enum Place {
         /// The axis.
         axis: usize,
     },
+    /// The moment at inner nodes of a rope [N·m²]; its position is the size of the curvature there, its velocity that of its rate.
+    Bends(Bends),
     /// The reading of this sensor at a joint.
     Reading(usize),
     /// The readings of all markers along an axis of the sensor \[m\], a function of the time alone.
@@ -62,7 +68,7 @@ impl Place {
         match self {
             Self::Force { q: k, .. } => q[k],
             Self::Moment { q: k, axis, .. } => logarithm(&quaternion(q, k))[axis],
-            Self::Nodes { .. } | Self::Reading(_) | Self::Markers { .. } => 0.0,
+            Self::Nodes { .. } | Self::Bends(_) | Self::Reading(_) | Self::Markers { .. } => 0.0,
         }
     }
 
@@ -71,17 +77,18 @@ impl Place {
         match self {
             Self::Force { v: k, .. } => v[k],
             Self::Moment { v: k, axis, .. } => v[k + axis],
-            Self::Nodes { .. } | Self::Reading(_) | Self::Markers { .. } => 0.0,
+            Self::Nodes { .. } | Self::Bends(_) | Self::Reading(_) | Self::Markers { .. } => 0.0,
         }
     }
 
-    /// Degrees of freedom that the force acts on, `bodies` being the first of the bodies'; none of an error of a sensor.
+    /// Degrees of freedom that a force of one size acts on, `bodies` being the first of the bodies'; none of an error of a sensor, or of a
+    /// moment in bending ([`Bends::forces`]).
     pub fn dofs(self, bodies: usize) -> impl Iterator<Item = usize> {
         let (first, number, apart) = match self {
             Self::Force { v, .. } => (bodies + v, 1, 1),
             Self::Moment { v, axis, .. } => (bodies + v + axis, 1, 1),
             Self::Nodes { first, number, axis } => (3 * first + axis, number, 3),
-            Self::Reading(_) | Self::Markers { .. } => (0, 0, 1),
+            Self::Bends(_) | Self::Reading(_) | Self::Markers { .. } => (0, 0, 1),
         };
         (0..number).map(move |k| first + apart * k)
     }
