@@ -7,11 +7,13 @@
 //! in sliding and in sticking, so that beside `torque_offset` it is never named.
 
 use super::{Cause, Situation};
+use crate::form::Variable;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     let shape = Cause {
         meaning: "dry friction against negative velocities differs from that against positive ones",
         excitation: "turn the joint at the same slow speed both ways, then its base over: a constant torque of the motor stays",
+        variable: Some(Variable::Velocity),
         ..Cause::default()
     };
     let mut out = at.per_joint("friction_backward", 0.1, &shape);

@@ -63,6 +63,7 @@ mod uneven_stiffness;
 mod viscous_friction;
 mod wind;
 
+use crate::form::Variable;
 use crate::log::JointQuantity;
 use crate::sensor::JOINT_ENTRIES;
 use crate::shooting::{JointPlace, Plan};
@@ -96,6 +97,8 @@ pub struct Cause {
     pub afterwards: Vec<Unknown>,
     /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
     pub starts: Vec<Vec<(usize, f64)>>,
+    /// The variable of its joint, or of a rope's bending, that its force is a function of.
+    pub variable: Option<Variable>,
     /// The cause that this one adds detail to.
     pub above: Option<&'static str>,
     /// The cause that this one is at a limit of its own shape, or with all its numbers alike; where its shape gains nothing significant, that

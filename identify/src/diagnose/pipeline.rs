@@ -212,7 +212,7 @@ fn pass(
     let sensor_sigma = reported(&plan, bench.white.sigma());
     let noise = noise(&plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;
-    let left = remainder(&bench, fitted, &found.evidence, (&shifts, &numerics), base_rmse, &noise)?;
+    let left = remainder(&bench, fitted, &found, (&shifts, &numerics), base_rmse, &noise)?;
     clock.done("remainder");
 
     progress("intervals and held-out gain");

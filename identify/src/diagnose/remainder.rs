@@ -3,18 +3,19 @@
 use super::ceiling;
 use super::numerics::Shift;
 use super::policy::POLICY;
-use super::procedure::{Bench, Evidence};
+use super::procedure::{Bench, Found};
 use super::result::{Noise, Numerics, Remainder, RemainderForm};
+use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
 use crate::stats::whiteness::{channel, cross_correlation};
 
-/// The remainder of a model. `evidence`: of its causes; `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
+/// The remainder of the model that was found, as it is judged (`fitted`); `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
 pub(super) fn remainder(
     bench: &Bench,
     fitted: &Fitted,
-    evidence: &[Evidence],
+    found: &Found,
     (shifts, numerics): (&[Shift], &[Numerics]),
     base_rmse: f64,
     noise: &Noise,
@@ -35,8 +36,11 @@ pub(super) fn remainder(
     let large = over_scatter > POLICY.no_noise;
     let squares = (fitted.rmse / noise.sensor_sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
     let moves = by_motion.filter(|part| part * squares > POLICY.by_motion);
-    let forms = super::forms::forms(bench, fitted, shifts)?;
-    let statistics: Vec<f64> = evidence.iter().map(|e| e.statistic).collect();
+    // of a size that differs between records its own law is no better known than the size is
+    let causes = &found.best.causes;
+    let constant: Vec<&Cause> = (0..causes.len()).filter(|k| !found.best.varies(*k)).map(|k| &causes[k]).collect();
+    let forms = super::forms::forms(bench, fitted, &constant, shifts)?;
+    let statistics: Vec<f64> = found.evidence.iter().map(|e| e.statistic).collect();
     let counts = !forms.is_empty() && stand_ins(&statistics, &forms).into_iter().all(|may| may);
     let note = match (large, moves) {
         (true, _) => format!("what is left is {over_scatter:.0} times what the readings scatter: too much for noise"),

@@ -2,6 +2,7 @@
 
 use super::super::policy::POLICY;
 use super::super::result::RemainderForm;
+use crate::causes::Cause;
 use crate::form::{Bends, Form, Place, Shape, Variable};
 use crate::log::JointQuantity;
 use crate::number::{number_plain, quantity_plain};
@@ -133,6 +134,19 @@ impl Site<'_> {
             Self::Ball { joint, axis } => Some(Place::Moment { q: joint.q, v: joint.v, axis: *axis }),
             Self::Nodes { .. } | Self::Bends { .. } | Self::Markers { .. } => None,
         }
+    }
+
+    /// Whether a hypothesis is another function of the variable that the force of this cause depends on, at the same place.
+    pub fn has_law(&self, cause: &Cause, group: &Group) -> bool {
+        let form = &group.forms[0];
+        let name = match (self, form.place) {
+            (Self::Joint { joint, .. }, Place::Force { .. }) => joint.name.as_str(),
+            (Self::Ball { joint, .. }, _) => joint.name.as_str(),
+            (Self::Bends { name, .. }, _) => name,
+            _ => return false,
+        };
+        let of_it = |path: &str| path.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+        cause.variable == Some(form.variable) && cause.unknowns.iter().any(|unknown| of_it(&unknown.path))
     }
 
     /// Forces that may push here for a moment.
@@ -388,7 +402,7 @@ mod tests {
         }
         let white = ArModel::white(vec![NOISE; plan.channels()]).unwrap();
         let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
-        forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &[]).unwrap()
+        forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &[], &[]).unwrap()
     }
 
     /// What a form of a small size does to the readings of a record.

@@ -14,6 +14,7 @@ use super::policy::{Blocks, POLICY};
 use super::procedure::{Bench, Coarse};
 use super::result::RemainderForm;
 use super::scores::reduce_beside;
+use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::{Fitted, evenly};
 use crate::form::{Form, Place, Shape, Variable};
@@ -25,8 +26,15 @@ use crate::unknown::{Unknown, Values};
 use hypotheses::{Group, Ranges, Site, sites};
 use rayon::prelude::*;
 
-/// The hypotheses that are significant, those first that take most beyond what their numbers cost. `fitted` may have residuals that are not those of its values alone.
-pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<Vec<RemainderForm>, IdentifyError> {
+/// The hypotheses that are significant, those first that take most beyond what their numbers cost: of an accepted cause other functions of the
+/// variable that its force depends on, among themselves, since a law that stands in for another leaves just that; and all others. `fitted` may
+/// have residuals that are not those of its values alone.
+pub(super) fn forms(
+    bench: &Bench,
+    fitted: &Fitted,
+    causes: &[&Cause],
+    shifts: &[Shift],
+) -> Result<Vec<RemainderForm>, IdentifyError> {
     // where what is left is no noise, some of many records are enough to say what it looks like
     let most = if bench.no_noise(fitted) { POLICY.searched_records } else { usize::MAX };
     let keep = evenly(&fitted.records, most);
@@ -36,7 +44,7 @@ pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<
     let shots: Vec<Shot> =
         coarse.fitted.records.par_iter().map(|rec| simulated(plan, rec, &coarse.fitted.values)).collect::<Result<_, _>>()?;
     let fitted = as_left(&coarse.fitted, &shots);
-    let (mut out, mut tests) = (Vec::new(), 0);
+    let (mut of_causes, mut others) = (Vec::new(), Vec::new());
     for site in sites(plan) {
         let Some(ranges) = Ranges::new(plan, &fitted.records, &shots, &site) else { continue };
         let groups = site.groups(&ranges);
@@ -44,10 +52,16 @@ pub(super) fn forms(bench: &Bench, fitted: &Fitted, shifts: &[Shift]) -> Result<
         // what hangs on a few stretches of the records, as on an outlier at the end of a range, has no robust error
         let robust = |(_, s): &(&Group, &CandidateScore)| s.rank > 0 && s.p_blocks.is_some();
         let robust: Vec<(&Group, &CandidateScore)> = groups.iter().zip(&test).filter(robust).collect();
-        tests += robust.len();
-        out.extend(robust.into_iter().map(|(group, score)| site.told(plan, group, score)));
+        for (group, score) in robust {
+            let family = if causes.iter().any(|cause| site.has_law(cause, group)) { &mut of_causes } else { &mut others };
+            family.push(site.told(plan, group, score));
+        }
     }
-    out.retain(|form| form.p * (tests as f64) < POLICY.form_level);
+    let significant = |family: Vec<RemainderForm>| {
+        let tests = family.len() as f64;
+        family.into_iter().filter(move |form| form.p * tests < POLICY.form_level)
+    };
+    let mut out: Vec<RemainderForm> = significant(of_causes).chain(significant(others)).collect();
     let (pushes, tests) = pushes(plan, &fitted, &changes(&shifts))?;
     out.extend(pushes.into_iter().filter(|push| push.p * (tests as f64) < POLICY.push_level));
     // beside something strong everything is significant: what comes nearest to it comes first
@@ -140,6 +154,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::super::audit::starts::tests::{experiment, pendulum};
     use super::*;
+    use crate::causes::{Situation, library};
     use crate::fit::fit;
     use crate::stats::ar::ArModel;
     use crate::stats::testing::gaussians;
@@ -161,6 +176,11 @@ mod tests {
 
     /// Hypotheses about swings, at the scene without all this.
     fn of_swings(hidden: Swings) -> Vec<RemainderForm> {
+        beside_causes(hidden, &[])
+    }
+
+    /// The same where these causes, whatever their sizes, were accepted.
+    fn beside_causes(hidden: Swings, accepted: &[&str]) -> Vec<RemainderForm> {
         let starts = [0.3, 0.9, -0.5, 1.4, -1.1, 0.6];
         let nothing: Vec<Vec<f64>> = starts.iter().map(|angle| vec![*angle; 40]).collect();
         let mut plan = experiment(&pendulum("measured"), &nothing).0;
@@ -178,7 +198,20 @@ mod tests {
         }
         let white = ArModel::white(vec![NOISE]).unwrap();
         let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
-        forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &[]).unwrap()
+        let library = library(&Situation { plan: &plan, values: &plan.scene_values, free: &[], together: false });
+        let accepted: Vec<&Cause> = library.iter().filter(|cause| accepted.contains(&cause.name)).collect();
+        forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &accepted, &[]).unwrap()
+    }
+
+    /// A remainder that is too weak to be found among all hypotheses is found among those about the law of an accepted cause.
+    #[test]
+    fn the_law_of_an_accepted_cause_is_looked_at_closely() {
+        let weak = Swings { damping: 6e-6, ..Swings::default() };
+        assert_eq!(of_swings(weak), []);
+        assert_eq!(beside_causes(weak, &["joint_stiffness"]), []);
+        let found = beside_causes(weak, &["viscous_friction"]);
+        assert!(found.len() == 1 && found[0].what.starts_with("a torque at `pivot` that depends on the velocity"), "{found:?}");
+        assert_eq!(beside_causes(Swings::default(), &["viscous_friction", "joint_stiffness"]), []);
     }
 
     #[test]
