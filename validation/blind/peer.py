@@ -28,7 +28,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from validation import peer_sysid
-from validation.blind import batch, score
+from validation.blind import batch, ropes, score
 
 # cause -> its parameters in the peer (bounds), {gripper} standing for the first gripper
 CAUSES = {
@@ -42,6 +42,7 @@ CAUSES = {
 KINDS = ("null", "effect", "outside")
 # (folder, case, number among the chosen of its kind, iterations) -> question -> what the peer found
 Ask = Callable[[Path, dict, int, int], dict[str, dict]]
+Taken = Callable[[dict, Path], bool]  # (case, folder)
 
 
 def kept(root: Path) -> list[dict]:
@@ -51,15 +52,15 @@ def kept(root: Path) -> list[dict]:
         case, answer = json.loads(path.read_text(encoding="utf-8")), root / "answers" / f"{path.name.removesuffix('.truth.json')}.json"
         if answer.exists():
             row = json.loads(answer.read_text(encoding="utf-8"))
-            rows.append({"case": case, "outcome": score.outcome(case, row["report"])} | row)
+            rows.append({"case": case, "folder": root / answer.stem, "outcome": score.outcome(case, row["report"])} | row)
     return rows
 
 
-def chosen(rows: list[dict], counts: dict[str, int], systems: tuple[str, ...], represented: Callable[[dict], bool]) -> list[tuple[dict, int]]:
-    """The first cases of each kind, each with its number among those."""
+def chosen(rows: list[dict], counts: dict[str, int], taken: Taken, represented: Callable[[dict], bool]) -> list[tuple[dict, int]]:
+    """The first cases of each kind that are taken, each with its number among those."""
     out = []
     for kind, count in counts.items():
-        own = [row for row in rows if row["case"]["kind"] == kind and row["case"]["system"] in systems and not row["case"]["numerics"]]
+        own = [row for row in rows if row["case"]["kind"] == kind and not row["case"]["numerics"] and taken(row["case"], row["folder"])]
         own = [row for row in own if kind != "effect" or represented(row["case"])]
         out += [(row, k) for k, row in enumerate(own[:count])]
     return out
@@ -103,13 +104,13 @@ def excluded(case: dict, parameters: list[dict], free: list[str], tried: list[st
 
 def ours(row: dict) -> dict:
     """The same of pliant's answer: its outcome, error of hidden numbers where a cause is named, held-out error at the longest horizon."""
-    case, report = row["case"], row["report"]
+    case, report = row["case"], row["report"] or {"causes": [], "gain": []}
     truth = {path: x for h in case["hidden"] for path, x in h["truth"].items()}
     listed = [p for cause in report["causes"] for p in cause["parameters"] if p["path"] in truth and truth[p["path"]] != p["scene_value"]]
     gain = max(report["gain"], key=lambda g: g["horizon_s"]) if report["gain"] else None
     return {
         "outcome": row["outcome"],
-        "told": score.told_name(report),
+        "told": score.told_name(row["report"]),
         "error": [abs(p["estimate"] - truth[p["path"]]) / abs(truth[p["path"]] - p["scene_value"]) for p in listed],
         "covered": score.coverage(case, report) if row["outcome"] == "right" else [],
         "held_out": gain["rmse_after"] if gain else None,
@@ -172,7 +173,7 @@ def table(results: list[dict]) -> str:
     return "\n".join(out)
 
 
-def compare(description: str | None, ask: Ask, systems: tuple[str, ...], represented: Callable[[dict], bool], counts: dict[str, int]) -> None:
+def compare(description: str | None, ask: Ask, taken: Taken, represented: Callable[[dict], bool], counts: dict[str, int]) -> None:
     """The command line: `ask` about the chosen cases of a batch, beside pliant's verdicts on them."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("kept", type=Path, help="the folder that a batch kept")
@@ -182,14 +183,14 @@ def compare(description: str | None, ask: Ask, systems: tuple[str, ...], represe
     parser.add_argument("--iterations", type=int, default=15)
     parser.add_argument("--json", type=Path, help="all results; those that it holds already are not asked for again")
     options = parser.parse_args()
-    pairs = chosen(kept(options.kept), {kind: getattr(options, kind) for kind in counts}, systems, represented)
+    pairs = chosen(kept(options.kept), {kind: getattr(options, kind) for kind in counts}, taken, represented)
     name = lambda case: f"seed{case['seed']}-case{case['index']:04d}"
     held = json.loads(options.json.read_text(encoding="utf-8")) if options.json and options.json.exists() else []
     results = {name(r["case"]): r for r in held}
     todo = [(row, number) for row, number in pairs if name(row["case"]) not in results]
     with ProcessPoolExecutor(options.jobs) as pool:
         cases = [row["case"] for row, _ in todo]
-        folders, numbers = [options.kept / name(case) for case in cases], [number for _, number in todo]
+        folders, numbers = [row["folder"] for row, _ in todo], [number for _, number in todo]
         for (row, _), peer in zip(todo, pool.map(ask, folders, cases, numbers, [options.iterations] * len(todo)), strict=True):
             results[name(row["case"])] = {"case": row["case"], "ours": ours(row), "peer": peer}
             said = "  ".join(f"{q}: {a['cause']} {a['worth']} {' '.join(a['found'])} {a['seconds']:.0f} s" for q, a in peer.items())
@@ -202,7 +203,7 @@ def compare(description: str | None, ask: Ask, systems: tuple[str, ...], represe
 
 def main() -> None:
     represented = lambda case: case["hidden"][0]["name"] in CAUSES
-    compare(__doc__, ask, ("pendant", "one_end", "two_ends"), represented, {"null": 12, "effect": 12})
+    compare(__doc__, ask, lambda case, _: case["system"] in ropes.SYSTEMS, represented, {"null": 12, "effect": 12})
 
 
 if __name__ == "__main__":

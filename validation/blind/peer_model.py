@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -128,8 +128,8 @@ def read(folder: Path) -> Plant:
         times = column(experiment["time"]["column"])
         records.append(Record(entry["role"], times, readings, times, commands))
     sample = round(float(np.mean(np.diff(records[0].times))), 4)
-    plant = Plant(scene, tuple(records), sample / SMOOTH)
-    return replace(plant, step=sample / DRY) if plant.is_dry() else plant
+    dry = any(body["joint"][0]["friction"] > 0.0 for body in scene["body"])
+    return Plant(scene, tuple(records), sample / (DRY if dry else SMOOTH))
 
 
 # ---- The model -----------------------------------------------------------------------------------------------------------------
