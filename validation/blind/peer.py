@@ -92,7 +92,7 @@ def excluded(case: dict, parameters: list[dict], free: list[str], tried: list[st
         "surely": surely,
         "worth": judged(case, found, tried),
         "surely_worth": judged(case, surely, tried),
-        "covered": [abs(listed[path]["fitted"] - x) <= listed[path]["half_width_95"] for path, x in true.items()],
+        "covered": [bool(abs(listed[path]["fitted"] - x) <= listed[path]["half_width_95"]) for path, x in true.items()],
         "error": [
             abs(p["fitted"] - truth[p["path"]]) / abs(truth[p["path"]] - p["scene"])
             for p in parameters

@@ -231,8 +231,8 @@ def numbers(plant: Plant) -> dict[str, Number]:
     peaks = np.abs(np.concatenate([r.commands for r in plant.fitted()])).max(axis=0)
 
     def add(path: str, lower: float, upper: float, start: float | None = None) -> None:
-        x = values[path] if np.isfinite(values[path]) else upper
-        out[path] = Number(x, lower, upper, float(np.clip(x if start is None else start, lower, upper)))
+        x = float(values[path] if np.isfinite(values[path]) else upper)
+        out[path] = Number(x, float(lower), float(upper), float(np.clip(x if start is None else start, lower, upper)))
 
     for j, (body, unit, size) in enumerate(zip(scene["body"], np.diag(full), seen, strict=True)):
         name, joint = body["name"], body["joint"][0]["name"]
