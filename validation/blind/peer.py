@@ -180,7 +180,7 @@ def compare(description: str | None, ask: Ask, taken: Taken, represented: Callab
     for kind, count in counts.items():
         parser.add_argument(f"--{kind}{'' if kind == 'outside' else 's'}", dest=kind, type=int, default=count)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--iterations", type=int, default=15)
+    parser.add_argument("--iterations", type=int, default=40)
     parser.add_argument("--json", type=Path, help="all results; those that it holds already are not asked for again")
     options = parser.parse_args()
     pairs = chosen(kept(options.kept), {kind: getattr(options, kind) for kind in counts}, taken, represented)

@@ -40,6 +40,7 @@ from validation.blind.peer_model import Plant, Record
 
 LEAD_IN = 0.1  # s of the held-out record, whence its start
 SENSED = ("position_bias", "position_scale", "position_delay", "time_offset")
+FELT = 30.0  # over the noise floor: what a number does to all readings together over its whole range, at least
 SAME = 1e-3  # what is left of a number that others imitate, over what it does
 FAR = 1e6  # residual of a motion that runs away
 # bounds of a start about its guess, in parts of the motion: for positions, and for velocities per second
@@ -140,7 +141,7 @@ class Fit:
     def run(self, iterations: int) -> tuple[sysid.ParameterDict, np.ndarray]:
         """The best parameters and the derivatives there."""
         with redirect_stdout(StringIO()):  # the toolbox prints its iterations
-            best, result = sysid.optimize(self.parameters, self.residual(), verbose=False, max_iters=iterations, x_scale="jac", xtol=1e-6)
+            best, result = sysid.optimize(self.parameters, self.residual(), verbose=False, max_iters=iterations, x_scale="jac")
         return best, result.jac
 
 
@@ -167,7 +168,7 @@ def told_apart(plant: Plant, free: list[str]) -> list[str]:
         rest, size = columns[path], np.linalg.norm(columns[path])
         for _ in range(2):  # once more, against rounding
             rest = rest - basis @ (basis.T @ rest)
-        if np.linalg.norm(rest) > SAME * size > 0.0:
+        if size * (known[path].upper - known[path].lower) > FELT and np.linalg.norm(rest) > SAME * size:
             kept.append(path)
             basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
     return kept
