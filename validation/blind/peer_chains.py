@@ -41,7 +41,7 @@ from validation.blind.peer_model import Plant, Record
 LEAD_IN = 0.1  # s of the held-out record, whence its start
 SENSED = ("position_bias", "position_scale", "position_delay", "time_offset")
 FELT = 30.0  # over the noise floor: what a number does to all readings together over its whole range, at least
-SAME = 1e-3  # what is left of a number that others imitate, over what it does
+SAME = 0.02  # what is left of a number that others imitate, over what it does
 FAR = 1e6  # residual of a motion that runs away
 # bounds of a start about its guess, in parts of the motion: for positions, and for velocities per second
 NEAR = (0.2, 10.0)
