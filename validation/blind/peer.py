@@ -27,6 +27,8 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
+from scipy.stats import norm
+
 from validation import peer_sysid
 from validation.blind import batch, ropes, score
 
@@ -129,7 +131,8 @@ def ask(folder: Path, case: dict, number: int, iterations: int) -> dict[str, dic
     free = [*experiment.free, *({"path": p, "lower": low, "upper": high} for p, low, high in tried)]
     with redirect_stdout(sys.stderr):
         fitted = peer_sysid.fit(replace(experiment, free=free), max_iters=iterations)
-    parameters = [p | {"scene": p["start"], "half_width_all": p["half_width_95"]} for p in fitted["parameters"]]
+    wider = float(norm.isf(0.025 / len(fitted["parameters"])) / norm.isf(0.025))
+    parameters = [p | {"scene": p["start"], "half_width_all": p["half_width_95"] and wider * p["half_width_95"]} for p in fitted["parameters"]]
     told = excluded(case, parameters, declared, [path for path, _, _ in tried])
     told |= {"cause": hidden["name"], "insights": [i["title"] for i in fitted["insights"]], "parameters": parameters, "held_out": None}
     return {"told": told | {"seconds": time.process_time() - began}}
