@@ -13,7 +13,6 @@ from validation.blind import (
     fitter_step,
     measure,
     oracle,
-    peer,
     rope_ode,
 )
 from validation.blind.families import ONE_END, TWO_ENDS
@@ -131,21 +130,3 @@ def test_symmetric_causes_have_cosine_one_and_are_not_nameable():
     u = judge.direction({"bias0": 1.0})
     assert judge.cosines(u)["gripper_offset:left"] > 0.9999
     assert not judge.allows_name(u, "sensor_bias", 1.0)[0]
-
-
-def test_the_peer_is_given_nulls_in_turn_and_the_largest_effects_it_can_represent():
-    def row(index, kind, name="", lam=0.0):
-        hidden = [{"name": name, "object": ""}] if name else []
-        return {"case": {"index": index, "kind": kind, "hidden": hidden, "lam": lam}, "outcome": "clean"}
-
-    rows = [row(k, "null") for k in range(3)]
-    rows += [row(3, "effect", "linear_drag", 10.0), row(4, "effect", "wind", 1000.0)]
-    rows += [row(5, "effect", "time_offset", 100.0), row(6, "outside", "magnet", 100.0)]
-    pairs = [(r["case"]["index"], cause) for r, cause in peer.chosen(rows, 4, list(peer.CAUSES))]
-    assert pairs == [(0, "linear_drag"), (1, "extensibility"), (5, "time_offset"), (3, "linear_drag")]
-
-    answer = {"found": True, "covered": [True, False], "insights": ["No Issues Detected"]}
-    text = peer.table([{**rows[0], "peer": answer}, {**rows[3], "peer": answer | {"found": False}}])
-    assert "null      1  mujoco.sysid: an interval excludes the scene's value in 1" in text
-    assert "effect    1  mujoco.sysid: an interval excludes the scene's value in 0" in text
-    assert "hold the truth: 2/4" in text
