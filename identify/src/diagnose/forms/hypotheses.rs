@@ -405,7 +405,7 @@ mod tests {
         forms(&Bench { plan: &plan, declared: Vec::new(), white }, &fitted, &[], &[]).unwrap()
     }
 
-    /// What a form of a small size does to the readings of a record.
+    /// Change of the readings of a record by a form of a small size.
     fn moved_by(plan: &Plan, rec: &RecordPlan, form: &Form, size: f64) -> Vec<f64> {
         let mut seen = rec.clone();
         seen.record.markers = vec![vec![[0.0; 3]; plan.markers.len()]; SAMPLES];
@@ -416,7 +416,7 @@ mod tests {
         shot.global.iter().map(|d| -size * d).collect()
     }
 
-    /// Where a rope bends, what no law of it describes is not said to be one that it has.
+    /// Friction and stiffening of a rope, of which it has no laws, are told by what they leave.
     #[test]
     fn moments_in_bending_are_said_in_words() {
         let all = |plan: &Plan| Place::Bends(Bends::of(0, &plan.model.ropes()[0]));
