@@ -28,7 +28,7 @@ from validation import evidence
 from validation.blind import draw, score
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
-TASKS = 40  # cases of a process, before another one goes on: after so many one had grown to 2.7 GB, most of it programs that JAX compiled
+TASKS = 40  # cases of a process, before another one goes on: after so many one had grown to 2.7 GB
 KEPT = Path(__file__).resolve().parents[1] / "out" / "blind"  # not in the repository
 
 

@@ -59,7 +59,8 @@ fn beyond(d: &Diagnosis) -> bool {
     d.remainder.significant || varies && !d.remainder.forms.is_empty()
 }
 
-/// Verdict, reason and advice. `untrusted`: why nothing that was found can be trusted, if so; `before`: a diagnosis with the scene's own simulation, where this one is finer, and how.
+/// Verdict, reason and advice. `untrusted`: why nothing that was found can be trusted, if so; `before`: a diagnosis with the scene's own
+/// simulation, where this one is finer, and how.
 pub(super) fn decide(
     d: &mut Diagnosis,
     found: &Found,

@@ -22,7 +22,7 @@ struct Stuck {
     moves: Option<f64>,
 }
 
-/// All of them.
+/// All of an experiment, in the order of its records.
 #[derive(Clone, Debug, Default)]
 pub(in super::super) struct Still {
     stuck: Vec<Stuck>,
@@ -84,8 +84,8 @@ impl Still {
         let most = self.stuck.iter().max_by(|a, b| moves(a).total_cmp(&moves(b)))?;
         self.nothing_left(logs).then(|| {
             format!(
-                "{}: a dead channel and one that is blocked look alike, and no force can be told from either. Check its column and the \
-                 sensor's connection, or leave it out of the experiment",
+                "{}: a dead channel and a joint that is blocked look alike, and no force can be told from either. Check its column and \
+                 the sensor's connection, or leave it out of the experiment",
                 says(plan, logs, most, "of the fitted records")
             )
         })
