@@ -5,9 +5,8 @@ use super::hypothesis::Bench;
 use super::spread::{Apart, Direction, is_of};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shooting::{OwnSize, RecordPlan, pieces_by_record};
+use crate::shooting::{OwnSize, RecordPlan};
 use crate::unknown::{Coordinate, Unknown};
-use nalgebra::DVector;
 
 /// A fit whose records have the common sizes of some numbers.
 pub(super) fn with_common(fitted: &Fitted, numbers: &[Unknown]) -> Fitted {
@@ -39,7 +38,7 @@ impl Bench<'_> {
         if !apart.promises(&spread, most) {
             return Ok(None);
         }
-        let opened = opened(fitted, &causes, &spread.of_each, &apart.deviations(&spread.of_each));
+        let opened = opened(fitted, &causes, &spread.of_each);
         Ok(Some(self.finished(&opened, &opened.records)?))
     }
 
@@ -52,22 +51,24 @@ impl Bench<'_> {
         let coarse = Coarse::of(self, fitted)?;
         let apart = Apart::new(&coarse.bench(self), &coarse.fitted, &causes)?;
         let spreads = apart.spread().of_each;
-        Ok(opened(fitted, &causes, &spreads, &apart.deviations(&spreads)))
+        Ok(opened(fitted, &causes, &spreads))
     }
 }
 
-/// A fit with these deviations of some causes, whose spreads are these; 0: none.
-fn opened(fitted: &Fitted, causes: &[Direction], spreads: &[f64], deviations: &[DVector<f64>]) -> Fitted {
-    let place = |k: usize| pieces_by_record(&fitted.records).iter().position(|pieces| pieces.contains(&k)).unwrap_or(0);
-    let one = |(k, rec): (usize, &RecordPlan)| {
-        let (deviations, mut rec) = (&deviations[place(k)], rec.clone());
-        rec.sizes.retain(|own| !causes.iter().any(|cause| is_of(own, cause)));
-        for (c, cause) in causes.iter().enumerate().filter(|(c, _)| spreads[*c] > 0.0) {
-            rec.sizes.push(OwnSize { of: cause.clone(), beyond: deviations[c], spread: Some(spreads[c]) });
+/// A fit in which some causes have own sizes of these spreads, 0: none. Deviations stay what they are, and begin at 0: those that a linearization
+/// foretells may be too large to be simulated.
+fn opened(fitted: &Fitted, causes: &[Direction], spreads: &[f64]) -> Fitted {
+    let mut out = fitted.clone();
+    for rec in &mut out.records {
+        let before = std::mem::take(&mut rec.sizes);
+        let (known, others): (Vec<_>, Vec<_>) = before.into_iter().partition(|own| causes.iter().any(|cause| is_of(own, cause)));
+        rec.sizes = others;
+        for (cause, spread) in causes.iter().zip(spreads).filter(|(_, spread)| **spread > 0.0) {
+            let beyond = known.iter().find(|own| is_of(own, cause)).map_or(0.0, |own| own.beyond);
+            rec.sizes.push(OwnSize { of: cause.clone(), beyond, spread: Some(*spread) });
         }
-        rec
-    };
-    Fitted { records: fitted.records.iter().enumerate().map(one).collect(), ..fitted.clone() }
+    }
+    out
 }
 
 /// The causes that have own sizes in a fit.
@@ -129,8 +130,8 @@ mod tests {
         let plan = experiment(&pendulum("measured"), &[vec![0.3; 40], vec![0.5; 40], vec![0.4; 40]]).0;
         let number = Unknown::of_theta(&plan.model, "pivot.damping", 0.1).unwrap();
         let plain = fit(&plan, &plan.fitted, &plan.scene_values, &[], None, &POLICY.fine).unwrap();
-        let deviations = [0.5, -0.5].map(|d| DVector::from_element(1, d));
-        let fitted = opened(&plain, &[vec![(number.clone(), 1.0)]], &[0.4], &deviations);
+        let mut fitted = opened(&plain, &[vec![(number.clone(), 1.0)]], &[0.4]);
+        fitted.records.iter_mut().zip([0.5, -0.5]).for_each(|(rec, beyond)| rec.sizes[0].beyond = beyond);
         let seen = |records: &[RecordPlan]| -> Vec<(f64, Option<f64>)> {
             carried(&fitted, records).iter().map(|rec| (rec.sizes[0].beyond, rec.sizes[0].spread)).collect()
         };

@@ -169,11 +169,6 @@ impl Apart {
         Spread { of_each: spreads, squares, together, uncertain }
     }
 
-    /// Deviations under these spreads, by record.
-    pub fn deviations(&self, spreads: &[f64]) -> Vec<DVector<f64>> {
-        self.records.iter().map(|of| posterior(&of.gram, spreads).0 * of.pull()).collect()
-    }
-
     /// Squares of both halves of every record, its own sizes told from the other half.
     pub fn left_out(&self, spreads: &[f64]) -> Vec<f64> {
         let one = |(whole, halves): (&Of, &[Of; 2])| {
