@@ -123,10 +123,6 @@ pub(super) struct Policy {
     /// Part of what the sizes do that may be against what their mean does \[-\]: right causes did up to 5 % against it, and a tilt of gravity that stood in
     /// for something else in the tosses of a cube 24 to 45 % *(development)*.
     pub against: f64,
-    /// Part of the squares that are left with common sizes up to which own sizes are worth a fit although they leave more than noise [-]: half of the
-    /// errors. Where they are that large a linearization is off by as much as it leaves: it left 22 of 80 times the scatter of a cart's friction of
-    /// λ = 10⁵ whose own sizes left noise *(development)*.
-    pub mostly: f64,
     /// Widest spread of a size that is looked for, in the standard error that the best record knows it by; the narrowest is 1 [-].
     pub widest_spread: f64,
     /// Times that the spreads of several causes are each sought in turn.
@@ -305,7 +301,6 @@ pub(super) const POLICY: Policy = Policy {
     worth: 0.03,
     varies: 0.1,
     against: 0.1,
-    mostly: 0.25,
     widest_spread: 1e6,
     spread_rounds: 3,
     spread_grids: 3,

@@ -66,7 +66,7 @@ fn comes_as_near(bench: &Bench, best: &Hypothesis, judged: &Fitted, k: usize, ot
     let without = bench.without(best, k)?;
     let Ok((rough, cause)) = bench.with(&without.fitted, &other.cause, &other.step, &[]) else { return Ok(true) };
     let Ok(plain) = bench.finished(&rough, &without.fitted.records) else { return Ok(true) };
-    let apart = if varies { bench.apart(&plain, &cause.unknowns, f64::INFINITY)? } else { None };
+    let apart = if varies { bench.apart(&plain, &cause.unknowns)? } else { None };
     let swapped = without.and(cause, apart.unwrap_or(plain));
     let fitted = super::contest::judged(bench, &swapped, noise, POLICY.no_noise)?;
     let own_sizes = |fitted: &Fitted| uncertain(bench, fitted);

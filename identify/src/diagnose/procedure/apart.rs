@@ -28,14 +28,14 @@ pub(super) fn direction(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> 
 
 impl Bench<'_> {
     /// A fit with own sizes of the cause with these numbers, if they are worth a fit.
-    pub(super) fn apart(&self, fitted: &Fitted, numbers: &[Unknown], most: f64) -> Result<Option<Fitted>, IdentifyError> {
+    pub(super) fn apart(&self, fitted: &Fitted, numbers: &[Unknown]) -> Result<Option<Fitted>, IdentifyError> {
         let Some(cause) = direction(self, fitted, numbers) else { return Ok(None) };
         let coarse = Coarse::of(self, fitted)?;
         let white = Fitted { noise: self.white.clone(), ..coarse.fitted.clone() };
         let causes = [cause];
         let apart = Apart::new(&coarse.bench(self), &white, &causes)?;
         let spread = apart.spread();
-        if !apart.promises(&spread, most) {
+        if !apart.promises(&spread) {
             return Ok(None);
         }
         let opened = opened(fitted, &causes, &spread.of_each);

@@ -114,11 +114,8 @@ fn halves(bench: &Bench, fitted: &Fitted, numbers: &[Unknown], by: &Fitted) -> R
 impl Contest {
     /// The models that others extend come first, `beam` of them.
     pub fn new(bench: &Bench, models: &[&Hypothesis], beam: usize) -> Result<Self, IdentifyError> {
-        // a model whose own sizes would leave far more than the best one leaves with common sizes need not be fitted with them
-        let common = models.iter().map(|m| bench.over(&m.fitted)).fold(f64::INFINITY, f64::min).max(1.0);
-        let most = POLICY.no_noise.min(POLICY.out_of_question * common);
         let apart = |(k, model): (usize, &&Hypothesis)| match model.causes.last() {
-            Some(last) if k >= beam => bench.apart(&model.fitted, &last.unknowns, most),
+            Some(last) if k >= beam => bench.apart(&model.fitted, &last.unknowns),
             _ => Ok(None),
         };
         let apart: Vec<Option<Fitted>> = models.par_iter().enumerate().map(apart).collect::<Result<_, _>>()?;

@@ -186,14 +186,9 @@ impl Apart {
         self.halves.iter().flat_map(|halves| halves.each_ref().map(|half| half.square)).collect()
     }
 
-    /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of the spreads. Where they
-    /// leave more than `most` times the scatter they have to take most of what is left: then a linearization says little of what they leave.
-    pub fn promises(&self, spread: &Spread, most: f64) -> bool {
+    /// Whether own sizes are worth a fit: −2 log likelihood that they take, whatever the noise, against the price of the spreads.
+    pub fn promises(&self, spread: &Spread) -> bool {
         let numbers = spread.of_each.iter().filter(|s| **s > 0.0).count() as f64;
-        let left = spread.squares / self.rows;
-        if numbers == 0.0 || left > (most * most).max(POLICY.mostly * spread.together / self.rows) {
-            return false;
-        }
         let taken = self.rows * (spread.together / spread.squares.max(f64::MIN_POSITIVE)).max(1.0).ln();
         taken > POLICY.per_number * numbers + spread.uncertain
     }
@@ -321,7 +316,7 @@ mod tests {
         {
             assert!(dense(6, &other) > score - 1e-3, "{other:?}");
         }
-        assert!(found.together > score + 100.0 && apart(6).promises(&found, 1.5) && !apart(6).promises(&found, 0.5));
+        assert!(found.together > score + 100.0 && apart(6).promises(&found));
     }
 
     /// A half's squares with its sizes told from the other half are those of a fit of that half under the prior.
