@@ -12,7 +12,7 @@ const GRID: [f64; 3] = [0.01, 0.1, 0.5];
 const TYPICAL: f64 = 0.1;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
-    let in_pieces = at.plan.in_pieces;
+    let in_pieces = at.plan.in_pieces();
     at.per_rod(|rod| {
         let largest = at.largest_curvature(rod);
         let scale = TYPICAL * largest * at.value(&format!("{rod}.bend_stiffness"));

@@ -17,7 +17,7 @@ pub(super) fn causes(at: &Situation) -> Vec<Cause> {
         excitation: "hold the joint deflected for long, then let go: it does not come back to where it was",
         untestable: at
             .plan
-            .in_pieces
+            .in_pieces()
             .then(|| "the records are fitted in pieces, and what has crept before a piece begins is unknown".to_owned()),
         ..Cause::default()
     };

@@ -11,7 +11,7 @@ const GRID: [f64; 3] = [0.05, 0.5, 5.0];
 const TYPICAL: f64 = 0.1;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
-    let in_pieces = at.plan.in_pieces;
+    let in_pieces = at.plan.in_pieces();
     at.per_rod(|rod| {
         let entry = at.plan.model.params().find(&format!("{rod}.creep_time"));
         let none = at.value(&format!("{rod}.creep_fraction")) == 0.0;

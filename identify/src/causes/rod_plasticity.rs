@@ -13,7 +13,7 @@ const GRID: [f64; 3] = [0.05, 0.3, 0.6];
 const SHORTEST: f64 = 1e-3;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
-    let in_pieces = at.plan.in_pieces;
+    let in_pieces = at.plan.in_pieces();
     at.per_rod(|rod| {
         let time = at.theta(&format!("{rod}.plastic_time"), 1.0).map(|u| u.inverse(0.1, (SHORTEST, SHOOTING.inactive_time)));
         let limit = at.plan.model.params().find(&format!("{rod}.yield_curvature"));

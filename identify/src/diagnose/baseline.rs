@@ -323,7 +323,7 @@ mod tests {
             plan.fitted[k].record.joints = (0..40).map(|t| vec![shot.predicted[t] + 1e-4 * noise[t]]).collect();
         }
         Prepared::begun(&setup, &mut plan, &FitOptions::default(), &[]).unwrap();
-        plan.in_pieces
+        plan.in_pieces()
     }
 
     #[test]

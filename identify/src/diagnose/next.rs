@@ -117,7 +117,7 @@ pub(super) fn experiments(bench: &Bench, found: &Found) -> Result<Vec<NextExperi
     let leader = found.fitted.of_some(POLICY.repeated_records);
     let coarse = Coarse::of(bench, &leader)?;
     let plan = &coarse.plan;
-    if plan.in_pieces || coarse.fitted.records.is_empty() {
+    if plan.in_pieces() || coarse.fitted.records.is_empty() {
         return Ok(Vec::new());
     }
     let noise = &found.fitted.noise;

@@ -7,7 +7,7 @@ use super::certainty::{Curvature, estimates, half_widths, normal};
 use super::listing;
 use super::numerics::{changes, shifts};
 use super::policy::POLICY;
-use super::procedure::{Found, counted, search};
+use super::procedure::{Found, counted, rejoined, search, searched_on};
 use super::remainder::remainder;
 use super::result::*;
 use super::scores::scores;
@@ -200,41 +200,49 @@ fn pass(
 
     let scene = opened(&setup.scene);
     let most = if untrusted.is_some() { 0 } else { options.max_causes };
-    let found = search(&bench, &scene, base, most, options.seed, progress)?;
+    let found = search(&bench, &scene, base, None, most, options.seed, progress)?;
+    let rejoined = rejoined(&bench, &found)?;
+    let whole = rejoined.as_ref().map(|plan| bench.on(plan));
+    let on_whole = whole.as_ref().map(|bench| searched_on(bench, &scene, &found, most, options.seed, progress));
+    let (bench, found) = match (&whole, on_whole.transpose()?.flatten()) {
+        (Some(whole), Some(on_whole)) => (whole, on_whole),
+        _ => (&bench, found),
+    };
+    let plan = bench.plan;
     clock.done("search");
 
     progress("checking what remains");
-    let (fitted, spread) = (&found.fitted, spread(&plan, &found)?);
-    let shifts = shifts(&scene, &plan, fitted);
-    let changed = Beside::new(&plan, &spread, &changes(&shifts))?;
+    let (fitted, spread) = (&found.fitted, spread(plan, &found)?);
+    let shifts = shifts(&scene, plan, fitted);
+    let changed = Beside::new(plan, &spread, &changes(&shifts))?;
     let numerics: Vec<Numerics> =
-        shifts.iter().enumerate().map(|(k, shift)| shift.report(&plan, fitted, changed.gain(k))).collect();
-    let sensor_sigma = reported(&plan, bench.white.sigma());
-    let noise = noise(&plan, fitted, sensor_sigma);
+        shifts.iter().enumerate().map(|(k, shift)| shift.report(plan, fitted, changed.gain(k))).collect();
+    let sensor_sigma = reported(plan, bench.white.sigma());
+    let noise = noise(plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;
-    let left = remainder(&bench, fitted, &found, (&shifts, &numerics), base_rmse, &noise)?;
+    let left = remainder(bench, fitted, &found, (&shifts, &numerics), base_rmse, &noise)?;
     clock.done("remainder");
 
     progress("intervals and held-out gain");
     let half = half_widths(&changed, &numerics);
     // every candidate against the baseline, under the noise of the final model; on some of many records where that is none
     let judged_on = if found.no_noise { found.base.fitted.of_some(POLICY.searched_records) } else { found.base.fitted.clone() };
-    let first = scores(&plan, &Fitted { noise: fitted.noise.clone(), ..judged_on }, options.seed)?;
-    let causes = listing::causes(&plan, &found, &changed.reduced, &half, &first);
+    let first = scores(plan, &Fitted { noise: fitted.noise.clone(), ..judged_on }, options.seed)?;
+    let causes = listing::causes(plan, &found, &changed.reduced, &half, &first);
     clock.done("intervals");
     let fit_options = FitOptions::default();
     let base = &found.base.fitted;
-    let judged = [gain::judged(&plan, base, &fit_options)?, gain::judged(&plan, fitted, &fit_options)?];
-    let before = gain::residuals(&plan, &judged[0], &base.values)?;
-    let after = gain::residuals(&plan, &judged[1], &fitted.values)?;
+    let judged = [gain::judged(plan, base, &fit_options)?, gain::judged(plan, fitted, &fit_options)?];
+    let before = gain::residuals(plan, &judged[0], &base.values)?;
+    let after = gain::residuals(plan, &judged[1], &fitted.values)?;
     let gain = match plan.held_out.is_empty() {
         true => Vec::new(),
-        false => gain::gains(&plan, &judged[0], &before, &after, sensor_sigma, options.seed)?,
+        false => gain::gains(plan, &judged[0], &before, &after, sensor_sigma, options.seed)?,
     };
-    let ceiling = ceiling::ceiling(&plan, base, fitted, [&judged[0], &judged[1]], sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(&plan, (&judged[0], &base.values), (&judged[1], &fitted.values))?;
-    let stages = story(&bench, &found, &half, &fit_options)?;
-    let curvature = Curvature::new(&plan, &coloured(&plan, base.clone())?.1)?;
+    let ceiling = ceiling::ceiling(plan, base, fitted, [&judged[0], &judged[1]], sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(plan, (&judged[0], &base.values), (&judged[1], &fitted.values))?;
+    let stages = story(bench, &found, &half, &fit_options)?;
+    let curvature = Curvature::new(plan, &coloured(plan, base.clone())?.1)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
         scene: setup.source.place("").file.unwrap_or_default(),
@@ -257,7 +265,7 @@ fn pass(
         warnings: fitted.unknowns.iter().filter_map(|u| at_bound(u, fitted)).collect(),
         records: RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },
         audit: findings,
-        baseline: estimates(&plan, base, Some(&normal(&curvature.std_errors()))),
+        baseline: estimates(plan, base, Some(&normal(&curvature.std_errors()))),
         unidentifiable: curvature.unidentifiable(base),
         stages,
         curves,
@@ -269,7 +277,7 @@ fn pass(
     clock.done("held-out gain and report");
     if diagnosis.verdict == Verdict::Ambiguous {
         progress("which experiment would tell");
-        diagnosis.next = next::experiments(&bench, &found)?;
+        diagnosis.next = next::experiments(bench, &found)?;
         clock.done("next experiment");
     }
     diagnosis.wall_s = clock.start.elapsed().as_secs_f64();

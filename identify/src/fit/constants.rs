@@ -83,7 +83,7 @@ pub(crate) const FIT: FitConstants = FitConstants {
     cost_rounding: 1e-14,
     flat: 1e-9,
     growth: std::f64::consts::E,
-    growth_followed: 100.0,
+    growth_followed: 1000.0,
     disturbance: 1e-4,
     longest_segment: 0.5,
     shortest_segment: 0.2,

@@ -34,12 +34,13 @@ pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>, most: f64) -> 
         (shortest, wildest) = (shortest.min(seconds), wildest.max(grown));
     }
     let (shortest, pieces) = (shortest.max(FIT.shortest_segment), length.is_none() && wildest > most);
-    plan.in_pieces = pieces;
-    plan.fitted = if pieces {
-        fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat()
+    if pieces {
+        plan.fitted = fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat();
+        plan.wholes = fitted;
     } else {
-        fitted.into_iter().map(|rec| joined(plan, rec, shortest)).collect()
-    };
+        plan.fitted = fitted.into_iter().map(|rec| joined(plan, rec, shortest)).collect();
+        plan.wholes = Vec::new();
+    }
     Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined(wildest) })
 }
 

@@ -90,8 +90,8 @@ pub struct Plan {
     pub lead_in: f64,
     /// Entries of θ that follow others, (leader, follower).
     pub followers: Vec<(usize, usize)>,
-    /// Fitted records are cut into pieces on their own: nothing that builds up over a record can be seen.
-    pub in_pieces: bool,
+    /// The measured records where the fitted ones are pieces of them, each begun anew; else empty.
+    pub wholes: Vec<RecordPlan>,
     /// Progress of the diagnosis that it belongs to.
     pub journal: Arc<Journal>,
 }
@@ -108,6 +108,11 @@ impl Plan {
         let mut plan = Self::of_scene(setup, &opened(&setup.scene), logs)?;
         plan.followers = followers(&setup.scene, &plan.model);
         Ok(plan)
+    }
+
+    /// Whether the fitted records are pieces that each begin anew: nothing that builds up over a record can be seen.
+    pub fn in_pieces(&self) -> bool {
+        !self.wholes.is_empty()
     }
 
     /// The unknowns, each setting its followers too unless another of them sets those.
@@ -164,7 +169,7 @@ impl Plan {
             held_out: Vec::new(),
             lead_in: setup.experiment.lead_in,
             followers: Vec::new(),
-            in_pieces: false,
+            wholes: Vec::new(),
             journal: Arc::default(),
         };
         let mut counts = [0; 2];

@@ -99,7 +99,7 @@ impl Coarse {
 
     /// The bench with this plan.
     pub fn bench(&self, of: &Bench) -> Bench<'_> {
-        Bench { plan: &self.plan, declared: of.declared.clone(), white: of.white.clone() }
+        of.on(&self.plan)
     }
 
     /// Records of a fit of this plan on the steps of those that it was made from.

@@ -102,6 +102,11 @@ pub(in super::super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
+    /// The same with another plan of the experiment.
+    pub fn on<'a>(&self, plan: &'a Plan) -> Bench<'a> {
+        Bench { plan, declared: self.declared.clone(), white: self.white.clone() }
+    }
+
     /// Root mean square residual over the scatter, of all channels.
     pub fn over(&self, fitted: &Fitted) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);

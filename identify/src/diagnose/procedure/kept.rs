@@ -35,7 +35,7 @@ pub(super) struct Between {
 impl Between {
     /// The state after the last round that was finished.
     pub fn reached(bench: &Bench) -> Option<Self> {
-        let kept: Kept = bench.plan.journal.reached("round")?;
+        let kept: Kept = bench.plan.journal.reached(&name(bench.plan, "round"))?;
         let mut models = kept.models(bench.plan)?.into_iter();
         let best = models.next()?;
         let beam = models.by_ref().take(kept.beam).collect();
@@ -72,7 +72,7 @@ pub(super) struct Pruned {
 impl Pruned {
     /// The state after the last check.
     pub fn reached(bench: &Bench) -> Option<Self> {
-        let kept: Kept = bench.plan.journal.reached("check")?;
+        let kept: Kept = bench.plan.journal.reached(&name(bench.plan, "check"))?;
         let best = kept.models(bench.plan)?.pop()?;
         Some(Self { best, of_all: kept.evidence, notes: kept.notes, left: kept.beam })
     }
@@ -87,7 +87,7 @@ impl Pruned {
 impl Found {
     /// The result of a search that was finished.
     pub(super) fn reached(bench: &Bench) -> Option<Self> {
-        let kept: Kept = bench.plan.journal.reached("search")?;
+        let kept: Kept = bench.plan.journal.reached(&name(bench.plan, "search"))?;
         let mut models = kept.models(bench.plan)?.into_iter();
         let (base, best) = (models.next()?, models.next()?);
         let fitted = kept.fits.last()?.on(bench.plan)?;
@@ -134,8 +134,13 @@ fn keep(bench: &Bench, name: &str, mut kept: Kept, (models, fits): (&[&Hypothesi
     let last = kept.fits.iter().rev().zip(fits.iter().rev());
     let back = kept.models(plan).is_some_and(|back| back.iter().zip(models).all(same));
     if back && last.into_iter().all(|(kept, fitted)| kept.on(plan).is_some_and(|back| self::same(&back, fitted))) {
-        plan.journal.reaches(name, &kept);
+        plan.journal.reaches(&self::name(plan, name), &kept);
     }
+}
+
+/// The name of a state: a search over pieces goes before one over whole records.
+fn name(plan: &Plan, name: &str) -> String {
+    if plan.in_pieces() { format!("{name} in pieces") } else { name.to_owned() }
 }
 
 /// Whether two fits are the same to the last bit, their records included.

@@ -24,9 +24,11 @@ mod search;
 mod spread;
 mod told;
 mod unseen;
+mod whole;
 
 pub(super) use across::solved;
 pub(super) use coarse::Coarse;
 pub(super) use hypothesis::{Bench, Hypothesis};
 pub(super) use search::{Evidence, Found, search};
 pub(super) use unseen::counted;
+pub(super) use whole::{rejoined, searched_on};

@@ -66,11 +66,20 @@ impl Found {
     }
 }
 
+/// Models that were found on other records, and compete before others are sought.
+pub(in super::super) struct Entrants {
+    /// The best of them without the cause that was accepted last.
+    pub parent: Hypothesis,
+    /// The best, and those that could not be told from it.
+    pub models: Vec<Hypothesis>,
+}
+
 /// Causes accepted by the procedure on top of `base`, at most `most`. `scene`: that of the plan.
 pub(in super::super) fn search(
     bench: &Bench,
     scene: &Scene,
     base: Fitted,
+    entrants: Option<Entrants>,
     most: usize,
     seed: u64,
     progress: &mut dyn FnMut(&str),
@@ -83,7 +92,8 @@ pub(in super::super) fn search(
     // on some of the records while even the best leaves more than noise
     let all = if base.fitted.records.len() < bench.plan.fitted.len() { &bench.plan.fitted } else { &base.fitted.records.clone() };
     let of_all = |model: &Hypothesis| model.fitted.records.len() == all.len();
-    let mut beam = vec![base.clone()];
+    let (parent, mut entrants) = entrants.map_or_else(|| (base.clone(), Vec::new()), |found| (found.parent, found.models));
+    let mut beam = vec![parent];
     let (mut best, mut tied) = (beam[0].clone(), Vec::new());
     let mut refitted: Vec<Vec<String>> = Vec::new();
     let mut of_each = Vec::new();
@@ -92,10 +102,14 @@ pub(in super::super) fn search(
     if let Some(then) = Between::reached(bench) {
         Between { beam, best, tied, refitted, of_each, notes, imitated, over } = then;
         told::accepted(bench, &best, &of_each[of_each.len().saturating_sub(1)..]);
+        entrants.clear();
     }
     while !over && best.causes.len() < most {
         bench.plan.journal.round(Some((best.causes.len() + 1, most)));
-        let (mut children, tests) = race(bench, &beam, seed, &mut notes, progress)?;
+        let (mut children, tests) = match entrants.len() {
+            0 => race(bench, &beam, seed, &mut notes, progress)?,
+            found => (std::mem::take(&mut entrants), found),
+        };
         if children.is_empty() {
             break;
         }
