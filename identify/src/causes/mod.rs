@@ -95,7 +95,7 @@ pub struct Cause {
     pub companions: Vec<Unknown>,
     /// Parameters of its nuisance grid: a search frees them as well once the cause has a size, which gives them a meaning.
     pub afterwards: Vec<Unknown>,
-    /// Values of θ that such a search begins from, one set per entry: angles have several places where a fit may end.
+    /// Values of θ that a refit begins from, one set per entry, with the companions if there are any: angles have several places where a fit may end.
     pub starts: Vec<Vec<(usize, f64)>>,
     /// The variable of its joint, or of a rope's bending, that its force is a function of.
     pub variable: Option<Variable>,

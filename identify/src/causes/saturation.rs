@@ -1,15 +1,16 @@
 //! The torque beyond which a motor gives no more, ±L.
 //!
 //! A limit that no command reaches has no effect and no derivative, so the effect is looked at where a limit would cut so much of the
-//! largest command; the best one counts, at a price, and the fit begins there. (The column is the derivative at that limit, along the
-//! motion it makes, not the difference to no limit: it points the same way, and its size is the refit's affair.)
+//! largest command; the best one counts, at a price. (The column is the derivative at that limit, along the motion it makes, not the
+//! difference to no limit: it points the same way.) A fit begins at the limit that leaves least: from one that is far too low it is led beyond the
+//! largest command, where nothing leads back.
 
 use super::{Cause, Situation, unread};
 use crate::shooting::SHOOTING;
 use crate::unknown::{Coordinate, Target, Unknown};
 
 /// Limits over the largest torque that was commanded.
-const GRID: [f64; 3] = [0.9, 0.7, 0.5];
+const GRID: [f64; 4] = [0.97, 0.9, 0.7, 0.5];
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
     at.actuators().into_iter().enumerate().filter_map(|(k, name)| cause(at, k, name)).collect()
@@ -51,7 +52,7 @@ fn cause(at: &Situation, actuator: usize, name: &str) -> Option<Cause> {
         prior: None,
         probe: None,
     };
-    Some(Cause { unknowns: vec![unknown], nuisance_grid, ..shape })
+    Some(Cause { unknowns: vec![unknown], starts: nuisance_grid.clone(), nuisance_grid, ..shape })
 }
 
 /// Largest torque commanded in the fitted records [N·m or N]; none of a servo.

@@ -87,26 +87,35 @@ impl Curvature {
 /// ```text
 /// δ_r = (G − G_r)⁻¹ s_r,        variance (R − 1)/R Σ δ_r²
 /// ```
-/// the jackknife over records (CR3 of Bell & McCaffrey 2002). An effect that all records lack alike is not in it.
+/// the jackknife over records (CR3 of Bell & McCaffrey 2002). An effect that all records lack alike is not in it, and a record that alone tells a
+/// number has no move of it.
 fn by_record(reduced: &Reduced) -> Vec<f64> {
     let (k, records) = (reduced.columns(), reduced.records());
-    let gram = reduced.gram();
     let mut parts = vec![(DMatrix::<f64>::zeros(k, k), DVector::<f64>::zeros(k)); records];
     for block in reduced.blocks() {
         parts[block.record].0 += &block.gram;
         parts[block.record].1 += &block.score;
     }
-    let mut squares = vec![0.0; k];
-    for (own, score) in &parts {
-        let moved = solved(&(&gram - own), score);
-        squares.iter_mut().zip(moved.iter()).for_each(|(sum, d)| *sum += d * d);
-    }
-    let of_curvature = Curvature::of(gram).std_errors();
+    let squares = moves(&reduced.gram(), &parts);
+    let of_curvature = Curvature::of(reduced.gram()).std_errors();
     let share = (records as f64 - 1.0) / records.max(1) as f64;
     let one = |(sum, determined): (f64, f64)| {
         if records > 1 && determined.is_finite() { (share * sum).sqrt() } else { f64::INFINITY }
     };
     squares.into_iter().zip(of_curvature).map(one).collect()
+}
+
+/// Squares of the moves of each coordinate without each record in turn, from the records' parts of the curvature and of the score.
+fn moves(gram: &DMatrix<f64>, parts: &[(DMatrix<f64>, DVector<f64>)]) -> Vec<f64> {
+    let whole = Curvature::of(gram.clone()).std_errors();
+    let mut squares = vec![0.0; whole.len()];
+    for (own, score) in parts {
+        let rest = gram - own;
+        let (moved, errors) = (solved(&rest, score), Curvature::of(rest).std_errors());
+        let told_by_others = |j: usize| errors[j] < POLICY.lone_record * whole[j];
+        squares.iter_mut().enumerate().filter(|(j, _)| told_by_others(*j)).for_each(|(j, sum)| *sum += moved[j] * moved[j]);
+    }
+    squares
 }
 
 /// Half widths of 90 % intervals in the coordinates of a fit: the wider of the one by the noise model and the one by the records, and wider
@@ -159,6 +168,19 @@ fn rising([a, b]: [f64; 2]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Three records tell the first number alike; the second is told by the last one alone, whose move of it would be whatever rounding makes of it.
+    #[test]
+    fn a_record_that_alone_tells_a_number_does_not_move_it() {
+        let part = |curvature: [f64; 2], score: [f64; 2]| {
+            (DMatrix::from_diagonal(&DVector::from_row_slice(&curvature)), DVector::from_row_slice(&score))
+        };
+        let parts = [part([1.0, 0.0], [0.1, 0.0]), part([1.0, 1e-9], [0.2, -1e-3]), part([1.0, 1.0], [-0.3, 1e-3])];
+        let gram = parts.iter().map(|(own, _)| own).sum();
+        let squares = moves(&gram, &parts);
+        assert!((squares[0] - (0.01 + 0.04 + 0.09) / 4.0).abs() < 1e-12, "{squares:?}");
+        assert!((squares[1] - 1e-6).abs() < 1e-12, "{squares:?}");
+    }
 
     #[test]
     fn what_a_singular_matrix_does_not_determine_has_no_finite_error() {

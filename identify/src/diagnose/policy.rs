@@ -145,6 +145,9 @@ pub(super) struct Policy {
     pub component: f64,
     /// Fewest records for an interval by leaving each out in turn: with three, the law of Student makes it three times as wide as it is.
     pub jackknife_records: usize,
+    /// A number whose error is so many times as large without a record is told by that record alone [-]: the others say nothing that it could be held
+    /// against. A motor that saturates in one of four records had an interval from 0 to infinity *(development)*.
+    pub lone_record: f64,
     // next experiment
     /// Records that are repeated with a change.
     pub repeated_records: usize,
@@ -311,6 +314,7 @@ pub(super) const POLICY: Policy = Policy {
     no_column: 1e-10,
     component: 0.01,
     jackknife_records: 4,
+    lone_record: 3.0,
     repeated_records: 3,
     told_rivals: 4,
     next_experiments: 3,

@@ -96,7 +96,8 @@ impl Share {
 }
 
 /// Solves for the common change and every record's own, all diagonals raised by the part `damping`; `held` common unknowns do
-/// not move. `prior` adds (weight, weighted pull) on the common diagonal. `None` if the system is singular.
+/// not move, nor do those that nothing depends on, as a limit that is not reached. `prior` adds (weight, weighted pull) on the common diagonal. `None`
+/// if the system is singular.
 pub(crate) fn solve(
     shares: &[Share],
     damping: f64,
@@ -118,9 +119,10 @@ pub(crate) fn solve(
         schur[(c, c)] += weight;
         rhs[c] += pull;
     }
+    let silent = |c: usize| prior[c].0 == 0.0 && shares.iter().all(|share| share.common[(c, c)] == 0.0);
     for c in 0..k {
         schur[(c, c)] *= 1.0 + damping;
-        if held[c] {
+        if held[c] || silent(c) {
             schur.row_mut(c).fill(0.0);
             schur.column_mut(c).fill(0.0);
             schur[(c, c)] = 1.0;
@@ -149,6 +151,18 @@ mod tests {
 
     fn rows(piece: usize, columns: usize) -> Vec<f64> {
         (0..12 * columns).map(|k| ((k * (piece + 2)) as f64 * 0.7).sin() + 0.1 * (k % columns) as f64).collect()
+    }
+
+    /// What no row depends on stays where it is, and the rest is solved as without it.
+    #[test]
+    fn an_unknown_without_influence_does_not_move() {
+        let both: Vec<f64> = rows(9, 1).into_iter().flat_map(|x| [x, 0.0]).collect();
+        let with = [Share::new(&rows(0, 1), &rows(5, 2), 2, &both, 2, &[0.3, -0.2])];
+        let without = [Share::new(&rows(0, 1), &rows(5, 2), 2, &rows(9, 1), 1, &[0.3, -0.2])];
+        let none = (0.0, 0.0);
+        let (common, own) = solve(&with, 1e-6, &[none; 2], &[false; 2]).unwrap();
+        let (alone, known) = solve(&without, 1e-6, &[none], &[false]).unwrap();
+        assert!((common[0] - alone[0]).abs() < 1e-12 && common[1] == 0.0 && (&own[0] - &known[0]).abs().max() < 1e-12);
     }
 
     /// Two pieces with a start of their own (2 and 1 numbers) and a size that they share give the equations of all their rows together.

@@ -157,7 +157,8 @@ impl Bench<'_> {
         let own: Vec<Unknown> = cause.unknowns.iter().chain(beside).filter(new).cloned().collect();
         let unknowns: Vec<Unknown> = known.iter().chain(&own).cloned().collect();
         let plain = vec![Vec::new()];
-        let starts = if cause.starts.is_empty() || beside.is_empty() { &plain } else { &cause.starts };
+        let alone = beside.is_empty() && !cause.companions.is_empty();
+        let starts = if cause.starts.is_empty() || alone { &plain } else { &cause.starts };
         let mut best: Option<(f64, Values, Vec<RecordPlan>)> = None;
         for start in starts {
             let mut nearest: Option<(f64, Values)> = None;
