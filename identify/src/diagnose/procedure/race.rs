@@ -252,10 +252,12 @@ fn shaped(bench: &Bench, fitted: Fitted, cause: Cause) -> Result<(Fitted, Cause)
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use super::super::super::audit::starts::tests::{experiment, pendulum, turning};
+    use super::super::super::audit::starts::tests::{experiment, pendulum, plan_of, turning};
     use super::*;
     use crate::causes::library;
     use crate::fit::fit;
+    use crate::log::Record;
+    use crate::shooting::{ShotWants, shoot};
     use crate::stats::ar::ArModel;
     use crate::unknown::Values;
 
@@ -332,5 +334,45 @@ mod tests {
         let all = vec![tried(0, 100.0, false), tried(1, 90.0, true), tried(2, 104.0, false), tried(2, 101.0, false)];
         let kept: Vec<(String, f64)> = finalists(&beam, all, 200.0).iter().map(|t| (t.cause.title(), t.squares)).collect();
         assert_eq!(kept, [(causes[0].title(), 100.0), (causes[2].title(), 101.0)]);
+    }
+
+    /// A motor that gives 4 % less than the largest command: its limit is found from any of those that the library looks at, nearest first.
+    #[test]
+    fn a_limit_just_below_the_largest_command_is_found() {
+        let text = pendulum("measured");
+        let time: Vec<f64> = (0..40).map(|k| 0.01 * f64::from(k)).collect();
+        let driven = |readings: &[Vec<f64>]| {
+            let one = |(k, angles): (usize, &Vec<f64>)| Record {
+                name: format!("run{k}"),
+                joints: angles.iter().map(|angle| vec![*angle]).collect(),
+                inputs: time.iter().map(|t| vec![(1.0 - 0.1 * k as f64) * (16.0 * t).sin()]).collect(),
+                phase: vec![0.5],
+                markers: vec![Vec::new(); 40],
+                orientations: vec![Vec::new(); 40],
+                time: time.clone(),
+                ..Record::default()
+            };
+            plan_of(&text, readings.iter().enumerate().map(one).collect()).0
+        };
+        let truth = driven(&vec![vec![0.0; 40]; 4]);
+        let mut limited = truth.scene_values.clone();
+        for (end, limit) in [(0, -0.96), (1, 0.96)] {
+            limited.theta[truth.model.params().find(&format!("motor.saturation[{end}]")).unwrap()] = limit;
+        }
+        let noise = turning(&[0.0; 4], 1e-5, 3);
+        let read = |(k, rec): (usize, &RecordPlan)| -> Vec<f64> {
+            let seen = shoot(&truth, rec, &limited, ShotWants::default()).unwrap().predicted;
+            seen.iter().zip(&noise[k]).map(|(x, e)| x + e).collect()
+        };
+        let readings: Vec<Vec<f64>> = truth.fitted.iter().chain(&truth.held_out).enumerate().map(read).collect();
+        let plan = driven(&readings);
+        let white = ArModel::white(vec![1e-5]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let bench = Bench { plan: &plan, declared: Vec::new(), white };
+        let base = Hypothesis::baseline(fitted);
+        let found = race(&bench, &[base], 0, &mut Vec::new(), &mut |_| ()).unwrap().0;
+        let saturated = found.iter().find(|model| model.causes[0].name == "saturation").unwrap();
+        let limit = saturated.causes[0].unknowns[0].value(&saturated.fitted.values);
+        assert!((limit - 0.96).abs() < 5e-3, "{limit}");
     }
 }
