@@ -35,3 +35,19 @@ def test_a_plain_effect_is_named(tmp_path):
 def test_an_exact_symmetry_is_not_named_singly(tmp_path):
     hidden, worth = asked(tmp_path, 0, "cart", "symmetric")
     assert worth in ("honest", "astray"), hidden
+
+
+# cases of batches that are used up: what went wrong in them once
+MENDED = {
+    "a limit 3 % below the largest command": (1003, 211, "cart", "effect"),
+    "such a limit of λ = 30": (1003, 78, "cart", "effect"),
+    "friction that differs by record, where one size leaves 24 times the scatter": (1007, 28, "cart", "varies"),
+    "a false third cause, told by pieces of records": (1006, 93, "arm3", "pair"),
+}
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_what_went_wrong_once_is_right(tmp_path, name):
+    seed, index, system, kind = MENDED[name]
+    hidden, worth = asked(tmp_path, index, system, kind, seed)
+    assert worth == "right", hidden

@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(kept, [(causes[0].title(), 100.0), (causes[2].title(), 101.0)]);
     }
 
-    /// A motor that gives 4 % less than the largest command: its limit is found from any of those that the library looks at, nearest first.
+    /// A motor that gives 4 % less than the largest command: nearer to it than any limit but one at which the library looks.
     #[test]
     fn a_limit_just_below_the_largest_command_is_found() {
         let text = pendulum("measured");
