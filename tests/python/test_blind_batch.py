@@ -1,6 +1,6 @@
 """A few cases of the blind batch, drawn and diagnosed anew: what the smallest batch must reach.
 
-Development seeds; the requirements on whole batches are those of `validation.blind.score`.
+Development seeds, and batches that are used up; the requirements on whole batches are those of `validation.blind.score`.
 """
 
 from pathlib import Path
@@ -37,17 +37,24 @@ def test_an_exact_symmetry_is_not_named_singly(tmp_path):
     assert worth in ("honest", "astray"), hidden
 
 
-# cases of batches that are used up: what went wrong in them once
+# what went wrong once in batches that are used up: the case, and what it hides
 MENDED = {
-    "a limit 3 % below the largest command": (1003, 211, "cart", "effect"),
-    "such a limit of λ = 30": (1003, 78, "cart", "effect"),
-    "friction that differs by record, where one size leaves 24 times the scatter": (1007, 28, "cart", "varies"),
-    "a false third cause, told by pieces of records": (1006, 93, "arm3", "pair"),
+    "a limit 3 % below the largest command": ((1003, 211, "cart", "effect"), "saturation (motor_rail)"),
+    "a limit that hardly shows": ((1003, 78, "cart", "effect"), "saturation (motor_rail)"),
+    "friction that differs by record, where one size leaves 24 times the scatter": (
+        (1007, 28, "cart", "varies"),
+        "coulomb_friction (rail)",
+    ),
+    "a false third cause, told by pieces of records": (
+        (1006, 93, "arm3", "pair"),
+        "joint_stiffness (joint2) + sensor_delay (joint1)",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", MENDED)
 def test_what_went_wrong_once_is_right(tmp_path, name):
-    seed, index, system, kind = MENDED[name]
+    (seed, index, system, kind), cause = MENDED[name]
     hidden, worth = asked(tmp_path, index, system, kind, seed)
+    assert score.hidden_name(hidden) == cause, hidden
     assert worth == "right", hidden

@@ -107,6 +107,12 @@ pub struct Cause {
 }
 
 impl Cause {
+    /// The starts of a refit with these companions beside it; none where it begins as it is. Where a cause has companions, its starts are theirs.
+    pub(crate) fn starts_beside(&self, beside: &[Unknown]) -> Option<&Vec<Vec<(usize, f64)>>> {
+        let own = !self.starts.is_empty() && (self.companions.is_empty() || !beside.is_empty());
+        own.then_some(&self.starts)
+    }
+
     /// Name and object, which tell it from all others: `gripper_offset (left)`.
     pub fn title(&self) -> String {
         title(self.name, self.object.as_deref())

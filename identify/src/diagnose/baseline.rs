@@ -302,33 +302,12 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::super::audit::starts::tests::{experiment, pendulum};
-    use super::*;
-    use crate::stats::testing::gaussians;
-    use pliant_scene::Source;
-    use std::path::PathBuf;
-
-    /// Swings from near the top, where a disturbance grows tenfold, of a pendulum with this damping [N·m·s/rad]; whether they are cut into pieces.
-    fn in_pieces(damping: f64) -> bool {
-        let text = pendulum("measured");
-        let setup = Setup::from_source(Source::new("scene.toml", text.clone()), PathBuf::new()).unwrap();
-        let starts: Vec<Vec<f64>> = [2.9, 3.0, 3.1, 2.8].iter().map(|angle| vec![*angle; 40]).collect();
-        let mut plan = experiment(&text, &starts).0;
-        let mut truth = plan.scene_values.clone();
-        truth.theta[plan.model.params().find("pivot.damping").unwrap()] = damping;
-        for (k, rec) in plan.fitted.clone().into_iter().enumerate() {
-            let shot = shoot(&plan, &rec, &truth, ShotWants::default()).unwrap();
-            let noise = gaussians(40, k as u64);
-            plan.fitted[k].record.joints = (0..40).map(|t| vec![shot.predicted[t] + 1e-4 * noise[t]]).collect();
-        }
-        Prepared::begun(&setup, &mut plan, &FitOptions::default(), &[]).unwrap();
-        plan.in_pieces()
-    }
+    use super::super::procedure::begun;
 
     #[test]
     fn what_the_model_follows_stays_whole() {
-        assert!(!in_pieces(0.0));
-        assert!(in_pieces(2.0));
+        // a disturbance grows tenfold
+        assert!(!begun(0.0).0.in_pieces());
+        assert!(begun(2.0).0.in_pieces());
     }
 }

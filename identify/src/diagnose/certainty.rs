@@ -88,7 +88,7 @@ impl Curvature {
 /// δ_r = (G − G_r)⁻¹ s_r,        variance (R − 1)/R Σ δ_r²
 /// ```
 /// the jackknife over records (CR3 of Bell & McCaffrey 2002). An effect that all records lack alike is not in it, and a record that alone tells a
-/// number has no move of it.
+/// number is left out of the number's sum.
 fn by_record(reduced: &Reduced) -> Vec<f64> {
     let (k, records) = (reduced.columns(), reduced.records());
     let mut parts = vec![(DMatrix::<f64>::zeros(k, k), DVector::<f64>::zeros(k)); records];
@@ -96,8 +96,9 @@ fn by_record(reduced: &Reduced) -> Vec<f64> {
         parts[block.record].0 += &block.gram;
         parts[block.record].1 += &block.score;
     }
-    let squares = moves(&reduced.gram(), &parts);
-    let of_curvature = Curvature::of(reduced.gram()).std_errors();
+    let gram = reduced.gram();
+    let of_curvature = Curvature::of(gram.clone()).std_errors();
+    let squares = moves(&gram, &parts, &of_curvature);
     let share = (records as f64 - 1.0) / records.max(1) as f64;
     let one = |(sum, determined): (f64, f64)| {
         if records > 1 && determined.is_finite() { (share * sum).sqrt() } else { f64::INFINITY }
@@ -105,9 +106,9 @@ fn by_record(reduced: &Reduced) -> Vec<f64> {
     squares.into_iter().zip(of_curvature).map(one).collect()
 }
 
-/// Squares of the moves of each coordinate without each record in turn, from the records' parts of the curvature and of the score.
-fn moves(gram: &DMatrix<f64>, parts: &[(DMatrix<f64>, DVector<f64>)]) -> Vec<f64> {
-    let whole = Curvature::of(gram.clone()).std_errors();
+/// Squares of the moves of each coordinate without each record in turn, from the records' parts of the curvature and of the score. `whole`: standard
+/// errors of all records.
+fn moves(gram: &DMatrix<f64>, parts: &[(DMatrix<f64>, DVector<f64>)], whole: &[f64]) -> Vec<f64> {
     let mut squares = vec![0.0; whole.len()];
     for (own, score) in parts {
         let rest = gram - own;
@@ -176,8 +177,8 @@ mod tests {
             (DMatrix::from_diagonal(&DVector::from_row_slice(&curvature)), DVector::from_row_slice(&score))
         };
         let parts = [part([1.0, 0.0], [0.1, 0.0]), part([1.0, 1e-9], [0.2, -1e-3]), part([1.0, 1.0], [-0.3, 1e-3])];
-        let gram = parts.iter().map(|(own, _)| own).sum();
-        let squares = moves(&gram, &parts);
+        let gram: DMatrix<f64> = parts.iter().map(|(own, _)| own).sum();
+        let squares = moves(&gram, &parts, &Curvature::of(gram.clone()).std_errors());
         assert!((squares[0] - (0.01 + 0.04 + 0.09) / 4.0).abs() < 1e-12, "{squares:?}");
         assert!((squares[1] - 1e-6).abs() < 1e-12, "{squares:?}");
     }

@@ -201,13 +201,12 @@ fn pass(
     let scene = opened(&setup.scene);
     let most = if untrusted.is_some() { 0 } else { options.max_causes };
     let found = search(&bench, &scene, base, None, most, options.seed, progress)?;
-    let rejoined = rejoined(&bench, &found)?;
-    let whole = rejoined.as_ref().map(|plan| bench.on(plan));
-    let on_whole = whole.as_ref().map(|bench| searched_on(bench, &scene, &found, most, options.seed, progress));
-    let (bench, found) = match (&whole, on_whole.transpose()?.flatten()) {
-        (Some(whole), Some(on_whole)) => (whole, on_whole),
-        _ => (&bench, found),
-    };
+    let whole_plan = if most > 0 { rejoined(&bench, &found) } else { None };
+    let whole = whole_plan.as_ref().map(|plan| bench.on(plan));
+    let on_whole =
+        whole.as_ref().and_then(|whole| Some((whole, searched_on(whole, &scene, &found, most, options.seed, progress)?)));
+    // from here on with whole records where they were followed
+    let (bench, found) = on_whole.unwrap_or((&bench, found));
     let plan = bench.plan;
     clock.done("search");
 

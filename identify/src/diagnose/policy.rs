@@ -145,8 +145,8 @@ pub(super) struct Policy {
     pub component: f64,
     /// Fewest records for an interval by leaving each out in turn: with three, the law of Student makes it three times as wide as it is.
     pub jackknife_records: usize,
-    /// A number whose error is so many times as large without a record is told by that record alone [-]: the others say nothing that it could be held
-    /// against. A motor that saturates in one of four records had an interval from 0 to infinity *(development)*.
+    /// Factor by which the error of a number grows without a record, from which on that record alone tells it [-]: the others say nothing that it could
+    /// be held against. A motor that saturates in one of four records had an interval from 0 to infinity *(development)*.
     pub lone_record: f64,
     // next experiment
     /// Records that are repeated with a change.

@@ -41,9 +41,9 @@ pub(crate) struct FitConstants {
     /// Growth of a small disturbance over a record up to which its segments are joined whatever the model leaves [-]: one Lyapunov time. Whole
     /// records that grow more do not follow what is far off, as a motor that is 6 ms late.
     pub growth: f64,
-    /// That up to which they are joined where the model follows them to noise [-]: pieces of two-link arms say a quarter of what their records
+    /// Growth up to which they are joined where the model follows them to noise [-]: pieces of two-link arms say a quarter of what their records
     /// say (λ of a spring 110 instead of 409), and nothing of a motor that saturates for 60 ms, in a record over which a disturbance grows
-    /// 262-fold *(development)*. Encoders of half a milliradian leave half a radian at this growth.
+    /// 262-fold *(development)*. An error of half a milliradian at the start, that of an encoder, becomes half a radian at this growth.
     pub growth_followed: f64,
     /// That disturbance, in standard deviations of the initial state's prior [-]: small enough to be linear.
     pub disturbance: f64,

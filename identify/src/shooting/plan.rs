@@ -91,7 +91,7 @@ pub struct Plan {
     /// Entries of θ that follow others, (leader, follower).
     pub followers: Vec<(usize, usize)>,
     /// The measured records where the fitted ones are pieces of them, each begun anew; else empty.
-    pub wholes: Vec<RecordPlan>,
+    pub wholes: Arc<Vec<RecordPlan>>,
     /// Progress of the diagnosis that it belongs to.
     pub journal: Arc<Journal>,
 }
@@ -169,7 +169,7 @@ impl Plan {
             held_out: Vec::new(),
             lead_in: setup.experiment.lead_in,
             followers: Vec::new(),
-            wholes: Vec::new(),
+            wholes: Arc::default(),
             journal: Arc::default(),
         };
         let mut counts = [0; 2];

@@ -55,8 +55,8 @@ impl Bench<'_> {
     }
 }
 
-/// A fit in which some causes have own sizes of these spreads, 0: none. Deviations stay what they are, and begin at 0: those that a linearization
-/// foretells may be too large to be simulated.
+/// A fit in which some causes have own sizes of these spreads, 0: none. Deviations that it has stay, and new ones begin at 0: those that a
+/// linearization foretells may be too large to be simulated.
 fn opened(fitted: &Fitted, causes: &[Direction], spreads: &[f64]) -> Fitted {
     let mut out = fitted.clone();
     for rec in &mut out.records {

@@ -45,11 +45,20 @@ impl Hypothesis {
         let here = Fitted { unknowns: self.fitted.unknowns.clone(), ..here };
         let here = if bench.no_noise(&here) { counted(bench, &here) } else { here };
         let fitted = even(bench.plan, &bench.led(&here, &here.records)?);
-        let there = |before: &Fitted| -> Result<Fitted, IdentifyError> {
-            let starts = fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse)?;
-            Ok(Fitted { unknowns: before.unknowns.clone(), ..starts })
+        self.fitted_as(fitted, |before| fit(bench.plan, records, &before.values, &[], Some(&bench.white), &POLICY.coarse))
+    }
+
+    /// The same causes with another fit. `there`: a fit of the models on the way to it, in which nothing but the records' beginnings is free.
+    pub fn fitted_as(
+        &self,
+        fitted: Fitted,
+        there: impl Fn(&Fitted) -> Result<Fitted, IdentifyError>,
+    ) -> Result<Self, IdentifyError> {
+        let starts = |before: &Fitted| -> Result<Fitted, IdentifyError> {
+            let unknowns = before.unknowns.clone();
+            Ok(Fitted { unknowns, ..there(&Fitted { unknowns: Vec::new(), ..before.clone() })? })
         };
-        let mut trail: Vec<Fitted> = self.trail.iter().rev().skip(1).rev().map(there).collect::<Result<_, _>>()?;
+        let mut trail: Vec<Fitted> = self.trail.iter().rev().skip(1).rev().map(starts).collect::<Result<_, _>>()?;
         trail.extend(self.trail.last().map(|_| fitted.clone()));
         Ok(Self { fitted, trail, ..self.clone() })
     }
@@ -102,7 +111,7 @@ pub(in super::super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// The same with another plan of the experiment.
+    /// The bench with another plan of the experiment.
     pub fn on<'a>(&self, plan: &'a Plan) -> Bench<'a> {
         Bench { plan, declared: self.declared.clone(), white: self.white.clone() }
     }
@@ -157,8 +166,7 @@ impl Bench<'_> {
         let own: Vec<Unknown> = cause.unknowns.iter().chain(beside).filter(new).cloned().collect();
         let unknowns: Vec<Unknown> = known.iter().chain(&own).cloned().collect();
         let plain = vec![Vec::new()];
-        let alone = beside.is_empty() && !cause.companions.is_empty();
-        let starts = if cause.starts.is_empty() || alone { &plain } else { &cause.starts };
+        let starts = cause.starts_beside(beside).unwrap_or(&plain);
         let mut best: Option<(f64, Values, Vec<RecordPlan>)> = None;
         for start in starts {
             let mut nearest: Option<(f64, Values)> = None;

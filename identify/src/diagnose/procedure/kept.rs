@@ -24,7 +24,7 @@ pub(super) struct Between {
     pub best: Hypothesis,
     pub tied: Vec<Hypothesis>,
     pub refitted: Vec<Vec<String>>,
-    /// Of every cause when it was accepted.
+    /// Of the last causes, when each was accepted.
     pub of_each: Vec<Evidence>,
     pub notes: Vec<(String, String)>,
     pub imitated: Vec<(String, NumericsKind)>,

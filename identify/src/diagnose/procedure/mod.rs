@@ -31,4 +31,6 @@ pub(super) use coarse::Coarse;
 pub(super) use hypothesis::{Bench, Hypothesis};
 pub(super) use search::{Evidence, Found, search};
 pub(super) use unseen::counted;
+#[cfg(test)]
+pub(super) use whole::tests::begun;
 pub(super) use whole::{rejoined, searched_on};

@@ -70,7 +70,9 @@ pub(super) fn race(
         let worth = promising(&white, coloured.as_ref()).into_iter().filter(|p| !settled.contains(&model.key_with(&p.cause)));
         let tried_so = |(_, beside): &(Promise, Vec<Unknown>)| !on_some || beside.is_empty();
         let trials: Vec<(Promise, Vec<Unknown>)> = worth.flat_map(Promise::trials).filter(tried_so).collect();
-        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| p.score < POLICY.linear * left && beside.is_empty();
+        let is_linear = |(p, beside): &(Promise, Vec<Unknown>)| {
+            p.score < POLICY.linear * left && beside.is_empty() && p.cause.starts_beside(beside).is_none()
+        };
         for (p, _) in trials.iter().filter(|trial| !is_linear(trial)) {
             progress(&format!("trying {}", p.cause.title()));
         }

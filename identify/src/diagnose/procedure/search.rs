@@ -72,9 +72,11 @@ pub(in super::super) struct Entrants {
     pub parent: Hypothesis,
     /// The best, and those that could not be told from it.
     pub models: Vec<Hypothesis>,
+    /// Causes that they were chosen from.
+    pub tests: usize,
 }
 
-/// Causes accepted by the procedure on top of `base`, at most `most`. `scene`: that of the plan.
+/// Causes accepted by the procedure on top of `base`, at most `most`, from `entrants` on where there are any. `scene`: that of the plan.
 pub(in super::super) fn search(
     bench: &Bench,
     scene: &Scene,
@@ -92,8 +94,8 @@ pub(in super::super) fn search(
     // on some of the records while even the best leaves more than noise
     let all = if base.fitted.records.len() < bench.plan.fitted.len() { &bench.plan.fitted } else { &base.fitted.records.clone() };
     let of_all = |model: &Hypothesis| model.fitted.records.len() == all.len();
-    let (parent, mut entrants) = entrants.map_or_else(|| (base.clone(), Vec::new()), |found| (found.parent, found.models));
-    let mut beam = vec![parent];
+    let mut entrants = entrants;
+    let mut beam = vec![entrants.as_ref().map_or(&base, |found| &found.parent).clone()];
     let (mut best, mut tied) = (beam[0].clone(), Vec::new());
     let mut refitted: Vec<Vec<String>> = Vec::new();
     let mut of_each = Vec::new();
@@ -102,13 +104,15 @@ pub(in super::super) fn search(
     if let Some(then) = Between::reached(bench) {
         Between { beam, best, tied, refitted, of_each, notes, imitated, over } = then;
         told::accepted(bench, &best, &of_each[of_each.len().saturating_sub(1)..]);
-        entrants.clear();
+        entrants = None;
     }
     while !over && best.causes.len() < most {
         bench.plan.journal.round(Some((best.causes.len() + 1, most)));
-        let (mut children, tests) = match entrants.len() {
-            0 => race(bench, &beam, seed, &mut notes, progress)?,
-            found => (std::mem::take(&mut entrants), found),
+        let entered = entrants.take().map(|found| (found.models, found.tests));
+        let found_before = entered.is_some();
+        let (mut children, tests) = match entered {
+            Some(entered) => entered,
+            None => race(bench, &beam, seed, &mut notes, progress)?,
         };
         if children.is_empty() {
             break;
@@ -122,7 +126,14 @@ pub(in super::super) fn search(
             }
         }
         let round = Round::new(bench, scene, &beam, children, tests)?;
-        let Some(accepted) = round.accept(&mut notes, &mut imitated)? else { break };
+        let Some(accepted) = round.accept(&mut notes, &mut imitated)? else {
+            if !found_before {
+                break;
+            }
+            // nothing of what was found on other records stands
+            (beam, best) = (vec![base.clone()], base.clone());
+            continue;
+        };
         best = round.adopted(accepted.leader);
         progress(&format!("accepted {}", best.causes.last().map_or(String::new(), Cause::title)));
         told::accepted(bench, &best, std::slice::from_ref(&accepted.evidence));
@@ -429,7 +440,8 @@ fn prune(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Vec<Evidence>, IdentifyError> {
     let (mut of_all, mut k) = (Vec::new(), best.causes.len());
-    let when_accepted: Vec<(String, Evidence)> = best.causes.iter().map(Cause::title).zip(of_each.iter().cloned()).collect();
+    let when_accepted: Vec<(String, Evidence)> =
+        best.causes.iter().map(Cause::title).rev().zip(of_each.iter().rev().cloned()).collect();
     if let Some(then) = Pruned::reached(bench) {
         (*best, of_all, *notes, k) = (then.best, then.of_all, then.notes, then.left);
     }
