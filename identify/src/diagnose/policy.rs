@@ -123,6 +123,8 @@ pub(super) struct Policy {
     /// Part of what the sizes do that may be against what their mean does \[-\]: right causes did up to 5 % against it, and a tilt of gravity that stood in
     /// for something else in the tosses of a cube 24 to 45 % *(development)*.
     pub against: f64,
+    /// Fewest fitted records for a size that varies: with two, a spread is a single difference, and any law with two sizes comes near to both.
+    pub varied_records: usize,
     /// Widest spread of a size that is looked for, in the standard error that the best record knows it by; the narrowest is 1 [-].
     pub widest_spread: f64,
     /// Times that the spreads of several causes are each sought in turn.
@@ -304,6 +306,7 @@ pub(super) const POLICY: Policy = Policy {
     worth: 0.03,
     varies: 0.1,
     against: 0.1,
+    varied_records: 3,
     widest_spread: 1e6,
     spread_rounds: 3,
     spread_grids: 3,

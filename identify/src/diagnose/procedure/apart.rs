@@ -1,5 +1,6 @@
 //! Fits in which a cause has another size in every record: opening, carrying and taking back its own sizes.
 
+use super::super::policy::POLICY;
 use super::coarse::Coarse;
 use super::hypothesis::Bench;
 use super::spread::{Apart, Direction, is_of};
@@ -29,6 +30,9 @@ pub(super) fn direction(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> 
 impl Bench<'_> {
     /// A fit with own sizes of the cause with these numbers, if they are worth a fit.
     pub(super) fn apart(&self, fitted: &Fitted, numbers: &[Unknown]) -> Result<Option<Fitted>, IdentifyError> {
+        if self.plan.fitted_records() < POLICY.varied_records {
+            return Ok(None);
+        }
         let Some(cause) = direction(self, fitted, numbers) else { return Ok(None) };
         let coarse = Coarse::of(self, fitted)?;
         let white = Fitted { noise: self.white.clone(), ..coarse.fitted.clone() };

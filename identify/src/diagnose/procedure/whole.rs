@@ -5,7 +5,7 @@
 //! what was found on pieces, whole records may be followed. There the models that were found compete again, and the search goes on.
 
 use super::super::policy::POLICY;
-use super::apart::{carried, with_common};
+use super::apart::carried;
 use super::hypothesis::{Bench, Hypothesis};
 use super::search::{Entrants, Found, search};
 use crate::causes::{Situation, library};
@@ -67,7 +67,7 @@ fn followed(
     }
     let parent = if last == 0 { Hypothesis::baseline(base.clone()) } else { bench.without(&best, last)? };
     let tied = pieces.tied.iter().map(|model| bench.joined(model));
-    let models = std::iter::once(Ok(best)).chain(tied).map(|model| bench.of_common_size(model?));
+    let models = std::iter::once(Ok(best)).chain(tied);
     let at = Situation { plan: bench.plan, values: &base.values, free: &base.unknowns, together: true };
     let tests = library(&at).iter().filter(|cause| cause.untestable.is_none()).count();
     let entrants = Entrants { parent, models: models.collect::<Result<_, _>>()?, tests };
@@ -85,17 +85,6 @@ impl Bench<'_> {
     /// A model of pieces on whole records.
     fn joined(&self, model: &Hypothesis) -> Result<Hypothesis, IdentifyError> {
         model.fitted_as(self.whole(&model.fitted)?, |before| self.whole(before))
-    }
-
-    /// The model with one size of its last cause for all records: whether that varies is for a contest to say.
-    fn of_common_size(&self, model: Hypothesis) -> Result<Hypothesis, IdentifyError> {
-        let Some(last) = model.causes.last().filter(|_| model.varies(model.causes.len() - 1)) else { return Ok(model) };
-        let common = with_common(&model.fitted, &last.unknowns);
-        let fitted = self.finished(&common, &common.records)?;
-        let mut trail = model.trail.clone();
-        trail.pop();
-        trail.push(fitted.clone());
-        Ok(Hypothesis { fitted, trail, ..model })
     }
 }
 
