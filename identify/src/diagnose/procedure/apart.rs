@@ -59,8 +59,8 @@ impl Bench<'_> {
     }
 }
 
-/// A fit in which some causes have own sizes of these spreads, 0: none. Deviations that it has stay, and new ones begin at 0: those that a
-/// linearization foretells may be too large to be simulated.
+/// A fit in which some causes have own sizes of these spreads, 0: none. Deviations that it has stay (along another direction, too, −1
+/// is a record without the effect), and new ones begin at 0: those that a linearization foretells may be too large to be simulated.
 fn opened(fitted: &Fitted, causes: &[Direction], spreads: &[f64]) -> Fitted {
     let mut out = fitted.clone();
     for rec in &mut out.records {

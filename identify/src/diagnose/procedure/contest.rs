@@ -114,10 +114,8 @@ fn halves(bench: &Bench, fitted: &Fitted, numbers: &[Unknown], by: &Fitted) -> R
 impl Contest {
     /// The models that others extend come first, `beam` of them.
     pub fn new(bench: &Bench, models: &[&Hypothesis], beam: usize) -> Result<Self, IdentifyError> {
-        // a model that was found on other records may have own sizes already
-        let has_own = |model: &Hypothesis| !model.causes.is_empty() && model.varies(model.causes.len() - 1);
         let apart = |(k, model): (usize, &&Hypothesis)| match model.causes.last() {
-            Some(last) if k >= beam && !has_own(model) => bench.apart(&model.fitted, &last.unknowns),
+            Some(last) if k >= beam => bench.apart(&model.fitted, &last.unknowns),
             _ => Ok(None),
         };
         let apart: Vec<Option<Fitted>> = models.par_iter().enumerate().map(apart).collect::<Result<_, _>>()?;
@@ -148,7 +146,7 @@ impl Contest {
             let common = scored(bench, judged(bench, models[k], &noise, least)?, models[k].numbers())?;
             let own = apart[k].as_ref().filter(|own| bench.over(own) <= least);
             let own = own.map(|own| varying(bench, &common, own, models[k])).transpose()?.flatten();
-            let varies = own.is_some() || k >= beam && has_own(models[k]);
+            let varies = own.is_some();
             Ok((own.unwrap_or(common), varies))
         };
         let (journal, beside) = (&bench.plan.journal, if no_noise { 1 } else { rayon::current_num_threads() });
