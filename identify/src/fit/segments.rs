@@ -25,8 +25,8 @@ pub enum Cut {
 /// states of joined segments are left to [`approach`].
 ///
 /// Where a disturbance of the initial state grows more than `most`-fold within a record, and no length is given, all records are cut into pieces
-/// without constraints instead, as long as it takes to grow e-fold: joined, every cause would look like every other, and like the initial state. The plan keeps the records
-/// as they were beside their pieces.
+/// without constraints instead, as long as it takes to grow e-fold: joined, every cause would look like every other, and like the initial state.
+/// The plan keeps the records as they were beside their pieces.
 pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>, most: f64) -> Result<Cut, IdentifyError> {
     let mut fitted = std::mem::take(&mut plan.fitted);
     let (mut shortest, mut wildest) = (f64::INFINITY, 1.0f64);

@@ -36,42 +36,34 @@ pub(in super::super) fn searched_on(
     progress: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     progress("following whole records with what was found on pieces of them");
-    match followed(bench, scene, pieces, most, seed, progress) {
+    let mut follow = || -> Result<Option<Found>, IdentifyError> {
+        if let Some(found) = Found::reached(bench) {
+            return Ok(Some(found));
+        }
+        let base = bench.whole(&pieces.base.fitted)?;
+        bench.plan.journal.baseline(base.rmse, bench.plan.unit());
+        let Some(last) = pieces.best.causes.len().checked_sub(1) else {
+            return search(bench, scene, base, None, most, seed, &mut *progress).map(Some);
+        };
+        let best = bench.joined(&pieces.best)?;
+        if bench.no_noise(&best.fitted) {
+            return Ok(None);
+        }
+        let parent = if last == 0 { Hypothesis::baseline(base.clone()) } else { bench.without(&best, last)? };
+        let tied = pieces.tied.iter().map(|model| bench.joined(model));
+        let models = std::iter::once(Ok(best)).chain(tied);
+        let at = Situation { plan: bench.plan, values: &base.values, free: &base.unknowns, together: true };
+        let tests = library(&at).iter().filter(|cause| cause.untestable.is_none()).count();
+        let entrants = Entrants { parent, models: models.collect::<Result<_, _>>()?, tests };
+        search(bench, scene, base, Some(entrants), most, seed, &mut *progress).map(Some)
+    };
+    match follow() {
         Ok(found) => found.filter(|found| !found.no_noise),
         Err(e) => {
             progress(&format!("whole records are not followed: {e}"));
             None
         }
     }
-}
-
-fn followed(
-    bench: &Bench,
-    scene: &Scene,
-    pieces: &Found,
-    most: usize,
-    seed: u64,
-    progress: &mut dyn FnMut(&str),
-) -> Result<Option<Found>, IdentifyError> {
-    if let Some(found) = Found::reached(bench) {
-        return Ok(Some(found));
-    }
-    let base = bench.whole(&pieces.base.fitted)?;
-    bench.plan.journal.baseline(base.rmse, bench.plan.unit());
-    let Some(last) = pieces.best.causes.len().checked_sub(1) else {
-        return search(bench, scene, base, None, most, seed, progress).map(Some);
-    };
-    let best = bench.joined(&pieces.best)?;
-    if bench.no_noise(&best.fitted) {
-        return Ok(None);
-    }
-    let parent = if last == 0 { Hypothesis::baseline(base.clone()) } else { bench.without(&best, last)? };
-    let tied = pieces.tied.iter().map(|model| bench.joined(model));
-    let models = std::iter::once(Ok(best)).chain(tied);
-    let at = Situation { plan: bench.plan, values: &base.values, free: &base.unknowns, together: true };
-    let tests = library(&at).iter().filter(|cause| cause.untestable.is_none()).count();
-    let entrants = Entrants { parent, models: models.collect::<Result<_, _>>()?, tests };
-    search(bench, scene, base, Some(entrants), most, seed, progress).map(Some)
 }
 
 impl Bench<'_> {
