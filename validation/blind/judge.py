@@ -21,6 +21,7 @@ from validation.blind.system import Changes, Setup
 
 ALPHA = 0.05
 CLOSE = 0.9  # cosine from which an imitation is simulated at its size
+IMITATIONS = 4  # steps to the best imitation, at most
 HIDDEN = 0.03  # part of an effect that must remain beside what is refitted, for it to be tested at all
 
 
@@ -174,21 +175,35 @@ class Judge:
             knobs = self.setup.causes[key].knobs
             if c < CLOSE or key == own or any(knob not in self.u for knob in knobs):
                 continue
-            parts = self.parts if by_record else [slice(None)] * len(self.records)
-            sizes = [self.sizes(knobs, u, part) for part in parts]
-            imitation = self.change(sizes)
-            size = np.linalg.norm(imitation) * np.linalg.norm(u)
-            rho[key] = float(max(c, abs(imitation @ u) / max(size, 1e-300)))
+            rho[key] = max(c, self.imitated(u, knobs, self.parts if by_record else [slice(None)] * len(self.records), c))
         return rho
 
-    def sizes(self, knobs: tuple[str, ...], u: np.ndarray, part: slice) -> Changes:
-        """Changes of knobs that imitate u best, to first order; those of one sign kept to it."""
+    def imitated(self, u: np.ndarray, knobs: tuple[str, ...], parts: list[slice], foretold: float) -> float:
+        """Cosine with the best imitation by these knobs, by steps of Gauss-Newton as long as a step takes half of what was left.
+
+        `foretold`: the cosine to first order; `parts`: the readings that each record's sizes are told from.
+        """
+        lam = float(u @ u)
+        total: list[Changes] = [dict.fromkeys(knobs, 0.0) for _ in parts]
+        rest, best, left = u, 0.0, (1.0 - foretold**2) * lam
+        for _ in range(IMITATIONS):
+            total = [self.sizes(knobs, rest, part, size) for part, size in zip(parts, total, strict=True)]
+            imitation = self.change(total)
+            size = float(np.linalg.norm(imitation)) * np.sqrt(lam)
+            best = max(best, abs(float(imitation @ u)) / max(size, 1e-300))
+            rest, before, left = u - imitation, left, (1.0 - best**2) * lam
+            if left > 0.5 * before:
+                break
+        return best
+
+    def sizes(self, knobs: tuple[str, ...], u: np.ndarray, part: slice, before: Changes) -> Changes:
+        """Changes of knobs that imitate u best beside those `before`, to first order; those of one sign kept to it."""
         columns = np.stack([self.u[knob][part] for knob in knobs], axis=1)
         size, *_ = np.linalg.lstsq(columns, u[part], rcond=1e-3)
         out = {}
         for knob, x in zip(knobs, size, strict=True):
             own = self.setup.knobs[knob]
-            out[knob] = float(np.clip(x, own.least, own.largest))
+            out[knob] = float(np.clip(before[knob] + x, own.least, own.largest))
         return out
 
     @property

@@ -156,6 +156,15 @@ def test_the_oracle_knows_exact_symmetries(pendulum):
         assert not pendulum.allows_name(u, {"bias": "encoder_bias:hinge", "late": "actuator_delay:motor_hinge"}[key[:4]])[0]
 
 
+def test_the_oracle_knows_symmetries_of_large_changes(pendulum):
+    """A heavier turning bob and an armature: to first order, or simulated once at that size, the one seems to be told from the other."""
+    key = "link_inertia:bob"
+    u = pendulum.change([{knob: 0.3 * pendulum.setup.knobs[knob].largest for knob in pendulum.setup.causes[key].knobs}] * 4)
+    lam = float(u @ u)
+    assert lam * (1.0 - pendulum.cosines(u)["armature:hinge"] ** 2) > 400.0
+    assert lam * (1.0 - pendulum.matched(u, key)["armature:hinge"] ** 2) < 0.1
+
+
 def test_the_oracle_sees_nothing_of_what_is_refitted(pendulum):
     u = pendulum.change([{"start:0": 0.01, "start:1": -0.02}] * 4)
     assert u @ u < 3.0  # of 1e5 and more
