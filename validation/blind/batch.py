@@ -28,7 +28,7 @@ from validation import evidence
 from validation.blind import draw, score
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
-TASKS = 40  # cases of a process, before another one goes on: after so many one had grown to 2.7 GB
+TASKS = 40  # cases of each process, before others go on: after so many one had grown to 2.7 GB (the pool's own limit hung after them, Python 3.11)
 KEPT = Path(__file__).resolve().parents[1] / "out" / "blind"  # not in the repository
 
 
@@ -98,11 +98,16 @@ def one(job: tuple) -> dict | None:
     return row
 
 
+def batched(all_of_them: list, size: int) -> list[list]:
+    """A list in parts of a size, the last of which may be smaller."""
+    return [all_of_them[k : k + size] for k in range(0, len(all_of_them), size)]
+
+
 @contextmanager
 def workers(jobs: int, scheduler: str | None) -> Iterator[Executor]:
     """Processes that answer cases: of this machine, or those of a cluster, which have to see the same folders."""
     if not scheduler:
-        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), max_tasks_per_child=TASKS) as pool:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
             yield pool
         return
     from dask.distributed import Client
@@ -158,8 +163,10 @@ def main(arguments: list[str] | None = None) -> int:
     done = {row["index"] for row in given}
     jobs = [(options.keep, answers, options.seed, i, system, kind, pliant, options.timeout)
             for i, (system, kind) in enumerate(wanted[: options.first]) if i not in done]  # fmt: skip
-    with workers(options.jobs, options.scheduler) as pool:
-        rows = [row for row in pool.map(one, jobs) if row]
+    rows = []
+    for part in batched(jobs, TASKS * options.jobs):
+        with workers(options.jobs, options.scheduler) as pool:
+            rows += [row for row in pool.map(one, part) if row]
     if options.draw:
         print(listed(options.keep))
         return 0
