@@ -14,6 +14,8 @@ Sizes are such that λ of `judge.py` is one of `LAMBDAS` (of `outside` and `valu
 
 from __future__ import annotations
 
+import functools
+import operator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -124,7 +126,9 @@ def plan(n: int, seed: int, systems: list[str] | None = None, kinds: list[str] |
 
 def dealt(n: int, shares: dict[str, float], rng: np.random.Generator) -> list[str]:
     """n names in their shares, the remainders by lot, shuffled."""
-    exact = {name: n * share / sum(shares.values()) for name, share in shares.items()}
+    # not `sum`, which rounds otherwise from Python 3.12 on: another remainder, and the seed has other cases
+    whole = functools.reduce(operator.add, shares.values())
+    exact = {name: n * share / whole for name, share in shares.items()}
     out = [name for name, x in exact.items() for _ in range(int(x))]
     rest = np.array([x % 1.0 for x in exact.values()])
     if len(out) < n:
