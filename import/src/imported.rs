@@ -15,6 +15,8 @@ pub struct Options {
     pub free_base: bool,
     /// Leave out the shapes that bodies touch with.
     pub no_contact: bool,
+    /// Joints whose stops are left out, as they are known not to be reached.
+    pub without_stops: Vec<String>,
 }
 
 /// A model that was read.

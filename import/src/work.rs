@@ -172,6 +172,10 @@ impl<'o> Work<'o> {
             self.ignored(element, &joint.name, format!("{given}: both stops at one place, which holds no joint in a scene"));
             return;
         }
+        if self.options.without_stops.contains(&joint.name) {
+            self.ignored(element, &joint.name, format!("{given}: stops that are not reached, left out as wanted"));
+            return;
+        }
         joint.limits = Some([low, high]);
         self.scene.time.integrator = Integrator::Euler;
         self.kept(

@@ -18,7 +18,7 @@ pub fn import_model(
     packages: Option<BTreeMap<String, PathBuf>>,
 ) -> PyResult<(String, Py<PyAny>)> {
     let packages = packages.into_iter().flatten().collect();
-    let options = Options { packages, approximate, free_base, no_contact: !contact };
+    let options = Options { packages, approximate, free_base, no_contact: !contact, ..Options::default() };
     let imported = pliant::import::import_model(path, &options).map_err(input)?;
     let text = serde_json::to_string(&imported.report).map_err(|e| InputError::new_err(e.to_string()))?;
     Ok((imported.to_toml(), py.import("json")?.call_method1("loads", (text,))?.unbind()))

@@ -58,6 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         approximate: arguments.approximate,
         free_base: arguments.free_base,
         no_contact: arguments.no_contact,
+        ..Options::default()
     };
     let imported = import_model(&arguments.model, &options)?;
     let scene = imported.to_toml();

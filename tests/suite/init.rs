@@ -51,6 +51,30 @@ fn a_urdf_and_three_logs_become_a_verdict() {
     assert_refused(&pliant(&arguments(&scene, &LOGS, &again)), &["has an [experiment] already"]);
 }
 
+/// The arm with stops at which it never arrives is simulated as that without; a stop that is reached stays.
+#[test]
+fn stops_that_no_reading_comes_near_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let stops = |low: f64, high: f64| {
+        let urdf = std::fs::read_to_string(MODEL).unwrap().replace("continuous", "revolute");
+        let limit = format!("<limit lower=\"{low}\" upper=\"{high}\" effort=\"1\" velocity=\"1\"/></joint>");
+        let path = folder.path().join("arm.urdf");
+        std::fs::write(&path, urdf.replace("</joint>", &limit)).unwrap();
+        let out = folder.path().join("arm");
+        let logs: Vec<&str> = std::iter::once("--log").chain(LOGS).collect();
+        let start = ["init", "--model", path.to_str().unwrap(), "--force", "--out", out.to_str().unwrap()];
+        let made = pliant(&[&start[..], &logs[..]].concat());
+        assert_eq!(made.status.code(), Some(0), "{}", text(&made.stderr));
+        (text(&made.stdout), std::fs::read_to_string(out.join("scene.toml")).unwrap())
+    };
+    let (said, scene) = stops(-6.0, 6.0);
+    assert!(said.contains("stops left out, as no reading comes near them: shoulder, elbow"), "{said}");
+    assert!(scene.contains("integrator = \"midpoint\"") && !scene.contains("limits"), "{scene}");
+    let (said, scene) = stops(-0.2, 6.0);
+    assert!(said.contains("`euler`, of first order"), "{said}");
+    assert!(scene.contains("integrator = \"euler\"") && scene.contains("limits"), "{scene}");
+}
+
 #[test]
 fn logs_that_do_not_fit_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();

@@ -95,10 +95,13 @@ fn check_input(record: &Prepared, input: usize, out: &mut Vec<Finding>) {
         record: record.index,
         place: Place::Input(input),
         time_s: record.at(worst.start),
-        what: format!("the input jumps {} times; the largest is given", jumps.len()),
+        what: match jumps.len() {
+            1 => "the input jumps".to_owned(),
+            many => format!("the input jumps {many} times; the largest is given"),
+        },
         number: worst.size,
         unit: "input units",
-        advice: "the simulation will take it as a blow: repair the input or cut the record there",
+        advice: "the simulation takes it as a blow: where the motor gave none, repair the input or cut the record there",
     });
 }
 

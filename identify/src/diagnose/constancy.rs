@@ -61,7 +61,7 @@ impl Part {
 
 fn by_part(parts: &[Part]) -> f64 {
     let mean = parts.iter().map(|p| p.information).sum::<f64>() / parts.len().max(1) as f64;
-    let telling: Vec<&Part> = parts.iter().filter(|p| p.information > POLICY.constancy_feeble * mean).collect();
+    let telling: Vec<&Part> = parts.iter().filter(|p| p.information > POLICY.feeble_part * mean).collect();
     if telling.len() < 2 {
         return 1.0;
     }

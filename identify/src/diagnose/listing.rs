@@ -3,7 +3,7 @@
 use super::certainty::estimates;
 use super::constancy;
 use super::policy::POLICY;
-use super::procedure::Found;
+use super::procedure::{Found, Hypothesis};
 use super::result::*;
 use super::scores::Scores;
 use crate::causes::Cause as Candidate;
@@ -39,6 +39,17 @@ pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], 
         }
     };
     found.best.causes.iter().zip(&found.evidence).map(one).collect()
+}
+
+/// Title and numbers of the last cause of every model that cannot be told from the best one, and of its own, each in its own model.
+pub(super) fn refitted(plan: &Plan, found: &Found) -> Vec<(String, Vec<Estimate>)> {
+    let one = |model: &Hypothesis| {
+        let last = model.causes.last()?;
+        let own = |u: &Unknown| last.unknowns.iter().any(|own| own.target.same(&u.target));
+        let all = estimates(plan, &model.fitted, None).into_iter().zip(&model.fitted.unknowns);
+        Some((last.title(), all.filter(|(_, u)| own(u)).map(|(e, _)| e).collect()))
+    };
+    std::iter::once(&found.best).chain(&found.tied).filter_map(one).collect()
 }
 
 /// The size of a cause's first number that varies, in every record; none where none does.

@@ -272,7 +272,7 @@ fn pass(
         wall_s: 0.0,
         parts: Vec::new(),
     };
-    decide(&mut diagnosis, &found, &first, untrusted, coarser.map(|(refined, d)| (refined.words(), d)));
+    decide(&mut diagnosis, plan, &found, &first, untrusted, coarser.map(|(refined, d)| (refined.words(), d)));
     clock.done("held-out gain and report");
     if diagnosis.verdict == Verdict::Ambiguous {
         progress("which experiment would tell");

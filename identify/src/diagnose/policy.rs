@@ -180,6 +180,9 @@ pub(super) struct Policy {
     pub form_range: f64,
     /// Hats over a range.
     pub form_hats: usize,
+    /// A part of a record with less than this share of the mean information says nothing [-]: of sizes by part, and of pushes. A joint that friction
+    /// holds hardly feels a push: one of 2·10⁵ N·m took 166 units *(development)*.
+    pub feeble_part: f64,
     /// Parts of a record's time in each of which something may push.
     pub push_parts: usize,
     /// Parts that have to lie behind it: an outlier near the end bends the fit before it, and looks like a push in all of them.
@@ -195,8 +198,6 @@ pub(super) struct Policy {
     // constancy of sizes
     /// Parts of each record.
     pub constancy_blocks: Blocks,
-    /// A part with less than this share of the mean information says nothing [-].
-    pub constancy_feeble: f64,
     /// Singular values below this are zero when other unknowns are projected out [-].
     pub singular: f64,
     /// Smallest principal cosine from which one cause moves the readings just as another [-].
@@ -330,6 +331,7 @@ pub(super) const POLICY: Policy = Policy {
     stands_in: 0.02,
     form_range: 0.02,
     form_hats: 6,
+    feeble_part: 1e-3,
     push_parts: 24,
     push_behind: 3,
     push_level: 1e-4,
@@ -337,7 +339,6 @@ pub(super) const POLICY: Policy = Policy {
     told_forms: 2,
     form_waves: [1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0],
     constancy_blocks: Blocks { most: 16, samples: 10 },
-    constancy_feeble: 1e-3,
     singular: 1e-12,
     alike: 0.9995,
     alike_before: 0.9,

@@ -28,17 +28,24 @@ pub(super) fn varies(causes: &[Cause], varying: &str) -> String {
     )
 }
 
-/// That several causes fit alike. `accepted`: those that stand whichever of them is right; `by_any`: no data of this kind can tell them.
-pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool) -> String {
+/// That several causes fit alike. `accepted`: those that stand whichever of them is right; `by_any`: no data of this kind can tell them;
+/// `refitted`: those whose sizes in place of the others are known.
+pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool, refitted: &[(String, Vec<Estimate>)]) -> String {
+    let alone = |(title, all): &(String, Vec<Estimate>)| {
+        let sizes: Vec<String> = all.iter().map(|e| format!("{} = {}", e.path, quantity_plain(e.estimate, &e.unit))).collect();
+        (set.contains(title) && !sizes.is_empty()).then(|| format!("{title} {}", sizes.join(", ")))
+    };
+    let sizes: Vec<String> = refitted.iter().filter_map(alone).collect();
+    let sizes = if sizes.is_empty() { String::new() } else { format!("; each in place of the others: {}", sizes.join("; ")) };
     let beside = if accepted.is_empty() { String::new() } else { format!(" beside {}", accepted.join(" and ")) };
     if by_any {
         format!(
-            "{} explains the data{beside}, and no log of these sensors can tell it from {}: both move the readings in the same way",
+            "{} explains the data{beside}, and no log of these sensors can tell it from {}: both move the readings in the same way{sizes}",
             set[0],
             set[1..].join(", ")
         )
     } else {
-        format!("{} explain the data equally well{beside}", set.join(", "))
+        format!("{} explain the data equally well{beside}{sizes}", set.join(", "))
     }
 }
 
@@ -195,6 +202,19 @@ mod tests {
              without it the likelihood falls by 10000 units of −2 log, no other cause comes as near, and the error on held-out records \
              falls from 4 to 1 mm (RMSE over 4 s)."
         );
+    }
+
+    #[test]
+    fn alternatives_come_with_their_sizes() {
+        let of = |name: &str, size| (name.to_owned(), cause(name, "sensor.time_offset", size, "s", 1.0).parameters);
+        let set = ["sensor_delay", "actuator_delay", "actuator_lag"].map(str::to_owned);
+        let said = ambiguous(&set, &[], false, &[of("sensor_delay", 5e-4), of("wind", 1.0)]);
+        assert_eq!(
+            said,
+            "sensor_delay, actuator_delay, actuator_lag explain the data equally well; each in place of the others: \
+             sensor_delay sensor.time_offset = 0.5 ms"
+        );
+        assert!(!ambiguous(&set, &[], false, &[]).contains("place of"));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Verdict, reason and advice.
 
+use super::listing;
 use super::policy::POLICY;
 use super::procedure::{Found, Hypothesis};
 use super::reason;
@@ -7,6 +8,7 @@ use super::remainder::stand_ins;
 use super::result::*;
 use super::scores::Scores;
 use crate::causes::{Cause as Candidate, title};
+use crate::shooting::Plan;
 
 /// Name of a cause, and the object it is about.
 type Name = (String, Option<String>);
@@ -52,6 +54,11 @@ fn counts(n: &&Numerics) -> bool {
     n.gain > POLICY.per_number && n.part > POLICY.tolerated
 }
 
+/// Whether the error of the step is larger than all that is left: taken off to first order it leaves errors of its own, which are no physics.
+fn swamps(n: &Numerics) -> bool {
+    n.kind == NumericsKind::Step && n.part > 1.0
+}
+
 /// Whether something outside the library is behind the causes: what is left is significant; or a size differs from record to record, which a law
 /// that lacks something does as well, and what is left has a form besides.
 fn beyond(d: &Diagnosis) -> bool {
@@ -63,6 +70,7 @@ fn beyond(d: &Diagnosis) -> bool {
 /// simulation, where this one is finer, and how.
 pub(super) fn decide(
     d: &mut Diagnosis,
+    plan: &Plan,
     found: &Found,
     first: &Scores,
     untrusted: Option<String>,
@@ -84,7 +92,8 @@ pub(super) fn decide(
     } else if let Some(set) = titles.first() {
         let accepted: Vec<String> = d.causes.iter().map(Cause::title).filter(|t| !titles.concat().contains(t)).collect();
         let by_any = found.tied.is_empty();
-        (Verdict::Ambiguous, reason::ambiguous(set, &accepted, by_any))
+        let refitted = listing::refitted(plan, found);
+        (Verdict::Ambiguous, reason::ambiguous(set, &accepted, by_any, &refitted))
     } else if let Some(varying) = d.causes.iter().find(|c| !c.sizes.is_empty()) {
         (Verdict::Varies, reason::varies(&d.causes, &varying.title()))
     } else {
@@ -142,7 +151,7 @@ fn set_apart(d: &mut Diagnosis) -> Vec<Cause> {
 /// Where no cause is accepted.
 fn without_cause(d: &Diagnosis, found: &Found, own: &[Numerics]) -> (Verdict, String) {
     let imitated: Vec<String> = found.imitated.iter().map(|(title, _)| title.clone()).collect();
-    if d.remainder.significant {
+    if d.remainder.significant && !own.iter().any(swamps) {
         (Verdict::NotInLibrary, reason::unexplained(&d.remainder))
     } else if !own.is_empty() || !imitated.is_empty() {
         let kinds: Vec<NumericsKind> = found.imitated.iter().map(|(_, kind)| *kind).collect();
@@ -171,6 +180,23 @@ mod tests {
         assert!(!beyond(&d));
         d.remainder.significant = true;
         assert!(beyond(&d));
+    }
+
+    /// What is left that is smaller than the error of the step says nothing about physics; what is larger does, as does any beside inputs read otherwise.
+    #[test]
+    fn an_error_of_the_step_swamps_what_is_smaller() {
+        let own = |kind, part| Numerics {
+            kind,
+            part,
+            interpolation: None,
+            rms: 1e-3,
+            unit: "rad".into(),
+            gain: 500.0,
+            needed: None,
+            note: String::new(),
+        };
+        assert!(swamps(&own(NumericsKind::Step, 2.1)));
+        assert!(!swamps(&own(NumericsKind::Step, 0.9)) && !swamps(&own(NumericsKind::Inputs, 2.1)));
     }
 
     /// A weak cause that what is left may be behind goes, and what it could be taken for; a strong one and its rivals stay.

@@ -88,12 +88,15 @@ pub fn summary(d: &Diagnosis) -> String {
         }
     }
     if d.stages.len() > 1 && !d.extension.is_empty() {
-        out += "\n\nmean |error| per coordinate on held-out records (median record; without the worst):";
+        let several = d.records.held_out > 1;
+        out += "\n\nmean |error| per coordinate on held-out records";
+        out += if several { " (median record; without the worst):" } else { ":" };
         for stage in &d.stages {
             if let Some(e) = stage.held_out.iter().max_by(|a, b| a.horizon_s.total_cmp(&b.horizon_s)) {
                 let [mean, median, others] =
                     [e.mean_abs, e.median_record, e.without_worst].map(|x| quantity_plain(x, &d.remainder.unit));
-                let _ = write!(out, "\n  {}: {mean} ({median}; {others})", words(&stage.name));
+                let of_each = if several { format!(" ({median}; {others})") } else { String::new() };
+                let _ = write!(out, "\n  {}: {mean}{of_each}", words(&stage.name));
             }
         }
     }
@@ -113,7 +116,7 @@ pub fn summary(d: &Diagnosis) -> String {
     match longest(&d.gain) {
         Some(g) => {
             let factor = match g.interval {
-                Some([low, high]) => format!("smaller by {} to {} (90 %)", number_plain(low.exp()), number_plain(high.exp())),
+                Some([low, high]) => gained(low, high),
                 None => "interval unknown: one short record".to_owned(),
             };
             let _ = write!(
@@ -147,6 +150,16 @@ pub fn summary(d: &Diagnosis) -> String {
         let _ = write!(out, "\n  {record}{}; {}", finding.what, finding.advice);
     }
     out
+}
+
+/// By what factor errors fall, with 90 % certainty, from the logarithms of its ends.
+pub(super) fn gained(low: f64, high: f64) -> String {
+    let [least, most] = [low, high].map(|x| number_plain(x.exp()));
+    match (low > 0.0, high < 0.0) {
+        (true, _) => format!("smaller by a factor of {least} to {most} (90 %)"),
+        (_, true) => format!("larger by a factor of {} to {} (90 %)", number_plain((-high).exp()), number_plain((-low).exp())),
+        _ => format!("smaller or larger, which these records do not tell (a factor of {least} to {most}, 90 %)"),
+    }
 }
 
 /// Records to repeat with a change, and what each would tell; that none would, if so.
@@ -204,11 +217,15 @@ pub(super) fn titled(name: &str, object: Option<&str>) -> String {
     words(&title(name, object))
 }
 
-/// A fragment as a sentence: a capital first letter and a full stop.
+/// A fragment as a sentence: a capital first letter, but for a name such as `sensor_delay`, and a full stop.
 pub(super) fn sentence(text: &str) -> String {
-    let mut letters = text.trim().chars();
+    let text = text.trim();
+    let mut letters = text.chars();
     let Some(first) = letters.next() else { return String::new() };
-    let end = if text.trim_end().ends_with(['.', '!', '?']) { "" } else { "." };
+    let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+    if text.split(' ').next().is_some_and(|word| word.contains('_')) {
+        return text.to_owned() + end;
+    }
     first.to_uppercase().chain(letters).collect::<String>() + end
 }
 
@@ -255,6 +272,9 @@ mod tests {
         let mut d = sample::diagnosis();
         (d.verdict, d.extension) = (Verdict::NotInLibrary, std::mem::take(&mut d.causes));
         assert_eq!(headline(&d), "Something is missing that no name is given to; internal damping takes part of it.");
+        let alone = summary(&d);
+        assert!(alone.contains("on held-out records:\n  baseline: 4.5 mm\n"), "{alone}");
+        d.records.held_out = 3;
         let text = summary(&d);
         for part in [
             "the model is extended by:\n  internal damping: The cable",
@@ -269,6 +289,11 @@ mod tests {
 
     #[test]
     fn fragments_become_sentences() {
+        assert_eq!(sentence("sensor_delay explains it"), "sensor_delay explains it.");
+        assert_eq!(gained(2f64.ln(), 4f64.ln()), "smaller by a factor of 2 to 4 (90 %)");
+        assert_eq!(gained(-(4f64.ln()), -(2f64.ln())), "larger by a factor of 2 to 4 (90 %)");
+        let open = gained(-(2f64.ln()), 4f64.ln());
+        assert!(open.starts_with("smaller or larger") && open.contains("0.5 to 4"), "{open}");
         assert_eq!((sentence("a rope"), sentence("A rope."), sentence(" ")), ("A rope.".into(), "A rope.".into(), String::new()));
     }
 
@@ -280,7 +305,7 @@ mod tests {
         {
             assert!(text.contains(part), "{part:?} is not in {text}");
         }
-        assert!(text.contains("smaller by 3.32 to 6.69 (90 %), 93 % of what can"), "{text}");
+        assert!(text.contains("smaller by a factor of 3.32 to 6.69 (90 %), 93 % of what can"), "{text}");
         let mut short = sample::diagnosis();
         (short.gain[1].interval, short.gain[1].explained_fraction) = (None, -0.15);
         assert!(summary(&short).contains("interval unknown: one short record, nothing of what can"), "{}", summary(&short));

@@ -51,6 +51,11 @@ fn ranges_of_mjcf_are_stops() {
     says(&hinge, Verdict::Kept, "range -90 … 45 degrees: hard stops");
     ModelBuilder::new(&hinge.scene).unwrap();
 
+    let without = Options { without_stops: vec!["j".to_owned()], ..Options::default() };
+    let free = import_text(&model("range=\"-90 45\"", ""), "model.xml", &without).unwrap();
+    assert_eq!((joint(&free).limits, free.scene.time.integrator), (None, Integrator::Midpoint));
+    says(&free, Verdict::Ignored, "stops that are not reached");
+
     let slide = mjcf("type=\"slide\" range=\"0.1 0.3\"", "");
     assert_eq!((joint(&slide).limits, joint(&slide).start.as_slice()), (Some([0.1, 0.3]), [0.1].as_slice()));
     says(&slide, Verdict::Approximated, "its zero is beyond a stop");

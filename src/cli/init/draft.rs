@@ -5,10 +5,11 @@ use super::clock;
 use super::log::Log;
 use super::matching::{Match, Matches, Mistake, columns};
 use super::names::Quantity;
+use super::stops;
 use pliant::identify::log::{Experiment, Setup};
 use pliant::identify::report::relative;
 use pliant::import::{Options, import_model};
-use pliant::scene::{Actuator, ActuatorKind, JointKind, Scene, Source, parse_source, to_toml};
+use pliant::scene::{Actuator, ActuatorKind, Integrator, JointKind, Scene, Source, parse_source, to_toml};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -38,7 +39,7 @@ impl Draft {
         same_columns(logs)?;
         let mut assumed = Vec::new();
         let longest = logs.iter().map(|log| log.duration).fold(0.0, f64::max);
-        let mut model = Model::read(model, first, longest, &mut assumed)?;
+        let mut model = Model::read(model, logs, longest, &mut assumed)?;
         let header: Vec<&str> = first.header.iter().map(String::as_str).collect();
         let joints: Vec<&str> = model.joints.iter().map(|(name, _)| name.as_str()).collect();
         let actuators: Vec<&str> = model.actuators.iter().map(|(name, _)| name.as_str()).collect();
@@ -72,8 +73,9 @@ impl Draft {
 }
 
 impl Model {
-    /// A model for a log. One that was imported gets a step that divides the log's period.
-    fn read(path: &Path, log: &Log, duration: f64, assumed: &mut Vec<String>) -> Result<Self, Failure> {
+    /// A model for logs of the same columns. One that was imported gets a step that divides their period, and no stops that they do not reach.
+    fn read(path: &Path, logs: &[Log], duration: f64, assumed: &mut Vec<String>) -> Result<Self, Failure> {
+        let log = &logs[0];
         if path.extension().is_some_and(|kind| kind == "toml") {
             let source = Source::read(path)?;
             let scene: Scene<Experiment> = parse_source(&source)?;
@@ -87,8 +89,12 @@ impl Model {
             }
             return Ok(Self::of(&scene, source.text.clone()));
         }
-        let imported = import_model(path, &Options::default())?;
-        let mut scene = imported.scene;
+        let mut scene = import_model(path, &Options::default())?.scene;
+        let without_stops = stops::never_reached(&scene, logs);
+        let far = without_stops.join(", ");
+        if !without_stops.is_empty() {
+            scene = import_model(path, &Options { without_stops, ..Options::default() })?.scene;
+        }
         scene.time.step = clock::step(log.period);
         scene.time.duration = duration;
         assumed.push(format!(
@@ -97,6 +103,12 @@ impl Model {
             scene.body.len(),
             scene.time.step
         ));
+        if !far.is_empty() {
+            assumed.push(format!("stops left out, as no reading comes near them: {far}"));
+        }
+        if scene.time.integrator == Integrator::Euler {
+            assumed.push("the integrator is `euler`, of first order, for impacts: of stops, or of shapes that touch".to_owned());
+        }
         let header: Vec<&str> = log.header.iter().map(String::as_str).collect();
         let names: Vec<&str> = scene.actuator.iter().map(|a| a.name.as_str()).collect();
         let known = columns(&header, log.clock, &[], &names).unwrap_or_default();
@@ -220,6 +232,17 @@ fn driven(model: &mut Model, found: &Matches, m: &Match, column: &str, assumed: 
     model.actuators.push((name.clone(), m.object.clone()));
     assumed.push(format!("{column}: drives {} by a torque motor `{name}`, which the model lacks", m.object));
     Some((name, column.to_owned()))
+}
+
+/// Size of a unit of a joint's position [rad] or [m]; its usual one where none is given.
+pub fn factor(unit: Option<&str>, slides: bool) -> Option<f64> {
+    match (unit, slides) {
+        (None, _) | (Some("rad"), false) | (Some("m"), true) => Some(1.0),
+        (Some("deg"), false) => Some(1f64.to_radians()),
+        (Some("cm"), true) => Some(1e-2),
+        (Some("mm"), true) => Some(1e-3),
+        _ => None,
+    }
 }
 
 /// Unit of a joint's column, as a scene names it.

@@ -23,6 +23,8 @@ pub struct Log {
     pub period: f64,
     /// Time from the first sample to the last \[s\].
     pub duration: f64,
+    /// Smallest and largest number of every column, in its unit; those that are missing do not count.
+    pub ranges: Vec<[f64; 2]>,
     /// Whether it only judges.
     pub held_out: bool,
 }
@@ -47,7 +49,13 @@ impl Log {
         let seconds = clock::seconds(unit.as_deref(), counts);
         let said = unit.as_deref().is_some_and(|unit| clock::UNITS.iter().any(|(known, _)| *known == unit));
         let duration = seconds * (times[times.len() - 1] - times[0]);
-        Ok(Self { path: path.to_owned(), header, clock, seconds, said, period: seconds * counts, duration, held_out: false })
+        let range = |column: &Vec<f64>| {
+            let finite = column.iter().copied().filter(|x| x.is_finite());
+            finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+        };
+        let ranges = numbers.iter().map(range).collect();
+        let path = path.to_owned();
+        Ok(Self { path, header, clock, seconds, said, period: seconds * counts, duration, ranges, held_out: false })
     }
 }
 

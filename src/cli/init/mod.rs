@@ -5,6 +5,7 @@ mod draft;
 mod log;
 mod matching;
 mod names;
+mod stops;
 
 use super::failure::Failure;
 use super::{diagnose, file, print};
@@ -18,11 +19,11 @@ pub struct Arguments {
     /// Model: URDF, MJCF, or a scene without an [experiment] (.toml).
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
-    /// Log (.csv) of one run, to be fitted; may be given several times.
-    #[arg(long = "log", value_name = "FILE.csv", required = true)]
+    /// Logs (.csv) of one run each, to be fitted: `--log run*.csv`, or given several times.
+    #[arg(long = "log", value_name = "FILE.csv", required = true, num_args = 1..)]
     logs: Vec<PathBuf>,
-    /// Log that only judges; may be given several times. Without it the last of several logs is held out.
-    #[arg(long = "held-out", value_name = "FILE.csv")]
+    /// Logs that only judge; may be given several times. Without them the last of several logs is held out.
+    #[arg(long = "held-out", value_name = "FILE.csv", num_args = 1..)]
     held_out: Vec<PathBuf>,
     /// Folder for the scene, `scene.toml`.
     #[arg(long, value_name = "DIR", default_value = "diagnosis")]

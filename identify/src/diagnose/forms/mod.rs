@@ -107,7 +107,17 @@ fn pushes_of(
         let form = site.told(plan, group, score);
         RemainderForm { p: chi2_sf(score.lm_without_any, 1.0), ..form }
     };
-    Ok(groups.iter().zip(&test).filter(|(_, score)| score.rank > 0).map(told).collect())
+    let felt = felt(&test);
+    Ok(groups.iter().zip(&test).zip(felt).filter(|(_, felt)| *felt).map(|(one, _)| told(one)).collect())
+}
+
+/// Which of the pushes the readings feel: where friction holds a joint the model hardly moves, and to first order a push there would have to be
+/// larger by orders than anything that is.
+fn felt(pushes: &[CandidateScore]) -> Vec<bool> {
+    let information = |score: &CandidateScore| if score.rank > 0 { score.std_error[0].powi(-2) } else { 0.0 };
+    let all: Vec<f64> = pushes.iter().map(information).collect();
+    let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+    all.iter().map(|one| *one > POLICY.feeble_part * mean).collect()
 }
 
 /// The score test of hypotheses, with everything fitted and these changes of the readings projected off.
@@ -247,6 +257,26 @@ mod tests {
         };
         assert!(found.iter().find(said).is_some_and(|f| f.taken > 100.0), "{found:?}");
         assert_eq!(of_swings(Swings { outlier: 8.0 * NOISE, ..Swings::default() }), []);
+    }
+
+    /// A push that hardly moves the readings would have to be absurdly large; late ones move them less than early ones, and are felt.
+    #[test]
+    fn what_is_not_felt_is_no_push() {
+        let starts = [0.3, 0.9, -0.5, 1.4, -1.1, 0.6];
+        let plan = experiment(&pendulum("measured"), &starts.map(|angle| vec![angle; 40])).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let alone =
+            Fitted { records: vec![fitted.records[1].clone()], residuals: vec![fitted.residuals[1].clone()], ..fitted.clone() };
+        let all = sites(&plan);
+        let place = all.iter().flat_map(Site::pushed).next().unwrap();
+        let shape = |peak: f64| Shape::Hat { peak, width: 0.0163, first: false, last: false };
+        let push = |peak| Form { place, variable: Variable::Time, shape: shape(peak), reversing: false };
+        let groups: Vec<Group> = [0.05, 0.2, 0.34].map(|t| Group { forms: vec![push(t)], what: String::new() }).into();
+        let mut test = tested(&plan, &alone, &groups, &[], POLICY.push_blocks).unwrap();
+        assert_eq!(felt(&test), [true; 3], "{test:?}");
+        test[0].std_error[0] *= 1e5;
+        assert_eq!(felt(&test), [false, true, true]);
     }
 
     #[test]
