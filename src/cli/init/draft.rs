@@ -10,6 +10,7 @@ use pliant::identify::log::{Experiment, Setup};
 use pliant::identify::report::relative;
 use pliant::import::{Options, import_model};
 use pliant::scene::{Actuator, ActuatorKind, Integrator, JointKind, Scene, Source, parse_source, to_toml};
+use std::f64::consts::PI;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -234,21 +235,15 @@ fn driven(model: &mut Model, found: &Matches, m: &Match, column: &str, assumed: 
     Some((name, column.to_owned()))
 }
 
-/// Size of a unit of a joint's position [rad] or [m]; its usual one where none is given.
-pub fn factor(unit: Option<&str>, slides: bool) -> Option<f64> {
-    match (unit, slides) {
-        (None, _) | (Some("rad"), false) | (Some("m"), true) => Some(1.0),
-        (Some("deg"), false) => Some(1f64.to_radians()),
-        (Some("cm"), true) => Some(1e-2),
-        (Some("mm"), true) => Some(1e-3),
-        _ => None,
-    }
+/// Units of the position of a joint that turns or slides, as a scene names them, and their sizes [rad] or [m]; the usual one first.
+pub const fn units(slides: bool) -> &'static [(&'static str, f64)] {
+    if slides { &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)] } else { &[("rad", 1.0), ("deg", PI / 180.0)] }
 }
 
 /// Unit of a joint's column, as a scene names it.
 fn unit_of(log: &Log, m: &Match, slides: bool) -> Result<&'static str, Failure> {
-    let (known, usual): (&[&'static str], _) = if slides { (&["m", "cm", "mm"], "m") } else { (&["rad", "deg"], "rad") };
-    let Some(unit) = m.unit.as_deref() else { return Ok(usual) };
+    let known: Vec<&'static str> = units(slides).iter().map(|(name, _)| *name).collect();
+    let Some(unit) = m.unit.as_deref() else { return Ok(known[0]) };
     known.iter().find(|name| **name == unit).copied().ok_or_else(|| Failure::Init {
         place: format!("{}: column `{}`", log.path.display(), log.header[m.column]),
         what: format!("is in {unit}, and joint `{}` {}", m.object, if slides { "slides" } else { "turns" }),
