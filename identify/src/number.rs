@@ -35,6 +35,11 @@ fn number_plain_with(x: f64, significant: usize) -> String {
     }
 }
 
+/// Four significant digits, for terminals.
+pub(crate) fn four_digits(x: f64) -> String {
+    number_plain_with(x, 4)
+}
+
 /// An estimate and the ends of its interval, with as many digits as show two of its half width.
 pub(crate) fn estimate_of(x: f64, interval: Option<[f64; 2]>) -> (String, Option<[String; 2]>) {
     let significant = resolving(x, interval);

@@ -1,6 +1,7 @@
 //! Likely cause and fix of each mistake.
 
 use super::error::{LogMistake as M, Need};
+use crate::number::four_digits;
 use pliant_scene::words::Num;
 
 /// (likely cause, fix).
@@ -88,13 +89,16 @@ fn of_the_experiment(mistake: &M) -> Option<(String, String)> {
 
 fn of_the_values(mistake: &M) -> Option<(String, String)> {
     Some(match mistake {
-        M::NotANumber { .. } => {
-            both("a unit, a decimal comma or a word in the cell", "write the number alone, with a decimal point")
-        }
+        M::NotANumber { found } if found.replace(',', ".").parse::<f64>().is_ok() => both(
+            "the log was saved with decimal commas",
+            "save it with decimal points (in a file whose cells are parted by `;` or tabs: replace every `,` by `.`)",
+        ),
+        M::NotANumber { .. } => both("a unit or a word in the cell", "write the number alone, with a decimal point"),
         M::Missing { of: Need::Clock, .. } => both("a lost row", "remove the row: a sample without time cannot be used"),
-        M::Missing { of: Need::Input, .. } => {
-            both("a lost sample; inputs drive the simulation and cannot be missing", "fill it in, or cut the record there")
-        }
+        M::Missing { of: Need::Input, .. } => both(
+            "a lost sample; inputs drive the simulation and cannot be missing",
+            "write the command that was in force into the cell, or end the record before this row",
+        ),
         M::Missing { of: Need::Reading | Need::HiddenReading, .. } => {
             both("a lost sample", "write `may_be_missing = true` for this sensor, or cut the record there")
         }
@@ -103,7 +107,7 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
         }
         M::Angles { unit: "rad", limits, .. } => both(
             match limits {
-                Some(limits) => format!("the log is in degrees; the joint's limits are {} rad apart", Num(*limits)),
+                Some(limits) => format!("the log is in degrees; the joint's limits are {} rad apart", four_digits(*limits)),
                 None => "the log is in degrees".to_owned(),
             },
             "write `angle_unit = \"deg\"` for this sensor, or correct the joint's limits",
@@ -112,14 +116,18 @@ fn of_the_values(mistake: &M) -> Option<(String, String)> {
         M::Missing { .. } => {
             both("a hidden marker or a lost sample", "write `may_be_missing = true` for this marker, or cut the record there")
         }
-        M::Clock { before, after } if after == before => both("a sample was logged twice", "remove one of the two rows"),
+        M::Clock { reversed: true, .. } => {
+            both("the rows are in reverse order, the last sample first", "reverse the order of the rows below the header")
+        }
+        M::Clock { before, after, .. } if after == before => both("a sample was logged twice", "remove one of the two rows"),
         M::Clock { .. } => both(
             "two recordings in one file, a clock that was set, or rows out of order",
             "split the file where the clock restarts, or sort its rows",
         ),
-        M::TooFew { needed, .. } => {
-            both("the recording stopped early", format!("record at least {needed} samples, or leave this record out"))
-        }
+        M::TooFew { found, needed } => both(
+            if *found == 0 { "nothing was recorded: the file has a header and no rows" } else { "the recording stopped early" },
+            format!("record at least {needed} samples, or leave this record out"),
+        ),
         M::TooShort { key, .. } => {
             both("the recording stopped early", format!("record longer, leave this record out, or shorten {key}"))
         }
@@ -167,6 +175,10 @@ fn of_the_file(mistake: &M) -> (String, String) {
         }
         M::NoColumn { known, .. } => both("the log was made by another program", format!("name one of {known}")),
         M::TwoColumns { .. } => both("columns were joined from two files", "rename one of them in the file"),
+        M::Ragged { found, expected } if *found == 2 * expected => both(
+            "decimal commas in a file whose cells are parted by commas",
+            "save the log with decimal points, or with `;` between the cells",
+        ),
         M::Ragged { .. } => both("the row was cut off, or has a comma too many", "correct or remove the row"),
         M::SameRecord { .. } => both(
             "a file was listed twice, given by `--log` again, or copied under another name",

@@ -187,6 +187,11 @@ impl Check<'_> {
                 (None, indices) => (indices.iter().flatten().count(), "points", "indices", 3),
             };
             let controls = self.setup.controls_of(&name);
+            let of_torque = input.actuator.is_some() && controls.iter().all(|control| control.unit == "-");
+            if !of_torque && !input.torque_unit.is_si() {
+                let mistake = LogMistake::Misplaced { key: "torque_unit", owner: "inputs of torque motors" };
+                return self.refuse(&format!("{item}.torque_unit"), mistake);
+            }
             if found * each != controls.len() {
                 let names = words::list(controls.iter().map(|control| control.name.as_str()));
                 let mistake = LogMistake::InputCount { kind, name, found, what, needed: controls.len(), names };
@@ -220,6 +225,17 @@ impl Check<'_> {
     }
 }
 
+/// Refuses times [s] that do not count up. `place` locates a sample's clock.
+pub(super) fn check_clock(time: &[f64], place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
+    match (1..time.len()).find(|&k| time[k] <= time[k - 1]) {
+        Some(k) => {
+            let reversed = time.windows(2).all(|pair| pair[1] < pair[0]);
+            Err(LogError::new(place(k), LogMistake::Clock { before: time[k - 1], after: time[k], reversed }))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Checks a record as read. `place` locates a sample's clock.
 pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize) -> Place) -> Result<(), LogError> {
     let n = record.time.len();
@@ -227,12 +243,7 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
     if n < LOG.samples {
         return Err(LogError::new(last, LogMistake::TooFew { found: n, needed: LOG.samples }));
     }
-    for k in 1..n {
-        let (before, after) = (record.time[k - 1], record.time[k]);
-        if after <= before {
-            return Err(LogError::new(place(k), LogMistake::Clock { before, after }));
-        }
-    }
+    check_clock(&record.time, place)?;
     let (period, step) = (record.period(), setup.scene.time.step);
     let ratio = period / step;
     if !(LOG.steps.0..=LOG.steps.1).contains(&ratio) {

@@ -1,18 +1,32 @@
 //! CSV logs: one record per file, a header with column names, one row per sample. Comma, semicolon or tab; `#` begins a comment.
 
+use super::check::check_clock;
+use super::constants::LOG;
 use super::error::{LogError, LogMistake, Need};
 use super::experiment::RecordFile;
 use super::record::Record;
 use super::setup::{Setup, suggestion};
 use csv::{ReaderBuilder, StringRecord, Trim};
 use pliant_scene::Place;
+use std::num::ParseFloatError;
 use std::path::Path;
 
-/// A file while it is read.
-struct Table {
+/// A CSV log as it is read: names of columns, and cells.
+pub struct CsvTable {
     file: String,
     header: Vec<String>,
     rows: Vec<StringRecord>,
+}
+
+/// Cells of a column without a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gaps {
+    /// How many.
+    pub count: usize,
+    /// Line of the first one in the file.
+    pub line: usize,
+    /// Whether every row is one.
+    pub all: bool,
 }
 
 /// A column that the experiment asks for.
@@ -27,23 +41,9 @@ pub(super) fn is_csv(path: &Path) -> bool {
     matches!(extension.as_deref().and_then(|e| e.to_str()), Some("csv" | "txt" | "tsv"))
 }
 
-/// Names of the columns of a CSV log, and their numbers, one per row; NaN where a cell holds none.
-///
-/// # Errors
-/// Another kind of file, one that cannot be read, without names, or with rows of another length.
-pub fn csv_columns(path: &Path) -> Result<Vec<(String, Vec<f64>)>, LogError> {
-    if !is_csv(path) {
-        return Err(LogError::new(Place { file: Some(path.display().to_string()), ..Place::default() }, LogMistake::Kind));
-    }
-    let table = Table::read(path)?;
-    let number = |row: &StringRecord, k: usize| row.get(k).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
-    let numbers = |k: usize| table.rows.iter().map(|row| number(row, k)).collect();
-    Ok(table.header.iter().enumerate().map(|(k, name)| (name.clone(), numbers(k))).collect())
-}
-
 /// Reads the one record of a file.
 pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<Record>, LogError> {
-    let table = Table::read(path)?;
+    let table = CsvTable::read(path)?;
     let time = table.time(setup)?;
     let mut markers: Vec<Vec<[f64; 3]>> = vec![Vec::new(); table.rows.len()];
     for (k, marker) in setup.experiment.marker.iter().enumerate() {
@@ -73,22 +73,94 @@ pub(super) fn read(setup: &Setup, path: &Path, file: &RecordFile) -> Result<Vec<
     Ok(vec![setup.finish(record, &|row| table.place(row, clock))?])
 }
 
+/// Names in the last comment above a first row of numbers, as `numpy.savetxt` writes its header: as many as there are numbers.
+fn commented_header<'a>(above: impl Iterator<Item = &'a str>, first: &str, delimiter: char) -> Option<Vec<String>> {
+    let is_number = |cell: &str| cell.trim().parse::<f64>().is_ok();
+    let comment = above.filter(|line| line.starts_with('#')).last()?;
+    let names: Vec<String> = comment.trim_start_matches('#').split(delimiter).map(|name| name.trim().to_owned()).collect();
+    let named = names.len() == first.split(delimiter).count() && !names.iter().any(|name| is_number(name));
+    (named && first.split(delimiter).all(is_number)).then_some(names)
+}
+
+/// The number of a cell; NaN if it is empty.
+fn number(cell: &str) -> Result<f64, ParseFloatError> {
+    if cell.is_empty() { Ok(f64::NAN) } else { cell.parse() }
+}
+
 fn mapping(key: &'static str) -> LogMistake {
     LogMistake::Mapping { key, kind: "CSV" }
 }
 
-impl Table {
+impl CsvTable {
+    /// Opens a log before there is a scene for it.
+    ///
+    /// # Errors
+    /// Another kind of file, one that cannot be read, without names, or with rows of another length.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        if !is_csv(path) {
+            return Err(LogError::new(Place { file: Some(path.display().to_string()), ..Place::default() }, LogMistake::Kind));
+        }
+        Self::read(path)
+    }
+
+    /// Names of the columns.
+    pub fn names(&self) -> &[String] {
+        &self.header
+    }
+
+    /// The numbers of a clock, in its own unit.
+    ///
+    /// # Errors
+    /// Fewer rows than a diagnosis needs, or a cell without a number.
+    pub fn counts(&self, clock: &str) -> Result<Vec<f64>, LogError> {
+        let (found, needed) = (self.rows.len(), LOG.diagnosed);
+        if found < needed {
+            return Err(LogError::new(self.place(found.saturating_sub(1), clock), LogMistake::TooFew { found, needed }));
+        }
+        self.column(clock, 1.0, Need::Clock)
+    }
+
+    /// Refuses times [s] of a clock that do not count up.
+    ///
+    /// # Errors
+    /// The first row at which they do not.
+    pub fn check_clock(&self, clock: &str, times: &[f64]) -> Result<(), LogError> {
+        check_clock(times, &|row| self.place(row, clock))
+    }
+
+    /// The cells of a column that hold no number because none was logged; `None` if there are none.
+    pub fn gaps(&self, name: &str) -> Option<Gaps> {
+        let column = self.header.iter().position(|other| other == name)?;
+        let is_missing = |row: &&StringRecord| row.get(column).is_none_or(|cell| number(cell).is_ok_and(f64::is_nan));
+        let mut missing = self.rows.iter().filter(is_missing);
+        let first = missing.next()?;
+        let count = 1 + missing.count();
+        Some(Gaps { count, line: first.position().map_or(0, |place| place.line() as usize), all: count == self.rows.len() })
+    }
+
+    /// The smallest and the largest number of a column, in its own unit: infinities, in the wrong order, if it has none.
+    pub fn range(&self, name: &str) -> [f64; 2] {
+        let column = self.header.iter().position(|other| other == name);
+        let cells = self.rows.iter().filter_map(|row| number(row.get(column?)?).ok().filter(|x| x.is_finite()));
+        cells.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    }
+
     fn read(path: &Path) -> Result<Self, LogError> {
         let file = path.display().to_string();
         let whole = Place { file: Some(file.clone()), ..Place::default() };
         let unreadable = |error: String| LogError::new(whole.clone(), LogMistake::Read { error });
         let text = std::fs::read_to_string(path).map_err(|error| unreadable(error.to_string()))?;
-        let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#')).unwrap_or("");
+        let is_row = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
+        let first = text.lines().find(is_row).unwrap_or("");
         let delimiter = [b',', b';', b'\t'].into_iter().find(|d| first.contains(char::from(*d))).unwrap_or(b',');
+        let commented = commented_header(text.lines().take_while(|line| !is_row(line)), first, char::from(delimiter));
         let mut builder = ReaderBuilder::new();
-        builder.delimiter(delimiter).comment(Some(b'#')).trim(Trim::All).flexible(true);
+        builder.delimiter(delimiter).comment(Some(b'#')).trim(Trim::All).flexible(true).has_headers(commented.is_none());
         let mut reader = builder.from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|error| unreadable(error.to_string()))?;
+        let header = match commented {
+            Some(names) => names,
+            None => reader.headers().map_err(|error| unreadable(error.to_string()))?.iter().map(str::to_owned).collect(),
+        };
         let header: Vec<String> = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
         if header.iter().all(String::is_empty) {
             return Err(LogError::new(whole.clone(), LogMistake::Empty));
@@ -173,9 +245,8 @@ impl Table {
 
     fn cell(&self, row: usize, name: &str, column: &Column, need: Need) -> Result<f64, LogError> {
         let text = self.rows[row].get(column.index).unwrap_or("");
-        let value = if text.is_empty() { Ok(f64::NAN) } else { text.parse::<f64>() };
         let refuse = |mistake| Err(LogError::new(self.place(row, name), mistake));
-        match value {
+        match number(text) {
             Ok(value) if value.is_finite() => Ok(value * column.factor),
             Ok(value) if value.is_nan() && matches!(need, Need::HiddenMarker | Need::HiddenReading) => Ok(f64::NAN),
             Ok(value) => {

@@ -1,7 +1,7 @@
 //! Mistakes in an experiment or its logs: place, mistake, likely cause and fix.
 
 use super::advice::advice;
-use crate::number::fixed;
+use crate::number::{fixed, four_digits};
 use pliant_scene::words::Num;
 use pliant_scene::{Place, SceneError};
 use std::fmt;
@@ -78,13 +78,13 @@ pub enum LogMistake {
     #[error("gives {found} columns; an orientation has four (a quaternion w, x, y, z) or three (a rotation vector)")]
     OrientationColumns { found: usize },
     /// A quaternion that is none.
-    #[error("the quaternion's length is {}, not 1", Num(*.length))]
+    #[error("the quaternion's length is {}, not 1", four_digits(*.length))]
     Quaternion { length: f64 },
     /// Readings that only CSV files can hold.
     #[error("sensors at joints and orientations are read from CSV files, and this record is an npz file")]
     OnlyCsv,
     /// Angles that betray another unit.
-    #[error("joint \"{joint}\" moves over {} {unit}", Num(*.spread))]
+    #[error("joint \"{joint}\" moves over {} {unit}", four_digits(*.spread))]
     Angles { joint: String, spread: f64, unit: &'static str, limits: Option<f64> },
     /// None of several keys, or more than one.
     #[error("{} of the keys {keys} is given", if *.given == 0 { "none" } else { "more than one" })]
@@ -154,7 +154,7 @@ pub enum LogMistake {
     Missing { found: &'static str, of: Need },
     /// A clock that runs backwards or stands still.
     #[error("the clock {} from {} s to {} s", if after < before { "runs backwards" } else { "stands still" }, fixed(*.before, 6), fixed(*.after, 6))]
-    Clock { before: f64, after: f64 },
+    Clock { before: f64, after: f64, reversed: bool },
     /// A measurement that is there twice.
     #[error("record {name} has the same times and readings as record {other}")]
     SameRecord { name: String, other: String },

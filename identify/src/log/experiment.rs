@@ -1,5 +1,6 @@
 //! The `[experiment]` of a scene: the measurements, their files, and the free parameters.
 
+use super::units::{AngleUnit, LengthUnit, TimeUnit, TorqueUnit};
 use crate::sensor::{SCALE, Sensor, TIME_OFFSET};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -173,43 +174,6 @@ pub struct Clock {
     pub unit: TimeUnit,
 }
 
-/// Units of time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum TimeUnit {
-    /// Seconds.
-    #[default]
-    S,
-    /// Milliseconds.
-    Ms,
-    /// Microseconds.
-    Us,
-}
-
-/// Units of length; for velocities, the same per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum LengthUnit {
-    /// Metres.
-    #[default]
-    M,
-    /// Centimetres.
-    Cm,
-    /// Millimetres.
-    Mm,
-}
-
-/// Units of angle; for angular velocities, the same per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum AngleUnit {
-    /// Radians.
-    #[default]
-    Rad,
-    /// Degrees.
-    Deg,
-}
-
 /// An observed point of a rope, at a `node` or at an `arc` length, of a cloth, at a `node`, or of a `body`; in CSV `columns` or at an
 /// `index` of an npz array.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -353,12 +317,15 @@ pub struct Input {
     /// Points in the array, three inputs each; negative numbers count from the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub indices: Option<Vec<i64>>,
-    /// Unit of positions; of velocities, the same per second. Axes, and controls of torque drives, have none.
+    /// Unit of positions; of velocities, the same per second. Axes have none.
     #[serde(default)]
     pub unit: LengthUnit,
     /// Unit of angles; of angular velocities, the same per second.
     #[serde(default)]
     pub angle_unit: AngleUnit,
+    /// Unit of the torques that command a torque motor.
+    #[serde(default, skip_serializing_if = "TorqueUnit::is_si")]
+    pub torque_unit: TorqueUnit,
 }
 
 impl Input {
@@ -434,36 +401,4 @@ pub struct Prior {
     pub mean: f64,
     /// Standard deviation, in the parameter's unit.
     pub std: f64,
-}
-
-impl TimeUnit {
-    /// The unit in seconds.
-    pub fn seconds(self) -> f64 {
-        match self {
-            Self::S => 1.0,
-            Self::Ms => 1e-3,
-            Self::Us => 1e-6,
-        }
-    }
-}
-
-impl LengthUnit {
-    /// The unit in metres.
-    pub fn metres(self) -> f64 {
-        match self {
-            Self::M => 1.0,
-            Self::Cm => 1e-2,
-            Self::Mm => 1e-3,
-        }
-    }
-}
-
-impl AngleUnit {
-    /// The unit in radians.
-    pub fn radians(self) -> f64 {
-        match self {
-            Self::Rad => 1.0,
-            Self::Deg => std::f64::consts::PI / 180.0,
-        }
-    }
 }

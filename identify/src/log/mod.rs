@@ -23,14 +23,16 @@ mod lone;
 mod npz_file;
 mod record;
 mod setup;
+mod units;
 
-pub use csv_file::csv_columns;
+pub use csv_file::{CsvTable, Gaps};
 pub use error::{LogError, LogMistake, Need, Refused};
 pub use experiment::{
-    AngleUnit, Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor,
-    LengthUnit, Marker, Orientation, Prior, RecordFile, Role, SensorStart, TimeUnit,
+    Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor, Marker,
+    Orientation, Prior, RecordFile, Role, SensorStart,
 };
 pub use lone::{Lone, LoneSensor};
 pub use record::{Logs, Record, Split, StepTime, period};
 pub use setup::Setup;
 pub(crate) use setup::offset_path;
+pub use units::{AngleUnit, LengthUnit, TimeUnit, TorqueUnit};

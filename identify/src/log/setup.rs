@@ -178,6 +178,7 @@ fn factor(input: &Input, unit: &str) -> f64 {
     match unit {
         "m" | "m/s" => input.unit.metres(),
         "rad" | "rad/s" => input.angle_unit.radians(),
+        _ if input.actuator.is_some() => input.torque_unit.newton_metres(),
         _ => 1.0,
     }
 }
@@ -186,4 +187,44 @@ fn factor(input: &Input, unit: &str) -> f64 {
 pub(super) fn suggestion<'a>(name: &str, known: &[&'a str]) -> (Option<String>, String) {
     let nearest: Option<&'a str> = words::nearest(name, known.iter().copied());
     (nearest.map(str::to_owned), words::list(known.iter().copied()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::units::TorqueUnit;
+    use super::*;
+
+    #[test]
+    fn torques_are_commanded_in_their_unit_and_axes_have_none() {
+        let motor = Input { actuator: Some("motor".to_owned()), torque_unit: TorqueUnit::Nmm, ..Input::default() };
+        assert_eq!((factor(&motor, "-"), factor(&motor, "rad")), (1e-3, 1.0));
+        let gripper = Input { gripper: Some("hand".to_owned()), torque_unit: TorqueUnit::Nmm, ..Input::default() };
+        assert_eq!(factor(&gripper, "-"), 1.0);
+    }
+
+    #[test]
+    fn units_of_torque_belong_to_torque_motors() {
+        let scene = r#"schema_version = 1
+[time]
+step = 0.01
+[[rope]]
+name = "cable"
+nodes = 5
+length = 1.0
+linear_density = 0.05
+stretch_stiffness = 1.0e4
+initial = { shape = "straight", from = [0, 0, 0], direction = [1, 0, 0] }
+[[gripper]]
+name = "hand"
+rope = "cable"
+end = "first"
+[experiment]
+time = { column = "t" }
+marker = [{ rope = "cable", node = 2, columns = ["x", "y", "z"] }]
+input = [{ gripper = "hand", columns = ["a", "b", "c", "d", "e", "f"], torque_unit = "mNm" }]
+"#;
+        let error = Setup::from_source(Source::new("scene.toml", scene), PathBuf::new()).map(|_| ()).map_err(|e| e.to_string());
+        let said = "`torque_unit` is given, but only inputs of torque motors have one";
+        assert!(error.as_ref().is_err_and(|error| error.contains(said)), "{error:?}");
+    }
 }

@@ -6,13 +6,13 @@ pub const LONGEST_STEP: f64 = 2.5e-3;
 /// second or less than a millisecond between samples are rare.
 pub const COUNTS: [(f64, f64); 3] = [(1e6, 1e-9), (1e3, 1e-6), (1.0, 1e-3)];
 
-/// Units that a clock's name may end in, and their size [s].
+/// Units of clocks, as scenes write them, and their size [s].
 pub const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
 /// Seconds per count of the clock: by the unit of its name, or by the size of its period in counts.
 pub fn seconds(unit: Option<&str>, period: f64) -> f64 {
     let named = UNITS.iter().find(|(name, _)| Some(*name) == unit);
-    let counted = || COUNTS.iter().find(|(least, _)| period >= *least);
+    let counted = || COUNTS.iter().find(|(least, _)| period.abs() >= *least);
     named.map(|(_, seconds)| *seconds).or_else(|| counted().map(|(_, seconds)| *seconds)).unwrap_or(1.0)
 }
 

@@ -3,16 +3,15 @@
 use super::super::failure::Failure;
 use super::clock;
 use super::log::Log;
-use super::matching::{Match, Matches, Mistake, columns};
-use super::names::Quantity;
-use super::stops;
-use pliant::identify::log::{Experiment, Setup};
+use super::matching::{Matches, Mistake, columns};
+use super::names::{self, Quantity};
+use super::{advice, drives, stops, units};
+use pliant::identify::log::{Experiment, Gaps, Setup};
 use pliant::identify::report::relative;
 use pliant::import::{Options, import_model};
 use pliant::scene::{Actuator, ActuatorKind, Integrator, JointKind, Scene, Source, parse_source, to_toml};
-use std::f64::consts::PI;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A scene with its experiment, and what was assumed on the way.
 pub struct Draft {
@@ -23,14 +22,15 @@ pub struct Draft {
 }
 
 /// A model: its text and the names in it.
-struct Model {
-    text: String,
+pub struct Model {
+    /// The scene file.
+    pub text: String,
     /// Joints of one axis: name, whether it slides.
-    joints: Vec<(String, bool)>,
+    pub joints: Vec<(String, bool)>,
     /// Actuators: name, joint.
-    actuators: Vec<(String, String)>,
+    pub actuators: Vec<(String, String)>,
     /// Names of those that command a position or a velocity.
-    servos: Vec<String>,
+    pub servos: Vec<String>,
 }
 
 impl Draft {
@@ -46,17 +46,19 @@ impl Draft {
         let actuators: Vec<&str> = model.actuators.iter().map(|(name, _)| name.as_str()).collect();
         let found = columns(&header, first.clock, &joints, &actuators).map_err(|mistake| unmatched(first, &model, &mistake))?;
         let mut experiment = String::from("\n[experiment]\n");
-        clock_of(first, &mut experiment, &mut assumed)?;
-        sensors(first, &mut model, &found, &mut experiment, &mut assumed)?;
-        let ignored: Vec<&str> = found.ignored.iter().map(|&k| header[k]).collect();
-        if !ignored.is_empty() {
-            assumed.push(format!("left out, as they name nothing in the model: {}", ignored.join(", ")));
+        clock_of(first, &mut experiment, &mut assumed);
+        sensors(logs, &model, &found, &mut experiment, &mut assumed)?;
+        drives::inputs(first, &mut model, &found, &mut experiment, &mut assumed)?;
+        drives::without(first, &model, &found, &mut assumed)?;
+        if !first.without.is_empty() {
+            assumed.push(format!("left out, as you said: {}", first.without.join(", ")));
         }
         for log in logs {
-            let (file, role) = (relative(folder, &log.path), if log.held_out { "held_out" } else { "fit" });
+            let (file, path) = (relative(folder, &log.path), log.path.display());
+            let role = if log.held_out { "held_out" } else { "fit" };
             let _ = write!(experiment, "[[experiment.record]]\nfile = {}\nrole = \"{role}\"\n", quoted(&file));
             let what = if log.held_out { "held out, to judge by" } else { "fitted" };
-            assumed.push(format!("{file}: {what}, {} s at {} Hz", rounded(log.duration), rounded(1.0 / log.period)));
+            assumed.push(format!("{path}: {what}, {} s at {} Hz", rounded(log.duration), rounded(1.0 / log.period)));
         }
         if logs.len() == 1 {
             assumed.push("a single log: nothing is held out, so no gain can be measured".to_owned());
@@ -65,10 +67,12 @@ impl Draft {
     }
 
     /// Refuses a scene that its logs cannot be read with, before it is written.
-    pub fn check(&self, path: &Path) -> Result<(), Failure> {
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        let setup = Setup::from_source(Source::new(path.display().to_string(), &self.text), folder)?;
-        setup.read_logs(&[])?;
+    pub fn check(&self, path: &Path, logs: &[Log]) -> Result<(), Failure> {
+        let mut setup = Setup::from_source(Source::new(path.display().to_string(), &self.text), PathBuf::new())?;
+        // by their paths as they were given: those in the scene lead through its folder, which is not there yet
+        setup.experiment.record.clear();
+        let paths: Vec<PathBuf> = logs.iter().map(|log| log.path.clone()).collect();
+        setup.read_logs(&paths).map_err(|error| advice::before_the_scene(error, logs))?;
         Ok(())
     }
 }
@@ -115,7 +119,7 @@ impl Model {
         let known = columns(&header, log.clock, &[], &names).unwrap_or_default();
         let torques = |joint: &str| {
             let all = columns(&header, log.clock, &[joint], &[]).unwrap_or_default();
-            all.found.iter().any(|m| m.quantity == Quantity::Torque)
+            all.found.iter().any(|m| matches!(m.quantity, Quantity::Torque | Quantity::CommandedTorque))
         };
         // a torque is no command of a servo
         let driven = |a: &Actuator| a.kind == ActuatorKind::Torque && torques(&a.joint);
@@ -140,70 +144,47 @@ impl Model {
 }
 
 /// The entry of the clock.
-fn clock_of(log: &Log, experiment: &mut String, assumed: &mut Vec<String>) -> Result<(), Failure> {
+fn clock_of(log: &Log, experiment: &mut String, assumed: &mut Vec<String>) {
     let name = &log.header[log.clock];
-    let known = clock::UNITS.iter().find(|(unit, seconds)| *seconds == log.seconds && *unit != "ns");
-    let Some((unit, _)) = known else {
-        return Err(Failure::Init {
-            place: format!("{}: column `{name}`", log.path.display()),
-            what: "counts nanoseconds".to_owned(),
-            cause: "stamps as ROS writes them",
-            fix: "divide them by 1000 and name the column `time_us`".to_owned(),
-        });
-    };
+    let unit = clock::UNITS.iter().find(|(_, seconds)| *seconds == log.seconds).map_or("s", |(unit, _)| unit);
     let _ = writeln!(experiment, "time = {{ column = {}, unit = \"{unit}\" }}", quoted(name));
     let why = if log.said { "by its name" } else { "by the size of its differences" };
     assumed.push(format!("{name} -> time [{unit}], {why}"));
-    Ok(())
 }
 
-/// The entries of sensors and inputs.
+/// The entries of sensors.
 fn sensors(
-    log: &Log,
-    model: &mut Model,
+    logs: &[Log],
+    model: &Model,
     found: &Matches,
     experiment: &mut String,
     assumed: &mut Vec<String>,
 ) -> Result<(), Failure> {
-    let mut inputs: Vec<(String, String)> = Vec::new();
+    let first = &logs[0];
     let mut seen = false;
     for m in &found.found {
-        let column = &log.header[m.column];
-        let slides = model.joints.iter().any(|(name, slides)| *name == m.object && *slides);
-        match m.quantity {
-            Quantity::Command => inputs.push((m.object.clone(), column.clone())),
-            Quantity::Torque => inputs.extend(driven(model, found, m, column, assumed)),
-            Quantity::Position | Quantity::Velocity => {
-                seen = true;
-                let unit = unit_of(log, m, slides)?;
-                let measures = if m.quantity == Quantity::Position { "position" } else { "velocity" };
-                let key = if slides { "unit" } else { "angle_unit" };
-                let _ = write!(
-                    experiment,
-                    "[[experiment.joint]]\njoint = {}\nmeasures = \"{measures}\"\ncolumn = {}\n{key} = \"{unit}\"\n",
-                    quoted(&m.object),
-                    quoted(column)
-                );
-                let per = if measures == "velocity" { "/s" } else { "" };
-                assumed.push(format!("{column} -> {measures} of {} [{unit}{per}]", m.object));
-            }
+        let (measures, per) = match m.quantity {
+            Quantity::Position => ("position", ""),
+            Quantity::Velocity => ("velocity", "/s"),
+            Quantity::Torque | Quantity::CommandedTorque | Quantity::Command => continue,
+        };
+        seen = true;
+        let column = &first.header[m.column];
+        let (key, unit) = units::of(first, model, m)?;
+        let _ = write!(
+            experiment,
+            "[[experiment.joint]]\njoint = {}\nmeasures = \"{measures}\"\ncolumn = {}\n{key} = \"{unit}\"\n",
+            quoted(&m.object),
+            quoted(column)
+        );
+        assumed.push(format!("{column} -> {measures} of {} [{unit}{per}]", m.object));
+        if let Some(missing) = missing(logs, column)? {
+            experiment.push_str("may_be_missing = true\n");
+            assumed.push(missing);
         }
     }
     if !seen {
-        return Err(unmatched(log, model, &Mistake::Nothing));
-    }
-    let missing = |(name, _): &&(String, String)| !inputs.iter().any(|(actuator, _)| actuator == name);
-    if let Some((name, joint)) = model.actuators.iter().find(missing) {
-        return Err(Failure::Init {
-            place: log.path.display().to_string(),
-            what: format!("no column has the command of actuator `{name}` at joint `{joint}`"),
-            cause: "the log has none, or its column has another name",
-            fix: format!("name a column `{name}` or `{joint}_torque`, or take the actuator out of the model"),
-        });
-    }
-    for (actuator, column) in inputs {
-        let _ = write!(experiment, "[[experiment.input]]\nactuator = {}\ncolumns = [{}]\n", quoted(&actuator), quoted(&column));
-        assumed.push(format!("{column} -> command of {actuator}"));
+        return Err(unmatched(first, model, &Mistake::Nothing));
     }
     let unseen: Vec<&str> = model
         .joints
@@ -217,65 +198,75 @@ fn sensors(
     Ok(())
 }
 
-/// The actuator that a column with the torque of a joint commands: that of the joint, or a new one where it has none. None where the
-/// joint's actuator has a command of its own.
-fn driven(model: &mut Model, found: &Matches, m: &Match, column: &str, assumed: &mut Vec<String>) -> Option<(String, String)> {
-    if let Some((name, _)) = model.actuators.iter().find(|(_, joint)| *joint == m.object) {
-        let commanded = found.found.iter().any(|other| other.quantity == Quantity::Command && other.object == *name);
-        if commanded || model.servos.contains(name) {
-            assumed.push(format!("{column}: left out, since {name} has a command of its own"));
-            return None;
-        }
-        return Some((name.clone(), column.to_owned()));
+/// What is missing of a sensor's column in the logs; `None` if nothing is.
+fn missing(logs: &[Log], column: &str) -> Result<Option<String>, Failure> {
+    let gaps: Vec<(String, Gaps)> =
+        logs.iter().filter_map(|log| Some((log.path.display().to_string(), log.gaps_of(column)?))).collect();
+    if let Some((path, _)) = gaps.iter().find(|(_, gaps)| gaps.all) {
+        return Err(Failure::Init {
+            place: format!("{path}: column `{column}`"),
+            what: "has no number in any row".to_owned(),
+            cause: "the sensor was off, or its readings were saved elsewhere",
+            fix: format!("leave this log out, or the column in all of them with `--leave-out \"{column}\"`"),
+        });
     }
-    let name = format!("motor_{}", m.object);
-    let _ = write!(model.text, "\n[[actuator]]\nname = {}\njoint = {}\nkind = \"torque\"\n", quoted(&name), quoted(&m.object));
-    model.actuators.push((name.clone(), m.object.clone()));
-    assumed.push(format!("{column}: drives {} by a torque motor `{name}`, which the model lacks", m.object));
-    Some((name, column.to_owned()))
+    let count: usize = gaps.iter().map(|(_, gaps)| gaps.count).sum();
+    let said = |(path, first): &(String, Gaps)| {
+        format!("{column}: missing readings: {count}, the first at {path}:{}; they are passed over", first.line)
+    };
+    Ok(gaps.first().map(said))
 }
 
-/// Units of the position of a joint that turns or slides, as a scene names them, and their sizes [rad] or [m]; the usual one first.
-pub const fn units(slides: bool) -> &'static [(&'static str, f64)] {
-    if slides { &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)] } else { &[("rad", 1.0), ("deg", PI / 180.0)] }
-}
-
-/// Unit of a joint's column, as a scene names it.
-fn unit_of(log: &Log, m: &Match, slides: bool) -> Result<&'static str, Failure> {
-    let known: Vec<&'static str> = units(slides).iter().map(|(name, _)| *name).collect();
-    let Some(unit) = m.unit.as_deref() else { return Ok(known[0]) };
-    known.iter().find(|name| **name == unit).copied().ok_or_else(|| Failure::Init {
-        place: format!("{}: column `{}`", log.path.display(), log.header[m.column]),
-        what: format!("is in {unit}, and joint `{}` {}", m.object, if slides { "slides" } else { "turns" }),
-        cause: "the column belongs to something else, or its name ends in a word that looks like a unit",
-        fix: format!("rename the column; units of this joint are {}", known.join(", ")),
-    })
-}
-
-/// Refuses logs whose columns differ.
+/// Refuses logs whose columns differ. Their order may.
 fn same_columns(logs: &[Log]) -> Result<(), Failure> {
     let first = &logs[0];
-    match logs.iter().find(|log| log.header != first.header || log.seconds != first.seconds) {
-        Some(other) => Err(Failure::Init {
-            place: other.path.display().to_string(),
-            what: format!("has other columns, or another clock, than {}: {}", first.path.display(), other.header.join(", ")),
+    for log in &logs[1..] {
+        let beyond = |a: &Log, b: &Log| a.header.iter().filter(|name| !b.header.contains(name)).cloned().collect::<Vec<_>>();
+        let (more, less) = (beyond(log, first), beyond(first, log));
+        let said = |what: &str, names: &[String]| (!names.is_empty()).then(|| format!("{what} {}", names.join(", ")));
+        let columns: Vec<String> = said("has", &more).into_iter().chain(said("lacks", &less)).collect();
+        let name = |log: &Log| log.header[log.clock].clone();
+        let (what, fix) = if !columns.is_empty() {
+            let either = more.first().or(less.first()).map_or("", String::as_str);
+            // without its torque an arm would be diagnosed as one that nothing drives
+            let or = match names::drive(either) {
+                Some(_) => String::new(),
+                None => format!(", or read none of them with `--leave-out \"{either}\"`"),
+            };
+            let fix = format!("leave the log out, or give it the same columns, in any order{or}");
+            (format!("has other columns than {}: it {}", first.path.display(), columns.join(" and ")), fix)
+        } else if log.seconds != first.seconds {
+            let counts = |log: &Log| format!("{} s apart in {}", rounded(log.period), log.path.display());
+            let what = format!("its clock `{}` has another unit: samples are {}, {}", name(log), counts(log), counts(first));
+            (what, "write the unit into the name of the clock in all logs, such as `time_ms`".to_owned())
+        } else {
+            continue;
+        };
+        return Err(Failure::Init {
+            place: log.path.display().to_string(),
+            what,
             cause: "the logs are of different set-ups",
-            fix: "give logs of one set-up with the same columns in the same order".to_owned(),
-        }),
-        None => Ok(()),
+            fix,
+        });
     }
+    Ok(())
 }
 
 fn unmatched(log: &Log, model: &Model, mistake: &Mistake) -> Failure {
-    let name = |k: usize| &log.header[k];
+    let place = log.path.display().to_string();
+    if let Mistake::Twice(a, b, object) = mistake {
+        let (a, b) = (&log.header[*a], &log.header[*b]);
+        return Failure::Init {
+            place,
+            what: format!("columns `{a}` and `{b}` both belong to {object}, with one quantity"),
+            cause: "the log has it twice, such as raw and filtered or in two units",
+            fix: format!("keep one: leave the other out with `--leave-out \"{b}\"`"),
+        };
+    }
     let joints: Vec<&str> = model.joints.iter().map(|(name, _)| name.as_str()).collect();
-    let what = match mistake {
-        Mistake::Twice(a, b, object) => format!("columns `{}` and `{}` both belong to {object}", name(*a), name(*b)),
-        _ => format!("no column names a joint of the model: columns {}; joints {}", log.header.join(", "), joints.join(", ")),
-    };
     Failure::Init {
-        place: log.path.display().to_string(),
-        what,
+        place,
+        what: format!("no column names a joint of the model: columns {}; joints {}", log.header.join(", "), joints.join(", ")),
         cause: "the log names its columns otherwise than the model its joints",
         fix: "rename columns to JOINT, JOINT_velocity or JOINT_torque, with the unit behind (`elbow_pos_deg`)".to_owned(),
     }
@@ -287,6 +278,6 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// A string of TOML.
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }

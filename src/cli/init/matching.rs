@@ -12,7 +12,7 @@ pub struct Match {
     /// Its quantity.
     pub quantity: Quantity,
     /// Unit that the column's name ends in.
-    pub unit: Option<String>,
+    pub unit: Option<&'static str>,
 }
 
 /// The columns of a log, sorted.
@@ -68,7 +68,7 @@ pub fn columns(header: &[&str], clock: usize, joints: &[&str], actuators: &[&str
 fn one(column: usize, name: &str, joints: &[&str], actuators: &[&str]) -> Option<Match> {
     let reading = names::read(name);
     let named = |known: &[&str], wanted: &str| known.iter().find(|k| names::plain(k) == wanted).map(|k| (*k).to_owned());
-    let make = |object, quantity| Match { column, object, quantity, unit: reading.unit.clone() };
+    let make = |object, quantity| Match { column, object, quantity, unit: reading.unit };
     // the whole name first: an object may be called `force_sensor` or `arm_q`
     let whole = names::plain(name);
     if let Some(joint) = named(joints, &whole) {
@@ -96,7 +96,7 @@ mod tests {
         let header = ["time_ms", "Shoulder_pos_deg", "elbow.vel", "tau_elbow", "cmd_motor", "temperature"];
         assert_eq!(clock(&header), Ok(0));
         let matches = columns(&header, 0, &["shoulder", "elbow"], &["motor"]).unwrap();
-        let said: Vec<_> = matches.found.iter().map(|m| (m.column, m.object.as_str(), m.quantity, m.unit.as_deref())).collect();
+        let said: Vec<_> = matches.found.iter().map(|m| (m.column, m.object.as_str(), m.quantity, m.unit)).collect();
         let expected = [
             (1, "shoulder", Quantity::Position, Some("deg")),
             (2, "elbow", Quantity::Velocity, None),

@@ -1,11 +1,14 @@
 //! `pliant init`: from a model and its logs to a scene that can be diagnosed.
 
+mod advice;
 mod clock;
 mod draft;
+mod drives;
 mod log;
 mod matching;
 mod names;
 mod stops;
+mod units;
 
 use super::failure::Failure;
 use super::{diagnose, file, print};
@@ -25,6 +28,9 @@ pub struct Arguments {
     /// Logs that only judge; may be given several times. Without them the last of several logs is held out.
     #[arg(long = "held-out", value_name = "FILE.csv", num_args = 1..)]
     held_out: Vec<PathBuf>,
+    /// Column to read as if it were not there; may be given several times.
+    #[arg(long = "leave-out", value_name = "COLUMN")]
+    leave_out: Vec<String>,
     /// Folder for the scene, `scene.toml`.
     #[arg(long, value_name = "DIR", default_value = "diagnosis")]
     out: PathBuf,
@@ -49,15 +55,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let logs = logs(arguments)?;
     let mut draft = Draft::new(&arguments.model, &logs, &arguments.out)?;
-    // paths of logs lead through the folder, so it has to be there before they are tried
-    let new = !arguments.out.exists();
+    draft.check(&path, &logs)?;
     std::fs::create_dir_all(&arguments.out).map_err(|error| Failure::write(&arguments.out, error))?;
-    let written = draft.check(&path).and_then(|()| file::write(&path, |file| file.write_all(draft.text.as_bytes())));
-    if written.is_err() && new {
-        // nothing is left behind; a folder that cannot be removed is no news beside the error
-        let _ = std::fs::remove_dir(&arguments.out);
-    }
-    written?;
+    file::write(&path, |file| file.write_all(draft.text.as_bytes()))?;
     let next = format!("pliant diagnose {} --out {}", path.display(), arguments.out.join("report").display());
     draft.assumed.push(match arguments.run {
         true => format!("wrote {}", path.display()),
@@ -69,8 +69,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// All logs: those to be fitted, then those that judge.
 fn logs(arguments: &Arguments) -> Result<Vec<Log>, Failure> {
-    let read = |path: &PathBuf| Log::read(path);
+    let read = |path: &PathBuf| Log::read(path, &arguments.leave_out);
     let mut all: Vec<Log> = arguments.logs.iter().chain(&arguments.held_out).map(read).collect::<Result<_, _>>()?;
+    let is_there = |name: &&String| all.iter().any(|log| log.without.contains(name));
+    if let Some(name) = arguments.leave_out.iter().find(|name| !is_there(name)) {
+        return Err(Failure::Init {
+            place: all[0].path.display().to_string(),
+            what: format!("no log has a column `{name}` to leave out; there are {}", all[0].header.join(", ")),
+            cause: "a typing error in `--leave-out`",
+            fix: "write the name as the header has it, in quotation marks if it has a space".to_owned(),
+        });
+    }
     let fitted = match arguments.held_out.is_empty() && all.len() > 1 {
         true => all.len() - 1,
         false => arguments.logs.len(),

@@ -3,10 +3,10 @@
 //! Stops need an integrator for impacts, which is of first order: with steps of 2.5 ms its error was 15 mrad over 4 s of an arm's motion, read with a
 //! noise of 0.35 mrad. A stop that no reading comes near plays no part in what was measured, and is left out.
 
-use super::draft::units;
 use super::log::Log;
 use super::matching::columns;
 use super::names::Quantity;
+use super::units;
 use pliant::scene::{JointKind, Scene};
 
 /// Part of the range between two stops [-] within which a reading is near one: a joint at rest on a stop reads it with noise.
@@ -34,8 +34,8 @@ fn read(log: &Log, joint: &str, slides: bool) -> Option<[f64; 2]> {
     let header: Vec<&str> = log.header.iter().map(String::as_str).collect();
     let found = columns(&header, log.clock, &[joint], &[]).ok()?.found;
     let position = found.iter().find(|m| m.quantity == Quantity::Position)?;
-    let known = units(slides);
-    let (_, size) = position.unit.as_deref().map_or(known.first(), |unit| known.iter().find(|(name, _)| *name == unit))?;
+    let known = units::positions(slides);
+    let (_, size) = position.unit.map_or(known.first(), |unit| known.iter().find(|(name, _)| *name == unit))?;
     Some(log.ranges[position.column].map(|x| size * x))
 }
 
