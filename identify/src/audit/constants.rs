@@ -55,6 +55,10 @@ pub(crate) struct AuditConstants {
     pub still_over_noise: f64,
     /// Simulated motion below which it may be rounding [unit of the reading].
     pub still_rounding: f64,
+    // units
+    /// How many times as far a joint must move in the scene's own simulation as was read, or the other way, for another unit to be likely [-]:
+    /// below the 57.3 of degrees and radians, above what a missing effect does to a simulation.
+    pub other_unit: f64,
     // jumps
     /// Third difference over its median in the record [-].
     pub jump_over_median: f64,
@@ -181,6 +185,7 @@ pub(crate) const AUDIT: AuditConstants = AuditConstants {
     frozen_around: 3,
     still_over_noise: 10.0,
     still_rounding: 1e-7,
+    other_unit: 20.0,
     jump_over_median: 25.0,
     jump_over_noise: 10.0,
     jump_warning: 0.05,

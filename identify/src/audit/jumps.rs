@@ -100,7 +100,7 @@ fn check_input(record: &Prepared, input: usize, out: &mut Vec<Finding>) {
             many => format!("the input jumps {many} times; the largest is given"),
         },
         number: worst.size,
-        unit: "input units",
+        unit: "",
         advice: "the simulation takes it as a blow: where the motor gave none, repair the input or cut the record there",
     });
 }

@@ -1,18 +1,21 @@
 //! Step 0: the raw records.
 
 pub(super) mod contradictions;
+pub(super) mod scale;
 pub(super) mod starts;
 pub(super) mod still;
 
 use super::result::AuditFinding;
 use crate::audit::{AuditReport, Finding, Layout, Place, RawRecord, audit};
 use crate::error::IdentifyError;
-use crate::log::{Logs, Lone, LoneSensor, Record};
+use crate::log::{Logs, Lone, LoneSensor, Record, Setup};
 use crate::shooting::{NodePair, Observed, Plan};
+use pliant_scene::{ActuatorKind, Control};
 
 /// Findings in words, and the noise that quantisation makes on every channel [unit of the channel].
-pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<f64>), IdentifyError> {
+pub(super) fn check(setup: &Setup, plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<f64>), IdentifyError> {
     let first = &logs.records[0];
+    let controls = setup.controls();
     let mut grids = Vec::new();
     let mut findings = Vec::new();
     let nothing_else = plan.joints.is_empty() && plan.orientations.is_empty();
@@ -24,7 +27,7 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<
         let layout = if on_ropes { rope } else { Layout { chords: Vec::new(), ..rope } };
         let points = |r: &Record| r.markers.iter().flatten().flatten().copied().collect();
         let report = audited(logs, &layout, &points)?;
-        findings.extend(report.findings.iter().map(|f| worded(f, logs, format!("{:?}", f.place), "m")));
+        findings.extend(report.findings.iter().map(|f| worded(f, logs, &controls, (format!("{:?}", f.place), "m"))));
         if !plan.markers.is_empty() {
             grids.extend(report.grids());
         }
@@ -34,8 +37,8 @@ pub(super) fn check(plan: &Plan, logs: &Logs) -> Result<(Vec<AuditFinding>, Vec<
         let report = audited(logs, &layout, &|r: &Record| r.joints.iter().map(|row| row[k]).collect())?;
         // findings on clocks and inputs are those of the first audit
         let again = |f: &Finding| matches!(f.place, Place::Clock | Place::Input(_)) && (k > 0 || !plan.markers.is_empty());
-        let own = |f: &Finding| if matches!(f.place, Place::Input(_)) { format!("{:?}", f.place) } else { sensor.name.clone() };
-        findings.extend(report.findings.iter().filter(|f| !again(f)).map(|f| worded(f, logs, own(f), sensor.unit)));
+        let own = || (sensor.name.clone(), sensor.unit);
+        findings.extend(report.findings.iter().filter(|f| !again(f)).map(|f| worded(f, logs, &controls, own())));
         grids.extend(report.grids());
     }
     findings.extend(logs.records.iter().flat_map(|record| left_out(plan, record)));
@@ -52,8 +55,12 @@ fn audited(logs: &Logs, layout: &Layout, read: &dyn Fn(&Record) -> Vec<f64>) -> 
     audit(&raw, layout).map_err(|e| IdentifyError::Input(e.to_string()))
 }
 
-/// A finding in words; the audit speaks of metres where the readings are in `unit`.
-fn worded(f: &Finding, logs: &Logs, place: String, unit: &str) -> AuditFinding {
+/// A finding in words: on an input under its own name and unit, on readings at this place; the audit speaks of metres where they are in `unit`.
+fn worded(f: &Finding, logs: &Logs, controls: &[Control], (place, unit): (String, &'static str)) -> AuditFinding {
+    let (place, unit) = match f.place {
+        Place::Input(k) => (controls[k].name.clone(), controls[k].unit),
+        _ => (place, unit),
+    };
     AuditFinding {
         severity: format!("{:?}", f.severity).to_lowercase(),
         record: logs.records[f.record].name.clone(),
@@ -64,6 +71,29 @@ fn worded(f: &Finding, logs: &Logs, place: String, unit: &str) -> AuditFinding {
         unit: if f.unit == "m" { unit.to_owned() } else { f.unit.to_owned() },
         advice: f.advice.to_owned(),
     }
+}
+
+/// Torque motors whose command is 0 in every sample of every record: a motor that was off, or a torque that nobody logged.
+pub(super) fn silent(setup: &Setup, logs: &Logs) -> Vec<AuditFinding> {
+    let controls = setup.controls();
+    let motors = setup.scene.actuator.iter().filter(|actuator| actuator.kind == ActuatorKind::Torque);
+    let is_silent = |k: usize| logs.records.iter().all(|record| record.inputs.iter().all(|row| row[k] == 0.0));
+    let of = |name: &String| controls.iter().position(|control| control.name == *name);
+    let names = motors.filter(|actuator| of(&actuator.name).is_some_and(is_silent)).map(|actuator| &actuator.name);
+    let finding = |name: &String| {
+        AuditFinding {
+        severity: "warning".to_owned(),
+        record: String::new(),
+        place: name.clone(),
+        time_s: None,
+        what: "its command is 0 in every sample of every record".to_owned(),
+        number: 0.0,
+        unit: String::new(),
+        advice: "if the motor was driven, its torque was not logged, and no cause found without it can be trusted; if it was off, all is well"
+            .to_owned(),
+    }
+    };
+    names.map(finding).collect()
 }
 
 /// Of each sensor the readings of a record that were left out.
@@ -125,4 +155,32 @@ pub(super) fn held_markers(plan: &Plan) -> Vec<AuditFinding> {
             .to_owned(),
     };
     on_held.map(finding).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::starts::tests::{experiment, pendulum};
+    use super::*;
+    use pliant_scene::Source;
+    use std::path::PathBuf;
+
+    #[test]
+    fn a_motor_without_a_torque_in_any_record_is_told() {
+        let setup = Setup::from_source(Source::new("scene.toml", pendulum("rest")), PathBuf::new()).unwrap();
+        let mut logs = experiment(&pendulum("rest"), &[vec![0.1; 40], vec![0.1; 40]]).1;
+        let found = silent(&setup, &logs);
+        assert_eq!(found.iter().map(|f| f.place.as_str()).collect::<Vec<_>>(), ["motor"]);
+        logs.records[1].inputs[3][0] = 0.1;
+        assert!(silent(&setup, &logs).is_empty());
+    }
+
+    #[test]
+    fn what_is_found_on_an_input_has_its_name() {
+        let setup = Setup::from_source(Source::new("scene.toml", pendulum("rest")), PathBuf::new()).unwrap();
+        let (plan, mut logs) = experiment(&pendulum("rest"), &[vec![0.1; 40], vec![0.1; 40]]);
+        logs.records[0].inputs[20][0] = f64::NAN;
+        let (found, _) = check(&setup, &plan, &logs).unwrap();
+        assert!(found.iter().any(|f| f.place == "motor" && f.what.contains("missing")), "{found:?}");
+    }
 }

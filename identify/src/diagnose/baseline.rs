@@ -209,7 +209,7 @@ struct Chosen {
 /// no noise, and the whitened optimum may lie far from the data: it explains the fast part of the residual and neglects the slow one.
 fn choose(setup: &Setup, plan: &mut Plan, logs: &Logs, options: &FitOptions) -> Result<Chosen, IdentifyError> {
     let start = opened(&plan.scene_values, &declared(setup, plan)?);
-    let (_, grids) = super::audit::check(plan, logs)?;
+    let (_, grids) = super::audit::check(setup, plan, logs)?;
     let (prepared, near) = Prepared::begun(setup, plan, options, &grids)?;
     let plain = prepared.ended(plan, near, options)?;
     let whitened = fit(plan, &plain.records, &plain.values, &prepared.unknowns, None, options)?;

@@ -164,7 +164,7 @@ fn pass(
 ) -> Result<Diagnosis, IdentifyError> {
     progress("auditing the data");
     let mut plan = Plan { journal: Arc::clone(journal), ..Plan::opened(setup, logs)? };
-    let (mut findings, grids) = audit::check(&plan, logs)?;
+    let (mut findings, grids) = audit::check(setup, &plan, logs)?;
     let still = Still::of(&plan, logs, &grids);
     findings.extend(still.findings(&plan, logs));
     let nothing_to_see = still.reason(&plan, logs);
@@ -176,6 +176,8 @@ fn pass(
         findings.push(note("there is a single record: nothing is held out, and no gain can be measured", "add a second record"));
     }
     findings.extend(audit::held_markers(&plan));
+    findings.extend(audit::silent(setup, logs));
+    findings.extend(audit::scale::other_units(&plan));
     clock.done("audit");
 
     progress("fitting the baseline");

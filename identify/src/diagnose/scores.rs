@@ -55,7 +55,7 @@ impl Scores {
 pub fn score_scene(setup: &Setup, logs: &Logs, seed: u64) -> Result<Scores, IdentifyError> {
     let mut plan = Plan::opened(setup, logs)?;
     let options = FitOptions::default();
-    let (_, grids) = super::audit::check(&plan, logs)?;
+    let (_, grids) = super::audit::check(setup, &plan, logs)?;
     let (prepared, near) = Prepared::begun(setup, &mut plan, &options, &grids)?;
     let plain = prepared.ended(&plan, near, &options)?;
     scores(&plan, &fit(&plan, &plain.records, &plain.values, &prepared.unknowns, None, &options)?, seed)

@@ -2,7 +2,7 @@
 
 use super::error::ReportError;
 use super::reproduce::{InputFile, Provenance, VERSION};
-use super::story::{self, estimate, list, longest, sentence, titled, words};
+use super::story::{self, estimate, list, longest, place, sentence, titled, words};
 use super::{curves, shapes, stages};
 use crate::diagnose::{AuditFinding, CandidateReport, Diagnosis, Estimate, Gain, Status};
 use crate::number::{estimate_of, number, p_value, percent, quantity, unit};
@@ -200,24 +200,6 @@ fn finding_row(f: &AuditFinding) -> Value {
     context! { severity, class => f.severity, record, place => place(&f.place), time, what, advice => f.advice }
 }
 
-/// `Coordinate(2, 1)` as people write it.
-fn place(place: &str) -> String {
-    let (kind, rest) = place.split_once('(').unwrap_or((place, ""));
-    let numbers: Vec<&str> = rest.trim_end_matches(')').split(", ").collect();
-    match (kind, numbers.as_slice()) {
-        ("Record", _) => "whole record".to_owned(),
-        ("Clock", _) => "clock".to_owned(),
-        ("Point", [point]) => format!("marker {point}"),
-        ("Coordinate", [point, axis]) => {
-            let axis = axis.parse().ok().and_then(|axis: usize| ["x", "y", "z"].get(axis)).unwrap_or(&"?");
-            format!("marker {point}, {axis}")
-        }
-        ("Pair", [a, b]) => format!("markers {a} and {b}"),
-        ("Input", [input]) => format!("input {input}"),
-        _ => place.to_owned(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -286,12 +268,6 @@ mod tests {
         assert!(render(&sample::diagnosis()).contains("(90 %: "));
         let text = render(&d);
         assert!(text.contains("<td class=\"n\">–</td>") && !text.contains("(90 %: "), "{text}");
-    }
-
-    #[test]
-    fn places_are_in_words() {
-        assert_eq!((place("Coordinate(2, 1)"), place("Record")), ("marker 2, y".into(), "whole record".into()));
-        assert_eq!((place("Pair(0, 3)"), place("elsewhere (x)")), ("markers 0 and 3".into(), "elsewhere (x)".into()));
     }
 
     #[test]

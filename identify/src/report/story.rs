@@ -146,8 +146,10 @@ pub fn summary(d: &Diagnosis) -> String {
     }
     let _ = write!(out, "\naudit of the data: {}", audit(d));
     for finding in d.audit.iter().filter(|f| f.severity != "info").take(5) {
-        let record = if finding.record.is_empty() { String::new() } else { format!("{}: ", finding.record) };
-        let _ = write!(out, "\n  {record}{}; {}", finding.what, finding.advice);
+        let place = if finding.place == "Record" { String::new() } else { place(&finding.place) };
+        let at: Vec<&str> = [finding.record.as_str(), &place].into_iter().filter(|part| !part.is_empty()).collect();
+        let what = [at.join(", "), finding.what.clone()].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>();
+        let _ = write!(out, "\n  {}; {}", what.join(": "), finding.advice);
     }
     out
 }
@@ -202,6 +204,23 @@ pub(super) fn audit(d: &Diagnosis) -> String {
     }
     let kinds = [(faulty, "faulty"), (warning, "to watch"), (info, "to know")];
     kinds.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>().join(", ")
+}
+
+/// `Coordinate(2, 1)` as people write it.
+pub(super) fn place(place: &str) -> String {
+    let (kind, rest) = place.split_once('(').unwrap_or((place, ""));
+    let numbers: Vec<&str> = rest.trim_end_matches(')').split(", ").collect();
+    match (kind, numbers.as_slice()) {
+        ("Record", _) => "whole record".to_owned(),
+        ("Clock", _) => "clock".to_owned(),
+        ("Point", [point]) => format!("marker {point}"),
+        ("Coordinate", [point, axis]) => {
+            let axis = axis.parse().ok().and_then(|axis: usize| ["x", "y", "z"].get(axis)).unwrap_or(&"?");
+            format!("marker {point}, {axis}")
+        }
+        ("Pair", [a, b]) => format!("markers {a} and {b}"),
+        _ => place.to_owned(),
+    }
 }
 
 /// `internal_damping` as people write it; the object in brackets keeps its name.
@@ -294,6 +313,8 @@ mod tests {
         assert_eq!(gained(-(4f64.ln()), -(2f64.ln())), "larger by a factor of 2 to 4 (90 %)");
         let open = gained(-(2f64.ln()), 4f64.ln());
         assert!(open.starts_with("smaller or larger") && open.contains("0.5 to 4"), "{open}");
+        assert_eq!((place("Coordinate(2, 1)"), place("Record")), ("marker 2, y".into(), "whole record".into()));
+        assert_eq!((place("Pair(0, 3)"), place("elsewhere (x)")), ("markers 0 and 3".into(), "elsewhere (x)".into()));
         assert_eq!((sentence("a rope"), sentence("A rope."), sentence(" ")), ("A rope.".into(), "A rope.".into(), String::new()));
     }
 

@@ -112,7 +112,7 @@ fn says(plan: &Plan, logs: &Logs, stuck: &Stuck, of: &str) -> String {
 }
 
 /// Readings of a sensor in a record, without those that are missing.
-fn readings(plan: &Plan, record: &Record, observed: Observed) -> impl Iterator<Item = Vec<f64>> {
+pub(super) fn readings(plan: &Plan, record: &Record, observed: Observed) -> impl Iterator<Item = Vec<f64>> {
     let samples = 0..record.time.len();
     samples.map(move |k| plan.measured(record, k, observed)).filter(|row| row.iter().all(|x| x.is_finite()))
 }
@@ -127,7 +127,7 @@ fn is_constant(plan: &Plan, record: &Record, observed: Observed) -> bool {
 }
 
 /// Simulated readings of a record as the scene has it; none where it cannot be simulated.
-fn predicted(plan: &Plan, rec: &RecordPlan) -> Option<Vec<f64>> {
+pub(super) fn predicted(plan: &Plan, rec: &RecordPlan) -> Option<Vec<f64>> {
     Some(shoot(plan, rec, &plan.scene_values, ShotWants::default()).ok()?.predicted)
 }
 
