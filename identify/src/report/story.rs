@@ -313,9 +313,16 @@ mod tests {
         assert_eq!(gained(-(4f64.ln()), -(2f64.ln())), "larger by a factor of 2 to 4 (90 %)");
         let open = gained(-(2f64.ln()), 4f64.ln());
         assert!(open.starts_with("smaller or larger") && open.contains("0.5 to 4"), "{open}");
+        assert_eq!((sentence("a rope"), sentence("A rope."), sentence(" ")), ("A rope.".into(), "A rope.".into(), String::new()));
+    }
+
+    #[test]
+    fn places_are_in_words() {
         assert_eq!((place("Coordinate(2, 1)"), place("Record")), ("marker 2, y".into(), "whole record".into()));
         assert_eq!((place("Pair(0, 3)"), place("elsewhere (x)")), ("markers 0 and 3".into(), "elsewhere (x)".into()));
-        assert_eq!((sentence("a rope"), sentence("A rope."), sentence(" ")), ("A rope.".into(), "A rope.".into(), String::new()));
+        let mut d = sample::diagnosis();
+        (d.audit[0].record, d.audit[0].place) = ("run1.csv".into(), "motor_elbow".into());
+        assert!(summary(&d).contains("\n  run1.csv, motor_elbow: "), "{}", summary(&d));
     }
 
     #[test]
