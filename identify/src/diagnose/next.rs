@@ -12,7 +12,7 @@
 use super::beside::Beside;
 use super::policy::POLICY;
 use super::procedure::{Bench, Coarse, Found};
-use super::result::NextExperiment;
+use super::result::{NextExperiment, ToldPair};
 use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -121,8 +121,8 @@ pub(super) fn experiments(bench: &Bench, found: &Found) -> Result<Vec<NextExperi
         return Ok(Vec::new());
     }
     let noise = &found.fitted.noise;
-    let rivals = found.rivals(bench)?.into_iter().take(POLICY.told_rivals - 1);
-    let models: Vec<Fitted> = std::iter::once(found.fitted.clone()).chain(rivals).collect();
+    let (causes, models): (Vec<_>, Vec<Fitted>) = found.alternatives(bench)?.into_iter().take(POLICY.told_rivals).unzip();
+    let names = own_causes(&causes);
     let models: Vec<Fitted> = models.into_iter().map(|m| Fitted { noise: noise.clone(), ..m }).collect();
     let known = |model: &Fitted| -> Result<DMatrix<f64>, IdentifyError> {
         let coarse = Coarse::of(bench, model)?;
@@ -133,15 +133,18 @@ pub(super) fn experiments(bench: &Bench, found: &Found) -> Result<Vec<NextExperi
     let all: Vec<(&RecordPlan, Change)> =
         coarse.fitted.records.iter().flat_map(|rec| menu.iter().map(move |change| (rec, *change))).collect();
     let one = |(rec, change): &(&RecordPlan, Change)| {
-        let (separation, chance) = told(plan, &models, &known, change.of(plan, rec))?;
-        Some(NextExperiment {
+        let separations = separations(plan, &models, &known, change.of(plan, rec))?;
+        let pairs = pairs(&names, &separations);
+        let number = pairs.len() as f64;
+        (!pairs.is_empty()).then(|| NextExperiment {
             record: rec.record.name.clone(),
             what: change.words(&rec.record.name),
             commands: change.commands,
             pace: change.pace,
             start: change.start,
-            separation,
-            chance,
+            separation: separations.iter().flatten().sum::<f64>() / (2.0 * number),
+            chance: pairs.iter().map(|p| p.chance).sum::<f64>() / number,
+            pairs,
         })
     };
     let mut out: Vec<NextExperiment> = all.par_iter().filter_map(one).collect();
@@ -150,22 +153,36 @@ pub(super) fn experiments(bench: &Bench, found: &Found) -> Result<Vec<NextExperi
     Ok(out)
 }
 
-/// The mean separation of the models in a record, and the mean probability that one of them, if it is right, is told from another; none where
-/// one of them cannot be simulated.
-fn told(plan: &Plan, models: &[Fitted], known: &[DMatrix<f64>], rec: RecordPlan) -> Option<(f64, f64)> {
+/// The causes of each model that not all of them have, in words.
+fn own_causes(models: &[Vec<String>]) -> Vec<String> {
+    let shared = |title: &String| models.iter().all(|causes| causes.contains(title));
+    models.iter().map(|causes| causes.iter().filter(|title| !shared(title)).cloned().collect::<Vec<_>>().join(" and ")).collect()
+}
+
+/// What each model (column) cannot imitate of a record that another one (row) gives; none where one of them cannot be simulated.
+fn separations(plan: &Plan, models: &[Fitted], known: &[DMatrix<f64>], rec: RecordPlan) -> Option<Vec<Vec<f64>>> {
     let residual = |model: &Fitted| Some(shoot(plan, &rec, &model.values, ShotWants::default()).ok()?.residual);
     let seen: Vec<Vec<f64>> = models.iter().map(residual).collect::<Option<_>>()?;
-    let mut separations = Vec::new();
-    for a in 0..models.len() {
-        for b in (0..models.len()).filter(|b| *b != a) {
-            let apart: Vec<f64> = seen[b].iter().zip(&seen[a]).map(|(of_b, of_a)| of_b - of_a).collect();
-            let there = Fitted { records: vec![rec.clone()], residuals: vec![apart.clone()], ..models[b].clone() };
-            separations.push(Beside::new(plan, &there, &[&[apart]]).ok()?.beyond(0, &known[b]));
+    let one = |a: usize, b: usize| {
+        if a == b {
+            return Some(0.0);
         }
-    }
-    let pairs = separations.len() as f64;
-    let chance = separations.iter().map(|s| told_with(*s)).sum::<f64>() / pairs;
-    (pairs > 0.0).then(|| (separations.iter().sum::<f64>() / pairs, chance))
+        let apart: Vec<f64> = seen[b].iter().zip(&seen[a]).map(|(of_b, of_a)| of_b - of_a).collect();
+        let there = Fitted { records: vec![rec.clone()], residuals: vec![apart.clone()], ..models[b].clone() };
+        Some(Beside::new(plan, &there, &[&[apart]]).ok()?.beyond(0, &known[b]))
+    };
+    (0..models.len()).map(|a| (0..models.len()).map(|b| one(a, b)).collect()).collect()
+}
+
+/// The probability that each pair is told apart, the likeliest first.
+fn pairs(names: &[String], separations: &[Vec<f64>]) -> Vec<ToldPair> {
+    let one = |a: usize, b: usize| ToldPair {
+        of: [names[a].clone(), names[b].clone()],
+        chance: 0.5 * (told_with(separations[a][b]) + told_with(separations[b][a])),
+    };
+    let mut out: Vec<ToldPair> = (0..names.len()).flat_map(|a| (a + 1..names.len()).map(move |b| one(a, b))).collect();
+    out.sort_by(|p, q| q.chance.total_cmp(&p.chance));
+    out
 }
 
 /// Probability that a lead is reached whose growth has this mean, and four times this variance.
@@ -198,12 +215,24 @@ mod tests {
         damped.values.theta[plan.model.params().find("pivot.damping").unwrap()] += 0.002;
         let known = || vec![DMatrix::zeros(0, 0), DMatrix::zeros(0, 0)];
         let separation = |models: &[Fitted], start| {
-            told(&plan, models, &known(), Change { start, ..AGAIN }.of(&plan, &plain.records[0])).unwrap().0
+            separations(&plan, models, &known(), Change { start, ..AGAIN }.of(&plan, &plain.records[0])).unwrap()[1][0]
         };
         assert!(separation(&[plain.clone(), plain.clone()], 1.0) < 1e-12);
         let both = [plain.clone(), damped];
         let [once, twice] = [1.0, 2.0].map(|start| separation(&both, start));
         assert!(once > 0.0 && (twice / once - 4.0).abs() < 0.4, "{once} {twice}");
+    }
+
+    /// Models are named by what not all of them have, and the pair that is told best comes first.
+    #[test]
+    fn pairs_say_what_they_differ_in() {
+        let model = |causes: &[&str]| causes.iter().map(|c| (*c).to_owned()).collect::<Vec<_>>();
+        let names = own_causes(&[model(&["payload", "wind"]), model(&["payload", "drag", "tilt"]), model(&["payload"])]);
+        assert_eq!(names, ["wind", "drag and tilt", ""]);
+        let even = POLICY.lead;
+        let pairs = pairs(&names, &[vec![0.0, even, 1e4], vec![even, 0.0, 0.0], vec![1e4, 0.0, 0.0]]);
+        assert_eq!(pairs.iter().map(|p| (p.chance * 2.0).round() as usize).collect::<Vec<_>>(), [2, 1, 0]);
+        assert_eq!((pairs[1].of[0].as_str(), pairs[1].of[1].as_str()), ("wind", "drag and tilt"));
     }
 
     #[test]

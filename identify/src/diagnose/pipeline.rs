@@ -221,7 +221,7 @@ fn pass(
     let sensor_sigma = reported(plan, bench.white.sigma());
     let noise = noise(plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;
-    let left = remainder(bench, fitted, &found, (&shifts, &numerics), base_rmse, &noise)?;
+    let left = remainder(bench, fitted, (&found, &changed.reduced), (&shifts, &numerics), base_rmse, &noise)?;
     clock.done("remainder");
 
     progress("intervals and held-out gain");

@@ -1,21 +1,23 @@
 //! Whether what is left after all accepted causes, and beyond the simulation's own error, is more than noise.
 
-use super::ceiling;
 use super::numerics::Shift;
 use super::policy::POLICY;
 use super::procedure::{Bench, Found};
 use super::result::{Noise, Numerics, Remainder, RemainderForm};
+use super::{ceiling, constancy};
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::Plan;
+use crate::stats::reduced::Reduced;
 use crate::stats::whiteness::{channel, cross_correlation};
 
-/// The remainder of the model that was found, as it is judged (`fitted`); `numerics` belong to `shifts`; `base_rmse`: what the baseline left.
+/// The remainder of the model that was found, as it is judged (`fitted`); `parts`: what the constancy of its sizes is told from; `numerics` belong
+/// to `shifts`; `base_rmse`: what the baseline left.
 pub(super) fn remainder(
     bench: &Bench,
     fitted: &Fitted,
-    found: &Found,
+    (found, parts): (&Found, &Reduced),
     (shifts, numerics): (&[Shift], &[Numerics]),
     base_rmse: f64,
     noise: &Noise,
@@ -39,7 +41,8 @@ pub(super) fn remainder(
     // of a size that differs between records its own law is no better known than the size is
     let causes = &found.best.causes;
     let constant: Vec<&Cause> = (0..causes.len()).filter(|k| !found.best.varies(*k)).map(|k| &causes[k]).collect();
-    let forms = super::forms::forms(bench, fitted, &constant, shifts)?;
+    let mut forms = super::forms::forms(bench, fitted, &constant, shifts)?;
+    forms.extend(constancy::forms(parts, fitted, &constant));
     let statistics: Vec<f64> = found.evidence.iter().map(|e| e.statistic).collect();
     let counts = !forms.is_empty() && stand_ins(&statistics, &forms).into_iter().all(|may| may);
     let note = match (large, moves) {
@@ -97,7 +100,8 @@ fn depends_on_input(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> 
         })
         .collect::<Result<_, _>>()?;
     let period = fitted.records[0].record.period().max(1e-6);
-    let lags = ((POLICY.remainder_lag / period) as usize).clamp(1, POLICY.remainder_lags);
+    let longest = whitened.iter().map(|r| r.len() / channels).max().unwrap_or(0);
+    let lags = ((POLICY.remainder_lag / period) as usize).min(longest.saturating_sub(1)).clamp(1, POLICY.remainder_lags);
     let (mut smallest, mut tests) = (1.0f64, 0usize);
     for input in 0..inputs {
         let rates: Vec<Vec<f64>> =

@@ -412,6 +412,18 @@ pub struct NextExperiment {
     pub separation: f64,
     /// Probability that one alternative, if it is right, is then told from another; mean over the pairs.
     pub chance: f64,
+    /// The same of each pair, the likeliest first.
+    #[serde(default)]
+    pub pairs: Vec<ToldPair>,
+}
+
+/// Two alternatives that an experiment is to tell apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ToldPair {
+    /// What each of them says that the other does not: titles of its causes.
+    pub of: [String; 2],
+    /// Probability that the one that is right is told from the other; mean over which of them it is.
+    pub chance: f64,
 }
 
 /// A finer simulation than the scene's.

@@ -156,19 +156,19 @@ fn residuals(plan: &Plan, point: &Point) -> Result<Vec<Vec<f64>>, IdentifyError>
     point.records.par_iter().map(one).collect()
 }
 
+/// Whitened squares of a record and its defects, and its residuals; infinite if it cannot be simulated there.
+fn squares(plan: &Plan, rec: &RecordPlan, values: &Values, noise: &ArModel) -> (f64, Vec<f64>) {
+    let Ok(shot) = shoot(plan, rec, values, ShotWants::default()) else { return (f64::INFINITY, Vec::new()) };
+    let mut r = shot.residual.clone();
+    match noise.whiten(&mut r, plan.channels()) {
+        Ok(()) => (r.iter().map(|a| a * a).sum::<f64>() + (shot.defect / FIT.defect_sigma).powi(2), shot.residual),
+        Err(_) => (f64::INFINITY, Vec::new()),
+    }
+}
+
 /// Whitened cost of a point, and its residuals; infinite if a record cannot be simulated there.
 fn cost(plan: &Plan, values: &Values, records: &[RecordPlan], unknowns: &[Unknown], noise: &ArModel) -> (f64, Vec<Vec<f64>>) {
-    let nothing = (f64::INFINITY, Vec::new());
-    let one = |rec: &RecordPlan| -> (f64, Vec<f64>) {
-        let Ok(shot) = shoot(plan, rec, values, ShotWants::default()) else { return nothing.clone() };
-        let mut r = shot.residual.clone();
-        if noise.whiten(&mut r, plan.channels()).is_err() {
-            return nothing.clone();
-        }
-        let squares = |x: &[f64]| x.iter().map(|a| a * a).sum::<f64>();
-        (squares(&r) + (shot.defect / FIT.defect_sigma).powi(2), shot.residual)
-    };
-    let (parts, residuals): (Vec<f64>, Vec<Vec<f64>>) = records.par_iter().map(one).unzip();
+    let (parts, residuals): (Vec<f64>, Vec<Vec<f64>>) = records.par_iter().map(|rec| squares(plan, rec, values, noise)).unzip();
     (parts.iter().sum::<f64>() + own_squares(records) + prior_cost(values, unknowns), residuals)
 }
 
@@ -176,7 +176,49 @@ fn prior_cost(values: &Values, unknowns: &[Unknown]) -> f64 {
     unknowns.iter().filter_map(|u| u.prior.map(|(mean, std)| ((u.value(values) - mean) / std).powi(2))).sum()
 }
 
+/// Descends until no record is nearer to its readings from where they say that it begins than from where the descent has taken it: the start of a
+/// record imitates what a model lacks, and when the model has it no slope may lead back (where friction holds a joint, its velocity at
+/// the start counts for nothing).
 fn minimise(
+    plan: &Plan,
+    point: &mut Point,
+    unknowns: &[Unknown],
+    noise: &ArModel,
+    options: &FitOptions,
+    mut iterations: usize,
+) -> Result<(bool, usize), IdentifyError> {
+    loop {
+        let converged;
+        (converged, iterations) = descend(plan, point, unknowns, noise, options, iterations)?;
+        if !begin_as_read(plan, point, noise, options.tolerance) {
+            return Ok((converged, iterations));
+        }
+    }
+}
+
+/// Takes the records back to the starts that their readings tell where that lowers the cost by more than a part of it; whether any was.
+fn begin_as_read(plan: &Plan, point: &mut Point, noise: &ArModel, tolerance: f64) -> bool {
+    let one = |rec: &RecordPlan| -> Option<(RecordPlan, f64)> {
+        let away: f64 = rec.start.z.iter().map(|z| z * z).sum();
+        if away == 0.0 || !rec.nodes.is_empty() {
+            return None;
+        }
+        let mut back = rec.clone();
+        back.start.z.fill(0.0);
+        let now = squares(plan, rec, &point.values, noise).0 + away;
+        let drop = now - squares(plan, &back, &point.values, noise).0;
+        (drop > 0.0).then_some((back, drop))
+    };
+    let back: Vec<Option<(RecordPlan, f64)>> = point.records.par_iter().map(one).collect();
+    let drop: f64 = back.iter().flatten().map(|(_, drop)| drop).sum();
+    let any = drop > tolerance.max(FIT.cost_rounding) * point.cost;
+    if any {
+        point.records.iter_mut().zip(back).for_each(|(rec, back)| back.into_iter().for_each(|(back, _)| *rec = back));
+    }
+    any
+}
+
+fn descend(
     plan: &Plan,
     point: &mut Point,
     unknowns: &[Unknown],
@@ -414,5 +456,34 @@ mod tests {
         assert_eq!(evenly(&of(&[0, 1]), 2), [true, true]);
         // some of some: their numbers are those of all
         assert_eq!(evenly(&of(&[7, 8, 8, 40, 41]), 2), [false, true, true, false, true]);
+    }
+
+    /// A start that a descent has left away from the readings goes back to them where they are right, and stays where the model asks for it.
+    #[test]
+    fn a_start_goes_back_to_the_readings_where_they_are_nearer() {
+        use crate::diagnose::testing::{experiment, pendulum};
+        let mut plan = experiment(&pendulum("measured"), &[vec![0.5; 40], vec![0.5; 40]]).0;
+        let away = |plan: &Plan| {
+            let mut rec = plan.fitted[0].clone();
+            rec.start.z = vec![0.0, 3.0];
+            rec
+        };
+        let white = ArModel::white(vec![1e-4]).unwrap();
+        let read = |plan: &mut Plan, rec: &RecordPlan| {
+            let seen = shoot(plan, rec, &plan.scene_values, ShotWants::default()).unwrap().predicted;
+            plan.fitted[0].record.joints = seen.iter().map(|x| vec![*x]).collect();
+        };
+        let from_there = |plan: &Plan| {
+            let cost = squares(plan, &away(plan), &plan.scene_values, &white).0 + 9.0;
+            let mut point = Point { values: plan.scene_values.clone(), records: vec![away(plan)], cost, residuals: Vec::new() };
+            let back = begin_as_read(plan, &mut point, &white, 1e-3);
+            (back, point.records[0].start.z.clone())
+        };
+        let rec = plan.fitted[0].clone();
+        read(&mut plan, &rec);
+        assert_eq!(from_there(&plan), (true, vec![0.0, 0.0]));
+        let rec = away(&plan);
+        read(&mut plan, &rec);
+        assert_eq!(from_there(&plan), (false, vec![0.0, 3.0]));
     }
 }

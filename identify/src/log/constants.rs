@@ -5,8 +5,6 @@
 pub(super) struct LogConstants {
     /// Fewest samples of a record.
     pub samples: usize,
-    /// Fewest samples of a record that is to be diagnosed: one more than the 20 lags over which what is left is compared with the inputs.
-    pub diagnosed: usize,
     /// Interval between samples beyond which the inputs in between are unknown \[s\], and in periods [-].
     pub gap: (f64, f64),
     /// Fewest samples of a part between gaps that is simulated.
@@ -41,7 +39,6 @@ pub(super) struct LogConstants {
 /// The values in use.
 pub(super) const LOG: LogConstants = LogConstants {
     samples: 10,
-    diagnosed: 21,
     gap: (0.1, 5.0),
     part: 20,
     lone: 8.0,

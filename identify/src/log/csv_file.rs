@@ -111,9 +111,9 @@ impl CsvTable {
     /// The numbers of a clock, in its own unit.
     ///
     /// # Errors
-    /// Fewer rows than a diagnosis needs, or a cell without a number.
+    /// Fewer rows than a record needs, or a cell without a number.
     pub fn counts(&self, clock: &str) -> Result<Vec<f64>, LogError> {
-        let (found, needed) = (self.rows.len(), LOG.diagnosed);
+        let (found, needed) = (self.rows.len(), LOG.samples);
         if found < needed {
             return Err(LogError::new(self.place(found.saturating_sub(1), clock), LogMistake::TooFew { found, needed }));
         }

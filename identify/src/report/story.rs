@@ -166,12 +166,35 @@ pub(super) fn gained(low: f64, high: f64) -> String {
 
 /// Records to repeat with a change, and what each would tell; that none would, if so.
 pub(super) fn next(d: &Diagnosis) -> Vec<String> {
-    let told = |n: &NextExperiment| format!("{}: tells two of them apart with a probability of {}", n.what, share(n.chance));
+    let told = |n: &NextExperiment| format!("{}: {}", n.what, tells(n));
     match d.next.first() {
         Some(best) if best.chance < WORTH_A_TRY => {
             vec!["no repetition of these records with other commands or another start would tell them apart".to_owned()]
         }
         _ => d.next.iter().filter(|n| n.chance >= WORTH_A_TRY).map(told).collect(),
+    }
+}
+
+/// What an experiment tells: each pair with its probability, as far as that is worth a try.
+fn tells(n: &NextExperiment) -> String {
+    match n.pairs.as_slice() {
+        [] => format!("tells two of them apart with a probability of {}", share(n.chance)),
+        [a, .., z] if share(a.chance) == share(z.chance) => {
+            format!("tells any two of them apart with a probability of {}", share(z.chance))
+        }
+        all => {
+            let named = |title: &str| if title.is_empty() { "none of the others".to_owned() } else { words(title) };
+            let told = all.iter().filter(|pair| pair.chance >= WORTH_A_TRY);
+            let said: Vec<String> =
+                told.map(|p| format!("{} from {} ({})", named(&p.of[0]), named(&p.of[1]), share(p.chance))).collect();
+            let hardly: Vec<String> = all
+                .iter()
+                .filter(|p| p.chance < WORTH_A_TRY)
+                .map(|p| format!("{} from {}", named(&p.of[0]), named(&p.of[1])))
+                .collect();
+            let but = if hardly.is_empty() { String::new() } else { format!(", and hardly {}", hardly.join(", ")) };
+            format!("tells {}{but}", said.join(", "))
+        }
     }
 }
 

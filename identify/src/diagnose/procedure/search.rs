@@ -50,15 +50,20 @@ pub(in super::super) struct Found {
 }
 
 impl Found {
-    /// Fits of the models that cannot be told from the best one: its ties, and it with a cause replaced by one that moves the readings alike.
-    pub fn rivals(&self, bench: &Bench) -> Result<Vec<Fitted>, IdentifyError> {
-        let mut out: Vec<Fitted> = self.tied.iter().map(|model| model.fitted.clone()).collect();
+    /// The models that cannot be told apart: the best one, its ties, and it with a cause replaced by one that moves the readings alike. Titles of
+    /// their causes, and fits.
+    pub fn alternatives(&self, bench: &Bench) -> Result<Vec<(Vec<String>, Fitted)>, IdentifyError> {
+        let titles = |model: &Hypothesis| model.causes.iter().map(Cause::title).collect::<Vec<_>>();
+        let mut out = vec![(titles(&self.best), self.fitted.clone())];
+        out.extend(self.tied.iter().map(|model| (titles(model), model.fitted.clone())));
         for (k, others) in self.alike.iter().enumerate().filter(|(_, others)| !others.is_empty()) {
             let without = bench.without(&self.best, k)?.fitted;
             for other in others.iter().take(POLICY.told_rivals) {
                 let nowhere = vec![f64::NAN; other.unknowns.len()];
                 if let Ok((rough, _)) = bench.with(&without, other, &nowhere, &[]) {
-                    out.push(bench.finished(&rough, &without.records)?);
+                    let mut causes = titles(&self.best);
+                    causes[k] = other.title();
+                    out.push((causes, bench.finished(&rough, &without.records)?));
                 }
             }
         }
