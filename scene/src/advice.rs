@@ -15,6 +15,8 @@ impl Mistake {
             Self::Read { .. } => {
                 both("the path is wrong, or the file may not be read", "check the path and the file's permissions")
             }
+            Self::Folder { scene: Some(scene) } => both("the scene's folder was given in its place", format!("write {scene}")),
+            Self::Folder { scene: None } => both("the path ends too early", "write the path of the scene's file"),
             Self::Syntax { .. } => {
                 both("a bracket, quote or equals sign is missing or misplaced", "correct this line; see https://toml.io")
             }

@@ -43,6 +43,9 @@ pub enum Mistake {
     /// The file cannot be read.
     #[error("cannot be read: {error}")]
     Read { error: String },
+    /// A folder in place of a file; `scene`: the scene that lies in it, if one does.
+    #[error("is a folder")]
+    Folder { scene: Option<String> },
     /// Not TOML.
     #[error("is not valid TOML: {message}")]
     Syntax { message: String },

@@ -28,7 +28,12 @@ impl Source {
             Ok(text) => Ok(Self { file, text }),
             Err(error) => {
                 let place = Place { file: Some(file), ..Place::default() };
-                Err(SceneError::new(place, Mistake::Read { error: error.to_string() }))
+                let inside = path.join("scene.toml");
+                let mistake = match path.is_dir() {
+                    true => Mistake::Folder { scene: inside.is_file().then(|| inside.display().to_string()) },
+                    false => Mistake::Read { error: error.to_string() },
+                };
+                Err(SceneError::new(place, mistake))
             }
         }
     }

@@ -180,6 +180,12 @@ fn mistakes_in_scenes_are_located() {
         assert_refused(&pliant(&[command, scene.to_str().unwrap()]), &["unknown key `lenght`", "did you mean `length`?"]);
         assert_refused(&pliant(&[command, "missing.toml"]), &["missing.toml: cannot be read"]);
     }
+    let inside = folder.path().join("scene.toml");
+    std::fs::copy(&scene, &inside).unwrap();
+    let whole = folder.path().to_str().unwrap();
+    assert_refused(&pliant(&["simulate", whole]), &["is a folder", &format!("write {}", inside.display())]);
+    std::fs::remove_file(&inside).unwrap();
+    assert_refused(&pliant(&["diagnose", whole]), &["is a folder", "write the path of the scene's file"]);
     assert_eq!(pliant(&["simulate"]).status.code(), Some(2));
     assert_eq!(pliant(&["juggle"]).status.code(), Some(2));
 }

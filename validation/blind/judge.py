@@ -160,9 +160,16 @@ class Judge:
         return self._raw
 
     def cosines(self, u: np.ndarray) -> dict[str, float]:
-        """ρ of a change with every candidate, the best of its points where it has several."""
+        """ρ of a change with every candidate, the best of its points where it has several; 0 where it would take a change that does not exist."""
         size = max(float(np.linalg.norm(u)), 1e-300)
-        return {key: float(max(np.linalg.norm(b.T @ u) for b in own) / size) for key, own in self.basis.items()}
+        rho = {key: float(max(np.linalg.norm(b.T @ u) for b in own) / size) for key, own in self.basis.items()}
+        return {key: 0.0 if self.other_way(key, u) else c for key, c in rho.items()}
+
+    def other_way(self, key: str, u: np.ndarray) -> bool:
+        """Whether a cause of a single number that can only grow would have to shrink for a change: a lighter cart has no smaller armature."""
+        knobs = self.setup.causes[key].knobs
+        one_sided = len(knobs) == 1 and knobs[0] in self.u and self.setup.knobs[knobs[0]].one_sided
+        return one_sided and float(self.u[knobs[0]] @ u) < 0.0
 
     def matched(self, u: np.ndarray, own: str, by_record: bool = False) -> dict[str, float]:
         """Cosines where the best imitations are simulated at their size: derivatives miss the likeness of large changes.

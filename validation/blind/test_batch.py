@@ -165,6 +165,14 @@ def test_the_oracle_knows_symmetries_of_large_changes(pendulum):
     assert lam * (1.0 - pendulum.matched(u, key)["armature:hinge"] ** 2) < 0.1
 
 
+def test_what_can_only_grow_imitates_no_change_the_other_way():
+    """A heavier cart is one of a larger armature; a lighter one is not, for there is no armature below zero."""
+    cart = judge.Judge(ChainSetup("cart", np.random.default_rng(2)), noise.KINDS["white"])
+    knob = cart.setup.causes["payload:cart"].knobs[0]
+    of = lambda way: cart.cosines(cart.change([{knob: way * 0.02 * cart.setup.knobs[knob].largest}] * 4))["armature:rail"]
+    assert of(1.0) > 0.99 and of(-1.0) == 0.0
+
+
 def test_the_oracle_sees_nothing_of_what_is_refitted(pendulum):
     u = pendulum.change([{"start:0": 0.01, "start:1": -0.02}] * 4)
     assert u @ u < 3.0  # of 1e5 and more

@@ -105,9 +105,9 @@ pub(super) fn add(reason: &mut String, clause: &str) {
     }
 }
 
-/// That the simulation was refined, and why. `coarse`: what counted with the scene's own.
+/// That the simulation was refined, and why. `coarse`: what counted with the scene's own; what would have done is done, and not said.
 pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
-    let notes: Vec<&str> = coarse.iter().map(|n| n.note.as_str()).collect();
+    let notes: Vec<&str> = coarse.iter().filter_map(|n| n.note.split("; ").next()).collect();
     let because = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
     format!("the scene's own simulation is too coarse for these data{because}; this is of one with {finer}")
 }

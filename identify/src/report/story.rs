@@ -207,7 +207,7 @@ pub(super) fn against_ceiling(c: &Ceiling) -> String {
         None => "; it does not carry over".to_owned(),
     };
     format!(
-        "a flexible correction without physics: {}{found}; on top of the final model: {}",
+        "a regression of the error on motion and inputs, without physics, leaves {}{found}; on top of the final model it leaves {}",
         quantity_plain(c.rmse, &c.unit),
         quantity_plain(c.rmse_on_top, &c.unit)
     )
