@@ -51,6 +51,27 @@ fn a_urdf_and_three_logs_become_a_verdict() {
     assert_refused(&pliant(&arguments(&scene, &LOGS, &again)), &["has an [experiment] already"]);
 }
 
+/// Of a dozen samples a log the same, less sharply.
+#[test]
+fn short_logs_become_a_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    let thinned = |log: &str| {
+        let text = std::fs::read_to_string(log).unwrap();
+        let rows: Vec<&str> = text.lines().skip(1).step_by(15).take(12).collect();
+        let path = folder.path().join(Path::new(log).file_name().unwrap());
+        std::fs::write(&path, format!("{}\n{}\n", text.lines().next().unwrap(), rows.join("\n"))).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let logs = LOGS.map(thinned);
+    let out = folder.path().join("arm").to_str().unwrap().to_owned();
+    let made = pliant(&arguments(MODEL, &logs.each_ref().map(String::as_str), &out));
+    assert_eq!(made.status.code(), Some(0), "{}", text(&made.stderr));
+    let found = json(&pliant(&["diagnose", &format!("{out}/scene.toml"), "--json"]));
+    assert_eq!((&found["verdict"], &found["causes"][0]["name"]), (&"named".into(), &"viscous_friction".into()));
+    let [low, high] = [0, 1].map(|end| found["causes"][0]["parameters"][0]["interval"][end].as_f64().unwrap());
+    assert!(low < 0.08 && 0.08 < high && high - low < 0.03, "{low} {high}");
+}
+
 /// The arm with stops at which it never arrives is simulated as that without; a stop that is reached stays.
 #[test]
 fn stops_that_no_reading_comes_near_are_left_out() {
