@@ -296,6 +296,7 @@ fn plain(e: &Estimate) -> String {
 mod tests {
     use super::super::sample;
     use super::*;
+    use crate::diagnose::ToldPair;
 
     #[test]
     fn every_verdict_has_its_sentence() {
@@ -337,6 +338,30 @@ mod tests {
         let open = gained(-(2f64.ln()), 4f64.ln());
         assert!(open.starts_with("smaller or larger") && open.contains("0.5 to 4"), "{open}");
         assert_eq!((sentence("a rope"), sentence("A rope."), sentence(" ")), ("A rope.".into(), "A rope.".into(), String::new()));
+    }
+
+    /// An experiment says which of the alternatives it would tell from each other, and which it hardly would.
+    #[test]
+    fn the_next_experiment_says_what_it_tells() {
+        let of = |pairs: &[(&str, &str, f64)]| {
+            let pairs: Vec<ToldPair> =
+                pairs.iter().map(|(a, b, chance)| ToldPair { of: [(*a).into(), (*b).into()], chance: *chance }).collect();
+            let chance = pairs.iter().map(|p| p.chance).sum::<f64>() / pairs.len() as f64;
+            let (record, what) = ("run1".to_owned(), "run1 once more".to_owned());
+            let one = NextExperiment { record, what, commands: 1.0, pace: 1.0, start: 1.0, separation: 1.0, chance, pairs };
+            next(&Diagnosis { next: vec![one], ..sample::diagnosis() })
+        };
+        assert_eq!(of(&[("wind", "tip_mass", 0.97)]), ["run1 once more: tells wind from tip mass (97 %)"]);
+        let all = of(&[("wind", "tip_mass", 0.99), ("wind", "", 0.5), ("tip_mass", "", 0.1)]);
+        assert_eq!(
+            all,
+            [
+                "run1 once more: tells wind from tip mass (99 %), wind from none of the others (50 %), and hardly tip mass from none of the others"
+            ]
+        );
+        let even = of(&[("wind", "tip_mass", 0.9), ("wind", "drag", 0.9)]);
+        assert_eq!(even, ["run1 once more: tells any two of them apart with a probability of 90 %"]);
+        assert!(of(&[("wind", "tip_mass", 0.1)])[0].starts_with("no repetition"));
     }
 
     #[test]
