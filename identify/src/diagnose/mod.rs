@@ -29,6 +29,7 @@ mod verdict;
 pub(crate) use audit::starts::tests as testing;
 
 pub use baseline::{FitReport, fit_scene};
+pub use next::{NextExperiment, ToldPair};
 pub use pipeline::{DiagnoseOptions, diagnose, diagnose_kept};
 pub use result::*;
 pub use scores::{Scores, score_scene};

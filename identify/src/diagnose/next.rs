@@ -12,7 +12,6 @@
 use super::beside::Beside;
 use super::policy::POLICY;
 use super::procedure::{Bench, Coarse, Found};
-use super::result::{NextExperiment, ToldPair};
 use super::scores::reduce;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
@@ -21,7 +20,40 @@ use crate::stats::dist::normal_cdf;
 use nalgebra::DMatrix;
 use pliant_math::State;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+
+/// A recorded experiment done again with a change, to tell causes that the data cannot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct NextExperiment {
+    /// The record it repeats.
+    pub record: String,
+    /// In words.
+    pub what: String,
+    /// Factor on how far the commands go from where they begin.
+    pub commands: f64,
+    /// Factor on their speed.
+    pub pace: f64,
+    /// Factor on how far the record begins from the scene's pose, and on its speed there.
+    pub start: f64,
+    /// Mean of what one of the alternatives cannot imitate of another, in units of −2 log likelihood.
+    pub separation: f64,
+    /// Probability that one alternative, if it is right, is then told from another; mean over the pairs.
+    pub chance: f64,
+    /// The same of each pair, the likeliest first.
+    #[serde(default)]
+    pub pairs: Vec<ToldPair>,
+}
+
+/// Two alternatives that an experiment is to tell apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ToldPair {
+    /// Of each the causes that not all alternatives have, by their titles; empty where it has none.
+    pub of: [String; 2],
+    /// Probability that the one that is right is told from the other; mean over which of them it is.
+    pub chance: f64,
+}
 
 /// How a recorded experiment is changed.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -156,6 +156,7 @@ fn held_out(gain: &[Gain]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::result::NumericsKind;
     use super::*;
 
     #[test]
@@ -249,5 +250,23 @@ mod tests {
         ] {
             assert!(text.contains(part), "{text}");
         }
+    }
+
+    /// What a finer simulation was made for is said, and not the step that would have done.
+    #[test]
+    fn a_finer_pass_says_why() {
+        let note = "the step of 0.01 s moves the readings by 1 mrad, 50 % of what is left; 0.004 s would do";
+        let coarse = Numerics {
+            kind: NumericsKind::Step,
+            interpolation: None,
+            rms: 1e-3,
+            unit: "rad".into(),
+            part: 0.5,
+            gain: 30.0,
+            needed: Some(4e-3),
+            note: note.into(),
+        };
+        let said = refined("a step of 0.0025 s", &[&coarse]);
+        assert!(said.contains("1 mrad, 50 % of what is left; this is of one with a step of 0.0025 s"), "{said}");
     }
 }

@@ -1,6 +1,7 @@
 //! Result of a diagnosis: the object behind the JSON, the report and the text on the screen.
 #![allow(rustdoc::broken_intra_doc_links)] // `[m]` is a unit here, and its escape would be read in the schema's descriptions
 
+use super::next::NextExperiment;
 use crate::causes::title;
 use crate::log::Interpolation;
 use schemars::JsonSchema;
@@ -393,37 +394,6 @@ pub struct Snapshot {
 fn points<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<[f64; 3]>, D::Error> {
     let read = Vec::<[Option<f64>; 3]>::deserialize(from)?;
     Ok(read.into_iter().map(|p| p.map(|x| x.unwrap_or(f64::NAN))).collect())
-}
-
-/// A recorded experiment done again with a change, to tell causes that the data cannot.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct NextExperiment {
-    /// The record it repeats.
-    pub record: String,
-    /// In words.
-    pub what: String,
-    /// Factor on how far the commands go from where they begin [-].
-    pub commands: f64,
-    /// Factor on their speed [-].
-    pub pace: f64,
-    /// Factor on how far the record begins from the scene's pose, and on its speed there [-].
-    pub start: f64,
-    /// Mean of what one of the alternatives cannot imitate of another, in units of −2 log likelihood.
-    pub separation: f64,
-    /// Probability that one alternative, if it is right, is then told from another; mean over the pairs.
-    pub chance: f64,
-    /// The same of each pair, the likeliest first.
-    #[serde(default)]
-    pub pairs: Vec<ToldPair>,
-}
-
-/// Two alternatives that an experiment is to tell apart.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ToldPair {
-    /// What each of them says that the other does not: titles of its causes.
-    pub of: [String; 2],
-    /// Probability that the one that is right is told from the other; mean over which of them it is.
-    pub chance: f64,
 }
 
 /// A finer simulation than the scene's.

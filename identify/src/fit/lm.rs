@@ -218,6 +218,7 @@ fn begin_as_read(plan: &Plan, point: &mut Point, noise: &ArModel, tolerance: f64
     any
 }
 
+/// Levenberg–Marquardt from a point on.
 fn descend(
     plan: &Plan,
     point: &mut Point,
@@ -477,6 +478,10 @@ mod tests {
             let cost = squares(plan, &away(plan), &plan.scene_values, &white).0 + 9.0;
             let mut point = Point { values: plan.scene_values.clone(), records: vec![away(plan)], cost, residuals: Vec::new() };
             let back = begin_as_read(plan, &mut point, &white, 1e-3);
+            // a fit that takes no step of its own looks there too
+            let options = FitOptions { max_iterations: 0, rounds: 0, tolerance: 1e-3 };
+            let fitted = fit(plan, &[away(plan)], &plan.scene_values, &[], Some(&white), &options).unwrap();
+            assert_eq!(fitted.records[0].start.z, point.records[0].start.z);
             (back, point.records[0].start.z.clone())
         };
         let rec = plan.fitted[0].clone();
