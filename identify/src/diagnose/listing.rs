@@ -41,15 +41,16 @@ pub(super) fn causes(plan: &Plan, found: &Found, parts: &Reduced, half: &[f64], 
     found.best.causes.iter().zip(&found.evidence).map(one).collect()
 }
 
-/// Title and numbers of the last cause of every model that cannot be told from the best one, and of its own, each in its own model.
-pub(super) fn refitted(plan: &Plan, found: &Found) -> Vec<(String, Vec<Estimate>)> {
+/// Of the best model and every one that cannot be told from it the causes among these, with their numbers in it.
+pub(super) fn refitted(plan: &Plan, found: &Found, among: &[String]) -> Vec<(Vec<String>, Vec<Estimate>)> {
     let one = |model: &Hypothesis| {
-        let last = model.causes.last()?;
-        let own = |u: &Unknown| last.unknowns.iter().any(|own| own.target.same(&u.target));
+        let own: Vec<&Candidate> = model.causes.iter().filter(|cause| among.contains(&cause.title())).collect();
+        let is_own = |u: &Unknown| own.iter().any(|cause| cause.unknowns.iter().any(|own| own.target.same(&u.target)));
         let all = estimates(plan, &model.fitted, None).into_iter().zip(&model.fitted.unknowns);
-        Some((last.title(), all.filter(|(_, u)| own(u)).map(|(e, _)| e).collect()))
+        let numbers = all.filter(|(_, u)| is_own(u)).map(|(e, _)| e).collect();
+        (own.iter().map(|cause| cause.title()).collect(), numbers)
     };
-    std::iter::once(&found.best).chain(&found.tied).filter_map(one).collect()
+    std::iter::once(&found.best).chain(&found.tied).map(one).collect()
 }
 
 /// The size of a cause's first number that varies, in every record; none where none does.
@@ -63,7 +64,11 @@ fn sizes(fitted: &Fitted, cause: &Candidate) -> Vec<RecordSize> {
         let name = rec.record.name.rsplit_once(" from ").filter(|(_, at)| at.ends_with(" s")).map(|(name, _)| name);
         Some(RecordSize { record: name.unwrap_or(&rec.record.name).to_owned(), size: own(first, rec)? })
     };
-    pieces_by_record(&fitted.records).into_iter().filter_map(one).collect()
+    let mut out: Vec<RecordSize> = pieces_by_record(&fitted.records).into_iter().filter_map(one).collect();
+    // a size at its bound of 0 is there to rounding
+    let rounding = 8.0 * f64::EPSILON * out.iter().map(|of| of.size.abs()).fold(0.0, f64::max);
+    out.iter_mut().filter(|of| of.size.abs() <= rounding).for_each(|of| of.size = 0.0);
+    out
 }
 
 /// The causes most similar to one on these data, among those tested against the baseline.

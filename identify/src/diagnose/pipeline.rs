@@ -91,29 +91,39 @@ fn passes(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, IdentifyError> {
     let mut clock = Clock::new();
-    let first = match first_pass(journal) {
+    let first = match finished(journal) {
         Some(first) => first,
         None => pass(setup, logs, None, options, (&mut clock, journal), progress)?,
     };
-    let Some(refined) = Refinement::of(&first, setup) else { return Ok(first) };
-    progress(&format!("once more, with {}", refined.words()));
-    keep_first_pass(journal, &first);
-    journal.pass(Some(refined.words()));
-    pass(&refined.setup(setup), logs, Some((&refined, &first)), options, (&mut clock, journal), progress)
+    let mut finer: Option<(Refinement, Diagnosis)> = None;
+    for _ in 1..POLICY.passes {
+        let last = finer.as_ref().map_or(&first, |(_, last)| last);
+        let here = finer.as_ref().map_or_else(|| setup.clone(), |(by, _)| by.setup(setup));
+        let Some(refined) = Refinement::of(last, &here) else { break };
+        progress(&format!("once more, with {}", refined.words()));
+        keep(journal, last);
+        journal.pass(Some(refined.words()));
+        let next = match finished(journal) {
+            Some(next) => next,
+            None => pass(&refined.setup(setup), logs, Some((&refined, &first)), options, (&mut clock, journal), progress)?,
+        };
+        finer = Some((refined, next));
+    }
+    Ok(finer.map_or(first, |(_, last)| last))
 }
 
-/// A first pass that was finished.
-fn first_pass(journal: &Journal) -> Option<Diagnosis> {
-    serde_json::from_str(&journal.reached::<String>("first pass")?).ok()
+/// A pass with the present simulation that was finished.
+fn finished(journal: &Journal) -> Option<Diagnosis> {
+    serde_json::from_str(&journal.reached::<String>("pass")?).ok()
 }
 
 /// Keeps it, if it is read back as it was.
-fn keep_first_pass(journal: &Journal, first: &Diagnosis) {
-    let Some(text) = journal.keeps().then(|| serde_json::to_string(first).ok()).flatten() else { return };
+fn keep(journal: &Journal, pass: &Diagnosis) {
+    let Some(text) = journal.keeps().then(|| serde_json::to_string(pass).ok()).flatten() else { return };
     let back: Option<Diagnosis> = serde_json::from_str(&text).ok();
     // NaN is equal to itself here
-    if back.is_some_and(|back| format!("{back:?}") == format!("{first:?}")) {
-        journal.reaches("first pass", &text);
+    if back.is_some_and(|back| format!("{back:?}") == format!("{pass:?}")) {
+        journal.reaches("pass", &text);
     }
 }
 

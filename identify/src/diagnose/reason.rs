@@ -22,30 +22,36 @@ pub(super) fn varies(causes: &[Cause], varying: &str) -> String {
     let sizes = causes.iter().filter(|c| c.title() == varying).flat_map(|c| &c.sizes);
     let sizes: Vec<String> = sizes.map(|s| format!("{} in {}", number_plain(s.size), s.record)).collect();
     format!(
-        "The data call for {}, but {varying} has another size in every record: {}. What it depends on is not in the model",
+        "The data call for {}, but the size of {varying} differs between the records: {}. What it depends on is not in the model",
         all.join(", and for "),
         sizes.join(", ")
     )
 }
 
 /// That several causes fit alike. `accepted`: those that stand whichever of them is right; `by_any`: no data of this kind can tell them;
-/// `refitted`: those whose sizes in place of the others are known.
-pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool, refitted: &[(String, Vec<Estimate>)]) -> String {
-    let alone = |(title, all): &(String, Vec<Estimate>)| {
+/// `refitted`: of each model those that it has, and their sizes there.
+pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool, refitted: &[(Vec<String>, Vec<Estimate>)]) -> String {
+    let together = |titles: &[String]| titles.join(" with ");
+    let alone = |(titles, all): &(Vec<String>, Vec<Estimate>)| {
         let sizes: Vec<String> = all.iter().map(|e| format!("{} = {}", e.path, quantity_plain(e.estimate, &e.unit))).collect();
-        (set.contains(title) && !sizes.is_empty()).then(|| format!("{title} {}", sizes.join(", ")))
+        (!titles.is_empty() && !sizes.is_empty()).then(|| format!("{} {}", together(titles), sizes.join(", ")))
     };
     let sizes: Vec<String> = refitted.iter().filter_map(alone).collect();
+    let mut any: Vec<String> = set.to_vec();
+    if refitted.iter().any(|(titles, _)| titles.len() > 1) {
+        any.retain(|title| !refitted.iter().any(|(titles, _)| titles.contains(title)));
+        any.splice(0..0, refitted.iter().filter(|(titles, _)| !titles.is_empty()).map(|(titles, _)| together(titles)));
+    }
     let sizes = if sizes.is_empty() { String::new() } else { format!("; each in place of the others: {}", sizes.join("; ")) };
     let beside = if accepted.is_empty() { String::new() } else { format!(" beside {}", accepted.join(" and ")) };
     if by_any {
         format!(
             "{} explains the data{beside}, and no log of these sensors can tell it from {}: both move the readings in the same way{sizes}",
-            set[0],
-            set[1..].join(", ")
+            any[0],
+            any[1..].join(", ")
         )
     } else {
-        format!("{} explain the data equally well{beside}{sizes}", set.join(", "))
+        format!("{} explain the data equally well{beside}{sizes}", any.join(", "))
     }
 }
 
@@ -207,15 +213,20 @@ mod tests {
 
     #[test]
     fn alternatives_come_with_their_sizes() {
-        let of = |name: &str, size| (name.to_owned(), cause(name, "sensor.time_offset", size, "s", 1.0).parameters);
+        let of = |name: &str, size| (vec![name.to_owned()], cause(name, "sensor.time_offset", size, "s", 1.0).parameters);
         let set = ["sensor_delay", "actuator_delay", "actuator_lag"].map(str::to_owned);
-        let said = ambiguous(&set, &[], false, &[of("sensor_delay", 5e-4), of("wind", 1.0)]);
+        let said = ambiguous(&set, &[], false, &[of("sensor_delay", 5e-4), (Vec::new(), Vec::new())]);
         assert_eq!(
             said,
             "sensor_delay, actuator_delay, actuator_lag explain the data equally well; each in place of the others: \
              sensor_delay sensor.time_offset = 0.5 ms"
         );
         assert!(!ambiguous(&set, &[], false, &[]).contains("place of"));
+        // two that only together are as near stand together
+        let mut both = of("actuator_delay", 1e-3);
+        both.0.push("actuator_lag".to_owned());
+        let said = ambiguous(&set, &[], false, &[of("sensor_delay", 5e-4), both]);
+        assert!(said.starts_with("sensor_delay, actuator_delay with actuator_lag explain the data equally well; each"), "{said}");
     }
 
     #[test]

@@ -92,7 +92,7 @@ pub(super) fn decide(
     } else if let Some(set) = titles.first() {
         let accepted: Vec<String> = d.causes.iter().map(Cause::title).filter(|t| !titles.concat().contains(t)).collect();
         let by_any = found.tied.is_empty();
-        let refitted = listing::refitted(plan, found);
+        let refitted = listing::refitted(plan, found, set);
         (Verdict::Ambiguous, reason::ambiguous(set, &accepted, by_any, &refitted))
     } else if let Some(varying) = d.causes.iter().find(|c| !c.sizes.is_empty()) {
         (Verdict::Varies, reason::varies(&d.causes, &varying.title()))

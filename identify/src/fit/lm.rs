@@ -355,7 +355,8 @@ impl Linear {
         }
         let own = Self::by_piece(&point.records, &own);
         let moves = point.records.iter().zip(&own).zip(&self.shots);
-        let records: Vec<RecordPlan> = moves.map(|((rec, dz), shot)| moved(plan, rec, dz, &common, shot)).collect();
+        let mut records: Vec<RecordPlan> = moves.map(|((rec, dz), shot)| moved(plan, rec, dz, &common, shot)).collect();
+        records.iter_mut().for_each(|rec| rec.keep_physical(&values));
         let (cost, residuals) = cost(plan, &values, &records, unknowns, noise);
         Some((Point { values, records, cost, residuals }, foretold))
     }

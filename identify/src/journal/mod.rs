@@ -1,7 +1,7 @@
 //! The progress of a diagnosis: states that it can go on from after an interrupt, and its messages.
 //!
 //! A diagnosis is a fixed sequence of computations on its inputs. One that was interrupted is made again from its beginning, and takes from here
-//! what it had finished: its first pass, its search, or the state of that after the last round. The rest is the same by construction. A state is
+//! what it had finished: its last pass, its search, or the state of that after the last round. The rest is the same by construction. A state is
 //! kept only if it is read back as it was.
 //!
 //! A plan carries the journal; one that nobody asked for keeps nothing.

@@ -62,6 +62,18 @@ impl RecordPlan {
         free.zip(sizes).for_each(|((beyond, spread), d)| *beyond += spread * d);
     }
 
+    /// Takes deviations back to where the sizes are physical, the common values being these.
+    pub(crate) fn keep_physical(&mut self, common: &Values) {
+        let free = self.sizes.iter_mut().filter(|own| own.spread.is_some());
+        for OwnSize { of, beyond, .. } in free {
+            for (number, weight) in of.iter().filter(|(_, weight)| *weight != 0.0) {
+                let here = number.coordinate_of(number.value(common));
+                let [a, b] = [number.bounds.0, number.bounds.1].map(|end| (number.coordinate_of(end) - here) / weight);
+                *beyond = beyond.clamp(a.min(b), a.max(b));
+            }
+        }
+    }
+
     /// With its own sizes of the numbers that these unknowns set, followers with them.
     pub(crate) fn tied(&self, unknowns: &[Unknown]) -> Self {
         let mut out = self.clone();

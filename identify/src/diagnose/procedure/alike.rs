@@ -12,7 +12,7 @@ use super::super::scores::scores_in;
 use super::apart::{uncertain, with_common};
 use super::coarse::Coarse;
 use super::hypothesis::{Bench, Hypothesis, squares};
-use super::search::Evidence;
+use super::round::Evidence;
 use super::spread::frozen;
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;

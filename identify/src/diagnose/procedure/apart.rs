@@ -3,7 +3,7 @@
 use super::super::policy::POLICY;
 use super::coarse::Coarse;
 use super::hypothesis::Bench;
-use super::spread::{Apart, Direction, is_of};
+use super::spread::{Apart, Direction, Spread, is_of};
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
 use crate::shooting::{OwnSize, RecordPlan};
@@ -30,20 +30,26 @@ pub(super) fn direction(bench: &Bench, fitted: &Fitted, numbers: &[Unknown]) -> 
 impl Bench<'_> {
     /// A fit with own sizes of the cause with these numbers, if they are worth a fit.
     pub(super) fn apart(&self, fitted: &Fitted, numbers: &[Unknown]) -> Result<Option<Fitted>, IdentifyError> {
+        let Some((cause, spread)) = self.promise_apart(fitted, numbers)? else { return Ok(None) };
+        let opened = opened(fitted, &[cause], &spread.of_each);
+        Ok(Some(self.finished(&opened, &opened.records)?))
+    }
+
+    /// What own sizes of the cause with these numbers would leave of a fit, linearized, if they are worth a fit.
+    pub(super) fn promise_apart(
+        &self,
+        fitted: &Fitted,
+        numbers: &[Unknown],
+    ) -> Result<Option<(Direction, Spread)>, IdentifyError> {
         if self.plan.fitted_records() < POLICY.varied_records {
             return Ok(None);
         }
         let Some(cause) = direction(self, fitted, numbers) else { return Ok(None) };
         let coarse = Coarse::of(self, fitted)?;
         let white = Fitted { noise: self.white.clone(), ..coarse.fitted.clone() };
-        let causes = [cause];
-        let apart = Apart::new(&coarse.bench(self), &white, &causes)?;
+        let apart = Apart::new(&coarse.bench(self), &white, std::slice::from_ref(&cause))?;
         let spread = apart.spread();
-        if !apart.promises(&spread) {
-            return Ok(None);
-        }
-        let opened = opened(fitted, &causes, &spread.of_each);
-        Ok(Some(self.finished(&opened, &opened.records)?))
+        Ok(apart.promises(&spread).then_some((cause, spread)))
     }
 
     /// A fit with the spreads that are likeliest under its noise, of the causes that have own sizes in it.

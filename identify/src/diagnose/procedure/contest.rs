@@ -235,16 +235,20 @@ impl Contest {
         Ok(self.coarse[k].get_or_init(|| coarse))
     }
 
-    /// Whether model `k` cannot be told from the better model `best`. What its numbers cost more tells nothing: that a tilt has two and a turn of
-    /// the camera three makes neither likelier.
+    /// Whether model `k` cannot be told from the better model `best`. What its numbers cost more tells nothing beyond what they take by chance: that
+    /// a tilt has two and a turn of the camera three makes neither likelier.
     pub fn ties(&self, best: usize, k: usize) -> bool {
         if self.no_noise {
             // the scores were made of these
             let left_out = |k: usize| self.left_out[k].get().map_or(&[][..], Vec::as_slice);
             return !self.gain(&[left_out(k).to_vec(), left_out(best).to_vec()]).0;
         }
-        let more = (self.prices[k] - self.prices[best]).max(0.0);
-        self.scores[k] - self.scores[best] - more < POLICY.lead
+        self.scores[k] - self.scores[best] - self.pardoned(best, k) < POLICY.lead
+    }
+
+    /// What of the price of its further numbers does not count against a model beside another.
+    pub fn pardoned(&self, best: usize, k: usize) -> f64 {
+        (self.prices[k] - self.prices[best]).max(0.0) * (1.0 - POLICY.by_chance / POLICY.per_number)
     }
 
     /// Whether neither model can be told from the other, whichever is better.

@@ -5,7 +5,8 @@
 
 use super::super::result::NumericsKind;
 use super::hypothesis::{Bench, Hypothesis};
-use super::search::{Evidence, Found};
+use super::round::Evidence;
+use super::search::Found;
 use crate::causes::{Cause, Situation, library};
 use crate::fit::Fitted;
 use crate::journal::{Words, words, written};
@@ -460,7 +461,7 @@ mod tests {
             let all = journal.so_far();
             let names: Vec<&str> = all.states.keys().map(String::as_str).collect();
             let of = |name: &str| names.iter().filter(|n| n.starts_with(name)).count();
-            assert_eq!((of("first pass"), of("round"), of("search")), (1, 2, 2), "{names:?}");
+            assert_eq!((of("pass"), of("round"), of("search")), (1, 2, 2), "{names:?}");
             // once for each of what may lie there
             let mut stages: Vec<(String, Partial)> = Vec::new();
             for (line, partial) in left_behind.lock().unwrap().drain(..) {

@@ -19,6 +19,7 @@ mod contest;
 mod hypothesis;
 mod kept;
 mod race;
+mod round;
 pub(super) mod scatter;
 mod search;
 mod spread;
@@ -29,7 +30,8 @@ mod whole;
 pub(super) use across::solved;
 pub(super) use coarse::Coarse;
 pub(super) use hypothesis::{Bench, Hypothesis};
-pub(super) use search::{Evidence, Found, search};
+pub(super) use round::Evidence;
+pub(super) use search::{Found, search};
 pub(super) use unseen::counted;
 #[cfg(test)]
 pub(super) use whole::tests::begun;

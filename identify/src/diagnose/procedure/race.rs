@@ -6,6 +6,7 @@ use super::super::scores::{Scores, scores_under};
 use super::coarse::Coarse;
 use super::contest::noise_of;
 use super::hypothesis::{Bench, Hypothesis, squares};
+use super::spread::Spread;
 use super::unseen::{foretold, sought_on_some, typical, unseen};
 use crate::causes::{Cause, Situation};
 use crate::error::IdentifyError;
@@ -22,6 +23,8 @@ struct Tried {
     rough: Fitted,
     /// Squares of its residual over the scatter: of the refit, or foretold by the linearization; or those of unseen records.
     squares: f64,
+    /// The same with another size of the cause in every record, where that is worth it.
+    apart: Option<Spread>,
     /// −2 log likelihood that it takes under the noise of its parent's residual, as the linearization foretells; 0 where that is no noise.
     taken: f64,
     numbers: usize,
@@ -86,19 +89,29 @@ pub(super) fn race(
                 };
                 let [short, full] = POLICY.along.map(along);
                 let (squares, rough, cause) = if short.0 < full.0 { short } else { full };
-                return Ok(Ok(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false }));
+                return Ok(Ok(Tried { parent, cause, rough, squares, apart: None, taken: 0.0, numbers, hopeless: false }));
             }
             if is_linear(trial) {
                 let (rough, cause) = bench.moved(&whole, cause, step, &[], 1.0);
                 let asked = POLICY.per_number * cause.unknowns.len() as f64;
                 let hopeless = coloured.is_some() && POLICY.foretold * taken / part < asked;
-                return Ok(Ok(Tried { parent, cause, rough, squares: left - score, taken: *taken, numbers, hopeless }));
+                return Ok(Ok(Tried {
+                    parent,
+                    cause,
+                    rough,
+                    squares: left - score,
+                    apart: None,
+                    taken: *taken,
+                    numbers,
+                    hopeless,
+                }));
             }
             Ok(match bench.with(some, cause, step, beside) {
                 Ok((rough, cause)) => {
                     let squares = squares(bench.plan, &rough, &bench.white)?;
+                    let apart = bench.promise_apart(&rough, &cause.unknowns)?.map(|(_, spread)| spread);
                     let rough = Fitted { records: coarse.back(&rough.records, &whole.records), ..rough };
-                    Ok(Tried { parent, cause, rough, squares, taken: 0.0, numbers, hopeless: false })
+                    Ok(Tried { parent, cause, rough, squares, apart, taken: 0.0, numbers, hopeless: false })
                 }
                 Err(e) => Err(failed(cause, &e)),
             })
@@ -191,15 +204,19 @@ fn promising(white: &Scores, coloured: Option<&Scores>) -> Vec<Promise> {
 }
 
 /// The best of those tried: the first few of each ranking, and all that are not clearly behind, without the hopeless. The same model found
-/// twice counts once.
+/// twice counts once. The rankings are by squares, with one size for all records and with own ones where they are worth it (the right law with
+/// one size for all may be behind a wrong one), and by likelihood.
 fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Tried> {
-    // squares per row of the best: the unit of a likelihood if it leaves white noise
     let rows = |t: &Tried| t.rough.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
-    let unit = tried.iter().map(|t| t.squares / rows(t)).fold(f64::INFINITY, f64::min).max(1.0);
     let price = |t: &Tried| POLICY.per_number * t.numbers as f64;
-    let score = |t: &Tried| t.squares / unit + price(t);
+    // squares per row of the best: the unit of a likelihood if it leaves white noise
+    let unit = |tried: &[Tried], squares: fn(&Tried) -> f64| {
+        tried.iter().map(|t| squares(t) / rows(t)).fold(f64::INFINITY, f64::min).max(1.0)
+    };
     tried.retain(|t| t.squares.is_finite());
-    tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
+    let common = unit(&tried, |t| t.squares);
+    let together = |t: &Tried| t.squares / common + price(t);
+    tried.sort_by(|a, b| together(a).total_cmp(&together(b)));
     let mut seen: Vec<Vec<String>> = Vec::new();
     tried.retain(|t| {
         let key = beam[t.parent].key_with(&t.cause);
@@ -209,20 +226,35 @@ fn finalists(beam: &[Hypothesis], mut tried: Vec<Tried>, plain: f64) -> Vec<Trie
         }
         new
     });
-    let Some(best) = tried.first().map(score) else { return tried };
-    let most = plain / unit - best;
+    let own = unit(&tried, |t| t.apart.as_ref().map_or(t.squares, |apart| apart.squares.min(t.squares)));
+    let apart = |t: &Tried| {
+        let priced = |of: &Spread| of.squares / own + of.uncertain + POLICY.per_number + price(t);
+        t.apart.as_ref().map_or(f64::INFINITY, priced).min(t.squares / own + price(t))
+    };
+    let by_squares = chosen(&tried.iter().map(together).collect::<Vec<_>>(), plain / common);
+    let by_own_sizes = chosen(&tried.iter().map(apart).collect::<Vec<_>>(), plain / own);
     let mut by_likelihood: Vec<f64> = tried.iter().map(|t| t.taken - price(t)).collect();
     by_likelihood.sort_by(|a, b| b.total_cmp(a));
     let least = by_likelihood.get(POLICY.finalists - 1).copied().unwrap_or(f64::NEG_INFINITY);
-    let mut rank = 0;
+    let mut by_squares = by_squares.into_iter().zip(by_own_sizes);
     tried.retain(|t| {
-        rank += 1;
-        let near = score(t) < best + 2.0 * POLICY.lead;
-        let first = rank <= POLICY.finalists && plain / unit - score(t) > POLICY.far_behind * most;
         let likely = t.taken > 0.0 && t.taken - price(t) >= least;
-        !t.hopeless && (near && most > 0.0 || first || likely)
+        let near = by_squares.next().is_some_and(|(one, own)| one || own);
+        !t.hopeless && (near || likely)
     });
     tried
+}
+
+/// Which of these scores are the first few that take much of what the parent leaves, or not clearly behind the best.
+fn chosen(scores: &[f64], parent: f64) -> Vec<bool> {
+    let best = scores.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = parent - best;
+    let one = |score: &f64| {
+        let near = *score < best + 2.0 * POLICY.lead && most > 0.0;
+        let rank = scores.iter().filter(|other| *other < score).count();
+        near || rank < POLICY.finalists && parent - score > POLICY.far_behind * most
+    };
+    scores.iter().map(one).collect()
 }
 
 /// The fit with the parameters freed that have a meaning now that the cause has a size: all of them if the data determine them (standard
@@ -329,6 +361,7 @@ mod tests {
             cause: causes[k].clone(),
             rough: fitted.clone(),
             squares,
+            apart: None,
             taken: 10.0,
             numbers: 1,
             hopeless,

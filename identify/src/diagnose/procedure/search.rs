@@ -1,33 +1,18 @@
 //! The order of the procedure: one cause after the other is accepted, each for good reasons, and taken out again if it is not missed.
 
-use super::super::beside::Beside;
-use super::super::gain::prepared;
-use super::super::numerics::{Shift, Source, changes, shift, shifts};
 use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::alike::alike;
-use super::apart::{carried, uncertain};
 use super::contest::{Contest, judged, noise_of};
-use super::hypothesis::{Bench, Hypothesis, squares};
+use super::hypothesis::{Bench, Hypothesis};
 use super::kept::{Between, Pruned};
 use super::race::race;
+use super::round::{Evidence, Round, evidence};
 use super::told;
-use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::stats::dist::chi2_quantile;
 use pliant_scene::Scene;
-use std::cell::OnceCell;
-
-/// Evidence for an accepted cause, all other causes present; of models that are judged on unseen records, those accepted before.
-#[derive(Clone, Debug)]
-pub(in super::super) struct Evidence {
-    /// Squares that it takes.
-    pub statistic: f64,
-    /// Part of the squares on records left out that it takes; of a size that varies, on halves of records. Absent with a single record.
-    pub foretold: Option<f64>,
-}
 
 /// The result of a search.
 pub(in super::super) struct Found {
@@ -133,6 +118,7 @@ pub(in super::super) fn search(
         let round = Round::new(bench, scene, &beam, children, tests)?;
         let Some(accepted) = round.accept(&mut notes, &mut imitated)? else {
             if !found_before {
+                tied.extend(round.as_near_as_the_first().map(|k| round.adopted(k)));
                 break;
             }
             // nothing of what was found on other records stands
@@ -177,255 +163,6 @@ pub(in super::super) fn search(
     let found = Found { alike, base, best, fitted, evidence, tied, no_noise, notes, imitated };
     found.keep(bench);
     Ok(found)
-}
-
-/// Models held against each other in a round: those of the beam first.
-struct Round<'a> {
-    bench: &'a Bench<'a>,
-    scene: &'a Scene,
-    models: Vec<Hypothesis>,
-    beam: usize,
-    /// Causes tested in this round, for the level of each.
-    tests: f64,
-    contest: Contest,
-    /// −2 log likelihood of each on the held-out records, where it was asked for.
-    held_out: Vec<OnceCell<f64>>,
-    /// Errors of the simulation at the first child that they are asked for: the best, and those that come as near to the data share them.
-    shifts: OnceCell<Vec<Shift>>,
-}
-
-/// A model that was accepted.
-struct Accepted {
-    leader: usize,
-    evidence: Evidence,
-    /// Others that it cannot be told from.
-    tied: Vec<usize>,
-    /// All that came after it, best first.
-    behind: Vec<usize>,
-}
-
-impl<'a> Round<'a> {
-    fn new(
-        bench: &'a Bench,
-        scene: &'a Scene,
-        beam: &[Hypothesis],
-        children: Vec<Hypothesis>,
-        tests: usize,
-    ) -> Result<Self, IdentifyError> {
-        let models: Vec<Hypothesis> = beam.iter().cloned().chain(children).collect();
-        let contest = Contest::new(bench, &models.iter().collect::<Vec<_>>(), beam.len())?;
-        let held_out = vec![OnceCell::new(); models.len()];
-        Ok(Self {
-            bench,
-            scene,
-            models,
-            beam: beam.len(),
-            tests: tests.max(1) as f64,
-            contest,
-            held_out,
-            shifts: OnceCell::new(),
-        })
-    }
-
-    /// A model as the next cause is tried on it.
-    fn adopted(&self, k: usize) -> Hypothesis {
-        let mut out = self.contest.adopted(k, &self.models[k]);
-        if self.contest.unseen {
-            out.fitted = counted(self.bench, &out.fitted);
-        }
-        out
-    }
-
-    /// The best model of the beam.
-    fn parent(&self) -> usize {
-        (0..self.beam).min_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b])).unwrap_or(0)
-    }
-
-    /// The best child that has everything a cause is accepted for, with its ties.
-    fn accept(
-        &self,
-        notes: &mut Vec<(String, String)>,
-        imitated: &mut Vec<(String, NumericsKind)>,
-    ) -> Result<Option<Accepted>, IdentifyError> {
-        let mut order: Vec<usize> = (self.beam..self.models.len()).collect();
-        order.sort_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b]));
-        let (mut possible, mut as_numerics) = (Vec::new(), Vec::new());
-        // of two that are as near to the data neither is there where the simulation's own error may be one of them
-        let beside = |k: usize, as_numerics: &[usize]| {
-            let rival = as_numerics.iter().find(|&&other| self.contest.alike(k, other))?;
-            Some(format!("{} is as near to the data, and the simulation's own error imitates it", self.cause(*rival).title()))
-        };
-        for k in order {
-            if let Some(why) = beside(k, &as_numerics) {
-                notes.push((self.cause(k).title(), why));
-                continue;
-            }
-            match self.rejection(k)? {
-                None => possible.push(k),
-                Some(Rejection::Imitated(kind)) => {
-                    let title = self.cause(k).title();
-                    notes.push((title.clone(), kind.imitates().to_owned()));
-                    imitated.push((title, kind));
-                    as_numerics.push(k);
-                }
-                Some(Rejection::Because(why)) => notes.push((self.cause(k).title(), why)),
-            }
-        }
-        possible.retain(|&k| match beside(k, &as_numerics) {
-            Some(why) => {
-                notes.push((self.cause(k).title(), why));
-                false
-            }
-            None => true,
-        });
-        let Some((&leader, behind)) = possible.split_first() else { return Ok(None) };
-        let (limits, behind): (Vec<usize>, Vec<usize>) = behind.iter().partition(|&&k| self.has_as_limit(k, leader));
-        for k in limits {
-            notes.push((
-                self.cause(k).title(),
-                format!("becomes {} at a limit of its own, which explains as much", self.cause(leader).title()),
-            ));
-        }
-        let tied: Vec<usize> = behind.iter().copied().filter(|&k| self.contest.ties(leader, k)).collect();
-        for &k in behind.iter().filter(|k| !tied.contains(k)) {
-            let ahead = self.contest.scores[k] - self.contest.scores[leader];
-            let by = format!("{} is nearer to the data, by {ahead:.0} units of −2 log likelihood", self.cause(leader).title());
-            notes.push((
-                self.cause(k).title(),
-                if self.contest.no_noise { "another is nearer to the data".to_owned() } else { by },
-            ));
-        }
-        Ok(Some(Accepted {
-            leader,
-            evidence: evidence(self.bench, &self.contest, self.parent(), leader, self.cause(leader))?,
-            tied,
-            behind,
-        }))
-    }
-
-    /// Whether one child is the other at a limit of the cause that it adds, for all that the data say: it has more numbers, and they gain
-    /// nothing significant.
-    fn has_as_limit(&self, k: usize, other: usize) -> bool {
-        let before = |k: usize| {
-            let causes = &self.models[k].causes;
-            let mut titles: Vec<String> = causes[..causes.len() - 1].iter().map(Cause::title).collect();
-            titles.sort();
-            titles
-        };
-        let more = self.models[k].numbers() as f64 - self.models[other].numbers() as f64;
-        if self.contest.no_noise || more < 1.0 || !self.cause(k).may_be(self.cause(other)) || before(k) != before(other) {
-            return false;
-        }
-        let gained = self.contest.scores[other] - self.contest.scores[k] + POLICY.per_number * more;
-        gained < chi2_quantile(1.0 - POLICY.level, more)
-    }
-
-    /// The cause that a child adds.
-    fn cause(&self, k: usize) -> &Cause {
-        &self.models[k].causes[self.models[k].causes.len() - 1]
-    }
-
-    /// Why a child is not accepted, if it is not.
-    fn rejection(&self, k: usize) -> Result<Option<Rejection>, IdentifyError> {
-        let (parent, cause, fitted) = (self.parent(), self.cause(k), &self.contest.fits[k]);
-        if let [one] = cause.unknowns.as_slice() {
-            let value = one.value(&fitted.values);
-            if value <= one.bounds.0 || value >= one.bounds.1 {
-                return Ok(Some(Rejection::Because(format!("its refit ends at the physical bound {} = {value}", one.path))));
-            }
-        }
-        let more = self.models[k].numbers() as f64 - self.models[parent].numbers() as f64;
-        let taken = self.contest.scores[parent] - self.contest.scores[k];
-        if !self.contest.no_noise {
-            let level = chi2_quantile(1.0 - POLICY.accepted_level / self.tests, more.max(1.0));
-            let (needed, gained) = (level.max(POLICY.per_number * more), taken + POLICY.per_number * more);
-            if gained < needed {
-                return Ok(Some(Rejection::Because(format!(
-                    "its refit gains {gained:.1} units of −2 log likelihood, less than {needed:.1}"
-                ))));
-            }
-            let lost = self.on_held_out(k) - self.on_held_out(parent);
-            if gained - lost < needed {
-                return Ok(Some(Rejection::Because(format!(
-                    "its refit gains {gained:.1} units of −2 log likelihood, and with it the held-out records lose {lost:.1}"
-                ))));
-            }
-        }
-        let both = self.contest.left_out(self.bench, parent, k, cause)?;
-        let (better, share) = self.contest.gain(&both);
-        let carries = better && (!self.contest.no_noise || share >= POLICY.worth);
-        // a single record has none left out, and its likelihood decides
-        let judged = both[1].len() >= 2 || self.contest.no_noise;
-        if judged && !carries {
-            let what = if self.contest.varies[k] { "halves of records" } else { "records" };
-            return Ok(Some(Rejection::Because(format!(
-                "it does not carry over: on {what} left out it takes {:.1} % of the squares",
-                100.0 * share
-            ))));
-        }
-        // an approximation of more than noise gets no name that the simulation's own error could have taken
-        if self.contest.unseen { Ok(None) } else { self.imitated(parent, k) }
-    }
-
-    /// −2 log likelihood of a model on the held-out records, of which only the starts are fitted; infinite where it cannot be simulated.
-    fn on_held_out(&self, k: usize) -> f64 {
-        let (plan, judged) = (self.bench.plan, &self.contest.fits[k]);
-        let squares = || -> Result<f64, IdentifyError> {
-            let near = carried(judged, &prepared(plan, &plan.held_out, judged, &POLICY.fine)?);
-            let fitted = self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?;
-            Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted)?)
-        };
-        *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
-    }
-
-    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and it
-    /// does not lead the finer simulation without it, or one that is part of the way there.
-    fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
-        let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
-        let own: Vec<usize> = (0..fitted.unknowns.len())
-            .filter(|&j| self.cause(k).unknowns.iter().any(|o| o.target.same(&fitted.unknowns[j].target)))
-            .collect();
-        let size = |j: usize| {
-            let u = &fitted.unknowns[j];
-            (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
-        };
-        let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
-        let coarse = self.contest.coarse(self.bench, k)?;
-        let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes(shifts))?;
-        for (number, of) in shifts.iter().enumerate() {
-            let bias = beside.sizes(number);
-            let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
-            if small
-                && self.taken_by_finer(parent, of.source)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
-            {
-                return Ok(Some(Rejection::Imitated(of.source.kind())));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Squares that a finer simulation, or one part of the way to it, takes from a model; inputs are read one way or the other.
-    fn taken_by_finer(&self, model: usize, source: Source) -> Result<f64, IdentifyError> {
-        let coarse = self.contest.coarse(self.bench, model)?;
-        let finer = shift(source, self.scene, self.bench.plan, &self.contest.fits[model]);
-        let Some(finer) = finer else { return Ok(0.0) };
-        let beside = Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?;
-        Ok(if source.kind() == NumericsKind::Inputs { beside.gain(0) } else { beside.most(0) })
-    }
-
-    /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
-    fn next_beam(&self, accepted: &Accepted) -> Vec<Hypothesis> {
-        // on unseen records the leader alone: each further model is tried as often
-        let size = if self.contest.unseen { 1 } else { POLICY.beam.max(1 + accepted.tied.len().min(POLICY.finalists)) };
-        let order = std::iter::once(accepted.leader).chain(accepted.behind.iter().copied());
-        order.take(size).map(|k| self.adopted(k)).collect()
-    }
-}
-
-/// Why a cause is not accepted.
-enum Rejection {
-    Because(String),
-    Imitated(NumericsKind),
 }
 
 /// A model under the noise that it leaves, and with the spreads that are likeliest under it.
@@ -474,12 +211,4 @@ fn prune(
         Pruned::keep(bench, best, &of_all, notes, k);
     }
     Ok(of_all)
-}
-
-/// Evidence for a cause: the model with it against the one without.
-fn evidence(bench: &Bench, contest: &Contest, without: usize, with: usize, cause: &Cause) -> Result<Evidence, IdentifyError> {
-    let numbers = if contest.no_noise { 0.0 } else { POLICY.per_number * cause.unknowns.len() as f64 };
-    let both = contest.left_out(bench, without, with, cause)?;
-    let foretold = (both[0].len() > 1).then(|| contest.gain(&both).1);
-    Ok(Evidence { statistic: contest.scores[without] - contest.scores[with] + numbers, foretold })
 }

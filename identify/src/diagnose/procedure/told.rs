@@ -1,7 +1,7 @@
 //! Messages of a search while it runs.
 
 use super::hypothesis::{Bench, Hypothesis};
-use super::search::Evidence;
+use super::round::Evidence;
 use crate::causes::Cause;
 use crate::journal::{CauseSoFar, NumberSoFar};
 use crate::unknown::Unknown;

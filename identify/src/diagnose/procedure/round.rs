@@ -1,0 +1,339 @@
+//! One round of the search: which of the models that extend the ones so far by a cause is accepted, and what it cannot be told from.
+
+use super::super::beside::Beside;
+use super::super::gain::prepared;
+use super::super::numerics::{Shift, Source, changes, shift, shifts};
+use super::super::policy::POLICY;
+use super::super::result::NumericsKind;
+use super::apart::{carried, uncertain};
+use super::contest::Contest;
+use super::hypothesis::{Bench, Hypothesis, squares};
+use super::unseen::counted;
+use crate::causes::Cause;
+use crate::error::IdentifyError;
+use crate::stats::dist::chi2_quantile;
+use crate::unknown::Unknown;
+use pliant_scene::Scene;
+use std::cell::OnceCell;
+
+/// Evidence for an accepted cause, all other causes present; of models that are judged on unseen records, those accepted before.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Evidence {
+    /// Squares that it takes.
+    pub statistic: f64,
+    /// Part of the squares on records left out that it takes; of a size that varies, on halves of records. Absent with a single record.
+    pub foretold: Option<f64>,
+}
+
+/// Models held against each other in a round: those of the beam first.
+pub(super) struct Round<'a> {
+    bench: &'a Bench<'a>,
+    scene: &'a Scene,
+    pub models: Vec<Hypothesis>,
+    beam: usize,
+    /// Causes tested in this round, for the level of each.
+    tests: f64,
+    contest: Contest,
+    /// −2 log likelihood of each on the held-out records, where it was asked for.
+    held_out: Vec<OnceCell<f64>>,
+    /// Errors of the simulation at the first child that they are asked for: the best, and those that come as near to the data share them.
+    shifts: OnceCell<Vec<Shift>>,
+}
+
+/// A model that was accepted.
+pub(super) struct Accepted {
+    pub leader: usize,
+    pub evidence: Evidence,
+    /// Others that it cannot be told from.
+    pub tied: Vec<usize>,
+    /// All that came after it, best first.
+    behind: Vec<usize>,
+}
+
+impl<'a> Round<'a> {
+    pub fn new(
+        bench: &'a Bench,
+        scene: &'a Scene,
+        beam: &[Hypothesis],
+        children: Vec<Hypothesis>,
+        tests: usize,
+    ) -> Result<Self, IdentifyError> {
+        let models: Vec<Hypothesis> = beam.iter().cloned().chain(children).collect();
+        let contest = Contest::new(bench, &models.iter().collect::<Vec<_>>(), beam.len())?;
+        let held_out = vec![OnceCell::new(); models.len()];
+        Ok(Self {
+            bench,
+            scene,
+            models,
+            beam: beam.len(),
+            tests: tests.max(1) as f64,
+            contest,
+            held_out,
+            shifts: OnceCell::new(),
+        })
+    }
+
+    /// A model as the next cause is tried on it.
+    pub fn adopted(&self, k: usize) -> Hypothesis {
+        let mut out = self.contest.adopted(k, &self.models[k]);
+        if self.contest.unseen {
+            out.fitted = counted(self.bench, &out.fitted);
+        }
+        out
+    }
+
+    /// The best model of the beam.
+    fn parent(&self) -> usize {
+        (0..self.beam).min_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b])).unwrap_or(0)
+    }
+
+    /// The best child that has everything a cause is accepted for, with its ties.
+    pub fn accept(
+        &self,
+        notes: &mut Vec<(String, String)>,
+        imitated: &mut Vec<(String, NumericsKind)>,
+    ) -> Result<Option<Accepted>, IdentifyError> {
+        let mut order: Vec<usize> = (self.beam..self.models.len()).collect();
+        order.sort_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b]));
+        let (mut possible, mut as_numerics, mut doubtful) = (Vec::new(), Vec::new(), Vec::new());
+        // of two that are as near to the data neither is there where the simulation's own error may be one of them
+        let beside = |k: usize, as_numerics: &[usize]| {
+            let rival = as_numerics.iter().find(|&&other| self.contest.alike(k, other))?;
+            Some(format!("{} is as near to the data, and the simulation's own error imitates it", self.cause(*rival).title()))
+        };
+        for k in order {
+            if let Some(why) = beside(k, &as_numerics) {
+                notes.push((self.cause(k).title(), why));
+                continue;
+            }
+            match self.rejection(k)? {
+                None => possible.push(k),
+                Some(Rejection::Imitated(kind)) => {
+                    let title = self.cause(k).title();
+                    notes.push((title.clone(), kind.imitates().to_owned()));
+                    imitated.push((title, kind));
+                    as_numerics.push(k);
+                }
+                Some(Rejection::Impossible(why)) => notes.push((self.cause(k).title(), why)),
+                Some(Rejection::Doubtful(why)) => {
+                    notes.push((self.cause(k).title(), why));
+                    doubtful.push(k);
+                }
+            }
+        }
+        possible.retain(|&k| match beside(k, &as_numerics) {
+            Some(why) => {
+                notes.push((self.cause(k).title(), why));
+                false
+            }
+            None => true,
+        });
+        let Some((&leader, behind)) = possible.split_first() else { return Ok(None) };
+        let (limits, mut behind): (Vec<usize>, Vec<usize>) = behind.iter().partition(|&&k| self.has_as_limit(k, leader));
+        for k in limits {
+            notes.push((
+                self.cause(k).title(),
+                format!("becomes {} at a limit of its own, which explains as much", self.cause(leader).title()),
+            ));
+        }
+        let mut tied: Vec<usize> = behind.iter().copied().filter(|&k| self.contest.ties(leader, k)).collect();
+        for &k in behind.iter().filter(|k| !tied.contains(k)) {
+            let ahead = self.contest.scores[k] - self.contest.scores[leader];
+            let by = format!("{} is nearer to the data, by {ahead:.0} units of −2 log likelihood", self.cause(leader).title());
+            notes.push((
+                self.cause(k).title(),
+                if self.contest.no_noise { "another is nearer to the data".to_owned() } else { by },
+            ));
+        }
+        let rivals: Vec<usize> = doubtful.into_iter().filter(|&k| self.is_rival(k, leader)).collect();
+        tied.extend(&rivals);
+        behind.extend(&rivals);
+        for of in [&mut tied, &mut behind] {
+            of.sort_by(|&a, &b| self.contest.scores[a].total_cmp(&self.contest.scores[b]));
+        }
+        Ok(Some(Accepted {
+            leader,
+            evidence: evidence(self.bench, &self.contest, self.parent(), leader, self.cause(leader))?,
+            tied,
+            behind,
+        }))
+    }
+
+    /// Whether one child is the other at a limit of the cause that it adds, for all that the data say: it has more numbers, the other's among
+    /// them or a law that becomes the other's, and they gain nothing significant.
+    fn has_as_limit(&self, k: usize, other: usize) -> bool {
+        let more = self.models[k].numbers() as f64 - self.models[other].numbers() as f64;
+        if self.contest.no_noise || more < 1.0 || !self.beside(k, other) {
+            return false;
+        }
+        let has = |u: &Unknown| self.cause(k).unknowns.iter().any(|own| own.target.same(&u.target));
+        let gained = self.contest.scores[other] - self.contest.scores[k] + POLICY.per_number * more;
+        (self.cause(other).unknowns.iter().all(has) || self.cause(k).may_be(self.cause(other)))
+            && gained < chi2_quantile(1.0 - POLICY.level, more)
+    }
+
+    /// Whether two children extend the same model.
+    fn beside(&self, k: usize, other: usize) -> bool {
+        let [a, b] = [k, other].map(|k| {
+            let causes = &self.models[k].causes;
+            let mut titles: Vec<String> = causes[..causes.len() - 1].iter().map(Cause::title).collect();
+            titles.sort();
+            titles
+        });
+        a == b
+    }
+
+    /// Whether a child that is not accepted for itself may be what the accepted one stands for: what the accepted one has to be told from is
+    /// as near to the data, and not as certain. Of models of more than noise none is near.
+    fn is_rival(&self, k: usize, leader: usize) -> bool {
+        let near = !self.contest.no_noise && self.beside(k, leader) && self.contest.alike(leader, k);
+        if !near || self.has_as_limit(k, leader) {
+            return false;
+        }
+        // with the held-out records, where they were asked
+        let all = |k: usize| self.contest.scores[k] + self.on_held_out(k);
+        self.held_out[k].get().is_none() || all(k) - all(leader) - self.contest.pardoned(leader, k) < POLICY.lead
+    }
+
+    /// Children of other models that the first cannot be told from, where nothing is accepted: with no more numbers than it has, and as near to the
+    /// data. Two causes may act as the two numbers of a third.
+    pub fn as_near_as_the_first(&self) -> impl Iterator<Item = usize> {
+        let first = &self.models[0];
+        let other = |k: &usize| {
+            let has_all = first.causes.iter().all(|cause| self.models[*k].causes.iter().any(|own| own.title() == cause.title()));
+            !has_all && self.models[*k].numbers() <= first.numbers()
+        };
+        let near = |k: &usize| !self.contest.no_noise && self.contest.alike(0, *k) && self.unphysical(*k).is_none();
+        (self.beam..self.models.len()).filter(other).filter(near)
+    }
+
+    /// The cause that a child adds.
+    fn cause(&self, k: usize) -> &Cause {
+        &self.models[k].causes[self.models[k].causes.len() - 1]
+    }
+
+    /// Why the size that a child gives its cause is not physical, if it is not.
+    fn unphysical(&self, k: usize) -> Option<String> {
+        let [one] = self.cause(k).unknowns.as_slice() else { return None };
+        let value = one.value(&self.contest.fits[k].values);
+        let ends = value <= one.bounds.0 || value >= one.bounds.1;
+        ends.then(|| format!("its refit ends at the physical bound {} = {value}", one.path))
+    }
+
+    /// Why a child is not accepted, if it is not.
+    fn rejection(&self, k: usize) -> Result<Option<Rejection>, IdentifyError> {
+        let (parent, cause) = (self.parent(), self.cause(k));
+        if let Some(why) = self.unphysical(k) {
+            return Ok(Some(Rejection::Impossible(why)));
+        }
+        let more = self.models[k].numbers() as f64 - self.models[parent].numbers() as f64;
+        let taken = self.contest.scores[parent] - self.contest.scores[k];
+        if !self.contest.no_noise {
+            let level = chi2_quantile(1.0 - POLICY.accepted_level / self.tests, more.max(1.0));
+            let (needed, gained) = (level.max(POLICY.per_number * more), taken + POLICY.per_number * more);
+            if gained < needed {
+                return Ok(Some(Rejection::Doubtful(format!(
+                    "its refit gains {gained:.1} units of −2 log likelihood, less than {needed:.1}"
+                ))));
+            }
+            let lost = self.on_held_out(k) - self.on_held_out(parent);
+            if gained - lost < needed {
+                return Ok(Some(Rejection::Doubtful(format!(
+                    "its refit gains {gained:.1} units of −2 log likelihood, and with it the held-out records lose {lost:.1}"
+                ))));
+            }
+        }
+        let both = self.contest.left_out(self.bench, parent, k, cause)?;
+        let (better, share) = self.contest.gain(&both);
+        let carries = better && (!self.contest.no_noise || share >= POLICY.worth);
+        // a single record has none left out, and its likelihood decides
+        let judged = both[1].len() >= 2 || self.contest.no_noise;
+        if judged && !carries {
+            let what = if self.contest.varies[k] { "halves of records" } else { "records" };
+            return Ok(Some(Rejection::Doubtful(format!(
+                "it does not carry over: on {what} left out it takes {:.1} % of the squares",
+                100.0 * share
+            ))));
+        }
+        // an approximation of more than noise gets no name that the simulation's own error could have taken
+        if self.contest.unseen { Ok(None) } else { self.imitated(parent, k) }
+    }
+
+    /// −2 log likelihood of a model on the held-out records, of which only the starts are fitted; infinite where it cannot be simulated.
+    fn on_held_out(&self, k: usize) -> f64 {
+        let (plan, judged) = (self.bench.plan, &self.contest.fits[k]);
+        let squares = || -> Result<f64, IdentifyError> {
+            let near = carried(judged, &prepared(plan, &plan.held_out, judged, &POLICY.fine)?);
+            let fitted = self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?;
+            Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted)?)
+        };
+        *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
+    }
+
+    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and it
+    /// does not lead the finer simulation without it, or one that is part of the way there.
+    fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
+        let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
+        let own: Vec<usize> = (0..fitted.unknowns.len())
+            .filter(|&j| self.cause(k).unknowns.iter().any(|o| o.target.same(&fitted.unknowns[j].target)))
+            .collect();
+        let size = |j: usize| {
+            let u = &fitted.unknowns[j];
+            (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
+        };
+        let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
+        let coarse = self.contest.coarse(self.bench, k)?;
+        let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes(shifts))?;
+        for (number, of) in shifts.iter().enumerate() {
+            let bias = beside.sizes(number);
+            let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
+            if small
+                && self.taken_by_finer(parent, of.source)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
+            {
+                return Ok(Some(Rejection::Imitated(of.source.kind())));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Squares that a finer simulation, or one part of the way to it, takes from a model; inputs are read one way or the other.
+    fn taken_by_finer(&self, model: usize, source: Source) -> Result<f64, IdentifyError> {
+        let coarse = self.contest.coarse(self.bench, model)?;
+        let finer = shift(source, self.scene, self.bench.plan, &self.contest.fits[model]);
+        let Some(finer) = finer else { return Ok(0.0) };
+        let beside = Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?;
+        Ok(if source.kind() == NumericsKind::Inputs { beside.gain(0) } else { beside.most(0) })
+    }
+
+    /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
+    pub fn next_beam(&self, accepted: &Accepted) -> Vec<Hypothesis> {
+        // on unseen records the leader alone: each further model is tried as often
+        let size = if self.contest.unseen { 1 } else { POLICY.beam.max(1 + accepted.tied.len().min(POLICY.finalists)) };
+        let order = std::iter::once(accepted.leader).chain(accepted.behind.iter().copied());
+        order.take(size).map(|k| self.adopted(k)).collect()
+    }
+}
+
+/// Why a cause is not accepted.
+enum Rejection {
+    /// Its size is not physical.
+    Impossible(String),
+    /// It is not certain.
+    Doubtful(String),
+    /// The simulation's own error would be enough.
+    Imitated(NumericsKind),
+}
+
+/// Evidence for a cause: the model with it against the one without.
+pub(super) fn evidence(
+    bench: &Bench,
+    contest: &Contest,
+    without: usize,
+    with: usize,
+    cause: &Cause,
+) -> Result<Evidence, IdentifyError> {
+    let numbers = if contest.no_noise { 0.0 } else { POLICY.per_number * cause.unknowns.len() as f64 };
+    let both = contest.left_out(bench, without, with, cause)?;
+    let foretold = (both[0].len() > 1).then(|| contest.gain(&both).1);
+    Ok(Evidence { statistic: contest.scores[without] - contest.scores[with] + numbers, foretold })
+}
