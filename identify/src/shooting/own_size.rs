@@ -62,14 +62,16 @@ impl RecordPlan {
         free.zip(sizes).for_each(|((beyond, spread), d)| *beyond += spread * d);
     }
 
-    /// Takes deviations back to where the sizes are physical, the common values being these.
+    /// Takes deviations back to where they still change a size, the common values being these: beyond its bounds a number stays at them.
     pub(crate) fn keep_physical(&mut self, common: &Values) {
-        let free = self.sizes.iter_mut().filter(|own| own.spread.is_some());
-        for OwnSize { of, beyond, .. } in free {
-            for (number, weight) in of.iter().filter(|(_, weight)| *weight != 0.0) {
+        for own in self.sizes.iter_mut().filter(|own| own.spread.is_some()) {
+            let ends = own.of.iter().filter(|(_, weight)| *weight != 0.0).map(|(number, weight)| {
                 let here = number.coordinate_of(number.value(common));
                 let [a, b] = [number.bounds.0, number.bounds.1].map(|end| (number.coordinate_of(end) - here) / weight);
-                *beyond = beyond.clamp(a.min(b), a.max(b));
+                [a.min(b), a.max(b)]
+            });
+            if let Some([low, high]) = ends.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]) {
+                own.beyond = own.beyond.max(low).min(high);
             }
         }
     }
@@ -178,6 +180,22 @@ mod tests {
         assert_eq!(rec.sizes[0].value(&unknowns[1], &plan.scene_values), None);
         // of what is not estimated there is no unknown
         assert_eq!((rec.own_sizes(), rec.z()), (0, common.z()));
+    }
+
+    /// A deviation that would make a damping negative ends where there is none, the common value being what it is; others stay.
+    #[test]
+    fn a_size_stays_physical() {
+        let (plan, unknowns) = plan();
+        let mut values = plan.scene_values.clone();
+        unknowns[0].set(&mut values, 0.1);
+        let kept = |beyond: f64, spread: Option<f64>| {
+            let mut rec = with_size(&plan, &unknowns, beyond, spread);
+            rec.keep_physical(&values);
+            rec.sizes[0].beyond
+        };
+        // 2 of its coordinate for a deviation of 1, and a common value of 1
+        assert!((kept(-3.0, Some(0.5)) + 0.5).abs() < 1e-12);
+        assert_eq!([kept(-0.4, Some(0.5)), kept(9.0, Some(0.5)), kept(-3.0, None)], [-0.4, 9.0, -3.0]);
     }
 
     /// Its column is the derivative by its deviation, whether the common number is asked for or not, and those of all else stay what they were, at

@@ -282,5 +282,11 @@ mod tests {
         contest.prices[1] = 15.0;
         contest.scores[1] = 144.0;
         assert!(contest.ties(0, 1));
+        // eight numbers more take eight units by chance: as near as the leader is not enough
+        contest.prices = vec![30.0, 150.0, 30.0];
+        contest.scores[1] = 250.0;
+        assert!(!contest.ties(0, 1));
+        contest.scores[1] = 248.0;
+        assert!(contest.ties(0, 1));
     }
 }

@@ -376,8 +376,9 @@ impl Words for Target {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::super::super::audit::starts::tests::{experiment, pendulum};
+    use super::super::super::policy::POLICY;
     use super::*;
-    use crate::diagnose::{DiagnoseOptions, Diagnosis, diagnose, diagnose_kept};
+    use crate::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose, diagnose_kept};
     use crate::journal::{Journal, Partial, read};
     use crate::log::{Logs, Setup};
     use crate::shooting::{ShotWants, shoot};
@@ -386,15 +387,15 @@ mod tests {
     use std::path::PathBuf;
     use std::sync::{Arc, Mutex, OnceLock};
 
-    /// A pendulum whose scene has no friction, with swings of one that has: less than the long steps of the scene make up for, so that they have to be
+    /// A pendulum whose scene has no friction, with swings of one that may have: less than the long steps of the scene make up for, so that they have to be
     /// shortened before it is found.
-    fn swings() -> (Setup, Logs) {
+    fn swings(friction: f64) -> (Setup, Logs) {
         let text = pendulum("measured").replace("midpoint", "euler");
-        let fine = text.replace("step = 0.005", "step = 0.0005");
+        let fine = text.replace("step = 0.005", "step = 0.00005");
         let starts = [0.3f64, 0.5, 0.4, 0.6].map(|angle| vec![angle; 40]);
         let mut truth = experiment(&fine, &starts).0;
         let damping = truth.model.params().find("pivot.damping").unwrap();
-        truth.scene_values.theta[damping] = 0.003;
+        truth.scene_values.theta[damping] = friction;
         let records = truth.fitted.iter().chain(&truth.held_out).zip(&starts).enumerate();
         let readings: Vec<Vec<f64>> = records
             .map(|(k, (rec, _))| {
@@ -442,11 +443,23 @@ mod tests {
     mod long {
         use super::*;
 
+        /// Where a finer step is still too coarse for the data a further pass has one that is not.
+        #[test]
+        fn passes_go_on_until_the_step_is_fine_enough() {
+            let (setup, logs) = swings(0.0);
+            let found = diagnose(&setup, &logs, &DiagnoseOptions::default(), &mut |_| ()).unwrap();
+            let step = found.refined.unwrap().step;
+            let passes = found.parts.iter().filter(|part| part.part == "audit").count();
+            assert!(passes > 2 && step < 0.005 / 4.0, "{passes} {step} {}", found.reason);
+            assert!(found.numerics.iter().all(|own| own.gain < POLICY.per_number), "{:?}", found.numerics);
+            assert_eq!(found.verdict, Verdict::Numerics);
+        }
+
         /// Wherever it is interrupted, in the first pass or the second, a diagnosis that goes on comes to the same end to the last bit; and the later it
         /// was, the less is computed again.
         #[test]
         fn it_goes_on_from_anywhere_to_the_same_end() {
-            let (setup, logs) = swings();
+            let (setup, logs) = swings(0.003);
             let options = DiagnoseOptions::default();
             let plain = diagnose(&setup, &logs, &options, &mut |_| ()).unwrap();
             assert!(plain.refined.is_some() && plain.stages.len() == 2, "{}", plain.reason);

@@ -371,6 +371,29 @@ mod tests {
         assert_eq!(kept, [(causes[0].title(), 100.0), (causes[2].title(), 101.0)]);
     }
 
+    /// A law that with one size for all records is behind three others, and with own ones ahead of them, is refitted.
+    #[test]
+    fn a_law_that_needs_own_sizes_is_refitted() {
+        let plan = experiment(&pendulum("measured"), &swinging(0.0, 1)).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let beam = [Hypothesis::baseline(fitted.clone())];
+        let at = Situation { plan: &plan, values: &fitted.values, free: &[], together: true };
+        let causes: Vec<Cause> = library(&at).into_iter().filter(|cause| cause.unknowns.len() == 1).take(5).collect();
+        let tried = |k: usize, squares: f64, own: Option<f64>| {
+            let apart = own.map(|squares| Spread { of_each: vec![1.0], squares, together: 0.0, uncertain: 20.0 });
+            let (cause, rough) = (causes[k].clone(), fitted.clone());
+            Tried { parent: 0, cause, rough, squares, apart, taken: 0.0, numbers: 1, hopeless: false }
+        };
+        let kept = |own: Option<f64>| -> Vec<String> {
+            let others = [3e5, 4e5, 5e5].into_iter().enumerate().map(|(k, squares)| tried(k, squares, Some(0.9 * squares)));
+            let all = others.chain([tried(3, 6e5, own), tried(4, 7e5, None)]).collect();
+            finalists(&beam, all, 9e5).iter().map(|t| t.cause.title()).collect()
+        };
+        assert!(kept(Some(4e4)).contains(&causes[3].title()));
+        assert!(!kept(None).contains(&causes[3].title()) && !kept(Some(4e4)).contains(&causes[4].title()));
+    }
+
     /// A motor that gives 4 % less than the largest command: nearer to it than any limit but one at which the library looks.
     #[test]
     fn a_limit_just_below_the_largest_command_is_found() {

@@ -337,3 +337,125 @@ pub(super) fn evidence(
     let foretold = (both[0].len() > 1).then(|| contest.gain(&both).1);
     Ok(Evidence { statistic: contest.scores[without] - contest.scores[with] + numbers, foretold })
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::super::audit::starts::tests::{experiment, pendulum};
+    use super::*;
+    use crate::causes::{Situation, library};
+    use crate::fit::fit;
+    use crate::log::Setup;
+    use crate::shooting::{Plan, ShotWants, opened, shoot};
+    use crate::stats::ar::ArModel;
+    use crate::stats::testing::gaussians;
+    use crate::unknown::Unknown;
+    use pliant_scene::Source;
+    use std::path::PathBuf;
+
+    const NOISE: f64 = 2e-4;
+
+    /// Swings of a pendulum of which these parameters are other than the scene says.
+    fn swings(hidden: &[(&str, f64)]) -> Plan {
+        let starts = [0.9, -0.6, 1.2, 0.5];
+        let mut plan = experiment(&pendulum("measured"), &starts.map(|angle| vec![angle; 40])).0;
+        let mut truth = plan.scene_values.clone();
+        for (path, value) in hidden {
+            match plan.model.params().find(path) {
+                Some(entry) => truth.theta[entry] = *value,
+                None => cause(&plan, "encoder_bias").unknowns[0].set(&mut truth, *value),
+            }
+        }
+        let scene = plan.clone();
+        for (k, rec) in plan.fitted.iter_mut().chain(&mut plan.held_out).enumerate() {
+            let clean = shoot(&scene, rec, &truth, ShotWants::default()).unwrap().predicted;
+            let noise = gaussians(40, 7 + k as u64);
+            rec.record.joints = clean.iter().zip(noise).map(|(x, e)| vec![x + NOISE * e]).collect();
+        }
+        plan
+    }
+
+    fn cause(plan: &Plan, name: &str) -> Cause {
+        let at = Situation { plan, values: &plan.scene_values, free: &[], together: true };
+        library(&at).into_iter().find(|cause| cause.name == name).unwrap()
+    }
+
+    fn bench(plan: &Plan) -> Bench<'_> {
+        Bench { plan, declared: Vec::new(), white: ArModel::white(vec![NOISE]).unwrap() }
+    }
+
+    /// A model of these causes, refitted.
+    fn model(bench: &Bench, causes: &[Cause]) -> Hypothesis {
+        let plan = bench.plan;
+        let fitted = |unknowns: &[Unknown]| {
+            fit(plan, &plan.fitted, &plan.scene_values, unknowns, Some(&bench.white), &POLICY.coarse).unwrap()
+        };
+        let (mut out, mut unknowns) = (Hypothesis::baseline(fitted(&[])), Vec::new());
+        for cause in causes {
+            unknowns.extend(cause.unknowns.clone());
+            out = out.and(cause.clone(), fitted(&unknowns));
+        }
+        out
+    }
+
+    fn scene() -> Scene {
+        opened(&Setup::from_source(Source::new("scene.toml", pendulum("measured")), PathBuf::new()).unwrap().scene)
+    }
+
+    /// What is as near to the data as the accepted cause is its rival, whether it is certain for itself or not.
+    #[test]
+    fn what_is_not_certain_may_be_a_rival() {
+        let plan = swings(&[("pivot.damping", 2.5e-4)]);
+        let bench = bench(&plan);
+        let causes = ["viscous_friction", "quadratic_damping", "joint_stiffness"].map(|name| cause(&plan, name));
+        let (base, scene) = (model(&bench, &[]), scene());
+        let children: Vec<Hypothesis> = causes.iter().map(|cause| model(&bench, std::slice::from_ref(cause))).collect();
+        let with = |tests: usize| {
+            let round = Round::new(&bench, &scene, std::slice::from_ref(&base), children.clone(), tests).unwrap();
+            let gained: Vec<f64> =
+                (1..4).map(|k| round.contest.scores[0] - round.contest.scores[k] + POLICY.per_number).collect();
+            let accepted = round.accept(&mut Vec::new(), &mut Vec::new()).unwrap();
+            (gained, accepted.map(|accepted| (accepted.leader, accepted.tied)))
+        };
+        let (gained, accepted) = with(1);
+        let level = |tests: usize| chi2_quantile(1.0 - POLICY.accepted_level / tests as f64, 1.0);
+        assert_eq!(accepted.map(|accepted| accepted.0), Some(1), "{gained:?}");
+        // as many tests as make the rival uncertain
+        let tests = (0..40).map(|k| 1usize << k).find(|tests| level(*tests) > gained[1]).expect(&format!("{gained:?}"));
+        assert!(level(tests) < gained[0], "{gained:?} {}", level(tests));
+        assert_eq!(with(tests).1, Some((1, vec![2])), "{gained:?}");
+    }
+
+    /// A law that has the accepted cause's number among its own is no rival: it is there in both.
+    #[test]
+    fn what_has_the_accepted_cause_in_it_is_no_rival() {
+        let plan = swings(&[("pivot.damping", 2.5e-4)]);
+        let (bench, scene) = (bench(&plan), scene());
+        let viscous = cause(&plan, "viscous_friction");
+        let unknowns = [viscous.unknowns.clone(), cause(&plan, "joint_stiffness").unknowns].concat();
+        let both = Cause { name: "both", unknowns, ..viscous.clone() };
+        let (base, children) = (model(&bench, &[]), [viscous, both].map(|cause| model(&bench, &[cause])));
+        let round = Round::new(&bench, &scene, &[base], children.to_vec(), 1).unwrap();
+        assert!(round.contest.alike(1, 2));
+        let accepted = round.accept(&mut Vec::new(), &mut Vec::new()).unwrap().unwrap();
+        assert_eq!((accepted.leader, accepted.tied), (1, Vec::new()));
+    }
+
+    /// Two causes that act as the two numbers of the best one are rivals of it, where each of them alone is not.
+    #[test]
+    fn two_causes_together_may_be_rivals() {
+        let plan = swings(&[("pivot.damping", 5e-3), ("encoder bias", 4e-3)]);
+        let (bench, scene) = (bench(&plan), scene());
+        let [bias, viscous, stiffness] = ["encoder_bias", "viscous_friction", "joint_stiffness"].map(|name| cause(&plan, name));
+        let unknowns = [viscous.unknowns.clone(), bias.unknowns.clone()].concat();
+        let two = Cause { name: "two", unknowns, ..viscous.clone() };
+        let beam = [vec![two.clone()], vec![bias.clone()]].map(|causes| model(&bench, &causes));
+        let children: Vec<Hypothesis> = [vec![bias.clone(), viscous], vec![bias, stiffness.clone()], vec![two, stiffness]]
+            .iter()
+            .map(|c| model(&bench, c))
+            .collect();
+        let round = Round::new(&bench, &scene, &beam, children, 1).unwrap();
+        assert!(round.accept(&mut Vec::new(), &mut Vec::new()).unwrap().is_none());
+        assert_eq!(round.as_near_as_the_first().collect::<Vec<_>>(), [2]);
+    }
+}
