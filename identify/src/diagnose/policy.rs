@@ -141,7 +141,9 @@ pub(super) struct Policy {
     pub tolerated: f64,
     /// Most steps in place of one when a diagnosis is made once more with finer steps: an error of second order falls to a sixteenth.
     pub finest: f64,
-    /// Passes, each with a finer simulation than the one before where that calls for it.
+    /// Passes, each with a finer simulation than the one before where that calls for it. An arm that sticks and slips, its step a hundred times too
+    /// long, took all of them, and with three it looked like something outside the library; another one's step was named as saturation with
+    /// two, and is told as the step's error with four *(development)*.
     pub passes: usize,
     // certainty of estimates
     /// Singular values of the columns, each made of length one, below this part of the largest are not determined [-].

@@ -452,7 +452,7 @@ pub struct Diagnosis {
     /// Sources of the simulation's own error that a cause would only have made up for.
     pub imitated: Vec<NumericsKind>,
     /// How the simulation was refined, where the scene's own was too coarse for these data: everything here is of the finer one. `parts`
-    /// has both passes, one after the other.
+    /// has all passes, one after the other.
     pub refined: Option<Refined>,
     /// The noise model.
     pub noise: Noise,
