@@ -78,7 +78,7 @@ pub(super) fn unexplained(left: &Remainder) -> String {
 
 /// That a cause would only make up for the simulation's own error, or that this error is part of what is left.
 pub(super) fn numerics(own: &[&Numerics], imitated: &[String]) -> String {
-    let what = own.iter().map(|n| n.note.clone()).collect::<Vec<_>>().join("; ");
+    let what = own.iter().map(|n| n.with_advice()).collect::<Vec<_>>().join("; ");
     match imitated {
         [] => format!("no cause is accepted, and part of what is left is the simulation's own: {what}"),
         some => format!("{} would only make up for the simulation's own error: {what}", some.join(", ")),
@@ -87,7 +87,7 @@ pub(super) fn numerics(own: &[&Numerics], imitated: &[String]) -> String {
 
 /// The reservation that the simulation's own error is, beside causes.
 pub(super) fn own_error(own: &[Numerics]) -> String {
-    let notes: Vec<&str> = own.iter().map(|n| n.note.as_str()).collect();
+    let notes: Vec<String> = own.iter().map(Numerics::with_advice).collect();
     if notes.is_empty() { String::new() } else { format!("the simulation's own error counts as well: {}", notes.join("; ")) }
 }
 
@@ -113,7 +113,7 @@ pub(super) fn add(reason: &mut String, clause: &str) {
 
 /// That the simulation was refined, and why. `coarse`: what counted with the scene's own; what would have done is done, and not said.
 pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
-    let notes: Vec<&str> = coarse.iter().filter_map(|n| n.note.split("; ").next()).collect();
+    let notes: Vec<&str> = coarse.iter().map(|n| n.note.as_str()).collect();
     let because = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
     format!("the scene's own simulation is too coarse for these data{because}; this is of one with {finer}")
 }
@@ -266,7 +266,7 @@ mod tests {
     /// What a finer simulation was made for is said, and not the step that would have done.
     #[test]
     fn a_finer_pass_says_why() {
-        let note = "the step of 0.01 s moves the readings by 1 mrad, 50 % of what is left; 0.004 s would do";
+        let note = "the step of 0.01 s moves the readings by 1 mrad, 50 % of what is left";
         let coarse = Numerics {
             kind: NumericsKind::Step,
             interpolation: None,
@@ -277,6 +277,10 @@ mod tests {
             needed: Some(4e-3),
             note: note.into(),
         };
+        assert_eq!(
+            own_error(std::slice::from_ref(&coarse)),
+            format!("the simulation's own error counts as well: {note}; 0.004 s would do")
+        );
         let said = refined("a step of 0.0025 s", &[&coarse]);
         assert!(said.contains("1 mrad, 50 % of what is left; this is of one with a step of 0.0025 s"), "{said}");
     }

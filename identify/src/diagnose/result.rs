@@ -4,6 +4,7 @@
 use super::next::NextExperiment;
 use crate::causes::title;
 use crate::log::Interpolation;
+use crate::number::number_plain;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -125,6 +126,18 @@ pub struct Numerics {
     pub needed: Option<f64>,
     /// In words.
     pub note: String,
+}
+
+impl Numerics {
+    /// The note, and what would do.
+    pub(crate) fn with_advice(&self) -> String {
+        let note = &self.note;
+        match (self.kind, self.needed) {
+            (NumericsKind::Step, Some(step)) => format!("{note}; {} s would do", number_plain(step)),
+            (NumericsKind::Mesh, Some(factor)) => format!("{note}; {factor:.1} times the edges would do"),
+            _ => note.clone(),
+        }
+    }
 }
 
 impl NumericsKind {

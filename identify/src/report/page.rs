@@ -42,7 +42,7 @@ pub(super) fn page(d: &Diagnosis, provenance: &Provenance) -> Result<String, Rep
             explained => percent(d.remainder.explained_fraction),
             note => sentence(&d.remainder.note),
         },
-        numerics => d.numerics.iter().map(|n| sentence(&n.note)).collect::<Vec<_>>(),
+        numerics => d.numerics.iter().map(|n| sentence(&n.with_advice())).collect::<Vec<_>>(),
         warnings => d.warnings,
         parts => d.parts.iter().map(|p| format!("{} {} s", p.part, number(p.seconds))).collect::<Vec<_>>().join(", "),
         noise => context! {

@@ -113,16 +113,10 @@ impl Shift {
             Source::Step | Source::Mesh => None,
         };
         let size = format!("{}, {:.0} % of what is left", quantity_plain(rms, plan.unit()), 100.0 * part);
-        let note = match (self.source.kind(), needed) {
-            (NumericsKind::Step, Some(needed)) => {
-                format!("the step of {} s moves the readings by {size}; {} s would do", number_plain(h), number_plain(needed))
-            }
-            (NumericsKind::Step, None) => format!("the step of {} s moves the readings by {size}", number_plain(h)),
-            (NumericsKind::Mesh, Some(needed)) => {
-                format!("the length of the edges moves the readings by {size}; {needed:.1} times the edges would do")
-            }
-            (NumericsKind::Mesh, None) => format!("the length of the edges moves the readings by {size}"),
-            (NumericsKind::Inputs, _) => format!(
+        let note = match self.source.kind() {
+            NumericsKind::Step => format!("the step of {} s moves the readings by {size}", number_plain(h)),
+            NumericsKind::Mesh => format!("the length of the edges moves the readings by {size}"),
+            NumericsKind::Inputs => format!(
                 "inputs read between samples by `interpolation = \"{}\"` move the readings by {size}",
                 interpolation.map_or("", |way| way.name())
             ),
