@@ -36,7 +36,7 @@ pub(super) fn ceiling(
     let flexible = corrected(plan, &training, judged, &base.values)?;
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
-    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > POLICY.ceiling_rounding * before;
+    let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > POLICY.rounding * before;
     let taken = |rmse: f64| if takes(rmse) { (before * before - rmse * rmse) / explainable } else { 0.0 };
     Ok(Some(Ceiling {
         rmse: flexible,

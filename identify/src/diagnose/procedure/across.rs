@@ -63,14 +63,16 @@ fn of_sums(whole: &DMatrix<f64>, records: &[Sums]) -> Vec<f64> {
     records.iter().map(one).collect()
 }
 
-/// Whether the second list of squares is smaller by more than one standard error of the differences between records. With one record,
-/// whether it is smaller.
-pub(super) fn better(before: &[f64], after: &[f64]) -> bool {
-    let d: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
+/// Whether the second list of squares is smaller by one standard error of the differences between records, of which those below `nothing` are none.
+/// With one record, whether it is smaller. A gain on one record that no other contradicts is one standard error: an effect that a single record
+/// shows, as a limit that only its commands reach.
+pub(super) fn better(before: &[f64], after: &[f64], nothing: f64) -> bool {
+    let counts = |d: f64| if d.abs() < nothing { 0.0 } else { d };
+    let d: Vec<f64> = before.iter().zip(after).map(|(b, a)| counts(b - a)).collect();
     let n = d.len() as f64;
     let mean = d.iter().sum::<f64>() / n;
     let variance = d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0);
-    mean > (variance / n).sqrt()
+    mean > 0.0 && mean * (1.0 + POLICY.rounding) >= (variance / n).sqrt()
 }
 
 /// Part of the squares that the second list leaves away.
@@ -120,11 +122,14 @@ mod tests {
         }
     }
 
+    /// A gain on one record alone is none if others lose, be it little; if they stay what they were, but for less than a unit, it is one.
     #[test]
-    fn a_gain_on_one_record_alone_is_none() {
-        assert!(better(&[5.0, 6.0, 7.0], &[3.0, 4.0, 6.0]));
-        assert!(!better(&[5.0, 6.0, 7.0], &[5.1, 6.1, 5.5]));
-        assert!(better(&[2.0], &[1.0]) && !better(&[1.0], &[1.0]));
+    fn a_gain_on_one_record_is_none_where_others_lose() {
+        assert!(better(&[50.0, 60.0, 70.0], &[30.0, 40.0, 60.0], 1.0));
+        assert!(!better(&[50.0, 60.0, 700.0], &[51.0, 61.0, 55.0], 1.0));
+        assert!(better(&[50.0, 60.0, 700.0], &[50.9, 60.0 + 1e-7, 55.0], 1.0));
+        assert!(!better(&[50.0, 60.0, 700.0], &[50.9, 60.0 + 1e-7, 55.0], 0.0));
+        assert!(better(&[2.0], &[1.0], 0.0) && !better(&[1.0], &[1.0], 0.0) && !better(&[2.0, 3.0], &[1.5, 2.5], 1.0));
         assert!((share(&[2.0, 2.0], &[1.0, 2.0]) - 0.25).abs() < 1e-12);
     }
 

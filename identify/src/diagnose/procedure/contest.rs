@@ -99,7 +99,7 @@ fn varying(bench: &Bench, common: &Scored, apart: &Fitted, model: &Hypothesis) -
     }
     let [together, apart] = [&common.fitted, &own.fitted].map(|fitted| halves(bench, fitted, last, &own.fitted));
     let (together, apart) = (together?, apart?);
-    let carries = across::better(&together.halves(), &apart.left_out(&[spread_of(&own.fitted, last)]));
+    let carries = across::better(&together.halves(), &apart.left_out(&[spread_of(&own.fitted, last)]), POLICY.nothing);
     Ok((carries && apart.differ() && !apart.points_both_ways()).then_some(own))
 }
 
@@ -205,8 +205,8 @@ impl Contest {
     /// Whether the second of two models is better on what was left out, and the part of the squares that it takes there.
     pub fn gain(&self, [before, after]: &[Vec<f64>; 2]) -> (bool, f64) {
         match self.unseen {
-            true => (across::better(&logs(before), &logs(after)), across::share(&[typical(before)], &[typical(after)])),
-            false => (across::better(before, after), across::share(before, after)),
+            true => (across::better(&logs(before), &logs(after), 0.0), across::share(&[typical(before)], &[typical(after)])),
+            false => (across::better(before, after, POLICY.nothing), across::share(before, after)),
         }
     }
 
