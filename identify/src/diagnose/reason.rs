@@ -31,7 +31,10 @@ pub(super) fn varies(causes: &[Cause], varying: &str) -> String {
 /// That several causes fit alike. `accepted`: those that stand whichever of them is right; `by_any`: no data of this kind can tell them;
 /// `refitted`: of each model those that it has, and their sizes there.
 pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool, refitted: &[(Vec<String>, Vec<Estimate>)]) -> String {
-    let together = |titles: &[String]| titles.join(" with ");
+    let together = |titles: &[String]| match titles {
+        [first, others @ ..] if !others.is_empty() => format!("{first} with {}", others.join(" and ")),
+        one => one.concat(),
+    };
     let alone = |(titles, all): &(Vec<String>, Vec<Estimate>)| {
         let sizes: Vec<String> = all.iter().map(|e| format!("{} = {}", e.path, quantity_plain(e.estimate, &e.unit))).collect();
         (!titles.is_empty() && !sizes.is_empty()).then(|| format!("{} {}", together(titles), sizes.join(", ")))

@@ -196,15 +196,16 @@ impl<'a> Round<'a> {
     }
 
     /// Children of other models that the first cannot be told from, where nothing is accepted: with no more numbers than it has, and as near to the
-    /// data. Two causes may act as the two numbers of a third.
+    /// data, which the models that they extend are not. Two causes may act as the two numbers of a third.
     pub fn as_near_as_the_first(&self) -> impl Iterator<Item = usize> {
-        let first = &self.models[0];
-        let other = |k: &usize| {
-            let has_all = first.causes.iter().all(|cause| self.models[*k].causes.iter().any(|own| own.title() == cause.title()));
-            !has_all && self.models[*k].numbers() <= first.numbers()
+        let has_all = |k: usize, of: usize| {
+            let causes = &self.models[k].causes;
+            self.models[of].causes.iter().all(|cause| causes.iter().any(|own| own.title() == cause.title()))
         };
-        let near = |k: &usize| !self.contest.no_noise && self.contest.alike(0, *k) && self.unphysical(*k).is_none();
-        (self.beam..self.models.len()).filter(other).filter(near)
+        let near = |k: usize| !self.contest.no_noise && self.contest.alike(0, k);
+        let needed = move |k: usize| (0..self.beam).all(|of| !has_all(k, of) || of != 0 && !near(of));
+        let simple = |k: usize| self.models[k].numbers() <= self.models[0].numbers() && self.unphysical(k).is_none();
+        (self.beam..self.models.len()).filter(move |k| simple(*k) && near(*k) && needed(*k))
     }
 
     /// The cause that a child adds.
@@ -450,6 +451,7 @@ mod tests {
         let unknowns = [viscous.unknowns.clone(), bias.unknowns.clone()].concat();
         let two = Cause { name: "two", unknowns, ..viscous.clone() };
         let beam = [vec![two.clone()], vec![bias.clone()]].map(|causes| model(&bench, &causes));
+        let whole = vec![bias.clone(), viscous.clone()];
         let children: Vec<Hypothesis> = [vec![bias.clone(), viscous], vec![bias, stiffness.clone()], vec![two, stiffness]]
             .iter()
             .map(|c| model(&bench, c))
@@ -457,5 +459,19 @@ mod tests {
         let round = Round::new(&bench, &scene, &beam, children, 1).unwrap();
         assert!(round.accept(&mut Vec::new(), &mut Vec::new()).unwrap().is_none());
         assert_eq!(round.as_near_as_the_first().collect::<Vec<_>>(), [2]);
+        // what is as near without its last cause does not need it
+        let beam = [beam[0].clone(), model(&bench, &whole)];
+        let two = [beam[0].causes.clone(), whole[..1].to_vec()].concat();
+        let first = model(&bench, &two);
+        let round = Round::new(
+            &bench,
+            &scene,
+            &[first, beam[1].clone()],
+            vec![model(&bench, &[whole, vec![cause(&plan, "joint_stiffness")]].concat())],
+            1,
+        )
+        .unwrap();
+        assert!(round.contest.alike(0, 1) && round.contest.alike(0, 2));
+        assert!(round.as_near_as_the_first().next().is_none());
     }
 }
