@@ -60,10 +60,11 @@ fn swamps(n: &Numerics) -> bool {
 }
 
 /// Whether something outside the library is behind the causes: what is left is significant; or a size differs from record to record, which a law
-/// that lacks something does as well, and what is left has a form besides.
+/// that lacks something does as well, and what is left has a form besides that is not small beside what the cause takes.
 fn beyond(d: &Diagnosis) -> bool {
-    let varies = d.causes.iter().any(|cause| !cause.sizes.is_empty());
-    d.remainder.significant || varies && !d.remainder.forms.is_empty()
+    let form = d.remainder.forms.iter().map(|form| form.taken).fold(0.0, f64::max);
+    let mut varying = d.causes.iter().filter(|cause| !cause.sizes.is_empty());
+    d.remainder.significant || varying.any(|cause| form > POLICY.varies_for * cause.statistic)
 }
 
 /// Verdict, reason and advice. `untrusted`: why nothing that was found can be trusted, if so; `before`: a diagnosis with the scene's own
@@ -172,10 +173,12 @@ mod tests {
     fn a_size_that_varies_over_a_form_is_no_name() {
         let mut d = sample::diagnosis();
         d.remainder.significant = false;
-        d.remainder.forms = vec![RemainderForm::default()];
+        d.remainder.forms = vec![RemainderForm { taken: 0.01 * d.causes[0].statistic, ..RemainderForm::default() }];
         assert!(!beyond(&d));
         d.causes[0].sizes = vec![RecordSize { record: "run1.csv".into(), size: 0.1 }];
         assert!(beyond(&d));
+        d.remainder.forms[0].taken *= 0.1;
+        assert!(!beyond(&d));
         d.remainder.forms.clear();
         assert!(!beyond(&d));
         d.remainder.significant = true;
