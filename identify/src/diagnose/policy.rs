@@ -107,8 +107,7 @@ pub(super) struct Policy {
     /// Units of −2 log likelihood that a further number has to gain [-]: odds of 1800 to 1, so that of forty causes tried, none of which is
     /// there, one is accepted once in fifty times.
     pub per_number: f64,
-    /// Units that a further number of a rival costs it: it takes one by chance, and promises one that it does not keep (Akaike 1974) [-]. Fourteen curvatures
-    /// of a rod came as near as the stiffness that was there *(development)*.
+    /// Units that a further number of a rival costs it: it takes one by chance, and promises one that it does not keep (Akaike 1974) [-].
     pub by_chance: f64,
     /// Units of −2 log likelihood by which a model has to lead to be told from a rival [-]: odds of
     /// 1800 to 1. (Right names led by 170 and more in 46 blind cases.)

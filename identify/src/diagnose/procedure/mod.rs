@@ -6,7 +6,8 @@
 //! 4. **Across records**: whether a cause predicts records left out ([`across`]), and whether its size differs between them ([`spread`], [`apart`]).
 //! 5. **Unseen records** ([`unseen`]): of many records, while what is left is no noise, some are fitted and the others judge.
 //! 6. **Numerics** ([`super::numerics`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
-//! 7. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
+//! 7. **Round** ([`round`]): which of the models is accepted for all this, and which it cannot be told from.
+//! 8. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
 //!
 //! [`search`] puts them in order: the best cause is accepted, the next is sought on top of it and of what came second, until none is
 //! accepted; then each is taken out again, to see whether it is missed.
