@@ -215,6 +215,11 @@ mod tests {
         let child = base.and(cause, fitted(std::slice::from_ref(&number)));
         let contest = Contest::new(&bench, &[&base, &child], 1).unwrap();
         let adopted = contest.adopted(1, &child);
+        // a fit takes no size beyond its bound, where the readings would not feel it
+        for own in adopted.fitted.records.iter().flat_map(|rec| &rec.sizes) {
+            let far = number.coordinate_of(number.value(&adopted.fitted.values)) + own.of[0].1 * own.beyond;
+            assert!(far > -1e-9, "{far}");
+        }
         let size = |rec: &RecordPlan| rec.sizes.first()?.value(&number, &adopted.fitted.values);
         let sizes = adopted.fitted.records.iter().filter_map(size).collect();
         (contest.varies[1], sizes)

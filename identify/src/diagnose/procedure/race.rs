@@ -346,16 +346,22 @@ mod tests {
         assert!(found.contains(&"viscous_friction (pivot)".to_owned()), "{found:?}");
     }
 
+    /// The scene as it is, where nothing is hidden, and causes of one number.
+    fn undamped() -> ([Hypothesis; 1], Vec<Cause>) {
+        let plan = experiment(&pendulum("measured"), &swinging(0.0, 1)).0;
+        let white = ArModel::white(vec![NOISE]).unwrap();
+        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+        let at = Situation { plan: &plan, values: &fitted.values, free: &[], together: true };
+        let causes = library(&at).into_iter().filter(|cause| cause.unknowns.len() == 1).collect();
+        ([Hypothesis::baseline(fitted)], causes)
+    }
+
     /// What is as near as the others is not refitted where its linearization says that it cannot be accepted; of one model found twice the
     /// better one is.
     #[test]
     fn what_cannot_be_accepted_is_not_refitted() {
-        let plan = experiment(&pendulum("measured"), &swinging(0.0, 1)).0;
-        let white = ArModel::white(vec![NOISE]).unwrap();
-        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
-        let beam = [Hypothesis::baseline(fitted.clone())];
-        let at = Situation { plan: &plan, values: &fitted.values, free: &[], together: true };
-        let causes: Vec<Cause> = library(&at).into_iter().filter(|cause| cause.unknowns.len() == 1).take(3).collect();
+        let (beam, causes) = undamped();
+        let fitted = &beam[0].fitted;
         let tried = |k: usize, squares: f64, hopeless: bool| Tried {
             parent: 0,
             cause: causes[k].clone(),
@@ -374,12 +380,8 @@ mod tests {
     /// A law that with one size for all records is behind three others, and with own ones ahead of them, is refitted.
     #[test]
     fn a_law_that_needs_own_sizes_is_refitted() {
-        let plan = experiment(&pendulum("measured"), &swinging(0.0, 1)).0;
-        let white = ArModel::white(vec![NOISE]).unwrap();
-        let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
-        let beam = [Hypothesis::baseline(fitted.clone())];
-        let at = Situation { plan: &plan, values: &fitted.values, free: &[], together: true };
-        let causes: Vec<Cause> = library(&at).into_iter().filter(|cause| cause.unknowns.len() == 1).take(5).collect();
+        let (beam, causes) = undamped();
+        let fitted = &beam[0].fitted;
         let tried = |k: usize, squares: f64, own: Option<f64>| {
             let apart = own.map(|squares| Spread { of_each: vec![1.0], squares, together: 0.0, uncertain: 20.0 });
             let (cause, rough) = (causes[k].clone(), fitted.clone());
