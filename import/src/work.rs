@@ -228,6 +228,7 @@ impl<'o> Work<'o> {
             inertia: (mass.mass > 0.0).then(|| plain(mass.numbers())),
             joint,
             shape,
+            ..Body::default()
         });
     }
 

@@ -4,7 +4,8 @@ use super::shape::BodyShape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A rigid body and the joints that carry it. Its parameters are `name.mass`, `name.center_of_mass[0..2]` and `name.spread[0..5]`.
+/// A rigid body and the joints that carry it. Its parameters are `name.mass`, `name.center_of_mass[0..2]` and `name.spread[0..5]`, and
+/// `name.drag_area` if the key is given.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
@@ -30,6 +31,11 @@ pub struct Body {
     /// matrix, −∫ x y dm. Needed if there is mass.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inertia: Option<[f64; 6]>,
+    /// Area times drag coefficient [m²], a parameter `name.drag_area` if given: in air of `air.density` ρ and velocity `air.wind` the force
+    /// −½ ρ drag_area |u| u acts at the centre of mass, u its velocity less the wind. If left out, a quarter of the surface of the box
+    /// that has the body's mass and inertia, which is what it shows on average to any direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drag_area: Option<f64>,
     /// Its joints, one after the other; none if it is fixed to its parent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<Joint>,
@@ -52,6 +58,7 @@ impl Default for Body {
             mass: 0.0,
             center_of_mass: [0.0; 3],
             inertia: None,
+            drag_area: None,
             joint: Vec::new(),
             shape: Vec::new(),
         }

@@ -155,6 +155,7 @@ impl Cable {
             inertia: Some([across, across, along, 0.0, 0.0, 0.0]),
             joint: if k == 0 { self.base() } else { self.joints(k, e) },
             shape: vec![capsule.clone()],
+            ..Body::default()
         };
         Ok((0..self.links).map(link).collect())
     }

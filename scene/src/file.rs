@@ -229,6 +229,8 @@ impl Default for Gravity {
 pub struct Air {
     /// Velocity of the air [m/s].
     pub wind: [f64; 3],
+    /// Density of the air, or of the liquid that bodies move through [kg/m³]; 0 has no drag on bodies, air at sea level has 1.2.
+    pub density: f64,
 }
 
 /// Contact law and its smoothing.

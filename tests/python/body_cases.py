@@ -7,7 +7,7 @@ from reference_cases import scene_text, traced_once
 
 from validation.reference import body_model, body_step
 
-# Children before parents, joints that share a body, frames without mass, anchors, a tilted and weaker gravity.
+# Children before parents, joints that share a body, frames without mass, anchors, a tilted and weaker gravity, and wind in thick air.
 CRANE = """
 schema_version = 1
 [time]
@@ -19,6 +19,9 @@ rest_gap = 1e-6
 [gravity]
 magnitude = 6.0
 tilt = [0.2, -0.1]
+[air]
+wind = [0.8, -1.5, 0.3]
+density = 8.0
 
 [[body]]
 name = "hook"
@@ -113,6 +116,7 @@ cogging = { cycles = 5, sine = 0.03, cosine = -0.02 }
 
 [[body]]
 name = "kite"
+drag_area = 0.02
 position = [1.0, 0.0, 2.0]
 quaternion = [0.0, 0.6, 0.0, 0.8]
 mass = 0.1

@@ -185,3 +185,73 @@ def test_states_hold_what_joints_and_motors_remember():
     assert b[-len(names), 0] == 0.02
     theta_bar = roll.vjp(np.ones((len(roll.x), model.ndx)))[2]
     assert theta_bar[model.param_index("shoulder_servo.delay")] != 0.0
+
+
+DRAGGED = """
+schema_version = 1
+[time]
+step = {step}
+duration = {seconds}
+integrator = "{integrator}"
+[gravity]
+magnitude = {gravity}
+[air]
+wind = [0.0, {wind}, 0.0]
+density = 1.2
+[[body]]
+name = "box"
+mass = {mass}
+center_of_mass = [0.0, 0.01, -0.02]
+inertia = [{moment}, {moment}, {moment}, 0.0, 0.0, 0.0]
+drag_area = {area}
+[[body.joint]]
+name = "loose"
+kind = "free"
+"""
+
+
+def test_drag_is_the_closed_form_of_a_fall_and_mujocos_in_wind():
+    """v = v∞ tanh(g t/v∞) of a fall, v∞² = 2 m g/(ρ A); and a cube that the wind takes along an edge, as MuJoCo's box of equal inertia
+    (½ ρ times its side times the square). Along no edge the two differ: MuJoCo squares the velocity along each edge by itself, so that
+    drag is not against the motion; nor does pliant's turn a body about its centre."""
+    half, mass, gravity, wind, seconds = 0.1, 0.2, 9.81, -3.0, 0.5
+    moment, area = mass * (2 * half) ** 2 / 6.0, (2 * half) ** 2
+    fixed = {"mass": mass, "moment": moment, "area": area, "seconds": seconds}
+    last = np.sqrt(2.0 * mass * gravity / (1.2 * area))
+    fall = last**2 / gravity * np.log(np.cosh(gravity * seconds / last))
+    blown = wind * seconds - np.sign(wind) * np.log1p(abs(wind) * 1.2 * area * seconds / (2.0 * mass)) * 2.0 * mass / (1.2 * area)
+    for integrator, order in [("midpoint", 2.0), ("sdirk2", 2.0), ("euler", 1.0)]:
+        errors = []
+        for step in (4e-3, 2e-3, 1e-3):
+            common = fixed | {"step": step, "integrator": integrator}
+            fallen = simulate(DRAGGED.format(**common, gravity=gravity, wind=0.0)).x[-1][:3]
+            carried = simulate(DRAGGED.format(**common, gravity=0.0, wind=wind)).x[-1][:3]
+            assert np.abs(fallen[:2]).max() < 1e-12 and np.abs(carried[[0, 2]]).max() < 1e-12  # no moment about the centre turns it
+            errors.append([abs(fallen[2] + fall), abs(carried[1] - blown)])
+        orders = np.log2(np.array(errors[:-1]) / errors[1:])
+        assert np.abs(orders[-1] - order).max() < 0.1, (integrator, errors)
+        assert np.max(errors[-1]) < (1e-6 if order == 2.0 else 3e-3), (integrator, errors)
+    theirs = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option gravity="0 0 0" density="1.2" wind="0 {wind} 0" timestep="1e-4" integrator="RK4"/><worldbody><body>'
+        f'<freejoint/><geom type="box" size="{half} {half} {half}" mass="{mass}"/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(theirs)
+    mujoco.mj_step(theirs, data, round(seconds / 1e-4))
+    assert abs(data.qpos[1] - blown) < 1e-9 * abs(blown) and abs(blown) > 0.05
+
+
+def test_drag_of_the_air_is_refused_where_it_does_nothing():
+    text = DRAGGED.format(mass=0.2, moment=1e-3, area=0.04, seconds=0.1, step=1e-3, integrator="euler", gravity=9.81, wind=0.0)
+    for wrong, by, says in [
+        ("density = 1.2", "density = -1.2", ["air.density", "-1.2", "kg/m³"]),
+        ("drag_area = 0.04", "drag_area = -0.04", ["body[0].drag_area", "m²"]),
+    ]:
+        with pytest.raises(ValueError) as refused:
+            pliant.loads(text.replace(wrong, by))
+        assert all(word in str(refused.value) for word in says), refused.value
+    rope = (SCENES / "free_swing.toml").read_text(encoding="utf-8")
+    with pytest.raises(ValueError, match=r"air\.density.*drag_quadratic"):
+        pliant.loads(rope + "\n[air]\ndensity = 1.2\n")
+    frame = '[[body]]\nname = "frame"\ndrag_area = 0.1\n[[body.joint]]\nname = "hinge"\nkind = "revolute"\n'
+    with pytest.raises(ValueError, match=r"body\[1\]\.drag_area.*no mass"):
+        pliant.loads(text + frame)

@@ -162,6 +162,21 @@ def quadratic_dissipation(model, v, theta):
     return r
 
 
+def drag_dissipation(model, q, v, theta):
+    """∑ ½ ρ A |u|³/3 over the bodies  [W], u the velocity of a centre of mass less the wind; its slope by v is the drag."""
+    if model.density is None:
+        return jnp.zeros(())
+    moved = jax.jvp(lambda t: poses(model, add(model, q, t, rotations.cayley)), (jnp.zeros(model.nv),), (v,))[1]
+    shown = [k for k, body in enumerate(model.bodies) if body.drag is not None]
+    centres = theta[np.array([model.bodies[k].theta[1:4] for k in shown])]
+    areas = jnp.array([theta[d] if isinstance(d, int) else d for d in (model.bodies[k].drag for k in shown)])
+    u = jnp.einsum("bij,bj->bi", moved[np.array(shown)], jnp.pad(centres, ((0, 0), (0, 1)), constant_values=1.0)) - theta[model.wind]
+    square = jnp.sum(u * u, axis=1)
+    still = square == 0.0
+    speed = jnp.where(still, 0.0, jnp.sqrt(jnp.where(still, 1.0, square)))
+    return theta[model.density] * jnp.sum(areas * speed**3) / 6.0
+
+
 def force(model, q, v, u, theta, energy=potential):
     """All that acts on the joints at (q, v) and controls u (nv,)  [N·m or N]: -∂E/∂q - ∂R/∂v + motors."""
 
@@ -169,7 +184,7 @@ def force(model, q, v, u, theta, energy=potential):
         return energy(model, add(model, q, t, rotations.cayley), theta)
 
     def dissipation(v):
-        return 0.5 * jnp.sum(by_dof(model, theta, "damping") * v * v) + quadratic_dissipation(model, v, theta)
+        return 0.5 * jnp.sum(by_dof(model, theta, "damping") * v * v) + quadratic_dissipation(model, v, theta) + drag_dissipation(model, q, v, theta)
 
     f = -jax.grad(energy_at)(jnp.zeros(model.nv)) - jax.grad(dissipation)(v)
     for motor, control in zip(model.motors, u, strict=True) if model.motors else ():

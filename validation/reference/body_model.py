@@ -36,6 +36,7 @@ class Body:
     frame: np.ndarray
     joints: list
     theta: np.ndarray | None  # mass, centre (3), spread (6)
+    drag: int | float | None = None  # area that meets the air [m²]: a number, or its position in θ
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,8 @@ class BodyModel:
     theta: np.ndarray
     magnitude: int
     tilt: np.ndarray
+    wind: np.ndarray
+    density: int | None
     bodies: list
     motors: list
     frictions: list  # (joint, θ positions of friction, stiction, stribeck_velocity)
@@ -145,7 +148,10 @@ def loads(text):
     gravity, time = scene.get("gravity", {}), scene["time"]
     magnitude = table.add("gravity.magnitude", gravity.get("magnitude", 9.81))
     tilt = table.add_vector("gravity.tilt", gravity.get("tilt", [0.0, 0.0]))
-    table.add_vector("air.wind", scene.get("air", {}).get("wind", [0.0, 0.0, 0.0]))
+    air = scene.get("air", {})
+    wind = table.add_vector("air.wind", air.get("wind", [0.0, 0.0, 0.0]))
+    massive = any("inertia" in entry for entry in scene["body"])
+    density = table.add("air.density", air.get("density", 0.0)) if massive else None
     for entry in _parents_first(scene["body"]):
         build.add_body(entry, table)
     motors = [build.motor(entry, table) for entry in scene.get("actuator", [])]
@@ -159,6 +165,8 @@ def loads(text):
         theta=np.array(table.values),
         magnitude=magnitude,
         tilt=tilt,
+        wind=wind,
+        density=density,
         bodies=build.bodies,
         motors=motors,
         frictions=build.frictions,
@@ -193,6 +201,15 @@ def spread_of(mass, inertia):
     return [u[0, 0], u[1, 1], u[2, 2], u[0, 1], u[0, 2], u[1, 2]]
 
 
+def shown_area(mass, inertia):
+    """Mean area [m²] of the box with this mass and inertia, over all directions from which it is seen."""
+    xx, yy, zz, xy, xz, yz = inertia
+    principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    # I_a = m (b² + c²)/3 for half edges b, c
+    a, b, c = np.sqrt(np.maximum(1.5 * (principal.sum() - 2.0 * principal) / mass, 0.0))
+    return float(2.0 * (a * b + b * c + c * a))
+
+
 class _Builder:
     """Gathers bodies in the order of their coordinates."""
 
@@ -203,12 +220,15 @@ class _Builder:
 
     def add_body(self, entry, table):
         name, joints = entry["name"], entry.get("joint", [])
-        inertia = None
+        inertia, drag = None, None
         if "inertia" in entry:
             mass = table.add(f"{name}.mass", entry["mass"])
             centre = table.add_vector(f"{name}.center_of_mass", entry.get("center_of_mass", [0.0] * 3))
             spread = table.add_vector(f"{name}.spread", spread_of(entry["mass"], entry["inertia"]))
             inertia = np.array([mass, *centre, *spread])
+            drag = shown_area(entry["mass"], entry["inertia"])
+        if "drag_area" in entry:
+            drag = table.add(f"{name}.drag_area", entry["drag_area"])
         position = np.array(entry.get("position", [0.0] * 3), dtype=float)
         quaternion = np.array(entry.get("quaternion", [1.0, 0.0, 0.0, 0.0]), dtype=float)
         quaternion /= np.linalg.norm(quaternion)
@@ -220,7 +240,7 @@ class _Builder:
         parts = [part for joint in joints for part in self._joint(joint, start, table)]
         parent = next((k for k, b in enumerate(self.bodies) if b.name == entry.get("parent")), None)
         frame = np.block([[rotation, position[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
-        self.bodies.append(Body(name, parent, frame, parts, inertia))
+        self.bodies.append(Body(name, parent, frame, parts, inertia, drag))
 
     def _joint(self, entry, ball_start, table):
         kind, name = entry["kind"], entry["name"]

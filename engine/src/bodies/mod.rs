@@ -7,6 +7,7 @@
 //! partials, which `spread` multiplies out into a matrix.
 
 mod assemble;
+pub mod drag;
 pub mod dynamics;
 mod energy;
 pub mod frames;

@@ -1,6 +1,7 @@
 //! From a scene's bodies, joints and actuators to the tree and its forces.
 
 use super::Model;
+use crate::bodies::drag::{BodyDrag, DragArea, mean_area};
 use crate::bodies::{self, Tree};
 use crate::constraints::{JointFriction, JointRow, JointRowKind};
 use crate::memory::SignalPath;
@@ -41,6 +42,8 @@ impl Model {
             let parent = body.parent.as_deref().and_then(|name| self.tree.body(name));
             let free = body.joint.iter().any(|j| j.kind == JointKind::Free);
             let inertia = push_inertia(body, &mut self.params);
+            let drag = inertia.and_then(|inertia| self.drag(body, inertia));
+            self.body_drags.extend(drag);
             let first = self.tree.joints().len();
             let mut joints = Vec::new();
             for joint in &body.joint {
@@ -80,6 +83,16 @@ impl Model {
             self.add_actuator(actuator, &mut elements);
         }
         self.add_joint_terms(elements);
+    }
+
+    /// What the air does to the body that comes next.
+    fn drag(&mut self, body: &Body, inertia: BodyInertia) -> Option<BodyDrag> {
+        let air = self.params.find("air.wind[0]")?;
+        let area = match body.drag_area {
+            Some(area) => DragArea::Theta(self.params.push(format!("{}.drag_area", body.name), "m²", NON_NEGATIVE, area)),
+            None => DragArea::Constant(mean_area(body.mass, &pliant_scene::inertia_matrix(&body.inertia?))),
+        };
+        Some(BodyDrag { body: self.tree.bodies().len(), inertia, area, air })
     }
 
     /// Friction and stops of a joint of `parts` axes with this first coordinate and degree of freedom.

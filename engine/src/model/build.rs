@@ -99,6 +99,9 @@ impl ModelBuilder {
         for (a, wind) in scene.air.wind.iter().enumerate() {
             params.push(format!("air.wind[{a}]"), "m/s", ANY, *wind);
         }
+        if scene.body.iter().any(|body| body.mass > 0.0) {
+            params.push("air.density", "kg/m³", NON_NEGATIVE, scene.air.density);
+        }
         let (q0, v0) = pliant_scene::initial_state(scene)?;
         let mut model = Model {
             params,
@@ -113,6 +116,7 @@ impl ModelBuilder {
             terms: Vec::new(),
             tree: Tree::default(),
             joint_terms: Vec::new(),
+            body_drags: Vec::new(),
             joint_rows: Vec::new(),
             weights: DofWeights::default(),
             n_actuators: 0,

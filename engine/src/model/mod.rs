@@ -25,6 +25,7 @@ pub use mass::NodeMass;
 pub(crate) use materials::from_nodes;
 
 use crate::bodies::Tree;
+use crate::bodies::drag::BodyDrag;
 use crate::constraints::{ColliderPair, ContactElement, ContactPair, ElementGroup, JointRow, LoopClosure};
 use crate::geometry::Shape;
 use crate::geometry::collider::Collider;
@@ -92,6 +93,7 @@ pub struct Model {
     pub(crate) terms: Vec<Arc<dyn Term>>,
     pub(crate) tree: Tree,
     pub(crate) joint_terms: Vec<Arc<dyn JointTerm>>,
+    pub(crate) body_drags: Vec<BodyDrag>,
     pub(crate) joint_rows: Vec<JointRow>,
     pub(crate) weights: DofWeights,
     pub(crate) n_actuators: usize,

@@ -7,6 +7,8 @@ use crate::terms::Point;
 
 /// Name of bending and twisting of rods in messages.
 const ROD: &str = "rod (bending and twist)";
+/// Of the air, on bodies.
+const DRAG: &str = "air drag";
 /// And grippers that grasp.
 const GRASP: &str = "grasp";
 
@@ -38,6 +40,7 @@ impl Stage<'_> {
     /// The force that is largest in a row, and the first that is not finite, if there is one. The force of a contact of colliders counts as a whole.
     pub(crate) fn blame(&self, it: &Iterate, row: usize, ws: &mut Workspace) -> (String, Option<Broken>) {
         self.place(&it.v, ws);
+        self.evaluate_frames(&it.v, ws, false);
         let mut largest = Largest { row, name: "inertia".to_owned(), force: 0.0 };
         if let Err(broken) = self.look_at_forces(&mut largest, ws) {
             return (broken.0.clone(), Some(broken));
@@ -51,12 +54,20 @@ impl Stage<'_> {
     fn look_at_forces(&self, largest: &mut Largest, ws: &mut Workspace) -> Result<(), Broken> {
         let n = self.model.n_node_dofs();
         if largest.row >= n {
-            let mut f = vec![0.0; self.model.tree.nv()];
-            return self.model.joint_terms.iter().try_for_each(|term| {
+            let tree = &self.model.tree;
+            let mut f = vec![0.0; tree.nv()];
+            for term in &self.model.joint_terms {
                 f.fill(0.0);
                 term.add_force(&self.joint_point(&ws.q_bar, &ws.v_bar), &mut f);
-                largest.look(term.name(), n, &f)
-            });
+                largest.look(term.name(), n, &f)?;
+            }
+            f.fill(0.0);
+            for drag in self.drags() {
+                let wrench = drag.wrench(self.theta, &ws.bodies.frames.bodies[drag.body]);
+                let axes = &ws.bodies.frames.axes;
+                tree.chain(tree.last_dof(drag.body)).for_each(|l| f[l] += axes[l].s.dot(&wrench));
+            }
+            return largest.look(DRAG, n, &f);
         }
         let at = Point { q: &ws.q_bar, v: &ws.v_bar, theta: self.theta };
         for term in &self.model.terms {

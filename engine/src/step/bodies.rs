@@ -6,6 +6,7 @@
 //! with J of [`crate::bodies::turns`]: q̄ = q ⊕ h (a0 v + a1 v⁺).
 
 use super::{Scheme, Stage, StageRecord, Workspace};
+use crate::bodies::drag::BodyDrag;
 use crate::bodies::dynamics::{Displacement, Partials, inverse_dynamics};
 use crate::bodies::tangent_maps::TangentMaps;
 use crate::bodies::{Frames, Tree};
@@ -41,6 +42,11 @@ pub(crate) fn tangent(h: f64, w: [f64; 2], v_ref: &[f64], v: &[f64], out: &mut V
 impl Stage<'_> {
     fn has_bodies(&self) -> bool {
         !self.model.tree.bodies().is_empty()
+    }
+
+    /// Bodies that the air acts on.
+    pub(super) fn drags(&self) -> impl Iterator<Item = &BodyDrag> {
+        self.model.body_drags.iter().filter(|drag| drag.acts(self.theta))
     }
 
     /// q̄ and v̄ of the bodies.
@@ -163,6 +169,7 @@ impl Stage<'_> {
         let (body, changes) = (&mut ws.bodies, &mut ws.wrench_partials);
         changes.clear();
         ws.constraints.links().for_each(|link| link.add_partials(self.h, condensed, changes));
+        changes.extend(self.drags().map(|drag| drag.partial(self.theta, &body.frames.bodies[drag.body])));
         body.partials.gather(&self.model.tree, &body.frames, &self.masses.bodies, &ws.loads.bodies, changes);
     }
 

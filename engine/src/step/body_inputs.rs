@@ -32,6 +32,13 @@ impl StageRecord {
         let n = model.n_node_dofs();
         let Some(frames) = self.visit_beside_inertia(model, theta, [q_bar, v_bar], visit) else { return };
         visit_inertia(model, theta, &frames, &mut |dof, param, value| visit(n + dof, Input::Theta(param), value));
+        for drag in &model.body_drags {
+            let frame = &frames.bodies[drag.body];
+            drag.visit_theta(theta, frame, &mut |param, change| {
+                let chain = model.tree.chain(model.tree.last_dof(drag.body));
+                chain.for_each(|l| visit(n + l, Input::Theta(param), -frames.axes[l].s.dot(&change)));
+            });
+        }
     }
 
     /// As [`StageRecord::visit_bodies`], each derivative times its row's `lambda`.
@@ -161,6 +168,10 @@ fn pull_inertia(model: &Model, theta: &[f64], frames: &Frames<f64>, lambda: &[f6
         }
         let own = inertia.evaluate(theta);
         falling += eta.at(&frame.position) * own.m + eta.w.cross(&(frame.rotation * own.h));
+    }
+    for drag in &model.body_drags {
+        let (frame, eta) = (&frames.bodies[drag.body], &twists[drag.body]);
+        drag.visit_theta(theta, frame, &mut |param, change| pull(param, -eta.dot(&change)));
     }
     gravity_partials(model, theta).iter().enumerate().for_each(|(k, g)| pull(model.gravity + k, -falling.dot(g)));
 }

@@ -202,7 +202,11 @@ impl Stage<'_> {
     /// Evaluates all constraints at `it`, linearizing them where matrices are made: their residuals, and their forces where they act.
     fn constrain(&self, it: &Iterate, ws: &mut Workspace, linearize: Option<Axial>) -> Result<(), StepError> {
         ws.residuals.resize(it.lambda.len(), 0.0);
-        ws.loads.clear(if ws.constraints.has_links() { self.model.tree.bodies().len() } else { 0 });
+        let loaded = ws.constraints.has_links() || self.drags().next().is_some();
+        ws.loads.clear(if loaded { self.model.tree.bodies().len() } else { 0 });
+        for drag in self.drags() {
+            ws.loads.bodies[drag.body] += drag.wrench(self.theta, &ws.bodies.frames.bodies[drag.body]);
+        }
         let at_root = matches!(linearize, Some(Axial::Exact));
         let at = Evaluation { q: &ws.q_bar, v: &it.v, frames: &ws.bodies.frames, blocks: &ws.blocks, at_root };
         let (mut lambda, mut residuals) = (it.lambda.as_slice(), ws.residuals.as_mut_slice());

@@ -27,7 +27,7 @@ pub struct Warm {
 /// Forces of constraints beside those on nodes, and their entries of K beside those of nodes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstraintLoads {
-    /// On bodies, about the origin of the frames; empty where no constraint reaches a body.
+    /// On bodies, about the origin of the frames, the air's among them; empty where nothing reaches a body.
     pub bodies: Vec<Force<f64>>,
     /// On degrees of freedom of joints: row, force.
     pub joints: Vec<(usize, f64)>,

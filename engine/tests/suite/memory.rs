@@ -257,6 +257,7 @@ fn creep_converges_at_the_order_of_the_integrator() {
 fn gravity_compensation_holds_an_arm_still() {
     let mut scene: Scene = read_scene(format!("{}/../tests/scenes/arm_free.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
     scene.actuator.clear();
+    scene.air.density = 0.0;
     scene.body.retain(|b| b.joint.iter().all(|j| j.kind != JointKind::Free));
     for joint in scene.body.iter_mut().flat_map(|b| &mut b.joint) {
         (joint.gravity_compensation, joint.stiffness, joint.cubic_stiffness) = (Some(1.0), 0.0, 0.0);
@@ -318,6 +319,9 @@ fn errors_name_the_joint() {
     bad = start.clone();
     bad.v[4] = f64::NAN;
     assert!(fails(&bad, &u).contains("at joint `wrist`, axis y"), "{}", fails(&bad, &u));
+    bad = start.clone();
+    bad.v[7] = 1e160; // the stone's
+    assert!(fails(&bad, &u).contains("`air drag` gives"), "{}", fails(&bad, &u));
     assert!(fails(&start, &[f64::NAN, 0.0]).contains("`torque drive` gives NaN at joint `elbow`"));
     assert_eq!((model.row_name(0), model.row_name(6)), ("joint `shoulder[0]`".to_owned(), "joint `slide`".to_owned()));
 }

@@ -85,6 +85,8 @@ fn every_pair_of_shapes() {
                 (Cylinder, Cylinder) => 44,
                 // later differences meet changes of the contacts' features
                 (Cylinder, Box) => 32,
+                // after the 38th step the differences of two blocks agree among themselves to 1e-6 and 2e-6 alone
+                (Capsule, Box) => 38,
                 _ => 40,
             };
             let case = Case::new(&two(first, second), steps);
