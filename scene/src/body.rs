@@ -31,9 +31,9 @@ pub struct Body {
     /// matrix, −∫ x y dm. Needed if there is mass.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inertia: Option<[f64; 6]>,
-    /// Area times drag coefficient [m²], a parameter `name.drag_area` if given: in air of `air.density` ρ and velocity `air.wind` the force
-    /// −½ ρ drag_area |u| u acts at the centre of mass, u its velocity less the wind. If left out, a quarter of the surface of the box
-    /// that has the body's mass and inertia, which is what it shows on average to any direction.
+    /// Area times drag coefficient A [m²], a parameter `name.drag_area` if given: in air of `air.density` ρ, `air.viscosity` η and velocity
+    /// `air.wind` the force −(6 η √(π A) + ½ ρ A |u|) u acts at the centre of mass, u its velocity less the wind. If left out, a quarter of
+    /// the surface of the box that has the body's mass and inertia, which is what it shows on average to any direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drag_area: Option<f64>,
     /// Its joints, one after the other; none if it is fixed to its parent.

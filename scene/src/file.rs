@@ -231,6 +231,8 @@ pub struct Air {
     pub wind: [f64; 3],
     /// Density of the air, or of the liquid that bodies move through [kg/m³]; 0 has no drag on bodies, air at sea level has 1.2.
     pub density: f64,
+    /// Its viscosity [Pa·s], for the drag on bodies that grows with the speed itself; air has 1.8e-5, water 1e-3.
+    pub viscosity: f64,
 }
 
 /// Contact law and its smoothing.

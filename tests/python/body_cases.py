@@ -22,6 +22,7 @@ tilt = [0.2, -0.1]
 [air]
 wind = [0.8, -1.5, 0.3]
 density = 8.0
+viscosity = 0.02
 
 [[body]]
 name = "hook"

@@ -197,7 +197,8 @@ integrator = "{integrator}"
 magnitude = {gravity}
 [air]
 wind = [0.0, {wind}, 0.0]
-density = 1.2
+density = {density}
+viscosity = {viscosity}
 [[body]]
 name = "box"
 mass = {mass}
@@ -216,7 +217,7 @@ def test_drag_is_the_closed_form_of_a_fall_and_mujocos_in_wind():
     drag is not against the motion; nor does pliant's turn a body about its centre."""
     half, mass, gravity, wind, seconds = 0.1, 0.2, 9.81, -3.0, 0.5
     moment, area = mass * (2 * half) ** 2 / 6.0, (2 * half) ** 2
-    fixed = {"mass": mass, "moment": moment, "area": area, "seconds": seconds}
+    fixed = {"mass": mass, "moment": moment, "area": area, "seconds": seconds, "density": 1.2, "viscosity": 0.0}
     last = np.sqrt(2.0 * mass * gravity / (1.2 * area))
     fall = last**2 / gravity * np.log(np.cosh(gravity * seconds / last))
     blown = wind * seconds - np.sign(wind) * np.log1p(abs(wind) * 1.2 * area * seconds / (2.0 * mass)) * 2.0 * mass / (1.2 * area)
@@ -231,19 +232,28 @@ def test_drag_is_the_closed_form_of_a_fall_and_mujocos_in_wind():
         orders = np.log2(np.array(errors[:-1]) / errors[1:])
         assert np.abs(orders[-1] - order).max() < 0.1, (integrator, errors)
         assert np.max(errors[-1]) < (1e-6 if order == 2.0 else 3e-3), (integrator, errors)
-    theirs = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option gravity="0 0 0" density="1.2" wind="0 {wind} 0" timestep="1e-4" integrator="RK4"/><worldbody><body>'
-        f'<freejoint/><geom type="box" size="{half} {half} {half}" mass="{mass}"/></body></worldbody></mujoco>'
-    )
-    data = mujoco.MjData(theirs)
-    mujoco.mj_step(theirs, data, round(seconds / 1e-4))
-    assert abs(data.qpos[1] - blown) < 1e-9 * abs(blown) and abs(blown) > 0.05
+    # MuJoCo's in a viscous medium is Stokes' for the mean half edge
+    rate = 6.0 * np.pi * 0.1 * half / mass
+    slowed = fixed | {"step": 1e-3, "integrator": "sdirk2", "gravity": 0.0, "wind": wind, "area": np.pi * half**2, "density": 0.0, "viscosity": 0.1}
+    creeping = wind * (seconds - (1.0 - np.exp(-rate * seconds)) / rate)
+    assert abs(simulate(DRAGGED.format(**slowed)).x[-1][1] - creeping) < 1e-6
+    for medium, place in [('density="1.2"', blown), ('viscosity="0.1"', creeping)]:
+        theirs = mujoco.MjModel.from_xml_string(
+            f'<mujoco><option gravity="0 0 0" {medium} wind="0 {wind} 0" timestep="1e-4" integrator="RK4"/><worldbody><body>'
+            f'<freejoint/><geom type="box" size="{half} {half} {half}" mass="{mass}"/></body></worldbody></mujoco>'
+        )
+        data = mujoco.MjData(theirs)
+        mujoco.mj_step(theirs, data, round(seconds / 1e-4))
+        assert abs(data.qpos[1] - place) < 1e-9 * abs(place) and abs(place) > 0.05
 
 
 def test_drag_of_the_air_is_refused_where_it_does_nothing():
-    text = DRAGGED.format(mass=0.2, moment=1e-3, area=0.04, seconds=0.1, step=1e-3, integrator="euler", gravity=9.81, wind=0.0)
+    text = DRAGGED.format(
+        mass=0.2, moment=1e-3, area=0.04, seconds=0.1, step=1e-3, integrator="euler", gravity=9.81, wind=0.0, density=1.2, viscosity=1e-5
+    )
     for wrong, by, says in [
         ("density = 1.2", "density = -1.2", ["air.density", "-1.2", "kg/m³"]),
+        ("viscosity = 1e-05", "viscosity = -1.0", ["air.viscosity", "Pa·s"]),
         ("drag_area = 0.04", "drag_area = -0.04", ["body[0].drag_area", "m²"]),
     ]:
         with pytest.raises(ValueError) as refused:

@@ -3,7 +3,7 @@
 cubic at a ball         f = -k₃ |q|² q             q: rotation vector [rad], f: moment in the link's axes [N·m]
 creep at a ball         f = -k Jᵀ e,  e = q - p,  ṗ = e/τ,  J: the rate of q by the link's angular velocity
 slack at a ball         f = -k max(1 - s/|q|, 0) q
-quadratic drag          f = -c |v| v               at the middle of each link
+quadratic drag          f = -c |v| v               at the middle of each link, and with a c of its own on the carriage
 cubic at a slide        f = -k₃ x³
 damping by the square   f = -d |v| v               at a ball v is the angular velocity in the link's axes
 friction at a slide     f = -(s exp(-(v/v_s)²) + μ |u|) tanh(v/0.3 mm/s),  u: force of the servo
@@ -45,6 +45,7 @@ class Forces:
     stribeck: dict[int, tuple[float, float]] = field(default_factory=dict)  # N, m/s
     load: dict[int, float] = field(default_factory=dict)
     drag: float = 0.0  # N·s²/m² a link
+    drag_carriage: float = 0.0  # N·s²/m²
     gust: tuple[float, float] = (0.0, 0.0)  # N a link
     pull: float = 0.0  # N·m
 
@@ -56,7 +57,7 @@ class Forces:
     def none(self) -> bool:
         at_balls = self.cubic or self.creep or self.slack or self.square
         at_slides = self.cubic_slide or self.square_slide or self.stribeck or self.load
-        return not (at_balls or at_slides or self.drag or any(self.gust) or self.pull)
+        return not (at_balls or at_slides or self.drag or self.drag_carriage or any(self.gust) or self.pull)
 
 
 class Acting:
@@ -86,6 +87,9 @@ class Acting:
 
     def at_slides(self, data: mujoco.MjData) -> None:
         own = self.forces
+        if own.drag_carriage:
+            v = data.qvel[:2]
+            data.qfrc_passive[:2] -= own.drag_carriage * math.sqrt(v @ v) * v
         for j, size in own.cubic_slide.items():
             data.qfrc_passive[j] -= size * data.qpos[j] ** 3
         for j, size in own.square_slide.items():

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from validation.blind import cable_forces, cable_midpoint
 from validation.blind.cable_forces import Forces
-from validation.blind.system import Cause, Changes, Job, Knob, Setup, sensor_causes, sensor_knobs, turned
+from validation.blind.system import Cause, Changes, Job, Knob, Setup, sensor_causes, sensor_knobs, shown_area, turned
 
 LINKS = 4
 BALLS = tuple(f"joint_{k}" for k in range(LINKS))
@@ -59,6 +59,8 @@ class CableSetup(Setup):
         across, along = self.mass * (self.link**2 / 12 + self.radius**2 / 4), 0.5 * self.mass * self.radius**2
         # roots of ∫ x², y², z² dm over the mass [m]
         self.spread = np.sqrt(np.array([0.5 * along, 0.5 * along, across - 0.5 * along]) / self.mass)
+        # the carriage's area over a link's: its inertia is that of a cube
+        self.carriage_shows = shown_area(np.full(3, math.sqrt(0.5e-3 / self.carriage))) / shown_area(self.spread)
         self.records(rng, jitter)
         self.free, self.values = ("stiffness",), {}
         self.knobs, self.causes, self.outside = sensor_knobs(4 * self.link), {}, {}
@@ -121,10 +123,12 @@ class CableSetup(Setup):
         self.knobs |= {f"tilt{k}": Knob(1e-3, 0.2, f"gravity.tilt[{k}]") for k in range(2)}
         own = [Cause("gravity_tilt", "", ("tilt0", "tilt1")), *sensor_causes()]
         self.causes |= {cause.key: cause for cause in own}
-        # outside the library: largest sizes in N·s²/m² a link, N a link, N·m, m
-        beyond = {"drag": 0.1, "gust0": 0.05, "gust1": 0.05, "pull": 0.02, "drift": 0.01}
-        self.knobs |= {key: Knob(0.02 * x, x, one_sided=key == "drag") for key, x in beyond.items()}
-        self.outside |= {"drag": ("drag",), "gust": ("gust0", "gust1"), "pull": ("pull",), "drift": ("drift",)}
+        per_unit = 0.5 * shown_area(self.spread)  # of a link: N·s²/m² by kg/m³
+        self.add("quadratic_drag", "", "drag", Knob(2e-3, 0.1, "air.density", one_sided=True, value=lambda x: x / per_unit))
+        # outside the library: largest sizes in N a link, N·m, m
+        beyond = {"gust0": 0.05, "gust1": 0.05, "pull": 0.02, "drift": 0.01}
+        self.knobs |= {key: Knob(0.02 * x, x) for key, x in beyond.items()}
+        self.outside |= {"gust": ("gust0", "gust1"), "pull": ("pull",), "drift": ("drift",)}
 
     def of_ball(self, j: str) -> None:
         k, d = self.stiffness, self.damping
@@ -208,7 +212,7 @@ class CableSetup(Setup):
         stiction = {k: (x, changes[f"speed:{SLIDES[k]}"]) for k, x in at("stiction", SLIDES).items()}
         return Forces(
             creep=at("creep", BALLS), slack=at("slack", BALLS), square=at("square", BALLS), stribeck=stiction, load=at("load", SLIDES),
-            drag=changes.get("drag", 0.0), gust=(changes.get("gust0", 0.0), changes.get("gust1", 0.0)), pull=changes.get("pull", 0.0),
+            drag=changes.get("drag", 0.0), drag_carriage=changes.get("drag", 0.0) * self.carriage_shows, gust=(changes.get("gust0", 0.0), changes.get("gust1", 0.0)), pull=changes.get("pull", 0.0),
         )  # fmt: skip
 
     def motion(self, record: int, changes: Changes) -> CubicSpline | None:

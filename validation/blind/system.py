@@ -12,6 +12,7 @@ and simulates readings for any list of (record, changes of knobs). Everything el
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,6 +46,17 @@ class Knob:
 
     def true(self, change: float) -> float:
         return self.scene + change if self.value is None else self.value(change)
+
+
+def shown_area(spread: np.ndarray) -> float:
+    """Mean area [m²] that a box shows, a quarter of its surface, with these roots of second moments over the mass [m]: half edges √3 times them."""
+    a, b, c = math.sqrt(3.0) * np.asarray(spread)
+    return float(2.0 * (a * b + b * c + c * a))
+
+
+def stokes(spread: np.ndarray) -> float:
+    """6π r [m] of the sphere that shows as much: its drag by viscosity and speed."""
+    return 6.0 * math.pi * math.sqrt(shown_area(spread) / math.pi)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from validation.blind import batch, draw, judge, noise, ropes, score, toss
 from validation.blind.chain import Chain, zero
@@ -127,6 +128,30 @@ def test_a_tossed_body_falls_and_keeps_its_momentum():
     assert np.allclose(path[:, 2], 1.0 + 2.0 * t - 0.5 * 9.81 * t**2, atol=1e-12)
     spin = [toss.Rotation.from_quat(x[3:7], scalar_first=True).apply(p["inertia"][0] * x[10:]) for x in path]
     assert np.abs(spin - spin[0]).max() < 1e-8 * np.linalg.norm(spin[0])
+
+
+@pytest.mark.parametrize("key", toss.DRAGS)
+def test_the_drag_of_a_toss_is_pliants_law(key, tmp_path):
+    pliant = pytest.importorskip("pliant")
+    setup = toss.TossSetup(np.random.default_rng(3))
+    knob = setup.knobs[key]
+    size = 0.5 * knob.largest
+    hidden, plain = setup.readings([(0, {key: size}), (0, {})])
+    scene = setup.write(tmp_path, [hidden] * len(setup.roles), {}, False).read_text(encoding="utf-8")
+    model = pliant.loads(scene[: scene.index("[experiment]")])
+    place, angle, v, w = setup.begun[0]
+    turn = Rotation.from_rotvec(angle)
+    # the velocity of the origin in the world's axes, the spin in the body's
+    x = np.concatenate([place, turn.as_quat(scalar_first=True), v, w])
+    steps = round(setup.duration / model.step_length)
+
+    def read(theta):
+        path = model.rollout(x, np.zeros((steps, 0)), theta, record=False).x[:: setup.substeps]
+        turns = Rotation.from_quat(path[:, 3:7], scalar_first=True)
+        return np.stack([path[:, :3] + turns.apply(point) for point in toss.POINTS], axis=1).reshape(len(path), -1)
+
+    error = hidden - plain - (read(model.theta_with({knob.path: knob.true(size)})) - read(model.theta))
+    assert np.abs(error).max() < 0.01 * np.abs(hidden - plain).max() and np.abs(hidden - plain).max() > 5.0 * setup.sigma
 
 
 def test_noise_has_its_colour_its_gaps_and_its_outliers():

@@ -22,6 +22,8 @@ from validation.blind.system import (
     Setup,
     sensor_causes,
     sensor_knobs,
+    shown_area,
+    stokes,
     turned,
 )
 
@@ -29,7 +31,9 @@ G = 9.81  # m/s²
 FINE = 2e-3  # s
 POINTS = np.array([[0.05, 0.0, 0.0], [-0.03, 0.06, 0.0], [-0.03, -0.04, 0.05], [0.0, 0.0, -0.06]])  # m, of the markers in the body's frame
 AXES = "xyz"
-FORCES = {"drag": 1.0, "quadratic": 0.4, "magnus": 0.06, "spin": 1.0, "gust": 6.0}  # outside the library, largest sizes: 1/s, 1/m, -, 1/s, m/s²
+DRAGS = {"drag": 1.0, "quadratic": 0.4}  # largest sizes: 1/s, 1/m
+BEYOND = {"magnus": 0.06, "spin": 1.0, "gust": 6.0}  # outside the library, largest sizes: -, 1/s, m/s²
+FORCES = (*DRAGS, *BEYOND)
 
 
 def quaternion_rate(u: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -96,9 +100,14 @@ class TossSetup(Setup):
         self.knobs |= {f"spread{k}": Knob(1e-4, 8e-3, f"body.spread[{k}]", float(self.spread[k])) for k in range(3)}
         own = [Cause("gravity_magnitude", "", ("gravity",)), Cause("gravity_tilt", "", ("tilt0", "tilt1")), *sensor_causes(),
                Cause("center_of_mass", "body", three("com")), Cause("link_inertia", "body", three("spread"))]  # fmt: skip
+        own += [Cause("linear_drag", "", ("drag",)), Cause("quadratic_drag", "", ("quadratic",))]
         self.causes = {cause.key: cause for cause in own}
-        self.outside = {key: (key,) for key in FORCES}
-        self.knobs |= {key: Knob(0.02 * x, x, one_sided=key not in ("magnus", "gust")) for key, x in FORCES.items()}
+        self.outside = {key: (key,) for key in BEYOND}
+        self.knobs |= {key: Knob(0.02 * x, x, one_sided=key == "spin") for key, x in BEYOND.items()}
+        medium = {"drag": ("air.viscosity", stokes(self.spread)), "quadratic": ("air.density", 0.5 * shown_area(self.spread))}
+        for key, x in DRAGS.items():
+            (path, per_unit), mass = medium[key], self.mass
+            self.knobs[key] = Knob(0.02 * x, x, path, one_sided=True, value=lambda size, per_unit=per_unit: size * mass / per_unit)
 
     def readings(self, jobs: list[Job], rule: str = "true") -> list[np.ndarray]:
         h = 1.0 / self.rate / self.substeps if rule == "scene" else FINE

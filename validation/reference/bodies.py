@@ -163,8 +163,8 @@ def quadratic_dissipation(model, v, theta):
 
 
 def drag_dissipation(model, q, v, theta):
-    """∑ ½ ρ A |u|³/3 over the bodies  [W], u the velocity of a centre of mass less the wind; its slope by v is the drag."""
-    if model.density is None:
+    """∑ ½ ρ A |u|³/3 + ½ 6 η √(π A) |u|² over the bodies  [W], u the velocity of a centre of mass less the wind; its slope by v is the drag."""
+    if model.medium is None:
         return jnp.zeros(())
     moved = jax.jvp(lambda t: poses(model, add(model, q, t, rotations.cayley)), (jnp.zeros(model.nv),), (v,))[1]
     shown = [k for k, body in enumerate(model.bodies) if body.drag is not None]
@@ -174,7 +174,8 @@ def drag_dissipation(model, q, v, theta):
     square = jnp.sum(u * u, axis=1)
     still = square == 0.0
     speed = jnp.where(still, 0.0, jnp.sqrt(jnp.where(still, 1.0, square)))
-    return theta[model.density] * jnp.sum(areas * speed**3) / 6.0
+    density, viscosity = (theta[k] for k in model.medium)
+    return density * jnp.sum(areas * speed**3) / 6.0 + 3.0 * viscosity * jnp.sum(jnp.sqrt(jnp.pi * areas) * square)
 
 
 def force(model, q, v, u, theta, energy=potential):

@@ -71,7 +71,7 @@ class BodyModel:
     magnitude: int
     tilt: np.ndarray
     wind: np.ndarray
-    density: int | None
+    medium: list | None  # positions in θ of density and viscosity
     bodies: list
     motors: list
     frictions: list  # (joint, θ positions of friction, stiction, stribeck_velocity)
@@ -151,7 +151,7 @@ def loads(text):
     air = scene.get("air", {})
     wind = table.add_vector("air.wind", air.get("wind", [0.0, 0.0, 0.0]))
     massive = any("inertia" in entry for entry in scene["body"])
-    density = table.add("air.density", air.get("density", 0.0)) if massive else None
+    medium = [table.add(f"air.{key}", air.get(key, 0.0)) for key in ("density", "viscosity")] if massive else None
     for entry in _parents_first(scene["body"]):
         build.add_body(entry, table)
     motors = [build.motor(entry, table) for entry in scene.get("actuator", [])]
@@ -166,7 +166,7 @@ def loads(text):
         magnitude=magnitude,
         tilt=tilt,
         wind=wind,
-        density=density,
+        medium=medium,
         bodies=build.bodies,
         motors=motors,
         frictions=build.frictions,

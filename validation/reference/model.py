@@ -142,7 +142,8 @@ def loads(text):
     tilt = table.add_vector("gravity.tilt", gravity.get("tilt", [0.0, 0.0]))
     wind = table.add_vector("air.wind", air.get("wind", [0.0, 0.0, 0.0]))
     if any("inertia" in body for body in scene.get("body", [])):
-        table.add("air.density", air.get("density", 0.0))  # it acts on the bodies, of the other model
+        for key in ("density", "viscosity"):  # these act on the bodies, of the other model
+            table.add(f"air.{key}", air.get(key, 0.0))
     ropes, cloths = scene.get("rope", []), scene.get("cloth", [])
     for rope in ropes:
         given = rope.get("edge_fractions") or np.ones(rope["nodes"] - 1)

@@ -17,7 +17,7 @@ pub struct BodyDrag {
     pub inertia: BodyInertia,
     /// Area times drag coefficient [m²].
     pub area: DragArea,
-    /// Index in θ of the wind's three numbers [m/s], and after them the air's density [kg/m³].
+    /// Index in θ of the wind's three numbers [m/s], and after them the air's density [kg/m³] and viscosity [Pa·s].
     pub air: usize,
 }
 
@@ -30,7 +30,8 @@ pub enum DragArea {
     Constant(f64),
 }
 
-/// f = −½ ρ A |u| u \[N\] at the centre of mass, u its velocity less the wind [m/s]; x = (u, ρ, A). |u| is given the slope 0 at u = 0.
+/// f = −(6 η √(π A) + ½ ρ A |u|) u \[N\] at the centre of mass, u its velocity less the wind [m/s]; x = (u, ρ, η, A). |u| is given the slope
+/// 0 at u = 0. The first part is Stokes' drag of a sphere that shows the area A, the second one of the drag coefficient that A holds.
 ///
 /// No moment about the centre of mass, and the same to all sides: what turning alone meets, and an area that depends on the side that is
 /// shown, are left out.
@@ -38,12 +39,14 @@ fn law<S: Real>(x: &[S; INPUTS]) -> Vec3<S> {
     let u = Vec3::new(x[0], x[1], x[2]);
     let square = u.dot(&u);
     let speed = if square.re() > 0.0 { square.sqrt() } else { S::zero() };
-    u * (x[DENSITY] * x[AREA] * speed * -0.5)
+    let linear = x[VISCOSITY] * (x[AREA] * std::f64::consts::PI).sqrt() * 6.0;
+    -(u * (linear + x[DENSITY] * x[AREA] * speed * 0.5))
 }
 
 const DENSITY: usize = 3;
-const AREA: usize = 4;
-const INPUTS: usize = 5;
+const VISCOSITY: usize = 4;
+const AREA: usize = 5;
+const INPUTS: usize = 6;
 
 /// Where a body meets the air: all about the frames' origin, in the world's axes.
 struct Meeting {
@@ -55,10 +58,11 @@ struct Meeting {
 impl BodyDrag {
     /// Whether it has a force.
     pub fn acts(&self, theta: &[f64]) -> bool {
-        theta[self.air + DENSITY] != 0.0
+        theta[self.air + DENSITY] != 0.0 || theta[self.air + VISCOSITY] != 0.0
     }
 
-    fn area(&self, theta: &[f64]) -> f64 {
+    /// Area times drag coefficient [m²].
+    pub fn area(&self, theta: &[f64]) -> f64 {
         match self.area {
             DragArea::Theta(k) => theta[k],
             DragArea::Constant(area) => area,
@@ -69,7 +73,8 @@ impl BodyDrag {
         let own = Vec3::from_fn(|k, _| theta[self.inertia.first + 1 + k]);
         let centre = apply(&frame.rotation, &own) + frame.position;
         let u = frame.velocity.at(&centre) - Vec3::from_fn(|k, _| theta[self.air + k]);
-        Meeting { centre, inputs: [u[0], u[1], u[2], theta[self.air + DENSITY], self.area(theta)] }
+        let [density, viscosity] = [DENSITY, VISCOSITY].map(|k| theta[self.air + k]);
+        Meeting { centre, inputs: [u[0], u[1], u[2], density, viscosity, self.area(theta)] }
     }
 
     /// The wrench about the frames' origin.
@@ -103,14 +108,16 @@ impl BodyDrag {
         out
     }
 
-    /// Calls `visit(index in θ, ∂W/∂θ)`, wrenches about the frames' origin, for all numbers that it depends on; without density for that alone.
+    /// Calls `visit(index in θ, ∂W/∂θ)`, wrenches about the frames' origin, for all numbers that it depends on; without density and viscosity for these alone.
     pub fn visit_theta(&self, theta: &[f64], frame: &Frame<f64>, visit: &mut dyn FnMut(usize, Force<f64>)) {
         let at = self.meeting(theta, frame);
         let (f, slope) = slopes(&at.inputs);
         let column = |k: usize| slope.column(k).into_owned();
-        visit(self.air + DENSITY, Force::at(&at.centre, column(DENSITY)));
+        for k in [DENSITY, VISCOSITY] {
+            visit(self.air + k, Force::at(&at.centre, column(k)));
+        }
         if !self.acts(theta) {
-            return; // all others are factors of it
+            return; // all others are factors of these
         }
         if let DragArea::Theta(k) = self.area {
             visit(k, Force::at(&at.centre, column(AREA)));
@@ -152,8 +159,8 @@ mod tests {
 
     /// A body turned and moving, in a wind.
     fn case() -> (BodyDrag, Vec<f64>, Frame<f64>) {
-        let theta = vec![2.0, 0.1, -0.2, 0.3, 0.2, 0.3, 0.4, 0.0, 0.0, 0.0, 0.4, -0.3, 0.2, 1.2, 0.05];
-        let drag = BodyDrag { body: 0, inertia: BodyInertia { first: 0 }, area: DragArea::Theta(14), air: AIR };
+        let theta = vec![2.0, 0.1, -0.2, 0.3, 0.2, 0.3, 0.4, 0.0, 0.0, 0.0, 0.4, -0.3, 0.2, 1.2, 0.3, 0.05];
+        let drag = BodyDrag { body: 0, inertia: BodyInertia { first: 0 }, area: DragArea::Theta(15), air: AIR };
         let rotation = nalgebra::Rotation3::from_euler_angles(0.4, -0.7, 1.1).into_inner();
         let velocity = Motion { w: Vec3::new(1.0, -2.0, 0.5), v: Vec3::new(3.0, 0.7, -1.4) };
         (drag, theta, Frame { rotation, position: Vec3::new(0.3, -0.6, 0.9), velocity, acceleration: Motion::zero() })
@@ -168,17 +175,23 @@ mod tests {
         Force { n: column.fixed_rows::<3>(0).into_owned(), f: column.fixed_rows::<3>(3).into_owned() }
     }
 
-    /// −½ ρ A |u|² along u: 0.5 · 1.2 · 0.05 · 25 = 0.75 N.
+    /// −½ ρ A |u|² along u: 0.5 · 1.2 · 0.05 · 25 = 0.75 N; and Stokes' −6 π η r u.
     #[test]
-    fn the_force_is_half_density_area_and_speed_squared() {
+    fn the_force_is_half_density_area_and_speed_squared_and_that_of_stokes() {
         let (drag, mut theta, mut frame) = case();
         theta[AIR..AIR + 3].fill(0.0);
+        theta[AIR + VISCOSITY] = 0.0;
         frame.velocity = Motion { w: Vec3::zeros(), v: Vec3::new(3.0, 0.0, 4.0) };
         let wrench = drag.wrench(&theta, &frame);
         assert_relative_eq!(wrench.f, Vec3::new(-0.45, 0.0, -0.6), max_relative = 1e-14);
         let centre = frame.rotation * Vec3::new(0.1, -0.2, 0.3) + frame.position;
         assert_relative_eq!(wrench.n, centre.cross(&wrench.f), max_relative = 1e-14);
         assert_relative_eq!(frame.velocity.dot(&wrench), -3.75, max_relative = 1e-14);
+        let radius = 0.02;
+        let mut oil = theta.clone();
+        (oil[AIR + DENSITY], oil[AIR + VISCOSITY], oil[15]) = (0.0, 0.1, std::f64::consts::PI * radius * radius);
+        let stokes = -6.0 * std::f64::consts::PI * 0.1 * radius * frame.velocity.v;
+        assert_relative_eq!(drag.wrench(&oil, &frame).f, stokes, max_relative = 1e-14);
         // as fast as the wind
         theta[AIR..AIR + 3].copy_from_slice(&[3.0, 0.0, 4.0]);
         let partial = drag.partial(&theta, &frame);
@@ -228,6 +241,6 @@ mod tests {
             seen.push(k);
         });
         seen.sort_unstable();
-        assert_eq!(seen, [1, 2, 3, 10, 11, 12, 13, 14]);
+        assert_eq!(seen, [1, 2, 3, 10, 11, 12, 13, 14, 15]);
     }
 }

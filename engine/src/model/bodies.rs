@@ -89,7 +89,7 @@ impl Model {
     fn drag(&mut self, body: &Body, inertia: BodyInertia) -> Option<BodyDrag> {
         let air = self.params.find("air.wind[0]")?;
         let area = match body.drag_area {
-            Some(area) => DragArea::Theta(self.params.push(format!("{}.drag_area", body.name), "m²", NON_NEGATIVE, area)),
+            Some(area) => DragArea::Theta(self.params.push(format!("{}.drag_area", body.name), "m²", POSITIVE, area)),
             None => DragArea::Constant(mean_area(body.mass, &pliant_scene::inertia_matrix(&body.inertia?))),
         };
         Some(BodyDrag { body: self.tree.bodies().len(), inertia, area, air })

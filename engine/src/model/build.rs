@@ -101,6 +101,7 @@ impl ModelBuilder {
         }
         if scene.body.iter().any(|body| body.mass > 0.0) {
             params.push("air.density", "kg/m³", NON_NEGATIVE, scene.air.density);
+            params.push("air.viscosity", "Pa·s", NON_NEGATIVE, scene.air.viscosity);
         }
         let (q0, v0) = pliant_scene::initial_state(scene)?;
         let mut model = Model {

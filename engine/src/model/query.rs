@@ -7,6 +7,7 @@
 
 use super::Model;
 use crate::bodies::Frames;
+use crate::bodies::drag::BodyDrag;
 use crate::bodies::dynamics::{Partials, inverse_dynamics};
 use pliant_math::Vec3;
 use pliant_math::rotation::{Quaternion, from_matrix};
@@ -54,7 +55,7 @@ impl Model {
     }
 
     /// Forces of the bodies' degrees of freedom that let them move without acceleration, Coriolis forces less weight [N·m or N]:
-    /// inverse dynamics at a = 0. Springs, friction and motors are not among them.
+    /// inverse dynamics at a = 0. Springs, friction, motors and the air's drag are not among them.
     ///
     /// # Panics
     /// If `q`, `v` or `theta` have not nq, nv and n_params entries.
@@ -63,6 +64,11 @@ impl Model {
         let mut tau = vec![0.0; self.tree.nv()];
         inverse_dynamics(&self.tree, &frames, &self.inertias(theta), &[], &mut Vec::new(), &mut tau);
         tau
+    }
+
+    /// What the air does to every body with mass.
+    pub fn body_drags(&self) -> impl Iterator<Item = &BodyDrag> {
+        self.body_drags.iter()
     }
 
     /// Owner of a row of the velocities, for messages: "node 3, axis x", or a joint by its name.

@@ -5,6 +5,7 @@
 
 mod actuator_delay;
 mod actuator_lag;
+mod air;
 mod anisotropic_bending;
 mod armature;
 mod asymmetric_friction;

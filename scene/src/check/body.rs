@@ -57,7 +57,7 @@ fn parent(scene: &Scene, b: usize, field: &str) -> Result<(), SceneError> {
 fn mass(body: &Body, field: &str) -> Result<(), SceneError> {
     not_negative(&format!("{field}.mass"), body.mass, "kg")?;
     if let Some(area) = body.drag_area {
-        not_negative(&format!("{field}.drag_area"), area, "m²")?;
+        positive(&format!("{field}.drag_area"), area, "m²")?;
         if body.mass == 0.0 {
             let message = "drag acts at the centre of mass, and this body has no mass".to_owned();
             return Err(SceneError::at(format!("{field}.drag_area"), Mistake::Refused { message }));

@@ -145,10 +145,12 @@ fn surroundings(scene: &Scene) -> Result<(), SceneError> {
         let mistake = Mistake::Unit { value: *tilt, unit: "rad", reason, likely: "degrees", instead: tilt.to_radians() };
         return Err(SceneError::at(format!("gravity.tilt[{a}]"), mistake));
     }
-    not_negative("air.density", scene.air.density, "kg/m³")?;
-    if scene.air.density > 0.0 && !scene.body.iter().any(|body| body.mass > 0.0) {
-        let message = "acts on bodies, and there is none with mass: give a rope or cloth drag of its own (`drag_quadratic`)";
-        return Err(SceneError::at("air.density", Mistake::Refused { message: message.to_owned() }));
+    for (field, value, unit) in [("air.density", scene.air.density, "kg/m³"), ("air.viscosity", scene.air.viscosity, "Pa·s")] {
+        not_negative(field, value, unit)?;
+        if value > 0.0 && !scene.body.iter().any(|body| body.mass > 0.0) {
+            let message = "acts on bodies, and there is none with mass: give a rope or cloth drag of its own (`drag_quadratic`)";
+            return Err(SceneError::at(field, Mistake::Refused { message: message.to_owned() }));
+        }
     }
     positive("contact.rest_gap", scene.contact.rest_gap, "m")
 }
