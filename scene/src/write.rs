@@ -1,13 +1,13 @@
 //! A scene of bodies as a TOML file: values that differ from the defaults, numbers in full.
 
 use super::{
-    Actuator, ActuatorKind, Body, BodyShape, Closure, ClosureKind, Cloth, Command, Contact, ContactRule, Coupling, Diagonal,
+    Actuator, ActuatorKind, Air, Body, BodyShape, Closure, ClosureKind, Cloth, Command, Contact, ContactRule, Coupling, Diagonal,
     Integrator, Joint, JointKind, Law, Scene, ShapeKind, Start, Touching,
 };
 use std::fmt::Write;
 
 /// The file of a scene that was made, by an importer or a builder, with `comment` as its first line. What only people write (ropes,
-/// grippers, forces of their own, wind, solver settings, `experiment`) is left out.
+/// grippers, forces of their own, solver settings, `experiment`) is left out.
 pub fn to_toml(scene: &Scene, comment: &str) -> String {
     let mut out = format!("# {}\nschema_version = {}\n\n[time]\n", comment.replace(char::is_control, " "), scene.schema_version);
     line(&mut out, "step", &number(scene.time.step));
@@ -22,6 +22,7 @@ pub fn to_toml(scene: &Scene, comment: &str) -> String {
     out += "\n[gravity]\n";
     line(&mut out, "magnitude", &number(scene.gravity.magnitude));
     list(&mut out, "tilt", &scene.gravity.tilt, &[0.0; 2]);
+    air(&mut out, &scene.air);
     contact(&mut out, &scene.contact);
     scene.cloth.iter().for_each(|c| cloth(&mut out, c));
     scene.body.iter().for_each(|b| body(&mut out, b));
@@ -31,6 +32,16 @@ pub fn to_toml(scene: &Scene, comment: &str) -> String {
     scene.actuator.iter().for_each(|a| actuator(&mut out, a));
     scene.contact.pair.iter().for_each(|r| rule(&mut out, r));
     out
+}
+
+fn air(out: &mut String, air: &Air) {
+    if *air == Air::default() {
+        return;
+    }
+    *out += "\n[air]\n";
+    list(out, "wind", &air.wind, &[0.0; 3]);
+    differing(out, "density", air.density, 0.0);
+    differing(out, "viscosity", air.viscosity, 0.0);
 }
 
 /// The law; its rules follow as tables of their own.
@@ -124,6 +135,7 @@ fn body(out: &mut String, body: &Body) {
     if let Some(inertia) = &body.inertia {
         list(out, "inertia", inertia, &[]);
     }
+    given(out, "drag_area", body.drag_area);
     body.joint.iter().for_each(|j| joint(out, j));
     body.shape.iter().for_each(|s| shape(out, s));
 }

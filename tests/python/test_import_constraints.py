@@ -364,3 +364,25 @@ def test_a_damping_ratio_is_of_the_inertia_that_yields(tmp_path):
 def test_what_would_be_another_model_is_refused(tmp_path, parts, words):
     with pytest.raises(pliant.InputError, match=words):
         pliant.import_model(arm(tmp_path, **parts))
+
+
+def test_a_medium_is_kept_as_drag_at_the_centres_of_mass(tmp_path):
+    """A cube that moves along an edge feels MuJoCo's drag times the areas' ratio: a quarter of its surface for one side."""
+    file = tmp_path / "cube.xml"
+    file.write_text(
+        '<mujoco><option density="1000" viscosity="0.001" wind="1 0 0" gravity="0 0 0"/><worldbody><body name="cube"><freejoint/>'
+        '<geom type="box" size="0.1 0.1 0.1" mass="2"/></body></worldbody></mujoco>'
+    )
+    text, report = pliant.import_model(file, approximate=True)
+    air = tomllib.loads(text)["air"]
+    assert air == {"wind": [1.0, 0.0, 0.0], "density": 1000.0, "viscosity": 0.001}
+    said = [entry["reason"] for entry in report["entries"] if entry["verdict"] == "approximated" and entry["element"] == "option"]
+    assert len(said) == 2 and all("centres of mass" in reason for reason in said)
+    mj = mujoco.MjModel.from_xml_path(str(file))
+    mj.opt.viscosity = 0.0
+    data = mujoco.MjData(mj)
+    mujoco.mj_forward(mj, data)
+    step = 1e-6
+    model = pliant.loads(text.replace("step = 0.002", f"step = {step}").replace("viscosity = 0.001", "viscosity = 0"))
+    x = model.rollout(model.initial_state(), model.controls(1)).x
+    assert (x[1, model.nq] - x[0, model.nq]) / step == pytest.approx(1.5 * data.qacc[0], rel=1e-3)

@@ -2,7 +2,7 @@
 //!
 //! Per marker (and per sensor at a joint), a ridge regression of the open-loop residual on the variables of any force: the
 //! simulated position and velocity, speed times velocity, and the inputs over the last 0.4 s. It is learnt on the fitted
-//! records, under the same protocol as held-out ones (initial state from the lead-in). It names nothing. Where it takes much
+//! records, under the same protocol as held-out ones (begun where the model follows them best). It names nothing. Where it takes much
 //! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
 
 use super::gain;
@@ -29,8 +29,8 @@ pub(super) fn ceiling(
     if plan.held_out.is_empty() {
         return Ok(None);
     }
-    let training = gain::prepared(plan, &plan.fitted, base, options)?;
-    let relearnt = gain::prepared(plan, &plan.fitted, last, options)?;
+    let training = gain::followed(plan, &plan.fitted, base, options)?;
+    let relearnt = gain::followed(plan, &plan.fitted, last, options)?;
     let before = plan.rms(&gain::residuals(plan, judged, &base.values)?);
     let after = plan.rms(&gain::residuals(plan, rejudged, &last.values)?);
     let flexible = corrected(plan, &training, judged, &base.values)?;

@@ -17,12 +17,23 @@ pub(super) fn prepared(
     by: &Fitted,
     options: &FitOptions,
 ) -> Result<Vec<RecordPlan>, IdentifyError> {
+    begun(plan, records, by, options, plan.lead_in.unwrap_or(POLICY.lead_in))
+}
+
+/// Records with the initial states that fit their readings best under a fit, up to this time \[s\].
+fn begun(
+    plan: &Plan,
+    records: &[RecordPlan],
+    by: &Fitted,
+    options: &FitOptions,
+    until: f64,
+) -> Result<Vec<RecordPlan>, IdentifyError> {
     if plan.at_rest || plan.given {
         return Ok(records.to_vec());
     }
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut short = rec.clone();
-        let keep = short.record.time.partition_point(|t| *t <= plan.lead_in + POLICY.same_time).max(POLICY.lead_in_samples);
+        let keep = short.record.time.partition_point(|t| *t <= until + POLICY.same_time).max(POLICY.lead_in_samples);
         short.record.truncate(keep);
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
@@ -36,9 +47,55 @@ pub(super) fn prepared(
     records.par_iter().map(one).collect()
 }
 
-/// The records that a fit is judged on: those held out, each begun from its lead-in under the fit itself; where none is, the fitted ones.
-pub(super) fn judged(plan: &Plan, by: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
-    if plan.held_out.is_empty() { Ok(by.records.clone()) } else { prepared(plan, &plan.held_out, by, options) }
+/// The records that a fit is judged on, and how far it is from them within a horizon.
+pub(super) struct Judged {
+    /// Time from the beginning of the records \[s\].
+    pub horizon: f64,
+    /// The records from where they begin.
+    pub records: Vec<RecordPlan>,
+    /// What is left of the samples up to the horizon: rows (time, channel).
+    pub residuals: Vec<Vec<f64>>,
+}
+
+/// A fit on the records held out, horizon by horizon, the whole of the records last; where none is held out, on the fitted ones.
+///
+/// Each record begins where the fit itself follows it best up to that horizon: a start read from a few samples is off by more than a small
+/// cause does, and the same freedom is given to every model that is compared. With an `experiment.lead_in` they begin as it says.
+pub(super) fn judged(plan: &Plan, by: &Fitted, options: &FitOptions) -> Result<Vec<Judged>, IdentifyError> {
+    let records = if plan.held_out.is_empty() { &by.records } else { &plan.held_out };
+    let known = plan.held_out.is_empty();
+    horizon_by_horizon(plan, records, by, options, known)
+}
+
+/// Records followed as far as they go, each begun as [`judged`] says.
+pub(super) fn followed(
+    plan: &Plan,
+    records: &[RecordPlan],
+    by: &Fitted,
+    options: &FitOptions,
+) -> Result<Vec<RecordPlan>, IdentifyError> {
+    let mut all = horizon_by_horizon(plan, records, by, options, false)?;
+    Ok(all.pop().map(|last| last.records).unwrap_or_default())
+}
+
+fn horizon_by_horizon(
+    plan: &Plan,
+    records: &[RecordPlan],
+    by: &Fitted,
+    options: &FitOptions,
+    known: bool,
+) -> Result<Vec<Judged>, IdentifyError> {
+    let mut starts = if known { records.to_vec() } else { prepared(plan, records, by, options)? };
+    let mut out = Vec::new();
+    for horizon in horizons(plan, records) {
+        // the next start is sought from the last one: of long records a poor one leads astray
+        if !known && plan.lead_in.is_none() {
+            starts = begun(plan, &starts, by, options, horizon)?;
+        }
+        let residuals = until(plan, &starts, &residuals(plan, &starts, &by.values)?, horizon);
+        out.push(Judged { horizon, records: starts.clone(), residuals });
+    }
+    Ok(out)
 }
 
 /// Residuals of `records` at `values`.
@@ -52,20 +109,13 @@ pub(super) fn residuals(plan: &Plan, records: &[RecordPlan], values: &Values) ->
 
 /// RMSE of a fit on the held-out records.
 pub(super) fn held_out_rmse(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
-    let records = prepared(plan, &plan.held_out, fitted, &FitOptions::default())?;
-    Ok(plan.rms(&residuals(plan, &records, &fitted.values)?))
+    let all = judged(plan, fitted, &FitOptions::default())?;
+    Ok(all.last().map_or(f64::NAN, |whole| plan.rms(&whole.residuals)))
 }
 
 /// Errors at horizons of one step, 0.1 s, 1 s and the whole record; intervals by bootstrap over records.
-pub(super) fn gains(
-    plan: &Plan,
-    records: &[RecordPlan],
-    before: &[Vec<f64>],
-    after: &[Vec<f64>],
-    noise: f64,
-    seed: u64,
-) -> Result<Vec<Gain>, IdentifyError> {
-    horizons(plan, records).into_iter().map(|horizon| gain(plan, records, before, after, noise, horizon, seed)).collect()
+pub(super) fn gains(plan: &Plan, [before, after]: [&[Judged]; 2], noise: f64, seed: u64) -> Result<Vec<Gain>, IdentifyError> {
+    before.iter().zip(after).map(|both| gain(plan, both, noise, seed)).collect()
 }
 
 /// One step, 0.1, 0.5 and 1 s, and the longest record \[s\].
@@ -88,40 +138,31 @@ fn until(plan: &Plan, records: &[RecordPlan], all: &[Vec<f64>], horizon: f64) ->
 }
 
 /// Mean errors over all records, of the median one, and without the worst.
-pub(super) fn horizon_errors(plan: &Plan, records: &[RecordPlan], residuals: &[Vec<f64>]) -> Vec<HorizonError> {
-    let one = |horizon: f64| {
-        let part = until(plan, records, residuals, horizon);
+pub(super) fn horizon_errors(plan: &Plan, judged: &[Judged]) -> Vec<HorizonError> {
+    let one = |Judged { horizon, residuals: part, .. }: &Judged| {
         let mut each: Vec<f64> = part.iter().map(|r| plan.mean_abs(std::slice::from_ref(r))).collect();
         let worst = (0..each.len()).max_by(|a, b| each[*a].total_cmp(&each[*b])).unwrap_or(0);
         let others: Vec<Vec<f64>> = part.iter().enumerate().filter(|(k, _)| *k != worst).map(|(_, r)| r.clone()).collect();
-        let mean_abs = plan.mean_abs(&part);
+        let mean_abs = plan.mean_abs(part);
         let without_worst = if others.is_empty() { mean_abs } else { plan.mean_abs(&others) };
         each.sort_by(f64::total_cmp);
         let middle = each.len() / 2;
         let median = if each.len() % 2 == 1 { each[middle] } else { 0.5 * (each[middle - 1] + each[middle]) };
-        HorizonError { horizon_s: horizon, mean_abs, median_record: median, without_worst }
+        HorizonError { horizon_s: *horizon, mean_abs, median_record: median, without_worst }
     };
-    if residuals.is_empty() { Vec::new() } else { horizons(plan, records).into_iter().map(one).collect() }
+    judged.iter().filter(|judged| !judged.residuals.is_empty()).map(one).collect()
 }
 
 /// Samples up to the horizon; the error *at* the horizon would be one noisy sample per record.
-fn gain(
-    plan: &Plan,
-    records: &[RecordPlan],
-    before: &[Vec<f64>],
-    after: &[Vec<f64>],
-    noise: f64,
-    horizon: f64,
-    seed: u64,
-) -> Result<Gain, IdentifyError> {
-    let [b, a] = [before, after].map(|all| until(plan, records, all, horizon));
-    let (rb, ra, mean_abs) = (plan.rms(&b), plan.rms(&a), [plan.mean_abs(&b), plan.mean_abs(&a)]);
-    let kept = |all: Vec<Vec<f64>>| -> Vec<Vec<f64>> { all.iter().map(|r| plan.reported_errors(r)).collect() };
+fn gain(plan: &Plan, (before, after): (&Judged, &Judged), noise: f64, seed: u64) -> Result<Gain, IdentifyError> {
+    let (b, a) = (&before.residuals, &after.residuals);
+    let (rb, ra, mean_abs) = (plan.rms(b), plan.rms(a), [plan.mean_abs(b), plan.mean_abs(a)]);
+    let kept = |all: &[Vec<f64>]| -> Vec<Vec<f64>> { all.iter().map(|r| plan.reported_errors(r)).collect() };
     let per_sample = plan.reported().iter().filter(|r| **r).count();
     let interval = interval(&kept(b), &kept(a), per_sample, seed)?;
     let explainable = rb * rb - noise * noise;
     Ok(Gain {
-        horizon_s: horizon,
+        horizon_s: before.horizon,
         rmse_before: rb,
         rmse_after: ra,
         unit: plan.unit().to_owned(),
@@ -247,7 +288,37 @@ fn rim(sheet: &ClothSpan) -> Vec<Vec<usize>> {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
+    use super::super::audit::starts::tests::{experiment, pendulum};
     use super::*;
+    use crate::stats::ar::ArModel;
+    use crate::stats::testing::gaussians;
+
+    /// A start is read from all that is judged: from four samples of a swing its velocity is off by more than the noise makes of the whole.
+    #[test]
+    fn held_out_records_begin_where_they_are_followed_best() {
+        let noise = 1e-3;
+        let swing = |seed: u64| -> Vec<f64> {
+            let at = |k: usize| 0.02 * (5.656 * 0.01 * k as f64).cos();
+            gaussians(40, seed).iter().enumerate().map(|(k, e)| at(k) + noise * e).collect()
+        };
+        for seed in [1, 11, 21] {
+            let mut plan = experiment(&pendulum("measured"), &[swing(seed), swing(seed + 1), swing(seed + 2)]).0;
+            let white = ArModel::white(vec![noise]).unwrap();
+            let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
+            let errors = |plan: &Plan| {
+                let judged = judged(plan, &fitted, &FitOptions::default()).unwrap();
+                judged.iter().map(|judged| (judged.horizon, plan.rms(&judged.residuals))).collect::<Vec<_>>()
+            };
+            let followed = errors(&plan);
+            assert_eq!(followed.iter().map(|(horizon, _)| *horizon).collect::<Vec<_>>(), [0.005, 0.1, 0.39]);
+            assert!(followed[2].1 < 1.3 * noise, "{followed:?}");
+            assert_eq!(followed[2].1, held_out_rmse(&plan, &fitted).unwrap());
+            plan.lead_in = Some(0.03);
+            let foretold = errors(&plan);
+            assert!(foretold[2].1 > 2.0 * noise, "{foretold:?}");
+            assert_eq!(foretold[2].1, held_out_rmse(&plan, &fitted).unwrap());
+        }
+    }
 
     #[test]
     fn a_sheet_is_drawn_by_its_rim() {

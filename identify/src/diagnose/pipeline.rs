@@ -244,14 +244,14 @@ fn pass(
     let fit_options = FitOptions::default();
     let base = &found.base.fitted;
     let judged = [gain::judged(plan, base, &fit_options)?, gain::judged(plan, fitted, &fit_options)?];
-    let before = gain::residuals(plan, &judged[0], &base.values)?;
-    let after = gain::residuals(plan, &judged[1], &fitted.values)?;
     let gain = match plan.held_out.is_empty() {
         true => Vec::new(),
-        false => gain::gains(plan, &judged[0], &before, &after, sensor_sigma, options.seed)?,
+        false => gain::gains(plan, [&judged[0], &judged[1]], sensor_sigma, options.seed)?,
     };
-    let ceiling = ceiling::ceiling(plan, base, fitted, [&judged[0], &judged[1]], sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(plan, (&judged[0], &base.values), (&judged[1], &fitted.values))?;
+    // over the whole of the records
+    let whole = judged.each_ref().map(|all| all.last().map_or(&[][..], |whole| &whole.records));
+    let ceiling = ceiling::ceiling(plan, base, fitted, whole, sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(plan, (whole[0], &base.values), (whole[1], &fitted.values))?;
     let stages = story(bench, &found, &half, &fit_options)?;
     let curvature = Curvature::new(plan, &coloured(plan, base.clone())?.1)?;
     let mut diagnosis = Diagnosis {

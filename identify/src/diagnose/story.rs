@@ -21,14 +21,14 @@ pub(super) fn story(bench: &Bench, found: &Found, half: &[f64], options: &FitOpt
 }
 
 fn stage(plan: &Plan, name: &str, fitted: &Fitted, half: Option<&[f64]>, options: &FitOptions) -> Result<Stage, IdentifyError> {
-    let records = gain::judged(plan, fitted, options)?;
-    let residuals = gain::residuals(plan, &records, &fitted.values)?;
+    let judged = gain::judged(plan, fitted, options)?;
+    let whole = judged.last().map_or(&[][..], |whole| &whole.residuals);
     Ok(Stage {
         name: name.to_owned(),
         rmse_fit: fitted.rmse,
-        rmse_held_out: plan.rms(&residuals),
-        mean_abs_held_out: plan.mean_abs(&residuals),
-        held_out: gain::horizon_errors(plan, &records, &residuals),
+        rmse_held_out: plan.rms(whole),
+        mean_abs_held_out: plan.mean_abs(whole),
+        held_out: gain::horizon_errors(plan, &judged),
         parameters: estimates(plan, fitted, half),
     })
 }

@@ -18,7 +18,7 @@ pub(super) fn check_experiment(setup: &Setup) -> Result<(), LogError> {
     check.one_of("experiment.time", "`column`, `array`, `rate`", given)?;
     check.range("experiment.time.rate", clock.rate.unwrap_or(1.0), 1e-3, 1e7, "Hz")?;
     check.range("experiment.noise_floor", experiment.noise_floor, 1e-12, 1.0, "m")?;
-    check.range("experiment.lead_in", experiment.lead_in, 0.0, 1e6, "s")?;
+    check.range("experiment.lead_in", experiment.lead_in.unwrap_or(0.0), 0.0, 1e6, "s")?;
     check.range("experiment.fit.segment", experiment.fit.segment.unwrap_or(1.0), setup.scene.time.step, 1e6, "s")?;
     if experiment.marker.is_empty() && experiment.joint.is_empty() && experiment.orientation.is_empty() {
         return check
@@ -253,7 +253,7 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
         return Err(LogError::new(place(0), LogMistake::Period { period, step, ratio }));
     }
     let duration = record.time[n - 1] - record.time[0];
-    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in)];
+    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in.unwrap_or(0.0))];
     if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
         return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
     }

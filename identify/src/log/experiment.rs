@@ -30,9 +30,10 @@ pub struct Experiment {
     /// Smallest standard deviation of a measured position that is believed [m].
     #[serde(default = "noise_floor")]
     pub noise_floor: f64,
-    /// Time from a record's start from which the initial state of a held-out record is estimated [s].
-    #[serde(default = "lead_in")]
-    pub lead_in: f64,
+    /// Time from a record's start from which alone the initial state of a held-out record is estimated [s], for a forecast from there; if left
+    /// out, from as much of it as is judged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lead_in: Option<f64>,
     /// Observed points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub marker: Vec<Marker>,
@@ -55,10 +56,6 @@ pub struct Experiment {
 
 fn noise_floor() -> f64 {
     1e-4
-}
-
-fn lead_in() -> f64 {
-    0.1
 }
 
 /// Knowledge of the state at the beginning of a record.

@@ -87,7 +87,7 @@ pub struct Plan {
     /// Held-out records.
     pub held_out: Vec<RecordPlan>,
     /// Time from which the initial state of held-out records is estimated \[s\].
-    pub lead_in: f64,
+    pub lead_in: Option<f64>,
     /// Entries of θ that follow others, (leader, follower).
     pub followers: Vec<(usize, usize)>,
     /// The measured records where the fitted ones are pieces of them, each begun anew; else empty.

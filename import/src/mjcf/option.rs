@@ -49,9 +49,14 @@ impl Physics {
                 step = value;
             }
             gravity = view.vector::<3>("gravity")?.unwrap_or(gravity);
-            for name in ["density", "viscosity"] {
-                if view.not_negative(name, 0.0)? > 0.0 {
-                    work.approximate(element, &format!("`{name}` of the medium"), "its drag on bodies is not simulated")?;
+            let air = &mut work.scene.air;
+            air.density = view.not_negative("density", air.density)?;
+            air.viscosity = view.not_negative("viscosity", air.viscosity)?;
+            air.wind = view.vector::<3>("wind")?.unwrap_or(air.wind);
+            for (name, value) in [("density", air.density), ("viscosity", air.viscosity)] {
+                if value > 0.0 {
+                    let instead = "its drag acts at the centres of mass and is the same to all sides, and turning is not damped";
+                    work.approximate(element, &format!("`{name}` of the medium"), instead)?;
                 }
             }
             if view.numbers("actuatorgroupdisable", 0..=31)?.is_some_and(|groups| !groups.is_empty()) {

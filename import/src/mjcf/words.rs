@@ -160,8 +160,7 @@ pub const ACTUATOR_REASONS: [(&str, &str); 6] = [
 ];
 
 /// Why attributes of options are ignored.
-pub const OPTION_REASONS: [(&str, &str); 3] = [
-    ("wind", "without density or viscosity of the medium it does nothing"),
+pub const OPTION_REASONS: [(&str, &str); 2] = [
     ("magnetic", "read by sensors only"),
     ("integrator", "the scene's own is `midpoint`; `sdirk2` where something is held together, `euler` with stops and contact"),
 ];
