@@ -47,8 +47,10 @@ impl Situation<'_> {
         self.bodies_meet_the_air().then(|| self.theta(medium.path(), size)).flatten()
     }
 
-    /// Whether the scene has a drag on bodies.
+    /// Whether the scene itself has a drag on bodies.
     pub(super) fn has_drag_on_bodies(&self) -> bool {
-        [Medium::Density, Medium::Viscosity].iter().any(|medium| self.value(medium.path()) > 0.0)
+        let params = self.plan.model.params();
+        let entries = [Medium::Density, Medium::Viscosity].into_iter().filter_map(|medium| params.find(medium.path()));
+        entries.into_iter().any(|k| self.plan.scene_values.theta[k] > 0.0)
     }
 }

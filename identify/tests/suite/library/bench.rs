@@ -200,14 +200,14 @@ pub fn slider() -> Bench {
     Bench { text, records: [4, 140], rate: 200.0, noise: 3e-4, inputs: |_, _, _| Vec::new(), smooth: None, change: 1e-4, start }
 }
 
-/// A body with two markers, tossed.
-pub fn toss() -> Bench {
+/// A body with three markers, tossed in air of this density [kg/m³].
+pub fn toss(density: f64) -> Bench {
     let marker = |k: usize, point: &str| {
         format!("[[experiment.marker]]\nbody = \"cube\"\npoint = {point}\ncolumns = [{}]\n", columns(&format!("m{k}"), 3))
     };
     let text = format!(
-        "schema_version = 1\n[time]\nstep = 0.005\nduration = 1.0\nintegrator = \"midpoint\"\n[[body]]\nname = \"cube\"\nmass = 0.3\n\
-         inertia = [3e-4, 4e-4, 5e-4, 0, 0, 0]\n[[body.joint]]\nname = \"free\"\nkind = \"free\"\n\
+        "schema_version = 1\n[time]\nstep = 0.005\nduration = 1.0\nintegrator = \"midpoint\"\n[air]\ndensity = {density}\n\
+         [[body]]\nname = \"cube\"\nmass = 0.3\ninertia = [3e-4, 4e-4, 5e-4, 0, 0, 0]\n[[body.joint]]\nname = \"free\"\nkind = \"free\"\n\
          [experiment]\nnoise_floor = 1e-4\ntime = {{ column = \"t\" }}\n{}{}{}{}",
         marker(0, "[0.05, 0, 0]"),
         marker(1, "[-0.05, 0.02, 0]"),

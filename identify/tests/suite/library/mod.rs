@@ -99,6 +99,14 @@ const SLIDER: &[Row] = &[
 const TOSS: &[Row] = &[
     row("gravity_magnitude", &[("gravity.magnitude", 9.9)], "length_scale").beside(&["length_scale"]),
     row("length_scale", &[("sensor.scale", 1.01)], "gravity_magnitude"),
+    row("linear_drag", &[("air.viscosity", 0.05)], "quadratic_drag"),
+    row("quadratic_drag", &[("air.density", 6.0)], "linear_drag"),
+];
+
+/// In thick air, which the scene has as well.
+const BLOWN: &[Row] = &[
+    row("wind", &[("air.wind[0]", 0.5), ("air.wind[1]", -0.5), ("air.wind[2]", 0.3)], "gravity_tilt"),
+    row("gravity_tilt", &[("gravity.tilt[0]", 0.02), ("gravity.tilt[1]", -0.02)], "wind"),
 ];
 
 const ROPE: &[Row] = &[
@@ -195,7 +203,7 @@ const CURVED: &[Row] = &[
 const SEED: u64 = 7;
 
 /// All rows, by scene.
-const TABLES: [&[Row]; 8] = [ARM, FRICTION, SLIDER, TOSS, ROPE, SHEET, ROD, CURVED];
+const TABLES: [&[Row]; 9] = [ARM, FRICTION, SLIDER, TOSS, BLOWN, ROPE, SHEET, ROD, CURVED];
 
 fn name(title: &str) -> &str {
     title.split(" (").next().unwrap_or(title)
@@ -290,7 +298,7 @@ fn causes_of_a_contact() {
 /// Of a body that turns freely the ratios of its inertia are seen, and no common factor: it moves all three logarithms alike.
 #[test]
 fn a_common_factor_of_a_free_bodys_inertia_is_not_seen() {
-    let (bench, row) = (bench::toss(), &row("link_inertia (cube)", &[("cube.spread[1]", 0.027)], "gravity_tilt"));
+    let (bench, row) = (bench::toss(0.0), &row("link_inertia (cube)", &[("cube.spread[1]", 0.027)], "gravity_tilt"));
     let made = bench.made(row.truth, SEED);
     let unknowns = cause(&made.plan, row).unknowns;
     let wants = ShotWants { unknowns: &unknowns, tangents: true, ..ShotWants::default() };
@@ -302,7 +310,24 @@ fn a_common_factor_of_a_free_bodys_inertia_is_not_seen() {
 
 #[test]
 fn causes_of_a_tossed_body() {
-    check(&bench::toss(), TOSS);
+    check(&bench::toss(0.0), TOSS);
+    check(&bench::toss(6.0), BLOWN);
+}
+
+/// A wind on bodies is a cause only where the scene has a drag on them, and of an arm that encoders watch nothing of the air is: with a small drag that was found a
+/// strong wind is any constant force.
+#[test]
+fn the_air_is_asked_for_where_positions_are_watched() {
+    let asked = |bench: &Bench, found: &[(&str, f64)]| -> Vec<&'static str> {
+        let made = bench.made(found, SEED);
+        let at = Situation { plan: &made.plan, values: &made.values, free: &[], together: true };
+        let of_air = ["linear_drag", "quadratic_drag", "wind"];
+        let tested = library(&at).into_iter().filter(|cause| of_air.contains(&cause.name) && !cause.unknowns.is_empty());
+        tested.map(|cause| cause.name).collect()
+    };
+    assert_eq!(asked(&bench::toss(0.0), &[("air.density", 0.1)]), ["linear_drag", "quadratic_drag"]);
+    assert_eq!(asked(&bench::toss(6.0), &[]), ["linear_drag", "quadratic_drag", "wind"]);
+    assert_eq!(asked(&bench::arm(0.0), &[]), [""; 0]);
 }
 
 #[test]
