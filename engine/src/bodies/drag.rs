@@ -111,14 +111,18 @@ impl BodyDrag {
     /// Calls `visit(index in θ, ∂W/∂θ)`, wrenches about the frames' origin, for all numbers that it depends on; without density and viscosity for these alone.
     pub fn visit_theta(&self, theta: &[f64], frame: &Frame<f64>, visit: &mut dyn FnMut(usize, Force<f64>)) {
         let at = self.meeting(theta, frame);
-        let (f, slope) = slopes(&at.inputs);
-        let column = |k: usize| slope.column(k).into_owned();
         for k in [DENSITY, VISCOSITY] {
-            visit(self.air + k, Force::at(&at.centre, column(k)));
+            // the force is linear in both
+            let mut unit = at.inputs;
+            (unit[DENSITY], unit[VISCOSITY]) = (0.0, 0.0);
+            unit[k] = 1.0;
+            visit(self.air + k, Force::at(&at.centre, law(&unit)));
         }
         if !self.acts(theta) {
             return; // all others are factors of these
         }
+        let (f, slope) = slopes(&at.inputs);
+        let column = |k: usize| slope.column(k).into_owned();
         if let DragArea::Theta(k) = self.area {
             visit(k, Force::at(&at.centre, column(AREA)));
         }
