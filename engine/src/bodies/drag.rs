@@ -15,13 +15,13 @@ pub struct BodyDrag {
     pub body: usize,
     /// Its numbers in θ, for the centre of mass.
     pub inertia: BodyInertia,
-    /// Area times drag coefficient [m²].
+    /// Area times drag coefficient \[m²\].
     pub area: DragArea,
     /// Index in θ of the wind's three numbers [m/s], and after them the air's density [kg/m³] and viscosity [Pa·s].
     pub air: usize,
 }
 
-/// Area times drag coefficient [m²].
+/// Area times drag coefficient \[m²\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DragArea {
     /// An entry of θ.
@@ -61,7 +61,7 @@ impl BodyDrag {
         theta[self.air + DENSITY] != 0.0 || theta[self.air + VISCOSITY] != 0.0
     }
 
-    /// Area times drag coefficient [m²].
+    /// Area times drag coefficient \[m²\].
     pub fn area(&self, theta: &[f64]) -> f64 {
         match self.area {
             DragArea::Theta(k) => theta[k],
@@ -144,7 +144,7 @@ fn slopes(x: &[f64; INPUTS]) -> (Vec3<f64>, SMatrix<f64, 3, INPUTS>) {
     (f.map(|f| f.re), slope)
 }
 
-/// A quarter of the surface of the box with this mass \[kg\] and inertia about its centre [kg·m²], the mean area that it shows [m²] (Cauchy's
+/// A quarter of the surface of the box with this mass \[kg\] and inertia about its centre [kg·m²], the mean area that it shows \[m²\] (Cauchy's
 /// formula for convex bodies): with half edges a_i, m a_i²/3 = ½ tr I − I_i.
 pub fn mean_area(mass: f64, about_centre: &Matrix3<f64>) -> f64 {
     let second = Matrix3::from_diagonal_element(0.5 * about_centre.trace()) - about_centre;
