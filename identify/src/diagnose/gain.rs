@@ -4,6 +4,7 @@ use super::policy::POLICY;
 use super::result::{Curve, Gain, HorizonError, Snapshot};
 use crate::error::IdentifyError;
 use crate::fit::{FitOptions, Fitted, fit};
+use crate::log::LEAD_IN;
 use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
 use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
@@ -17,7 +18,7 @@ pub(super) fn prepared(
     by: &Fitted,
     options: &FitOptions,
 ) -> Result<Vec<RecordPlan>, IdentifyError> {
-    begun(plan, records, by, options, plan.lead_in.unwrap_or(POLICY.lead_in))
+    begun(plan, records, by, options, plan.lead_in.unwrap_or(LEAD_IN))
 }
 
 /// Records with the initial states that fit their readings best under a fit, up to this time \[s\].

@@ -224,8 +224,6 @@ pub(super) struct Policy {
     /// Rivals of a cause that a report lists.
     pub listed_rivals: usize,
     // gain on held-out records
-    /// Time from which the initial state of a record is estimated at first \[s\]: two samples of the slowest logs, a part of a swing of arms and ropes.
-    pub lead_in: f64,
     /// Fewest samples that an initial state is estimated from.
     pub lead_in_samples: usize,
     /// Iterations of that estimate.
@@ -367,7 +365,6 @@ pub(super) const POLICY: Policy = Policy {
     alike: 0.9995,
     alike_before: 0.9,
     listed_rivals: 4,
-    lead_in: 0.1,
     lead_in_samples: 4,
     lead_in_iterations: 8,
     horizons: [0.1, 0.5, 1.0],

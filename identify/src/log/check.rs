@@ -2,7 +2,7 @@
 
 use super::constants::LOG;
 use super::error::{LogError, LogMistake};
-use super::experiment::{Beginning, Experiment, Marker};
+use super::experiment::{Beginning, Experiment, LEAD_IN, Marker};
 use super::joint_sensor::check_angles;
 use super::record::Record;
 use super::setup::{Setup, suggestion};
@@ -253,7 +253,8 @@ pub(super) fn check_record(setup: &Setup, record: &Record, place: &dyn Fn(usize)
         return Err(LogError::new(place(0), LogMistake::Period { period, step, ratio }));
     }
     let duration = record.time[n - 1] - record.time[0];
-    let needs = [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in.unwrap_or(0.0))];
+    let needs =
+        [("segment", setup.experiment.fit.segment.unwrap_or(0.0)), ("lead_in", setup.experiment.lead_in.unwrap_or(LEAD_IN))];
     if let Some((key, needed)) = needs.into_iter().find(|(_, needed)| duration < *needed) {
         return Err(LogError::new(last, LogMistake::TooShort { duration, key, needed }));
     }

@@ -58,6 +58,10 @@ fn noise_floor() -> f64 {
     1e-4
 }
 
+/// Time from which the initial state of a record is estimated at first, where no `lead_in` is given \[s\]: two samples of the slowest logs, a
+/// part of a swing of arms and ropes. A record that is shorter is refused; its clock is likely to have another unit.
+pub const LEAD_IN: f64 = 0.1;
+
 /// Knowledge of the state at the beginning of a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

@@ -28,7 +28,7 @@ mod units;
 pub use csv_file::{CsvTable, Gaps};
 pub use error::{LogError, LogMistake, Need, Refused};
 pub use experiment::{
-    Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor, Marker,
+    Beginning, Clock, Experiment, Fit, Free, GripperSensor, Input, Interpolation, JointQuantity, JointSensor, LEAD_IN, Marker,
     Orientation, Prior, RecordFile, Role, SensorStart,
 };
 pub use lone::{Lone, LoneSensor};
