@@ -257,7 +257,7 @@ fn creep_converges_at_the_order_of_the_integrator() {
 fn gravity_compensation_holds_an_arm_still() {
     let mut scene: Scene = read_scene(format!("{}/../tests/scenes/arm_free.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
     scene.actuator.clear();
-    scene.air.density = 0.0;
+    (scene.air.density, scene.air.viscosity) = (0.0, 0.0);
     scene.body.retain(|b| b.joint.iter().all(|j| j.kind != JointKind::Free));
     for joint in scene.body.iter_mut().flat_map(|b| &mut b.joint) {
         (joint.gravity_compensation, joint.stiffness, joint.cubic_stiffness) = (Some(1.0), 0.0, 0.0);
