@@ -208,8 +208,8 @@ def test_dry_friction_of_the_double_pendulum(case):
 @of("cube")
 def test_a_thrown_cube_is_measured_in_wrong_lengths(case):
     _, answer = case
-    # the remainder (the tosses differ by more than their noise) may forbid the name; it must not bring another one. The air's drag, a
-    # fiftieth of the scale's part, may be beside it
+    # the remainder (the tosses differ by more than their noise) may forbid the name; it must not bring another one. The air's
+    # drag may stand beside the scale, unnamed
     names = [stage["name"] for stage in answer["stages"]]
     assert names[:2] == ["baseline", "length_scale"] and set(names[2:]) <= {"linear_drag", "quadratic_drag"}, answer["reason"]
     assert [cause["name"] for cause in answer["causes"]] in ([], ["length_scale"])

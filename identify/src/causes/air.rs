@@ -33,6 +33,9 @@ impl Situation<'_> {
 
     /// The property as an unknown, whose typical size has a drag at 1 m/s of a tenth of the bodies' weight.
     pub(super) fn of_bodies(&self, medium: Medium) -> Option<Unknown> {
+        if !self.bodies_meet_the_air() {
+            return None;
+        }
         let model = &self.plan.model;
         let per_unit: f64 = model
             .body_drags()
@@ -44,13 +47,13 @@ impl Situation<'_> {
             .sum();
         let mass: f64 = model.inertias(&self.values.theta).iter().map(|body| body.m).sum();
         let size = 0.1 * mass * self.value("gravity.magnitude").max(1.0) / per_unit;
-        self.bodies_meet_the_air().then(|| self.theta(medium.path(), size)).flatten()
+        self.theta(medium.path(), size)
     }
 
     /// Whether the scene itself has a drag on bodies.
     pub(super) fn has_drag_on_bodies(&self) -> bool {
         let params = self.plan.model.params();
-        let entries = [Medium::Density, Medium::Viscosity].into_iter().filter_map(|medium| params.find(medium.path()));
-        entries.into_iter().any(|k| self.plan.scene_values.theta[k] > 0.0)
+        let mut entries = [Medium::Density, Medium::Viscosity].into_iter().filter_map(|medium| params.find(medium.path()));
+        entries.any(|k| self.plan.scene_values.theta[k] > 0.0)
     }
 }

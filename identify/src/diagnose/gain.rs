@@ -21,20 +21,20 @@ pub(super) fn prepared(
     begun(plan, records, by, options, plan.lead_in.unwrap_or(LEAD_IN))
 }
 
-/// Records with the initial states that fit their readings best under a fit, up to this time \[s\].
+/// Records with the initial states that fit their readings best under a fit, in their first seconds.
 fn begun(
     plan: &Plan,
     records: &[RecordPlan],
     by: &Fitted,
     options: &FitOptions,
-    until: f64,
+    seconds: f64,
 ) -> Result<Vec<RecordPlan>, IdentifyError> {
     if plan.at_rest || plan.given {
         return Ok(records.to_vec());
     }
     let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
         let mut short = rec.clone();
-        let keep = short.record.time.partition_point(|t| *t <= until + POLICY.same_time).max(POLICY.lead_in_samples);
+        let keep = short.record.time.partition_point(|t| *t <= seconds + POLICY.same_time).max(POLICY.lead_in_samples);
         short.record.truncate(keep);
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
@@ -93,8 +93,8 @@ fn horizon_by_horizon(
         if !known && plan.lead_in.is_none() {
             starts = begun(plan, &starts, by, options, horizon)?;
         }
-        let residuals = until(plan, &starts, &residuals(plan, &starts, &by.values)?, horizon);
-        out.push(Judged { horizon, records: starts.clone(), residuals });
+        let all = residuals(plan, &starts, &by.values)?;
+        out.push(Judged { horizon, records: starts.clone(), residuals: until(plan, &starts, &all, horizon) });
     }
     Ok(out)
 }

@@ -314,8 +314,8 @@ fn causes_of_a_tossed_body() {
     check(&bench::toss(6.0), BLOWN);
 }
 
-/// A wind on bodies is a cause only where the scene has a drag on them, and of an arm that encoders watch nothing of the air is: with a small drag that was found a
-/// strong wind is any constant force.
+/// Drag on bodies is a cause where a sensor of positions watches them, and wind only where the scene has drag: with a small drag that was
+/// found a strong wind is any constant force. Encoders of an arm see nothing of the air that is not damping of its joints.
 #[test]
 fn the_air_is_asked_for_where_positions_are_watched() {
     let asked = |bench: &Bench, found: &[(&str, f64)]| -> Vec<&'static str> {
