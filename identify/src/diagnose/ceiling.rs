@@ -5,7 +5,7 @@
 //! records, under the same protocol as held-out ones (begun where the model follows them best). It names nothing. Where it takes much
 //! more than the named causes, something is left to find; where it takes less, the causes carry over better than statistics.
 
-use super::gain;
+use super::gain::{self, Judged};
 use super::policy::POLICY;
 use super::result::Ceiling;
 use crate::error::IdentifyError;
@@ -20,20 +20,18 @@ use rayon::prelude::*;
 /// held out.
 pub(super) fn ceiling(
     plan: &Plan,
-    base: &Fitted,
-    last: &Fitted,
-    [judged, rejudged]: [&[RecordPlan]; 2],
+    [base, last]: [&Judged; 2],
     sensor_sigma: f64,
     options: &FitOptions,
 ) -> Result<Option<Ceiling>, IdentifyError> {
     if plan.held_out.is_empty() {
         return Ok(None);
     }
-    let training = gain::followed(plan, &plan.fitted, base, options)?;
-    let relearnt = gain::followed(plan, &plan.fitted, last, options)?;
-    let before = plan.rms(&gain::residuals(plan, judged, &base.values)?);
-    let after = plan.rms(&gain::residuals(plan, rejudged, &last.values)?);
-    let flexible = corrected(plan, &training, judged, &base.values)?;
+    let on_top = |judged: &Judged| {
+        let training = gain::learnt_on(plan, judged.by, options)?;
+        corrected(plan, &training, judged.records(), &judged.by.values)
+    };
+    let (before, after, flexible) = (plan.rms(base.residuals()), plan.rms(last.residuals()), on_top(base)?);
     let explainable = before * before - sensor_sigma * sensor_sigma;
     // rounding of the same sum taken twice is no gain
     let takes = |rmse: f64| explainable > 0.0 && (rmse - before).abs() > POLICY.rounding * before;
@@ -41,7 +39,7 @@ pub(super) fn ceiling(
     Ok(Some(Ceiling {
         rmse: flexible,
         explained_fraction: taken(flexible),
-        rmse_on_top: corrected(plan, &relearnt, rejudged, &last.values)?,
+        rmse_on_top: on_top(last)?,
         unit: plan.unit().to_owned(),
         share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
     }))

@@ -48,55 +48,56 @@ fn begun(
     records.par_iter().map(one).collect()
 }
 
+/// How a fit follows the records held out, horizon by horizon, the whole of the records last.
+pub(super) struct Judged<'a> {
+    pub by: &'a Fitted,
+    pub horizons: Vec<Horizon>,
+}
+
 /// The records that a fit is judged on, and how far it is from them within a horizon.
-pub(super) struct Judged {
+pub(super) struct Horizon {
     /// Time from the beginning of the records \[s\].
-    pub horizon: f64,
+    pub seconds: f64,
     /// The records from where they begin.
     pub records: Vec<RecordPlan>,
     /// What is left of the samples up to the horizon: rows (time, channel).
     pub residuals: Vec<Vec<f64>>,
 }
 
-/// A fit on the records held out, horizon by horizon, the whole of the records last; where none is held out, on the fitted ones.
+impl Judged<'_> {
+    /// The whole of the records, from where they begin for it.
+    pub(super) fn records(&self) -> &[RecordPlan] {
+        self.horizons.last().map_or(&[], |whole| &whole.records)
+    }
+
+    /// What is left of them.
+    pub(super) fn residuals(&self) -> &[Vec<f64>] {
+        self.horizons.last().map_or(&[], |whole| &whole.residuals)
+    }
+}
+
+/// A fit on the records held out; where none is held out, on the fitted ones.
 ///
 /// Each record begins where the fit itself follows it best up to that horizon: a start read from a few samples is off by more than a small
 /// cause does, and the same freedom is given to every model that is compared. With an `experiment.lead_in` they begin as it says.
-pub(super) fn judged(plan: &Plan, by: &Fitted, options: &FitOptions) -> Result<Vec<Judged>, IdentifyError> {
-    let records = if plan.held_out.is_empty() { &by.records } else { &plan.held_out };
+pub(super) fn judged<'a>(plan: &Plan, by: &'a Fitted, options: &FitOptions) -> Result<Judged<'a>, IdentifyError> {
     let known = plan.held_out.is_empty();
-    horizon_by_horizon(plan, records, by, options, known)
-}
-
-/// Records followed as far as they go, each begun as [`judged`] says.
-pub(super) fn followed(
-    plan: &Plan,
-    records: &[RecordPlan],
-    by: &Fitted,
-    options: &FitOptions,
-) -> Result<Vec<RecordPlan>, IdentifyError> {
-    let mut all = horizon_by_horizon(plan, records, by, options, false)?;
-    Ok(all.pop().map(|last| last.records).unwrap_or_default())
-}
-
-fn horizon_by_horizon(
-    plan: &Plan,
-    records: &[RecordPlan],
-    by: &Fitted,
-    options: &FitOptions,
-    known: bool,
-) -> Result<Vec<Judged>, IdentifyError> {
-    let mut starts = if known { records.to_vec() } else { prepared(plan, records, by, options)? };
+    let mut records = if known { by.records.clone() } else { prepared(plan, &plan.held_out, by, options)? };
     let mut out = Vec::new();
-    for horizon in horizons(plan, records) {
+    for seconds in horizons(plan, &records) {
         // the next start is sought from the last one: of long records a poor one leads astray
         if !known && plan.lead_in.is_none() {
-            starts = begun(plan, &starts, by, options, horizon)?;
+            records = begun(plan, &records, by, options, seconds)?;
         }
-        let all = residuals(plan, &starts, &by.values)?;
-        out.push(Judged { horizon, records: starts.clone(), residuals: until(plan, &starts, &all, horizon) });
+        let residuals = until(plan, &records, &residuals(plan, &records, &by.values)?, seconds);
+        out.push(Horizon { seconds, records: records.clone(), residuals });
     }
-    Ok(out)
+    Ok(Judged { by, horizons: out })
+}
+
+/// The fitted records from where they begin under a fit, as those held out do: where it follows them best, or as an `experiment.lead_in` says.
+pub(super) fn learnt_on(plan: &Plan, by: &Fitted, options: &FitOptions) -> Result<Vec<RecordPlan>, IdentifyError> {
+    if plan.lead_in.is_some() { prepared(plan, &by.records, by, options) } else { Ok(by.records.clone()) }
 }
 
 /// Residuals of `records` at `values`.
@@ -110,13 +111,12 @@ pub(super) fn residuals(plan: &Plan, records: &[RecordPlan], values: &Values) ->
 
 /// RMSE of a fit on the held-out records.
 pub(super) fn held_out_rmse(plan: &Plan, fitted: &Fitted) -> Result<f64, IdentifyError> {
-    let all = judged(plan, fitted, &FitOptions::default())?;
-    Ok(all.last().map_or(f64::NAN, |whole| plan.rms(&whole.residuals)))
+    Ok(plan.rms(judged(plan, fitted, &FitOptions::default())?.residuals()))
 }
 
 /// Errors at horizons of one step, 0.1 s, 1 s and the whole record; intervals by bootstrap over records.
-pub(super) fn gains(plan: &Plan, [before, after]: [&[Judged]; 2], noise: f64, seed: u64) -> Result<Vec<Gain>, IdentifyError> {
-    before.iter().zip(after).map(|both| gain(plan, both, noise, seed)).collect()
+pub(super) fn gains(plan: &Plan, [before, after]: [&Judged; 2], noise: f64, seed: u64) -> Result<Vec<Gain>, IdentifyError> {
+    before.horizons.iter().zip(&after.horizons).map(|both| gain(plan, both, noise, seed)).collect()
 }
 
 /// One step, 0.1, 0.5 and 1 s, and the longest record \[s\].
@@ -139,8 +139,8 @@ fn until(plan: &Plan, records: &[RecordPlan], all: &[Vec<f64>], horizon: f64) ->
 }
 
 /// Mean errors over all records, of the median one, and without the worst.
-pub(super) fn horizon_errors(plan: &Plan, judged: &[Judged]) -> Vec<HorizonError> {
-    let one = |Judged { horizon, residuals: part, .. }: &Judged| {
+pub(super) fn horizon_errors(plan: &Plan, judged: &Judged) -> Vec<HorizonError> {
+    let one = |Horizon { seconds, residuals: part, .. }: &Horizon| {
         let mut each: Vec<f64> = part.iter().map(|r| plan.mean_abs(std::slice::from_ref(r))).collect();
         let worst = (0..each.len()).max_by(|a, b| each[*a].total_cmp(&each[*b])).unwrap_or(0);
         let others: Vec<Vec<f64>> = part.iter().enumerate().filter(|(k, _)| *k != worst).map(|(_, r)| r.clone()).collect();
@@ -149,13 +149,13 @@ pub(super) fn horizon_errors(plan: &Plan, judged: &[Judged]) -> Vec<HorizonError
         each.sort_by(f64::total_cmp);
         let middle = each.len() / 2;
         let median = if each.len() % 2 == 1 { each[middle] } else { 0.5 * (each[middle - 1] + each[middle]) };
-        HorizonError { horizon_s: *horizon, mean_abs, median_record: median, without_worst }
+        HorizonError { horizon_s: *seconds, mean_abs, median_record: median, without_worst }
     };
-    judged.iter().filter(|judged| !judged.residuals.is_empty()).map(one).collect()
+    judged.horizons.iter().filter(|horizon| !horizon.residuals.is_empty()).map(one).collect()
 }
 
 /// Samples up to the horizon; the error *at* the horizon would be one noisy sample per record.
-fn gain(plan: &Plan, (before, after): (&Judged, &Judged), noise: f64, seed: u64) -> Result<Gain, IdentifyError> {
+fn gain(plan: &Plan, (before, after): (&Horizon, &Horizon), noise: f64, seed: u64) -> Result<Gain, IdentifyError> {
     let (b, a) = (&before.residuals, &after.residuals);
     let (rb, ra, mean_abs) = (plan.rms(b), plan.rms(a), [plan.mean_abs(b), plan.mean_abs(a)]);
     let kept = |all: &[Vec<f64>]| -> Vec<Vec<f64>> { all.iter().map(|r| plan.reported_errors(r)).collect() };
@@ -163,7 +163,7 @@ fn gain(plan: &Plan, (before, after): (&Judged, &Judged), noise: f64, seed: u64)
     let interval = interval(&kept(b), &kept(a), per_sample, seed)?;
     let explainable = rb * rb - noise * noise;
     Ok(Gain {
-        horizon_s: before.horizon,
+        horizon_s: before.seconds,
         rmse_before: rb,
         rmse_after: ra,
         unit: plan.unit().to_owned(),
@@ -195,19 +195,15 @@ fn interval(before: &[Vec<f64>], after: &[Vec<f64>], channels: usize, seed: u64)
 }
 
 /// Curves and shapes for the pictures: up to three records, the marker of the largest baseline error in each.
-pub(super) fn pictures(
-    plan: &Plan,
-    (records, before): (&[RecordPlan], &Values),
-    (reread, after): (&[RecordPlan], &Values),
-) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
+pub(super) fn pictures(plan: &Plan, [before, after]: [&Judged; 2]) -> Result<(Vec<Curve>, Vec<Snapshot>), IdentifyError> {
     let (mut curves, mut snapshots) = (Vec::new(), Vec::new());
-    for (rec, again) in records.iter().zip(reread).take(POLICY.picture_records) {
+    for (rec, again) in before.records().iter().zip(after.records()).take(POLICY.picture_records) {
         let run = |rec: &RecordPlan, values: &Values| {
             let wants = ShotWants { states: true, ..ShotWants::default() };
             shoot(plan, rec, values, wants)
                 .map_err(|source| IdentifyError::Simulation { record: rec.record.name.clone(), source })
         };
-        let (b, a) = (run(rec, before)?, run(again, after)?);
+        let (b, a) = (run(rec, &before.by.values)?, run(again, &after.by.values)?);
         let channels = plan.channels();
         let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
         let unit = plan.unit();
@@ -308,7 +304,7 @@ mod tests {
             let fitted = fit(&plan, &plan.fitted, &plan.scene_values, &[], Some(&white), &POLICY.fine).unwrap();
             let errors = |plan: &Plan| {
                 let judged = judged(plan, &fitted, &FitOptions::default()).unwrap();
-                judged.iter().map(|judged| (judged.horizon, plan.rms(&judged.residuals))).collect::<Vec<_>>()
+                judged.horizons.iter().map(|horizon| (horizon.seconds, plan.rms(&horizon.residuals))).collect::<Vec<_>>()
             };
             let followed = errors(&plan);
             assert_eq!(followed.iter().map(|(horizon, _)| *horizon).collect::<Vec<_>>(), [0.005, 0.1, 0.39]);

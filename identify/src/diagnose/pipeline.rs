@@ -11,7 +11,7 @@ use super::procedure::{Found, counted, rejoined, search, searched_on};
 use super::remainder::remainder;
 use super::result::*;
 use super::scores::scores;
-use super::story::story;
+use super::story::{stages, story};
 use super::verdict::decide;
 use super::{audit, ceiling, gain, next, reason};
 use crate::error::IdentifyError;
@@ -241,18 +241,17 @@ fn pass(
     let first = scores(plan, &Fitted { noise: fitted.noise.clone(), ..judged_on }, options.seed)?;
     let causes = listing::causes(plan, &found, &changed.reduced, &half, &first);
     clock.done("intervals");
-    let fit_options = FitOptions::default();
     let base = &found.base.fitted;
-    let judged = [gain::judged(plan, base, &fit_options)?, gain::judged(plan, fitted, &fit_options)?];
+    let fit_options = FitOptions::default();
+    let story = story(plan, &found, &fit_options)?;
+    // the same one where no cause was accepted
+    let (before, after) = (&story[0], &story[story.len() - 1]);
     let gain = match plan.held_out.is_empty() {
         true => Vec::new(),
-        false => gain::gains(plan, [&judged[0], &judged[1]], sensor_sigma, options.seed)?,
+        false => gain::gains(plan, [before, after], sensor_sigma, options.seed)?,
     };
-    // over the whole of the records
-    let whole = judged.each_ref().map(|all| all.last().map_or(&[][..], |whole| &whole.records));
-    let ceiling = ceiling::ceiling(plan, base, fitted, whole, sensor_sigma, &fit_options)?;
-    let (curves, snapshots) = gain::pictures(plan, (whole[0], &base.values), (whole[1], &fitted.values))?;
-    let stages = story(bench, &found, &half, &fit_options)?;
+    let ceiling = ceiling::ceiling(plan, [before, after], sensor_sigma, &fit_options)?;
+    let (curves, snapshots) = gain::pictures(plan, [before, after])?;
     let curvature = Curvature::new(plan, &coloured(plan, base.clone())?.1)?;
     let mut diagnosis = Diagnosis {
         schema_version: SCHEMA_VERSION,
@@ -278,7 +277,7 @@ fn pass(
         audit: findings,
         baseline: estimates(plan, base, Some(&normal(&curvature.std_errors()))),
         unidentifiable: curvature.unidentifiable(base),
-        stages,
+        stages: stages(plan, &found, &story, &half),
         curves,
         snapshots,
         wall_s: 0.0,

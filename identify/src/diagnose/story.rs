@@ -1,34 +1,32 @@
 //! The errors after each accepted cause.
 
 use super::certainty::estimates;
-use super::gain;
-use super::procedure::{Bench, Found};
+use super::gain::{Judged, horizon_errors, judged};
+use super::procedure::Found;
 use super::result::*;
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted};
+use crate::fit::FitOptions;
 use crate::shooting::Plan;
 
-/// The baseline, and the model after each of the accepted causes; the last is the one that is reported, with its half widths.
-pub(super) fn story(bench: &Bench, found: &Found, half: &[f64], options: &FitOptions) -> Result<Vec<Stage>, IdentifyError> {
-    let plan = bench.plan;
-    let mut out = vec![stage(plan, "baseline", &found.base.fitted, None, options)?];
-    let last = found.best.causes.len();
-    for (k, (cause, fitted)) in found.best.causes.iter().zip(&found.best.trail).enumerate() {
-        let (fitted, half) = if k + 1 == last { (&found.fitted, Some(half)) } else { (fitted, None) };
-        out.push(stage(plan, cause.name, fitted, half, options)?);
-    }
-    Ok(out)
+/// How the baseline follows the records held out, and the model after each of the accepted causes; the last is the one that is reported.
+pub(super) fn story<'a>(plan: &Plan, found: &'a Found, options: &FitOptions) -> Result<Vec<Judged<'a>>, IdentifyError> {
+    let on_the_way = found.best.trail.split_last().map_or(&[][..], |(_, others)| others);
+    let reported = (!found.best.causes.is_empty()).then_some(&found.fitted);
+    let models = std::iter::once(&found.base.fitted).chain(on_the_way).chain(reported);
+    models.map(|fitted| judged(plan, fitted, options)).collect()
 }
 
-fn stage(plan: &Plan, name: &str, fitted: &Fitted, half: Option<&[f64]>, options: &FitOptions) -> Result<Stage, IdentifyError> {
-    let judged = gain::judged(plan, fitted, options)?;
-    let whole = judged.last().map_or(&[][..], |whole| &whole.residuals);
-    Ok(Stage {
+/// The story as it is reported; `half`: half widths of the parameters of the last model, if it has causes.
+pub(super) fn stages(plan: &Plan, found: &Found, story: &[Judged], half: &[f64]) -> Vec<Stage> {
+    let names = std::iter::once("baseline").chain(found.best.causes.iter().map(|cause| cause.name));
+    let last = found.best.causes.len();
+    let stage = |(k, (name, judged)): (usize, (&str, &Judged))| Stage {
         name: name.to_owned(),
-        rmse_fit: fitted.rmse,
-        rmse_held_out: plan.rms(whole),
-        mean_abs_held_out: plan.mean_abs(whole),
-        held_out: gain::horizon_errors(plan, &judged),
-        parameters: estimates(plan, fitted, half),
-    })
+        rmse_fit: judged.by.rmse,
+        rmse_held_out: plan.rms(judged.residuals()),
+        mean_abs_held_out: plan.mean_abs(judged.residuals()),
+        held_out: horizon_errors(plan, judged),
+        parameters: estimates(plan, judged.by, (k > 0 && k == last).then_some(half)),
+    };
+    names.zip(story).enumerate().map(stage).collect()
 }
