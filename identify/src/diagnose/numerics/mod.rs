@@ -96,6 +96,11 @@ fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values, way: usize) -> O
 }
 
 impl Shift {
+    /// Whether it is of a step that is too long for what a fit leaves.
+    pub fn calls_for_a_finer_step(&self, plan: &Plan, fitted: &Fitted) -> bool {
+        self.source == Source::Step && self.report(plan, fitted, 0.0).needed.is_some()
+    }
+
     /// Its entry in a report, at a fit: `gain` from [`super::beside::Beside::gain`] under the noise of that fit.
     pub fn report(&self, plan: &Plan, fitted: &Fitted, gain: f64) -> Numerics {
         let rms = plan.rms(&self.change);

@@ -271,8 +271,10 @@ impl<'a> Round<'a> {
         *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
     }
 
-    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and it
-    /// does not lead the finer simulation without it, or one that is part of the way there.
+    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and
+    /// either a finer step is called for, with which it is looked for again, or it does not lead the finer simulation without it, or one that is
+    /// part of the way there. That alone would not do where the step can be finer: what is known of its error is an estimate, which a wrong inertia
+    /// may be nearer to the data than.
     fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
         let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
         let own: Vec<usize> = (0..fitted.unknowns.len())
@@ -288,9 +290,8 @@ impl<'a> Round<'a> {
         for (number, of) in shifts.iter().enumerate() {
             let bias = beside.sizes(number);
             let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
-            if small
-                && self.taken_by_finer(parent, of.source)? > self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead
-            {
+            let leads = self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead;
+            if small && (of.calls_for_a_finer_step(plan, fitted) || self.taken_by_finer(parent, of.source)? > leads) {
                 return Ok(Some(Rejection::Imitated(of.source.kind())));
             }
         }
@@ -343,6 +344,7 @@ pub(super) fn evidence(
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::super::super::audit::starts::tests::{experiment, pendulum};
+    use super::super::super::numerics::Source as Own;
     use super::*;
     use crate::causes::{Situation, library};
     use crate::fit::fit;
@@ -358,8 +360,12 @@ mod tests {
 
     /// Swings of a pendulum of which these parameters are other than the scene says.
     fn swings(hidden: &[(&str, f64)]) -> Plan {
+        swings_in(&pendulum("measured"), hidden)
+    }
+
+    fn swings_in(text: &str, hidden: &[(&str, f64)]) -> Plan {
         let starts = [0.9, -0.6, 1.2, 0.5];
-        let mut plan = experiment(&pendulum("measured"), &starts.map(|angle| vec![angle; 40])).0;
+        let mut plan = experiment(text, &starts.map(|angle| vec![angle; 40])).0;
         let mut truth = plan.scene_values.clone();
         for (path, value) in hidden {
             match plan.model.params().find(path) {
@@ -400,7 +406,11 @@ mod tests {
     }
 
     fn scene() -> Scene {
-        opened(&Setup::from_source(Source::new("scene.toml", pendulum("measured")), PathBuf::new()).unwrap().scene)
+        scene_of(pendulum("measured"))
+    }
+
+    fn scene_of(text: String) -> Scene {
+        opened(&Setup::from_source(Source::new("scene.toml", text), PathBuf::new()).unwrap().scene)
     }
 
     /// What is as near to the data as the accepted cause is its rival, whether it is certain for itself or not.
@@ -425,6 +435,32 @@ mod tests {
         let tests = (0..40).map(|k| 1usize << k).find(|tests| level(*tests) > gained[1]).unwrap_or(usize::MAX);
         assert!(level(tests) < gained[0], "{gained:?} {}", level(tests));
         assert_eq!(with(tests).1, Some((1, vec![2])), "{gained:?}");
+    }
+
+    /// What is no larger than three times what makes up for the step is looked for with a finer step first, whether or not that is nearer to the data.
+    #[test]
+    fn what_may_make_up_for_a_long_step_waits_for_a_finer_one() {
+        let text = pendulum("measured").replace("step = 0.005", "step = 0.01");
+        let scene = scene_of(text.clone());
+        let with = |armature: f64| {
+            let plan = swings_in(&text, &[("pivot.armature", armature)]);
+            let bench = bench(&plan);
+            let beam = [model(&bench, &[])];
+            let child = model(&bench, &[cause(&plan, "armature")]);
+            let own = shift(Own::Step, &scene, &plan, &child.fitted).unwrap();
+            let makes_up = Beside::new(&plan, &child.fitted, &[&own.change]).unwrap().sizes(0)[0];
+            let size = child.fitted.unknowns[0].coordinate_of(child.fitted.unknowns[0].value(&child.fitted.values));
+            let round = Round::new(&bench, &scene, &beam, vec![child], 1).unwrap();
+            let (taken, mut imitated) = (round.contest.scores[0] - round.contest.scores[1], Vec::new());
+            assert!(taken > POLICY.lead && round.taken_by_finer(0, Own::Step).unwrap() == 0.0, "{taken}");
+            let accepted = round.accept(&mut Vec::new(), &mut imitated).unwrap();
+            ((makes_up / size).abs(), accepted.map(|accepted| accepted.leader), imitated)
+        };
+        let (makes_up, accepted, imitated) = with(7e-5);
+        assert!(makes_up > 1.0 / POLICY.beyond_bias && accepted.is_none(), "{makes_up}");
+        assert_eq!(imitated, [("armature (pivot)".to_owned(), NumericsKind::Step)]);
+        let (makes_up, accepted, imitated) = with(1.2e-4);
+        assert!(makes_up < 1.0 / POLICY.beyond_bias && accepted == Some(1) && imitated.is_empty(), "{makes_up}");
     }
 
     /// A law that has the accepted cause's number among its own is no rival: it is there in both.
