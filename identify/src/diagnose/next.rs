@@ -113,7 +113,11 @@ impl Change {
             (0..first.len()).map(|j| first[j] + self.commands * (between(j) - first[j])).collect()
         };
         let z = vec![0.0; from.start.z.len()];
-        let mean = if from.start.is_fixed() { from.start.mean.clone() } else { self.begun(plan, from.start.state(&plan.model)) };
+        let mean = if from.start.is_fixed() {
+            from.start.mean.clone()
+        } else {
+            self.begun(plan, from.start.state(&plan.model, &plan.scene_values.joints))
+        };
         RecordPlan {
             inputs: (0..steps).map(at).collect(),
             start: StartState { mean, z, ..from.start.clone() },

@@ -5,7 +5,7 @@ use super::baseline::{Prepared, at_bound, coloured};
 use super::beside::Beside;
 use super::certainty::{Curvature, estimates, half_widths, normal};
 use super::listing;
-use super::numerics::{changes, shifts};
+use super::numerics::{Shift, Source, changes, shifts};
 use super::policy::POLICY;
 use super::procedure::{Found, counted, rejoined, search, searched_on};
 use super::remainder::remainder;
@@ -226,8 +226,13 @@ fn pass(
     let (fitted, spread) = (&found.fitted, spread(plan, &found)?);
     let shifts = shifts(&scene, plan, fitted);
     let changed = Beside::new(plan, &spread, &changes(&shifts))?;
-    let numerics: Vec<Numerics> =
-        shifts.iter().enumerate().map(|(k, shift)| shift.report(plan, fitted, changed.gain(k))).collect();
+    let gain = |(k, shift): (usize, &Shift)| match shift.source {
+        Source::Inputs(way) => {
+            found.gain_of_reading(bench, way, &changed.sizes(k)).unwrap_or(f64::NEG_INFINITY).max(changed.gain(k))
+        }
+        Source::Step | Source::Mesh => changed.gain(k),
+    };
+    let numerics: Vec<Numerics> = shifts.iter().enumerate().map(|of| of.1.report(plan, fitted, gain(of))).collect();
     let sensor_sigma = reported(plan, bench.white.sigma());
     let noise = noise(plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;

@@ -1,7 +1,7 @@
 //! The verdict's reasons, in words.
 
 use super::policy::POLICY;
-use super::result::{Cause, Estimate, Gain, Noise, Numerics, Remainder};
+use super::result::{Cause, Estimate, Gain, Noise, Numerics, NumericsKind, Remainder};
 use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
 
 /// The causes with their sizes, what each of them takes, and the gain on records that were not fitted.
@@ -116,9 +116,20 @@ pub(super) fn add(reason: &mut String, clause: &str) {
 
 /// That the simulation was refined, and why. `coarse`: what counted with the scene's own; what would have done is done, and not said.
 pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
-    let notes: Vec<&str> = coarse.iter().map(|n| n.note.as_str()).collect();
-    let because = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
-    format!("the scene's own simulation is too coarse for these data{because}; this is of one with {finer}")
+    let (read, coarse): (Vec<&Numerics>, Vec<&Numerics>) = coarse.iter().partition(|n| n.kind == NumericsKind::Inputs);
+    let notes = |of: &[&Numerics]| of.iter().map(|n| n.note.as_str()).collect::<Vec<_>>().join("; ");
+    let mut out = String::new();
+    if !read.is_empty() {
+        out += &format!(
+            "the data are nearer to commands that are read in another way than the scene reads them: {}; ",
+            notes(&read)
+        );
+    }
+    if read.is_empty() || !coarse.is_empty() {
+        let because = if coarse.is_empty() { String::new() } else { format!(": {}", notes(&coarse)) };
+        out += &format!("the scene's own simulation is too coarse for these data{because}; ");
+    }
+    format!("{out}this is of one with {finer}")
 }
 
 /// That nothing can be built on the baseline.

@@ -109,7 +109,10 @@ pub(super) fn decide(
         if d.verdict == Verdict::Adequate && told {
             d.verdict = Verdict::Numerics;
         }
-        let finer = reason::refined(finer, &before.numerics.iter().filter(counts).collect::<Vec<_>>());
+        // of the other ways to read inputs that which was taken
+        let way = d.refined.as_ref().map(|by| by.interpolation);
+        let taken = |n: &&Numerics| n.kind != NumericsKind::Inputs || n.interpolation == way;
+        let finer = reason::refined(finer, &before.numerics.iter().filter(counts).filter(taken).collect::<Vec<_>>());
         reason::add(&mut d.reason, &finer);
     }
     d.extension = match d.verdict {

@@ -7,8 +7,9 @@ use super::observe::{Instant, met};
 use super::observed::Observed;
 use super::own_size::beside;
 use super::plan::{Plan, RecordPlan};
+use super::start::Zero;
 use crate::form::Place;
-use crate::sensor::{DELAY, TIME_OFFSET};
+use crate::sensor::{BIAS, DELAY, TIME_OFFSET};
 use crate::unknown::{Target, Unknown, Values};
 use nalgebra::Vector3;
 use pliant_adjoint::{Seeds, Tangent, TangentStepper, equilibrium_jvp_columns};
@@ -186,7 +187,7 @@ impl Pass<'_> {
             state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);
             return Ok(state);
         }
-        let mut state = self.rec.start.state(model);
+        let mut state = self.rec.start.state(model, &self.values.joints);
         state.z[..model.ndz()].copy_from_slice(&self.memory(tangent)[..model.ndz()]);
         let (placed, placement) = place_clamped(model, &self.values.theta, &u0, [&state.q, &state.z[model.ndz()..]])?;
         let mut shift = vec![0.0; model.ndx()];
@@ -205,10 +206,20 @@ impl Pass<'_> {
                     tangent.x.v[dof * m + n + c] = start.velocity[(row, c)];
                 }
             }
+            for (j, unknown) in self.wants.unknowns.iter().enumerate() {
+                let of = |zero: &&Zero| unknown.target == Target::Joint(zero.sensor, BIAS);
+                let slope = unknown.slope(unknown.value(self.values));
+                for zero in start.zeros.iter().filter(of) {
+                    for dof in 0..model.nv() {
+                        tangent.x.q[dof * m + self.own + j] += slope * zero.change[dof];
+                        tangent.x.v[dof * m + self.own + j] += slope * zero.change[model.nv() + dof];
+                    }
+                }
+            }
             // x₀ = mean ⊕ L z: balls turn on from where z has taken them
             let bodies = model.n_node_dofs();
             let mut turns = TangentMaps::default();
-            turns.evaluate(model.tree(), Map::Exponential, &start.change(model)[bodies..model.nv()]);
+            turns.evaluate(model.tree(), Map::Exponential, &start.change(model, &self.values.joints)[bodies..model.nv()]);
             turns.jacobian(&mut tangent.x.q[bodies * m..], m);
             for (row, input, value) in placement {
                 let columns = match input {

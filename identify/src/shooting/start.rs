@@ -8,7 +8,7 @@ use super::start_bodies::body_start;
 use super::stretch_prior;
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::sensor::SCALE;
+use crate::sensor::{BIAS, SCALE};
 use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::model::Model;
@@ -16,7 +16,8 @@ use pliant_engine::rods::Following;
 use pliant_engine::step::StepError;
 use pliant_math::State;
 
-/// Initial state of a record: `x₀ = mean ⊕ L z` on the free dofs, z unknown with a standard normal prior.
+/// Initial state of a record: `x₀ = mean ⊕ (L z + Σ_k B_k (b_k − b_k of the scene))` on the free dofs, z unknown with a standard normal prior, b_k
+/// the zeros of the sensors that the mean was read from: what is read with another zero is another state, and no less likely.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartState {
     /// Prior mean.
@@ -29,8 +30,21 @@ pub struct StartState {
     pub velocity: DMatrix<f64>,
     /// Current estimate of z.
     pub z: Vec<f64>,
+    /// B of each sensor at a joint.
+    pub zeros: Vec<Zero>,
     /// Dependence of unobserved twists on those of the edges that grippers hold.
     pub following: Following,
+}
+
+/// How a record's first state follows the zero of a sensor at a joint that it was read from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zero {
+    /// Which of the experiment's sensors at joints.
+    pub sensor: usize,
+    /// Its zero in the scene [rad or m, or by s].
+    pub scene: f64,
+    /// Change of state per unit of its zero.
+    pub change: Vec<f64>,
 }
 
 impl StartState {
@@ -44,13 +58,13 @@ impl StartState {
         2 * self.dofs.len()
     }
 
-    /// The current estimate of the state (before the clamped nodes are placed).
-    pub fn state(&self, model: &Model) -> State {
-        model.displaced(&self.mean, &self.change(model))
+    /// The current estimate of the state (before the clamped nodes are placed), with sensors at joints of these values.
+    pub fn state(&self, model: &Model, joints: &[[f64; 3]]) -> State {
+        model.displaced(&self.mean, &self.change(model, joints))
     }
 
-    /// L z, a change of state.
-    pub(super) fn change(&self, model: &Model) -> Vec<f64> {
+    /// The change of state from the mean.
+    pub(super) fn change(&self, model: &Model, joints: &[[f64; 3]]) -> Vec<f64> {
         let (n, nv) = (self.dofs.len(), model.nv());
         let mut out = vec![0.0; model.ndx()];
         for (row, &dof) in self.dofs.iter().enumerate() {
@@ -58,6 +72,10 @@ impl StartState {
                 out[dof] += self.position[(row, c)] * self.z[c];
                 out[nv + dof] += self.velocity[(row, c)] * self.z[n + c];
             }
+        }
+        for zero in &self.zeros {
+            let off = joints[zero.sensor][BIAS] - zero.scene;
+            out.iter_mut().zip(&zero.change).for_each(|(out, change)| *out += off * change);
         }
         out
     }
@@ -125,7 +143,13 @@ pub fn state_at(plan: &Plan, record: &Record, sample: usize) -> Result<StartStat
     dofs.extend(nodes..model.nv());
     let z = vec![0.0; 2 * dofs.len()];
     let (position, velocity) = (beside(&by_q.factor, &bodies.position), beside(&by_v.factor, &bodies.velocity));
-    Ok(StartState { mean, dofs, position, velocity, z, following })
+    let zeros = bodies.zeros.into_iter().map(|(sensor, q, v)| {
+        let mut change = vec![0.0; model.ndx()];
+        change[nodes..model.nv()].copy_from_slice(&q);
+        change[model.nv() + nodes..2 * model.nv()].copy_from_slice(&v);
+        Zero { sensor, scene: plan.scene_values.joints[sensor][BIAS], change }
+    });
+    Ok(StartState { mean, dofs, position, velocity, z, zeros: zeros.collect(), following })
 }
 
 /// Turns the edges of rods to where the grippers hold them, and evenly in between: markers do not show twist.

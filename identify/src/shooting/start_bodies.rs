@@ -23,6 +23,8 @@ pub(super) struct BodyStart {
     pub v: Vec<f64>,
     pub position: DMatrix<f64>,
     pub velocity: DMatrix<f64>,
+    /// Sensors at joints, and how coordinates and velocities follow their zeros.
+    pub zeros: Vec<(usize, Vec<f64>, Vec<f64>)>,
 }
 
 /// Readings at a sample: value, standard deviation and slack of an observed quantity, and of its rate; `Turn`: axes and angular
@@ -34,6 +36,15 @@ enum Known {
 }
 
 impl Known {
+    /// The pull on coordinates (by `rate`: velocities) where the reading of a sensor at a joint is off by so much.
+    fn moved(&self, plan: &Plan, rate: bool, by: f64, system: &mut System) {
+        let Self::Number(k, [_, sigma, _], _) = self else { return };
+        let joint = &plan.joints[*k];
+        if rate != (joint.quantity == JointQuantity::Position) {
+            system.right[joint.v] += by / (sigma * sigma);
+        }
+    }
+
     /// A sensor at a joint, and its reading.
     fn coordinate(&self) -> Option<(usize, f64)> {
         match self {
@@ -89,7 +100,20 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     };
     let v = moving(false).solve().ok_or_else(singular)?.as_slice().to_vec();
     let position = placed(true).factor().ok_or_else(singular)?;
-    Ok(BodyStart { q, v, position, velocity: moving(true).factor().ok_or_else(singular)? })
+    let zeros = known.iter().filter_map(Known::coordinate).map(|(k, _)| {
+        let per = -1.0 / plan.scene_values.joints[k][GAIN];
+        let moved = |wide: &System, rate: bool| {
+            let mut system = System { matrix: wide.matrix.clone(), right: DVector::zeros(nv) };
+            known
+                .iter()
+                .filter(|of| of.coordinate().is_some_and(|(j, _)| j == k))
+                .for_each(|of| of.moved(plan, rate, per, &mut system));
+            system.solve().map(|x| x.as_slice().to_vec())
+        };
+        Some((k, moved(&placed(false), false)?, moved(&moving(false), true)?))
+    });
+    let zeros = zeros.collect::<Option<Vec<_>>>().ok_or_else(singular)?;
+    Ok(BodyStart { q, v, position, velocity: moving(true).factor().ok_or_else(singular)?, zeros })
 }
 
 /// Degrees of freedom whose coordinate (whose velocity, by `rate`) no sensor at a joint reads.

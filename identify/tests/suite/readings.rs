@@ -162,7 +162,7 @@ fn derivatives_are_those_of_the_readings() {
 fn the_start_agrees_with_what_is_read() {
     let folder = TempDir::new().unwrap();
     let plan = plan(&folder);
-    let state = plan.fitted[0].start.state(&plan.model);
+    let state = plan.fitted[0].start.state(&plan.model, &plan.scene_values.joints);
     let (n, tree) = (plan.model.n_node_dofs(), plan.model.tree());
     // the free body is seen by a marker and an orientation of its own
     let flight = tree.joint("flight.turn").unwrap();

@@ -51,3 +51,24 @@ fn a_link_that_has_turned_round_many_times_starts_where_it_is_and_as_fast_as_it_
         assert_relative_eq!(start.mean.v[0], speed, epsilon = 1e-4);
     }
 }
+
+/// What is read with another zero of the sensor is another state, that the same prior holds: or it would speak against a wrong zero.
+#[test]
+fn a_start_follows_the_zero_of_the_sensor_that_it_was_read_from() {
+    for (quantity, place) in [("", 0), ("measures = \"velocity\"\n", 1)] {
+        let folder = TempDir::new().unwrap();
+        let log: String = (0..=100).map(|k| format!("{},0.3\n", 0.005 * k as f64)).collect();
+        std::fs::write(folder.path().join("log.csv"), format!("t,angle\n{log}")).unwrap();
+        let text = SCENE.replace("column = \"angle\"\n", &format!("column = \"angle\"\n{quantity}"));
+        let setup = Setup::from_source(Source::new("scene.toml", text), folder.path().to_owned()).unwrap();
+        let plan = Plan::new(&setup, &setup.read_logs(&[]).unwrap()).unwrap();
+        let start = &plan.fitted[0].start;
+        let begins = |bias: f64| {
+            let state = start.state(&plan.model, &[[bias, 1.0, 0.0]]);
+            [state.q[0], state.v[0]]
+        };
+        assert_relative_eq!(begins(0.0)[place], 0.3, epsilon = 1e-6);
+        assert_relative_eq!(begins(0.02)[place], 0.28, epsilon = 1e-6);
+        assert_eq!(begins(0.02)[1 - place], begins(0.0)[1 - place]);
+    }
+}

@@ -20,6 +20,7 @@ mod contest;
 mod hypothesis;
 mod kept;
 mod race;
+mod reading;
 mod round;
 pub(super) mod scatter;
 mod search;

@@ -8,6 +8,7 @@ use super::super::result::NumericsKind;
 use super::apart::{carried, uncertain};
 use super::contest::Contest;
 use super::hypothesis::{Bench, Hypothesis, squares};
+use super::reading::makes_up;
 use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -277,19 +278,12 @@ impl<'a> Round<'a> {
     /// may be nearer to the data than.
     fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
         let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
-        let own: Vec<usize> = (0..fitted.unknowns.len())
-            .filter(|&j| self.cause(k).unknowns.iter().any(|o| o.target.same(&fitted.unknowns[j].target)))
-            .collect();
-        let size = |j: usize| {
-            let u = &fitted.unknowns[j];
-            (u.coordinate_of(u.value(&fitted.values)) - u.coordinate_of(u.value(&plan.scene_values))).abs()
-        };
         let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
         let coarse = self.contest.coarse(self.bench, k)?;
         let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes(shifts))?;
         for (number, of) in shifts.iter().enumerate() {
             let bias = beside.sizes(number);
-            let small = own.iter().all(|&j| size(j) <= POLICY.beyond_bias * bias[j].abs());
+            let small = makes_up(plan, fitted, self.cause(k), &bias);
             let leads = self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead;
             if small && (of.calls_for_a_finer_step(plan, fitted) || self.taken_by_finer(parent, of.source)? > leads) {
                 return Ok(Some(Rejection::Imitated(of.source.kind())));

@@ -76,6 +76,18 @@ fn nothing_is_told_from_a_dead_encoder() {
     assert!(d.causes.is_empty() && d.extension.is_empty() && d.reason.contains("dead channel"), "{}", d.reason);
 }
 
+/// A command that is held comes half a sample later than one read as a straight line, which a delay or a lag would take up beside the cause.
+#[test]
+fn held_commands_are_no_delay_beside_a_cause() {
+    let truth = Truth { damping: 0.01, held: true, noise: 1e-4, ..Truth::default() };
+    let d = diagnosed(&truth);
+    let titles: Vec<String> = d.causes.iter().map(|c| c.title()).collect();
+    assert_eq!((d.verdict, titles), (Verdict::Named, vec!["viscous_friction (pivot)".to_owned()]), "{}", d.reason);
+    assert_eq!(d.refined.map(|refined| refined.interpolation), Some(Interpolation::Held));
+    assert!(d.reason.contains("nearer to commands that are read in another way"), "{}", d.reason);
+    assert!((d.causes[0].parameters[0].estimate / 0.01 - 1.0).abs() < 0.01, "{:?}", d.causes[0]);
+}
+
 /// Verdict ambiguous, with these among the alternatives.
 fn ambiguous(truth: &Truth, among: &[&str]) {
     let d = diagnosed(truth);

@@ -94,7 +94,9 @@ impl Truth {
             let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x[0] + self.bias + self.noise * noise(), line(t));
             for k in 0..FINE {
                 let t = t + k as f64 * h - self.late;
-                let f = |x: [f64; 3], t: f64| [x[1], self.acceleration(record, x, line(t)), (x[0] - x[2]) / self.creep];
+                // a stage at the end of a step belongs to it: the next command is not yet there
+                let at = |stage: f64| line(if self.held { t + 0.5 * h } else { stage });
+                let f = |x: [f64; 3], t: f64| [x[1], self.acceleration(record, x, at(t)), (x[0] - x[2]) / self.creep];
                 let moved = |by: f64, d: [f64; 3]| [0, 1, 2].map(|i| x[i] + by * d[i]);
                 let a = f(x, t);
                 let b = f(moved(0.5 * h, a), t + 0.5 * h);
