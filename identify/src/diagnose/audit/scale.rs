@@ -6,25 +6,44 @@
 use super::super::result::AuditFinding;
 use super::still::{predicted, readings};
 use crate::audit::AUDIT;
+use crate::fit::growth;
 use crate::number::number_plain;
 use crate::shooting::{Observed, Plan, RecordPlan};
 
-/// Of each sensor at a joint a finding, if the sum over records of the ranges of its readings and of the scene's own simulation differ so much.
+/// Of each sensor at a joint a finding, if the sum over records of the ranges of its readings and of the scene's own simulation differ so much,
+/// and do so before a disturbance has grown e-fold: an unstable plant, a pole that a controller balanced, falls in a simulation of its own.
 pub(in super::super) fn other_units(plan: &Plan) -> Vec<AuditFinding> {
     let simulated: Vec<(&RecordPlan, Vec<f64>)> =
         plan.fitted.iter().filter_map(|rec| Some((rec, predicted(plan, rec)?))).collect();
-    let joints = (0..plan.joints.len()).map(Observed::Joint);
-    joints.filter_map(|joint| finding(plan, joint, moves(plan, &simulated, joint)?)).collect()
+    let told = |seconds: &[f64]| -> Vec<AuditFinding> {
+        let joints = (0..plan.joints.len()).map(Observed::Joint);
+        joints.filter_map(|joint| finding(plan, joint, moves(plan, &simulated, seconds, joint)?)).collect()
+    };
+    let over_all = told(&vec![f64::INFINITY; simulated.len()]);
+    if over_all.is_empty() {
+        return over_all;
+    }
+    let known = |rec: &RecordPlan| {
+        let grown = growth(plan, rec, &plan.scene_values).ok()?;
+        Some(rec.record.duration() / grown.ln().max(1.0))
+    };
+    let at_first = told(&simulated.iter().map(|(rec, _)| known(rec).unwrap_or(0.0)).collect::<Vec<_>>());
+    let still = |finding: &AuditFinding| {
+        at_first.iter().any(|other| other.place == finding.place && (other.number > 1.0) == (finding.number > 1.0))
+    };
+    over_all.into_iter().filter(still).collect()
 }
 
-/// How far a sensor's readings move in the simulation and as measured, over all records; none where either does not move.
-fn moves(plan: &Plan, simulated: &[(&RecordPlan, Vec<f64>)], joint: Observed) -> Option<[f64; 2]> {
+/// How far a sensor's readings move in the simulation and as measured, over all records for so many seconds each; none where either does not move.
+fn moves(plan: &Plan, simulated: &[(&RecordPlan, Vec<f64>)], seconds: &[f64], joint: Observed) -> Option<[f64; 2]> {
     let channel = plan.channels_of(joint).start;
-    let of = |(rec, rows): &(&RecordPlan, Vec<f64>)| {
+    let of = |((rec, rows), seconds): (&(&RecordPlan, Vec<f64>), &f64)| {
+        let samples = rec.record.time.partition_point(|t| t <= seconds);
         let read = readings(plan, &rec.record, joint).map(|row| row[0]);
-        [range(rows.iter().skip(channel).step_by(plan.channels()).copied()), range(read)]
+        let simulated = rows.iter().skip(channel).step_by(plan.channels()).copied();
+        [range(simulated.take(samples)), range(read.take(samples))]
     };
-    let sum = simulated.iter().map(of).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]]);
+    let sum = simulated.iter().zip(seconds).map(of).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]]);
     (sum[0] > 0.0 && sum[1] > 0.0).then_some(sum)
 }
 
@@ -76,5 +95,20 @@ mod tests {
         assert!(told.len() == 1 && told[0].what.contains("simulation moves it") && told[0].number > 500.0, "{told:?}");
         let told = found(1.6e3);
         assert!(told.len() == 1 && told[0].what.contains("was read to move"), "{told:?}");
+    }
+
+    /// A pole that stands on its joint, balanced to a milliradian, falls by itself: that is no other unit.
+    #[test]
+    fn an_unstable_plant_falls_by_itself() {
+        let text = pendulum("measured")
+            .replace("center_of_mass = [0, 0, -0.3]", "center_of_mass = [0, 0, 0.3]")
+            .replace("inertia = [1e-3, 1e-3, 1e-3", "inertia = [1e-5, 1e-5, 1e-5");
+        let balanced = |k: usize| -> Vec<f64> { (0..40).map(|t| 1e-3 * (0.8 * f64::from(t) + k as f64).sin()).collect() };
+        let (plan, _) = experiment(&text, &[balanced(0), balanced(1), balanced(2)]);
+        let simulated: Vec<(&RecordPlan, Vec<f64>)> =
+            plan.fitted.iter().map(|rec| (rec, predicted(&plan, rec).unwrap())).collect();
+        let [fallen, read] = moves(&plan, &simulated, &[f64::INFINITY; 2], Observed::Joint(0)).unwrap();
+        assert!(fallen > AUDIT.other_unit * read, "{fallen} {read}");
+        assert!(other_units(&plan).is_empty());
     }
 }
