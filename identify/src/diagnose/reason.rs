@@ -297,5 +297,11 @@ mod tests {
         );
         let said = refined("a step of 0.0025 s", &[&coarse]);
         assert!(said.contains("1 mrad, 50 % of what is left; this is of one with a step of 0.0025 s"), "{said}");
+        // commands that are read otherwise are not coarse
+        let held = Numerics { kind: NumericsKind::Inputs, needed: None, note: "held".into(), ..coarse.clone() };
+        let [alone, both] = [vec![&held], vec![&coarse, &held]].map(|all| refined("this", &all));
+        let nearer = "the data are nearer to commands that are read in another way than the scene reads them: held; ";
+        assert_eq!(alone, format!("{nearer}this is of one with this"));
+        assert!(both.starts_with(nearer) && both.contains("too coarse for these data: the step of 0.01 s"), "{both}");
     }
 }

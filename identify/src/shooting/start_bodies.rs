@@ -102,8 +102,8 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     let position = placed(true).factor().ok_or_else(singular)?;
     let zeros = known.iter().filter_map(Known::coordinate).map(|(k, _)| {
         let per = -1.0 / plan.scene_values.joints[k][GAIN];
-        let moved = |wide: &System, rate: bool| {
-            let mut system = System { matrix: wide.matrix.clone(), right: DVector::zeros(nv) };
+        let moved = |read: &System, rate: bool| {
+            let mut system = System { matrix: read.matrix.clone(), right: DVector::zeros(nv) };
             known
                 .iter()
                 .filter(|of| of.coordinate().is_some_and(|(j, _)| j == k))
