@@ -142,10 +142,6 @@ pub(super) struct Policy {
     // numerics
     /// A size counts only beyond this many times the size that imitates the simulation's own error [-].
     pub beyond_bias: f64,
-    /// Part of what the causes take that make up for another reading of inputs, by which that reading may be farther from the data [-]: no model is
-    /// exact to that. Of an arm whose load was modelled with one radius of gyration a lag of half a sample took 1.7e6 units, and commands that were held,
-    /// as they were, 53 less *(development)*.
-    pub reading_for: f64,
     /// Part of what is left above which the simulation's own error is a reservation [-].
     pub tolerated: f64,
     /// Most steps in place of one when a diagnosis is made once more with finer steps: an error of second order falls to a sixteenth.
@@ -336,7 +332,6 @@ pub(super) const POLICY: Policy = Policy {
     spread_rounds: 3,
     spread_grids: 3,
     beyond_bias: 3.0,
-    reading_for: 1e-3,
     tolerated: 0.1,
     finest: 4.0,
     passes: 5,

@@ -3,8 +3,7 @@
 //! A command that the robot held and the scene reads as straight lines comes half a sample early. A delay or a lag takes that up: with it in the
 //! model the right reading is no nearer to the data, and without it it is. What the wrong reading leaves passes for slow noise, under which
 //! little counts. So the model is refitted in the other way, without what makes up for it, and both are held against each other under the noise of
-//! the one that leaves less. No model of a machine is exact to a thousandth of what such a cause takes: where the other reading is that near, the cause
-//! is not needed.
+//! the one that leaves less.
 
 use super::super::policy::POLICY;
 use super::contest::Contest;
@@ -28,8 +27,7 @@ pub(super) fn makes_up(plan: &Plan, fitted: &Fitted, cause: &Cause, bias: &DVect
 }
 
 impl Found {
-    /// Units of −2 log likelihood by which the data are nearer to inputs read in this of the other ways, and a thousandth of what the causes take that
-    /// make up for it; `None` where there is nothing that may make
+    /// Units of −2 log likelihood by which the data are nearer to inputs read in this of the other ways, `None` where there is nothing that may make
     /// up for it, or that cannot be simulated. `bias`: sizes that make up for it.
     pub fn gain_of_reading(&self, bench: &Bench, way: usize, bias: &DVector<f64>) -> Option<f64> {
         let out = |cause: &Cause| makes_up(bench.plan, &self.fitted, cause, bias);
@@ -48,8 +46,6 @@ impl Found {
             rest.fitted = bench.finished(&rest.fitted, &rest.fitted.records)?;
         }
         let scores = Contest::new(bench, &[&self.best, &rest], 2)?.scores;
-        let taken: f64 =
-            self.best.causes.iter().zip(&self.evidence).filter(|(cause, _)| out(cause)).map(|(_, of)| of.statistic).sum();
-        Ok(scores[0] - scores[1] + POLICY.reading_for * taken)
+        Ok(scores[0] - scores[1])
     }
 }

@@ -88,21 +88,6 @@ fn held_commands_are_no_delay_beside_a_cause() {
     assert!((d.causes[0].parameters[0].estimate / 0.01 - 1.0).abs() < 0.01, "{:?}", d.causes[0]);
 }
 
-/// A motor that is a tenth of a millisecond late beside: a delay of half a sample and that is nearer to the data, but not by a thousandth of what it takes.
-#[test]
-fn held_commands_are_held_where_the_model_is_not_exact() {
-    let d = diagnosed(&Truth { held: true, late: 1e-4, noise: 2e-5, ..Truth::default() });
-    assert_eq!(d.refined.map(|refined| refined.interpolation), Some(Interpolation::Held), "{}", d.reason);
-    // what is then left is found as it is
-    let sets = d.alternatives.concat();
-    assert!(
-        ["actuator_lag", "sensor_delay", "actuator_delay"].iter().all(|name| sets.contains(&(*name).to_owned())),
-        "{}",
-        d.reason
-    );
-    assert!(d.reason.contains("sensor.time_offset = 0.1 ms"), "{}", d.reason);
-}
-
 /// Verdict ambiguous, with these among the alternatives.
 fn ambiguous(truth: &Truth, among: &[&str]) {
     let d = diagnosed(truth);
