@@ -179,7 +179,7 @@ pub(super) struct Policy {
     pub remainder_lags: usize,
     /// Change of an input from sample to sample below which it is constant [unit of the input].
     pub remainder_still: f64,
-    /// Times the sensors' own scatter above which an adequate residual is said to be larger [-].
+    /// Times the sensors' own scatter above which an adequate residual is said to be larger, and other readings of inputs are told by refits [-].
     pub larger: f64,
     /// Level of all hypotheses about what is left together, of those about the laws of accepted causes, and of other sizes of these in parts of the
     /// records [-]: one null in two hundred. Of 150 right causes the least constant but one had p = 0.017, two of joints outside the library 5e-6

@@ -43,8 +43,8 @@ pub(crate) struct ShootingConstants {
     /// Standard deviation of a reading, in residuals of its quadratic [-].
     pub reading_residuals: f64,
     /// Part of the record's own motion (of a point: of its distance from the sensor's origin) that a reading may be off [-]: a wrong
-    /// zero, scale or delay of its sensor must not be held against the cause that explains it, and the samples of a record say far more
-    /// of the state than this.
+    /// scale or delay of its sensor must not be held against the cause that explains it (the zero of one at a joint is followed), and the
+    /// samples of a record say far more of the state than this.
     pub own_motion: f64,
     /// Part of the record's own speed that the slope of a reading may be off [-], for the same reason.
     pub own_speed: f64,

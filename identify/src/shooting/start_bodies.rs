@@ -36,15 +36,6 @@ enum Known {
 }
 
 impl Known {
-    /// The pull on coordinates (by `rate`: velocities) where the reading of a sensor at a joint is off by so much.
-    fn moved(&self, plan: &Plan, rate: bool, by: f64, system: &mut System) {
-        let Self::Number(k, [_, sigma, _], _) = self else { return };
-        let joint = &plan.joints[*k];
-        if rate != (joint.quantity == JointQuantity::Position) {
-            system.right[joint.v] += by / (sigma * sigma);
-        }
-    }
-
     /// A sensor at a joint, and its reading.
     fn coordinate(&self) -> Option<(usize, f64)> {
         match self {
@@ -100,19 +91,17 @@ pub(super) fn body_start(plan: &Plan, record: &Record, sample: usize) -> Result<
     };
     let v = moving(false).solve().ok_or_else(singular)?.as_slice().to_vec();
     let position = placed(true).factor().ok_or_else(singular)?;
-    let zeros = known.iter().filter_map(Known::coordinate).map(|(k, _)| {
-        let per = -1.0 / plan.scene_values.joints[k][GAIN];
-        let moved = |read: &System, rate: bool| {
-            let mut system = System { matrix: read.matrix.clone(), right: DVector::zeros(nv) };
-            known
-                .iter()
-                .filter(|of| of.coordinate().is_some_and(|(j, _)| j == k))
-                .for_each(|of| of.moved(plan, rate, per, &mut system));
-            system.solve().map(|x| x.as_slice().to_vec())
-        };
-        Some((k, moved(&placed(false), false)?, moved(&moving(false), true)?))
-    });
-    let zeros = zeros.collect::<Option<Vec<_>>>().ok_or_else(singular)?;
+    let [places, rates] = [placed(false), moving(false)].map(|system| system.matrix);
+    let zero = |of: &Known| {
+        let Known::Number(k, [_, sigma, _], _) = of else { return None };
+        let joint = &plan.joints[*k];
+        let of_place = joint.quantity == JointQuantity::Position;
+        let mut system = System { matrix: if of_place { &places } else { &rates }.clone(), right: DVector::zeros(nv) };
+        system.right[joint.v] = -1.0 / (plan.scene_values.joints[*k][GAIN] * sigma * sigma);
+        let (moved, still) = (system.solve()?.as_slice().to_vec(), vec![0.0; nv]);
+        Some(if of_place { (*k, moved, still) } else { (*k, still, moved) })
+    };
+    let zeros = known.iter().filter_map(zero).collect();
     Ok(BodyStart { q, v, position, velocity: moving(true).factor().ok_or_else(singular)?, zeros })
 }
 

@@ -5,7 +5,7 @@
 //! 3. **Contest** ([`contest`]): all under the noise of the best one's residual, with a price for every number.
 //! 4. **Across records**: whether a cause predicts records left out ([`across`]), and whether its size differs between them ([`spread`], [`apart`]).
 //! 5. **Unseen records** ([`unseen`]): of many records, while what is left is no noise, some are fitted and the others judge.
-//! 6. **Numerics** ([`super::numerics`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
+//! 6. **Numerics** ([`super::numerics`], [`imitation`], [`reading`]): the size that the simulation's own step, mesh and reading of inputs would imitate.
 //! 7. **Round** ([`round`]): which of the models is accepted for all this, and which it cannot be told from.
 //! 8. **Likeness** ([`alike`]): causes that move the readings just as an accepted one does.
 //!
@@ -18,6 +18,7 @@ mod apart;
 mod coarse;
 mod contest;
 mod hypothesis;
+mod imitation;
 mod kept;
 mod race;
 mod reading;

@@ -8,23 +8,13 @@
 use super::super::policy::POLICY;
 use super::contest::Contest;
 use super::hypothesis::Bench;
+use super::imitation::makes_up;
 use super::search::Found;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
 use crate::fit::Fitted;
-use crate::shooting::{Plan, RecordPlan};
-use crate::unknown::Unknown;
+use crate::shooting::RecordPlan;
 use nalgebra::DVector;
-
-/// Whether the size of a cause is no more than three times the one that makes up for an error of the simulation, `bias` of everything fitted.
-pub(super) fn makes_up(plan: &Plan, fitted: &Fitted, cause: &Cause, bias: &DVector<f64>) -> bool {
-    let own = |u: &Unknown| cause.unknowns.iter().any(|o| o.target.same(&u.target));
-    let small = |(j, u): (usize, &Unknown)| {
-        let [here, scene] = [&fitted.values, &plan.scene_values].map(|values| u.coordinate_of(u.value(values)));
-        (here - scene).abs() <= POLICY.beyond_bias * bias[j].abs()
-    };
-    fitted.unknowns.iter().enumerate().filter(|(_, u)| own(u)).all(small)
-}
 
 impl Found {
     /// Units of −2 log likelihood by which the data are nearer to inputs read in this of the other ways, `None` where there is nothing that may make

@@ -1,14 +1,12 @@
 //! One round of the search: which of the models that extend the ones so far by a cause is accepted, and what it cannot be told from.
 
-use super::super::beside::Beside;
 use super::super::gain::prepared;
-use super::super::numerics::{Shift, Source, changes, shift, shifts};
+use super::super::numerics::Shift;
 use super::super::policy::POLICY;
 use super::super::result::NumericsKind;
 use super::apart::{carried, uncertain};
 use super::contest::Contest;
 use super::hypothesis::{Bench, Hypothesis, squares};
-use super::reading::makes_up;
 use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
@@ -28,17 +26,17 @@ pub(in super::super) struct Evidence {
 
 /// Models held against each other in a round: those of the beam first.
 pub(super) struct Round<'a> {
-    bench: &'a Bench<'a>,
-    scene: &'a Scene,
+    pub(super) bench: &'a Bench<'a>,
+    pub(super) scene: &'a Scene,
     pub models: Vec<Hypothesis>,
     beam: usize,
     /// Causes tested in this round, for the level of each.
     tests: f64,
-    contest: Contest,
+    pub(super) contest: Contest,
     /// −2 log likelihood of each on the held-out records, where it was asked for.
     held_out: Vec<OnceCell<f64>>,
     /// Errors of the simulation at the first child that they are asked for: the best, and those that come as near to the data share them.
-    shifts: OnceCell<Vec<Shift>>,
+    pub(super) shifts: OnceCell<Vec<Shift>>,
 }
 
 /// A model that was accepted.
@@ -210,7 +208,7 @@ impl<'a> Round<'a> {
     }
 
     /// The cause that a child adds.
-    fn cause(&self, k: usize) -> &Cause {
+    pub(super) fn cause(&self, k: usize) -> &Cause {
         &self.models[k].causes[self.models[k].causes.len() - 1]
     }
 
@@ -272,35 +270,6 @@ impl<'a> Round<'a> {
         *self.held_out[k].get_or_init(|| if plan.held_out.is_empty() { 0.0 } else { squares().unwrap_or(f64::INFINITY) })
     }
 
-    /// Whether the simulation's own error imitates the cause: its size is no more than three times the one that makes up for that error, and
-    /// either a finer step is called for, with which it is looked for again, or it does not lead the finer simulation without it, or one that is
-    /// part of the way there. That alone would not do where the step can be finer: what is known of its error is an estimate, which a wrong inertia
-    /// may be nearer to the data than.
-    fn imitated(&self, parent: usize, k: usize) -> Result<Option<Rejection>, IdentifyError> {
-        let (plan, fitted) = (self.bench.plan, &self.contest.fits[k]);
-        let shifts = self.shifts.get_or_init(|| shifts(self.scene, plan, fitted));
-        let coarse = self.contest.coarse(self.bench, k)?;
-        let beside = Beside::new(&coarse.plan, &coarse.fitted, &changes(shifts))?;
-        for (number, of) in shifts.iter().enumerate() {
-            let bias = beside.sizes(number);
-            let small = makes_up(plan, fitted, self.cause(k), &bias);
-            let leads = self.contest.scores[parent] - self.contest.scores[k] - POLICY.lead;
-            if small && (of.calls_for_a_finer_step(plan, fitted) || self.taken_by_finer(parent, of.source)? > leads) {
-                return Ok(Some(Rejection::Imitated(of.source.kind())));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Squares that a finer simulation, or one part of the way to it, takes from a model; inputs are read one way or the other.
-    fn taken_by_finer(&self, model: usize, source: Source) -> Result<f64, IdentifyError> {
-        let coarse = self.contest.coarse(self.bench, model)?;
-        let finer = shift(source, self.scene, self.bench.plan, &self.contest.fits[model]);
-        let Some(finer) = finer else { return Ok(0.0) };
-        let beside = Beside::new(&coarse.plan, &coarse.fitted, &[&finer.change])?;
-        Ok(if source.kind() == NumericsKind::Inputs { beside.gain(0) } else { beside.most(0) })
-    }
-
     /// The models that the next cause is tried on: the accepted one, its ties, and what comes second.
     pub fn next_beam(&self, accepted: &Accepted) -> Vec<Hypothesis> {
         // on unseen records the leader alone: each further model is tried as often
@@ -311,7 +280,7 @@ impl<'a> Round<'a> {
 }
 
 /// Why a cause is not accepted.
-enum Rejection {
+pub(super) enum Rejection {
     /// Its size is not physical.
     Impossible(String),
     /// It is not certain.
@@ -338,7 +307,8 @@ pub(super) fn evidence(
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::super::super::audit::starts::tests::{experiment, pendulum};
-    use super::super::super::numerics::Source as Own;
+    use super::super::super::beside::Beside;
+    use super::super::super::numerics::{Source as Own, shift};
     use super::*;
     use crate::causes::{Situation, library};
     use crate::fit::fit;

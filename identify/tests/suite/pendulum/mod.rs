@@ -39,7 +39,7 @@ const CYCLES: u32 = 5;
 /// Rate of the log [Hz], duration [s] and steps of the truth per sample.
 const RATE: f64 = 100.0;
 const DURATION: f64 = 4.0;
-const FINE: usize = 100;
+const FINE: usize = 50;
 
 impl Default for Truth {
     fn default() -> Self {
