@@ -119,7 +119,8 @@ pub struct Numerics {
     pub unit: String,
     /// The same over what is left [-].
     pub part: f64,
-    /// Squares that it takes from what is left, whitened by its noise [-]: negative where a finer simulation is farther from the data.
+    /// Squares that it takes from what is left, whitened by its noise [-]: negative where a finer simulation is farther from the data. Of another
+    /// reading of inputs that causes may make up for: what the model refitted without these gains, in units of −2 log likelihood.
     pub gain: f64,
     /// Refinement that would bring it to a tenth of what is left: the step [s], or the factor on the number of edges; null where none is
     /// needed.
